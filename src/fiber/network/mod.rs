@@ -1,0 +1,82 @@
+//! Fiber networks: immutable geometry in the unit cube, shared by every RVE that uses it.
+
+use super::law::FiberMaterial;
+
+/// A fiber network in the unit cube `[-1/2, 1/2]^3`, centred and scaled, with its boundary found and its interior
+/// unknowns numbered.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Network {
+    name: String,
+    nodes: Vec<[f64; 3]>,
+    fibers: Vec<[u32; 2]>,
+    lengths: Vec<f64>,
+    reaction_of: Vec<u16>,
+    materials: Vec<FiberMaterial>,
+    boundary: Vec<u32>,
+    interior: Vec<u32>,
+    interior_number: Vec<i32>,
+}
+
+impl Network {
+    /// What it is called: the file's name without the folder, or what generated it.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Node positions in the unit cube.
+    #[must_use]
+    pub fn nodes(&self) -> &[[f64; 3]] {
+        &self.nodes
+    }
+
+    /// The two nodes of every fiber.
+    #[must_use]
+    pub fn fibers(&self) -> &[[u32; 2]] {
+        &self.fibers
+    }
+
+    /// Reference length of every fiber, in unit-cube units, computed as `sqrt(dx*dx + dy*dy + dz*dz)` of
+    /// `node[b] - node[a]`: bit for bit what the truss computes of an undeformed fiber.
+    #[must_use]
+    pub fn lengths(&self) -> &[f64] {
+        &self.lengths
+    }
+
+    /// Index into [`Network::materials`] of every fiber (0 for all where no `.params` file came with the network).
+    #[must_use]
+    pub fn reaction_of(&self) -> &[u16] {
+        &self.reaction_of
+    }
+
+    /// The materials of the `.params` file; empty where none came with the network.
+    #[must_use]
+    pub fn materials(&self) -> &[FiberMaterial] {
+        &self.materials
+    }
+
+    /// Nodes with a coordinate within 1e-8 of +-1/2, ascending: they are moved affinely and held.
+    #[must_use]
+    pub fn boundary(&self) -> &[u32] {
+        &self.boundary
+    }
+
+    /// The other nodes, ascending.
+    #[must_use]
+    pub fn interior(&self) -> &[u32] {
+        &self.interior
+    }
+
+    /// Position of every node in [`Network::interior`], or -1 for a boundary node. The unknowns of node `a` are
+    /// `3 * interior_number[a] + 0..3`.
+    #[must_use]
+    pub fn interior_number(&self) -> &[i32] {
+        &self.interior_number
+    }
+
+    /// Sum of the reference lengths, in unit-cube units.
+    #[must_use]
+    pub fn total_length(&self) -> f64 {
+        self.lengths.iter().sum()
+    }
+}

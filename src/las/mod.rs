@@ -1,0 +1,19 @@
+//! LAS, the linear-algebra abstraction: traits only.
+//!
+//! This module names no library. A [`Backend`] is a zero-sized marker with a vector, a matrix and a solver; the verbs
+//! that assembly loops call ([`VectorOps`], [`MatrixOps`]) inline away, the operations that are amortised ([`Solver`],
+//! [`MatVec`]) do not need to. After chapter 5 of W. R. Tobin, *The Adaptive Multiscale Simulation Infrastructure*
+//! (PhD thesis, Rensselaer Polytechnic Institute, 2018).
+
+mod backend;
+pub mod conformance;
+mod ops;
+mod scalar;
+mod solve;
+mod sparsity;
+
+pub use backend::Backend;
+pub use ops::{MatrixOps, VectorOps};
+pub use scalar::{Index, Scalar};
+pub use solve::{FactorReport, Factorisation, MatVec, SolveError, SolveReport, Solver, SolverParams, Symmetry};
+pub use sparsity::{Sparsity, SparsityError};

@@ -1,0 +1,162 @@
+//! Amortised operations (table 5.2 of the thesis): solving and multiplying, deliberately not zero-overhead.
+//!
+//! A call here costs microseconds to seconds, so a function call on top does not matter: [`Solver`] and [`MatVec`] are
+//! object-safe.
+
+use thiserror::Error;
+
+use super::Backend;
+
+/// What the assembler knows of its matrix and states when it asks for a solver.
+///
+/// A Cholesky or LDL^T reads one triangle and never notices that the other differs; only the assembler can tell.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Symmetry {
+    /// Symmetric and, in ordinary states, positive definite: Cholesky, with LDL^T where it turns out not to be.
+    #[default]
+    Definite,
+    /// Symmetric: LDL^T.
+    Symmetric,
+    /// Unsymmetric: LU.
+    None,
+}
+
+/// How a system is to be solved.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct SolverParams {
+    /// What the assembler states.
+    pub symmetry: Symmetry,
+    /// A factor counts as singular when its smallest pivot is below this fraction of its largest.
+    ///
+    /// Default: 4 machine epsilons of the scalar, set by the backend where this is `None`.
+    pub singular_below: Option<f64>,
+}
+
+impl Default for SolverParams {
+    fn default() -> Self {
+        Self::new(Symmetry::Definite)
+    }
+}
+
+impl SolverParams {
+    /// The defaults for a matrix of the stated symmetry.
+    #[must_use]
+    pub fn new(symmetry: Symmetry) -> Self {
+        Self { symmetry, singular_below: None }
+    }
+}
+
+/// The factorisation that served.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Factorisation {
+    /// `L L^T`.
+    Cholesky,
+    /// `L D L^T` with pivoting in blocks: the matrix is symmetric but not (numerically) definite.
+    Ldlt,
+    /// `L U` with pivoting.
+    Lu,
+}
+
+/// What a factorisation found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FactorReport {
+    /// The one that served.
+    pub kind: Factorisation,
+    /// The unknown at whose pivot Cholesky gave up, where LDL^T had to take over.
+    pub indefinite_at: Option<usize>,
+    /// Smallest over largest pivot, by absolute value: a cheap sign of how near to singular the matrix is.
+    pub pivot_ratio: f64,
+}
+
+/// What a solve did.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SolveReport {
+    /// Iterations of an iterative method; 0 for a direct one.
+    pub iterations: usize,
+}
+
+/// Why a system was not solved.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum SolveError<F> {
+    /// Only square systems are solved.
+    #[error("the matrix has {rows} rows and {cols} columns; a system to solve is square")]
+    NotSquare {
+        /// Rows.
+        rows: usize,
+        /// Columns.
+        cols: usize,
+    },
+    /// A vector or matrix of another size than the one analysed.
+    #[error("{what} has size {found}, but the analysed pattern has {expected}")]
+    Size {
+        /// Which argument.
+        what: &'static str,
+        /// Its size.
+        found: usize,
+        /// The size of the pattern.
+        expected: usize,
+    },
+    /// `solve` before `factor`, or after one that failed.
+    #[error("there is no factorisation to solve with: call factor first, and only solve if it succeeds")]
+    NotFactored,
+    /// A pivot vanished.
+    #[error("the matrix is singular: the pivot of unknown {unknown} is {ratio:.1e} of the largest (limit {limit:.1e})")]
+    Singular {
+        /// The unknown of the smallest pivot.
+        unknown: usize,
+        /// Its size over the largest.
+        ratio: f64,
+        /// The limit that it fell below.
+        limit: f64,
+    },
+    /// The matrix holds a NaN or an infinity.
+    #[error("the matrix holds a value that is not finite in row {row}")]
+    NotFinite {
+        /// The first such row.
+        row: usize,
+    },
+    /// The factorisation library failed for a reason of its own.
+    #[error("{library} failed: {reason}")]
+    Library {
+        /// Which one.
+        library: &'static str,
+        /// What it said.
+        reason: String,
+    },
+    /// A verb of the backend failed.
+    #[error("{0}")]
+    Fault(F),
+}
+
+/// Factors matrices of one pattern and solves with them.
+///
+/// Cholesky and LDL^T factorisations and solves allocate nothing after their first time.
+pub trait Solver<B: Backend>: Send {
+    /// Factors `a`; whatever was factored before is forgotten.
+    ///
+    /// # Errors
+    /// [`SolveError::Singular`], [`SolveError::NotFinite`], [`SolveError::Size`].
+    fn factor(&mut self, a: &B::Matrix) -> Result<FactorReport, SolveError<B::Fault>>;
+
+    /// `A x = b`.
+    ///
+    /// # Errors
+    /// [`SolveError::NotFactored`], [`SolveError::Size`].
+    fn solve(&mut self, b: &B::Vector, x: &mut B::Vector) -> Result<SolveReport, SolveError<B::Fault>>;
+
+    /// `A x_k = b_k` for several right-hand sides at once.
+    ///
+    /// # Errors
+    /// [`SolveError::NotFactored`], [`SolveError::Size`].
+    fn solve_many(&mut self, b: &[B::Vector], x: &mut [B::Vector]) -> Result<SolveReport, SolveError<B::Fault>>;
+}
+
+/// Multiplies a vector by a matrix.
+pub trait MatVec<B: Backend> {
+    /// `y = A x`.
+    ///
+    /// # Errors
+    /// [`SolveError::Size`].
+    fn mul(&self, x: &B::Vector, y: &mut B::Vector) -> Result<(), SolveError<B::Fault>>;
+}

@@ -1,0 +1,224 @@
+//! A checked sparsity pattern.
+
+use thiserror::Error;
+
+/// Which entries of a matrix can be other than zero: compressed rows, columns of a row strictly ascending.
+///
+/// The invariant is checked where a pattern is made and relied on everywhere else.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub struct Sparsity {
+    cols: usize,
+    row_start: Box<[u32]>,
+    columns: Box<[u32]>,
+}
+
+/// Why arrays are no sparsity pattern.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+pub enum SparsityError {
+    /// Row starts do not begin at 0, decrease, or do not end at the number of columns given.
+    #[error("row starts must rise from 0 to {entries}; entry {row} is {found}")]
+    RowStart {
+        /// Where.
+        row: usize,
+        /// What stands there.
+        found: usize,
+        /// Number of column indices.
+        entries: usize,
+    },
+    /// A column is out of range.
+    #[error("row {row} names column {column}, but there are {cols}")]
+    Column {
+        /// Row.
+        row: usize,
+        /// Column.
+        column: usize,
+        /// Number of columns.
+        cols: usize,
+    },
+    /// Columns of a row do not ascend strictly.
+    #[error("the columns of row {row} do not ascend strictly")]
+    Unsorted {
+        /// Row.
+        row: usize,
+    },
+    /// More entries or unknowns than 32-bit signed indices can address.
+    #[error("{0} is more than the 2147483647 that 32-bit indices can address")]
+    TooLarge(usize),
+}
+
+impl Sparsity {
+    /// The pattern of a square matrix assembled from elements that each couple all of their unknowns.
+    ///
+    /// `elements` yields the unknowns of one element after another; negative ones (constrained) are left out. The
+    /// diagonal is always part of the pattern.
+    ///
+    /// # Errors
+    /// [`SparsityError::Column`] for an unknown that is not below `unknowns` (`row` counts elements then), or
+    /// [`SparsityError::TooLarge`].
+    pub fn from_elements<E, I>(unknowns: usize, elements: E) -> Result<Self, SparsityError>
+    where
+        E: IntoIterator<Item = I>,
+        I: AsRef<[i32]>,
+    {
+        check_size(unknowns)?;
+        let mut rows: Vec<Vec<u32>> = (0..unknowns as u32).map(|row| vec![row]).collect();
+        for (number, element) in elements.into_iter().enumerate() {
+            let element = element.as_ref();
+            for &row in element.iter().filter(|&&row| row >= 0) {
+                let Some(columns) = rows.get_mut(row as usize) else {
+                    return Err(SparsityError::Column { row: number, column: row as usize, cols: unknowns });
+                };
+                columns.extend(element.iter().filter(|&&c| c >= 0).map(|&c| c as u32));
+                // Keep the lists short while many elements meet in one row.
+                if columns.len() > 256 && columns.len().is_power_of_two() {
+                    columns.sort_unstable();
+                    columns.dedup();
+                }
+            }
+        }
+        let mut row_start = Vec::with_capacity(unknowns + 1);
+        row_start.push(0);
+        let mut columns = Vec::new();
+        for mut row in rows {
+            row.sort_unstable();
+            row.dedup();
+            columns.extend_from_slice(&row);
+            check_size(columns.len())?;
+            row_start.push(columns.len() as u32);
+        }
+        Ok(Self { cols: unknowns, row_start: row_start.into(), columns: columns.into() })
+    }
+
+    /// A pattern from compressed rows, checked.
+    ///
+    /// # Errors
+    /// The first way in which the arrays break the invariant.
+    pub fn from_rows(cols: usize, row_start: Vec<u32>, columns: Vec<u32>) -> Result<Self, SparsityError> {
+        check_size(cols)?;
+        check_size(columns.len())?;
+        check_row_start(&row_start, columns.len())?;
+        for (row, ends) in row_start.windows(2).enumerate() {
+            let these = &columns[ends[0] as usize..ends[1] as usize];
+            if let Some(&column) = these.iter().find(|&&c| c as usize >= cols) {
+                return Err(SparsityError::Column { row, column: column as usize, cols });
+            }
+            if these.windows(2).any(|pair| pair[0] >= pair[1]) {
+                return Err(SparsityError::Unsorted { row });
+            }
+        }
+        Ok(Self { cols, row_start: row_start.into(), columns: columns.into() })
+    }
+
+    /// Number of rows.
+    #[inline(always)]
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.row_start.len() - 1
+    }
+
+    /// Number of columns.
+    #[inline(always)]
+    #[must_use]
+    pub fn cols(&self) -> usize {
+        self.cols
+    }
+
+    /// Number of entries.
+    #[inline(always)]
+    #[must_use]
+    pub fn entries(&self) -> usize {
+        self.columns.len()
+    }
+
+    /// Where each row starts among the entries; one more than there are rows.
+    #[inline(always)]
+    #[must_use]
+    pub fn row_start(&self) -> &[u32] {
+        &self.row_start
+    }
+
+    /// The column of every entry, row after row.
+    #[inline(always)]
+    #[must_use]
+    pub fn columns(&self) -> &[u32] {
+        &self.columns
+    }
+
+    /// The columns of one row.
+    ///
+    /// # Panics
+    /// Where there is no such row.
+    #[inline(always)]
+    #[must_use]
+    pub fn row(&self, row: usize) -> &[u32] {
+        &self.columns[self.row_start[row] as usize..self.row_start[row + 1] as usize]
+    }
+
+    /// The position of `(row, column)` among the entries, or `None` where the pattern has none.
+    #[inline(always)]
+    #[must_use]
+    pub fn find(&self, row: usize, column: usize) -> Option<usize> {
+        let start = *self.row_start.get(row)? as usize;
+        let end = *self.row_start.get(row + 1)? as usize;
+        self.columns[start..end].binary_search(&(column as u32)).ok().map(|k| start + k)
+    }
+
+    /// Whether with every entry its mirror is in the pattern.
+    #[must_use]
+    pub fn is_symmetric(&self) -> bool {
+        self.rows() == self.cols
+            && (0..self.rows()).all(|r| self.row(r).iter().all(|&c| self.find(c as usize, r).is_some()))
+    }
+}
+
+fn check_size(count: usize) -> Result<(), SparsityError> {
+    if count > i32::MAX as usize { Err(SparsityError::TooLarge(count)) } else { Ok(()) }
+}
+
+fn check_row_start(row_start: &[u32], entries: usize) -> Result<(), SparsityError> {
+    let wrong =
+        |row: usize| SparsityError::RowStart { row, found: row_start.get(row).map_or(0, |&s| s as usize), entries };
+    if row_start.first() != Some(&0) {
+        return Err(wrong(0));
+    }
+    if let Some(row) = row_start.windows(2).position(|pair| pair[0] > pair[1]) {
+        return Err(wrong(row + 1));
+    }
+    if row_start[row_start.len() - 1] as usize != entries {
+        return Err(wrong(row_start.len() - 1));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn elements_couple_all_their_free_unknowns() {
+        let pattern = Sparsity::from_elements(4, [vec![0, 1, -1], vec![1, 3]]).unwrap();
+        assert_eq!(pattern.row(0), [0, 1]);
+        assert_eq!(pattern.row(1), [0, 1, 3]);
+        assert_eq!(pattern.row(2), [2], "the diagonal is there even where no element is");
+        assert_eq!(pattern.row(3), [1, 3]);
+        assert_eq!(pattern.find(1, 3), Some(4));
+        assert_eq!(pattern.find(3, 0), None);
+        assert!(pattern.is_symmetric());
+    }
+
+    #[test]
+    fn broken_patterns_are_refused() {
+        let e = Sparsity::from_elements(2, [[0, 2]]).unwrap_err();
+        assert_eq!(e, SparsityError::Column { row: 0, column: 2, cols: 2 });
+        let cases = [
+            (vec![1, 2], vec![0, 0], SparsityError::RowStart { row: 0, found: 1, entries: 2 }),
+            (vec![0, 2, 1], vec![0], SparsityError::RowStart { row: 2, found: 1, entries: 1 }),
+            (vec![0, 1], vec![0, 1], SparsityError::RowStart { row: 1, found: 1, entries: 2 }),
+            (vec![0, 1], vec![5], SparsityError::Column { row: 0, column: 5, cols: 3 }),
+            (vec![0, 2], vec![1, 1], SparsityError::Unsorted { row: 0 }),
+        ];
+        for (row_start, columns, expected) in cases {
+            assert_eq!(Sparsity::from_rows(3, row_start, columns).unwrap_err(), expected);
+        }
+    }
+}
