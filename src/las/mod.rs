@@ -7,12 +7,16 @@
 
 mod backend;
 pub mod conformance;
+mod newton;
 mod ops;
 mod scalar;
 mod solve;
 mod sparsity;
 
 pub use backend::Backend;
+pub use newton::{
+    NewtonError, NewtonFailure, NewtonParams, NewtonReport, NewtonSeconds, NewtonSystem, NonlinearProblem, Yardstick,
+};
 pub use ops::{MatrixOps, VectorOps};
 pub use scalar::{Index, Scalar};
 pub use solve::{FactorReport, Factorisation, MatVec, SolveError, SolveReport, Solver, SolverParams, Symmetry};
