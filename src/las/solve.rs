@@ -116,6 +116,12 @@ pub enum SolveError<F> {
         /// The first such row.
         row: usize,
     },
+    /// Even a factorisation of the matrix itself leaves a residual.
+    #[error("the matrix is too ill-conditioned: solving leaves a relative residual of {residual:.1e}")]
+    Inaccurate {
+        /// Norm of the residual over that of the right-hand side.
+        residual: f64,
+    },
     /// The factorisation library failed for a reason of its own.
     #[error("{library} failed: {reason}")]
     Library {

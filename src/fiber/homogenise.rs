@@ -1,0 +1,262 @@
+//! What the engineering scale sees of a network in equilibrium: stress, condensed tangent, energy, orientation.
+//!
+//! All functions read the workspace that [`super::equilibrium::equilibrate`] left behind.
+
+use nalgebra::{Matrix3, SMatrix};
+
+use super::equilibrium::RveError;
+use super::rve::{Rve, RveModel};
+use super::workspace::{MODES, Workspace, transform};
+use crate::las::{Backend, MatrixOps, Scalar, SolveError, Solver, VectorOps};
+
+/// `dP/dF` with index `3 i + J` for `P_iJ`, row-major.
+pub type Tangent = SMatrix<f64, 9, 9>;
+
+/// First Piola-Kirchhoff stress `P_iJ = kappa sum_b T_b,i X_b,J` over boundary nodes, in Pa (N over unit-cube area for
+/// `kappa = 1`).
+#[must_use]
+pub fn pk1<B: Backend<Scalar = f64>>(model: &RveModel<B>, workspace: &Workspace<B>) -> Matrix3<f64> {
+    let network = model.network();
+    let mut sum = Matrix3::zeros();
+    for &node in network.boundary() {
+        let (t, x) = (&workspace.forces[node as usize], &network.nodes()[node as usize]);
+        for i in 0..3 {
+            for j in 0..3 {
+                sum[(i, j)] += t[i] * x[j];
+            }
+        }
+    }
+    sum * model.scale()
+}
+
+/// Cauchy stress `P F^T / J`.
+#[must_use]
+pub fn cauchy(pk1: &Matrix3<f64>, gradient: &Matrix3<f64>) -> Matrix3<f64> {
+    pk1 * gradient.transpose() / gradient.determinant()
+}
+
+/// Strain energy `W = kappa sum_f A L integral_1^lambda s` per reference volume, in J/m^3.
+#[must_use]
+pub fn energy<B: Backend<Scalar = f64>>(model: &RveModel<B>, workspace: &Workspace<B>) -> f64 {
+    model.scale() * model.truss().energy(&workspace.states)
+}
+
+/// The consistent tangent `A = dP/dF` of the network with its interior condensed out.
+///
+/// Six strain modes `dF = S F` of the current state are imposed on the boundary, and the interior follows by
+/// back-substitution on the factor that Newton left behind. That factor belongs to the last iterate but one, so the
+/// interior forces of each mode are checked on the stiffness of the converged state and corrected until they vanish;
+/// only where the factor turns out to be too far off (or there is none) is the stiffness factored anew. The form
+/// `S_k F : A : S_l F = kappa v_k . K v_l` is stationary in the velocities `v`: what error remains enters squared.
+/// Rotations are free, `A : (W F) = W P` for skew `W`. Valid at any `F`, rotations by 90 degrees included.
+///
+/// # Errors
+/// [`RveError::Tangent`] where the stiffness of the converged state is singular.
+pub fn tangent<B: Backend<Scalar = f64>>(
+    model: &RveModel<B>,
+    rve: &Rve,
+    pk1: &Matrix3<f64>,
+    workspace: &mut Workspace<B>,
+) -> Result<Tangent, RveError<B::Fault>>
+where
+    B::Reduced: Scalar,
+{
+    solve_modes(model, workspace).map_err(RveError::Tangent)?;
+    let mut form = Tangent::zeros();
+    for k in 0..MODES {
+        for l in 0..MODES {
+            form[(k, l)] = model.scale() * mode_product(workspace, k, l);
+        }
+    }
+    let f = &rve.gradient;
+    for w in 0..3 {
+        let turned_stress = spin(w) * pk1;
+        for k in 0..MODES {
+            let value = (strain(k) * f).dot(&turned_stress);
+            form[(k, MODES + w)] = value;
+            form[(MODES + w, k)] = value;
+        }
+        for v in 0..3 {
+            form[(MODES + v, MODES + w)] = (spin(v) * f).dot(&turned_stress);
+        }
+    }
+    let coefficients = rate_coefficients(f).ok_or(RveError::Inverted { determinant: f.determinant() })?;
+    Ok(coefficients.transpose() * form * coefficients)
+}
+
+/// The `k`-th symmetric unit rate, in Voigt order 11, 22, 33, 23, 13, 12.
+fn strain(k: usize) -> Matrix3<f64> {
+    const PAIRS: [(usize, usize); MODES] = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)];
+    let (i, j) = PAIRS[k];
+    let mut s = Matrix3::zeros();
+    s[(i, j)] = 1.0;
+    s[(j, i)] = 1.0;
+    s
+}
+
+/// The `w`-th skew unit rate: rotations about the three axes.
+fn spin(w: usize) -> Matrix3<f64> {
+    let (i, j) = [(2, 1), (0, 2), (1, 0)][w];
+    let mut s = Matrix3::zeros();
+    s[(i, j)] = 1.0;
+    s[(j, i)] = -1.0;
+    s
+}
+
+/// Column `3 i + J`: the nine unit rates in which `dF = e_i (x) e_J` is expressed through `dF F^-1`.
+fn rate_coefficients(f: &Matrix3<f64>) -> Option<Tangent> {
+    let inverse = f.try_inverse()?;
+    let mut coefficients = Tangent::zeros();
+    for i in 0..3 {
+        for j in 0..3 {
+            let mut rate = Matrix3::zeros();
+            rate.set_row(i, &inverse.row(j));
+            let mut column = coefficients.column_mut(3 * i + j);
+            for k in 0..3 {
+                column[k] = rate[(k, k)];
+            }
+            for (k, (p, q)) in [(1, 2), (0, 2), (0, 1)].into_iter().enumerate() {
+                column[3 + k] = 0.5 * (rate[(p, q)] + rate[(q, p)]);
+            }
+            for (w, (p, q)) in [(2, 1), (0, 2), (1, 0)].into_iter().enumerate() {
+                column[6 + w] = 0.5 * (rate[(p, q)] - rate[(q, p)]);
+            }
+        }
+    }
+    Some(coefficients)
+}
+
+/// Velocities of all nodes in every mode such that no interior node feels a force rate.
+fn solve_modes<B: Backend<Scalar = f64>>(
+    model: &RveModel<B>,
+    workspace: &mut Workspace<B>,
+) -> Result<(), SolveError<B::Fault>>
+where
+    B::Reduced: Scalar,
+{
+    /// Interior force rates, relative to all, that count as none: they enter the tangent squared.
+    const NONE: f64 = 1e-8;
+    /// What a correction must at least gain, or the factor is too far off.
+    const GAIN: f64 = 0.05;
+    /// Force rates that even an exact factor leaves behind in a matrix that is singular to working precision.
+    const LOST: f64 = 1e-4;
+
+    carry_affinely(workspace);
+    force_rates(model, workspace);
+    if model.unknowns() == 0 {
+        return Ok(());
+    }
+    let mut factor_is_exact = !workspace.factor_is_near;
+    if factor_is_exact {
+        factor_here(model, workspace)?;
+    }
+    let mut before = f64::INFINITY;
+    loop {
+        let unbalanced = unbalanced(model, workspace);
+        if unbalanced <= NONE {
+            return Ok(());
+        }
+        if unbalanced > GAIN * before {
+            if factor_is_exact {
+                return if unbalanced < LOST { Ok(()) } else { Err(SolveError::Inaccurate { residual: unbalanced }) };
+            }
+            factor_here(model, workspace)?;
+            factor_is_exact = true;
+            before = f64::INFINITY;
+        } else {
+            before = unbalanced;
+        }
+        correct(model, workspace)?;
+        force_rates(model, workspace);
+    }
+}
+
+/// `v = S x` for all nodes and modes.
+fn carry_affinely<B: Backend>(workspace: &mut Workspace<B>) {
+    let strains: [Matrix3<f64>; MODES] = std::array::from_fn(strain);
+    for (velocity, x) in workspace.velocities.iter_mut().zip(&workspace.positions) {
+        for (v, s) in velocity.chunks_exact_mut(3).zip(&strains) {
+            v.copy_from_slice(&transform(s, x));
+        }
+    }
+}
+
+/// Factors the stiffness of the state in the workspace.
+fn factor_here<B: Backend<Scalar = f64>>(
+    model: &RveModel<B>,
+    workspace: &mut Workspace<B>,
+) -> Result<(), SolveError<B::Fault>> {
+    let Workspace { system, states, diagonal, factor_is_near, .. } = workspace;
+    system.matrix.zero().map_err(SolveError::Fault)?;
+    model.slots.assemble(&model.truss, states, diagonal, &mut system.matrix).map_err(SolveError::Fault)?;
+    system.matrix.finish().map_err(SolveError::Fault)?;
+    system.solver.factor(&system.matrix)?;
+    *factor_is_near = true;
+    Ok(())
+}
+
+/// `q = K v` at all nodes, fiber by fiber.
+fn force_rates<B: Backend<Scalar = f64>>(model: &RveModel<B>, workspace: &mut Workspace<B>) {
+    let Workspace { states, velocities, rates, .. } = workspace;
+    rates.fill([0.0; 3 * MODES]);
+    for (fiber, &[a, b]) in model.truss.ends().iter().enumerate() {
+        let (va, vb) = (&velocities[a as usize], &velocities[b as usize]);
+        let block = states.block(fiber);
+        let mut rate = [0.0; 3 * MODES];
+        for mode in 0..MODES {
+            let at = 3 * mode;
+            let v = [vb[at] - va[at], vb[at + 1] - va[at + 1], vb[at + 2] - va[at + 2]];
+            for i in 0..3 {
+                rate[at + i] = block[3 * i] * v[0] + block[3 * i + 1] * v[1] + block[3 * i + 2] * v[2];
+            }
+        }
+        rates[b as usize].iter_mut().zip(&rate).for_each(|(q, r)| *q += r);
+        rates[a as usize].iter_mut().zip(&rate).for_each(|(q, r)| *q -= r);
+    }
+}
+
+/// Force rates at interior nodes over those at all nodes.
+fn unbalanced<B: Backend<Scalar = f64>>(model: &RveModel<B>, workspace: &Workspace<B>) -> f64 {
+    let square = |rates: &[f64; 3 * MODES]| rates.iter().map(|q| q * q).sum::<f64>();
+    let all: f64 = workspace.rates.iter().map(square).sum();
+    let interior: f64 = model.network().interior().iter().map(|&node| square(&workspace.rates[node as usize])).sum();
+    if all > 0.0 { (interior / all).sqrt() } else { 0.0 }
+}
+
+/// `v_i -= K_ii^-1 q_i`, all modes in one solve.
+fn correct<B: Backend<Scalar = f64>>(
+    model: &RveModel<B>,
+    workspace: &mut Workspace<B>,
+) -> Result<(), SolveError<B::Fault>> {
+    let interior = model.network().interior();
+    let Workspace { system, mode_loads, mode_solutions, velocities, rates, .. } = workspace;
+    for (mode, load) in mode_loads.iter_mut().enumerate() {
+        let at = 3 * mode;
+        load.with_local_mut(|load| {
+            for (q, &node) in load.chunks_exact_mut(3).zip(interior) {
+                q.copy_from_slice(&rates[node as usize][at..at + 3]);
+            }
+        })
+        .map_err(SolveError::Fault)?;
+        load.finish().map_err(SolveError::Fault)?;
+    }
+    system.solver.solve_many(mode_loads, mode_solutions)?;
+    for (mode, solution) in mode_solutions.iter().enumerate() {
+        let at = 3 * mode;
+        solution
+            .with_local(|solution| {
+                for (u, &node) in solution.chunks_exact(3).zip(interior) {
+                    let v = &mut velocities[node as usize][at..at + 3];
+                    v.iter_mut().zip(u).for_each(|(v, u)| *v -= u);
+                }
+            })
+            .map_err(SolveError::Fault)?;
+    }
+    Ok(())
+}
+
+/// `v_k . K v_l` over all nodes.
+fn mode_product<B: Backend>(workspace: &Workspace<B>, k: usize, l: usize) -> f64 {
+    let pairs = workspace.velocities.iter().zip(&workspace.rates);
+    pairs.map(|(v, q)| (0..3).map(|i| v[3 * k + i] * q[3 * l + i]).sum::<f64>()).sum()
+}

@@ -1,0 +1,91 @@
+//! Orientation of fibers: tensors and principal directions.
+
+use nalgebra::{Matrix3, SymmetricEigen, Vector3};
+
+/// How much each fiber counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Weighting {
+    /// All the same: `(1/N) sum n (x) n`, as in the thesis.
+    Number,
+    /// By the lengths handed in.
+    Length,
+}
+
+/// Orientation tensor `Omega = sum w n (x) n / sum w` of unit vectors; its trace is 1.
+///
+/// `lengths` are used with [`Weighting::Length`] only. No fibers give zero.
+#[must_use]
+pub fn tensor(directions: &[[f64; 3]], lengths: &[f64], weighting: Weighting) -> Matrix3<f64> {
+    let mut sum = Matrix3::zeros();
+    let mut total = 0.0;
+    for (n, &length) in directions.iter().zip(lengths) {
+        let weight = if weighting == Weighting::Length { length } else { 1.0 };
+        let n = Vector3::from(*n);
+        sum += n * n.transpose() * weight;
+        total += weight;
+    }
+    if total > 0.0 { sum / total } else { sum }
+}
+
+/// Orientation tensor of the projections of the fibers onto the plane normal to `axis`, each projected fiber a unit
+/// vector; trace 1, zero along `axis`. Fibers along the axis do not count.
+///
+/// # Panics
+/// Where `axis` is not 0, 1 or 2.
+#[must_use]
+pub fn planar_tensor(directions: &[[f64; 3]], lengths: &[f64], weighting: Weighting, axis: usize) -> Matrix3<f64> {
+    assert!(axis < 3, "an axis is 0, 1 or 2");
+    let mut projected = Vec::with_capacity(directions.len());
+    let mut weights = Vec::with_capacity(directions.len());
+    for (n, &length) in directions.iter().zip(lengths) {
+        let mut n = Vector3::from(*n);
+        n[axis] = 0.0;
+        let norm = n.norm();
+        if norm > 1e-12 {
+            projected.push((n / norm).into());
+            weights.push(length * norm);
+        }
+    }
+    tensor(&projected, &weights, weighting)
+}
+
+/// Principal direction of an orientation tensor and its eigenvalue: the axis along which most fibers lie. The sign is
+/// chosen such that the largest component is positive.
+#[must_use]
+pub fn principal(tensor: &Matrix3<f64>) -> (Vector3<f64>, f64) {
+    let eigen = SymmetricEigen::new((tensor + tensor.transpose()) * 0.5);
+    let largest = eigen.eigenvalues.imax();
+    let direction: Vector3<f64> = eigen.eigenvectors.column(largest).into();
+    let sign = if direction[direction.iamax()] < 0.0 { -1.0 } else { 1.0 };
+    (direction * sign, eigen.eigenvalues[largest])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn aligned_fibers_have_their_axis_as_principal_direction() {
+        let n = [0.6, 0.0, 0.8];
+        let omega = tensor(&[n, [-0.6, 0.0, -0.8]], &[1.0, 2.0], Weighting::Number);
+        assert!((omega.trace() - 1.0).abs() < 1e-15);
+        let (direction, value) = principal(&omega);
+        assert!((value - 1.0).abs() < 1e-14);
+        assert!((direction - Vector3::from(n)).norm() < 1e-14);
+    }
+
+    #[test]
+    fn weights_are_lengths_only_when_asked() {
+        let fibers = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        assert_eq!(tensor(&fibers, &[1.0, 3.0], Weighting::Number)[(0, 0)], 0.5);
+        assert_eq!(tensor(&fibers, &[1.0, 3.0], Weighting::Length)[(0, 0)], 0.25);
+    }
+
+    #[test]
+    fn the_planar_tensor_sees_projections() {
+        let s = 0.5_f64.sqrt();
+        let omega = planar_tensor(&[[s, 0.0, s], [0.0, 0.0, 1.0]], &[1.0, 1.0], Weighting::Number, 2);
+        assert!((omega[(0, 0)] - 1.0).abs() < 1e-15, "the fiber along the axis does not count");
+        assert_eq!(omega[(2, 2)], 0.0);
+    }
+}

@@ -1,0 +1,148 @@
+//! A representative volume element: the immutable model of a network, shared, and the state that each RVE owns.
+
+use std::sync::Arc;
+
+use nalgebra::Matrix3;
+use thiserror::Error;
+
+use super::law::FiberMaterial;
+use super::network::Network;
+use super::stiffness::StiffnessSlots;
+use super::truss::{Truss, TrussError};
+use crate::las::{Backend, SolveError, SolverParams, Sparsity, SparsityError, Symmetry};
+
+/// How the forces of a network become stresses.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum StressScale {
+    /// `kappa = 1`: forces of the unit cube, for comparison with other codes.
+    Raw,
+    /// `kappa = phi / sum_f (A_f L_f)` for this fiber volume fraction `phi`: stresses in Pa.
+    FiberVolumeFraction(f64),
+}
+
+/// Everything that RVEs of one network share: geometry, laws, the pattern of the stiffness and its symbolic factor.
+#[derive(Debug)]
+pub struct RveModel<B: Backend> {
+    pub(super) truss: Truss,
+    pub(super) pattern: Arc<Sparsity>,
+    pub(super) symbolic: Arc<B::Symbolic>,
+    pub(super) slots: StiffnessSlots<B>,
+    scale: f64,
+    rounding_floor: f64,
+}
+
+/// Why a network cannot serve as an RVE.
+#[derive(Debug, Error)]
+pub enum RveModelError<F: std::error::Error> {
+    /// The fibers have no mechanics.
+    #[error("{0}")]
+    Truss(#[from] TrussError),
+    /// The volume fraction is not between 0 and 1.
+    #[error("the fiber volume fraction is {0}; it must lie between 0 and 1")]
+    VolumeFraction(f64),
+    /// The network is too large for the index type.
+    #[error("the stiffness has no valid pattern: {0}")]
+    Pattern(#[from] SparsityError),
+    /// The backend cannot analyse the stiffness.
+    #[error("the stiffness cannot be analysed: {0}")]
+    Analysis(SolveError<F>),
+}
+
+impl<B: Backend<Scalar = f64>> RveModel<B> {
+    /// The model of a network whose fibers are of one `material`, or of those of its own files.
+    ///
+    /// # Errors
+    /// [`RveModelError`].
+    pub fn new(
+        context: &B::Context,
+        network: Arc<Network>,
+        material: Option<FiberMaterial>,
+        scale: StressScale,
+    ) -> Result<Self, RveModelError<B::Fault>> {
+        let truss = Truss::new(network, material)?;
+        let scale = match scale {
+            StressScale::Raw => 1.0,
+            StressScale::FiberVolumeFraction(phi) if phi > 0.0 && phi < 1.0 => phi / truss.volume(),
+            StressScale::FiberVolumeFraction(phi) => return Err(RveModelError::VolumeFraction(phi)),
+        };
+        let pattern = Arc::new(pattern(truss.network())?);
+        let params = SolverParams::new(Symmetry::Definite);
+        let symbolic = B::analyze(context, &pattern, &params).map_err(RveModelError::Analysis)?;
+        let slots = StiffnessSlots::locate(context, &truss, &pattern)
+            .map_err(|f| RveModelError::Analysis(SolveError::Fault(f)))?;
+        Ok(Self { rounding_floor: truss.rounding_floor(), truss, pattern, symbolic, slots, scale })
+    }
+
+    /// The geometry.
+    #[must_use]
+    pub fn network(&self) -> &Arc<Network> {
+        self.truss.network()
+    }
+
+    /// The mechanics.
+    #[must_use]
+    pub fn truss(&self) -> &Truss {
+        &self.truss
+    }
+
+    /// `kappa`: what forces of the unit cube are multiplied with to give stresses.
+    #[must_use]
+    pub fn scale(&self) -> f64 {
+        self.scale
+    }
+
+    /// Unknowns: three for every interior node.
+    #[must_use]
+    pub fn unknowns(&self) -> usize {
+        self.pattern.rows()
+    }
+
+    /// What rounding alone leaves of a residual, N.
+    #[must_use]
+    pub fn rounding_floor(&self) -> f64 {
+        self.rounding_floor
+    }
+}
+
+fn pattern(network: &Network) -> Result<Sparsity, SparsityError> {
+    let number = network.interior_number();
+    let unknowns = |node: u32| {
+        let first = 3 * number[node as usize];
+        if first < 0 { [-1; 3] } else { [first, first + 1, first + 2] }
+    };
+    let elements = network.fibers().iter().map(|&[a, b]| {
+        let (a, b) = (unknowns(a), unknowns(b));
+        [a[0], a[1], a[2], b[0], b[1], b[2]]
+    });
+    Sparsity::from_elements(3 * network.interior().len(), elements)
+}
+
+/// The state of one RVE: the deformation gradient it is in equilibrium with and its interior node positions.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rve {
+    /// The deformation gradient of the last equilibrium.
+    pub(super) gradient: Matrix3<f64>,
+    /// Interior node positions there, unit-cube units, in the order of [`Network::interior`].
+    pub(super) interior: Vec<[f64; 3]>,
+}
+
+impl Rve {
+    /// The undeformed state.
+    #[must_use]
+    pub fn at_rest(network: &Network) -> Self {
+        let interior = network.interior().iter().map(|&node| network.nodes()[node as usize]).collect();
+        Self { gradient: Matrix3::identity(), interior }
+    }
+
+    /// The deformation gradient of the last equilibrium.
+    #[must_use]
+    pub fn gradient(&self) -> &Matrix3<f64> {
+        &self.gradient
+    }
+
+    /// Interior node positions of the last equilibrium, unit-cube units.
+    #[must_use]
+    pub fn interior(&self) -> &[[f64; 3]] {
+        &self.interior
+    }
+}

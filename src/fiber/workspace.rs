@@ -1,0 +1,94 @@
+//! What a worker needs to solve RVEs of one network: sized once, used for any number of RVEs.
+
+use super::rve::{Rve, RveModel};
+use super::truss::FiberStates;
+use crate::las::{Backend, NewtonSystem, Scalar, SolveError};
+use nalgebra::Matrix3;
+
+/// Strain modes of the condensed tangent: six symmetric ones.
+pub(super) const MODES: usize = 6;
+
+/// Scratch for RVEs of one model. Nothing in it belongs to an RVE: results do not depend on what was solved before.
+pub struct Workspace<B: Backend> {
+    /// The linear system of Newton.
+    pub(super) system: NewtonSystem<B>,
+    /// Positions of all nodes.
+    pub(super) positions: Vec<[f64; 3]>,
+    /// Interior positions that Newton may come back to.
+    pub(super) saved: Vec<[f64; 3]>,
+    /// Forces at all nodes.
+    pub(super) forces: Vec<[f64; 3]>,
+    /// The fibers at `positions`.
+    pub(super) states: FiberStates,
+    /// Diagonal blocks of the stiffness.
+    pub(super) diagonal: Vec<[f64; 9]>,
+    /// Whether the solver holds a factor that Newton left on its way to `positions`.
+    pub(super) factor_is_near: bool,
+    /// Right-hand sides and solutions of the tangent, one a mode.
+    pub(super) mode_loads: Vec<B::Vector>,
+    pub(super) mode_solutions: Vec<B::Vector>,
+    /// Velocity of all nodes in every mode, and the force rate it causes.
+    pub(super) velocities: Vec<[f64; 3 * MODES]>,
+    pub(super) rates: Vec<[f64; 3 * MODES]>,
+}
+
+impl<B: Backend<Scalar = f64>> Workspace<B>
+where
+    B::Reduced: Scalar,
+{
+    /// A workspace for RVEs of this model.
+    ///
+    /// # Errors
+    /// What the backend reports when it cannot make a vector, a matrix or a solver.
+    pub fn new(context: &B::Context, model: &RveModel<B>) -> Result<Self, SolveError<B::Fault>> {
+        let nodes = model.network().nodes().len();
+        let interior = model.network().interior().len();
+        let vectors = || -> Result<Vec<B::Vector>, SolveError<B::Fault>> {
+            (0..MODES).map(|_| B::vector(context, model.unknowns()).map_err(SolveError::Fault)).collect()
+        };
+        Ok(Self {
+            system: NewtonSystem::new(context, &model.pattern, &model.symbolic)?,
+            positions: vec![[0.0; 3]; nodes],
+            saved: Vec::with_capacity(interior),
+            forces: vec![[0.0; 3]; nodes],
+            states: FiberStates::default(),
+            diagonal: Vec::with_capacity(interior),
+            factor_is_near: false,
+            mode_loads: vectors()?,
+            mode_solutions: vectors()?,
+            velocities: vec![[0.0; 3 * MODES]; nodes],
+            rates: vec![[0.0; 3 * MODES]; nodes],
+        })
+    }
+
+    /// Moves the boundary to `target` and carries the interior of `rve` along affinely.
+    pub(super) fn place(&mut self, model: &RveModel<B>, rve: &Rve, target: &Matrix3<f64>) {
+        let network = model.network();
+        for &node in network.boundary() {
+            self.positions[node as usize] = transform(target, &network.nodes()[node as usize]);
+        }
+        // By the increment on the current positions: exact for rotations, and a relaxed network stays relaxed.
+        let increment =
+            if target == &rve.gradient { None } else { rve.gradient.try_inverse().map(|inverse| target * inverse) };
+        for (&node, x) in network.interior().iter().zip(&rve.interior) {
+            self.positions[node as usize] = increment.as_ref().map_or(*x, |increment| transform(increment, x));
+        }
+    }
+
+    /// Positions of all nodes of the RVE that was solved last, unit-cube units.
+    #[must_use]
+    pub fn positions(&self) -> &[[f64; 3]] {
+        &self.positions
+    }
+
+    /// The fibers of the RVE that was solved last.
+    #[must_use]
+    pub fn states(&self) -> &FiberStates {
+        &self.states
+    }
+}
+
+#[inline(always)]
+pub(super) fn transform(f: &Matrix3<f64>, x: &[f64; 3]) -> [f64; 3] {
+    [0, 1, 2].map(|i| f[(i, 0)] * x[0] + f[(i, 1)] * x[1] + f[(i, 2)] * x[2])
+}
