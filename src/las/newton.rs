@@ -170,7 +170,7 @@ where
     /// Why.
     pub reason: NewtonError<E, F>,
     /// What was done until then.
-    pub report: NewtonReport,
+    pub report: Box<NewtonReport>,
 }
 
 /// The linear system that Newton works in: made once, used for every problem of the same pattern.
@@ -225,7 +225,7 @@ where
             Ok(()) => Ok(report),
             Err(reason) => {
                 problem.restore();
-                Err(NewtonFailure { reason, report })
+                Err(NewtonFailure { reason, report: Box::new(report) })
             }
         }
     }
