@@ -97,6 +97,9 @@ pub enum SolveError<F> {
         /// The size of the pattern.
         expected: usize,
     },
+    /// A matrix of the right size whose entries stand in other places than those analysed.
+    #[error("the entries of the matrix are not where the analysed pattern has them")]
+    Pattern,
     /// `solve` before `factor`, or after one that failed.
     #[error("there is no factorisation to solve with: call factor first, and only solve if it succeeds")]
     NotFactored,
@@ -136,7 +139,7 @@ pub trait Solver<B: Backend>: Send {
     /// Factors `a`; whatever was factored before is forgotten.
     ///
     /// # Errors
-    /// [`SolveError::Singular`], [`SolveError::NotFinite`], [`SolveError::Size`].
+    /// [`SolveError::Singular`], [`SolveError::NotFinite`], [`SolveError::Size`], [`SolveError::Pattern`].
     fn factor(&mut self, a: &B::Matrix) -> Result<FactorReport, SolveError<B::Fault>>;
 
     /// `A x = b`.

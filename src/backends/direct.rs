@@ -1,0 +1,148 @@
+//! What the direct solvers of the backends share: the judgement of pivots, checks of sizes, and their scratch.
+
+use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
+
+use crate::las::{Scalar, SolveError, SolverParams};
+
+/// Fraction of the largest pivot below which the smallest counts as zero.
+pub(super) fn singular_limit<T: Scalar>(params: &SolverParams) -> f64 {
+    params.singular_below.unwrap_or(4.0 * T::epsilon().as_f64())
+}
+
+/// The extreme pivots of a factorisation, collected in the order of elimination.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pivots {
+    smallest: f64,
+    position: usize,
+    largest: f64,
+}
+
+impl Pivots {
+    /// Of an empty matrix.
+    pub(super) fn none() -> Self {
+        Self { smallest: f64::INFINITY, position: 0, largest: 0.0 }
+    }
+
+    /// Takes the next pivot into account.
+    ///
+    /// One that is not finite counts as zero. It can only come after a pivot of exactly zero, or from overflow; since of
+    /// equal pivots the first counts, the one reported is the one that caused the rest.
+    #[inline]
+    pub(super) fn see(&mut self, pivot: f64, position: usize) {
+        let size = if pivot.is_finite() { pivot.abs() } else { 0.0 };
+        if size < self.smallest {
+            self.smallest = size;
+            self.position = position;
+        }
+        self.largest = self.largest.max(size);
+    }
+
+    /// Takes the 2x2 pivot block `[[a, b], [b, c]]` at `position` into account, by its eigenvalues.
+    #[inline]
+    pub(super) fn see_block(&mut self, a: f64, b: f64, c: f64, position: usize) {
+        let mean = 0.5 * (a + c);
+        let radius = (0.5 * (a - c)).hypot(b);
+        let large = if mean < 0.0 { mean - radius } else { mean + radius };
+        // The small one from the determinant: the difference of mean and radius would lose its digits.
+        let small = if large == 0.0 { 0.0 } else { (a / large) * c - (b / large) * b };
+        self.see(large, position);
+        // Its eigenvector is (b, small - a): the unknown with the larger part is the one that it is about.
+        let second = (small - a).abs() > b.abs();
+        self.see(small, position + usize::from(second));
+    }
+
+    /// Smallest over largest; 1 for a matrix without unknowns.
+    pub(super) fn ratio(&self) -> f64 {
+        if self.smallest == f64::INFINITY {
+            1.0
+        } else if self.smallest == 0.0 {
+            0.0
+        } else {
+            self.smallest / self.largest
+        }
+    }
+
+    /// The ratio, or the error that calls the matrix singular; `unknown` maps a position to the caller's numbering.
+    pub(super) fn judge<F>(&self, limit: f64, unknown: impl FnOnce(usize) -> usize) -> Result<f64, SolveError<F>> {
+        let ratio = self.ratio();
+        if ratio < limit {
+            Err(SolveError::Singular { unknown: unknown(self.position), ratio, limit })
+        } else {
+            Ok(ratio)
+        }
+    }
+}
+
+/// Refuses an argument of another size than the pattern analysed.
+pub(super) fn check_size<F>(what: &'static str, found: usize, expected: usize) -> Result<(), SolveError<F>> {
+    if found == expected { Ok(()) } else { Err(SolveError::Size { what, found, expected }) }
+}
+
+/// Refuses right-hand sides and solutions that do not fit the system.
+pub(super) fn check_columns<F>(
+    unknowns: usize,
+    b: impl ExactSizeIterator<Item = usize>,
+    x: impl ExactSizeIterator<Item = usize>,
+) -> Result<(), SolveError<F>> {
+    check_size("the list of solutions (against that of right-hand sides)", x.len(), b.len())?;
+    for len in b {
+        check_size("a right-hand side", len, unknowns)?;
+    }
+    for len in x {
+        check_size("a solution", len, unknowns)?;
+    }
+    Ok(())
+}
+
+/// Working memory of the factorisation library: grows to the largest request and stays.
+pub(super) struct Scratch {
+    granted: StackReq,
+    memory: MemBuffer,
+}
+
+impl Scratch {
+    pub(super) fn new(request: StackReq) -> Self {
+        Self { granted: request, memory: MemBuffer::new(request) }
+    }
+
+    /// Makes sure that `request` fits.
+    pub(super) fn reserve(&mut self, request: StackReq) {
+        let both = self.granted.or(request);
+        if both.unaligned_bytes_required() > self.granted.unaligned_bytes_required() {
+            *self = Self::new(both);
+        }
+    }
+
+    pub(super) fn memory(&mut self) -> &mut MemStack {
+        MemStack::new(&mut self.memory)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn blocks_count_by_their_eigenvalues() {
+        let mut pivots = Pivots::none();
+        pivots.see_block(0.0, 2.0, 0.0, 4);
+        assert_eq!(pivots.ratio(), 1.0, "[[0, 2], [2, 0]] has the eigenvalues 2 and -2");
+        let mut pivots = Pivots::none();
+        pivots.see_block(1.0, 2.0, 4.0, 4);
+        assert_eq!((pivots.ratio(), pivots.position), (0.0, 4), "(2, -1) spans the kernel of [[1, 2], [2, 4]]");
+        let mut pivots = Pivots::none();
+        pivots.see_block(4.0, 2.0, 1.0, 4);
+        assert_eq!((pivots.ratio(), pivots.position), (0.0, 5), "(1, -2) spans the kernel of [[4, 2], [2, 1]]");
+    }
+
+    #[test]
+    fn the_first_pivot_that_vanishes_is_to_blame() {
+        let mut pivots = Pivots::none();
+        for (position, pivot) in [3.0, 0.0, f64::NAN, 0.0, 5.0].into_iter().enumerate() {
+            pivots.see(pivot, position);
+        }
+        let error = pivots.judge::<()>(1e-15, |position| 10 * position).unwrap_err();
+        assert_eq!(error, SolveError::Singular { unknown: 10, ratio: 0.0, limit: 1e-15 });
+        assert_eq!(Pivots::none().judge::<()>(1e-15, |p| p), Ok(1.0));
+    }
+}

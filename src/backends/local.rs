@@ -1,0 +1,124 @@
+//! The vector verbs on a slice: what every backend whose vectors lie in this process's memory has in common.
+//!
+//! Indices are `i32`. A negative one is a constrained unknown; as a `usize` it is larger than any length, so that one
+//! comparison with the length decides about both it and an index out of range.
+
+use crate::las::Scalar;
+
+/// Lanes of partial sums: independent chains that the compiler can keep in one vector register or two.
+const LANES: usize = 8;
+
+/// `y[rows[i]] += values[i]`.
+#[inline(always)]
+pub(super) fn add<T: Scalar>(y: &mut [T], rows: &[i32], values: &[T]) {
+    debug_assert_eq!(rows.len(), values.len(), "one value a row");
+    for (&row, &value) in rows.iter().zip(values) {
+        match y.get_mut(row as usize) {
+            Some(entry) => *entry += value,
+            None => debug_assert!(row < 0, "row {row} of a vector of {}", y.len()),
+        }
+    }
+}
+
+/// `y[rows[i]] = values[i]`.
+#[inline(always)]
+pub(super) fn set<T: Scalar>(y: &mut [T], rows: &[i32], values: &[T]) {
+    debug_assert_eq!(rows.len(), values.len(), "one value a row");
+    for (&row, &value) in rows.iter().zip(values) {
+        match y.get_mut(row as usize) {
+            Some(entry) => *entry = value,
+            None => debug_assert!(row < 0, "row {row} of a vector of {}", y.len()),
+        }
+    }
+}
+
+/// `values[i] = y[rows[i]]`.
+#[inline(always)]
+pub(super) fn get<T: Scalar>(y: &[T], rows: &[i32], values: &mut [T]) {
+    debug_assert_eq!(rows.len(), values.len(), "one value a row");
+    for (&row, value) in rows.iter().zip(values) {
+        match y.get(row as usize) {
+            Some(&entry) => *value = entry,
+            None if row >= 0 => *value = T::zero(),
+            None => {}
+        }
+    }
+}
+
+/// `sum_i x[i] y[i]`.
+#[inline(always)]
+pub(super) fn dot<T: Scalar>(x: &[T], y: &[T]) -> T {
+    debug_assert_eq!(x.len(), y.len(), "vectors of one length");
+    let mut sums = [T::zero(); LANES];
+    let (x_body, x_tail) = x.as_chunks::<LANES>();
+    let (y_body, y_tail) = y.as_chunks::<LANES>();
+    for (x, y) in x_body.iter().zip(y_body) {
+        for lane in 0..LANES {
+            sums[lane] += x[lane] * y[lane];
+        }
+    }
+    for (lane, (&x, &y)) in x_tail.iter().zip(y_tail).enumerate() {
+        sums[lane] += x * y;
+    }
+    sums.into_iter().sum()
+}
+
+/// Euclidean norm; scaled where the sum of squares leaves the range of the scalar.
+#[inline(always)]
+pub(super) fn norm<T: Scalar>(x: &[T]) -> T {
+    let squares = dot(x, x);
+    if squares.is_normal() { squares.sqrt() } else { scaled_norm(x) }
+}
+
+#[cold]
+fn scaled_norm<T: Scalar>(x: &[T]) -> T {
+    let largest = x.iter().fold(T::zero(), |largest, &v| if v.is_nan() { v } else { largest.max(v.abs()) });
+    if largest.is_zero() || !largest.is_finite() || x.iter().any(|v| v.is_nan()) {
+        return x.iter().fold(T::zero(), |sum, &v| sum + v.abs());
+    }
+    let sum: T = x.iter().map(|&v| (v / largest) * (v / largest)).sum();
+    largest * sum.sqrt()
+}
+
+/// `y += a x`.
+#[inline(always)]
+pub(super) fn axpy<T: Scalar>(a: T, x: &[T], y: &mut [T]) {
+    debug_assert_eq!(x.len(), y.len(), "vectors of one length");
+    for (y, &x) in y.iter_mut().zip(x) {
+        *y += a * x;
+    }
+}
+
+/// Whether every value is finite; without a branch a value, so that it runs at the speed of memory.
+#[inline]
+pub(super) fn all_finite<T: Scalar>(values: &[T]) -> bool {
+    values.iter().fold(true, |all, value| all & value.is_finite())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn norm_survives_squares_out_of_range() {
+        assert_eq!(norm(&[3e200, 4e200]), 5e200);
+        assert!((norm(&[3e-200, 4e-200]) - 5e-200).abs() < 1e-214);
+        assert_eq!(norm::<f64>(&[]), 0.0);
+        assert_eq!(norm(&[0.0, 0.0]), 0.0);
+        assert!(norm(&[1.0, f64::NAN, 2.0]).is_nan());
+        assert_eq!(norm(&[1.0, f64::NEG_INFINITY]), f64::INFINITY);
+    }
+
+    #[test]
+    fn one_value_that_is_not_finite_is_noticed() {
+        let mut values = [1.0_f32; 37];
+        assert!(all_finite(&values));
+        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            for at in 0..values.len() {
+                values[at] = bad;
+                assert!(!all_finite(&values));
+                values[at] = 1.0;
+            }
+        }
+    }
+}

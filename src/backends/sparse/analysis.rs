@@ -1,0 +1,162 @@
+//! The symbolic part of the factorisations: everything that depends on the pattern alone.
+
+use std::convert::Infallible;
+use std::fmt::Display;
+use std::sync::{Arc, OnceLock};
+
+use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
+use faer::sparse::linalg::amd;
+use faer::sparse::linalg::cholesky::{simplicial, supernodal};
+use faer::sparse::{FaerError, SymbolicSparseColMat, SymbolicSparseColMatRef};
+
+use super::lu::LuAnalysis;
+use crate::las::{SolveError, SolverParams, Sparsity, Symmetry};
+
+/// The analysis of one pattern, shared by every solver of it.
+pub struct Symbolic {
+    pub(super) pattern: Arc<Sparsity>,
+    pub(super) params: SolverParams,
+    /// Absent where the matrices are stated to be unsymmetric.
+    pub(super) cholesky: Option<CholeskyAnalysis>,
+    /// Made in advance for unsymmetric matrices, and on the first need for others.
+    lu: OnceLock<LuAnalysis>,
+}
+
+impl Symbolic {
+    pub(super) fn new(pattern: &Arc<Sparsity>, params: &SolverParams) -> Result<Self, SolveError<Infallible>> {
+        let (rows, cols) = (pattern.rows(), pattern.cols());
+        if rows != cols {
+            return Err(SolveError::NotSquare { rows, cols });
+        }
+        let cholesky = match params.symmetry {
+            Symmetry::Definite | Symmetry::Symmetric => Some(CholeskyAnalysis::new(pattern).map_err(failed)?),
+            Symmetry::None => None,
+        };
+        let symbolic = Self { pattern: Arc::clone(pattern), params: *params, cholesky, lu: OnceLock::new() };
+        if symbolic.cholesky.is_none() {
+            symbolic.lu()?;
+        }
+        Ok(symbolic)
+    }
+
+    /// Number of unknowns.
+    #[must_use]
+    pub fn unknowns(&self) -> usize {
+        self.pattern.rows()
+    }
+
+    /// Number of values that a Cholesky or LDL^T factor holds, explicit zeros of the supernodes included; `None` where
+    /// the matrices are stated to be unsymmetric.
+    #[must_use]
+    pub fn factor_entries(&self) -> Option<usize> {
+        self.cholesky.as_ref().map(|analysis| analysis.supernodes.len_val())
+    }
+
+    /// The analysis for LU.
+    pub(super) fn lu(&self) -> Result<&LuAnalysis, SolveError<Infallible>> {
+        if let Some(analysis) = self.lu.get() {
+            return Ok(analysis);
+        }
+        let analysis = LuAnalysis::new(&self.pattern).map_err(failed)?;
+        Ok(self.lu.get_or_init(|| analysis))
+    }
+}
+
+/// What the library said, as an error of ours.
+pub(super) fn failed(reason: impl Display) -> SolveError<Infallible> {
+    SolveError::Library { library: "faer", reason: reason.to_string() }
+}
+
+/// The ordered lower triangle and the supernodes of its factor.
+pub(super) struct CholeskyAnalysis {
+    /// The unknown that is eliminated at each position.
+    pub(super) order: Vec<u32>,
+    /// The lower triangle of the ordered matrix, by columns.
+    pub(super) lower: SymbolicSparseColMat<u32>,
+    /// Where the value of each of its entries stands among those of the matrix.
+    pub(super) source: Vec<u32>,
+    /// The pattern of the factor.
+    pub(super) supernodes: supernodal::SymbolicSupernodalCholesky<u32>,
+    /// Where the diagonal entry of each position stands among the values of the factor.
+    pub(super) diagonal: Vec<u32>,
+}
+
+impl CholeskyAnalysis {
+    fn new(pattern: &Sparsity) -> Result<Self, FaerError> {
+        debug_assert!(pattern.is_symmetric(), "the pattern of a symmetric matrix is symmetric");
+        let n = pattern.rows();
+        let (order, position) = order_by_minimum_degree(pattern)?;
+        let (lower, source) = permuted_lower_triangle(pattern, &position);
+        let supernodes = supernodes(lower.as_ref())?;
+        let mut diagonal = Vec::with_capacity(n);
+        for s in 0..supernodes.n_supernodes() {
+            let first = supernodes.col_ptr_for_val()[s];
+            let columns = supernodes.supernode_end()[s] - supernodes.supernode_begin()[s];
+            let height = columns + supernodes.supernode(s).pattern().len() as u32;
+            diagonal.extend((0..columns).map(|k| first + k * (height + 1)));
+        }
+        Ok(Self { order, lower, source, supernodes, diagonal })
+    }
+}
+
+/// Orders the unknowns so that the factor fills in little: the unknown at each position, and the position of each unknown.
+fn order_by_minimum_degree(pattern: &Sparsity) -> Result<(Vec<u32>, Vec<u32>), FaerError> {
+    let n = pattern.rows();
+    let matrix = SymbolicSparseColMatRef::new_checked(n, n, pattern.row_start(), None, pattern.columns());
+    let (mut order, mut position) = (vec![0; n], vec![0; n]);
+    let mut memory = MemBuffer::new(amd::order_scratch::<u32>(n, pattern.entries()));
+    amd::order(&mut order, &mut position, matrix, amd::Control::default(), MemStack::new(&mut memory))?;
+    Ok((order, position))
+}
+
+/// The lower triangle of the ordered matrix by columns, and where its values come from: the upper triangle of the matrix.
+fn permuted_lower_triangle(pattern: &Sparsity, position: &[u32]) -> (SymbolicSparseColMat<u32>, Vec<u32>) {
+    let n = pattern.rows();
+    let mut entries = Vec::with_capacity(pattern.entries().div_ceil(2) + n);
+    for row in 0..n {
+        let start = pattern.row_start()[row];
+        for (k, &column) in (start..).zip(pattern.row(row)).filter(|&(_, &column)| column as usize >= row) {
+            let (i, j) = (position[row], position[column as usize]);
+            entries.push((i.min(j), i.max(j), k));
+        }
+    }
+    entries.sort_unstable();
+    let mut column_start = vec![0_u32; n + 1];
+    for &(column, ..) in &entries {
+        column_start[column as usize + 1] += 1;
+    }
+    for column in 0..n {
+        column_start[column + 1] += column_start[column];
+    }
+    let rows = entries.iter().map(|&(_, row, _)| row).collect();
+    let source = entries.iter().map(|&(.., k)| k).collect();
+    (SymbolicSparseColMat::new_checked(n, n, column_start, None, rows), source)
+}
+
+/// The supernodes of the factor. Always supernodes: on the networks that this crate is made for, which are small, the
+/// library's own choice between them and single columns is the slower one.
+fn supernodes(
+    lower: SymbolicSparseColMatRef<'_, u32>,
+) -> Result<supernodal::SymbolicSupernodalCholesky<u32>, FaerError> {
+    let (n, entries) = (lower.nrows(), lower.row_idx().len());
+    // The analysis reads the upper triangle by columns: the lower one by rows.
+    let upper = lower.transpose().to_col_major()?;
+    let mut memory = MemBuffer::new(StackReq::any_of(&[
+        simplicial::prefactorize_symbolic_cholesky_scratch::<u32>(n, entries),
+        supernodal::factorize_supernodal_symbolic_cholesky_scratch::<u32>(n),
+    ]));
+    let (mut tree, mut column_counts) = (vec![0_i32; n], vec![0_u32; n]);
+    let tree = simplicial::prefactorize_symbolic_cholesky(
+        &mut tree,
+        &mut column_counts,
+        upper.as_ref(),
+        MemStack::new(&mut memory),
+    );
+    supernodal::factorize_supernodal_symbolic_cholesky(
+        upper.as_ref(),
+        tree,
+        &column_counts,
+        MemStack::new(&mut memory),
+        faer::sparse::linalg::SymbolicSupernodalParams::default(),
+    )
+}

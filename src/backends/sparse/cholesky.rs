@@ -1,0 +1,146 @@
+//! The numeric `L L^T`, and the numeric `L D L^T` that stands in for it where the matrix is not positive definite.
+
+use faer::dyn_stack::{MemStack, StackReq};
+use faer::linalg::cholesky::lblt::factor::LbltParams;
+use faer::linalg::cholesky::llt::factor::{LltError, LltRegularization};
+use faer::perm::PermRef;
+use faer::sparse::SparseColMatRef;
+use faer::sparse::linalg::cholesky::supernodal;
+use faer::traits::RealField;
+use faer::{Auto, Conj, MatMut, Par, Spec};
+
+use super::analysis::CholeskyAnalysis;
+use crate::backends::direct::Pivots;
+use crate::las::Scalar;
+
+/// Working memory that solving with `columns` right-hand sides needs, for both factorisations.
+pub(super) fn solve_scratch<T: RealField>(analysis: &CholeskyAnalysis, columns: usize) -> StackReq {
+    analysis.supernodes.solve_in_place_scratch::<T>(columns, Par::Seq)
+}
+
+/// Values of `L`.
+pub(super) struct Cholesky<T> {
+    values: Vec<T>,
+}
+
+impl<T: Scalar + RealField> Cholesky<T> {
+    pub(super) fn new(analysis: &CholeskyAnalysis) -> Self {
+        Self { values: vec![T::zero(); analysis.supernodes.len_val()] }
+    }
+
+    pub(super) fn scratch(analysis: &CholeskyAnalysis) -> StackReq {
+        supernodal::factorize_supernodal_numeric_llt_scratch::<u32, T>(&analysis.supernodes, Par::Seq, Spec::default())
+    }
+
+    /// Factors the ordered lower triangle; fails with the position of the first pivot that is not positive.
+    pub(super) fn factor(
+        &mut self,
+        analysis: &CholeskyAnalysis,
+        lower: &[T],
+        stack: &mut MemStack,
+    ) -> Result<Pivots, usize> {
+        supernodal::factorize_supernodal_numeric_llt(
+            &mut self.values,
+            SparseColMatRef::new(analysis.lower.as_ref(), lower),
+            LltRegularization::default(),
+            &analysis.supernodes,
+            Par::Seq,
+            stack,
+            Spec::default(),
+        )
+        .map_err(|LltError::NonPositivePivot { index }| index)?;
+        let mut pivots = Pivots::none();
+        for (position, &at) in analysis.diagonal.iter().enumerate() {
+            let root = self.values[at as usize].as_f64();
+            pivots.see(root * root, position);
+        }
+        Ok(pivots)
+    }
+
+    /// Solves in place for right-hand sides whose rows are in the order of elimination.
+    pub(super) fn solve(&self, analysis: &CholeskyAnalysis, columns: MatMut<'_, T>, stack: &mut MemStack) {
+        let factor = supernodal::SupernodalLltRef::new(&analysis.supernodes, &self.values);
+        factor.solve_in_place_with_conj(Conj::No, columns, Par::Seq, stack);
+    }
+}
+
+/// Values of `L` and of the blocks of `D`, and how the unknowns were exchanged within the supernodes.
+pub(super) struct Ldlt<T> {
+    values: Vec<T>,
+    subdiagonal: Vec<T>,
+    forward: Vec<u32>,
+    inverse: Vec<u32>,
+    /// The unknown that was eliminated at each position.
+    pub(super) order: Vec<u32>,
+}
+
+impl<T: Scalar + RealField> Ldlt<T> {
+    pub(super) fn new(analysis: &CholeskyAnalysis) -> Self {
+        let n = analysis.order.len();
+        Self {
+            values: vec![T::zero(); analysis.supernodes.len_val()],
+            subdiagonal: vec![T::zero(); n],
+            forward: vec![0; n],
+            inverse: vec![0; n],
+            order: vec![0; n],
+        }
+    }
+
+    pub(super) fn scratch(analysis: &CholeskyAnalysis) -> StackReq {
+        supernodal::factorize_supernodal_numeric_intranode_lblt_scratch::<u32, T>(
+            &analysis.supernodes,
+            Par::Seq,
+            params::<T>(),
+        )
+    }
+
+    /// Factors the ordered lower triangle.
+    pub(super) fn factor(&mut self, analysis: &CholeskyAnalysis, lower: &[T], stack: &mut MemStack) -> Pivots {
+        // The library writes a subdiagonal entry only where there is something to eliminate.
+        self.subdiagonal.fill(T::zero());
+        supernodal::factorize_supernodal_numeric_intranode_lblt(
+            &mut self.values,
+            &mut self.subdiagonal,
+            &mut self.forward,
+            &mut self.inverse,
+            SparseColMatRef::new(analysis.lower.as_ref(), lower),
+            &analysis.supernodes,
+            Par::Seq,
+            stack,
+            params::<T>(),
+        );
+        for (unknown, &position) in self.order.iter_mut().zip(&self.forward) {
+            *unknown = analysis.order[position as usize];
+        }
+        self.pivots(analysis)
+    }
+
+    fn pivots(&self, analysis: &CholeskyAnalysis) -> Pivots {
+        let mut pivots = Pivots::none();
+        let diagonal = |position: usize| self.values[analysis.diagonal[position] as usize].as_f64();
+        let mut position = 0;
+        while position < self.subdiagonal.len() {
+            let coupling = self.subdiagonal[position];
+            if coupling == T::zero() || position + 1 == self.subdiagonal.len() {
+                pivots.see(diagonal(position), position);
+                position += 1;
+            } else {
+                pivots.see_block(diagonal(position), coupling.as_f64(), diagonal(position + 1), position);
+                position += 2;
+            }
+        }
+        pivots
+    }
+
+    /// Solves in place for right-hand sides whose rows are in the order of elimination, [`Ldlt::order`].
+    pub(super) fn solve(&self, analysis: &CholeskyAnalysis, columns: MatMut<'_, T>, stack: &mut MemStack) {
+        let exchanged = PermRef::new_checked(&self.forward, &self.inverse, self.forward.len());
+        supernodal::SupernodalIntranodeLbltRef::new(&analysis.supernodes, &self.values, &self.subdiagonal, exchanged)
+            .solve_in_place_no_numeric_permute_with_conj(Conj::No, columns, Par::Seq, stack);
+    }
+}
+
+/// Unblocked: the library's blocked variant keeps stale entries where a column cancels exactly.
+fn params<T: RealField>() -> Spec<LbltParams, T> {
+    Spec::new(LbltParams { block_size: 0, ..<LbltParams as Auto<T>>::auto() })
+}

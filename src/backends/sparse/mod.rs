@@ -1,0 +1,83 @@
+//! `sparse`: compressed rows and direct solvers in memory; the backend for everything that is not small.
+//!
+//! Factorisations are those of the crate `faer`: supernodal Cholesky; where the matrix is not positive definite, LDL^T
+//! with pivoting within the supernodes; sparse LU for unsymmetric matrices, and where that pivoting does not suffice.
+//!
+//! ```
+//! use std::sync::Arc;
+//! use biotissue::backends::sparse::Sparse;
+//! use biotissue::las::{Backend, MatrixOps, Solver, SolverParams, Sparsity};
+//!
+//! // Two springs in a row, fixed at the left: [[2, -1], [-1, 1]] x = [0, 1].
+//! let pattern = Arc::new(Sparsity::from_elements(2, [[-1, 0], [0, 1]])?);
+//! let mut stiffness = Sparse::<f64>::matrix(&(), &pattern)?;
+//! for spring in [[-1, 0], [0, 1]] {
+//!     stiffness.add(&spring, &spring, &[1.0, -1.0, -1.0, 1.0])?;
+//! }
+//! let mut solver = Sparse::solver(&Sparse::<f64>::analyze(&(), &pattern, &SolverParams::default())?)?;
+//! solver.factor(&stiffness)?;
+//! let (load, mut displacement) = (vec![0.0, 1.0].into(), vec![0.0; 2].into());
+//! solver.solve(&load, &mut displacement)?;
+//! assert_eq!(displacement.as_slice(), [1.0, 2.0]);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod analysis;
+mod cholesky;
+mod lu;
+mod matrix;
+mod ops;
+mod solve;
+mod vector;
+
+use std::convert::Infallible;
+use std::marker::PhantomData;
+use std::sync::Arc;
+
+use faer::traits::RealField;
+
+pub use analysis::Symbolic;
+pub use matrix::Matrix;
+pub use solve::Solver;
+pub use vector::Vector;
+
+use crate::las::{Backend, Scalar, SolveError, SolverParams, Sparsity};
+
+/// The backend of compressed rows; `T` is `f64` or `f32`.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Sparse<T = f64>(PhantomData<fn() -> T>);
+
+impl<T: Scalar + RealField> Backend for Sparse<T> {
+    const NAME: &'static str = "sparse";
+
+    type Scalar = T;
+    type Index = i32;
+    type Reduced = T;
+    type Context = ();
+    type Fault = Infallible;
+    type Slot = u32;
+    type Vector = Vector<T>;
+    type Matrix = Matrix<T>;
+    type Symbolic = Symbolic;
+    type Solver = Solver<T>;
+
+    fn vector(_: &(), len: usize) -> Result<Vector<T>, Infallible> {
+        Ok(Vector::from(vec![T::zero(); len]))
+    }
+
+    fn matrix(_: &(), pattern: &Arc<Sparsity>) -> Result<Matrix<T>, Infallible> {
+        Ok(Matrix::zeros(pattern))
+    }
+
+    fn analyze(
+        _: &(),
+        pattern: &Arc<Sparsity>,
+        params: &SolverParams,
+    ) -> Result<Arc<Symbolic>, SolveError<Infallible>> {
+        Symbolic::new(pattern, params).map(Arc::new)
+    }
+
+    fn solver(symbolic: &Arc<Symbolic>) -> Result<Solver<T>, SolveError<Infallible>> {
+        Ok(Solver::new(symbolic))
+    }
+}

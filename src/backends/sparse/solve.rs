@@ -1,0 +1,238 @@
+//! The solver: which factorisation serves, and its storage.
+
+use std::convert::Infallible;
+use std::sync::Arc;
+
+use faer::MatMut;
+use faer::dyn_stack::StackReq;
+use faer::traits::RealField;
+
+use super::analysis::{CholeskyAnalysis, failed};
+use super::cholesky::{Cholesky, Ldlt, solve_scratch};
+use super::lu::Lu;
+use super::{Matrix, Sparse, Symbolic, Vector};
+use crate::backends::direct::{Pivots, Scratch, check_columns, check_size, singular_limit};
+use crate::backends::local;
+use crate::las::{FactorReport, Factorisation, Scalar, SolveError, SolveReport, Symmetry};
+
+/// Direct solver for matrices of one pattern.
+///
+/// A matrix stated to be [`Symmetry::Definite`] is factored by Cholesky, of which the upper triangle of the matrix is
+/// read; where a pivot is not positive, by LDL^T, whose storage is made then and kept. LDL^T exchanges unknowns only
+/// within a supernode. Where such a pivot (nearly) vanishes although the matrix may be regular, LU with partial
+/// pivoting decides: it serves, or finds the matrix singular. LU allocates, the others do not after their first time.
+pub struct Solver<T = f64> {
+    symbolic: Arc<Symbolic>,
+    limit: f64,
+    /// The factorisation to solve with, if there is one.
+    served: Option<Factorisation>,
+    /// Values of the ordered lower triangle.
+    lower: Vec<T>,
+    cholesky: Option<Cholesky<T>>,
+    ldlt: Option<Ldlt<T>>,
+    lu: Option<Lu<T>>,
+    scratch: Scratch,
+    /// Right-hand sides in the order of elimination.
+    columns: Vec<T>,
+}
+
+impl<T: Scalar + RealField> Solver<T> {
+    pub(super) fn new(symbolic: &Arc<Symbolic>) -> Self {
+        let (mut lower, mut cholesky, mut ldlt, mut request) = (Vec::new(), None, None, StackReq::EMPTY);
+        if let Some(analysis) = &symbolic.cholesky {
+            lower = vec![T::zero(); analysis.source.len()];
+            request = solve_scratch::<T>(analysis, 1);
+            if symbolic.params.symmetry == Symmetry::Definite {
+                cholesky = Some(Cholesky::new(analysis));
+                request = request.or(Cholesky::<T>::scratch(analysis));
+            } else {
+                ldlt = Some(Ldlt::new(analysis));
+                request = request.or(Ldlt::<T>::scratch(analysis));
+            }
+        }
+        Self {
+            limit: singular_limit::<T>(&symbolic.params),
+            served: None,
+            lower,
+            cholesky,
+            ldlt,
+            lu: None,
+            scratch: Scratch::new(request),
+            columns: vec![T::zero(); symbolic.unknowns()],
+            symbolic: Arc::clone(symbolic),
+        }
+    }
+
+    /// The analysis it works with.
+    #[must_use]
+    pub fn symbolic(&self) -> &Arc<Symbolic> {
+        &self.symbolic
+    }
+
+    fn check(&self, a: &Matrix<T>) -> Result<(), SolveError<Infallible>> {
+        let expected = &self.symbolic.pattern;
+        if !Arc::ptr_eq(a.pattern(), expected) {
+            check_size("the matrix to factor (rows)", a.pattern().rows(), expected.rows())?;
+            check_size("the matrix to factor (entries)", a.pattern().entries(), expected.entries())?;
+            if a.pattern() != expected {
+                return Err(SolveError::Pattern);
+            }
+        }
+        if local::all_finite(a.values()) {
+            return Ok(());
+        }
+        let bad = a.values().iter().position(|value| !value.is_finite()).unwrap_or(0);
+        Err(SolveError::NotFinite { row: expected.row_start()[1..].partition_point(|&end| end as usize <= bad) })
+    }
+
+    fn factor_checked(&mut self, a: &Matrix<T>) -> Result<FactorReport, SolveError<Infallible>> {
+        let symbolic = Arc::clone(&self.symbolic);
+        let Some(analysis) = &symbolic.cholesky else {
+            return self.factor_lu(a, None);
+        };
+        for (value, &source) in self.lower.iter_mut().zip(&analysis.source) {
+            *value = a.values[source as usize];
+        }
+        let mut indefinite_at = None;
+        if let Some(cholesky) = &mut self.cholesky {
+            match cholesky.factor(analysis, &self.lower, self.scratch.memory()) {
+                Ok(pivots) => {
+                    return self.report(Factorisation::Cholesky, None, &pivots, |p| analysis.order[p] as usize);
+                }
+                Err(position) => indefinite_at = Some(analysis.order[position] as usize),
+            }
+        }
+        self.factor_ldlt(a, analysis, indefinite_at)
+    }
+
+    fn factor_ldlt(
+        &mut self,
+        a: &Matrix<T>,
+        analysis: &CholeskyAnalysis,
+        indefinite_at: Option<usize>,
+    ) -> Result<FactorReport, SolveError<Infallible>> {
+        if self.ldlt.is_none() {
+            self.scratch.reserve(Ldlt::<T>::scratch(analysis));
+        }
+        let ldlt = self.ldlt.get_or_insert_with(|| Ldlt::new(analysis));
+        let pivots = ldlt.factor(analysis, &self.lower, self.scratch.memory());
+        if pivots.ratio() < self.limit {
+            return self.factor_lu(a, indefinite_at);
+        }
+        self.report(Factorisation::Ldlt, indefinite_at, &pivots, |position| position)
+    }
+
+    fn factor_lu(
+        &mut self,
+        a: &Matrix<T>,
+        indefinite_at: Option<usize>,
+    ) -> Result<FactorReport, SolveError<Infallible>> {
+        let symbolic = Arc::clone(&self.symbolic);
+        let analysis = symbolic.lu()?;
+        if self.lu.is_none() {
+            self.scratch.reserve(analysis.scratch::<T>(1));
+        }
+        let lu = self.lu.get_or_insert_with(|| Lu::new(analysis));
+        let pivots = lu.factor(analysis, a.values(), self.scratch.memory()).map_err(failed)?;
+        self.report(Factorisation::Lu, indefinite_at, &pivots, |position| analysis.unknown(position))
+    }
+
+    fn report(
+        &mut self,
+        kind: Factorisation,
+        indefinite_at: Option<usize>,
+        pivots: &Pivots,
+        unknown: impl FnOnce(usize) -> usize,
+    ) -> Result<FactorReport, SolveError<Infallible>> {
+        let pivot_ratio = pivots.judge(self.limit, unknown)?;
+        self.served = Some(kind);
+        Ok(FactorReport { kind, indefinite_at, pivot_ratio })
+    }
+
+    /// Makes room for `count` right-hand sides.
+    fn reserve_columns(&mut self, count: usize) -> Result<(), SolveError<Infallible>> {
+        let len = self.symbolic.unknowns() * count;
+        if self.columns.len() >= len {
+            return Ok(());
+        }
+        self.columns.resize(len, T::zero());
+        if let Some(analysis) = &self.symbolic.cholesky {
+            self.scratch.reserve(solve_scratch::<T>(analysis, count));
+        }
+        Ok(())
+    }
+
+    /// Solves for the columns in the order that `order` gives.
+    fn solve_columns(&mut self, b: &[Vector<T>], x: &mut [Vector<T>]) -> Result<SolveReport, SolveError<Infallible>> {
+        let n = self.symbolic.unknowns();
+        check_columns(n, b.iter().map(|b| b.values.len()), x.iter().map(|x| x.values.len()))?;
+        let served = self.served.ok_or(SolveError::NotFactored)?;
+        if n == 0 || b.is_empty() {
+            return Ok(SolveReport { iterations: 0 });
+        }
+        self.reserve_columns(b.len())?;
+        let columns = &mut self.columns[..n * b.len()];
+        match (served, &self.symbolic.cholesky, &self.cholesky, &self.ldlt, &self.lu) {
+            (Factorisation::Cholesky, Some(analysis), Some(cholesky), ..) => {
+                gather(columns, b, &analysis.order);
+                let right = MatMut::from_column_major_slice_mut(columns, n, b.len());
+                cholesky.solve(analysis, right, self.scratch.memory());
+                spread(columns, x, &analysis.order);
+            }
+            (Factorisation::Ldlt, Some(analysis), _, Some(ldlt), _) => {
+                gather(columns, b, &ldlt.order);
+                let right = MatMut::from_column_major_slice_mut(columns, n, b.len());
+                ldlt.solve(analysis, right, self.scratch.memory());
+                spread(columns, x, &ldlt.order);
+            }
+            (Factorisation::Lu, .., Some(lu)) => {
+                let analysis = self.symbolic.lu()?;
+                for (column, b) in columns.chunks_exact_mut(n).zip(b) {
+                    column.copy_from_slice(&b.values);
+                }
+                self.scratch.reserve(analysis.scratch::<T>(b.len()));
+                let right = MatMut::from_column_major_slice_mut(columns, n, b.len());
+                lu.solve(analysis, right, self.scratch.memory());
+                for (column, x) in columns.chunks_exact(n).zip(x) {
+                    x.values.copy_from_slice(column);
+                }
+            }
+            _ => return Err(SolveError::NotFactored),
+        }
+        Ok(SolveReport { iterations: 0 })
+    }
+}
+
+/// `columns[k][position] = b[k][order[position]]`.
+fn gather<T: Copy>(columns: &mut [T], b: &[Vector<T>], order: &[u32]) {
+    for (column, b) in columns.chunks_exact_mut(order.len()).zip(b) {
+        for (value, &unknown) in column.iter_mut().zip(order) {
+            *value = b.values[unknown as usize];
+        }
+    }
+}
+
+/// `x[k][order[position]] = columns[k][position]`.
+fn spread<T: Copy>(columns: &[T], x: &mut [Vector<T>], order: &[u32]) {
+    for (column, x) in columns.chunks_exact(order.len()).zip(x) {
+        for (&value, &unknown) in column.iter().zip(order) {
+            x.values[unknown as usize] = value;
+        }
+    }
+}
+
+impl<T: Scalar + RealField> crate::las::Solver<Sparse<T>> for Solver<T> {
+    fn factor(&mut self, a: &Matrix<T>) -> Result<FactorReport, SolveError<Infallible>> {
+        self.served = None;
+        self.check(a)?;
+        self.factor_checked(a)
+    }
+
+    fn solve(&mut self, b: &Vector<T>, x: &mut Vector<T>) -> Result<SolveReport, SolveError<Infallible>> {
+        self.solve_columns(std::slice::from_ref(b), std::slice::from_mut(x))
+    }
+
+    fn solve_many(&mut self, b: &[Vector<T>], x: &mut [Vector<T>]) -> Result<SolveReport, SolveError<Infallible>> {
+        self.solve_columns(b, x)
+    }
+}
