@@ -1,0 +1,51 @@
+//! Hooke's law of small strains.
+
+use nalgebra::{Matrix3, SMatrix};
+
+use super::{Material, MaterialError, Response};
+
+/// `W = mu e : e + lambda/2 (tr e)^2` with the small strain `e = sym(F) - I`.
+///
+/// # Derivation
+/// `P = 2 mu e + lambda tr(e) I` and `A_iJkL = mu (d_ik d_JL + d_iL d_Jk) + lambda d_iJ d_kL`, whatever `F` is. `P` is
+/// the stress of the small-strain theory, in which all stress measures are one.
+///
+/// # Limits
+/// Not objective: a rotation strains it. It answers every `F`, inverted ones too, as the linear theory does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LinearElastic {
+    /// Shear modulus, Pa.
+    pub mu: f64,
+    /// Lame's first constant, Pa.
+    pub lambda: f64,
+}
+
+impl LinearElastic {
+    fn strain(f: &Matrix3<f64>) -> Matrix3<f64> {
+        (f + f.transpose()) * 0.5 - Matrix3::identity()
+    }
+
+    fn energy_of(&self, strain: &Matrix3<f64>) -> f64 {
+        self.mu * strain.norm_squared() + 0.5 * self.lambda * strain.trace().powi(2)
+    }
+}
+
+impl Material for LinearElastic {
+    fn respond(&self, f: &Matrix3<f64>) -> Result<Response, MaterialError> {
+        let strain = Self::strain(f);
+        let pk1 = strain * (2.0 * self.mu) + Matrix3::from_diagonal_element(self.lambda * strain.trace());
+        let mut tangent = SMatrix::<f64, 9, 9>::zeros();
+        for a in 0..3 {
+            for b in 0..3 {
+                tangent[(3 * a + b, 3 * a + b)] += self.mu;
+                tangent[(3 * a + b, 3 * b + a)] += self.mu;
+                tangent[(4 * a, 4 * b)] += self.lambda;
+            }
+        }
+        Ok(Response { energy: self.energy_of(&strain), pk1, tangent })
+    }
+
+    fn energy(&self, f: &Matrix3<f64>) -> Result<f64, MaterialError> {
+        Ok(self.energy_of(&Self::strain(f)))
+    }
+}

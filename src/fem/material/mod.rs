@@ -1,0 +1,180 @@
+//! Materials given by a formula: a deformation gradient turns into energy, stress and tangent.
+
+mod linear_elastic;
+mod neo_hookean;
+
+use nalgebra::{Matrix3, SMatrix};
+use thiserror::Error;
+
+pub use linear_elastic::LinearElastic;
+pub use neo_hookean::NeoHookean;
+
+/// What a material answers at one point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Response {
+    /// Energy `W` per reference volume, J/m^3.
+    pub energy: f64,
+    /// First Piola-Kirchhoff stress `P = dW/dF`, Pa.
+    pub pk1: Matrix3<f64>,
+    /// `A = dP/dF`, Pa: row `3 * i + J`, column `3 * k + L` holds `dP_iJ / dF_kL`. Symmetric.
+    pub tangent: SMatrix<f64, 9, 9>,
+}
+
+/// Why a material has no answer.
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
+pub enum MaterialError {
+    /// The deformation turns the point inside out, flattens it, or is no number.
+    #[error("the deformation is inverted: det F = {determinant:.6e}, and a body needs det F > 0")]
+    Inverted {
+        /// `J = det F`.
+        determinant: f64,
+    },
+}
+
+/// A hyperelastic material without memory.
+pub trait Material: Send + Sync {
+    /// Energy, stress and tangent at the deformation gradient `f`.
+    ///
+    /// # Errors
+    /// [`MaterialError::Inverted`] where the material is undefined at `f`.
+    fn respond(&self, f: &Matrix3<f64>) -> Result<Response, MaterialError>;
+
+    /// The energy alone, J/m^3.
+    ///
+    /// # Errors
+    /// As [`Material::respond`].
+    fn energy(&self, f: &Matrix3<f64>) -> Result<f64, MaterialError>;
+}
+
+/// `J = det F`, where it is positive.
+fn checked_determinant(f: &Matrix3<f64>) -> Result<f64, MaterialError> {
+    let determinant = f.determinant();
+    if determinant > 0.0 && determinant.is_finite() {
+        Ok(determinant)
+    } else {
+        Err(MaterialError::Inverted { determinant })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Rotation3;
+
+    use super::*;
+
+    const MU: f64 = 3.0e3;
+    const LAMBDA: f64 = 5.0e3;
+
+    /// Stretch, shear and rotation mixed; `det F` between 0.5 and 2.
+    fn states() -> [Matrix3<f64>; 4] {
+        let turned =
+            Rotation3::from_euler_angles(0.7, -0.4, 1.9) * Matrix3::new(1.3, 0.2, 0.0, 0.2, 0.8, 0.1, 0.0, 0.1, 1.1);
+        [
+            Matrix3::identity(),
+            Matrix3::new(1.2, 0.3, -0.1, 0.05, 0.9, 0.2, -0.2, 0.1, 1.1),
+            Matrix3::new(0.7, 0.1, 0.0, -0.2, 0.8, 0.15, 0.1, 0.0, 0.95),
+            turned,
+        ]
+    }
+
+    fn moved(f: &Matrix3<f64>, k: usize, by: f64) -> Matrix3<f64> {
+        let mut f = *f;
+        f[(k / 3, k % 3)] += by;
+        f
+    }
+
+    fn stress_is_the_slope_of_the_energy(material: &dyn Material) {
+        let h = 1e-5;
+        for f in states() {
+            let pk1 = material.respond(&f).unwrap().pk1;
+            for k in 0..9 {
+                let slope = (material.energy(&moved(&f, k, h)).unwrap() - material.energy(&moved(&f, k, -h)).unwrap())
+                    / (2.0 * h);
+                let error = (slope - pk1[(k / 3, k % 3)]).abs();
+                assert!(error < 1e-8 * (MU + LAMBDA), "component {k}: {error:e}");
+            }
+        }
+    }
+
+    fn tangent_is_the_slope_of_the_stress(material: &dyn Material) {
+        let h = 1e-5;
+        for f in states() {
+            let tangent = material.respond(&f).unwrap().tangent;
+            for c in 0..9 {
+                let up = material.respond(&moved(&f, c, h)).unwrap().pk1;
+                let down = material.respond(&moved(&f, c, -h)).unwrap().pk1;
+                let slope = (up - down) / (2.0 * h);
+                for r in 0..9 {
+                    let error = (slope[(r / 3, r % 3)] - tangent[(r, c)]).abs();
+                    assert!(error < 1e-7 * tangent.norm(), "({r}, {c}): {error:e} of {:e}", tangent.norm());
+                }
+            }
+        }
+    }
+
+    fn tangent_is_symmetric_and_energies_agree(material: &dyn Material) {
+        for f in states() {
+            let response = material.respond(&f).unwrap();
+            let skew = (response.tangent - response.tangent.transpose()).norm();
+            assert!(skew <= 1e-14 * response.tangent.norm(), "{skew:e}");
+            assert_eq!(response.energy, material.energy(&f).unwrap());
+        }
+    }
+
+    /// At `F = I`: no stress, and `A : H = lambda tr(H) I + mu (H + H^T)`.
+    fn small_strain_moduli_are_lames(material: &dyn Material) {
+        let at_rest = material.respond(&Matrix3::identity()).unwrap();
+        assert_eq!(at_rest.pk1, Matrix3::zeros(), "not rounded: exactly zero");
+        assert_eq!(at_rest.energy, 0.0);
+        for k in 0..9 {
+            let h = moved(&Matrix3::zeros(), k, 1.0);
+            let expected = LAMBDA * h.trace() * Matrix3::identity() + MU * (h + h.transpose());
+            for r in 0..9 {
+                assert!((at_rest.tangent[(r, k)] - expected[(r / 3, r % 3)]).abs() < 1e-12 * MU);
+            }
+        }
+    }
+
+    fn energy_is_objective(material: &dyn Material) {
+        let q = Rotation3::from_euler_angles(-0.3, 1.1, 0.6);
+        for f in states() {
+            let (here, there) = (material.energy(&f).unwrap(), material.energy(&(q * f)).unwrap());
+            assert!((here - there).abs() <= 1e-13 * (MU + here.abs()), "{here} {there}");
+        }
+    }
+
+    macro_rules! checks_of {
+        ($($name:ident: $material:expr, [$($check:ident),* $(,)?];)*) => {$(
+            mod $name {
+                use super::*;
+                $(#[test] fn $check() { super::$check(&$material); })*
+            }
+        )*};
+    }
+
+    checks_of! {
+        neo_hookean: NeoHookean { mu: MU, lambda: LAMBDA }, [
+            stress_is_the_slope_of_the_energy,
+            tangent_is_the_slope_of_the_stress,
+            tangent_is_symmetric_and_energies_agree,
+            small_strain_moduli_are_lames,
+            energy_is_objective,
+        ];
+        linear_elastic: LinearElastic { mu: MU, lambda: LAMBDA }, [
+            stress_is_the_slope_of_the_energy,
+            tangent_is_the_slope_of_the_stress,
+            tangent_is_symmetric_and_energies_agree,
+            small_strain_moduli_are_lames,
+        ];
+    }
+
+    #[test]
+    fn inverted_and_unreal_states_are_errors() {
+        let material = NeoHookean { mu: MU, lambda: LAMBDA };
+        let mirrored = Matrix3::from_diagonal(&[1.0, -0.5, 1.0].into());
+        assert_eq!(material.respond(&mirrored).unwrap_err(), MaterialError::Inverted { determinant: -0.5 });
+        assert_eq!(material.energy(&mirrored).unwrap_err(), MaterialError::Inverted { determinant: -0.5 });
+        assert!(material.respond(&Matrix3::zeros()).is_err());
+        assert!(material.respond(&Matrix3::from_element(f64::NAN)).is_err());
+    }
+}

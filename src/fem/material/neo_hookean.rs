@@ -1,0 +1,65 @@
+//! Compressible neo-Hookean material.
+
+use nalgebra::{Matrix3, SMatrix};
+
+use super::{Material, MaterialError, Response, checked_determinant};
+
+/// `W = mu/2 (I1 - 3) - mu ln J + lambda/2 (ln J)^2` with `I1 = F : F`.
+///
+/// # Derivation
+/// With `dJ/dF = J F^-T` and `d(F^-1)_Ji / dF_kL = -F^-1_Jk F^-1_Li`:
+///
+/// ```text
+/// P_iJ   = mu (F_iJ - F^-1_Ji) + lambda ln J F^-1_Ji
+/// A_iJkL = mu d_ik d_JL + (mu - lambda ln J) F^-1_Jk F^-1_Li + lambda F^-1_Ji F^-1_Lk
+/// ```
+///
+/// Swapping `iJ` with `kL` leaves `A` as it is. At `F = I` it is Hooke's law with Lame's constants `mu` and `lambda`.
+///
+/// # References
+/// J. Bonet and R. D. Wood, *Nonlinear Continuum Mechanics for Finite Element Analysis*, 2nd ed., section 6.4.3;
+/// W. R. Tobin's thesis, equations A.17 to A.19.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NeoHookean {
+    /// Shear modulus, Pa.
+    pub mu: f64,
+    /// Lame's first constant, Pa; `2 mu nu / (1 - 2 nu)` with Poisson's ratio `nu`.
+    pub lambda: f64,
+}
+
+impl NeoHookean {
+    fn energy_at(&self, f: &Matrix3<f64>, ln_j: f64) -> f64 {
+        0.5 * self.mu * (f.norm_squared() - 3.0) - self.mu * ln_j + 0.5 * self.lambda * ln_j * ln_j
+    }
+}
+
+impl Material for NeoHookean {
+    fn respond(&self, f: &Matrix3<f64>) -> Result<Response, MaterialError> {
+        let determinant = checked_determinant(f)?;
+        let inverse = f.try_inverse().ok_or(MaterialError::Inverted { determinant })?;
+        let ln_j = determinant.ln();
+        let pressure = self.mu - self.lambda * ln_j;
+        let pk1 = f * self.mu - inverse.transpose() * pressure;
+        // h[3 i + J] = F^-1_Ji
+        let h: [f64; 9] = std::array::from_fn(|k| inverse[(k % 3, k / 3)]);
+        let mut tangent = SMatrix::<f64, 9, 9>::zeros();
+        for k in 0..3 {
+            for l in 0..3 {
+                let column = 3 * k + l;
+                let scaled = self.lambda * h[column];
+                for i in 0..3 {
+                    let crossed = pressure * h[3 * i + l];
+                    for j in 0..3 {
+                        tangent[(3 * i + j, column)] = scaled * h[3 * i + j] + crossed * h[3 * k + j];
+                    }
+                }
+                tangent[(column, column)] += self.mu;
+            }
+        }
+        Ok(Response { energy: self.energy_at(f, ln_j), pk1, tangent })
+    }
+
+    fn energy(&self, f: &Matrix3<f64>) -> Result<f64, MaterialError> {
+        Ok(self.energy_at(f, checked_determinant(f)?.ln()))
+    }
+}

@@ -1,0 +1,111 @@
+//! A block of hexahedral cells, each cut into six tetrahedra.
+
+use super::{MAX_ELEMENTS, ShapeError};
+use crate::fem::mesh::faces::outward;
+
+/// The Kuhn cut of a cell with corners numbered `a + 2 b + 4 c`: six tetrahedra of positive volume around the diagonal
+/// from corner 0 to corner 7, one for every path along the edges.
+pub const KUHN: [[usize; 4]; 6] = [[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 6, 4, 7], [0, 4, 5, 7], [0, 5, 1, 7]];
+
+/// A block of cells. Nodes are numbered with x running fastest, then y, then z; so are cells.
+#[derive(Clone, Copy)]
+pub(super) struct Grid {
+    cells: [usize; 3],
+    /// Cut the upper half of every axis as the mirror image of the lower one.
+    mirrored: bool,
+}
+
+impl Grid {
+    /// A block whose cells are all cut alike, from the lowest to the highest corner.
+    pub fn uniform(cells: [usize; 3]) -> Result<Self, ShapeError> {
+        Self::checked(cells, false)
+    }
+
+    /// A block cut symmetrically about its three middle planes; an axis with an odd number of cells has none.
+    pub fn mirrored(cells: [usize; 3]) -> Result<Self, ShapeError> {
+        Self::checked(cells, true)
+    }
+
+    fn checked(cells: [usize; 3], mirrored: bool) -> Result<Self, ShapeError> {
+        if cells.contains(&0) {
+            return Err(ShapeError::NoCells { cells });
+        }
+        let elements = cells.iter().fold(6_u64, |product, &n| product.saturating_mul(n as u64));
+        if elements > MAX_ELEMENTS {
+            return Err(ShapeError::TooManyElements { elements });
+        }
+        Ok(Self { cells, mirrored })
+    }
+
+    /// The positions of all nodes, from their places `(i, j, k)` in the grid.
+    pub fn nodes(&self, position: impl Fn(usize, usize, usize) -> [f64; 3]) -> Vec<[f64; 3]> {
+        let [nx, ny, nz] = self.cells;
+        let mut nodes = Vec::with_capacity((nx + 1) * (ny + 1) * (nz + 1));
+        for k in 0..=nz {
+            for j in 0..=ny {
+                nodes.extend((0..=nx).map(|i| position(i, j, k)));
+            }
+        }
+        nodes
+    }
+
+    /// The tetrahedra, six a cell, and for each of them the region its cell is in.
+    pub fn elements(&self, region: impl Fn([usize; 3]) -> u32) -> (Vec<[u32; 4]>, Vec<u32>) {
+        let [nx, ny, nz] = self.cells;
+        let count = 6 * nx * ny * nz;
+        let (mut elements, mut region_of) = (Vec::with_capacity(count), Vec::with_capacity(count));
+        for k in 0..nz {
+            for j in 0..ny {
+                for i in 0..nx {
+                    elements.extend(self.tetrahedra([i, j, k]));
+                    region_of.extend([region([i, j, k]); 6]);
+                }
+            }
+        }
+        (elements, region_of)
+    }
+
+    /// The triangles of one side of the block, outward: the lowest (`upper` false) or highest along `axis`.
+    pub fn side(&self, axis: usize, upper: bool) -> Vec<[u32; 3]> {
+        let [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
+        let mut triangles = Vec::with_capacity(2 * self.cells[u] * self.cells[v]);
+        let mut cell = [0; 3];
+        cell[axis] = if upper { self.cells[axis] - 1 } else { 0 };
+        let plane = if upper { self.cells[axis] } else { 0 };
+        for second in 0..self.cells[v] {
+            for first in 0..self.cells[u] {
+                (cell[u], cell[v]) = (first, second);
+                let faces = self.tetrahedra(cell).into_iter().flat_map(outward);
+                triangles.extend(faces.filter(|face| face.iter().all(|&node| self.place(node)[axis] == plane)));
+            }
+        }
+        triangles
+    }
+
+    /// The six tetrahedra of a cell.
+    fn tetrahedra(&self, cell: [usize; 3]) -> [[u32; 4]; 6] {
+        let flip: [bool; 3] = std::array::from_fn(|axis| self.mirrored && 2 * cell[axis] >= self.cells[axis]);
+        let inverted = flip.iter().filter(|&&flip| flip).count() % 2 == 1;
+        KUHN.map(|corners| {
+            let [a, b, c, d] = corners.map(|corner| {
+                let [i, j, k] =
+                    std::array::from_fn(|axis| cell[axis] + usize::from((corner >> axis & 1 == 1) != flip[axis]));
+                self.node(i, j, k)
+            });
+            // A mirror image in an odd number of planes is numbered inside out.
+            if inverted { [a, c, b, d] } else { [a, b, c, d] }
+        })
+    }
+
+    /// The number of a node. 32 bits hold it: there are fewer nodes than eight a cell.
+    fn node(&self, i: usize, j: usize, k: usize) -> u32 {
+        (i + (self.cells[0] + 1) * (j + (self.cells[1] + 1) * k)) as u32
+    }
+
+    /// The place of a node in the grid.
+    fn place(&self, node: u32) -> [usize; 3] {
+        let (row, layer) = (self.cells[0] + 1, self.cells[1] + 1);
+        let node = node as usize;
+        [node % row, node / row % layer, node / (row * layer)]
+    }
+}

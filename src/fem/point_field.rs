@@ -1,0 +1,173 @@
+//! The seam between the body and its material: stress and tangent at every integration point.
+//!
+//! Element `e` has one integration point, point `e`. The body hands over all deformation gradients at once and gets all
+//! answers at once, so that whoever answers may do so in parallel or on another rank.
+
+use nalgebra::{Matrix3, SMatrix};
+use thiserror::Error;
+
+use super::material::{Material, MaterialError};
+
+/// The answers of all points, in the order of the elements.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PointResponses {
+    /// Energy per reference volume, J/m^3.
+    pub energy: Vec<f64>,
+    /// First Piola-Kirchhoff stress `P`, Pa.
+    pub pk1: Vec<Matrix3<f64>>,
+    /// `A = dP/dF`, Pa, row `3 * i + J`, column `3 * k + L`.
+    pub tangent: Vec<SMatrix<f64, 9, 9>>,
+}
+
+impl PointResponses {
+    /// Zeros for `points` points.
+    #[must_use]
+    pub fn zeros(points: usize) -> Self {
+        let mut responses = Self::default();
+        responses.resize(points);
+        responses
+    }
+
+    /// Makes room for `points` points; what is added is zero.
+    pub fn resize(&mut self, points: usize) {
+        self.energy.resize(points, 0.0);
+        self.pk1.resize(points, Matrix3::zeros());
+        self.tangent.resize(points, SMatrix::zeros());
+    }
+
+    /// Number of points.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.pk1.len()
+    }
+
+    /// Whether there is no point.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.pk1.is_empty()
+    }
+}
+
+/// Whatever answers deformation gradients with stresses and tangents.
+///
+/// A field may have a memory: the micro states from which the next update starts. The load-step driver calls
+/// [`PointField::commit`] when a step (or a part of one) has converged and [`PointField::revert`] when it has failed; in
+/// between it calls [`PointField::update`] at as many trial states as Newton and its line search need.
+pub trait PointField {
+    /// Why there is no answer at a trial state; it should name the element. Newton's line search takes it as "too
+    /// far" and tries a shorter step.
+    type Error: std::error::Error;
+
+    /// Answers `gradients[e]`, the deformation gradient `F` of element `e`, in `out`, which holds as many points as
+    /// there are gradients; every entry is written.
+    ///
+    /// # Errors
+    /// Where a point has no answer; `out` may be half written then and is not used.
+    fn update(&mut self, gradients: &[Matrix3<f64>], out: &mut PointResponses) -> Result<(), Self::Error>;
+
+    /// The step has converged at the gradients of the last update: the current micro states become the start of the
+    /// next.
+    fn commit(&mut self);
+
+    /// The step has failed: back to the micro states of the last [`PointField::commit`].
+    fn revert(&mut self);
+}
+
+/// A point that has no answer.
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
+#[error("element {element}: {reason}")]
+pub struct PointError {
+    /// The element, from 0.
+    pub element: usize,
+    /// Why.
+    pub reason: MaterialError,
+}
+
+/// The pieces of a [`FormulaField`] do not fit together.
+#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
+#[error("element {element} lies in region {region}, but there are materials for {materials} regions")]
+pub struct RegionError {
+    /// The element, from 0.
+    pub element: usize,
+    /// Its region, from 0.
+    pub region: u32,
+    /// How many materials were given.
+    pub materials: usize,
+}
+
+/// A formula at every point, chosen by the region that the element lies in. It has no memory.
+pub struct FormulaField {
+    materials: Vec<Box<dyn Material>>,
+    region_of: Vec<u32>,
+}
+
+impl FormulaField {
+    /// `materials[r]` serves region `r`; `region_of[e]` is the region of element `e`, as
+    /// [`Mesh::region_of`](super::mesh::Mesh::region_of) gives it.
+    ///
+    /// # Errors
+    /// [`RegionError`] for an element whose region has no material.
+    pub fn new(materials: Vec<Box<dyn Material>>, region_of: &[u32]) -> Result<Self, RegionError> {
+        let beyond = region_of.iter().enumerate().find(|&(_, &region)| region as usize >= materials.len());
+        if let Some((element, &region)) = beyond {
+            return Err(RegionError { element, region, materials: materials.len() });
+        }
+        Ok(Self { materials, region_of: region_of.to_vec() })
+    }
+
+    /// One material for `elements` elements.
+    #[must_use]
+    pub fn uniform(material: impl Material + 'static, elements: usize) -> Self {
+        Self { materials: vec![Box::new(material)], region_of: vec![0; elements] }
+    }
+}
+
+impl PointField for FormulaField {
+    type Error = PointError;
+
+    fn update(&mut self, gradients: &[Matrix3<f64>], out: &mut PointResponses) -> Result<(), PointError> {
+        out.resize(gradients.len());
+        let outputs = out.energy.iter_mut().zip(&mut out.pk1).zip(&mut out.tangent);
+        let inputs = gradients.iter().zip(&self.region_of);
+        for (element, ((f, &region), ((energy, pk1), tangent))) in inputs.zip(outputs).enumerate() {
+            let material = &self.materials[region as usize];
+            let response = material.respond(f).map_err(|reason| PointError { element, reason })?;
+            (*energy, *pk1, *tangent) = (response.energy, response.pk1, response.tangent);
+        }
+        Ok(())
+    }
+
+    fn commit(&mut self) {}
+
+    fn revert(&mut self) {}
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fem::material::{LinearElastic, NeoHookean};
+
+    #[test]
+    fn every_element_asks_the_material_of_its_region() {
+        let (soft, stiff) = (NeoHookean { mu: 1.0, lambda: 2.0 }, LinearElastic { mu: 10.0, lambda: 20.0 });
+        let mut field = FormulaField::new(vec![Box::new(soft), Box::new(stiff)], &[1, 0, 1]).unwrap();
+        let f = Matrix3::new(1.1, 0.1, 0.0, 0.0, 0.9, 0.0, 0.2, 0.0, 1.0);
+        let mut out = PointResponses::default();
+        field.update(&[f; 3], &mut out).unwrap();
+        let expected = [stiff.respond(&f), soft.respond(&f), stiff.respond(&f)].map(Result::unwrap);
+        assert_eq!(out.len(), 3);
+        for (e, response) in expected.iter().enumerate() {
+            assert_eq!((out.energy[e], out.pk1[e], out.tangent[e]), (response.energy, response.pk1, response.tangent));
+        }
+    }
+
+    #[test]
+    fn errors_name_the_element() {
+        let mut field = FormulaField::uniform(NeoHookean { mu: 1.0, lambda: 2.0 }, 2);
+        let mirrored = Matrix3::from_diagonal(&[-1.0, 1.0, 1.0].into());
+        let error = field.update(&[Matrix3::identity(), mirrored], &mut PointResponses::zeros(2)).unwrap_err();
+        assert_eq!(error, PointError { element: 1, reason: MaterialError::Inverted { determinant: -1.0 } });
+        let missing = FormulaField::new(vec![], &[0]).err().unwrap();
+        assert_eq!(missing, RegionError { element: 0, region: 0, materials: 0 });
+    }
+}
