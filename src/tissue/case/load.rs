@@ -1,0 +1,168 @@
+//! What is prescribed: boundaries, points and body forces.
+
+use super::data::{BodyForceCase, BoundaryCase, CurveCase, LoadCase, PointCase, PointPlace};
+use super::problems::Problems;
+use super::range::Range;
+use super::table::Table;
+use super::value::{Value, did_you_mean};
+
+const AXES: [&str; 3] = ["x", "y", "z"];
+const NAMED_SURFACE: &str = "the name of a physical surface";
+
+/// All boundaries. No component of a surface is prescribed twice.
+pub(super) fn boundaries(root: &mut Table<'_>) -> Vec<BoundaryCase> {
+    let mut boundaries: Vec<BoundaryCase> = Vec::new();
+    for mut table in root.tables("boundary") {
+        let surface = table.require("surface", NAMED_SURFACE).and_then(|value| value.text(NAMED_SURFACE));
+        let load = boundary_load(&mut table);
+        let curve = curve(&mut table);
+        if let (Some(surface), Some(load)) = (surface, load) {
+            let new = BoundaryCase { surface: surface.to_string(), line: table.line, load, curve };
+            for before in boundaries.iter().filter(|before| before.surface == new.surface) {
+                let place = format!("surface \"{surface}\"");
+                report_collision(
+                    table.problems,
+                    &place,
+                    (before.line, before.load.held()),
+                    (new.line, new.load.held()),
+                );
+            }
+            boundaries.push(new);
+        }
+        table.finish();
+    }
+    boundaries
+}
+
+fn boundary_load(table: &mut Table<'_>) -> Option<LoadCase> {
+    if let Some(pressure) = table.take("pressure") {
+        pressure.unavailable("`pressure` on a boundary", "`displacement` or `traction`", "prescribe one of these");
+        // The others are known all the same.
+        table.take("displacement");
+        table.take("traction");
+        return None;
+    }
+    match table.exactly_one(&["displacement", "traction"])? {
+        (0, displacement) => displacement_of(&displacement).map(LoadCase::Displacement),
+        (_, traction) => traction.vector(Range::any("Pa")).map(LoadCase::Traction),
+    }
+}
+
+/// `{ x, y, z }` with one component at least.
+fn displacement_of(value: &Value<'_>) -> Option<[Option<f64>; 3]> {
+    let mut table = value.table()?;
+    let present = AXES.map(|axis| table.has(axis));
+    let components = AXES.map(|axis| table.number(axis, Range::any("m")));
+    if !present.contains(&true) {
+        table.report("holds no component", "at least one of `x`, `y` and `z`, in m", "add one, such as { x = 0.0 }");
+    }
+    table.finish();
+    let complete =
+        present.contains(&true) && components.iter().zip(present).all(|(read, there)| read.is_some() == there);
+    complete.then_some(components)
+}
+
+impl LoadCase {
+    /// The components that this load decides: displacements, and tractions other than 0.
+    fn held(&self) -> [bool; 3] {
+        match self {
+            Self::Displacement(components) => components.map(|component| component.is_some()),
+            Self::Traction(components) => components.map(|component| component != 0.0),
+        }
+    }
+}
+
+/// Reports the components that two entries (line, components) for one place both prescribe.
+fn report_collision(problems: &Problems<'_>, place: &str, before: (usize, [bool; 3]), new: (usize, [bool; 3])) {
+    let both = |k: usize| before.1[k] && new.1[k];
+    let shared: Vec<&str> = (0..3).filter(|&k| both(k)).map(|k| AXES[k]).collect();
+    if !shared.is_empty() {
+        problems.report(
+            new.0,
+            format!("{place} has {} prescribed here and at line {}", shared.join(", "), before.0),
+            "each component of a place prescribed once, by displacement or by a traction other than 0",
+            "remove it from one of the two",
+        );
+    }
+}
+
+/// All points.
+pub(super) fn points(root: &mut Table<'_>) -> Vec<PointCase> {
+    let mut points: Vec<PointCase> = Vec::new();
+    for mut table in root.tables("point") {
+        let place = match table.exactly_one(&["at", "node"]) {
+            Some((0, at)) => at.vector(Range::any("mesh units")).map(PointPlace::At),
+            Some((_, node)) => node.whole(&(0..=u32::MAX as usize)).map(PointPlace::Node),
+            None => None,
+        };
+        let displacement = table
+            .require("displacement", "a table with `x`, `y`, `z`, each a number in m")
+            .and_then(|value| displacement_of(&value));
+        let curve = curve(&mut table);
+        if let (Some(place), Some(displacement)) = (place, displacement) {
+            let held = displacement.map(|component| component.is_some());
+            for before in points.iter().filter(|before| before.place == place) {
+                let held_before = before.displacement.map(|component| component.is_some());
+                report_collision(table.problems, "this node", (before.line, held_before), (table.line, held));
+            }
+            points.push(PointCase { place, line: table.line, displacement, curve });
+        }
+        table.finish();
+    }
+    points
+}
+
+/// All body forces; those of one region add up.
+pub(super) fn body_forces(root: &mut Table<'_>) -> Vec<BodyForceCase> {
+    let expected = "the name of a physical volume, or \"*\" for all of the body";
+    let mut forces = Vec::new();
+    for mut table in root.tables("body_force") {
+        let region = table.require("region", expected).and_then(|value| value.text(expected));
+        let range = Range::any("N/m^3");
+        let form = format!("three numbers{}: x, y, z", range.describe());
+        let value = table.require("value", &form).and_then(|value| value.vector(range));
+        let curve = curve(&mut table);
+        if let (Some(region), Some(value)) = (region, value) {
+            forces.push(BodyForceCase { region: region.to_string(), line: table.line, value, curve });
+        }
+        table.finish();
+    }
+    forces
+}
+
+/// The course over pseudo-time: a ramp where none is given.
+fn curve(table: &mut Table<'_>) -> CurveCase {
+    table.take("curve").and_then(|value| curve_of(&value)).unwrap_or(CurveCase::Ramp)
+}
+
+fn curve_of(value: &Value<'_>) -> Option<CurveCase> {
+    const EXPECTED: &str = "\"ramp\", or a list of [t, factor] with t ascending from 0 to 1";
+    const PAIR: &str = "[t, factor]: a t from 0 to 1 and a number";
+    if let Some(name) = value.inner.as_str() {
+        if name != "ramp" {
+            value.reject(EXPECTED, did_you_mean(name, ["ramp"]));
+            return None;
+        }
+        return Some(CurveCase::Ramp);
+    }
+    let rows = value.list(EXPECTED, "\"ramp\" or such as [[0.0, 0.0], [1.0, 1.0]]")?;
+    if rows.is_empty() {
+        value.reject(EXPECTED, "write \"ramp\" or such as [[0.0, 0.0], [1.0, 1.0]]");
+        return None;
+    }
+    let mut points: Vec<[f64; 2]> = Vec::with_capacity(rows.len());
+    let mut complete = true;
+    for row in &rows {
+        let Some(point) = row.pair([Range::from_to(0.0, 1.0), Range::any("")], PAIR) else {
+            complete = false;
+            continue;
+        };
+        if let Some(before) = points.last().filter(|before| point[0] <= before[0]) {
+            let what = format!("`{}` has t = {} after t = {}", row.path, point[0], before[0]);
+            row.problems.report(row.line, what, EXPECTED, "sort the points by t and give each t once");
+            complete = false;
+        }
+        points.push(point);
+    }
+    complete.then_some(CurveCase::Table(points))
+}

@@ -1,0 +1,179 @@
+//! Regions and their materials.
+
+use std::path::Path;
+
+use crate::fiber::law::{FiberMaterial, Law};
+
+use super::data::{Choose, FiberRveCase, FormulaCase, FormulaModel, MaterialCase, RegionCase, ScaleCase};
+use super::elastic;
+use super::networks;
+use super::problems::alternatives;
+use super::range::Range;
+use super::table::Table;
+use super::value::{Value, did_you_mean};
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Model {
+    Formula(FormulaModel),
+    FiberRve,
+    Later,
+}
+
+const MODELS: [(&str, Model); 5] = [
+    ("neo-hookean", Model::Formula(FormulaModel::NeoHookean)),
+    ("linear-elastic", Model::Formula(FormulaModel::LinearElastic)),
+    ("fiber-rve", Model::FiberRve),
+    ("transversely-isotropic", Model::Later),
+    ("holmes-mow", Model::Later),
+];
+
+/// All regions; their names are unique.
+pub(super) fn regions(root: &mut Table<'_>, base: &Path) -> Vec<RegionCase> {
+    let mut regions: Vec<RegionCase> = Vec::new();
+    let tables = root.tables("region");
+    if tables.is_empty() && !root.has("region") {
+        root.report("has no region", "at least one [[region]]", "add [[region]] with `name` and `material`");
+    }
+    for mut table in tables {
+        let name = name_of(&mut table, &regions);
+        let material = table.required_table("material", "a table with its `model`");
+        let material = material.and_then(|material| read(material, base));
+        if let (Some(name), Some(material)) = (name, material) {
+            regions.push(RegionCase { name, line: table.line, material });
+        }
+        table.finish();
+    }
+    regions
+}
+
+fn name_of(table: &mut Table<'_>, before: &[RegionCase]) -> Option<String> {
+    let expected = "the name of a physical volume, or \"*\" for every volume not named";
+    let value = table.require("name", expected)?;
+    let name = value.text(expected)?;
+    if let Some(twin) = before.iter().find(|region| region.name == name) {
+        let what = format!("region \"{name}\" stands here again; it is also at line {}", twin.line);
+        table.problems.report(value.line, what, "one [[region]] for each name", "remove or rename one of them");
+        return None;
+    }
+    Some(name.to_string())
+}
+
+fn read(mut table: Table<'_>, base: &Path) -> Option<MaterialCase> {
+    let material = match model(&mut table, |_| true)? {
+        Model::Formula(model) => elastic::constants(&mut table, model).map(MaterialCase::Formula),
+        Model::FiberRve => fiber_rve(&mut table, base).map(MaterialCase::FiberRve),
+        Model::Later => return None,
+    };
+    table.finish();
+    material
+}
+
+/// The model of a material, among those allowed in its place.
+fn model(table: &mut Table<'_>, allowed: impl Fn(Model) -> bool) -> Option<Model> {
+    let allowed: Vec<_> = MODELS.into_iter().filter(|&(_, model)| allowed(model)).collect();
+    let ready = allowed.iter().filter(|(_, model)| *model != Model::Later).map(|&(name, _)| name);
+    let expected = alternatives(ready, '"');
+    let value = table.require("model", &expected)?;
+    let text = value.text(&expected)?;
+    let Some(&(name, model)) = allowed.iter().find(|(name, _)| *name == text) else {
+        value.reject(&*expected, did_you_mean(text, allowed.iter().map(|&(name, _)| name)));
+        return None;
+    };
+    if model == Model::Later {
+        value.unavailable(&format!("the material model \"{name}\""), &expected, "choose one of these");
+        return None;
+    }
+    Some(model)
+}
+
+fn fiber_rve(table: &mut Table<'_>, base: &Path) -> Option<FiberRveCase> {
+    let networks = table
+        .require("networks", "network files, such as [\"networks/*.txt\"]")
+        .and_then(|value| networks::resolve(&value, base));
+    let choose = table.choice("choose", &[("random", Choose::Random), ("cycle", Choose::Cycle)]);
+    let seed = table.whole("seed", 0..=i64::MAX.unsigned_abs());
+    let scale = match table.exactly_one(&["fiber_volume_fraction", "scale"]) {
+        Some((0, fraction)) => fraction.number(Range::between(0.0, 1.0)).map(ScaleCase::FiberVolumeFraction),
+        Some((_, scale)) => scale.choice(&[("raw", ScaleCase::Raw)]),
+        None => None,
+    };
+    let law = table.table("law").map(law);
+    let matrix = table.table("matrix").map(matrix);
+    Some(FiberRveCase {
+        networks: networks?,
+        choose: choose.unwrap_or(Choose::Random),
+        seed: seed.unwrap_or(1),
+        scale: scale?,
+        law: law.flatten(),
+        matrix: matrix.flatten(),
+    })
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum LawName {
+    Linear,
+    Exponential,
+    ExponentialStretch,
+}
+
+const LAWS: [(&str, LawName); 3] = [
+    ("linear", LawName::Linear),
+    ("exponential", LawName::Exponential),
+    ("exponential-stretch", LawName::ExponentialStretch),
+];
+
+fn law(mut table: Table<'_>) -> Option<FiberMaterial> {
+    let names = alternatives(LAWS.iter().map(|&(name, _)| name), '"');
+    let name = table.require("name", &names).and_then(|value| value.choice(&LAWS));
+    let youngs_modulus = table.required_number("youngs_modulus", Range::above(0.0, "Pa"));
+    let radius = table.required_number("radius", Range::above(0.0, "m"));
+    let Some(name) = name else {
+        // Which of the others belong depends on the name: only their values can be judged.
+        table.number("nonlinearity", Range::above(0.0, ""));
+        table.number("transition", Range::above(1.0, ""));
+        table.finish();
+        return None;
+    };
+    let nonlinearity = match name {
+        LawName::Linear => unused(table.take("nonlinearity"), "exponential", "linear"),
+        _ => table.required_number("nonlinearity", Range::above(0.0, "")),
+    };
+    let transition = match name {
+        LawName::ExponentialStretch => table.required_number("transition", Range::above(1.0, "")),
+        LawName::Linear => unused(table.take("transition"), "exponential-stretch", "linear"),
+        LawName::Exponential => unused(table.take("transition"), "exponential-stretch", "exponential"),
+    };
+    table.finish();
+    let youngs_modulus = youngs_modulus?;
+    let law = match name {
+        LawName::Linear => Law::Linear { youngs_modulus },
+        LawName::Exponential => Law::Exponential { youngs_modulus, nonlinearity: nonlinearity? },
+        LawName::ExponentialStretch => {
+            Law::ExponentialStretch { youngs_modulus, nonlinearity: nonlinearity?, transition: transition? }
+        }
+    };
+    Some(FiberMaterial { law, radius: radius?, density: None })
+}
+
+/// Reports a parameter that the law chosen has no use for.
+fn unused(value: Option<Value<'_>>, owner: &str, law: &str) -> Option<f64> {
+    let value = value?;
+    let what = format!("`{}` has no meaning for the law \"{law}\"", value.path);
+    value.problems.report(
+        value.line,
+        what,
+        format!("only the parameters of \"{law}\""),
+        format!("remove it, or choose the law \"{owner}\""),
+    );
+    None
+}
+
+/// The matrix in parallel, a neo-Hookean one.
+fn matrix(mut table: Table<'_>) -> Option<FormulaCase> {
+    let constants = match model(&mut table, |model| model == Model::Formula(FormulaModel::NeoHookean))? {
+        Model::Formula(model) => elastic::constants(&mut table, model),
+        Model::FiberRve | Model::Later => None,
+    };
+    table.finish();
+    constants
+}

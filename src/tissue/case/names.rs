@@ -1,0 +1,68 @@
+//! The names in a case against those of its mesh.
+
+use crate::input::{InputError, InputErrors};
+
+use super::data::{Case, MaterialCase};
+use super::problems::{alternatives, nearest};
+
+/// The region that stands for all that is not named.
+const REST: &str = "*";
+
+impl Case {
+    /// The material of a region of the mesh: that of the `[[region]]` of its name, or else of `*`.
+    #[must_use]
+    pub fn material_of(&self, region: &str) -> Option<&MaterialCase> {
+        let named = |name: &str| self.regions.iter().find(|each| each.name == name);
+        named(region).or_else(|| named(REST)).map(|found| &found.material)
+    }
+
+    /// Checks the names in the case against the regions and surfaces of its mesh.
+    ///
+    /// # Errors
+    /// All names of the case that the mesh does not have, with their lines, and all regions of the mesh that have no
+    /// material.
+    pub fn check_names(&self, regions: &[String], surfaces: &[String]) -> Result<(), InputErrors> {
+        let mut errors = Vec::new();
+        let bodies = self.regions.iter().map(|each| (&each.name, each.line));
+        let forces = self.body_forces.iter().map(|each| (&each.region, each.line));
+        for (name, line) in bodies.chain(forces).filter(|(name, _)| *name != REST && !regions.contains(name)) {
+            errors.push(self.unknown("region", (name, line), regions, ("surface", surfaces)));
+        }
+        let loads = self.boundaries.iter().map(|each| (&each.surface, each.line));
+        for (name, line) in loads.filter(|(name, _)| !surfaces.contains(name)) {
+            errors.push(self.unknown("surface", (name, line), surfaces, ("region", regions)));
+        }
+        errors.sort_by_key(|error| error.line);
+        for region in regions.iter().filter(|region| self.material_of(region).is_none()) {
+            errors.push(InputError::in_file(
+                &self.file,
+                format!("region \"{region}\" of the mesh has no material"),
+                "a [[region]] for every region of the mesh, or one of name \"*\" for the rest",
+                format!("add [[region]] with name = \"{region}\" and its material"),
+            ));
+        }
+        if errors.is_empty() { Ok(()) } else { Err(InputErrors(errors)) }
+    }
+
+    fn unknown(
+        &self,
+        kind: &str,
+        (name, line): (&str, usize),
+        known: &[String],
+        (other_kind, others): (&str, &[String]),
+    ) -> InputError {
+        let known = || known.iter().map(String::as_str);
+        let expected = match known().next() {
+            Some(_) => format!("a {kind} of the mesh: {}", alternatives(known(), '"')),
+            None => format!("a {kind} of the mesh, which has none"),
+        };
+        let cure = match nearest(name, known()) {
+            Some(near) => format!("did you mean \"{near}\"?"),
+            None if others.iter().any(|other| other == name) => {
+                format!("\"{name}\" is a {other_kind} of the mesh: name a {kind}")
+            }
+            None => "choose one of these, or name it in the mesh as a physical group".into(),
+        };
+        InputError::at_line(&self.file, line, format!("the mesh has no {kind} \"{name}\""), expected, cure)
+    }
+}

@@ -1,0 +1,111 @@
+//! From paths and patterns to the network files of a library.
+
+use std::path::{Path, PathBuf};
+
+use super::problems::nearest;
+use super::value::Value;
+
+/// Files beside a network, never networks themselves.
+const COMPANIONS: [&str; 2] = ["params", "toml"];
+
+const EXPECTED: &str = "network files: paths or patterns with * ? [...], relative to the case file";
+
+/// The files that `networks` names, a string or a list of them: sorted, each once. `None` where something is wrong or
+/// missing, all of it reported.
+pub(super) fn resolve(networks: &Value<'_>, base: &Path) -> Option<Vec<PathBuf>> {
+    let patterns = if networks.inner.is_str() {
+        vec![networks.clone()]
+    } else {
+        networks.list(EXPECTED, "a path in quotes, or a list of them in brackets")?
+    };
+    if patterns.is_empty() {
+        networks.reject(EXPECTED, "name at least one network file");
+        return None;
+    }
+    let mut files = Vec::new();
+    let mut complete = true;
+    for pattern in &patterns {
+        match pattern.text(EXPECTED).and_then(|text| matches(pattern, text, base)) {
+            Some(found) => files.extend(found),
+            None => complete = false,
+        }
+    }
+    files.sort();
+    files.dedup();
+    complete.then_some(files)
+}
+
+/// The files of one path or pattern. A file of exactly that name counts before the name is read as a pattern.
+fn matches(value: &Value<'_>, text: &str, base: &Path) -> Option<Vec<PathBuf>> {
+    let literal = base.join(text);
+    if literal.is_file() {
+        return Some(vec![literal]);
+    }
+    if literal.is_dir() {
+        value.reject(EXPECTED, format!("this is a folder: write \"{}/*.txt\"", text.trim_end_matches('/')));
+        return None;
+    }
+    if !text.contains(['*', '?', '[']) {
+        value.reject("a file that exists", missing_file(&literal));
+        return None;
+    }
+    let whole = if Path::new(text).is_absolute() {
+        text.to_string()
+    } else {
+        Path::new(&glob::Pattern::escape(&base.to_string_lossy())).join(text).to_string_lossy().into_owned()
+    };
+    let paths = match glob::glob(&whole) {
+        Ok(paths) => paths,
+        Err(error) => {
+            value.reject(EXPECTED, format!("correct the pattern: {}", error.msg));
+            return None;
+        }
+    };
+    let mut companions = 0;
+    let mut found = Vec::new();
+    for path in paths.filter_map(Result::ok).filter(|path| path.is_file()) {
+        if path.extension().is_some_and(|extension| COMPANIONS.iter().any(|&companion| extension == companion)) {
+            companions += 1;
+        } else {
+            found.push(path);
+        }
+    }
+    if found.is_empty() {
+        value.reject("a pattern that matches network files", nothing_found(&literal, companions));
+        return None;
+    }
+    Some(found)
+}
+
+/// The cure for a pattern without matches, with the folder that was searched.
+fn nothing_found(pattern: &Path, companions: usize) -> String {
+    let folder: PathBuf = pattern
+        .parent()
+        .unwrap_or(pattern)
+        .components()
+        .take_while(|part| !part.as_os_str().to_string_lossy().contains(['*', '?', '[']))
+        .collect();
+    if !folder.is_dir() {
+        return format!("there is no folder {}: create it or correct the pattern", folder.display());
+    }
+    if companions > 0 {
+        return format!("only .params and .toml files match in {}: correct the pattern", folder.display());
+    }
+    format!("no file in {} matches: put networks there or correct the pattern", folder.display())
+}
+
+/// The cure for a file that is not there: the nearest name in its folder.
+pub(super) fn missing_file(file: &Path) -> String {
+    let (Some(folder), Some(name)) = (file.parent(), file.file_name().and_then(|name| name.to_str())) else {
+        return "name a file".into();
+    };
+    let Ok(entries) = std::fs::read_dir(folder) else {
+        return format!("there is no folder {}: create it or correct the path", folder.display());
+    };
+    let names: Vec<String> =
+        entries.filter_map(Result::ok).filter_map(|entry| entry.file_name().into_string().ok()).collect();
+    match nearest(name, names.iter().map(String::as_str)) {
+        Some(near) => format!("{} holds \"{near}\": did you mean that?", folder.display()),
+        None => format!("no such file in {}: put it there or correct the path", folder.display()),
+    }
+}

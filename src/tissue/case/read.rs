@@ -1,0 +1,118 @@
+//! Reading a case: the TOML document, then section by section.
+
+use std::path::{Path, PathBuf};
+
+use toml::de::DeTable;
+
+use crate::input::{InputError, InputErrors};
+
+use super::data::{Case, MaterialCase};
+use super::problems::Problems;
+use super::table::Table;
+use super::{load, material, section};
+
+/// A case that was read, with what should be said about it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CaseFile {
+    /// The case.
+    pub case: Case,
+    /// What is allowed but may surprise: a line of text each, with file and line.
+    pub warnings: Vec<String>,
+}
+
+impl Case {
+    /// Reads a case file.
+    ///
+    /// # Errors
+    /// Everything wrong in it, in the order of its lines; or the one reason why it could not be read at all.
+    pub fn read(path: &Path) -> Result<CaseFile, InputErrors> {
+        let bytes = std::fs::read(path).map_err(|error| InputError::unreadable(path, &error))?;
+        let text = String::from_utf8(bytes).map_err(|error| {
+            let good = error.utf8_error().valid_up_to();
+            let bytes = error.as_bytes();
+            let line = 1 + bytes.iter().take(good).filter(|&&byte| byte == b'\n').count();
+            let byte = bytes.get(good).copied().unwrap_or_default();
+            let what = format!("byte 0x{byte:02x} is not UTF-8 text");
+            InputError::at_line(path, line, what, "a TOML file in UTF-8", "save the file in UTF-8")
+        })?;
+        Self::parse(&text, path)
+    }
+
+    /// Reads a case from the text of a file at `path`. The file itself is not opened, but what it names is looked up
+    /// beside it.
+    ///
+    /// # Errors
+    /// As [`Case::read`].
+    pub fn parse(text: &str, path: &Path) -> Result<CaseFile, InputErrors> {
+        let problems = Problems::new(path, text);
+        let base = folder_of(path)?;
+        let document = DeTable::parse(text).map_err(|error| syntax_error(&problems, path, text, &error))?;
+        let mut root = Table::new(&problems, String::new(), 1, document.get_ref());
+        let case = read(&mut root, path, &base);
+        root.finish();
+        let warnings = problems.finish()?;
+        // Whatever keeps a part from being read was reported above.
+        let case = case.ok_or_else(|| InputErrors(Vec::new()))?;
+        Ok(CaseFile { case, warnings })
+    }
+}
+
+fn read(root: &mut Table<'_>, path: &Path, base: &Path) -> Option<Case> {
+    let title = root.take("title").and_then(|value| value.text("what the run is called"));
+    let mesh = section::mesh(root, base);
+    let regions = material::regions(root, base);
+    let boundaries = load::boundaries(root);
+    let points = load::points(root);
+    let body_forces = load::body_forces(root);
+    if let Some(constraint) = root.take("constraint") {
+        constraint.unavailable("[[constraint]]", "boundaries, points and body forces", "remove it");
+    }
+    let steps = section::steps(root);
+    let newton = section::newton(root);
+    let micro = section::micro(root);
+    let scales = section::scales(root);
+    let any_network = regions.iter().any(|region| matches!(region.material, MaterialCase::FiberRve(_)));
+    let output = section::output(root, base, any_network);
+    let (mesh, mesh_scale) = mesh?;
+    let stem = || path.file_stem().map_or_else(|| "case".into(), |stem| stem.to_string_lossy().into_owned());
+    Some(Case {
+        file: path.into(),
+        title: title.map_or_else(stem, str::to_string),
+        mesh,
+        mesh_scale,
+        regions,
+        boundaries,
+        points,
+        body_forces,
+        steps,
+        newton,
+        micro,
+        scales,
+        output,
+    })
+}
+
+/// The absolute folder of the case file.
+fn folder_of(path: &Path) -> Result<PathBuf, InputError> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    if folder.as_os_str().is_empty() {
+        return std::env::current_dir().map_err(|error| InputError::unreadable(path, &error));
+    }
+    std::path::absolute(folder).map_err(|error| InputError::unreadable(path, &error))
+}
+
+/// What TOML itself objects to, with the text of the line.
+fn syntax_error(problems: &Problems<'_>, path: &Path, text: &str, error: &toml::de::Error) -> InputError {
+    let line = problems.line_of(error.span().map_or(0, |span| span.start));
+    let content = text.lines().nth(line - 1).unwrap_or_default().trim();
+    let what = format!("not TOML: {} in `{content}`", error.message());
+    let (expected, cure) = if error.message().starts_with("duplicate key") {
+        (
+            "each key once in its table, each [header] once in the file",
+            "remove one of the two, or write [[header]] for a list",
+        )
+    } else {
+        ("TOML: `key = value`, [header] or [[header]]; strings in quotes", "correct the line; see https://toml.io")
+    };
+    InputError::at_line(path, line, what, expected, cure)
+}

@@ -1,0 +1,168 @@
+//! The mesh and the sections that say how to run: steps, newton, micro, scales, output.
+
+use std::path::Path;
+
+use super::data::{MeshSource, MicroCase, NewtonCase, OutputCase, RveOutput, ScalesCase, StepStart, StepsCase};
+use super::networks::missing_file;
+use super::range::Range;
+use super::table::Table;
+use super::value::Value;
+
+/// Meshes number nodes and elements by 32 bits.
+const MOST_ELEMENTS: usize = u32::MAX as usize;
+const TOLERANCE: Range = Range::between(0.0, 1.0);
+
+/// The source of the mesh and the metres of its unit.
+pub(super) fn mesh(root: &mut Table<'_>, base: &Path) -> Option<(MeshSource, f64)> {
+    let mut table = root.required_table("mesh", "a section [mesh] with `file` or `generate`")?;
+    let scale = table.number("scale", Range::above(0.0, "m for a mesh unit")).unwrap_or(1.0);
+    let source = match table.exactly_one(&["file", "generate"]) {
+        Some((0, file)) => mesh_file(&file, base),
+        Some((_, generate)) => generate.table().and_then(generated),
+        None => None,
+    };
+    table.finish();
+    Some((source?, scale))
+}
+
+fn mesh_file(value: &Value<'_>, base: &Path) -> Option<MeshSource> {
+    let expected = "a Gmsh .msh file that exists; a path is relative to the case file";
+    let file = base.join(value.text(expected)?);
+    if file.is_file() {
+        return Some(MeshSource::File(file));
+    }
+    let cure = if file.is_dir() { "this is a folder: name a file in it".into() } else { missing_file(&file) };
+    value.reject(expected, cure);
+    None
+}
+
+#[derive(Clone, Copy)]
+enum Shape {
+    Box,
+    Dogbone,
+}
+
+fn generated(mut table: Table<'_>) -> Option<MeshSource> {
+    let shapes = [("box", Shape::Box), ("dogbone", Shape::Dogbone)];
+    let source = match table.require("shape", "\"box\" or \"dogbone\"")?.choice(&shapes)? {
+        Shape::Box => {
+            let cells = table.require("cells", "three whole numbers above 0: along x, y, z").and_then(|v| cells_of(&v));
+            let size = table
+                .require("size", "three numbers above 0, in mesh units: x, y, z")
+                .and_then(|value| value.vector(Range::above(0.0, "mesh units")));
+            cells.zip(size).map(|(cells, size)| MeshSource::Box { cells, size })
+        }
+        Shape::Dogbone => table
+            .required_number("element_size", Range::above(0.0, "mesh units"))
+            .map(|element_size| MeshSource::Dogbone { element_size }),
+    };
+    table.finish();
+    source
+}
+
+/// Cells of a box; each becomes six elements.
+fn cells_of(value: &Value<'_>) -> Option<[usize; 3]> {
+    let cells = value.whole_vector(&(1..=1_000_000))?;
+    let elements = cells.iter().try_fold(6_usize, |product, &count| product.checked_mul(count));
+    if elements.is_none_or(|elements| elements > MOST_ELEMENTS) {
+        let what = format!("`{}` asks for 6 * {} * {} * {} elements", value.path, cells[0], cells[1], cells[2]);
+        value.problems.report(value.line, what, format!("at most {MOST_ELEMENTS} elements"), "choose fewer cells");
+        return None;
+    }
+    Some(cells)
+}
+
+/// Load steps.
+pub(super) fn steps(root: &mut Table<'_>) -> StepsCase {
+    let default = StepsCase::default();
+    let Some(mut table) = root.table("steps") else { return default };
+    let steps = StepsCase {
+        count: table.whole("count", 1..=1_000_000).unwrap_or(default.count),
+        max_cuts: table.whole("max_cuts", 0..=30).unwrap_or(default.max_cuts),
+    };
+    table.finish();
+    steps
+}
+
+/// Newton at the engineering scale.
+pub(super) fn newton(root: &mut Table<'_>) -> NewtonCase {
+    let default = NewtonCase::default();
+    let Some(mut table) = root.table("newton") else { return default };
+    let starts = [("held", StepStart::Held), ("tangent", StepStart::Tangent)];
+    let newton = NewtonCase {
+        tolerance: table.number("tolerance", TOLERANCE).unwrap_or(default.tolerance),
+        max_iterations: table.whole("max_iterations", 1..=10_000).unwrap_or(default.max_iterations),
+        line_search: table.take("line_search").and_then(|value| value.boolean()).unwrap_or(default.line_search),
+        start: table.choice("start", &starts).unwrap_or(default.start),
+    };
+    table.finish();
+    newton
+}
+
+/// Newton at the micro scale.
+pub(super) fn micro(root: &mut Table<'_>) -> MicroCase {
+    let default = MicroCase::default();
+    let Some(mut table) = root.table("micro") else { return default };
+    let micro = MicroCase {
+        tolerance: table.number("tolerance", TOLERANCE).unwrap_or(default.tolerance),
+        max_iterations: table.whole("max_iterations", 1..=10_000).unwrap_or(default.max_iterations),
+        max_cuts: table.whole("max_cuts", 0..=30).unwrap_or(default.max_cuts),
+    };
+    table.finish();
+    micro
+}
+
+/// Ranks; more than one process draws a warning, as this build has no way to start them.
+pub(super) fn scales(root: &mut Table<'_>) -> ScalesCase {
+    let default = ScalesCase::default();
+    let Some(mut table) = root.table("scales") else { return default };
+    let scales = ScalesCase {
+        macro_ranks: table.whole("macro", 1..=1_000_000).unwrap_or(default.macro_ranks),
+        micro_ranks: table.whole("micro", 0..=1_000_000).unwrap_or(default.micro_ranks),
+    };
+    let ranks = scales.macro_ranks + scales.micro_ranks;
+    if ranks > 1 {
+        table.problems.warn(
+            table.line,
+            &format!("[scales] asks for {ranks} processes; this build runs both scales in one, with the same results"),
+        );
+    }
+    table.finish();
+    scales
+}
+
+/// What is written where; networks asked for where no region has any draw a warning.
+pub(super) fn output(root: &mut Table<'_>, base: &Path, any_network: bool) -> OutputCase {
+    let default = OutputCase { directory: base.join("results"), every: 1, rve: RveOutput::None };
+    let Some(mut table) = root.table("output") else { return default };
+    let directory = table.take("directory").and_then(|value| value.text("a folder, relative to the case file"));
+    let output = OutputCase {
+        directory: directory.map_or(default.directory, |directory| base.join(directory)),
+        every: table.whole("every", 1..=1_000_000).unwrap_or(default.every),
+        rve: table.take("rve").and_then(|value| rve_output(&value)).unwrap_or(default.rve),
+    };
+    if output.rve != RveOutput::None && !any_network {
+        table.problems.warn(table.line, "`output.rve` has no effect: no region has the model \"fiber-rve\"");
+    }
+    table.finish();
+    output
+}
+
+fn rve_output(value: &Value<'_>) -> Option<RveOutput> {
+    const EXPECTED: &str = "\"none\", \"all\", or a list of element ids, such as [0, 17]";
+    if value.inner.is_str() {
+        return value
+            .choice(&[("none", false), ("all", true)])
+            .map(|all| if all { RveOutput::All } else { RveOutput::None });
+    }
+    let elements = value.list(EXPECTED, "\"none\", \"all\" or such as [0, 17]")?;
+    if elements.is_empty() {
+        value.reject(EXPECTED, "write \"none\" or name elements");
+        return None;
+    }
+    let read: Vec<Option<usize>> = elements.iter().map(|element| element.whole(&(0..=MOST_ELEMENTS))).collect();
+    let mut ids = read.into_iter().collect::<Option<Vec<usize>>>()?;
+    ids.sort_unstable();
+    ids.dedup();
+    Some(RveOutput::Elements(ids))
+}

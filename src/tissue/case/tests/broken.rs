@@ -1,0 +1,1 @@
+//! Broken files and the exact words a user gets.

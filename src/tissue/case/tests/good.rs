@@ -1,0 +1,152 @@
+//! What a good case becomes.
+
+use super::super::*;
+use super::{FULL, Folder, SMALL};
+use crate::fiber::law::{FiberMaterial, Law};
+
+#[test]
+fn every_entry_arrives() {
+    let folder = Folder::new();
+    let CaseFile { case, warnings } = folder.parse(FULL).unwrap();
+    assert_eq!(case.title, "Dogbone in tension");
+    assert_eq!(case.mesh, MeshSource::File(folder.path().join("sample.msh")));
+    assert_eq!(case.mesh_scale, 0.001);
+    let lines: Vec<_> = case.regions.iter().map(|region| (region.name.as_str(), region.line)).collect();
+    assert_eq!(lines, [("gauge", 7), ("*", 18)]);
+    let MaterialCase::FiberRve(rve) = &case.regions[0].material else { panic!("not a fiber RVE") };
+    let networks = ["networks/a.txt", "networks/b.txt"].map(|name| folder.path().join(name));
+    assert_eq!(rve.networks, networks);
+    assert_eq!((rve.choose, rve.seed, rve.scale), (Choose::Cycle, 7, ScaleCase::FiberVolumeFraction(0.003)));
+    let law = Law::ExponentialStretch { youngs_modulus: 1.0e8, nonlinearity: 1.2, transition: 1.4 };
+    assert_eq!(rve.law, Some(FiberMaterial { law, radius: 5.0e-8, density: None }));
+    let matrix = rve.matrix.unwrap();
+    assert_eq!((matrix.model, matrix.shear_modulus, matrix.lame_lambda), (FormulaModel::NeoHookean, 100.0, 150.0));
+
+    let table = CurveCase::Table(vec![[0.0, 0.0], [0.5, 1.0], [1.0, 0.25]]);
+    let boundary = |surface: &str, line, load, curve| BoundaryCase { surface: surface.into(), line, load, curve };
+    assert_eq!(
+        case.boundaries,
+        [
+            boundary("left", 22, LoadCase::Displacement([Some(0.0); 3]), CurveCase::Ramp),
+            boundary("right", 25, LoadCase::Traction([4.0e4, 0.0, 0.0]), table),
+            boundary("right", 29, LoadCase::Displacement([None, Some(0.0), None]), CurveCase::Ramp),
+        ]
+    );
+    assert_eq!(case.points[0].place, PointPlace::At([0.0, 0.0, 0.5]));
+    assert_eq!(case.points[0].displacement, [None, None, Some(-1e-3)]);
+    assert_eq!((case.points[1].place, case.points[1].line), (PointPlace::Node(12), 36));
+    assert_eq!((case.body_forces[0].region.as_str(), case.body_forces[0].value), ("gauge", [0.0, 0.0, -9810.0]));
+    assert_eq!(case.steps, StepsCase { count: 20, max_cuts: 4 });
+    let newton = NewtonCase { tolerance: 1e-9, max_iterations: 30, line_search: false, start: StepStart::Tangent };
+    assert_eq!(case.newton, newton);
+    assert_eq!(case.micro, MicroCase { tolerance: 1e-11, max_iterations: 60, max_cuts: 5 });
+    assert_eq!(case.scales, ScalesCase { macro_ranks: 1, micro_ranks: 3 });
+    assert_eq!(case.output.directory, folder.path().join("out/pull"));
+    assert_eq!((case.output.every, case.output.rve), (5, RveOutput::Elements(vec![0, 17])));
+
+    let place = folder.case();
+    let said = "[scales] asks for 4 processes; this build runs both scales in one, with the same results";
+    assert_eq!(warnings, [format!("{}:60: {said}", place.display())]);
+}
+
+#[test]
+fn defaults_fill_in() {
+    let folder = Folder::new();
+    let CaseFile { case, warnings } = folder.parse(SMALL).unwrap();
+    assert!(warnings.is_empty());
+    assert_eq!((case.title.as_str(), case.mesh_scale), ("pull", 1.0));
+    assert_eq!(case.mesh, MeshSource::Dogbone { element_size: 0.002 });
+    assert_eq!(case.steps, StepsCase { count: 10, max_cuts: 6 });
+    let newton = NewtonCase { tolerance: 1e-8, max_iterations: 25, line_search: true, start: StepStart::Held };
+    assert_eq!(case.newton, newton);
+    assert_eq!(case.micro, MicroCase { tolerance: 1e-10, max_iterations: 50, max_cuts: 6 });
+    assert_eq!(case.scales, ScalesCase { macro_ranks: 1, micro_ranks: 0 });
+    let directory = folder.path().join("results");
+    assert_eq!(case.output, OutputCase { directory, every: 1, rve: RveOutput::None });
+}
+
+#[test]
+fn output_of_networks_without_any_is_remarked() {
+    let folder = Folder::new();
+    let warnings = folder.parse(&format!("{SMALL}[output]\nrve = \"all\"\n")).unwrap().warnings;
+    let said = "`output.rve` has no effect: no region has the model \"fiber-rve\"";
+    assert_eq!(warnings, [format!("{}:6: {said}", folder.case().display())]);
+}
+
+#[test]
+fn networks_are_found_sorted_and_each_once() {
+    let folder = Folder::new();
+    let odd = folder.path().join("networks/odd [1]*.txt");
+    std::fs::write(&odd, "").unwrap();
+    let [a, b] = ["networks/a.txt", "networks/b.txt"].map(|name| folder.path().join(name));
+    let absolute = format!("\"{}/networks/?.txt\"", folder.path().display());
+    for (networks, expected) in [
+        ("\"networks/b.txt\"", vec![&b]),
+        ("[\"networks/b.txt\", \"networks/*.txt\"]", vec![&a, &b, &odd]),
+        ("[\"networks/[ab].*\", \"networks/a.txt\"]", vec![&a, &b]),
+        ("\"networks/odd [1]*.txt\"", vec![&odd]),
+        ("\"**/a.txt\"", vec![&a]),
+        (&absolute, vec![&a, &b]),
+    ] {
+        let text = SMALL.replace(
+            "model = \"neo-hookean\", shear_modulus = 1.0e5, lame_lambda = 2.0e5",
+            &format!("model = \"fiber-rve\", scale = \"raw\", networks = {networks}"),
+        );
+        let case = folder.parse(&text).unwrap_or_else(|errors| panic!("{errors}")).case;
+        let MaterialCase::FiberRve(rve) = &case.regions[0].material else { panic!("not a fiber RVE") };
+        assert_eq!(rve.networks.iter().collect::<Vec<_>>(), expected, "{networks}");
+        assert_eq!((rve.choose, rve.seed, rve.scale, rve.law), (Choose::Random, 1, ScaleCase::Raw, None));
+    }
+}
+
+#[test]
+fn folder_with_pattern_characters_in_its_name_is_taken_as_it_is() {
+    let folder = Folder::new();
+    let odd = folder.path().join("odd [x] folder");
+    std::fs::create_dir(&odd).unwrap();
+    std::fs::write(odd.join("n.txt"), "").unwrap();
+    let text = SMALL.replace(
+        "model = \"neo-hookean\", shear_modulus = 1.0e5, lame_lambda = 2.0e5",
+        "model = \"fiber-rve\", scale = \"raw\", networks = \"*.txt\"",
+    );
+    let case = Case::parse(&text, &odd.join("case.toml")).unwrap().case;
+    let MaterialCase::FiberRve(rve) = &case.regions[0].material else { panic!("not a fiber RVE") };
+    assert_eq!(rve.networks, [odd.join("n.txt")]);
+}
+
+/// `mu` and `lambda` of a material with the given entries.
+fn constants(entries: &str) -> (f64, f64) {
+    let text = SMALL.replace("shear_modulus = 1.0e5, lame_lambda = 2.0e5", entries);
+    match Folder::new().parse(&text).unwrap().case.regions[0].material {
+        MaterialCase::Formula(formula) => (formula.shear_modulus, formula.lame_lambda),
+        MaterialCase::FiberRve(_) => panic!("not a formula"),
+    }
+}
+
+#[test]
+fn any_two_elastic_constants_give_the_same_material() {
+    // E = 2.5 and nu = 0.25 make mu = lambda = 1; E = 0.9, nu = -0.25 make mu = 0.6, lambda = -0.2.
+    for (e, nu, mu, lambda) in [(2.5, 0.25, 1.0, 1.0), (0.9, -0.25, 0.6, -0.2), (2.999, 0.4995, 1.0, 999.0)] {
+        let e = format!("youngs_modulus = {e}");
+        let nu = format!("poisson_ratio = {nu}");
+        let g = format!("shear_modulus = {mu}");
+        let l = format!("lame_lambda = {lambda}");
+        for pair in [[&e, &nu], [&e, &g], [&e, &l], [&nu, &g], [&nu, &l], [&g, &l]] {
+            let (mu_found, lambda_found) = constants(&format!("{}, {}", pair[0], pair[1]));
+            assert!((mu_found - mu).abs() < 1e-10 * mu, "{pair:?}: mu = {mu_found}");
+            assert!((lambda_found - lambda).abs() < 1e-9 * lambda.abs(), "{pair:?}: lambda = {lambda_found}");
+        }
+    }
+}
+
+#[test]
+fn file_is_read_from_disk() {
+    let folder = Folder::new();
+    std::fs::write(folder.case(), FULL).unwrap();
+    assert_eq!(Case::read(&folder.case()), folder.parse(FULL));
+    let text = Case::read(&folder.path().join("absent.toml")).unwrap_err().to_string();
+    assert!(text.contains("absent.toml: cannot be read"), "{text}");
+    std::fs::write(folder.case(), b"title = \"a\"\n# \xff\n").unwrap();
+    let text = Case::read(&folder.case()).unwrap_err().to_string();
+    assert!(text.contains("pull.toml:2: byte 0xff is not UTF-8 text"), "{text}");
+}

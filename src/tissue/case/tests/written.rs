@@ -1,0 +1,60 @@
+//! A case written back and read again.
+
+use super::super::*;
+use super::{FULL, Folder, SMALL};
+
+/// The case without the file it came from and without lines.
+fn placeless(mut case: Case) -> Case {
+    case.file.clear();
+    case.regions.iter_mut().for_each(|each| each.line = 0);
+    case.boundaries.iter_mut().for_each(|each| each.line = 0);
+    case.points.iter_mut().for_each(|each| each.line = 0);
+    case.body_forces.iter_mut().for_each(|each| each.line = 0);
+    case
+}
+
+#[test]
+fn written_case_reads_the_same_from_another_folder() {
+    let folder = Folder::new();
+    let elsewhere = tempfile::tempdir().unwrap();
+    let law = |text: &str| {
+        let start = FULL.find("law = ").unwrap();
+        let end = start + FULL[start..].find('\n').unwrap();
+        format!("{}{text}{}", &FULL[..start], &FULL[end..])
+    };
+    let boxed = r#"generate = { shape = "box", cells = [4, 1, 2], size = [0.1, 1, 1e-3] }"#;
+    let cases = [
+        FULL.to_string(),
+        SMALL.to_string(),
+        law(""),
+        law(r#"law = { name = "linear", youngs_modulus = 0.1, radius = 3e-310 }"#),
+        law(r#"law = { name = "exponential", youngs_modulus = 1e300, radius = 0.3, nonlinearity = 0.1 }"#),
+        FULL.replace("fiber_volume_fraction = 0.003", "scale = \"raw\"").replace("[17, 0, 17]", "\"all\""),
+        FULL.replace("file = \"sample.msh\"", boxed).replace("\"cycle\"", "\"random\""),
+        FULL.replace("\"Dogbone in tension\"", r#""a \"b\" \\ \n \u0001 é ' '''""#),
+        FULL.replace("seed = 7", "seed = 9223372036854775807").replace("every = 5", "every = 0x10"),
+    ];
+    for text in &cases {
+        let case = folder.parse(text).unwrap_or_else(|errors| panic!("{errors}\n{text}")).case;
+        let written = case.to_toml();
+        let again = Case::parse(&written, &elsewhere.path().join("case.toml"));
+        let again = again.unwrap_or_else(|errors| panic!("{errors}\n{written}")).case;
+        assert_eq!(again.to_toml(), written);
+        assert_eq!(placeless(again), placeless(case), "{written}");
+    }
+}
+
+#[test]
+fn written_case_holds_the_defaults() {
+    let written = Folder::new().parse(SMALL).unwrap().case.to_toml();
+    for line in [
+        "title = \"pull\"",
+        "count = 10",
+        "tolerance = 1e-8",
+        "line_search = true",
+        "start = \"held\"",
+        "rve = \"none\"",
+    ] {
+        assert!(written.lines().any(|written| written == line), "{line} is not in\n{written}");
+    }
+}

@@ -1,0 +1,223 @@
+//! One value of a case file, read as what it should be or reported with its line.
+
+use std::fmt::Display;
+use std::ops::RangeInclusive;
+
+use toml::de::{DeInteger, DeTable, DeValue};
+
+use super::problems::{Problems, alternatives, nearest};
+use super::range::Range;
+use super::table::Table;
+
+/// A value with its place. Every reader gives `None` when it has reported an error.
+#[derive(Clone)]
+pub(super) struct Value<'d> {
+    pub(super) problems: &'d Problems<'d>,
+    /// The key with the tables above it, such as `region.material.law`.
+    pub(super) path: String,
+    pub(super) line: usize,
+    pub(super) inner: &'d DeValue<'d>,
+}
+
+impl<'d> Value<'d> {
+    /// Reports this value with what it is.
+    pub(super) fn reject(&self, expected: impl Into<String>, cure: impl Into<String>) {
+        self.problems.report(self.line, format!("`{}` is {}", self.path, shown(self.inner)), expected, cure);
+    }
+
+    /// Reports a key of a later version of the program.
+    pub(super) fn unavailable(&self, what: &str, instead: &str, cure: &str) {
+        self.problems.report(self.line, format!("{what} is not available in this version"), instead, cure);
+    }
+
+    /// Reports a value of the wrong type, with a cure for quotes that should not be there.
+    fn wrong_type(&self, expected: impl Into<String>, form: &str) {
+        let cure = match self.inner {
+            DeValue::String(text) if text.trim().parse::<f64>().is_ok() && form.contains("number") => {
+                "remove the quotes".to_string()
+            }
+            _ => format!("write {form}"),
+        };
+        self.reject(expected, cure);
+    }
+
+    /// A finite number in a range; whole numbers count.
+    pub(super) fn number(&self, range: Range) -> Option<f64> {
+        let expected = format!("a number{}", range.describe());
+        let value = match self.inner {
+            DeValue::Float(float) => float.as_str().parse().unwrap_or(f64::NAN),
+            #[expect(
+                clippy::cast_precision_loss,
+                reason = "a whole number of 17 digits is rounded as its decimal would be"
+            )]
+            DeValue::Integer(whole) => integer(whole).map_or(f64::NAN, |whole| whole as f64),
+            _ => {
+                self.wrong_type(expected, "a number");
+                return None;
+            }
+        };
+        if range.contains(value) {
+            return Some(value);
+        }
+        self.reject(expected, "choose a value in that range");
+        None
+    }
+
+    /// A whole number in a range.
+    pub(super) fn whole<T: TryFrom<i128> + PartialOrd + Display>(&self, range: &RangeInclusive<T>) -> Option<T> {
+        let expected = format!("a whole number from {} to {}", range.start(), range.end());
+        match self.inner {
+            DeValue::Integer(whole) => {
+                let value =
+                    integer(whole).and_then(|whole| T::try_from(whole).ok()).filter(|value| range.contains(value));
+                if value.is_none() {
+                    self.reject(expected, "choose a value in that range");
+                }
+                value
+            }
+            DeValue::Float(float) if float.as_str().parse::<f64>().is_ok_and(|value| value.fract() == 0.0) => {
+                self.reject(expected, "write it without decimal point and exponent");
+                None
+            }
+            _ => {
+                self.wrong_type(expected, "a whole number");
+                None
+            }
+        }
+    }
+
+    pub(super) fn boolean(&self) -> Option<bool> {
+        if let DeValue::Boolean(value) = self.inner {
+            return Some(*value);
+        }
+        self.wrong_type("true or false", "true or false, without quotes");
+        None
+    }
+
+    /// A string that is not empty.
+    pub(super) fn text(&self, expected: &str) -> Option<&'d str> {
+        match self.inner {
+            DeValue::String(text) if !text.trim().is_empty() => return Some(text),
+            DeValue::String(_) => self.reject(expected, "write something between the quotes, or remove the key"),
+            _ => self.wrong_type(expected, "a string in quotes"),
+        }
+        None
+    }
+
+    /// One of some words.
+    pub(super) fn choice<T: Copy>(&self, words: &[(&'static str, T)]) -> Option<T> {
+        let names = || words.iter().map(|&(name, _)| name);
+        let expected = alternatives(names(), '"');
+        let DeValue::String(text) = self.inner else {
+            self.wrong_type(&*expected, "a string in quotes");
+            return None;
+        };
+        let found = words.iter().find(|(name, _)| name == text).map(|&(_, meaning)| meaning);
+        if found.is_none() {
+            self.reject(&*expected, did_you_mean(text, names()));
+        }
+        found
+    }
+
+    /// The elements of a list.
+    pub(super) fn list(&self, expected: &str, form: &str) -> Option<Vec<Self>> {
+        let DeValue::Array(elements) = self.inner else {
+            self.wrong_type(expected, form);
+            return None;
+        };
+        Some(elements.iter().map(|element| self.element(element)).collect())
+    }
+
+    fn element(&self, element: &'d toml::Spanned<DeValue<'d>>) -> Self {
+        Self {
+            problems: self.problems,
+            path: self.path.clone(),
+            line: self.problems.line_of(element.span().start),
+            inner: element.get_ref(),
+        }
+    }
+
+    /// The elements of a list of exactly `N`; `expected` says all of it.
+    fn exactly<const N: usize>(&self, expected: &str, form: &str) -> Option<[Self; N]> {
+        let elements = self.list(expected, form)?;
+        let count = elements.len();
+        let exact = <[Self; N]>::try_from(elements).ok();
+        if exact.is_none() {
+            let counted = format!("`{}` has {count} value{}", self.path, if count == 1 { "" } else { "s" });
+            self.problems.report(self.line, counted, expected, format!("write {form}"));
+        }
+        exact
+    }
+
+    /// Three numbers, x, y, z.
+    pub(super) fn vector(&self, range: Range) -> Option<[f64; 3]> {
+        let expected = format!("three numbers{}: x, y, z", range.describe());
+        let components = self.exactly::<3>(&expected, "three numbers in brackets, such as [0.0, 0.0, 1.0]")?;
+        let [x, y, z] = components.map(|component| component.number(range));
+        Some([x?, y?, z?])
+    }
+
+    /// Three whole numbers, along x, y, z.
+    pub(super) fn whole_vector(&self, range: &RangeInclusive<usize>) -> Option<[usize; 3]> {
+        let expected = format!("three whole numbers from {} to {}: along x, y, z", range.start(), range.end());
+        let components = self.exactly::<3>(&expected, "three whole numbers in brackets, such as [4, 4, 4]")?;
+        let [x, y, z] = components.map(|component| component.whole(range));
+        Some([x?, y?, z?])
+    }
+
+    /// Two numbers, each in its range.
+    pub(super) fn pair(&self, ranges: [Range; 2], expected: &str) -> Option<[f64; 2]> {
+        let [first, second] = self.exactly::<2>(expected, "two numbers in brackets, such as [0.5, 1.0]")?;
+        let (first, second) = (first.number(ranges[0]), second.number(ranges[1]));
+        Some([first?, second?])
+    }
+
+    /// The table that this is.
+    pub(super) fn table(&self) -> Option<Table<'d>> {
+        let DeValue::Table(entries) = self.inner else {
+            let name = self.path.rsplit('.').next().unwrap_or_default();
+            let is_list_of_tables =
+                matches!(self.inner, DeValue::Array(list) if list.iter().all(|v| v.get_ref().is_table()));
+            let cure = if is_list_of_tables && !self.path.contains('.') {
+                format!("write [{name}] instead of [[{name}]], and only once")
+            } else {
+                format!("write {name} = {{ ... }} with its keys in the braces")
+            };
+            self.reject("a table", cure);
+            return None;
+        };
+        Some(self.table_of(entries))
+    }
+
+    fn table_of(&self, entries: &'d DeTable<'d>) -> Table<'d> {
+        Table::new(self.problems, self.path.clone(), self.line, entries)
+    }
+}
+
+/// What is offered for a word that is not known.
+pub(super) fn did_you_mean<'k>(word: &str, known: impl IntoIterator<Item = &'k str>) -> String {
+    match nearest(word, known) {
+        Some(near) => format!("did you mean \"{near}\"?"),
+        None => "choose one of these".into(),
+    }
+}
+
+fn integer(whole: &DeInteger<'_>) -> Option<i128> {
+    i128::from_str_radix(whole.as_str(), whole.radix()).ok()
+}
+
+/// A value as an error shows it: numbers and short strings as they stand, longer things by their kind.
+pub(super) fn shown(value: &DeValue<'_>) -> String {
+    const LONGEST: usize = 60;
+    match value {
+        DeValue::String(text) if text.chars().count() <= LONGEST => format!("the string {text:?}"),
+        DeValue::String(text) => format!("the string {:?}...", text.chars().take(LONGEST).collect::<String>()),
+        DeValue::Integer(whole) => whole.to_string(),
+        DeValue::Float(float) => float.to_string(),
+        DeValue::Boolean(boolean) => boolean.to_string(),
+        DeValue::Datetime(date) => format!("the date {date}"),
+        DeValue::Array(list) if list.is_empty() => "an empty list".into(),
+        DeValue::Array(_) => "a list".into(),
+        DeValue::Table(_) => "a table".into(),
+    }
+}

@@ -1,0 +1,173 @@
+//! A case written back as TOML, with everything that defaults filled in.
+
+use std::fmt::{self, Write};
+use std::path::Path;
+
+use crate::fiber::law::{FiberMaterial, Law};
+
+use super::data::{
+    Case, Choose, CurveCase, FiberRveCase, FormulaCase, FormulaModel, LoadCase, MaterialCase, MeshSource, PointPlace,
+    RveOutput, ScaleCase, StepStart,
+};
+
+impl Case {
+    /// The case as run: all defaults filled in, elastic constants reduced, networks listed, paths absolute, so that it can
+    /// be read again from any folder. Reading it gives an equal case but for the file and the lines (a path that is not
+    /// Unicode, which no case file can hold, is written with replacement characters).
+    #[must_use]
+    pub fn to_toml(&self) -> String {
+        let mut text = String::new();
+        // Writing to a string cannot fail.
+        let _ = self.write(&mut text);
+        text
+    }
+
+    fn write(&self, out: &mut String) -> fmt::Result {
+        writeln!(out, "# The case as run by biotissue {}, defaults filled in.", env!("CARGO_PKG_VERSION"))?;
+        writeln!(out, "title = {}", quoted(&self.title))?;
+        self.write_mesh(out)?;
+        for region in &self.regions {
+            writeln!(out, "\n[[region]]\nname = {}\n[region.material]", quoted(&region.name))?;
+            match &region.material {
+                MaterialCase::Formula(formula) => {
+                    for entry in formula_entries(formula) {
+                        writeln!(out, "{entry}")?;
+                    }
+                }
+                MaterialCase::FiberRve(rve) => write_fiber_rve(out, rve)?,
+            }
+        }
+        self.write_loads(out)?;
+        self.write_sections(out)
+    }
+
+    fn write_mesh(&self, out: &mut String) -> fmt::Result {
+        writeln!(out, "\n[mesh]")?;
+        match &self.mesh {
+            MeshSource::File(file) => writeln!(out, "file = {}", path(file))?,
+            MeshSource::Box { cells, size } => {
+                writeln!(out, "generate = {{ shape = \"box\", cells = {cells:?}, size = {size:?} }}")?;
+            }
+            MeshSource::Dogbone { element_size } => {
+                writeln!(out, "generate = {{ shape = \"dogbone\", element_size = {element_size:?} }}")?;
+            }
+        }
+        writeln!(out, "scale = {:?}", self.mesh_scale)
+    }
+
+    fn write_loads(&self, out: &mut String) -> fmt::Result {
+        for boundary in &self.boundaries {
+            writeln!(out, "\n[[boundary]]\nsurface = {}", quoted(&boundary.surface))?;
+            match &boundary.load {
+                LoadCase::Displacement(components) => writeln!(out, "displacement = {}", displacement(components))?,
+                LoadCase::Traction(traction) => writeln!(out, "traction = {traction:?}")?,
+            }
+            writeln!(out, "curve = {}", curve(&boundary.curve))?;
+        }
+        for point in &self.points {
+            match &point.place {
+                PointPlace::At(at) => writeln!(out, "\n[[point]]\nat = {at:?}")?,
+                PointPlace::Node(node) => writeln!(out, "\n[[point]]\nnode = {node}")?,
+            }
+            writeln!(out, "displacement = {}\ncurve = {}", displacement(&point.displacement), curve(&point.curve))?;
+        }
+        for force in &self.body_forces {
+            writeln!(out, "\n[[body_force]]\nregion = {}\nvalue = {:?}", quoted(&force.region), force.value)?;
+            writeln!(out, "curve = {}", curve(&force.curve))?;
+        }
+        Ok(())
+    }
+
+    fn write_sections(&self, out: &mut String) -> fmt::Result {
+        let Self { steps, newton, micro, scales, output, .. } = self;
+        writeln!(out, "\n[steps]\ncount = {}\nmax_cuts = {}", steps.count, steps.max_cuts)?;
+        let start = match newton.start {
+            StepStart::Held => "held",
+            StepStart::Tangent => "tangent",
+        };
+        writeln!(out, "\n[newton]\ntolerance = {:?}\nmax_iterations = {}", newton.tolerance, newton.max_iterations)?;
+        writeln!(out, "line_search = {}\nstart = \"{start}\"", newton.line_search)?;
+        writeln!(out, "\n[micro]\ntolerance = {:?}\nmax_iterations = {}", micro.tolerance, micro.max_iterations)?;
+        writeln!(out, "max_cuts = {}", micro.max_cuts)?;
+        writeln!(out, "\n[scales]\nmacro = {}\nmicro = {}", scales.macro_ranks, scales.micro_ranks)?;
+        let rve = match &output.rve {
+            RveOutput::None => "\"none\"".into(),
+            RveOutput::All => "\"all\"".into(),
+            RveOutput::Elements(ids) => format!("{ids:?}"),
+        };
+        writeln!(out, "\n[output]\ndirectory = {}\nevery = {}\nrve = {rve}", path(&output.directory), output.every)
+    }
+}
+
+fn write_fiber_rve(out: &mut String, rve: &FiberRveCase) -> fmt::Result {
+    writeln!(out, "model = \"fiber-rve\"\nnetworks = [")?;
+    for network in &rve.networks {
+        writeln!(out, "    {},", path(network))?;
+    }
+    let choose = match rve.choose {
+        Choose::Random => "random",
+        Choose::Cycle => "cycle",
+    };
+    writeln!(out, "]\nchoose = \"{choose}\"\nseed = {}", rve.seed)?;
+    match rve.scale {
+        ScaleCase::Raw => writeln!(out, "scale = \"raw\"")?,
+        ScaleCase::FiberVolumeFraction(fraction) => writeln!(out, "fiber_volume_fraction = {fraction:?}")?,
+    }
+    if let Some(material) = &rve.law {
+        writeln!(out, "law = {{ {} }}", law_entries(material))?;
+    }
+    if let Some(matrix) = &rve.matrix {
+        writeln!(out, "matrix = {{ {} }}", formula_entries(matrix).join(", "))?;
+    }
+    Ok(())
+}
+
+fn formula_entries(formula: &FormulaCase) -> [String; 3] {
+    let model = match formula.model {
+        FormulaModel::NeoHookean => "neo-hookean",
+        FormulaModel::LinearElastic => "linear-elastic",
+    };
+    [
+        format!("model = \"{model}\""),
+        format!("shear_modulus = {:?}", formula.shear_modulus),
+        format!("lame_lambda = {:?}", formula.lame_lambda),
+    ]
+}
+
+fn law_entries(material: &FiberMaterial) -> String {
+    let radius = material.radius;
+    match material.law {
+        Law::Linear { youngs_modulus } => {
+            format!("name = \"linear\", youngs_modulus = {youngs_modulus:?}, radius = {radius:?}")
+        }
+        Law::Exponential { youngs_modulus, nonlinearity } => format!(
+            "name = \"exponential\", youngs_modulus = {youngs_modulus:?}, radius = {radius:?}, \
+             nonlinearity = {nonlinearity:?}"
+        ),
+        Law::ExponentialStretch { youngs_modulus, nonlinearity, transition } => format!(
+            "name = \"exponential-stretch\", youngs_modulus = {youngs_modulus:?}, radius = {radius:?}, \
+             nonlinearity = {nonlinearity:?}, transition = {transition:?}"
+        ),
+    }
+}
+
+fn displacement(components: &[Option<f64>; 3]) -> String {
+    let named = ["x", "y", "z"].into_iter().zip(components);
+    let written: Vec<String> = named.filter_map(|(axis, value)| value.map(|u| format!("{axis} = {u:?}"))).collect();
+    format!("{{ {} }}", written.join(", "))
+}
+
+fn curve(curve: &CurveCase) -> String {
+    match curve {
+        CurveCase::Ramp => "\"ramp\"".into(),
+        CurveCase::Table(points) => format!("{points:?}"),
+    }
+}
+
+fn quoted(text: &str) -> String {
+    toml::Value::String(text.into()).to_string()
+}
+
+fn path(path: &Path) -> String {
+    quoted(&path.to_string_lossy())
+}
