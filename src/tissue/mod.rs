@@ -1,4 +1,5 @@
 //! The soft-tissue application: the macro scale and the fiber RVEs put together, cases, results.
 
 pub mod case;
+pub mod micro_scale;
 pub mod report;

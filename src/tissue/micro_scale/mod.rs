@@ -1,0 +1,168 @@
+//! The micro scale of a tissue: a formula or a fiber network at every integration point, networks on all cores.
+
+mod formula;
+mod library;
+mod summary;
+mod unit;
+mod worker;
+
+use std::sync::{Mutex, PoisonError};
+
+use nalgebra::Matrix3;
+use rayon::prelude::*;
+use thiserror::Error;
+
+use crate::fem::material::Response;
+use crate::fem::point_field::{PointField, PointResponses};
+use crate::fiber::equilibrium::EquilibriumParams;
+use crate::fiber::rve::RveModel;
+use crate::las::{Backend, Scalar};
+
+pub use formula::Formula;
+pub use library::LibraryError;
+pub use summary::PointSummary;
+pub use unit::{SweepStats, UnitError};
+
+use unit::Unit;
+use worker::{Library, Worker};
+
+/// What answers at one integration point.
+#[derive(Clone, Debug)]
+enum Site {
+    Formula(Formula),
+    /// The number of the unit.
+    Rve(usize),
+}
+
+/// The material of the whole body: the answer to the seam of [`crate::fem::point_field`].
+///
+/// Networks are solved on all threads of the current rayon pool. Every RVE starts from its own last equilibrium and
+/// writes its own answer, so results do not depend on the number of threads or on which thread solved what.
+pub struct TissueField<B: Backend> {
+    context: B::Context,
+    models: Vec<RveModel<B>>,
+    sites: Vec<Site>,
+    units: Vec<Unit>,
+    /// The element of every unit.
+    element_of: Vec<usize>,
+    workers: Vec<Mutex<Worker<B>>>,
+    params: EquilibriumParams,
+    stats: SweepStats,
+}
+
+/// A point without an answer.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[error("element {element}{}: {reason}", network.as_ref().map(|n| format!(" (network {n})")).unwrap_or_default())]
+pub struct TissueFieldError<F: std::error::Error + 'static> {
+    /// The element, from 0.
+    pub element: usize,
+    /// The network there, if there is one.
+    pub network: Option<String>,
+    /// Why.
+    pub reason: UnitError<F>,
+}
+
+impl<B: Backend<Scalar = f64>> TissueField<B>
+where
+    B::Reduced: Scalar,
+{
+    /// Number of RVEs.
+    #[must_use]
+    pub fn rves(&self) -> usize {
+        self.units.len()
+    }
+
+    /// The networks in use.
+    #[must_use]
+    pub fn models(&self) -> &[RveModel<B>] {
+        &self.models
+    }
+
+    /// What the RVEs have taken since this was last asked.
+    pub fn take_stats(&mut self) -> SweepStats {
+        std::mem::take(&mut self.stats)
+    }
+
+    /// The unit of every element, `None` where a formula answers.
+    fn unit_of(&self, element: usize) -> Option<&Unit> {
+        match self.sites[element] {
+            Site::Formula(_) => None,
+            Site::Rve(unit) => Some(&self.units[unit]),
+        }
+    }
+
+    fn solve_units(&mut self, gradients: &[Matrix3<f64>]) -> Result<(), TissueFieldError<B::Fault>> {
+        let Self { context, models, units, element_of, workers, params, .. } = self;
+        let library = Library { context, models, params };
+        let (stats, failed) = units
+            .par_iter_mut()
+            .enumerate()
+            .map(|(number, unit)| {
+                let slot = rayon::current_thread_index().unwrap_or(0) % workers.len();
+                // A worker is scratch: whatever a panicking thread left in it is overwritten.
+                let mut worker = workers[slot].lock().unwrap_or_else(PoisonError::into_inner);
+                let mut stats = SweepStats::default();
+                let gradient = &gradients[element_of[number]];
+                let outcome = unit.respond(gradient, &library, &mut worker, &mut stats);
+                (stats, outcome.err().map(|reason| (number, reason)))
+            })
+            .reduce(|| (SweepStats::default(), None), |(a, first), (b, second)| (a.and(b), earlier(first, second)));
+        self.stats = self.stats.and(stats);
+        match failed {
+            None => Ok(()),
+            Some((number, reason)) => Err(TissueFieldError {
+                element: self.element_of[number],
+                network: self.units[number].fibers.as_ref().map(|f| self.models[f.model].network().name().to_owned()),
+                reason,
+            }),
+        }
+    }
+}
+
+/// The failure of the unit with the lower number: the same one whatever the threads did.
+fn earlier<E>(a: Option<(usize, E)>, b: Option<(usize, E)>) -> Option<(usize, E)> {
+    match (a, b) {
+        (Some(a), Some(b)) => Some(if a.0 <= b.0 { a } else { b }),
+        (a, b) => a.or(b),
+    }
+}
+
+impl<B: Backend<Scalar = f64>> PointField for TissueField<B>
+where
+    B::Reduced: Scalar,
+{
+    type Error = TissueFieldError<B::Fault>;
+
+    fn update(&mut self, gradients: &[Matrix3<f64>], out: &mut PointResponses) -> Result<(), Self::Error> {
+        out.resize(gradients.len());
+        // Formulas first: an element that is inside out is found before its RVE is asked.
+        for (element, f) in gradients.iter().enumerate() {
+            if let Site::Formula(formula) = &self.sites[element] {
+                let answer = formula.respond(f);
+                let answer = answer.map_err(|e| TissueFieldError { element, network: None, reason: e.into() })?;
+                write(out, element, &answer);
+            }
+        }
+        self.solve_units(gradients)?;
+        for (unit, &element) in self.units.iter().zip(&self.element_of) {
+            if let Some((_, answer)) = &unit.answer {
+                write(out, element, answer);
+            }
+        }
+        Ok(())
+    }
+
+    fn commit(&mut self) {
+        self.units.par_iter_mut().for_each(Unit::commit);
+    }
+
+    fn revert(&mut self) {
+        self.units.par_iter_mut().for_each(Unit::revert);
+    }
+}
+
+fn write(out: &mut PointResponses, element: usize, answer: &Response) {
+    out.energy[element] = answer.energy;
+    out.pk1[element] = answer.pk1;
+    out.tangent[element] = answer.tangent;
+}

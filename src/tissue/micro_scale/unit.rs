@@ -1,0 +1,215 @@
+//! One RVE at one integration point: its states, its last answer, and what it cost.
+
+use std::time::Instant;
+
+use nalgebra::Matrix3;
+
+use super::formula::Formula;
+use super::worker::{Library, Worker};
+use crate::fem::material::{MaterialError, Response};
+use crate::fiber::equilibrium::{EquilibriumReport, RveError, equilibrate};
+use crate::fiber::homogenise::{self, Tangent};
+use crate::fiber::rve::{Rve, RveModel};
+use crate::fiber::workspace::Workspace;
+use crate::las::{Backend, Scalar};
+use thiserror::Error;
+
+/// The network of an RVE with the states that load stepping needs.
+#[derive(Clone, Debug)]
+pub(super) struct Fibers {
+    /// Which network, by number among the models of the field.
+    pub model: usize,
+    /// The last equilibrium: where the next solve starts.
+    pub current: Rve,
+    /// The equilibrium at the last converged load step.
+    pub committed: Rve,
+}
+
+/// An RVE: fibers, a matrix, or both in parallel.
+///
+/// Without fibers it is the matrix alone, which must give what the formula gives without an RVE around it.
+#[derive(Clone, Debug)]
+pub(super) struct Unit {
+    /// The network.
+    pub fibers: Option<Fibers>,
+    /// The matrix beside it.
+    pub matrix: Option<Formula>,
+    /// The last answer and the gradient that asked for it.
+    pub answer: Option<(Matrix3<f64>, Response)>,
+    /// Newton iterations since the last converged load step.
+    pub iterations: usize,
+    /// Newton iterations of the last converged load step, for the output.
+    pub committed_iterations: usize,
+}
+
+/// Why a point has no answer.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum UnitError<F: std::error::Error + 'static> {
+    /// The network has none.
+    #[error("{0}")]
+    Rve(#[from] RveError<F>),
+    /// The formula (or the matrix beside the network) has none.
+    #[error("{0}")]
+    Material(#[from] MaterialError),
+    /// The backend cannot make a workspace.
+    #[error("no workspace: {0}")]
+    Workspace(crate::las::SolveError<F>),
+}
+
+/// What the RVEs of one or more updates took.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SweepStats {
+    /// Equilibria computed.
+    pub solves: usize,
+    /// Answers given again because the gradient had not changed.
+    pub reused: usize,
+    /// Newton iterations in all.
+    pub iterations: usize,
+    /// The most that one equilibrium took.
+    pub most_iterations: usize,
+    /// Halvings of an increment.
+    pub cuts: usize,
+    /// Newton steps shortened.
+    pub line_search_cuts: usize,
+    /// Factorisations that had to be LDL^T.
+    pub indefinite: usize,
+    /// Seconds of all workers together.
+    pub seconds: f64,
+}
+
+impl SweepStats {
+    /// The sum of two.
+    #[must_use]
+    pub fn and(self, other: Self) -> Self {
+        Self {
+            solves: self.solves + other.solves,
+            reused: self.reused + other.reused,
+            iterations: self.iterations + other.iterations,
+            most_iterations: self.most_iterations.max(other.most_iterations),
+            cuts: self.cuts + other.cuts,
+            line_search_cuts: self.line_search_cuts + other.line_search_cuts,
+            indefinite: self.indefinite + other.indefinite,
+            seconds: self.seconds + other.seconds,
+        }
+    }
+
+    fn count(&mut self, report: &EquilibriumReport) {
+        self.solves += 1;
+        self.iterations += report.iterations;
+        self.most_iterations = self.most_iterations.max(report.iterations);
+        self.cuts += report.cuts as usize;
+        self.line_search_cuts += report.line_search_cuts;
+        self.indefinite += report.indefinite;
+    }
+}
+
+impl Unit {
+    /// An RVE at rest.
+    pub fn new<B: Backend<Scalar = f64>>(
+        model: Option<usize>,
+        models: &[RveModel<B>],
+        matrix: Option<Formula>,
+    ) -> Self {
+        let fibers = model.map(|model| {
+            let rest = Rve::at_rest(models[model].network());
+            Fibers { model, committed: rest.clone(), current: rest }
+        });
+        Self { fibers, matrix, answer: None, iterations: 0, committed_iterations: 0 }
+    }
+
+    /// Stress and tangent at `gradient`. The same gradient again gives the same answer without a solve.
+    pub fn respond<B: Backend<Scalar = f64>>(
+        &mut self,
+        gradient: &Matrix3<f64>,
+        library: &Library<'_, B>,
+        worker: &mut Worker<B>,
+        stats: &mut SweepStats,
+    ) -> Result<Response, UnitError<B::Fault>>
+    where
+        B::Reduced: Scalar,
+    {
+        if let Some((asked, answer)) = &self.answer
+            && asked == gradient
+        {
+            stats.reused += 1;
+            return Ok(*answer);
+        }
+        let start = Instant::now();
+        let outcome = self.solve(gradient, library, worker, stats);
+        stats.seconds += start.elapsed().as_secs_f64();
+        let answer = outcome?;
+        self.answer = Some((*gradient, answer));
+        Ok(answer)
+    }
+
+    fn solve<B: Backend<Scalar = f64>>(
+        &mut self,
+        gradient: &Matrix3<f64>,
+        library: &Library<'_, B>,
+        worker: &mut Worker<B>,
+        stats: &mut SweepStats,
+    ) -> Result<Response, UnitError<B::Fault>>
+    where
+        B::Reduced: Scalar,
+    {
+        let mut sum = match &self.matrix {
+            Some(formula) => formula.respond(gradient)?,
+            None => Response { energy: 0.0, pk1: Matrix3::zeros(), tangent: Tangent::zeros() },
+        };
+        if let Some(fibers) = &mut self.fibers {
+            let workspace = worker.workspace(library, fibers.model).map_err(UnitError::Workspace)?;
+            let (network, iterations) = fibers.solve(gradient, library, workspace, stats)?;
+            self.iterations += iterations;
+            sum.energy += network.energy;
+            sum.pk1 += network.pk1;
+            sum.tangent += network.tangent;
+        }
+        Ok(sum)
+    }
+
+    /// The current equilibrium becomes the start of the next load step.
+    pub fn commit(&mut self) {
+        if let Some(fibers) = &mut self.fibers {
+            fibers.committed.clone_from(&fibers.current);
+        }
+        self.committed_iterations = self.iterations;
+        self.iterations = 0;
+    }
+
+    /// Back to the last converged load step.
+    pub fn revert(&mut self) {
+        if let Some(fibers) = &mut self.fibers {
+            fibers.current.clone_from(&fibers.committed);
+        }
+        self.answer = None;
+        self.iterations = 0;
+    }
+}
+
+impl Fibers {
+    fn solve<B: Backend<Scalar = f64>>(
+        &mut self,
+        gradient: &Matrix3<f64>,
+        library: &Library<'_, B>,
+        workspace: &mut Workspace<B>,
+        stats: &mut SweepStats,
+    ) -> Result<(Response, usize), UnitError<B::Fault>>
+    where
+        B::Reduced: Scalar,
+    {
+        let model = &library.models[self.model];
+        let report = match equilibrate(model, &mut self.current, gradient, library.params, workspace) {
+            Ok(report) => report,
+            Err(error) => {
+                if let RveError::NotConverged { report, .. } = &error {
+                    stats.count(report);
+                }
+                return Err(error.into());
+            }
+        };
+        stats.count(&report);
+        let pk1 = homogenise::pk1(model, workspace);
+        let tangent = homogenise::tangent(model, &self.current, &pk1, workspace)?;
+        Ok((Response { energy: homogenise::energy(model, workspace), pk1, tangent }, report.iterations))
+    }
+}

@@ -1,0 +1,40 @@
+//! What each thread keeps for itself.
+
+use crate::fiber::equilibrium::EquilibriumParams;
+use crate::fiber::rve::RveModel;
+use crate::fiber::workspace::Workspace;
+use crate::las::{Backend, Scalar, SolveError};
+
+/// What all threads read: the networks and how they are to be solved.
+pub(super) struct Library<'a, B: Backend> {
+    pub context: &'a B::Context,
+    pub models: &'a [RveModel<B>],
+    pub params: &'a EquilibriumParams,
+}
+
+/// The workspace of one thread: the scratch of every network it has met so far.
+pub(super) struct Worker<B: Backend> {
+    workspaces: Vec<Option<Workspace<B>>>,
+}
+
+impl<B: Backend<Scalar = f64>> Worker<B>
+where
+    B::Reduced: Scalar,
+{
+    pub fn new(models: usize) -> Self {
+        Self { workspaces: (0..models).map(|_| None).collect() }
+    }
+
+    /// The scratch for one network, made when it is first asked for.
+    pub fn workspace(
+        &mut self,
+        library: &Library<'_, B>,
+        model: usize,
+    ) -> Result<&mut Workspace<B>, SolveError<B::Fault>> {
+        let place = &mut self.workspaces[model];
+        match place {
+            Some(workspace) => Ok(workspace),
+            None => Ok(place.insert(Workspace::new(library.context, &library.models[model])?)),
+        }
+    }
+}
