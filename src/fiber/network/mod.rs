@@ -1,4 +1,19 @@
 //! Fiber networks: immutable geometry in the unit cube, shared by every RVE that uses it.
+//!
+//! A [`Network`] comes from a file ([`file::read`]), from a generator ([`generate::delaunay`]) or from nodes and fibers
+//! of the caller's own ([`Network::new`]); however it comes, its geometry has been checked. [`check`] tells what it is
+//! like and takes out what carries no load.
+
+pub mod check;
+mod error;
+pub mod file;
+#[cfg(feature = "generate")]
+pub mod generate;
+mod geometry;
+mod proximity;
+
+pub use error::NetworkError;
+pub use geometry::{BOUNDARY_TOLERANCE, CUBE_TOLERANCE, Cube, SAME_PLACE};
 
 use super::law::FiberMaterial;
 

@@ -1,0 +1,215 @@
+//! From nodes and fibers as given to a checked network in the unit cube.
+
+use std::collections::HashMap;
+
+use super::proximity::{Proximity, distance};
+use super::{Network, NetworkError};
+use crate::fiber::law::FiberMaterial;
+
+/// A node is on the boundary when a coordinate is this close to +-1/2.
+pub const BOUNDARY_TOLERANCE: f64 = 1e-8;
+/// Edges of a box may differ by this part of the longest and still make a cube.
+pub const CUBE_TOLERANCE: f64 = 1e-6;
+/// Nodes this close, in unit-cube units, lie at one place: some thousand times what rounding leaves of a coordinate
+/// and far below the shortest fibers of published networks (4e-5).
+pub const SAME_PLACE: f64 = 1e-12;
+/// A box this close to `[-1/2, 1/2]^3` is the unit cube, and its nodes stay where they are.
+const IDENTITY_TOLERANCE: f64 = 1e-12;
+/// How many problems of one network are collected before the search ends.
+const MOST_PROBLEMS: usize = 20;
+/// The most nodes whose unknowns can be numbered in 32 bits, signed.
+const MOST_NODES: usize = (i32::MAX / 3) as usize;
+
+/// The cube of space that a network fills, in the units in which its nodes are given.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cube {
+    /// The corner of lowest coordinates.
+    pub lower: [f64; 3],
+    /// Edges along x, y, z; alike within 1e-6.
+    pub edges: [f64; 3],
+}
+
+impl Cube {
+    /// `[-1/2, 1/2]^3`.
+    pub const UNIT: Self = Self { lower: [-0.5; 3], edges: [1.0; 3] };
+
+    /// The bounding box of the nodes.
+    ///
+    /// # Errors
+    /// [`NetworkError::NotACube`] if its edges differ by more than 1e-6 of the longest, or are zero.
+    pub fn around(nodes: &[[f64; 3]]) -> Result<Self, NetworkError> {
+        let mut lower = [f64::INFINITY; 3];
+        let mut upper = [f64::NEG_INFINITY; 3];
+        for node in nodes {
+            for k in 0..3 {
+                lower[k] = lower[k].min(node[k]);
+                upper[k] = upper[k].max(node[k]);
+            }
+        }
+        let edges = if nodes.is_empty() { [0.0; 3] } else { [0, 1, 2].map(|k| upper[k] - lower[k]) };
+        let longest = edges[0].max(edges[1]).max(edges[2]);
+        let shortest = edges[0].min(edges[1]).min(edges[2]);
+        // Negated, so that an overflow to infinity or NaN is no cube either.
+        if !(shortest > 0.0 && longest.is_finite() && longest - shortest <= CUBE_TOLERANCE * longest) {
+            return Err(NetworkError::NotACube { edges });
+        }
+        Ok(Self { lower, edges })
+    }
+
+    /// Whether scaling would move nodes by no more than rounding.
+    fn is_unit(&self) -> bool {
+        (0..3).all(|k| {
+            (self.lower[k] + 0.5).abs() <= IDENTITY_TOLERANCE
+                && (self.lower[k] + self.edges[k] - 0.5).abs() <= IDENTITY_TOLERANCE
+        })
+    }
+
+    /// A position in unit-cube units: `(x - c)/w`, written so that both faces land exactly on +-1/2.
+    fn to_unit(self, x: [f64; 3]) -> [f64; 3] {
+        [0, 1, 2].map(|k| (x[k] - self.lower[k]) / self.edges[k] - 0.5)
+    }
+}
+
+impl Network {
+    /// A network whose cube is the bounding box of its nodes; centred and scaled to the unit cube unless it fills that
+    /// already (within 1e-12). Nodes are never moved beyond that.
+    ///
+    /// # Errors
+    /// The first thing wrong with the geometry; see [`NetworkError`].
+    pub fn new(name: impl Into<String>, nodes: Vec<[f64; 3]>, fibers: Vec<[u32; 2]>) -> Result<Self, NetworkError> {
+        check_values(&nodes)?;
+        let cube = Cube::around(&nodes)?;
+        Self::in_cube(name, cube, nodes, fibers)
+    }
+
+    /// A network in a cube of its own, which need not be its bounding box.
+    ///
+    /// # Errors
+    /// The first thing wrong with the geometry, a node outside the cube by more than 1e-8 of its edge included.
+    pub fn in_cube(
+        name: impl Into<String>,
+        cube: Cube,
+        nodes: Vec<[f64; 3]>,
+        fibers: Vec<[u32; 2]>,
+    ) -> Result<Self, NetworkError> {
+        check_values(&nodes)?;
+        if let Some(problem) = problems(cube, &nodes, &fibers).into_iter().next() {
+            return Err(problem);
+        }
+        let nodes = if cube.is_unit() { nodes } else { nodes.into_iter().map(|x| cube.to_unit(x)).collect() };
+        let mut boundary = Vec::new();
+        let mut interior = Vec::new();
+        let mut interior_number = Vec::with_capacity(nodes.len());
+        for (number, node) in (0u32..).zip(&nodes) {
+            if node.iter().any(|x| (x.abs() - 0.5).abs() <= BOUNDARY_TOLERANCE) {
+                boundary.push(number);
+                interior_number.push(-1);
+            } else {
+                interior_number.push(interior.len() as i32);
+                interior.push(number);
+            }
+        }
+        if boundary.is_empty() {
+            return Err(NetworkError::NoBoundary { nodes: nodes.len() });
+        }
+        let lengths = fibers.iter().map(|&[a, b]| distance(nodes[a as usize], nodes[b as usize])).collect();
+        Ok(Self {
+            name: name.into(),
+            reaction_of: vec![0; fibers.len()],
+            materials: Vec::new(),
+            nodes,
+            fibers,
+            lengths,
+            boundary,
+            interior,
+            interior_number,
+        })
+    }
+
+    /// The same network with its fibers' materials: `material_of[fiber]` is an index into `materials`.
+    ///
+    /// # Errors
+    /// [`NetworkError::MaterialCount`] unless there is one number a fiber, [`NetworkError::NoSuchMaterial`] for a
+    /// number out of range.
+    pub fn with_materials(self, materials: Vec<FiberMaterial>, material_of: Vec<u16>) -> Result<Self, NetworkError> {
+        if material_of.len() != self.fibers.len() {
+            return Err(NetworkError::MaterialCount { given: material_of.len(), fibers: self.fibers.len() });
+        }
+        if let Some(fiber) = material_of.iter().position(|&m| usize::from(m) >= materials.len()) {
+            let (material, materials) = (material_of[fiber], materials.len());
+            return Err(NetworkError::NoSuchMaterial { fiber, material, materials });
+        }
+        Ok(Self { materials, reaction_of: material_of, ..self })
+    }
+}
+
+/// Counts and coordinates: what must hold before a box can be drawn.
+fn check_values(nodes: &[[f64; 3]]) -> Result<(), NetworkError> {
+    if nodes.len() > MOST_NODES {
+        return Err(NetworkError::TooMany { what: "nodes", count: nodes.len(), most: MOST_NODES });
+    }
+    for (node, position) in nodes.iter().enumerate() {
+        if let Some(&value) = position.iter().find(|x| !x.is_finite()) {
+            return Err(NetworkError::NotFinite { node, value });
+        }
+    }
+    Ok(())
+}
+
+/// Everything wrong with nodes (finite) and fibers in their cube, up to some twenty problems, fibers first.
+pub(super) fn problems(cube: Cube, nodes: &[[f64; 3]], fibers: &[[u32; 2]]) -> Vec<NetworkError> {
+    if fibers.is_empty() {
+        return vec![NetworkError::NoFibers];
+    }
+    if fibers.len() > u32::MAX as usize {
+        return vec![NetworkError::TooMany { what: "fibers", count: fibers.len(), most: u32::MAX as usize }];
+    }
+    let unit: Vec<[f64; 3]> = nodes.iter().map(|&x| cube.to_unit(x)).collect();
+    let mut found: Vec<NetworkError> = bad_fibers(&unit, fibers).take(MOST_PROBLEMS).collect();
+    found.extend(bad_nodes(&unit, nodes, &found).into_iter().take(MOST_PROBLEMS));
+    found.truncate(MOST_PROBLEMS);
+    found
+}
+
+fn bad_fibers(unit: &[[f64; 3]], fibers: &[[u32; 2]]) -> impl Iterator<Item = NetworkError> {
+    let mut seen: HashMap<[u32; 2], usize> = HashMap::with_capacity(fibers.len());
+    fibers.iter().enumerate().filter_map(move |(fiber, &[a, b])| {
+        if let Some(index) = [a, b].into_iter().find(|&index| index as usize >= unit.len()) {
+            return Some(NetworkError::NoSuchNode { fiber, index, nodes: unit.len() });
+        }
+        if a == b {
+            return Some(NetworkError::Loop { fiber, node: a });
+        }
+        let length = distance(unit[a as usize], unit[b as usize]);
+        if length <= SAME_PLACE {
+            return Some(NetworkError::ZeroLength { fiber, ends: [a, b], length });
+        }
+        let first = *seen.entry([a.min(b), a.max(b)]).or_insert(fiber);
+        (first != fiber).then_some(NetworkError::Duplicate { first, second: fiber, ends: [a, b] })
+    })
+}
+
+/// Nodes outside the cube and nodes at one place, less those that a fiber of zero length in `known` names already.
+fn bad_nodes(unit: &[[f64; 3]], nodes: &[[f64; 3]], known: &[NetworkError]) -> Vec<NetworkError> {
+    let mut found = Vec::new();
+    let mut places = Proximity::new(SAME_PLACE);
+    for (node, &position) in unit.iter().enumerate() {
+        if position.iter().any(|x| x.abs() > 0.5 + BOUNDARY_TOLERANCE) {
+            found.push(NetworkError::Outside { node, position });
+        }
+        if let Some(first) = places.near(position) {
+            let named = known.iter().any(|problem| {
+                matches!(problem, NetworkError::ZeroLength { ends: [a, b], .. }
+                    if [*a as usize, *b as usize] == [first, node] || [*b as usize, *a as usize] == [first, node])
+            });
+            if !named {
+                found.push(NetworkError::SamePlace { first, second: node, position: nodes[node] });
+            }
+        }
+        places.insert(node, position);
+        if found.len() >= MOST_PROBLEMS {
+            break;
+        }
+    }
+    found
+}
