@@ -9,6 +9,7 @@ use super::law::FiberMaterial;
 use super::network::Network;
 use super::stiffness::StiffnessSlots;
 use super::truss::{Truss, TrussError};
+use super::workspace::transform;
 use crate::las::{Backend, SolveError, SolverParams, Sparsity, SparsityError, Symmetry};
 
 /// How the forces of a network become stresses.
@@ -138,6 +139,16 @@ impl Rve {
     #[must_use]
     pub fn gradient(&self) -> &Matrix3<f64> {
         &self.gradient
+    }
+
+    /// Positions of all nodes at the last equilibrium, unit-cube units.
+    #[must_use]
+    pub fn positions(&self, network: &Network) -> Vec<[f64; 3]> {
+        let mut positions: Vec<[f64; 3]> = network.nodes().iter().map(|x| transform(&self.gradient, x)).collect();
+        for (&node, x) in network.interior().iter().zip(&self.interior) {
+            positions[node as usize] = *x;
+        }
+        positions
     }
 
     /// Interior node positions of the last equilibrium, unit-cube units.

@@ -64,13 +64,18 @@ pub struct NewtonParams {
     pub max_iterations: usize,
     /// How often a step may be shortened; 0 always takes the full step. Default 10.
     pub max_line_search_cuts: u32,
-    /// A step `a` is taken if `|r_new| <= (1 - decrease a) |r|`. Default `1e-4`.
+    /// A step `a` is taken if `|r_new| <= (1 - decrease a) max |r|` over the last [`NewtonParams::memory`] residuals.
+    /// Default `1e-4`.
     pub decrease: f64,
+    /// How many residuals a step is compared with; 1 asks for a decrease in every step. Default 6: near a singular
+    /// Jacobian, where the residual has local minima that are no solutions, it must be allowed to rise for a while
+    /// (Grippo, Lampariello and Lucidi, SIAM J. Numer. Anal. 23 (1986) 707).
+    pub memory: usize,
 }
 
 impl Default for NewtonParams {
     fn default() -> Self {
-        Self { tolerance: 1e-10, max_iterations: 50, max_line_search_cuts: 10, decrease: 1e-4 }
+        Self { tolerance: 1e-10, max_iterations: 50, max_line_search_cuts: 10, decrease: 1e-4, memory: 6 }
     }
 }
 
@@ -248,7 +253,7 @@ where
             }
             report.iterations += 1;
             self.factor_and_solve(problem, report)?;
-            (norm, yardstick) = self.step(problem, params, norm, limit, report)?;
+            (norm, yardstick) = self.step(problem, params, limit, report)?;
             report.record(norm, yardstick);
         }
     }
@@ -279,10 +284,11 @@ where
         &mut self,
         problem: &mut P,
         params: &NewtonParams,
-        before: f64,
         limit: f64,
         report: &mut NewtonReport,
     ) -> Result<(f64, Yardstick), NewtonError<P::Error, B::Fault>> {
+        let recent = &report.residuals[report.residuals.len().saturating_sub(params.memory.max(1))..];
+        let (before, ceiling) = recent.iter().fold((0.0, 0.0_f64), |(_, most), &norm| (norm, most.max(norm)));
         let mut step = 1.0;
         let mut taken = 0.0;
         for cut in 0..=params.max_line_search_cuts {
@@ -292,7 +298,7 @@ where
             let last = cut == params.max_line_search_cuts;
             match trial {
                 Ok((norm, yardstick))
-                    if norm <= ((1.0 - params.decrease * step) * before).max(limit)
+                    if norm <= ((1.0 - params.decrease * step) * ceiling).max(limit)
                         || params.max_line_search_cuts == 0 =>
                 {
                     return Ok((norm, yardstick));

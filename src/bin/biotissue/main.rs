@@ -1,6 +1,10 @@
 //! The program `biotissue`: reads arguments, picks types, prints results.
 
+mod dispatch;
 mod failure;
+mod info;
+mod rve;
+mod run;
 
 use std::process::ExitCode;
 
@@ -16,11 +20,21 @@ struct Arguments {
 }
 
 #[derive(Subcommand)]
-enum Command {}
+enum Command {
+    Run(run::RunCommand),
+    Check(run::CheckCommand),
+    Rve(rve::RveCommand),
+    Info(info::InfoCommand),
+}
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    let outcome: Result<(), Failure> = match arguments.command {};
+    let outcome: Result<(), Failure> = match arguments.command {
+        Command::Run(command) => run::run(command),
+        Command::Check(command) => run::check(command),
+        Command::Rve(command) => rve::run(command),
+        Command::Info(command) => info::run(command),
+    };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {

@@ -47,7 +47,8 @@ pub struct TissueField<B: Backend> {
     element_of: Vec<usize>,
     workers: Vec<Mutex<Worker<B>>>,
     params: EquilibriumParams,
-    stats: SweepStats,
+    /// Behind a lock, because whoever watches a run only has the field for reading.
+    stats: Mutex<SweepStats>,
 }
 
 /// A point without an answer.
@@ -79,8 +80,24 @@ where
     }
 
     /// What the RVEs have taken since this was last asked.
-    pub fn take_stats(&mut self) -> SweepStats {
-        std::mem::take(&mut self.stats)
+    pub fn take_stats(&self) -> SweepStats {
+        std::mem::take(&mut self.stats.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// For every network of [`TissueField::models`] the number of RVEs that use it.
+    #[must_use]
+    pub fn users(&self) -> Vec<usize> {
+        let mut users = vec![0; self.models.len()];
+        for fibers in self.units.iter().filter_map(|unit| unit.fibers.as_ref()) {
+            users[fibers.model] += 1;
+        }
+        users
+    }
+
+    /// Bytes that all RVEs own: states and last answers.
+    #[must_use]
+    pub fn rve_bytes(&self) -> usize {
+        self.units.iter().map(Unit::bytes).sum()
     }
 
     /// The unit of every element, `None` where a formula answers.
@@ -107,7 +124,8 @@ where
                 (stats, outcome.err().map(|reason| (number, reason)))
             })
             .reduce(|| (SweepStats::default(), None), |(a, first), (b, second)| (a.and(b), earlier(first, second)));
-        self.stats = self.stats.and(stats);
+        let sum = self.stats.get_mut().unwrap_or_else(PoisonError::into_inner);
+        *sum = sum.and(stats);
         match failed {
             None => Ok(()),
             Some((number, reason)) => Err(TissueFieldError {

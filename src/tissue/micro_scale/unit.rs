@@ -167,6 +167,13 @@ impl Unit {
         Ok(sum)
     }
 
+    /// Bytes of this unit, what it owns on the heap included.
+    pub fn bytes(&self) -> usize {
+        let positions = |rve: &Rve| std::mem::size_of_val(rve.interior());
+        let heap = self.fibers.as_ref().map_or(0, |f| positions(&f.current) + positions(&f.committed));
+        std::mem::size_of::<Self>() + heap
+    }
+
     /// The current equilibrium becomes the start of the next load step.
     pub fn commit(&mut self) {
         if let Some(fibers) = &mut self.fibers {

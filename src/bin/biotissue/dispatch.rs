@@ -1,0 +1,38 @@
+//! The only place where a run-time choice becomes a type: a backend by its name.
+
+use biotissue::backends::{self, BackendName};
+use biotissue::las::{Backend, Scalar};
+
+use crate::failure::Failure;
+
+/// Work that is generic over the backend.
+pub trait Job {
+    /// What it gives.
+    type Output;
+
+    /// Does it on backend `B`.
+    fn run<B>(self) -> Result<Self::Output, Failure>
+    where
+        B: Backend<Scalar = f64, Context = ()>,
+        B::Reduced: Scalar;
+}
+
+/// Does `job` on the named backend, or on the first one compiled in.
+pub fn dispatch<J: Job>(backend: Option<&str>, job: J) -> Result<J::Output, Failure> {
+    let name = backend.or(backends::compiled().first().copied()).unwrap_or("sparse");
+    match name.parse::<BackendName>() {
+        #[cfg(feature = "sparse")]
+        Ok(BackendName::Sparse) => job.run::<backends::sparse::Sparse>(),
+        #[cfg(feature = "dense")]
+        Ok(BackendName::Dense) => job.run::<backends::dense::Dense>(),
+        // Names parse only where the backend is compiled in: this arm is for the error, whatever the features.
+        outcome => {
+            let error = outcome.err().map_or_else(|| format!("the backend `{name}` is not compiled in"), |e| e.to_string());
+            Err(Failure::Arguments {
+                what: format!("--backend {name}: {error}"),
+                expected: format!("one of those compiled in: {}", backends::compiled().join(", ")),
+                cure: "`biotissue info` lists them".into(),
+            })
+        }
+    }
+}

@@ -1,0 +1,63 @@
+//! `biotissue info`: version, features, backends compiled in and their libraries.
+
+use clap::Args;
+use serde::Serialize;
+
+use crate::failure::Failure;
+use crate::run::json;
+
+/// Version, features, backends compiled in and their libraries.
+#[derive(Args)]
+pub struct InfoCommand {
+    /// Print one JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Serialize)]
+struct Info {
+    version: &'static str,
+    features: Vec<&'static str>,
+    backends: Vec<BackendInfo>,
+    threads: usize,
+}
+
+#[derive(Serialize)]
+struct BackendInfo {
+    name: &'static str,
+    library: &'static str,
+}
+
+pub fn run(command: InfoCommand) -> Result<(), Failure> {
+    let info = Info {
+        version: env!("CARGO_PKG_VERSION"),
+        features: [("sparse", cfg!(feature = "sparse")), ("dense", cfg!(feature = "dense")), ("generate", cfg!(feature = "generate")), ("app", cfg!(feature = "app"))]
+            .into_iter()
+            .filter_map(|(name, on)| on.then_some(name))
+            .collect(),
+        backends: biotissue::backends::compiled()
+            .iter()
+            .map(|&name| BackendInfo { name, library: library(name) })
+            .collect(),
+        threads: rayon::current_num_threads(),
+    };
+    if command.json {
+        println!("{}", json(&info)?);
+        return Ok(());
+    }
+    println!("biotissue  {}", info.version);
+    println!("features   {}", info.features.join(", "));
+    for backend in &info.backends {
+        println!("backend    {:<8} {}", backend.name, backend.library);
+    }
+    println!("threads    {}", info.threads);
+    Ok(())
+}
+
+/// What a backend is built on.
+fn library(backend: &str) -> &'static str {
+    match backend {
+        "sparse" | "dense" => "faer 0.24, compiled in",
+        _ => "its own",
+    }
+}

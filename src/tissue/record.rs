@@ -1,0 +1,271 @@
+//! Writes the result directory while a run goes on.
+
+use std::fmt::Display;
+use std::path::{Path, PathBuf};
+
+use nalgebra::Matrix3;
+
+use super::case::Case;
+use super::micro_scale::{PointSummary, SweepStats, TissueField, TissueFieldError};
+use super::results::collection::field_file;
+use super::results::log::{Cut, Event, Factorisations, LogWriter, NewtonLog, NewtonSeconds, RveLog, Step};
+use super::results::{Collection, FieldSet, LOADS_FILE, LOG_FILE, LoadsWriter, ResultsError, SurfaceRow, write_vtu};
+use crate::fem::mesh::Mesh;
+use crate::fem::stepping::{ConvergedStep, FailedAttempt, StepObserver, StepReport};
+use crate::las::{Backend, NewtonReport, Scalar};
+
+/// Who wants to know how far a run is.
+pub trait Progress {
+    /// A load step has converged.
+    fn converged(&mut self, step: &Step);
+
+    /// An attempt has failed and will be tried with half the increment, if there are halvings left.
+    fn failed(&mut self, cut: &Cut);
+}
+
+/// Nobody.
+impl Progress for () {
+    fn converged(&mut self, _: &Step) {}
+
+    fn failed(&mut self, _: &Cut) {}
+}
+
+/// The result directory of a run in progress.
+pub(super) struct Recorder<'a> {
+    dir: PathBuf,
+    every: usize,
+    loads: LoadsWriter,
+    log: LogWriter,
+    fields: Collection,
+    /// Reference volume of every element.
+    volumes: Vec<f64>,
+    progress: &'a mut dyn Progress,
+    started: std::time::Instant,
+}
+
+impl<'a> Recorder<'a> {
+    /// Makes the directory and its files; what an earlier run left under these names is replaced.
+    pub fn create(
+        dir: &Path,
+        case: &Case,
+        mesh: &Mesh,
+        points: usize,
+        progress: &'a mut dyn Progress,
+    ) -> Result<Self, ResultsError> {
+        std::fs::create_dir_all(dir).map_err(ResultsError::write(dir))?;
+        let case_file = dir.join("case.toml");
+        std::fs::write(&case_file, case.to_toml()).map_err(ResultsError::write(&case_file))?;
+        let surfaces: Vec<&str> = mesh.surface_names().collect();
+        let regions: Vec<&str> = mesh.regions().iter().map(String::as_str).collect();
+        let points: Vec<String> = (0..points).map(|k| format!("point{k}")).collect();
+        let points: Vec<&str> = points.iter().map(String::as_str).collect();
+        Ok(Self {
+            dir: dir.to_owned(),
+            every: case.output.every,
+            loads: LoadsWriter::create(&dir.join(LOADS_FILE), &surfaces, &points, &regions)?,
+            log: LogWriter::create(&dir.join(LOG_FILE))?,
+            fields: Collection::new(dir),
+            volumes: (0..mesh.elements().len()).map(|element| mesh.element_volume(element)).collect(),
+            progress,
+            started: std::time::Instant::now(),
+        })
+    }
+
+    pub fn log(&mut self, event: &Event) -> Result<(), ResultsError> {
+        self.log.write(event)
+    }
+
+    fn write_loads<P>(&mut self, step: &ConvergedStep<'_, P>) -> Result<(), ResultsError> {
+        let surfaces: Vec<SurfaceRow> = step
+            .forces
+            .surfaces
+            .iter()
+            .map(|s| SurfaceRow { area: s.area, force: s.force, displacement: s.displacement })
+            .collect();
+        let points: Vec<[f64; 3]> = step.forces.points.iter().map(|point| point.force).collect();
+        let mut volumes = vec![0.0; step.mesh.regions().len()];
+        for ((f, volume), &region) in step.state.gradients.iter().zip(&self.volumes).zip(step.mesh.region_of()) {
+            volumes[region as usize] += f.determinant() * volume;
+        }
+        self.loads.row(step.step, step.t, &surfaces, &points, &volumes)
+    }
+
+    fn write_fields<P>(
+        &mut self,
+        step: &ConvergedStep<'_, P>,
+        summaries: &[Option<PointSummary>],
+    ) -> Result<(), ResultsError> {
+        let cells = CellFields::new(step, summaries);
+        let region: Vec<i64> = step.mesh.region_of().iter().map(|&region| region.into()).collect();
+        let rank = vec![0; region.len()];
+        let fields = FieldSet {
+            points: step.mesh.nodes(),
+            elements: step.mesh.elements(),
+            point_vectors: vec![("displacement", &step.state.displacements)],
+            cell_scalars: vec![
+                ("von_mises_stress", &cells.von_mises),
+                ("energy_density", &step.state.responses.energy),
+                ("fiber_alignment", &cells.alignment),
+                ("stretch_min", &cells.stretch_min),
+                ("stretch_max", &cells.stretch_max),
+            ],
+            cell_integers: vec![
+                ("rve_iterations", &cells.iterations),
+                ("rve_status", &cells.status),
+                ("network", &cells.network),
+                ("region", &region),
+                ("rank", &rank),
+            ],
+            cell_vectors: vec![("fiber_direction", &cells.direction)],
+            cell_tensors: vec![
+                ("cauchy_stress", &cells.cauchy),
+                ("deformation_gradient", &cells.gradient),
+                ("fiber_orientation", &cells.orientation),
+            ],
+        };
+        let name = field_file(step.step);
+        write_vtu(&self.dir.join(&name), &fields)?;
+        self.fields.add(step.t, &name)
+    }
+}
+
+impl<B: Backend<Scalar = f64>> StepObserver<TissueField<B>, B::Fault> for Recorder<'_>
+where
+    B::Reduced: Scalar,
+{
+    type Error = ResultsError;
+
+    fn converged(&mut self, step: &ConvergedStep<'_, TissueField<B>>) -> Result<(), ResultsError> {
+        self.write_loads(step)?;
+        if step.step.is_multiple_of(self.every) || step.step == step.count {
+            self.write_fields(step, &step.field.summaries())?;
+        }
+        let stats = step.field.take_stats();
+        let line = Step {
+            step: step.step,
+            t: step.t,
+            cuts: step.report.cuts as u32,
+            newton: newton_of_step(step.report, std::mem::replace(&mut self.started, std::time::Instant::now())),
+            rve: (step.field.rves() > 0).then(|| rve_log(&stats)),
+        };
+        self.progress.converged(&line);
+        self.log.write(&Event::Step(line))
+    }
+
+    fn failed(&mut self, attempt: &FailedAttempt<'_, TissueFieldError<B::Fault>, B::Fault>) -> Result<(), ResultsError> {
+        let cut = Cut {
+            step: attempt.step,
+            t: attempt.t,
+            reason: attempt.reason.to_string(),
+            newton: newton_log(attempt.newton),
+        };
+        self.progress.failed(&cut);
+        self.log.write(&Event::Cut(cut))
+    }
+}
+
+fn newton_log(report: &NewtonReport) -> NewtonLog {
+    let seconds = report.seconds;
+    NewtonLog {
+        iterations: report.iterations,
+        residuals: report.residuals.clone(),
+        relative: report.relative.clone(),
+        line_search_cuts: report.line_search_cuts,
+        factorisations: Factorisations { cholesky: report.cholesky, ldlt: report.ldlt, lu: report.lu },
+        seconds: NewtonSeconds {
+            point_field: seconds.residual,
+            assembly: seconds.jacobian,
+            factor: seconds.factor,
+            solve: seconds.solve,
+            total: seconds.residual + seconds.jacobian + seconds.factor + seconds.solve,
+        },
+    }
+}
+
+/// All sub-steps of a step together; residuals one history after another.
+fn newton_of_step(report: &StepReport, started: std::time::Instant) -> NewtonLog {
+    let mut sum = NewtonLog::default();
+    for part in &report.substeps {
+        let part = newton_log(part);
+        sum.iterations += part.iterations;
+        sum.residuals.extend(part.residuals);
+        sum.relative.extend(part.relative);
+        sum.line_search_cuts += part.line_search_cuts;
+        sum.factorisations.cholesky += part.factorisations.cholesky;
+        sum.factorisations.ldlt += part.factorisations.ldlt;
+        sum.factorisations.lu += part.factorisations.lu;
+    }
+    let seconds = report.seconds();
+    sum.seconds = NewtonSeconds {
+        point_field: seconds.residual,
+        assembly: seconds.jacobian,
+        factor: seconds.factor,
+        solve: seconds.solve,
+        total: started.elapsed().as_secs_f64(),
+    };
+    sum
+}
+
+fn rve_log(stats: &SweepStats) -> RveLog {
+    RveLog {
+        solves: stats.solves as u64,
+        iterations_total: stats.iterations as u64,
+        iterations_max: stats.most_iterations as u64,
+        iterations_mean: stats.iterations as f64 / stats.solves.max(1) as f64,
+        cuts: stats.cuts as u64,
+        indefinite: stats.indefinite as u64,
+        line_search_cuts: stats.line_search_cuts as u64,
+        reused: stats.reused as u64,
+        seconds_cpu: stats.seconds,
+    }
+}
+
+/// Fields of the elements, gathered for the writer.
+#[derive(Default)]
+struct CellFields {
+    cauchy: Vec<[f64; 9]>,
+    gradient: Vec<[f64; 9]>,
+    von_mises: Vec<f64>,
+    orientation: Vec<[f64; 9]>,
+    direction: Vec<[f64; 3]>,
+    alignment: Vec<f64>,
+    stretch_min: Vec<f64>,
+    stretch_max: Vec<f64>,
+    iterations: Vec<i64>,
+    status: Vec<i64>,
+    network: Vec<i64>,
+}
+
+impl CellFields {
+    fn new<P>(step: &ConvergedStep<'_, P>, summaries: &[Option<PointSummary>]) -> Self {
+        let mut cells = Self::default();
+        let states = step.state.gradients.iter().zip(&step.state.responses.pk1);
+        for ((f, pk1), summary) in states.zip(summaries) {
+            let cauchy = pk1 * f.transpose() / f.determinant();
+            cells.von_mises.push(von_mises(&cauchy));
+            cells.cauchy.push(row_major(&cauchy));
+            cells.gradient.push(row_major(f));
+            // Elements without fibers have no direction, and -1 where a number would be.
+            let s = summary.as_ref();
+            cells.orientation.push(s.map_or([0.0; 9], |s| row_major(&s.orientation)));
+            cells.direction.push(s.map_or([0.0; 3], |s| s.direction.into()));
+            cells.alignment.push(s.map_or(0.0, |s| s.alignment));
+            cells.stretch_min.push(s.map_or(0.0, |s| s.stretch[0]));
+            cells.stretch_max.push(s.map_or(0.0, |s| s.stretch[1]));
+            cells.iterations.push(s.map_or(-1, |s| s.iterations as i64));
+            cells.status.push(s.map_or(-1, |_| 0));
+            cells.network.push(s.map_or(-1, |s| s.network as i64));
+        }
+        cells
+    }
+}
+
+fn row_major(m: &Matrix3<f64>) -> [f64; 9] {
+    std::array::from_fn(|k| m[(k / 3, k % 3)])
+}
+
+/// `sqrt(3/2 s:s)` of the deviator `s`.
+fn von_mises(cauchy: &Matrix3<f64>) -> f64 {
+    let deviator = cauchy - Matrix3::identity() * (cauchy.trace() / 3.0);
+    (1.5 * deviator.norm_squared()).sqrt()
+}

@@ -1,0 +1,86 @@
+//! What several test files share.
+#![allow(dead_code, reason = "every test file uses a part of it")]
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use biotissue::fiber::equilibrium::{EquilibriumParams, EquilibriumReport, RveError, equilibrate};
+use biotissue::fiber::homogenise::{self, Tangent};
+use biotissue::fiber::law::{FiberMaterial, Law};
+use biotissue::fiber::network::{Network, file};
+use biotissue::fiber::rve::{Rve, RveModel, StressScale};
+use biotissue::fiber::workspace::Workspace;
+use biotissue::las::{Backend, Scalar};
+use nalgebra::Matrix3;
+
+/// A published network, where the environment says where they lie; says so and gives `None` where it does not.
+pub fn published(name: &str) -> Option<Arc<Network>> {
+    let Some(folder) = std::env::var_os("BIOTISSUE_NETWORKS") else {
+        println!("skipped: BIOTISSUE_NETWORKS is not set, so there is no {name}");
+        return None;
+    };
+    Some(network(PathBuf::from(folder).join(name)))
+}
+
+/// The network frozen beside the tests.
+pub fn frozen() -> Arc<Network> {
+    network(PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/networks/frozen.txt"))
+}
+
+fn network(path: PathBuf) -> Arc<Network> {
+    match file::read(&path) {
+        Ok(read) => Arc::new(read.network),
+        Err(error) => panic!("{error}"),
+    }
+}
+
+/// The three laws, as stiff as each other at rest.
+pub fn laws() -> [FiberMaterial; 3] {
+    let (youngs_modulus, nonlinearity) = (1.0e8, 1.2);
+    [
+        Law::Linear { youngs_modulus },
+        Law::Exponential { youngs_modulus, nonlinearity },
+        Law::ExponentialStretch { youngs_modulus, nonlinearity, transition: 1.1 },
+    ]
+    .map(|law| FiberMaterial { law, radius: 5.0e-5, density: None })
+}
+
+/// A model with its workspace.
+pub struct Bench<B: Backend> {
+    pub model: RveModel<B>,
+    pub workspace: Workspace<B>,
+    pub params: EquilibriumParams,
+}
+
+impl<B: Backend<Scalar = f64, Context = ()>> Bench<B>
+where
+    B::Reduced: Scalar,
+{
+    /// With `material`, or with that of the network's file; unscaled.
+    pub fn new(network: &Arc<Network>, material: Option<FiberMaterial>) -> Self {
+        let model = RveModel::new(&(), Arc::clone(network), material, StressScale::Raw).unwrap();
+        let workspace = Workspace::new(&(), &model).unwrap();
+        Self { model, workspace, params: EquilibriumParams::default() }
+    }
+
+    pub fn at_rest(&self) -> Rve {
+        Rve::at_rest(self.model.network())
+    }
+
+    pub fn solve(&mut self, rve: &mut Rve, f: &Matrix3<f64>) -> Result<EquilibriumReport, RveError<B::Fault>> {
+        equilibrate(&self.model, rve, f, &self.params, &mut self.workspace)
+    }
+
+    pub fn pk1(&self) -> Matrix3<f64> {
+        homogenise::pk1(&self.model, &self.workspace)
+    }
+
+    pub fn energy(&self) -> f64 {
+        homogenise::energy(&self.model, &self.workspace)
+    }
+
+    pub fn tangent(&mut self, rve: &Rve) -> Tangent {
+        let pk1 = self.pk1();
+        homogenise::tangent(&self.model, rve, &pk1, &mut self.workspace).unwrap()
+    }
+}
