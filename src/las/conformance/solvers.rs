@@ -30,6 +30,7 @@ pub fn solvers<B: Backend>(context: &B::Context) {
         saddle_point::<B>(context, &mut Random::new(seed));
     }
     exact_cancellation::<B>(context);
+    pairs_then_singles::<B>(context);
     row_exchanges::<B>(context);
     refusals::<B>(context);
     empty_and_single::<B>(context);
@@ -254,17 +255,28 @@ fn saddle_point<B: Backend>(context: &B::Context, random: &mut Random) {
     }
 }
 
-/// `1 1^T + diag`: after the first pivot nothing is left beside the diagonal, exactly.
+/// `1 1^T` with a smaller diagonal: after the first pivot nothing is left beside the diagonal, exactly.
 fn exact_cancellation<B: Backend>(context: &B::Context) {
     let n = 100;
     let pattern = Arc::new(done(Sparsity::from_elements(n, [(0..n as i32).collect::<Vec<_>>()])));
     let mut a = Oracle { rows: n, cols: n, values: vec![1.0; n * n] };
     for i in 1..n {
-        *a.at(i, i) += if i % 2 == 0 { -0.5 } else { 0.25 };
+        *a.at(i, i) = if i % 2 == 0 { -0.5 } else { 0.25 };
     }
     for symmetry in [Symmetry::Definite, Symmetry::Symmetric] {
-        let kinds = [Factorisation::Ldlt, Factorisation::Lu];
-        Case::<B>::new(context, &pattern, symmetry).check(&mut Random::new(5000), &a, &kinds);
+        Case::<B>::new(context, &pattern, symmetry).check(&mut Random::new(5000), &a, &[Factorisation::Ldlt]);
+    }
+}
+
+/// A factorisation whose pivots come in pairs must leave nothing behind for one whose pivots do not.
+fn pairs_then_singles<B: Backend>(context: &B::Context) {
+    let pattern = Arc::new(done(Sparsity::from_elements(2, [[0, 1]])));
+    let square = |values: [f64; 4]| Oracle { rows: 2, cols: 2, values: values.into() };
+    for symmetry in [Symmetry::Definite, Symmetry::Symmetric] {
+        let mut case = Case::<B>::new(context, &pattern, symmetry);
+        for a in [square([0.0, 1.0, 1.0, 0.0]), square([2.0, 0.0, 0.0, -3.0])] {
+            case.check(&mut Random::new(5500), &a, &[Factorisation::Ldlt]);
+        }
     }
 }
 
