@@ -1,6 +1,7 @@
 //! The program `biotissue`: reads arguments, picks types, prints results.
 
 mod failure;
+mod mesh;
 
 use std::process::ExitCode;
 
@@ -16,11 +17,17 @@ struct Arguments {
 }
 
 #[derive(Subcommand)]
-enum Command {}
+enum Command {
+    /// Write a mesh of a built-in shape as a Gmsh file
+    #[command(subcommand)]
+    Mesh(mesh::MeshCommand),
+}
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    let outcome: Result<(), Failure> = match arguments.command {};
+    let outcome: Result<(), Failure> = match arguments.command {
+        Command::Mesh(command) => mesh::run(command),
+    };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
