@@ -3,8 +3,11 @@
 mod dispatch;
 mod failure;
 mod info;
-mod rve;
+mod mesh;
+mod network;
+mod report;
 mod run;
+mod rve;
 
 use std::process::ExitCode;
 
@@ -24,6 +27,13 @@ enum Command {
     Run(run::RunCommand),
     Check(run::CheckCommand),
     Rve(rve::RveCommand),
+    /// Make, examine and clean fiber networks.
+    #[command(subcommand)]
+    Network(network::NetworkCommand),
+    /// Write the built-in meshes.
+    #[command(subcommand)]
+    Mesh(mesh::MeshCommand),
+    Report(report::ReportCommand),
     Info(info::InfoCommand),
 }
 
@@ -33,6 +43,9 @@ fn main() -> ExitCode {
         Command::Run(command) => run::run(command),
         Command::Check(command) => run::check(command),
         Command::Rve(command) => rve::run(command),
+        Command::Network(command) => network::run(command),
+        Command::Mesh(command) => mesh::run(command),
+        Command::Report(command) => report::run(command),
         Command::Info(command) => info::run(command),
     };
     match outcome {

@@ -1,1 +1,135 @@
-//! placeholder
+//! Gmsh `.msh` files, versions 2.2 and 4.1, as text and binary.
+//!
+//! Physical groups of volumes become regions, physical groups of surfaces become surfaces; a group without a name is
+//! called by its number. A file without any volume group is one region, `body`. Points and lines are ignored, as are
+//! sections that describe no mesh. All other element types, and everything else that would silently change what is
+//! computed, is an error that says where it stands and what to do.
+//!
+//! The format is that of the [Gmsh reference manual](https://gmsh.info/doc/texinfo/gmsh.html#MSH-file-format).
+
+mod assemble;
+mod cursor;
+mod element_type;
+mod numbering;
+mod raw;
+mod version2;
+mod version4;
+mod write;
+
+use std::path::Path;
+
+use super::Mesh;
+use crate::input::InputError;
+use cursor::{Cursor, Encoding};
+use raw::Raw;
+pub use write::{Version, WriteOptions, to_writer, write, write_with};
+
+/// What a file holds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MeshFile {
+    /// The mesh, coordinates as in the file.
+    pub mesh: Mesh,
+    /// What was left out or put right on reading, one sentence each, for the user to see.
+    pub warnings: Vec<String>,
+}
+
+/// Reads a mesh file.
+///
+/// # Errors
+/// [`InputError`] for a file that cannot be read, is damaged, or holds what is not supported.
+pub fn read(path: &Path) -> Result<MeshFile, InputError> {
+    let bytes = std::fs::read(path).map_err(|error| InputError::unreadable(path, &error))?;
+    parse(&bytes, path)
+}
+
+/// Reads the contents of a mesh file; `path` is what errors call it.
+///
+/// # Errors
+/// As [`read`].
+pub fn parse(bytes: &[u8], path: &Path) -> Result<MeshFile, InputError> {
+    let mut cursor = Cursor::new(bytes, path);
+    let version = header(&mut cursor)?;
+    let mut raw = Raw::new(version);
+    while let Some(section) = cursor.next_section()? {
+        match (section.as_str(), version) {
+            ("PhysicalNames", _) => raw.physical_names(&mut cursor)?,
+            ("Nodes", Version::V2_2) => version2::nodes(&mut cursor, &mut raw)?,
+            ("Elements", Version::V2_2) => version2::elements(&mut cursor, &mut raw)?,
+            ("Entities", Version::V4_1) => version4::entities(&mut cursor, &mut raw)?,
+            ("Nodes", Version::V4_1) => version4::nodes(&mut cursor, &mut raw)?,
+            ("Elements", Version::V4_1) => version4::elements(&mut cursor, &mut raw)?,
+            ("PartitionedEntities", Version::V4_1) => {
+                return Err(cursor.fault(
+                    "the mesh is partitioned",
+                    "a mesh in one piece",
+                    "undo the partition in Gmsh (Unpartition) and export it again; ranks are given elements when a run starts",
+                ));
+            }
+            _ => {
+                cursor.skip_section()?;
+                continue;
+            }
+        }
+        cursor.end_section()?;
+    }
+    cursor.finish(&mut raw);
+    assemble::assemble(raw, path)
+}
+
+/// Reads `$MeshFormat` and sets the cursor to the encoding it names.
+fn header(cursor: &mut Cursor<'_>) -> Result<Version, InputError> {
+    const EXPECTED: &str = "a Gmsh mesh file: its first line is `$MeshFormat`";
+    let found = match cursor.opening() {
+        None => Some("is empty".to_owned()),
+        Some("$MeshFormat") => None,
+        Some("$NOD") => Some("is a Gmsh file of version 1".to_owned()),
+        Some(other) => Some(format!("begins with `{other}`: it is no Gmsh mesh file")),
+    };
+    if let Some(what) = found {
+        return Err(cursor.file_fault(what, EXPECTED, "export the mesh as Gmsh `.msh`, version 4.1 or 2.2"));
+    }
+    cursor.next_section()?;
+    cursor.begin_row();
+    let number = cursor.finite("the version of the format, 4.1 or 2.2")?;
+    let version = match number {
+        2.2 => Version::V2_2,
+        4.1 => Version::V4_1,
+        _ => {
+            return Err(cursor.fault(
+                format!("Gmsh format {number:?} is not supported"),
+                "version 4.1 or 2.2",
+                "open the file in Gmsh and export it as version 4.1 (`gmsh old.msh -save -format msh41 -o new.msh`)",
+            ));
+        }
+    };
+    let binary = match cursor.size("0 for text or 1 for binary")? {
+        0 => false,
+        1 => true,
+        other => {
+            return Err(cursor.fault(
+                format!("the file type is {other}"),
+                "0 for text or 1 for binary",
+                "the file is damaged: export it again",
+            ));
+        }
+    };
+    let width = cursor.size("the size of the file's numbers in bytes, 8")?;
+    if !(width == 8 || width == 4 && version == Version::V4_1) {
+        let expected = if version == Version::V4_1 { "8 or 4" } else { "8" };
+        return Err(cursor.fault(
+            format!("the data size is {width}"),
+            format!("{expected} bytes"),
+            "export the mesh again from Gmsh",
+        ));
+    }
+    cursor.end_row()?;
+    if binary {
+        let swapped = cursor.byte_order()?;
+        cursor.set_encoding(Encoding::Binary { swapped, wide: width == 8 });
+    }
+    cursor.end_section()?;
+    Ok(version)
+}
+
+#[cfg(test)]
+mod tests;

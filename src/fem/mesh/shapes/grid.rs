@@ -11,22 +11,24 @@ pub const KUHN: [[usize; 4]; 6] = [[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0,
 #[derive(Clone, Copy)]
 pub(super) struct Grid {
     cells: [usize; 3],
-    /// Cut the upper half of every axis as the mirror image of the lower one.
-    mirrored: bool,
+    /// For a block cut symmetrically, which half of each axis (true: the upper one) is cut as the mirror image of
+    /// the plain cut.
+    mirrored: Option<[bool; 3]>,
 }
 
 impl Grid {
     /// A block whose cells are all cut alike, from the lowest to the highest corner.
     pub fn uniform(cells: [usize; 3]) -> Result<Self, ShapeError> {
-        Self::checked(cells, false)
+        Self::checked(cells, None)
     }
 
-    /// A block cut symmetrically about its three middle planes; an axis with an odd number of cells has none.
-    pub fn mirrored(cells: [usize; 3]) -> Result<Self, ShapeError> {
-        Self::checked(cells, true)
+    /// A block cut symmetrically about its three middle planes: one half of each axis (true in `upper`: the upper
+    /// one) is cut as the mirror image of the plain cut. An axis with an odd number of cells has no such plane.
+    pub fn mirrored(cells: [usize; 3], upper: [bool; 3]) -> Result<Self, ShapeError> {
+        Self::checked(cells, Some(upper))
     }
 
-    fn checked(cells: [usize; 3], mirrored: bool) -> Result<Self, ShapeError> {
+    fn checked(cells: [usize; 3], mirrored: Option<[bool; 3]>) -> Result<Self, ShapeError> {
         if cells.contains(&0) {
             return Err(ShapeError::NoCells { cells });
         }
@@ -84,7 +86,11 @@ impl Grid {
 
     /// The six tetrahedra of a cell.
     fn tetrahedra(&self, cell: [usize; 3]) -> [[u32; 4]; 6] {
-        let flip: [bool; 3] = std::array::from_fn(|axis| self.mirrored && 2 * cell[axis] >= self.cells[axis]);
+        let in_upper_half = |axis: usize| 2 * cell[axis] >= self.cells[axis];
+        let flip: [bool; 3] = match self.mirrored {
+            Some(upper) => std::array::from_fn(|axis| in_upper_half(axis) == upper[axis]),
+            None => [false; 3],
+        };
         let inverted = flip.iter().filter(|&&flip| flip).count() % 2 == 1;
         KUHN.map(|corners| {
             let [a, b, c, d] = corners.map(|corner| {

@@ -1,0 +1,196 @@
+//! `biotissue mesh`: writes the built-in meshes as Gmsh files.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use biotissue::fem::mesh::gmsh::{self, Version, WriteOptions};
+use biotissue::fem::mesh::shapes::{self, DogboneShape, ShapeError};
+use biotissue::fem::mesh::{Mesh, Surface};
+use clap::{Args, Subcommand, ValueEnum};
+
+use crate::failure::Failure;
+
+/// What can be meshed.
+#[derive(Subcommand)]
+pub enum MeshCommand {
+    /// A box with its lowest corner at the origin: region `body`, surfaces x0 x1 y0 y1 z0 z1
+    Box {
+        /// Cells along x, y and z, each cut into six tetrahedra
+        #[arg(long, value_name = "NX,NY,NZ", value_parser = three::<usize>)]
+        cells: [usize; 3],
+        /// Lengths along x, y and z, in metres
+        #[arg(long, value_name = "X,Y,Z", value_parser = three::<f64>, default_value = "1,1,1", allow_hyphen_values = true)]
+        size: [f64; 3],
+        #[command(flatten)]
+        output: Output,
+    },
+    /// A flat tensile sample along x: regions `grip` and `gauge`, surfaces left, right, sides
+    Dogbone {
+        /// Edge of the elements in the grips, in metres; towards the gauge they become finer
+        #[arg(long, value_name = "M", allow_hyphen_values = true)]
+        element_size: f64,
+        #[command(flatten)]
+        shape: ShapeArguments,
+        #[command(flatten)]
+        output: Output,
+    },
+}
+
+/// Proportions of the dogbone that differ from the default ones.
+#[derive(Args)]
+pub struct ShapeArguments {
+    /// Length of the sample, in metres [default: 0.038]
+    #[arg(long, value_name = "M", allow_hyphen_values = true)]
+    length: Option<f64>,
+    /// Length of each grip [default: 0.006]
+    #[arg(long, value_name = "M", allow_hyphen_values = true)]
+    grip_length: Option<f64>,
+    /// Width of the grips [default: 0.010]
+    #[arg(long, value_name = "M", allow_hyphen_values = true)]
+    grip_width: Option<f64>,
+    /// Width of the gauge [default: 0.005]
+    #[arg(long, value_name = "M", allow_hyphen_values = true)]
+    gauge_width: Option<f64>,
+    /// Radius of the fillets between grip and gauge [default: 0.0125]
+    #[arg(long, value_name = "M", allow_hyphen_values = true)]
+    fillet_radius: Option<f64>,
+    /// Thickness of the sample [default: 0.0025]
+    #[arg(long, value_name = "M", allow_hyphen_values = true)]
+    thickness: Option<f64>,
+}
+
+impl ShapeArguments {
+    fn shape(&self) -> DogboneShape {
+        let default = DogboneShape::default();
+        DogboneShape {
+            length: self.length.unwrap_or(default.length),
+            grip_length: self.grip_length.unwrap_or(default.grip_length),
+            grip_width: self.grip_width.unwrap_or(default.grip_width),
+            gauge_width: self.gauge_width.unwrap_or(default.gauge_width),
+            fillet_radius: self.fillet_radius.unwrap_or(default.fillet_radius),
+            thickness: self.thickness.unwrap_or(default.thickness),
+        }
+    }
+}
+
+/// Where the mesh goes.
+#[derive(Args)]
+pub struct Output {
+    /// The mesh file; one of that name is replaced
+    #[arg(short, long = "output", value_name = "FILE.msh")]
+    file: PathBuf,
+    /// Version of the Gmsh format
+    #[arg(long, value_enum, default_value = "4.1")]
+    format: Format,
+    /// Write binary instead of text
+    #[arg(long)]
+    binary: bool,
+    /// Print the summary as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Format {
+    #[value(name = "2.2")]
+    V2_2,
+    #[value(name = "4.1")]
+    V4_1,
+}
+
+/// Three values separated by commas.
+fn three<T: std::str::FromStr + Copy>(text: &str) -> Result<[T; 3], String> {
+    let values: Option<Vec<T>> = text.split(',').map(|value| value.trim().parse().ok()).collect();
+    values
+        .and_then(|values| values.try_into().ok())
+        .ok_or_else(|| "expected three numbers separated by commas, as in 4,4,4".to_owned())
+}
+
+/// Makes the mesh, writes it and prints what it is.
+pub fn run(command: MeshCommand) -> Result<(), Failure> {
+    let (mesh, output) = match command {
+        MeshCommand::Box { cells, size, output } => (shapes::cuboid(cells, size), output),
+        MeshCommand::Dogbone { element_size, shape, output } => (shapes::dogbone(&shape.shape(), element_size), output),
+    };
+    let mesh = mesh.map_err(|error| refused(&error))?;
+    let version = match output.format {
+        Format::V2_2 => Version::V2_2,
+        Format::V4_1 => Version::V4_1,
+    };
+    gmsh::write_with(&output.file, &mesh, WriteOptions { version, binary: output.binary })
+        .map_err(|error| Failure::unwritable(&output.file, &error))?;
+    let summary = if output.json { json(&output.file, &mesh) } else { table(&output.file, &mesh) };
+    writeln!(std::io::stdout(), "{summary}").map_err(|error| Failure::unwritable(Path::new("standard output"), &error))
+}
+
+/// Arguments that make no shape.
+fn refused(error: &ShapeError) -> Failure {
+    let (expected, cure) = match error {
+        ShapeError::NoCells { .. } => ("one cell at least along each axis".to_owned(), "raise --cells"),
+        ShapeError::NotPositive { .. } => ("a positive, finite length in metres".to_owned(), "correct it"),
+        ShapeError::TooManyElements { .. } => {
+            (format!("at most {} elements", shapes::MAX_ELEMENTS), "take fewer cells or larger elements")
+        }
+        ShapeError::ElementTooLarge { limit, .. } => (format!("at most {limit}"), "lower --element-size"),
+        ShapeError::GaugeTooWide { .. } => {
+            ("a gauge narrower than the grips".to_owned(), "lower --gauge-width or raise --grip-width")
+        }
+        ShapeError::FilletTooSmall { least, .. } => (format!("{least} or more"), "raise --fillet-radius"),
+        ShapeError::NoGauge { taken, .. } => {
+            (format!("a length of more than {taken}"), "raise --length, or lower --grip-length or --fillet-radius")
+        }
+    };
+    Failure::Arguments { what: error.to_string(), expected, cure: cure.into() }
+}
+
+fn table(file: &Path, mesh: &Mesh) -> String {
+    let [low, high] = mesh.bounding_box();
+    let [sharp, blunt] = mesh.dihedral_range();
+    let mut lines = vec![
+        format!("{}", file.display()),
+        format!("  nodes     {:>10}", mesh.nodes().len()),
+        format!("  elements  {:>10}   volume {:.6e} m^3", mesh.elements().len(), mesh.volume()),
+        format!("  box       {low:?} to {high:?} m"),
+        format!("  angles    {sharp:.1} to {blunt:.1} degrees between faces"),
+    ];
+    for (name, elements, volume) in regions(mesh) {
+        lines.push(format!("  region    {name:<8} {elements:>10} elements    volume {volume:.6e} m^3"));
+    }
+    for surface in mesh.surfaces() {
+        let Surface { name, triangles } = surface;
+        let area = mesh.surface_area(surface);
+        lines.push(format!("  surface   {name:<8} {:>10} triangles   area   {area:.6e} m^2", triangles.len()));
+    }
+    lines.join("\n")
+}
+
+fn json(file: &Path, mesh: &Mesh) -> String {
+    let regions: Vec<_> = regions(mesh)
+        .map(|(name, elements, volume)| serde_json::json!({ "name": name, "elements": elements, "volume": volume }))
+        .collect();
+    let surface = |surface: &Surface| {
+        serde_json::json!({
+            "name": surface.name,
+            "triangles": surface.triangles.len(),
+            "area": mesh.surface_area(surface),
+        })
+    };
+    let summary = serde_json::json!({
+        "file": file.to_string_lossy(),
+        "nodes": mesh.nodes().len(),
+        "elements": mesh.elements().len(),
+        "volume": mesh.volume(),
+        "bounding_box": mesh.bounding_box(),
+        "dihedral_angles": mesh.dihedral_range(),
+        "regions": regions,
+        "surfaces": mesh.surfaces().iter().map(surface).collect::<Vec<_>>(),
+    });
+    format!("{summary:#}")
+}
+
+/// Name, number of elements and volume of every region.
+fn regions(mesh: &Mesh) -> impl Iterator<Item = (&str, usize, f64)> {
+    (0..)
+        .zip(mesh.regions().iter().zip(mesh.region_volumes()))
+        .map(|(region, (name, volume))| (name.as_str(), mesh.elements_in(region).count(), volume))
+}

@@ -1,0 +1,382 @@
+//! From the sections of a file to a checked mesh.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+use super::MeshFile;
+use super::numbering::Numbering;
+use super::raw::{Cell, Raw};
+use crate::fem::mesh::measure::signed_volume;
+use crate::fem::mesh::{Mesh, MeshError, Surface};
+use crate::input::InputError;
+
+const DAMAGED: &str = "the file is damaged or was changed by hand: export it again";
+
+/// Puts a mesh together.
+pub(super) fn assemble(mut raw: Raw, path: &Path) -> Result<MeshFile, InputError> {
+    let mut warnings = std::mem::take(&mut raw.warnings);
+    let source = Source { raw: &raw, path };
+    source.has_a_body()?;
+    let numbering = source.numbering()?;
+    let (elements, turned) = source.elements(&numbering)?;
+    if turned > 0 {
+        warnings.push(format!("{turned} tetrahedra were numbered inside out and have been turned"));
+    }
+    let (regions, region_of) = source.regions()?;
+    let groups = source.surfaces(&numbering)?;
+    warnings.extend(source.empty_groups(&regions, &groups));
+
+    let mut parts = Parts { nodes: raw.nodes.iter().map(|node| node.position).collect(), elements, groups };
+    let dropped = parts.drop_unused_nodes();
+    if dropped > 0 {
+        warnings.push(format!("{dropped} nodes belong to no tetrahedron and are left out"));
+    }
+    let double = coincident(&parts.nodes);
+    if double > 0 {
+        warnings.push(format!(
+            "{double} nodes lie exactly where another one does: parts of the body that should be joined there are not"
+        ));
+    }
+    let surfaces = parts.groups.iter().map(|(name, group)| {
+        let triangles = group.iter().map(|(triangle, _)| *triangle).collect();
+        Surface { name: name.clone(), triangles }
+    });
+    let mesh = Mesh::new(parts.nodes, parts.elements, region_of, regions, surfaces.collect())
+        .map_err(|error| source.explain(&error, &parts.groups))?;
+    Ok(MeshFile { mesh, warnings })
+}
+
+/// Triangles, each with the cell of the file it comes from.
+type Triangles = Vec<([u32; 3], usize)>;
+
+/// The pieces of a mesh before nodes without elements are taken out.
+struct Parts {
+    nodes: Vec<[f64; 3]>,
+    elements: Vec<[u32; 4]>,
+    groups: Vec<(String, Triangles)>,
+}
+
+impl Parts {
+    /// Takes out the nodes that no element has and numbers the others anew; tells how many there were. Triangles keep
+    /// the nodes of triangles alive: that such a triangle is no face is reported when the mesh is made.
+    fn drop_unused_nodes(&mut self) -> usize {
+        let mut place = vec![u32::MAX; self.nodes.len()];
+        let triangles = self.groups.iter().flat_map(|(_, group)| group.iter().flat_map(|(triangle, _)| triangle));
+        for &node in self.elements.iter().flatten().chain(triangles) {
+            place[node as usize] = 0;
+        }
+        let mut next = 0;
+        for place in place.iter_mut().filter(|place| **place == 0) {
+            *place = next;
+            next += 1;
+        }
+        let before = self.nodes.len();
+        let mut keep = place.iter().map(|&place| place != u32::MAX);
+        self.nodes.retain(|_| keep.next().unwrap_or(true));
+        let triangles = self.groups.iter_mut().flat_map(|(_, group)| group.iter_mut().flat_map(|(nodes, _)| nodes));
+        for node in self.elements.iter_mut().flatten().chain(triangles) {
+            *node = place[*node as usize];
+        }
+        before - self.nodes.len()
+    }
+}
+
+/// How many nodes lie at the very place of another one.
+fn coincident(nodes: &[[f64; 3]]) -> usize {
+    // Adding zero makes both zeros one.
+    let mut places: Vec<[u64; 3]> = nodes.iter().map(|node| node.map(|x| (x + 0.0).to_bits())).collect();
+    places.sort_unstable();
+    places.windows(2).filter(|pair| pair[0] == pair[1]).count()
+}
+
+/// A file that has been read, and how to speak of it.
+struct Source<'a> {
+    raw: &'a Raw,
+    path: &'a Path,
+}
+
+impl Source<'_> {
+    fn fault(&self, line: u32, what: String, expected: &str, cure: &str) -> InputError {
+        match line {
+            0 => InputError::in_file(self.path, what, expected, cure),
+            line => InputError::at_line(self.path, line as usize, what, expected, cure),
+        }
+    }
+
+    /// There are nodes and tetrahedra.
+    fn has_a_body(&self) -> Result<(), InputError> {
+        for section in ["Nodes", "Elements"] {
+            if !self.raw.has(section) {
+                let what = format!("${section} is missing");
+                return Err(self.fault(0, what, "a file with $Nodes and $Elements", DAMAGED));
+            }
+        }
+        if self.raw.tetrahedra.is_empty() {
+            let what = match self.raw.triangles.len() {
+                0 => "the mesh has no tetrahedra".to_owned(),
+                triangles => format!("the mesh has no tetrahedra, only {triangles} triangles"),
+            };
+            return Err(self.fault(
+                0,
+                what,
+                "a body of tetrahedra",
+                "mesh the volume (in Gmsh: Mesh, 3D), put it in a physical group (Gmsh saves nothing else if there are \
+                 any groups), and export again",
+            ));
+        }
+        Ok(())
+    }
+
+    /// Where the node of every tag is.
+    fn numbering(&self) -> Result<Numbering, InputError> {
+        let nodes = &self.raw.nodes;
+        if u32::try_from(nodes.len()).is_err() {
+            let what = MeshError::TooLarge { count: nodes.len() }.to_string();
+            return Err(self.fault(0, what, "a smaller mesh", "coarsen the mesh"));
+        }
+        Numbering::new(nodes.iter().map(|node| node.tag)).map_err(|index| {
+            let node = &nodes[index];
+            self.fault(
+                node.line,
+                format!("node {} is defined a second time", node.tag),
+                "each node once",
+                "renumber the mesh in Gmsh (Mesh, Renumber) or export it again",
+            )
+        })
+    }
+
+    /// The nodes of a cell, from their tags.
+    fn resolve<const N: usize>(
+        &self,
+        numbering: &Numbering,
+        cell: &Cell<N>,
+        noun: &str,
+    ) -> Result<[u32; N], InputError> {
+        let mut nodes = [0; N];
+        for (k, (slot, &tag)) in nodes.iter_mut().zip(&cell.nodes).enumerate() {
+            *slot = numbering.index(tag).ok_or_else(|| {
+                let what = format!("{noun} {} names node {tag}, which is not in $Nodes", cell.tag);
+                self.fault(cell.line, what, "nodes of this file", DAMAGED)
+            })?;
+            if cell.nodes[..k].contains(&tag) {
+                let what = format!("{noun} {} has node {tag} twice", cell.tag);
+                return Err(self.fault(
+                    cell.line,
+                    what,
+                    "different nodes",
+                    "remove the collapsed element or mesh again",
+                ));
+            }
+        }
+        Ok(nodes)
+    }
+
+    /// The elements, of positive volume, and how many had to be turned for that.
+    fn elements(&self, numbering: &Numbering) -> Result<(Vec<[u32; 4]>, usize), InputError> {
+        let mut turned = 0;
+        let mut elements = Vec::with_capacity(self.raw.tetrahedra.len());
+        for cell in &self.raw.tetrahedra {
+            let mut nodes = self.resolve(numbering, cell, "tetrahedron")?;
+            if signed_volume(nodes.map(|node| self.raw.nodes[node as usize].position)) < 0.0 {
+                nodes.swap(2, 3);
+                turned += 1;
+            }
+            elements.push(nodes);
+        }
+        Ok((elements, turned))
+    }
+
+    /// The regions, in the order of their physical numbers, and the region of every element.
+    fn regions(&self) -> Result<(Vec<String>, Vec<u32>), InputError> {
+        let mut names = Names::default();
+        let mut of = Vec::with_capacity(self.raw.tetrahedra.len());
+        let mut without = 0;
+        for cell in &self.raw.tetrahedra {
+            match *self.raw.groups(3, cell) {
+                [] => without += 1,
+                [group] => of.push(names.index(self.raw, 3, group)),
+                [first, second, ..] => {
+                    let (first, second) = (self.raw.group_name(3, first), self.raw.group_name(3, second));
+                    return Err(self.in_two_groups(cell, &first, &second));
+                }
+            }
+        }
+        let total = self.raw.tetrahedra.len();
+        if without == total && !self.has_volume_groups() {
+            return Ok((vec!["body".into()], vec![0; total]));
+        }
+        if without > 0 {
+            return Err(self.fault(
+                0,
+                format!("{without} of {total} tetrahedra are in no physical volume group"),
+                "every tetrahedron in one physical volume group (or no such group at all)",
+                "add the volumes left out to a physical group, or remove all physical volume groups",
+            ));
+        }
+        let (order, names) = names.in_order();
+        Ok((names, of.into_iter().map(|name: u32| order[name as usize]).collect()))
+    }
+
+    fn in_two_groups(&self, cell: &Cell<4>, first: &str, second: &str) -> InputError {
+        self.fault(
+            cell.line,
+            format!("tetrahedron {} is in two physical volume groups, `{first}` and `{second}`", cell.tag),
+            "every tetrahedron in one physical volume group",
+            "take its volume out of one of the groups",
+        )
+    }
+
+    fn has_volume_groups(&self) -> bool {
+        self.raw.names.keys().any(|&(dimension, _)| dimension == 3)
+            || self.raw.entities.iter().any(|(&(dimension, _), groups)| dimension == 3 && !groups.is_empty())
+    }
+
+    /// The triangles of every physical surface group, in the order of their numbers.
+    fn surfaces(&self, numbering: &Numbering) -> Result<Vec<(String, Triangles)>, InputError> {
+        let mut names = Names::default();
+        let mut surfaces: Vec<Triangles> = Vec::new();
+        for (place, cell) in self.raw.triangles.iter().enumerate() {
+            let groups = self.raw.groups(2, cell);
+            if groups.is_empty() {
+                continue;
+            }
+            let nodes = self.resolve(numbering, cell, "triangle")?;
+            let mut last = None;
+            for &group in groups {
+                let name = names.index(self.raw, 2, group);
+                surfaces.resize_with(surfaces.len().max(name as usize + 1), Vec::new);
+                // Two groups of one name are one surface.
+                if last.replace(name) != Some(name) {
+                    surfaces[name as usize].push((nodes, place));
+                }
+            }
+        }
+        let (order, names) = names.in_order();
+        let mut sorted: Vec<(String, Triangles)> = names.into_iter().map(|name| (name, Vec::new())).collect();
+        for (surface, place) in surfaces.into_iter().zip(order) {
+            sorted[place as usize].1 = surface;
+        }
+        Ok(sorted)
+    }
+
+    /// Warnings of physical groups that have a name and nothing in them.
+    fn empty_groups(&self, regions: &[String], surfaces: &[(String, Triangles)]) -> Vec<String> {
+        let empty = self.raw.names.iter().filter(|&(&(dimension, _), name)| match dimension {
+            2 => surfaces.iter().all(|(surface, _)| surface != name),
+            3 => !regions.contains(name),
+            _ => false,
+        });
+        let noun = |dimension| if dimension == 2 { "surface" } else { "volume" };
+        empty
+            .map(|(&(dimension, _), name)| {
+                format!("the physical {} `{name}` has no elements and is left out", noun(dimension))
+            })
+            .collect()
+    }
+
+    /// What is wrong with the mesh, told with the numbers and lines of the file.
+    fn explain(&self, error: &MeshError, surfaces: &[(String, Triangles)]) -> InputError {
+        let triangle = |surface: &str, index: usize| {
+            let place = surfaces.iter().find(|(name, _)| name == surface).and_then(|(_, group)| group.get(index));
+            place.and_then(|&(_, place)| self.raw.triangles.get(place))
+        };
+        let tetrahedron = |index: usize| self.raw.tetrahedra.get(index);
+        let told = match error {
+            MeshError::Flat { element, volume, longest_edge } => tetrahedron(*element).map(|cell| {
+                let what = format!(
+                    "tetrahedron {} is flat: its volume is {volume:e}, its longest edge {longest_edge:e}",
+                    cell.tag
+                );
+                self.fault(
+                    cell.line,
+                    what,
+                    "tetrahedra with a volume",
+                    "improve the mesh (in Gmsh: Optimize 3D) or mesh again",
+                )
+            }),
+            MeshError::Overlap { first, second, .. } => {
+                tetrahedron(*first).zip(tetrahedron(*second)).map(|(first, second)| self.overlap(first, second))
+            }
+            MeshError::NotAFace { surface, triangle: index, .. } => triangle(surface, *index).map(|cell| {
+                self.fault(
+                    cell.line,
+                    format!("triangle {} of surface `{surface}` is no face of any tetrahedron", cell.tag),
+                    "surfaces that bound the body or lie in it",
+                    "take the surface out of the physical group, or export the volume that belongs to it too",
+                )
+            }),
+            MeshError::DuplicateTriangle { surface, first, second } => {
+                triangle(surface, *first).zip(triangle(surface, *second)).map(|(first, second)| {
+                    self.fault(
+                        second.line,
+                        format!("triangles {} and {} of surface `{surface}` are the same", first.tag, second.tag),
+                        "each triangle of a surface once",
+                        "remove duplicate elements (in Gmsh: Coherence Mesh) and export again",
+                    )
+                })
+            }
+            _ => None,
+        };
+        told.unwrap_or_else(|| self.fault(0, error.to_string(), "a mesh that can be computed on", DAMAGED))
+    }
+
+    /// Two tetrahedra on the same side of a face: the same one in two groups, or a body folded into itself.
+    fn overlap(&self, first: &Cell<4>, second: &Cell<4>) -> InputError {
+        let nodes = |cell: &Cell<4>| BTreeSet::from(cell.nodes);
+        let group = |cell| self.raw.groups(3, cell).first().map(|&group| self.raw.group_name(3, group));
+        if nodes(first) == nodes(second) {
+            if let (Some(one), Some(other)) = (group(first), group(second))
+                && one != other
+            {
+                return self.in_two_groups(second, &one, &other);
+            }
+            let what = format!("tetrahedra {} and {} are the same", first.tag, second.tag);
+            let cure = "remove duplicate elements (in Gmsh: Coherence Mesh) and export again";
+            return self.fault(second.line, what, "each tetrahedron once", cure);
+        }
+        self.fault(
+            second.line,
+            format!(
+                "tetrahedra {} and {} overlap: they lie on the same side of a face they share",
+                first.tag, second.tag
+            ),
+            "a body that does not overlap itself",
+            "check the mesh for inverted and overlapping elements and mesh again",
+        )
+    }
+}
+
+/// Names of groups, numbered as they turn up.
+#[derive(Default)]
+struct Names {
+    /// Index of the name of every group that has turned up.
+    groups: BTreeMap<i32, u32>,
+    names: Vec<String>,
+}
+
+impl Names {
+    fn index(&mut self, raw: &Raw, dimension: i32, group: i32) -> u32 {
+        *self.groups.entry(group).or_insert_with(|| {
+            let name = raw.group_name(dimension, group);
+            let known = self.names.iter().position(|other| *other == name);
+            let index = known.unwrap_or_else(|| {
+                self.names.push(name);
+                self.names.len() - 1
+            });
+            index as u32
+        })
+    }
+
+    /// Where each name comes when sorted by the number of its (lowest) group, and the names so sorted.
+    fn in_order(self) -> (Vec<u32>, Vec<String>) {
+        let mut order = vec![u32::MAX; self.names.len()];
+        let mut sorted = Vec::with_capacity(self.names.len());
+        for &index in self.groups.values() {
+            if order[index as usize] == u32::MAX {
+                order[index as usize] = sorted.len() as u32;
+                sorted.push(self.names[index as usize].clone());
+            }
+        }
+        (order, sorted)
+    }
+}

@@ -1,0 +1,422 @@
+//! A place in a mesh file: reads numbers as text or binary and knows where it stands when one is wrong.
+
+use std::borrow::Cow;
+use std::path::Path;
+
+use super::raw::Raw;
+use crate::input::InputError;
+
+const DAMAGED: &str = "the file is damaged or was changed by hand: export it again";
+
+/// How the numbers of a file are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Encoding {
+    Text,
+    Binary {
+        /// Whether the most significant byte comes first.
+        swapped: bool,
+        /// Whether counts and tags of version 4 take eight bytes, not four.
+        wide: bool,
+    },
+}
+
+/// How far a counted list has been read.
+#[derive(Clone, Copy)]
+struct Progress {
+    noun: &'static str,
+    done: u64,
+    of: u64,
+}
+
+pub(super) struct Cursor<'a> {
+    bytes: &'a [u8],
+    at: usize,
+    line: usize,
+    /// Where the token read last begins.
+    token_at: usize,
+    token_line: usize,
+    path: &'a Path,
+    encoding: Encoding,
+    section: String,
+    progress: Option<Progress>,
+    in_row: bool,
+    /// First line that stands outside all sections.
+    stray: Option<(usize, String)>,
+}
+
+impl<'a> Cursor<'a> {
+    pub fn new(bytes: &'a [u8], path: &'a Path) -> Self {
+        Self {
+            bytes,
+            at: 0,
+            line: 1,
+            token_at: 0,
+            token_line: 1,
+            path,
+            encoding: Encoding::Text,
+            section: String::new(),
+            progress: None,
+            in_row: false,
+            stray: None,
+        }
+    }
+
+    pub fn set_encoding(&mut self, encoding: Encoding) {
+        self.encoding = encoding;
+    }
+
+    pub fn is_text(&self) -> bool {
+        self.encoding == Encoding::Text
+    }
+
+    /// Line of the token read last; 0 in a binary file.
+    pub fn line(&self) -> u32 {
+        if self.is_text() { u32::try_from(self.token_line).unwrap_or(u32::MAX) } else { 0 }
+    }
+
+    /// No more of a thing than the rest of the file can hold, `bytes` being the fewest that one takes: what may be
+    /// set aside for a count that the file states.
+    pub fn at_most(&self, count: u64, bytes: usize) -> usize {
+        let room = (self.bytes.len() - self.at) / bytes;
+        usize::try_from(count).map_or(room, |count| count.min(room))
+    }
+
+    // Errors.
+
+    /// An error at the token read last.
+    pub fn fault(&self, what: impl Into<String>, expected: impl Into<String>, cure: impl Into<String>) -> InputError {
+        match self.encoding {
+            Encoding::Text => InputError::at_line(self.path, self.token_line, what, expected, cure),
+            Encoding::Binary { .. } => {
+                let what = format!("at byte {}: {}", self.token_at, what.into());
+                InputError::in_file(self.path, what, expected, cure)
+            }
+        }
+    }
+
+    /// An error of the file as a whole.
+    pub fn file_fault(
+        &self,
+        what: impl Into<String>,
+        expected: impl Into<String>,
+        cure: impl Into<String>,
+    ) -> InputError {
+        InputError::in_file(self.path, what, expected, cure)
+    }
+
+    /// The file or the section ends where there should be more.
+    fn ended(&self, found: &str, expected: &str) -> InputError {
+        let after = match self.progress {
+            Some(Progress { noun, done, of }) => format!(" after {done} of {of} {noun}"),
+            None => String::new(),
+        };
+        let cure = match found {
+            "the file" => "the file was cut off: export or copy it again",
+            _ => DAMAGED,
+        };
+        self.fault(format!("{found} ends within ${}{after}", self.section), expected, cure)
+    }
+
+    // Sections.
+
+    /// The first word of the file, without moving; `None` if there is none.
+    pub fn opening(&self) -> Option<&'a str> {
+        let text = self.bytes.trim_ascii_start();
+        let end = text.iter().position(u8::is_ascii_whitespace).unwrap_or(text.len());
+        match std::str::from_utf8(&text[..end.min(40)]) {
+            Ok("") => None,
+            Ok(word) => Some(word),
+            Err(_) => Some("bytes that are no text"),
+        }
+    }
+
+    /// Moves behind the line that opens the next section and tells its name; lines before it are noted.
+    pub fn next_section(&mut self) -> Result<Option<String>, InputError> {
+        self.progress = None;
+        loop {
+            self.skip_whitespace();
+            let line = self.bytes[self.at..].split(|&byte| byte == b'\n').next().unwrap_or_default();
+            if line.is_empty() {
+                return Ok(None);
+            }
+            self.mark();
+            self.at += line.len();
+            let text = clipped(line);
+            match text.strip_prefix('$') {
+                Some(name) => {
+                    self.section = name.to_owned();
+                    self.finish_line()?;
+                    return Ok(Some(self.section.clone()));
+                }
+                None if self.stray.is_none() => self.stray = Some((self.token_line, text.into_owned())),
+                None => {}
+            }
+        }
+    }
+
+    /// Reads the line that closes the current section.
+    pub fn end_section(&mut self) -> Result<(), InputError> {
+        self.skip_whitespace();
+        self.mark();
+        let name = &self.section;
+        let end = format!("$End{name}");
+        let rest = &self.bytes[self.at..];
+        let word = rest.split(|byte| byte.is_ascii_whitespace()).next().unwrap_or_default();
+        if word == end.as_bytes() {
+            self.at += word.len();
+            return Ok(());
+        }
+        let what = match (clipped(word), self.progress) {
+            (word, _) if word.is_empty() => format!("`{end}` is missing: the file ends"),
+            (word, _) if word.starts_with('$') => format!("`{end}` is missing: `{word}` stands in its place"),
+            (word, Some(Progress { noun, of, .. })) => format!("`{word}` follows the {of} {noun} announced"),
+            (word, None) => format!("`{word}` stands at the end of ${name}"),
+        };
+        Err(self.fault(what, format!("`{end}`"), DAMAGED))
+    }
+
+    /// Moves behind a section that is of no interest.
+    pub fn skip_section(&mut self) -> Result<(), InputError> {
+        let end = format!("\n$End{}", self.section);
+        // The line break that ends the opening line may be the one before the end.
+        let start = self.at.saturating_sub(1);
+        let found = self.bytes[start..].windows(end.len()).enumerate().find(|&(at, window)| {
+            let next = self.bytes.get(start + at + end.len());
+            window == end.as_bytes() && next.is_none_or(u8::is_ascii_whitespace)
+        });
+        let Some((at, _)) = found else {
+            let what = format!("${} has no end", self.section);
+            return Err(self.fault(
+                what,
+                format!("`$End{}`", self.section),
+                "the file was cut off: export or copy it again",
+            ));
+        };
+        let stop = start + at + end.len();
+        self.line += self.bytes[self.at..stop].iter().filter(|&&byte| byte == b'\n').count();
+        self.at = stop;
+        Ok(())
+    }
+
+    /// Notes lines outside all sections as a warning.
+    pub fn finish(&self, raw: &mut Raw) {
+        if let Some((line, text)) = &self.stray {
+            raw.warnings.push(match self.encoding {
+                Encoding::Text => format!("line {line}, `{text}`, stands outside all sections and is ignored"),
+                Encoding::Binary { .. } => format!("`{text}` stands outside all sections and is ignored"),
+            });
+        }
+    }
+
+    // Rows and counts.
+
+    /// A list of so many things begins.
+    pub fn expect_count(&mut self, noun: &'static str, of: u64) {
+        self.progress = Some(Progress { noun, done: 0, of });
+    }
+
+    /// One of them has been read.
+    pub fn count_one(&mut self) {
+        if let Some(progress) = &mut self.progress {
+            progress.done += 1;
+        }
+    }
+
+    /// What follows stands on one line, in a text file.
+    pub fn begin_row(&mut self) {
+        if self.is_text() {
+            self.skip_whitespace();
+            self.in_row = true;
+        }
+    }
+
+    /// The line ends here, in a text file.
+    pub fn end_row(&mut self) -> Result<(), InputError> {
+        if std::mem::take(&mut self.in_row) { self.finish_line() } else { Ok(()) }
+    }
+
+    /// Moves behind the end of the line, on which nothing may be left.
+    fn finish_line(&mut self) -> Result<(), InputError> {
+        self.skip_spaces();
+        match self.bytes.get(self.at) {
+            None => Ok(()),
+            Some(b'\n') => {
+                self.at += 1;
+                self.line += 1;
+                Ok(())
+            }
+            Some(_) => {
+                self.mark();
+                let word = self.bytes[self.at..].split(|byte| byte.is_ascii_whitespace()).next().unwrap_or_default();
+                Err(self.fault(format!("`{}` stands where the line should end", clipped(word)), "a new line", DAMAGED))
+            }
+        }
+    }
+
+    // Numbers.
+
+    /// A whole number of 32 bits.
+    pub fn integer(&mut self, expected: &str) -> Result<i32, InputError> {
+        match self.encoding {
+            Encoding::Text => self.word_as(expected, "a whole number"),
+            Encoding::Binary { swapped, .. } => {
+                let bytes = self.take(expected)?;
+                Ok(if swapped { i32::from_be_bytes(bytes) } else { i32::from_le_bytes(bytes) })
+            }
+        }
+    }
+
+    /// A count or a tag that is not negative.
+    pub fn size(&mut self, expected: &str) -> Result<u64, InputError> {
+        match self.encoding {
+            Encoding::Text => self.text_size(expected),
+            Encoding::Binary { swapped, wide: true } => {
+                let bytes = self.take(expected)?;
+                Ok(if swapped { u64::from_be_bytes(bytes) } else { u64::from_le_bytes(bytes) })
+            }
+            Encoding::Binary { swapped, wide: false } => {
+                let bytes = self.take(expected)?;
+                Ok(u64::from(if swapped { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) }))
+            }
+        }
+    }
+
+    /// A count or a tag that is not negative, stored in 32 bits (version 2).
+    pub fn small_size(&mut self, expected: &str) -> Result<u64, InputError> {
+        let value = self.integer(expected)?;
+        u64::try_from(value)
+            .map_err(|_| self.fault(format!("{value} is negative"), format!("{expected}, not negative"), DAMAGED))
+    }
+
+    /// A count on a line of its own, written as text in binary files too.
+    pub fn text_count(&mut self, expected: &str) -> Result<u64, InputError> {
+        self.skip_whitespace();
+        self.in_row = true;
+        let count = self.text_size(expected)?;
+        self.in_row = false;
+        self.finish_line()?;
+        Ok(count)
+    }
+
+    /// A whole number written as text in binary files too.
+    pub fn text_integer(&mut self, expected: &str) -> Result<i32, InputError> {
+        self.word_as(expected, "a whole number")
+    }
+
+    fn text_size(&mut self, expected: &str) -> Result<u64, InputError> {
+        self.word_as(expected, "a whole number that is not negative")
+    }
+
+    /// A number, finite or not: what is read over.
+    pub fn number(&mut self, expected: &str) -> Result<f64, InputError> {
+        match self.encoding {
+            Encoding::Text => self.word_as(expected, "a number"),
+            Encoding::Binary { swapped, .. } => {
+                let bytes = self.take(expected)?;
+                Ok(if swapped { f64::from_be_bytes(bytes) } else { f64::from_le_bytes(bytes) })
+            }
+        }
+    }
+
+    /// A finite number.
+    pub fn finite(&mut self, expected: &str) -> Result<f64, InputError> {
+        let value = self.number(expected)?;
+        if value.is_finite() {
+            return Ok(value);
+        }
+        Err(self.fault(format!("{value} is not finite"), expected, "look for what went wrong where the mesh was made"))
+    }
+
+    /// The word that tells the byte order of a binary file: whether bytes are swapped.
+    pub fn byte_order(&mut self) -> Result<bool, InputError> {
+        let bytes: [u8; 4] = self.take("the number 1 in four bytes")?;
+        match (i32::from_le_bytes(bytes), i32::from_be_bytes(bytes)) {
+            (1, _) => Ok(false),
+            (_, 1) => Ok(true),
+            (found, _) => Err(self.file_fault(
+                format!("the number that tells the byte order is {found}, not 1"),
+                "the number 1 in four bytes, in either byte order",
+                "the file is damaged, perhaps copied as text: export it again",
+            )),
+        }
+    }
+
+    /// The rest of a line.
+    pub fn rest_of_line(&mut self) -> Cow<'a, str> {
+        let rest = self.bytes[self.at..].split(|&byte| byte == b'\n').next().unwrap_or_default();
+        self.mark();
+        self.at += rest.len();
+        String::from_utf8_lossy(rest.trim_ascii())
+    }
+
+    fn word_as<T: std::str::FromStr>(&mut self, expected: &str, kind: &str) -> Result<T, InputError> {
+        let word = self.word(expected)?;
+        std::str::from_utf8(word)
+            .ok()
+            .and_then(|word| word.parse().ok())
+            .ok_or_else(|| self.fault(format!("`{}` is not {kind}", clipped(word)), expected, DAMAGED))
+    }
+
+    /// The next word; none begins with `$` but those that open and close sections.
+    fn word(&mut self, expected: &str) -> Result<&'a [u8], InputError> {
+        if self.in_row {
+            self.skip_spaces();
+        } else {
+            self.skip_whitespace();
+        }
+        self.mark();
+        let rest = &self.bytes[self.at..];
+        let word = rest.split(|byte| byte.is_ascii_whitespace()).next().unwrap_or_default();
+        match word.first() {
+            None if rest.is_empty() => Err(self.ended("the file", expected)),
+            None => Err(self.fault("the line ends too early", expected, DAMAGED)),
+            Some(b'$') => Err(self.ended("the section", expected)),
+            Some(_) => {
+                self.at += word.len();
+                Ok(word)
+            }
+        }
+    }
+
+    fn take<const N: usize>(&mut self, expected: &str) -> Result<[u8; N], InputError> {
+        self.mark();
+        match self.bytes[self.at..].first_chunk() {
+            Some(bytes) => {
+                self.at += N;
+                Ok(*bytes)
+            }
+            None => Err(self.ended("the file", expected)),
+        }
+    }
+
+    fn mark(&mut self) {
+        (self.token_at, self.token_line) = (self.at, self.line);
+    }
+
+    fn skip_spaces(&mut self) {
+        let blank = |byte: &&u8| matches!(byte, b' ' | b'\t' | b'\r');
+        self.at += self.bytes[self.at..].iter().take_while(blank).count();
+    }
+
+    fn skip_whitespace(&mut self) {
+        let blank = self.bytes[self.at..].iter().take_while(|byte| byte.is_ascii_whitespace());
+        let (count, lines) =
+            blank.fold((0, 0), |(count, lines), &byte| (count + 1, lines + usize::from(byte == b'\n')));
+        self.at += count;
+        self.line += lines;
+    }
+}
+
+/// A piece of the file to show in a message: trimmed, short, printable.
+fn clipped(text: &[u8]) -> Cow<'_, str> {
+    let text = text.trim_ascii();
+    match std::str::from_utf8(text) {
+        Ok(text) if text.len() <= 40 && !text.contains(char::is_control) => Cow::Borrowed(text),
+        _ => {
+            let printable = String::from_utf8_lossy(&text[..text.len().min(40)]);
+            Cow::Owned(
+                printable.chars().map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect::<String>() + "...",
+            )
+        }
+    }
+}

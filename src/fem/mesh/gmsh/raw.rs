@@ -1,0 +1,168 @@
+//! What the sections of a mesh file hold, before it is put together.
+
+use std::collections::{BTreeMap, HashMap};
+
+use super::Version;
+use super::cursor::Cursor;
+use super::element_type::{Kind, kind};
+use crate::fem::mesh::check::is_name;
+use crate::input::InputError;
+
+/// A node as the file has it.
+pub(super) struct RawNode {
+    pub tag: u64,
+    pub position: [f64; 3],
+    /// Line, or 0 in a binary file.
+    pub line: u32,
+}
+
+/// An element as the file has it.
+pub(super) struct Cell<const N: usize> {
+    pub tag: u64,
+    pub nodes: [u64; N],
+    /// Version 2: the physical group, 0 for none. Version 4: the entity the element lies on.
+    pub group: i32,
+    /// Line, or 0 in a binary file.
+    pub line: u32,
+}
+
+/// All that is read of a file.
+pub(super) struct Raw {
+    pub version: Version,
+    pub nodes: Vec<RawNode>,
+    pub tetrahedra: Vec<Cell<4>>,
+    pub triangles: Vec<Cell<3>>,
+    /// Names of physical groups by dimension and number.
+    pub names: BTreeMap<(i32, i32), String>,
+    /// The physical groups of an entity, by dimension and tag (version 4).
+    pub entities: HashMap<(i32, i32), Vec<i32>>,
+    pub warnings: Vec<String>,
+    seen: Vec<&'static str>,
+}
+
+impl Raw {
+    pub fn new(version: Version) -> Self {
+        Self {
+            version,
+            nodes: Vec::new(),
+            tetrahedra: Vec::new(),
+            triangles: Vec::new(),
+            names: BTreeMap::new(),
+            entities: HashMap::new(),
+            warnings: Vec::new(),
+            seen: Vec::new(),
+        }
+    }
+
+    /// Notes that a section has been found.
+    ///
+    /// # Errors
+    /// If it has been found before.
+    pub fn once(&mut self, cursor: &Cursor<'_>, section: &'static str) -> Result<(), InputError> {
+        if self.seen.contains(&section) {
+            return Err(cursor.fault(
+                format!("a second ${section}"),
+                format!("one ${section} in a file"),
+                "the file holds several meshes or is damaged: export one mesh a file",
+            ));
+        }
+        self.seen.push(section);
+        Ok(())
+    }
+
+    pub fn has(&self, section: &str) -> bool {
+        self.seen.contains(&section)
+    }
+
+    /// The physical groups of a cell of this dimension; empty if it is in none.
+    pub fn groups<'a, const N: usize>(&'a self, dimension: i32, cell: &'a Cell<N>) -> &'a [i32] {
+        match self.version {
+            Version::V2_2 if cell.group == 0 => &[],
+            Version::V2_2 => std::slice::from_ref(&cell.group),
+            Version::V4_1 => self.entities.get(&(dimension, cell.group)).map_or(&[], Vec::as_slice),
+        }
+    }
+
+    /// What a physical group is called: its name, or its number.
+    pub fn group_name(&self, dimension: i32, number: i32) -> String {
+        self.names.get(&(dimension, number)).cloned().unwrap_or_else(|| number.to_string())
+    }
+
+    /// Reads `$PhysicalNames`, which is text in binary files too.
+    pub fn physical_names(&mut self, cursor: &mut Cursor<'_>) -> Result<(), InputError> {
+        const ROW: &str = "a dimension, a number and a name between double quotes, as in `3 1 \"gauge\"`";
+        self.once(cursor, "PhysicalNames")?;
+        let count = cursor.text_count("the number of physical names")?;
+        cursor.expect_count("physical names", count);
+        for _ in 0..count {
+            let dimension = cursor.text_integer(ROW)?;
+            let number = cursor.text_integer(ROW)?;
+            let quoted = cursor.rest_of_line();
+            let name = quoted.strip_prefix('"').and_then(|rest| rest.strip_suffix('"'));
+            let Some(name) = name else {
+                let what = format!("the name of physical group {number} is `{quoted}`: not between double quotes");
+                return Err(cursor.fault(what, ROW, "put the name between double quotes"));
+            };
+            if !is_name(name) || name.contains(char::REPLACEMENT_CHARACTER) {
+                let what = format!("physical group {number} is called `{}`", name.escape_debug());
+                return Err(cursor.fault(
+                    what,
+                    "a name of printable characters without quotes",
+                    "rename the physical group and export the mesh again",
+                ));
+            }
+            if let Some(first) = self.names.insert((dimension, number.saturating_abs()), name.to_owned()) {
+                return Err(cursor.fault(
+                    format!("physical group {number} of dimension {dimension} is called both `{first}` and `{name}`"),
+                    "one name a group",
+                    "remove one of the two lines",
+                ));
+            }
+            cursor.count_one();
+        }
+        Ok(())
+    }
+
+    /// Reads the nodes of an element of this kind and keeps it if it is of interest.
+    pub fn element(&mut self, cursor: &mut Cursor<'_>, (kind, group, tag): (Kind, i32, u64)) -> Result<(), InputError> {
+        let line = cursor.line();
+        let version = self.version;
+        let node = |cursor: &mut Cursor<'_>, expected| match version {
+            Version::V2_2 => cursor.small_size(expected),
+            Version::V4_1 => cursor.size(expected),
+        };
+        match kind {
+            Kind::Ignored(count) => {
+                for _ in 0..count {
+                    node(cursor, "a node of a point or line")?;
+                }
+            }
+            Kind::Triangle => {
+                let mut nodes = [0; 3];
+                for slot in &mut nodes {
+                    *slot = node(cursor, "the three nodes of a triangle")?;
+                }
+                self.triangles.push(Cell { tag, nodes, group, line });
+            }
+            Kind::Tetrahedron => {
+                let mut nodes = [0; 4];
+                for slot in &mut nodes {
+                    *slot = node(cursor, "the four nodes of a tetrahedron")?;
+                }
+                self.tetrahedra.push(Cell { tag, nodes, group, line });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What is done with elements of the type just read.
+pub(super) fn element_kind(cursor: &Cursor<'_>, number: i32) -> Result<Kind, InputError> {
+    kind(number).map_err(|(name, cure)| {
+        cursor.fault(
+            format!("the mesh has {name}"),
+            "4-node tetrahedra and 3-node triangles (points and lines are ignored)",
+            cure,
+        )
+    })
+}

@@ -1,0 +1,82 @@
+//! The sections of version 2.2.
+
+use super::cursor::Cursor;
+use super::raw::{Raw, RawNode, element_kind};
+use crate::input::InputError;
+
+const NODE: &str = "a node: its number and its x, y and z";
+const ELEMENT: &str = "an element: its number, its type, how many tags it has, the tags, its nodes";
+
+/// `$Nodes`: a count, then number and position of every node.
+pub(super) fn nodes(cursor: &mut Cursor<'_>, raw: &mut Raw) -> Result<(), InputError> {
+    raw.once(cursor, "Nodes")?;
+    let count = cursor.text_count("the number of nodes")?;
+    cursor.expect_count("nodes", count);
+    raw.nodes.reserve(cursor.at_most(count, 8));
+    for _ in 0..count {
+        cursor.begin_row();
+        let tag = cursor.small_size(NODE)?;
+        let line = cursor.line();
+        let position = [cursor.finite(NODE)?, cursor.finite(NODE)?, cursor.finite(NODE)?];
+        cursor.end_row()?;
+        raw.nodes.push(RawNode { tag, position, line });
+        cursor.count_one();
+    }
+    Ok(())
+}
+
+/// `$Elements`: a count, then the elements, in binary files in blocks of one type and number of tags.
+pub(super) fn elements(cursor: &mut Cursor<'_>, raw: &mut Raw) -> Result<(), InputError> {
+    raw.once(cursor, "Elements")?;
+    let count = cursor.text_count("the number of elements")?;
+    cursor.expect_count("elements", count);
+    if cursor.is_text() {
+        for _ in 0..count {
+            cursor.begin_row();
+            let tag = cursor.small_size(ELEMENT)?;
+            let number = cursor.integer(ELEMENT)?;
+            let kind = element_kind(cursor, number)?;
+            let tags = cursor.small_size(ELEMENT)?;
+            let group = physical(cursor, tags)?;
+            raw.element(cursor, (kind, group, tag))?;
+            cursor.end_row()?;
+            cursor.count_one();
+        }
+        return Ok(());
+    }
+    let mut left = count;
+    while left > 0 {
+        let number = cursor.integer("the type of the elements of a block")?;
+        let kind = element_kind(cursor, number)?;
+        let here = cursor.small_size("the number of elements in a block")?;
+        let tags = cursor.small_size("the number of tags an element has")?;
+        if here > left {
+            return Err(cursor.fault(
+                format!("a block of {here} elements, but only {left} of the {count} announced are left"),
+                "blocks that add up to the number of elements",
+                "the file is damaged: export it again",
+            ));
+        }
+        for _ in 0..here {
+            let tag = cursor.small_size(ELEMENT)?;
+            let group = physical(cursor, tags)?;
+            raw.element(cursor, (kind, group, tag))?;
+            cursor.count_one();
+        }
+        left -= here;
+    }
+    Ok(())
+}
+
+/// The first tag, the physical group; the rest (entity, partitions) is read over. A negative group is one whose
+/// elements Gmsh has turned round.
+fn physical(cursor: &mut Cursor<'_>, tags: u64) -> Result<i32, InputError> {
+    let mut group = 0;
+    for k in 0..tags {
+        let tag = cursor.integer(ELEMENT)?;
+        if k == 0 {
+            group = tag.saturating_abs();
+        }
+    }
+    Ok(group)
+}

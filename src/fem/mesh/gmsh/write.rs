@@ -1,0 +1,283 @@
+//! Writing mesh files.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use crate::fem::mesh::{Mesh, measure};
+
+/// The version of the format.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Version {
+    /// 2.2: plain, understood by everything.
+    V2_2,
+    /// 4.1: today's.
+    #[default]
+    V4_1,
+}
+
+/// How a mesh file is written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct WriteOptions {
+    /// The version of the format.
+    pub version: Version,
+    /// Binary (lowest byte first) instead of text.
+    pub binary: bool,
+}
+
+/// Writes a mesh as text of version 4.1. See [`write_with`].
+///
+/// # Errors
+/// What the file system says.
+pub fn write(path: &Path, mesh: &Mesh) -> io::Result<()> {
+    write_with(path, mesh, WriteOptions::default())
+}
+
+/// Writes a mesh, regions and surfaces as physical groups with their names, coordinates with all their digits.
+///
+/// The file appears under its name when it is complete: a file of that name stays as it is until then, and if
+/// writing fails.
+///
+/// # Errors
+/// What the file system says, or [`io::ErrorKind::InvalidInput`] for a mesh that the format cannot number.
+pub fn write_with(path: &Path, mesh: &Mesh, options: WriteOptions) -> io::Result<()> {
+    let unfinished = unfinished(path)?;
+    let outcome = File::create(&unfinished).and_then(|file| {
+        let mut out = BufWriter::new(file);
+        to_writer(&mut out, mesh, options)?;
+        out.into_inner()?.sync_all()?;
+        std::fs::rename(&unfinished, path)
+    });
+    if outcome.is_err() {
+        // What failed is told; that a leftover may stay beside it is not worth hiding that.
+        let _ = std::fs::remove_file(&unfinished);
+    }
+    outcome
+}
+
+/// A hidden name beside the final one, different for every process.
+fn unfinished(path: &Path) -> io::Result<PathBuf> {
+    let name = path.file_name().ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "this is no file name"))?;
+    Ok(path.with_file_name(format!(".{}.{}.unfinished", name.to_string_lossy(), std::process::id())))
+}
+
+/// Writes a mesh to anything that takes bytes. See [`write_with`].
+///
+/// # Errors
+/// What the writer says, or [`io::ErrorKind::InvalidInput`] for a mesh that the format cannot number.
+pub fn to_writer(out: &mut impl Write, mesh: &Mesh, options: WriteOptions) -> io::Result<()> {
+    let triangles: usize = mesh.surfaces().iter().map(|surface| surface.triangles.len()).sum();
+    // Numbers are signed and have 32 bits in version 2 and in binary entities.
+    for count in [mesh.nodes().len(), mesh.elements().len() + triangles, mesh.regions().len(), mesh.surfaces().len()] {
+        if i32::try_from(count).is_err() {
+            let what = format!("{count} of a kind are more than Gmsh's 32-bit numbers can tell apart");
+            return Err(io::Error::new(io::ErrorKind::InvalidInput, what));
+        }
+    }
+    let mut sink = Sink { out, binary: options.binary, row_begun: false };
+    sink.header(options.version)?;
+    sink.names(mesh)?;
+    match options.version {
+        Version::V2_2 => sink.version2(mesh, triangles),
+        Version::V4_1 => sink.version4(mesh, triangles),
+    }
+}
+
+/// Where numbers go, as text or binary.
+struct Sink<'a, W> {
+    out: &'a mut W,
+    binary: bool,
+    row_begun: bool,
+}
+
+impl<W: Write> Sink<'_, W> {
+    fn header(&mut self, version: Version) -> io::Result<()> {
+        let version = match version {
+            Version::V2_2 => "2.2",
+            Version::V4_1 => "4.1",
+        };
+        writeln!(self.out, "$MeshFormat\n{version} {} 8", u8::from(self.binary))?;
+        if self.binary {
+            self.out.write_all(&1_i32.to_le_bytes())?;
+            writeln!(self.out)?;
+        }
+        writeln!(self.out, "$EndMeshFormat")
+    }
+
+    /// Regions are numbered from 1, surfaces from 1 too: numbers of another dimension are others.
+    fn names(&mut self, mesh: &Mesh) -> io::Result<()> {
+        writeln!(self.out, "$PhysicalNames\n{}", mesh.surfaces().len() + mesh.regions().len())?;
+        for (number, name) in (1..).zip(mesh.surface_names()) {
+            writeln!(self.out, "2 {number} \"{name}\"")?;
+        }
+        for (number, name) in (1..).zip(mesh.regions()) {
+            writeln!(self.out, "3 {number} \"{name}\"")?;
+        }
+        writeln!(self.out, "$EndPhysicalNames")
+    }
+
+    fn version2(&mut self, mesh: &Mesh, triangles: usize) -> io::Result<()> {
+        writeln!(self.out, "$Nodes\n{}", mesh.nodes().len())?;
+        for (tag, node) in (1..).zip(mesh.nodes()) {
+            self.int(tag)?;
+            self.numbers(node)?;
+            self.end_row()?;
+        }
+        self.end("Nodes")?;
+        writeln!(self.out, "$Elements\n{}", triangles + mesh.elements().len())?;
+        let mut tag = 1;
+        for (group, surface) in (1..).zip(mesh.surfaces()) {
+            self.block2(2, surface.triangles.len())?;
+            for triangle in &surface.triangles {
+                self.cell2(&mut tag, 2, group, triangle)?;
+            }
+        }
+        self.block2(4, mesh.elements().len())?;
+        for (element, &region) in mesh.elements().iter().zip(mesh.region_of()) {
+            self.cell2(&mut tag, 4, region as i32 + 1, element)?;
+        }
+        self.end("Elements")
+    }
+
+    /// What precedes elements of one type in a binary file.
+    fn block2(&mut self, kind: i32, count: usize) -> io::Result<()> {
+        if self.binary {
+            self.int(kind)?;
+            self.int(count as i32)?;
+            self.int(2)?;
+        }
+        Ok(())
+    }
+
+    /// An element with its two tags, physical group and entity, which bear the same number.
+    fn cell2(&mut self, tag: &mut i32, kind: i32, group: i32, nodes: &[u32]) -> io::Result<()> {
+        self.int(*tag)?;
+        if !self.binary {
+            self.int(kind)?;
+            self.int(2)?;
+        }
+        self.int(group)?;
+        self.int(group)?;
+        for &node in nodes {
+            self.int(node as i32 + 1)?;
+        }
+        *tag += 1;
+        self.end_row()
+    }
+
+    fn version4(&mut self, mesh: &Mesh, triangles: usize) -> io::Result<()> {
+        self.entities4(mesh)?;
+        let count = mesh.nodes().len();
+        writeln!(self.out, "$Nodes")?;
+        self.sizes(&[1, count, 1, count])?;
+        self.ints(&[3, 1, 0])?;
+        self.sizes(&[count])?;
+        for tag in 1..=count {
+            self.size(tag)?;
+            self.end_row()?;
+        }
+        for node in mesh.nodes() {
+            self.numbers(node)?;
+            self.end_row()?;
+        }
+        self.end("Nodes")?;
+        writeln!(self.out, "$Elements")?;
+        let count = triangles + mesh.elements().len();
+        // A block is a run of elements of one region, so that elements keep their order.
+        let runs = mesh.region_of().chunk_by(|a, b| a == b);
+        self.sizes(&[mesh.surfaces().len() + runs.clone().count(), count, 1, count])?;
+        let mut tag = 1;
+        for (entity, surface) in (1..).zip(mesh.surfaces()) {
+            self.ints(&[2, entity, 2])?;
+            self.sizes(&[surface.triangles.len()])?;
+            for triangle in &surface.triangles {
+                self.cell4(&mut tag, triangle)?;
+            }
+        }
+        let mut elements = mesh.elements().iter();
+        for run in runs {
+            self.ints(&[3, run[0] as i32 + 1, 4])?;
+            self.sizes(&[run.len()])?;
+            for element in elements.by_ref().take(run.len()) {
+                self.cell4(&mut tag, element)?;
+            }
+        }
+        self.end("Elements")
+    }
+
+    fn cell4(&mut self, tag: &mut usize, nodes: &[u32]) -> io::Result<()> {
+        self.size(*tag)?;
+        for &node in nodes {
+            self.size(node as usize + 1)?;
+        }
+        *tag += 1;
+        self.end_row()
+    }
+
+    /// One entity a surface and a region, in the physical group of the same number.
+    fn entities4(&mut self, mesh: &Mesh) -> io::Result<()> {
+        writeln!(self.out, "$Entities")?;
+        self.sizes(&[0, 0, mesh.surfaces().len(), mesh.regions().len()])?;
+        let position = |&node: &u32| mesh.nodes()[node as usize];
+        for (tag, surface) in (1..).zip(mesh.surfaces()) {
+            let bounds = measure::bounding_box(surface.triangles.iter().flatten().map(position));
+            self.entity4(tag, bounds)?;
+        }
+        for (region, tag) in (0..mesh.regions().len() as u32).zip(1..) {
+            let nodes = mesh.elements_in(region).flat_map(|element| &mesh.elements()[element]);
+            self.entity4(tag, measure::bounding_box(nodes.map(position)))?;
+        }
+        self.end("Entities")
+    }
+
+    fn entity4(&mut self, tag: i32, [low, high]: [[f64; 3]; 2]) -> io::Result<()> {
+        self.int(tag)?;
+        self.numbers(&low)?;
+        self.numbers(&high)?;
+        self.size(1)?;
+        self.int(tag)?;
+        self.size(0)?;
+        self.end_row()
+    }
+
+    // Numbers: in text files with a space between those of a row.
+
+    fn ints(&mut self, values: &[i32]) -> io::Result<()> {
+        values.iter().try_for_each(|&value| self.int(value))
+    }
+
+    /// Sizes that end a row.
+    fn sizes(&mut self, values: &[usize]) -> io::Result<()> {
+        values.iter().try_for_each(|&value| self.size(value))?;
+        self.end_row()
+    }
+
+    fn numbers(&mut self, values: &[f64]) -> io::Result<()> {
+        values.iter().try_for_each(|&value| {
+            if self.binary { self.out.write_all(&value.to_le_bytes()) } else { self.word(format_args!("{value:?}")) }
+        })
+    }
+
+    fn int(&mut self, value: i32) -> io::Result<()> {
+        if self.binary { self.out.write_all(&value.to_le_bytes()) } else { self.word(format_args!("{value}")) }
+    }
+
+    fn size(&mut self, value: usize) -> io::Result<()> {
+        if self.binary { self.out.write_all(&(value as u64).to_le_bytes()) } else { self.word(format_args!("{value}")) }
+    }
+
+    fn word(&mut self, word: std::fmt::Arguments<'_>) -> io::Result<()> {
+        let space = if std::mem::replace(&mut self.row_begun, true) { " " } else { "" };
+        write!(self.out, "{space}{word}")
+    }
+
+    fn end_row(&mut self) -> io::Result<()> {
+        self.row_begun = false;
+        if self.binary { Ok(()) } else { writeln!(self.out) }
+    }
+
+    fn end(&mut self, section: &str) -> io::Result<()> {
+        let line_break = if self.binary { "\n" } else { "" };
+        writeln!(self.out, "{line_break}$End{section}")
+    }
+}
