@@ -141,6 +141,12 @@ impl Network {
         }
         Ok(Self { materials, reaction_of: material_of, ..self })
     }
+
+    /// The same network with all fibers of one material.
+    #[must_use]
+    pub fn of_one_material(self, material: FiberMaterial) -> Self {
+        Self { materials: vec![material], reaction_of: vec![0; self.fibers.len()], ..self }
+    }
 }
 
 /// Counts and coordinates: what must hold before a box can be drawn.

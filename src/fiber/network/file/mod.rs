@@ -1,5 +1,118 @@
 //! Network files, as published networks come: see [`read`] for the format.
 
+mod body;
+mod lines;
+mod params;
+#[cfg(feature = "app")]
+pub mod sidecar;
 mod write;
 
+use std::io::ErrorKind;
+use std::path::Path;
+
+use super::{Cube, Network};
+use crate::input::{InputError, InputErrors};
+
 pub use write::{write, write_params, write_parts};
+
+/// A network with what its files say beyond it.
+#[derive(Clone, Debug)]
+pub struct NetworkFile {
+    /// The network, with the materials of the files beside it.
+    pub network: Network,
+    /// What was strange but could be read, a sentence each, with the file and the line.
+    pub warnings: Vec<String>,
+    /// The cube that the nodes filled, in the units of the file.
+    pub cube: Cube,
+    /// Pairs of nodes (from 0) that the file calls periodic. They are not used: the boundary moves affinely.
+    pub periodic: Vec<[u32; 2]>,
+    /// What the `.toml` file beside the network says, if there is one.
+    #[cfg(feature = "app")]
+    pub sidecar: Option<sidecar::Sidecar>,
+}
+
+/// Reads a network, and what its fibers are made of from the files beside it.
+///
+/// The format is whitespace-separated text:
+///
+/// ```text
+/// NODES FIBERS PERIODIC        three counts
+/// x y z                        one line a node
+/// i j                          one line a fiber, nodes counted from 0
+/// a b                          one line a periodic pair, counted from 1
+/// ```
+///
+/// Beside `NAME` there may be `NAME.params`, with reactions first and then the reaction of every fiber,
+///
+/// ```text
+/// REACTIONS FIBERS
+/// 0 radius E density                    linear
+/// 1 radius E B lambda_t density         exponential-stretch
+/// k                                     one line a fiber: its reaction, from 0
+/// ```
+///
+/// and (with the feature `app`) `NAME.toml`, whose law counts where there is no `.params` file. Lines may be blank;
+/// numbers that trail those counted are ignored with a warning. The network is centred and scaled to the unit cube.
+///
+/// # Errors
+/// Everything wrong in the files, up to some twenty errors, each with its line: wrong counts, words that are no
+/// numbers, NaN and infinity, nodes and reactions that do not exist, fibers of no length, two nodes at one place,
+/// fibers given twice, a box that is no cube, parameters that no fiber can have.
+pub fn read(path: &Path) -> Result<NetworkFile, InputErrors> {
+    let bytes = std::fs::read(path).map_err(|error| InputError::unreadable(path, &error))?;
+    let body = body::parse(path, &bytes)?;
+    let mut warnings = body.warnings;
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let mut network = Network::in_cube(name, body.cube, body.nodes, body.fibers)
+        .map_err(|error| InputError::in_file(path, error.to_string(), "a network in a cube", lines::COMPARE))?;
+    let params_file = write::beside(path, ".params");
+    if let Some(bytes) = read_if_present(&params_file)? {
+        let params = params::parse(&params_file, &bytes, network.fibers().len())?;
+        warnings.extend(params.warnings);
+        network = network
+            .with_materials(params.materials, params.reaction_of)
+            .map_err(|error| InputError::in_file(&params_file, error.to_string(), "materials", lines::COMPARE))?;
+    }
+    #[cfg(feature = "app")]
+    let sidecar = sidecar::read_beside(path)?;
+    #[cfg(feature = "app")]
+    if let Some(material) = sidecar.as_ref().and_then(|sidecar| sidecar.material) {
+        network = take_law(network, material, path, &mut warnings);
+    }
+    Ok(NetworkFile {
+        network,
+        warnings,
+        cube: body.cube,
+        periodic: body.periodic,
+        #[cfg(feature = "app")]
+        sidecar,
+    })
+}
+
+/// The law of the sidecar, unless the `.params` file came first.
+#[cfg(feature = "app")]
+fn take_law(
+    network: Network,
+    material: crate::fiber::law::FiberMaterial,
+    path: &Path,
+    warnings: &mut Vec<String>,
+) -> Network {
+    if network.materials().is_empty() {
+        return network.of_one_material(material);
+    }
+    let params = &network.materials()[0];
+    let alike = network.materials().len() == 1 && params.law == material.law && params.radius == material.radius;
+    if !alike {
+        let file = path.display();
+        warnings.push(format!("{file}.toml: its law differs from that of {file}.params, which counts"));
+    }
+    network
+}
+
+fn read_if_present(path: &Path) -> Result<Option<Vec<u8>>, InputError> {
+    match std::fs::read(path) {
+        Ok(bytes) => Ok(Some(bytes)),
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(InputError::unreadable(path, &error)),
+    }
+}

@@ -31,15 +31,17 @@ pub struct Delaunay {
     /// The seed of the random numbers (ChaCha with 8 rounds).
     pub seed: u64,
     /// The least distance between two points and between a point and a face of the cube, over the mean spacing
-    /// `points^(-1/3)`. No fiber is shorter, so no fiber is out of proportion stiff. From 0 to about 0.5.
+    /// `points^(-1/3)`. No fiber is shorter, so none is out of proportion stiff. From 0 to about 0.5. In networks of
+    /// 60 points at 0.05, about one in five snaps through somewhere below a uniaxial stretch of 1.8; at 0.1 none of
+    /// twelve did.
     pub shortest: f64,
 }
 
 impl Delaunay {
-    /// So many points in the cube, kept a twentieth of the mean spacing apart.
+    /// So many points in the cube, kept a fifth of the mean spacing apart.
     #[must_use]
     pub fn new(points: usize, seed: u64) -> Self {
-        Self { points, seed, shortest: 0.05 }
+        Self { points, seed, shortest: 0.2 }
     }
 
     /// Generates the network, called `delaunay-POINTS-SEED`. The same parameters give the same network on every

@@ -1,0 +1,175 @@
+//! The network file proper: counts, nodes, fibers, periodic pairs.
+
+use std::path::Path;
+
+use super::lines::{COMPARE, Line, Reading};
+use crate::fiber::network::geometry::problems;
+use crate::fiber::network::{Cube, NetworkError};
+use crate::input::{InputError, InputErrors};
+
+/// What a network file says, checked, in the units of the file.
+#[derive(Debug)]
+pub(super) struct Body {
+    pub(super) nodes: Vec<[f64; 3]>,
+    pub(super) fibers: Vec<[u32; 2]>,
+    /// Pairs of nodes, from 0.
+    pub(super) periodic: Vec<[u32; 2]>,
+    pub(super) cube: Cube,
+    pub(super) warnings: Vec<String>,
+}
+
+/// The lines of a network file by what they should hold.
+struct Sections<'l, 't> {
+    nodes: &'l [Line<'t>],
+    fibers: &'l [Line<'t>],
+    periodic: &'l [Line<'t>],
+}
+
+pub(super) fn parse(file: &Path, bytes: &[u8]) -> Result<Body, InputErrors> {
+    let mut reading = Reading::new(file);
+    let lines = reading.lines(bytes)?;
+    let sections = divide(&mut reading, &lines)?;
+    let mut nodes = Vec::with_capacity(sections.nodes.len());
+    for &line in sections.nodes {
+        let node = node(&mut reading, line);
+        nodes.extend(reading.keep(node)?);
+    }
+    let fibers = pairs(&mut reading, sections.fibers, "the two nodes of a fiber: i j", 0, sections.nodes.len())?;
+    let expected = "two paired nodes: a b, counted from 1";
+    let periodic = pairs(&mut reading, sections.periodic, expected, 1, sections.nodes.len())?;
+    reading.outcome()?;
+    let cube = cube(&reading, &nodes)?;
+    for problem in problems(cube, &nodes, &fibers) {
+        let error = explain(&reading, &sections, &problem);
+        reading.note(error)?;
+    }
+    reading.outcome()?;
+    let mut warnings = reading.warnings();
+    if !periodic.is_empty() {
+        let (file, pairs) = (file.display(), periodic.len());
+        warnings.push(format!("{file}: {pairs} periodic pairs are read but not used: the boundary moves affinely"));
+    }
+    Ok(Body { nodes, fibers, periodic, cube, warnings })
+}
+
+/// Reads the header and checks it against the number of lines, before anything is sized by it.
+fn divide<'l, 't>(reading: &mut Reading<'_>, lines: &'l [Line<'t>]) -> Result<Sections<'l, 't>, InputError> {
+    let expected = "three counts: NODES FIBERS PERIODIC";
+    let Some((&header, rest)) = lines.split_first() else {
+        return Err(InputError::in_file(reading.file, "the file is empty", expected, COMPARE));
+    };
+    let words: [&str; 3] = reading.words(header, expected)?;
+    let mut counts = [0; 3];
+    for (count, word) in counts.iter_mut().zip(words) {
+        *count = reading.count(header, word)?;
+    }
+    let announced = counts.iter().map(|&count| u128::from(count)).sum::<u128>();
+    if announced != rest.len() as u128 {
+        let [nodes, fibers, periodic] = counts;
+        let three = rest.iter().filter(|line| line.text.split_whitespace().count() >= 3).count();
+        let what = format!(
+            "the header announces {nodes} nodes, {fibers} fibers and {periodic} periodic pairs, which is {announced} \
+             lines, but {} lines follow: {three} of three words or more and {} of fewer",
+            rest.len(),
+            rest.len() - three,
+        );
+        let cure = if announced > rest.len() as u128 { "was the file cut short?" } else { "are there lines too many?" };
+        return Err(reading.error(
+            header.number,
+            what,
+            "one line for each thing counted",
+            format!("correct it; {cure}"),
+        ));
+    }
+    // The counts add up to a number of lines in memory, so they fit.
+    let (nodes, rest) = rest.split_at(counts[0] as usize);
+    let (fibers, periodic) = rest.split_at(counts[1] as usize);
+    Ok(Sections { nodes, fibers, periodic })
+}
+
+fn node(reading: &mut Reading<'_>, line: Line<'_>) -> Result<[f64; 3], InputError> {
+    let words: [&str; 3] = reading.words(line, "the position of a node: x y z")?;
+    let mut position = [0.0; 3];
+    for (x, word) in position.iter_mut().zip(words) {
+        *x = reading.real(line, word)?;
+    }
+    Ok(position)
+}
+
+/// Pairs of node numbers, which the file counts from `base`; counted from 0 in what is returned.
+fn pairs(
+    reading: &mut Reading<'_>,
+    lines: &[Line<'_>],
+    expected: &str,
+    base: i64,
+    nodes: usize,
+) -> Result<Vec<[u32; 2]>, InputErrors> {
+    let mut read: Vec<(Line<'_>, [i64; 2])> = Vec::with_capacity(lines.len());
+    for &line in lines {
+        let words = reading.words(line, expected);
+        let Some([a, b]) = reading.keep(words)? else { continue };
+        let (a, b) = (reading.whole(line, a), reading.whole(line, b));
+        if let (Some(a), Some(b)) = (reading.keep(a)?, reading.keep(b)?) {
+            read.push((line, [a, b]));
+        }
+    }
+    let last = nodes as i64 - 1 + base;
+    let all = || read.iter().flat_map(|(_, pair)| pair);
+    let from_one = base == 0 && all().min() == Some(&1) && all().max() == Some(&(last + 1));
+    let mut pairs = Vec::with_capacity(read.len());
+    for (line, pair) in &read {
+        match pair.iter().find(|&&index| !(base..=last).contains(&index)) {
+            None => pairs.push(pair.map(|index| (index - base) as u32)),
+            Some(&index) if from_one => {
+                let what = format!("node {index} of {nodes}: the whole file counts its nodes from 1");
+                let cure = "subtract 1 from every node number of the fibers";
+                reading.note(reading.error(line.number, what, "node numbers from 0", cure))?;
+                break;
+            }
+            Some(&index) => {
+                let what = format!("there is no node {index}");
+                let cure = "correct the number, or the counts in the first line";
+                reading.note(reading.error(line.number, what, format!("nodes {base} to {last}"), cure))?;
+            }
+        }
+    }
+    Ok(pairs)
+}
+
+fn cube(reading: &Reading<'_>, nodes: &[[f64; 3]]) -> Result<Cube, InputError> {
+    Cube::around(nodes).map_err(|error| {
+        let cure = "give a network that fills a cube; stretched boxes cannot be centred and scaled to the unit cube";
+        InputError::in_file(reading.file, error.to_string(), "edges alike within 1e-6 of the longest", cure)
+    })
+}
+
+/// A problem of the geometry, told by the lines that caused it.
+fn explain(reading: &Reading<'_>, sections: &Sections<'_, '_>, problem: &NetworkError) -> InputError {
+    let node_line = |node: usize| sections.nodes.get(node).map_or(1, |line| line.number);
+    let fiber_line = |fiber: usize| sections.fibers.get(fiber).map_or(1, |line| line.number);
+    match *problem {
+        NetworkError::Loop { fiber, .. } => reading.error(
+            fiber_line(fiber),
+            problem.to_string(),
+            "two different nodes",
+            "remove the fiber or correct it",
+        ),
+        NetworkError::ZeroLength { fiber, ends: [a, b], .. } => {
+            let (first, second) = (node_line(a as usize), node_line(b as usize));
+            let cure = format!("merge the two nodes, lines {first} and {second}, or move one");
+            reading.error(fiber_line(fiber), problem.to_string(), "a fiber of some length", cure)
+        }
+        NetworkError::Duplicate { first, second, .. } => {
+            let cure = format!("remove one of the two; the other is on line {}", fiber_line(first));
+            reading.error(fiber_line(second), problem.to_string(), "one fiber between two nodes", cure)
+        }
+        NetworkError::SamePlace { first, second, .. } => {
+            let cure = format!("merge the two, or move one; the other is on line {}", node_line(first));
+            reading.error(node_line(second), problem.to_string(), "every node at a place of its own", cure)
+        }
+        NetworkError::NoFibers => {
+            reading.error(1, problem.to_string(), "at least one fiber", "generate the network again, with more points")
+        }
+        _ => InputError::in_file(reading.file, problem.to_string(), "a network in a cube", COMPARE),
+    }
+}

@@ -1,0 +1,159 @@
+//! Text files of whitespace-separated numbers: lines that count, and what to say about those that do not parse.
+
+use std::path::Path;
+
+use crate::input::{InputError, InputErrors};
+
+/// How many errors of one file are told before reading it ends.
+const MOST_ERRORS: usize = 20;
+
+/// A line that is not blank.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Line<'a> {
+    /// From 1, blank lines counted.
+    pub(super) number: usize,
+    pub(super) text: &'a str,
+}
+
+/// A file being read, with what was found wrong and strange in it so far.
+#[derive(Debug)]
+pub(super) struct Reading<'a> {
+    pub(super) file: &'a Path,
+    errors: Vec<InputError>,
+    /// Lines with more numbers than count: how many, and the first.
+    trailing: Option<(usize, usize)>,
+}
+
+impl<'a> Reading<'a> {
+    pub(super) fn new(file: &'a Path) -> Self {
+        Self { file, errors: Vec::new(), trailing: None }
+    }
+
+    /// The lines of the file that are not blank.
+    pub(super) fn lines<'t>(&self, bytes: &'t [u8]) -> Result<Vec<Line<'t>>, InputError> {
+        let text = std::str::from_utf8(bytes).map_err(|error| {
+            let before = &bytes[..error.valid_up_to()];
+            let line = 1 + before.iter().filter(|&&byte| byte == b'\n').count();
+            let byte = bytes.get(error.valid_up_to()).copied().unwrap_or_default();
+            self.error(line, format!("the byte 0x{byte:02x} is no text"), "numbers in plain text", NOT_TEXT)
+        })?;
+        let numbered = text.lines().enumerate().map(|(k, text)| Line { number: k + 1, text });
+        Ok(numbered.filter(|line| !line.text.trim().is_empty()).collect())
+    }
+
+    /// An error at a line of this file.
+    pub(super) fn error(
+        &self,
+        line: usize,
+        what: impl Into<String>,
+        expected: impl Into<String>,
+        cure: impl Into<String>,
+    ) -> InputError {
+        InputError::at_line(self.file, line, what, expected, cure)
+    }
+
+    /// Notes an error and reads on; an `Err` ends the reading of a file that has too many.
+    pub(super) fn note(&mut self, error: InputError) -> Result<(), InputErrors> {
+        self.errors.push(error);
+        if self.errors.len() < MOST_ERRORS { Ok(()) } else { self.outcome() }
+    }
+
+    /// The value, or `None` with the error noted.
+    pub(super) fn keep<T>(&mut self, value: Result<T, InputError>) -> Result<Option<T>, InputErrors> {
+        match value {
+            Ok(value) => Ok(Some(value)),
+            Err(error) => self.note(error).map(|()| None),
+        }
+    }
+
+    /// All errors so far, if there are any.
+    pub(super) fn outcome(&mut self) -> Result<(), InputErrors> {
+        if self.errors.is_empty() { Ok(()) } else { Err(InputErrors(std::mem::take(&mut self.errors))) }
+    }
+
+    /// What was strange but could be read.
+    pub(super) fn warnings(&self) -> Vec<String> {
+        let text = self.trailing.map(|(lines, first)| {
+            let (file, those) = (self.file.display(), if lines == 1 { "line has" } else { "lines have" });
+            format!("{file}:{first}: {lines} {those} more numbers than count (this is the first); they are ignored")
+        });
+        text.into_iter().collect()
+    }
+
+    /// The first `N` words of a line. What follows must be numbers, and is ignored with a warning.
+    pub(super) fn words<'t, const N: usize>(
+        &mut self,
+        line: Line<'t>,
+        expected: &str,
+    ) -> Result<[&'t str; N], InputError> {
+        let mut words = line.text.split_whitespace();
+        let mut counted = [""; N];
+        for (k, place) in counted.iter_mut().enumerate() {
+            *place = words.next().ok_or_else(|| {
+                let are = if k == 1 { "is 1 word" } else { &format!("are {k} words") };
+                self.error(line.number, format!("there {are} on this line, `{}`", shown(line.text)), expected, COMPARE)
+            })?;
+        }
+        let mut more = words.peekable();
+        if more.peek().is_some() {
+            for word in more {
+                self.real(line, word)?;
+            }
+            let (lines, first) = self.trailing.unwrap_or((0, line.number));
+            self.trailing = Some((lines + 1, first));
+        }
+        Ok(counted)
+    }
+
+    /// A finite number.
+    pub(super) fn real(&self, line: Line<'_>, word: &str) -> Result<f64, InputError> {
+        let expected = "a finite number like 0.25 or -1e-3";
+        let Ok(value) = word.parse::<f64>() else {
+            return Err(self.error(line.number, format!("`{}` is no number", shown(word)), expected, COMPARE));
+        };
+        if !value.is_finite() {
+            let what = format!("`{}` is not finite", shown(word));
+            return Err(self.error(line.number, what, expected, "find out what the program that wrote it divided by"));
+        }
+        Ok(value)
+    }
+
+    /// A whole number, of either sign.
+    pub(super) fn whole(&self, line: Line<'_>, word: &str) -> Result<i64, InputError> {
+        word.parse::<i64>().map_err(|_| {
+            let what = format!("`{}` is no whole number", shown(word));
+            self.error(line.number, what, "a whole number like 12", COMPARE)
+        })
+    }
+
+    /// A count: a whole number from 0.
+    pub(super) fn count(&self, line: Line<'_>, word: &str) -> Result<u64, InputError> {
+        word.parse::<u64>().map_err(|_| {
+            let what = format!("`{}` is no count", shown(word));
+            self.error(line.number, what, "a whole number from 0", COMPARE)
+        })
+    }
+
+    /// A number above zero.
+    pub(super) fn positive(&self, line: Line<'_>, what: &str, word: &str) -> Result<f64, InputError> {
+        let value = self.real(line, word)?;
+        if value > 0.0 {
+            return Ok(value);
+        }
+        let expected = format!("a {what} above 0");
+        Err(self.error(line.number, format!("the {what} is {value}"), expected, "give the value of a real fiber"))
+    }
+}
+
+pub(super) const COMPARE: &str = "compare with the format of network files; was the file cut or edited by hand?";
+const NOT_TEXT: &str = "give the network in the text format; was the file damaged or is it another kind of file?";
+
+/// The beginning of a text that may be long or full of control characters.
+fn shown(text: &str) -> String {
+    const MOST: usize = 40;
+    let mut short: String = text.trim().chars().take(MOST).flat_map(char::escape_debug).collect();
+    if text.trim().chars().nth(MOST).is_some() {
+        short.push_str("...");
+    }
+    short
+}
