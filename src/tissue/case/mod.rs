@@ -14,10 +14,9 @@
 //! let text = r#"
 //! title = "Block in tension"               # the name of the file where absent
 //!
-//! [mesh]
+//! [mesh]                                   # a Gmsh file: file = "block.msh"; or a built-in shape: "box", or
+//!                                          ## "dogbone" with an element_size in mesh units
 //! generate = { shape = "box", cells = [4, 2, 2], size = [2.0, 1.0, 1.0] }
-//!                                          # or { shape = "dogbone", element_size = 2.0 }
-//!                                          # or, instead of generate: file = "block.msh", a Gmsh mesh
 //! scale = 0.001                            # default 1.0: a mesh unit is a metre
 //!
 //! [[region]]
