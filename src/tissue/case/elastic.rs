@@ -22,8 +22,8 @@ pub(super) fn constants(table: &mut Table<'_>, model: FormulaModel) -> Option<Fo
         let listed = names.iter().map(|name| format!(" `{name}`")).collect::<Vec<_>>().join(",");
         let what = match names.len() {
             0 => "has no elastic constants".to_string(),
-            1 => format!("has one elastic constant,{listed}"),
-            count => format!("has {count} elastic constants,{listed}"),
+            1 => format!("has one elastic constant:{listed}"),
+            count => format!("has {count} elastic constants:{listed}"),
         };
         table.report(&what, "exactly two of youngs_modulus, poisson_ratio, shear_modulus, lame_lambda", cure);
         return None;

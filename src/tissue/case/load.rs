@@ -3,7 +3,7 @@
 use super::data::{BodyForceCase, BoundaryCase, CurveCase, LoadCase, PointCase, PointPlace};
 use super::problems::Problems;
 use super::range::Range;
-use super::table::Table;
+use super::table::{Either, Table};
 use super::value::{Value, did_you_mean};
 
 const AXES: [&str; 3] = ["x", "y", "z"];
@@ -42,9 +42,9 @@ fn boundary_load(table: &mut Table<'_>) -> Option<LoadCase> {
         table.take("traction");
         return None;
     }
-    match table.exactly_one(&["displacement", "traction"])? {
-        (0, displacement) => displacement_of(&displacement).map(LoadCase::Displacement),
-        (_, traction) => traction.vector(Range::any("Pa")).map(LoadCase::Traction),
+    match table.either("displacement", "traction")? {
+        Either::First(displacement) => displacement_of(&displacement).map(LoadCase::Displacement),
+        Either::Second(traction) => traction.vector(Range::any("Pa")).map(LoadCase::Traction),
     }
 }
 
@@ -90,9 +90,9 @@ fn report_collision(problems: &Problems<'_>, place: &str, before: (usize, [bool;
 pub(super) fn points(root: &mut Table<'_>) -> Vec<PointCase> {
     let mut points: Vec<PointCase> = Vec::new();
     for mut table in root.tables("point") {
-        let place = match table.exactly_one(&["at", "node"]) {
-            Some((0, at)) => at.vector(Range::any("mesh units")).map(PointPlace::At),
-            Some((_, node)) => node.whole(&(0..=u32::MAX as usize)).map(PointPlace::Node),
+        let place = match table.either("at", "node") {
+            Some(Either::First(at)) => at.vector(Range::any("mesh units")).map(PointPlace::At),
+            Some(Either::Second(node)) => node.whole(&(0..=u32::MAX as usize)).map(PointPlace::Node),
             None => None,
         };
         let displacement = table
@@ -140,7 +140,7 @@ fn curve_of(value: &Value<'_>) -> Option<CurveCase> {
     const PAIR: &str = "[t, factor]: a t from 0 to 1 and a number";
     if let Some(name) = value.inner.as_str() {
         if name != "ramp" {
-            value.reject(EXPECTED, did_you_mean(name, ["ramp"]));
+            value.reject(EXPECTED, did_you_mean(name, &["ramp"]));
             return None;
         }
         return Some(CurveCase::Ramp);
@@ -158,8 +158,8 @@ fn curve_of(value: &Value<'_>) -> Option<CurveCase> {
             continue;
         };
         if let Some(before) = points.last().filter(|before| point[0] <= before[0]) {
-            let what = format!("`{}` has t = {} after t = {}", row.path, point[0], before[0]);
-            row.problems.report(row.line, what, EXPECTED, "sort the points by t and give each t once");
+            let complaint = format!("has t = {} after t = {}", point[0], before[0]);
+            row.object(&complaint, EXPECTED, "sort the points by t and give each t once");
             complete = false;
         }
         points.push(point);

@@ -9,7 +9,7 @@ use super::elastic;
 use super::networks;
 use super::problems::alternatives;
 use super::range::Range;
-use super::table::Table;
+use super::table::{Either, Table};
 use super::value::{Value, did_you_mean};
 
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -27,35 +27,32 @@ const MODELS: [(&str, Model); 5] = [
     ("holmes-mow", Model::Later),
 ];
 
+const NAMED_REGION: &str = "the name of a physical volume, or \"*\" for every volume not named";
+
 /// All regions; their names are unique.
 pub(super) fn regions(root: &mut Table<'_>, base: &Path) -> Vec<RegionCase> {
-    let mut regions: Vec<RegionCase> = Vec::new();
+    let mut regions = Vec::new();
+    let mut names: Vec<(&str, usize)> = Vec::new();
     let tables = root.tables("region");
     if tables.is_empty() && !root.has("region") {
         root.report("has no region", "at least one [[region]]", "add [[region]] with `name` and `material`");
     }
     for mut table in tables {
-        let name = name_of(&mut table, &regions);
+        let line = table.line;
+        let value = table.require("name", NAMED_REGION);
+        let name = value.as_ref().and_then(|value| value.text(NAMED_REGION));
+        let twin = names.iter().find(|(before, _)| Some(*before) == name);
+        if let (Some(value), Some((_, before))) = (value, twin) {
+            let complaint = format!("is the name of the region at line {before} too");
+            value.object(&complaint, "one [[region]] for each name", "remove or rename one of them");
+        }
+        names.extend(name.map(|name| (name, line)));
         let material = table.required_table("material", "a table with its `model`");
         let material = material.and_then(|material| read(material, base));
-        if let (Some(name), Some(material)) = (name, material) {
-            regions.push(RegionCase { name, line: table.line, material });
-        }
+        regions.extend(name.zip(material).map(|(name, material)| RegionCase { name: name.into(), line, material }));
         table.finish();
     }
     regions
-}
-
-fn name_of(table: &mut Table<'_>, before: &[RegionCase]) -> Option<String> {
-    let expected = "the name of a physical volume, or \"*\" for every volume not named";
-    let value = table.require("name", expected)?;
-    let name = value.text(expected)?;
-    if let Some(twin) = before.iter().find(|region| region.name == name) {
-        let what = format!("region \"{name}\" stands here again; it is also at line {}", twin.line);
-        table.problems.report(value.line, what, "one [[region]] for each name", "remove or rename one of them");
-        return None;
-    }
-    Some(name.to_string())
 }
 
 fn read(mut table: Table<'_>, base: &Path) -> Option<MaterialCase> {
@@ -76,7 +73,7 @@ fn model(table: &mut Table<'_>, allowed: impl Fn(Model) -> bool) -> Option<Model
     let value = table.require("model", &expected)?;
     let text = value.text(&expected)?;
     let Some(&(name, model)) = allowed.iter().find(|(name, _)| *name == text) else {
-        value.reject(&*expected, did_you_mean(text, allowed.iter().map(|&(name, _)| name)));
+        value.reject(&*expected, did_you_mean(text, &allowed.iter().map(|&(name, _)| name).collect::<Vec<_>>()));
         return None;
     };
     if model == Model::Later {
@@ -92,9 +89,9 @@ fn fiber_rve(table: &mut Table<'_>, base: &Path) -> Option<FiberRveCase> {
         .and_then(|value| networks::resolve(&value, base));
     let choose = table.choice("choose", &[("random", Choose::Random), ("cycle", Choose::Cycle)]);
     let seed = table.whole("seed", 0..=i64::MAX.unsigned_abs());
-    let scale = match table.exactly_one(&["fiber_volume_fraction", "scale"]) {
-        Some((0, fraction)) => fraction.number(Range::between(0.0, 1.0)).map(ScaleCase::FiberVolumeFraction),
-        Some((_, scale)) => scale.choice(&[("raw", ScaleCase::Raw)]),
+    let scale = match table.either("fiber_volume_fraction", "scale") {
+        Some(Either::First(fraction)) => fraction.number(Range::between(0.0, 1.0)).map(ScaleCase::FiberVolumeFraction),
+        Some(Either::Second(scale)) => scale.choice(&[("raw", ScaleCase::Raw)]),
         None => None,
     };
     let law = table.table("law").map(law);
@@ -158,10 +155,8 @@ fn law(mut table: Table<'_>) -> Option<FiberMaterial> {
 /// Reports a parameter that the law chosen has no use for.
 fn unused(value: Option<Value<'_>>, owner: &str, law: &str) -> Option<f64> {
     let value = value?;
-    let what = format!("`{}` has no meaning for the law \"{law}\"", value.path);
-    value.problems.report(
-        value.line,
-        what,
+    value.object(
+        &format!("has no meaning for the law \"{law}\""),
         format!("only the parameters of \"{law}\""),
         format!("remove it, or choose the law \"{owner}\""),
     );

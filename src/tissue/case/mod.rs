@@ -1,4 +1,115 @@
 //! A case: everything a simulation needs, read from one TOML file and checked.
+//!
+//! [`Case::read`] reads a file, [`Case::parse`] a text. Both answer with the case and with warnings, or with everything
+//! that is wrong in the file: each error with its line, what stands there, what was expected (with range and unit) and
+//! the cure. [`Case::check_names`] compares the names in a case with those of its mesh, and [`Case::to_toml`] writes a
+//! case back with all defaults filled in.
+//!
+//! # An example
+//!
+//! A block pulled along x, with every section that a case may have. Lengths of the mesh are in mesh units, `[mesh] scale`
+//! metres each; everything else is in SI units. Whole numbers serve where numbers are expected.
+//!
+//! ```
+//! let text = r#"
+//! title = "Block in tension"               # the name of the file where absent
+//!
+//! [mesh]                                   # a Gmsh file: file = "block.msh"; or a built-in shape: "box", or
+//!                                          ## "dogbone" with an element_size in mesh units
+//! generate = { shape = "box", cells = [4, 2, 2], size = [2.0, 1.0, 1.0] }
+//! scale = 0.001                            # default 1.0: a mesh unit is a metre
+//!
+//! [[region]]
+//! name = "*"                               # a physical volume; "*": all that no other region names
+//! [region.material]
+//! model = "neo-hookean"                    # or "linear-elastic", or "fiber-rve" (below)
+//! youngs_modulus = 1.0e6                   # two of: youngs_modulus, shear_modulus, lame_lambda (Pa),
+//! poisson_ratio = 0.3                      # poisson_ratio
+//!
+//! [[boundary]]
+//! surface = "x0"                           # a physical surface
+//! displacement = { x = 0.0 }               # m; a component not named is free
+//! [[boundary]]
+//! surface = "x1"
+//! traction = [4.0e4, 0.0, 0.0]             # Pa of reference area
+//! curve = [[0.0, 0.0], [0.5, 1.0], [1.0, 0.2]]   # factor over pseudo-time t; default "ramp": the factor is t
+//!
+//! [[point]]
+//! at = [0.0, 0.0, 0.0]                     # the node nearest to it, in mesh units; or: node = 0
+//! displacement = { y = 0.0, z = 0.0 }
+//! [[point]]
+//! at = [0.0, 1.0, 0.0]
+//! displacement = { z = 0.0 }
+//!
+//! [[body_force]]
+//! region = "*"                             # "*": the whole body
+//! value = [0.0, 0.0, -9.81e3]              # N/m^3 of reference volume; takes a curve too
+//!
+//! [steps]
+//! count = 20                               # default 10
+//! max_cuts = 6                             # how often a step that fails is halved; the default
+//!
+//! [newton]                                 # the engineering scale, with its defaults
+//! tolerance = 1e-8                         # of the residual, relative to the forces
+//! max_iterations = 25
+//! line_search = true
+//! start = "held"                           # a step starts from the last state; "tangent": from a linear guess
+//!
+//! [micro]                                  # every RVE, with its defaults
+//! tolerance = 1e-10
+//! max_iterations = 50
+//! max_cuts = 6
+//!
+//! [scales]                                 # ranks; default: one process does both
+//! macro = 1
+//! micro = 0
+//!
+//! [output]
+//! directory = "results"                    # default; relative to the case file
+//! every = 1                                # default; steps between two writings of the fields
+//! rve = "none"                             # default; or "all", or ids of elements, such as [0, 17]
+//! "#;
+//! # use std::path::Path;
+//! use biotissue::tissue::case::{Case, MeshSource};
+//!
+//! let file = Case::parse(text, Path::new("block.toml"))?;
+//! assert!(file.warnings.is_empty());
+//! assert_eq!(file.case.mesh, MeshSource::Box { cells: [4, 2, 2], size: [2.0, 1.0, 1.0] });
+//! assert_eq!(file.case.boundaries[1].curve.factor(0.25), 0.5);
+//!
+//! let names = |list: &[&str]| list.iter().map(|name| name.to_string()).collect::<Vec<_>>();
+//! file.case.check_names(&names(&["body"]), &names(&["x0", "x1", "y0", "y1", "z0", "z1"]))?;
+//!
+//! let errors = Case::parse(&text.replace("count = 20", "cuont = 20"), Path::new("block.toml")).unwrap_err();
+//! assert_eq!(errors.0[0].cure, "did you mean `count`?");
+//! # Ok::<(), biotissue::input::InputErrors>(())
+//! ```
+//!
+//! # Fiber networks as a material
+//!
+//! ```toml
+//! [region.material]
+//! model = "fiber-rve"
+//! networks = ["networks/*.txt"]            # files or patterns, relative to the case file; files that end in .params or
+//!                                          # .toml are passed over where a pattern matches them
+//! choose = "random"                        # default, by seed and element; or "cycle", by element
+//! seed = 1                                 # default
+//! fiber_volume_fraction = 0.003            # or: scale = "raw"
+//! law = { name = "exponential", youngs_modulus = 1.0e8, radius = 5.0e-8, nonlinearity = 1.2 }
+//! matrix = { model = "neo-hookean", shear_modulus = 100.0, poisson_ratio = 0.3 }
+//! ```
+//!
+//! `law` is `linear` (`youngs_modulus`, `radius`), `exponential` (also `nonlinearity`) or `exponential-stretch` (also
+//! `transition`); without it each network's `.params` file counts. `matrix` is optional.
+//!
+//! # What a case must keep
+//!
+//! * A surface may stand in several boundaries and a node in several points, but each component is prescribed once: by
+//!   a displacement or by a traction other than 0. Body forces of one region add up.
+//! * Names of regions are unique. The region `*` serves every region of the mesh that no other names, so that no
+//!   region has two materials.
+//! * `pressure` on a boundary, `[[constraint]]` and the models `transversely-isotropic` and `holmes-mow` are known and
+//!   refused: they are not available in this version.
 
 mod curve;
 mod data;

@@ -42,11 +42,12 @@ fn matches(value: &Value<'_>, text: &str, base: &Path) -> Option<Vec<PathBuf>> {
         return Some(vec![literal]);
     }
     if literal.is_dir() {
-        value.reject(EXPECTED, format!("this is a folder: write \"{}/*.txt\"", text.trim_end_matches('/')));
+        let cure = format!("write \"{}/*.txt\"", text.trim_end_matches('/'));
+        value.object(&format!("names {text:?}, which is a folder"), EXPECTED, cure);
         return None;
     }
     if !text.contains(['*', '?', '[']) {
-        value.reject("a file that exists", missing_file(&literal));
+        value.object(&format!("names {text:?}, which is no file"), EXPECTED, missing_file(&literal));
         return None;
     }
     let whole = if Path::new(text).is_absolute() {
@@ -57,7 +58,7 @@ fn matches(value: &Value<'_>, text: &str, base: &Path) -> Option<Vec<PathBuf>> {
     let paths = match glob::glob(&whole) {
         Ok(paths) => paths,
         Err(error) => {
-            value.reject(EXPECTED, format!("correct the pattern: {}", error.msg));
+            value.object(&format!("has {text:?}, which is no pattern: {}", error.msg), EXPECTED, "correct the pattern");
             return None;
         }
     };
@@ -71,7 +72,7 @@ fn matches(value: &Value<'_>, text: &str, base: &Path) -> Option<Vec<PathBuf>> {
         }
     }
     if found.is_empty() {
-        value.reject("a pattern that matches network files", nothing_found(&literal, companions));
+        value.object(&format!("has {text:?}, which matches no network"), EXPECTED, nothing_found(&literal, companions));
         return None;
     }
     Some(found)

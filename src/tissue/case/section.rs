@@ -5,8 +5,8 @@ use std::path::Path;
 use super::data::{MeshSource, MicroCase, NewtonCase, OutputCase, RveOutput, ScalesCase, StepStart, StepsCase};
 use super::networks::missing_file;
 use super::range::Range;
-use super::table::Table;
-use super::value::Value;
+use super::table::{Either, Table};
+use super::value::{Value, did_you_mean};
 
 /// Meshes number nodes and elements by 32 bits.
 const MOST_ELEMENTS: usize = u32::MAX as usize;
@@ -16,9 +16,9 @@ const TOLERANCE: Range = Range::between(0.0, 1.0);
 pub(super) fn mesh(root: &mut Table<'_>, base: &Path) -> Option<(MeshSource, f64)> {
     let mut table = root.required_table("mesh", "a section [mesh] with `file` or `generate`")?;
     let scale = table.number("scale", Range::above(0.0, "m for a mesh unit")).unwrap_or(1.0);
-    let source = match table.exactly_one(&["file", "generate"]) {
-        Some((0, file)) => mesh_file(&file, base),
-        Some((_, generate)) => generate.table().and_then(generated),
+    let source = match table.either("file", "generate") {
+        Some(Either::First(file)) => mesh_file(&file, base),
+        Some(Either::Second(generate)) => generate.table().and_then(generated),
         None => None,
     };
     table.finish();
@@ -27,12 +27,13 @@ pub(super) fn mesh(root: &mut Table<'_>, base: &Path) -> Option<(MeshSource, f64
 
 fn mesh_file(value: &Value<'_>, base: &Path) -> Option<MeshSource> {
     let expected = "a Gmsh .msh file that exists; a path is relative to the case file";
-    let file = base.join(value.text(expected)?);
+    let text = value.text(expected)?;
+    let file = base.join(text);
     if file.is_file() {
         return Some(MeshSource::File(file));
     }
     let cure = if file.is_dir() { "this is a folder: name a file in it".into() } else { missing_file(&file) };
-    value.reject(expected, cure);
+    value.object(&format!("names {text:?}, which is no file"), expected, cure);
     None
 }
 
@@ -65,8 +66,8 @@ fn cells_of(value: &Value<'_>) -> Option<[usize; 3]> {
     let cells = value.whole_vector(&(1..=1_000_000))?;
     let elements = cells.iter().try_fold(6_usize, |product, &count| product.checked_mul(count));
     if elements.is_none_or(|elements| elements > MOST_ELEMENTS) {
-        let what = format!("`{}` asks for 6 * {} * {} * {} elements", value.path, cells[0], cells[1], cells[2]);
-        value.problems.report(value.line, what, format!("at most {MOST_ELEMENTS} elements"), "choose fewer cells");
+        let complaint = format!("asks for 6 * {} * {} * {} elements", cells[0], cells[1], cells[2]);
+        value.object(&complaint, format!("at most {MOST_ELEMENTS} elements"), "choose fewer cells");
         return None;
     }
     Some(cells)
@@ -150,10 +151,14 @@ pub(super) fn output(root: &mut Table<'_>, base: &Path, any_network: bool) -> Ou
 
 fn rve_output(value: &Value<'_>) -> Option<RveOutput> {
     const EXPECTED: &str = "\"none\", \"all\", or a list of element ids, such as [0, 17]";
-    if value.inner.is_str() {
-        return value
-            .choice(&[("none", false), ("all", true)])
-            .map(|all| if all { RveOutput::All } else { RveOutput::None });
+    match value.inner.as_str() {
+        Some("none") => return Some(RveOutput::None),
+        Some("all") => return Some(RveOutput::All),
+        Some(word) => {
+            value.reject(EXPECTED, did_you_mean(word, &["none", "all"]));
+            return None;
+        }
+        None => {}
     }
     let elements = value.list(EXPECTED, "\"none\", \"all\" or such as [0, 17]")?;
     if elements.is_empty() {

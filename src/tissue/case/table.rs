@@ -5,13 +5,32 @@ use std::ops::RangeInclusive;
 
 use toml::de::{DeTable, DeValue};
 
-use super::problems::{Problems, alternatives, nearest};
+use super::problems::{Problems, nearest};
 use super::range::Range;
 use super::value::Value;
 
 /// The tables at the top of a case, for keys that slipped below another header.
 const SECTIONS: [&str; 11] =
     ["mesh", "region", "boundary", "point", "body_force", "constraint", "steps", "newton", "micro", "scales", "output"];
+
+/// What is often written for a key that spells its quantity out.
+const SYMBOLS: [(&str, &str); 9] = [
+    ("E", "youngs_modulus"),
+    ("nu", "poisson_ratio"),
+    ("mu", "shear_modulus"),
+    ("G", "shear_modulus"),
+    ("lambda", "lame_lambda"),
+    ("B", "nonlinearity"),
+    ("lambda_t", "transition"),
+    ("phi", "fiber_volume_fraction"),
+    ("force", "traction"),
+];
+
+/// Which of two alternatives a table holds.
+pub(super) enum Either<'d> {
+    First(Value<'d>),
+    Second(Value<'d>),
+}
 
 /// A table with its place.
 pub(super) struct Table<'d> {
@@ -64,30 +83,23 @@ impl<'d> Table<'d> {
         value
     }
 
-    /// Exactly one of two or more keys: its position among them and its value.
-    pub(super) fn exactly_one(&mut self, keys: &[&'static str]) -> Option<(usize, Value<'d>)> {
-        let mut present = Vec::new();
-        for (position, &key) in keys.iter().enumerate() {
-            present.extend(self.take(key).map(|value| (position, value)));
+    /// Exactly one of two keys.
+    pub(super) fn either(&mut self, first: &'static str, second: &'static str) -> Option<Either<'d>> {
+        let expected = format!("exactly one of `{first}` and `{second}`");
+        match (self.take(first), self.take(second)) {
+            (Some(value), None) => Some(Either::First(value)),
+            (None, Some(value)) => Some(Either::Second(value)),
+            (Some(one), Some(other)) => {
+                let (early, late) = if one.line <= other.line { (one, other) } else { (other, one) };
+                let what = format!("`{}` stands beside `{}` of line {}", late.path, early.path, early.line);
+                self.problems.report(late.line, what, expected, "keep one of them and remove the other");
+                None
+            }
+            (None, None) => {
+                self.report(&format!("has neither `{first}` nor `{second}`"), expected, "add one of them");
+                None
+            }
         }
-        present.sort_by_key(|(_, value)| value.line);
-        let expected = format!("exactly one of {}", alternatives(keys.iter().copied(), '`'));
-        if present.len() > 1 {
-            let last = present.last().map_or(self.line, |(_, value)| value.line);
-            let named: Vec<String> = present
-                .iter()
-                .map(|(position, value)| format!("`{}` (line {})", keys[*position], value.line))
-                .collect();
-            let what = format!("{} has {}", self.name(), named.join(" and "));
-            self.problems.report(last, what, expected, "keep one of them and remove the rest");
-            return None;
-        }
-        let found = present.pop();
-        if found.is_none() {
-            let cure = format!("add {}", alternatives(keys.iter().copied(), '`'));
-            self.report(&format!("has none of {}", alternatives(keys.iter().copied(), '`')), expected, cure);
-        }
-        found
     }
 
     /// A number, where the key is there.
@@ -133,7 +145,11 @@ impl<'d> Table<'d> {
         let Some(value) = self.take(key) else { return Vec::new() };
         let form = format!("[[{key}]] instead of [{key}]");
         let elements = value.list("a list of tables", &form).unwrap_or_default();
-        elements.iter().filter_map(Value::table).collect()
+        if value.inner.as_array().is_some_and(|elements| elements.is_empty()) {
+            value.reject("a list of tables", format!("write [[{key}]], or remove the key"));
+        }
+        let unnumbered = |element| Value { path: value.path.clone(), ..element };
+        elements.into_iter().map(unnumbered).filter_map(|element| element.table()).collect()
     }
 
     /// Whether a key is there, read or not.
@@ -165,8 +181,16 @@ impl<'d> Table<'d> {
         if let Some(near) = nearest(key, known.iter().copied()) {
             return format!("did you mean `{near}`?");
         }
-        if !self.path.is_empty() && SECTIONS.contains(&key) && value.is_table() {
-            return format!("write it under a header [{key}] of its own");
+        let spelled_out = SYMBOLS.iter().find(|(symbol, spelled)| *symbol == key && known.contains(spelled));
+        if let Some((_, spelled)) = spelled_out {
+            return format!("did you mean `{spelled}`?");
+        }
+        if !self.path.is_empty() && SECTIONS.contains(&key) {
+            let header = if value.is_array() { format!("[[{key}]]") } else { format!("[{key}]") };
+            return format!("write it under a header {header} of its own");
+        }
+        if !self.path.is_empty() && key == "title" {
+            return "move it above the first [header]".into();
         }
         if self.path.is_empty() && !value.is_table() {
             return "move it below the header of its table, or remove it".into();

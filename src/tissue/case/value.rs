@@ -20,9 +20,14 @@ pub(super) struct Value<'d> {
 }
 
 impl<'d> Value<'d> {
+    /// Reports this value; `complaint` follows its path.
+    pub(super) fn object(&self, complaint: &str, expected: impl Into<String>, cure: impl Into<String>) {
+        self.problems.report(self.line, format!("`{}` {complaint}", self.path), expected, cure);
+    }
+
     /// Reports this value with what it is.
     pub(super) fn reject(&self, expected: impl Into<String>, cure: impl Into<String>) {
-        self.problems.report(self.line, format!("`{}` is {}", self.path, shown(self.inner)), expected, cure);
+        self.object(&format!("is {}", shown(self.inner)), expected, cure);
     }
 
     /// Reports a key of a later version of the program.
@@ -59,7 +64,7 @@ impl<'d> Value<'d> {
         if range.contains(value) {
             return Some(value);
         }
-        self.reject(expected, "choose a value in that range");
+        self.reject(expected, if value.is_finite() { "choose a value in that range" } else { "write a finite number" });
         None
     }
 
@@ -106,15 +111,18 @@ impl<'d> Value<'d> {
 
     /// One of some words.
     pub(super) fn choice<T: Copy>(&self, words: &[(&'static str, T)]) -> Option<T> {
-        let names = || words.iter().map(|&(name, _)| name);
-        let expected = alternatives(names(), '"');
+        let names: Vec<&str> = words.iter().map(|&(name, _)| name).collect();
+        let expected = alternatives(names.iter().copied(), '"');
         let DeValue::String(text) = self.inner else {
-            self.wrong_type(&*expected, "a string in quotes");
+            self.reject(
+                &*expected,
+                if words.len() == 1 { "write this, in quotes" } else { "write one of these, in quotes" },
+            );
             return None;
         };
         let found = words.iter().find(|(name, _)| name == text).map(|&(_, meaning)| meaning);
         if found.is_none() {
-            self.reject(&*expected, did_you_mean(text, names()));
+            self.reject(&*expected, did_you_mean(text, &names));
         }
         found
     }
@@ -125,13 +133,13 @@ impl<'d> Value<'d> {
             self.wrong_type(expected, form);
             return None;
         };
-        Some(elements.iter().map(|element| self.element(element)).collect())
+        Some(elements.iter().enumerate().map(|(k, element)| self.element(k, element)).collect())
     }
 
-    fn element(&self, element: &'d toml::Spanned<DeValue<'d>>) -> Self {
+    fn element(&self, k: usize, element: &'d toml::Spanned<DeValue<'d>>) -> Self {
         Self {
             problems: self.problems,
-            path: self.path.clone(),
+            path: format!("{}[{k}]", self.path),
             line: self.problems.line_of(element.span().start),
             inner: element.get_ref(),
         }
@@ -143,8 +151,8 @@ impl<'d> Value<'d> {
         let count = elements.len();
         let exact = <[Self; N]>::try_from(elements).ok();
         if exact.is_none() {
-            let counted = format!("`{}` has {count} value{}", self.path, if count == 1 { "" } else { "s" });
-            self.problems.report(self.line, counted, expected, format!("write {form}"));
+            let complaint = format!("has {count} value{}", if count == 1 { "" } else { "s" });
+            self.object(&complaint, expected, format!("write {form}"));
         }
         exact
     }
@@ -195,10 +203,11 @@ impl<'d> Value<'d> {
 }
 
 /// What is offered for a word that is not known.
-pub(super) fn did_you_mean<'k>(word: &str, known: impl IntoIterator<Item = &'k str>) -> String {
-    match nearest(word, known) {
-        Some(near) => format!("did you mean \"{near}\"?"),
-        None => "choose one of these".into(),
+pub(super) fn did_you_mean(word: &str, known: &[&str]) -> String {
+    match (nearest(word, known.iter().copied()), known) {
+        (Some(near), _) => format!("did you mean \"{near}\"?"),
+        (None, [only]) => format!("write \"{only}\""),
+        (None, _) => "choose one of these".into(),
     }
 }
 
