@@ -51,6 +51,24 @@ impl Pivots {
         self.see(small, position + usize::from(second));
     }
 
+    /// Of a block-diagonal `D` of 1x1 and 2x2 blocks; a block of two where the subdiagonal is not zero.
+    pub(super) fn of_blocks<T: Scalar>(len: usize, diagonal: impl Fn(usize) -> T, subdiagonal: &[T]) -> Self {
+        let mut pivots = Self::none();
+        let mut position = 0;
+        while position < len {
+            let coupling = subdiagonal[position];
+            if coupling.is_zero() || position + 1 == len {
+                pivots.see(diagonal(position).as_f64(), position);
+                position += 1;
+            } else {
+                let (a, c) = (diagonal(position).as_f64(), diagonal(position + 1).as_f64());
+                pivots.see_block(a, coupling.as_f64(), c, position);
+                position += 2;
+            }
+        }
+        pivots
+    }
+
     /// Smallest over largest; 1 for a matrix without unknowns.
     pub(super) fn ratio(&self) -> f64 {
         if self.smallest == f64::INFINITY {

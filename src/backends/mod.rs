@@ -1,8 +1,143 @@
 //! The backends: one folder each, the same file names in every folder.
+//!
+//! | backend | cargo feature | for |
+//! |---|---|---|
+//! | `sparse` | `sparse` (default) | everything: compressed rows, direct solvers |
+//! | `dense` | `dense` (default) | systems of a few hundred unknowns at most, and comparisons |
 
-#[cfg(feature = "sparse")]
+#[cfg(any(feature = "sparse", feature = "dense"))]
 mod direct;
-#[cfg(feature = "sparse")]
+#[cfg(any(feature = "sparse", feature = "dense"))]
 mod local;
+
+#[cfg(feature = "dense")]
+pub mod dense;
 #[cfg(feature = "sparse")]
 pub mod sparse;
+
+use std::fmt;
+use std::str::FromStr;
+
+/// The backends that this crate knows, compiled in or not.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum BackendName {
+    /// Compressed rows and direct solvers.
+    Sparse,
+    /// Dense matrices.
+    Dense,
+}
+
+impl BackendName {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Sparse, Self::Dense];
+
+    /// How the program's `--backend` and [`Backend::NAME`](crate::las::Backend::NAME) spell it.
+    #[must_use]
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Self::Sparse => "sparse",
+            Self::Dense => "dense",
+        }
+    }
+
+    /// The cargo feature that brings it.
+    #[must_use]
+    pub const fn feature(self) -> &'static str {
+        self.as_str()
+    }
+
+    /// Whether this build has it.
+    #[must_use]
+    pub const fn is_compiled(self) -> bool {
+        match self {
+            Self::Sparse => cfg!(feature = "sparse"),
+            Self::Dense => cfg!(feature = "dense"),
+        }
+    }
+}
+
+impl fmt::Display for BackendName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.as_str())
+    }
+}
+
+impl FromStr for BackendName {
+    type Err = NotCompiledIn;
+
+    /// The backend of that name, if this build has it.
+    fn from_str(name: &str) -> Result<Self, NotCompiledIn> {
+        let known = Self::ALL.into_iter().find(|backend| backend.as_str() == name);
+        match known {
+            Some(backend) if backend.is_compiled() => Ok(backend),
+            _ => Err(NotCompiledIn { name: name.to_owned(), feature: known.map(Self::feature) }),
+        }
+    }
+}
+
+/// The names of the backends compiled in.
+#[must_use]
+pub fn compiled() -> &'static [&'static str] {
+    &[
+        #[cfg(feature = "sparse")]
+        "sparse",
+        #[cfg(feature = "dense")]
+        "dense",
+    ]
+}
+
+/// A backend was asked for that this build does not have.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NotCompiledIn {
+    /// What was asked for.
+    pub name: String,
+    /// The cargo feature that brings it; `None` where there is no backend of that name.
+    pub feature: Option<&'static str>,
+}
+
+impl fmt::Display for NotCompiledIn {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { name, feature } = self;
+        match feature {
+            Some(feature) => {
+                write!(f, "the backend `{name}` is not compiled in: build with `cargo build --features {feature}`")
+            }
+            None => {
+                let known: Vec<_> = BackendName::ALL.iter().map(|backend| format!("`{backend}`")).collect();
+                write!(f, "there is no backend `{name}`; those known are {}", known.join(", "))
+            }
+        }
+    }
+}
+
+impl std::error::Error for NotCompiledIn {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_understood_or_refused_with_a_cure() {
+        for backend in BackendName::ALL {
+            let parsed = backend.as_str().parse::<BackendName>();
+            assert_eq!(compiled().contains(&backend.as_str()), backend.is_compiled());
+            match parsed {
+                Ok(parsed) => assert!(backend.is_compiled() && parsed == backend),
+                Err(error) => {
+                    assert!(!backend.is_compiled());
+                    assert!(error.to_string().contains(&format!("--features {}", backend.feature())), "{error}");
+                }
+            }
+        }
+        let error = "petsk".parse::<BackendName>().unwrap_err();
+        assert_eq!(error.to_string(), "there is no backend `petsk`; those known are `sparse`, `dense`");
+    }
+
+    #[test]
+    #[cfg(all(feature = "sparse", feature = "dense"))]
+    fn names_are_those_of_the_backends() {
+        use crate::las::Backend;
+        assert_eq!(sparse::Sparse::<f64>::NAME, BackendName::Sparse.as_str());
+        assert_eq!(dense::Dense::<f64>::NAME, BackendName::Dense.as_str());
+    }
+}

@@ -112,24 +112,8 @@ impl<T: Scalar + RealField> Ldlt<T> {
         for (unknown, &position) in self.order.iter_mut().zip(&self.forward) {
             *unknown = analysis.order[position as usize];
         }
-        self.pivots(analysis)
-    }
-
-    fn pivots(&self, analysis: &CholeskyAnalysis) -> Pivots {
-        let mut pivots = Pivots::none();
-        let diagonal = |position: usize| self.values[analysis.diagonal[position] as usize].as_f64();
-        let mut position = 0;
-        while position < self.subdiagonal.len() {
-            let coupling = self.subdiagonal[position];
-            if coupling == T::zero() || position + 1 == self.subdiagonal.len() {
-                pivots.see(diagonal(position), position);
-                position += 1;
-            } else {
-                pivots.see_block(diagonal(position), coupling.as_f64(), diagonal(position + 1), position);
-                position += 2;
-            }
-        }
-        pivots
+        let diagonal = |position: usize| self.values[analysis.diagonal[position] as usize];
+        Pivots::of_blocks(self.order.len(), diagonal, &self.subdiagonal)
     }
 
     /// Solves in place for right-hand sides whose rows are in the order of elimination, [`Ldlt::order`].

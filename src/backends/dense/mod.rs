@@ -1,0 +1,65 @@
+//! `dense`: matrices that hold every entry; the backend for what is small, and the plain one to compare others with.
+//!
+//! A [`Sparsity`] gives a matrix only its shape: every position within it is part of the pattern, and can be written.
+//! Factorisations are those of the crate `faer`: Cholesky, LDL^T with the pivoting of Bunch and Kaufman, and LU with
+//! partial pivoting.
+
+mod matrix;
+mod ops;
+mod solve;
+mod vector;
+
+use std::convert::Infallible;
+use std::marker::PhantomData;
+use std::sync::Arc;
+
+use faer::traits::RealField;
+
+pub use matrix::Matrix;
+pub use solve::{Solver, Symbolic};
+pub use vector::Vector;
+
+use crate::las::{Backend, Scalar, SolveError, SolverParams, Sparsity};
+
+/// The backend of dense matrices; `T` is `f64` or `f32`.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Dense<T = f64>(PhantomData<fn() -> T>);
+
+impl<T: Scalar + RealField> Backend for Dense<T> {
+    const NAME: &'static str = "dense";
+
+    type Scalar = T;
+    type Index = i32;
+    type Reduced = T;
+    type Context = ();
+    type Fault = Infallible;
+    type Slot = usize;
+    type Vector = Vector<T>;
+    type Matrix = Matrix<T>;
+    type Symbolic = Symbolic;
+    type Solver = Solver<T>;
+
+    fn vector(_: &(), len: usize) -> Result<Vector<T>, Infallible> {
+        Ok(Vector::from(vec![T::zero(); len]))
+    }
+
+    fn matrix(_: &(), pattern: &Arc<Sparsity>) -> Result<Matrix<T>, Infallible> {
+        Ok(Matrix::zeros(pattern))
+    }
+
+    fn analyze(
+        _: &(),
+        pattern: &Arc<Sparsity>,
+        params: &SolverParams,
+    ) -> Result<Arc<Symbolic>, SolveError<Infallible>> {
+        let (rows, cols) = (pattern.rows(), pattern.cols());
+        if rows != cols {
+            return Err(SolveError::NotSquare { rows, cols });
+        }
+        Ok(Arc::new(Symbolic { unknowns: rows, params: *params }))
+    }
+
+    fn solver(symbolic: &Arc<Symbolic>) -> Result<Solver<T>, SolveError<Infallible>> {
+        Ok(Solver::new(symbolic))
+    }
+}

@@ -1,0 +1,183 @@
+//! The hot verbs, and the product with a vector.
+
+use std::convert::Infallible;
+
+use faer::traits::RealField;
+
+use super::{Dense, Matrix, Vector};
+use crate::backends::direct::check_size;
+use crate::backends::local;
+use crate::las::{MatVec, MatrixOps, Scalar, SolveError, VectorOps};
+
+impl<T: Scalar + RealField> VectorOps<Dense<T>> for Vector<T> {
+    #[inline(always)]
+    fn len(&self) -> usize {
+        self.values.len()
+    }
+
+    #[inline(always)]
+    fn zero(&mut self) -> Result<(), Infallible> {
+        self.values.fill(T::zero());
+        Ok(())
+    }
+
+    #[inline(always)]
+    fn add(&mut self, rows: &[i32], values: &[T]) -> Result<(), Infallible> {
+        local::add(&mut self.values, rows, values);
+        Ok(())
+    }
+
+    #[inline(always)]
+    fn set(&mut self, rows: &[i32], values: &[T]) -> Result<(), Infallible> {
+        local::set(&mut self.values, rows, values);
+        Ok(())
+    }
+
+    #[inline(always)]
+    fn get(&self, rows: &[i32], values: &mut [T]) -> Result<(), Infallible> {
+        local::get(&self.values, rows, values);
+        Ok(())
+    }
+
+    #[inline(always)]
+    fn norm(&self) -> Result<T, Infallible> {
+        Ok(local::norm(&self.values))
+    }
+
+    #[inline(always)]
+    fn dot(&self, y: &Self) -> Result<T, Infallible> {
+        Ok(local::dot(&self.values, &y.values))
+    }
+
+    #[inline(always)]
+    fn axpy(&mut self, a: T, x: &Self) -> Result<(), Infallible> {
+        local::axpy(a, &x.values, &mut self.values);
+        Ok(())
+    }
+
+    #[inline(always)]
+    fn with_local<R>(&self, read: impl FnOnce(&[T]) -> R) -> Result<R, Infallible> {
+        Ok(read(&self.values))
+    }
+
+    #[inline(always)]
+    fn with_local_mut<R>(&mut self, write: impl FnOnce(&mut [T]) -> R) -> Result<R, Infallible> {
+        Ok(write(&mut self.values))
+    }
+
+    #[inline(always)]
+    fn finish(&mut self) -> Result<(), Infallible> {
+        Ok(())
+    }
+}
+
+impl<T: Scalar + RealField> Matrix<T> {
+    /// Calls `visit(entry, value of the block)` for every pair of a block that is in the matrix.
+    #[inline(always)]
+    fn scatter(&mut self, rows: &[i32], cols: &[i32], block: &[T], mut visit: impl FnMut(&mut T, T)) {
+        debug_assert_eq!(rows.len() * cols.len(), block.len(), "one value a pair of row and column");
+        let shape = (self.rows, self.cols);
+        for (&row, values) in rows.iter().zip(block.chunks_exact(cols.len().max(1))) {
+            let range = self.row_range(row);
+            let entries = &mut self.values[range];
+            for (&column, &value) in cols.iter().zip(values) {
+                match entries.get_mut(column as usize) {
+                    Some(entry) => visit(entry, value),
+                    None => debug_assert!(row < 0 || column < 0, "({row}, {column}) is not in a matrix of {shape:?}"),
+                }
+            }
+        }
+    }
+}
+
+impl<T: Scalar + RealField> MatrixOps<Dense<T>> for Matrix<T> {
+    #[inline(always)]
+    fn shape(&self) -> (usize, usize) {
+        (self.rows, self.cols)
+    }
+
+    #[inline(always)]
+    fn zero(&mut self) -> Result<(), Infallible> {
+        self.values.fill(T::zero());
+        Ok(())
+    }
+
+    #[inline(always)]
+    fn zero_rows(&mut self, rows: &[i32]) -> Result<(), Infallible> {
+        for &row in rows {
+            debug_assert!(row < self.rows as i32, "row {row} of a matrix of {}", self.rows);
+            let range = self.row_range(row);
+            self.values[range].fill(T::zero());
+        }
+        Ok(())
+    }
+
+    #[inline(always)]
+    fn add(&mut self, rows: &[i32], cols: &[i32], block: &[T]) -> Result<(), Infallible> {
+        self.scatter(rows, cols, block, |entry, value| *entry += value);
+        Ok(())
+    }
+
+    #[inline(always)]
+    fn set(&mut self, rows: &[i32], cols: &[i32], block: &[T]) -> Result<(), Infallible> {
+        self.scatter(rows, cols, block, |entry, value| *entry = value);
+        Ok(())
+    }
+
+    #[inline(always)]
+    fn get(&self, rows: &[i32], cols: &[i32], block: &mut [T]) -> Result<(), Infallible> {
+        debug_assert_eq!(rows.len() * cols.len(), block.len(), "one value a pair of row and column");
+        for (&row, values) in rows.iter().zip(block.chunks_exact_mut(cols.len().max(1))) {
+            if row >= 0 {
+                local::get(&self.values[self.row_range(row)], cols, values);
+            }
+        }
+        Ok(())
+    }
+
+    #[inline(always)]
+    fn locate(&self, rows: &[i32], cols: &[i32], slots: &mut Vec<usize>) -> Result<(), Infallible> {
+        let dropped = self.rows * self.cols;
+        slots.reserve(rows.len() * cols.len());
+        for &row in rows {
+            let range = self.row_range(row);
+            slots.extend(cols.iter().map(|&column| {
+                if (column as usize) < range.len() {
+                    range.start + column as usize
+                } else {
+                    debug_assert!(row < 0 || column < 0, "({row}, {column}) is not in the matrix");
+                    dropped
+                }
+            }));
+        }
+        Ok(())
+    }
+
+    #[inline(always)]
+    fn add_at(&mut self, slots: &[usize], block: &[T]) -> Result<(), Infallible> {
+        debug_assert_eq!(slots.len(), block.len(), "one value a slot");
+        for (&slot, &value) in slots.iter().zip(block) {
+            match self.values.get_mut(slot) {
+                Some(entry) => *entry += value,
+                None => debug_assert!(false, "slot {slot} is not of this shape"),
+            }
+        }
+        Ok(())
+    }
+
+    #[inline(always)]
+    fn finish(&mut self) -> Result<(), Infallible> {
+        Ok(())
+    }
+}
+
+impl<T: Scalar + RealField> MatVec<Dense<T>> for Matrix<T> {
+    fn mul(&self, x: &Vector<T>, y: &mut Vector<T>) -> Result<(), SolveError<Infallible>> {
+        check_size("the vector to multiply", x.values.len(), self.cols)?;
+        check_size("the product", y.values.len(), self.rows)?;
+        for (row, y) in y.values.iter_mut().enumerate() {
+            *y = local::dot(&self.values[row * self.cols..(row + 1) * self.cols], &x.values);
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,234 @@
+//! The solver: the three factorisations in one square of storage.
+
+use std::convert::Infallible;
+use std::sync::Arc;
+
+use faer::diag::{DiagMut, DiagRef};
+use faer::dyn_stack::StackReq;
+use faer::linalg::cholesky::lblt::factor::LbltParams;
+use faer::linalg::cholesky::llt::factor::{LltError, LltRegularization};
+use faer::linalg::cholesky::{lblt, llt};
+use faer::linalg::lu::partial_pivoting as lu;
+use faer::perm::PermRef;
+use faer::traits::RealField;
+use faer::{Auto, Conj, MatMut, MatRef, Par, Spec};
+
+use super::{Dense, Matrix, Vector};
+use crate::backends::direct::{Pivots, Scratch, check_columns, check_size, singular_limit};
+use crate::backends::local;
+use crate::las::{FactorReport, Factorisation, Scalar, SolveError, SolveReport, SolverParams, Symmetry};
+
+/// What there is to know in advance of a dense system: its size, and how it is to be solved.
+#[derive(Clone, Copy, Debug)]
+pub struct Symbolic {
+    pub(super) unknowns: usize,
+    pub(super) params: SolverParams,
+}
+
+/// Direct solver for matrices of one size.
+///
+/// A matrix stated to be [`Symmetry::Definite`] is factored by Cholesky, of which the upper triangle of the matrix is
+/// read; where a pivot is not positive, by LDL^T with the pivoting of Bunch and Kaufman. Nothing allocates after a
+/// factorisation and a solution.
+pub struct Solver<T = f64> {
+    symbolic: Arc<Symbolic>,
+    limit: f64,
+    /// The factorisation to solve with, if there is one.
+    served: Option<Factorisation>,
+    /// The factors, column after column.
+    factor: Vec<T>,
+    /// Of the blocks of `D`.
+    subdiagonal: Vec<T>,
+    /// How pivoting exchanged the unknowns (LDL^T) or rows (LU).
+    forward: Vec<u32>,
+    inverse: Vec<u32>,
+    /// Right-hand sides.
+    columns: Vec<T>,
+    scratch: Scratch,
+}
+
+impl<T: Scalar + RealField> Solver<T> {
+    pub(super) fn new(symbolic: &Arc<Symbolic>) -> Self {
+        let n = symbolic.unknowns;
+        let request = StackReq::any_of(&[
+            llt::factor::cholesky_in_place_scratch::<T>(n, Par::Seq, Spec::default()),
+            lblt::factor::cholesky_in_place_scratch::<u32, T>(n, Par::Seq, ldlt_params::<T>()),
+            lu::factor::lu_in_place_scratch::<u32, T>(n, n, Par::Seq, Spec::default()),
+            solve_scratch::<T>(n, 1),
+        ]);
+        Self {
+            limit: singular_limit::<T>(&symbolic.params),
+            served: None,
+            factor: vec![T::zero(); n * n],
+            subdiagonal: vec![T::zero(); n],
+            forward: vec![0; n],
+            inverse: vec![0; n],
+            columns: vec![T::zero(); n],
+            scratch: Scratch::new(request),
+            symbolic: Arc::clone(symbolic),
+        }
+    }
+
+    fn check(&self, a: &Matrix<T>) -> Result<(), SolveError<Infallible>> {
+        check_size("the matrix to factor (rows)", a.rows, self.symbolic.unknowns)?;
+        check_size("the matrix to factor (columns)", a.cols, self.symbolic.unknowns)?;
+        if local::all_finite(a.values()) {
+            return Ok(());
+        }
+        let bad = a.values().iter().position(|value| !value.is_finite()).unwrap_or(0);
+        Err(SolveError::NotFinite { row: bad / a.cols })
+    }
+
+    /// Cholesky; fails with the first pivot that is not positive.
+    fn factor_cholesky(&mut self, a: &Matrix<T>) -> Result<Pivots, usize> {
+        let n = self.symbolic.unknowns;
+        // The rows of the matrix as columns of the factor: its transpose, which is itself.
+        self.factor.copy_from_slice(a.values());
+        llt::factor::cholesky_in_place(
+            MatMut::from_column_major_slice_mut(&mut self.factor, n, n),
+            LltRegularization::default(),
+            Par::Seq,
+            self.scratch.memory(),
+            Spec::default(),
+        )
+        .map_err(|LltError::NonPositivePivot { index }| index)?;
+        let mut pivots = Pivots::none();
+        for (position, root) in self.factor.iter().step_by(n + 1).enumerate() {
+            pivots.see(root.as_f64() * root.as_f64(), position);
+        }
+        Ok(pivots)
+    }
+
+    fn factor_ldlt(&mut self, a: &Matrix<T>) -> Pivots {
+        let n = self.symbolic.unknowns;
+        self.factor.copy_from_slice(a.values());
+        // The library writes a subdiagonal entry only where there is something to eliminate.
+        self.subdiagonal.fill(T::zero());
+        lblt::factor::cholesky_in_place(
+            MatMut::from_column_major_slice_mut(&mut self.factor, n, n),
+            DiagMut::from_slice_mut(&mut self.subdiagonal),
+            &mut self.forward,
+            &mut self.inverse,
+            Par::Seq,
+            self.scratch.memory(),
+            ldlt_params::<T>(),
+        );
+        Pivots::of_blocks(n, |position| self.factor[position * (n + 1)], &self.subdiagonal)
+    }
+
+    fn factor_lu(&mut self, a: &Matrix<T>) -> Pivots {
+        let n = self.symbolic.unknowns;
+        let mut factor = MatMut::from_column_major_slice_mut(&mut self.factor, n, n);
+        factor.copy_from(MatRef::from_row_major_slice(a.values(), n, n));
+        lu::factor::lu_in_place(
+            factor,
+            &mut self.forward,
+            &mut self.inverse,
+            Par::Seq,
+            self.scratch.memory(),
+            Spec::default(),
+        );
+        let mut pivots = Pivots::none();
+        for (position, pivot) in self.factor.iter().step_by(n + 1).enumerate() {
+            pivots.see(pivot.as_f64(), position);
+        }
+        pivots
+    }
+
+    fn factor_checked(&mut self, a: &Matrix<T>) -> Result<FactorReport, SolveError<Infallible>> {
+        let mut indefinite_at = None;
+        if self.symbolic.params.symmetry == Symmetry::Definite {
+            match self.factor_cholesky(a) {
+                Ok(pivots) => return self.report(Factorisation::Cholesky, None, &pivots),
+                Err(position) => indefinite_at = Some(position),
+            }
+        }
+        if self.symbolic.params.symmetry == Symmetry::None {
+            let pivots = self.factor_lu(a);
+            return self.report(Factorisation::Lu, None, &pivots);
+        }
+        let pivots = self.factor_ldlt(a);
+        self.report(Factorisation::Ldlt, indefinite_at, &pivots)
+    }
+
+    fn report(
+        &mut self,
+        kind: Factorisation,
+        indefinite_at: Option<usize>,
+        pivots: &Pivots,
+    ) -> Result<FactorReport, SolveError<Infallible>> {
+        let unknown = |position: usize| match kind {
+            Factorisation::Ldlt => self.forward[position] as usize,
+            Factorisation::Cholesky | Factorisation::Lu => position,
+        };
+        let pivot_ratio = pivots.judge(self.limit, unknown)?;
+        self.served = Some(kind);
+        Ok(FactorReport { kind, indefinite_at, pivot_ratio })
+    }
+
+    fn solve_columns(&mut self, b: &[Vector<T>], x: &mut [Vector<T>]) -> Result<SolveReport, SolveError<Infallible>> {
+        let (n, count) = (self.symbolic.unknowns, b.len());
+        check_columns(n, b.iter().map(|b| b.values.len()), x.iter().map(|x| x.values.len()))?;
+        let served = self.served.ok_or(SolveError::NotFactored)?;
+        if n == 0 || count == 0 {
+            return Ok(SolveReport { iterations: 0 });
+        }
+        if self.columns.len() < n * count {
+            self.columns.resize(n * count, T::zero());
+            self.scratch.reserve(solve_scratch::<T>(n, count));
+        }
+        let columns = &mut self.columns[..n * count];
+        for (column, b) in columns.chunks_exact_mut(n).zip(b) {
+            column.copy_from_slice(&b.values);
+        }
+        let right = MatMut::from_column_major_slice_mut(columns, n, count);
+        let factor = MatRef::from_column_major_slice(&self.factor, n, n);
+        let stack = self.scratch.memory();
+        match served {
+            Factorisation::Cholesky => llt::solve::solve_in_place_with_conj(factor, Conj::No, right, Par::Seq, stack),
+            Factorisation::Ldlt => {
+                let exchanged = PermRef::new_checked(&self.forward, &self.inverse, n);
+                let (d, e) = (factor.diagonal(), DiagRef::from_slice(&self.subdiagonal));
+                lblt::solve::solve_in_place_with_conj(factor, d, e, Conj::No, exchanged, right, Par::Seq, stack);
+            }
+            Factorisation::Lu => {
+                let exchanged = PermRef::new_checked(&self.forward, &self.inverse, n);
+                lu::solve::solve_in_place_with_conj(factor, factor, exchanged, Conj::No, right, Par::Seq, stack);
+            }
+        }
+        for (column, x) in self.columns.chunks_exact(n).zip(x) {
+            x.values.copy_from_slice(column);
+        }
+        Ok(SolveReport { iterations: 0 })
+    }
+}
+
+/// Unblocked: the library's blocked variant keeps stale entries where a column cancels exactly.
+fn ldlt_params<T: RealField>() -> Spec<LbltParams, T> {
+    Spec::new(LbltParams { block_size: 0, ..<LbltParams as Auto<T>>::auto() })
+}
+
+/// Working memory that solving with `columns` right-hand sides needs, whichever factorisation serves.
+fn solve_scratch<T: RealField>(unknowns: usize, columns: usize) -> StackReq {
+    StackReq::any_of(&[
+        llt::solve::solve_in_place_scratch::<T>(unknowns, columns, Par::Seq),
+        lblt::solve::solve_in_place_scratch::<u32, T>(unknowns, columns, Par::Seq),
+        lu::solve::solve_in_place_scratch::<u32, T>(unknowns, columns, Par::Seq),
+    ])
+}
+
+impl<T: Scalar + RealField> crate::las::Solver<Dense<T>> for Solver<T> {
+    fn factor(&mut self, a: &Matrix<T>) -> Result<FactorReport, SolveError<Infallible>> {
+        self.served = None;
+        self.check(a)?;
+        self.factor_checked(a)
+    }
+
+    fn solve(&mut self, b: &Vector<T>, x: &mut Vector<T>) -> Result<SolveReport, SolveError<Infallible>> {
+        self.solve_columns(std::slice::from_ref(b), std::slice::from_mut(x))
+    }
+
+    fn solve_many(&mut self, b: &[Vector<T>], x: &mut [Vector<T>]) -> Result<SolveReport, SolveError<Infallible>> {
+        self.solve_columns(b, x)
+    }
+}

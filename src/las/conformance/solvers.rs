@@ -1,0 +1,388 @@
+//! The solvers.
+
+use std::sync::Arc;
+
+use super::{Oracle, Random, done, epsilon, first_indices, scalars};
+use crate::las::{
+    Backend, FactorReport, Factorisation, Index, MatrixOps, Scalar, SolveError, Solver, SolverParams, Sparsity,
+    Symmetry, VectorOps,
+};
+
+const SYMMETRIES: [Symmetry; 3] = [Symmetry::Definite, Symmetry::Symmetric, Symmetry::None];
+
+/// The factorisations and solutions of the backend.
+///
+/// # Panics
+/// Where the backend does not keep a promise of [`Solver`].
+pub fn solvers<B: Backend>(context: &B::Context) {
+    for (seed, unknowns) in (3000..).zip([1, 2, 3, 5, 8, 13, 21, 40, 70, 150]) {
+        let mut random = Random::new(seed);
+        let pattern = random.elements(unknowns);
+        definite::<B>(context, &mut random, &pattern);
+        indefinite::<B>(context, &mut random, &pattern);
+        unsymmetric::<B>(context, &mut random, &pattern);
+        isolated_unknown::<B>(context, &mut random, &pattern);
+        not_finite::<B>(context, &mut random, &pattern);
+        reuse::<B>(context, &mut random, &pattern);
+    }
+    for seed in 4000..4020 {
+        floating_part::<B>(context, &mut Random::new(seed));
+        saddle_point::<B>(context, &mut Random::new(seed));
+    }
+    exact_cancellation::<B>(context);
+    pairs_then_singles::<B>(context);
+    row_exchanges::<B>(context);
+    refusals::<B>(context);
+    empty_and_single::<B>(context);
+}
+
+/// A solver and what it works on.
+struct Case<'a, B: Backend> {
+    context: &'a B::Context,
+    pattern: Arc<Sparsity>,
+    symbolic: Arc<B::Symbolic>,
+    solver: B::Solver,
+}
+
+impl<'a, B: Backend> Case<'a, B> {
+    fn new(context: &'a B::Context, pattern: &Arc<Sparsity>, symmetry: Symmetry) -> Self {
+        // Wide enough that rounding in a singular matrix stays below it.
+        let mut params = SolverParams::new(symmetry);
+        params.singular_below = Some(1e3 * epsilon::<B>());
+        let symbolic = done(B::analyze(context, pattern, &params));
+        let solver = done(B::solver(&symbolic));
+        Self { context, pattern: Arc::clone(pattern), symbolic, solver }
+    }
+
+    fn matrix(&self, a: &Oracle) -> B::Matrix {
+        let mut matrix = done(B::matrix(self.context, &self.pattern));
+        for row in 0..a.rows {
+            for &column in self.pattern.row(row) {
+                let value = B::Scalar::of(a.values[row * a.cols + column as usize]);
+                done(matrix.set(&[B::Index::of(row)], &[B::Index::of(column as usize)], &[value]));
+            }
+        }
+        done(matrix.finish());
+        matrix
+    }
+
+    fn vector(&self, values: &[f64]) -> B::Vector {
+        let mut vector = done(B::vector(self.context, values.len()));
+        done(vector.set(&first_indices::<B>(values.len()), &scalars::<B>(values)));
+        done(vector.finish());
+        vector
+    }
+
+    fn factor(&mut self, a: &Oracle) -> Result<FactorReport, SolveError<B::Fault>> {
+        let matrix = self.matrix(a);
+        self.solver.factor(&matrix)
+    }
+
+    /// Solves for `b` and checks that the residual is one of rounding.
+    fn solve(&mut self, a: &Oracle, b: &[f64]) -> Vec<f64> {
+        let (b, mut x) = (self.vector(b), self.vector(&vec![UNSOLVED; b.len()]));
+        let report = done(self.solver.solve(&b, &mut x));
+        assert_eq!(report.iterations, 0, "a direct solver does not iterate");
+        assert_solved::<B>(a, &read::<B>(&b), &read::<B>(&x))
+    }
+
+    /// Factors, checks the report, and solves for one and for several right-hand sides.
+    fn check(&mut self, random: &mut Random, a: &Oracle, kinds: &[Factorisation]) -> FactorReport {
+        let report = done(self.factor(a));
+        let n = a.rows;
+        assert!(kinds.contains(&report.kind), "{:?} served instead of {kinds:?}, {n} unknowns", report.kind);
+        assert!(report.pivot_ratio > 0.0 && report.pivot_ratio <= 1.0, "pivot ratio {}", report.pivot_ratio);
+        for count in [1, 4, 2, 0] {
+            let right: Vec<Vec<f64>> = (0..count).map(|_| random.integers(n)).collect();
+            let b: Vec<_> = right.iter().map(|b| self.vector(b)).collect();
+            let mut x: Vec<_> = right.iter().map(|_| self.vector(&vec![UNSOLVED; n])).collect();
+            done(self.solver.solve_many(&b, &mut x));
+            for (b, x) in right.iter().zip(&x) {
+                let together = assert_solved::<B>(a, b, &read::<B>(x));
+                let alone = self.solve(a, b);
+                let size = alone.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+                let apart = alone.iter().zip(&together).fold(0.0, |m: f64, (s, t)| m.max((s - t).abs()));
+                let bound = 1e3 * n as f64 * epsilon::<B>() * size / report.pivot_ratio;
+                assert!(apart <= bound, "solve and solve_many differ by {apart:e}, {n} unknowns");
+            }
+        }
+        report
+    }
+
+    /// Checks that the matrix is found singular because of one of `unknowns`, and that the solver is then without a
+    /// factorisation, but not broken.
+    fn check_singular(&mut self, a: &Oracle, unknowns: &[usize], regular: &Oracle) {
+        match self.factor(a) {
+            Err(SolveError::Singular { unknown, ratio, limit }) => {
+                assert!(unknowns.contains(&unknown), "unknown {unknown} blamed instead of one of {unknowns:?}");
+                assert!(ratio < limit, "{ratio} against {limit}");
+            }
+            other => panic!("a singular matrix: {other:?}"),
+        }
+        self.check_not_factored();
+        done(self.factor(regular));
+        self.solve(regular, &vec![1.0; a.rows]);
+    }
+
+    fn check_not_factored(&mut self) {
+        let n = self.pattern.rows();
+        let (b, mut x) = (self.vector(&vec![1.0; n]), self.vector(&vec![1.0; n]));
+        assert!(matches!(self.solver.solve(&b, &mut x), Err(SolveError::NotFactored)));
+        assert!(matches!(self.solver.solve_many(&[b], &mut [x]), Err(SolveError::NotFactored)));
+    }
+}
+
+/// What a solution holds before it is there.
+const UNSOLVED: f64 = -55.0;
+
+fn read<B: Backend>(x: &B::Vector) -> Vec<f64> {
+    done(x.with_local(|values| values.iter().map(|v| v.as_f64()).collect()))
+}
+
+fn assert_solved<B: Backend>(a: &Oracle, b: &[f64], x: &[f64]) -> Vec<f64> {
+    let largest = |v: &[f64]| v.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+    let residual: Vec<f64> = a.times(x).iter().zip(b).map(|(ax, b)| ax - b).collect();
+    let bound = 50.0 * (1.0 + a.rows as f64) * epsilon::<B>() * (a.norm() * largest(x) + largest(b));
+    let found = largest(&residual);
+    assert!(found <= bound && !x.iter().any(|v| v.is_nan()), "residual {found:e} > {bound:e}, {} unknowns", a.rows);
+    x.to_vec()
+}
+
+fn definite<B: Backend>(context: &B::Context, random: &mut Random, pattern: &Arc<Sparsity>) {
+    let a = Oracle::dominant(random, pattern, |_| 1.0);
+    for (symmetry, kind) in
+        SYMMETRIES.into_iter().zip([Factorisation::Cholesky, Factorisation::Ldlt, Factorisation::Lu])
+    {
+        let report = Case::<B>::new(context, pattern, symmetry).check(random, &a, &[kind]);
+        assert_eq!(report.indefinite_at, None);
+    }
+}
+
+/// With one negative diagonal entry, the pivot that Cholesky gives up at is known, and with several it is one of them.
+fn indefinite<B: Backend>(context: &B::Context, random: &mut Random, pattern: &Arc<Sparsity>) {
+    let n = pattern.rows();
+    let at = random.below(n);
+    let one = Oracle::dominant(random, pattern, |i| if i == at { -1.0 } else { 1.0 });
+    let mut case = Case::<B>::new(context, pattern, Symmetry::Definite);
+    let report = case.check(random, &one, &[Factorisation::Ldlt]);
+    assert_eq!(report.indefinite_at, Some(at), "the unknown whose pivot is negative, of {n}");
+    let many = Oracle::dominant(random, pattern, |i| if i % 3 == at % 3 { -1.0 } else { 1.0 });
+    let report = case.check(random, &many, &[Factorisation::Ldlt]);
+    assert!(report.indefinite_at.is_some_and(|i| i % 3 == at % 3), "{:?}", report.indefinite_at);
+    let report = Case::<B>::new(context, pattern, Symmetry::Symmetric).check(random, &many, &[Factorisation::Ldlt]);
+    assert_eq!(report.indefinite_at, None, "nobody tried Cholesky");
+}
+
+fn unsymmetric<B: Backend>(context: &B::Context, random: &mut Random, pattern: &Arc<Sparsity>) {
+    let mut a = Oracle::dominant(random, pattern, |i| if i % 2 == 0 { 1.0 } else { -1.0 });
+    for i in 0..a.rows {
+        for &j in pattern.row(i).iter().filter(|&&j| (j as usize) < i) {
+            *a.at(i, j as usize) *= 0.25;
+        }
+    }
+    Case::<B>::new(context, pattern, Symmetry::None).check(random, &a, &[Factorisation::Lu]);
+}
+
+/// An unknown whose row and column are zero.
+fn isolated_unknown<B: Backend>(context: &B::Context, random: &mut Random, pattern: &Arc<Sparsity>) {
+    let n = pattern.rows();
+    let unknown = random.below(n);
+    let regular = Oracle::dominant(random, pattern, |_| 1.0);
+    let mut a = regular.clone();
+    for i in 0..n {
+        *a.at(i, unknown) = 0.0;
+        *a.at(unknown, i) = 0.0;
+    }
+    for symmetry in SYMMETRIES {
+        Case::<B>::new(context, pattern, symmetry).check_singular(&a, &[unknown], &regular);
+    }
+}
+
+/// A part that hangs together but not with anything fixed: its translation is free, and rounding hides it.
+fn floating_part<B: Backend>(context: &B::Context, random: &mut Random) {
+    let n = 30;
+    let pattern = random.elements(n);
+    let regular = Oracle::dominant(random, &pattern, |_| 1.0);
+    let mut a = Oracle::zeros(n, n);
+    let inside = |i: usize| i % 2 == 0;
+    for i in 0..n {
+        for j in pattern.row(i).iter().map(|&j| j as usize).filter(|&j| j > i && inside(i) == inside(j)) {
+            let stiffness = 0.5 + random.signed().abs();
+            *a.at(i, j) -= stiffness;
+            *a.at(j, i) -= stiffness;
+            *a.at(i, i) += stiffness;
+            *a.at(j, j) += stiffness;
+        }
+        if !inside(i) {
+            *a.at(i, i) += 1.0;
+        }
+    }
+    // The even unknowns may fall into several such parts; each of them is singular, none of the odd ones is.
+    let part: Vec<usize> = (0..n).filter(|&i| inside(i)).collect();
+    for symmetry in SYMMETRIES {
+        Case::<B>::new(context, &pattern, symmetry).check_singular(&a, &part, &regular);
+    }
+}
+
+/// Constraints by multipliers: `[[K, G^T], [G, 0]]`, whose pivots may vanish in some orders but not in all.
+fn saddle_point<B: Backend>(context: &B::Context, random: &mut Random) {
+    let (free, constraints) = (24, 6);
+    let n = free + constraints;
+    let stiff = random.elements(free);
+    let k = Oracle::dominant(random, &stiff, |_| 1.0);
+    let mut a = Oracle::zeros(n, n);
+    let mut elements: Vec<Vec<i32>> = Vec::new();
+    for i in 0..free {
+        for &j in stiff.row(i) {
+            *a.at(i, j as usize) = k.values[i * free + j as usize];
+            elements.push(vec![i as i32, j as i32]);
+        }
+    }
+    for c in 0..constraints {
+        // Each constrains unknowns of its own, so that they do not contradict each other.
+        for i in [4 * c, 4 * c + 1, 4 * c + 2] {
+            let value = 1.0 + random.signed().abs();
+            *a.at(free + c, i) = value;
+            *a.at(i, free + c) = value;
+            elements.push(vec![i as i32, (free + c) as i32]);
+        }
+    }
+    let pattern = Arc::new(done(Sparsity::from_elements(n, elements)));
+    for symmetry in [Symmetry::Definite, Symmetry::Symmetric] {
+        let mut case = Case::<B>::new(context, &pattern, symmetry);
+        let report = case.check(random, &a, &[Factorisation::Ldlt, Factorisation::Lu]);
+        assert_eq!(report.indefinite_at.is_some(), symmetry == Symmetry::Definite);
+    }
+}
+
+/// `1 1^T` with a smaller diagonal: after the first pivot nothing is left beside the diagonal, exactly.
+fn exact_cancellation<B: Backend>(context: &B::Context) {
+    let n = 100;
+    let pattern = Arc::new(done(Sparsity::from_elements(n, [(0..n as i32).collect::<Vec<_>>()])));
+    let mut a = Oracle { rows: n, cols: n, values: vec![1.0; n * n] };
+    for i in 1..n {
+        *a.at(i, i) = if i % 2 == 0 { -0.5 } else { 0.25 };
+    }
+    for symmetry in [Symmetry::Definite, Symmetry::Symmetric] {
+        Case::<B>::new(context, &pattern, symmetry).check(&mut Random::new(5000), &a, &[Factorisation::Ldlt]);
+    }
+}
+
+/// A factorisation whose pivots come in pairs must leave nothing behind for one whose pivots do not.
+fn pairs_then_singles<B: Backend>(context: &B::Context) {
+    let pattern = Arc::new(done(Sparsity::from_elements(2, [[0, 1]])));
+    let square = |values: [f64; 4]| Oracle { rows: 2, cols: 2, values: values.into() };
+    for symmetry in [Symmetry::Definite, Symmetry::Symmetric] {
+        let mut case = Case::<B>::new(context, &pattern, symmetry);
+        for a in [square([0.0, 1.0, 1.0, 0.0]), square([2.0, 0.0, 0.0, -3.0])] {
+            case.check(&mut Random::new(5500), &a, &[Factorisation::Ldlt]);
+        }
+    }
+}
+
+/// A cyclic shift: regular, with a zero diagonal, and only exchanges of rows find its pivots.
+fn row_exchanges<B: Backend>(context: &B::Context) {
+    let n = 9;
+    let elements = (0..n as i32).map(|i| [i, (i + 1) % n as i32]);
+    let pattern = Arc::new(done(Sparsity::from_elements(n, elements)));
+    let mut a = Oracle::zeros(n, n);
+    for i in 0..n {
+        *a.at(i, (i + 1) % n) = 1.0 + i as f64;
+    }
+    Case::<B>::new(context, &pattern, Symmetry::None).check(&mut Random::new(6000), &a, &[Factorisation::Lu]);
+}
+
+fn not_finite<B: Backend>(context: &B::Context, random: &mut Random, pattern: &Arc<Sparsity>) {
+    let regular = Oracle::dominant(random, pattern, |_| 1.0);
+    for (symmetry, bad) in SYMMETRIES.into_iter().zip([f64::NAN, f64::INFINITY, f64::NEG_INFINITY]) {
+        let mut a = regular.clone();
+        let row = random.below(a.rows);
+        let column = pattern.row(row)[random.below(pattern.row(row).len())];
+        *a.at(row, column as usize) = bad;
+        let mut case = Case::<B>::new(context, pattern, symmetry);
+        done(case.factor(&regular));
+        assert!(matches!(case.factor(&a), Err(SolveError::NotFinite { row: found }) if found == row));
+        case.check_not_factored();
+    }
+}
+
+/// One solver for a sequence of matrices, and two solvers that share an analysis.
+fn reuse<B: Backend>(context: &B::Context, random: &mut Random, pattern: &Arc<Sparsity>) {
+    for symmetry in SYMMETRIES {
+        let mut first = Case::<B>::new(context, pattern, symmetry);
+        let mut second = Case::<B> {
+            context,
+            pattern: Arc::clone(pattern),
+            symbolic: Arc::clone(&first.symbolic),
+            solver: done(B::solver(&first.symbolic)),
+        };
+        let matrices: Vec<_> = [1.0, -1.0, 1.0].map(|sign| Oracle::dominant(random, pattern, |_| sign)).into();
+        let b = random.integers(pattern.rows());
+        done(first.factor(&matrices[0]));
+        done(second.factor(&matrices[1]));
+        first.solve(&matrices[0], &b);
+        second.solve(&matrices[1], &b);
+        done(first.factor(&matrices[1]));
+        first.solve(&matrices[1], &b);
+        done(first.factor(&matrices[2]));
+        first.solve(&matrices[2], &b);
+        second.solve(&matrices[1], &b);
+    }
+}
+
+/// Systems that are not square, vectors and matrices of other sizes, and solving too early.
+fn refusals<B: Backend>(context: &B::Context) {
+    let flat = Arc::new(done(Sparsity::from_rows(3, vec![0, 1, 2], vec![0, 1])));
+    let params = SolverParams::default();
+    let refused = B::analyze(context, &flat, &params);
+    assert!(matches!(refused, Err(SolveError::NotSquare { rows: 2, cols: 3 })));
+    let mut random = Random::new(7000);
+    let (pattern, larger) = (random.elements(6), random.elements(7));
+    let a = Oracle::dominant(&mut random, &pattern, |_| 1.0);
+    for symmetry in SYMMETRIES {
+        let mut case = Case::<B>::new(context, &pattern, symmetry);
+        case.check_not_factored();
+        let other = done(B::matrix(context, &larger));
+        assert!(matches!(case.solver.factor(&other), Err(SolveError::Size { found: 7, expected: 6, .. })));
+        done(case.factor(&a));
+        let (mut six, mut seven) = (case.vector(&[1.0; 6]), case.vector(&[1.0; 7]));
+        let size = |result: Result<_, SolveError<B::Fault>>| {
+            matches!(result, Err(SolveError::Size { found: 7, expected: 6, .. }))
+        };
+        assert!(size(case.solver.solve(&seven, &mut six)));
+        assert!(size(case.solver.solve(&six, &mut seven)));
+        assert!(size(case.solver.solve_many(&[case_vector(&case)], &mut [seven])));
+        let too_few = case.solver.solve_many(&[case_vector(&case), case_vector(&case)], &mut [six]);
+        assert!(matches!(too_few, Err(SolveError::Size { found: 1, expected: 2, .. })));
+        case.solve(&a, &[1.0; 6]);
+    }
+}
+
+fn case_vector<B: Backend>(case: &Case<'_, B>) -> B::Vector {
+    case.vector(&vec![1.0; case.pattern.rows()])
+}
+
+fn empty_and_single<B: Backend>(context: &B::Context) {
+    let empty = Arc::new(done(Sparsity::from_rows(0, vec![0], vec![])));
+    let single = Arc::new(done(Sparsity::from_elements(1, [[0]])));
+    let without_entries = Arc::new(done(Sparsity::from_rows(2, vec![0, 0, 0], vec![])));
+    for symmetry in SYMMETRIES {
+        let mut case = Case::<B>::new(context, &empty, symmetry);
+        case.check_not_factored();
+        let report = done(case.factor(&Oracle::zeros(0, 0)));
+        assert_eq!(report.pivot_ratio, 1.0, "of no pivots");
+        case.solve(&Oracle::zeros(0, 0), &[]);
+        let mut case = Case::<B>::new(context, &single, symmetry);
+        let one = |value: f64| Oracle { rows: 1, cols: 1, values: vec![value] };
+        for value in [4.0, -3.0, 1e-30, 1e30] {
+            let report = done(case.factor(&one(value)));
+            assert_eq!(report.pivot_ratio, 1.0, "of a single pivot");
+            assert_eq!(report.indefinite_at.is_some(), symmetry == Symmetry::Definite && value < 0.0);
+            case.solve(&one(value), &[2.0]);
+        }
+        case.check_singular(&one(0.0), &[0], &one(1.0));
+        let mut case = Case::<B>::new(context, &without_entries, symmetry);
+        let zero = case.factor(&Oracle::zeros(2, 2));
+        assert!(matches!(zero, Err(SolveError::Singular { unknown: 0 | 1, .. })), "{zero:?}");
+    }
+}
