@@ -21,7 +21,12 @@
 //! # Limits
 //! Linear tetrahedra with one integration point; dead loads, so that every tangent is symmetric.
 
+pub mod assembly;
+pub mod boundary;
 pub mod element;
+pub mod equilibrium;
 pub mod material;
 pub mod mesh;
 pub mod point_field;
+pub mod reactions;
+pub mod stepping;

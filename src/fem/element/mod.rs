@@ -57,20 +57,22 @@ impl Tetrahedron {
         Ok(Self { volume, gradients: [g0, g1, g2, g3] })
     }
 
-    /// `F = I + sum_a u_a (x) grad N_a` of nodal displacements in metres.
+    /// `du/dX = sum_a u_a (x) grad N_a` of nodal displacements in metres.
+    ///
+    /// Computed from the differences to node 0, so that a rigid translation cancels exactly.
+    #[inline(always)]
+    #[must_use]
+    pub fn displacement_gradient(&self, u: &[[f64; 3]; NODES]) -> Matrix3<f64> {
+        let [_, g1, g2, g3] = &self.gradients;
+        let relative = |a: usize, i: usize| u[a][i] - u[0][i];
+        Matrix3::from_fn(|i, j| relative(1, i) * g1[j] + relative(2, i) * g2[j] + relative(3, i) * g3[j])
+    }
+
+    /// `F = I + du/dX` of nodal displacements in metres.
     #[inline(always)]
     #[must_use]
     pub fn deformation_gradient(&self, u: &[[f64; 3]; NODES]) -> Matrix3<f64> {
-        let mut f = Matrix3::identity();
-        for i in 0..3 {
-            for j in 0..3 {
-                // Differences to node 0: a rigid translation cancels exactly.
-                f[(i, j)] += (u[1][i] - u[0][i]) * self.gradients[1][j]
-                    + (u[2][i] - u[0][i]) * self.gradients[2][j]
-                    + (u[3][i] - u[0][i]) * self.gradients[3][j];
-            }
-        }
-        f
+        self.displacement_gradient(u) + Matrix3::identity()
     }
 }
 

@@ -1,0 +1,65 @@
+//! What a Newton iteration of a body costs: the unit cube in 20 cells a side (48 000 tetrahedra, neo-Hookean),
+//! stretched by a tenth.
+
+use std::hint::black_box;
+use std::sync::Arc;
+
+use biotissue::backends::sparse::Sparse;
+use biotissue::fem::assembly::{self, Assembler, Unknowns};
+use biotissue::fem::material::NeoHookean;
+use biotissue::fem::mesh::shapes;
+use biotissue::fem::point_field::{FormulaField, PointField, PointResponses};
+use biotissue::las::{Backend, MatrixOps, Solver, SolverParams, Symmetry, VectorOps};
+use criterion::{Criterion, criterion_group, criterion_main};
+
+fn iteration(c: &mut Criterion) {
+    let mesh = shapes::cuboid([20; 3], [1.0; 3]).expect("a box");
+    let (nodes, elements) = (mesh.nodes().len(), mesh.elements().len());
+    let clamped: Vec<bool> = mesh.nodes().iter().map(|x| x[0] == 0.0 || x[0] == 1.0).collect();
+    let unknowns = Unknowns::new(nodes, |node, _| clamped[node]).expect("few unknowns");
+    let pattern = Arc::new(unknowns.pattern(&mesh).expect("a pattern"));
+    let mut matrix = Sparse::<f64>::matrix(&(), &pattern).expect("a matrix");
+    let geometry = assembly::geometry(&mesh).expect("positive volumes");
+    let assembler = Assembler::<Sparse>::new(geometry, &mesh, &unknowns, &matrix).expect("located");
+    let mut field = FormulaField::uniform(NeoHookean { mu: 3846.0, lambda: 5769.0 }, elements);
+    let displacements: Vec<[f64; 3]> =
+        mesh.nodes().iter().map(|x| [0.1 * x[0], 0.02 * x[0] * x[1], -0.03 * x[2]]).collect();
+    let (mut gradients, mut responses) = (Vec::new(), PointResponses::zeros(elements));
+    let mut forces = vec![[0.0; 3]; nodes];
+    let mut residual = Sparse::<f64>::vector(&(), unknowns.free()).expect("a vector");
+    let mut direction = residual.clone();
+
+    let mut group = c.benchmark_group("box of 48 000 tetrahedra");
+    group.sample_size(20);
+    group.bench_function("points", |b| {
+        b.iter(|| {
+            assembler.deformation_gradients(black_box(&displacements), &mut gradients);
+            field.update(&gradients, &mut responses).expect("not inverted");
+        });
+    });
+    group.bench_function("residual", |b| {
+        b.iter(|| {
+            assembler.internal_forces(black_box(&responses.pk1), &mut forces);
+            residual.zero().expect("serial");
+            assembler.scatter(&forces, &mut residual).expect("serial");
+        });
+    });
+    group.bench_function("stiffness", |b| {
+        b.iter(|| {
+            matrix.zero().expect("serial");
+            assembler.stiffness(black_box(&responses.tangent), &mut matrix).expect("serial");
+        });
+    });
+    let symbolic =
+        Sparse::<f64>::analyze(&(), &pattern, &SolverParams::new(Symmetry::Definite)).expect("a symmetric pattern");
+    let mut solver = Sparse::solver(&symbolic).expect("a solver");
+    group.sample_size(10);
+    group.bench_function("factor", |b| b.iter(|| solver.factor(black_box(&matrix)).expect("definite")));
+    group.bench_function("solve", |b| {
+        b.iter(|| solver.solve(black_box(&residual), &mut direction).expect("factored"));
+    });
+    group.finish();
+}
+
+criterion_group!(benches, iteration);
+criterion_main!(benches);

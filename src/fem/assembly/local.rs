@@ -1,0 +1,126 @@
+//! The integrals over one element, on stack arrays. One point is exact: everything is constant over a linear
+//! tetrahedron.
+
+use nalgebra::{Matrix3, SMatrix, SVector};
+
+use crate::fem::element::{NODES, Tetrahedron, UNKNOWNS};
+
+/// `f_a = V P grad N_a`, N, of every node.
+#[inline(always)]
+#[must_use]
+pub fn internal_force(element: &Tetrahedron, pk1: &Matrix3<f64>) -> [[f64; 3]; NODES] {
+    let vp = pk1 * element.volume;
+    element.gradients.map(|g| std::array::from_fn(|i| vp[(i, 0)] * g[0] + vp[(i, 1)] * g[1] + vp[(i, 2)] * g[2]))
+}
+
+/// `dP = A : dF`.
+#[inline(always)]
+#[must_use]
+pub fn contract(tangent: &SMatrix<f64, 9, 9>, df: &Matrix3<f64>) -> Matrix3<f64> {
+    let df = SVector::<f64, 9>::from_fn(|k, _| df[(k / 3, k % 3)]);
+    let dp = tangent * df;
+    Matrix3::from_fn(|i, j| dp[3 * i + j])
+}
+
+/// `K[3 a + i, 3 b + k] = V sum_JL g_a[J] A_iJkL g_b[L]`, N/m, row-major.
+///
+/// `A` is contracted with `g_b` first, then with `g_a`. Nodes 1 to 3 suffice, because the gradients sum to zero: node 0
+/// gets minus the sum of their blocks, so that a rigid translation costs no force. Of their nine blocks the six with
+/// `a <= b` are computed; the others are transposes, `A` being symmetric.
+#[inline(always)]
+#[must_use]
+pub fn stiffness(element: &Tetrahedron, tangent: &SMatrix<f64, 9, 9>) -> [f64; UNKNOWNS * UNKNOWNS] {
+    // Legend: b, k column of K; w[iJ] = V A_iJkL g_b[L].
+    let mut block = [[0.0; UNKNOWNS]; UNKNOWNS];
+    let a: &[[f64; 9]; 9] = &tangent.data.0;
+    let gradients = &element.gradients;
+    for b in 1..NODES {
+        let g = gradients[b].map(|g| g * element.volume);
+        for k in 0..3 {
+            let w: [f64; 9] =
+                std::array::from_fn(|r| a[3 * k][r] * g[0] + a[3 * k + 1][r] * g[1] + a[3 * k + 2][r] * g[2]);
+            for c in 1..=b {
+                let g = &gradients[c];
+                for i in 0..3 {
+                    block[3 * c + i][3 * b + k] = w[3 * i] * g[0] + w[3 * i + 1] * g[1] + w[3 * i + 2] * g[2];
+                }
+            }
+        }
+    }
+    mirror(&mut block);
+    fill_node_zero(&mut block);
+    std::array::from_fn(|n| block[n / UNKNOWNS][n % UNKNOWNS])
+}
+
+/// Copies the blocks of nodes 1 to 3 above the diagonal below it.
+#[inline(always)]
+fn mirror(block: &mut [[f64; UNKNOWNS]; UNKNOWNS]) {
+    for a in 2..NODES {
+        for b in 1..a {
+            for i in 0..3 {
+                for k in 0..3 {
+                    block[3 * a + i][3 * b + k] = block[3 * b + k][3 * a + i];
+                }
+            }
+        }
+    }
+}
+
+/// The blocks of node 0 from those of the others: rows and columns sum to zero.
+#[inline(always)]
+fn fill_node_zero(block: &mut [[f64; UNKNOWNS]; UNKNOWNS]) {
+    for i in 0..3 {
+        for n in 3..UNKNOWNS {
+            let sum = block[3 + i][n] + block[6 + i][n] + block[9 + i][n];
+            block[i][n] = -sum;
+        }
+    }
+    for i in 0..3 {
+        for k in 0..3 {
+            block[i][k] = -(block[i][3 + k] + block[i][6 + k] + block[i][9 + k]);
+        }
+    }
+    for n in 3..UNKNOWNS {
+        for i in 0..3 {
+            block[n][i] = block[i][n];
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fem::material::{Material, NeoHookean};
+
+    fn element() -> Tetrahedron {
+        Tetrahedron::new(&[[0.1, 0.0, 0.2], [1.0, 0.1, 0.0], [0.2, 0.9, 0.1], [0.0, 0.3, 1.2]]).unwrap()
+    }
+
+    #[test]
+    fn the_fast_kernel_equals_the_plain_sum() {
+        let f = Matrix3::new(1.2, 0.3, -0.1, 0.05, 0.9, 0.2, -0.2, 0.1, 1.1);
+        let response = NeoHookean { mu: 2.0, lambda: 3.0 }.respond(&f).unwrap();
+        let (e, fast) = (element(), stiffness(&element(), &response.tangent));
+        for row in 0..UNKNOWNS {
+            for col in 0..UNKNOWNS {
+                let mut plain = 0.0;
+                for j in 0..3 {
+                    for l in 0..3 {
+                        plain += e.volume
+                            * e.gradients[row / 3][j]
+                            * response.tangent[(3 * (row % 3) + j, 3 * (col % 3) + l)]
+                            * e.gradients[col / 3][l];
+                    }
+                }
+                assert!((plain - fast[UNKNOWNS * row + col]).abs() < 1e-14 * response.tangent.norm(), "({row}, {col})");
+            }
+        }
+    }
+
+    #[test]
+    fn contraction_is_the_double_dot() {
+        let a = SMatrix::<f64, 9, 9>::from_fn(|r, c| (10 * r + c) as f64);
+        let df = Matrix3::new(0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+        assert_eq!(contract(&a, &df), Matrix3::from_fn(|i, j| (10 * (3 * i + j) + 3) as f64));
+    }
+}

@@ -1,0 +1,112 @@
+//! How loads grow over pseudo-time.
+
+use thiserror::Error;
+
+/// A factor over pseudo-time `t` in `(0, 1]`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum LoadCurve {
+    /// `factor = t`.
+    #[default]
+    Ramp,
+    /// Linear between points.
+    Table(LoadTable),
+}
+
+/// `(t, factor)` points with strictly ascending `t`: linear between them, constant outside.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LoadTable {
+    points: Vec<[f64; 2]>,
+}
+
+/// Points that make no curve.
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
+pub enum CurveError {
+    /// No point.
+    #[error("a load curve needs at least one point (t, factor)")]
+    Empty,
+    /// A coordinate is a NaN or an infinity.
+    #[error("point {index} of the load curve, ({t}, {factor}), is not finite")]
+    NotFinite {
+        /// The point, from 0.
+        index: usize,
+        /// Its time.
+        t: f64,
+        /// Its factor.
+        factor: f64,
+    },
+    /// Times do not ascend strictly.
+    #[error("the times of a load curve ascend strictly, but point {index} has t = {t} after {previous}")]
+    NotAscending {
+        /// The point, from 0.
+        index: usize,
+        /// Its time.
+        t: f64,
+        /// The time of the point before it.
+        previous: f64,
+    },
+}
+
+impl LoadCurve {
+    /// A curve through `(t, factor)` points.
+    ///
+    /// # Errors
+    /// [`CurveError`].
+    pub fn table(points: &[[f64; 2]]) -> Result<Self, CurveError> {
+        if points.is_empty() {
+            return Err(CurveError::Empty);
+        }
+        for (index, &[t, factor]) in points.iter().enumerate() {
+            if !(t.is_finite() && factor.is_finite()) {
+                return Err(CurveError::NotFinite { index, t, factor });
+            }
+            let previous = index.checked_sub(1).map_or(f64::NEG_INFINITY, |before| points[before][0]);
+            if t <= previous {
+                return Err(CurveError::NotAscending { index, t, previous });
+            }
+        }
+        Ok(Self::Table(LoadTable { points: points.to_vec() }))
+    }
+
+    /// The factor at pseudo-time `t`.
+    #[must_use]
+    pub fn factor(&self, t: f64) -> f64 {
+        match self {
+            Self::Ramp => t,
+            Self::Table(table) => table.factor(t),
+        }
+    }
+}
+
+impl LoadTable {
+    fn factor(&self, t: f64) -> f64 {
+        let after = self.points.partition_point(|point| point[0] < t);
+        match (after.checked_sub(1).and_then(|before| self.points.get(before)), self.points.get(after)) {
+            (Some([t0, f0]), Some([t1, f1])) => f0 + (f1 - f0) * ((t - t0) / (t1 - t0)),
+            (Some([_, factor]), None) | (None, Some([_, factor])) => *factor,
+            (None, None) => 0.0,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tables_are_linear_between_and_constant_outside() {
+        let curve = LoadCurve::table(&[[0.2, 1.0], [0.4, 3.0], [1.0, 0.0]]).unwrap();
+        for (t, expected) in [(0.0, 1.0), (0.2, 1.0), (0.3, 2.0), (0.4, 3.0), (0.7, 1.5), (1.0, 0.0), (2.0, 0.0)] {
+            assert!((curve.factor(t) - expected).abs() < 1e-15, "{t}");
+        }
+        assert_eq!(LoadCurve::Ramp.factor(0.3), 0.3);
+    }
+
+    #[test]
+    fn broken_tables_are_refused() {
+        assert_eq!(LoadCurve::table(&[]).unwrap_err(), CurveError::Empty);
+        let twice = LoadCurve::table(&[[0.5, 0.0], [0.5, 1.0]]).unwrap_err();
+        assert_eq!(twice, CurveError::NotAscending { index: 1, t: 0.5, previous: 0.5 });
+        let unreal = LoadCurve::table(&[[0.5, f64::INFINITY]]).unwrap_err();
+        assert_eq!(unreal, CurveError::NotFinite { index: 0, t: 0.5, factor: f64::INFINITY });
+    }
+}

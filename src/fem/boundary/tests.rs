@@ -1,0 +1,112 @@
+use super::*;
+use crate::fem::mesh::shapes;
+
+fn held_at(surface: &str, displacement: [Option<f64>; 3]) -> SurfaceCondition {
+    SurfaceCondition { surface: surface.into(), load: SurfaceLoad::Displacement(displacement), curve: LoadCurve::Ramp }
+}
+
+fn pulled_at(surface: &str, traction: [f64; 3]) -> SurfaceCondition {
+    SurfaceCondition { surface: surface.into(), load: SurfaceLoad::Traction(traction), curve: LoadCurve::Ramp }
+}
+
+fn on_surfaces(surfaces: Vec<SurfaceCondition>) -> Conditions {
+    Conditions { surfaces, ..Conditions::default() }
+}
+
+fn box_2x1x1() -> Mesh {
+    shapes::cuboid([2, 1, 1], [2.0, 1.0, 1.0]).unwrap()
+}
+
+#[test]
+fn a_shared_edge_belongs_to_the_first_that_holds_it() {
+    let conditions = on_surfaces(vec![
+        held_at("x0", [Some(0.0), None, None]),
+        held_at("y0", [Some(0.0), Some(0.0), None]),
+        held_at("x1", [Some(0.5), None, None]),
+    ]);
+    // x1 and y0 share an edge and disagree on x.
+    let error = Boundary::new(&box_2x1x1(), &conditions).unwrap_err();
+    match error {
+        BoundaryError::Conflict { node, component: 0, first, second, first_value, second_value } => {
+            assert_eq!((first.as_str(), second.as_str()), ("surface `y0`", "surface `x1`"));
+            assert_eq!((first_value, second_value), (0.0, 0.5));
+            assert_eq!(box_2x1x1().nodes()[node][..2], [2.0, 0.0]);
+        }
+        other => panic!("{other}"),
+    }
+    let agreeing = on_surfaces(conditions.surfaces[..2].to_vec());
+    let mesh = box_2x1x1();
+    let boundary = Boundary::new(&mesh, &agreeing).unwrap();
+    // x0: 4 nodes in x; y0: 6 nodes in x and y, two of which x0 holds in x.
+    assert_eq!(boundary.held().len(), 4 + 12 - 2);
+    let number = |name| mesh.surface_names().position(|n| n == name).unwrap();
+    let shared = |h: &&Held| h.component == 0 && mesh.nodes()[h.node as usize][..2] == [0.0, 0.0];
+    let owners: Vec<Source> = boundary.held().iter().filter(shared).map(|h| h.source).collect();
+    assert_eq!(owners, [Source::Surface(number("x0")); 2]);
+}
+
+#[test]
+fn one_value_on_two_curves_is_a_conflict_unless_it_is_zero() {
+    let held = |value| {
+        let mut second = held_at("y0", [Some(value), None, None]);
+        second.curve = LoadCurve::table(&[[0.0, 0.0], [0.5, 1.0]]).unwrap();
+        Boundary::new(&box_2x1x1(), &on_surfaces(vec![held_at("x0", [Some(value), None, None]), second]))
+    };
+    assert!(held(0.0).is_ok());
+    assert!(matches!(held(0.1), Err(BoundaryError::Conflict { .. })));
+}
+
+#[test]
+fn loads_add_up_to_area_and_volume() {
+    let conditions = Conditions {
+        surfaces: vec![pulled_at("x1", [4.0, -2.0, 0.5]), pulled_at("z1", [0.0, 0.0, 1.0])],
+        body_forces: vec![BodyForce { region: "*".into(), value: [0.0, 0.0, -10.0], curve: LoadCurve::Ramp }],
+        ..Conditions::default()
+    };
+    let mesh = box_2x1x1();
+    let boundary = Boundary::new(&mesh, &conditions).unwrap();
+    let mut forces = vec![[1.0; 3]; mesh.nodes().len()];
+    boundary.external_forces(0.5, &mut forces);
+    let sum = forces.iter().fold([0.0; 3], |sum, f| std::array::from_fn(|i| sum[i] + f[i]));
+    let expected = [2.0, -1.0, 0.25 + 1.0 - 10.0];
+    for i in 0..3 {
+        assert!((sum[i] - expected[i]).abs() < 1e-14, "{sum:?}");
+    }
+    let resultants: Vec<[f64; 3]> = boundary.loads().iter().map(|load| load.resultant(1.0)).collect();
+    assert_eq!(boundary.loads()[0].source, Source::Surface(mesh.surface_names().position(|n| n == "x1").unwrap()));
+    for (found, expected) in resultants.iter().zip([[4.0, -2.0, 0.5], [0.0, 0.0, 2.0], [0.0, 0.0, -20.0]]) {
+        assert!((0..3).all(|i| (found[i] - expected[i]).abs() < 1e-14), "{found:?}");
+    }
+}
+
+#[test]
+fn points_are_found_and_follow_their_curve() {
+    let point = |place| PointCondition { place, displacement: [None, Some(2.0), None], curve: LoadCurve::Ramp };
+    let conditions = Conditions {
+        points: vec![point(Place::Nearest([2.2, 0.9, 1.3])), point(Place::Node(1))],
+        ..Conditions::default()
+    };
+    let mesh = box_2x1x1();
+    let boundary = Boundary::new(&mesh, &conditions).unwrap();
+    assert_eq!(mesh.nodes()[boundary.points()[0] as usize], [2.0, 1.0, 1.0]);
+    let mut displacements = vec![[9.0; 3]; mesh.nodes().len()];
+    boundary.prescribe(0.25, &mut displacements);
+    assert_eq!(displacements[1], [9.0, 0.5, 9.0]);
+    assert_eq!(displacements.as_flattened().iter().filter(|&&u| u == 0.5).count(), 2);
+}
+
+#[test]
+fn what_the_mesh_has_not_is_named() {
+    let mesh = box_2x1x1();
+    let refused = |conditions| Boundary::new(&mesh, &conditions).unwrap_err();
+    let surface = refused(on_surfaces(vec![pulled_at("top", [0.0; 3])]));
+    assert_eq!(surface.to_string(), "the mesh has no surface `top`; it has x0, x1, y0, y1, z0, z1");
+    let force = BodyForce { region: "grip".into(), value: [0.0; 3], curve: LoadCurve::Ramp };
+    let region = refused(Conditions { body_forces: vec![force], ..Conditions::default() });
+    assert_eq!(region.to_string(), "the mesh has no region `grip`; it has body, and `*` is all of it");
+    let point = PointCondition { place: Place::Node(12), displacement: [None; 3], curve: LoadCurve::Ramp };
+    let node = refused(Conditions { points: vec![point], ..Conditions::default() });
+    assert_eq!(node, BoundaryError::UnknownNode { node: 12, nodes: 12 });
+    let unreal = refused(on_surfaces(vec![held_at("x0", [None, Some(f64::NAN), None])]));
+    assert!(matches!(unreal, BoundaryError::NotFinite { place, .. } if place == "surface `x0`"));
+}

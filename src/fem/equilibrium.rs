@@ -1,0 +1,278 @@
+//! The body as a nonlinear problem: find the displacements at which internal and external forces balance.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use nalgebra::Matrix3;
+use thiserror::Error;
+
+use super::assembly::Assembler;
+use super::boundary::Boundary;
+use super::mesh::Mesh;
+use super::point_field::{PointField, PointResponses};
+use super::reactions::BoundaryForces;
+use crate::las::{
+    Backend, MatrixOps, NewtonSeconds, NewtonSystem, NonlinearProblem, Scalar, SolveError, Solver, VectorOps, Yardstick,
+};
+
+/// Why the body has no residual at a state.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum EquilibriumError<E, F> {
+    /// A point has no stress: `J <= 0`, or an RVE that found no equilibrium.
+    #[error("{0}")]
+    Points(E),
+    /// A verb of the backend failed.
+    #[error("{0}")]
+    Backend(F),
+}
+
+/// Everything known of the body at one pseudo-time; of all nodes and all elements.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BodyState {
+    /// Pseudo-time.
+    pub t: f64,
+    /// Displacements of the nodes, m.
+    pub displacements: Vec<[f64; 3]>,
+    /// Deformation gradients of the elements.
+    pub gradients: Vec<Matrix3<f64>>,
+    /// Energies, stresses and tangents of the elements.
+    pub responses: PointResponses,
+    /// Internal forces of the nodes, N, prescribed components included.
+    pub internal: Vec<[f64; 3]>,
+    /// Loads on the nodes, N.
+    pub external: Vec<[f64; 3]>,
+}
+
+impl BodyState {
+    fn at_rest(mesh: &Mesh) -> Self {
+        let (nodes, elements) = (mesh.nodes().len(), mesh.elements().len());
+        Self {
+            t: 0.0,
+            displacements: vec![[0.0; 3]; nodes],
+            gradients: vec![Matrix3::identity(); elements],
+            responses: PointResponses::zeros(elements),
+            internal: vec![[0.0; 3]; nodes],
+            external: vec![[0.0; 3]; nodes],
+        }
+    }
+}
+
+/// The body: mesh, what holds and loads it, what it is made of, and the state it is in.
+///
+/// Two states are kept: the trial state that Newton moves, and the last one accepted by [`Equilibrium::accept`], with
+/// stresses and tangents of both, so that the point field is never asked twice about one state.
+pub struct Equilibrium<B: Backend, P> {
+    mesh: Arc<Mesh>,
+    boundary: Boundary,
+    assembler: Assembler<B>,
+    field: P,
+    trial: BodyState,
+    accepted: BodyState,
+    /// Displacements that [`NonlinearProblem::restore`] returns to.
+    saved: Vec<[f64; 3]>,
+    /// Nodal forces or increments on their way to or from a vector.
+    nodal: Vec<[f64; 3]>,
+    floor: f64,
+}
+
+impl<B, P> Equilibrium<B, P>
+where
+    B: Backend<Scalar = f64>,
+    P: PointField,
+{
+    /// The undeformed body at `t = 0`, whose tangent gives the first guess and the floor of the residual.
+    ///
+    /// # Errors
+    /// [`EquilibriumError::Points`] where the field has no answer at `F = I`.
+    pub fn new(
+        mesh: Arc<Mesh>,
+        boundary: Boundary,
+        assembler: Assembler<B>,
+        field: P,
+    ) -> Result<Self, EquilibriumError<P::Error, B::Fault>> {
+        let trial = BodyState::at_rest(&mesh);
+        let zeros = trial.displacements.clone();
+        let mut body = Self {
+            accepted: trial.clone(),
+            saved: zeros.clone(),
+            nodal: zeros,
+            floor: 0.0,
+            mesh,
+            boundary,
+            assembler,
+            field,
+            trial,
+        };
+        body.respond()?;
+        body.floor = body.assembler.rounding(&body.trial.responses.tangent);
+        body.accept();
+        Ok(body)
+    }
+
+    /// The mesh.
+    #[must_use]
+    pub fn mesh(&self) -> &Arc<Mesh> {
+        &self.mesh
+    }
+
+    /// What holds and loads the body.
+    #[must_use]
+    pub fn boundary(&self) -> &Boundary {
+        &self.boundary
+    }
+
+    /// What the body is made of.
+    #[must_use]
+    pub fn field(&self) -> &P {
+        &self.field
+    }
+
+    /// The last accepted state.
+    #[must_use]
+    pub fn accepted(&self) -> &BodyState {
+        &self.accepted
+    }
+
+    /// What acts on the body in the last accepted state.
+    #[must_use]
+    pub fn forces(&self) -> BoundaryForces {
+        let state = &self.accepted;
+        BoundaryForces::new(&self.mesh, &self.boundary, state.t, &state.displacements, &state.internal, &state.external)
+    }
+
+    /// Makes the trial state, at which the residual was evaluated last, the accepted one.
+    pub fn accept(&mut self) {
+        std::mem::swap(&mut self.trial, &mut self.accepted);
+        self.trial.displacements.copy_from_slice(&self.accepted.displacements);
+        self.field.commit();
+    }
+
+    /// Takes the trial displacements and the micro states back to the accepted ones.
+    pub fn reject(&mut self) {
+        self.trial.t = self.accepted.t;
+        self.trial.displacements.copy_from_slice(&self.accepted.displacements);
+        self.field.revert();
+    }
+
+    /// Starts a step to pseudo-time `t` from the accepted state with only the prescribed components moved.
+    pub fn hold(&mut self, t: f64) {
+        self.load(t);
+        self.boundary.prescribe(t, &mut self.trial.displacements);
+    }
+
+    /// Starts a step to pseudo-time `t` from the accepted state linearised: with `K` its tangent stiffness and `g` the
+    /// prescribed components, `K du = f_ext(t) - f_int - K_fc dg`. From the undeformed body this is the linear-elastic
+    /// solution.
+    ///
+    /// # Errors
+    /// What the solver reports; the trial state is then as [`Equilibrium::hold`] leaves it.
+    pub fn linearise(&mut self, t: f64, system: &mut NewtonSystem<B>) -> Result<NewtonSeconds, SolveError<B::Fault>> {
+        self.hold(t);
+        if system.residual.is_empty() {
+            return Ok(NewtonSeconds::default());
+        }
+        let start = Instant::now();
+        let tangent = &self.accepted.responses.tangent;
+        let increments: Vec<[f64; 3]> =
+            zip_map(&self.trial.displacements, &self.accepted.displacements, |new, old| new - old);
+        self.assembler.linearised_forces(tangent, &increments, &mut self.nodal);
+        for ((force, external), internal) in
+            self.nodal.iter_mut().zip(&self.trial.external).zip(&self.accepted.internal)
+        {
+            *force = std::array::from_fn(|i| external[i] - internal[i] - force[i]);
+        }
+        self.scatter(&mut system.residual).map_err(SolveError::Fault)?;
+        let loaded = Instant::now();
+        system.matrix.zero().map_err(SolveError::Fault)?;
+        self.assembler.stiffness(&self.accepted.responses.tangent, &mut system.matrix).map_err(SolveError::Fault)?;
+        system.matrix.finish().map_err(SolveError::Fault)?;
+        let assembled = Instant::now();
+        system.solver.factor(&system.matrix)?;
+        let factored = Instant::now();
+        system.solver.solve(&system.residual, &mut system.direction)?;
+        self.move_by(1.0, &system.direction).map_err(SolveError::Fault)?;
+        Ok(NewtonSeconds {
+            residual: (loaded - start).as_secs_f64(),
+            jacobian: (assembled - loaded).as_secs_f64(),
+            factor: (factored - assembled).as_secs_f64(),
+            solve: factored.elapsed().as_secs_f64(),
+        })
+    }
+
+    fn load(&mut self, t: f64) {
+        self.trial.t = t;
+        self.trial.displacements.copy_from_slice(&self.accepted.displacements);
+        self.boundary.external_forces(t, &mut self.trial.external);
+    }
+
+    /// Stresses, tangents and internal forces of the trial state.
+    fn respond(&mut self) -> Result<(), EquilibriumError<P::Error, B::Fault>> {
+        let trial = &mut self.trial;
+        self.assembler.deformation_gradients(&trial.displacements, &mut trial.gradients);
+        self.field.update(&trial.gradients, &mut trial.responses).map_err(EquilibriumError::Points)?;
+        self.assembler.internal_forces(&trial.responses.pk1, &mut trial.internal);
+        Ok(())
+    }
+
+    /// Writes the nodal forces into a vector.
+    fn scatter(&self, r: &mut B::Vector) -> Result<(), B::Fault> {
+        r.zero()?;
+        self.assembler.scatter(&self.nodal, r)?;
+        r.finish()
+    }
+
+    fn move_by(&mut self, a: f64, direction: &B::Vector) -> Result<(), B::Fault> {
+        // Prescribed components are not read and stay at zero.
+        self.nodal.fill([0.0; 3]);
+        direction.get(self.assembler.rows(), self.nodal.as_flattened_mut())?;
+        let moved = self.trial.displacements.as_flattened_mut().iter_mut();
+        for (u, d) in moved.zip(self.nodal.as_flattened()) {
+            *u += a * d;
+        }
+        Ok(())
+    }
+}
+
+impl<B, P> NonlinearProblem<B> for Equilibrium<B, P>
+where
+    B: Backend<Scalar = f64>,
+    B::Reduced: Scalar,
+    P: PointField,
+{
+    type Error = EquilibriumError<P::Error, B::Fault>;
+
+    /// `r = f_int - f_ext` of the free unknowns, N, measured against the larger norm of the two over all nodes; the
+    /// floor is [`Assembler::rounding`] of the undeformed body.
+    fn residual(&mut self, r: &mut B::Vector) -> Result<Yardstick, Self::Error> {
+        self.respond()?;
+        for ((net, internal), external) in self.nodal.iter_mut().zip(&self.trial.internal).zip(&self.trial.external) {
+            *net = std::array::from_fn(|i| internal[i] - external[i]);
+        }
+        self.scatter(r).map_err(EquilibriumError::Backend)?;
+        Ok(Yardstick { scale: norm(&self.trial.internal).max(norm(&self.trial.external)), floor: self.floor })
+    }
+
+    fn jacobian(&mut self, k: &mut B::Matrix) -> Result<(), Self::Error> {
+        self.assembler.stiffness(&self.trial.responses.tangent, k).map_err(EquilibriumError::Backend)
+    }
+
+    fn advance(&mut self, a: f64, d: &B::Vector) -> Result<(), Self::Error> {
+        self.move_by(a, d).map_err(EquilibriumError::Backend)
+    }
+
+    fn save(&mut self) {
+        self.saved.copy_from_slice(&self.trial.displacements);
+    }
+
+    fn restore(&mut self) {
+        self.trial.displacements.copy_from_slice(&self.saved);
+    }
+}
+
+fn norm(forces: &[[f64; 3]]) -> f64 {
+    forces.as_flattened().iter().map(|f| f * f).sum::<f64>().sqrt()
+}
+
+fn zip_map(a: &[[f64; 3]], b: &[[f64; 3]], f: impl Fn(f64, f64) -> f64) -> Vec<[f64; 3]> {
+    a.iter().zip(b).map(|(a, b)| std::array::from_fn(|i| f(a[i], b[i]))).collect()
+}

@@ -1,0 +1,128 @@
+//! What acts on the body through each surface and held point.
+//!
+//! At a held component, the support supplies what the internal force has and the loads have not: `f_int - f_ext`. This
+//! reaction counts once, for the condition that holds the component (of several, the first). The force through a
+//! surface is the sum of its reactions and of the loads that enter through it. Nodes in equilibrium have
+//! `f_int = f_ext`, and internal forces sum to zero, so that the forces over all surfaces and points sum to minus the
+//! body forces, as far as Newton converged.
+
+use super::boundary::{Boundary, Source};
+use super::mesh::{Mesh, Surface};
+
+/// What acts through one surface.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SurfaceForce {
+    /// The surface's name.
+    pub name: String,
+    /// Its current (deformed) area, m^2.
+    pub area: f64,
+    /// The force exerted on the body through it, N.
+    pub force: [f64; 3],
+    /// Its displacement averaged over the reference area, m.
+    pub displacement: [f64; 3],
+}
+
+/// What acts through one held point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PointForce {
+    /// The node.
+    pub node: u32,
+    /// The force exerted on the body through it, N: only what no surface holds there.
+    pub force: [f64; 3],
+    /// Its displacement, m.
+    pub displacement: [f64; 3],
+}
+
+/// What acts on the body from outside, apart from body forces.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct BoundaryForces {
+    /// In the order of [`Mesh::surfaces`], all of them.
+    pub surfaces: Vec<SurfaceForce>,
+    /// In the order of the point conditions.
+    pub points: Vec<PointForce>,
+}
+
+impl BoundaryForces {
+    /// Sorts the nodal forces of an equilibrium state at pseudo-time `t` by where they enter the body.
+    ///
+    /// `displacements` (m), `internal` and `external` forces (N) are of all nodes.
+    ///
+    /// # Panics
+    /// Where an array has fewer nodes than the mesh.
+    #[must_use]
+    pub fn new(
+        mesh: &Mesh,
+        boundary: &Boundary,
+        t: f64,
+        displacements: &[[f64; 3]],
+        internal: &[[f64; 3]],
+        external: &[[f64; 3]],
+    ) -> Self {
+        let mut forces = Self {
+            surfaces: mesh
+                .surfaces()
+                .iter()
+                .map(|surface| SurfaceForce::at_rest(mesh, surface, displacements))
+                .collect(),
+            points: boundary.points().iter().map(|&node| PointForce::at_rest(node, displacements)).collect(),
+        };
+        for held in boundary.held() {
+            let (node, component) = (held.node as usize, usize::from(held.component));
+            if let Some(force) = forces.through(held.source) {
+                force[component] += internal[node][component] - external[node][component];
+            }
+        }
+        for load in boundary.loads() {
+            if let Some(force) = forces.through(load.source) {
+                for (sum, part) in force.iter_mut().zip(load.resultant(t)) {
+                    *sum += part;
+                }
+            }
+        }
+        forces
+    }
+
+    /// The sum over all surfaces and points, N: minus the body forces, which is zero where there are none.
+    #[must_use]
+    pub fn sum(&self) -> [f64; 3] {
+        let parts = self.surfaces.iter().map(|s| s.force).chain(self.points.iter().map(|p| p.force));
+        parts.fold([0.0; 3], |sum, part| std::array::from_fn(|i| sum[i] + part[i]))
+    }
+
+    fn through(&mut self, source: Source) -> Option<&mut [f64; 3]> {
+        match source {
+            Source::Surface(number) => self.surfaces.get_mut(number).map(|surface| &mut surface.force),
+            Source::Point(number) => self.points.get_mut(number).map(|point| &mut point.force),
+            Source::Body(_) => None,
+        }
+    }
+}
+
+impl SurfaceForce {
+    fn at_rest(mesh: &Mesh, surface: &Surface, displacements: &[[f64; 3]]) -> Self {
+        let (mut area, mut reference, mut moment) = (0.0, 0.0, [0.0; 3]);
+        for triangle in &surface.triangles {
+            let x = triangle.map(|node| mesh.nodes()[node as usize]);
+            let u = triangle.map(|node| displacements[node as usize]);
+            let share = triangle_area(&x);
+            reference += share;
+            area += triangle_area(&std::array::from_fn(|a| std::array::from_fn(|i| x[a][i] + u[a][i])));
+            for (i, moment) in moment.iter_mut().enumerate() {
+                *moment += share * (u[0][i] + u[1][i] + u[2][i]) / 3.0;
+            }
+        }
+        let displacement = if reference > 0.0 { moment.map(|m| m / reference) } else { [0.0; 3] };
+        Self { name: surface.name.clone(), area, force: [0.0; 3], displacement }
+    }
+}
+
+impl PointForce {
+    fn at_rest(node: u32, displacements: &[[f64; 3]]) -> Self {
+        Self { node, force: [0.0; 3], displacement: displacements[node as usize] }
+    }
+}
+
+fn triangle_area(x: &[[f64; 3]; 3]) -> f64 {
+    let edge = |a: usize| nalgebra::Vector3::from_fn(|i, _| x[a][i] - x[0][i]);
+    0.5 * edge(1).cross(&edge(2)).norm()
+}

@@ -1,0 +1,218 @@
+//! A cube of 24 tetrahedra stretched by a quarter: numbers recorded by MuMFiM (its single-scale program, uniaxial
+//! extension), reproduced to their printed digits.
+#![cfg(any(feature = "sparse", feature = "dense"))]
+
+use std::fmt::Debug;
+use std::sync::Arc;
+
+use biotissue::fem::assembly::{self, Assembler, Unknowns};
+use biotissue::fem::boundary::{Boundary, Conditions, LoadCurve, Place, PointCondition, SurfaceCondition, SurfaceLoad};
+use biotissue::fem::material::NeoHookean;
+use biotissue::fem::mesh::{Mesh, Surface};
+use biotissue::fem::point_field::{FormulaField, PointField, PointResponses};
+use biotissue::fem::stepping::{ConvergedStep, StepObserver, StepParams, StepStart, Stepper};
+use biotissue::las::{Backend, MatrixOps, NewtonParams, Scalar, VectorOps};
+use nalgebra::{DMatrix, Matrix3};
+
+const NODES: [[f64; 3]; 14] = [
+    [-1.0, -1.0, 2.0],
+    [-1.0, 1.0, 2.0],
+    [1.0, 1.0, 2.0],
+    [1.0, -1.0, 2.0],
+    [1.0, 1.0, 0.0],
+    [-1.0, 1.0, 0.0],
+    [-1.0, -1.0, 0.0],
+    [1.0, -1.0, 0.0],
+    [0.0, 0.0, 2.0],
+    [0.0, -1.0, 1.0],
+    [-1.0, 0.0, 1.0],
+    [0.0, 1.0, 1.0],
+    [0.0, 0.0, 0.0],
+    [1.0, 0.0, 1.0],
+];
+
+#[rustfmt::skip]
+const TETS: [[u32; 4]; 24] = [
+    [2, 3, 8, 13], [0, 1, 8, 10], [6, 7, 9, 12], [0, 3, 8, 9], [0, 6, 9, 10], [1, 5, 10, 11],
+    [5, 6, 10, 12], [3, 7, 9, 13], [3, 8, 9, 13], [1, 8, 10, 11], [7, 9, 12, 13], [0, 8, 9, 10],
+    [6, 9, 10, 12], [8, 10, 11, 13], [9, 10, 12, 13], [8, 9, 10, 13], [1, 2, 8, 11], [2, 4, 11, 13],
+    [4, 7, 12, 13], [5, 10, 11, 12], [2, 8, 11, 13], [4, 11, 12, 13], [4, 5, 11, 12], [10, 11, 12, 13],
+];
+
+/// Norms of the residual before every Newton update and the lateral displacement, step by step.
+#[rustfmt::skip]
+const RECORDED: [(&[f64], f64); 10] = [
+    (&[6.811962213373, 0.0007404433841], -0.01480445),
+    (&[1248.885716843, 9.992832194304, 0.001682810842], -0.02923012),
+    (&[1218.334421612, 9.604529951258, 0.001564768592], -0.04329455),
+    (&[1189.865557715, 9.240923275245, 0.001457761015], -0.05701411),
+    (&[1163.287149048, 8.899924336551, 0.001360514235], -0.07040406),
+    (&[1138.429044819, 8.57965770143, 0.001271927071], -0.0834787),
+    (&[1115.1400175, 8.278435832728, 0.001191044473], -0.09625141),
+    (&[1093.285297822, 7.994737655086, 0.001117035455], -0.10873475),
+    (&[1072.744473758, 7.727189787425, 0.001049174764], -0.12094051),
+    (&[1053.409693846, 7.474550095319, 0.0009868275428], -0.13287979),
+];
+
+/// A node of the side that moves across, and the component that does.
+const LATERAL: (usize, usize) = (1, 1);
+
+fn material() -> NeoHookean {
+    let (youngs_modulus, poisson_ratio) = (10_000.0, 0.3);
+    let mu = youngs_modulus / (2.0 * (1.0 + poisson_ratio));
+    NeoHookean { mu, lambda: 2.0 * mu * poisson_ratio / (1.0 - 2.0 * poisson_ratio) }
+}
+
+fn mesh() -> Mesh {
+    let elements = TETS.map(|[a, b, c, d]| {
+        let x = [a, b, c, d].map(|n| nalgebra::Vector3::from(NODES[n as usize]));
+        let volume = (x[1] - x[0]).cross(&(x[2] - x[0])).dot(&(x[3] - x[0]));
+        if volume > 0.0 { [a, b, c, d] } else { [b, a, c, d] }
+    });
+    let at = |x: f64| {
+        let faces = elements.iter().flat_map(|&[a, b, c, d]| [[b, c, d], [a, c, d], [a, b, d], [a, b, c]]);
+        faces.filter(|face| face.iter().all(|&n| NODES[n as usize][0] == x)).collect()
+    };
+    let surface = |name: &str, x| Surface { name: name.into(), triangles: at(x) };
+    let surfaces = vec![surface("left", -1.0), surface("right", 1.0)];
+    Mesh::new(NODES.to_vec(), elements.to_vec(), vec![0; 24], vec!["body".into()], surfaces).unwrap()
+}
+
+fn conditions() -> Conditions {
+    let surface = |name: &str, x| SurfaceCondition {
+        surface: name.into(),
+        load: SurfaceLoad::Displacement([Some(x), None, None]),
+        curve: LoadCurve::Ramp,
+    };
+    let point = |node, displacement| PointCondition { place: Place::Node(node), displacement, curve: LoadCurve::Ramp };
+    Conditions {
+        surfaces: vec![surface("left", 0.0), surface("right", 0.5)],
+        points: vec![point(6, [Some(0.0); 3]), point(5, [None, None, Some(0.0)])],
+        body_forces: vec![],
+    }
+}
+
+fn assert_digits(found: f64, recorded: f64, relative: f64, what: &str) {
+    let error = (found - recorded).abs() / recorded.abs();
+    assert!(error <= relative, "{what}: {found:.13e}, recorded {recorded:.13e}, off by {error:.1e}");
+}
+
+#[derive(Default)]
+struct Lateral(Vec<f64>);
+
+impl<P: PointField, F: std::error::Error> StepObserver<P, F> for Lateral {
+    type Error = std::convert::Infallible;
+
+    fn converged(&mut self, step: &ConvergedStep<'_, P>) -> Result<(), Self::Error> {
+        self.0.push(step.state.displacements[LATERAL.0][LATERAL.1]);
+        Ok(())
+    }
+}
+
+fn stretches_as_recorded<B>()
+where
+    B: Backend<Scalar = f64, Context = ()>,
+    B::Reduced: Scalar,
+    B::Fault: Debug,
+{
+    let mut newton = NewtonParams::default();
+    newton.tolerance = 1e-10;
+    newton.max_line_search_cuts = 0;
+    let params = StepParams { count: 10, max_cuts: 0, start: StepStart::Held, newton };
+    let field = FormulaField::uniform(material(), 24);
+    let mut stepper = Stepper::<B, _>::new(&(), Arc::new(mesh()), &conditions(), field, params).unwrap();
+    assert_eq!(stepper.unknowns(), 29);
+    let mut lateral = Lateral::default();
+    let reports = stepper.run(&mut lateral).unwrap();
+
+    assert_eq!(reports.len(), 10);
+    for ((report, (recorded, displacement)), found) in reports.iter().zip(RECORDED).zip(lateral.0) {
+        let residuals = &report.substeps[0].residuals;
+        assert_eq!(report.substeps.len(), 1);
+        assert_eq!(residuals.len(), recorded.len() + 1, "quadratic: one more is below the tolerance");
+        for (k, (&norm, &recorded)) in residuals.iter().zip(recorded).enumerate() {
+            // What cancels is of the order of 1e3, so that a residual of 1e-3 has lost six digits more.
+            let relative = if recorded > 1e-2 { 1e-10 } else { 1e-8 };
+            assert_digits(norm, recorded, relative, &format!("step {}, residual {k}", report.step));
+        }
+        assert!((found - displacement).abs() < 0.51e-8, "step {}: {found}, recorded {displacement}", report.step);
+    }
+    the_end_is_homogeneous(&stepper.state().displacements);
+}
+
+/// Stretch 1.25 along x and `s` across, with `mu (s^2 - 1) + lambda ln J = 0` and `J = 1.25 s^2`.
+fn the_end_is_homogeneous(displacements: &[[f64; 3]]) {
+    let NeoHookean { mu, lambda } = material();
+    let mut s: f64 = 1.0;
+    for _ in 0..50 {
+        let value = mu * (s * s - 1.0) + lambda * (1.25 * s * s).ln();
+        s -= value / (2.0 * mu * s + 2.0 * lambda / s);
+    }
+    for (x, u) in NODES.iter().zip(displacements) {
+        let exact = [0.25 * (x[0] + 1.0), (s - 1.0) * (x[1] + 1.0), (s - 1.0) * x[2]];
+        for i in 0..3 {
+            assert!((u[i] - exact[i]).abs() < 1e-12, "{x:?}: {u:?}, exact {exact:?}");
+        }
+    }
+}
+
+fn linear_stiffness_is_as_recorded<B>()
+where
+    B: Backend<Scalar = f64, Context = ()>,
+    B::Fault: Debug,
+{
+    let mesh = mesh();
+    let boundary = Boundary::new(&mesh, &conditions()).unwrap();
+    let held = |node, c| boundary.held().iter().any(|h| (h.node as usize, usize::from(h.component)) == (node, c));
+    let unknowns = Unknowns::new(14, held).unwrap();
+    let mut matrix = B::matrix(&(), &Arc::new(unknowns.pattern(&mesh).unwrap())).unwrap();
+    let assembler = Assembler::<B>::new(assembly::geometry(&mesh).unwrap(), &mesh, &unknowns, &matrix).unwrap();
+    let mut responses = PointResponses::zeros(24);
+    FormulaField::uniform(material(), 24).update(&[Matrix3::identity(); 24], &mut responses).unwrap();
+    assembler.stiffness(&responses.tangent, &mut matrix).unwrap();
+    matrix.finish().unwrap();
+
+    let n = unknowns.free();
+    assert_eq!(n, 29);
+    let free: Vec<B::Index> =
+        assembler.rows().iter().copied().filter(|&row| biotissue::las::Index::position(row).is_some()).collect();
+    let mut entries = vec![0.0; n * n];
+    matrix.get(&free, &free, &mut entries).unwrap();
+    let k = DMatrix::from_row_slice(n, n, &entries);
+    let rows = k.row_iter().map(|row| row.iter().map(|v| v.abs()).sum::<f64>());
+    let eigenvalues = k.clone().symmetric_eigen().eigenvalues;
+    assert_digits(rows.fold(0.0, f64::max), 79487.179487, 1e-11, "largest row sum");
+    assert_digits(k.norm(), 108000.931401, 1e-11, "Frobenius norm");
+    assert_digits(eigenvalues.min(), 220.390523, 3e-9, "smallest eigenvalue");
+    assert_digits(eigenvalues.max(), 41785.645566, 1e-10, "largest eigenvalue");
+
+    let (mut moved, mut forces) = (vec![[0.0; 3]; 14], vec![[0.0; 3]; 14]);
+    boundary.prescribe(0.1, &mut moved);
+    assembler.linearised_forces(&responses.tangent, &moved, &mut forces);
+    let mut rhs = B::vector(&(), n).unwrap();
+    assembler.scatter(&forces, &mut rhs).unwrap();
+    rhs.finish().unwrap();
+    let norm = rhs.with_local(|values| values.iter().map(|v| v * v).sum::<f64>().sqrt()).unwrap();
+    assert_digits(norm, 1323.377409, 1e-9, "norm of the right-hand side");
+}
+
+macro_rules! on {
+    ($($name:ident, $feature:literal: $backend:ty;)*) => {$(
+        #[cfg(feature = $feature)]
+        mod $name {
+            #[test]
+            fn stretches_as_recorded() {
+                super::stretches_as_recorded::<$backend>();
+            }
+
+            #[test]
+            fn linear_stiffness_is_as_recorded() {
+                super::linear_stiffness_is_as_recorded::<$backend>();
+            }
+        }
+    )*};
+}
+
+on! {
+    sparse, "sparse": biotissue::backends::sparse::Sparse;
+}
