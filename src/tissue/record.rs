@@ -1,6 +1,5 @@
 //! Writes the result directory while a run goes on.
 
-use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
 use nalgebra::Matrix3;

@@ -262,7 +262,7 @@ where
             failure.reason,
             NewtonError::Solve(SolveError::Fault(_)) | NewtonError::Problem(EquilibriumError::Backend(_))
         );
-        Self { reason: failure.reason, newton: failure.report, hopeless }
+        Self { reason: failure.reason, newton: *failure.report, hopeless }
     }
 }
 
