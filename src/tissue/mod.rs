@@ -2,3 +2,4 @@
 
 pub mod case;
 pub mod report;
+pub mod results;
