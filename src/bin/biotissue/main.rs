@@ -1,6 +1,7 @@
 //! The program `biotissue`: reads arguments, picks types, prints results.
 
 mod failure;
+mod report;
 
 use std::process::ExitCode;
 
@@ -16,11 +17,15 @@ struct Arguments {
 }
 
 #[derive(Subcommand)]
-enum Command {}
+enum Command {
+    Report(report::ReportCommand),
+}
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    let outcome: Result<(), Failure> = match arguments.command {};
+    let outcome: Result<(), Failure> = match arguments.command {
+        Command::Report(command) => report::run(&command),
+    };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
