@@ -85,8 +85,10 @@ fn drop_dangling(network: &Network, keep: &mut [bool]) -> usize {
     let mut dropped = 0;
     while let Some(node) = loose.pop() {
         // The fiber may be gone already, taken out from its other end.
-        for &fiber in fibers_at[node as usize].iter().filter(|&&fiber| keep[fiber as usize]) {
-            keep[fiber as usize] = false;
+        for &fiber in &fibers_at[node as usize] {
+            if !std::mem::replace(&mut keep[fiber as usize], false) {
+                continue;
+            }
             dropped += 1;
             for end in network.fibers()[fiber as usize] {
                 degree[end as usize] -= 1;

@@ -1,0 +1,88 @@
+//! `biotissue report DIR`: a result directory as one page of figures, or as one picture.
+
+use std::path::{Path, PathBuf};
+
+use biotissue::input::InputError;
+use biotissue::tissue::report::picture::{self, PictureOptions};
+use biotissue::tissue::report::{ReportError, page};
+use biotissue::tissue::results::ResultsError;
+use clap::{Args, ValueEnum};
+
+use crate::failure::Failure;
+
+/// Turns a result directory into one self-contained page of figures
+#[derive(Args)]
+pub struct ReportCommand {
+    /// The result directory of a run, finished or going on
+    dir: PathBuf,
+    /// Write only the picture of the deformed body, as SVG, to this file
+    #[arg(long, value_name = "FILE.svg", conflicts_with = "output")]
+    picture: Option<PathBuf>,
+    /// Draw this load step [default: the last one with fields]
+    #[arg(long, value_name = "N")]
+    step: Option<usize>,
+    /// Color by this field [default: von_mises_stress]
+    #[arg(long, value_name = "NAME")]
+    field: Option<String>,
+    /// Look along this axis [default: the shortest edge of the body]
+    #[arg(long, value_enum)]
+    axis: Option<Axis>,
+    /// Write the page to this file [default: DIR/report.html]
+    #[arg(short, long, value_name = "FILE.html")]
+    output: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Axis {
+    X,
+    Y,
+    Z,
+}
+
+/// Runs the command; what was written is printed.
+pub fn run(command: &ReportCommand) -> Result<(), Failure> {
+    let ReportCommand { dir, picture, step, field, axis, output } = command;
+    let axis = axis.map(|axis| axis as usize);
+    let options = PictureOptions { step: *step, field: field.clone(), axis, ..PictureOptions::default() };
+    let failure = |error| failure(dir, error);
+    let written = match picture {
+        Some(file) => {
+            let svg = picture::draw(dir, &options).map_err(failure)?;
+            std::fs::write(file, svg).map_err(|error| Failure::unwritable(file, &error))?;
+            file.clone()
+        }
+        None => page::write(dir, output.as_deref(), &options).map_err(failure)?,
+    };
+    println!("{}", written.display());
+    Ok(())
+}
+
+fn failure(dir: &Path, error: ReportError) -> Failure {
+    let arguments = |expected: &str, cure: &str| Failure::Arguments {
+        what: error.to_string(),
+        expected: expected.into(),
+        cure: cure.into(),
+    };
+    match &error {
+        ReportError::Results(ResultsError::Write { path, source }) => Failure::unwritable(path, source),
+        ReportError::Results(ResultsError::Read { path, source }) => InputError::unreadable(path, source).into(),
+        ReportError::Results(error) => {
+            let expected = "a file as `biotissue run` writes it";
+            let (what, cure) = (error.to_string(), "run the case again, or remove the file to do without it");
+            Failure::Arguments { what, expected: expected.into(), cure: cure.into() }
+        }
+        ReportError::NoResults { .. } if !dir.exists() => {
+            let (what, expected) = ("there is no such directory", "the result directory of a run");
+            InputError::in_file(dir, what, expected, "check the name; a case says where it puts its results").into()
+        }
+        ReportError::NoResults { .. } | ReportError::NoFields { .. } | ReportError::EmptyMesh { .. } => {
+            arguments("the result directory of a run", "name the directory that `biotissue run` wrote to")
+        }
+        ReportError::NoStep { .. } => arguments("a step with fields", "leave out --step for the last one"),
+        ReportError::NoField { .. } => arguments("a field of the elements", "leave out --field for the stress"),
+        ReportError::Chart { .. } => Failure::Environment {
+            what: error.to_string(),
+            cure: "draw the picture alone with --picture, and report the results that led here".into(),
+        },
+    }
+}

@@ -1,0 +1,167 @@
+//! The body itself: its faces in color, its creases, where it was before, and the fibers near its visible side.
+
+use std::collections::HashMap;
+
+use nalgebra::Vector3;
+
+use super::skin::{Skin, lines, normal};
+use super::svg::{Svg, hex};
+use super::view::{Frame, View};
+use super::{Colors, Scene};
+use crate::tissue::report::picture::colour::lit;
+
+/// Faces that meet at more than this angle make a crease (its cosine: 35 degrees).
+const CREASE: f64 = 0.82;
+/// At most one fiber direction in a square of so many pixels.
+const FIBER_SPACING: f64 = 9.0;
+
+/// The elements behind the faces that the eye sees, without repetition.
+pub(super) fn visible_elements(scene: &Scene) -> Vec<usize> {
+    let mut elements: Vec<usize> = visible(&scene.skin, &scene.current, &scene.view)
+        .iter()
+        .zip(&scene.skin.faces)
+        .filter(|(visible, _)| **visible)
+        .map(|(_, face)| face.element)
+        .collect();
+    elements.sort_unstable();
+    elements.dedup();
+    elements
+}
+
+fn visible(skin: &Skin, points: &[Vector3<f64>], view: &View) -> Vec<bool> {
+    skin.faces.iter().map(|face| normal(face, points).dot(&view.toward) > 0.0).collect()
+}
+
+/// Draws the faces from back to front, each with the creases on its rim, so that what lies in front covers them.
+pub(super) fn faces(svg: &mut Svg, scene: &Scene, colors: Option<&Colors>) {
+    let Scene { skin, current, view, frame, .. } = scene;
+    let visible = visible(skin, current, view);
+    let creases = creases(skin, current, &visible);
+    let depth = |face: usize| -> f64 {
+        skin.faces[face].points.iter().map(|&point| view.toward.dot(&current[point as usize])).sum()
+    };
+    let mut order: Vec<(f64, usize)> =
+        (0..skin.faces.len()).filter(|&face| visible[face]).map(|face| (depth(face), face)).collect();
+    order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+
+    let place = |point: &u32| frame.place(view.project(&current[*point as usize]));
+    svg.open(
+        "stroke=\"#fff\" stroke-opacity=\".28\" stroke-width=\".6\" stroke-linejoin=\"round\" stroke-linecap=\"round\"",
+    );
+    for (_, k) in order {
+        let face = &skin.faces[k];
+        let plain = colors.map_or([176, 190, 197], |colors| colors.of(face.element));
+        let color = lit(plain, view.light(&normal(face, current)));
+        svg.path(&face.points.map(|point| place(&point)), true, &format!("fill=\"{}\"", hex(color)));
+        if let Some(creases) = creases.get(&k) {
+            let rim: Vec<_> = creases.iter().map(|edge| edge.map(|point| place(&point))).collect();
+            svg.segments(&rim, "stroke=\"#1b2733\" stroke-opacity=\".75\" stroke-width=\"1\" fill=\"none\"");
+        }
+    }
+    svg.close();
+}
+
+/// The edges to be drawn with each face: where the body turns away from the eye, and where it bends sharply.
+fn creases(skin: &Skin, points: &[Vector3<f64>], visible: &[bool]) -> HashMap<usize, Vec<[u32; 2]>> {
+    let mut creases: HashMap<usize, Vec<[u32; 2]>> = HashMap::new();
+    for edge in &skin.edges {
+        let [a, b] = edge.faces;
+        if !visible[a] && !visible[b] {
+            continue;
+        }
+        let [from, to] = [a, b].map(|face| normal(&skin.faces[face], points).try_normalize(0.0).unwrap_or_default());
+        if visible[a] != visible[b] || from.dot(&to) < CREASE {
+            for face in edge.faces.into_iter().filter(|&face| visible[face]) {
+                creases.entry(face).or_default().push(edge.points);
+            }
+        }
+    }
+    creases
+}
+
+/// Draws the rim of the undeformed body as the eye would see it.
+pub(super) fn outline(svg: &mut Svg, scene: &Scene) {
+    let Scene { skin, reference, view, frame, .. } = scene;
+    let visible = visible(skin, reference, view);
+    let rim: Vec<[u32; 2]> = skin
+        .edges
+        .iter()
+        .filter(|edge| visible[edge.faces[0]] != visible[edge.faces[1]])
+        .map(|edge| edge.points)
+        .collect();
+    svg.open(OUTLINE);
+    for line in lines(&rim) {
+        let places: Vec<_> = line.iter().map(|&point| frame.place(view.project(&reference[point as usize]))).collect();
+        svg.path(&places, false, "");
+    }
+    svg.close();
+}
+
+/// How the undeformed outline is drawn, here and in the legend.
+pub(super) const OUTLINE: &str = "fill=\"none\" stroke=\"#37474f\" stroke-width=\".9\" stroke-opacity=\".8\" \
+                                  stroke-dasharray=\"5 3\" stroke-linejoin=\"round\"";
+
+/// The directions of the fibers in some elements, as lines on the page around the middle of each.
+pub(super) fn fiber_lines(
+    scene: &Scene,
+    elements: &[usize],
+    mesh: &[[u32; 4]],
+    directions: &[[f64; 3]],
+    alignment: Option<&[f64]>,
+) -> Vec<[[f64; 2]; 2]> {
+    let length = fiber_length(scene);
+    let strongest = elements
+        .iter()
+        .filter_map(|&element| alignment?.get(element).copied())
+        .filter(|strength| strength.is_finite())
+        .fold(0.0, f64::max);
+    let strength = |element: usize| match alignment.and_then(|all| all.get(element)) {
+        Some(&own) if strongest > 0.0 => (own / strongest).clamp(0.0, 1.0),
+        _ => 1.0,
+    };
+    let mut taken: HashMap<[i64; 2], ()> = HashMap::new();
+    let mut drawn = Vec::new();
+    for &element in elements {
+        let (Some(nodes), Some(direction)) = (mesh.get(element), directions.get(element)) else { continue };
+        let Some(direction) = Vector3::from(*direction).try_normalize(1e-12) else { continue };
+        let middle = nodes.iter().map(|&node| scene.current[node as usize]).sum::<Vector3<f64>>() / 4.0;
+        let [x, y] = scene.frame.place(scene.view.project(&middle));
+        let cell = [x, y].map(|place| (place / FIBER_SPACING).floor() as i64);
+        if taken.insert(cell, ()).is_some() {
+            continue;
+        }
+        let half = 0.5 * length * (0.35 + 0.65 * strength(element));
+        let [across, up, _] = scene.view.project(&direction);
+        let (dx, dy) = (half * across, -half * up);
+        drawn.push([[x - dx, y - dy], [x + dx, y + dy]]);
+    }
+    drawn
+}
+
+/// The length of the longest fiber line: about the distance of the middles of neighboring faces.
+fn fiber_length(scene: &Scene) -> f64 {
+    let mut edges: Vec<f64> = scene
+        .skin
+        .edges
+        .iter()
+        .map(|edge| {
+            let [a, b] = edge.points.map(|point| scene.current[point as usize]);
+            (a - b).norm() * scene.frame.scale
+        })
+        .collect();
+    edges.sort_by(f64::total_cmp);
+    edges.get(edges.len() / 2).map_or(12.0, |&edge| (0.85 * edge).clamp(7.0, 26.0))
+}
+
+/// Draws fiber lines: light on a dark rim, so that they are seen on any color.
+pub(super) fn fibers(svg: &mut Svg, segments: &[[[f64; 2]; 2]]) {
+    svg.open("fill=\"none\" stroke-linecap=\"round\"");
+    svg.segments(segments, "stroke=\"#101820\" stroke-opacity=\".55\" stroke-width=\"3\"");
+    svg.segments(segments, "stroke=\"#fff\" stroke-width=\"1.5\"");
+    svg.close();
+}
+
+/// Fits the body, as it is and as it was, into a rectangle of the page.
+pub(super) fn frame(view: &View, points: impl Iterator<Item = Vector3<f64>>, room: [f64; 4]) -> Frame {
+    Frame::fit(points.map(|point| view.project(&point)), room)
+}

@@ -1,0 +1,73 @@
+//! Colors for numbers: a map that stays ordered in gray and for color-blind eyes.
+
+/// Control points of the map viridis (Smith and van der Walt, matplotlib; public domain), equally spaced in `[0, 1]`.
+const VIRIDIS: [[u8; 3]; 11] = [
+    [68, 1, 84],
+    [72, 36, 117],
+    [65, 68, 135],
+    [53, 95, 141],
+    [42, 120, 142],
+    [33, 145, 140],
+    [34, 168, 132],
+    [68, 191, 112],
+    [122, 209, 81],
+    [189, 223, 38],
+    [253, 231, 37],
+];
+
+/// The color of a number in `[0, 1]`; what lies outside has the color of the nearer end.
+pub(crate) fn viridis(place: f64) -> [u8; 3] {
+    let last = VIRIDIS.len() - 1;
+    let place = if place.is_nan() { 0.0 } else { place.clamp(0.0, 1.0) * last as f64 };
+    let lower = (place as usize).min(last - 1);
+    let (from, to) = (VIRIDIS[lower], VIRIDIS[lower + 1]);
+    std::array::from_fn(|c| {
+        let (from, to) = (f64::from(from[c]), f64::from(to[c]));
+        (from + (place - lower as f64) * (to - from)).round() as u8
+    })
+}
+
+/// The color in the light: `light` 1 leaves it, less darkens it.
+pub(super) fn lit(color: [u8; 3], light: f64) -> [u8; 3] {
+    color.map(|part| (f64::from(part) * light).round().clamp(0.0, 255.0) as u8)
+}
+
+/// The numbers that get the ends of the map: all of them, but where a few outliers would leave the rest in one color,
+/// the range without one per cent at either end.
+pub(super) fn range(values: &[f64]) -> (f64, f64) {
+    let mut sorted: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
+    sorted.sort_by(f64::total_cmp);
+    let (Some(&low), Some(&high)) = (sorted.first(), sorted.last()) else { return (0.0, 1.0) };
+    let at = |part: f64| sorted[(part * (sorted.len() - 1) as f64).round() as usize];
+    let (inner_low, inner_high) = (at(0.01), at(0.99));
+    let outliers = inner_high > inner_low && high - low > 1.5 * (inner_high - inner_low);
+    let (low, high) = if outliers { (inner_low, inner_high) } else { (low, high) };
+    // A uniform field: a range around it, so that it has a color and a bar.
+    if high > low { (low, high) } else { (low - 0.5 * low.abs().max(1e-300), high + 0.5 * high.abs().max(1e-300)) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lighter_is_more() {
+        let gray = |[r, g, b]: [u8; 3]| 0.299 * f64::from(r) + 0.587 * f64::from(g) + 0.114 * f64::from(b);
+        let grays: Vec<f64> = (0..=50).map(|k| gray(viridis(f64::from(k) / 50.0))).collect();
+        assert!(grays.windows(2).all(|pair| pair[0] < pair[1]), "{grays:?}");
+        assert_eq!((viridis(-1.0), viridis(2.0)), (VIRIDIS[0], VIRIDIS[10]));
+        assert_eq!(viridis(f64::NAN), VIRIDIS[0]);
+    }
+
+    #[test]
+    fn outliers_do_not_take_the_colors() {
+        let mut values: Vec<f64> = (0..1000).map(f64::from).collect();
+        assert_eq!(range(&values), (0.0, 999.0));
+        values[500] = 1e9;
+        let (low, high) = range(&values);
+        assert!(low >= 0.0 && high < 1000.0, "{low} {high}");
+        assert!(range(&[2.0, 2.0]).0 < 2.0 && range(&[2.0]).1 > 2.0);
+        assert!(range(&[0.0]).1 > range(&[0.0]).0);
+        assert_eq!(range(&[f64::NAN]), (0.0, 1.0));
+    }
+}

@@ -1,0 +1,160 @@
+//! The picture of a body: deformed as it is (never exaggerated), colored by a field, with the directions of its fibers
+//! and the outline it had before; as one SVG without outside references.
+//!
+//! The body is seen in parallel projection, its longest axis across the page, from a little above and aside. Faces
+//! turned to the eye are drawn from back to front. Each fiber line is the direction of an element that lies behind a
+//! visible face, foreshortened like the body itself.
+
+mod body;
+pub(crate) mod colour;
+mod legend;
+mod quantity;
+mod skin;
+mod svg;
+mod view;
+
+use std::path::Path;
+
+use nalgebra::Vector3;
+
+use self::quantity::Quantity;
+use self::skin::Skin;
+use self::svg::Svg;
+use self::view::{Frame, View};
+use super::ReportError;
+use super::directory::Directory;
+use super::extension::deformed;
+use super::units::significant;
+use crate::tissue::results::Fields;
+use crate::tissue::results::collection::Entry;
+
+/// What is drawn, and how large.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PictureOptions {
+    /// The load step; the last one written where none is named.
+    pub step: Option<usize>,
+    /// The field for the color; von Mises stress or what there is where none is named.
+    pub field: Option<String>,
+    /// The axis to look along: 0, 1, 2 for x, y, z; the shortest edge of the body where none is named.
+    pub axis: Option<usize>,
+    /// Width, pixels.
+    pub width: u32,
+    /// Height, pixels.
+    pub height: u32,
+}
+
+impl Default for PictureOptions {
+    fn default() -> Self {
+        Self { step: None, field: None, axis: None, width: 1200, height: 520 }
+    }
+}
+
+/// The body in space and on the page.
+#[derive(Clone, Debug)]
+struct Scene {
+    skin: Skin,
+    reference: Vec<Vector3<f64>>,
+    current: Vec<Vector3<f64>>,
+    view: View,
+    frame: Frame,
+}
+
+/// Which number has which color.
+#[derive(Clone, Debug)]
+struct Colors {
+    quantity: Quantity,
+    /// The numbers at the ends of the map.
+    range: (f64, f64),
+    /// The least and the largest number that is drawn.
+    extremes: (f64, f64),
+}
+
+impl Colors {
+    fn new(quantity: Quantity, drawn: &[usize]) -> Self {
+        let values: Vec<f64> = drawn.iter().filter_map(|&element| quantity.values.get(element).copied()).collect();
+        let finite = values.iter().copied().filter(|value| value.is_finite());
+        let extremes = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), value| (a.min(value), b.max(value)));
+        Self { quantity, range: colour::range(&values), extremes }
+    }
+
+    fn of(&self, element: usize) -> [u8; 3] {
+        let (low, high) = self.range;
+        let value = self.quantity.values.get(element).copied().unwrap_or(f64::NAN);
+        colour::viridis((value - low) / (high - low))
+    }
+}
+
+/// Draws the body of a result directory as SVG.
+///
+/// # Errors
+/// [`ReportError`] where the directory holds no fields, not those of the step, or not the field asked for.
+pub fn draw(dir: &Path, options: &PictureOptions) -> Result<String, ReportError> {
+    draw_from(&Directory::open(dir)?, options)
+}
+
+/// [`draw`] from a directory that was read before.
+///
+/// # Errors
+/// As [`draw`].
+pub fn draw_from(directory: &Directory, options: &PictureOptions) -> Result<String, ReportError> {
+    let entry = directory.field_file(options.step)?;
+    let fields = directory.read_fields(entry)?;
+    let quantity = Quantity::find(&fields, options.field.as_deref())?;
+    let extension = directory.extension_at(entry, &fields);
+    Ok(compose(&directory.title(), &state(entry, extension), &fields, quantity, options))
+}
+
+/// `step 3 · t = 0.3 · extension 12.5 %`
+fn state(entry: &Entry, extension: Option<f64>) -> String {
+    let step = entry.step().map(|step| format!("step {step}"));
+    let extension = extension.map(|extension| {
+        let extension = if extension.abs() < 1e-9 { 0.0 } else { extension };
+        format!("extension {}\u{a0}%", significant(100.0 * extension))
+    });
+    let parts = [step, Some(format!("t\u{a0}=\u{a0}{}", significant(entry.time))), extension];
+    parts.into_iter().flatten().collect::<Vec<_>>().join("  \u{b7}  ")
+}
+
+fn compose(title: &str, state: &str, fields: &Fields, quantity: Option<Quantity>, options: &PictureOptions) -> String {
+    let (width, height) = (f64::from(options.width.max(480)), f64::from(options.height.max(300)));
+    let scene = scene(fields, options.axis, [28.0, 78.0, width - 56.0, height - 78.0 - 92.0]);
+    let seen = body::visible_elements(&scene);
+    let colors = quantity.map(|quantity| Colors::new(quantity, &seen));
+
+    let mut svg = Svg::new(width, height, &format!("{title}: the deformed body, {state}"));
+    legend::title(&mut svg, title, state);
+    body::faces(&mut svg, &scene, colors.as_ref());
+    body::outline(&mut svg, &scene);
+    let alignment = fields.cell_scalar("fiber_alignment");
+    let fibers = fields
+        .cell_vector("fiber_direction")
+        .map(|directions| body::fiber_lines(&scene, &seen, &fields.elements, directions, alignment))
+        .unwrap_or_default();
+    body::fibers(&mut svg, &fibers);
+
+    let bottom = height - 30.0;
+    legend::axes(&mut svg, &scene, [52.0, bottom - 6.0]);
+    let right = legend::scale_bar(&mut svg, &scene, [112.0, bottom]);
+    let meaning = (!fibers.is_empty()).then_some(match alignment {
+        Some(_) => "mean fiber direction, longer where aligned",
+        None => "mean fiber direction",
+    });
+    legend::lines(&mut svg, [right + 36.0, bottom], meaning);
+    if let Some(colors) = &colors {
+        legend::color_bar(&mut svg, colors, [width - 36.0, bottom - 24.0]);
+    }
+    svg.finish()
+}
+
+fn scene(fields: &Fields, axis: Option<usize>, room: [f64; 4]) -> Scene {
+    let reference: Vec<Vector3<f64>> = fields.points.iter().map(|&point| point.into()).collect();
+    let current: Vec<Vector3<f64>> = deformed(fields).map(Vector3::from).collect();
+    let skin = Skin::of(&fields.elements);
+    let first = reference.first().copied().unwrap_or_default();
+    let (low, high) = reference.iter().fold((first, first), |(low, high), point| (low.inf(point), high.sup(point)));
+    let view = View::of(high - low, axis);
+    // Only points of the boundary: a mesh file may hold points that no element uses.
+    let rim = skin.faces.iter().flat_map(|face| face.points).map(|point| point as usize);
+    let frame = body::frame(&view, rim.flat_map(|point| [reference[point], current[point]]), room);
+    Scene { skin, reference, current, view, frame }
+}

@@ -1,0 +1,141 @@
+//! The boundary of a mesh of tetrahedra: its faces, their neighbors, and edges joined to lines.
+
+use std::collections::HashMap;
+
+use nalgebra::Vector3;
+
+/// A boundary face.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Face {
+    /// Its points, counter-clockwise seen from outside.
+    pub(super) points: [u32; 3],
+    /// The element behind it.
+    pub(super) element: usize,
+}
+
+/// An edge of the boundary and the faces on its two sides.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Edge {
+    /// Its ends.
+    pub(super) points: [u32; 2],
+    /// The faces that share it.
+    pub(super) faces: [usize; 2],
+}
+
+/// The boundary of a body.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Skin {
+    pub(super) faces: Vec<Face>,
+    pub(super) edges: Vec<Edge>,
+}
+
+impl Skin {
+    /// The faces that belong to one element only.
+    pub(super) fn of(elements: &[[u32; 4]]) -> Self {
+        let mut owners: HashMap<[u32; 3], (usize, Face)> = HashMap::new();
+        for (element, &[a, b, c, d]) in elements.iter().enumerate() {
+            for points in [[a, c, b], [a, b, d], [b, c, d], [a, d, c]] {
+                let mut key = points;
+                key.sort_unstable();
+                owners.entry(key).or_insert((0, Face { points, element })).0 += 1;
+            }
+        }
+        let mut faces: Vec<Face> =
+            owners.into_values().filter(|(count, _)| *count == 1).map(|(_, face)| face).collect();
+        // The map has no order, the picture must: the same results give the same file.
+        faces.sort_unstable_by_key(|face| (face.element, face.points));
+        let edges = edges(&faces);
+        Self { faces, edges }
+    }
+}
+
+fn edges(faces: &[Face]) -> Vec<Edge> {
+    let mut first: HashMap<[u32; 2], usize> = HashMap::new();
+    let mut edges = Vec::new();
+    for (k, Face { points: [a, b, c], .. }) in faces.iter().enumerate() {
+        for (from, to) in [(a, b), (b, c), (c, a)] {
+            let points = [*from.min(to), *from.max(to)];
+            match first.remove(&points) {
+                Some(other) => edges.push(Edge { points, faces: [other, k] }),
+                None => {
+                    first.insert(points, k);
+                }
+            }
+        }
+    }
+    edges
+}
+
+/// The outward normal of a face times twice its area.
+pub(super) fn normal(face: &Face, points: &[Vector3<f64>]) -> Vector3<f64> {
+    let [a, b, c] = face.points.map(|point| points[point as usize]);
+    (b - a).cross(&(c - a))
+}
+
+/// Joins edges that meet into lines, so that they are drawn in one stroke.
+pub(super) fn lines(edges: &[[u32; 2]]) -> Vec<Vec<u32>> {
+    let mut at: HashMap<u32, Vec<usize>> = HashMap::new();
+    for (k, edge) in edges.iter().enumerate() {
+        for point in edge {
+            at.entry(*point).or_default().push(k);
+        }
+    }
+    let mut used = vec![false; edges.len()];
+    let mut lines = Vec::new();
+    // Open ends and branches first, then what is left: closed loops.
+    let ends = (0..edges.len()).filter(|&k| edges[k].iter().any(|point| at[point].len() != 2));
+    for start in ends.chain(0..edges.len()).collect::<Vec<_>>() {
+        if used[start] {
+            continue;
+        }
+        let [a, b] = edges[start];
+        let (mut line, mut next) =
+            if at[&b].len() == 2 || at[&a].len() != 2 { (vec![a, b], b) } else { (vec![b, a], a) };
+        used[start] = true;
+        while let Some(&k) = at[&next].iter().find(|&&k| at[&next].len() == 2 && !used[k]) {
+            used[k] = true;
+            next = if edges[k][0] == next { edges[k][1] } else { edges[k][0] };
+            line.push(next);
+        }
+        lines.push(line);
+    }
+    lines
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cube() -> (Vec<Vector3<f64>>, Vec<[u32; 4]>) {
+        let points = (0..8).map(|k| Vector3::new((k & 1) as f64, (k >> 1 & 1) as f64, (k >> 2) as f64)).collect();
+        let elements = vec![[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 6, 4, 7], [0, 4, 5, 7], [0, 5, 1, 7]];
+        (points, elements)
+    }
+
+    #[test]
+    fn the_skin_of_a_cube_is_closed_and_faces_outward() {
+        let (points, elements) = cube();
+        let skin = Skin::of(&elements);
+        assert_eq!((skin.faces.len(), skin.edges.len()), (12, 18));
+        let mut total = Vector3::zeros();
+        for face in &skin.faces {
+            let normal = normal(face, &points);
+            let middle = face.points.iter().map(|&p| points[p as usize]).sum::<Vector3<f64>>() / 3.0;
+            assert!(normal.dot(&(middle - Vector3::repeat(0.5))) > 0.0);
+            total += normal;
+        }
+        assert!(total.norm() < 1e-15);
+    }
+
+    #[test]
+    fn edges_become_few_lines() {
+        let mut closed = lines(&[[2, 3], [0, 1], [3, 0], [1, 2]]);
+        assert_eq!((closed.len(), closed[0].len()), (1, 5));
+        closed[0].dedup();
+        assert_eq!(closed[0].first(), closed[0].last());
+        let branched = lines(&[[0, 1], [1, 2], [2, 3], [2, 4]]);
+        assert_eq!(branched.iter().map(Vec::len).sum::<usize>(), 4 + branched.len());
+        assert_eq!(branched.len(), 3);
+        assert!(lines(&[]).is_empty());
+    }
+}

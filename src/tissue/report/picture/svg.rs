@@ -1,0 +1,120 @@
+//! A small writer of SVG: what the picture needs, in few bytes.
+
+use std::fmt::Write;
+
+use crate::tissue::report::units::escape;
+
+/// Where a text stands relative to its place.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Anchor {
+    Start,
+    Middle,
+    End,
+}
+
+/// An SVG document that grows.
+#[derive(Debug)]
+pub(super) struct Svg {
+    text: String,
+}
+
+// Writing to a String cannot fail: the results of `write!` carry nothing.
+impl Svg {
+    /// Begins a document. `label` says in words what it shows.
+    pub(super) fn new(width: f64, height: f64, label: &str) -> Self {
+        let (w, h, label) = (number(width), number(height), escape(label));
+        let text = format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{w}\" height=\"{h}\" viewBox=\"0 0 {w} {h}\" role=\"img\" \
+             aria-label=\"{label}\" font-family=\"system-ui, -apple-system, 'Segoe UI', 'Helvetica Neue', Arial, sans-serif\">\n\
+             <rect width=\"{w}\" height=\"{h}\" fill=\"#fff\"/>\n"
+        );
+        Self { text }
+    }
+
+    /// A group whose members share these attributes; ends with [`close`](Self::close).
+    pub(super) fn open(&mut self, attributes: &str) {
+        let _ = writeln!(self.text, "<g {attributes}>");
+    }
+
+    pub(super) fn close(&mut self) {
+        self.text.push_str("</g>\n");
+    }
+
+    /// A line through points, closed to a polygon where `closed`.
+    pub(super) fn path(&mut self, points: &[[f64; 2]], closed: bool, attributes: &str) {
+        let place = |[x, y]: [f64; 2]| format!("{} {}", number(x), number(y));
+        let places: Vec<String> = points.iter().copied().map(place).collect();
+        let end = if closed { "z" } else { "" };
+        let space = if attributes.is_empty() { "" } else { " " };
+        let _ = writeln!(self.text, "<path d=\"M{}{end}\"{space}{attributes}/>", places.join("L"));
+    }
+
+    /// Many separate lines in one path.
+    pub(super) fn segments(&mut self, segments: &[[[f64; 2]; 2]], attributes: &str) {
+        if segments.is_empty() {
+            return;
+        }
+        let mut data = String::with_capacity(24 * segments.len());
+        for [[ax, ay], [bx, by]] in segments {
+            let _ = write!(data, "M{} {}L{} {}", number(*ax), number(*ay), number(*bx), number(*by));
+        }
+        let _ = writeln!(self.text, "<path d=\"{data}\" {attributes}/>");
+    }
+
+    pub(super) fn rectangle(&mut self, [x, y, width, height]: [f64; 4], attributes: &str) {
+        let (x, y, width, height) = (number(x), number(y), number(width), number(height));
+        let _ = writeln!(self.text, "<rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" {attributes}/>");
+    }
+
+    /// A line of text whose baseline goes through the place.
+    pub(super) fn words(&mut self, [x, y]: [f64; 2], size: f64, anchor: Anchor, attributes: &str, words: &str) {
+        let anchor = match anchor {
+            Anchor::Start => "",
+            Anchor::Middle => " text-anchor=\"middle\"",
+            Anchor::End => " text-anchor=\"end\"",
+        };
+        let (x, y, size, words) = (number(x), number(y), number(size), escape(words));
+        let _ =
+            writeln!(self.text, "<text x=\"{x}\" y=\"{y}\" font-size=\"{size}\"{anchor} {attributes}>{words}</text>");
+    }
+
+    pub(super) fn finish(mut self) -> String {
+        self.text.push_str("</svg>\n");
+        self.text
+    }
+}
+
+/// A color in the notation of SVG, short where that is exact.
+pub(super) fn hex([r, g, b]: [u8; 3]) -> String {
+    if [r, g, b].iter().all(|part| part % 17 == 0) {
+        format!("#{:x}{:x}{:x}", r / 17, g / 17, b / 17)
+    } else {
+        format!("#{r:02x}{g:02x}{b:02x}")
+    }
+}
+
+/// A tenth of a pixel is enough.
+fn number(value: f64) -> String {
+    let text = format!("{value:.1}");
+    let text = text.strip_suffix(".0").unwrap_or(&text);
+    if text == "-0" { "0".into() } else { text.into() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_and_colors_are_short() {
+        assert_eq!([number(12.04), number(-0.01), number(3.26)], ["12", "0", "3.3"]);
+        assert_eq!([hex([255, 0, 17]), hex([254, 0, 17])], ["#f01", "#fe0011"]);
+    }
+
+    #[test]
+    fn words_cannot_break_out() {
+        let mut svg = Svg::new(10.0, 10.0, "\"><script>");
+        svg.words([0.0, 0.0], 9.0, Anchor::End, "", "a<b");
+        let text = svg.finish();
+        assert!(!text.contains("<script") && text.contains("a&lt;b"));
+    }
+}

@@ -1,0 +1,117 @@
+//! Where the eye is: an orthographic view of the body, its longest axis across the page, a little from above.
+
+use nalgebra::Vector3;
+
+/// Turn around the vertical axis of the page.
+const TURN: f64 = 0.30;
+/// Lift of the eye over the horizon.
+const LIFT: f64 = 0.50;
+
+/// The directions of the page in the space of the body.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct View {
+    /// To the right.
+    pub(super) right: Vector3<f64>,
+    /// Up.
+    pub(super) up: Vector3<f64>,
+    /// Out of the page, towards the eye.
+    pub(super) toward: Vector3<f64>,
+}
+
+impl View {
+    /// The view for a body with a bounding box of these edges, or along `axis` (0, 1, 2) where one is chosen: the
+    /// longest edge lies across the page, and the eye looks along the axis or along the shortest edge.
+    pub(super) fn of(edges: Vector3<f64>, axis: Option<usize>) -> Self {
+        // Edges that differ by less than a tenth count as equal: a cube keeps its view while it is pulled.
+        let mut order = [0, 1, 2];
+        order.sort_by(|&a, &b| {
+            let (a, b) = (edges[a], edges[b]);
+            if (a - b).abs() <= 0.1 * a.max(b) { std::cmp::Ordering::Equal } else { b.total_cmp(&a) }
+        });
+        if let Some(axis) = axis {
+            order.sort_by_key(|&other| other == axis);
+        }
+        let unit = |axis: usize| Vector3::from_fn(|k, _| if k == axis { 1.0 } else { 0.0 });
+        let (across, upward) = (unit(order[0]), unit(order[1]));
+        let outward = across.cross(&upward);
+        let (sin, cos) = TURN.sin_cos();
+        let right = across * cos - outward * sin;
+        let level = across * sin + outward * cos;
+        let (sin, cos) = LIFT.sin_cos();
+        let toward = level * cos + upward * sin;
+        Self { right, up: toward.cross(&right), toward }
+    }
+
+    /// Across, up (both on the page) and depth (towards the eye) of a point of space.
+    pub(super) fn project(&self, point: &Vector3<f64>) -> [f64; 3] {
+        [self.right.dot(point), self.up.dot(point), self.toward.dot(point)]
+    }
+
+    /// How bright a face with this normal is, up to 1: the light comes from above, over the left shoulder.
+    pub(super) fn light(&self, normal: &Vector3<f64>) -> f64 {
+        let source = (self.toward * 0.75 + self.up * 0.65 - self.right * 0.25).normalize();
+        let cosine = normal.try_normalize(0.0).map_or(1.0, |normal| normal.dot(&source).max(0.0));
+        0.66 + 0.34 * cosine
+    }
+}
+
+/// The place on the page: metres to pixels, with y downwards.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Frame {
+    /// Pixels a metre.
+    pub(super) scale: f64,
+    offset: [f64; 2],
+}
+
+impl Frame {
+    /// Fits projected points into a rectangle (left, top, width, height), centered.
+    pub(super) fn fit(points: impl Iterator<Item = [f64; 3]>, [left, top, width, height]: [f64; 4]) -> Self {
+        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        for point in points {
+            for k in 0..2 {
+                low[k] = low[k].min(point[k]);
+                high[k] = high[k].max(point[k]);
+            }
+        }
+        let span = [high[0] - low[0], high[1] - low[1]];
+        let scale = (width / span[0]).min(height / span[1]);
+        let scale = if scale.is_finite() && scale > 0.0 { scale } else { 1.0 };
+        let middle = [(low[0] + high[0]) / 2.0, (low[1] + high[1]) / 2.0];
+        let offset = [left + width / 2.0 - scale * middle[0], top + height / 2.0 + scale * middle[1]];
+        Self { scale, offset }
+    }
+
+    /// Pixels of a projected point.
+    pub(super) fn place(&self, [across, up, _]: [f64; 3]) -> [f64; 2] {
+        [self.offset[0] + self.scale * across, self.offset[1] - self.scale * up]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_page_is_right_handed_and_the_longest_edge_lies_across() {
+        for (edges, axis) in [([5.0, 1.0, 0.2], None), ([0.2, 1.0, 5.0], None), ([1.0, 1.0, 1.0], Some(1))] {
+            let view = View::of(edges.into(), axis);
+            assert!((view.right.cross(&view.up) - view.toward).norm() < 1e-15);
+            let longest = (0..3).max_by(|&a, &b| f64::total_cmp(&edges[a], &edges[b])).unwrap();
+            if axis.is_none() {
+                assert!(view.right[longest] > 0.9);
+            }
+            assert!(view.up.iter().any(|&part| part > 0.8) && view.toward.iter().any(|part| part.abs() > 0.8));
+        }
+    }
+
+    #[test]
+    fn what_is_drawn_fits() {
+        let points = [[-2.0, 0.0, 9.0], [3.0, 1.0, -9.0], [0.0, 7.0, 0.0]];
+        let frame = Frame::fit(points.into_iter(), [10.0, 20.0, 100.0, 50.0]);
+        for [x, y] in points.map(|point| frame.place(point)) {
+            assert!((10.0..=110.0).contains(&x) && (20.0 - 1e-9..=70.0 + 1e-9).contains(&y));
+        }
+        let flat = Frame::fit([[1.0; 3]].into_iter(), [0.0, 0.0, 10.0, 10.0]);
+        assert_eq!(flat.place([1.0; 3]), [5.0, 5.0]);
+    }
+}

@@ -1,0 +1,177 @@
+//! Fields on a mesh of tetrahedra, as a VTK file (`.vtu`) that ParaView, python-vtk and meshio open.
+//!
+//! Numbers are stored as they are in memory (64 bits, little endian, base64 inside XML), so that what is read back is
+//! bitwise what was written. Tensors carry all nine components, row-major.
+
+use std::path::Path;
+
+use vtkio::model::{
+    Attribute, Attributes, ByteOrder, CellType, Cells, DataArray, DataSet, UnstructuredGridPiece, Version,
+    VertexNumbers, Vtk,
+};
+
+use super::ResultsError;
+pub use super::fields_read::read_vtu;
+use super::replace::replace;
+
+/// A mesh and its fields, borrowed for writing. Names are unique among the fields of points and among those of cells.
+#[derive(Clone, Debug, Default)]
+pub struct FieldSet<'a> {
+    /// Reference positions, m.
+    pub points: &'a [[f64; 3]],
+    /// Four points an element, from 0, in VTK's order (the determinant of the edges from the first point is positive).
+    pub elements: &'a [[u32; 4]],
+    /// Vectors at the points.
+    pub point_vectors: Vec<(&'a str, &'a [[f64; 3]])>,
+    /// Numbers in the elements.
+    pub cell_scalars: Vec<(&'a str, &'a [f64])>,
+    /// Whole numbers in the elements.
+    pub cell_integers: Vec<(&'a str, &'a [i64])>,
+    /// Vectors in the elements.
+    pub cell_vectors: Vec<(&'a str, &'a [[f64; 3]])>,
+    /// Tensors in the elements, row-major.
+    pub cell_tensors: Vec<(&'a str, &'a [[f64; 9]])>,
+}
+
+/// A mesh and its fields, read from a file: [`FieldSet`] with its own memory.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Fields {
+    /// Reference positions, m.
+    pub points: Vec<[f64; 3]>,
+    /// Four points an element, each below the number of points.
+    pub elements: Vec<[u32; 4]>,
+    /// Vectors at the points.
+    pub point_vectors: Vec<(String, Vec<[f64; 3]>)>,
+    /// Numbers in the elements.
+    pub cell_scalars: Vec<(String, Vec<f64>)>,
+    /// Whole numbers in the elements.
+    pub cell_integers: Vec<(String, Vec<i64>)>,
+    /// Vectors in the elements.
+    pub cell_vectors: Vec<(String, Vec<[f64; 3]>)>,
+    /// Tensors in the elements, row-major.
+    pub cell_tensors: Vec<(String, Vec<[f64; 9]>)>,
+}
+
+impl Fields {
+    /// The vectors at the points under this name.
+    #[must_use]
+    pub fn point_vector(&self, name: &str) -> Option<&[[f64; 3]]> {
+        named(&self.point_vectors, name)
+    }
+
+    /// The numbers in the elements under this name.
+    #[must_use]
+    pub fn cell_scalar(&self, name: &str) -> Option<&[f64]> {
+        named(&self.cell_scalars, name)
+    }
+
+    /// The whole numbers in the elements under this name.
+    #[must_use]
+    pub fn cell_integer(&self, name: &str) -> Option<&[i64]> {
+        named(&self.cell_integers, name)
+    }
+
+    /// The vectors in the elements under this name.
+    #[must_use]
+    pub fn cell_vector(&self, name: &str) -> Option<&[[f64; 3]]> {
+        named(&self.cell_vectors, name)
+    }
+
+    /// The tensors in the elements under this name, row-major.
+    #[must_use]
+    pub fn cell_tensor(&self, name: &str) -> Option<&[[f64; 9]]> {
+        named(&self.cell_tensors, name)
+    }
+}
+
+fn named<'a, T>(fields: &'a [(String, Vec<T>)], name: &str) -> Option<&'a [T]> {
+    fields.iter().find(|(other, _)| other == name).map(|(_, values)| values.as_slice())
+}
+
+/// Writes a mesh and its fields to `path`, which should end in `.vtu`. A file that is there already stays whole until
+/// the new one is.
+///
+/// # Errors
+/// [`ResultsError::Length`] or [`ResultsError::ElementNode`] where the fields do not fit the mesh (nothing is written),
+/// [`ResultsError::Write`] where the disk refuses.
+pub fn write_vtu(path: &Path, fields: &FieldSet) -> Result<(), ResultsError> {
+    check(path, fields)?;
+    let encode = |source| ResultsError::Encode { path: path.into(), source };
+    let mut bytes = Vec::new();
+    vtk(fields).write_xml(&mut bytes).map_err(encode)?;
+    for array in ["connectivity", "offsets"] {
+        sign(&mut bytes, array);
+    }
+    replace(path, &bytes)
+}
+
+/// Declares an array of the cells signed, as VTK's own files have it: the bits are the same, but numpy, and with it
+/// meshio, turns a difference of unsigned and signed numbers into floating-point ones.
+fn sign(bytes: &mut Vec<u8>, array: &str) {
+    let (unsigned, signed) = (format!("type=\"UInt64\" Name=\"{array}\""), format!("type=\"Int64\" Name=\"{array}\""));
+    if let Some(at) = bytes.windows(unsigned.len()).position(|window| window == unsigned.as_bytes()) {
+        bytes.splice(at..at + unsigned.len(), signed.into_bytes());
+    }
+}
+
+/// Every field has one value a point or an element, and every element names points that exist.
+fn check(path: &Path, fields: &FieldSet) -> Result<(), ResultsError> {
+    let (points, elements) = (fields.points.len(), fields.elements.len());
+    let lengths = (fields.point_vectors.iter().map(|(name, values)| (*name, values.len(), points)))
+        .chain(fields.cell_scalars.iter().map(|(name, values)| (*name, values.len(), elements)))
+        .chain(fields.cell_integers.iter().map(|(name, values)| (*name, values.len(), elements)))
+        .chain(fields.cell_vectors.iter().map(|(name, values)| (*name, values.len(), elements)))
+        .chain(fields.cell_tensors.iter().map(|(name, values)| (*name, values.len(), elements)));
+    for (name, found, expected) in lengths {
+        if found != expected {
+            return Err(ResultsError::Length { path: path.into(), name: name.into(), found, expected });
+        }
+    }
+    for (element, nodes) in fields.elements.iter().enumerate() {
+        if let Some(&node) = nodes.iter().find(|&&node| node as usize >= points) {
+            return Err(ResultsError::ElementNode { path: path.into(), element, node: node.into(), nodes: points });
+        }
+    }
+    Ok(())
+}
+
+fn vtk(fields: &FieldSet) -> Vtk {
+    let elements = fields.elements.len();
+    let point = fields.point_vectors.iter().map(|(name, values)| vectors(name, values)).collect();
+    let scalars = fields.cell_scalars.iter().map(|(name, values)| array(DataArray::new(*name, 1), values.to_vec()));
+    let integers = fields.cell_integers.iter().map(|(name, values)| array(DataArray::new(*name, 1), values.to_vec()));
+    let tensors = fields
+        .cell_tensors
+        .iter()
+        .map(|(name, values)| array(DataArray::tensors(*name), values.as_flattened().to_vec()));
+    let cell = scalars
+        .chain(integers)
+        .chain(fields.cell_vectors.iter().map(|(name, values)| vectors(name, values)))
+        .chain(tensors)
+        .collect();
+    Vtk {
+        version: Version::XML { major: 1, minor: 0 },
+        title: String::new(),
+        byte_order: ByteOrder::LittleEndian,
+        file_path: None,
+        data: DataSet::inline(UnstructuredGridPiece {
+            points: fields.points.as_flattened().to_vec().into(),
+            cells: Cells {
+                cell_verts: VertexNumbers::XML {
+                    connectivity: fields.elements.as_flattened().iter().map(|&node| node.into()).collect(),
+                    offsets: (1..=elements as u64).map(|element| 4 * element).collect(),
+                },
+                types: vec![CellType::Tetra; elements],
+            },
+            data: Attributes { point, cell },
+        }),
+    }
+}
+
+fn vectors(name: &str, values: &[[f64; 3]]) -> Attribute {
+    array(DataArray::vectors(name), values.as_flattened().to_vec())
+}
+
+fn array<T: num_traits::ToPrimitive + 'static>(head: DataArray, values: Vec<T>) -> Attribute {
+    Attribute::DataArray(head.with_vec(values))
+}

@@ -1,0 +1,70 @@
+"""Reads a .vtu file as other programs do and prints every number, bit for bit.
+
+usage: read_vtu.py FILE
+
+One line an array: READER ASSOCIATION NAME COMPONENTS VALUES, where READER is meshio or vtk and VALUES are hexadecimal,
+the 64 bits of a floating-point number or of an integer. Exit code 3 where neither reader is installed.
+"""
+
+import struct
+import sys
+
+
+def show(reader, association, name, components, values):
+    bits = []
+    for value in values:
+        kind = "<d" if isinstance(value, float) else "<q"
+        bits.append(struct.pack(kind, value).hex())
+    print(reader, association, name, components, " ".join(bits))
+
+
+def with_meshio(path):
+    import meshio
+
+    mesh = meshio.read(path)
+    show("meshio", "mesh", "points", 3, mesh.points.reshape(-1).tolist())
+    cells = mesh.cells_dict["tetra"]
+    show("meshio", "mesh", "elements", 4, cells.reshape(-1).tolist())
+    for name, array in mesh.point_data.items():
+        show("meshio", "point", name, array.size // len(mesh.points), array.reshape(-1).tolist())
+    for name, blocks in mesh.cell_data.items():
+        array = blocks[0]
+        show("meshio", "cell", name, array.size // len(cells), array.reshape(-1).tolist())
+
+
+def with_vtk(path):
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
+
+    reader = vtkXMLUnstructuredGridReader()
+    reader.SetFileName(path)
+    reader.Update()
+    grid = reader.GetOutput()
+    show("vtk", "mesh", "points", 3, vtk_to_numpy(grid.GetPoints().GetData()).reshape(-1).tolist())
+    elements = []
+    for cell in range(grid.GetNumberOfCells()):
+        points = grid.GetCell(cell).GetPointIds()
+        elements += [points.GetId(k) for k in range(points.GetNumberOfIds())]
+    show("vtk", "mesh", "elements", 4, elements)
+    for association, data in (("point", grid.GetPointData()), ("cell", grid.GetCellData())):
+        for k in range(data.GetNumberOfArrays()):
+            array = data.GetArray(k)
+            values = vtk_to_numpy(array).reshape(-1).tolist()
+            show("vtk", association, array.GetName(), array.GetNumberOfComponents(), values)
+
+
+def main():
+    path = sys.argv[1]
+    done = 0
+    for name, read in (("meshio", with_meshio), ("vtk", with_vtk)):
+        try:
+            __import__(name if name == "meshio" else "vtkmodules")
+        except ImportError:
+            print(f"{name} is not installed", file=sys.stderr)
+            continue
+        read(path)
+        done += 1
+    sys.exit(0 if done else 3)
+
+
+main()

@@ -1,0 +1,176 @@
+//! A result directory as a picture and as a page, through the library and through the program.
+
+#![cfg(feature = "app")]
+
+mod fabricated;
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+use biotissue::tissue::report::picture::{PictureOptions, draw};
+use biotissue::tissue::report::{ReportError, page};
+use biotissue::tissue::results::{Collection, FieldSet, write_vtu};
+
+const CELLS: [usize; 3] = [46, 8, 1];
+
+fn results() -> tempfile::TempDir {
+    let dir = tempfile::tempdir().unwrap();
+    fabricated::write(dir.path(), CELLS);
+    dir
+}
+
+fn run(arguments: &[&str], dir: &Path) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_biotissue")).args(arguments).current_dir(dir).output().unwrap()
+}
+
+/// Every element is opened and closed in order, attributes included: what a browser demands of XML.
+fn assert_well_formed(svg: &str) {
+    let mut reader = quick_xml::Reader::from_str(svg);
+    let mut depth = 0;
+    loop {
+        match reader.read_event().unwrap() {
+            quick_xml::events::Event::Start(tag) => {
+                tag.attributes().for_each(|attribute| drop(attribute.unwrap()));
+                depth += 1;
+            }
+            quick_xml::events::Event::Empty(tag) => tag.attributes().for_each(|attribute| drop(attribute.unwrap())),
+            quick_xml::events::Event::End(_) => depth -= 1,
+            quick_xml::events::Event::Eof => break,
+            _ => {}
+        }
+    }
+    assert_eq!(depth, 0);
+}
+
+#[test]
+fn the_picture_shows_the_body_its_fibers_and_what_they_mean() {
+    let dir = results();
+    let svg = draw(dir.path(), &PictureOptions::default()).unwrap();
+    assert_well_formed(&svg);
+    assert!(svg.len() < 600_000, "{} bytes", svg.len());
+    for words in
+        ["Dogbone in tension", "step 10", "extension 25.0\u{a0}%", "von Mises stress in kPa", "undeformed", "mm"]
+    {
+        assert!(svg.contains(words), "{words}");
+    }
+    // The faces that the eye sees: those of the top and of one long side, at least, and not those behind.
+    let [nx, ny, _] = CELLS;
+    let faces = svg.matches("z\" fill=").count();
+    assert!(faces >= 2 * nx * ny && faces < 4 * nx * ny, "{faces} faces");
+    assert_eq!(svg, draw(dir.path(), &PictureOptions::default()).unwrap(), "the same results give the same picture");
+}
+
+#[test]
+fn a_step_and_a_field_can_be_chosen() {
+    let dir = results();
+    let options = PictureOptions { step: Some(4), field: Some("network".into()), ..PictureOptions::default() };
+    let svg = draw(dir.path(), &options).unwrap();
+    assert!(svg.contains("step 4") && svg.contains("extension 10.0\u{a0}%") && svg.contains(">network<"));
+    let lacking = PictureOptions { step: Some(11), ..PictureOptions::default() };
+    let error = draw(dir.path(), &lacking).unwrap_err();
+    assert!(matches!(&error, ReportError::NoStep { step: 11, available } if available.len() == 10), "{error}");
+    let lacking = PictureOptions { field: Some("stress".into()), ..PictureOptions::default() };
+    let error = draw(dir.path(), &lacking).unwrap_err().to_string();
+    assert!(error.contains("`stress`") && error.contains("von_mises_stress, fiber_alignment, network"), "{error}");
+}
+
+#[test]
+fn a_mesh_without_fields_is_drawn_plain() {
+    let dir = tempfile::tempdir().unwrap();
+    let bar = fabricated::Bar::new([2, 2, 2]);
+    let bare = FieldSet { points: &bar.points, elements: &bar.elements, ..FieldSet::default() };
+    write_vtu(&dir.path().join("mesh.vtu"), &bare).unwrap();
+    Collection::new(dir.path()).add(0.0, "mesh.vtu").unwrap();
+    let svg = draw(dir.path(), &PictureOptions::default()).unwrap();
+    assert_well_formed(&svg);
+    assert!(!svg.contains("fiber") && !svg.contains("step "));
+    assert!(page::page(dir.path(), &PictureOptions::default()).unwrap().contains("<dt>elements</dt><dd>48</dd>"));
+}
+
+#[test]
+fn the_page_is_complete_and_self_contained() {
+    let dir = results();
+    let html = page::page(dir.path(), &PictureOptions::default()).unwrap();
+    for words in [
+        "<h1>Dogbone in tension</h1>",
+        "Converged: 10 load increments in 2\u{a0}min 07\u{a0}s",
+        "Macro-scale body extension and Newton iterations per load increment",
+        "Force on the body through each loaded surface against its extension",
+        "Wall time by phase",
+        "Micro-scale Newton iterations",
+        "element 17: det F = -0.2 &lt;= 0",
+        "force x on right, N",
+    ] {
+        assert!(html.contains(words), "{words}");
+    }
+    assert!(!html.contains("force x on sides"), "a surface without load has no column");
+    assert_eq!(html.matches("<svg ").count(), 6);
+    assert_eq!(html.matches("<tr>").count(), 1 + 10 + 1 + 1);
+    let outside = html.replace("http://www.w3.org/2000/svg", "");
+    for link in ["http:", "https:", "url(", "<script", "<link", "@import", " src="] {
+        assert!(!outside.contains(link), "{link}");
+    }
+}
+
+#[test]
+fn missing_parts_are_left_out() {
+    let pictures = |dir: &Path| page::page(dir, &PictureOptions::default()).unwrap().matches("<svg ").count();
+    let dir = results();
+    fs::remove_file(dir.path().join("fields.pvd")).unwrap();
+    assert_eq!(pictures(dir.path()), 5);
+    let html = page::page(dir.path(), &PictureOptions::default()).unwrap();
+    assert!(html.contains("elongation in mm"), "without a mesh the length of the body is not known");
+    fs::remove_file(dir.path().join("log.jsonl")).unwrap();
+    assert_eq!(pictures(dir.path()), 2);
+    let dir = results();
+    fs::remove_file(dir.path().join("loads.csv")).unwrap();
+    assert_eq!(pictures(dir.path()), 5);
+    let log = fs::read_to_string(dir.path().join("log.jsonl")).unwrap();
+    let first = log.lines().next().unwrap();
+    fs::write(dir.path().join("log.jsonl"), format!("{first}\n")).unwrap();
+    let html = page::page(dir.path(), &PictureOptions::default()).unwrap();
+    assert!(html.contains("0 load increments so far") && !html.contains("<table>"));
+}
+
+#[test]
+fn the_program_writes_page_and_picture() {
+    let dir = results();
+    let done = run(&["report", "."], dir.path());
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    assert!(dir.path().join("report.html").is_file());
+    let done = run(&["report", ".", "--picture", "a.svg", "--step", "3", "--field", "fiber_alignment"], dir.path());
+    assert_eq!((done.status.code(), done.stdout.as_slice()), (Some(0), &b"a.svg\n"[..]));
+    assert!(fs::read_to_string(dir.path().join("a.svg")).unwrap().contains("step 3"));
+}
+
+#[test]
+fn what_cannot_be_reported_is_said_clearly() {
+    let dir = tempfile::tempdir().unwrap();
+    for (arguments, words) in
+        [(&["report", "."][..], "is no result directory"), (&["report", "nowhere"], "there is no such directory")]
+    {
+        let failed = run(arguments, dir.path());
+        let message = String::from_utf8_lossy(&failed.stderr);
+        assert_eq!(failed.status.code(), Some(2), "{message}");
+        assert!(message.contains(words) && message.contains("expected:") && message.contains("cure:"), "{message}");
+    }
+    let dir = results();
+    assert_eq!(run(&["report", ".", "--step", "99"], dir.path()).status.code(), Some(2));
+    assert_eq!(run(&["report", ".", "-o", "no/such/folder.html"], dir.path()).status.code(), Some(4));
+    fs::write(dir.path().join("fields-00010.vtu"), "<VTKFile>").unwrap();
+    let failed = run(&["report", "."], dir.path());
+    assert_eq!(failed.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&failed.stderr).contains("fields-00010.vtu"));
+}
+
+#[test]
+fn names_cannot_break_out_of_page_or_picture() {
+    let dir = results();
+    let log = dir.path().join("log.jsonl");
+    let text = fs::read_to_string(&log).unwrap().replace("Dogbone in tension", "<script>alert(1)</script> & \\\"x\\\"");
+    fs::write(&log, text).unwrap();
+    let html = page::page(dir.path(), &PictureOptions::default()).unwrap();
+    assert!(!html.contains("<script") && html.contains("&lt;script&gt;"));
+    assert_well_formed(&draw(dir.path(), &PictureOptions::default()).unwrap());
+}

@@ -1,0 +1,284 @@
+//! What a run writes is what others read: field files by python-vtk and meshio, everything by this crate.
+
+#![cfg(feature = "app")]
+
+use std::path::Path;
+use std::process::Command;
+
+use biotissue::tissue::results::collection::field_file;
+use biotissue::tissue::results::log::{self, Cut, End, NewtonLog, RveLog, Start, Step};
+use biotissue::tissue::results::{
+    Collection, Event, FieldSet, Fields, Loads, LoadsWriter, LogWriter, ResultsError, SurfaceRow, read_vtu, write_vtu,
+};
+
+/// Two tetrahedra with numbers that only survive bit for bit: no short decimals, the extremes, both zeros.
+struct Sample {
+    points: Vec<[f64; 3]>,
+    elements: Vec<[u32; 4]>,
+    displacement: Vec<[f64; 3]>,
+    energy: Vec<f64>,
+    network: Vec<i64>,
+    direction: Vec<[f64; 3]>,
+    stress: Vec<[f64; 9]>,
+}
+
+impl Sample {
+    fn new() -> Self {
+        let third = 1.0 / 3.0;
+        Self {
+            points: vec![[0.0, -0.0, 0.0], [third, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 1e-300], [0.7, 0.7, 0.7]],
+            elements: vec![[0, 1, 2, 3], [1, 2, 3, 4]],
+            displacement: (0..5).map(|k| [f64::from(k) * third, -f64::MIN_POSITIVE, 1e17 + f64::from(k)]).collect(),
+            energy: vec![f64::EPSILON, f64::MAX],
+            network: vec![-1, i64::MAX],
+            direction: vec![[third, 2.0 * third, 2.0 * third], [0.0; 3]],
+            stress: (0..2).map(|k| std::array::from_fn(|c| f64::from(10 * k + c as i32) / 7.0)).collect(),
+        }
+    }
+
+    fn fields(&self) -> FieldSet<'_> {
+        FieldSet {
+            points: &self.points,
+            elements: &self.elements,
+            point_vectors: vec![("displacement", &self.displacement)],
+            cell_scalars: vec![("energy_density", &self.energy)],
+            cell_integers: vec![("network", &self.network)],
+            cell_vectors: vec![("fiber_direction", &self.direction)],
+            cell_tensors: vec![("cauchy_stress", &self.stress)],
+        }
+    }
+
+    /// The lines that `read_vtu.py` must print for one reader.
+    fn lines(&self, reader: &str) -> Vec<String> {
+        let real = |values: &[f64]| values.iter().map(|v| hex(v.to_le_bytes())).collect::<Vec<_>>().join(" ");
+        let whole = |values: &[i64]| values.iter().map(|v| hex(v.to_le_bytes())).collect::<Vec<_>>().join(" ");
+        let elements: Vec<i64> = self.elements.as_flattened().iter().map(|&node| node.into()).collect();
+        vec![
+            format!("{reader} mesh points 3 {}", real(self.points.as_flattened())),
+            format!("{reader} mesh elements 4 {}", whole(&elements)),
+            format!("{reader} point displacement 3 {}", real(self.displacement.as_flattened())),
+            format!("{reader} cell energy_density 1 {}", real(&self.energy)),
+            format!("{reader} cell network 1 {}", whole(&self.network)),
+            format!("{reader} cell fiber_direction 3 {}", real(self.direction.as_flattened())),
+            format!("{reader} cell cauchy_stress 9 {}", real(self.stress.as_flattened())),
+        ]
+    }
+}
+
+fn hex(bytes: [u8; 8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+#[test]
+fn python_reads_every_number_of_a_field_file() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("fields-00001.vtu");
+    let sample = Sample::new();
+    write_vtu(&path, &sample.fields()).unwrap();
+
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/read_vtu.py");
+    let required = std::env::var("BIOTISSUE_REQUIRE_PYTHON").is_ok_and(|value| value == "1");
+    let output = match Command::new("python3").arg(script).arg(&path).output() {
+        Ok(output) if output.status.code() != Some(3) => output,
+        missing if required => panic!("python3 with meshio or vtk is required: {missing:?}"),
+        _ => return println!("skipped: python3 with meshio or vtk is not installed"),
+    };
+    let complaints = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{complaints}");
+    let read = String::from_utf8(output.stdout).unwrap();
+    let mut readers = 0;
+    for reader in ["meshio", "vtk"] {
+        let mut found: Vec<&str> = read.lines().filter(|line| line.split(' ').next() == Some(reader)).collect();
+        if found.is_empty() {
+            println!("skipped: {reader} is not installed");
+            continue;
+        }
+        readers += 1;
+        let mut expected = sample.lines(reader);
+        found.sort_unstable();
+        expected.sort_unstable();
+        assert_eq!(found, expected, "{complaints}");
+    }
+    assert!(readers > 0, "{read}{complaints}");
+}
+
+#[test]
+fn fields_are_read_back_bit_for_bit() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("fields-00001.vtu");
+    let sample = Sample::new();
+    write_vtu(&path, &sample.fields()).unwrap();
+    let read = read_vtu(&path).unwrap();
+    let expected = Fields {
+        points: sample.points.clone(),
+        elements: sample.elements.clone(),
+        point_vectors: vec![("displacement".into(), sample.displacement.clone())],
+        cell_scalars: vec![("energy_density".into(), sample.energy.clone())],
+        cell_integers: vec![("network".into(), sample.network.clone())],
+        cell_vectors: vec![("fiber_direction".into(), sample.direction.clone())],
+        cell_tensors: vec![("cauchy_stress".into(), sample.stress.clone())],
+    };
+    assert_eq!(read, expected);
+    assert!(read.points[0][1].is_sign_negative());
+    assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1, "no temporary file stays");
+}
+
+#[test]
+fn fields_that_do_not_fit_the_mesh_are_refused_before_anything_is_written() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("fields.vtu");
+    let sample = Sample::new();
+    let short = FieldSet { cell_scalars: vec![("energy_density", &sample.energy[..1])], ..sample.fields() };
+    let error = write_vtu(&path, &short).unwrap_err();
+    assert!(matches!(&error, ResultsError::Length { name, found: 1, expected: 2, .. } if name == "energy_density"));
+    let dangling = FieldSet { elements: &[[0, 1, 2, 3], [0, 1, 2, 5]], ..sample.fields() };
+    let error = write_vtu(&path, &dangling).unwrap_err();
+    assert!(matches!(error, ResultsError::ElementNode { element: 1, node: 5, nodes: 5, .. }), "{error}");
+    assert!(!path.exists());
+}
+
+#[test]
+fn a_damaged_field_file_is_an_error_wherever_it_is_cut() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("fields.vtu");
+    write_vtu(&path, &Sample::new().fields()).unwrap();
+    let whole = std::fs::read(&path).unwrap();
+    let end = whole.windows(10).rposition(|tail| tail == b"</VTKFile>").unwrap();
+    for cut in (0..end).step_by(37) {
+        std::fs::write(&path, &whole[..cut]).unwrap();
+        assert!(read_vtu(&path).is_err(), "cut at {cut} of {}", whole.len());
+    }
+    let text = String::from_utf8(whole).unwrap();
+    let start = text.find("Name=\"types\"").unwrap();
+    let (from, to) = (start + text[start..].find('>').unwrap() + 1, start + text[start..].find('<').unwrap());
+    for array in ["", "AAAA", "AAAAAAAAAA=="] {
+        std::fs::write(&path, format!("{}{array}{}", &text[..from], &text[to..])).unwrap();
+        let error = read_vtu(&path).unwrap_err();
+        assert!(error.to_string().contains("an array is empty"), "{error}");
+    }
+}
+
+#[test]
+fn the_collection_is_whole_after_every_step() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut collection = Collection::new(dir.path());
+    for step in 1..=3 {
+        collection.add(step as f64 / 3.0, &field_file(step)).unwrap();
+        let read = Collection::read(dir.path()).unwrap();
+        assert_eq!(read, collection);
+        assert_eq!(read.entries().last().unwrap().step(), Some(step));
+        assert_eq!(read.entries().last().unwrap().time, step as f64 / 3.0);
+    }
+    collection.add(2.0, "a & \"b\" <c>.vtu").unwrap();
+    assert_eq!(Collection::read(dir.path()).unwrap(), collection);
+    let resumed = Collection::resume(dir.path(), 2.0 / 3.0).unwrap();
+    assert_eq!(resumed.entries().len(), 2);
+
+    let pvd = dir.path().join("fields.pvd");
+    let text = std::fs::read_to_string(&pvd).unwrap();
+    std::fs::write(&pvd, &text[..text.len() / 2]).unwrap();
+    assert!(matches!(Collection::read(dir.path()), Err(ResultsError::Damaged { .. })));
+}
+
+fn loads_row(k: usize) -> ([SurfaceRow; 2], [[f64; 3]; 1], [f64; 1]) {
+    let x = 0.1 * (k as f64 + 1.0);
+    let surface = SurfaceRow { area: x, force: [x.exp(), -x, 1e-300], displacement: [x / 3.0, 0.0, -0.0] };
+    ([surface, SurfaceRow::default()], [[x.sin(), 0.0, 1.0]], [x.sqrt()])
+}
+
+#[test]
+fn loads_are_read_back_exactly_whatever_the_names() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("loads.csv");
+    let surfaces = ["left, \"lower\"", "top.area"];
+    let mut writer = LoadsWriter::create(&path, &surfaces, &["point0"], &["all.fx"]).unwrap();
+    for k in 0..3 {
+        let (surfaces, points, volumes) = loads_row(k);
+        writer.row(k + 1, k as f64 / 3.0, &surfaces, &points, &volumes).unwrap();
+        let read = Loads::read(&path).unwrap();
+        assert_eq!((read.rows.len(), &read.surfaces, &read.points), (k + 1, &surfaces_of(), &vec!["point0".into()]));
+        let row = &read.rows[k];
+        assert_eq!((row.step, row.t), (k + 1, k as f64 / 3.0));
+        assert_eq!((&row.surfaces[..], &row.points[..], &row.volumes[..]), (&surfaces[..], &points[..], &volumes[..]));
+    }
+    let wrong = writer.row(4, 1.0, &[SurfaceRow::default()], &[], &[]).unwrap_err();
+    assert!(matches!(wrong, ResultsError::Length { found: 1, expected: 2, .. }));
+
+    fn surfaces_of() -> Vec<String> {
+        vec!["left, \"lower\"".into(), "top.area".into()]
+    }
+}
+
+#[test]
+fn the_header_of_the_loads_is_the_contract() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("loads.csv");
+    LoadsWriter::create(&path, &["x0"], &["point0"], &["body"]).unwrap();
+    let header = "step,t,x0.area,x0.fx,x0.fy,x0.fz,x0.ux,x0.uy,x0.uz,point0.fx,point0.fy,point0.fz,body.volume\n";
+    assert_eq!(std::fs::read_to_string(&path).unwrap(), header);
+    std::fs::write(&path, header.replace("x0.fz", "x0.fx")).unwrap();
+    assert!(Loads::read(&path).unwrap_err().to_string().contains("loads.csv:1"));
+}
+
+#[test]
+fn interrupted_loads_are_read_and_resumed() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("loads.csv");
+    let names = (["a", "b"], ["point0"], ["body"]);
+    let mut writer = LoadsWriter::create(&path, &names.0, &names.1, &names.2).unwrap();
+    for k in 0..3 {
+        let (surfaces, points, volumes) = loads_row(k);
+        writer.row(k + 1, (k + 1) as f64 / 4.0, &surfaces, &points, &volumes).unwrap();
+    }
+    let whole = std::fs::read_to_string(&path).unwrap();
+    std::fs::write(&path, &whole[..whole.len() - 3]).unwrap();
+    assert_eq!(Loads::read(&path).unwrap().rows.len(), 2, "the last number lacks digits: it must not be believed");
+
+    let mut writer = LoadsWriter::resume(&path, &names.0, &names.1, &names.2, 0.25).unwrap();
+    let (surfaces, points, volumes) = loads_row(7);
+    writer.row(2, 0.5, &surfaces, &points, &volumes).unwrap();
+    let steps: Vec<_> = Loads::read(&path).unwrap().rows.iter().map(|row| (row.step, row.t)).collect();
+    assert_eq!(steps, [(1, 0.25), (2, 0.5)]);
+    assert!(LoadsWriter::resume(&path, &["a"], &names.1, &names.2, 0.25).is_err());
+}
+
+#[test]
+fn the_log_is_read_back_and_survives_an_interruption() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("log.jsonl");
+    let newton = NewtonLog { iterations: 2, residuals: vec![1.0, 0.1, 1e-9], ..NewtonLog::default() };
+    let events = [
+        Event::Start(Start { title: "a \"title\"\nof two lines".into(), rves: 8, ..Start::default() }),
+        Event::Cut(Cut { step: 1, t: 1.0, reason: "diverged".into(), newton: newton.clone() }),
+        Event::Step(Step { step: 1, t: 0.5, cuts: 1, newton: newton.clone(), rve: Some(RveLog::default()) }),
+        Event::Step(Step { step: 1, t: 1.0, cuts: 1, newton, rve: None }),
+        Event::End(End { converged: false, reason: Some("no more cuts".into()), steps: 1, seconds: 0.1 + 0.2 }),
+    ];
+    let mut writer = LogWriter::create(&path).unwrap();
+    for (k, event) in events.iter().enumerate() {
+        writer.write(event).unwrap();
+        assert_eq!(log::read(&path).unwrap(), events[..=k]);
+    }
+    let whole = std::fs::read_to_string(&path).unwrap();
+    assert!(whole.lines().all(|line| line.starts_with("{\"event\":\"")));
+
+    std::fs::write(&path, format!("{}{{\"event\":\"later\",\"x\":1}}\n{{\"event\":\"st", &whole)).unwrap();
+    let mut writer = LogWriter::resume(&path).unwrap();
+    writer.write(&events[0]).unwrap();
+    let read = log::read(&path).unwrap();
+    assert_eq!((&read[..5], &read[5], &read[6]), (&events[..], &Event::Unknown, &events[0]));
+
+    std::fs::write(&path, format!("{whole}nonsense\n")).unwrap();
+    assert!(log::read(&path).unwrap_err().to_string().contains("log.jsonl:6"));
+}
+
+#[test]
+fn a_residual_that_is_no_number_stays_readable() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("log.jsonl");
+    let newton =
+        NewtonLog { residuals: vec![1.0, f64::NAN], relative: vec![1.0, f64::INFINITY], ..NewtonLog::default() };
+    LogWriter::create(&path).unwrap().write(&Event::Cut(Cut { newton, ..Cut::default() })).unwrap();
+    let Event::Cut(cut) = &log::read(&path).unwrap()[0] else { panic!("another event") };
+    assert!(cut.newton.residuals[0] == 1.0 && cut.newton.residuals[1].is_nan() && cut.newton.relative[1].is_nan());
+}
