@@ -1,0 +1,64 @@
+#!/usr/bin/env bash
+# Passes every check of the project: format, lints, documentation and tests on every feature set.
+#
+# Needs Rust; installs meshio for the test that reads results back with an independent reader. Published networks are
+# used where BIOTISSUE_NETWORKS names their folder, or where they lie in a folder beside this checkout.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+say() { printf '\n== %s\n' "$*"; }
+
+if [ -z "${BIOTISSUE_NETWORKS:-}" ]; then
+    found=$(find .. -maxdepth 3 -name Network_2_7.txt -not -path './*' -print -quit 2>/dev/null || true)
+    if [ -n "$found" ]; then
+        BIOTISSUE_NETWORKS=$(cd "$(dirname "$found")" && pwd)
+        export BIOTISSUE_NETWORKS
+    fi
+fi
+say "published networks: ${BIOTISSUE_NETWORKS:-none, their tests say that they skip}"
+
+say "an independent reader of VTK files"
+python=target/python
+if [ ! -x "$python/bin/python" ]; then
+    python3 -m venv "$python" || {
+        # Debian splits venv from Python.
+        apt-get update -q && apt-get install -y -q --no-install-recommends python3-venv
+        python3 -m venv "$python"
+    }
+fi
+"$python/bin/pip" install --quiet --disable-pip-version-check meshio
+export BIOTISSUE_PYTHON="$PWD/$python/bin/python" BIOTISSUE_REQUIRE_PYTHON=1
+
+say "format"
+cargo fmt --check
+
+# Each line: the features of one set.
+sets=(
+    "--features default"
+    "--no-default-features"
+    "--no-default-features --features sparse"
+    "--no-default-features --features dense"
+    "--no-default-features --features dense,app"
+)
+
+for features in "${sets[@]}"; do
+    say "lints: $features"
+    # shellcheck disable=SC2086
+    cargo clippy --quiet --all-targets $features -- -D warnings
+done
+
+say "documentation"
+for features in "${sets[@]}"; do
+    # shellcheck disable=SC2086
+    RUSTDOCFLAGS="-D warnings" cargo doc --quiet --no-deps $features
+done
+
+say "tests, all features"
+cargo test --features default
+for features in "--no-default-features --features sparse" "--no-default-features --features dense"; do
+    say "tests: $features"
+    # shellcheck disable=SC2086
+    cargo test --quiet $features
+done
+
+say "everything passed"
