@@ -1,6 +1,7 @@
 //! The program `biotissue`: reads arguments, picks types, prints results.
 
 mod failure;
+mod network;
 
 use std::process::ExitCode;
 
@@ -16,11 +17,17 @@ struct Arguments {
 }
 
 #[derive(Subcommand)]
-enum Command {}
+enum Command {
+    /// Make, examine and clean fiber networks
+    #[command(subcommand)]
+    Network(network::NetworkCommand),
+}
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    let outcome: Result<(), Failure> = match arguments.command {};
+    let outcome: Result<(), Failure> = match arguments.command {
+        Command::Network(command) => network::run(command),
+    };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {

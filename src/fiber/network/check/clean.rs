@@ -84,9 +84,11 @@ fn drop_dangling(network: &Network, keep: &mut [bool]) -> usize {
     let mut loose: Vec<u32> = network.interior().iter().copied().filter(|&node| degree[node as usize] == 1).collect();
     let mut dropped = 0;
     while let Some(node) = loose.pop() {
-        // The fiber may be gone already, taken out from its other end.
-        for &fiber in fibers_at[node as usize].iter().filter(|&&fiber| keep[fiber as usize]) {
-            keep[fiber as usize] = false;
+        for &fiber in &fibers_at[node as usize] {
+            // It may be gone already, taken out from its other end.
+            if !std::mem::replace(&mut keep[fiber as usize], false) {
+                continue;
+            }
             dropped += 1;
             for end in network.fibers()[fiber as usize] {
                 degree[end as usize] -= 1;

@@ -13,7 +13,7 @@ use std::path::Path;
 use super::{Cube, Network};
 use crate::input::{InputError, InputErrors};
 
-pub use write::{write, write_params, write_parts};
+pub use write::{remove_params, write, write_params, write_parts};
 
 /// A network with what its files say beyond it.
 #[derive(Clone, Debug)]
