@@ -207,11 +207,13 @@ fn check(arguments: &CheckArguments) -> Result<(), Failure> {
     }
     let read = read(&arguments.file)?;
     let report = examine(&read.network);
-    let cleaned =
-        clean(&read.network, arguments.shorter_than).map_err(|error| nothing_left(&arguments.file, &error))?;
+    let cleaned = clean(&read.network, arguments.shorter_than);
     if let Some(output) = &arguments.output {
-        write_cleaned(output, &read, &cleaned)?;
+        let cleaned = cleaned.as_ref().map_err(|error| nothing_left(&arguments.file, error))?;
+        write_cleaned(output, &read, cleaned)?;
     }
+    // A network of which nothing would be left is examined all the same.
+    let removable = cleaned.ok().map(|cleaned| cleaned.removed);
     if arguments.json {
         let mut object = json(&report, &read);
         object["removable"] = json!(removable);
