@@ -5,6 +5,8 @@ mod lines;
 mod params;
 #[cfg(feature = "app")]
 pub mod sidecar;
+#[cfg(test)]
+mod tests;
 mod write;
 
 use std::io::ErrorKind;
