@@ -4,7 +4,7 @@ mod dispatch;
 mod failure;
 mod info;
 mod mesh;
-
+mod network;
 mod report;
 mod run;
 mod rve;
@@ -27,6 +27,9 @@ enum Command {
     Run(run::RunCommand),
     Check(run::CheckCommand),
     Rve(rve::RveCommand),
+    /// Make, examine and clean fiber networks.
+    #[command(subcommand)]
+    Network(network::NetworkCommand),
     /// Write the built-in meshes.
     #[command(subcommand)]
     Mesh(mesh::MeshCommand),
@@ -40,7 +43,7 @@ fn main() -> ExitCode {
         Command::Run(command) => run::run(command),
         Command::Check(command) => run::check(command),
         Command::Rve(command) => rve::run(command),
-
+        Command::Network(command) => network::run(command),
         Command::Mesh(command) => mesh::run(command),
         Command::Report(command) => report::run(&command),
         Command::Info(command) => info::run(command),

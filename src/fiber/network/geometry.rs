@@ -219,3 +219,96 @@ fn bad_nodes(unit: &[[f64; 3]], nodes: &[[f64; 3]], known: &[NetworkError]) -> V
     }
     found
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fiber::law::Law;
+
+    /// The corners of a cube, its middle, and fibers from the middle to the corners.
+    fn star(lower: [f64; 3], edges: [f64; 3]) -> (Vec<[f64; 3]>, Vec<[u32; 2]>) {
+        let corner = |c: u32| [0, 1, 2].map(|k| lower[k] + f64::from(c >> k & 1) * edges[k]);
+        let mut nodes: Vec<[f64; 3]> = (0..8).map(corner).collect();
+        nodes.push([0, 1, 2].map(|k| lower[k] + 0.3 * edges[k]));
+        (nodes, (0..8).map(|c| [8, c]).collect())
+    }
+
+    #[test]
+    fn a_cube_anywhere_lands_exactly_on_the_unit_cube() {
+        for (lower, edge) in [(0.1, 0.3), (-2.5, 5.0), (1e3, 1.0 / 3.0), (-1e-7, 7e-8), (1e-320, 1e9)] {
+            let (nodes, fibers) = star([lower, 2.0 * lower, -lower], [edge; 3]);
+            let network = Network::new("star", nodes, fibers).unwrap();
+            assert_eq!((network.boundary().len(), network.interior()), (8, &[8][..]));
+            assert_eq!((network.interior_number()[0], network.interior_number()[8]), (-1, 0));
+            for corner in &network.nodes()[..8] {
+                assert!(corner.iter().all(|x| x.abs() == 0.5), "{corner:?}");
+            }
+            assert!(network.nodes()[8].iter().all(|x| (x + 0.2).abs() < 1e-12));
+        }
+    }
+
+    #[test]
+    fn nodes_of_a_unit_cube_stay_where_they_are() {
+        let (mut nodes, fibers) = star([-0.5; 3], [1.0; 3]);
+        nodes[0][0] -= 5e-13;
+        nodes[8] = [0.1, -0.2, 0.3];
+        let network = Network::new("star", nodes.clone(), fibers).unwrap();
+        assert_eq!(network.nodes(), nodes);
+        assert_eq!(network.boundary().len(), 8);
+    }
+
+    #[test]
+    fn boxes_count_as_cubes_up_to_a_millionth() {
+        let (nodes, fibers) = star([0.0; 3], [1.0, 1.0, 1.0 + 0.9e-6]);
+        let network = Network::new("star", nodes, fibers).unwrap();
+        assert_eq!(network.boundary().len(), 8, "every face keeps its nodes");
+        let (nodes, fibers) = star([0.0; 3], [1.0, 1.0, 1.0 + 1.1e-6]);
+        let error = Network::new("star", nodes, fibers).unwrap_err();
+        assert!(matches!(error, NetworkError::NotACube { .. }), "{error}");
+    }
+
+    #[test]
+    fn every_fault_has_its_error() {
+        let broken = |change: &dyn Fn(&mut Vec<[f64; 3]>, &mut Vec<[u32; 2]>)| {
+            let (mut nodes, mut fibers) = star([-0.5; 3], [1.0; 3]);
+            change(&mut nodes, &mut fibers);
+            Network::new("star", nodes, fibers).unwrap_err()
+        };
+        assert!(matches!(broken(&|nodes, _| nodes[3][1] = f64::NAN), NetworkError::NotFinite { node: 3, .. }));
+        assert_eq!(broken(&|_, fibers| fibers.clear()), NetworkError::NoFibers);
+        assert_eq!(broken(&|_, fibers| fibers[2] = [1, 9]), NetworkError::NoSuchNode { fiber: 2, index: 9, nodes: 9 });
+        assert_eq!(broken(&|_, fibers| fibers[2] = [5, 5]), NetworkError::Loop { fiber: 2, node: 5 });
+        assert_eq!(
+            broken(&|nodes, _| nodes[8] = nodes[4]),
+            NetworkError::ZeroLength { fiber: 4, ends: [8, 4], length: 0.0 }
+        );
+        assert_eq!(
+            broken(&|nodes, _| nodes.push([0.5 - 1e-13; 3])),
+            NetworkError::SamePlace { first: 7, second: 9, position: [0.5 - 1e-13; 3] }
+        );
+        assert_eq!(
+            broken(&|_, fibers| fibers.push([1, 8])),
+            NetworkError::Duplicate { first: 1, second: 8, ends: [1, 8] }
+        );
+        let (nodes, fibers) = star([-0.4; 3], [0.8; 3]);
+        let inside = Network::in_cube("star", Cube::UNIT, nodes.clone(), fibers.clone());
+        assert_eq!(inside.unwrap_err(), NetworkError::NoBoundary { nodes: 9 });
+        let small = Cube { lower: [-0.3; 3], edges: [0.6; 3] };
+        assert!(matches!(
+            Network::in_cube("star", small, nodes, fibers).unwrap_err(),
+            NetworkError::Outside { node: 0, .. }
+        ));
+    }
+
+    #[test]
+    fn materials_must_fit_the_fibers() {
+        let (nodes, fibers) = star([-0.5; 3], [1.0; 3]);
+        let network = Network::new("star", nodes, fibers).unwrap();
+        let material = FiberMaterial { law: Law::Linear { youngs_modulus: 1.0 }, radius: 1.0, density: None };
+        let few = network.clone().with_materials(vec![material], vec![0; 7]);
+        assert_eq!(few.unwrap_err(), NetworkError::MaterialCount { given: 7, fibers: 8 });
+        let absent = network.clone().with_materials(vec![material], vec![0, 0, 0, 1, 0, 0, 0, 0]);
+        assert_eq!(absent.unwrap_err(), NetworkError::NoSuchMaterial { fiber: 3, material: 1, materials: 1 });
+        assert_eq!(network.of_one_material(material).reaction_of(), [0; 8]);
+    }
+}

@@ -1,7 +1,7 @@
 //! Taking out of a network what carries no load.
 
 use super::components::roots;
-use crate::fiber::network::{Cube, Network, NetworkError};
+use crate::fiber::network::{BOUNDARY_TOLERANCE, Cube, Network, NetworkError};
 
 /// A cleaned network, with what was taken out.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,7 +26,7 @@ pub struct Removed {
     pub dangling_fibers: usize,
     /// Fibers of parts that are not tied to the boundary.
     pub untied_fibers: usize,
-    /// Interior nodes that no fiber was left at.
+    /// Nodes that no fiber was left at.
     pub nodes: usize,
 }
 
@@ -39,8 +39,8 @@ impl Removed {
 }
 
 /// Takes out, in this order, fibers shorter than a length (in unit-cube units), dangling fibers until none is left,
-/// parts not tied to the boundary, and interior nodes without fibers. Boundary nodes stay, with or without fibers:
-/// they span the box.
+/// parts not tied to the boundary, and nodes without fibers. Where a face would be left without a node, its first one
+/// stays, so that the box remains what it is.
 ///
 /// # Errors
 /// [`NetworkError::NoFibers`] if nothing would be left.
@@ -56,18 +56,34 @@ pub fn clean(network: &Network, shorter_than: Option<f64>) -> Result<Cleaned, Ne
     removed.dangling_fibers = drop_dangling(network, &mut keep);
     removed.untied_fibers = drop_untied(network, &mut keep);
     let kept_fibers: Vec<u32> = (0u32..).zip(&keep).filter_map(|(fiber, &keep)| keep.then_some(fiber)).collect();
+    let used = used_nodes(network, &kept_fibers);
+    let kept_nodes: Vec<u32> = (0u32..).zip(&used).filter_map(|(node, &used)| used.then_some(node)).collect();
+    removed.nodes = network.nodes().len() - kept_nodes.len();
+    Ok(Cleaned { network: restrict(network, &kept_nodes, &kept_fibers)?, kept_nodes, kept_fibers, removed })
+}
+
+/// Which nodes have fibers, or hold a face of the cube that no other node is left on.
+fn used_nodes(network: &Network, fibers: &[u32]) -> Vec<bool> {
     let mut used = vec![false; network.nodes().len()];
-    for &node in network.boundary() {
-        used[node as usize] = true;
-    }
-    for &fiber in &kept_fibers {
+    for &fiber in fibers {
         for node in network.fibers()[fiber as usize] {
             used[node as usize] = true;
         }
     }
-    let kept_nodes: Vec<u32> = (0u32..).zip(&used).filter_map(|(node, &used)| used.then_some(node)).collect();
-    removed.nodes = network.nodes().len() - kept_nodes.len();
-    Ok(Cleaned { network: restrict(network, &kept_nodes, &kept_fibers)?, kept_nodes, kept_fibers, removed })
+    for (axis, side) in [0, 1, 2].into_iter().flat_map(|axis| [(axis, -0.5), (axis, 0.5)]) {
+        let on_face = |&node: &u32| {
+            let x: f64 = network.nodes()[node as usize][axis];
+            (x - side).abs() <= BOUNDARY_TOLERANCE
+        };
+        let mut nodes = network.boundary().iter().copied().filter(on_face).peekable();
+        let first = nodes.peek().copied();
+        if let Some(first) = first
+            && !nodes.any(|node| used[node as usize])
+        {
+            used[first as usize] = true;
+        }
+    }
+    used
 }
 
 /// Takes out fibers at interior nodes of a single fiber until there are none; returns how many.
@@ -84,8 +100,8 @@ fn drop_dangling(network: &Network, keep: &mut [bool]) -> usize {
     let mut loose: Vec<u32> = network.interior().iter().copied().filter(|&node| degree[node as usize] == 1).collect();
     let mut dropped = 0;
     while let Some(node) = loose.pop() {
-        // The fiber may be gone already, taken out from its other end.
         for &fiber in &fibers_at[node as usize] {
+            // It may be gone already, taken out from its other end.
             if !std::mem::replace(&mut keep[fiber as usize], false) {
                 continue;
             }

@@ -7,3 +7,67 @@ mod report;
 pub use clean::{Cleaned, Removed, clean};
 pub use components::Component;
 pub use report::{NetworkReport, Spread, examine};
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fiber::network::{Network, NetworkError};
+
+    /// Corners of the unit cube tied to node 8; a twig 8-9-10 and a twig off it; an island 12-13-14; node 15 alone.
+    fn untidy() -> Network {
+        let corner = |c: u32| [0, 1, 2].map(|k| f64::from(c >> k & 1) - 0.5);
+        let mut nodes: Vec<[f64; 3]> = (0..8).map(corner).collect();
+        nodes.extend([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.2, 0.0, 0.0], [0.1, 0.1, 0.0]]);
+        nodes.extend([[0.3, 0.3, 0.3], [0.3, 0.2, 0.3], [0.3, 0.3, 0.2], [-0.3, 0.0, 0.0]]);
+        let mut fibers: Vec<[u32; 2]> = (0..8).map(|c| [c, 8]).collect();
+        fibers.extend([[8, 9], [9, 10], [9, 11], [12, 13], [13, 14], [14, 12], [0, 1]]);
+        Network::new("untidy", nodes, fibers).unwrap()
+    }
+
+    #[test]
+    fn the_report_counts_what_is_there() {
+        let report = examine(&untidy());
+        assert_eq!((report.nodes, report.fibers, report.boundary_nodes, report.free_dofs), (16, 15, 8, 24));
+        assert_eq!((report.boundary_fibers, report.maxwell_count), (1, 14 - 24));
+        assert_eq!(
+            report.components,
+            [
+                Component { first_node: 0, nodes: 12, fibers: 12, tied: true },
+                Component { first_node: 12, nodes: 3, fibers: 3, tied: false },
+                Component { first_node: 15, nodes: 1, fibers: 0, tied: false },
+            ]
+        );
+        assert_eq!(report.untied().count(), 2);
+        assert_eq!(report.dangling_nodes, [10, 11]);
+        assert_eq!(report.coordination_counts, [1, 2, 3, 1, 0, 0, 0, 0, 0, 1]);
+        let trace = |t: [[f64; 3]; 3]| t[0][0] + t[1][1] + t[2][2];
+        assert!((trace(report.orientation) - 1.0).abs() < 1e-12);
+        assert!((trace(report.orientation_by_length) - 1.0).abs() < 1e-12);
+        // Eight diagonals and three fibers along x.
+        let xx = (8.0 / 3.0 + 3.0) / 15.0;
+        assert!((report.orientation[0][0] - xx).abs() < 1e-12, "{}", report.orientation[0][0]);
+        assert!((report.length.min - 0.1).abs() < 1e-15 && (report.length.max - 1.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn cleaning_takes_out_what_carries_nothing() {
+        let cleaned = clean(&untidy(), None).unwrap();
+        let removed = Removed { short_fibers: 0, dangling_fibers: 3, untied_fibers: 3, nodes: 7 };
+        assert_eq!(cleaned.removed, removed);
+        assert_eq!(cleaned.kept_nodes, (0..9).collect::<Vec<_>>());
+        assert_eq!(cleaned.kept_fibers, [0, 1, 2, 3, 4, 5, 6, 7, 14]);
+        assert!(clean(&cleaned.network, None).unwrap().removed.is_nothing());
+        let report = examine(&cleaned.network);
+        assert_eq!((report.untied().count(), report.dangling_nodes.len()), (0, 0));
+    }
+
+    #[test]
+    fn short_fibers_go_and_the_box_stays() {
+        // All diagonals are 0.87 long; the fiber along the edge from corner 0 to corner 1 is all that is left.
+        let cleaned = clean(&untidy(), Some(0.9)).unwrap();
+        assert_eq!(cleaned.removed.short_fibers, 14);
+        assert_eq!(cleaned.kept_fibers, [14]);
+        assert_eq!(cleaned.kept_nodes, [0, 1, 2, 4], "corners 2 and 4 hold the faces y = 1/2 and z = 1/2");
+        assert_eq!(clean(&untidy(), Some(1.1)).unwrap_err(), NetworkError::NoFibers);
+    }
+}

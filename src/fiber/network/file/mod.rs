@@ -5,6 +5,8 @@ mod lines;
 mod params;
 #[cfg(feature = "app")]
 pub mod sidecar;
+#[cfg(test)]
+mod tests;
 mod write;
 
 use std::io::ErrorKind;
@@ -13,7 +15,7 @@ use std::path::Path;
 use super::{Cube, Network};
 use crate::input::{InputError, InputErrors};
 
-pub use write::{write, write_params, write_parts};
+pub use write::{remove_params, write, write_params, write_parts};
 
 /// A network with what its files say beyond it.
 #[derive(Clone, Debug)]

@@ -65,6 +65,18 @@ pub fn write_params(path: &Path, network: &Network) -> io::Result<()> {
     replace(&beside(path, ".params"), text.as_bytes())
 }
 
+/// Removes the `.params` file beside `path`, if there is one: a network written anew must not find the materials of
+/// the one it replaces.
+///
+/// # Errors
+/// What the operating system says, unless it is that there is no such file.
+pub fn remove_params(path: &Path) -> io::Result<()> {
+    match std::fs::remove_file(beside(path, ".params")) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
+        _ => Ok(()),
+    }
+}
+
 /// The line of a material in a `.params` file; `None` for a law that has no number there.
 pub(super) fn reaction(material: &FiberMaterial) -> Option<String> {
     let radius = material.radius;

@@ -1,0 +1,403 @@
+use std::path::{Path, PathBuf};
+
+use super::*;
+use crate::fiber::law::{FiberMaterial, Law};
+
+/// Eight corners and the middle of a cube of edge 2, eight fibers; one thing or another is then broken in it.
+const GOOD: &str = "9 8 0\n0 0 0\n2 0 0\n0 2 0\n2 2 0\n0 0 2\n2 0 2\n0 2 2\n2 2 2\n1 1 1\n\
+                    0 8\n1 8\n2 8\n3 8\n4 8\n5 8\n6 8\n7 8\n";
+const GOOD_PARAMS: &str = "2 8\n0 5e-8 1e8 1000\n1 5e-8 1e8 1.2 1.4 1000\n0\n1\n0\n1\n0\n1\n0\n1\n";
+
+fn frozen() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/networks/frozen.txt")
+}
+
+fn error_of(text: &str) -> String {
+    match body::parse(Path::new("net.txt"), text.as_bytes()) {
+        Ok(_) => format!("accepted: {text}"),
+        Err(errors) => errors.to_string(),
+    }
+}
+
+fn params_error_of(text: &str) -> String {
+    match params::parse(Path::new("net.txt.params"), text.as_bytes(), 8) {
+        Ok(_) => format!("accepted: {text}"),
+        Err(errors) => errors.to_string(),
+    }
+}
+
+#[test]
+fn broken_networks_are_refused_in_these_words() {
+    let cut = "\n  expected: one line for each thing counted\n  cure: correct it; was the file cut short?";
+    let long = "\n  expected: one line for each thing counted\n  cure: correct it; are there lines too many?";
+    let compare = "\n  cure: compare with the format of network files; was the file cut or edited by hand?";
+    let finite = "\n  expected: a finite number like 0.25 or -1e-3";
+    let divided = "\n  cure: find out what the program that wrote it divided by";
+    let header = "net.txt:1: the header announces";
+    let cases: Vec<(String, String)> = vec![
+        (String::new(), format!("net.txt: the file is empty\n  expected: three counts: NODES FIBERS PERIODIC{compare}")),
+        (
+            GOOD.replacen("9 8 0", "9 8", 1),
+            format!(
+                "net.txt:1: there are 2 words on this line, `9 8`\n  expected: three counts: NODES FIBERS PERIODIC{compare}"
+            ),
+        ),
+        (
+            GOOD.replacen("9 8 0", "9 -8 0", 1),
+            format!("net.txt:1: `-8` is no count\n  expected: a whole number from 0{compare}"),
+        ),
+        (
+            GOOD.replacen("7 8\n", "", 1),
+            format!(
+                "{header} 9 nodes, 8 fibers and 0 periodic pairs, which is 17 lines, but 16 lines follow: 9 of three \
+                 words or more and 7 of fewer{cut}"
+            ),
+        ),
+        (
+            format!("{GOOD}1 2\n"),
+            format!(
+                "{header} 9 nodes, 8 fibers and 0 periodic pairs, which is 17 lines, but 18 lines follow: 9 of three \
+                 words or more and 9 of fewer{long}"
+            ),
+        ),
+        (
+            GOOD.replacen("9 8 0", "18446744073709551615 18446744073709551615 18446744073709551615", 1),
+            format!(
+                "{header} 18446744073709551615 nodes, 18446744073709551615 fibers and 18446744073709551615 periodic \
+                 pairs, which is 55340232221128654845 lines, but 17 lines follow: 9 of three words or more and 8 of \
+                 fewer{cut}"
+            ),
+        ),
+        (
+            GOOD.replacen("9 8 0", "10 7 0", 1),
+            format!(
+                "net.txt:11: there are 2 words on this line, `0 8`\n  expected: the position of a node: x y z{compare}"
+            ),
+        ),
+        (GOOD.replacen("1 1 1", "1 l 1", 1), format!("net.txt:10: `l` is no number{finite}{compare}")),
+        (GOOD.replacen("1 1 1", "1 NaN 1", 1), format!("net.txt:10: `NaN` is not finite{finite}{divided}")),
+        (GOOD.replacen("1 1 1", "1 1 -inf", 1), format!("net.txt:10: `-inf` is not finite{finite}{divided}")),
+        (GOOD.replacen("1 1 1", "1e999 1 1", 1), format!("net.txt:10: `1e999` is not finite{finite}{divided}")),
+        (GOOD.replacen("1 1 1", "1 1 1 up", 1), format!("net.txt:10: `up` is no number{finite}{compare}")),
+        (
+            GOOD.replacen("\n3 8", "\n3.5 8", 1),
+            format!("net.txt:14: `3.5` is no whole number\n  expected: a whole number like 12{compare}"),
+        ),
+        (
+            GOOD.replacen("\n3 8", "\n3 9", 1),
+            "net.txt:14: there is no node 9\n  expected: nodes 0 to 8\n  cure: correct the number, or the counts in the \
+             first line"
+                .into(),
+        ),
+        (
+            GOOD.replacen("\n3 8", "\n-1 8", 1),
+            "net.txt:14: there is no node -1\n  expected: nodes 0 to 8\n  cure: correct the number, or the counts in \
+             the first line"
+                .into(),
+        ),
+        (
+            GOOD.replacen("0 8\n1 8\n2 8\n3 8\n4 8\n5 8\n6 8\n7 8\n", "1 9\n2 9\n3 9\n4 9\n5 9\n6 9\n7 9\n8 9\n", 1),
+            "net.txt:11: node 9 of 9: the whole file counts its nodes from 1\n  expected: node numbers from 0\n  cure: \
+             subtract 1 from every node number of the fibers"
+                .into(),
+        ),
+        (
+            GOOD.replacen("\n3 8", "\n3 3", 1),
+            "net.txt:14: fiber 3 runs from node 3 to itself\n  expected: two different nodes\n  cure: remove the fiber \
+             or correct it"
+                .into(),
+        ),
+        (
+            GOOD.replacen("1 1 1", "0 0 0", 1),
+            "net.txt:11: fiber 0 between nodes 0 and 8 has the length 0e0 of the cube's edge\n  expected: a fiber of \
+             some length\n  cure: merge the two nodes, lines 2 and 10, or move one"
+                .into(),
+        ),
+        (
+            GOOD.replacen("2 2 2", "2 2 0", 1).replacen("1 1 1", "1 1 2", 1),
+            "net.txt:9: nodes 3 and 7 lie at one place, [2.0, 2.0, 0.0]\n  expected: every node at a place of its \
+             own\n  cure: merge the two, or move one; the other is on line 5"
+                .into(),
+        ),
+        (
+            GOOD.replacen("\n3 8", "\n8 2", 1),
+            "net.txt:14: fibers 2 and 3 both join nodes 8 and 2\n  expected: one fiber between two nodes\n  cure: \
+             remove one of the two; the other is on line 13"
+                .into(),
+        ),
+        (
+            GOOD.replace('2', "2.001").replacen("0 2.001 0", "0 2 0", 1).replace("2.001 0 0", "2 0 0").replace(
+                "2.001 8", "2 8",
+            ).replace("2.001 2.001 0", "2 2.001 0").replace("2.001 0 2.001", "2 0 2.001").replace(
+                "2.001 2.001 2.001", "2 2.001 2.001",
+            ),
+            "net.txt: the box of the nodes has the edges 2 x 2.001 x 2.001, which is no cube\n  expected: edges alike \
+             within 1e-6 of the longest\n  cure: give a network that fills a cube; stretched boxes cannot be centred \
+             and scaled to the unit cube"
+                .into(),
+        ),
+        (
+            "2 0 0\n0 0 0\n1 1 1\n".into(),
+            "net.txt:1: the network has no fibers\n  expected: at least one fiber\n  cure: generate the network again, \
+             with more points"
+                .into(),
+        ),
+        (
+            "0 0 0\n".into(),
+            "net.txt: the box of the nodes has the edges 0 x 0 x 0, which is no cube\n  expected: edges alike within \
+             1e-6 of the longest\n  cure: give a network that fills a cube; stretched boxes cannot be centred and \
+             scaled to the unit cube"
+                .into(),
+        ),
+        (
+            GOOD.replacen("9 8 0", "9 8 1", 1) + "0 3\n",
+            "net.txt:19: there is no node 0\n  expected: nodes 1 to 9\n  cure: correct the number, or the counts in \
+             the first line"
+                .into(),
+        ),
+    ];
+    for (text, expected) in cases {
+        assert_eq!(error_of(&text), expected, "for\n{text}");
+    }
+}
+
+#[test]
+fn broken_params_are_refused_in_these_words() {
+    let compare = "\n  cure: compare with the format of network files; was the file cut or edited by hand?";
+    let real = "\n  cure: give the value of a real fiber";
+    let cases: Vec<(String, String)> = vec![
+        (String::new(), format!("net.txt.params: the file is empty\n  expected: two counts: REACTIONS FIBERS{compare}")),
+        (
+            GOOD_PARAMS.replacen("2 8", "2 7", 1),
+            "net.txt.params:1: the parameters are for 7 fibers\n  expected: 8 fibers, as the network has\n  cure: give \
+             the .params file of this network"
+                .into(),
+        ),
+        (
+            GOOD_PARAMS.replacen("2 8", "0 8", 1),
+            format!("net.txt.params:1: there are 0 reactions\n  expected: from 1 to 65535 reactions{compare}"),
+        ),
+        (
+            GOOD_PARAMS.replacen("2 8", "99999999999 8", 1),
+            format!("net.txt.params:1: there are 99999999999 reactions\n  expected: from 1 to 65535 reactions{compare}"),
+        ),
+        (
+            GOOD_PARAMS.replacen("2 8", "3 8", 1),
+            "net.txt.params:1: the header announces 3 reactions and 8 fibers, which is 11 lines, but 10 lines \
+             follow\n  expected: one line for each thing counted\n  cure: correct it; was the file cut short?"
+                .into(),
+        ),
+        (
+            format!("{GOOD_PARAMS}0\n"),
+            "net.txt.params:1: the header announces 2 reactions and 8 fibers, which is 10 lines, but 11 lines \
+             follow\n  expected: one line for each thing counted\n  cure: correct it; are there lines too many?"
+                .into(),
+        ),
+        (
+            GOOD_PARAMS.replacen("\n0 5e-8", "\n2 5e-8", 1),
+            "net.txt.params:2: there is no reaction of type `2`\n  expected: `0 radius E density` (linear) or `1 radius \
+             E B lambda_t density` (exponential-stretch)\n  cure: name other laws in the case or in the .toml file"
+                .into(),
+        ),
+        (
+            GOOD_PARAMS.replacen("0 5e-8 1e8 1000", "0 5e-8 1e8", 1),
+            format!(
+                "net.txt.params:2: there are 3 words on this line, `0 5e-8 1e8`\n  expected: 0 radius E density{compare}"
+            ),
+        ),
+        (
+            GOOD_PARAMS.replacen("0 5e-8", "0 0", 1),
+            format!("net.txt.params:2: the radius is 0\n  expected: a radius above 0{real}"),
+        ),
+        (
+            GOOD_PARAMS.replacen("1e8 1000", "-1 1000", 1),
+            format!("net.txt.params:2: the modulus is -1\n  expected: a modulus above 0{real}"),
+        ),
+        (
+            GOOD_PARAMS.replacen("1e8 1000", "1e8 -1000", 1),
+            format!("net.txt.params:2: the density is -1000\n  expected: a density from 0{real}"),
+        ),
+        (
+            GOOD_PARAMS.replacen("1.2 1.4", "0 1.4", 1),
+            format!("net.txt.params:3: the nonlinearity B is 0\n  expected: a nonlinearity B above 0{real}"),
+        ),
+        (
+            GOOD_PARAMS.replacen("1.2 1.4", "1.2 0.9", 1),
+            "net.txt.params:3: the transition stretch is 0.9\n  expected: a stretch from 1\n  cure: give the stretch \
+             above which the law goes on along its tangent line"
+                .into(),
+        ),
+        (
+            GOOD_PARAMS.replacen("\n0\n1\n", "\n0\n2\n", 1),
+            "net.txt.params:5: there is no reaction 2\n  expected: reactions 0 to 1\n  cure: correct the number of \
+             this fiber's law"
+                .into(),
+        ),
+    ];
+    for (text, expected) in cases {
+        assert_eq!(params_error_of(&text), expected, "for\n{text}");
+    }
+}
+
+#[test]
+fn many_errors_come_at_once_but_not_without_end() {
+    let broken = GOOD.replacen("1 1 1", "1 x 1", 1).replacen("\n3 8", "\n3 99", 1);
+    let errors = body::parse(Path::new("net.txt"), broken.as_bytes()).unwrap_err();
+    assert_eq!(errors.0.iter().map(|error| error.line).collect::<Vec<_>>(), [Some(10), Some(14)]);
+    let hopeless = format!("1000 0 0\n{}", "a b c\n".repeat(1000));
+    assert_eq!(body::parse(Path::new("net.txt"), hopeless.as_bytes()).unwrap_err().0.len(), 20);
+}
+
+#[test]
+fn no_text_is_an_error_with_its_line() {
+    let mut bytes = GOOD.as_bytes().to_vec();
+    bytes[8] = 0xff;
+    let errors = body::parse(Path::new("net.txt"), &bytes).unwrap_err();
+    assert_eq!(errors.0[0].to_string().lines().next(), Some("net.txt:2: the byte 0xff is no text"));
+}
+
+#[test]
+fn blank_lines_and_trailing_numbers_are_read() {
+    let text = GOOD.replacen("1 1 1", "\r\n\n  1 1 1 7 7\r", 1).replacen("\n3 8", "\n3 8 0", 1);
+    let body = body::parse(Path::new("net.txt"), text.as_bytes()).unwrap();
+    assert_eq!(body.nodes[8], [1.0; 3]);
+    assert_eq!(body.fibers[3], [3, 8]);
+    assert_eq!(
+        body.warnings,
+        ["net.txt:12: 2 lines have more numbers than count (this is the first); they are ignored"]
+    );
+    let paired = GOOD.replacen("9 8 0", "9 8 1", 1) + "1 9\n";
+    let body = body::parse(Path::new("net.txt"), paired.as_bytes()).unwrap();
+    assert_eq!(body.periodic, [[0, 8]]);
+    assert_eq!(body.warnings.len(), 1);
+}
+
+#[test]
+fn a_network_comes_with_the_materials_beside_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("net.txt");
+    std::fs::write(&path, GOOD).unwrap();
+    let bare = read(&path).unwrap();
+    assert_eq!(bare.network.name(), "net.txt");
+    assert_eq!(bare.cube, Cube { lower: [0.0; 3], edges: [2.0; 3] });
+    assert_eq!((bare.network.boundary().len(), bare.network.interior()), (8, &[8][..]));
+    assert!(bare.network.materials().is_empty());
+    std::fs::write(folder.path().join("net.txt.params"), GOOD_PARAMS).unwrap();
+    let full = read(&path).unwrap();
+    assert_eq!(full.network.reaction_of(), [0, 1, 0, 1, 0, 1, 0, 1]);
+    let law = Law::ExponentialStretch { youngs_modulus: 1e8, nonlinearity: 1.2, transition: 1.4 };
+    assert_eq!(full.network.materials()[1], FiberMaterial { law, radius: 5e-8, density: Some(1000.0) });
+    // What is written is what was read, laws included.
+    let copy = folder.path().join("copy.txt");
+    write(&copy, &full.network).unwrap();
+    write_params(&copy, &full.network).unwrap();
+    let again = read(&copy).unwrap();
+    assert_eq!(again.network.materials(), full.network.materials());
+    assert_eq!(again.network.reaction_of(), full.network.reaction_of());
+    assert_eq!(again.network.nodes(), full.network.nodes());
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 4, "a temporary file was left behind");
+}
+
+#[cfg(feature = "app")]
+#[test]
+fn the_law_of_the_sidecar_counts_where_there_is_no_params_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("net.txt");
+    std::fs::write(&path, GOOD).unwrap();
+    let law = Law::Exponential { youngs_modulus: 1e7, nonlinearity: 2.0 };
+    let material = FiberMaterial { law, radius: 1e-7, density: None };
+    sidecar::Sidecar { material: Some(material), ..Default::default() }.write_beside(&path).unwrap();
+    assert_eq!(read(&path).unwrap().network.materials(), [material]);
+    std::fs::write(folder.path().join("net.txt.params"), GOOD_PARAMS).unwrap();
+    let both = read(&path).unwrap();
+    assert_eq!(both.network.materials().len(), 2);
+    assert!(both.warnings[0].contains("its law differs"), "{:?}", both.warnings);
+    assert!(write_params(&path, &Network::clone(&both.network).of_one_material(material)).is_err());
+}
+
+#[test]
+fn a_round_trip_keeps_every_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("net.txt");
+    let mut nodes: Vec<[f64; 3]> = vec![[-0.5; 3], [0.5; 3]];
+    for k in 1..200 {
+        let x = f64::from(k);
+        nodes.push([(x.sin() / 2.1), (x * 1.7).cos() / 2.1, 1e-9 * x.exp() % 0.49]);
+    }
+    let fibers: Vec<[u32; 2]> = (0..200).map(|k| [k, k + 1]).collect();
+    let network = Network::new("net.txt", nodes, fibers).unwrap();
+    write(&path, &network).unwrap();
+    let again = read(&path).unwrap().network;
+    for (a, b) in network.nodes().iter().flatten().zip(again.nodes().iter().flatten()) {
+        assert_eq!(a.to_bits(), b.to_bits());
+    }
+    assert_eq!(network, again);
+}
+
+#[test]
+fn the_frozen_network_stays_what_it_is() {
+    let read = read(&frozen()).unwrap();
+    let network = read.network;
+    assert!(read.warnings.is_empty());
+    assert_eq!((network.nodes().len(), network.fibers().len(), network.interior().len()), (127, 151, 12));
+    assert_eq!(network.materials().len(), 1);
+    #[cfg(feature = "generate")]
+    {
+        let generated = crate::fiber::network::generate::delaunay(12, 1).unwrap();
+        assert_eq!((network.nodes(), network.fibers()), (generated.nodes(), generated.fibers()));
+    }
+}
+
+#[test]
+fn no_damage_makes_the_reader_panic() {
+    let network = std::fs::read(frozen()).unwrap();
+    let params = std::fs::read(super::write::beside(&frozen(), ".params")).unwrap();
+    let file = Path::new("damaged");
+    let whole = body::parse(file, &network).unwrap();
+    for end in 0..network.len() - 1 {
+        // A cut within the last number may leave a network, but not the same one.
+        if let Ok(body) = body::parse(file, &network[..end]) {
+            assert_ne!(body.fibers, whole.fibers, "cut at {end}");
+        }
+    }
+    for end in 0..params.len() - 2 {
+        assert!(params::parse(file, &params[..end], 151).is_err(), "cut at {end}");
+    }
+    // Any outcome but a panic will do.
+    for (at, flip) in (0..network.len()).flat_map(|at| [0x01, 0x10, 0x80].map(|flip| (at, flip))) {
+        let mut damaged = network.clone();
+        damaged[at] ^= flip;
+        if let Ok(body) = body::parse(file, &damaged) {
+            let _ = Network::in_cube("damaged", body.cube, body.nodes, body.fibers);
+        }
+    }
+    for (at, bit) in (0..params.len()).flat_map(|at| (0..8).map(move |bit| (at, bit))) {
+        let mut damaged = params.clone();
+        damaged[at] ^= 1 << bit;
+        let _ = params::parse(file, &damaged, 151);
+    }
+}
+
+/// Networks of others are read where they lie: in the folder that `BIOTISSUE_NETWORKS` names.
+#[test]
+fn published_networks_are_read_unmoved() {
+    let Some(folder) = std::env::var_os("BIOTISSUE_NETWORKS").map(PathBuf::from) else {
+        println!("skipped: BIOTISSUE_NETWORKS names no folder");
+        return;
+    };
+    let path = folder.join("Network_2_7.txt");
+    let network = read(&path).unwrap().network;
+    assert_eq!((network.nodes().len(), network.fibers().len(), network.boundary().len()), (336, 635, 261));
+    assert!((network.total_length() - 170.214164).abs() < 1e-6);
+    let text = std::fs::read_to_string(&path).unwrap();
+    for (line, node) in text.lines().skip(1).zip(network.nodes()) {
+        let given: Vec<f64> = line.split_whitespace().map(|word| word.parse().unwrap()).collect();
+        assert_eq!(given, node);
+    }
+    let report = crate::fiber::network::check::examine(&network);
+    assert!((report.orientation[0][0] - 0.363266).abs() < 1e-6 && (report.orientation[0][1] + 0.001198).abs() < 1e-6);
+    let large = read(&folder.join("del_4450seedL5_new_1.txt")).unwrap();
+    assert_eq!((large.network.nodes().len(), large.network.fibers().len()), (12_308, 38_376));
+    assert_eq!(3 * large.network.interior().len(), 13_326);
+    assert_eq!(large.cube, Cube { lower: [-2.5; 3], edges: [5.0; 3] });
+}
