@@ -27,7 +27,7 @@ pub(super) fn assemble(mut raw: Raw, path: &Path) -> Result<MeshFile, InputError
     warnings.extend(source.empty_groups(&regions, &groups));
 
     let mut parts = Parts { nodes: raw.nodes.iter().map(|node| node.position).collect(), elements, groups };
-    let dropped = parts.drop_unused_nodes();
+    let dropped = parts.drop_unused_nodes().map_err(|error| source.explain(&error, &parts.groups))?;
     if dropped > 0 {
         warnings.push(format!("{dropped} nodes belong to no tetrahedron and are left out"));
     }
@@ -57,27 +57,35 @@ struct Parts {
 }
 
 impl Parts {
-    /// Takes out the nodes that no element has and numbers the others anew; tells how many there were. Triangles keep
-    /// the nodes of triangles alive: that such a triangle is no face is reported when the mesh is made.
-    fn drop_unused_nodes(&mut self) -> usize {
-        let mut place = vec![u32::MAX; self.nodes.len()];
-        let triangles = self.groups.iter().flat_map(|(_, group)| group.iter().flat_map(|(triangle, _)| triangle));
-        for &node in self.elements.iter().flatten().chain(triangles) {
+    /// Takes out the nodes that no element has and numbers the others anew; tells how many there were.
+    ///
+    /// # Errors
+    /// [`MeshError::NotAFace`] for a triangle with such a node.
+    fn drop_unused_nodes(&mut self) -> Result<usize, MeshError> {
+        const UNUSED: u32 = u32::MAX;
+        let mut place = vec![UNUSED; self.nodes.len()];
+        for &node in self.elements.iter().flatten() {
             place[node as usize] = 0;
         }
+        for (surface, group) in &self.groups {
+            let loose = |(nodes, _): &([u32; 3], usize)| nodes.iter().any(|&node| place[node as usize] == UNUSED);
+            if let Some(triangle) = group.iter().position(loose) {
+                return Err(MeshError::NotAFace { surface: surface.clone(), triangle, nodes: group[triangle].0 });
+            }
+        }
         let mut next = 0;
-        for place in place.iter_mut().filter(|place| **place == 0) {
+        for place in place.iter_mut().filter(|place| **place != UNUSED) {
             *place = next;
             next += 1;
         }
         let before = self.nodes.len();
-        let mut keep = place.iter().map(|&place| place != u32::MAX);
-        self.nodes.retain(|_| keep.next().unwrap_or(true));
+        let mut used = place.iter().map(|&place| place != UNUSED);
+        self.nodes.retain(|_| used.next().unwrap_or(true));
         let triangles = self.groups.iter_mut().flat_map(|(_, group)| group.iter_mut().flat_map(|(nodes, _)| nodes));
         for node in self.elements.iter_mut().flatten().chain(triangles) {
             *node = place[*node as usize];
         }
-        before - self.nodes.len()
+        Ok(before - self.nodes.len())
     }
 }
 
@@ -192,12 +200,16 @@ impl Source<'_> {
         let mut of = Vec::with_capacity(self.raw.tetrahedra.len());
         let mut without = 0;
         for cell in &self.raw.tetrahedra {
-            match *self.raw.groups(3, cell) {
+            match self.raw.groups(3, cell) {
                 [] => without += 1,
-                [group] => of.push(names.index(self.raw, 3, group)),
-                [first, second, ..] => {
-                    let (first, second) = (self.raw.group_name(3, first), self.raw.group_name(3, second));
-                    return Err(self.in_two_groups(cell, &first, &second));
+                [first, others @ ..] => {
+                    let name = names.index(self.raw, 3, *first);
+                    // Two groups of one name are one region.
+                    if let Some(other) = others.iter().find(|&&other| names.index(self.raw, 3, other) != name) {
+                        let (one, other) = (self.raw.group_name(3, *first), self.raw.group_name(3, *other));
+                        return Err(self.in_two_groups(cell, &one, &other));
+                    }
+                    of.push(name);
                 }
             }
         }
@@ -241,13 +253,12 @@ impl Source<'_> {
                 continue;
             }
             let nodes = self.resolve(numbering, cell, "triangle")?;
-            let mut last = None;
             for &group in groups {
-                let name = names.index(self.raw, 2, group);
-                surfaces.resize_with(surfaces.len().max(name as usize + 1), Vec::new);
+                let name = names.index(self.raw, 2, group) as usize;
+                surfaces.resize_with(surfaces.len().max(name + 1), Vec::new);
                 // Two groups of one name are one surface.
-                if last.replace(name) != Some(name) {
-                    surfaces[name as usize].push((nodes, place));
+                if surfaces[name].last().is_none_or(|&(_, last)| last != place) {
+                    surfaces[name].push((nodes, place));
                 }
             }
         }

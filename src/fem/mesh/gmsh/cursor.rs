@@ -104,17 +104,22 @@ impl<'a> Cursor<'a> {
         InputError::in_file(self.path, what, expected, cure)
     }
 
-    /// The file or the section ends where there should be more.
-    fn ended(&self, found: &str, expected: &str) -> InputError {
+    /// The file, or else the section, ends where there should be more.
+    fn ended(&self, file: bool, expected: &str) -> InputError {
+        let section = &self.section;
         let after = match self.progress {
             Some(Progress { noun, done, of }) => format!(" after {done} of {of} {noun}"),
             None => String::new(),
         };
-        let cure = match found {
-            "the file" => "the file was cut off: export or copy it again",
-            _ => DAMAGED,
-        };
-        self.fault(format!("{found} ends within ${}{after}", self.section), expected, cure)
+        if file {
+            let what = format!("the file ends within ${section}{after}");
+            return self.fault(what, expected, "the file was cut off: export or copy it again");
+        }
+        self.fault(
+            format!("${section} ends{}", if after.is_empty() { " too early" } else { &after }),
+            expected,
+            DAMAGED,
+        )
     }
 
     // Sections.
@@ -284,8 +289,7 @@ impl<'a> Cursor<'a> {
     /// A count or a tag that is not negative, stored in 32 bits (version 2).
     pub fn small_size(&mut self, expected: &str) -> Result<u64, InputError> {
         let value = self.integer(expected)?;
-        u64::try_from(value)
-            .map_err(|_| self.fault(format!("{value} is negative"), format!("{expected}, not negative"), DAMAGED))
+        u64::try_from(value).map_err(|_| self.fault(format!("{value} is negative"), expected, DAMAGED))
     }
 
     /// A count on a line of its own, written as text in binary files too.
@@ -304,7 +308,7 @@ impl<'a> Cursor<'a> {
     }
 
     fn text_size(&mut self, expected: &str) -> Result<u64, InputError> {
-        self.word_as(expected, "a whole number that is not negative")
+        self.word_as(expected, "a whole number from 0 up")
     }
 
     /// A number, finite or not: what is read over.
@@ -368,9 +372,9 @@ impl<'a> Cursor<'a> {
         let rest = &self.bytes[self.at..];
         let word = rest.split(|byte| byte.is_ascii_whitespace()).next().unwrap_or_default();
         match word.first() {
-            None if rest.is_empty() => Err(self.ended("the file", expected)),
+            None if rest.is_empty() => Err(self.ended(true, expected)),
             None => Err(self.fault("the line ends too early", expected, DAMAGED)),
-            Some(b'$') => Err(self.ended("the section", expected)),
+            Some(b'$') => Err(self.ended(false, expected)),
             Some(_) => {
                 self.at += word.len();
                 Ok(word)
@@ -385,7 +389,7 @@ impl<'a> Cursor<'a> {
                 self.at += N;
                 Ok(*bytes)
             }
-            None => Err(self.ended("the file", expected)),
+            None => Err(self.ended(true, expected)),
         }
     }
 
