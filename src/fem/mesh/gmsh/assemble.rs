@@ -222,7 +222,7 @@ impl Source<'_> {
                 0,
                 format!("{without} of {total} tetrahedra are in no physical volume group"),
                 "every tetrahedron in one physical volume group (or no such group at all)",
-                "add the volumes left out to a physical group, or remove all physical volume groups",
+                "add the volumes left out to a physical group (and export with Mesh.SaveAll = 0: version 2.2 loses the groups otherwise), or remove all physical volume groups and their names",
             ));
         }
         let (order, names) = names.in_order();

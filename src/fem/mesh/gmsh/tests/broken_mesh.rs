@@ -213,13 +213,13 @@ fn bodies_and_groups_that_are_wrong() {
             two("2 4 2 1 1 1", "2 4 2 0 1 1"),
             "a.msh: 1 of 1 tetrahedra are in no physical volume group",
             "every tetrahedron in one physical volume group (or no such group at all)",
-            "add the volumes left out to a physical group, or remove all physical volume groups",
+            "add the volumes left out to a physical group (and export with Mesh.SaveAll = 0: version 2.2 loses the groups otherwise), or remove all physical volume groups and their names",
         ),
         (
             four("6 0 0 0 1 1 1 1 1 1 5", "6 0 0 0 1 1 1 0 1 5"),
             "a.msh: 1 of 1 tetrahedra are in no physical volume group",
             "every tetrahedron in one physical volume group (or no such group at all)",
-            "add the volumes left out to a physical group, or remove all physical volume groups",
+            "add the volumes left out to a physical group (and export with Mesh.SaveAll = 0: version 2.2 loses the groups otherwise), or remove all physical volume groups and their names",
         ),
         (
             four("6 0 0 0 1 1 1 1 1 1 5", "6 0 0 0 1 1 1 2 1 4 1 5"),
