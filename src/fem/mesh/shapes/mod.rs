@@ -6,6 +6,7 @@
 mod cuboid;
 mod dogbone;
 mod grid;
+mod stations;
 
 pub use cuboid::cuboid;
 pub use dogbone::{DogboneShape, dogbone};
