@@ -1,6 +1,6 @@
 //! `biotissue mesh`: writes the built-in meshes as Gmsh files.
 
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use biotissue::fem::mesh::gmsh::{self, Version, WriteOptions};
@@ -77,7 +77,7 @@ impl ShapeArguments {
 #[derive(Args)]
 pub struct Output {
     /// The mesh file; one of that name is replaced
-    #[arg(short, long = "output", value_name = "FILE.msh")]
+    #[arg(short = 'o', long = "output", value_name = "FILE.msh")]
     file: PathBuf,
     /// Version of the Gmsh format
     #[arg(long, value_enum, default_value = "4.1")]
@@ -120,7 +120,11 @@ pub fn run(command: MeshCommand) -> Result<(), Failure> {
     gmsh::write_with(&output.file, &mesh, WriteOptions { version, binary: output.binary })
         .map_err(|error| Failure::unwritable(&output.file, &error))?;
     let summary = if output.json { json(&output.file, &mesh) } else { table(&output.file, &mesh) };
-    writeln!(std::io::stdout(), "{summary}").map_err(|error| Failure::unwritable(Path::new("standard output"), &error))
+    match writeln!(std::io::stdout(), "{summary}") {
+        // Whoever read it has read enough.
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
+        outcome => outcome.map_err(|error| Failure::unwritable(Path::new("standard output"), &error)),
+    }
 }
 
 /// Arguments that make no shape.
@@ -132,6 +136,7 @@ fn refused(error: &ShapeError) -> Failure {
             (format!("at most {} elements", shapes::MAX_ELEMENTS), "take fewer cells or larger elements")
         }
         ShapeError::ElementTooLarge { limit, .. } => (format!("at most {limit}"), "lower --element-size"),
+        ShapeError::Mesh(_) => ("cells with a volume".to_owned(), "take lengths closer to one another"),
         ShapeError::GaugeTooWide { .. } => {
             ("a gauge narrower than the grips".to_owned(), "lower --gauge-width or raise --grip-width")
         }

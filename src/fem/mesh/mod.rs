@@ -82,15 +82,19 @@ impl Mesh {
         Ok(mesh)
     }
 
-    /// A mesh whose maker guarantees the invariants: the built-in shapes, whose tests hand the parts to [`Mesh::new`].
-    fn trusted(
+    /// A mesh whose maker guarantees how it hangs together: the built-in shapes, whose tests hand their parts to
+    /// [`Mesh::new`]. Checked is what depends on their measures.
+    fn built(
         nodes: Vec<[f64; 3]>,
-        elements: Vec<[u32; 4]>,
-        region_of: Vec<u32>,
-        regions: Vec<String>,
+        (elements, region_of): (Vec<[u32; 4]>, Vec<u32>),
+        regions: &[&str],
         surfaces: Vec<Surface>,
-    ) -> Self {
-        Self { nodes, elements, region_of, regions, surfaces }
+    ) -> Result<Self, MeshError> {
+        let regions = regions.iter().map(|&name| name.to_owned()).collect();
+        let mesh = Self { nodes, elements, region_of, regions, surfaces };
+        check::nodes(&mesh)?;
+        check::elements(&mesh)?;
+        Ok(mesh)
     }
 
     /// Node positions in the reference state, in metres.

@@ -1,1 +1,165 @@
-//! Tests
+//! Tests of the mesh itself.
+
+use super::faces::ascending;
+use super::shapes::cuboid;
+use super::{Mesh, MeshError, Surface};
+
+/// The parts of two tetrahedra, one above and one below a common face, in two regions.
+#[derive(Clone)]
+struct Parts {
+    nodes: Vec<[f64; 3]>,
+    elements: Vec<[u32; 4]>,
+    region_of: Vec<u32>,
+    regions: Vec<String>,
+    surfaces: Vec<Surface>,
+}
+
+impl Parts {
+    fn good() -> Self {
+        Self {
+            nodes: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -2.0]],
+            elements: vec![[0, 1, 2, 3], [0, 2, 1, 4]],
+            region_of: vec![1, 0],
+            regions: vec!["low".into(), "high".into()],
+            surfaces: vec![Surface { name: "side".into(), triangles: vec![[0, 1, 3], [0, 1, 4]] }],
+        }
+    }
+
+    fn mesh(self) -> Result<Mesh, MeshError> {
+        Mesh::new(self.nodes, self.elements, self.region_of, self.regions, self.surfaces)
+    }
+}
+
+fn refused(spoil: impl FnOnce(&mut Parts)) -> MeshError {
+    let mut parts = Parts::good();
+    spoil(&mut parts);
+    parts.mesh().unwrap_err()
+}
+
+fn surface(name: &str, triangles: &[[u32; 3]]) -> Surface {
+    Surface { name: name.into(), triangles: triangles.into() }
+}
+
+#[test]
+fn every_invariant_is_checked() {
+    let name = String::from;
+    assert_eq!(refused(|p| p.elements.clear()), MeshError::NoElements);
+    assert_eq!(refused(|p| p.region_of.truncate(1)), MeshError::RegionCount { given: 1, elements: 2 });
+    assert!(matches!(refused(|p| p.nodes[4][1] = f64::NAN), MeshError::NotFinite { node: 4, .. }));
+    assert!(matches!(refused(|p| p.nodes[4][1] = f64::INFINITY), MeshError::NotFinite { node: 4, .. }));
+    assert_eq!(refused(|p| p.elements[1][3] = 5), MeshError::ElementNode { element: 1, node: 5, nodes: 5 });
+    assert_eq!(refused(|p| p.elements[1][3] = 2), MeshError::RepeatedNode { element: 1, node: 2 });
+    let flat = MeshError::Flat { element: 1, volume: 0.0, longest_edge: 2_f64.sqrt() };
+    assert_eq!(refused(|p| p.nodes[4] = [0.5, 0.5, 0.0]), flat);
+    assert!(matches!(refused(|p| p.nodes[4][2] = -1e-12), MeshError::Flat { element: 1, .. }));
+    assert!(matches!(refused(|p| p.elements[0].swap(0, 1)), MeshError::Inverted { element: 0, .. }));
+    assert_eq!(refused(|p| p.nodes.extend([[9.0; 3]; 2])), MeshError::UnusedNodes { count: 2, first: 5 });
+    assert_eq!(refused(|p| p.region_of[1] = 2), MeshError::ElementRegion { element: 1, region: 2, regions: 2 });
+    assert_eq!(refused(|p| p.region_of[1] = 1), MeshError::EmptyRegion { name: name("low") });
+    assert_eq!(refused(|p| p.regions[1] = name("low")), MeshError::DuplicateName { name: name("low") });
+    for bad in ["", " ", "a\"b", "a\nb"] {
+        assert_eq!(refused(|p| p.regions[1] = name(bad)), MeshError::Name { name: name(bad) });
+        assert_eq!(refused(|p| p.surfaces[0].name = name(bad)), MeshError::Name { name: name(bad) });
+    }
+    assert_eq!(refused(|p| p.surfaces.push(surface("end", &[]))), MeshError::EmptySurface { name: name("end") });
+    assert_eq!(
+        refused(|p| p.surfaces.push(surface("side", &[[0, 1, 3]]))),
+        MeshError::DuplicateName { name: name("side") }
+    );
+    for nodes in [[1, 3, 4], [0, 1, 7], [0, 0, 1]] {
+        assert_eq!(
+            refused(|p| p.surfaces[0].triangles.push(nodes)),
+            MeshError::NotAFace { surface: name("side"), triangle: 2, nodes }
+        );
+    }
+    assert_eq!(
+        refused(|p| p.surfaces[0].triangles.push([4, 1, 0])),
+        MeshError::DuplicateTriangle { surface: name("side"), first: 1, second: 2 }
+    );
+}
+
+#[test]
+fn elements_that_overlap_are_found() {
+    let overlap = |first, second| MeshError::Overlap { first, second, face: [0, 1, 2] };
+    // Folded over, given twice, and a third one at a face.
+    assert_eq!(refused(|p| (p.nodes[4], p.elements[1]) = ([0.1, 0.1, 0.5], [0, 1, 2, 4])), overlap(0, 1));
+    let twice =
+        refused(|p| (p.elements, p.region_of) = (vec![[0, 1, 2, 3], [0, 2, 1, 4], [1, 2, 0, 3]], vec![1, 0, 0]));
+    assert_eq!(twice, overlap(0, 2));
+    let third = refused(|p| {
+        p.nodes.push([0.3, 0.3, -1.0]);
+        p.elements.push([0, 2, 1, 5]);
+        p.region_of.push(0);
+    });
+    assert_eq!(third, overlap(1, 2));
+}
+
+#[test]
+fn triangles_are_turned_outward_but_not_between_elements() {
+    let mut parts = Parts::good();
+    let faces = [[0, 1, 3], [1, 3, 0], [3, 1, 0]];
+    parts.surfaces = faces.iter().map(|&face| surface(&format!("{face:?}"), &[face])).collect();
+    parts.surfaces.push(surface("up", &[[0, 1, 2]]));
+    parts.surfaces.push(surface("down", &[[0, 2, 1]]));
+    let mesh = parts.mesh().unwrap();
+    let side: Vec<_> = mesh.surfaces()[..3].iter().map(|surface| mesh.area_vector(surface.triangles[0])).collect();
+    assert_eq!(side, [[0.0, -0.5, 0.0]; 3]);
+    assert_eq!(mesh.surface("up").unwrap().triangles, [[0, 1, 2]]);
+    assert_eq!(mesh.surface("down").unwrap().triangles, [[0, 2, 1]]);
+}
+
+#[test]
+fn permutations_of_a_triangle() {
+    for (nodes, even) in [
+        ([1, 2, 3], true),
+        ([2, 3, 1], true),
+        ([3, 1, 2], true),
+        ([2, 1, 3], false),
+        ([1, 3, 2], false),
+        ([3, 2, 1], false),
+    ] {
+        assert_eq!(ascending(nodes), ([1, 2, 3], even));
+    }
+}
+
+#[test]
+fn questions_to_a_mesh() {
+    let mesh = Parts::good().mesh().unwrap();
+    assert_eq!((mesh.region("low"), mesh.region("high"), mesh.region("body")), (Some(0), Some(1), None));
+    assert_eq!(mesh.elements_in(1).collect::<Vec<_>>(), [0]);
+    assert_eq!(mesh.elements_in(9).count(), 0);
+    assert_eq!(mesh.surface_names().collect::<Vec<_>>(), ["side"]);
+    assert_eq!(mesh.surface("side").unwrap().nodes(), [0, 1, 3, 4]);
+    assert_eq!(mesh.surface("none"), None);
+    assert_eq!(mesh.region_volumes(), [1.0 / 3.0, 1.0 / 6.0]);
+    assert_eq!(mesh.volume(), 0.5);
+    assert_eq!(mesh.surface_area(&mesh.surfaces()[0]), 1.5);
+    assert_eq!(mesh.bounding_box(), [[0.0, 0.0, -2.0], [1.0, 1.0, 1.0]]);
+    assert_eq!(mesh.nearest_node([0.0, 0.75, 0.0]), (2, 0.25));
+    // Of two at the same distance, the first.
+    assert_eq!(mesh.nearest_node([0.5, 0.5, 0.0]).0, 0);
+    assert_eq!(mesh.nearest_node([f64::NAN; 3]).0, 0);
+}
+
+#[test]
+fn scaling() {
+    let mesh = Parts::good().mesh().unwrap();
+    let scaled = mesh.clone().scaled(1e-3).unwrap();
+    assert!((scaled.volume() / 0.5e-9 - 1.0).abs() < 1e-14);
+    assert_eq!((scaled.elements(), scaled.surfaces()), (mesh.elements(), mesh.surfaces()));
+    for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        assert!(matches!(mesh.clone().scaled(bad), Err(MeshError::Scale { .. })));
+    }
+    assert!(matches!(mesh.clone().scaled(1e308), Err(MeshError::NotFinite { node: 4, .. })));
+    assert!(matches!(mesh.scaled(1e-200), Err(MeshError::Flat { element: 0, .. })));
+}
+
+#[test]
+fn angles_between_faces() {
+    let regular = vec![[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]];
+    let mesh = Mesh::new(regular, vec![[0, 1, 3, 2]], vec![0], vec!["body".into()], vec![]).unwrap();
+    let angle = (1.0_f64 / 3.0).acos().to_degrees();
+    assert!(mesh.dihedral_range().iter().all(|found| (found - angle).abs() < 1e-12));
+    let [sharp, blunt] = cuboid([1, 1, 1], [1.0; 3]).unwrap().dihedral_range();
+    assert!((sharp - 45.0).abs() < 1e-12 && (blunt - 90.0).abs() < 1e-12, "{sharp} to {blunt}");
+}

@@ -1,16 +1,16 @@
 //! From the sections of a file to a checked mesh.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::MeshFile;
+use super::cursor::DAMAGED;
+use super::explain::Source;
 use super::numbering::Numbering;
 use super::raw::{Cell, Raw};
 use crate::fem::mesh::measure::signed_volume;
 use crate::fem::mesh::{Mesh, MeshError, Surface};
 use crate::input::InputError;
-
-const DAMAGED: &str = "the file is damaged or was changed by hand: export it again";
 
 /// Puts a mesh together.
 pub(super) fn assemble(mut raw: Raw, path: &Path) -> Result<MeshFile, InputError> {
@@ -27,7 +27,7 @@ pub(super) fn assemble(mut raw: Raw, path: &Path) -> Result<MeshFile, InputError
     warnings.extend(source.empty_groups(&regions, &groups));
 
     let mut parts = Parts { nodes: raw.nodes.iter().map(|node| node.position).collect(), elements, groups };
-    let dropped = parts.drop_unused_nodes();
+    let dropped = parts.drop_unused_nodes().map_err(|error| source.explain(&error, &parts.groups))?;
     if dropped > 0 {
         warnings.push(format!("{dropped} nodes belong to no tetrahedron and are left out"));
     }
@@ -47,7 +47,7 @@ pub(super) fn assemble(mut raw: Raw, path: &Path) -> Result<MeshFile, InputError
 }
 
 /// Triangles, each with the cell of the file it comes from.
-type Triangles = Vec<([u32; 3], usize)>;
+pub(super) type Triangles = Vec<([u32; 3], usize)>;
 
 /// The pieces of a mesh before nodes without elements are taken out.
 struct Parts {
@@ -57,27 +57,33 @@ struct Parts {
 }
 
 impl Parts {
-    /// Takes out the nodes that no element has and numbers the others anew; tells how many there were. Triangles keep
-    /// the nodes of triangles alive: that such a triangle is no face is reported when the mesh is made.
-    fn drop_unused_nodes(&mut self) -> usize {
-        let mut place = vec![u32::MAX; self.nodes.len()];
-        let triangles = self.groups.iter().flat_map(|(_, group)| group.iter().flat_map(|(triangle, _)| triangle));
-        for &node in self.elements.iter().flatten().chain(triangles) {
+    /// Takes out the nodes that no element has and numbers the others anew; tells how many there were.
+    ///
+    /// # Errors
+    /// [`MeshError::NotAFace`] for a triangle with such a node.
+    fn drop_unused_nodes(&mut self) -> Result<usize, MeshError> {
+        const UNUSED: u32 = u32::MAX;
+        let mut place = vec![UNUSED; self.nodes.len()];
+        for &node in self.elements.iter().flatten() {
             place[node as usize] = 0;
         }
-        let mut next = 0;
-        for place in place.iter_mut().filter(|place| **place == 0) {
+        for (surface, group) in &self.groups {
+            let loose = |(nodes, _): &([u32; 3], usize)| nodes.iter().any(|&node| place[node as usize] == UNUSED);
+            if let Some(triangle) = group.iter().position(loose) {
+                return Err(MeshError::NotAFace { surface: surface.clone(), triangle, nodes: group[triangle].0 });
+            }
+        }
+        for (place, next) in place.iter_mut().filter(|place| **place != UNUSED).zip(0..) {
             *place = next;
-            next += 1;
         }
         let before = self.nodes.len();
-        let mut keep = place.iter().map(|&place| place != u32::MAX);
-        self.nodes.retain(|_| keep.next().unwrap_or(true));
+        let mut used = place.iter().map(|&place| place != UNUSED);
+        self.nodes.retain(|_| used.next().unwrap_or(true));
         let triangles = self.groups.iter_mut().flat_map(|(_, group)| group.iter_mut().flat_map(|(nodes, _)| nodes));
         for node in self.elements.iter_mut().flatten().chain(triangles) {
             *node = place[*node as usize];
         }
-        before - self.nodes.len()
+        Ok(before - self.nodes.len())
     }
 }
 
@@ -89,20 +95,7 @@ fn coincident(nodes: &[[f64; 3]]) -> usize {
     places.windows(2).filter(|pair| pair[0] == pair[1]).count()
 }
 
-/// A file that has been read, and how to speak of it.
-struct Source<'a> {
-    raw: &'a Raw,
-    path: &'a Path,
-}
-
 impl Source<'_> {
-    fn fault(&self, line: u32, what: String, expected: &str, cure: &str) -> InputError {
-        match line {
-            0 => InputError::in_file(self.path, what, expected, cure),
-            line => InputError::at_line(self.path, line as usize, what, expected, cure),
-        }
-    }
-
     /// There are nodes and tetrahedra.
     fn has_a_body(&self) -> Result<(), InputError> {
         for section in ["Nodes", "Elements"] {
@@ -192,12 +185,16 @@ impl Source<'_> {
         let mut of = Vec::with_capacity(self.raw.tetrahedra.len());
         let mut without = 0;
         for cell in &self.raw.tetrahedra {
-            match *self.raw.groups(3, cell) {
+            match self.raw.groups(3, cell) {
                 [] => without += 1,
-                [group] => of.push(names.index(self.raw, 3, group)),
-                [first, second, ..] => {
-                    let (first, second) = (self.raw.group_name(3, first), self.raw.group_name(3, second));
-                    return Err(self.in_two_groups(cell, &first, &second));
+                [first, others @ ..] => {
+                    let name = names.index(self.raw, 3, *first);
+                    // Two groups of one name are one region.
+                    if let Some(other) = others.iter().find(|&&other| names.index(self.raw, 3, other) != name) {
+                        let (one, other) = (self.raw.group_name(3, *first), self.raw.group_name(3, *other));
+                        return Err(self.in_two_groups(cell, &one, &other));
+                    }
+                    of.push(name);
                 }
             }
         }
@@ -210,20 +207,11 @@ impl Source<'_> {
                 0,
                 format!("{without} of {total} tetrahedra are in no physical volume group"),
                 "every tetrahedron in one physical volume group (or no such group at all)",
-                "add the volumes left out to a physical group, or remove all physical volume groups",
+                "add the volumes left out to a physical group (and export with Mesh.SaveAll = 0: version 2.2 loses the groups otherwise), or remove all physical volume groups and their names",
             ));
         }
         let (order, names) = names.in_order();
         Ok((names, of.into_iter().map(|name: u32| order[name as usize]).collect()))
-    }
-
-    fn in_two_groups(&self, cell: &Cell<4>, first: &str, second: &str) -> InputError {
-        self.fault(
-            cell.line,
-            format!("tetrahedron {} is in two physical volume groups, `{first}` and `{second}`", cell.tag),
-            "every tetrahedron in one physical volume group",
-            "take its volume out of one of the groups",
-        )
     }
 
     fn has_volume_groups(&self) -> bool {
@@ -241,13 +229,12 @@ impl Source<'_> {
                 continue;
             }
             let nodes = self.resolve(numbering, cell, "triangle")?;
-            let mut last = None;
             for &group in groups {
-                let name = names.index(self.raw, 2, group);
-                surfaces.resize_with(surfaces.len().max(name as usize + 1), Vec::new);
+                let name = names.index(self.raw, 2, group) as usize;
+                surfaces.resize_with(surfaces.len().max(name + 1), Vec::new);
                 // Two groups of one name are one surface.
-                if last.replace(name) != Some(name) {
-                    surfaces[name as usize].push((nodes, place));
+                if surfaces[name].last().is_none_or(|&(_, last)| last != place) {
+                    surfaces[name].push((nodes, place));
                 }
             }
         }
@@ -272,77 +259,6 @@ impl Source<'_> {
                 format!("the physical {} `{name}` has no elements and is left out", noun(dimension))
             })
             .collect()
-    }
-
-    /// What is wrong with the mesh, told with the numbers and lines of the file.
-    fn explain(&self, error: &MeshError, surfaces: &[(String, Triangles)]) -> InputError {
-        let triangle = |surface: &str, index: usize| {
-            let place = surfaces.iter().find(|(name, _)| name == surface).and_then(|(_, group)| group.get(index));
-            place.and_then(|&(_, place)| self.raw.triangles.get(place))
-        };
-        let tetrahedron = |index: usize| self.raw.tetrahedra.get(index);
-        let told = match error {
-            MeshError::Flat { element, volume, longest_edge } => tetrahedron(*element).map(|cell| {
-                let what = format!(
-                    "tetrahedron {} is flat: its volume is {volume:e}, its longest edge {longest_edge:e}",
-                    cell.tag
-                );
-                self.fault(
-                    cell.line,
-                    what,
-                    "tetrahedra with a volume",
-                    "improve the mesh (in Gmsh: Optimize 3D) or mesh again",
-                )
-            }),
-            MeshError::Overlap { first, second, .. } => {
-                tetrahedron(*first).zip(tetrahedron(*second)).map(|(first, second)| self.overlap(first, second))
-            }
-            MeshError::NotAFace { surface, triangle: index, .. } => triangle(surface, *index).map(|cell| {
-                self.fault(
-                    cell.line,
-                    format!("triangle {} of surface `{surface}` is no face of any tetrahedron", cell.tag),
-                    "surfaces that bound the body or lie in it",
-                    "take the surface out of the physical group, or export the volume that belongs to it too",
-                )
-            }),
-            MeshError::DuplicateTriangle { surface, first, second } => {
-                triangle(surface, *first).zip(triangle(surface, *second)).map(|(first, second)| {
-                    self.fault(
-                        second.line,
-                        format!("triangles {} and {} of surface `{surface}` are the same", first.tag, second.tag),
-                        "each triangle of a surface once",
-                        "remove duplicate elements (in Gmsh: Coherence Mesh) and export again",
-                    )
-                })
-            }
-            _ => None,
-        };
-        told.unwrap_or_else(|| self.fault(0, error.to_string(), "a mesh that can be computed on", DAMAGED))
-    }
-
-    /// Two tetrahedra on the same side of a face: the same one in two groups, or a body folded into itself.
-    fn overlap(&self, first: &Cell<4>, second: &Cell<4>) -> InputError {
-        let nodes = |cell: &Cell<4>| BTreeSet::from(cell.nodes);
-        let group = |cell| self.raw.groups(3, cell).first().map(|&group| self.raw.group_name(3, group));
-        if nodes(first) == nodes(second) {
-            if let (Some(one), Some(other)) = (group(first), group(second))
-                && one != other
-            {
-                return self.in_two_groups(second, &one, &other);
-            }
-            let what = format!("tetrahedra {} and {} are the same", first.tag, second.tag);
-            let cure = "remove duplicate elements (in Gmsh: Coherence Mesh) and export again";
-            return self.fault(second.line, what, "each tetrahedron once", cure);
-        }
-        self.fault(
-            second.line,
-            format!(
-                "tetrahedra {} and {} overlap: they lie on the same side of a face they share",
-                first.tag, second.tag
-            ),
-            "a body that does not overlap itself",
-            "check the mesh for inverted and overlapping elements and mesh again",
-        )
     }
 }
 

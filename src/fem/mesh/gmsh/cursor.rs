@@ -1,4 +1,4 @@
-//! A place in a mesh file: reads numbers as text or binary and knows where it stands when one is wrong.
+//! A place in a mesh file: sections and lines, and where it stands when something is wrong.
 
 use std::borrow::Cow;
 use std::path::Path;
@@ -6,7 +6,7 @@ use std::path::Path;
 use super::raw::Raw;
 use crate::input::InputError;
 
-const DAMAGED: &str = "the file is damaged or was changed by hand: export it again";
+pub(super) const DAMAGED: &str = "the file is damaged or was changed by hand: export it again";
 
 /// How the numbers of a file are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,17 +29,17 @@ struct Progress {
 }
 
 pub(super) struct Cursor<'a> {
-    bytes: &'a [u8],
-    at: usize,
+    pub(super) bytes: &'a [u8],
+    pub(super) at: usize,
     line: usize,
     /// Where the token read last begins.
     token_at: usize,
     token_line: usize,
     path: &'a Path,
-    encoding: Encoding,
+    pub(super) encoding: Encoding,
     section: String,
     progress: Option<Progress>,
-    in_row: bool,
+    pub(super) in_row: bool,
     /// First line that stands outside all sections.
     stray: Option<(usize, String)>,
 }
@@ -104,17 +104,22 @@ impl<'a> Cursor<'a> {
         InputError::in_file(self.path, what, expected, cure)
     }
 
-    /// The file or the section ends where there should be more.
-    fn ended(&self, found: &str, expected: &str) -> InputError {
+    /// The file, or else the section, ends where there should be more.
+    pub(super) fn ended(&self, file: bool, expected: &str) -> InputError {
+        let section = &self.section;
         let after = match self.progress {
             Some(Progress { noun, done, of }) => format!(" after {done} of {of} {noun}"),
             None => String::new(),
         };
-        let cure = match found {
-            "the file" => "the file was cut off: export or copy it again",
-            _ => DAMAGED,
-        };
-        self.fault(format!("{found} ends within ${}{after}", self.section), expected, cure)
+        if file {
+            let what = format!("the file ends within ${section}{after}");
+            return self.fault(what, expected, "the file was cut off: export or copy it again");
+        }
+        self.fault(
+            format!("${section} ends{}", if after.is_empty() { " too early" } else { &after }),
+            expected,
+            DAMAGED,
+        )
     }
 
     // Sections.
@@ -236,7 +241,7 @@ impl<'a> Cursor<'a> {
     }
 
     /// Moves behind the end of the line, on which nothing may be left.
-    fn finish_line(&mut self) -> Result<(), InputError> {
+    pub(super) fn finish_line(&mut self) -> Result<(), InputError> {
         self.skip_spaces();
         match self.bytes.get(self.at) {
             None => Ok(()),
@@ -253,152 +258,16 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    // Numbers.
-
-    /// A whole number of 32 bits.
-    pub fn integer(&mut self, expected: &str) -> Result<i32, InputError> {
-        match self.encoding {
-            Encoding::Text => self.word_as(expected, "a whole number"),
-            Encoding::Binary { swapped, .. } => {
-                let bytes = self.take(expected)?;
-                Ok(if swapped { i32::from_be_bytes(bytes) } else { i32::from_le_bytes(bytes) })
-            }
-        }
-    }
-
-    /// A count or a tag that is not negative.
-    pub fn size(&mut self, expected: &str) -> Result<u64, InputError> {
-        match self.encoding {
-            Encoding::Text => self.text_size(expected),
-            Encoding::Binary { swapped, wide: true } => {
-                let bytes = self.take(expected)?;
-                Ok(if swapped { u64::from_be_bytes(bytes) } else { u64::from_le_bytes(bytes) })
-            }
-            Encoding::Binary { swapped, wide: false } => {
-                let bytes = self.take(expected)?;
-                Ok(u64::from(if swapped { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) }))
-            }
-        }
-    }
-
-    /// A count or a tag that is not negative, stored in 32 bits (version 2).
-    pub fn small_size(&mut self, expected: &str) -> Result<u64, InputError> {
-        let value = self.integer(expected)?;
-        u64::try_from(value)
-            .map_err(|_| self.fault(format!("{value} is negative"), format!("{expected}, not negative"), DAMAGED))
-    }
-
-    /// A count on a line of its own, written as text in binary files too.
-    pub fn text_count(&mut self, expected: &str) -> Result<u64, InputError> {
-        self.skip_whitespace();
-        self.in_row = true;
-        let count = self.text_size(expected)?;
-        self.in_row = false;
-        self.finish_line()?;
-        Ok(count)
-    }
-
-    /// A whole number written as text in binary files too.
-    pub fn text_integer(&mut self, expected: &str) -> Result<i32, InputError> {
-        self.word_as(expected, "a whole number")
-    }
-
-    fn text_size(&mut self, expected: &str) -> Result<u64, InputError> {
-        self.word_as(expected, "a whole number that is not negative")
-    }
-
-    /// A number, finite or not: what is read over.
-    pub fn number(&mut self, expected: &str) -> Result<f64, InputError> {
-        match self.encoding {
-            Encoding::Text => self.word_as(expected, "a number"),
-            Encoding::Binary { swapped, .. } => {
-                let bytes = self.take(expected)?;
-                Ok(if swapped { f64::from_be_bytes(bytes) } else { f64::from_le_bytes(bytes) })
-            }
-        }
-    }
-
-    /// A finite number.
-    pub fn finite(&mut self, expected: &str) -> Result<f64, InputError> {
-        let value = self.number(expected)?;
-        if value.is_finite() {
-            return Ok(value);
-        }
-        Err(self.fault(format!("{value} is not finite"), expected, "look for what went wrong where the mesh was made"))
-    }
-
-    /// The word that tells the byte order of a binary file: whether bytes are swapped.
-    pub fn byte_order(&mut self) -> Result<bool, InputError> {
-        let bytes: [u8; 4] = self.take("the number 1 in four bytes")?;
-        match (i32::from_le_bytes(bytes), i32::from_be_bytes(bytes)) {
-            (1, _) => Ok(false),
-            (_, 1) => Ok(true),
-            (found, _) => Err(self.file_fault(
-                format!("the number that tells the byte order is {found}, not 1"),
-                "the number 1 in four bytes, in either byte order",
-                "the file is damaged, perhaps copied as text: export it again",
-            )),
-        }
-    }
-
-    /// The rest of a line.
-    pub fn rest_of_line(&mut self) -> Cow<'a, str> {
-        let rest = self.bytes[self.at..].split(|&byte| byte == b'\n').next().unwrap_or_default();
-        self.mark();
-        self.at += rest.len();
-        String::from_utf8_lossy(rest.trim_ascii())
-    }
-
-    fn word_as<T: std::str::FromStr>(&mut self, expected: &str, kind: &str) -> Result<T, InputError> {
-        let word = self.word(expected)?;
-        std::str::from_utf8(word)
-            .ok()
-            .and_then(|word| word.parse().ok())
-            .ok_or_else(|| self.fault(format!("`{}` is not {kind}", clipped(word)), expected, DAMAGED))
-    }
-
-    /// The next word; none begins with `$` but those that open and close sections.
-    fn word(&mut self, expected: &str) -> Result<&'a [u8], InputError> {
-        if self.in_row {
-            self.skip_spaces();
-        } else {
-            self.skip_whitespace();
-        }
-        self.mark();
-        let rest = &self.bytes[self.at..];
-        let word = rest.split(|byte| byte.is_ascii_whitespace()).next().unwrap_or_default();
-        match word.first() {
-            None if rest.is_empty() => Err(self.ended("the file", expected)),
-            None => Err(self.fault("the line ends too early", expected, DAMAGED)),
-            Some(b'$') => Err(self.ended("the section", expected)),
-            Some(_) => {
-                self.at += word.len();
-                Ok(word)
-            }
-        }
-    }
-
-    fn take<const N: usize>(&mut self, expected: &str) -> Result<[u8; N], InputError> {
-        self.mark();
-        match self.bytes[self.at..].first_chunk() {
-            Some(bytes) => {
-                self.at += N;
-                Ok(*bytes)
-            }
-            None => Err(self.ended("the file", expected)),
-        }
-    }
-
-    fn mark(&mut self) {
+    pub(super) fn mark(&mut self) {
         (self.token_at, self.token_line) = (self.at, self.line);
     }
 
-    fn skip_spaces(&mut self) {
+    pub(super) fn skip_spaces(&mut self) {
         let blank = |byte: &&u8| matches!(byte, b' ' | b'\t' | b'\r');
         self.at += self.bytes[self.at..].iter().take_while(blank).count();
     }
 
-    fn skip_whitespace(&mut self) {
+    pub(super) fn skip_whitespace(&mut self) {
         let blank = self.bytes[self.at..].iter().take_while(|byte| byte.is_ascii_whitespace());
         let (count, lines) =
             blank.fold((0, 0), |(count, lines), &byte| (count + 1, lines + usize::from(byte == b'\n')));
@@ -408,7 +277,7 @@ impl<'a> Cursor<'a> {
 }
 
 /// A piece of the file to show in a message: trimmed, short, printable.
-fn clipped(text: &[u8]) -> Cow<'_, str> {
+pub(super) fn clipped(text: &[u8]) -> Cow<'_, str> {
     let text = text.trim_ascii();
     match std::str::from_utf8(text) {
         Ok(text) if text.len() <= 40 && !text.contains(char::is_control) => Cow::Borrowed(text),

@@ -10,7 +10,9 @@
 mod assemble;
 mod cursor;
 mod element_type;
+mod explain;
 mod numbering;
+mod numbers;
 mod raw;
 mod version2;
 mod version4;

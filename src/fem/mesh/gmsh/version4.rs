@@ -1,11 +1,9 @@
 //! The sections of version 4.1.
 
-use super::cursor::Cursor;
+use super::cursor::{Cursor, DAMAGED};
 use super::element_type::Kind;
 use super::raw::{Raw, RawNode, element_kind};
 use crate::input::InputError;
-
-const DAMAGED: &str = "the file is damaged or was changed by hand: export it again";
 
 /// `$Entities`: which physical groups the points, curves, surfaces and volumes of the geometry are in.
 pub(super) fn entities(cursor: &mut Cursor<'_>, raw: &mut Raw) -> Result<(), InputError> {

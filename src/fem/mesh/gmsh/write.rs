@@ -41,18 +41,28 @@ pub fn write(path: &Path, mesh: &Mesh) -> io::Result<()> {
 /// # Errors
 /// What the file system says, or [`io::ErrorKind::InvalidInput`] for a mesh that the format cannot number.
 pub fn write_with(path: &Path, mesh: &Mesh, options: WriteOptions) -> io::Result<()> {
-    let unfinished = unfinished(path)?;
-    let outcome = File::create(&unfinished).and_then(|file| {
-        let mut out = BufWriter::new(file);
-        to_writer(&mut out, mesh, options)?;
-        out.into_inner()?.sync_all()?;
-        std::fs::rename(&unfinished, path)
-    });
+    let path = match std::fs::metadata(path) {
+        // A device or a pipe is written to, not replaced.
+        Ok(there) if !there.is_file() => return write_to(File::create(path)?, mesh, options).map(drop),
+        // Behind a link, the file it leads to is replaced.
+        Ok(_) => path.canonicalize()?,
+        Err(_) => path.to_path_buf(),
+    };
+    let unfinished = unfinished(&path)?;
+    let outcome = File::create(&unfinished)
+        .and_then(|file| write_to(file, mesh, options)?.sync_all())
+        .and_then(|()| std::fs::rename(&unfinished, &path));
     if outcome.is_err() {
         // What failed is told; that a leftover may stay beside it is not worth hiding that.
         let _ = std::fs::remove_file(&unfinished);
     }
     outcome
+}
+
+fn write_to(file: File, mesh: &Mesh, options: WriteOptions) -> io::Result<File> {
+    let mut out = BufWriter::new(file);
+    to_writer(&mut out, mesh, options)?;
+    Ok(out.into_inner()?)
 }
 
 /// A hidden name beside the final one, different for every process.

@@ -10,7 +10,8 @@ use crate::fem::mesh::{Mesh, Surface};
 /// of [`KUHN`](super::KUHN). The region is `body`, the surfaces are `x0 x1 y0 y1 z0 z1`.
 ///
 /// # Errors
-/// [`ShapeError::NoCells`], [`ShapeError::NotPositive`] or [`ShapeError::TooManyElements`].
+/// [`ShapeError::NoCells`], [`ShapeError::NotPositive`], [`ShapeError::TooManyElements`], or [`ShapeError::Mesh`] for
+/// cells without volume.
 pub fn cuboid(cells: [usize; 3], size: [f64; 3]) -> Result<Mesh, ShapeError> {
     let grid = Grid::uniform(cells)?;
     for (what, length) in ["the size along x", "the size along y", "the size along z"].into_iter().zip(size) {
@@ -19,9 +20,74 @@ pub fn cuboid(cells: [usize; 3], size: [f64; 3]) -> Result<Mesh, ShapeError> {
     // The fraction first: it is exactly 1 at the far side.
     let along = |axis: usize, step: usize| size[axis] * (step as f64 / cells[axis] as f64);
     let nodes = grid.nodes(|i, j, k| [along(0, i), along(1, j), along(2, k)]);
-    let (elements, region_of) = grid.elements(|_| 0);
     let surfaces =
         [("x0", 0, false), ("x1", 0, true), ("y0", 1, false), ("y1", 1, true), ("z0", 2, false), ("z1", 2, true)]
             .map(|(name, axis, upper)| Surface { name: name.into(), triangles: grid.side(axis, upper) });
-    Ok(Mesh::trusted(nodes, elements, region_of, vec!["body".into()], surfaces.into()))
+    Ok(Mesh::built(nodes, grid.elements(|_| 0), &["body"], surfaces.into())?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fem::mesh::MeshError;
+
+    /// What the shape says of itself is what [`Mesh::new`] makes of it.
+    fn checked(mesh: &Mesh) {
+        let Mesh { nodes, elements, region_of, regions, surfaces } = mesh.clone();
+        assert_eq!(Mesh::new(nodes, elements, region_of, regions, surfaces).as_ref(), Ok(mesh));
+    }
+
+    #[test]
+    fn one_cell_is_cut_as_documented() {
+        let mesh = cuboid([1, 1, 1], [1.0, 2.0, 3.0]).unwrap();
+        let corners = (0..8).map(|n| [f64::from(n & 1), f64::from(n >> 1 & 1) * 2.0, f64::from(n >> 2) * 3.0]);
+        assert_eq!(mesh.nodes(), corners.collect::<Vec<_>>());
+        let documented = ["0137", "0327", "0267", "0647", "0457", "0517"];
+        let written: Vec<String> =
+            mesh.elements().iter().map(|nodes| nodes.map(|node| node.to_string()).concat()).collect();
+        assert_eq!(written, documented);
+        checked(&mesh);
+    }
+
+    #[test]
+    fn volumes_areas_and_names() {
+        let (cells, size) = ([3, 2, 5], [0.3, 0.7, 1.1]);
+        let mesh = cuboid(cells, size).unwrap();
+        checked(&mesh);
+        assert_eq!(mesh.elements().len(), 6 * 3 * 2 * 5);
+        assert_eq!(mesh.regions(), ["body"]);
+        assert_eq!(mesh.bounding_box(), [[0.0; 3], size]);
+        assert!((mesh.volume() - 0.3 * 0.7 * 1.1).abs() < 1e-15);
+        assert!((0..mesh.elements().len()).all(|e| (mesh.element_volume(e) * 6.0 - 0.1 * 0.35 * 0.22).abs() < 1e-16));
+        assert_eq!(mesh.surface_names().collect::<Vec<_>>(), ["x0", "x1", "y0", "y1", "z0", "z1"]);
+        for (k, surface) in mesh.surfaces().iter().enumerate() {
+            let (axis, upper) = (k / 2, k % 2);
+            let area = size[(axis + 1) % 3] * size[(axis + 2) % 3];
+            assert!((mesh.surface_area(surface) - area).abs() < 1e-15, "{}", surface.name);
+            let plane = if upper == 1 { size[axis] } else { 0.0 };
+            assert!(surface.nodes().iter().all(|&node| mesh.nodes()[node as usize][axis] == plane));
+            for &triangle in &surface.triangles {
+                let normal = mesh.area_vector(triangle);
+                assert_eq!(normal[axis] > 0.0, upper == 1, "{} points inward", surface.name);
+            }
+        }
+    }
+
+    #[test]
+    fn boxes_that_cannot_be_made() {
+        let unit = [1.0; 3];
+        assert_eq!(cuboid([1, 0, 1], unit), Err(ShapeError::NoCells { cells: [1, 0, 1] }));
+        assert_eq!(cuboid([1000; 3], unit), Err(ShapeError::TooManyElements { elements: 6_000_000_000 }));
+        assert_eq!(cuboid([usize::MAX; 3], unit), Err(ShapeError::TooManyElements { elements: u64::MAX }));
+        for bad in [0.0, -1.0, f64::INFINITY, f64::NAN] {
+            let error = cuboid([1; 3], [1.0, bad, 1.0]).unwrap_err();
+            assert_eq!(error.to_string(), format!("the size along y is {bad}: it must be positive and finite"));
+        }
+        for flat in [[1.0, 1.0, 1e-13], [1e200; 3], [1e-200; 3]] {
+            assert!(
+                matches!(cuboid([1; 3], flat), Err(ShapeError::Mesh(MeshError::Flat { element: 0, .. }))),
+                "{flat:?}"
+            );
+        }
+    }
 }

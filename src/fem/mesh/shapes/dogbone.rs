@@ -1,6 +1,7 @@
 //! The dogbone: a flat tensile sample with wide grips, circular fillets and a narrow gauge.
 
 use super::grid::Grid;
+use super::stations::{Stations, cells};
 use super::{ShapeError, positive};
 use crate::fem::mesh::{Mesh, Surface};
 
@@ -108,7 +109,7 @@ impl DogboneShape {
     }
 
     /// Width of the sample at a distance from the end of the straight gauge, zero within it.
-    fn width(&self, beyond: f64) -> f64 {
+    pub(super) fn width(&self, beyond: f64) -> f64 {
         let run = beyond.min(self.fillet_length());
         let radius = self.fillet_radius;
         self.gauge_width + 2.0 * (radius - (radius * radius - run * run).sqrt())
@@ -136,7 +137,8 @@ pub fn dogbone(shape: &DogboneShape, element_size: f64) -> Result<Mesh, ShapeErr
         }
     }
     let stations = Stations::new(shape, element_size);
-    let [across, through] = [shape.grip_width, shape.thickness].map(|length| 2 * cells(0.5 * length, element_size));
+    let [across, through] =
+        [shape.grip_width, shape.thickness].map(|length| cells(0.5 * length, element_size).saturating_mul(2));
     // Mirrored the other way along y, cells in the fillets are cut along their shorter diagonal.
     let grid = Grid::mirrored([stations.cells(), across, through], [true, false, true])?;
     let columns = stations.columns(shape);
@@ -145,7 +147,7 @@ pub fn dogbone(shape: &DogboneShape, element_size: f64) -> Result<Mesh, ShapeErr
         let (x, width) = columns[i];
         [x, width * centred(j, across), shape.thickness * centred(k, through)]
     });
-    let (elements, region_of) = grid.elements(|[i, _, _]| {
+    let elements = grid.elements(|[i, _, _]| {
         let in_grip = i < stations.grip || i >= stations.cells() - stations.grip;
         u32::from(!in_grip)
     });
@@ -155,119 +157,145 @@ pub fn dogbone(shape: &DogboneShape, element_size: f64) -> Result<Mesh, ShapeErr
         Surface { name: "right".into(), triangles: grid.side(0, true) },
         Surface { name: "sides".into(), triangles: sides },
     ];
-    Ok(Mesh::trusted(nodes, elements, region_of, vec!["grip".into(), "gauge".into()], surfaces))
-}
-
-/// Cells of at most this size over a length; a hair more than a whole number is that number.
-fn cells(length: f64, size: f64) -> usize {
-    ((length / size - 1e-9).ceil() as usize).max(1)
-}
-
-/// Cells along x in a half of the sample.
-struct Stations {
-    grip: usize,
-    fillet: usize,
-    half_gauge: usize,
-    grading: Grading,
-}
-
-impl Stations {
-    /// Cells as long as the local element size, which is proportional to the local width.
-    fn new(shape: &DogboneShape, element_size: f64) -> Self {
-        let grading = Grading::new(shape);
-        Self {
-            grip: cells(shape.grip_length, element_size),
-            fillet: cells(grading.total() * shape.grip_width, element_size),
-            half_gauge: cells(0.5 * shape.gauge_length(), element_size * shape.gauge_width / shape.grip_width),
-            grading,
-        }
-    }
-
-    fn cells(&self) -> usize {
-        let half = self.grip.saturating_add(self.fillet).saturating_add(self.half_gauge);
-        half.saturating_mul(2)
-    }
-
-    /// Position and width of every column of nodes along x.
-    fn columns(&self, shape: &DogboneShape) -> Vec<(f64, f64)> {
-        let middle = 0.5 * shape.length;
-        let gauge_end = 0.5 * shape.gauge_length();
-        let fillet_end = middle - shape.grip_length;
-        let fraction = |step: usize, count: usize| step as f64 / count as f64;
-        // Distances from the middle, outward.
-        let mut half = Vec::with_capacity(self.cells() / 2 + 1);
-        half.extend((0..=self.half_gauge).map(|n| (gauge_end * fraction(n, self.half_gauge), shape.gauge_width)));
-        half.extend((1..self.fillet).map(|n| {
-            let beyond = self.grading.at(fraction(n, self.fillet));
-            (gauge_end + beyond, shape.width(beyond))
-        }));
-        half.extend(
-            (0..self.grip).map(|n| (fillet_end + shape.grip_length * fraction(n, self.grip), shape.grip_width)),
-        );
-        half.push((middle, shape.grip_width));
-        let left = half.iter().rev().map(|&(x, width)| (middle - x, width));
-        left.chain(half.iter().skip(1).map(|&(x, width)| (middle + x, width))).collect()
-    }
-}
-
-/// The integral of 1/width along a fillet, tabulated: equal parts of it are cells whose length follows the width.
-struct Grading {
-    step: f64,
-    /// The integral up to every multiple of `step`.
-    integral: Vec<f64>,
-}
-
-impl Grading {
-    const STEPS: usize = 512;
-
-    fn new(shape: &DogboneShape) -> Self {
-        let step = shape.fillet_length() / Self::STEPS as f64;
-        let density = |k: usize| 1.0 / shape.width(step * k as f64);
-        let mut sum = 0.0;
-        let mut integral = vec![0.0];
-        integral.extend((1..=Self::STEPS).map(|k| {
-            sum += 0.5 * step * (density(k - 1) + density(k));
-            sum
-        }));
-        Self { step, integral }
-    }
-
-    fn total(&self) -> f64 {
-        self.integral.last().copied().unwrap_or(0.0)
-    }
-
-    /// The distance from the gauge at which this fraction of the integral is reached.
-    fn at(&self, fraction: f64) -> f64 {
-        let target = fraction * self.total();
-        let k = self.integral.partition_point(|&sum| sum <= target).clamp(1, Self::STEPS);
-        let (below, above) = (self.integral[k - 1], self.integral[k]);
-        self.step * ((k - 1) as f64 + (target - below) / (above - below))
-    }
+    Ok(Mesh::built(nodes, elements, &["grip", "gauge"], surfaces)?)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::collections::HashSet;
+
+    const SHAPE: DogboneShape = DogboneShape {
+        length: 0.038,
+        grip_length: 0.006,
+        grip_width: 0.010,
+        gauge_width: 0.005,
+        fillet_radius: 0.0125,
+        thickness: 0.0025,
+    };
+
+    /// What the shape says of itself is what [`Mesh::new`] makes of it.
+    fn checked(mesh: &Mesh) {
+        let Mesh { nodes, elements, region_of, regions, surfaces } = mesh.clone();
+        assert_eq!(Mesh::new(nodes, elements, region_of, regions, surfaces).as_ref(), Ok(mesh));
+    }
 
     #[test]
-    fn counts_by_element_size() {
-        for size in [0.004, 0.003, 0.0025, 0.002, 0.0015, 0.001, 0.0005] {
-            let mesh = dogbone(&DogboneShape::default(), size).unwrap();
-            let checked = Mesh::new(
-                mesh.nodes.clone(),
-                mesh.elements.clone(),
-                mesh.region_of.clone(),
-                mesh.regions.clone(),
-                mesh.surfaces.clone(),
-            );
-            println!(
-                "{size} {} {} {:?} {:?} {}",
-                mesh.elements.len(),
-                mesh.nodes.len(),
-                mesh.dihedral_range(),
-                checked.is_ok(),
-                mesh.elements_in(1).count()
-            );
+    fn default_proportions_are_those_documented() {
+        assert_eq!(DogboneShape::default(), SHAPE);
+        assert!((SHAPE.fillet_length() - 0.0075).abs() < 1e-15);
+        assert!((SHAPE.gauge_length() - 0.011).abs() < 1e-15);
+    }
+
+    #[test]
+    fn number_and_form_of_elements_by_size() {
+        for (size, elements, gauge) in
+            [(0.004, 768, 576), (0.003, 960, 768), (0.002, 2160, 1728), (0.001, 13_920, 11_040)]
+        {
+            let mesh = dogbone(&SHAPE, size).unwrap();
+            checked(&mesh);
+            assert_eq!((mesh.elements().len(), mesh.elements_in(1).count()), (elements, gauge), "size {size}");
+            let [sharpest, bluntest] = mesh.dihedral_range();
+            assert!(sharpest > 20.0 && bluntest < 120.0, "angles of {sharpest} to {bluntest} degrees at size {size}");
         }
+        let [sharpest, _] = dogbone(&SHAPE, 0.002).unwrap().dihedral_range();
+        assert!(sharpest > 30.0, "{sharpest} degrees");
+    }
+
+    #[test]
+    fn volumes_and_areas_are_those_of_the_shape() {
+        let mut errors = Vec::new();
+        for size in [0.002, 0.001, 0.0005] {
+            let mesh = dogbone(&SHAPE, size).unwrap();
+            let volumes = mesh.region_volumes();
+            assert_eq!(mesh.regions(), ["grip", "gauge"]);
+            assert!((volumes[0] / SHAPE.grip_volume() - 1.0).abs() < 1e-12);
+            // Chords of the fillets' arcs lie within the sample's outline, seen from outside: too much material.
+            errors.push(volumes[1] / SHAPE.gauge_volume() - 1.0);
+            for end in ["left", "right"] {
+                let area = mesh.surface_area(mesh.surface(end).unwrap());
+                assert!((area / (SHAPE.grip_width * SHAPE.thickness) - 1.0).abs() < 1e-12);
+            }
+            // The surface is closed.
+            let normals = mesh.surfaces().iter().flat_map(|surface| &surface.triangles).map(|&t| mesh.area_vector(t));
+            let sum = normals.fold([0.0; 3], |sum, normal| std::array::from_fn(|k| sum[k] + normal[k]));
+            assert!(sum.iter().all(|x: &f64| x.abs() < 1e-16), "{sum:?}");
+        }
+        assert!(errors[0] > 0.0 && errors[0] < 0.01, "{errors:?}");
+        assert!(errors.windows(2).all(|pair| pair[1] > 0.0 && pair[1] < 0.4 * pair[0]), "{errors:?}");
+    }
+
+    #[test]
+    fn gauge_volume_agrees_with_quadrature() {
+        let shape = DogboneShape { fillet_radius: 0.02, length: 0.05, ..SHAPE };
+        let steps = 100_000;
+        let step = shape.fillet_length() / f64::from(steps);
+        let fillet: f64 = (0..steps).map(|k| step * shape.width(step * (f64::from(k) + 0.5))).sum();
+        let volume = shape.thickness * (2.0 * fillet + shape.gauge_length() * shape.gauge_width);
+        assert!((shape.gauge_volume() / volume - 1.0).abs() < 1e-9);
+        assert!((shape.width(shape.fillet_length()) - shape.grip_width).abs() < 1e-15);
+    }
+
+    #[test]
+    fn regions_end_and_fillets_lie_where_they_should() {
+        let mesh = dogbone(&SHAPE, 0.002).unwrap();
+        let [low, high] = mesh.bounding_box();
+        assert_eq!((low, high), ([0.0, -0.005, -0.00125], [0.038, 0.005, 0.00125]));
+        for (element, &region) in mesh.region_of().iter().enumerate() {
+            let from_end = |x: f64| x.min(SHAPE.length - x);
+            let in_grip = mesh.corners(element).iter().all(|x| from_end(x[0]) < SHAPE.grip_length + 1e-12);
+            assert_eq!(mesh.regions()[region as usize] == "grip", in_grip);
+        }
+        let on_the_edge = mesh.nodes().iter().filter(|[x, y, _]| {
+            let beyond = (x - 0.019).abs() - 0.5 * SHAPE.gauge_length();
+            beyond > 0.0 && beyond < 0.0074 && (2.0 * y.abs() - SHAPE.width(beyond)).abs() < 1e-12
+        });
+        // Five columns within each fillet, on either side, three nodes through the thickness.
+        assert_eq!(on_the_edge.count(), 5 * 2 * 2 * 3);
+    }
+
+    #[test]
+    fn the_mesh_is_its_own_mirror_image() {
+        let mesh = dogbone(&SHAPE, 0.002).unwrap();
+        let place = |x: [f64; 3]| x.map(|x| (x * 1e9).round() as i64);
+        let element = |corners: [[f64; 3]; 4]| {
+            let mut corners = corners.map(place);
+            corners.sort_unstable();
+            corners
+        };
+        let all: HashSet<_> = (0..mesh.elements().len()).map(|e| element(mesh.corners(e))).collect();
+        for (axis, sum) in [(0, SHAPE.length), (1, 0.0), (2, 0.0)] {
+            for e in 0..mesh.elements().len() {
+                let image = mesh.corners(e).map(|mut x| {
+                    x[axis] = sum - x[axis];
+                    x
+                });
+                assert!(all.contains(&element(image)), "element {e} has no mirror image along axis {axis}");
+            }
+        }
+    }
+
+    #[test]
+    fn samples_that_cannot_be_made() {
+        let say = |shape: DogboneShape, size| dogbone(&shape, size).unwrap_err().to_string();
+        assert_eq!(say(SHAPE, 0.0), "the element size is 0: it must be positive and finite");
+        assert_eq!(say(SHAPE, f64::NAN), "the element size is NaN: it must be positive and finite");
+        assert_eq!(say(SHAPE, 0.02), "elements of 0.02 do not fit into a sample whose grip width is 0.01");
+        assert!(matches!(dogbone(&SHAPE, 1e-5), Err(ShapeError::TooManyElements { elements: 50_000_001.. })));
+        assert!(matches!(dogbone(&SHAPE, 1e-300), Err(ShapeError::TooManyElements { elements: u64::MAX })));
+        assert_eq!(
+            say(DogboneShape { thickness: -1.0, ..SHAPE }, 0.002),
+            "the thickness is -1: it must be positive and finite"
+        );
+        assert_eq!(
+            say(DogboneShape { gauge_width: 0.01, ..SHAPE }, 0.002),
+            "the gauge, 0.01 wide, is not narrower than the grips, 0.01 wide"
+        );
+        assert_eq!(
+            say(DogboneShape { fillet_radius: 0.004, ..SHAPE }, 0.002),
+            "a fillet radius of 0.004 is too small to widen the sample well: it must be at least 0.005"
+        );
+        let error = dogbone(&DogboneShape { length: 0.02, ..SHAPE }, 0.002).unwrap_err();
+        assert!(matches!(error, ShapeError::NoGauge { length: 0.02, .. }), "{error}");
     }
 }

@@ -6,11 +6,13 @@
 mod cuboid;
 mod dogbone;
 mod grid;
+mod stations;
 
 pub use cuboid::cuboid;
 pub use dogbone::{DogboneShape, dogbone};
 pub use grid::KUHN;
 
+use super::MeshError;
 use thiserror::Error;
 
 /// The most elements a built-in shape is made of.
@@ -73,6 +75,9 @@ pub enum ShapeError {
         /// Length of the sample.
         length: f64,
     },
+    /// Proportions so extreme, or lengths so large or small, that elements have no volume in floating point.
+    #[error("the shape cannot be meshed: {0}")]
+    Mesh(#[from] MeshError),
 }
 
 /// Refuses lengths that are zero, negative, infinite or NaN.

@@ -1,0 +1,107 @@
+//! What is wrong with the body a file describes, told with the numbers and lines of that file.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use super::assemble::Triangles;
+use super::cursor::DAMAGED;
+use super::raw::{Cell, Raw};
+use crate::fem::mesh::MeshError;
+use crate::input::InputError;
+
+/// A file that has been read, and how to speak of it.
+pub(super) struct Source<'a> {
+    pub raw: &'a Raw,
+    pub path: &'a Path,
+}
+
+impl Source<'_> {
+    /// An error at a line; 0 is none.
+    pub fn fault(&self, line: u32, what: String, expected: &str, cure: &str) -> InputError {
+        match line {
+            0 => InputError::in_file(self.path, what, expected, cure),
+            line => InputError::at_line(self.path, line as usize, what, expected, cure),
+        }
+    }
+
+    /// An element in two regions.
+    pub fn in_two_groups(&self, cell: &Cell<4>, first: &str, second: &str) -> InputError {
+        self.fault(
+            cell.line,
+            format!("tetrahedron {} is in two physical volume groups, `{first}` and `{second}`", cell.tag),
+            "every tetrahedron in one physical volume group",
+            "take its volume out of one of the groups",
+        )
+    }
+
+    /// What is wrong with the mesh, told with the numbers and lines of the file.
+    pub fn explain(&self, error: &MeshError, surfaces: &[(String, Triangles)]) -> InputError {
+        let triangle = |surface: &str, index: usize| {
+            let place = surfaces.iter().find(|(name, _)| name == surface).and_then(|(_, group)| group.get(index));
+            place.and_then(|&(_, place)| self.raw.triangles.get(place))
+        };
+        let tetrahedron = |index: usize| self.raw.tetrahedra.get(index);
+        let told = match error {
+            MeshError::Flat { element, volume, longest_edge } => tetrahedron(*element).map(|cell| {
+                let what = format!(
+                    "tetrahedron {} is flat: its volume is {volume:e}, its longest edge {longest_edge:e}",
+                    cell.tag
+                );
+                self.fault(
+                    cell.line,
+                    what,
+                    "tetrahedra with a volume",
+                    "improve the mesh (in Gmsh: Optimize 3D) or mesh again",
+                )
+            }),
+            MeshError::Overlap { first, second, .. } => {
+                tetrahedron(*first).zip(tetrahedron(*second)).map(|(first, second)| self.overlap(first, second))
+            }
+            MeshError::NotAFace { surface, triangle: index, .. } => triangle(surface, *index).map(|cell| {
+                self.fault(
+                    cell.line,
+                    format!("triangle {} of surface `{surface}` is no face of any tetrahedron", cell.tag),
+                    "surfaces that bound the body or lie in it",
+                    "take the surface out of the physical group, or export the volume that belongs to it too",
+                )
+            }),
+            MeshError::DuplicateTriangle { surface, first, second } => {
+                triangle(surface, *first).zip(triangle(surface, *second)).map(|(first, second)| {
+                    self.fault(
+                        second.line,
+                        format!("triangles {} and {} of surface `{surface}` are the same", first.tag, second.tag),
+                        "each triangle of a surface once",
+                        "remove duplicate elements (in Gmsh: Coherence Mesh) and export again",
+                    )
+                })
+            }
+            _ => None,
+        };
+        told.unwrap_or_else(|| self.fault(0, error.to_string(), "a mesh that can be computed on", DAMAGED))
+    }
+
+    /// Two tetrahedra on the same side of a face: the same one in two groups, or a body folded into itself.
+    fn overlap(&self, first: &Cell<4>, second: &Cell<4>) -> InputError {
+        let nodes = |cell: &Cell<4>| BTreeSet::from(cell.nodes);
+        let group = |cell| self.raw.groups(3, cell).first().map(|&group| self.raw.group_name(3, group));
+        if nodes(first) == nodes(second) {
+            if let (Some(one), Some(other)) = (group(first), group(second))
+                && one != other
+            {
+                return self.in_two_groups(second, &one, &other);
+            }
+            let what = format!("tetrahedra {} and {} are the same", first.tag, second.tag);
+            let cure = "remove duplicate elements (in Gmsh: Coherence Mesh) and export again";
+            return self.fault(second.line, what, "each tetrahedron once", cure);
+        }
+        self.fault(
+            second.line,
+            format!(
+                "tetrahedra {} and {} overlap: they lie on the same side of a face they share",
+                first.tag, second.tag
+            ),
+            "a body that does not overlap itself",
+            "check the mesh for inverted and overlapping elements and mesh again",
+        )
+    }
+}

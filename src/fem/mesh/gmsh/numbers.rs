@@ -1,0 +1,141 @@
+//! The numbers of a mesh file, as text or binary.
+
+use std::borrow::Cow;
+
+use super::cursor::{Cursor, DAMAGED, Encoding, clipped};
+use crate::input::InputError;
+
+impl<'a> Cursor<'a> {
+    /// A whole number of 32 bits.
+    pub fn integer(&mut self, expected: &str) -> Result<i32, InputError> {
+        match self.encoding {
+            Encoding::Text => self.word_as(expected, "a whole number"),
+            Encoding::Binary { swapped, .. } => {
+                let bytes = self.take(expected)?;
+                Ok(if swapped { i32::from_be_bytes(bytes) } else { i32::from_le_bytes(bytes) })
+            }
+        }
+    }
+
+    /// A count or a tag that is not negative.
+    pub fn size(&mut self, expected: &str) -> Result<u64, InputError> {
+        match self.encoding {
+            Encoding::Text => self.text_size(expected),
+            Encoding::Binary { swapped, wide: true } => {
+                let bytes = self.take(expected)?;
+                Ok(if swapped { u64::from_be_bytes(bytes) } else { u64::from_le_bytes(bytes) })
+            }
+            Encoding::Binary { swapped, wide: false } => {
+                let bytes = self.take(expected)?;
+                Ok(u64::from(if swapped { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) }))
+            }
+        }
+    }
+
+    /// A count or a tag that is not negative, stored in 32 bits (version 2).
+    pub fn small_size(&mut self, expected: &str) -> Result<u64, InputError> {
+        let value = self.integer(expected)?;
+        u64::try_from(value).map_err(|_| self.fault(format!("{value} is negative"), expected, DAMAGED))
+    }
+
+    /// A count on a line of its own, written as text in binary files too.
+    pub fn text_count(&mut self, expected: &str) -> Result<u64, InputError> {
+        self.skip_whitespace();
+        self.in_row = true;
+        let count = self.text_size(expected)?;
+        self.in_row = false;
+        self.finish_line()?;
+        Ok(count)
+    }
+
+    /// A whole number written as text in binary files too.
+    pub fn text_integer(&mut self, expected: &str) -> Result<i32, InputError> {
+        self.word_as(expected, "a whole number")
+    }
+
+    fn text_size(&mut self, expected: &str) -> Result<u64, InputError> {
+        self.word_as(expected, "a whole number from 0 up")
+    }
+
+    /// A number, finite or not: what is read over.
+    pub fn number(&mut self, expected: &str) -> Result<f64, InputError> {
+        match self.encoding {
+            Encoding::Text => self.word_as(expected, "a number"),
+            Encoding::Binary { swapped, .. } => {
+                let bytes = self.take(expected)?;
+                Ok(if swapped { f64::from_be_bytes(bytes) } else { f64::from_le_bytes(bytes) })
+            }
+        }
+    }
+
+    /// A finite number.
+    pub fn finite(&mut self, expected: &str) -> Result<f64, InputError> {
+        let value = self.number(expected)?;
+        if value.is_finite() {
+            return Ok(value);
+        }
+        Err(self.fault(format!("{value} is not finite"), expected, "look for what went wrong where the mesh was made"))
+    }
+
+    /// The word that tells the byte order of a binary file: whether bytes are swapped.
+    pub fn byte_order(&mut self) -> Result<bool, InputError> {
+        let bytes: [u8; 4] = self.take("the number 1 in four bytes")?;
+        match (i32::from_le_bytes(bytes), i32::from_be_bytes(bytes)) {
+            (1, _) => Ok(false),
+            (_, 1) => Ok(true),
+            (found, _) => Err(self.file_fault(
+                format!("the number that tells the byte order is {found}, not 1"),
+                "the number 1 in four bytes, in either byte order",
+                "the file is damaged, perhaps copied as text: export it again",
+            )),
+        }
+    }
+
+    /// The rest of a line.
+    pub fn rest_of_line(&mut self) -> Cow<'a, str> {
+        let rest = self.bytes[self.at..].split(|&byte| byte == b'\n').next().unwrap_or_default();
+        self.mark();
+        self.at += rest.len();
+        String::from_utf8_lossy(rest.trim_ascii())
+    }
+
+    fn word_as<T: std::str::FromStr>(&mut self, expected: &str, kind: &str) -> Result<T, InputError> {
+        let word = self.word(expected)?;
+        std::str::from_utf8(word)
+            .ok()
+            .and_then(|word| word.parse().ok())
+            .ok_or_else(|| self.fault(format!("`{}` is not {kind}", clipped(word)), expected, DAMAGED))
+    }
+
+    /// The next word; none begins with `$` but those that open and close sections.
+    fn word(&mut self, expected: &str) -> Result<&'a [u8], InputError> {
+        if self.in_row {
+            self.skip_spaces();
+        } else {
+            self.skip_whitespace();
+        }
+        self.mark();
+        let rest = &self.bytes[self.at..];
+        let word = rest.split(|byte| byte.is_ascii_whitespace()).next().unwrap_or_default();
+        match word.first() {
+            None if rest.is_empty() => Err(self.ended(true, expected)),
+            None => Err(self.fault("the line ends too early", expected, DAMAGED)),
+            Some(b'$') => Err(self.ended(false, expected)),
+            Some(_) => {
+                self.at += word.len();
+                Ok(word)
+            }
+        }
+    }
+
+    fn take<const N: usize>(&mut self, expected: &str) -> Result<[u8; N], InputError> {
+        self.mark();
+        match self.bytes[self.at..].first_chunk() {
+            Some(bytes) => {
+                self.at += N;
+                Ok(*bytes)
+            }
+            None => Err(self.ended(true, expected)),
+        }
+    }
+}

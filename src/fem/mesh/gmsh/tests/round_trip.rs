@@ -1,0 +1,77 @@
+//! What is written is read back the same.
+
+use super::super::{Version, WriteOptions, parse, read, to_writer, write, write_with};
+use crate::fem::mesh::shapes::{DogboneShape, cuboid, dogbone};
+use crate::fem::mesh::{Mesh, Surface};
+use std::path::Path;
+
+const ALL: [WriteOptions; 4] = [
+    WriteOptions { version: Version::V2_2, binary: false },
+    WriteOptions { version: Version::V2_2, binary: true },
+    WriteOptions { version: Version::V4_1, binary: false },
+    WriteOptions { version: Version::V4_1, binary: true },
+];
+
+fn same_again(mesh: &Mesh) {
+    for options in ALL {
+        let mut bytes = Vec::new();
+        to_writer(&mut bytes, mesh, options).unwrap();
+        let back = parse(&bytes, Path::new("a.msh")).unwrap();
+        assert_eq!(back.mesh, *mesh, "{options:?}");
+        assert_eq!(back.warnings, [""; 0], "{options:?}");
+    }
+}
+
+#[test]
+fn shapes_come_back_in_every_format() {
+    same_again(&cuboid([2, 1, 3], [0.1, 1.0 / 3.0, 1e-9]).unwrap());
+    // Its regions alternate along the elements.
+    same_again(&dogbone(&DogboneShape::default(), 0.004).unwrap());
+}
+
+#[test]
+fn odd_names_shared_triangles_and_inner_surfaces_come_back() {
+    let plain = cuboid([2, 1, 1], [1e-7, 1.0 / 3.0, 0.1]).unwrap();
+    let region_of = (0..12).map(|element| u32::from(element % 3 == 0)).collect();
+    let mut surfaces = plain.surfaces().to_vec();
+    surfaces
+        .push(Surface { name: "all $End of it: \u{e4}\u{2115} '`".into(), triangles: surfaces[0].triangles.clone() });
+    // Corner 0 of the second cell is node 1: a face between two cells.
+    surfaces.push(Surface { name: "inner".into(), triangles: vec![[1, 4, 10]] });
+    let regions = vec!["12".into(), "a b".into()];
+    let mesh = Mesh::new(plain.nodes().to_vec(), plain.elements().to_vec(), region_of, regions, surfaces);
+    same_again(&mesh.unwrap());
+}
+
+#[test]
+fn files_replace_others_and_leave_nothing_beside_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("box.msh");
+    std::fs::write(&path, "what was there before").unwrap();
+    let mesh = cuboid([1, 1, 1], [1.0; 3]).unwrap();
+    write(&path, &mesh).unwrap();
+    assert_eq!(read(&path).unwrap().mesh, mesh);
+    for options in ALL {
+        write_with(&path, &mesh, options).unwrap();
+        assert_eq!(read(&path).unwrap().mesh, mesh);
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    let error = write(&folder.path().join("missing/box.msh"), &mesh).unwrap_err();
+    assert_eq!(error.kind(), std::io::ErrorKind::NotFound);
+    let error = read(&folder.path().join("none.msh")).unwrap_err();
+    assert!(error.what.starts_with("cannot be read: "), "{error}");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_link_keeps_leading_to_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, link) = (folder.path().join("box.msh"), folder.path().join("link.msh"));
+    std::fs::write(&path, "").unwrap();
+    std::os::unix::fs::symlink(&path, &link).unwrap();
+    write(&link, &cuboid([1, 1, 1], [1.0; 3]).unwrap()).unwrap();
+    assert!(link.is_symlink());
+    assert!(read(&path).is_ok());
+    write(Path::new("/dev/null"), &cuboid([1, 1, 1], [1.0; 3]).unwrap()).unwrap();
+    assert!(!Path::new("/dev/null").is_file());
+}

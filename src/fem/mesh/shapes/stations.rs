@@ -1,0 +1,90 @@
+//! Where the cells of a dogbone begin and end along its length.
+
+use super::DogboneShape;
+
+/// Cells of at most this size over a length; a hair more than a whole number is that number.
+pub(super) fn cells(length: f64, size: f64) -> usize {
+    ((length / size - 1e-9).ceil() as usize).max(1)
+}
+
+/// Cells along x in a half of the sample.
+pub(super) struct Stations {
+    pub grip: usize,
+    fillet: usize,
+    half_gauge: usize,
+    grading: Grading,
+}
+
+impl Stations {
+    /// Cells as long as the local element size, which is proportional to the local width.
+    pub fn new(shape: &DogboneShape, element_size: f64) -> Self {
+        let grading = Grading::new(shape);
+        Self {
+            grip: cells(shape.grip_length, element_size),
+            fillet: cells(grading.total() * shape.grip_width, element_size),
+            half_gauge: cells(0.5 * shape.gauge_length(), element_size * shape.gauge_width / shape.grip_width),
+            grading,
+        }
+    }
+
+    pub fn cells(&self) -> usize {
+        let half = self.grip.saturating_add(self.fillet).saturating_add(self.half_gauge);
+        half.saturating_mul(2)
+    }
+
+    /// Position and width of every column of nodes along x.
+    pub fn columns(&self, shape: &DogboneShape) -> Vec<(f64, f64)> {
+        let middle = 0.5 * shape.length;
+        let gauge_end = 0.5 * shape.gauge_length();
+        let fillet_end = middle - shape.grip_length;
+        let fraction = |step: usize, count: usize| step as f64 / count as f64;
+        // Distances from the middle, outward.
+        let mut half = Vec::with_capacity(self.cells() / 2 + 1);
+        half.extend((0..=self.half_gauge).map(|n| (gauge_end * fraction(n, self.half_gauge), shape.gauge_width)));
+        half.extend((1..self.fillet).map(|n| {
+            let beyond = self.grading.at(fraction(n, self.fillet));
+            (gauge_end + beyond, shape.width(beyond))
+        }));
+        half.extend(
+            (0..self.grip).map(|n| (fillet_end + shape.grip_length * fraction(n, self.grip), shape.grip_width)),
+        );
+        half.push((middle, shape.grip_width));
+        let left = half.iter().rev().map(|&(x, width)| (middle - x, width));
+        left.chain(half.iter().skip(1).map(|&(x, width)| (middle + x, width))).collect()
+    }
+}
+
+/// The integral of 1/width along a fillet, tabulated: equal parts of it are cells whose length follows the width.
+struct Grading {
+    step: f64,
+    /// The integral up to every multiple of `step`.
+    integral: Vec<f64>,
+}
+
+impl Grading {
+    const STEPS: usize = 512;
+
+    fn new(shape: &DogboneShape) -> Self {
+        let step = shape.fillet_length() / Self::STEPS as f64;
+        let density = |k: usize| 1.0 / shape.width(step * k as f64);
+        let mut sum = 0.0;
+        let mut integral = vec![0.0];
+        integral.extend((1..=Self::STEPS).map(|k| {
+            sum += 0.5 * step * (density(k - 1) + density(k));
+            sum
+        }));
+        Self { step, integral }
+    }
+
+    fn total(&self) -> f64 {
+        self.integral.last().copied().unwrap_or(0.0)
+    }
+
+    /// The distance from the gauge at which this fraction of the integral is reached.
+    fn at(&self, fraction: f64) -> f64 {
+        let target = fraction * self.total();
+        let k = self.integral.partition_point(|&sum| sum <= target).clamp(1, Self::STEPS);
+        let (below, above) = (self.integral[k - 1], self.integral[k]);
+        self.step * ((k - 1) as f64 + (target - below) / (above - below))
+    }
+}

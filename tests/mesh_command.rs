@@ -1,0 +1,81 @@
+//! `biotissue mesh`: what it writes, what it prints and how it ends.
+#![cfg(feature = "app")]
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use biotissue::fem::mesh::gmsh;
+use biotissue::fem::mesh::shapes::{DogboneShape, cuboid, dogbone};
+
+fn mesh(folder: &Path, arguments: &str) -> Output {
+    let program = env!("CARGO_BIN_EXE_biotissue");
+    let arguments = ["mesh"].into_iter().chain(arguments.split(' '));
+    Command::new(program).current_dir(folder).args(arguments).output().unwrap()
+}
+
+fn summary(output: &Output) -> serde_json::Value {
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+#[test]
+fn box_in_every_format() {
+    let folder = tempfile::tempdir().unwrap();
+    let expected = cuboid([4, 2, 1], [2.0, 1.0, 0.5]).unwrap();
+    for format in ["", " --format 2.2", " --format 4.1 --binary", " --format 2.2 --binary"] {
+        let output = mesh(folder.path(), &format!("box --cells 4,2,1 --size 2,1,0.5 -o box.msh --json{format}"));
+        let summary = summary(&output);
+        assert_eq!((&summary["nodes"], &summary["elements"]), (&30.into(), &48.into()));
+        let region = serde_json::json!({ "name": "body", "elements": 48, "volume": expected.volume() });
+        assert_eq!(summary["regions"], serde_json::json!([region]));
+        assert_eq!(summary["surfaces"][1], serde_json::json!({ "name": "x1", "triangles": 4, "area": 0.5 }));
+        assert_eq!(gmsh::read(&folder.path().join("box.msh")).unwrap().mesh, expected);
+    }
+}
+
+#[test]
+fn dogbone_as_asked() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = mesh(folder.path(), "dogbone --element-size 0.002 --length 0.05 --thickness 0.003 -o bone.msh");
+    let text = String::from_utf8(output.stdout).unwrap();
+    for piece in ["region    grip", "region    gauge", "surface   left", "surface   right", "surface   sides"] {
+        assert!(text.contains(piece), "{piece} is not in\n{text}");
+    }
+    let shape = DogboneShape { length: 0.05, thickness: 0.003, ..DogboneShape::default() };
+    let expected = dogbone(&shape, 0.002).unwrap();
+    assert!(text.contains(&format!("elements  {:>10}", expected.elements().len())), "{text}");
+    assert_eq!(gmsh::read(&folder.path().join("bone.msh")).unwrap().mesh, expected);
+}
+
+#[test]
+fn what_cannot_be_done_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    for (arguments, code, said) in [
+        ("box --cells 4,4 -o a.msh", 2, "expected three numbers separated by commas"),
+        (
+            "box --cells 4,4,0 -o a.msh",
+            2,
+            "error: [4, 4, 0] cells along x, y and z: there must be at least one along each",
+        ),
+        (
+            "box --cells 1,1,1 --size 1,-2,1 -o a.msh",
+            2,
+            "error: the size along y is -2: it must be positive and finite",
+        ),
+        ("box --cells 9999,9999,9999 -o a.msh", 2, "error: 5998200179994 elements are more than the 50000000"),
+        ("dogbone --element-size nan -o a.msh", 2, "error: the element size is NaN: it must be positive and finite"),
+        (
+            "dogbone --element-size 1 -o a.msh",
+            2,
+            "error: elements of 1 do not fit into a sample whose grip width is 0.01",
+        ),
+        ("box --cells 1,1,1 -o none/a.msh", 4, "error: none/a.msh: cannot be written: "),
+    ] {
+        let output = mesh(folder.path(), arguments);
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(code), "{arguments}: {stderr}");
+        assert!(stderr.contains(said), "{arguments}: {stderr}");
+        assert!(output.stdout.is_empty());
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+}

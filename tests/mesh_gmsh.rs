@@ -1,0 +1,65 @@
+//! Files that Gmsh 4.15 wrote: two unit cubes side by side along x, joined at x = 1.
+//!
+//! Physical volumes: 7 `left half`, 3 `right half`. Physical surfaces: 1 `end` (x = 0), 2 `interface` (x = 1), 5 `far`
+//! (x = 2), 4 without a name (the left cube's x = 0, y = 0 and y = 1). One geometric point away from the body, in a
+//! physical group of its own.
+
+use std::path::PathBuf;
+
+use biotissue::fem::mesh::Mesh;
+use biotissue::fem::mesh::gmsh;
+
+fn file(name: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/data/gmsh").join(name)
+}
+
+/// The normals of a named surface, and the coordinates of its triangles' corners.
+fn triangles(mesh: &Mesh, name: &str) -> Vec<([f64; 3], [[f64; 3]; 3])> {
+    let surface = mesh.surface(name).unwrap();
+    let corners = |triangle: [u32; 3]| triangle.map(|node| mesh.nodes()[node as usize]);
+    surface.triangles.iter().map(|&triangle| (mesh.area_vector(triangle), corners(triangle))).collect()
+}
+
+fn check(mesh: &Mesh) {
+    assert_eq!((mesh.nodes().len(), mesh.elements().len()), (23, 48));
+    assert_eq!(mesh.regions(), ["right half", "left half"]);
+    for (volume, region) in mesh.region_volumes().into_iter().zip(0..) {
+        assert!((volume - 1.0).abs() < 1e-14, "{volume}");
+        let middle = if region == 0 { 1.5 } else { 0.5 };
+        let here = |element| mesh.corners(element).iter().map(|x| x[0]).sum::<f64>() / 4.0 - middle;
+        assert!(mesh.elements_in(region).all(|element| f64::abs(here(element)) < 0.5));
+    }
+    assert_eq!(mesh.surface_names().collect::<Vec<_>>(), ["end", "interface", "4", "far"]);
+    for (name, x, outward) in [("end", 0.0, -1.0), ("far", 2.0, 1.0), ("interface", 1.0, 0.0)] {
+        let triangles = triangles(mesh, name);
+        assert_eq!(triangles.len(), 4);
+        for (normal, corners) in triangles {
+            assert!(corners.iter().all(|corner| corner[0] == x));
+            assert!(outward == 0.0 || normal[0] * outward > 0.0, "{name}: {normal:?}");
+        }
+        assert!((mesh.surface_area(mesh.surface(name).unwrap()) - 1.0).abs() < 1e-14);
+    }
+    for (normal, corners) in triangles(mesh, "4") {
+        let out =
+            |axis: usize, plane: f64, sign: f64| corners.iter().all(|x| x[axis] == plane) && normal[axis] * sign > 0.0;
+        assert!(out(0, 0.0, -1.0) || out(1, 0.0, -1.0) || out(1, 1.0, 1.0), "{corners:?}");
+    }
+}
+
+#[test]
+fn files_of_gmsh_in_every_format() {
+    let mut meshes = Vec::new();
+    for name in ["2.2_text", "2.2_binary", "4.1_text", "4.1_binary", "4.1_parametric_text", "4.1_parametric_binary"] {
+        let read = gmsh::read(&file(&format!("two_cubes_{name}.msh"))).unwrap_or_else(|error| panic!("{error}"));
+        check(&read.mesh);
+        let dropped: Vec<_> = read.warnings.iter().filter(|warning| warning.contains("belong to no")).collect();
+        assert_eq!(dropped, ["1 nodes belong to no tetrahedron and are left out"], "{name}");
+        assert_eq!(read.warnings.len(), 1, "{name}: {:?}", read.warnings);
+        meshes.push(read.mesh);
+    }
+    for mesh in &meshes {
+        // Version 2 groups elements by physical number, version 4 by entity.
+        assert_eq!(mesh.nodes(), meshes[0].nodes());
+        assert!((mesh.volume() - 2.0).abs() < 1e-14);
+    }
+}
