@@ -215,4 +215,5 @@ macro_rules! on {
 
 on! {
     sparse, "sparse": biotissue::backends::sparse::Sparse;
+    dense, "dense": biotissue::backends::dense::Dense;
 }

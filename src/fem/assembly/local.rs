@@ -69,20 +69,16 @@ fn mirror(block: &mut [[f64; UNKNOWNS]; UNKNOWNS]) {
 /// The blocks of node 0 from those of the others: rows and columns sum to zero.
 #[inline(always)]
 fn fill_node_zero(block: &mut [[f64; UNKNOWNS]; UNKNOWNS]) {
-    for i in 0..3 {
+    let (zero, others) = block.split_at_mut(3);
+    for (i, row) in zero.iter_mut().enumerate() {
         for n in 3..UNKNOWNS {
-            let sum = block[3 + i][n] + block[6 + i][n] + block[9 + i][n];
-            block[i][n] = -sum;
+            row[n] = -(others[i][n] + others[3 + i][n] + others[6 + i][n]);
         }
-    }
-    for i in 0..3 {
         for k in 0..3 {
-            block[i][k] = -(block[i][3 + k] + block[i][6 + k] + block[i][9 + k]);
+            row[k] = -(row[3 + k] + row[6 + k] + row[9 + k]);
         }
-    }
-    for n in 3..UNKNOWNS {
-        for i in 0..3 {
-            block[n][i] = block[i][n];
+        for (other, &value) in others.iter_mut().zip(&row[3..]) {
+            other[i] = value;
         }
     }
 }

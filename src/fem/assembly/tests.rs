@@ -1,1 +1,124 @@
+use std::sync::Arc;
 
+use super::*;
+use crate::backends::sparse::Sparse;
+use crate::fem::material::NeoHookean;
+use crate::fem::mesh::shapes;
+use crate::fem::point_field::{FormulaField, PointField, PointResponses};
+
+/// A box of 48 elements, held at `x = 0`, bent and stretched.
+struct Bent {
+    mesh: Mesh,
+    unknowns: Unknowns,
+    matrix: <Sparse as Backend>::Matrix,
+    assembler: Assembler<Sparse>,
+    field: FormulaField,
+    displacements: Vec<[f64; 3]>,
+}
+
+impl Bent {
+    fn new() -> Self {
+        let mesh = shapes::cuboid([2, 2, 2], [1.0, 0.7, 0.5]).unwrap();
+        let unknowns = Unknowns::new(mesh.nodes().len(), |node, _| mesh.nodes()[node][0] == 0.0).unwrap();
+        let matrix = Sparse::matrix(&(), &Arc::new(unknowns.pattern(&mesh).unwrap())).unwrap();
+        let assembler = Assembler::new(geometry(&mesh).unwrap(), &mesh, &unknowns, &matrix).unwrap();
+        let field = FormulaField::uniform(NeoHookean { mu: 3.0, lambda: 5.0 }, mesh.elements().len());
+        let displacements = mesh.nodes().iter().map(|&[x, y, z]| [0.1 * x + 0.2 * y * z, -0.15 * x * x, 0.2 * x * y]);
+        Self { displacements: displacements.collect(), unknowns, matrix, assembler, field, mesh }
+    }
+
+    fn respond(&mut self, displacements: &[[f64; 3]]) -> PointResponses {
+        let (mut gradients, mut responses) = (Vec::new(), PointResponses::default());
+        self.assembler.deformation_gradients(displacements, &mut gradients);
+        self.field.update(&gradients, &mut responses).unwrap();
+        responses
+    }
+
+    fn forces(&mut self, displacements: &[[f64; 3]]) -> Vec<[f64; 3]> {
+        let responses = self.respond(displacements);
+        let mut forces = vec![[7.0; 3]; displacements.len()];
+        self.assembler.internal_forces(&responses.pk1, &mut forces);
+        forces
+    }
+}
+
+#[test]
+fn the_stiffness_is_the_slope_of_the_forces() {
+    let mut bent = Bent::new();
+    let tangent = bent.respond(&bent.displacements.clone()).tangent;
+    bent.assembler.stiffness(&tangent, &mut bent.matrix).unwrap();
+    let rows = bent.assembler.rows().to_vec();
+    let h = 1e-6;
+    for (k, &column) in rows.iter().enumerate().filter(|(_, row)| **row >= 0) {
+        let mut moved = [bent.displacements.clone(), bent.displacements.clone()];
+        moved[0].as_flattened_mut()[k] += h;
+        moved[1].as_flattened_mut()[k] -= h;
+        let [up, down] = moved.map(|u| bent.forces(&u));
+        let mut stiffness = vec![0.0; rows.len()];
+        bent.matrix.get(&rows, &[column], &mut stiffness).unwrap();
+        for ((&row, entry), (up, down)) in
+            rows.iter().zip(stiffness).zip(up.as_flattened().iter().zip(down.as_flattened()))
+        {
+            let slope = (up - down) / (2.0 * h);
+            assert!(row < 0 || (slope - entry).abs() < 1e-8, "({row}, {column}): {entry}, slope {slope}");
+        }
+    }
+}
+
+#[test]
+fn the_linearised_forces_are_the_slope_along_an_increment() {
+    let mut bent = Bent::new();
+    let at = bent.displacements.clone();
+    let tangent = bent.respond(&at).tangent;
+    // Only the held face moves.
+    let held = |a: usize| bent.unknowns.numbers()[3 * a] < 0;
+    let increments: Vec<[f64; 3]> =
+        (0..at.len()).map(|a| if held(a) { [0.3, -0.2, 0.1 * a as f64] } else { [0.0; 3] }).collect();
+    let mut linear = vec![[7.0; 3]; at.len()];
+    bent.assembler.linearised_forces(&tangent, &increments, &mut linear);
+    let h = 1e-6;
+    let moved = |by: f64| -> Vec<[f64; 3]> {
+        at.iter().zip(&increments).map(|(u, d)| std::array::from_fn(|i| u[i] + by * d[i])).collect()
+    };
+    let (up, down) = (bent.forces(&moved(h)), bent.forces(&moved(-h)));
+    for ((linear, up), down) in linear.as_flattened().iter().zip(up.as_flattened()).zip(down.as_flattened()) {
+        assert!((linear - (up - down) / (2.0 * h)).abs() < 1e-8, "{linear}");
+    }
+}
+
+#[test]
+fn internal_forces_balance_and_ignore_translations() {
+    let mut bent = Bent::new();
+    let forces = bent.forces(&bent.displacements.clone());
+    let (mut sum, mut moment) = (nalgebra::Vector3::zeros(), nalgebra::Vector3::zeros());
+    for ((x, u), f) in bent.mesh.nodes().iter().zip(&bent.displacements).zip(&forces) {
+        let (x, u, f) = (nalgebra::Vector3::from(*x), nalgebra::Vector3::from(*u), nalgebra::Vector3::from(*f));
+        sum += f;
+        moment += (x + u).cross(&f);
+    }
+    assert!(sum.norm() < 1e-14, "{sum}");
+    assert!(moment.norm() < 1e-14, "{moment}");
+
+    let shifted: Vec<[f64; 3]> = bent.displacements.iter().map(|u| [u[0] + 8.0, u[1] - 4.0, u[2] + 2.0]).collect();
+    for (here, there) in forces.as_flattened().iter().zip(bent.forces(&shifted).as_flattened()) {
+        assert!((here - there).abs() < 1e-13, "{here} {there}");
+    }
+}
+
+#[test]
+fn rounding_leaves_less_than_the_floor() {
+    // Forces that are zero in exact arithmetic: a small rigid rotation.
+    let mut bent = Bent::new();
+    let at_rest = vec![[0.0; 3]; bent.displacements.len()];
+    let floor = {
+        let tangent = bent.respond(&at_rest).tangent;
+        bent.assembler.rounding(&tangent)
+    };
+    let turned = nalgebra::Rotation3::from_euler_angles(0.3, -0.2, 0.4).into_inner() - Matrix3::identity();
+    let turned: Vec<[f64; 3]> =
+        bent.mesh.nodes().iter().map(|&x| (turned * nalgebra::Vector3::from(x)).into()).collect();
+    let forces = bent.forces(&turned);
+    let left = forces.as_flattened().iter().map(|f| f * f).sum::<f64>().sqrt();
+    assert!(left > 0.0 && left < floor, "{left:e} of {floor:e}");
+    assert!(floor < 1e3 * left, "{left:e} of {floor:e}: no more than rounding");
+}

@@ -23,6 +23,7 @@ use super::point_field::PointField;
 use super::reactions::BoundaryForces;
 use crate::las::{
     Backend, NewtonError, NewtonFailure, NewtonReport, NewtonSystem, Scalar, SolveError, SolverParams, Symmetry,
+    VectorOps,
 };
 
 /// A body, its linear system, and where in pseudo-time it is.
@@ -37,6 +38,12 @@ pub struct Stepper<B: Backend, P> {
     /// Whether the accepted state is still the undeformed one.
     undeformed: bool,
 }
+
+/// The [`SteppingError`] of a run on backend `B` with point field `P`, watched by an observer that fails by `O`.
+pub type RunError<B, P, O> = SteppingError<<P as PointField>::Error, <B as Backend>::Fault, O>;
+
+/// What an attempt ends with.
+type Attempt<B, P> = Result<NewtonReport, Box<Failed<<P as PointField>::Error, <B as Backend>::Fault>>>;
 
 /// Why an attempt failed, and what Newton had done.
 struct Failed<E, F> {
@@ -113,7 +120,6 @@ where
     /// Unknowns of the linear system.
     #[must_use]
     pub fn unknowns(&self) -> usize {
-        use crate::las::VectorOps;
         self.system.residual.len()
     }
 
@@ -124,7 +130,7 @@ where
     pub fn run<O: StepObserver<P, B::Fault>>(
         &mut self,
         observer: &mut O,
-    ) -> Result<Vec<StepReport>, SteppingError<P::Error, B::Fault, O::Error>> {
+    ) -> Result<Vec<StepReport>, RunError<B, P, O::Error>> {
         let mut reports = Vec::new();
         while self.done < self.params.count {
             reports.push(self.step(observer)?);
@@ -139,7 +145,7 @@ where
     pub fn step<O: StepObserver<P, B::Fault>>(
         &mut self,
         observer: &mut O,
-    ) -> Result<StepReport, SteppingError<P::Error, B::Fault, O::Error>> {
+    ) -> Result<StepReport, RunError<B, P, O::Error>> {
         let max_cuts = self.params.max_cuts.min(StepParams::MAX_CUTS);
         // Positions within the step are counted in the smallest increments.
         let end = 1_u64 << max_cuts;
@@ -163,7 +169,8 @@ where
                         self.halvings -= 1;
                     }
                 }
-                Err(Failed { reason, newton, hopeless }) => {
+                Err(failed) => {
+                    let Failed { reason, newton, hopeless } = *failed;
                     self.body.reject();
                     let halvings = self.halvings;
                     let attempt =
@@ -209,7 +216,7 @@ where
     }
 
     /// From the accepted state to pseudo-time `t`, from a held or a linearised start.
-    fn attempt(&mut self, t: f64, report: &mut StepReport) -> Result<NewtonReport, Failed<P::Error, B::Fault>> {
+    fn attempt(&mut self, t: f64, report: &mut StepReport) -> Attempt<B, P> {
         if self.undeformed || self.params.start == StepStart::Tangent {
             return self.attempt_linearised(t, report);
         }
@@ -221,23 +228,21 @@ where
                 self.body.reject();
                 self.attempt_linearised(t, report)
             }
-            Err(failure) => Err(failure.into()),
+            Err(failure) => Err(Failed::boxed(failure)),
         }
     }
 
-    fn attempt_linearised(
-        &mut self,
-        t: f64,
-        report: &mut StepReport,
-    ) -> Result<NewtonReport, Failed<P::Error, B::Fault>> {
-        let seconds = self.body.linearise(t, &mut self.system).map_err(|error| Failed {
-            // The tangent of the undeformed body does not depend on the increment.
-            hopeless: self.undeformed || matches!(error, SolveError::Fault(_)),
-            reason: NewtonError::Solve(error),
-            newton: NewtonReport::default(),
+    fn attempt_linearised(&mut self, t: f64, report: &mut StepReport) -> Attempt<B, P> {
+        let seconds = self.body.linearise(t, &mut self.system).map_err(|error| {
+            Box::new(Failed {
+                // The tangent of the undeformed body does not depend on the increment.
+                hopeless: self.undeformed || matches!(error, SolveError::Fault(_)),
+                reason: NewtonError::Solve(error),
+                newton: NewtonReport::default(),
+            })
         })?;
         report.add_linearised(seconds);
-        Ok(self.system.solve(&mut self.body, &self.params.newton)?)
+        self.system.solve(&mut self.body, &self.params.newton).map_err(Failed::boxed)
     }
 }
 
@@ -252,17 +257,17 @@ where
     not_there && failure.report.residuals.is_empty()
 }
 
-impl<E, F> From<NewtonFailure<EquilibriumError<E, F>, F>> for Failed<E, F>
+impl<E, F> Failed<E, F>
 where
     E: std::fmt::Display,
     F: std::fmt::Display,
 {
-    fn from(failure: NewtonFailure<EquilibriumError<E, F>, F>) -> Self {
+    fn boxed(failure: NewtonFailure<EquilibriumError<E, F>, F>) -> Box<Self> {
         let hopeless = matches!(
             failure.reason,
             NewtonError::Solve(SolveError::Fault(_)) | NewtonError::Problem(EquilibriumError::Backend(_))
         );
-        Self { reason: failure.reason, newton: *failure.report, hopeless }
+        Box::new(Self { reason: failure.reason, newton: failure.report, hopeless })
     }
 }
 

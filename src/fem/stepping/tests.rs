@@ -1,1 +1,284 @@
+use std::convert::Infallible;
 
+use nalgebra::Matrix3;
+use thiserror::Error;
+
+use super::*;
+use crate::backends::sparse::Sparse;
+use crate::fem::boundary::{BodyForce, LoadCurve, SurfaceCondition, SurfaceLoad};
+use crate::fem::material::{MaterialError, NeoHookean};
+use crate::fem::mesh::shapes;
+use crate::fem::point_field::{FormulaField, PointError, PointResponses};
+
+const MATERIAL: NeoHookean = NeoHookean { mu: 3.0e3, lambda: 5.0e3 };
+
+/// Held at `x = 0`, the opposite face moved along x by `by`.
+fn pushed(by: f64) -> Conditions {
+    let held = |surface: &str, displacement| SurfaceCondition {
+        surface: surface.into(),
+        load: SurfaceLoad::Displacement(displacement),
+        curve: LoadCurve::Ramp,
+    };
+    let surfaces = vec![held("x0", [Some(0.0); 3]), held("x1", [Some(by), Some(0.0), Some(0.0)])];
+    Conditions { surfaces, ..Conditions::default() }
+}
+
+fn bar(cells: usize) -> Arc<Mesh> {
+    Arc::new(shapes::cuboid([cells, 2, 2], [1.0, 0.4, 0.4]).unwrap())
+}
+
+fn stepper<P: PointField>(
+    mesh: &Arc<Mesh>,
+    conditions: &Conditions,
+    field: P,
+    params: StepParams,
+) -> Stepper<Sparse, P> {
+    Stepper::new(&(), Arc::clone(mesh), conditions, field, params).unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn formula(mesh: &Mesh) -> FormulaField {
+    FormulaField::uniform(MATERIAL, mesh.elements().len())
+}
+
+/// Remembers what it is told, and objects to step `stop_at`.
+#[derive(Default)]
+struct Log {
+    converged: Vec<(usize, f64)>,
+    displacements: Vec<[f64; 3]>,
+    failed: Vec<(usize, f64, u32)>,
+    stop_at: usize,
+}
+
+#[derive(Debug, Error, PartialEq)]
+#[error("the disk is full")]
+struct DiskFull;
+
+impl<P: PointField, F: std::error::Error> StepObserver<P, F> for Log {
+    type Error = DiskFull;
+
+    fn converged(&mut self, step: &ConvergedStep<'_, P>) -> Result<(), DiskFull> {
+        self.converged.push((step.step, step.t));
+        self.displacements = step.state.displacements.clone();
+        if step.step == self.stop_at { Err(DiskFull) } else { Ok(()) }
+    }
+
+    fn failed(&mut self, attempt: &FailedAttempt<'_, P::Error, F>) -> Result<(), DiskFull> {
+        self.failed.push((attempt.step, attempt.t, attempt.halvings));
+        Ok(())
+    }
+}
+
+/// A material with a memory: it follows no increment of `F` larger than `limit`.
+struct Slow {
+    formula: FormulaField,
+    limit: f64,
+    current: Vec<Matrix3<f64>>,
+    committed: Vec<Matrix3<f64>>,
+    commits: usize,
+    reverts: usize,
+    updates: usize,
+}
+
+impl Slow {
+    fn new(mesh: &Mesh, limit: f64) -> Self {
+        let at_rest = vec![Matrix3::identity(); mesh.elements().len()];
+        let committed = at_rest.clone();
+        Self { formula: formula(mesh), limit, current: at_rest, committed, commits: 0, reverts: 0, updates: 0 }
+    }
+}
+
+#[derive(Debug, Error)]
+enum SlowError {
+    #[error("element {0} cannot follow")]
+    Left(usize),
+    #[error(transparent)]
+    Point(#[from] PointError),
+}
+
+impl PointField for Slow {
+    type Error = SlowError;
+
+    fn update(&mut self, gradients: &[Matrix3<f64>], out: &mut PointResponses) -> Result<(), SlowError> {
+        self.updates += 1;
+        self.current.copy_from_slice(gradients);
+        let left = gradients.iter().zip(&self.committed).position(|(f, from)| (f - from).norm() > self.limit);
+        left.map_or(Ok(()), |element| Err(SlowError::Left(element)))?;
+        Ok(self.formula.update(gradients, out)?)
+    }
+
+    fn commit(&mut self) {
+        self.commits += 1;
+        self.committed.copy_from_slice(&self.current);
+    }
+
+    fn revert(&mut self) {
+        self.reverts += 1;
+        self.current.copy_from_slice(&self.committed);
+    }
+}
+
+#[test]
+fn steps_that_fail_are_cut_and_regrown_and_end_where_uncut_ones_do() {
+    let mesh = bar(4);
+    let mut params = StepParams { count: 2, start: StepStart::Tangent, ..StepParams::default() };
+    params.newton.max_line_search_cuts = 0;
+    let mut free = stepper(&mesh, &pushed(0.4), formula(&mesh), params);
+    let uncut = free.run(&mut ()).unwrap();
+    assert!(uncut.iter().all(|report| report.cuts == 0 && report.substeps.len() == 1 && report.failures.is_empty()));
+
+    let mut log = Log::default();
+    let mut slow = stepper(&mesh, &pushed(0.4), Slow::new(&mesh, 0.1), params);
+    let cut = slow.run(&mut log).unwrap();
+    assert_eq!(log.converged, [(1, 0.5), (2, 1.0)], "only full steps are reported");
+    assert_eq!(log.failed.len(), cut.iter().map(|report| report.cuts).sum::<usize>());
+    assert!(cut[0].cuts >= 1 && cut[0].substeps.len() >= 2, "{cut:?}");
+    assert_eq!(log.failed[0], (1, 0.5, 0));
+    assert_eq!(log.failed[1], (1, 0.25, 1), "halved");
+
+    let substeps: usize = cut.iter().map(|report| report.substeps.len()).sum();
+    let field = slow.field();
+    assert_eq!((field.commits, field.reverts), (1 + substeps, log.failed.len()));
+    assert_eq!(field.committed, slow.state().gradients, "the committed micro states are those of the reported state");
+    for (a, b) in free.state().displacements.as_flattened().iter().zip(slow.state().displacements.as_flattened()) {
+        assert!((a - b).abs() < 1e-9, "{a} {b}");
+    }
+}
+
+#[test]
+fn no_state_is_evaluated_twice() {
+    let mesh = bar(4);
+    let params = StepParams { count: 3, start: StepStart::Tangent, ..StepParams::default() };
+    let mut stepper = stepper(&mesh, &pushed(0.3), Slow::new(&mesh, 10.0), params);
+    let reports = stepper.run(&mut ()).unwrap();
+    let residuals: usize =
+        reports.iter().flat_map(|report| &report.substeps).map(|newton| newton.residuals.len()).sum();
+    assert_eq!(stepper.field().updates, 1 + residuals, "one at rest, one a residual, none for a tangent");
+}
+
+#[test]
+fn a_body_pressed_through_itself_keeps_its_last_state() {
+    let mesh = bar(4);
+    let mut log = Log::default();
+    let params = StepParams { count: 5, max_cuts: 3, ..StepParams::default() };
+    let mut stepper = stepper(&mesh, &pushed(-1.2), formula(&mesh), params);
+    let error = stepper.run(&mut log).unwrap_err();
+    let SteppingError::NotConverged { step, t, reached, increment, halvings, reason } = error else {
+        panic!("{error}");
+    };
+    assert_eq!((step, halvings), (log.converged.len() + 1, 3), "{reason}");
+    // The body is gone at 1 / 1.2; the smallest increment is 1 / 40.
+    assert!(reached < 1.0 / 1.2 && (t - reached - increment).abs() < 1e-15 && (increment - 0.025).abs() < 1e-15);
+    assert!(log.failed.len() >= 4);
+    let state = stepper.state();
+    assert_eq!(state.t, reached);
+    let mut again = PointResponses::default();
+    formula(&mesh).update(&state.gradients, &mut again).unwrap();
+    assert_eq!(again, state.responses, "stresses belong to the displacements");
+    let moved = mesh.nodes().iter().zip(&state.displacements).filter(|(x, _)| x[0] == 1.0);
+    assert!(moved.count() > 0 && state.gradients.iter().all(|f| f.determinant() > 0.0));
+    let (sum, scale) = (stepper.forces().sum(), stepper.forces().surfaces[0].force[0].abs());
+    assert!(sum.iter().all(|f| f.abs() < 1e-7 * scale), "{sum:?} of {scale}");
+}
+
+#[test]
+fn an_inverted_trial_names_its_element() {
+    let mesh = bar(4);
+    let mut stepper =
+        stepper(&mesh, &pushed(-1.2), formula(&mesh), StepParams { count: 1, max_cuts: 0, ..StepParams::default() });
+    let error = stepper.run(&mut ()).unwrap_err();
+    let SteppingError::NotConverged {
+        reason: NewtonError::Problem(EquilibriumError::Points(point)), reached: 0.0, ..
+    } = error
+    else {
+        panic!("{error}");
+    };
+    assert!(matches!(point.reason, MaterialError::Inverted { determinant } if determinant <= 0.0));
+    assert!(stepper.state().displacements.iter().all(|u| *u == [0.0; 3]));
+}
+
+#[test]
+fn a_held_start_that_crushes_elements_is_linearised_before_it_is_cut() {
+    let mesh = bar(8);
+    let run = |start| {
+        let params = StepParams { count: 2, start, ..StepParams::default() };
+        stepper(&mesh, &pushed(-0.4), formula(&mesh), params).run(&mut ()).unwrap()
+    };
+    // A cell is 0.125 long and the face moves by 0.2.
+    let held = run(StepStart::Held);
+    assert_eq!(held.iter().map(|report| (report.linearised, report.cuts)).collect::<Vec<_>>(), [(1, 0), (1, 0)]);
+    assert_eq!(held[1].iterations(), run(StepStart::Tangent)[1].iterations());
+}
+
+#[test]
+fn the_observer_can_stop_a_run() {
+    let mesh = bar(2);
+    let mut log = Log { stop_at: 2, ..Log::default() };
+    let mut stepper = stepper(&mesh, &pushed(0.1), formula(&mesh), StepParams { count: 4, ..StepParams::default() });
+    assert_eq!(stepper.run(&mut log).unwrap_err(), SteppingError::Stopped { step: 2, t: 0.5, reason: DiskFull });
+    assert_eq!(stepper.done(), 2);
+    assert_eq!(stepper.state().displacements, log.displacements);
+    log.stop_at = 0;
+    assert_eq!(stepper.run(&mut log).unwrap().len(), 2, "what is left can still be run");
+}
+
+#[test]
+fn a_body_that_nothing_holds_is_not_cut_in_vain() {
+    let mesh = bar(2);
+    let pull =
+        SurfaceCondition { surface: "x1".into(), load: SurfaceLoad::Traction([1.0, 0.0, 0.0]), curve: LoadCurve::Ramp };
+    let conditions = Conditions { surfaces: vec![pull], ..Conditions::default() };
+    let mut log = Log::default();
+    let error = stepper(&mesh, &conditions, formula(&mesh), StepParams::default()).run(&mut log).unwrap_err();
+    assert!(
+        matches!(
+            error,
+            SteppingError::NotConverged {
+                step: 1,
+                halvings: 0,
+                reason: NewtonError::Solve(SolveError::Singular { .. }),
+                ..
+            }
+        ),
+        "{error}"
+    );
+    assert_eq!(log.failed.len(), 1);
+}
+
+#[test]
+fn a_body_without_unknowns_only_answers() {
+    let mesh = Arc::new(shapes::cuboid([1, 1, 1], [1.0; 3]).unwrap());
+    let mut stepper = stepper(&mesh, &pushed(0.2), formula(&mesh), StepParams { count: 2, ..StepParams::default() });
+    assert_eq!(stepper.unknowns(), 0);
+    let reports: Vec<StepReport> = stepper.run(&mut ()).unwrap();
+    assert!(reports.iter().all(|report| report.iterations() == 0));
+    let expected = stepper.state().responses.pk1[0][(0, 0)];
+    let right = stepper.forces().surfaces.iter().find(|s| s.name == "x1").unwrap().force[0];
+    assert!((right - expected).abs() < 1e-9 * expected, "{right} {expected}");
+}
+
+#[test]
+fn what_is_loaded_and_unloaded_comes_back() {
+    let mesh = bar(4);
+    let mut conditions = pushed(0.0);
+    conditions.surfaces.truncate(1);
+    let there_and_back = LoadCurve::table(&[[0.0, 0.0], [0.5, 1.0], [1.0, 0.0]]).unwrap();
+    conditions.body_forces.push(BodyForce { region: "*".into(), value: [0.0, 300.0, 0.0], curve: there_and_back });
+    let mut largest = Largest::default();
+    let mut stepper = stepper(&mesh, &conditions, formula(&mesh), StepParams { count: 4, ..StepParams::default() });
+    stepper.run(&mut largest).unwrap();
+    assert!(largest.0 > 0.05, "{}", largest.0);
+    let left = stepper.state().displacements.as_flattened().iter().fold(0.0_f64, |m, u| m.max(u.abs()));
+    assert!(left < 1e-7 * largest.0, "{left:e}");
+}
+
+#[derive(Default)]
+struct Largest(f64);
+
+impl<P: PointField, F: std::error::Error> StepObserver<P, F> for Largest {
+    type Error = Infallible;
+
+    fn converged(&mut self, step: &ConvergedStep<'_, P>) -> Result<(), Infallible> {
+        self.0 = step.state.displacements.as_flattened().iter().fold(self.0, |m, u| m.max(u.abs()));
+        Ok(())
+    }
+}

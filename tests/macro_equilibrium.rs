@@ -1,0 +1,188 @@
+//! What must hold of every run: forces balance, order does not matter, Newton converges quadratically.
+#![cfg(feature = "sparse")]
+
+use std::sync::Arc;
+
+use biotissue::backends::sparse::Sparse;
+use biotissue::fem::boundary::{
+    BodyForce, Conditions, LoadCurve, Place, PointCondition, SurfaceCondition, SurfaceLoad,
+};
+use biotissue::fem::material::{LinearElastic, Material, NeoHookean};
+use biotissue::fem::mesh::{Mesh, shapes};
+use biotissue::fem::point_field::FormulaField;
+use biotissue::fem::reactions::{BoundaryForces, SurfaceForce};
+use biotissue::fem::stepping::{StepParams, Stepper};
+use biotissue::las::NewtonParams;
+
+const SOFT: NeoHookean = NeoHookean { mu: 3.0e3, lambda: 5.0e3 };
+
+fn on(surface: &str, load: SurfaceLoad) -> SurfaceCondition {
+    SurfaceCondition { surface: surface.into(), load, curve: LoadCurve::Ramp }
+}
+
+fn held(surface: &str, displacement: [Option<f64>; 3]) -> SurfaceCondition {
+    on(surface, SurfaceLoad::Displacement(displacement))
+}
+
+fn params() -> StepParams {
+    let mut newton = NewtonParams::default();
+    newton.tolerance = 1e-12;
+    StepParams { count: 2, newton, ..StepParams::default() }
+}
+
+fn run(mesh: &Arc<Mesh>, conditions: &Conditions) -> Stepper<Sparse, FormulaField> {
+    let field = FormulaField::uniform(SOFT, mesh.elements().len());
+    let mut stepper = Stepper::<Sparse, _>::new(&(), Arc::clone(mesh), conditions, field, params()).unwrap();
+    stepper.run(&mut ()).unwrap();
+    stepper
+}
+
+fn named<'a>(forces: &'a BoundaryForces, name: &str) -> &'a SurfaceForce {
+    forces.surfaces.iter().find(|surface| surface.name == name).unwrap()
+}
+
+fn assert_near(found: [f64; 3], expected: [f64; 3], within: f64, what: &str) {
+    let near = (0..3).all(|i| (found[i] - expected[i]).abs() <= within);
+    assert!(near, "{what}: {found:?}, expected {expected:?} within {within:e}");
+}
+
+#[test]
+fn forces_over_held_surfaces_with_shared_edges_sum_to_zero() {
+    let mesh = Arc::new(shapes::cuboid([4, 3, 3], [1.0, 0.6, 0.5]).unwrap());
+    // x0 and y0 both hold y on the edge they share; x1 is loaded where y0 and y1 hold it.
+    let conditions = Conditions {
+        surfaces: vec![
+            held("x0", [Some(0.0), Some(0.0), None]),
+            held("y0", [None, Some(0.0), Some(0.0)]),
+            on("x1", SurfaceLoad::Traction([800.0, 300.0, -200.0])),
+            held("y1", [None, None, Some(0.05)]),
+        ],
+        points: vec![PointCondition {
+            place: Place::Nearest([0.5, 0.3, 0.5]),
+            displacement: [Some(0.1), None, None],
+            curve: LoadCurve::Ramp,
+        }],
+        ..Conditions::default()
+    };
+    let forces = run(&mesh, &conditions).forces();
+    let size = named(&forces, "x0").force[0].abs();
+    assert!(size > 100.0 && forces.points[0].force[0].abs() > 1.0, "{forces:?}");
+    assert_eq!((forces.points[0].force[1], forces.points[0].force[2]), (0.0, 0.0), "only what the point holds");
+    assert_near(forces.sum(), [0.0; 3], 1e-9 * size, "sum");
+    assert_eq!(named(&forces, "z1").force, [0.0; 3]);
+}
+
+#[test]
+fn body_forces_are_carried_by_the_supports() {
+    let mesh = Arc::new(shapes::cuboid([3, 3, 3], [1.0, 0.5, 0.5]).unwrap());
+    let body_force = BodyForce { region: "body".into(), value: [100.0, -400.0, 50.0], curve: LoadCurve::Ramp };
+    let conditions = Conditions {
+        surfaces: vec![held("x0", [Some(0.0); 3])],
+        body_forces: vec![body_force],
+        ..Conditions::default()
+    };
+    let forces = run(&mesh, &conditions).forces();
+    assert_near(named(&forces, "x0").force, [-25.0, 100.0, -12.5], 1e-8, "reaction");
+    assert_near(forces.sum(), [-25.0, 100.0, -12.5], 1e-8, "sum");
+}
+
+#[test]
+fn a_bar_in_tension_is_known_in_closed_form() {
+    let mesh = Arc::new(shapes::cuboid([3, 2, 2], [2.0, 0.5, 0.4]).unwrap());
+    let zero = |component: usize| -> [Option<f64>; 3] { std::array::from_fn(|i| (i == component).then_some(0.0)) };
+    let conditions = Conditions {
+        surfaces: vec![
+            held("x0", zero(0)),
+            held("y0", zero(1)),
+            held("z0", zero(2)),
+            on("x1", SurfaceLoad::Traction([2.0e3, 0.0, 0.0])),
+        ],
+        ..Conditions::default()
+    };
+    let stepper = run(&mesh, &conditions);
+    let f = stepper.state().gradients[0];
+    let (stretch, across) = (f[(0, 0)], f[(1, 1)]);
+    assert!(stretch > 1.1 && across < 0.99, "{f}");
+    let pk1 = SOFT.respond(&f).unwrap().pk1;
+    assert!((pk1[(0, 0)] - 2.0e3).abs() < 1e-7 && pk1[(1, 1)].abs() < 1e-7 && pk1[(2, 2)].abs() < 1e-7, "{pk1}");
+    assert!(stepper.state().gradients.iter().all(|other| (other - f).norm() < 1e-12), "homogeneous");
+
+    let forces = stepper.forces();
+    let (left, right, side) = (named(&forces, "x0"), named(&forces, "x1"), named(&forces, "y1"));
+    assert_near(right.force, [400.0, 0.0, 0.0], 1e-9, "traction times area");
+    assert_near(left.force, [-400.0, 0.0, 0.0], 1e-7, "reaction");
+    assert_near(side.force, [0.0; 3], 0.0, "free");
+    assert_near(
+        right.displacement,
+        [2.0 * (stretch - 1.0), 0.25 * (across - 1.0), 0.2 * (across - 1.0)],
+        1e-12,
+        "mean displacement",
+    );
+    assert!((right.area - 0.2 * across * across).abs() < 1e-13);
+    assert!((side.area - 0.8 * across * stretch).abs() < 1e-13);
+}
+
+#[test]
+fn the_order_of_regions_does_not_matter() {
+    let plain = shapes::cuboid([4, 2, 2], [1.0, 0.5, 0.5]).unwrap();
+    let stiff = LinearElastic { mu: 9.0e3, lambda: 9.0e3 };
+    let run = |order: [&str; 2]| {
+        let soft_number = order.iter().position(|name| *name == "soft").unwrap() as u32;
+        let region_of = plain.elements().iter().enumerate();
+        let region_of: Vec<u32> = region_of
+            .map(|(e, _)| if plain.corners(e).iter().any(|x| x[0] > 0.6) { 1 - soft_number } else { soft_number })
+            .collect();
+        let materials = order.map(|name| -> Box<dyn Material> {
+            if name == "soft" { Box::new(SOFT) } else { Box::new(stiff) }
+        });
+        let field = FormulaField::new(Vec::from(materials), &region_of).unwrap();
+        let mesh = Mesh::new(
+            plain.nodes().to_vec(),
+            plain.elements().to_vec(),
+            region_of,
+            order.map(String::from).to_vec(),
+            plain.surfaces().to_vec(),
+        );
+        let conditions = Conditions {
+            surfaces: vec![held("x0", [Some(0.0); 3]), held("x1", [Some(0.2), Some(0.1), None])],
+            body_forces: vec![BodyForce { region: "soft".into(), value: [0.0, 0.0, 90.0], curve: LoadCurve::Ramp }],
+            ..Conditions::default()
+        };
+        let mut stepper =
+            Stepper::<Sparse, _>::new(&(), Arc::new(mesh.unwrap()), &conditions, field, params()).unwrap();
+        stepper.run(&mut ()).unwrap();
+        stepper.state().displacements.clone()
+    };
+    assert_eq!(run(["soft", "stiff"]), run(["stiff", "soft"]), "to the last bit");
+}
+
+#[test]
+fn newton_converges_quadratically() {
+    let mesh = Arc::new(shapes::cuboid([4, 4, 4], [1.0; 3]).unwrap());
+    let conditions = Conditions {
+        surfaces: vec![held("x0", [Some(0.0); 3]), held("x1", [Some(0.3), Some(0.2), Some(0.0)])],
+        ..Conditions::default()
+    };
+    let field = FormulaField::uniform(SOFT, mesh.elements().len());
+    let mut stepper = Stepper::<Sparse, _>::new(&(), mesh, &conditions, field, params()).unwrap();
+    for report in stepper.run(&mut ()).unwrap() {
+        let r = &report.substeps[0].relative;
+        assert!(r.len() >= 3, "{r:?}");
+        for pair in r.windows(2).filter(|pair| pair[0] < 0.1 && pair[1] > 1e-13) {
+            assert!(pair[1] < 10.0 * pair[0] * pair[0], "{r:?}");
+        }
+    }
+}
+
+#[test]
+fn a_nearly_undeformed_body_converges() {
+    // Strains of 1e-12: the residual cannot fall to 1e-12 of the forces, because F holds no such digits.
+    let mesh = Arc::new(shapes::cuboid([3, 3, 3], [1.0; 3]).unwrap());
+    let conditions = Conditions {
+        surfaces: vec![held("x0", [Some(0.0); 3]), held("x1", [Some(1e-12), Some(0.0), None])],
+        ..Conditions::default()
+    };
+    let forces = run(&mesh, &conditions).forces();
+    let force = named(&forces, "x1").force[0];
+    assert!((1e-12..1e-7).contains(&force), "{force:e}");
+}
