@@ -204,7 +204,7 @@ fn floating_part<B: Backend>(context: &B::Context, random: &mut Random) {
     let pattern = random.elements(n);
     let regular = Oracle::dominant(random, &pattern, |_| 1.0);
     let mut a = Oracle::zeros(n, n);
-    let inside = |i: usize| i % 2 == 0;
+    let inside = |i: usize| i.is_multiple_of(2);
     for i in 0..n {
         for j in pattern.row(i).iter().map(|&j| j as usize).filter(|&j| j > i && inside(i) == inside(j)) {
             let stiffness = 0.5 + random.signed().abs();

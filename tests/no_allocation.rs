@@ -1,0 +1,135 @@
+//! Assembling, factoring and solving allocate nothing after their first time.
+
+#![cfg(any(feature = "sparse", feature = "dense"))]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::sync::Arc;
+
+use biotissue::las::conformance::{Oracle, Random};
+use biotissue::las::{Backend, Factorisation, MatrixOps, Solver, SolverParams, Sparsity, VectorOps};
+
+/// The system's allocator, counting the calls of each thread.
+struct Counting;
+
+thread_local! {
+    static CALLS: Cell<usize> = const { Cell::new(0) };
+}
+
+fn count() {
+    CALLS.with(|calls| calls.set(calls.get() + 1));
+}
+
+// SAFETY: every call goes to the system's allocator as it came.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count();
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        count();
+        unsafe { System.alloc_zeroed(layout) }
+    }
+
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, new_size: usize) -> *mut u8 {
+        count();
+        unsafe { System.realloc(pointer, layout, new_size) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+const RIGHT_SIDES: usize = 9;
+
+/// What is assembled and solved, over and over.
+struct Work<B: Backend> {
+    elements: Vec<(Vec<i32>, Vec<f64>)>,
+    slots: Vec<B::Slot>,
+    values: Vec<f64>,
+    matrix: B::Matrix,
+    solver: B::Solver,
+    right: Vec<B::Vector>,
+    solutions: Vec<B::Vector>,
+}
+
+impl<B: Backend<Scalar = f64, Index = i32, Context = ()>> Work<B> {
+    fn new(unknowns: usize) -> Self {
+        let mut random = Random::new(unknowns as u64);
+        let pattern: Arc<Sparsity> = random.elements(unknowns);
+        let a = Oracle::dominant(&mut random, &pattern, |_| 1.0);
+        let elements: Vec<(Vec<i32>, Vec<f64>)> = (0..unknowns)
+            .map(|row| {
+                let columns = pattern.row(row).iter().map(|&c| c as i32);
+                let values = pattern.row(row).iter().map(|&c| a.values[row * unknowns + c as usize]);
+                (columns.collect(), values.collect())
+            })
+            .collect();
+        let matrix = B::matrix(&(), &pattern).unwrap();
+        let mut slots = Vec::new();
+        for (row, (columns, _)) in elements.iter().enumerate() {
+            matrix.locate(&[row as i32], columns, &mut slots).unwrap();
+        }
+        let values = elements.iter().flat_map(|(_, values)| values.iter().copied()).collect();
+        let vectors = || (0..RIGHT_SIDES).map(|_| B::vector(&(), unknowns).unwrap()).collect::<Vec<_>>();
+        let symbolic = B::analyze(&(), &pattern, &SolverParams::default()).unwrap();
+        let solver = B::solver(&symbolic).unwrap();
+        Self { elements, slots, values, matrix, solver, right: vectors(), solutions: vectors() }
+    }
+
+    /// One definite and one indefinite system, assembled both ways and solved for one and for many right-hand sides.
+    fn round(&mut self) {
+        for kind in [Factorisation::Cholesky, Factorisation::Ldlt] {
+            self.matrix.zero().unwrap();
+            if kind == Factorisation::Cholesky {
+                for (row, (columns, values)) in self.elements.iter().enumerate() {
+                    self.matrix.add(&[row as i32], columns, values).unwrap();
+                }
+            } else {
+                self.matrix.add_at(&self.slots, &self.values).unwrap();
+                self.matrix.set(&[3], &[3], &[-1e3]).unwrap();
+            }
+            self.matrix.finish().unwrap();
+            for (k, b) in self.right.iter_mut().enumerate() {
+                b.zero().unwrap();
+                b.add(&[-1, 3, k as i32], &[1.0, 2.0, 3.0]).unwrap();
+            }
+            let report = self.solver.factor(&self.matrix).unwrap();
+            assert_eq!(report.kind, kind);
+            self.solver.solve(&self.right[0], &mut self.solutions[0]).unwrap();
+            self.solver.solve_many(&self.right, &mut self.solutions).unwrap();
+            self.solver.solve_many(&self.right[..2], &mut self.solutions[..2]).unwrap();
+        }
+    }
+}
+
+fn allocates_only_at_first<B: Backend<Scalar = f64, Index = i32, Context = ()>>() {
+    for unknowns in [10, 120, 300] {
+        let mut work = Work::<B>::new(unknowns);
+        let before = CALLS.get();
+        work.round();
+        assert!(CALLS.get() > before, "the counter counts: the first right-hand sides need room");
+        let before = CALLS.get();
+        for _ in 0..100 {
+            work.round();
+        }
+        assert_eq!(CALLS.get() - before, 0, "{unknowns} unknowns");
+    }
+}
+
+#[test]
+#[cfg(feature = "sparse")]
+fn sparse() {
+    allocates_only_at_first::<biotissue::backends::sparse::Sparse>();
+}
+
+#[test]
+#[cfg(feature = "dense")]
+fn dense() {
+    allocates_only_at_first::<biotissue::backends::dense::Dense>();
+}
