@@ -122,7 +122,7 @@ pub fn logarithmic(labels: Labels, lines: &[Line]) -> Result<String, ReportError
             .x_desc(labels.x)
             .y_desc(labels.y)
             .x_labels(8)
-            .x_label_formatter(&|x| format!("{x:.0}"))
+            .x_label_formatter(&|x| whole(*x))
             .y_label_formatter(&|y| format!("1e{:.0}", y.log10()))
             .draw()?;
         let last = lines.len().saturating_sub(1).max(1) as f64;
@@ -158,7 +158,8 @@ fn axes(chart: &mut Chart, labels: Labels) -> Drawn {
 /// A tick: without the digits that rounding left behind.
 fn label(value: &f64) -> String {
     let text = RangedCoordf64::format(value);
-    if text.len() <= 6 { text } else { significant(*value) }
+    let text = text.strip_suffix(".0").unwrap_or(&text);
+    if text.len() <= 6 { text.to_owned() } else { significant(*value) }
 }
 
 fn draw_lines(chart: &mut Chart, lines: &[Line]) -> Drawn {
@@ -215,7 +216,7 @@ pub fn extension_and_iterations(
             .bold_line_style(GRID)
             .axis_style(INK)
             .label_style((FONT, 14, &INK))
-            .axis_desc_style((FONT, 15, &COLORS[0]))
+            .axis_desc_style((FONT, 15, &INK))
             .x_desc(labels.x)
             .y_desc(labels.y)
             .x_labels(10)
@@ -226,8 +227,8 @@ pub fn extension_and_iterations(
             .configure_secondary_axes()
             .axis_style(INK)
             .label_style((FONT, 14, &INK))
-            .axis_desc_style((FONT, 15, &RGBColor(96, 125, 139)))
-            .y_desc("Newton iterations")
+            .axis_desc_style((FONT, 15, &INK))
+            .y_desc("Newton iterations (bars)")
             .y_labels(6)
             .y_label_formatter(&|y: &f64| if *y <= most + 0.5 { whole(*y) } else { String::new() })
             .draw()?;
@@ -252,13 +253,15 @@ pub fn stacked_bars(labels: Labels, layers: &[Line]) -> Result<String, ReportErr
     let increments = layers.iter().map(|layer| layer.points.len()).max().unwrap_or(0);
     let height = |k: usize| layers.iter().filter_map(|layer| layer.points.get(k)).map(|&(_, y)| y).sum::<f64>();
     let top = range((0..increments).map(height).chain([0.0]));
+    // Room above the bars for the legend, a line a layer.
+    let room = 1.0 / (1.0 - (0.075 * layers.len() as f64).min(0.6));
     let last = layers.iter().flat_map(|layer| &layer.points).map(|&(x, _)| x).fold(1.0, f64::max);
     svg(labels, |area| {
         let mut chart = ChartBuilder::on(area)
             .margin(12)
             .x_label_area_size(42)
             .y_label_area_size(68)
-            .build_cartesian_2d(0.4..last + 0.6, 0.0..1.3 * top.end.max(f64::MIN_POSITIVE))?;
+            .build_cartesian_2d(0.4..last + 0.6, 0.0..room * top.end.max(f64::MIN_POSITIVE))?;
         chart
             .configure_mesh()
             .disable_x_mesh()

@@ -66,7 +66,7 @@ fn extension(run: &Run) -> Result<Option<Figure>, ReportError> {
     let labels = Labels {
         chart: "extension and Newton iterations",
         x: "load increment",
-        y: &format!("{} in {}", run.extension_name(), run.extension_unit()),
+        y: &format!("{} in {} (line)", run.extension_name(), run.extension_unit()),
     };
     let caption = "Macro-scale body extension and Newton iterations per load increment";
     Ok(Some((caption.into(), extension_and_iterations(labels, &extension, &iterations)?)))

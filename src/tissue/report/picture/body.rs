@@ -4,14 +4,16 @@ use std::collections::HashMap;
 
 use nalgebra::Vector3;
 
+use super::colour::lit;
 use super::skin::{Skin, lines, normal};
 use super::svg::{Svg, hex};
-use super::view::{Frame, View};
+use super::view::View;
 use super::{Colors, Scene};
-use crate::tissue::report::picture::colour::lit;
 
 /// Faces that meet at more than this angle make a crease (its cosine: 35 degrees).
 const CREASE: f64 = 0.82;
+/// Faces less high than so many pixels have no edges.
+const SMALL: f64 = 5.0;
 /// At most one fiber direction in a square of so many pixels.
 const FIBER_SPACING: f64 = 9.0;
 
@@ -51,14 +53,26 @@ pub(super) fn faces(svg: &mut Svg, scene: &Scene, colors: Option<&Colors>) {
     for (_, k) in order {
         let face = &skin.faces[k];
         let plain = colors.map_or([176, 190, 197], |colors| colors.of(face.element));
-        let color = lit(plain, view.light(&normal(face, current)));
-        svg.path(&face.points.map(|point| place(&point)), true, &format!("fill=\"{}\"", hex(color)));
+        let color = hex(lit(plain, view.light(&normal(face, current))));
+        let corners = face.points.map(|point| place(&point));
+        // Where faces are too small for their light edges, those would wash the colors out.
+        let rim =
+            if height(corners) < SMALL { format!(" stroke=\"{color}\" stroke-opacity=\"1\"") } else { String::new() };
+        svg.path(&corners, true, &format!("fill=\"{color}\"{rim}"));
         if let Some(creases) = creases.get(&k) {
             let rim: Vec<_> = creases.iter().map(|edge| edge.map(|point| place(&point))).collect();
             svg.segments(&rim, "stroke=\"#1b2733\" stroke-opacity=\".75\" stroke-width=\"1\" fill=\"none\"");
         }
     }
     svg.close();
+}
+
+/// The least height of a triangle.
+fn height([a, b, c]: [[f64; 2]; 3]) -> f64 {
+    let edge = |from: [f64; 2], to: [f64; 2]| [to[0] - from[0], to[1] - from[1]];
+    let (ab, ac, bc) = (edge(a, b), edge(a, c), edge(b, c));
+    let longest = [ab, ac, bc].map(|[x, y]| x.hypot(y)).into_iter().fold(f64::MIN_POSITIVE, f64::max);
+    (ab[0] * ac[1] - ab[1] * ac[0]).abs() / longest
 }
 
 /// The edges to be drawn with each face: where the body turns away from the eye, and where it bends sharply.
@@ -156,12 +170,7 @@ fn fiber_length(scene: &Scene) -> f64 {
 /// Draws fiber lines: light on a dark rim, so that they are seen on any color.
 pub(super) fn fibers(svg: &mut Svg, segments: &[[[f64; 2]; 2]]) {
     svg.open("fill=\"none\" stroke-linecap=\"round\"");
-    svg.segments(segments, "stroke=\"#101820\" stroke-opacity=\".55\" stroke-width=\"3\"");
-    svg.segments(segments, "stroke=\"#fff\" stroke-width=\"1.5\"");
+    svg.segments(segments, "stroke=\"#101820\" stroke-opacity=\".5\" stroke-width=\"2.6\"");
+    svg.segments(segments, "stroke=\"#fff\" stroke-width=\"1.2\"");
     svg.close();
-}
-
-/// Fits the body, as it is and as it was, into a rectangle of the page.
-pub(super) fn frame(view: &View, points: impl Iterator<Item = Vector3<f64>>, room: [f64; 4]) -> Frame {
-    Frame::fit(points.map(|point| view.project(&point)), room)
 }

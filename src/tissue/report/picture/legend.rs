@@ -2,7 +2,7 @@
 
 use super::body::{OUTLINE, fibers};
 use super::colour::viridis;
-use super::svg::{Anchor, Svg, hex};
+use super::svg::{Anchor, Svg};
 use super::{Colors, Scene};
 use crate::tissue::report::units::{prefix, quantity, round_step, tick_label, ticks};
 
@@ -19,7 +19,7 @@ pub(super) fn title(svg: &mut Svg, title: &str, state: &str) {
 pub(super) fn color_bar(svg: &mut Svg, colors: &Colors, [right, top]: [f64; 2]) {
     const WIDTH: f64 = 320.0;
     const HEIGHT: f64 = 12.0;
-    const STRIPS: usize = 64;
+    const STOPS: u8 = 10;
     let left = right - WIDTH;
     let (low, high) = colors.range;
     let (power, prefix) = if colors.quantity.unit.is_empty() { (1.0, "") } else { prefix(low.abs().max(high.abs())) };
@@ -29,13 +29,8 @@ pub(super) fn color_bar(svg: &mut Svg, colors: &Colors, [right, top]: [f64; 2]) 
         unit => format!("{} in {unit}", colors.quantity.label),
     };
     svg.words([left, top - 8.0], 13.0, Anchor::Start, INK, &label);
-    let strip = WIDTH / STRIPS as f64;
-    svg.open("shape-rendering=\"crispEdges\"");
-    for k in 0..STRIPS {
-        let color = hex(viridis((k as f64 + 0.5) / STRIPS as f64));
-        svg.rectangle([left + k as f64 * strip, top, strip, HEIGHT], &format!("fill=\"{color}\""));
-    }
-    svg.close();
+    svg.gradient("viridis", (0..=STOPS).map(|k| viridis(f64::from(k) / f64::from(STOPS))));
+    svg.rectangle([left, top, WIDTH, HEIGHT], "fill=\"url(#viridis)\"");
     let ticks = ticks(low / power, high / power, 5);
     for &tick in &ticks {
         let x = left + WIDTH * (tick * power - low) / (high - low);

@@ -39,7 +39,7 @@ pub struct PictureOptions {
     pub axis: Option<usize>,
     /// Width, pixels.
     pub width: u32,
-    /// Height, pixels.
+    /// Height, pixels; less where the body does not need it.
     pub height: u32,
 }
 
@@ -116,8 +116,13 @@ fn state(entry: &Entry, extension: Option<f64>) -> String {
 }
 
 fn compose(title: &str, state: &str, fields: &Fields, quantity: Option<Quantity>, options: &PictureOptions) -> String {
-    let (width, height) = (f64::from(options.width.max(480)), f64::from(options.height.max(300)));
-    let scene = scene(fields, options.axis, [28.0, 78.0, width - 56.0, height - 78.0 - 92.0]);
+    let (width, most) = (f64::from(options.width.max(480)), f64::from(options.height.max(300)));
+    let room = |height: f64| [28.0, 82.0, width - 56.0, height - 82.0 - 96.0];
+    let mut scene = scene(fields, options.axis);
+    scene.fit(room(most));
+    // A slender body that fills the width would leave empty bands above and below.
+    let height = most - (scene.frame.spare - 10.0).max(0.0).floor();
+    scene.fit(room(height));
     let seen = body::visible_elements(&scene);
     let colors = quantity.map(|quantity| Colors::new(quantity, &seen));
 
@@ -146,15 +151,22 @@ fn compose(title: &str, state: &str, fields: &Fields, quantity: Option<Quantity>
     svg.finish()
 }
 
-fn scene(fields: &Fields, axis: Option<usize>, room: [f64; 4]) -> Scene {
+fn scene(fields: &Fields, axis: Option<usize>) -> Scene {
     let reference: Vec<Vector3<f64>> = fields.points.iter().map(|&point| point.into()).collect();
     let current: Vec<Vector3<f64>> = deformed(fields).map(Vector3::from).collect();
     let skin = Skin::of(&fields.elements);
     let first = reference.first().copied().unwrap_or_default();
     let (low, high) = reference.iter().fold((first, first), |(low, high), point| (low.inf(point), high.sup(point)));
     let view = View::of(high - low, axis);
-    // Only points of the boundary: a mesh file may hold points that no element uses.
-    let rim = skin.faces.iter().flat_map(|face| face.points).map(|point| point as usize);
-    let frame = body::frame(&view, rim.flat_map(|point| [reference[point], current[point]]), room);
-    Scene { skin, reference, current, view, frame }
+    Scene { skin, reference, current, view, frame: Frame::default() }
+}
+
+impl Scene {
+    /// Fits the body, as it is and as it was, into a rectangle of the page (left, top, width, height).
+    fn fit(&mut self, room: [f64; 4]) {
+        // Only points of the boundary: a mesh file may hold points that no element uses.
+        let rim = self.skin.faces.iter().flat_map(|face| face.points).map(|point| point as usize);
+        let both = rim.flat_map(|point| [&self.reference[point], &self.current[point]]);
+        self.frame = Frame::fit(both.map(|point| self.view.project(point)), room);
+    }
 }

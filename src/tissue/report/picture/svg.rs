@@ -66,6 +66,17 @@ impl Svg {
         let _ = writeln!(self.text, "<rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" {attributes}/>");
     }
 
+    /// A gradient from left to right through equally spaced colors, to be filled with by its name.
+    pub(super) fn gradient(&mut self, name: &str, colors: impl ExactSizeIterator<Item = [u8; 3]>) {
+        let last = colors.len().saturating_sub(1).max(1);
+        let _ = write!(self.text, "<linearGradient id=\"{name}\">");
+        for (k, color) in colors.enumerate() {
+            let place = number(100.0 * k as f64 / last as f64);
+            let _ = write!(self.text, "<stop offset=\"{place}%\" stop-color=\"{}\"/>", hex(color));
+        }
+        self.text.push_str("</linearGradient>\n");
+    }
+
     /// A line of text whose baseline goes through the place.
     pub(super) fn words(&mut self, [x, y]: [f64; 2], size: f64, anchor: Anchor, attributes: &str, words: &str) {
         let anchor = match anchor {

@@ -2,10 +2,14 @@
 
 use nalgebra::Vector3;
 
-/// Turn around the vertical axis of the page.
-const TURN: f64 = 0.30;
 /// Lift of the eye over the horizon.
-const LIFT: f64 = 0.50;
+const LIFT: f64 = 0.46;
+
+/// Turn of the body around the vertical axis of the page: the longer it is, the less, or it would run down the page.
+fn turn(longest: f64, second: f64) -> f64 {
+    let slenderness = if second > 0.0 { (longest / second).max(1.0) } else { 1.0 };
+    0.06 + 0.45 / slenderness
+}
 
 /// The directions of the page in the space of the body.
 #[derive(Clone, Copy, Debug)]
@@ -34,7 +38,7 @@ impl View {
         let unit = |axis: usize| Vector3::from_fn(|k, _| if k == axis { 1.0 } else { 0.0 });
         let (across, upward) = (unit(order[0]), unit(order[1]));
         let outward = across.cross(&upward);
-        let (sin, cos) = TURN.sin_cos();
+        let (sin, cos) = turn(edges[order[0]], edges[order[1]]).sin_cos();
         let right = across * cos - outward * sin;
         let level = across * sin + outward * cos;
         let (sin, cos) = LIFT.sin_cos();
@@ -47,19 +51,22 @@ impl View {
         [self.right.dot(point), self.up.dot(point), self.toward.dot(point)]
     }
 
-    /// How bright a face with this normal is, up to 1: the light comes from above, over the left shoulder.
+    /// How bright a face with this normal is, up to 1. The light comes from in front, so that the broad side keeps the
+    /// colors of the bar.
     pub(super) fn light(&self, normal: &Vector3<f64>) -> f64 {
-        let source = (self.toward * 0.75 + self.up * 0.65 - self.right * 0.25).normalize();
+        let source = (self.toward * 0.9 - self.up * 0.3).normalize();
         let cosine = normal.try_normalize(0.0).map_or(1.0, |normal| normal.dot(&source).max(0.0));
-        0.66 + 0.34 * cosine
+        0.82 + 0.18 * cosine
     }
 }
 
 /// The place on the page: metres to pixels, with y downwards.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Frame {
     /// Pixels a metre.
     pub(super) scale: f64,
+    /// How much of the height of the rectangle the points leave free, pixels.
+    pub(super) spare: f64,
     offset: [f64; 2],
 }
 
@@ -78,7 +85,7 @@ impl Frame {
         let scale = if scale.is_finite() && scale > 0.0 { scale } else { 1.0 };
         let middle = [(low[0] + high[0]) / 2.0, (low[1] + high[1]) / 2.0];
         let offset = [left + width / 2.0 - scale * middle[0], top + height / 2.0 + scale * middle[1]];
-        Self { scale, offset }
+        Self { scale, spare: (height - scale * span[1]).max(0.0), offset }
     }
 
     /// Pixels of a projected point.
@@ -108,10 +115,11 @@ mod tests {
     fn what_is_drawn_fits() {
         let points = [[-2.0, 0.0, 9.0], [3.0, 1.0, -9.0], [0.0, 7.0, 0.0]];
         let frame = Frame::fit(points.into_iter(), [10.0, 20.0, 100.0, 50.0]);
+        assert!(frame.spare < 1e-9);
         for [x, y] in points.map(|point| frame.place(point)) {
             assert!((10.0..=110.0).contains(&x) && (20.0 - 1e-9..=70.0 + 1e-9).contains(&y));
         }
         let flat = Frame::fit([[1.0; 3]].into_iter(), [0.0, 0.0, 10.0, 10.0]);
-        assert_eq!(flat.place([1.0; 3]), [5.0, 5.0]);
+        assert_eq!((flat.place([1.0; 3]), flat.spare), ([5.0, 5.0], 10.0));
     }
 }
