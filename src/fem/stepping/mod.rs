@@ -267,7 +267,7 @@ where
             failure.reason,
             NewtonError::Solve(SolveError::Fault(_)) | NewtonError::Problem(EquilibriumError::Backend(_))
         );
-        Box::new(Self { reason: failure.reason, newton: failure.report, hopeless })
+        Box::new(Self { reason: failure.reason, newton: *failure.report, hopeless })
     }
 }
 
