@@ -75,12 +75,15 @@ pub(super) fn row_at(loads: &Loads, time: f64) -> Option<&LoadRow> {
     loads.rows.iter().rev().find(|row| (row.t - time).abs() < 1e-12)
 }
 
-/// The change of the bounding box along its longest reference edge, over that edge.
+/// The change of the bounding box along its longest reference edge, over that edge. Of edges that differ by less than a
+/// tenth (a cube), the one that changes most.
 #[must_use]
 pub fn box_extension(fields: &Fields) -> Option<f64> {
-    let reference = edges(fields.points.iter().copied());
-    let axis = (0..3).max_by(|&a, &b| reference[a].total_cmp(&reference[b]))?;
-    (reference[axis] > 0.0).then(|| edges(deformed(fields))[axis] / reference[axis] - 1.0)
+    let (reference, current) = (edges(fields.points.iter().copied()), edges(deformed(fields)));
+    let longest = reference.into_iter().fold(0.0, f64::max);
+    let changes =
+        (0..3).filter(|&axis| reference[axis] > 0.9 * longest).map(|axis| current[axis] / reference[axis] - 1.0);
+    changes.max_by(|a, b| a.abs().total_cmp(&b.abs()))
 }
 
 /// Current positions; the reference positions where no displacement was written.
@@ -138,6 +141,9 @@ mod tests {
         assert_eq!(Extension::find(&loads, Some((&fields, 1.0))), None);
         assert_eq!(Extension::find(&Loads::default(), None), None);
         assert_eq!(box_extension(&fields), Some(0.0));
+        fields.points = vec![[0.0; 3], [1.0, 0.95, 0.5]];
+        fields.point_vectors[0].1 = vec![[0.0; 3], [-0.1, 0.19, 5.0]];
+        assert!((box_extension(&fields).unwrap() - 0.2).abs() < 1e-15);
         fields.points = vec![[1.0; 3]; 2];
         assert_eq!(box_extension(&fields), None);
     }

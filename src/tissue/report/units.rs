@@ -30,7 +30,10 @@ pub(super) fn significant(value: f64) -> String {
     } else if !(1e-4..1e6).contains(&size) {
         format!("{value:.2e}")
     } else {
-        let decimals = (2 - size.log10().floor() as i32).clamp(0, 7) as usize;
+        // The exponent after rounding: 0.9997 is 1.00.
+        let scientific = format!("{size:.2e}");
+        let exponent: i32 = scientific.split_once('e').and_then(|(_, exponent)| exponent.parse().ok()).unwrap_or(0);
+        let decimals = (2 - exponent).clamp(0, 7) as usize;
         format!("{value:.decimals$}")
     }
 }

@@ -52,11 +52,11 @@ fn check_arrays(path: &Path, text: &[u8]) -> Result<(), ResultsError> {
                     *digits += text.chars().filter(|letter| !letter.is_whitespace() && *letter != '=').count();
                 }
             }
-            XmlEvent::End(tag) if tag.name().as_ref() == "DataArray" => {
-                // Eight bytes are eleven digits of six bits.
-                if array.take().is_some_and(|digits| digits < 11) {
-                    return Err(damaged("an array is empty".into()));
-                }
+            // Eight bytes are eleven digits of six bits.
+            XmlEvent::End(tag)
+                if tag.name().as_ref() == "DataArray" && array.take().is_some_and(|digits| digits < 11) =>
+            {
+                return Err(damaged("an array is empty".into()));
             }
             XmlEvent::Empty(tag) if tag.name().as_ref() == "DataArray" => {
                 return Err(damaged("an array is empty".into()));

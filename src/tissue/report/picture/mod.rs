@@ -170,3 +170,80 @@ impl Scene {
         self.frame = Frame::fit(both.map(|point| self.view.project(point)), room);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A unit cube of eight small ones, sheared by a quarter.
+    fn cube() -> Fields {
+        let node = |i: usize, j: usize, k: usize| (i + 3 * (j + 3 * k)) as u32;
+        let half = |k: usize| k as f64 / 2.0;
+        let points: Vec<[f64; 3]> = (0..27).map(|n| [half(n % 3), half(n / 3 % 3), half(n / 9)]).collect();
+        let mut elements = Vec::new();
+        for c in 0..8 {
+            let corner = |a: usize| node((c & 1) + (a & 1), (c >> 1 & 1) + (a >> 1 & 1), (c >> 2) + (a >> 2));
+            for tet in [[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 6, 4, 7], [0, 4, 5, 7], [0, 5, 1, 7]] {
+                elements.push(tet.map(corner));
+            }
+        }
+        let displacement = points.iter().map(|point| [0.25 * point[1], 0.0, 0.0]).collect();
+        let energy = (0..elements.len()).map(|element| element as f64).collect();
+        Fields {
+            points,
+            elements,
+            point_vectors: vec![("displacement".into(), displacement)],
+            cell_scalars: vec![("energy_density".into(), energy)],
+            ..Fields::default()
+        }
+    }
+
+    #[test]
+    fn three_sides_of_a_cube_are_seen_and_they_are_the_near_ones() {
+        let fields = cube();
+        let mut scene = scene(&fields, None);
+        scene.fit([0.0, 0.0, 100.0, 100.0]);
+        let colors = Colors::new(Quantity::find(&fields, None).unwrap().unwrap(), &[0, 1]);
+        let mut svg = Svg::new(100.0, 100.0, "");
+        body::faces(&mut svg, &scene, Some(&colors));
+        assert_eq!(svg.finish().matches("z\" fill=").count(), 3 * 8);
+
+        let depth = |point: Vector3<f64>| scene.view.project(&point)[2];
+        let middle = depth(scene.current.iter().sum::<Vector3<f64>>() / 27.0);
+        for element in body::visible_elements(&scene) {
+            let nearest = fields.elements[element].map(|node| depth(scene.current[node as usize]));
+            assert!(nearest.into_iter().fold(f64::MIN, f64::max) > middle, "element {element}");
+        }
+    }
+
+    #[test]
+    fn colors_follow_the_field_of_the_element() {
+        let fields = cube();
+        let quantity = Quantity::find(&fields, Some("energy_density")).unwrap().unwrap();
+        let colors = Colors::new(quantity, &[10, 20, 30]);
+        assert_eq!((colors.range, colors.extremes), ((10.0, 30.0), (10.0, 30.0)));
+        assert_eq!([10, 20, 30].map(|e| colors.of(e)), [0.0, 0.5, 1.0].map(colour::viridis));
+        assert!(Quantity::find(&Fields::default(), None).unwrap().is_none());
+    }
+
+    #[test]
+    fn a_fiber_line_has_the_direction_of_its_fibers_and_the_length_of_their_order() {
+        let fields = cube();
+        let mut scene = scene(&fields, Some(2));
+        scene.fit([0.0, 0.0, 300.0, 300.0]);
+        let directions = vec![[0.0, 3.0, 0.0]; fields.elements.len()];
+        let seen = body::visible_elements(&scene);
+        let length = |[[ax, ay], [bx, by]]: &[[f64; 2]; 2]| (bx - ax).hypot(by - ay);
+        let lines =
+            |alignment: &[f64]| body::fiber_lines(&scene, &seen, &fields.elements, &directions, Some(alignment));
+        let mut alignment = vec![0.0; fields.elements.len()];
+        alignment[seen[0]] = 0.5;
+        let mixed = lines(&alignment);
+        assert!(length(&mixed[0]) > 2.0 * length(&mixed[1]), "{mixed:?}");
+        for [[ax, ay], [bx, by]] in mixed {
+            assert!((bx - ax).abs() < 1e-12 && by < ay, "y points up the page");
+        }
+        let none = vec![[0.0; 3]; fields.elements.len()];
+        assert!(body::fiber_lines(&scene, &seen, &fields.elements, &none, None).is_empty());
+    }
+}

@@ -107,7 +107,7 @@ mod tests {
             if axis.is_none() {
                 assert!(view.right[longest] > 0.9);
             }
-            assert!(view.up.iter().any(|&part| part > 0.8) && view.toward.iter().any(|part| part.abs() > 0.8));
+            assert!(view.up.iter().any(|&part| part > 0.75) && view.toward.iter().any(|part| part.abs() > 0.75));
         }
     }
 
