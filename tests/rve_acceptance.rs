@@ -78,7 +78,8 @@ where
     let j = f.determinant();
     assert!((j - 1.012_488_05).abs() < 1e-8);
     let tau = cauchy(&pk1, &f) * j;
-    let stress = [0.0916817496424, 0.280578539846, 0.0501757881148, 0.0115405853803, -0.00295307761166, -0.00765667469906];
+    let stress =
+        [0.0916817496424, 0.280578539846, 0.0501757881148, 0.0115405853803, -0.00295307761166, -0.00765667469906];
     for ((i, k), expected) in PAIRS.into_iter().zip(stress) {
         assert!((tau[(i, k)] - expected).abs() < 1e-9 * stress[1], "stress {i}{k}: {} {expected}", tau[(i, k)]);
     }
@@ -115,7 +116,12 @@ where
     let found = corotational(&spatial, &tau);
     for m in 0..6 {
         for n in 0..6 {
-            assert!((found[(m, n)] - recorded[m][n]).abs() < 1e-4 * 22.8198, "{m}{n}: {} {}", found[(m, n)], recorded[m][n]);
+            assert!(
+                (found[(m, n)] - recorded[m][n]).abs() < 1e-4 * 22.8198,
+                "{m}{n}: {} {}",
+                found[(m, n)],
+                recorded[m][n]
+            );
         }
     }
     Some((pk1, tangent))
@@ -136,9 +142,8 @@ fn the_reference_orientation_is_the_published_one() {
     let rve = bench.at_rest();
     bench.workspace.show(&bench.model, &rve);
     let omega = tensor(&bench.workspace.states().directions, bench.model.truss().lengths(), Weighting::Number);
-    let recorded = Matrix3::new(
-        0.363266, -0.001198, 0.002267, -0.001198, 0.350693, 0.002419, 0.002267, 0.002419, 0.286041,
-    );
+    let recorded =
+        Matrix3::new(0.363266, -0.001198, 0.002267, -0.001198, 0.350693, 0.002419, 0.002267, 0.002419, 0.286041);
     assert!((omega - recorded).amax() < 6e-7, "{omega}");
 }
 

@@ -68,7 +68,12 @@ fn the_tangent_is_the_derivative_of_the_stress() {
                 let tangent = bench.tangent(&rve);
                 let largest = tangent.amax();
                 let asymmetry = (tangent - tangent.transpose()).amax() / largest;
-                assert!(asymmetry < 1e-10, "{} {} {name}: asymmetry {asymmetry:.1e}", network.name(), material.law.name());
+                assert!(
+                    asymmetry < 1e-10,
+                    "{} {} {name}: asymmetry {asymmetry:.1e}",
+                    network.name(),
+                    material.law.name()
+                );
                 let error = (tangent - central_differences(&mut bench, &rve)).amax() / largest;
                 assert!(error < 1e-7, "{} {} {name}: error {error:.1e}", network.name(), material.law.name());
             }
@@ -94,7 +99,12 @@ fn the_stress_is_the_derivative_of_the_energy() {
                     bench.energy()
                 };
                 let difference = (energy(1.0) - energy(-1.0)) / (2.0 * h);
-                assert!((difference - pk1[i]).abs() < 1e-7 * pk1.amax(), "{} {name}: {difference} {}", material.law.name(), pk1[i]);
+                assert!(
+                    (difference - pk1[i]).abs() < 1e-7 * pk1.amax(),
+                    "{} {name}: {difference} {}",
+                    material.law.name(),
+                    pk1[i]
+                );
             }
         }
     }
@@ -134,11 +144,13 @@ fn corner_form(bench: &Bench<Sparse>) -> Tangent {
             }
         }
     }
-    let unknowns = |nodes: &[u32]| nodes.iter().flat_map(|&a| (0..3).map(move |i| 3 * a as usize + i)).collect::<Vec<_>>();
+    let unknowns =
+        |nodes: &[u32]| nodes.iter().flat_map(|&a| (0..3).map(move |i| 3 * a as usize + i)).collect::<Vec<_>>();
     let (interior, boundary) = (unknowns(network.interior()), unknowns(network.boundary()));
     let part = |rows: &[usize], cols: &[usize]| DMatrix::from_fn(rows.len(), cols.len(), |r, c| k[(rows[r], cols[c])]);
     let k_ib = part(&interior, &boundary);
-    let condensed = part(&boundary, &boundary) - k_ib.transpose() * part(&interior, &interior).lu().solve(&k_ib).unwrap();
+    let condensed =
+        part(&boundary, &boundary) - k_ib.transpose() * part(&interior, &interior).lu().solve(&k_ib).unwrap();
 
     let corner = |c: usize| Vector3::from_fn(|d, _| if c >> d & 1 == 1 { 0.5 } else { -0.5 });
     let weights = DMatrix::from_fn(boundary.len(), 24, |r, c| {

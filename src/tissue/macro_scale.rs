@@ -44,7 +44,9 @@ pub fn mesh(case: &Case) -> Result<(Mesh, Vec<String>), MacroScaleError> {
             (read.mesh, read.warnings)
         }
         MeshSource::Box { cells, size } => (shapes::cuboid(*cells, *size)?, Vec::new()),
-        MeshSource::Dogbone { element_size } => (shapes::dogbone(&shapes::DogboneShape::default(), *element_size)?, Vec::new()),
+        MeshSource::Dogbone { element_size } => {
+            (shapes::dogbone(&shapes::DogboneShape::default(), *element_size)?, Vec::new())
+        }
     };
     let mesh = if case.mesh_scale == 1.0 { mesh } else { mesh.scaled(case.mesh_scale)? };
     let surfaces: Vec<String> = mesh.surface_names().map(str::to_owned).collect();

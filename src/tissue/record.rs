@@ -151,7 +151,10 @@ where
         self.log.write(&Event::Step(line))
     }
 
-    fn failed(&mut self, attempt: &FailedAttempt<'_, TissueFieldError<B::Fault>, B::Fault>) -> Result<(), ResultsError> {
+    fn failed(
+        &mut self,
+        attempt: &FailedAttempt<'_, TissueFieldError<B::Fault>, B::Fault>,
+    ) -> Result<(), ResultsError> {
         let cut = Cut {
             step: attempt.step,
             t: attempt.t,

@@ -122,8 +122,7 @@ where
         let (field, network_warnings) = TissueField::new(context.clone(), &case, &mesh)?;
         warnings.extend(network_warnings);
         let params = macro_scale::step_params(&case);
-        let stepper =
-            Stepper::new(&context, Arc::new(mesh), &conditions, field, params).map_err(|error| Box::new(error))?;
+        let stepper = Stepper::new(&context, Arc::new(mesh), &conditions, field, params).map_err(Box::new)?;
         Ok(Self { case, stepper, warnings })
     }
 

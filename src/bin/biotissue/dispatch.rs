@@ -27,7 +27,8 @@ pub fn dispatch<J: Job>(backend: Option<&str>, job: J) -> Result<J::Output, Fail
         Ok(BackendName::Dense) => job.run::<backends::dense::Dense>(),
         // Names parse only where the backend is compiled in: this arm is for the error, whatever the features.
         outcome => {
-            let error = outcome.err().map_or_else(|| format!("the backend `{name}` is not compiled in"), |e| e.to_string());
+            let error =
+                outcome.err().map_or_else(|| format!("the backend `{name}` is not compiled in"), |e| e.to_string());
             Err(Failure::Arguments {
                 what: format!("--backend {name}: {error}"),
                 expected: format!("one of those compiled in: {}", backends::compiled().join(", ")),

@@ -31,10 +31,15 @@ struct BackendInfo {
 pub fn run(command: InfoCommand) -> Result<(), Failure> {
     let info = Info {
         version: env!("CARGO_PKG_VERSION"),
-        features: [("sparse", cfg!(feature = "sparse")), ("dense", cfg!(feature = "dense")), ("generate", cfg!(feature = "generate")), ("app", cfg!(feature = "app"))]
-            .into_iter()
-            .filter_map(|(name, on)| on.then_some(name))
-            .collect(),
+        features: [
+            ("sparse", cfg!(feature = "sparse")),
+            ("dense", cfg!(feature = "dense")),
+            ("generate", cfg!(feature = "generate")),
+            ("app", cfg!(feature = "app")),
+        ]
+        .into_iter()
+        .filter_map(|(name, on)| on.then_some(name))
+        .collect(),
         backends: biotissue::backends::compiled()
             .iter()
             .map(|&name| BackendInfo { name, library: library(name) })

@@ -256,7 +256,11 @@ fn not_set_up<F: std::error::Error + 'static>(file: &Path, error: SimulationErro
         }
         error => (error.to_string(), "change the case, or the mesh it names"),
     };
-    Failure::Arguments { what: format!("{}: {what}", file.display()), expected: "a case that can be set up".into(), cure: cure.into() }
+    Failure::Arguments {
+        what: format!("{}: {what}", file.display()),
+        expected: "a case that can be set up".into(),
+        cure: cure.into(),
+    }
 }
 
 /// A bar on a terminal, a line a step otherwise.

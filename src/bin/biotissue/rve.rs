@@ -216,10 +216,16 @@ fn parse_scale(text: &str) -> Result<StressScale, Failure> {
 fn material(command: &RveCommand) -> Result<Option<FiberMaterial>, Failure> {
     let Some(name) = command.law else { return Ok(None) };
     let needed = |flag: &str, value: Option<f64>| {
-        value.ok_or_else(|| argument(format!("--law without {flag}"), format!("{flag} with its value"), format!("add {flag}")))
+        value.ok_or_else(|| {
+            argument(format!("--law without {flag}"), format!("{flag} with its value"), format!("add {flag}"))
+        })
     };
     let superfluous = |flag: &str, value: Option<f64>| match value {
-        Some(_) => Err(argument(format!("{flag} with a law that has none"), "only parameters of the law", format!("leave {flag} out"))),
+        Some(_) => Err(argument(
+            format!("{flag} with a law that has none"),
+            "only parameters of the law",
+            format!("leave {flag} out"),
+        )),
         None => Ok(()),
     };
     let youngs_modulus = needed("--youngs-modulus", command.youngs_modulus)?;
@@ -271,7 +277,11 @@ impl Job for RveJob {
                 Err(error) => (report, None, Some(self.failure(&error))),
             },
             Err(error) => {
-                let report = if let RveError::NotConverged { report, .. } = &error { (**report).clone() } else { EquilibriumReport::default() };
+                let report = if let RveError::NotConverged { report, .. } = &error {
+                    (**report).clone()
+                } else {
+                    EquilibriumReport::default()
+                };
                 (report, None, Some(self.failure(&error)))
             }
         };
@@ -310,7 +320,12 @@ impl RveJob {
         Ok(sum)
     }
 
-    fn state<B>(&self, model: &RveModel<B>, rve: &Rve, workspace: &mut Workspace<B>) -> Result<State, RveError<B::Fault>>
+    fn state<B>(
+        &self,
+        model: &RveModel<B>,
+        rve: &Rve,
+        workspace: &mut Workspace<B>,
+    ) -> Result<State, RveError<B::Fault>>
     where
         B: Backend<Scalar = f64>,
         B::Reduced: Scalar,
@@ -319,9 +334,8 @@ impl RveJob {
         let tangent = homogenise::tangent(model, rve, &pk1, workspace)?;
         let energy = homogenise::energy(model, workspace);
         let states = workspace.states();
-        let stretch = states.stretches.iter().fold(Stretch { min: f64::INFINITY, max: 0.0 }, |range, &stretch| Stretch {
-            min: range.min.min(stretch),
-            max: range.max.max(stretch),
+        let stretch = states.stretches.iter().fold(Stretch { min: f64::INFINITY, max: 0.0 }, |range, &stretch| {
+            Stretch { min: range.min.min(stretch), max: range.max.max(stretch) }
         });
         let lengths = model.truss().lengths();
         let current = rows(&tensor(&states.directions, lengths, Weighting::Number));
@@ -337,7 +351,13 @@ impl RveJob {
         })
     }
 
-    fn answer<B>(&self, model: &RveModel<B>, report: &EquilibriumReport, state: Option<State>, seconds: Seconds) -> Answer
+    fn answer<B>(
+        &self,
+        model: &RveModel<B>,
+        report: &EquilibriumReport,
+        state: Option<State>,
+        seconds: Seconds,
+    ) -> Answer
     where
         B: Backend<Scalar = f64>,
     {
@@ -394,9 +414,17 @@ fn text(answer: &Answer) -> String {
     let mut out = String::new();
     let n = &answer.network;
     // Writing to a string cannot fail.
-    let _ = writeln!(out, "network      {} nodes, {} fibers, {} boundary nodes, {} unknowns", n.nodes, n.fibers, n.boundary_nodes, n.free_dofs);
+    let _ = writeln!(
+        out,
+        "network      {} nodes, {} fibers, {} boundary nodes, {} unknowns",
+        n.nodes, n.fibers, n.boundary_nodes, n.free_dofs
+    );
     let last = answer.residuals.last().copied().unwrap_or_default();
-    let _ = writeln!(out, "converged    {} iterations, |r| = {:.3e} N ({:.1e} of all forces)", answer.iterations, last[0], last[1]);
+    let _ = writeln!(
+        out,
+        "converged    {} iterations, |r| = {:.3e} N ({:.1e} of all forces)",
+        answer.iterations, last[0], last[1]
+    );
     let _ = writeln!(out, "J            {}", answer.j);
     let _ = writeln!(out, "kappa        {:e}", answer.scale);
     let Some(state) = &answer.state else { return out };

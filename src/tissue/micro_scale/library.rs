@@ -11,6 +11,7 @@ use super::worker::Worker;
 use super::{Site, TissueField};
 use crate::fem::mesh::Mesh;
 use crate::fiber::equilibrium::EquilibriumParams;
+use crate::fiber::law::FiberMaterial;
 use crate::fiber::network::{Network, file};
 use crate::fiber::rve::{RveModel, RveModelError, StressScale};
 use crate::input::InputErrors;
@@ -46,8 +47,13 @@ where
     /// # Errors
     /// [`LibraryError`].
     pub fn new(context: B::Context, case: &Case, mesh: &Mesh) -> Result<(Self, Vec<String>), LibraryError<B::Fault>> {
-        let mut library =
-            Reader { context: &context, networks: HashMap::new(), models: Vec::new(), warnings: Vec::new() };
+        let mut library = Reader {
+            context: &context,
+            networks: HashMap::new(),
+            models: Vec::new(),
+            made_of: Vec::new(),
+            warnings: Vec::new(),
+        };
         let mut materials = Vec::new();
         for region in mesh.regions() {
             let material = case.material_of(region).ok_or_else(|| LibraryError::NoMaterial(region.clone()))?;
@@ -93,6 +99,8 @@ struct Reader<'a, B: Backend> {
     context: &'a B::Context,
     networks: HashMap<PathBuf, Arc<Network>>,
     models: Vec<RveModel<B>>,
+    /// What each model was made of.
+    made_of: Vec<(PathBuf, Option<FiberMaterial>, ScaleCase)>,
     warnings: Vec<String>,
 }
 
@@ -108,6 +116,10 @@ impl<B: Backend<Scalar = f64>> Reader<'_, B> {
     }
 
     fn model(&mut self, path: &PathBuf, case: &FiberRveCase) -> Result<usize, LibraryError<B::Fault>> {
+        let recipe = (path.clone(), case.law, case.scale);
+        if let Some(known) = self.made_of.iter().position(|made| *made == recipe) {
+            return Ok(known);
+        }
         let network = self.network(path)?;
         let scale = match case.scale {
             ScaleCase::Raw => StressScale::Raw,
@@ -116,6 +128,7 @@ impl<B: Backend<Scalar = f64>> Reader<'_, B> {
         let model = RveModel::new(self.context, network, case.law, scale)
             .map_err(|reason| LibraryError::Model { file: path.clone(), reason })?;
         self.models.push(model);
+        self.made_of.push(recipe);
         Ok(self.models.len() - 1)
     }
 
@@ -123,7 +136,7 @@ impl<B: Backend<Scalar = f64>> Reader<'_, B> {
         if let Some(network) = self.networks.get(path) {
             return Ok(Arc::clone(network));
         }
-        let read = file::read(path).map_err(InputErrors::from)?;
+        let read = file::read(path)?;
         self.warnings.extend(read.warnings);
         let network = Arc::new(read.network);
         self.networks.insert(path.clone(), Arc::clone(&network));
