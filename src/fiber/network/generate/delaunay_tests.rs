@@ -120,6 +120,7 @@ fn what_cannot_be_placed_is_an_error() {
 fn edges_are_cut_exactly_on_the_first_face_they_meet() {
     assert_eq!(crossing([0.0, 0.1, 0.2], [1.0, 0.1, 0.2]), [0.5, 0.1, 0.2]);
     let cut = crossing([0.1, 0.2, 0.3], [-2.0, 3.0, 0.9]);
+    let t = 0.3 / 2.8;
     assert_eq!(cut[1], 0.5);
-    assert!(cut.iter().all(|x| x.abs() <= 0.5));
+    assert!((cut[0] - (0.1 - 2.1 * t)).abs() < 1e-15 && (cut[2] - (0.3 + 0.6 * t)).abs() < 1e-15, "{cut:?}");
 }
