@@ -269,7 +269,8 @@ mod tests {
 
     #[test]
     fn every_fault_has_its_error() {
-        let broken = |change: &dyn Fn(&mut Vec<[f64; 3]>, &mut Vec<[u32; 2]>)| {
+        type Change<'a> = &'a dyn Fn(&mut Vec<[f64; 3]>, &mut Vec<[u32; 2]>);
+        let broken = |change: Change<'_>| {
             let (mut nodes, mut fibers) = star([-0.5; 3], [1.0; 3]);
             change(&mut nodes, &mut fibers);
             Network::new("star", nodes, fibers).unwrap_err()
