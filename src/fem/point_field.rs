@@ -96,6 +96,9 @@ pub struct RegionError {
 }
 
 /// A formula at every point, chosen by the region that the element lies in. It has no memory.
+///
+/// # Panics
+/// [`PointField::update`] with another number of gradients than the elements it was made for.
 pub struct FormulaField {
     materials: Vec<Box<dyn Material>>,
     region_of: Vec<u32>,
@@ -126,6 +129,7 @@ impl PointField for FormulaField {
     type Error = PointError;
 
     fn update(&mut self, gradients: &[Matrix3<f64>], out: &mut PointResponses) -> Result<(), PointError> {
+        assert_eq!(gradients.len(), self.region_of.len(), "one deformation gradient an element");
         out.resize(gradients.len());
         let outputs = out.energy.iter_mut().zip(&mut out.pk1).zip(&mut out.tangent);
         let inputs = gradients.iter().zip(&self.region_of);
