@@ -1,8 +1,16 @@
 //! What the direct solvers of the backends share: the judgement of pivots, checks of sizes, and their scratch.
 
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
+use faer::linalg::cholesky::lblt::factor::LbltParams;
+use faer::traits::RealField;
+use faer::{Auto, Spec};
 
 use crate::las::{Scalar, SolveError, SolverParams};
+
+/// How LDL^T pivots: unblocked, since the library's blocked variant keeps stale entries where a column cancels exactly.
+pub(super) fn ldlt_params<T: RealField>() -> Spec<LbltParams, T> {
+    Spec::new(LbltParams { block_size: 0, ..<LbltParams as Auto<T>>::auto() })
+}
 
 /// Fraction of the largest pivot below which the smallest counts as zero.
 pub(super) fn singular_limit<T: Scalar>(params: &SolverParams) -> f64 {
@@ -49,6 +57,12 @@ impl Pivots {
         // Its eigenvector is (b, small - a): the unknown with the larger part is the one that it is about.
         let second = (small - a).abs() > b.abs();
         self.see(small, position + usize::from(second));
+    }
+
+    /// Of a factorisation that does not show its pivots but for an estimate of their ratio.
+    #[cfg(feature = "sparse")]
+    pub(super) fn of_ratio(ratio: f64) -> Self {
+        Self { smallest: ratio, position: 0, largest: 1.0 }
     }
 
     /// Of a block-diagonal `D` of 1x1 and 2x2 blocks; a block of two where the subdiagonal is not zero.

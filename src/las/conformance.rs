@@ -11,6 +11,7 @@
 //! # Limits
 //! The suite is for backends whose vectors lie whole in one process and whose `norm` and `dot` are one number.
 
+mod case;
 mod oracle;
 mod solvers;
 mod verbs;

@@ -65,7 +65,8 @@ pub struct FactorReport {
     pub kind: Factorisation,
     /// The unknown at whose pivot Cholesky gave up, where LDL^T had to take over.
     pub indefinite_at: Option<usize>,
-    /// Smallest over largest pivot, by absolute value: a cheap sign of how near to singular the matrix is.
+    /// Smallest over largest pivot, by absolute value: a cheap sign of how near to singular the matrix is. An estimate of
+    /// the reciprocal condition number where a library does not show its pivots (large sparse LU).
     pub pivot_ratio: f64,
 }
 

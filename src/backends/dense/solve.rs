@@ -5,16 +5,15 @@ use std::sync::Arc;
 
 use faer::diag::{DiagMut, DiagRef};
 use faer::dyn_stack::StackReq;
-use faer::linalg::cholesky::lblt::factor::LbltParams;
 use faer::linalg::cholesky::llt::factor::{LltError, LltRegularization};
 use faer::linalg::cholesky::{lblt, llt};
 use faer::linalg::lu::partial_pivoting as lu;
 use faer::perm::PermRef;
 use faer::traits::RealField;
-use faer::{Auto, Conj, MatMut, MatRef, Par, Spec};
+use faer::{Conj, MatMut, MatRef, Par, Spec};
 
 use super::{Dense, Matrix, Vector};
-use crate::backends::direct::{Pivots, Scratch, check_columns, check_size, singular_limit};
+use crate::backends::direct::{Pivots, Scratch, check_columns, check_size, ldlt_params, singular_limit};
 use crate::backends::local;
 use crate::las::{FactorReport, Factorisation, Scalar, SolveError, SolveReport, SolverParams, Symmetry};
 
@@ -201,11 +200,6 @@ impl<T: Scalar + RealField> Solver<T> {
         }
         Ok(SolveReport { iterations: 0 })
     }
-}
-
-/// Unblocked: the library's blocked variant keeps stale entries where a column cancels exactly.
-fn ldlt_params<T: RealField>() -> Spec<LbltParams, T> {
-    Spec::new(LbltParams { block_size: 0, ..<LbltParams as Auto<T>>::auto() })
 }
 
 /// Working memory that solving with `columns` right-hand sides needs, whichever factorisation serves.

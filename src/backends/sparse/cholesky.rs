@@ -1,16 +1,15 @@
 //! The numeric `L L^T`, and the numeric `L D L^T` that stands in for it where the matrix is not positive definite.
 
 use faer::dyn_stack::{MemStack, StackReq};
-use faer::linalg::cholesky::lblt::factor::LbltParams;
 use faer::linalg::cholesky::llt::factor::{LltError, LltRegularization};
 use faer::perm::PermRef;
 use faer::sparse::SparseColMatRef;
 use faer::sparse::linalg::cholesky::supernodal;
 use faer::traits::RealField;
-use faer::{Auto, Conj, MatMut, Par, Spec};
+use faer::{Conj, MatMut, Par, Spec};
 
 use super::analysis::CholeskyAnalysis;
-use crate::backends::direct::Pivots;
+use crate::backends::direct::{Pivots, ldlt_params};
 use crate::las::Scalar;
 
 /// Working memory that solving with `columns` right-hand sides needs, for both factorisations.
@@ -90,7 +89,7 @@ impl<T: Scalar + RealField> Ldlt<T> {
         supernodal::factorize_supernodal_numeric_intranode_lblt_scratch::<u32, T>(
             &analysis.supernodes,
             Par::Seq,
-            params::<T>(),
+            ldlt_params::<T>(),
         )
     }
 
@@ -107,7 +106,7 @@ impl<T: Scalar + RealField> Ldlt<T> {
             &analysis.supernodes,
             Par::Seq,
             stack,
-            params::<T>(),
+            ldlt_params::<T>(),
         );
         for (unknown, &position) in self.order.iter_mut().zip(&self.forward) {
             *unknown = analysis.order[position as usize];
@@ -122,9 +121,4 @@ impl<T: Scalar + RealField> Ldlt<T> {
         supernodal::SupernodalIntranodeLbltRef::new(&analysis.supernodes, &self.values, &self.subdiagonal, exchanged)
             .solve_in_place_no_numeric_permute_with_conj(Conj::No, columns, Par::Seq, stack);
     }
-}
-
-/// Unblocked: the library's blocked variant keeps stale entries where a column cancels exactly.
-fn params<T: RealField>() -> Spec<LbltParams, T> {
-    Spec::new(LbltParams { block_size: 0, ..<LbltParams as Auto<T>>::auto() })
 }

@@ -1,22 +1,32 @@
 //! The unsymmetric factorisation, `L U` with partial pivoting.
+//!
+//! The library has two variants. The one by single columns shows its pivots; the one by supernodes is many times faster
+//! on large systems, but does not. There, the reciprocal condition number stands in for the ratio of the pivots, and only
+//! where it is too small are the columns factored singly, so that it is always a pivot that makes a matrix singular.
 
 use faer::dyn_stack::{MemStack, StackReq};
 use faer::perm::PermRef;
-use faer::sparse::linalg::lu::{LuSymbolicParams, SymbolicLu, factorize_symbolic_lu, simplicial};
+use faer::sparse::linalg::lu::{LuRef, LuSymbolicParams, NumericLu, SymbolicLu, factorize_symbolic_lu, simplicial};
 use faer::sparse::linalg::{LuError, SupernodalThreshold};
 use faer::sparse::{FaerError, SparseColMatRef, SymbolicSparseColMat};
 use faer::traits::RealField;
-use faer::{Conj, MatMut, Par};
+use faer::{Conj, MatMut, Par, Spec};
 
 use crate::backends::direct::Pivots;
 use crate::las::{Scalar, Sparsity};
+
+/// Number of unknowns from which on supernodes are faster.
+const SUPERNODES_FROM: usize = 400;
 
 /// The matrix by columns, and the order in which they are eliminated.
 pub(super) struct LuAnalysis {
     columns: SymbolicSparseColMat<u32>,
     /// Where the value of each entry by columns stands among those of the matrix, which go by rows.
     source: Vec<u32>,
-    symbolic: SymbolicLu<u32>,
+    /// By single columns.
+    columnwise: SymbolicLu<u32>,
+    /// By supernodes, for systems large enough.
+    supernodal: Option<SymbolicLu<u32>>,
 }
 
 impl LuAnalysis {
@@ -38,34 +48,46 @@ impl LuAnalysis {
         let rows = entries.iter().map(|&(_, row, _)| row).collect();
         let source = entries.iter().map(|&(.., k)| k).collect();
         let columns = SymbolicSparseColMat::new_checked(n, n, column_start, None, rows);
-        // Of the library's two variants only the one by single columns shows its pivots.
-        let params = LuSymbolicParams {
-            supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SIMPLICIAL,
-            ..LuSymbolicParams::default()
+        let analyze = |threshold| {
+            let params = LuSymbolicParams { supernodal_flop_ratio_threshold: threshold, ..LuSymbolicParams::default() };
+            factorize_symbolic_lu(columns.as_ref(), params)
         };
-        let symbolic = factorize_symbolic_lu(columns.as_ref(), params)?;
-        Ok(Self { columns, source, symbolic })
+        let columnwise = analyze(SupernodalThreshold::FORCE_SIMPLICIAL)?;
+        let supernodal = if n < SUPERNODES_FROM { None } else { Some(analyze(SupernodalThreshold::FORCE_SUPERNODAL)?) };
+        Ok(Self { columns, source, columnwise, supernodal })
     }
 
     /// The unknown that is eliminated at a position.
     pub(super) fn unknown(&self, position: usize) -> usize {
-        self.symbolic.col_perm().arrays().0[position] as usize
+        self.columnwise.col_perm().arrays().0[position] as usize
     }
 
     /// Working memory for factoring, and for solving with so many right-hand sides.
     pub(super) fn scratch<T: RealField>(&self, columns: usize) -> StackReq {
         let n = self.columns.nrows();
-        simplicial::factorize_simplicial_numeric_lu_scratch::<u32, T>(n, n)
-            .or(simplicial::solve_in_place_scratch::<u32, T>(n, columns, Par::Seq))
+        let request = simplicial::factorize_simplicial_numeric_lu_scratch::<u32, T>(n, n)
+            .or(simplicial::solve_in_place_scratch::<u32, T>(n, columns, Par::Seq));
+        match &self.supernodal {
+            None => request,
+            Some(symbolic) => StackReq::any_of(&[
+                request,
+                symbolic.factorize_numeric_lu_scratch::<T>(Par::Seq, Spec::default()),
+                symbolic.solve_in_place_scratch::<T>(columns, Par::Seq),
+                symbolic.solve_transpose_in_place_scratch::<T>(1, Par::Seq),
+            ]),
+        }
     }
 }
 
 /// Values of `L` and `U`, and how the rows were exchanged.
 pub(super) struct Lu<T> {
     values: Vec<T>,
-    factors: simplicial::SimplicialLu<u32, T>,
+    columnwise: simplicial::SimplicialLu<u32, T>,
     forward: Vec<u32>,
     inverse: Vec<u32>,
+    supernodal: NumericLu<u32, T>,
+    /// Which of the two holds the factors.
+    by_supernodes: bool,
 }
 
 impl<T: Scalar + RealField> Lu<T> {
@@ -73,28 +95,44 @@ impl<T: Scalar + RealField> Lu<T> {
         let n = analysis.columns.nrows();
         Self {
             values: vec![T::zero(); analysis.source.len()],
-            factors: simplicial::SimplicialLu::new(),
+            columnwise: simplicial::SimplicialLu::new(),
             forward: vec![0; n],
             inverse: vec![0; n],
+            supernodal: NumericLu::new(),
+            by_supernodes: false,
         }
     }
 
-    /// Factors a matrix given by the values of its rows.
+    /// Factors a matrix given by the values of its rows. Where the pivots' ratio is below `limit`, the position of the
+    /// smallest is one in the order of [`LuAnalysis::unknown`].
     pub(super) fn factor(
         &mut self,
         analysis: &LuAnalysis,
         values: &[T],
+        limit: f64,
         stack: &mut MemStack,
     ) -> Result<Pivots, LuError> {
         for (value, &source) in self.values.iter_mut().zip(&analysis.source) {
             *value = values[source as usize];
         }
+        if let Some(symbolic) = &analysis.supernodal {
+            let ratio = self.factor_supernodes(analysis, symbolic, stack)?;
+            if ratio >= limit {
+                self.by_supernodes = true;
+                return Ok(Pivots::of_ratio(ratio));
+            }
+        }
+        self.by_supernodes = false;
+        self.factor_columns(analysis, stack)
+    }
+
+    fn factor_columns(&mut self, analysis: &LuAnalysis, stack: &mut MemStack) -> Result<Pivots, LuError> {
         let factored = simplicial::factorize_simplicial_numeric_lu(
             &mut self.forward,
             &mut self.inverse,
-            &mut self.factors,
+            &mut self.columnwise,
             SparseColMatRef::new(analysis.columns.as_ref(), &self.values),
-            analysis.symbolic.col_perm(),
+            analysis.columnwise.col_perm(),
             stack,
         );
         let mut pivots = Pivots::none();
@@ -109,17 +147,83 @@ impl<T: Scalar + RealField> Lu<T> {
 
     /// The diagonal of `U`: the last entry of each of its columns.
     fn see_pivots(&self, pivots: &mut Pivots) {
-        let upper = self.factors.u_factor_unsorted();
+        let upper = self.columnwise.u_factor_unsorted();
         for (position, &end) in upper.col_ptr()[1..].iter().enumerate() {
             let pivot = end.checked_sub(1).and_then(|last| upper.val().get(last as usize));
             pivots.see(pivot.map_or(0.0, |pivot| pivot.as_f64()), position);
         }
     }
 
+    /// Returns an estimate of the reciprocal condition number, 0 for a matrix that is singular at sight.
+    fn factor_supernodes(
+        &mut self,
+        analysis: &LuAnalysis,
+        symbolic: &SymbolicLu<u32>,
+        stack: &mut MemStack,
+    ) -> Result<f64, LuError> {
+        let matrix = SparseColMatRef::new(analysis.columns.as_ref(), &self.values);
+        match symbolic.factorize_numeric_lu(&mut self.supernodal, matrix, Par::Seq, stack, Spec::default()) {
+            Ok(_) => {}
+            Err(LuError::SymbolicSingular { .. }) => return Ok(0.0),
+            Err(error) => return Err(error),
+        }
+        let ends = analysis.columns.col_ptr().windows(2);
+        let sums =
+            ends.map(|ends| self.values[ends[0] as usize..ends[1] as usize].iter().map(|v| v.as_f64().abs()).sum());
+        let norm = sums.fold(0.0, f64::max);
+        let inverse_norm = inverse_norm(LuRef::new_unchecked(symbolic, &self.supernodal), stack);
+        let reciprocal = 1.0 / (norm * inverse_norm);
+        Ok(if reciprocal.is_finite() { reciprocal.min(1.0) } else { 0.0 })
+    }
+
     /// Solves in place.
     pub(super) fn solve(&self, analysis: &LuAnalysis, columns: MatMut<'_, T>, stack: &mut MemStack) {
-        let rows = PermRef::new_checked(&self.forward, &self.inverse, self.forward.len());
-        let order = analysis.symbolic.col_perm();
-        self.factors.solve_in_place_with_conj(rows, order, Conj::No, columns, Par::Seq, stack);
+        match &analysis.supernodal {
+            Some(symbolic) if self.by_supernodes => LuRef::new_unchecked(symbolic, &self.supernodal)
+                .solve_in_place_with_conj(Conj::No, columns, Par::Seq, stack),
+            _ => {
+                let rows = PermRef::new_checked(&self.forward, &self.inverse, self.forward.len());
+                let order = analysis.columnwise.col_perm();
+                self.columnwise.solve_in_place_with_conj(rows, order, Conj::No, columns, Par::Seq, stack);
+            }
+        }
     }
+}
+
+/// Estimates the 1-norm of the inverse from below, as a rule within a factor of three; NaN where there is no inverse.
+///
+/// Reference: N. J. Higham, *FORTRAN codes for estimating the one-norm of a real or complex matrix*, ACM Transactions on
+/// Mathematical Software 14 (1988), 381-396, after W. W. Hager.
+fn inverse_norm<T: Scalar + RealField>(factors: LuRef<'_, u32, T>, stack: &mut MemStack) -> f64 {
+    let n = factors.symbolic().nrows();
+    let mut x = vec![T::one() / T::of(n as f64); n];
+    let mut largest = 0.0;
+    for _ in 0..4 {
+        let start = x.clone();
+        let column = MatMut::from_column_major_slice_mut(&mut x, n, 1);
+        factors.solve_in_place_with_conj(Conj::No, column, Par::Seq, stack);
+        let norm: f64 = x.iter().map(|v| v.as_f64().abs()).sum();
+        if !norm.is_finite() {
+            return f64::NAN;
+        }
+        if norm <= largest {
+            break;
+        }
+        largest = norm;
+        x.iter_mut().for_each(|v| *v = if *v < T::zero() { -T::one() } else { T::one() });
+        let column = MatMut::from_column_major_slice_mut(&mut x, n, 1);
+        factors.solve_transpose_in_place_with_conj(Conj::No, column, Par::Seq, stack);
+        let along: f64 = x.iter().zip(&start).map(|(z, x)| z.as_f64() * x.as_f64()).sum();
+        let (at, steepest) = x
+            .iter()
+            .map(|z| z.as_f64().abs())
+            .enumerate()
+            .fold((0, 0.0), |best, (i, z)| if z > best.1 { (i, z) } else { best });
+        if steepest <= along {
+            break;
+        }
+        x.fill(T::zero());
+        x[at] = T::one();
+    }
+    largest
 }

@@ -133,7 +133,7 @@ impl<T: Scalar + RealField> Solver<T> {
             self.scratch.reserve(analysis.scratch::<T>(1));
         }
         let lu = self.lu.get_or_insert_with(|| Lu::new(analysis));
-        let pivots = lu.factor(analysis, a.values(), self.scratch.memory()).map_err(failed)?;
+        let pivots = lu.factor(analysis, a.values(), self.limit, self.scratch.memory()).map_err(failed)?;
         self.report(Factorisation::Lu, indefinite_at, &pivots, |position| analysis.unknown(position))
     }
 
@@ -234,5 +234,54 @@ impl<T: Scalar + RealField> crate::las::Solver<Sparse<T>> for Solver<T> {
 
     fn solve_many(&mut self, b: &[Vector<T>], x: &mut [Vector<T>]) -> Result<SolveReport, SolveError<Infallible>> {
         self.solve_columns(b, x)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::las::{Backend, MatrixOps, Solver as _, SolverParams, Sparsity};
+
+    fn pattern(rows: &[&[u32]]) -> Arc<Sparsity> {
+        let row_start = (0..=rows.len()).map(|end| rows[..end].iter().map(|row| row.len() as u32).sum()).collect();
+        Arc::new(Sparsity::from_rows(rows.len(), row_start, rows.concat()).unwrap())
+    }
+
+    #[test]
+    fn a_matrix_of_another_pattern_is_refused() {
+        let (analysed, other) = (pattern(&[&[0, 1], &[0, 1], &[2]]), pattern(&[&[0, 2], &[1], &[0, 2]]));
+        let symbolic = Sparse::<f64>::analyze(&(), &analysed, &SolverParams::default()).unwrap();
+        let mut solver = Sparse::<f64>::solver(&symbolic).unwrap();
+        assert_eq!(solver.factor(&Matrix::zeros(&other)), Err(SolveError::Pattern));
+        let mut equal = Matrix::zeros(&pattern(&[&[0, 1], &[0, 1], &[2]]));
+        for i in 0..3 {
+            MatrixOps::<Sparse>::set(&mut equal, &[i], &[i], &[1.0]).unwrap();
+        }
+        assert!(solver.factor(&equal).is_ok(), "the same pattern in another place is the same pattern");
+    }
+
+    /// `[[0, G], [G^T, 0]]`: exchanges within a supernode cannot avoid all of the zeros on the diagonal.
+    #[test]
+    fn lu_serves_where_the_pivots_of_ldlt_vanish() {
+        let n = 40;
+        let entries =
+            (0..n).flat_map(|i| [(0, 4.0), (7, 1.0), (11, 1.0), (13, 1.0)].map(|(k, g)| (i, n + (i + k) % n, g)));
+        let entries: Vec<(i32, i32, f64)> = entries.collect();
+        let pattern = Sparsity::from_elements(2 * n as usize, entries.iter().map(|&(i, j, _)| [i, j])).unwrap();
+        let pattern = Arc::new(pattern);
+        let mut a = Matrix::<f64>::zeros(&pattern);
+        for (i, j, g) in entries {
+            MatrixOps::<Sparse>::add(&mut a, &[i, j], &[i, j], &[0.0, g, g, 0.0]).unwrap();
+        }
+        for symmetry in [Symmetry::Definite, Symmetry::Symmetric] {
+            let symbolic = Sparse::<f64>::analyze(&(), &pattern, &SolverParams::new(symmetry)).unwrap();
+            let mut solver = Sparse::<f64>::solver(&symbolic).unwrap();
+            let report = solver.factor(&a).unwrap();
+            assert_eq!(report.kind, Factorisation::Lu);
+            assert_eq!(report.indefinite_at.is_some(), symmetry == Symmetry::Definite);
+            let (b, mut x) = (vec![7.0; 2 * n as usize].into(), vec![0.0; 2 * n as usize].into());
+            solver.solve(&b, &mut x).unwrap();
+            assert!(x.as_slice().iter().all(|x| (x - 1.0).abs() < 1e-14), "{:?}", x.as_slice());
+        }
     }
 }

@@ -1,0 +1,121 @@
+//! A system under test: factored, solved, and compared with the oracle.
+
+use std::sync::Arc;
+
+use super::{Oracle, Random, done, epsilon, first_indices, scalars};
+use crate::las::{
+    Backend, FactorReport, Factorisation, Index, MatrixOps, Scalar, SolveError, Solver, SolverParams, Sparsity,
+    Symmetry, VectorOps,
+};
+
+/// A solver and what it works on.
+pub(super) struct Case<'a, B: Backend> {
+    pub(super) context: &'a B::Context,
+    pub(super) pattern: Arc<Sparsity>,
+    pub(super) symbolic: Arc<B::Symbolic>,
+    pub(super) solver: B::Solver,
+}
+
+impl<'a, B: Backend> Case<'a, B> {
+    pub(super) fn new(context: &'a B::Context, pattern: &Arc<Sparsity>, symmetry: Symmetry) -> Self {
+        // Wide enough that rounding in a singular matrix stays below it.
+        let mut params = SolverParams::new(symmetry);
+        params.singular_below = Some(1e3 * epsilon::<B>());
+        let symbolic = done(B::analyze(context, pattern, &params));
+        let solver = done(B::solver(&symbolic));
+        Self { context, pattern: Arc::clone(pattern), symbolic, solver }
+    }
+
+    fn matrix(&self, a: &Oracle) -> B::Matrix {
+        let mut matrix = done(B::matrix(self.context, &self.pattern));
+        for row in 0..a.rows {
+            for &column in self.pattern.row(row) {
+                let value = B::Scalar::of(a.values[row * a.cols + column as usize]);
+                done(matrix.set(&[B::Index::of(row)], &[B::Index::of(column as usize)], &[value]));
+            }
+        }
+        done(matrix.finish());
+        matrix
+    }
+
+    pub(super) fn vector(&self, values: &[f64]) -> B::Vector {
+        let mut vector = done(B::vector(self.context, values.len()));
+        done(vector.set(&first_indices::<B>(values.len()), &scalars::<B>(values)));
+        done(vector.finish());
+        vector
+    }
+
+    pub(super) fn factor(&mut self, a: &Oracle) -> Result<FactorReport, SolveError<B::Fault>> {
+        let matrix = self.matrix(a);
+        self.solver.factor(&matrix)
+    }
+
+    /// Solves for `b` and checks that the residual is one of rounding.
+    pub(super) fn solve(&mut self, a: &Oracle, b: &[f64]) -> Vec<f64> {
+        let (b, mut x) = (self.vector(b), self.vector(&vec![UNSOLVED; b.len()]));
+        let report = done(self.solver.solve(&b, &mut x));
+        assert_eq!(report.iterations, 0, "a direct solver does not iterate");
+        assert_solved::<B>(a, &read::<B>(&b), &read::<B>(&x))
+    }
+
+    /// Factors, checks the report, and solves for one and for several right-hand sides.
+    pub(super) fn check(&mut self, random: &mut Random, a: &Oracle, kinds: &[Factorisation]) -> FactorReport {
+        let report = done(self.factor(a));
+        let n = a.rows;
+        assert!(kinds.contains(&report.kind), "{:?} served instead of {kinds:?}, {n} unknowns", report.kind);
+        assert!(report.pivot_ratio > 0.0 && report.pivot_ratio <= 1.0, "pivot ratio {}", report.pivot_ratio);
+        for count in [1, 4, 2, 0] {
+            let right: Vec<Vec<f64>> = (0..count).map(|_| random.integers(n)).collect();
+            let b: Vec<_> = right.iter().map(|b| self.vector(b)).collect();
+            let mut x: Vec<_> = right.iter().map(|_| self.vector(&vec![UNSOLVED; n])).collect();
+            done(self.solver.solve_many(&b, &mut x));
+            for (b, x) in right.iter().zip(&x) {
+                let together = assert_solved::<B>(a, b, &read::<B>(x));
+                let alone = self.solve(a, b);
+                let size = alone.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+                let apart = alone.iter().zip(&together).fold(0.0, |m: f64, (s, t)| m.max((s - t).abs()));
+                let bound = 1e3 * n as f64 * epsilon::<B>() * size / report.pivot_ratio;
+                assert!(apart <= bound, "solve and solve_many differ by {apart:e}, {n} unknowns");
+            }
+        }
+        report
+    }
+
+    /// Checks that the matrix is found singular because of one of `unknowns`, and that the solver is then without a
+    /// factorisation, but not broken.
+    pub(super) fn check_singular(&mut self, a: &Oracle, unknowns: &[usize], regular: &Oracle) {
+        match self.factor(a) {
+            Err(SolveError::Singular { unknown, ratio, limit }) => {
+                assert!(unknowns.contains(&unknown), "unknown {unknown} blamed instead of one of {unknowns:?}");
+                assert!(ratio < limit, "{ratio} against {limit}");
+            }
+            other => panic!("a singular matrix: {other:?}"),
+        }
+        self.check_not_factored();
+        done(self.factor(regular));
+        self.solve(regular, &vec![1.0; a.rows]);
+    }
+
+    pub(super) fn check_not_factored(&mut self) {
+        let n = self.pattern.rows();
+        let (b, mut x) = (self.vector(&vec![1.0; n]), self.vector(&vec![1.0; n]));
+        assert!(matches!(self.solver.solve(&b, &mut x), Err(SolveError::NotFactored)));
+        assert!(matches!(self.solver.solve_many(&[b], &mut [x]), Err(SolveError::NotFactored)));
+    }
+}
+
+/// What a solution holds before it is there.
+const UNSOLVED: f64 = -55.0;
+
+fn read<B: Backend>(x: &B::Vector) -> Vec<f64> {
+    done(x.with_local(|values| values.iter().map(|v| v.as_f64()).collect()))
+}
+
+fn assert_solved<B: Backend>(a: &Oracle, b: &[f64], x: &[f64]) -> Vec<f64> {
+    let largest = |v: &[f64]| v.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+    let residual: Vec<f64> = a.times(x).iter().zip(b).map(|(ax, b)| ax - b).collect();
+    let bound = 50.0 * (1.0 + a.rows as f64) * epsilon::<B>() * (a.norm() * largest(x) + largest(b));
+    let found = largest(&residual);
+    assert!(found <= bound && !x.iter().any(|v| v.is_nan()), "residual {found:e} > {bound:e}, {} unknowns", a.rows);
+    x.to_vec()
+}
