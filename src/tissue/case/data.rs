@@ -97,7 +97,7 @@ pub enum FormulaModel {
 /// A fiber network at every integration point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FiberRveCase {
-    /// The network files, globs resolved, sorted; at least one.
+    /// The network files, globs resolved, sorted. None at all leaves the matrix alone, which is then given.
     pub networks: Vec<PathBuf>,
     /// Which network an element gets.
     pub choose: Choose,

@@ -84,15 +84,24 @@ fn model(table: &mut Table<'_>, allowed: impl Fn(Model) -> bool) -> Option<Model
 }
 
 fn fiber_rve(table: &mut Table<'_>, base: &Path) -> Option<FiberRveCase> {
-    let networks = table
-        .require("networks", "network files, such as [\"networks/*.txt\"]")
-        .and_then(|value| networks::resolve(&value, base));
+    let listed = table.require("networks", "network files, such as [\"networks/*.txt\"]");
+    let networks = listed.and_then(|value| {
+        let files = networks::resolve(&value, base)?;
+        if files.is_empty() && !table.has("matrix") {
+            value.reject(networks::EXPECTED, "name at least one network file, or give a `matrix` to stand alone");
+            return None;
+        }
+        Some(files)
+    });
+    // Without fibers the RVE is its matrix alone: the single-scale material asked through the micro scale.
+    let bare = networks.as_ref().is_some_and(Vec::is_empty);
     let choose = table.choice("choose", &[("random", Choose::Random), ("cycle", Choose::Cycle)]);
     let seed = table.whole("seed", 0..=i64::MAX.unsigned_abs());
-    let scale = match table.either("fiber_volume_fraction", "scale") {
+    let scaled = table.has("fiber_volume_fraction") || table.has("scale");
+    let scale = match (!bare || scaled).then(|| table.either("fiber_volume_fraction", "scale")).flatten() {
         Some(Either::First(fraction)) => fraction.number(Range::between(0.0, 1.0)).map(ScaleCase::FiberVolumeFraction),
         Some(Either::Second(scale)) => scale.choice(&[("raw", ScaleCase::Raw)]),
-        None => None,
+        None => bare.then_some(ScaleCase::Raw),
     };
     let law = table.table("law").map(law);
     let matrix = table.table("matrix").map(matrix);

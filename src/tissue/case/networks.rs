@@ -8,20 +8,16 @@ use super::value::Value;
 /// Files beside a network, never networks themselves.
 const COMPANIONS: [&str; 2] = ["params", "toml"];
 
-const EXPECTED: &str = "network files: paths or patterns with * ? [...], relative to the case file";
+pub(super) const EXPECTED: &str = "network files: paths or patterns with * ? [...], relative to the case file";
 
 /// The files that `networks` names, a string or a list of them: sorted, each once. `None` where something is wrong or
-/// missing, all of it reported.
+/// missing, all of it reported. An empty list is empty.
 pub(super) fn resolve(networks: &Value<'_>, base: &Path) -> Option<Vec<PathBuf>> {
     let patterns = if networks.inner.is_str() {
         vec![networks.clone()]
     } else {
         networks.list(EXPECTED, "a path in quotes, or a list of them in brackets")?
     };
-    if patterns.is_empty() {
-        networks.reject(EXPECTED, "name at least one network file");
-        return None;
-    }
     let mut files = Vec::new();
     let mut complete = true;
     for pattern in &patterns {

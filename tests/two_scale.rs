@@ -1,0 +1,207 @@
+//! The two scales together: through the seam, through files, quadratically, the same on every backend.
+#![cfg(all(feature = "app", feature = "sparse", feature = "dense"))]
+
+use std::path::{Path, PathBuf};
+
+use biotissue::backends::{dense::Dense, sparse::Sparse};
+use biotissue::fem::mesh::{Mesh, Surface, gmsh};
+use biotissue::las::{Backend, Scalar};
+use biotissue::tissue::case::Case;
+use biotissue::tissue::results::log::{Event, Step};
+use biotissue::tissue::results::{LOADS_FILE, LOG_FILE, Loads, log};
+use biotissue::tissue::run::Simulation;
+
+/// What a run left behind.
+struct Results {
+    steps: Vec<Step>,
+    loads: Loads,
+    _dir: tempfile::TempDir,
+}
+
+fn frozen() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/networks/frozen.txt")
+}
+
+/// Runs the case in `text` as a file in a folder of its own, after `prepare` has put there what the case names.
+fn run<B>(text: &str, prepare: impl FnOnce(&Path)) -> Results
+where
+    B: Backend<Scalar = f64, Context = ()>,
+    B::Reduced: Scalar,
+{
+    let dir = tempfile::tempdir().unwrap();
+    prepare(dir.path());
+    let file = dir.path().join("case.toml");
+    std::fs::write(&file, text).unwrap();
+    let case = Case::read(&file).unwrap_or_else(|errors| panic!("{errors}")).case;
+    let out = dir.path().join("results");
+    let mut simulation = Simulation::<B>::new((), case).unwrap_or_else(|error| panic!("{error}"));
+    simulation.run(&out, &mut ()).unwrap_or_else(|error| panic!("{error}"));
+    let events = log::read(&out.join(LOG_FILE)).unwrap();
+    let steps = events.into_iter().filter_map(|event| if let Event::Step(step) = event { Some(step) } else { None });
+    Results { steps: steps.collect(), loads: Loads::read(&out.join(LOADS_FILE)).unwrap(), _dir: dir }
+}
+
+/// 48 tetrahedra pulled to 20 % in two steps, a network at each.
+fn box_of_networks() -> String {
+    format!(
+        r#"
+        [mesh]
+        generate = {{ shape = "box", cells = [2, 2, 2], size = [1.0, 1.0, 1.0] }}
+        [[region]]
+        name = "*"
+        [region.material]
+        model = "fiber-rve"
+        networks = ["{}"]
+        fiber_volume_fraction = 0.003
+        law = {{ name = "exponential", youngs_modulus = 1.0e8, radius = 5.0e-8, nonlinearity = 1.2 }}
+        matrix = {{ model = "neo-hookean", shear_modulus = 1000.0, poisson_ratio = 0.3 }}
+        [[boundary]]
+        surface = "x0"
+        displacement = {{ x = 0.0, y = 0.0, z = 0.0 }}
+        [[boundary]]
+        surface = "x1"
+        displacement = {{ x = 0.2, y = 0.05, z = 0.0 }}
+        [steps]
+        count = 2
+        [newton]
+        tolerance = 1e-12
+        [micro]
+        tolerance = 1e-14
+        "#,
+        frozen().display()
+    )
+}
+
+#[test]
+fn newton_converges_quadratically_with_a_network_at_every_element() {
+    let results = run::<Sparse>(&box_of_networks(), |_| ());
+    assert_eq!(results.steps.len(), 2);
+    for step in &results.steps {
+        let above: Vec<f64> = step.newton.relative.iter().copied().filter(|&r| r > 1e-12).collect();
+        let [.., r1, r2, r3] = above.as_slice() else { panic!("too few residuals: {:?}", step.newton.relative) };
+        let order = (r3 / r2).ln() / (r2 / r1).ln();
+        assert!(order >= 1.8, "step {}: order {order:.2} from {above:?}", step.step);
+    }
+}
+
+#[test]
+fn backends_agree_on_a_box_of_networks() {
+    let sparse = run::<Sparse>(&box_of_networks(), |_| ());
+    let dense = run::<Dense>(&box_of_networks(), |_| ());
+    for (a, b) in sparse.loads.rows.iter().zip(&dense.loads.rows) {
+        let pull = norm(&a.surfaces[1].force);
+        assert!(pull > 0.0);
+        for (surface, (a, b)) in sparse.loads.surfaces.iter().zip(a.surfaces.iter().zip(&b.surfaces)) {
+            assert!(norm(&minus(a.force, b.force)) < 1e-10 * pull, "{surface}: {:?} {:?}", a.force, b.force);
+            assert!(norm(&minus(a.displacement, b.displacement)) < 1e-10, "{surface}");
+        }
+    }
+    assert_eq!(sparse.loads.rows.len(), 2);
+}
+
+#[test]
+fn results_do_not_depend_on_the_number_of_threads() {
+    let on = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| run::<Sparse>(&box_of_networks(), |_| ()).loads)
+    };
+    assert_eq!(on(1), on(3), "bit for bit");
+}
+
+fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [0, 1, 2].map(|i| a[i] - b[i])
+}
+
+fn norm(a: &[f64; 3]) -> f64 {
+    a.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+/// The 24 tetrahedra of `tests/macro_24_tets.rs`, written as a mesh file.
+fn write_24_tets(dir: &Path) {
+    #[rustfmt::skip]
+    let nodes = vec![
+        [-1.0, -1.0, 2.0], [-1.0, 1.0, 2.0], [1.0, 1.0, 2.0], [1.0, -1.0, 2.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0],
+        [-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 0.0, 2.0], [0.0, -1.0, 1.0], [-1.0, 0.0, 1.0], [0.0, 1.0, 1.0],
+        [0.0, 0.0, 0.0], [1.0, 0.0, 1.0],
+    ];
+    #[rustfmt::skip]
+    let sorted: [[u32; 4]; 24] = [
+        [2, 3, 8, 13], [0, 1, 8, 10], [6, 7, 9, 12], [0, 3, 8, 9], [0, 6, 9, 10], [1, 5, 10, 11],
+        [5, 6, 10, 12], [3, 7, 9, 13], [3, 8, 9, 13], [1, 8, 10, 11], [7, 9, 12, 13], [0, 8, 9, 10],
+        [6, 9, 10, 12], [8, 10, 11, 13], [9, 10, 12, 13], [8, 9, 10, 13], [1, 2, 8, 11], [2, 4, 11, 13],
+        [4, 7, 12, 13], [5, 10, 11, 12], [2, 8, 11, 13], [4, 11, 12, 13], [4, 5, 11, 12], [10, 11, 12, 13],
+    ];
+    let position = |n: u32| nalgebra::Vector3::from(nodes[n as usize]);
+    let elements: Vec<[u32; 4]> = sorted
+        .iter()
+        .map(|&[a, b, c, d]| {
+            let edges = [b, c, d].map(|n| position(n) - position(a));
+            if edges[0].cross(&edges[1]).dot(&edges[2]) > 0.0 { [a, b, c, d] } else { [b, a, c, d] }
+        })
+        .collect();
+    let surface = |name: &str, x: f64| {
+        let faces = elements.iter().flat_map(|&[a, b, c, d]| [[b, c, d], [a, c, d], [a, b, d], [a, b, c]]);
+        let triangles = faces.filter(|face| face.iter().all(|&n| nodes[n as usize][0] == x)).collect();
+        Surface { name: name.into(), triangles }
+    };
+    let surfaces = vec![surface("left", -1.0), surface("right", 1.0)];
+    let mesh = Mesh::new(nodes.clone(), elements.clone(), vec![0; 24], vec!["body".into()], surfaces).unwrap();
+    gmsh::write(&dir.join("bar.msh"), &mesh).unwrap();
+}
+
+/// Residual norms recorded by MuMFiM for the same body with a formula instead of RVEs, the first two steps and the last.
+#[rustfmt::skip]
+const RECORDED: [(usize, &[f64]); 3] = [
+    (1, &[6.811962213373, 0.0007404433841]),
+    (2, &[1248.885716843, 9.992832194304, 0.001682810842]),
+    (10, &[1053.409693846, 7.474550095319, 0.0009868275428]),
+];
+
+fn bar(material: &str) -> String {
+    format!(
+        r#"
+        [mesh]
+        file = "bar.msh"
+        [[region]]
+        name = "body"
+        material = {material}
+        [[boundary]]
+        surface = "left"
+        displacement = {{ x = 0.0 }}
+        [[boundary]]
+        surface = "right"
+        displacement = {{ x = 0.5 }}
+        [[point]]
+        node = 6
+        displacement = {{ x = 0.0, y = 0.0, z = 0.0 }}
+        [[point]]
+        node = 5
+        displacement = {{ z = 0.0 }}
+        [steps]
+        count = 10
+        [newton]
+        tolerance = 1e-10
+        "#
+    )
+}
+
+#[test]
+fn a_neo_hookean_rve_at_every_element_gives_the_recorded_history_of_the_formula() {
+    let constants = r#"{ model = "neo-hookean", youngs_modulus = 10000.0, poisson_ratio = 0.3 }"#;
+    let formula = run::<Sparse>(&bar(constants), write_24_tets);
+    let rves = run::<Sparse>(&bar(&format!("{{ model = \"fiber-rve\", networks = [], matrix = {constants} }}")), write_24_tets);
+    assert_eq!(rves.loads, formula.loads, "bit for bit");
+    for results in [&formula, &rves] {
+        assert_eq!(results.steps.len(), 10);
+        for (step, recorded) in RECORDED {
+            let found = &results.steps[step - 1].newton.residuals;
+            for (found, recorded) in found.iter().zip(recorded) {
+                let digits = if *recorded > 1e-2 { 1e-10 } else { 1e-8 };
+                assert!((found - recorded).abs() < digits * recorded, "step {step}: {found} {recorded}");
+            }
+        }
+        let forces: f64 = results.loads.rows[9].surfaces.iter().map(|s| s.force[0]).sum();
+        assert!(forces.abs() < 1e-9 * results.loads.rows[9].surfaces[0].force[0].abs());
+    }
+    assert!(rves.steps[0].rve.is_some() && formula.steps[0].rve.is_none());
+}
