@@ -1,0 +1,127 @@
+//! What saves an RVE where full Newton does not converge, and what it says when nothing does.
+#![cfg(feature = "sparse")]
+
+mod support;
+
+use std::sync::Arc;
+
+use biotissue::backends::sparse::Sparse;
+use biotissue::fiber::equilibrium::{EquilibriumReport, RveError};
+use biotissue::fiber::homogenise;
+use biotissue::fiber::network::Network;
+use biotissue::las::SolveError;
+use nalgebra::Matrix3;
+use support::Bench;
+
+/// The frozen network with the exponential law.
+fn bench() -> Bench<Sparse> {
+    Bench::new(&support::frozen(), Some(support::laws()[1]))
+}
+
+#[test]
+fn the_line_search_saves_an_rve_in_which_full_newton_diverges() {
+    // Compressed along x and y, so that fibers slacken and the first full steps overshoot.
+    let f = Matrix3::new(0.84, 0.07, 0.13, -0.03, 0.84, 0.19, 0.04, 0.0, 1.08);
+    let mut full = bench();
+    full.params.newton.max_line_search_cuts = 0;
+    full.params.max_cuts = 0;
+    let mut rve = full.at_rest();
+    let before = rve.clone();
+    let error = full.solve(&mut rve, &f).unwrap_err();
+    assert!(matches!(error, RveError::NotConverged { cuts: 0, .. }), "{error}");
+    assert_eq!(rve, before, "a failure leaves the state alone");
+
+    let mut searching = bench();
+    searching.params.max_cuts = 0;
+    let report = searching.solve(&mut rve, &f).unwrap();
+    assert!(report.line_search_cuts > 0 && report.cuts == 0, "{report:?}");
+    balanced(&searching, &report);
+}
+
+#[test]
+fn an_indefinite_stiffness_is_factored_and_counted() {
+    let f = Matrix3::new(0.9, 0.18, 0.16, -0.08, 0.81, 0.11, -0.02, -0.18, 0.91);
+    let mut bench = bench();
+    let mut rve = bench.at_rest();
+    let report = bench.solve(&mut rve, &f).unwrap();
+    assert!(report.indefinite > 0, "{report:?}");
+    balanced(&bench, &report);
+}
+
+/// Equilibrium, told by the stress alone: `P F^T` is symmetric only where moments balance.
+fn balanced(bench: &Bench<Sparse>, report: &EquilibriumReport) {
+    assert!(report.newton.relative.last().unwrap() <= &1e-10);
+    let positions = bench.workspace.positions();
+    let mut sum = Matrix3::zeros();
+    let mut forces = vec![[0.0; 3]; positions.len()];
+    bench.model.truss().nodal_forces(bench.workspace.states(), &mut forces);
+    for &node in bench.model.network().boundary() {
+        let (x, t) = (positions[node as usize], forces[node as usize]);
+        sum += Matrix3::from_fn(|i, j| t[i] * x[j]);
+    }
+    assert!((sum - sum.transpose()).amax() < 1e-8 * sum.amax(), "{sum}");
+}
+
+#[test]
+fn cutting_the_increment_saves_an_rve_that_runs_out_of_iterations() {
+    let f = Matrix3::new(2.0, 0.3, 0.0, 0.0, 0.9, 0.1, 0.0, 0.0, 0.8);
+    let mut whole = bench();
+    let mut expected = whole.at_rest();
+    whole.solve(&mut expected, &f).unwrap();
+
+    let mut cut = bench();
+    cut.params.newton.max_iterations = 4;
+    let mut rve = cut.at_rest();
+    let report = cut.solve(&mut rve, &f).unwrap();
+    assert!(report.cuts > 0 && report.iterations > report.newton.iterations, "{report:?}");
+    let difference = (cut.pk1() - whole.pk1()).amax() / whole.pk1().amax();
+    assert!(difference < 1e-9, "{difference:.1e}");
+}
+
+#[test]
+fn when_nothing_helps_the_error_says_how_far_it_came() {
+    let f = Matrix3::new(2.0, 0.3, 0.0, 0.0, 0.9, 0.1, 0.0, 0.0, 0.8);
+    let mut bench = bench();
+    bench.params.newton.max_iterations = 1;
+    bench.params.max_cuts = 2;
+    let mut rve = bench.at_rest();
+    let before = rve.clone();
+    let error = bench.solve(&mut rve, &f).unwrap_err();
+    assert_eq!(rve, before);
+    let RveError::NotConverged { cuts: 2, progress, report, .. } = &error else { panic!("{error}") };
+    assert!(*progress < 1.0 && report.iterations == 3);
+    let text = error.to_string();
+    assert!(text.contains("after 2 halvings") && text.contains("no convergence in 1 iterations: |r| = "), "{text}");
+}
+
+/// A straight chain across the cube, its middle nodes free to swing: singular at rest.
+fn chain() -> Arc<Network> {
+    let mut nodes = vec![[-0.5, 0.0, 0.0], [-0.1, 0.0, 0.0], [0.2, 0.0, 0.0], [0.5, 0.0, 0.0]];
+    let mut fibers = vec![[0, 1], [1, 2], [2, 3]];
+    // Held fibers on the other faces make the cube.
+    for (x, y) in [([0.1, -0.5, 0.1], [0.3, 0.5, 0.1]), ([0.1, 0.1, -0.5], [0.3, 0.1, 0.5])] {
+        fibers.push([nodes.len() as u32, nodes.len() as u32 + 1]);
+        nodes.extend([x, y]);
+    }
+    Arc::new(Network::new("chain", nodes, fibers).unwrap())
+}
+
+#[test]
+fn a_floppy_network_is_singular_and_says_so() {
+    let mut bench = Bench::<Sparse>::new(&chain(), Some(support::laws()[0]));
+    let mut rve = bench.at_rest();
+    bench.solve(&mut rve, &Matrix3::identity()).unwrap();
+    let pk1 = bench.pk1();
+    let error = homogenise::tangent(&bench.model, &rve, &pk1, &mut bench.workspace).unwrap_err();
+    assert!(matches!(error, RveError::Tangent(SolveError::Singular { .. })), "{error}");
+}
+
+#[test]
+fn an_inverted_deformation_is_refused() {
+    let mut bench = bench();
+    let mut rve = bench.at_rest();
+    let error = bench.solve(&mut rve, &Matrix3::from_diagonal(&[1.0, 1.0, -0.5].into())).unwrap_err();
+    assert_eq!(error, RveError::Inverted { determinant: -0.5 });
+    let error = bench.solve(&mut rve, &Matrix3::from_element(f64::NAN)).unwrap_err();
+    assert!(matches!(error, RveError::Inverted { determinant } if determinant.is_nan()));
+}
