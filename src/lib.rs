@@ -1,4 +1,73 @@
 //! `biotissue`: multiscale simulation of soft tissue.
+//!
+//! Soft tissue carries load through networks of collagen fibers a thousand times smaller than the body they are in. Here
+//! an engineering-scale finite-element model asks, at every integration point and in every Newton iteration, a small
+//! fiber network (an RVE, a representative volume element) for its stress and its exact tangent.
+//!
+//! The crate is a library and the program `biotissue`. Numerics are written **once**, generic over a linear-algebra
+//! backend that is chosen at compile time. Data flows one way; an arrow means *uses*:
+//!
+//! ```text
+//! bin -> tissue -> fem, fiber -> las <- backends
+//! ```
+//!
+//! | module | what | knows |
+//! |---|---|---|
+//! | [`las`] | the linear-algebra abstraction: hot-loop verbs, solvers, Newton | no library |
+//! | [`backends`] | the backends, one folder each | [`las`] and their libraries |
+//! | [`fem`] | the engineering scale: meshes, elements, materials, load steps | [`las`] |
+//! | [`fiber`] | the micro scale: networks, fiber laws, equilibrium, condensed tangent | [`las`] |
+//! | `tissue` | both put together: cases, the two-scale run, results, pictures | all of them |
+//!
+//! `fem` and `fiber` do not know each other: they meet at [`fem::point_field`], the seam that does not care whether a
+//! formula or a network answers. Only `tissue`, the program, tests and benches name a concrete backend.
+//!
+//! # Features
+//!
+//! | feature | brings | needs on the machine |
+//! |---|---|---|
+//! | `sparse` (default) | compressed rows, direct solvers | nothing |
+//! | `dense` (default) | dense matrices | nothing |
+//! | `generate` | Delaunay fiber networks made on the spot | nothing |
+//! | `app` (default, implies `generate`) | cases, results, pictures, the program `biotissue` | nothing |
+//!
+//! A library user who wants the numerics alone takes `default-features = false, features = ["sparse"]`.
+//!
+//! # Example: one RVE
+//!
+//! ```
+//! # #[cfg(all(feature = "sparse", feature = "generate"))] {
+//! use std::sync::Arc;
+//! use biotissue::backends::sparse::Sparse;
+//! use biotissue::fiber::equilibrium::{EquilibriumParams, equilibrate};
+//! use biotissue::fiber::homogenise;
+//! use biotissue::fiber::law::{FiberMaterial, Law};
+//! use biotissue::fiber::network::generate::delaunay;
+//! use biotissue::fiber::rve::{Rve, RveModel, StressScale};
+//! use biotissue::fiber::workspace::Workspace;
+//! use nalgebra::Matrix3;
+//!
+//! let network = Arc::new(delaunay(20, 1).unwrap());
+//! let law = Law::Exponential { youngs_modulus: 1.0e8, nonlinearity: 1.2 };
+//! let collagen = FiberMaterial { law, radius: 5.0e-8, density: None };
+//! let scale = StressScale::FiberVolumeFraction(0.003);
+//! // Shared by all RVEs of this network: geometry, laws, symbolic factor.
+//! let model = RveModel::<Sparse>::new(&(), Arc::clone(&network), Some(collagen), scale).unwrap();
+//!
+//! let mut rve = Rve::at_rest(&network);
+//! let mut workspace = Workspace::new(&(), &model).unwrap();
+//! let stretched = Matrix3::from_diagonal(&[1.1, 0.97, 0.97].into());
+//! let report = equilibrate(&model, &mut rve, &stretched, &EquilibriumParams::default(), &mut workspace).unwrap();
+//!
+//! let pk1 = homogenise::pk1(&model, &workspace);
+//! let tangent = homogenise::tangent(&model, &rve, &pk1, &mut workspace).unwrap();
+//! assert!(report.iterations < 10 && pk1[(0, 0)] > 0.0);
+//! assert!((tangent - tangent.transpose()).amax() < 1e-8 * tangent.amax());
+//! # }
+//! ```
+//!
+//! After W. R. Tobin, *The Adaptive Multiscale Simulation Infrastructure* (PhD thesis, Rensselaer Polytechnic Institute,
+//! 2018).
 
 pub mod backends;
 pub mod fem;

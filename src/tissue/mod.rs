@@ -1,4 +1,12 @@
-//! The soft-tissue application: the macro scale and the fiber RVEs put together, cases, results.
+//! The soft-tissue application: the engineering scale and the fiber RVEs put together.
+//!
+//! ```text
+//! case file ─► case::Case ─► macro_scale (mesh, loads) ──┐
+//!                       └──► micro_scale (networks) ─────┴─► run::Simulation ─► results (directory) ─► report
+//! ```
+//!
+//! [`micro_scale::TissueField`] answers the seam [`crate::fem::point_field`] with a formula or a network at every
+//! element, networks on all cores; [`run::Simulation`] takes the load steps and writes the result directory.
 
 pub mod case;
 pub mod macro_scale;

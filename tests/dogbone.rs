@@ -1,0 +1,62 @@
+//! The example of the README, whole: 20 load steps past 40 % extension, forces in balance in every one.
+#![cfg(all(feature = "app", feature = "sparse"))]
+
+use std::path::Path;
+
+use biotissue::backends::sparse::Sparse;
+use biotissue::tissue::case::Case;
+use biotissue::tissue::results::log::Event;
+use biotissue::tissue::results::{Collection, LOADS_FILE, LOG_FILE, Loads, log, read_vtu};
+use biotissue::tissue::run::Simulation;
+
+#[test]
+fn the_dogbone_extends_as_published_with_forces_in_balance() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/dogbone/dogbone.toml");
+    let case = Case::read(&file).unwrap_or_else(|errors| panic!("{errors}")).case;
+    let dir = tempfile::tempdir().unwrap();
+    let mut simulation = Simulation::<Sparse>::new((), case).unwrap_or_else(|error| panic!("{error}"));
+
+    let plan = simulation.plan();
+    assert!(plan.elements >= 2000 && plan.rves == plan.elements);
+    assert_eq!(plan.networks.len(), 8);
+    assert_eq!(plan.networks.iter().map(|network| network.rves).sum::<usize>(), plan.rves);
+    let [lower, upper] = simulation.mesh().bounding_box();
+    let length = upper[0] - lower[0];
+    simulation.run(dir.path(), &mut ()).unwrap_or_else(|error| panic!("{error}"));
+
+    let loads = Loads::read(&dir.path().join(LOADS_FILE)).unwrap();
+    assert_eq!(loads.rows.len(), 20);
+    let right = loads.surfaces.iter().position(|name| name == "right").unwrap();
+    for row in &loads.rows {
+        let pull = row.surfaces[right].force[0];
+        assert!(pull > 0.0);
+        for component in 0..3 {
+            let sum: f64 = row.surfaces.iter().map(|surface| surface.force[component]).sum();
+            assert!(sum.abs() < 1e-9 * pull, "step {}: forces sum to {sum:e} N of {pull:e} N", row.step);
+        }
+    }
+    // Figure 3.3 of the thesis: approximately 27 % after ten increments, 45 % after twenty.
+    let extension = |step: usize| loads.rows[step - 1].surfaces[right].displacement[0] / length;
+    assert!((extension(10) - 0.27).abs() < 0.02, "{}", extension(10));
+    assert!((extension(20) - 0.45).abs() < 0.02, "{}", extension(20));
+
+    let events = log::read(&dir.path().join(LOG_FILE)).unwrap();
+    let iterations: Vec<usize> =
+        events.iter().filter_map(|e| if let Event::Step(step) = e { Some(step.newton.iterations) } else { None }).collect();
+    assert_eq!(iterations.len(), 20);
+    assert!(iterations.iter().all(|&n| (1..=8).contains(&n)), "{iterations:?}");
+    assert!(matches!(events.last(), Some(Event::End(end)) if end.converged));
+
+    the_fibers_turn_towards_the_pull(dir.path());
+}
+
+fn the_fibers_turn_towards_the_pull(dir: &Path) {
+    let collection = Collection::read(dir).unwrap();
+    let along_x = |entry: usize| {
+        let fields = read_vtu(&dir.join(&collection.entries()[entry].file)).unwrap();
+        let orientation = fields.cell_tensor("fiber_orientation").unwrap();
+        orientation.iter().map(|omega| omega[0]).sum::<f64>() / orientation.len() as f64
+    };
+    let (first, last) = (along_x(0), along_x(collection.entries().len() - 1));
+    assert!(last > first + 0.1 && last > 0.45, "mean n_x^2 from {first} to {last}");
+}
