@@ -69,8 +69,12 @@ fn rves(c: &mut Criterion) {
     if let Some(path) = published("Network_2_7.txt") {
         let mut case = Case::read(&path, None);
         let iterations = case.solve(&recorded()).1;
-        c.bench_function(&format!("Network_2_7: solve ({iterations} iterations)"), |b| b.iter(|| case.solve(black_box(&recorded())).1));
-        c.bench_function("Network_2_7: solve and tangent", |b| b.iter(|| case.solve_and_tangent(black_box(&recorded()))));
+        c.bench_function(&format!("Network_2_7: solve ({iterations} iterations)"), |b| {
+            b.iter(|| case.solve(black_box(&recorded())).1)
+        });
+        c.bench_function("Network_2_7: solve and tangent", |b| {
+            b.iter(|| case.solve_and_tangent(black_box(&recorded())))
+        });
     }
     let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/dogbone/networks/delaunay_1.txt");
     let law = Law::Exponential { youngs_modulus: 1.0e8, nonlinearity: 1.2 };
@@ -84,7 +88,8 @@ fn rves(c: &mut Criterion) {
         let iterations = case.solve(&large).1;
         let mut group = c.benchmark_group("del_4450");
         group.sample_size(10);
-        group.bench_function(format!("solve ({iterations} iterations)"), |b| b.iter(|| case.solve(black_box(&large)).1));
+        group
+            .bench_function(format!("solve ({iterations} iterations)"), |b| b.iter(|| case.solve(black_box(&large)).1));
         group.bench_function("solve and tangent", |b| b.iter(|| case.solve_and_tangent(black_box(&large))));
         group.finish();
     }

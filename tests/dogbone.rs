@@ -41,8 +41,10 @@ fn the_dogbone_extends_as_published_with_forces_in_balance() {
     assert!((extension(20) - 0.45).abs() < 0.02, "{}", extension(20));
 
     let events = log::read(&dir.path().join(LOG_FILE)).unwrap();
-    let iterations: Vec<usize> =
-        events.iter().filter_map(|e| if let Event::Step(step) = e { Some(step.newton.iterations) } else { None }).collect();
+    let iterations: Vec<usize> = events
+        .iter()
+        .filter_map(|e| if let Event::Step(step) = e { Some(step.newton.iterations) } else { None })
+        .collect();
     assert_eq!(iterations.len(), 20);
     assert!(iterations.iter().all(|&n| (1..=8).contains(&n)), "{iterations:?}");
     assert!(matches!(events.last(), Some(Event::End(end)) if end.converged));

@@ -189,7 +189,10 @@ fn bar(material: &str) -> String {
 fn a_neo_hookean_rve_at_every_element_gives_the_recorded_history_of_the_formula() {
     let constants = r#"{ model = "neo-hookean", youngs_modulus = 10000.0, poisson_ratio = 0.3 }"#;
     let formula = run::<Sparse>(&bar(constants), write_24_tets);
-    let rves = run::<Sparse>(&bar(&format!("{{ model = \"fiber-rve\", networks = [], matrix = {constants} }}")), write_24_tets);
+    let rves = run::<Sparse>(
+        &bar(&format!("{{ model = \"fiber-rve\", networks = [], matrix = {constants} }}")),
+        write_24_tets,
+    );
     assert_eq!(rves.loads, formula.loads, "bit for bit");
     for results in [&formula, &rves] {
         assert_eq!(results.steps.len(), 10);

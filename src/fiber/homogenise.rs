@@ -5,8 +5,8 @@
 use nalgebra::{Matrix3, SMatrix};
 
 use super::equilibrium::RveError;
-use super::rve::{Rve, RveModel};
-use super::workspace::{MODES, Workspace, transform};
+use super::rve::{Rve, RveModel, transform};
+use super::workspace::{MODES, Workspace};
 use crate::las::{Backend, MatrixOps, Scalar, SolveError, Solver, VectorOps};
 
 /// `dP/dF` with index `3 i + J` for `P_iJ`, row-major.

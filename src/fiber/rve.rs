@@ -9,7 +9,6 @@ use super::law::FiberMaterial;
 use super::network::Network;
 use super::stiffness::StiffnessSlots;
 use super::truss::{Truss, TrussError};
-use super::workspace::transform;
 use crate::las::{Backend, SolveError, SolverParams, Sparsity, SparsityError, Symmetry};
 
 /// How the forces of a network become stresses.
@@ -156,4 +155,10 @@ impl Rve {
     pub fn interior(&self) -> &[[f64; 3]] {
         &self.interior
     }
+}
+
+/// `F x`.
+#[inline(always)]
+pub(super) fn transform(f: &Matrix3<f64>, x: &[f64; 3]) -> [f64; 3] {
+    [0, 1, 2].map(|i| f[(i, 0)] * x[0] + f[(i, 1)] * x[1] + f[(i, 2)] * x[2])
 }

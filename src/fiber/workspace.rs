@@ -1,6 +1,6 @@
 //! What a worker needs to solve RVEs of one network: sized once, used for any number of RVEs.
 
-use super::rve::{Rve, RveModel};
+use super::rve::{Rve, RveModel, transform};
 use super::truss::FiberStates;
 use crate::las::{Backend, NewtonSystem, Scalar, SolveError};
 use nalgebra::Matrix3;
@@ -94,9 +94,4 @@ where
     pub fn states(&self) -> &FiberStates {
         &self.states
     }
-}
-
-#[inline(always)]
-pub(super) fn transform(f: &Matrix3<f64>, x: &[f64; 3]) -> [f64; 3] {
-    [0, 1, 2].map(|i| f[(i, 0)] * x[0] + f[(i, 1)] * x[1] + f[(i, 2)] * x[2])
 }

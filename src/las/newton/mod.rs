@@ -1,0 +1,192 @@
+//! Newton's method with a line search, generic over the problem and the backend.
+
+mod problem;
+mod report;
+#[cfg(all(test, feature = "dense"))]
+mod tests;
+
+use std::sync::Arc;
+use std::time::Instant;
+
+pub use problem::{NonlinearProblem, Yardstick};
+pub use report::{NewtonError, NewtonFailure, NewtonParams, NewtonReport, NewtonSeconds};
+
+use super::{Backend, MatrixOps, Scalar, SolveError, Solver, Sparsity, VectorOps};
+
+/// The linear system that Newton works in: made once, used for every problem of the same pattern.
+///
+/// After a convergence the solver holds the last factorisation, for whoever can use it again.
+#[derive(Debug)]
+pub struct NewtonSystem<B: Backend> {
+    /// `r`.
+    pub residual: B::Vector,
+    /// `K^-1 r`.
+    pub direction: B::Vector,
+    /// `K`.
+    pub matrix: B::Matrix,
+    /// The factors of `K`.
+    pub solver: B::Solver,
+}
+
+impl<B: Backend> NewtonSystem<B>
+where
+    B::Reduced: Scalar,
+{
+    /// Vectors, matrix and solver for the pattern that `symbolic` was made from.
+    ///
+    /// # Errors
+    /// What the backend reports when it cannot make one of them.
+    pub fn new(
+        context: &B::Context,
+        pattern: &Arc<Sparsity>,
+        symbolic: &Arc<B::Symbolic>,
+    ) -> Result<Self, SolveError<B::Fault>> {
+        let vector = || B::vector(context, pattern.rows()).map_err(SolveError::Fault);
+        Ok(Self {
+            residual: vector()?,
+            direction: vector()?,
+            matrix: B::matrix(context, pattern).map_err(SolveError::Fault)?,
+            solver: B::solver(symbolic)?,
+        })
+    }
+
+    /// Drives the residual of `problem` below its limit.
+    ///
+    /// # Errors
+    /// [`NewtonFailure`]; the problem is restored to the state it came with.
+    pub fn solve<P: NonlinearProblem<B>>(
+        &mut self,
+        problem: &mut P,
+        params: &NewtonParams,
+    ) -> Result<NewtonReport, NewtonFailure<P::Error, B::Fault>> {
+        let mut report = NewtonReport::default();
+        problem.save();
+        match self.iterate(problem, params, &mut report) {
+            Ok(()) => Ok(report),
+            Err(reason) => {
+                problem.restore();
+                Err(NewtonFailure { reason, report: Box::new(report) })
+            }
+        }
+    }
+
+    fn iterate<P: NonlinearProblem<B>>(
+        &mut self,
+        problem: &mut P,
+        params: &NewtonParams,
+        report: &mut NewtonReport,
+    ) -> Result<(), NewtonError<P::Error, B::Fault>> {
+        let (mut norm, mut yardstick) = self.evaluate(problem, report).map_err(Trial::into_error)?;
+        report.record(norm, yardstick);
+        loop {
+            let limit = (params.tolerance * yardstick.scale).max(yardstick.floor);
+            if norm <= limit {
+                return Ok(());
+            }
+            if report.iterations == params.max_iterations {
+                return Err(NewtonError::TooManyIterations { iterations: report.iterations, residual: norm, limit });
+            }
+            report.iterations += 1;
+            self.factor_and_solve(problem, report)?;
+            (norm, yardstick) = self.step(problem, params, limit, report)?;
+            report.record(norm, yardstick);
+        }
+    }
+
+    /// The Newton direction at the current state.
+    fn factor_and_solve<P: NonlinearProblem<B>>(
+        &mut self,
+        problem: &mut P,
+        report: &mut NewtonReport,
+    ) -> Result<(), NewtonError<P::Error, B::Fault>> {
+        let start = Instant::now();
+        self.matrix.zero().map_err(fault)?;
+        problem.jacobian(&mut self.matrix).map_err(NewtonError::Problem)?;
+        self.matrix.finish().map_err(fault)?;
+        let assembled = Instant::now();
+        let factor = self.solver.factor(&self.matrix).map_err(NewtonError::Solve)?;
+        report.count(factor.kind);
+        let factored = Instant::now();
+        self.solver.solve(&self.residual, &mut self.direction).map_err(NewtonError::Solve)?;
+        report.seconds.jacobian += (assembled - start).as_secs_f64();
+        report.seconds.factor += (factored - assembled).as_secs_f64();
+        report.seconds.solve += factored.elapsed().as_secs_f64();
+        Ok(())
+    }
+
+    /// Moves along the direction by the first step that lessens the residual enough.
+    fn step<P: NonlinearProblem<B>>(
+        &mut self,
+        problem: &mut P,
+        params: &NewtonParams,
+        limit: f64,
+        report: &mut NewtonReport,
+    ) -> Result<(f64, Yardstick), NewtonError<P::Error, B::Fault>> {
+        let recent = &report.residuals[report.residuals.len().saturating_sub(params.memory.max(1))..];
+        let (before, ceiling) = recent.iter().fold((0.0, 0.0_f64), |(_, most), &norm| (norm, most.max(norm)));
+        let mut step = 1.0;
+        let mut taken = 0.0;
+        for cut in 0..=params.max_line_search_cuts {
+            problem.advance(taken - step, &self.direction).map_err(NewtonError::Problem)?;
+            taken = step;
+            let trial = self.evaluate(problem, report);
+            let last = cut == params.max_line_search_cuts;
+            match trial {
+                Ok((norm, yardstick))
+                    if norm <= ((1.0 - params.decrease * step) * ceiling).max(limit)
+                        || params.max_line_search_cuts == 0 =>
+                {
+                    return Ok((norm, yardstick));
+                }
+                Ok((norm, _)) if !last => step *= shortening(step, before, norm),
+                Ok(_) => break,
+                Err(Trial::NotThere(_) | Trial::NotFinite) if !last => step *= 0.5,
+                Err(Trial::NotFinite) => break,
+                Err(error) => return Err(error.into_error()),
+            }
+            report.line_search_cuts += 1;
+        }
+        Err(NewtonError::LineSearch { iteration: report.iterations, residual: before, step: taken })
+    }
+
+    fn evaluate<P: NonlinearProblem<B>>(
+        &mut self,
+        problem: &mut P,
+        report: &mut NewtonReport,
+    ) -> Result<(f64, Yardstick), Trial<P::Error, B::Fault>> {
+        let start = Instant::now();
+        let yardstick = problem.residual(&mut self.residual).map_err(Trial::NotThere)?;
+        let norm = self.residual.norm().map_err(Trial::Fault)?.as_f64();
+        report.seconds.residual += start.elapsed().as_secs_f64();
+        if norm.is_finite() { Ok((norm, yardstick)) } else { Err(Trial::NotFinite) }
+    }
+}
+
+/// Why a trial state has no residual norm.
+enum Trial<E, F> {
+    NotThere(E),
+    NotFinite,
+    Fault(F),
+}
+
+impl<E, F> Trial<E, F> {
+    fn into_error(self) -> NewtonError<E, F> {
+        match self {
+            Self::NotThere(error) => NewtonError::Problem(error),
+            Self::NotFinite => NewtonError::NotFinite,
+            Self::Fault(error) => fault(error),
+        }
+    }
+}
+
+fn fault<E, F>(error: F) -> NewtonError<E, F> {
+    NewtonError::Solve(SolveError::Fault(error))
+}
+
+/// The factor that takes a rejected step to the minimum of the parabola through `|r|^2` at 0 and at the step, whose slope
+/// at 0 is `-2 |r|^2` along an exact Newton direction; kept between 0.1 and 0.5.
+fn shortening(step: f64, before: f64, after: f64) -> f64 {
+    let (before, after) = (before * before, after * after);
+    let curvature = after - before + 2.0 * before * step;
+    (before * step / curvature).clamp(0.1, 0.5)
+}

@@ -1,0 +1,92 @@
+use std::convert::Infallible;
+use std::sync::Arc;
+
+use super::*;
+use crate::backends::dense::Dense;
+use crate::las::{Backend, SolverParams, Sparsity, Symmetry};
+
+/// One scalar equation.
+struct Scalar1 {
+    x: f64,
+    saved: f64,
+    r: fn(f64) -> f64,
+    dr: fn(f64) -> f64,
+}
+
+impl NonlinearProblem<Dense> for Scalar1 {
+    type Error = Infallible;
+
+    fn residual(&mut self, r: &mut <Dense as Backend>::Vector) -> Result<Yardstick, Infallible> {
+        r.set(&[0], &[(self.r)(self.x)])?;
+        Ok(Yardstick { scale: 1.0, floor: 0.0 })
+    }
+
+    fn jacobian(&mut self, k: &mut <Dense as Backend>::Matrix) -> Result<(), Infallible> {
+        k.add(&[0], &[0], &[(self.dr)(self.x)])
+    }
+
+    fn advance(&mut self, a: f64, d: &<Dense as Backend>::Vector) -> Result<(), Infallible> {
+        let mut value = [0.0];
+        d.get(&[0], &mut value)?;
+        self.x += a * value[0];
+        Ok(())
+    }
+
+    fn save(&mut self) {
+        self.saved = self.x;
+    }
+
+    fn restore(&mut self) {
+        self.x = self.saved;
+    }
+}
+
+fn arctangent(x: f64) -> Scalar1 {
+    Scalar1 { x, saved: 0.0, r: f64::atan, dr: |x| 1.0 / (1.0 + x * x) }
+}
+
+fn system() -> NewtonSystem<Dense> {
+    let pattern = Arc::new(Sparsity::from_elements(1, [[0]]).unwrap());
+    let symbolic = Dense::<f64>::analyze(&(), &pattern, &SolverParams::new(Symmetry::Definite)).unwrap();
+    NewtonSystem::new(&(), &pattern, &symbolic).unwrap()
+}
+
+#[test]
+fn full_newton_diverges_where_the_line_search_converges() {
+    // |x| > 1.3917 makes Newton on the arctangent diverge.
+    let full = NewtonParams { max_line_search_cuts: 0, max_iterations: 20, ..NewtonParams::default() };
+    let mut problem = arctangent(3.0);
+    let failure = system().solve(&mut problem, &full).unwrap_err();
+    assert_eq!(problem.x, 3.0, "the state is restored");
+    assert!(!failure.report.residuals.is_empty());
+
+    let report = system().solve(&mut problem, &NewtonParams::default()).unwrap();
+    assert!(report.line_search_cuts > 0);
+    assert!(problem.x.abs() < 1e-9);
+    assert_eq!(report.residuals.len(), report.iterations + 1);
+    assert_eq!(report.cholesky, report.iterations);
+}
+
+#[test]
+fn converges_quadratically_near_the_root() {
+    let mut problem = Scalar1 { x: 1.5, saved: 0.0, r: |x| x * x - 2.0, dr: |x| 2.0 * x };
+    let report = system().solve(&mut problem, &NewtonParams::default()).unwrap();
+    assert!((problem.x - 2.0_f64.sqrt()).abs() < 1e-10);
+    assert!(report.iterations <= 4);
+    let r = &report.residuals;
+    assert!(r[2] < 2.0 * r[1] * r[1]);
+}
+
+#[test]
+fn out_of_iterations_says_how_far_it_came() {
+    let params = NewtonParams { max_iterations: 1, ..NewtonParams::default() };
+    let mut problem = Scalar1 { x: 1.5, saved: 0.0, r: |x| x * x - 2.0, dr: |x| 2.0 * x };
+    let failure = system().solve(&mut problem, &params).unwrap_err();
+    match failure.reason {
+        NewtonError::TooManyIterations { iterations: 1, residual, limit } => {
+            assert!(residual > limit);
+        }
+        other => panic!("{other}"),
+    }
+    assert_eq!(problem.x, 1.5);
+}
