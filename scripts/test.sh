@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # Passes every check of the project: format, lints, documentation and tests on every feature set.
 #
-# Needs Rust; installs meshio for the test that reads results back with an independent reader. Published networks are
-# used where BIOTISSUE_NETWORKS names their folder, or where they lie in a folder beside this checkout.
+# Needs Rust and Python; installs meshio and vtk, in a folder of its own, for the tests that read results back with an
+# independent reader. Published networks are used where BIOTISSUE_NETWORKS names their folder, or where they lie in a folder beside this checkout.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -17,17 +17,19 @@ if [ -z "${BIOTISSUE_NETWORKS:-}" ]; then
 fi
 say "published networks: ${BIOTISSUE_NETWORKS:-none, their tests say that they skip}"
 
-say "an independent reader of VTK files"
-python=target/python
-if [ ! -x "$python/bin/python" ]; then
+say "independent readers of VTK files: meshio and VTK itself"
+python="$PWD/target/python"
+if [ ! -x "$python/bin/python3" ]; then
+    rm -rf "$python"
     python3 -m venv "$python" || {
-        # Debian splits venv from Python.
+        # Debian keeps venv in a package of its own.
         apt-get update -q && apt-get install -y -q --no-install-recommends python3-venv
+        rm -rf "$python"
         python3 -m venv "$python"
     }
 fi
-"$python/bin/pip" install --quiet --disable-pip-version-check meshio
-export BIOTISSUE_PYTHON="$PWD/$python/bin/python" BIOTISSUE_REQUIRE_PYTHON=1
+"$python/bin/pip" install --quiet --disable-pip-version-check meshio vtk
+export PATH="$python/bin:$PATH" BIOTISSUE_REQUIRE_PYTHON=1
 
 say "format"
 cargo fmt --check

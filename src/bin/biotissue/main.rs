@@ -1,4 +1,8 @@
 //! The program `biotissue`: reads arguments, picks types, prints results.
+#![cfg_attr(
+    not(any(feature = "sparse", feature = "dense")),
+    allow(dead_code, unused_variables, reason = "without a backend, whatever solves is an error that says so")
+)]
 
 mod dispatch;
 mod failure;
