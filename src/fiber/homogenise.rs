@@ -63,11 +63,8 @@ where
 {
     solve_modes(model, workspace).map_err(RveError::Tangent)?;
     let mut form = Tangent::zeros();
-    for k in 0..MODES {
-        for l in 0..MODES {
-            form[(k, l)] = model.scale() * mode_product(workspace, k, l);
-        }
-    }
+    let products = mode_products(workspace);
+    form.fixed_view_mut::<MODES, MODES>(0, 0).copy_from(&(products * model.scale()));
     let f = &rve.gradient;
     for w in 0..3 {
         let turned_stress = spin(w) * pk1;
@@ -255,8 +252,15 @@ fn correct<B: Backend<Scalar = f64>>(
     Ok(())
 }
 
-/// `v_k . K v_l` over all nodes.
-fn mode_product<B: Backend>(workspace: &Workspace<B>, k: usize, l: usize) -> f64 {
-    let pairs = workspace.velocities.iter().zip(&workspace.rates);
-    pairs.map(|(v, q)| (0..3).map(|i| v[3 * k + i] * q[3 * l + i]).sum::<f64>()).sum()
+/// Row `k`, column `l`: `v_k . K v_l` over all nodes, in one pass.
+fn mode_products<B: Backend>(workspace: &Workspace<B>) -> SMatrix<f64, MODES, MODES> {
+    let mut products = [[0.0; MODES]; MODES];
+    for (v, q) in workspace.velocities.iter().zip(&workspace.rates) {
+        for (row, v) in products.iter_mut().zip(v.chunks_exact(3)) {
+            for (product, q) in row.iter_mut().zip(q.chunks_exact(3)) {
+                *product += v[0] * q[0] + v[1] * q[1] + v[2] * q[2];
+            }
+        }
+    }
+    SMatrix::from_fn(|k, l| products[k][l])
 }
