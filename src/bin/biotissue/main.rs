@@ -1,10 +1,14 @@
 //! The program `biotissue`: reads arguments, picks types, prints results.
 
+mod check;
 mod dispatch;
 mod failure;
 mod info;
+mod law;
 mod mesh;
 mod network;
+mod number;
+mod output;
 mod report;
 mod run;
 mod rve;
@@ -25,12 +29,12 @@ struct Arguments {
 #[derive(Subcommand)]
 enum Command {
     Run(run::RunCommand),
-    Check(run::CheckCommand),
+    Check(check::CheckCommand),
     Rve(rve::RveCommand),
-    /// Make, examine and clean fiber networks.
+    /// Make, examine and clean fiber networks
     #[command(subcommand)]
     Network(network::NetworkCommand),
-    /// Write the built-in meshes.
+    /// Write the built-in meshes
     #[command(subcommand)]
     Mesh(mesh::MeshCommand),
     Report(report::ReportCommand),
@@ -41,17 +45,17 @@ fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let outcome: Result<(), Failure> = match arguments.command {
         Command::Run(command) => run::run(command),
-        Command::Check(command) => run::check(command),
+        Command::Check(command) => check::check(&command),
         Command::Rve(command) => rve::run(command),
         Command::Network(command) => network::run(command),
         Command::Mesh(command) => mesh::run(command),
         Command::Report(command) => report::run(&command),
-        Command::Info(command) => info::run(command),
+        Command::Info(command) => info::run(&command),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("{failure}");
+            output::say(&failure.to_string());
             failure.exit_code()
         }
     }
