@@ -14,7 +14,7 @@ use serde_json::json;
 
 use crate::failure::Failure;
 use crate::law::LawArguments;
-use crate::number::{count, real};
+use crate::number::{count, real, seed};
 use crate::output;
 
 /// What to do with networks.
@@ -41,8 +41,7 @@ pub struct GenerateArguments {
     #[arg(long, value_name = "N", value_parser = count, allow_hyphen_values = true)]
     nodes: Option<usize>,
     /// Seed of the random numbers
-    #[arg(long, value_name = "S", default_value_t = 1, allow_hyphen_values = true)]
-    #[arg(value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
+    #[arg(long, value_name = "S", value_parser = seed, default_value_t = 1, allow_hyphen_values = true)]
     seed: u64,
     /// The network file to write; its .toml goes beside it, and a .params if the law has a place there
     #[arg(short, long, value_name = "FILE")]

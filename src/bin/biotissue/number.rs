@@ -10,3 +10,9 @@ pub fn count(text: &str) -> Result<usize, String> {
 pub fn real(text: &str) -> Result<f64, String> {
     text.trim().parse().map_err(|_| "expected a number, as in 0.5 or 1e-10".to_owned())
 }
+
+/// The seed of random numbers, which a sidecar in TOML must be able to hold.
+pub fn seed(text: &str) -> Result<u64, String> {
+    let seed = text.trim().parse().ok().filter(|seed| i64::try_from(*seed).is_ok());
+    seed.ok_or_else(|| format!("expected a whole number from 0 to {}", i64::MAX))
+}

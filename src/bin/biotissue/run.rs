@@ -164,7 +164,7 @@ impl Job for RunJob<'_> {
 
 fn on_disk(steps: usize, dir: &Path) -> String {
     match steps {
-        0 => format!("no load step before it; the log is in {}", dir.display()),
+        0 => format!("no load step converged before it; the log is in {}", dir.display()),
         1 => format!("the load step before it is in {}", dir.display()),
         steps => format!("the {steps} load steps before it are in {}", dir.display()),
     }
@@ -245,15 +245,15 @@ struct Reporter {
 impl Reporter {
     fn new(plan: &Plan) -> Self {
         let Plan { elements, unknowns, rves, threads, .. } = plan;
-        let networks = plan.networks.len();
-        output::say(&format!(
-            "{elements} elements, {unknowns} unknowns, {rves} RVEs of {networks} networks, {threads} threads"
-        ));
+        let rves = match plan.networks.len() {
+            0 => String::new(),
+            networks => format!("{rves} RVEs of {networks} network{}, ", if networks == 1 { "" } else { "s" }),
+        };
+        output::say(&format!("{elements} elements, {unknowns} unknowns, {rves}{threads} threads"));
         let bar = std::io::stderr().is_terminal().then(|| {
             let bar = ProgressBar::new(plan.steps as u64);
-            if let Ok(style) = ProgressStyle::with_template("{bar:32} step {pos}/{len} {elapsed} (left {eta}) {msg}") {
-                bar.set_style(style);
-            }
+            // How long it will take is not known before the first step.
+            set_style(&bar, "{bar:32} step {pos}/{len} {elapsed}");
             bar.enable_steady_tick(std::time::Duration::from_millis(200));
             bar
         });
@@ -287,6 +287,7 @@ impl Progress for Reporter {
         );
         match &self.bar {
             Some(bar) => {
+                set_style(bar, "{bar:32} step {pos}/{len} {elapsed} (left {eta}) {msg}");
                 bar.set_position(step.step as u64);
                 bar.set_message(format!("{} iterations", newton.iterations));
             }
@@ -296,5 +297,11 @@ impl Progress for Reporter {
 
     fn failed(&mut self, cut: &Cut) {
         self.say(&format!("step {}/{} to t = {:.4} failed: {}", cut.step, self.count, cut.t, cut.reason));
+    }
+}
+
+fn set_style(bar: &ProgressBar, template: &str) {
+    if let Ok(style) = ProgressStyle::with_template(template) {
+        bar.set_style(style);
     }
 }
