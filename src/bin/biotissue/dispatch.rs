@@ -29,11 +29,11 @@ pub fn dispatch<J: Job>(backend: Option<&str>, job: J) -> Result<J::Output, Fail
         outcome => {
             let error =
                 outcome.err().map_or_else(|| format!("the backend `{name}` is not compiled in"), |e| e.to_string());
-            Err(Failure::Arguments {
-                what: format!("--backend {name}: {error}"),
-                expected: format!("one of those compiled in: {}", backends::compiled().join(", ")),
-                cure: "`biotissue info` lists them".into(),
-            })
+            Err(Failure::arguments(
+                format!("--backend {name}: {error}"),
+                format!("one of those compiled in: {}", backends::compiled().join(", ")),
+                "choose one of these, or leave --backend out for the first",
+            ))
         }
     }
 }

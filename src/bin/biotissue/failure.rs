@@ -1,4 +1,5 @@
-//! How a command ends when it does not succeed: one block on stderr and an exit code.
+//! How a command ends when it does not succeed: one block on stderr (what, where, what was expected, what to do) and an
+//! exit code.
 
 use std::fmt;
 use std::path::Path;
@@ -11,12 +12,12 @@ use biotissue::input::{InputError, InputErrors};
 pub enum Failure {
     /// Something wrong in the files given: exit code 2.
     Input(InputErrors),
-    /// Something wrong in the arguments given: exit code 2.
+    /// Something wrong in the arguments given; `what` names the argument or the file: exit code 2.
     Arguments { what: String, expected: String, cure: String },
     /// The physics did not converge: exit code 3. What converged is on disk.
-    NotConverged { what: String, place: String, cure: String },
-    /// The machine: disk, a library, MPI: exit code 4.
-    Environment { what: String, cure: String },
+    NotConverged { what: String, place: String, expected: String, cure: String },
+    /// The machine: disk, a library, MPI; `what` names the file or the part: exit code 4.
+    Environment { what: String, expected: String, cure: String },
 }
 
 impl Failure {
@@ -29,11 +30,26 @@ impl Failure {
         }
     }
 
+    /// Something wrong in the arguments.
+    pub fn arguments(what: impl Into<String>, expected: impl Into<String>, cure: impl Into<String>) -> Self {
+        Self::Arguments { what: what.into(), expected: expected.into(), cure: cure.into() }
+    }
+
     /// A file could not be written.
     pub fn unwritable(file: &Path, error: &std::io::Error) -> Self {
         Self::Environment {
             what: format!("{}: cannot be written: {error}", file.display()),
-            cure: "check that the folder exists, may be written and has space left".into(),
+            expected: "a place that may be written and has space left".into(),
+            cure: "check the name, that its folder exists, its permissions and the space on the disk".into(),
+        }
+    }
+
+    /// A linear-algebra library failed.
+    pub fn library(error: impl fmt::Display) -> Self {
+        Self::Environment {
+            what: error.to_string(),
+            expected: "a linear-algebra library that works".into(),
+            cure: "try another --backend; `biotissue info` lists them".into(),
         }
     }
 }
@@ -42,11 +58,12 @@ impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Input(errors) => write!(f, "error: {errors}"),
-            Self::Arguments { what, expected, cure } => {
+            Self::Arguments { what, expected, cure } | Self::Environment { what, expected, cure } => {
                 write!(f, "error: {what}\n  expected: {expected}\n  cure: {cure}")
             }
-            Self::NotConverged { what, place, cure } => write!(f, "error: {what}\n  at: {place}\n  cure: {cure}"),
-            Self::Environment { what, cure } => write!(f, "error: {what}\n  cure: {cure}"),
+            Self::NotConverged { what, place, expected, cure } => {
+                write!(f, "error: {what}\n  at: {place}\n  expected: {expected}\n  cure: {cure}")
+            }
         }
     }
 }

@@ -4,12 +4,12 @@ use clap::Args;
 use serde::Serialize;
 
 use crate::failure::Failure;
-use crate::run::json;
+use crate::output;
 
-/// Version, features, backends compiled in and their libraries.
+/// Print version, features, backends compiled in and their libraries
 #[derive(Args)]
 pub struct InfoCommand {
-    /// Print one JSON object.
+    /// Print one JSON object
     #[arg(long)]
     json: bool,
 }
@@ -28,7 +28,8 @@ struct BackendInfo {
     library: &'static str,
 }
 
-pub fn run(command: InfoCommand) -> Result<(), Failure> {
+/// Runs the command.
+pub fn run(command: &InfoCommand) -> Result<(), Failure> {
     let info = Info {
         version: env!("CARGO_PKG_VERSION"),
         features: [
@@ -47,16 +48,14 @@ pub fn run(command: InfoCommand) -> Result<(), Failure> {
         threads: rayon::current_num_threads(),
     };
     if command.json {
-        println!("{}", json(&info)?);
-        return Ok(());
+        return output::print_json(&info);
     }
-    println!("biotissue  {}", info.version);
-    println!("features   {}", info.features.join(", "));
+    let mut lines = vec![format!("biotissue  {}", info.version), format!("features   {}", info.features.join(", "))];
     for backend in &info.backends {
-        println!("backend    {:<8} {}", backend.name, backend.library);
+        lines.push(format!("backend    {:<8} {}", backend.name, backend.library));
     }
-    println!("threads    {}", info.threads);
-    Ok(())
+    lines.push(format!("threads    {}", info.threads));
+    output::print(&lines.join("\n"))
 }
 
 /// What a backend is built on.

@@ -4,11 +4,15 @@
     allow(dead_code, unused_variables, reason = "without a backend, whatever solves is an error that says so")
 )]
 
+mod check;
 mod dispatch;
 mod failure;
 mod info;
+mod law;
 mod mesh;
 mod network;
+mod number;
+mod output;
 mod report;
 mod run;
 mod rve;
@@ -29,12 +33,12 @@ struct Arguments {
 #[derive(Subcommand)]
 enum Command {
     Run(run::RunCommand),
-    Check(run::CheckCommand),
+    Check(check::CheckCommand),
     Rve(rve::RveCommand),
-    /// Make, examine and clean fiber networks.
+    /// Make, examine and clean fiber networks
     #[command(subcommand)]
     Network(network::NetworkCommand),
-    /// Write the built-in meshes.
+    /// Write the built-in meshes
     #[command(subcommand)]
     Mesh(mesh::MeshCommand),
     Report(report::ReportCommand),
@@ -45,17 +49,17 @@ fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let outcome: Result<(), Failure> = match arguments.command {
         Command::Run(command) => run::run(command),
-        Command::Check(command) => run::check(command),
+        Command::Check(command) => check::check(&command),
         Command::Rve(command) => rve::run(command),
         Command::Network(command) => network::run(command),
         Command::Mesh(command) => mesh::run(command),
         Command::Report(command) => report::run(&command),
-        Command::Info(command) => info::run(command),
+        Command::Info(command) => info::run(&command),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("{failure}");
+            output::say(&failure.to_string());
             failure.exit_code()
         }
     }

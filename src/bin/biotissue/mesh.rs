@@ -1,6 +1,5 @@
 //! `biotissue mesh`: writes the built-in meshes as Gmsh files.
 
-use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use biotissue::fem::mesh::gmsh::{self, Version, WriteOptions};
@@ -9,6 +8,8 @@ use biotissue::fem::mesh::{Mesh, Surface};
 use clap::{Args, Subcommand, ValueEnum};
 
 use crate::failure::Failure;
+use crate::number::real;
+use crate::output::{print, print_json};
 
 /// What can be meshed.
 #[derive(Subcommand)]
@@ -16,7 +17,7 @@ pub enum MeshCommand {
     /// A box with its lowest corner at the origin: region `body`, surfaces x0 x1 y0 y1 z0 z1
     Box {
         /// Cells along x, y and z, each cut into six tetrahedra
-        #[arg(long, value_name = "NX,NY,NZ", value_parser = three::<usize>)]
+        #[arg(long, value_name = "NX,NY,NZ", value_parser = three::<usize>, allow_hyphen_values = true)]
         cells: [usize; 3],
         /// Lengths along x, y and z, in metres
         #[arg(long, value_name = "X,Y,Z", value_parser = three::<f64>, default_value = "1,1,1", allow_hyphen_values = true)]
@@ -27,7 +28,7 @@ pub enum MeshCommand {
     /// A flat tensile sample along x: regions `grip` and `gauge`, surfaces left, right, sides
     Dogbone {
         /// Edge of the elements in the grips, in metres; towards the gauge they become finer
-        #[arg(long, value_name = "M", allow_hyphen_values = true)]
+        #[arg(long, value_name = "M", value_parser = real, allow_hyphen_values = true)]
         element_size: f64,
         #[command(flatten)]
         shape: ShapeArguments,
@@ -40,22 +41,22 @@ pub enum MeshCommand {
 #[derive(Args)]
 pub struct ShapeArguments {
     /// Length of the sample, in metres [default: 0.038]
-    #[arg(long, value_name = "M", allow_hyphen_values = true)]
+    #[arg(long, value_name = "M", value_parser = real, allow_hyphen_values = true)]
     length: Option<f64>,
     /// Length of each grip [default: 0.006]
-    #[arg(long, value_name = "M", allow_hyphen_values = true)]
+    #[arg(long, value_name = "M", value_parser = real, allow_hyphen_values = true)]
     grip_length: Option<f64>,
     /// Width of the grips [default: 0.010]
-    #[arg(long, value_name = "M", allow_hyphen_values = true)]
+    #[arg(long, value_name = "M", value_parser = real, allow_hyphen_values = true)]
     grip_width: Option<f64>,
     /// Width of the gauge [default: 0.005]
-    #[arg(long, value_name = "M", allow_hyphen_values = true)]
+    #[arg(long, value_name = "M", value_parser = real, allow_hyphen_values = true)]
     gauge_width: Option<f64>,
     /// Radius of the fillets between grip and gauge [default: 0.0125]
-    #[arg(long, value_name = "M", allow_hyphen_values = true)]
+    #[arg(long, value_name = "M", value_parser = real, allow_hyphen_values = true)]
     fillet_radius: Option<f64>,
     /// Thickness of the sample [default: 0.0025]
-    #[arg(long, value_name = "M", allow_hyphen_values = true)]
+    #[arg(long, value_name = "M", value_parser = real, allow_hyphen_values = true)]
     thickness: Option<f64>,
 }
 
@@ -119,12 +120,7 @@ pub fn run(command: MeshCommand) -> Result<(), Failure> {
     };
     gmsh::write_with(&output.file, &mesh, WriteOptions { version, binary: output.binary })
         .map_err(|error| Failure::unwritable(&output.file, &error))?;
-    let summary = if output.json { json(&output.file, &mesh) } else { table(&output.file, &mesh) };
-    match writeln!(std::io::stdout(), "{summary}") {
-        // Whoever read it has read enough.
-        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
-        outcome => outcome.map_err(|error| Failure::unwritable(Path::new("standard output"), &error)),
-    }
+    if output.json { print_json(&json(&output.file, &mesh)) } else { print(&table(&output.file, &mesh)) }
 }
 
 /// Arguments that make no shape.
@@ -145,7 +141,7 @@ fn refused(error: &ShapeError) -> Failure {
             (format!("a length of more than {taken}"), "raise --length, or lower --grip-length or --fillet-radius")
         }
     };
-    Failure::Arguments { what: error.to_string(), expected, cure: cure.into() }
+    Failure::arguments(error.to_string(), expected, cure)
 }
 
 fn table(file: &Path, mesh: &Mesh) -> String {
@@ -169,7 +165,7 @@ fn table(file: &Path, mesh: &Mesh) -> String {
     lines.join("\n")
 }
 
-fn json(file: &Path, mesh: &Mesh) -> String {
+fn json(file: &Path, mesh: &Mesh) -> serde_json::Value {
     let regions: Vec<_> = regions(mesh)
         .map(|(name, elements, volume)| serde_json::json!({ "name": name, "elements": elements, "volume": volume }))
         .collect();
@@ -180,7 +176,7 @@ fn json(file: &Path, mesh: &Mesh) -> String {
             "area": mesh.surface_area(surface),
         })
     };
-    let summary = serde_json::json!({
+    serde_json::json!({
         "file": file.to_string_lossy(),
         "nodes": mesh.nodes().len(),
         "elements": mesh.elements().len(),
@@ -189,8 +185,7 @@ fn json(file: &Path, mesh: &Mesh) -> String {
         "dihedral_angles": mesh.dihedral_range(),
         "regions": regions,
         "surfaces": mesh.surfaces().iter().map(surface).collect::<Vec<_>>(),
-    });
-    format!("{summary:#}")
+    })
 }
 
 /// Name, number of elements and volume of every region.

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use biotissue::fiber::law::{FiberMaterial, Law};
+use biotissue::fiber::law::Law;
 use biotissue::fiber::network::check::{Cleaned, NetworkReport, Removed, clean, examine};
 use biotissue::fiber::network::file::sidecar::{Generated, NamedLaw, Sidecar};
 use biotissue::fiber::network::file::{self, NetworkFile};
@@ -13,6 +13,9 @@ use clap::{Args, Subcommand};
 use serde_json::json;
 
 use crate::failure::Failure;
+use crate::law::LawArguments;
+use crate::number::{count, real, seed};
+use crate::output;
 
 /// What to do with networks.
 #[derive(Subcommand)]
@@ -31,38 +34,20 @@ pub struct GenerateArguments {
     #[arg(long, default_value = "delaunay")]
     kind: String,
     /// Random points in the cube, which become the interior nodes
-    #[arg(long, value_name = "N", required_unless_present = "nodes", conflicts_with = "nodes")]
+    #[arg(long, value_name = "N", value_parser = count, allow_hyphen_values = true)]
+    #[arg(required_unless_present = "nodes", conflicts_with = "nodes")]
     points: Option<usize>,
     /// Instead of points: nodes in all, boundary included, to come as close to as can be
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = count, allow_hyphen_values = true)]
     nodes: Option<usize>,
     /// Seed of the random numbers
-    #[arg(long, value_name = "S", default_value_t = 1, value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
+    #[arg(long, value_name = "S", value_parser = seed, default_value_t = 1, allow_hyphen_values = true)]
     seed: u64,
     /// The network file to write; its .toml goes beside it, and a .params if the law has a place there
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     #[command(flatten)]
     law: LawArguments,
-}
-
-#[derive(Args)]
-pub struct LawArguments {
-    /// Fiber law: linear, exponential or exponential-stretch
-    #[arg(long, value_name = "NAME", requires_all = ["youngs_modulus", "radius"])]
-    law: Option<String>,
-    /// E of the fibers, Pa
-    #[arg(long, value_name = "E", requires = "law", allow_negative_numbers = true)]
-    youngs_modulus: Option<f64>,
-    /// Radius of the fibers, m
-    #[arg(long, value_name = "R", requires = "law", allow_negative_numbers = true)]
-    radius: Option<f64>,
-    /// B of the exponential laws
-    #[arg(long, value_name = "B", requires = "law", allow_negative_numbers = true)]
-    nonlinearity: Option<f64>,
-    /// Stretch above which exponential-stretch goes on along its tangent line
-    #[arg(long, value_name = "L", requires = "law", allow_negative_numbers = true)]
-    transition: Option<f64>,
 }
 
 #[derive(Args)]
@@ -76,7 +61,7 @@ pub struct CheckArguments {
     #[arg(short, long, value_name = "FILE", requires = "clean")]
     output: Option<PathBuf>,
     /// Count fibers shorter than this part of the cube's edge, and take them out with --clean
-    #[arg(long, value_name = "L")]
+    #[arg(long, value_name = "L", value_parser = real, allow_hyphen_values = true)]
     shorter_than: Option<f64>,
     /// Print one JSON object
     #[arg(long)]
@@ -129,37 +114,12 @@ fn generate(arguments: &GenerateArguments) -> Result<(), Failure> {
         material,
     };
     write(&arguments.output, &network, &sidecar)?;
-    println!("{}", summary(&arguments.output, &network));
-    Ok(())
+    output::print(&summary(&arguments.output, &network))
 }
 
 fn not_generated(wanted: &str, error: &GenerateError) -> Failure {
-    Failure::Arguments {
-        what: format!("no network can be generated: {error}"),
-        expected: format!("{wanted} in that range"),
-        cure: format!("change {wanted} or --seed"),
-    }
-}
-
-impl LawArguments {
-    fn material(&self) -> Result<Option<FiberMaterial>, Failure> {
-        let (Some(name), Some(youngs_modulus), Some(radius)) = (&self.law, self.youngs_modulus, self.radius) else {
-            return Ok(None); // clap has seen to it that none of the others is there
-        };
-        let law = NamedLaw {
-            name: name.clone(),
-            youngs_modulus,
-            radius,
-            nonlinearity: self.nonlinearity,
-            transition: self.transition,
-            density: None,
-        };
-        law.material().map(Some).map_err(|error| Failure::Arguments {
-            what: error.to_string(),
-            expected: "--law NAME with the parameters it has, above 0".into(),
-            cure: "see `biotissue network generate --help`".into(),
-        })
-    }
+    let (expected, cure) = (format!("{wanted} in that range"), format!("change {wanted} or --seed"));
+    Failure::arguments(format!("no network can be generated: {error}"), expected, cure)
 }
 
 /// Writes a network with what goes beside it: first the network, then its materials, then where it comes from.
@@ -178,21 +138,14 @@ fn write(path: &Path, network: &Network, sidecar: &Sidecar) -> Result<(), Failur
 
 fn read(path: &Path) -> Result<NetworkFile, Failure> {
     let read = file::read(path)?;
-    for warning in &read.warnings {
-        eprintln!("warning: {warning}");
-    }
+    output::warn(&read.warnings);
     Ok(read)
 }
 
 fn info(arguments: &InfoArguments) -> Result<(), Failure> {
     let read = read(&arguments.file)?;
     let report = examine(&read.network);
-    if arguments.json {
-        println!("{}", json(&report, &read));
-    } else {
-        print!("{}", in_words(&report, &read));
-    }
-    Ok(())
+    if arguments.json { output::print_json(&json(&report, &read)) } else { output::print(&in_words(&report, &read)) }
 }
 
 fn check(arguments: &CheckArguments) -> Result<(), Failure> {
@@ -208,9 +161,9 @@ fn check(arguments: &CheckArguments) -> Result<(), Failure> {
     let read = read(&arguments.file)?;
     let report = examine(&read.network);
     let cleaned = clean(&read.network, arguments.shorter_than);
-    if let Some(output) = &arguments.output {
+    if let Some(file) = &arguments.output {
         let cleaned = cleaned.as_ref().map_err(|error| nothing_left(&arguments.file, error))?;
-        write_cleaned(output, &read, cleaned)?;
+        write_cleaned(file, &read, cleaned)?;
     }
     // A network of which nothing would be left is examined all the same.
     let removable = cleaned.ok().map(|cleaned| cleaned.removed);
@@ -218,12 +171,9 @@ fn check(arguments: &CheckArguments) -> Result<(), Failure> {
         let mut object = json(&report, &read);
         object["removable"] = json!(removable);
         object["written"] = json!(arguments.output);
-        println!("{object}");
-    } else {
-        print!("{}", in_words(&report, &read));
-        print!("{}", findings(&report, removable, arguments));
+        return output::print_json(&object);
     }
-    Ok(())
+    output::print(&(in_words(&report, &read) + &findings(&report, removable, arguments)))
 }
 
 fn write_cleaned(output: &Path, read: &NetworkFile, cleaned: &Cleaned) -> Result<(), Failure> {

@@ -9,8 +9,10 @@ use biotissue::tissue::results::ResultsError;
 use clap::{Args, ValueEnum};
 
 use crate::failure::Failure;
+use crate::number::count;
+use crate::output;
 
-/// Turns a result directory into one self-contained page of figures
+/// Turn a result directory into one self-contained page of figures
 #[derive(Args)]
 pub struct ReportCommand {
     /// The result directory of a run, finished or going on
@@ -19,7 +21,7 @@ pub struct ReportCommand {
     #[arg(long, value_name = "FILE.svg", conflicts_with = "output")]
     picture: Option<PathBuf>,
     /// Draw this load step [default: the last one with fields]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = count, allow_hyphen_values = true)]
     step: Option<usize>,
     /// Color by this field [default: von_mises_stress]
     #[arg(long, value_name = "NAME")]
@@ -41,7 +43,7 @@ enum Axis {
 
 /// Runs the command; what was written is printed.
 pub fn run(command: &ReportCommand) -> Result<(), Failure> {
-    let ReportCommand { dir, picture, step, field, axis, output } = command;
+    let ReportCommand { dir, picture, step, field, axis, output: page_file } = command;
     let axis = axis.map(|axis| axis as usize);
     let options = PictureOptions { step: *step, field: field.clone(), axis, ..PictureOptions::default() };
     let failure = |error| failure(dir, error);
@@ -51,25 +53,19 @@ pub fn run(command: &ReportCommand) -> Result<(), Failure> {
             std::fs::write(file, svg).map_err(|error| Failure::unwritable(file, &error))?;
             file.clone()
         }
-        None => page::write(dir, output.as_deref(), &options).map_err(failure)?,
+        None => page::write(dir, page_file.as_deref(), &options).map_err(failure)?,
     };
-    println!("{}", written.display());
-    Ok(())
+    output::print(&written.display().to_string())
 }
 
 fn failure(dir: &Path, error: ReportError) -> Failure {
-    let arguments = |expected: &str, cure: &str| Failure::Arguments {
-        what: error.to_string(),
-        expected: expected.into(),
-        cure: cure.into(),
-    };
+    let arguments = |expected: &str, cure: &str| Failure::arguments(error.to_string(), expected, cure);
     match &error {
         ReportError::Results(ResultsError::Write { path, source }) => Failure::unwritable(path, source),
         ReportError::Results(ResultsError::Read { path, source }) => InputError::unreadable(path, source).into(),
         ReportError::Results(error) => {
             let expected = "a file as `biotissue run` writes it";
-            let (what, cure) = (error.to_string(), "run the case again, or remove the file to do without it");
-            Failure::Arguments { what, expected: expected.into(), cure: cure.into() }
+            Failure::arguments(error.to_string(), expected, "run the case again, or remove the file to do without it")
         }
         ReportError::NoResults { .. } if !dir.exists() => {
             let (what, expected) = ("there is no such directory", "the result directory of a run");
@@ -82,6 +78,7 @@ fn failure(dir: &Path, error: ReportError) -> Failure {
         ReportError::NoField { .. } => arguments("a field of the elements", "leave out --field for the stress"),
         ReportError::Chart { .. } => Failure::Environment {
             what: error.to_string(),
+            expected: "results that can be drawn".into(),
             cure: "draw the picture alone with --picture, and report the results that led here".into(),
         },
     }

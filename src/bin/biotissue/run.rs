@@ -1,13 +1,18 @@
-//! `biotissue run` and `biotissue check`: a simulation, or only its plan.
+//! `biotissue run`: the simulation of a case.
 
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
-use biotissue::las::{Backend, Scalar};
+use biotissue::fem::equilibrium::EquilibriumError;
+use biotissue::fem::stepping::{SetupError, StepFailure};
+use biotissue::fiber::equilibrium::RveError;
+use biotissue::input::InputError;
+use biotissue::las::{Backend, NewtonError, Scalar, SolveError};
 use biotissue::tissue::Progress;
 use biotissue::tissue::case::Case;
 use biotissue::tissue::macro_scale::MacroScaleError;
-use biotissue::tissue::micro_scale::LibraryError;
+use biotissue::tissue::micro_scale::{LibraryError, TissueFieldError, UnitError};
+use biotissue::tissue::results::ResultsError;
 use biotissue::tissue::results::log::{Cut, Step};
 use biotissue::tissue::run::{Plan, RunError, RunSummary, Simulation, SimulationError};
 use clap::Args;
@@ -16,99 +21,99 @@ use serde::Serialize;
 
 use crate::dispatch::{Job, dispatch};
 use crate::failure::Failure;
+use crate::number::count;
+use crate::output;
 
-/// The simulation of a case.
+/// More threads than any machine that this is meant for has cores.
+const MAX_THREADS: usize = 4096;
+
+/// Run the simulation of a case
 #[derive(Args)]
 pub struct RunCommand {
-    /// The case file.
+    /// The case file
     case: PathBuf,
-    /// Result directory, in place of the one the case names.
+    /// Result directory, in place of the one that the case names
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     #[command(flatten)]
     common: Common,
-    /// Print the summary as one JSON object.
+    /// Processes that share the work; this build runs in one, on all cores
+    #[arg(long, value_name = "N", value_parser = count, default_value_t = 1, allow_hyphen_values = true)]
+    ranks: usize,
+    /// Print the summary as one JSON object
     #[arg(long)]
     json: bool,
 }
 
-/// Reads and checks everything, prints the plan, solves nothing.
+/// What `run` and `check` have in common.
 #[derive(Args)]
-pub struct CheckCommand {
-    /// The case file.
-    case: PathBuf,
-    #[command(flatten)]
-    common: Common,
-    /// Print the plan as one JSON object.
-    #[arg(long)]
-    json: bool,
-}
-
-#[derive(Args)]
-struct Common {
-    /// Threads that solve RVEs; all cores without it.
-    #[arg(long, value_name = "N")]
+pub struct Common {
+    /// Threads that solve RVEs [default: all cores]
+    #[arg(long, value_name = "N", value_parser = count, allow_hyphen_values = true)]
     threads: Option<usize>,
-    /// Linear-algebra backend of both scales.
+    /// Linear-algebra backend of both scales [default: the first that `biotissue info` names]
     #[arg(long, value_name = "NAME")]
     backend: Option<String>,
 }
 
+/// Runs the command; progress goes to stderr.
 pub fn run(command: RunCommand) -> Result<(), Failure> {
+    one_rank(command.ranks)?;
     let case = read(&command.case)?;
     let dir = command.out.unwrap_or_else(|| case.output.directory.clone());
-    threads(command.common.threads)?;
-    let summary = dispatch(command.common.backend.as_deref(), RunJob { case, dir: &dir })?;
+    command.common.start_threads()?;
+    let summary = dispatch(command.common.backend(), RunJob { case, dir: &dir })?;
     let Summary { steps, iterations, seconds, .. } = &summary;
     if command.json {
-        println!("{}", json(&summary)?);
-    } else {
-        println!("{steps} load steps, {iterations} Newton iterations, {seconds:.1} s; results in {}", dir.display());
+        return output::print_json(&summary);
     }
-    Ok(())
+    output::print(&format!(
+        "{steps} load steps, {iterations} Newton iterations, {seconds:.1} s; results in {}",
+        dir.display()
+    ))
 }
 
-pub fn check(command: CheckCommand) -> Result<(), Failure> {
-    let case = read(&command.case)?;
-    threads(command.common.threads)?;
-    let plan = dispatch(command.common.backend.as_deref(), CheckJob { case })?;
-    if command.json {
-        println!("{}", json(&plan)?);
-    } else {
-        print!("{}", plan.text());
-    }
-    Ok(())
-}
-
-fn read(path: &Path) -> Result<Case, Failure> {
+/// Reads a case; warnings go to stderr.
+pub fn read(path: &Path) -> Result<Case, Failure> {
     let read = Case::read(path)?;
-    for warning in &read.warnings {
-        eprintln!("warning: {warning}");
-    }
+    output::warn(&read.warnings);
     Ok(read.case)
 }
 
-/// Sets the number of threads that solve RVEs.
-fn threads(count: Option<usize>) -> Result<(), Failure> {
-    let Some(count) = count else { return Ok(()) };
-    if count == 0 || count > 4096 {
-        return Err(Failure::Arguments {
-            what: format!("--threads {count}"),
-            expected: "a number of threads between 1 and 4096".into(),
-            cure: "leave --threads out to use all cores".into(),
-        });
+impl Common {
+    /// The backend asked for.
+    pub fn backend(&self) -> Option<&str> {
+        self.backend.as_deref()
     }
-    rayon::ThreadPoolBuilder::new().num_threads(count).build_global().map_err(|error| Failure::Environment {
-        what: format!("{count} threads cannot be started: {error}"),
-        cure: "ask for fewer".into(),
-    })
+
+    /// Sets the number of threads that solve RVEs.
+    pub fn start_threads(&self) -> Result<(), Failure> {
+        let Some(count) = self.threads else { return Ok(()) };
+        if !(1..=MAX_THREADS).contains(&count) {
+            let expected = format!("a number of threads between 1 and {MAX_THREADS}");
+            let cure = "leave --threads out to use all cores";
+            return Err(Failure::arguments(format!("--threads {count}"), expected, cure));
+        }
+        rayon::ThreadPoolBuilder::new().num_threads(count).build_global().map_err(|error| Failure::Environment {
+            what: format!("{count} threads cannot be started: {error}"),
+            expected: "a system that allows that many threads".into(),
+            cure: "ask for fewer --threads, or leave it out to use all cores".into(),
+        })
+    }
 }
 
-pub fn json(value: &impl Serialize) -> Result<String, Failure> {
-    serde_json::to_string(value).map_err(|error| Failure::Environment {
-        what: format!("the answer cannot be written as JSON: {error}"),
-        cure: "report this as a bug, with the command".into(),
-    })
+/// This build is one process: any other number of ranks is refused before anything is read.
+fn one_rank(ranks: usize) -> Result<(), Failure> {
+    if ranks == 1 {
+        return Ok(());
+    }
+    Err(Failure::arguments(
+        format!(
+            "--ranks {ranks}: {ranks} ranks are not available in this build, which runs in one process on all cores"
+        ),
+        "--ranks 1",
+        "leave --ranks out; --threads N sets how many cores are used",
+    ))
 }
 
 struct RunJob<'a> {
@@ -143,122 +148,90 @@ impl Job for RunJob<'_> {
             }
             Err(RunError::NotConverged { step, count, reached, halvings, reason }) => Err(Failure::NotConverged {
                 what: format!("load step {step} of {count} does not converge, halved {halvings} times: {reason}"),
-                place: format!("t = {reached}; everything up to there is in {}", self.dir.display()),
-                cure: "take more load steps, or look at the last fields for elements near collapse".into(),
+                place: format!("t = {reached}; {}", on_disk(step - 1, self.dir)),
+                expected: "equilibrium with det F > 0 everywhere".into(),
+                cure: cure_of_step(&reason).into(),
             }),
+            Err(RunError::Results(ResultsError::Write { path, source })) => Err(Failure::unwritable(&path, &source)),
             Err(RunError::Results(error)) => Err(Failure::Environment {
                 what: error.to_string(),
-                cure: "check that the folder exists, may be written and has space left".into(),
+                expected: "results that can be put into files".into(),
+                cure: "report this as a bug, with the case".into(),
             }),
         }
     }
 }
 
-struct CheckJob {
-    case: Case,
-}
-
-/// What `biotissue check` prints.
-#[derive(Serialize)]
-struct PlanText {
-    title: String,
-    backend: &'static str,
-    elements: usize,
-    nodes: usize,
-    unknowns: usize,
-    rves: usize,
-    rve_bytes: usize,
-    networks: Vec<NetworkText>,
-    surfaces: Vec<String>,
-    regions: Vec<String>,
-    steps: usize,
-    threads: usize,
-    ranks: usize,
-    directory: PathBuf,
-}
-
-#[derive(Serialize)]
-struct NetworkText {
-    name: String,
-    unknowns: usize,
-    rves: usize,
-}
-
-impl Job for CheckJob {
-    type Output = PlanText;
-
-    fn run<B>(self) -> Result<PlanText, Failure>
-    where
-        B: Backend<Scalar = f64, Context = ()>,
-        B::Reduced: Scalar,
-    {
-        let simulation = simulation::<B>(self.case)?;
-        let Plan { elements, nodes, unknowns, rves, networks, rve_bytes, steps, threads } = simulation.plan();
-        let networks = networks.into_iter().map(|n| NetworkText { name: n.name, unknowns: n.unknowns, rves: n.rves });
-        Ok(PlanText {
-            title: simulation.case().title.clone(),
-            backend: B::NAME,
-            elements,
-            nodes,
-            unknowns,
-            rves,
-            rve_bytes,
-            networks: networks.collect(),
-            surfaces: simulation.mesh().surface_names().map(str::to_owned).collect(),
-            regions: simulation.mesh().regions().to_vec(),
-            steps,
-            threads,
-            ranks: 1,
-            directory: simulation.case().output.directory.clone(),
-        })
+fn on_disk(steps: usize, dir: &Path) -> String {
+    match steps {
+        0 => format!("no load step converged before it; the log is in {}", dir.display()),
+        1 => format!("the load step before it is in {}", dir.display()),
+        steps => format!("the {steps} load steps before it are in {}", dir.display()),
     }
 }
 
-impl PlanText {
-    fn text(&self) -> String {
-        let mut lines = vec![
-            format!("title      {}", self.title),
-            format!("mesh       {} elements, {} nodes", self.elements, self.nodes),
-            format!("regions    {}", self.regions.join(", ")),
-            format!("surfaces   {}", self.surfaces.join(", ")),
-            format!("unknowns   {} free, backend {}", self.unknowns, self.backend),
-            format!("RVEs       {}, {:.1} MB of states", self.rves, self.rve_bytes as f64 * 1e-6),
-        ];
-        for network in &self.networks {
-            lines.push(format!("  {:<24} {:>6} unknowns, {:>6} RVEs", network.name, network.unknowns, network.rves));
+/// What may help a load step that failed.
+fn cure_of_step<F: std::error::Error + 'static>(reason: &StepFailure<TissueFieldError<F>, F>) -> &'static str {
+    match reason {
+        NewtonError::Solve(SolveError::Singular { .. }) => {
+            "hold the body so that it can neither move nor turn as a whole; if it buckles, take more load steps"
         }
-        lines.push(format!("steps      {}", self.steps));
-        lines.push(format!("threads    {}, one process", self.threads));
-        lines.push(format!("results    {}", self.directory.display()));
-        lines.join("\n") + "\n"
+        NewtonError::Problem(EquilibriumError::Points(error)) => cure_of_point(error),
+        _ => "take more load steps, or look at the last fields for elements near collapse",
     }
 }
 
-fn simulation<B>(case: Case) -> Result<Simulation<B>, Failure>
+fn cure_of_point<F: std::error::Error + 'static>(error: &TissueFieldError<F>) -> &'static str {
+    match &error.reason {
+        UnitError::Rve(RveError::Tangent(_) | RveError::NotConverged { reason: NewtonError::Solve(_), .. }) => {
+            "`biotissue network check` tells whether that network is floppy or hangs loose: clean it, or take another"
+        }
+        _ => "take more load steps, or look at the last fields for elements near collapse",
+    }
+}
+
+/// Sets a case up, ready to run; warnings of the readers of meshes and networks go to stderr.
+pub fn simulation<B>(case: Case) -> Result<Simulation<B>, Failure>
 where
     B: Backend<Scalar = f64, Context = ()>,
     B::Reduced: Scalar,
 {
     let file = case.file.clone();
     let simulation = Simulation::<B>::new((), case).map_err(|error| not_set_up(&file, error))?;
-    for warning in simulation.warnings() {
-        eprintln!("warning: {warning}");
-    }
+    output::warn(simulation.warnings());
     Ok(simulation)
 }
 
 fn not_set_up<F: std::error::Error + 'static>(file: &Path, error: SimulationError<F>) -> Failure {
-    let (what, cure) = match error {
+    let (expected, cure) = match &error {
         SimulationError::MacroScale(MacroScaleError::Input(errors))
-        | SimulationError::Library(LibraryError::Network(errors)) => return errors.into(),
-        SimulationError::Library(error @ LibraryError::Model { .. }) => {
-            (error.to_string(), "give the region a `law`, or put a .params file beside the network")
+        | SimulationError::Library(LibraryError::Network(errors)) => return errors.clone().into(),
+        SimulationError::MacroScale(MacroScaleError::Curve { line, reason }) => {
+            let (expected, cure) = ("a curve over pseudo-time from 0 to 1", "correct its points");
+            return InputError::at_line(file, *line, format!("the load curve: {reason}"), expected, cure).into();
         }
-        error => (error.to_string(), "change the case, or the mesh it names"),
+        SimulationError::Setup(setup) if matches!(**setup, SetupError::Undeformed(_)) => {
+            return not_at_rest(file, setup);
+        }
+        SimulationError::Library(LibraryError::Model { .. }) => (
+            "a network whose fibers have a law, a radius and a modulus",
+            "give the region a `law`, or put a .params file beside the network",
+        ),
+        _ => ("a case that can be set up", "change the case, or the mesh it names"),
     };
-    Failure::Arguments {
-        what: format!("{}: {what}", file.display()),
-        expected: "a case that can be set up".into(),
+    Failure::arguments(format!("{}: {error}", file.display()), expected, cure)
+}
+
+/// The undeformed body has no stress or no stiffness: an RVE is singular before any load.
+fn not_at_rest<F: std::error::Error + 'static>(file: &Path, error: &SetupError<TissueFieldError<F>, F>) -> Failure {
+    let cure = match error {
+        SetupError::Undeformed(EquilibriumError::Points(error)) => cure_of_point(error),
+        _ => "try another --backend",
+    };
+    Failure::NotConverged {
+        what: format!("{}: {error}", file.display()),
+        place: "t = 0, before the first load step; nothing is written".into(),
+        expected: "an undeformed body that resists every deformation".into(),
         cure: cure.into(),
     }
 }
@@ -271,19 +244,16 @@ struct Reporter {
 
 impl Reporter {
     fn new(plan: &Plan) -> Self {
-        eprintln!(
-            "{} elements, {} unknowns, {} RVEs of {} networks, {} threads",
-            plan.elements,
-            plan.unknowns,
-            plan.rves,
-            plan.networks.len(),
-            plan.threads
-        );
+        let Plan { elements, unknowns, rves, threads, .. } = plan;
+        let rves = match plan.networks.len() {
+            0 => String::new(),
+            networks => format!("{rves} RVEs of {networks} network{}, ", if networks == 1 { "" } else { "s" }),
+        };
+        output::say(&format!("{elements} elements, {unknowns} unknowns, {rves}{threads} threads"));
         let bar = std::io::stderr().is_terminal().then(|| {
             let bar = ProgressBar::new(plan.steps as u64);
-            if let Ok(style) = ProgressStyle::with_template("{bar:32} step {pos}/{len} {elapsed} (left {eta}) {msg}") {
-                bar.set_style(style);
-            }
+            // How long it will take is not known before the first step.
+            set_style(&bar, "{bar:32} step {pos}/{len} {elapsed}");
             bar.enable_steady_tick(std::time::Duration::from_millis(200));
             bar
         });
@@ -293,7 +263,7 @@ impl Reporter {
     fn say(&self, line: &str) {
         match &self.bar {
             Some(bar) => bar.println(line),
-            None => eprintln!("{line}"),
+            None => output::say(line),
         }
     }
 
@@ -317,14 +287,21 @@ impl Progress for Reporter {
         );
         match &self.bar {
             Some(bar) => {
+                set_style(bar, "{bar:32} step {pos}/{len} {elapsed} (left {eta}) {msg}");
                 bar.set_position(step.step as u64);
                 bar.set_message(format!("{} iterations", newton.iterations));
             }
-            None => eprintln!("{line}"),
+            None => output::say(&line),
         }
     }
 
     fn failed(&mut self, cut: &Cut) {
         self.say(&format!("step {}/{} to t = {:.4} failed: {}", cut.step, self.count, cut.t, cut.reason));
+    }
+}
+
+fn set_style(bar: &ProgressBar, template: &str) {
+    if let Ok(style) = ProgressStyle::with_template(template) {
+        bar.set_style(style);
     }
 }

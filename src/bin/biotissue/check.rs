@@ -1,0 +1,114 @@
+//! `biotissue check`: the plan of a case, with everything read and checked and nothing solved.
+
+use std::path::PathBuf;
+
+use biotissue::las::{Backend, Scalar};
+use biotissue::tissue::case::Case;
+use biotissue::tissue::run::Plan;
+use clap::Args;
+use serde::Serialize;
+
+use crate::dispatch::{Job, dispatch};
+use crate::failure::Failure;
+use crate::output;
+use crate::run::{Common, read, simulation};
+
+/// Read and check a case and all its files, and print the plan; solve nothing
+#[derive(Args)]
+pub struct CheckCommand {
+    /// The case file
+    case: PathBuf,
+    #[command(flatten)]
+    common: Common,
+    /// Print the plan as one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the command.
+pub fn check(command: &CheckCommand) -> Result<(), Failure> {
+    let case = read(&command.case)?;
+    command.common.start_threads()?;
+    let plan = dispatch(command.common.backend(), CheckJob { case })?;
+    if command.json { output::print_json(&plan) } else { output::print(&plan.text()) }
+}
+
+struct CheckJob {
+    case: Case,
+}
+
+/// What `biotissue check` prints.
+#[derive(Serialize)]
+struct PlanText {
+    title: String,
+    backend: &'static str,
+    elements: usize,
+    nodes: usize,
+    unknowns: usize,
+    rves: usize,
+    rve_bytes: usize,
+    networks: Vec<NetworkText>,
+    surfaces: Vec<String>,
+    regions: Vec<String>,
+    steps: usize,
+    threads: usize,
+    ranks: usize,
+    directory: PathBuf,
+}
+
+#[derive(Serialize)]
+struct NetworkText {
+    name: String,
+    unknowns: usize,
+    rves: usize,
+}
+
+impl Job for CheckJob {
+    type Output = PlanText;
+
+    fn run<B>(self) -> Result<PlanText, Failure>
+    where
+        B: Backend<Scalar = f64, Context = ()>,
+        B::Reduced: Scalar,
+    {
+        let simulation = simulation::<B>(self.case)?;
+        let Plan { elements, nodes, unknowns, rves, networks, rve_bytes, steps, threads } = simulation.plan();
+        let networks = networks.into_iter().map(|n| NetworkText { name: n.name, unknowns: n.unknowns, rves: n.rves });
+        Ok(PlanText {
+            title: simulation.case().title.clone(),
+            backend: B::NAME,
+            elements,
+            nodes,
+            unknowns,
+            rves,
+            rve_bytes,
+            networks: networks.collect(),
+            surfaces: simulation.mesh().surface_names().map(str::to_owned).collect(),
+            regions: simulation.mesh().regions().to_vec(),
+            steps,
+            threads,
+            ranks: 1,
+            directory: simulation.case().output.directory.clone(),
+        })
+    }
+}
+
+impl PlanText {
+    fn text(&self) -> String {
+        let mut lines = vec![
+            format!("title      {}", self.title),
+            format!("mesh       {} elements, {} nodes", self.elements, self.nodes),
+            format!("regions    {}", self.regions.join(", ")),
+            format!("surfaces   {}", self.surfaces.join(", ")),
+            format!("unknowns   {} free, backend {}", self.unknowns, self.backend),
+            format!("RVEs       {}, {:.1} MB of states", self.rves, self.rve_bytes as f64 * 1e-6),
+        ];
+        for network in &self.networks {
+            lines.push(format!("  {:<24} {:>6} unknowns, {:>6} RVEs", network.name, network.unknowns, network.rves));
+        }
+        lines.push(format!("steps      {}", self.steps));
+        lines.push(format!("threads    {}, one process", self.threads));
+        lines.push(format!("results    {}", self.directory.display()));
+        lines.join("\n") + "\n"
+    }
+}

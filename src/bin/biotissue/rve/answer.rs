@@ -1,0 +1,155 @@
+//! What is known of an RVE: the JSON object of the contract, and the text that a person reads.
+
+use std::fmt::Write;
+
+use biotissue::fiber::equilibrium::EquilibriumReport;
+use biotissue::fiber::homogenise::Tangent;
+use biotissue::fiber::network::Network;
+use biotissue::fiber::rve::RveModel;
+use biotissue::las::Backend;
+use nalgebra::Matrix3;
+use serde::Serialize;
+
+/// The object that `--json` prints.
+#[derive(Serialize)]
+pub struct Answer {
+    pub converged: bool,
+    pub iterations: usize,
+    /// Norm of the residual, and that over the norm of all nodal forces.
+    pub residuals: Vec<[f64; 2]>,
+    #[serde(rename = "J")]
+    pub determinant: f64,
+    pub network: NetworkFacts,
+    pub scale: f64,
+    /// Absent where there is no equilibrium.
+    #[serde(flatten)]
+    pub state: Option<State>,
+    pub ladder: Ladder,
+    pub seconds: Seconds,
+}
+
+#[derive(Serialize)]
+pub struct NetworkFacts {
+    nodes: usize,
+    fibers: usize,
+    boundary_nodes: usize,
+    free_dofs: usize,
+    total_length: f64,
+}
+
+/// What is known of an RVE in equilibrium; stresses and tangent in Pa, row by row.
+#[derive(Serialize)]
+pub struct State {
+    pub pk1: [[f64; 3]; 3],
+    pub cauchy: [[f64; 3]; 3],
+    pub tangent: Vec<[f64; 9]>,
+    pub energy: f64,
+    pub stretch: Stretch,
+    pub orientation: Orientation,
+}
+
+#[derive(Serialize)]
+pub struct Stretch {
+    pub min: f64,
+    pub max: f64,
+}
+
+#[derive(Serialize)]
+pub struct Orientation {
+    pub reference: [[f64; 3]; 3],
+    pub current: [[f64; 3]; 3],
+}
+
+/// What beyond full Newton steps it took.
+#[derive(Default, Serialize)]
+pub struct Ladder {
+    cuts: u32,
+    line_search_cuts: usize,
+    indefinite: usize,
+}
+
+/// Wall time, s.
+#[derive(Default, Serialize)]
+pub struct Seconds {
+    pub analyze: f64,
+    pub solve: f64,
+    pub tangent: f64,
+}
+
+impl NetworkFacts {
+    pub fn of<B: Backend<Scalar = f64>>(network: &Network, model: &RveModel<B>) -> Self {
+        Self {
+            nodes: network.nodes().len(),
+            fibers: network.fibers().len(),
+            boundary_nodes: network.boundary().len(),
+            free_dofs: model.unknowns(),
+            total_length: network.total_length(),
+        }
+    }
+}
+
+impl From<&EquilibriumReport> for Ladder {
+    fn from(report: &EquilibriumReport) -> Self {
+        let EquilibriumReport { cuts, line_search_cuts, indefinite, .. } = *report;
+        Self { cuts, line_search_cuts, indefinite }
+    }
+}
+
+/// A tensor row by row.
+pub fn rows(m: &Matrix3<f64>) -> [[f64; 3]; 3] {
+    [0, 1, 2].map(|i| [0, 1, 2].map(|j| m[(i, j)]))
+}
+
+/// A tangent row by row.
+pub fn tangent_rows(tangent: &Tangent) -> Vec<[f64; 9]> {
+    (0..9).map(|row| std::array::from_fn(|column| tangent[(row, column)])).collect()
+}
+
+impl Answer {
+    /// What a person reads. Writing to a string cannot fail.
+    pub fn text(&self) -> String {
+        let mut out = String::new();
+        let n = &self.network;
+        let _ = writeln!(
+            out,
+            "network      {} nodes, {} fibers, {} boundary nodes, {} unknowns",
+            n.nodes, n.fibers, n.boundary_nodes, n.free_dofs
+        );
+        let [norm, relative] = self.residuals.last().copied().unwrap_or_default();
+        let _ = writeln!(
+            out,
+            "converged    {} iterations, |r| = {norm:.3e} N ({relative:.1e} of all forces)",
+            self.iterations
+        );
+        let _ = writeln!(out, "J            {}", self.determinant);
+        let _ = writeln!(out, "kappa        {:e}", self.scale);
+        if let Some(state) = &self.state {
+            state.write(&mut out);
+        }
+        let s = &self.seconds;
+        let _ =
+            writeln!(out, "seconds      analyze {:.2e}, solve {:.2e}, tangent {:.2e}", s.analyze, s.solve, s.tangent);
+        out
+    }
+}
+
+impl State {
+    fn write(&self, out: &mut String) {
+        let mut matrix = |name: &str, rows: &[[f64; 3]; 3]| {
+            for (i, row) in rows.iter().enumerate() {
+                let name = if i == 0 { name } else { "" };
+                let _ = writeln!(out, "{name:<13}{:>16.8e} {:>16.8e} {:>16.8e}", row[0], row[1], row[2]);
+            }
+        };
+        matrix("P (Pa)", &self.pk1);
+        matrix("sigma (Pa)", &self.cauchy);
+        matrix("orientation", &self.orientation.current);
+        let _ = writeln!(out, "dP/dF (Pa)   row 3 i + J, column 3 k + L");
+        for row in &self.tangent {
+            let cells: Vec<String> = row.iter().map(|a| format!("{a:>11.4e}")).collect();
+            let _ = writeln!(out, "  {}", cells.join(" "));
+        }
+        let _ = writeln!(out, "energy       {:.8e} J/m^3", self.energy);
+        let _ = writeln!(out, "stretch      {:.6} to {:.6}", self.stretch.min, self.stretch.max);
+    }
+}

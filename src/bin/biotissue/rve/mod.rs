@@ -1,0 +1,134 @@
+//! `biotissue rve`: one RVE brought to equilibrium.
+
+mod answer;
+mod solve;
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use biotissue::fiber::network::file;
+use biotissue::fiber::rve::StressScale;
+use clap::Args;
+use nalgebra::Matrix3;
+
+use crate::dispatch::dispatch;
+use crate::failure::Failure;
+use crate::law::LawArguments;
+use crate::number::{count, real};
+use crate::output;
+
+use solve::RveJob;
+
+/// As many increments as a run may have load steps.
+const MAX_STEPS: usize = 1_000_000;
+
+/// Bring one RVE to equilibrium: stress, tangent, energy, orientation
+#[derive(Args)]
+pub struct RveCommand {
+    /// The network file; without --law its own materials count
+    network: PathBuf,
+    /// Deformation gradient, row by row: "f11 f12 f13 f21 f22 f23 f31 f32 f33"
+    #[arg(long = "F", value_name = "NINE NUMBERS", allow_hyphen_values = true)]
+    gradient: String,
+    #[command(flatten)]
+    law: LawArguments,
+    /// "raw" (forces of the unit cube as they are), or the fiber volume fraction
+    #[arg(long, value_name = "raw|PHI", default_value = "raw", allow_hyphen_values = true)]
+    scale: String,
+    /// Increments from the undeformed state to F
+    #[arg(long, value_name = "N", value_parser = count, default_value_t = 1, allow_hyphen_values = true)]
+    steps: usize,
+    /// Residual relative to all nodal forces
+    #[arg(long, value_name = "T", value_parser = real, default_value = "1e-10", allow_hyphen_values = true)]
+    tolerance: f64,
+    /// Linear-algebra backend
+    #[arg(long, value_name = "NAME")]
+    backend: Option<String>,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the command. Without an equilibrium there is still the JSON object that says so.
+pub fn run(command: RveCommand) -> Result<(), Failure> {
+    let json = command.json;
+    let backend = command.backend.clone();
+    let job = check(command)?;
+    let (answer, failure) = dispatch(backend.as_deref(), job)?;
+    if json {
+        output::print_json(&answer)?;
+    } else if failure.is_none() {
+        output::print(&answer.text())?;
+    }
+    failure.map_or(Ok(()), Err)
+}
+
+fn check(command: RveCommand) -> Result<RveJob, Failure> {
+    let gradient = parse_gradient(&command.gradient)?;
+    let material = command.law.material()?;
+    let scale = parse_scale(&command.scale)?;
+    let RveCommand { network: path, steps, tolerance, .. } = command;
+    if !(1..=MAX_STEPS).contains(&steps) {
+        let expected = format!("between 1 and {MAX_STEPS} increments");
+        return Err(Failure::arguments(format!("--steps {steps}"), expected, "leave --steps out for one"));
+    }
+    if !(tolerance > 0.0 && tolerance < 1.0) {
+        let what = format!("--tolerance {tolerance}");
+        return Err(Failure::arguments(what, "a number between 0 and 1", "leave --tolerance out for 1e-10"));
+    }
+    let read = file::read(&path)?;
+    output::warn(&read.warnings);
+    let job = RveJob { path, network: Arc::new(read.network), gradient, material, scale, steps, tolerance };
+    check_path(&job)?;
+    Ok(job)
+}
+
+fn parse_gradient(text: &str) -> Result<Matrix3<f64>, Failure> {
+    let numbers: Result<Vec<f64>, _> =
+        text.split(|c: char| c.is_whitespace() || c == ',').filter(|t| !t.is_empty()).map(str::parse).collect();
+    let expected = "nine finite numbers, row by row: \"f11 f12 f13 f21 f22 f23 f31 f32 f33\"";
+    match numbers {
+        Ok(n) if n.len() == 9 && n.iter().all(|x| x.is_finite()) => {
+            let f = Matrix3::from_row_slice(&n);
+            let determinant = f.determinant();
+            if determinant > 0.0 && determinant.is_finite() {
+                return Ok(f);
+            }
+            let what = format!("--F has determinant {determinant}");
+            let cure = "a deformation cannot turn the material inside out or press it flat: correct the signs and rows";
+            Err(Failure::arguments(what, "a positive, finite determinant", cure))
+        }
+        _ => Err(Failure::arguments(
+            format!("--F \"{text}\""),
+            expected,
+            "the undeformed state is \"1 0 0 0 1 0 0 0 1\"; mind the quotes",
+        )),
+    }
+}
+
+/// No increment on the straight way to F may turn the material inside out either.
+fn check_path(job: &RveJob) -> Result<(), Failure> {
+    let determinants = (1..=job.steps).map(|step| (step, job.target(step).determinant()));
+    let Some((step, determinant)) = determinants.into_iter().find(|(_, determinant)| !(*determinant > 0.0)) else {
+        return Ok(());
+    };
+    Err(Failure::arguments(
+        format!("--F in {} --steps has determinant {determinant} in step {step}", job.steps),
+        "a positive determinant all the way",
+        "the steps go straight from the undeformed state to F: take another number of steps, or less rotation in F",
+    ))
+}
+
+fn parse_scale(text: &str) -> Result<StressScale, Failure> {
+    if text == "raw" {
+        return Ok(StressScale::Raw);
+    }
+    match text.trim().parse::<f64>() {
+        Ok(phi) if phi > 0.0 && phi < 1.0 => Ok(StressScale::FiberVolumeFraction(phi)),
+        _ => Err(Failure::arguments(
+            format!("--scale {text}"),
+            "\"raw\", or a fiber volume fraction between 0 and 1",
+            "a collagen gel has some 0.003; leave --scale out for raw",
+        )),
+    }
+}
