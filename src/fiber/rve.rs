@@ -151,11 +151,7 @@ impl Rve {
     ///
     /// # Errors
     /// [`RveStateError`].
-    pub fn restored(
-        network: &Network,
-        gradient: Matrix3<f64>,
-        interior: Vec<[f64; 3]>,
-    ) -> Result<Self, RveStateError> {
+    pub fn restored(network: &Network, gradient: Matrix3<f64>, interior: Vec<[f64; 3]>) -> Result<Self, RveStateError> {
         let (found, expected) = (interior.len(), network.interior().len());
         if found != expected {
             return Err(RveStateError::Nodes { found, expected });

@@ -8,8 +8,9 @@ use biotissue::tissue::Progress;
 use biotissue::tissue::case::Case;
 use biotissue::tissue::macro_scale::MacroScaleError;
 use biotissue::tissue::micro_scale::LibraryError;
+use biotissue::tissue::results::ResultsError;
 use biotissue::tissue::results::log::{Cut, Step};
-use biotissue::tissue::run::{Plan, RunError, RunSummary, Simulation, SimulationError};
+use biotissue::tissue::run::{Plan, ResumeError, RunError, RunSummary, Simulation, SimulationError};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
@@ -25,6 +26,9 @@ pub struct RunCommand {
     /// Result directory, in place of the one the case names.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Go on after the last converged step in the result directory; start from the beginning where there is none.
+    #[arg(long)]
+    resume: bool,
     #[command(flatten)]
     common: Common,
     /// Print the summary as one JSON object.
@@ -58,7 +62,7 @@ pub fn run(command: RunCommand) -> Result<(), Failure> {
     let case = read(&command.case)?;
     let dir = command.out.unwrap_or_else(|| case.output.directory.clone());
     threads(command.common.threads)?;
-    let summary = dispatch(command.common.backend.as_deref(), RunJob { case, dir: &dir })?;
+    let summary = dispatch(command.common.backend.as_deref(), RunJob { case, dir: &dir, resume: command.resume })?;
     let Summary { steps, iterations, seconds, .. } = &summary;
     if command.json {
         println!("{}", json(&summary)?);
@@ -114,6 +118,7 @@ pub fn json(value: &impl Serialize) -> Result<String, Failure> {
 struct RunJob<'a> {
     case: Case,
     dir: &'a Path,
+    resume: bool,
 }
 
 #[derive(Serialize)]
@@ -134,6 +139,15 @@ impl Job for RunJob<'_> {
         B::Reduced: Scalar,
     {
         let mut simulation = simulation::<B>(self.case)?;
+        if self.resume {
+            let resumed = simulation.resume(self.dir).map_err(not_resumed)?;
+            for warning in &resumed.warnings {
+                eprintln!("warning: {warning}");
+            }
+            if resumed.step > 0 {
+                eprintln!("going on after step {} of {}", resumed.step, simulation.case().steps.count);
+            }
+        }
         let mut progress = Reporter::new(&simulation.plan());
         let outcome = simulation.run(self.dir, &mut progress);
         progress.finish();
@@ -145,6 +159,11 @@ impl Job for RunJob<'_> {
                 what: format!("load step {step} of {count} does not converge, halved {halvings} times: {reason}"),
                 place: format!("t = {reached}; everything up to there is in {}", self.dir.display()),
                 cure: "take more load steps, or look at the last fields for elements near collapse".into(),
+            }),
+            Err(RunError::Results(error @ ResultsError::Damaged { .. })) => Err(Failure::Arguments {
+                what: error.to_string(),
+                expected: "the results of the interrupted run".into(),
+                cure: "leave --resume out to start again: that replaces the results".into(),
             }),
             Err(RunError::Results(error)) => Err(Failure::Environment {
                 what: error.to_string(),
@@ -247,10 +266,23 @@ where
     Ok(simulation)
 }
 
+fn not_resumed<F: std::error::Error + 'static>(error: ResumeError<F>) -> Failure {
+    let cure = match &error {
+        ResumeError::Checkpoint(error) => error.cure(),
+        ResumeError::State { .. } => "start again without resuming: that replaces the results",
+    };
+    Failure::Arguments {
+        what: error.to_string(),
+        expected: "a checkpoint of the run that this case describes".into(),
+        cure: format!("{cure} (leave --resume out)"),
+    }
+}
+
 fn not_set_up<F: std::error::Error + 'static>(file: &Path, error: SimulationError<F>) -> Failure {
     let (what, cure) = match error {
         SimulationError::MacroScale(MacroScaleError::Input(errors))
-        | SimulationError::Library(LibraryError::Network(errors)) => return errors.into(),
+        | SimulationError::Library(LibraryError::Network(errors))
+        | SimulationError::Output(errors) => return errors.into(),
         SimulationError::Library(error @ LibraryError::Model { .. }) => {
             (error.to_string(), "give the region a `law`, or put a .params file beside the network")
         }
