@@ -127,6 +127,11 @@ where
         &self.field
     }
 
+    /// What the body is made of, to be taken back to an earlier memory.
+    pub(super) fn field_mut(&mut self) -> &mut P {
+        &mut self.field
+    }
+
     /// The last accepted state.
     #[must_use]
     pub fn accepted(&self) -> &BodyState {
@@ -152,6 +157,20 @@ where
         self.trial.t = self.accepted.t;
         self.trial.displacements.copy_from_slice(&self.accepted.displacements);
         self.field.revert();
+    }
+
+    /// Makes the state of these displacements at pseudo-time `t` the accepted one, whatever was accepted before.
+    pub(super) fn restore_at(
+        &mut self,
+        t: f64,
+        displacements: &[[f64; 3]],
+    ) -> Result<(), EquilibriumError<P::Error, B::Fault>> {
+        self.trial.t = t;
+        self.trial.displacements.copy_from_slice(displacements);
+        self.boundary.external_forces(t, &mut self.trial.external);
+        self.respond()?;
+        self.accept();
+        Ok(())
     }
 
     /// Starts a step to pseudo-time `t` from the accepted state with only the prescribed components moved.

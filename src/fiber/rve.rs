@@ -126,7 +126,45 @@ pub struct Rve {
     pub(super) interior: Vec<[f64; 3]>,
 }
 
+/// Why a state kept elsewhere is none of a network.
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
+pub enum RveStateError {
+    /// It belongs to another network.
+    #[error("the state has positions of {found} interior nodes; the network has {expected}")]
+    Nodes {
+        /// Interior nodes of the state.
+        found: usize,
+        /// Interior nodes of the network.
+        expected: usize,
+    },
+    /// A position that is no finite number.
+    #[error("the position of interior node {0} is no finite number")]
+    NotFinite(usize),
+    /// A deformation gradient that no equilibrium can have.
+    #[error("the deformation gradient has determinant {0:.3e}; it must be positive")]
+    Inverted(f64),
+}
+
 impl Rve {
+    /// A state that was read from [`Rve::gradient`] and [`Rve::interior`] before. It is taken to be in equilibrium.
+    ///
+    /// # Errors
+    /// [`RveStateError`].
+    pub fn restored(network: &Network, gradient: Matrix3<f64>, interior: Vec<[f64; 3]>) -> Result<Self, RveStateError> {
+        let (found, expected) = (interior.len(), network.interior().len());
+        if found != expected {
+            return Err(RveStateError::Nodes { found, expected });
+        }
+        if let Some(node) = interior.iter().position(|x| x.iter().any(|x| !x.is_finite())) {
+            return Err(RveStateError::NotFinite(node));
+        }
+        let determinant = gradient.determinant();
+        if !(determinant.is_finite() && determinant > 0.0) {
+            return Err(RveStateError::Inverted(determinant));
+        }
+        Ok(Self { gradient, interior })
+    }
+
     /// The undeformed state.
     #[must_use]
     pub fn at_rest(network: &Network) -> Self {

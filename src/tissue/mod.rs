@@ -9,11 +9,13 @@
 //! element, networks on all cores; [`run::Simulation`] takes the load steps and writes the result directory.
 
 pub mod case;
+pub mod checkpoint;
 pub mod macro_scale;
 pub mod micro_scale;
 mod record;
 pub mod report;
 pub mod results;
 pub mod run;
+mod rve_files;
 
 pub use record::Progress;

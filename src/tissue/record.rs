@@ -5,10 +5,14 @@ use std::path::{Path, PathBuf};
 use nalgebra::Matrix3;
 
 use super::case::Case;
+use super::checkpoint;
 use super::micro_scale::{PointSummary, SweepStats, TissueField, TissueFieldError};
 use super::results::collection::field_file;
 use super::results::log::{Cut, Event, Factorisations, LogWriter, NewtonLog, NewtonSeconds, RveLog, Step};
-use super::results::{Collection, FieldSet, LOADS_FILE, LOG_FILE, LoadsWriter, ResultsError, SurfaceRow, write_vtu};
+use super::results::{
+    self, CASE_FILE, Collection, FieldSet, LOADS_FILE, LOG_FILE, LoadsWriter, ResultsError, SurfaceRow, write_vtu,
+};
+use super::rve_files::NetworkFiles;
 use crate::fem::mesh::Mesh;
 use crate::fem::stepping::{ConvergedStep, FailedAttempt, StepObserver, StepReport};
 use crate::las::{Backend, NewtonReport, Scalar};
@@ -36,6 +40,7 @@ pub(super) struct Recorder<'a> {
     loads: LoadsWriter,
     log: LogWriter,
     fields: Collection,
+    networks: NetworkFiles,
     /// Reference volume of every element.
     volumes: Vec<f64>,
     progress: &'a mut dyn Progress,
@@ -43,27 +48,48 @@ pub(super) struct Recorder<'a> {
 }
 
 impl<'a> Recorder<'a> {
-    /// Makes the directory and its files; what an earlier run left under these names is replaced.
-    pub fn create(
+    /// Makes the directory and its files. Of a run from the beginning, what an earlier run left there is removed; one that
+    /// goes on after pseudo-time `resumed` keeps it up to there. `elements` are those whose networks are written.
+    pub fn open(
         dir: &Path,
         case: &Case,
         mesh: &Mesh,
-        points: usize,
+        elements: &[usize],
+        resumed: Option<f64>,
         progress: &'a mut dyn Progress,
     ) -> Result<Self, ResultsError> {
         std::fs::create_dir_all(dir).map_err(ResultsError::write(dir))?;
-        let case_file = dir.join("case.toml");
+        if resumed.is_none() {
+            // Checkpoints first: none may outlive the results that belong to it.
+            checkpoint::clear(dir)?;
+            results::clear(dir)?;
+        }
+        let case_file = dir.join(CASE_FILE);
         std::fs::write(&case_file, case.to_toml()).map_err(ResultsError::write(&case_file))?;
         let surfaces: Vec<&str> = mesh.surface_names().collect();
         let regions: Vec<&str> = mesh.regions().iter().map(String::as_str).collect();
-        let points: Vec<String> = (0..points).map(|k| format!("point{k}")).collect();
+        let points: Vec<String> = (0..case.points.len()).map(|k| format!("point{k}")).collect();
         let points: Vec<&str> = points.iter().map(String::as_str).collect();
+        let (loads_file, log_file) = (dir.join(LOADS_FILE), dir.join(LOG_FILE));
+        let (loads, log, fields) = match resumed {
+            None => (
+                LoadsWriter::create(&loads_file, &surfaces, &points, &regions)?,
+                LogWriter::create(&log_file)?,
+                Collection::new(dir),
+            ),
+            Some(t) => (
+                LoadsWriter::resume(&loads_file, &surfaces, &points, &regions, t)?,
+                LogWriter::resume(&log_file)?,
+                Collection::resume(dir, t)?,
+            ),
+        };
         Ok(Self {
             dir: dir.to_owned(),
             every: case.output.every,
-            loads: LoadsWriter::create(&dir.join(LOADS_FILE), &surfaces, &points, &regions)?,
-            log: LogWriter::create(&dir.join(LOG_FILE))?,
-            fields: Collection::new(dir),
+            loads,
+            log,
+            fields,
+            networks: NetworkFiles::open(dir, elements, resumed)?,
             volumes: (0..mesh.elements().len()).map(|element| mesh.element_volume(element)).collect(),
             progress,
             started: std::time::Instant::now(),
@@ -138,6 +164,7 @@ where
         self.write_loads(step)?;
         if step.step.is_multiple_of(self.every) || step.step == step.count {
             self.write_fields(step, &step.field.summaries())?;
+            self.networks.write(step.step, step.t, step.field)?;
         }
         let stats = step.field.take_stats();
         let line = Step {

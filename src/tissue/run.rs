@@ -1,19 +1,22 @@
 //! A two-scale simulation from a case to its result directory.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
 use thiserror::Error;
 
 use super::case::Case;
+use super::checkpoint::{self, Checkpoint, CheckpointError, Identity};
 use super::macro_scale::{self, MacroScaleError};
-use super::micro_scale::{LibraryError, TissueField, TissueFieldError};
+use super::micro_scale::{FieldRestoreError, LibraryError, TissueField, TissueFieldError};
 use super::record::{Progress, Recorder};
 use super::results::ResultsError;
 use super::results::log::{End, Event, Start};
+use super::rve_files;
 use crate::fem::mesh::Mesh;
-use crate::fem::stepping::{SetupError, StepFailure, Stepper, SteppingError};
+use crate::fem::stepping::{RestoreError, SetupError, StepFailure, Stepper, SteppingError};
+use crate::input::InputErrors;
 use crate::las::{Backend, Scalar};
 
 /// A body and its networks, ready to be stepped through its loads.
@@ -23,6 +26,8 @@ where
 {
     case: Case,
     stepper: Stepper<B, TissueField<B>>,
+    /// The elements whose networks are written.
+    networks: Vec<usize>,
     warnings: Vec<String>,
 }
 
@@ -67,6 +72,9 @@ pub enum SimulationError<F: std::error::Error + 'static> {
     /// Networks.
     #[error("{0}")]
     Library(#[from] LibraryError<F>),
+    /// What is to be written of it.
+    #[error("{0}")]
+    Output(#[from] InputErrors),
     /// Body and conditions do not fit together.
     #[error("{0}")]
     Setup(#[from] Box<SetupError<TissueFieldError<F>, F>>),
@@ -92,6 +100,31 @@ pub enum RunError<F: std::error::Error + 'static> {
     /// A result file could not be written.
     #[error("{0}")]
     Results(#[from] ResultsError),
+}
+
+/// Why a run cannot go on from where an earlier one stopped.
+#[derive(Debug, Error)]
+pub enum ResumeError<F: std::error::Error + 'static> {
+    /// No checkpoint can be used.
+    #[error("{0}")]
+    Checkpoint(#[from] CheckpointError),
+    /// A checkpoint of this very run does not fit it. The simulation must then be set up anew.
+    #[error("{}: {reason}", path.display())]
+    State {
+        /// The checkpoint.
+        path: PathBuf,
+        /// Why.
+        reason: Box<RestoreError<FieldRestoreError, TissueFieldError<F>, F>>,
+    },
+}
+
+/// What [`Simulation::resume`] has found.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Resumed {
+    /// The converged step that the run goes on from; 0 where there was no checkpoint and it starts from the beginning.
+    pub step: usize,
+    /// What the user should know.
+    pub warnings: Vec<String>,
 }
 
 /// A run that reached its end.
@@ -121,9 +154,10 @@ where
         let conditions = macro_scale::conditions(&case)?;
         let (field, network_warnings) = TissueField::new(context.clone(), &case, &mesh)?;
         warnings.extend(network_warnings);
+        let networks = rve_files::elements(&case, mesh.elements().len(), &field)?;
         let params = macro_scale::step_params(&case);
         let stepper = Stepper::new(&context, Arc::new(mesh), &conditions, field, params).map_err(Box::new)?;
-        Ok(Self { case, stepper, warnings })
+        Ok(Self { case, stepper, networks, warnings })
     }
 
     /// What the readers thought worth saying.
@@ -165,14 +199,40 @@ where
         }
     }
 
-    /// Takes all load steps and writes the result directory `dir` on the way.
+    /// Goes back to the last converged step that is kept in the result directory `dir`; [`Simulation::run`] then takes the
+    /// steps that are left and gives bit for bit what it would have given without the interruption. Without a
+    /// checkpoint the run starts from the beginning.
+    ///
+    /// # Errors
+    /// [`ResumeError`]: checkpoints of another run, or only damaged ones. Nothing on the disk is touched.
+    pub fn resume(&mut self, dir: &Path) -> Result<Resumed, ResumeError<B::Fault>> {
+        let (checkpoint, mut warnings) = checkpoint::latest(dir, &self.identity())?;
+        let Some(Checkpoint { path, state, units }) = checkpoint else {
+            warnings.push(format!("{}: no checkpoint: starting from the beginning", dir.display()));
+            return Ok(Resumed { step: 0, warnings });
+        };
+        let restored = self.stepper.restore(&state, |field| field.restore_units(units));
+        restored.map_err(|reason| ResumeError::State { path, reason: Box::new(reason) })?;
+        // What it took to get there is not part of the next step.
+        let _ = self.stepper.field().take_stats();
+        Ok(Resumed { step: state.done, warnings })
+    }
+
+    fn identity(&self) -> Identity {
+        Identity::new(&self.case, self.stepper.mesh(), self.stepper.field())
+    }
+
+    /// Takes all load steps that are left and writes the result directory `dir` on the way. A run from the beginning
+    /// replaces the results that are there; one that was taken up by [`Simulation::resume`] goes on with them.
     ///
     /// # Errors
     /// [`RunError`]; what converged before is on disk.
     pub fn run(&mut self, dir: &Path, progress: &mut dyn Progress) -> Result<RunSummary, RunError<B::Fault>> {
         let start = Instant::now();
         let plan = self.plan();
-        let mut recorder = Recorder::create(dir, &self.case, self.stepper.mesh(), self.case.points.len(), progress)?;
+        let done = self.stepper.done();
+        let resumed = (done > 0).then(|| done as f64 / self.stepper.count() as f64);
+        let mut recorder = Recorder::open(dir, &self.case, self.stepper.mesh(), &self.networks, resumed, progress)?;
         recorder.log(&Event::Start(Start {
             title: self.case.title.clone(),
             backend: B::NAME.to_owned(),
@@ -183,28 +243,39 @@ where
             networks: plan.networks.len(),
             threads: plan.threads,
             version: env!("CARGO_PKG_VERSION").to_owned(),
+            resumed_from: done,
         }))?;
-        let outcome = self.stepper.run(&mut recorder);
+        let outcome = self.take_steps(dir, &mut recorder);
         let seconds = start.elapsed().as_secs_f64();
         let steps = self.stepper.done();
-        match outcome {
-            Ok(reports) => {
-                let iterations = reports.iter().map(|report| report.iterations()).sum();
-                recorder.log(&Event::End(End { converged: true, reason: None, steps, seconds }))?;
-                Ok(RunSummary { steps, iterations, seconds })
+        let reason = match &outcome {
+            Ok(_) => None,
+            Err(error @ RunError::NotConverged { .. }) => Some(error.to_string()),
+            // A disk that refuses results refuses the end of the log too.
+            Err(RunError::Results(_)) => return outcome.map(|iterations| RunSummary { steps, iterations, seconds }),
+        };
+        recorder.log(&Event::End(End { converged: reason.is_none(), reason, steps, seconds }))?;
+        outcome.map(|iterations| RunSummary { steps, iterations, seconds })
+    }
+
+    /// Takes the steps that are left, with a checkpoint after each; returns the Newton iterations.
+    fn take_steps(&mut self, dir: &Path, recorder: &mut Recorder<'_>) -> Result<usize, RunError<B::Fault>> {
+        let identity = self.identity();
+        let count = self.stepper.count();
+        let mut iterations = 0;
+        while self.stepper.done() < count {
+            match self.stepper.step(recorder) {
+                Ok(report) => iterations += report.iterations(),
+                Err(SteppingError::Stopped { reason, .. }) => return Err(reason.into()),
+                Err(SteppingError::NotConverged { step, reached, halvings, reason, .. }) => {
+                    return Err(RunError::NotConverged { step, count, reached, halvings, reason: Box::new(reason) });
+                }
             }
-            Err(SteppingError::Stopped { reason, .. }) => Err(reason.into()),
-            Err(SteppingError::NotConverged { step, reached, halvings, reason, .. }) => {
-                let error = RunError::NotConverged {
-                    step,
-                    count: self.case.steps.count,
-                    reached,
-                    halvings,
-                    reason: Box::new(reason),
-                };
-                recorder.log(&Event::End(End { converged: false, reason: Some(error.to_string()), steps, seconds }))?;
-                Err(error)
+            // Last, so that a checkpoint never stands for results that are not there.
+            if let Some(state) = self.stepper.saved() {
+                checkpoint::write(dir, &identity, &state, self.stepper.field())?;
             }
         }
+        Ok(iterations)
     }
 }

@@ -14,7 +14,7 @@ use biotissue::tissue::macro_scale::MacroScaleError;
 use biotissue::tissue::micro_scale::{LibraryError, TissueFieldError, UnitError};
 use biotissue::tissue::results::ResultsError;
 use biotissue::tissue::results::log::{Cut, Step};
-use biotissue::tissue::run::{Plan, RunError, RunSummary, Simulation, SimulationError};
+use biotissue::tissue::run::{Plan, ResumeError, RunError, RunSummary, Simulation, SimulationError};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
@@ -35,6 +35,9 @@ pub struct RunCommand {
     /// Result directory, in place of the one that the case names
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Go on after the last converged step in the result directory; start from the beginning where there is none
+    #[arg(long)]
+    resume: bool,
     #[command(flatten)]
     common: Common,
     /// Processes that share the work; this build runs in one, on all cores
@@ -62,7 +65,7 @@ pub fn run(command: RunCommand) -> Result<(), Failure> {
     let case = read(&command.case)?;
     let dir = command.out.unwrap_or_else(|| case.output.directory.clone());
     command.common.start_threads()?;
-    let summary = dispatch(command.common.backend(), RunJob { case, dir: &dir })?;
+    let summary = dispatch(command.common.backend(), RunJob { case, dir: &dir, resume: command.resume })?;
     let Summary { steps, iterations, seconds, .. } = &summary;
     if command.json {
         return output::print_json(&summary);
@@ -119,6 +122,7 @@ fn one_rank(ranks: usize) -> Result<(), Failure> {
 struct RunJob<'a> {
     case: Case,
     dir: &'a Path,
+    resume: bool,
 }
 
 #[derive(Serialize)]
@@ -139,6 +143,13 @@ impl Job for RunJob<'_> {
         B::Reduced: Scalar,
     {
         let mut simulation = simulation::<B>(self.case)?;
+        if self.resume {
+            let resumed = simulation.resume(self.dir).map_err(not_resumed)?;
+            output::warn(&resumed.warnings);
+            if resumed.step > 0 {
+                eprintln!("going on after step {} of {}", resumed.step, simulation.case().steps.count);
+            }
+        }
         let mut progress = Reporter::new(&simulation.plan());
         let outcome = simulation.run(self.dir, &mut progress);
         progress.finish();
@@ -153,6 +164,11 @@ impl Job for RunJob<'_> {
                 cure: cure_of_step(&reason).into(),
             }),
             Err(RunError::Results(ResultsError::Write { path, source })) => Err(Failure::unwritable(&path, &source)),
+            Err(RunError::Results(error @ ResultsError::Damaged { .. })) => Err(Failure::Arguments {
+                what: error.to_string(),
+                expected: "the results of the interrupted run".into(),
+                cure: "leave --resume out to start again: that replaces the results".into(),
+            }),
             Err(RunError::Results(error)) => Err(Failure::Environment {
                 what: error.to_string(),
                 expected: "results that can be put into files".into(),
@@ -202,10 +218,23 @@ where
     Ok(simulation)
 }
 
+fn not_resumed<F: std::error::Error + 'static>(error: ResumeError<F>) -> Failure {
+    let cure = match &error {
+        ResumeError::Checkpoint(error) => error.cure(),
+        ResumeError::State { .. } => "start again without resuming: that replaces the results",
+    };
+    Failure::Arguments {
+        what: error.to_string(),
+        expected: "a checkpoint of the run that this case describes".into(),
+        cure: format!("{cure} (leave --resume out)"),
+    }
+}
+
 fn not_set_up<F: std::error::Error + 'static>(file: &Path, error: SimulationError<F>) -> Failure {
     let (expected, cure) = match &error {
         SimulationError::MacroScale(MacroScaleError::Input(errors))
-        | SimulationError::Library(LibraryError::Network(errors)) => return errors.clone().into(),
+        | SimulationError::Library(LibraryError::Network(errors))
+        | SimulationError::Output(errors) => return errors.clone().into(),
         SimulationError::MacroScale(MacroScaleError::Curve { line, reason }) => {
             let (expected, cure) = ("a curve over pseudo-time from 0 to 1", "correct its points");
             return InputError::at_line(file, *line, format!("the load curve: {reason}"), expected, cure).into();

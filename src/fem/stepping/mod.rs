@@ -8,12 +8,14 @@
 mod error;
 mod observer;
 mod params;
+mod saved;
 
 use std::sync::Arc;
 
 pub use error::{SetupError, StepFailure, SteppingError};
 pub use observer::{ConvergedStep, FailedAttempt, StepObserver};
 pub use params::{StepParams, StepReport, StepStart};
+pub use saved::{RestoreError, SavedState, StepperRestoreError};
 
 use super::assembly::{self, Assembler, Unknowns};
 use super::boundary::{Boundary, Conditions};
@@ -115,6 +117,12 @@ where
     #[must_use]
     pub fn done(&self) -> usize {
         self.done
+    }
+
+    /// Full steps of the whole run.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.params.count
     }
 
     /// Unknowns of the linear system.

@@ -2,6 +2,7 @@
 
 mod formula;
 mod library;
+mod saved;
 mod summary;
 mod unit;
 mod worker;
@@ -20,7 +21,8 @@ use crate::las::{Backend, Scalar};
 
 pub use formula::Formula;
 pub use library::LibraryError;
-pub use summary::PointSummary;
+pub use saved::{FieldRestoreError, UnitState};
+pub use summary::{DeformedNetwork, PointSummary};
 pub use unit::{SweepStats, UnitError};
 
 use unit::Unit;
@@ -100,11 +102,17 @@ where
         self.units.iter().map(Unit::bytes).sum()
     }
 
-    /// The unit of every element, `None` where a formula answers.
+    /// Whether there are fibers in an element.
+    #[must_use]
+    pub fn has_fibers(&self, element: usize) -> bool {
+        self.unit_of(element).is_some_and(|unit| unit.fibers.is_some())
+    }
+
+    /// The unit of an element, `None` where a formula answers or there is no such element.
     fn unit_of(&self, element: usize) -> Option<&Unit> {
-        match self.sites[element] {
+        match self.sites.get(element)? {
             Site::Formula(_) => None,
-            Site::Rve(unit) => Some(&self.units[unit]),
+            Site::Rve(unit) => self.units.get(*unit),
         }
     }
 

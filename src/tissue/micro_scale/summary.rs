@@ -5,9 +5,23 @@ use rayon::prelude::*;
 
 use super::TissueField;
 use super::unit::Fibers;
+use crate::fiber::network::Network;
 use crate::fiber::orientation::{Weighting, principal, tensor};
 use crate::fiber::truss::FiberStates;
 use crate::las::{Backend, Scalar};
+
+/// The network of one element at the last converged load step; nodes and fibers in the order of the network's file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DeformedNetwork<'a> {
+    /// The network as it lies undeformed.
+    pub network: &'a Network,
+    /// Positions of the nodes, unit-cube units.
+    pub positions: Vec<[f64; 3]>,
+    /// Stretch of every fiber.
+    pub stretches: Vec<f64>,
+    /// Axial force of every fiber, N.
+    pub forces: Vec<f64>,
+}
 
 /// The fibers of one point at the last converged load step.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,6 +54,29 @@ where
                 unit.fibers.as_ref().map(|fibers| self.summary(fibers, unit.committed_iterations))
             })
             .collect()
+    }
+
+    /// The network of an element, `None` where there is none.
+    #[must_use]
+    pub fn deformed_network(&self, element: usize) -> Option<DeformedNetwork<'_>> {
+        let fibers = self.unit_of(element)?.fibers.as_ref()?;
+        let truss = self.models[fibers.model].truss();
+        let network = truss.network().as_ref();
+        let positions = fibers.committed.positions(network);
+        let mut states = FiberStates::default();
+        truss.evaluate(&positions, &mut states);
+        let mut deformed = DeformedNetwork {
+            network,
+            positions,
+            stretches: vec![0.0; network.fibers().len()],
+            forces: vec![0.0; network.fibers().len()],
+        };
+        // The truss has its fibers sorted by law.
+        for (k, &fiber) in truss.original().iter().enumerate() {
+            deformed.stretches[fiber as usize] = states.stretches[k];
+            deformed.forces[fiber as usize] = states.forces[k];
+        }
+        Some(deformed)
     }
 
     fn summary(&self, fibers: &Fibers, iterations: usize) -> PointSummary {

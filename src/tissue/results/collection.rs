@@ -1,4 +1,5 @@
-//! `fields.pvd`: which field file belongs to which time, in the form that ParaView opens.
+//! `fields.pvd`: which field file belongs to which time, in the form that ParaView opens; and the same for the networks
+//! of one element.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -14,7 +15,7 @@ use super::{FIELDS_FILE, ResultsError};
 pub struct Entry {
     /// Pseudo-time.
     pub time: f64,
-    /// The file, relative to the result directory.
+    /// The file, relative to the folder of the collection.
     pub file: String,
 }
 
@@ -33,7 +34,7 @@ pub fn field_file(step: usize) -> String {
     format!("fields-{step:05}.vtu")
 }
 
-/// The field files of a run, in ascending time.
+/// The field files of a run (or the network files of an element), in ascending time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Collection {
     path: PathBuf,
@@ -44,7 +45,13 @@ impl Collection {
     /// An empty collection in this directory. Nothing is written before the first [`add`](Self::add).
     #[must_use]
     pub fn new(dir: &Path) -> Self {
-        Self { path: dir.join(FIELDS_FILE), entries: Vec::new() }
+        Self::at(dir.join(FIELDS_FILE))
+    }
+
+    /// An empty collection in a file of another name, which should end in `.pvd`.
+    #[must_use]
+    pub fn at(path: PathBuf) -> Self {
+        Self { path, entries: Vec::new() }
     }
 
     /// The collection of a run that is resumed: what is there up to and including `time`. Nothing is written yet.
@@ -52,10 +59,18 @@ impl Collection {
     /// # Errors
     /// As [`read`](Self::read); a collection that is not there is an empty one.
     pub fn resume(dir: &Path, time: f64) -> Result<Self, ResultsError> {
-        if !dir.join(FIELDS_FILE).exists() {
-            return Ok(Self::new(dir));
+        Self::resume_at(dir.join(FIELDS_FILE), time)
+    }
+
+    /// [`resume`](Self::resume) of a collection in a file of another name.
+    ///
+    /// # Errors
+    /// As [`resume`](Self::resume).
+    pub fn resume_at(path: PathBuf, time: f64) -> Result<Self, ResultsError> {
+        if !path.exists() {
+            return Ok(Self::at(path));
         }
-        let mut collection = Self::read(dir)?;
+        let mut collection = Self::read_at(path)?;
         collection.entries.retain(|entry| entry.time <= time);
         Ok(collection)
     }
@@ -65,7 +80,14 @@ impl Collection {
     /// # Errors
     /// [`ResultsError::Read`] where there is none, [`ResultsError::Damaged`] where it is no collection.
     pub fn read(dir: &Path) -> Result<Self, ResultsError> {
-        let path = dir.join(FIELDS_FILE);
+        Self::read_at(dir.join(FIELDS_FILE))
+    }
+
+    /// [`read`](Self::read) of a file of another name.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub fn read_at(path: PathBuf) -> Result<Self, ResultsError> {
         let text = fs::read_to_string(&path).map_err(ResultsError::read(&path))?;
         let damaged =
             |what: String| ResultsError::damaged(&path, None, what, "a ParaView collection of files and times");
@@ -90,7 +112,7 @@ impl Collection {
         &self.entries
     }
 
-    /// Adds a file (relative to the directory) and rewrites `fields.pvd`, which is whole at any moment.
+    /// Adds a file (relative to the folder of the collection) and rewrites the collection, which is whole at any moment.
     ///
     /// # Errors
     /// [`ResultsError::Write`].

@@ -107,7 +107,7 @@ pub fn write_vtu(path: &Path, fields: &FieldSet) -> Result<(), ResultsError> {
 
 /// Declares an array of the cells signed, as VTK's own files have it: the bits are the same, but numpy, and with it
 /// meshio, turns a difference of unsigned and signed numbers into floating-point ones.
-fn sign(bytes: &mut Vec<u8>, array: &str) {
+pub(super) fn sign(bytes: &mut Vec<u8>, array: &str) {
     let (unsigned, signed) = (format!("type=\"UInt64\" Name=\"{array}\""), format!("type=\"Int64\" Name=\"{array}\""));
     if let Some(at) = bytes.windows(unsigned.len()).position(|window| window == unsigned.as_bytes()) {
         bytes.splice(at..at + unsigned.len(), signed.into_bytes());
@@ -172,6 +172,6 @@ fn vectors(name: &str, values: &[[f64; 3]]) -> Attribute {
     array(DataArray::vectors(name), values.as_flattened().to_vec())
 }
 
-fn array<T: num_traits::ToPrimitive + 'static>(head: DataArray, values: Vec<T>) -> Attribute {
+pub(super) fn array<T: num_traits::ToPrimitive + 'static>(head: DataArray, values: Vec<T>) -> Attribute {
     Attribute::DataArray(head.with_vec(values))
 }

@@ -30,7 +30,7 @@ pub fn read_vtu(path: &Path) -> Result<Fields, ResultsError> {
 
 /// The reader behind takes for granted that there are points and that every array holds at least its own length
 /// (a header of eight bytes): check it, so that a damaged file is an error.
-fn check_arrays(path: &Path, text: &[u8]) -> Result<(), ResultsError> {
+pub(super) fn check_arrays(path: &Path, text: &[u8]) -> Result<(), ResultsError> {
     let damaged = |what: String| {
         ResultsError::damaged(path, None, what, "VTK's XML form with the arrays in base64, as this program writes it")
     };
@@ -114,6 +114,6 @@ fn mesh_and_fields(path: &Path, piece: UnstructuredGridPiece) -> Result<Fields, 
     Ok(fields)
 }
 
-fn groups<const N: usize>(values: &[f64]) -> Vec<[f64; N]> {
+pub(super) fn groups<const N: usize>(values: &[f64]) -> Vec<[f64; N]> {
     values.as_chunks::<N>().0.to_vec()
 }

@@ -48,6 +48,8 @@ pub struct Start {
     pub threads: usize,
     /// Version of this program.
     pub version: String,
+    /// The converged step that a resumed run goes on from; 0 for a run from the beginning.
+    pub resumed_from: usize,
 }
 
 /// A converged step.

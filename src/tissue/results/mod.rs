@@ -5,23 +5,32 @@
 //! | `fields.pvd` and the `.vtu` files it names | [`collection`], [`fields`] | whenever fields are due |
 //! | `loads.csv` | [`loads`] | a row a converged step |
 //! | `log.jsonl` | [`log`] | a line an event |
+//! | `rve/element-NNNNN.pvd` and the `.vtp` files it names | [`collection`], [`networks`] | with the fields, for the elements asked for |
+//! | `checkpoint/step-NNNNN.bin`, the last two | [`super::checkpoint`] | at every converged step |
+//! | `case.toml` | [`super::case`] | at the beginning: the case as run, defaults filled in |
 //!
-//! Every file is readable at any time while the run goes on, and after the run was killed: fields and their collection
-//! replace their predecessors atomically, and readers leave out a last line that was not finished.
+//! Every file is readable at any time while the run goes on, and after the run was killed: fields, networks, their
+//! collections and checkpoints replace their predecessors atomically, and readers leave out a last line that was not
+//! finished. A run that starts from the beginning removes all of these that an earlier one has left ([`clear`]).
 
+mod clear;
 pub mod collection;
 mod error;
 pub mod fields;
 mod fields_read;
 pub mod loads;
 pub mod log;
+pub mod networks;
 mod replace;
 
+pub use clear::clear;
 pub use collection::Collection;
 pub use error::ResultsError;
 pub use fields::{FieldSet, Fields, read_vtu, write_vtu};
 pub use loads::{Loads, LoadsWriter, SurfaceRow};
 pub use log::{Event, LogWriter};
+pub use networks::{NetworkSet, Networks, read_vtp, write_vtp};
+pub(in crate::tissue) use replace::{final_name, replace_by};
 
 /// Name of the collection of field files in a result directory.
 pub const FIELDS_FILE: &str = "fields.pvd";
@@ -29,3 +38,9 @@ pub const FIELDS_FILE: &str = "fields.pvd";
 pub const LOADS_FILE: &str = "loads.csv";
 /// Name of the log in a result directory.
 pub const LOG_FILE: &str = "log.jsonl";
+/// Name of the folder of deformed networks in a result directory.
+pub const NETWORKS_FOLDER: &str = "rve";
+/// Name of the folder of checkpoints in a result directory.
+pub const CHECKPOINT_FOLDER: &str = "checkpoint";
+/// Name of the case as run in a result directory.
+pub const CASE_FILE: &str = "case.toml";

@@ -1,0 +1,87 @@
+//! One checkpoint file: eight letters, the version of the format, the content by `postcard`, and a hash of all before.
+//!
+//! Every version of the format begins and ends like this, so that damage can be told from another version.
+
+use std::fs;
+use std::io::{self, BufWriter, Write};
+use std::path::Path;
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use super::CheckpointError;
+use super::hash::Fnv;
+use crate::tissue::results::{ResultsError, replace_by};
+
+const MAGIC: &[u8; 8] = b"BIOTISSU";
+/// Counts up whenever the content changes its form.
+const VERSION: u32 = 1;
+const HEAD: usize = MAGIC.len() + size_of::<u32>();
+const TAIL: usize = size_of::<u64>();
+
+/// Writes a checkpoint; a file that is there already stays whole until the new one is.
+pub(super) fn write(path: &Path, content: &impl Serialize) -> Result<(), ResultsError> {
+    replace_by(path, |file| {
+        let mut out = Hashing { to: BufWriter::new(file), hash: Fnv::new(), failed: None };
+        out.write_all(MAGIC)?;
+        out.write_all(&VERSION.to_le_bytes())?;
+        if let Err(error) = postcard::to_io(content, &mut out) {
+            return Err(out.failed.take().unwrap_or_else(|| io::Error::other(error)));
+        }
+        let Hashing { mut to, hash, .. } = out;
+        to.write_all(&hash.sum().to_le_bytes())?;
+        to.flush()
+    })
+}
+
+/// Reads a checkpoint. No more memory is asked for than the file is long, whatever counts it claims.
+pub(super) fn read<T: DeserializeOwned>(path: &Path) -> Result<T, CheckpointError> {
+    let bytes = fs::read(path).map_err(|source| CheckpointError::Unreadable { path: path.into(), source })?;
+    let damaged = |what: String| CheckpointError::Damaged { path: path.into(), what };
+    if !bytes.starts_with(MAGIC) {
+        return Err(damaged("does not begin like a checkpoint".into()));
+    }
+    let (body, tail) = bytes.split_last_chunk::<TAIL>().filter(|(body, _)| body.len() >= HEAD).ok_or_else(|| {
+        damaged(format!("ends after {} bytes; the shortest checkpoint has {}", bytes.len(), HEAD + TAIL))
+    })?;
+    let mut hash = Fnv::new();
+    hash.bytes(body);
+    if hash.sum() != u64::from_le_bytes(*tail) {
+        return Err(damaged(format!("its {} bytes do not add up: cut short, or changed", bytes.len())));
+    }
+    let (version, content) = body[MAGIC.len()..].split_first_chunk().unwrap_or((&[0; 4], &[]));
+    let found = u32::from_le_bytes(*version);
+    if found != VERSION {
+        return Err(CheckpointError::Version { path: path.into(), found, expected: VERSION });
+    }
+    match postcard::take_from_bytes(content) {
+        Ok((content, [])) => Ok(content),
+        Ok((_, rest)) => Err(damaged(format!("{} bytes are left over", rest.len()))),
+        Err(error) => Err(damaged(error.to_string())),
+    }
+}
+
+/// Hashes what goes through it, and keeps the error that the serialiser would drop.
+struct Hashing<W> {
+    to: W,
+    hash: Fnv,
+    failed: Option<io::Error>,
+}
+
+impl<W: Write> Write for Hashing<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        match self.to.write_all(bytes) {
+            Ok(()) => self.hash.bytes(bytes),
+            Err(error) => {
+                let kind = error.kind();
+                self.failed = Some(error);
+                return Err(kind.into());
+            }
+        }
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.to.flush()
+    }
+}

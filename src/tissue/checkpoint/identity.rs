@@ -1,0 +1,191 @@
+//! What a checkpoint belongs to: the case, the mesh and the networks of its run.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::hash::Fnv;
+use crate::fem::mesh::Mesh;
+use crate::fiber::law::{FiberMaterial, Law};
+use crate::fiber::network::Network;
+use crate::las::{Backend, Scalar};
+use crate::tissue::case::{Case, MaterialCase, MeshSource, OutputCase, RveOutput, ScalesCase};
+use crate::tissue::micro_scale::TissueField;
+
+/// Case, mesh and networks of a run. Where the files lie, what the run is called and what it writes do not count.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Identity {
+    /// Version of the program.
+    program: String,
+    /// The linear-algebra backend.
+    backend: String,
+    /// The case as text.
+    case: String,
+    /// Hash of the mesh.
+    mesh: u64,
+    /// Hash of the networks.
+    networks: u64,
+}
+
+/// Why a run cannot go on from the state of another.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+pub enum Mismatch {
+    /// The cases differ.
+    #[error("the case differs in {section}: {} before, {} now", entry(before), entry(now))]
+    Case {
+        /// The table of the case, such as `[steps]`.
+        section: String,
+        /// The line then; empty where there was none.
+        before: String,
+        /// The line now; empty where there is none.
+        now: String,
+    },
+    /// The meshes differ.
+    #[error("the mesh differs (nodes, elements, regions or surfaces)")]
+    Mesh,
+    /// The networks differ.
+    #[error("the fiber networks differ (nodes, fibers or materials)")]
+    Networks,
+}
+
+fn entry(line: &str) -> String {
+    if line.is_empty() { "nothing".into() } else { format!("`{line}`") }
+}
+
+impl Identity {
+    /// Of a run that is set up.
+    #[must_use]
+    pub fn new<B: Backend<Scalar = f64>>(case: &Case, mesh: &Mesh, field: &TissueField<B>) -> Self
+    where
+        B::Reduced: Scalar,
+    {
+        let mut networks = Fnv::new();
+        for model in field.models() {
+            hash_network(model.network(), &mut networks);
+        }
+        Self {
+            program: env!("CARGO_PKG_VERSION").into(),
+            backend: B::NAME.into(),
+            case: text_of(case),
+            mesh: hash_of_mesh(mesh),
+            networks: networks.sum(),
+        }
+    }
+
+    /// Whether a run that is `now` can go on from a state of this one; also returns what may change its numbers a
+    /// little: another version, another backend, other settings of the solvers.
+    ///
+    /// # Errors
+    /// [`Mismatch`].
+    pub fn check(&self, now: &Self) -> Result<Vec<String>, Mismatch> {
+        let mut remarks = Vec::new();
+        for (what, before, now) in [("version", &self.program, &now.program), ("backend", &self.backend, &now.backend)]
+        {
+            if before != now {
+                remarks.push(format!("{what} {before} before, {now} now"));
+            }
+        }
+        for Difference { section, before, now } in differences(&self.case, &now.case) {
+            if is_setting(section, before, now) {
+                remarks.push(format!("{section} {} before, {} now", entry(before), entry(now)));
+            } else {
+                return Err(Mismatch::Case { section: section.into(), before: before.into(), now: now.into() });
+            }
+        }
+        if self.mesh != now.mesh {
+            return Err(Mismatch::Mesh);
+        }
+        if self.networks != now.networks {
+            return Err(Mismatch::Networks);
+        }
+        Ok(remarks)
+    }
+}
+
+/// The case as TOML, reduced to what the results depend on.
+fn text_of(case: &Case) -> String {
+    let mut case = case.clone();
+    case.title.clear();
+    case.scales = ScalesCase::default();
+    case.output = OutputCase { directory: PathBuf::new(), every: 1, rve: RveOutput::None };
+    // A folder that was moved holds the same run; what is in the files counts by its hash.
+    if let MeshSource::File(file) = &mut case.mesh {
+        *file = name_of(file);
+    }
+    for region in &mut case.regions {
+        if let MaterialCase::FiberRve(rve) = &mut region.material {
+            rve.networks.iter_mut().for_each(|file| *file = name_of(file));
+        }
+    }
+    let text = case.to_toml();
+    let lines = text.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#'));
+    lines.map(|line| format!("{line}\n")).collect()
+}
+
+fn name_of(file: &Path) -> PathBuf {
+    file.file_name().map_or_else(|| file.into(), PathBuf::from)
+}
+
+struct Difference<'a> {
+    section: &'a str,
+    before: &'a str,
+    now: &'a str,
+}
+
+/// The lines that differ, with the table that they stand in. The settings of the solvers stand at the end and have a
+/// fixed number of lines, so a table more or less elsewhere is found before them.
+fn differences<'a>(before: &'a str, now: &'a str) -> Vec<Difference<'a>> {
+    let (mut before, mut now, mut section) = (before.lines(), now.lines(), "the title");
+    let mut found = Vec::new();
+    loop {
+        let (before, now) = match (before.next(), now.next()) {
+            (None, None) => return found,
+            (before, now) => (before.unwrap_or_default(), now.unwrap_or_default()),
+        };
+        if let Some(table) = [now, before].into_iter().find(|line| line.starts_with('[')) {
+            section = table;
+        }
+        if before != now {
+            found.push(Difference { section, before, now });
+        }
+    }
+}
+
+/// Whether a line only says how the equations are solved.
+fn is_setting(section: &str, before: &str, now: &str) -> bool {
+    let both = |key: &str| [before, now].iter().all(|line| line.starts_with(key));
+    matches!(section, "[newton]" | "[micro]") && !before.starts_with('[') && !now.starts_with('[')
+        || section == "[steps]" && both("max_cuts = ")
+}
+
+fn hash_of_mesh(mesh: &Mesh) -> u64 {
+    let mut hash = Fnv::new();
+    hash.positions(mesh.nodes());
+    hash.indices(mesh.elements());
+    mesh.region_of().iter().for_each(|&region| hash.number(region.into()));
+    hash.number(mesh.regions().len() as u64);
+    mesh.regions().iter().for_each(|region| hash.text(region));
+    for surface in mesh.surfaces() {
+        hash.text(&surface.name);
+        hash.indices(&surface.triangles);
+    }
+    hash.sum()
+}
+
+fn hash_network(network: &Network, hash: &mut Fnv) {
+    hash.positions(network.nodes());
+    hash.indices(network.fibers());
+    network.reaction_of().iter().for_each(|&reaction| hash.number(reaction.into()));
+    hash.number(network.materials().len() as u64);
+    for FiberMaterial { law, radius, .. } in network.materials() {
+        let values = match *law {
+            Law::Linear { youngs_modulus } => [0.0, youngs_modulus, 0.0, 0.0],
+            Law::Exponential { youngs_modulus, nonlinearity } => [1.0, youngs_modulus, nonlinearity, 0.0],
+            Law::ExponentialStretch { youngs_modulus, nonlinearity, transition } => {
+                [2.0, youngs_modulus, nonlinearity, transition]
+            }
+        };
+        values.into_iter().chain([*radius]).for_each(|value| hash.value(value));
+    }
+}

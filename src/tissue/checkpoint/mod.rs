@@ -1,0 +1,221 @@
+//! The last converged states of a run, from which it can go on: `checkpoint/` in the result directory.
+//!
+//! After every converged load step `checkpoint/step-NNNNN.bin` is written, whole or not at all, and all but the last two
+//! are removed. A run that goes on from there gives bit for bit what it would have given without the interruption.
+//!
+//! | module | holds |
+//! |---|---|
+//! | this one | writing, keeping, finding |
+//! | `file` | the frame: version and hash |
+//! | `record` | the content: displacements, halvings, the memory of all RVEs |
+//! | `identity` | the case, mesh and networks that the content belongs to |
+
+mod file;
+mod hash;
+mod identity;
+mod record;
+#[cfg(test)]
+mod tests;
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+
+pub use identity::{Identity, Mismatch};
+
+use super::micro_scale::{TissueField, UnitState};
+use super::results::{CHECKPOINT_FOLDER, ResultsError, final_name};
+use crate::fem::stepping::SavedState;
+use crate::las::{Backend, Scalar};
+use record::{Record, RecordRef};
+
+/// How many are kept: the last one, and the one before in case the last is damaged.
+const KEPT: usize = 2;
+
+/// A state that a run can go on from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Checkpoint {
+    /// The file.
+    pub path: PathBuf,
+    /// Where the run stood.
+    pub state: SavedState,
+    /// What the RVEs remembered.
+    pub units: Vec<UnitState>,
+}
+
+/// Why a run cannot go on from the checkpoints that are there.
+#[derive(Debug, Error)]
+pub enum CheckpointError {
+    /// The operating system refused to read.
+    #[error("{}: cannot be read: {source}", path.display())]
+    Unreadable {
+        /// The file or folder.
+        path: PathBuf,
+        /// Its answer.
+        source: io::Error,
+    },
+    /// The file is not as it was written.
+    #[error("{}: damaged: {what}", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// In what way.
+        what: String,
+    },
+    /// Another version of the program has written it.
+    #[error("{}: has version {found} of the format; this program reads version {expected}", path.display())]
+    Version {
+        /// The file.
+        path: PathBuf,
+        /// Its version.
+        found: u32,
+        /// Ours.
+        expected: u32,
+    },
+    /// It belongs to another run.
+    #[error("{}: belongs to another run: {reason}", path.display())]
+    OtherRun {
+        /// The file.
+        path: PathBuf,
+        /// What differs.
+        reason: Mismatch,
+    },
+}
+
+impl CheckpointError {
+    /// The file or folder concerned.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        match self {
+            Self::Unreadable { path, .. }
+            | Self::Damaged { path, .. }
+            | Self::Version { path, .. }
+            | Self::OtherRun { path, .. } => path,
+        }
+    }
+
+    /// What the user can do.
+    #[must_use]
+    pub fn cure(&self) -> &'static str {
+        match self {
+            Self::Unreadable { .. } => "check the permissions, or start again without resuming",
+            Self::Damaged { .. } => "start again without resuming: that replaces the results",
+            Self::Version { .. } => {
+                "go on with the version of biotissue that wrote it, or start again without resuming"
+            }
+            Self::OtherRun { .. } => {
+                "take the case, mesh and networks of the interrupted run, or another result directory, or start again \
+                 without resuming: that replaces the results"
+            }
+        }
+    }
+}
+
+/// Writes the state of a run after a full step into the result directory `dir`, and removes checkpoints that are no
+/// longer among the last.
+///
+/// # Errors
+/// [`ResultsError::Write`].
+pub fn write<B: Backend<Scalar = f64>>(
+    dir: &Path,
+    identity: &Identity,
+    state: &SavedState,
+    field: &TissueField<B>,
+) -> Result<(), ResultsError>
+where
+    B::Reduced: Scalar,
+{
+    let folder = dir.join(CHECKPOINT_FOLDER);
+    fs::create_dir_all(&folder).map_err(ResultsError::write(&folder))?;
+    file::write(&folder.join(file_name(state.done)), &RecordRef { identity, state, field })?;
+    let steps = steps_in(&folder).map_err(ResultsError::write(&folder))?;
+    let oldest_kept = steps.iter().copied().filter(|&step| step <= state.done).nth(KEPT - 1).unwrap_or(0);
+    remove(&folder, |step| step < oldest_kept || step > state.done)
+}
+
+/// Removes all checkpoints of a result directory.
+///
+/// # Errors
+/// [`ResultsError::Write`].
+pub fn clear(dir: &Path) -> Result<(), ResultsError> {
+    remove(&dir.join(CHECKPOINT_FOLDER), |_| true)
+}
+
+/// The newest checkpoint of a result directory that is not damaged, if there is one at all, and what is to be said
+/// about it.
+///
+/// # Errors
+/// [`CheckpointError`]: all are damaged, or the newest that is not belongs to another run or version.
+pub fn latest(dir: &Path, now: &Identity) -> Result<(Option<Checkpoint>, Vec<String>), CheckpointError> {
+    let folder = dir.join(CHECKPOINT_FOLDER);
+    let steps = steps_in(&folder).map_err(|source| CheckpointError::Unreadable { path: folder.clone(), source })?;
+    let mut warnings = Vec::new();
+    let mut last = None;
+    for step in steps {
+        let path = folder.join(file_name(step));
+        match read(&path, now) {
+            Ok((checkpoint, remarks)) => {
+                let changed = "going on with other settings than the run has had so far";
+                warnings.extend(remarks.into_iter().map(|remark| format!("{changed}: {remark}")));
+                return Ok((Some(checkpoint), warnings));
+            }
+            Err(error @ (CheckpointError::Damaged { .. } | CheckpointError::Unreadable { .. })) => {
+                warnings.push(format!("{error}; trying the one before"));
+                last = Some(error);
+            }
+            Err(error) => return Err(error),
+        }
+    }
+    last.map_or(Ok((None, warnings)), Err)
+}
+
+fn read(path: &Path, now: &Identity) -> Result<(Checkpoint, Vec<String>), CheckpointError> {
+    let record: Record = file::read(path)?;
+    let remarks = record.identity.check(now);
+    let remarks = remarks.map_err(|reason| CheckpointError::OtherRun { path: path.into(), reason })?;
+    let (state, units) = record.into_states().ok_or_else(|| CheckpointError::Damaged {
+        path: path.into(),
+        what: "it counts more steps than this machine can".into(),
+    })?;
+    Ok((Checkpoint { path: path.into(), state, units }, remarks))
+}
+
+fn file_name(step: usize) -> String {
+    format!("step-{step:05}.bin")
+}
+
+fn step_of(name: &str) -> Option<usize> {
+    let step = name.strip_prefix("step-")?.strip_suffix(".bin")?.parse().ok()?;
+    (file_name(step) == name).then_some(step)
+}
+
+/// The steps of which there are checkpoints, newest first; none where there is no folder.
+fn steps_in(folder: &Path) -> io::Result<Vec<usize>> {
+    let mut steps: Vec<usize> = names_in(folder)?.iter().filter_map(|name| step_of(name)).collect();
+    steps.sort_unstable_by(|a, b| b.cmp(a));
+    Ok(steps)
+}
+
+fn names_in(folder: &Path) -> io::Result<Vec<String>> {
+    match fs::read_dir(folder) {
+        Ok(entries) => {
+            entries.map(|entry| Ok(entry?.file_name().into_string().ok())).filter_map(Result::transpose).collect()
+        }
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(Vec::new()),
+        Err(error) => Err(error),
+    }
+}
+
+/// Removes the checkpoints of these steps, and all that were never finished.
+fn remove(folder: &Path, unwanted: impl Fn(usize) -> bool) -> Result<(), ResultsError> {
+    for name in names_in(folder).map_err(ResultsError::write(folder))? {
+        let unfinished = final_name(&name) != name;
+        if step_of(final_name(&name)).is_some_and(|step| unfinished || unwanted(step)) {
+            let path = folder.join(&name);
+            fs::remove_file(&path).map_err(ResultsError::write(&path))?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,53 @@
+//! Removing what an earlier run has left.
+
+use std::fs;
+use std::io::ErrorKind;
+use std::path::Path;
+
+use super::collection::field_file;
+use super::networks::{network_collection, network_file};
+use super::replace::final_name;
+use super::{FIELDS_FILE, LOADS_FILE, LOG_FILE, NETWORKS_FOLDER, ResultsError};
+
+/// Removes the loads, the log, the fields and the networks of an earlier run from a result directory, finished or not.
+/// Files of other names, and checkpoints, stay.
+///
+/// # Errors
+/// [`ResultsError::Write`].
+pub fn clear(dir: &Path) -> Result<(), ResultsError> {
+    let field = |name: &str| numbers(name, ["fields-", ".vtu"]).is_some_and(|[step]| name == field_file(step));
+    remove(dir, |name| [FIELDS_FILE, LOADS_FILE, LOG_FILE].contains(&name) || field(name))?;
+    let network = |name: &str| {
+        numbers(name, ["element-", "-step-", ".vtp"]).is_some_and(|[element, step]| name == network_file(element, step))
+    };
+    let collection =
+        |name: &str| numbers(name, ["element-", ".pvd"]).is_some_and(|[element]| name == network_collection(element));
+    remove(&dir.join(NETWORKS_FOLDER), |name| network(name) || collection(name))
+}
+
+/// The numbers between these pieces of a name, one less than there are pieces.
+fn numbers<const N: usize, const M: usize>(name: &str, pieces: [&str; N]) -> Option<[usize; M]> {
+    let mut rest = name.strip_prefix(pieces[0])?;
+    let mut numbers = [0; M];
+    for (number, piece) in numbers.iter_mut().zip(&pieces[1..]) {
+        let (digits, after) = rest.split_once(piece)?;
+        (*number, rest) = (digits.parse().ok()?, after);
+    }
+    rest.is_empty().then_some(numbers)
+}
+
+fn remove(folder: &Path, ours: impl Fn(&str) -> bool) -> Result<(), ResultsError> {
+    let entries = match fs::read_dir(folder) {
+        Ok(entries) => entries,
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
+        Err(error) => return Err(ResultsError::write(folder)(error)),
+    };
+    for entry in entries {
+        let path = entry.map_err(ResultsError::write(folder))?.path();
+        let name = path.file_name().and_then(|name| name.to_str());
+        if name.is_some_and(|name| ours(final_name(name))) {
+            fs::remove_file(&path).map_err(ResultsError::write(&path))?;
+        }
+    }
+    Ok(())
+}

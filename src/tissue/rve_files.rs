@@ -1,0 +1,101 @@
+//! The deformed networks of the elements that a case asks for: `rve/` in the result directory.
+
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+
+use super::case::{Case, RveOutput};
+use super::micro_scale::{DeformedNetwork, TissueField};
+use super::results::networks::{network_collection, network_file};
+use super::results::{Collection, NETWORKS_FOLDER, NetworkSet, ResultsError, write_vtp};
+use crate::input::{InputError, InputErrors};
+use crate::las::{Backend, Scalar};
+
+/// The elements whose networks a case wants written, ascending.
+///
+/// # Errors
+/// All elements that do not exist, and all that have no fibers.
+pub(super) fn elements<B: Backend<Scalar = f64>>(
+    case: &Case,
+    count: usize,
+    field: &TissueField<B>,
+) -> Result<Vec<usize>, InputErrors>
+where
+    B::Reduced: Scalar,
+{
+    let ids = match &case.output.rve {
+        RveOutput::None => return Ok(Vec::new()),
+        RveOutput::All => return Ok((0..count).filter(|&element| field.has_fibers(element)).collect()),
+        RveOutput::Elements(ids) => ids,
+    };
+    let error = |&element: &usize| {
+        let (what, cure) = match element {
+            _ if element >= count => (
+                format!("`output.rve` names element {element}; the mesh has {count} elements"),
+                "name other elements, or write rve = \"all\"",
+            ),
+            _ if !field.has_fibers(element) => (
+                format!("`output.rve` names element {element}, which has no fibers"),
+                "name elements of a region with the model \"fiber-rve\", or write rve = \"all\"",
+            ),
+            _ => return None,
+        };
+        let expected = format!("elements with a fiber network, between 0 and {}", count.saturating_sub(1));
+        Some(InputError::in_file(&case.file, what, expected, cure))
+    };
+    let errors: Vec<InputError> = ids.iter().filter_map(error).collect();
+    if errors.is_empty() { Ok(ids.clone()) } else { Err(InputErrors(errors)) }
+}
+
+/// The files of these elements while a run goes on.
+pub(super) struct NetworkFiles {
+    folder: PathBuf,
+    series: Vec<(usize, Collection)>,
+}
+
+impl NetworkFiles {
+    /// Of a run from the beginning, or of one that goes on after pseudo-time `resumed`.
+    pub fn open(dir: &Path, elements: &[usize], resumed: Option<f64>) -> Result<Self, ResultsError> {
+        let folder = dir.join(NETWORKS_FOLDER);
+        if !elements.is_empty() {
+            std::fs::create_dir_all(&folder).map_err(ResultsError::write(&folder))?;
+        }
+        let series = elements.iter().map(|&element| {
+            let path = folder.join(network_collection(element));
+            let collection = match resumed {
+                Some(t) => Collection::resume_at(path, t)?,
+                None => Collection::at(path),
+            };
+            Ok((element, collection))
+        });
+        Ok(Self { series: series.collect::<Result<_, ResultsError>>()?, folder })
+    }
+
+    /// Writes all networks as they are after a converged step.
+    pub fn write<B: Backend<Scalar = f64>>(
+        &mut self,
+        step: usize,
+        t: f64,
+        field: &TissueField<B>,
+    ) -> Result<(), ResultsError>
+    where
+        B::Reduced: Scalar,
+    {
+        let Self { folder, series } = self;
+        series.par_iter_mut().try_for_each(|(element, collection)| {
+            let Some(deformed) = field.deformed_network(*element) else { return Ok(()) };
+            let DeformedNetwork { network, positions, stretches, forces } = &deformed;
+            let kind: Vec<i64> = network.reaction_of().iter().map(|&reaction| reaction.into()).collect();
+            let set = NetworkSet {
+                points: positions,
+                fibers: network.fibers(),
+                stretch: stretches,
+                force: forces,
+                kind: &kind,
+            };
+            let name = network_file(*element, step);
+            write_vtp(&folder.join(&name), &set)?;
+            collection.add(t, &name)
+        })
+    }
+}
