@@ -9,7 +9,7 @@ cd "$(dirname "$0")/.."
 say() { printf '\n== %s\n' "$*"; }
 
 if [ -z "${BIOTISSUE_NETWORKS:-}" ]; then
-    found=$(find .. -maxdepth 3 -name Network_2_7.txt -not -path './*' -print -quit 2>/dev/null || true)
+    found=$(find ../*/data -maxdepth 1 -name Network_2_7.txt -print -quit 2>/dev/null || true)
     if [ -n "$found" ]; then
         BIOTISSUE_NETWORKS=$(cd "$(dirname "$found")" && pwd)
         export BIOTISSUE_NETWORKS
@@ -40,6 +40,7 @@ sets=(
     "--no-default-features"
     "--no-default-features --features sparse"
     "--no-default-features --features dense"
+    "--no-default-features --features generate"
     "--no-default-features --features dense,app"
 )
 

@@ -68,6 +68,8 @@
 //!
 //! After W. R. Tobin, *The Adaptive Multiscale Simulation Infrastructure* (PhD thesis, Rensselaer Polytechnic Institute,
 //! 2018).
+#![deny(unsafe_code)]
+#![warn(missing_docs)]
 
 pub mod backends;
 pub mod fem;

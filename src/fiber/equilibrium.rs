@@ -6,6 +6,7 @@
 use nalgebra::Matrix3;
 use thiserror::Error;
 
+use super::path::between;
 use super::rve::{Rve, RveModel};
 use super::workspace::Workspace;
 use crate::las::{
@@ -40,7 +41,7 @@ pub struct EquilibriumReport {
     pub cuts: u32,
     /// Shortened steps in all.
     pub line_search_cuts: usize,
-    /// Factorisations by LDL^T in all: states in which the stiffness was not positive definite.
+    /// Factorisations in all of a stiffness that was not positive definite.
     pub indefinite: usize,
 }
 
@@ -48,7 +49,7 @@ impl EquilibriumReport {
     fn add(&mut self, newton: &NewtonReport) {
         self.iterations += newton.iterations;
         self.line_search_cuts += newton.line_search_cuts;
-        self.indefinite += newton.ldlt;
+        self.indefinite += newton.indefinite;
     }
 }
 
@@ -147,7 +148,7 @@ where
         // Parts are powers of two: the sum of them reaches 1 exactly.
         while reached < 1.0 {
             let goal = reached + part;
-            let gradient = if goal >= 1.0 { *target } else { start + (target - start) * goal };
+            let gradient = if goal >= 1.0 { *target } else { between(&start, target, goal) };
             match increment(model, rve, &gradient, params, workspace) {
                 Ok(newton) => {
                     report.add(&newton);

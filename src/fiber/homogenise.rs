@@ -62,16 +62,15 @@ where
     B::Reduced: Scalar,
 {
     solve_modes(model, workspace).map_err(RveError::Tangent)?;
-    let mut form = Tangent::zeros();
-    let products = mode_products(workspace);
-    form.fixed_view_mut::<MODES, MODES>(0, 0).copy_from(&(products * model.scale()));
     let f = &rve.gradient;
+    let mut form = Tangent::zeros();
+    // Rows of strains and spins, columns of strains: from the force rates. Columns of spins: from the stress. That the
+    // two mixed blocks are each other's transposes is not assumed; they are as far as forces and moments balance.
+    form.fixed_view_mut::<9, MODES>(0, 0).copy_from(&(rate_products(workspace) * model.scale()));
     for w in 0..3 {
         let turned_stress = spin(w) * pk1;
         for k in 0..MODES {
-            let value = (strain(k) * f).dot(&turned_stress);
-            form[(k, MODES + w)] = value;
-            form[(MODES + w, k)] = value;
+            form[(k, MODES + w)] = (strain(k) * f).dot(&turned_stress);
         }
         for v in 0..3 {
             form[(MODES + v, MODES + w)] = (spin(v) * f).dot(&turned_stress);
@@ -252,11 +251,18 @@ fn correct<B: Backend<Scalar = f64>>(
     Ok(())
 }
 
-/// Row `k`, column `l`: `v_k . K v_l` over all nodes, in one pass.
-fn mode_products<B: Backend>(workspace: &Workspace<B>) -> SMatrix<f64, MODES, MODES> {
-    let mut products = [[0.0; MODES]; MODES];
-    for (v, q) in workspace.velocities.iter().zip(&workspace.rates) {
-        for (row, v) in products.iter_mut().zip(v.chunks_exact(3)) {
+/// Column `l`: the products of `K v_l` with the velocities `v_k` of the six strains and `W x` of the three spins, over all
+/// nodes, in one pass.
+fn rate_products<B: Backend>(workspace: &Workspace<B>) -> SMatrix<f64, 9, MODES> {
+    let spins: [Matrix3<f64>; 3] = std::array::from_fn(spin);
+    let mut products = [[0.0; MODES]; 9];
+    for ((v, q), x) in workspace.velocities.iter().zip(&workspace.rates).zip(&workspace.positions) {
+        let mut velocities = [0.0; 3 * 9];
+        velocities[..3 * MODES].copy_from_slice(v);
+        for (velocity, spin) in velocities[3 * MODES..].chunks_exact_mut(3).zip(&spins) {
+            velocity.copy_from_slice(&transform(spin, x));
+        }
+        for (row, v) in products.iter_mut().zip(velocities.chunks_exact(3)) {
             for (product, q) in row.iter_mut().zip(q.chunks_exact(3)) {
                 *product += v[0] * q[0] + v[1] * q[1] + v[2] * q[2];
             }

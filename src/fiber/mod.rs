@@ -15,6 +15,7 @@ pub mod homogenise;
 pub mod law;
 pub mod network;
 pub mod orientation;
+pub mod path;
 pub mod rve;
 mod stiffness;
 pub mod truss;

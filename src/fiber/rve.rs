@@ -40,6 +40,16 @@ pub enum RveModelError<F: std::error::Error> {
     /// The volume fraction is not between 0 and 1.
     #[error("the fiber volume fraction is {0}; it must lie between 0 and 1")]
     VolumeFraction(f64),
+    /// The fibers are so thin or so thick that stresses leave the range of numbers.
+    #[error(
+        "a fiber volume of {volume:e} in the unit cube gives the stress scale {scale:e}: check the radius and its unit"
+    )]
+    Scale {
+        /// `kappa`.
+        scale: f64,
+        /// `sum_f (A_f L_f)`.
+        volume: f64,
+    },
     /// The network is too large for the index type.
     #[error("the stiffness has no valid pattern: {0}")]
     Pattern(#[from] SparsityError),
@@ -68,6 +78,9 @@ impl<B: Backend<Scalar = f64>> RveModel<B> {
         let pattern = Arc::new(pattern(truss.network())?);
         let params = SolverParams::new(Symmetry::Definite);
         let symbolic = B::analyze(context, &pattern, &params).map_err(RveModelError::Analysis)?;
+        if !(scale.is_finite() && scale > 0.0) {
+            return Err(RveModelError::Scale { scale, volume: truss.volume() });
+        }
         let slots = StiffnessSlots::locate(context, &truss, &pattern)
             .map_err(|f| RveModelError::Analysis(SolveError::Fault(f)))?;
         Ok(Self { rounding_floor: truss.rounding_floor(), truss, pattern, symbolic, slots, scale })

@@ -170,3 +170,12 @@ pub trait MatVec<B: Backend> {
     /// [`SolveError::Size`].
     fn mul(&self, x: &B::Vector, y: &mut B::Vector) -> Result<(), SolveError<B::Fault>>;
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A compile-time fact: both traits can stand behind `dyn`.
+    #[allow(dead_code, reason = "that it compiles is the test")]
+    fn object_safe<B: Backend>(_: &dyn Solver<B>, _: &dyn MatVec<B>) {}
+}

@@ -27,6 +27,12 @@ pub fn frozen() -> Arc<Network> {
     network(PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/networks/frozen.txt"))
 }
 
+/// The library of the dogbone example.
+pub fn dogbone_library() -> Vec<Arc<Network>> {
+    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("examples/dogbone/networks");
+    (1..=8).map(|k| network(folder.join(format!("delaunay_{k}.txt")))).collect()
+}
+
 fn network(path: PathBuf) -> Arc<Network> {
     match file::read(&path) {
         Ok(read) => Arc::new(read.network),

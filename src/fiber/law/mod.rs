@@ -97,8 +97,10 @@ impl FiberMaterial {
             }
         };
         positive("radius", self.radius)?;
-        if let Some(density) = self.density {
-            positive("density", density)?;
+        if let Some(density) = self.density
+            && (density.is_nan() || density < 0.0)
+        {
+            return Err(FiberMaterialError { parameter: "density", value: density, expected: "zero or positive" });
         }
         match self.law {
             Law::Linear { youngs_modulus } => positive("Young's modulus", youngs_modulus),
@@ -109,10 +111,10 @@ impl FiberMaterial {
             Law::ExponentialStretch { youngs_modulus, nonlinearity, transition } => {
                 positive("Young's modulus", youngs_modulus)?;
                 positive("nonlinearity", nonlinearity)?;
-                if transition > 1.0 && transition.is_finite() {
+                if transition >= 1.0 && transition.is_finite() {
                     Ok(())
                 } else {
-                    let (parameter, expected) = ("transition stretch", "above 1 and finite");
+                    let (parameter, expected) = ("transition stretch", "at least 1 and finite");
                     Err(FiberMaterialError { parameter, value: transition, expected })
                 }
             }
@@ -294,7 +296,7 @@ mod tests {
         assert_eq!(good.check(), Ok(()));
         let bad = FiberMaterial { radius: -1.0, ..good };
         assert_eq!(bad.check().unwrap_err().to_string(), "the radius of a fiber is -1; it must be positive and finite");
-        let law = Law::ExponentialStretch { youngs_modulus: E, nonlinearity: 1.0, transition: 1.0 };
+        let law = Law::ExponentialStretch { youngs_modulus: E, nonlinearity: 1.0, transition: 0.9 };
         assert_eq!(FiberMaterial { law, ..good }.check().unwrap_err().parameter, "transition stretch");
         let law = Law::Linear { youngs_modulus: f64::NAN };
         assert_eq!(FiberMaterial { law, ..good }.check().unwrap_err().parameter, "Young's modulus");

@@ -105,7 +105,7 @@ where
         self.matrix.finish().map_err(fault)?;
         let assembled = Instant::now();
         let factor = self.solver.factor(&self.matrix).map_err(NewtonError::Solve)?;
-        report.count(factor.kind);
+        report.count(&factor);
         let factored = Instant::now();
         self.solver.solve(&self.residual, &mut self.direction).map_err(NewtonError::Solve)?;
         report.seconds.jacobian += (assembled - start).as_secs_f64();

@@ -3,7 +3,7 @@
 use thiserror::Error;
 
 use super::Yardstick;
-use crate::las::{Factorisation, SolveError};
+use crate::las::{FactorReport, Factorisation, SolveError};
 
 /// When Newton stops and what it may try.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,6 +47,8 @@ pub struct NewtonReport {
     pub ldlt: usize,
     /// Factorisations by LU.
     pub lu: usize,
+    /// Factorisations, by whichever method served in the end, of a Jacobian that was stated to be definite and was not.
+    pub indefinite: usize,
     /// Where the time went, in seconds.
     pub seconds: NewtonSeconds,
 }
@@ -70,8 +72,9 @@ impl NewtonReport {
         self.relative.push(yardstick.relative(norm));
     }
 
-    pub(super) fn count(&mut self, kind: Factorisation) {
-        match kind {
+    pub(super) fn count(&mut self, factor: &FactorReport) {
+        self.indefinite += usize::from(factor.indefinite_at.is_some());
+        match factor.kind {
             Factorisation::Cholesky => self.cholesky += 1,
             Factorisation::Ldlt => self.ldlt += 1,
             Factorisation::Lu => self.lu += 1,
