@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use biotissue::las::{Backend, Scalar};
 use biotissue::tissue::Progress;
 use biotissue::tissue::case::Case;
+use biotissue::tissue::checkpoint::CheckpointError;
 use biotissue::tissue::macro_scale::MacroScaleError;
 use biotissue::tissue::micro_scale::LibraryError;
 use biotissue::tissue::results::ResultsError;
@@ -268,6 +269,9 @@ where
 
 fn not_resumed<F: std::error::Error + 'static>(error: ResumeError<F>) -> Failure {
     let cure = match &error {
+        ResumeError::Checkpoint(error @ CheckpointError::Unreadable { .. }) => {
+            return Failure::Environment { what: error.to_string(), cure: error.cure().into() };
+        }
         ResumeError::Checkpoint(error) => error.cure(),
         ResumeError::State { .. } => "start again without resuming: that replaces the results",
     };
