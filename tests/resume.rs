@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 use biotissue::backends::sparse::Sparse;
 use biotissue::tissue::Progress;
@@ -13,7 +14,7 @@ use biotissue::tissue::results::log::{self, Cut, Step};
 use biotissue::tissue::results::{Collection, Event, read_vtp, read_vtu};
 use biotissue::tissue::run::{ResumeError, Resumed, Simulation, SimulationError};
 
-/// A block of 12 elements pulled along x: fibers in a soft matrix, and a stiff end without fibers is left out.
+/// A block of 12 elements pulled along x: fibers in a soft matrix.
 const CASE: &str = r#"
 title = "pull"
 [mesh]
@@ -337,4 +338,42 @@ fn elements_without_a_network_to_write_are_named() {
     let root = tempfile::tempdir().unwrap();
     run(&text, root.path());
     assert_eq!(simulation(&text).resume(root.path()).unwrap(), Resumed { step: 4, warnings: vec![] });
+}
+
+/// `biotissue run` with these arguments; the exit code and what it says on stderr.
+fn command(dir: &Path, text: &str, arguments: &[&str]) -> (Option<i32>, String) {
+    let network = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/networks/frozen.txt");
+    fs::write(dir.join("pull.toml"), text.replace("NETWORK", network.to_str().unwrap())).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_biotissue"));
+    let output =
+        command.current_dir(dir).args(["run", "pull.toml", "--threads", "2"]).args(arguments).output().unwrap();
+    (output.status.code(), String::from_utf8(output.stderr).unwrap())
+}
+
+#[test]
+fn the_program_goes_on_where_it_stopped() {
+    let root = tempfile::tempdir().unwrap();
+    // Pressed through itself in the third step.
+    let hopeless = CASE.replace("x = 0.4 }", "x = 0.4 }\ncurve = [[0.0, 0.0], [0.5, 0.1], [0.75, -9.0]]");
+    let (code, said) = command(root.path(), &hopeless, &["--resume"]);
+    assert_eq!(code, Some(3), "{said}");
+    assert!(said.contains("warning: ") && said.contains("no checkpoint: starting from the beginning"), "{said}");
+    let loads = fs::read(root.path().join("results/loads.csv")).unwrap();
+
+    // The same end again, without the steps that converged.
+    let (code, said) = command(root.path(), &hopeless, &["--resume"]);
+    assert_eq!(code, Some(3), "{said}");
+    assert!(said.contains("going on after step 2 of 4") && !said.contains("step 2/4 t"), "{said}");
+    assert_eq!(fs::read(root.path().join("results/loads.csv")).unwrap(), loads);
+
+    let (code, said) = command(root.path(), CASE, &["--resume"]);
+    assert_eq!(code, Some(2), "{said}");
+    for part in ["belongs to another run: the case differs in [[boundary]]", "expected: ", "cure: ", "--resume"] {
+        assert!(said.contains(part), "{said}");
+    }
+    assert_eq!(fs::read(root.path().join("results/loads.csv")).unwrap(), loads, "nothing is touched");
+
+    let (code, said) = command(root.path(), CASE, &[]);
+    assert_eq!(code, Some(0), "{said}");
+    assert_eq!(checkpoints(&root.path().join("results")), ["step-00003.bin", "step-00004.bin"]);
 }
