@@ -1,9 +1,10 @@
-"""Reads a .vtu file as other programs do and prints every number, bit for bit.
+"""Reads a .vtu or .vtp file as other programs do and prints every number, bit for bit.
 
 usage: read_vtu.py FILE
 
 One line an array: READER ASSOCIATION NAME COMPONENTS VALUES, where READER is meshio or vtk and VALUES are hexadecimal,
-the 64 bits of a floating-point number or of an integer. Exit code 3 where neither reader is installed.
+the 64 bits of a floating-point number or of an integer. Exit code 3 where no reader is installed; meshio does not read
+.vtp files.
 """
 
 import struct
@@ -34,9 +35,9 @@ def with_meshio(path):
 
 def with_vtk(path):
     from vtkmodules.util.numpy_support import vtk_to_numpy
-    from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
+    from vtkmodules.vtkIOXML import vtkXMLPolyDataReader, vtkXMLUnstructuredGridReader
 
-    reader = vtkXMLUnstructuredGridReader()
+    reader = vtkXMLPolyDataReader() if path.endswith(".vtp") else vtkXMLUnstructuredGridReader()
     reader.SetFileName(path)
     reader.Update()
     grid = reader.GetOutput()
@@ -45,7 +46,7 @@ def with_vtk(path):
     for cell in range(grid.GetNumberOfCells()):
         points = grid.GetCell(cell).GetPointIds()
         elements += [points.GetId(k) for k in range(points.GetNumberOfIds())]
-    show("vtk", "mesh", "elements", 4, elements)
+    show("vtk", "mesh", "elements", len(elements) // grid.GetNumberOfCells(), elements)
     for association, data in (("point", grid.GetPointData()), ("cell", grid.GetCellData())):
         for k in range(data.GetNumberOfArrays()):
             array = data.GetArray(k)
@@ -56,7 +57,8 @@ def with_vtk(path):
 def main():
     path = sys.argv[1]
     done = 0
-    for name, read in (("meshio", with_meshio), ("vtk", with_vtk)):
+    readers = (("vtk", with_vtk),) if path.endswith(".vtp") else (("meshio", with_meshio), ("vtk", with_vtk))
+    for name, read in readers:
         try:
             __import__(name if name == "meshio" else "vtkmodules")
         except ImportError:

@@ -10,6 +10,7 @@ use biotissue::input::InputError;
 use biotissue::las::{Backend, NewtonError, Scalar, SolveError};
 use biotissue::tissue::Progress;
 use biotissue::tissue::case::Case;
+use biotissue::tissue::checkpoint::CheckpointError;
 use biotissue::tissue::macro_scale::MacroScaleError;
 use biotissue::tissue::micro_scale::{LibraryError, TissueFieldError, UnitError};
 use biotissue::tissue::results::ResultsError;
@@ -220,6 +221,9 @@ where
 
 fn not_resumed<F: std::error::Error + 'static>(error: ResumeError<F>) -> Failure {
     let cure = match &error {
+        ResumeError::Checkpoint(error @ CheckpointError::Unreadable { .. }) => {
+            return Failure::Environment { what: error.to_string(), cure: error.cure().into() };
+        }
         ResumeError::Checkpoint(error) => error.cure(),
         ResumeError::State { .. } => "start again without resuming: that replaces the results",
     };

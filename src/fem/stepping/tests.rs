@@ -222,6 +222,52 @@ fn the_observer_can_stop_a_run() {
 }
 
 #[test]
+fn a_restored_run_goes_on_bit_for_bit() {
+    let mesh = bar(4);
+    let conditions = pushed(0.6);
+    let params = StepParams { count: 4, ..StepParams::default() };
+    let new = || stepper(&mesh, &conditions, Slow::new(&mesh, 0.05), params);
+    let mut whole = new();
+    assert_eq!(whole.saved(), None, "nothing has converged");
+    whole.step(&mut ()).unwrap();
+    whole.step(&mut ()).unwrap();
+    let (saved, memory) = (whole.saved().unwrap(), whole.field().committed.clone());
+    assert!(saved.done == 2 && saved.halvings > 0, "the increment has not grown back: {}", saved.halvings);
+    let expected = whole.run(&mut ()).unwrap();
+
+    let mut other = new();
+    let take_back = |field: &mut Slow| {
+        field.committed.copy_from_slice(&memory);
+        Ok::<(), DiskFull>(())
+    };
+    other.restore(&saved, take_back).unwrap();
+    assert_eq!((other.done(), other.saved()), (2, Some(saved.clone())));
+    let found = other.run(&mut ()).unwrap();
+    assert_eq!(other.state(), whole.state());
+    let history = |reports: &[StepReport]| -> Vec<_> {
+        let all = reports.iter().flat_map(|report| report.substeps.iter().chain(&report.failures));
+        all.map(|newton| newton.residuals.clone()).collect()
+    };
+    assert_eq!(history(&found), history(&expected));
+
+    let refused = |state: SavedState| new().restore(&state, |_| Ok::<(), DiskFull>(())).unwrap_err().to_string();
+    for done in [0, 5] {
+        let said = format!("the state was saved after step {done}; this run has the steps 1 to 4");
+        assert_eq!(refused(SavedState { done, ..saved.clone() }), said);
+    }
+    let nodes = mesh.nodes().len();
+    let mut short = saved.clone();
+    short.displacements.pop();
+    let said = format!("the state has displacements of {} nodes; the mesh has {nodes} nodes", nodes - 1);
+    assert_eq!(refused(short), said);
+    let mut lost = saved.clone();
+    lost.displacements[7][1] = f64::NAN;
+    assert_eq!(refused(lost), "the displacement of node 7 in the saved state is no finite number");
+    let error = new().restore(&saved, |_| Err(DiskFull)).unwrap_err();
+    assert!(matches!(error, RestoreError::Field(DiskFull)), "{error}");
+}
+
+#[test]
 fn a_body_that_nothing_holds_is_not_cut_in_vain() {
     let mesh = bar(2);
     let pull =

@@ -33,7 +33,7 @@ pub enum FieldRestoreError {
         expected: usize,
     },
     /// Fibers on one side only.
-    #[error("element {element} has {} in the saved state, but not here", if *saved { "fibers" } else { "no fibers" })]
+    #[error("element {element} has {} here", if *saved { "fibers in the saved state, but none" } else { "no fibers in the saved state, but has some" })]
     Fibers {
         /// The element, from 0.
         element: usize,

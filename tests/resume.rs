@@ -1,0 +1,379 @@
+//! A run that was interrupted goes on as if it had not been.
+#![cfg(feature = "app")]
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use biotissue::backends::sparse::Sparse;
+use biotissue::tissue::Progress;
+use biotissue::tissue::case::Case;
+use biotissue::tissue::checkpoint::{CheckpointError, Mismatch};
+use biotissue::tissue::results::log::{self, Cut, Step};
+use biotissue::tissue::results::{Collection, Event, read_vtp, read_vtu};
+use biotissue::tissue::run::{ResumeError, Resumed, Simulation, SimulationError};
+
+/// A block of 12 elements pulled along x: fibers in a soft matrix.
+const CASE: &str = r#"
+title = "pull"
+[mesh]
+generate = { shape = "box", cells = [2, 1, 1], size = [2.0, 1.0, 1.0] }
+[[region]]
+name = "*"
+[region.material]
+model = "fiber-rve"
+networks = ["NETWORK"]
+fiber_volume_fraction = 0.003
+law = { name = "exponential", youngs_modulus = 1.0e8, radius = 5.0e-8, nonlinearity = 1.2 }
+matrix = { model = "neo-hookean", shear_modulus = 1000.0, poisson_ratio = 0.3 }
+[[boundary]]
+surface = "x0"
+displacement = { x = 0.0, y = 0.0, z = 0.0 }
+[[boundary]]
+surface = "x1"
+displacement = { x = 0.4 }
+[[point]]
+at = [2.0, 0.0, 0.0]
+displacement = { y = 0.0, z = 0.0 }
+[steps]
+count = 4
+[output]
+rve = [0, 7]
+"#;
+
+fn case(text: &str) -> Case {
+    let network = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/networks/frozen.txt");
+    let text = text.replace("NETWORK", network.to_str().unwrap());
+    Case::parse(&text, Path::new("/nowhere/pull.toml")).unwrap_or_else(|errors| panic!("{errors}")).case
+}
+
+fn simulation(text: &str) -> Simulation<Sparse> {
+    Simulation::new((), case(text)).unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn run(text: &str, dir: &Path) {
+    simulation(text).run(dir, &mut ()).unwrap_or_else(|error| panic!("{error}"));
+}
+
+fn resume(text: &str, dir: &Path) -> Resumed {
+    let mut simulation = simulation(text);
+    let resumed = simulation.resume(dir).unwrap_or_else(|error| panic!("{error}"));
+    simulation.run(dir, &mut ()).unwrap_or_else(|error| panic!("{error}"));
+    resumed
+}
+
+/// Copies the results as they are while a step is being recorded: what is left when the run is killed at that moment.
+struct Killed<'a> {
+    from: &'a Path,
+    to: &'a Path,
+    step: usize,
+}
+
+impl Progress for Killed<'_> {
+    fn converged(&mut self, step: &Step) {
+        if step.step == self.step {
+            copy(self.from, self.to);
+        }
+    }
+
+    fn failed(&mut self, _: &Cut) {}
+}
+
+fn copy(from: &Path, to: &Path) {
+    fs::create_dir_all(to).unwrap();
+    for entry in fs::read_dir(from).unwrap() {
+        let path = entry.unwrap().path();
+        let goal = to.join(path.file_name().unwrap());
+        if path.is_dir() { copy(&path, &goal) } else { fs::copy(&path, &goal).map(drop).unwrap() }
+    }
+}
+
+/// The contents of all files but the log, whose times differ, and the case, which names its folder.
+fn contents(dir: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut files = BTreeMap::new();
+    let mut folders = vec![dir.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if !path.ends_with("log.jsonl") {
+                files.insert(path.strip_prefix(dir).unwrap().to_owned(), fs::read(&path).unwrap());
+            }
+        }
+    }
+    files
+}
+
+/// Results of an uninterrupted run, and of one that was killed while it recorded its third step.
+fn whole_and_killed(root: &Path) -> (PathBuf, PathBuf) {
+    let (whole, killed) = (root.join("whole"), root.join("killed"));
+    simulation(CASE).run(&whole, &mut Killed { from: &whole, to: &killed, step: 3 }).unwrap();
+    (whole, killed)
+}
+
+#[track_caller]
+fn assert_same(a: &Path, b: &Path) {
+    let (a, b) = (contents(a), contents(b));
+    assert_eq!(a.keys().collect::<Vec<_>>(), b.keys().collect::<Vec<_>>());
+    for (name, content) in &a {
+        assert!(*content == b[name], "{} differs", name.display());
+    }
+}
+
+fn checkpoints(dir: &Path) -> Vec<String> {
+    let entries = fs::read_dir(dir.join("checkpoint")).unwrap();
+    let mut names: Vec<String> = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn a_killed_run_goes_on_bit_for_bit() {
+    let root = tempfile::tempdir().unwrap();
+    let (whole, killed) = whole_and_killed(root.path());
+    assert_eq!(checkpoints(&killed), ["step-00001.bin", "step-00002.bin"], "the third is not there yet");
+    assert_eq!(fs::read_to_string(killed.join("loads.csv")).unwrap().lines().count(), 4, "but its row is");
+
+    let resumed = resume(CASE, &killed);
+    assert_eq!(resumed, Resumed { step: 2, warnings: vec![] });
+    assert_eq!(checkpoints(&killed), ["step-00003.bin", "step-00004.bin"]);
+    assert_same(&whole, &killed);
+    assert_eq!(Collection::read(&killed).unwrap().entries().len(), 4);
+
+    let events = log::read(&killed.join("log.jsonl")).unwrap();
+    let from: Vec<usize> =
+        events.iter().filter_map(|e| if let Event::Start(s) = e { Some(s.resumed_from) } else { None }).collect();
+    assert_eq!(from, [0, 2]);
+    let steps: Vec<usize> =
+        events.iter().filter_map(|e| if let Event::Step(s) = e { Some(s.step) } else { None }).collect();
+    assert_eq!(steps, [1, 2, 3, 4]);
+    assert!(matches!(events.last(), Some(Event::End(end)) if end.converged && end.steps == 4));
+
+    // A run that is done has nothing left to do.
+    assert_eq!(resume(CASE, &killed).step, 4);
+    assert_same(&whole, &killed);
+}
+
+#[test]
+fn a_damaged_checkpoint_gives_way_to_the_one_before() {
+    let root = tempfile::tempdir().unwrap();
+    let (whole, killed) = whole_and_killed(root.path());
+    let newest = killed.join("checkpoint/step-00002.bin");
+    let bytes = fs::read(&newest).unwrap();
+    fs::write(&newest, &bytes[..bytes.len() / 2]).unwrap();
+    fs::write(killed.join("checkpoint/.step-00003.bin.77.part"), "half").unwrap();
+
+    let resumed = resume(CASE, &killed);
+    assert_eq!(resumed.step, 1);
+    assert!(matches!(&resumed.warnings[..], [one] if one.contains("step-00002.bin: damaged")), "{resumed:?}");
+    assert_same(&whole, &killed);
+
+    for name in checkpoints(&killed) {
+        fs::write(killed.join("checkpoint").join(name), b"BIOTISSU").unwrap();
+    }
+    let error = simulation(CASE).resume(&killed).unwrap_err();
+    assert!(matches!(error, ResumeError::Checkpoint(CheckpointError::Damaged { .. })), "{error}");
+}
+
+#[test]
+fn a_checkpoint_of_another_run_is_refused() {
+    let root = tempfile::tempdir().unwrap();
+    let dir = root.path().join("results");
+    run(CASE, &dir);
+    let before = contents(&dir);
+    let refused = |text: &str| match simulation(text).resume(&dir).unwrap_err() {
+        ResumeError::Checkpoint(CheckpointError::OtherRun { path, reason }) => {
+            assert!(path.ends_with("checkpoint/step-00004.bin"));
+            reason
+        }
+        error => panic!("{error}"),
+    };
+    let reason = refused(&CASE.replace("count = 4", "count = 5"));
+    assert_eq!(reason.to_string(), "the case differs in [steps]: `count = 4` before, `count = 5` now");
+    let reason = refused(&CASE.replace("x = 0.4", "x = 0.5"));
+    assert!(matches!(&reason, Mismatch::Case { section, .. } if section == "[[boundary]]"), "{reason}");
+    let reason = refused(&CASE.replace("cells = [2,", "cells = [3,"));
+    assert!(matches!(&reason, Mismatch::Case { section, .. } if section == "[mesh]"), "{reason}");
+    let fewer = CASE.replace("[[point]]\nat = [2.0, 0.0, 0.0]\ndisplacement = { y = 0.0, z = 0.0 }\n", "");
+    assert!(fewer.len() < CASE.len());
+    assert!(matches!(refused(&fewer), Mismatch::Case { .. }));
+    assert!(contents(&dir) == before, "nothing is touched");
+
+    // Only how the equations are solved may change, and that is said.
+    let resumed =
+        simulation(&CASE.replace("[output]", "[newton]\nmax_iterations = 40\n[output]")).resume(&dir).unwrap();
+    let said = "going on with other settings than the run has had so far: \
+                [newton] `max_iterations = 25` before, `max_iterations = 40` now";
+    assert_eq!(resumed, Resumed { step: 4, warnings: vec![said.into()] });
+    // Neither the title nor what is written counts.
+    let resumed = simulation(&CASE.replace("rve = [0, 7]", "every = 2").replace("\"pull\"", "\"push\"")).resume(&dir);
+    assert_eq!(resumed.unwrap(), Resumed { step: 4, warnings: vec![] });
+}
+
+#[test]
+fn networks_with_other_contents_are_refused() {
+    let root = tempfile::tempdir().unwrap();
+    let frozen = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/networks/frozen.txt");
+    let text = fs::read_to_string(frozen).unwrap();
+    let network = |folder: &str, text: &str| {
+        let path = root.path().join(folder).join("frozen.txt");
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(&path, text).unwrap();
+        CASE.replace("NETWORK", path.to_str().unwrap())
+    };
+    let dir = root.path().join("results");
+    run(&network("a", &text), &dir);
+    assert_eq!(simulation(&network("moved", &text)).resume(&dir).unwrap().step, 4, "the folder does not matter");
+    // Without its last fiber.
+    let mut lines: Vec<String> = text.lines().filter(|line| !line.trim().is_empty()).map(str::to_owned).collect();
+    lines.pop();
+    let counts: Vec<usize> = lines[0].split_whitespace().map(|count| count.parse().unwrap()).collect();
+    lines[0] = format!("{} {} {}", counts[0], counts[1] - 1, counts[2]);
+    let error = simulation(&network("b", &lines.join("\n"))).resume(&dir).unwrap_err();
+    assert!(
+        matches!(error, ResumeError::Checkpoint(CheckpointError::OtherRun { reason: Mismatch::Networks, .. })),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_run_from_the_beginning_replaces_what_is_there() {
+    let root = tempfile::tempdir().unwrap();
+    let (short, used) = (root.path().join("short"), root.path().join("used"));
+    let two_steps = CASE.replace("count = 4", "count = 2").replace("[0, 7]", "[3]");
+    run(CASE, &used);
+    fs::write(used.join("notes.txt"), "mine").unwrap();
+    fs::write(used.join("fields-1.vtu"), "mine").unwrap();
+    run(&two_steps, &used);
+    run(&two_steps, &short);
+    for name in ["notes.txt", "fields-1.vtu"] {
+        assert_eq!(fs::read_to_string(used.join(name)).unwrap(), "mine");
+        fs::remove_file(used.join(name)).unwrap();
+    }
+    assert_same(&short, &used);
+    assert_eq!(checkpoints(&used), ["step-00001.bin", "step-00002.bin"]);
+
+    // Nothing to go on from: said, and done from the beginning.
+    let fresh = root.path().join("fresh");
+    let resumed = resume(&two_steps, &fresh);
+    assert!(
+        matches!(&resumed.warnings[..], [one] if resumed.step == 0 && one.contains("no checkpoint")),
+        "{resumed:?}"
+    );
+    assert_same(&short, &fresh);
+}
+
+#[test]
+fn networks_asked_for_are_written_and_belong_to_the_fields() {
+    let root = tempfile::tempdir().unwrap();
+    let dir = root.path().join("results");
+    run(&CASE.replace("[output]", "[output]\nevery = 3"), &dir);
+    let mut names: Vec<String> =
+        fs::read_dir(dir.join("rve")).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    let of =
+        |element: &str| ["-step-00003.vtp", "-step-00004.vtp", ".pvd"].map(|end| format!("element-{element}{end}"));
+    assert_eq!(names, [of("00000"), of("00007")].concat());
+    let collection = Collection::read_at(dir.join("rve/element-00007.pvd")).unwrap();
+    let entries: Vec<_> = collection.entries().iter().map(|e| (e.time, e.file.as_str(), e.step())).collect();
+    let [three, four, _] = &of("00007");
+    assert_eq!(entries, [(0.75, three.as_str(), Some(3)), (1.0, four.as_str(), Some(4))]);
+
+    let network = read_vtp(&dir.join("rve").join(four)).unwrap();
+    let fields = read_vtu(&dir.join("fields-00004.vtu")).unwrap();
+    let f = fields.cell_tensor("deformation_gradient").unwrap()[7];
+    let reference =
+        biotissue::fiber::network::file::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/networks/frozen.txt"));
+    let reference = reference.unwrap().network;
+    assert_eq!(network.fibers, reference.fibers());
+    assert_eq!(network.kind, reference.reaction_of().iter().map(|&kind| i64::from(kind)).collect::<Vec<_>>());
+    for &node in reference.boundary() {
+        let x = reference.nodes()[node as usize];
+        let moved: [f64; 3] = std::array::from_fn(|i| f[3 * i] * x[0] + f[3 * i + 1] * x[1] + f[3 * i + 2] * x[2]);
+        assert_eq!(network.points[node as usize], moved);
+    }
+    let extreme = |name: &str| fields.cell_scalar(name).unwrap()[7];
+    let (least, most) = network.stretch.iter().fold((f64::MAX, 0.0_f64), |(a, b), &s| (a.min(s), b.max(s)));
+    assert_eq!((least, most), (extreme("stretch_min"), extreme("stretch_max")));
+    // The law of the case, and equilibrium of the inner nodes.
+    let (e, b, area) = (1.0e8, 1.2, std::f64::consts::PI * 5.0e-8 * 5.0e-8);
+    let mut sums = vec![[0.0; 3]; network.points.len()];
+    let mut largest = 0.0_f64;
+    for (fiber, &[from, to]) in network.fibers.iter().enumerate() {
+        let (stretch, force) = (network.stretch[fiber], network.force[fiber]);
+        let d: [f64; 3] = std::array::from_fn(|i| network.points[to as usize][i] - network.points[from as usize][i]);
+        let length = d.iter().map(|d| d * d).sum::<f64>().sqrt();
+        assert!((length / reference.lengths()[fiber] - stretch).abs() < 1e-14);
+        let expected = area * e / b * ((b * 0.5 * (stretch * stretch - 1.0)).exp() - 1.0);
+        assert!((force - expected).abs() < 1e-12 * area * e, "fiber {fiber}: {force:e}, {expected:e}");
+        largest = largest.max(force.abs());
+        for i in 0..3 {
+            sums[from as usize][i] += force * d[i] / length;
+            sums[to as usize][i] -= force * d[i] / length;
+        }
+    }
+    for &node in reference.interior() {
+        assert!(sums[node as usize].iter().all(|sum| sum.abs() < 1e-8 * largest), "node {node}");
+    }
+}
+
+#[test]
+fn elements_without_a_network_to_write_are_named() {
+    let text = CASE.replace("[0, 7]", "[3, 12, 99]");
+    let Err(SimulationError::Output(errors)) = Simulation::<Sparse>::new((), case(&text)) else { panic!("accepted") };
+    let what: Vec<&str> = errors.0.iter().map(|error| error.what.as_str()).collect();
+    let said = |element| format!("`output.rve` names element {element}; the mesh has 12 elements");
+    assert_eq!(what, [said(12), said(99)]);
+    assert_eq!(errors.0[0].file, Path::new("/nowhere/pull.toml"));
+
+    let (start, end) = (CASE.find("[region.material]").unwrap(), CASE.find("[[boundary]]").unwrap());
+    let plain = "[region.material]\nmodel = \"neo-hookean\"\nyoungs_modulus = 1.0e3\npoisson_ratio = 0.3\n";
+    let text = format!("{}{plain}{}", &CASE[..start], &CASE[end..]);
+    let Err(SimulationError::Output(errors)) = Simulation::<Sparse>::new((), case(&text)) else { panic!("accepted") };
+    assert_eq!(errors.0[0].what, "`output.rve` names element 0, which has no fibers");
+    // A body without fibers has checkpoints too.
+    let text = text.replace("[0, 7]", "\"all\"");
+    let root = tempfile::tempdir().unwrap();
+    run(&text, root.path());
+    assert_eq!(simulation(&text).resume(root.path()).unwrap(), Resumed { step: 4, warnings: vec![] });
+}
+
+/// `biotissue run` with these arguments; the exit code and what it says on stderr.
+fn command(dir: &Path, text: &str, arguments: &[&str]) -> (Option<i32>, String) {
+    let network = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/networks/frozen.txt");
+    fs::write(dir.join("pull.toml"), text.replace("NETWORK", network.to_str().unwrap())).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_biotissue"));
+    let output =
+        command.current_dir(dir).args(["run", "pull.toml", "--threads", "2"]).args(arguments).output().unwrap();
+    (output.status.code(), String::from_utf8(output.stderr).unwrap())
+}
+
+#[test]
+fn the_program_goes_on_where_it_stopped() {
+    let root = tempfile::tempdir().unwrap();
+    // Pressed through itself in the third step.
+    let hopeless = CASE.replace("x = 0.4 }", "x = 0.4 }\ncurve = [[0.0, 0.0], [0.5, 0.1], [0.75, -9.0]]");
+    let (code, said) = command(root.path(), &hopeless, &["--resume"]);
+    assert_eq!(code, Some(3), "{said}");
+    assert!(said.contains("warning: ") && said.contains("no checkpoint: starting from the beginning"), "{said}");
+    let loads = fs::read(root.path().join("results/loads.csv")).unwrap();
+
+    // The same end again, without the steps that converged.
+    let (code, said) = command(root.path(), &hopeless, &["--resume"]);
+    assert_eq!(code, Some(3), "{said}");
+    assert!(said.contains("going on after step 2 of 4") && !said.contains("step 2/4 t"), "{said}");
+    assert_eq!(fs::read(root.path().join("results/loads.csv")).unwrap(), loads);
+
+    let (code, said) = command(root.path(), CASE, &["--resume"]);
+    assert_eq!(code, Some(2), "{said}");
+    for part in ["belongs to another run: the case differs in [[boundary]]", "expected: ", "cure: ", "--resume"] {
+        assert!(said.contains(part), "{said}");
+    }
+    assert_eq!(fs::read(root.path().join("results/loads.csv")).unwrap(), loads, "nothing is touched");
+
+    let (code, said) = command(root.path(), CASE, &[]);
+    assert_eq!(code, Some(0), "{said}");
+    assert_eq!(checkpoints(&root.path().join("results")), ["step-00003.bin", "step-00004.bin"]);
+}
