@@ -8,12 +8,14 @@ use super::case::Case;
 use super::checkpoint;
 use super::micro_scale::{PointSummary, SweepStats, TissueField, TissueFieldError};
 use super::results::collection::field_file;
-use super::results::log::{Cut, Event, Factorisations, LogWriter, NewtonLog, NewtonSeconds, RveLog, Step};
+use super::results::log::{Balance, Cut, Event, Factorisations, LogWriter, NewtonLog, NewtonSeconds, RveLog, Step};
 use super::results::{
     self, CASE_FILE, Collection, FieldSet, LOADS_FILE, LOG_FILE, LoadsWriter, ResultsError, SurfaceRow, write_vtu,
 };
 use super::rve_files::NetworkFiles;
+use crate::fem::equilibrium::BodyState;
 use crate::fem::mesh::Mesh;
+use crate::fem::reactions::BoundaryForces;
 use crate::fem::stepping::{ConvergedStep, FailedAttempt, StepObserver, StepReport};
 use crate::las::{Backend, NewtonReport, Scalar};
 
@@ -115,21 +117,27 @@ impl<'a> Recorder<'a> {
         self.loads.row(step.step, step.t, &surfaces, &points, &volumes)
     }
 
-    fn write_fields<P>(
+    /// Writes the fields and the networks of a state under the name `file`.
+    fn write_fields<B: Backend<Scalar = f64>>(
         &mut self,
-        step: &ConvergedStep<'_, P>,
-        summaries: &[Option<PointSummary>],
-    ) -> Result<(), ResultsError> {
-        let cells = CellFields::new(step, summaries);
-        let region: Vec<i64> = step.mesh.region_of().iter().map(|&region| region.into()).collect();
+        (step, file): (usize, &str),
+        mesh: &Mesh,
+        state: &BodyState,
+        field: &TissueField<B>,
+    ) -> Result<(), ResultsError>
+    where
+        B::Reduced: Scalar,
+    {
+        let cells = CellFields::new(state, &field.summaries());
+        let region: Vec<i64> = mesh.region_of().iter().map(|&region| region.into()).collect();
         let rank = vec![0; region.len()];
         let fields = FieldSet {
-            points: step.mesh.nodes(),
-            elements: step.mesh.elements(),
-            point_vectors: vec![("displacement", &step.state.displacements)],
+            points: mesh.nodes(),
+            elements: mesh.elements(),
+            point_vectors: vec![("displacement", &state.displacements)],
             cell_scalars: vec![
                 ("von_mises_stress", &cells.von_mises),
-                ("energy_density", &step.state.responses.energy),
+                ("energy_density", &state.responses.energy),
                 ("fiber_alignment", &cells.alignment),
                 ("stretch_min", &cells.stretch_min),
                 ("stretch_max", &cells.stretch_max),
@@ -148,9 +156,31 @@ impl<'a> Recorder<'a> {
                 ("fiber_orientation", &cells.orientation),
             ],
         };
-        let name = field_file(step.step);
-        write_vtu(&self.dir.join(&name), &fields)?;
-        self.fields.add(step.t, &name)
+        write_vtu(&self.dir.join(file), &fields)?;
+        self.fields.add(state.t, file)?;
+        self.networks.write(step, state.t, field)
+    }
+
+    /// Writes the fields of the last state that converged, where they are not written yet: of a run that ends early
+    /// between two outputs, or within a step that was cut. `step` is the last full step.
+    pub fn write_last<B: Backend<Scalar = f64>>(
+        &mut self,
+        step: usize,
+        t_of_step: f64,
+        mesh: &Mesh,
+        state: &BodyState,
+        field: &TissueField<B>,
+    ) -> Result<(), ResultsError>
+    where
+        B::Reduced: Scalar,
+    {
+        let written = self.fields.entries().last().map_or(0.0, |entry| entry.time);
+        if state.t <= written {
+            return Ok(());
+        }
+        let partial = format!("fields-{step:05}-partial.vtu");
+        let file = if state.t > t_of_step { partial } else { field_file(step) };
+        self.write_fields((step, &file), mesh, state, field)
     }
 }
 
@@ -163,8 +193,7 @@ where
     fn converged(&mut self, step: &ConvergedStep<'_, TissueField<B>>) -> Result<(), ResultsError> {
         self.write_loads(step)?;
         if step.step.is_multiple_of(self.every) || step.step == step.count {
-            self.write_fields(step, &step.field.summaries())?;
-            self.networks.write(step.step, step.t, step.field)?;
+            self.write_fields((step.step, &field_file(step.step)), step.mesh, step.state, step.field)?;
         }
         let stats = step.field.take_stats();
         let line = Step {
@@ -173,6 +202,7 @@ where
             cuts: step.report.cuts as u32,
             newton: newton_of_step(step.report, std::mem::replace(&mut self.started, std::time::Instant::now())),
             rve: (step.field.rves() > 0).then(|| rve_log(&stats)),
+            balance: balance(&step.forces),
         };
         self.progress.converged(&line);
         self.log.write(&Event::Step(line))
@@ -193,10 +223,20 @@ where
     }
 }
 
+/// The sum of all surface and point forces, and that over the largest of them.
+fn balance(forces: &BoundaryForces) -> Balance {
+    let norm = |force: &[f64; 3]| force.iter().map(|f| f * f).sum::<f64>().sqrt();
+    let all = forces.surfaces.iter().map(|s| &s.force).chain(forces.points.iter().map(|p| &p.force));
+    let largest = all.map(norm).fold(0.0, f64::max);
+    let force = forces.sum();
+    Balance { force, relative: if largest > 0.0 { norm(&force) / largest } else { 0.0 } }
+}
+
 fn newton_log(report: &NewtonReport) -> NewtonLog {
     let seconds = report.seconds;
     NewtonLog {
         iterations: report.iterations,
+        residual: report.residuals.last().copied().unwrap_or(f64::NAN),
         residuals: report.residuals.clone(),
         relative: report.relative.clone(),
         line_search_cuts: report.line_search_cuts,
@@ -217,6 +257,7 @@ fn newton_of_step(report: &StepReport, started: std::time::Instant) -> NewtonLog
     for part in &report.substeps {
         let part = newton_log(part);
         sum.iterations += part.iterations;
+        sum.residual = part.residual;
         sum.residuals.extend(part.residuals);
         sum.relative.extend(part.relative);
         sum.line_search_cuts += part.line_search_cuts;
@@ -266,9 +307,9 @@ struct CellFields {
 }
 
 impl CellFields {
-    fn new<P>(step: &ConvergedStep<'_, P>, summaries: &[Option<PointSummary>]) -> Self {
+    fn new(state: &BodyState, summaries: &[Option<PointSummary>]) -> Self {
         let mut cells = Self::default();
-        let states = step.state.gradients.iter().zip(&step.state.responses.pk1);
+        let states = state.gradients.iter().zip(&state.responses.pk1);
         for ((f, pk1), summary) in states.zip(summaries) {
             let cauchy = pk1 * f.transpose() / f.determinant();
             cells.von_mises.push(von_mises(&cauchy));

@@ -14,6 +14,7 @@ use super::record::{Progress, Recorder};
 use super::results::ResultsError;
 use super::results::log::{End, Event, Start};
 use super::rve_files;
+use crate::fem::boundary::{Boundary, Conditions};
 use crate::fem::mesh::Mesh;
 use crate::fem::stepping::{RestoreError, SetupError, StepFailure, Stepper, SteppingError};
 use crate::input::InputErrors;
@@ -46,6 +47,8 @@ pub struct Plan {
     pub networks: Vec<NetworkPlan>,
     /// Bytes of all RVE states and answers.
     pub rve_bytes: usize,
+    /// Bytes of the gradients, stresses and tangents that the body holds; the factors of its stiffness come on top.
+    pub body_bytes: usize,
     /// Load steps.
     pub steps: usize,
     /// Threads that solve RVEs.
@@ -138,6 +141,105 @@ pub struct RunSummary {
     pub seconds: f64,
 }
 
+/// A case with everything read and checked that it names, before anything is solved.
+pub struct Setup<B: Backend<Scalar = f64>>
+where
+    B::Reduced: Scalar,
+{
+    context: B::Context,
+    case: Case,
+    mesh: Mesh,
+    conditions: Conditions,
+    field: TissueField<B>,
+    networks: Vec<usize>,
+    unknowns: usize,
+    warnings: Vec<String>,
+}
+
+impl<B: Backend<Scalar = f64>> Setup<B>
+where
+    B::Reduced: Scalar,
+    B::Context: Clone,
+{
+    /// Reads the mesh and the networks of a case and holds them against what it prescribes.
+    ///
+    /// # Errors
+    /// [`SimulationError`].
+    pub fn new(context: B::Context, case: Case) -> Result<Self, SimulationError<B::Fault>> {
+        let (mesh, mut warnings) = macro_scale::mesh(&case)?;
+        let conditions = macro_scale::conditions(&case)?;
+        let boundary = Boundary::new(&mesh, &conditions).map_err(|error| Box::new(error.into()))?;
+        let mut held = vec![[false; 3]; mesh.nodes().len()];
+        for h in boundary.held() {
+            held[h.node as usize][usize::from(h.component)] = true;
+        }
+        let unknowns = held.as_flattened().iter().filter(|&&held| !held).count();
+        let (field, network_warnings) = TissueField::new(context.clone(), &case, &mesh)?;
+        warnings.extend(network_warnings);
+        let networks = rve_files::elements(&case, mesh.elements().len(), &field)?;
+        Ok(Self { context, case, mesh, conditions, field, networks, unknowns, warnings })
+    }
+
+    /// What is about to be solved.
+    #[must_use]
+    pub fn plan(&self) -> Plan {
+        plan(&self.case, &self.mesh, &self.field, self.unknowns)
+    }
+
+    /// What the readers thought worth saying.
+    #[must_use]
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    /// The case.
+    #[must_use]
+    pub fn case(&self) -> &Case {
+        &self.case
+    }
+
+    /// The mesh, in metres.
+    #[must_use]
+    pub fn mesh(&self) -> &Mesh {
+        &self.mesh
+    }
+
+    /// Sets up the linear systems of both scales; asks every point for its answer in the undeformed body.
+    ///
+    /// # Errors
+    /// [`SimulationError::Setup`].
+    pub fn simulation(self) -> Result<Simulation<B>, SimulationError<B::Fault>> {
+        let Self { context, case, mesh, conditions, field, networks, warnings, .. } = self;
+        let params = macro_scale::step_params(&case);
+        let stepper = Stepper::new(&context, Arc::new(mesh), &conditions, field, params).map_err(Box::new)?;
+        Ok(Simulation { case, stepper, networks, warnings })
+    }
+}
+
+fn plan<B: Backend<Scalar = f64>>(case: &Case, mesh: &Mesh, field: &TissueField<B>, unknowns: usize) -> Plan
+where
+    B::Reduced: Scalar,
+{
+    let networks = field.models().iter().zip(field.users()).map(|(model, rves)| NetworkPlan {
+        name: model.network().name().to_owned(),
+        unknowns: model.unknowns(),
+        rves,
+    });
+    // Of every point two states are held: the converged one and the trial.
+    let point_bytes = 2 * (1 + 9 + 9 + 81) * size_of::<f64>();
+    Plan {
+        elements: mesh.elements().len(),
+        nodes: mesh.nodes().len(),
+        unknowns,
+        rves: field.rves(),
+        networks: networks.collect(),
+        rve_bytes: field.rve_bytes(),
+        body_bytes: point_bytes * mesh.elements().len(),
+        steps: case.steps.count,
+        threads: rayon::current_num_threads(),
+    }
+}
+
 impl<B: Backend<Scalar = f64>> Simulation<B>
 where
     B::Reduced: Scalar,
@@ -150,14 +252,7 @@ where
     where
         B::Context: Clone,
     {
-        let (mesh, mut warnings) = macro_scale::mesh(&case)?;
-        let conditions = macro_scale::conditions(&case)?;
-        let (field, network_warnings) = TissueField::new(context.clone(), &case, &mesh)?;
-        warnings.extend(network_warnings);
-        let networks = rve_files::elements(&case, mesh.elements().len(), &field)?;
-        let params = macro_scale::step_params(&case);
-        let stepper = Stepper::new(&context, Arc::new(mesh), &conditions, field, params).map_err(Box::new)?;
-        Ok(Self { case, stepper, networks, warnings })
+        Setup::new(context, case)?.simulation()
     }
 
     /// What the readers thought worth saying.
@@ -181,22 +276,7 @@ where
     /// What is about to be solved.
     #[must_use]
     pub fn plan(&self) -> Plan {
-        let field = self.stepper.field();
-        let networks = field.models().iter().zip(field.users()).map(|(model, rves)| NetworkPlan {
-            name: model.network().name().to_owned(),
-            unknowns: model.unknowns(),
-            rves,
-        });
-        Plan {
-            elements: self.mesh().elements().len(),
-            nodes: self.mesh().nodes().len(),
-            unknowns: self.stepper.unknowns(),
-            rves: field.rves(),
-            networks: networks.collect(),
-            rve_bytes: field.rve_bytes(),
-            steps: self.case.steps.count,
-            threads: rayon::current_num_threads(),
-        }
+        plan(&self.case, self.mesh(), self.stepper.field(), self.stepper.unknowns())
     }
 
     /// Goes back to the last converged step that is kept in the result directory `dir`; [`Simulation::run`] then takes the
@@ -250,7 +330,12 @@ where
         let steps = self.stepper.done();
         let reason = match &outcome {
             Ok(_) => None,
-            Err(error @ RunError::NotConverged { .. }) => Some(error.to_string()),
+            Err(error @ RunError::NotConverged { .. }) => {
+                let (state, field) = (self.stepper.state(), self.stepper.field());
+                let t = steps as f64 / self.stepper.count() as f64;
+                recorder.write_last(steps, t, self.stepper.mesh(), state, field)?;
+                Some(error.to_string())
+            }
             // A disk that refuses results refuses the end of the log too.
             Err(RunError::Results(_)) => return outcome.map(|iterations| RunSummary { steps, iterations, seconds }),
         };

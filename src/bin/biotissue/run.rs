@@ -222,7 +222,11 @@ where
 fn not_resumed<F: std::error::Error + 'static>(error: ResumeError<F>) -> Failure {
     let cure = match &error {
         ResumeError::Checkpoint(error @ CheckpointError::Unreadable { .. }) => {
-            return Failure::Environment { what: error.to_string(), cure: error.cure().into() };
+            return Failure::Environment {
+                what: error.to_string(),
+                expected: "checkpoints that can be read".into(),
+                cure: error.cure().into(),
+            };
         }
         ResumeError::Checkpoint(error) => error.cure(),
         ResumeError::State { .. } => "start again without resuming: that replaces the results",

@@ -13,7 +13,7 @@ use nalgebra::Matrix3;
 use rayon::prelude::*;
 use thiserror::Error;
 
-use crate::fem::material::Response;
+use crate::fem::material::{MaterialError, Response};
 use crate::fem::point_field::{PointField, PointResponses};
 use crate::fiber::equilibrium::EquilibriumParams;
 use crate::fiber::rve::RveModel;
@@ -164,7 +164,7 @@ where
         // Formulas first: an element that is inside out is found before its RVE is asked.
         for (element, f) in gradients.iter().enumerate() {
             if let Site::Formula(formula) = &self.sites[element] {
-                let answer = formula.respond(f);
+                let answer = not_inverted(f).and_then(|()| formula.respond(f));
                 let answer = answer.map_err(|e| TissueFieldError { element, network: None, reason: e.into() })?;
                 write(out, element, &answer);
             }
@@ -185,6 +185,12 @@ where
     fn revert(&mut self) {
         self.units.par_iter_mut().for_each(Unit::revert);
     }
+}
+
+/// Small-strain formulas have an answer at any gradient, but a body that is inside out is none.
+fn not_inverted(f: &Matrix3<f64>) -> Result<(), MaterialError> {
+    let determinant = f.determinant();
+    if determinant > 0.0 { Ok(()) } else { Err(MaterialError::Inverted { determinant }) }
 }
 
 fn write(out: &mut PointResponses, element: usize, answer: &Response) {

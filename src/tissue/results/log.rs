@@ -67,6 +67,19 @@ pub struct Step {
     /// The RVEs, where there are any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rve: Option<RveLog>,
+    /// Whether forces balance.
+    #[serde(default)]
+    pub balance: Balance,
+}
+
+/// The balance of forces on the body. With body forces, their resultant is what is left.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Balance {
+    /// The sum of the forces through all surfaces and held points, N.
+    pub force: [f64; 3],
+    /// Its norm over that of the largest of them.
+    pub relative: f64,
 }
 
 /// An attempt that failed.
@@ -103,6 +116,9 @@ pub struct End {
 pub struct NewtonLog {
     /// Linear solves.
     pub iterations: usize,
+    /// Norm of the residual at the end, N.
+    #[serde(deserialize_with = "null_is_nan_one")]
+    pub residual: f64,
     /// Norm of the residual before every iteration and at the end, N.
     #[serde(deserialize_with = "null_is_nan")]
     pub residuals: Vec<f64>,
@@ -167,6 +183,10 @@ pub struct RveLog {
     pub reused: u64,
     /// Processor time, s, over all workers.
     pub seconds_cpu: f64,
+}
+
+fn null_is_nan_one<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    Ok(Option::<f64>::deserialize(deserializer)?.unwrap_or(f64::NAN))
 }
 
 fn null_is_nan<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Vec<f64>, D::Error> {
