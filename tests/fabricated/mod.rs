@@ -86,6 +86,7 @@ pub fn write(dir: &Path, cells: [usize; 3]) {
         networks: 12,
         threads: 4,
         version: "0.1.0".into(),
+        resumed_from: 0,
     }))
     .unwrap();
     let mut loads =
