@@ -152,7 +152,7 @@ where
         if unbalanced <= NONE {
             return Ok(());
         }
-        if unbalanced > GAIN * before {
+        if !unbalanced.is_finite() || unbalanced > GAIN * before {
             if factor_is_exact {
                 return if unbalanced < LOST { Ok(()) } else { Err(SolveError::Inaccurate { residual: unbalanced }) };
             }

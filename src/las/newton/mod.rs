@@ -158,7 +158,8 @@ where
         let yardstick = problem.residual(&mut self.residual).map_err(Trial::NotThere)?;
         let norm = self.residual.norm().map_err(Trial::Fault)?.as_f64();
         report.seconds.residual += start.elapsed().as_secs_f64();
-        if norm.is_finite() { Ok((norm, yardstick)) } else { Err(Trial::NotFinite) }
+        // Against an infinite scale every residual would count as none.
+        if norm.is_finite() && yardstick.scale.is_finite() { Ok((norm, yardstick)) } else { Err(Trial::NotFinite) }
     }
 }
 

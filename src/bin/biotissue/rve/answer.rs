@@ -121,7 +121,7 @@ impl Answer {
             "converged    {} iterations, |r| = {norm:.3e} N ({relative:.1e} of all forces)",
             self.iterations
         );
-        let _ = writeln!(out, "J            {}", self.determinant);
+        let _ = writeln!(out, "J            {:?}", self.determinant);
         let _ = writeln!(out, "kappa        {:e}", self.scale);
         if let Some(state) = &self.state {
             state.write(&mut out);

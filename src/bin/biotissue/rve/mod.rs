@@ -108,8 +108,8 @@ fn parse_gradient(text: &str) -> Result<Matrix3<f64>, Failure> {
 
 /// No increment on the straight way to F may turn the material inside out either.
 fn check_path(job: &RveJob) -> Result<(), Failure> {
-    let determinants = (1..=job.steps).map(|step| (step, job.target(step).determinant()));
-    let Some((step, determinant)) = determinants.into_iter().find(|(_, determinant)| !(*determinant > 0.0)) else {
+    let mut determinants = (1..=job.steps).map(|step| (step, job.target(step).determinant()));
+    let Some((step, determinant)) = determinants.find(|(_, d)| d.is_nan() || *d <= 0.0) else {
         return Ok(());
     };
     Err(Failure::arguments(

@@ -184,7 +184,9 @@ impl RveJob {
             }
             RveError::Tangent(_) | RveError::NotConverged { reason: NewtonError::Solve(_), .. } => (
                 "a network that resists every motion of its interior nodes",
-                format!("`biotissue network check {path}` tells whether it is floppy or hangs loose"),
+                format!(
+                    "`biotissue network check {path}` tells whether it is floppy or hangs loose; if not, take more --steps"
+                ),
             ),
             RveError::NotConverged { .. } | RveError::Inverted { .. } => (
                 "an equilibrium of the network with its boundary at x = F X",

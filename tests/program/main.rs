@@ -1,0 +1,109 @@
+//! The program `biotissue` as its users meet it: what it prints, what it writes, and how it fails.
+#![cfg(feature = "app")]
+
+mod arguments;
+mod run;
+mod rve;
+mod streams;
+
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// What a command left behind.
+struct Outcome {
+    code: i32,
+    stdout: String,
+    stderr: String,
+}
+
+/// The program, to be started in `folder`.
+fn program(folder: &Path) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_biotissue"));
+    command.current_dir(folder);
+    command
+}
+
+/// Runs the program to its end. Whatever it was given, it must not panic.
+fn biotissue<S: AsRef<OsStr>>(folder: &Path, arguments: &[S]) -> Outcome {
+    let shown = || arguments.iter().map(|a| a.as_ref().to_string_lossy()).collect::<Vec<_>>().join(" ");
+    let output = program(folder).args(arguments).output().unwrap();
+    let outcome = Outcome {
+        code: output.status.code().unwrap_or_else(|| panic!("{}: {}", shown(), output.status)),
+        stdout: String::from_utf8(output.stdout).unwrap(),
+        stderr: String::from_utf8(output.stderr).unwrap(),
+    };
+    assert!(!outcome.stderr.contains("panicked"), "{}: {}", shown(), outcome.stderr);
+    assert!([0, 2, 3, 4].contains(&outcome.code), "{}: {}: {}", shown(), outcome.code, outcome.stderr);
+    outcome
+}
+
+/// The same with arguments in one line, which holds no blanks within an argument.
+fn line(folder: &Path, arguments: &str) -> Outcome {
+    biotissue(folder, &arguments.split_whitespace().collect::<Vec<_>>())
+}
+
+impl Outcome {
+    /// Stdout of a command that did what was asked.
+    fn done(&self) -> &str {
+        assert_eq!(self.code, 0, "{}", self.stderr);
+        &self.stdout
+    }
+
+    /// The JSON object of a command that did what was asked.
+    fn object(&self) -> serde_json::Value {
+        assert_eq!(self.done().lines().count(), 1, "{}", self.stdout);
+        serde_json::from_str(&self.stdout).unwrap()
+    }
+
+    /// The one block on stderr of a command that failed with `code` and had no result, progress before it left out.
+    fn failed(&self, code: i32) -> &str {
+        assert_eq!(self.code, code, "{}", self.stderr);
+        assert_eq!(self.stdout, "");
+        self.block()
+    }
+
+    fn block(&self) -> &str {
+        let starts: Vec<usize> = self.stderr.match_indices("error: ").map(|(at, _)| at).collect();
+        assert_eq!(starts.len(), 1, "one block: {}", self.stderr);
+        let block = &self.stderr[starts[0]..];
+        assert!(starts[0] == 0 || self.stderr[..starts[0]].ends_with('\n'), "{}", self.stderr);
+        assert!(block.contains("\n  expected: ") && block.contains("\n  cure: "), "{block}");
+        block
+    }
+}
+
+/// The keys of a JSON object, in alphabetical order.
+fn keys(object: &serde_json::Value) -> Vec<&str> {
+    let mut keys: Vec<&str> = object.as_object().unwrap().keys().map(String::as_str).collect();
+    keys.sort_unstable();
+    keys
+}
+
+/// A file beside the tests.
+fn beside(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests").join(name)
+}
+
+/// The network that comes with the tests: linear fibers.
+fn frozen() -> String {
+    beside("networks/frozen.txt").to_str().unwrap().to_owned()
+}
+
+/// Writes `chain.txt`: a straight chain of three fibers along every diagonal of the cube, which nothing holds sideways.
+fn write_floppy_network(folder: &Path) {
+    let corner = |k: usize| [k & 1, k >> 1 & 1, k >> 2].map(|x| x as f64);
+    let mut nodes: Vec<[f64; 3]> = (0..8).map(corner).collect();
+    let mut fibers = Vec::new();
+    for (k, shift) in [0.0, 0.01, 0.02, 0.03].into_iter().enumerate() {
+        let (from, to) = (corner(k), corner(7 - k));
+        let at = |part: f64| [0, 1, 2].map(|i| from[i] + (to[i] - from[i]) * (part + shift));
+        let first = nodes.len();
+        nodes.extend([at(0.3), at(0.7)]);
+        fibers.extend([[k, first], [first, first + 1], [first + 1, 7 - k]]);
+    }
+    let mut text = format!("{} {} 0\n", nodes.len(), fibers.len());
+    nodes.iter().for_each(|[x, y, z]| text.push_str(&format!("{x} {y} {z}\n")));
+    fibers.iter().for_each(|[a, b]| text.push_str(&format!("{a} {b}\n")));
+    std::fs::write(folder.join("chain.txt"), text).unwrap();
+}

@@ -1,0 +1,262 @@
+//! `biotissue run` and `biotissue check`.
+
+use std::path::Path;
+
+use serde_json::Value;
+
+use crate::{Outcome, biotissue, frozen, keys, line, write_floppy_network};
+
+/// A box pressed through itself: flat at `t = 2/3`, so three of the five load steps converge.
+pub const PRESSED: &str = r#"
+title = "Pressed through itself"
+[mesh]
+generate = { shape = "box", cells = [1, 1, 1], size = [1.0, 1.0, 1.0] }
+[[region]]
+name = "*"
+material = { model = "neo-hookean", youngs_modulus = 1.0e3, poisson_ratio = 0.3 }
+[[boundary]]
+surface = "x0"
+displacement = { x = 0.0, y = 0.0, z = 0.0 }
+[[boundary]]
+surface = "x1"
+displacement = { x = -1.5, y = 0.0, z = 0.0 }
+[steps]
+count = 5
+"#;
+
+/// A box of one cell pulled by 5 %, a fiber network in every element.
+const FIBERS: &str = r#"
+title = "Fibers"
+[mesh]
+generate = { shape = "box", cells = [1, 1, 1], size = [1.0, 1.0, 1.0] }
+[[region]]
+name = "*"
+[region.material]
+model = "fiber-rve"
+networks = ["NETWORK"]
+fiber_volume_fraction = 0.003
+law = { name = "linear", youngs_modulus = 1.0e8, radius = 5.0e-8 }
+[[boundary]]
+surface = "x0"
+displacement = { x = 0.0, y = 0.0, z = 0.0 }
+[[boundary]]
+surface = "x1"
+displacement = { x = 0.05 }
+[steps]
+count = 2
+"#;
+
+/// Writes a case and gives its name.
+pub fn write_case(folder: &Path, name: &str, text: &str) -> String {
+    std::fs::write(folder.join(name), text).unwrap();
+    name.to_owned()
+}
+
+fn run(folder: &Path, text: &str, options: &str) -> Outcome {
+    write_case(folder, "case.toml", text);
+    line(folder, &format!("run case.toml {options}"))
+}
+
+fn fibers(network: &str) -> String {
+    FIBERS.replace("NETWORK", network)
+}
+
+fn events(folder: &Path) -> Vec<Value> {
+    let log = std::fs::read_to_string(folder.join("log.jsonl")).unwrap();
+    log.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
+fn steps_in_loads(folder: &Path) -> usize {
+    std::fs::read_to_string(folder.join("loads.csv")).unwrap().lines().count() - 1
+}
+
+/// The files that `fields.pvd` names, every one of which is there.
+fn field_files(folder: &Path) -> usize {
+    let collection = std::fs::read_to_string(folder.join("fields.pvd")).unwrap();
+    let names = collection.split("file=\"").skip(1).map(|rest| rest.split('"').next().unwrap());
+    names.inspect(|name| assert!(folder.join(name).is_file(), "{name}")).count()
+}
+
+#[test]
+fn a_case_runs_to_its_results() {
+    let folder = tempfile::tempdir().unwrap();
+    let done = run(folder.path(), &fibers(&frozen()), "--json --ranks 1 --threads 2");
+    let summary = done.object();
+    assert_eq!(keys(&summary), ["converged", "directory", "iterations", "seconds", "steps"]);
+    assert_eq!((&summary["converged"], &summary["steps"]), (&true.into(), &2.into()));
+    let progress: Vec<&str> = done.stderr.lines().collect();
+    assert!(progress[0].starts_with("6 elements, ") && progress[0].ends_with("6 RVEs of 1 network, 2 threads"));
+    assert!(progress[1].starts_with("step 1/2 t = 0.5000: ") && progress[2].starts_with("step 2/2 t = 1.0000: "));
+    assert_eq!(progress.len(), 3);
+
+    let results = folder.path().join("results");
+    assert_eq!((steps_in_loads(&results), field_files(&results)), (2, 2));
+    let events = events(&results);
+    let kinds: Vec<&str> = events.iter().map(|event| event["event"].as_str().unwrap()).collect();
+    assert_eq!(kinds, ["start", "step", "step", "end"]);
+    assert_eq!(
+        (&events[0]["rves"], &events[0]["threads"], &events[3]["converged"]),
+        (&6.into(), &2.into(), &true.into())
+    );
+    let report = line(folder.path(), "report results");
+    assert_eq!(report.done().trim_end(), Path::new("results").join("report.html").to_str().unwrap());
+
+    // The case as run, with its paths made absolute, gives the same elsewhere.
+    let again = run(folder.path(), &std::fs::read_to_string(results.join("case.toml")).unwrap(), "--out deep/again");
+    assert!(again.done().starts_with("2 load steps, ") && again.done().trim_end().ends_with("results in deep/again"));
+    let loads = |folder: &Path| std::fs::read_to_string(folder.join("loads.csv")).unwrap();
+    assert_eq!(loads(&results), loads(&folder.path().join("deep/again")));
+}
+
+#[test]
+fn check_prints_the_plan_and_writes_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    write_case(folder.path(), "case.toml", &fibers(&frozen()));
+    let plan = line(folder.path(), "check case.toml --json --threads 2").object();
+    for (key, value) in [("elements", 6), ("nodes", 8), ("unknowns", 8), ("rves", 6), ("steps", 2), ("threads", 2)] {
+        assert_eq!(plan[key], value, "{key}");
+    }
+    assert_eq!(
+        (&plan["ranks"], &plan["regions"], &plan["networks"][0]["rves"]),
+        (&1.into(), &serde_json::json!(["body"]), &6.into())
+    );
+    assert!(plan["rve_bytes"].as_u64() > Some(0));
+    let text = line(folder.path(), "check case.toml");
+    for words in ["title      Fibers", "6 elements, 8 nodes", "8 free", "frozen.txt", "x0, x1, y0, y1, z0, z1"] {
+        assert!(text.done().contains(words), "{words}: {}", text.stdout);
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "only the case");
+}
+
+#[test]
+fn what_converged_before_a_failure_is_on_disk() {
+    let folder = tempfile::tempdir().unwrap();
+    let failed = run(folder.path(), PRESSED, "--out pressed");
+    let block = failed.failed(3);
+    assert!(block.starts_with("error: load step 4 of 5 does not converge, halved 6 times: element "), "{block}");
+    assert!(block.contains("det F = -") && block.contains("the 3 load steps before it are in pressed\n"), "{block}");
+    let results = folder.path().join("pressed");
+    assert_eq!((steps_in_loads(&results), field_files(&results)), (3, 3));
+    let events = events(&results);
+    let count = |kind: &str| events.iter().filter(|event| event["event"] == kind).count();
+    assert_eq!((count("start"), count("step"), count("end")), (1, 3, 1));
+    assert!(count("cut") >= 6);
+    let end = events.last().unwrap();
+    assert_eq!((&end["event"], &end["converged"], &end["steps"]), (&"end".into(), &false.into(), &3.into()));
+    assert!(end["reason"].as_str().unwrap().contains("det F"));
+    let report = line(folder.path(), "report pressed");
+    report.done();
+    assert!(std::fs::read_to_string(results.join("report.html")).unwrap().contains("det F"));
+}
+
+#[test]
+fn a_body_that_nothing_holds_does_not_converge() {
+    let folder = tempfile::tempdir().unwrap();
+    let (body, rest) = PRESSED.split_once("[[boundary]]").unwrap();
+    let steps = &rest[rest.find("[steps]").unwrap()..];
+    let failed = run(folder.path(), &format!("{body}{steps}"), "");
+    let block = failed.failed(3);
+    assert!(block.contains("singular") && block.contains("no load step converged before it"), "{block}");
+    assert!(block.contains("hold the body"), "{block}");
+    assert_eq!(events(&folder.path().join("results")).last().unwrap()["converged"], false);
+}
+
+#[test]
+fn a_floppy_network_stops_a_run_before_it_begins() {
+    let folder = tempfile::tempdir().unwrap();
+    write_floppy_network(folder.path());
+    for command in ["run", "check"] {
+        write_case(folder.path(), "case.toml", &fibers("chain.txt"));
+        let failed = line(folder.path(), &format!("{command} case.toml"));
+        let block = failed.failed(3);
+        assert!(block.contains("the undeformed body: element 0 (network chain.txt): "), "{block}");
+        assert!(block.contains("singular") && block.contains("biotissue network check"), "{block}");
+    }
+}
+
+#[test]
+fn a_directory_that_cannot_be_written_is_the_environment() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("FILE"), "in the way").unwrap();
+    for out in ["FILE", "FILE/sub"] {
+        let failed = run(folder.path(), PRESSED, &format!("--out {out}"));
+        assert!(failed.failed(4).starts_with(&format!("error: {out}: cannot be written: ")), "{}", failed.stderr);
+    }
+    assert_eq!(std::fs::read_to_string(folder.path().join("FILE")).unwrap(), "in the way");
+}
+
+#[test]
+fn all_mistakes_of_a_case_are_shown_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let bad = PRESSED
+        .replace("youngs_modulus", "yungs_modulus")
+        .replace("\"box\"", "\"bux\"")
+        .replace("count = 5", "count = -5")
+        .replace("x = -1.5", "x = \"far\"");
+    for command in ["run", "check"] {
+        write_case(folder.path(), "case.toml", &bad);
+        let failed = line(folder.path(), &format!("{command} case.toml"));
+        let block = failed.failed(2);
+        for said in [
+            "case.toml:4: `mesh.generate.shape` is the string \"bux\"",
+            "case.toml:7: unknown key `region.material.yungs_modulus`",
+            "cure: did you mean `youngs_modulus`?",
+            "case.toml:13: ",
+            "case.toml:15: `steps.count` is -5",
+        ] {
+            assert!(block.contains(said), "{said}: {block}");
+        }
+    }
+    // Names that only the mesh can tell, all at once too.
+    let unknown = PRESSED.replace("\"x0\"", "\"left\"").replace("\"x1\"", "\"right\"");
+    let failed = run(folder.path(), &unknown, "");
+    let block = failed.failed(2);
+    assert!(block.contains("no surface \"left\"") && block.contains("no surface \"right\""), "{block}");
+    assert!(!folder.path().join("results").exists());
+}
+
+#[test]
+fn what_a_case_names_must_be_there() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("letters.txt"), "2 1 0\n0 0 zero\n1 1 1\n0 1\n").unwrap();
+    let no_law: String =
+        fibers("chain.txt").lines().filter(|l| !l.starts_with("law")).map(|l| l.to_owned() + "\n").collect();
+    write_floppy_network(folder.path());
+    let mesh = PRESSED
+        .replace("generate = { shape = \"box\", cells = [1, 1, 1], size = [1.0, 1.0, 1.0] }", "file = \"a.msh\"");
+    for (text, said) in [
+        (fibers("absent/*.txt"), "absent/*.txt"),
+        (fibers("letters.txt"), "letters.txt:2: "),
+        (no_law, "chain.txt"),
+        (mesh, "case.toml:4: `mesh.file` names \"a.msh\", which is no file"),
+        (PRESSED.replace("cells = [1, 1, 1]", "cells = [9999, 9999, 9999]"), "elements"),
+        (String::new(), "case.toml"),
+    ] {
+        let failed = run(folder.path(), &text, "");
+        assert!(failed.failed(2).contains(said), "{said}: {}", failed.stderr);
+    }
+    for case in ["absent.toml", "."] {
+        let failed = biotissue(folder.path(), &["run", case]);
+        assert!(failed.failed(2).starts_with(&format!("error: {case}: cannot be read: ")), "{}", failed.stderr);
+    }
+}
+
+#[test]
+fn one_process_is_what_this_build_has() {
+    let folder = tempfile::tempdir().unwrap();
+    for ranks in ["0", "2", "64"] {
+        let failed = run(folder.path(), PRESSED, &format!("--ranks {ranks}"));
+        let block = failed.failed(2);
+        assert!(block.starts_with(&format!("error: --ranks {ranks}: {ranks} ranks are not available in this build")));
+        assert!(block.contains("one process on all cores") && block.contains("--threads N"), "{block}");
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "only the case");
+    for (options, said) in [
+        ("--threads 0", "error: --threads 0\n"),
+        ("--threads 100000", "error: --threads 100000\n"),
+        ("--backend petsc", "error: --backend petsc: there is no backend `petsc`"),
+    ] {
+        let failed = run(folder.path(), PRESSED, options);
+        assert!(failed.failed(2).starts_with(said), "{}", failed.stderr);
+    }
+}

@@ -1,0 +1,251 @@
+//! `biotissue rve`.
+
+use std::path::Path;
+
+use serde_json::Value;
+
+use crate::{Outcome, biotissue, frozen, keys, write_floppy_network};
+
+const REST: &str = "1 0 0 0 1 0 0 0 1";
+const STRETCH: &str = "1.2 0.05 0 0 0.95 0 0 -0.02 1";
+const FLOPPY_LAW: &str = "--law linear --youngs-modulus 1e8 --radius 5e-8";
+
+/// The frozen network at a deformation gradient, with more options in one line.
+fn rve(gradient: &str, options: &str) -> Outcome {
+    of(Path::new("."), &frozen(), gradient, options)
+}
+
+fn of(folder: &Path, network: &str, gradient: &str, options: &str) -> Outcome {
+    let mut arguments = vec!["rve", network, "--F", gradient];
+    arguments.extend(options.split_whitespace());
+    biotissue(folder, &arguments)
+}
+
+fn json(gradient: &str, options: &str) -> Value {
+    rve(gradient, &format!("{options} --json")).object()
+}
+
+fn matrix<const N: usize>(value: &Value) -> [[f64; N]; N] {
+    serde_json::from_value::<Vec<Vec<f64>>>(value.clone())
+        .unwrap()
+        .into_iter()
+        .map(|row| <[f64; N]>::try_from(row).unwrap())
+        .collect::<Vec<_>>()
+        .try_into()
+        .unwrap()
+}
+
+fn largest<const N: usize>(m: &[[f64; N]; N]) -> f64 {
+    m.iter().flatten().fold(0.0, |largest, x| x.abs().max(largest))
+}
+
+fn assert_close<const N: usize>(a: &[[f64; N]; N], b: &[[f64; N]; N], tolerance: f64) {
+    let scale = largest(b);
+    for (x, y) in a.iter().flatten().zip(b.iter().flatten()) {
+        assert!((x - y).abs() <= tolerance * scale, "{x} {y} of {scale}");
+    }
+}
+
+#[test]
+fn the_object_has_the_keys_of_the_contract() {
+    let answer = json(STRETCH, "");
+    let contract = [
+        "J",
+        "cauchy",
+        "converged",
+        "energy",
+        "iterations",
+        "ladder",
+        "network",
+        "orientation",
+        "pk1",
+        "residuals",
+        "scale",
+        "seconds",
+        "stretch",
+        "tangent",
+    ];
+    assert_eq!(keys(&answer), contract);
+    assert_eq!(keys(&answer["network"]), ["boundary_nodes", "fibers", "free_dofs", "nodes", "total_length"]);
+    assert_eq!(keys(&answer["stretch"]), ["max", "min"]);
+    assert_eq!(keys(&answer["orientation"]), ["current", "reference"]);
+    assert_eq!(keys(&answer["seconds"]), ["analyze", "solve", "tangent"]);
+    assert_eq!(answer["converged"], true);
+    assert!(answer["iterations"].as_u64().unwrap() > 0);
+
+    let network = &answer["network"];
+    assert_eq!((&network["nodes"], &network["fibers"]), (&127.into(), &151.into()));
+    let (nodes, boundary) = (network["nodes"].as_u64().unwrap(), network["boundary_nodes"].as_u64().unwrap());
+    assert_eq!(network["free_dofs"], 3 * (nodes - boundary));
+    assert_eq!(answer["scale"], 1.0);
+
+    let residuals: Vec<[f64; 2]> = serde_json::from_value(answer["residuals"].clone()).unwrap();
+    assert!(residuals.last().unwrap()[1] < 1e-10 && residuals[0][1] > 1e-4, "{residuals:?}");
+    let f = [[1.2, 0.05, 0.0], [0.0, 0.95, 0.0], [0.0, -0.02, 1.0]];
+    let determinant = answer["J"].as_f64().unwrap();
+    assert!((determinant - 1.2 * 0.95).abs() < 1e-14);
+    let pk1: [[f64; 3]; 3] = matrix(&answer["pk1"]);
+    let cauchy: [[f64; 3]; 3] = std::array::from_fn(|i| {
+        std::array::from_fn(|j| (0..3).map(|k| pk1[i][k] * f[j][k]).sum::<f64>() / determinant)
+    });
+    assert_close(&matrix(&answer["cauchy"]), &cauchy, 1e-13);
+    let tangent: [[f64; 9]; 9] = matrix(&answer["tangent"]);
+    assert_close(&tangent, &std::array::from_fn(|i| std::array::from_fn(|j| tangent[j][i])), 1e-9);
+    for state in ["reference", "current"] {
+        let orientation: [[f64; 3]; 3] = matrix(&answer["orientation"][state]);
+        assert!(((0..3).map(|i| orientation[i][i]).sum::<f64>() - 1.0).abs() < 1e-12);
+    }
+    assert!(answer["stretch"]["min"].as_f64() < Some(1.0) && answer["stretch"]["max"].as_f64() > Some(1.0));
+    assert!(answer["energy"].as_f64() > Some(0.0));
+}
+
+#[test]
+fn at_rest_nothing_acts() {
+    let answer = json(REST, "");
+    assert_eq!(largest::<3>(&matrix(&answer["pk1"])), 0.0);
+    assert_eq!(answer["residuals"].as_array().unwrap().last().unwrap(), &serde_json::json!([0.0, 0.0]));
+    assert_eq!((&answer["stretch"]["min"], &answer["stretch"]["max"]), (&1.0.into(), &1.0.into()));
+    let half_turn = json("-1 0 0 0 -1 0 0 0 1", "");
+    assert!(largest::<3>(&matrix(&half_turn["pk1"])) < 1e-9 * largest::<9>(&matrix(&answer["tangent"])));
+}
+
+#[test]
+fn people_read_the_same_numbers() {
+    let text = rve(STRETCH, "").done().to_owned();
+    let pk1: [[f64; 3]; 3] = matrix(&json(STRETCH, "")["pk1"]);
+    assert!(text.starts_with("network      127 nodes, 151 fibers, "), "{text}");
+    assert!(text.contains(&format!("{:.8e}", pk1[0][0])), "{text}");
+    assert_eq!(text.lines().count(), 4 + 9 + 1 + 9 + 3, "{text}");
+}
+
+#[test]
+fn every_law_has_its_parameters() {
+    let laws = [
+        "--law linear --youngs-modulus 1e8 --radius 5e-8",
+        "--law exponential --youngs-modulus 1e8 --radius 5e-8 --nonlinearity 1.2",
+        "--law exponential-stretch --youngs-modulus 1e8 --radius 5e-8 --nonlinearity 1.2 --transition 1.1",
+    ];
+    let at_rest = laws.map(|law| matrix::<9>(&json(REST, law)["tangent"]));
+    let stretched = laws.map(|law| matrix::<3>(&json(STRETCH, law)["pk1"]));
+    for k in 0..3 {
+        assert_close(&at_rest[k], &at_rest[0], 1e-10);
+        let other = &stretched[(k + 1) % 3];
+        assert!((stretched[k][0][0] - other[0][0]).abs() > 1e-4 * largest(other), "all the same");
+    }
+    // The law in the network's own file is this linear one.
+    assert_close(&stretched[0], &matrix(&json(STRETCH, "")["pk1"]), 1e-10);
+}
+
+#[test]
+fn options_do_what_they_say() {
+    let plain = json(STRETCH, "");
+    let pk1: [[f64; 3]; 3] = matrix(&plain["pk1"]);
+
+    let scaled = json(STRETCH, "--scale 0.003");
+    let kappa = scaled["scale"].as_f64().unwrap();
+    assert!(kappa > 1.0);
+    assert_close(&matrix(&scaled["pk1"]), &pk1.map(|row| row.map(|x| kappa * x)), 1e-12);
+    assert_eq!(json(STRETCH, "--scale raw")["pk1"], plain["pk1"]);
+
+    let in_steps = json(STRETCH, "--steps 4");
+    assert!(in_steps["iterations"].as_u64() > plain["iterations"].as_u64());
+    assert_close(&matrix(&in_steps["pk1"]), &pk1, 1e-8);
+
+    let rough = json(STRETCH, "--tolerance 1e-2");
+    assert!(rough["iterations"].as_u64() < plain["iterations"].as_u64());
+
+    for backend in biotissue::backends::compiled() {
+        assert_close(&matrix(&json(STRETCH, &format!("--backend {backend}"))["pk1"]), &pk1, 1e-9);
+    }
+}
+
+#[test]
+fn wrong_arguments_are_told_one_by_one() {
+    for (gradient, options, said) in [
+        ("-1 0 0 0 1 0 0 0 1", "", "error: --F has determinant -1\n"),
+        ("0 0 0 0 1 0 0 0 1", "", "error: --F has determinant 0\n"),
+        ("1e200 0 0 0 1e200 0 0 0 1", "", "error: --F has determinant inf\n"),
+        ("-1 0 0 0 -1 0 0 0 1", "--steps 2", "error: --F in 2 --steps has determinant 0 in step 1\n"),
+        ("1 0 0 0 1 0 0 0", "", "error: --F \"1 0 0 0 1 0 0 0\"\n"),
+        ("1 0 0 0 1 0 0 0 nan", "", "error: --F \"1 0 0 0 1 0 0 0 nan\"\n"),
+        ("", "", "error: --F \"\"\n"),
+        (REST, "--scale -0.003", "error: --scale -0.003\n"),
+        (REST, "--scale 1", "error: --scale 1\n"),
+        (REST, "--scale rae", "error: --scale rae\n"),
+        (REST, "--steps 0", "error: --steps 0\n"),
+        (REST, "--tolerance -1e-3", "error: --tolerance -0.001\n"),
+        (REST, "--tolerance nan", "error: --tolerance NaN\n"),
+        (REST, "--backend petsc", "error: --backend petsc: there is no backend `petsc`"),
+        (
+            REST,
+            "--law linear --youngs-modulus -1 --radius 1",
+            "error: the youngs_modulus is -1, but must be finite and above 0\n",
+        ),
+        (
+            REST,
+            "--law exponential --youngs-modulus 1 --radius 1",
+            "error: the law `exponential` needs a nonlinearity\n",
+        ),
+        (
+            REST,
+            "--law linear --youngs-modulus 1 --radius 1 --nonlinearity -2",
+            "error: the law `linear` has no nonlinearity\n",
+        ),
+        (
+            REST,
+            "--law exponential-stretch --youngs-modulus 1 --radius 1 --nonlinearity 1 --transition 1",
+            "error: the transition",
+        ),
+    ] {
+        let failed = rve(gradient, options);
+        let block = failed.failed(2);
+        assert!(block.starts_with(said), "{gradient} {options}: {block}");
+    }
+}
+
+#[test]
+fn a_network_that_cannot_be_used_is_told_with_its_place() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("letters.txt"), "2 1 0\n0 0 zero\n1 1 1\n0 1\n").unwrap();
+    write_floppy_network(folder.path());
+    for (network, said) in [
+        ("letters.txt", "error: letters.txt:2: "),
+        ("absent.txt", "error: absent.txt: cannot be read: "),
+        (".", "error: .: cannot be read: "),
+        ("chain.txt", "error: chain.txt: the network chain.txt comes without fiber materials"),
+    ] {
+        let failed = of(folder.path(), network, REST, "");
+        assert!(failed.failed(2).starts_with(said), "{network}: {}", failed.stderr);
+    }
+}
+
+#[test]
+fn a_floppy_network_has_no_answer() {
+    let folder = tempfile::tempdir().unwrap();
+    write_floppy_network(folder.path());
+    let failed = of(folder.path(), "chain.txt", REST, FLOPPY_LAW);
+    let block = failed.failed(3);
+    assert!(block.contains("singular") && block.contains("\n  at: the RVE of chain.txt\n"), "{block}");
+    assert!(block.contains("biotissue network check chain.txt"), "{block}");
+
+    let failed = of(folder.path(), "chain.txt", REST, &format!("{FLOPPY_LAW} --json"));
+    assert_eq!(failed.code, 3);
+    failed.block();
+    let answer: Value = serde_json::from_str(&failed.stdout).unwrap();
+    assert_eq!(answer["converged"], false);
+    assert_eq!(keys(&answer), ["J", "converged", "iterations", "ladder", "network", "residuals", "scale", "seconds"]);
+}
+
+#[test]
+fn a_deformation_out_of_reach_does_not_converge() {
+    let law = "--law exponential --youngs-modulus 1e8 --radius 5e-8 --nonlinearity 1.2";
+    for gradient in ["100 0 0 0 100 0 0 0 1", "1e55 0 0 0 1e55 0 0 0 1e55", "1e60 0 0 0 1e60 0 0 0 1e60"] {
+        let failed = rve(gradient, law);
+        let block = failed.failed(3);
+        assert!(block.contains("halvings") && block.contains("--steps"), "{block}");
+    }
+    // A tangent of numbers too large to square.
+    for gradient in ["1e55 0 0 0 1e55 0 0 0 1e55", "1e60 0 0 0 1e60 0 0 0 1e60"] {
+        rve(gradient, "").failed(3);
+    }
+}

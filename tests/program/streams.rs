@@ -1,0 +1,73 @@
+//! Who listens to the program, and what becomes of it when nobody does.
+
+use std::io::{BufRead, BufReader};
+use std::process::Stdio;
+
+use crate::run::{PRESSED, write_case};
+use crate::{biotissue, frozen, line, program};
+
+#[test]
+fn whoever_stops_reading_has_read_enough() {
+    let folder = tempfile::tempdir().unwrap();
+    let network = frozen();
+    let rve = ["rve", &network, "--F", "1 0 0 0 1 0 0 0 1"];
+    for arguments in [&["info"][..], &["info", "--json"], &rve, &["network", "info", &network], &["--help"]] {
+        let mut child =
+            program(folder.path()).args(arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        drop(child.stdout.take());
+        let output = child.wait_with_output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!((output.status.code(), said.as_ref()), (Some(0), ""), "{arguments:?}");
+    }
+    // Progress that nobody reads does not stop a run.
+    let case = write_case(folder.path(), "steps.toml", &PRESSED.replace("x = -1.5", "x = -0.5"));
+    let mut child =
+        program(folder.path()).args(["run", &case]).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    drop(child.stderr.take());
+    assert_eq!(child.wait().unwrap().code(), Some(0));
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_full_disk_is_the_environment() {
+    let folder = tempfile::tempdir().unwrap();
+    let full = std::fs::File::options().write(true).open("/dev/full").unwrap();
+    let output = program(folder.path()).arg("info").stdout(full).output().unwrap();
+    assert_eq!(output.status.code(), Some(4));
+    assert!(String::from_utf8(output.stderr).unwrap().starts_with("error: standard output: cannot be written: "));
+}
+
+/// Whenever a run is ended from outside, what converged until then can be read.
+#[test]
+fn a_killed_run_leaves_files_that_can_be_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let endless = PRESSED.replace("x = -1.5", "x = -0.5").replace("count = 5", "count = 1000000");
+    let case = write_case(folder.path(), "endless.toml", &endless);
+    for steps in [1, 3, 8] {
+        let out = format!("after-{steps}");
+        let mut child =
+            program(folder.path()).args(["run", &case, "--out", &out]).stderr(Stdio::piped()).spawn().unwrap();
+        let lines = BufReader::new(child.stderr.take().unwrap()).lines();
+        let seen = lines.map(Result::unwrap).find(|line| line.starts_with(&format!("step {steps}/1000000 ")));
+        child.kill().unwrap();
+        child.wait().unwrap();
+        assert!(seen.is_some());
+        let loads = std::fs::read_to_string(folder.path().join(&out).join("loads.csv")).unwrap();
+        assert!(loads.lines().count() > steps, "{loads}");
+        let fields = std::fs::read_to_string(folder.path().join(&out).join("fields.pvd")).unwrap();
+        assert!(fields.trim_end().ends_with("</VTKFile>") && fields.matches("<DataSet ").count() >= steps, "{fields}");
+        line(folder.path(), &format!("report {out}")).done();
+        assert!(folder.path().join(&out).join("report.html").is_file());
+    }
+}
+
+#[test]
+fn warnings_do_not_mix_with_results() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = std::fs::read_to_string(frozen()).unwrap();
+    let (header, rest) = text.split_once('\n').unwrap();
+    std::fs::write(folder.path().join("more.txt"), format!("{header} 7\n{rest}")).unwrap();
+    let info = biotissue(folder.path(), &["network", "info", "more.txt", "--json"]);
+    assert_eq!(info.object()["warnings"].as_array().unwrap().len(), 1);
+    assert!(info.stderr.starts_with("warning: more.txt"), "{}", info.stderr);
+}
