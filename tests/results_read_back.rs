@@ -331,8 +331,15 @@ fn the_log_is_read_back_and_survives_an_interruption() {
     let events = [
         Event::Start(Start { title: "a \"title\"\nof two lines".into(), rves: 8, ..Start::default() }),
         Event::Cut(Cut { step: 1, t: 1.0, reason: "diverged".into(), newton: newton.clone() }),
-        Event::Step(Step { step: 1, t: 0.5, cuts: 1, newton: newton.clone(), rve: Some(RveLog::default()) }),
-        Event::Step(Step { step: 1, t: 1.0, cuts: 1, newton, rve: None }),
+        Event::Step(Step {
+            step: 1,
+            t: 0.5,
+            cuts: 1,
+            newton: newton.clone(),
+            rve: Some(RveLog::default()),
+            ..Step::default()
+        }),
+        Event::Step(Step { step: 1, t: 1.0, cuts: 1, newton, rve: None, ..Step::default() }),
         Event::End(End { converged: false, reason: Some("no more cuts".into()), steps: 1, seconds: 0.1 + 0.2 }),
     ];
     let mut writer = LogWriter::create(&path).unwrap();

@@ -112,7 +112,8 @@ pub fn write(dir: &Path, cells: [usize; 3]) {
             ..RveLog::default()
         });
         let cuts = u32::from(step == 7);
-        log.write(&Event::Step(Step { step, t, cuts, newton: newton(step), rve })).unwrap();
+        log.write(&Event::Step(Step { step, t, cuts, newton: newton(step), rve, balance: Default::default() }))
+            .unwrap();
     }
     log.write(&Event::End(End { converged: true, reason: None, steps: STEPS, seconds: 127.3 })).unwrap();
 }
@@ -120,6 +121,7 @@ pub fn write(dir: &Path, cells: [usize; 3]) {
 fn newton(step: usize) -> NewtonLog {
     let relative: Vec<f64> = [1.0, 2e-2 * step as f64 / 10.0, 3e-5, 2e-10][..3 + step % 2].to_vec();
     NewtonLog {
+        residual: 0.0,
         iterations: relative.len() - 1,
         residuals: relative.iter().map(|r| 3.0 * r).collect(),
         relative,

@@ -11,7 +11,7 @@ use serde::Serialize;
 use crate::dispatch::{Job, dispatch};
 use crate::failure::Failure;
 use crate::output;
-use crate::run::{Common, read, simulation};
+use crate::run::{Common, read, setup};
 
 /// Read and check a case and all its files, and print the plan; solve nothing
 #[derive(Args)]
@@ -47,6 +47,7 @@ struct PlanText {
     unknowns: usize,
     rves: usize,
     rve_bytes: usize,
+    body_bytes: usize,
     networks: Vec<NetworkText>,
     surfaces: Vec<String>,
     regions: Vec<String>,
@@ -71,24 +72,25 @@ impl Job for CheckJob {
         B: Backend<Scalar = f64, Context = ()>,
         B::Reduced: Scalar,
     {
-        let simulation = simulation::<B>(self.case)?;
-        let Plan { elements, nodes, unknowns, rves, networks, rve_bytes, steps, threads } = simulation.plan();
+        let setup = setup::<B>(self.case)?;
+        let Plan { elements, nodes, unknowns, rves, networks, rve_bytes, body_bytes, steps, threads } = setup.plan();
         let networks = networks.into_iter().map(|n| NetworkText { name: n.name, unknowns: n.unknowns, rves: n.rves });
         Ok(PlanText {
-            title: simulation.case().title.clone(),
+            title: setup.case().title.clone(),
             backend: B::NAME,
             elements,
             nodes,
             unknowns,
             rves,
             rve_bytes,
+            body_bytes,
             networks: networks.collect(),
-            surfaces: simulation.mesh().surface_names().map(str::to_owned).collect(),
-            regions: simulation.mesh().regions().to_vec(),
+            surfaces: setup.mesh().surface_names().map(str::to_owned).collect(),
+            regions: setup.mesh().regions().to_vec(),
             steps,
             threads,
             ranks: 1,
-            directory: simulation.case().output.directory.clone(),
+            directory: setup.case().output.directory.clone(),
         })
     }
 }
@@ -101,13 +103,19 @@ impl PlanText {
             format!("regions    {}", self.regions.join(", ")),
             format!("surfaces   {}", self.surfaces.join(", ")),
             format!("unknowns   {} free, backend {}", self.unknowns, self.backend),
-            format!("RVEs       {}, {:.1} MB of states", self.rves, self.rve_bytes as f64 * 1e-6),
+            format!("RVEs       {}", self.rves),
         ];
         for network in &self.networks {
             lines.push(format!("  {:<24} {:>6} unknowns, {:>6} RVEs", network.name, network.unknowns, network.rves));
         }
         lines.push(format!("steps      {}", self.steps));
-        lines.push(format!("threads    {}, one process", self.threads));
+        let megabytes = |bytes: usize| bytes as f64 * 1e-6;
+        lines.push(format!(
+            "memory     {:.1} MB of RVE states, {:.1} MB of stresses and tangents, and the factors of the stiffness",
+            megabytes(self.rve_bytes),
+            megabytes(self.body_bytes)
+        ));
+        lines.push(format!("ranks      {}, with {} threads", self.ranks, self.threads));
         lines.push(format!("results    {}", self.directory.display()));
         lines.join("\n") + "\n"
     }

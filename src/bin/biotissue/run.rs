@@ -15,7 +15,7 @@ use biotissue::tissue::macro_scale::MacroScaleError;
 use biotissue::tissue::micro_scale::{LibraryError, TissueFieldError, UnitError};
 use biotissue::tissue::results::ResultsError;
 use biotissue::tissue::results::log::{Cut, Step};
-use biotissue::tissue::run::{Plan, ResumeError, RunError, RunSummary, Simulation, SimulationError};
+use biotissue::tissue::run::{Plan, ResumeError, RunError, RunSummary, Setup, Simulation, SimulationError};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
@@ -207,16 +207,26 @@ fn cure_of_point<F: std::error::Error + 'static>(error: &TissueFieldError<F>) ->
     }
 }
 
-/// Sets a case up, ready to run; warnings of the readers of meshes and networks go to stderr.
-pub fn simulation<B>(case: Case) -> Result<Simulation<B>, Failure>
+/// Reads all that a case names; warnings of the readers of meshes and networks go to stderr.
+pub fn setup<B>(case: Case) -> Result<Setup<B>, Failure>
 where
     B: Backend<Scalar = f64, Context = ()>,
     B::Reduced: Scalar,
 {
     let file = case.file.clone();
-    let simulation = Simulation::<B>::new((), case).map_err(|error| not_set_up(&file, error))?;
-    output::warn(simulation.warnings());
-    Ok(simulation)
+    let setup = Setup::<B>::new((), case).map_err(|error| not_set_up(&file, error))?;
+    output::warn(setup.warnings());
+    Ok(setup)
+}
+
+/// Sets a case up, ready to run.
+fn simulation<B>(case: Case) -> Result<Simulation<B>, Failure>
+where
+    B: Backend<Scalar = f64, Context = ()>,
+    B::Reduced: Scalar,
+{
+    let file = case.file.clone();
+    setup::<B>(case)?.simulation().map_err(|error| not_set_up(&file, error))
 }
 
 fn not_resumed<F: std::error::Error + 'static>(error: ResumeError<F>) -> Failure {
