@@ -1,6 +1,6 @@
 //! The way from one deformation gradient to another.
 
-use nalgebra::{Matrix3, Rotation3};
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
 /// The deformation gradient at `part` (0 to 1) of the way from `start` to `target`, both of positive determinant.
 ///
@@ -15,8 +15,9 @@ pub fn between(start: &Matrix3<f64>, target: &Matrix3<f64>, part: f64) -> Matrix
     let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else { return straight };
     let identity = Matrix3::identity();
     let stretch = v_t.transpose() * Matrix3::from_diagonal(&svd.singular_values) * v_t;
-    let rotation = Rotation3::from_matrix_unchecked(u * v_t);
-    rotation.powf(part).matrix() * (identity + (stretch - identity) * part) * start
+    // A quaternion has an axis for half a turn too.
+    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(u * v_t));
+    rotation.powf(part).to_rotation_matrix().matrix() * (identity + (stretch - identity) * part) * start
 }
 
 #[cfg(test)]
@@ -36,11 +37,13 @@ mod tests {
 
     #[test]
     fn half_a_turn_keeps_the_volume() {
-        let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), std::f64::consts::PI * (1.0 - 1e-9));
-        let target = turn.into_inner();
-        for part in [0.25, 0.5, 0.75] {
-            let f = between(&Matrix3::identity(), &target, part);
-            assert!((f.determinant() - 1.0).abs() < 1e-12, "{part}: {f}");
+        let nearly = Rotation3::from_axis_angle(&Vector3::z_axis(), std::f64::consts::PI * (1.0 - 1e-9));
+        for target in [nearly.into_inner(), Matrix3::from_diagonal(&[-1.0, -1.0, 1.0].into())] {
+            for part in [0.25, 0.5, 0.75] {
+                let f = between(&Matrix3::identity(), &target, part);
+                assert!((f.determinant() - 1.0).abs() < 1e-12, "{part}: {f}");
+                assert!(f[(2, 2)] > 0.999 && f[(0, 0)].abs() < 0.99, "{part}: {f}");
+            }
         }
     }
 }

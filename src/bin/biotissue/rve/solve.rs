@@ -9,6 +9,7 @@ use biotissue::fiber::homogenise;
 use biotissue::fiber::law::FiberMaterial;
 use biotissue::fiber::network::Network;
 use biotissue::fiber::orientation::{Weighting, tensor};
+use biotissue::fiber::path::between;
 use biotissue::fiber::rve::{Rve, RveModel, RveModelError, StressScale};
 use biotissue::fiber::workspace::Workspace;
 use biotissue::las::{Backend, NewtonError, NewtonReport, Scalar, SolveError};
@@ -70,13 +71,12 @@ impl Job for RveJob {
 }
 
 impl RveJob {
-    /// The deformation gradient of a step from 1 to `steps`, straight from the undeformed state to the one asked for.
+    /// The deformation gradient of a step from 1 to `steps`, on the way from the undeformed state to the one asked for.
     pub fn target(&self, step: usize) -> Matrix3<f64> {
         if step == self.steps {
             return self.gradient;
         }
-        let identity = Matrix3::identity();
-        identity + (self.gradient - identity) * (step as f64 / self.steps as f64)
+        between(&Matrix3::identity(), &self.gradient, step as f64 / self.steps as f64)
     }
 
     fn equilibrate<B>(
