@@ -193,7 +193,7 @@ fn wrong_arguments_are_told_one_by_one() {
         ),
         (
             REST,
-            "--law exponential-stretch --youngs-modulus 1 --radius 1 --nonlinearity 1 --transition 1",
+            "--law exponential-stretch --youngs-modulus 1 --radius 1 --nonlinearity 1 --transition 0.9",
             "error: the transition",
         ),
     ] {
