@@ -1,5 +1,5 @@
 //! A run that was interrupted goes on as if it had not been.
-#![cfg(feature = "app")]
+#![cfg(all(feature = "app", feature = "sparse"))]
 
 use std::collections::BTreeMap;
 use std::fs;

@@ -148,7 +148,7 @@ impl Job for RunJob<'_> {
             let resumed = simulation.resume(self.dir).map_err(not_resumed)?;
             output::warn(&resumed.warnings);
             if resumed.step > 0 {
-                eprintln!("going on after step {} of {}", resumed.step, simulation.case().steps.count);
+                output::say(&format!("going on after step {} of {}", resumed.step, simulation.case().steps.count));
             }
         }
         let mut progress = Reporter::new(&simulation.plan());

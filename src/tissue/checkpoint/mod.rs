@@ -14,7 +14,7 @@ mod file;
 mod hash;
 mod identity;
 mod record;
-#[cfg(test)]
+#[cfg(all(test, feature = "sparse"))]
 mod tests;
 
 use std::fs;
