@@ -3,21 +3,24 @@
 
 mod bar_of_24;
 
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 use biotissue::backends::{dense::Dense, sparse::Sparse};
 use biotissue::fem::mesh::gmsh;
 use biotissue::las::{Backend, Scalar};
 use biotissue::tissue::case::Case;
+use biotissue::tissue::results::collection::field_file;
 use biotissue::tissue::results::log::{Event, Step};
-use biotissue::tissue::results::{LOADS_FILE, LOG_FILE, Loads, log};
+use biotissue::tissue::results::{LOADS_FILE, LOG_FILE, Loads, log, read_vtu};
 use biotissue::tissue::run::Simulation;
 
 /// What a run left behind.
 struct Results {
     steps: Vec<Step>,
     loads: Loads,
-    _dir: tempfile::TempDir,
+    dir: tempfile::TempDir,
 }
 
 fn frozen() -> PathBuf {
@@ -40,7 +43,7 @@ where
     simulation.run(&out, &mut ()).unwrap_or_else(|error| panic!("{error}"));
     let events = log::read(&out.join(LOG_FILE)).unwrap();
     let steps = events.into_iter().filter_map(|event| if let Event::Step(step) = event { Some(step) } else { None });
-    Results { steps: steps.collect(), loads: Loads::read(&out.join(LOADS_FILE)).unwrap(), _dir: dir }
+    Results { steps: steps.collect(), loads: Loads::read(&out.join(LOADS_FILE)).unwrap(), dir }
 }
 
 /// 48 tetrahedra pulled to 20 % in two steps, a network at each.
@@ -172,4 +175,59 @@ fn a_neo_hookean_rve_at_every_element_gives_the_recorded_history_of_the_formula(
         assert!(forces.abs() < 1e-9 * results.loads.rows[9].surfaces[0].force[0].abs());
     }
     assert!(rves.steps[0].rve.is_some() && formula.steps[0].rve.is_none());
+}
+
+/// What `tests/read_vtu.py` prints of a file: the numbers of every array by reader and name, or `None` where Python or
+/// its readers are missing and not required.
+fn read_by_python(file: &Path) -> Option<HashMap<(String, String), Vec<[u8; 8]>>> {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/read_vtu.py");
+    let required = std::env::var("BIOTISSUE_REQUIRE_PYTHON").is_ok_and(|value| value == "1");
+    let output = match Command::new("python3").arg(script).arg(file).output() {
+        Ok(output) if output.status.code() != Some(3) => output,
+        missing if required => panic!("python3 with meshio or vtk is required: {missing:?}"),
+        _ => {
+            println!("skipped: python3 with meshio or vtk is not installed");
+            return None;
+        }
+    };
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let bytes = |hex: &str| std::array::from_fn(|k| u8::from_str_radix(&hex[2 * k..2 * k + 2], 16).unwrap());
+    let text = String::from_utf8(output.stdout).unwrap();
+    let arrays = text.lines().map(|line| {
+        let words: Vec<&str> = line.split(' ').collect();
+        ((words[0].to_owned(), words[2].to_owned()), words[4..].iter().map(|hex| bytes(hex)).collect())
+    });
+    Some(arrays.collect())
+}
+
+#[test]
+fn an_independent_reader_finds_the_fields_of_a_run() {
+    let results = run::<Sparse>(&box_of_networks(), |_| ());
+    let file = results.dir.path().join("results").join(field_file(2));
+    let Some(arrays) = read_by_python(&file) else { return };
+    let own = read_vtu(&file).unwrap();
+    let readers: HashSet<&str> = arrays.keys().map(|(reader, _)| reader.as_str()).collect();
+    for reader in readers {
+        let array = |name: &str| {
+            arrays.get(&(reader.to_owned(), name.to_owned())).unwrap_or_else(|| panic!("{reader} finds no {name}"))
+        };
+        let reals = |name: &str| array(name).iter().map(|&bits| f64::from_le_bytes(bits)).collect::<Vec<_>>();
+        let whole = |name: &str| array(name).iter().map(|&bits| i64::from_le_bytes(bits)).collect::<Vec<_>>();
+        assert_eq!(reals("displacement"), own.point_vector("displacement").unwrap().as_flattened());
+        assert_eq!(reals("cauchy_stress"), own.cell_tensor("cauchy_stress").unwrap().as_flattened());
+        assert!(reals("displacement").iter().any(|&u| u == 0.2), "the pulled surface has moved");
+        assert!(reals("fiber_direction").chunks(3).all(|n| (n.iter().map(|x| x * x).sum::<f64>() - 1.0).abs() < 1e-12));
+        for f in reals("deformation_gradient").chunks(9) {
+            assert!(nalgebra::Matrix3::from_row_slice(f).determinant() > 0.0);
+        }
+        for omega in reals("fiber_orientation").chunks(9) {
+            assert!((omega[0] + omega[4] + omega[8] - 1.0).abs() < 1e-12);
+        }
+        assert!(whole("rve_iterations").iter().all(|&n| n >= 1), "{:?}", whole("rve_iterations"));
+        assert!(whole("rve_status").iter().chain(&whole("network")).chain(&whole("rank")).all(|&n| n == 0));
+        assert!(reals("energy_density").iter().chain(&reals("von_mises_stress")).all(|&w| w > 0.0));
+        assert!(
+            reals("stretch_max").iter().zip(reals("stretch_min")).all(|(&most, least)| most > least && least > 0.0)
+        );
+    }
 }
