@@ -13,8 +13,8 @@ use biotissue::tissue::case::Case;
 use biotissue::tissue::checkpoint::CheckpointError;
 use biotissue::tissue::macro_scale::MacroScaleError;
 use biotissue::tissue::micro_scale::{LibraryError, TissueFieldError, UnitError};
-use biotissue::tissue::results::ResultsError;
 use biotissue::tissue::results::log::{Cut, Step};
+use biotissue::tissue::results::{LOADS_FILE, ResultsError};
 use biotissue::tissue::run::{Plan, ResumeError, RunError, RunSummary, Setup, Simulation, SimulationError};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -66,6 +66,9 @@ pub fn run(command: RunCommand) -> Result<(), Failure> {
     let case = read(&command.case)?;
     let dir = command.out.unwrap_or_else(|| case.output.directory.clone());
     command.common.start_threads()?;
+    if !command.resume && dir.join(LOADS_FILE).exists() {
+        output::say(&format!("replacing the results in {}; --resume would go on with them", dir.display()));
+    }
     let summary = dispatch(command.common.backend(), RunJob { case, dir: &dir, resume: command.resume })?;
     let Summary { steps, iterations, seconds, .. } = &summary;
     if command.json {
@@ -187,6 +190,10 @@ fn on_disk(steps: usize, dir: &Path) -> String {
     }
 }
 
+/// The cure where nothing more is known than that a step went too far.
+const TOO_FAR: &str = "from the start: check that the body is held, and the size and units of its loads; later: look at the \
+                       last fields for elements near collapse, or raise `max_cuts` and go on with --resume";
+
 /// What may help a load step that failed.
 fn cure_of_step<F: std::error::Error + 'static>(reason: &StepFailure<TissueFieldError<F>, F>) -> &'static str {
     match reason {
@@ -194,7 +201,7 @@ fn cure_of_step<F: std::error::Error + 'static>(reason: &StepFailure<TissueField
             "hold the body so that it can neither move nor turn as a whole; if it buckles, take more load steps"
         }
         NewtonError::Problem(EquilibriumError::Points(error)) => cure_of_point(error),
-        _ => "take more load steps, or look at the last fields for elements near collapse",
+        _ => TOO_FAR,
     }
 }
 
@@ -203,7 +210,7 @@ fn cure_of_point<F: std::error::Error + 'static>(error: &TissueFieldError<F>) ->
         UnitError::Rve(RveError::Tangent(_) | RveError::NotConverged { reason: NewtonError::Solve(_), .. }) => {
             "`biotissue network check` tells whether that network is floppy or hangs loose: clean it, or take another"
         }
-        _ => "take more load steps, or look at the last fields for elements near collapse",
+        _ => TOO_FAR,
     }
 }
 
