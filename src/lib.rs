@@ -70,6 +70,18 @@
 //! 2018).
 #![deny(unsafe_code)]
 #![warn(missing_docs)]
+// Whatever a user, a file or a library can cause is an error value; only tests may panic.
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::expect_used,
+        clippy::panic,
+        clippy::todo,
+        clippy::unimplemented,
+        clippy::unreachable
+    )
+)]
 
 pub mod backends;
 pub mod fem;

@@ -3,6 +3,18 @@
     not(any(feature = "sparse", feature = "dense")),
     allow(dead_code, unused_variables, reason = "without a backend, whatever solves is an error that says so")
 )]
+// Whatever a user, a file or a library can cause ends in a message and an exit code.
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::expect_used,
+        clippy::panic,
+        clippy::todo,
+        clippy::unimplemented,
+        clippy::unreachable
+    )
+)]
 
 mod check;
 mod dispatch;

@@ -212,5 +212,4 @@ fn crossing(inside: [f64; 3], outside: [f64; 3]) -> [f64; 3] {
 }
 
 #[cfg(test)]
-#[path = "delaunay_tests.rs"]
 mod tests;

@@ -10,6 +10,7 @@
 //!
 //! # Limits
 //! The suite is for backends whose vectors lie whole in one process and whose `norm` and `dot` are one number.
+#![allow(clippy::panic, reason = "a test suite reports by panicking")]
 
 mod case;
 mod oracle;
