@@ -169,11 +169,8 @@ where
         let (mesh, mut warnings) = macro_scale::mesh(&case)?;
         let conditions = macro_scale::conditions(&case)?;
         let boundary = Boundary::new(&mesh, &conditions).map_err(|error| Box::new(error.into()))?;
-        let mut held = vec![[false; 3]; mesh.nodes().len()];
-        for h in boundary.held() {
-            held[h.node as usize][usize::from(h.component)] = true;
-        }
-        let unknowns = held.as_flattened().iter().filter(|&&held| !held).count();
+        let prescribed = boundary.prescribed(mesh.nodes().len());
+        let unknowns = prescribed.as_flattened().iter().filter(|&&prescribed| !prescribed).count();
         let (field, network_warnings) = TissueField::new(context.clone(), &case, &mesh)?;
         warnings.extend(network_warnings);
         let networks = rve_files::elements(&case, mesh.elements().len(), &field)?;

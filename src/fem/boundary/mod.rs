@@ -104,6 +104,19 @@ impl Boundary {
         Ok(Self { held: holding.held.into_values().collect(), loads, points })
     }
 
+    /// Which components of `nodes` nodes are prescribed, by surfaces or points.
+    ///
+    /// # Panics
+    /// Where there are fewer nodes than the mesh had.
+    #[must_use]
+    pub fn prescribed(&self, nodes: usize) -> Vec<[bool; 3]> {
+        let mut prescribed = vec![[false; 3]; nodes];
+        for held in &self.held {
+            prescribed[held.node as usize][usize::from(held.component)] = true;
+        }
+        prescribed
+    }
+
     /// The prescribed components, ascending by node and component.
     #[must_use]
     pub fn held(&self) -> &[Held] {

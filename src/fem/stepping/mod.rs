@@ -74,11 +74,8 @@ where
     ) -> Result<Self, SetupError<P::Error, B::Fault>> {
         let boundary = Boundary::new(&mesh, conditions)?;
         let geometry = assembly::geometry(&mesh)?;
-        let mut held = vec![[false; 3]; mesh.nodes().len()];
-        for h in boundary.held() {
-            held[h.node as usize][usize::from(h.component)] = true;
-        }
-        let unknowns = Unknowns::new(mesh.nodes().len(), |node, component| held[node][component])?;
+        let prescribed = boundary.prescribed(mesh.nodes().len());
+        let unknowns = Unknowns::new(mesh.nodes().len(), |node, component| prescribed[node][component])?;
         let pattern = Arc::new(unknowns.pattern(&mesh)?);
         let symbolic =
             B::analyze(context, &pattern, &SolverParams::new(Symmetry::Definite)).map_err(SetupError::System)?;
