@@ -377,3 +377,41 @@ fn the_program_goes_on_where_it_stopped() {
     assert_eq!(code, Some(0), "{said}");
     assert_eq!(checkpoints(&root.path().join("results")), ["step-00003.bin", "step-00004.bin"]);
 }
+
+#[test]
+fn what_a_failed_step_leaves_stands_beside_the_full_steps_and_goes_with_them() {
+    let root = tempfile::tempdir().unwrap();
+    let (failed, third) = (root.path().join("failed"), root.path().join("third"));
+    // Pressed through itself: three steps of ten converge in full, and a part of the fourth after cuts.
+    let pressed = CASE.replace("x = 0.4", "x = -4.0").replace("count = 4", "count = 10");
+    let pressed = pressed.replace("networks = [\"NETWORK\"]", "networks = []").replace("rve = [0, 7]", "");
+    let fails = |text: &str, dir: &Path, resumed: bool, progress: &mut dyn Progress| {
+        let mut simulation = simulation(text);
+        if resumed {
+            simulation.resume(dir).unwrap();
+        }
+        simulation.run(dir, progress).unwrap_err()
+    };
+    fails(&pressed, &failed, false, &mut ());
+    let steps = simulation(&pressed).resume(&failed).unwrap().step;
+    assert!(steps > 0);
+    fails(&pressed, &failed, false, &mut Killed { from: &failed, to: &third, step: steps });
+
+    let partial = format!("fields-{steps:05}-partial.vtu");
+    let entries = Collection::read(&failed).unwrap().entries().to_vec();
+    let [.., full, last] = entries.as_slice() else { panic!("{entries:?}") };
+    assert_eq!((full.step(), last.file.as_str()), (Some(steps), partial.as_str()));
+    assert!(last.time > full.time);
+    let field = format!("fields-{steps:05}.vtu");
+    assert_eq!(fs::read(failed.join(&field)).unwrap(), fs::read(third.join(&field)).unwrap(), "the full step stays");
+
+    let before = contents(&failed);
+    fails(&pressed, &failed, true, &mut ());
+    assert!(contents(&failed) == before, "the same failure leaves the same files");
+
+    run(CASE, &failed);
+    assert!(!failed.join(&partial).exists());
+    let whole = root.path().join("whole");
+    run(CASE, &whole);
+    assert_same(&failed, &whole);
+}

@@ -7,7 +7,7 @@ use nalgebra::Matrix3;
 use super::case::Case;
 use super::checkpoint;
 use super::micro_scale::{PointSummary, SweepStats, TissueField, TissueFieldError};
-use super::results::collection::field_file;
+use super::results::collection::{field_file, partial};
 use super::results::log::{Balance, Cut, Event, Factorisations, LogWriter, NewtonLog, NewtonSeconds, RveLog, Step};
 use super::results::{
     self, CASE_FILE, Collection, FieldSet, LOADS_FILE, LOG_FILE, LoadsWriter, ResultsError, SurfaceRow, write_vtu,
@@ -65,6 +65,8 @@ impl<'a> Recorder<'a> {
             // Checkpoints first: none may outlive the results that belong to it.
             checkpoint::clear(dir)?;
             results::clear(dir)?;
+        } else {
+            results::clear_partial(dir)?;
         }
         let case_file = dir.join(CASE_FILE);
         std::fs::write(&case_file, case.to_toml()).map_err(ResultsError::write(&case_file))?;
@@ -117,10 +119,10 @@ impl<'a> Recorder<'a> {
         self.loads.row(step.step, step.t, &surfaces, &points, &volumes)
     }
 
-    /// Writes the fields and the networks of a state under the name `file`.
+    /// Writes the fields and the networks of a state: that of a whole step, or one on the way from it to the next.
     fn write_fields<B: Backend<Scalar = f64>>(
         &mut self,
-        (step, file): (usize, &str),
+        (step, whole): (usize, bool),
         mesh: &Mesh,
         state: &BodyState,
         field: &TissueField<B>,
@@ -156,9 +158,11 @@ impl<'a> Recorder<'a> {
                 ("fiber_orientation", &cells.orientation),
             ],
         };
-        write_vtu(&self.dir.join(file), &fields)?;
-        self.fields.add(state.t, file)?;
-        self.networks.write(step, state.t, field)
+        let file = field_file(step);
+        let file = if whole { file } else { partial(&file) };
+        write_vtu(&self.dir.join(&file), &fields)?;
+        self.fields.add(state.t, &file)?;
+        self.networks.write((step, whole), state.t, field)
     }
 
     /// Writes the fields of the last state that converged, where they are not written yet: of a run that ends early
@@ -178,9 +182,7 @@ impl<'a> Recorder<'a> {
         if state.t <= written {
             return Ok(());
         }
-        let partial = format!("fields-{step:05}-partial.vtu");
-        let file = if state.t > t_of_step { partial } else { field_file(step) };
-        self.write_fields((step, &file), mesh, state, field)
+        self.write_fields((step, state.t <= t_of_step), mesh, state, field)
     }
 }
 
@@ -193,7 +195,7 @@ where
     fn converged(&mut self, step: &ConvergedStep<'_, TissueField<B>>) -> Result<(), ResultsError> {
         self.write_loads(step)?;
         if step.step.is_multiple_of(self.every) || step.step == step.count {
-            self.write_fields((step.step, &field_file(step.step)), step.mesh, step.state, step.field)?;
+            self.write_fields((step.step, true), step.mesh, step.state, step.field)?;
         }
         let stats = step.field.take_stats();
         let line = Step {

@@ -6,6 +6,7 @@ use rayon::prelude::*;
 
 use super::case::{Case, RveOutput};
 use super::micro_scale::{DeformedNetwork, TissueField};
+use super::results::collection::partial;
 use super::results::networks::{network_collection, network_file};
 use super::results::{Collection, NETWORKS_FOLDER, NetworkSet, ResultsError, write_vtp};
 use crate::input::{InputError, InputErrors};
@@ -74,7 +75,7 @@ impl NetworkFiles {
     /// Writes all networks as they are after a converged step.
     pub fn write<B: Backend<Scalar = f64>>(
         &mut self,
-        step: usize,
+        (step, whole): (usize, bool),
         t: f64,
         field: &TissueField<B>,
     ) -> Result<(), ResultsError>
@@ -94,6 +95,7 @@ impl NetworkFiles {
                 kind: &kind,
             };
             let name = network_file(*element, step);
+            let name = if whole { name } else { partial(&name) };
             write_vtp(&folder.join(&name), &set)?;
             collection.add(t, &name)
         })

@@ -4,7 +4,7 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::Path;
 
-use super::collection::field_file;
+use super::collection::{field_file, partial};
 use super::networks::{network_collection, network_file};
 use super::replace::final_name;
 use super::{FIELDS_FILE, LOADS_FILE, LOG_FILE, NETWORKS_FOLDER, ResultsError};
@@ -15,14 +15,34 @@ use super::{FIELDS_FILE, LOADS_FILE, LOG_FILE, NETWORKS_FOLDER, ResultsError};
 /// # Errors
 /// [`ResultsError::Write`].
 pub fn clear(dir: &Path) -> Result<(), ResultsError> {
-    let field = |name: &str| numbers(name, ["fields-", ".vtu"]).is_some_and(|[step]| name == field_file(step));
-    remove(dir, |name| [FIELDS_FILE, LOADS_FILE, LOG_FILE].contains(&name) || field(name))?;
-    let network = |name: &str| {
-        numbers(name, ["element-", "-step-", ".vtp"]).is_some_and(|[element, step]| name == network_file(element, step))
-    };
+    remove(dir, |name| [FIELDS_FILE, LOADS_FILE, LOG_FILE].contains(&name) || is_field(name) || is_partial(name))?;
     let collection =
         |name: &str| numbers(name, ["element-", ".pvd"]).is_some_and(|[element]| name == network_collection(element));
-    remove(&dir.join(NETWORKS_FOLDER), |name| network(name) || collection(name))
+    remove(&dir.join(NETWORKS_FOLDER), |name| is_network(name) || is_partial(name) || collection(name))
+}
+
+/// Removes the fields and networks that a run which failed within a step has left of that step: one that is resumed
+/// takes the step again.
+///
+/// # Errors
+/// [`ResultsError::Write`].
+pub fn clear_partial(dir: &Path) -> Result<(), ResultsError> {
+    remove(dir, is_partial)?;
+    remove(&dir.join(NETWORKS_FOLDER), is_partial)
+}
+
+fn is_field(name: &str) -> bool {
+    numbers(name, ["fields-", ".vtu"]).is_some_and(|[step]| name == field_file(step))
+}
+
+fn is_network(name: &str) -> bool {
+    let numbers = numbers(name, ["element-", "-step-", ".vtp"]);
+    numbers.is_some_and(|[element, step]| name == network_file(element, step))
+}
+
+fn is_partial(name: &str) -> bool {
+    let whole = name.replacen("-partial.", ".", 1);
+    name == partial(&whole) && (is_field(&whole) || is_network(&whole))
 }
 
 /// The numbers between these pieces of a name, one less than there are pieces.

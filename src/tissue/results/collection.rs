@@ -34,6 +34,15 @@ pub fn field_file(step: usize) -> String {
     format!("fields-{step:05}.vtu")
 }
 
+/// The name of a file of a step for a state within the step after it: what a run that failed there has left.
+#[must_use]
+pub fn partial(file: &str) -> String {
+    match file.rsplit_once('.') {
+        Some((stem, extension)) => format!("{stem}-partial.{extension}"),
+        None => format!("{file}-partial"),
+    }
+}
+
 /// The field files of a run (or the network files of an element), in ascending time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Collection {
@@ -54,10 +63,10 @@ impl Collection {
         Self { path, entries: Vec::new() }
     }
 
-    /// The collection of a run that is resumed: what is there up to and including `time`. Nothing is written yet.
+    /// The collection of a run that is resumed: what is there up to and including `time`, and no more.
     ///
     /// # Errors
-    /// As [`read`](Self::read); a collection that is not there is an empty one.
+    /// As [`read`](Self::read), but a collection that is not there is an empty one; [`ResultsError::Write`].
     pub fn resume(dir: &Path, time: f64) -> Result<Self, ResultsError> {
         Self::resume_at(dir.join(FIELDS_FILE), time)
     }
@@ -72,6 +81,7 @@ impl Collection {
         }
         let mut collection = Self::read_at(path)?;
         collection.entries.retain(|entry| entry.time <= time);
+        collection.write()?;
         Ok(collection)
     }
 
@@ -118,6 +128,10 @@ impl Collection {
     /// [`ResultsError::Write`].
     pub fn add(&mut self, time: f64, file: &str) -> Result<(), ResultsError> {
         self.entries.push(Entry { time, file: file.into() });
+        self.write()
+    }
+
+    fn write(&self) -> Result<(), ResultsError> {
         let bytes = self.encode().map_err(ResultsError::write(&self.path))?;
         replace(&self.path, &bytes)
     }

@@ -9,6 +9,9 @@
 //! | `checkpoint/step-NNNNN.bin`, the last two | [`super::checkpoint`] | at every converged step |
 //! | `case.toml` | [`super::case`] | at the beginning: the case as run, defaults filled in |
 //!
+//! A run that fails within a step also writes the state it had reached there, under the name of the last full step with
+//! `-partial`.
+//!
 //! Every file is readable at any time while the run goes on, and after the run was killed: fields, networks, their
 //! collections and checkpoints replace their predecessors atomically, and readers leave out a last line that was not
 //! finished. A run that starts from the beginning removes all of these that an earlier one has left ([`clear`]).
@@ -23,7 +26,7 @@ pub mod log;
 pub mod networks;
 mod replace;
 
-pub use clear::clear;
+pub use clear::{clear, clear_partial};
 pub use collection::Collection;
 pub use error::ResultsError;
 pub use fields::{FieldSet, Fields, read_vtu, write_vtu};
