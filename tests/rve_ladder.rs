@@ -6,7 +6,7 @@ mod support;
 use std::sync::Arc;
 
 use biotissue::backends::sparse::Sparse;
-use biotissue::fiber::equilibrium::{EquilibriumReport, RveError};
+use biotissue::fiber::equilibrium::{EquilibriumReport, RveError, Stage, Stages};
 use biotissue::fiber::homogenise;
 use biotissue::fiber::network::Network;
 use biotissue::las::SolveError;
@@ -18,21 +18,27 @@ fn bench() -> Bench<Sparse> {
     Bench::new(&support::frozen(), Some(support::laws()[1]))
 }
 
+/// The stages that an error tells of.
+fn stages_of<F: std::error::Error>(error: &RveError<F>) -> Vec<Stage> {
+    let RveError::NotConverged { failures, .. } = error else { panic!("{error}") };
+    failures.iter().map(|failure| failure.stage).collect()
+}
+
 #[test]
 fn the_line_search_saves_an_rve_in_which_full_newton_diverges() {
     // Compressed along x and y, so that fibers slacken and the first full steps overshoot.
     let f = Matrix3::new(0.84, 0.07, 0.13, -0.03, 0.84, 0.19, 0.04, 0.0, 1.08);
     let mut full = bench();
     full.params.newton.max_line_search_cuts = 0;
-    full.params.max_cuts = 0;
+    full.params.stages = Stages::of(&[Stage::Newton]);
     let mut rve = full.at_rest();
     let before = rve.clone();
     let error = full.solve(&mut rve, &f).unwrap_err();
-    assert!(matches!(error, RveError::NotConverged { cuts: 0, .. }), "{error}");
+    assert_eq!(stages_of(&error), [Stage::Newton], "{error}");
     assert_eq!(rve, before, "a failure leaves the state alone");
 
     let mut searching = bench();
-    searching.params.max_cuts = 0;
+    searching.params.stages = Stages::of(&[Stage::Newton]);
     let report = searching.solve(&mut rve, &f).unwrap();
     assert!(report.line_search_cuts > 0 && report.cuts == 0, "{report:?}");
     balanced(&searching, &report);
@@ -84,14 +90,25 @@ fn when_nothing_helps_the_error_says_how_far_it_came() {
     let mut bench = bench();
     bench.params.newton.max_iterations = 1;
     bench.params.max_cuts = 2;
+    bench.params.regularised.max_iterations = 2;
+    bench.params.relaxation.max_steps = 100;
     let mut rve = bench.at_rest();
     let before = rve.clone();
     let error = bench.solve(&mut rve, &f).unwrap_err();
     assert_eq!(rve, before);
-    let RveError::NotConverged { cuts: 2, progress, report, .. } = &error else { panic!("{error}") };
-    assert!(*progress < 1.0 && report.iterations == 3);
+    assert_eq!(stages_of(&error), Stage::ALL);
+    let RveError::NotConverged { failures, report } = &error else { panic!("{error}") };
+    assert!(failures[1].cuts == 2 && failures[1].progress < 1.0 && report.iterations == 5, "{report:?}");
+    assert_eq!(report.relaxation.steps, 100);
     let text = error.to_string();
-    assert!(text.contains("after 2 halvings") && text.contains("no convergence in 1 iterations: |r| = "), "{text}");
+    for part in [
+        "Newton: no convergence in 1 iterations: |r| = ",
+        "cut increments (2 halvings, 0.0000 of the way): no convergence in 1 iterations",
+        "regularised Newton: no convergence in 2 iterations",
+        "dynamic relaxation: not at rest after 100 steps: |r| = ",
+    ] {
+        assert!(text.contains(part), "{text}");
+    }
 }
 
 /// A straight chain across the cube, its middle nodes free to swing: singular at rest.

@@ -81,7 +81,7 @@ where
 }
 
 /// The `k`-th symmetric unit rate, in Voigt order 11, 22, 33, 23, 13, 12.
-fn strain(k: usize) -> Matrix3<f64> {
+pub(super) fn strain(k: usize) -> Matrix3<f64> {
     const PAIRS: [(usize, usize); MODES] = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)];
     let (i, j) = PAIRS[k];
     let mut s = Matrix3::zeros();
@@ -144,7 +144,7 @@ where
     }
     let mut factor_is_exact = !workspace.factor_is_near;
     if factor_is_exact {
-        factor_here(model, workspace)?;
+        factor_or_shift(model, workspace)?;
     }
     let mut before = f64::INFINITY;
     loop {
@@ -156,7 +156,7 @@ where
             if factor_is_exact {
                 return if unbalanced < LOST { Ok(()) } else { Err(SolveError::Inaccurate { residual: unbalanced }) };
             }
-            factor_here(model, workspace)?;
+            factor_or_shift(model, workspace)?;
             factor_is_exact = true;
             before = f64::INFINITY;
         } else {
@@ -177,17 +177,46 @@ fn carry_affinely<B: Backend>(workspace: &mut Workspace<B>) {
     }
 }
 
-/// Factors the stiffness of the state in the workspace.
+/// Factors the stiffness of the state in the workspace; where it is singular, with its diagonal shifted a little.
+///
+/// A floppy network at rest has motions that no fiber resists, and forces none of them: `K v = q` has solutions. With
+/// `K + s I` in place of `K` every correction takes the part `lambda / (lambda + s)` of what is left, and leaves the motions
+/// of `lambda = 0` alone.
+fn factor_or_shift<B: Backend<Scalar = f64>>(
+    model: &RveModel<B>,
+    workspace: &mut Workspace<B>,
+) -> Result<(), SolveError<B::Fault>>
+where
+    B::Reduced: Scalar,
+{
+    /// Far above rounding, far below the stiffness of a fiber.
+    const SHIFT: f64 = 1e-9;
+    match factor_here(model, workspace, 0.0) {
+        Err(SolveError::Singular { .. }) => {}
+        outcome => return outcome,
+    }
+    let stiffest = workspace.diagonal.iter().map(|block| block[0].max(block[4]).max(block[8])).fold(0.0, f64::max);
+    factor_here(model, workspace, SHIFT * stiffest)
+}
+
+/// Factors the stiffness of the state in the workspace with its diagonal shifted.
 fn factor_here<B: Backend<Scalar = f64>>(
     model: &RveModel<B>,
     workspace: &mut Workspace<B>,
-) -> Result<(), SolveError<B::Fault>> {
+    shift: f64,
+) -> Result<(), SolveError<B::Fault>>
+where
+    B::Reduced: Scalar,
+{
     let Workspace { system, states, diagonal, factor_is_near, .. } = workspace;
     system.matrix.zero().map_err(SolveError::Fault)?;
     model.slots.assemble(&model.truss, states, diagonal, &mut system.matrix).map_err(SolveError::Fault)?;
+    if shift > 0.0 {
+        system.shift_diagonal(shift).map_err(SolveError::Fault)?;
+    }
     system.matrix.finish().map_err(SolveError::Fault)?;
     system.solver.factor(&system.matrix)?;
-    *factor_is_near = true;
+    *factor_is_near = shift == 0.0;
     Ok(())
 }
 

@@ -16,6 +16,7 @@ pub mod law;
 pub mod network;
 pub mod orientation;
 pub mod path;
+pub mod relax;
 pub mod rve;
 mod stiffness;
 pub mod truss;

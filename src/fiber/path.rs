@@ -2,22 +2,54 @@
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
-/// The deformation gradient at `part` (0 to 1) of the way from `start` to `target`, both of positive determinant.
+/// A way between two deformation gradients of positive determinant.
 ///
 /// The increment `target start^-1` is split into a stretch, which grows linearly, and a rotation, which grows in angle:
 /// the determinant stays positive all the way, also through half a turn, where the straight line between the two
 /// matrices would pass through zero.
-#[must_use]
-pub fn between(start: &Matrix3<f64>, target: &Matrix3<f64>, part: f64) -> Matrix3<f64> {
-    let straight = start + (target - start) * part;
-    let Some(inverse) = start.try_inverse() else { return straight };
-    let svd = (target * inverse).svd(true, true);
-    let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else { return straight };
-    let identity = Matrix3::identity();
+#[derive(Clone, Debug)]
+pub struct Path {
+    start: Matrix3<f64>,
+    target: Matrix3<f64>,
+    /// Stretch and rotation of the increment; `None` where it has none to be split into.
+    increment: Option<(Matrix3<f64>, UnitQuaternion<f64>)>,
+}
+
+impl Path {
+    /// The way from `start` to `target`.
+    #[must_use]
+    pub fn new(start: &Matrix3<f64>, target: &Matrix3<f64>) -> Self {
+        Self {
+            start: *start,
+            target: *target,
+            increment: start.try_inverse().and_then(|inverse| split(target * inverse)),
+        }
+    }
+
+    /// The deformation gradient at `part` (0 to 1) of the way.
+    #[must_use]
+    pub fn at(&self, part: f64) -> Matrix3<f64> {
+        let Some((stretch, rotation)) = &self.increment else {
+            return self.start + (self.target - self.start) * part;
+        };
+        let identity = Matrix3::identity();
+        rotation.powf(part).to_rotation_matrix().matrix() * (identity + (stretch - identity) * part) * self.start
+    }
+}
+
+/// The symmetric stretch `U` and the rotation `R` of `F = R U`.
+pub(super) fn split(f: Matrix3<f64>) -> Option<(Matrix3<f64>, UnitQuaternion<f64>)> {
+    let svd = f.svd(true, true);
+    let (u, v_t) = (svd.u?, svd.v_t?);
     let stretch = v_t.transpose() * Matrix3::from_diagonal(&svd.singular_values) * v_t;
     // A quaternion has an axis for half a turn too.
-    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(u * v_t));
-    rotation.powf(part).to_rotation_matrix().matrix() * (identity + (stretch - identity) * part) * start
+    Some((stretch, UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(u * v_t))))
+}
+
+/// The deformation gradient at `part` (0 to 1) of the way from `start` to `target`; see [`Path`].
+#[must_use]
+pub fn between(start: &Matrix3<f64>, target: &Matrix3<f64>, part: f64) -> Matrix3<f64> {
+    Path::new(start, target).at(part)
 }
 
 #[cfg(test)]

@@ -5,10 +5,12 @@ use std::sync::Arc;
 use nalgebra::Matrix3;
 use thiserror::Error;
 
+use super::homogenise::strain;
 use super::law::FiberMaterial;
 use super::network::Network;
 use super::stiffness::StiffnessSlots;
 use super::truss::{Truss, TrussError};
+use super::workspace::{MODES, Workspace};
 use crate::las::{Backend, SolveError, SolverParams, Sparsity, SparsityError, Symmetry};
 
 /// How the forces of a network become stresses.
@@ -29,6 +31,7 @@ pub struct RveModel<B: Backend> {
     pub(super) slots: StiffnessSlots<B>,
     scale: f64,
     rounding_floor: f64,
+    masses: Vec<f64>,
 }
 
 /// Why a network cannot serve as an RVE.
@@ -69,6 +72,7 @@ impl<B: Backend<Scalar = f64>> RveModel<B> {
         material: Option<FiberMaterial>,
         scale: StressScale,
     ) -> Result<Self, RveModelError<B::Fault>> {
+        let masses = lumped_masses(&network, material.as_ref());
         let truss = Truss::new(network, material)?;
         let scale = match scale {
             StressScale::Raw => 1.0,
@@ -83,7 +87,7 @@ impl<B: Backend<Scalar = f64>> RveModel<B> {
         }
         let slots = StiffnessSlots::locate(context, &truss, &pattern)
             .map_err(|f| RveModelError::Analysis(SolveError::Fault(f)))?;
-        Ok(Self { rounding_floor: truss.rounding_floor(), truss, pattern, symbolic, slots, scale })
+        Ok(Self { rounding_floor: truss.rounding_floor(), truss, pattern, symbolic, slots, scale, masses })
     }
 
     /// The geometry.
@@ -110,11 +114,33 @@ impl<B: Backend<Scalar = f64>> RveModel<B> {
         self.pattern.rows()
     }
 
+    /// Half of `rho A L` of every fiber at each of its ends, kg with `L` in unit-cube units; fibers without a density
+    /// get that of water.
+    #[must_use]
+    pub fn masses(&self) -> &[f64] {
+        &self.masses
+    }
+
     /// What rounding alone leaves of a residual, N.
     #[must_use]
     pub fn rounding_floor(&self) -> f64 {
         self.rounding_floor
     }
+}
+
+fn lumped_masses(network: &Network, material: Option<&FiberMaterial>) -> Vec<f64> {
+    const WATER: f64 = 1000.0;
+    let mut masses = vec![0.0; network.nodes().len()];
+    let fibers = network.fibers().iter().zip(network.lengths()).zip(network.reaction_of());
+    for ((ends, length), &reaction) in fibers {
+        let material = material.or_else(|| network.materials().get(usize::from(reaction)));
+        let Some(material) = material else { continue };
+        let density = material.density.filter(|&density| density > 0.0).unwrap_or(WATER);
+        for &node in ends {
+            masses[node as usize] += 0.5 * density * material.area() * length;
+        }
+    }
+    masses
 }
 
 fn pattern(network: &Network) -> Result<Sparsity, SparsityError> {
@@ -137,7 +163,13 @@ pub struct Rve {
     pub(super) gradient: Matrix3<f64>,
     /// Interior node positions there, unit-cube units, in the order of [`Network::interior`].
     pub(super) interior: Vec<[f64; 3]>,
+    /// How they follow a further strain, where that was kept.
+    pub(super) rates: Option<Vec<Rates>>,
 }
+
+/// How an interior node leaves the affine motion, for each of the six unit strains of the current state; single precision,
+/// since it only starts a Newton.
+pub type Rates = [f32; 3 * MODES];
 
 /// Why a state kept elsewhere is none of a network.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
@@ -175,14 +207,59 @@ impl Rve {
         if !(determinant.is_finite() && determinant > 0.0) {
             return Err(RveStateError::Inverted(determinant));
         }
-        Ok(Self { gradient, interior })
+        Ok(Self { gradient, interior, rates: None })
     }
 
     /// The undeformed state.
     #[must_use]
     pub fn at_rest(network: &Network) -> Self {
         let interior = network.interior().iter().map(|&node| network.nodes()[node as usize]).collect();
-        Self { gradient: Matrix3::identity(), interior }
+        Self { gradient: Matrix3::identity(), interior, rates: None }
+    }
+
+    /// Keeps the velocities that [`tangent`](super::homogenise::tangent) has just computed in this workspace for this
+    /// RVE: the next equilibrium starts from a first-order prediction instead of an affine motion. 72 bytes an interior
+    /// node.
+    pub fn keep_rates<B: Backend>(&mut self, model: &RveModel<B>, workspace: &Workspace<B>) {
+        let strains: [Matrix3<f64>; MODES] = std::array::from_fn(strain);
+        let rates = self.rates.get_or_insert_with(Vec::new);
+        rates.clear();
+        rates.extend(model.truss.network().interior().iter().zip(&self.interior).map(|(&node, x)| {
+            let mut rates = Rates::default();
+            let velocity = &workspace.velocities[node as usize];
+            for (mode, s) in strains.iter().enumerate() {
+                let affine = transform(s, x);
+                for i in 0..3 {
+                    rates[3 * mode + i] = (velocity[3 * mode + i] - affine[i]) as f32;
+                }
+            }
+            rates
+        }));
+    }
+
+    /// Takes over the equilibrium of another state of the same network; the velocities kept are forgotten.
+    pub fn take_equilibrium(&mut self, other: &Self) {
+        self.gradient = other.gradient;
+        self.interior.clone_from(&other.interior);
+        self.rates = None;
+    }
+
+    /// Bytes that it owns on the heap.
+    #[must_use]
+    pub fn heap_bytes(&self) -> usize {
+        self.interior.capacity() * size_of::<[f64; 3]>()
+            + self.rates.as_ref().map_or(0, |rates| rates.capacity() * size_of::<Rates>())
+    }
+
+    /// Whether the next equilibrium has a prediction to start from.
+    #[must_use]
+    pub fn has_rates(&self) -> bool {
+        self.rates.is_some()
+    }
+
+    /// Forgets the velocities: the next equilibrium starts from an affine motion.
+    pub fn forget_rates(&mut self) {
+        self.rates = None;
     }
 
     /// The deformation gradient of the last equilibrium.

@@ -1,6 +1,7 @@
 //! What a worker needs to solve RVEs of one network: sized once, used for any number of RVEs.
 
-use super::rve::{Rve, RveModel, transform};
+use super::path::split;
+use super::rve::{Rates, Rve, RveModel, transform};
 use super::truss::FiberStates;
 use crate::las::{Backend, NewtonSystem, Scalar, SolveError};
 use nalgebra::Matrix3;
@@ -61,17 +62,54 @@ where
         })
     }
 
-    /// Moves the boundary to `target` and carries the interior of `rve` along affinely.
+    /// Moves the boundary to `target` and carries the interior of `rve` along: affinely, or by the prediction it has kept.
     pub(super) fn place(&mut self, model: &RveModel<B>, rve: &Rve, target: &Matrix3<f64>) {
         let network = model.network();
         for &node in network.boundary() {
             self.positions[node as usize] = transform(target, &network.nodes()[node as usize]);
         }
+        if target == &rve.gradient {
+            return self.hold(model, rve);
+        }
+        let Some(inverse) = rve.gradient.try_inverse() else { return self.hold(model, rve) };
         // By the increment on the current positions: exact for rotations, and a relaxed network stays relaxed.
-        let increment =
-            if target == &rve.gradient { None } else { rve.gradient.try_inverse().map(|inverse| target * inverse) };
+        let increment = target * inverse;
         for (&node, x) in network.interior().iter().zip(&rve.interior) {
-            self.positions[node as usize] = increment.as_ref().map_or(*x, |increment| transform(increment, x));
+            self.positions[node as usize] = transform(&increment, x);
+        }
+        if let Some(rates) = &rve.rates {
+            self.predict(model, &increment, rates);
+        }
+    }
+
+    /// The interior where it is.
+    fn hold(&mut self, model: &RveModel<B>, rve: &Rve) {
+        for (&node, x) in model.network().interior().iter().zip(&rve.interior) {
+            self.positions[node as usize] = *x;
+        }
+    }
+
+    /// Adds to an affine motion by `F = R U` what the rates tell to first order: `R sum_k (U - I)_k v_k`, with `v_k` the
+    /// part of the velocity that is not affine.
+    fn predict(&mut self, model: &RveModel<B>, increment: &Matrix3<f64>, rates: &[Rates]) {
+        let Some((stretch, rotation)) = split(*increment) else { return };
+        let rotation = rotation.to_rotation_matrix();
+        let e = [
+            stretch[(0, 0)] - 1.0,
+            stretch[(1, 1)] - 1.0,
+            stretch[(2, 2)] - 1.0,
+            stretch[(1, 2)],
+            stretch[(0, 2)],
+            stretch[(0, 1)],
+        ];
+        for (&node, rates) in model.network().interior().iter().zip(rates) {
+            let mut correction = [0.0; 3];
+            for (e, v) in e.iter().zip(rates.chunks_exact(3)) {
+                (0..3).for_each(|i| correction[i] += e * f64::from(v[i]));
+            }
+            let correction = transform(rotation.matrix(), &correction);
+            let x = &mut self.positions[node as usize];
+            (0..3).for_each(|i| x[i] += correction[i]);
         }
     }
 

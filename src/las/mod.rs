@@ -15,7 +15,8 @@ mod sparsity;
 
 pub use backend::Backend;
 pub use newton::{
-    NewtonError, NewtonFailure, NewtonParams, NewtonReport, NewtonSeconds, NewtonSystem, NonlinearProblem, Yardstick,
+    NewtonError, NewtonFailure, NewtonParams, NewtonReport, NewtonSeconds, NewtonSystem, NonlinearProblem, Potential,
+    RegularisedParams, Yardstick,
 };
 pub use ops::{MatrixOps, VectorOps};
 pub use scalar::{Index, Scalar};

@@ -287,6 +287,11 @@ fn rve_log(stats: &SweepStats) -> RveLog {
         cuts: stats.cuts as u64,
         indefinite: stats.indefinite as u64,
         line_search_cuts: stats.line_search_cuts as u64,
+        predicted: stats.predicted as u64,
+        by_cuts: stats.by_cuts as u64,
+        by_regularised: stats.by_regularised as u64,
+        by_relaxation: stats.by_relaxation as u64,
+        relaxation_steps: stats.relaxation_steps as u64,
         reused: stats.reused as u64,
         seconds_cpu: stats.seconds,
     }

@@ -207,7 +207,7 @@ fn cure_of_step<F: std::error::Error + 'static>(reason: &StepFailure<TissueField
 
 fn cure_of_point<F: std::error::Error + 'static>(error: &TissueFieldError<F>) -> &'static str {
     match &error.reason {
-        UnitError::Rve(RveError::Tangent(_) | RveError::NotConverged { reason: NewtonError::Solve(_), .. }) => {
+        UnitError::Rve(error) if error.is_linear() => {
             "`biotissue network check` tells whether that network is floppy or hangs loose: clean it, or take another"
         }
         _ => TOO_FAR,

@@ -1,5 +1,6 @@
 //! Newton's method with a line search, generic over the problem and the backend.
 
+mod minimise;
 mod problem;
 mod report;
 #[cfg(all(test, feature = "dense"))]
@@ -8,10 +9,11 @@ mod tests;
 use std::sync::Arc;
 use std::time::Instant;
 
+pub use minimise::{Potential, RegularisedParams};
 pub use problem::{NonlinearProblem, Yardstick};
 pub use report::{NewtonError, NewtonFailure, NewtonParams, NewtonReport, NewtonSeconds};
 
-use super::{Backend, MatrixOps, Scalar, SolveError, Solver, Sparsity, VectorOps};
+use super::{Backend, Factorisation, MatrixOps, Scalar, SolveError, Solver, Sparsity, VectorOps};
 
 /// The linear system that Newton works in: made once, used for every problem of the same pattern.
 ///

@@ -49,6 +49,10 @@ pub struct NewtonReport {
     pub lu: usize,
     /// Factorisations, by whichever method served in the end, of a Jacobian that was stated to be definite and was not.
     pub indefinite: usize,
+    /// Jacobians that no factorisation served.
+    pub singular: usize,
+    /// Factorisations made again with a larger shift of the diagonal (regularised Newton).
+    pub shifts: usize,
     /// Where the time went, in seconds.
     pub seconds: NewtonSeconds,
 }
@@ -112,6 +116,14 @@ pub enum NewtonError<E, F> {
         residual: f64,
         /// The shortest step tried.
         step: f64,
+    },
+    /// However large the shift of the Hessian, no step lessens the potential.
+    #[error("no step lessens the potential in iteration {iteration}: |r| = {residual:.3e}")]
+    NoDescent {
+        /// The iteration, from 1.
+        iteration: usize,
+        /// `|r|` before it.
+        residual: f64,
     },
     /// The linear system was not solved.
     #[error("{0}")]

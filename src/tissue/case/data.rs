@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use crate::fiber::equilibrium::Stages;
 use crate::fiber::law::FiberMaterial;
 
 /// A checked case. Paths are absolute, resolved against the folder of the case file.
@@ -238,7 +239,7 @@ pub enum StepStart {
     Tangent,
 }
 
-/// Newton at the micro scale; by default 1e-10 in at most 50 iterations, 6 cuts.
+/// Equilibria at the micro scale; by default 1e-10 in at most 50 iterations, 6 cuts, every stage.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MicroCase {
     /// Relative residual.
@@ -247,11 +248,15 @@ pub struct MicroCase {
     pub max_iterations: usize,
     /// How often an increment that fails may be halved.
     pub max_cuts: u32,
+    /// The stages that may be tried.
+    pub stages: Stages,
+    /// Whether RVEs keep how their nodes follow a strain, and start from that.
+    pub predictor: bool,
 }
 
 impl Default for MicroCase {
     fn default() -> Self {
-        Self { tolerance: 1e-10, max_iterations: 50, max_cuts: 6 }
+        Self { tolerance: 1e-10, max_iterations: 50, max_cuts: 6, stages: Stages::default(), predictor: true }
     }
 }
 

@@ -2,8 +2,11 @@
 
 use std::path::Path;
 
+use crate::fiber::equilibrium::{Stage, Stages};
+
 use super::data::{MeshSource, MicroCase, NewtonCase, OutputCase, RveOutput, ScalesCase, StepStart, StepsCase};
 use super::networks::missing_file;
+use super::problems::alternatives;
 use super::range::Range;
 use super::table::{Either, Table};
 use super::value::{Value, did_you_mean};
@@ -108,9 +111,25 @@ pub(super) fn micro(root: &mut Table<'_>) -> MicroCase {
         tolerance: table.number("tolerance", TOLERANCE).unwrap_or(default.tolerance),
         max_iterations: table.whole("max_iterations", 1..=10_000).unwrap_or(default.max_iterations),
         max_cuts: table.whole("max_cuts", 0..=30).unwrap_or(default.max_cuts),
+        stages: table.take("stages").and_then(|value| stages(&value)).unwrap_or(default.stages),
+        predictor: table.take("predictor").and_then(|value| value.boolean()).unwrap_or(default.predictor),
     };
     table.finish();
     micro
+}
+
+/// At least one stage of the ladder.
+fn stages(value: &Value<'_>) -> Option<Stages> {
+    let words = Stage::ALL.map(|stage| (stage.name(), stage));
+    let expected = format!("a list of stages: {}", alternatives(Stage::ALL.map(Stage::name).into_iter(), '"'));
+    let form = "such as [\"newton\", \"cuts\"]";
+    let elements = value.list(&expected, form)?;
+    if elements.is_empty() {
+        value.reject(&*expected, "name at least one, or leave `stages` out for all of them");
+        return None;
+    }
+    let stages: Vec<Option<Stage>> = elements.iter().map(|element| element.choice(&words)).collect();
+    Some(Stages::of(&stages.into_iter().collect::<Option<Vec<Stage>>>()?))
 }
 
 /// Ranks; more than one process draws a warning, as this build has no way to start them.

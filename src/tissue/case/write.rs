@@ -3,6 +3,7 @@
 use std::fmt::{self, Write};
 use std::path::Path;
 
+use crate::fiber::equilibrium::Stage;
 use crate::fiber::law::{FiberMaterial, Law};
 
 use super::data::{
@@ -88,7 +89,8 @@ impl Case {
         writeln!(out, "\n[newton]\ntolerance = {:?}\nmax_iterations = {}", newton.tolerance, newton.max_iterations)?;
         writeln!(out, "line_search = {}\nstart = \"{start}\"", newton.line_search)?;
         writeln!(out, "\n[micro]\ntolerance = {:?}\nmax_iterations = {}", micro.tolerance, micro.max_iterations)?;
-        writeln!(out, "max_cuts = {}", micro.max_cuts)?;
+        let stages: Vec<&str> = micro.stages.iter().map(Stage::name).collect();
+        writeln!(out, "max_cuts = {}\nstages = {stages:?}\npredictor = {}", micro.max_cuts, micro.predictor)?;
         writeln!(out, "\n[scales]\nmacro = {}\nmicro = {}", scales.macro_ranks, scales.micro_ranks)?;
         let rve = match &output.rve {
             RveOutput::None => "\"none\"".into(),

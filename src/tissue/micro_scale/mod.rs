@@ -49,6 +49,7 @@ pub struct TissueField<B: Backend> {
     element_of: Vec<usize>,
     workers: Vec<Mutex<Worker<B>>>,
     params: EquilibriumParams,
+    predict: bool,
     /// Behind a lock, because whoever watches a run only has the field for reading.
     stats: Mutex<SweepStats>,
 }
@@ -117,8 +118,8 @@ where
     }
 
     fn solve_units(&mut self, gradients: &[Matrix3<f64>]) -> Result<(), TissueFieldError<B::Fault>> {
-        let Self { context, models, units, element_of, workers, params, .. } = self;
-        let library = Library { context, models, params };
+        let Self { context, models, units, element_of, workers, params, predict, .. } = self;
+        let library = Library { context, models, params, predict: *predict };
         let (stats, failed) = units
             .par_iter_mut()
             .enumerate()

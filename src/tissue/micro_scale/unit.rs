@@ -7,7 +7,7 @@ use nalgebra::Matrix3;
 use super::formula::Formula;
 use super::worker::{Library, Worker};
 use crate::fem::material::{MaterialError, Response};
-use crate::fiber::equilibrium::{EquilibriumReport, RveError, equilibrate};
+use crate::fiber::equilibrium::{EquilibriumReport, RveError, Stage, equilibrate};
 use crate::fiber::homogenise::{self, Tangent};
 use crate::fiber::rve::{Rve, RveModel};
 use crate::fiber::workspace::Workspace;
@@ -73,6 +73,16 @@ pub struct SweepStats {
     pub line_search_cuts: usize,
     /// Factorisations that had to be LDL^T.
     pub indefinite: usize,
+    /// Equilibria that started from a first-order prediction.
+    pub predicted: usize,
+    /// Equilibria reached by cut increments, where the whole one failed.
+    pub by_cuts: usize,
+    /// Equilibria reached by regularised Newton, where plain Newton failed.
+    pub by_regularised: usize,
+    /// Equilibria reached by dynamic relaxation, where all else failed.
+    pub by_relaxation: usize,
+    /// Steps of dynamic relaxation in all.
+    pub relaxation_steps: usize,
     /// Seconds of all workers together.
     pub seconds: f64,
 }
@@ -89,6 +99,11 @@ impl SweepStats {
             cuts: self.cuts + other.cuts,
             line_search_cuts: self.line_search_cuts + other.line_search_cuts,
             indefinite: self.indefinite + other.indefinite,
+            predicted: self.predicted + other.predicted,
+            by_cuts: self.by_cuts + other.by_cuts,
+            by_regularised: self.by_regularised + other.by_regularised,
+            by_relaxation: self.by_relaxation + other.by_relaxation,
+            relaxation_steps: self.relaxation_steps + other.relaxation_steps,
             seconds: self.seconds + other.seconds,
         }
     }
@@ -100,6 +115,11 @@ impl SweepStats {
         self.cuts += report.cuts as usize;
         self.line_search_cuts += report.line_search_cuts;
         self.indefinite += report.indefinite;
+        self.predicted += report.predicted;
+        self.by_cuts += usize::from(report.stage == Some(Stage::Cuts));
+        self.by_regularised += usize::from(report.stage == Some(Stage::Regularised));
+        self.by_relaxation += usize::from(report.stage == Some(Stage::Relaxation));
+        self.relaxation_steps += report.relaxation.steps;
     }
 }
 
@@ -169,15 +189,14 @@ impl Unit {
 
     /// Bytes of this unit, what it owns on the heap included.
     pub fn bytes(&self) -> usize {
-        let positions = |rve: &Rve| std::mem::size_of_val(rve.interior());
-        let heap = self.fibers.as_ref().map_or(0, |f| positions(&f.current) + positions(&f.committed));
+        let heap = self.fibers.as_ref().map_or(0, |f| f.current.heap_bytes() + f.committed.heap_bytes());
         std::mem::size_of::<Self>() + heap
     }
 
     /// The current equilibrium becomes the start of the next load step.
     pub fn commit(&mut self) {
         if let Some(fibers) = &mut self.fibers {
-            fibers.committed.clone_from(&fibers.current);
+            fibers.committed.take_equilibrium(&fibers.current);
         }
         self.committed_iterations = self.iterations;
         self.iterations = 0;
@@ -186,7 +205,7 @@ impl Unit {
     /// Back to the last converged load step.
     pub fn revert(&mut self) {
         if let Some(fibers) = &mut self.fibers {
-            fibers.current.clone_from(&fibers.committed);
+            fibers.current.take_equilibrium(&fibers.committed);
         }
         self.answer = None;
         self.iterations = 0;
@@ -217,6 +236,9 @@ impl Fibers {
         stats.count(&report);
         let pk1 = homogenise::pk1(model, workspace);
         let tangent = homogenise::tangent(model, &self.current, &pk1, workspace)?;
+        if library.predict {
+            self.current.keep_rates(model, workspace);
+        }
         Ok((Response { energy: homogenise::energy(model, workspace), pk1, tangent }, report.iterations))
     }
 }

@@ -10,6 +10,8 @@ pub(super) struct Library<'a, B: Backend> {
     pub context: &'a B::Context,
     pub models: &'a [RveModel<B>],
     pub params: &'a EquilibriumParams,
+    /// Whether RVEs keep what the next equilibrium can start from.
+    pub predict: bool,
 }
 
 /// The workspace of one thread: the scratch of every network it has met so far.

@@ -179,6 +179,16 @@ pub struct RveLog {
     pub indefinite: u64,
     /// Steps that the line search halved.
     pub line_search_cuts: u64,
+    /// Equilibria that started from a first-order prediction.
+    pub predicted: u64,
+    /// Equilibria that plain Newton missed and cut increments reached.
+    pub by_cuts: u64,
+    /// Equilibria that those missed and regularised Newton reached.
+    pub by_regularised: u64,
+    /// Equilibria that all those missed and dynamic relaxation reached.
+    pub by_relaxation: u64,
+    /// Steps of dynamic relaxation.
+    pub relaxation_steps: u64,
     /// RVEs whose last equilibrium still served.
     pub reused: u64,
     /// Processor time, s, over all workers.

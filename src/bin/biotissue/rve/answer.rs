@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use biotissue::fiber::equilibrium::EquilibriumReport;
+use biotissue::fiber::equilibrium::{EquilibriumReport, Stage};
 use biotissue::fiber::homogenise::Tangent;
 use biotissue::fiber::network::Network;
 use biotissue::fiber::rve::RveModel;
@@ -63,9 +63,14 @@ pub struct Orientation {
 /// What beyond full Newton steps it took.
 #[derive(Default, Serialize)]
 pub struct Ladder {
+    stage: Option<&'static str>,
+    predicted: usize,
     cuts: u32,
     line_search_cuts: usize,
     indefinite: usize,
+    singular: usize,
+    regularised_iterations: usize,
+    relaxation_steps: usize,
 }
 
 /// Wall time, s.
@@ -90,8 +95,17 @@ impl NetworkFacts {
 
 impl From<&EquilibriumReport> for Ladder {
     fn from(report: &EquilibriumReport) -> Self {
-        let EquilibriumReport { cuts, line_search_cuts, indefinite, .. } = *report;
-        Self { cuts, line_search_cuts, indefinite }
+        let EquilibriumReport { stage, predicted, cuts, line_search_cuts, indefinite, singular, .. } = *report;
+        Self {
+            stage: stage.map(Stage::name),
+            predicted,
+            cuts,
+            line_search_cuts,
+            indefinite,
+            singular,
+            regularised_iterations: report.regularised,
+            relaxation_steps: report.relaxation.steps,
+        }
     }
 }
 

@@ -12,7 +12,7 @@ use biotissue::fiber::orientation::{Weighting, tensor};
 use biotissue::fiber::path::between;
 use biotissue::fiber::rve::{Rve, RveModel, RveModelError, StressScale};
 use biotissue::fiber::workspace::Workspace;
-use biotissue::las::{Backend, NewtonError, NewtonReport, Scalar, SolveError};
+use biotissue::las::{Backend, NewtonReport, Scalar};
 use nalgebra::Matrix3;
 
 use super::answer::{Answer, Ladder, NetworkFacts, Orientation, Seconds, State, Stretch, rows, tangent_rows};
@@ -94,13 +94,7 @@ impl RveJob {
         let mut sum = EquilibriumReport::default();
         for step in 1..=self.steps {
             let report = equilibrate(model, rve, &self.target(step), &params, workspace)?;
-            sum = EquilibriumReport {
-                iterations: sum.iterations + report.iterations,
-                cuts: sum.cuts + report.cuts,
-                line_search_cuts: sum.line_search_cuts + report.line_search_cuts,
-                indefinite: sum.indefinite + report.indefinite,
-                newton: report.newton,
-            };
+            sum = sum.then(report);
         }
         Ok(sum)
     }
@@ -174,24 +168,21 @@ impl RveJob {
 
     fn failure<F: std::error::Error + 'static>(&self, error: &RveError<F>) -> Failure {
         let path = self.path.display();
-        let (expected, cure) = match error {
-            RveError::Tangent(SolveError::Fault(_))
-            | RveError::NotConverged {
-                reason: NewtonError::Problem(_) | NewtonError::Solve(SolveError::Fault(_)),
-                ..
-            } => {
-                return Failure::library(error);
-            }
-            RveError::Tangent(_) | RveError::NotConverged { reason: NewtonError::Solve(_), .. } => (
+        if error.is_fault() {
+            return Failure::library(error);
+        }
+        let (expected, cure) = if error.is_linear() {
+            (
                 "a network that resists every motion of its interior nodes",
                 format!(
                     "`biotissue network check {path}` tells whether it is floppy or hangs loose; if not, take more --steps"
                 ),
-            ),
-            RveError::NotConverged { .. } | RveError::Inverted { .. } => (
+            )
+        } else {
+            (
                 "an equilibrium of the network with its boundary at x = F X",
                 format!("take more --steps (now {}), or an F nearer to the undeformed state", self.steps),
-            ),
+            )
         };
         Failure::NotConverged {
             what: error.to_string(),

@@ -2,6 +2,7 @@
 
 use super::super::*;
 use super::{FULL, Folder, SMALL};
+use crate::fiber::equilibrium::{Stage, Stages};
 use crate::fiber::law::{FiberMaterial, Law};
 
 #[test]
@@ -39,7 +40,16 @@ fn every_entry_arrives() {
     assert_eq!(case.steps, StepsCase { count: 20, max_cuts: 4 });
     let newton = NewtonCase { tolerance: 1e-9, max_iterations: 30, line_search: false, start: StepStart::Tangent };
     assert_eq!(case.newton, newton);
-    assert_eq!(case.micro, MicroCase { tolerance: 1e-11, max_iterations: 60, max_cuts: 5 });
+    assert_eq!(
+        case.micro,
+        MicroCase {
+            tolerance: 1e-11,
+            max_iterations: 60,
+            max_cuts: 5,
+            stages: Stages::of(&[Stage::Newton, Stage::Cuts]),
+            predictor: false
+        }
+    );
     assert_eq!(case.scales, ScalesCase { macro_ranks: 1, micro_ranks: 3 });
     assert_eq!(case.output.directory, folder.path().join("out/pull"));
     assert_eq!((case.output.every, case.output.rve), (5, RveOutput::Elements(vec![0, 17])));
@@ -59,7 +69,10 @@ fn defaults_fill_in() {
     assert_eq!(case.steps, StepsCase { count: 10, max_cuts: 6 });
     let newton = NewtonCase { tolerance: 1e-8, max_iterations: 25, line_search: true, start: StepStart::Held };
     assert_eq!(case.newton, newton);
-    assert_eq!(case.micro, MicroCase { tolerance: 1e-10, max_iterations: 50, max_cuts: 6 });
+    assert_eq!(
+        case.micro,
+        MicroCase { tolerance: 1e-10, max_iterations: 50, max_cuts: 6, stages: Stages::default(), predictor: true }
+    );
     assert_eq!(case.scales, ScalesCase { macro_ranks: 1, micro_ranks: 0 });
     let directory = folder.path().join("results");
     assert_eq!(case.output, OutputCase { directory, every: 1, rve: RveOutput::None });

@@ -102,6 +102,8 @@ start = "tangent"
 tolerance = 1e-11
 max_iterations = 60
 max_cuts = 5
+stages = ["newton", "cuts"]
+predictor = false
 
 [scales]
 macro = 1

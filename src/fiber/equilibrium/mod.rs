@@ -1,0 +1,258 @@
+//! Equilibrium of an RVE whose boundary is held at `x = F X`.
+//!
+//! A ladder of stages, each tried where those before it failed, and each of them to be had alone
+//! ([`EquilibriumParams::stages`]):
+//!
+//! 1. [`Stage::Newton`]: the whole increment from the last equilibrium, by Newton with line search, from a first-order
+//!    prediction where the RVE has one ([`Rve::keep_rates`](super::rve::Rve::keep_rates)), else from an affine motion;
+//! 2. [`Stage::Cuts`]: the increment in halves, quarters and so on, up to a limit;
+//! 3. [`Stage::Regularised`]: what is left of the increment by a descent in the energy
+//!    ([`NewtonSystem::minimise`](crate::las::NewtonSystem::minimise)), which indefinite and singular stiffnesses do not
+//!    stop;
+//! 4. [`Stage::Relaxation`]: the same by damped dynamics ([`super::relax`]), finished by the stages above.
+//!
+//! A singular stiffness is singular for smaller increments too: there the ladder goes from the first stage to the third.
+//! A failure names what stopped every stage, and leaves the RVE as it was.
+
+mod params;
+mod problem;
+mod report;
+
+use nalgebra::Matrix3;
+
+pub use params::{EquilibriumParams, Stage, Stages};
+pub use report::{EquilibriumReport, RveError, StageError, StageFailure};
+
+use super::path::Path;
+use super::relax::{Relaxation, RelaxationError};
+use super::rve::{Rve, RveModel};
+use super::workspace::Workspace;
+use crate::las::{Backend, NewtonError, NewtonFailure, NewtonReport, Scalar, SolveError};
+use problem::Interior;
+
+/// Brings `rve` into equilibrium with its boundary at `x = F X`.
+///
+/// Afterwards the workspace describes that state, for the averages of [`super::homogenise`].
+///
+/// # Errors
+/// [`RveError`]; `rve` is then unchanged.
+pub fn equilibrate<B: Backend<Scalar = f64>>(
+    model: &RveModel<B>,
+    rve: &mut Rve,
+    target: &Matrix3<f64>,
+    params: &EquilibriumParams,
+    workspace: &mut Workspace<B>,
+) -> Result<EquilibriumReport, RveError<B::Fault>>
+where
+    B::Reduced: Scalar,
+{
+    let determinant = target.determinant();
+    if determinant.is_nan() || determinant <= 0.0 {
+        return Err(RveError::Inverted { determinant });
+    }
+    let report = EquilibriumReport { predicted: usize::from(rve.has_rates()), ..EquilibriumReport::default() };
+    let mut ladder = Ladder { model, target, params, workspace, report, failures: Vec::new() };
+    if params.stages.has(Stage::Newton) && ladder.try_newton(rve) {
+        return Ok(ladder.report);
+    }
+    let start = rve.clone();
+    if ladder.climb(rve) {
+        return Ok(ladder.report);
+    }
+    *rve = start;
+    let Ladder { failures, report, .. } = ladder;
+    Err(RveError::NotConverged { failures, report: Box::new(report) })
+}
+
+/// An equilibrium under way. Every stage says whether it reached the target and, where it did not, adds its failure.
+struct Ladder<'a, B: Backend> {
+    model: &'a RveModel<B>,
+    target: &'a Matrix3<f64>,
+    params: &'a EquilibriumParams,
+    workspace: &'a mut Workspace<B>,
+    report: EquilibriumReport,
+    failures: Vec<StageFailure<B::Fault>>,
+}
+
+impl<B: Backend<Scalar = f64>> Ladder<'_, B>
+where
+    B::Reduced: Scalar,
+{
+    fn try_newton(&mut self, rve: &mut Rve) -> bool {
+        match self.increment(rve, self.target) {
+            Ok(newton) => {
+                self.report.newton = newton;
+                self.reached(Stage::Newton)
+            }
+            Err(reason) => self.failed(Stage::Newton, 0.0, StageError::Newton(reason)),
+        }
+    }
+
+    /// The stages after the first.
+    fn climb(&mut self, rve: &mut Rve) -> bool {
+        // What a prediction led astray may succeed without.
+        rve.forget_rates();
+        let stages = self.params.stages;
+        (stages.has(Stage::Cuts) && self.params.max_cuts > 0 && !self.cuts_are_in_vain() && self.in_parts(rve))
+            || (stages.has(Stage::Regularised) && self.regularised(rve))
+            || (stages.has(Stage::Relaxation) && self.relaxed(rve))
+    }
+
+    /// Where the stiffness is singular and there is a stage that does not mind.
+    fn cuts_are_in_vain(&self) -> bool {
+        let singular = |failure: &StageFailure<B::Fault>| {
+            matches!(failure.reason, StageError::Newton(NewtonError::Solve(SolveError::Singular { .. })))
+        };
+        (self.params.stages.has(Stage::Regularised) || self.params.stages.has(Stage::Relaxation))
+            && self.failures.last().is_some_and(singular)
+    }
+
+    /// By ever smaller increments; `rve` stays where the last one that converged took it.
+    fn in_parts(&mut self, rve: &mut Rve) -> bool {
+        let path = Path::new(&rve.gradient, self.target);
+        let (mut reached, mut part) = (0.0, 1.0);
+        loop {
+            self.report.cuts += 1;
+            part *= 0.5;
+            // Parts are powers of two: the sum of them reaches 1 exactly.
+            let stopped = loop {
+                let goal = reached + part;
+                let gradient = if goal >= 1.0 { *self.target } else { path.at(goal) };
+                match self.increment(rve, &gradient) {
+                    Ok(newton) => {
+                        self.report.newton = newton;
+                        reached = goal;
+                    }
+                    Err(reason) => break reason,
+                }
+                if reached >= 1.0 {
+                    return self.reached(Stage::Cuts);
+                }
+            };
+            if self.report.cuts >= self.params.max_cuts {
+                return self.failed(Stage::Cuts, reached, StageError::Newton(stopped));
+            }
+        }
+    }
+
+    /// One increment by Newton; `rve` follows only if it converges.
+    fn increment(
+        &mut self,
+        rve: &mut Rve,
+        target: &Matrix3<f64>,
+    ) -> Result<NewtonReport, NewtonError<B::Fault, B::Fault>> {
+        self.workspace.place(self.model, rve, target);
+        let (mut problem, system) = Interior::of(self.model, self.workspace);
+        let outcome = system.solve(&mut problem, &self.params.newton);
+        self.settle(rve, target, outcome)
+    }
+
+    /// What is left of the increment by a descent in the energy.
+    fn regularised(&mut self, rve: &mut Rve) -> bool {
+        self.workspace.place(self.model, rve, self.target);
+        match self.descend(rve) {
+            Ok(newton) => {
+                self.report.newton = newton;
+                self.reached(Stage::Regularised)
+            }
+            Err(reason) => self.failed(Stage::Regularised, 0.0, StageError::Newton(reason)),
+        }
+    }
+
+    /// A descent from the positions in the workspace.
+    fn descend(&mut self, rve: &mut Rve) -> Result<NewtonReport, NewtonError<B::Fault, B::Fault>> {
+        let (mut problem, system) = Interior::of(self.model, self.workspace);
+        let outcome = system.minimise(&mut problem, self.params.newton.tolerance, &self.params.regularised);
+        let newton = match &outcome {
+            Ok(newton) => newton,
+            Err(failure) => &failure.report,
+        };
+        self.report.regularised += newton.iterations;
+        self.settle(rve, self.target, outcome)
+    }
+
+    /// Takes over the state of a Newton that converged.
+    fn settle(
+        &mut self,
+        rve: &mut Rve,
+        target: &Matrix3<f64>,
+        outcome: Result<NewtonReport, NewtonFailure<B::Fault, B::Fault>>,
+    ) -> Result<NewtonReport, NewtonError<B::Fault, B::Fault>> {
+        match outcome {
+            Ok(newton) => {
+                self.report.add(&newton);
+                // The factor of a shifted stiffness is none of the stiffness.
+                self.workspace.factor_is_near = newton.iterations > 0 && newton.shifts == 0;
+                self.take_over(rve, target);
+                Ok(newton)
+            }
+            Err(failure) => {
+                self.report.add(&failure.report);
+                if let NewtonError::Solve(SolveError::Singular { .. }) = failure.reason {
+                    self.report.singular += 1;
+                }
+                Err(failure.reason)
+            }
+        }
+    }
+
+    fn take_over(&self, rve: &mut Rve, target: &Matrix3<f64>) {
+        rve.gradient = *target;
+        rve.forget_rates();
+        for (x, &node) in rve.interior.iter_mut().zip(self.model.network().interior()) {
+            *x = self.workspace.positions[node as usize];
+        }
+    }
+
+    /// What is left of the increment by dynamic relaxation, the last digits by Newton.
+    fn relaxed(&mut self, rve: &mut Rve) -> bool {
+        let tolerance = self.params.newton.tolerance;
+        let handover = self.params.handover.max(tolerance);
+        let path = Path::new(&rve.gradient, self.target);
+        self.workspace.place(self.model, rve, &rve.gradient);
+        let stages = self.params.stages;
+        let finishes = stages.has(Stage::Regularised) || stages.has(Stage::Newton) || stages.has(Stage::Cuts);
+        if finishes {
+            if let Err(reason) = self.relax(&path, handover) {
+                return self.failed(Stage::Relaxation, 0.0, reason.into());
+            }
+            let before = self.workspace.positions.clone();
+            if let Ok(newton) = self.descend(rve) {
+                self.report.newton = newton;
+                return self.reached(Stage::Relaxation);
+            }
+            self.workspace.positions = before;
+        }
+        // From here without a load: the boundary is where it shall be.
+        let path = if finishes { Path::new(self.target, self.target) } else { path };
+        match self.relax(&path, tolerance) {
+            Ok(()) => {
+                self.workspace.factor_is_near = false;
+                self.take_over(rve, self.target);
+                self.reached(Stage::Relaxation)
+            }
+            Err(reason) => self.failed(Stage::Relaxation, 0.0, reason.into()),
+        }
+    }
+
+    fn relax(&mut self, path: &Path, tolerance: f64) -> Result<(), RelaxationError> {
+        let Workspace { positions, forces, states, .. } = &mut *self.workspace;
+        let (truss, floor, masses) = (self.model.truss(), self.model.rounding_floor(), self.model.masses());
+        let mut relaxation = Relaxation { truss, masses, floor, positions, forces, states };
+        let (report, error) = relaxation.run(path, tolerance, &self.params.relaxation);
+        let sum = &mut self.report.relaxation;
+        (sum.steps, sum.repeats) = (sum.steps + report.steps, sum.repeats + report.repeats);
+        (sum.residual, sum.energies) = (report.residual, report.energies);
+        error.map_or(Ok(()), Err)
+    }
+
+    fn reached(&mut self, stage: Stage) -> bool {
+        self.report.stage = Some(stage);
+        true
+    }
+
+    fn failed(&mut self, stage: Stage, progress: f64, reason: StageError<B::Fault>) -> bool {
+        self.failures.push(StageFailure { stage, cuts: self.report.cuts, progress, reason });
+        false
+    }
+}

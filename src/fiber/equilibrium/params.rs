@@ -1,0 +1,111 @@
+//! What an equilibrium may cost, and which stages may be tried.
+
+use crate::fiber::relax::RelaxationParams;
+use crate::las::{NewtonParams, RegularisedParams};
+
+/// A stage of the ladder.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Stage {
+    /// The whole increment by Newton with line search.
+    Newton,
+    /// The increment cut in halves, quarters and so on, each part by Newton.
+    Cuts,
+    /// Regularised Newton: a descent in the energy.
+    Regularised,
+    /// Damped dynamic relaxation.
+    Relaxation,
+}
+
+impl Stage {
+    /// All of them, in the order in which they are tried.
+    pub const ALL: [Self; 4] = [Self::Newton, Self::Cuts, Self::Regularised, Self::Relaxation];
+
+    /// How cases, commands and logs spell it.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Newton => "newton",
+            Self::Cuts => "cuts",
+            Self::Regularised => "regularised",
+            Self::Relaxation => "relaxation",
+        }
+    }
+
+    /// The stage of that name.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|stage| stage.name() == name)
+    }
+}
+
+impl std::fmt::Display for Stage {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Newton => "Newton",
+            Self::Cuts => "cut increments",
+            Self::Regularised => "regularised Newton",
+            Self::Relaxation => "dynamic relaxation",
+        })
+    }
+}
+
+/// A set of stages.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stages([bool; Stage::ALL.len()]);
+
+impl Default for Stages {
+    fn default() -> Self {
+        Self([true; Stage::ALL.len()])
+    }
+}
+
+impl Stages {
+    /// These stages and no others.
+    #[must_use]
+    pub fn of(stages: &[Stage]) -> Self {
+        Self(Stage::ALL.map(|stage| stages.contains(&stage)))
+    }
+
+    /// Whether a stage is among them.
+    #[must_use]
+    pub fn has(self, stage: Stage) -> bool {
+        self.0[stage as usize]
+    }
+
+    /// The stages, in the order in which they are tried.
+    pub fn iter(self) -> impl Iterator<Item = Stage> {
+        Stage::ALL.into_iter().filter(move |&stage| self.has(stage))
+    }
+}
+
+/// What an equilibrium may cost.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct EquilibriumParams {
+    /// Newton of one increment. Its tolerance, relative to the forces of all nodes, is that of every stage.
+    pub newton: NewtonParams,
+    /// How often an increment may be halved. Default 6.
+    pub max_cuts: u32,
+    /// Regularised Newton.
+    pub regularised: RegularisedParams,
+    /// Dynamic relaxation.
+    pub relaxation: RelaxationParams,
+    /// The residual, relative as above, at which dynamic relaxation hands over to (regularised) Newton, where that is
+    /// among the stages. Default `1e-3`.
+    pub handover: f64,
+    /// The stages that may be tried. Default all of them.
+    pub stages: Stages,
+}
+
+impl Default for EquilibriumParams {
+    fn default() -> Self {
+        Self {
+            newton: NewtonParams::default(),
+            max_cuts: 6,
+            regularised: RegularisedParams::default(),
+            relaxation: RelaxationParams::default(),
+            handover: 1e-3,
+            stages: Stages::default(),
+        }
+    }
+}

@@ -1,0 +1,76 @@
+//! The interior nodes of an RVE as a nonlinear problem.
+
+use crate::fiber::rve::RveModel;
+use crate::fiber::truss::FiberStates;
+use crate::fiber::workspace::Workspace;
+use crate::las::{Backend, NewtonSystem, NonlinearProblem, Potential, VectorOps, Yardstick};
+
+/// The interior positions, with what is computed from them.
+pub(super) struct Interior<'a, B: Backend> {
+    model: &'a RveModel<B>,
+    positions: &'a mut Vec<[f64; 3]>,
+    saved: &'a mut Vec<[f64; 3]>,
+    forces: &'a mut Vec<[f64; 3]>,
+    states: &'a mut FiberStates,
+    diagonal: &'a mut Vec<[f64; 9]>,
+}
+
+impl<'a, B: Backend> Interior<'a, B> {
+    /// The problem that stands in a workspace, and the linear system to solve it with.
+    pub fn of(model: &'a RveModel<B>, workspace: &'a mut Workspace<B>) -> (Self, &'a mut NewtonSystem<B>) {
+        let Workspace { system, positions, saved, forces, states, diagonal, .. } = workspace;
+        (Self { model, positions, saved, forces, states, diagonal }, system)
+    }
+}
+
+impl<B: Backend<Scalar = f64>> NonlinearProblem<B> for Interior<'_, B> {
+    type Error = B::Fault;
+
+    fn residual(&mut self, r: &mut B::Vector) -> Result<Yardstick, B::Fault> {
+        let truss = self.model.truss();
+        truss.evaluate(self.positions, self.states);
+        truss.nodal_forces(self.states, self.forces);
+        let forces = &*self.forces;
+        let interior = self.model.network().interior();
+        r.with_local_mut(|r| {
+            for (r, &node) in r.chunks_exact_mut(3).zip(interior) {
+                r.copy_from_slice(&forces[node as usize]);
+            }
+        })?;
+        r.finish()?;
+        let squares: f64 = forces.iter().flatten().map(|f| f * f).sum();
+        Ok(Yardstick { scale: squares.sqrt(), floor: self.model.rounding_floor() })
+    }
+
+    fn jacobian(&mut self, k: &mut B::Matrix) -> Result<(), B::Fault> {
+        self.model.slots.assemble(self.model.truss(), self.states, self.diagonal, k)
+    }
+
+    fn advance(&mut self, a: f64, d: &B::Vector) -> Result<(), B::Fault> {
+        let interior = self.model.network().interior();
+        let positions = &mut *self.positions;
+        d.with_local(|d| {
+            for (d, &node) in d.chunks_exact(3).zip(interior) {
+                let x = &mut positions[node as usize];
+                (0..3).for_each(|i| x[i] += a * d[i]);
+            }
+        })
+    }
+
+    fn save(&mut self) {
+        self.saved.clear();
+        self.saved.extend(self.model.network().interior().iter().map(|&node| self.positions[node as usize]));
+    }
+
+    fn restore(&mut self) {
+        for (&node, x) in self.model.network().interior().iter().zip(self.saved.iter()) {
+            self.positions[node as usize] = *x;
+        }
+    }
+}
+
+impl<B: Backend<Scalar = f64>> Potential<B> for Interior<'_, B> {
+    fn potential(&mut self) -> f64 {
+        self.model.truss().energy(self.states)
+    }
+}

@@ -1,0 +1,160 @@
+//! What an equilibrium took, and why there is none.
+
+use std::fmt;
+
+use thiserror::Error;
+
+use super::params::Stage;
+use crate::fiber::relax::{RelaxationError, RelaxationReport};
+use crate::las::{NewtonError, NewtonReport, SolveError};
+
+/// What an equilibrium took, stage by stage.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct EquilibriumReport {
+    /// The stage that reached it; `None` before one did.
+    pub stage: Option<Stage>,
+    /// Newton iterations in all, plain and regularised, those of failed attempts included.
+    pub iterations: usize,
+    /// The last Newton: its residual history ends at equilibrium, unless dynamic relaxation went there alone.
+    pub newton: NewtonReport,
+    /// Equilibria that started from a first-order prediction.
+    pub predicted: usize,
+    /// Halvings of the increment.
+    pub cuts: u32,
+    /// Shortened steps in all.
+    pub line_search_cuts: usize,
+    /// Factorisations in all of a stiffness that was not positive definite.
+    pub indefinite: usize,
+    /// Factorisations in all of a stiffness that was singular.
+    pub singular: usize,
+    /// Iterations of regularised Newton among those above.
+    pub regularised: usize,
+    /// What dynamic relaxation took.
+    pub relaxation: RelaxationReport,
+}
+
+impl EquilibriumReport {
+    /// Counts a Newton, plain or regularised.
+    pub(super) fn add(&mut self, newton: &NewtonReport) {
+        self.iterations += newton.iterations;
+        self.line_search_cuts += newton.line_search_cuts;
+        self.indefinite += newton.indefinite;
+        self.singular += newton.singular;
+    }
+
+    /// The counts of an equilibrium and of the one after it; the residual history and the stage are those of the latter.
+    #[must_use]
+    pub fn then(self, next: Self) -> Self {
+        Self {
+            stage: next.stage,
+            iterations: self.iterations + next.iterations,
+            newton: next.newton,
+            predicted: self.predicted + next.predicted,
+            cuts: self.cuts + next.cuts,
+            line_search_cuts: self.line_search_cuts + next.line_search_cuts,
+            indefinite: self.indefinite + next.indefinite,
+            singular: self.singular + next.singular,
+            regularised: self.regularised + next.regularised,
+            relaxation: RelaxationReport {
+                steps: self.relaxation.steps + next.relaxation.steps,
+                repeats: self.relaxation.repeats + next.relaxation.repeats,
+                ..next.relaxation
+            },
+        }
+    }
+}
+
+/// What stopped a stage.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum StageError<F: std::error::Error + 'static> {
+    /// Newton, plain or regularised.
+    #[error("{0}")]
+    Newton(NewtonError<F, F>),
+    /// Dynamic relaxation.
+    #[error("{0}")]
+    Relaxation(#[from] RelaxationError),
+}
+
+/// A stage that found no equilibrium.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub struct StageFailure<F: std::error::Error + 'static> {
+    /// Which.
+    pub stage: Stage,
+    /// Halvings of the increment until then.
+    pub cuts: u32,
+    /// The part of the increment that was reached.
+    pub progress: f64,
+    /// What stopped it.
+    pub reason: StageError<F>,
+}
+
+impl<F: std::error::Error + 'static> fmt::Display for StageFailure<F> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { stage, cuts, progress, reason } = self;
+        match stage {
+            Stage::Cuts => write!(f, "{stage} ({cuts} halvings, {progress:.4} of the way): {reason}"),
+            _ => write!(f, "{stage}: {reason}"),
+        }
+    }
+}
+
+/// Why an RVE has no answer.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum RveError<F: std::error::Error + 'static> {
+    /// The deformation asked for turns the material inside out.
+    #[error("the deformation gradient has determinant {determinant:.3e}; it must be positive")]
+    Inverted {
+        /// `det F`.
+        determinant: f64,
+    },
+    /// The ladder is exhausted.
+    #[error("no equilibrium; {}", told(failures))]
+    NotConverged {
+        /// What stopped each stage, in the order in which they were tried.
+        failures: Vec<StageFailure<F>>,
+        /// What was done until then.
+        report: Box<EquilibriumReport>,
+    },
+    /// The tangent could not be condensed.
+    #[error("the condensed tangent could not be computed: {0}")]
+    Tangent(SolveError<F>),
+}
+
+fn told<F: std::error::Error + 'static>(failures: &[StageFailure<F>]) -> String {
+    if failures.is_empty() {
+        return "no stage was to be tried".into();
+    }
+    failures.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
+}
+
+impl<F: std::error::Error + 'static> RveError<F> {
+    /// Whether the last stage that was tried met a singular or unsolvable linear system, rather than a state that is hard
+    /// to reach.
+    #[must_use]
+    pub fn is_linear(&self) -> bool {
+        match self {
+            Self::Inverted { .. } => false,
+            Self::Tangent(_) => true,
+            Self::NotConverged { failures, .. } => failures
+                .last()
+                .is_some_and(|failure| matches!(failure.reason, StageError::Newton(NewtonError::Solve(_)))),
+        }
+    }
+
+    /// Whether the linear-algebra library failed for reasons of its own.
+    #[must_use]
+    pub fn is_fault(&self) -> bool {
+        match self {
+            Self::Inverted { .. } => false,
+            Self::Tangent(error) => matches!(error, SolveError::Fault(_) | SolveError::Library { .. }),
+            Self::NotConverged { failures, .. } => failures.last().is_some_and(|failure| {
+                matches!(
+                    failure.reason,
+                    StageError::Newton(
+                        NewtonError::Problem(_) | NewtonError::Solve(SolveError::Fault(_) | SolveError::Library { .. })
+                    )
+                )
+            }),
+        }
+    }
+}

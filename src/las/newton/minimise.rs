@@ -1,0 +1,228 @@
+//! Regularised Newton: a minimiser for problems that have a potential, where plain Newton finds no way.
+//!
+//! The Hessian `K` is shifted, `(K + s I) d = r`, by the smallest `s` of a growing sequence that makes it positive
+//! definite, so that `-d` descends whether `K` is indefinite, singular or both. How well the quadratic model foretold
+//! the gain in potential decides whether a step is taken and whether the next shift is larger or smaller (Nocedal and
+//! Wright, *Numerical Optimization*, 2nd ed., 2006, sections 3.4 and 10.3). Near a regular minimum the shift falls to
+//! zero and the convergence is Newton's own.
+
+use super::{
+    Backend, Factorisation, MatrixOps, NewtonError, NewtonFailure, NewtonReport, NewtonSystem, NonlinearProblem,
+    Scalar, SolveError, Solver, Trial, VectorOps, Yardstick, fault,
+};
+use crate::las::Index;
+
+/// A nonlinear problem whose residual is the gradient of a potential.
+pub trait Potential<B: Backend>: NonlinearProblem<B> {
+    /// The potential at the state of the last [`NonlinearProblem::residual`], up to a constant.
+    fn potential(&mut self) -> f64;
+}
+
+/// What a regularised Newton may cost.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct RegularisedParams {
+    /// Steps taken. Default 300.
+    pub max_iterations: usize,
+    /// The smallest shift other than zero, over the largest diagonal entry of the Hessian. Default `1e-9`.
+    pub least_shift: f64,
+    /// The shift at which the search is given up, over the same. Default `1e6`.
+    pub most_shift: f64,
+    /// A step is taken if it gains at least this part of what the quadratic model foretold. Default `1e-4`.
+    pub accept: f64,
+}
+
+impl Default for RegularisedParams {
+    fn default() -> Self {
+        Self { max_iterations: 300, least_shift: 1e-9, most_shift: 1e6, accept: 1e-4 }
+    }
+}
+
+/// The shift of the Hessian's diagonal and the size it is measured by.
+#[derive(Default)]
+struct Shift {
+    value: f64,
+    /// The largest diagonal entry of the last Hessian.
+    diagonal: f64,
+}
+
+impl Shift {
+    /// After a step that was refused, or a Hessian that was not definite.
+    fn raise(&mut self, params: &RegularisedParams) {
+        self.value = (8.0 * self.value).max(params.least_shift * self.diagonal);
+    }
+
+    /// After a step that was taken and gained this part of what was foretold.
+    fn adapt(&mut self, gained: f64, params: &RegularisedParams) {
+        if gained > 0.75 {
+            self.value *= 0.125;
+            if self.value < params.least_shift * self.diagonal {
+                self.value = 0.0;
+            }
+        } else if gained < 0.25 {
+            self.raise(params);
+        }
+    }
+
+    fn is_too_large(&self, params: &RegularisedParams) -> bool {
+        let most = params.most_shift * self.diagonal;
+        self.value.is_nan() || most.is_nan() || self.value > most
+    }
+}
+
+/// Where the descent stands.
+struct Place {
+    norm: f64,
+    yardstick: Yardstick,
+    potential: f64,
+}
+
+impl<B: Backend> NewtonSystem<B>
+where
+    B::Reduced: Scalar,
+{
+    /// Descends in the potential of `problem` until its residual is below `tolerance` times the scale (or below the
+    /// floor), as [`NewtonSystem::solve`] measures it.
+    ///
+    /// # Errors
+    /// [`NewtonFailure`]; the problem is restored to the state it came with.
+    pub fn minimise<P: Potential<B>>(
+        &mut self,
+        problem: &mut P,
+        tolerance: f64,
+        params: &RegularisedParams,
+    ) -> Result<NewtonReport, NewtonFailure<P::Error, B::Fault>> {
+        let mut report = NewtonReport::default();
+        problem.save();
+        match self.descend(problem, tolerance, params, &mut report) {
+            Ok(()) => Ok(report),
+            Err(reason) => {
+                problem.restore();
+                Err(NewtonFailure { reason, report: Box::new(report) })
+            }
+        }
+    }
+
+    fn descend<P: Potential<B>>(
+        &mut self,
+        problem: &mut P,
+        tolerance: f64,
+        params: &RegularisedParams,
+        report: &mut NewtonReport,
+    ) -> Result<(), NewtonError<P::Error, B::Fault>> {
+        let (norm, yardstick) = self.evaluate(problem, report).map_err(Trial::into_error)?;
+        let mut place = Place { norm, yardstick, potential: problem.potential() };
+        let mut shift = Shift::default();
+        report.record(norm, yardstick);
+        loop {
+            let limit = (tolerance * place.yardstick.scale).max(place.yardstick.floor);
+            if place.norm <= limit {
+                return Ok(());
+            }
+            if report.iterations == params.max_iterations {
+                let iterations = report.iterations;
+                return Err(NewtonError::TooManyIterations { iterations, residual: place.norm, limit });
+            }
+            report.iterations += 1;
+            place = self.downhill(problem, &place, limit, &mut shift, params, report)?;
+            report.record(place.norm, place.yardstick);
+        }
+    }
+
+    /// One step that is taken, after as many that are not as it needs.
+    fn downhill<P: Potential<B>>(
+        &mut self,
+        problem: &mut P,
+        here: &Place,
+        limit: f64,
+        shift: &mut Shift,
+        params: &RegularisedParams,
+        report: &mut NewtonReport,
+    ) -> Result<Place, NewtonError<P::Error, B::Fault>> {
+        /// Gains below this part of the potential drown in its rounding.
+        const ROUNDING: f64 = 1e-9;
+        loop {
+            self.factor_shifted(problem, here, shift, params, report)?;
+            let slope = self.residual.dot(&self.direction).map_err(fault)?.as_f64();
+            let length = self.direction.norm().map_err(fault)?.as_f64();
+            let foretold = 0.5 * (slope + shift.value * length * length);
+            problem.advance(-1.0, &self.direction).map_err(NewtonError::Problem)?;
+            match self.evaluate(problem, report) {
+                Ok((norm, yardstick)) => {
+                    let potential = problem.potential();
+                    let gain = if foretold > ROUNDING * here.potential.abs() {
+                        here.potential - potential
+                    } else {
+                        // The trapezoidal rule along the step.
+                        0.5 * (slope + self.residual.dot(&self.direction).map_err(fault)?.as_f64())
+                    };
+                    if gain > params.accept * foretold || norm <= limit {
+                        shift.adapt(gain / foretold, params);
+                        return Ok(Place { norm, yardstick, potential });
+                    }
+                }
+                Err(Trial::NotThere(_) | Trial::NotFinite) => {}
+                Err(error) => return Err(error.into_error()),
+            }
+            report.line_search_cuts += 1;
+            problem.advance(1.0, &self.direction).map_err(NewtonError::Problem)?;
+            self.evaluate(problem, report).map_err(Trial::into_error)?;
+            shift.raise(params);
+            if shift.is_too_large(params) {
+                return Err(NewtonError::NoDescent { iteration: report.iterations, residual: here.norm });
+            }
+        }
+    }
+
+    /// The direction of the shifted Hessian, the shift raised until a Cholesky factor exists.
+    fn factor_shifted<P: Potential<B>>(
+        &mut self,
+        problem: &mut P,
+        here: &Place,
+        shift: &mut Shift,
+        params: &RegularisedParams,
+        report: &mut NewtonReport,
+    ) -> Result<(), NewtonError<P::Error, B::Fault>> {
+        loop {
+            self.matrix.zero().map_err(fault)?;
+            problem.jacobian(&mut self.matrix).map_err(NewtonError::Problem)?;
+            shift.diagonal = self.shift_diagonal(shift.value).map_err(fault)?;
+            self.matrix.finish().map_err(fault)?;
+            match self.solver.factor(&self.matrix) {
+                Ok(factor) => {
+                    report.count(&factor);
+                    if factor.kind == Factorisation::Cholesky {
+                        break;
+                    }
+                }
+                Err(SolveError::Singular { .. } | SolveError::Inaccurate { .. }) => report.singular += 1,
+                Err(error) => return Err(NewtonError::Solve(error)),
+            }
+            shift.raise(params);
+            if shift.is_too_large(params) {
+                return Err(NewtonError::NoDescent { iteration: report.iterations, residual: here.norm });
+            }
+            report.shifts += 1;
+        }
+        self.solver.solve(&self.residual, &mut self.direction).map_err(NewtonError::Solve)?;
+        Ok(())
+    }
+
+    /// Adds `shift` to every diagonal entry of the matrix; returns the largest that there was before.
+    ///
+    /// # Errors
+    /// What the backend reports.
+    pub fn shift_diagonal(&mut self, shift: f64) -> Result<f64, B::Fault> {
+        let mut largest = 0.0_f64;
+        let mut entry = [B::Scalar::default()];
+        for unknown in 0..self.matrix.shape().0 {
+            let unknown = [B::Index::of(unknown)];
+            self.matrix.get(&unknown, &unknown, &mut entry)?;
+            largest = largest.max(entry[0].as_f64());
+            if shift > 0.0 {
+                self.matrix.add(&unknown, &unknown, &[B::Scalar::of(shift)])?;
+            }
+        }
+        Ok(largest)
+    }
+}
