@@ -60,11 +60,12 @@ fn main() {
         let at = arguments.iter().position(|a| a == name);
         at.and_then(|at| arguments.get(at + 1)).and_then(|n| n.parse().ok()).unwrap_or(default)
     };
-    let (networks, gradients, budget) = (number("--networks", 100), number("--gradients", 20), number("--seconds", 1800));
+    let (networks, gradients, budget) =
+        (number("--networks", 100), number("--gradients", 20), number("--seconds", 1800));
     let started = Instant::now();
     let cases: Vec<Case> = (0..networks)
         .map(|k| {
-            let points = 60 + 140 * (k % 5) ;
+            let points = 60 + 140 * (k % 5);
             let network = Delaunay::new(points, k as u64 + 1).generate().unwrap();
             Case { kind: "delaunay".into(), network: Arc::new(network) }
         })
@@ -87,8 +88,7 @@ fn main() {
             (0..gradients)
                 .filter_map(|_| {
                     let gradient = random_gradient(&mut random);
-                    (started.elapsed().as_secs() < budget as u64)
-                        .then(|| solve(case, &model, gradient, &mut workspace))
+                    (started.elapsed().as_secs() < budget as u64).then(|| solve(case, &model, gradient, &mut workspace))
                 })
                 .collect::<Vec<_>>()
         })
@@ -111,7 +111,15 @@ fn main() {
         );
     }
     for o in outcomes.iter().filter(|o| o.cause.is_some()) {
-        println!("{} {:.3} {:.3}s its {} steps {}: {}", o.kind, o.gradient.determinant(), o.seconds, o.iterations, o.steps, o.cause.as_ref().unwrap());
+        println!(
+            "{} {:.3} {:.3}s its {} steps {}: {}",
+            o.kind,
+            o.gradient.determinant(),
+            o.seconds,
+            o.iterations,
+            o.steps,
+            o.cause.as_ref().unwrap()
+        );
     }
 }
 

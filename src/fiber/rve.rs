@@ -29,6 +29,8 @@ pub struct RveModel<B: Backend> {
     pub(super) pattern: Arc<Sparsity>,
     pub(super) symbolic: Arc<B::Symbolic>,
     pub(super) slots: StiffnessSlots<B>,
+    material: Option<FiberMaterial>,
+    stress_scale: StressScale,
     scale: f64,
     rounding_floor: f64,
     masses: Vec<f64>,
@@ -74,6 +76,7 @@ impl<B: Backend<Scalar = f64>> RveModel<B> {
     ) -> Result<Self, RveModelError<B::Fault>> {
         let masses = lumped_masses(&network, material.as_ref());
         let truss = Truss::new(network, material)?;
+        let stress_scale = scale;
         let scale = match scale {
             StressScale::Raw => 1.0,
             StressScale::FiberVolumeFraction(phi) if phi > 0.0 && phi < 1.0 => phi / truss.volume(),
@@ -87,7 +90,17 @@ impl<B: Backend<Scalar = f64>> RveModel<B> {
         }
         let slots = StiffnessSlots::locate(context, &truss, &pattern)
             .map_err(|f| RveModelError::Analysis(SolveError::Fault(f)))?;
-        Ok(Self { rounding_floor: truss.rounding_floor(), truss, pattern, symbolic, slots, scale, masses })
+        Ok(Self {
+            rounding_floor: truss.rounding_floor(),
+            truss,
+            pattern,
+            symbolic,
+            slots,
+            material,
+            stress_scale,
+            scale,
+            masses,
+        })
     }
 
     /// The geometry.
@@ -100,6 +113,18 @@ impl<B: Backend<Scalar = f64>> RveModel<B> {
     #[must_use]
     pub fn truss(&self) -> &Truss {
         &self.truss
+    }
+
+    /// What all fibers are made of, where that is not what the network's own files say.
+    #[must_use]
+    pub fn material(&self) -> Option<&FiberMaterial> {
+        self.material.as_ref()
+    }
+
+    /// How forces become stresses.
+    #[must_use]
+    pub fn stress_scale(&self) -> StressScale {
+        self.stress_scale
     }
 
     /// `kappa`: what forces of the unit cube are multiplied with to give stresses.
@@ -191,23 +216,35 @@ pub enum RveStateError {
 }
 
 impl Rve {
-    /// A state that was read from [`Rve::gradient`] and [`Rve::interior`] before. It is taken to be in equilibrium.
+    /// A state that was read from [`Rve::gradient`], [`Rve::interior`] and [`Rve::rates`] before. It is taken to be in
+    /// equilibrium; [`Rve::check`] tells whether it is one of a network.
+    #[must_use]
+    pub fn restored(gradient: Matrix3<f64>, interior: Vec<[f64; 3]>, rates: Option<Vec<Rates>>) -> Self {
+        Self { gradient, interior, rates }
+    }
+
+    /// Whether this can be a state of that network.
     ///
     /// # Errors
     /// [`RveStateError`].
-    pub fn restored(network: &Network, gradient: Matrix3<f64>, interior: Vec<[f64; 3]>) -> Result<Self, RveStateError> {
-        let (found, expected) = (interior.len(), network.interior().len());
-        if found != expected {
-            return Err(RveStateError::Nodes { found, expected });
+    pub fn check(&self, network: &Network) -> Result<(), RveStateError> {
+        let expected = network.interior().len();
+        for found in [Some(self.interior.len()), self.rates.as_ref().map(Vec::len)].into_iter().flatten() {
+            if found != expected {
+                return Err(RveStateError::Nodes { found, expected });
+            }
         }
-        if let Some(node) = interior.iter().position(|x| x.iter().any(|x| !x.is_finite())) {
+        if let Some(node) = self.interior.iter().position(|x| x.iter().any(|x| !x.is_finite())) {
             return Err(RveStateError::NotFinite(node));
         }
-        let determinant = gradient.determinant();
+        if let Some(node) = self.rates.iter().flatten().position(|rates| rates.iter().any(|v| !v.is_finite())) {
+            return Err(RveStateError::NotFinite(node));
+        }
+        let determinant = self.gradient.determinant();
         if !(determinant.is_finite() && determinant > 0.0) {
             return Err(RveStateError::Inverted(determinant));
         }
-        Ok(Self { gradient, interior, rates: None })
+        Ok(())
     }
 
     /// The undeformed state.
@@ -282,6 +319,12 @@ impl Rve {
     #[must_use]
     pub fn interior(&self) -> &[[f64; 3]] {
         &self.interior
+    }
+
+    /// How the interior nodes follow a further strain, where [`Rve::keep_rates`] has kept it.
+    #[must_use]
+    pub fn rates(&self) -> Option<&[Rates]> {
+        self.rates.as_deref()
     }
 }
 

@@ -16,6 +16,7 @@ mod record;
 pub mod report;
 pub mod results;
 pub mod run;
+pub mod rve_dump;
 mod rve_files;
 
 pub use record::Progress;

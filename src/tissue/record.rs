@@ -6,12 +6,13 @@ use nalgebra::Matrix3;
 
 use super::case::Case;
 use super::checkpoint;
-use super::micro_scale::{PointSummary, SweepStats, TissueField, TissueFieldError};
+use super::micro_scale::{LostRve, PointSummary, SweepStats, TissueField};
 use super::results::collection::{field_file, partial};
 use super::results::log::{Balance, Cut, Event, Factorisations, LogWriter, NewtonLog, NewtonSeconds, RveLog, Step};
 use super::results::{
     self, CASE_FILE, Collection, FieldSet, LOADS_FILE, LOG_FILE, LoadsWriter, ResultsError, SurfaceRow, write_vtu,
 };
+use super::rve_dump::lost_file;
 use super::rve_files::NetworkFiles;
 use crate::fem::equilibrium::BodyState;
 use crate::fem::mesh::Mesh;
@@ -47,6 +48,8 @@ pub(super) struct Recorder<'a> {
     volumes: Vec<f64>,
     progress: &'a mut dyn Progress,
     started: std::time::Instant,
+    /// The file of the RVE that made the last attempt fail, if one did.
+    lost: Option<PathBuf>,
 }
 
 impl<'a> Recorder<'a> {
@@ -97,6 +100,7 @@ impl<'a> Recorder<'a> {
             volumes: (0..mesh.elements().len()).map(|element| mesh.element_volume(element)).collect(),
             progress,
             started: std::time::Instant::now(),
+            lost: None,
         })
     }
 
@@ -165,6 +169,19 @@ impl<'a> Recorder<'a> {
         self.networks.write((step, whole), state.t, field)
     }
 
+    /// Writes what repeats the failure of an RVE; gives the file, relative to the directory.
+    fn write_lost(&self, step: usize, halvings: u32, mut lost: LostRve) -> Result<PathBuf, ResultsError> {
+        let file = lost_file(step, halvings, lost.element);
+        lost.dump.origin = format!("element {} in load step {step}", lost.element);
+        lost.dump.write(&self.dir.join(&file))?;
+        Ok(file)
+    }
+
+    /// The file that repeats the failure of the RVE that made the last attempt fail, if one did.
+    pub fn lost(&self) -> Option<&Path> {
+        self.lost.as_deref()
+    }
+
     /// Writes the fields of the last state that converged, where they are not written yet: of a run that ends early
     /// between two outputs, or within a step that was cut. `step` is the last full step.
     pub fn write_last<B: Backend<Scalar = f64>>(
@@ -210,14 +227,15 @@ where
         self.log.write(&Event::Step(line))
     }
 
-    fn failed(
-        &mut self,
-        attempt: &FailedAttempt<'_, TissueFieldError<B::Fault>, B::Fault>,
-    ) -> Result<(), ResultsError> {
+    fn failed(&mut self, attempt: &FailedAttempt<'_, TissueField<B>, B::Fault>) -> Result<(), ResultsError> {
+        let lost = attempt.field.take_lost();
+        let lost_rve = lost.map(|lost| self.write_lost(attempt.step, attempt.halvings, lost)).transpose()?;
+        self.lost = lost_rve.as_ref().map(|file| self.dir.join(file));
         let cut = Cut {
             step: attempt.step,
             t: attempt.t,
             reason: attempt.reason.to_string(),
+            lost_rve,
             newton: newton_log(attempt.newton),
         };
         self.progress.failed(&cut);

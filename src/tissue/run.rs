@@ -99,6 +99,8 @@ pub enum RunError<F: std::error::Error + 'static> {
         halvings: u32,
         /// What stopped the last attempt.
         reason: Box<StepFailure<TissueFieldError<F>, F>>,
+        /// The file that repeats the failure of an RVE, where that was the reason.
+        lost: Option<PathBuf>,
     },
     /// A result file could not be written.
     #[error("{0}")]
@@ -350,7 +352,8 @@ where
                 Ok(report) => iterations += report.iterations(),
                 Err(SteppingError::Stopped { reason, .. }) => return Err(reason.into()),
                 Err(SteppingError::NotConverged { step, reached, halvings, reason, .. }) => {
-                    return Err(RunError::NotConverged { step, count, reached, halvings, reason: Box::new(reason) });
+                    let (reason, lost) = (Box::new(reason), recorder.lost().map(Path::to_owned));
+                    return Err(RunError::NotConverged { step, count, reached, halvings, reason, lost });
                 }
             }
             // Last, so that a checkpoint never stands for results that are not there.

@@ -101,7 +101,7 @@ pub fn write(dir: &Path, cells: [usize; 3]) {
         loads.row(step, t, &surfaces, &[], &[1.2e-6, 9.0e-7 * (1.0 - 0.1 * t)]).unwrap();
         if step == 7 {
             let reason = "element 17: det F = -0.2 <= 0".into();
-            log.write(&Event::Cut(Cut { step, t, reason, newton: newton(step) })).unwrap();
+            log.write(&Event::Cut(Cut { step, t, reason, lost_rve: None, newton: newton(step) })).unwrap();
         }
         let rve = Some(RveLog {
             solves: (4 * rves) as u64,

@@ -163,16 +163,40 @@ fn a_body_that_nothing_holds_does_not_converge() {
 }
 
 #[test]
-fn a_floppy_network_stops_a_run_before_it_begins() {
+fn a_floppy_network_runs_and_is_told() {
     let folder = tempfile::tempdir().unwrap();
     write_floppy_network(folder.path());
-    let failed = run(folder.path(), &fibers("chain.txt"), "");
+    run(folder.path(), &fibers("chain.txt"), "").done();
+    assert!(line(folder.path(), "network check chain.txt").done().contains("floppy"));
+}
+
+#[test]
+fn an_rve_that_is_lost_can_be_repeated() {
+    let folder = tempfile::tempdir().unwrap();
+    let case = fibers(&frozen()) + "[micro]\nmax_iterations = 1\nstages = [\"newton\"]\n";
+    let failed = run(folder.path(), &case.replace("[steps]", "[steps]\nmax_cuts = 0"), "");
     let block = failed.failed(3);
-    assert!(block.contains("the undeformed body: element 0 (network chain.txt): "), "{block}");
-    assert!(block.contains("singular") && block.contains("biotissue network check"), "{block}");
-    // The plan solves nothing, so it does not know; the network itself tells.
-    line(folder.path(), "check case.toml").done();
-    assert!(line(folder.path(), "network check chain.txt").done().contains("floppy: "));
+    let file = "results/lost-rve/step-00001-cut-00-element-0.json";
+    assert!(
+        block.contains("`biotissue rve --replay ") && block.contains(&format!("{file}` repeats the RVE")),
+        "{block}"
+    );
+    let log = std::fs::read_to_string(folder.path().join("results/log.jsonl")).unwrap();
+    assert!(log.contains(r#""lost_rve":"lost-rve/step-00001-cut-00-element-0.json""#), "{log}");
+
+    let again = line(folder.path(), &format!("rve --replay {file}"));
+    let said = again.failed(3);
+    assert!(
+        said.contains("Newton: no convergence in 1 iterations") && said.contains("element 0 in load step 1"),
+        "{said}"
+    );
+    let residual = |text: &str| text.split("|r| = ").nth(1).unwrap().split(',').next().unwrap().to_owned();
+    assert_eq!(residual(said), residual(block), "the same failure");
+    line(folder.path(), &format!("rve --replay {file} --stages regularised")).done();
+
+    // A new run takes the file away.
+    run(folder.path(), &fibers(&frozen()), "").done();
+    assert!(!folder.path().join(file).exists());
 }
 
 #[test]

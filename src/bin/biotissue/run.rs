@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 
 use biotissue::fem::equilibrium::EquilibriumError;
 use biotissue::fem::stepping::{SetupError, StepFailure};
-use biotissue::fiber::equilibrium::RveError;
 use biotissue::input::InputError;
 use biotissue::las::{Backend, NewtonError, Scalar, SolveError};
 use biotissue::tissue::Progress;
@@ -161,12 +160,14 @@ impl Job for RunJob<'_> {
             Ok(RunSummary { steps, iterations, seconds }) => {
                 Ok(Summary { converged: true, steps, iterations, seconds, directory: self.dir.to_owned() })
             }
-            Err(RunError::NotConverged { step, count, reached, halvings, reason }) => Err(Failure::NotConverged {
-                what: format!("load step {step} of {count} does not converge, halved {halvings} times: {reason}"),
-                place: format!("t = {reached}; {}", on_disk(step - 1, self.dir)),
-                expected: "equilibrium with det F > 0 everywhere".into(),
-                cure: cure_of_step(&reason).into(),
-            }),
+            Err(RunError::NotConverged { step, count, reached, halvings, reason, lost }) => {
+                Err(Failure::NotConverged {
+                    what: format!("load step {step} of {count} does not converge, halved {halvings} times: {reason}"),
+                    place: format!("t = {reached}; {}{}", on_disk(step - 1, self.dir), repeated_by(lost.as_deref())),
+                    expected: "equilibrium with det F > 0 everywhere".into(),
+                    cure: cure_of_step(&reason).into(),
+                })
+            }
             Err(RunError::Results(ResultsError::Write { path, source })) => Err(Failure::unwritable(&path, &source)),
             Err(RunError::Results(error @ ResultsError::Damaged { .. })) => Err(Failure::Arguments {
                 what: error.to_string(),
@@ -188,6 +189,11 @@ fn on_disk(steps: usize, dir: &Path) -> String {
         1 => format!("the load step before it is in {}", dir.display()),
         steps => format!("the {steps} load steps before it are in {}", dir.display()),
     }
+}
+
+/// How to repeat the failure of an RVE.
+fn repeated_by(lost: Option<&Path>) -> String {
+    lost.map_or_else(String::new, |file| format!("; `biotissue rve --replay {}` repeats the RVE", file.display()))
 }
 
 /// The cure where nothing more is known than that a step went too far.

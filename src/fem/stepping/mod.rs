@@ -178,8 +178,9 @@ where
                     let Failed { reason, newton, hopeless } = *failed;
                     self.body.reject();
                     let halvings = self.halvings;
+                    let (increment, field) = (t - from, self.body.field());
                     let attempt =
-                        FailedAttempt { step, t, increment: t - from, halvings, reason: &reason, newton: &newton };
+                        FailedAttempt { step, t, increment, halvings, reason: &reason, newton: &newton, field };
                     observer.failed(&attempt).map_err(|reason| SteppingError::Stopped { step, t: from, reason })?;
                     report.failures.push(newton);
                     if hopeless || halvings == max_cuts {

@@ -26,7 +26,7 @@ pub trait StepObserver<P: PointField, F: std::error::Error> {
     ///
     /// # Errors
     /// Stops the run.
-    fn failed(&mut self, attempt: &FailedAttempt<'_, P::Error, F>) -> Result<(), Self::Error> {
+    fn failed(&mut self, attempt: &FailedAttempt<'_, P, F>) -> Result<(), Self::Error> {
         let _ = attempt;
         Ok(())
     }
@@ -64,11 +64,7 @@ pub struct ConvergedStep<'a, P> {
 
 /// An attempt that failed.
 #[derive(Debug)]
-pub struct FailedAttempt<'a, E, F>
-where
-    E: std::fmt::Display,
-    F: std::fmt::Display,
-{
+pub struct FailedAttempt<'a, P: PointField, F: std::error::Error> {
     /// The step, from 1.
     pub step: usize,
     /// Where the attempt would have ended.
@@ -78,7 +74,9 @@ where
     /// Halvings of the step at this attempt: the increment is `1 / (count 2^halvings)`.
     pub halvings: u32,
     /// Why.
-    pub reason: &'a StepFailure<E, F>,
+    pub reason: &'a StepFailure<P::Error, F>,
+    /// The point field, taken back to the last converged state.
+    pub field: &'a P,
     /// What Newton did until then; empty where the linearised start failed.
     pub newton: &'a NewtonReport,
 }

@@ -62,7 +62,7 @@ impl<P: PointField, F: std::error::Error> StepObserver<P, F> for Log {
         if step.step == self.stop_at { Err(DiskFull) } else { Ok(()) }
     }
 
-    fn failed(&mut self, attempt: &FailedAttempt<'_, P::Error, F>) -> Result<(), DiskFull> {
+    fn failed(&mut self, attempt: &FailedAttempt<'_, P, F>) -> Result<(), DiskFull> {
         self.failed.push((attempt.step, attempt.t, attempt.halvings));
         Ok(())
     }

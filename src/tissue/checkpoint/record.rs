@@ -1,12 +1,12 @@
 //! The content of a checkpoint in the form that is stored.
 
-use nalgebra::Matrix3;
 use serde::ser::SerializeStruct;
 use serde::{Deserialize, Serialize, Serializer};
 
 use super::identity::Identity;
 use crate::fem::material::Response;
 use crate::fem::stepping::SavedState;
+use crate::fiber::rve::{Rates, Rve};
 use crate::las::{Backend, Scalar};
 use crate::tissue::micro_scale::{TissueField, UnitState};
 
@@ -39,6 +39,7 @@ struct UnitRecord {
 struct RveRecord {
     gradient: [[f64; 3]; 3],
     interior: Vec<[f64; 3]>,
+    rates: Option<Vec<Rates>>,
 }
 
 /// Matrices column by column.
@@ -89,7 +90,11 @@ impl Record {
 impl From<UnitState> for UnitRecord {
     fn from(state: UnitState) -> Self {
         Self {
-            rve: state.rve.map(|(gradient, interior)| RveRecord { gradient: gradient.into(), interior }),
+            rve: state.rve.map(|rve| RveRecord {
+                gradient: (*rve.gradient()).into(),
+                interior: rve.interior().to_vec(),
+                rates: rve.rates().map(<[Rates]>::to_vec),
+            }),
             answer: state.answer.map(|(gradient, Response { energy, pk1, tangent })| AnswerRecord {
                 gradient: gradient.into(),
                 energy,
@@ -104,7 +109,7 @@ impl From<UnitState> for UnitRecord {
 impl From<UnitRecord> for UnitState {
     fn from(record: UnitRecord) -> Self {
         Self {
-            rve: record.rve.map(|rve| (Matrix3::from(rve.gradient), rve.interior)),
+            rve: record.rve.map(|rve| Rve::restored(rve.gradient.into(), rve.interior, rve.rates)),
             answer: record.answer.map(|answer| {
                 let AnswerRecord { gradient, energy, pk1, tangent } = answer;
                 (gradient.into(), Response { energy, pk1: pk1.into(), tangent: tangent.into() })

@@ -1,8 +1,11 @@
 use std::path::Path;
 
+use nalgebra::Matrix3;
+
 use super::hash::Fnv;
 use super::*;
 use crate::backends::sparse::Sparse;
+use crate::fiber::rve::Rve;
 use crate::tissue::case::Case;
 use crate::tissue::macro_scale;
 use crate::tissue::run::{ResumeError, Simulation};
@@ -113,7 +116,7 @@ fn another_version_of_the_format_is_named() {
     fs::write(&path, sealed(&body)).unwrap();
     let error = simulation().resume(dir.path()).unwrap_err();
     assert!(
-        matches!(error, ResumeError::Checkpoint(CheckpointError::Version { found: 2, expected: 1, .. })),
+        matches!(error, ResumeError::Checkpoint(CheckpointError::Version { found: 3, expected: 2, .. })),
         "{error}"
     );
 }
@@ -133,12 +136,17 @@ fn a_state_that_does_not_fit_changes_nothing() {
     fewer.pop();
     let mut bare = units.clone();
     bare[4].rve = None;
-    let mut short = units.clone();
-    short[5].rve.as_mut().unwrap().1.pop();
-    let mut lost = units.clone();
-    lost[1].rve.as_mut().unwrap().1[3][2] = f64::NAN;
-    let mut inverted = units.clone();
-    inverted[2].rve.as_mut().unwrap().0 *= -1.0;
+    let changed = |unit: usize, change: fn(&mut Matrix3<f64>, &mut Vec<[f64; 3]>)| {
+        let mut units = units.clone();
+        let rve = units[unit].rve.as_mut().unwrap();
+        let (mut gradient, mut interior) = (*rve.gradient(), rve.interior().to_vec());
+        change(&mut gradient, &mut interior);
+        *rve = Rve::restored(gradient, interior, None);
+        units
+    };
+    let short = changed(5, |_, interior| interior.truncate(2));
+    let lost = changed(1, |_, interior| interior[3][2] = f64::NAN);
+    let inverted = changed(2, |gradient, _| *gradient *= -1.0);
     let said = [
         (fewer, "the state has 5 RVEs; this body has 6"),
         (bare, "element 4 has no fibers in the saved state, but has some here"),

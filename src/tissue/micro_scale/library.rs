@@ -81,8 +81,8 @@ where
         params.max_cuts = case.micro.max_cuts;
         params.stages = case.micro.stages;
         let predict = case.micro.predictor;
-        let stats = Default::default();
-        Ok((Self { context, models, sites, units, element_of, workers, params, predict, stats }, warnings))
+        let (stats, lost) = Default::default();
+        Ok((Self { context, models, sites, units, element_of, workers, params, predict, stats, lost }, warnings))
     }
 }
 

@@ -18,6 +18,7 @@ use crate::fem::point_field::{PointField, PointResponses};
 use crate::fiber::equilibrium::EquilibriumParams;
 use crate::fiber::rve::RveModel;
 use crate::las::{Backend, Scalar};
+use crate::tissue::rve_dump::RveDump;
 
 pub use formula::Formula;
 pub use library::LibraryError;
@@ -52,6 +53,17 @@ pub struct TissueField<B: Backend> {
     predict: bool,
     /// Behind a lock, because whoever watches a run only has the field for reading.
     stats: Mutex<SweepStats>,
+    /// The last RVE that found no equilibrium.
+    lost: Mutex<Option<LostRve>>,
+}
+
+/// An RVE that found no equilibrium.
+#[derive(Clone, Debug)]
+pub struct LostRve {
+    /// Its element, from 0.
+    pub element: usize,
+    /// Everything that repeats the failure.
+    pub dump: RveDump,
 }
 
 /// A point without an answer.
@@ -135,14 +147,22 @@ where
             .reduce(|| (SweepStats::default(), None), |(a, first), (b, second)| (a.and(b), earlier(first, second)));
         let sum = self.stats.get_mut().unwrap_or_else(PoisonError::into_inner);
         *sum = sum.and(stats);
-        match failed {
-            None => Ok(()),
-            Some((number, reason)) => Err(TissueFieldError {
-                element: self.element_of[number],
-                network: self.units[number].fibers.as_ref().map(|f| self.models[f.model].network().name().to_owned()),
-                reason,
-            }),
+        let Some((number, reason)) = failed else { return Ok(()) };
+        let element = self.element_of[number];
+        let fibers = self.units[number].fibers.as_ref();
+        let network = fibers.map(|f| self.models[f.model].network().name().to_owned());
+        if let (UnitError::Rve(_), Some(fibers)) = (&reason, fibers) {
+            let origin = format!("element {element}");
+            let ends = (&fibers.current, &gradients[element]);
+            let dump = RveDump::new(origin, &self.models[fibers.model], ends, &self.params);
+            *self.lost.get_mut().unwrap_or_else(PoisonError::into_inner) = Some(LostRve { element, dump });
         }
+        Err(TissueFieldError { element, network, reason })
+    }
+
+    /// The RVE that made the last update fail, once.
+    pub fn take_lost(&self) -> Option<LostRve> {
+        self.lost.lock().unwrap_or_else(PoisonError::into_inner).take()
     }
 }
 

@@ -12,8 +12,8 @@ use crate::las::{Backend, Scalar};
 /// The memory of one RVE at the last converged load step.
 #[derive(Clone, Debug, PartialEq)]
 pub struct UnitState {
-    /// Deformation gradient and interior node positions (unit-cube units) of the network; `None` for a matrix alone.
-    pub rve: Option<(Matrix3<f64>, Vec<[f64; 3]>)>,
+    /// The network; `None` for a matrix alone.
+    pub rve: Option<Rve>,
     /// The last answer and the deformation gradient that it belongs to: asked there again, the RVE answers without a
     /// solve.
     pub answer: Option<(Matrix3<f64>, Response)>,
@@ -58,7 +58,8 @@ where
     /// step depends on.
     pub fn unit_states(&self) -> impl ExactSizeIterator<Item = UnitState> + '_ {
         self.units.iter().map(|unit| UnitState {
-            rve: unit.fibers.as_ref().map(|f| (*f.committed.gradient(), f.committed.interior().to_vec())),
+            // Right after a commit this is the committed state, with the prediction that goes with it.
+            rve: unit.fibers.as_ref().map(|f| f.current.clone()),
             answer: unit.answer,
             iterations: unit.committed_iterations,
         })
@@ -86,11 +87,13 @@ where
     fn restored(&self, state: UnitState, unit: &Unit, element: usize) -> Result<Unit, FieldRestoreError> {
         let UnitState { rve, answer, iterations } = state;
         let fibers = match (rve, &unit.fibers) {
-            (Some((gradient, interior)), Some(Fibers { model, .. })) => {
-                let network = self.models[*model].network();
-                let rve = Rve::restored(network, gradient, interior);
-                let rve = rve.map_err(|reason| FieldRestoreError::Rve { element, reason })?;
-                Some(Fibers { model: *model, current: rve.clone(), committed: rve })
+            (Some(current), Some(Fibers { model, committed, .. })) => {
+                current
+                    .check(self.models[*model].network())
+                    .map_err(|reason| FieldRestoreError::Rve { element, reason })?;
+                let mut committed = committed.clone();
+                committed.take_equilibrium(&current);
+                Some(Fibers { model: *model, current, committed })
             }
             (None, None) => None,
             (saved, _) => return Err(FieldRestoreError::Fibers { element, saved: saved.is_some() }),

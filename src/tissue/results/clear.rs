@@ -8,6 +8,7 @@ use super::collection::{field_file, partial};
 use super::networks::{network_collection, network_file};
 use super::replace::final_name;
 use super::{FIELDS_FILE, LOADS_FILE, LOG_FILE, NETWORKS_FOLDER, ResultsError};
+use crate::tissue::rve_dump::{LOST_FOLDER, lost_file};
 
 /// Removes the loads, the log, the fields and the networks of an earlier run from a result directory, finished or not.
 /// Files of other names, and checkpoints, stay.
@@ -18,7 +19,8 @@ pub fn clear(dir: &Path) -> Result<(), ResultsError> {
     remove(dir, |name| [FIELDS_FILE, LOADS_FILE, LOG_FILE].contains(&name) || is_field(name) || is_partial(name))?;
     let collection =
         |name: &str| numbers(name, ["element-", ".pvd"]).is_some_and(|[element]| name == network_collection(element));
-    remove(&dir.join(NETWORKS_FOLDER), |name| is_network(name) || is_partial(name) || collection(name))
+    remove(&dir.join(NETWORKS_FOLDER), |name| is_network(name) || is_partial(name) || collection(name))?;
+    remove(&dir.join(LOST_FOLDER), is_lost)
 }
 
 /// Removes the fields and networks that a run which failed within a step has left of that step: one that is resumed
@@ -38,6 +40,13 @@ fn is_field(name: &str) -> bool {
 fn is_network(name: &str) -> bool {
     let numbers = numbers(name, ["element-", "-step-", ".vtp"]);
     numbers.is_some_and(|[element, step]| name == network_file(element, step))
+}
+
+fn is_lost(name: &str) -> bool {
+    let numbers = numbers(name, ["step-", "-cut-", "-element-", ".json"]);
+    numbers.is_some_and(|[step, cut, element]| {
+        u32::try_from(cut).is_ok_and(|cut| lost_file(step, cut, element) == Path::new(LOST_FOLDER).join(name))
+    })
 }
 
 fn is_partial(name: &str) -> bool {

@@ -91,6 +91,9 @@ pub struct Cut {
     pub t: f64,
     /// Why it failed.
     pub reason: String,
+    /// The file, relative to this directory, that repeats the failure of the RVE that caused it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lost_rve: Option<PathBuf>,
     /// As far as Newton came.
     #[serde(default)]
     pub newton: NewtonLog,

@@ -6,8 +6,10 @@ mod solve;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use biotissue::fiber::equilibrium::{EquilibriumParams, Stage, Stages};
 use biotissue::fiber::network::file;
-use biotissue::fiber::rve::StressScale;
+use biotissue::fiber::rve::{Rve, StressScale};
+use biotissue::tissue::rve_dump::RveDump;
 use clap::Args;
 use nalgebra::Matrix3;
 
@@ -26,10 +28,11 @@ const MAX_STEPS: usize = 1_000_000;
 #[derive(Args)]
 pub struct RveCommand {
     /// The network file; without --law its own materials count
-    network: PathBuf,
+    #[arg(required_unless_present = "replay")]
+    network: Option<PathBuf>,
     /// Deformation gradient, row by row: "f11 f12 f13 f21 f22 f23 f31 f32 f33"
-    #[arg(long = "F", value_name = "NINE NUMBERS", allow_hyphen_values = true)]
-    gradient: String,
+    #[arg(long = "F", value_name = "NINE NUMBERS", allow_hyphen_values = true, required_unless_present = "replay")]
+    gradient: Option<String>,
     #[command(flatten)]
     law: LawArguments,
     /// "raw" (forces of the unit cube as they are), or the fiber volume fraction
@@ -41,6 +44,15 @@ pub struct RveCommand {
     /// Residual relative to all nodal forces
     #[arg(long, value_name = "T", value_parser = real, default_value = "1e-10", allow_hyphen_values = true)]
     tolerance: f64,
+    /// The stages that may be tried, separated by commas: newton, cuts, regularised, relaxation; all of them by default
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    stages: Option<Vec<String>>,
+    /// Write the last increment, with everything that it depends on, to a file
+    #[arg(long, value_name = "FILE")]
+    dump: Option<PathBuf>,
+    /// Repeat what such a file holds, exactly; runs write one for every RVE that they lose
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["network", "gradient", "law", "scale", "steps", "tolerance"])]
+    replay: Option<PathBuf>,
     /// Linear-algebra backend
     #[arg(long, value_name = "NAME")]
     backend: Option<String>,
@@ -64,10 +76,18 @@ pub fn run(command: RveCommand) -> Result<(), Failure> {
 }
 
 fn check(command: RveCommand) -> Result<RveJob, Failure> {
-    let gradient = parse_gradient(&command.gradient)?;
+    let stages = command.stages.as_deref().map(parse_stages).transpose()?;
+    if let Some(file) = &command.replay {
+        return Ok(RveJob::replay(RveDump::read(file)?, stages, command.dump));
+    }
+    let (Some(path), Some(gradient)) = (command.network, command.gradient) else {
+        // The argument parser has seen to it that both are there.
+        return Err(Failure::arguments("no network to solve", "a network and --F", "or --replay FILE"));
+    };
+    let gradient = parse_gradient(&gradient)?;
     let material = command.law.material()?;
     let scale = parse_scale(&command.scale)?;
-    let RveCommand { network: path, steps, tolerance, .. } = command;
+    let RveCommand { steps, tolerance, dump, .. } = command;
     if !(1..=MAX_STEPS).contains(&steps) {
         let expected = format!("between 1 and {MAX_STEPS} increments");
         return Err(Failure::arguments(format!("--steps {steps}"), expected, "leave --steps out for one"));
@@ -76,10 +96,28 @@ fn check(command: RveCommand) -> Result<RveJob, Failure> {
         let what = format!("--tolerance {tolerance}");
         return Err(Failure::arguments(what, "a number between 0 and 1", "leave --tolerance out for 1e-10"));
     }
+    let mut params = EquilibriumParams::default();
+    params.newton.tolerance = tolerance;
+    params.stages = stages.unwrap_or_default();
     let read = file::read(&path)?;
     output::warn(&read.warnings);
-    let job = RveJob { path, network: Arc::new(read.network), gradient, material, scale, steps, tolerance };
-    Ok(job)
+    let network = Arc::new(read.network);
+    let (place, start) = (path.display().to_string(), Rve::at_rest(&network));
+    Ok(RveJob { place, file: Some(path), network, start, gradient, material, scale, steps, params, dump })
+}
+
+fn parse_stages(names: &[String]) -> Result<Stages, Failure> {
+    let stages: Result<Vec<Stage>, Failure> = names
+        .iter()
+        .map(|name| {
+            Stage::named(name.trim()).ok_or_else(|| {
+                let known = Stage::ALL.map(Stage::name).join(", ");
+                let what = format!("there is no stage `{name}`");
+                Failure::arguments(what, format!("one or more of {known}"), "leave --stages out for all of them")
+            })
+        })
+        .collect();
+    Ok(Stages::of(&stages?))
 }
 
 fn parse_gradient(text: &str) -> Result<Matrix3<f64>, Failure> {

@@ -1,10 +1,10 @@
 //! An RVE brought to equilibrium on one backend.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
-use biotissue::fiber::equilibrium::{EquilibriumParams, EquilibriumReport, RveError, equilibrate};
+use biotissue::fiber::equilibrium::{EquilibriumParams, EquilibriumReport, RveError, Stages, equilibrate};
 use biotissue::fiber::homogenise;
 use biotissue::fiber::law::FiberMaterial;
 use biotissue::fiber::network::Network;
@@ -13,6 +13,8 @@ use biotissue::fiber::path::between;
 use biotissue::fiber::rve::{Rve, RveModel, RveModelError, StressScale};
 use biotissue::fiber::workspace::Workspace;
 use biotissue::las::{Backend, NewtonReport, Scalar};
+use biotissue::tissue::results::ResultsError;
+use biotissue::tissue::rve_dump::RveDump;
 use nalgebra::Matrix3;
 
 use super::answer::{Answer, Ladder, NetworkFacts, Orientation, Seconds, State, Stretch, rows, tangent_rows};
@@ -21,13 +23,19 @@ use crate::failure::Failure;
 
 /// The checked arguments.
 pub struct RveJob {
-    pub path: PathBuf,
+    /// The RVE, for messages.
+    pub place: String,
+    /// The network's file, where it has one.
+    pub file: Option<PathBuf>,
     pub network: Arc<Network>,
+    pub start: Rve,
     pub gradient: Matrix3<f64>,
     pub material: Option<FiberMaterial>,
     pub scale: StressScale,
     pub steps: usize,
-    pub tolerance: f64,
+    pub params: EquilibriumParams,
+    /// Where the last increment is to be written.
+    pub dump: Option<PathBuf>,
 }
 
 impl Job for RveJob {
@@ -45,9 +53,14 @@ impl Job for RveJob {
         let mut seconds = Seconds { analyze: start.elapsed().as_secs_f64(), ..Seconds::default() };
 
         let start = Instant::now();
-        let mut rve = Rve::at_rest(&self.network);
-        let outcome = self.equilibrate(&model, &mut rve, &mut workspace);
+        let mut rve = self.start.clone();
+        let mut last = (rve.clone(), self.gradient);
+        let outcome = self.equilibrate(&model, &mut rve, &mut workspace, &mut last);
         seconds.solve = start.elapsed().as_secs_f64();
+        if let Some(file) = &self.dump {
+            let dump = RveDump::new(self.place.clone(), &model, (&last.0, &last.1), &self.params);
+            dump.write(file).map_err(|error| not_written(file, &error))?;
+        }
 
         let start = Instant::now();
         let (report, state) = match outcome {
@@ -70,33 +83,77 @@ impl Job for RveJob {
     }
 }
 
+fn not_written(file: &Path, error: &ResultsError) -> Failure {
+    match error {
+        ResultsError::Write { path, source } => Failure::unwritable(path, source),
+        error => Failure::Environment {
+            what: error.to_string(),
+            expected: "an RVE that can be put into a file".into(),
+            cure: format!("report this as a bug, with what {} should have held", file.display()),
+        },
+    }
+}
+
 impl RveJob {
-    /// The deformation gradient of a step from 1 to `steps`, on the way from the undeformed state to the one asked for.
+    /// What a file of [`RveDump`] holds, by other stages where they are given.
+    pub fn replay(dump: RveDump, stages: Option<Stages>, again: Option<PathBuf>) -> Self {
+        let RveDump { origin, network, scale, start, target, mut params } = dump;
+        params.stages = stages.unwrap_or(params.stages);
+        Self {
+            place: origin,
+            file: None,
+            network,
+            start,
+            gradient: target,
+            material: None,
+            scale,
+            steps: 1,
+            params,
+            dump: again,
+        }
+    }
+
+    /// The deformation gradient of a step from 1 to `steps`, on the way from the start to the one asked for.
     pub fn target(&self, step: usize) -> Matrix3<f64> {
         if step == self.steps {
             return self.gradient;
         }
-        between(&Matrix3::identity(), &self.gradient, step as f64 / self.steps as f64)
+        between(self.start.gradient(), &self.gradient, step as f64 / self.steps as f64)
     }
 
+    /// All increments; `last` is left with the state before the one that came last, and what was asked of it.
     fn equilibrate<B>(
         &self,
         model: &RveModel<B>,
         rve: &mut Rve,
         workspace: &mut Workspace<B>,
+        last: &mut (Rve, Matrix3<f64>),
     ) -> Result<EquilibriumReport, RveError<B::Fault>>
     where
         B: Backend<Scalar = f64>,
         B::Reduced: Scalar,
     {
-        let mut params = EquilibriumParams::default();
-        params.newton.tolerance = self.tolerance;
         let mut sum = EquilibriumReport::default();
         for step in 1..=self.steps {
-            let report = equilibrate(model, rve, &self.target(step), &params, workspace)?;
-            sum = sum.then(report);
+            *last = (rve.clone(), self.target(step));
+            sum = sum.then(equilibrate(model, rve, &last.1, &self.params, workspace)?);
+            if step < self.steps {
+                self.predict(model, rve, workspace);
+            }
         }
         Ok(sum)
+    }
+
+    /// Lets the next increment start from a prediction, where this one has a tangent.
+    fn predict<B>(&self, model: &RveModel<B>, rve: &mut Rve, workspace: &mut Workspace<B>)
+    where
+        B: Backend<Scalar = f64>,
+        B::Reduced: Scalar,
+    {
+        let pk1 = homogenise::pk1(model, workspace);
+        if homogenise::tangent(model, rve, &pk1, workspace).is_ok() {
+            rve.keep_rates(model, workspace);
+        }
     }
 
     fn state<B>(
@@ -155,7 +212,7 @@ impl RveJob {
     }
 
     fn unusable<F: std::error::Error + 'static>(&self, error: &RveModelError<F>) -> Failure {
-        let what = format!("{}: {error}", self.path.display());
+        let what = format!("{}: {error}", self.place);
         if matches!(error, RveModelError::Analysis(_)) {
             return Failure::library(what);
         }
@@ -167,15 +224,20 @@ impl RveJob {
     }
 
     fn failure<F: std::error::Error + 'static>(&self, error: &RveError<F>) -> Failure {
-        let path = self.path.display();
         if error.is_fault() {
             return Failure::library(error);
         }
         let (expected, cure) = if error.is_linear() {
             (
                 "a network that resists every motion of its interior nodes",
-                format!(
-                    "`biotissue network check {path}` tells whether it is floppy or hangs loose; if not, take more --steps"
+                self.file.as_ref().map_or_else(
+                    || "another network, or a cleaned one".into(),
+                    |file| {
+                        let file = file.display();
+                        format!(
+                            "`biotissue network check {file}` tells where it is floppy; if it is not, take more --steps"
+                        )
+                    },
                 ),
             )
         } else {
@@ -186,7 +248,7 @@ impl RveJob {
         };
         Failure::NotConverged {
             what: error.to_string(),
-            place: format!("the RVE of {path}"),
+            place: format!("the RVE of {}", self.place),
             expected: expected.into(),
             cure,
         }

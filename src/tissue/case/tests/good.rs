@@ -56,7 +56,7 @@ fn every_entry_arrives() {
 
     let place = folder.case();
     let said = "[scales] asks for 4 processes; this build runs both scales in one, with the same results";
-    assert_eq!(warnings, [format!("{}:60: {said}", place.display())]);
+    assert_eq!(warnings, [format!("{}:62: {said}", place.display())]);
 }
 
 #[test]

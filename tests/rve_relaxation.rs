@@ -1,0 +1,91 @@
+//! Damped dynamic relaxation finds the equilibria that Newton finds, and keeps the books of energy.
+#![cfg(feature = "sparse")]
+
+mod support;
+
+use std::sync::Arc;
+
+use biotissue::backends::sparse::Sparse;
+use biotissue::fiber::equilibrium::{RveError, Stage, StageError, Stages};
+use biotissue::fiber::network::Network;
+use biotissue::fiber::relax::{Masses, RelaxationError};
+use nalgebra::Matrix3;
+use support::Bench;
+
+fn relaxing(network: &Arc<Network>, masses: Masses) -> Bench<Sparse> {
+    let mut bench = Bench::new(network, Some(support::laws()[1]));
+    bench.params.stages = Stages::of(&[Stage::Relaxation]);
+    bench.params.relaxation.masses = masses;
+    bench.params.newton.tolerance = 1e-9;
+    bench
+}
+
+fn stretched() -> Matrix3<f64> {
+    Matrix3::new(1.2, 0.05, 0.0, 0.0, 0.95, 0.02, 0.0, 0.0, 1.0)
+}
+
+/// With `--nocapture` it prints what both cost.
+#[test]
+fn ten_networks_come_to_rest_where_newton_puts_them() {
+    let mut networks = support::dogbone_library();
+    networks.push(support::frozen());
+    networks.extend(support::published("Network_2_7.txt"));
+    for network in &networks {
+        let mut newton = Bench::<Sparse>::new(network, Some(support::laws()[1]));
+        newton.params.newton.tolerance = 1e-9;
+        let mut rve = newton.at_rest();
+        let clock = std::time::Instant::now();
+        let iterations = newton.solve(&mut rve, &stretched()).unwrap().iterations;
+        let by_newton = clock.elapsed();
+
+        for masses in [Masses::Stiffness, Masses::Density] {
+            let mut relaxed = relaxing(network, masses);
+            let mut rve = relaxed.at_rest();
+            let clock = std::time::Instant::now();
+            let report = relaxed.solve(&mut rve, &stretched()).unwrap();
+            let by_relaxation = clock.elapsed();
+            assert_eq!((report.stage, report.iterations), (Some(Stage::Relaxation), 0));
+            let difference = (relaxed.pk1() - newton.pk1()).amax() / newton.pk1().amax();
+            println!(
+                "{}: Newton {iterations} iterations in {by_newton:.1?}, relaxation ({masses:?}) {} steps in \
+                 {by_relaxation:.1?}; stresses differ by {difference:.1e}, energies by {:.1e}",
+                network.name(),
+                report.relaxation.steps,
+                report.relaxation.energies.error(),
+            );
+            assert!(difference < 1e-6, "{}: {difference:.1e}", network.name());
+            assert!(report.relaxation.energies.error() < 0.01);
+        }
+    }
+}
+
+#[test]
+fn too_few_steps_are_told_with_the_residual() {
+    let mut bench = relaxing(&support::frozen(), Masses::Stiffness);
+    bench.params.relaxation.max_steps = 100;
+    let mut rve = bench.at_rest();
+    let before = rve.clone();
+    let error = bench.solve(&mut rve, &stretched()).unwrap_err();
+    assert_eq!(rve, before, "a failure leaves the state alone");
+    let RveError::NotConverged { failures, .. } = &error else { panic!("{error}") };
+    let StageError::Relaxation(RelaxationError::TooManySteps { steps: 100, residual, limit }) = failures[0].reason
+    else {
+        panic!("{error}")
+    };
+    assert!(residual > limit, "{error}");
+}
+
+#[test]
+fn a_step_that_is_not_stable_shows_in_the_energies_and_is_halved() {
+    let mut bench = relaxing(&support::frozen(), Masses::Stiffness);
+    bench.params.relaxation.safety = 4.0;
+    let mut rve = bench.at_rest();
+    let report = bench.solve(&mut rve, &stretched()).unwrap();
+    assert!(report.relaxation.repeats > 0 && report.relaxation.energies.error() < 0.01, "{report:?}");
+
+    bench.params.relaxation.max_repeats = 0;
+    let error = bench.solve(&mut bench.at_rest(), &stretched()).unwrap_err();
+    let RveError::NotConverged { failures, .. } = &error else { panic!("{error}") };
+    let reason = &failures[0].reason;
+    assert!(matches!(reason, StageError::Relaxation(RelaxationError::EnergyBalance { .. })), "{error}");
+}
