@@ -5,14 +5,16 @@
 //!
 //! 1. [`Stage::Newton`]: the whole increment from the last equilibrium, by Newton with line search, from a first-order
 //!    prediction where the RVE has one ([`Rve::keep_rates`](super::rve::Rve::keep_rates)), else from an affine motion;
-//! 2. [`Stage::Cuts`]: the increment in halves, quarters and so on, up to a limit;
-//! 3. [`Stage::Regularised`]: what is left of the increment by a descent in the energy
+//! 2. [`Stage::Regularised`]: the same by a descent in the energy
 //!    ([`NewtonSystem::minimise`](crate::las::NewtonSystem::minimise)), which indefinite and singular stiffnesses do not
-//!    stop;
-//! 4. [`Stage::Relaxation`]: the same by damped dynamics ([`super::relax`]), finished by the stages above.
+//!    stop, and which ends in a stable equilibrium;
+//! 3. [`Stage::Cuts`]: the increment in halves, quarters and so on, up to a limit, each part by the stages above;
+//! 4. [`Stage::Relaxation`]: what is left of it by damped dynamics ([`super::relax`]), the last digits by the stages
+//!    above.
 //!
-//! A singular stiffness is singular for smaller increments too: there the ladder goes from the first stage to the third.
-//! A failure names what stopped every stage, and leaves the RVE as it was.
+//! The descent comes before the cuts because it takes a tenth of their iterations: where networks are pressed so hard
+//! that plain Newton fails, its smaller increments mostly fail too. A failure names what stopped every stage, and
+//! leaves the RVE as it was.
 
 mod params;
 mod problem;
@@ -93,18 +95,9 @@ where
         // What a prediction led astray may succeed without.
         rve.forget_rates();
         let stages = self.params.stages;
-        (stages.has(Stage::Cuts) && self.params.max_cuts > 0 && !self.cuts_are_in_vain() && self.in_parts(rve))
-            || (stages.has(Stage::Regularised) && self.regularised(rve))
+        (stages.has(Stage::Regularised) && self.regularised(rve))
+            || (stages.has(Stage::Cuts) && self.params.max_cuts > 0 && self.in_parts(rve))
             || (stages.has(Stage::Relaxation) && self.relaxed(rve))
-    }
-
-    /// Where the stiffness is singular and there is a stage that does not mind.
-    fn cuts_are_in_vain(&self) -> bool {
-        let singular = |failure: &StageFailure<B::Fault>| {
-            matches!(failure.reason, StageError::Newton(NewtonError::Solve(SolveError::Singular { .. })))
-        };
-        (self.params.stages.has(Stage::Regularised) || self.params.stages.has(Stage::Relaxation))
-            && self.failures.last().is_some_and(singular)
     }
 
     /// By ever smaller increments; `rve` stays where the last one that converged took it.
@@ -118,7 +111,7 @@ where
             let stopped = loop {
                 let goal = reached + part;
                 let gradient = if goal >= 1.0 { *self.target } else { path.at(goal) };
-                match self.increment(rve, &gradient) {
+                match self.part(rve, &gradient) {
                     Ok(newton) => {
                         self.report.newton = newton;
                         reached = goal;
@@ -135,6 +128,17 @@ where
         }
     }
 
+    /// One increment by Newton, or else by a descent in the energy.
+    fn part(&mut self, rve: &mut Rve, target: &Matrix3<f64>) -> Result<NewtonReport, NewtonError<B::Fault, B::Fault>> {
+        match self.increment(rve, target) {
+            Err(_) if self.params.stages.has(Stage::Regularised) => {
+                self.workspace.place(self.model, rve, target);
+                self.descend(rve, target)
+            }
+            outcome => outcome,
+        }
+    }
+
     /// One increment by Newton; `rve` follows only if it converges.
     fn increment(
         &mut self,
@@ -147,10 +151,10 @@ where
         self.settle(rve, target, outcome)
     }
 
-    /// What is left of the increment by a descent in the energy.
+    /// The whole increment by a descent in the energy.
     fn regularised(&mut self, rve: &mut Rve) -> bool {
         self.workspace.place(self.model, rve, self.target);
-        match self.descend(rve) {
+        match self.descend(rve, self.target) {
             Ok(newton) => {
                 self.report.newton = newton;
                 self.reached(Stage::Regularised)
@@ -160,7 +164,11 @@ where
     }
 
     /// A descent from the positions in the workspace.
-    fn descend(&mut self, rve: &mut Rve) -> Result<NewtonReport, NewtonError<B::Fault, B::Fault>> {
+    fn descend(
+        &mut self,
+        rve: &mut Rve,
+        target: &Matrix3<f64>,
+    ) -> Result<NewtonReport, NewtonError<B::Fault, B::Fault>> {
         let (mut problem, system) = Interior::of(self.model, self.workspace);
         let outcome = system.minimise(&mut problem, self.params.newton.tolerance, &self.params.regularised);
         let newton = match &outcome {
@@ -168,7 +176,7 @@ where
             Err(failure) => &failure.report,
         };
         self.report.regularised += newton.iterations;
-        self.settle(rve, self.target, outcome)
+        self.settle(rve, target, outcome)
     }
 
     /// Takes over the state of a Newton that converged.
@@ -217,7 +225,7 @@ where
                 return self.failed(Stage::Relaxation, 0.0, reason.into());
             }
             let before = self.workspace.positions.clone();
-            if let Ok(newton) = self.descend(rve) {
+            if let Ok(newton) = self.descend(rve, self.target) {
                 self.report.newton = newton;
                 return self.reached(Stage::Relaxation);
             }

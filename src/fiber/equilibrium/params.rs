@@ -8,17 +8,18 @@ use crate::las::{NewtonParams, RegularisedParams};
 pub enum Stage {
     /// The whole increment by Newton with line search.
     Newton,
-    /// The increment cut in halves, quarters and so on, each part by Newton.
-    Cuts,
     /// Regularised Newton: a descent in the energy.
     Regularised,
+    /// The increment cut in halves, quarters and so on, each part by Newton (and regularised Newton, where that is
+    /// among the stages).
+    Cuts,
     /// Damped dynamic relaxation.
     Relaxation,
 }
 
 impl Stage {
     /// All of them, in the order in which they are tried.
-    pub const ALL: [Self; 4] = [Self::Newton, Self::Cuts, Self::Regularised, Self::Relaxation];
+    pub const ALL: [Self; 4] = [Self::Newton, Self::Regularised, Self::Cuts, Self::Relaxation];
 
     /// How cases, commands and logs spell it.
     #[must_use]
