@@ -26,7 +26,7 @@ pub struct RegularisedParams {
     pub max_iterations: usize,
     /// The smallest shift other than zero, over the largest diagonal entry of the Hessian. Default `1e-9`.
     pub least_shift: f64,
-    /// The shift at which the search is given up, over the same. Default `1e6`.
+    /// The shift at which the search is given up, over the same. Default `1e12`.
     pub most_shift: f64,
     /// A step is taken if it gains at least this part of what the quadratic model foretold. Default `1e-4`.
     pub accept: f64,
@@ -34,7 +34,7 @@ pub struct RegularisedParams {
 
 impl Default for RegularisedParams {
     fn default() -> Self {
-        Self { max_iterations: 300, least_shift: 1e-9, most_shift: 1e6, accept: 1e-4 }
+        Self { max_iterations: 300, least_shift: 1e-9, most_shift: 1e12, accept: 1e-4 }
     }
 }
 
@@ -42,7 +42,7 @@ impl Default for RegularisedParams {
 #[derive(Default)]
 struct Shift {
     value: f64,
-    /// The largest diagonal entry of the last Hessian.
+    /// The largest diagonal entry of the last Hessian, by absolute value.
     diagonal: f64,
 }
 
@@ -52,10 +52,11 @@ impl Shift {
         self.value = (8.0 * self.value).max(params.least_shift * self.diagonal);
     }
 
-    /// After a step that was taken and gained this part of what was foretold.
-    fn adapt(&mut self, gained: f64, params: &RegularisedParams) {
+    /// After a step that was taken, gained this part of what was foretold, and took the residual to this part of what
+    /// it was. That the shift falls at least as fast as the residual makes the end quadratic.
+    fn adapt(&mut self, gained: f64, residual: f64, params: &RegularisedParams) {
         if gained > 0.75 {
-            self.value *= 0.125;
+            self.value *= residual.min(0.125);
             if self.value < params.least_shift * self.diagonal {
                 self.value = 0.0;
             }
@@ -66,7 +67,8 @@ impl Shift {
 
     fn is_too_large(&self, params: &RegularisedParams) -> bool {
         let most = params.most_shift * self.diagonal;
-        self.value.is_nan() || most.is_nan() || self.value > most
+        // A Hessian of zeros has no measure for a shift.
+        self.value.is_nan() || most.is_nan() || self.value > most || most == 0.0
     }
 }
 
@@ -157,7 +159,7 @@ where
                         0.5 * (slope + self.residual.dot(&self.direction).map_err(fault)?.as_f64())
                     };
                     if gain > params.accept * foretold || norm <= limit {
-                        shift.adapt(gain / foretold, params);
+                        shift.adapt(gain / foretold, norm / here.norm, params);
                         return Ok(Place { norm, yardstick, potential });
                     }
                 }
@@ -208,7 +210,8 @@ where
         Ok(())
     }
 
-    /// Adds `shift` to every diagonal entry of the matrix; returns the largest that there was before.
+    /// Adds `shift` to every diagonal entry of the matrix; returns the largest, by absolute value,
+    /// that there was before.
     ///
     /// # Errors
     /// What the backend reports.
@@ -218,7 +221,7 @@ where
         for unknown in 0..self.matrix.shape().0 {
             let unknown = [B::Index::of(unknown)];
             self.matrix.get(&unknown, &unknown, &mut entry)?;
-            largest = largest.max(entry[0].as_f64());
+            largest = largest.max(entry[0].as_f64().abs());
             if shift > 0.0 {
                 self.matrix.add(&unknown, &unknown, &[B::Scalar::of(shift)])?;
             }

@@ -90,3 +90,73 @@ fn out_of_iterations_says_how_far_it_came() {
     }
     assert_eq!(problem.x, 1.5);
 }
+
+/// `w = (x^2 - 1)^2`, a potential with two wells and a hill between them.
+struct Wells {
+    x: f64,
+    saved: f64,
+}
+
+impl NonlinearProblem<Dense> for Wells {
+    type Error = Infallible;
+
+    fn residual(&mut self, r: &mut <Dense as Backend>::Vector) -> Result<Yardstick, Infallible> {
+        r.set(&[0], &[4.0 * self.x * (self.x * self.x - 1.0)])?;
+        Ok(Yardstick { scale: 1.0, floor: 0.0 })
+    }
+
+    fn jacobian(&mut self, k: &mut <Dense as Backend>::Matrix) -> Result<(), Infallible> {
+        k.add(&[0], &[0], &[12.0 * self.x * self.x - 4.0])
+    }
+
+    fn advance(&mut self, a: f64, d: &<Dense as Backend>::Vector) -> Result<(), Infallible> {
+        let mut value = [0.0];
+        d.get(&[0], &mut value)?;
+        self.x += a * value[0];
+        Ok(())
+    }
+
+    fn save(&mut self) {
+        self.saved = self.x;
+    }
+
+    fn restore(&mut self) {
+        self.x = self.saved;
+    }
+}
+
+impl Potential<Dense> for Wells {
+    fn potential(&mut self) -> f64 {
+        (self.x * self.x - 1.0).powi(2)
+    }
+}
+
+#[test]
+fn a_descent_goes_down_where_newton_climbs() {
+    let mut climbing = Wells { x: 0.1, saved: 0.0 };
+    system().solve(&mut climbing, &NewtonParams::default()).unwrap();
+    assert!(climbing.x.abs() < 1e-9, "plain Newton goes to the nearest stationary point, a hilltop");
+
+    for start in [0.1, -0.3, 0.57735, 40.0] {
+        let mut falling = Wells { x: start, saved: 0.0 };
+        let report = system().minimise(&mut falling, 1e-12, &RegularisedParams::default()).unwrap();
+        assert!((falling.x.abs() - 1.0).abs() < 1e-12, "from {start} to {}", falling.x);
+        assert!(report.iterations < 40, "{report:?}");
+        // Without a shift near the end: quadratic.
+        let r = &report.residuals;
+        let [before, last] = [r[r.len() - 2], r[r.len() - 1]];
+        assert!(last < 1e2 * before * before + 1e-15, "{r:?}");
+    }
+    assert!(
+        system().minimise(&mut Wells { x: 0.1, saved: 0.0 }, 1e-12, &RegularisedParams::default()).unwrap().shifts > 0
+    );
+}
+
+#[test]
+fn a_descent_that_runs_out_restores_the_state() {
+    let params = RegularisedParams { max_iterations: 1, ..RegularisedParams::default() };
+    let mut problem = Wells { x: 0.1, saved: 0.0 };
+    let failure = system().minimise(&mut problem, 1e-12, &params).unwrap_err();
+    assert!(matches!(failure.reason, NewtonError::TooManyIterations { iterations: 1, .. }), "{failure}");
+    assert_eq!(problem.x, 0.1);
+}

@@ -1,0 +1,45 @@
+//! An RVE that has kept how its nodes follow a strain starts the next equilibrium from there: to first order exact.
+#![cfg(feature = "sparse")]
+
+mod support;
+
+use biotissue::backends::sparse::Sparse;
+use nalgebra::{Matrix3, Rotation3};
+use support::Bench;
+
+/// The residual at the start of an increment of size `h` beyond a deformed state, and the iterations that it takes.
+fn first_residual(h: f64, predict: bool) -> (f64, usize) {
+    let mut bench = Bench::<Sparse>::new(&support::frozen(), Some(support::laws()[1]));
+    let here = Matrix3::new(1.2, 0.1, 0.0, 0.0, 0.9, 0.05, 0.1, 0.0, 1.05);
+    let mut rve = bench.at_rest();
+    bench.solve(&mut rve, &here).unwrap();
+    bench.tangent(&rve);
+    if predict {
+        rve.keep_rates(&bench.model, &bench.workspace);
+    }
+    // All six strains and a rotation that is not small: it costs the prediction nothing.
+    let strain = Matrix3::new(0.5, -0.3, 0.2, -0.3, 0.1, 0.4, 0.2, 0.4, -0.6);
+    let rotation = Rotation3::from_euler_angles(0.4, -0.2, 1.0);
+    let target = rotation * (Matrix3::identity() + strain * h) * here;
+    let report = bench.solve(&mut rve, &target).unwrap();
+    assert_eq!(report.predicted, usize::from(predict));
+    assert!(!rve.has_rates(), "what was kept belongs to the state before");
+    (report.newton.relative[0], report.iterations)
+}
+
+#[test]
+fn the_prediction_is_exact_to_first_order() {
+    for h in [4e-2, 2e-2, 1e-2] {
+        let (affine, predicted) = (first_residual(h, false).0, first_residual(h, true).0);
+        let orders =
+            [(affine, false), (predicted, true)].map(|(whole, p)| (whole / first_residual(h / 2.0, p).0).log2());
+        assert!((orders[0] - 1.0).abs() < 0.2 && (orders[1] - 2.0).abs() < 0.2, "{h}: orders {orders:?}");
+        assert!(predicted < 0.2 * affine, "{h}: {predicted:.1e} against {affine:.1e}");
+    }
+}
+
+#[test]
+fn the_prediction_saves_iterations() {
+    let (without, with) = (first_residual(1e-2, false).1, first_residual(1e-2, true).1);
+    assert!(with < without, "{with} against {without}");
+}
