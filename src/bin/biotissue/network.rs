@@ -7,7 +7,7 @@ use biotissue::fiber::law::Law;
 use biotissue::fiber::network::check::{Cleaned, NetworkReport, Removed, clean, examine};
 use biotissue::fiber::network::file::sidecar::{Generated, NamedLaw, Sidecar};
 use biotissue::fiber::network::file::{self, NetworkFile};
-use biotissue::fiber::network::generate::{Delaunay, GenerateError, delaunay_of_nodes};
+use biotissue::fiber::network::generate::{GenerateError, Kind, Recipe};
 use biotissue::fiber::network::{Network, NetworkError};
 use clap::{Args, Subcommand};
 use serde_json::json;
@@ -96,10 +96,10 @@ fn generate(arguments: &GenerateArguments) -> Result<(), Failure> {
     }
     let material = arguments.law.material()?;
     let (wanted, network) = match (arguments.points, arguments.nodes) {
-        (_, Some(nodes)) => ("--nodes", delaunay_of_nodes(nodes, arguments.seed)),
-        (points, None) => ("--points", Delaunay::new(points.unwrap_or(0), arguments.seed).generate()),
+        (_, Some(nodes)) => ("--nodes", Recipe::new(Kind::Delaunay, arguments.seed).of_nodes(nodes)),
+        (points, None) => ("--points", Recipe::new(Kind::Delaunay, arguments.seed).of_points(points.unwrap_or(0))),
     };
-    let mut network = network.map_err(|error| not_generated(wanted, &error))?;
+    let mut network = network.map_err(|error| not_generated(wanted, &error))?.network;
     if let Some(material) = material {
         network = network.of_one_material(material);
     }

@@ -58,6 +58,16 @@ impl Network {
         &self.lengths
     }
 
+    /// The unit vector from the first to the second node of a fiber.
+    ///
+    /// # Panics
+    /// Where there is no such fiber.
+    #[must_use]
+    pub fn direction(&self, fiber: usize) -> [f64; 3] {
+        let [a, b] = self.fibers[fiber].map(|node| self.nodes[node as usize]);
+        [0, 1, 2].map(|k| (b[k] - a[k]) / self.lengths[fiber])
+    }
+
     /// Index into [`Network::materials`] of every fiber (0 for all where no `.params` file came with the network).
     #[must_use]
     pub fn reaction_of(&self) -> &[u16] {

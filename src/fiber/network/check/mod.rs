@@ -3,10 +3,12 @@
 mod clean;
 mod components;
 mod report;
+mod rigidity;
 
 pub use clean::{Cleaned, Removed, clean};
 pub use components::Component;
 pub use report::{NetworkReport, Spread, examine};
+pub use rigidity::{MobileNode, Rigidity, RigidityError, rigidity, zero_modes};
 
 #[cfg(test)]
 mod tests {
@@ -46,6 +48,11 @@ mod tests {
         // Eight diagonals and three fibers along x.
         let xx = (8.0 / 3.0 + 3.0) / 15.0;
         assert!((report.orientation[0][0] - xx).abs() < 1e-12, "{}", report.orientation[0][0]);
+        assert!((report.principal_direction[0] - 1.0).abs() < 1e-12, "{:?}", report.principal_direction);
+        assert!((report.order - (1.5 * xx - 0.5)).abs() < 1e-12);
+        let (diagonal, lengths) = (0.75f64.sqrt(), report.total_length);
+        let xx = (8.0 * diagonal / 3.0 + 1.2) / lengths;
+        assert!((report.order_by_length - (1.5 * xx - 0.5)).abs() < 1e-12, "{}", report.order_by_length);
         assert!((report.length.min - 0.1).abs() < 1e-15 && (report.length.max - 1.0).abs() < 1e-15);
     }
 
