@@ -82,6 +82,13 @@ pub struct NetworkReport {
 }
 
 impl NetworkReport {
+    /// The second order parameter about a unit vector: of the fibers counted once, and counted by their length.
+    #[must_use]
+    pub fn order_about(&self, axis: [f64; 3]) -> [f64; 2] {
+        [self.orientation, self.orientation_by_length]
+            .map(|tensor| second_order_parameter(&Matrix3::from(tensor), &axis.into()))
+    }
+
     /// The parts that nothing holds.
     pub fn untied(&self) -> impl Iterator<Item = &Component> {
         self.components.iter().filter(|part| !part.tied)
