@@ -80,6 +80,12 @@ fn what_cannot_be_done_is_told_with_its_exit_code() {
         ("generate --points 9 --merge 1 -o x.txt", 2, "error: no network can be generated: nodes nearer than 1 "),
         ("generate --points 9 --shorter-than 0 -o x.txt", 2, "error: --shorter-than is 0"),
         ("check broken.txt broken.txt --clean -o x.txt", 2, "error: --clean with 2 network files"),
+        ("draw broken.txt -o x.txt", 2, "error: --output x.txt"),
+        ("draw broken.txt -o x.svg", 2, "error: broken.txt:4: there is no node 2"),
+        ("draw broken.txt -o x.svg --color stretch", 2, "error: --color stretch of a network at rest"),
+        ("draw broken.txt -o x.svg --width 3", 2, "error: --width 3"),
+        ("draw broken.txt -o x.svg --steps 0", 2, "error: --steps 0"),
+        ("draw broken.txt -o x.svg --F 1_0_0_0_1_0_0_0_-1", 2, "error: --F has determinant -1"),
         ("check broken.txt --backend none", 2, "error: broken.txt:4: there is no node 2"),
         ("generate --points 0 -o x.txt", 2, "error: no network can be generated: 0 points asked for"),
         ("generate --points 9 -o absent/x.txt", 4, "error: absent/x.txt: cannot be written: "),
@@ -101,7 +107,7 @@ fn what_cannot_be_done_is_told_with_its_exit_code() {
         assert!(by_clap || (stderr.contains("\n  expected: ") && stderr.contains("\n  cure: ")), "{stderr}");
         assert!(output.stdout.is_empty());
     }
-    assert!(!folder.path().join("x.txt").exists());
+    assert!(!folder.path().join("x.txt").exists() && !folder.path().join("x.svg").exists());
 }
 
 #[test]
@@ -161,4 +167,44 @@ fn several_files_are_checked_at_once() {
     assert_eq!(with_broken.status.code(), Some(2));
     assert!(text(&with_broken.stdout).contains("floppy: at rest the network does not resist"));
     assert!(text(&with_broken.stderr).starts_with("error: broken.txt:4: there is no node 2"));
+}
+
+#[test]
+fn a_network_is_drawn_at_rest_and_deformed() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |arguments: &str| {
+        let output = biotissue(folder.path(), arguments);
+        assert!(output.status.success(), "{arguments}: {}", text(&output.stderr));
+        text(&output.stdout).to_owned()
+    };
+    run("generate --points 12 --seed 1 -o web.txt");
+    assert_eq!(run("draw web.txt -o rest.svg --title the_web"), "rest.svg\n");
+    let picture = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
+    assert!(picture("rest.svg").starts_with("<svg ") && picture("rest.svg").contains(">the web</text>"));
+    let law = "--law exponential --youngs-modulus 1e8 --radius 5e-8 --nonlinearity 1.2";
+    let deformed = format!("--F 1.2_0.1_0_0_0.9_0_0_0_0.95 --steps 2 {law}");
+    run(&format!("draw web.txt -o stretched.svg {deformed}"));
+    assert!(picture("stretched.svg").contains(">fiber stretch</text>"));
+    run(&format!("draw web.txt -o pulled.svg {deformed} --color force --axis x --width 600"));
+    assert!(picture("pulled.svg").contains(">fiber force in "));
+    // The same state for a viewer: the boundary is where F has moved it, stretches are lengths over lengths at rest.
+    run(&format!("draw web.txt -o stretched.vtp {deformed}"));
+    let drawn = biotissue::tissue::results::read_vtp(&folder.path().join("stretched.vtp")).unwrap();
+    let network = biotissue::fiber::network::file::read(&folder.path().join("web.txt")).unwrap().network;
+    for &node in network.boundary() {
+        let ([x, y, z], moved) = (network.nodes()[node as usize], drawn.points[node as usize]);
+        let expected = [1.2 * x + 0.1 * y, 0.9 * y, 0.95 * z];
+        assert!((0..3).all(|k| (moved[k] - expected[k]).abs() < 1e-14), "{moved:?} {expected:?}");
+    }
+    assert_eq!(drawn.fibers, network.fibers());
+    for (fiber, &[a, b]) in drawn.fibers.iter().enumerate() {
+        let [a, b] = [a, b].map(|node| drawn.points[node as usize]);
+        let length = (0..3).map(|k| (b[k] - a[k]).powi(2)).sum::<f64>().sqrt();
+        assert!((drawn.stretch[fiber] - length / network.lengths()[fiber]).abs() < 1e-12);
+        assert_eq!(drawn.force[fiber] > 0.0, drawn.stretch[fiber] > 1.0);
+    }
+    // Without a law there is no equilibrium.
+    let refused = biotissue(folder.path(), "draw web.txt -o x.svg --F 1.1_0_0_0_1_0_0_0_1");
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(text(&refused.stderr).contains("cure: give --law"), "{}", text(&refused.stderr));
 }

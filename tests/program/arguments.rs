@@ -58,7 +58,7 @@ fn every_numeric_option_takes_a_minus() {
     let network = frozen();
     let rve = ["rve", &network, "--F", "1 0 0 0 1 0 0 0 1"];
     let law = ["rve", &network, "--F", "1 0 0 0 1 0 0 0 1", "--law", "exponential-stretch"];
-    let commands: [(&[&str], &[&str]); 8] = [
+    let commands: [(&[&str], &[&str]); 9] = [
         (&["run", "case.toml"], &["--threads", "--ranks"]),
         (&["check", "case.toml"], &["--threads"]),
         (&rve, &["--scale", "--steps", "--tolerance", "--F"]),
@@ -66,6 +66,7 @@ fn every_numeric_option_takes_a_minus() {
         (&["network", "generate", "-o", "n.txt"], &["--points", "--nodes", "--seed", "--density", "--merge"]),
         (&["network", "generate", "-o", "n.txt", "--points", "9"], &["--strength", "--align", "--shorter-than"]),
         (&["network", "check", &network], &["--shorter-than"]),
+        (&["network", "draw", &network, "-o", "n.svg"], &["--F", "--steps", "--width"]),
         (&["report", "."], &["--step"]),
     ];
     for (command, options) in commands {
@@ -94,7 +95,7 @@ fn nothing_makes_it_panic() {
     let law = ["--law", "exponential-stretch", "--youngs-modulus", "1", "--radius", "1"];
     let curve = ["--nonlinearity", "1", "--transition", "1.2"];
     let with_law = [&rve[..], &law, &curve].concat();
-    let commands: [(&[&str], &[&str]); 10] = [
+    let commands: [(&[&str], &[&str]); 11] = [
         (&["run", "case.toml", "--out", "out"], &["--threads", "--ranks", "--backend"]),
         (&["check"], &["", "--threads", "--backend"]),
         (&["rve", &network], &["--F", "--scale"]),
@@ -105,7 +106,8 @@ fn nothing_makes_it_panic() {
             &["network", "generate", "-o", "n.txt", "--points", "9", "--align", "1 0 0"],
             &["--strength", "--align", "--merge", "--shorter-than"],
         ),
-        (&["network", "check", &network], &["--shorter-than", "--clean"]),
+        (&["network", "check", &network], &["--shorter-than", "--clean", "--backend"]),
+        (&["network", "draw", &network, "-o", "n.svg"], &["--F", "--title", "--color", "--width", "--axis"]),
         (&["mesh", "box", "--cells", "1,1,1", "-o", "b.msh"], &["--size", "--format"]),
         (&["report", "case.toml"], &["--step", "--field", "--axis"]),
     ];

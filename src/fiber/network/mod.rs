@@ -1,8 +1,8 @@
 //! Fiber networks: immutable geometry in the unit cube, shared by every RVE that uses it.
 //!
-//! A [`Network`] comes from a file ([`file::read`]), from a generator (`generate::delaunay`, with the feature `generate`)
+//! A [`Network`] comes from a file ([`file::read`]), from a generator (`generate::Recipe`, with the feature `generate`)
 //! or from nodes and fibers of the caller's own ([`Network::new`]); however it comes, its geometry has been checked.
-//! [`check`] tells what it is like and takes out what carries no load.
+//! [`check`] tells what it is like and how rigid, and takes out what carries no load.
 
 pub mod check;
 mod error;

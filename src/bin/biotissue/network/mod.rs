@@ -1,6 +1,7 @@
 //! `biotissue network`: make, examine, clean and draw fiber networks.
 
 mod check;
+mod draw;
 mod generate;
 mod info;
 mod words;
@@ -27,6 +28,8 @@ pub enum NetworkCommand {
     Check(check::CheckArguments),
     /// Print what a network is like
     Info(info::InfoArguments),
+    /// Draw a network, at rest or deformed
+    Draw(draw::DrawArguments),
 }
 
 /// Runs a command; results go to stdout, warnings to stderr.
@@ -35,6 +38,7 @@ pub fn run(command: NetworkCommand) -> Result<(), Failure> {
         NetworkCommand::Generate(arguments) => generate::run(&arguments),
         NetworkCommand::Check(arguments) => check::run(&arguments),
         NetworkCommand::Info(arguments) => info::run(&arguments),
+        NetworkCommand::Draw(arguments) => draw::run(&arguments),
     }
 }
 

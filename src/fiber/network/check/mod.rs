@@ -1,4 +1,4 @@
-//! What a network is like, and what in it carries no load.
+//! What a network is like, what in it carries no load, and which motions it does not resist.
 
 mod clean;
 mod components;

@@ -34,11 +34,14 @@ impl Kind {
         }
     }
 
-    /// What [`Recipe::merge`] is where nothing else is asked for. Points of Delaunay networks are kept apart, so that
-    /// nothing needs merging. Of the edges of Voronoi cells of such points, about every twelfth is shorter than 0.05
-    /// spacings, and the shortest of 3000 are some thousand times shorter, and so as fibers stiffer, than the mean of
-    /// 0.43 spacings; with 0.05 the stiffest is 9 times as stiff as the mean one, about as in Delaunay networks, and 4.4
-    /// fibers meet at a node instead of 4. With 0.1 it would be 4.8.
+    /// What [`Recipe::merge`] is where nothing else is asked for: 0 for Delaunay networks, whose points are kept apart so
+    /// that nothing needs merging, and 0.05 for Voronoi networks.
+    ///
+    /// Of the 42 623 fibers of a Voronoi network of 3000 points, the shortest is 53 000 times shorter than the mean, and
+    /// as a truss that much stiffer. Merging at 0.05 takes out 11 % of them; then it is 9 times (6 in Delaunay networks),
+    /// and 4.2 fibers meet at a node instead of 4. Three networks of 60 points stretched to 1.8 then carry 0.4 to 1.4 %
+    /// less stress, and Newton to a stretch of 1.05 takes 28 iterations on average instead of 42. At 0.1, stresses would
+    /// be up to 6 % less and 4.4 fibers meet at a node.
     #[must_use]
     pub fn default_merge(self) -> f64 {
         match self {

@@ -112,3 +112,17 @@ fn many_modes_are_located_by_probing() {
     assert!(found.mobile_nodes > 600 && found.most_mobile.len() == 10);
     assert!(found.most_mobile.iter().all(|node| node.mobility > 0.5 && node.mobility < 3.5), "{found:?}");
 }
+
+/// Networks of others are read where they lie: in the folder that `BIOTISSUE_NETWORKS` names.
+#[test]
+fn published_networks_are_rigid() {
+    let Some(folder) = std::env::var_os("BIOTISSUE_NETWORKS") else {
+        println!("skipped: BIOTISSUE_NETWORKS names no folder");
+        return;
+    };
+    for (name, self_stresses) in [("Network_2_7.txt", 635 - 225), ("del_4450seedL5_new_1.txt", 25_050)] {
+        let network = file::read(&Path::new(&folder).join(name)).unwrap().network;
+        let found = rigidity::<Sparse>(&(), &network).unwrap();
+        assert_eq!((found.zero_modes, found.self_stresses, found.single_node_modes), (0, self_stresses, 0), "{name}");
+    }
+}
