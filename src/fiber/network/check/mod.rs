@@ -41,6 +41,10 @@ mod tests {
         );
         assert_eq!(report.untied().count(), 2);
         assert_eq!(report.dangling_nodes, [10, 11]);
+        let coordination = report.coordination.unwrap();
+        // Of 0, 1, 1, 2, 2, 2, 3 and 9 fibers.
+        assert_eq!((coordination.min, coordination.mean, coordination.max), (0.0, 2.5, 9.0));
+        assert!((coordination.deviation - (104.0 / 8.0 - 2.5f64 * 2.5).sqrt()).abs() < 1e-14);
         assert_eq!(report.coordination_counts, [1, 2, 3, 1, 0, 0, 0, 0, 0, 1]);
         let trace = |t: [[f64; 3]; 3]| t[0][0] + t[1][1] + t[2][2];
         assert!((trace(report.orientation) - 1.0).abs() < 1e-12);
