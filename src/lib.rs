@@ -28,7 +28,7 @@
 //! |---|---|---|
 //! | `sparse` (default) | compressed rows, direct solvers | nothing |
 //! | `dense` (default) | dense matrices | nothing |
-//! | `generate` | Delaunay fiber networks made on the spot | nothing |
+//! | `generate` | fiber networks made on the spot, Delaunay and Voronoi, isotropic and aligned | nothing |
 //! | `app` (default, implies `generate`) | cases, results, pictures, the program `biotissue` | nothing |
 //!
 //! A library user who wants the numerics alone takes `default-features = false, features = ["sparse"]`.

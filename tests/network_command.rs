@@ -4,11 +4,12 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
+/// Runs `biotissue network` with arguments in one line; underscores stand for blanks within an argument.
 fn biotissue(folder: &Path, arguments: &str) -> Output {
     Command::new(env!("CARGO_BIN_EXE_biotissue"))
         .current_dir(folder)
         .arg("network")
-        .args(arguments.split_whitespace())
+        .args(arguments.split_whitespace().map(|argument| argument.replace('_', " ")))
         .output()
         .unwrap()
 }
@@ -51,7 +52,41 @@ fn what_cannot_be_done_is_told_with_its_exit_code() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("broken.txt"), "2 1 0\n0 0 0\n1 1 1\n0 2\n").unwrap();
     for (arguments, code, message) in [
-        ("generate --kind voronoi --points 9 -o x.txt", 2, "error: there is no kind of network called `voronoi`"),
+        ("generate --kind vornoi --points 9 -o x.txt", 2, "error: there is no kind of network called `vornoi`"),
+        ("generate -o x.txt", 2, "error: nothing says how large the network is to be"),
+        ("generate --points 9 --density 30 -o x.txt", 2, "error: more than one option says how large"),
+        ("generate --nodes 300 --points 9 -o x.txt", 2, "error: more than one option says how large"),
+        ("generate --nodes 3 -o x.txt", 2, "error: no network can be generated: 3 nodes asked for"),
+        ("generate --density 0.5 -o x.txt", 2, "error: no network can be generated: a density of 0.5 asked for"),
+        ("generate --density 1e9 -o x.txt", 2, "error: no network can be generated: a density of 1000000000 asked for"),
+        ("generate --points 9 --align 1_0_0 -o x.txt", 2, "error: --align without --strength S"),
+        ("generate --points 9 --strength 0.5 -o x.txt", 2, "error: --strength without --align"),
+        (
+            "generate --points 9 --align 0_0_0 --strength 0.5 -o x.txt",
+            2,
+            "error: no network can be generated: the direc",
+        ),
+        ("generate --points 9 --align 1_0 --strength 0.5 -o x.txt", 2, "error: --align \"1 0\""),
+        (
+            "generate --points 9 --align 1_0_0 --strength 1 -o x.txt",
+            2,
+            "error: no network can be generated: a strength of 1",
+        ),
+        (
+            "generate --points 9 --align 1_0_0 --strength -1 -o x.txt",
+            2,
+            "error: no network can be generated: a strength of",
+        ),
+        ("generate --points 9 --merge 1 -o x.txt", 2, "error: no network can be generated: nodes nearer than 1 "),
+        ("generate --points 9 --shorter-than 0 -o x.txt", 2, "error: --shorter-than is 0"),
+        ("check broken.txt broken.txt --clean -o x.txt", 2, "error: --clean with 2 network files"),
+        ("draw broken.txt -o x.txt", 2, "error: --output x.txt"),
+        ("draw broken.txt -o x.svg", 2, "error: broken.txt:4: there is no node 2"),
+        ("draw broken.txt -o x.svg --color stretch", 2, "error: --color stretch of a network at rest"),
+        ("draw broken.txt -o x.svg --width 3", 2, "error: --width 3"),
+        ("draw broken.txt -o x.svg --steps 0", 2, "error: --steps 0"),
+        ("draw broken.txt -o x.svg --F 1_0_0_0_1_0_0_0_-1", 2, "error: --F has determinant -1"),
+        ("check broken.txt --backend none", 2, "error: broken.txt:4: there is no node 2"),
         ("generate --points 0 -o x.txt", 2, "error: no network can be generated: 0 points asked for"),
         ("generate --points 9 -o absent/x.txt", 4, "error: absent/x.txt: cannot be written: "),
         (
@@ -68,7 +103,108 @@ fn what_cannot_be_done_is_told_with_its_exit_code() {
         let stderr = text(&output.stderr);
         assert_eq!(output.status.code(), Some(code), "{arguments}: {stderr}");
         assert!(stderr.starts_with(message), "{arguments}: {stderr}");
+        let by_clap = stderr.contains("Usage: ");
+        assert!(by_clap || (stderr.contains("\n  expected: ") && stderr.contains("\n  cure: ")), "{stderr}");
         assert!(output.stdout.is_empty());
     }
-    assert!(!folder.path().join("x.txt").exists());
+    assert!(!folder.path().join("x.txt").exists() && !folder.path().join("x.svg").exists());
+}
+
+#[test]
+fn what_generate_prints_is_what_info_finds() {
+    let folder = tempfile::tempdir().unwrap();
+    let size = "--kind voronoi --density 45 --align 1_-1_0 --strength 0.5 --seed 3 -o gel.txt";
+    let json = |arguments: &str| -> serde_json::Value {
+        let output = biotissue(folder.path(), arguments);
+        assert!(output.status.success(), "{arguments}: {}", text(&output.stderr));
+        serde_json::from_slice(&output.stdout).unwrap()
+    };
+    let made = json(&format!("generate {size} --json"));
+    assert!((made["density"].as_f64().unwrap() / 45.0 - 1.0).abs() < 0.05, "{}", made["density"]);
+    assert!((made["order_of_alignment"].as_f64().unwrap() - 0.5).abs() < 0.1, "{}", made["order_of_alignment"]);
+    let recipe = &made["generated"];
+    assert_eq!(
+        (&recipe["kind"], &recipe["strength"], &recipe["merge"]),
+        (&"voronoi".into(), &0.5.into(), &0.05.into())
+    );
+    assert_eq!(recipe["align"], serde_json::json!([1.0, -1.0, 0.0]));
+    let info = json("info gel.txt --json");
+    for key in ["nodes", "fibers", "length", "total_length", "orientation", "order", "coordination", "components"] {
+        assert_eq!(made[key], info[key], "{key}");
+    }
+    assert!(info["rigidity"]["zero_modes"].as_u64().unwrap() > 20);
+    let mean = made["length"]["mean"].as_f64().unwrap();
+    assert!((mean * made["fibers"].as_f64().unwrap() / 45.0 - 1.0).abs() < 0.05);
+    assert!(made["length"]["deviation"].as_f64().unwrap() > 0.2 * mean);
+    let words = biotissue(folder.path(), &format!("generate {size}"));
+    for line in ["nodes ", "fiber length ", "density ", "coordination ", "orientation ", "by length ", "order "] {
+        assert!(text(&words.stdout).contains(&format!("\n  {line}")) || line == "by length ", "{line}");
+    }
+    // The same recipe, the same file.
+    let once = std::fs::read(folder.path().join("gel.txt")).unwrap();
+    json("generate --kind voronoi --density 45 --align 1,-1,0 --strength 0.5 --seed 3 -o gel2.txt --json");
+    assert_eq!(once, std::fs::read(folder.path().join("gel2.txt")).unwrap());
+}
+
+#[test]
+fn several_files_are_checked_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("broken.txt"), "2 1 0\n0 0 0\n1 1 1\n0 2\n").unwrap();
+    for (kind, file) in [("voronoi", "gel.txt"), ("delaunay", "web.txt")] {
+        let made = biotissue(folder.path(), &format!("generate --kind {kind} --points 15 -o {file}"));
+        assert!(made.status.success(), "{}", text(&made.stderr));
+    }
+    let both = biotissue(folder.path(), "check gel.txt web.txt --json");
+    let lines: Vec<serde_json::Value> =
+        text(&both.stdout).lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let [gel, web] = &lines[..] else { panic!("{lines:?}") };
+    assert_eq!((&web["rigidity"]["zero_modes"], &web["rigidity"]["most_mobile"]), (&0.into(), &serde_json::json!([])));
+    let found = &gel["rigidity"];
+    assert!(found["zero_modes"].as_u64() > Some(20) && found["most_mobile"][0]["mobility"].as_f64() > Some(0.5));
+    assert_eq!(found["unknowns"], gel["free_dofs"]);
+    // What is good is told although another file is broken.
+    let with_broken = biotissue(folder.path(), "check broken.txt gel.txt");
+    assert_eq!(with_broken.status.code(), Some(2));
+    assert!(text(&with_broken.stdout).contains("floppy: at rest the network does not resist"));
+    assert!(text(&with_broken.stderr).starts_with("error: broken.txt:4: there is no node 2"));
+}
+
+#[test]
+fn a_network_is_drawn_at_rest_and_deformed() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |arguments: &str| {
+        let output = biotissue(folder.path(), arguments);
+        assert!(output.status.success(), "{arguments}: {}", text(&output.stderr));
+        text(&output.stdout).to_owned()
+    };
+    run("generate --points 12 --seed 1 -o web.txt");
+    assert_eq!(run("draw web.txt -o rest.svg --title the_web"), "rest.svg\n");
+    let picture = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
+    assert!(picture("rest.svg").starts_with("<svg ") && picture("rest.svg").contains(">the web</text>"));
+    let law = "--law exponential --youngs-modulus 1e8 --radius 5e-8 --nonlinearity 1.2";
+    let deformed = format!("--F 1.2_0.1_0_0_0.9_0_0_0_0.95 --steps 2 {law}");
+    run(&format!("draw web.txt -o stretched.svg {deformed}"));
+    assert!(picture("stretched.svg").contains(">fiber stretch</text>"));
+    run(&format!("draw web.txt -o pulled.svg {deformed} --color force --axis x --width 600"));
+    assert!(picture("pulled.svg").contains(">fiber force in "));
+    // The same state for a viewer: the boundary is where F has moved it, stretches are lengths over lengths at rest.
+    run(&format!("draw web.txt -o stretched.vtp {deformed}"));
+    let drawn = biotissue::tissue::results::read_vtp(&folder.path().join("stretched.vtp")).unwrap();
+    let network = biotissue::fiber::network::file::read(&folder.path().join("web.txt")).unwrap().network;
+    for &node in network.boundary() {
+        let ([x, y, z], moved) = (network.nodes()[node as usize], drawn.points[node as usize]);
+        let expected = [1.2 * x + 0.1 * y, 0.9 * y, 0.95 * z];
+        assert!((0..3).all(|k| (moved[k] - expected[k]).abs() < 1e-14), "{moved:?} {expected:?}");
+    }
+    assert_eq!(drawn.fibers, network.fibers());
+    for (fiber, &[a, b]) in drawn.fibers.iter().enumerate() {
+        let [a, b] = [a, b].map(|node| drawn.points[node as usize]);
+        let length = (0..3).map(|k| (b[k] - a[k]).powi(2)).sum::<f64>().sqrt();
+        assert!((drawn.stretch[fiber] - length / network.lengths()[fiber]).abs() < 1e-12);
+        assert_eq!(drawn.force[fiber] > 0.0, drawn.stretch[fiber] > 1.0);
+    }
+    // Without a law there is no equilibrium.
+    let refused = biotissue(folder.path(), "draw web.txt -o x.svg --F 1.1_0_0_0_1_0_0_0_1");
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(text(&refused.stderr).contains("cure: give --law"), "{}", text(&refused.stderr));
 }

@@ -23,12 +23,13 @@ pub(super) struct Pivots {
     smallest: f64,
     position: usize,
     largest: f64,
+    negative: usize,
 }
 
 impl Pivots {
     /// Of an empty matrix.
     pub(super) fn none() -> Self {
-        Self { smallest: f64::INFINITY, position: 0, largest: 0.0 }
+        Self { smallest: f64::INFINITY, position: 0, largest: 0.0, negative: 0 }
     }
 
     /// Takes the next pivot into account.
@@ -43,6 +44,7 @@ impl Pivots {
             self.position = position;
         }
         self.largest = self.largest.max(size);
+        self.negative += usize::from(pivot < 0.0);
     }
 
     /// Takes the 2x2 pivot block `[[a, b], [b, c]]` at `position` into account, by its eigenvalues.
@@ -62,7 +64,7 @@ impl Pivots {
     /// Of a factorisation that does not show its pivots but for an estimate of their ratio.
     #[cfg(feature = "sparse")]
     pub(super) fn of_ratio(ratio: f64) -> Self {
-        Self { smallest: ratio, position: 0, largest: 1.0 }
+        Self { smallest: ratio, position: 0, largest: 1.0, negative: 0 }
     }
 
     /// Of a block-diagonal `D` of 1x1 and 2x2 blocks; a block of two where the subdiagonal is not zero.
@@ -92,6 +94,11 @@ impl Pivots {
         } else {
             self.smallest / self.largest
         }
+    }
+
+    /// How many are below zero.
+    pub(super) fn negative(&self) -> usize {
+        self.negative
     }
 
     /// The ratio, or the error that calls the matrix singular; `unknown` maps a position to the caller's numbering.
@@ -159,6 +166,7 @@ mod tests {
         let mut pivots = Pivots::none();
         pivots.see_block(0.0, 2.0, 0.0, 4);
         assert_eq!(pivots.ratio(), 1.0, "[[0, 2], [2, 0]] has the eigenvalues 2 and -2");
+        assert_eq!(pivots.negative(), 1);
         let mut pivots = Pivots::none();
         pivots.see_block(1.0, 2.0, 4.0, 4);
         assert_eq!((pivots.ratio(), pivots.position), (0.0, 4), "(2, -1) spans the kernel of [[1, 2], [2, 4]]");

@@ -60,6 +60,13 @@ pub fn principal(tensor: &Matrix3<f64>) -> (Vector3<f64>, f64) {
     (direction * sign, eigen.eigenvalues[largest])
 }
 
+/// The second order parameter `P2 = (3 a . Omega a - 1)/2` of an orientation tensor about a unit vector: 1 where all fibers
+/// lie along it, 0 where they are isotropic, -1/2 where all are normal to it.
+#[must_use]
+pub fn second_order_parameter(tensor: &Matrix3<f64>, axis: &Vector3<f64>) -> f64 {
+    1.5 * axis.dot(&(tensor * axis)) - 0.5
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -72,6 +79,16 @@ mod tests {
         let (direction, value) = principal(&omega);
         assert!((value - 1.0).abs() < 1e-14);
         assert!((direction - Vector3::from(n)).norm() < 1e-14);
+    }
+
+    #[test]
+    fn the_order_parameter_knows_parallel_isotropic_and_normal_fibers() {
+        let axis = Vector3::new(0.0, 0.6, 0.8);
+        let along = axis * axis.transpose();
+        let normal = (Matrix3::identity() - along) * 0.5;
+        for (tensor, order) in [(along, 1.0), (Matrix3::identity() / 3.0, 0.0), (normal, -0.5)] {
+            assert!((second_order_parameter(&tensor, &axis) - order).abs() < 1e-15);
+        }
     }
 
     #[test]

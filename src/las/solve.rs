@@ -68,6 +68,9 @@ pub struct FactorReport {
     /// Smallest over largest pivot, by absolute value: a cheap sign of how near to singular the matrix is. An estimate of
     /// the reciprocal condition number where a library does not show its pivots (large sparse LU).
     pub pivot_ratio: f64,
+    /// How many pivots are negative, 2x2 blocks counted by their eigenvalues: as many as the matrix has negative
+    /// eigenvalues, by Sylvester's law of inertia. 0 for Cholesky; `None` for LU, whose pivots say nothing about that.
+    pub negative_pivots: Option<usize>,
 }
 
 /// What a solve did.

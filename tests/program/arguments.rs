@@ -58,13 +58,15 @@ fn every_numeric_option_takes_a_minus() {
     let network = frozen();
     let rve = ["rve", &network, "--F", "1 0 0 0 1 0 0 0 1"];
     let law = ["rve", &network, "--F", "1 0 0 0 1 0 0 0 1", "--law", "exponential-stretch"];
-    let commands: [(&[&str], &[&str]); 7] = [
+    let commands: [(&[&str], &[&str]); 9] = [
         (&["run", "case.toml"], &["--threads", "--ranks"]),
         (&["check", "case.toml"], &["--threads"]),
         (&rve, &["--scale", "--steps", "--tolerance", "--F"]),
         (&law, &["--youngs-modulus", "--radius", "--nonlinearity", "--transition"]),
-        (&["network", "generate", "-o", "n.txt"], &["--points", "--nodes", "--seed"]),
+        (&["network", "generate", "-o", "n.txt"], &["--points", "--nodes", "--seed", "--density", "--merge"]),
+        (&["network", "generate", "-o", "n.txt", "--points", "9"], &["--strength", "--align", "--shorter-than"]),
         (&["network", "check", &network], &["--shorter-than"]),
+        (&["network", "draw", &network, "-o", "n.svg"], &["--F", "--steps", "--width"]),
         (&["report", "."], &["--step"]),
     ];
     for (command, options) in commands {
@@ -93,14 +95,19 @@ fn nothing_makes_it_panic() {
     let law = ["--law", "exponential-stretch", "--youngs-modulus", "1", "--radius", "1"];
     let curve = ["--nonlinearity", "1", "--transition", "1.2"];
     let with_law = [&rve[..], &law, &curve].concat();
-    let commands: [(&[&str], &[&str]); 9] = [
+    let commands: [(&[&str], &[&str]); 11] = [
         (&["run", "case.toml", "--out", "out"], &["--threads", "--ranks", "--backend"]),
         (&["check"], &["", "--threads", "--backend"]),
         (&["rve", &network], &["--F", "--scale"]),
         (&with_law, &["--scale", "--steps", "--tolerance", "--backend", "--law"]),
         (&["rve", &network, "--F", "1 0 0 0 1 0 0 0 1", "--law", "linear", "--radius", "1"], &["--youngs-modulus"]),
-        (&["network", "generate", "-o", "n.txt"], &["--points", "--nodes", "--seed", "--kind"]),
-        (&["network", "check", &network], &["--shorter-than", "--clean"]),
+        (&["network", "generate", "-o", "n.txt"], &["--points", "--nodes", "--seed", "--kind", "--density"]),
+        (
+            &["network", "generate", "-o", "n.txt", "--points", "9", "--align", "1 0 0"],
+            &["--strength", "--align", "--merge", "--shorter-than"],
+        ),
+        (&["network", "check", &network], &["--shorter-than", "--clean", "--backend"]),
+        (&["network", "draw", &network, "-o", "n.svg"], &["--F", "--title", "--color", "--width", "--axis"]),
         (&["mesh", "box", "--cells", "1,1,1", "-o", "b.msh"], &["--size", "--format"]),
         (&["report", "case.toml"], &["--step", "--field", "--axis"]),
     ];

@@ -162,7 +162,8 @@ impl<T: Scalar + RealField> Solver<T> {
         };
         let pivot_ratio = pivots.judge(self.limit, unknown)?;
         self.served = Some(kind);
-        Ok(FactorReport { kind, indefinite_at, pivot_ratio })
+        let negative_pivots = (kind != Factorisation::Lu).then(|| pivots.negative());
+        Ok(FactorReport { kind, indefinite_at, pivot_ratio, negative_pivots })
     }
 
     fn solve_columns(&mut self, b: &[Vector<T>], x: &mut [Vector<T>]) -> Result<SolveReport, SolveError<Infallible>> {

@@ -146,7 +146,8 @@ impl<T: Scalar + RealField> Solver<T> {
     ) -> Result<FactorReport, SolveError<Infallible>> {
         let pivot_ratio = pivots.judge(self.limit, unknown)?;
         self.served = Some(kind);
-        Ok(FactorReport { kind, indefinite_at, pivot_ratio })
+        let negative_pivots = (kind != Factorisation::Lu).then(|| pivots.negative());
+        Ok(FactorReport { kind, indefinite_at, pivot_ratio, negative_pivots })
     }
 
     /// Makes room for `count` right-hand sides.

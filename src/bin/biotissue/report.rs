@@ -34,8 +34,9 @@ pub struct ReportCommand {
     output: Option<PathBuf>,
 }
 
+/// An axis to look along.
 #[derive(Clone, Copy, ValueEnum)]
-enum Axis {
+pub enum Axis {
     X,
     Y,
     Z,

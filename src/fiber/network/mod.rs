@@ -1,8 +1,8 @@
 //! Fiber networks: immutable geometry in the unit cube, shared by every RVE that uses it.
 //!
-//! A [`Network`] comes from a file ([`file::read`]), from a generator (`generate::delaunay`, with the feature `generate`)
+//! A [`Network`] comes from a file ([`file::read`]), from a generator (`generate::Recipe`, with the feature `generate`)
 //! or from nodes and fibers of the caller's own ([`Network::new`]); however it comes, its geometry has been checked.
-//! [`check`] tells what it is like and takes out what carries no load.
+//! [`check`] tells what it is like and how rigid, and takes out what carries no load.
 
 pub mod check;
 mod error;
@@ -56,6 +56,16 @@ impl Network {
     #[must_use]
     pub fn lengths(&self) -> &[f64] {
         &self.lengths
+    }
+
+    /// The unit vector from the first to the second node of a fiber.
+    ///
+    /// # Panics
+    /// Where there is no such fiber.
+    #[must_use]
+    pub fn direction(&self, fiber: usize) -> [f64; 3] {
+        let [a, b] = self.fibers[fiber].map(|node| self.nodes[node as usize]);
+        [0, 1, 2].map(|k| (b[k] - a[k]) / self.lengths[fiber])
     }
 
     /// Index into [`Network::materials`] of every fiber (0 for all where no `.params` file came with the network).

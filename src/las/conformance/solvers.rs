@@ -41,6 +41,7 @@ fn definite<B: Backend>(context: &B::Context, random: &mut Random, pattern: &Arc
     {
         let report = Case::<B>::new(context, pattern, symmetry).check(random, &a, &[kind]);
         assert_eq!(report.indefinite_at, None);
+        assert_eq!(report.negative_pivots, (kind != Factorisation::Lu).then_some(0));
     }
 }
 
@@ -52,11 +53,13 @@ fn indefinite<B: Backend>(context: &B::Context, random: &mut Random, pattern: &A
     let mut case = Case::<B>::new(context, pattern, Symmetry::Definite);
     let report = case.check(random, &one, &[Factorisation::Ldlt]);
     assert_eq!(report.indefinite_at, Some(at), "the unknown whose pivot is negative, of {n}");
+    assert_eq!(report.negative_pivots, Some(1));
     let many = Oracle::dominant(random, pattern, |i| if i % 3 == at % 3 { -1.0 } else { 1.0 });
     let report = case.check(random, &many, &[Factorisation::Ldlt]);
     assert!(report.indefinite_at.is_some_and(|i| i % 3 == at % 3), "{:?}", report.indefinite_at);
     let report = Case::<B>::new(context, pattern, Symmetry::Symmetric).check(random, &many, &[Factorisation::Ldlt]);
     assert_eq!(report.indefinite_at, None, "nobody tried Cholesky");
+    assert_eq!(report.negative_pivots, Some((0..n).filter(|i| i % 3 == at % 3).count()));
 }
 
 fn unsymmetric<B: Backend>(context: &B::Context, random: &mut Random, pattern: &Arc<Sparsity>) {
@@ -138,6 +141,8 @@ fn saddle_point<B: Backend>(context: &B::Context, random: &mut Random) {
         let mut case = Case::<B>::new(context, &pattern, symmetry);
         let report = case.check(random, &a, &[Factorisation::Ldlt, Factorisation::Lu]);
         assert_eq!(report.indefinite_at.is_some(), symmetry == Symmetry::Definite);
+        let negative = (report.kind == Factorisation::Ldlt).then_some(constraints);
+        assert_eq!(report.negative_pivots, negative, "every constraint makes one eigenvalue negative");
     }
 }
 

@@ -120,7 +120,8 @@ fn parse_stages(names: &[String]) -> Result<Stages, Failure> {
     Ok(Stages::of(&stages?))
 }
 
-fn parse_gradient(text: &str) -> Result<Matrix3<f64>, Failure> {
+/// The nine numbers of `--F`, with a positive determinant.
+pub fn parse_gradient(text: &str) -> Result<Matrix3<f64>, Failure> {
     let numbers: Result<Vec<f64>, _> =
         text.split(|c: char| c.is_whitespace() || c == ',').filter(|t| !t.is_empty()).map(str::parse).collect();
     let expected = "nine finite numbers, row by row: \"f11 f12 f13 f21 f22 f23 f31 f32 f33\"";

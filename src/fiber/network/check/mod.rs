@@ -1,12 +1,14 @@
-//! What a network is like, and what in it carries no load.
+//! What a network is like, what in it carries no load, and which motions it does not resist.
 
 mod clean;
 mod components;
 mod report;
+mod rigidity;
 
 pub use clean::{Cleaned, Removed, clean};
 pub use components::Component;
 pub use report::{NetworkReport, Spread, examine};
+pub use rigidity::{MobileNode, Rigidity, RigidityError, rigidity, zero_modes};
 
 #[cfg(test)]
 mod tests {
@@ -39,6 +41,10 @@ mod tests {
         );
         assert_eq!(report.untied().count(), 2);
         assert_eq!(report.dangling_nodes, [10, 11]);
+        let coordination = report.coordination.unwrap();
+        // Of 0, 1, 1, 2, 2, 2, 3 and 9 fibers.
+        assert_eq!((coordination.min, coordination.mean, coordination.max), (0.0, 2.5, 9.0));
+        assert!((coordination.deviation - (104.0 / 8.0 - 2.5f64 * 2.5).sqrt()).abs() < 1e-14);
         assert_eq!(report.coordination_counts, [1, 2, 3, 1, 0, 0, 0, 0, 0, 1]);
         let trace = |t: [[f64; 3]; 3]| t[0][0] + t[1][1] + t[2][2];
         assert!((trace(report.orientation) - 1.0).abs() < 1e-12);
@@ -46,6 +52,11 @@ mod tests {
         // Eight diagonals and three fibers along x.
         let xx = (8.0 / 3.0 + 3.0) / 15.0;
         assert!((report.orientation[0][0] - xx).abs() < 1e-12, "{}", report.orientation[0][0]);
+        assert!((report.principal_direction[0] - 1.0).abs() < 1e-12, "{:?}", report.principal_direction);
+        assert!((report.order - (1.5 * xx - 0.5)).abs() < 1e-12);
+        let (diagonal, lengths) = (0.75f64.sqrt(), report.total_length);
+        let xx = (8.0 * diagonal / 3.0 + 1.2) / lengths;
+        assert!((report.order_by_length - (1.5 * xx - 0.5)).abs() < 1e-12, "{}", report.order_by_length);
         assert!((report.length.min - 0.1).abs() < 1e-15 && (report.length.max - 1.0).abs() < 1e-15);
     }
 

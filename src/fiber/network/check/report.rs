@@ -1,10 +1,13 @@
 //! The figures of a network.
 
+use nalgebra::Matrix3;
+
 use super::components::{Component, components, roots};
 use crate::fiber::network::Network;
+use crate::fiber::orientation::{Weighting, principal, second_order_parameter, tensor};
 
-/// Least, mean and greatest of some numbers.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Least, mean and greatest of some numbers, and how they scatter.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "app", derive(serde::Serialize))]
 pub struct Spread {
     /// The least.
@@ -13,19 +16,19 @@ pub struct Spread {
     pub mean: f64,
     /// The greatest.
     pub max: f64,
+    /// The standard deviation of all the numbers from their mean (divided by their count, not by one less).
+    pub deviation: f64,
 }
 
 impl Spread {
     /// `None` for no numbers.
-    fn of(values: impl Iterator<Item = f64>) -> Option<Self> {
-        let (mut count, mut sum, mut min, mut max) = (0usize, 0.0, f64::INFINITY, f64::NEG_INFINITY);
-        for value in values {
-            count += 1;
-            sum += value;
-            min = min.min(value);
-            max = max.max(value);
-        }
-        (count > 0).then(|| Self { min, mean: sum / count as f64, max })
+    fn of(values: &[f64]) -> Option<Self> {
+        let count = values.len() as f64;
+        let (&first, _) = values.split_first()?;
+        let mean = values.iter().sum::<f64>() / count;
+        let squares: f64 = values.iter().map(|value| (value - mean) * (value - mean)).sum();
+        let (min, max) = values.iter().fold((first, first), |(min, max), &value| (min.min(value), max.max(value)));
+        Some(Self { min, mean, max, deviation: (squares / count).sqrt() })
     }
 }
 
@@ -56,7 +59,7 @@ pub struct NetworkReport {
     pub boundary_fibers: usize,
     /// Of the fibers.
     pub length: Spread,
-    /// Sum of the lengths.
+    /// Sum of the lengths: since the cube has the volume 1, also the density, fiber length per volume in 1/edge^2.
     pub total_length: f64,
     /// Fibers that meet at an interior node; absent where there is none.
     pub coordination: Option<Spread>,
@@ -66,11 +69,26 @@ pub struct NetworkReport {
     pub orientation: [[f64; 3]; 3],
     /// `sum L n (x) n / sum L`.
     pub orientation_by_length: [[f64; 3]; 3],
+    /// The direction along which most fibers lie: the eigenvector of `orientation` with the greatest eigenvalue, its
+    /// largest component positive.
+    pub principal_direction: [f64; 3],
+    /// The second order parameter `P2 = (3 <cos^2 theta> - 1)/2` of the fibers' angles `theta` to the principal direction:
+    /// 0 for isotropic fibers, 1 for parallel ones.
+    pub order: f64,
+    /// The same with every fiber counted by its length.
+    pub order_by_length: f64,
     /// Number of materials that the network's files give.
     pub materials: usize,
 }
 
 impl NetworkReport {
+    /// The second order parameter about a unit vector: of the fibers counted once, and counted by their length.
+    #[must_use]
+    pub fn order_about(&self, axis: [f64; 3]) -> [f64; 2] {
+        [self.orientation, self.orientation_by_length]
+            .map(|tensor| second_order_parameter(&Matrix3::from(tensor), &axis.into()))
+    }
+
     /// The parts that nothing holds.
     pub fn untied(&self) -> impl Iterator<Item = &Component> {
         self.components.iter().filter(|part| !part.tied)
@@ -92,7 +110,9 @@ pub fn examine(network: &Network) -> NetworkReport {
     let boundary_fibers = fibers.iter().filter(|&&[a, b]| held(a) && held(b)).count();
     let free_dofs = 3 * network.interior().len();
     let roots = roots(network.nodes().len(), fibers.iter().copied());
-    let (orientation, orientation_by_length) = orientations(network);
+    let [orientation, orientation_by_length] = orientations(network);
+    let (principal_direction, _) = principal(&orientation);
+    let coordination: Vec<f64> = interior_degrees().map(|degree| degree as f64).collect();
     NetworkReport {
         name: network.name().into(),
         nodes: network.nodes().len(),
@@ -104,12 +124,15 @@ pub fn examine(network: &Network) -> NetworkReport {
         components: components(&roots, network.boundary(), fibers.iter().copied()),
         dangling_nodes: network.interior().iter().copied().filter(|&node| degrees[node as usize] == 1).collect(),
         boundary_fibers,
-        length: Spread::of(network.lengths().iter().copied()).unwrap_or(Spread { min: 0.0, mean: 0.0, max: 0.0 }),
+        length: Spread::of(network.lengths()).unwrap_or_default(),
         total_length: network.total_length(),
-        coordination: Spread::of(interior_degrees().map(|degree| degree as f64)),
+        coordination: Spread::of(&coordination),
         coordination_counts,
-        orientation,
-        orientation_by_length,
+        orientation: rows(&orientation),
+        orientation_by_length: rows(&orientation_by_length),
+        principal_direction: principal_direction.into(),
+        order: second_order_parameter(&orientation, &principal_direction),
+        order_by_length: second_order_parameter(&orientation_by_length, &principal_direction),
         materials: network.materials().len(),
     }
 }
@@ -123,19 +146,12 @@ fn degrees(network: &Network) -> Vec<usize> {
     degrees
 }
 
-/// The orientation tensor, every fiber counted once and every fiber counted by its length.
-fn orientations(network: &Network) -> ([[f64; 3]; 3], [[f64; 3]; 3]) {
-    let (mut plain, mut weighted) = ([[0.0; 3]; 3], [[0.0; 3]; 3]);
-    for (&[a, b], &length) in network.fibers().iter().zip(network.lengths()) {
-        let (a, b) = (network.nodes()[a as usize], network.nodes()[b as usize]);
-        let n = [0, 1, 2].map(|k| (b[k] - a[k]) / length);
-        for i in 0..3 {
-            for j in 0..3 {
-                plain[i][j] += n[i] * n[j] / network.lengths().len() as f64;
-                weighted[i][j] += length * n[i] * n[j];
-            }
-        }
-    }
-    let total = network.total_length();
-    (plain, weighted.map(|row| row.map(|x| x / total)))
+/// The orientation tensors with every fiber counted once, and with every fiber counted by its length.
+fn orientations(network: &Network) -> [Matrix3<f64>; 2] {
+    let directions: Vec<[f64; 3]> = (0..network.fibers().len()).map(|fiber| network.direction(fiber)).collect();
+    [Weighting::Number, Weighting::Length].map(|weighting| tensor(&directions, network.lengths(), weighting))
+}
+
+fn rows(matrix: &Matrix3<f64>) -> [[f64; 3]; 3] {
+    [0, 1, 2].map(|i| [0, 1, 2].map(|j| matrix[(i, j)]))
 }

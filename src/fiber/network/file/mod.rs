@@ -1,6 +1,8 @@
 //! Network files, as published networks come: see [`read`] for the format.
 
 mod body;
+#[cfg(feature = "app")]
+mod generated;
 mod lines;
 mod params;
 #[cfg(feature = "app")]

@@ -2,9 +2,13 @@
 //!
 //! ```toml
 //! [generated]                          # how the network was made
-//! kind = "delaunay"
+//! kind = "voronoi"                     # or "delaunay"
 //! points = 60
 //! seed = 1
+//! merge = 0.05                         # nodes nearer than this part of the mean spacing were merged
+//! align = [1.0, 0.0, 0.0]              # where the fibers have a preferred direction, with
+//! strength = 0.4                       # the order parameter P2 asked for
+//! shorter_than = 0.01                  # where fibers shorter than this part of the edge were taken out
 //! program = "biotissue 0.1.0"
 //!
 //! [units]
@@ -27,6 +31,8 @@ use super::{read_if_present, write};
 use crate::fiber::law::{FiberMaterial, Law};
 use crate::input::InputError;
 
+pub use super::generated::Generated;
+
 /// What a sidecar says.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Sidecar {
@@ -36,20 +42,6 @@ pub struct Sidecar {
     pub length_unit: Option<String>,
     /// What all fibers are made of.
     pub material: Option<FiberMaterial>,
-}
-
-/// How a network was made.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Generated {
-    /// `delaunay`.
-    pub kind: String,
-    /// Points asked for: the interior nodes.
-    pub points: usize,
-    /// The seed of the random numbers.
-    pub seed: u64,
-    /// The program and its version.
-    pub program: String,
 }
 
 /// A fiber law by name, with the parameters that people give: in a sidecar, on a command line.
@@ -273,12 +265,7 @@ mod tests {
             law("exponential-stretch", Some(0.1), Some(1.4)),
         ] {
             let sidecar = Sidecar {
-                generated: Some(Generated {
-                    kind: "delaunay".into(),
-                    points: 60,
-                    seed: i64::MAX as u64,
-                    program: "biotissue 0.1.0".into(),
-                }),
+                generated: Some(Generated { seed: i64::MAX as u64, ..Generated::new("delaunay", 60, 1) }),
                 length_unit: Some("edge of the cube".into()),
                 material: Some(FiberMaterial { density: Some(1000.0), ..law.material().unwrap() }),
             };
@@ -293,7 +280,7 @@ mod tests {
         let cases = [
             (
                 "[generated]\nkind = \"delaunay\"\npoints = 3\nseed = 1\nprogram = \"p\"\nsede = 1\n",
-                "n.toml:6: unknown field `sede`, expected one of `kind`, `points`, `seed`, `program`",
+                "n.toml:6: unknown field `sede`, expected one of `kind`, `points`, `seed`, `align`, `strength`, `merge`, `shorter_than`, `program`",
             ),
             ("[law]\nname = \"linear\"\nradius = 1\n", "n.toml:1: missing field `youngs_modulus`"),
             (

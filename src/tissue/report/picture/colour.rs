@@ -20,10 +20,28 @@ pub(crate) fn viridis(place: f64) -> [u8; 3] {
     let last = VIRIDIS.len() - 1;
     let place = if place.is_nan() { 0.0 } else { place.clamp(0.0, 1.0) * last as f64 };
     let lower = (place as usize).min(last - 1);
-    let (from, to) = (VIRIDIS[lower], VIRIDIS[lower + 1]);
+    mix(VIRIDIS[lower], VIRIDIS[lower + 1], place - lower as f64)
+}
+
+/// The colors of the axes x, y and z, which color-blind eyes tell apart as well (Okabe and Ito, Color universal design).
+pub(crate) const AXES: [[u8; 3]; 3] = [[213, 94, 0], [0, 158, 115], [0, 114, 178]];
+
+/// From blue (-1) through gray (0) to red (1); the ends are those of the map RdBu (Harrower and Brewer, ColorBrewer), the
+/// middle is dark enough for thin lines on white.
+pub(crate) fn about_rest(place: f64) -> [u8; 3] {
+    const BELOW: [[u8; 3]; 4] = [[176, 182, 188], [103, 169, 207], [33, 102, 172], [5, 48, 97]];
+    const ABOVE: [[u8; 3]; 4] = [[176, 182, 188], [239, 138, 98], [190, 30, 45], [103, 0, 31]];
+    let side = if place < 0.0 { BELOW } else { ABOVE };
+    let place = if place.is_nan() { 0.0 } else { place.abs().min(1.0) * 3.0 };
+    let lower = (place as usize).min(2);
+    mix(side[lower], side[lower + 1], place - lower as f64)
+}
+
+/// `part` 0 is the first color, 1 the second.
+pub(crate) fn mix(first: [u8; 3], second: [u8; 3], part: f64) -> [u8; 3] {
     std::array::from_fn(|c| {
-        let (from, to) = (f64::from(from[c]), f64::from(to[c]));
-        (from + (place - lower as f64) * (to - from)).round() as u8
+        let (from, to) = (f64::from(first[c]), f64::from(second[c]));
+        (from + part.clamp(0.0, 1.0) * (to - from)).round() as u8
     })
 }
 
@@ -57,6 +75,18 @@ mod tests {
         assert!(grays.windows(2).all(|pair| pair[0] < pair[1]), "{grays:?}");
         assert_eq!((viridis(-1.0), viridis(2.0)), (VIRIDIS[0], VIRIDIS[10]));
         assert_eq!(viridis(f64::NAN), VIRIDIS[0]);
+    }
+
+    #[test]
+    fn rest_is_gray_and_both_sides_grow_darker() {
+        let gray = |[r, g, b]: [u8; 3]| 0.299 * f64::from(r) + 0.587 * f64::from(g) + 0.114 * f64::from(b);
+        for side in [-1.0, 1.0] {
+            let grays: Vec<f64> = (0..=30).map(|k| gray(about_rest(side * f64::from(k) / 30.0))).collect();
+            assert!(grays.windows(2).all(|pair| pair[0] > pair[1]), "{grays:?}");
+        }
+        let ([r, _, b], [cold, _, warm]) = (about_rest(0.7), about_rest(-0.7));
+        assert!(r > b && warm > cold);
+        assert_eq!((about_rest(5.0), about_rest(f64::NAN)), (about_rest(1.0), about_rest(0.0)));
     }
 
     #[test]

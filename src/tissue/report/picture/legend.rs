@@ -1,13 +1,14 @@
 //! What stands around the body: title, color bar, scale bar, axes, and what the lines mean.
 
 use super::body::{OUTLINE, fibers};
-use super::colour::viridis;
-use super::svg::{Anchor, Svg};
+use super::colour::AXES;
+use super::svg::{Anchor, Svg, hex};
+use super::view::View;
 use super::{Colors, Scene};
 use crate::tissue::report::units::{prefix, quantity, round_step, tick_label, ticks};
 
-const INK: &str = "fill=\"#1b2733\"";
-const SOFT: &str = "fill=\"#546e7a\"";
+pub(super) const INK: &str = "fill=\"#1b2733\"";
+pub(super) const SOFT: &str = "fill=\"#546e7a\"";
 
 /// Title and, under it, step, time and extension.
 pub(super) fn title(svg: &mut Svg, title: &str, state: &str) {
@@ -19,7 +20,7 @@ pub(super) fn title(svg: &mut Svg, title: &str, state: &str) {
 pub(super) fn color_bar(svg: &mut Svg, colors: &Colors, [right, top]: [f64; 2]) {
     const WIDTH: f64 = 320.0;
     const HEIGHT: f64 = 12.0;
-    const STOPS: u8 = 10;
+    const STOPS: u8 = 20;
     let left = right - WIDTH;
     let (low, high) = colors.range;
     let (power, prefix) = if colors.quantity.unit.is_empty() { (1.0, "") } else { prefix(low.abs().max(high.abs())) };
@@ -29,8 +30,8 @@ pub(super) fn color_bar(svg: &mut Svg, colors: &Colors, [right, top]: [f64; 2]) 
         unit => format!("{} in {unit}", colors.quantity.label),
     };
     svg.words([left, top - 8.0], 13.0, Anchor::Start, INK, &label);
-    svg.gradient("viridis", (0..=STOPS).map(|k| viridis(f64::from(k) / f64::from(STOPS))));
-    svg.rectangle([left, top, WIDTH, HEIGHT], "fill=\"url(#viridis)\"");
+    svg.gradient("map", (0..=STOPS).map(|k| colors.at(low + f64::from(k) / f64::from(STOPS) * (high - low))));
+    svg.rectangle([left, top, WIDTH, HEIGHT], "fill=\"url(#map)\"");
     let ticks = ticks(low / power, high / power, 5);
     for &tick in &ticks {
         let x = left + WIDTH * (tick * power - low) / (high - low);
@@ -62,14 +63,14 @@ pub(super) fn scale_bar(svg: &mut Svg, scene: &Scene, [left, baseline]: [f64; 2]
 }
 
 /// The directions of x, y and z.
-pub(super) fn axes(svg: &mut Svg, scene: &Scene, [x, y]: [f64; 2]) {
+pub(super) fn axes(svg: &mut Svg, view: &View, [x, y]: [f64; 2]) {
     const LENGTH: f64 = 26.0;
     let mut arms: Vec<(usize, [f64; 3])> =
-        (0..3).map(|axis| (axis, [scene.view.right[axis], scene.view.up[axis], scene.view.toward[axis]])).collect();
+        (0..3).map(|axis| (axis, [view.right[axis], view.up[axis], view.toward[axis]])).collect();
     arms.sort_by(|a, b| a.1[2].total_cmp(&b.1[2]));
     for (axis, [across, up, _]) in arms {
         let end = [x + LENGTH * across, y - LENGTH * up];
-        let color = ["#d55e00", "#009e73", "#0072b2"][axis];
+        let color = hex(AXES[axis]);
         svg.path(&[[x, y], end], false, &format!("stroke=\"{color}\" stroke-width=\"2\" stroke-linecap=\"round\""));
         let place = [x + (LENGTH + 8.0) * across, y - (LENGTH + 8.0) * up + 4.0];
         let bold = format!("fill=\"{color}\" font-weight=\"600\"");

@@ -8,10 +8,13 @@
 mod body;
 pub(crate) mod colour;
 mod legend;
+mod network;
 mod quantity;
 mod skin;
 mod svg;
 mod view;
+
+pub use self::network::{FiberColor, NetworkPicture, draw_network};
 
 use std::path::Path;
 
@@ -67,6 +70,18 @@ struct Colors {
     range: (f64, f64),
     /// The least and the largest number that is drawn.
     extremes: (f64, f64),
+    map: Map,
+}
+
+/// The colors of a range of numbers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Map {
+    /// For faces: viridis.
+    Faces,
+    /// For lines on white: viridis without its light end.
+    Lines,
+    /// For lines of a number that has a rest value: gray there, red above, blue below, as strong on both sides.
+    About(f64),
 }
 
 impl Colors {
@@ -74,13 +89,21 @@ impl Colors {
         let values: Vec<f64> = drawn.iter().filter_map(|&element| quantity.values.get(element).copied()).collect();
         let finite = values.iter().copied().filter(|value| value.is_finite());
         let extremes = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), value| (a.min(value), b.max(value)));
-        Self { quantity, range: colour::range(&values), extremes }
+        Self { quantity, range: colour::range(&values), extremes, map: Map::Faces }
     }
 
     fn of(&self, element: usize) -> [u8; 3] {
+        self.at(self.quantity.values.get(element).copied().unwrap_or(f64::NAN))
+    }
+
+    /// The color of a number.
+    fn at(&self, value: f64) -> [u8; 3] {
         let (low, high) = self.range;
-        let value = self.quantity.values.get(element).copied().unwrap_or(f64::NAN);
-        colour::viridis((value - low) / (high - low))
+        match self.map {
+            Map::Faces => colour::viridis((value - low) / (high - low)),
+            Map::Lines => colour::viridis(0.87 * (value - low) / (high - low)),
+            Map::About(rest) => colour::about_rest((value - rest) / (high - rest).max(rest - low)),
+        }
     }
 }
 
@@ -138,7 +161,7 @@ fn compose(title: &str, state: &str, fields: &Fields, quantity: Option<Quantity>
     body::fibers(&mut svg, &fibers);
 
     let bottom = height - 30.0;
-    legend::axes(&mut svg, &scene, [52.0, bottom - 6.0]);
+    legend::axes(&mut svg, &scene.view, [52.0, bottom - 6.0]);
     let right = legend::scale_bar(&mut svg, &scene, [112.0, bottom]);
     let meaning = (!fibers.is_empty()).then_some(match alignment {
         Some(_) => "mean fiber direction, longer where aligned",

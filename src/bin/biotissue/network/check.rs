@@ -1,0 +1,158 @@
+//! `biotissue network check`.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use biotissue::backends;
+use biotissue::fiber::network::check::{Cleaned, NetworkReport, Removed, Rigidity, clean, examine, rigidity};
+use biotissue::fiber::network::file::NetworkFile;
+use biotissue::fiber::network::file::sidecar::Sidecar;
+use biotissue::fiber::network::{Network, NetworkError};
+use biotissue::input::{InputError, InputErrors};
+use biotissue::las::{Backend, Scalar};
+use clap::Args;
+use serde_json::json;
+
+use super::{check_length, json_of_file, not_counted, read, words, write};
+use crate::dispatch::{Job, dispatch};
+use crate::failure::Failure;
+use crate::number::real;
+use crate::output;
+
+#[derive(Args)]
+pub struct CheckArguments {
+    /// The network files
+    #[arg(required = true, value_name = "FILE")]
+    files: Vec<PathBuf>,
+    /// Take out fibers that dangle and parts that are not tied to the boundary
+    #[arg(long, requires = "output")]
+    clean: bool,
+    /// Where to write the cleaned network, with its materials
+    #[arg(short, long, value_name = "FILE", requires = "clean")]
+    output: Option<PathBuf>,
+    /// Count fibers shorter than this part of the cube's edge, and take them out with --clean
+    #[arg(long, value_name = "L", value_parser = real, allow_hyphen_values = true)]
+    shorter_than: Option<f64>,
+    /// Linear-algebra backend that counts the zero modes
+    #[arg(long, value_name = "NAME")]
+    backend: Option<String>,
+    /// Print one JSON object a file, each on a line
+    #[arg(long)]
+    json: bool,
+}
+
+/// Checks one file after another. What is wrong in some of them is told at the end, all together.
+pub fn run(arguments: &CheckArguments) -> Result<(), Failure> {
+    check_length(arguments.shorter_than)?;
+    if arguments.files.len() > 1 && arguments.output.is_some() {
+        return Err(Failure::arguments(
+            format!("--clean with {} network files, but one --output", arguments.files.len()),
+            "one network to clean",
+            "clean one file at a time",
+        ));
+    }
+    let mut errors = Vec::new();
+    for file in &arguments.files {
+        match check(file, arguments) {
+            Err(Failure::Input(InputErrors(found))) => errors.extend(found),
+            outcome => outcome?,
+        }
+    }
+    if errors.is_empty() { Ok(()) } else { Err(Failure::Input(InputErrors(errors))) }
+}
+
+fn check(file: &Path, arguments: &CheckArguments) -> Result<(), Failure> {
+    let read = read(file)?;
+    let report = examine(&read.network);
+    let without_backend = arguments.backend.is_none() && backends::compiled().is_empty();
+    let rigidity = match without_backend {
+        true => None,
+        false => Some(dispatch(arguments.backend.as_deref(), Examine { network: &read.network })?),
+    };
+    let cleaned = clean(&read.network, arguments.shorter_than);
+    if let Some(output) = &arguments.output {
+        let cleaned = cleaned.as_ref().map_err(|error| nothing_left(file, error))?;
+        write_cleaned(output, &read, cleaned)?;
+    }
+    // A network of which nothing would be left is examined all the same.
+    let removable = cleaned.ok().map(|cleaned| cleaned.removed);
+    if arguments.json {
+        let mut object = json_of_file(&report, &read);
+        object["rigidity"] = json!(rigidity);
+        object["removable"] = json!(removable);
+        object["written"] = json!(arguments.output);
+        return output::print_json(&object);
+    }
+    let mut text = format!("{}\n{}", report.name, words::figures(&report, &read.network, &read.cube, None));
+    text.push_str(&rigidity.as_ref().map_or_else(String::new, words::rigidity));
+    text.push_str(&findings(&report, removable, arguments));
+    output::print(&text)
+}
+
+/// Examines the rigidity.
+struct Examine<'a> {
+    network: &'a Network,
+}
+
+impl Job for Examine<'_> {
+    type Output = Rigidity;
+
+    fn run<B>(self) -> Result<Rigidity, Failure>
+    where
+        B: Backend<Scalar = f64, Context = ()>,
+        B::Reduced: Scalar,
+    {
+        rigidity::<B>(&(), self.network).map_err(|error| not_counted(self.network.name(), &error))
+    }
+}
+
+fn write_cleaned(output: &Path, read: &NetworkFile, cleaned: &Cleaned) -> Result<(), Failure> {
+    let one_law = match cleaned.network.materials() {
+        [material] => Some(*material),
+        _ => None,
+    };
+    // A cleaned network is no longer what its generator made, so that part of the sidecar does not go with it.
+    let generated = read.sidecar.as_ref().and_then(|sidecar| sidecar.generated.clone());
+    let generated = generated.filter(|_| cleaned.removed.is_nothing());
+    let sidecar = Sidecar { generated, length_unit: Some("edge of the cube".into()), material: one_law };
+    write(output, &cleaned.network, &sidecar)
+}
+
+fn nothing_left(path: &Path, error: &NetworkError) -> Failure {
+    Failure::Input(
+        InputError::in_file(
+            path,
+            format!("nothing is left after cleaning: {error}"),
+            "fibers that tie the faces of the cube together",
+            "is --shorter-than too long, or the network not tied to its boundary?",
+        )
+        .into(),
+    )
+}
+
+/// What is wrong with the network, and what was or could be done about it.
+fn findings(report: &NetworkReport, removed: Option<Removed>, arguments: &CheckArguments) -> String {
+    let mut text = String::new();
+    if report.maxwell_count < 0 {
+        text.push_str("  floppy: fewer fibers than free unknowns\n");
+    }
+    match removed {
+        None => text.push_str("  cleaning would leave nothing\n"),
+        Some(removed) if removed.is_nothing() => text.push_str("  nothing to take out\n"),
+        Some(removed) => {
+            let _ = writeln!(
+                text,
+                "  {}: {} short, {} dangling and {} untied fibers, {} nodes",
+                if arguments.clean { "taken out" } else { "to take out (--clean -o FILE)" },
+                removed.short_fibers,
+                removed.dangling_fibers,
+                removed.untied_fibers,
+                removed.nodes
+            );
+        }
+    }
+    if let Some(output) = &arguments.output {
+        let _ = writeln!(text, "  written to {}", output.display());
+    }
+    text
+}

@@ -1,0 +1,251 @@
+//! `biotissue network draw`.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use biotissue::fiber::equilibrium::{EquilibriumParams, equilibrate};
+use biotissue::fiber::law::FiberMaterial;
+use biotissue::fiber::network::Network;
+use biotissue::fiber::path::between;
+use biotissue::fiber::rve::{Rve, RveModel, StressScale};
+use biotissue::fiber::workspace::Workspace;
+use biotissue::las::{Backend, Scalar};
+use biotissue::tissue::report::picture::{FiberColor, NetworkPicture, draw_network};
+use biotissue::tissue::results::{NetworkSet, ResultsError, write_vtp};
+use clap::{Args, ValueEnum};
+use nalgebra::Matrix3;
+
+use super::read;
+use crate::dispatch::{Job, dispatch};
+use crate::failure::Failure;
+use crate::law::LawArguments;
+use crate::number::count;
+use crate::output;
+use crate::report::Axis;
+use crate::rve::parse_gradient;
+
+/// As many increments as a run may have load steps.
+const MAX_STEPS: usize = 1_000_000;
+
+#[derive(Args)]
+pub struct DrawArguments {
+    /// The network file
+    file: PathBuf,
+    /// The picture to write: .svg, or .vtp for a viewer of VTK files
+    #[arg(short, long, value_name = "FILE.svg|FILE.vtp")]
+    output: PathBuf,
+    /// Bring the network to equilibrium at this deformation gradient first: "f11 f12 f13 f21 f22 f23 f31 f32 f33"
+    #[arg(long = "F", value_name = "NINE NUMBERS", allow_hyphen_values = true)]
+    gradient: Option<String>,
+    #[command(flatten)]
+    law: LawArguments,
+    /// Increments from the undeformed state to F
+    #[arg(long, value_name = "N", value_parser = count, default_value_t = 1, allow_hyphen_values = true)]
+    steps: usize,
+    /// Linear-algebra backend
+    #[arg(long, value_name = "NAME")]
+    backend: Option<String>,
+    /// What the color of a fiber says [default: stretch with --F, otherwise direction]
+    #[arg(long, value_enum)]
+    color: Option<Color>,
+    /// Look along this axis [default: z]
+    #[arg(long, value_enum)]
+    axis: Option<Axis>,
+    /// Above the picture [default: the name of the network]
+    #[arg(long, value_name = "TEXT")]
+    title: Option<String>,
+    /// Width of the picture in pixels
+    #[arg(long, value_name = "N", value_parser = count, default_value_t = 900, allow_hyphen_values = true)]
+    width: usize,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Color {
+    Stretch,
+    Force,
+    Direction,
+    Length,
+    Plain,
+}
+
+/// What becomes of a file name.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Format {
+    Svg,
+    Vtp,
+}
+
+pub fn run(arguments: &DrawArguments) -> Result<(), Failure> {
+    let format = format(&arguments.output)?;
+    check(arguments)?;
+    let gradient = arguments.gradient.as_deref().map(parse_gradient).transpose()?;
+    let material = arguments.law.material()?;
+    let read = read(&arguments.file)?;
+    let network = Arc::new(read.network);
+    let state = match gradient {
+        None => State::at_rest(&network),
+        Some(gradient) => {
+            let job = Deform { path: &arguments.file, network: &network, gradient, material, steps: arguments.steps };
+            dispatch(arguments.backend.as_deref(), job)?
+        }
+    };
+    match format {
+        Format::Svg => {
+            let svg = picture(arguments, &network, &state, gradient);
+            std::fs::write(&arguments.output, svg).map_err(|error| Failure::unwritable(&arguments.output, &error))?;
+        }
+        Format::Vtp => vtp(&arguments.output, &network, &state)?,
+    }
+    output::print(&arguments.output.display().to_string())
+}
+
+fn format(output: &Path) -> Result<Format, Failure> {
+    match output.extension().and_then(|extension| extension.to_str()) {
+        Some("svg") => Ok(Format::Svg),
+        Some("vtp") => Ok(Format::Vtp),
+        _ => Err(Failure::arguments(
+            format!("--output {}", output.display()),
+            "a name that ends in .svg (a picture) or .vtp (for a viewer of VTK files)",
+            "give the file one of these endings",
+        )),
+    }
+}
+
+/// Refuses options that contradict each other and numbers out of range.
+fn check(arguments: &DrawArguments) -> Result<(), Failure> {
+    let deforms = arguments.gradient.is_some();
+    let of_state = match arguments.color {
+        Some(Color::Stretch) => Some("--color stretch"),
+        Some(Color::Force) => Some("--color force"),
+        _ => None,
+    };
+    if let Some(option) = of_state.filter(|_| !deforms) {
+        let what = format!("{option} of a network at rest, where all fibers are alike");
+        return Err(Failure::arguments(what, "--F with a deformation gradient", "add --F, or choose another --color"));
+    }
+    if !(1..=MAX_STEPS).contains(&arguments.steps) {
+        let (what, expected) =
+            (format!("--steps {}", arguments.steps), format!("between 1 and {MAX_STEPS} increments"));
+        return Err(Failure::arguments(what, expected, "leave --steps out for one"));
+    }
+    if !(480..=20_000).contains(&arguments.width) {
+        let what = format!("--width {}", arguments.width);
+        return Err(Failure::arguments(what, "between 480 and 20000 pixels", "leave --width out for 900"));
+    }
+    Ok(())
+}
+
+/// A network as it is drawn; one entry a fiber, in the network's own order.
+struct State {
+    positions: Vec<[f64; 3]>,
+    stretches: Vec<f64>,
+    forces: Vec<f64>,
+}
+
+impl State {
+    fn at_rest(network: &Network) -> Self {
+        let fibers = network.fibers().len();
+        Self { positions: network.nodes().to_vec(), stretches: vec![1.0; fibers], forces: vec![0.0; fibers] }
+    }
+}
+
+/// Brings the network to equilibrium.
+struct Deform<'a> {
+    path: &'a Path,
+    network: &'a Arc<Network>,
+    gradient: Matrix3<f64>,
+    material: Option<FiberMaterial>,
+    steps: usize,
+}
+
+impl Job for Deform<'_> {
+    type Output = State;
+
+    fn run<B>(self) -> Result<State, Failure>
+    where
+        B: Backend<Scalar = f64, Context = ()>,
+        B::Reduced: Scalar,
+    {
+        let Self { path, network, gradient, material, steps } = self;
+        let model = RveModel::<B>::new(&(), Arc::clone(network), material, StressScale::Raw).map_err(|error| {
+            Failure::arguments(
+                format!("{}: {error}", path.display()),
+                "a network whose fibers have a law, a radius and a modulus",
+                "give --law with its parameters, or put a .params file beside the network",
+            )
+        })?;
+        let mut workspace = Workspace::new(&(), &model).map_err(Failure::library)?;
+        let mut rve = Rve::at_rest(network);
+        for step in 1..=steps {
+            let part = step as f64 / steps as f64;
+            let target = if step == steps { gradient } else { between(&Matrix3::identity(), &gradient, part) };
+            let outcome = equilibrate(&model, &mut rve, &target, &EquilibriumParams::default(), &mut workspace);
+            outcome.map_err(|error| Failure::NotConverged {
+                what: error.to_string(),
+                place: format!("step {step} of {steps} of {}", path.display()),
+                expected: "an equilibrium of the network with its boundary at x = F X".into(),
+                cure: format!("take more --steps (now {steps}), or an F nearer to the undeformed state"),
+            })?;
+        }
+        let (truss, states) = (model.truss(), workspace.states());
+        let mut state = State { positions: workspace.positions().to_vec(), ..State::at_rest(network) };
+        for (fiber, &original) in truss.original().iter().enumerate() {
+            state.stretches[original as usize] = states.stretches[fiber];
+            state.forces[original as usize] = states.forces[fiber];
+        }
+        Ok(state)
+    }
+}
+
+fn picture(arguments: &DrawArguments, network: &Network, state: &State, gradient: Option<Matrix3<f64>>) -> String {
+    let of_values = |label, unit, values, rest| FiberColor::Values { label, unit, values, rest };
+    let default = if gradient.is_some() { Color::Stretch } else { Color::Direction };
+    let color = match arguments.color.unwrap_or(default) {
+        Color::Stretch => of_values("fiber stretch", "", &state.stretches[..], Some(1.0)),
+        Color::Force => of_values("fiber force", "N", &state.forces[..], Some(0.0)),
+        Color::Length => of_values("fiber length at rest, edges of the cube", "", network.lengths(), None),
+        Color::Direction => FiberColor::Direction,
+        Color::Plain => FiberColor::Plain,
+    };
+    let (nodes, fibers) = (network.nodes().len(), network.fibers().len());
+    let state_in_words = gradient.map_or_else(|| "at rest".to_owned(), |f| format!("F = {}", in_words(&f)));
+    draw_network(&NetworkPicture {
+        title: arguments.title.as_deref().unwrap_or_else(|| network.name()),
+        subtitle: &format!("{nodes} nodes, {fibers} fibers  \u{b7}  {state_in_words}"),
+        positions: &state.positions,
+        fibers: network.fibers(),
+        color,
+        gradient: gradient.unwrap_or_else(Matrix3::identity),
+        axis: arguments.axis.map(|axis| axis as usize),
+        width: arguments.width as u32,
+    })
+}
+
+/// The rows of a matrix in a line; only the diagonal where there is nothing beside it.
+fn in_words(f: &Matrix3<f64>) -> String {
+    let number = |x: f64| {
+        let text = format!("{x:.4}");
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    };
+    if *f == Matrix3::from_diagonal(&f.diagonal()) {
+        let parts: Vec<String> = f.diagonal().iter().map(|&x| number(x)).collect();
+        return format!("diag({})", parts.join(", "));
+    }
+    let row = |i: usize| [0, 1, 2].map(|j| number(f[(i, j)])).join(" ");
+    format!("[{}]", [0, 1, 2].map(row).join("; "))
+}
+
+fn vtp(path: &Path, network: &Network, state: &State) -> Result<(), Failure> {
+    let kind: Vec<i64> = network.reaction_of().iter().map(|&reaction| reaction.into()).collect();
+    let set = NetworkSet {
+        points: &state.positions,
+        fibers: network.fibers(),
+        stretch: &state.stretches,
+        force: &state.forces,
+        kind: &kind,
+    };
+    write_vtp(path, &set).map_err(|error| match &error {
+        ResultsError::Write { path, source } => Failure::unwritable(path, source),
+        _ => Failure::library(error),
+    })
+}

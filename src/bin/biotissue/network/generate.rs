@@ -1,0 +1,194 @@
+//! `biotissue network generate`.
+
+use std::path::PathBuf;
+
+use biotissue::fiber::network::Cube;
+use biotissue::fiber::network::check::{Removed, examine};
+use biotissue::fiber::network::file::sidecar::{Generated, Sidecar};
+use biotissue::fiber::network::generate::{Alignment, GREATEST_STRENGTH, GenerateError, Kind, Made, Recipe};
+use clap::Args;
+use serde_json::json;
+
+use super::{check_length, json_of_network, words, write};
+use crate::failure::Failure;
+use crate::law::LawArguments;
+use crate::number::{count, real, seed};
+use crate::output;
+
+#[derive(Args)]
+pub struct GenerateArguments {
+    /// What kind of network: delaunay (rigid, some 15 fibers at a node) or voronoi (floppy, 4 fibers at a node)
+    #[arg(long, default_value = "delaunay")]
+    kind: String,
+    /// Size: random points in the cube; each becomes an interior node (delaunay) or a cell (voronoi)
+    #[arg(long, value_name = "N", value_parser = count, allow_hyphen_values = true)]
+    points: Option<usize>,
+    /// Size: nodes in all, boundary included, to come as close to as can be
+    #[arg(long, value_name = "N", value_parser = count, allow_hyphen_values = true)]
+    nodes: Option<usize>,
+    /// Size: total length of the fibers in the unit cube, to come as close to as can be
+    #[arg(long, value_name = "L", value_parser = real, allow_hyphen_values = true)]
+    density: Option<f64>,
+    /// The direction that fibers prefer: "x y z"; with --strength
+    #[arg(long, value_name = "X Y Z", allow_hyphen_values = true)]
+    align: Option<String>,
+    /// How strongly they prefer it: the order parameter P2, from 0 (isotropic) to 0.95
+    #[arg(long, value_name = "S", value_parser = real, allow_hyphen_values = true)]
+    strength: Option<f64>,
+    /// Merge nodes joined by a fiber shorter than this part of the mean spacing of the points
+    /// [default: 0.05 for voronoi, 0 for delaunay]
+    #[arg(long, value_name = "M", value_parser = real, allow_hyphen_values = true)]
+    merge: Option<f64>,
+    /// Take out fibers shorter than this part of the cube's edge, and what then dangles or hangs loose
+    #[arg(long, value_name = "L", value_parser = real, allow_hyphen_values = true)]
+    shorter_than: Option<f64>,
+    /// Seed of the random numbers
+    #[arg(long, value_name = "S", value_parser = seed, default_value_t = 1, allow_hyphen_values = true)]
+    seed: u64,
+    /// The network file to write; its .toml goes beside it, and a .params if the law has a place there
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    #[command(flatten)]
+    law: LawArguments,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+/// The size that is asked for.
+#[derive(Clone, Copy)]
+enum Size {
+    Points(usize),
+    Nodes(usize),
+    Density(f64),
+}
+
+pub fn run(arguments: &GenerateArguments) -> Result<(), Failure> {
+    let recipe = recipe(arguments)?;
+    let size = size(arguments)?;
+    let material = arguments.law.material()?;
+    let made = match size {
+        Size::Points(points) => recipe.of_points(points),
+        Size::Nodes(nodes) => recipe.of_nodes(nodes),
+        Size::Density(density) => recipe.of_density(density),
+    };
+    let mut made = made.map_err(|error| not_generated(&error))?;
+    if let Some(material) = material {
+        made.network = made.network.of_one_material(material);
+    }
+    let generated = Generated::by(&recipe, made.points);
+    let sidecar =
+        Sidecar { generated: Some(generated.clone()), length_unit: Some("edge of the cube".into()), material };
+    write(&arguments.output, &made.network, &sidecar)?;
+    tell(arguments, &recipe, &made, &generated)
+}
+
+/// Prints what was made.
+fn tell(arguments: &GenerateArguments, recipe: &Recipe, made: &Made, generated: &Generated) -> Result<(), Failure> {
+    let report = examine(&made.network);
+    let axis = recipe.alignment.map(|alignment| alignment.axis());
+    if arguments.json {
+        let mut object = json_of_network(&report, &made.network);
+        object["file"] = json!(arguments.output);
+        object["generated"] = json!(generated);
+        object["removed"] = json!(made.removed);
+        object["order_of_alignment"] = json!(axis.map(|axis| report.order_about(axis)[0]));
+        return output::print_json(&object);
+    }
+    let mut text = format!(
+        "{}: {}, {} points, seed {}\n",
+        arguments.output.display(),
+        recipe.kind.name(),
+        made.points,
+        recipe.seed
+    );
+    text.push_str(&words::figures(&report, &made.network, &Cube::UNIT, axis));
+    let Removed { short_fibers, dangling_fibers, untied_fibers, nodes } = made.removed;
+    if !made.removed.is_nothing() {
+        text.push_str(&format!(
+            "  taken out        {short_fibers} short, {dangling_fibers} dangling and {untied_fibers} untied fibers, \
+             {nodes} nodes\n"
+        ));
+    }
+    output::print(&text)
+}
+
+fn recipe(arguments: &GenerateArguments) -> Result<Recipe, Failure> {
+    let kinds = || Kind::ALL.map(Kind::name).join(" or ");
+    let Some(kind) = Kind::ALL.into_iter().find(|kind| kind.name() == arguments.kind) else {
+        return Err(Failure::arguments(
+            format!("there is no kind of network called `{}`", arguments.kind),
+            format!("--kind {}", kinds()),
+            "take one of these, or bring a network file of your own",
+        ));
+    };
+    check_length(arguments.shorter_than)?;
+    let plain = Recipe::new(kind, arguments.seed);
+    Ok(Recipe {
+        merge: arguments.merge.unwrap_or(plain.merge),
+        alignment: alignment(arguments)?,
+        shorter_than: arguments.shorter_than,
+        ..plain
+    })
+}
+
+fn size(arguments: &GenerateArguments) -> Result<Size, Failure> {
+    let sizes =
+        [arguments.points.map(Size::Points), arguments.nodes.map(Size::Nodes), arguments.density.map(Size::Density)];
+    let given: Vec<Size> = sizes.into_iter().flatten().collect();
+    let what = match given[..] {
+        [size] => return Ok(size),
+        [] => "nothing says how large the network is to be",
+        _ => "more than one option says how large the network is to be",
+    };
+    Err(Failure::arguments(
+        what,
+        "one of --points N, --nodes N and --density L",
+        "--points 60 makes a network that suits an RVE",
+    ))
+}
+
+fn alignment(arguments: &GenerateArguments) -> Result<Option<Alignment>, Failure> {
+    let (text, strength) = match (&arguments.align, arguments.strength) {
+        (None, None) => return Ok(None),
+        (Some(text), Some(strength)) => (text, strength),
+        (align, _) => {
+            let (there, missing) =
+                if align.is_some() { ("--align", "--strength S") } else { ("--strength", "--align \"x y z\"") };
+            let (what, expected) = (format!("{there} without {missing}"), "a direction and a strength, or neither");
+            return Err(Failure::arguments(what, expected, format!("add {missing}, or leave out {there}")));
+        }
+    };
+    let words = text.split(|c: char| c.is_whitespace() || c == ',').filter(|word| !word.is_empty());
+    let numbers: Result<Vec<f64>, _> = words.map(str::parse).collect();
+    let direction = numbers.ok().and_then(|numbers| <[f64; 3]>::try_from(numbers).ok()).ok_or_else(|| {
+        let (what, expected) = (format!("--align \"{text}\""), "three numbers: \"x y z\"");
+        Failure::arguments(what, expected, "fibers along x: --align \"1 0 0\"; mind the quotes")
+    })?;
+    Alignment::new(direction, strength).map(Some).map_err(|error| not_generated(&error))
+}
+
+fn not_generated(error: &GenerateError) -> Failure {
+    let (expected, cure) = match error {
+        GenerateError::Points { .. } => ("--points in that range", "change --points".to_owned()),
+        GenerateError::Nodes { .. } => ("--nodes in that range", "change --nodes, or give --points".into()),
+        GenerateError::Density { nearest, .. } => (
+            "a --density that some number of points can give",
+            format!("ask for one nearer to {nearest:.3}, or try another --kind, --merge or --seed"),
+        ),
+        GenerateError::Direction { .. } => {
+            ("a direction that is not zero: --align \"1 0 0\"", "correct --align".into())
+        }
+        GenerateError::Strength { .. } => {
+            ("--strength in that range", format!("0.3 is noticeable, {GREATEST_STRENGTH} nearly parallel"))
+        }
+        GenerateError::Merge { .. } => {
+            ("--merge in that range", "leave --merge out for a value that suits the kind".into())
+        }
+        GenerateError::NoRoom { .. } | GenerateError::OpenFace { .. } | GenerateError::Network(_) => (
+            "fibers through every face of the cube",
+            "ask for a larger network, trim, merge or align it less, or change --seed".into(),
+        ),
+    };
+    Failure::arguments(format!("no network can be generated: {error}"), expected, cure)
+}

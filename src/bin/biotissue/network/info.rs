@@ -1,0 +1,61 @@
+//! `biotissue network info`.
+
+use std::path::PathBuf;
+
+use biotissue::backends;
+use biotissue::fiber::network::Network;
+use biotissue::fiber::network::check::{examine, zero_modes};
+use biotissue::las::{Backend, Scalar};
+use clap::Args;
+use serde_json::json;
+
+use super::{json_of_file, not_counted, read, words};
+use crate::dispatch::{Job, dispatch};
+use crate::failure::Failure;
+use crate::output;
+
+/// Of networks with more unknowns, zero modes are not counted in passing: it would take more than some seconds.
+const MOST_UNKNOWNS: usize = 60_000;
+
+#[derive(Args)]
+pub struct InfoArguments {
+    /// The network file
+    file: PathBuf,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+pub fn run(arguments: &InfoArguments) -> Result<(), Failure> {
+    let read = read(&arguments.file)?;
+    let report = examine(&read.network);
+    let counted = report.free_dofs <= MOST_UNKNOWNS && !backends::compiled().is_empty();
+    let zero_modes = if counted { Some(dispatch(None, Count { network: &read.network })?) } else { None };
+    if arguments.json {
+        let mut object = json_of_file(&report, &read);
+        object["rigidity"] = zero_modes.map_or(json!(null), |zero_modes| json!({ "zero_modes": zero_modes }));
+        return output::print_json(&object);
+    }
+    let rigidity = zero_modes.map_or_else(
+        || "  rigidity         not examined; `biotissue network check` does\n".to_owned(),
+        |zero_modes| words::rigid_or_floppy(zero_modes, report.free_dofs),
+    );
+    output::print(&format!("{}\n{}{rigidity}", report.name, words::figures(&report, &read.network, &read.cube, None)))
+}
+
+/// Counts the zero modes.
+struct Count<'a> {
+    network: &'a Network,
+}
+
+impl Job for Count<'_> {
+    type Output = usize;
+
+    fn run<B>(self) -> Result<usize, Failure>
+    where
+        B: Backend<Scalar = f64, Context = ()>,
+        B::Reduced: Scalar,
+    {
+        zero_modes::<B>(&(), self.network).map_err(|error| not_counted(self.network.name(), &error))
+    }
+}

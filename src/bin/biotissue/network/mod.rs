@@ -1,0 +1,98 @@
+//! `biotissue network`: make, examine, clean and draw fiber networks.
+
+mod check;
+mod draw;
+mod generate;
+mod info;
+mod words;
+
+use std::path::Path;
+
+use biotissue::fiber::law::Law;
+use biotissue::fiber::network::check::RigidityError;
+use biotissue::fiber::network::file::sidecar::{NamedLaw, Sidecar};
+use biotissue::fiber::network::file::{self, NetworkFile};
+use biotissue::fiber::network::{Network, check::NetworkReport};
+use clap::Subcommand;
+use serde_json::json;
+
+use crate::failure::Failure;
+use crate::output;
+
+/// What to do with networks.
+#[derive(Subcommand)]
+pub enum NetworkCommand {
+    /// Make a network from random points; the same seed gives the same network everywhere
+    Generate(generate::GenerateArguments),
+    /// Look for what carries no load or resists no motion (exit code 0 whatever is found), clean on request
+    Check(check::CheckArguments),
+    /// Print what a network is like
+    Info(info::InfoArguments),
+    /// Draw a network, at rest or deformed
+    Draw(draw::DrawArguments),
+}
+
+/// Runs a command; results go to stdout, warnings to stderr.
+pub fn run(command: NetworkCommand) -> Result<(), Failure> {
+    match command {
+        NetworkCommand::Generate(arguments) => generate::run(&arguments),
+        NetworkCommand::Check(arguments) => check::run(&arguments),
+        NetworkCommand::Info(arguments) => info::run(&arguments),
+        NetworkCommand::Draw(arguments) => draw::run(&arguments),
+    }
+}
+
+/// Writes a network with what goes beside it: first the network, then its materials, then where it comes from.
+fn write(path: &Path, network: &Network, sidecar: &Sidecar) -> Result<(), Failure> {
+    let unwritable = |error: std::io::Error| Failure::unwritable(path, &error);
+    file::write(path, network).map_err(unwritable)?;
+    let in_params = !network.materials().is_empty()
+        && !network.materials().iter().any(|material| matches!(material.law, Law::Exponential { .. }));
+    if in_params {
+        file::write_params(path, network).map_err(unwritable)?;
+    } else {
+        file::remove_params(path).map_err(unwritable)?;
+    }
+    sidecar.write_beside(path).map_err(unwritable)
+}
+
+fn read(path: &Path) -> Result<NetworkFile, Failure> {
+    let read = file::read(path)?;
+    output::warn(&read.warnings);
+    Ok(read)
+}
+
+/// Refuses a length that is no part of the cube's edge.
+fn check_length(shorter_than: Option<f64>) -> Result<(), Failure> {
+    match shorter_than {
+        Some(length) if !(length > 0.0 && length < 1.0) => Err(Failure::arguments(
+            format!("--shorter-than is {length}"),
+            "a part of the cube's edge, above 0 and below 1",
+            "lengths are in units of the cube's edge, whatever the units of the file",
+        )),
+        _ => Ok(()),
+    }
+}
+
+/// What every subcommand says of a network in JSON.
+fn json_of_network(report: &NetworkReport, network: &Network) -> serde_json::Value {
+    let mut object = json!(report);
+    object["density"] = json!(report.total_length);
+    object["untied_components"] = json!(report.untied().count());
+    object["laws"] = network.materials().iter().map(|material| json!(NamedLaw::from(material))).collect();
+    object
+}
+
+/// The same with what the file says beyond the network.
+fn json_of_file(report: &NetworkReport, read: &NetworkFile) -> serde_json::Value {
+    let mut object = json_of_network(report, &read.network);
+    object["cube"] = json!({ "lower": read.cube.lower, "edges": read.cube.edges });
+    object["periodic_pairs"] = json!(read.periodic.len());
+    object["warnings"] = json!(read.warnings);
+    object
+}
+
+/// Zero modes that could not be counted.
+fn not_counted<F: std::error::Error>(name: &str, error: &RigidityError<F>) -> Failure {
+    Failure::library(format!("{name}: {error}"))
+}

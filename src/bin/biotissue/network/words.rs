@@ -1,0 +1,112 @@
+//! What is known of a network, in words. Writing to a string cannot fail.
+
+use std::fmt::Write as _;
+
+use biotissue::fiber::network::check::{NetworkReport, Rigidity};
+use biotissue::fiber::network::file::sidecar::NamedLaw;
+use biotissue::fiber::network::{Cube, Network};
+
+/// The figures of a network. The order parameter is given about `axis`, or about the principal direction.
+pub fn figures(report: &NetworkReport, network: &Network, cube: &Cube, axis: Option<[f64; 3]>) -> String {
+    let mut text = String::new();
+    let _ = writeln!(
+        text,
+        "  nodes            {} ({} on the boundary, {} interior: {} free unknowns)",
+        report.nodes, report.boundary_nodes, report.interior_nodes, report.free_dofs
+    );
+    let _ = writeln!(
+        text,
+        "  fibers           {} ({} from boundary to boundary; Maxwell's count {:+})",
+        report.fibers, report.boundary_fibers, report.maxwell_count
+    );
+    let _ = writeln!(text, "  cube             edge {} in the file; lengths below are parts of it", cube.edges[0]);
+    let length = report.length;
+    let _ = writeln!(
+        text,
+        "  fiber length     {:.6} to {:.6}, mean {:.6}, standard deviation {:.6}",
+        length.min, length.max, length.mean, length.deviation
+    );
+    let _ = writeln!(text, "  density          {:.6} (total length of the fibers in the cube)", report.total_length);
+    coordination(&mut text, report);
+    orientation(&mut text, report, axis);
+    for material in network.materials() {
+        let law = NamedLaw::from(material);
+        let _ =
+            write!(text, "  law              {}, E {:e} Pa, radius {:e} m", law.name, law.youngs_modulus, law.radius);
+        let _ = law.nonlinearity.map_or(Ok(()), |b| write!(text, ", B {b}"));
+        let _ = law.transition.map_or(Ok(()), |stretch| write!(text, ", transition {stretch}"));
+        text.push('\n');
+    }
+    let (parts, untied) = (report.components.len(), report.untied().count());
+    let _ = writeln!(text, "  parts            {parts}, {untied} not tied to the boundary");
+    text
+}
+
+fn coordination(text: &mut String, report: &NetworkReport) {
+    let Some(fibers) = report.coordination else { return };
+    let _ = writeln!(
+        text,
+        "  coordination     {} to {} fibers at an interior node, mean {:.3}, standard deviation {:.3}",
+        fibers.min, fibers.max, fibers.mean, fibers.deviation
+    );
+    let bars: Vec<String> = report
+        .coordination_counts
+        .iter()
+        .enumerate()
+        .filter(|(_, nodes)| **nodes > 0)
+        .map(|(fibers, nodes)| format!("{fibers}: {nodes}"))
+        .collect();
+    for (row, bars) in bars.chunks(10).enumerate() {
+        let name = if row == 0 { "fibers: nodes" } else { "" };
+        let _ = writeln!(text, "    {name:<14} {}", bars.join("  "));
+    }
+}
+
+fn orientation(text: &mut String, report: &NetworkReport, axis: Option<[f64; 3]>) {
+    for (name, tensor) in [("orientation", report.orientation), ("  by length", report.orientation_by_length)] {
+        let [[xx, xy, xz], [_, yy, yz], [_, _, zz]] = tensor;
+        let _ =
+            writeln!(text, "  {name:<16} xx {xx:.4}  yy {yy:.4}  zz {zz:.4}  yz {yz:+.4}  xz {xz:+.4}  xy {xy:+.4}");
+    }
+    let (direction, name) =
+        axis.map_or((report.principal_direction, "principal direction"), |axis| (axis, "direction of alignment"));
+    let ([order, by_length], [x, y, z]) = (report.order_about(direction), direction);
+    let _ = writeln!(
+        text,
+        "  order            P2 {order:.4}, by length {by_length:.4}, about the {name} ({x:.4} {y:.4} {z:.4})"
+    );
+}
+
+/// Whether a network is rigid, in one line.
+pub fn rigid_or_floppy(zero_modes: usize, unknowns: usize) -> String {
+    if zero_modes == 0 {
+        return "  rigidity         rigid: at rest the network resists every motion of its interior nodes\n".into();
+    }
+    format!("  rigidity         floppy: at rest the network does not resist {zero_modes} of {unknowns} motions\n")
+}
+
+/// Where a network is floppy and why.
+pub fn rigidity(found: &Rigidity) -> String {
+    let mut text = rigid_or_floppy(found.zero_modes, found.unknowns);
+    let _ = writeln!(text, "    self stresses  {} independent ones", found.self_stresses);
+    if found.zero_modes == 0 {
+        return text;
+    }
+    let _ = writeln!(
+        text,
+        "    single nodes   {} of the zero modes, at {} nodes with fewer than 3 fibers and {} with coplanar ones",
+        found.single_node_modes, found.few_fibers, found.coplanar_fibers
+    );
+    let _ = writeln!(
+        text,
+        "    mobile nodes   {} of {} interior ones{}; the most mobile (3 is free):",
+        found.mobile_nodes,
+        found.unknowns / 3,
+        if found.estimated { ", mobilities estimated" } else { "" }
+    );
+    for node in &found.most_mobile {
+        let [x, y, z] = node.position;
+        let _ = writeln!(text, "      node {:<8} mobility {:.4} at {x:+.4} {y:+.4} {z:+.4}", node.node, node.mobility);
+    }
+    text
+}

@@ -1,0 +1,260 @@
+//! Rigidity: the motions of the interior nodes that a network at rest does not resist, and where they are.
+//!
+//! Every fiber is taken as an unstressed spring between its ends, the boundary is held. A motion `u` that changes no
+//! fiber's length to first order, `n . (u_b - u_a) = 0`, is a *zero mode*: the stiffness `K = sum n (x) n` (per fiber, in the
+//! blocks of its ends) vanishes on it. Which motions these are does not depend on how stiff the fibers are, so that all
+//! springs have the constant 1: short fibers, stiff as trusses, would otherwise drown what is to be seen. `K` is positive
+//! semidefinite, and zero modes are counted, by Sylvester's law of inertia, as the negative pivots of `K - s I`, `s` a
+//! billionth of the greatest diagonal entry: a chain that is straight within some hundred-thousandths counts as straight.
+//!
+//! Zero modes and states of self stress (tensions in equilibrium without load) are tied by the fibers with a free end
+//! and the free unknowns: `zero modes - self stresses = unknowns - fibers`.
+//!
+//! Reference: C. R. Calladine, *Buckminster Fuller's "tensegrity" structures and Clerk Maxwell's rules for the
+//! construction of stiff frames*, International Journal of Solids and Structures 14 (1978), 161-172.
+
+mod null_space;
+
+use std::sync::Arc;
+
+use nalgebra::{Matrix3, SymmetricEigen, Vector3};
+use thiserror::Error;
+
+use self::null_space::mobilities;
+use crate::fiber::network::Network;
+use crate::las::{
+    Backend, FactorReport, Index, MatrixOps, SolveError, Solver, SolverParams, Sparsity, SparsityError, Symmetry,
+};
+
+/// The shift `s`, over the greatest diagonal entry of the stiffness.
+const SHIFT: f64 = 1e-9;
+/// How often another shift is tried where a pivot vanishes.
+const ATTEMPTS: i32 = 5;
+/// A node takes part in zero modes when its mobility is above this.
+const MOBILE: f64 = 1e-6;
+/// How many of the most mobile nodes are reported.
+const MOST_MOBILE: usize = 10;
+
+/// The zero modes of a network at rest with its boundary held.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "app", derive(serde::Serialize))]
+pub struct Rigidity {
+    /// Free unknowns, three an interior node.
+    pub unknowns: usize,
+    /// Independent motions that no fiber resists.
+    pub zero_modes: usize,
+    /// Independent states of self stress.
+    pub self_stresses: usize,
+    /// Zero modes that move a single node, each interior node by itself: three less the rank of its fibers' directions.
+    pub single_node_modes: usize,
+    /// Interior nodes with fewer than three fibers: each of them has such modes.
+    pub few_fibers: usize,
+    /// Interior nodes with three fibers or more that lie in one plane: so do these.
+    pub coplanar_fibers: usize,
+    /// Nodes that take part in zero modes: those with a mobility above 1e-6.
+    pub mobile_nodes: usize,
+    /// Whether mobilities were estimated by random probing (within some 15 %) because the zero modes are so many.
+    pub estimated: bool,
+    /// The nodes with the greatest mobilities, ten at most.
+    pub most_mobile: Vec<MobileNode>,
+}
+
+/// How much a node moves in zero modes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "app", derive(serde::Serialize))]
+pub struct MobileNode {
+    /// The node.
+    pub node: u32,
+    /// Where it is, in the unit cube.
+    pub position: [f64; 3],
+    /// The trace of its block of the projector onto the zero modes: 3 for a node that moves freely, 0 for one that does
+    /// not move. The mobilities of all nodes add up to the number of zero modes.
+    pub mobility: f64,
+}
+
+/// Why zero modes could not be counted.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum RigidityError<F: std::error::Error> {
+    /// The network is too large for the index type.
+    #[error("the stiffness has no valid pattern: {0}")]
+    Pattern(#[from] SparsityError),
+    /// The backend cannot factor the stiffness.
+    #[error("the stiffness cannot be factored: {0}")]
+    Solve(#[from] SolveError<F>),
+    /// No shift was found at which the factorisation shows the signs of its pivots.
+    #[error("the stiffness could not be factored such that its pivots have signs")]
+    Undecided,
+}
+
+/// Counts the zero modes of a network: one factorisation.
+///
+/// # Errors
+/// [`RigidityError`].
+pub fn zero_modes<B: Backend<Scalar = f64>>(
+    context: &B::Context,
+    network: &Network,
+) -> Result<usize, RigidityError<B::Fault>> {
+    if network.interior().is_empty() {
+        return Ok(0);
+    }
+    Stiffness::<B>::new(context, network)?.zero_modes()
+}
+
+/// Counts the zero modes of a network and finds the nodes that they move.
+///
+/// # Errors
+/// [`RigidityError`].
+pub fn rigidity<B: Backend<Scalar = f64>>(
+    context: &B::Context,
+    network: &Network,
+) -> Result<Rigidity, RigidityError<B::Fault>> {
+    let unknowns = 3 * network.interior().len();
+    let (mut zero_modes, mut mobility, mut estimated) = (0, Vec::new(), false);
+    if unknowns > 0 {
+        let mut stiffness = Stiffness::<B>::new(context, network)?;
+        zero_modes = stiffness.zero_modes()?;
+        if zero_modes > 0 {
+            let shift = SHIFT * stiffness.scale;
+            stiffness.factor(shift)?;
+            (mobility, estimated) = mobilities::<B>(context, &mut stiffness.solver, unknowns, zero_modes, shift)?;
+        }
+    }
+    let single = single_node_modes(network);
+    let free_end = |ends: &&[u32; 2]| ends.iter().any(|&node| network.interior_number()[node as usize] >= 0);
+    let fibers = network.fibers().iter().filter(free_end).count();
+    let mut nodes: Vec<MobileNode> = (network.interior().iter().zip(mobility))
+        .map(|(&node, mobility)| MobileNode { node, position: network.nodes()[node as usize], mobility })
+        .filter(|node| node.mobility > MOBILE)
+        .collect();
+    nodes.sort_by(|a, b| b.mobility.total_cmp(&a.mobility).then(a.node.cmp(&b.node)));
+    let mobile_nodes = nodes.len();
+    nodes.truncate(MOST_MOBILE);
+    Ok(Rigidity {
+        unknowns,
+        zero_modes,
+        self_stresses: (zero_modes + fibers).saturating_sub(unknowns),
+        single_node_modes: single.modes,
+        few_fibers: single.few_fibers,
+        coplanar_fibers: single.coplanar_fibers,
+        mobile_nodes,
+        estimated,
+        most_mobile: nodes,
+    })
+}
+
+/// What makes single nodes movable.
+#[derive(Clone, Copy, Debug, Default)]
+struct SingleNodes {
+    modes: usize,
+    few_fibers: usize,
+    coplanar_fibers: usize,
+}
+
+fn single_node_modes(network: &Network) -> SingleNodes {
+    let mut blocks = vec![(Matrix3::zeros(), 0); network.interior().len()];
+    for (fiber, ends) in network.fibers().iter().enumerate() {
+        let n = Vector3::from(network.direction(fiber));
+        for &node in ends {
+            // A boundary node has number -1, which no block answers to.
+            if let Some((block, fibers)) = blocks.get_mut(network.interior_number()[node as usize] as usize) {
+                *block += n * n.transpose();
+                *fibers += 1;
+            }
+        }
+    }
+    let mut found = SingleNodes::default();
+    for (block, fibers) in blocks {
+        let limit = SHIFT * block.diagonal().max().max(1.0);
+        let free = SymmetricEigen::new(block).eigenvalues.iter().filter(|&&value| value < limit).count();
+        found.modes += free;
+        if fibers < 3 {
+            found.few_fibers += 1;
+        } else if free > 0 {
+            found.coplanar_fibers += 1;
+        }
+    }
+    found
+}
+
+/// The stiffness of a network of unstressed springs, and its solver.
+struct Stiffness<'a, B: Backend> {
+    network: &'a Network,
+    matrix: B::Matrix,
+    solver: B::Solver,
+    /// The greatest diagonal entry.
+    scale: f64,
+}
+
+impl<'a, B: Backend<Scalar = f64>> Stiffness<'a, B> {
+    fn new(context: &B::Context, network: &'a Network) -> Result<Self, RigidityError<B::Fault>> {
+        let number = network.interior_number();
+        let elements = network.fibers().iter().map(|ends| {
+            let first = ends.map(|node| 3 * number[node as usize]);
+            [0, 1, 2, 3, 4, 5].map(|i: usize| if first[i / 3] < 0 { -1 } else { first[i / 3] + (i % 3) as i32 })
+        });
+        let pattern = Arc::new(Sparsity::from_elements(3 * network.interior().len(), elements)?);
+        // In a rigid network K - s I is positive definite and Cholesky, the fastest, succeeds.
+        let symbolic = B::analyze(context, &pattern, &SolverParams::new(Symmetry::Definite))?;
+        let solver = B::solver(&symbolic)?;
+        let matrix = B::matrix(context, &pattern).map_err(SolveError::Fault)?;
+        let mut diagonal = vec![0.0; 3 * network.interior().len()];
+        for (fiber, ends) in network.fibers().iter().enumerate() {
+            let n = network.direction(fiber);
+            for &node in ends {
+                let first = 3 * number[node as usize];
+                if first >= 0 {
+                    (0..3).for_each(|k| diagonal[first as usize + k] += n[k] * n[k]);
+                }
+            }
+        }
+        // Of a network whose interior nodes have no fibers, any number above zero will do.
+        let scale = diagonal.into_iter().fold(0.0, f64::max);
+        Ok(Self { network, matrix, solver, scale: if scale > 0.0 { scale } else { 1.0 } })
+    }
+
+    /// Factors `K + shift I`.
+    fn factor(&mut self, shift: f64) -> Result<FactorReport, RigidityError<B::Fault>> {
+        self.assemble(shift).map_err(SolveError::Fault)?;
+        Ok(self.solver.factor(&self.matrix)?)
+    }
+
+    fn assemble(&mut self, shift: f64) -> Result<(), B::Fault> {
+        let number = self.network.interior_number();
+        self.matrix.zero()?;
+        for (fiber, ends) in self.network.fibers().iter().enumerate() {
+            let rows = [0, 1, 2, 3, 4, 5].map(|i: usize| match number[ends[i / 3] as usize] {
+                interior if interior < 0 => B::Index::CONSTRAINED,
+                interior => B::Index::of(3 * interior as usize + i % 3),
+            });
+            let n = self.network.direction(fiber);
+            let signed = [-n[0], -n[1], -n[2], n[0], n[1], n[2]];
+            let mut block = [0.0; 36];
+            for (k, value) in block.iter_mut().enumerate() {
+                *value = signed[k / 6] * signed[k % 6];
+            }
+            self.matrix.add(&rows, &rows, &block)?;
+        }
+        for row in 0..3 * self.network.interior().len() {
+            let row = [B::Index::of(row)];
+            self.matrix.add(&row, &row, &[shift])?;
+        }
+        self.matrix.finish()
+    }
+
+    /// The negative pivots of `K - s I`.
+    fn zero_modes(&mut self) -> Result<usize, RigidityError<B::Fault>> {
+        for attempt in 0..ATTEMPTS {
+            // An irrational factor: no pivot vanishes at two of these shifts by the same accident.
+            let shift = SHIFT * self.scale * std::f64::consts::SQRT_2.powi(attempt);
+            match self.factor(-shift) {
+                Ok(FactorReport { negative_pivots: Some(count), .. }) => return Ok(count),
+                Ok(_) | Err(RigidityError::Solve(SolveError::Singular { .. })) => {}
+                Err(error) => return Err(error),
+            }
+        }
+        Err(RigidityError::Undecided)
+    }
+}
+
+#[cfg(all(test, feature = "sparse", feature = "dense"))]
+mod tests;

@@ -1,0 +1,84 @@
+//! The part of a sidecar that says how a network was made.
+
+use serde::{Deserialize, Serialize};
+
+use crate::fiber::network::generate::{Alignment, GenerateError, Kind, Recipe};
+
+/// How a network was made. What is absent was not asked for.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Generated {
+    /// `delaunay` or `voronoi`.
+    pub kind: String,
+    /// Points in the cube: the interior nodes of a Delaunay network, the cells of a Voronoi network.
+    pub points: usize,
+    /// The seed of the random numbers.
+    pub seed: u64,
+    /// The direction that fibers prefer, as it was given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub align: Option<[f64; 3]>,
+    /// The second order parameter that was asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub strength: Option<f64>,
+    /// Nodes nearer to each other than this part of the mean spacing were merged.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub merge: Option<f64>,
+    /// Fibers shorter than this part of the cube's edge were taken out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shorter_than: Option<f64>,
+    /// The program and its version.
+    pub program: String,
+}
+
+impl Generated {
+    /// By this version of this program, with nothing special asked for.
+    #[must_use]
+    pub fn new(kind: &str, points: usize, seed: u64) -> Self {
+        let program = concat!("biotissue ", env!("CARGO_PKG_VERSION")).into();
+        Self { kind: kind.into(), points, seed, align: None, strength: None, merge: None, shorter_than: None, program }
+    }
+
+    /// By this version of this program, from a recipe.
+    #[must_use]
+    pub fn by(recipe: &Recipe, points: usize) -> Self {
+        Self {
+            align: recipe.alignment.map(|alignment| alignment.direction()),
+            strength: recipe.alignment.map(|alignment| alignment.strength()),
+            merge: (recipe.merge > 0.0).then_some(recipe.merge),
+            shorter_than: recipe.shorter_than,
+            ..Self::new(recipe.kind.name(), points, recipe.seed)
+        }
+    }
+
+    /// The recipe, which gives the same network for the same number of points; `None` for a kind that is not known.
+    ///
+    /// # Errors
+    /// [`GenerateError`] where direction or strength are out of range.
+    pub fn recipe(&self) -> Result<Option<Recipe>, GenerateError> {
+        let Some(kind) = Kind::ALL.into_iter().find(|kind| kind.name() == self.kind) else { return Ok(None) };
+        let alignment = self.align.map(|align| Alignment::new(align, self.strength.unwrap_or(0.0))).transpose()?;
+        let (merge, shorter_than) = (self.merge.unwrap_or(0.0), self.shorter_than);
+        Ok(Some(Recipe { merge, alignment, shorter_than, ..Recipe::new(kind, self.seed) }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_written_makes_the_network_again() {
+        let alignment = Some(Alignment::new([1.0, 0.1, -0.2], 0.3).unwrap());
+        let plain = Recipe::new(Kind::Delaunay, 7);
+        let special = Recipe { alignment, shorter_than: Some(0.02), ..Recipe::new(Kind::Voronoi, 3) };
+        for recipe in [plain, special, Recipe { merge: 0.0, ..special }] {
+            let text = toml::to_string(&Generated::by(&recipe, 20)).unwrap();
+            let read: Generated = toml::from_str(&text).unwrap();
+            let again = read.recipe().unwrap().unwrap();
+            assert_eq!(again, recipe);
+            assert_eq!(again.of_points(read.points).unwrap(), recipe.of_points(20).unwrap());
+        }
+        assert_eq!(Generated::new("gel", 1, 1).recipe().unwrap(), None);
+        assert!(Generated { align: Some([0.0; 3]), ..Generated::new("voronoi", 1, 1) }.recipe().is_err());
+    }
+}

@@ -1,0 +1,211 @@
+//! Alignment: a direction that fibers prefer, and how strongly.
+//!
+//! An isotropic network is stretched, without change of volume, by `U = mu a (x) a + mu^(-1/2) (I - a (x) a)` along the
+//! axis `a`. Its fibers, isotropic unit vectors `N` before, then have the directions `U N / |U N|`. With `e = mu^3 - 1` and
+//! the angle `theta` to the axis, the mean over all `N` is
+//!
+//! ```text
+//! <cos^2 theta> = (1 + e)/e (1 - atan(sqrt e)/sqrt e)        P2 = (3 <cos^2 theta> - 1)/2
+//! ```
+//!
+//! `P2`, the second order parameter of liquid crystals, is 0 for isotropic and 1 for parallel fibers. The stretch is
+//! applied to the space in which points are triangulated, not to the points: they stay uniform in the cube.
+
+use super::GenerateError;
+use super::portable::{atan, cbrt};
+
+/// The greatest strength: at 0.95 the network is stretched 47 times as far along the axis as across it.
+pub const GREATEST_STRENGTH: f64 = 0.95;
+
+/// A preferred direction of fibers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Alignment {
+    direction: [f64; 3],
+    strength: f64,
+}
+
+impl Alignment {
+    /// Alignment along a `direction` of any length. The `strength` is the second order parameter `P2` that fibers
+    /// counted by number are to have, from 0 (isotropic) to 0.95.
+    ///
+    /// # Errors
+    /// [`GenerateError::Direction`] for a direction that is zero or not finite, [`GenerateError::Strength`] for a
+    /// strength out of range.
+    pub fn new(direction: [f64; 3], strength: f64) -> Result<Self, GenerateError> {
+        let longest = direction.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+        if !(longest > 0.0 && direction.iter().all(|x| x.is_finite())) {
+            return Err(GenerateError::Direction { direction });
+        }
+        if !(0.0..=GREATEST_STRENGTH).contains(&strength) {
+            return Err(GenerateError::Strength { strength, most: GREATEST_STRENGTH });
+        }
+        Ok(Self { direction, strength })
+    }
+
+    /// The direction as it was given.
+    #[must_use]
+    pub fn direction(&self) -> [f64; 3] {
+        self.direction
+    }
+
+    /// The direction as a unit vector.
+    #[must_use]
+    pub fn axis(&self) -> [f64; 3] {
+        // Divided by its largest part first: the squares of what remains cannot overflow.
+        let longest = self.direction.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+        let [x, y, z] = self.direction.map(|x| x / longest);
+        let norm = (x * x + y * y + z * z).sqrt();
+        [x / norm, y / norm, z / norm]
+    }
+
+    /// The second order parameter asked for.
+    #[must_use]
+    pub fn strength(&self) -> f64 {
+        self.strength
+    }
+
+    /// `mu`: by how much the isotropic network is stretched along the axis.
+    #[must_use]
+    pub fn stretch(&self) -> f64 {
+        cbrt(1.0 + excess(self.strength))
+    }
+}
+
+/// `P2` of an isotropic distribution stretched by `mu`, as a function of `mu^3 - 1`.
+fn order_parameter(excess: f64) -> f64 {
+    let parts = if excess < 0.02 {
+        // The closed form would be a difference of nearly equal numbers; this is its series.
+        (0..10).rev().fold(0.0, |sum, k| 1.0 / f64::from(2 * k + 3) - excess * sum)
+    } else {
+        let root = excess.sqrt();
+        (1.0 - atan(root) / root) / excess
+    };
+    0.5 * (3.0 * (1.0 + excess) * parts - 1.0)
+}
+
+/// The inverse of [`order_parameter`], by bisection down to neighboring numbers: a function of operations that give the
+/// same bits on every machine.
+fn excess(order: f64) -> f64 {
+    if order <= 0.0 {
+        return 0.0;
+    }
+    let (mut low, mut high) = (0.0, 1.0e4);
+    loop {
+        let middle = 0.5 * (low + high);
+        if middle <= low || middle >= high || high < 1e-15 {
+            return low;
+        }
+        if order_parameter(middle) <= order { low = middle } else { high = middle }
+    }
+}
+
+/// The stretch `U` of space that belongs to an alignment; the identity without one.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Stretch {
+    axis: [f64; 3],
+    along: f64,
+    across: f64,
+}
+
+impl Stretch {
+    pub(super) fn of(alignment: Option<&Alignment>) -> Self {
+        match alignment {
+            Some(alignment) if alignment.strength > 0.0 => {
+                let along = alignment.stretch();
+                Self { axis: alignment.axis(), along, across: 1.0 / along.sqrt() }
+            }
+            // With this axis all that follows is exact.
+            _ => Self { axis: [0.0; 3], along: 1.0, across: 1.0 },
+        }
+    }
+
+    /// `U^-1 x`: to the space in which the network is isotropic.
+    pub(super) fn to_isotropic(self, x: [f64; 3]) -> [f64; 3] {
+        self.apply(1.0 / self.along, 1.0 / self.across, x)
+    }
+
+    /// `U x`: back to the space of the cube.
+    pub(super) fn to_cube(self, x: [f64; 3]) -> [f64; 3] {
+        self.apply(self.along, self.across, x)
+    }
+
+    fn apply(self, along: f64, across: f64, x: [f64; 3]) -> [f64; 3] {
+        let part = self.axis[0] * x[0] + self.axis[1] * x[1] + self.axis[2] * x[2];
+        [0, 1, 2].map(|k| across * x[k] + (along - across) * part * self.axis[k])
+    }
+
+    /// `|U e_k|`: how far the image of the unit ball reaches along each axis of the cube.
+    pub(super) fn reach(self) -> [f64; 3] {
+        self.axis.map(|a| (self.across * self.across * (1.0 - a * a) + self.along * self.along * a * a).sqrt())
+    }
+
+    /// Distance of two points of the cube, measured in the isotropic space.
+    pub(super) fn distance(self, a: [f64; 3], b: [f64; 3]) -> f64 {
+        let [x, y, z] = self.to_isotropic([b[0] - a[0], b[1] - a[1], b[2] - a[2]]);
+        (x * x + y * y + z * z).sqrt()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The mean over isotropic directions by the midpoint rule, without the closed form.
+    fn by_quadrature(mu: f64) -> f64 {
+        let panels = 200_000;
+        let cosine = |k: u32| (f64::from(k) + 0.5) / f64::from(panels);
+        let square = |c: f64| {
+            let (along, across) = (mu * c, (1.0 - c * c).sqrt() / mu.sqrt());
+            along * along / (along * along + across * across)
+        };
+        let mean: f64 = (0..panels).map(|k| square(cosine(k))).sum::<f64>() / f64::from(panels);
+        1.5 * mean - 0.5
+    }
+
+    #[test]
+    fn the_stretch_gives_the_order_asked_for() {
+        for strength in [1e-6, 0.003, 0.1, 0.3, 0.6, 0.8, 0.95] {
+            let alignment = Alignment::new([0.0, 0.0, 2.0], strength).unwrap();
+            let order = by_quadrature(alignment.stretch());
+            assert!((order - strength).abs() < 1e-9, "{strength}: {order}");
+        }
+        assert_eq!(Alignment::new([1.0; 3], 0.0).unwrap().stretch(), 1.0);
+    }
+
+    #[test]
+    fn series_and_closed_form_meet() {
+        let (below, above) = (order_parameter(0.02 - 1e-12), order_parameter(0.02 + 1e-12));
+        assert!((below - above).abs() < 1e-11, "{below} {above}");
+    }
+
+    #[test]
+    fn the_stretch_keeps_volumes_and_is_undone() {
+        let alignment = Alignment::new([1.0, -2.0, 0.5], 0.7).unwrap();
+        let stretch = Stretch::of(Some(&alignment));
+        let columns = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|e| stretch.to_cube(e));
+        let u = nalgebra::Matrix3::from_fn(|i, j| columns[j][i]);
+        assert!((u.determinant() - 1.0).abs() < 1e-13);
+        for (k, column) in columns.iter().enumerate() {
+            let norm = column.iter().map(|x| x * x).sum::<f64>().sqrt();
+            assert!((stretch.reach()[k] - norm).abs() < 1e-13);
+        }
+        let x = [0.3, -0.2, 0.45];
+        let again = stretch.to_cube(stretch.to_isotropic(x));
+        assert!((0..3).all(|k| (again[k] - x[k]).abs() < 1e-14), "{again:?}");
+        // Without alignment nothing is rounded.
+        let none = Stretch::of(Some(&Alignment::new([1.0, 2.0, 3.0], 0.0).unwrap()));
+        assert_eq!((none.to_isotropic(x), none.to_cube(x), none.reach()), (x, x, [1.0; 3]));
+    }
+
+    #[test]
+    fn directions_and_strengths_out_of_range_are_refused() {
+        assert_eq!(Alignment::new([0.0; 3], 0.5).unwrap_err(), GenerateError::Direction { direction: [0.0; 3] });
+        assert!(Alignment::new([f64::INFINITY, 0.0, 0.0], 0.5).is_err());
+        for strength in [-0.1, 0.96, f64::NAN] {
+            let error = Alignment::new([1.0, 0.0, 0.0], strength).unwrap_err();
+            assert!(matches!(error, GenerateError::Strength { .. }), "{error}");
+        }
+        let axis = Alignment::new([1e300, 0.0, -1e300], 0.5).unwrap().axis();
+        assert!((axis[0] - 0.5f64.sqrt()).abs() < 1e-15 && axis[2] == -axis[0]);
+    }
+}

@@ -1,0 +1,60 @@
+//! Cutting a network that goes on beyond the cube at its faces.
+
+/// A network before it is cut.
+#[derive(Clone, Debug)]
+pub(super) struct Graph {
+    /// The nodes, those in the cube first.
+    pub(super) places: Vec<[f64; 3]>,
+    /// How many lie in the cube.
+    pub(super) inner: usize,
+    /// The edges, each with its lower node first, ascending; the first node of each lies in the cube.
+    pub(super) edges: Vec<[usize; 2]>,
+}
+
+/// A network that ends at the faces of the cube.
+#[derive(Clone, Debug)]
+pub(super) struct Clipped {
+    /// The nodes.
+    pub(super) nodes: Vec<[f64; 3]>,
+    /// The fibers.
+    pub(super) fibers: Vec<[u32; 2]>,
+    /// Which nodes are cuts, on a face.
+    pub(super) cut: Vec<bool>,
+}
+
+impl Graph {
+    /// Nodes and fibers of the edges, cut at the faces of the unit cube: the inner nodes first, then the cuts.
+    pub(super) fn clip(&self) -> Clipped {
+        let mut nodes: Vec<[f64; 3]> = self.places[..self.inner].to_vec();
+        let mut fibers = Vec::with_capacity(self.edges.len());
+        for &[a, b] in &self.edges {
+            let end = if b < self.inner {
+                b
+            } else {
+                nodes.push(crossing(self.places[a], self.places[b]));
+                nodes.len() - 1
+            };
+            fibers.push([a as u32, end as u32]);
+        }
+        let cut = (0..nodes.len()).map(|node| node >= self.inner).collect();
+        Clipped { nodes, fibers, cut }
+    }
+}
+
+/// Where the segment from a point inside to one outside leaves the unit cube; exactly on the face.
+pub(super) fn crossing(inside: [f64; 3], outside: [f64; 3]) -> [f64; 3] {
+    let mut first = (f64::INFINITY, 0, 0.5);
+    for k in 0..3 {
+        if outside[k].abs() > 0.5 {
+            let face = 0.5f64.copysign(outside[k]);
+            let t = (face - inside[k]) / (outside[k] - inside[k]);
+            if t < first.0 {
+                first = (t, k, face);
+            }
+        }
+    }
+    let (t, axis, face) = first;
+    let mut point = [0, 1, 2].map(|k| (inside[k] + t * (outside[k] - inside[k])).clamp(-0.5, 0.5));
+    point[axis] = face;
+    point
+}

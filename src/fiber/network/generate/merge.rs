@@ -1,0 +1,167 @@
+//! Merging nodes that short fibers join.
+//!
+//! The stiffness of a fiber goes with the inverse of its length: one that is a hundred times shorter than the others
+//! ties its ends together and does nothing else but spoil the conditioning. So its ends become one node, with all of
+//! their other fibers.
+
+use super::alignment::Stretch;
+use super::clip::Clipped;
+
+impl Clipped {
+    /// Merges the ends of all fibers shorter than `shortest`, measured in the isotropic space, the shortest first and
+    /// again until there are none. A cluster without a cut becomes a node at the mean place of its nodes; one with a cut
+    /// becomes that cut, which may then have several fibers. No cluster has two cuts: the fiber between them would
+    /// follow the faces and meet nothing, so it goes, as do fibers between two cuts in general.
+    pub(super) fn merge(self, shortest: f64, stretch: Stretch) -> Self {
+        let mut weights = vec![1.0; self.nodes.len()];
+        let mut network = self;
+        loop {
+            let short = network.shorter_than(shortest, stretch);
+            if short.is_empty() {
+                return network;
+            }
+            let roots = network.clusters(&short);
+            network = network.contract(&roots, &mut weights);
+        }
+    }
+
+    /// The fibers shorter than `shortest`, by their length.
+    fn shorter_than(&self, shortest: f64, stretch: Stretch) -> Vec<usize> {
+        let length = |fiber: usize| {
+            let [a, b] = self.fibers[fiber].map(|node| self.nodes[node as usize]);
+            stretch.distance(a, b)
+        };
+        let mut short: Vec<(f64, usize)> = (0..self.fibers.len())
+            .map(|fiber| (length(fiber), fiber))
+            .filter(|&(length, _)| length < shortest)
+            .collect();
+        short.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        short.into_iter().map(|(_, fiber)| fiber).collect()
+    }
+
+    /// The lowest node of every node's cluster.
+    fn clusters(&self, short: &[usize]) -> Vec<u32> {
+        let mut parent: Vec<u32> = (0..self.nodes.len() as u32).collect();
+        let mut cut = self.cut.clone();
+        let root = |parent: &[u32], mut node: u32| {
+            while parent[node as usize] != node {
+                node = parent[node as usize];
+            }
+            node
+        };
+        for &fiber in short {
+            let [a, b] = self.fibers[fiber].map(|node| root(&parent, node));
+            if a != b && !(cut[a as usize] && cut[b as usize]) {
+                let (low, high) = (a.min(b), a.max(b));
+                parent[high as usize] = low;
+                cut[low as usize] |= cut[high as usize];
+            }
+        }
+        (0..self.nodes.len() as u32).map(|node| root(&parent, node)).collect()
+    }
+
+    /// One node a cluster; `weights` says how many nodes each one was made of.
+    fn contract(self, roots: &[u32], weights: &mut Vec<f64>) -> Self {
+        let mut number = vec![u32::MAX; self.nodes.len()];
+        let mut merged = Self { nodes: Vec::new(), fibers: Vec::new(), cut: Vec::new() };
+        let mut sums: Vec<([f64; 3], f64)> = Vec::new();
+        for (node, &root) in roots.iter().enumerate() {
+            if root as usize == node {
+                number[node] = sums.len() as u32;
+                sums.push(([0.0; 3], 0.0));
+                merged.cut.push(false);
+                merged.nodes.push([0.0; 3]);
+            }
+            let cluster = number[root as usize] as usize;
+            number[node] = cluster as u32;
+            let weight = weights[node];
+            let (sum, total) = &mut sums[cluster];
+            *total += weight;
+            (0..3).for_each(|k| sum[k] += weight * self.nodes[node][k]);
+            if self.cut[node] {
+                merged.cut[cluster] = true;
+                merged.nodes[cluster] = self.nodes[node];
+            } else if !merged.cut[cluster] {
+                // A node that stays alone keeps its place to the last bit.
+                let alone = weight == *total;
+                merged.nodes[cluster] = if alone { self.nodes[node] } else { sum.map(|x| x / *total) };
+            }
+        }
+        *weights = sums.into_iter().map(|(_, total)| total).collect();
+        let mut seen = std::collections::HashSet::with_capacity(self.fibers.len());
+        for ends in self.fibers {
+            let [a, b] = ends.map(|node| number[node as usize]);
+            let between_cuts = merged.cut[a as usize] && merged.cut[b as usize];
+            if a != b && !between_cuts && seen.insert([a.min(b), a.max(b)]) {
+                merged.fibers.push([a, b]);
+            }
+        }
+        merged.without_loose_nodes(weights)
+    }
+
+    /// Drops nodes that no fiber is left at.
+    fn without_loose_nodes(self, weights: &mut Vec<f64>) -> Self {
+        let mut used = vec![false; self.nodes.len()];
+        self.fibers.iter().flatten().for_each(|&node| used[node as usize] = true);
+        let mut number = vec![0; self.nodes.len()];
+        let mut kept = Self { nodes: Vec::new(), fibers: self.fibers, cut: Vec::new() };
+        let mut kept_weights = Vec::new();
+        for node in (0..used.len()).filter(|&node| used[node]) {
+            number[node] = kept.nodes.len() as u32;
+            kept.nodes.push(self.nodes[node]);
+            kept.cut.push(self.cut[node]);
+            kept_weights.push(weights[node]);
+        }
+        kept.fibers.iter_mut().flatten().for_each(|node| *node = number[*node as usize]);
+        *weights = kept_weights;
+        kept
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NONE: Option<&super::super::Alignment> = None;
+
+    /// Cuts 0 and 1; a short fiber 2-3 with a common neighbor 4; a node 5 hard by cut 1.
+    fn network() -> Clipped {
+        Clipped {
+            nodes: vec![
+                [-0.5, 0.0, 0.0],
+                [0.5, 0.0, 0.0],
+                [0.0, 0.0, 0.0],
+                [0.02, 0.0, 0.0],
+                [0.0, 0.3, 0.0],
+                [0.49, 0.0, 0.0],
+            ],
+            fibers: vec![[0, 2], [2, 3], [2, 4], [3, 4], [3, 5], [5, 1], [4, 5], [5, 0]],
+            cut: vec![true, true, false, false, false, false],
+        }
+    }
+
+    #[test]
+    fn short_fibers_become_nodes() {
+        let merged = network().merge(0.05, Stretch::of(NONE));
+        // 2 and 3 meet halfway; 5 becomes the cut 1, and its fiber to the cut 0 goes.
+        assert_eq!(merged.nodes, [[-0.5, 0.0, 0.0], [0.5, 0.0, 0.0], [0.01, 0.0, 0.0], [0.0, 0.3, 0.0]]);
+        assert_eq!(merged.cut, [true, true, false, false]);
+        assert_eq!(merged.fibers, [[0, 2], [2, 3], [2, 1], [3, 1]]);
+    }
+
+    #[test]
+    fn nothing_short_changes_nothing() {
+        let (before, after) = (network(), network().merge(0.005, Stretch::of(NONE)));
+        assert_eq!((after.nodes, after.fibers, after.cut), (before.nodes, before.fibers, before.cut));
+    }
+
+    #[test]
+    fn two_cuts_never_merge() {
+        let nodes = vec![[-0.5, 0.49, 0.0], [-0.49, 0.5, 0.0], [-0.49, 0.49, 0.0], [0.0; 3], [0.0, 0.0, 0.5]];
+        let fibers = vec![[0, 2], [1, 2], [2, 3], [3, 4]];
+        let merged = Clipped { nodes, fibers, cut: vec![true, true, false, false, true] }.merge(0.1, Stretch::of(NONE));
+        // The node goes to the first cut; the second is then joined to it alone and goes.
+        assert_eq!(merged.nodes, [[-0.5, 0.49, 0.0], [0.0; 3], [0.0, 0.0, 0.5]]);
+        assert_eq!(merged.fibers, [[0, 1], [1, 2]]);
+    }
+}

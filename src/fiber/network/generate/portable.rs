@@ -1,0 +1,51 @@
+//! Functions that a machine's own library may round differently: here they give the same bits everywhere.
+//!
+//! Addition, multiplication, division, square root and fused multiply-add are exact to the last bit by IEEE 754; cube
+//! root and arc tangent are not, and a network must not depend on whose library computed them.
+
+/// The cube root of a positive number, correctly rounded: one Newton step whose residual is computed in twice the
+/// precision, from a start that any library gives to within a few units of the last place.
+pub(super) fn cbrt(x: f64) -> f64 {
+    let y = x.cbrt();
+    let square = y * y;
+    let square_error = y.mul_add(y, -square);
+    let cube = square * y;
+    let cube_error = square.mul_add(y, -cube);
+    let residual = ((x - cube) - cube_error) - square_error * y;
+    y + residual / (3.0 * square)
+}
+
+/// The arc tangent of a number from 0 to about 1e6, to some units of the last place.
+///
+/// `atan x = 2 atan(x / (1 + sqrt(1 + x^2)))`, ten times; then the argument is below 0.002 and four terms of the series do.
+pub(super) fn atan(x: f64) -> f64 {
+    const HALVINGS: i32 = 10;
+    let small = (0..HALVINGS).fold(x, |x, _| x / (1.0 + (1.0 + x * x).sqrt()));
+    let square = small * small;
+    let series = 1.0 - square * (1.0 / 3.0 - square * (1.0 / 5.0 - square / 7.0));
+    f64::from(1 << HALVINGS) * small * series
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cube_roots_are_the_nearest_numbers() {
+        for n in 1..2000u32 {
+            let root = cbrt(f64::from(n));
+            // Twenty-seven bits of the root are cubed exactly: of perfect cubes nothing is lost.
+            assert_eq!(cbrt(f64::from(n).powi(3)), f64::from(n));
+            assert!((root - f64::from(n).cbrt()).abs() <= 2.0 * f64::EPSILON * root);
+        }
+    }
+
+    #[test]
+    fn arc_tangents_are_those_of_the_library() {
+        for k in 0..600 {
+            let x = 1.03f64.powi(k - 300);
+            assert!((atan(x) - x.atan()).abs() <= 8.0 * f64::EPSILON * x.atan(), "{x}: {} {}", atan(x), x.atan());
+        }
+        assert_eq!(atan(0.0), 0.0);
+    }
+}

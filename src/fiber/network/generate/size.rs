@@ -1,0 +1,133 @@
+//! Networks of a wanted number of nodes or density: the number of points is sought.
+
+use super::recipe::{Made, Recipe};
+use super::{GenerateError, Kind};
+
+/// The fewest and the most nodes that can be asked for.
+const NODES: [usize; 2] = [40, 100_000];
+/// The most points that are tried for a density.
+const MOST_POINTS: usize = 100_000;
+/// Points of the network from which a density is extrapolated.
+const SAMPLE: usize = 100;
+/// A density that is missed by more than this part of it is out of reach.
+const MISSED: f64 = 0.1;
+
+impl Recipe {
+    /// The network whose number of nodes, boundary included, comes closest to `nodes` (fewer points where two are as
+    /// close). The number of points is sought by bisection; nodes grow with points, but not at every step.
+    ///
+    /// # Errors
+    /// [`GenerateError::Nodes`] for less than 40 or more than 100 000 nodes; otherwise as for [`Recipe::of_points`].
+    pub fn of_nodes(&self, nodes: usize) -> Result<Made, GenerateError> {
+        let [fewest, most] = NODES;
+        if !(fewest..=most).contains(&nodes) {
+            return Err(GenerateError::Nodes { nodes, fewest, most });
+        }
+        let (fewer, _) = self.bisect([1, nodes], |made| made.network.nodes().len() < nodes)?;
+        let candidates = fewer.saturating_sub(2).max(1)..=fewer + 3;
+        let off = |made: &Made| made.network.nodes().len().abs_diff(nodes) as f64;
+        self.closest(candidates, off)?.ok_or(GenerateError::Nodes { nodes, fewest, most })
+    }
+
+    /// The network whose density, the total length of its fibers in the unit cube, comes closest to `density` (1/edge^2).
+    /// The number of points is sought by bisection. The density grows with it, but scatters from one number to the next,
+    /// so that a dozen neighbors are tried: some parts in a thousand are met.
+    ///
+    /// # Errors
+    /// [`GenerateError::Density`] where no number of points from 1 to 100 000 comes within 10 %; otherwise as for
+    /// [`Recipe::of_points`].
+    pub fn of_density(&self, density: f64) -> Result<Made, GenerateError> {
+        let length = |made: &Made| made.network.total_length();
+        let unreachable = |nearest, points| GenerateError::Density { density, nearest, points };
+        // Lengths go with the spacing, and fibers with the points: the density goes with points^(2/3).
+        let sample = length(&self.of_points(SAMPLE)?);
+        let exponent = 2.0 / 3.0;
+        let estimate = SAMPLE as f64 * (density / sample).max(0.0).powf(1.0 / exponent);
+        if estimate.is_nan() || estimate > MOST_POINTS as f64 {
+            let nearest = sample * (MOST_POINTS as f64 / SAMPLE as f64).powf(exponent);
+            return Err(unreachable(nearest, MOST_POINTS));
+        }
+        let most = ((1.5 * estimate) as usize + 8).min(MOST_POINTS);
+        let (fewer, _) = self.bisect([1, most], |made| length(made) < density)?;
+        let candidates = fewer.saturating_sub(5).max(1)..=fewer + 6;
+        let made = self.closest(candidates, |made| (length(made) - density).abs())?;
+        match made {
+            Some(made) if (length(&made) - density).abs() <= MISSED * density => Ok(made),
+            Some(made) => Err(unreachable(length(&made), made.points)),
+            None => Err(unreachable(sample, SAMPLE)),
+        }
+    }
+
+    /// Neighboring numbers of points between which `too_small` turns from true to false. Too few points for a network
+    /// are too small.
+    fn bisect(
+        &self,
+        [mut fewer, mut more]: [usize; 2],
+        too_small: impl Fn(&Made) -> bool,
+    ) -> Result<(usize, usize), GenerateError> {
+        while more - fewer > 1 {
+            let middle = fewer + (more - fewer) / 2;
+            match self.attempt(middle)? {
+                Some(made) if !too_small(&made) => more = middle,
+                _ => fewer = middle,
+            }
+        }
+        Ok((fewer, more))
+    }
+
+    /// The first of the networks with the least `off`; `None` where none of the numbers gives a network.
+    fn closest(
+        &self,
+        candidates: impl Iterator<Item = usize>,
+        off: impl Fn(&Made) -> f64,
+    ) -> Result<Option<Made>, GenerateError> {
+        let mut best: Option<Made> = None;
+        for points in candidates {
+            if let Some(made) = self.attempt(points)?
+                && best.as_ref().is_none_or(|best| off(&made) < off(best))
+            {
+                best = Some(made);
+            }
+        }
+        Ok(best)
+    }
+
+    /// The network of so many points, `None` where they are too few for one.
+    fn attempt(&self, points: usize) -> Result<Option<Made>, GenerateError> {
+        match self.of_points(points) {
+            Ok(made) => Ok(Some(made)),
+            Err(GenerateError::OpenFace { .. } | GenerateError::Network(_)) => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
+}
+
+/// A Delaunay network with `points` interior nodes; see [`Recipe`].
+///
+/// # Errors
+/// As for [`Recipe::of_points`].
+///
+/// ```
+/// let network = biotissue::fiber::network::generate::delaunay(20, 1)?;
+/// assert_eq!(network.interior().len(), 20);
+/// # Ok::<(), biotissue::fiber::network::generate::GenerateError>(())
+/// ```
+pub fn delaunay(points: usize, seed: u64) -> Result<crate::fiber::network::Network, GenerateError> {
+    Ok(Recipe::new(Kind::Delaunay, seed).of_points(points)?.network)
+}
+
+/// A Voronoi network of the cells of `points` points; see [`Recipe`].
+///
+/// # Errors
+/// As for [`Recipe::of_points`].
+pub fn voronoi(points: usize, seed: u64) -> Result<crate::fiber::network::Network, GenerateError> {
+    Ok(Recipe::new(Kind::Voronoi, seed).of_points(points)?.network)
+}
+
+/// The Delaunay network of this seed whose number of nodes comes closest to `nodes`; see [`Recipe::of_nodes`].
+///
+/// # Errors
+/// As for [`Recipe::of_nodes`].
+pub fn delaunay_of_nodes(nodes: usize, seed: u64) -> Result<crate::fiber::network::Network, GenerateError> {
+    Ok(Recipe::new(Kind::Delaunay, seed).of_nodes(nodes)?.network)
+}

@@ -1,0 +1,91 @@
+//! Voronoi networks: the edges of the Voronoi cells of the points, four of which meet at every vertex.
+//!
+//! A vertex is the centre of the sphere through four points that holds no other, an edge belongs to three points whose
+//! cells meet along it. Which points these are is decided by the library in exact arithmetic; the positions are computed
+//! here, from the four points in ascending order, so that they do not depend on the cell at which they are looked at.
+
+use glam::DVec3;
+use meshless_voronoi::{Dimensionality, VoronoiIntegrator};
+
+use super::clip::Graph;
+use super::cloud::{Cloud, MARGIN};
+use super::delaunay::walls;
+
+/// The three points of an edge and the four of a vertex at its end, both ascending.
+type End = ([u32; 3], [u32; 4]);
+
+/// The nodes are the vertices that edges with an end in the cube join, those in the cube first.
+pub(super) fn graph(cloud: &Cloud) -> Graph {
+    let ends = ends(cloud);
+    // The two ends of an edge stand side by side. An edge without a second one runs out of the cloud.
+    let pairs = ends.windows(2).filter(|pair| pair[0].0 == pair[1].0).map(|pair| [pair[0].1, pair[1].1]);
+    let mut vertices: Vec<([u32; 4], [f64; 3], bool)> = Vec::new();
+    let mut edges: Vec<[[u32; 4]; 2]> = Vec::new();
+    for pair in pairs {
+        let both = pair.map(|vertex| {
+            let place = cloud.stretch.to_cube(circumcentre(vertex.map(|point| cloud.points[point as usize])));
+            (vertex, place, place.iter().all(|x| x.abs() < 0.5))
+        });
+        if both.iter().any(|&(.., inside)| inside) {
+            vertices.extend(both);
+            edges.push(pair);
+        }
+    }
+    vertices.sort_unstable_by(|a, b| b.2.cmp(&a.2).then(a.0.cmp(&b.0)));
+    vertices.dedup_by_key(|vertex| vertex.0);
+    let mut numbers: Vec<([u32; 4], usize)> = vertices.iter().enumerate().map(|(k, vertex)| (vertex.0, k)).collect();
+    numbers.sort_unstable();
+    let number = |vertex: &[u32; 4]| {
+        let at = numbers.binary_search_by_key(vertex, |entry| entry.0).unwrap_or_else(|next| next);
+        numbers[at].1
+    };
+    let mut edges: Vec<[usize; 2]> =
+        edges.iter().map(|[a, b]| (number(a), number(b))).map(|(a, b)| [a.min(b), a.max(b)]).collect();
+    edges.sort_unstable();
+    let inner = vertices.iter().take_while(|vertex| vertex.2).count();
+    Graph { places: vertices.into_iter().map(|vertex| vertex.1).collect(), inner, edges }
+}
+
+/// The ends of all edges of cells in and near the cube, ascending.
+fn ends(cloud: &Cloud) -> Vec<End> {
+    let generators: Vec<DVec3> = cloud.points.iter().map(|&point| DVec3::from_array(point)).collect();
+    // Cells further off have no vertex in the cube: its ball, of this radius, would be empty.
+    let mask: Vec<bool> = (0..generators.len()).map(|point| cloud.outside(point) < 0.7 * MARGIN).collect();
+    let (corner, width) = walls(&cloud.points);
+    let cells = VoronoiIntegrator::build(&generators, Some(&mask), corner, width, Dimensionality::ThreeD, false);
+    let mut ends: Vec<End> = Vec::new();
+    for cell in cells.cells_iter() {
+        for vertex in &cell.vertices {
+            let neighbors = vertex.dual.map(|plane| cell.clipping_planes[plane].right_idx);
+            let [Some(a), Some(b), Some(c)] = neighbors else { continue };
+            let mut four = [cell.idx as u32, a as u32, b as u32, c as u32];
+            four.sort_unstable();
+            for [p, q] in [[a, b], [b, c], [c, a]] {
+                // An edge is looked at in one of its three cells only.
+                if [p, q].iter().all(|&other| cell.idx < other || !mask[other]) {
+                    let mut three = [cell.idx as u32, p as u32, q as u32];
+                    three.sort_unstable();
+                    ends.push((three, four));
+                }
+            }
+        }
+    }
+    ends.sort_unstable();
+    ends.dedup();
+    ends
+}
+
+/// Centre of the sphere through four points, by Cramer's rule.
+pub(super) fn circumcentre(p: [[f64; 3]; 4]) -> [f64; 3] {
+    let d = [1, 2, 3].map(|i| [0, 1, 2].map(|k| p[i][k] - p[0][k]));
+    let cross =
+        |u: [f64; 3], v: [f64; 3]| [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+    let dot = |u: [f64; 3], v: [f64; 3]| u[0] * v[0] + u[1] * v[1] + u[2] * v[2];
+    let normals = [cross(d[1], d[2]), cross(d[2], d[0]), cross(d[0], d[1])];
+    let twice = 2.0 * dot(d[0], normals[0]);
+    let squares = d.map(|d| dot(d, d));
+    [0, 1, 2].map(|k| {
+        let sum = squares[0] * normals[0][k] + squares[1] * normals[1][k] + squares[2] * normals[2][k];
+        p[0][k] + sum / twice
+    })
+}
