@@ -1,22 +1,26 @@
-//! How many random networks, deformed at random, come to equilibrium, by which stage, and at what cost.
+//! How many random networks, deformed at random, come to equilibrium, by which stage of the ladder, and at what cost.
 //!
 //! ```text
-//! cargo run --release --example robustness [-- --networks 100 --gradients 20 --seconds 1800]
+//! cargo run --release --example robustness [-- --networks 100 --gradients 20 --seconds 3000]
 //! ```
 //!
-//! prints the tables of `docs/robustness.md`. The networks, gradients and answers are the same on every run; a case that
-//! has not begun when the time is up counts as not tried.
+//! prints the tables of `docs/robustness.md`. Networks, deformation gradients and answers are the same on every run; a case
+//! that has not begun when the time is up counts as not tried.
+//!
+//! Half of the networks are Delaunay networks, brought to equilibrium by the whole ladder. The other half are Voronoi
+//! networks, which are floppy, and are brought there by dynamic relaxation with its finish by regularised Newton. Both in
+//! three alignments, with 200 to 3 000 nodes.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 
 use biotissue::backends::sparse::Sparse;
-use biotissue::fiber::equilibrium::{EquilibriumParams, RveError, Stage, equilibrate};
+use biotissue::fiber::equilibrium::{EquilibriumParams, EquilibriumReport, RveError, Stage, Stages, equilibrate};
 use biotissue::fiber::homogenise;
 use biotissue::fiber::law::{FiberMaterial, Law};
 use biotissue::fiber::network::Network;
-use biotissue::fiber::network::generate::Delaunay;
+use biotissue::fiber::network::generate::{Alignment, Kind, Recipe};
 use biotissue::fiber::rve::{Rve, RveModel, StressScale};
 use biotissue::fiber::workspace::Workspace;
 use nalgebra::{Matrix3, Rotation3};
@@ -24,23 +28,92 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{RngCore, SeedableRng};
 use rayon::prelude::*;
 
-struct Case {
-    kind: String,
+type Error = Box<dyn std::error::Error>;
+
+const STRENGTHS: [f64; 3] = [0.0, 0.4, 0.7];
+
+/// A network to be deformed.
+struct Subject {
+    kind: Kind,
+    strength: f64,
+    seed: u64,
     network: Arc<Network>,
 }
 
+/// What became of a deformation of it.
 struct Outcome {
-    kind: String,
+    kind: Kind,
+    strength: f64,
+    seed: u64,
+    nodes: usize,
     gradient: Matrix3<f64>,
-    stage: Option<Stage>,
-    iterations: usize,
-    steps: usize,
+    report: EquilibriumReport,
     seconds: f64,
+    /// Why there is no answer.
     cause: Option<String>,
+}
+
+fn main() -> Result<(), Error> {
+    let networks = argument("--networks", 100)?;
+    let gradients = argument("--gradients", 20)?;
+    let budget = argument("--seconds", 3000)? as f64;
+    let start = Instant::now();
+    let subjects = (0..networks).into_par_iter().map(subject).collect::<Result<Vec<_>, _>>()?;
+    let outcomes = subjects
+        .par_iter()
+        .map(|subject| deform(subject, gradients, || start.elapsed().as_secs_f64() < budget))
+        .collect::<Result<Vec<_>, String>>()?
+        .concat_all();
+    println!(
+        "{} of {} cases tried, {:.0} s on {} threads.\n",
+        outcomes.len(),
+        networks * gradients,
+        start.elapsed().as_secs_f64(),
+        rayon::current_num_threads()
+    );
+    by_network(&outcomes);
+    by_stage(&outcomes);
+    causes(&outcomes);
+    Ok(())
+}
+
+/// One list of many.
+trait ConcatAll<T> {
+    fn concat_all(self) -> Vec<T>;
+}
+
+impl<T> ConcatAll<T> for Vec<Vec<T>> {
+    fn concat_all(self) -> Vec<T> {
+        self.into_iter().flatten().collect()
+    }
+}
+
+fn argument(name: &str, default: usize) -> Result<usize, Error> {
+    let arguments: Vec<String> = std::env::args().collect();
+    match arguments.iter().position(|argument| argument == name) {
+        None => Ok(default),
+        Some(at) => Ok(arguments.get(at + 1).ok_or(format!("{name} needs a number"))?.parse()?),
+    }
 }
 
 fn uniform(random: &mut ChaCha8Rng) -> f64 {
     (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64
+}
+
+/// The networks by turns of both kinds, of the three alignments, and of sizes spread evenly on a logarithmic scale.
+fn subject(number: usize) -> Result<Subject, String> {
+    let kind = Kind::ALL[number % 2];
+    let strength = STRENGTHS[number / 2 % 3];
+    let seed = number as u64 + 1;
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut recipe = Recipe::new(kind, seed);
+    if strength > 0.0 {
+        let direction = [(); 3].map(|()| uniform(&mut random) - 0.5);
+        recipe.alignment = Some(Alignment::new(direction, strength).map_err(|error| error.to_string())?);
+    }
+    let nodes = 200.0 * 15.0_f64.powf((number / 6 % 16) as f64 / 15.0);
+    let made = recipe.of_nodes(nodes.round() as usize).map_err(|error| error.to_string())?;
+    Ok(Subject { kind, strength, seed, network: Arc::new(made.network) })
 }
 
 /// Principal stretches between 0.7 and 1.6 along random axes, and a random rotation.
@@ -54,98 +127,127 @@ fn random_gradient(random: &mut ChaCha8Rng) -> Matrix3<f64> {
     turn * axes * Matrix3::from_diagonal(&stretches.into()) * axes.transpose()
 }
 
-fn main() {
-    let arguments: Vec<String> = std::env::args().collect();
-    let number = |name: &str, default: usize| {
-        let at = arguments.iter().position(|a| a == name);
-        at.and_then(|at| arguments.get(at + 1)).and_then(|n| n.parse().ok()).unwrap_or(default)
+fn deform(subject: &Subject, gradients: usize, in_time: impl Fn() -> bool) -> Result<Vec<Outcome>, String> {
+    let law = Law::Exponential { youngs_modulus: 1.0e8, nonlinearity: 1.2 };
+    let material = FiberMaterial { law, radius: 5.0e-8, density: None };
+    let scale = StressScale::FiberVolumeFraction(0.003);
+    let model = RveModel::<Sparse>::new(&(), Arc::clone(&subject.network), Some(material), scale)
+        .map_err(|error| error.to_string())?;
+    let mut workspace = Workspace::new(&(), &model).map_err(|error| error.to_string())?;
+    let mut random = ChaCha8Rng::seed_from_u64(1000 + subject.seed);
+    let tried = (0..gradients).map(|_| random_gradient(&mut random)).take_while(|_| in_time());
+    Ok(tried.map(|gradient| solve(subject, &model, &gradient, &mut workspace)).collect())
+}
+
+fn solve(
+    subject: &Subject,
+    model: &RveModel<Sparse>,
+    gradient: &Matrix3<f64>,
+    workspace: &mut Workspace<Sparse>,
+) -> Outcome {
+    let mut params = EquilibriumParams::default();
+    if subject.kind == Kind::Voronoi {
+        params.stages = Stages::of(&[Stage::Relaxation]);
+    }
+    let start = Instant::now();
+    let mut rve = Rve::at_rest(&subject.network);
+    let (report, cause) = match equilibrate(model, &mut rve, gradient, &params, workspace) {
+        Ok(report) => {
+            let pk1 = homogenise::pk1(model, workspace);
+            (report, homogenise::tangent(model, &rve, &pk1, workspace).err().map(|error| error.to_string()))
+        }
+        Err(RveError::NotConverged { failures, report }) => {
+            let causes: Vec<String> = failures.iter().map(ToString::to_string).collect();
+            (*report, Some(causes.join("; ")))
+        }
+        Err(error) => (EquilibriumReport::default(), Some(error.to_string())),
     };
-    let (networks, gradients, budget) =
-        (number("--networks", 100), number("--gradients", 20), number("--seconds", 1800));
-    let started = Instant::now();
-    let cases: Vec<Case> = (0..networks)
-        .map(|k| {
-            let points = 60 + 140 * (k % 5);
-            let network = Delaunay::new(points, k as u64 + 1).generate().unwrap();
-            Case { kind: "delaunay".into(), network: Arc::new(network) }
-        })
-        .collect();
-    let outcomes: Vec<Outcome> = cases
-        .par_iter()
-        .enumerate()
-        .flat_map_iter(|(k, case)| {
-            let mut random = ChaCha8Rng::seed_from_u64(1000 + k as u64);
-            let law = Law::Exponential { youngs_modulus: 1.0e8, nonlinearity: 1.2 };
-            let material = FiberMaterial { law, radius: 5.0e-8, density: None };
-            let model = RveModel::<Sparse>::new(
-                &(),
-                Arc::clone(&case.network),
-                Some(material),
-                StressScale::FiberVolumeFraction(0.003),
-            )
-            .unwrap();
-            let mut workspace = Workspace::new(&(), &model).unwrap();
-            (0..gradients)
-                .filter_map(|_| {
-                    let gradient = random_gradient(&mut random);
-                    (started.elapsed().as_secs() < budget as u64).then(|| solve(case, &model, gradient, &mut workspace))
-                })
-                .collect::<Vec<_>>()
-        })
-        .collect();
-    let mut stages: BTreeMap<String, usize> = BTreeMap::new();
-    for o in &outcomes {
-        *stages.entry(o.stage.map_or("none".into(), |s| s.to_string())).or_default() += 1;
-    }
-    println!("{} cases, {:.1} s, {stages:?}", outcomes.len(), started.elapsed().as_secs_f64());
-    for s in Stage::ALL {
-        let of: Vec<_> = outcomes.iter().filter(|o| o.stage == Some(s)).collect();
-        let n = of.len().max(1) as f64;
-        println!(
-            "{s}: {} mean its {:.1} max {} steps {:.0} seconds {:.4}",
-            of.len(),
-            of.iter().map(|o| o.iterations).sum::<usize>() as f64 / n,
-            of.iter().map(|o| o.iterations).max().unwrap_or(0),
-            of.iter().map(|o| o.steps).sum::<usize>() as f64 / n,
-            of.iter().map(|o| o.seconds).sum::<f64>() / n
-        );
-    }
-    for o in outcomes.iter().filter(|o| o.cause.is_some()) {
-        println!(
-            "{} {:.3} {:.3}s its {} steps {}: {}",
-            o.kind,
-            o.gradient.determinant(),
-            o.seconds,
-            o.iterations,
-            o.steps,
-            o.cause.as_ref().unwrap()
-        );
+    Outcome {
+        kind: subject.kind,
+        strength: subject.strength,
+        seed: subject.seed,
+        nodes: subject.network.nodes().len(),
+        gradient: *gradient,
+        report,
+        seconds: start.elapsed().as_secs_f64(),
+        cause,
     }
 }
 
-fn solve(case: &Case, model: &RveModel<Sparse>, gradient: Matrix3<f64>, workspace: &mut Workspace<Sparse>) -> Outcome {
-    let start = Instant::now();
-    let mut rve = Rve::at_rest(&case.network);
-    let result = equilibrate(model, &mut rve, &gradient, &EquilibriumParams::default(), workspace);
-    let (report, cause) = match result {
-        Ok(report) => {
-            let pk1 = homogenise::pk1(model, workspace);
-            let tangent = homogenise::tangent(model, &rve, &pk1, workspace);
-            (report, tangent.err().map(|e| e.to_string()))
+fn by_network(outcomes: &[Outcome]) {
+    println!("| network | alignment P2 | nodes | cases | in equilibrium | |\n|---|---|---|---|---|---|");
+    for kind in Kind::ALL {
+        for strength in STRENGTHS {
+            let of: Vec<&Outcome> = outcomes.iter().filter(|o| (o.kind, o.strength) == (kind, strength)).collect();
+            let done = of.iter().filter(|o| o.cause.is_none()).count();
+            let [least, most] = [of.iter().map(|o| o.nodes).min(), of.iter().map(|o| o.nodes).max()];
+            println!(
+                "| {} | {strength} | {} to {} | {} | {done} | {:.1} % |",
+                kind.name(),
+                least.unwrap_or(0),
+                most.unwrap_or(0),
+                of.len(),
+                100.0 * done as f64 / of.len().max(1) as f64
+            );
         }
-        Err(RveError::NotConverged { failures, report }) => {
-            let text = failures.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ");
-            (*report, Some(text))
+    }
+    println!();
+}
+
+fn by_stage(outcomes: &[Outcome]) {
+    println!(
+        "| network | reached by | cases | iterations: median, 90 %, most | steps of relaxation: median, most | seconds: median, most |"
+    );
+    println!("|---|---|---|---|---|---|");
+    for kind in Kind::ALL {
+        for stage in Stage::ALL {
+            let of: Vec<&Outcome> = outcomes
+                .iter()
+                .filter(|o| o.kind == kind && o.cause.is_none() && o.report.stage == Some(stage))
+                .collect();
+            if of.is_empty() {
+                continue;
+            }
+            let sorted = |number: &dyn Fn(&Outcome) -> f64| {
+                let mut numbers: Vec<f64> = of.iter().map(|o| number(o)).collect();
+                numbers.sort_by(f64::total_cmp);
+                numbers
+            };
+            let iterations = sorted(&|o| o.report.iterations as f64);
+            let steps = sorted(&|o| o.report.relaxation.steps as f64);
+            let seconds = sorted(&|o| o.seconds);
+            let (middle, tenth, last) = (of.len() / 2, of.len() * 9 / 10, of.len() - 1);
+            println!(
+                "| {} | {stage} | {} | {}, {}, {} | {}, {} | {:.3}, {:.2} |",
+                kind.name(),
+                of.len(),
+                iterations[middle],
+                iterations[tenth],
+                iterations[last],
+                steps[middle],
+                steps[last],
+                seconds[middle],
+                seconds[last]
+            );
         }
-        Err(error) => (Default::default(), Some(error.to_string())),
-    };
-    Outcome {
-        kind: case.kind.clone(),
-        gradient,
-        stage: report.stage,
-        iterations: report.iterations,
-        steps: report.relaxation.steps,
-        seconds: start.elapsed().as_secs_f64(),
-        cause,
+    }
+    println!();
+}
+
+fn causes(outcomes: &[Outcome]) {
+    let failed: BTreeMap<(u64, usize), &Outcome> =
+        outcomes.iter().enumerate().filter(|(_, o)| o.cause.is_some()).map(|(k, o)| ((o.seed, k), o)).collect();
+    println!("{} cases without an answer, each with its cause:\n", failed.len());
+    for outcome in failed.values() {
+        let Some(cause) = &outcome.cause else { continue };
+        println!(
+            "- {} {} (P2 {}, {} nodes), det F = {:.2}, {:.1} s: {cause}",
+            outcome.kind.name(),
+            outcome.seed,
+            outcome.strength,
+            outcome.nodes,
+            outcome.gradient.determinant(),
+            outcome.seconds
+        );
     }
 }

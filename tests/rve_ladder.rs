@@ -173,7 +173,7 @@ fn regularised_newton_saves_a_network_in_which_fibers_turn_over() {
 fn dynamic_relaxation_saves_what_nothing_else_may_touch() {
     let f = Matrix3::new(0.93, -0.3, 0.05, 0.0, 0.81, 0.09, 0.02, 0.0, 0.69);
     let mut bench = bench();
-    bench.params.stages = Stages::of(&[Stage::Newton, Stage::Cuts, Stage::Relaxation]);
+    bench.params = bench.params.with_stages(Stages::of(&[Stage::Newton, Stage::Cuts, Stage::Relaxation]));
     let mut rve = bench.at_rest();
     let report = bench.solve(&mut rve, &f).unwrap();
     assert_eq!(report.stage, Some(Stage::Relaxation), "{report:?}");

@@ -14,7 +14,7 @@ use support::Bench;
 
 fn relaxing(network: &Arc<Network>, masses: Masses) -> Bench<Sparse> {
     let mut bench = Bench::new(network, Some(support::laws()[1]));
-    bench.params.stages = Stages::of(&[Stage::Relaxation]);
+    bench.params = bench.params.with_stages(Stages::of(&[Stage::Relaxation]));
     bench.params.relaxation.masses = masses;
     bench.params.newton.tolerance = 1e-9;
     bench

@@ -173,7 +173,7 @@ impl RveDump {
         params.newton.tolerance = solver.tolerance;
         params.newton.max_iterations = solver.max_iterations;
         params.max_cuts = solver.max_cuts;
-        params.stages = Stages::of(&stages);
+        let params = params.with_stages(Stages::of(&stages));
         Ok(Self {
             origin,
             network: Arc::new(network),

@@ -215,13 +215,10 @@ where
     /// What is left of the increment by dynamic relaxation, the last digits by Newton.
     fn relaxed(&mut self, rve: &mut Rve) -> bool {
         let tolerance = self.params.newton.tolerance;
-        let handover = self.params.handover.max(tolerance);
-        let path = Path::new(&rve.gradient, self.target);
+        let mut path = Path::new(&rve.gradient, self.target);
         self.workspace.place(self.model, rve, &rve.gradient);
-        let stages = self.params.stages;
-        let finishes = stages.has(Stage::Regularised) || stages.has(Stage::Newton) || stages.has(Stage::Cuts);
-        if finishes {
-            if let Err(reason) = self.relax(&path, handover) {
+        if let Some(handover) = self.params.handover {
+            if let Err(reason) = self.relax(&path, handover.max(tolerance)) {
                 return self.failed(Stage::Relaxation, 0.0, reason.into());
             }
             let before = self.workspace.positions.clone();
@@ -230,9 +227,9 @@ where
                 return self.reached(Stage::Relaxation);
             }
             self.workspace.positions = before;
+            // From here without a load: the boundary is where it shall be.
+            path = Path::new(self.target, self.target);
         }
-        // From here without a load: the boundary is where it shall be.
-        let path = if finishes { Path::new(self.target, self.target) } else { path };
         match self.relax(&path, tolerance) {
             Ok(()) => {
                 self.workspace.factor_is_near = false;

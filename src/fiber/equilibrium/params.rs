@@ -91,11 +91,20 @@ pub struct EquilibriumParams {
     pub regularised: RegularisedParams,
     /// Dynamic relaxation.
     pub relaxation: RelaxationParams,
-    /// The residual, relative as above, at which dynamic relaxation hands over to (regularised) Newton, where that is
-    /// among the stages. Default `1e-3`.
-    pub handover: f64,
+    /// The residual, relative as above, at which dynamic relaxation hands over to regularised Newton for the last digits;
+    /// `None` if it is to find them itself. Default `1e-3`.
+    pub handover: Option<f64>,
     /// The stages that may be tried. Default all of them.
     pub stages: Stages,
+}
+
+impl EquilibriumParams {
+    /// The same with these stages; dynamic relaxation alone finds the last digits itself.
+    #[must_use]
+    pub fn with_stages(self, stages: Stages) -> Self {
+        let alone = stages == Stages::of(&[Stage::Relaxation]);
+        Self { stages, handover: if alone { None } else { self.handover }, ..self }
+    }
 }
 
 impl Default for EquilibriumParams {
@@ -105,7 +114,7 @@ impl Default for EquilibriumParams {
             max_cuts: 6,
             regularised: RegularisedParams::default(),
             relaxation: RelaxationParams::default(),
-            handover: 1e-3,
+            handover: Some(1e-3),
             stages: Stages::default(),
         }
     }

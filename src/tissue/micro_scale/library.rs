@@ -79,7 +79,7 @@ where
         params.newton.tolerance = case.micro.tolerance;
         params.newton.max_iterations = case.micro.max_iterations;
         params.max_cuts = case.micro.max_cuts;
-        params.stages = case.micro.stages;
+        let params = params.with_stages(case.micro.stages);
         let predict = case.micro.predictor;
         let (stats, lost) = Default::default();
         Ok((Self { context, models, sites, units, element_of, workers, params, predict, stats, lost }, warnings))

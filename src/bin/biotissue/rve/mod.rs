@@ -98,7 +98,7 @@ fn check(command: RveCommand) -> Result<RveJob, Failure> {
     }
     let mut params = EquilibriumParams::default();
     params.newton.tolerance = tolerance;
-    params.stages = stages.unwrap_or_default();
+    let params = params.with_stages(stages.unwrap_or_default());
     let read = file::read(&path)?;
     output::warn(&read.warnings);
     let network = Arc::new(read.network);

@@ -97,8 +97,8 @@ fn not_written(file: &Path, error: &ResultsError) -> Failure {
 impl RveJob {
     /// What a file of [`RveDump`] holds, by other stages where they are given.
     pub fn replay(dump: RveDump, stages: Option<Stages>, again: Option<PathBuf>) -> Self {
-        let RveDump { origin, network, scale, start, target, mut params } = dump;
-        params.stages = stages.unwrap_or(params.stages);
+        let RveDump { origin, network, scale, start, target, params } = dump;
+        let params = params.with_stages(stages.unwrap_or(params.stages));
         Self {
             place: origin,
             file: None,
