@@ -163,7 +163,7 @@ fn a_large_network_converges_in_ten_iterations() {
 fn every_network_converges_at_rest_and_near_it() {
     let names = ["Network_2_7.txt", "del_4450seedL5_new_1.txt"];
     let of_files = names.into_iter().filter_map(support::published).chain([support::frozen()]).map(|n| (n, None));
-    let of_example = support::dogbone_library().into_iter().map(|n| (n, Some(support::laws()[1])));
+    let of_example = support::dogbone_library().into_iter().map(|n| (n, Some(support::laws()[1].clone())));
     for (network, material) in of_files.chain(of_example) {
         let mut bench = Bench::<Sparse>::new(&network, material);
         let mut rve = bench.at_rest();

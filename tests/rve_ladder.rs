@@ -13,7 +13,7 @@ use support::Bench;
 
 /// The frozen network with the exponential law.
 fn bench() -> Bench<Sparse> {
-    Bench::new(&support::frozen(), Some(support::laws()[1]))
+    Bench::new(&support::frozen(), Some(support::laws()[1].clone()))
 }
 
 /// The stages that an error tells of.
@@ -125,7 +125,7 @@ fn chain() -> Arc<Network> {
 /// The fibers that lie across the cube carry it; the chain in between swings freely, and follows.
 #[test]
 fn a_floppy_network_has_a_tangent_at_rest() {
-    let mut bench = Bench::<Sparse>::new(&chain(), Some(support::laws()[0]));
+    let mut bench = Bench::<Sparse>::new(&chain(), Some(support::laws()[0].clone()));
     let mut rve = bench.at_rest();
     bench.solve(&mut rve, &Matrix3::identity()).unwrap();
     let tangent = bench.tangent(&rve);
@@ -145,7 +145,7 @@ fn regularised_newton_saves_a_floppy_network() {
     nodes.extend([[-0.2, -0.5, -0.1], [-0.3, 0.1, -0.2], [-0.2, 0.5, -0.1]]);
     fibers.extend([[first, first + 1], [first + 1, first + 2]]);
     let network = Arc::new(Network::new("two chains", nodes, fibers).unwrap());
-    let mut bench = Bench::<Sparse>::new(&network, Some(support::laws()[0]));
+    let mut bench = Bench::<Sparse>::new(&network, Some(support::laws()[0].clone()));
     let mut rve = bench.at_rest();
     let report = bench.solve(&mut rve, &Matrix3::from_diagonal(&[1.0, 1.2, 1.0].into())).unwrap();
     assert_eq!((report.stage, report.cuts), (Some(Stage::Regularised), 0), "{report:?}");

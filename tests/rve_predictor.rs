@@ -9,7 +9,7 @@ use support::Bench;
 
 /// The residual at the start of an increment of size `h` beyond a deformed state, and the iterations that it takes.
 fn first_residual(h: f64, predict: bool) -> (f64, usize) {
-    let mut bench = Bench::<Sparse>::new(&support::frozen(), Some(support::laws()[1]));
+    let mut bench = Bench::<Sparse>::new(&support::frozen(), Some(support::laws()[1].clone()));
     let here = Matrix3::new(1.2, 0.1, 0.0, 0.0, 0.9, 0.05, 0.1, 0.0, 1.05);
     let mut rve = bench.at_rest();
     bench.solve(&mut rve, &here).unwrap();

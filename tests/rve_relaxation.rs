@@ -13,7 +13,7 @@ use nalgebra::Matrix3;
 use support::Bench;
 
 fn relaxing(network: &Arc<Network>, masses: Masses) -> Bench<Sparse> {
-    let mut bench = Bench::new(network, Some(support::laws()[1]));
+    let mut bench = Bench::new(network, Some(support::laws()[1].clone()));
     bench.params = bench.params.with_stages(Stages::of(&[Stage::Relaxation]));
     bench.params.relaxation.masses = masses;
     bench.params.newton.tolerance = 1e-9;
@@ -31,7 +31,7 @@ fn ten_networks_come_to_rest_where_newton_puts_them() {
     networks.push(support::frozen());
     networks.extend(support::published("Network_2_7.txt"));
     for network in &networks {
-        let mut newton = Bench::<Sparse>::new(network, Some(support::laws()[1]));
+        let mut newton = Bench::<Sparse>::new(network, Some(support::laws()[1].clone()));
         newton.params.newton.tolerance = 1e-9;
         let mut rve = newton.at_rest();
         let clock = std::time::Instant::now();

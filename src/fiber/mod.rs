@@ -20,4 +20,5 @@ pub mod relax;
 pub mod rve;
 mod stiffness;
 pub mod truss;
+mod vector;
 pub mod workspace;

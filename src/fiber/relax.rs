@@ -310,8 +310,7 @@ impl Relaxation<'_> {
     }
 
     fn evaluate(&mut self) {
-        self.truss.evaluate(self.positions, self.states);
-        self.truss.nodal_forces(self.states, self.forces);
+        self.truss.evaluate_with_forces(self.positions, self.states, self.forces);
     }
 
     /// `v . r` over the interior.

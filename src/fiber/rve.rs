@@ -75,7 +75,7 @@ impl<B: Backend<Scalar = f64>> RveModel<B> {
         scale: StressScale,
     ) -> Result<Self, RveModelError<B::Fault>> {
         let masses = lumped_masses(&network, material.as_ref());
-        let truss = Truss::new(network, material)?;
+        let truss = Truss::new(network, material.clone())?;
         let stress_scale = scale;
         let scale = match scale {
             StressScale::Raw => 1.0,

@@ -7,9 +7,13 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::law::{FiberMaterial, FiberMaterialError, Law};
+use super::law::{FiberLaw, FiberMaterial, FiberMaterialError, Law};
 use super::network::Network;
+use super::vector::{Kernel, vectorised};
 use thiserror::Error;
+
+/// Fibers whose intermediate numbers stay in the first-level cache from one loop to the next.
+const BATCH: usize = 128;
 
 /// The mechanical side of a network: fibers grouped by law, with their areas. Immutable and shared.
 #[derive(Clone, Debug)]
@@ -23,6 +27,8 @@ pub struct Truss {
     area_per_length: Vec<f64>,
     /// Area of the cross-section of every fiber.
     areas: Vec<f64>,
+    /// Area times reference length of every fiber.
+    volumes: Vec<f64>,
     /// The law of every run of fibers.
     laws: Vec<(Law, Range<usize>)>,
     /// Position of every fiber in the network's own order.
@@ -64,6 +70,7 @@ impl Truss {
     /// # Errors
     /// [`TrussError`].
     pub fn new(network: Arc<Network>, material: Option<FiberMaterial>) -> Result<Self, TrussError> {
+        let of_one = material.is_some();
         let materials = material.map_or_else(|| network.materials().to_vec(), |m| vec![m]);
         if materials.is_empty() {
             return Err(TrussError::NoMaterial { network: network.name().to_owned() });
@@ -71,8 +78,7 @@ impl Truss {
         for material in &materials {
             material.check()?;
         }
-        let material_of =
-            |fiber: u32| if material.is_some() { 0 } else { usize::from(network.reaction_of()[fiber as usize]) };
+        let material_of = |fiber: u32| if of_one { 0 } else { usize::from(network.reaction_of()[fiber as usize]) };
         let mut original: Vec<u32> = (0..network.fibers().len() as u32).collect();
         original.sort_by_key(|&fiber| material_of(fiber));
 
@@ -80,7 +86,7 @@ impl Truss {
         let lengths: Vec<f64> = original.iter().map(|&f| network.lengths()[f as usize]).collect();
         let mut laws: Vec<(Law, Range<usize>)> = Vec::new();
         let mut start = 0;
-        for (number, material) in materials.iter().enumerate() {
+        for (number, material) in materials.into_iter().enumerate() {
             let count = original[start..].iter().take_while(|&&f| material_of(f) == number).count();
             if count > 0 {
                 laws.push((material.law, start..start + count));
@@ -90,6 +96,7 @@ impl Truss {
         Ok(Self {
             ends: original.iter().map(|&f| network.fibers()[f as usize]).collect(),
             area_per_length: areas.iter().zip(&lengths).map(|(a, l)| a / l).collect(),
+            volumes: areas.iter().zip(&lengths).map(|(a, l)| a * l).collect(),
             areas,
             lengths,
             laws,
@@ -125,7 +132,7 @@ impl Truss {
     /// `sum_f A_f L_f`: fiber volume in the unit cube, areas in the units of the radii squared.
     #[must_use]
     pub fn volume(&self) -> f64 {
-        self.areas.iter().zip(&self.lengths).map(|(a, l)| a * l).sum()
+        self.volumes.iter().sum()
     }
 
     /// What rounding alone leaves of a residual: `8 eps sqrt(sum_f (E A / (2 L))^2)`, in N.
@@ -144,50 +151,146 @@ impl Truss {
 
     /// Stretches, forces and stiffness of all fibers at the given node positions.
     pub fn evaluate(&self, positions: &[[f64; 3]], states: &mut FiberStates) {
+        self.pass(positions, states, &mut |_, _| ());
+    }
+
+    /// The same, and the internal force at every node, `sum_f T`, in N: one pass instead of [`Truss::evaluate`] and
+    /// [`Truss::nodal_forces`], with the same result bit for bit.
+    pub fn evaluate_with_forces(&self, positions: &[[f64; 3]], states: &mut FiberStates, forces: &mut [[f64; 3]]) {
+        forces.fill([0.0; 3]);
+        self.pass(positions, states, &mut |batch, states| self.add_forces(batch, states, forces));
+    }
+
+    /// Batch by batch: geometry, law, force and stiffness, and then what `after` does with them.
+    fn pass(
+        &self,
+        positions: &[[f64; 3]],
+        states: &mut FiberStates,
+        after: &mut dyn FnMut(Range<usize>, &FiberStates),
+    ) {
         states.resize(self.ends.len());
-        for (fiber, &[a, b]) in self.ends.iter().enumerate() {
-            let (xa, xb) = (&positions[a as usize], &positions[b as usize]);
-            let d = [xb[0] - xa[0], xb[1] - xa[1], xb[2] - xa[2]];
-            // The same operations in the same order as for the reference lengths: at rest the stretch is exactly 1.
-            let length = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
-            states.directions[fiber] = [d[0] / length, d[1] / length, d[2] / length];
-            states.stretches[fiber] = length / self.lengths[fiber];
-        }
         for (law, range) in &self.laws {
-            let stretches = &states.stretches[range.clone()];
-            // Nominal stress and slope, turned into force and stiffness below.
-            law.stresses(stretches, &mut states.forces[range.clone()], &mut states.material_stiffness[range.clone()]);
+            law.with(&mut |law| {
+                for start in range.clone().step_by(BATCH) {
+                    let batch = start..range.end.min(start + BATCH);
+                    self.evaluate_batch(law, batch.clone(), positions, states);
+                    after(batch, states);
+                }
+            });
         }
-        for fiber in 0..self.ends.len() {
-            let stress = states.forces[fiber];
-            let per_length = self.area_per_length[fiber];
-            let geometric = stress * per_length / states.stretches[fiber];
-            states.forces[fiber] = stress * self.areas[fiber];
-            states.geometric_stiffness[fiber] = geometric;
-            states.material_stiffness[fiber] = states.material_stiffness[fiber] * per_length - geometric;
+    }
+
+    /// At most [`BATCH`] fibers of one law.
+    fn evaluate_batch(
+        &self,
+        law: &dyn FiberLaw,
+        batch: Range<usize>,
+        positions: &[[f64; 3]],
+        states: &mut FiberStates,
+    ) {
+        let mut differences = [[0.0; BATCH]; 3];
+        for (k, &[a, b]) in self.ends[batch.clone()].iter().enumerate() {
+            let (xa, xb) = (&positions[a as usize], &positions[b as usize]);
+            for i in 0..3 {
+                differences[i][k] = xb[i] - xa[i];
+            }
         }
+        let mut inverse_lengths = [0.0; BATCH];
+        let count = batch.len();
+        let FiberStates { directions, stretches, forces, material_stiffness, geometric_stiffness } = states;
+        vectorised(Geometry {
+            differences: &differences,
+            rest_lengths: &self.lengths[batch.clone()],
+            inverse_lengths: &mut inverse_lengths[..count],
+            stretches: &mut stretches[batch.clone()],
+            directions: &mut directions[batch.clone()],
+        });
+        // Nominal stress and slope, turned into force and stiffness where they stand.
+        let forces = &mut forces[batch.clone()];
+        let material = &mut material_stiffness[batch.clone()];
+        law.stresses(&stretches[batch.clone()], forces, material);
+        vectorised(Mechanics {
+            areas: &self.areas[batch.clone()],
+            area_per_length: &self.area_per_length[batch.clone()],
+            inverse_lengths: &inverse_lengths[..count],
+            forces,
+            material,
+            geometric: &mut geometric_stiffness[batch],
+        });
     }
 
     /// The internal force at every node, `sum_f T`, in N.
     pub fn nodal_forces(&self, states: &FiberStates, forces: &mut [[f64; 3]]) {
         forces.fill([0.0; 3]);
-        for (fiber, &[a, b]) in self.ends.iter().enumerate() {
-            let n = &states.directions[fiber];
-            let f = states.forces[fiber];
-            for i in 0..3 {
-                let t = f * n[i];
-                forces[a as usize][i] -= t;
-                forces[b as usize][i] += t;
-            }
+        self.add_forces(0..self.ends.len(), states, forces);
+    }
+
+    fn add_forces(&self, batch: Range<usize>, states: &FiberStates, forces: &mut [[f64; 3]]) {
+        let fibers = self.ends[batch.clone()].iter().zip(&states.directions[batch.clone()]).zip(&states.forces[batch]);
+        for ((&[a, b], n), &f) in fibers {
+            let pull = n.map(|n| f * n);
+            let at_a = &mut forces[a as usize];
+            (0..3).for_each(|i| at_a[i] -= pull[i]);
+            let at_b = &mut forces[b as usize];
+            (0..3).for_each(|i| at_b[i] += pull[i]);
         }
     }
 
     /// `sum_f A L integral_1^lambda s`: the energy of all fibers in J per (unit-cube length times area).
     #[must_use]
     pub fn energy(&self, states: &FiberStates) -> f64 {
-        // The fiber volumes are not worth storing for a number that is wanted once a converged state.
-        let volumes: Vec<f64> = self.areas.iter().zip(&self.lengths).map(|(a, l)| a * l).collect();
-        self.laws.iter().map(|(law, range)| law.energy(&states.stretches[range.clone()], &volumes[range.clone()])).sum()
+        self.laws
+            .iter()
+            .map(|(law, range)| law.total_energy(&states.stretches[range.clone()], &self.volumes[range.clone()]))
+            .sum()
+    }
+}
+
+/// From `x_b - x_a` to length, stretch and direction.
+struct Geometry<'a> {
+    differences: &'a [[f64; BATCH]; 3],
+    rest_lengths: &'a [f64],
+    inverse_lengths: &'a mut [f64],
+    stretches: &'a mut [f64],
+    directions: &'a mut [[f64; 3]],
+}
+
+impl Kernel for Geometry<'_> {
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let Self { differences: [dx, dy, dz], rest_lengths, inverse_lengths, stretches, directions } = self;
+        let fibers = dx.iter().zip(dy).zip(dz).zip(rest_lengths).zip(inverse_lengths).zip(stretches).zip(directions);
+        for ((((((&x, &y), &z), &rest), inverse), stretch), direction) in fibers {
+            // The same operations in the same order as for the reference lengths, none of them fused: at rest the
+            // stretch is exactly 1.
+            let length = (x * x + y * y + z * z).sqrt();
+            *stretch = length / rest;
+            *inverse = 1.0 / length;
+            *direction = [x * *inverse, y * *inverse, z * *inverse];
+        }
+    }
+}
+
+/// From nominal stress and slope, in `forces` and `material`, to force and stiffness.
+struct Mechanics<'a> {
+    areas: &'a [f64],
+    area_per_length: &'a [f64],
+    inverse_lengths: &'a [f64],
+    forces: &'a mut [f64],
+    material: &'a mut [f64],
+    geometric: &'a mut [f64],
+}
+
+impl Kernel for Mechanics<'_> {
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let Self { areas, area_per_length, inverse_lengths, forces, material, geometric } = self;
+        let fibers = areas.iter().zip(area_per_length).zip(inverse_lengths).zip(forces).zip(material).zip(geometric);
+        for (((((&area, &per_length), &inverse), force), material), geometric) in fibers {
+            *force *= area;
+            *geometric = *force * inverse;
+            *material = *material * per_length - *geometric;
+        }
     }
 }
 

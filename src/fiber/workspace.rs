@@ -116,8 +116,7 @@ where
     /// Takes up an RVE as it is, for looking at: positions and fiber states, no solve.
     pub fn show(&mut self, model: &RveModel<B>, rve: &Rve) {
         self.place(model, rve, &rve.gradient);
-        model.truss.evaluate(&self.positions, &mut self.states);
-        model.truss.nodal_forces(&self.states, &mut self.forces);
+        model.truss.evaluate_with_forces(&self.positions, &mut self.states, &mut self.forces);
         self.factor_is_near = false;
     }
 

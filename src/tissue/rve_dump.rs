@@ -93,7 +93,7 @@ impl RveDump {
         params: &EquilibriumParams,
     ) -> Self {
         let network = match model.material() {
-            Some(material) => Arc::new((**model.network()).clone().of_one_material(*material)),
+            Some(material) => Arc::new((**model.network()).clone().of_one_material(material.clone())),
             None => Arc::clone(model.network()),
         };
         let scale = model.stress_scale();
@@ -153,14 +153,15 @@ impl RveDump {
         let document: Document = serde_json::from_str(&text).map_err(|error| {
             InputError::at_line(path, error.line(), format!("is no RVE to replay: {error}"), EXPECTED, CURE)
         })?;
-        Self::of(document).map_err(|what| InputError::in_file(path, what, EXPECTED, CURE))
+        let folder = path.parent().unwrap_or(Path::new(""));
+        Self::of(document, folder).map_err(|what| InputError::in_file(path, what, EXPECTED, CURE))
     }
 
     /// The content of a file, or what does not fit in it.
-    fn of(document: Document) -> Result<Self, String> {
+    fn of(document: Document, folder: &Path) -> Result<Self, String> {
         let Document { origin, network, materials, fiber_volume_fraction, start, target, solver, .. } = document;
         let NetworkDocument { name, nodes, fibers, material_of } = network;
-        let materials: Result<Vec<FiberMaterial>, _> = materials.iter().map(NamedLaw::material).collect();
+        let materials: Result<Vec<FiberMaterial>, _> = materials.iter().map(|law| law.material(folder)).collect();
         let materials = materials.map_err(|error| error.to_string())?;
         let network = Network::in_cube(name, Cube::UNIT, nodes, fibers)
             .and_then(|network| network.with_materials(materials, material_of))

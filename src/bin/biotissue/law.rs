@@ -1,5 +1,7 @@
 //! The fiber law that a command line names, the same for every command.
 
+use std::path::{Path, PathBuf};
+
 use biotissue::fiber::law::FiberMaterial;
 use biotissue::fiber::network::file::sidecar::{NamedLaw, NamedLawError};
 use clap::{Args, ValueEnum};
@@ -11,10 +13,11 @@ use crate::number::real;
 #[derive(Args)]
 pub struct LawArguments {
     /// Law of all fibers
-    #[arg(long, value_name = "NAME", value_enum, requires_all = ["youngs_modulus", "radius"])]
+    #[arg(long, value_name = "NAME", value_enum, requires = "radius")]
     law: Option<LawName>,
     /// Young's modulus E of the fibers, Pa
     #[arg(long, value_name = "E", value_parser = real, requires = "law", allow_hyphen_values = true)]
+    #[arg(required_if_eq_any([("law", "linear"), ("law", "exponential"), ("law", "exponential-stretch")]))]
     youngs_modulus: Option<f64>,
     /// Radius of the fibers, m
     #[arg(long, value_name = "R", value_parser = real, requires = "law", allow_hyphen_values = true)]
@@ -25,6 +28,15 @@ pub struct LawArguments {
     /// Stretch above which exponential-stretch goes on along its tangent line
     #[arg(long, value_name = "L", value_parser = real, requires = "law", allow_hyphen_values = true)]
     transition: Option<f64>,
+    /// CSV file of the law table: stretch and nominal stress in Pa, (1, 0) among them
+    #[arg(long, value_name = "FILE", requires = "law", required_if_eq("law", "table"))]
+    table: Option<PathBuf>,
+    /// Fibers give way in compression: the part of the stiffness that is left, 0.001 where only --buckling-strain is given
+    #[arg(long, value_name = "R", value_parser = real, requires = "law", allow_hyphen_values = true)]
+    compression: Option<f64>,
+    /// Compressive strain within which the stiffness falls, 0.01 where only --compression is given
+    #[arg(long, value_name = "W", value_parser = real, requires = "law", allow_hyphen_values = true)]
+    buckling_strain: Option<f64>,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -32,6 +44,7 @@ enum LawName {
     Linear,
     Exponential,
     ExponentialStretch,
+    Table,
 }
 
 impl LawName {
@@ -40,6 +53,7 @@ impl LawName {
             Self::Linear => "linear",
             Self::Exponential => "exponential",
             Self::ExponentialStretch => "exponential-stretch",
+            Self::Table => "table",
         }
     }
 }
@@ -47,38 +61,54 @@ impl LawName {
 impl LawArguments {
     /// The law with its parameters checked; `None` where no law is named.
     pub fn material(&self) -> Result<Option<FiberMaterial>, Failure> {
-        let (Some(name), Some(youngs_modulus), Some(radius)) = (self.law, self.youngs_modulus, self.radius) else {
+        let (Some(name), Some(radius)) = (self.law, self.radius) else {
             return Ok(None); // The argument parser has seen to it that none of the others is there.
         };
         let law = NamedLaw {
             name: name.as_str().into(),
-            youngs_modulus,
+            youngs_modulus: self.youngs_modulus,
             radius,
             nonlinearity: self.nonlinearity,
             transition: self.transition,
+            file: self.table.clone(),
+            points: None,
+            compression: self.compression,
+            buckling_strain: self.buckling_strain,
             density: None,
         };
-        let material = law.material().map_err(|error| refused(&error))?;
-        material.check().map_err(|error| {
-            Failure::arguments(error.to_string(), format!("a number {}", error.expected), "correct that parameter")
-        })?;
-        Ok(Some(material))
+        checked(&law, &|parameter| format!("--{parameter}"), "--law").map(Some)
     }
 }
 
-fn refused(error: &NamedLawError) -> Failure {
-    let flag = |parameter: &str| format!("--{}", parameter.replace('_', "-"));
-    let (expected, cure) = match error {
+/// A law with its parameters checked; `spelled` makes of a parameter what the user typed, `name` is where the name of the
+/// law stands. The file of a table is relative to the working directory.
+pub fn checked(law: &NamedLaw, spelled: &dyn Fn(&str) -> String, name: &str) -> Result<FiberMaterial, Failure> {
+    let material = law.material(Path::new("")).map_err(|error| refused(error, spelled, name))?;
+    material.check().map_err(|error| {
+        Failure::arguments(error.to_string(), format!("a number {}", error.expected), "correct that parameter")
+    })?;
+    Ok(material)
+}
+
+fn refused(error: NamedLawError, spelled: &dyn Fn(&str) -> String, name: &str) -> Failure {
+    let spelled = |parameter: &str| match parameter {
+        "file" => spelled("table"),
+        _ => spelled(&parameter.replace('_', "-")),
+    };
+    let (expected, cure) = match &error {
         NamedLawError::Missing { parameter, .. } => {
-            (format!("{} with its value", flag(parameter)), "add it, or choose another --law".into())
+            (format!("{} with its value", spelled(parameter)), format!("add it, or choose another {name}"))
         }
         NamedLawError::Needless { parameter, .. } => {
-            ("only parameters that the law has".into(), format!("leave out {}", flag(parameter)))
+            ("only parameters that the law has".into(), format!("leave out {}", spelled(parameter)))
         }
         NamedLawError::Range { parameter, bound, .. } => {
-            (format!("a finite number {bound}"), format!("correct {}", flag(parameter)))
+            (format!("a finite number {bound}"), format!("correct {}", spelled(parameter)))
         }
         NamedLawError::Name { .. } => ("a law that is known".into(), "choose one of them".into()),
+        NamedLawError::TwoTables => ("a file or points".into(), "leave out one of the two".into()),
+        NamedLawError::Points { error } => (error.expected().into(), error.cure().into()),
+        NamedLawError::File(errors) => return Failure::Input(errors.clone()),
     };
     Failure::arguments(error.to_string(), expected, cure)
 }

@@ -19,6 +19,7 @@
 mod check;
 mod dispatch;
 mod failure;
+mod fiber_type;
 mod info;
 mod law;
 mod mesh;

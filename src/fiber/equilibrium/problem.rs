@@ -28,8 +28,7 @@ impl<B: Backend<Scalar = f64>> NonlinearProblem<B> for Interior<'_, B> {
 
     fn residual(&mut self, r: &mut B::Vector) -> Result<Yardstick, B::Fault> {
         let truss = self.model.truss();
-        truss.evaluate(self.positions, self.states);
-        truss.nodal_forces(self.states, self.forces);
+        truss.evaluate_with_forces(self.positions, self.states, self.forces);
         let forces = &*self.forces;
         let interior = self.model.network().interior();
         r.with_local_mut(|r| {

@@ -1,78 +1,123 @@
 //! The exponential law with the extra factor `lambda`, and straight lines outside its range.
 
-use super::FiberLaw;
+use super::batch::{EnergyFormula, Formula, by_formula};
+use super::exp::exp_m1_of;
+use super::{FiberLaw, parameters_of};
+use crate::fiber::vector::fma;
 
 /// `s = (E / B) lambda (exp(B g) - 1)` on `[1, lambda_t]`; outside, the tangent lines at the two ends (MuMFiM,
 /// reaction 1).
+///
+/// The energy on the curve is `E / B^2 (exp(B g) - 1 - B g)`; beyond its ends that of the straight line follows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExponentialStretch {
-    youngs_modulus: f64,
-    nonlinearity: f64,
-    transition: f64,
-    /// Stress and slope at the transition.
-    at_transition: (f64, f64),
+    /// `E`, Pa.
+    pub youngs_modulus: f64,
+    /// `B`.
+    pub nonlinearity: f64,
+    /// `lambda_t`, at least 1.
+    pub transition: f64,
 }
 
 impl ExponentialStretch {
-    /// The law with modulus `E` in Pa, nonlinearity `B` and transition stretch `lambda_t > 1`.
+    /// The law with modulus `E` in Pa, nonlinearity `B` and transition stretch `lambda_t >= 1`.
     #[must_use]
     pub fn new(youngs_modulus: f64, nonlinearity: f64, transition: f64) -> Self {
-        let mut law = Self { youngs_modulus, nonlinearity, transition, at_transition: (0.0, 0.0) };
-        law.at_transition = law.curve(transition);
-        law
+        Self { youngs_modulus, nonlinearity, transition }
+    }
+
+    /// The point of the curve at or next to a stretch: its stretch, `B g` and `exp(B g) - 1`.
+    #[inline(always)]
+    fn on_curve<const FUSED: bool>(&self, stretch: f64) -> (f64, f64, f64) {
+        // Written as comparisons that let NaN through.
+        let nearest = if stretch < 1.0 { 1.0 } else { stretch };
+        let nearest = if nearest > self.transition { self.transition } else { nearest };
+        let exponent = 0.5 * self.nonlinearity * (nearest - 1.0) * (nearest + 1.0);
+        (nearest, exponent, exp_m1_of::<FUSED>(exponent))
     }
 
     #[inline(always)]
-    fn curve(&self, stretch: f64) -> (f64, f64) {
-        let b = self.nonlinearity;
-        let square = stretch * stretch;
-        let growth = (b * 0.5 * (square - 1.0)).exp_m1();
-        let modulus = self.youngs_modulus / b;
-        (modulus * stretch * growth, modulus * (growth + b * square * (growth + 1.0)))
-    }
-
-    /// `integral_1^lambda s` on the curve: `E / B^2 (exp(B g) - 1 - B g)`, by its series where that would cancel.
-    fn curve_energy(&self, stretch: f64) -> f64 {
-        let b = self.nonlinearity;
-        let x = b * 0.5 * (stretch - 1.0) * (stretch + 1.0);
-        self.youngs_modulus / (b * b) * exp_minus_line(x)
+    fn curve(&self, stretch: f64, growth: f64) -> (f64, f64) {
+        let (e, b) = (self.youngs_modulus, self.nonlinearity);
+        (e / b * stretch * growth, e * (growth / b + stretch * stretch * (growth + 1.0)))
     }
 }
 
-/// `exp(x) - 1 - x` to rounding.
-fn exp_minus_line(x: f64) -> f64 {
-    if x.abs() > 0.5 {
-        return x.exp_m1() - x;
+/// `1/3` to `1/16`.
+const INVERSES: [f64; 14] = {
+    let (mut table, mut k) = ([0.0; 14], 0);
+    while k < table.len() {
+        table[k] = 1.0 / (k + 3) as f64;
+        k += 1;
     }
-    let (mut term, mut sum) = (0.5 * x * x, 0.0);
-    let mut n = 3.0;
-    while term.abs() > f64::EPSILON * 1e-2 * f64::abs(sum) {
-        sum += term;
-        term *= x / n;
-        n += 1.0;
+    table
+};
+
+/// `exp(x) - 1 - x` to rounding, from `x` and `exp(x) - 1`: their difference where it keeps its digits, below 1/2 the
+/// series, whose rest is below `2^-56`.
+#[inline(always)]
+fn exp_minus_line<const FUSED: bool>(x: f64, growth: f64) -> f64 {
+    let mut series = 1.0;
+    for inverse in INVERSES.iter().rev() {
+        series = fma::<FUSED>(series, x * inverse, 1.0);
     }
-    sum + term
+    if x.abs() > 0.5 { growth - x } else { 0.5 * x * x * series }
+}
+
+impl Formula for ExponentialStretch {
+    #[inline(always)]
+    fn stress_of<const FUSED: bool>(&self, stretch: f64) -> (f64, f64) {
+        let (nearest, _, growth) = self.on_curve::<FUSED>(stretch);
+        let (stress, slope) = self.curve(nearest, growth);
+        (stress + slope * (stretch - nearest), slope)
+    }
+}
+
+impl EnergyFormula for ExponentialStretch {
+    #[inline(always)]
+    fn energy_of<const FUSED: bool>(&self, stretch: f64) -> f64 {
+        let (nearest, exponent, growth) = self.on_curve::<FUSED>(stretch);
+        let (stress, slope) = self.curve(nearest, growth);
+        let beyond = stretch - nearest;
+        let curve = self.youngs_modulus / (self.nonlinearity * self.nonlinearity);
+        curve * exp_minus_line::<FUSED>(exponent, growth) + beyond * (stress + 0.5 * beyond * slope)
+    }
 }
 
 impl FiberLaw for ExponentialStretch {
-    #[inline(always)]
-    fn stress(&self, stretch: f64) -> (f64, f64) {
-        if stretch < 1.0 {
-            (self.youngs_modulus * (stretch - 1.0), self.youngs_modulus)
-        } else if stretch <= self.transition {
-            self.curve(stretch)
-        } else {
-            let (stress, slope) = self.at_transition;
-            (stress + slope * (stretch - self.transition), slope)
-        }
+    fn name(&self) -> &str {
+        "exponential-stretch"
     }
 
-    fn energy(&self, stretch: f64) -> f64 {
-        if stretch < 1.0 {
-            return 0.5 * self.youngs_modulus * (stretch - 1.0).powi(2);
+    fn parameters(&self) -> Vec<(&'static str, f64)> {
+        let mut parameters = parameters_of(self.youngs_modulus, self.nonlinearity);
+        parameters.push(("transition", self.transition));
+        parameters
+    }
+
+    fn youngs_modulus(&self) -> f64 {
+        self.youngs_modulus
+    }
+
+    by_formula!();
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_rest_of_the_series_does_not_count() {
+        for k in 1..=1000 {
+            let x = 1e-3 * f64::from(k);
+            // The first terms by themselves, where nothing cancels.
+            let (mut term, mut exact) = (0.5 * x * x, 0.0);
+            for n in 3..40 {
+                exact += term;
+                term *= x / f64::from(n);
+            }
+            let found = exp_minus_line::<false>(x, x.exp_m1());
+            assert!((found / exact - 1.0).abs() < 2e-15, "{x}");
         }
-        let on_curve = self.curve_energy(stretch.min(self.transition));
-        let beyond = (stretch - self.transition).max(0.0);
-        on_curve + beyond * (self.at_transition.0 + 0.5 * beyond * self.at_transition.1)
     }
 }

@@ -1,26 +1,43 @@
 //! The law that is linear in the Green strain.
 
 use super::FiberLaw;
+use super::batch::{EnergyFormula, Formula, by_formula};
 
-/// `s = E lambda g` (MuMFiM, reaction 0).
+/// `s = E lambda g` (MuMFiM, reaction 0); the energy is `E g^2 / 2`, since `d g = lambda d lambda`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Linear {
     /// `E`, Pa.
     pub youngs_modulus: f64,
 }
 
-impl FiberLaw for Linear {
+impl Formula for Linear {
     #[inline(always)]
-    fn stress(&self, stretch: f64) -> (f64, f64) {
-        let square = stretch * stretch;
-        let green = 0.5 * (square - 1.0);
-        (self.youngs_modulus * stretch * green, self.youngs_modulus * (green + square))
+    fn stress_of<const FUSED: bool>(&self, stretch: f64) -> (f64, f64) {
+        let green = 0.5 * (stretch - 1.0) * (stretch + 1.0);
+        (self.youngs_modulus * stretch * green, self.youngs_modulus * (green + stretch * stretch))
     }
+}
 
-    /// `E g^2 / 2`, since `d g = lambda d lambda`.
+impl EnergyFormula for Linear {
     #[inline(always)]
-    fn energy(&self, stretch: f64) -> f64 {
+    fn energy_of<const FUSED: bool>(&self, stretch: f64) -> f64 {
         let green = 0.5 * (stretch - 1.0) * (stretch + 1.0);
         0.5 * self.youngs_modulus * green * green
     }
+}
+
+impl FiberLaw for Linear {
+    fn name(&self) -> &str {
+        "linear"
+    }
+
+    fn parameters(&self) -> Vec<(&'static str, f64)> {
+        vec![("youngs_modulus", self.youngs_modulus)]
+    }
+
+    fn youngs_modulus(&self) -> f64 {
+        self.youngs_modulus
+    }
+
+    by_formula!();
 }

@@ -9,296 +9,168 @@
 //! | [`Exponential`] | `(E / B) (exp(B g) - 1)` | Tobin 2018, eq. B.1 |
 //! | [`Linear`] | `E lambda g` | MuMFiM, reaction 0 |
 //! | [`ExponentialStretch`] | `(E / B) lambda (exp(B g) - 1)` on `[1, lambda_t]`, its tangent lines outside | MuMFiM, reaction 1 |
+//! | [`Table`] | monotone cubics through measured points, tangent lines beyond them | Fritsch and Butland 1984 |
+//! | [`NoCompression`] of any of them | below stretch 1 the slope falls from `E` to `r E` within the buckling strain `w` | smoothstep of the slope |
+//!
+//! [`Law`] is all of these by name, as files and commands call them. It has room for one more: [`Law::custom`] takes any
+//! type that implements [`FiberLaw`], and from there on a network, a truss and an RVE model treat it as their own.
+//!
+//! # A law of your own
+//!
+//! Write the formula for one fiber; batches and the energy come with it, and can be overridden where a loop of your own
+//! or a closed form is faster. [`check()`] compares stress, slope, energy and batches with each other.
+//!
+//! ```
+//! use biotissue::fiber::law::{FiberLaw, FiberMaterial, Law, check};
+//!
+//! /// `s = E ln(lambda)`.
+//! #[derive(Clone, Debug)]
+//! struct Hencky {
+//!     youngs_modulus: f64,
+//! }
+//!
+//! impl FiberLaw for Hencky {
+//!     fn name(&self) -> &str {
+//!         "hencky"
+//!     }
+//!
+//!     fn parameters(&self) -> Vec<(&'static str, f64)> {
+//!         vec![("youngs_modulus", self.youngs_modulus)]
+//!     }
+//!
+//!     fn stress(&self, stretch: f64) -> (f64, f64) {
+//!         (self.youngs_modulus * stretch.ln(), self.youngs_modulus / stretch)
+//!     }
+//! }
+//!
+//! let law = Hencky { youngs_modulus: 1.0e8 };
+//! check(&law, 0.5..=2.0)?;
+//! let fiber = FiberMaterial { law: Law::custom(law), radius: 5.0e-8, density: None };
+//! assert_eq!(fiber.check(), Ok(()));
+//! # Ok::<(), biotissue::fiber::law::LawFault>(())
+//! ```
 
+mod batch;
+mod check;
+mod exp;
 mod exponential;
 mod exponential_stretch;
 mod linear;
+mod material;
+mod named;
+mod no_compression;
+mod quadrature;
+mod table;
+#[cfg(feature = "app")]
+mod table_file;
+#[cfg(test)]
+mod tests;
 
+use std::fmt::Debug;
+
+pub use check::{LawFault, check};
+pub use exp::exp_m1;
 pub use exponential::Exponential;
 pub use exponential_stretch::ExponentialStretch;
 pub use linear::Linear;
-use thiserror::Error;
+pub use material::{FiberMaterial, FiberMaterialError};
+pub use named::{CustomLaw, Law};
+pub use no_compression::{BUCKLING_STRAIN, COMPRESSION, NoCompression};
+pub use table::{Table, TableError};
 
-/// The axial behaviour of a fiber; continuous with its first derivative for all `lambda > 0`.
-pub trait FiberLaw {
+/// The axial behaviour of a fiber: nominal stress, slope and energy over the stretch; continuous with its first
+/// derivative for all `lambda > 0`, without stress at stretch 1 and with a positive slope there.
+///
+/// A network asks for batches of fibers, one call for some hundred of them; only laws that override the batch methods
+/// gain from vector instructions there. Stresses, slopes and energies per volume are in Pa. A law is shared by threads
+/// and gives the same answer whenever it is asked.
+pub trait FiberLaw: Debug + Send + Sync {
+    /// What the law is called. Two laws of one name with the same [`FiberLaw::parameters`] are the same law.
+    fn name(&self) -> &str;
+
+    /// All that the law depends on, by name: what tells it from others of its kind, in comparisons, in reports and in
+    /// checkpoints.
+    fn parameters(&self) -> Vec<(&'static str, f64)>;
+
     /// Nominal stress and its derivative with respect to the stretch, both in Pa.
     fn stress(&self, stretch: f64) -> (f64, f64);
 
-    /// Energy per reference volume of the fiber, `integral_1^lambda s`, in J/m^3; exact to rounding.
-    fn energy(&self, stretch: f64) -> f64;
-}
-
-/// A fiber law with its parameters; moduli in Pa.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Law {
-    /// `s = E lambda g`.
-    Linear {
-        /// `E`.
-        youngs_modulus: f64,
-    },
-    /// `s = (E / B) (exp(B g) - 1)`.
-    Exponential {
-        /// `E`.
-        youngs_modulus: f64,
-        /// `B`.
-        nonlinearity: f64,
-    },
-    /// `s = (E / B) lambda (exp(B g) - 1)` on `[1, lambda_t]`, its tangent lines outside.
-    ExponentialStretch {
-        /// `E`.
-        youngs_modulus: f64,
-        /// `B`.
-        nonlinearity: f64,
-        /// `lambda_t`.
-        transition: f64,
-    },
-}
-
-/// What a fiber is made of: its law and its radius.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FiberMaterial {
-    /// The law.
-    pub law: Law,
-    /// Radius of the round cross-section, in the units the modulus goes with (m for Pa).
-    pub radius: f64,
-    /// Mass density in kg/m^3, where a file gives one.
-    pub density: Option<f64>,
-}
-
-/// A parameter without physical sense.
-#[derive(Clone, Debug, Error, PartialEq)]
-#[error("the {parameter} of a fiber is {value}; it must be {expected}")]
-pub struct FiberMaterialError {
-    /// Which one.
-    pub parameter: &'static str,
-    /// Its value.
-    pub value: f64,
-    /// What it must be.
-    pub expected: &'static str,
-}
-
-impl FiberMaterial {
-    /// Area of the cross-section.
-    #[must_use]
-    pub fn area(&self) -> f64 {
-        std::f64::consts::PI * self.radius * self.radius
-    }
-
-    /// Checks that every parameter has physical sense.
+    /// Energy per reference volume of the fiber, `integral_1^lambda s`, in J/m^3.
     ///
-    /// # Errors
-    /// The first that has none.
-    pub fn check(&self) -> Result<(), FiberMaterialError> {
-        let positive = |parameter, value: f64| {
-            if value > 0.0 && value.is_finite() {
-                Ok(())
-            } else {
-                Err(FiberMaterialError { parameter, value, expected: "positive and finite" })
-            }
-        };
-        positive("radius", self.radius)?;
-        if let Some(density) = self.density
-            && (density.is_nan() || density < 0.0)
-        {
-            return Err(FiberMaterialError { parameter: "density", value: density, expected: "zero or positive" });
-        }
-        match self.law {
-            Law::Linear { youngs_modulus } => positive("Young's modulus", youngs_modulus),
-            Law::Exponential { youngs_modulus, nonlinearity } => {
-                positive("Young's modulus", youngs_modulus)?;
-                positive("nonlinearity", nonlinearity)
-            }
-            Law::ExponentialStretch { youngs_modulus, nonlinearity, transition } => {
-                positive("Young's modulus", youngs_modulus)?;
-                positive("nonlinearity", nonlinearity)?;
-                if transition >= 1.0 && transition.is_finite() {
-                    Ok(())
-                } else {
-                    let (parameter, expected) = ("transition stretch", "at least 1 and finite");
-                    Err(FiberMaterialError { parameter, value: transition, expected })
-                }
-            }
-        }
-    }
-}
-
-impl Law {
-    /// The name in files and on the command line.
-    #[must_use]
-    pub fn name(&self) -> &'static str {
-        match self {
-            Self::Linear { .. } => "linear",
-            Self::Exponential { .. } => "exponential",
-            Self::ExponentialStretch { .. } => "exponential-stretch",
-        }
+    /// Unless overridden, an adaptive quadrature of the stress, to some 14 digits, which takes microseconds.
+    fn energy(&self, stretch: f64) -> f64 {
+        quadrature::adaptive(1.0, stretch, &|stretch| self.stress(stretch).0)
     }
 
     /// `E`, the slope of the nominal stress at rest, in Pa.
-    #[must_use]
-    pub fn youngs_modulus(&self) -> f64 {
-        match *self {
-            Self::Linear { youngs_modulus }
-            | Self::Exponential { youngs_modulus, .. }
-            | Self::ExponentialStretch { youngs_modulus, .. } => youngs_modulus,
+    fn youngs_modulus(&self) -> f64 {
+        self.stress(1.0).1
+    }
+
+    /// Nominal stress and slope of a batch of fibers; all slices have one length.
+    fn stresses(&self, stretch: &[f64], stress: &mut [f64], slope: &mut [f64]) {
+        for ((&stretch, stress), slope) in stretch.iter().zip(stress).zip(slope) {
+            (*stress, *slope) = self.stress(stretch);
         }
     }
 
-    /// Nominal stress and slope of a batch of fibers: the law is chosen once, the loop runs without branches on it.
-    ///
-    /// All slices have one length; stresses in Pa.
-    pub fn stresses(&self, stretch: &[f64], stress: &mut [f64], slope: &mut [f64]) {
-        match *self {
-            Self::Linear { youngs_modulus } => batch(&Linear { youngs_modulus }, stretch, stress, slope),
-            Self::Exponential { youngs_modulus, nonlinearity } => {
-                batch(&Exponential { youngs_modulus, nonlinearity }, stretch, stress, slope);
-            }
-            Self::ExponentialStretch { youngs_modulus, nonlinearity, transition } => {
-                batch(&ExponentialStretch::new(youngs_modulus, nonlinearity, transition), stretch, stress, slope);
-            }
+    /// Energy per reference volume of a batch of fibers; the slices have one length.
+    fn energies(&self, stretch: &[f64], energy: &mut [f64]) {
+        for (&stretch, energy) in stretch.iter().zip(energy) {
+            *energy = self.energy(stretch);
         }
     }
 
-    /// `sum_f volume_f * integral_1^lambda_f s`, in J for volumes in m^3.
-    #[must_use]
-    pub fn energy(&self, stretch: &[f64], volume: &[f64]) -> f64 {
-        match *self {
-            Self::Linear { youngs_modulus } => total(&Linear { youngs_modulus }, stretch, volume),
-            Self::Exponential { youngs_modulus, nonlinearity } => {
-                total(&Exponential { youngs_modulus, nonlinearity }, stretch, volume)
-            }
-            Self::ExponentialStretch { youngs_modulus, nonlinearity, transition } => {
-                total(&ExponentialStretch::new(youngs_modulus, nonlinearity, transition), stretch, volume)
+    /// `sum_f volume_f * integral_1^lambda_f s` in J for volumes in m^3, summed in the order of the fibers.
+    fn total_energy(&self, stretch: &[f64], volume: &[f64]) -> f64 {
+        const BATCH: usize = 64;
+        let (mut energy, mut sum) = ([0.0; BATCH], 0.0);
+        for (stretch, volume) in stretch.chunks(BATCH).zip(volume.chunks(BATCH)) {
+            let energy = &mut energy[..stretch.len()];
+            self.energies(stretch, energy);
+            for (energy, volume) in energy.iter().zip(volume) {
+                sum += energy * volume;
             }
         }
+        sum
     }
 }
 
-#[inline]
-fn batch(law: &impl FiberLaw, stretch: &[f64], stress: &mut [f64], slope: &mut [f64]) {
-    for ((&lambda, s), ds) in stretch.iter().zip(stress).zip(slope) {
-        (*s, *ds) = law.stress(lambda);
+impl<L: FiberLaw + ?Sized> FiberLaw for &L {
+    fn name(&self) -> &str {
+        (**self).name()
+    }
+
+    fn parameters(&self) -> Vec<(&'static str, f64)> {
+        (**self).parameters()
+    }
+
+    fn stress(&self, stretch: f64) -> (f64, f64) {
+        (**self).stress(stretch)
+    }
+
+    fn energy(&self, stretch: f64) -> f64 {
+        (**self).energy(stretch)
+    }
+
+    fn youngs_modulus(&self) -> f64 {
+        (**self).youngs_modulus()
+    }
+
+    fn stresses(&self, stretch: &[f64], stress: &mut [f64], slope: &mut [f64]) {
+        (**self).stresses(stretch, stress, slope);
+    }
+
+    fn energies(&self, stretch: &[f64], energy: &mut [f64]) {
+        (**self).energies(stretch, energy);
+    }
+
+    fn total_energy(&self, stretch: &[f64], volume: &[f64]) -> f64 {
+        (**self).total_energy(stretch, volume)
     }
 }
 
-fn total(law: &impl FiberLaw, stretch: &[f64], volume: &[f64]) -> f64 {
-    stretch.iter().zip(volume).map(|(&lambda, &v)| v * law.energy(lambda)).sum()
-}
-
-/// Integral of a smooth `integrand` from `a` to `b` by eight Gauss points on each of `panels` panels.
-///
-/// Eight points integrate polynomials of degree 15 exactly; over a panel on which an exponent changes by no more than 3
-/// that leaves a relative error below 1e-15.
-fn integrate(a: f64, b: f64, panels: usize, integrand: impl Fn(f64) -> f64) -> f64 {
-    // Abramowitz and Stegun, table 25.4, n = 8.
-    const NODES: [f64; 4] =
-        [0.183_434_642_495_649_8, 0.525_532_409_916_329, 0.796_666_477_413_626_7, 0.960_289_856_497_536_2];
-    const WEIGHTS: [f64; 4] =
-        [0.362_683_783_378_362, 0.313_706_645_877_887_3, 0.222_381_034_453_374_5, 0.101_228_536_290_376_3];
-    let width = (b - a) / panels as f64;
-    (0..panels)
-        .map(|panel| {
-            let middle = a + (panel as f64 + 0.5) * width;
-            let pairs = NODES.iter().zip(WEIGHTS);
-            let sum: f64 = pairs
-                .map(|(x, w)| w * (integrand(middle - 0.5 * width * x) + integrand(middle + 0.5 * width * x)))
-                .sum();
-            0.5 * width * sum
-        })
-        .sum()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    const E: f64 = 1.0e8;
-
-    fn laws() -> [Law; 5] {
-        [
-            Law::Linear { youngs_modulus: E },
-            Law::Exponential { youngs_modulus: E, nonlinearity: 1.2 },
-            Law::Exponential { youngs_modulus: E, nonlinearity: 9.0 },
-            Law::ExponentialStretch { youngs_modulus: E, nonlinearity: 1.2, transition: 1.1 },
-            Law::ExponentialStretch { youngs_modulus: E, nonlinearity: 9.0, transition: 1.4 },
-        ]
-    }
-
-    fn stress(law: &Law, stretch: f64) -> (f64, f64) {
-        let (mut s, mut ds) = ([0.0], [0.0]);
-        law.stresses(&[stretch], &mut s, &mut ds);
-        (s[0], ds[0])
-    }
-
-    #[test]
-    fn the_slope_is_the_derivative_of_the_stress() {
-        for law in laws() {
-            for lambda in [0.4, 0.8, 0.999, 1.003, 1.05, 1.3, 1.8] {
-                let h = 1e-5;
-                let difference = (stress(&law, lambda + h).0 - stress(&law, lambda - h).0) / (2.0 * h);
-                let slope = stress(&law, lambda).1;
-                assert!(
-                    (difference - slope).abs() < 1e-7 * slope.abs().max(E),
-                    "{law:?} at {lambda}: {difference} {slope}"
-                );
-            }
-        }
-    }
-
-    #[test]
-    fn the_stress_is_the_derivative_of_the_energy() {
-        for law in laws() {
-            for lambda in [0.4, 0.8, 0.999, 1.003, 1.05, 1.3, 1.8] {
-                let h = 1e-4;
-                let w = |l: f64| law.energy(&[l], &[1.0]);
-                // Fourth order, so that the truncation stays below the tolerance.
-                let difference =
-                    (8.0 * (w(lambda + h) - w(lambda - h)) - (w(lambda + 2.0 * h) - w(lambda - 2.0 * h))) / (12.0 * h);
-                let s = stress(&law, lambda).0;
-                assert!((difference - s).abs() < 1e-8 * s.abs().max(0.01 * E), "{law:?} at {lambda}: {difference} {s}");
-            }
-            assert_eq!(law.energy(&[1.0], &[1.0]), 0.0);
-        }
-    }
-
-    #[test]
-    fn every_law_is_at_rest_at_stretch_one_with_slope_e() {
-        for law in laws() {
-            assert_eq!(stress(&law, 1.0).0, 0.0, "{law:?}");
-            assert!((stress(&law, 1.0).1 - E).abs() < 1e-8 * E, "{law:?}");
-        }
-    }
-
-    #[test]
-    fn value_and_slope_are_continuous_at_every_switch() {
-        for law in laws() {
-            let Law::ExponentialStretch { transition, .. } = law else { continue };
-            for switch in [1.0, transition] {
-                let (below, above) = (stress(&law, switch * (1.0 - 1e-12)), stress(&law, switch * (1.0 + 1e-12)));
-                assert!((below.0 - above.0).abs() < 1e-9 * E, "{law:?} jumps at {switch}");
-                assert!((below.1 - above.1).abs() < 1e-9 * above.1, "the slope of {law:?} jumps at {switch}");
-            }
-        }
-    }
-
-    #[test]
-    fn small_strains_lose_no_digits() {
-        // W = E h^2 / 2 + O(h^3), down to strains where a difference of antiderivatives would hold nothing but rounding.
-        for law in laws() {
-            let h = 1.0e-9;
-            let w = law.energy(&[1.0 + h], &[1.0]);
-            assert!((w / (0.5 * E * h * h) - 1.0).abs() < 1e-6, "{law:?}: {w}");
-        }
-    }
-
-    #[test]
-    fn parameters_without_sense_are_named() {
-        let good = FiberMaterial { law: laws()[3], radius: 1e-7, density: None };
-        assert_eq!(good.check(), Ok(()));
-        let bad = FiberMaterial { radius: -1.0, ..good };
-        assert_eq!(bad.check().unwrap_err().to_string(), "the radius of a fiber is -1; it must be positive and finite");
-        let law = Law::ExponentialStretch { youngs_modulus: E, nonlinearity: 1.0, transition: 0.9 };
-        assert_eq!(FiberMaterial { law, ..good }.check().unwrap_err().parameter, "transition stretch");
-        let law = Law::Linear { youngs_modulus: f64::NAN };
-        assert_eq!(FiberMaterial { law, ..good }.check().unwrap_err().parameter, "Young's modulus");
-    }
+/// The parameters that the exponential laws share.
+fn parameters_of(youngs_modulus: f64, nonlinearity: f64) -> Vec<(&'static str, f64)> {
+    vec![("youngs_modulus", youngs_modulus), ("nonlinearity", nonlinearity)]
 }

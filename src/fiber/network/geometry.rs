@@ -306,9 +306,9 @@ mod tests {
         let (nodes, fibers) = star([-0.5; 3], [1.0; 3]);
         let network = Network::new("star", nodes, fibers).unwrap();
         let material = FiberMaterial { law: Law::Linear { youngs_modulus: 1.0 }, radius: 1.0, density: None };
-        let few = network.clone().with_materials(vec![material], vec![0; 7]);
+        let few = network.clone().with_materials(vec![material.clone()], vec![0; 7]);
         assert_eq!(few.unwrap_err(), NetworkError::MaterialCount { given: 7, fibers: 8 });
-        let absent = network.clone().with_materials(vec![material], vec![0, 0, 0, 1, 0, 0, 0, 0]);
+        let absent = network.clone().with_materials(vec![material.clone()], vec![0, 0, 0, 1, 0, 0, 0, 0]);
         assert_eq!(absent.unwrap_err(), NetworkError::NoSuchMaterial { fiber: 3, material: 1, materials: 1 });
         assert_eq!(network.of_one_material(material).reaction_of(), [0; 8]);
     }

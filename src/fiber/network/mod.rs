@@ -11,9 +11,13 @@ pub mod file;
 pub mod generate;
 mod geometry;
 mod proximity;
+#[cfg(feature = "generate")]
+mod types;
 
 pub use error::NetworkError;
 pub use geometry::{BOUNDARY_TOLERANCE, CUBE_TOLERANCE, Cube, SAME_PLACE};
+#[cfg(feature = "generate")]
+pub use types::FiberTypesError;
 
 use super::law::FiberMaterial;
 
@@ -68,13 +72,13 @@ impl Network {
         [0, 1, 2].map(|k| (b[k] - a[k]) / self.lengths[fiber])
     }
 
-    /// Index into [`Network::materials`] of every fiber (0 for all where no `.params` file came with the network).
+    /// Index into [`Network::materials`] of every fiber (0 for all where no materials came with the network).
     #[must_use]
     pub fn reaction_of(&self) -> &[u16] {
         &self.reaction_of
     }
 
-    /// The materials of the `.params` file; empty where none came with the network.
+    /// The materials of the files beside the network; empty where none came with it.
     #[must_use]
     pub fn materials(&self) -> &[FiberMaterial] {
         &self.materials

@@ -106,7 +106,7 @@ pub struct FiberRveCase {
     pub seed: u64,
     /// The scale of the stress.
     pub scale: ScaleCase,
-    /// The law of all fibers; `None`: each network's `.params` file.
+    /// The law of all fibers; `None`: what the files beside each network say.
     pub law: Option<FiberMaterial>,
     /// A matrix in parallel.
     pub matrix: Option<FormulaCase>,

@@ -2,15 +2,14 @@
 
 use std::path::Path;
 
-use crate::fiber::law::{FiberMaterial, Law};
-
 use super::data::{Choose, FiberRveCase, FormulaCase, FormulaModel, MaterialCase, RegionCase, ScaleCase};
 use super::elastic;
+use super::law;
 use super::networks;
 use super::problems::alternatives;
 use super::range::Range;
 use super::table::{Either, Table};
-use super::value::{Value, did_you_mean};
+use super::value::did_you_mean;
 
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Model {
@@ -103,7 +102,7 @@ fn fiber_rve(table: &mut Table<'_>, base: &Path) -> Option<FiberRveCase> {
         Some(Either::Second(scale)) => scale.choice(&[("raw", ScaleCase::Raw)]),
         None => bare.then_some(ScaleCase::Raw),
     };
-    let law = table.table("law").map(law);
+    let law = table.table("law").map(|table| law::read(table, base));
     let matrix = table.table("matrix").map(matrix);
     Some(FiberRveCase {
         networks: networks?,
@@ -113,63 +112,6 @@ fn fiber_rve(table: &mut Table<'_>, base: &Path) -> Option<FiberRveCase> {
         law: law.flatten(),
         matrix: matrix.flatten(),
     })
-}
-
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum LawName {
-    Linear,
-    Exponential,
-    ExponentialStretch,
-}
-
-const LAWS: [(&str, LawName); 3] = [
-    ("linear", LawName::Linear),
-    ("exponential", LawName::Exponential),
-    ("exponential-stretch", LawName::ExponentialStretch),
-];
-
-fn law(mut table: Table<'_>) -> Option<FiberMaterial> {
-    let names = alternatives(LAWS.iter().map(|&(name, _)| name), '"');
-    let name = table.require("name", &names).and_then(|value| value.choice(&LAWS));
-    let youngs_modulus = table.required_number("youngs_modulus", Range::above(0.0, "Pa"));
-    let radius = table.required_number("radius", Range::above(0.0, "m"));
-    let Some(name) = name else {
-        // Which of the others belong depends on the name: only their values can be judged.
-        table.number("nonlinearity", Range::above(0.0, ""));
-        table.number("transition", Range::above(1.0, ""));
-        table.finish();
-        return None;
-    };
-    let nonlinearity = match name {
-        LawName::Linear => unused(table.take("nonlinearity"), "exponential", "linear"),
-        _ => table.required_number("nonlinearity", Range::above(0.0, "")),
-    };
-    let transition = match name {
-        LawName::ExponentialStretch => table.required_number("transition", Range::above(1.0, "")),
-        LawName::Linear => unused(table.take("transition"), "exponential-stretch", "linear"),
-        LawName::Exponential => unused(table.take("transition"), "exponential-stretch", "exponential"),
-    };
-    table.finish();
-    let youngs_modulus = youngs_modulus?;
-    let law = match name {
-        LawName::Linear => Law::Linear { youngs_modulus },
-        LawName::Exponential => Law::Exponential { youngs_modulus, nonlinearity: nonlinearity? },
-        LawName::ExponentialStretch => {
-            Law::ExponentialStretch { youngs_modulus, nonlinearity: nonlinearity?, transition: transition? }
-        }
-    };
-    Some(FiberMaterial { law, radius: radius?, density: None })
-}
-
-/// Reports a parameter that the law chosen has no use for.
-fn unused(value: Option<Value<'_>>, owner: &str, law: &str) -> Option<f64> {
-    let value = value?;
-    value.object(
-        &format!("has no meaning for the law \"{law}\""),
-        format!("only the parameters of \"{law}\""),
-        format!("remove it, or choose the law \"{owner}\""),
-    );
-    None
 }
 
 /// The matrix in parallel, a neo-Hookean one.

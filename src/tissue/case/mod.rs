@@ -99,8 +99,24 @@
 //! matrix = { model = "neo-hookean", shear_modulus = 100.0, poisson_ratio = 0.3 }
 //! ```
 //!
-//! `law` is `linear` (`youngs_modulus`, `radius`), `exponential` (also `nonlinearity`) or `exponential-stretch` (also
-//! `transition`); without it each network's `.params` file counts. `matrix` is optional.
+//! `law` is `linear` (`youngs_modulus`, `radius`), `exponential` (also `nonlinearity`), `exponential-stretch` (also
+//! `transition`) or `table`; without it the files beside each network count, where fibers may be of several types.
+//! `matrix` is optional. A table has a CSV file, relative to the case file, or points, stretch and nominal stress in Pa,
+//! with one at stretch 1 and stress 0:
+//!
+//! ```toml
+//! law = { name = "table", radius = 5.0e-8, file = "curve.csv" }
+//! law = { name = "table", radius = 5.0e-8, points = [[0.9, -1.0e5], [1.0, 0.0], [1.1, 2.0e6], [1.2, 9.0e6]] }
+//! ```
+//!
+//! Fibers of any law give way in compression with one of these beside its other keys:
+//!
+//! ```toml
+//! compression = 1e-3                       # what is left of the stiffness at rest; the default beside the other
+//! buckling_strain = 0.01                   # the shortening within which it falls; the default beside the other
+//! ```
+//!
+//! The formulas stand in [`crate::fiber::law`].
 //!
 //! # What a case must keep
 //!
@@ -114,6 +130,7 @@
 mod curve;
 mod data;
 mod elastic;
+mod law;
 mod load;
 mod material;
 mod names;

@@ -137,19 +137,32 @@ fn formula_entries(formula: &FormulaCase) -> [String; 3] {
 }
 
 fn law_entries(material: &FiberMaterial) -> String {
-    let radius = material.radius;
-    match material.law {
-        Law::Linear { youngs_modulus } => {
-            format!("name = \"linear\", youngs_modulus = {youngs_modulus:?}, radius = {radius:?}")
+    let mut entries = parameters(&material.law);
+    entries.insert(entries.len().min(1), format!("radius = {:?}", material.radius));
+    format!("name = {}, {}", quoted(material.law.name()), entries.join(", "))
+}
+
+/// The parameters of a law. A table is written with its points, wherever they came from; a law that no case file can name
+/// with all that it depends on.
+fn parameters(law: &Law) -> Vec<String> {
+    let of = |name: &str, value: f64| format!("{name} = {value:?}");
+    match law {
+        Law::Linear { youngs_modulus } => vec![of("youngs_modulus", *youngs_modulus)],
+        Law::Exponential { youngs_modulus, nonlinearity } => {
+            vec![of("youngs_modulus", *youngs_modulus), of("nonlinearity", *nonlinearity)]
         }
-        Law::Exponential { youngs_modulus, nonlinearity } => format!(
-            "name = \"exponential\", youngs_modulus = {youngs_modulus:?}, radius = {radius:?}, \
-             nonlinearity = {nonlinearity:?}"
-        ),
-        Law::ExponentialStretch { youngs_modulus, nonlinearity, transition } => format!(
-            "name = \"exponential-stretch\", youngs_modulus = {youngs_modulus:?}, radius = {radius:?}, \
-             nonlinearity = {nonlinearity:?}, transition = {transition:?}"
-        ),
+        Law::ExponentialStretch { youngs_modulus, nonlinearity, transition } => vec![
+            of("youngs_modulus", *youngs_modulus),
+            of("nonlinearity", *nonlinearity),
+            of("transition", *transition),
+        ],
+        Law::Table(table) => vec![format!("points = {:?}", table.points())],
+        Law::NoCompression { law, compression, buckling_strain } => {
+            let mut entries = parameters(law);
+            entries.extend([of("compression", *compression), of("buckling_strain", *buckling_strain)]);
+            entries
+        }
+        Law::Custom(law) => law.law().parameters().iter().map(|(name, value)| of(name, *value)).collect(),
     }
 }
 

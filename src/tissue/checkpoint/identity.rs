@@ -179,13 +179,34 @@ fn hash_network(network: &Network, hash: &mut Fnv) {
     network.reaction_of().iter().for_each(|&reaction| hash.number(reaction.into()));
     hash.number(network.materials().len() as u64);
     for FiberMaterial { law, radius, .. } in network.materials() {
-        let values = match *law {
-            Law::Linear { youngs_modulus } => [0.0, youngs_modulus, 0.0, 0.0],
-            Law::Exponential { youngs_modulus, nonlinearity } => [1.0, youngs_modulus, nonlinearity, 0.0],
-            Law::ExponentialStretch { youngs_modulus, nonlinearity, transition } => {
-                [2.0, youngs_modulus, nonlinearity, transition]
+        hash_law(law, hash);
+        hash.value(*radius);
+    }
+}
+
+fn hash_law(law: &Law, hash: &mut Fnv) {
+    let mut values = |values: &[f64]| values.iter().for_each(|&value| hash.value(value));
+    match law {
+        Law::Linear { youngs_modulus } => values(&[0.0, *youngs_modulus, 0.0, 0.0]),
+        Law::Exponential { youngs_modulus, nonlinearity } => values(&[1.0, *youngs_modulus, *nonlinearity, 0.0]),
+        Law::ExponentialStretch { youngs_modulus, nonlinearity, transition } => {
+            values(&[2.0, *youngs_modulus, *nonlinearity, *transition]);
+        }
+        Law::Table(table) => {
+            values(&[3.0, table.points().len() as f64]);
+            values(table.points().as_flattened());
+        }
+        Law::NoCompression { law, compression, buckling_strain } => {
+            values(&[4.0, *compression, *buckling_strain]);
+            hash_law(law, hash);
+        }
+        Law::Custom(custom) => {
+            values(&[5.0]);
+            hash.text(custom.law().name());
+            for (name, value) in custom.law().parameters() {
+                hash.text(name);
+                hash.value(value);
             }
-        };
-        values.into_iter().chain([*radius]).for_each(|value| hash.value(value));
+        }
     }
 }

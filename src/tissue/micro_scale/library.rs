@@ -118,7 +118,7 @@ impl<B: Backend<Scalar = f64>> Reader<'_, B> {
     }
 
     fn model(&mut self, path: &PathBuf, case: &FiberRveCase) -> Result<usize, LibraryError<B::Fault>> {
-        let recipe = (path.clone(), case.law, case.scale);
+        let recipe = (path.clone(), case.law.clone(), case.scale);
         if let Some(known) = self.made_of.iter().position(|made| *made == recipe) {
             return Ok(known);
         }
@@ -127,7 +127,7 @@ impl<B: Backend<Scalar = f64>> Reader<'_, B> {
             ScaleCase::Raw => StressScale::Raw,
             ScaleCase::FiberVolumeFraction(phi) => StressScale::FiberVolumeFraction(phi),
         };
-        let model = RveModel::new(self.context, network, case.law, scale)
+        let model = RveModel::new(self.context, network, case.law.clone(), scale)
             .map_err(|reason| LibraryError::Model { file: path.clone(), reason })?;
         self.models.push(model);
         self.made_of.push(recipe);

@@ -13,7 +13,7 @@ use biotissue::las::{Backend, Scalar};
 use clap::Args;
 use serde_json::json;
 
-use super::{check_length, json_of_file, not_counted, read, words, write};
+use super::{check_length, json_of_file, laws_of, not_counted, read, words, write};
 use crate::dispatch::{Job, dispatch};
 use crate::failure::Failure;
 use crate::number::real;
@@ -107,14 +107,10 @@ impl Job for Examine<'_> {
 }
 
 fn write_cleaned(output: &Path, read: &NetworkFile, cleaned: &Cleaned) -> Result<(), Failure> {
-    let one_law = match cleaned.network.materials() {
-        [material] => Some(*material),
-        _ => None,
-    };
     // A cleaned network is no longer what its generator made, so that part of the sidecar does not go with it.
     let generated = read.sidecar.as_ref().and_then(|sidecar| sidecar.generated.clone());
     let generated = generated.filter(|_| cleaned.removed.is_nothing());
-    let sidecar = Sidecar { generated, length_unit: Some("edge of the cube".into()), material: one_law };
+    let sidecar = Sidecar { generated, length_unit: Some("edge of the cube".into()), ..laws_of(&cleaned.network) };
     write(output, &cleaned.network, &sidecar)
 }
 

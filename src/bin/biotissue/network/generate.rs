@@ -9,8 +9,9 @@ use biotissue::fiber::network::generate::{Alignment, GREATEST_STRENGTH, Generate
 use clap::Args;
 use serde_json::json;
 
-use super::{check_length, json_of_network, words, write};
+use super::{check_length, json_of_network, laws_of, words, write};
 use crate::failure::Failure;
+use crate::fiber_type::FiberTypeArgument;
 use crate::law::LawArguments;
 use crate::number::{count, real, seed};
 use crate::output;
@@ -50,6 +51,10 @@ pub struct GenerateArguments {
     output: PathBuf,
     #[command(flatten)]
     law: LawArguments,
+    /// Instead of --law, a part of the fibers and its law, drawn by the seed; repeat until the fractions sum to 1:
+    /// "fraction=0.7,law=exponential,youngs-modulus=1e8,radius=5e-8,nonlinearity=1.2"
+    #[arg(long = "fiber", value_name = "KEY=VALUE,...", conflicts_with = "law")]
+    fibers: Vec<FiberTypeArgument>,
     /// Print one JSON object
     #[arg(long)]
     json: bool,
@@ -67,6 +72,7 @@ pub fn run(arguments: &GenerateArguments) -> Result<(), Failure> {
     let recipe = recipe(arguments)?;
     let size = size(arguments)?;
     let material = arguments.law.material()?;
+    let types: Vec<_> = arguments.fibers.iter().map(FiberTypeArgument::material).collect::<Result<_, _>>()?;
     let made = match size {
         Size::Points(points) => recipe.of_points(points),
         Size::Nodes(nodes) => recipe.of_nodes(nodes),
@@ -75,10 +81,15 @@ pub fn run(arguments: &GenerateArguments) -> Result<(), Failure> {
     let mut made = made.map_err(|error| not_generated(&error))?;
     if let Some(material) = material {
         made.network = made.network.of_one_material(material);
+    } else if !types.is_empty() {
+        made.network = made.network.with_random_types(types, arguments.seed).map_err(|error| {
+            let cure = "give every --fiber a fraction above 0, all together 1";
+            Failure::arguments(error.to_string(), "fractions that sum to 1", cure)
+        })?;
     }
     let generated = Generated::by(&recipe, made.points);
-    let sidecar =
-        Sidecar { generated: Some(generated.clone()), length_unit: Some("edge of the cube".into()), material };
+    let length_unit = Some("edge of the cube".into());
+    let sidecar = Sidecar { generated: Some(generated.clone()), length_unit, ..laws_of(&made.network) };
     write(&arguments.output, &made.network, &sidecar)?;
     tell(arguments, &recipe, &made, &generated)
 }

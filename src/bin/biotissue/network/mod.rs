@@ -8,9 +8,8 @@ mod words;
 
 use std::path::Path;
 
-use biotissue::fiber::law::Law;
 use biotissue::fiber::network::check::RigidityError;
-use biotissue::fiber::network::file::sidecar::{NamedLaw, Sidecar};
+use biotissue::fiber::network::file::sidecar::{FiberTypes, NamedLaw, Sidecar};
 use biotissue::fiber::network::file::{self, NetworkFile};
 use biotissue::fiber::network::{Network, check::NetworkReport};
 use clap::Subcommand;
@@ -42,13 +41,20 @@ pub fn run(command: NetworkCommand) -> Result<(), Failure> {
     }
 }
 
+/// The laws of a network as its sidecar holds them.
+fn laws_of(network: &Network) -> Sidecar {
+    let one_law = match network.materials() {
+        [material] => Some(material.clone()),
+        _ => None,
+    };
+    Sidecar { material: one_law, fiber_types: FiberTypes::of(network), ..Sidecar::default() }
+}
+
 /// Writes a network with what goes beside it: first the network, then its materials, then where it comes from.
 fn write(path: &Path, network: &Network, sidecar: &Sidecar) -> Result<(), Failure> {
     let unwritable = |error: std::io::Error| Failure::unwritable(path, &error);
     file::write(path, network).map_err(unwritable)?;
-    let in_params = !network.materials().is_empty()
-        && !network.materials().iter().any(|material| matches!(material.law, Law::Exponential { .. }));
-    if in_params {
+    if file::fits_params(network) {
         file::write_params(path, network).map_err(unwritable)?;
     } else {
         file::remove_params(path).map_err(unwritable)?;

@@ -29,17 +29,28 @@ pub fn figures(report: &NetworkReport, network: &Network, cube: &Cube, axis: Opt
     let _ = writeln!(text, "  density          {:.6} (total length of the fibers in the cube)", report.total_length);
     coordination(&mut text, report);
     orientation(&mut text, report, axis);
-    for material in network.materials() {
-        let law = NamedLaw::from(material);
-        let _ =
-            write!(text, "  law              {}, E {:e} Pa, radius {:e} m", law.name, law.youngs_modulus, law.radius);
-        let _ = law.nonlinearity.map_or(Ok(()), |b| write!(text, ", B {b}"));
-        let _ = law.transition.map_or(Ok(()), |stretch| write!(text, ", transition {stretch}"));
-        text.push('\n');
-    }
+    laws(&mut text, network);
     let (parts, untied) = (report.components.len(), report.untied().count());
     let _ = writeln!(text, "  parts            {parts}, {untied} not tied to the boundary");
     text
+}
+
+fn laws(text: &mut String, network: &Network) {
+    for (number, material) in (0..).zip(network.materials()) {
+        let law = NamedLaw::from(material);
+        let modulus = material.law.youngs_modulus();
+        let _ = write!(text, "  law              {}, E {modulus:e} Pa, radius {:e} m", law.name, law.radius);
+        let _ = law.nonlinearity.map_or(Ok(()), |b| write!(text, ", B {b}"));
+        let _ = law.transition.map_or(Ok(()), |stretch| write!(text, ", transition {stretch}"));
+        let _ = law.points.map_or(Ok(()), |points| write!(text, ", {} points", points.len()));
+        let _ = law.compression.map_or(Ok(()), |part| write!(text, ", {part} of E in compression"));
+        let _ = law.buckling_strain.map_or(Ok(()), |strain| write!(text, " beyond {strain}"));
+        if network.materials().len() > 1 {
+            let fibers = network.reaction_of().iter().filter(|&&of| of == number).count();
+            let _ = write!(text, ", {fibers} fibers");
+        }
+        text.push('\n');
+    }
 }
 
 fn coordination(text: &mut String, report: &NetworkReport) {

@@ -47,7 +47,7 @@ impl Job for RveJob {
         B::Reduced: Scalar,
     {
         let start = Instant::now();
-        let model = RveModel::<B>::new(&(), Arc::clone(&self.network), self.material, self.scale)
+        let model = RveModel::<B>::new(&(), Arc::clone(&self.network), self.material.clone(), self.scale)
             .map_err(|error| self.unusable(&error))?;
         let mut workspace = Workspace::new(&(), &model).map_err(Failure::library)?;
         let mut seconds = Seconds { analyze: start.elapsed().as_secs_f64(), ..Seconds::default() };

@@ -2,8 +2,12 @@
 
 mod body;
 #[cfg(feature = "app")]
+mod fiber_types;
+#[cfg(feature = "app")]
 mod generated;
 mod lines;
+#[cfg(feature = "app")]
+mod named_law;
 mod params;
 #[cfg(feature = "app")]
 pub mod sidecar;
@@ -15,9 +19,11 @@ use std::io::ErrorKind;
 use std::path::Path;
 
 use super::{Cube, Network};
+#[cfg(feature = "app")]
+use crate::fiber::law::FiberMaterial;
 use crate::input::{InputError, InputErrors};
 
-pub use write::{remove_params, write, write_params, write_parts};
+pub use write::{fits_params, remove_params, write, write_params, write_parts};
 
 /// A network with what its files say beyond it.
 #[derive(Clone, Debug)]
@@ -55,7 +61,7 @@ pub struct NetworkFile {
 /// k                                     one line a fiber: its reaction, from 0
 /// ```
 ///
-/// and (with the feature `app`) `NAME.toml`, whose law counts where there is no `.params` file. Lines may be blank;
+/// and (with the feature `app`) `NAME.toml`, whose laws count where there is no `.params` file. Lines may be blank;
 /// numbers that trail those counted are ignored with a warning. The network is centred and scaled to the unit cube.
 ///
 /// # Errors
@@ -78,10 +84,10 @@ pub fn read(path: &Path) -> Result<NetworkFile, InputErrors> {
             .map_err(|error| InputError::in_file(&params_file, error.to_string(), "materials", lines::COMPARE))?;
     }
     #[cfg(feature = "app")]
-    let sidecar = sidecar::read_beside(path)?;
+    let sidecar = sidecar::read_beside(path, network.fibers().len())?;
     #[cfg(feature = "app")]
-    if let Some(material) = sidecar.as_ref().and_then(|sidecar| sidecar.material) {
-        network = take_law(network, material, path, &mut warnings);
+    if let Some(sidecar) = &sidecar {
+        network = take_laws(network, sidecar, path, &mut warnings)?;
     }
     Ok(NetworkFile {
         network,
@@ -93,24 +99,34 @@ pub fn read(path: &Path) -> Result<NetworkFile, InputErrors> {
     })
 }
 
-/// The law of the sidecar, unless the `.params` file came first.
+/// The laws of the sidecar, unless the `.params` file came first.
 #[cfg(feature = "app")]
-fn take_law(
+fn take_laws(
     network: Network,
-    material: crate::fiber::law::FiberMaterial,
+    sidecar: &sidecar::Sidecar,
     path: &Path,
     warnings: &mut Vec<String>,
-) -> Network {
+) -> Result<Network, InputError> {
+    let (materials, type_of) = match (&sidecar.fiber_types, &sidecar.material) {
+        (Some(types), _) => (types.materials.clone(), types.type_of.clone()),
+        (None, Some(material)) => (vec![material.clone()], vec![0; network.fibers().len()]),
+        (None, None) => return Ok(network),
+    };
     if network.materials().is_empty() {
-        return network.of_one_material(material);
+        let file = write::beside(path, ".toml");
+        return network
+            .with_materials(materials, type_of)
+            .map_err(|error| InputError::in_file(&file, error.to_string(), "materials", lines::COMPARE));
     }
-    let params = &network.materials()[0];
-    let alike = network.materials().len() == 1 && params.law == material.law && params.radius == material.radius;
+    let same = |(a, b): (&FiberMaterial, &FiberMaterial)| a.law == b.law && a.radius == b.radius;
+    let alike = network.materials().len() == materials.len()
+        && network.materials().iter().zip(&materials).all(same)
+        && network.reaction_of() == type_of;
     if !alike {
         let file = path.display();
         warnings.push(format!("{file}.toml: its law differs from that of {file}.params, which counts"));
     }
-    network
+    Ok(network)
 }
 
 fn read_if_present(path: &Path) -> Result<Option<Vec<u8>>, InputError> {

@@ -15,10 +15,33 @@
 //! length = "edge of the cube"          # of the coordinates
 //!
 //! [law]                                # of all fibers; a .params file counts before it
-//! name = "exponential"
+//! name = "exponential"                 # or "linear", "exponential-stretch" with a `transition`
 //! youngs_modulus = 1.0e8               # Pa
 //! radius = 5.0e-8                      # m
 //! nonlinearity = 1.2
+//! compression = 1.0e-3                 # optional: what is left of the stiffness in compression, and the
+//! buckling_strain = 0.01               # compressive strain within which it falls
+//! ```
+//!
+//! A law may be a table, `name = "table"` with `radius` and either `file = "curve.csv"` (relative to the folder of the
+//! sidecar) or `points = [[0.9, -1.0e6], [1.0, 0.0], [1.1, 2.0e6]]`; see [`Table`](crate::fiber::law::Table).
+//!
+//! Fibers of several kinds have, in the place of `[law]`, a table for each and the number of its own for every fiber:
+//!
+//! ```toml
+//! [[fiber_type]]                       # type 0: the same keys as [law]
+//! name = "exponential"
+//! youngs_modulus = 1.0e8
+//! radius = 5.0e-8
+//! nonlinearity = 1.2
+//!
+//! [[fiber_type]]                       # type 1
+//! name = "linear"
+//! youngs_modulus = 1.0e6
+//! radius = 2.0e-7
+//!
+//! [fibers]
+//! types = [0, 0, 1, 0]                 # one number a fiber, in the order of the network file
 //! ```
 
 use std::io;
@@ -27,9 +50,13 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
+use super::fiber_types::Fibers;
 use super::{read_if_present, write};
-use crate::fiber::law::{FiberMaterial, Law};
-use crate::input::InputError;
+use crate::fiber::law::FiberMaterial;
+use crate::input::{InputError, InputErrors};
+
+pub use super::fiber_types::FiberTypes;
+pub use super::named_law::{NamedLaw, NamedLawError};
 
 pub use super::generated::Generated;
 
@@ -42,131 +69,8 @@ pub struct Sidecar {
     pub length_unit: Option<String>,
     /// What all fibers are made of.
     pub material: Option<FiberMaterial>,
-}
-
-/// A fiber law by name, with the parameters that people give: in a sidecar, on a command line.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct NamedLaw {
-    /// `linear`, `exponential` or `exponential-stretch`.
-    pub name: String,
-    /// `E` in Pa.
-    pub youngs_modulus: f64,
-    /// Radius of the round cross-section in m.
-    pub radius: f64,
-    /// `B`, of the exponential laws.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub nonlinearity: Option<f64>,
-    /// `lambda_t`, of `exponential-stretch`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub transition: Option<f64>,
-    /// kg/m^3.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub density: Option<f64>,
-}
-
-/// Why named parameters are no fiber law.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum NamedLawError {
-    /// No law is called that.
-    #[error("there is no law `{name}`; known are linear, exponential and exponential-stretch")]
-    Name {
-        /// The name given.
-        name: String,
-    },
-    /// The law needs a parameter that was not given.
-    #[error("the law `{law}` needs a {parameter}")]
-    Missing {
-        /// The law.
-        law: &'static str,
-        /// The parameter.
-        parameter: &'static str,
-    },
-    /// The law does not have a parameter that was given.
-    #[error("the law `{law}` has no {parameter}")]
-    Needless {
-        /// The law.
-        law: &'static str,
-        /// The parameter.
-        parameter: &'static str,
-    },
-    /// A parameter that no fiber can have.
-    #[error("the {parameter} is {value}, but must be finite and {bound}")]
-    Range {
-        /// The parameter.
-        parameter: &'static str,
-        /// Its value.
-        value: f64,
-        /// `above 0`, `at least 1`.
-        bound: &'static str,
-    },
-}
-
-impl NamedLaw {
-    /// The law with its parameters checked.
-    ///
-    /// # Errors
-    /// See [`NamedLawError`].
-    pub fn material(&self) -> Result<FiberMaterial, NamedLawError> {
-        let youngs_modulus = above_zero("youngs_modulus", self.youngs_modulus)?;
-        let radius = above_zero("radius", self.radius)?;
-        let law = match self.name.as_str() {
-            "linear" => {
-                absent("linear", "nonlinearity", self.nonlinearity)?;
-                absent("linear", "transition", self.transition)?;
-                Law::Linear { youngs_modulus }
-            }
-            "exponential" => {
-                absent("exponential", "transition", self.transition)?;
-                let nonlinearity = present("exponential", "nonlinearity", self.nonlinearity)?;
-                Law::Exponential { youngs_modulus, nonlinearity: above_zero("nonlinearity", nonlinearity)? }
-            }
-            "exponential-stretch" => {
-                let nonlinearity = present("exponential-stretch", "nonlinearity", self.nonlinearity)?;
-                let nonlinearity = above_zero("nonlinearity", nonlinearity)?;
-                let transition = present("exponential-stretch", "transition", self.transition)?;
-                let transition = in_range("transition", transition, transition >= 1.0, "at least 1")?;
-                Law::ExponentialStretch { youngs_modulus, nonlinearity, transition }
-            }
-            name => return Err(NamedLawError::Name { name: name.into() }),
-        };
-        if let Some(density) = self.density {
-            in_range("density", density, density >= 0.0, "at least 0")?;
-        }
-        Ok(FiberMaterial { law, radius, density: self.density })
-    }
-}
-
-impl From<&FiberMaterial> for NamedLaw {
-    fn from(material: &FiberMaterial) -> Self {
-        let (name, youngs_modulus, nonlinearity, transition) = match material.law {
-            Law::Linear { youngs_modulus } => ("linear", youngs_modulus, None, None),
-            Law::Exponential { youngs_modulus, nonlinearity } => {
-                ("exponential", youngs_modulus, Some(nonlinearity), None)
-            }
-            Law::ExponentialStretch { youngs_modulus, nonlinearity, transition } => {
-                ("exponential-stretch", youngs_modulus, Some(nonlinearity), Some(transition))
-            }
-        };
-        let (radius, density) = (material.radius, material.density);
-        Self { name: name.into(), youngs_modulus, radius, nonlinearity, transition, density }
-    }
-}
-
-fn in_range(parameter: &'static str, value: f64, holds: bool, bound: &'static str) -> Result<f64, NamedLawError> {
-    if holds && value.is_finite() { Ok(value) } else { Err(NamedLawError::Range { parameter, value, bound }) }
-}
-
-fn above_zero(parameter: &'static str, value: f64) -> Result<f64, NamedLawError> {
-    in_range(parameter, value, value > 0.0, "above 0")
-}
-
-fn present(law: &'static str, parameter: &'static str, value: Option<f64>) -> Result<f64, NamedLawError> {
-    value.ok_or(NamedLawError::Missing { law, parameter })
-}
-
-fn absent(law: &'static str, parameter: &'static str, value: Option<f64>) -> Result<(), NamedLawError> {
-    value.map_or(Ok(()), |_| Err(NamedLawError::Needless { law, parameter }))
+    /// What each fiber is made of, where they are of several types.
+    pub fiber_types: Option<FiberTypes>,
 }
 
 /// The file as it stands, key by key.
@@ -176,6 +80,8 @@ struct Document {
     generated: Option<Generated>,
     units: Option<Units>,
     law: Option<Spanned<NamedLaw>>,
+    fiber_type: Option<Vec<Spanned<NamedLaw>>>,
+    fibers: Option<Spanned<Fibers>>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -193,57 +99,104 @@ struct Written<'a> {
     units: Option<Units>,
     #[serde(skip_serializing_if = "Option::is_none")]
     law: Option<NamedLaw>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    fiber_type: Vec<NamedLaw>,
 }
 
 impl Sidecar {
-    /// Writes `NAME.toml` beside the network file `NAME`, whole or not at all.
+    /// Writes `NAME.toml` beside the network file `NAME`, whole or not at all. Fiber types count before a `material`.
     ///
     /// # Errors
-    /// [`io::ErrorKind::InvalidInput`] for a seed above `2^63 - 1`, which TOML cannot hold; otherwise what the
-    /// operating system says.
+    /// [`io::ErrorKind::InvalidInput`] for a seed above `2^63 - 1`, which TOML cannot hold, and for a law that could not
+    /// be read back; otherwise what the operating system says.
     pub fn write_beside(&self, network: &Path) -> io::Result<()> {
+        let invalid = |what: String| io::Error::new(io::ErrorKind::InvalidInput, what);
+        let types = self.fiber_types.as_ref();
+        let material = self.material.as_ref().filter(|_| types.is_none());
+        let materials = || types.into_iter().flat_map(|types| &types.materials);
+        if let Some(stranger) = material.into_iter().chain(materials()).find(|m| !NamedLaw::is_known(&m.law)) {
+            return Err(invalid(format!("the law `{}` has no place in a file", stranger.law.name())));
+        }
         let written = Written {
             generated: self.generated.as_ref(),
             units: self.length_unit.clone().map(|length| Units { length }),
-            law: self.material.as_ref().map(NamedLaw::from),
+            law: material.map(NamedLaw::from),
+            fiber_type: materials().map(NamedLaw::from).collect(),
         };
-        let text = toml::to_string(&written)
-            .map_err(|error| io::Error::new(io::ErrorKind::InvalidInput, error.to_string()))?;
+        let mut text = toml::to_string(&written).map_err(|error| invalid(error.to_string()))?;
+        if let Some(types) = types {
+            types.list(&mut text);
+        }
         write::replace(&write::beside(network, ".toml"), text.as_bytes())
     }
 }
 
-/// The sidecar of a network file; `None` where there is none.
+/// The sidecar of a network file of so many fibers; `None` where there is none.
 ///
 /// # Errors
-/// A key that is not known, a value of the wrong type or out of range, with its line.
-pub fn read_beside(network: &Path) -> Result<Option<Sidecar>, InputError> {
+/// A key that is not known, a value of the wrong type or out of range, a number of types that does not fit the fibers,
+/// each with its line; everything wrong in the file of a table.
+pub fn read_beside(network: &Path, fibers: usize) -> Result<Option<Sidecar>, InputErrors> {
     let file = write::beside(network, ".toml");
-    read_if_present(&file)?.map(|bytes| parse(&file, &bytes)).transpose()
+    read_if_present(&file)?.map(|bytes| parse(&file, &bytes, fibers)).transpose()
 }
 
-fn parse(file: &Path, bytes: &[u8]) -> Result<Sidecar, InputError> {
-    const CURE: &str = "correct it; only [generated], [units] and [law] stand in this file";
-    let line_of = |offset: usize| 1 + bytes.iter().take(offset).filter(|&&byte| byte == b'\n').count();
+const CURE: &str = "correct it; only [generated], [units], [law], [[fiber_type]] and [fibers] stand in this file";
+
+/// The line of a byte, both counted as people do.
+pub(super) fn line_of(bytes: &[u8], offset: usize) -> usize {
+    1 + bytes.iter().take(offset).filter(|&&byte| byte == b'\n').count()
+}
+
+fn parse(file: &Path, bytes: &[u8], fibers: usize) -> Result<Sidecar, InputErrors> {
     let text = std::str::from_utf8(bytes).map_err(|error| {
-        let line = line_of(error.valid_up_to());
+        let line = line_of(bytes, error.valid_up_to());
         InputError::at_line(file, line, "bytes that are no text", "TOML in UTF-8", CURE)
     })?;
     let document: Document = toml::from_str(text).map_err(|error| {
-        let line = error.span().map(|span| line_of(span.start));
+        let line = error.span().map(|span| line_of(bytes, span.start));
         let what = error.message().replace('\n', " ");
         InputError { line, ..InputError::in_file(file, what, "what the generator writes beside a network", CURE) }
     })?;
-    let material = document.law.map(|law| {
-        law.get_ref().material().map_err(|error| {
-            let line = line_of(law.span().start);
-            InputError::at_line(file, line, error.to_string(), "a law with the parameters it has", CURE)
+    let base = file.parent().unwrap_or(Path::new(""));
+    let material = |law: Spanned<NamedLaw>| {
+        law.get_ref().material(base).map_err(|error| match error {
+            NamedLawError::File(errors) => errors,
+            error => {
+                let line = line_of(bytes, law.span().start);
+                let expected = match &error {
+                    NamedLawError::Points { error } => error.expected(),
+                    _ => "a law with the parameters it has",
+                };
+                InputError::at_line(file, line, error.to_string(), expected, CURE).into()
+            }
         })
-    });
+    };
+    let both = document.law.as_ref().filter(|_| document.fiber_type.is_some());
+    if let Some(law) = both {
+        let (line, what) = (line_of(bytes, law.span().start), "[law] stands beside [[fiber_type]]");
+        let expected = "one law for all fibers, or several types";
+        return Err(InputError::at_line(file, line, what, expected, "remove one of the two").into());
+    }
+    let materials: Option<Vec<FiberMaterial>> =
+        document.fiber_type.map(|types| types.into_iter().map(material).collect()).transpose()?;
+    let fiber_types = match (materials, document.fibers) {
+        (None, None) => None,
+        (Some(materials), Some(list)) => Some(FiberTypes::read(file, bytes, materials, list, fibers)?),
+        (Some(_), None) => {
+            let (what, expected) = ("[[fiber_type]] without [fibers]", "the type of every fiber: types = [0, 1, ...]");
+            return Err(InputError::in_file(file, what, expected, "add [fibers] with `types`").into());
+        }
+        (None, Some(list)) => {
+            let (line, what) = (line_of(bytes, list.span().start), "[fibers] without a [[fiber_type]]");
+            return Err(InputError::at_line(file, line, what, "the types that are counted", CURE).into());
+        }
+    };
     Ok(Sidecar {
         generated: document.generated,
         length_unit: document.units.map(|units| units.length),
-        material: material.transpose()?,
+        material: document.law.map(material).transpose()?,
+        fiber_types,
     })
 }
 
@@ -252,7 +205,13 @@ mod tests {
     use super::*;
 
     fn law(name: &str, nonlinearity: Option<f64>, transition: Option<f64>) -> NamedLaw {
-        NamedLaw { name: name.into(), youngs_modulus: 1e8, radius: 5e-8, nonlinearity, transition, density: None }
+        let youngs_modulus = Some(1e8);
+        NamedLaw { name: name.into(), youngs_modulus, radius: 5e-8, nonlinearity, transition, ..NamedLaw::default() }
+    }
+
+    fn table() -> NamedLaw {
+        let points = vec![[0.9, -1e6 / 3.0], [1.0, 0.0], [1.0 + 1.0 / 3.0, 2e6]];
+        NamedLaw { name: "table".into(), radius: 5e-8, points: Some(points), ..NamedLaw::default() }
     }
 
     #[test]
@@ -263,16 +222,37 @@ mod tests {
             law("linear", None, None),
             law("exponential", Some(1.2), None),
             law("exponential-stretch", Some(0.1), Some(1.4)),
+            NamedLaw { compression: Some(0.0), ..law("exponential", Some(0.1), None) },
+            NamedLaw { compression: Some(0.1), buckling_strain: Some(0.3), ..law("linear", None, None) },
+            table(),
+            NamedLaw { buckling_strain: Some(1e-3), ..table() },
         ] {
             let sidecar = Sidecar {
                 generated: Some(Generated { seed: i64::MAX as u64, ..Generated::new("delaunay", 60, 1) }),
                 length_unit: Some("edge of the cube".into()),
-                material: Some(FiberMaterial { density: Some(1000.0), ..law.material().unwrap() }),
+                material: Some(FiberMaterial { density: Some(1000.0), ..law.material(folder.path()).unwrap() }),
+                fiber_types: None,
             };
             sidecar.write_beside(&network).unwrap();
-            assert_eq!(read_beside(&network).unwrap(), Some(sidecar));
+            assert_eq!(read_beside(&network, 3).unwrap(), Some(sidecar));
         }
-        assert_eq!(read_beside(&folder.path().join("other.txt")).unwrap(), None);
+        assert_eq!(read_beside(&folder.path().join("other.txt"), 3).unwrap(), None);
+    }
+
+    #[test]
+    fn the_file_of_a_table_lies_beside_the_sidecar() {
+        let folder = tempfile::tempdir().unwrap();
+        let network = folder.path().join("net.txt");
+        let text = "[law]\nname = \"table\"\nfile = \"curve.csv\"\nradius = 1e-7\n";
+        std::fs::write(folder.path().join("net.txt.toml"), text).unwrap();
+        let error = read_beside(&network, 3).unwrap_err().to_string();
+        assert!(error.contains("curve.csv: cannot be read"), "{error}");
+        std::fs::write(folder.path().join("curve.csv"), "stretch,stress\n1,0\n1.1,0\n").unwrap();
+        let error = read_beside(&network, 3).unwrap_err().to_string();
+        assert!(error.contains("curve.csv:2: the curve has no slope at stretch 1"), "{error}");
+        std::fs::write(folder.path().join("curve.csv"), "stretch,stress\n1,0\n1.1,1e6\n").unwrap();
+        let law = read_beside(&network, 3).unwrap().unwrap().material.unwrap().law;
+        assert!((law.youngs_modulus() - 1e7).abs() < 1e-6 * 1e7);
     }
 
     #[test]
@@ -282,14 +262,14 @@ mod tests {
                 "[generated]\nkind = \"delaunay\"\npoints = 3\nseed = 1\nprogram = \"p\"\nsede = 1\n",
                 "n.toml:6: unknown field `sede`, expected one of `kind`, `points`, `seed`, `align`, `strength`, `merge`, `shorter_than`, `program`",
             ),
-            ("[law]\nname = \"linear\"\nradius = 1\n", "n.toml:1: missing field `youngs_modulus`"),
+            ("[law]\nname = \"linear\"\nradius = 1\n", "n.toml:1: the law `linear` needs a youngs_modulus"),
             (
                 "\n[law]\nname = \"linear\"\nradius = \"1\"\nyoungs_modulus = 1\n",
                 "n.toml:4: invalid type: string \"1\", expected f64",
             ),
             (
                 "\n[law]\nname = \"linnear\"\nradius = 1\nyoungs_modulus = 1\n",
-                "n.toml:2: there is no law `linnear`; known are linear, exponential and exponential-stretch",
+                "n.toml:2: there is no law `linnear`; known are linear, exponential, exponential-stretch and table",
             ),
             (
                 "[law]\nname = \"exponential\"\nradius = 1\nyoungs_modulus = 1\n",
@@ -311,11 +291,54 @@ mod tests {
                 "[law]\nname = \"exponential-stretch\"\nradius = 1\nyoungs_modulus = 1\nnonlinearity = 1\ntransition = 0.5\n",
                 "n.toml:1: the transition is 0.5, but must be finite and at least 1",
             ),
+            (
+                "[law]\nname = \"linear\"\nradius = 1\nyoungs_modulus = 1\ncompression = -0.1\n",
+                "n.toml:1: the compression is -0.1, but must be finite and from 0 to 1",
+            ),
+            (
+                "[law]\nname = \"linear\"\nradius = 1\nyoungs_modulus = 1\nbuckling_strain = 0\n",
+                "n.toml:1: the buckling_strain is 0, but must be finite and above 0",
+            ),
+            ("[law]\nname = \"table\"\nradius = 1\n", "n.toml:1: the law `table` needs a file"),
+            (
+                "[law]\nname = \"table\"\nradius = 1\nyoungs_modulus = 1\n",
+                "n.toml:1: the law `table` has no youngs_modulus",
+            ),
+            (
+                "[law]\nname = \"table\"\nradius = 1\npoints = [[1, 0], [1.2, 1], [1.1, 2]]\n",
+                "n.toml:1: point 3: the stretch 1.1 follows 1.2",
+            ),
+            (
+                "[law]\nname = \"table\"\nradius = 1\nfile = \"a\"\npoints = [[1, 0], [1.2, 1]]\n",
+                "n.toml:1: the law `table` has both a file and points",
+            ),
+            (
+                "[[fiber_type]]\nname = \"linear\"\nradius = 1\nyoungs_modulus = 1\n",
+                "n.toml: [[fiber_type]] without [fibers]",
+            ),
+            ("\n[fibers]\ntypes = [0, 0, 0]\n", "n.toml:2: [fibers] without a [[fiber_type]]"),
+            (
+                "[[fiber_type]]\nname = \"linear\"\nradius = 1\nyoungs_modulus = 1\n[fibers]\ntypes = [0,\n 0, 1]\n",
+                "n.toml:7: there is no fiber type 1",
+            ),
+            (
+                "[[fiber_type]]\nname = \"linear\"\nradius = 1\nyoungs_modulus = 1\n[fibers]\ntypes = [0]\n",
+                "n.toml:5: 1 types of fibers",
+            ),
+            (
+                "[[fiber_type]]\nname = \"linear\"\nradius = 1\n[fibers]\ntypes = [0, 0, 0]\n",
+                "n.toml:1: the law `linear` needs a youngs_modulus",
+            ),
+            (
+                "[law]\nname = \"linear\"\nradius = 1\nyoungs_modulus = 1\n\
+                 [[fiber_type]]\nname = \"linear\"\nradius = 1\nyoungs_modulus = 1\n",
+                "n.toml:1: [law] stands beside [[fiber_type]]",
+            ),
         ];
         for (text, expected) in cases {
-            let error = parse(Path::new("n.toml"), text.as_bytes()).unwrap_err().to_string();
+            let error = parse(Path::new("n.toml"), text.as_bytes(), 3).unwrap_err().to_string();
             assert_eq!(error.lines().next(), Some(expected), "{text}");
         }
-        assert!(parse(Path::new("n.toml"), b"[law]\nname = \"\xff\"").is_err());
+        assert!(parse(Path::new("n.toml"), b"[law]\nname = \"\xff\"", 3).is_err());
     }
 }

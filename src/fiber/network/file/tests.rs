@@ -306,8 +306,8 @@ fn the_law_of_the_sidecar_counts_where_there_is_no_params_file() {
     std::fs::write(&path, GOOD).unwrap();
     let law = Law::Exponential { youngs_modulus: 1e7, nonlinearity: 2.0 };
     let material = FiberMaterial { law, radius: 1e-7, density: None };
-    sidecar::Sidecar { material: Some(material), ..Default::default() }.write_beside(&path).unwrap();
-    assert_eq!(read(&path).unwrap().network.materials(), [material]);
+    sidecar::Sidecar { material: Some(material.clone()), ..Default::default() }.write_beside(&path).unwrap();
+    assert_eq!(read(&path).unwrap().network.materials(), std::slice::from_ref(&material));
     std::fs::write(folder.path().join("net.txt.params"), GOOD_PARAMS).unwrap();
     let both = read(&path).unwrap();
     assert_eq!(both.network.materials().len(), 2);

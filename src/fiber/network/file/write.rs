@@ -42,8 +42,7 @@ pub fn write_parts(path: &Path, nodes: &[[f64; 3]], fibers: &[[u32; 2]]) -> io::
 /// without a density gets 1.
 ///
 /// # Errors
-/// [`io::ErrorKind::InvalidInput`] for a law that the format has no number for (`exponential`), or for a network without materials;
-/// otherwise what the operating system says.
+/// [`io::ErrorKind::InvalidInput`] where [`fits_params`] says no; otherwise what the operating system says.
 pub fn write_params(path: &Path, network: &Network) -> io::Result<()> {
     if network.materials().is_empty() {
         return Err(io::Error::new(io::ErrorKind::InvalidInput, "the network has no materials"));
@@ -63,6 +62,13 @@ pub fn write_params(path: &Path, network: &Network) -> io::Result<()> {
         let _ = writeln!(text, "{reaction}");
     }
     replace(&beside(path, ".params"), text.as_bytes())
+}
+
+/// Whether the `.params` format can hold the materials of a network: there are some, and all their laws are `linear` or
+/// `exponential-stretch` and take compression as they do tension.
+#[must_use]
+pub fn fits_params(network: &Network) -> bool {
+    !network.materials().is_empty() && network.materials().iter().all(|material| reaction(material).is_some())
 }
 
 /// Removes the `.params` file beside `path`, if there is one: a network written anew must not find the materials of
@@ -86,7 +92,7 @@ pub(super) fn reaction(material: &FiberMaterial) -> Option<String> {
         Law::ExponentialStretch { youngs_modulus, nonlinearity, transition } => {
             Some(format!("1 {radius:e} {youngs_modulus:e} {nonlinearity} {transition} {density}"))
         }
-        Law::Exponential { .. } => None,
+        Law::Exponential { .. } | Law::Table(_) | Law::NoCompression { .. } | Law::Custom(_) => None,
     }
 }
 

@@ -17,6 +17,7 @@ fn placeless(mut case: Case) -> Case {
 fn written_case_reads_the_same_from_another_folder() {
     let folder = Folder::new();
     let elsewhere = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("curve.csv"), "stretch,stress\n0.9,-1e6\n1,0\n1.3,3.1415926535e7\n").unwrap();
     let law = |text: &str| {
         let start = FULL.find("law = ").unwrap();
         let end = start + FULL[start..].find('\n').unwrap();
@@ -28,6 +29,10 @@ fn written_case_reads_the_same_from_another_folder() {
         SMALL.to_string(),
         law(""),
         law(r#"law = { name = "linear", youngs_modulus = 0.1, radius = 3e-310 }"#),
+        law(r#"law = { name = "exponential", youngs_modulus = 1, radius = 1, nonlinearity = 1, compression = 0 }"#),
+        law(r#"law = { name = "linear", youngs_modulus = 1, radius = 1, buckling_strain = 0.3, compression = 0.1 }"#),
+        law(r#"law = { name = "table", radius = 1, points = [[0.9, -0.1], [1, 0], [1.1, 1e5]], compression = 0.5 }"#),
+        law(r#"law = { name = "table", radius = 1, file = "curve.csv" }"#),
         law(r#"law = { name = "exponential", youngs_modulus = 1e300, radius = 0.3, nonlinearity = 0.1 }"#),
         FULL.replace("fiber_volume_fraction = 0.003", "scale = \"raw\"").replace("[17, 0, 17]", "\"all\""),
         FULL.replace("file = \"sample.msh\"", boxed).replace("\"cycle\"", "\"random\""),

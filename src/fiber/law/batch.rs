@@ -1,0 +1,84 @@
+//! A formula for one fiber as a loop over many.
+
+use crate::fiber::vector::{Kernel, vectorised};
+
+/// The formula of a law without branches, so that its loops become vector instructions.
+///
+/// Implementations are `#[inline(always)]`.
+pub(super) trait Formula {
+    /// Nominal stress and slope.
+    fn stress_of<const FUSED: bool>(&self, stretch: f64) -> (f64, f64);
+}
+
+/// The same of its energy.
+pub(super) trait EnergyFormula {
+    /// Energy per reference volume.
+    fn energy_of<const FUSED: bool>(&self, stretch: f64) -> f64;
+}
+
+/// Stress and slope of all stretches.
+#[inline]
+pub(super) fn stresses(law: &impl Formula, stretch: &[f64], stress: &mut [f64], slope: &mut [f64]) {
+    vectorised(Stresses { law, stretch, stress, slope });
+}
+
+/// Energy of all stretches.
+#[inline]
+pub(super) fn energies(law: &impl EnergyFormula, stretch: &[f64], energy: &mut [f64]) {
+    vectorised(Energies { law, stretch, energy });
+}
+
+struct Stresses<'a, L> {
+    law: &'a L,
+    stretch: &'a [f64],
+    stress: &'a mut [f64],
+    slope: &'a mut [f64],
+}
+
+impl<L: Formula> Kernel for Stresses<'_, L> {
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        for ((&stretch, stress), slope) in self.stretch.iter().zip(self.stress).zip(self.slope) {
+            (*stress, *slope) = self.law.stress_of::<FUSED>(stretch);
+        }
+    }
+}
+
+struct Energies<'a, L> {
+    law: &'a L,
+    stretch: &'a [f64],
+    energy: &'a mut [f64],
+}
+
+impl<L: EnergyFormula> Kernel for Energies<'_, L> {
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        for (&stretch, energy) in self.stretch.iter().zip(self.energy) {
+            *energy = self.law.energy_of::<FUSED>(stretch);
+        }
+    }
+}
+
+/// The scalar and the batch methods of [`super::FiberLaw`] for a law with a [`Formula`] and an [`EnergyFormula`].
+macro_rules! by_formula {
+    () => {
+        #[inline]
+        fn stress(&self, stretch: f64) -> (f64, f64) {
+            $crate::fiber::law::batch::Formula::stress_of::<false>(self, stretch)
+        }
+
+        #[inline]
+        fn energy(&self, stretch: f64) -> f64 {
+            $crate::fiber::law::batch::EnergyFormula::energy_of::<false>(self, stretch)
+        }
+
+        fn stresses(&self, stretch: &[f64], stress: &mut [f64], slope: &mut [f64]) {
+            $crate::fiber::law::batch::stresses(self, stretch, stress, slope);
+        }
+
+        fn energies(&self, stretch: &[f64], energy: &mut [f64]) {
+            $crate::fiber::law::batch::energies(self, stretch, energy);
+        }
+    };
+}
+pub(super) use by_formula;

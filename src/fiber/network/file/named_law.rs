@@ -1,0 +1,218 @@
+//! A fiber law by name with its parameters, as people give it: in a sidecar, on a command line.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use crate::fiber::law::{BUCKLING_STRAIN, COMPRESSION, FiberMaterial, Law, Table, TableError};
+use crate::input::InputErrors;
+
+/// A fiber law by name, with the parameters that people give: in a sidecar, on a command line.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NamedLaw {
+    /// `linear`, `exponential`, `exponential-stretch` or `table`.
+    pub name: String,
+    /// `E` in Pa, of all but `table`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub youngs_modulus: Option<f64>,
+    /// Radius of the round cross-section in m.
+    pub radius: f64,
+    /// `B`, of the exponential laws.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub nonlinearity: Option<f64>,
+    /// `lambda_t`, of `exponential-stretch`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub transition: Option<f64>,
+    /// The CSV file of a `table`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub file: Option<PathBuf>,
+    /// Instead of a file, the points of a `table`: stretch and nominal stress in Pa.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub points: Option<Vec<[f64; 2]>>,
+    /// Of any law: the stiffness that is left in compression, over `E`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub compression: Option<f64>,
+    /// Of any law: the compressive strain within which the stiffness falls.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub buckling_strain: Option<f64>,
+    /// kg/m^3.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub density: Option<f64>,
+}
+
+/// Why named parameters are no fiber law.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum NamedLawError {
+    /// No law is called that.
+    #[error("there is no law `{name}`; known are linear, exponential, exponential-stretch and table")]
+    Name {
+        /// The name given.
+        name: String,
+    },
+    /// The law needs a parameter that was not given.
+    #[error("the law `{law}` needs a {parameter}")]
+    Missing {
+        /// The law.
+        law: &'static str,
+        /// The parameter.
+        parameter: &'static str,
+    },
+    /// The law does not have a parameter that was given.
+    #[error("the law `{law}` has no {parameter}")]
+    Needless {
+        /// The law.
+        law: &'static str,
+        /// The parameter.
+        parameter: &'static str,
+    },
+    /// A parameter that no fiber can have.
+    #[error("the {parameter} is {value}, but must be finite and {bound}")]
+    Range {
+        /// The parameter.
+        parameter: &'static str,
+        /// Its value.
+        value: f64,
+        /// `above 0`, `at least 1`.
+        bound: &'static str,
+    },
+    /// A table is given twice.
+    #[error("the law `table` has both a file and points")]
+    TwoTables,
+    /// The points of a table make no law; they are counted from 1.
+    #[error("{}{error}", error.point().map(|point| format!("point {}: ", point + 1)).unwrap_or_default())]
+    Points {
+        /// Why.
+        error: TableError,
+    },
+    /// The file of a table cannot be read or makes no law.
+    #[error(transparent)]
+    File(#[from] InputErrors),
+}
+
+impl NamedLaw {
+    /// The law with its parameters checked; the path of a table is relative to the folder `base`.
+    ///
+    /// # Errors
+    /// See [`NamedLawError`].
+    pub fn material(&self, base: &Path) -> Result<FiberMaterial, NamedLawError> {
+        let law = self.law(base)?;
+        let law = match (self.compression, self.buckling_strain) {
+            (None, None) => law,
+            (compression, strain) => {
+                let compression = compression.unwrap_or(COMPRESSION);
+                let fits = (0.0..=1.0).contains(&compression);
+                in_range("compression", compression, fits, "from 0 to 1")?;
+                law.without_compression(compression, above_zero("buckling_strain", strain.unwrap_or(BUCKLING_STRAIN))?)
+            }
+        };
+        let radius = above_zero("radius", self.radius)?;
+        if let Some(density) = self.density {
+            in_range("density", density, density >= 0.0, "at least 0")?;
+        }
+        Ok(FiberMaterial { law, radius, density: self.density })
+    }
+
+    fn law(&self, base: &Path) -> Result<Law, NamedLawError> {
+        let modulus = |law| {
+            absent(law, "file", self.file.is_some())?;
+            absent(law, "points", self.points.is_some())?;
+            above_zero("youngs_modulus", present(law, "youngs_modulus", self.youngs_modulus)?)
+        };
+        let nonlinearity = |law| above_zero("nonlinearity", present(law, "nonlinearity", self.nonlinearity)?);
+        match self.name.as_str() {
+            "linear" => {
+                absent("linear", "nonlinearity", self.nonlinearity.is_some())?;
+                absent("linear", "transition", self.transition.is_some())?;
+                Ok(Law::Linear { youngs_modulus: modulus("linear")? })
+            }
+            "exponential" => {
+                absent("exponential", "transition", self.transition.is_some())?;
+                let youngs_modulus = modulus("exponential")?;
+                Ok(Law::Exponential { youngs_modulus, nonlinearity: nonlinearity("exponential")? })
+            }
+            "exponential-stretch" => {
+                let youngs_modulus = modulus("exponential-stretch")?;
+                let nonlinearity = nonlinearity("exponential-stretch")?;
+                let transition = present("exponential-stretch", "transition", self.transition)?;
+                let transition = in_range("transition", transition, transition >= 1.0, "at least 1")?;
+                Ok(Law::ExponentialStretch { youngs_modulus, nonlinearity, transition })
+            }
+            "table" => {
+                absent("table", "youngs_modulus", self.youngs_modulus.is_some())?;
+                absent("table", "nonlinearity", self.nonlinearity.is_some())?;
+                absent("table", "transition", self.transition.is_some())?;
+                self.table(base).map(Law::table)
+            }
+            name => Err(NamedLawError::Name { name: name.into() }),
+        }
+    }
+
+    fn table(&self, base: &Path) -> Result<Table, NamedLawError> {
+        match (&self.file, &self.points) {
+            (Some(file), None) => Ok(Table::read(&base.join(file))?),
+            (None, Some(points)) => Table::new(points.clone()).map_err(|error| NamedLawError::Points { error }),
+            (Some(_), Some(_)) => Err(NamedLawError::TwoTables),
+            (None, None) => Err(NamedLawError::Missing { law: "table", parameter: "file" }),
+        }
+    }
+
+    /// Whether reading gives the law back; a law that this crate does not know can be shown, not read.
+    pub(super) fn is_known(law: &Law) -> bool {
+        match law {
+            Law::NoCompression { law, .. } => !matches!(**law, Law::NoCompression { .. }) && Self::is_known(law),
+            Law::Custom(_) => false,
+            _ => true,
+        }
+    }
+}
+
+impl From<&FiberMaterial> for NamedLaw {
+    fn from(material: &FiberMaterial) -> Self {
+        let (radius, density) = (material.radius, material.density);
+        Self { radius, density, ..Self::from(&material.law) }
+    }
+}
+
+impl From<&Law> for NamedLaw {
+    /// Without a radius, which is not the law's.
+    fn from(law: &Law) -> Self {
+        let mut named = Self { name: law.name().into(), ..Self::default() };
+        match law {
+            Law::Linear { youngs_modulus } => named.youngs_modulus = Some(*youngs_modulus),
+            Law::Exponential { youngs_modulus, nonlinearity } => {
+                named.youngs_modulus = Some(*youngs_modulus);
+                named.nonlinearity = Some(*nonlinearity);
+            }
+            Law::ExponentialStretch { youngs_modulus, nonlinearity, transition } => {
+                named.youngs_modulus = Some(*youngs_modulus);
+                named.nonlinearity = Some(*nonlinearity);
+                named.transition = Some(*transition);
+            }
+            Law::Table(table) => named.points = Some(table.points().to_vec()),
+            Law::NoCompression { law, compression, buckling_strain } => {
+                named = Self::from(&**law);
+                named.compression = Some(*compression);
+                named.buckling_strain = Some(*buckling_strain);
+            }
+            Law::Custom(law) => named.youngs_modulus = Some(law.law().youngs_modulus()),
+        }
+        named
+    }
+}
+
+fn in_range(parameter: &'static str, value: f64, holds: bool, bound: &'static str) -> Result<f64, NamedLawError> {
+    if holds && value.is_finite() { Ok(value) } else { Err(NamedLawError::Range { parameter, value, bound }) }
+}
+
+fn above_zero(parameter: &'static str, value: f64) -> Result<f64, NamedLawError> {
+    in_range(parameter, value, value > 0.0, "above 0")
+}
+
+fn present(law: &'static str, parameter: &'static str, value: Option<f64>) -> Result<f64, NamedLawError> {
+    value.ok_or(NamedLawError::Missing { law, parameter })
+}
+
+fn absent(law: &'static str, parameter: &'static str, given: bool) -> Result<(), NamedLawError> {
+    if given { Err(NamedLawError::Needless { law, parameter }) } else { Ok(()) }
+}
