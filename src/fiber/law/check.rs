@@ -78,7 +78,7 @@ pub enum LawFault {
 ///
 /// Differences are compared with integrals over a thousand intervals, and one that disagrees is halved until it agrees or
 /// is as short as 1e-8: a mere bend fades away on the way, a jump or a wrong formula stays. What agrees does so within
-/// some 1e-6.
+/// some 1e-6. A slope that changes by 1e-6 of the modulus within 1e-10 counts as a jump.
 ///
 /// # Errors
 /// The first [`LawFault`] found.
