@@ -59,10 +59,9 @@ struct Work<B: Backend> {
 }
 
 impl<B: Backend<Scalar = f64, Index = i32, Context = ()>> Work<B> {
-    fn new(unknowns: usize) -> Self {
-        let mut random = Random::new(unknowns as u64);
-        let pattern: Arc<Sparsity> = random.elements(unknowns);
-        let a = Oracle::dominant(&mut random, &pattern, |_| 1.0);
+    fn new(mut random: Random, pattern: &Arc<Sparsity>) -> Self {
+        let unknowns = pattern.rows();
+        let a = Oracle::dominant(&mut random, pattern, |_| 1.0);
         let elements: Vec<(Vec<i32>, Vec<f64>)> = (0..unknowns)
             .map(|row| {
                 let columns = pattern.row(row).iter().map(|&c| c as i32);
@@ -70,14 +69,14 @@ impl<B: Backend<Scalar = f64, Index = i32, Context = ()>> Work<B> {
                 (columns.collect(), values.collect())
             })
             .collect();
-        let matrix = B::matrix(&(), &pattern).unwrap();
+        let matrix = B::matrix(&(), pattern).unwrap();
         let mut slots = Vec::new();
         for (row, (columns, _)) in elements.iter().enumerate() {
             matrix.locate(&[row as i32], columns, &mut slots).unwrap();
         }
         let values = elements.iter().flat_map(|(_, values)| values.iter().copied()).collect();
         let vectors = || (0..RIGHT_SIDES).map(|_| B::vector(&(), unknowns).unwrap()).collect::<Vec<_>>();
-        let symbolic = B::analyze(&(), &pattern, &SolverParams::default()).unwrap();
+        let symbolic = B::analyze(&(), pattern, &SolverParams::default()).unwrap();
         let solver = B::solver(&symbolic).unwrap();
         Self { elements, slots, values, matrix, solver, right: vectors(), solutions: vectors() }
     }
@@ -109,16 +108,21 @@ impl<B: Backend<Scalar = f64, Index = i32, Context = ()>> Work<B> {
 }
 
 fn allocates_only_at_first<B: Backend<Scalar = f64, Index = i32, Context = ()>>() {
-    for unknowns in [10, 120, 300] {
-        let mut work = Work::<B>::new(unknowns);
-        let before = CALLS.get();
-        work.round();
-        assert!(CALLS.get() > before, "the counter counts: the first right-hand sides need room");
-        let before = CALLS.get();
-        for _ in 0..100 {
+    for size in [10, 40, 120, 300] {
+        for blocks in [false, true] {
+            let mut random = Random::new(size);
+            let size = size as usize;
+            let pattern = if blocks { random.truss(size.div_ceil(3), 4) } else { random.elements(size) };
+            let mut work = Work::<B>::new(random, &pattern);
+            let before = CALLS.get();
             work.round();
+            assert!(CALLS.get() > before, "the counter counts: the first right-hand sides need room");
+            let before = CALLS.get();
+            for _ in 0..100 {
+                work.round();
+            }
+            assert_eq!(CALLS.get() - before, 0, "{} unknowns, in blocks: {blocks}", pattern.rows());
         }
-        assert_eq!(CALLS.get() - before, 0, "{unknowns} unknowns");
     }
 }
 

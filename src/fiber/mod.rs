@@ -18,7 +18,7 @@ pub mod orientation;
 pub mod path;
 pub mod relax;
 pub mod rve;
-mod stiffness;
+pub mod stiffness;
 pub mod truss;
 mod vector;
 pub mod workspace;

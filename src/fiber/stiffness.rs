@@ -11,9 +11,9 @@ use crate::las::{Backend, Index, MatrixOps, Sparsity};
 pub struct StiffnessSlots<B: Backend> {
     /// Nine slots an interior node.
     diagonal: Vec<B::Slot>,
-    /// Fibers with two interior ends.
-    inner: Vec<u32>,
-    /// Eighteen slots each of those: block `(a, b)`, then block `(b, a)`.
+    /// The interior numbers of both ends of every fiber; the number of interior nodes for an end on the boundary.
+    ends: Vec<[u32; 2]>,
+    /// Eighteen slots for each fiber between interior nodes: block `(a, b)`, then block `(b, a)`.
     pairs: Vec<B::Slot>,
 }
 
@@ -25,16 +25,17 @@ impl<B: Backend<Scalar = f64>> StiffnessSlots<B> {
     pub fn locate(context: &B::Context, truss: &Truss, pattern: &Arc<Sparsity>) -> Result<Self, B::Fault> {
         let matrix = B::matrix(context, pattern)?;
         let number = truss.network().interior_number();
-        let rows = |interior: usize| [0, 1, 2].map(|i| B::Index::of(3 * interior + i));
-        let mut slots = Self { diagonal: Vec::new(), inner: Vec::new(), pairs: Vec::new() };
-        for node in 0..truss.network().interior().len() {
+        let interior = truss.network().interior().len();
+        let rows = |node: usize| [0, 1, 2].map(|i| B::Index::of(3 * node + i));
+        let mut slots = Self { diagonal: Vec::new(), ends: Vec::new(), pairs: Vec::new() };
+        for node in 0..interior {
             matrix.locate(&rows(node), &rows(node), &mut slots.diagonal)?;
         }
-        for (fiber, &[a, b]) in truss.ends().iter().enumerate() {
-            let (a, b) = (number[a as usize], number[b as usize]);
-            if a >= 0 && b >= 0 {
-                let (a, b) = (rows(a as usize), rows(b as usize));
-                slots.inner.push(fiber as u32);
+        for ends in truss.ends() {
+            let ends = ends.map(|node| usize::try_from(number[node as usize]).unwrap_or(interior));
+            slots.ends.push(ends.map(|node| node as u32));
+            if ends.iter().all(|&node| node < interior) {
+                let [a, b] = ends.map(rows);
                 matrix.locate(&a, &b, &mut slots.pairs)?;
                 matrix.locate(&b, &a, &mut slots.pairs)?;
             }
@@ -53,26 +54,27 @@ impl<B: Backend<Scalar = f64>> StiffnessSlots<B> {
         diagonal: &mut Vec<[f64; 9]>,
         matrix: &mut B::Matrix,
     ) -> Result<(), B::Fault> {
-        let number = truss.network().interior_number();
+        let interior = truss.network().interior().len();
+        // The last block takes what the boundary nodes get, which nobody reads: no fiber need ask where it ends.
         diagonal.clear();
-        diagonal.resize(truss.network().interior().len(), [0.0; 9]);
-        for (fiber, ends) in truss.ends().iter().enumerate() {
+        diagonal.resize(interior + 1, [0.0; 9]);
+        let mut pairs = self.pairs.chunks_exact(18);
+        for (fiber, ends) in self.ends.iter().enumerate() {
             let block = states.block(fiber);
             for &node in ends {
-                // A boundary node has number -1, which no diagonal block answers to.
-                if let Some(sum) = diagonal.get_mut(number[node as usize] as usize) {
-                    sum.iter_mut().zip(&block).for_each(|(s, b)| *s += b);
-                }
+                diagonal[node as usize].iter_mut().zip(&block).for_each(|(sum, k)| *sum += k);
+            }
+            if ends.iter().all(|&node| (node as usize) < interior)
+                && let Some(slots) = pairs.next()
+            {
+                // The block is symmetric: the mirrored one is the same.
+                let block = block.map(|k| -k);
+                matrix.add_at(&slots[..9], &block)?;
+                matrix.add_at(&slots[9..], &block)?;
             }
         }
         for (slots, block) in self.diagonal.chunks_exact(9).zip(diagonal.iter()) {
             matrix.add_at(slots, block)?;
-        }
-        for (slots, &fiber) in self.pairs.chunks_exact(18).zip(&self.inner) {
-            let block = states.block(fiber as usize).map(|k| -k);
-            // The block is symmetric: the mirrored one is the same.
-            matrix.add_at(&slots[..9], &block)?;
-            matrix.add_at(&slots[9..], &block)?;
         }
         Ok(())
     }

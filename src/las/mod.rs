@@ -20,5 +20,7 @@ pub use newton::{
 };
 pub use ops::{MatrixOps, VectorOps};
 pub use scalar::{Index, Scalar};
-pub use solve::{FactorReport, Factorisation, MatVec, SolveError, SolveReport, Solver, SolverParams, Symmetry};
+pub use solve::{
+    FactorReport, Factorisation, MatVec, Ordering, SolveError, SolveReport, Solver, SolverParams, Symmetry,
+};
 pub use sparsity::{Sparsity, SparsityError};

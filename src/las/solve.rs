@@ -21,6 +21,22 @@ pub enum Symmetry {
     None,
 }
 
+/// The order in which a sparse direct solver eliminates the unknowns of a symmetric matrix.
+///
+/// It decides how much the factor fills in. An unsymmetric matrix is ordered by its columns, whatever is asked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Ordering {
+    /// Of those compiled in, the one that predicts the fewest operations.
+    #[default]
+    Auto,
+    /// Approximate minimum degree.
+    MinimumDegree,
+    /// Nested dissection.
+    NestedDissection,
+    /// Nested dissection by the library METIS, where it is compiled in (cargo feature `metis`).
+    Metis,
+}
+
 /// How a system is to be solved.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
@@ -31,6 +47,8 @@ pub struct SolverParams {
     ///
     /// Default: 4 machine epsilons of the scalar, set by the backend where this is `None`.
     pub singular_below: Option<f64>,
+    /// The order of elimination; a backend without a choice ignores it.
+    pub ordering: Ordering,
 }
 
 impl Default for SolverParams {
@@ -43,7 +61,7 @@ impl SolverParams {
     /// The defaults for a matrix of the stated symmetry.
     #[must_use]
     pub fn new(symmetry: Symmetry) -> Self {
-        Self { symmetry, singular_below: None }
+        Self { symmetry, singular_below: None, ordering: Ordering::Auto }
     }
 }
 

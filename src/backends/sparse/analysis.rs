@@ -5,19 +5,28 @@ use std::fmt::Display;
 use std::sync::{Arc, OnceLock};
 
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
-use faer::sparse::linalg::amd;
 use faer::sparse::linalg::cholesky::{simplicial, supernodal};
 use faer::sparse::{FaerError, SymbolicSparseColMat, SymbolicSparseColMatRef};
 
+use super::block::BlockAnalysis;
 use super::lu::LuAnalysis;
+use super::order::{self, BLOCK, Graph};
 use crate::las::{SolveError, SolverParams, Sparsity, Symmetry};
+
+/// Operations of a factorisation from which on the library's supernodes serve instead of blocks of three: there, blocking
+/// for the caches that are shared counts for more than small overheads. Measured in `docs/kernel.md`.
+const SUPERNODES_FROM: f64 = 4e9;
 
 /// The analysis of one pattern, shared by every solver of it.
 pub struct Symbolic {
     pub(super) pattern: Arc<Sparsity>,
     pub(super) params: SolverParams,
-    /// Absent where the matrices are stated to be unsymmetric.
-    pub(super) cholesky: Option<CholeskyAnalysis>,
+    order: Vec<u32>,
+    operations: Option<f64>,
+    /// For definite matrices of blocks that are not too large.
+    pub(super) blocks: Option<BlockAnalysis>,
+    /// Made in advance for symmetric matrices without the former, and on the first need for the others.
+    cholesky: OnceLock<CholeskyAnalysis>,
     /// Made in advance for unsymmetric matrices, and on the first need for others.
     lu: OnceLock<LuAnalysis>,
 }
@@ -28,15 +37,41 @@ impl Symbolic {
         if rows != cols {
             return Err(SolveError::NotSquare { rows, cols });
         }
-        let cholesky = match params.symmetry {
-            Symmetry::Definite | Symmetry::Symmetric => Some(CholeskyAnalysis::new(pattern).map_err(failed)?),
-            Symmetry::None => None,
+        let mut symbolic = Self {
+            pattern: Arc::clone(pattern),
+            params: *params,
+            order: Vec::new(),
+            operations: None,
+            blocks: None,
+            cholesky: OnceLock::new(),
+            lu: OnceLock::new(),
         };
-        let symbolic = Self { pattern: Arc::clone(pattern), params: *params, cholesky, lu: OnceLock::new() };
-        if symbolic.cholesky.is_none() {
+        if params.symmetry == Symmetry::None {
             symbolic.lu()?;
+        } else {
+            symbolic.analyze_symmetric()?;
         }
         Ok(symbolic)
+    }
+
+    fn analyze_symmetric(&mut self) -> Result<(), SolveError<Infallible>> {
+        let pattern = &*self.pattern;
+        debug_assert!(pattern.is_symmetric(), "the pattern of a symmetric matrix is symmetric");
+        let graph = Graph::new(pattern);
+        let tree = order::eliminate(&graph, self.params.ordering)?;
+        let each = graph.unknowns_per_node as u32;
+        self.order = tree.order.iter().flat_map(|&node| (0..each).map(move |k| each * node + k)).collect();
+        let operations = tree.operations(graph.unknowns_per_node);
+        self.operations = Some(operations);
+        let by_blocks = graph.unknowns_per_node == BLOCK
+            && self.params.symmetry == Symmetry::Definite
+            && operations < SUPERNODES_FROM;
+        if by_blocks {
+            self.blocks = Some(BlockAnalysis::new(pattern, &graph, &tree));
+        } else {
+            self.cholesky()?;
+        }
+        Ok(())
     }
 
     /// Number of unknowns.
@@ -49,7 +84,35 @@ impl Symbolic {
     /// the matrices are stated to be unsymmetric.
     #[must_use]
     pub fn factor_entries(&self) -> Option<usize> {
-        self.cholesky.as_ref().map(|analysis| analysis.supernodes.len_val())
+        let of_cholesky = || self.cholesky.get().map(|analysis| analysis.supernodes.len_val());
+        self.blocks.as_ref().map(BlockAnalysis::entries).or_else(of_cholesky)
+    }
+
+    /// The unknown that Cholesky eliminates at each position; empty where the matrices are stated to be unsymmetric.
+    #[must_use]
+    pub fn order(&self) -> &[u32] {
+        &self.order
+    }
+
+    /// Floating-point operations of a Cholesky factorisation in the order found, explicit zeros not counted; `None` where
+    /// the matrices are stated to be unsymmetric.
+    #[must_use]
+    pub fn operations(&self) -> Option<f64> {
+        self.operations
+    }
+
+    /// The analysis for Cholesky and LDL^T of the library; there is one where the matrices are stated to be symmetric.
+    pub(super) fn cholesky(&self) -> Result<&CholeskyAnalysis, SolveError<Infallible>> {
+        if let Some(analysis) = self.cholesky.get() {
+            return Ok(analysis);
+        }
+        let analysis = CholeskyAnalysis::new(&self.pattern, self.order.clone()).map_err(failed)?;
+        Ok(self.cholesky.get_or_init(|| analysis))
+    }
+
+    /// The same if it was made already.
+    pub(super) fn cholesky_made(&self) -> Option<&CholeskyAnalysis> {
+        self.cholesky.get()
     }
 
     /// The analysis for LU.
@@ -82,11 +145,9 @@ pub(super) struct CholeskyAnalysis {
 }
 
 impl CholeskyAnalysis {
-    fn new(pattern: &Sparsity) -> Result<Self, FaerError> {
-        debug_assert!(pattern.is_symmetric(), "the pattern of a symmetric matrix is symmetric");
+    fn new(pattern: &Sparsity, order: Vec<u32>) -> Result<Self, FaerError> {
         let n = pattern.rows();
-        let (order, position) = order_by_minimum_degree(pattern)?;
-        let (lower, source) = permuted_lower_triangle(pattern, &position);
+        let (lower, source) = permuted_lower_triangle(pattern, &order::inverse(&order));
         let supernodes = supernodes(lower.as_ref())?;
         let mut diagonal = Vec::with_capacity(n);
         for s in 0..supernodes.n_supernodes() {
@@ -97,16 +158,6 @@ impl CholeskyAnalysis {
         }
         Ok(Self { order, lower, source, supernodes, diagonal })
     }
-}
-
-/// Orders the unknowns so that the factor fills in little: the unknown at each position, and the position of each unknown.
-fn order_by_minimum_degree(pattern: &Sparsity) -> Result<(Vec<u32>, Vec<u32>), FaerError> {
-    let n = pattern.rows();
-    let matrix = SymbolicSparseColMatRef::new_checked(n, n, pattern.row_start(), None, pattern.columns());
-    let (mut order, mut position) = (vec![0; n], vec![0; n]);
-    let mut memory = MemBuffer::new(amd::order_scratch::<u32>(n, pattern.entries()));
-    amd::order(&mut order, &mut position, matrix, amd::Control::default(), MemStack::new(&mut memory))?;
-    Ok((order, position))
 }
 
 /// The lower triangle of the ordered matrix by columns, and where its values come from: the upper triangle of the matrix.

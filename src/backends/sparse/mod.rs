@@ -23,10 +23,12 @@
 //! ```
 
 mod analysis;
+mod block;
 mod cholesky;
 mod lu;
 mod matrix;
 mod ops;
+mod order;
 mod solve;
 mod vector;
 
@@ -34,20 +36,19 @@ use std::convert::Infallible;
 use std::marker::PhantomData;
 use std::sync::Arc;
 
-use faer::traits::RealField;
-
 pub use analysis::Symbolic;
+use block::BlockScalar;
 pub use matrix::Matrix;
 pub use solve::Solver;
 pub use vector::Vector;
 
-use crate::las::{Backend, Scalar, SolveError, SolverParams, Sparsity};
+use crate::las::{Backend, SolveError, SolverParams, Sparsity};
 
 /// The backend of compressed rows; `T` is `f64` or `f32`.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Sparse<T = f64>(PhantomData<fn() -> T>);
 
-impl<T: Scalar + RealField> Backend for Sparse<T> {
+impl<T: BlockScalar> Backend for Sparse<T> {
     const NAME: &'static str = "sparse";
 
     type Scalar = T;
@@ -78,6 +79,6 @@ impl<T: Scalar + RealField> Backend for Sparse<T> {
     }
 
     fn solver(symbolic: &Arc<Symbolic>) -> Result<Solver<T>, SolveError<Infallible>> {
-        Ok(Solver::new(symbolic))
+        Solver::new(symbolic)
     }
 }

@@ -2,15 +2,14 @@
 
 use std::convert::Infallible;
 
-use faer::traits::RealField;
-
+use super::block::BlockScalar;
 use super::matrix::RowSearch;
 use super::{Matrix, Sparse, Vector};
 use crate::backends::direct::check_size;
 use crate::backends::local;
-use crate::las::{MatVec, MatrixOps, Scalar, SolveError, VectorOps};
+use crate::las::{MatVec, MatrixOps, SolveError, VectorOps};
 
-impl<T: Scalar + RealField> VectorOps<Sparse<T>> for Vector<T> {
+impl<T: BlockScalar> VectorOps<Sparse<T>> for Vector<T> {
     #[inline(always)]
     fn len(&self) -> usize {
         self.values.len()
@@ -72,7 +71,7 @@ impl<T: Scalar + RealField> VectorOps<Sparse<T>> for Vector<T> {
     }
 }
 
-impl<T: Scalar + RealField> Matrix<T> {
+impl<T: BlockScalar> Matrix<T> {
     /// Calls `visit(entry, value of the block)` for every pair of a block that is in the pattern.
     #[inline(always)]
     fn scatter(&mut self, rows: &[i32], cols: &[i32], block: &[T], mut visit: impl FnMut(&mut T, T)) {
@@ -91,7 +90,7 @@ impl<T: Scalar + RealField> Matrix<T> {
     }
 }
 
-impl<T: Scalar + RealField> MatrixOps<Sparse<T>> for Matrix<T> {
+impl<T: BlockScalar> MatrixOps<Sparse<T>> for Matrix<T> {
     #[inline(always)]
     fn shape(&self) -> (usize, usize) {
         (self.pattern.rows(), self.pattern.cols())
@@ -185,7 +184,7 @@ impl<T: Scalar + RealField> MatrixOps<Sparse<T>> for Matrix<T> {
     }
 }
 
-impl<T: Scalar + RealField> MatVec<Sparse<T>> for Matrix<T> {
+impl<T: BlockScalar> MatVec<Sparse<T>> for Matrix<T> {
     fn mul(&self, x: &Vector<T>, y: &mut Vector<T>) -> Result<(), SolveError<Infallible>> {
         check_size("the vector to multiply", x.values.len(), self.pattern.cols())?;
         check_size("the product", y.values.len(), self.pattern.rows())?;

@@ -5,20 +5,21 @@ use std::sync::Arc;
 
 use faer::MatMut;
 use faer::dyn_stack::StackReq;
-use faer::traits::RealField;
 
 use super::analysis::{CholeskyAnalysis, failed};
+use super::block::{BlockCholesky, BlockScalar};
 use super::cholesky::{Cholesky, Ldlt, solve_scratch};
 use super::lu::Lu;
 use super::{Matrix, Sparse, Symbolic, Vector};
 use crate::backends::direct::{Pivots, Scratch, check_columns, check_size, singular_limit};
 use crate::backends::local;
-use crate::las::{FactorReport, Factorisation, Scalar, SolveError, SolveReport, Symmetry};
+use crate::las::{FactorReport, Factorisation, SolveError, SolveReport, Symmetry};
 
 /// Direct solver for matrices of one pattern.
 ///
-/// A matrix stated to be [`Symmetry::Definite`] is factored by Cholesky, of which the upper triangle of the matrix is
-/// read; where a pivot is not positive, by LDL^T, whose storage is made then and kept. LDL^T exchanges unknowns only
+/// A matrix stated to be [`Symmetry::Definite`] is factored by Cholesky: by blocks of three where its pattern consists of
+/// them and the factorisation is not too large, else by the library. Of two mirrored values one is read. Where a pivot
+/// is not positive, LDL^T takes over, whose analysis and storage are made then and kept. It exchanges unknowns only
 /// within a supernode. Where such a pivot (nearly) vanishes although the matrix may be regular, LU with partial
 /// pivoting decides: it serves, or finds the matrix singular. LU allocates, the others do not after their first time.
 pub struct Solver<T = f64> {
@@ -26,7 +27,8 @@ pub struct Solver<T = f64> {
     limit: f64,
     /// The factorisation to solve with, if there is one.
     served: Option<Factorisation>,
-    /// Values of the ordered lower triangle.
+    blocks: Option<BlockCholesky<T>>,
+    /// Values of the ordered lower triangle, for the factorisations of the library.
     lower: Vec<T>,
     cholesky: Option<Cholesky<T>>,
     ldlt: Option<Ldlt<T>>,
@@ -36,30 +38,39 @@ pub struct Solver<T = f64> {
     columns: Vec<T>,
 }
 
-impl<T: Scalar + RealField> Solver<T> {
-    pub(super) fn new(symbolic: &Arc<Symbolic>) -> Self {
-        let (mut lower, mut cholesky, mut ldlt, mut request) = (Vec::new(), None, None, StackReq::EMPTY);
-        if let Some(analysis) = &symbolic.cholesky {
-            lower = vec![T::zero(); analysis.source.len()];
-            request = solve_scratch::<T>(analysis, 1);
-            if symbolic.params.symmetry == Symmetry::Definite {
-                cholesky = Some(Cholesky::new(analysis));
-                request = request.or(Cholesky::<T>::scratch(analysis));
-            } else {
-                ldlt = Some(Ldlt::new(analysis));
-                request = request.or(Ldlt::<T>::scratch(analysis));
-            }
-        }
-        Self {
+impl<T: BlockScalar> Solver<T> {
+    pub(super) fn new(symbolic: &Arc<Symbolic>) -> Result<Self, SolveError<Infallible>> {
+        let mut solver = Self {
             limit: singular_limit::<T>(&symbolic.params),
             served: None,
-            lower,
-            cholesky,
-            ldlt,
+            blocks: symbolic.blocks.as_ref().map(BlockCholesky::new),
+            lower: Vec::new(),
+            cholesky: None,
+            ldlt: None,
             lu: None,
-            scratch: Scratch::new(request),
-            columns: vec![T::zero(); symbolic.unknowns()],
+            scratch: Scratch::new(StackReq::EMPTY),
+            columns: Vec::new(),
             symbolic: Arc::clone(symbolic),
+        };
+        if symbolic.params.symmetry != Symmetry::None && solver.blocks.is_none() {
+            let analysis = symbolic.cholesky()?;
+            if symbolic.params.symmetry == Symmetry::Definite {
+                solver.scratch.reserve(Cholesky::<T>::scratch(analysis));
+                solver.cholesky = Some(Cholesky::new(analysis));
+            } else {
+                solver.make_ldlt(analysis);
+            }
+            solver.lower = vec![T::zero(); analysis.source.len()];
+            solver.reserve_columns(1);
+        }
+        Ok(solver)
+    }
+
+    /// Makes the storage of LDL^T, if there is none yet.
+    fn make_ldlt(&mut self, analysis: &CholeskyAnalysis) {
+        if self.ldlt.is_none() {
+            self.scratch.reserve(Ldlt::<T>::scratch(analysis));
+            self.ldlt = Some(Ldlt::new(analysis));
         }
     }
 
@@ -87,13 +98,21 @@ impl<T: Scalar + RealField> Solver<T> {
 
     fn factor_checked(&mut self, a: &Matrix<T>) -> Result<FactorReport, SolveError<Infallible>> {
         let symbolic = Arc::clone(&self.symbolic);
-        let Some(analysis) = &symbolic.cholesky else {
+        if symbolic.params.symmetry == Symmetry::None {
             return self.factor_lu(a, None);
-        };
+        }
+        let mut indefinite_at = None;
+        if let (Some(blocks), Some(analysis)) = (&mut self.blocks, &symbolic.blocks) {
+            match blocks.factor(analysis, &a.values) {
+                Ok(pivots) => return self.report(Factorisation::Cholesky, None, &pivots, |p| analysis.unknown(p)),
+                Err(position) => indefinite_at = Some(analysis.unknown(position)),
+            }
+        }
+        let analysis = symbolic.cholesky()?;
+        self.lower.resize(analysis.source.len(), T::zero());
         for (value, &source) in self.lower.iter_mut().zip(&analysis.source) {
             *value = a.values[source as usize];
         }
-        let mut indefinite_at = None;
         if let Some(cholesky) = &mut self.cholesky {
             match cholesky.factor(analysis, &self.lower, self.scratch.memory()) {
                 Ok(pivots) => {
@@ -111,10 +130,8 @@ impl<T: Scalar + RealField> Solver<T> {
         analysis: &CholeskyAnalysis,
         indefinite_at: Option<usize>,
     ) -> Result<FactorReport, SolveError<Infallible>> {
-        if self.ldlt.is_none() {
-            self.scratch.reserve(Ldlt::<T>::scratch(analysis));
-        }
-        let ldlt = self.ldlt.get_or_insert_with(|| Ldlt::new(analysis));
+        self.make_ldlt(analysis);
+        let Some(ldlt) = &mut self.ldlt else { return Err(SolveError::NotFactored) };
         let pivots = ldlt.factor(analysis, &self.lower, self.scratch.memory());
         if pivots.ratio() < self.limit {
             return self.factor_lu(a, indefinite_at);
@@ -150,20 +167,18 @@ impl<T: Scalar + RealField> Solver<T> {
         Ok(FactorReport { kind, indefinite_at, pivot_ratio, negative_pivots })
     }
 
-    /// Makes room for `count` right-hand sides.
-    fn reserve_columns(&mut self, count: usize) -> Result<(), SolveError<Infallible>> {
+    /// Makes room for `count` right-hand sides, for the factorisations of the library.
+    fn reserve_columns(&mut self, count: usize) {
         let len = self.symbolic.unknowns() * count;
         if self.columns.len() >= len {
-            return Ok(());
+            return;
         }
         self.columns.resize(len, T::zero());
-        if let Some(analysis) = &self.symbolic.cholesky {
+        if let Some(analysis) = self.symbolic.cholesky_made() {
             self.scratch.reserve(solve_scratch::<T>(analysis, count));
         }
-        Ok(())
     }
 
-    /// Solves for the columns in the order that `order` gives.
     fn solve_columns(&mut self, b: &[Vector<T>], x: &mut [Vector<T>]) -> Result<SolveReport, SolveError<Infallible>> {
         let n = self.symbolic.unknowns();
         check_columns(n, b.iter().map(|b| b.values.len()), x.iter().map(|x| x.values.len()))?;
@@ -171,19 +186,38 @@ impl<T: Scalar + RealField> Solver<T> {
         if n == 0 || b.is_empty() {
             return Ok(SolveReport { iterations: 0 });
         }
-        self.reserve_columns(b.len())?;
+        if let (Factorisation::Cholesky, Some(analysis), Some(blocks)) =
+            (served, &self.symbolic.blocks, &mut self.blocks)
+        {
+            blocks.reserve(analysis, b.len());
+            blocks.solve(analysis, b, x);
+            return Ok(SolveReport { iterations: 0 });
+        }
+        self.reserve_columns(b.len());
+        self.solve_by_library(served, b, x)
+    }
+
+    /// Solves for the columns in the order that the factorisation of the library works in.
+    fn solve_by_library(
+        &mut self,
+        served: Factorisation,
+        b: &[Vector<T>],
+        x: &mut [Vector<T>],
+    ) -> Result<SolveReport, SolveError<Infallible>> {
+        let n = self.symbolic.unknowns();
         let columns = &mut self.columns[..n * b.len()];
-        match (served, &self.symbolic.cholesky, &self.cholesky, &self.ldlt, &self.lu) {
-            (Factorisation::Cholesky, Some(analysis), Some(cholesky), ..) => {
+        match (served, &self.cholesky, &self.ldlt, &self.lu) {
+            (Factorisation::Cholesky, Some(cholesky), ..) => {
+                let analysis = self.symbolic.cholesky()?;
                 gather(columns, b, &analysis.order);
                 let right = MatMut::from_column_major_slice_mut(columns, n, b.len());
                 cholesky.solve(analysis, right, self.scratch.memory());
                 spread(columns, x, &analysis.order);
             }
-            (Factorisation::Ldlt, Some(analysis), _, Some(ldlt), _) => {
+            (Factorisation::Ldlt, _, Some(ldlt), _) => {
                 gather(columns, b, &ldlt.order);
                 let right = MatMut::from_column_major_slice_mut(columns, n, b.len());
-                ldlt.solve(analysis, right, self.scratch.memory());
+                ldlt.solve(self.symbolic.cholesky()?, right, self.scratch.memory());
                 spread(columns, x, &ldlt.order);
             }
             (Factorisation::Lu, .., Some(lu)) => {
@@ -222,7 +256,7 @@ fn spread<T: Copy>(columns: &[T], x: &mut [Vector<T>], order: &[u32]) {
     }
 }
 
-impl<T: Scalar + RealField> crate::las::Solver<Sparse<T>> for Solver<T> {
+impl<T: BlockScalar> crate::las::Solver<Sparse<T>> for Solver<T> {
     fn factor(&mut self, a: &Matrix<T>) -> Result<FactorReport, SolveError<Infallible>> {
         self.served = None;
         self.check(a)?;

@@ -58,6 +58,19 @@ impl Random {
             (0..2 * unknowns).map(|_| (0..2 + self.below(4)).map(|_| self.below(unknowns) as i32).collect()).collect();
         Arc::new(Sparsity::from_elements(unknowns, elements).unwrap_or_else(|error| panic!("{error}")))
     }
+
+    /// The pattern of a truss: full blocks of three unknowns a node, and about `bars` bars a node between nodes that mostly
+    /// lie near each other in their numbering; some nodes may have none.
+    pub fn truss(&mut self, nodes: usize, bars: usize) -> Arc<Sparsity> {
+        let three = |node: usize| [0, 1, 2].map(|k| (3 * node + k) as i32);
+        let mut elements: Vec<Vec<i32>> = (0..nodes).map(|node| three(node).to_vec()).collect();
+        for _ in 0..nodes * bars {
+            let first = self.below(nodes);
+            let second = if self.below(4) == 0 { self.below(nodes) } else { (first + self.below(5)) % nodes };
+            elements.push([three(first), three(second)].concat());
+        }
+        Arc::new(Sparsity::from_elements(3 * nodes, elements).unwrap_or_else(|error| panic!("{error}")))
+    }
 }
 
 /// A dense matrix, row after row.

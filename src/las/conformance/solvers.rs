@@ -23,6 +23,15 @@ pub fn solvers<B: Backend>(context: &B::Context) {
         not_finite::<B>(context, &mut random, &pattern);
         reuse::<B>(context, &mut random, &pattern);
     }
+    for (seed, nodes) in (3500..).zip([1, 2, 4, 9, 20, 45, 90]) {
+        let mut random = Random::new(seed);
+        let pattern = random.truss(nodes, 2);
+        definite::<B>(context, &mut random, &pattern);
+        indefinite::<B>(context, &mut random, &pattern);
+        isolated_unknown::<B>(context, &mut random, &pattern);
+        not_finite::<B>(context, &mut random, &pattern);
+        reuse::<B>(context, &mut random, &pattern);
+    }
     for seed in 4000..4020 {
         floating_part::<B>(context, &mut Random::new(seed));
         saddle_point::<B>(context, &mut Random::new(seed));

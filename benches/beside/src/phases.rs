@@ -1,0 +1,76 @@
+//! The phases of a Newton iteration and of a tangent.
+
+use std::hint::black_box;
+use std::time::Instant;
+
+use biotissue::backends::sparse::Sparse;
+use biotissue::fiber::equilibrium::{EquilibriumParams, equilibrate};
+use biotissue::fiber::homogenise;
+use biotissue::fiber::rve::Rve;
+use biotissue::fiber::truss::FiberStates;
+use biotissue::las::{Backend, MatrixOps, Solver, SolverParams, Symmetry};
+
+use crate::system::System;
+
+/// Smallest time of many runs, in ms.
+fn least(mut run: impl FnMut()) -> f64 {
+    let (start, mut best, mut runs) = (Instant::now(), f64::INFINITY, 0);
+    while runs < 5 || start.elapsed().as_secs_f64() < 0.5 {
+        let begin = Instant::now();
+        run();
+        best = best.min(begin.elapsed().as_secs_f64());
+        runs += 1;
+    }
+    1e3 * best
+}
+
+/// Prints a table of them.
+pub fn print(system: &mut System) {
+    let network = system.model.network();
+    let (nodes, fibers, unknowns) = (network.nodes().len(), network.fibers().len(), system.model.unknowns());
+    println!("**{}**: {nodes} nodes, {fibers} fibers, {unknowns} unknowns\n", system.name);
+    println!("| phase | ms |\n|---|---|");
+    let positions = system.workspace.positions().to_vec();
+    let (mut states, mut forces) = (FiberStates::default(), vec![[0.0; 3]; nodes]);
+    let truss = system.model.truss();
+    let evaluate = least(|| truss.evaluate(black_box(&positions), &mut states));
+    let sum = least(|| truss.nodal_forces(black_box(&states), &mut forces));
+    println!("| fibers: stretch, force, stiffness | {evaluate:.4} |\n| nodal forces | {sum:.4} |");
+    let mut diagonal = Vec::new();
+    let assemble = least(|| {
+        system.stiffness.zero().expect("it cannot fail");
+        system.slots.assemble(truss, black_box(&states), &mut diagonal, &mut system.stiffness).expect("it cannot fail");
+    });
+    println!("| assembly | {assemble:.4} |");
+    let params = SolverParams::new(Symmetry::Definite);
+    let mut symbolic = None;
+    let analysis = least(|| symbolic = Sparse::<f64>::analyze(&(), &system.pattern, &params).ok());
+    let mut solver = Sparse::<f64>::solver(&symbolic.expect("an analysis")).expect("a solver");
+    let factor = least(|| {
+        solver.factor(black_box(&system.stiffness)).expect("definite");
+    });
+    let right = Sparse::<f64>::vector(&(), unknowns).expect("a vector");
+    let mut solution = right.clone();
+    let solve = least(|| {
+        solver.solve(black_box(&right), &mut solution).expect("factored");
+    });
+    println!("| factor | {factor:.4} |\n| solve | {solve:.4} |\n| analysis, once a network | {analysis:.2} |");
+    let iterations = system.report.iterations;
+    let whole = least(|| {
+        let mut rve = Rve::at_rest(system.model.network());
+        let params = EquilibriumParams::default();
+        equilibrate(&system.model, &mut rve, &system.target, &params, &mut system.workspace).expect("it did before");
+    });
+    println!(
+        "| equilibrium, {iterations} iterations | {whole:.4} |\n| an iteration of it | {:.4} |",
+        whole / iterations as f64
+    );
+    let both = least(|| {
+        let mut rve = Rve::at_rest(system.model.network());
+        let params = EquilibriumParams::default();
+        equilibrate(&system.model, &mut rve, &system.target, &params, &mut system.workspace).expect("it did before");
+        let pk1 = homogenise::pk1(&system.model, &system.workspace);
+        black_box(homogenise::tangent(&system.model, &rve, &pk1, &mut system.workspace).expect("regular"));
+    });
+    println!("| equilibrium and tangent | {both:.4} |\n| the tangent of it | {:.4} |\n", both - whole);
+}

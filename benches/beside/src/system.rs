@@ -1,0 +1,97 @@
+//! The systems to solve, and what a solver of them is.
+
+use std::sync::Arc;
+
+use biotissue::backends::sparse::{Matrix, Sparse};
+use biotissue::fiber::equilibrium::{EquilibriumParams, EquilibriumReport, equilibrate};
+use biotissue::fiber::network::Network;
+use biotissue::fiber::rve::{Rve, RveModel};
+use biotissue::fiber::stiffness::StiffnessSlots;
+use biotissue::fiber::workspace::Workspace;
+use biotissue::las::{Backend, Sparsity};
+use nalgebra::Matrix3;
+
+/// Something that factors one matrix again and again and solves with it.
+pub trait Contender {
+    fn name(&self) -> String;
+    /// What it predicts that a factorisation takes.
+    fn operations(&self) -> Option<f64>;
+    fn factor(&mut self);
+    /// For so many right-hand sides, column after column.
+    fn solve(&mut self, columns: usize, right: &[f64], solution: &mut [f64]);
+}
+
+/// A network in equilibrium and its stiffness.
+pub struct System {
+    pub name: String,
+    pub model: RveModel<Sparse>,
+    pub workspace: Workspace<Sparse>,
+    pub report: EquilibriumReport,
+    pub target: Matrix3<f64>,
+    pub pattern: Arc<Sparsity>,
+    pub slots: StiffnessSlots<Sparse>,
+    pub stiffness: Matrix,
+    /// The lower triangle by columns.
+    pub lower_start: Vec<u32>,
+    pub lower_rows: Vec<u32>,
+    pub lower_values: Vec<f64>,
+}
+
+impl System {
+    pub fn new(name: &str, model: RveModel<Sparse>, target: Matrix3<f64>) -> Self {
+        let mut workspace = Workspace::new(&(), &model).expect("memory");
+        let mut rve = Rve::at_rest(model.network());
+        let report = equilibrate(&model, &mut rve, &target, &EquilibriumParams::default(), &mut workspace);
+        let report = report.expect("the networks of the comparison converge");
+        let pattern = Arc::new(pattern(model.network()));
+        let slots = StiffnessSlots::locate(&(), model.truss(), &pattern).expect("the backend cannot fail");
+        let mut stiffness = Sparse::<f64>::matrix(&(), &pattern).expect("the backend cannot fail");
+        slots.assemble(model.truss(), workspace.states(), &mut Vec::new(), &mut stiffness).expect("it cannot fail");
+        let (mut lower_start, mut lower_rows, mut lower_values) = (vec![0], Vec::new(), Vec::new());
+        // The upper triangle by rows is the lower one by columns.
+        for row in 0..pattern.rows() {
+            let first = pattern.row_start()[row] as usize;
+            for (k, &column) in (first..).zip(pattern.row(row)).filter(|&(_, &column)| column as usize >= row) {
+                lower_rows.push(column);
+                lower_values.push(stiffness.values()[k]);
+            }
+            lower_start.push(lower_rows.len() as u32);
+        }
+        let name = name.to_owned();
+        Self {
+            name,
+            model,
+            workspace,
+            report,
+            target,
+            pattern,
+            slots,
+            stiffness,
+            lower_start,
+            lower_rows,
+            lower_values,
+        }
+    }
+
+    /// The largest entry of `K x - b`, over that of `b`.
+    pub fn residual(&self, b: &[f64], x: &[f64]) -> f64 {
+        let row = |row: usize| -> f64 {
+            let first = self.pattern.row_start()[row] as usize;
+            let entries = (first..).zip(self.pattern.row(row));
+            entries.map(|(k, &column)| self.stiffness.values()[k] * x[column as usize]).sum()
+        };
+        let worst = (0..b.len()).map(|k| (row(k) - b[k]).abs()).fold(0.0, f64::max);
+        worst / b.iter().fold(0.0, |largest: f64, b| largest.max(b.abs()))
+    }
+}
+
+/// The pattern of the stiffness: three unknowns for every interior node.
+fn pattern(network: &Network) -> Sparsity {
+    let number = network.interior_number();
+    let unknowns = |node: u32| {
+        let first = 3 * number[node as usize];
+        if first < 0 { [-1; 3] } else { [first, first + 1, first + 2] }
+    };
+    let fibers = network.fibers().iter().map(|&[a, b]| [unknowns(a), unknowns(b)].concat());
+    Sparsity::from_elements(3 * network.interior().len(), fibers).expect("few unknowns")
+}

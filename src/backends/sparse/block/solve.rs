@@ -1,0 +1,317 @@
+//! The triangular solves by blocks.
+
+use super::factor::{Block, BlockCholesky};
+use super::lanes::{BlockScalar, Kernel, LANES, Lanes};
+use super::{BLOCK, BlockAnalysis, Column};
+use crate::backends::sparse::Vector;
+use crate::las::Scalar;
+
+/// Quads of right-hand sides that are solved for at once, at most.
+const MOST_QUADS: usize = 2;
+
+impl<T: BlockScalar> BlockCholesky<T> {
+    /// Makes room for so many right-hand sides.
+    pub(in crate::backends::sparse) fn reserve(&mut self, analysis: &BlockAnalysis, count: usize) {
+        let quads = if count < 2 { 0 } else { count.div_ceil(LANES).min(MOST_QUADS) };
+        let len = analysis.nodes() * (BLOCK * quads).max(1);
+        if self.right.len() < len {
+            self.right.resize(len, Column::default());
+        }
+    }
+
+    /// Solves for any number of right-hand sides; there is room for them.
+    pub(in crate::backends::sparse) fn solve(
+        &mut self,
+        analysis: &BlockAnalysis,
+        b: &[Vector<T>],
+        x: &mut [Vector<T>],
+    ) {
+        let most = MOST_QUADS * LANES;
+        for (b, x) in b.chunks(most).zip(x.chunks_mut(most)) {
+            match (b, &mut *x) {
+                ([b], [x]) => self.solve_one(analysis, b, x),
+                _ if b.len() <= LANES => self.solve_several::<1>(analysis, b, x),
+                _ => self.solve_several::<MOST_QUADS>(analysis, b, x),
+            }
+        }
+    }
+
+    fn solve_one(&mut self, analysis: &BlockAnalysis, b: &Vector<T>, x: &mut Vector<T>) {
+        let right = &mut self.right[..analysis.nodes()];
+        let (b, _) = b.values.as_chunks::<BLOCK>();
+        for (right, &node) in right.iter_mut().zip(&analysis.order) {
+            let [u, v, w] = b[node as usize];
+            *right = [u, v, w, T::zero()];
+        }
+        T::dispatch(SolveOne { analysis, panels: &self.panels, x: right });
+        let (x, _) = x.values.as_chunks_mut::<BLOCK>();
+        for (&[u, v, w, _], &node) in right.iter().zip(&analysis.order) {
+            x[node as usize] = [u, v, w];
+        }
+    }
+
+    fn solve_several<const Q: usize>(&mut self, analysis: &BlockAnalysis, b: &[Vector<T>], x: &mut [Vector<T>]) {
+        let (right, _) = self.right[..BLOCK * Q * analysis.nodes()].as_chunks_mut::<Q>();
+        let (right, _) = right.as_chunks_mut::<BLOCK>();
+        right.fill([[Column::default(); Q]; BLOCK]);
+        for (k, b) in b.iter().enumerate() {
+            let (b, _) = b.values.as_chunks::<BLOCK>();
+            for (right, &node) in right.iter_mut().zip(&analysis.order) {
+                for (right, &value) in right.iter_mut().zip(&b[node as usize]) {
+                    right[k / LANES][k % LANES] = value;
+                }
+            }
+        }
+        T::dispatch(SolveSeveral { analysis, panels: &self.panels, x: right });
+        for (k, x) in x.iter_mut().enumerate() {
+            let (x, _) = x.values.as_chunks_mut::<BLOCK>();
+            for (right, &node) in right.iter().zip(&analysis.order) {
+                x[node as usize] = std::array::from_fn(|i| right[i][k / LANES][k % LANES]);
+            }
+        }
+    }
+}
+
+/// One supernode of the factor: its panel in rows of blocks, its first position, its width, the positions below.
+struct Panel<'a, T> {
+    blocks: &'a [Block<T>],
+    first: usize,
+    width: usize,
+    below: &'a [u32],
+}
+
+impl BlockAnalysis {
+    #[inline(always)]
+    fn panel<'a, T>(&'a self, panels: &'a [Column<T>], s: usize) -> Panel<'a, T> {
+        Panel {
+            blocks: panels[self.panel_start[s]..self.panel_start[s + 1]].as_chunks().0,
+            first: self.supernodes.first(s),
+            width: self.supernodes.width(s),
+            below: self.supernodes.rows(s),
+        }
+    }
+}
+
+/// For one right-hand side: the three unknowns of a node in the lanes.
+struct SolveOne<'a, T> {
+    analysis: &'a BlockAnalysis,
+    panels: &'a [Column<T>],
+    x: &'a mut [Column<T>],
+}
+
+impl<T: Scalar> Kernel<T> for SolveOne<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes<T>>(self, lanes: L) {
+        let Self { analysis, panels, x } = self;
+        for s in 0..analysis.supernodes.count() {
+            forward_one(lanes, &analysis.panel(panels, s), x);
+        }
+        for s in (0..analysis.supernodes.count()).rev() {
+            backward_one(lanes, &analysis.panel(panels, s), x);
+        }
+    }
+}
+
+/// `x_row -= sum_k l_row,k x_k` over the columns of a row.
+#[inline(always)]
+fn subtract_row<T: Scalar, L: Lanes<T>>(lanes: L, row: &[Block<T>], known: &[Column<T>], x: &mut Column<T>) {
+    // Two sums, so that the additions of one column need not wait for those of the one before.
+    let (mut even, mut odd) = (lanes.load(x), lanes.splat(T::zero()));
+    for (block, known) in row.iter().zip(known) {
+        even = lanes.sub_mul(even, lanes.load(&block[0]), lanes.splat(known[0]));
+        odd = lanes.sub_mul(odd, lanes.load(&block[1]), lanes.splat(known[1]));
+        even = lanes.sub_mul(even, lanes.load(&block[2]), lanes.splat(known[2]));
+    }
+    lanes.store(lanes.add(even, odd), x);
+}
+
+#[inline(always)]
+fn forward_one<T: Scalar, L: Lanes<T>>(lanes: L, panel: &Panel<'_, T>, x: &mut [Column<T>]) {
+    let width = panel.width;
+    let mut rows = panel.blocks.chunks_exact(width);
+    for (node, row) in rows.by_ref().take(width).enumerate() {
+        let (known, rest) = x[panel.first..].split_at_mut(node);
+        subtract_row(lanes, &row[..node], known, &mut rest[0]);
+        let ([u, v, w, _], inverse) = (rest[0], &row[node]);
+        let product = lanes.mul(lanes.load(&inverse[0]), lanes.splat(u));
+        let product = lanes.add_mul(product, lanes.load(&inverse[1]), lanes.splat(v));
+        let product = lanes.add_mul(product, lanes.load(&inverse[2]), lanes.splat(w));
+        lanes.store(product, &mut rest[0]);
+    }
+    let (known, rest) = x[panel.first..].split_at_mut(width);
+    for (row, &position) in rows.zip(panel.below) {
+        subtract_row(lanes, row, known, &mut rest[position as usize - panel.first - width]);
+    }
+}
+
+#[inline(always)]
+fn backward_one<T: Scalar, L: Lanes<T>>(lanes: L, panel: &Panel<'_, T>, x: &mut [Column<T>]) {
+    let width = panel.width;
+    let (own, below) = panel.blocks.split_at(width * width);
+    for node in (0..width).rev() {
+        let mut sums = [lanes.splat(T::zero()); BLOCK];
+        let mut add = |block: &Block<T>, known: &Column<T>| {
+            let known = lanes.load(known);
+            for (sum, column) in sums.iter_mut().zip(block) {
+                *sum = lanes.add_mul(*sum, lanes.load(column), known);
+            }
+        };
+        for (row, &position) in below.chunks_exact(width).zip(panel.below) {
+            add(&row[node], &x[position as usize]);
+        }
+        for (row, known) in own.chunks_exact(width).zip(&x[panel.first..]).skip(node + 1) {
+            add(&row[node], known);
+        }
+        let at = &mut x[panel.first + node];
+        let mut right = [T::zero(); BLOCK];
+        for (k, sum) in sums.into_iter().enumerate() {
+            let mut lanes_of = Column::default();
+            lanes.store(sum, &mut lanes_of);
+            let [u, v, w, _] = lanes_of;
+            right[k] = at[k] - (u + v + w);
+        }
+        let inverse = &own[width * node + node];
+        let [u, v, w] = right;
+        let [[i00, i10, i20, _], [_, i11, i21, _], [_, _, i22, _]] = *inverse;
+        *at = [i00 * u + i10 * v + i20 * w, i11 * v + i21 * w, i22 * w, T::zero()];
+    }
+}
+
+/// `Q` quads of right-hand sides of a node: one row for each of its unknowns, right-hand sides in the lanes.
+type Rows<T, const Q: usize> = [[Column<T>; Q]; BLOCK];
+
+/// The same in registers.
+type Sums<L, T, const Q: usize> = [[<L as Lanes<T>>::Quad; Q]; BLOCK];
+
+/// For several right-hand sides.
+struct SolveSeveral<'a, T, const Q: usize> {
+    analysis: &'a BlockAnalysis,
+    panels: &'a [Column<T>],
+    x: &'a mut [Rows<T, Q>],
+}
+
+impl<T: Scalar, const Q: usize> Kernel<T> for SolveSeveral<'_, T, Q> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes<T>>(self, lanes: L) {
+        let Self { analysis, panels, x } = self;
+        for s in 0..analysis.supernodes.count() {
+            forward_several(lanes, &analysis.panel(panels, s), x);
+        }
+        for s in (0..analysis.supernodes.count()).rev() {
+            backward_several(lanes, &analysis.panel(panels, s), x);
+        }
+    }
+}
+
+#[inline(always)]
+fn load<T: Scalar, L: Lanes<T>, const Q: usize>(lanes: L, rows: &Rows<T, Q>) -> Sums<L, T, Q> {
+    rows.map(|row| row.map(|quad| lanes.load(&quad)))
+}
+
+#[inline(always)]
+fn store<T: Scalar, L: Lanes<T>, const Q: usize>(lanes: L, sums: Sums<L, T, Q>, rows: &mut Rows<T, Q>) {
+    for (row, sums) in rows.iter_mut().zip(sums) {
+        for (quad, sum) in row.iter_mut().zip(sums) {
+            lanes.store(sum, quad);
+        }
+    }
+}
+
+/// `sums_i -= sum_k l_ik x_k`.
+#[inline(always)]
+fn subtract_block<T: Scalar, L: Lanes<T>, const Q: usize>(
+    lanes: L,
+    mut sums: Sums<L, T, Q>,
+    block: &Block<T>,
+    x: &Rows<T, Q>,
+) -> Sums<L, T, Q> {
+    for k in 0..BLOCK {
+        let known = x[k].map(|quad| lanes.load(&quad));
+        for i in 0..BLOCK {
+            let l = lanes.splat(block[k][i]);
+            for q in 0..Q {
+                sums[i][q] = lanes.sub_mul(sums[i][q], l, known[q]);
+            }
+        }
+    }
+    sums
+}
+
+/// `sums_k -= sum_i l_ik x_i`.
+#[inline(always)]
+fn subtract_transposed<T: Scalar, L: Lanes<T>, const Q: usize>(
+    lanes: L,
+    mut sums: Sums<L, T, Q>,
+    block: &Block<T>,
+    x: &Rows<T, Q>,
+) -> Sums<L, T, Q> {
+    for i in 0..BLOCK {
+        let known = x[i].map(|quad| lanes.load(&quad));
+        for k in 0..BLOCK {
+            let l = lanes.splat(block[k][i]);
+            for q in 0..Q {
+                sums[k][q] = lanes.sub_mul(sums[k][q], l, known[q]);
+            }
+        }
+    }
+    sums
+}
+
+#[inline(always)]
+fn forward_several<T: Scalar, L: Lanes<T>, const Q: usize>(lanes: L, panel: &Panel<'_, T>, x: &mut [Rows<T, Q>]) {
+    let width = panel.width;
+    let mut rows = panel.blocks.chunks_exact(width);
+    for (node, row) in rows.by_ref().take(width).enumerate() {
+        let (known, rest) = x[panel.first..].split_at_mut(node);
+        let mut sums = load(lanes, &rest[0]);
+        for (block, known) in row.iter().zip(&*known) {
+            sums = subtract_block(lanes, sums, block, known);
+        }
+        // x = inverse (right - sums), the inverse lower triangular.
+        let scaled = std::array::from_fn(|i| {
+            let first = sums[0].map(|quad| lanes.mul(quad, lanes.splat(row[node][0][i])));
+            (1..=i).fold(first, |sum, k| {
+                let l = lanes.splat(row[node][k][i]);
+                std::array::from_fn(|q| lanes.add_mul(sum[q], sums[k][q], l))
+            })
+        });
+        store(lanes, scaled, &mut rest[0]);
+    }
+    let (known, rest) = x[panel.first..].split_at_mut(width);
+    for (row, &position) in rows.zip(panel.below) {
+        let at = &mut rest[position as usize - panel.first - width];
+        let mut sums = load(lanes, at);
+        for (block, known) in row.iter().zip(&*known) {
+            sums = subtract_block(lanes, sums, block, known);
+        }
+        store(lanes, sums, at);
+    }
+}
+
+#[inline(always)]
+fn backward_several<T: Scalar, L: Lanes<T>, const Q: usize>(lanes: L, panel: &Panel<'_, T>, x: &mut [Rows<T, Q>]) {
+    let width = panel.width;
+    let (own, below) = panel.blocks.split_at(width * width);
+    for node in (0..width).rev() {
+        let mut sums = load(lanes, &x[panel.first + node]);
+        for (row, &position) in below.chunks_exact(width).zip(panel.below) {
+            sums = subtract_transposed(lanes, sums, &row[node], &x[position as usize]);
+        }
+        for (row, known) in own.chunks_exact(width).zip(&x[panel.first..]).skip(node + 1) {
+            sums = subtract_transposed(lanes, sums, &row[node], known);
+        }
+        let inverse = &own[width * node + node];
+        let scaled = std::array::from_fn(|k| {
+            let last = sums[2].map(|quad| lanes.mul(quad, lanes.splat(inverse[k][2])));
+            (k..2).fold(last, |sum, i| {
+                let l = lanes.splat(inverse[k][i]);
+                std::array::from_fn(|q| lanes.add_mul(sum[q], sums[i][q], l))
+            })
+        });
+        store(lanes, scaled, &mut x[panel.first + node]);
+    }
+}

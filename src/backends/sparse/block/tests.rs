@@ -1,0 +1,282 @@
+//! The factorisation by blocks against a dense one, and the solver that uses it.
+
+use std::sync::Arc;
+
+use super::factor::Factor;
+use super::lanes::{Kernel, Portable};
+use super::*;
+use crate::backends::sparse::order::eliminate;
+use crate::backends::sparse::{Matrix, Solver, Sparse, Symbolic, Vector};
+use crate::las::conformance::{Oracle, Random};
+use crate::las::{Backend, Factorisation, MatVec, Ordering, Scalar, SolveError, Solver as _, SolverParams, Symmetry};
+
+const ORDERINGS: [Ordering; 3] = [Ordering::Auto, Ordering::MinimumDegree, Ordering::NestedDissection];
+
+fn three(node: usize) -> [i32; 3] {
+    [0, 1, 2].map(|k| (3 * node + k) as i32)
+}
+
+/// Full blocks between the nodes of every list.
+fn blocks(nodes: usize, lists: &[Vec<usize>]) -> Arc<Sparsity> {
+    let own = (0..nodes).map(|node| three(node).to_vec());
+    let lists = lists.iter().map(|list| list.iter().flat_map(|&node| three(node)).collect());
+    Arc::new(Sparsity::from_elements(3 * nodes, own.chain(lists)).unwrap())
+}
+
+/// Patterns that take every path: no node, one, no couplings, trees, wide supernodes in pieces, several parts.
+fn patterns(random: &mut Random) -> Vec<Arc<Sparsity>> {
+    let band: Vec<Vec<usize>> = (0..70).map(|k| (k..(k + 9).min(70)).collect()).collect();
+    let star: Vec<Vec<usize>> = (1..30).map(|k| vec![0, k]).collect();
+    let cliques = [(0..25).collect(), (25..62).collect(), vec![3, 30, 63], vec![63, 64]];
+    let mut patterns = vec![
+        blocks(0, &[]),
+        blocks(1, &[]),
+        blocks(7, &[]),
+        blocks(40, &[(0..40).collect()]),
+        blocks(70, &band),
+        blocks(30, &star),
+        blocks(66, &cliques),
+    ];
+    for nodes in [2, 3, 5, 11, 24, 50, 90, 130] {
+        patterns.extend([1, 3, 6].map(|bars| random.truss(nodes, bars)));
+    }
+    patterns
+}
+
+fn matrix<T: BlockScalar>(pattern: &Arc<Sparsity>, a: &Oracle) -> Matrix<T> {
+    let mut matrix = Matrix::zeros(pattern);
+    let entries =
+        (0..a.rows).flat_map(|row| pattern.row(row).iter().map(move |&column| row * a.cols + column as usize));
+    for (value, entry) in matrix.values_mut().iter_mut().zip(entries) {
+        *value = T::of(a.values[entry]);
+    }
+    matrix
+}
+
+/// `L` of the matrix whose unknowns are eliminated in the order given, row after row; `Err` with the position of the first
+/// pivot that is not positive.
+fn dense_cholesky(a: &Oracle, order: &[usize]) -> Result<Vec<Vec<f64>>, usize> {
+    let mut l = vec![vec![0.0; order.len()]; order.len()];
+    for i in 0..order.len() {
+        for j in 0..=i {
+            let sum: f64 = (0..j).map(|k| l[i][k] * l[j][k]).sum();
+            let rest = a.values[order[i] * a.cols + order[j]] - sum;
+            if i == j && rest <= 0.0 {
+                return Err(i);
+            }
+            l[i][j] = if i == j { rest.sqrt() } else { rest / l[j][j] };
+        }
+    }
+    Ok(l)
+}
+
+/// The block at a row and a column of `L`, the diagonal one inverted, as the panels hold it.
+fn expected_block(l: &[Vec<f64>], row: usize, column: usize) -> [[f64; 3]; 3] {
+    let at = |i: usize, j: usize| l[3 * row + i][3 * column + j];
+    if row != column {
+        return [0, 1, 2].map(|j| [0, 1, 2].map(|i| at(i, j)));
+    }
+    let (i00, i11, i22) = (1.0 / at(0, 0), 1.0 / at(1, 1), 1.0 / at(2, 2));
+    let (i10, i21) = (-at(1, 0) * i00 * i11, -at(2, 1) * i11 * i22);
+    [[i00, i10, -(at(2, 0) * i00 + at(2, 1) * i10) * i22], [0.0, i11, i21], [0.0, 0.0, i22]]
+}
+
+struct Analysed {
+    analysis: BlockAnalysis,
+    order: Vec<usize>,
+}
+
+fn analyse(pattern: &Sparsity, ordering: Ordering) -> Analysed {
+    let graph = Graph::new(pattern);
+    assert_eq!(graph.unknowns_per_node, BLOCK);
+    let analysis = BlockAnalysis::new(pattern, &graph, &eliminate(&graph, ordering).unwrap());
+    let order = (0..pattern.rows()).map(|position| analysis.unknown(position)).collect();
+    Analysed { analysis, order }
+}
+
+/// Every block of the factor is that of a dense factorisation, with the lanes of this machine and without.
+#[test]
+fn factors_are_those_of_a_dense_factorisation() {
+    let mut random = Random::new(1);
+    for pattern in patterns(&mut random) {
+        let a = Oracle::dominant(&mut random, &pattern, |_| 1.0);
+        let values = matrix::<f64>(&pattern, &a).values;
+        for ordering in ORDERINGS {
+            let Analysed { analysis, order } = analyse(&pattern, ordering);
+            let l = dense_cholesky(&a, &order).unwrap();
+            let (mut wide, mut portable) = (BlockCholesky::new(&analysis), BlockCholesky::new(&analysis));
+            let ratio = wide.factor(&analysis, &values).unwrap().ratio();
+            let BlockCholesky { panels, place, .. } = &mut portable;
+            Factor { analysis: &analysis, values: &values, panels, place }.run(Portable).unwrap();
+            let pivots = || (0..l.len()).map(|k| l[k][k] * l[k][k]);
+            let expected = pivots().fold(f64::INFINITY, f64::min) / pivots().fold(0.0, f64::max);
+            assert!(l.is_empty() || (ratio - expected).abs() < 1e-10, "{ratio} instead of {expected}");
+            for factor in [&wide, &portable] {
+                check_panels(&analysis, &factor.panels, &l);
+            }
+        }
+    }
+}
+
+fn check_panels(analysis: &BlockAnalysis, panels: &[Column<f64>], l: &[Vec<f64>]) {
+    let supernodes = &analysis.supernodes;
+    let mut found = 0;
+    for s in 0..supernodes.count() {
+        let (first, width) = (supernodes.first(s), supernodes.width(s));
+        let rows = (first..first + width).chain(supernodes.rows(s).iter().map(|&row| row as usize));
+        for (k, row) in rows.enumerate() {
+            for column in first..(first + width).min(row + 1) {
+                let at = analysis.panel_start[s] + BLOCK * (k * width + column - first);
+                for (have, want) in panels[at..at + BLOCK].iter().zip(expected_block(l, row, column)) {
+                    assert!((0..3).all(|i| (have[i] - want[i]).abs() < 1e-12), "{have:?} instead of {want:?}");
+                    assert_eq!(have[3], 0.0, "the fourth lane stays empty");
+                }
+                found += if row == column { 6 } else { 9 };
+            }
+        }
+    }
+    assert_eq!(found, analysis.entries());
+}
+
+fn solver<T: BlockScalar>(pattern: &Arc<Sparsity>, ordering: Ordering) -> (Arc<Symbolic>, Solver<T>) {
+    let mut params = SolverParams::new(Symmetry::Definite);
+    params.ordering = ordering;
+    let symbolic = Sparse::<T>::analyze(&(), pattern, &params).unwrap();
+    assert!(symbolic.blocks.is_some());
+    let solver = Sparse::<T>::solver(&symbolic).unwrap();
+    (symbolic, solver)
+}
+
+fn right_sides<T: Scalar>(random: &mut Random, unknowns: usize, count: usize) -> Vec<Vector<T>> {
+    (0..count).map(|_| (0..unknowns).map(|_| T::of(random.signed())).collect::<Vec<T>>().into()).collect()
+}
+
+fn check_solutions<T: BlockScalar>(a: &Matrix<T>, b: &[Vector<T>], x: &[Vector<T>]) {
+    let mut product = Vector::from(vec![T::zero(); a.pattern().rows()]);
+    for (b, x) in b.iter().zip(x) {
+        a.mul(x, &mut product).unwrap();
+        let worst = product.values.iter().zip(&b.values).map(|(p, b)| (*p - *b).abs().as_f64()).fold(0.0, f64::max);
+        assert!(worst < 400.0 * T::epsilon().as_f64(), "residual {worst:e}, {} unknowns", b.values.len());
+    }
+}
+
+/// For every number of right-hand sides, in both precisions.
+fn solves<T: BlockScalar>() {
+    let mut random = Random::new(2);
+    for pattern in patterns(&mut random) {
+        let a = matrix::<T>(&pattern, &Oracle::dominant(&mut random, &pattern, |_| 1.0));
+        let (_, mut solver) = solver::<T>(&pattern, Ordering::Auto);
+        assert_eq!(solver.factor(&a).unwrap().kind, Factorisation::Cholesky);
+        for count in [1, 9, 2, 4, 5, 6, 8, 17, 3] {
+            let b = right_sides(&mut random, pattern.rows(), count);
+            let mut x = vec![Vector::from(vec![T::of(f64::NAN); pattern.rows()]); count];
+            solver.solve_many(&b, &mut x).unwrap();
+            check_solutions(&a, &b, &x);
+        }
+    }
+}
+
+#[test]
+fn all_right_hand_sides_are_solved_for() {
+    solves::<f64>();
+    solves::<f32>();
+}
+
+/// The pivot to blame is found, LDL^T serves, and the next definite matrix goes by blocks again.
+#[test]
+fn an_indefinite_matrix_goes_to_ldlt_and_back() {
+    let mut random = Random::new(3);
+    for pattern in patterns(&mut random).into_iter().filter(|pattern| pattern.rows() > 0) {
+        let at = random.below(pattern.rows());
+        let definite = matrix::<f64>(&pattern, &Oracle::dominant(&mut random, &pattern, |_| 1.0));
+        let dense = Oracle::dominant(&mut random, &pattern, |i| if i == at { -1.0 } else { 1.0 });
+        let indefinite = matrix::<f64>(&pattern, &dense);
+        let Analysed { analysis, order } = analyse(&pattern, Ordering::Auto);
+        let position = BlockCholesky::new(&analysis).factor(&analysis, &indefinite.values).unwrap_err();
+        assert_eq!(Err(position), dense_cholesky(&dense, &order).map(drop));
+        let (_, mut solver) = solver::<f64>(&pattern, Ordering::Auto);
+        for a in [&definite, &indefinite, &definite, &indefinite] {
+            let report = solver.factor(a).unwrap();
+            let expected = if std::ptr::eq(a, &definite) { Factorisation::Cholesky } else { Factorisation::Ldlt };
+            assert_eq!(report.kind, expected);
+            assert_eq!(report.indefinite_at, (expected == Factorisation::Ldlt).then_some(at));
+            let b = right_sides(&mut random, pattern.rows(), 3);
+            let mut x = b.clone();
+            solver.solve_many(&b, &mut x).unwrap();
+            check_solutions(a, &b, &x);
+        }
+    }
+}
+
+/// Springs between neighbours in a row of nodes, in all three directions, held at one end by a spring of stiffness `held`.
+fn chain(nodes: usize, held: f64) -> (Arc<Sparsity>, Matrix<f64>) {
+    let pattern = blocks(nodes, &(1..nodes).map(|k| vec![k - 1, k]).collect::<Vec<_>>());
+    let mut a = Oracle::zeros(3 * nodes, 3 * nodes);
+    for k in 0..3 {
+        *a.at(k, k) += held;
+        for node in 1..nodes {
+            let (i, j) = (3 * node - 3 + k, 3 * node + k);
+            *a.at(i, i) += 1.0;
+            *a.at(j, j) += 1.0;
+            *a.at(i, j) -= 1.0;
+            *a.at(j, i) -= 1.0;
+        }
+    }
+    let matrix = matrix(&pattern, &a);
+    (pattern, matrix)
+}
+
+#[test]
+fn singular_and_nearly_singular_matrices_are_told_apart() {
+    for ordering in ORDERINGS {
+        let (pattern, free) = chain(60, 0.0);
+        let (_, mut solver) = solver::<f64>(&pattern, ordering);
+        assert!(matches!(solver.factor(&free), Err(SolveError::Singular { .. })), "a chain held nowhere");
+        let mut x = vec![Vector::from(vec![0.0; 180])];
+        assert_eq!(solver.solve_many(&x.clone(), &mut x), Err(SolveError::NotFactored));
+        for held in [1e-4, 1e-8, 1e-12] {
+            let (_, weak) = chain(60, held);
+            let report = solver.factor(&weak).unwrap();
+            assert_eq!(report.kind, Factorisation::Cholesky);
+            // The pivot eliminated last is what is left of the spring that holds the chain.
+            assert!(report.pivot_ratio < 1.5 * held && report.pivot_ratio > 0.01 * held, "{:e}", report.pivot_ratio);
+            let pull: Vec<f64> = (0..180).map(|i| if i == 177 { held } else { 0.0 }).collect();
+            solver.solve_many(&[pull.into()], &mut x).unwrap();
+            let end = x[0].values[177];
+            assert!((end - 1.0 - 59.0 * held).abs() < 1e-14 / held, "the end moves by {end}");
+        }
+        assert_eq!(solver.factor(&chain(60, 1.0).1).unwrap().kind, Factorisation::Cholesky);
+    }
+}
+
+/// Threads share the analysis, that of LDL^T included, which the first of them to need it makes.
+#[test]
+fn results_repeat_bit_for_bit_on_any_number_of_threads() {
+    let mut random = Random::new(4);
+    let pattern = random.truss(120, 5);
+    let systems = [1.0, -1.0].map(|last| {
+        let a = Oracle::dominant(&mut random, &pattern, |i| if i == 100 { last } else { 1.0 });
+        matrix::<f64>(&pattern, &a)
+    });
+    let (symbolic, _) = solver::<f64>(&pattern, Ordering::Auto);
+    let b = right_sides(&mut random, pattern.rows(), 6);
+    let work = || {
+        let mut solver = Sparse::<f64>::solver(&symbolic).unwrap();
+        let mut results = Vec::new();
+        for a in systems.iter().chain(&systems) {
+            solver.factor(a).unwrap();
+            let (mut one, mut many) = (b[0].clone(), b.clone());
+            solver.solve(&b[0], &mut one).unwrap();
+            solver.solve_many(&b, &mut many).unwrap();
+            results.extend(many.into_iter().chain([one]).flat_map(Vec::<f64>::from).map(f64::to_bits));
+        }
+        results
+    };
+    let results: Vec<Vec<u64>> = std::thread::scope(|scope| {
+        let threads: Vec<_> = (0..4).map(|_| scope.spawn(work)).collect();
+        threads.into_iter().map(|thread| thread.join().unwrap()).collect()
+    });
+    assert!(results.windows(2).all(|pair| pair[0] == pair[1]));
+    let half = results[0].len() / 2;
+    assert_eq!(results[0][..half], results[0][half..], "a factorisation leaves nothing behind for the next");
+}

@@ -1,0 +1,87 @@
+//! In which order the unknowns are eliminated.
+//!
+//! An order decides how much the factor fills in. It is found on the graph of the nodes where the matrix consists of
+//! blocks of three: the same fill as by unknowns, from a ninth of the entries.
+
+mod coarse;
+mod dissection;
+mod graph;
+#[cfg(feature = "metis")]
+mod metis;
+mod partition;
+mod separator;
+mod tree;
+
+use std::convert::Infallible;
+
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::sparse::linalg::amd;
+use faer::sparse::{FaerError, SymbolicSparseColMatRef};
+
+use super::analysis::failed;
+use crate::las::{Ordering, SolveError};
+pub(super) use graph::{BLOCK, Graph};
+pub(super) use tree::{Tree, inverse};
+
+/// No node, no position.
+pub(super) const NONE: u32 = u32::MAX;
+
+/// Size of the parts that nested dissection leaves to minimum degree.
+const LEAF: usize = 12;
+
+/// What an order must save to be preferred to minimum degree, whose long chains make better supernodes.
+const WORTH_IT: f64 = 0.95;
+
+/// Nodes of a graph that is small enough for minimum degree to be as good as anything.
+const SMALL: usize = 40;
+
+/// The elimination tree of the graph in the order asked for.
+///
+/// # Errors
+/// Where that order is not compiled in, or the library that makes it fails.
+pub(super) fn eliminate(graph: &Graph, ordering: Ordering) -> Result<Tree, SolveError<Infallible>> {
+    let by_degree = || Ok(Tree::new(graph, minimum_degree(graph).map_err(failed)?));
+    let by_dissection = || Ok(Tree::new(graph, dissection::nested_dissection(graph, LEAF).map_err(failed)?));
+    match ordering {
+        Ordering::MinimumDegree => by_degree(),
+        Ordering::NestedDissection => by_dissection(),
+        Ordering::Metis => Ok(Tree::new(graph, metis(graph)?)),
+        Ordering::Auto => {
+            let first = by_degree()?;
+            if graph.nodes() <= SMALL {
+                return Ok(first);
+            }
+            let mut best = by_dissection()?;
+            let operations = |tree: &Tree| tree.operations(graph.unknowns_per_node);
+            if cfg!(feature = "metis") {
+                let other = Tree::new(graph, metis(graph)?);
+                best = if operations(&other) < operations(&best) { other } else { best };
+            }
+            Ok(if operations(&best) < WORTH_IT * operations(&first) { best } else { first })
+        }
+    }
+}
+
+#[cfg(feature = "metis")]
+fn metis(graph: &Graph) -> Result<Vec<u32>, SolveError<Infallible>> {
+    metis::nested_dissection(graph)
+}
+
+#[cfg(not(feature = "metis"))]
+fn metis(_: &Graph) -> Result<Vec<u32>, SolveError<Infallible>> {
+    let reason = "it is not compiled in; build with `--features metis`, or ask for another ordering".to_owned();
+    Err(SolveError::Library { library: "METIS", reason })
+}
+
+/// Approximate minimum degree: always the node next that couples the fewest others, or about that.
+///
+/// Reference: P. R. Amestoy, T. A. Davis, I. S. Duff, *An approximate minimum degree ordering algorithm*, SIAM Journal on
+/// Matrix Analysis and Applications 17 (1996), 886-905.
+fn minimum_degree(graph: &Graph) -> Result<Vec<u32>, FaerError> {
+    let n = graph.nodes();
+    let matrix = SymbolicSparseColMatRef::new_checked(n, n, &graph.start, None, &graph.neighbours);
+    let (mut order, mut position) = (vec![0; n], vec![0; n]);
+    let mut memory = MemBuffer::new(amd::order_scratch::<u32>(n, graph.neighbours.len()));
+    amd::order(&mut order, &mut position, matrix, amd::Control::default(), MemStack::new(&mut memory))?;
+    Ok(order)
+}

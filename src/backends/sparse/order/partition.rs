@@ -1,0 +1,153 @@
+//! A separator, and the moves that make it smaller.
+
+use super::coarse::Weighted;
+
+/// The largest part of all nodes that may lie on one side.
+const LARGEST_SIDE: f64 = 0.65;
+
+/// Rounds of moves, at most.
+const ROUNDS: usize = 10;
+
+/// Moves without a gain after which a round ends.
+const PATIENCE: usize = 60;
+
+/// Where a node lies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Place {
+    Left = 0,
+    Right = 1,
+    Separator = 2,
+}
+
+impl Place {
+    pub(super) fn other_side(self) -> Self {
+        if self == Self::Left { Self::Right } else { Self::Left }
+    }
+}
+
+/// A separator and the two sides that it leaves.
+pub(super) struct Partition<'a> {
+    graph: &'a Weighted,
+    pub(super) places: Vec<Place>,
+    separator: Vec<u32>,
+    /// Weight of the nodes on either side.
+    sizes: [u32; 2],
+    /// Of every node, the weight of its neighbours on either side.
+    beside: Vec<[u32; 2]>,
+}
+
+impl<'a> Partition<'a> {
+    pub(super) fn new(graph: &'a Weighted, places: Vec<Place>) -> Self {
+        let beside = vec![[0; 2]; graph.nodes()];
+        let mut partition = Self { graph, places, sizes: [0; 2], separator: Vec::new(), beside };
+        partition.list_separator();
+        for node in 0..graph.nodes() {
+            let place = partition.places[node];
+            if place != Place::Separator {
+                partition.sizes[place as usize] += graph.weights[node];
+                partition.count_beside(node, place, true);
+            }
+        }
+        partition
+    }
+
+    fn list_separator(&mut self) {
+        self.separator.clear();
+        let separates = |&node: &u32| self.places[node as usize] == Place::Separator;
+        self.separator.extend((0..self.places.len() as u32).filter(separates));
+    }
+
+    /// Lets the neighbours of a node know that it joined or left a side.
+    fn count_beside(&mut self, node: usize, side: Place, joined: bool) {
+        let weight = self.graph.weights[node];
+        for &(other, _) in self.graph.neighbours(node) {
+            let count = &mut self.beside[other as usize][side as usize];
+            *count = if joined { *count + weight } else { *count - weight };
+        }
+    }
+
+    fn put(&mut self, node: usize, place: Place) {
+        let weight = self.graph.weights[node];
+        let old = std::mem::replace(&mut self.places[node], place);
+        if old != Place::Separator {
+            self.sizes[old as usize] -= weight;
+            self.count_beside(node, old, false);
+        }
+        if place != Place::Separator {
+            self.sizes[place as usize] += weight;
+            self.count_beside(node, place, true);
+        }
+    }
+
+    pub(super) fn is_proper(&self) -> bool {
+        self.sizes[0] > 0 && self.sizes[1] > 0
+    }
+
+    /// What is to be small: the separator, a little more where the sides differ.
+    pub(super) fn cost(&self) -> f64 {
+        let difference = f64::from(self.sizes[0].abs_diff(self.sizes[1])) / f64::from(self.graph.total);
+        let separator = self.graph.total - self.sizes[0] - self.sizes[1];
+        f64::from(separator) * (1.0 + difference * difference)
+    }
+
+    /// Rounds of moves, as long as they gain something.
+    pub(super) fn refine(&mut self) {
+        for _ in 0..ROUNDS {
+            if !self.round() {
+                return;
+            }
+        }
+    }
+
+    /// Moves nodes out of the separator, each at most once, the best move first even where it is a loss; then goes back to
+    /// the best state on the way. Whether that is better than the first.
+    fn round(&mut self) -> bool {
+        let first = self.cost();
+        let (mut best, mut best_at) = (first, 0);
+        let mut moved = vec![false; self.places.len()];
+        let mut log: Vec<(u32, Place)> = Vec::new();
+        let mut since = 0;
+        while let Some((k, side)) = self.best_move(&moved) {
+            let node = self.separator.swap_remove(k);
+            moved[node as usize] = true;
+            log.push((node, Place::Separator));
+            self.put(node as usize, side);
+            for &(other, _) in self.graph.neighbours(node as usize) {
+                if self.places[other as usize] == side.other_side() {
+                    log.push((other, side.other_side()));
+                    self.put(other as usize, Place::Separator);
+                    self.separator.push(other);
+                }
+            }
+            since += 1;
+            if self.is_proper() && self.cost() < best {
+                (best, best_at, since) = (self.cost(), log.len(), 0);
+            } else if since > PATIENCE {
+                break;
+            }
+        }
+        for &(node, place) in log[best_at..].iter().rev() {
+            self.put(node as usize, place);
+        }
+        self.list_separator();
+        best < first
+    }
+
+    /// The move that shrinks the separator most, towards the smaller side where two are as good.
+    fn best_move(&self, moved: &[bool]) -> Option<(usize, Place)> {
+        let limit = (LARGEST_SIDE * f64::from(self.graph.total)) as u32;
+        let mut best: Option<(i64, u32, usize, Place)> = None;
+        for (k, &node) in self.separator.iter().enumerate().filter(|&(_, &node)| !moved[node as usize]) {
+            let weight = self.graph.weights[node as usize];
+            for side in [Place::Left, Place::Right] {
+                let pulled = self.beside[node as usize][side.other_side() as usize];
+                let (loss, size) = (i64::from(pulled) - i64::from(weight), self.sizes[side as usize]);
+                let better = best.is_none_or(|(least, smaller, ..)| (loss, size) < (least, smaller));
+                if size + weight <= limit && better {
+                    best = Some((loss, size, k, side));
+                }
+            }
+        }
+        best.map(|(.., k, side)| (k, side))
+    }
+}

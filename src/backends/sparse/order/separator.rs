@@ -1,0 +1,148 @@
+//! Small sets of nodes that cut a connected graph into two parts of about the same size.
+//!
+//! The graph is made coarser by merging pairs of neighbours until few nodes are left (`coarse.rs`). There, two nodes far
+//! from each other are sought, and every node gets the difference of its distances to them. A few sweeps of averaging
+//! over neighbours make that smooth (they are power iterations towards the second eigenvector of the graph), and the
+//! median splits the nodes; those of one half next to the other half separate them. The best of several such separators
+//! are taken back to the finer graphs one by one, and made smaller on each by moves of single nodes.
+//!
+//! References: G. Karypis, V. Kumar, *A fast and high quality multilevel scheme for partitioning irregular graphs*, SIAM
+//! Journal on Scientific Computing 20 (1998), 359-392; for the moves, C. M. Fiduccia, R. M. Mattheyses, *A linear-time
+//! heuristic for improving network partitions*, 19th Design Automation Conference (1982), 175-181, and for separators of
+//! nodes, C. Ashcraft, J. W. H. Liu, *Applications of the Dulmage-Mendelsohn decomposition and network flow to graph
+//! bisection improvement*, SIAM Journal on Matrix Analysis and Applications 19 (1998), 325-354.
+
+use super::NONE;
+use super::coarse::Weighted;
+use super::graph::Graph;
+use super::partition::{Partition, Place};
+
+/// Sweeps of averaging.
+const SWEEPS: usize = 12;
+
+/// Directions that are tried on the coarsest graph.
+const DIRECTIONS: usize = 12;
+
+/// Separators of the coarsest graph that are followed to the finest.
+const CANDIDATES: usize = 8;
+
+/// Nodes of a graph that is not made coarser any more.
+const COARSEST: usize = 200;
+
+/// Part of the nodes that may be left over when a graph is made coarser, or it is not worth it.
+const LEAST_COARSENING: f64 = 0.9;
+
+/// The best separator found in a connected graph; `None` where none leaves two parts.
+pub(super) fn separate(graph: &Graph) -> Option<Vec<Place>> {
+    let finest = Weighted::new(graph);
+    let mut coarser: Vec<Weighted> = Vec::new();
+    let mut parents: Vec<Vec<u32>> = Vec::new();
+    loop {
+        let last = coarser.last().unwrap_or(&finest);
+        if last.nodes() <= COARSEST {
+            break;
+        }
+        let (coarse, parent) = last.coarsen();
+        if coarse.nodes() as f64 > LEAST_COARSENING * last.nodes() as f64 {
+            break;
+        }
+        coarser.push(coarse);
+        parents.push(parent);
+    }
+    let mut candidates = first_guesses(coarser.last().unwrap_or(&finest));
+    candidates.truncate(CANDIDATES);
+    for (level, parent) in parents.iter().enumerate().rev() {
+        let graph = if level == 0 { &finest } else { &coarser[level - 1] };
+        for (_, places) in &mut candidates {
+            let fine = parent.iter().map(|&coarse| places[coarse as usize]).collect();
+            let mut partition = Partition::new(graph, fine);
+            partition.refine();
+            *places = partition.places;
+        }
+    }
+    let proper = candidates.into_iter().map(|(_, places)| Partition::new(&finest, places)).filter(Partition::is_proper);
+    proper.min_by(|a, b| a.cost().total_cmp(&b.cost())).map(|partition| partition.places)
+}
+
+/// Separators by the median of several fields, the best first, each with its cost.
+fn first_guesses(graph: &Weighted) -> Vec<(f64, Vec<Place>)> {
+    let mut guesses = Vec::new();
+    let mut nearest = vec![NONE; graph.nodes()];
+    let mut start = farthest(&graph.distances(0));
+    for _ in 0..DIRECTIONS {
+        let from = graph.distances(start);
+        let end = farthest(&from);
+        let to = graph.distances(end);
+        let mut field: Vec<f64> = from.iter().zip(&to).map(|(&a, &b)| f64::from(a) - f64::from(b)).collect();
+        graph.smooth(&mut field, SWEEPS);
+        let mut partition = Partition::new(graph, halves(graph, &field));
+        partition.refine();
+        if partition.is_proper() {
+            guesses.push((partition.cost(), partition.places));
+        }
+        // The next direction starts far from the ends of those before.
+        for (nearest, distances) in nearest.iter_mut().zip(from.iter().zip(&to)) {
+            *nearest = (*nearest).min(*distances.0).min(*distances.1);
+        }
+        start = farthest(&nearest);
+    }
+    guesses.sort_by(|a, b| a.0.total_cmp(&b.0));
+    guesses
+}
+
+/// The lower half of a field, by weight, against the upper one; of the latter, the nodes next to the former separate.
+fn halves(graph: &Weighted, field: &[f64]) -> Vec<Place> {
+    let mut sorted: Vec<u32> = (0..graph.nodes() as u32).collect();
+    sorted.sort_by(|&a, &b| field[a as usize].total_cmp(&field[b as usize]));
+    let mut places = vec![Place::Right; graph.nodes()];
+    let mut weight = 0;
+    for &node in &sorted {
+        weight += graph.weights[node as usize];
+        if 2 * weight > graph.total {
+            break;
+        }
+        places[node as usize] = Place::Left;
+    }
+    let touches = |node: usize| graph.neighbours(node).iter().any(|&(o, _)| places[o as usize] == Place::Left);
+    let between = |node: usize| places[node] == Place::Right && touches(node);
+    let separator: Vec<usize> = (0..graph.nodes()).filter(|&node| between(node)).collect();
+    separator.into_iter().for_each(|node| places[node] = Place::Separator);
+    places
+}
+
+/// The first node of the largest distance.
+fn farthest(distances: &[u32]) -> usize {
+    let largest = distances.iter().copied().max().unwrap_or(0);
+    distances.iter().position(|&distance| distance == largest).unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::las::Sparsity;
+
+    #[test]
+    fn separators_separate_and_are_small() {
+        // A long strip of 6 x 50 nodes: no separator has less than 6.
+        let at = |x: i32, y: i32| 6 * x + y;
+        let bars = (0..50).flat_map(|x| {
+            (0..6).flat_map(move |y| [[at(x, y), at((x + 1).min(49), y)], [at(x, y), at(x, (y + 1).min(5))]])
+        });
+        let graph = Graph::new(&Sparsity::from_elements(300, bars).unwrap());
+        let places = separate(&graph).unwrap();
+        let count = |place| places.iter().filter(|&&p| p == place).count();
+        assert_eq!(count(Place::Separator), 6);
+        assert!(count(Place::Left).min(count(Place::Right)) > 100);
+        for node in 0..300 {
+            let opposite = places[node].other_side();
+            let crosses = |&other: &u32| places[other as usize] == opposite;
+            assert!(places[node] == Place::Separator || !graph.neighbours(node).iter().any(crosses));
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_separated_is_not() {
+        let all = Sparsity::from_elements(30, [(0..30).collect::<Vec<i32>>()]).unwrap();
+        assert_eq!(separate(&Graph::new(&all)), None);
+    }
+}

@@ -1,0 +1,179 @@
+//! The elimination tree: which unknowns are eliminated into which, and how full the factor gets.
+
+use super::NONE;
+use super::graph::Graph;
+
+/// The elimination tree of an ordered graph, in postorder: whatever is eliminated into a node comes right before it.
+///
+/// Reference: J. W. H. Liu, *The role of elimination trees in sparse factorization*, SIAM Journal on Matrix Analysis and
+/// Applications 11 (1990), 134-172.
+#[derive(Clone, Debug)]
+pub(in crate::backends::sparse) struct Tree {
+    /// The node that is eliminated at each position.
+    pub(in crate::backends::sparse) order: Vec<u32>,
+    /// The position of each node.
+    pub(in crate::backends::sparse) position: Vec<u32>,
+    /// The parent of each position: the first one below the diagonal in its column of the factor; `NONE` at a root.
+    pub(in crate::backends::sparse) parent: Vec<u32>,
+    /// Entries of each column of the factor, the diagonal included.
+    pub(in crate::backends::sparse) counts: Vec<u32>,
+}
+
+impl Tree {
+    /// The tree of a graph whose nodes are eliminated in an order equivalent to the one given: same fill, postordered.
+    pub(in crate::backends::sparse) fn new(graph: &Graph, order: Vec<u32>) -> Self {
+        let n = graph.nodes();
+        let mut tree = Self { position: inverse(&order), order, parent: vec![NONE; n], counts: vec![1; n] };
+        tree.grow(graph);
+        let sequence = tree.postorder();
+        let place = inverse(&sequence);
+        tree.order = sequence.iter().map(|&p| tree.order[p as usize]).collect();
+        tree.counts = sequence.iter().map(|&p| tree.counts[p as usize]).collect();
+        let moved = |parent: u32| if parent == NONE { NONE } else { place[parent as usize] };
+        tree.parent = sequence.iter().map(|&p| moved(tree.parent[p as usize])).collect();
+        tree.position = inverse(&tree.order);
+        tree
+    }
+
+    /// Finds parents and counts, row by row of the factor.
+    fn grow(&mut self, graph: &Graph) {
+        let mut seen = vec![NONE; self.order.len()];
+        for row in 0..self.order.len() {
+            seen[row] = row as u32;
+            for &node in graph.neighbours(self.order[row] as usize) {
+                let mut column = self.position[node as usize] as usize;
+                while column < row && seen[column] != row as u32 {
+                    seen[column] = row as u32;
+                    self.counts[column] += 1;
+                    if self.parent[column] == NONE {
+                        self.parent[column] = row as u32;
+                    }
+                    column = self.parent[column] as usize;
+                }
+            }
+        }
+    }
+
+    /// Calls `visit(row, column)` for every entry of the factor below the diagonal; rows ascend.
+    pub(in crate::backends::sparse) fn for_each_entry(&self, graph: &Graph, mut visit: impl FnMut(usize, usize)) {
+        let mut seen = vec![NONE; self.order.len()];
+        for row in 0..self.order.len() {
+            seen[row] = row as u32;
+            for &node in graph.neighbours(self.order[row] as usize) {
+                let mut column = self.position[node as usize] as usize;
+                while column < row && seen[column] != row as u32 {
+                    seen[column] = row as u32;
+                    visit(row, column);
+                    column = self.parent[column] as usize;
+                }
+            }
+        }
+    }
+
+    /// Positions in postorder; of siblings, the one with the fullest column comes last, right before its parent, where it
+    /// can share a supernode with it.
+    fn postorder(&self) -> Vec<u32> {
+        let n = self.order.len();
+        let mut fullest_first: Vec<u32> = (0..n as u32).collect();
+        fullest_first.sort_by_key(|&p| std::cmp::Reverse(self.counts[p as usize]));
+        // Lists of children with the emptiest at the head; the roots are the children of one more node, `n`.
+        let (mut head, mut next) = (vec![NONE; n + 1], vec![NONE; n]);
+        for &p in &fullest_first {
+            let parent = if self.parent[p as usize] == NONE { n } else { self.parent[p as usize] as usize };
+            next[p as usize] = head[parent];
+            head[parent] = p;
+        }
+        let (mut sequence, mut path) = (Vec::with_capacity(n), vec![n]);
+        while let Some(&top) = path.last() {
+            let child = head[top];
+            if child == NONE {
+                path.pop();
+                if top < n {
+                    sequence.push(top as u32);
+                }
+            } else {
+                head[top] = next[child as usize];
+                path.push(child as usize);
+            }
+        }
+        sequence
+    }
+
+    /// Floating-point operations of a factorisation: the sum over all columns of the square of their entries.
+    pub(in crate::backends::sparse) fn operations(&self, unknowns_per_node: usize) -> f64 {
+        let of_node = |&count: &u32| -> f64 {
+            let entries = |k: usize| (unknowns_per_node * count as usize - k) as f64;
+            (0..unknowns_per_node).map(|k| entries(k) * entries(k)).sum()
+        };
+        self.counts.iter().map(of_node).sum()
+    }
+}
+
+/// `inverse[order[k]] = k`.
+pub(in crate::backends::sparse) fn inverse(order: &[u32]) -> Vec<u32> {
+    let mut inverse = vec![0; order.len()];
+    for (k, &node) in order.iter().enumerate() {
+        inverse[node as usize] = k as u32;
+    }
+    inverse
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::las::conformance::Random;
+
+    /// Elimination as it is defined: every node couples the later ones of its neighbours to each other.
+    fn eliminate(graph: &Graph, tree: &Tree) -> Vec<Vec<u32>> {
+        let n = graph.nodes();
+        let mut full = vec![vec![false; n]; n];
+        for (row, full) in full.iter_mut().enumerate() {
+            for &node in graph.neighbours(tree.order[row] as usize) {
+                full[tree.position[node as usize] as usize] = true;
+            }
+        }
+        for column in 0..n {
+            let below: Vec<usize> = (column + 1..n).filter(|&row| full[row][column]).collect();
+            for &i in &below {
+                for &j in &below {
+                    full[i][j] = true;
+                }
+            }
+        }
+        (0..n).map(|column| (column + 1..n).filter(|&row| full[row][column]).map(|row| row as u32).collect()).collect()
+    }
+
+    #[test]
+    fn the_tree_knows_what_elimination_fills() {
+        for seed in 0..30 {
+            let mut random = Random::new(seed);
+            let graph = Graph::new(&random.elements(1 + seed as usize));
+            let mut order: Vec<u32> = (0..graph.nodes() as u32).collect();
+            for k in (1..order.len()).rev() {
+                order.swap(k, random.below(k + 1));
+            }
+            let tree = Tree::new(&graph, order);
+            let columns = eliminate(&graph, &tree);
+            let mut found = vec![Vec::new(); graph.nodes()];
+            tree.for_each_entry(&graph, |row, column| found[column].push(row as u32));
+            assert_eq!(found, columns);
+            for (column, rows) in columns.iter().enumerate() {
+                assert_eq!(tree.counts[column] as usize, rows.len() + 1);
+                assert_eq!(tree.parent[column], rows.first().copied().unwrap_or(NONE));
+            }
+            // Postorder: the subtree of a position ends there, so its size leads to where it starts.
+            let mut first: Vec<u32> = (0..graph.nodes() as u32).collect();
+            for position in 0..graph.nodes() {
+                if let Some(of_parent) = first.get_mut(tree.parent[position] as usize) {
+                    *of_parent = (*of_parent).min(position as u32);
+                }
+                let inside = |p: u32| tree.parent[p as usize] <= position as u32;
+                let mut start = position as u32;
+                while start > 0 && inside(start - 1) {
+                    start -= 1;
+                }
+                assert!(start <= first[position]);
+            }
+        }
+    }
+}
