@@ -5,7 +5,7 @@ use faer::linalg::cholesky::lblt::factor::LbltParams;
 use faer::traits::RealField;
 use faer::{Auto, Spec};
 
-use crate::las::{Scalar, SolveError, SolverParams};
+use crate::las::{FactorReport, Scalar, SolveError, SolverParams};
 
 /// How LDL^T pivots: unblocked, since the library's blocked variant keeps stale entries where a column cancels exactly.
 pub(super) fn ldlt_params<T: RealField>() -> Spec<LbltParams, T> {
@@ -109,6 +109,14 @@ impl Pivots {
         } else {
             Ok(ratio)
         }
+    }
+}
+
+/// Refuses a factorisation that shows its matrix not to be positive definite.
+pub(super) fn definite<F>(report: FactorReport) -> Result<FactorReport, SolveError<F>> {
+    match report.negative_pivots {
+        Some(0) => Ok(report),
+        _ => Err(SolveError::Indefinite { unknown: report.indefinite_at.unwrap_or(0) }),
     }
 }
 

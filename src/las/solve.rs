@@ -135,6 +135,12 @@ pub enum SolveError<F> {
         /// The limit that it fell below.
         limit: f64,
     },
+    /// The matrix is not positive definite, and nothing else was asked for.
+    #[error("the matrix is not positive definite: the pivot of unknown {unknown} is not positive")]
+    Indefinite {
+        /// The unknown at whose pivot Cholesky gave up.
+        unknown: usize,
+    },
     /// The matrix holds a NaN or an infinity.
     #[error("the matrix holds a value that is not finite in row {row}")]
     NotFinite {
@@ -169,6 +175,13 @@ pub trait Solver<B: Backend>: Send {
     /// # Errors
     /// [`SolveError::Singular`], [`SolveError::NotFinite`], [`SolveError::Size`], [`SolveError::Pattern`].
     fn factor(&mut self, a: &B::Matrix) -> Result<FactorReport, SolveError<B::Fault>>;
+
+    /// Factors `a` if it is positive definite, and wastes no time on it if not: for those who would rather change such a
+    /// matrix than solve with it.
+    ///
+    /// # Errors
+    /// [`SolveError::Indefinite`], and what [`Solver::factor`] says; nothing is factored then.
+    fn factor_definite(&mut self, a: &B::Matrix) -> Result<FactorReport, SolveError<B::Fault>>;
 
     /// `A x = b`.
     ///

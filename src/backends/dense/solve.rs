@@ -13,7 +13,7 @@ use faer::traits::RealField;
 use faer::{Conj, MatMut, MatRef, Par, Spec};
 
 use super::{Dense, Matrix, Vector};
-use crate::backends::direct::{Pivots, Scratch, check_columns, check_size, ldlt_params, singular_limit};
+use crate::backends::direct::{Pivots, Scratch, check_columns, check_size, definite, ldlt_params, singular_limit};
 use crate::backends::local;
 use crate::las::{FactorReport, Factorisation, Scalar, SolveError, SolveReport, SolverParams, Symmetry};
 
@@ -217,6 +217,11 @@ impl<T: Scalar + RealField> crate::las::Solver<Dense<T>> for Solver<T> {
         self.served = None;
         self.check(a)?;
         self.factor_checked(a)
+    }
+
+    fn factor_definite(&mut self, a: &Matrix<T>) -> Result<FactorReport, SolveError<Infallible>> {
+        let report = crate::las::Solver::<Dense<T>>::factor(self, a)?;
+        definite(report).inspect_err(|_| self.served = None)
     }
 
     fn solve(&mut self, b: &Vector<T>, x: &mut Vector<T>) -> Result<SolveReport, SolveError<Infallible>> {

@@ -11,7 +11,7 @@ use super::block::{BlockCholesky, BlockScalar};
 use super::cholesky::{Cholesky, Ldlt, solve_scratch};
 use super::lu::Lu;
 use super::{Matrix, Sparse, Symbolic, Vector};
-use crate::backends::direct::{Pivots, Scratch, check_columns, check_size, singular_limit};
+use crate::backends::direct::{definite, Pivots, Scratch, check_columns, check_size, singular_limit};
 use crate::backends::local;
 use crate::las::{FactorReport, Factorisation, SolveError, SolveReport, Symmetry};
 
@@ -101,35 +101,55 @@ impl<T: BlockScalar> Solver<T> {
         if symbolic.params.symmetry == Symmetry::None {
             return self.factor_lu(a, None);
         }
-        let mut indefinite_at = None;
+        match self.factor_by_cholesky(a) {
+            Err(SolveError::Indefinite { unknown }) => self.factor_ldlt(a, Some(unknown)),
+            Ok(None) => self.factor_ldlt(a, None),
+            Ok(Some(report)) => Ok(report),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// `None` where the matrix was not stated to be definite, so that there is no Cholesky.
+    fn factor_by_cholesky(&mut self, a: &Matrix<T>) -> Result<Option<FactorReport>, SolveError<Infallible>> {
+        let symbolic = Arc::clone(&self.symbolic);
         if let (Some(blocks), Some(analysis)) = (&mut self.blocks, &symbolic.blocks) {
             match blocks.factor(analysis, &a.values) {
-                Ok(pivots) => return self.report(Factorisation::Cholesky, None, &pivots, |p| analysis.unknown(p)),
-                Err(position) => indefinite_at = Some(analysis.unknown(position)),
+                Ok(pivots) => {
+                    return self.report(Factorisation::Cholesky, None, &pivots, |p| analysis.unknown(p)).map(Some);
+                }
+                Err(position) => return Err(SolveError::Indefinite { unknown: analysis.unknown(position) }),
             }
         }
+        if self.cholesky.is_none() {
+            return Ok(None);
+        }
         let analysis = symbolic.cholesky()?;
+        self.gather_lower(a, analysis);
+        let Some(cholesky) = &mut self.cholesky else { return Ok(None) };
+        match cholesky.factor(analysis, &self.lower, self.scratch.memory()) {
+            Ok(pivots) => {
+                self.report(Factorisation::Cholesky, None, &pivots, |p| analysis.order[p] as usize).map(Some)
+            }
+            Err(position) => Err(SolveError::Indefinite { unknown: analysis.order[position] as usize }),
+        }
+    }
+
+    /// The ordered lower triangle of `a`.
+    fn gather_lower(&mut self, a: &Matrix<T>, analysis: &CholeskyAnalysis) {
         self.lower.resize(analysis.source.len(), T::zero());
         for (value, &source) in self.lower.iter_mut().zip(&analysis.source) {
             *value = a.values[source as usize];
         }
-        if let Some(cholesky) = &mut self.cholesky {
-            match cholesky.factor(analysis, &self.lower, self.scratch.memory()) {
-                Ok(pivots) => {
-                    return self.report(Factorisation::Cholesky, None, &pivots, |p| analysis.order[p] as usize);
-                }
-                Err(position) => indefinite_at = Some(analysis.order[position] as usize),
-            }
-        }
-        self.factor_ldlt(a, analysis, indefinite_at)
     }
 
     fn factor_ldlt(
         &mut self,
         a: &Matrix<T>,
-        analysis: &CholeskyAnalysis,
         indefinite_at: Option<usize>,
     ) -> Result<FactorReport, SolveError<Infallible>> {
+        let symbolic = Arc::clone(&self.symbolic);
+        let analysis = symbolic.cholesky()?;
+        self.gather_lower(a, analysis);
         self.make_ldlt(analysis);
         let Some(ldlt) = &mut self.ldlt else { return Err(SolveError::NotFactored) };
         let pivots = ldlt.factor(analysis, &self.lower, self.scratch.memory());
@@ -261,6 +281,18 @@ impl<T: BlockScalar> crate::las::Solver<Sparse<T>> for Solver<T> {
         self.served = None;
         self.check(a)?;
         self.factor_checked(a)
+    }
+
+    fn factor_definite(&mut self, a: &Matrix<T>) -> Result<FactorReport, SolveError<Infallible>> {
+        self.served = None;
+        self.check(a)?;
+        if self.symbolic.params.symmetry == Symmetry::Definite
+            && let Some(report) = self.factor_by_cholesky(a)?
+        {
+            return Ok(report);
+        }
+        let report = self.factor_checked(a)?;
+        definite(report).inspect_err(|_| self.served = None)
     }
 
     fn solve(&mut self, b: &Vector<T>, x: &mut Vector<T>) -> Result<SolveReport, SolveError<Infallible>> {

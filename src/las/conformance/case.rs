@@ -50,6 +50,11 @@ impl<'a, B: Backend> Case<'a, B> {
         self.solver.factor(&matrix)
     }
 
+    pub(super) fn factor_definite(&mut self, a: &Oracle) -> Result<FactorReport, SolveError<B::Fault>> {
+        let matrix = self.matrix(a);
+        self.solver.factor_definite(&matrix)
+    }
+
     /// Solves for `b` and checks that the residual is one of rounding.
     pub(super) fn solve(&mut self, a: &Oracle, b: &[f64]) -> Vec<f64> {
         let (b, mut x) = (self.vector(b), self.vector(&vec![UNSOLVED; b.len()]));

@@ -63,6 +63,8 @@ fn indefinite<B: Backend>(context: &B::Context, random: &mut Random, pattern: &A
     let report = case.check(random, &one, &[Factorisation::Ldlt]);
     assert_eq!(report.indefinite_at, Some(at), "the unknown whose pivot is negative, of {n}");
     assert_eq!(report.negative_pivots, Some(1));
+    let refused = case.factor_definite(&one);
+    assert!(matches!(refused, Err(SolveError::Indefinite { unknown }) if unknown == at), "{refused:?}");
     let many = Oracle::dominant(random, pattern, |i| if i % 3 == at % 3 { -1.0 } else { 1.0 });
     let report = case.check(random, &many, &[Factorisation::Ldlt]);
     assert!(report.indefinite_at.is_some_and(|i| i % 3 == at % 3), "{:?}", report.indefinite_at);

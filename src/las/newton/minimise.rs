@@ -7,7 +7,7 @@
 //! zero and the convergence is Newton's own.
 
 use super::{
-    Backend, Factorisation, MatrixOps, NewtonError, NewtonFailure, NewtonReport, NewtonSystem, NonlinearProblem,
+    Backend, MatrixOps, NewtonError, NewtonFailure, NewtonReport, NewtonSystem, NonlinearProblem,
     Scalar, SolveError, Solver, Trial, VectorOps, Yardstick, fault,
 };
 use crate::las::Index;
@@ -190,13 +190,12 @@ where
             problem.jacobian(&mut self.matrix).map_err(NewtonError::Problem)?;
             shift.diagonal = self.shift_diagonal(shift.value).map_err(fault)?;
             self.matrix.finish().map_err(fault)?;
-            match self.solver.factor(&self.matrix) {
+            match self.solver.factor_definite(&self.matrix) {
                 Ok(factor) => {
                     report.count(&factor);
-                    if factor.kind == Factorisation::Cholesky {
-                        break;
-                    }
+                    break;
                 }
+                Err(SolveError::Indefinite { .. }) => report.indefinite += 1,
                 Err(SolveError::Singular { .. } | SolveError::Inaccurate { .. }) => report.singular += 1,
                 Err(error) => return Err(NewtonError::Solve(error)),
             }

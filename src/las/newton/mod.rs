@@ -13,7 +13,7 @@ pub use minimise::{Potential, RegularisedParams};
 pub use problem::{NonlinearProblem, Yardstick};
 pub use report::{NewtonError, NewtonFailure, NewtonParams, NewtonReport, NewtonSeconds};
 
-use super::{Backend, Factorisation, MatrixOps, Scalar, SolveError, Solver, Sparsity, VectorOps};
+use super::{Backend, MatrixOps, Scalar, SolveError, Solver, Sparsity, VectorOps};
 
 /// The linear system that Newton works in: made once, used for every problem of the same pattern.
 ///
