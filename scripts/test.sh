@@ -42,6 +42,7 @@ sets=(
     "--no-default-features --features dense"
     "--no-default-features --features generate"
     "--no-default-features --features dense,app"
+    "--features default,metis"
 )
 
 for features in "${sets[@]}"; do
@@ -63,5 +64,11 @@ for features in "--no-default-features --features sparse" "--no-default-features
     # shellcheck disable=SC2086
     cargo test --quiet $features
 done
+
+say "tests: orders of elimination by METIS"
+cargo test --quiet --features metis --lib sparse
+
+say "tests: a law of a downstream crate"
+CARGO_TARGET_DIR="$PWD/target/custom-law" cargo test --quiet --manifest-path examples/custom-law/Cargo.toml
 
 say "everything passed"
