@@ -1,7 +1,8 @@
-//! One RVE on one core: equilibrium and tangent of a published network, and a Newton iteration of a large one.
+//! One RVE on one core: equilibrium and tangent as a whole, and the phases of a Newton iteration.
 //!
 //! `cargo bench --bench rve`, with `BIOTISSUE_NETWORKS` naming the folder of the published networks; without it only
-//! the networks of the dogbone example are timed.
+//! networks made on the spot and those of the dogbone example are timed. `docs/kernel.md` has a table of such times, beside
+//! those of other direct solvers.
 
 use std::hint::black_box;
 use std::path::{Path, PathBuf};
@@ -11,10 +12,14 @@ use biotissue::backends::sparse::Sparse;
 use biotissue::fiber::equilibrium::{EquilibriumParams, equilibrate};
 use biotissue::fiber::homogenise;
 use biotissue::fiber::law::{FiberMaterial, Law};
-use biotissue::fiber::network::file;
+use biotissue::fiber::network::{Network, file, generate};
 use biotissue::fiber::rve::{Rve, RveModel, StressScale};
+use biotissue::fiber::stiffness::{self, StiffnessSlots};
+use biotissue::fiber::truss::FiberStates;
 use biotissue::fiber::workspace::Workspace;
-use criterion::{Criterion, criterion_group, criterion_main};
+use biotissue::las::{Backend, MatrixOps, Solver, SolverParams, Symmetry};
+use criterion::measurement::WallTime;
+use criterion::{BenchmarkGroup, Criterion, criterion_group, criterion_main};
 use nalgebra::Matrix3;
 
 struct Case {
@@ -25,11 +30,14 @@ struct Case {
 
 impl Case {
     fn read(path: &Path, material: Option<FiberMaterial>) -> Self {
-        let network = match file::read(path) {
-            Ok(read) => Arc::new(read.network),
+        match file::read(path) {
+            Ok(read) => Self::new(read.network, material),
             Err(error) => panic!("{error}"),
-        };
-        let model = RveModel::new(&(), network, material, StressScale::Raw).expect("the network has a law");
+        }
+    }
+
+    fn new(network: Network, material: Option<FiberMaterial>) -> Self {
+        let model = RveModel::new(&(), Arc::new(network), material, StressScale::Raw).expect("the network has a law");
         let workspace = Workspace::new(&(), &model).expect("the sparse backend makes any workspace");
         Self { model, workspace, params: EquilibriumParams::default() }
     }
@@ -48,10 +56,58 @@ impl Case {
         let tangent = homogenise::tangent(&self.model, &rve, &pk1, &mut self.workspace);
         tangent.expect("its stiffness is regular").trace()
     }
+
+    /// Everything that a solve and a tangent consist of, at the equilibrium of `f`.
+    fn phases(&mut self, group: &mut BenchmarkGroup<'_, WallTime>, f: &Matrix3<f64>) {
+        let (_, iterations) = self.solve(f);
+        group
+            .bench_function(format!("equilibrium, {iterations} iterations"), |b| b.iter(|| self.solve(black_box(f)).1));
+        group.bench_function("equilibrium and tangent", |b| b.iter(|| self.solve_and_tangent(black_box(f))));
+        let (rve, _) = self.solve(f);
+        let pk1 = homogenise::pk1(&self.model, &self.workspace);
+        group.bench_function("tangent", |b| {
+            b.iter(|| homogenise::tangent(&self.model, &rve, black_box(&pk1), &mut self.workspace).expect("regular"));
+        });
+        let (truss, positions) = (self.model.truss(), self.workspace.positions());
+        let (mut states, mut forces) = (FiberStates::default(), vec![[0.0; 3]; positions.len()]);
+        group.bench_function("force", |b| {
+            b.iter(|| {
+                truss.evaluate(black_box(positions), &mut states);
+                truss.nodal_forces(&states, &mut forces);
+            });
+        });
+        let pattern = Arc::new(stiffness::pattern(self.model.network()).expect("few unknowns"));
+        let slots = StiffnessSlots::<Sparse>::locate(&(), truss, &pattern).expect("serial");
+        let mut matrix = Sparse::<f64>::matrix(&(), &pattern).expect("serial");
+        let mut diagonal = Vec::new();
+        group.bench_function("assembly", |b| {
+            b.iter(|| {
+                matrix.zero().expect("serial");
+                slots.assemble(truss, black_box(&states), &mut diagonal, &mut matrix).expect("serial");
+            });
+        });
+        let params = SolverParams::new(Symmetry::Definite);
+        let symbolic = Sparse::<f64>::analyze(&(), &pattern, &params).expect("a symmetric pattern");
+        let mut solver = Sparse::solver(&symbolic).expect("a solver");
+        group.bench_function("factor", |b| b.iter(|| solver.factor(black_box(&matrix)).expect("definite")));
+        let right = vec![Sparse::<f64>::vector(&(), pattern.rows()).expect("a vector"); 6];
+        let mut solutions = right.clone();
+        group.bench_function("solve", |b| {
+            b.iter(|| solver.solve(black_box(&right[0]), &mut solutions[0]).expect("factored"));
+        });
+        group.bench_function("solve for six at once", |b| {
+            b.iter(|| solver.solve_many(black_box(&right), &mut solutions).expect("factored"));
+        });
+    }
 }
 
 fn published(name: &str) -> Option<PathBuf> {
     std::env::var_os("BIOTISSUE_NETWORKS").map(|folder| PathBuf::from(folder).join(name))
+}
+
+fn collagen() -> FiberMaterial {
+    let law = Law::Exponential { youngs_modulus: 1.0e8, nonlinearity: 1.2 };
+    FiberMaterial { law, radius: 5.0e-8, density: None }
 }
 
 /// The deformation at which MuMFiM recorded its times, some 1 %.
@@ -67,31 +123,21 @@ fn recorded() -> Matrix3<f64> {
 fn rves(c: &mut Criterion) {
     let large = Matrix3::new(1.1, 0.05, 0.0, 0.0, 0.95, 0.02, 0.0, 0.0, 1.0);
     if let Some(path) = published("Network_2_7.txt") {
-        let mut case = Case::read(&path, None);
-        let iterations = case.solve(&recorded()).1;
-        c.bench_function(&format!("Network_2_7: solve ({iterations} iterations)"), |b| {
-            b.iter(|| case.solve(black_box(&recorded())).1)
-        });
-        c.bench_function("Network_2_7: solve and tangent", |b| {
-            b.iter(|| case.solve_and_tangent(black_box(&recorded())))
-        });
+        Case::read(&path, None).phases(&mut c.benchmark_group("Network_2_7"), &recorded());
     }
     let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/dogbone/networks/delaunay_1.txt");
-    let law = Law::Exponential { youngs_modulus: 1.0e8, nonlinearity: 1.2 };
-    let mut case = Case::read(&example, Some(FiberMaterial { law, radius: 5.0e-8, density: None }));
-    let iterations = case.solve(&large).1;
-    c.bench_function(&format!("delaunay_1 of the dogbone: solve ({iterations} iterations) and tangent"), |b| {
-        b.iter(|| case.solve_and_tangent(black_box(&large)));
-    });
+    let mut case = Case::read(&example, Some(collagen()));
+    case.phases(&mut c.benchmark_group("delaunay_1 of the dogbone"), &large);
+    for points in [300, 1000] {
+        let network = generate::delaunay(points, 1).expect("enough points");
+        let mut group = c.benchmark_group(format!("delaunay of {points} points"));
+        group.sample_size(40);
+        Case::new(network, Some(collagen())).phases(&mut group, &large);
+    }
     if let Some(path) = published("del_4450seedL5_new_1.txt") {
-        let mut case = Case::read(&path, None);
-        let iterations = case.solve(&large).1;
         let mut group = c.benchmark_group("del_4450");
         group.sample_size(10);
-        group
-            .bench_function(format!("solve ({iterations} iterations)"), |b| b.iter(|| case.solve(black_box(&large)).1));
-        group.bench_function("solve and tangent", |b| b.iter(|| case.solve_and_tangent(black_box(&large))));
-        group.finish();
+        Case::read(&path, None).phases(&mut group, &large);
     }
 }
 

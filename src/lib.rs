@@ -28,6 +28,7 @@
 //! |---|---|---|
 //! | `sparse` (default) | compressed rows, direct solvers | nothing |
 //! | `dense` (default) | dense matrices | nothing |
+//! | `metis` | orders of elimination by METIS, tried beside those of the crate itself | a C compiler |
 //! | `generate` | fiber networks made on the spot, Delaunay and Voronoi, isotropic and aligned | nothing |
 //! | `app` (default, implies `generate`) | cases, results, pictures, the program `biotissue` | nothing |
 //!

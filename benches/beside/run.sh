@@ -11,7 +11,10 @@ if [ -z "${OPENBLAS_CORETYPE:-}" ]; then
     if grep -qw avx512f /proc/cpuinfo; then OPENBLAS_CORETYPE=SkylakeX; else OPENBLAS_CORETYPE=Haswell; fi
     export OPENBLAS_CORETYPE
 fi
-export OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1
+# CHOLMOD asks for four threads whatever OMP_NUM_THREADS says; the limit it cannot exceed.
+export OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 OMP_THREAD_LIMIT=1
 echo "OpenBLAS kernels: $OPENBLAS_CORETYPE; vector instructions: $(grep -owE 'avx|avx2|fma|avx512f' /proc/cpuinfo | sort -u | tr '\n' ' ')"
 echo
+# The crate's folder for what is built, unless another is named.
+export CARGO_TARGET_DIR=${CARGO_TARGET_DIR:-$PWD/../../target}
 cargo run --quiet --release -- "$@"

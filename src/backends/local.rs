@@ -92,7 +92,18 @@ pub(super) fn axpy<T: Scalar>(a: T, x: &[T], y: &mut [T]) {
 /// Whether every value is finite; without a branch a value, so that it runs at the speed of memory.
 #[inline]
 pub(super) fn all_finite<T: Scalar>(values: &[T]) -> bool {
-    values.iter().fold(true, |all, value| all & value.is_finite())
+    // Zero times a value that is not finite is not a number, and stays so in a sum.
+    let mut sums = [T::zero(); LANES];
+    let (body, tail) = values.as_chunks::<LANES>();
+    for values in body {
+        for lane in 0..LANES {
+            sums[lane] += T::zero() * values[lane];
+        }
+    }
+    for (sum, &value) in sums.iter_mut().zip(tail) {
+        *sum += T::zero() * value;
+    }
+    sums.into_iter().sum::<T>().is_zero()
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use thiserror::Error;
 use super::homogenise::strain;
 use super::law::FiberMaterial;
 use super::network::Network;
-use super::stiffness::StiffnessSlots;
+use super::stiffness::{self, StiffnessSlots};
 use super::truss::{Truss, TrussError};
 use super::workspace::{MODES, Workspace};
 use crate::las::{Backend, SolveError, SolverParams, Sparsity, SparsityError, Symmetry};
@@ -82,7 +82,7 @@ impl<B: Backend<Scalar = f64>> RveModel<B> {
             StressScale::FiberVolumeFraction(phi) if phi > 0.0 && phi < 1.0 => phi / truss.volume(),
             StressScale::FiberVolumeFraction(phi) => return Err(RveModelError::VolumeFraction(phi)),
         };
-        let pattern = Arc::new(pattern(truss.network())?);
+        let pattern = Arc::new(stiffness::pattern(truss.network())?);
         let params = SolverParams::new(Symmetry::Definite);
         let symbolic = B::analyze(context, &pattern, &params).map_err(RveModelError::Analysis)?;
         if !(scale.is_finite() && scale > 0.0) {
@@ -166,19 +166,6 @@ fn lumped_masses(network: &Network, material: Option<&FiberMaterial>) -> Vec<f64
         }
     }
     masses
-}
-
-fn pattern(network: &Network) -> Result<Sparsity, SparsityError> {
-    let number = network.interior_number();
-    let unknowns = |node: u32| {
-        let first = 3 * number[node as usize];
-        if first < 0 { [-1; 3] } else { [first, first + 1, first + 2] }
-    };
-    let elements = network.fibers().iter().map(|&[a, b]| {
-        let (a, b) = (unknowns(a), unknowns(b));
-        [a[0], a[1], a[2], b[0], b[1], b[2]]
-    });
-    Sparsity::from_elements(3 * network.interior().len(), elements)
 }
 
 /// The state of one RVE: the deformation gradient it is in equilibrium with and its interior node positions.

@@ -2,8 +2,27 @@
 
 use std::sync::Arc;
 
+use super::network::Network;
 use super::truss::{FiberStates, Truss};
-use crate::las::{Backend, Index, MatrixOps, Sparsity};
+use crate::las::{Backend, Index, MatrixOps, Sparsity, SparsityError};
+
+/// The pattern of the interior stiffness: three unknowns for every interior node, in the order of
+/// [`Network::interior`], coupled in full blocks.
+///
+/// # Errors
+/// [`SparsityError::TooLarge`].
+pub fn pattern(network: &Network) -> Result<Sparsity, SparsityError> {
+    let number = network.interior_number();
+    let unknowns = |node: u32| {
+        let first = 3 * number[node as usize];
+        if first < 0 { [-1; 3] } else { [first, first + 1, first + 2] }
+    };
+    let elements = network.fibers().iter().map(|&[a, b]| {
+        let (a, b) = (unknowns(a), unknowns(b));
+        [a[0], a[1], a[2], b[0], b[1], b[2]]
+    });
+    Sparsity::from_elements(3 * network.interior().len(), elements)
+}
 
 /// Where the blocks of the interior stiffness go: the diagonal block of every interior node, and the two mirrored blocks
 /// of every fiber between interior nodes. Fibers that reach the boundary only touch diagonal blocks.

@@ -6,6 +6,7 @@
 //! many repetitions: what else the machine does only ever adds to a time.
 
 mod cholmod;
+mod memory;
 mod ours;
 mod phases;
 mod plain_faer;
@@ -58,8 +59,16 @@ fn collagen(network: Network) -> RveModel<biotissue::backends::sparse::Sparse> {
     RveModel::new(&(), Arc::new(network), Some(material), StressScale::Raw).expect("a sound material")
 }
 
+/// The deformation at which MuMFiM recorded its times for the network, some 1 %; for the others a larger one.
 #[rustfmt::skip]
-fn deformation() -> Matrix3<f64> {
+fn deformation(name: &str) -> Matrix3<f64> {
+    if name == "Network_2_7" {
+        return Matrix3::new(
+            0.999819, -0.000293362, 0.000371752,
+            0.000360323, 1.01319, 0.000355325,
+            -0.000570166, 0.000635382, 0.999488,
+        );
+    }
     Matrix3::new(
         1.05, 0.01, 0.0,
         0.0, 0.99, 0.02,
@@ -68,7 +77,7 @@ fn deformation() -> Matrix3<f64> {
 }
 
 fn compare(name: &str, model: RveModel<biotissue::backends::sparse::Sparse>) {
-    let mut system = System::new(name, model, deformation());
+    let mut system = System::new(name, model, deformation(name));
     phases::print(&mut system);
     let mut contenders: Vec<Box<dyn Contender>> = ours::all(&system);
     contenders.push(Box::new(plain_faer::PlainFaer::in_our_order(&system, MODES)));
@@ -94,6 +103,8 @@ fn compare(name: &str, model: RveModel<biotissue::backends::sparse::Sparse>) {
     let mut rounds = 0;
     while rounds < 10 || start.elapsed().as_secs_f64() < 4.0 {
         for (contender, best) in contenders.iter_mut().zip(&mut best) {
+            // Once more before it counts, so that nobody pays for the caches that another one has filled.
+            contender.factor();
             let begin = Instant::now();
             contender.factor();
             let factored = Instant::now();

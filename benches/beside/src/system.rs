@@ -4,9 +4,8 @@ use std::sync::Arc;
 
 use biotissue::backends::sparse::{Matrix, Sparse};
 use biotissue::fiber::equilibrium::{EquilibriumParams, EquilibriumReport, equilibrate};
-use biotissue::fiber::network::Network;
 use biotissue::fiber::rve::{Rve, RveModel};
-use biotissue::fiber::stiffness::StiffnessSlots;
+use biotissue::fiber::stiffness::{self, StiffnessSlots};
 use biotissue::fiber::workspace::Workspace;
 use biotissue::las::{Backend, Sparsity};
 use nalgebra::Matrix3;
@@ -26,6 +25,7 @@ pub struct System {
     pub name: String,
     pub model: RveModel<Sparse>,
     pub workspace: Workspace<Sparse>,
+    pub rve: Rve,
     pub report: EquilibriumReport,
     pub target: Matrix3<f64>,
     pub pattern: Arc<Sparsity>,
@@ -43,7 +43,7 @@ impl System {
         let mut rve = Rve::at_rest(model.network());
         let report = equilibrate(&model, &mut rve, &target, &EquilibriumParams::default(), &mut workspace);
         let report = report.expect("the networks of the comparison converge");
-        let pattern = Arc::new(pattern(model.network()));
+        let pattern = Arc::new(stiffness::pattern(model.network()).expect("few unknowns"));
         let slots = StiffnessSlots::locate(&(), model.truss(), &pattern).expect("the backend cannot fail");
         let mut stiffness = Sparse::<f64>::matrix(&(), &pattern).expect("the backend cannot fail");
         slots.assemble(model.truss(), workspace.states(), &mut Vec::new(), &mut stiffness).expect("it cannot fail");
@@ -62,6 +62,7 @@ impl System {
             name,
             model,
             workspace,
+            rve,
             report,
             target,
             pattern,
@@ -83,15 +84,4 @@ impl System {
         let worst = (0..b.len()).map(|k| (row(k) - b[k]).abs()).fold(0.0, f64::max);
         worst / b.iter().fold(0.0, |largest: f64, b| largest.max(b.abs()))
     }
-}
-
-/// The pattern of the stiffness: three unknowns for every interior node.
-fn pattern(network: &Network) -> Sparsity {
-    let number = network.interior_number();
-    let unknowns = |node: u32| {
-        let first = 3 * number[node as usize];
-        if first < 0 { [-1; 3] } else { [first, first + 1, first + 2] }
-    };
-    let fibers = network.fibers().iter().map(|&[a, b]| [unknowns(a), unknowns(b)].concat());
-    Sparsity::from_elements(3 * network.interior().len(), fibers).expect("few unknowns")
 }

@@ -1,7 +1,10 @@
 //! `sparse`: compressed rows and direct solvers in memory; the backend for everything that is not small.
 //!
-//! Factorisations are those of the crate `faer`: supernodal Cholesky; where the matrix is not positive definite, LDL^T
-//! with pivoting within the supernodes; sparse LU for unsymmetric matrices, and where that pivoting does not suffice.
+//! A definite matrix of 3x3 blocks, such as the stiffness of a fiber network, is factored by a Cholesky of its own (module
+//! `block`), unless it is so large that libraries are faster. Whatever else there is to factor goes to the crate `faer`:
+//! supernodal Cholesky; where the matrix is not positive definite, LDL^T with pivoting within the supernodes; sparse LU
+//! for unsymmetric matrices, and where that pivoting does not suffice. The order of elimination is the better one of
+//! minimum degree and nested dissection (module `order`). `docs/kernel.md` in the repository compares times.
 //!
 //! ```
 //! use std::sync::Arc;

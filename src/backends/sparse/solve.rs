@@ -11,7 +11,7 @@ use super::block::{BlockCholesky, BlockScalar};
 use super::cholesky::{Cholesky, Ldlt, solve_scratch};
 use super::lu::Lu;
 use super::{Matrix, Sparse, Symbolic, Vector};
-use crate::backends::direct::{definite, Pivots, Scratch, check_columns, check_size, singular_limit};
+use crate::backends::direct::{Pivots, Scratch, check_columns, check_size, definite, singular_limit};
 use crate::backends::local;
 use crate::las::{FactorReport, Factorisation, SolveError, SolveReport, Symmetry};
 
@@ -127,9 +127,7 @@ impl<T: BlockScalar> Solver<T> {
         self.gather_lower(a, analysis);
         let Some(cholesky) = &mut self.cholesky else { return Ok(None) };
         match cholesky.factor(analysis, &self.lower, self.scratch.memory()) {
-            Ok(pivots) => {
-                self.report(Factorisation::Cholesky, None, &pivots, |p| analysis.order[p] as usize).map(Some)
-            }
+            Ok(pivots) => self.report(Factorisation::Cholesky, None, &pivots, |p| analysis.order[p] as usize).map(Some),
             Err(position) => Err(SolveError::Indefinite { unknown: analysis.order[position] as usize }),
         }
     }

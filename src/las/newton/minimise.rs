@@ -7,8 +7,8 @@
 //! zero and the convergence is Newton's own.
 
 use super::{
-    Backend, MatrixOps, NewtonError, NewtonFailure, NewtonReport, NewtonSystem, NonlinearProblem,
-    Scalar, SolveError, Solver, Trial, VectorOps, Yardstick, fault,
+    Backend, MatrixOps, NewtonError, NewtonFailure, NewtonReport, NewtonSystem, NonlinearProblem, Scalar, SolveError,
+    Solver, Trial, VectorOps, Yardstick, fault,
 };
 use crate::las::Index;
 

@@ -58,7 +58,7 @@ impl<T: Scalar> Kernel<T> for Factor<'_, T> {
             let (before, rest) = panels.split_at_mut(analysis.panel_start[s]);
             let panel = &mut rest[..analysis.panel_start[s + 1] - analysis.panel_start[s]];
             let (first, width) = (supernodes.first(s), supernodes.width(s));
-            fill(panel, analysis.sources_of(s), values);
+            fill(lanes, panel, analysis.sources_of(s), values);
             for (row, place) in place[first..first + width].iter_mut().enumerate() {
                 *place = row as u32;
             }
@@ -82,15 +82,17 @@ impl<T: Scalar> Kernel<T> for Factor<'_, T> {
 
 /// Takes the values of the matrix.
 #[inline(always)]
-fn fill<T: Scalar>(panel: &mut [Column<T>], sources: &[Source], values: &[T]) {
-    panel.fill([T::zero(); 4]);
+fn fill<T: Scalar, L: Lanes<T>>(lanes: L, panel: &mut [Column<T>], sources: &[Source], values: &[T]) {
+    panel.fill(Column::default());
+    // The fourth value belongs to another block, or is the one behind the matrix. Should that not be finite, it leaves its
+    // trace in the fourth lane, which nothing reads: no operation mixes lanes.
+    let three = lanes.load(&[T::one(), T::one(), T::one(), T::zero()]);
     for source in sources {
         let mut at = source.at as usize;
         let to = source.to as usize;
         for column in &mut panel[to..to + BLOCK] {
-            // The fourth value is one of another block, or the one behind the matrix.
-            if let Some(&[x, y, z, _]) = values[at..].first_chunk() {
-                *column = [x, y, z, T::zero()];
+            if let Some(four) = values[at..].first_chunk() {
+                lanes.store(lanes.mul(lanes.load(four), three), column);
             }
             at += source.stride as usize;
         }
