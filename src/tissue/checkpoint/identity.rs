@@ -210,3 +210,63 @@ fn hash_law(law: &Law, hash: &mut Fnv) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fiber::law::{FiberLaw, Table};
+
+    #[derive(Debug)]
+    struct Hooke(f64);
+
+    impl FiberLaw for Hooke {
+        fn name(&self) -> &str {
+            "hooke"
+        }
+
+        fn parameters(&self) -> Vec<(&'static str, f64)> {
+            vec![("youngs_modulus", self.0)]
+        }
+
+        fn stress(&self, stretch: f64) -> (f64, f64) {
+            (self.0 * (stretch - 1.0), self.0)
+        }
+    }
+
+    #[test]
+    fn every_parameter_of_every_law_counts() {
+        let table = |stress: f64| Law::table(Table::new(vec![[0.9, -1.0], [1.0, 0.0], [1.1, stress]]).unwrap());
+        let linear = |youngs_modulus: f64| Law::Linear { youngs_modulus };
+        let exponential = |nonlinearity: f64| Law::Exponential { youngs_modulus: 1.0, nonlinearity };
+        let laws = [
+            linear(1.0),
+            linear(2.0),
+            exponential(1.0),
+            exponential(2.0),
+            Law::ExponentialStretch { youngs_modulus: 1.0, nonlinearity: 1.0, transition: 1.1 },
+            Law::ExponentialStretch { youngs_modulus: 1.0, nonlinearity: 1.0, transition: 1.2 },
+            table(1.0),
+            table(2.0),
+            linear(1.0).without_compression(0.1, 0.01),
+            linear(1.0).without_compression(0.2, 0.01),
+            linear(1.0).without_compression(0.1, 0.02),
+            exponential(1.0).without_compression(0.1, 0.01),
+            table(1.0).without_compression(0.1, 0.01),
+            Law::custom(Hooke(1.0)),
+            Law::custom(Hooke(2.0)),
+        ];
+        let sum = |law: &Law| {
+            let mut hash = Fnv::new();
+            hash_law(law, &mut hash);
+            hash.sum()
+        };
+        for (k, law) in laws.iter().enumerate() {
+            assert_eq!(sum(law), sum(&law.clone()));
+            for other in &laws[..k] {
+                assert_ne!(sum(law), sum(other), "{law:?} {other:?}");
+                assert_ne!(law, other);
+            }
+        }
+        assert_eq!(sum(&laws[13]), sum(&Law::custom(Hooke(1.0))));
+    }
+}
