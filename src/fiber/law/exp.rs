@@ -2,8 +2,8 @@
 
 use crate::fiber::vector::{Kernel, fma, vectorised};
 
-/// `exp(x) - 1` of every number, for laws that grow exponentially: about 1 ns each where the machine has vectors of
-/// four lanes, a fifth of what `f64::exp_m1` takes.
+/// `exp(x) - 1` of every number, for laws that grow exponentially: where the machine has vectors of four lanes, in a
+/// quarter of the time that `f64::exp_m1` takes.
 ///
 /// Within 2 units in the last place of the exact value, subnormal numbers included. `exp_m1(-0.0)` is `-0.0`, infinity
 /// comes out above 709.78, -1 below -37.5, NaN of NaN.
@@ -70,15 +70,24 @@ pub(super) fn exp_m1_of<const FUSED: bool>(x: f64) -> f64 {
     let r = high - low;
     let lost = (high - r) - low; // what rounding took from r
 
-    let mut series = INVERSE_FACTORIALS[12];
-    for coefficient in INVERSE_FACTORIALS[..12].iter().rev() {
-        series = fma::<FUSED>(series, r, *coefficient);
-    }
-    let beyond_r = fma::<FUSED>(r * r, series, lost); // exp(r) - 1 - r
+    let beyond_r = fma::<FUSED>(r * r, series::<FUSED>(r), lost); // exp(r) - 1 - r
 
     let scaled = fma::<FUSED>(half_power, r, half_power - 0.5) + half_power * beyond_r;
     let near_zero = if x.abs() < 1e-17 { x } else { r + beyond_r };
     if k == 0.0 { near_zero } else { 2.0 * scaled }
+}
+
+/// `(exp(r) - 1 - r) / r^2` to `r^12`, by Estrin's scheme: pairs, then pairs of pairs, so that few operations wait for
+/// one another.
+#[inline(always)]
+fn series<const FUSED: bool>(r: f64) -> f64 {
+    let c = INVERSE_FACTORIALS;
+    let (r2, pair) = (r * r, |k: usize| fma::<FUSED>(c[k + 1], r, c[k]));
+    let r4 = r2 * r2;
+    let four = |k: usize| fma::<FUSED>(pair(k + 2), r2, pair(k));
+    let low = fma::<FUSED>(four(4), r4, four(0));
+    let high = fma::<FUSED>(c[12], r4, four(8));
+    fma::<FUSED>(high, r4 * r4, low)
 }
 
 #[cfg(test)]
