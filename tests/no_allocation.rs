@@ -2,48 +2,16 @@
 
 #![cfg(any(feature = "sparse", feature = "dense"))]
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
+#[path = "support/counting.rs"]
+mod counting;
+
 use std::sync::Arc;
 
 use biotissue::las::conformance::{Oracle, Random};
 use biotissue::las::{Backend, Factorisation, MatrixOps, Solver, SolverParams, Sparsity, VectorOps};
 
-/// The system's allocator, counting the calls of each thread.
-struct Counting;
-
-thread_local! {
-    static CALLS: Cell<usize> = const { Cell::new(0) };
-}
-
-fn count() {
-    CALLS.with(|calls| calls.set(calls.get() + 1));
-}
-
-// SAFETY: every call goes to the system's allocator as it came.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count();
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
-        count();
-        unsafe { System.alloc_zeroed(layout) }
-    }
-
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, new_size: usize) -> *mut u8 {
-        count();
-        unsafe { System.realloc(pointer, layout, new_size) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
 #[global_allocator]
-static ALLOCATOR: Counting = Counting;
+static ALLOCATOR: counting::Counting = counting::Counting;
 
 const RIGHT_SIDES: usize = 9;
 
@@ -114,14 +82,14 @@ fn allocates_only_at_first<B: Backend<Scalar = f64, Index = i32, Context = ()>>(
             let size = size as usize;
             let pattern = if blocks { random.truss(size.div_ceil(3), 4) } else { random.elements(size) };
             let mut work = Work::<B>::new(random, &pattern);
-            let before = CALLS.get();
+            let before = counting::calls();
             work.round();
-            assert!(CALLS.get() > before, "the counter counts: the first right-hand sides need room");
-            let before = CALLS.get();
+            assert!(counting::calls() > before, "the counter counts: the first right-hand sides need room");
+            let before = counting::calls();
             for _ in 0..100 {
                 work.round();
             }
-            assert_eq!(CALLS.get() - before, 0, "{} unknowns, in blocks: {blocks}", pattern.rows());
+            assert_eq!(counting::calls() - before, 0, "{} unknowns, in blocks: {blocks}", pattern.rows());
         }
     }
 }

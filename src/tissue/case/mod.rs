@@ -59,6 +59,8 @@
 //! tolerance = 1e-10
 //! max_iterations = 50
 //! max_cuts = 6
+//! stages = ["newton", "regularised", "cuts", "relaxation"]   # tried in this order, whatever the order here
+//! predictor = true                         # start from the last tangent's prediction; 72 bytes an interior node
 //!
 //! [scales]                                 # ranks; default: one process does both
 //! macro = 1

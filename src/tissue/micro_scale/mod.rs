@@ -109,10 +109,10 @@ where
         users
     }
 
-    /// Bytes that all RVEs own: states and last answers.
+    /// Bytes that all RVEs own in a run: states, last answers, and what the next solves start from.
     #[must_use]
     pub fn rve_bytes(&self) -> usize {
-        self.units.iter().map(Unit::bytes).sum()
+        self.units.iter().map(|unit| unit.bytes(self.predict)).sum()
     }
 
     /// Whether there are fibers in an element.

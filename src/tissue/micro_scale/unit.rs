@@ -9,7 +9,7 @@ use super::worker::{Library, Worker};
 use crate::fem::material::{MaterialError, Response};
 use crate::fiber::equilibrium::{EquilibriumReport, RveError, Stage, equilibrate};
 use crate::fiber::homogenise::{self, Tangent};
-use crate::fiber::rve::{Rve, RveModel};
+use crate::fiber::rve::{Rates, Rve, RveModel};
 use crate::fiber::workspace::Workspace;
 use crate::las::{Backend, Scalar};
 use thiserror::Error;
@@ -187,10 +187,14 @@ impl Unit {
         Ok(sum)
     }
 
-    /// Bytes of this unit, what it owns on the heap included.
-    pub fn bytes(&self) -> usize {
-        let heap = self.fibers.as_ref().map_or(0, |f| f.current.heap_bytes() + f.committed.heap_bytes());
-        std::mem::size_of::<Self>() + heap
+    /// Bytes of this unit in a run, what it owns on the heap included. With `predict`, each of its solves leaves room
+    /// for a prediction, which is counted before the first of them too.
+    pub fn bytes(&self, predict: bool) -> usize {
+        let heap = self.fibers.as_ref().map_or(0, |fibers| {
+            let to_come = if predict && !fibers.current.has_rates() { fibers.current.interior().len() } else { 0 };
+            fibers.current.heap_bytes() + fibers.committed.heap_bytes() + to_come * size_of::<Rates>()
+        });
+        size_of::<Self>() + heap
     }
 
     /// The current equilibrium becomes the start of the next load step.

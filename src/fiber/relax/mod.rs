@@ -16,122 +16,19 @@
 //!   to within a part of the largest of them (Belytschko, Liu, Moran and Elkhodary, *Nonlinear Finite Elements for
 //!   Continua and Structures*, 2nd ed., 2014, eq. 6.2.42). Where it is not, the integration is repeated with half the step.
 
+mod motion;
+mod params;
+mod report;
+
 use nalgebra::Matrix3;
-use thiserror::Error;
+
+use motion::Motion;
+pub use params::{Masses, RelaxationParams};
+pub use report::{Energies, RelaxationError, RelaxationReport};
 
 use super::path::Path;
 use super::rve::transform;
 use super::truss::{FiberStates, Truss};
-
-/// The masses of the nodes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum Masses {
-    /// Half the mass of every fiber at each of its ends; fibers without a density get that of water, 1000 kg/m^3.
-    Density,
-    /// In proportion to the stiffness of the fibers at a node.
-    #[default]
-    Stiffness,
-}
-
-/// How a relaxation is to be carried out.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
-pub struct RelaxationParams {
-    /// The masses. Default [`Masses::Stiffness`].
-    pub masses: Masses,
-    /// How long the boundary moves, in times that a wave takes to cross the cube: a load that is too fast may throw the
-    /// network into another equilibrium. Default 25.
-    pub load_crossings: f64,
-    /// Steps in all. Default 200 000.
-    pub max_steps: usize,
-    /// The part of the stable step that is taken. Default 0.9.
-    pub safety: f64,
-    /// How much of the largest energy may be missing from the balance. Default 0.01.
-    pub energy_error: f64,
-    /// Times that the integration may be repeated with half the step. Default 3.
-    pub max_repeats: u32,
-}
-
-impl Default for RelaxationParams {
-    fn default() -> Self {
-        Self {
-            masses: Masses::default(),
-            load_crossings: 25.0,
-            max_steps: 200_000,
-            safety: 0.9,
-            energy_error: 0.01,
-            max_repeats: 3,
-        }
-    }
-}
-
-/// What a relaxation took.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct RelaxationReport {
-    /// Steps, those of repeated integrations included.
-    pub steps: usize,
-    /// Integrations repeated with half the step.
-    pub repeats: u32,
-    /// `|r|` of the interior at the end, N.
-    pub residual: f64,
-    /// Energies at the end, J in unit-cube lengths.
-    pub energies: Energies,
-}
-
-/// Where the work of the boundary went.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Energies {
-    /// Done at the boundary.
-    pub work: f64,
-    /// Gained by the fibers.
-    pub strain: f64,
-    /// Of the moving nodes.
-    pub kinetic: f64,
-    /// Taken by the damping.
-    pub damped: f64,
-}
-
-impl Energies {
-    /// What is missing from the balance, over the largest of the energies.
-    #[must_use]
-    pub fn error(&self) -> f64 {
-        let largest = self.work.abs().max(self.strain.abs()).max(self.kinetic).max(self.damped);
-        let missing = (self.strain + self.kinetic + self.damped - self.work).abs();
-        // An overflow is no balance either.
-        if !missing.is_finite() {
-            f64::INFINITY
-        } else if largest > 0.0 {
-            missing / largest
-        } else {
-            0.0
-        }
-    }
-}
-
-/// Why a relaxation did not come to rest.
-#[derive(Clone, Debug, Error, PartialEq)]
-pub enum RelaxationError {
-    /// Out of steps.
-    #[error("not at rest after {steps} steps: |r| = {residual:.3e}, limit {limit:.3e}")]
-    TooManySteps {
-        /// How many were taken.
-        steps: usize,
-        /// `|r|` at the end.
-        residual: f64,
-        /// What it should have fallen to.
-        limit: f64,
-    },
-    /// Energy appeared or vanished, whatever the step.
-    #[error("{part:.1e} of the energy is missing after {steps} steps, with the step halved {repeats} times")]
-    EnergyBalance {
-        /// How much, over the largest energy.
-        part: f64,
-        /// Steps taken.
-        steps: usize,
-        /// Halvings of the step.
-        repeats: u32,
-    },
-}
 
 /// The nodes of a relaxation.
 pub(super) struct Relaxation<'a> {
@@ -144,19 +41,6 @@ pub(super) struct Relaxation<'a> {
     pub positions: &'a mut Vec<[f64; 3]>,
     pub forces: &'a mut Vec<[f64; 3]>,
     pub states: &'a mut FiberStates,
-}
-
-/// What changes from step to step beside positions, forces and fibers.
-struct Motion {
-    /// Velocities half a step back.
-    velocities: Vec<[f64; 3]>,
-    masses: Vec<f64>,
-    /// The stiffness at every node that bounds its frequency, 2 sum |K_f|.
-    stiffness: Vec<f64>,
-    step: f64,
-    damping: f64,
-    energies: Energies,
-    energy_at_start: f64,
 }
 
 /// How often the stable step is renewed, and the energies compared.
@@ -374,31 +258,6 @@ impl Relaxation<'_> {
     }
 }
 
-impl Motion {
-    /// The step that is stable with the stiffness found; or, where the masses may follow the stiffness, masses that
-    /// keep the step stable.
-    fn take_stable_step(&mut self, safety: f64, masses: Masses) {
-        if masses == Masses::Stiffness {
-            let kinetic = self.kinetic();
-            for ((mass, &k), v) in self.masses.iter_mut().zip(&self.stiffness).zip(&mut self.velocities) {
-                let before = *mass;
-                *mass = before.max(0.25 * k);
-                // The momentum stays what it was.
-                v.iter_mut().for_each(|v| *v *= before / *mass);
-            }
-            self.energies.damped += kinetic - self.kinetic();
-        }
-        let square = self.stiffness.iter().zip(&self.masses).map(|(k, m)| k / m).fold(0.0, f64::max);
-        if square > 0.0 {
-            self.step = safety * 2.0 / square.sqrt();
-        }
-    }
-
-    fn kinetic(&self) -> f64 {
-        self.velocities.iter().zip(&self.masses).map(|(v, m)| 0.5 * m * dot(v, v)).sum()
-    }
-}
-
 fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
@@ -418,14 +277,5 @@ mod tests {
         assert_eq!((smooth_step(0.0), smooth_step(1.0)), (0.0, 1.0));
         assert!(rate(0.0).abs() < 1e-8 && rate(1.0).abs() < 1e-8);
         assert!((rate(0.5) - 1.875).abs() < 1e-6);
-    }
-
-    #[test]
-    fn the_balance_counts_what_is_missing() {
-        let balanced = Energies { work: 3.0, strain: 1.0, kinetic: 0.5, damped: 1.5 };
-        assert_eq!(balanced.error(), 0.0);
-        assert_eq!(Energies { damped: 0.0, ..balanced }.error(), 0.5);
-        assert_eq!(Energies::default().error(), 0.0);
-        assert_eq!(Energies { strain: f64::NAN, ..balanced }.error(), f64::INFINITY);
     }
 }

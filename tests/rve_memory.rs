@@ -1,0 +1,79 @@
+//! What an RVE of a run keeps in memory, counted at the allocator.
+#![cfg(all(feature = "app", feature = "sparse"))]
+
+#[path = "support/counting.rs"]
+mod counting;
+
+use std::path::Path;
+
+use biotissue::backends::sparse::Sparse;
+use biotissue::fem::point_field::{PointField, PointResponses};
+use biotissue::tissue::case::Case;
+use biotissue::tissue::macro_scale;
+use biotissue::tissue::micro_scale::TissueField;
+use nalgebra::Matrix3;
+
+#[global_allocator]
+static ALLOCATOR: counting::Counting = counting::Counting;
+
+fn case(network: &Path, cells: usize) -> String {
+    format!(
+        r#"
+        [mesh]
+        generate = {{ shape = "box", cells = [{cells}, 2, 2], size = [1.0, 1.0, 1.0] }}
+        [[region]]
+        name = "*"
+        [region.material]
+        model = "fiber-rve"
+        networks = ["{}"]
+        fiber_volume_fraction = 0.003
+        law = {{ name = "exponential", youngs_modulus = 1.0e8, radius = 5.0e-8, nonlinearity = 1.2 }}
+        [[boundary]]
+        surface = "x0"
+        displacement = {{ x = 0.0, y = 0.0, z = 0.0 }}
+        [steps]
+        count = 1
+        "#,
+        network.display()
+    )
+}
+
+/// RVEs in a row of cells, and the bytes of their field in the middle of a load step: counted, and as it says itself.
+fn field(network: &Path, cells: usize) -> (f64, f64, f64) {
+    let dir = tempfile::tempdir().unwrap();
+    let file = dir.path().join("case.toml");
+    std::fs::write(&file, case(network, cells)).unwrap();
+    let case = Case::read(&file).unwrap_or_else(|errors| panic!("{errors}")).case;
+    let (mesh, _) = macro_scale::mesh(&case).unwrap();
+    let before = counting::in_use();
+    let (mut field, _) = TissueField::<Sparse>::new((), &case, &mesh).unwrap_or_else(|error| panic!("{error}"));
+    let planned = field.rve_bytes();
+    let mut out = PointResponses::default();
+    for k in 0..2 {
+        let gradient = Matrix3::new(1.05, 0.01, 0.0, 0.0, 0.98, 0.0, 0.02, 0.0, 1.01) * (1.0 + 0.01 * f64::from(k));
+        field.update(&vec![gradient; mesh.elements().len()], &mut out).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(field.rve_bytes(), planned, "the plan tells what a run takes");
+        if k == 0 {
+            field.commit();
+        }
+    }
+    drop(out);
+    (field.rves() as f64, (counting::in_use() - before) as f64, planned as f64)
+}
+
+#[test]
+fn an_rve_of_336_nodes_takes_less_than_12_kb() {
+    let Some(name) = std::env::var_os("BIOTISSUE_NETWORKS") else {
+        println!("skipped: BIOTISSUE_NETWORKS is not set, so there is no Network_2_7.txt");
+        return;
+    };
+    let network = Path::new(&name).join("Network_2_7.txt");
+    // One thread, so that both fields have as many workspaces.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    let [few, many] = [4, 40].map(|cells| pool.install(|| field(&network, cells)));
+    let rves = many.0 - few.0;
+    let (counted, said) = ((many.1 - few.1) / rves, (many.2 - few.2) / rves);
+    println!("{counted:.0} bytes an RVE counted at the allocator, {said:.0} by its own account");
+    assert!(counted <= 12_000.0, "{counted:.0} bytes");
+    assert!((counted - said).abs() < 0.02 * counted, "{counted:.0} counted, {said:.0} by its own account");
+}
