@@ -51,6 +51,8 @@ struct Outcome {
     seconds: f64,
     /// Why there is no answer.
     cause: Option<String>,
+    /// What the whole ladder makes of it, where a part of it did not find an answer.
+    ladder: Option<String>,
 }
 
 fn main() -> Result<(), Error> {
@@ -150,8 +152,30 @@ fn solve(
         params.stages = Stages::of(&[Stage::Relaxation]);
     }
     let start = Instant::now();
+    let (report, cause) = reached(subject, model, gradient, &params, workspace);
+    let seconds = start.elapsed().as_secs_f64();
+    let ladder = (cause.is_some() && subject.kind == Kind::Voronoi).then(|| {
+        let (report, cause) = reached(subject, model, gradient, &EquilibriumParams::default(), workspace);
+        match (report.stage, cause) {
+            (Some(stage), None) => format!("reached by {stage} after {} iterations", report.iterations),
+            (_, cause) => cause.unwrap_or_default(),
+        }
+    });
+    let nodes = subject.network.nodes().len();
+    let Subject { kind, strength, seed, .. } = *subject;
+    Outcome { kind, strength, seed, nodes, gradient: *gradient, report, seconds, cause, ladder }
+}
+
+/// From rest to the gradient and its tangent: what it took, and why there is no answer where there is none.
+fn reached(
+    subject: &Subject,
+    model: &RveModel<Sparse>,
+    gradient: &Matrix3<f64>,
+    params: &EquilibriumParams,
+    workspace: &mut Workspace<Sparse>,
+) -> (EquilibriumReport, Option<String>) {
     let mut rve = Rve::at_rest(&subject.network);
-    let (report, cause) = match equilibrate(model, &mut rve, gradient, &params, workspace) {
+    match equilibrate(model, &mut rve, gradient, params, workspace) {
         Ok(report) => {
             let pk1 = homogenise::pk1(model, workspace);
             (report, homogenise::tangent(model, &rve, &pk1, workspace).err().map(|error| error.to_string()))
@@ -161,16 +185,6 @@ fn solve(
             (*report, Some(causes.join("; ")))
         }
         Err(error) => (EquilibriumReport::default(), Some(error.to_string())),
-    };
-    Outcome {
-        kind: subject.kind,
-        strength: subject.strength,
-        seed: subject.seed,
-        nodes: subject.network.nodes().len(),
-        gradient: *gradient,
-        report,
-        seconds: start.elapsed().as_secs_f64(),
-        cause,
     }
 }
 
@@ -249,5 +263,8 @@ fn causes(outcomes: &[Outcome]) {
             outcome.gradient.determinant(),
             outcome.seconds
         );
+        if let Some(ladder) = &outcome.ladder {
+            println!("  The whole ladder: {ladder}.");
+        }
     }
 }

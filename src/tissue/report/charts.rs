@@ -84,12 +84,32 @@ pub fn lines(labels: Labels, lines: &[Line]) -> Result<String, ReportError> {
     let points = || lines.iter().flat_map(|line| line.points.iter().copied());
     let (x, y) = (range(points().map(|(x, _)| x)), range(points().map(|(_, y)| y)));
     svg(labels, |area| {
-        let mut chart =
-            ChartBuilder::on(area).margin(12).x_label_area_size(42).y_label_area_size(68).build_cartesian_2d(x, y)?;
+        let mut chart = ChartBuilder::on(area)
+            .margin(12)
+            .x_label_area_size(42)
+            .y_label_area_size(68)
+            .build_cartesian_2d(x.clone(), y.clone())?;
         axes(&mut chart, labels)?;
         draw_lines(&mut chart, lines)?;
-        legend(&mut chart, lines.len() > 1)
+        if lines.len() > 1 { legend(&mut chart, emptiest_corner(lines, (&x, &y))) } else { Ok(()) }
     })
+}
+
+/// The corner, about as large as a legend, that the fewest points of the lines lie in.
+fn emptiest_corner(lines: &[Line], axes: (&std::ops::Range<f64>, &std::ops::Range<f64>)) -> SeriesLabelPosition {
+    use SeriesLabelPosition::{LowerLeft, LowerRight, UpperLeft, UpperRight};
+    const WIDE: f64 = 0.35;
+    const HIGH: f64 = 0.3;
+    let part = |value: f64, axis: &std::ops::Range<f64>| (value - axis.start) / (axis.end - axis.start);
+    let points = || lines.iter().flat_map(|line| &line.points).map(|&(x, y)| (part(x, axes.0), part(y, axes.1)));
+    let inside = |right: bool, upper: bool| {
+        let near = |at: f64, far_end: bool, size: f64| if far_end { at > 1.0 - size } else { at < size };
+        points().filter(|&(x, y)| near(x, right, WIDE) && near(y, upper, HIGH)).count()
+    };
+    let corners =
+        [(UpperLeft, false, true), (UpperRight, true, true), (LowerRight, true, false), (LowerLeft, false, false)];
+    let emptiest = corners.into_iter().min_by_key(|&(_, right, upper)| inside(right, upper));
+    emptiest.map_or(UpperLeft, |(corner, ..)| corner)
 }
 
 /// Lines over a number, with a logarithmic vertical axis; what is not positive is left out.
@@ -174,13 +194,10 @@ fn draw_lines(chart: &mut Chart, lines: &[Line]) -> Drawn {
     Ok(())
 }
 
-fn legend<'a, 'b: 'a>(chart: &mut Chart<'a, 'b>, wanted: bool) -> Drawn {
-    if !wanted {
-        return Ok(());
-    }
+fn legend<'a, 'b: 'a>(chart: &mut Chart<'a, 'b>, corner: SeriesLabelPosition) -> Drawn {
     chart
         .configure_series_labels()
-        .position(SeriesLabelPosition::UpperLeft)
+        .position(corner)
         .label_font((FONT, 14, &INK))
         .background_style(WHITE.mix(0.85))
         .border_style(GRID)
@@ -289,7 +306,7 @@ pub fn stacked_bars(labels: Labels, layers: &[Line]) -> Result<String, ReportErr
                 .label(&layer.name)
                 .legend(move |(x, y)| Rectangle::new([(x + 2, y - 5), (x + 14, y + 5)], color.filled()));
         }
-        legend(&mut chart, layers.len() > 1)
+        if layers.len() > 1 { legend(&mut chart, SeriesLabelPosition::UpperLeft) } else { Ok(()) }
     })
 }
 
