@@ -189,7 +189,7 @@ fn reached(
 }
 
 fn by_network(outcomes: &[Outcome]) {
-    println!("| network | alignment P2 | nodes | cases | in equilibrium | |\n|---|---|---|---|---|---|");
+    println!("| network | strength of alignment | nodes | cases | in equilibrium | |\n|---|---|---|---|---|---|");
     for kind in Kind::ALL {
         for strength in STRENGTHS {
             let of: Vec<&Outcome> = outcomes.iter().filter(|o| (o.kind, o.strength) == (kind, strength)).collect();
@@ -255,7 +255,7 @@ fn causes(outcomes: &[Outcome]) {
     for outcome in failed.values() {
         let Some(cause) = &outcome.cause else { continue };
         println!(
-            "- {} {} (P2 {}, {} nodes), det F = {:.2}, {:.1} s: {cause}",
+            "- {} {} (strength {}, {} nodes), det F = {:.2}, {:.1} s: {cause}",
             outcome.kind.name(),
             outcome.seed,
             outcome.strength,
