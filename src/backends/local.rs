@@ -3,7 +3,7 @@
 //! Indices are `i32`. A negative one is a constrained unknown; as a `usize` it is larger than any length, so that one
 //! comparison with the length decides about both it and an index out of range.
 
-use crate::las::Scalar;
+use crate::las::{Scalar, SolveError};
 
 /// Lanes of partial sums: independent chains that the compiler can keep in one vector register or two.
 const LANES: usize = 8;
@@ -87,6 +87,15 @@ pub(super) fn axpy<T: Scalar>(a: T, x: &[T], y: &mut [T]) {
     for (y, &x) in y.iter_mut().zip(x) {
         *y += a * x;
     }
+}
+
+/// `1 / d` entry by entry; the row of the first zero as an error.
+pub(super) fn invert<T: Scalar, F>(d: &mut [T]) -> Result<(), SolveError<F>> {
+    if let Some(row) = d.iter().position(T::is_zero) {
+        return Err(SolveError::ZeroDiagonal { row });
+    }
+    d.iter_mut().for_each(|d| *d = d.recip());
+    Ok(())
 }
 
 /// Whether every value is finite; without a branch a value, so that it runs at the speed of memory.

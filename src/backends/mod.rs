@@ -8,6 +8,8 @@
 #[cfg(any(feature = "sparse", feature = "dense"))]
 mod direct;
 #[cfg(any(feature = "sparse", feature = "dense"))]
+mod iterative;
+#[cfg(any(feature = "sparse", feature = "dense"))]
 mod local;
 
 #[cfg(feature = "dense")]

@@ -3,7 +3,7 @@
 use std::fmt::Debug;
 use std::sync::Arc;
 
-use super::{Index, MatrixOps, Scalar, SolveError, Solver, SolverParams, Sparsity, VectorOps};
+use super::{Entries, Index, MatMat, MatVec, MatrixOps, SolveError, Solver, SolverParams, Sparsity, Value, VectorOps};
 
 /// A linear-algebra backend: a zero-sized marker that names its types and makes them.
 ///
@@ -38,7 +38,7 @@ pub trait Backend: Copy + Default + Debug + Send + Sync + 'static {
     const NAME: &'static str;
 
     /// What matrices and vectors hold.
-    type Scalar: Scalar;
+    type Scalar: Value;
     /// How rows and columns are addressed.
     type Index: Index;
     /// What `norm` and `dot` return: the scalar, or one scalar a lane.
@@ -52,7 +52,7 @@ pub trait Backend: Copy + Default + Debug + Send + Sync + 'static {
     /// A vector.
     type Vector: VectorOps<Self> + Send;
     /// A matrix with a fixed pattern.
-    type Matrix: MatrixOps<Self> + Send;
+    type Matrix: MatrixOps<Self> + MatVec<Self> + MatMat<Self> + Entries<Self> + Send;
     /// The symbolic part of a factorisation: depends on the pattern alone and is shared by every solver of it.
     type Symbolic: Send + Sync;
     /// The numeric part: one a matrix that is factored.

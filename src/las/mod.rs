@@ -7,8 +7,10 @@
 
 mod backend;
 pub mod conformance;
+pub mod krylov;
 mod newton;
 mod ops;
+mod products;
 mod scalar;
 mod solve;
 mod sparsity;
@@ -19,8 +21,10 @@ pub use newton::{
     RegularisedParams, Yardstick,
 };
 pub use ops::{MatrixOps, VectorOps};
-pub use scalar::{Index, Scalar};
+pub use products::{Entries, MatMat, MatVec};
+pub use scalar::{Index, Scalar, Value};
 pub use solve::{
-    FactorReport, Factorisation, MatVec, Ordering, SolveError, SolveReport, Solver, SolverParams, Symmetry,
+    FactorReport, Factorisation, Iterative, Krylov, Method, Ordering, Preconditioner, SolveError, SolveReport, Solver,
+    SolverParams, Symmetry,
 };
 pub use sparsity::{Sparsity, SparsityError};

@@ -1,14 +1,38 @@
-//! The number types a backend can compute with: `f64` and `f32`.
+//! The number types a backend can compute with: `f64`, `f32`, and several of them side by side.
 
 use std::fmt::{Debug, Display, LowerExp};
 use std::iter::Sum;
+use std::ops::Neg;
 
 use num_traits::{Float, NumAssign};
+
+/// What an entry of a vector or matrix is: a number, or one number a lane.
+///
+/// Hot verbs and products need no more than this arithmetic. Whoever compares or takes roots asks for a [`Scalar`].
+pub trait Value: NumAssign + Neg<Output = Self> + Copy + Default + Debug + Send + Sync + 'static {
+    /// One number: itself, or what stands in a lane.
+    type Real: Scalar;
+
+    /// How many numbers there are.
+    const LANES: usize;
+
+    /// The same number in every lane.
+    fn splat(value: Self::Real) -> Self;
+
+    /// The number that `of` gives for each lane.
+    fn from_lanes(of: impl FnMut(usize) -> Self::Real) -> Self;
+
+    /// The number in a lane.
+    ///
+    /// # Panics
+    /// Where there is no such lane.
+    fn lane(&self, lane: usize) -> Self::Real;
+}
 
 /// A real floating-point number that vectors and matrices are made of.
 ///
 /// `f64` and `f32` implement it; nothing else needs to.
-pub trait Scalar: Float + NumAssign + Sum + Default + Debug + Display + LowerExp + Send + Sync + 'static {
+pub trait Scalar: Float + Value<Real = Self> + Sum + Display + LowerExp {
     /// The number nearest to `value`.
     fn of(value: f64) -> Self;
 
@@ -16,29 +40,45 @@ pub trait Scalar: Float + NumAssign + Sum + Default + Debug + Display + LowerExp
     fn as_f64(self) -> f64;
 }
 
-impl Scalar for f64 {
-    #[inline(always)]
-    fn of(value: f64) -> Self {
-        value
-    }
+macro_rules! one_lane {
+    ($($t:ty),*) => {$(
+        impl Value for $t {
+            type Real = Self;
 
-    #[inline(always)]
-    fn as_f64(self) -> f64 {
-        self
-    }
+            const LANES: usize = 1;
+
+            #[inline(always)]
+            fn splat(value: Self) -> Self {
+                value
+            }
+
+            #[inline(always)]
+            fn from_lanes(mut of: impl FnMut(usize) -> Self) -> Self {
+                of(0)
+            }
+
+            #[inline(always)]
+            fn lane(&self, lane: usize) -> Self {
+                debug_assert_eq!(lane, 0, "a number has one lane");
+                *self
+            }
+        }
+
+        impl Scalar for $t {
+            #[inline(always)]
+            fn of(value: f64) -> Self {
+                value as $t
+            }
+
+            #[inline(always)]
+            fn as_f64(self) -> f64 {
+                f64::from(self)
+            }
+        }
+    )*};
 }
 
-impl Scalar for f32 {
-    #[inline(always)]
-    fn of(value: f64) -> Self {
-        value as f32
-    }
-
-    #[inline(always)]
-    fn as_f64(self) -> f64 {
-        f64::from(self)
-    }
-}
+one_lane!(f64, f32);
 
 /// The signed integer a backend addresses rows and columns with.
 ///

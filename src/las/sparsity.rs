@@ -109,6 +109,86 @@ impl Sparsity {
         Ok(Self { cols, row_start: row_start.into(), columns: columns.into() })
     }
 
+    /// Every position of a rectangle; one that 32-bit indices can address.
+    ///
+    /// # Panics
+    /// In debug builds, where it is larger.
+    #[must_use]
+    pub fn full(rows: usize, cols: usize) -> Self {
+        debug_assert!(check_size(rows * cols).is_ok() && check_size(rows).is_ok(), "{rows} rows and {cols} columns");
+        let row_start = (0..=rows).map(|row| (row * cols) as u32).collect();
+        Self { cols, row_start, columns: (0..rows).flat_map(|_| 0..cols as u32).collect() }
+    }
+
+    /// The pattern of a sum of two matrices of one shape.
+    ///
+    /// # Errors
+    /// [`SparsityError::TooLarge`].
+    ///
+    /// # Panics
+    /// Where the shapes differ in debug builds.
+    pub fn union(&self, other: &Self) -> Result<Self, SparsityError> {
+        debug_assert_eq!((self.rows(), self.cols), (other.rows(), other.cols), "two patterns of one shape");
+        Self::by_rows(self.cols, self.rows(), |row, columns| {
+            columns.extend_from_slice(self.row(row));
+            columns.extend_from_slice(other.row(row));
+        })
+    }
+
+    /// The pattern of a product of a matrix of this pattern with one of the `other`.
+    ///
+    /// # Errors
+    /// [`SparsityError::TooLarge`].
+    ///
+    /// # Panics
+    /// Where this one has other columns than the other has rows.
+    pub fn product(&self, other: &Self) -> Result<Self, SparsityError> {
+        Self::by_rows(other.cols, self.rows(), |row, columns| {
+            for &k in self.row(row) {
+                columns.extend_from_slice(other.row(k as usize));
+            }
+        })
+    }
+
+    /// The pattern of the transpose.
+    #[must_use]
+    pub fn transpose(&self) -> Self {
+        let mut row_start = vec![0_u32; self.cols + 1];
+        for &column in &self.columns {
+            row_start[column as usize + 1] += 1;
+        }
+        for k in 0..self.cols {
+            row_start[k + 1] += row_start[k];
+        }
+        let mut next = row_start.clone();
+        let mut columns = vec![0; self.entries()];
+        for row in 0..self.rows() {
+            for &column in self.row(row) {
+                let at = &mut next[column as usize];
+                columns[*at as usize] = row as u32;
+                *at += 1;
+            }
+        }
+        Self { cols: self.rows(), row_start: row_start.into(), columns: columns.into() }
+    }
+
+    /// From rows whose columns come in any order and repeatedly.
+    fn by_rows(cols: usize, rows: usize, mut fill: impl FnMut(usize, &mut Vec<u32>)) -> Result<Self, SparsityError> {
+        let mut row_start = Vec::with_capacity(rows + 1);
+        row_start.push(0);
+        let (mut columns, mut one) = (Vec::new(), Vec::new());
+        for row in 0..rows {
+            one.clear();
+            fill(row, &mut one);
+            one.sort_unstable();
+            one.dedup();
+            columns.extend_from_slice(&one);
+            check_size(columns.len())?;
+            row_start.push(columns.len() as u32);
+        }
+        Ok(Self { cols, row_start: row_start.into(), columns: columns.into() })
+    }
+
     /// Number of rows.
     #[inline(always)]
     #[must_use]

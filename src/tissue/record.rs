@@ -260,7 +260,13 @@ fn newton_log(report: &NewtonReport) -> NewtonLog {
         residuals: report.residuals.clone(),
         relative: report.relative.clone(),
         line_search_cuts: report.line_search_cuts,
-        factorisations: Factorisations { cholesky: report.cholesky, ldlt: report.ldlt, lu: report.lu },
+        factorisations: Factorisations {
+            cholesky: report.cholesky,
+            ldlt: report.ldlt,
+            lu: report.lu,
+            approximate: report.approximate,
+        },
+        linear_iterations: report.linear_iterations,
         seconds: NewtonSeconds {
             point_field: seconds.residual,
             assembly: seconds.jacobian,
@@ -284,6 +290,8 @@ fn newton_of_step(report: &StepReport, started: std::time::Instant) -> NewtonLog
         sum.factorisations.cholesky += part.factorisations.cholesky;
         sum.factorisations.ldlt += part.factorisations.ldlt;
         sum.factorisations.lu += part.factorisations.lu;
+        sum.factorisations.approximate += part.factorisations.approximate;
+        sum.linear_iterations += part.linear_iterations;
     }
     let seconds = report.seconds();
     sum.seconds = NewtonSeconds {

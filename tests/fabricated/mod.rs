@@ -126,7 +126,8 @@ fn newton(step: usize) -> NewtonLog {
         residuals: relative.iter().map(|r| 3.0 * r).collect(),
         relative,
         line_search_cuts: 0,
-        factorisations: Factorisations { cholesky: 3, ldlt: 0, lu: 0 },
+        factorisations: Factorisations { cholesky: 3, ..Factorisations::default() },
+        linear_iterations: 0,
         seconds: NewtonSeconds {
             point_field: 9.0 + step as f64 / 3.0,
             assembly: 0.6,

@@ -3,13 +3,25 @@
 use crate::las::{Scalar, Sparsity};
 
 /// A dense matrix, row after row.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Matrix<T = f64> {
     pub(super) rows: usize,
     pub(super) cols: usize,
     /// `rows * cols` values, and one more behind them: what [`add_at`](crate::las::MatrixOps::add_at) drops lands there,
     /// so that it need not ask. Nothing reads it.
     pub(super) values: Vec<T>,
+}
+
+/// `clone_from` allocates nothing where both have the same shape.
+impl<T: Clone> Clone for Matrix<T> {
+    fn clone(&self) -> Self {
+        Self { rows: self.rows, cols: self.cols, values: self.values.clone() }
+    }
+
+    fn clone_from(&mut self, from: &Self) {
+        (self.rows, self.cols) = (from.rows, from.cols);
+        self.values.clone_from(&from.values);
+    }
 }
 
 impl<T: Scalar> Matrix<T> {

@@ -6,6 +6,7 @@
 
 mod matrix;
 mod ops;
+mod products;
 mod solve;
 mod vector;
 
@@ -60,6 +61,6 @@ impl<T: Scalar + RealField> Backend for Dense<T> {
     }
 
     fn solver(symbolic: &Arc<Symbolic>) -> Result<Solver<T>, SolveError<Infallible>> {
-        Ok(Solver::new(symbolic))
+        Solver::new(symbolic)
     }
 }

@@ -1,13 +1,12 @@
-//! The hot verbs, and the product with a vector.
+//! The hot verbs.
 
 use std::convert::Infallible;
 
 use faer::traits::RealField;
 
 use super::{Dense, Matrix, Vector};
-use crate::backends::direct::check_size;
 use crate::backends::local;
-use crate::las::{MatVec, MatrixOps, Scalar, SolveError, VectorOps};
+use crate::las::{MatrixOps, Scalar, VectorOps};
 
 impl<T: Scalar + RealField> VectorOps<Dense<T>> for Vector<T> {
     #[inline(always)]
@@ -167,17 +166,6 @@ impl<T: Scalar + RealField> MatrixOps<Dense<T>> for Matrix<T> {
 
     #[inline(always)]
     fn finish(&mut self) -> Result<(), Infallible> {
-        Ok(())
-    }
-}
-
-impl<T: Scalar + RealField> MatVec<Dense<T>> for Matrix<T> {
-    fn mul(&self, x: &Vector<T>, y: &mut Vector<T>) -> Result<(), SolveError<Infallible>> {
-        check_size("the vector to multiply", x.values.len(), self.cols)?;
-        check_size("the product", y.values.len(), self.rows)?;
-        for (row, y) in y.values.iter_mut().enumerate() {
-            *y = local::dot(&self.values[row * self.cols..(row + 1) * self.cols], &x.values);
-        }
         Ok(())
     }
 }

@@ -14,8 +14,12 @@ use faer::{Conj, MatMut, MatRef, Par, Spec};
 
 use super::{Dense, Matrix, Vector};
 use crate::backends::direct::{Pivots, Scratch, check_columns, check_size, definite, ldlt_params, singular_limit};
+use crate::backends::iterative::{IterativeSolver, Simple};
 use crate::backends::local;
-use crate::las::{FactorReport, Factorisation, Scalar, SolveError, SolveReport, SolverParams, Symmetry};
+use crate::las::{
+    Backend, FactorReport, Factorisation, Method, Preconditioner, Scalar, SolveError, SolveReport, SolverParams,
+    Symmetry,
+};
 
 /// What there is to know in advance of a dense system: its size, and how it is to be solved.
 #[derive(Clone, Copy, Debug)]
@@ -24,12 +28,14 @@ pub struct Symbolic {
     pub(super) params: SolverParams,
 }
 
-/// Direct solver for matrices of one size.
+type ByIterations<T> = IterativeSolver<Dense<T>, Simple<Dense<T>>>;
+
+/// Solver for matrices of one size: direct, or a Krylov method with the diagonal.
 ///
 /// A matrix stated to be [`Symmetry::Definite`] is factored by Cholesky, of which the upper triangle of the matrix is
 /// read; where a pivot is not positive, by LDL^T with the pivoting of Bunch and Kaufman. Nothing allocates after a
 /// factorisation and a solution.
-pub struct Solver<T = f64> {
+pub struct Solver<T: Scalar + RealField = f64> {
     symbolic: Arc<Symbolic>,
     limit: f64,
     /// The factorisation to solve with, if there is one.
@@ -44,11 +50,33 @@ pub struct Solver<T = f64> {
     /// Right-hand sides.
     columns: Vec<T>,
     scratch: Scratch,
+    /// Where iterations are asked for, all of the above rests.
+    iterative: Option<Box<ByIterations<T>>>,
 }
 
 impl<T: Scalar + RealField> Solver<T> {
-    pub(super) fn new(symbolic: &Arc<Symbolic>) -> Self {
-        let n = symbolic.unknowns;
+    pub(super) fn new(symbolic: &Arc<Symbolic>) -> Result<Self, SolveError<Infallible>> {
+        let Method::Iterative(method) = symbolic.params.method else {
+            return Ok(Self::direct(symbolic, symbolic.unknowns));
+        };
+        let unknowns = symbolic.unknowns;
+        let inverse = match method.preconditioner {
+            Preconditioner::None => Simple::None,
+            Preconditioner::Diagonal => Simple::Diagonal(Vector::from(vec![T::zero(); unknowns])),
+            Preconditioner::Ilut { .. } | Preconditioner::Multigrid => {
+                return Err(SolveError::Unsupported {
+                    backend: Dense::<T>::NAME,
+                    what: "incomplete factorisation or multigrid",
+                    cure: "take the diagonal, a direct method, or the backend `sparse`",
+                });
+            }
+        };
+        let iterative = IterativeSolver::new(&(), unknowns, method, inverse)?;
+        Ok(Self { iterative: Some(Box::new(iterative)), ..Self::direct(symbolic, 0) })
+    }
+
+    /// With room for the factors of `n` unknowns.
+    fn direct(symbolic: &Arc<Symbolic>, n: usize) -> Self {
         let request = StackReq::any_of(&[
             llt::factor::cholesky_in_place_scratch::<T>(n, Par::Seq, Spec::default()),
             lblt::factor::cholesky_in_place_scratch::<u32, T>(n, Par::Seq, ldlt_params::<T>()),
@@ -64,6 +92,7 @@ impl<T: Scalar + RealField> Solver<T> {
             inverse: vec![0; n],
             columns: vec![T::zero(); n],
             scratch: Scratch::new(request),
+            iterative: None,
             symbolic: Arc::clone(symbolic),
         }
     }
@@ -158,7 +187,7 @@ impl<T: Scalar + RealField> Solver<T> {
     ) -> Result<FactorReport, SolveError<Infallible>> {
         let unknown = |position: usize| match kind {
             Factorisation::Ldlt => self.forward[position] as usize,
-            Factorisation::Cholesky | Factorisation::Lu => position,
+            Factorisation::Cholesky | Factorisation::Lu | Factorisation::Approximate => position,
         };
         let pivot_ratio = pivots.judge(self.limit, unknown)?;
         self.served = Some(kind);
@@ -167,11 +196,14 @@ impl<T: Scalar + RealField> Solver<T> {
     }
 
     fn solve_columns(&mut self, b: &[Vector<T>], x: &mut [Vector<T>]) -> Result<SolveReport, SolveError<Infallible>> {
+        if let Some(iterative) = &mut self.iterative {
+            return iterative.solve_columns(b, x);
+        }
         let (n, count) = (self.symbolic.unknowns, b.len());
         check_columns(n, b.iter().map(|b| b.values.len()), x.iter().map(|x| x.values.len()))?;
         let served = self.served.ok_or(SolveError::NotFactored)?;
         if n == 0 || count == 0 {
-            return Ok(SolveReport { iterations: 0 });
+            return Ok(SolveReport::DIRECT);
         }
         if self.columns.len() < n * count {
             self.columns.resize(n * count, T::zero());
@@ -191,6 +223,8 @@ impl<T: Scalar + RealField> Solver<T> {
                 let (d, e) = (factor.diagonal(), DiagRef::from_slice(&self.subdiagonal));
                 lblt::solve::solve_in_place_with_conj(factor, d, e, Conj::No, exchanged, right, Par::Seq, stack);
             }
+            // Iterations have their own way.
+            Factorisation::Approximate => return Err(SolveError::NotFactored),
             Factorisation::Lu => {
                 let exchanged = PermRef::new_checked(&self.forward, &self.inverse, n);
                 lu::solve::solve_in_place_with_conj(factor, factor, exchanged, Conj::No, right, Par::Seq, stack);
@@ -199,7 +233,7 @@ impl<T: Scalar + RealField> Solver<T> {
         for (column, x) in self.columns.chunks_exact(n).zip(x) {
             x.values.copy_from_slice(column);
         }
-        Ok(SolveReport { iterations: 0 })
+        Ok(SolveReport::DIRECT)
     }
 }
 
@@ -216,10 +250,19 @@ impl<T: Scalar + RealField> crate::las::Solver<Dense<T>> for Solver<T> {
     fn factor(&mut self, a: &Matrix<T>) -> Result<FactorReport, SolveError<Infallible>> {
         self.served = None;
         self.check(a)?;
+        if let Some(iterative) = &mut self.iterative {
+            return iterative.factor(a);
+        }
         self.factor_checked(a)
     }
 
     fn factor_definite(&mut self, a: &Matrix<T>) -> Result<FactorReport, SolveError<Infallible>> {
+        if self.iterative.is_some() {
+            self.check(a)?;
+        }
+        if let Some(iterative) = &mut self.iterative {
+            return iterative.factor_definite(a);
+        }
         let report = crate::las::Solver::<Dense<T>>::factor(self, a)?;
         definite(report).inspect_err(|_| self.served = None)
     }

@@ -11,7 +11,7 @@ use faer::sparse::{FaerError, SymbolicSparseColMat, SymbolicSparseColMatRef};
 use super::block::BlockAnalysis;
 use super::lu::LuAnalysis;
 use super::order::{self, BLOCK, Graph};
-use crate::las::{SolveError, SolverParams, Sparsity, Symmetry};
+use crate::las::{Method, SolveError, SolverParams, Sparsity, Symmetry};
 
 /// Operations of a factorisation from which on the library's supernodes serve instead of blocks of three: there, blocking
 /// for the caches that are shared counts for more than small overheads. Measured in `docs/kernel.md`.
@@ -46,7 +46,9 @@ impl Symbolic {
             cholesky: OnceLock::new(),
             lu: OnceLock::new(),
         };
-        if params.symmetry == Symmetry::None {
+        if let Method::Iterative(_) = params.method {
+            // Nothing is ordered or factored exactly.
+        } else if params.symmetry == Symmetry::None {
             symbolic.lu()?;
         } else {
             symbolic.analyze_symmetric()?;

@@ -5,12 +5,24 @@ use std::sync::Arc;
 use crate::las::{Scalar, Sparsity};
 
 /// Compressed rows whose pattern is shared with every matrix like it.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Matrix<T = f64> {
     pub(super) pattern: Arc<Sparsity>,
     /// One value an entry of the pattern, and one more behind them: what [`add_at`](crate::las::MatrixOps::add_at) drops
     /// lands there, so that it need not ask. Nothing reads it.
     pub(super) values: Vec<T>,
+}
+
+/// `clone_from` copies the values where both have the same pattern, and allocates nothing then.
+impl<T: Clone> Clone for Matrix<T> {
+    fn clone(&self) -> Self {
+        Self { pattern: Arc::clone(&self.pattern), values: self.values.clone() }
+    }
+
+    fn clone_from(&mut self, from: &Self) {
+        self.pattern.clone_from(&from.pattern);
+        self.values.clone_from(&from.values);
+    }
 }
 
 impl<T: Scalar> Matrix<T> {

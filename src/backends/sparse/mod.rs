@@ -28,10 +28,13 @@
 mod analysis;
 mod block;
 mod cholesky;
+mod ilut;
+mod inverse;
 mod lu;
 mod matrix;
 mod ops;
 mod order;
+mod products;
 mod solve;
 mod vector;
 

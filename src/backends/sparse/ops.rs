@@ -1,13 +1,12 @@
-//! The hot verbs, and the product with a vector.
+//! The hot verbs.
 
 use std::convert::Infallible;
 
 use super::block::BlockScalar;
 use super::matrix::RowSearch;
 use super::{Matrix, Sparse, Vector};
-use crate::backends::direct::check_size;
 use crate::backends::local;
-use crate::las::{MatVec, MatrixOps, SolveError, VectorOps};
+use crate::las::{MatrixOps, VectorOps};
 
 impl<T: BlockScalar> VectorOps<Sparse<T>> for Vector<T> {
     #[inline(always)]
@@ -180,21 +179,6 @@ impl<T: BlockScalar> MatrixOps<Sparse<T>> for Matrix<T> {
 
     #[inline(always)]
     fn finish(&mut self) -> Result<(), Infallible> {
-        Ok(())
-    }
-}
-
-impl<T: BlockScalar> MatVec<Sparse<T>> for Matrix<T> {
-    fn mul(&self, x: &Vector<T>, y: &mut Vector<T>) -> Result<(), SolveError<Infallible>> {
-        check_size("the vector to multiply", x.values.len(), self.pattern.cols())?;
-        check_size("the product", y.values.len(), self.pattern.rows())?;
-        let mut start = 0;
-        for (y, &end) in y.values.iter_mut().zip(&self.pattern.row_start()[1..]) {
-            let range = start..end as usize;
-            let entries = self.pattern.columns()[range.clone()].iter().zip(&self.values[range]);
-            *y = entries.map(|(&column, &value)| value * x.values[column as usize]).sum();
-            start = end as usize;
-        }
         Ok(())
     }
 }

@@ -9,20 +9,22 @@ use faer::dyn_stack::StackReq;
 use super::analysis::{CholeskyAnalysis, failed};
 use super::block::{BlockCholesky, BlockScalar};
 use super::cholesky::{Cholesky, Ldlt, solve_scratch};
+use super::inverse::Inverse;
 use super::lu::Lu;
 use super::{Matrix, Sparse, Symbolic, Vector};
 use crate::backends::direct::{Pivots, Scratch, check_columns, check_size, definite, singular_limit};
+use crate::backends::iterative::IterativeSolver;
 use crate::backends::local;
-use crate::las::{FactorReport, Factorisation, SolveError, SolveReport, Symmetry};
+use crate::las::{FactorReport, Factorisation, Method, SolveError, SolveReport, Symmetry};
 
-/// Direct solver for matrices of one pattern.
+/// Solver for matrices of one pattern.
 ///
-/// A matrix stated to be [`Symmetry::Definite`] is factored by Cholesky: by blocks of three where its pattern consists of
+/// With [`Method::Iterative`] it runs a Krylov method with an incomplete factorisation or the diagonal. Else a matrix stated to be [`Symmetry::Definite`] is factored by Cholesky: by blocks of three where its pattern consists of
 /// them and the factorisation is not too large, else by the library. Of two mirrored values one is read. Where a pivot
 /// is not positive, LDL^T takes over, whose analysis and storage are made then and kept. It exchanges unknowns only
 /// within a supernode. Where such a pivot (nearly) vanishes although the matrix may be regular, LU with partial
 /// pivoting decides: it serves, or finds the matrix singular. LU allocates, the others do not after their first time.
-pub struct Solver<T = f64> {
+pub struct Solver<T: BlockScalar = f64> {
     symbolic: Arc<Symbolic>,
     limit: f64,
     /// The factorisation to solve with, if there is one.
@@ -36,6 +38,8 @@ pub struct Solver<T = f64> {
     scratch: Scratch,
     /// Right-hand sides in the order of elimination.
     columns: Vec<T>,
+    /// Where iterations are asked for, all of the above rests.
+    iterative: Option<Box<IterativeSolver<Sparse<T>, Inverse<T>>>>,
 }
 
 impl<T: BlockScalar> Solver<T> {
@@ -50,9 +54,14 @@ impl<T: BlockScalar> Solver<T> {
             lu: None,
             scratch: Scratch::new(StackReq::EMPTY),
             columns: Vec::new(),
+            iterative: None,
             symbolic: Arc::clone(symbolic),
         };
-        if symbolic.params.symmetry != Symmetry::None && solver.blocks.is_none() {
+        if let Method::Iterative(method) = symbolic.params.method {
+            let inverse = Inverse::new(symbolic.unknowns(), method.preconditioner)?;
+            let iterative = IterativeSolver::new(&(), symbolic.unknowns(), method, inverse)?;
+            solver.iterative = Some(Box::new(iterative));
+        } else if symbolic.params.symmetry != Symmetry::None && solver.blocks.is_none() {
             let analysis = symbolic.cholesky()?;
             if symbolic.params.symmetry == Symmetry::Definite {
                 solver.scratch.reserve(Cholesky::<T>::scratch(analysis));
@@ -78,6 +87,12 @@ impl<T: BlockScalar> Solver<T> {
     #[must_use]
     pub fn symbolic(&self) -> &Arc<Symbolic> {
         &self.symbolic
+    }
+
+    /// Number of values that an incomplete factorisation holds, where there is one.
+    #[must_use]
+    pub fn incomplete_entries(&self) -> Option<usize> {
+        self.iterative.as_ref().and_then(|iterative| iterative.inverse().entries())
     }
 
     fn check(&self, a: &Matrix<T>) -> Result<(), SolveError<Infallible>> {
@@ -198,18 +213,21 @@ impl<T: BlockScalar> Solver<T> {
     }
 
     fn solve_columns(&mut self, b: &[Vector<T>], x: &mut [Vector<T>]) -> Result<SolveReport, SolveError<Infallible>> {
+        if let Some(iterative) = &mut self.iterative {
+            return iterative.solve_columns(b, x);
+        }
         let n = self.symbolic.unknowns();
         check_columns(n, b.iter().map(|b| b.values.len()), x.iter().map(|x| x.values.len()))?;
         let served = self.served.ok_or(SolveError::NotFactored)?;
         if n == 0 || b.is_empty() {
-            return Ok(SolveReport { iterations: 0 });
+            return Ok(SolveReport::DIRECT);
         }
         if let (Factorisation::Cholesky, Some(analysis), Some(blocks)) =
             (served, &self.symbolic.blocks, &mut self.blocks)
         {
             blocks.reserve(analysis, b.len());
             blocks.solve(analysis, b, x);
-            return Ok(SolveReport { iterations: 0 });
+            return Ok(SolveReport::DIRECT);
         }
         self.reserve_columns(b.len());
         self.solve_by_library(served, b, x)
@@ -252,7 +270,7 @@ impl<T: BlockScalar> Solver<T> {
             }
             _ => return Err(SolveError::NotFactored),
         }
-        Ok(SolveReport { iterations: 0 })
+        Ok(SolveReport::DIRECT)
     }
 }
 
@@ -278,12 +296,18 @@ impl<T: BlockScalar> crate::las::Solver<Sparse<T>> for Solver<T> {
     fn factor(&mut self, a: &Matrix<T>) -> Result<FactorReport, SolveError<Infallible>> {
         self.served = None;
         self.check(a)?;
+        if let Some(iterative) = &mut self.iterative {
+            return iterative.factor(a);
+        }
         self.factor_checked(a)
     }
 
     fn factor_definite(&mut self, a: &Matrix<T>) -> Result<FactorReport, SolveError<Infallible>> {
         self.served = None;
         self.check(a)?;
+        if let Some(iterative) = &mut self.iterative {
+            return iterative.factor_definite(a);
+        }
         if self.symbolic.params.symmetry == Symmetry::Definite
             && let Some(report) = self.factor_by_cholesky(a)?
         {

@@ -9,14 +9,14 @@ use crate::las::{
 };
 
 /// A solver and what it works on.
-pub(super) struct Case<'a, B: Backend> {
+pub(super) struct Case<'a, B: Backend<Scalar: Scalar>> {
     pub(super) context: &'a B::Context,
     pub(super) pattern: Arc<Sparsity>,
     pub(super) symbolic: Arc<B::Symbolic>,
     pub(super) solver: B::Solver,
 }
 
-impl<'a, B: Backend> Case<'a, B> {
+impl<'a, B: Backend<Scalar: Scalar>> Case<'a, B> {
     pub(super) fn new(context: &'a B::Context, pattern: &Arc<Sparsity>, symmetry: Symmetry) -> Self {
         // Wide enough that rounding in a singular matrix stays below it.
         let mut params = SolverParams::new(symmetry);
@@ -112,11 +112,11 @@ impl<'a, B: Backend> Case<'a, B> {
 /// What a solution holds before it is there.
 const UNSOLVED: f64 = -55.0;
 
-fn read<B: Backend>(x: &B::Vector) -> Vec<f64> {
+fn read<B: Backend<Scalar: Scalar>>(x: &B::Vector) -> Vec<f64> {
     done(x.with_local(|values| values.iter().map(|v| v.as_f64()).collect()))
 }
 
-fn assert_solved<B: Backend>(a: &Oracle, b: &[f64], x: &[f64]) -> Vec<f64> {
+fn assert_solved<B: Backend<Scalar: Scalar>>(a: &Oracle, b: &[f64], x: &[f64]) -> Vec<f64> {
     let largest = |v: &[f64]| v.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
     let residual: Vec<f64> = a.times(x).iter().zip(b).map(|(ax, b)| ax - b).collect();
     let bound = 50.0 * (1.0 + a.rows as f64) * epsilon::<B>() * (a.norm() * largest(x) + largest(b));

@@ -106,6 +106,31 @@ impl Oracle {
         (0..self.rows).map(|i| (0..self.cols).map(|j| self.values[i * self.cols + j] * x[j]).sum()).collect()
     }
 
+    /// `A B`.
+    #[must_use]
+    pub fn product(&self, b: &Self) -> Self {
+        let mut product = Self::zeros(self.rows, b.cols);
+        for i in 0..self.rows {
+            for j in 0..b.cols {
+                *product.at(i, j) =
+                    (0..self.cols).map(|k| self.values[i * self.cols + k] * b.values[k * b.cols + j]).sum();
+            }
+        }
+        product
+    }
+
+    /// `A^T`.
+    #[must_use]
+    pub fn transposed(&self) -> Self {
+        let mut transposed = Self::zeros(self.cols, self.rows);
+        for i in 0..self.rows {
+            for j in 0..self.cols {
+                *transposed.at(j, i) = self.values[i * self.cols + j];
+            }
+        }
+        transposed
+    }
+
     /// Largest sum of absolute values of a row.
     #[must_use]
     pub fn norm(&self) -> f64 {

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::case::Case;
 use super::{Oracle, Random, done};
-use crate::las::{Backend, Factorisation, SolveError, Solver, SolverParams, Sparsity, Symmetry};
+use crate::las::{Backend, Factorisation, Scalar, SolveError, Solver, SolverParams, Sparsity, Symmetry};
 
 const SYMMETRIES: [Symmetry; 3] = [Symmetry::Definite, Symmetry::Symmetric, Symmetry::None];
 
@@ -12,7 +12,7 @@ const SYMMETRIES: [Symmetry; 3] = [Symmetry::Definite, Symmetry::Symmetric, Symm
 ///
 /// # Panics
 /// Where the backend does not keep a promise of [`Solver`].
-pub fn solvers<B: Backend>(context: &B::Context) {
+pub fn solvers<B: Backend<Scalar: Scalar>>(context: &B::Context) {
     for (seed, unknowns) in (3000..).zip([1, 2, 3, 5, 8, 13, 21, 40, 70, 150, 450]) {
         let mut random = Random::new(seed);
         let pattern = random.elements(unknowns);
@@ -43,7 +43,7 @@ pub fn solvers<B: Backend>(context: &B::Context) {
     empty_and_single::<B>(context);
 }
 
-fn definite<B: Backend>(context: &B::Context, random: &mut Random, pattern: &Arc<Sparsity>) {
+fn definite<B: Backend<Scalar: Scalar>>(context: &B::Context, random: &mut Random, pattern: &Arc<Sparsity>) {
     let a = Oracle::dominant(random, pattern, |_| 1.0);
     for (symmetry, kind) in
         SYMMETRIES.into_iter().zip([Factorisation::Cholesky, Factorisation::Ldlt, Factorisation::Lu])
@@ -55,7 +55,7 @@ fn definite<B: Backend>(context: &B::Context, random: &mut Random, pattern: &Arc
 }
 
 /// With one negative diagonal entry, the pivot that Cholesky gives up at is known, and with several it is one of them.
-fn indefinite<B: Backend>(context: &B::Context, random: &mut Random, pattern: &Arc<Sparsity>) {
+fn indefinite<B: Backend<Scalar: Scalar>>(context: &B::Context, random: &mut Random, pattern: &Arc<Sparsity>) {
     let n = pattern.rows();
     let at = random.below(n);
     let one = Oracle::dominant(random, pattern, |i| if i == at { -1.0 } else { 1.0 });
@@ -73,7 +73,7 @@ fn indefinite<B: Backend>(context: &B::Context, random: &mut Random, pattern: &A
     assert_eq!(report.negative_pivots, Some((0..n).filter(|i| i % 3 == at % 3).count()));
 }
 
-fn unsymmetric<B: Backend>(context: &B::Context, random: &mut Random, pattern: &Arc<Sparsity>) {
+fn unsymmetric<B: Backend<Scalar: Scalar>>(context: &B::Context, random: &mut Random, pattern: &Arc<Sparsity>) {
     let mut a = Oracle::dominant(random, pattern, |i| if i % 2 == 0 { 1.0 } else { -1.0 });
     for i in 0..a.rows {
         for &j in pattern.row(i).iter().filter(|&&j| (j as usize) < i) {
@@ -84,7 +84,7 @@ fn unsymmetric<B: Backend>(context: &B::Context, random: &mut Random, pattern: &
 }
 
 /// An unknown whose row and column are zero.
-fn isolated_unknown<B: Backend>(context: &B::Context, random: &mut Random, pattern: &Arc<Sparsity>) {
+fn isolated_unknown<B: Backend<Scalar: Scalar>>(context: &B::Context, random: &mut Random, pattern: &Arc<Sparsity>) {
     let n = pattern.rows();
     let unknown = random.below(n);
     let regular = Oracle::dominant(random, pattern, |_| 1.0);
@@ -99,7 +99,7 @@ fn isolated_unknown<B: Backend>(context: &B::Context, random: &mut Random, patte
 }
 
 /// A part that hangs together but not with anything fixed: its translation is free, and rounding hides it.
-fn floating_part<B: Backend>(context: &B::Context, random: &mut Random) {
+fn floating_part<B: Backend<Scalar: Scalar>>(context: &B::Context, random: &mut Random) {
     let n = 30;
     let pattern = random.elements(n);
     let regular = Oracle::dominant(random, &pattern, |_| 1.0);
@@ -125,7 +125,7 @@ fn floating_part<B: Backend>(context: &B::Context, random: &mut Random) {
 }
 
 /// Constraints by multipliers: `[[K, G^T], [G, 0]]`, whose pivots may vanish in some orders but not in all.
-fn saddle_point<B: Backend>(context: &B::Context, random: &mut Random) {
+fn saddle_point<B: Backend<Scalar: Scalar>>(context: &B::Context, random: &mut Random) {
     let (free, constraints) = (24, 6);
     let n = free + constraints;
     let stiff = random.elements(free);
@@ -158,7 +158,7 @@ fn saddle_point<B: Backend>(context: &B::Context, random: &mut Random) {
 }
 
 /// `1 1^T` with a smaller diagonal: after the first pivot nothing is left beside the diagonal, exactly.
-fn exact_cancellation<B: Backend>(context: &B::Context) {
+fn exact_cancellation<B: Backend<Scalar: Scalar>>(context: &B::Context) {
     let n = 100;
     let pattern = Arc::new(done(Sparsity::from_elements(n, [(0..n as i32).collect::<Vec<_>>()])));
     let mut a = Oracle { rows: n, cols: n, values: vec![1.0; n * n] };
@@ -171,7 +171,7 @@ fn exact_cancellation<B: Backend>(context: &B::Context) {
 }
 
 /// A factorisation whose pivots come in pairs must leave nothing behind for one whose pivots do not.
-fn pairs_then_singles<B: Backend>(context: &B::Context) {
+fn pairs_then_singles<B: Backend<Scalar: Scalar>>(context: &B::Context) {
     let pattern = Arc::new(done(Sparsity::from_elements(2, [[0, 1]])));
     let square = |values: [f64; 4]| Oracle { rows: 2, cols: 2, values: values.into() };
     for symmetry in [Symmetry::Definite, Symmetry::Symmetric] {
@@ -183,7 +183,7 @@ fn pairs_then_singles<B: Backend>(context: &B::Context) {
 }
 
 /// A cyclic shift: regular, with a zero diagonal, and only exchanges of rows find its pivots.
-fn row_exchanges<B: Backend>(context: &B::Context) {
+fn row_exchanges<B: Backend<Scalar: Scalar>>(context: &B::Context) {
     let n = 9;
     let elements = (0..n as i32).map(|i| [i, (i + 1) % n as i32]);
     let pattern = Arc::new(done(Sparsity::from_elements(n, elements)));
@@ -194,7 +194,7 @@ fn row_exchanges<B: Backend>(context: &B::Context) {
     Case::<B>::new(context, &pattern, Symmetry::None).check(&mut Random::new(6000), &a, &[Factorisation::Lu]);
 }
 
-fn not_finite<B: Backend>(context: &B::Context, random: &mut Random, pattern: &Arc<Sparsity>) {
+fn not_finite<B: Backend<Scalar: Scalar>>(context: &B::Context, random: &mut Random, pattern: &Arc<Sparsity>) {
     let regular = Oracle::dominant(random, pattern, |_| 1.0);
     for (symmetry, bad) in SYMMETRIES.into_iter().zip([f64::NAN, f64::INFINITY, f64::NEG_INFINITY]) {
         let mut a = regular.clone();
@@ -209,7 +209,7 @@ fn not_finite<B: Backend>(context: &B::Context, random: &mut Random, pattern: &A
 }
 
 /// One solver for a sequence of matrices, and two solvers that share an analysis.
-fn reuse<B: Backend>(context: &B::Context, random: &mut Random, pattern: &Arc<Sparsity>) {
+fn reuse<B: Backend<Scalar: Scalar>>(context: &B::Context, random: &mut Random, pattern: &Arc<Sparsity>) {
     for symmetry in SYMMETRIES {
         let mut first = Case::<B>::new(context, pattern, symmetry);
         let mut second = Case::<B> {
@@ -233,7 +233,7 @@ fn reuse<B: Backend>(context: &B::Context, random: &mut Random, pattern: &Arc<Sp
 }
 
 /// Systems that are not square, vectors and matrices of other sizes, and solving too early.
-fn refusals<B: Backend>(context: &B::Context) {
+fn refusals<B: Backend<Scalar: Scalar>>(context: &B::Context) {
     let flat = Arc::new(done(Sparsity::from_rows(3, vec![0, 1, 2], vec![0, 1])));
     let params = SolverParams::default();
     let refused = B::analyze(context, &flat, &params);
@@ -260,11 +260,11 @@ fn refusals<B: Backend>(context: &B::Context) {
     }
 }
 
-fn case_vector<B: Backend>(case: &Case<'_, B>) -> B::Vector {
+fn case_vector<B: Backend<Scalar: Scalar>>(case: &Case<'_, B>) -> B::Vector {
     case.vector(&vec![1.0; case.pattern.rows()])
 }
 
-fn empty_and_single<B: Backend>(context: &B::Context) {
+fn empty_and_single<B: Backend<Scalar: Scalar>>(context: &B::Context) {
     let empty = Arc::new(done(Sparsity::from_rows(0, vec![0], vec![])));
     let single = Arc::new(done(Sparsity::from_elements(1, [[0]])));
     let without_entries = Arc::new(done(Sparsity::from_rows(2, vec![0, 0, 0], vec![])));

@@ -10,7 +10,7 @@ use super::{
     Backend, MatrixOps, NewtonError, NewtonFailure, NewtonReport, NewtonSystem, NonlinearProblem, Scalar, SolveError,
     Solver, Trial, VectorOps, Yardstick, fault,
 };
-use crate::las::Index;
+use crate::las::{Index, Value};
 
 /// A nonlinear problem whose residual is the gradient of a potential.
 pub trait Potential<B: Backend>: NonlinearProblem<B> {
@@ -205,7 +205,8 @@ where
             }
             report.shifts += 1;
         }
-        self.solver.solve(&self.residual, &mut self.direction).map_err(NewtonError::Solve)?;
+        let solved = self.solver.solve(&self.residual, &mut self.direction).map_err(NewtonError::Solve)?;
+        report.linear_iterations += solved.iterations;
         Ok(())
     }
 
@@ -220,9 +221,9 @@ where
         for unknown in 0..self.matrix.shape().0 {
             let unknown = [B::Index::of(unknown)];
             self.matrix.get(&unknown, &unknown, &mut entry)?;
-            largest = largest.max(entry[0].as_f64().abs());
+            largest = largest.max(entry[0].lane(0).as_f64().abs());
             if shift > 0.0 {
-                self.matrix.add(&unknown, &unknown, &[B::Scalar::of(shift)])?;
+                self.matrix.add(&unknown, &unknown, &[B::Scalar::splat(Scalar::of(shift))])?;
             }
         }
         Ok(largest)

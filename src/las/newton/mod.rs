@@ -109,7 +109,8 @@ where
         let factor = self.solver.factor(&self.matrix).map_err(NewtonError::Solve)?;
         report.count(&factor);
         let factored = Instant::now();
-        self.solver.solve(&self.residual, &mut self.direction).map_err(NewtonError::Solve)?;
+        let solved = self.solver.solve(&self.residual, &mut self.direction).map_err(NewtonError::Solve)?;
+        report.linear_iterations += solved.iterations;
         report.seconds.jacobian += (assembled - start).as_secs_f64();
         report.seconds.factor += (factored - assembled).as_secs_f64();
         report.seconds.solve += factored.elapsed().as_secs_f64();

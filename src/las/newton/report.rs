@@ -47,6 +47,10 @@ pub struct NewtonReport {
     pub ldlt: usize,
     /// Factorisations by LU.
     pub lu: usize,
+    /// Approximate inverses made for an iterative method.
+    pub approximate: usize,
+    /// Iterations of that method.
+    pub linear_iterations: usize,
     /// Factorisations, by whichever method served in the end, of a Jacobian that was stated to be definite and was not.
     pub indefinite: usize,
     /// Jacobians that no factorisation served.
@@ -82,6 +86,7 @@ impl NewtonReport {
             Factorisation::Cholesky => self.cholesky += 1,
             Factorisation::Ldlt => self.ldlt += 1,
             Factorisation::Lu => self.lu += 1,
+            Factorisation::Approximate => self.approximate += 1,
         }
     }
 }

@@ -132,6 +132,8 @@ pub struct NewtonLog {
     pub line_search_cuts: usize,
     /// Which factorisations were used.
     pub factorisations: Factorisations,
+    /// Iterations of an iterative linear solver, in all.
+    pub linear_iterations: usize,
     /// Where the time went.
     pub seconds: NewtonSeconds,
 }
@@ -146,6 +148,8 @@ pub struct Factorisations {
     pub ldlt: usize,
     /// Of an unsymmetric one.
     pub lu: usize,
+    /// None: approximate inverses for an iterative method.
+    pub approximate: usize,
 }
 
 /// Wall time of the phases of a step, s.

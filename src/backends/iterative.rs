@@ -1,0 +1,128 @@
+//! A solver by iterations: a Krylov method, and an approximate inverse that a backend makes.
+
+use crate::backends::direct::{Pivots, check_columns};
+use crate::las::krylov::KrylovSpace;
+use crate::las::{Backend, FactorReport, Factorisation, Iterative, MatVec, Scalar, SolveError, SolveReport, VectorOps};
+
+/// What a backend makes of a matrix for a Krylov method.
+pub(super) trait ApproximateInverse<B: Backend>: Send {
+    /// Makes it; the pivots if there are any.
+    fn make(&mut self, a: &B::Matrix) -> Result<Option<Pivots>, SolveError<B::Fault>>;
+
+    /// `y` nearly `A^-1 x`.
+    fn apply(&self, x: &B::Vector, y: &mut B::Vector) -> Result<(), SolveError<B::Fault>>;
+}
+
+/// None, or the diagonal's.
+pub(super) enum Simple<B: Backend> {
+    None,
+    Diagonal(B::Vector),
+}
+
+impl<B: Backend> ApproximateInverse<B> for Simple<B>
+where
+    B::Scalar: Scalar,
+{
+    fn make(&mut self, a: &B::Matrix) -> Result<Option<Pivots>, SolveError<B::Fault>> {
+        let Self::Diagonal(d) = self else { return Ok(None) };
+        a.inverse_diagonal(d)?;
+        let mut pivots = Pivots::none();
+        let see = |d: &[B::Scalar]| d.iter().enumerate().for_each(|(k, d)| pivots.see(1.0 / d.as_f64(), k));
+        d.with_local(see).map_err(SolveError::Fault)?;
+        Ok(Some(pivots))
+    }
+
+    fn apply(&self, x: &B::Vector, y: &mut B::Vector) -> Result<(), SolveError<B::Fault>> {
+        let product = |y: &mut [B::Scalar]| {
+            x.with_local(|x| match self {
+                Self::None => {
+                    y.copy_from_slice(x);
+                    Ok(())
+                }
+                Self::Diagonal(d) => d.with_local(|d| {
+                    for ((y, &x), &d) in y.iter_mut().zip(x).zip(d) {
+                        *y = x * d;
+                    }
+                }),
+            })
+        };
+        y.with_local_mut(product).and_then(|done| done).and_then(|done| done).map_err(SolveError::Fault)
+    }
+}
+
+/// The solver.
+pub(super) struct IterativeSolver<B: Backend, M> {
+    unknowns: usize,
+    /// The matrix to solve with: its owner may change it between two solutions.
+    a: Option<B::Matrix>,
+    ready: bool,
+    inverse: M,
+    space: KrylovSpace<B>,
+}
+
+impl<B, M> IterativeSolver<B, M>
+where
+    B: Backend<Matrix: Clone, Reduced = <B as Backend>::Scalar>,
+    B::Scalar: Scalar,
+    M: ApproximateInverse<B>,
+{
+    pub(super) fn new(
+        context: &B::Context,
+        unknowns: usize,
+        method: Iterative,
+        inverse: M,
+    ) -> Result<Self, SolveError<B::Fault>> {
+        let space = KrylovSpace::new(context, unknowns, method).map_err(SolveError::Fault)?;
+        Ok(Self { unknowns, a: None, ready: false, inverse, space })
+    }
+
+    /// What was made of the matrix.
+    pub(super) fn inverse(&self) -> &M {
+        &self.inverse
+    }
+
+    /// A matrix that was checked to fit.
+    pub(super) fn factor(&mut self, a: &B::Matrix) -> Result<FactorReport, SolveError<B::Fault>> {
+        self.factor_with_pivots(a).map(|(report, _)| report)
+    }
+
+    fn factor_with_pivots(&mut self, a: &B::Matrix) -> Result<(FactorReport, Option<Pivots>), SolveError<B::Fault>> {
+        self.ready = false;
+        let pivots = self.inverse.make(a)?;
+        match &mut self.a {
+            Some(kept) => kept.clone_from(a),
+            None => self.a = Some(a.clone()),
+        }
+        self.ready = true;
+        let pivot_ratio = pivots.as_ref().map_or(1.0, Pivots::ratio);
+        let kind = Factorisation::Approximate;
+        Ok((FactorReport { kind, indefinite_at: None, pivot_ratio, negative_pivots: None }, pivots))
+    }
+
+    /// The same, refused where an approximate pivot is not positive: of ILUT without dropping their signs are those of the
+    /// eigenvalues, and with little dropping they nearly always are.
+    pub(super) fn factor_definite(&mut self, a: &B::Matrix) -> Result<FactorReport, SolveError<B::Fault>> {
+        let (report, pivots) = self.factor_with_pivots(a)?;
+        if pivots.is_some_and(|pivots| pivots.negative() > 0) {
+            self.ready = false;
+            return Err(SolveError::Indefinite { unknown: 0 });
+        }
+        Ok(report)
+    }
+
+    pub(super) fn solve_columns(
+        &mut self,
+        b: &[B::Vector],
+        x: &mut [B::Vector],
+    ) -> Result<SolveReport, SolveError<B::Fault>> {
+        check_columns(self.unknowns, b.iter().map(VectorOps::len), x.iter().map(VectorOps::len))?;
+        let Self { a: Some(a), ready: true, inverse, space, .. } = self else { return Err(SolveError::NotFactored) };
+        let mut sum = SolveReport::DIRECT;
+        for (b, x) in b.iter().zip(x) {
+            let mut product = |x: &B::Vector, y: &mut B::Vector| a.mul(x, y);
+            let mut precondition = |x: &B::Vector, y: &mut B::Vector| inverse.apply(x, y);
+            sum = sum.and(space.solve(&mut product, &mut precondition, b, x)?);
+        }
+        Ok(sum)
+    }
+}

@@ -1,0 +1,58 @@
+//! The approximate inverses of this backend.
+
+use std::convert::Infallible;
+
+use super::block::BlockScalar;
+use super::ilut::Ilut;
+use super::{Matrix, Sparse, Vector};
+use crate::backends::direct::Pivots;
+use crate::backends::iterative::{ApproximateInverse, Simple};
+use crate::las::{Backend, Preconditioner, SolveError};
+
+/// None, the diagonal's, or that of an incomplete factorisation.
+pub(super) enum Inverse<T: BlockScalar> {
+    Simple(Simple<Sparse<T>>),
+    Ilut(Box<Ilut<T>>),
+}
+
+impl<T: BlockScalar> Inverse<T> {
+    pub(super) fn new(unknowns: usize, preconditioner: Preconditioner) -> Result<Self, SolveError<Infallible>> {
+        match preconditioner {
+            Preconditioner::None => Ok(Self::Simple(Simple::None)),
+            Preconditioner::Diagonal => Ok(Self::Simple(Simple::Diagonal(Vector::from(vec![T::zero(); unknowns])))),
+            Preconditioner::Ilut { drop_tolerance, fill } => Ok(Self::Ilut(Box::new(Ilut::new(drop_tolerance, fill)))),
+            Preconditioner::Multigrid => Err(SolveError::Unsupported {
+                backend: Sparse::<T>::NAME,
+                what: "multigrid",
+                cure: "take an incomplete factorisation, or the backend `petsc`",
+            }),
+        }
+    }
+
+    /// Values of an incomplete factorisation.
+    pub(super) fn entries(&self) -> Option<usize> {
+        match self {
+            Self::Simple(_) => None,
+            Self::Ilut(ilut) => Some(ilut.entries()),
+        }
+    }
+}
+
+impl<T: BlockScalar> ApproximateInverse<Sparse<T>> for Inverse<T> {
+    fn make(&mut self, a: &Matrix<T>) -> Result<Option<Pivots>, SolveError<Infallible>> {
+        match self {
+            Self::Simple(simple) => simple.make(a),
+            Self::Ilut(ilut) => ilut.factor(a).map(Some),
+        }
+    }
+
+    fn apply(&self, x: &Vector<T>, y: &mut Vector<T>) -> Result<(), SolveError<Infallible>> {
+        match self {
+            Self::Simple(simple) => simple.apply(x, y),
+            Self::Ilut(ilut) => {
+                ilut.apply(x, y);
+                Ok(())
+            }
+        }
+    }
+}

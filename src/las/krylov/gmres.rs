@@ -1,0 +1,108 @@
+//! Generalised minimal residuals with restarts, preconditioned from the right, so that the residual it minimises is the
+//! true one. Modified Gram-Schmidt, Givens rotations.
+
+use num_traits::{Float, One, Zero};
+
+use super::{Ended, Run, axpy, combine, dot, norm};
+use crate::las::{Backend, Scalar, SolveError, VectorOps};
+
+/// The basis, with one vector to spare for products and one for preconditioned ones.
+pub(super) fn vectors(restart: usize) -> usize {
+    restart.max(1) + 3
+}
+
+/// A triangle of coefficients column by column, rotations, right-hand side.
+pub(super) fn numbers(restart: usize) -> usize {
+    let m = restart.max(1);
+    (m + 1) * m + 2 * m + m + 1
+}
+
+/// `restart` steps from the residual in `vectors[0]` on.
+pub(super) fn run<B>(
+    run: &mut Run<'_, B>,
+    x: &mut B::Vector,
+    vectors: &mut [B::Vector],
+    numbers: &mut [B::Scalar],
+    restart: usize,
+) -> Result<Ended, SolveError<B::Fault>>
+where
+    B: Backend<Reduced = <B as Backend>::Scalar>,
+    B::Scalar: Scalar,
+{
+    let m = restart.max(1);
+    let (basis, [product, z]) = vectors.split_at_mut(m + 1) else { return Ok(Ended::BrokeDown) };
+    let (h, rest) = numbers.split_at_mut((m + 1) * m);
+    let (rotations, g) = rest.split_at_mut(2 * m);
+    g.fill(B::Scalar::zero());
+    g[0] = norm::<B>(&basis[0])?;
+    normalise::<B>(&mut basis[0], g[0])?;
+    let mut steps = 0;
+    let mut broke_down = false;
+    while steps < m && run.iterations < run.most {
+        let k = steps;
+        let column = &mut h[k * (m + 1)..(k + 1) * (m + 1)];
+        (run.m)(&basis[k], z)?;
+        (run.a)(z, product)?;
+        let before = norm::<B>(product)?;
+        for (i, v) in basis[..=k].iter().enumerate() {
+            column[i] = dot::<B>(v, product)?;
+            axpy::<B>(product, -column[i], v)?;
+        }
+        column[k + 1] = norm::<B>(product)?;
+        run.iterations += 1;
+        steps += 1;
+        let length = column[k + 1];
+        rotate(column, &mut rotations[..2 * (k + 1)], g, k);
+        if !column[k].is_finite() || column[k].is_zero() {
+            steps -= 1;
+            broke_down = true;
+            break;
+        }
+        // The space is exhausted: the solution lies in it.
+        let exhausted = length <= before * B::Scalar::epsilon();
+        if g[k + 1].abs() <= run.target || exhausted {
+            break;
+        }
+        combine::<B>(&mut basis[k + 1], B::Scalar::zero(), B::Scalar::one() / length, product)?;
+    }
+    back_substitute(h, g, m, steps);
+    VectorOps::zero(product).map_err(SolveError::Fault)?;
+    for (v, &y) in basis.iter().zip(&g[..steps]) {
+        axpy::<B>(product, y, v)?;
+    }
+    (run.m)(product, z)?;
+    axpy::<B>(x, B::Scalar::one(), z)?;
+    Ok(if broke_down || steps == 0 { Ended::BrokeDown } else { Ended::Look })
+}
+
+fn normalise<B: Backend>(v: &mut B::Vector, length: B::Scalar) -> Result<(), SolveError<B::Fault>>
+where
+    B::Scalar: Scalar,
+{
+    v.with_local_mut(|v| v.iter_mut().for_each(|v| *v /= length)).map_err(SolveError::Fault)
+}
+
+/// Makes column `k` upper triangular: the rotations so far, and a new one that takes its last entry away.
+fn rotate<T: Scalar>(column: &mut [T], rotations: &mut [T], g: &mut [T], k: usize) {
+    for i in 0..k {
+        let (c, s) = (rotations[2 * i], rotations[2 * i + 1]);
+        (column[i], column[i + 1]) = (c * column[i] + s * column[i + 1], c * column[i + 1] - s * column[i]);
+    }
+    let length = column[k].hypot(column[k + 1]);
+    let (c, s) = if length.is_zero() { (T::one(), T::zero()) } else { (column[k] / length, column[k + 1] / length) };
+    (rotations[2 * k], rotations[2 * k + 1]) = (c, s);
+    (column[k], column[k + 1]) = (length, T::zero());
+    (g[k], g[k + 1]) = (c * g[k], -s * g[k]);
+}
+
+/// Solves the triangle for the coefficients of the basis, in place of the right-hand side.
+fn back_substitute<T: Scalar>(h: &[T], g: &mut [T], m: usize, steps: usize) {
+    for k in (0..steps).rev() {
+        let column = &h[k * (m + 1)..(k + 1) * (m + 1)];
+        g[k] /= column[k];
+        for i in 0..k {
+            let y = g[k];
+            g[i] -= column[i] * y;
+        }
+    }
+}

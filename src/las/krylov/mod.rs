@@ -1,0 +1,182 @@
+//! Krylov methods, written once in the verbs of the abstraction: they run on every backend whose `norm` and `dot` are one
+//! number.
+//!
+//! All start from zero, stop by the norm of the true residual over that of the right-hand side, and compute that residual
+//! anew before they say so: the recurrences of these methods drift away from it. A backend's solver hands its matrix and
+//! its preconditioner over as functions and keeps the vectors in a [`KrylovSpace`], so that solving allocates nothing after
+//! the first time.
+
+mod bicgstab;
+mod cg;
+mod gmres;
+#[cfg(test)]
+mod tests;
+
+use num_traits::{Float, One, Zero};
+
+use super::{Backend, Iterative, Krylov, Scalar, SolveError, SolveReport, VectorOps};
+
+/// `y = f(x)`: a product with the matrix, or with an approximate inverse of it.
+pub type Apply<'a, B> = &'a mut dyn FnMut(&Vector<B>, &mut Vector<B>) -> Result<(), SolveError<Fault<B>>>;
+
+type Vector<B> = <B as Backend>::Vector;
+type Fault<B> = <B as Backend>::Fault;
+
+/// The vectors that a method works in.
+pub struct KrylovSpace<B: Backend> {
+    method: Iterative,
+    vectors: Vec<B::Vector>,
+    /// Coefficients of GMRES.
+    numbers: Vec<B::Scalar>,
+}
+
+/// How an inner loop ended.
+enum Ended {
+    /// By its own account the residual is small enough, or it is time to begin again.
+    Look,
+    /// The next step does not exist.
+    BrokeDown,
+}
+
+/// What an inner loop is given and reports through.
+struct Run<'a, B: Backend> {
+    a: Apply<'a, B>,
+    m: Apply<'a, B>,
+    /// The residual at which to stop.
+    target: B::Scalar,
+    iterations: usize,
+    most: usize,
+}
+
+impl<B> KrylovSpace<B>
+where
+    B: Backend<Reduced = <B as Backend>::Scalar>,
+    B::Scalar: Scalar,
+{
+    /// Room for systems of `len` unknowns (of this rank, on a distributed backend).
+    ///
+    /// # Errors
+    /// The backend's fault.
+    pub fn new(context: &B::Context, len: usize, method: Iterative) -> Result<Self, B::Fault> {
+        let (vectors, numbers) = match method.krylov {
+            Krylov::Cg => (cg::VECTORS, 0),
+            Krylov::BiCgStab => (bicgstab::VECTORS, 0),
+            Krylov::Gmres { restart } => (gmres::vectors(restart), gmres::numbers(restart)),
+        };
+        let vectors = (0..vectors).map(|_| B::vector(context, len)).collect::<Result<_, _>>()?;
+        Ok(Self { method, vectors, numbers: vec![B::Scalar::default(); numbers] })
+    }
+
+    /// `A x = b` with the matrix `a` and the approximate inverse `m`.
+    ///
+    /// # Errors
+    /// [`SolveError::NotConverged`], and what `a` and `m` say.
+    pub fn solve(
+        &mut self,
+        a: Apply<'_, B>,
+        m: Apply<'_, B>,
+        b: &B::Vector,
+        x: &mut B::Vector,
+    ) -> Result<SolveReport, SolveError<B::Fault>> {
+        let Iterative { krylov, tolerance, max_iterations, .. } = self.method;
+        VectorOps::zero(x).map_err(SolveError::Fault)?;
+        let size = b.norm().map_err(SolveError::Fault)?;
+        if size.is_zero() {
+            return Ok(SolveReport::DIRECT);
+        }
+        let target = size * B::Scalar::of(tolerance);
+        let mut run = Run::<B> { a, m, target, iterations: 0, most: max_iterations };
+        let mut best = B::Scalar::infinity();
+        loop {
+            // The first vector of every method is the residual.
+            run.residual(b, x, &mut self.vectors)?;
+            let residual = self.vectors[0].norm().map_err(SolveError::Fault)?;
+            let report = SolveReport { iterations: run.iterations, residual: (residual / size).as_f64() };
+            if residual <= target {
+                return Ok(report);
+            }
+            // Begun again without getting nearer: rounding allows no better.
+            let stuck =
+                residual.is_nan() || residual > best * B::Scalar::of(0.9) && !matches!(krylov, Krylov::Gmres { .. });
+            if run.iterations >= max_iterations || stuck {
+                return Err(self.failure(report, stuck));
+            }
+            best = best.min(residual);
+            let ended = match krylov {
+                Krylov::Cg => cg::run(&mut run, x, &mut self.vectors)?,
+                Krylov::BiCgStab => bicgstab::run(&mut run, x, &mut self.vectors)?,
+                Krylov::Gmres { restart } => gmres::run(&mut run, x, &mut self.vectors, &mut self.numbers, restart)?,
+            };
+            if matches!(ended, Ended::BrokeDown) {
+                run.residual(b, x, &mut self.vectors)?;
+                let residual = self.vectors[0].norm().map_err(SolveError::Fault)?;
+                if residual > target {
+                    let report = SolveReport { iterations: run.iterations, residual: (residual / size).as_f64() };
+                    return Err(self.failure(report, true));
+                }
+            }
+        }
+    }
+
+    fn failure(&self, report: SolveReport, broke_down: bool) -> SolveError<B::Fault> {
+        let method = match self.method.krylov {
+            Krylov::Cg => "CG",
+            Krylov::BiCgStab => "BiCGSTAB",
+            Krylov::Gmres { .. } => "GMRES",
+        };
+        let SolveReport { iterations, residual } = report;
+        SolveError::NotConverged { method, iterations, residual, tolerance: self.method.tolerance, broke_down }
+    }
+}
+
+impl<B> Run<'_, B>
+where
+    B: Backend<Reduced = <B as Backend>::Scalar>,
+    B::Scalar: Scalar,
+{
+    /// `vectors[0] = b - A x`.
+    fn residual(
+        &mut self,
+        b: &B::Vector,
+        x: &B::Vector,
+        vectors: &mut [B::Vector],
+    ) -> Result<(), SolveError<B::Fault>> {
+        let (r, rest) = parts(vectors);
+        (self.a)(x, &mut rest[0])?;
+        combine::<B>(r, B::Scalar::zero(), B::Scalar::one(), b)?;
+        axpy::<B>(r, -B::Scalar::one(), &rest[0])
+    }
+}
+
+/// The first vector and the others; every method has at least two.
+fn parts<V>(vectors: &mut [V]) -> (&mut V, &mut [V]) {
+    let (first, rest) = vectors.split_at_mut(1);
+    (&mut first[0], rest)
+}
+
+/// `y = a y + b x`, `x` even where `a` is zero and `y` not finite.
+fn combine<B: Backend>(y: &mut B::Vector, a: B::Scalar, b: B::Scalar, x: &B::Vector) -> Result<(), SolveError<B::Fault>>
+where
+    B::Scalar: Scalar,
+{
+    let write = |y: &mut [B::Scalar]| {
+        x.with_local(|x| {
+            for (y, &x) in y.iter_mut().zip(x) {
+                *y = if a.is_zero() { b * x } else { a * *y + b * x };
+            }
+        })
+    };
+    y.with_local_mut(write).and_then(|done| done).map_err(SolveError::Fault)
+}
+
+fn axpy<B: Backend>(y: &mut B::Vector, a: B::Scalar, x: &B::Vector) -> Result<(), SolveError<B::Fault>> {
+    y.axpy(a, x).map_err(SolveError::Fault)
+}
+
+fn dot<B: Backend>(x: &B::Vector, y: &B::Vector) -> Result<B::Reduced, SolveError<B::Fault>> {
+    x.dot(y).map_err(SolveError::Fault)
+}
+
+fn norm<B: Backend>(x: &B::Vector) -> Result<B::Reduced, SolveError<B::Fault>> {
+    x.norm().map_err(SolveError::Fault)
+}

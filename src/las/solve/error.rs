@@ -1,0 +1,110 @@
+//! Why there is no solution.
+
+use thiserror::Error;
+
+use crate::las::SparsityError;
+
+/// Why a system was not solved.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum SolveError<F> {
+    /// Only square systems are solved.
+    #[error("the matrix has {rows} rows and {cols} columns; a system to solve is square")]
+    NotSquare {
+        /// Rows.
+        rows: usize,
+        /// Columns.
+        cols: usize,
+    },
+    /// A vector or matrix of another size than the one analysed.
+    #[error("{what} has size {found}, but the analysed pattern has {expected}")]
+    Size {
+        /// Which argument.
+        what: &'static str,
+        /// Its size.
+        found: usize,
+        /// The size of the pattern.
+        expected: usize,
+    },
+    /// A matrix of the right size whose entries stand in other places than those analysed.
+    #[error("the entries of the matrix are not where the analysed pattern has them")]
+    Pattern,
+    /// `solve` before `factor`, or after one that failed.
+    #[error("there is no factorisation to solve with: call factor first, and only solve if it succeeds")]
+    NotFactored,
+    /// A pivot vanished.
+    #[error("the matrix is singular: the pivot of unknown {unknown} is {ratio:.1e} of the largest (limit {limit:.1e})")]
+    Singular {
+        /// The unknown of the smallest pivot.
+        unknown: usize,
+        /// Its size over the largest.
+        ratio: f64,
+        /// The limit that it fell below.
+        limit: f64,
+    },
+    /// The matrix is not positive definite, and nothing else was asked for.
+    #[error("the matrix is not positive definite: the pivot of unknown {unknown} is not positive")]
+    Indefinite {
+        /// The unknown at whose pivot Cholesky gave up.
+        unknown: usize,
+    },
+    /// The matrix holds a NaN or an infinity.
+    #[error("the matrix holds a value that is not finite in row {row}")]
+    NotFinite {
+        /// The first such row.
+        row: usize,
+    },
+    /// Even a factorisation of the matrix itself leaves a residual.
+    #[error("the matrix is too ill-conditioned: solving leaves a relative residual of {residual:.1e}")]
+    Inaccurate {
+        /// Norm of the residual over that of the right-hand side.
+        residual: f64,
+    },
+    /// The factorisation library failed for a reason of its own.
+    #[error("{library} failed: {reason}")]
+    Library {
+        /// Which one.
+        library: &'static str,
+        /// What it said.
+        reason: String,
+    },
+    /// A Krylov method ran out of iterations, or cannot go on.
+    #[error("{method} left a relative residual of {residual:.1e} after {iterations} iterations (tolerance {tolerance:.1e}){}", why(*.broke_down))]
+    NotConverged {
+        /// Which one.
+        method: &'static str,
+        /// How many it took.
+        iterations: usize,
+        /// Norm of the residual over that of the right-hand side.
+        residual: f64,
+        /// What it should have fallen to.
+        tolerance: f64,
+        /// Whether it stopped because its next step does not exist.
+        broke_down: bool,
+    },
+    /// The diagonal has no inverse.
+    #[error("the diagonal entry of row {row} is zero")]
+    ZeroDiagonal {
+        /// The first such row.
+        row: usize,
+    },
+    /// The result has more entries than can be addressed.
+    #[error("the result is too large: {0}")]
+    TooLarge(SparsityError),
+    /// The backend has no such method.
+    #[error("the backend `{backend}` has no {what}: {cure}")]
+    Unsupported {
+        /// Which backend.
+        backend: &'static str,
+        /// What was asked for.
+        what: &'static str,
+        /// What there is instead.
+        cure: &'static str,
+    },
+    /// A verb of the backend failed.
+    #[error("{0}")]
+    Fault(F),
+}
+
+fn why(broke_down: bool) -> &'static str {
+    if broke_down { " and broke down: try another method or preconditioner" } else { "" }
+}
