@@ -1,20 +1,15 @@
-//! What the direct solvers of the backends share: the judgement of pivots, checks of sizes, and their scratch.
+//! What the direct solvers of the backends in memory share: the judgement of pivots, and their scratch.
 
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::linalg::cholesky::lblt::factor::LbltParams;
 use faer::traits::RealField;
 use faer::{Auto, Spec};
 
-use crate::las::{FactorReport, Scalar, SolveError, SolverParams};
+use crate::las::{Scalar, SolveError};
 
 /// How LDL^T pivots: unblocked, since the library's blocked variant keeps stale entries where a column cancels exactly.
 pub(super) fn ldlt_params<T: RealField>() -> Spec<LbltParams, T> {
     Spec::new(LbltParams { block_size: 0, ..<LbltParams as Auto<T>>::auto() })
-}
-
-/// Fraction of the largest pivot below which the smallest counts as zero.
-pub(super) fn singular_limit<T: Scalar>(params: &SolverParams) -> f64 {
-    params.singular_below.unwrap_or(4.0 * T::epsilon().as_f64())
 }
 
 /// The extreme pivots of a factorisation, collected in the order of elimination.
@@ -110,35 +105,6 @@ impl Pivots {
             Ok(ratio)
         }
     }
-}
-
-/// Refuses a factorisation that shows its matrix not to be positive definite.
-pub(super) fn definite<F>(report: FactorReport) -> Result<FactorReport, SolveError<F>> {
-    match report.negative_pivots {
-        Some(0) => Ok(report),
-        _ => Err(SolveError::Indefinite { unknown: report.indefinite_at.unwrap_or(0) }),
-    }
-}
-
-/// Refuses an argument of another size than the pattern analysed.
-pub(super) fn check_size<F>(what: &'static str, found: usize, expected: usize) -> Result<(), SolveError<F>> {
-    if found == expected { Ok(()) } else { Err(SolveError::Size { what, found, expected }) }
-}
-
-/// Refuses right-hand sides and solutions that do not fit the system.
-pub(super) fn check_columns<F>(
-    unknowns: usize,
-    b: impl ExactSizeIterator<Item = usize>,
-    x: impl ExactSizeIterator<Item = usize>,
-) -> Result<(), SolveError<F>> {
-    check_size("the list of solutions (against that of right-hand sides)", x.len(), b.len())?;
-    for len in b {
-        check_size("a right-hand side", len, unknowns)?;
-    }
-    for len in x {
-        check_size("a solution", len, unknowns)?;
-    }
-    Ok(())
 }
 
 /// Working memory of the factorisation library: grows to the largest request and stays.

@@ -1,6 +1,7 @@
 //! A solver by iterations: a Krylov method, and an approximate inverse that a backend makes.
 
-use crate::backends::direct::{Pivots, check_columns};
+use crate::backends::checks::check_columns;
+use crate::backends::direct::Pivots;
 use crate::las::krylov::KrylovSpace;
 use crate::las::{Backend, FactorReport, Factorisation, Iterative, MatVec, Scalar, SolveError, SolveReport, VectorOps};
 

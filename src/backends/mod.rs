@@ -4,16 +4,23 @@
 //! |---|---|---|
 //! | `sparse` | `sparse` (default) | everything: compressed rows, direct solvers |
 //! | `dense` | `dense` (default) | systems of a few hundred unknowns at most, and comparisons |
+//! | `petsc` | `petsc` | large systems, on several processes; solvers chosen at run time |
+//!
+//! `cuda` is a name that is kept: no build of this version has it.
 
+#[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
+mod checks;
 #[cfg(any(feature = "sparse", feature = "dense"))]
 mod direct;
 #[cfg(any(feature = "sparse", feature = "dense"))]
 mod iterative;
-#[cfg(any(feature = "sparse", feature = "dense"))]
+#[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
 mod local;
 
 #[cfg(feature = "dense")]
 pub mod dense;
+#[cfg(feature = "petsc")]
+pub mod petsc;
 #[cfg(feature = "sparse")]
 pub mod sparse;
 
@@ -27,11 +34,15 @@ pub enum BackendName {
     Sparse,
     /// Dense matrices.
     Dense,
+    /// PETSc, on one process or many.
+    Petsc,
+    /// Graphics processors: a name that is kept, in no build of this version.
+    Cuda,
 }
 
 impl BackendName {
     /// All of them.
-    pub const ALL: [Self; 2] = [Self::Sparse, Self::Dense];
+    pub const ALL: [Self; 4] = [Self::Sparse, Self::Dense, Self::Petsc, Self::Cuda];
 
     /// How the program's `--backend` and [`Backend::NAME`](crate::las::Backend::NAME) spell it.
     #[must_use]
@@ -39,6 +50,8 @@ impl BackendName {
         match self {
             Self::Sparse => "sparse",
             Self::Dense => "dense",
+            Self::Petsc => "petsc",
+            Self::Cuda => "cuda",
         }
     }
 
@@ -54,6 +67,8 @@ impl BackendName {
         match self {
             Self::Sparse => cfg!(feature = "sparse"),
             Self::Dense => cfg!(feature = "dense"),
+            Self::Petsc => cfg!(feature = "petsc"),
+            Self::Cuda => false,
         }
     }
 }
@@ -85,6 +100,8 @@ pub fn compiled() -> &'static [&'static str] {
         "sparse",
         #[cfg(feature = "dense")]
         "dense",
+        #[cfg(feature = "petsc")]
+        "petsc",
     ]
 }
 
@@ -101,6 +118,7 @@ impl fmt::Display for NotCompiledIn {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { name, feature } = self;
         match feature {
+            Some("cuda") => f.write_str("the backend `cuda` is not available in this version, with any feature"),
             Some(feature) => {
                 write!(f, "the backend `{name}` is not compiled in: build with `cargo build --features {feature}`")
             }
@@ -127,12 +145,16 @@ mod tests {
                 Ok(parsed) => assert!(backend.is_compiled() && parsed == backend),
                 Err(error) => {
                     assert!(!backend.is_compiled());
-                    assert!(error.to_string().contains(&format!("--features {}", backend.feature())), "{error}");
+                    let cure = match backend {
+                        BackendName::Cuda => "not available in this version".to_owned(),
+                        backend => format!("--features {}", backend.feature()),
+                    };
+                    assert!(error.to_string().contains(&cure), "{error}");
                 }
             }
         }
         let error = "petsk".parse::<BackendName>().unwrap_err();
-        assert_eq!(error.to_string(), "there is no backend `petsk`; those known are `sparse`, `dense`");
+        assert_eq!(error.to_string(), "there is no backend `petsk`; those known are `sparse`, `dense`, `petsc`, `cuda`");
     }
 
     #[test]

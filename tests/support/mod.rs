@@ -64,8 +64,18 @@ where
 {
     /// With `material`, or with that of the network's file; unscaled.
     pub fn new(network: &Arc<Network>, material: Option<FiberMaterial>) -> Self {
-        let model = RveModel::new(&(), Arc::clone(network), material, StressScale::Raw).unwrap();
-        let workspace = Workspace::new(&(), &model).unwrap();
+        Self::within(&(), network, material)
+    }
+}
+
+impl<B: Backend<Scalar = f64>> Bench<B>
+where
+    B::Reduced: Scalar,
+{
+    /// The same, in a context.
+    pub fn within(context: &B::Context, network: &Arc<Network>, material: Option<FiberMaterial>) -> Self {
+        let model = RveModel::new(context, Arc::clone(network), material, StressScale::Raw).unwrap();
+        let workspace = Workspace::new(context, &model).unwrap();
         Self { model, workspace, params: EquilibriumParams::default() }
     }
 

@@ -8,7 +8,7 @@ use faer::traits::RealField;
 use faer::{Accum, MatMut, MatRef, Par};
 
 use super::{Dense, Matrix, Vector};
-use crate::backends::direct::check_size;
+use crate::backends::checks::check_size;
 use crate::backends::local;
 use crate::las::{Entries, MatMat, MatVec, Scalar, SolveError, Sparsity};
 

@@ -13,7 +13,8 @@ use faer::traits::RealField;
 use faer::{Conj, MatMut, MatRef, Par, Spec};
 
 use super::{Dense, Matrix, Vector};
-use crate::backends::direct::{Pivots, Scratch, check_columns, check_size, definite, ldlt_params, singular_limit};
+use crate::backends::checks::{check_columns, check_size, definite, singular_limit};
+use crate::backends::direct::{Pivots, Scratch, ldlt_params};
 use crate::backends::iterative::{IterativeSolver, Simple};
 use crate::backends::local;
 use crate::las::{

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::block::BlockScalar;
 use super::{Matrix, Sparse, Vector};
-use crate::backends::direct::check_size;
+use crate::backends::checks::check_size;
 use crate::backends::local;
 use crate::las::{Entries, MatMat, MatVec, SolveError, Sparsity};
 

@@ -1,0 +1,37 @@
+//! What every solver looks at: sizes, definiteness, and when a pivot counts as zero.
+
+use crate::las::{FactorReport, Scalar, SolveError, SolverParams};
+
+/// Fraction of the largest pivot below which the smallest counts as zero.
+pub(super) fn singular_limit<T: Scalar>(params: &SolverParams) -> f64 {
+    params.singular_below.unwrap_or(4.0 * T::epsilon().as_f64())
+}
+
+/// Refuses a factorisation that shows its matrix not to be positive definite.
+pub(super) fn definite<F>(report: FactorReport) -> Result<FactorReport, SolveError<F>> {
+    match report.negative_pivots {
+        Some(0) => Ok(report),
+        _ => Err(SolveError::Indefinite { unknown: report.indefinite_at.unwrap_or(0) }),
+    }
+}
+
+/// Refuses an argument of another size than the pattern analysed.
+pub(super) fn check_size<F>(what: &'static str, found: usize, expected: usize) -> Result<(), SolveError<F>> {
+    if found == expected { Ok(()) } else { Err(SolveError::Size { what, found, expected }) }
+}
+
+/// Refuses right-hand sides and solutions that do not fit the system.
+pub(super) fn check_columns<F>(
+    unknowns: usize,
+    b: impl ExactSizeIterator<Item = usize>,
+    x: impl ExactSizeIterator<Item = usize>,
+) -> Result<(), SolveError<F>> {
+    check_size("the list of solutions (against that of right-hand sides)", x.len(), b.len())?;
+    for len in b {
+        check_size("a right-hand side", len, unknowns)?;
+    }
+    for len in x {
+        check_size("a solution", len, unknowns)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,289 @@
+//! Factorisations, by the packages that PETSc was built with.
+
+use std::ffi::CStr;
+
+use super::error::{PetscError, owned};
+use super::ksp::{Ended, Ksp};
+use super::session::call;
+use super::{Matrix, Petsc, Vector, ffi};
+use crate::las::{Backend, Factorisation, SolveError};
+
+/// One factorisation of a matrix, made again and again.
+#[derive(Debug)]
+pub(super) struct Factor {
+    ksp: Ksp,
+    /// What it is; `Approximate` where the options database asks for something else than a factorisation.
+    pub(super) kind: Factorisation,
+    /// Whether solving iterates, because the options database asks for that.
+    pub(super) iterates: bool,
+    /// Owned by `ksp`; null where there is none.
+    matrix: ffi::Mat,
+    package: String,
+}
+
+// SAFETY: `matrix` belongs to the object that `ksp` owns; see there.
+unsafe impl Send for Factor {}
+
+/// What a factorisation has found.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Found {
+    /// Why there is none.
+    pub(super) failure: Option<Failure>,
+    /// Pivots below zero, where the package counts them.
+    pub(super) negative: Option<usize>,
+    /// Smallest over largest pivot; 1 where the package does not tell.
+    pub(super) ratio: f64,
+}
+
+/// Why there is no factorisation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Failure {
+    /// Pivots that count as zero.
+    Singular,
+    /// The package needs more room than it was given.
+    Room,
+    /// Something else: the package's code, and what it adds.
+    Other([i32; 2]),
+}
+
+impl Failure {
+    /// What to tell a user of a failure of the package.
+    pub(super) fn error(self, package: &str) -> SolveError<PetscError> {
+        let library = match package {
+            "mumps" => "MUMPS",
+            "superlu_dist" => "SuperLU_DIST",
+            _ => "PETSc",
+        };
+        let reason = match self {
+            Self::Other([code, more]) if package == "mumps" => format!("INFOG(1) = {code}, INFOG(2) = {more}"),
+            Self::Other([code, _]) => format!("factorisation error {code}"),
+            _ => "there is not enough memory for the factors".to_owned(),
+        };
+        SolveError::Library { library, reason }
+    }
+}
+
+/// The package for a kind of factorisation, and the kind that it has: MUMPS where it is installed, else PETSc's own on one
+/// rank, else LU by SuperLU_DIST.
+fn package(kind: Factorisation, ranks: usize) -> Result<(&'static CStr, Factorisation), SolveError<PetscError>> {
+    if cfg!(petsc_has = "mumps") {
+        Ok((c"mumps", kind))
+    } else if ranks == 1 {
+        Ok((c"petsc", kind))
+    } else if cfg!(petsc_has = "superlu_dist") {
+        Ok((c"superlu_dist", Factorisation::Lu))
+    } else {
+        Err(SolveError::Unsupported {
+            backend: Petsc::NAME,
+            what: "factorisation on several ranks",
+            cure: "take a PETSc with MUMPS or SuperLU_DIST, an iterative method, or one rank",
+        })
+    }
+}
+
+impl Factor {
+    /// Pivots below `limit` of the (scaled) matrix count as zero; `room` is what MUMPS adds to its estimates, per cent.
+    pub(super) fn new(
+        a: &Matrix,
+        kind: Factorisation,
+        limit: f64,
+        room: i32,
+    ) -> Result<Self, SolveError<PetscError>> {
+        let (package, kind) = package(kind, a.context.ranks())?;
+        Self::by_package(a, kind, package, limit, room).map_err(SolveError::Fault)
+    }
+
+    fn by_package(
+        a: &Matrix,
+        kind: Factorisation,
+        package: &CStr,
+        limit: f64,
+        room: i32,
+    ) -> Result<Self, PetscError> {
+        let raw = a.raw();
+        let [definite, symmetric] =
+            [kind == Factorisation::Cholesky, kind != Factorisation::Lu].map(ffi::Bool::from);
+        // MUMPS factors without pivoting what is stated to be definite.
+        // SAFETY: a live matrix.
+        call(|| unsafe { ffi::MatSetOption(raw, ffi::MAT_SYMMETRIC, symmetric) })?;
+        call(|| unsafe { ffi::MatSetOption(raw, ffi::MAT_SPD, definite) })?;
+        let ksp = Ksp::new(a, c"preonly", if kind == Factorisation::Lu { c"lu" } else { c"cholesky" })?;
+        let pc = ksp.pc();
+        // SAFETY: a live object and a C string.
+        call(|| unsafe { ffi::PCFactorSetMatSolverType(pc, package.as_ptr()) })?;
+        ksp.listen()?;
+        let [method, preconditioner] = ksp.types()?;
+        let kind = match preconditioner.as_str() {
+            "cholesky" => kind,
+            "lu" => Factorisation::Lu,
+            _ => Factorisation::Approximate,
+        };
+        let mut factor =
+            Self { ksp, kind, iterates: method != "preonly", matrix: std::ptr::null_mut(), package: String::new() };
+        if kind != Factorisation::Approximate {
+            factor.find_matrix()?;
+            factor.set_parameters(limit, room)?;
+        }
+        Ok(factor)
+    }
+
+    fn find_matrix(&mut self) -> Result<(), PetscError> {
+        let (pc, mut matrix, mut package) = (self.ksp.pc(), std::ptr::null_mut(), std::ptr::null());
+        // SAFETY: live objects; the string is the matrix's.
+        call(|| unsafe { ffi::PCFactorSetUpMatSolverType(pc) })?;
+        call(|| unsafe { ffi::PCFactorGetMatrix(pc, &raw mut matrix) })?;
+        call(|| unsafe { ffi::MatFactorGetSolverType(matrix, &raw mut package) })?;
+        self.matrix = matrix;
+        // SAFETY: as above.
+        self.package = unsafe { owned(package) };
+        Ok(())
+    }
+
+    /// The package that serves, as PETSc names it.
+    pub(super) fn package(&self) -> &str {
+        &self.package
+    }
+
+    #[cfg(petsc_has = "mumps")]
+    fn set_parameters(&self, limit: f64, room: i32) -> Result<(), PetscError> {
+        if self.package != "mumps" {
+            return Ok(());
+        }
+        let factor = self.matrix;
+        // 24: pivots that count as zero are found and counted. 13: the last front is not handed to ScaLAPACK, which does not
+        // count negative pivots. 14: room.
+        for (number, value) in [(24, 1), (13, 1), (14, room)] {
+            // SAFETY: a live factor of MUMPS's.
+            call(|| unsafe { ffi::MatMumpsSetIcntl(factor, number, value) })?;
+        }
+        // SAFETY: as above. 3: which pivots count as zero, over the norm of the scaled matrix.
+        call(|| unsafe { ffi::MatMumpsSetCntl(factor, 3, limit) })
+    }
+
+    #[cfg(not(petsc_has = "mumps"))]
+    fn set_parameters(&self, _: f64, _: i32) -> Result<(), PetscError> {
+        Ok(())
+    }
+
+    /// Factors the matrix as it is now.
+    pub(super) fn factor(&self, a: &Matrix) -> Result<Found, PetscError> {
+        self.ksp.set_up(a)?;
+        let mut found = Found { failure: None, negative: None, ratio: 1.0 };
+        if self.matrix.is_null() {
+            let (pc, mut reason) = (self.ksp.pc(), 0);
+            // SAFETY: a live object.
+            call(|| unsafe { ffi::PCGetFailedReason(pc, &raw mut reason) })?;
+            found.failure = (reason != 0).then_some(Failure::Other([reason, 0]));
+            return Ok(found);
+        }
+        let (factor, mut error) = (self.matrix, 0);
+        // SAFETY: a live factor.
+        call(|| unsafe { ffi::MatFactorGetError(factor, &raw mut error) })?;
+        found.failure = match error {
+            ffi::MAT_FACTOR_NOERROR => None,
+            ffi::MAT_FACTOR_OUTMEMORY => Some(Failure::Room),
+            1 | 2 => Some(Failure::Singular),
+            error => Some(Failure::Other(self.codes()?.unwrap_or([error, 0]))),
+        };
+        match (found.failure, self.kind, self.package.as_str()) {
+            (None, kind, "mumps") => self.look(kind, &mut found)?,
+            (None, Factorisation::Cholesky | Factorisation::Ldlt, "petsc") => {
+                let (mut negative, mut zero, mut positive) = (0, 0, 0);
+                // SAFETY: a live factor of PETSc's own Cholesky, which counts them.
+                call(|| unsafe {
+                    ffi::MatGetInertia(factor, &raw mut negative, &raw mut zero, &raw mut positive)
+                })?;
+                found.negative = Some(negative as usize);
+                found.failure = (zero > 0).then_some(Failure::Singular);
+            }
+            _ => {}
+        }
+        Ok(found)
+    }
+
+    /// `INFOG(1)` and `INFOG(2)` of MUMPS.
+    #[cfg(petsc_has = "mumps")]
+    fn codes(&self) -> Result<Option<[i32; 2]>, PetscError> {
+        if self.package == "mumps" { Ok(Some([self.infog(1)?, self.infog(2)?])) } else { Ok(None) }
+    }
+
+    #[cfg(not(petsc_has = "mumps"))]
+    fn codes(&self) -> Result<Option<[i32; 2]>, PetscError> {
+        Ok(None)
+    }
+
+    /// What MUMPS says of its pivots.
+    #[cfg(petsc_has = "mumps")]
+    fn look(&self, kind: Factorisation, found: &mut Found) -> Result<(), PetscError> {
+        if self.infog(28)? > 0 {
+            found.failure = Some(Failure::Singular);
+        }
+        if kind != Factorisation::Lu {
+            found.negative = Some(self.infog(12)? as usize);
+        }
+        if std::env::var_os("BT_DEBUG").is_some() {
+            for k in [19, 20, 21, 22, 23] { eprint!(" R{k}={:e}", self.rinfog(k)?); }
+            for k in [1, 2, 12, 28] { eprint!(" I{k}={}", self.infog(k)?); }
+            eprintln!();
+        }
+        Ok(())
+    }
+
+    #[cfg(not(petsc_has = "mumps"))]
+    fn look(&self, _: Factorisation, _: &mut Found) -> Result<(), PetscError> {
+        Ok(())
+    }
+
+    #[cfg(petsc_has = "mumps")]
+    fn infog(&self, number: i32) -> Result<i32, PetscError> {
+        let (factor, mut value) = (self.matrix, 0);
+        // SAFETY: a live factor of MUMPS's.
+        call(|| unsafe { ffi::MatMumpsGetInfog(factor, number, &raw mut value) })?;
+        Ok(value)
+    }
+
+    #[cfg(petsc_has = "mumps")]
+    fn rinfog(&self, number: i32) -> Result<f64, PetscError> {
+        let (factor, mut value) = (self.matrix, 0.0);
+        // SAFETY: a live factor of MUMPS's.
+        call(|| unsafe { ffi::MatMumpsGetRinfog(factor, number, &raw mut value) })?;
+        Ok(value)
+    }
+
+    /// The unknown that moves most where nothing resists: of MUMPS's vector of the null space. `None` where the package has
+    /// none to give. The factor cannot be used afterwards.
+    #[cfg(petsc_has = "mumps")]
+    pub(super) fn loose_unknown(&self, a: &Matrix, scratch: &mut Vector) -> Result<Option<usize>, PetscError> {
+        if self.package != "mumps" || self.infog(28)? <= 0 {
+            return Ok(self.zero_pivot(a));
+        }
+        let factor = self.matrix;
+        // SAFETY: a live factor of MUMPS's. 25: solving gives the first vector of the null space.
+        call(|| unsafe { ffi::MatMumpsSetIcntl(factor, 25, 1) })?;
+        let [right, left] = a.parts()?;
+        let (b, x) = (left.raw(), right.raw());
+        // SAFETY: live objects of one layout; two vectors.
+        call(|| unsafe { ffi::MatSolve(factor, b, x) })?;
+        a.gather(right, scratch)?;
+        let sizes = scratch.as_slice().iter().map(|x| x.abs()).enumerate();
+        Ok(sizes.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(unknown, _)| unknown))
+    }
+
+    #[cfg(not(petsc_has = "mumps"))]
+    pub(super) fn loose_unknown(&self, a: &Matrix, _: &mut Vector) -> Result<Option<usize>, PetscError> {
+        Ok(self.zero_pivot(a))
+    }
+
+    /// The row at whose pivot PETSc's own factorisation stopped.
+    fn zero_pivot(&self, a: &Matrix) -> Option<usize> {
+        let (factor, mut pivot, mut row) = (self.matrix, 0.0, 0);
+        // SAFETY: a live factor.
+        let code = call(|| unsafe { ffi::MatFactorGetErrorZeroPivot(factor, &raw mut pivot, &raw mut row) });
+        let row = usize::try_from(row).ok().filter(|&row| row < a.pattern().rows());
+        code.ok().and(row)
+    }
+
+    pub(super) fn solve(&self, a: &Matrix, b: &Vector, x: &mut Vector) -> Result<Ended, PetscError> {
+        self.ksp.solve(a, b, x, false)
+    }
+}

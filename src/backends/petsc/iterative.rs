@@ -1,0 +1,123 @@
+//! Krylov methods of PETSc's.
+
+use super::error::PetscError;
+use super::ksp::Ksp;
+use super::session::call;
+use super::{Matrix, Petsc, Vector, ffi};
+use crate::las::{
+    Backend, Iterative, Krylov, MatVec, Preconditioner, SolveError, SolveReport, VectorOps,
+};
+
+/// A Krylov method with its preconditioner, on one matrix.
+#[derive(Debug)]
+pub(super) struct ByIterations {
+    ksp: Ksp,
+    method: Iterative,
+    /// `A x`.
+    product: Vector,
+}
+
+/// How often a method is begun again that says it has converged and has not.
+const ROUNDS: usize = 4;
+
+impl ByIterations {
+    pub(super) fn new(a: &Matrix, method: Iterative) -> Result<Self, SolveError<PetscError>> {
+        let preconditioner = match method.preconditioner {
+            Preconditioner::None => c"none",
+            Preconditioner::Diagonal => c"jacobi",
+            Preconditioner::Multigrid => c"gamg",
+            Preconditioner::Ilut { .. } => {
+                return Err(SolveError::Unsupported {
+                    backend: Petsc::NAME,
+                    what: "incomplete factorisation with a threshold",
+                    cure: "take the diagonal or multigrid, or one of PETSc's by the options database: `pc_type` `ilu` with \
+                           `pc_factor_levels` (one rank), or `hypre` with `pc_hypre_type` `euclid` or `pilut`",
+                });
+            }
+        };
+        let krylov = match method.krylov {
+            Krylov::Cg => c"cg",
+            Krylov::BiCgStab => c"bcgs",
+            Krylov::Gmres { .. } => c"gmres",
+        };
+        let make = || {
+            let ksp = Ksp::new(a, krylov, preconditioner)?;
+            set(&ksp, &method)?;
+            ksp.listen()?;
+            Ok(Self { ksp, method, product: Vector::zeros(&a.context, a.pattern().rows())? })
+        };
+        make().map_err(SolveError::Fault)
+    }
+
+    /// Makes the preconditioner.
+    pub(super) fn set_up(&self, a: &Matrix) -> Result<(), SolveError<PetscError>> {
+        self.ksp.set_up(a).map_err(SolveError::Fault)?;
+        let (pc, mut reason) = (self.ksp.pc(), 0);
+        // SAFETY: a live object.
+        call(|| unsafe { ffi::PCGetFailedReason(pc, &raw mut reason) }).map_err(SolveError::Fault)?;
+        if reason == 0 {
+            return Ok(());
+        }
+        Err(SolveError::Library { library: "PETSc", reason: format!("no preconditioner (PCFailedReason {reason})") })
+    }
+
+    /// Solves until the true residual is small enough: what a method goes by drifts away from it.
+    pub(super) fn solve(
+        &mut self,
+        a: &Matrix,
+        b: &Vector,
+        x: &mut Vector,
+    ) -> Result<SolveReport, SolveError<PetscError>> {
+        let size = b.norm().map_err(SolveError::Fault)?;
+        if size == 0.0 {
+            x.as_mut_slice().fill(0.0);
+            return Ok(SolveReport::DIRECT);
+        }
+        let mut report = SolveReport { iterations: 0, residual: 1.0 };
+        let mut reason = 0;
+        for round in 0..ROUNDS {
+            let ended = self.ksp.solve(a, b, x, round > 0).map_err(SolveError::Fault)?;
+            report.iterations += ended.iterations;
+            reason = ended.reason;
+            a.mul(x, &mut self.product)?;
+            let squares = b.as_slice().iter().zip(self.product.as_slice()).map(|(b, ax)| ((b - ax) / size).powi(2));
+            report.residual = squares.sum::<f64>().sqrt();
+            if report.residual <= self.method.tolerance {
+                return Ok(report);
+            }
+            if reason <= 0 || report.residual.is_nan() {
+                break;
+            }
+        }
+        Err(self.failure(report, reason))
+    }
+
+    fn failure(&self, report: SolveReport, reason: i32) -> SolveError<PetscError> {
+        /// `KSP_DIVERGED_ITS`.
+        const ITERATIONS: i32 = -3;
+        let method = match self.method.krylov {
+            Krylov::Cg => "CG",
+            Krylov::BiCgStab => "BiCGSTAB",
+            Krylov::Gmres { .. } => "GMRES",
+        };
+        let SolveReport { iterations, residual } = report;
+        let broke_down = reason != ITERATIONS;
+        SolveError::NotConverged { method, iterations, residual, tolerance: self.method.tolerance, broke_down }
+    }
+}
+
+/// Tolerances; all methods stop by the residual itself, not by the preconditioned one.
+fn set(ksp: &Ksp, method: &Iterative) -> Result<(), PetscError> {
+    let (raw, most) = (ksp.raw(), i32::try_from(method.max_iterations).unwrap_or(i32::MAX));
+    // SAFETY: a live object, as in all that follows.
+    call(|| unsafe { ffi::KSPSetTolerances(raw, method.tolerance, f64::MIN_POSITIVE, 1e30, most) })?;
+    call(|| unsafe { ffi::KSPSetNormType(raw, ffi::KSP_NORM_UNPRECONDITIONED) })?;
+    if method.krylov != Krylov::Cg {
+        call(|| unsafe { ffi::KSPSetPCSide(raw, ffi::PC_RIGHT) })?;
+    }
+    if let Krylov::Gmres { restart } = method.krylov {
+        let restart = i32::try_from(restart.max(1)).unwrap_or(i32::MAX);
+        call(|| unsafe { ffi::KSPGMRESSetRestart(raw, restart) })?;
+    }
+    Ok(())
+}

@@ -1,0 +1,114 @@
+//! PETSc's Krylov solver, direct methods among them, on one matrix.
+
+use std::ffi::CStr;
+
+use super::error::{PetscError, c_string, owned};
+use super::handle::Handle;
+use super::products::scatter;
+use super::session::call;
+use super::{Matrix, Vector, ffi};
+
+/// A `KSP` with its preconditioner.
+#[derive(Debug)]
+pub(super) struct Ksp {
+    handle: Handle<ffi::_p_KSP>,
+    /// Owned by it.
+    pc: ffi::Pc,
+}
+
+// SAFETY: `pc` belongs to the object that `handle` owns; see there.
+unsafe impl Send for Ksp {}
+
+/// How a solve ended.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Ended {
+    pub(super) iterations: usize,
+    /// `KSPConvergedReason`: negative where it did not converge.
+    pub(super) reason: i32,
+}
+
+impl Ksp {
+    /// With these types, as far as the options database says nothing else.
+    pub(super) fn new(a: &Matrix, method: &CStr, preconditioner: &CStr) -> Result<Self, PetscError> {
+        let (comm, context, matrix) = (a.context.comm(), &a.context, a.raw());
+        let prefix = c_string(context.prefix())?;
+        // SAFETY: PETSc is initialised and the communicator live.
+        let handle = Handle::new(context.session(), |out| unsafe { ffi::KSPCreate(comm, out) })?;
+        let (ksp, mut pc) = (handle.raw(), std::ptr::null_mut());
+        // SAFETY: live objects and C strings, which PETSc copies.
+        call(|| unsafe { ffi::KSPSetOptionsPrefix(ksp, prefix.as_ptr()) })?;
+        call(|| unsafe { ffi::KSPSetOperators(ksp, matrix, matrix) })?;
+        call(|| unsafe { ffi::KSPSetType(ksp, method.as_ptr()) })?;
+        call(|| unsafe { ffi::KSPGetPC(ksp, &raw mut pc) })?;
+        call(|| unsafe { ffi::PCSetType(pc, preconditioner.as_ptr()) })?;
+        Ok(Self { handle, pc })
+    }
+
+    pub(super) fn raw(&self) -> ffi::Ksp {
+        self.handle.raw()
+    }
+
+    pub(super) fn pc(&self) -> ffi::Pc {
+        self.pc
+    }
+
+    /// Lets the options database have the last word.
+    pub(super) fn listen(&self) -> Result<(), PetscError> {
+        let ksp = self.raw();
+        // SAFETY: a live object.
+        call(|| unsafe { ffi::KSPSetFromOptions(ksp) })
+    }
+
+    /// The types that are in use.
+    pub(super) fn types(&self) -> Result<[String; 2], PetscError> {
+        let (ksp, pc, mut method, mut preconditioner) = (self.raw(), self.pc, std::ptr::null(), std::ptr::null());
+        // SAFETY: live objects, which own the strings.
+        call(|| unsafe { ffi::KSPGetType(ksp, &raw mut method) })?;
+        call(|| unsafe { ffi::PCGetType(pc, &raw mut preconditioner) })?;
+        // SAFETY: null or C strings, as above.
+        Ok(unsafe { [owned(method), owned(preconditioner)] })
+    }
+
+    /// Makes the preconditioner of the values that the matrix has now, and keeps it whatever they become.
+    pub(super) fn set_up(&self, a: &Matrix) -> Result<(), PetscError> {
+        let (ksp, matrix) = (self.raw(), a.raw());
+        // SAFETY: live objects.
+        call(|| unsafe { ffi::KSPSetReusePreconditioner(ksp, ffi::FALSE) })?;
+        call(|| unsafe { ffi::KSPSetOperators(ksp, matrix, matrix) })?;
+        call(|| unsafe { ffi::KSPSetUp(ksp) })?;
+        call(|| unsafe { ffi::KSPSetReusePreconditioner(ksp, ffi::TRUE) })
+    }
+
+    /// `A x = b`, from `x` on where `go_on`, else from zero.
+    pub(super) fn solve(
+        &self,
+        a: &Matrix,
+        b: &Vector,
+        x: &mut Vector,
+        go_on: bool,
+    ) -> Result<Ended, PetscError> {
+        let ksp = self.raw();
+        // SAFETY: a live object.
+        call(|| unsafe { ffi::KSPSetInitialGuessNonzero(ksp, ffi::Bool::from(go_on)) })?;
+        if a.context.is_alone() {
+            let (b, x) = (b.raw()?, x.raw()?);
+            // SAFETY: live objects of the sizes that were analysed; two vectors.
+            call(|| unsafe { ffi::KSPSolve(ksp, b, x) })?;
+        } else {
+            let [right, left] = a.parts()?;
+            scatter(b.as_slice(), a.layout.rows.clone(), left)?;
+            if go_on {
+                scatter(x.as_slice(), a.layout.rows.clone(), right)?;
+            }
+            let (b, part) = (left.raw(), right.raw());
+            // SAFETY: as above.
+            call(|| unsafe { ffi::KSPSolve(ksp, b, part) })?;
+            a.gather(right, x)?;
+        }
+        let (mut iterations, mut reason) = (0, 0);
+        // SAFETY: a live object.
+        call(|| unsafe { ffi::KSPGetIterationNumber(ksp, &raw mut iterations) })?;
+        call(|| unsafe { ffi::KSPGetConvergedReason(ksp, &raw mut reason) })?;
+        Ok(Ended { iterations: iterations as usize, reason })
+    }
+}

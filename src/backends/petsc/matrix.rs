@@ -1,0 +1,218 @@
+//! The matrix: AIJ, each rank with the rows that it owns.
+
+use std::cell::OnceCell;
+use std::ffi::CStr;
+use std::sync::Arc;
+
+use super::context::Context;
+use super::error::PetscError;
+use super::ffi;
+use super::handle::Handle;
+use super::layout::Layout;
+use super::session::call;
+use super::vector::count;
+use crate::las::Sparsity;
+
+/// A matrix of PETSc's type AIJ over a fixed pattern: on one rank `seqaij`; on several `mpiaij`, of which each rank holds
+/// the rows that it owns and drops what it is given for others.
+#[derive(Debug)]
+pub struct Matrix {
+    pub(super) layout: Arc<Layout>,
+    pub(super) context: Context,
+    pub(super) handle: Handle<ffi::_p_Mat>,
+    pub(super) values: Values,
+    /// What was written by `MatSetValues` since the last assembly: nothing (0), `ADD_VALUES` or `INSERT_VALUES`.
+    pub(super) pending: i32,
+    parts: OnceCell<[Part; 2]>,
+}
+
+/// The two arrays of this rank.
+#[derive(Debug)]
+pub(super) struct Values {
+    diagonal: Array,
+    off: Array,
+}
+
+#[derive(Debug)]
+struct Array {
+    /// Owned by the matrix around it.
+    block: ffi::Mat,
+    values: *mut f64,
+    len: usize,
+}
+
+// SAFETY: memory of the matrix that owns it, reached through no other way.
+unsafe impl Send for Values {}
+
+/// A vector of which each rank holds its part.
+pub(super) type Part = Handle<ffi::_p_Vec>;
+
+const AIJ: &CStr = c"aij";
+
+impl Matrix {
+    pub(super) fn zeros(context: &Context, pattern: &Arc<Sparsity>) -> Result<Self, PetscError> {
+        Self::of_layout(context, Arc::new(Layout::new(context, pattern)))
+    }
+
+    /// Zeros in the places of another matrix.
+    pub(super) fn zeros_like(&self) -> Result<Self, PetscError> {
+        Self::of_layout(&self.context, Arc::clone(&self.layout))
+    }
+
+    fn of_layout(context: &Context, layout: Arc<Layout>) -> Result<Self, PetscError> {
+        let comm = context.comm();
+        // SAFETY: PETSc is initialised and the communicator live.
+        let handle = Handle::new(context.session(), |out| unsafe { ffi::MatCreate(comm, out) })?;
+        let raw = handle.raw();
+        let [own_rows, own_cols] = [layout.rows.len(), layout.cols.len()].map(|own| own as i32);
+        let (rows, cols) = (count(layout.pattern.rows())?, count(layout.pattern.cols())?);
+        let (starts, columns) = layout.compressed();
+        let blocks = if layout.has_blocks(context.block()) { context.block() as i32 } else { 1 };
+        // Of the two, the one that is not of the matrix's type does nothing.
+        // SAFETY: a live matrix; arrays of the sizes that a checked pattern has, which PETSc copies.
+        call(|| unsafe { ffi::MatSetSizes(raw, own_rows, own_cols, rows, cols) })?;
+        call(|| unsafe { ffi::MatSetType(raw, AIJ.as_ptr()) })?;
+        call(|| unsafe { ffi::MatSetBlockSize(raw, blocks) })?;
+        let (starts, columns, zeros) = (starts.as_ptr(), columns.as_ptr(), std::ptr::null());
+        call(|| unsafe { ffi::MatSeqAIJSetPreallocationCSR(raw, starts, columns, zeros) })?;
+        call(|| unsafe { ffi::MatMPIAIJSetPreallocationCSR(raw, starts, columns, zeros) })?;
+        call(|| unsafe { ffi::MatSetOption(raw, ffi::MAT_IGNORE_OFF_PROC_ENTRIES, ffi::TRUE) })?;
+        if cfg!(debug_assertions) {
+            call(|| unsafe { ffi::MatSetOption(raw, ffi::MAT_NEW_NONZERO_LOCATION_ERR, ffi::TRUE) })?;
+        } else {
+            call(|| unsafe { ffi::MatSetOption(raw, ffi::MAT_NEW_NONZERO_LOCATIONS, ffi::FALSE) })?;
+        }
+        let values = Values::of(raw, &layout, context)?;
+        Ok(Self { layout, context: context.clone(), handle, values, pending: 0, parts: OnceCell::new() })
+    }
+
+    /// Which entries it has.
+    #[inline(always)]
+    #[must_use]
+    pub fn pattern(&self) -> &Arc<Sparsity> {
+        &self.layout.pattern
+    }
+
+    /// For PETSc.
+    pub(super) fn raw(&self) -> ffi::Mat {
+        self.handle.raw()
+    }
+
+    /// Ends what `MatSetValues` began, and tells PETSc that values may have changed.
+    pub(super) fn assemble(&mut self, kind: i32) -> Result<(), PetscError> {
+        let raw = self.raw();
+        // SAFETY: a live matrix.
+        call(|| unsafe { ffi::MatAssemblyBegin(raw, kind) })?;
+        // SAFETY: begun just now.
+        call(|| unsafe { ffi::MatAssemblyEnd(raw, kind) })?;
+        self.pending = 0;
+        self.values.touch()
+    }
+
+    /// Takes the values of a matrix of the same layout.
+    pub(super) fn copy_values(&mut self, from: &Self) -> Result<(), PetscError> {
+        for (to, from) in self.values.slices_mut().into_iter().zip(from.values.slices()) {
+            to.copy_from_slice(from);
+        }
+        self.assemble(ffi::MAT_FINAL_ASSEMBLY)
+    }
+
+    /// Distributed vectors: one that the matrix multiplies, one that it gives.
+    pub(super) fn parts(&self) -> Result<&[Part; 2], PetscError> {
+        if let Some(parts) = self.parts.get() {
+            return Ok(parts);
+        }
+        let (raw, session) = (self.raw(), self.context.session());
+        // SAFETY: a live matrix; null asks for no vector.
+        let right = Handle::new(session, |out| unsafe { ffi::MatCreateVecs(raw, out, std::ptr::null_mut()) })?;
+        // SAFETY: as above.
+        let left = Handle::new(session, |out| unsafe { ffi::MatCreateVecs(raw, std::ptr::null_mut(), out) })?;
+        Ok(self.parts.get_or_init(|| [right, left]))
+    }
+
+    /// The values of all ranks in the order of the pattern.
+    pub(super) fn all_values(&self) -> Vec<f64> {
+        let layout = &self.layout;
+        let mut own = Vec::with_capacity(layout.entries());
+        for row in layout.rows.clone() {
+            if let Some(row) = layout.row(row as i32) {
+                own.extend((0..row.columns.len()).map(|position| self.values.get(row.at(position))));
+            }
+        }
+        let mut whole = vec![0.0; layout.pattern.entries()];
+        let start = |row: usize| layout.pattern.row_start()[row] as usize;
+        self.context.gather(&own, layout.pattern.rows(), start, &mut whole);
+        whole
+    }
+}
+
+impl Values {
+    fn of(raw: ffi::Mat, layout: &Layout, context: &Context) -> Result<Self, PetscError> {
+        let (mut diagonal, mut off, mut columns) = (raw, std::ptr::null_mut(), std::ptr::null());
+        if !context.is_alone() {
+            // SAFETY: a live matrix of type mpiaij; both blocks belong to it.
+            call(|| unsafe { ffi::MatMPIAIJGetSeqAIJ(raw, &raw mut diagonal, &raw mut off, &raw mut columns) })?;
+        }
+        let array = |block, len| Array { block, values: std::ptr::null_mut(), len };
+        let inside = layout.diagonal;
+        let mut values = Self { diagonal: array(diagonal, inside), off: array(off, layout.entries() - inside) };
+        values.touch()?;
+        Ok(values)
+    }
+
+    /// Tells PETSc that values may have changed, and finds the arrays.
+    fn touch(&mut self) -> Result<(), PetscError> {
+        for array in [&mut self.diagonal, &mut self.off] {
+            let (block, mut values) = (array.block, std::ptr::null_mut());
+            if block.is_null() {
+                continue;
+            }
+            // SAFETY: a live matrix of type seqaij.
+            call(|| unsafe { ffi::MatSeqAIJGetArray(block, &raw mut values) })?;
+            array.values = values;
+            // SAFETY: lent just now. The array stays where it is: entries are never added.
+            call(|| unsafe { ffi::MatSeqAIJRestoreArray(block, &raw mut values) })?;
+        }
+        Ok(())
+    }
+
+    /// Both arrays.
+    #[inline(always)]
+    pub(super) fn slices(&self) -> [&[f64]; 2] {
+        [&self.diagonal, &self.off].map(|array| {
+            if array.len == 0 {
+                return &[][..];
+            }
+            // SAFETY: as many entries as the layout counts, which is what PETSc was told to allocate; they belong to the
+            // matrix around this, and are written only where it is borrowed alone.
+            unsafe { std::slice::from_raw_parts(array.values, array.len) }
+        })
+    }
+
+    /// Both arrays, for writing.
+    #[inline(always)]
+    pub(super) fn slices_mut(&mut self) -> [&mut [f64]; 2] {
+        [&mut self.diagonal, &mut self.off].map(|array| {
+            if array.len == 0 {
+                return &mut [][..];
+            }
+            // SAFETY: as above, and `self` is borrowed alone; the two arrays do not overlap.
+            unsafe { std::slice::from_raw_parts_mut(array.values, array.len) }
+        })
+    }
+
+    /// The value at a place that the layout gave.
+    #[inline(always)]
+    pub(super) fn get(&self, at: usize) -> f64 {
+        let [diagonal, off] = self.slices();
+        diagonal.get(at).or_else(|| off.get(at.wrapping_sub(diagonal.len()))).copied().unwrap_or(0.0)
+    }
+
+    /// The same, for writing; `None` where there is no such place.
+    #[inline(always)]
+    pub(super) fn get_mut(&mut self, at: usize) -> Option<&mut f64> {
+        let [diagonal, off] = self.slices_mut();
+        let inside = diagonal.len();
+        if at < inside { diagonal.get_mut(at) } else { off.get_mut(at - inside) }
+    }
+}

@@ -1,0 +1,101 @@
+//! `petsc`: vectors, matrices and solvers of PETSc, on one rank or many.
+//!
+//! # What each rank holds
+//! All ranks of a communicator run the same program on the same data ([`Distribution::Copies`]). Vectors lie whole on every
+//! rank: reading them, norms and products of two need no communication and are the same everywhere, bit for bit. Of a matrix
+//! each rank keeps the rows that it owns, of what everybody writes. Reading a matrix, multiplying and solving are done by all
+//! ranks together and give all of them the whole result. Code that is generic over the backend therefore runs unchanged on
+//! any number of ranks; assembly is repeated on each of them, factorisations and products are shared.
+//!
+//! # Sessions
+//! [`Session`] initialises MPI and PETSc and ends them after the last object is gone; [`Context`] adds a communicator and the
+//! prefix of options. PETSc's errors come back as [`PetscError`], with its own text.
+//!
+//! ```no_run
+//! use std::sync::Arc;
+//! use biotissue::backends::petsc::{Context, Petsc};
+//! use biotissue::las::{Backend, MatrixOps, Solver, SolverParams, Sparsity, VectorOps};
+//!
+//! let context = Context::world()?;
+//! context.set_option("mat_mumps_icntl_7", "5")?; // orders by METIS
+//! // Two springs in a row, fixed at the left: [[2, -1], [-1, 1]] x = [0, 1].
+//! let pattern = Arc::new(Sparsity::from_elements(2, [[-1, 0], [0, 1]])?);
+//! let mut stiffness = Petsc::matrix(&context, &pattern)?;
+//! for spring in [[-1, 0], [0, 1]] {
+//!     stiffness.add(&spring, &spring, &[1.0, -1.0, -1.0, 1.0])?;
+//! }
+//! stiffness.finish()?;
+//! let mut solver = Petsc::solver(&Petsc::analyze(&context, &pattern, &SolverParams::default())?)?;
+//! solver.factor(&stiffness)?;
+//! let (mut load, mut displacement) = (Petsc::vector(&context, 2)?, Petsc::vector(&context, 2)?);
+//! load.set(&[1], &[1.0])?;
+//! solver.solve(&load, &mut displacement)?;
+//! assert!((displacement.as_slice()[1] - 2.0).abs() < 1e-15);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+#![allow(unsafe_code, reason = "the interface to a C library")]
+
+mod context;
+mod direct;
+mod error;
+mod ffi;
+mod handle;
+mod iterative;
+mod ksp;
+mod layout;
+mod matrix;
+mod ops;
+mod products;
+mod session;
+mod solve;
+mod vector;
+
+use std::sync::Arc;
+
+pub use context::{Context, Distribution};
+pub use error::PetscError;
+pub use matrix::Matrix;
+pub use session::{Session, SessionError};
+pub use solve::{Solver, Symbolic};
+pub use vector::Vector;
+
+use crate::las::{Backend, SolveError, SolverParams, Sparsity};
+
+/// The backend of PETSc.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Petsc;
+
+impl Backend for Petsc {
+    const NAME: &'static str = "petsc";
+
+    type Scalar = f64;
+    type Index = i32;
+    type Reduced = f64;
+    type Context = Context;
+    type Fault = PetscError;
+    type Slot = u32;
+    type Vector = Vector;
+    type Matrix = Matrix;
+    type Symbolic = Symbolic;
+    type Solver = Solver;
+
+    fn vector(context: &Context, len: usize) -> Result<Vector, PetscError> {
+        Vector::zeros(context, len)
+    }
+
+    fn matrix(context: &Context, pattern: &Arc<Sparsity>) -> Result<Matrix, PetscError> {
+        Matrix::zeros(context, pattern)
+    }
+
+    fn analyze(
+        context: &Context,
+        pattern: &Arc<Sparsity>,
+        params: &SolverParams,
+    ) -> Result<Arc<Symbolic>, SolveError<PetscError>> {
+        Symbolic::new(context, pattern, params).map(Arc::new)
+    }
+
+    fn solver(symbolic: &Arc<Symbolic>) -> Result<Solver, SolveError<PetscError>> {
+        Solver::new(symbolic)
+    }
+}

@@ -1,0 +1,173 @@
+//! Products, sums, diagonals, and all entries.
+
+use std::sync::Arc;
+
+use super::error::PetscError;
+use super::handle::Handle;
+use super::matrix::Part;
+use super::session::call;
+use super::{Matrix, Petsc, Vector, ffi};
+use crate::backends::checks::check_size;
+use crate::backends::local;
+use crate::las::{Entries, MatMat, MatVec, MatrixOps, SolveError, Sparsity, VectorOps};
+
+type Failure = SolveError<PetscError>;
+
+/// Copies the part of this rank out of a vector that lies whole on every rank.
+pub(super) fn scatter(whole: &[f64], own: std::ops::Range<usize>, part: &Part) -> Result<(), PetscError> {
+    let (raw, mut values) = (part.raw(), std::ptr::null_mut());
+    // SAFETY: a live vector.
+    call(|| unsafe { ffi::VecGetArray(raw, &raw mut values) })?;
+    if !own.is_empty() {
+        // SAFETY: a vector of the layout of which this rank owns that many entries; two places in memory.
+        unsafe { std::ptr::copy_nonoverlapping(whole[own.clone()].as_ptr(), values, own.len()) };
+    }
+    // SAFETY: lent just now.
+    call(|| unsafe { ffi::VecRestoreArray(raw, &raw mut values) })
+}
+
+impl Matrix {
+    /// Puts the parts of all ranks together.
+    pub(super) fn gather(&self, part: &Part, whole: &mut Vector) -> Result<(), PetscError> {
+        let (raw, mut values) = (part.raw(), std::ptr::null());
+        let len = whole.as_slice().len();
+        let own = self.context.own(len).len();
+        // SAFETY: a live vector.
+        call(|| unsafe { ffi::VecGetArrayRead(raw, &raw mut values) })?;
+        // SAFETY: a vector of the layout of which this rank owns that many entries; read before it is given back.
+        let slice = if own == 0 { &[][..] } else { unsafe { std::slice::from_raw_parts(values, own) } };
+        self.context.gather(slice, len, |row| row, whole.as_mut_slice());
+        // SAFETY: lent above.
+        call(|| unsafe { ffi::VecRestoreArrayRead(raw, &raw mut values) })
+    }
+
+    /// `y = A x` or `y = A^T x`.
+    fn multiply(&self, x: &Vector, y: &mut Vector, transposed: bool) -> Result<(), PetscError> {
+        let a = self.raw();
+        let product = |x, y| {
+            // SAFETY: live objects whose sizes were checked; two vectors.
+            call(|| unsafe { if transposed { ffi::MatMultTranspose(a, x, y) } else { ffi::MatMult(a, x, y) } })
+        };
+        if self.context.is_alone() {
+            return product(x.raw()?, y.raw()?);
+        }
+        let [right, left] = self.parts()?;
+        let (from, to) = if transposed { (left, right) } else { (right, left) };
+        scatter(x.as_slice(), self.context.own(x.len()), from)?;
+        product(from.raw(), to.raw())?;
+        self.gather(to, y)
+    }
+
+    /// `A += factor other`, whose pattern is part of this one's.
+    fn add_scaled(&mut self, factor: f64, other: ffi::Mat) -> Result<(), PetscError> {
+        let raw = self.raw();
+        // SAFETY: live matrices of one shape and distribution.
+        call(|| unsafe { ffi::MatAXPY(raw, factor, other, ffi::SUBSET_NONZERO_PATTERN) })?;
+        self.assemble(ffi::MAT_FINAL_ASSEMBLY)
+    }
+
+    /// The values that PETSc finds, in a pattern that depends on patterns alone.
+    fn in_pattern(
+        &self,
+        pattern: Sparsity,
+        make: impl FnOnce(*mut ffi::Mat) -> ffi::Code,
+    ) -> Result<Self, PetscError> {
+        let mut result = Self::zeros(&self.context, &Arc::new(pattern))?;
+        if result.pattern().entries() > 0 {
+            let made = Handle::new(self.context.session(), make)?;
+            result.add_scaled(1.0, made.raw())?;
+        }
+        Ok(result)
+    }
+}
+
+impl MatVec<Petsc> for Matrix {
+    fn mul(&self, x: &Vector, y: &mut Vector) -> Result<(), Failure> {
+        let (rows, cols) = self.shape();
+        check_size("the vector to multiply", x.len(), cols)?;
+        check_size("the product", y.len(), rows)?;
+        self.multiply(x, y, false).map_err(SolveError::Fault)
+    }
+
+    fn mul_transpose(&self, x: &Vector, y: &mut Vector) -> Result<(), Failure> {
+        let (rows, cols) = self.shape();
+        check_size("the vector to multiply", x.len(), rows)?;
+        check_size("the product", y.len(), cols)?;
+        self.multiply(x, y, true).map_err(SolveError::Fault)
+    }
+
+    fn diagonal(&self, d: &mut Vector) -> Result<(), Failure> {
+        let (rows, cols) = self.shape();
+        check_size("the diagonal", d.len(), rows.min(cols))?;
+        let d = d.as_mut_slice();
+        for (row, d) in d.iter_mut().enumerate() {
+            let at = self.layout.row(row as i32).and_then(|own| own.find(row as i32));
+            *d = at.map_or(0.0, |at| self.values.get(at));
+        }
+        self.context.sum(d);
+        Ok(())
+    }
+
+    fn inverse_diagonal(&self, d: &mut Vector) -> Result<(), Failure> {
+        self.diagonal(d)?;
+        local::invert(d.as_mut_slice())
+    }
+}
+
+impl MatMat<Petsc> for Matrix {
+    fn scale(&mut self, factor: f64) -> Result<(), PetscError> {
+        let raw = self.raw();
+        // SAFETY: a live matrix.
+        call(|| unsafe { ffi::MatScale(raw, factor) })?;
+        self.assemble(ffi::MAT_FINAL_ASSEMBLY)
+    }
+
+    fn sum(&self, a: f64, other: &Self, b: f64) -> Result<Self, Failure> {
+        check_size("the other matrix (rows)", other.shape().0, self.shape().0)?;
+        check_size("the other matrix (columns)", other.shape().1, self.shape().1)?;
+        let union = self.pattern().union(other.pattern()).map_err(SolveError::TooLarge)?;
+        let sum = || {
+            let mut sum = Self::zeros(&self.context, &Arc::new(union))?;
+            for (matrix, factor) in [(self, a), (other, b)] {
+                if matrix.pattern().entries() > 0 {
+                    sum.add_scaled(factor, matrix.raw())?;
+                }
+            }
+            Ok(sum)
+        };
+        sum().map_err(SolveError::Fault)
+    }
+
+    fn product(&self, other: &Self) -> Result<Self, Failure> {
+        check_size("the other matrix (rows)", other.shape().0, self.shape().1)?;
+        let pattern = self.pattern().product(other.pattern()).map_err(SolveError::TooLarge)?;
+        let (a, b) = (self.raw(), other.raw());
+        // SAFETY: live matrices whose shapes fit.
+        let make = |out| unsafe { ffi::MatMatMult(a, b, ffi::MAT_INITIAL_MATRIX, ffi::DEFAULT_REAL, out) };
+        self.in_pattern(pattern, make).map_err(SolveError::Fault)
+    }
+
+    fn transpose(&self) -> Result<Self, Failure> {
+        let a = self.raw();
+        // SAFETY: a live matrix.
+        let make = |out| unsafe { ffi::MatTranspose(a, ffi::MAT_INITIAL_MATRIX, out) };
+        self.in_pattern(self.pattern().transpose(), make).map_err(SolveError::Fault)
+    }
+}
+
+/// Of all ranks.
+impl Entries<Petsc> for Matrix {
+    fn pattern(&self) -> Result<Arc<Sparsity>, PetscError> {
+        Ok(Arc::clone(&self.layout.pattern))
+    }
+
+    fn for_each(&self, mut visit: impl FnMut(usize, usize, f64)) -> Result<(), PetscError> {
+        let (pattern, mut values) = (&self.layout.pattern, self.all_values().into_iter());
+        for row in 0..pattern.rows() {
+            for (&column, value) in pattern.row(row).iter().zip(&mut values) {
+                visit(row, column as usize, value);
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,143 @@
+//! From `PetscInitialize` to `PetscFinalize`.
+
+use std::ffi::CStr;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use mpi::environment::{Threading, Universe, initialize_with_threading, is_finalized};
+use thiserror::Error;
+
+use super::error::{PetscError, check, keep};
+use super::ffi;
+
+/// PETSc, initialised: MPI too, if nobody had.
+///
+/// Everything of this backend holds the session that it was made in. PETSc is finalised when the session and all that was
+/// made in it are dropped, in whatever order, and MPI after it, if the session had initialised it. MPI starts only once in a
+/// process: whoever wants several sessions, one after the other, initialises MPI himself.
+///
+/// PETSc's signal handlers stay out, and it prints no errors: they come back as [`PetscError`].
+///
+/// # Threads
+/// PETSc is not made for threads. Calls that touch more than the object they are made on (making, destroying, solving,
+/// communicating) wait for one another, whatever threads they come from, so that any thread may use what it owns. On several
+/// ranks all ranks must make these calls in the same order, which only one thread a rank can promise. Whoever initialises
+/// MPI himself and lets several threads use PETSc asks MPI for [`Threading::Serialized`] at least.
+#[derive(Clone, Debug)]
+pub struct Session(Arc<Running>);
+
+/// Why there is no session.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+pub enum SessionError {
+    /// There is one already.
+    #[error("a PETSc session is running in this process: share it, or drop it and all that was made in it")]
+    Running,
+    /// Somebody else called `PetscInitialize`.
+    #[error("PETSc was initialised by another part of this program")]
+    Foreign,
+    /// MPI has ended, and cannot start again.
+    #[error("MPI was finalised in this process, and starts only once: keep the session, or initialise MPI yourself")]
+    Ended,
+    /// PETSc did not start, or refuses the communicator.
+    #[error("{0}")]
+    Petsc(#[from] PetscError),
+}
+
+#[derive(Debug)]
+struct Running {
+    /// Dropped after PETSc was finalised.
+    _universe: Option<Mpi>,
+}
+
+struct Mpi(#[allow(dead_code, reason = "held to be dropped")] Universe);
+
+impl std::fmt::Debug for Mpi {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Mpi")
+    }
+}
+
+/// One call of PETSc or MPI at a time.
+static CALLS: Mutex<()> = Mutex::new(());
+
+/// Whether a session runs; held while one starts or ends.
+static RUNS: Mutex<bool> = Mutex::new(false);
+
+/// Waits for all other calls; what was left by a panic is no more broken than without it.
+pub(super) fn lock() -> MutexGuard<'static, ()> {
+    CALLS.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A call of PETSc, alone. Such calls do not nest.
+pub(super) fn call(function: impl FnOnce() -> ffi::Code) -> Result<(), PetscError> {
+    let _alone = lock();
+    check(function())
+}
+
+impl Session {
+    /// Initialises MPI, if nobody has, and PETSc.
+    ///
+    /// PETSc reads its options from the environment variable `PETSC_OPTIONS` and from `.petscrc`, not from the arguments of
+    /// the program.
+    ///
+    /// # Errors
+    /// [`SessionError`].
+    pub fn new() -> Result<Self, SessionError> {
+        let mut runs = RUNS.lock().unwrap_or_else(PoisonError::into_inner);
+        if *runs {
+            return Err(SessionError::Running);
+        }
+        if is_finalized() {
+            return Err(SessionError::Ended);
+        }
+        let mut foreign = ffi::FALSE;
+        // SAFETY: may be called at any time, and writes one flag.
+        call(|| unsafe { ffi::PetscInitialized(&raw mut foreign) })?;
+        if foreign != ffi::FALSE {
+            return Err(SessionError::Foreign);
+        }
+        let universe = initialize_with_threading(Threading::Serialized).map(|(universe, _)| Mpi(universe));
+        start()?;
+        *runs = true;
+        Ok(Self(Arc::new(Running { _universe: universe })))
+    }
+
+    /// The version of PETSc that the crate was built with.
+    #[must_use]
+    pub fn version() -> &'static str {
+        env!("BIOTISSUE_PETSC_VERSION")
+    }
+}
+
+fn start() -> Result<(), PetscError> {
+    const NO_SIGNALS: &CStr = c"-no_signal_handler";
+    call(|| {
+        // SAFETY: MPI is initialised and PETSc is not; options may be set before that. The handler outlives PETSc.
+        unsafe {
+            match ffi::PetscOptionsSetValue(std::ptr::null_mut(), NO_SIGNALS.as_ptr(), c"true".as_ptr()) {
+                0 => {}
+                code => return code,
+            }
+            match ffi::PetscInitializeNoArguments() {
+                0 => ffi::PetscPushErrorHandler(Some(keep), std::ptr::null_mut()),
+                code => code,
+            }
+        }
+    })
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let mut runs = RUNS.lock().unwrap_or_else(PoisonError::into_inner);
+        // Where the program has finalised MPI before, PETSc cannot be finalised any more.
+        if !is_finalized() {
+            let _alone = lock();
+            // SAFETY: initialised by `Session::new`; every object of the session held it, so that none is left. There is
+            // nobody to report an error to.
+            unsafe {
+                ffi::PetscPopErrorHandler();
+                ffi::PetscFinalize();
+            }
+        }
+        *runs = false;
+    }
+}

@@ -1,0 +1,309 @@
+//! The solver: what serves, and the matrix that it solves with.
+
+use std::sync::Arc;
+
+use super::context::Context;
+use super::direct::{Factor, Failure, Found};
+use super::error::PetscError;
+use super::iterative::ByIterations;
+use super::{Matrix, Petsc, Vector};
+use crate::backends::checks::{check_columns, check_size, definite, singular_limit};
+use crate::backends::local;
+use crate::las::{
+    FactorReport, Factorisation, MatVec, Method, Preconditioner, SolveError, SolveReport, SolverParams, Sparsity,
+    Symmetry, VectorOps,
+};
+
+type Fault = SolveError<PetscError>;
+
+/// What is to be solved and how. PETSc's own analyses belong to one factorisation each: they are made with the first one of
+/// every solver.
+#[derive(Debug)]
+pub struct Symbolic {
+    context: Context,
+    pattern: Arc<Sparsity>,
+    params: SolverParams,
+}
+
+impl Symbolic {
+    pub(super) fn new(context: &Context, pattern: &Arc<Sparsity>, params: &SolverParams) -> Result<Self, Fault> {
+        let (rows, cols) = (pattern.rows(), pattern.cols());
+        if rows != cols {
+            return Err(SolveError::NotSquare { rows, cols });
+        }
+        Ok(Self { context: context.clone(), pattern: Arc::clone(pattern), params: *params })
+    }
+}
+
+/// Solver for matrices of one pattern, by PETSc's KSP.
+///
+/// A matrix stated to be [`Symmetry::Definite`] is factored by Cholesky; where a pivot is not positive, by LDL^T. A
+/// symmetric one is factored by LDL^T, any other by LU: by MUMPS if PETSc has it, else by PETSc itself on one rank and by
+/// SuperLU_DIST (LU) on several. The options database has the last word (`ksp_type`, `pc_type`,
+/// `pc_factor_mat_solver_type`, `mat_mumps_icntl_14` and so on, with the prefix of the context).
+///
+/// No package tells which unknown has a pivot that is not positive: reports and errors name the one with the smallest
+/// diagonal entry. Of a singular matrix they name the one that moves most in the null space.
+#[derive(Debug)]
+pub struct Solver {
+    symbolic: Arc<Symbolic>,
+    limit: f64,
+    /// The matrix to solve with: its owner may change it.
+    a: Matrix,
+    cholesky: Option<Factor>,
+    ldlt: Option<Factor>,
+    lu: Option<Factor>,
+    iterative: Option<ByIterations>,
+    served: Option<Factorisation>,
+    diagonal: Vector,
+}
+
+impl Solver {
+    pub(super) fn new(symbolic: &Arc<Symbolic>) -> Result<Self, Fault> {
+        let context = &symbolic.context;
+        let a = Matrix::zeros(context, &symbolic.pattern).map_err(SolveError::Fault)?;
+        let iterative = match symbolic.params.method {
+            Method::Direct => None,
+            Method::Iterative(method) => Some(ByIterations::new(&a, method)?),
+        };
+        Ok(Self {
+            limit: singular_limit::<f64>(&symbolic.params),
+            a,
+            cholesky: None,
+            ldlt: None,
+            lu: None,
+            iterative,
+            served: None,
+            diagonal: Vector::zeros(context, symbolic.pattern.rows()).map_err(SolveError::Fault)?,
+            symbolic: Arc::clone(symbolic),
+        })
+    }
+
+    /// Takes the values of a matrix that fits.
+    fn take(&mut self, a: &Matrix) -> Result<(), Fault> {
+        self.served = None;
+        let (found, expected) = (a.pattern(), &self.symbolic.pattern);
+        if !Arc::ptr_eq(found, expected) {
+            check_size("the matrix to factor (rows)", found.rows(), expected.rows())?;
+            check_size("the matrix to factor (entries)", found.entries(), expected.entries())?;
+            if found != expected {
+                return Err(SolveError::Pattern);
+            }
+        }
+        let row = if a.values.slices().into_iter().all(local::all_finite) { usize::MAX } else { self.first_bad(a) };
+        let row = self.symbolic.context.least(row);
+        if row != usize::MAX {
+            return Err(SolveError::NotFinite { row });
+        }
+        self.a.copy_values(a).map_err(SolveError::Fault)
+    }
+
+    fn first_bad(&self, a: &Matrix) -> usize {
+        let is_bad = |&row: &usize| {
+            let own = a.layout.row(row as i32);
+            own.is_some_and(|own| (0..own.columns.len()).any(|k| !a.values.get(own.at(k)).is_finite()))
+        };
+        a.layout.rows.clone().find(is_bad).unwrap_or(usize::MAX)
+    }
+
+    /// The unknown with the smallest diagonal entry.
+    fn smallest_diagonal(&mut self) -> Result<usize, Fault> {
+        self.a.diagonal(&mut self.diagonal)?;
+        let entries = self.diagonal.as_slice().iter().enumerate();
+        Ok(entries.min_by(|a, b| a.1.total_cmp(b.1)).map_or(0, |(unknown, _)| unknown))
+    }
+
+    /// One factorisation of the matrix taken, with more room where the package asks for it.
+    fn attempt(&mut self, kind: Factorisation) -> Result<(Factorisation, Found), Fault> {
+        let Self { a, limit, cholesky, ldlt, lu, .. } = self;
+        let place = match kind {
+            Factorisation::Cholesky => cholesky,
+            Factorisation::Ldlt => ldlt,
+            _ => lu,
+        };
+        let mut found = None;
+        // Per cent; more is needed the more pivots are put off.
+        for room in [30, 100, 400, 1600] {
+            let factor = match place.take() {
+                Some(factor) => factor,
+                None => Factor::new(a, kind, *limit, room)?,
+            };
+            let now = factor.factor(a).map_err(SolveError::Fault)?;
+            found = Some((factor.kind, now));
+            match now.failure {
+                // One that failed cannot be used again.
+                Some(Failure::Room) => {}
+                Some(failure @ Failure::Other(_)) if kind != Factorisation::Cholesky => {
+                    return Err(failure.error(factor.package()));
+                }
+                _ => {
+                    *place = Some(factor);
+                    break;
+                }
+            }
+        }
+        match found {
+            Some((_, Found { failure: Some(failure @ Failure::Room), .. })) => Err(failure.error("mumps")),
+            Some(found) => Ok(found),
+            None => Err(SolveError::NotFactored),
+        }
+    }
+
+    fn factor_by(&mut self, kind: Factorisation, indefinite_at: Option<usize>) -> Result<FactorReport, Fault> {
+        let (kind, found) = self.attempt(kind)?;
+        if found.failure.is_some() {
+            return Err(self.singular(kind, found.ratio));
+        }
+        self.served = Some(kind);
+        let negative_pivots = found.negative;
+        Ok(FactorReport { kind, indefinite_at, pivot_ratio: found.ratio, negative_pivots })
+    }
+
+    fn singular(&mut self, kind: Factorisation, ratio: f64) -> Fault {
+        let Self { a, cholesky, ldlt, lu, diagonal, limit, .. } = self;
+        let factor = match kind {
+            Factorisation::Cholesky => cholesky,
+            Factorisation::Ldlt => ldlt,
+            _ => lu,
+        };
+        let limit = *limit;
+        let unknown = match factor.take().map(|factor| factor.loose_unknown(a, diagonal)) {
+            Some(Err(fault)) => return SolveError::Fault(fault),
+            Some(Ok(Some(unknown))) => unknown,
+            _ => 0,
+        };
+        SolveError::Singular { unknown, ratio: if ratio < limit { ratio } else { 0.0 }, limit }
+    }
+
+    /// Cholesky, or `None` where the matrix is not positive definite.
+    fn factor_by_cholesky(&mut self) -> Result<Option<FactorReport>, Fault> {
+        let (kind, found) = self.attempt(Factorisation::Cholesky)?;
+        let is_definite = found.failure.is_none() && found.negative.is_none_or(|negative| negative == 0);
+        if !is_definite {
+            if found.failure.is_some() {
+                self.cholesky = None;
+            }
+            return Ok(None);
+        }
+        self.served = Some(kind);
+        let negative_pivots = found.negative;
+        Ok(Some(FactorReport { kind, indefinite_at: None, pivot_ratio: found.ratio, negative_pivots }))
+    }
+
+    fn factor_taken(&mut self) -> Result<FactorReport, Fault> {
+        if self.symbolic.pattern.rows() == 0 {
+            return Ok(self.report_nothing());
+        }
+        match self.symbolic.params.symmetry {
+            Symmetry::None => self.factor_by(Factorisation::Lu, None),
+            Symmetry::Symmetric => self.factor_by(Factorisation::Ldlt, None),
+            Symmetry::Definite => match self.factor_by_cholesky()? {
+                Some(report) => Ok(report),
+                None => {
+                    let unknown = self.smallest_diagonal()?;
+                    self.factor_by(Factorisation::Ldlt, Some(unknown))
+                }
+            },
+        }
+    }
+
+    /// Of a system without unknowns.
+    fn report_nothing(&mut self) -> FactorReport {
+        let kind = match self.symbolic.params.symmetry {
+            Symmetry::None => Factorisation::Lu,
+            Symmetry::Symmetric => Factorisation::Ldlt,
+            Symmetry::Definite => Factorisation::Cholesky,
+        };
+        self.served = Some(kind);
+        let negative_pivots = (kind != Factorisation::Lu).then_some(0);
+        FactorReport { kind, indefinite_at: None, pivot_ratio: 1.0, negative_pivots }
+    }
+
+    fn prepare_iterations(&mut self, method: Preconditioner) -> Result<FactorReport, Fault> {
+        if method == Preconditioner::Diagonal {
+            self.a.inverse_diagonal(&mut self.diagonal)?;
+        }
+        if let Some(iterative) = self.iterative.as_ref().filter(|_| self.symbolic.pattern.rows() > 0) {
+            iterative.set_up(&self.a)?;
+        }
+        let kind = Factorisation::Approximate;
+        self.served = Some(kind);
+        Ok(FactorReport { kind, indefinite_at: None, pivot_ratio: 1.0, negative_pivots: None })
+    }
+
+    fn solve_columns(&mut self, b: &[Vector], x: &mut [Vector]) -> Result<SolveReport, Fault> {
+        let n = self.symbolic.pattern.rows();
+        check_columns(n, b.iter().map(VectorOps::len), x.iter().map(VectorOps::len))?;
+        let served = self.served.ok_or(SolveError::NotFactored)?;
+        let mut sum = SolveReport::DIRECT;
+        if n == 0 {
+            return Ok(sum);
+        }
+        let Self { a, cholesky, ldlt, lu, iterative, .. } = self;
+        for (b, x) in b.iter().zip(x) {
+            let report = if let Some(iterative) = iterative {
+                iterative.solve(a, b, x)?
+            } else {
+                solve_directly([&*cholesky, &*ldlt, &*lu], served, a, b, x)?
+            };
+            sum = sum.and(report);
+        }
+        Ok(sum)
+    }
+}
+
+fn solve_directly(
+    factors: [&Option<Factor>; 3],
+    served: Factorisation,
+    a: &Matrix,
+    b: &Vector,
+    x: &mut Vector,
+) -> Result<SolveReport, Fault> {
+    let Some(factor) = factors.into_iter().flatten().find(|factor| factor.kind == served) else {
+        return Err(SolveError::NotFactored);
+    };
+    let ended = factor.solve(a, b, x).map_err(SolveError::Fault)?;
+    if ended.reason < 0 {
+        return Err(SolveError::Library { library: "PETSc", reason: format!("KSPConvergedReason {}", ended.reason) });
+    }
+    let iterations = if factor.iterates { ended.iterations } else { 0 };
+    Ok(SolveReport { iterations, residual: 0.0 })
+}
+
+impl crate::las::Solver<Petsc> for Solver {
+    fn factor(&mut self, a: &Matrix) -> Result<FactorReport, Fault> {
+        self.take(a)?;
+        match self.symbolic.params.method {
+            Method::Iterative(method) => self.prepare_iterations(method.preconditioner),
+            Method::Direct => self.factor_taken(),
+        }
+    }
+
+    /// With an iterative method, refused where a diagonal entry is not positive: more is not known.
+    fn factor_definite(&mut self, a: &Matrix) -> Result<FactorReport, Fault> {
+        self.take(a)?;
+        if let Method::Iterative(method) = self.symbolic.params.method {
+            let unknown = self.smallest_diagonal()?;
+            if self.diagonal.as_slice().get(unknown).is_some_and(|&entry| entry <= 0.0) {
+                return Err(SolveError::Indefinite { unknown });
+            }
+            return self.prepare_iterations(method.preconditioner);
+        }
+        if self.symbolic.params.symmetry == Symmetry::Definite && self.symbolic.pattern.rows() > 0 {
+            return match self.factor_by_cholesky()? {
+                Some(report) => Ok(report),
+                None => Err(SolveError::Indefinite { unknown: self.smallest_diagonal()? }),
+            };
+        }
+        let report = self.factor_taken()?;
+        definite(report).inspect_err(|_| self.served = None)
+    }
+
+    fn solve(&mut self, b: &Vector, x: &mut Vector) -> Result<SolveReport, Fault> {
+        self.solve_columns(std::slice::from_ref(b), std::slice::from_mut(x))
+    }
+
+    fn solve_many(&mut self, b: &[Vector], x: &mut [Vector]) -> Result<SolveReport, Fault> {
+        self.solve_columns(b, x)
+    }
+}

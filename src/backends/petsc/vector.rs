@@ -1,0 +1,100 @@
+//! The vector: whole on every rank.
+
+use super::context::Context;
+use super::error::PetscError;
+use super::ffi;
+use super::handle::Handle;
+use super::session::call;
+
+/// A vector that lies whole on every rank, in memory of PETSc's.
+///
+/// Every rank writes all of it, so that reading, norms and products of two need no communication and are the same on all
+/// ranks, bit for bit.
+#[derive(Debug)]
+pub struct Vector {
+    handle: Handle<ffi::_p_Vec>,
+    values: *mut f64,
+    len: usize,
+}
+
+// SAFETY: `values` is memory of the vector that `handle` owns, reached through no other way.
+unsafe impl Send for Vector {}
+
+impl Vector {
+    pub(super) fn zeros(context: &Context, len: usize) -> Result<Self, PetscError> {
+        // SAFETY: one communicator that is there for the whole session.
+        let alone = unsafe { mpi::ffi::RSMPI_COMM_SELF };
+        // Vectors and matrices that meet share a communicator.
+        let comm = if context.is_alone() { context.comm() } else { alone };
+        let count = count(len)?;
+        // SAFETY: PETSc is initialised; the communicator is live and of one rank.
+        let handle = Handle::new(context.session(), |out| unsafe { ffi::VecCreateSeq(comm, count, out) })?;
+        let mut vector = Self { handle, values: std::ptr::null_mut(), len };
+        vector.values = vector.borrow()?;
+        vector.as_mut_slice().fill(0.0);
+        Ok(vector)
+    }
+
+    /// The array, which stays where it is as long as nobody replaces it, which nobody here does. That it was lent tells PETSc
+    /// that its values may have changed.
+    fn borrow(&self) -> Result<*mut f64, PetscError> {
+        let (raw, mut values) = (self.handle.raw(), std::ptr::null_mut());
+        // SAFETY: a live vector.
+        call(|| unsafe { ffi::VecGetArray(raw, &raw mut values) })?;
+        let mut lent = values;
+        // SAFETY: lent just now.
+        call(|| unsafe { ffi::VecRestoreArray(raw, &raw mut lent) })?;
+        Ok(values)
+    }
+
+    /// For PETSc, which is told that the values may have changed since it saw them last.
+    pub(super) fn raw(&self) -> Result<ffi::Vec, PetscError> {
+        self.borrow()?;
+        Ok(self.handle.raw())
+    }
+
+    /// `VecDot`, for vectors of two lengths: PETSc says what is wrong with that.
+    #[cold]
+    pub(super) fn dot_by_petsc(&self, y: &Self) -> Result<f64, PetscError> {
+        let (x, y, mut dot) = (self.raw()?, y.raw()?, 0.0);
+        // SAFETY: live vectors.
+        call(|| unsafe { ffi::VecDot(x, y, &raw mut dot) })?;
+        Ok(dot)
+    }
+
+    /// `VecAXPY`, for the same reason.
+    #[cold]
+    pub(super) fn axpy_by_petsc(&mut self, a: f64, x: &Self) -> Result<(), PetscError> {
+        let (x, y) = (x.raw()?, self.raw()?);
+        // SAFETY: live vectors, two of them.
+        call(|| unsafe { ffi::VecAXPY(y, a, x) })
+    }
+
+    /// Its entries.
+    #[inline(always)]
+    #[must_use]
+    pub fn as_slice(&self) -> &[f64] {
+        if self.len == 0 {
+            return &[];
+        }
+        // SAFETY: `len` numbers that the vector owns, written only through `&mut self`.
+        unsafe { std::slice::from_raw_parts(self.values, self.len) }
+    }
+
+    /// Its entries, for writing.
+    #[inline(always)]
+    #[must_use]
+    pub fn as_mut_slice(&mut self) -> &mut [f64] {
+        if self.len == 0 {
+            return &mut [];
+        }
+        // SAFETY: `len` numbers that the vector owns, and `self` is borrowed alone.
+        unsafe { std::slice::from_raw_parts_mut(self.values, self.len) }
+    }
+}
+
+/// A size for PETSc.
+pub(super) fn count(len: usize) -> Result<i32, PetscError> {
+    i32::try_from(len)
+        .map_err(|_| PetscError::found(ffi::ERR_ARG_OUTOFRANGE, "", format!("{len} is more than 32-bit indices reach")))
+}

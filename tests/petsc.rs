@@ -1,0 +1,360 @@
+//! The backend `petsc`, on one rank and on several: this program runs itself under `mpirun`, since MPI starts only once in a
+//! process.
+//!
+//! `cargo test --test petsc -- WORD` runs the checks whose names hold the word.
+
+mod support;
+
+use std::process::{Command, ExitCode};
+use std::sync::Arc;
+use std::time::Instant;
+
+use biotissue::backends::petsc::{Context, Petsc, Session, SessionError};
+use biotissue::las::{
+    Backend, Entries, FactorReport, Factorisation, Iterative, Krylov, MatMat, MatVec, MatrixOps, Preconditioner,
+    SolveError, Solver, SolverParams, Sparsity, Symmetry, VectorOps, conformance,
+};
+use mpi::topology::{Color, Communicator, SimpleCommunicator};
+use nalgebra::Matrix3;
+
+/// Tells a process which of the launches it is.
+const LAUNCHED: &str = "BIOTISSUE_PETSC_TEST";
+
+type Check = (&'static str, fn(&Context));
+
+const CHECKS: [Check; 12] = [
+    ("vectors", conformance::vectors::<Petsc>),
+    ("matrices", conformance::matrices::<Petsc>),
+    ("products", conformance::products::<Petsc>),
+    ("algebra", conformance::algebra::<Petsc>),
+    ("solvers", conformance::solvers::<Petsc>),
+    ("conformance_in_blocks_of_two", conformance_in_blocks_of_two),
+    ("verbs_that_mix", verbs_that_mix),
+    ("iterative_methods", iterative_methods),
+    ("options", options),
+    ("errors", errors),
+    ("split_communicators", split_communicators),
+    ("frozen_rve", frozen_rve),
+];
+
+fn main() -> ExitCode {
+    let words: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with('-')).collect();
+    if std::env::var_os(LAUNCHED).is_some() {
+        return checks(&words);
+    }
+    let mut all_well = true;
+    for ranks in [0, 1, 2, 4] {
+        let start = Instant::now();
+        let well = launch(ranks, &words);
+        all_well &= well;
+        let how = if ranks == 0 { "alone".to_owned() } else { format!("mpirun -n {ranks}") };
+        println!("{how} ... {} ({:.1} s)", if well { "ok" } else { "FAILED" }, start.elapsed().as_secs_f64());
+    }
+    if all_well { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}
+
+/// Runs the checks in processes of their own; without `mpirun` for no ranks.
+fn launch(ranks: usize, words: &[String]) -> bool {
+    let program = std::env::current_exe().expect("this program has a path");
+    let mut command = if ranks == 0 {
+        Command::new(&program)
+    } else {
+        let mut command = Command::new("mpirun");
+        command.args(["--oversubscribe", "--timeout", "1200", "-n", &ranks.to_string()]).arg(&program);
+        command
+    };
+    command.args(words).env(LAUNCHED, "1");
+    // A user who may do all is a user too (containers); one thread a rank; no kernels of processors that are not there.
+    command.envs([("OMPI_ALLOW_RUN_AS_ROOT", "1"), ("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")]);
+    command.envs([("OMP_NUM_THREADS", "1"), ("OPENBLAS_NUM_THREADS", "1")]);
+    #[cfg(target_arch = "x86_64")]
+    if std::env::var_os("OPENBLAS_CORETYPE").is_none() && is_x86_feature_detected!("avx2") {
+        let core = if is_x86_feature_detected!("avx512f") { "SkylakeX" } else { "Haswell" };
+        command.env("OPENBLAS_CORETYPE", core);
+    }
+    match command.status() {
+        Ok(status) => status.success(),
+        Err(error) => {
+            println!("{command:?}: {error}");
+            false
+        }
+    }
+}
+
+/// All checks in this process, which may be one of several ranks.
+fn checks(words: &[String]) -> ExitCode {
+    // A rank that stops in a check would leave the others waiting for it: it takes them down.
+    let say = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        say(panic);
+        std::process::exit(101);
+    }));
+    let context = Context::world().expect("PETSc starts");
+    for (name, check) in CHECKS {
+        if words.is_empty() || words.iter().any(|word| name.contains(word.as_str())) {
+            let start = Instant::now();
+            check(&context);
+            if context.rank() == 0 {
+                println!("  {name} ... ok ({:.2} s)", start.elapsed().as_secs_f64());
+            }
+        }
+    }
+    if words.is_empty() || words.iter().any(|word| "sessions".contains(word.as_str())) {
+        sessions(context);
+    }
+    ExitCode::SUCCESS
+}
+
+/// One at a time; what was made holds it, and may be dropped in any order.
+fn sessions(context: Context) {
+    assert_eq!(Session::new().err(), Some(SessionError::Running));
+    let pattern = laplacian_pattern(4);
+    let mut a = Petsc::matrix(&context, &pattern).unwrap();
+    fill_laplacian(&mut a, 4, 0.0);
+    let symbolic = Petsc::analyze(&context, &pattern, &SolverParams::default()).unwrap();
+    let mut solver = Petsc::solver(&symbolic).unwrap();
+    let (b, mut x) = (ones(&context, 16), ones(&context, 16));
+    drop((context, symbolic));
+    solver.factor(&a).unwrap();
+    drop(a);
+    solver.solve(&b, &mut x).unwrap();
+    assert_eq!(Session::new().err(), Some(SessionError::Running), "a solver and two vectors hold it");
+    drop(solver);
+    drop(b);
+    assert!(x.norm().unwrap() > 0.0);
+    drop(x);
+    // The session had initialised MPI, which starts only once.
+    assert_eq!(Session::new().err(), Some(SessionError::Ended));
+}
+
+fn conformance_in_blocks_of_two(context: &Context) {
+    let context = context.clone().with_block_size(2);
+    conformance::matrices::<Petsc>(&context);
+    conformance::products::<Petsc>(&context);
+    conformance::algebra::<Petsc>(&context);
+}
+
+/// Adding, setting and reading in turn, with and without `finish` between.
+fn verbs_that_mix(context: &Context) {
+    let pattern = laplacian_pattern(3);
+    let mut a = Petsc::matrix(context, &pattern).unwrap();
+    let (row, mut slots, mut entry) = ([4, -1], Vec::new(), [0.0]);
+    a.locate(&[4], &[4], &mut slots).unwrap();
+    a.add(&row, &row, &[1.0, 9.0, 9.0, 9.0]).unwrap();
+    a.set(&[4], &[4], &[5.0]).unwrap();
+    a.add(&[4], &[4], &[2.0]).unwrap();
+    a.add_at(&slots, &[3.0]).unwrap();
+    a.get(&[4], &[4], &mut entry).unwrap();
+    assert_eq!(entry, [10.0]);
+    a.zero().unwrap();
+    a.add(&[4], &[4], &[2.0]).unwrap();
+    a.finish().unwrap();
+    let (x, mut y) = (ones(context, 9), ones(context, 9));
+    a.mul(&x, &mut y).unwrap();
+    assert_eq!(y.as_slice(), [0.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 0.0]);
+    // What PETSc has seen before must not be what it sees now.
+    for factor in [3.0, 5.0] {
+        a.add_at(&slots, &[factor]).unwrap();
+        a.finish().unwrap();
+        a.mul(&x, &mut y).unwrap();
+    }
+    assert_eq!(y.as_slice()[4], 10.0);
+    let mut sum = 0.0;
+    a.for_each(|_, _, value| sum += value).unwrap();
+    assert_eq!(sum, 10.0, "all entries on every rank");
+}
+
+/// The negative Laplacian on a square of `side` points a side, with convection.
+fn laplacian_pattern(side: i32) -> Arc<Sparsity> {
+    let at = |i: i32, j: i32| if (0..side).contains(&i) && (0..side).contains(&j) { i * side + j } else { -1 };
+    let pairs = (0..side).flat_map(|i| (0..side).flat_map(move |j| [[(i, j), (i + 1, j)], [(i, j), (i, j + 1)]]));
+    let elements = pairs.map(|pair| pair.map(|(i, j)| at(i, j)));
+    Arc::new(Sparsity::from_elements((side * side) as usize, elements).unwrap())
+}
+
+fn fill_laplacian(a: &mut <Petsc as Backend>::Matrix, side: i32, drift: f64) {
+    a.zero().unwrap();
+    let at = |i: i32, j: i32| if (0..side).contains(&i) && (0..side).contains(&j) { i * side + j } else { -1 };
+    for i in 0..side {
+        for j in 0..side {
+            let columns = [at(i, j), at(i - 1, j), at(i + 1, j), at(i, j - 1), at(i, j + 1)];
+            a.add(&[at(i, j)], &columns, &[4.0, -1.0 - drift, -1.0 + drift, -1.0, -1.0]).unwrap();
+        }
+    }
+    a.finish().unwrap();
+}
+
+fn ones(context: &Context, len: usize) -> <Petsc as Backend>::Vector {
+    let mut ones = Petsc::vector(context, len).unwrap();
+    ones.as_mut_slice().fill(1.0);
+    ones
+}
+
+fn residual(a: &<Petsc as Backend>::Matrix, b: &<Petsc as Backend>::Vector, x: &<Petsc as Backend>::Vector) -> f64 {
+    let parts = b.as_slice().iter().zip(x.as_slice()).map(|_| ()).count();
+    assert_eq!(parts, b.len());
+    let mut values = vec![0.0; b.len()];
+    a.for_each(|row, column, value| values[row] += value * x.as_slice()[column]).unwrap();
+    values.iter().zip(b.as_slice()).map(|(ax, b)| (ax - b).powi(2)).sum::<f64>().sqrt() / b.norm().unwrap()
+}
+
+/// Every method and preconditioner solves to its tolerance, also after the matrix has changed under it.
+fn iterative_methods(context: &Context) {
+    let side = 24;
+    let pattern = laplacian_pattern(side);
+    let len = pattern.rows();
+    let mut a = Petsc::matrix(context, &pattern).unwrap();
+    let b = ones(context, len);
+    for preconditioner in [Preconditioner::None, Preconditioner::Diagonal, Preconditioner::Multigrid] {
+        for krylov in [Krylov::Cg, Krylov::BiCgStab, Krylov::Gmres { restart: 40 }] {
+            let symmetry = if krylov == Krylov::Cg { Symmetry::Definite } else { Symmetry::None };
+            fill_laplacian(&mut a, side, if krylov == Krylov::Cg { 0.0 } else { 0.3 });
+            let method = Iterative { krylov, preconditioner, tolerance: 1e-10, max_iterations: 2000 };
+            let params = SolverParams::new(symmetry).iterative(method);
+            let mut solver = Petsc::solver(&Petsc::analyze(context, &pattern, &params).unwrap()).unwrap();
+            assert!(matches!(solver.solve(&b, &mut ones(context, len)), Err(SolveError::NotFactored)));
+            let report = solver.factor_definite(&a).unwrap();
+            assert_eq!((report.kind, report.negative_pivots), (Factorisation::Approximate, None));
+            let mut x = ones(context, len);
+            let report = solver.solve(&b, &mut x).unwrap();
+            let found = residual(&a, &b, &x);
+            assert!(found <= 1.001e-10 && report.residual <= 1e-10, "{method:?}: {found:e} {report:?}");
+            assert!(report.iterations > 0);
+            // The owner's matrix changes; the solver's does not.
+            let mut changed = ones(context, len);
+            a.scale(2.0).unwrap();
+            solver.solve(&b, &mut changed).unwrap();
+            assert_eq!(changed.as_slice(), x.as_slice());
+            let report = solver.solve_many(&[ones(context, len), zeros(context, len)], &mut [changed, x]).unwrap();
+            assert!(report.iterations > 0);
+        }
+    }
+    fill_laplacian(&mut a, side, 0.0);
+    let few = Iterative { max_iterations: 3, krylov: Krylov::Cg, preconditioner: Preconditioner::None, tolerance: 1e-10 };
+    let params = SolverParams::default().iterative(few);
+    let mut solver = Petsc::solver(&Petsc::analyze(context, &pattern, &params).unwrap()).unwrap();
+    solver.factor(&a).unwrap();
+    match solver.solve(&b, &mut ones(context, len)) {
+        Err(SolveError::NotConverged { method: "CG", iterations: 3, residual, broke_down: false, .. }) => {
+            assert!(residual > 1e-10);
+        }
+        other => panic!("three iterations: {other:?}"),
+    }
+    let params = SolverParams::default().iterative(Iterative::default());
+    let refused = Petsc::solver(&Petsc::analyze(context, &pattern, &params).unwrap()).err();
+    assert!(matches!(refused, Some(SolveError::Unsupported { backend: "petsc", .. })), "{refused:?}");
+}
+
+fn zeros(context: &Context, len: usize) -> <Petsc as Backend>::Vector {
+    Petsc::vector(context, len).unwrap()
+}
+
+/// The options database has the last word, under the prefix of the context.
+fn options(context: &Context) {
+    let context = context.clone().with_prefix("other_");
+    let factor = |symmetry| -> Result<FactorReport, SolveError<_>> {
+        let pattern = laplacian_pattern(5);
+        let mut a = Petsc::matrix(&context, &pattern).unwrap();
+        fill_laplacian(&mut a, 5, 0.0);
+        let mut solver = Petsc::solver(&Petsc::analyze(&context, &pattern, &SolverParams::new(symmetry))?)?;
+        let report = solver.factor(&a)?;
+        let (b, mut x) = (ones(&context, 25), ones(&context, 25));
+        solver.solve(&b, &mut x)?;
+        assert!(residual(&a, &b, &x) < 1e-4);
+        Ok(report)
+    };
+    assert_eq!(factor(Symmetry::Definite).unwrap().kind, Factorisation::Cholesky);
+    context.set_option("pc_type", "lu").unwrap();
+    assert_eq!(factor(Symmetry::Definite).unwrap().kind, Factorisation::Lu);
+    context.clear_option("pc_type").unwrap();
+    if context.ranks() == 1 {
+        context.set_option("pc_factor_mat_solver_type", "petsc").unwrap();
+        let report = factor(Symmetry::Definite).unwrap();
+        assert_eq!((report.kind, report.negative_pivots), (Factorisation::Cholesky, Some(0)));
+    }
+    context.set_option("pc_factor_mat_solver_type", "nonsense").unwrap();
+    let Err(SolveError::Fault(error)) = factor(Symmetry::None) else { panic!("there is no such package") };
+    assert!(error.text().contains("nonsense"), "PETSc's own text: {error}");
+    assert!(error.function() == "MatGetFactor" && error.code() != 0, "{error}");
+    context.clear_option("pc_factor_mat_solver_type").unwrap();
+    context.set_option("pc_type", "jacobi").unwrap();
+    context.set_option("ksp_type", "cg").unwrap();
+    assert_eq!(factor(Symmetry::None).unwrap().kind, Factorisation::Approximate);
+    context.clear_option("pc_type").unwrap();
+    context.clear_option("ksp_type").unwrap();
+}
+
+fn errors(context: &Context) {
+    let (mut three, four) = (ones(context, 3), ones(context, 4));
+    for error in [three.dot(&four).unwrap_err(), three.axpy(1.0, &four).unwrap_err()] {
+        assert!(error.text().to_lowercase().contains("incompatible"), "PETSc's own text: {error}");
+        assert!(error.to_string().starts_with("PETSc error"), "{error}");
+    }
+    let mut a = Petsc::matrix(context, &laplacian_pattern(3)).unwrap();
+    let short = a.add(&[0, 1], &[0], &[1.0]).unwrap_err();
+    assert!(short.text().contains("1 values for 2 pairs"), "{short}");
+    if cfg!(debug_assertions) {
+        let (first, last) = ([0], [8]);
+        // Of several ranks the owner of the row notices.
+        let outside = a.add(&first, &last, &[1.0]);
+        assert_eq!(outside.is_err(), context.rank() == 0, "{outside:?}");
+    }
+    let bad = context.set_option("a\0b", "1").unwrap_err();
+    assert!(bad.text().contains("zero"), "{bad}");
+}
+
+/// Halves of the world solve systems of their own.
+fn split_communicators(context: &Context) {
+    let world = SimpleCommunicator::world();
+    let half = world.split_by_color(Color::with_value(world.rank() % 2)).expect("of one colour");
+    let half = Context::new(context.session(), &half);
+    assert_eq!(half.ranks(), (context.ranks() + 1 - context.rank() % 2) / 2);
+    let side = 6 + (context.rank() % 2) as i32;
+    let pattern = laplacian_pattern(side);
+    let mut a = Petsc::matrix(&half, &pattern).unwrap();
+    fill_laplacian(&mut a, side, 0.0);
+    let mut solver = Petsc::solver(&Petsc::analyze(&half, &pattern, &SolverParams::default()).unwrap()).unwrap();
+    solver.factor(&a).unwrap();
+    let (b, mut x) = (ones(&half, pattern.rows()), ones(&half, pattern.rows()));
+    solver.solve(&b, &mut x).unwrap();
+    assert!(residual(&a, &b, &x) < 1e-13);
+}
+
+/// The network frozen beside the tests: first Piola-Kirchhoff stress and energy, which come from a dense Newton in NumPy.
+#[rustfmt::skip]
+const PK1: [f64; 9] = [
+    6.149991150121224e-07, 1.0954968381666093e-07, 8.768152088715524e-09,
+    1.0425200347948875e-07, -1.2054212637095344e-10, -2.3714575089806494e-08,
+    7.001871553380709e-09, -2.9906044812725463e-08, 2.4947673773164943e-07,
+];
+const ENERGY: f64 = 2.684522924677931e-08;
+
+fn frozen_rve(context: &Context) {
+    let network = support::frozen();
+    let f = Matrix3::new(1.08, 0.03, 0.0, 0.01, 0.97, 0.02, 0.0, -0.02, 1.01);
+    let mut bench = support::Bench::<Petsc>::within(context, &network, None);
+    let mut rve = bench.at_rest();
+    bench.solve(&mut rve, &f).unwrap();
+    let pk1 = bench.pk1();
+    assert!((pk1 - Matrix3::from_row_slice(&PK1)).amax() < 1e-9 * pk1.amax(), "{pk1}");
+    assert!((bench.energy() - ENERGY).abs() < 1e-9 * ENERGY, "{}", bench.energy());
+    let tangent = bench.tangent(&rve);
+    #[cfg(feature = "sparse")]
+    same_tangent::<biotissue::backends::sparse::Sparse>(&tangent, &f);
+    #[cfg(feature = "dense")]
+    same_tangent::<biotissue::backends::dense::Dense>(&tangent, &f);
+    assert!((tangent - tangent.transpose()).amax() < 1e-9 * tangent.amax());
+}
+
+#[cfg(any(feature = "sparse", feature = "dense"))]
+fn same_tangent<B>(tangent: &biotissue::fiber::homogenise::Tangent, f: &Matrix3<f64>)
+where
+    B: Backend<Scalar = f64, Context = ()>,
+    B::Reduced: biotissue::las::Scalar,
+{
+    let mut bench = support::Bench::<B>::new(&support::frozen(), None);
+    let mut rve = bench.at_rest();
+    bench.solve(&mut rve, f).unwrap();
+    let other = bench.tangent(&rve);
+    assert!((tangent - other).amax() < 1e-9 * other.amax(), "{tangent} {other}");
+}
