@@ -60,7 +60,9 @@ mod petsc {
     /// Refuses a PETSc whose numbers are not those that the crate is written for.
     fn supported(configuration: &str, version: &str) -> Result<(), String> {
         let refuse = |what: &str| {
-            Err(format!("this PETSc has {what}.\n  cure: let PKG_CONFIG_PATH name one with real double-precision scalars and 32-bit indices"))
+            Err(format!(
+                "this PETSc has {what}.\n  cure: let PKG_CONFIG_PATH name one with real double-precision scalars and 32-bit indices"
+            ))
         };
         if is_set(configuration, "PETSC_USE_COMPLEX") {
             return refuse("complex scalars");

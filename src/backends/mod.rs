@@ -154,7 +154,10 @@ mod tests {
             }
         }
         let error = "petsk".parse::<BackendName>().unwrap_err();
-        assert_eq!(error.to_string(), "there is no backend `petsk`; those known are `sparse`, `dense`, `petsc`, `cuda`");
+        assert_eq!(
+            error.to_string(),
+            "there is no backend `petsk`; those known are `sparse`, `dense`, `petsc`, `cuda`"
+        );
     }
 
     #[test]

@@ -19,6 +19,8 @@ pub(super) struct Factor {
     /// Owned by `ksp`; null where there is none.
     matrix: ffi::Mat,
     package: String,
+    /// Pivots below this part of the largest count as zero.
+    limit: f64,
 }
 
 // SAFETY: `matrix` belongs to the object that `ksp` owns; see there.
@@ -27,8 +29,10 @@ unsafe impl Send for Factor {}
 /// What a factorisation has found.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Found {
-    /// Why there is none.
+    /// Why it does not serve.
     pub(super) failure: Option<Failure>,
+    /// Whether the package gave up, so that it cannot go on with this factor.
+    pub(super) spent: bool,
     /// Pivots below zero, where the package counts them.
     pub(super) negative: Option<usize>,
     /// Smallest over largest pivot; 1 where the package does not tell.
@@ -83,26 +87,14 @@ fn package(kind: Factorisation, ranks: usize) -> Result<(&'static CStr, Factoris
 
 impl Factor {
     /// Pivots below `limit` of the (scaled) matrix count as zero; `room` is what MUMPS adds to its estimates, per cent.
-    pub(super) fn new(
-        a: &Matrix,
-        kind: Factorisation,
-        limit: f64,
-        room: i32,
-    ) -> Result<Self, SolveError<PetscError>> {
+    pub(super) fn new(a: &Matrix, kind: Factorisation, limit: f64, room: i32) -> Result<Self, SolveError<PetscError>> {
         let (package, kind) = package(kind, a.context.ranks())?;
         Self::by_package(a, kind, package, limit, room).map_err(SolveError::Fault)
     }
 
-    fn by_package(
-        a: &Matrix,
-        kind: Factorisation,
-        package: &CStr,
-        limit: f64,
-        room: i32,
-    ) -> Result<Self, PetscError> {
+    fn by_package(a: &Matrix, kind: Factorisation, package: &CStr, limit: f64, room: i32) -> Result<Self, PetscError> {
         let raw = a.raw();
-        let [definite, symmetric] =
-            [kind == Factorisation::Cholesky, kind != Factorisation::Lu].map(ffi::Bool::from);
+        let [definite, symmetric] = [kind == Factorisation::Cholesky, kind != Factorisation::Lu].map(ffi::Bool::from);
         // MUMPS factors without pivoting what is stated to be definite.
         // SAFETY: a live matrix.
         call(|| unsafe { ffi::MatSetOption(raw, ffi::MAT_SYMMETRIC, symmetric) })?;
@@ -118,11 +110,11 @@ impl Factor {
             "lu" => Factorisation::Lu,
             _ => Factorisation::Approximate,
         };
-        let mut factor =
-            Self { ksp, kind, iterates: method != "preonly", matrix: std::ptr::null_mut(), package: String::new() };
+        let (matrix, iterates) = (std::ptr::null_mut(), method != "preonly");
+        let mut factor = Self { ksp, kind, iterates, matrix, package: String::new(), limit };
         if kind != Factorisation::Approximate {
             factor.find_matrix()?;
-            factor.set_parameters(limit, room)?;
+            factor.set_parameters(room)?;
         }
         Ok(factor)
     }
@@ -145,35 +137,41 @@ impl Factor {
     }
 
     #[cfg(petsc_has = "mumps")]
-    fn set_parameters(&self, limit: f64, room: i32) -> Result<(), PetscError> {
+    fn set_parameters(&self, room: i32) -> Result<(), PetscError> {
         if self.package != "mumps" {
             return Ok(());
         }
-        let factor = self.matrix;
+        let (factor, limit) = (self.matrix, self.limit);
         // 24: pivots that count as zero are found and counted. 13: the last front is not handed to ScaLAPACK, which does not
         // count negative pivots. 14: room.
         for (number, value) in [(24, 1), (13, 1), (14, room)] {
             // SAFETY: a live factor of MUMPS's.
             call(|| unsafe { ffi::MatMumpsSetIcntl(factor, number, value) })?;
         }
-        // SAFETY: as above. 3: which pivots count as zero, over the norm of the scaled matrix.
-        call(|| unsafe { ffi::MatMumpsSetCntl(factor, 3, limit) })
+        // 3: which pivots count as zero; 5: what stands in their place, so that solving shows where nothing resists. Both over
+        // the norm of the scaled matrix.
+        for (number, value) in [(3, limit), (5, 1e-8)] {
+            // SAFETY: as above.
+            call(|| unsafe { ffi::MatMumpsSetCntl(factor, number, value) })?;
+        }
+        Ok(())
     }
 
     #[cfg(not(petsc_has = "mumps"))]
-    fn set_parameters(&self, _: f64, _: i32) -> Result<(), PetscError> {
+    fn set_parameters(&self, _: i32) -> Result<(), PetscError> {
         Ok(())
     }
 
     /// Factors the matrix as it is now.
     pub(super) fn factor(&self, a: &Matrix) -> Result<Found, PetscError> {
         self.ksp.set_up(a)?;
-        let mut found = Found { failure: None, negative: None, ratio: 1.0 };
+        let mut found = Found { failure: None, spent: false, negative: None, ratio: 1.0 };
         if self.matrix.is_null() {
             let (pc, mut reason) = (self.ksp.pc(), 0);
             // SAFETY: a live object.
             call(|| unsafe { ffi::PCGetFailedReason(pc, &raw mut reason) })?;
             found.failure = (reason != 0).then_some(Failure::Other([reason, 0]));
+            found.spent = reason != 0;
             return Ok(found);
         }
         let (factor, mut error) = (self.matrix, 0);
@@ -185,14 +183,13 @@ impl Factor {
             1 | 2 => Some(Failure::Singular),
             error => Some(Failure::Other(self.codes()?.unwrap_or([error, 0]))),
         };
+        found.spent = found.failure.is_some();
         match (found.failure, self.kind, self.package.as_str()) {
-            (None, kind, "mumps") => self.look(kind, &mut found)?,
+            (None, kind, "mumps") => self.look(kind, self.limit, &mut found)?,
             (None, Factorisation::Cholesky | Factorisation::Ldlt, "petsc") => {
                 let (mut negative, mut zero, mut positive) = (0, 0, 0);
                 // SAFETY: a live factor of PETSc's own Cholesky, which counts them.
-                call(|| unsafe {
-                    ffi::MatGetInertia(factor, &raw mut negative, &raw mut zero, &raw mut positive)
-                })?;
+                call(|| unsafe { ffi::MatGetInertia(factor, &raw mut negative, &raw mut zero, &raw mut positive) })?;
                 found.negative = Some(negative as usize);
                 found.failure = (zero > 0).then_some(Failure::Singular);
             }
@@ -214,23 +211,23 @@ impl Factor {
 
     /// What MUMPS says of its pivots.
     #[cfg(petsc_has = "mumps")]
-    fn look(&self, kind: Factorisation, found: &mut Found) -> Result<(), PetscError> {
-        if self.infog(28)? > 0 {
-            found.failure = Some(Failure::Singular);
-        }
+    fn look(&self, kind: Factorisation, limit: f64, found: &mut Found) -> Result<(), PetscError> {
         if kind != Factorisation::Lu {
             found.negative = Some(self.infog(12)? as usize);
         }
-        if std::env::var_os("BT_DEBUG").is_some() {
-            for k in [19, 20, 21, 22, 23] { eprint!(" R{k}={:e}", self.rinfog(k)?); }
-            for k in [1, 2, 12, 28] { eprint!(" I{k}={}", self.infog(k)?); }
-            eprintln!();
+        // The smallest and the largest pivot; zeros before MUMPS 5.5.
+        let (least, most) = (self.rinfog(19)?, self.rinfog(21)?);
+        if most > 0.0 {
+            found.ratio = (least / most).min(1.0);
+        }
+        if self.infog(28)? > 0 || found.ratio < limit {
+            found.failure = Some(Failure::Singular);
         }
         Ok(())
     }
 
     #[cfg(not(petsc_has = "mumps"))]
-    fn look(&self, _: Factorisation, _: &mut Found) -> Result<(), PetscError> {
+    fn look(&self, _: Factorisation, _: f64, _: &mut Found) -> Result<(), PetscError> {
         Ok(())
     }
 
@@ -250,28 +247,19 @@ impl Factor {
         Ok(value)
     }
 
-    /// The unknown that moves most where nothing resists: of MUMPS's vector of the null space. `None` where the package has
-    /// none to give. The factor cannot be used afterwards.
-    #[cfg(petsc_has = "mumps")]
-    pub(super) fn loose_unknown(&self, a: &Matrix, scratch: &mut Vector) -> Result<Option<usize>, PetscError> {
-        if self.package != "mumps" || self.infog(28)? <= 0 {
+    /// The unknown that moves most where nothing resists: in a vector of the null space. The factor cannot be used afterwards.
+    pub(super) fn loose_unknown(&self, a: &Matrix, found: &Found, x: &mut Vector) -> Result<Option<usize>, PetscError> {
+        if found.spent {
             return Ok(self.zero_pivot(a));
         }
-        let factor = self.matrix;
-        // SAFETY: a live factor of MUMPS's. 25: solving gives the first vector of the null space.
-        call(|| unsafe { ffi::MatMumpsSetIcntl(factor, 25, 1) })?;
-        let [right, left] = a.parts()?;
-        let (b, x) = (left.raw(), right.raw());
-        // SAFETY: live objects of one layout; two vectors.
-        call(|| unsafe { ffi::MatSolve(factor, b, x) })?;
-        a.gather(right, scratch)?;
-        let sizes = scratch.as_slice().iter().map(|x| x.abs()).enumerate();
+        // Whatever the load, the answer of a nearly singular matrix is nearly a vector of the null space.
+        let mut load = Vector::zeros(&a.context, a.pattern().rows())?;
+        for (k, load) in load.as_mut_slice().iter_mut().enumerate() {
+            *load = (k as f64).sin() + 1.5;
+        }
+        self.solve(a, &load, x)?;
+        let sizes = x.as_slice().iter().map(|x| x.abs()).enumerate();
         Ok(sizes.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(unknown, _)| unknown))
-    }
-
-    #[cfg(not(petsc_has = "mumps"))]
-    pub(super) fn loose_unknown(&self, a: &Matrix, _: &mut Vector) -> Result<Option<usize>, PetscError> {
-        Ok(self.zero_pivot(a))
     }
 
     /// The row at whose pivot PETSc's own factorisation stopped.

@@ -49,7 +49,6 @@ pub const ADD_VALUES: c_int = 2;
 // MatOption
 pub const MAT_SYMMETRIC: c_int = 1;
 pub const MAT_IGNORE_OFF_PROC_ENTRIES: c_int = 4;
-pub const MAT_NEW_NONZERO_LOCATION_ERR: c_int = 11;
 pub const MAT_SPD: c_int = 15;
 pub const MAT_NEW_NONZERO_LOCATIONS: c_int = 18;
 // MatAssemblyType
@@ -126,16 +125,6 @@ unsafe extern "C" {
     pub fn MatAXPY(y: Mat, a: f64, x: Mat, structure: c_int) -> Code;
     pub fn MatMatMult(a: Mat, b: Mat, reuse: c_int, fill: f64, out: *mut Mat) -> Code;
     pub fn MatTranspose(a: Mat, reuse: c_int, out: *mut Mat) -> Code;
-    pub fn MatCreateDense(
-        comm: MPI_Comm,
-        own_rows: c_int,
-        own_cols: c_int,
-        rows: c_int,
-        cols: c_int,
-        values: *mut f64,
-        out: *mut Mat,
-    ) -> Code;
-    pub fn MatSolve(factor: Mat, b: Vec, x: Vec) -> Code;
     pub fn MatFactorGetError(factor: Mat, error: *mut c_int) -> Code;
     pub fn MatFactorGetErrorZeroPivot(factor: Mat, pivot: *mut f64, row: *mut c_int) -> Code;
     pub fn MatFactorGetSolverType(factor: Mat, package: *mut *const c_char) -> Code;
@@ -155,7 +144,6 @@ unsafe extern "C" {
     pub fn KSPGMRESSetRestart(ksp: Ksp, steps: c_int) -> Code;
     pub fn KSPSetUp(ksp: Ksp) -> Code;
     pub fn KSPSolve(ksp: Ksp, b: Vec, x: Vec) -> Code;
-    pub fn KSPMatSolve(ksp: Ksp, b: Mat, x: Mat) -> Code;
     pub fn KSPGetIterationNumber(ksp: Ksp, count: *mut c_int) -> Code;
     pub fn KSPGetConvergedReason(ksp: Ksp, reason: *mut c_int) -> Code;
     pub fn KSPGetType(ksp: Ksp, kind: *mut *const c_char) -> Code;

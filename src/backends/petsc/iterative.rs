@@ -4,9 +4,7 @@ use super::error::PetscError;
 use super::ksp::Ksp;
 use super::session::call;
 use super::{Matrix, Petsc, Vector, ffi};
-use crate::las::{
-    Backend, Iterative, Krylov, MatVec, Preconditioner, SolveError, SolveReport, VectorOps,
-};
+use crate::las::{Backend, Iterative, Krylov, MatVec, Preconditioner, SolveError, SolveReport, VectorOps};
 
 /// A Krylov method with its preconditioner, on one matrix.
 #[derive(Debug)]

@@ -80,13 +80,7 @@ impl Ksp {
     }
 
     /// `A x = b`, from `x` on where `go_on`, else from zero.
-    pub(super) fn solve(
-        &self,
-        a: &Matrix,
-        b: &Vector,
-        x: &mut Vector,
-        go_on: bool,
-    ) -> Result<Ended, PetscError> {
+    pub(super) fn solve(&self, a: &Matrix, b: &Vector, x: &mut Vector, go_on: bool) -> Result<Ended, PetscError> {
         let ksp = self.raw();
         // SAFETY: a live object.
         call(|| unsafe { ffi::KSPSetInitialGuessNonzero(ksp, ffi::Bool::from(go_on)) })?;

@@ -17,7 +17,7 @@ use crate::las::Sparsity;
 /// the rows that it owns and drops what it is given for others.
 #[derive(Debug)]
 pub struct Matrix {
-    pub(super) layout: Arc<Layout>,
+    pub(super) layout: Layout,
     pub(super) context: Context,
     pub(super) handle: Handle<ffi::_p_Mat>,
     pub(super) values: Values,
@@ -51,15 +51,7 @@ const AIJ: &CStr = c"aij";
 
 impl Matrix {
     pub(super) fn zeros(context: &Context, pattern: &Arc<Sparsity>) -> Result<Self, PetscError> {
-        Self::of_layout(context, Arc::new(Layout::new(context, pattern)))
-    }
-
-    /// Zeros in the places of another matrix.
-    pub(super) fn zeros_like(&self) -> Result<Self, PetscError> {
-        Self::of_layout(&self.context, Arc::clone(&self.layout))
-    }
-
-    fn of_layout(context: &Context, layout: Arc<Layout>) -> Result<Self, PetscError> {
+        let layout = Layout::new(context, pattern);
         let comm = context.comm();
         // SAFETY: PETSc is initialised and the communicator live.
         let handle = Handle::new(context.session(), |out| unsafe { ffi::MatCreate(comm, out) })?;
@@ -77,11 +69,7 @@ impl Matrix {
         call(|| unsafe { ffi::MatSeqAIJSetPreallocationCSR(raw, starts, columns, zeros) })?;
         call(|| unsafe { ffi::MatMPIAIJSetPreallocationCSR(raw, starts, columns, zeros) })?;
         call(|| unsafe { ffi::MatSetOption(raw, ffi::MAT_IGNORE_OFF_PROC_ENTRIES, ffi::TRUE) })?;
-        if cfg!(debug_assertions) {
-            call(|| unsafe { ffi::MatSetOption(raw, ffi::MAT_NEW_NONZERO_LOCATION_ERR, ffi::TRUE) })?;
-        } else {
-            call(|| unsafe { ffi::MatSetOption(raw, ffi::MAT_NEW_NONZERO_LOCATIONS, ffi::FALSE) })?;
-        }
+        call(|| unsafe { ffi::MatSetOption(raw, ffi::MAT_NEW_NONZERO_LOCATIONS, ffi::FALSE) })?;
         let values = Values::of(raw, &layout, context)?;
         Ok(Self { layout, context: context.clone(), handle, values, pending: 0, parts: OnceCell::new() })
     }

@@ -90,13 +90,26 @@ impl Matrix {
         if rows.len() * cols.len() != block.len() || !inside(rows, m) || !inside(cols, n) {
             return self.write_what_fits(rows, cols, block, mode);
         }
+        if cfg!(debug_assertions) {
+            self.check_pattern(rows, cols)?;
+        }
         self.turn_to(mode)?;
         let (raw, rows_len, cols_len) = (self.handle.raw(), rows.len() as i32, cols.len() as i32);
         // SAFETY: a live matrix that is borrowed alone; indices in range or negative, which PETSc drops; a value for each
         // pair. PETSc touches this matrix only.
-        check(unsafe {
-            ffi::MatSetValues(raw, rows_len, rows.as_ptr(), cols_len, cols.as_ptr(), block.as_ptr(), mode)
-        })
+        check(unsafe { ffi::MatSetValues(raw, rows_len, rows.as_ptr(), cols_len, cols.as_ptr(), block.as_ptr(), mode) })
+    }
+
+    /// Refuses what is not in the pattern, on all ranks alike; in debug builds, PETSc drops it in others.
+    fn check_pattern(&self, rows: &[i32], cols: &[i32]) -> Result<(), PetscError> {
+        let pattern = &self.layout.pattern;
+        let mut pairs = rows.iter().flat_map(|&row| cols.iter().map(move |&column| (row, column)));
+        let is_outside = |&(row, column): &(i32, i32)| {
+            row >= 0 && column >= 0 && pattern.find(row as usize, column as usize).is_none()
+        };
+        let Some((row, column)) = pairs.find(is_outside) else { return Ok(()) };
+        let text = format!("({row}, {column}) is not in the pattern");
+        Err(PetscError::found(ffi::ERR_ARG_OUTOFRANGE, "MatSetValues", text))
     }
 
     /// Adding and setting do not mix: an assembly stands between.

@@ -67,11 +67,7 @@ impl Matrix {
     }
 
     /// The values that PETSc finds, in a pattern that depends on patterns alone.
-    fn in_pattern(
-        &self,
-        pattern: Sparsity,
-        make: impl FnOnce(*mut ffi::Mat) -> ffi::Code,
-    ) -> Result<Self, PetscError> {
+    fn in_pattern(&self, pattern: Sparsity, make: impl FnOnce(*mut ffi::Mat) -> ffi::Code) -> Result<Self, PetscError> {
         let mut result = Self::zeros(&self.context, &Arc::new(pattern))?;
         if result.pattern().entries() > 0 {
             let made = Handle::new(self.context.session(), make)?;

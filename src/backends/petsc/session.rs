@@ -23,7 +23,7 @@ use super::ffi;
 /// ranks all ranks must make these calls in the same order, which only one thread a rank can promise. Whoever initialises
 /// MPI himself and lets several threads use PETSc asks MPI for [`Threading::Serialized`] at least.
 #[derive(Clone, Debug)]
-pub struct Session(Arc<Running>);
+pub struct Session(#[allow(dead_code, reason = "held until the last is dropped")] Arc<Running>);
 
 /// Why there is no session.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]

@@ -95,6 +95,10 @@ impl Solver {
         if row != usize::MAX {
             return Err(SolveError::NotFinite { row });
         }
+        // Which no package takes.
+        if expected.entries() == 0 && expected.rows() > 0 {
+            return Err(SolveError::Singular { unknown: 0, ratio: 0.0, limit: self.limit });
+        }
         self.a.copy_values(a).map_err(SolveError::Fault)
     }
 
@@ -152,14 +156,14 @@ impl Solver {
     fn factor_by(&mut self, kind: Factorisation, indefinite_at: Option<usize>) -> Result<FactorReport, Fault> {
         let (kind, found) = self.attempt(kind)?;
         if found.failure.is_some() {
-            return Err(self.singular(kind, found.ratio));
+            return Err(self.singular(kind, &found));
         }
         self.served = Some(kind);
         let negative_pivots = found.negative;
         Ok(FactorReport { kind, indefinite_at, pivot_ratio: found.ratio, negative_pivots })
     }
 
-    fn singular(&mut self, kind: Factorisation, ratio: f64) -> Fault {
+    fn singular(&mut self, kind: Factorisation, found: &Found) -> Fault {
         let Self { a, cholesky, ldlt, lu, diagonal, limit, .. } = self;
         let factor = match kind {
             Factorisation::Cholesky => cholesky,
@@ -167,12 +171,12 @@ impl Solver {
             _ => lu,
         };
         let limit = *limit;
-        let unknown = match factor.take().map(|factor| factor.loose_unknown(a, diagonal)) {
+        let unknown = match factor.take().map(|factor| factor.loose_unknown(a, found, diagonal)) {
             Some(Err(fault)) => return SolveError::Fault(fault),
             Some(Ok(Some(unknown))) => unknown,
             _ => 0,
         };
-        SolveError::Singular { unknown, ratio: if ratio < limit { ratio } else { 0.0 }, limit }
+        SolveError::Singular { unknown, ratio: if found.ratio < limit { found.ratio } else { 0.0 }, limit }
     }
 
     /// Cholesky, or `None` where the matrix is not positive definite.
@@ -180,7 +184,7 @@ impl Solver {
         let (kind, found) = self.attempt(Factorisation::Cholesky)?;
         let is_definite = found.failure.is_none() && found.negative.is_none_or(|negative| negative == 0);
         if !is_definite {
-            if found.failure.is_some() {
+            if found.spent {
                 self.cholesky = None;
             }
             return Ok(None);
