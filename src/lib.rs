@@ -28,6 +28,9 @@
 //! |---|---|---|
 //! | `sparse` (default) | compressed rows, direct solvers | nothing |
 //! | `dense` (default) | dense matrices | nothing |
+//! | `petsc` (implies `mpi`) | vectors, matrices and solvers of PETSc, on several processes | PETSc 3.18 or later with its headers, MPI, libclang |
+//! | `mpi` | ranks as MPI processes | MPI, libclang |
+//! | `cuda` | nothing yet: a name that is kept | nothing |
 //! | `metis` | orders of elimination by METIS, tried beside those of the crate itself | a C compiler |
 //! | `generate` | fiber networks made on the spot, Delaunay and Voronoi, isotropic and aligned | nothing |
 //! | `app` (default, implies `generate`) | cases, results, pictures, the program `biotissue` | nothing |

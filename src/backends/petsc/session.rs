@@ -106,6 +106,18 @@ impl Session {
     pub fn version() -> &'static str {
         env!("BIOTISSUE_PETSC_VERSION")
     }
+
+    /// The packages that this PETSc was built with, as far as solvers depend on them.
+    #[must_use]
+    pub fn packages() -> Vec<&'static str> {
+        let known = [
+            ("mumps", cfg!(petsc_has = "mumps")),
+            ("superlu_dist", cfg!(petsc_has = "superlu_dist")),
+            ("hypre", cfg!(petsc_has = "hypre")),
+            ("suitesparse", cfg!(petsc_has = "suitesparse")),
+        ];
+        known.into_iter().filter_map(|(name, has)| has.then_some(name)).collect()
+    }
 }
 
 fn start() -> Result<(), PetscError> {

@@ -67,12 +67,12 @@ struct NetworkText {
 impl Job for CheckJob {
     type Output = PlanText;
 
-    fn run<B>(self) -> Result<PlanText, Failure>
+    fn run<B>(self, context: B::Context) -> Result<PlanText, Failure>
     where
-        B: Backend<Scalar = f64, Context = ()>,
+        B: Backend<Scalar = f64, Context: Clone>,
         B::Reduced: Scalar,
     {
-        let setup = setup::<B>(self.case)?;
+        let setup = setup::<B>(context, self.case)?;
         let Plan { elements, nodes, unknowns, rves, networks, rve_bytes, body_bytes, steps, threads } = setup.plan();
         let networks = networks.into_iter().map(|n| NetworkText { name: n.name, unknowns: n.unknowns, rves: n.rves });
         Ok(PlanText {

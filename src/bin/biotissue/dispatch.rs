@@ -10,10 +10,10 @@ pub trait Job {
     /// What it gives.
     type Output;
 
-    /// Does it on backend `B`.
-    fn run<B>(self) -> Result<Self::Output, Failure>
+    /// Does it on backend `B`, in that context.
+    fn run<B>(self, context: B::Context) -> Result<Self::Output, Failure>
     where
-        B: Backend<Scalar = f64, Context = ()>,
+        B: Backend<Scalar = f64, Context: Clone>,
         B::Reduced: Scalar;
 }
 
@@ -22,9 +22,11 @@ pub fn dispatch<J: Job>(backend: Option<&str>, job: J) -> Result<J::Output, Fail
     let name = backend.or(backends::compiled().first().copied()).unwrap_or("sparse");
     match name.parse::<BackendName>() {
         #[cfg(feature = "sparse")]
-        Ok(BackendName::Sparse) => job.run::<backends::sparse::Sparse>(),
+        Ok(BackendName::Sparse) => job.run::<backends::sparse::Sparse>(()),
         #[cfg(feature = "dense")]
-        Ok(BackendName::Dense) => job.run::<backends::dense::Dense>(),
+        Ok(BackendName::Dense) => job.run::<backends::dense::Dense>(()),
+        #[cfg(feature = "petsc")]
+        Ok(BackendName::Petsc) => job.run::<backends::petsc::Petsc>(one_process()?),
         // Names parse only where the backend is compiled in: this arm is for the error, whatever the features.
         outcome => {
             let error =
@@ -35,5 +37,19 @@ pub fn dispatch<J: Job>(backend: Option<&str>, job: J) -> Result<J::Output, Fail
                 "choose one of these, or leave --backend out for the first",
             ))
         }
+    }
+}
+
+/// PETSc in this process alone: under `mpirun` every rank would write the same results.
+#[cfg(feature = "petsc")]
+fn one_process() -> Result<backends::petsc::Context, Failure> {
+    let context = backends::petsc::Context::world().map_err(Failure::library)?;
+    match context.ranks() {
+        1 => Ok(context),
+        ranks => Err(Failure::arguments(
+            format!("--backend petsc: started as {ranks} ranks, each of which would do all of it"),
+            "one process",
+            "start the program without mpirun",
+        )),
     }
 }

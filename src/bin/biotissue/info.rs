@@ -25,7 +25,7 @@ struct Info {
 #[derive(Serialize)]
 struct BackendInfo {
     name: &'static str,
-    library: &'static str,
+    library: String,
 }
 
 /// Runs the command.
@@ -35,6 +35,8 @@ pub fn run(command: &InfoCommand) -> Result<(), Failure> {
         features: [
             ("sparse", cfg!(feature = "sparse")),
             ("dense", cfg!(feature = "dense")),
+            ("petsc", cfg!(feature = "petsc")),
+            ("mpi", cfg!(feature = "mpi")),
             ("generate", cfg!(feature = "generate")),
             ("app", cfg!(feature = "app")),
         ]
@@ -59,9 +61,14 @@ pub fn run(command: &InfoCommand) -> Result<(), Failure> {
 }
 
 /// What a backend is built on.
-fn library(backend: &str) -> &'static str {
+fn library(backend: &str) -> String {
     match backend {
-        "sparse" | "dense" => "faer 0.24, compiled in",
-        _ => "its own",
+        "sparse" | "dense" => "faer 0.24, compiled in".to_owned(),
+        #[cfg(feature = "petsc")]
+        "petsc" => {
+            let packages = biotissue::backends::petsc::Session::packages();
+            format!("PETSc {} with {}", biotissue::backends::petsc::Session::version(), packages.join(", "))
+        }
+        _ => "its own".to_owned(),
     }
 }

@@ -140,12 +140,12 @@ struct Summary {
 impl Job for RunJob<'_> {
     type Output = Summary;
 
-    fn run<B>(self) -> Result<Summary, Failure>
+    fn run<B>(self, context: B::Context) -> Result<Summary, Failure>
     where
-        B: Backend<Scalar = f64, Context = ()>,
+        B: Backend<Scalar = f64, Context: Clone>,
         B::Reduced: Scalar,
     {
-        let mut simulation = simulation::<B>(self.case)?;
+        let mut simulation = simulation::<B>(context, self.case)?;
         if self.resume {
             let resumed = simulation.resume(self.dir).map_err(not_resumed)?;
             output::warn(&resumed.warnings);
@@ -221,25 +221,25 @@ fn cure_of_point<F: std::error::Error + 'static>(error: &TissueFieldError<F>) ->
 }
 
 /// Reads all that a case names; warnings of the readers of meshes and networks go to stderr.
-pub fn setup<B>(case: Case) -> Result<Setup<B>, Failure>
+pub fn setup<B>(context: B::Context, case: Case) -> Result<Setup<B>, Failure>
 where
-    B: Backend<Scalar = f64, Context = ()>,
+    B: Backend<Scalar = f64, Context: Clone>,
     B::Reduced: Scalar,
 {
     let file = case.file.clone();
-    let setup = Setup::<B>::new((), case).map_err(|error| not_set_up(&file, error))?;
+    let setup = Setup::<B>::new(context, case).map_err(|error| not_set_up(&file, error))?;
     output::warn(setup.warnings());
     Ok(setup)
 }
 
 /// Sets a case up, ready to run.
-fn simulation<B>(case: Case) -> Result<Simulation<B>, Failure>
+fn simulation<B>(context: B::Context, case: Case) -> Result<Simulation<B>, Failure>
 where
-    B: Backend<Scalar = f64, Context = ()>,
+    B: Backend<Scalar = f64, Context: Clone>,
     B::Reduced: Scalar,
 {
     let file = case.file.clone();
-    setup::<B>(case)?.simulation().map_err(|error| not_set_up(&file, error))
+    setup::<B>(context, case)?.simulation().map_err(|error| not_set_up(&file, error))
 }
 
 fn not_resumed<F: std::error::Error + 'static>(error: ResumeError<F>) -> Failure {

@@ -97,12 +97,12 @@ struct Examine<'a> {
 impl Job for Examine<'_> {
     type Output = Rigidity;
 
-    fn run<B>(self) -> Result<Rigidity, Failure>
+    fn run<B>(self, context: B::Context) -> Result<Rigidity, Failure>
     where
-        B: Backend<Scalar = f64, Context = ()>,
+        B: Backend<Scalar = f64, Context: Clone>,
         B::Reduced: Scalar,
     {
-        rigidity::<B>(&(), self.network).map_err(|error| not_counted(self.network.name(), &error))
+        rigidity::<B>(&context, self.network).map_err(|error| not_counted(self.network.name(), &error))
     }
 }
 

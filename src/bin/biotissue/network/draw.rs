@@ -161,20 +161,20 @@ struct Deform<'a> {
 impl Job for Deform<'_> {
     type Output = State;
 
-    fn run<B>(self) -> Result<State, Failure>
+    fn run<B>(self, context: B::Context) -> Result<State, Failure>
     where
-        B: Backend<Scalar = f64, Context = ()>,
+        B: Backend<Scalar = f64, Context: Clone>,
         B::Reduced: Scalar,
     {
         let Self { path, network, gradient, material, steps } = self;
-        let model = RveModel::<B>::new(&(), Arc::clone(network), material, StressScale::Raw).map_err(|error| {
+        let model = RveModel::<B>::new(&context, Arc::clone(network), material, StressScale::Raw).map_err(|error| {
             Failure::arguments(
                 format!("{}: {error}", path.display()),
                 "a network whose fibers have a law, a radius and a modulus",
                 "give --law with its parameters, or put a .params file beside the network",
             )
         })?;
-        let mut workspace = Workspace::new(&(), &model).map_err(Failure::library)?;
+        let mut workspace = Workspace::new(&context, &model).map_err(Failure::library)?;
         let mut rve = Rve::at_rest(network);
         for step in 1..=steps {
             let part = step as f64 / steps as f64;

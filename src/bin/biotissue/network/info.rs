@@ -51,11 +51,11 @@ struct Count<'a> {
 impl Job for Count<'_> {
     type Output = usize;
 
-    fn run<B>(self) -> Result<usize, Failure>
+    fn run<B>(self, context: B::Context) -> Result<usize, Failure>
     where
-        B: Backend<Scalar = f64, Context = ()>,
+        B: Backend<Scalar = f64, Context: Clone>,
         B::Reduced: Scalar,
     {
-        zero_modes::<B>(&(), self.network).map_err(|error| not_counted(self.network.name(), &error))
+        zero_modes::<B>(&context, self.network).map_err(|error| not_counted(self.network.name(), &error))
     }
 }

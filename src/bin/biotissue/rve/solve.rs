@@ -41,15 +41,15 @@ pub struct RveJob {
 impl Job for RveJob {
     type Output = (Answer, Option<Failure>);
 
-    fn run<B>(self) -> Result<Self::Output, Failure>
+    fn run<B>(self, context: B::Context) -> Result<Self::Output, Failure>
     where
-        B: Backend<Scalar = f64, Context = ()>,
+        B: Backend<Scalar = f64, Context: Clone>,
         B::Reduced: Scalar,
     {
         let start = Instant::now();
-        let model = RveModel::<B>::new(&(), Arc::clone(&self.network), self.material.clone(), self.scale)
+        let model = RveModel::<B>::new(&context, Arc::clone(&self.network), self.material.clone(), self.scale)
             .map_err(|error| self.unusable(&error))?;
-        let mut workspace = Workspace::new(&(), &model).map_err(Failure::library)?;
+        let mut workspace = Workspace::new(&context, &model).map_err(Failure::library)?;
         let mut seconds = Seconds { analyze: start.elapsed().as_secs_f64(), ..Seconds::default() };
 
         let start = Instant::now();
