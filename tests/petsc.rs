@@ -9,7 +9,7 @@ use std::process::{Command, ExitCode};
 use std::sync::Arc;
 use std::time::Instant;
 
-use biotissue::backends::petsc::{Context, Petsc, Session, SessionError};
+use biotissue::backends::petsc::{Context, MatrixType, Petsc, Session, SessionError};
 use biotissue::las::{
     Backend, Entries, FactorReport, Factorisation, Iterative, Krylov, MatMat, MatVec, MatrixOps, Preconditioner,
     SolveError, Solver, SolverParams, Sparsity, Symmetry, VectorOps, conformance,
@@ -22,13 +22,14 @@ const LAUNCHED: &str = "BIOTISSUE_PETSC_TEST";
 
 type Check = (&'static str, fn(&Context));
 
-const CHECKS: [Check; 12] = [
+const CHECKS: [Check; 13] = [
     ("vectors", conformance::vectors::<Petsc>),
     ("matrices", conformance::matrices::<Petsc>),
     ("products", conformance::products::<Petsc>),
     ("algebra", conformance::algebra::<Petsc>),
     ("solvers", conformance::solvers::<Petsc>),
     ("conformance_in_blocks_of_two", conformance_in_blocks_of_two),
+    ("blocks", blocks),
     ("verbs_that_mix", verbs_that_mix),
     ("iterative_methods", iterative_methods),
     ("options", options),
@@ -132,6 +133,59 @@ fn conformance_in_blocks_of_two(context: &Context) {
     conformance::matrices::<Petsc>(&context);
     conformance::products::<Petsc>(&context);
     conformance::algebra::<Petsc>(&context);
+}
+
+/// The pattern of a truss is one of 3x3 blocks: BAIJ holds what AIJ holds, and both give the same.
+fn blocks(context: &Context) {
+    let baij = context.clone().with_matrix_type(MatrixType::Baij);
+    conformance::matrices::<Petsc>(&baij);
+    for (seed, nodes) in (1..).zip([1, 3, 8, 20]) {
+        let mut random = conformance::Random::new(seed);
+        let pattern = random.truss(nodes, 2);
+        let n = pattern.rows();
+        let [mut a, mut b] = [context, &baij].map(|context| Petsc::matrix(context, &pattern).unwrap());
+        assert_eq!((a.matrix_type(), b.matrix_type()), (MatrixType::Aij, MatrixType::Baij));
+        let mut slots = [Vec::new(), Vec::new()];
+        let oracle = conformance::Oracle::dominant(&mut random, &pattern, |_| 1.0);
+        for row in 0..n as i32 {
+            let cols: Vec<i32> = pattern.row(row as usize).iter().map(|&c| c as i32).chain([-1]).collect();
+            let of_row = |&c: &i32| if c < 0 { 9.0 } else { oracle.values[row as usize * n + c as usize] };
+            let values: Vec<f64> = cols.iter().map(of_row).collect();
+            for (matrix, slots) in [&mut a, &mut b].into_iter().zip(&mut slots) {
+                matrix.add(&[row], &cols, &values).unwrap();
+                matrix.zero_rows(&[row]).unwrap();
+                matrix.set(&[row], &cols, &values).unwrap();
+                slots.clear();
+                matrix.locate(&[row], &cols, slots).unwrap();
+                matrix.add_at(slots, &values).unwrap();
+                matrix.finish().unwrap();
+            }
+        }
+        same(&a, &b);
+        same(&a.product(&a).unwrap(), &b.product(&b).unwrap());
+        same(&a.transpose().unwrap(), &b.transpose().unwrap());
+        same(&a.sum(2.0, &a, 1.0).unwrap(), &b.sum(2.0, &b, 1.0).unwrap());
+        assert_eq!(b.product(&b).unwrap().matrix_type(), MatrixType::Baij);
+        a.scale(0.5).unwrap();
+        b.scale(0.5).unwrap();
+        let (x, mut y) = (ones(context, n), [ones(context, n), ones(context, n)]);
+        a.mul(&x, &mut y[0]).unwrap();
+        b.mul(&x, &mut y[1]).unwrap();
+        assert!(y[0].as_slice().iter().zip(y[1].as_slice()).all(|(a, b)| (a - b).abs() < 1e-12));
+        let symbolic = Petsc::analyze(&baij, &pattern, &SolverParams::default()).unwrap();
+        let mut solver = Petsc::solver(&symbolic).unwrap();
+        assert_eq!(solver.factor(&b).unwrap().kind, Factorisation::Cholesky);
+        solver.solve(&x, &mut y[0]).unwrap();
+        assert!(residual(&a, &x, &y[0]) < 1e-13);
+    }
+}
+
+fn same(a: &<Petsc as Backend>::Matrix, b: &<Petsc as Backend>::Matrix) {
+    let mut entries = [Vec::new(), Vec::new()];
+    for (matrix, entries) in [a, b].into_iter().zip(&mut entries) {
+        matrix.for_each(|row, column, value| entries.push((row, column, value))).unwrap();
+    }
+    assert_eq!(entries[0], entries[1]);
 }
 
 /// Adding, setting and reading in turn, with and without `finish` between.

@@ -36,6 +36,8 @@ pub type ErrorHandler =
     extern "C" fn(MPI_Comm, c_int, *const c_char, *const c_char, Code, c_int, *const c_char, *mut c_void) -> Code;
 /// `PetscErrorType`: the place where the error was found, not one that it went through.
 pub const ERROR_INITIAL: c_int = 0;
+/// Lends the values of a sequential matrix, or takes them back.
+pub type Array = unsafe extern "C" fn(Mat, *mut *mut f64) -> Code;
 /// `PETSC_ERR_ARG_OUTOFRANGE`.
 pub const ERR_ARG_OUTOFRANGE: Code = 63;
 /// `PETSC_ERR_ARG_SIZ`.
@@ -104,6 +106,23 @@ unsafe extern "C" {
         columns: *const c_int,
         values: *const f64,
     ) -> Code;
+    pub fn MatSeqBAIJSetPreallocationCSR(
+        mat: Mat,
+        size: c_int,
+        row_start: *const c_int,
+        columns: *const c_int,
+        values: *const f64,
+    ) -> Code;
+    pub fn MatMPIBAIJSetPreallocationCSR(
+        mat: Mat,
+        size: c_int,
+        row_start: *const c_int,
+        columns: *const c_int,
+        values: *const f64,
+    ) -> Code;
+    pub fn MatMPIBAIJGetSeqBAIJ(mat: Mat, diagonal: *mut Mat, off: *mut Mat, columns: *mut *const c_int) -> Code;
+    pub fn MatSeqBAIJGetArray(mat: Mat, values: *mut *mut f64) -> Code;
+    pub fn MatSeqBAIJRestoreArray(mat: Mat, values: *mut *mut f64) -> Code;
     pub fn MatMPIAIJGetSeqAIJ(mat: Mat, diagonal: *mut Mat, off: *mut Mat, columns: *mut *const c_int) -> Code;
     pub fn MatSeqAIJGetArray(mat: Mat, values: *mut *mut f64) -> Code;
     pub fn MatSeqAIJRestoreArray(mat: Mat, values: *mut *mut f64) -> Code;

@@ -1,8 +1,9 @@
-//! Where the entries of a pattern lie in the arrays of an AIJ matrix.
+//! Where the entries of a pattern lie in the arrays of an AIJ or BAIJ matrix.
 //!
 //! On one rank they lie in one array, in the order of the pattern. On several, each rank holds its own rows in two: the
 //! entries whose columns it owns (the diagonal part), and the others (the off-diagonal part), row after row, columns
-//! ascending in both. Here the two count as one, the off-diagonal part behind the diagonal one.
+//! ascending in both. Here the two count as one, the off-diagonal part behind the diagonal one. BAIJ does the same with blocks,
+//! and stores each of them column after column.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -20,6 +21,8 @@ pub(super) struct Layout {
     pub(super) cols: Range<usize>,
     /// Entries of the diagonal part.
     pub(super) diagonal: usize,
+    /// The size of stored blocks; 1 for AIJ.
+    pub(super) block: usize,
     /// Of each own row where its diagonal part starts, and how many entries stand left of that; none on one rank.
     splits: Vec<Split>,
 }
@@ -40,6 +43,9 @@ pub(super) struct Row<'a> {
     rest: usize,
     left: usize,
     inside: usize,
+    /// The size of blocks, and which row of its blocks this one is.
+    block: u32,
+    within: u32,
 }
 
 impl Row<'_> {
@@ -47,12 +53,22 @@ impl Row<'_> {
     #[inline(always)]
     pub(super) fn at(&self, position: usize) -> usize {
         if position < self.left {
-            self.rest + position
+            self.rest + self.step(position)
         } else if position < self.left + self.inside {
-            self.start + position - self.left
+            self.start + self.step(position - self.left)
         } else {
-            self.rest + position - self.inside
+            self.rest + self.step(position - self.inside)
         }
+    }
+
+    /// How far the entry at a position of a part lies behind the start of the row (of the row of blocks, for BAIJ).
+    #[inline(always)]
+    fn step(&self, position: usize) -> usize {
+        if self.block == 1 {
+            return position;
+        }
+        let (block, position) = (self.block, position as u32);
+        (position / block * block * block + position % block * block + self.within) as usize
     }
 
     /// Where the entry of a column lies. A negative one is larger than any column as a `u32`, and so not found.
@@ -65,8 +81,14 @@ impl Row<'_> {
 impl Layout {
     pub(super) fn new(context: &Context, pattern: &Arc<Sparsity>) -> Self {
         let (rows, cols) = (context.own(pattern.rows()), context.own(pattern.cols()));
-        let mut layout =
-            Self { pattern: Arc::clone(pattern), rows, cols, diagonal: pattern.entries(), splits: Vec::new() };
+        let mut layout = Self {
+            pattern: Arc::clone(pattern),
+            rows,
+            cols,
+            diagonal: pattern.entries(),
+            block: 1,
+            splits: Vec::new(),
+        };
         if !context.is_alone() {
             layout.split();
         }
@@ -103,22 +125,43 @@ impl Layout {
         let starts = self.pattern.row_start();
         let (begin, end) = (starts[row] as usize, starts[row + 1] as usize);
         let columns = &self.pattern.columns()[begin..end];
-        Some(match self.splits.get(own) {
-            None => Row { columns, start: begin, rest: 0, left: 0, inside: columns.len() },
-            Some(&Split { start, left, len }) => {
-                let (start, left, inside) = (start as usize, left as usize, len as usize);
-                let before = begin - starts[self.rows.start] as usize - start;
-                Row { columns, start, rest: self.diagonal + before, left, inside }
-            }
-        })
+        let first = starts[self.rows.start] as usize;
+        let split = match self.splits.get(own) {
+            None => Split { start: begin as u32, left: 0, len: columns.len() as u32 },
+            Some(split) => *split,
+        };
+        let (start, left, inside) = (split.start as usize, split.left as usize, split.len as usize);
+        let mut found = Row { columns, start, rest: 0, left, inside, block: 1, within: 0 };
+        found.rest = self.diagonal + (begin - first - start);
+        if self.block > 1 {
+            // All rows of a block have the same columns: from this one back to the first of them.
+            let within = own % self.block;
+            (found.block, found.within) = (self.block as u32, within as u32);
+            found.start -= within * inside;
+            found.rest -= within * (columns.len() - inside);
+        }
+        Some(found)
     }
 
-    /// The compressed rows of this rank, as PETSc takes them.
+    /// The compressed rows of this rank, or rows of blocks, as PETSc takes them.
     pub(super) fn compressed(&self) -> (Vec<i32>, Vec<i32>) {
+        if self.block > 1 {
+            return self.compressed_blocks();
+        }
         let starts = &self.pattern.row_start()[self.rows.start..=self.rows.end];
         let (first, last) = (starts[0], starts[starts.len() - 1]);
         let columns = &self.pattern.columns()[first as usize..last as usize];
         (starts.iter().map(|&start| (start - first) as i32).collect(), columns.iter().map(|&c| c as i32).collect())
+    }
+
+    fn compressed_blocks(&self) -> (Vec<i32>, Vec<i32>) {
+        let (mut starts, mut blocks) = (vec![0], Vec::new());
+        for row in self.rows.clone().step_by(self.block) {
+            let first = self.pattern.row(row).iter().step_by(self.block);
+            blocks.extend(first.map(|&column| (column as usize / self.block) as i32));
+            starts.push(blocks.len() as i32);
+        }
+        (starts, blocks)
     }
 
     /// Whether the pattern consists of full blocks of `size` by `size`, and so does the part of every rank.

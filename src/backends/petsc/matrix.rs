@@ -1,10 +1,10 @@
-//! The matrix: AIJ, each rank with the rows that it owns.
+//! The matrix: AIJ or BAIJ, each rank with the rows that it owns.
 
 use std::cell::OnceCell;
 use std::ffi::CStr;
 use std::sync::Arc;
 
-use super::context::Context;
+use super::context::{Context, MatrixType};
 use super::error::PetscError;
 use super::ffi;
 use super::handle::Handle;
@@ -13,8 +13,8 @@ use super::session::call;
 use super::vector::count;
 use crate::las::Sparsity;
 
-/// A matrix of PETSc's type AIJ over a fixed pattern: on one rank `seqaij`; on several `mpiaij`, of which each rank holds
-/// the rows that it owns and drops what it is given for others.
+/// A matrix of PETSc's type AIJ or BAIJ over a fixed pattern. On several ranks each holds the rows that it owns and drops what
+/// it is given for others.
 #[derive(Debug)]
 pub struct Matrix {
     pub(super) layout: Layout,
@@ -31,6 +31,7 @@ pub struct Matrix {
 pub(super) struct Values {
     diagonal: Array,
     off: Array,
+    blocked: bool,
 }
 
 #[derive(Debug)]
@@ -48,30 +49,57 @@ unsafe impl Send for Values {}
 pub(super) type Part = Handle<ffi::_p_Vec>;
 
 const AIJ: &CStr = c"aij";
+const BAIJ: &CStr = c"baij";
 
 impl Matrix {
+    /// Of the type that the context asks for and the pattern allows.
     pub(super) fn zeros(context: &Context, pattern: &Arc<Sparsity>) -> Result<Self, PetscError> {
+        let mut layout = Layout::new(context, pattern);
+        let blocks = if layout.has_blocks(context.block()) { context.block() } else { 1 };
+        if context.matrix_type() == MatrixType::Baij {
+            layout.block = blocks;
+        }
+        Self::of_layout(context, layout, blocks)
+    }
+
+    /// Of type AIJ.
+    pub(super) fn zeros_aij(context: &Context, pattern: &Arc<Sparsity>) -> Result<Self, PetscError> {
         let layout = Layout::new(context, pattern);
+        let blocks = if layout.has_blocks(context.block()) { context.block() } else { 1 };
+        Self::of_layout(context, layout, blocks)
+    }
+
+    fn of_layout(context: &Context, layout: Layout, blocks: usize) -> Result<Self, PetscError> {
         let comm = context.comm();
         // SAFETY: PETSc is initialised and the communicator live.
         let handle = Handle::new(context.session(), |out| unsafe { ffi::MatCreate(comm, out) })?;
-        let raw = handle.raw();
-        let [own_rows, own_cols] = [layout.rows.len(), layout.cols.len()].map(|own| own as i32);
+        let (raw, kind) = (handle.raw(), if layout.block > 1 { BAIJ } else { AIJ });
+        let [own_rows, own_cols, size] = [layout.rows.len(), layout.cols.len(), blocks].map(|size| size as i32);
         let (rows, cols) = (count(layout.pattern.rows())?, count(layout.pattern.cols())?);
         let (starts, columns) = layout.compressed();
-        let blocks = if layout.has_blocks(context.block()) { context.block() as i32 } else { 1 };
-        // Of the two, the one that is not of the matrix's type does nothing.
         // SAFETY: a live matrix; arrays of the sizes that a checked pattern has, which PETSc copies.
         call(|| unsafe { ffi::MatSetSizes(raw, own_rows, own_cols, rows, cols) })?;
-        call(|| unsafe { ffi::MatSetType(raw, AIJ.as_ptr()) })?;
-        call(|| unsafe { ffi::MatSetBlockSize(raw, blocks) })?;
+        call(|| unsafe { ffi::MatSetType(raw, kind.as_ptr()) })?;
+        call(|| unsafe { ffi::MatSetBlockSize(raw, size) })?;
         let (starts, columns, zeros) = (starts.as_ptr(), columns.as_ptr(), std::ptr::null());
-        call(|| unsafe { ffi::MatSeqAIJSetPreallocationCSR(raw, starts, columns, zeros) })?;
-        call(|| unsafe { ffi::MatMPIAIJSetPreallocationCSR(raw, starts, columns, zeros) })?;
+        // Those that are not of the matrix's type do nothing.
+        if layout.block > 1 {
+            call(|| unsafe { ffi::MatSeqBAIJSetPreallocationCSR(raw, size, starts, columns, zeros) })?;
+            call(|| unsafe { ffi::MatMPIBAIJSetPreallocationCSR(raw, size, starts, columns, zeros) })?;
+        } else {
+            call(|| unsafe { ffi::MatSeqAIJSetPreallocationCSR(raw, starts, columns, zeros) })?;
+            call(|| unsafe { ffi::MatMPIAIJSetPreallocationCSR(raw, starts, columns, zeros) })?;
+        }
         call(|| unsafe { ffi::MatSetOption(raw, ffi::MAT_IGNORE_OFF_PROC_ENTRIES, ffi::TRUE) })?;
         call(|| unsafe { ffi::MatSetOption(raw, ffi::MAT_NEW_NONZERO_LOCATIONS, ffi::FALSE) })?;
         let values = Values::of(raw, &layout, context)?;
         Ok(Self { layout, context: context.clone(), handle, values, pending: 0, parts: OnceCell::new() })
+    }
+
+    /// How it is stored.
+    #[must_use]
+    pub fn matrix_type(&self) -> MatrixType {
+        if self.layout.block > 1 { MatrixType::Baij } else { MatrixType::Aij }
     }
 
     /// Which entries it has.
@@ -79,6 +107,12 @@ impl Matrix {
     #[must_use]
     pub fn pattern(&self) -> &Arc<Sparsity> {
         &self.layout.pattern
+    }
+
+    /// The `Mat`, for calls that this crate does not make: live as long as this is. Its entries and its type must stay.
+    #[must_use]
+    pub fn as_ptr(&self) -> *mut std::ffi::c_void {
+        self.raw().cast()
     }
 
     /// For PETSc.
@@ -97,12 +131,35 @@ impl Matrix {
         self.values.touch()
     }
 
-    /// Takes the values of a matrix of the same layout.
+    /// Takes the values of a matrix of the same pattern.
     pub(super) fn copy_values(&mut self, from: &Self) -> Result<(), PetscError> {
-        for (to, from) in self.values.slices_mut().into_iter().zip(from.values.slices()) {
-            to.copy_from_slice(from);
+        if self.layout.block == from.layout.block {
+            for (to, from) in self.values.slices_mut().into_iter().zip(from.values.slices()) {
+                to.copy_from_slice(from);
+            }
+        } else {
+            for row in self.layout.rows.clone() {
+                let (Some(to), Some(source)) = (self.layout.row(row as i32), from.layout.row(row as i32)) else {
+                    continue;
+                };
+                for position in 0..to.columns.len() {
+                    if let Some(value) = self.values.get_mut(to.at(position)) {
+                        *value = from.values.get(source.at(position));
+                    }
+                }
+            }
         }
         self.assemble(ffi::MAT_FINAL_ASSEMBLY)
+    }
+
+    /// The same of type AIJ; `None` where it is.
+    pub(super) fn to_aij(&self) -> Result<Option<Self>, PetscError> {
+        if self.layout.block == 1 {
+            return Ok(None);
+        }
+        let mut copy = Self::zeros_aij(&self.context, self.pattern())?;
+        copy.copy_values(self)?;
+        Ok(Some(copy))
     }
 
     /// Distributed vectors: one that the matrix multiplies, one that it gives.
@@ -137,29 +194,36 @@ impl Matrix {
 impl Values {
     fn of(raw: ffi::Mat, layout: &Layout, context: &Context) -> Result<Self, PetscError> {
         let (mut diagonal, mut off, mut columns) = (raw, std::ptr::null_mut(), std::ptr::null());
+        let (blocked, inside) = (layout.block > 1, layout.diagonal);
         if !context.is_alone() {
-            // SAFETY: a live matrix of type mpiaij; both blocks belong to it.
-            call(|| unsafe { ffi::MatMPIAIJGetSeqAIJ(raw, &raw mut diagonal, &raw mut off, &raw mut columns) })?;
+            let get = if blocked { ffi::MatMPIBAIJGetSeqBAIJ } else { ffi::MatMPIAIJGetSeqAIJ };
+            // SAFETY: a live matrix of type mpiaij or mpibaij; both blocks belong to it.
+            call(|| unsafe { get(raw, &raw mut diagonal, &raw mut off, &raw mut columns) })?;
         }
         let array = |block, len| Array { block, values: std::ptr::null_mut(), len };
-        let inside = layout.diagonal;
-        let mut values = Self { diagonal: array(diagonal, inside), off: array(off, layout.entries() - inside) };
+        let (diagonal, off) = (array(diagonal, inside), array(off, layout.entries() - inside));
+        let mut values = Self { diagonal, off, blocked };
         values.touch()?;
         Ok(values)
     }
 
     /// Tells PETSc that values may have changed, and finds the arrays.
     fn touch(&mut self) -> Result<(), PetscError> {
+        let (get, restore) = if self.blocked {
+            (ffi::MatSeqBAIJGetArray as ffi::Array, ffi::MatSeqBAIJRestoreArray as ffi::Array)
+        } else {
+            (ffi::MatSeqAIJGetArray as ffi::Array, ffi::MatSeqAIJRestoreArray as ffi::Array)
+        };
         for array in [&mut self.diagonal, &mut self.off] {
             let (block, mut values) = (array.block, std::ptr::null_mut());
             if block.is_null() {
                 continue;
             }
-            // SAFETY: a live matrix of type seqaij.
-            call(|| unsafe { ffi::MatSeqAIJGetArray(block, &raw mut values) })?;
+            // SAFETY: a live matrix of type seqaij or seqbaij.
+            call(|| unsafe { get(block, &raw mut values) })?;
             array.values = values;
             // SAFETY: lent just now. The array stays where it is: entries are never added.
-            call(|| unsafe { ffi::MatSeqAIJRestoreArray(block, &raw mut values) })?;
+            call(|| unsafe { restore(block, &raw mut values) })?;
         }
         Ok(())
     }

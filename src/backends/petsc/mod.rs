@@ -52,7 +52,7 @@ mod vector;
 
 use std::sync::Arc;
 
-pub use context::{Context, Distribution};
+pub use context::{Context, Distribution, MatrixType};
 pub use error::PetscError;
 pub use matrix::Matrix;
 pub use session::{Session, SessionError};

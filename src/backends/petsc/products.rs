@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::context::MatrixType;
 use super::error::PetscError;
 use super::handle::Handle;
 use super::matrix::Part;
@@ -66,14 +67,24 @@ impl Matrix {
         self.assemble(ffi::MAT_FINAL_ASSEMBLY)
     }
 
+    /// Of the type that the context asks for.
+    fn stored(self) -> Result<Self, PetscError> {
+        if self.context.matrix_type() == MatrixType::Aij {
+            return Ok(self);
+        }
+        let mut stored = Self::zeros(&self.context, self.pattern())?;
+        stored.copy_values(&self)?;
+        Ok(stored)
+    }
+
     /// The values that PETSc finds, in a pattern that depends on patterns alone.
     fn in_pattern(&self, pattern: Sparsity, make: impl FnOnce(*mut ffi::Mat) -> ffi::Code) -> Result<Self, PetscError> {
-        let mut result = Self::zeros(&self.context, &Arc::new(pattern))?;
+        let mut result = Self::zeros_aij(&self.context, &Arc::new(pattern))?;
         if result.pattern().entries() > 0 {
             let made = Handle::new(self.context.session(), make)?;
             result.add_scaled(1.0, made.raw())?;
         }
-        Ok(result)
+        result.stored()
     }
 }
 
@@ -123,13 +134,14 @@ impl MatMat<Petsc> for Matrix {
         check_size("the other matrix (columns)", other.shape().1, self.shape().1)?;
         let union = self.pattern().union(other.pattern()).map_err(SolveError::TooLarge)?;
         let sum = || {
-            let mut sum = Self::zeros(&self.context, &Arc::new(union))?;
+            let mut sum = Self::zeros_aij(&self.context, &Arc::new(union))?;
             for (matrix, factor) in [(self, a), (other, b)] {
                 if matrix.pattern().entries() > 0 {
-                    sum.add_scaled(factor, matrix.raw())?;
+                    let copy = matrix.to_aij()?;
+                    sum.add_scaled(factor, copy.as_ref().unwrap_or(matrix).raw())?;
                 }
             }
-            Ok(sum)
+            sum.stored()
         };
         sum().map_err(SolveError::Fault)
     }
@@ -137,14 +149,16 @@ impl MatMat<Petsc> for Matrix {
     fn product(&self, other: &Self) -> Result<Self, Failure> {
         check_size("the other matrix (rows)", other.shape().0, self.shape().1)?;
         let pattern = self.pattern().product(other.pattern()).map_err(SolveError::TooLarge)?;
-        let (a, b) = (self.raw(), other.raw());
+        let copies = (self.to_aij().map_err(SolveError::Fault)?, other.to_aij().map_err(SolveError::Fault)?);
+        let (a, b) = (copies.0.as_ref().unwrap_or(self).raw(), copies.1.as_ref().unwrap_or(other).raw());
         // SAFETY: live matrices whose shapes fit.
         let make = |out| unsafe { ffi::MatMatMult(a, b, ffi::MAT_INITIAL_MATRIX, ffi::DEFAULT_REAL, out) };
         self.in_pattern(pattern, make).map_err(SolveError::Fault)
     }
 
     fn transpose(&self) -> Result<Self, Failure> {
-        let a = self.raw();
+        let copy = self.to_aij().map_err(SolveError::Fault)?;
+        let a = copy.as_ref().unwrap_or(self).raw();
         // SAFETY: a live matrix.
         let make = |out| unsafe { ffi::MatTranspose(a, ffi::MAT_INITIAL_MATRIX, out) };
         self.in_pattern(self.pattern().transpose(), make).map_err(SolveError::Fault)

@@ -61,7 +61,7 @@ pub struct Solver {
 impl Solver {
     pub(super) fn new(symbolic: &Arc<Symbolic>) -> Result<Self, Fault> {
         let context = &symbolic.context;
-        let a = Matrix::zeros(context, &symbolic.pattern).map_err(SolveError::Fault)?;
+        let a = Matrix::zeros_aij(context, &symbolic.pattern).map_err(SolveError::Fault)?;
         let iterative = match symbolic.params.method {
             Method::Direct => None,
             Method::Iterative(method) => Some(ByIterations::new(&a, method)?),
