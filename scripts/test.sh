@@ -34,6 +34,11 @@ export PATH="$python/bin:$PATH" BIOTISSUE_REQUIRE_PYTHON=1
 say "format"
 cargo fmt --check
 
+# PETSc is checked where it is installed.
+petsc=no
+if pkg-config --exists PETSc 2>/dev/null && command -v mpirun >/dev/null; then petsc=yes; fi
+say "PETSc: $petsc"
+
 # Each line: the features of one set.
 sets=(
     "--features default"
@@ -43,7 +48,11 @@ sets=(
     "--no-default-features --features generate"
     "--no-default-features --features dense,app"
     "--features default,metis"
+    "--no-default-features --features cuda"
 )
+if [ "$petsc" = yes ]; then
+    sets+=("--no-default-features --features mpi" "--no-default-features --features petsc" "--features default,petsc")
+fi
 
 for features in "${sets[@]}"; do
     say "lints: $features"
@@ -67,6 +76,12 @@ done
 
 say "tests: orders of elimination by METIS"
 cargo test --quiet --features metis --lib sparse
+
+if [ "$petsc" = yes ]; then
+    say "tests: PETSc on 1, 2 and 4 ranks"
+    cargo test --quiet --features petsc --test petsc
+    cargo test --quiet --release --no-default-features --features petsc --test petsc
+fi
 
 say "tests: a law of a downstream crate"
 CARGO_TARGET_DIR="$PWD/target/custom-law" cargo test --quiet --manifest-path examples/custom-law/Cargo.toml

@@ -116,7 +116,7 @@ impl Context {
     }
 
     /// Writes an option into the options database: `set_option("ksp_type", "gmres")`; the prefix is put before the name. It
-    /// counts for solvers that are made from then on.
+    /// counts for solvers that factor for the first time from then on.
     ///
     /// # Errors
     /// What PETSc reports of such a name.

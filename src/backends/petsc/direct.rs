@@ -143,8 +143,10 @@ impl Factor {
         }
         let (factor, limit) = (self.matrix, self.limit);
         // 24: pivots that count as zero are found and counted. 13: the last front is not handed to ScaLAPACK, which does not
-        // count negative pivots. 14: room.
-        for (number, value) in [(24, 1), (13, 1), (14, room)] {
+        // count negative pivots. 14: room. 6 and 12: of symmetric matrices the order depends on the pattern alone, so that a
+        // solver gives the same whatever it has factored before.
+        let by_pattern = if self.kind == Factorisation::Lu { &[][..] } else { &[(6, 0), (12, 1)] };
+        for &(number, value) in [(24, 1), (13, 1), (14, room)].iter().chain(by_pattern) {
             // SAFETY: a live factor of MUMPS's.
             call(|| unsafe { ffi::MatMumpsSetIcntl(factor, number, value) })?;
         }
@@ -273,5 +275,10 @@ impl Factor {
 
     pub(super) fn solve(&self, a: &Matrix, b: &Vector, x: &mut Vector) -> Result<Ended, PetscError> {
         self.ksp.solve(a, b, x, false)
+    }
+
+    /// `A x_k = b_k`, all at once, where solving does not iterate.
+    pub(super) fn solve_together(&self, a: &Matrix, b: &[Vector], x: &mut [Vector]) -> Result<(), PetscError> {
+        self.ksp.solve_together(a, b, x)
     }
 }

@@ -66,6 +66,8 @@ pub const MAT_FACTOR_OUTMEMORY: c_int = 3;
 // KSPNormType, PCSide
 pub const KSP_NORM_UNPRECONDITIONED: c_int = 2;
 pub const PC_RIGHT: c_int = 1;
+/// `PETSC_DECIDE`.
+pub const DECIDE: c_int = -1;
 /// `PETSC_DEFAULT`.
 pub const DEFAULT_REAL: f64 = -2.0;
 
@@ -144,6 +146,15 @@ unsafe extern "C" {
     pub fn MatAXPY(y: Mat, a: f64, x: Mat, structure: c_int) -> Code;
     pub fn MatMatMult(a: Mat, b: Mat, reuse: c_int, fill: f64, out: *mut Mat) -> Code;
     pub fn MatTranspose(a: Mat, reuse: c_int, out: *mut Mat) -> Code;
+    pub fn MatCreateDense(
+        comm: MPI_Comm,
+        own_rows: c_int,
+        own_cols: c_int,
+        rows: c_int,
+        cols: c_int,
+        values: *mut f64,
+        out: *mut Mat,
+    ) -> Code;
     pub fn MatFactorGetError(factor: Mat, error: *mut c_int) -> Code;
     pub fn MatFactorGetErrorZeroPivot(factor: Mat, pivot: *mut f64, row: *mut c_int) -> Code;
     pub fn MatFactorGetSolverType(factor: Mat, package: *mut *const c_char) -> Code;
@@ -163,6 +174,7 @@ unsafe extern "C" {
     pub fn KSPGMRESSetRestart(ksp: Ksp, steps: c_int) -> Code;
     pub fn KSPSetUp(ksp: Ksp) -> Code;
     pub fn KSPSolve(ksp: Ksp, b: Vec, x: Vec) -> Code;
+    pub fn KSPMatSolve(ksp: Ksp, b: Mat, x: Mat) -> Code;
     pub fn KSPGetIterationNumber(ksp: Ksp, count: *mut c_int) -> Code;
     pub fn KSPGetConvergedReason(ksp: Ksp, reason: *mut c_int) -> Code;
     pub fn KSPGetType(ksp: Ksp, kind: *mut *const c_char) -> Code;

@@ -105,4 +105,38 @@ impl Ksp {
         call(|| unsafe { ffi::KSPGetConvergedReason(ksp, &raw mut reason) })?;
         Ok(Ended { iterations: iterations as usize, reason })
     }
+
+    /// `A x_k = b_k` for all of them at once, by a factorisation; whether it converged is not asked, since that solves or
+    /// reports an error.
+    pub(super) fn solve_together(&self, a: &Matrix, b: &[Vector], x: &mut [Vector]) -> Result<(), PetscError> {
+        let (own, rows, ksp) = (a.layout.rows.clone(), a.pattern().rows(), self.raw());
+        let mut columns = vec![0.0; own.len() * b.len()];
+        let mut solutions = columns.clone();
+        for (column, b) in columns.chunks_exact_mut(own.len().max(1)).zip(b) {
+            column.copy_from_slice(&b.as_slice()[own.clone()]);
+        }
+        let dense = |values: &mut Vec<f64>| {
+            let (comm, count, own) = (a.context.comm(), b.len() as i32, own.len() as i32);
+            let values = values.as_mut_ptr();
+            // SAFETY: a live communicator; as many values as this rank owns of the matrix, which outlive it.
+            let make = |out| unsafe { ffi::MatCreateDense(comm, own, ffi::DECIDE, rows as i32, count, values, out) };
+            let handle = Handle::new(a.context.session(), make)?;
+            let raw = handle.raw();
+            // SAFETY: a live matrix.
+            call(|| unsafe { ffi::MatAssemblyBegin(raw, ffi::MAT_FINAL_ASSEMBLY) })?;
+            // SAFETY: begun just now.
+            call(|| unsafe { ffi::MatAssemblyEnd(raw, ffi::MAT_FINAL_ASSEMBLY) })?;
+            Ok(handle)
+        };
+        let (right, left) = (dense(&mut columns)?, dense(&mut solutions)?);
+        let (b, to) = (right.raw(), left.raw());
+        // SAFETY: live objects of the sizes that were analysed; two matrices.
+        call(|| unsafe { ffi::KSPMatSolve(ksp, b, to) })?;
+        drop((right, left));
+        for (k, x) in x.iter_mut().enumerate() {
+            let column = &solutions[k * own.len()..(k + 1) * own.len()];
+            a.context.gather(column, rows, |row| row, x.as_mut_slice());
+        }
+        Ok(())
+    }
 }

@@ -244,28 +244,26 @@ impl Solver {
             return Ok(sum);
         }
         let Self { a, cholesky, ldlt, lu, iterative, .. } = self;
+        if let Some(iterative) = iterative {
+            for (b, x) in b.iter().zip(x) {
+                sum = sum.and(iterative.solve(a, b, x)?);
+            }
+            return Ok(sum);
+        }
+        let factor = [&*cholesky, &*ldlt, &*lu].into_iter().flatten().find(|factor| factor.kind == served);
+        let factor = factor.ok_or(SolveError::NotFactored)?;
+        if b.len() > 1 && !factor.iterates && served != Factorisation::Approximate {
+            factor.solve_together(a, b, x).map_err(SolveError::Fault)?;
+            return Ok(sum);
+        }
         for (b, x) in b.iter().zip(x) {
-            let report = if let Some(iterative) = iterative {
-                iterative.solve(a, b, x)?
-            } else {
-                solve_directly([&*cholesky, &*ldlt, &*lu], served, a, b, x)?
-            };
-            sum = sum.and(report);
+            sum = sum.and(solve_one(factor, a, b, x)?);
         }
         Ok(sum)
     }
 }
 
-fn solve_directly(
-    factors: [&Option<Factor>; 3],
-    served: Factorisation,
-    a: &Matrix,
-    b: &Vector,
-    x: &mut Vector,
-) -> Result<SolveReport, Fault> {
-    let Some(factor) = factors.into_iter().flatten().find(|factor| factor.kind == served) else {
-        return Err(SolveError::NotFactored);
-    };
+fn solve_one(factor: &Factor, a: &Matrix, b: &Vector, x: &mut Vector) -> Result<SolveReport, Fault> {
     let ended = factor.solve(a, b, x).map_err(SolveError::Fault)?;
     if ended.reason < 0 {
         return Err(SolveError::Library { library: "PETSc", reason: format!("KSPConvergedReason {}", ended.reason) });
@@ -294,9 +292,18 @@ impl crate::las::Solver<Petsc> for Solver {
             return self.prepare_iterations(method.preconditioner);
         }
         if self.symbolic.params.symmetry == Symmetry::Definite && self.symbolic.pattern.rows() > 0 {
-            return match self.factor_by_cholesky()? {
-                Some(report) => Ok(report),
-                None => Err(SolveError::Indefinite { unknown: self.smallest_diagonal()? }),
+            let report = self.factor_by_cholesky()?;
+            if let Some(report) = report.filter(|report| report.negative_pivots.is_some()) {
+                return Ok(report);
+            }
+            // A factorisation that does not count its negative pivots: more than the diagonal is not known.
+            let unknown = self.smallest_diagonal()?;
+            return match report {
+                Some(report) if self.diagonal.as_slice().get(unknown).is_some_and(|&entry| entry > 0.0) => Ok(report),
+                _ => {
+                    self.served = None;
+                    Err(SolveError::Indefinite { unknown })
+                }
             };
         }
         let report = self.factor_taken()?;
