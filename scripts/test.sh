@@ -42,7 +42,8 @@ sets=(
     "--no-default-features --features dense"
     "--no-default-features --features generate"
     "--no-default-features --features dense,app"
-    "--features default,metis"
+    "--no-default-features --features batched"
+    "--features default,metis,batched"
 )
 
 for features in "${sets[@]}"; do
@@ -65,8 +66,8 @@ for features in "--no-default-features --features sparse" "--no-default-features
     cargo test --quiet $features
 done
 
-say "tests: orders of elimination by METIS"
-cargo test --quiet --features metis --lib sparse
+say "tests: lanes, and orders of elimination by METIS"
+cargo test --quiet --features batched,metis --lib --test backends -- sparse batched
 
 say "tests: a law of a downstream crate"
 CARGO_TARGET_DIR="$PWD/target/custom-law" cargo test --quiet --manifest-path examples/custom-law/Cargo.toml

@@ -26,8 +26,9 @@
 //!
 //! | feature | brings | needs on the machine |
 //! |---|---|---|
-//! | `sparse` (default) | compressed rows, direct solvers | nothing |
+//! | `sparse` (default) | compressed rows; direct solvers, Krylov methods with ILUT | nothing |
 //! | `dense` (default) | dense matrices | nothing |
+//! | `batched` | many systems of one pattern at once, one in each lane; no solver yet | nothing |
 //! | `metis` | orders of elimination by METIS, tried beside those of the crate itself | a C compiler |
 //! | `generate` | fiber networks made on the spot, Delaunay and Voronoi, isotropic and aligned | nothing |
 //! | `app` (default, implies `generate`) | cases, results, pictures, the program `biotissue` | nothing |

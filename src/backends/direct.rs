@@ -5,6 +5,7 @@ use faer::linalg::cholesky::lblt::factor::LbltParams;
 use faer::traits::RealField;
 use faer::{Auto, Spec};
 
+use super::local::check_size;
 use crate::las::{FactorReport, Scalar, SolveError, SolverParams};
 
 /// How LDL^T pivots: unblocked, since the library's blocked variant keeps stale entries where a column cancels exactly.
@@ -118,11 +119,6 @@ pub(super) fn definite<F>(report: FactorReport) -> Result<FactorReport, SolveErr
         Some(0) => Ok(report),
         _ => Err(SolveError::Indefinite { unknown: report.indefinite_at.unwrap_or(0) }),
     }
-}
-
-/// Refuses an argument of another size than the pattern analysed.
-pub(super) fn check_size<F>(what: &'static str, found: usize, expected: usize) -> Result<(), SolveError<F>> {
-    if found == expected { Ok(()) } else { Err(SolveError::Size { what, found, expected }) }
 }
 
 /// Refuses right-hand sides and solutions that do not fit the system.

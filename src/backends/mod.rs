@@ -4,14 +4,19 @@
 //! |---|---|---|
 //! | `sparse` | `sparse` (default) | everything: compressed rows, direct solvers |
 //! | `dense` | `dense` (default) | systems of a few hundred unknowns at most, and comparisons |
+//! | `batched` | `batched` | many systems of one pattern at once, one a lane; assembles and multiplies, does not solve yet |
 
 #[cfg(any(feature = "sparse", feature = "dense"))]
 mod direct;
 #[cfg(any(feature = "sparse", feature = "dense"))]
 mod iterative;
-#[cfg(any(feature = "sparse", feature = "dense"))]
+#[cfg(any(feature = "sparse", feature = "dense", feature = "batched"))]
 mod local;
+#[cfg(any(feature = "sparse", feature = "batched"))]
+mod rows;
 
+#[cfg(feature = "batched")]
+pub mod batched;
 #[cfg(feature = "dense")]
 pub mod dense;
 #[cfg(feature = "sparse")]

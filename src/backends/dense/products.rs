@@ -8,8 +8,7 @@ use faer::traits::RealField;
 use faer::{Accum, MatMut, MatRef, Par};
 
 use super::{Dense, Matrix, Vector};
-use crate::backends::direct::check_size;
-use crate::backends::local;
+use crate::backends::local::{self, check_size};
 use crate::las::{Entries, MatMat, MatVec, Scalar, SolveError, Sparsity};
 
 impl<T: Scalar + RealField> MatVec<Dense<T>> for Matrix<T> {

@@ -13,9 +13,9 @@ use faer::traits::RealField;
 use faer::{Conj, MatMut, MatRef, Par, Spec};
 
 use super::{Dense, Matrix, Vector};
-use crate::backends::direct::{Pivots, Scratch, check_columns, check_size, definite, ldlt_params, singular_limit};
+use crate::backends::direct::{Pivots, Scratch, check_columns, definite, ldlt_params, singular_limit};
 use crate::backends::iterative::{IterativeSolver, Simple};
-use crate::backends::local;
+use crate::backends::local::{self, check_size};
 use crate::las::{
     Backend, FactorReport, Factorisation, Method, Preconditioner, Scalar, SolveError, SolveReport, SolverParams,
     Symmetry,

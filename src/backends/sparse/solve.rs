@@ -12,9 +12,9 @@ use super::cholesky::{Cholesky, Ldlt, solve_scratch};
 use super::inverse::Inverse;
 use super::lu::Lu;
 use super::{Matrix, Sparse, Symbolic, Vector};
-use crate::backends::direct::{Pivots, Scratch, check_columns, check_size, definite, singular_limit};
+use crate::backends::direct::{Pivots, Scratch, check_columns, definite, singular_limit};
 use crate::backends::iterative::IterativeSolver;
-use crate::backends::local;
+use crate::backends::local::{self, check_size};
 use crate::las::{FactorReport, Factorisation, Method, SolveError, SolveReport, Symmetry};
 
 /// Solver for matrices of one pattern.

@@ -8,7 +8,8 @@ fn entries(text: &str) -> Vec<(u32, u32, f64)> {
 
 #[test]
 fn every_kind_of_file_is_read() {
-    let cases: [(&str, &[(u32, u32, f64)]); 6] = [
+    type Read = &'static [(u32, u32, f64)];
+    let cases: [(&str, Read); 6] = [
         ("real general\n% a comment\n\n2 3 2\n1 3 -1.5e-3\n2 1 4\n", &[(0, 2, -1.5e-3), (1, 0, 4.0)]),
         ("integer symmetric\n2 2 2\n1 1 7\n2 1 3\n", &[(0, 0, 7.0), (1, 0, 3.0), (0, 1, 3.0)]),
         ("real skew-symmetric\n2 2 1\n2 1 3\n", &[(1, 0, 3.0), (0, 1, -3.0)]),
