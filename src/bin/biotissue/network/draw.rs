@@ -15,6 +15,7 @@ use clap::{Args, ValueEnum};
 use nalgebra::Matrix3;
 
 use super::read;
+use super::words::unsigned_zero;
 use crate::dispatch::{Job, dispatch};
 use crate::failure::Failure;
 use crate::increments::{Increments, check_steps, unusable};
@@ -87,6 +88,7 @@ pub fn run(arguments: &DrawArguments) -> Result<(), Failure> {
             dispatch(arguments.backend.as_deref(), job)?
         }
     };
+    output::make_folder_of(&arguments.output)?;
     match format {
         Format::Svg => {
             let svg = picture(arguments, &network, &state, gradient);
@@ -214,7 +216,7 @@ fn picture(arguments: &DrawArguments, network: &Network, state: &State, gradient
 /// The rows of a matrix in a line; only the diagonal where there is nothing beside it.
 fn in_words(f: &Matrix3<f64>) -> String {
     let number = |x: f64| {
-        let text = format!("{x:.4}");
+        let text = format!("{:.4}", unsigned_zero(x));
         text.trim_end_matches('0').trim_end_matches('.').to_owned()
     };
     if *f == Matrix3::from_diagonal(&f.diagonal()) {
