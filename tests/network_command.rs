@@ -38,10 +38,14 @@ fn generate_check_and_info_go_together() {
     let check: serde_json::Value = serde_json::from_slice(&check.stdout).unwrap();
     let short = check["removable"]["short_fibers"].as_u64().unwrap();
     assert!(short > 0);
+    let words = biotissue(folder.path(), "check net.txt --shorter-than 0.2 --clean -o clean.txt");
+    let fibers = check["cleaned"]["fibers"].as_u64().unwrap();
+    let after = text(&words.stdout).split("after cleaning\n").nth(1).unwrap();
+    assert!(after.contains(&format!("\n  fibers           {fibers} (")) && after.contains("  rigidity "), "{after}");
     let again = biotissue(folder.path(), "info clean.txt --json");
     let again: serde_json::Value = serde_json::from_slice(&again.stdout).unwrap();
     assert!(again["fibers"].as_u64().unwrap() <= info["fibers"].as_u64().unwrap() - short);
-    assert_eq!(again["laws"], info["laws"]);
+    assert_eq!((&again["laws"], &again["fibers"]), (&info["laws"], &check["cleaned"]["fibers"]));
     // A network written over another does not keep the other's laws.
     assert!(biotissue(folder.path(), "generate --nodes 300 -o net.txt").status.success());
     assert!(!folder.path().join("net.txt.params").exists());
