@@ -157,11 +157,9 @@ where
                 Factor::Exact => factor_shifted(model, workspace)?,
                 Factor::Shifted => return Err(SolveError::Inaccurate { residual: unbalanced }),
             };
-            if unbalanced.is_nan() || unbalanced >= before {
-                // What the last factor made worse is no start for the next.
-                carry_affinely(workspace);
-                force_rates(model, workspace);
-            }
+            // A factor that was too far off may have left large motions behind that (nearly) nothing resists.
+            carry_affinely(workspace);
+            force_rates(model, workspace);
             before = f64::INFINITY;
         }
         correct(model, workspace)?;
