@@ -138,9 +138,13 @@ impl Increments<'_> {
         if error.is_fault() {
             return Failure::library(error);
         }
+        let restricted = self.params.stages != EquilibriumParams::default().stages;
         let farther = match self.replayed {
-            true => "leave --stages out, so that every stage is tried".to_owned(),
-            false if self.params.stages != EquilibriumParams::default().stages => {
+            true if restricted => {
+                "leave --stages out, or try all of them: --stages newton,regularised,cuts,relaxation".to_owned()
+            }
+            true => "no stage reaches it: take smaller increments where it comes from".to_owned(),
+            false if restricted => {
                 format!("leave --stages out, or take more --steps (now {})", self.steps)
             }
             false => format!("take more --steps (now {}), or an F nearer to the undeformed state", self.steps),
