@@ -105,7 +105,9 @@
 //!
 //! `law` is `linear` (`youngs_modulus`, `radius`), `exponential` (also `nonlinearity`), `exponential-stretch` (also
 //! `transition`) or `table`; without it the files beside each network count, where fibers may be of several types.
-//! `matrix` is optional. A table has a CSV file, relative to the case file, or points, stretch and nominal stress in Pa,
+//! `matrix` is optional. `networks = []` beside a `matrix` leaves that alone at every point, asked through the micro
+//! scale, for comparison with the same formula as a material; `biotissue check` counts these points as RVEs, and warns. A
+//! table has a CSV file, relative to the case file, or points, stretch and nominal stress in Pa,
 //! with one at stretch 1 and stress 0:
 //!
 //! ```toml
