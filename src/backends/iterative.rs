@@ -77,6 +77,7 @@ where
     }
 
     /// What was made of the matrix.
+    #[cfg(feature = "sparse")]
     pub(super) fn inverse(&self) -> &M {
         &self.inverse
     }
