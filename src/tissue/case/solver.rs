@@ -43,11 +43,9 @@ pub(super) fn method(section: &mut Table<'_>) -> Method {
         ("none", Inverse::None),
     ];
     if !table.has("method") {
-        table.report(
-            "has no `method`",
-            "how to solve: \"direct\", \"cg\", \"bicgstab\" or \"gmres\"",
-            "add `method = ...`",
-        );
+        let expected = "how to solve: \"direct\", \"cg\", \"bicgstab\" or \"gmres\"";
+        table.report("has no `method`", expected, "add `method = ...`");
+        return Method::Direct;
     }
     let name = table.choice("method", &names).unwrap_or(Name::Direct);
     let method = if name == Name::Direct {
