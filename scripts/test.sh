@@ -47,8 +47,9 @@ sets=(
     "--no-default-features --features dense"
     "--no-default-features --features generate"
     "--no-default-features --features dense,app"
-    "--features default,metis"
+    "--no-default-features --features batched"
     "--no-default-features --features cuda"
+    "--features default,metis,batched"
 )
 if [ "$petsc" = yes ]; then
     sets+=("--no-default-features --features mpi" "--no-default-features --features petsc" "--features default,petsc")
@@ -74,8 +75,8 @@ for features in "--no-default-features --features sparse" "--no-default-features
     cargo test --quiet $features
 done
 
-say "tests: orders of elimination by METIS"
-cargo test --quiet --features metis --lib sparse
+say "tests: lanes, and orders of elimination by METIS"
+cargo test --quiet --features batched,metis --lib --test backends -- sparse batched
 
 if [ "$petsc" = yes ]; then
     say "tests: PETSc on 1, 2 and 4 ranks"

@@ -26,11 +26,12 @@
 //!
 //! | feature | brings | needs on the machine |
 //! |---|---|---|
-//! | `sparse` (default) | compressed rows, direct solvers | nothing |
+//! | `sparse` (default) | compressed rows; direct solvers, Krylov methods with ILUT | nothing |
 //! | `dense` (default) | dense matrices | nothing |
 //! | `petsc` (implies `mpi`) | vectors, matrices and solvers of PETSc, on several processes | PETSc 3.18 or later with its headers, MPI, libclang |
 //! | `mpi` | ranks as MPI processes | MPI, libclang |
 //! | `cuda` | nothing yet: a name that is kept | nothing |
+//! | `batched` | many systems of one pattern at once, one in each lane; no solver yet | nothing |
 //! | `metis` | orders of elimination by METIS, tried beside those of the crate itself | a C compiler |
 //! | `generate` | fiber networks made on the spot, Delaunay and Voronoi, isotropic and aligned | nothing |
 //! | `app` (default, implies `generate`) | cases, results, pictures, the program `biotissue` | nothing |

@@ -10,6 +10,25 @@ macro_rules! conforms {
     )*};
 }
 
+/// A backend with several numbers an entry, and no solver.
+#[cfg(feature = "batched")]
+fn conforms_in_lanes<B: biotissue::las::Backend<Context = (), Reduced: biotissue::las::Value>>() {
+    use biotissue::las::conformance::{algebra, matrices, products, vectors};
+    vectors::<B>(&());
+    matrices::<B>(&());
+    products::<B>(&());
+    algebra::<B>(&());
+}
+
+#[test]
+#[cfg(feature = "batched")]
+fn batched() {
+    use biotissue::backends::batched::Batched;
+    conforms_in_lanes::<Batched<f64, 4>>();
+    conforms_in_lanes::<Batched<f64, 1>>();
+    conforms_in_lanes::<Batched<f32, 7>>();
+}
+
 conforms! {
     "dense": dense_f64, biotissue::backends::dense::Dense<f64>;
     "dense": dense_f32, biotissue::backends::dense::Dense<f32>;

@@ -50,6 +50,7 @@ fn dogbone_as_asked() {
 #[test]
 fn what_cannot_be_done_is_said() {
     let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("file"), "no folder").unwrap();
     for (arguments, code, said) in [
         ("box --cells 4,4 -o a.msh", 2, "expected three numbers separated by commas"),
         (
@@ -69,7 +70,7 @@ fn what_cannot_be_done_is_said() {
             2,
             "error: elements of 1 do not fit into a sample whose grip width is 0.01",
         ),
-        ("box --cells 1,1,1 -o none/a.msh", 4, "error: none/a.msh: cannot be written: "),
+        ("box --cells 1,1,1 -o file/a.msh", 4, "error: file/a.msh: cannot be written: "),
     ] {
         let output = mesh(folder.path(), arguments);
         let stderr = String::from_utf8(output.stderr).unwrap();
@@ -77,5 +78,5 @@ fn what_cannot_be_done_is_said() {
         assert!(stderr.contains(said), "{arguments}: {stderr}");
         assert!(output.stdout.is_empty());
     }
-    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "nothing but that file");
 }

@@ -38,13 +38,42 @@ fn generate_check_and_info_go_together() {
     let check: serde_json::Value = serde_json::from_slice(&check.stdout).unwrap();
     let short = check["removable"]["short_fibers"].as_u64().unwrap();
     assert!(short > 0);
+    let words = biotissue(folder.path(), "check net.txt --shorter-than 0.2 --clean -o clean.txt");
+    let fibers = check["cleaned"]["fibers"].as_u64().unwrap();
+    let after = text(&words.stdout).split("after cleaning\n").nth(1).unwrap();
+    assert!(after.contains(&format!("\n  fibers           {fibers} (")) && after.contains("  rigidity "), "{after}");
     let again = biotissue(folder.path(), "info clean.txt --json");
     let again: serde_json::Value = serde_json::from_slice(&again.stdout).unwrap();
     assert!(again["fibers"].as_u64().unwrap() <= info["fibers"].as_u64().unwrap() - short);
-    assert_eq!(again["laws"], info["laws"]);
+    assert_eq!((&again["laws"], &again["fibers"]), (&info["laws"], &check["cleaned"]["fibers"]));
     // A network written over another does not keep the other's laws.
     assert!(biotissue(folder.path(), "generate --nodes 300 -o net.txt").status.success());
     assert!(!folder.path().join("net.txt.params").exists());
+}
+
+/// Both take the increments in the same way, and this network has more than one equilibrium.
+#[test]
+fn a_drawing_is_of_the_equilibrium_that_rve_finds() {
+    let folder = tempfile::tempdir().unwrap();
+    assert!(biotissue(folder.path(), "generate --kind voronoi --points 40 -o v.txt").status.success());
+    let pressed = "--F 0.7_0_0_0_1_0_0_0_1 --steps 5 --law linear --youngs-modulus 1e8 --radius 5e-8";
+    let drawn = biotissue(folder.path(), &format!("draw v.txt -o deep/v.vtp {pressed}"));
+    assert!(drawn.status.success(), "{}", text(&drawn.stderr));
+    let solved = Command::new(env!("CARGO_BIN_EXE_biotissue"))
+        .current_dir(folder.path())
+        .args(["rve", "v.txt", "--json"])
+        .args(pressed.split_whitespace().map(|word| word.replace('_', " ")))
+        .output()
+        .unwrap();
+    let solved: serde_json::Value = serde_json::from_slice(&solved.stdout).unwrap();
+    let drawn = biotissue::tissue::results::read_vtp(&folder.path().join("deep/v.vtp")).unwrap();
+    let along = |&[a, b]: &[u32; 2]| {
+        let d = [0, 1, 2].map(|k| drawn.points[b as usize][k] - drawn.points[a as usize][k]);
+        d[0] * d[0] / d.iter().map(|x| x * x).sum::<f64>()
+    };
+    let mean = drawn.fibers.iter().map(along).sum::<f64>() / drawn.fibers.len() as f64;
+    let expected = solved["orientation"]["current"][0][0].as_f64().unwrap();
+    assert!((mean - expected).abs() < 1e-10, "{mean} {expected}");
 }
 
 #[test]
@@ -84,11 +113,22 @@ fn what_cannot_be_done_is_told_with_its_exit_code() {
         ("draw broken.txt -o x.svg", 2, "error: broken.txt:4: there is no node 2"),
         ("draw broken.txt -o x.svg --color stretch", 2, "error: --color stretch of a network at rest"),
         ("draw broken.txt -o x.svg --width 3", 2, "error: --width 3"),
-        ("draw broken.txt -o x.svg --steps 0", 2, "error: --steps 0"),
+        ("draw broken.txt -o x.svg --steps 0 --F 1_0_0_0_1_0_0_0_1", 2, "error: --steps 0"),
+        ("draw broken.txt -o x.svg --steps 2", 2, "error: the following required arguments were not provided"),
+        (
+            "draw broken.txt -o x.svg --law linear --youngs-modulus 1 --radius 1",
+            2,
+            "error: --law of a network at rest, where no fiber carries a force",
+        ),
+        (
+            "generate --density 60 --align 1_1_0 --strength 0.95 -o x.txt",
+            2,
+            "error: no network can be generated: no fiber crosses the face ",
+        ),
         ("draw broken.txt -o x.svg --F 1_0_0_0_1_0_0_0_-1", 2, "error: --F has determinant -1"),
         ("check broken.txt --backend none", 2, "error: broken.txt:4: there is no node 2"),
         ("generate --points 0 -o x.txt", 2, "error: no network can be generated: 0 points asked for"),
-        ("generate --points 9 -o absent/x.txt", 4, "error: absent/x.txt: cannot be written: "),
+        ("generate --points 9 -o broken.txt/x.txt", 4, "error: broken.txt/x.txt: cannot be written: "),
         (
             "generate --points 9 -o x.txt --law exponential --youngs-modulus 1 --radius 1",
             2,

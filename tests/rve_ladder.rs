@@ -1,5 +1,5 @@
 //! What saves an RVE where full Newton does not converge, and what it says when nothing does.
-#![cfg(feature = "sparse")]
+#![cfg(all(feature = "sparse", feature = "generate"))]
 
 mod support;
 
@@ -7,7 +7,11 @@ use std::sync::Arc;
 
 use biotissue::backends::sparse::Sparse;
 use biotissue::fiber::equilibrium::{EquilibriumReport, RveError, Stage, Stages};
+use biotissue::fiber::law::FiberMaterial;
 use biotissue::fiber::network::Network;
+use biotissue::fiber::network::generate::voronoi;
+use biotissue::fiber::path::between;
+use biotissue::fiber::rve::Rve;
 use nalgebra::{Matrix3, Vector3};
 use support::Bench;
 
@@ -134,6 +138,40 @@ fn a_floppy_network_has_a_tangent_at_rest() {
     let across = |x: f64| x.powi(4) / (x * x + 1.0).powf(1.5);
     let expected = stiffness * (1.0 + 2.0 * across(0.2));
     assert!((tangent[(0, 0)] / expected - 1.0).abs() < 1e-9, "{} {expected}", tangent[(0, 0)]);
+}
+
+/// Pressed in ten steps, at one of which its stiffness is regular by its pivots, and yet nothing can be solved with it.
+#[test]
+fn a_floppy_network_that_is_pressed_has_tangents_all_the_way() {
+    let network = Arc::new(voronoi(40, 1).unwrap());
+    let material = FiberMaterial { radius: 5e-8, ..support::laws()[0].clone() };
+    let mut bench = Bench::<Sparse>::new(&network, Some(material));
+    let (mut rve, pressed) = (bench.at_rest(), Matrix3::from_diagonal(&[0.7, 1.0, 1.0].into()));
+    for step in 1..=10 {
+        let f = if step == 10 { pressed } else { between(&Matrix3::identity(), &pressed, f64::from(step) / 10.0) };
+        bench.solve(&mut rve, &f).unwrap();
+        // Says so where it has none.
+        let tangent = bench.tangent(&rve);
+        let asymmetry = (tangent - tangent.transpose()).amax() / tangent.amax();
+        assert!(asymmetry < 1e-9, "step {step}: {asymmetry:.1e}");
+        rve.keep_rates(&bench.model, &bench.workspace);
+    }
+}
+
+#[test]
+fn a_prediction_that_leads_astray_is_only_a_start() {
+    let mut bench = bench();
+    bench.params.stages = Stages::of(&[Stage::Newton]);
+    let (mut rve, f) = (bench.at_rest(), Matrix3::from_diagonal(&[1.1, 1.0, 0.95].into()));
+    bench.solve(&mut rve, &Matrix3::identity()).unwrap();
+    let nodes = rve.interior().len();
+    // Nodes thrown far out of the cube, each another way.
+    let rates = (0..nodes).map(|node| [1e3 * (node as f32 + 1.0).sin(); 18]).collect();
+    let mut astray = Rve::restored(Matrix3::identity(), rve.interior().to_vec(), Some(rates));
+    let plain = bench.solve(&mut rve, &f).unwrap();
+    let report = bench.solve(&mut astray, &f).unwrap();
+    assert!(report.predicted == 1 && report.iterations >= plain.iterations, "{report:?}");
+    assert_eq!((report.stage, astray.interior()), (Some(Stage::Newton), rve.interior()));
 }
 
 #[test]

@@ -45,6 +45,8 @@ fn ten_networks_come_to_rest_where_newton_puts_them() {
             let report = relaxed.solve(&mut rve, &stretched()).unwrap();
             let by_relaxation = clock.elapsed();
             assert_eq!((report.stage, report.iterations), (Some(Stage::Relaxation), 0));
+            let left = *report.newton.relative.last().unwrap();
+            assert!(left > 0.0 && left <= 1e-9 && left == report.relaxation.relative, "{left:.1e}");
             let difference = (relaxed.pk1() - newton.pk1()).amax() / newton.pk1().amax();
             println!(
                 "{}: Newton {iterations} iterations in {by_newton:.1?}, relaxation ({masses:?}) {} steps in \

@@ -1,13 +1,17 @@
 //! What every solver looks at: sizes, definiteness, and when a pivot counts as zero.
 
-use crate::las::{FactorReport, Scalar, SolveError, SolverParams};
+use crate::las::SolveError;
+#[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
+use crate::las::{FactorReport, Scalar, SolverParams};
 
 /// Fraction of the largest pivot below which the smallest counts as zero.
+#[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
 pub(super) fn singular_limit<T: Scalar>(params: &SolverParams) -> f64 {
     params.singular_below.unwrap_or(4.0 * T::epsilon().as_f64())
 }
 
 /// Refuses a factorisation that shows its matrix not to be positive definite.
+#[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
 pub(super) fn definite<F>(report: FactorReport) -> Result<FactorReport, SolveError<F>> {
     match report.negative_pivots {
         Some(0) => Ok(report),
@@ -21,6 +25,7 @@ pub(super) fn check_size<F>(what: &'static str, found: usize, expected: usize) -
 }
 
 /// Refuses right-hand sides and solutions that do not fit the system.
+#[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
 pub(super) fn check_columns<F>(
     unknowns: usize,
     b: impl ExactSizeIterator<Item = usize>,

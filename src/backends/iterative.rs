@@ -78,6 +78,7 @@ where
     }
 
     /// What was made of the matrix.
+    #[cfg(feature = "sparse")]
     pub(super) fn inverse(&self) -> &M {
         &self.inverse
     }

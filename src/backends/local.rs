@@ -3,14 +3,16 @@
 //! Indices are `i32`. A negative one is a constrained unknown; as a `usize` it is larger than any length, so that one
 //! comparison with the length decides about both it and an index out of range.
 
-use crate::las::{Scalar, SolveError};
+#[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
+use crate::las::SolveError;
+use crate::las::{Scalar, Value};
 
 /// Lanes of partial sums: independent chains that the compiler can keep in one vector register or two.
 const LANES: usize = 8;
 
 /// `y[rows[i]] += values[i]`.
 #[inline(always)]
-pub(super) fn add<T: Scalar>(y: &mut [T], rows: &[i32], values: &[T]) {
+pub(super) fn add<T: Value>(y: &mut [T], rows: &[i32], values: &[T]) {
     debug_assert_eq!(rows.len(), values.len(), "one value a row");
     for (&row, &value) in rows.iter().zip(values) {
         match y.get_mut(row as usize) {
@@ -22,7 +24,7 @@ pub(super) fn add<T: Scalar>(y: &mut [T], rows: &[i32], values: &[T]) {
 
 /// `y[rows[i]] = values[i]`.
 #[inline(always)]
-pub(super) fn set<T: Scalar>(y: &mut [T], rows: &[i32], values: &[T]) {
+pub(super) fn set<T: Value>(y: &mut [T], rows: &[i32], values: &[T]) {
     debug_assert_eq!(rows.len(), values.len(), "one value a row");
     for (&row, &value) in rows.iter().zip(values) {
         match y.get_mut(row as usize) {
@@ -34,7 +36,7 @@ pub(super) fn set<T: Scalar>(y: &mut [T], rows: &[i32], values: &[T]) {
 
 /// `values[i] = y[rows[i]]`.
 #[inline(always)]
-pub(super) fn get<T: Scalar>(y: &[T], rows: &[i32], values: &mut [T]) {
+pub(super) fn get<T: Value>(y: &[T], rows: &[i32], values: &mut [T]) {
     debug_assert_eq!(rows.len(), values.len(), "one value a row");
     for (&row, value) in rows.iter().zip(values) {
         match y.get(row as usize) {
@@ -82,7 +84,7 @@ fn scaled_norm<T: Scalar>(x: &[T]) -> T {
 
 /// `y += a x`.
 #[inline(always)]
-pub(super) fn axpy<T: Scalar>(a: T, x: &[T], y: &mut [T]) {
+pub(super) fn axpy<T: Value>(a: T, x: &[T], y: &mut [T]) {
     debug_assert_eq!(x.len(), y.len(), "vectors of one length");
     for (y, &x) in y.iter_mut().zip(x) {
         *y += a * x;
@@ -90,6 +92,7 @@ pub(super) fn axpy<T: Scalar>(a: T, x: &[T], y: &mut [T]) {
 }
 
 /// `1 / d` entry by entry; the row of the first zero as an error.
+#[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
 pub(super) fn invert<T: Scalar, F>(d: &mut [T]) -> Result<(), SolveError<F>> {
     if let Some(row) = d.iter().position(T::is_zero) {
         return Err(SolveError::ZeroDiagonal { row });
@@ -100,6 +103,7 @@ pub(super) fn invert<T: Scalar, F>(d: &mut [T]) -> Result<(), SolveError<F>> {
 
 /// Whether every value is finite; without a branch a value, so that it runs at the speed of memory.
 #[inline]
+#[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
 pub(super) fn all_finite<T: Scalar>(values: &[T]) -> bool {
     // Zero times a value that is not finite is not a number, and stays so in a sum.
     let mut sums = [T::zero(); LANES];
@@ -130,6 +134,7 @@ mod tests {
     }
 
     #[test]
+    #[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
     fn one_value_that_is_not_finite_is_noticed() {
         let mut values = [1.0_f32; 37];
         assert!(all_finite(&values));

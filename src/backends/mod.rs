@@ -5,18 +5,23 @@
 //! | `sparse` | `sparse` (default) | everything: compressed rows, direct solvers |
 //! | `dense` | `dense` (default) | systems of a few hundred unknowns at most, and comparisons |
 //! | `petsc` | `petsc` | large systems, on several processes; solvers chosen at run time |
+//! | `batched` | `batched` | many systems of one pattern at once, one a lane; assembles and multiplies, does not solve yet |
 //!
 //! `cuda` is a name that is kept: no build of this version has it.
 
-#[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
+#[cfg(any(feature = "sparse", feature = "dense", feature = "batched", feature = "petsc"))]
 mod checks;
 #[cfg(any(feature = "sparse", feature = "dense"))]
 mod direct;
 #[cfg(any(feature = "sparse", feature = "dense"))]
 mod iterative;
-#[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
+#[cfg(any(feature = "sparse", feature = "dense", feature = "batched", feature = "petsc"))]
 mod local;
+#[cfg(any(feature = "sparse", feature = "batched"))]
+mod rows;
 
+#[cfg(feature = "batched")]
+pub mod batched;
 #[cfg(feature = "dense")]
 pub mod dense;
 #[cfg(feature = "petsc")]

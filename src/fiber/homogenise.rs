@@ -46,12 +46,13 @@ pub fn energy<B: Backend<Scalar = f64>>(model: &RveModel<B>, workspace: &Workspa
 /// Six strain modes `dF = S F` of the current state are imposed on the boundary, and the interior follows by
 /// back-substitution on the factor that Newton left behind. That factor belongs to the last iterate but one, so the
 /// interior forces of each mode are checked on the stiffness of the converged state and corrected until they vanish;
-/// only where the factor turns out to be too far off (or there is none) is the stiffness factored anew. The form
+/// only where the factor turns out to be too far off (or there is none) is the stiffness factored anew, and with its
+/// diagonal shifted where it is singular, or so nearly that its own factor does not serve. The form
 /// `S_k F : A : S_l F = kappa v_k . K v_l` is stationary in the velocities `v`: what error remains enters squared.
 /// Rotations are free, `A : (W F) = W P` for skew `W`. Valid at any `F`, rotations by 90 degrees included.
 ///
 /// # Errors
-/// [`RveError::Tangent`] where the stiffness of the converged state is singular.
+/// [`RveError::Tangent`] where the stiffness of the converged state is singular and strains act on what it does not resist.
 pub fn tangent<B: Backend<Scalar = f64>>(
     model: &RveModel<B>,
     rve: &Rve,
@@ -132,9 +133,7 @@ where
 {
     /// Interior force rates, relative to all, that count as none: they enter the tangent squared.
     const NONE: f64 = 1e-8;
-    /// What a correction must at least gain, or the factor is too far off.
-    const GAIN: f64 = 0.05;
-    /// Force rates that even an exact factor leaves behind in a matrix that is singular to working precision.
+    /// Force rates that a factor may leave behind in a matrix that is singular to working precision.
     const LOST: f64 = 1e-4;
 
     carry_affinely(workspace);
@@ -142,25 +141,26 @@ where
     if model.unknowns() == 0 {
         return Ok(());
     }
-    let mut factor_is_exact = !workspace.factor_is_near;
-    if factor_is_exact {
-        factor_or_shift(model, workspace)?;
-    }
+    let mut factor = if workspace.factor_is_near { Factor::Near } else { factor_or_shift(model, workspace)? };
     let mut before = f64::INFINITY;
     loop {
         let unbalanced = unbalanced(model, workspace);
         if unbalanced <= NONE {
             return Ok(());
         }
-        if !unbalanced.is_finite() || unbalanced > GAIN * before {
-            if factor_is_exact {
-                return if unbalanced < LOST { Ok(()) } else { Err(SolveError::Inaccurate { residual: unbalanced }) };
-            }
-            factor_or_shift(model, workspace)?;
-            factor_is_exact = true;
-            before = f64::INFINITY;
-        } else {
+        if unbalanced <= factor.gain() * before {
             before = unbalanced;
+        } else {
+            factor = match factor {
+                Factor::Near => factor_or_shift(model, workspace)?,
+                _ if unbalanced < LOST => return Ok(()),
+                Factor::Exact => factor_shifted(model, workspace)?,
+                Factor::Shifted => return Err(SolveError::Inaccurate { residual: unbalanced }),
+            };
+            // A factor that was too far off may have left large motions behind that (nearly) nothing resists.
+            carry_affinely(workspace);
+            force_rates(model, workspace);
+            before = f64::INFINITY;
         }
         correct(model, workspace)?;
         force_rates(model, workspace);
@@ -177,26 +177,57 @@ fn carry_affinely<B: Backend>(workspace: &mut Workspace<B>) {
     }
 }
 
+/// What the modes are corrected with.
+#[derive(Clone, Copy, Debug)]
+enum Factor {
+    /// The factor that Newton left behind.
+    Near,
+    /// That of the stiffness itself.
+    Exact,
+    /// That of the stiffness with its diagonal shifted.
+    Shifted,
+}
+
+impl Factor {
+    /// What a correction must leave less than, or the factor is too far off.
+    fn gain(self) -> f64 {
+        match self {
+            Self::Near | Self::Exact => 0.05,
+            Self::Shifted => 0.5,
+        }
+    }
+}
+
 /// Factors the stiffness of the state in the workspace; where it is singular, with its diagonal shifted a little.
+fn factor_or_shift<B: Backend<Scalar = f64>>(
+    model: &RveModel<B>,
+    workspace: &mut Workspace<B>,
+) -> Result<Factor, SolveError<B::Fault>>
+where
+    B::Reduced: Scalar,
+{
+    match factor_here(model, workspace, 0.0) {
+        Err(SolveError::Singular { .. }) => factor_shifted(model, workspace),
+        outcome => outcome.map(|()| Factor::Exact),
+    }
+}
+
+/// Factors the stiffness of the state in the workspace with its diagonal shifted a little.
 ///
 /// A floppy network at rest has motions that no fiber resists, and forces none of them: `K v = q` has solutions. With
 /// `K + s I` in place of `K` every correction takes the part `lambda / (lambda + s)` of what is left, and leaves the motions
 /// of `lambda = 0` alone.
-fn factor_or_shift<B: Backend<Scalar = f64>>(
+fn factor_shifted<B: Backend<Scalar = f64>>(
     model: &RveModel<B>,
     workspace: &mut Workspace<B>,
-) -> Result<(), SolveError<B::Fault>>
+) -> Result<Factor, SolveError<B::Fault>>
 where
     B::Reduced: Scalar,
 {
     /// Far above rounding, far below the stiffness of a fiber.
     const SHIFT: f64 = 1e-9;
-    match factor_here(model, workspace, 0.0) {
-        Err(SolveError::Singular { .. }) => {}
-        outcome => return outcome,
-    }
     let stiffest = workspace.diagonal.iter().map(|block| block[0].max(block[4]).max(block[8])).fold(0.0, f64::max);
-    factor_here(model, workspace, SHIFT * stiffest)
+    factor_here(model, workspace, SHIFT * stiffest).map(|()| Factor::Shifted)
 }
 
 /// Factors the stiffness of the state in the workspace with its diagonal shifted.

@@ -74,6 +74,20 @@ impl<B: Backend<Scalar = f64>> RveModel<B> {
         material: Option<FiberMaterial>,
         scale: StressScale,
     ) -> Result<Self, RveModelError<B::Fault>> {
+        Self::with_solver(context, network, material, scale, &SolverParams::new(Symmetry::Definite))
+    }
+
+    /// The same, with linear systems solved in another way than directly. The tangent is as exact as these solutions.
+    ///
+    /// # Errors
+    /// [`RveModelError`].
+    pub fn with_solver(
+        context: &B::Context,
+        network: Arc<Network>,
+        material: Option<FiberMaterial>,
+        scale: StressScale,
+        solver: &SolverParams,
+    ) -> Result<Self, RveModelError<B::Fault>> {
         let masses = lumped_masses(&network, material.as_ref());
         let truss = Truss::new(network, material.clone())?;
         let stress_scale = scale;
@@ -83,8 +97,7 @@ impl<B: Backend<Scalar = f64>> RveModel<B> {
             StressScale::FiberVolumeFraction(phi) => return Err(RveModelError::VolumeFraction(phi)),
         };
         let pattern = Arc::new(stiffness::pattern(truss.network())?);
-        let params = SolverParams::new(Symmetry::Definite);
-        let symbolic = B::analyze(context, &pattern, &params).map_err(RveModelError::Analysis)?;
+        let symbolic = B::analyze(context, &pattern, solver).map_err(RveModelError::Analysis)?;
         if !(scale.is_finite() && scale > 0.0) {
             return Err(RveModelError::Scale { scale, volume: truss.volume() });
         }

@@ -54,7 +54,9 @@ pub struct FiberStates {
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum TrussError {
     /// Neither the caller nor the network's files say what the fibers are made of.
-    #[error("the network {network} comes without fiber materials (no .params file), and none was given")]
+    #[error(
+        "the network {network} comes without fiber materials (no .params file, no [law] in its .toml), and none was given"
+    )]
     NoMaterial {
         /// The network.
         network: String,

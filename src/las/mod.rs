@@ -8,12 +8,14 @@
 mod backend;
 pub mod conformance;
 pub mod krylov;
+pub mod market;
 mod newton;
 mod ops;
 mod products;
 mod scalar;
 mod solve;
 mod sparsity;
+pub mod transfer;
 
 pub use backend::Backend;
 pub use newton::{

@@ -109,6 +109,7 @@ pub fn step_params(case: &Case) -> StepParams {
         },
         ..StepParams::default()
     };
+    params.solver.method = case.newton.solver;
     params.newton.tolerance = case.newton.tolerance;
     params.newton.max_iterations = case.newton.max_iterations;
     if !case.newton.line_search {

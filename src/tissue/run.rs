@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use thiserror::Error;
 
-use super::case::Case;
+use super::case::{Case, MaterialCase};
 use super::checkpoint::{self, Checkpoint, CheckpointError, Identity};
 use super::macro_scale::{self, MacroScaleError};
 use super::micro_scale::{FieldRestoreError, LibraryError, TissueField, TissueFieldError};
@@ -175,6 +175,7 @@ where
         let unknowns = prescribed.as_flattened().iter().filter(|&&prescribed| !prescribed).count();
         let (field, network_warnings) = TissueField::new(context.clone(), &case, &mesh)?;
         warnings.extend(network_warnings);
+        warnings.extend(without_networks(&case));
         let networks = rve_files::elements(&case, mesh.elements().len(), &field)?;
         Ok(Self { context, case, mesh, conditions, field, networks, unknowns, warnings })
     }
@@ -213,6 +214,18 @@ where
         let stepper = Stepper::new(&context, Arc::new(mesh), &conditions, field, params).map_err(Box::new)?;
         Ok(Simulation { case, stepper, networks, warnings })
     }
+}
+
+/// What to say of regions whose RVEs have no network.
+fn without_networks(case: &Case) -> impl Iterator<Item = String> {
+    case.regions.iter().filter_map(|region| match &region.material {
+        MaterialCase::FiberRve(rve) if rve.networks.is_empty() => Some(format!(
+            "{}: the region \"{}\" has no networks: its RVEs are the matrix alone",
+            case.file.display(),
+            region.name
+        )),
+        _ => None,
+    })
 }
 
 fn plan<B: Backend<Scalar = f64>>(case: &Case, mesh: &Mesh, field: &TissueField<B>, unknowns: usize) -> Plan

@@ -171,6 +171,31 @@ fn a_floppy_network_runs_and_is_told() {
 }
 
 #[test]
+fn relaxation_is_told_on_the_way() {
+    let folder = tempfile::tempdir().unwrap();
+    let relaxing = run(folder.path(), &(fibers(&frozen()) + "[micro]\nstages = [\"relaxation\"]\n"), "");
+    relaxing.done();
+    assert!(relaxing.stderr.contains(" steps of relaxation in all, "), "{}", relaxing.stderr);
+    assert!(!run(folder.path(), &fibers(&frozen()), "").stderr.contains("relaxation"));
+}
+
+#[test]
+fn a_region_without_networks_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let matrix = "matrix = { model = \"neo-hookean\", shear_modulus = 100.0, poisson_ratio = 0.3 }\n[[boundary]]";
+    let bare: String =
+        fibers("").lines().filter(|line| !line.starts_with("law")).map(|l| l.to_owned() + "\n").collect();
+    let bare = bare.replace("[\"\"]", "[]").replacen("[[boundary]]", matrix, 1);
+    write_case(folder.path(), "case.toml", &bare);
+    for command in ["check", "run"] {
+        let outcome = line(folder.path(), &format!("{command} case.toml"));
+        outcome.done();
+        let said = "case.toml: the region \"*\" has no networks: its RVEs are the matrix alone\n";
+        assert!(outcome.stderr.contains(said), "{}", outcome.stderr);
+    }
+}
+
+#[test]
 fn an_rve_that_is_lost_can_be_repeated() {
     let folder = tempfile::tempdir().unwrap();
     let case = fibers(&frozen()) + "[micro]\nmax_iterations = 1\nstages = [\"newton\"]\n";
@@ -181,6 +206,7 @@ fn an_rve_that_is_lost_can_be_repeated() {
         block.contains("`biotissue rve --replay ") && block.contains(&format!("{file}` repeats the RVE")),
         "{block}"
     );
+    assert!(block.contains("cure: leave `stages` and `max_iterations` of [micro] at the default; then: "), "{block}");
     let log = std::fs::read_to_string(folder.path().join("results/log.jsonl")).unwrap();
     assert!(log.contains(r#""lost_rve":"lost-rve/step-00001-cut-00-element-0.json""#), "{log}");
 
@@ -194,8 +220,13 @@ fn an_rve_that_is_lost_can_be_repeated() {
     assert_eq!(residual(said), residual(block), "the same failure");
     line(folder.path(), &format!("rve --replay {file} --stages regularised")).done();
 
-    // A new run takes the file away.
-    run(folder.path(), &fibers(&frozen()), "").done();
+    // A new run takes the file away, and says so; what does not run replaces nothing.
+    let replacing = "results; --resume would go on with them\n";
+    assert!(!run(folder.path(), &fibers(&frozen()), "--backend petsc").stderr.contains("replacing"));
+    assert!(!run(folder.path(), &fibers("absent.txt"), "").stderr.contains("replacing"));
+    let again = run(folder.path(), &fibers(&frozen()), "");
+    again.done();
+    assert!(again.stderr.contains(replacing), "{}", again.stderr);
     assert!(!folder.path().join(file).exists());
 }
 

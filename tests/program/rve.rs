@@ -249,6 +249,53 @@ fn a_stage_alone_may_not_do() {
 }
 
 #[test]
+fn a_residual_is_told_whatever_reached_it() {
+    let alone = json(STRETCH, "--stages relaxation");
+    let residuals: Vec<[f64; 2]> = serde_json::from_value(alone["residuals"].clone()).unwrap();
+    let [norm, relative] = *residuals.last().unwrap();
+    assert!(norm > 0.0 && relative > 0.0 && relative <= 1e-10, "{residuals:?}");
+    assert_eq!((&alone["ladder"]["stage"], &alone["ladder"]["at_rounding"]), (&"relaxation".into(), &false.into()));
+    let text = rve(STRETCH, "--stages relaxation").done().to_owned();
+    let steps = alone["ladder"]["relaxation_steps"].as_u64().unwrap();
+    assert!(steps > 0 && text.contains(&format!("0 iterations and {steps} steps of relaxation, |r| = {norm:.3e} N ")));
+    assert!(text.contains(" of all forces), by dynamic relaxation\n"), "{text}");
+}
+
+#[test]
+fn a_residual_above_the_tolerance_is_at_rounding() {
+    assert_eq!(json(STRETCH, "--tolerance 1e-20")["ladder"]["at_rounding"], true);
+    let text = rve(STRETCH, "--tolerance 1e-20").done().to_owned();
+    assert!(text.contains(" of all forces, at rounding), by Newton\n"), "{text}");
+    assert!(!rve(STRETCH, "").done().contains("rounding"));
+}
+
+#[test]
+fn increments_that_fail_are_told_or_made_up_for() {
+    let law = "--law exponential --youngs-modulus 1e8 --radius 5e-8 --nonlinearity 1.2";
+    let failed = rve("100 0 0 0 100 0 0 0 1", &format!("{law} --stages newton --steps 2"));
+    let block = failed.failed(3);
+    assert!(block.contains("\n  at: step 1 of 2 of ") && block.contains("leave --stages out"), "{block}");
+
+    // What is left of `--steps` when the way is lost: the whole of it at once.
+    let folder = tempfile::tempdir().unwrap();
+    let network = "network generate --kind voronoi --density 60 --strength 0.5 -o va.txt --align 1,0,0";
+    line(folder.path(), network).done();
+    let press = |options: &str| of(folder.path(), "va.txt", "0.9 0 0 0 1 0 0 0 1", &format!("{FLOPPY_LAW} {options}"));
+    let (once, in_steps) = (press("--json --dump once.json").object(), press("--json --steps 10 --dump last.json"));
+    let answer: Value = serde_json::from_str(in_steps.done()).unwrap();
+    assert_eq!(line(folder.path(), "rve --replay last.json --json").object()["pk1"], answer["pk1"]);
+    // Which of the steps is lost hangs on rounding.
+    if !in_steps.stderr.is_empty() {
+        assert!(in_steps.stderr.starts_with("warning: step "), "{}", in_steps.stderr);
+        assert!(in_steps.stderr.contains(" of 10 of va.txt: no equilibrium; "), "{}", in_steps.stderr);
+        assert_eq!(answer["pk1"], once["pk1"]);
+    }
+    let failed = line(folder.path(), "rve --replay once.json --stages newton");
+    let block = failed.failed(3);
+    assert!(block.contains("cure: ") && block.contains("leave --stages out") && !block.contains("--steps"), "{block}");
+}
+
+#[test]
 fn a_dump_repeats_the_last_increment_bit_for_bit() {
     let folder = tempfile::tempdir().unwrap();
     let law = "--law exponential --youngs-modulus 1e8 --radius 5e-8 --nonlinearity 1.2 --scale 0.003";

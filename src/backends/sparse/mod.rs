@@ -31,12 +31,10 @@ mod cholesky;
 mod ilut;
 mod inverse;
 mod lu;
-mod matrix;
 mod ops;
 mod order;
 mod products;
 mod solve;
-mod vector;
 
 use std::convert::Infallible;
 use std::marker::PhantomData;
@@ -44,10 +42,9 @@ use std::sync::Arc;
 
 pub use analysis::Symbolic;
 use block::BlockScalar;
-pub use matrix::Matrix;
 pub use solve::Solver;
-pub use vector::Vector;
 
+pub use crate::backends::rows::{Matrix, Vector};
 use crate::las::{Backend, SolveError, SolverParams, Sparsity};
 
 /// The backend of compressed rows; `T` is `f64` or `f32`.

@@ -40,7 +40,7 @@ impl Failure {
         Self::Environment {
             what: format!("{}: cannot be written: {error}", file.display()),
             expected: "a place that may be written and has space left".into(),
-            cure: "check the name, that its folder exists, its permissions and the space on the disk".into(),
+            cure: "check the name, that its folder can be made, its permissions and the space on the disk".into(),
         }
     }
 

@@ -59,6 +59,11 @@ impl LawName {
 }
 
 impl LawArguments {
+    /// Whether a law is named.
+    pub fn is_given(&self) -> bool {
+        self.law.is_some()
+    }
+
     /// The law with its parameters checked; `None` where no law is named.
     pub fn material(&self) -> Result<Option<FiberMaterial>, Failure> {
         let (Some(name), Some(radius)) = (self.law, self.radius) else {

@@ -20,6 +20,7 @@ mod check;
 mod dispatch;
 mod failure;
 mod fiber_type;
+mod increments;
 mod info;
 mod law;
 mod mesh;

@@ -9,7 +9,7 @@ use clap::{Args, Subcommand, ValueEnum};
 
 use crate::failure::Failure;
 use crate::number::real;
-use crate::output::{print, print_json};
+use crate::output::{make_folder_of, print, print_json};
 
 /// What can be meshed.
 #[derive(Subcommand)]
@@ -118,6 +118,7 @@ pub fn run(command: MeshCommand) -> Result<(), Failure> {
         Format::V2_2 => Version::V2_2,
         Format::V4_1 => Version::V4_1,
     };
+    make_folder_of(&output.file)?;
     gmsh::write_with(&output.file, &mesh, WriteOptions { version, binary: output.binary })
         .map_err(|error| Failure::unwritable(&output.file, &error))?;
     if output.json { print_json(&json(&output.file, &mesh)) } else { print(&table(&output.file, &mesh)) }

@@ -29,6 +29,12 @@ pub fn print_json(value: &impl Serialize) -> Result<(), Failure> {
     print(&text)
 }
 
+/// Makes the folder that a file is to lie in, where there is none.
+pub fn make_folder_of(file: &Path) -> Result<(), Failure> {
+    let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
+    folder.map_or(Ok(()), std::fs::create_dir_all).map_err(|error| Failure::unwritable(file, &error))
+}
+
 /// Says something on stderr. That nobody hears it must not stop a run, so what the system answers is dropped.
 pub fn say(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");

@@ -51,6 +51,7 @@ pub fn run(command: &ReportCommand) -> Result<(), Failure> {
     let written = match picture {
         Some(file) => {
             let svg = picture::draw(dir, &options).map_err(failure)?;
+            output::make_folder_of(file)?;
             std::fs::write(file, svg).map_err(|error| Failure::unwritable(file, &error))?;
             file.clone()
         }

@@ -8,7 +8,7 @@ use biotissue::fem::stepping::{SetupError, StepFailure};
 use biotissue::input::InputError;
 use biotissue::las::{Backend, NewtonError, Scalar, SolveError};
 use biotissue::tissue::Progress;
-use biotissue::tissue::case::Case;
+use biotissue::tissue::case::{Case, MicroCase};
 use biotissue::tissue::checkpoint::CheckpointError;
 use biotissue::tissue::macro_scale::MacroScaleError;
 use biotissue::tissue::micro_scale::{LibraryError, TissueFieldError, UnitError};
@@ -65,9 +65,6 @@ pub fn run(command: RunCommand) -> Result<(), Failure> {
     let case = read(&command.case)?;
     let dir = command.out.unwrap_or_else(|| case.output.directory.clone());
     command.common.start_threads()?;
-    if !command.resume && dir.join(LOADS_FILE).exists() {
-        output::say(&format!("replacing the results in {}; --resume would go on with them", dir.display()));
-    }
     let summary = dispatch(command.common.backend(), RunJob { case, dir: &dir, resume: command.resume })?;
     let Summary { steps, iterations, seconds, .. } = &summary;
     if command.json {
@@ -145,6 +142,7 @@ impl Job for RunJob<'_> {
         B: Backend<Scalar = f64, Context: Clone>,
         B::Reduced: Scalar,
     {
+        let micro = self.case.micro;
         let mut simulation = simulation::<B>(context, self.case)?;
         if self.resume {
             let resumed = simulation.resume(self.dir).map_err(not_resumed)?;
@@ -152,6 +150,9 @@ impl Job for RunJob<'_> {
             if resumed.step > 0 {
                 output::say(&format!("going on after step {} of {}", resumed.step, simulation.case().steps.count));
             }
+        }
+        if !self.resume && self.dir.join(LOADS_FILE).exists() {
+            output::say(&format!("replacing the results in {}; --resume would go on with them", self.dir.display()));
         }
         let mut progress = Reporter::new(&simulation.plan());
         let outcome = simulation.run(self.dir, &mut progress);
@@ -165,7 +166,7 @@ impl Job for RunJob<'_> {
                     what: format!("load step {step} of {count} does not converge, halved {halvings} times: {reason}"),
                     place: format!("t = {reached}; {}{}", on_disk(step - 1, self.dir), repeated_by(lost.as_deref())),
                     expected: "equilibrium with det F > 0 everywhere".into(),
-                    cure: cure_of_step(&reason).into(),
+                    cure: cure_of_step(&reason, &micro),
                 })
             }
             Err(RunError::Results(ResultsError::Write { path, source })) => Err(Failure::unwritable(&path, &source)),
@@ -201,23 +202,38 @@ const TOO_FAR: &str = "from the start: check that the body is held, and the size
                        last fields for elements near collapse, or raise `max_cuts` and go on with --resume";
 
 /// What may help a load step that failed.
-fn cure_of_step<F: std::error::Error + 'static>(reason: &StepFailure<TissueFieldError<F>, F>) -> &'static str {
+fn cure_of_step<F: std::error::Error + 'static>(
+    reason: &StepFailure<TissueFieldError<F>, F>,
+    micro: &MicroCase,
+) -> String {
     match reason {
         NewtonError::Solve(SolveError::Singular { .. }) => {
-            "hold the body so that it can neither move nor turn as a whole; if it buckles, take more load steps"
+            "hold the body so that it can neither move nor turn as a whole; if it buckles, take more load steps".into()
         }
-        NewtonError::Problem(EquilibriumError::Points(error)) => cure_of_point(error),
-        _ => TOO_FAR,
+        NewtonError::Problem(EquilibriumError::Points(error)) => cure_of_point(error, micro),
+        _ => TOO_FAR.into(),
     }
 }
 
-fn cure_of_point<F: std::error::Error + 'static>(error: &TissueFieldError<F>) -> &'static str {
-    match &error.reason {
+fn cure_of_point<F: std::error::Error + 'static>(error: &TissueFieldError<F>, micro: &MicroCase) -> String {
+    let default = MicroCase::default();
+    let restricted = [
+        ("`stages`", micro.stages != default.stages),
+        ("`max_iterations`", micro.max_iterations < default.max_iterations),
+        ("`max_cuts`", micro.max_cuts < default.max_cuts),
+    ];
+    let restricted: Vec<&str> = restricted.iter().filter(|(_, is)| *is).map(|(name, _)| *name).collect();
+    let freed = match (&error.reason, restricted.is_empty()) {
+        (UnitError::Rve(_), false) => format!("leave {} of [micro] at the default; then: ", restricted.join(" and ")),
+        _ => String::new(),
+    };
+    let cure = match &error.reason {
         UnitError::Rve(error) if error.is_linear() => {
             "`biotissue network check` tells whether that network is floppy or hangs loose: clean it, or take another"
         }
         _ => TOO_FAR,
-    }
+    };
+    freed + cure
 }
 
 /// Reads all that a case names; warnings of the readers of meshes and networks go to stderr.
@@ -226,8 +242,8 @@ where
     B: Backend<Scalar = f64, Context: Clone>,
     B::Reduced: Scalar,
 {
-    let file = case.file.clone();
-    let setup = Setup::<B>::new(context, case).map_err(|error| not_set_up(&file, error))?;
+    let (file, micro) = (case.file.clone(), case.micro);
+    let setup = Setup::<B>::new(context, case).map_err(|error| not_set_up(&file, &micro, error))?;
     output::warn(setup.warnings());
     Ok(setup)
 }
@@ -238,8 +254,8 @@ where
     B: Backend<Scalar = f64, Context: Clone>,
     B::Reduced: Scalar,
 {
-    let file = case.file.clone();
-    setup::<B>(context, case)?.simulation().map_err(|error| not_set_up(&file, error))
+    let (file, micro) = (case.file.clone(), case.micro);
+    setup::<B>(context, case)?.simulation().map_err(|error| not_set_up(&file, &micro, error))
 }
 
 fn not_resumed<F: std::error::Error + 'static>(error: ResumeError<F>) -> Failure {
@@ -261,7 +277,7 @@ fn not_resumed<F: std::error::Error + 'static>(error: ResumeError<F>) -> Failure
     }
 }
 
-fn not_set_up<F: std::error::Error + 'static>(file: &Path, error: SimulationError<F>) -> Failure {
+fn not_set_up<F: std::error::Error + 'static>(file: &Path, micro: &MicroCase, error: SimulationError<F>) -> Failure {
     let (expected, cure) = match &error {
         SimulationError::MacroScale(MacroScaleError::Input(errors))
         | SimulationError::Library(LibraryError::Network(errors))
@@ -271,11 +287,11 @@ fn not_set_up<F: std::error::Error + 'static>(file: &Path, error: SimulationErro
             return InputError::at_line(file, *line, format!("the load curve: {reason}"), expected, cure).into();
         }
         SimulationError::Setup(setup) if matches!(**setup, SetupError::Undeformed(_)) => {
-            return not_at_rest(file, setup);
+            return not_at_rest(file, micro, setup);
         }
         SimulationError::Library(LibraryError::Model { .. }) => (
             "a network whose fibers have a law, a radius and a modulus",
-            "give the region a `law`, or put a .params file beside the network",
+            "give the region a `law`, or put NETWORK.toml with a [law] or NETWORK.params beside the network",
         ),
         _ => ("a case that can be set up", "change the case, or the mesh it names"),
     };
@@ -283,16 +299,20 @@ fn not_set_up<F: std::error::Error + 'static>(file: &Path, error: SimulationErro
 }
 
 /// The undeformed body has no stress or no stiffness: an RVE is singular before any load.
-fn not_at_rest<F: std::error::Error + 'static>(file: &Path, error: &SetupError<TissueFieldError<F>, F>) -> Failure {
+fn not_at_rest<F: std::error::Error + 'static>(
+    file: &Path,
+    micro: &MicroCase,
+    error: &SetupError<TissueFieldError<F>, F>,
+) -> Failure {
     let cure = match error {
-        SetupError::Undeformed(EquilibriumError::Points(error)) => cure_of_point(error),
-        _ => "try another --backend",
+        SetupError::Undeformed(EquilibriumError::Points(error)) => cure_of_point(error, micro),
+        _ => "try another --backend".into(),
     };
     Failure::NotConverged {
         what: format!("{}: {error}", file.display()),
         place: "t = 0, before the first load step; nothing is written".into(),
         expected: "an undeformed body that resists every deformation".into(),
-        cure: cure.into(),
+        cure,
     }
 }
 
@@ -339,7 +359,12 @@ impl Progress for Reporter {
         let newton = &step.newton;
         let residual = newton.relative.last().copied().unwrap_or(0.0);
         let rves = step.rve.as_ref().map_or(String::new(), |rve| {
-            format!(", RVEs {:.1} iterations on average, {} at most", rve.iterations_mean, rve.iterations_max)
+            let relaxation = match rve.relaxation_steps {
+                0 => String::new(),
+                steps => format!(" and {steps} steps of relaxation in all"),
+            };
+            let (mean, most) = (rve.iterations_mean, rve.iterations_max);
+            format!(", RVEs {mean:.1} iterations on average, {most} at most{relaxation}")
         });
         let line = format!(
             "step {}/{} t = {:.4}: {} iterations, residual {residual:.1e}{rves}, {:.1} s",

@@ -23,10 +23,7 @@ use super::equilibrium::{BodyState, Equilibrium, EquilibriumError};
 use super::mesh::Mesh;
 use super::point_field::PointField;
 use super::reactions::BoundaryForces;
-use crate::las::{
-    Backend, NewtonError, NewtonFailure, NewtonReport, NewtonSystem, Scalar, SolveError, SolverParams, Symmetry,
-    VectorOps,
-};
+use crate::las::{Backend, NewtonError, NewtonFailure, NewtonReport, NewtonSystem, Scalar, SolveError, VectorOps};
 
 /// A body, its linear system, and where in pseudo-time it is.
 pub struct Stepper<B: Backend, P> {
@@ -77,8 +74,7 @@ where
         let prescribed = boundary.prescribed(mesh.nodes().len());
         let unknowns = Unknowns::new(mesh.nodes().len(), |node, component| prescribed[node][component])?;
         let pattern = Arc::new(unknowns.pattern(&mesh)?);
-        let symbolic =
-            B::analyze(context, &pattern, &SolverParams::new(Symmetry::Definite)).map_err(SetupError::System)?;
+        let symbolic = B::analyze(context, &pattern, &params.solver).map_err(SetupError::System)?;
         let system = NewtonSystem::new(context, &pattern, &symbolic).map_err(SetupError::System)?;
         let assembler = Assembler::new(geometry, &mesh, &unknowns, &system.matrix)
             .map_err(|fault| SetupError::System(SolveError::Fault(fault)))?;

@@ -1,6 +1,6 @@
 //! How a run is to step, and what it reports.
 
-use crate::las::{NewtonParams, NewtonReport, NewtonSeconds};
+use crate::las::{NewtonParams, NewtonReport, NewtonSeconds, SolverParams};
 
 /// How a run steps through pseudo-time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -13,6 +13,8 @@ pub struct StepParams {
     pub start: StepStart,
     /// When Newton stops. Default: a tolerance of `1e-8`, 25 iterations, up to 10 shortenings of a step.
     pub newton: NewtonParams,
+    /// How the linear systems are solved. Default: directly, as definite ones.
+    pub solver: SolverParams,
 }
 
 impl StepParams {
@@ -23,7 +25,7 @@ impl StepParams {
 impl Default for StepParams {
     fn default() -> Self {
         let newton = NewtonParams { tolerance: 1e-8, max_iterations: 25, ..NewtonParams::default() };
-        Self { count: 10, max_cuts: 6, start: StepStart::default(), newton }
+        Self { count: 10, max_cuts: 6, start: StepStart::default(), newton, solver: SolverParams::default() }
     }
 }
 

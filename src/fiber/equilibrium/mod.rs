@@ -4,7 +4,8 @@
 //! ([`EquilibriumParams::stages`]):
 //!
 //! 1. [`Stage::Newton`]: the whole increment from the last equilibrium, by Newton with line search, from a first-order
-//!    prediction where the RVE has one ([`Rve::keep_rates`](super::rve::Rve::keep_rates)), else from an affine motion;
+//!    prediction where the RVE has one ([`Rve::keep_rates`](super::rve::Rve::keep_rates)), from an affine motion where it
+//!    has none or the prediction leads astray;
 //! 2. [`Stage::Regularised`]: the same by a descent in the energy
 //!    ([`NewtonSystem::minimise`](crate::las::NewtonSystem::minimise)), which indefinite and singular stiffnesses do not
 //!    stop, and which ends in a stable equilibrium;
@@ -26,7 +27,7 @@ pub use params::{EquilibriumParams, Stage, Stages};
 pub use report::{EquilibriumReport, RveError, StageError, StageFailure};
 
 use super::path::Path;
-use super::relax::{Relaxation, RelaxationError};
+use super::relax::{Relaxation, RelaxationError, RelaxationReport};
 use super::rve::{Rve, RveModel};
 use super::workspace::Workspace;
 use crate::las::{Backend, NewtonError, NewtonFailure, NewtonReport, Scalar, SolveError};
@@ -81,7 +82,13 @@ where
     B::Reduced: Scalar,
 {
     fn try_newton(&mut self, rve: &mut Rve) -> bool {
-        match self.increment(rve, self.target) {
+        let mut outcome = self.increment(rve, self.target);
+        if outcome.is_err() && rve.has_rates() {
+            // A prediction is only a start.
+            rve.forget_rates();
+            outcome = self.increment(rve, self.target);
+        }
+        match outcome {
             Ok(newton) => {
                 self.report.newton = newton;
                 self.reached(Stage::Newton)
@@ -232,6 +239,9 @@ where
         }
         match self.relax(&path, tolerance) {
             Ok(()) => {
+                let RelaxationReport { residual, relative, .. } = self.report.relaxation;
+                self.report.newton =
+                    NewtonReport { residuals: vec![residual], relative: vec![relative], ..NewtonReport::default() };
                 self.workspace.factor_is_near = false;
                 self.take_over(rve, self.target);
                 self.reached(Stage::Relaxation)
@@ -247,7 +257,7 @@ where
         let (report, error) = relaxation.run(path, tolerance, &self.params.relaxation);
         let sum = &mut self.report.relaxation;
         (sum.steps, sum.repeats) = (sum.steps + report.steps, sum.repeats + report.repeats);
-        (sum.residual, sum.energies) = (report.residual, report.energies);
+        (sum.residual, sum.relative, sum.energies) = (report.residual, report.relative, report.energies);
         error.map_or(Ok(()), Err)
     }
 

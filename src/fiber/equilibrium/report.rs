@@ -15,7 +15,8 @@ pub struct EquilibriumReport {
     pub stage: Option<Stage>,
     /// Newton iterations in all, plain and regularised, those of failed attempts included.
     pub iterations: usize,
-    /// The last Newton: its residual history ends at equilibrium, unless dynamic relaxation went there alone.
+    /// The last Newton. Its residual history ends at equilibrium; where dynamic relaxation went there alone, the
+    /// residual that it left is all of it.
     pub newton: NewtonReport,
     /// Equilibria that started from a first-order prediction.
     pub predicted: usize,

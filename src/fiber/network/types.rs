@@ -29,7 +29,7 @@ pub enum FiberTypesError {
         fraction: f64,
     },
     /// Fractions that leave fibers out or count them twice.
-    #[error("the fractions of the fiber types sum to {sum}")]
+    #[error("the fractions of the fiber types sum to {}", (sum * 1e12).round() / 1e12)]
     Sum {
         /// Their sum.
         sum: f64,

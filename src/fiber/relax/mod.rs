@@ -94,7 +94,8 @@ impl Relaxation<'_> {
                 motion.take_stable_step(safety, params.masses);
                 motion.energies.kinetic = self.kinetic_now(&motion);
                 motion.energies.strain = self.truss.energy(self.states) - motion.energy_at_start;
-                (report.energies, report.residual) = (motion.energies, residual);
+                report.energies = motion.energies;
+                (report.residual, report.relative) = (residual, if all > 0.0 { residual / all } else { 0.0 });
                 // Before half of the load there is too little energy for a comparison.
                 let error = motion.energies.error();
                 if error > params.energy_error && (part >= 0.5 || error.is_infinite()) {

@@ -11,6 +11,8 @@ pub struct RelaxationReport {
     pub repeats: u32,
     /// `|r|` of the interior at the end, N.
     pub residual: f64,
+    /// The same over the norm of all nodal forces; 0 where there are none.
+    pub relative: f64,
     /// Energies at the end, J in unit-cube lengths.
     pub energies: Energies,
 }

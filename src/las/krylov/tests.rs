@@ -3,7 +3,6 @@
 
 use std::sync::Arc;
 
-use crate::las::conformance::{Oracle, Random};
 use crate::las::{
     Backend, Factorisation, Iterative, Krylov, MatrixOps, Preconditioner, SolveError, Solver, SolverParams, Sparsity,
     Symmetry, VectorOps,
@@ -77,6 +76,7 @@ fn dense_agrees() {
 mod sparse {
     use super::*;
     use crate::backends::sparse::Sparse;
+    use crate::las::conformance::{Oracle, Random};
 
     const COMPLETE: Preconditioner = Preconditioner::Ilut { drop_tolerance: 0.0, fill: usize::MAX };
 

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use crate::fiber::equilibrium::Stages;
 use crate::fiber::law::FiberMaterial;
+use crate::las::Method;
 
 /// A checked case. Paths are absolute, resolved against the folder of the case file.
 #[derive(Clone, Debug, PartialEq)]
@@ -222,11 +223,13 @@ pub struct NewtonCase {
     pub line_search: bool,
     /// Where every step but the first starts from.
     pub start: StepStart,
+    /// How linear systems are solved.
+    pub solver: Method,
 }
 
 impl Default for NewtonCase {
     fn default() -> Self {
-        Self { tolerance: 1e-8, max_iterations: 25, line_search: true, start: StepStart::Held }
+        Self { tolerance: 1e-8, max_iterations: 25, line_search: true, start: StepStart::Held, solver: Method::Direct }
     }
 }
 
@@ -252,11 +255,20 @@ pub struct MicroCase {
     pub stages: Stages,
     /// Whether RVEs keep how their nodes follow a strain, and start from that.
     pub predictor: bool,
+    /// How linear systems are solved.
+    pub solver: Method,
 }
 
 impl Default for MicroCase {
     fn default() -> Self {
-        Self { tolerance: 1e-10, max_iterations: 50, max_cuts: 6, stages: Stages::default(), predictor: true }
+        Self {
+            tolerance: 1e-10,
+            max_iterations: 50,
+            max_cuts: 6,
+            stages: Stages::default(),
+            predictor: true,
+            solver: Method::Direct,
+        }
     }
 }
 

@@ -54,12 +54,14 @@
 //! max_iterations = 25
 //! line_search = true
 //! start = "held"                           # a step starts from the last state; "tangent": from a linear guess
+//! solver = { method = "direct" }           # or an iterative one (below)
 //!
 //! [micro]                                  # every RVE, with its defaults
 //! tolerance = 1e-10
 //! max_iterations = 50
 //! max_cuts = 6
 //! stages = ["newton", "regularised", "cuts", "relaxation"]   # tried in this order, whatever the order here
+//! solver = { method = "direct" }           # or an iterative one (below)
 //! predictor = true                         # start from the last tangent's prediction; 72 bytes an interior node
 //!
 //! [scales]                                 # ranks; default: one process does both
@@ -103,7 +105,9 @@
 //!
 //! `law` is `linear` (`youngs_modulus`, `radius`), `exponential` (also `nonlinearity`), `exponential-stretch` (also
 //! `transition`) or `table`; without it the files beside each network count, where fibers may be of several types.
-//! `matrix` is optional. A table has a CSV file, relative to the case file, or points, stretch and nominal stress in Pa,
+//! `matrix` is optional. `networks = []` beside a `matrix` leaves that alone at every point, asked through the micro
+//! scale, for comparison with the same formula as a material; `biotissue check` counts these points as RVEs, and warns. A
+//! table has a CSV file, relative to the case file, or points, stretch and nominal stress in Pa,
 //! with one at stretch 1 and stress 0:
 //!
 //! ```toml
@@ -119,6 +123,18 @@
 //! ```
 //!
 //! The formulas stand in [`crate::fiber::law`].
+//!
+//! # Iterative solvers
+//!
+//! ```toml
+//! [newton]                                 # or [micro]
+//! solver = { method = "gmres", restart = 50, preconditioner = "ilut", drop_tolerance = 1e-4, fill = 50, tolerance = 1e-12, max_iterations = 1000 }
+//! ```
+//!
+//! `method` is `direct`, `cg`, `bicgstab` or `gmres` (which alone has a `restart`), `preconditioner` is `ilut` (which alone has
+//! `drop_tolerance` and `fill`, see [`Preconditioner::Ilut`](crate::las::Preconditioner::Ilut)), `diagonal`, `none` or, on
+//! backends that have it, `multigrid`. `tolerance` is that of every linear system, its residual over its right-hand side;
+//! the tangents of RVEs are only as exact as it. The numbers above are the defaults.
 //!
 //! # What a case must keep
 //!
@@ -141,6 +157,7 @@ mod problems;
 mod range;
 mod read;
 mod section;
+mod solver;
 mod table;
 #[cfg(test)]
 mod tests;

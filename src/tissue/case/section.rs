@@ -8,6 +8,7 @@ use super::data::{MeshSource, MicroCase, NewtonCase, OutputCase, RveOutput, Scal
 use super::networks::missing_file;
 use super::problems::alternatives;
 use super::range::Range;
+use super::solver;
 use super::table::{Either, Table};
 use super::value::{Value, did_you_mean};
 
@@ -98,6 +99,7 @@ pub(super) fn newton(root: &mut Table<'_>) -> NewtonCase {
         max_iterations: table.whole("max_iterations", 1..=10_000).unwrap_or(default.max_iterations),
         line_search: table.take("line_search").and_then(|value| value.boolean()).unwrap_or(default.line_search),
         start: table.choice("start", &starts).unwrap_or(default.start),
+        solver: solver::method(&mut table),
     };
     table.finish();
     newton
@@ -113,6 +115,7 @@ pub(super) fn micro(root: &mut Table<'_>) -> MicroCase {
         max_cuts: table.whole("max_cuts", 0..=30).unwrap_or(default.max_cuts),
         stages: table.take("stages").and_then(|value| stages(&value)).unwrap_or(default.stages),
         predictor: table.take("predictor").and_then(|value| value.boolean()).unwrap_or(default.predictor),
+        solver: solver::method(&mut table),
     };
     table.finish();
     micro

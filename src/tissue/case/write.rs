@@ -10,6 +10,7 @@ use super::data::{
     Case, Choose, CurveCase, FiberRveCase, FormulaCase, FormulaModel, LoadCase, MaterialCase, MeshSource, PointPlace,
     RveOutput, ScaleCase, StepStart,
 };
+use super::solver;
 
 impl Case {
     /// The case as run: all defaults filled in, elastic constants reduced, networks listed, paths absolute, so that it can
@@ -88,9 +89,11 @@ impl Case {
         };
         writeln!(out, "\n[newton]\ntolerance = {:?}\nmax_iterations = {}", newton.tolerance, newton.max_iterations)?;
         writeln!(out, "line_search = {}\nstart = \"{start}\"", newton.line_search)?;
+        writeln!(out, "{}", solver::line(&newton.solver))?;
         writeln!(out, "\n[micro]\ntolerance = {:?}\nmax_iterations = {}", micro.tolerance, micro.max_iterations)?;
         let stages: Vec<&str> = micro.stages.iter().map(Stage::name).collect();
         writeln!(out, "max_cuts = {}\nstages = {stages:?}\npredictor = {}", micro.max_cuts, micro.predictor)?;
+        writeln!(out, "{}", solver::line(&micro.solver))?;
         writeln!(out, "\n[scales]\nmacro = {}\nmicro = {}", scales.macro_ranks, scales.micro_ranks)?;
         let rve = match &output.rve {
             RveOutput::None => "\"none\"".into(),

@@ -15,7 +15,7 @@ use crate::fiber::law::FiberMaterial;
 use crate::fiber::network::{Network, file};
 use crate::fiber::rve::{RveModel, RveModelError, StressScale};
 use crate::input::InputErrors;
-use crate::las::{Backend, Scalar};
+use crate::las::{Backend, Scalar, SolverParams};
 use crate::tissue::case::{Case, Choose, FiberRveCase, MaterialCase, ScaleCase};
 
 /// Why the materials of a case cannot be made.
@@ -49,6 +49,7 @@ where
     pub fn new(context: B::Context, case: &Case, mesh: &Mesh) -> Result<(Self, Vec<String>), LibraryError<B::Fault>> {
         let mut library = Reader {
             context: &context,
+            solver: SolverParams { method: case.micro.solver, ..SolverParams::default() },
             networks: HashMap::new(),
             models: Vec::new(),
             made_of: Vec::new(),
@@ -99,6 +100,8 @@ enum Regional<'a> {
 /// Networks and models read so far: each file once, each combination of network, law and scale once.
 struct Reader<'a, B: Backend> {
     context: &'a B::Context,
+    /// How the linear systems of every model are solved.
+    solver: SolverParams,
     networks: HashMap<PathBuf, Arc<Network>>,
     models: Vec<RveModel<B>>,
     /// What each model was made of.
@@ -127,7 +130,7 @@ impl<B: Backend<Scalar = f64>> Reader<'_, B> {
             ScaleCase::Raw => StressScale::Raw,
             ScaleCase::FiberVolumeFraction(phi) => StressScale::FiberVolumeFraction(phi),
         };
-        let model = RveModel::new(self.context, network, case.law.clone(), scale)
+        let model = RveModel::with_solver(self.context, network, case.law.clone(), scale, &self.solver)
             .map_err(|reason| LibraryError::Model { file: path.clone(), reason })?;
         self.models.push(model);
         self.made_of.push(recipe);

@@ -7,13 +7,13 @@ use biotissue::backends;
 use biotissue::fiber::network::check::{Cleaned, NetworkReport, Removed, Rigidity, clean, examine, rigidity};
 use biotissue::fiber::network::file::NetworkFile;
 use biotissue::fiber::network::file::sidecar::Sidecar;
-use biotissue::fiber::network::{Network, NetworkError};
+use biotissue::fiber::network::{Cube, Network, NetworkError};
 use biotissue::input::{InputError, InputErrors};
 use biotissue::las::{Backend, Scalar};
 use clap::Args;
 use serde_json::json;
 
-use super::{check_length, json_of_file, laws_of, not_counted, read, words, write};
+use super::{check_length, json_of_file, json_of_network, laws_of, not_counted, read, words, write};
 use crate::dispatch::{Job, dispatch};
 use crate::failure::Failure;
 use crate::number::real;
@@ -64,29 +64,49 @@ pub fn run(arguments: &CheckArguments) -> Result<(), Failure> {
 fn check(file: &Path, arguments: &CheckArguments) -> Result<(), Failure> {
     let read = read(file)?;
     let report = examine(&read.network);
-    let without_backend = arguments.backend.is_none() && backends::compiled().is_empty();
-    let rigidity = match without_backend {
-        true => None,
-        false => Some(dispatch(arguments.backend.as_deref(), Examine { network: &read.network })?),
-    };
+    let rigidity = examined(&read.network, arguments)?;
     let cleaned = clean(&read.network, arguments.shorter_than);
     if let Some(output) = &arguments.output {
         let cleaned = cleaned.as_ref().map_err(|error| nothing_left(file, error))?;
         write_cleaned(output, &read, cleaned)?;
     }
     // A network of which nothing would be left is examined all the same.
-    let removable = cleaned.ok().map(|cleaned| cleaned.removed);
+    let cleaned = cleaned.ok();
+    let removable = cleaned.as_ref().map(|cleaned| cleaned.removed);
+    let after = cleaned.filter(|_| arguments.clean).map(|cleaned| cleaned.network);
+    let after = after.map(|network| -> Result<_, Failure> {
+        let rigidity = examined(&network, arguments)?;
+        Ok((examine(&network), rigidity, network))
+    });
+    let after = after.transpose()?;
     if arguments.json {
         let mut object = json_of_file(&report, &read);
         object["rigidity"] = json!(rigidity);
         object["removable"] = json!(removable);
         object["written"] = json!(arguments.output);
+        object["cleaned"] = after.as_ref().map_or(json!(null), |(report, rigidity, network)| {
+            let mut cleaned = json_of_network(report, network);
+            cleaned["rigidity"] = json!(rigidity);
+            cleaned
+        });
         return output::print_json(&object);
     }
     let mut text = format!("{}\n{}", report.name, words::figures(&report, &read.network, &read.cube, None));
     text.push_str(&rigidity.as_ref().map_or_else(String::new, words::rigidity));
     text.push_str(&findings(&report, removable, arguments));
+    if let Some((report, rigidity, network)) = &after {
+        let _ = write!(text, "after cleaning\n{}", words::figures(report, network, &Cube::UNIT, None));
+        text.push_str(&rigidity.as_ref().map_or_else(String::new, words::rigidity));
+    }
     output::print(&text)
+}
+
+/// The rigidity; `None` where there is no backend to examine it with.
+fn examined(network: &Network, arguments: &CheckArguments) -> Result<Option<Rigidity>, Failure> {
+    if arguments.backend.is_none() && backends::compiled().is_empty() {
+        return Ok(None);
+    }
+    dispatch(arguments.backend.as_deref(), Examine { network }).map(Some)
 }
 
 /// Examines the rigidity.

@@ -3,10 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use biotissue::fiber::equilibrium::{EquilibriumParams, equilibrate};
+use biotissue::fiber::equilibrium::EquilibriumParams;
 use biotissue::fiber::law::FiberMaterial;
 use biotissue::fiber::network::Network;
-use biotissue::fiber::path::between;
 use biotissue::fiber::rve::{Rve, RveModel, StressScale};
 use biotissue::fiber::workspace::Workspace;
 use biotissue::las::{Backend, Scalar};
@@ -16,16 +15,15 @@ use clap::{Args, ValueEnum};
 use nalgebra::Matrix3;
 
 use super::read;
+use super::words::unsigned_zero;
 use crate::dispatch::{Job, dispatch};
 use crate::failure::Failure;
+use crate::increments::{Increments, check_steps, unusable};
 use crate::law::LawArguments;
 use crate::number::count;
 use crate::output;
 use crate::report::Axis;
 use crate::rve::parse_gradient;
-
-/// As many increments as a run may have load steps.
-const MAX_STEPS: usize = 1_000_000;
 
 #[derive(Args)]
 pub struct DrawArguments {
@@ -35,20 +33,20 @@ pub struct DrawArguments {
     #[arg(short, long, value_name = "FILE.svg|FILE.vtp")]
     output: PathBuf,
     /// Bring the network to equilibrium at this deformation gradient first: "f11 f12 f13 f21 f22 f23 f31 f32 f33"
-    #[arg(long = "F", value_name = "NINE NUMBERS", allow_hyphen_values = true)]
+    #[arg(long = "F", value_name = "\"NINE NUMBERS\"", allow_hyphen_values = true)]
     gradient: Option<String>,
     #[command(flatten)]
     law: LawArguments,
-    /// Increments from the undeformed state to F
-    #[arg(long, value_name = "N", value_parser = count, default_value_t = 1, allow_hyphen_values = true)]
-    steps: usize,
+    /// Increments from the undeformed state to F [default: 1]
+    #[arg(long, value_name = "N", value_parser = count, requires = "gradient", allow_hyphen_values = true)]
+    steps: Option<usize>,
     /// Linear-algebra backend
     #[arg(long, value_name = "NAME")]
     backend: Option<String>,
     /// What the color of a fiber says [default: stretch with --F, otherwise direction]
     #[arg(long, value_enum)]
     color: Option<Color>,
-    /// Look along this axis [default: z]
+    /// An oblique view, from above and from the side, in which this axis comes closest to the eye's own [default: z]
     #[arg(long, value_enum)]
     axis: Option<Axis>,
     /// Above the picture [default: the name of the network]
@@ -85,10 +83,12 @@ pub fn run(arguments: &DrawArguments) -> Result<(), Failure> {
     let state = match gradient {
         None => State::at_rest(&network),
         Some(gradient) => {
-            let job = Deform { path: &arguments.file, network: &network, gradient, material, steps: arguments.steps };
+            let steps = arguments.steps.unwrap_or(1);
+            let job = Deform { path: &arguments.file, network: &network, gradient, material, steps };
             dispatch(arguments.backend.as_deref(), job)?
         }
     };
+    output::make_folder_of(&arguments.output)?;
     match format {
         Format::Svg => {
             let svg = picture(arguments, &network, &state, gradient);
@@ -114,6 +114,11 @@ fn format(output: &Path) -> Result<Format, Failure> {
 /// Refuses options that contradict each other and numbers out of range.
 fn check(arguments: &DrawArguments) -> Result<(), Failure> {
     let deforms = arguments.gradient.is_some();
+    if arguments.law.is_given() && !deforms {
+        let what = "--law of a network at rest, where no fiber carries a force";
+        let cure = "add --F, or leave out --law and its parameters";
+        return Err(Failure::arguments(what, "--F with a deformation gradient", cure));
+    }
     let of_state = match arguments.color {
         Some(Color::Stretch) => Some("--color stretch"),
         Some(Color::Force) => Some("--color force"),
@@ -123,11 +128,7 @@ fn check(arguments: &DrawArguments) -> Result<(), Failure> {
         let what = format!("{option} of a network at rest, where all fibers are alike");
         return Err(Failure::arguments(what, "--F with a deformation gradient", "add --F, or choose another --color"));
     }
-    if !(1..=MAX_STEPS).contains(&arguments.steps) {
-        let (what, expected) =
-            (format!("--steps {}", arguments.steps), format!("between 1 and {MAX_STEPS} increments"));
-        return Err(Failure::arguments(what, expected, "leave --steps out for one"));
-    }
+    check_steps(arguments.steps.unwrap_or(1))?;
     if !(480..=20_000).contains(&arguments.width) {
         let what = format!("--width {}", arguments.width);
         return Err(Failure::arguments(what, "between 480 and 20000 pixels", "leave --width out for 900"));
@@ -167,26 +168,17 @@ impl Job for Deform<'_> {
         B::Reduced: Scalar,
     {
         let Self { path, network, gradient, material, steps } = self;
-        let model = RveModel::<B>::new(&context, Arc::clone(network), material, StressScale::Raw).map_err(|error| {
-            Failure::arguments(
-                format!("{}: {error}", path.display()),
-                "a network whose fibers have a law, a radius and a modulus",
-                "give --law with its parameters, or put a .params file beside the network",
-            )
-        })?;
+        let place = path.display().to_string();
+        let model = RveModel::<B>::new(&context, Arc::clone(network), material, StressScale::Raw)
+            .map_err(|error| unusable(&place, &error))?;
         let mut workspace = Workspace::new(&context, &model).map_err(Failure::library)?;
+        let params = EquilibriumParams::default();
+        let increments =
+            Increments { target: &gradient, steps, params: &params, place: &place, file: Some(path), replayed: false };
         let mut rve = Rve::at_rest(network);
-        for step in 1..=steps {
-            let part = step as f64 / steps as f64;
-            let target = if step == steps { gradient } else { between(&Matrix3::identity(), &gradient, part) };
-            let outcome = equilibrate(&model, &mut rve, &target, &EquilibriumParams::default(), &mut workspace);
-            outcome.map_err(|error| Failure::NotConverged {
-                what: error.to_string(),
-                place: format!("step {step} of {steps} of {}", path.display()),
-                expected: "an equilibrium of the network with its boundary at x = F X".into(),
-                cure: format!("take more --steps (now {steps}), or an F nearer to the undeformed state"),
-            })?;
-        }
+        let mut last = (rve.clone(), gradient);
+        let outcome = increments.take(&model, &mut rve, &mut workspace, &mut last);
+        outcome.map_err(|lost| increments.lost(&lost))?;
         let (truss, states) = (model.truss(), workspace.states());
         let mut state = State { positions: workspace.positions().to_vec(), ..State::at_rest(network) };
         for (fiber, &original) in truss.original().iter().enumerate() {
@@ -224,7 +216,7 @@ fn picture(arguments: &DrawArguments, network: &Network, state: &State, gradient
 /// The rows of a matrix in a line; only the diagonal where there is nothing beside it.
 fn in_words(f: &Matrix3<f64>) -> String {
     let number = |x: f64| {
-        let text = format!("{x:.4}");
+        let text = format!("{:.4}", unsigned_zero(x));
         text.trim_end_matches('0').trim_end_matches('.').to_owned()
     };
     if *f == Matrix3::from_diagonal(&f.diagonal()) {

@@ -52,7 +52,9 @@ pub struct GenerateArguments {
     #[command(flatten)]
     law: LawArguments,
     /// Instead of --law, a part of the fibers and its law, drawn by the seed; repeat until the fractions sum to 1:
-    /// "fraction=0.7,law=exponential,youngs-modulus=1e8,radius=5e-8,nonlinearity=1.2"
+    /// "fraction=0.7,law=exponential,youngs-modulus=1e8,radius=5e-8,nonlinearity=1.2". Keys: fraction (of the fibers, by
+    /// number); law, radius, youngs-modulus, nonlinearity, transition, table, compression and buckling-strain as the
+    /// options of these names; density (of the fiber material, kg/m^3)
     #[arg(long = "fiber", value_name = "KEY=VALUE,...", conflicts_with = "law")]
     fibers: Vec<FiberTypeArgument>,
     /// Print one JSON object
@@ -196,7 +198,13 @@ fn not_generated(error: &GenerateError) -> Failure {
         GenerateError::Merge { .. } => {
             ("--merge in that range", "leave --merge out for a value that suits the kind".into())
         }
-        GenerateError::NoRoom { .. } | GenerateError::OpenFace { .. } | GenerateError::Network(_) => (
+        GenerateError::OpenFace { .. } => (
+            "fibers through every face of the cube",
+            "lower the strength of an alignment (--strength), ask for a larger network, trim or merge it less, or change \
+             --seed"
+                .into(),
+        ),
+        GenerateError::NoRoom { .. } | GenerateError::Network(_) => (
             "fibers through every face of the cube",
             "ask for a larger network, trim, merge or align it less, or change --seed".into(),
         ),

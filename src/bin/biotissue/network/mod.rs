@@ -53,6 +53,7 @@ fn laws_of(network: &Network) -> Sidecar {
 /// Writes a network with what goes beside it: first the network, then its materials, then where it comes from.
 fn write(path: &Path, network: &Network, sidecar: &Sidecar) -> Result<(), Failure> {
     let unwritable = |error: std::io::Error| Failure::unwritable(path, &error);
+    output::make_folder_of(path)?;
     file::write(path, network).map_err(unwritable)?;
     if file::fits_params(network) {
         file::write_params(path, network).map_err(unwritable)?;

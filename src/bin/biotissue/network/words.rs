@@ -35,11 +35,21 @@ pub fn figures(report: &NetworkReport, network: &Network, cube: &Cube, axis: Opt
     text
 }
 
+/// To ten digits: what is computed may end in the noise of rounding.
+fn short(x: f64) -> f64 {
+    format!("{x:.9e}").parse().unwrap_or(x)
+}
+
+/// What four decimals show as zero, without a sign.
+pub fn unsigned_zero(x: f64) -> f64 {
+    if x.abs() < 0.5e-4 { 0.0 } else { x }
+}
+
 fn laws(text: &mut String, network: &Network) {
     for (number, material) in (0..).zip(network.materials()) {
         let law = NamedLaw::from(material);
         let modulus = material.law.youngs_modulus();
-        let _ = write!(text, "  law              {}, E {modulus:e} Pa, radius {:e} m", law.name, law.radius);
+        let _ = write!(text, "  law              {}, E {:e} Pa, radius {:e} m", law.name, short(modulus), law.radius);
         let _ = law.nonlinearity.map_or(Ok(()), |b| write!(text, ", B {b}"));
         let _ = law.transition.map_or(Ok(()), |stretch| write!(text, ", transition {stretch}"));
         let _ = law.points.map_or(Ok(()), |points| write!(text, ", {} points", points.len()));
@@ -75,13 +85,14 @@ fn coordination(text: &mut String, report: &NetworkReport) {
 
 fn orientation(text: &mut String, report: &NetworkReport, axis: Option<[f64; 3]>) {
     for (name, tensor) in [("orientation", report.orientation), ("  by length", report.orientation_by_length)] {
-        let [[xx, xy, xz], [_, yy, yz], [_, _, zz]] = tensor;
+        let [[xx, xy, xz], [_, yy, yz], [_, _, zz]] = tensor.map(|row| row.map(unsigned_zero));
         let _ =
             writeln!(text, "  {name:<16} xx {xx:.4}  yy {yy:.4}  zz {zz:.4}  yz {yz:+.4}  xz {xz:+.4}  xy {xy:+.4}");
     }
     let (direction, name) =
         axis.map_or((report.principal_direction, "principal direction"), |axis| (axis, "direction of alignment"));
-    let ([order, by_length], [x, y, z]) = (report.order_about(direction), direction);
+    let ([order, by_length], [x, y, z]) =
+        (report.order_about(direction).map(unsigned_zero), direction.map(unsigned_zero));
     let _ = writeln!(
         text,
         "  order            P2 {order:.4}, by length {by_length:.4}, about the {name} ({x:.4} {y:.4} {z:.4})"
@@ -116,7 +127,7 @@ pub fn rigidity(found: &Rigidity) -> String {
         if found.estimated { ", mobilities estimated" } else { "" }
     );
     for node in &found.most_mobile {
-        let [x, y, z] = node.position;
+        let [x, y, z] = node.position.map(unsigned_zero);
         let _ = writeln!(text, "      node {:<8} mobility {:.4} at {x:+.4} {y:+.4} {z:+.4}", node.node, node.mobility);
     }
     text

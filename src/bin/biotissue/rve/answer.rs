@@ -71,6 +71,8 @@ pub struct Ladder {
     singular: usize,
     regularised_iterations: usize,
     relaxation_steps: usize,
+    /// Whether the residual is above the tolerance, as small as rounding lets it become.
+    at_rounding: bool,
 }
 
 /// Wall time, s.
@@ -93,8 +95,9 @@ impl NetworkFacts {
     }
 }
 
-impl From<&EquilibriumReport> for Ladder {
-    fn from(report: &EquilibriumReport) -> Self {
+impl Ladder {
+    /// What an equilibrium of this tolerance took.
+    pub fn of(report: &EquilibriumReport, tolerance: f64) -> Self {
         let EquilibriumReport { stage, predicted, cuts, line_search_cuts, indefinite, singular, .. } = *report;
         Self {
             stage: stage.map(Stage::name),
@@ -105,6 +108,7 @@ impl From<&EquilibriumReport> for Ladder {
             singular,
             regularised_iterations: report.regularised,
             relaxation_steps: report.relaxation.steps,
+            at_rounding: stage.is_some() && report.newton.relative.last().is_some_and(|&r| r > tolerance),
         }
     }
 }
@@ -130,10 +134,17 @@ impl Answer {
             n.nodes, n.fibers, n.boundary_nodes, n.free_dofs
         );
         let [norm, relative] = self.residuals.last().copied().unwrap_or_default();
+        let Ladder { stage, relaxation_steps, at_rounding, .. } = self.ladder;
+        let relaxation = match relaxation_steps {
+            0 => String::new(),
+            steps => format!(" and {steps} steps of relaxation"),
+        };
+        let by = stage.and_then(Stage::named).map_or_else(String::new, |stage| format!(", by {stage}"));
         let _ = writeln!(
             out,
-            "converged    {} iterations, |r| = {norm:.3e} N ({relative:.1e} of all forces)",
-            self.iterations
+            "converged    {} iterations{relaxation}, |r| = {norm:.3e} N ({relative:.1e} of all forces{}){by}",
+            self.iterations,
+            if at_rounding { ", at rounding" } else { "" }
         );
         let _ = writeln!(out, "J            {:?}", self.determinant);
         let _ = writeln!(out, "kappa        {:e}", self.scale);

@@ -15,14 +15,12 @@ use nalgebra::Matrix3;
 
 use crate::dispatch::dispatch;
 use crate::failure::Failure;
+use crate::increments::check_steps;
 use crate::law::LawArguments;
 use crate::number::{count, real};
 use crate::output;
 
 use solve::RveJob;
-
-/// As many increments as a run may have load steps.
-const MAX_STEPS: usize = 1_000_000;
 
 /// Bring one RVE to equilibrium: stress, tangent, energy, orientation
 #[derive(Args)]
@@ -31,7 +29,7 @@ pub struct RveCommand {
     #[arg(required_unless_present = "replay")]
     network: Option<PathBuf>,
     /// Deformation gradient, row by row: "f11 f12 f13 f21 f22 f23 f31 f32 f33"
-    #[arg(long = "F", value_name = "NINE NUMBERS", allow_hyphen_values = true, required_unless_present = "replay")]
+    #[arg(long = "F", value_name = "\"NINE NUMBERS\"", allow_hyphen_values = true, required_unless_present = "replay")]
     gradient: Option<String>,
     #[command(flatten)]
     law: LawArguments,
@@ -41,10 +39,11 @@ pub struct RveCommand {
     /// Increments from the undeformed state to F
     #[arg(long, value_name = "N", value_parser = count, default_value_t = 1, allow_hyphen_values = true)]
     steps: usize,
-    /// Residual relative to all nodal forces
+    /// Residual relative to all nodal forces; one as small as rounding lets it become is always enough
     #[arg(long, value_name = "T", value_parser = real, default_value = "1e-10", allow_hyphen_values = true)]
     tolerance: f64,
-    /// The stages that may be tried, separated by commas: newton, cuts, regularised, relaxation; all of them by default
+    /// The stages that may be tried, separated by commas: newton, regularised, cuts, relaxation; tried in this order,
+    /// whatever the order given; all of them by default
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     stages: Option<Vec<String>>,
     /// Write the last increment, with everything that it depends on, to a file
@@ -88,10 +87,7 @@ fn check(command: RveCommand) -> Result<RveJob, Failure> {
     let material = command.law.material()?;
     let scale = parse_scale(&command.scale)?;
     let RveCommand { steps, tolerance, dump, .. } = command;
-    if !(1..=MAX_STEPS).contains(&steps) {
-        let expected = format!("between 1 and {MAX_STEPS} increments");
-        return Err(Failure::arguments(format!("--steps {steps}"), expected, "leave --steps out for one"));
-    }
+    check_steps(steps)?;
     if !(tolerance > 0.0 && tolerance < 1.0) {
         let what = format!("--tolerance {tolerance}");
         return Err(Failure::arguments(what, "a number between 0 and 1", "leave --tolerance out for 1e-10"));

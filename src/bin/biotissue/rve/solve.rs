@@ -4,13 +4,12 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
-use biotissue::fiber::equilibrium::{EquilibriumParams, EquilibriumReport, RveError, Stages, equilibrate};
+use biotissue::fiber::equilibrium::{EquilibriumParams, EquilibriumReport, RveError, Stages};
 use biotissue::fiber::homogenise;
 use biotissue::fiber::law::FiberMaterial;
 use biotissue::fiber::network::Network;
 use biotissue::fiber::orientation::{Weighting, tensor};
-use biotissue::fiber::path::between;
-use biotissue::fiber::rve::{Rve, RveModel, RveModelError, StressScale};
+use biotissue::fiber::rve::{Rve, RveModel, StressScale};
 use biotissue::fiber::workspace::Workspace;
 use biotissue::las::{Backend, NewtonReport, Scalar};
 use biotissue::tissue::results::ResultsError;
@@ -20,6 +19,7 @@ use nalgebra::Matrix3;
 use super::answer::{Answer, Ladder, NetworkFacts, Orientation, Seconds, State, Stretch, rows, tangent_rows};
 use crate::dispatch::Job;
 use crate::failure::Failure;
+use crate::increments::{Increments, unusable};
 
 /// The checked arguments.
 pub struct RveJob {
@@ -48,14 +48,14 @@ impl Job for RveJob {
     {
         let start = Instant::now();
         let model = RveModel::<B>::new(&context, Arc::clone(&self.network), self.material.clone(), self.scale)
-            .map_err(|error| self.unusable(&error))?;
+            .map_err(|error| unusable(&self.place, &error))?;
         let mut workspace = Workspace::new(&context, &model).map_err(Failure::library)?;
         let mut seconds = Seconds { analyze: start.elapsed().as_secs_f64(), ..Seconds::default() };
 
         let start = Instant::now();
         let mut rve = self.start.clone();
         let mut last = (rve.clone(), self.gradient);
-        let outcome = self.equilibrate(&model, &mut rve, &mut workspace, &mut last);
+        let outcome = self.increments().take(&model, &mut rve, &mut workspace, &mut last);
         seconds.solve = start.elapsed().as_secs_f64();
         if let Some(file) = &self.dump {
             let dump = RveDump::new(self.place.clone(), &model, (&last.0, &last.1), &self.params);
@@ -64,20 +64,23 @@ impl Job for RveJob {
 
         let start = Instant::now();
         let (report, state) = match outcome {
-            Ok(report) => (report, self.state(&model, &rve, &mut workspace)),
-            Err(error) => {
-                let report = if let RveError::NotConverged { report, .. } = &error {
+            Ok(report) => {
+                let state = self.state(&model, &rve, &mut workspace);
+                (report, state.map_err(|error| self.increments().untold(&error)))
+            }
+            Err(lost) => {
+                let report = if let RveError::NotConverged { report, .. } = &lost.error {
                     (**report).clone()
                 } else {
                     EquilibriumReport::default()
                 };
-                (report, Err(error))
+                (report, Err(self.increments().lost(&lost)))
             }
         };
         seconds.tangent = start.elapsed().as_secs_f64();
         let (state, failure) = match state {
             Ok(state) => (Some(state), None),
-            Err(error) => (None, Some(self.failure(&error))),
+            Err(failure) => (None, Some(failure)),
         };
         Ok((self.answer(&model, &report, state, seconds), failure))
     }
@@ -113,46 +116,14 @@ impl RveJob {
         }
     }
 
-    /// The deformation gradient of a step from 1 to `steps`, on the way from the start to the one asked for.
-    pub fn target(&self, step: usize) -> Matrix3<f64> {
-        if step == self.steps {
-            return self.gradient;
-        }
-        between(self.start.gradient(), &self.gradient, step as f64 / self.steps as f64)
-    }
-
-    /// All increments; `last` is left with the state before the one that came last, and what was asked of it.
-    fn equilibrate<B>(
-        &self,
-        model: &RveModel<B>,
-        rve: &mut Rve,
-        workspace: &mut Workspace<B>,
-        last: &mut (Rve, Matrix3<f64>),
-    ) -> Result<EquilibriumReport, RveError<B::Fault>>
-    where
-        B: Backend<Scalar = f64>,
-        B::Reduced: Scalar,
-    {
-        let mut sum = EquilibriumReport::default();
-        for step in 1..=self.steps {
-            *last = (rve.clone(), self.target(step));
-            sum = sum.then(equilibrate(model, rve, &last.1, &self.params, workspace)?);
-            if step < self.steps {
-                self.predict(model, rve, workspace);
-            }
-        }
-        Ok(sum)
-    }
-
-    /// Lets the next increment start from a prediction, where this one has a tangent.
-    fn predict<B>(&self, model: &RveModel<B>, rve: &mut Rve, workspace: &mut Workspace<B>)
-    where
-        B: Backend<Scalar = f64>,
-        B::Reduced: Scalar,
-    {
-        let pk1 = homogenise::pk1(model, workspace);
-        if homogenise::tangent(model, rve, &pk1, workspace).is_ok() {
-            rve.keep_rates(model, workspace);
+    fn increments(&self) -> Increments<'_> {
+        Increments {
+            target: &self.gradient,
+            steps: self.steps,
+            params: &self.params,
+            place: &self.place,
+            file: self.file.as_deref(),
+            replayed: self.file.is_none(),
         }
     }
 
@@ -206,51 +177,8 @@ impl RveJob {
             network: NetworkFacts::of(&self.network, model),
             scale: model.scale(),
             state,
-            ladder: Ladder::from(report),
+            ladder: Ladder::of(report, self.params.newton.tolerance),
             seconds,
-        }
-    }
-
-    fn unusable<F: std::error::Error + 'static>(&self, error: &RveModelError<F>) -> Failure {
-        let what = format!("{}: {error}", self.place);
-        if matches!(error, RveModelError::Analysis(_)) {
-            return Failure::library(what);
-        }
-        Failure::arguments(
-            what,
-            "a network whose fibers have a law, a radius and a modulus",
-            "give --law with its parameters, or put a .params file beside the network",
-        )
-    }
-
-    fn failure<F: std::error::Error + 'static>(&self, error: &RveError<F>) -> Failure {
-        if error.is_fault() {
-            return Failure::library(error);
-        }
-        let (expected, cure) = if error.is_linear() {
-            (
-                "a network that resists every motion of its interior nodes",
-                self.file.as_ref().map_or_else(
-                    || "another network, or a cleaned one".into(),
-                    |file| {
-                        let file = file.display();
-                        format!(
-                            "`biotissue network check {file}` tells where it is floppy; if it is not, take more --steps"
-                        )
-                    },
-                ),
-            )
-        } else {
-            (
-                "an equilibrium of the network with its boundary at x = F X",
-                format!("take more --steps (now {}), or an F nearer to the undeformed state", self.steps),
-            )
-        };
-        Failure::NotConverged {
-            what: error.to_string(),
-            place: format!("the RVE of {}", self.place),
-            expected: expected.into(),
-            cure,
         }
     }
 }

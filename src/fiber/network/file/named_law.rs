@@ -90,6 +90,18 @@ pub enum NamedLawError {
     File(#[from] InputErrors),
 }
 
+impl NamedLawError {
+    /// The key that is wrong, where there is one.
+    pub(super) fn key(&self) -> Option<&'static str> {
+        match self {
+            Self::Name { .. } => Some("name"),
+            Self::Needless { parameter, .. } | Self::Range { parameter, .. } => Some(parameter),
+            Self::TwoTables | Self::Points { .. } => Some("points"),
+            Self::Missing { .. } | Self::File(_) => None,
+        }
+    }
+}
+
 impl NamedLaw {
     /// The law with its parameters checked; the path of a table is relative to the folder `base`.
     ///

@@ -148,6 +148,25 @@ pub(super) fn line_of(bytes: &[u8], offset: usize) -> usize {
     1 + bytes.iter().take(offset).filter(|&&byte| byte == b'\n').count()
 }
 
+/// The line of a key within a law, or else that in which the law begins.
+fn line_of_key(text: &str, law: std::ops::Range<usize>, key: Option<&str>) -> usize {
+    let first = line_of(text.as_bytes(), law.start);
+    // The law's own lines: a header, and all up to the next one.
+    let mut own = text.lines().enumerate().skip(first - 1);
+    let header = own.next();
+    let stands = |line: &str| {
+        let (name, value) = line.split_once('=').unwrap_or((line, ""));
+        !value.is_empty() && key.is_some_and(|key| name.trim().trim_matches(['"', '\'']) == key)
+    };
+    match header {
+        Some((_, header)) if header.trim_start().starts_with('[') => own
+            .take_while(|(_, line)| !line.trim_start().starts_with('['))
+            .find(|(_, line)| stands(line))
+            .map_or(first, |(number, _)| number + 1),
+        _ => first,
+    }
+}
+
 fn parse(file: &Path, bytes: &[u8], fibers: usize) -> Result<Sidecar, InputErrors> {
     let text = std::str::from_utf8(bytes).map_err(|error| {
         let line = line_of(bytes, error.valid_up_to());
@@ -163,7 +182,7 @@ fn parse(file: &Path, bytes: &[u8], fibers: usize) -> Result<Sidecar, InputError
         law.get_ref().material(base).map_err(|error| match error {
             NamedLawError::File(errors) => errors,
             error => {
-                let line = line_of(bytes, law.span().start);
+                let line = line_of_key(text, law.span(), error.key());
                 let expected = match &error {
                     NamedLawError::Points { error } => error.expected(),
                     _ => "a law with the parameters it has",
@@ -269,7 +288,7 @@ mod tests {
             ),
             (
                 "\n[law]\nname = \"linnear\"\nradius = 1\nyoungs_modulus = 1\n",
-                "n.toml:2: there is no law `linnear`; known are linear, exponential, exponential-stretch and table",
+                "n.toml:3: there is no law `linnear`; known are linear, exponential, exponential-stretch and table",
             ),
             (
                 "[law]\nname = \"exponential\"\nradius = 1\nyoungs_modulus = 1\n",
@@ -277,40 +296,44 @@ mod tests {
             ),
             (
                 "[law]\nname = \"linear\"\nradius = -1\nyoungs_modulus = 1\n",
-                "n.toml:1: the radius is -1, but must be finite and above 0",
+                "n.toml:3: the radius is -1, but must be finite and above 0",
             ),
             (
                 "[law]\nname = \"linear\"\nradius = 1\nyoungs_modulus = nan\n",
-                "n.toml:1: the youngs_modulus is NaN, but must be finite and above 0",
+                "n.toml:4: the youngs_modulus is NaN, but must be finite and above 0",
             ),
             (
                 "[law]\nname = \"linear\"\nradius = 1\nyoungs_modulus = 1\ntransition = 2\n",
-                "n.toml:1: the law `linear` has no transition",
+                "n.toml:5: the law `linear` has no transition",
             ),
             (
                 "[law]\nname = \"exponential-stretch\"\nradius = 1\nyoungs_modulus = 1\nnonlinearity = 1\ntransition = 0.5\n",
-                "n.toml:1: the transition is 0.5, but must be finite and at least 1",
+                "n.toml:6: the transition is 0.5, but must be finite and at least 1",
             ),
             (
                 "[law]\nname = \"linear\"\nradius = 1\nyoungs_modulus = 1\ncompression = -0.1\n",
-                "n.toml:1: the compression is -0.1, but must be finite and from 0 to 1",
+                "n.toml:5: the compression is -0.1, but must be finite and from 0 to 1",
             ),
             (
                 "[law]\nname = \"linear\"\nradius = 1\nyoungs_modulus = 1\nbuckling_strain = 0\n",
-                "n.toml:1: the buckling_strain is 0, but must be finite and above 0",
+                "n.toml:5: the buckling_strain is 0, but must be finite and above 0",
             ),
             ("[law]\nname = \"table\"\nradius = 1\n", "n.toml:1: the law `table` needs a file"),
             (
+                "law = { name = \"linear\", youngs_modulus = 1,\n radius = -1 }\n",
+                "n.toml:1: the radius is -1, but must be finite and above 0",
+            ),
+            (
                 "[law]\nname = \"table\"\nradius = 1\nyoungs_modulus = 1\n",
-                "n.toml:1: the law `table` has no youngs_modulus",
+                "n.toml:4: the law `table` has no youngs_modulus",
             ),
             (
                 "[law]\nname = \"table\"\nradius = 1\npoints = [[1, 0], [1.2, 1], [1.1, 2]]\n",
-                "n.toml:1: point 3: the stretch 1.1 follows 1.2",
+                "n.toml:4: point 3: the stretch 1.1 follows 1.2",
             ),
             (
                 "[law]\nname = \"table\"\nradius = 1\nfile = \"a\"\npoints = [[1, 0], [1.2, 1]]\n",
-                "n.toml:1: the law `table` has both a file and points",
+                "n.toml:5: the law `table` has both a file and points",
             ),
             (
                 "[[fiber_type]]\nname = \"linear\"\nradius = 1\nyoungs_modulus = 1\n",

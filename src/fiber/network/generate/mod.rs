@@ -90,7 +90,7 @@ pub enum GenerateError {
         apart: f64,
     },
     /// No fiber crosses one of the faces, so that the network would not fill its cube.
-    #[error("no fiber crosses the face {axis} = {side} of the cube; take more points or another seed")]
+    #[error("no fiber crosses the face {axis} = {side} of the cube")]
     OpenFace {
         /// `x`, `y` or `z`.
         axis: char,

@@ -26,7 +26,8 @@ impl Recipe {
         let (fewer, _) = self.bisect([1, nodes], |made| made.network.nodes().len() < nodes)?;
         let candidates = fewer.saturating_sub(2).max(1)..=fewer + 3;
         let off = |made: &Made| made.network.nodes().len().abs_diff(nodes) as f64;
-        self.closest(candidates, off)?.ok_or(GenerateError::Nodes { nodes, fewest, most })
+        let made = self.closest(candidates.clone(), off)?;
+        made.ok_or_else(|| self.open_face(candidates).unwrap_or(GenerateError::Nodes { nodes, fewest, most }))
     }
 
     /// The network whose density, the total length of its fibers in the unit cube, comes closest to `density` (1/edge^2).
@@ -50,12 +51,21 @@ impl Recipe {
         let most = ((1.5 * estimate) as usize + 8).min(MOST_POINTS);
         let (fewer, _) = self.bisect([1, most], |made| length(made) < density)?;
         let candidates = fewer.saturating_sub(5).max(1)..=fewer + 6;
-        let made = self.closest(candidates, |made| (length(made) - density).abs())?;
+        let made = self.closest(candidates.clone(), |made| (length(made) - density).abs())?;
         match made {
             Some(made) if (length(&made) - density).abs() <= MISSED * density => Ok(made),
-            Some(made) => Err(unreachable(length(&made), made.points)),
-            None => Err(unreachable(sample, SAMPLE)),
+            Some(made) => Err(self.open_face(candidates).unwrap_or(unreachable(length(&made), made.points))),
+            None => Err(self.open_face(candidates).unwrap_or(unreachable(sample, SAMPLE))),
         }
+    }
+
+    /// Why aligned networks of the size that was sought fail: few of their fibers cross the faces along the axis.
+    fn open_face(&self, mut candidates: impl Iterator<Item = usize>) -> Option<GenerateError> {
+        self.alignment.filter(|alignment| alignment.strength() > 0.0)?;
+        candidates.find_map(|points| match self.of_points(points) {
+            Err(error @ GenerateError::OpenFace { .. }) => Some(error),
+            _ => None,
+        })
     }
 
     /// Neighboring numbers of points between which `too_small` turns from true to false. Too few points for a network

@@ -4,6 +4,7 @@ use super::super::*;
 use super::{FULL, Folder, SMALL};
 use crate::fiber::equilibrium::{Stage, Stages};
 use crate::fiber::law::{FiberMaterial, Law};
+use crate::las::{Iterative, Krylov, Method, Preconditioner};
 
 #[test]
 fn every_entry_arrives() {
@@ -38,7 +39,21 @@ fn every_entry_arrives() {
     assert_eq!((case.points[1].place, case.points[1].line), (PointPlace::Node(12), 36));
     assert_eq!((case.body_forces[0].region.as_str(), case.body_forces[0].value), ("gauge", [0.0, 0.0, -9810.0]));
     assert_eq!(case.steps, StepsCase { count: 20, max_cuts: 4 });
-    let newton = NewtonCase { tolerance: 1e-9, max_iterations: 30, line_search: false, start: StepStart::Tangent };
+    let cg = Iterative {
+        krylov: Krylov::Cg,
+        preconditioner: Preconditioner::Diagonal,
+        tolerance: 1e-13,
+        max_iterations: 1000,
+    };
+    let preconditioner = Preconditioner::Ilut { drop_tolerance: 0.0, fill: 7 };
+    let gmres = Iterative { krylov: Krylov::Gmres { restart: 30 }, preconditioner, tolerance: 1e-12, ..cg };
+    let newton = NewtonCase {
+        tolerance: 1e-9,
+        max_iterations: 30,
+        line_search: false,
+        start: StepStart::Tangent,
+        solver: Method::Iterative(cg),
+    };
     assert_eq!(case.newton, newton);
     assert_eq!(
         case.micro,
@@ -47,7 +62,8 @@ fn every_entry_arrives() {
             max_iterations: 60,
             max_cuts: 5,
             stages: Stages::of(&[Stage::Newton, Stage::Cuts]),
-            predictor: false
+            predictor: false,
+            solver: Method::Iterative(gmres),
         }
     );
     assert_eq!(case.scales, ScalesCase { macro_ranks: 1, micro_ranks: 3 });
@@ -56,7 +72,7 @@ fn every_entry_arrives() {
 
     let place = folder.case();
     let said = "[scales] asks for 4 processes; this build runs both scales in one, with the same results";
-    assert_eq!(warnings, [format!("{}:62: {said}", place.display())]);
+    assert_eq!(warnings, [format!("{}:64: {said}", place.display())]);
 }
 
 #[test]
@@ -67,11 +83,24 @@ fn defaults_fill_in() {
     assert_eq!((case.title.as_str(), case.mesh_scale), ("pull", 1.0));
     assert_eq!(case.mesh, MeshSource::Dogbone { element_size: 0.002 });
     assert_eq!(case.steps, StepsCase { count: 10, max_cuts: 6 });
-    let newton = NewtonCase { tolerance: 1e-8, max_iterations: 25, line_search: true, start: StepStart::Held };
+    let newton = NewtonCase {
+        tolerance: 1e-8,
+        max_iterations: 25,
+        line_search: true,
+        start: StepStart::Held,
+        solver: Method::Direct,
+    };
     assert_eq!(case.newton, newton);
     assert_eq!(
         case.micro,
-        MicroCase { tolerance: 1e-10, max_iterations: 50, max_cuts: 6, stages: Stages::default(), predictor: true }
+        MicroCase {
+            tolerance: 1e-10,
+            max_iterations: 50,
+            max_cuts: 6,
+            stages: Stages::default(),
+            predictor: true,
+            solver: Method::Direct
+        }
     );
     assert_eq!(case.scales, ScalesCase { macro_ranks: 1, micro_ranks: 0 });
     let directory = folder.path().join("results");

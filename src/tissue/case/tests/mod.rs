@@ -97,6 +97,7 @@ tolerance = 1e-9
 max_iterations = 30
 line_search = false
 start = "tangent"
+solver = { method = "cg", preconditioner = "diagonal", tolerance = 1e-13 }
 
 [micro]
 tolerance = 1e-11
@@ -104,6 +105,7 @@ max_iterations = 60
 max_cuts = 5
 stages = ["newton", "cuts"]
 predictor = false
+solver = { method = "gmres", restart = 30, drop_tolerance = 0, fill = 7 }
 
 [scales]
 macro = 1

@@ -12,8 +12,8 @@ pub(super) const SOFT: &str = "fill=\"#546e7a\"";
 
 /// Title and, under it, step, time and extension.
 pub(super) fn title(svg: &mut Svg, title: &str, state: &str) {
-    svg.words([28.0, 38.0], 21.0, Anchor::Start, &format!("{INK} font-weight=\"600\""), title);
-    svg.words([28.0, 60.0], 14.0, Anchor::Start, SOFT, state);
+    svg.heading([28.0, 38.0], 21.0, &format!("{INK} font-weight=\"600\""), title);
+    svg.heading([28.0, 60.0], 14.0, SOFT, state);
 }
 
 /// The color bar with its numbers, its right end at `right`.

@@ -16,6 +16,7 @@ pub(super) enum Anchor {
 #[derive(Debug)]
 pub(super) struct Svg {
     text: String,
+    width: f64,
 }
 
 // Writing to a String cannot fail: the results of `write!` carry nothing.
@@ -28,7 +29,7 @@ impl Svg {
              aria-label=\"{label}\" font-family=\"system-ui, -apple-system, 'Segoe UI', 'Helvetica Neue', Arial, sans-serif\">\n\
              <rect width=\"{w}\" height=\"{h}\" fill=\"#fff\"/>\n"
         );
-        Self { text }
+        Self { text, width }
     }
 
     /// A group whose members share these attributes; ends with [`close`](Self::close).
@@ -89,6 +90,18 @@ impl Svg {
             writeln!(self.text, "<text x=\"{x}\" y=\"{y}\" font-size=\"{size}\"{anchor} {attributes}>{words}</text>");
     }
 
+    /// The same from the left margin, shortened where it would reach the right one.
+    pub(super) fn heading(&mut self, [x, y]: [f64; 2], size: f64, attributes: &str, words: &str) {
+        /// Of a letter, over the size of the font: more than the mean of any sans-serif font.
+        const WIDTH: f64 = 0.6;
+        let most = ((self.width - 2.0 * x) / (WIDTH * size)).max(1.0) as usize;
+        if words.chars().count() <= most {
+            return self.words([x, y], size, Anchor::Start, attributes, words);
+        }
+        let kept: String = words.chars().take(most - 1).collect();
+        self.words([x, y], size, Anchor::Start, attributes, &format!("{}\u{2026}", kept.trim_end()));
+    }
+
     pub(super) fn finish(mut self) -> String {
         self.text.push_str("</svg>\n");
         self.text
@@ -119,6 +132,15 @@ mod tests {
     fn numbers_and_colors_are_short() {
         assert_eq!([number(12.04), number(-0.01), number(3.26)], ["12", "0", "3.3"]);
         assert_eq!([hex([255, 0, 17]), hex([254, 0, 17])], ["#f01", "#fe0011"]);
+    }
+
+    #[test]
+    fn a_heading_longer_than_the_picture_is_shortened() {
+        let mut svg = Svg::new(100.0, 10.0, "");
+        svg.heading([10.0, 5.0], 10.0, "", "thirteen<char");
+        svg.heading([10.0, 9.0], 10.0, "", "fourteen chars");
+        let text = svg.finish();
+        assert!(text.contains(">thirteen&lt;char</text>") && text.contains(">fourteen cha\u{2026}</text>"), "{text}");
     }
 
     #[test]

@@ -2,15 +2,15 @@
 
 use std::sync::Arc;
 
-use crate::las::{Scalar, Sparsity};
+use crate::las::{Sparsity, Value};
 
 /// Compressed rows whose pattern is shared with every matrix like it.
 #[derive(Debug)]
 pub struct Matrix<T = f64> {
-    pub(super) pattern: Arc<Sparsity>,
+    pub(in crate::backends) pattern: Arc<Sparsity>,
     /// One value an entry of the pattern, and one more behind them: what [`add_at`](crate::las::MatrixOps::add_at) drops
     /// lands there, so that it need not ask. Nothing reads it.
-    pub(super) values: Vec<T>,
+    pub(in crate::backends) values: Vec<T>,
 }
 
 /// `clone_from` copies the values where both have the same pattern, and allocates nothing then.
@@ -25,7 +25,7 @@ impl<T: Clone> Clone for Matrix<T> {
     }
 }
 
-impl<T: Scalar> Matrix<T> {
+impl<T: Value> Matrix<T> {
     /// Zeros.
     #[must_use]
     pub fn zeros(pattern: &Arc<Sparsity>) -> Self {
@@ -55,7 +55,7 @@ impl<T: Scalar> Matrix<T> {
 
     /// Where a row lies among the values; empty for a constrained row and for one out of range.
     #[inline(always)]
-    pub(super) fn row_range(pattern: &Sparsity, row: i32) -> std::ops::Range<usize> {
+    pub(in crate::backends) fn row_range(pattern: &Sparsity, row: i32) -> std::ops::Range<usize> {
         match pattern.row_start().get(row as usize..).and_then(|starts| starts.first_chunk()) {
             Some(&[start, end]) => start as usize..end as usize,
             None => {
@@ -63,34 +63,5 @@ impl<T: Scalar> Matrix<T> {
                 0..0
             }
         }
-    }
-}
-
-/// Searches one row for the columns of a block.
-///
-/// The unknowns of a node follow each other, in the block as in the row, so that the place after the last one found is
-/// tried before the row is searched.
-pub(super) struct RowSearch<'a> {
-    columns: &'a [u32],
-    next: usize,
-}
-
-impl<'a> RowSearch<'a> {
-    #[inline(always)]
-    pub(super) fn new(columns: &'a [u32]) -> Self {
-        Self { columns, next: 0 }
-    }
-
-    /// The position of a column in the row. A negative one is larger than any column as a `u32`, and so not found.
-    #[inline(always)]
-    pub(super) fn find(&mut self, column: i32) -> Option<usize> {
-        let column = column as u32;
-        let position = if self.columns.get(self.next) == Some(&column) {
-            self.next
-        } else {
-            self.columns.binary_search(&column).ok()?
-        };
-        self.next = position + 1;
-        Some(position)
     }
 }

@@ -3,7 +3,7 @@
 /// A vector in one contiguous array.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Vector<T = f64> {
-    pub(super) values: Vec<T>,
+    pub(in crate::backends) values: Vec<T>,
 }
 
 impl<T> Vector<T> {

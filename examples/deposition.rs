@@ -1,0 +1,100 @@
+//! Particles and a grid: deposition and gathering as a matrix and its transpose, on any backend.
+//!
+//! ```text
+//! cargo run --release --example deposition
+//! ```
+//!
+//! A particle-in-cell code spreads the charge of its particles onto the nodes of a mesh, and reads the field at the nodes
+//! back at the particles. Both are one rectangular matrix `D`, a row a node and a column a particle, holding the shape
+//! functions of each particle's cell: `rho = D q` and `e = D^T E`. It changes whenever particles move, so that its assembly
+//! counts as much as its products. Here the mesh is a square of bilinear cells, and the same code runs on `sparse`, on
+//! `dense`, and for four kinds of particles at once on `batched`.
+
+use std::sync::Arc;
+
+use biotissue::backends::{dense::Dense, sparse::Sparse};
+use biotissue::las::conformance::Random;
+use biotissue::las::{Backend, Index, MatVec, MatrixOps, Scalar, Sparsity, Value, VectorOps};
+
+type Error = Box<dyn std::error::Error>;
+
+/// Nodes along a side, and particles.
+const SIDE: usize = 17;
+const PARTICLES: usize = 400;
+
+/// Where the particles are, in cells.
+fn positions() -> Vec<[f64; 2]> {
+    let mut random = Random::new(1);
+    let mut coordinate = || 0.5 * (random.signed() + 1.0) * (SIDE - 1) as f64 * (1.0 - 1e-12);
+    (0..PARTICLES).map(|_| [coordinate(), coordinate()]).collect()
+}
+
+/// The four nodes of a particle's cell, and the shape functions there; they sum to one.
+fn shape([x, y]: [f64; 2]) -> ([usize; 4], [f64; 4]) {
+    let (i, j) = (x as usize, y as usize);
+    let (u, v) = (x - i as f64, y - j as f64);
+    let corner = i * SIDE + j;
+    let nodes = [corner, corner + 1, corner + SIDE, corner + SIDE + 1];
+    (nodes, [(1.0 - u) * (1.0 - v), (1.0 - u) * v, u * (1.0 - v), u * v])
+}
+
+/// `D`: the pattern from the cells, the values by the hot verb `add`.
+fn deposition<B: Backend>(context: &B::Context, positions: &[[f64; 2]]) -> Result<B::Matrix, Error> {
+    let mut rows = vec![Vec::new(); SIDE * SIDE];
+    for (particle, &position) in positions.iter().enumerate() {
+        shape(position).0.into_iter().for_each(|node| rows[node].push(particle as u32));
+    }
+    let row_start = (0..=rows.len()).map(|end| rows[..end].iter().map(|row| row.len() as u32).sum()).collect();
+    let pattern = Arc::new(Sparsity::from_rows(positions.len(), row_start, rows.concat())?);
+    let mut d = B::matrix(context, &pattern)?;
+    for (particle, &position) in positions.iter().enumerate() {
+        let (nodes, weights) = shape(position);
+        let values = weights.map(|weight| B::Scalar::splat(Scalar::of(weight)));
+        d.add(&nodes.map(B::Index::of), &[B::Index::of(particle)], &values)?;
+    }
+    d.finish()?;
+    Ok(d)
+}
+
+/// Deposits charges that are `scale` times as large in each lane, gathers a field, and checks what must hold of both.
+fn round_trip<B: Backend<Reduced: Value>>(context: &B::Context) -> Result<(), Error> {
+    let positions = positions();
+    let d = deposition::<B>(context, &positions)?;
+    let vector = |len: usize, of: &dyn Fn(usize, usize) -> f64| -> Result<B::Vector, Error> {
+        let mut vector = B::vector(context, len)?;
+        let value = |k: usize| B::Scalar::from_lanes(|lane| Scalar::of(of(k, lane)));
+        vector.with_local_mut(|values| values.iter_mut().enumerate().for_each(|(k, v)| *v = value(k)))?;
+        vector.finish()?;
+        Ok(vector)
+    };
+    let q = vector(PARTICLES, &|k, lane| (lane + 1) as f64 * (1.0 + (k % 3) as f64))?;
+    // A field that is linear in space, which bilinear cells give back exactly.
+    let field = vector(SIDE * SIDE, &|node, _| 0.5 * (node / SIDE) as f64 - 0.25 * (node % SIDE) as f64)?;
+    let ones = vector(SIDE * SIDE, &|_, _| 1.0)?;
+    let (mut rho, mut gathered) = (B::vector(context, SIDE * SIDE)?, B::vector(context, PARTICLES)?);
+    d.mul(&q, &mut rho)?;
+    d.mul_transpose(&field, &mut gathered)?;
+    let (charge, work_at_nodes, work_at_particles) = (rho.dot(&ones)?, rho.dot(&field)?, gathered.dot(&q)?);
+    for lane in 0..B::Reduced::LANES {
+        let total: f64 = (0..PARTICLES).map(|k| (lane + 1) as f64 * (1.0 + (k % 3) as f64)).sum();
+        let (charge, at_nodes) = (charge.lane(lane).as_f64(), work_at_nodes.lane(lane).as_f64());
+        let at_particles = work_at_particles.lane(lane).as_f64();
+        println!("{:8} lane {lane}: charge {charge:.10}, q . D^T E = {at_particles:.10}", B::NAME);
+        assert!((charge - total).abs() < 1e-9 * total, "deposition keeps the charge {total}, not {charge}");
+        assert!((at_nodes - at_particles).abs() < 1e-9 * at_nodes.abs(), "the transpose is adjoint");
+    }
+    let exact = positions.iter().map(|[x, y]| 0.5 * x - 0.25 * y);
+    let apart = gathered.with_local(|e| {
+        e.iter().zip(exact).fold(0.0_f64, |most, (e, exact)| most.max((e.lane(0).as_f64() - exact).abs()))
+    })?;
+    assert!(apart < 1e-12, "a linear field is gathered exactly, not within {apart:e}");
+    Ok(())
+}
+
+fn main() -> Result<(), Error> {
+    round_trip::<Sparse>(&())?;
+    round_trip::<Dense>(&())?;
+    #[cfg(feature = "batched")]
+    round_trip::<biotissue::backends::batched::Batched<f64, 4>>(&())?;
+    Ok(())
+}

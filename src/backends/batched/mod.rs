@@ -1,0 +1,78 @@
+//! `batched`: `N` systems of one pattern at once, one in each lane.
+//!
+//! Every entry of a vector or matrix is a [`Lanes`] of `N` numbers; the verbs act on all lanes with the same
+//! instructions, and `norm` and `dot` give one number a lane. The searches in the pattern, which cost more than the
+//! additions, are shared by all lanes. There is no solver in lanes in this version.
+//!
+//! ```
+//! use std::sync::Arc;
+//! use biotissue::backends::batched::{Batched, Lanes};
+//! use biotissue::las::{Backend, MatVec, MatrixOps, Sparsity, VectorOps};
+//!
+//! // Four springs of stiffness 1, 2, 3, 4, each between the same two unknowns.
+//! type B = Batched<f64, 4>;
+//! let pattern = Arc::new(Sparsity::from_elements(2, [[0, 1]]).unwrap());
+//! let mut a = B::matrix(&(), &pattern).unwrap();
+//! let k = Lanes([1.0, 2.0, 3.0, 4.0]);
+//! a.add(&[0, 1], &[0, 1], &[k, -k, -k, k]).unwrap();
+//! let (mut x, mut y) = (B::vector(&(), 2).unwrap(), B::vector(&(), 2).unwrap());
+//! x.set(&[1], &[Lanes([1.0; 4])]).unwrap();
+//! a.mul(&x, &mut y).unwrap();
+//! assert_eq!(y.dot(&x).unwrap(), k);
+//! ```
+
+mod lanes;
+mod ops;
+mod products;
+mod solve;
+
+use std::convert::Infallible;
+use std::marker::PhantomData;
+use std::sync::Arc;
+
+pub use lanes::Lanes;
+pub use solve::{Solver, Symbolic};
+
+use crate::backends::rows;
+use crate::las::{Backend, Scalar, SolveError, SolverParams, Sparsity, Value};
+
+/// A vector of `N` lanes.
+pub type Vector<T = f64, const N: usize = 4> = rows::Vector<Lanes<T, N>>;
+
+/// A matrix of `N` lanes: compressed rows over one pattern.
+pub type Matrix<T = f64, const N: usize = 4> = rows::Matrix<Lanes<T, N>>;
+
+/// The backend of `N` systems at once; `T` is `f64` or `f32`.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Batched<T = f64, const N: usize = 4>(PhantomData<fn() -> T>);
+
+impl<T: Scalar, const N: usize> Backend for Batched<T, N> {
+    const NAME: &'static str = "batched";
+
+    type Scalar = Lanes<T, N>;
+    type Index = i32;
+    type Reduced = Lanes<T, N>;
+    type Context = ();
+    type Fault = Infallible;
+    type Slot = u32;
+    type Vector = Vector<T, N>;
+    type Matrix = Matrix<T, N>;
+    type Symbolic = Symbolic;
+    type Solver = Solver;
+
+    fn vector(_: &(), len: usize) -> Result<Self::Vector, Infallible> {
+        Ok(rows::Vector::from(vec![Lanes::splat(T::zero()); len]))
+    }
+
+    fn matrix(_: &(), pattern: &Arc<Sparsity>) -> Result<Self::Matrix, Infallible> {
+        Ok(rows::Matrix::zeros(pattern))
+    }
+
+    fn analyze(_: &(), _: &Arc<Sparsity>, _: &SolverParams) -> Result<Arc<Symbolic>, SolveError<Infallible>> {
+        Err(solve::unsupported::<T, N>())
+    }
+
+    fn solver(symbolic: &Arc<Symbolic>) -> Result<Solver, SolveError<Infallible>> {
+        match **symbolic {}
+    }
+}

@@ -1,0 +1,49 @@
+//! The hot verbs: those of compressed rows, on all lanes at once.
+
+use num_traits::Zero;
+
+use super::{Batched, Lanes};
+use crate::backends::rows::hot_verbs;
+use crate::las::Scalar;
+
+hot_verbs!([T: Scalar, const N: usize] Batched<T, N>, Lanes<T, N>, Lanes<T, N>, norm: norm, dot: dot);
+
+/// `sum_i x[i] y[i]`, in every lane.
+#[inline(always)]
+fn dot<T: Scalar, const N: usize>(x: &[Lanes<T, N>], y: &[Lanes<T, N>]) -> Lanes<T, N> {
+    debug_assert_eq!(x.len(), y.len(), "vectors of one length");
+    // Two chains, so that additions need not wait for each other.
+    let mut sums = [Lanes::<T, N>::zero(); 2];
+    let (x_pairs, x_last) = x.as_chunks::<2>();
+    let (y_pairs, y_last) = y.as_chunks::<2>();
+    for (x, y) in x_pairs.iter().zip(y_pairs) {
+        sums[0] += x[0] * y[0];
+        sums[1] += x[1] * y[1];
+    }
+    for (&x, &y) in x_last.iter().zip(y_last) {
+        sums[0] += x * y;
+    }
+    sums[0] + sums[1]
+}
+
+/// Euclidean norm, in every lane. Lanes whose sum of squares leaves the range of the scalar are summed again, scaled.
+#[inline(always)]
+fn norm<T: Scalar, const N: usize>(x: &[Lanes<T, N>]) -> Lanes<T, N> {
+    let squares = dot(x, x);
+    if squares.0.iter().all(|square| square.is_normal()) {
+        Lanes(squares.0.map(T::sqrt))
+    } else {
+        scaled_norm(x, squares)
+    }
+}
+
+#[cold]
+fn scaled_norm<T: Scalar, const N: usize>(x: &[Lanes<T, N>], squares: Lanes<T, N>) -> Lanes<T, N> {
+    Lanes(std::array::from_fn(|lane| {
+        if squares.0[lane].is_normal() {
+            return squares.0[lane].sqrt();
+        }
+        let lane: Vec<T> = x.iter().map(|x| x.0[lane]).collect();
+        crate::backends::local::norm(&lane)
+    }))
+}

@@ -1,0 +1,45 @@
+//! Solving: not in lanes yet.
+
+use std::convert::Infallible;
+
+use super::{Batched, Matrix, Vector};
+use crate::las::{Backend, FactorReport, Scalar, SolveError, SolveReport};
+
+/// What an analysis would be.
+#[derive(Debug)]
+pub enum Symbolic {}
+
+/// What a solver would be.
+#[derive(Debug)]
+pub enum Solver {}
+
+/// Why there is none.
+pub(super) fn unsupported<T: Scalar, const N: usize>() -> SolveError<Infallible> {
+    SolveError::Unsupported {
+        backend: Batched::<T, N>::NAME,
+        what: "solver in this version",
+        cure: "move each lane to the backend `sparse` with las::transfer, and solve there",
+    }
+}
+
+impl<T: Scalar, const N: usize> crate::las::Solver<Batched<T, N>> for Solver {
+    fn factor(&mut self, _: &Matrix<T, N>) -> Result<FactorReport, SolveError<Infallible>> {
+        match *self {}
+    }
+
+    fn factor_definite(&mut self, _: &Matrix<T, N>) -> Result<FactorReport, SolveError<Infallible>> {
+        match *self {}
+    }
+
+    fn solve(&mut self, _: &Vector<T, N>, _: &mut Vector<T, N>) -> Result<SolveReport, SolveError<Infallible>> {
+        match *self {}
+    }
+
+    fn solve_many(
+        &mut self,
+        _: &[Vector<T, N>],
+        _: &mut [Vector<T, N>],
+    ) -> Result<SolveReport, SolveError<Infallible>> {
+        match *self {}
+    }
+}

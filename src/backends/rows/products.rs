@@ -1,0 +1,112 @@
+//! What products, sums and diagonals are.
+
+use std::sync::Arc;
+
+use super::Matrix;
+use crate::backends::checks::check_size;
+use crate::las::{SolveError, Value};
+
+impl<T: Value> Matrix<T> {
+    /// `y = A x`.
+    pub(in crate::backends) fn times<F>(&self, x: &[T], y: &mut [T]) -> Result<(), SolveError<F>> {
+        check_size("the vector to multiply", x.len(), self.pattern.cols())?;
+        check_size("the product", y.len(), self.pattern.rows())?;
+        let mut start = 0;
+        for (y, &end) in y.iter_mut().zip(&self.pattern.row_start()[1..]) {
+            let range = start..end as usize;
+            let entries = self.pattern.columns()[range.clone()].iter().zip(&self.values[range]);
+            *y = entries.fold(T::zero(), |sum, (&column, &value)| sum + value * x[column as usize]);
+            start = end as usize;
+        }
+        Ok(())
+    }
+
+    /// `y = A^T x`.
+    pub(in crate::backends) fn transposed_times<F>(&self, x: &[T], y: &mut [T]) -> Result<(), SolveError<F>> {
+        check_size("the vector to multiply", x.len(), self.pattern.rows())?;
+        check_size("the product", y.len(), self.pattern.cols())?;
+        y.fill(T::zero());
+        for (row, &x) in x.iter().enumerate() {
+            for (column, value) in self.row(row) {
+                y[column] += value * x;
+            }
+        }
+        Ok(())
+    }
+
+    /// `d[i] = A[i, i]`.
+    pub(in crate::backends) fn diagonal_into<F>(&self, d: &mut [T]) -> Result<(), SolveError<F>> {
+        check_size("the diagonal", d.len(), self.pattern.rows().min(self.pattern.cols()))?;
+        for (k, d) in d.iter_mut().enumerate() {
+            *d = self.pattern.find(k, k).map_or(T::zero(), |at| self.values[at]);
+        }
+        Ok(())
+    }
+
+    /// `a A + b B`.
+    pub(in crate::backends) fn sum_with<F>(&self, a: T, other: &Self, b: T) -> Result<Self, SolveError<F>> {
+        check_size("the other matrix (rows)", other.pattern.rows(), self.pattern.rows())?;
+        check_size("the other matrix (columns)", other.pattern.cols(), self.pattern.cols())?;
+        if self.pattern == other.pattern {
+            let values = self.values.iter().zip(&other.values).map(|(&x, &y)| a * x + b * y).collect();
+            return Ok(Self { pattern: Arc::clone(&self.pattern), values });
+        }
+        let pattern = Arc::new(self.pattern.union(&other.pattern).map_err(SolveError::TooLarge)?);
+        let mut sum = Self::zeros(&pattern);
+        for (matrix, factor) in [(self, a), (other, b)] {
+            for row in 0..pattern.rows() {
+                let mut at = pattern.row_start()[row] as usize;
+                for (column, value) in matrix.row(row) {
+                    // Both ascend.
+                    while (pattern.columns()[at] as usize) < column {
+                        at += 1;
+                    }
+                    sum.values[at] += factor * value;
+                }
+            }
+        }
+        Ok(sum)
+    }
+
+    /// `A B`.
+    pub(in crate::backends) fn product_with<F>(&self, other: &Self) -> Result<Self, SolveError<F>> {
+        check_size("the other matrix (rows)", other.pattern.rows(), self.pattern.cols())?;
+        let pattern = Arc::new(self.pattern.product(&other.pattern).map_err(SolveError::TooLarge)?);
+        let mut product = Self::zeros(&pattern);
+        // One row spread out: where each of its columns is summed.
+        let mut row_sums = vec![T::zero(); pattern.cols()];
+        for row in 0..pattern.rows() {
+            for (k, left) in self.row(row) {
+                for (column, right) in other.row(k) {
+                    row_sums[column] += left * right;
+                }
+            }
+            let range = pattern.row_start()[row] as usize..pattern.row_start()[row + 1] as usize;
+            for at in range {
+                product.values[at] = std::mem::take(&mut row_sums[pattern.columns()[at] as usize]);
+            }
+        }
+        Ok(product)
+    }
+
+    /// `A^T`.
+    pub(in crate::backends) fn transposed(&self) -> Self {
+        let pattern = Arc::new(self.pattern.transpose());
+        let mut next = pattern.row_start().to_vec();
+        let mut transpose = Self::zeros(&pattern);
+        for row in 0..self.pattern.rows() {
+            for (column, value) in self.row(row) {
+                transpose.values[next[column] as usize] = value;
+                next[column] += 1;
+            }
+        }
+        transpose
+    }
+
+    /// Columns and values of a row.
+    pub(in crate::backends) fn row(&self, row: usize) -> impl Iterator<Item = (usize, T)> {
+        let range = self.pattern.row_start()[row] as usize..self.pattern.row_start()[row + 1] as usize;
+        let columns = self.pattern.columns()[range.clone()].iter().map(|&column| column as usize);
+        columns.zip(self.values[range].iter().copied())
+    }
+}

@@ -1,0 +1,166 @@
+//! A network brought to a deformation gradient in increments, the same way by every command.
+
+use std::path::Path;
+
+use biotissue::fiber::equilibrium::{EquilibriumParams, EquilibriumReport, RveError, equilibrate};
+use biotissue::fiber::homogenise;
+use biotissue::fiber::path::between;
+use biotissue::fiber::rve::{Rve, RveModel, RveModelError};
+use biotissue::fiber::workspace::Workspace;
+use biotissue::las::{Backend, Scalar};
+use nalgebra::Matrix3;
+
+use crate::failure::Failure;
+use crate::output;
+
+/// As many increments as a run may have load steps.
+const MAX_STEPS: usize = 1_000_000;
+
+/// `--steps`, checked.
+pub fn check_steps(steps: usize) -> Result<(), Failure> {
+    if (1..=MAX_STEPS).contains(&steps) {
+        return Ok(());
+    }
+    let expected = format!("between 1 and {MAX_STEPS} increments");
+    Err(Failure::arguments(format!("--steps {steps}"), expected, "leave --steps out for one"))
+}
+
+/// A network whose fibers are made of nothing.
+pub fn unusable<F: std::error::Error + 'static>(place: &str, error: &RveModelError<F>) -> Failure {
+    let what = format!("{place}: {error}");
+    if matches!(error, RveModelError::Analysis(_)) {
+        return Failure::library(what);
+    }
+    let cure = format!("give --law with its parameters, or put {place}.toml with a [law] or {place}.params beside it");
+    Failure::arguments(what, "a network whose fibers have a law, a radius and a modulus", cure)
+}
+
+/// The way of an RVE to a deformation gradient.
+pub struct Increments<'a> {
+    pub target: &'a Matrix3<f64>,
+    pub steps: usize,
+    pub params: &'a EquilibriumParams,
+    /// The RVE, for messages.
+    pub place: &'a str,
+    /// The network's file, where it has one.
+    pub file: Option<&'a Path>,
+    /// Whether the increment comes from a file of `--dump`, so that neither it nor its parts can be chosen.
+    pub replayed: bool,
+}
+
+/// The increment that came last: the state before it, and what was asked of it.
+pub type Last = (Rve, Matrix3<f64>);
+
+/// An increment that failed.
+pub struct Lost<F: std::error::Error + 'static> {
+    pub error: RveError<F>,
+    /// From 1.
+    step: usize,
+}
+
+impl Increments<'_> {
+    /// Takes all increments, each from a first-order prediction where the one before has a tangent. Where one of several
+    /// fails, the whole way is tried at once, and a warning says so.
+    pub fn take<B>(
+        &self,
+        model: &RveModel<B>,
+        rve: &mut Rve,
+        workspace: &mut Workspace<B>,
+        last: &mut Last,
+    ) -> Result<EquilibriumReport, Lost<B::Fault>>
+    where
+        B: Backend<Scalar = f64>,
+        B::Reduced: Scalar,
+    {
+        let start = rve.clone();
+        let lost = match self.one_by_one(model, rve, workspace, last) {
+            Err(lost) if self.steps > 1 => lost,
+            outcome => return outcome,
+        };
+        let mut whole = start.clone();
+        let Ok(report) = equilibrate(model, &mut whole, self.target, self.params, workspace) else { return Err(lost) };
+        let Lost { step, error } = lost;
+        let steps = self.steps;
+        output::warn(&[format!("step {step} of {steps} of {}: {error}; one increment reached F instead", self.place)]);
+        *last = (start, *self.target);
+        *rve = whole;
+        Ok(report)
+    }
+
+    fn one_by_one<B>(
+        &self,
+        model: &RveModel<B>,
+        rve: &mut Rve,
+        workspace: &mut Workspace<B>,
+        last: &mut Last,
+    ) -> Result<EquilibriumReport, Lost<B::Fault>>
+    where
+        B: Backend<Scalar = f64>,
+        B::Reduced: Scalar,
+    {
+        let start = *rve.gradient();
+        let mut sum = EquilibriumReport::default();
+        for step in 1..=self.steps {
+            let part = step as f64 / self.steps as f64;
+            let target = if step == self.steps { *self.target } else { between(&start, self.target, part) };
+            *last = (rve.clone(), target);
+            let report = equilibrate(model, rve, &target, self.params, workspace);
+            sum = sum.then(report.map_err(|error| Lost { error, step })?);
+            if step < self.steps {
+                let pk1 = homogenise::pk1(model, workspace);
+                if homogenise::tangent(model, rve, &pk1, workspace).is_ok() {
+                    rve.keep_rates(model, workspace);
+                }
+            }
+        }
+        Ok(sum)
+    }
+
+    /// What to say of an increment that failed.
+    pub fn lost<F: std::error::Error + 'static>(&self, lost: &Lost<F>) -> Failure {
+        let at = match self.steps {
+            1 => self.whole(),
+            steps => format!("step {} of {steps} of {}", lost.step, self.place),
+        };
+        self.failure(&lost.error, at)
+    }
+
+    /// What to say of an equilibrium of which not all can be told.
+    pub fn untold<F: std::error::Error + 'static>(&self, error: &RveError<F>) -> Failure {
+        self.failure(error, self.whole())
+    }
+
+    fn whole(&self) -> String {
+        format!("the RVE of {}", self.place)
+    }
+
+    fn failure<F: std::error::Error + 'static>(&self, error: &RveError<F>, at: String) -> Failure {
+        if error.is_fault() {
+            return Failure::library(error);
+        }
+        let restricted = self.params.stages != EquilibriumParams::default().stages;
+        let farther = match self.replayed {
+            true if restricted => {
+                "leave --stages out, or try all of them: --stages newton,regularised,cuts,relaxation".to_owned()
+            }
+            true => "no stage reaches it: take smaller increments where it comes from".to_owned(),
+            false if restricted => {
+                format!("leave --stages out, or take more --steps (now {})", self.steps)
+            }
+            false => format!("take more --steps (now {}), or an F nearer to the undeformed state", self.steps),
+        };
+        let (expected, cure) = if error.is_linear() {
+            let cure = match self.file {
+                Some(file) => {
+                    let file = file.display();
+                    format!("`biotissue network check {file}` tells where it is floppy; if it is not, {farther}")
+                }
+                None => format!("{farther}; or take another network, or a cleaned one"),
+            };
+            ("a network that resists every motion of its interior nodes", cure)
+        } else {
+            ("an equilibrium of the network with its boundary at x = F X", farther)
+        };
+        Failure::NotConverged { what: error.to_string(), place: at, expected: expected.into(), cure }
+    }
+}

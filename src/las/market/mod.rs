@@ -1,0 +1,99 @@
+//! Matrix Market files, read into and written from any backend.
+//!
+//! `coordinate` and `array`; `real`, `integer` and `pattern` (ones); `general`, `symmetric` and `skew-symmetric`, as R. F.
+//! Boisvert, R. Pozo and K. A. Remington describe them (*The Matrix Market exchange formats*, NISTIR 5935, 1996). Entries
+//! that a file names repeatedly add up. Files are written as `coordinate real general`, with as many digits as bring the
+//! same numbers back.
+
+mod read;
+#[cfg(test)]
+mod tests;
+
+use std::io::{BufWriter, Write};
+use std::path::Path;
+use std::sync::Arc;
+
+use thiserror::Error;
+
+use super::{Backend, Entries, Index, MatrixOps, Scalar, Sparsity, SparsityError};
+use crate::input::InputError;
+use read::Triplets;
+
+/// Why a file was not read or written.
+#[derive(Debug, Error)]
+pub enum MarketError<F: std::error::Error> {
+    /// Something is wrong in the file.
+    #[error("{0}")]
+    Input(#[from] InputError),
+    /// The matrix is larger than 32-bit indices can address.
+    #[error("{0}")]
+    TooLarge(#[from] SparsityError),
+    /// The file cannot be written.
+    #[error("{file} cannot be written: {reason}", file = file.display())]
+    Write {
+        /// Which file.
+        file: std::path::PathBuf,
+        /// Why.
+        reason: std::io::Error,
+    },
+    /// The backend failed.
+    #[error("{0}")]
+    Fault(F),
+}
+
+/// Reads a file into a matrix on backend `B`.
+///
+/// # Errors
+/// [`MarketError`]: what is wrong, with file, line and cure.
+pub fn read<B: Backend>(file: &Path, context: &B::Context) -> Result<B::Matrix, MarketError<B::Fault>>
+where
+    B::Scalar: Scalar,
+{
+    let bytes = std::fs::read(file).map_err(|error| InputError::unreadable(file, &error))?;
+    let Triplets { rows, cols, entries } = read::triplets(file, &bytes)?;
+    let pattern = Arc::new(pattern(rows, cols, &entries)?);
+    let mut a = B::matrix(context, &pattern).map_err(MarketError::Fault)?;
+    for (row, column, value) in entries {
+        let (row, column) = ([B::Index::of(row as usize)], [B::Index::of(column as usize)]);
+        a.add(&row, &column, &[B::Scalar::of(value)]).map_err(MarketError::Fault)?;
+    }
+    a.finish().map_err(MarketError::Fault)?;
+    Ok(a)
+}
+
+fn pattern(rows: usize, cols: usize, entries: &[(u32, u32, f64)]) -> Result<Sparsity, SparsityError> {
+    let mut lists = vec![Vec::new(); rows];
+    for &(row, column, _) in entries {
+        lists[row as usize].push(column);
+    }
+    let (mut row_start, mut columns) = (vec![0], Vec::with_capacity(entries.len()));
+    for list in &mut lists {
+        list.sort_unstable();
+        list.dedup();
+        columns.append(list);
+        row_start.push(columns.len() as u32);
+    }
+    Sparsity::from_rows(cols, row_start, columns)
+}
+
+/// Writes a matrix (this rank's entries, on a distributed backend).
+///
+/// # Errors
+/// [`MarketError::Write`], [`MarketError::Fault`].
+pub fn write<B: Backend>(file: &Path, a: &B::Matrix) -> Result<(), MarketError<B::Fault>>
+where
+    B::Scalar: Scalar,
+{
+    let (rows, cols) = a.shape();
+    let entries = a.pattern().map_err(MarketError::Fault)?.entries();
+    let failed = |reason| MarketError::Write { file: file.to_path_buf(), reason };
+    let mut out = BufWriter::new(std::fs::File::create(file).map_err(failed)?);
+    let mut written = writeln!(out, "%%MatrixMarket matrix coordinate real general\n{rows} {cols} {entries}");
+    let line = |row: usize, column: usize, value: B::Scalar| {
+        if written.is_ok() {
+            written = writeln!(out, "{} {} {:e}", row + 1, column + 1, value);
+        }
+    };
+    a.for_each(line).map_err(MarketError::Fault)?;
+    written.and_then(|()| out.flush()).map_err(failed)
+}

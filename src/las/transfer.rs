@@ -1,0 +1,115 @@
+//! Moving vectors and matrices from one backend to another.
+//!
+//! ```
+//! # #[cfg(all(feature = "sparse", feature = "dense"))] {
+//! use std::sync::Arc;
+//! use biotissue::backends::{dense::Dense, sparse::Sparse};
+//! use biotissue::las::{Backend, MatrixOps, Sparsity, transfer};
+//!
+//! let pattern = Arc::new(Sparsity::from_elements(3, [[0, 1], [1, 2]]).unwrap());
+//! let mut a = Sparse::<f64>::matrix(&(), &pattern).unwrap();
+//! a.add(&[0, 1], &[0, 1], &[2.0, -1.0, -1.0, 2.0]).unwrap();
+//! let copy = transfer::matrix::<Sparse, Dense>(&a, &()).unwrap();
+//! assert_eq!(copy.values(), [2.0, -1.0, 0.0, -1.0, 2.0, 0.0, 0.0, 0.0, 0.0]);
+//! # }
+//! ```
+
+use std::sync::Arc;
+
+use thiserror::Error;
+
+use super::{Backend, Entries, Index, MatrixOps, Scalar, Value, VectorOps};
+
+/// Why something was not moved.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum TransferError<F, G> {
+    /// The backend that it comes from failed.
+    #[error("reading failed: {0}")]
+    From(F),
+    /// The backend that it goes to failed.
+    #[error("writing failed: {0}")]
+    To(G),
+}
+
+/// A copy of a vector on backend `B`, rounded to its scalar, the same in every lane.
+///
+/// # Errors
+/// A fault of either backend.
+pub fn vector<A: Backend, B: Backend>(
+    from: &A::Vector,
+    context: &B::Context,
+) -> Result<B::Vector, TransferError<A::Fault, B::Fault>>
+where
+    A::Scalar: Scalar,
+{
+    let mut to = B::vector(context, from.len()).map_err(TransferError::To)?;
+    let copy = |from: &[A::Scalar]| {
+        to.with_local_mut(|to| {
+            for (to, from) in to.iter_mut().zip(from) {
+                *to = converted::<A, B>(*from);
+            }
+        })
+    };
+    from.with_local(copy).map_err(TransferError::From)?.map_err(TransferError::To)?;
+    to.finish().map_err(TransferError::To)?;
+    Ok(to)
+}
+
+/// A copy of a matrix on backend `B`, rounded to its scalar, the same in every lane.
+///
+/// # Errors
+/// A fault of either backend.
+pub fn matrix<A: Backend, B: Backend>(
+    from: &A::Matrix,
+    context: &B::Context,
+) -> Result<B::Matrix, TransferError<A::Fault, B::Fault>>
+where
+    A::Scalar: Scalar,
+{
+    let pattern = Arc::new((*from.pattern().map_err(TransferError::From)?).clone());
+    let mut to = B::matrix(context, &pattern).map_err(TransferError::To)?;
+    let mut row = Row::<B>::default();
+    let mut failed = None;
+    let visit = |at: usize, column: usize, value: A::Scalar| {
+        if failed.is_none() && at != row.number {
+            failed = row.set(&mut to).err();
+            row.number = at;
+        }
+        row.columns.push(B::Index::of(column));
+        row.values.push(converted::<A, B>(value));
+    };
+    from.for_each(visit).map_err(TransferError::From)?;
+    failed.map_or_else(|| row.set(&mut to), Err).map_err(TransferError::To)?;
+    to.finish().map_err(TransferError::To)?;
+    Ok(to)
+}
+
+fn converted<A: Backend, B: Backend>(value: A::Scalar) -> B::Scalar
+where
+    A::Scalar: Scalar,
+{
+    B::Scalar::splat(Scalar::of(value.as_f64()))
+}
+
+/// A row on its way into a matrix.
+struct Row<B: Backend> {
+    number: usize,
+    columns: Vec<B::Index>,
+    values: Vec<B::Scalar>,
+}
+
+impl<B: Backend> Default for Row<B> {
+    fn default() -> Self {
+        Self { number: 0, columns: Vec::new(), values: Vec::new() }
+    }
+}
+
+impl<B: Backend> Row<B> {
+    /// Writes what was gathered and forgets it.
+    fn set(&mut self, to: &mut B::Matrix) -> Result<(), B::Fault> {
+        to.set(&[B::Index::of(self.number)], &self.columns, &self.values)?;
+        self.columns.clear();
+        self.values.clear();
+        Ok(())
+    }
+}
