@@ -310,7 +310,7 @@ fn one_process_is_what_this_build_has() {
     for (options, said) in [
         ("--threads 0", "error: --threads 0\n"),
         ("--threads 100000", "error: --threads 100000\n"),
-        ("--backend petsc", "error: --backend petsc: there is no backend `petsc`"),
+        ("--backend petsk", "error: --backend petsk: there is no backend `petsk`"),
     ] {
         let failed = run(folder.path(), PRESSED, options);
         assert!(failed.failed(2).starts_with(said), "{}", failed.stderr);

@@ -174,7 +174,7 @@ fn wrong_arguments_are_told_one_by_one() {
         (REST, "--steps 0", "error: --steps 0\n"),
         (REST, "--tolerance -1e-3", "error: --tolerance -0.001\n"),
         (REST, "--tolerance nan", "error: --tolerance NaN\n"),
-        (REST, "--backend petsc", "error: --backend petsc: there is no backend `petsc`"),
+        (REST, "--backend petsk", "error: --backend petsk: there is no backend `petsk`"),
         (
             REST,
             "--law linear --youngs-modulus -1 --radius 1",
