@@ -18,7 +18,7 @@ pub(super) fn unsupported<T: Scalar, const N: usize>() -> SolveError<Infallible>
     SolveError::Unsupported {
         backend: Batched::<T, N>::NAME,
         what: "solver in this version",
-        cure: "move each lane to the backend `sparse` with las::transfer, and solve there",
+        cure: "read each lane by las::Entries into a matrix of the backend `sparse`, and solve there",
     }
 }
 

@@ -1,4 +1,5 @@
-//! The vector: one contiguous array.
+//! The vector: one contiguous array. A type of this backend's own, although `rows` has its like: a verb called on a vector
+//! finds its backend by the type.
 
 /// A vector in one contiguous array.
 #[derive(Clone, Debug, Default, PartialEq)]
