@@ -94,7 +94,7 @@ where
         tolerance: f64,
         params: &RegularisedParams,
     ) -> Result<NewtonReport, NewtonFailure<P::Error, B::Fault>> {
-        let mut report = NewtonReport::default();
+        let mut report = NewtonReport::with_room(params.max_iterations);
         problem.save();
         match self.descend(problem, tolerance, params, &mut report) {
             Ok(()) => Ok(report),

@@ -61,7 +61,7 @@ where
         problem: &mut P,
         params: &NewtonParams,
     ) -> Result<NewtonReport, NewtonFailure<P::Error, B::Fault>> {
-        let mut report = NewtonReport::default();
+        let mut report = NewtonReport::with_room(params.max_iterations);
         problem.save();
         match self.iterate(problem, params, &mut report) {
             Ok(()) => Ok(report),

@@ -75,6 +75,14 @@ pub struct NewtonSeconds {
 }
 
 impl NewtonReport {
+    /// One with room for the history of that many iterations, so that they need not allocate.
+    pub(super) fn with_room(iterations: usize) -> Self {
+        /// Longer histories are rare, and grow.
+        const MOST: usize = 64;
+        let room = (iterations + 1).min(MOST);
+        Self { residuals: Vec::with_capacity(room), relative: Vec::with_capacity(room), ..Self::default() }
+    }
+
     pub(super) fn record(&mut self, norm: f64, yardstick: Yardstick) {
         self.residuals.push(norm);
         self.relative.push(yardstick.relative(norm));
