@@ -168,6 +168,12 @@ fn a_prediction_that_leads_astray_is_only_a_start() {
     // Nodes thrown far out of the cube, each another way.
     let rates = (0..nodes).map(|node| [1e3 * (node as f32 + 1.0).sin(); 18]).collect();
     let mut astray = Rve::restored(Matrix3::identity(), rve.interior().to_vec(), Some(rates));
+    let (before, params) = (astray.clone(), bench.params);
+    bench.params.newton.max_iterations = 1;
+    let error = bench.solve(&mut astray, &f).unwrap_err();
+    assert!(matches!(&error, RveError::NotConverged { failures, .. } if failures.len() == 1), "{error}");
+    assert!(astray == before, "a failure leaves the state as it was, its prediction included");
+    bench.params = params;
     let plain = bench.solve(&mut rve, &f).unwrap();
     let report = bench.solve(&mut astray, &f).unwrap();
     assert!(report.predicted == 1 && report.iterations >= plain.iterations, "{report:?}");

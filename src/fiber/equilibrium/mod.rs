@@ -58,11 +58,19 @@ where
     if params.stages.has(Stage::Newton) && ladder.try_newton(rve) {
         return Ok(ladder.report);
     }
+    // A prediction is only a start: what it led astray may succeed without it.
+    let rates = rve.rates.take();
+    if rates.is_some() && params.stages.has(Stage::Newton) {
+        ladder.failures.clear();
+        if ladder.try_newton(rve) {
+            return Ok(ladder.report);
+        }
+    }
     let start = rve.clone();
     if ladder.climb(rve) {
         return Ok(ladder.report);
     }
-    *rve = start;
+    *rve = Rve { rates, ..start };
     let Ladder { failures, report, .. } = ladder;
     Err(RveError::NotConverged { failures, report: Box::new(report) })
 }
@@ -82,13 +90,7 @@ where
     B::Reduced: Scalar,
 {
     fn try_newton(&mut self, rve: &mut Rve) -> bool {
-        let mut outcome = self.increment(rve, self.target);
-        if outcome.is_err() && rve.has_rates() {
-            // A prediction is only a start.
-            rve.forget_rates();
-            outcome = self.increment(rve, self.target);
-        }
-        match outcome {
+        match self.increment(rve, self.target) {
             Ok(newton) => {
                 self.report.newton = newton;
                 self.reached(Stage::Newton)
@@ -99,8 +101,6 @@ where
 
     /// The stages after the first.
     fn climb(&mut self, rve: &mut Rve) -> bool {
-        // What a prediction led astray may succeed without.
-        rve.forget_rates();
         let stages = self.params.stages;
         (stages.has(Stage::Regularised) && self.regularised(rve))
             || (stages.has(Stage::Cuts) && self.params.max_cuts > 0 && self.in_parts(rve))
