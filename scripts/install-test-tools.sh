@@ -1,0 +1,35 @@
+#!/usr/bin/env bash
+# Installs what the tests need beside Rust and Python: MPI, PETSc, a Fortran compiler and valgrind, as packages of Debian
+# or Ubuntu. Does nothing where all of them are there. On another system, install them yourself: the names are below.
+set -euo pipefail
+
+packages=(
+    build-essential pkg-config python3-venv
+    openmpi-bin libopenmpi-dev  # ranks
+    libclang-dev                # the Rust binding of MPI is made from its headers
+    petsc-dev                   # with MUMPS, hypre and SuiteSparse
+    libopenblas0-serial         # one thread a rank
+    gfortran valgrind           # the C interface and its check
+)
+
+# Each is asked for by what it gives, so that one's own builds count too.
+all_there() {
+    pkg-config --exists PETSc || return 1
+    command -v cc gfortran valgrind mpirun mpicc >/dev/null || return 1
+    python3 -c 'import ensurepip' 2>/dev/null || return 1
+    # bindgen finds it where ldconfig or an LLVM of the system has it.
+    compgen -G '/usr/lib/llvm-*/lib/libclang*.so*' >/dev/null || ldconfig -p | grep libclang >/dev/null || [ -n "${LIBCLANG_PATH:-}" ]
+}
+if all_there; then
+    exit 0
+fi
+if ! command -v apt-get >/dev/null; then
+    echo "error: the tests need MPI, PETSc 3.18 or later, libclang, gfortran and valgrind, and there is no apt-get here" >&2
+    echo "  cure: install them with this system's packages; on Debian they are: ${packages[*]}" >&2
+    exit 1
+fi
+as_root=()
+[ "$(id -u)" = 0 ] || as_root=(sudo)
+export DEBIAN_FRONTEND=noninteractive
+"${as_root[@]}" apt-get update -q
+"${as_root[@]}" apt-get install -y -q --no-install-recommends "${packages[@]}"
