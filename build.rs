@@ -1,12 +1,52 @@
-//! Finds PETSc where the feature `petsc` is on; does nothing otherwise.
+//! Finds PETSc where the feature `petsc` is on, and makes the C interface of every backend where `capi` is.
 
 fn main() {
     println!("cargo:rerun-if-changed=build.rs");
     println!("cargo:rustc-check-cfg=cfg(petsc_has, values(\"mumps\", \"superlu_dist\", \"hypre\", \"suitesparse\"))");
     #[cfg(feature = "petsc")]
     if let Err(reason) = petsc::find() {
-        eprintln!("error: {reason}");
-        std::process::exit(1);
+        fail(&reason);
+    }
+    #[cfg(feature = "capi")]
+    if let Err(reason) = capi::write() {
+        fail(&reason);
+    }
+}
+
+#[cfg(any(feature = "petsc", feature = "capi"))]
+fn fail(reason: &str) -> ! {
+    eprintln!("error: {reason}");
+    std::process::exit(1)
+}
+
+/// One copy of the template for each backend, the word BACKEND replaced by its name. `tools/headers` does the same.
+#[cfg(feature = "capi")]
+mod capi {
+    use std::path::PathBuf;
+    use std::{env, fs};
+
+    const TEMPLATE: &str = "src/capi/template.rs";
+    /// What PETSc has beside the template.
+    const RANKS: &str = "src/capi/ranks.rs";
+
+    pub fn write() -> Result<(), String> {
+        let out = PathBuf::from(env::var_os("OUT_DIR").ok_or("cargo names no OUT_DIR")?);
+        let template = read(TEMPLATE)?;
+        let ranks = read(RANKS)?;
+        for backend in ["sparse", "dense", "batched", "petsc"] {
+            let mut text = template.replace("BACKEND", backend);
+            if backend == "petsc" {
+                text.push_str(&ranks);
+            }
+            let file = out.join(format!("las_{backend}.rs"));
+            fs::write(&file, text).map_err(|error| format!("{}: {error}", file.display()))?;
+        }
+        Ok(())
+    }
+
+    fn read(file: &str) -> Result<String, String> {
+        println!("cargo:rerun-if-changed={file}");
+        fs::read_to_string(file).map_err(|error| format!("{file}: {error}"))
     }
 }
 

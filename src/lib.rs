@@ -89,6 +89,8 @@
 )]
 
 pub mod backends;
+#[cfg(feature = "capi")]
+pub mod capi;
 pub mod fem;
 pub mod fiber;
 pub mod input;

@@ -1,7 +1,7 @@
 //! From `PetscInitialize` to `PetscFinalize`.
 
 use std::ffi::CStr;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 use mpi::environment::{Threading, Universe, initialize_with_threading, is_finalized};
 use thiserror::Error;
@@ -62,6 +62,9 @@ static CALLS: Mutex<()> = Mutex::new(());
 /// Whether a session runs; held while one starts or ends.
 static RUNS: Mutex<bool> = Mutex::new(false);
 
+/// The session that runs.
+static CURRENT: Mutex<Weak<Running>> = Mutex::new(Weak::new());
+
 /// Waits for all other calls; what was left by a panic is no more broken than without it.
 pub(super) fn lock() -> MutexGuard<'static, ()> {
     CALLS.lock().unwrap_or_else(PoisonError::into_inner)
@@ -98,7 +101,15 @@ impl Session {
         let universe = initialize_with_threading(Threading::Serialized).map(|(universe, _)| Mpi(universe));
         start()?;
         *runs = true;
-        Ok(Self(Arc::new(Running { _universe: universe })))
+        let running = Arc::new(Running { _universe: universe });
+        *CURRENT.lock().unwrap_or_else(PoisonError::into_inner) = Arc::downgrade(&running);
+        Ok(Self(running))
+    }
+
+    /// The session that runs in this process, if there is one: for code that does not know who began it.
+    #[must_use]
+    pub fn current() -> Option<Self> {
+        CURRENT.lock().unwrap_or_else(PoisonError::into_inner).upgrade().map(Self)
     }
 
     /// The version of PETSc that the crate was built with.

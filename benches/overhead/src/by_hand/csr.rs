@@ -1,0 +1,105 @@
+//! Matrices in compressed rows over a shared pattern.
+
+use std::ops::{AddAssign, Range};
+use std::sync::Arc;
+
+/// Which entries there are: columns ascend in each row.
+pub struct Pattern {
+    pub cols: usize,
+    pub row_start: Box<[u32]>,
+    pub columns: Box<[u32]>,
+}
+
+/// A matrix; one value more than the pattern has, for what is dropped.
+pub struct Csr<T> {
+    pub pattern: Arc<Pattern>,
+    pub values: Vec<T>,
+}
+
+/// The place of a column in a row: the one after the last found, or by bisection. A negative column is none.
+#[inline(always)]
+fn find(columns: &[u32], next: &mut usize, column: i32) -> Option<usize> {
+    let column = column as u32;
+    let position = if columns.get(*next) == Some(&column) { *next } else { columns.binary_search(&column).ok()? };
+    *next = position + 1;
+    Some(position)
+}
+
+#[inline(always)]
+fn range(pattern: &Pattern, row: i32) -> Range<usize> {
+    match pattern.row_start.get(row as usize..).and_then(|starts| starts.first_chunk()) {
+        Some(&[start, end]) => start as usize..end as usize,
+        None => 0..0,
+    }
+}
+
+impl<T: Copy + Default + AddAssign> Csr<T> {
+    #[inline(always)]
+    pub fn zero(&mut self) {
+        self.values.fill(T::default());
+    }
+
+    #[inline(always)]
+    pub fn zero_rows(&mut self, rows: &[i32]) {
+        for &row in rows {
+            let range = range(&self.pattern, row);
+            self.values[range].fill(T::default());
+        }
+    }
+
+    #[inline(always)]
+    pub fn add(&mut self, rows: &[i32], cols: &[i32], block: &[T]) {
+        for (&row, values) in rows.iter().zip(block.chunks_exact(cols.len().max(1))) {
+            let range = range(&self.pattern, row);
+            let (columns, mut next) = (&self.pattern.columns[range.clone()], 0);
+            let entries = &mut self.values[range];
+            for (&column, &value) in cols.iter().zip(values) {
+                if let Some(entry) = find(columns, &mut next, column).and_then(|position| entries.get_mut(position)) {
+                    *entry += value;
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    pub fn set(&mut self, rows: &[i32], cols: &[i32], block: &[T]) {
+        for (&row, values) in rows.iter().zip(block.chunks_exact(cols.len().max(1))) {
+            let range = range(&self.pattern, row);
+            let (columns, mut next) = (&self.pattern.columns[range.clone()], 0);
+            let entries = &mut self.values[range];
+            for (&column, &value) in cols.iter().zip(values) {
+                if let Some(entry) = find(columns, &mut next, column).and_then(|position| entries.get_mut(position)) {
+                    *entry = value;
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    pub fn get(&self, rows: &[i32], cols: &[i32], block: &mut [T]) {
+        for (&row, values) in rows.iter().zip(block.chunks_exact_mut(cols.len().max(1))) {
+            if row < 0 {
+                continue;
+            }
+            let range = range(&self.pattern, row);
+            let (columns, mut next) = (&self.pattern.columns[range.clone()], 0);
+            let entries = &self.values[range];
+            for (&column, value) in cols.iter().zip(values) {
+                match find(columns, &mut next, column).and_then(|position| entries.get(position)) {
+                    Some(&entry) => *value = entry,
+                    None if column >= 0 => *value = T::default(),
+                    None => {}
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    pub fn add_at(&mut self, slots: &[u32], block: &[T]) {
+        for (&slot, &value) in slots.iter().zip(block) {
+            if let Some(entry) = self.values.get_mut(slot as usize) {
+                *entry += value;
+            }
+        }
+    }
+}

@@ -1,0 +1,124 @@
+//! What somebody writes who calls the backends by hand: plain arrays and loops, or PETSc's functions. No trait of this crate
+//! and no code of it.
+//!
+//! It gives what LAS gives: indices that are negative are dropped, what is not in the pattern is dropped, nothing is read or
+//! written out of range.
+
+pub mod csr;
+pub mod four;
+pub mod full;
+#[cfg(feature = "petsc")]
+pub mod petsc;
+pub mod slices;
+
+/// A vector.
+pub struct Column<T> {
+    pub values: Vec<T>,
+}
+
+/// The verbs of a backend in memory, by the names that the ways have.
+macro_rules! in_memory {
+    ($(#[$attribute:meta])* $module:ident, $scalar:ty, $slot:ty, $matrix:ty, $norm:path, $dot:path) => {
+        $(#[$attribute])*
+        pub mod $module {
+            use super::slices;
+
+            pub type Scalar = $scalar;
+            pub type Reduced = $scalar;
+            pub type Slot = $slot;
+            pub type Vector = super::Column<$scalar>;
+            pub type Matrix = $matrix;
+            /// What a call that cannot fail returns.
+            pub type Outcome<T> = T;
+
+            #[inline(always)]
+            pub fn vector_zero(y: &mut Vector) {
+                y.values.fill(Scalar::default());
+            }
+
+            #[inline(always)]
+            pub fn vector_add(y: &mut Vector, rows: &[i32], values: &[Scalar]) {
+                slices::add(&mut y.values, rows, values);
+            }
+
+            #[inline(always)]
+            pub fn vector_set(y: &mut Vector, rows: &[i32], values: &[Scalar]) {
+                slices::set(&mut y.values, rows, values);
+            }
+
+            #[inline(always)]
+            pub fn vector_get(y: &Vector, rows: &[i32], values: &mut [Scalar]) {
+                slices::get(&y.values, rows, values);
+            }
+
+            #[inline(always)]
+            pub fn vector_norm(y: &Vector) -> Reduced {
+                $norm(&y.values)
+            }
+
+            #[inline(always)]
+            pub fn vector_dot(x: &Vector, y: &Vector) -> Reduced {
+                $dot(&x.values, &y.values)
+            }
+
+            #[inline(always)]
+            pub fn vector_axpy(y: &mut Vector, a: Scalar, x: &Vector) {
+                slices::axpy(a, &x.values, &mut y.values);
+            }
+
+            #[inline(always)]
+            pub fn vector_local(y: &mut Vector, value: Scalar) {
+                y.values.fill(value);
+            }
+
+            #[inline(always)]
+            pub fn vector_finish(_: &mut Vector) {}
+
+            #[inline(always)]
+            pub fn matrix_zero(k: &mut Matrix) {
+                k.zero();
+            }
+
+            #[inline(always)]
+            pub fn matrix_zero_rows(k: &mut Matrix, rows: &[i32]) {
+                k.zero_rows(rows);
+            }
+
+            #[inline(always)]
+            pub fn matrix_add(k: &mut Matrix, rows: &[i32], cols: &[i32], block: &[Scalar]) {
+                k.add(rows, cols, block);
+            }
+
+            #[inline(always)]
+            pub fn matrix_set(k: &mut Matrix, rows: &[i32], cols: &[i32], block: &[Scalar]) {
+                k.set(rows, cols, block);
+            }
+
+            #[inline(always)]
+            pub fn matrix_get(k: &Matrix, rows: &[i32], cols: &[i32], block: &mut [Scalar]) {
+                k.get(rows, cols, block);
+            }
+
+            #[inline(always)]
+            pub fn matrix_add_at(k: &mut Matrix, slots: &[Slot], block: &[Scalar]) {
+                k.add_at(slots, block);
+            }
+
+            #[inline(always)]
+            pub fn matrix_finish(_: &mut Matrix) {}
+        }
+    };
+}
+
+in_memory!(
+    /// Compressed rows.
+    sparse, f64, u32, super::csr::Csr<f64>, slices::norm, slices::dot
+);
+in_memory!(
+    /// Dense matrices.
+    dense, f64, usize, super::full::Full, slices::norm, slices::dot
+);
+in_memory!(
+    /// Four systems at once.
+    batched, super::four::Four, u32, super::csr::Csr<super::four::Four>, super::four::norm, super::four::dot
+);

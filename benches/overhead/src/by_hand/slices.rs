@@ -1,0 +1,75 @@
+//! Vectors: one array.
+
+use std::ops::{AddAssign, Mul};
+
+/// Chains of partial sums.
+const CHAINS: usize = 8;
+
+#[inline(always)]
+pub fn add<T: Copy + AddAssign>(y: &mut [T], rows: &[i32], values: &[T]) {
+    for (&row, &value) in rows.iter().zip(values) {
+        if let Some(entry) = y.get_mut(row as usize) {
+            *entry += value;
+        }
+    }
+}
+
+#[inline(always)]
+pub fn set<T: Copy>(y: &mut [T], rows: &[i32], values: &[T]) {
+    for (&row, &value) in rows.iter().zip(values) {
+        if let Some(entry) = y.get_mut(row as usize) {
+            *entry = value;
+        }
+    }
+}
+
+#[inline(always)]
+pub fn get<T: Copy + Default>(y: &[T], rows: &[i32], values: &mut [T]) {
+    for (&row, value) in rows.iter().zip(values) {
+        if let Some(&entry) = y.get(row as usize) {
+            *value = entry;
+        } else if row >= 0 {
+            *value = T::default();
+        }
+    }
+}
+
+#[inline(always)]
+pub fn axpy<T: Copy + AddAssign + Mul<Output = T>>(a: T, x: &[T], y: &mut [T]) {
+    for (y, &x) in y.iter_mut().zip(x) {
+        *y += a * x;
+    }
+}
+
+#[inline(always)]
+pub fn dot(x: &[f64], y: &[f64]) -> f64 {
+    let mut sums = [0.0; CHAINS];
+    let (x_body, x_tail) = x.as_chunks::<CHAINS>();
+    let (y_body, y_tail) = y.as_chunks::<CHAINS>();
+    for (x, y) in x_body.iter().zip(y_body) {
+        for chain in 0..CHAINS {
+            sums[chain] += x[chain] * y[chain];
+        }
+    }
+    for (chain, (&x, &y)) in x_tail.iter().zip(y_tail).enumerate() {
+        sums[chain] += x * y;
+    }
+    sums.into_iter().sum()
+}
+
+#[inline(always)]
+pub fn norm(x: &[f64]) -> f64 {
+    let squares = dot(x, x);
+    if squares.is_normal() { squares.sqrt() } else { scaled_norm(x) }
+}
+
+/// Where squares leave the range of numbers.
+#[cold]
+#[inline(never)]
+pub fn scaled_norm(x: &[f64]) -> f64 {
+    let largest = x.iter().fold(0.0, |largest: f64, v| largest.max(v.abs()));
+    if largest == 0.0 || !largest.is_finite() {
+        return x.iter().map(|v| v.abs()).sum();
+    }
+    largest * x.iter().map(|v| (v / largest).powi(2)).sum::<f64>().sqrt()
+}

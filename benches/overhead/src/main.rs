@@ -1,0 +1,57 @@
+//! `cargo run --release --package overhead [--features petsc] [-- COMMAND]`
+//!
+//! * without a command: prints instructions of every verb in five ways, and fails where LAS has more than a call by hand;
+//! * `page FILE`: writes the page of the documentation, with the assembly loop under valgrind's callgrind;
+//! * `list BACKEND VERB WAY`: prints the instructions of one place;
+//! * `loop BACKEND WAY`: runs the assembly loop once (what callgrind looks at).
+
+use std::error::Error;
+use std::hint::black_box;
+use std::process::ExitCode;
+
+use overhead::image::Image;
+use overhead::{assembly, compare, page, ways};
+
+fn main() -> ExitCode {
+    black_box(ways::all());
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    let words: Vec<&str> = words.iter().map(String::as_str).collect();
+    match run(&words) {
+        Ok(code) => code,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(words: &[&str]) -> Result<ExitCode, Box<dyn Error>> {
+    match *words {
+        [] => {
+            let rows = compare::rows(&Image::of_this_program()?)?;
+            print!("{}", page::table(&rows));
+            let faults = compare::faults(&rows);
+            faults.iter().for_each(|fault| eprintln!("{fault}"));
+            Ok(if faults.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+        }
+        ["page", file] => {
+            let rows = compare::rows(&Image::of_this_program()?)?;
+            std::fs::write(file, page::page(&rows, &page::loops()?))?;
+            Ok(ExitCode::SUCCESS)
+        }
+        ["list", backend, verb, way] => {
+            let name = format!("overhead::ways::{backend}::{way}::{verb}");
+            for instruction in Image::of_this_program()?.listing(&name)?.instructions {
+                println!("{:?}", instruction.code());
+            }
+            Ok(ExitCode::SUCCESS)
+        }
+        ["loop", backend, way] => {
+            let side = page::SIDE;
+            let time = assembly::run(backend, way, side, 1)?;
+            println!("{:.1} us", time.as_secs_f64() * 1e6);
+            Ok(ExitCode::SUCCESS)
+        }
+        _ => Err("no command, `page FILE`, `list BACKEND VERB WAY` or `loop BACKEND WAY`".into()),
+    }
+}

@@ -1,0 +1,149 @@
+//! The page of the documentation: what the program finds about itself.
+
+use std::error::Error;
+use std::fmt::Write;
+use std::process::Command;
+
+use crate::compare::{EXCEPTIONS, Row};
+use crate::ways::BACKENDS;
+
+/// Cells along an edge of the cube that callgrind sees assembled.
+pub const SIDE: usize = 6;
+
+/// The five ways.
+pub const WAYS: [&str; 5] = ["raw", "las", "call", "table", "object"];
+
+/// Instructions of the assembly loop of one backend, in the five ways.
+pub struct Loop {
+    /// The backend.
+    pub backend: &'static str,
+    /// Instructions that were executed.
+    pub executed: [u64; 5],
+}
+
+/// Runs the loop of every backend in every way under callgrind.
+///
+/// # Errors
+/// There is no valgrind, or it says nothing.
+pub fn loops() -> Result<Vec<Loop>, Box<dyn Error>> {
+    let of = |&backend: &&'static str| {
+        let mut executed = [0; 5];
+        for (way, executed) in WAYS.iter().zip(&mut executed) {
+            *executed = executed_by(backend, way)?;
+        }
+        Ok(Loop { backend, executed })
+    };
+    BACKENDS.iter().map(of).collect()
+}
+
+fn executed_by(backend: &str, way: &str) -> Result<u64, Box<dyn Error>> {
+    let output = Command::new("valgrind")
+        .args(["--tool=callgrind", "--callgrind-out-file=/dev/null", "--collect-atstart=no"])
+        .arg(format!("--toggle-collect=*assembly*{backend}*{way}*"))
+        .arg(std::env::current_exe()?)
+        .args(["loop", backend, way])
+        // No kernels for processors that valgrind does not know.
+        .envs([("OPENBLAS_CORETYPE", "Haswell"), ("OPENBLAS_NUM_THREADS", "1")])
+        .output()
+        .map_err(|error| format!("valgrind does not run: {error}\n  cure: install it"))?;
+    let text = String::from_utf8_lossy(&output.stderr);
+    let collected = text.lines().find_map(|line| line.split_once("Collected :")?.1.trim().parse().ok());
+    match collected {
+        Some(count) if count > 0 => Ok(count),
+        _ => Err(format!("callgrind counts nothing in the loop of {backend}, {way}:\n{text}").into()),
+    }
+}
+
+/// The instructions of every verb.
+#[must_use]
+pub fn table(rows: &[Row]) -> String {
+    let mut text = String::from(
+        "| backend | verb | by hand | LAS | same | function | pointer | `dyn` | packed, single |\n\
+         |---|---|---:|---:|---|---:|---:|---:|---:|\n",
+    );
+    for row in rows {
+        let [call, pointer, object] = row.others;
+        let same = match (row.is_same, row.exception()) {
+            (true, _) => "yes",
+            (false, None) => "",
+            (false, Some(_)) => "exception",
+        };
+        let (packed, single) = row.arithmetic;
+        let Row { backend, verb, raw, las, .. } = row;
+        let verb = verb.replacen('_', " ", 1);
+        let _ = writeln!(
+            text,
+            "| {backend} | {verb} | {raw} | {las} | {same} | {call} | {pointer} | {object} | {packed}, {single} |"
+        );
+    }
+    text
+}
+
+/// The whole page.
+#[must_use]
+pub fn page(rows: &[Row], loops: &[Loop]) -> String {
+    let (same, compared) = (rows.iter().filter(|row| row.is_same).count(), rows.len());
+    let free = rows.iter().filter(|row| row.las <= row.raw).count();
+    let mut exceptions = String::new();
+    for one in EXCEPTIONS {
+        let verbs: Vec<String> = one.verbs.iter().map(|verb| verb.replacen('_', " ", 1)).collect();
+        let _ = writeln!(exceptions, "* `{}`, {}: {}.", one.backend, verbs.join(", "), one.reason);
+    }
+    format!(
+        "{}{}\nOf {compared} verbs {free} have no instruction more through LAS than by hand; {same} are the same instruction for \
+         instruction.\n\nWhere there may be more:\n\n{exceptions}\n{}{}{}",
+        HEAD,
+        table(rows),
+        LOOP,
+        loop_table(loops),
+        TAIL
+    )
+}
+
+fn loop_table(loops: &[Loop]) -> String {
+    let mut text =
+        String::from("| backend | by hand | LAS | function | pointer | `dyn` |\n|---|---:|---:|---:|---:|---:|\n");
+    for Loop { backend, executed } in loops {
+        let _ = write!(text, "| {backend} |");
+        for count in executed {
+            let of_raw = *count as f64 / executed[0] as f64;
+            let _ = write!(text, " {count} ({of_raw:.3}) |");
+        }
+        text.push('\n');
+    }
+    text
+}
+
+const HEAD: &str = "# What LAS costs\n\n\
+    *Made by `cargo run --release --package overhead --features petsc -- page docs/overhead.md`; the same command without \
+    `page` and its file is a test: it fails where a verb has more instructions through LAS than by hand. Without PETSc, leave \
+    `--features petsc` away.*\n\n\
+    Code that is written once for all backends calls them through the traits of `las`. Every hot verb is inlined where it is \
+    called, so that what remains is what a call of the backend by hand would be. This page shows that on the program as it is \
+    linked (x86-64, release profile, link-time optimisation), for five ways of calling:\n\n\
+    1. **by hand**: loops over plain arrays, or PETSc's functions with their codes tested (`benches/overhead/src/by_hand`);\n\
+    2. **LAS**: `VectorOps` and `MatrixOps` on a backend chosen at compile time;\n\
+    3. **function**: a function of another compilation unit, which is not inlined;\n\
+    4. **pointer**: a table of function pointers, as C programs have it;\n\
+    5. **`dyn`**: a method of a trait object.\n\n\
+    ## Instructions of each verb\n\n\
+    Counted are the instructions of the function that holds the call and, in the last three ways, of the function behind it. \
+    *Same* says that both have the same instructions but for registers, labels and addresses. *Packed, single* are the \
+    instructions of LAS that compute with several numbers at once, and with one: on `batched` an entry is four numbers, and \
+    all arithmetic is packed.\n\n";
+
+const LOOP: &str = "## Instructions of an assembly loop\n\n\
+    Blocks of 12 by 12, one for each of 1 296 tetrahedra, added to a matrix: executed instructions, all that is called \
+    included, counted by valgrind's callgrind (in brackets: of those by hand). On `petsc` the call by hand is `MatSetValues`.\n\n";
+
+const TAIL: &str = "\nTimes of the same loop: `cargo bench --package overhead --features petsc`.\n\n\
+    ## Beside the thesis\n\n\
+    W. R. Tobin, *The Adaptive Multiscale Simulation Infrastructure* (RPI 2018), section 5.9, did this for one call, \
+    `MatSetValues`, with two compilers for C++ (tables 5.3 and 5.4, figure 5.1): instructions of the call, and of the function \
+    behind it, as multiples of those by hand.\n\n\
+    | | by hand | LAS | function | pointer | virtual |\n|---|---:|---:|---:|---:|---:|\n\
+    | x86-64, Intel C++ 18 (table 5.3) | 1 | 1 | one instruction more | one instruction more | about 2 |\n\
+    | PowerPC A2, IBM XL 12 (table 5.4; 8 instructions by hand) | 1 | 1 | about 2 | about 2.5 | about 3 |\n\n\
+    There the traits of C++ hand PETSc's arguments through unchanged, and nothing is checked. Here LAS is safe Rust: a verb \
+    looks at what it is given before it lets C write to memory, which is the exception that the first table names, and which \
+    the loop shows to be small beside what `MatSetValues` does itself.\n";

@@ -1,0 +1,180 @@
+//! The places of calls: every hot verb of every backend in five ways, each a function of its own in the program.
+//!
+//! `raw` calls the backend by hand, `las` through LAS, `call` a function of another compilation unit, `table` a function
+//! pointer and `object` a method of a trait object; the last three reach LAS behind their call.
+
+use overhead_unit::for_each_verb;
+
+macro_rules! raw {
+    ($($name:ident($($arg:ident: $of:ty),*) -> $out:ty = $call:expr;)*) => {
+        $(
+            #[inline(never)]
+            pub fn $name($($arg: $of),*) -> Outcome<$out> {
+                hand::$name($($arg),*)
+            }
+        )*
+
+        pub(super) fn all() -> Vec<*const ()> {
+            vec![$($name as *const ()),*]
+        }
+    };
+}
+
+macro_rules! las {
+    ($($name:ident($($arg:ident: $of:ty),*) -> $out:ty = $call:expr;)*) => {
+        $(
+            #[inline(never)]
+            pub fn $name($($arg: $of),*) -> Result<$out, Fault> {
+                $call
+            }
+        )*
+
+        pub(super) fn all() -> Vec<*const ()> {
+            vec![$($name as *const ()),*]
+        }
+    };
+}
+
+macro_rules! call {
+    ($($name:ident($($arg:ident: $of:ty),*) -> $out:ty = $call:expr;)*) => {
+        $(
+            #[inline(never)]
+            pub fn $name($($arg: $of),*) -> Result<$out, Fault> {
+                unit::$name($($arg),*)
+            }
+        )*
+
+        pub(super) fn all() -> Vec<*const ()> {
+            vec![$($name as *const ()),*]
+        }
+    };
+}
+
+macro_rules! table {
+    ($($name:ident($($arg:ident: $of:ty),*) -> $out:ty = $call:expr;)*) => {
+        $(
+            #[inline(never)]
+            pub fn $name(table: &Table, $($arg: $of),*) -> Result<$out, Fault> {
+                (table.$name)($($arg),*)
+            }
+        )*
+
+        pub(super) fn all() -> Vec<*const ()> {
+            vec![$($name as *const ()),*]
+        }
+    };
+}
+
+macro_rules! object {
+    ($($name:ident($($arg:ident: $of:ty),*) -> $out:ty = $call:expr;)*) => {
+        $(
+            #[inline(never)]
+            pub fn $name(object: &dyn Operations, $($arg: $of),*) -> Result<$out, Fault> {
+                object.$name($($arg),*)
+            }
+        )*
+
+        pub(super) fn all() -> Vec<*const ()> {
+            vec![$($name as *const ()),*]
+        }
+    };
+}
+
+macro_rules! names {
+    ($($name:ident($($arg:ident: $of:ty),*) -> $out:ty = $call:expr;)*) => {
+        /// The names of the verbs.
+        pub const VERBS: &[&str] = &[$(stringify!($name)),*];
+    };
+}
+
+for_each_verb!(names);
+
+macro_rules! backend {
+    ($(#[$attribute:meta])* $module:ident) => {
+        $(#[$attribute])*
+        pub mod $module {
+            /// By hand.
+            pub mod raw {
+                use overhead_unit::for_each_verb;
+
+                use crate::by_hand::$module as hand;
+                use hand::{Matrix, Outcome, Reduced, Scalar, Slot, Vector};
+
+                for_each_verb!(raw);
+            }
+
+            /// Through LAS.
+            pub mod las {
+                use biotissue::las::{MatrixOps, VectorOps};
+                use overhead_unit::for_each_verb;
+                use overhead_unit::$module::{B, Fault, Matrix, Reduced, Scalar, Slot, Vector};
+
+                for_each_verb!(las);
+            }
+
+            /// Through a function of another compilation unit.
+            pub mod call {
+                use overhead_unit::for_each_verb;
+                use overhead_unit::$module::{self as unit, Fault, Matrix, Reduced, Scalar, Slot, Vector};
+
+                for_each_verb!(call);
+            }
+
+            /// Through a table of function pointers.
+            pub mod table {
+                use overhead_unit::for_each_verb;
+                use overhead_unit::$module::{Fault, Matrix, Reduced, Scalar, Slot, Table, Vector};
+
+                for_each_verb!(table);
+            }
+
+            /// Through a trait object.
+            pub mod object {
+                use overhead_unit::for_each_verb;
+                use overhead_unit::$module::{Fault, Matrix, Operations, Reduced, Scalar, Slot, Vector};
+
+                for_each_verb!(object);
+            }
+
+            /// All of them, and what they call: what is named here stays in the program.
+            pub fn all() -> Vec<*const ()> {
+                use overhead_unit::$module::{Object, Operations, TABLE};
+
+                let object: &'static dyn Operations = &Object;
+                std::hint::black_box((&TABLE, object));
+                [raw::all(), las::all(), call::all(), table::all(), object::all()].concat()
+            }
+        }
+    };
+}
+
+backend!(
+    /// Compressed rows.
+    sparse
+);
+backend!(
+    /// Dense matrices.
+    dense
+);
+backend!(
+    /// Four systems at once.
+    batched
+);
+backend!(
+    /// PETSc.
+    #[cfg(feature = "petsc")]
+    petsc
+);
+
+/// The backends of this build.
+pub const BACKENDS: &[&str] =
+    if cfg!(feature = "petsc") { &["sparse", "dense", "batched", "petsc"] } else { &["sparse", "dense", "batched"] };
+
+/// The addresses of all places, so that they stay in the program.
+#[must_use]
+pub fn all() -> Vec<*const ()> {
+    let all = [sparse::all(), dense::all(), batched::all()].concat();
+    #[cfg(feature = "petsc")]
+    let all = [all, petsc::all()].concat();
+    all
+}

@@ -1,0 +1,125 @@
+//! The hot verbs of every backend in the three ways that an interface chosen at run time or link time has: functions of
+//! another compilation unit (this crate), a table of function pointers, and a trait object.
+
+/// Hands every hot verb to a macro: its name, its arguments in terms of the types `Vector`, `Matrix`, `Scalar`, `Reduced` and
+/// `Slot` that are in scope there, what it returns, and how it is called through LAS on the backend `B`.
+#[macro_export]
+macro_rules! for_each_verb {
+    ($callback:ident) => {
+        $callback! {
+            vector_zero(y: &mut Vector) -> () = VectorOps::<B>::zero(y);
+            vector_add(y: &mut Vector, rows: &[i32], values: &[Scalar]) -> () = VectorOps::<B>::add(y, rows, values);
+            vector_set(y: &mut Vector, rows: &[i32], values: &[Scalar]) -> () = VectorOps::<B>::set(y, rows, values);
+            vector_get(y: &Vector, rows: &[i32], values: &mut [Scalar]) -> () = VectorOps::<B>::get(y, rows, values);
+            vector_norm(y: &Vector) -> Reduced = VectorOps::<B>::norm(y);
+            vector_dot(x: &Vector, y: &Vector) -> Reduced = VectorOps::<B>::dot(x, y);
+            vector_axpy(y: &mut Vector, a: Scalar, x: &Vector) -> () = VectorOps::<B>::axpy(y, a, x);
+            vector_local(y: &mut Vector, value: Scalar) -> () =
+                VectorOps::<B>::with_local_mut(y, |values| values.fill(value));
+            vector_finish(y: &mut Vector) -> () = VectorOps::<B>::finish(y);
+            matrix_zero(k: &mut Matrix) -> () = MatrixOps::<B>::zero(k);
+            matrix_zero_rows(k: &mut Matrix, rows: &[i32]) -> () = MatrixOps::<B>::zero_rows(k, rows);
+            matrix_add(k: &mut Matrix, rows: &[i32], cols: &[i32], block: &[Scalar]) -> () =
+                MatrixOps::<B>::add(k, rows, cols, block);
+            matrix_set(k: &mut Matrix, rows: &[i32], cols: &[i32], block: &[Scalar]) -> () =
+                MatrixOps::<B>::set(k, rows, cols, block);
+            matrix_get(k: &Matrix, rows: &[i32], cols: &[i32], block: &mut [Scalar]) -> () =
+                MatrixOps::<B>::get(k, rows, cols, block);
+            matrix_add_at(k: &mut Matrix, slots: &[Slot], block: &[Scalar]) -> () =
+                MatrixOps::<B>::add_at(k, slots, block);
+            matrix_finish(k: &mut Matrix) -> () = MatrixOps::<B>::finish(k);
+        }
+    };
+}
+
+macro_rules! ways {
+    ($($name:ident($($arg:ident: $of:ty),*) -> $out:ty = $call:expr;)*) => {
+        $(
+            /// A function of this unit.
+            ///
+            /// # Errors
+            /// What the backend reports.
+            #[inline(never)]
+            pub fn $name($($arg: $of),*) -> Result<$out, Fault> {
+                $call
+            }
+        )*
+
+        /// The verbs as function pointers.
+        pub struct Table {
+            $(
+                /// The verb.
+                pub $name: fn($($of),*) -> Result<$out, Fault>,
+            )*
+        }
+
+        /// This backend's.
+        pub static TABLE: Table = Table { $($name),* };
+
+        /// The verbs as methods of an object.
+        pub trait Operations {
+            $(
+                /// The verb.
+                ///
+                /// # Errors
+                /// What the backend reports.
+                fn $name(&self, $($arg: $of),*) -> Result<$out, Fault>;
+            )*
+        }
+
+        /// This backend's.
+        pub struct Object;
+
+        impl Operations for Object {
+            $(
+                fn $name(&self, $($arg: $of),*) -> Result<$out, Fault> {
+                    $call
+                }
+            )*
+        }
+    };
+}
+
+macro_rules! backend {
+    ($(#[$attribute:meta])* $module:ident, $backend:ty) => {
+        $(#[$attribute])*
+        pub mod $module {
+            use biotissue::las::{Backend, MatrixOps, VectorOps};
+
+            /// The backend.
+            pub type B = $backend;
+            /// Its vectors.
+            pub type Vector = <B as Backend>::Vector;
+            /// Its matrices.
+            pub type Matrix = <B as Backend>::Matrix;
+            /// What both hold.
+            pub type Scalar = <B as Backend>::Scalar;
+            /// What products and norms are.
+            pub type Reduced = <B as Backend>::Reduced;
+            /// Positions in matrices.
+            pub type Slot = <B as Backend>::Slot;
+            /// How it fails.
+            pub type Fault = <B as Backend>::Fault;
+
+            for_each_verb!(ways);
+        }
+    };
+}
+
+backend!(
+    /// Compressed rows.
+    sparse, biotissue::backends::sparse::Sparse
+);
+backend!(
+    /// Dense matrices.
+    dense, biotissue::backends::dense::Dense
+);
+backend!(
+    /// Four systems at once.
+    batched, biotissue::backends::batched::Batched
+);
+backend!(
+    /// PETSc.
+    #[cfg(feature = "petsc")]
+    petsc, biotissue::backends::petsc::Petsc
+);

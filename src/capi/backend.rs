@@ -1,0 +1,39 @@
+//! One backend's part of the C interface: what the generated functions are written in.
+
+macro_rules! exported {
+    ($module:ident, $backend:ty, $file:literal) => {
+        #[allow(non_camel_case_types, clippy::missing_safety_doc, reason = "names of C; safety stands in the header")]
+        mod $module {
+            use std::ffi::c_char;
+            use std::path::Path;
+
+            use super::handles::*;
+            use super::{Exported, las_params, las_pattern};
+            use crate::las::{self, Backend, MatMat, MatVec, MatrixOps, VectorOps};
+
+            type B = $backend;
+            type Context = <B as Backend>::Context;
+            type Vector = <B as Backend>::Vector;
+            type Matrix = <B as Backend>::Matrix;
+            type Slot = <B as Backend>::Slot;
+            type Solver = <B as Backend>::Solver;
+            type Scalar = <B as Backend>::Scalar;
+
+            fn length(vec: &Vector) -> usize {
+                VectorOps::<B>::len(vec)
+            }
+
+            fn shape(mat: &Matrix) -> (usize, usize) {
+                MatrixOps::<B>::shape(mat)
+            }
+
+            fn splat(value: f64) -> Scalar {
+                <Scalar as las::Value>::splat(value)
+            }
+
+            include!(concat!(env!("OUT_DIR"), $file));
+        }
+    };
+}
+
+pub(super) use exported;

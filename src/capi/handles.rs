@@ -1,0 +1,288 @@
+//! Pointers of the caller, checked as far as they can be: null is an error, all else is the caller's promise.
+
+use std::any::Any;
+use std::cell::RefCell;
+use std::ffi::{CStr, CString, c_char};
+use std::mem::ManuallyDrop;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use super::{
+    LAS_FAULT, LAS_INDEX, LAS_NOT_CONVERGED, LAS_NOT_FACTORED, LAS_NULL, LAS_OK, LAS_PANIC, LAS_SINGULAR, LAS_SIZE,
+    LAS_UNSUPPORTED,
+};
+use crate::las::{Scalar, SolveError, Value};
+
+/// Why a call did nothing.
+pub(super) struct Failure {
+    pub code: i32,
+    pub message: String,
+}
+
+impl Failure {
+    pub(super) fn new(code: i32, message: impl Into<String>) -> Self {
+        Self { code, message: message.into() }
+    }
+}
+
+thread_local! {
+    static MESSAGE: RefCell<CString> = RefCell::default();
+}
+
+/// The message of the last failure on this thread; empty before the first.
+pub(super) fn message() -> *const c_char {
+    MESSAGE.with_borrow(|message| message.as_ptr())
+}
+
+/// Runs a call: a failure becomes its code, a panic never leaves.
+pub(super) fn guarded(call: impl FnOnce() -> Result<(), Failure>) -> i32 {
+    let outcome = catch_unwind(AssertUnwindSafe(call)).unwrap_or_else(|panic| {
+        Err(Failure::new(LAS_PANIC, format!("a fault of the library: {}", text_of(panic.as_ref()))))
+    });
+    match outcome {
+        Ok(()) => LAS_OK,
+        Err(Failure { code, message }) => {
+            MESSAGE.set(CString::new(message.replace('\0', " ")).unwrap_or_default());
+            code
+        }
+    }
+}
+
+fn text_of(panic: &(dyn Any + Send)) -> &str {
+    let text = panic.downcast_ref::<&str>().copied();
+    text.or_else(|| panic.downcast_ref::<String>().map(String::as_str)).unwrap_or("no reason given")
+}
+
+fn null(name: &str) -> Failure {
+    Failure::new(LAS_NULL, format!("`{name}` is a null pointer"))
+}
+
+/// # Safety
+/// The pointer is null, or one to a `T` that nobody writes to during the call.
+pub(super) unsafe fn shared<'a, T>(pointer: *const T, name: &str) -> Result<&'a T, Failure> {
+    // SAFETY: the caller's promise is passed on.
+    unsafe { pointer.as_ref() }.ok_or_else(|| null(name))
+}
+
+/// # Safety
+/// The pointer is null, or one to a `T` that nobody else uses during the call.
+pub(super) unsafe fn exclusive<'a, T>(pointer: *mut T, name: &str) -> Result<&'a mut T, Failure> {
+    // SAFETY: the caller's promise is passed on.
+    unsafe { pointer.as_mut() }.ok_or_else(|| null(name))
+}
+
+/// Puts what `make` makes where `place` points to; null stands there where it fails.
+///
+/// # Safety
+/// As for [`exclusive`].
+pub(super) unsafe fn give<T>(
+    place: *mut *mut T,
+    name: &str,
+    make: impl FnOnce() -> Result<T, Failure>,
+) -> Result<(), Failure> {
+    // SAFETY: the caller's promise is passed on.
+    let place = unsafe { exclusive(place, name) }?;
+    *place = std::ptr::null_mut();
+    *place = Box::into_raw(Box::new(make()?));
+    Ok(())
+}
+
+/// # Safety
+/// The pointer is null, or came from [`give`] and was not freed before.
+pub(super) unsafe fn free<T>(pointer: *mut T) -> Result<(), Failure> {
+    if !pointer.is_null() {
+        // SAFETY: it came from Box::into_raw.
+        drop(unsafe { Box::from_raw(pointer) });
+    }
+    Ok(())
+}
+
+/// # Safety
+/// The pointer is null, or one to `len` values.
+pub(super) unsafe fn array<'a, T>(pointer: *const T, len: usize, name: &str) -> Result<&'a [T], Failure> {
+    match (pointer.is_null(), len) {
+        (_, 0) => Ok(&[]),
+        (true, _) => Err(null(name)),
+        // SAFETY: the caller's promise is passed on.
+        _ => Ok(unsafe { std::slice::from_raw_parts(pointer, len) }),
+    }
+}
+
+/// # Safety
+/// The pointer is null, or one to `len` values that nobody else uses during the call.
+unsafe fn array_mut<'a, T>(pointer: *mut T, len: usize, name: &str) -> Result<&'a mut [T], Failure> {
+    match (pointer.is_null(), len) {
+        (_, 0) => Ok(&mut []),
+        (true, _) => Err(null(name)),
+        // SAFETY: the caller's promise is passed on.
+        _ => Ok(unsafe { std::slice::from_raw_parts_mut(pointer, len) }),
+    }
+}
+
+/// Entries of a vector or matrix: as many numbers each as the backend has lanes.
+///
+/// # Safety
+/// As for [`array`], of `len` times the lanes.
+pub(super) unsafe fn scalars<'a, S: Value<Real = f64>>(
+    pointer: *const f64,
+    len: usize,
+    name: &str,
+) -> Result<&'a [S], Failure> {
+    // SAFETY: an entry is its lanes one after the other, without anything between them.
+    unsafe { array(pointer.cast(), len, name) }
+}
+
+/// # Safety
+/// As for [`scalars`]; nobody else uses them during the call.
+pub(super) unsafe fn scalars_mut<'a, S: Value<Real = f64>>(
+    pointer: *mut f64,
+    len: usize,
+    name: &str,
+) -> Result<&'a mut [S], Failure> {
+    // SAFETY: as above.
+    unsafe { array_mut(pointer.cast(), len, name) }
+}
+
+/// Writes a norm or product: one number a lane.
+///
+/// # Safety
+/// As for [`scalars_mut`] of one entry.
+pub(super) unsafe fn reduced<R: Value<Real: Scalar>>(pointer: *mut f64, value: R, name: &str) -> Result<(), Failure> {
+    // SAFETY: the caller's promise is passed on.
+    let lanes = unsafe { array_mut(pointer, R::LANES, name) }?;
+    lanes.iter_mut().enumerate().for_each(|(lane, out)| *out = value.lane(lane).as_f64());
+    Ok(())
+}
+
+/// A text that ends with a zero.
+///
+/// # Safety
+/// The pointer is null, or one to such a text.
+pub(super) unsafe fn text<'a>(pointer: *const c_char, name: &str) -> Result<&'a str, Failure> {
+    if pointer.is_null() {
+        return Err(null(name));
+    }
+    // SAFETY: the caller's promise is passed on.
+    let text = unsafe { CStr::from_ptr(pointer) };
+    text.to_str().map_err(|_| Failure::new(LAS_SIZE, format!("`{name}` is not UTF-8")))
+}
+
+/// A number of things.
+pub(super) fn count(count: i32, name: &str) -> Result<usize, Failure> {
+    usize::try_from(count).map_err(|_| Failure::new(LAS_SIZE, format!("`{name}` is {count}; it must not be negative")))
+}
+
+/// Indices, each negative or below `end`.
+///
+/// # Safety
+/// As for [`array`] of `len` indices.
+pub(super) unsafe fn indices<'a>(pointer: *const i32, len: i32, end: usize, name: &str) -> Result<&'a [i32], Failure> {
+    // SAFETY: the caller's promise is passed on.
+    let indices: &[i32] = unsafe { array(pointer, count(len, &format!("number of {name}"))?, name) }?;
+    match indices.iter().position(|&index| index >= 0 && index as usize >= end) {
+        None => Ok(indices),
+        Some(at) => Err(Failure::new(LAS_INDEX, format!("`{name}[{at}]` is {}; there are {end}", indices[at]))),
+    }
+}
+
+/// A part of a list of positions.
+pub(super) fn part<S>(slots: &[S], first: i32, len: i32) -> Result<&[S], Failure> {
+    let (first, len) = (count(first, "first")?, count(len, "count")?);
+    let part = first.checked_add(len).and_then(|end| slots.get(first..end));
+    part.ok_or_else(|| Failure::new(LAS_SIZE, format!("{len} positions from {first}; there are {}", slots.len())))
+}
+
+/// Refuses two sizes that should be one.
+pub(super) fn same(what: &str, a: usize, b: usize) -> Result<(), Failure> {
+    if a == b { Ok(()) } else { Err(Failure::new(LAS_SIZE, format!("{what} have {a} and {b} entries"))) }
+}
+
+/// Refuses two handles that must not be the same.
+pub(super) fn apart<T>(a: *const T, b: *const T, what: &str) -> Result<(), Failure> {
+    if a.is_null() || !std::ptr::eq(a, b) {
+        Ok(())
+    } else {
+        Err(Failure::new(LAS_SIZE, format!("{what} are the same vector")))
+    }
+}
+
+/// Refuses lists of handles in which one that is written to stands twice.
+pub(super) fn all_apart<T>(read: &[*const T], written: &[*mut T]) -> Result<(), Failure> {
+    let mut all: Vec<*const T> = written.iter().map(|&handle| handle.cast_const()).collect();
+    all.sort_unstable();
+    let twice = all.windows(2).any(|pair| std::ptr::eq(pair[0], pair[1]));
+    if twice || read.iter().any(|handle| all.binary_search(handle).is_ok()) {
+        return Err(Failure::new(LAS_SIZE, "a vector that is written to stands twice"));
+    }
+    Ok(())
+}
+
+/// Objects of the caller side by side, to be read: bitwise copies that are never dropped.
+pub(super) struct Borrowed<T>(Vec<ManuallyDrop<T>>);
+
+impl<T> Borrowed<T> {
+    /// # Safety
+    /// The objects live, and nobody changes them, as long as this does.
+    pub(super) unsafe fn new(objects: impl Iterator<Item = Result<*const T, Failure>>) -> Result<Self, Failure> {
+        // SAFETY: read only, through shared references, and not dropped.
+        let copy = |object: *const T| ManuallyDrop::new(unsafe { object.read() });
+        Ok(Self(objects.map(|object| object.map(copy)).collect::<Result<_, _>>()?))
+    }
+
+    pub(super) fn as_slice(&self) -> &[T] {
+        // SAFETY: `ManuallyDrop` has the layout of what it holds.
+        unsafe { std::slice::from_raw_parts(self.0.as_ptr().cast(), self.0.len()) }
+    }
+}
+
+/// Objects of the caller side by side, to be written: they move here, and back when this ends, however it ends.
+pub(super) struct Lent<T> {
+    copies: Vec<ManuallyDrop<T>>,
+    homes: Vec<*mut T>,
+}
+
+impl<T> Lent<T> {
+    /// # Safety
+    /// The objects live, and nobody else uses them, as long as this does; no two are the same.
+    pub(super) unsafe fn new(objects: impl Iterator<Item = Result<*mut T, Failure>>) -> Result<Self, Failure> {
+        let homes: Vec<*mut T> = objects.collect::<Result<_, _>>()?;
+        // SAFETY: what stays behind is overwritten, not dropped.
+        let copies = homes.iter().map(|home| ManuallyDrop::new(unsafe { home.read() })).collect();
+        Ok(Self { copies, homes })
+    }
+
+    pub(super) fn as_mut_slice(&mut self) -> &mut [T] {
+        // SAFETY: `ManuallyDrop` has the layout of what it holds.
+        unsafe { std::slice::from_raw_parts_mut(self.copies.as_mut_ptr().cast(), self.copies.len()) }
+    }
+}
+
+impl<T> Drop for Lent<T> {
+    fn drop(&mut self) {
+        for (copy, home) in self.copies.drain(..).zip(&self.homes) {
+            // SAFETY: where it came from.
+            unsafe { home.write(ManuallyDrop::into_inner(copy)) };
+        }
+    }
+}
+
+/// A fault of the backend.
+pub(super) fn fault<F: std::error::Error>(error: F) -> Failure {
+    Failure::new(LAS_FAULT, error.to_string())
+}
+
+/// Why there is no solution or product.
+pub(super) fn unsolved<F: std::error::Error>(error: SolveError<F>) -> Failure {
+    let code = match &error {
+        SolveError::NotSquare { .. } | SolveError::Size { .. } | SolveError::Pattern | SolveError::TooLarge(_) => {
+            LAS_SIZE
+        }
+        SolveError::NotFactored => LAS_NOT_FACTORED,
+        SolveError::Singular { .. } | SolveError::ZeroDiagonal { .. } | SolveError::Indefinite { .. } => LAS_SINGULAR,
+        SolveError::NotConverged { .. } | SolveError::Inaccurate { .. } | SolveError::NotFinite { .. } => {
+            LAS_NOT_CONVERGED
+        }
+        SolveError::Unsupported { .. } => LAS_UNSUPPORTED,
+        SolveError::Library { .. } | SolveError::Fault(_) => LAS_FAULT,
+    };
+    Failure::new(code, error.to_string())
+}

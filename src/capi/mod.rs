@@ -1,0 +1,293 @@
+//! The C interface of LAS, which Fortran uses too: functions `las_<verb>_<backend>` for every backend that is compiled in.
+//!
+//! `include/las.h` and `include/las.f90` declare them; both are made by `tools/headers`. Every function returns
+//! [`LAS_OK`] or a code that says what was wrong, and [`las_message`] says it in words. Nothing unwinds into the caller.
+//! Objects are made by `las_create_...` and freed by `las_destroy_...`; none may be used by two threads at once.
+#![allow(
+    unsafe_code,
+    clippy::missing_safety_doc,
+    reason = "the foreign interface; the header says what a caller promises"
+)]
+
+mod backend;
+mod handles;
+#[cfg(feature = "petsc")]
+mod session;
+
+use std::ffi::c_char;
+use std::path::Path;
+use std::sync::Arc;
+
+use backend::exported;
+use handles::{Failure, array, count, exclusive, fault, free, give, guarded};
+
+use crate::las::{Backend, Iterative, Krylov, Ordering, Preconditioner, SolverParams, Sparsity, Symmetry, market};
+
+/// All went well.
+pub const LAS_OK: i32 = 0;
+/// A pointer is null.
+pub const LAS_NULL: i32 = 1;
+/// A size is negative, or sizes do not fit each other.
+pub const LAS_SIZE: i32 = 2;
+/// An index is beyond the end.
+pub const LAS_INDEX: i32 = 3;
+/// The matrix is singular.
+pub const LAS_SINGULAR: i32 = 4;
+/// Iterations did not converge, or the matrix holds values that are not finite.
+pub const LAS_NOT_CONVERGED: i32 = 5;
+/// There is nothing to solve with yet.
+pub const LAS_NOT_FACTORED: i32 = 6;
+/// The backend cannot do that.
+pub const LAS_UNSUPPORTED: i32 = 7;
+/// A file is wrong, or cannot be read or written.
+pub const LAS_FILE: i32 = 8;
+/// The backend or its library failed.
+pub const LAS_FAULT: i32 = 9;
+/// A fault of this library.
+pub const LAS_PANIC: i32 = 10;
+
+/// The matrix is symmetric and positive definite.
+pub const LAS_DEFINITE: i32 = 0;
+/// The matrix is symmetric.
+pub const LAS_SYMMETRIC: i32 = 1;
+/// The matrix is not symmetric.
+pub const LAS_UNSYMMETRIC: i32 = 2;
+
+/// Solve by a factorisation.
+pub const LAS_DIRECT: i32 = 0;
+/// Solve by conjugate gradients.
+pub const LAS_CG: i32 = 1;
+/// Solve by stabilised biconjugate gradients.
+pub const LAS_BICGSTAB: i32 = 2;
+/// Solve by generalised minimal residuals.
+pub const LAS_GMRES: i32 = 3;
+
+/// Iterate without a preconditioner.
+pub const LAS_NONE: i32 = 0;
+/// Iterate with the inverse of the diagonal.
+pub const LAS_DIAGONAL: i32 = 1;
+/// Iterate with an incomplete factorisation.
+pub const LAS_ILUT: i32 = 2;
+/// Iterate with algebraic multigrid.
+pub const LAS_MULTIGRID: i32 = 3;
+
+/// How a system is to be solved; las_default_params fills it in.
+#[allow(non_camel_case_types, reason = "a name of C")]
+#[derive(Clone, Copy, Debug)]
+#[repr(C)]
+pub struct las_params {
+    /// LAS_DEFINITE, LAS_SYMMETRIC or LAS_UNSYMMETRIC.
+    pub symmetry: i32,
+    /// LAS_DIRECT, LAS_CG, LAS_BICGSTAB or LAS_GMRES.
+    pub method: i32,
+    /// LAS_NONE, LAS_DIAGONAL, LAS_ILUT or LAS_MULTIGRID.
+    pub preconditioner: i32,
+    /// Steps of GMRES between restarts.
+    pub restart: i32,
+    /// Entries that a row of an incomplete factor keeps.
+    pub fill: i32,
+    /// Iterations after which to give up.
+    pub max_iterations: i32,
+    /// Entries below this part of their row are dropped from an incomplete factor.
+    pub drop_tolerance: f64,
+    /// Residual over right-hand side at which to stop.
+    pub tolerance: f64,
+}
+
+impl las_params {
+    fn checked(&self) -> Result<SolverParams, Failure> {
+        let refuse = |what: &str, value: i32| Failure::new(LAS_SIZE, format!("`{what}` is {value}, which is none"));
+        let positive = |value: i32, what: &str| match count(value, what)? {
+            0 => Err(refuse(what, 0)),
+            value => Ok(value),
+        };
+        let symmetry = match self.symmetry {
+            LAS_DEFINITE => Symmetry::Definite,
+            LAS_SYMMETRIC => Symmetry::Symmetric,
+            LAS_UNSYMMETRIC => Symmetry::None,
+            other => return Err(refuse("symmetry", other)),
+        };
+        let params = SolverParams { ordering: Ordering::Auto, ..SolverParams::new(symmetry) };
+        let krylov = match self.method {
+            LAS_DIRECT => return Ok(params),
+            LAS_CG => Krylov::Cg,
+            LAS_BICGSTAB => Krylov::BiCgStab,
+            LAS_GMRES => Krylov::Gmres { restart: positive(self.restart, "restart")? },
+            other => return Err(refuse("method", other)),
+        };
+        let preconditioner = match self.preconditioner {
+            LAS_NONE => Preconditioner::None,
+            LAS_DIAGONAL => Preconditioner::Diagonal,
+            LAS_ILUT => Preconditioner::Ilut { drop_tolerance: self.drop_tolerance, fill: count(self.fill, "fill")? },
+            LAS_MULTIGRID => Preconditioner::Multigrid,
+            other => return Err(refuse("preconditioner", other)),
+        };
+        let max_iterations = positive(self.max_iterations, "max_iterations")?;
+        if !(self.tolerance > 0.0 && self.drop_tolerance >= 0.0) {
+            return Err(Failure::new(LAS_SIZE, "`tolerance` must be positive and `drop_tolerance` not negative"));
+        }
+        Ok(params.iterative(Iterative { krylov, preconditioner, tolerance: self.tolerance, max_iterations }))
+    }
+}
+
+/// Which entries of a matrix can be other than zero; shared by all backends.
+#[allow(non_camel_case_types, reason = "a name of C")]
+pub struct las_pattern(Arc<Sparsity>);
+
+/// What went wrong in the last call of this thread that did not return LAS_OK. The text lives until the next such call.
+#[unsafe(no_mangle)]
+pub extern "C" fn las_message() -> *const c_char {
+    handles::message()
+}
+
+/// Fills in the defaults: a definite matrix, solved directly; iterations to 1e-10 with ILUT(1e-3, 20).
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_default_params(params: *mut las_params) -> i32 {
+    // SAFETY: of the pointers the caller promises what the header says; so below.
+    guarded(|| unsafe {
+        *exclusive(params, "params")? = las_params {
+            symmetry: LAS_DEFINITE,
+            method: LAS_DIRECT,
+            preconditioner: LAS_ILUT,
+            restart: 50,
+            fill: 20,
+            max_iterations: 1000,
+            drop_tolerance: 1e-3,
+            tolerance: 1e-10,
+        };
+        Ok(())
+    })
+}
+
+/// Makes a pattern from compressed rows: row_start has rows + 1 entries, the last of which is the number of columns; the
+/// columns of a row ascend. All count from 0.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_create_pattern(
+    rows: i32,
+    cols: i32,
+    row_start: *const i32,
+    columns: *const i32,
+    pattern: *mut *mut las_pattern,
+) -> i32 {
+    // SAFETY: as above.
+    guarded(|| unsafe {
+        let (rows, cols) = (count(rows, "rows")?, count(cols, "cols")?);
+        let row_start: &[i32] = array(row_start, rows + 1, "row_start")?;
+        let columns: &[i32] = array(columns, count(row_start[rows], "row_start[rows]")?, "columns")?;
+        let numbers = |numbers: &[i32], name: &str| -> Result<Vec<u32>, Failure> {
+            numbers.iter().map(|&number| Ok(count(number, name)? as u32)).collect()
+        };
+        let sparsity = Sparsity::from_rows(cols, numbers(row_start, "row_start")?, numbers(columns, "columns")?);
+        give(pattern, "pattern", || Ok(las_pattern(Arc::new(sparsity.map_err(size)?))))
+    })
+}
+
+/// Makes the square pattern of elements that each couple all of their unknowns: element k has the unknowns
+/// unknowns[element_start[k]] to unknowns[element_start[k + 1] - 1]; negative ones are constrained.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_create_pattern_of_elements(
+    size_of_system: i32,
+    elements: i32,
+    element_start: *const i32,
+    unknowns: *const i32,
+    pattern: *mut *mut las_pattern,
+) -> i32 {
+    // SAFETY: as above.
+    guarded(|| unsafe {
+        let (len, elements) = (count(size_of_system, "size_of_system")?, count(elements, "elements")?);
+        let starts: &[i32] = array(element_start, elements + 1, "element_start")?;
+        let all: &[i32] = array(unknowns, count(starts[elements], "element_start[elements]")?, "unknowns")?;
+        let list = |pair: &[i32]| {
+            let range = count(pair[0], "element_start")?..count(pair[1], "element_start")?;
+            all.get(range).ok_or_else(|| Failure::new(LAS_SIZE, "`element_start` does not ascend"))
+        };
+        let lists = starts.windows(2).map(list).collect::<Result<Vec<&[i32]>, _>>()?;
+        let sparsity = Sparsity::from_elements(len, lists);
+        give(pattern, "pattern", || Ok(las_pattern(Arc::new(sparsity.map_err(size)?))))
+    })
+}
+
+/// Frees a pattern. Null is allowed.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_destroy_pattern(pattern: *mut las_pattern) -> i32 {
+    // SAFETY: as above.
+    guarded(|| unsafe { free(pattern) })
+}
+
+fn size(error: crate::las::SparsityError) -> Failure {
+    Failure::new(LAS_SIZE, error.to_string())
+}
+
+/// What a backend adds to its traits to be exported.
+trait Exported: Backend {
+    /// Where it runs.
+    fn context() -> Result<Self::Context, Failure>;
+
+    /// Reads a Matrix Market file.
+    fn read(file: &Path, context: &Self::Context) -> Result<Self::Matrix, Failure>;
+
+    /// Writes one.
+    fn write(file: &Path, mat: &Self::Matrix) -> Result<(), Failure>;
+}
+
+fn of_file<F: std::error::Error>(error: market::MarketError<F>) -> Failure {
+    match error {
+        market::MarketError::Fault(error) => fault(error),
+        error => Failure::new(LAS_FILE, error.to_string()),
+    }
+}
+
+macro_rules! with_files {
+    ($backend:ty, $context:expr) => {
+        impl Exported for $backend {
+            fn context() -> Result<Self::Context, Failure> {
+                $context
+            }
+
+            fn read(file: &Path, context: &Self::Context) -> Result<Self::Matrix, Failure> {
+                market::read::<Self>(file, context).map_err(of_file)
+            }
+
+            fn write(file: &Path, mat: &Self::Matrix) -> Result<(), Failure> {
+                market::write::<Self>(file, mat).map_err(of_file)
+            }
+        }
+    };
+}
+
+#[cfg(feature = "sparse")]
+with_files!(crate::backends::sparse::Sparse, Ok(()));
+#[cfg(feature = "sparse")]
+exported!(sparse, crate::backends::sparse::Sparse, "/las_sparse.rs");
+
+#[cfg(feature = "dense")]
+with_files!(crate::backends::dense::Dense, Ok(()));
+#[cfg(feature = "dense")]
+exported!(dense, crate::backends::dense::Dense, "/las_dense.rs");
+
+#[cfg(feature = "batched")]
+mod lanes {
+    use super::{Exported, Failure, LAS_UNSUPPORTED, Path};
+    use crate::backends::batched::{Batched, Matrix};
+
+    impl Exported for Batched {
+        fn context() -> Result<(), Failure> {
+            Ok(())
+        }
+
+        fn read(_: &Path, (): &()) -> Result<Matrix, Failure> {
+            Err(Failure::new(LAS_UNSUPPORTED, "a Matrix Market file holds one number an entry, `batched` has several"))
+        }
+
+        fn write(_: &Path, _: &Matrix) -> Result<(), Failure> {
+            Err(Failure::new(LAS_UNSUPPORTED, "a Matrix Market file holds one number an entry, `batched` has several"))
+        }
+    }
+}
+#[cfg(feature = "batched")]
+exported!(batched, crate::backends::batched::Batched, "/las_batched.rs");
+
+#[cfg(feature = "petsc")]
+with_files!(crate::backends::petsc::Petsc, session::world());
+#[cfg(feature = "petsc")]
+exported!(petsc, crate::backends::petsc::Petsc, "/las_petsc.rs");

@@ -1,0 +1,254 @@
+/* A chain of springs, assembled and solved on two backends in one program; then every other function, and every way to be
+ * told that something is wrong. Prints what it found and ends with 0 where all of it is right. */
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "las.h"
+
+#define N 50
+
+static int failures = 0;
+
+static void check(int right, const char *what, int line) {
+    if (!right) {
+        printf("line %d: %s (last message: %s)\n", line, what, las_message());
+        failures += 1;
+    }
+}
+
+#define CHECK(condition) check((condition), #condition, __LINE__)
+#define OK(call) CHECK((call) == LAS_OK)
+
+/* Springs of stiffness 1 between N unknowns in a row, fixed at the left, pulled at the right: u[i] = i + 1. */
+static struct las_pattern *chain(void) {
+    int start[N + 1], unknowns[2 * N];
+    for (int k = 0; k < N; ++k) {
+        start[k] = 2 * k;
+        unknowns[2 * k] = k - 1; /* -1 at the left: constrained */
+        unknowns[2 * k + 1] = k;
+    }
+    start[N] = 2 * N;
+    struct las_pattern *pattern = NULL;
+    OK(las_create_pattern_of_elements(N, N, start, unknowns, &pattern));
+    return pattern;
+}
+
+static const double SPRING[4] = {1, -1, -1, 1};
+
+/* The same for each backend: this is what the names of C are for. */
+#define SOLVE(BACKEND)                                                                                                 \
+    static void solve_##BACKEND(double u[N]) {                                                                         \
+        struct las_##BACKEND *las = NULL;                                                                              \
+        struct las_mat_##BACKEND *k = NULL;                                                                            \
+        struct las_vec_##BACKEND *f = NULL, *x = NULL;                                                                 \
+        struct las_slots_##BACKEND *slots = NULL;                                                                      \
+        struct las_solver_##BACKEND *solver = NULL;                                                                    \
+        struct las_pattern *pattern = chain();                                                                         \
+        struct las_params params;                                                                                      \
+        OK(las_create_##BACKEND(&las));                                                                                \
+        OK(las_create_mat_##BACKEND(las, pattern, &k));                                                                \
+        OK(las_create_vec_##BACKEND(las, N, &f));                                                                      \
+        OK(las_create_vec_##BACKEND(las, N, &x));                                                                      \
+        OK(las_create_slots_##BACKEND(&slots));                                                                        \
+        for (int spring = 0; spring < N; ++spring) {                                                                   \
+            int ends[2] = {spring - 1, spring};                                                                        \
+            if (spring % 2) {                                                                                          \
+                OK(las_add_mat_##BACKEND(k, 2, ends, 2, ends, SPRING));                                                \
+            } else {                                                                                                   \
+                OK(las_locate_##BACKEND(k, 2, ends, 2, ends, slots));                                                  \
+                OK(las_add_at_##BACKEND(k, slots, 4 * (spring / 2), 4, SPRING));                                       \
+            }                                                                                                          \
+        }                                                                                                              \
+        OK(las_finish_mat_##BACKEND(k));                                                                               \
+        int last[2] = {N - 1, -1};                                                                                     \
+        double pull[2] = {1, 1000};                                                                                    \
+        OK(las_add_vec_##BACKEND(f, 2, last, pull));                                                                   \
+        OK(las_finish_vec_##BACKEND(f));                                                                               \
+        OK(las_default_params(&params));                                                                               \
+        OK(las_create_solver_##BACKEND(las, pattern, &params, &solver));                                               \
+        CHECK(las_solve_##BACKEND(solver, f, x, NULL) == LAS_NOT_FACTORED);                                            \
+        OK(las_factor_##BACKEND(solver, k));                                                                           \
+        int iterations = -1;                                                                                           \
+        OK(las_solve_##BACKEND(solver, f, x, &iterations));                                                            \
+        CHECK(iterations == 0);                                                                                        \
+        int all[N];                                                                                                    \
+        for (int i = 0; i < N; ++i) all[i] = i;                                                                        \
+        OK(las_get_vec_##BACKEND(x, N, all, u));                                                                       \
+        /* K x = f again, and by iterations. */                                                                        \
+        struct las_vec_##BACKEND *y = NULL;                                                                            \
+        double norm = 0, dot = 0;                                                                                      \
+        OK(las_create_vec_##BACKEND(las, N, &y));                                                                      \
+        OK(las_mul_##BACKEND(k, x, y));                                                                                \
+        OK(las_axpy_##BACKEND(-1, f, y));                                                                              \
+        OK(las_norm_##BACKEND(y, &norm));                                                                              \
+        CHECK(norm < 1e-12);                                                                                           \
+        OK(las_dot_##BACKEND(f, x, &dot));                                                                             \
+        CHECK(fabs(dot - N) < 1e-10);                                                                                  \
+        OK(las_destroy_solver_##BACKEND(solver));                                                                      \
+        params.method = LAS_CG;                                                                                        \
+        params.preconditioner = LAS_DIAGONAL;                                                                          \
+        OK(las_create_solver_##BACKEND(las, pattern, &params, &solver));                                               \
+        OK(las_factor_##BACKEND(solver, k));                                                                           \
+        OK(las_solve_##BACKEND(solver, f, y, &iterations));                                                            \
+        CHECK(iterations > 0);                                                                                         \
+        OK(las_axpy_##BACKEND(-1, x, y));                                                                              \
+        OK(las_norm_##BACKEND(y, &norm));                                                                              \
+        CHECK(norm < 1e-6);                                                                                            \
+        OK(las_destroy_solver_##BACKEND(solver));                                                                      \
+        /* Two sides at once. */                                                                                       \
+        struct las_vec_##BACKEND *z = NULL;                                                                            \
+        OK(las_create_vec_##BACKEND(las, N, &z));                                                                      \
+        OK(las_default_params(&params));                                                                               \
+        OK(las_create_solver_##BACKEND(las, pattern, &params, &solver));                                               \
+        OK(las_factor_definite_##BACKEND(solver, k));                                                                  \
+        const struct las_vec_##BACKEND *sides[2] = {f, x};                                                             \
+        struct las_vec_##BACKEND *both[2] = {y, z}, *twice[2] = {y, y};                                                \
+        CHECK(las_solve_many_##BACKEND(solver, 2, sides, twice) == LAS_SIZE);                                          \
+        OK(las_solve_many_##BACKEND(solver, 2, sides, both));                                                          \
+        OK(las_axpy_##BACKEND(-1, x, y));                                                                              \
+        OK(las_norm_##BACKEND(y, &norm));                                                                              \
+        CHECK(norm < 1e-10);                                                                                           \
+        OK(las_mul_##BACKEND(k, z, y));                                                                                \
+        OK(las_axpy_##BACKEND(-1, x, y));                                                                              \
+        OK(las_norm_##BACKEND(y, &norm));                                                                              \
+        CHECK(norm < 1e-8);                                                                                            \
+        OK(las_destroy_vec_##BACKEND(z));                                                                              \
+        OK(las_destroy_solver_##BACKEND(solver));                                                                      \
+        OK(las_destroy_slots_##BACKEND(slots));                                                                        \
+        OK(las_destroy_vec_##BACKEND(y));                                                                              \
+        OK(las_destroy_vec_##BACKEND(x));                                                                              \
+        OK(las_destroy_vec_##BACKEND(f));                                                                              \
+        OK(las_destroy_mat_##BACKEND(k));                                                                              \
+        OK(las_destroy_pattern(pattern));                                                                              \
+        OK(las_destroy_##BACKEND(las));                                                                                \
+    }
+
+SOLVE(sparse)
+SOLVE(dense)
+
+/* [[1, 2, 0], [0, 0, 3]] and what is made of it. */
+static void products(void) {
+    int start[3] = {0, 2, 3}, columns[3] = {0, 1, 2}, rows = 0, cols = 0, len = 0;
+    double values[9];
+    struct las_pattern *pattern = NULL;
+    struct las_sparse *las = NULL;
+    struct las_mat_sparse *a = NULL, *t = NULL, *p = NULL, *s = NULL, *back = NULL;
+    struct las_vec_sparse *x = NULL, *y = NULL, *d = NULL;
+    OK(las_create_pattern(2, 3, start, columns, &pattern));
+    OK(las_create_sparse(&las));
+    OK(las_create_mat_sparse(las, pattern, &a));
+    OK(las_destroy_pattern(pattern)); /* the matrix keeps what it needs */
+    int both[2] = {0, 1}, three[3] = {0, 1, 2}, second[1] = {1}, third[1] = {2};
+    double first_row[2] = {1, 2}, last[1] = {3};
+    OK(las_set_mat_sparse(a, 1, both, 2, both, first_row));
+    OK(las_set_mat_sparse(a, 1, second, 1, third, last));
+    OK(las_shape_mat_sparse(a, &rows, &cols));
+    CHECK(rows == 2 && cols == 3);
+    OK(las_transpose_sparse(a, &t));
+    OK(las_product_sparse(a, t, &p)); /* [[5, 0], [0, 9]] */
+    OK(las_get_mat_sparse(p, 2, both, 2, both, values));
+    CHECK(values[0] == 5 && values[1] == 0 && values[2] == 0 && values[3] == 9);
+    OK(las_sum_sparse(2, a, -1, a, &s));
+    OK(las_scale_sparse(s, 10));
+    OK(las_get_mat_sparse(s, 2, both, 3, three, values));
+    CHECK(values[0] == 10 && values[1] == 20 && values[2] == 0 && values[5] == 30);
+    OK(las_create_vec_sparse(las, 3, &x));
+    OK(las_create_vec_sparse(las, 2, &y));
+    OK(las_create_vec_sparse(las, 2, &d));
+    OK(las_len_vec_sparse(x, &len));
+    CHECK(len == 3);
+    double *local = NULL;
+    OK(las_local_vec_sparse(x, &local));
+    local[0] = 1, local[1] = 2, local[2] = 3;
+    OK(las_mul_sparse(a, x, y));
+    OK(las_get_vec_sparse(y, 2, both, values));
+    CHECK(values[0] == 5 && values[1] == 9);
+    OK(las_mul_transpose_sparse(a, y, x));
+    OK(las_get_vec_sparse(x, 3, three, values));
+    CHECK(values[0] == 5 && values[1] == 10 && values[2] == 27);
+    OK(las_diagonal_sparse(p, d));
+    OK(las_get_vec_sparse(d, 2, both, values));
+    CHECK(values[0] == 5 && values[1] == 9);
+    OK(las_inverse_diagonal_sparse(p, d));
+    OK(las_get_vec_sparse(d, 2, both, values));
+    CHECK(values[0] == 0.2);
+    OK(las_zero_vec_sparse(d));
+    CHECK(las_inverse_diagonal_sparse(a, d) == LAS_SINGULAR); /* a[1, 1] is not there */
+    OK(las_write_mat_sparse(a, "springs.mtx"));
+    OK(las_read_mat_sparse(las, "springs.mtx", &back));
+    OK(las_get_mat_sparse(back, 2, both, 3, three, values));
+    CHECK(values[0] == 1 && values[1] == 2 && values[5] == 3);
+    OK(las_zero_rows_sparse(back, 1, second));
+    OK(las_zero_mat_sparse(a));
+    remove("springs.mtx");
+    OK(las_destroy_vec_sparse(d));
+    OK(las_destroy_vec_sparse(y));
+    OK(las_destroy_vec_sparse(x));
+    OK(las_destroy_mat_sparse(back));
+    OK(las_destroy_mat_sparse(s));
+    OK(las_destroy_mat_sparse(p));
+    OK(las_destroy_mat_sparse(t));
+    OK(las_destroy_mat_sparse(a));
+    OK(las_destroy_sparse(las));
+}
+
+static void refusals(void) {
+    struct las_sparse *las = NULL;
+    struct las_vec_sparse *x = NULL, *y = NULL;
+    struct las_mat_sparse *k = NULL;
+    struct las_solver_sparse *solver = NULL;
+    struct las_pattern *pattern = NULL;
+    struct las_params params;
+    int beyond[1] = {7}, row[1] = {0}, start[3] = {0, 1, 2}, columns[2] = {0, 5};
+    double one[1] = {1}, value = 0;
+    CHECK(las_create_sparse(NULL) == LAS_NULL);
+    CHECK(strcmp(las_message(), "`las` is a null pointer") == 0);
+    OK(las_create_sparse(&las));
+    CHECK(las_create_vec_sparse(NULL, 3, &x) == LAS_NULL);
+    CHECK(las_create_vec_sparse(las, -3, &x) == LAS_SIZE && x == NULL);
+    CHECK(strcmp(las_message(), "`len` is -3; it must not be negative") == 0);
+    OK(las_create_vec_sparse(las, 3, &x));
+    OK(las_create_vec_sparse(las, 4, &y));
+    CHECK(las_add_vec_sparse(x, 1, beyond, one) == LAS_INDEX);
+    CHECK(strcmp(las_message(), "`rows[0]` is 7; there are 3") == 0);
+    CHECK(las_add_vec_sparse(x, 1, NULL, one) == LAS_NULL);
+    CHECK(las_add_vec_sparse(x, -1, row, one) == LAS_SIZE);
+    CHECK(las_add_vec_sparse(NULL, 1, row, one) == LAS_NULL);
+    CHECK(las_dot_sparse(x, y, &value) == LAS_SIZE);
+    CHECK(las_axpy_sparse(1, x, x) == LAS_SIZE);
+    CHECK(las_norm_sparse(x, NULL) == LAS_NULL);
+    CHECK(las_create_pattern(2, 3, start, columns, &pattern) == LAS_SIZE && pattern == NULL);
+    columns[1] = 1;
+    OK(las_create_pattern(2, 2, start, columns, &pattern));
+    OK(las_create_mat_sparse(las, pattern, &k));
+    CHECK(las_mul_sparse(k, x, y) == LAS_SIZE);
+    OK(las_default_params(&params));
+    params.symmetry = 17;
+    CHECK(las_create_solver_sparse(las, pattern, &params, &solver) == LAS_SIZE && solver == NULL);
+    params.symmetry = LAS_DEFINITE;
+    OK(las_create_solver_sparse(las, pattern, &params, &solver));
+    CHECK(las_factor_sparse(solver, k) == LAS_SINGULAR); /* zeros */
+    CHECK(las_read_mat_sparse(las, "no/such.mtx", &k) == LAS_FILE && k == NULL);
+    CHECK(strstr(las_message(), "no/such.mtx") != NULL);
+    OK(las_destroy_solver_sparse(solver));
+    OK(las_destroy_pattern(pattern));
+    OK(las_destroy_vec_sparse(y));
+    OK(las_destroy_vec_sparse(x));
+    OK(las_destroy_vec_sparse(NULL));
+    OK(las_destroy_sparse(las));
+}
+
+int main(void) {
+    double sparse[N], dense[N];
+    solve_sparse(sparse);
+    solve_dense(dense);
+    for (int i = 0; i < N; ++i) {
+        CHECK(fabs(sparse[i] - (i + 1)) < 1e-10);
+        CHECK(fabs(sparse[i] - dense[i]) < 1e-10);
+    }
+    products();
+    refusals();
+    printf(failures ? "%d things are wrong\n" : "all is right\n", failures);
+    return failures != 0;
+}

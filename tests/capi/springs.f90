@@ -1,0 +1,120 @@
+! A chain of springs, assembled and solved on two backends in one program. Ends with 0 where all of it is right.
+program springs
+  use las
+  implicit none
+  integer, parameter :: n = 50
+  real(c_double) :: on_sparse(n), on_dense(n)
+  integer :: i
+
+  call solve_sparse(on_sparse)
+  call solve_dense(on_dense)
+  do i = 1, n
+    call expect(abs(on_sparse(i) - i) < 1d-10, "the displacements are 1, 2, 3, ...")
+    call expect(abs(on_sparse(i) - on_dense(i)) < 1d-10, "the backends agree")
+  end do
+  call refusals()
+  print "(a)", "all is right"
+
+contains
+
+  subroutine expect(right, what)
+    logical, intent(in) :: right
+    character(len=*), intent(in) :: what
+    if (right) return
+    print "(3a)", what, ": no; ", las_text()
+    error stop 1
+  end subroutine
+
+  subroutine ok(outcome)
+    integer(c_int), intent(in) :: outcome
+    call expect(outcome == LAS_OK, "a call succeeds")
+  end subroutine
+
+  !> Springs between n unknowns in a row, fixed at the left.
+  function chain() result(pattern)
+    type(c_ptr) :: pattern
+    integer(c_int) :: start(n + 1), unknowns(2 * n)
+    integer :: k
+    start = [(2 * k, k = 0, n)]
+    do k = 1, n
+      unknowns(2 * k - 1) = k - 2
+      unknowns(2 * k) = k - 1
+    end do
+    call ok(las_create_pattern_of_elements(n, n, start, unknowns, pattern))
+  end function
+
+  subroutine solve_sparse(u)
+    real(c_double), intent(out) :: u(n)
+    type(c_ptr) :: backend, pattern, k, f, x, solver
+    type(las_params) :: params
+    integer(c_int) :: iterations, spring
+    integer :: i
+    pattern = chain()
+    call ok(las_create_sparse(backend))
+    call ok(las_create_mat_sparse(backend, pattern, k))
+    call ok(las_create_vec_sparse(backend, n, f))
+    call ok(las_create_vec_sparse(backend, n, x))
+    do spring = 0, n - 1
+      call ok(las_add_mat_sparse(k, 2, [spring - 1, spring], 2, [spring - 1, spring], [1d0, -1d0, -1d0, 1d0]))
+    end do
+    call ok(las_finish_mat_sparse(k))
+    call ok(las_add_vec_sparse(f, 1, [n - 1], [1d0]))
+    call ok(las_default_params(params))
+    params%method = LAS_BICGSTAB
+    params%drop_tolerance = 0d0
+    call ok(las_create_solver_sparse(backend, pattern, params, solver))
+    call ok(las_factor_sparse(solver, k))
+    call ok(las_solve_sparse(solver, f, x, iterations))
+    call expect(iterations == 1, "a complete factorisation needs one iteration")
+    u = 0
+    call ok(las_get_vec_sparse(x, n, [(i - 1, i = 1, n)], u))
+    call ok(las_destroy_solver_sparse(solver))
+    call ok(las_destroy_vec_sparse(x))
+    call ok(las_destroy_vec_sparse(f))
+    call ok(las_destroy_mat_sparse(k))
+    call ok(las_destroy_pattern(pattern))
+    call ok(las_destroy_sparse(backend))
+  end subroutine
+
+  subroutine solve_dense(u)
+    real(c_double), intent(out) :: u(n)
+    type(c_ptr) :: backend, pattern, k, f, x, solver
+    type(las_params) :: params
+    integer(c_int) :: spring
+    integer :: i
+    real(c_double) :: norm
+    pattern = chain()
+    call ok(las_create_dense(backend))
+    call ok(las_create_mat_dense(backend, pattern, k))
+    call ok(las_create_vec_dense(backend, n, f))
+    call ok(las_create_vec_dense(backend, n, x))
+    do spring = 0, n - 1
+      call ok(las_add_mat_dense(k, 2, [spring - 1, spring], 2, [spring - 1, spring], [1d0, -1d0, -1d0, 1d0]))
+    end do
+    call ok(las_add_vec_dense(f, 1, [n - 1], [1d0]))
+    call ok(las_norm_dense(f, norm))
+    call expect(norm == 1d0, "the load is one")
+    call ok(las_default_params(params))
+    call ok(las_create_solver_dense(backend, pattern, params, solver))
+    call ok(las_factor_dense(solver, k))
+    call ok(las_solve_dense(solver, f, x))
+    u = 0
+    call ok(las_get_vec_dense(x, n, [(i - 1, i = 1, n)], u))
+    call ok(las_destroy_solver_dense(solver))
+    call ok(las_destroy_vec_dense(x))
+    call ok(las_destroy_vec_dense(f))
+    call ok(las_destroy_mat_dense(k))
+    call ok(las_destroy_pattern(pattern))
+    call ok(las_destroy_dense(backend))
+  end subroutine
+
+  subroutine refusals()
+    type(c_ptr) :: backend, x
+    call ok(las_create_sparse(backend))
+    call expect(las_create_vec_sparse(backend, -1, x) == LAS_SIZE, "a negative length is refused")
+    call expect(las_text() == "`len` is -1; it must not be negative", "the message says why")
+    call expect(.not. c_associated(x), "nothing was made")
+    call expect(las_zero_vec_sparse(c_null_ptr) == LAS_NULL, "null is refused")
+    call ok(las_destroy_sparse(backend))
+  end subroutine
+end program
