@@ -1754,6 +1754,30 @@ module las
       character(kind=c_char), intent(in) :: value(*)
       integer(c_int) :: outcome
     end function
+    function las_set_prefix_petsc(las, &
+        prefix) bind(c) &
+        result(outcome)
+      import :: c_int, c_double, c_ptr, c_char, las_params
+      type(c_ptr), value :: las
+      character(kind=c_char), intent(in) :: prefix(*)
+      integer(c_int) :: outcome
+    end function
+    function las_set_block_size_petsc(las, &
+        size) bind(c) &
+        result(outcome)
+      import :: c_int, c_double, c_ptr, c_char, las_params
+      type(c_ptr), value :: las
+      integer(c_int), value :: size
+      integer(c_int) :: outcome
+    end function
+    function las_set_blocked_petsc(las, &
+        blocked) bind(c) &
+        result(outcome)
+      import :: c_int, c_double, c_ptr, c_char, las_params
+      type(c_ptr), value :: las
+      integer(c_int), value :: blocked
+      integer(c_int) :: outcome
+    end function
   end interface
 
   interface

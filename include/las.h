@@ -1419,6 +1419,25 @@ int32_t las_set_option_petsc(const struct las_petsc *las,
                              const char *name,
                              const char *value);
 
+/**
+ * Puts a prefix before the names of all options: with "body_", solvers of what is made from then on listen to
+ * -body_ksp_type in place of -ksp_type, and las_set_option_petsc writes such names.
+ */
+int32_t las_set_prefix_petsc(struct las_petsc *las,
+                             const char *prefix);
+
+/**
+ * Sets the unknowns of a block (3 at first): ranks own whole blocks, and a matrix of full blocks is known to be one.
+ */
+int32_t las_set_block_size_petsc(struct las_petsc *las,
+                                 int32_t size);
+
+/**
+ * Lets matrices that are made from then on be stored in blocks (BAIJ) where they consist of full ones; 0 ends that.
+ */
+int32_t las_set_blocked_petsc(struct las_petsc *las,
+                              int32_t blocked);
+
 #ifdef __cplusplus
 }  // extern "C"
 #endif  // __cplusplus

@@ -15,15 +15,9 @@ strict=(-std=c11 -Wall -Wextra -Werror -g -Iinclude)
 
 build() { # features, folder
     mkdir -p "$out/$2"
-    for kind in cdylib staticlib; do
-        cargo rustc --quiet --lib --crate-type "$kind" --no-default-features --features "$1,capi"
-    done
+    cargo rustc --quiet --lib --crate-type cdylib,staticlib --no-default-features --features "$1,capi"
     cp "$target/debug/libbiotissue.so" "$target/debug/libbiotissue.a" "$out/$2"
 }
-
-# Nothing lost, nothing read or written that is not ours.
-lost=definite,indirect,possible
-memcheck=(valgrind --quiet --error-exitcode=9 --leak-check=full --show-leak-kinds=$lost --errors-for-leak-kinds=$lost)
 
 cargo run --quiet --package headers -- --check
 
@@ -35,14 +29,16 @@ $fc -std=f2018 -Wall -g -J"$out/plain" include/las.f90 tests/capi/springs.f90 -o
     -L"$out/plain" -lbiotissue -Wl,-rpath,"$out/plain"
 for program in springs-shared springs-static springs-fortran; do
     echo "$program:"
-    (cd "$out/plain" && "${memcheck[@]}" "./$program")
+    (cd "$out/plain" && bash "$OLDPWD/scripts/memcheck.sh" "./$program")
 done
 
 build sparse,petsc petsc
 $mpicc "${strict[@]}" tests/capi/ranks.c -o "$out/petsc/ranks" -L"$out/petsc" -lbiotissue -Wl,-rpath,"$out/petsc" -lm
 export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1
 for ranks in 1 2; do
-    echo "ranks, $ranks:"
-    mpirun --oversubscribe -n "$ranks" "$out/petsc/ranks"
-    mpirun --oversubscribe -n "$ranks" "$out/petsc/ranks" of-the-library
+    for way in "" of-the-library; do
+        echo "ranks, $ranks $way:"
+        # shellcheck disable=SC2086
+        mpirun --oversubscribe -n "$ranks" bash scripts/memcheck.sh "$out/petsc/ranks" $way
+    done
 done

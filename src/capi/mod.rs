@@ -171,14 +171,16 @@ pub unsafe extern "C" fn las_create_pattern(
 ) -> i32 {
     // SAFETY: as above.
     guarded(|| unsafe {
-        let (rows, cols) = (count(rows, "rows")?, count(cols, "cols")?);
-        let row_start: &[i32] = array(row_start, rows + 1, "row_start")?;
-        let columns: &[i32] = array(columns, count(row_start[rows], "row_start[rows]")?, "columns")?;
-        let numbers = |numbers: &[i32], name: &str| -> Result<Vec<u32>, Failure> {
-            numbers.iter().map(|&number| Ok(count(number, name)? as u32)).collect()
-        };
-        let sparsity = Sparsity::from_rows(cols, numbers(row_start, "row_start")?, numbers(columns, "columns")?);
-        give(pattern, "pattern", || Ok(las_pattern(Arc::new(sparsity.map_err(size)?))))
+        give(pattern, "pattern", || {
+            let (rows, cols) = (count(rows, "rows")?, count(cols, "cols")?);
+            let row_start: &[i32] = array(row_start, rows + 1, "row_start")?;
+            let columns: &[i32] = array(columns, count(row_start[rows], "row_start[rows]")?, "columns")?;
+            let numbers = |numbers: &[i32], name: &str| -> Result<Vec<u32>, Failure> {
+                numbers.iter().map(|&number| Ok(count(number, name)? as u32)).collect()
+            };
+            let sparsity = Sparsity::from_rows(cols, numbers(row_start, "row_start")?, numbers(columns, "columns")?);
+            Ok(las_pattern(Arc::new(sparsity.map_err(size)?)))
+        })
     })
 }
 
@@ -194,16 +196,18 @@ pub unsafe extern "C" fn las_create_pattern_of_elements(
 ) -> i32 {
     // SAFETY: as above.
     guarded(|| unsafe {
-        let (len, elements) = (count(size_of_system, "size_of_system")?, count(elements, "elements")?);
-        let starts: &[i32] = array(element_start, elements + 1, "element_start")?;
-        let all: &[i32] = array(unknowns, count(starts[elements], "element_start[elements]")?, "unknowns")?;
-        let list = |pair: &[i32]| {
-            let range = count(pair[0], "element_start")?..count(pair[1], "element_start")?;
-            all.get(range).ok_or_else(|| Failure::new(LAS_SIZE, "`element_start` does not ascend"))
-        };
-        let lists = starts.windows(2).map(list).collect::<Result<Vec<&[i32]>, _>>()?;
-        let sparsity = Sparsity::from_elements(len, lists);
-        give(pattern, "pattern", || Ok(las_pattern(Arc::new(sparsity.map_err(size)?))))
+        give(pattern, "pattern", || {
+            let (len, elements) = (count(size_of_system, "size_of_system")?, count(elements, "elements")?);
+            let starts: &[i32] = array(element_start, elements + 1, "element_start")?;
+            let all: &[i32] = array(unknowns, count(starts[elements], "element_start[elements]")?, "unknowns")?;
+            let list = |pair: &[i32]| {
+                let range = count(pair[0], "element_start")?..count(pair[1], "element_start")?;
+                all.get(range).ok_or_else(|| Failure::new(LAS_SIZE, "`element_start` does not ascend"))
+            };
+            let lists = starts.windows(2).map(list).collect::<Result<Vec<&[i32]>, _>>()?;
+            let sparsity = Sparsity::from_elements(len, lists);
+            Ok(las_pattern(Arc::new(sparsity.map_err(size)?)))
+        })
     })
 }
 

@@ -1,5 +1,7 @@
 
-// What PETSc has beside the template: communicators and options.
+// What PETSc has beside the template: communicators, options, and how matrices are stored.
+
+use crate::backends::petsc::MatrixType;
 
 /// Makes the backend on the ranks of a communicator, given by its Fortran handle: MPI_Comm_c2f(comm) in C, comm%MPI_VAL in
 /// Fortran. MPI must be initialised; all ranks of the communicator call this together.
@@ -19,4 +21,39 @@ pub unsafe extern "C" fn las_set_option_petsc(
 ) -> i32 {
     // SAFETY: as above.
     guarded(|| unsafe { shared(las, "las")?.0.set_option(text(name, "name")?, text(value, "value")?).map_err(fault) })
+}
+
+/// Puts a prefix before the names of all options: with "body_", solvers of what is made from then on listen to
+/// -body_ksp_type in place of -ksp_type, and las_set_option_petsc writes such names.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_set_prefix_petsc(las: *mut las_petsc, prefix: *const c_char) -> i32 {
+    // SAFETY: as above.
+    guarded(|| unsafe {
+        let (las, prefix) = (exclusive(las, "las")?, text(prefix, "prefix")?);
+        las.0 = las.0.clone().with_prefix(prefix);
+        Ok(())
+    })
+}
+
+/// Sets the unknowns of a block (3 at first): ranks own whole blocks, and a matrix of full blocks is known to be one.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_set_block_size_petsc(las: *mut las_petsc, size: i32) -> i32 {
+    // SAFETY: as above.
+    guarded(|| unsafe {
+        let (las, size) = (exclusive(las, "las")?, count(size, "size")?);
+        las.0 = las.0.clone().with_block_size(size);
+        Ok(())
+    })
+}
+
+/// Lets matrices that are made from then on be stored in blocks (BAIJ) where they consist of full ones; 0 ends that.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_set_blocked_petsc(las: *mut las_petsc, blocked: i32) -> i32 {
+    // SAFETY: as above.
+    guarded(|| unsafe {
+        let las = exclusive(las, "las")?;
+        let kind = if blocked == 0 { MatrixType::Aij } else { MatrixType::Baij };
+        las.0 = las.0.clone().with_matrix_type(kind);
+        Ok(())
+    })
 }

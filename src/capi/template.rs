@@ -39,8 +39,10 @@ pub unsafe extern "C" fn las_create_vec_BACKEND(
 ) -> i32 {
     // SAFETY: as above.
     guarded(|| unsafe {
-        let (las, len) = (shared(las, "las")?, count(len, "len")?);
-        give(vec, "vec", || Ok(las_vec_BACKEND(<B as Backend>::vector(&las.0, len).map_err(fault)?)))
+        give(vec, "vec", || {
+            let (las, len) = (shared(las, "las")?, count(len, "len")?);
+            Ok(las_vec_BACKEND(<B as Backend>::vector(&las.0, len).map_err(fault)?))
+        })
     })
 }
 
@@ -178,8 +180,10 @@ pub unsafe extern "C" fn las_create_mat_BACKEND(
 ) -> i32 {
     // SAFETY: as above.
     guarded(|| unsafe {
-        let (las, pattern) = (shared(las, "las")?, shared(pattern, "pattern")?);
-        give(mat, "mat", || Ok(las_mat_BACKEND(<B as Backend>::matrix(&las.0, &pattern.0).map_err(fault)?)))
+        give(mat, "mat", || {
+            let (las, pattern) = (shared(las, "las")?, shared(pattern, "pattern")?);
+            Ok(las_mat_BACKEND(<B as Backend>::matrix(&las.0, &pattern.0).map_err(fault)?))
+        })
     })
 }
 
@@ -401,9 +405,10 @@ pub unsafe extern "C" fn las_sum_BACKEND(
 ) -> i32 {
     // SAFETY: as above.
     guarded(|| unsafe {
-        let (first, second) = (&shared(first, "first")?.0, &shared(second, "second")?.0);
-        let make = || MatMat::<B>::sum(first, splat(a), second, splat(b)).map_err(unsolved);
-        give(sum, "sum", || Ok(las_mat_BACKEND(make()?)))
+        give(sum, "sum", || {
+            let (first, second) = (&shared(first, "first")?.0, &shared(second, "second")?.0);
+            Ok(las_mat_BACKEND(MatMat::<B>::sum(first, splat(a), second, splat(b)).map_err(unsolved)?))
+        })
     })
 }
 
@@ -416,9 +421,10 @@ pub unsafe extern "C" fn las_product_BACKEND(
 ) -> i32 {
     // SAFETY: as above.
     guarded(|| unsafe {
-        let (first, second) = (&shared(first, "first")?.0, &shared(second, "second")?.0);
-        let make = || MatMat::<B>::product(first, second).map_err(unsolved);
-        give(product, "product", || Ok(las_mat_BACKEND(make()?)))
+        give(product, "product", || {
+            let (first, second) = (&shared(first, "first")?.0, &shared(second, "second")?.0);
+            Ok(las_mat_BACKEND(MatMat::<B>::product(first, second).map_err(unsolved)?))
+        })
     })
 }
 
@@ -430,9 +436,9 @@ pub unsafe extern "C" fn las_transpose_BACKEND(
 ) -> i32 {
     // SAFETY: as above.
     guarded(|| unsafe {
-        let mat = &shared(mat, "mat")?.0;
-        let make = || MatMat::<B>::transpose(mat).map_err(unsolved);
-        give(transpose, "transpose", || Ok(las_mat_BACKEND(make()?)))
+        give(transpose, "transpose", || {
+            Ok(las_mat_BACKEND(MatMat::<B>::transpose(&shared(mat, "mat")?.0).map_err(unsolved)?))
+        })
     })
 }
 
@@ -445,8 +451,10 @@ pub unsafe extern "C" fn las_read_mat_BACKEND(
 ) -> i32 {
     // SAFETY: as above.
     guarded(|| unsafe {
-        let (las, file) = (shared(las, "las")?, Path::new(text(file, "file")?));
-        give(mat, "mat", || Ok(las_mat_BACKEND(<B as Exported>::read(file, &las.0)?)))
+        give(mat, "mat", || {
+            let (las, file) = (shared(las, "las")?, Path::new(text(file, "file")?));
+            Ok(las_mat_BACKEND(<B as Exported>::read(file, &las.0)?))
+        })
     })
 }
 
@@ -467,9 +475,9 @@ pub unsafe extern "C" fn las_create_solver_BACKEND(
 ) -> i32 {
     // SAFETY: as above.
     guarded(|| unsafe {
-        let (las, pattern) = (shared(las, "las")?, shared(pattern, "pattern")?);
-        let params = shared(params, "params")?.checked()?;
         give(solver, "solver", || {
+            let (las, pattern) = (shared(las, "las")?, shared(pattern, "pattern")?);
+            let params = shared(params, "params")?.checked()?;
             let symbolic = <B as Backend>::analyze(&las.0, &pattern.0, &params).map_err(unsolved)?;
             Ok(las_solver_BACKEND(<B as Backend>::solver(&symbolic).map_err(unsolved)?))
         })

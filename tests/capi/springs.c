@@ -196,7 +196,7 @@ static void products(void) {
 static void refusals(void) {
     struct las_sparse *las = NULL;
     struct las_vec_sparse *x = NULL, *y = NULL;
-    struct las_mat_sparse *k = NULL;
+    struct las_mat_sparse *k = NULL, *none = NULL;
     struct las_solver_sparse *solver = NULL;
     struct las_pattern *pattern = NULL;
     struct las_params params;
@@ -229,9 +229,10 @@ static void refusals(void) {
     params.symmetry = LAS_DEFINITE;
     OK(las_create_solver_sparse(las, pattern, &params, &solver));
     CHECK(las_factor_sparse(solver, k) == LAS_SINGULAR); /* zeros */
-    CHECK(las_read_mat_sparse(las, "no/such.mtx", &k) == LAS_FILE && k == NULL);
+    CHECK(las_read_mat_sparse(las, "no/such.mtx", &none) == LAS_FILE && none == NULL);
     CHECK(strstr(las_message(), "no/such.mtx") != NULL);
     OK(las_destroy_solver_sparse(solver));
+    OK(las_destroy_mat_sparse(k));
     OK(las_destroy_pattern(pattern));
     OK(las_destroy_vec_sparse(y));
     OK(las_destroy_vec_sparse(x));

@@ -1,8 +1,5 @@
 //! The two scales together: through the seam, through files, quadratically, the same on every backend.
-#![cfg(all(feature = "app", feature = "sparse", feature = "dense"))]
-
-mod bar_of_24;
-
+use crate::bar_of_24;
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::process::Command;

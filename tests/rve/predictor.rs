@@ -1,11 +1,8 @@
 //! An RVE that has kept how its nodes follow a strain starts the next equilibrium from there: to first order exact.
-#![cfg(feature = "sparse")]
-
-mod support;
-
+use crate::support;
+use crate::support::Bench;
 use biotissue::backends::sparse::Sparse;
 use nalgebra::{Matrix3, Rotation3};
-use support::Bench;
 
 /// The residual at the start of an increment of size `h` beyond a deformed state, and the iterations that it takes.
 fn first_residual(h: f64, predict: bool) -> (f64, usize) {

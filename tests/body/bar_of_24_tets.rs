@@ -1,13 +1,9 @@
 //! A cube of 24 tetrahedra stretched by a quarter: numbers recorded by MuMFiM (its single-scale program, uniaxial
 //! extension), reproduced to their printed digits.
-#![cfg(any(feature = "sparse", feature = "dense"))]
-
-mod bar_of_24;
-
 use std::fmt::Debug;
 use std::sync::Arc;
 
-use bar_of_24::{NODES, RECORDED, mesh};
+use crate::bar_of_24::{NODES, RECORDED, mesh};
 use biotissue::fem::assembly::{self, Assembler, Unknowns};
 use biotissue::fem::boundary::{Boundary, Conditions, LoadCurve, Place, PointCondition, SurfaceCondition, SurfaceLoad};
 use biotissue::fem::material::NeoHookean;

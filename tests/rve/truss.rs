@@ -1,6 +1,4 @@
 //! The passes over the fibers of a truss, against formulas written out fiber by fiber.
-#![cfg(feature = "generate")]
-
 use std::sync::Arc;
 
 use biotissue::fiber::law::{FiberLaw, FiberMaterial, Law};

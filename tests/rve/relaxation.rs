@@ -1,16 +1,13 @@
 //! Damped dynamic relaxation finds the equilibria that Newton finds, and keeps the books of energy.
-#![cfg(feature = "sparse")]
-
-mod support;
-
+use crate::support;
 use std::sync::Arc;
 
+use crate::support::Bench;
 use biotissue::backends::sparse::Sparse;
 use biotissue::fiber::equilibrium::{RveError, Stage, StageError, Stages};
 use biotissue::fiber::network::Network;
 use biotissue::fiber::relax::{Masses, RelaxationError};
 use nalgebra::Matrix3;
-use support::Bench;
 
 fn relaxing(network: &Arc<Network>, masses: Masses) -> Bench<Sparse> {
     let mut bench = Bench::new(network, Some(support::laws()[1].clone()));

@@ -1,6 +1,4 @@
 //! `biotissue mesh`: what it writes, what it prints and how it ends.
-#![cfg(feature = "app")]
-
 use std::path::Path;
 use std::process::{Command, Output};
 

@@ -1,6 +1,4 @@
 //! Laws on the command line and in the files beside a network: tables, compression, several types of fibers.
-#![cfg(feature = "app")]
-
 use std::path::Path;
 use std::process::{Command, Output};
 

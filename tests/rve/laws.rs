@@ -1,12 +1,9 @@
 //! Every law in an RVE: the stress is the derivative of the energy, and turns with the deformation.
-#![cfg(feature = "sparse")]
-
-mod support;
-
+use crate::support;
+use crate::support::Bench;
 use biotissue::backends::sparse::Sparse;
 use biotissue::fiber::law::{FiberLaw, FiberMaterial, Law, Table};
 use nalgebra::{Matrix3, Rotation3};
-use support::Bench;
 
 const E: f64 = 1.0e8;
 

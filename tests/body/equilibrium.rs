@@ -1,6 +1,4 @@
 //! What must hold of every run: forces balance, order does not matter, Newton converges quadratically.
-#![cfg(feature = "sparse")]
-
 use std::sync::Arc;
 
 use biotissue::backends::sparse::Sparse;

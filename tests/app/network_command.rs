@@ -1,6 +1,4 @@
 //! `biotissue network` as people run it.
-#![cfg(feature = "app")]
-
 use std::path::Path;
 use std::process::{Command, Output};
 

@@ -3,16 +3,13 @@
 //! The numbers were recorded by MuMFiM's implicit single-RVE program on its network `Network_2_7` (336 nodes, 635
 //! fibers) with the linear law, radius 5e-5 m, E = 1e8 Pa and no scaling. Its stress is the sum over boundary nodes of
 //! `sym(x (x) T)`, that is `J sigma`; its tangent a forward difference of that over Almansi strain.
-#![cfg(all(feature = "sparse", feature = "dense"))]
-
-mod support;
-
+use crate::support;
+use crate::support::Bench;
 use biotissue::backends::{dense::Dense, sparse::Sparse};
 use biotissue::fiber::homogenise::{Tangent, cauchy};
 use biotissue::fiber::orientation::{Weighting, tensor};
 use biotissue::las::{Backend, Scalar};
 use nalgebra::{Matrix3, SMatrix};
-use support::Bench;
 
 type Voigt = SMatrix<f64, 6, 6>;
 

@@ -1,6 +1,4 @@
 //! A run that was interrupted goes on as if it had not been.
-#![cfg(all(feature = "app", feature = "sparse"))]
-
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,6 +1,4 @@
 //! Known solutions: homogeneous ones exactly, smooth ones at the rates of linear elements.
-#![cfg(feature = "sparse")]
-
 use std::f64::consts::PI;
 use std::sync::Arc;
 

@@ -1,9 +1,6 @@
 //! A result directory as a picture and as a page, through the library and through the program.
 
-#![cfg(feature = "app")]
-
-mod fabricated;
-
+use crate::fabricated;
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};

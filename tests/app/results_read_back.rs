@@ -1,7 +1,5 @@
 //! What a run writes is what others read: field files by python-vtk and meshio, everything by this crate.
 
-#![cfg(feature = "app")]
-
 use std::path::Path;
 use std::process::Command;
 

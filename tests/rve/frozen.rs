@@ -1,15 +1,12 @@
 //! The network frozen beside the tests, with its numbers: the checks of the published RVE on something that is always
 //! there. The numbers come from a dense Newton in NumPy that shares no code with this crate.
-#![cfg(all(feature = "sparse", feature = "dense"))]
-
-mod support;
-
+use crate::support;
+use crate::support::Bench;
 use biotissue::backends::{dense::Dense, sparse::Sparse};
 use biotissue::fiber::homogenise::Tangent;
 use biotissue::fiber::orientation::{Weighting, tensor};
 use biotissue::las::{Backend, Scalar};
 use nalgebra::Matrix3;
-use support::Bench;
 
 const RESIDUALS: [f64; 4] =
     [3.4455495606786463e-07, 2.4960526672402314e-08, 1.9035552946428686e-10, 1.1896416136649279e-14];

@@ -1,10 +1,8 @@
 //! What saves an RVE where full Newton does not converge, and what it says when nothing does.
-#![cfg(all(feature = "sparse", feature = "generate"))]
-
-mod support;
-
+use crate::support;
 use std::sync::Arc;
 
+use crate::support::Bench;
 use biotissue::backends::sparse::Sparse;
 use biotissue::fiber::equilibrium::{EquilibriumReport, RveError, Stage, Stages};
 use biotissue::fiber::law::FiberMaterial;
@@ -13,7 +11,6 @@ use biotissue::fiber::network::generate::voronoi;
 use biotissue::fiber::path::between;
 use biotissue::fiber::rve::Rve;
 use nalgebra::{Matrix3, Vector3};
-use support::Bench;
 
 /// The frozen network with the exponential law.
 fn bench() -> Bench<Sparse> {

@@ -1,6 +1,4 @@
 //! The example of the README, whole: 20 load steps past 40 % extension, forces in balance in every one.
-#![cfg(all(feature = "app", feature = "sparse"))]
-
 use std::path::Path;
 
 use biotissue::backends::sparse::Sparse;

@@ -1,10 +1,8 @@
 //! The condensed tangent of an RVE, against central differences of the stress and against the corner form.
-#![cfg(all(feature = "sparse", feature = "dense"))]
-
-mod support;
-
+use crate::support;
 use std::sync::Arc;
 
+use crate::support::Bench;
 use biotissue::backends::{dense::Dense, sparse::Sparse};
 use biotissue::fiber::homogenise::Tangent;
 use biotissue::fiber::law::FiberMaterial;
@@ -12,7 +10,6 @@ use biotissue::fiber::network::Network;
 use biotissue::fiber::rve::Rve;
 use biotissue::las::{Backend, Scalar};
 use nalgebra::{DMatrix, Matrix3, Rotation3, Vector3};
-use support::Bench;
 
 /// 1 % and 15 % of a general strain, and the latter turned by 90 degrees.
 fn states() -> [(&'static str, Matrix3<f64>); 3] {

@@ -1,0 +1,21 @@
+//! The application: cases, both scales together, results, and commands of the program.
+#![cfg(feature = "app")]
+
+#[cfg(all(feature = "sparse", feature = "dense"))]
+#[allow(dead_code, reason = "what was recorded of it is held against one backend elsewhere")]
+#[path = "../bar_of_24/mod.rs"]
+mod bar_of_24;
+#[path = "../fabricated/mod.rs"]
+mod fabricated;
+
+#[cfg(feature = "sparse")]
+mod dogbone;
+mod fiber_types;
+mod mesh_command;
+mod network_command;
+mod report;
+mod results_read_back;
+#[cfg(feature = "sparse")]
+mod resume;
+#[cfg(all(feature = "sparse", feature = "dense"))]
+mod two_scale;

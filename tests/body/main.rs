@@ -1,0 +1,13 @@
+//! The engineering scale: meshes, equilibrium, convergence, published numbers.
+
+#[cfg(any(feature = "sparse", feature = "dense"))]
+#[path = "../bar_of_24/mod.rs"]
+mod bar_of_24;
+
+#[cfg(any(feature = "sparse", feature = "dense"))]
+mod bar_of_24_tets;
+#[cfg(feature = "sparse")]
+mod convergence;
+#[cfg(feature = "sparse")]
+mod equilibrium;
+mod gmsh;
