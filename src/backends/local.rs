@@ -10,6 +10,13 @@ use crate::las::{Scalar, Value};
 /// Lanes of partial sums: independent chains that the compiler can keep in one vector register or two.
 const LANES: usize = 8;
 
+/// `y = 0`. Not `fill`, which the library makes a memset of only where it knows the type to be trivial.
+#[inline(always)]
+pub(super) fn zero<T: Value>(y: &mut [T]) {
+    let zero = T::zero();
+    y.iter_mut().for_each(|value| *value = zero);
+}
+
 /// `y[rows[i]] += values[i]`.
 #[inline(always)]
 pub(super) fn add<T: Value>(y: &mut [T], rows: &[i32], values: &[T]) {
@@ -69,7 +76,13 @@ pub(super) fn dot<T: Scalar>(x: &[T], y: &[T]) -> T {
 #[inline(always)]
 pub(super) fn norm<T: Scalar>(x: &[T]) -> T {
     let squares = dot(x, x);
-    if squares.is_normal() { squares.sqrt() } else { scaled_norm(x) }
+    if is_in_range(squares) { squares.sqrt() } else { scaled_norm(x) }
+}
+
+/// Whether a sum of squares is neither rounded away nor infinite.
+#[inline(always)]
+pub(super) fn is_in_range<T: Scalar>(squares: T) -> bool {
+    squares >= T::min_positive_value() && squares <= T::max_value()
 }
 
 #[cold]

@@ -7,21 +7,23 @@ use std::fs;
 use iced_x86::{Code, Decoder, DecoderOptions, Instruction, Mnemonic};
 use object::{Object, ObjectSection, ObjectSymbol, SymbolKind};
 
-/// The functions of a program, by name.
+/// The functions of a program, by address.
 pub struct Image {
-    functions: HashMap<String, Function>,
-    names: HashMap<u64, String>,
-}
-
-struct Function {
-    address: u64,
-    bytes: Vec<u8>,
+    functions: HashMap<u64, Vec<u8>>,
+    /// Where the program lies in memory, less where its file says.
+    bias: u64,
 }
 
 /// What one function does.
 pub struct Listing {
     /// Its instructions, in order; what only fills up lines of memory is left out.
     pub instructions: Vec<Instruction>,
+}
+
+/// A function that no other is like: where it is tells where the program is.
+#[inline(never)]
+fn anchor() -> &'static str {
+    std::hint::black_box("overhead::image::anchor")
 }
 
 impl Image {
@@ -37,43 +39,46 @@ impl Image {
                 format!("instructions of {:?} are not known here, only those of x86-64", file.architecture()).into()
             );
         }
-        let (mut functions, mut names) = (HashMap::new(), HashMap::new());
+        let (mut functions, mut bias) = (HashMap::new(), None);
         for symbol in file.symbols().filter(|symbol| symbol.kind() == SymbolKind::Text && symbol.size() > 0) {
             let Some(section) = symbol.section_index().and_then(|index| file.section_by_index(index).ok()) else {
                 continue;
             };
             let Some(bytes) = section.data_range(symbol.address(), symbol.size())? else { continue };
-            let name = format!("{:#}", rustc_demangle::demangle(symbol.name()?));
-            names.entry(symbol.address()).or_insert_with(|| name.clone());
-            functions.insert(name, Function { address: symbol.address(), bytes: bytes.to_vec() });
+            if format!("{:#}", rustc_demangle::demangle(symbol.name()?)) == anchor() {
+                bias = Some((anchor as *const () as u64).wrapping_sub(symbol.address()));
+            }
+            functions.insert(symbol.address(), bytes.to_vec());
         }
-        Ok(Self { functions, names })
+        let bias = bias.ok_or("this program has no names of functions: it was stripped")?;
+        Ok(Self { functions, bias })
     }
 
-    /// The instructions of a function; those of another where it is only a name for it, because the linker or the compiler
-    /// found both to be the same.
+    /// The instructions of a function.
     ///
     /// # Errors
-    /// There is no such function.
-    pub fn listing(&self, name: &str) -> Result<Listing, Box<dyn Error>> {
-        let function =
-            self.functions.get(name).ok_or_else(|| format!("there is no function {name} in this program"))?;
-        let decoder = Decoder::with_ip(64, &function.bytes, function.address, DecoderOptions::NONE);
+    /// There is no function.
+    pub fn listing(&self, function: *const ()) -> Result<Listing, Box<dyn Error>> {
+        let address = (function as u64).wrapping_sub(self.bias);
+        self.at(address).ok_or_else(|| format!("there is no function at {address:#x} in this program").into())
+    }
+
+    fn at(&self, address: u64) -> Option<Listing> {
+        let bytes = self.functions.get(&address)?;
+        let decoder = Decoder::with_ip(64, bytes, address, DecoderOptions::NONE);
         let fills = |one: &Instruction| matches!(one.mnemonic(), Mnemonic::Nop | Mnemonic::Int3);
-        Ok(Listing { instructions: decoder.into_iter().filter(|one| !fills(one)).collect() })
+        Some(Listing { instructions: decoder.into_iter().filter(|one| !fills(one)).collect() })
     }
 
-    /// The same; where a function does nothing but jump to another, what that does.
+    /// The same; where a function does nothing but jump to another, because the compiler found both to be the same, what
+    /// that does.
     ///
     /// # Errors
-    /// There is no such function.
-    pub fn followed(&self, name: &str) -> Result<Listing, Box<dyn Error>> {
-        let listing = self.listing(name)?;
+    /// There is no function.
+    pub fn followed(&self, function: *const ()) -> Result<Listing, Box<dyn Error>> {
+        let listing = self.listing(function)?;
         match listing.instructions[..] {
-            [jump] if jump.is_jmp_short_or_near() => match self.names.get(&jump.near_branch_target()) {
-                Some(target) => self.listing(target),
-                None => Ok(listing),
-            },
+            [jump] if jump.mnemonic() == Mnemonic::Jmp => Ok(self.at(jump.near_branch_target()).unwrap_or(listing)),
             _ => Ok(listing),
         }
     }

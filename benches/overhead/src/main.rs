@@ -6,14 +6,12 @@
 //! * `loop BACKEND WAY`: runs the assembly loop once (what callgrind looks at).
 
 use std::error::Error;
-use std::hint::black_box;
 use std::process::ExitCode;
 
 use overhead::image::Image;
 use overhead::{assembly, compare, page, ways};
 
 fn main() -> ExitCode {
-    black_box(ways::all());
     let words: Vec<String> = std::env::args().skip(1).collect();
     let words: Vec<&str> = words.iter().map(String::as_str).collect();
     match run(&words) {
@@ -40,8 +38,13 @@ fn run(words: &[&str]) -> Result<ExitCode, Box<dyn Error>> {
             Ok(ExitCode::SUCCESS)
         }
         ["list", backend, verb, way] => {
-            let name = format!("overhead::ways::{backend}::{way}::{verb}");
-            for instruction in Image::of_this_program()?.listing(&name)?.instructions {
+            let all = ways::all();
+            let place = all.iter().find(|place| place.backend == backend && place.verb == verb);
+            let place = place.ok_or("there is no such backend or verb")?;
+            let [call, table, object] = place.others;
+            let ways = page::WAYS.iter().zip([place.raw, place.las, call, table, object]);
+            let (_, at) = ways.into_iter().find(|(name, _)| **name == way).ok_or("there is no such way")?;
+            for instruction in Image::of_this_program()?.listing(at)?.instructions {
                 println!("{:?}", instruction.code());
             }
             Ok(ExitCode::SUCCESS)

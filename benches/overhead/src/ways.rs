@@ -136,13 +136,13 @@ macro_rules! backend {
                 for_each_verb!(object);
             }
 
-            /// All of them, and what they call: what is named here stays in the program.
-            pub fn all() -> Vec<*const ()> {
-                use overhead_unit::$module::{Object, Operations, TABLE};
+            /// Where the places of all verbs are, and what stands behind them.
+            #[must_use]
+            pub fn places() -> Vec<super::Place> {
+                use overhead_unit::$module::{functions, methods};
 
-                let object: &'static dyn Operations = &Object;
-                std::hint::black_box((&TABLE, object));
-                [raw::all(), las::all(), call::all(), table::all(), object::all()].concat()
+                let name = stringify!($module);
+                super::places(name, [raw::all(), las::all(), call::all(), table::all(), object::all(), functions(), methods()])
             }
         }
     };
@@ -170,11 +170,38 @@ backend!(
 pub const BACKENDS: &[&str] =
     if cfg!(feature = "petsc") { &["sparse", "dense", "batched", "petsc"] } else { &["sparse", "dense", "batched"] };
 
-/// The addresses of all places, so that they stay in the program.
+/// Where one verb of one backend is called, and the function and the method behind it.
+pub struct Place {
+    /// The backend.
+    pub backend: &'static str,
+    /// The verb.
+    pub verb: &'static str,
+    /// By hand.
+    pub raw: *const (),
+    /// Through LAS.
+    pub las: *const (),
+    /// Through a function of another unit, a function pointer, a trait object.
+    pub others: [*const (); 3],
+    /// What stands behind the three.
+    pub behind: [*const (); 3],
+}
+
+/// In the order of [`VERBS`].
+fn places(backend: &'static str, addresses: [Vec<*const ()>; 7]) -> Vec<Place> {
+    let place = |(k, &verb): (usize, &&'static str)| {
+        let [raw, las, call, table, object, function, method] =
+            [0, 1, 2, 3, 4, 5, 6].map(|way: usize| addresses[way][k]);
+        Place { backend, verb, raw, las, others: [call, table, object], behind: [function, function, method] }
+    };
+    VERBS.iter().enumerate().map(place).collect()
+}
+
+/// The places of all backends.
 #[must_use]
-pub fn all() -> Vec<*const ()> {
-    let all = [sparse::all(), dense::all(), batched::all()].concat();
+pub fn all() -> Vec<Place> {
+    let mut all: Vec<Place> = [sparse::places(), dense::places(), batched::places()].into_iter().flatten().collect();
     #[cfg(feature = "petsc")]
-    let all = [all, petsc::all()].concat();
+    all.extend(petsc::places());
+    all.shrink_to_fit();
     all
 }

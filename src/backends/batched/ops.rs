@@ -3,6 +3,7 @@
 use num_traits::Zero;
 
 use super::{Batched, Lanes};
+use crate::backends::local;
 use crate::backends::rows::hot_verbs;
 use crate::las::Scalar;
 
@@ -30,20 +31,18 @@ fn dot<T: Scalar, const N: usize>(x: &[Lanes<T, N>], y: &[Lanes<T, N>]) -> Lanes
 #[inline(always)]
 fn norm<T: Scalar, const N: usize>(x: &[Lanes<T, N>]) -> Lanes<T, N> {
     let squares = dot(x, x);
-    if squares.0.iter().all(|square| square.is_normal()) {
-        Lanes(squares.0.map(T::sqrt))
-    } else {
-        scaled_norm(x, squares)
+    let mut norms = Lanes(squares.0.map(T::sqrt));
+    if !squares.0.iter().all(|&square| local::is_in_range(square)) {
+        sum_scaled(x, &squares, &mut norms);
     }
+    norms
 }
 
 #[cold]
-fn scaled_norm<T: Scalar, const N: usize>(x: &[Lanes<T, N>], squares: Lanes<T, N>) -> Lanes<T, N> {
-    Lanes(std::array::from_fn(|lane| {
-        if squares.0[lane].is_normal() {
-            return squares.0[lane].sqrt();
+fn sum_scaled<T: Scalar, const N: usize>(x: &[Lanes<T, N>], squares: &Lanes<T, N>, norms: &mut Lanes<T, N>) {
+    for (lane, norm) in norms.0.iter_mut().enumerate() {
+        if !local::is_in_range(squares.0[lane]) {
+            *norm = local::norm(&x.iter().map(|x| x.0[lane]).collect::<Vec<T>>());
         }
-        let lane: Vec<T> = x.iter().map(|x| x.0[lane]).collect();
-        crate::backends::local::norm(&lane)
-    }))
+    }
 }

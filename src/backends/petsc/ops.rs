@@ -16,7 +16,7 @@ const DROPPED: u32 = u32::MAX;
 impl VectorOps<Petsc> for Vector {
     #[inline(always)]
     fn len(&self) -> usize {
-        self.as_slice().len()
+        self.size()
     }
 
     #[inline(always)]
@@ -50,7 +50,7 @@ impl VectorOps<Petsc> for Vector {
 
     #[inline(always)]
     fn dot(&self, y: &Self) -> Result<f64, PetscError> {
-        if self.as_slice().len() != y.as_slice().len() {
+        if self.size() != y.size() {
             return self.dot_by_petsc(y);
         }
         Ok(local::dot(self.as_slice(), y.as_slice()))
@@ -58,7 +58,7 @@ impl VectorOps<Petsc> for Vector {
 
     #[inline(always)]
     fn axpy(&mut self, a: f64, x: &Self) -> Result<(), PetscError> {
-        if self.as_slice().len() != x.as_slice().len() {
+        if self.size() != x.size() {
             return self.axpy_by_petsc(a, x);
         }
         local::axpy(a, x.as_slice(), self.as_mut_slice());

@@ -70,6 +70,12 @@ impl Vector {
         call(|| unsafe { ffi::VecAXPY(y, a, x) })
     }
 
+    /// How many entries it has.
+    #[inline(always)]
+    pub(super) fn size(&self) -> usize {
+        self.len
+    }
+
     /// Its entries.
     #[inline(always)]
     #[must_use]

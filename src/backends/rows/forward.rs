@@ -11,7 +11,7 @@ macro_rules! hot_verbs {
 
             #[inline(always)]
             fn zero(&mut self) -> Result<(), ::std::convert::Infallible> {
-                self.values.fill(<$value as ::num_traits::Zero>::zero());
+                $crate::backends::local::zero(&mut self.values);
                 Ok(())
             }
 
@@ -76,7 +76,7 @@ macro_rules! hot_verbs {
 
             #[inline(always)]
             fn zero(&mut self) -> Result<(), ::std::convert::Infallible> {
-                self.values.fill(<$value as ::num_traits::Zero>::zero());
+                $crate::backends::local::zero(&mut self.values);
                 Ok(())
             }
 

@@ -1,6 +1,7 @@
 //! What the hot verbs do.
 
 use super::Matrix;
+use crate::backends::local;
 use crate::las::Value;
 
 impl<T: Value> Matrix<T> {
@@ -16,10 +17,10 @@ impl<T: Value> Matrix<T> {
         debug_assert_eq!(rows.len() * cols.len(), block.len(), "one value a pair of row and column");
         for (&row, values) in rows.iter().zip(block.chunks_exact(cols.len().max(1))) {
             let range = Self::row_range(&self.pattern, row);
-            let mut search = RowSearch::new(&self.pattern.columns()[range.clone()]);
+            let (columns, mut next) = (&self.pattern.columns()[range.clone()], 0);
             let entries = &mut self.values[range];
             for (&column, &value) in cols.iter().zip(values) {
-                match search.find(column).and_then(|position| entries.get_mut(position)) {
+                match entries.get_mut(find(columns, &mut next, column)) {
                     Some(entry) => visit(entry, value),
                     None => debug_assert!(row < 0 || column < 0, "({row}, {column}) is not in the pattern"),
                 }
@@ -32,7 +33,7 @@ impl<T: Value> Matrix<T> {
     pub(in crate::backends) fn zero_whole_rows(&mut self, rows: &[i32]) {
         for &row in rows {
             let range = Self::row_range(&self.pattern, row);
-            self.values[range].fill(T::zero());
+            local::zero(&mut self.values[range]);
         }
     }
 
@@ -49,13 +50,11 @@ impl<T: Value> Matrix<T> {
                 Some(&[start, end]) => start as usize..end as usize,
                 None => 0..0,
             };
-            let mut search = RowSearch::new(&self.pattern.columns()[range.clone()]);
+            let (columns, mut next) = (&self.pattern.columns()[range.clone()], 0);
             let entries = &self.values[range];
             for (&column, value) in cols.iter().zip(values) {
-                match search.find(column).and_then(|position| entries.get(position)) {
-                    Some(&entry) => *value = entry,
-                    None if column >= 0 => *value = T::zero(),
-                    None => {}
+                if column >= 0 {
+                    *value = entries.get(find(columns, &mut next, column)).copied().unwrap_or_else(T::zero);
                 }
             }
         }
@@ -68,13 +67,13 @@ impl<T: Value> Matrix<T> {
         slots.reserve(rows.len() * cols.len());
         for &row in rows {
             let range = Self::row_range(&self.pattern, row);
-            let mut search = RowSearch::new(&self.pattern.columns()[range.clone()]);
-            slots.extend(cols.iter().map(|&column| match search.find(column) {
-                Some(position) => (range.start + position) as u32,
-                None => {
+            let (columns, mut next) = (&self.pattern.columns()[range.clone()], 0);
+            slots.extend(cols.iter().map(|&column| match find(columns, &mut next, column) {
+                NOWHERE => {
                     debug_assert!(row < 0 || column < 0, "({row}, {column}) is not in the pattern");
                     dropped
                 }
+                position => (range.start + position) as u32,
             }));
         }
     }
@@ -92,31 +91,23 @@ impl<T: Value> Matrix<T> {
     }
 }
 
-/// Searches one row for the columns of a block.
+/// The position of a column that is not in the row: behind the end of every row.
+const NOWHERE: usize = usize::MAX;
+
+/// The position of a column among those of a row. A negative one is larger than any column as a `u32`, and so nowhere.
 ///
-/// The unknowns of a node follow each other, in the block as in the row, so that the place after the last one found is
-/// tried before the row is searched.
-pub(in crate::backends) struct RowSearch<'a> {
-    columns: &'a [u32],
-    next: usize,
-}
-
-impl<'a> RowSearch<'a> {
-    #[inline(always)]
-    pub(in crate::backends) fn new(columns: &'a [u32]) -> Self {
-        Self { columns, next: 0 }
+/// The unknowns of a node follow each other, in the block as in the row, so that the place after the last one found is tried
+/// before the row is searched.
+#[inline(always)]
+fn find(columns: &[u32], next: &mut usize, column: i32) -> usize {
+    let column = column as u32;
+    let mut position = *next;
+    if columns.get(position) != Some(&column) {
+        match columns.binary_search(&column) {
+            Ok(found) => position = found,
+            Err(_) => return NOWHERE,
+        }
     }
-
-    /// The position of a column in the row. A negative one is larger than any column as a `u32`, and so not found.
-    #[inline(always)]
-    pub(in crate::backends) fn find(&mut self, column: i32) -> Option<usize> {
-        let column = column as u32;
-        let position = if self.columns.get(self.next) == Some(&column) {
-            self.next
-        } else {
-            self.columns.binary_search(&column).ok()?
-        };
-        self.next = position + 1;
-        Some(position)
-    }
+    *next = position + 1;
+    position
 }

@@ -16,13 +16,20 @@ pub struct Csr<T> {
     pub values: Vec<T>,
 }
 
-/// The place of a column in a row: the one after the last found, or by bisection. A negative column is none.
+/// The place of a column in a row: the one after the last found, or by bisection; behind all rows if it is not there, as a
+/// negative one is not.
 #[inline(always)]
-fn find(columns: &[u32], next: &mut usize, column: i32) -> Option<usize> {
+fn find(columns: &[u32], next: &mut usize, column: i32) -> usize {
     let column = column as u32;
-    let position = if columns.get(*next) == Some(&column) { *next } else { columns.binary_search(&column).ok()? };
+    let mut position = *next;
+    if columns.get(position) != Some(&column) {
+        match columns.binary_search(&column) {
+            Ok(found) => position = found,
+            Err(_) => return usize::MAX,
+        }
+    }
     *next = position + 1;
-    Some(position)
+    position
 }
 
 #[inline(always)]
@@ -36,14 +43,14 @@ fn range(pattern: &Pattern, row: i32) -> Range<usize> {
 impl<T: Copy + Default + AddAssign> Csr<T> {
     #[inline(always)]
     pub fn zero(&mut self) {
-        self.values.fill(T::default());
+        self.values.iter_mut().for_each(|value| *value = T::default());
     }
 
     #[inline(always)]
     pub fn zero_rows(&mut self, rows: &[i32]) {
         for &row in rows {
             let range = range(&self.pattern, row);
-            self.values[range].fill(T::default());
+            self.values[range].iter_mut().for_each(|value| *value = T::default());
         }
     }
 
@@ -54,7 +61,7 @@ impl<T: Copy + Default + AddAssign> Csr<T> {
             let (columns, mut next) = (&self.pattern.columns[range.clone()], 0);
             let entries = &mut self.values[range];
             for (&column, &value) in cols.iter().zip(values) {
-                if let Some(entry) = find(columns, &mut next, column).and_then(|position| entries.get_mut(position)) {
+                if let Some(entry) = entries.get_mut(find(columns, &mut next, column)) {
                     *entry += value;
                 }
             }
@@ -68,7 +75,7 @@ impl<T: Copy + Default + AddAssign> Csr<T> {
             let (columns, mut next) = (&self.pattern.columns[range.clone()], 0);
             let entries = &mut self.values[range];
             for (&column, &value) in cols.iter().zip(values) {
-                if let Some(entry) = find(columns, &mut next, column).and_then(|position| entries.get_mut(position)) {
+                if let Some(entry) = entries.get_mut(find(columns, &mut next, column)) {
                     *entry = value;
                 }
             }
@@ -85,10 +92,8 @@ impl<T: Copy + Default + AddAssign> Csr<T> {
             let (columns, mut next) = (&self.pattern.columns[range.clone()], 0);
             let entries = &self.values[range];
             for (&column, value) in cols.iter().zip(values) {
-                match find(columns, &mut next, column).and_then(|position| entries.get(position)) {
-                    Some(&entry) => *value = entry,
-                    None if column >= 0 => *value = T::default(),
-                    None => {}
+                if column >= 0 {
+                    *value = entries.get(find(columns, &mut next, column)).copied().unwrap_or_default();
                 }
             }
         }

@@ -54,20 +54,19 @@ pub fn dot(x: &[Four], y: &[Four]) -> Four {
 #[inline(always)]
 pub fn norm(x: &[Four]) -> Four {
     let squares = dot(x, x);
-    if squares.0.iter().all(|square| square.is_normal()) {
-        Four(squares.0.map(f64::sqrt))
-    } else {
-        scaled_norm(x, squares)
+    let mut norms = Four(squares.0.map(f64::sqrt));
+    if !squares.0.iter().all(|&square| slices::is_in_range(square)) {
+        sum_scaled(x, &squares, &mut norms);
     }
+    norms
 }
 
 #[cold]
 #[inline(never)]
-pub fn scaled_norm(x: &[Four], squares: Four) -> Four {
-    Four(std::array::from_fn(|k| {
-        if squares.0[k].is_normal() {
-            return squares.0[k].sqrt();
+pub fn sum_scaled(x: &[Four], squares: &Four, norms: &mut Four) {
+    for (k, norm) in norms.0.iter_mut().enumerate() {
+        if !slices::is_in_range(squares.0[k]) {
+            *norm = slices::norm(&x.iter().map(|x| x.0[k]).collect::<Vec<f64>>());
         }
-        slices::norm(&x.iter().map(|x| x.0[k]).collect::<Vec<f64>>())
-    }))
+    }
 }

@@ -33,7 +33,7 @@ macro_rules! in_memory {
 
             #[inline(always)]
             pub fn vector_zero(y: &mut Vector) {
-                y.values.fill(Scalar::default());
+                y.values.iter_mut().for_each(|entry| *entry = Scalar::default());
             }
 
             #[inline(always)]
@@ -68,7 +68,7 @@ macro_rules! in_memory {
 
             #[inline(always)]
             pub fn vector_local(y: &mut Vector, value: Scalar) {
-                y.values.fill(value);
+                y.values.iter_mut().for_each(|entry| *entry = value);
             }
 
             #[inline(always)]

@@ -138,7 +138,7 @@ pub fn vector_axpy(y: &mut Vector, a: f64, x: &Vector) -> Outcome<()> {
 
 #[inline(always)]
 pub fn vector_local(y: &mut Vector, value: f64) -> Outcome<()> {
-    y.values_mut().fill(value);
+    y.values_mut().iter_mut().for_each(|entry| *entry = value);
     Ok(())
 }
 

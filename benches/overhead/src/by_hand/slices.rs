@@ -60,7 +60,13 @@ pub fn dot(x: &[f64], y: &[f64]) -> f64 {
 #[inline(always)]
 pub fn norm(x: &[f64]) -> f64 {
     let squares = dot(x, x);
-    if squares.is_normal() { squares.sqrt() } else { scaled_norm(x) }
+    if is_in_range(squares) { squares.sqrt() } else { scaled_norm(x) }
+}
+
+/// Whether a sum of squares is neither rounded away nor infinite.
+#[inline(always)]
+pub fn is_in_range(squares: f64) -> bool {
+    (f64::MIN_POSITIVE..=f64::MAX).contains(&squares)
 }
 
 /// Where squares leave the range of numbers.

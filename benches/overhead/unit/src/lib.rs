@@ -15,7 +15,7 @@ macro_rules! for_each_verb {
             vector_dot(x: &Vector, y: &Vector) -> Reduced = VectorOps::<B>::dot(x, y);
             vector_axpy(y: &mut Vector, a: Scalar, x: &Vector) -> () = VectorOps::<B>::axpy(y, a, x);
             vector_local(y: &mut Vector, value: Scalar) -> () =
-                VectorOps::<B>::with_local_mut(y, |values| values.fill(value));
+                VectorOps::<B>::with_local_mut(y, |values| values.iter_mut().for_each(|entry| *entry = value));
             vector_finish(y: &mut Vector) -> () = VectorOps::<B>::finish(y);
             matrix_zero(k: &mut Matrix) -> () = MatrixOps::<B>::zero(k);
             matrix_zero_rows(k: &mut Matrix, rows: &[i32]) -> () = MatrixOps::<B>::zero_rows(k, rows);
@@ -76,6 +76,18 @@ macro_rules! ways {
                     $call
                 }
             )*
+        }
+
+        /// Where the functions of this unit are.
+        #[must_use]
+        pub fn functions() -> Vec<*const ()> {
+            vec![$($name as *const ()),*]
+        }
+
+        /// Where the methods are.
+        #[must_use]
+        pub fn methods() -> Vec<*const ()> {
+            vec![$(<Object as Operations>::$name as *const ()),*]
         }
     };
 }
