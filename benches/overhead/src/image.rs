@@ -4,20 +4,27 @@ use std::collections::HashMap;
 use std::error::Error;
 use std::fs;
 
-use iced_x86::{Code, Decoder, DecoderOptions, Instruction, Mnemonic};
+use iced_x86::{Code, Decoder, DecoderOptions, FlowControl, Instruction, Mnemonic};
 use object::{Object, ObjectSection, ObjectSymbol, SymbolKind};
 
 /// The functions of a program, by address.
 pub struct Image {
-    functions: HashMap<u64, Vec<u8>>,
+    functions: HashMap<u64, Function>,
     /// Where the program lies in memory, less where its file says.
     bias: u64,
+}
+
+struct Function {
+    name: String,
+    bytes: Vec<u8>,
 }
 
 /// What one function does.
 pub struct Listing {
     /// Its instructions, in order; what only fills up lines of memory is left out.
     pub instructions: Vec<Instruction>,
+    /// Where it leaves for other functions: their names, as far as they are of this program.
+    pub leaves_for: Vec<Option<String>>,
 }
 
 /// A function that no other is like: where it is tells where the program is.
@@ -45,10 +52,11 @@ impl Image {
                 continue;
             };
             let Some(bytes) = section.data_range(symbol.address(), symbol.size())? else { continue };
-            if format!("{:#}", rustc_demangle::demangle(symbol.name()?)) == anchor() {
+            let name = format!("{:#}", rustc_demangle::demangle(symbol.name()?));
+            if name == anchor() {
                 bias = Some((anchor as *const () as u64).wrapping_sub(symbol.address()));
             }
-            functions.insert(symbol.address(), bytes.to_vec());
+            functions.insert(symbol.address(), Function { name, bytes: bytes.to_vec() });
         }
         let bias = bias.ok_or("this program has no names of functions: it was stripped")?;
         Ok(Self { functions, bias })
@@ -64,23 +72,42 @@ impl Image {
     }
 
     fn at(&self, address: u64) -> Option<Listing> {
-        let bytes = self.functions.get(&address)?;
+        let bytes = &self.functions.get(&address)?.bytes;
         let decoder = Decoder::with_ip(64, bytes, address, DecoderOptions::NONE);
         let fills = |one: &Instruction| matches!(one.mnemonic(), Mnemonic::Nop | Mnemonic::Int3);
-        Some(Listing { instructions: decoder.into_iter().filter(|one| !fills(one)).collect() })
+        let instructions: Vec<Instruction> = decoder.into_iter().filter(|one| !fills(one)).collect();
+        let inside = address..address + bytes.len() as u64;
+        let leaves = instructions.iter().filter_map(|one| match one.flow_control() {
+            FlowControl::Call | FlowControl::UnconditionalBranch | FlowControl::ConditionalBranch => {
+                let target = one.near_branch_target();
+                (!inside.contains(&target)).then(|| self.functions.get(&target).map(|function| function.name.clone()))
+            }
+            FlowControl::IndirectCall | FlowControl::IndirectBranch => Some(None),
+            _ => None,
+        });
+        // Several conditions may lead to one function.
+        let mut leaves_for: Vec<Option<String>> = leaves.collect();
+        leaves_for.sort_unstable();
+        leaves_for.dedup_by(|a, b| a.is_some() && a == b);
+        Some(Listing { instructions, leaves_for })
     }
 
-    /// The same; where a function does nothing but jump to another, because the compiler found both to be the same, what
-    /// that does.
+    /// The same; where a function does nothing but jump to one of `others`, because the compiler found both to be the same,
+    /// what that does.
     ///
     /// # Errors
     /// There is no function.
-    pub fn followed(&self, function: *const ()) -> Result<Listing, Box<dyn Error>> {
+    pub fn followed(&self, function: *const (), others: &[*const ()]) -> Result<Listing, Box<dyn Error>> {
         let listing = self.listing(function)?;
-        match listing.instructions[..] {
-            [jump] if jump.mnemonic() == Mnemonic::Jmp => Ok(self.at(jump.near_branch_target()).unwrap_or(listing)),
-            _ => Ok(listing),
+        if let [jump] = listing.instructions[..]
+            && jump.mnemonic() == Mnemonic::Jmp
+        {
+            let target = jump.near_branch_target().wrapping_add(self.bias);
+            if others.iter().any(|&other| other as u64 == target) {
+                return self.listing(target as *const ());
+            }
         }
+        Ok(listing)
     }
 }
 
