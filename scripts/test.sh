@@ -40,20 +40,23 @@ sets=(
     "--no-default-features"
     "--no-default-features --features sparse"
     "--no-default-features --features dense"
-    "--no-default-features --features generate"
-    "--no-default-features --features dense,app"
-    "--no-default-features --features batched"
-    "--no-default-features --features cuda"
-    "--features default,metis,batched"
-    "--no-default-features --features mpi"
     "--no-default-features --features petsc"
-    "--features default,petsc"
+    "--features default,batched,capi,metis,petsc"
 )
 for features in "${sets[@]}"; do
     say "lints: $features"
     # shellcheck disable=SC2086
     cargo clippy --quiet --all-targets $features -- -D warnings
 done
+say "lints: the other packages"
+others=(custom-law headers overhead overhead-unit)
+cargo clippy --quiet --all-targets "${others[@]/#/--package=}" --features overhead/petsc -- -D warnings
+
+say "lints: every pair of features"
+if [ ! -x target/tools/bin/cargo-hack ]; then
+    cargo install --quiet --locked --root target/tools --target-dir target/tools cargo-hack@0.6
+fi
+target/tools/bin/cargo-hack hack clippy --quiet --lib --feature-powerset --depth 2 --exclude-features default -- -D warnings
 
 say "documentation"
 for features in "${sets[@]}"; do
@@ -61,23 +64,29 @@ for features in "${sets[@]}"; do
     RUSTDOCFLAGS="-D warnings" cargo doc --quiet --no-deps $features
 done
 
-say "tests, all features"
+# Four whole sets.
+say "tests: all default features"
 cargo test --features default
-for features in "--no-default-features --features sparse" "--no-default-features --features dense"; do
-    say "tests: $features"
-    # shellcheck disable=SC2086
-    cargo test --quiet $features
+for features in sparse,batched,metis dense petsc; do
+    say "tests: $features alone"
+    cargo test --quiet --no-default-features --features "$features"
 done
 
-say "tests: lanes, and orders of elimination by METIS"
-cargo test --quiet --features batched,metis --lib --test backends -- sparse batched
+say "tests: PETSc in an optimised build, and in the program"
+cargo test --quiet --release --package biotissue --package overhead --no-default-features \
+    --features biotissue/petsc,overhead/petsc --test petsc
+cargo test --quiet --features petsc --test program -- petsc
 
-say "tests: PETSc on 1, 2 and 4 ranks"
-cargo test --quiet --features petsc --test petsc
-cargo test --quiet --release --no-default-features --features petsc --test petsc
+say "tests: PETSc under valgrind, on one rank and on two"
+bash scripts/petsc-memcheck.sh
 
-say "tests: a law of a downstream crate"
-cargo clippy --quiet --all-targets --package custom-law -- -D warnings
+say "tests: C and Fortran, under valgrind"
+bash scripts/capi.sh
+
+say "tests: what the abstraction costs, instruction by instruction"
+cargo run --quiet --release --package overhead --features petsc
+
+say "tests: packages that use the library"
 cargo test --quiet --package custom-law
 
 say "everything passed"

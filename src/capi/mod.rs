@@ -3,6 +3,10 @@
 //! `include/las.h` and `include/las.f90` declare them; both are made by `tools/headers`. Every function returns
 //! [`LAS_OK`] or a code that says what was wrong, and [`las_message`] says it in words. Nothing unwinds into the caller.
 //! Objects are made by `las_create_...` and freed by `las_destroy_...`; none may be used by two threads at once.
+#![cfg_attr(
+    not(any(feature = "sparse", feature = "dense", feature = "petsc")),
+    allow(dead_code, unused_imports, unused_macros, reason = "what backends share, without one that has files")
+)]
 #![allow(
     unsafe_code,
     clippy::missing_safety_doc,

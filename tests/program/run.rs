@@ -222,7 +222,7 @@ fn an_rve_that_is_lost_can_be_repeated() {
 
     // A new run takes the file away, and says so; what does not run replaces nothing.
     let replacing = "results; --resume would go on with them\n";
-    assert!(!run(folder.path(), &fibers(&frozen()), "--backend petsc").stderr.contains("replacing"));
+    assert!(!run(folder.path(), &fibers(&frozen()), "--backend cuda").stderr.contains("replacing"));
     assert!(!run(folder.path(), &fibers("absent.txt"), "").stderr.contains("replacing"));
     let again = run(folder.path(), &fibers(&frozen()), "");
     again.done();
@@ -314,5 +314,25 @@ fn one_process_is_what_this_build_has() {
     ] {
         let failed = run(folder.path(), PRESSED, options);
         assert!(failed.failed(2).starts_with(said), "{}", failed.stderr);
+    }
+}
+
+/// The bodies of both runs are the same to rounding.
+#[test]
+#[cfg(all(feature = "petsc", feature = "sparse"))]
+fn a_run_on_petsc_gives_the_same_loads() {
+    let folder = tempfile::tempdir().unwrap();
+    let loads = |backend: &str| {
+        run(folder.path(), &fibers(&frozen()), &format!("--backend {backend}")).done();
+        let text = std::fs::read_to_string(folder.path().join("results/loads.csv")).unwrap();
+        let numbers =
+            text.lines().skip(1).flat_map(|row| row.split(',').map(|cell| cell.parse::<f64>().unwrap_or(0.0)));
+        numbers.collect::<Vec<f64>>()
+    };
+    let (sparse, petsc) = (loads("sparse"), loads("petsc"));
+    let largest = sparse.iter().fold(0.0, |largest: f64, value| largest.max(value.abs()));
+    assert!(largest > 0.0 && sparse.len() == petsc.len());
+    for (sparse, petsc) in sparse.iter().zip(&petsc) {
+        assert!((sparse - petsc).abs() <= 1e-9 * largest.min(1e3), "{sparse} {petsc}");
     }
 }

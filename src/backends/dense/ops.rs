@@ -16,7 +16,7 @@ impl<T: Scalar + RealField> VectorOps<Dense<T>> for Vector<T> {
 
     #[inline(always)]
     fn zero(&mut self) -> Result<(), Infallible> {
-        self.values.fill(T::zero());
+        local::zero(&mut self.values);
         Ok(())
     }
 
@@ -97,7 +97,7 @@ impl<T: Scalar + RealField> MatrixOps<Dense<T>> for Matrix<T> {
 
     #[inline(always)]
     fn zero(&mut self) -> Result<(), Infallible> {
-        self.values.fill(T::zero());
+        local::zero(&mut self.values);
         Ok(())
     }
 
@@ -106,7 +106,7 @@ impl<T: Scalar + RealField> MatrixOps<Dense<T>> for Matrix<T> {
         for &row in rows {
             debug_assert!(row < self.rows as i32, "row {row} of a matrix of {}", self.rows);
             let range = self.row_range(row);
-            self.values[range].fill(T::zero());
+            local::zero(&mut self.values[range]);
         }
         Ok(())
     }

@@ -21,7 +21,7 @@ impl VectorOps<Petsc> for Vector {
 
     #[inline(always)]
     fn zero(&mut self) -> Result<(), PetscError> {
-        self.as_mut_slice().fill(0.0);
+        local::zero(self.as_mut_slice());
         Ok(())
     }
 
@@ -177,7 +177,7 @@ impl MatrixOps<Petsc> for Matrix {
     #[inline(always)]
     fn zero(&mut self) -> Result<(), PetscError> {
         for values in self.values.slices_mut() {
-            values.fill(0.0);
+            local::zero(values);
         }
         Ok(())
     }

@@ -1,0 +1,12 @@
+#!/usr/bin/env bash
+# Runs the tests of the backend `petsc` under valgrind: all of them on one rank; on two all but those of the solvers, which
+# take long there.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+cargo test --quiet --no-default-features --features petsc --test petsc --no-run
+program=$(cargo test --no-default-features --features petsc --test petsc --no-run 2>&1 | sed -n 's/.*(\(.*petsc-[0-9a-f]*\))$/\1/p')
+export BIOTISSUE_PETSC_TEST=1 OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1
+bash scripts/memcheck.sh "$program"
+mpirun --oversubscribe -n 2 bash scripts/memcheck.sh "$program" vectors matrices products algebra blocks verbs options \
+    errors iterative split rve body
