@@ -73,14 +73,16 @@ fn main() -> Result<(), Error> {
         if ranks.1 == 1 {
             table.line::<Sparse>("sparse, direct", &(), SolverParams::default(), 3)?;
             let ilut = Preconditioner::Ilut { drop_tolerance: 1e-3, fill: 20 };
-            table.line::<Sparse>("sparse, CG with ILUT(1e-3, 20)", &(), by_cg(ilut), 3)?;
+            table.line::<Sparse>("sparse, CG with ILUT(1e-3, 20)", &(), by(Krylov::Cg, ilut), 3)?;
+            table.line::<Sparse>("sparse, BiCGSTAB with ILUT(1e-3, 20)", &(), by(Krylov::BiCgStab, ilut), 3)?;
+            table.line::<Sparse>("sparse, CG with the diagonal", &(), by(Krylov::Cg, Preconditioner::Diagonal), 3)?;
             table.line::<Dense>("dense, direct", &(), SolverParams::default(), 2)?;
         }
         #[cfg(feature = "petsc")]
         for (name, params) in [
             ("petsc, direct", SolverParams::default()),
-            ("petsc, CG with the diagonal", by_cg(Preconditioner::Diagonal)),
-            ("petsc, CG with multigrid", by_cg(Preconditioner::Multigrid)),
+            ("petsc, CG with the diagonal", by(Krylov::Cg, Preconditioner::Diagonal)),
+            ("petsc, CG with multigrid", by(Krylov::Cg, Preconditioner::Multigrid)),
         ] {
             table.line::<biotissue::backends::petsc::Petsc>(name, &petsc, params, 3)?;
         }
@@ -88,8 +90,8 @@ fn main() -> Result<(), Error> {
     Ok(())
 }
 
-fn by_cg(preconditioner: Preconditioner) -> SolverParams {
-    let method = Iterative { krylov: Krylov::Cg, preconditioner, tolerance: 1e-10, max_iterations: 10_000 };
+fn by(krylov: Krylov, preconditioner: Preconditioner) -> SolverParams {
+    let method = Iterative { krylov, preconditioner, tolerance: 1e-10, max_iterations: 10_000 };
     SolverParams::default().iterative(method)
 }
 
