@@ -1,4 +1,7 @@
-//! Every backend runs the same suite.
+//! Every backend runs the same suite, and keeps the same properties.
+
+#[cfg(any(feature = "sparse", feature = "dense", feature = "batched"))]
+mod properties;
 
 macro_rules! conforms {
     ($($feature:literal: $test:ident, $backend:ty;)*) => {$(
@@ -6,6 +9,17 @@ macro_rules! conforms {
         #[cfg(feature = $feature)]
         fn $test() {
             biotissue::las::conformance::all::<$backend>(&());
+        }
+    )*};
+}
+
+macro_rules! keeps_properties {
+    ($($feature:literal: $test:ident, $($backend:ty),*;)*) => {$(
+        #[test]
+        #[cfg(feature = $feature)]
+        fn $test() {
+            let trials = properties::Trials { cases: 4000, shrink: true };
+            $(properties::all::<$backend>(&(), trials);)*
         }
     )*};
 }
@@ -34,4 +48,13 @@ conforms! {
     "dense": dense_f32, biotissue::backends::dense::Dense<f32>;
     "sparse": sparse_f64, biotissue::backends::sparse::Sparse<f64>;
     "sparse": sparse_f32, biotissue::backends::sparse::Sparse<f32>;
+}
+
+keeps_properties! {
+    "dense": properties_of_dense, biotissue::backends::dense::Dense<f64>, biotissue::backends::dense::Dense<f32>;
+    "sparse": properties_of_sparse, biotissue::backends::sparse::Sparse<f64>, biotissue::backends::sparse::Sparse<f32>;
+    "batched": properties_of_batched,
+        biotissue::backends::batched::Batched<f64, 1>,
+        biotissue::backends::batched::Batched<f64, 4>,
+        biotissue::backends::batched::Batched<f32, 7>;
 }

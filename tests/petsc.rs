@@ -5,6 +5,7 @@
 
 #[allow(dead_code, reason = "recorded numbers are held against another backend")]
 mod bar_of_24;
+mod properties;
 mod support;
 
 use std::process::{Command, ExitCode};
@@ -28,13 +29,14 @@ const LAUNCHED: &str = "BIOTISSUE_PETSC_TEST";
 
 type Check = (&'static str, fn(&Context));
 
-const CHECKS: [Check; 14] = [
+const CHECKS: &[Check] = &[
     ("vectors", conformance::vectors::<Petsc>),
     ("matrices", conformance::matrices::<Petsc>),
     ("products", conformance::products::<Petsc>),
     ("algebra", conformance::algebra::<Petsc>),
     ("solvers", conformance::solvers::<Petsc>),
     ("conformance_in_blocks_of_two", conformance_in_blocks_of_two),
+    ("properties", properties_of_petsc),
     ("blocks", blocks),
     ("verbs_that_mix", verbs_that_mix),
     ("iterative_methods", iterative_methods),
@@ -43,6 +45,8 @@ const CHECKS: [Check; 14] = [
     ("split_communicators", split_communicators),
     ("frozen_rve", frozen_rve),
     ("stretched_body", stretched_body),
+    #[cfg(all(feature = "sparse", feature = "generate"))]
+    ("generated_network", generated_network),
 ];
 
 fn main() -> ExitCode {
@@ -140,6 +144,14 @@ fn conformance_in_blocks_of_two(context: &Context) {
     conformance::matrices::<Petsc>(&context);
     conformance::products::<Petsc>(&context);
     conformance::algebra::<Petsc>(&context);
+}
+
+/// All ranks draw the same cases. None is made smaller: a rank that alone saw a failure would be alone with the smaller ones.
+fn properties_of_petsc(context: &Context) {
+    let trials = |cases| properties::Trials { cases, shrink: false };
+    properties::all::<Petsc>(context, trials(150));
+    properties::of_matrices::<Petsc>(&context.clone().with_block_size(2), trials(50), 2);
+    properties::of_matrices::<Petsc>(&context.clone().with_matrix_type(MatrixType::Baij), trials(50), 3);
 }
 
 /// The pattern of a truss is one of 3x3 blocks: BAIJ holds what AIJ holds, and both give the same.
@@ -422,6 +434,24 @@ where
     bench.solve(&mut rve, f).unwrap();
     let other = bench.tangent(&rve);
     assert!((tangent - other).amax() < 1e-9 * other.amax(), "{tangent} {other}");
+}
+
+/// Some thousand fibers: on any number of ranks the stress that the sparse backend gives on one, and so the same on all.
+/// `examples/large_network.rs` does it with a hundred thousand.
+#[cfg(all(feature = "sparse", feature = "generate"))]
+fn generated_network(context: &Context) {
+    let network = Arc::new(biotissue::fiber::network::generate::delaunay(500, 1).unwrap());
+    assert!(network.fibers().len() > 4000);
+    let material = Some(support::laws()[1].clone());
+    let f = Matrix3::new(1.1, 0.05, 0.0, 0.0, 0.95, 0.02, 0.0, 0.0, 1.0);
+    let mut bench = support::Bench::<Petsc>::within(context, &network, material.clone());
+    let mut rve = bench.at_rest();
+    bench.solve(&mut rve, &f).unwrap();
+    let mut alone = support::Bench::<biotissue::backends::sparse::Sparse>::new(&network, material);
+    let mut rve = alone.at_rest();
+    alone.solve(&mut rve, &f).unwrap();
+    let (pk1, expected) = (bench.pk1(), alone.pk1());
+    assert!((pk1 - expected).amax() < 4e-10 * expected.amax(), "{pk1} {expected}");
 }
 
 /// A block of 24 tetrahedra pulled to a stretch of 1.25: homogeneous, with `mu (s^2 - 1) + lambda ln(1.25 s^2) = 0` across.

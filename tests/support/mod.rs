@@ -10,7 +10,7 @@ use biotissue::fiber::law::{FiberMaterial, Law};
 use biotissue::fiber::network::{Network, file};
 use biotissue::fiber::rve::{Rve, RveModel, StressScale};
 use biotissue::fiber::workspace::Workspace;
-use biotissue::las::{Backend, Scalar};
+use biotissue::las::{Backend, Scalar, SolverParams};
 use nalgebra::Matrix3;
 
 /// A published network, where the environment says where they lie; says so and gives `None` where it does not.
@@ -74,7 +74,18 @@ where
 {
     /// The same, in a context.
     pub fn within(context: &B::Context, network: &Arc<Network>, material: Option<FiberMaterial>) -> Self {
-        let model = RveModel::new(context, Arc::clone(network), material, StressScale::Raw).unwrap();
+        Self::solved_by(context, network, material, &SolverParams::default())
+    }
+
+    /// The same, with its linear systems solved in this way.
+    pub fn solved_by(
+        context: &B::Context,
+        network: &Arc<Network>,
+        material: Option<FiberMaterial>,
+        solver: &SolverParams,
+    ) -> Self {
+        let network = Arc::clone(network);
+        let model = RveModel::with_solver(context, network, material, StressScale::Raw, solver).unwrap();
         let workspace = Workspace::new(context, &model).unwrap();
         Self { model, workspace, params: EquilibriumParams::default() }
     }

@@ -1,0 +1,253 @@
+//! What a Newton iteration costs by backend, solver and size, and how far the answers are apart.
+//!
+//! ```text
+//! cargo run --release --features petsc --example backends
+//! ```
+//!
+//! prints the tables of `docs/backends.md`; without the feature those lines of PETSc are left out. Under `mpirun` it prints
+//! the lines of PETSc alone, on that many ranks.
+//!
+//! Every problem is solved from rest several times, by the whole Newton in one increment. A time is that of all iterations of
+//! one such solution over their number, assembly, factorisation, solution and residuals together; what is done once for a
+//! pattern is left out. Given are the smallest and the median of the solutions.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use biotissue::backends::dense::Dense;
+use biotissue::backends::sparse::Sparse;
+use biotissue::fem::boundary::{Conditions, LoadCurve, SurfaceCondition, SurfaceLoad};
+use biotissue::fem::material::NeoHookean;
+use biotissue::fem::mesh::{Mesh, shapes};
+use biotissue::fem::point_field::FormulaField;
+use biotissue::fem::stepping::{StepParams, Stepper};
+use biotissue::fiber::equilibrium::{EquilibriumParams, Stage, Stages, equilibrate};
+use biotissue::fiber::homogenise;
+use biotissue::fiber::law::{FiberMaterial, Law};
+use biotissue::fiber::network::{Network, generate};
+use biotissue::fiber::rve::{Rve, RveModel, StressScale};
+use biotissue::fiber::workspace::Workspace;
+use biotissue::las::{Backend, Iterative, Krylov, Preconditioner, Scalar, SolverParams};
+use nalgebra::Matrix3;
+
+type Error = Box<dyn std::error::Error>;
+
+/// About a hundred, a thousand and ten thousand unknowns, and how often each is solved.
+const POINTS: [usize; 3] = [34, 334, 3334];
+const CELLS: [usize; 3] = [3, 7, 15];
+const TIMES: [usize; 3] = [21, 11, 5];
+
+/// What is solved.
+enum Subject {
+    /// The equilibrium of a network, stretched by a tenth and sheared.
+    Network(Arc<Network>),
+    /// A neo-Hookean cube, stretched by a tenth.
+    Body(Arc<Mesh>),
+}
+
+/// A solution.
+struct Solution {
+    seconds: f64,
+    iterations: usize,
+    linear_iterations: usize,
+    /// Stresses of a network, displacements of a body.
+    answer: Vec<f64>,
+}
+
+type Solve<'a> = Box<dyn FnMut() -> Result<Solution, Error> + 'a>;
+
+fn main() -> Result<(), Error> {
+    #[cfg(feature = "petsc")]
+    let petsc = biotissue::backends::petsc::Context::world()?;
+    #[cfg(feature = "petsc")]
+    let ranks = (petsc.rank(), petsc.ranks());
+    #[cfg(not(feature = "petsc"))]
+    let ranks = (0, 1);
+    let networks = POINTS.map(|points| generate::delaunay(points, 1).map(|made| Subject::Network(Arc::new(made))));
+    let bodies = CELLS.map(|cells| shapes::cuboid([cells; 3], [1.0; 3]).map(|mesh| Subject::Body(Arc::new(mesh))));
+    let networks = networks.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let bodies = bodies.into_iter().collect::<Result<Vec<_>, _>>()?;
+    for (title, subjects) in [("fiber network", networks), ("body", bodies)] {
+        let mut table = Table { subjects, answers: Vec::new(), speaks: ranks.0 == 0 };
+        table.head(title, ranks.1);
+        if ranks.1 == 1 {
+            table.line::<Sparse>("sparse, direct", &(), SolverParams::default(), 3)?;
+            let ilut = Preconditioner::Ilut { drop_tolerance: 1e-3, fill: 20 };
+            table.line::<Sparse>("sparse, CG with ILUT(1e-3, 20)", &(), by(Krylov::Cg, ilut), 3)?;
+            table.line::<Sparse>("sparse, BiCGSTAB with ILUT(1e-3, 20)", &(), by(Krylov::BiCgStab, ilut), 3)?;
+            table.line::<Sparse>("sparse, CG with the diagonal", &(), by(Krylov::Cg, Preconditioner::Diagonal), 3)?;
+            table.line::<Dense>("dense, direct", &(), SolverParams::default(), 2)?;
+        }
+        #[cfg(feature = "petsc")]
+        for (name, params) in [
+            ("petsc, direct", SolverParams::default()),
+            ("petsc, CG with the diagonal", by(Krylov::Cg, Preconditioner::Diagonal)),
+            ("petsc, CG with multigrid", by(Krylov::Cg, Preconditioner::Multigrid)),
+        ] {
+            table.line::<biotissue::backends::petsc::Petsc>(name, &petsc, params, 3)?;
+        }
+    }
+    Ok(())
+}
+
+fn by(krylov: Krylov, preconditioner: Preconditioner) -> SolverParams {
+    let method = Iterative { krylov, preconditioner, tolerance: 1e-10, max_iterations: 10_000 };
+    SolverParams::default().iterative(method)
+}
+
+struct Table {
+    subjects: Vec<Subject>,
+    /// Of the first line.
+    answers: Vec<Vec<f64>>,
+    /// One rank does.
+    speaks: bool,
+}
+
+impl Table {
+    fn head(&self, title: &str, ranks: usize) {
+        if self.speaks {
+            let sizes: Vec<_> =
+                self.subjects.iter().map(|subject| format!("{} unknowns", subject.unknowns())).collect();
+            println!("\n| {title}, {ranks} ranks | {} | apart |\n|---|---|---|---|---|", sizes.join(" | "));
+        }
+    }
+
+    /// Times of the first `most` sizes on a backend.
+    fn line<B>(&mut self, name: &str, context: &B::Context, params: SolverParams, most: usize) -> Result<(), Error>
+    where
+        B: Backend<Scalar = f64>,
+        B::Reduced: Scalar,
+    {
+        let (mut cells, mut apart) = (Vec::new(), 0.0_f64);
+        for (size, subject) in self.subjects.iter().enumerate() {
+            if size >= most {
+                cells.push("too large".to_owned());
+                continue;
+            }
+            match solutions::<B>(subject, context, &params, TIMES[size]) {
+                Ok(solutions) => {
+                    let answer = &solutions[0].answer;
+                    if self.answers.len() == size {
+                        self.answers.push(answer.clone());
+                    }
+                    apart = apart.max(distance(answer, &self.answers[size]));
+                    cells.push(cell(&solutions));
+                }
+                Err(error) => {
+                    cells.push("fails".to_owned());
+                    eprintln!("{name}: {error}");
+                }
+            }
+        }
+        if self.speaks {
+            println!("| {name} | {} | {apart:.0e} |", cells.join(" | "));
+        }
+        Ok(())
+    }
+}
+
+/// Milliseconds an iteration, the smallest and the median; in brackets, of a Krylov method, its own iterations in each.
+fn cell(solutions: &[Solution]) -> String {
+    let of = |solution: &Solution| 1e3 * solution.seconds / solution.iterations as f64;
+    let mut times: Vec<f64> = solutions.iter().map(of).collect();
+    times.sort_by(f64::total_cmp);
+    let (least, median) = (digits(times[0]), digits(times[times.len() / 2]));
+    match solutions[0].linear_iterations / solutions[0].iterations {
+        0 => format!("{least}, {median}"),
+        linear => format!("{least}, {median} ({linear})"),
+    }
+}
+
+/// Three digits.
+fn digits(x: f64) -> String {
+    let after_point = (2.0 - x.log10().floor()).clamp(0.0, 6.0) as usize;
+    format!("{x:.after_point$}")
+}
+
+/// The largest difference over the largest entry.
+fn distance(some: &[f64], others: &[f64]) -> f64 {
+    let largest = others.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+    some.iter().zip(others).fold(0.0_f64, |most, (x, y)| most.max((x - y).abs())) / largest
+}
+
+/// One solution that is not timed, and `times` that are.
+fn solutions<B>(
+    subject: &Subject,
+    context: &B::Context,
+    params: &SolverParams,
+    times: usize,
+) -> Result<Vec<Solution>, Error>
+where
+    B: Backend<Scalar = f64>,
+    B::Reduced: Scalar,
+{
+    let mut solve = match subject {
+        Subject::Network(network) => equilibrium::<B>(network, context, params)?,
+        Subject::Body(mesh) => stretching::<B>(mesh, context, params),
+    };
+    solve()?;
+    (0..times).map(|_| solve()).collect()
+}
+
+impl Subject {
+    fn unknowns(&self) -> usize {
+        match self {
+            Self::Network(network) => 3 * network.interior().len(),
+            Self::Body(mesh) => 3 * mesh.nodes().iter().filter(|x| x[0] != 0.0 && x[0] != 1.0).count(),
+        }
+    }
+}
+
+fn equilibrium<'a, B>(
+    network: &Arc<Network>,
+    context: &'a B::Context,
+    params: &SolverParams,
+) -> Result<Solve<'a>, Error>
+where
+    B: Backend<Scalar = f64>,
+    B::Reduced: Scalar,
+{
+    let law = Law::Exponential { youngs_modulus: 1.0e8, nonlinearity: 1.2 };
+    let material = FiberMaterial { law, radius: 5.0e-8, density: None };
+    let scale = StressScale::FiberVolumeFraction(0.003);
+    let model = RveModel::<B>::with_solver(context, Arc::clone(network), Some(material), scale, params)?;
+    let mut workspace = Workspace::new(context, &model)?;
+    // Plain Newton alone: what fails shall be seen to.
+    let params = EquilibriumParams::default().with_stages(Stages::of(&[Stage::Newton]));
+    let f = Matrix3::new(1.1, 0.05, 0.0, 0.0, 0.95, 0.02, 0.0, 0.0, 1.0);
+    Ok(Box::new(move || {
+        let mut rve = Rve::at_rest(model.network());
+        let start = Instant::now();
+        let report = equilibrate(&model, &mut rve, &f, &params, &mut workspace)?;
+        let seconds = start.elapsed().as_secs_f64();
+        let answer = homogenise::pk1(&model, &workspace).as_slice().to_vec();
+        let linear_iterations = report.newton.linear_iterations;
+        Ok(Solution { seconds, iterations: report.iterations, linear_iterations, answer })
+    }))
+}
+
+fn stretching<'a, B>(mesh: &Arc<Mesh>, context: &'a B::Context, params: &SolverParams) -> Solve<'a>
+where
+    B: Backend<Scalar = f64>,
+    B::Reduced: Scalar,
+{
+    let side = |surface: &str, x: f64| SurfaceCondition {
+        surface: surface.into(),
+        load: SurfaceLoad::Displacement([Some(x), Some(0.0), Some(0.0)]),
+        curve: LoadCurve::Ramp,
+    };
+    let conditions = Conditions { surfaces: vec![side("x0", 0.0), side("x1", 0.1)], ..Conditions::default() };
+    let mut params = StepParams { count: 1, max_cuts: 0, solver: *params, ..StepParams::default() };
+    params.newton.tolerance = 1e-10;
+    let mesh = Arc::clone(mesh);
+    Box::new(move || {
+        let field = FormulaField::uniform(NeoHookean { mu: 3846.0, lambda: 5769.0 }, mesh.elements().len());
+        let mut stepper = Stepper::<B, _>::new(context, Arc::clone(&mesh), &conditions, field, params)?;
+        let report = stepper.step(&mut ())?;
+        let seconds = report.substeps.iter().map(|newton| newton.seconds);
+        let seconds = seconds.map(|part| part.residual + part.jacobian + part.factor + part.solve).sum();
+        let linear_iterations = report.substeps.iter().map(|newton| newton.linear_iterations).sum();
+        let answer = stepper.state().displacements.as_flattened().to_vec();
+        Ok(Solution { seconds, iterations: report.iterations(), linear_iterations, answer })
+    })
+}
