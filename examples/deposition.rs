@@ -49,7 +49,7 @@ fn deposition<B: Backend>(context: &B::Context, positions: &[[f64; 2]]) -> Resul
     let mut d = B::matrix(context, &pattern)?;
     for (particle, &position) in positions.iter().enumerate() {
         let (nodes, weights) = shape(position);
-        let values = weights.map(|weight| B::Scalar::every(weight));
+        let values = weights.map(B::Scalar::every);
         d.add(&nodes.map(B::Index::of), &[B::Index::of(particle)], &values)?;
     }
     d.finish()?;

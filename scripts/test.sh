@@ -76,8 +76,19 @@ say "tests: PETSc on 1, 2 and 4 ranks"
 cargo test --quiet --features petsc --test petsc
 cargo test --quiet --release --no-default-features --features petsc --test petsc
 
-say "tests: a law of a downstream crate"
-cargo clippy --quiet --all-targets --package custom-law -- -D warnings
-cargo test --quiet --package custom-law
+say "tests: crates downstream: a law of one's own, a simulation of one's own on every backend"
+# Together, so that the library is compiled once for both.
+downstream=(--quiet --package custom-law --package downstream)
+cargo clippy "${downstream[@]}" --all-targets -- -D warnings
+cargo clippy "${downstream[@]}" --all-targets --features downstream/petsc -- -D warnings
+cargo test "${downstream[@]}" --features downstream/petsc
+
+say "tests: examples that check themselves"
+cargo run --quiet --features batched,metis --example deposition
+cargo build --quiet --features petsc --example many_matrices
+export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OPENBLAS_NUM_THREADS=1
+for ranks in 1 2; do
+    mpirun --oversubscribe -n "$ranks" "${CARGO_TARGET_DIR:-target}/debug/examples/many_matrices"
+done
 
 say "everything passed"
