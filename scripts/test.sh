@@ -32,9 +32,9 @@ fi
 export PATH="$python/bin:$PATH" BIOTISSUE_REQUIRE_PYTHON=1
 
 say "format"
-cargo fmt --check
+cargo fmt --all --check
 
-# Each line: the features of one set.
+# Each line: the features of one set, and of the crates downstream where they are checked with it.
 sets=(
     "--features default"
     "--no-default-features"
@@ -44,10 +44,10 @@ sets=(
     "--no-default-features --features dense,app"
     "--no-default-features --features batched"
     "--no-default-features --features cuda"
-    "--features default,metis,batched"
+    "--workspace --features default,metis,batched"
     "--no-default-features --features mpi"
     "--no-default-features --features petsc"
-    "--features default,petsc"
+    "--workspace --features default,petsc"
 )
 for features in "${sets[@]}"; do
     say "lints: $features"
@@ -72,23 +72,19 @@ done
 say "tests: lanes, and orders of elimination by METIS"
 cargo test --quiet --features batched,metis --lib --test backends -- sparse batched
 
-say "tests: PETSc on 1, 2 and 4 ranks"
-cargo test --quiet --features petsc --test petsc
+# In one build: the library is compiled once for all of these.
+all=(--quiet --workspace --features petsc)
+say "tests: PETSc on 1, 2 and 4 ranks, and crates downstream"
+cargo test "${all[@]}" --test petsc --bin custom-law --bin downstream
 cargo test --quiet --release --no-default-features --features petsc --test petsc
 
-say "tests: crates downstream: a law of one's own, a simulation of one's own on every backend"
-# Together, so that the library is compiled once for both.
-downstream=(--quiet --package custom-law --package downstream)
-cargo clippy "${downstream[@]}" --all-targets -- -D warnings
-cargo clippy "${downstream[@]}" --all-targets --features downstream/petsc -- -D warnings
-cargo test "${downstream[@]}" --features downstream/petsc
-
 say "tests: examples that check themselves"
-cargo run --quiet --features batched,metis --example deposition
-cargo build --quiet --features petsc --example many_matrices
+cargo build "${all[@]}" --example deposition --example many_matrices
+examples="${CARGO_TARGET_DIR:-target}/debug/examples"
+"$examples/deposition"
 export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OPENBLAS_NUM_THREADS=1
 for ranks in 1 2; do
-    mpirun --oversubscribe -n "$ranks" "${CARGO_TARGET_DIR:-target}/debug/examples/many_matrices"
+    mpirun --oversubscribe -n "$ranks" "$examples/many_matrices"
 done
 
 say "everything passed"
