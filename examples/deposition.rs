@@ -49,7 +49,7 @@ fn deposition<B: Backend>(context: &B::Context, positions: &[[f64; 2]]) -> Resul
     let mut d = B::matrix(context, &pattern)?;
     for (particle, &position) in positions.iter().enumerate() {
         let (nodes, weights) = shape(position);
-        let values = weights.map(|weight| B::Scalar::splat(Scalar::of(weight)));
+        let values = weights.map(B::Scalar::every);
         d.add(&nodes.map(B::Index::of), &[B::Index::of(particle)], &values)?;
     }
     d.finish()?;
@@ -57,7 +57,7 @@ fn deposition<B: Backend>(context: &B::Context, positions: &[[f64; 2]]) -> Resul
 }
 
 /// Deposits charges that are `scale` times as large in each lane, gathers a field, and checks what must hold of both.
-fn round_trip<B: Backend<Reduced: Value>>(context: &B::Context) -> Result<(), Error> {
+fn round_trip<B: Backend>(context: &B::Context) -> Result<(), Error> {
     let positions = positions();
     let d = deposition::<B>(context, &positions)?;
     let vector = |len: usize, of: &dyn Fn(usize, usize) -> f64| -> Result<B::Vector, Error> {

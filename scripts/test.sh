@@ -32,16 +32,27 @@ fi
 export PATH="$python/bin:$PATH" BIOTISSUE_REQUIRE_PYTHON=1
 
 say "format"
-cargo fmt --check
+cargo fmt --all --check
 
-# Each line: the features of one set.
+# Each line: the features of one set, and of the crates downstream where they are checked with it.
 sets=(
     "--features default"
     "--no-default-features"
     "--no-default-features --features sparse"
     "--no-default-features --features dense"
+<<<<<<< HEAD
     "--no-default-features --features petsc"
     "--features default,batched,capi,metis,petsc"
+=======
+    "--no-default-features --features generate"
+    "--no-default-features --features dense,app"
+    "--no-default-features --features batched"
+    "--no-default-features --features cuda"
+    "--workspace --features default,metis,batched"
+    "--no-default-features --features mpi"
+    "--no-default-features --features petsc"
+    "--workspace --features default,petsc"
+>>>>>>> examples
 )
 for features in "${sets[@]}"; do
     say "lints: $features"
@@ -77,6 +88,7 @@ cargo test --quiet --release --package biotissue --package overhead --no-default
     --features biotissue/petsc,overhead/petsc --test petsc
 cargo test --quiet --features petsc --test program -- petsc
 
+<<<<<<< HEAD
 say "tests: PETSc under valgrind, on one rank and on two"
 bash scripts/petsc-memcheck.sh
 
@@ -88,5 +100,21 @@ cargo run --quiet --release --package overhead --features petsc
 
 say "tests: packages that use the library"
 cargo test --quiet --package custom-law
+=======
+# In one build: the library is compiled once for all of these.
+all=(--quiet --workspace --features petsc)
+say "tests: PETSc on 1, 2 and 4 ranks, and crates downstream"
+cargo test "${all[@]}" --test petsc --bin custom-law --bin downstream
+cargo test --quiet --release --no-default-features --features petsc --test petsc
+
+say "tests: examples that check themselves"
+cargo build "${all[@]}" --example deposition --example many_matrices
+examples="${CARGO_TARGET_DIR:-target}/debug/examples"
+"$examples/deposition"
+export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OPENBLAS_NUM_THREADS=1
+for ranks in 1 2; do
+    mpirun --oversubscribe -n "$ranks" "$examples/many_matrices"
+done
+>>>>>>> examples
 
 say "everything passed"

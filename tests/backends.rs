@@ -26,7 +26,7 @@ macro_rules! keeps_properties {
 
 /// A backend with several numbers an entry, and no solver.
 #[cfg(feature = "batched")]
-fn conforms_in_lanes<B: biotissue::las::Backend<Context = (), Reduced: biotissue::las::Value>>() {
+fn conforms_in_lanes<B: biotissue::las::Backend<Context = ()>>() {
     use biotissue::las::conformance::{algebra, matrices, products, vectors};
     vectors::<B>(&());
     matrices::<B>(&());

@@ -78,4 +78,9 @@ fn matrices_and_vectors_move_between_backends() {
     assert!(rounded.values().iter().zip(a.values()).all(|(&to, &from)| to == from as f32));
     let x = vec![1.0 / 3.0, -2.0].into();
     assert_eq!(transfer::vector::<Sparse, Dense<f32>>(&x, &()).unwrap().as_slice(), [1.0_f32 / 3.0, -2.0]);
+    let mut y = vec![7.0, 7.0].into();
+    transfer::vector_into::<Sparse, Dense>(&x, &mut y).unwrap();
+    assert_eq!(y.as_slice(), [1.0 / 3.0, -2.0]);
+    let error = transfer::vector_into::<Sparse, Dense>(&x, &mut vec![7.0].into()).unwrap_err();
+    assert_eq!(error.to_string(), "a vector of 2 entries does not fit into one of 1");
 }

@@ -42,7 +42,7 @@ pub trait Backend: Copy + Default + Debug + Send + Sync + 'static {
     /// How rows and columns are addressed.
     type Index: Index;
     /// What `norm` and `dot` return: the scalar, or one scalar a lane.
-    type Reduced: Copy + Debug + Send;
+    type Reduced: Value;
     /// What the backend needs at run time (communicator, device, lanes); `()` if nothing.
     type Context: Send + Sync;
     /// How a verb can fail; [`std::convert::Infallible`] for a backend that cannot.

@@ -19,6 +19,12 @@ pub trait Value: NumAssign + Neg<Output = Self> + Copy + Default + Debug + Send 
     /// The same number in every lane.
     fn splat(value: Self::Real) -> Self;
 
+    /// The number nearest to `value`, the same in every lane.
+    #[inline(always)]
+    fn every(value: f64) -> Self {
+        Self::splat(Scalar::of(value))
+    }
+
     /// The number that `of` gives for each lane.
     fn from_lanes(of: impl FnMut(usize) -> Self::Real) -> Self;
 

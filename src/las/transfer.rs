@@ -29,6 +29,14 @@ pub enum TransferError<F, G> {
     /// The backend that it goes to failed.
     #[error("writing failed: {0}")]
     To(G),
+    /// The vector to copy into has another length.
+    #[error("a vector of {from} entries does not fit into one of {to}")]
+    Size {
+        /// Entries of the one.
+        from: usize,
+        /// Entries of the other.
+        to: usize,
+    },
 }
 
 /// A copy of a vector on backend `B`, rounded to its scalar, the same in every lane.
@@ -43,6 +51,24 @@ where
     A::Scalar: Scalar,
 {
     let mut to = B::vector(context, from.len()).map_err(TransferError::To)?;
+    vector_into::<A, B>(from, &mut to)?;
+    Ok(to)
+}
+
+/// The same into a vector that is there: what moves in every step of a time loop needs no new memory.
+///
+/// # Errors
+/// [`TransferError::Size`], or a fault of either backend.
+pub fn vector_into<A: Backend, B: Backend>(
+    from: &A::Vector,
+    to: &mut B::Vector,
+) -> Result<(), TransferError<A::Fault, B::Fault>>
+where
+    A::Scalar: Scalar,
+{
+    if from.len() != to.len() {
+        return Err(TransferError::Size { from: from.len(), to: to.len() });
+    }
     let copy = |from: &[A::Scalar]| {
         to.with_local_mut(|to| {
             for (to, from) in to.iter_mut().zip(from) {
@@ -51,8 +77,7 @@ where
         })
     };
     from.with_local(copy).map_err(TransferError::From)?.map_err(TransferError::To)?;
-    to.finish().map_err(TransferError::To)?;
-    Ok(to)
+    to.finish().map_err(TransferError::To)
 }
 
 /// A copy of a matrix on backend `B`, rounded to its scalar, the same in every lane.
@@ -88,7 +113,7 @@ fn converted<A: Backend, B: Backend>(value: A::Scalar) -> B::Scalar
 where
     A::Scalar: Scalar,
 {
-    B::Scalar::splat(Scalar::of(value.as_f64()))
+    B::Scalar::every(value.as_f64())
 }
 
 /// A row on its way into a matrix.

@@ -64,7 +64,7 @@ fn scalars<B: Backend>(values: &[f64]) -> Vec<B::Scalar> {
 
 /// The same number in every lane.
 fn splat<B: Backend>(value: f64) -> B::Scalar {
-    B::Scalar::splat(Real::<B>::of(value))
+    B::Scalar::every(value)
 }
 
 /// Whether every lane holds the number times that power of its weight.

@@ -12,7 +12,7 @@ const UNTOUCHED: f64 = 77.0;
 ///
 /// # Panics
 /// Where the backend does not keep a promise of [`VectorOps`].
-pub fn vectors<B: Backend<Reduced: Value>>(context: &B::Context) {
+pub fn vectors<B: Backend>(context: &B::Context) {
     for seed in 0..60 {
         let mut random = Random::new(seed);
         let len = [0, 1, 7, 8, 9, 33][random.below(6)];
@@ -42,7 +42,7 @@ pub fn vectors<B: Backend<Reduced: Value>>(context: &B::Context) {
     writes_out_of_range_are_dropped::<B>(context);
 }
 
-fn vector_arithmetic<B: Backend<Reduced: Value>>(
+fn vector_arithmetic<B: Backend>(
     context: &B::Context,
     random: &mut Random,
     mut y: B::Vector,

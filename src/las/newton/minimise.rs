@@ -223,7 +223,7 @@ where
             self.matrix.get(&unknown, &unknown, &mut entry)?;
             largest = largest.max(entry[0].lane(0).as_f64().abs());
             if shift > 0.0 {
-                self.matrix.add(&unknown, &unknown, &[B::Scalar::splat(Scalar::of(shift))])?;
+                self.matrix.add(&unknown, &unknown, &[B::Scalar::every(shift)])?;
             }
         }
         Ok(largest)

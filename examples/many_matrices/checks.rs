@@ -1,0 +1,74 @@
+//! What must come of the two cases.
+
+use biotissue::las::{Backend, MatVec, VectorOps};
+
+use crate::operators::{B, BZ, N, NODES, P, V, on_nodes};
+use crate::step::{DT, Outcome, STEPS};
+use crate::{Error, seen_wave_numbers};
+
+/// A number that must be small.
+pub struct Check {
+    pub what: &'static str,
+    pub found: f64,
+    pub limit: f64,
+}
+
+impl Check {
+    /// A number that is not one is not small either.
+    pub fn is_met(&self) -> bool {
+        self.found < self.limit
+    }
+}
+
+/// The velocity of the wave is its first one times a cosine, whose phase grows by an angle in each step that is known:
+/// `tan(angle / 2) = omega dt / 2` with `omega = k . B`.
+pub fn wave<S: Backend>(end: &Outcome<S>) -> Result<Vec<Check>, Error> {
+    let omega: f64 = seen_wave_numbers().into_iter().zip(B).map(|(k, b)| k * b).sum();
+    let cosine = (STEPS as f64 * 2.0 * (0.5 * omega * DT).atan()).cos();
+    let (mut apart, mut size) = (0.0_f64, 0.0_f64);
+    for v in V {
+        for (now, first) in end.fields[v].as_slice().iter().zip(end.start[v].as_slice()) {
+            apart = apart.max((now - cosine * first).abs());
+            size = size.max(first.abs());
+        }
+    }
+    let (now, first) = (end.operators.energy(&end.fields)?, end.operators.energy(&end.start)?);
+    let pressure = end.fields[P].as_slice().iter().fold(0.0_f64, |most, p| most.max(p.abs()));
+    Ok(vec![
+        Check { what: "wave: velocity beside the exact one", found: apart / size, limit: 1e-10 },
+        Check { what: "wave: change of energy", found: (now / first - 1.0).abs(), limit: 1e-11 },
+        Check { what: "wave: pressure, which it must not make", found: pressure / size, limit: 1e-11 },
+    ])
+}
+
+/// What a puff keeps, and where its energy goes.
+pub fn puff<S: Backend>(end: &Outcome<S>) -> Result<Vec<Check>, Error> {
+    let (operators, ones, nodes) = (&end.operators, on_nodes(|_, _| 1.0), NODES as f64);
+    let grown = |field: usize| -> Result<f64, Error> {
+        Ok((end.fields[field].dot(&ones)? - end.start[field].dot(&ones)?).abs() / nodes)
+    };
+    let (now, first) = (operators.energy(&end.fields)?, operators.energy(&end.start)?);
+    let (mut product, mut momentum) = (on_nodes(|_, _| 0.0), 0.0_f64);
+    for v in V {
+        operators.density.mul(&end.fields[v], &mut product)?;
+        momentum = momentum.max(product.dot(&ones)?.abs() / nodes);
+    }
+    let unexplained = (first - now - end.dissipated).abs() / first;
+    Ok(vec![
+        Check { what: "puff: energy lost beside energy dissipated", found: unexplained, limit: 1e-11 },
+        Check { what: "puff: change of mass", found: grown(N)?, limit: 1e-12 },
+        Check { what: "puff: change of heat", found: grown(P)?, limit: 1e-12 },
+        Check { what: "puff: change of magnetic flux", found: grown(BZ)?, limit: 1e-12 },
+        Check { what: "puff: momentum out of nothing", found: momentum, limit: 1e-12 },
+    ])
+}
+
+/// Two results of one case.
+pub fn same<S: Backend, T: Backend>(a: &Outcome<S>, b: &Outcome<T>) -> Check {
+    let (mut apart, mut size) = (0.0_f64, 0.0_f64);
+    for (a, b) in a.fields.iter().zip(&b.fields).flat_map(|(a, b)| a.as_slice().iter().zip(b.as_slice())) {
+        apart = apart.max((a - b).abs());
+        size = size.max(a.abs());
+    }
+    Check { what: "puff: beside one process without PETSc", found: apart / size, limit: 1e-11 }
+}
