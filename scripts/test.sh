@@ -32,89 +32,72 @@ fi
 export PATH="$python/bin:$PATH" BIOTISSUE_REQUIRE_PYTHON=1
 
 say "format"
-cargo fmt --all --check
+cargo fmt --check
 
-# Each line: the features of one set, and of the crates downstream where they are checked with it.
+# Each line: the features of one set.
 sets=(
     "--features default"
     "--no-default-features"
     "--no-default-features --features sparse"
     "--no-default-features --features dense"
-<<<<<<< HEAD
     "--no-default-features --features petsc"
-    "--features default,batched,capi,metis,petsc"
-=======
-    "--no-default-features --features generate"
-    "--no-default-features --features dense,app"
-    "--no-default-features --features batched"
-    "--no-default-features --features cuda"
-    "--workspace --features default,metis,batched"
-    "--no-default-features --features mpi"
-    "--no-default-features --features petsc"
-    "--workspace --features default,petsc"
->>>>>>> examples
 )
+# All of them, so that what needs several shares one build.
+everything=(--quiet --features biotissue/batched,biotissue/capi,biotissue/metis,biotissue/petsc,downstream/petsc)
 for features in "${sets[@]}"; do
     say "lints: $features"
     # shellcheck disable=SC2086
     cargo clippy --quiet --all-targets $features -- -D warnings
 done
-say "lints: the other packages"
-others=(custom-law headers overhead overhead-unit)
-cargo clippy --quiet --all-targets "${others[@]/#/--package=}" --features overhead/petsc -- -D warnings
+say "lints: everything, with the other packages"
+cargo clippy "${everything[@]}" --workspace --all-targets --features overhead/petsc -- -D warnings
 
 say "lints: every pair of features"
 if [ ! -x target/tools/bin/cargo-hack ]; then
-    cargo install --quiet --locked --root target/tools --target-dir target/tools cargo-hack@0.6
+    cargo install --quiet --locked --root target/tools --target-dir target/tools cargo-hack
 fi
-target/tools/bin/cargo-hack hack clippy --quiet --lib --feature-powerset --depth 2 --exclude-features default -- -D warnings
+# Without `cuda`, which brings nothing.
+target/tools/bin/cargo-hack hack clippy --quiet --lib --feature-powerset --depth 2 --exclude-features default,cuda \
+    -- -D warnings
+cargo clippy --quiet --lib --features cuda -- -D warnings
 
 say "documentation"
-for features in "${sets[@]}"; do
+for features in "${sets[@]}" "--features batched,capi,metis,petsc"; do
     # shellcheck disable=SC2086
     RUSTDOCFLAGS="-D warnings" cargo doc --quiet --no-deps $features
 done
 
 # Four whole sets.
-say "tests: all default features"
+say "tests: default features"
 cargo test --features default
 for features in sparse,batched,metis dense petsc; do
     say "tests: $features alone"
     cargo test --quiet --no-default-features --features "$features"
 done
 
-say "tests: PETSc in an optimised build, and in the program"
-cargo test --quiet --release --package biotissue --package overhead --no-default-features \
-    --features biotissue/petsc,overhead/petsc --test petsc
-cargo test --quiet --features petsc --test program -- petsc
+export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OPENBLAS_NUM_THREADS=1
 
-<<<<<<< HEAD
+say "tests: everything together: the program on PETSc, packages that use the library, examples that check themselves"
+everything+=(--package biotissue --package custom-law --package downstream)
+cargo test "${everything[@]}" --test program -- petsc
+cargo test "${everything[@]}" --bin custom-law --bin downstream
+cargo build "${everything[@]}" --example deposition --example many_matrices
+examples="${CARGO_TARGET_DIR:-target}/debug/examples"
+"$examples/deposition"
+for ranks in 1 2; do
+    mpirun --oversubscribe -n "$ranks" "$examples/many_matrices"
+done
+
 say "tests: PETSc under valgrind, on one rank and on two"
 bash scripts/petsc-memcheck.sh
 
 say "tests: C and Fortran, under valgrind"
 bash scripts/capi.sh
 
-say "tests: what the abstraction costs, instruction by instruction"
-cargo run --quiet --release --package overhead --features petsc
-
-say "tests: packages that use the library"
-cargo test --quiet --package custom-law
-=======
-# In one build: the library is compiled once for all of these.
-all=(--quiet --workspace --features petsc)
-say "tests: PETSc on 1, 2 and 4 ranks, and crates downstream"
-cargo test "${all[@]}" --test petsc --bin custom-law --bin downstream
-cargo test --quiet --release --no-default-features --features petsc --test petsc
-
-say "tests: examples that check themselves"
-cargo build "${all[@]}" --example deposition --example many_matrices
-examples="${CARGO_TARGET_DIR:-target}/debug/examples"
-"$examples/deposition"
-export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OPENBLAS_NUM_THREADS=1
-for ranks in 1 2; do
-    mpirun --oversubscribe -n "$ranks" "$examples/many_matrices"
-done
->>>>>>> examples
+say "tests, optimised: what the abstraction costs, instruction by instruction; PETSc"
+optimised=(--quiet --release --package biotissue --package overhead --no-default-features --features overhead/petsc)
+cargo build "${optimised[@]}" --bin overhead
+"${CARGO_TARGET_DIR:-target}/release/overhead"
+cargo test "${optimised[@]}" --test petsc
 
 say "everything passed"
