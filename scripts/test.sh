@@ -32,7 +32,7 @@ fi
 export PATH="$python/bin:$PATH" BIOTISSUE_REQUIRE_PYTHON=1
 
 say "format"
-cargo fmt --check
+cargo fmt --all --check
 
 # Each line: the features of one set.
 sets=(
