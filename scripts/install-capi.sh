@@ -3,23 +3,31 @@
 #
 #     bash scripts/install-capi.sh PREFIX [FEATURES]
 #
-# FEATURES: the backends, by default sparse,dense,batched. Then: cc $(pkg-config --cflags las) code.c $(pkg-config --libs las)
+# FEATURES: the backends, by default sparse,dense,batched. Then: cc code.c $(pkg-config --cflags --libs las); with --static
+# for liblas.a. PROFILE=dev builds with checks and without optimisation.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 prefix=${1:?where to: bash scripts/install-capi.sh PREFIX [FEATURES]}
 features=${2:-sparse,dense,batched}
+profile=${PROFILE:-release}
 target=${CARGO_TARGET_DIR:-$PWD/target}
-for kind in cdylib staticlib; do
-    cargo rustc --release --lib --crate-type "$kind" --no-default-features --features "$features,capi"
-done
+cargo rustc --quiet --profile "$profile" --lib --crate-type cdylib,staticlib --no-default-features --features "$features,capi"
+case $profile in
+dev) built=$target/debug ;;
+*) built=$target/$profile ;;
+esac
 mkdir -p "$prefix/lib/pkgconfig" "$prefix/include"
 prefix=$(cd "$prefix" && pwd)
-install -m 755 "$target/release/libbiotissue.so" "$prefix/lib/liblas.so"
-install -m 644 "$target/release/libbiotissue.a" "$prefix/lib/liblas.a"
+install -m 755 "$built/libbiotissue.so" "$prefix/lib/liblas.so"
+install -m 644 "$built/libbiotissue.a" "$prefix/lib/liblas.a"
 install -m 644 include/las.h include/las.f90 "$prefix/include"
 version=$(sed -n 's/^version = "\(.*\)"/\1/p' Cargo.toml | head -1)
-cat >"$prefix/lib/pkgconfig/las.pc" <<END
+requires=
+case ,$features, in
+*,petsc,*) if pkg-config --exists PETSc; then requires=PETSc; else requires=petsc; fi ;;
+esac
+cat >"$prefix/lib/pkgconfig/las.pc" <<END_OF_FILE
 prefix=$prefix
 libdir=\${prefix}/lib
 includedir=\${prefix}/include
@@ -27,8 +35,9 @@ includedir=\${prefix}/include
 Name: las
 Description: Linear-algebra abstraction of biotissue; backends: $features
 Version: $version
+Requires.private: $requires
 Libs: -L\${libdir} -llas
 Libs.private: -lm -lpthread -ldl
 Cflags: -I\${includedir}
-END
-echo "installed in $prefix; PKG_CONFIG_PATH=$prefix/lib/pkgconfig pkg-config --libs las"
+END_OF_FILE
+echo "installed in $prefix; PKG_CONFIG_PATH=$prefix/lib/pkgconfig pkg-config --cflags --libs las"
