@@ -44,6 +44,26 @@ sets=(
 )
 # All of them, so that what needs several shares one build.
 everything=(--quiet --features biotissue/batched,biotissue/capi,biotissue/metis,biotissue/petsc,downstream/petsc)
+# Beside the rest, since much of it keeps one core busy: lints of every pair of features (without `cuda`, which brings
+# nothing), and the documentation. What it says comes at the end.
+beside() {
+    export CARGO_TARGET_DIR=$PWD/target/beside
+    if [ ! -x target/tools/bin/cargo-hack ]; then
+        cargo install --quiet --locked --root target/tools --target-dir target/tools cargo-hack
+    fi
+    target/tools/bin/cargo-hack hack clippy --quiet --lib --feature-powerset --depth 2 --exclude-features default,cuda \
+        -- -D warnings
+    cargo clippy --quiet --lib --features cuda -- -D warnings
+    for features in "${sets[@]}" "--features batched,capi,metis,petsc"; do
+        # shellcheck disable=SC2086
+        RUSTDOCFLAGS="-D warnings" cargo doc --quiet --no-deps $features
+    done
+}
+mkdir -p target
+(set -e; beside) >target/beside.log 2>&1 &
+lane=$!
+trap 'kill "$lane" 2>/dev/null || true' EXIT
+
 for features in "${sets[@]}"; do
     say "lints: $features"
     # shellcheck disable=SC2086
@@ -51,21 +71,6 @@ for features in "${sets[@]}"; do
 done
 say "lints: everything, with the other packages"
 cargo clippy "${everything[@]}" --workspace --all-targets --features overhead/petsc -- -D warnings
-
-say "lints: every pair of features"
-if [ ! -x target/tools/bin/cargo-hack ]; then
-    cargo install --quiet --locked --root target/tools --target-dir target/tools cargo-hack
-fi
-# Without `cuda`, which brings nothing.
-target/tools/bin/cargo-hack hack clippy --quiet --lib --feature-powerset --depth 2 --exclude-features default,cuda \
-    -- -D warnings
-cargo clippy --quiet --lib --features cuda -- -D warnings
-
-say "documentation"
-for features in "${sets[@]}" "--features batched,capi,metis,petsc"; do
-    # shellcheck disable=SC2086
-    RUSTDOCFLAGS="-D warnings" cargo doc --quiet --no-deps $features
-done
 
 # Four whole sets.
 say "tests: default features"
@@ -99,5 +104,11 @@ optimised=(--quiet --release --package biotissue --package overhead --no-default
 cargo build "${optimised[@]}" --bin overhead
 "${CARGO_TARGET_DIR:-target}/release/overhead"
 cargo test "${optimised[@]}" --test petsc
+
+say "lints of every pair of features, and the documentation"
+if ! wait "$lane"; then
+    cat target/beside.log
+    exit 1
+fi
 
 say "everything passed"
