@@ -279,7 +279,7 @@ const char *las_message(void);
 int32_t las_default_params(struct las_params *params);
 
 /**
- * Makes a pattern from compressed rows: row_start has rows + 1 entries, the last of which is the number of columns; the
+ * Makes a pattern from compressed rows: row_start has rows + 1 entries, the last of which is the number of entries; the
  * columns of a row ascend. All count from 0.
  */
 int32_t las_create_pattern(int32_t rows,
@@ -365,12 +365,12 @@ int32_t las_get_vec_sparse(const struct las_vec_sparse *vec,
 int32_t las_local_vec_sparse(struct las_vec_sparse *vec, double **values);
 
 /**
- * The Euclidean norm.
+ * The Euclidean norm: one number, on `batched` one for each of the four lanes.
  */
 int32_t las_norm_sparse(const struct las_vec_sparse *vec, double *norm);
 
 /**
- * The sum of x[i] y[i].
+ * The sum of x[i] y[i]: one number, on `batched` one for each of the four lanes.
  */
 int32_t las_dot_sparse(const struct las_vec_sparse *x, const struct las_vec_sparse *y, double *dot);
 
@@ -412,7 +412,8 @@ int32_t las_zero_mat_sparse(struct las_mat_sparse *mat);
 int32_t las_zero_rows_sparse(struct las_mat_sparse *mat, int32_t count, const int32_t *rows);
 
 /**
- * A[rows[i], cols[j]] += block[i * cols_count + j]; negative rows and columns are dropped.
+ * A[rows[i], cols[j]] += block[i * cols_count + j]; negative rows and columns are dropped, and so is what is not in the
+ * pattern (a library that is built with checks says LAS_INDEX).
  */
 int32_t las_add_mat_sparse(struct las_mat_sparse *mat,
                            int32_t rows_count,
@@ -422,7 +423,8 @@ int32_t las_add_mat_sparse(struct las_mat_sparse *mat,
                            const double *block);
 
 /**
- * A[rows[i], cols[j]] = block[i * cols_count + j]; negative rows and columns are dropped.
+ * A[rows[i], cols[j]] = block[i * cols_count + j]; negative rows and columns are dropped, and so is what is not in the
+ * pattern (a library that is built with checks says LAS_INDEX).
  */
 int32_t las_set_mat_sparse(struct las_mat_sparse *mat,
                            int32_t rows_count,
@@ -453,7 +455,8 @@ int32_t las_create_slots_sparse(struct las_slots_sparse **slots);
 int32_t las_destroy_slots_sparse(struct las_slots_sparse *slots);
 
 /**
- * Appends the positions of a block, row by row, to a list.
+ * Appends the positions of a block, row by row, to a list; for what is negative or not in the pattern, a position of
+ * nothing (a library that is built with checks says LAS_INDEX for the latter).
  */
 int32_t las_locate_sparse(const struct las_mat_sparse *mat,
                           int32_t rows_count,
@@ -639,12 +642,12 @@ int32_t las_get_vec_dense(const struct las_vec_dense *vec,
 int32_t las_local_vec_dense(struct las_vec_dense *vec, double **values);
 
 /**
- * The Euclidean norm.
+ * The Euclidean norm: one number, on `batched` one for each of the four lanes.
  */
 int32_t las_norm_dense(const struct las_vec_dense *vec, double *norm);
 
 /**
- * The sum of x[i] y[i].
+ * The sum of x[i] y[i]: one number, on `batched` one for each of the four lanes.
  */
 int32_t las_dot_dense(const struct las_vec_dense *x, const struct las_vec_dense *y, double *dot);
 
@@ -686,7 +689,8 @@ int32_t las_zero_mat_dense(struct las_mat_dense *mat);
 int32_t las_zero_rows_dense(struct las_mat_dense *mat, int32_t count, const int32_t *rows);
 
 /**
- * A[rows[i], cols[j]] += block[i * cols_count + j]; negative rows and columns are dropped.
+ * A[rows[i], cols[j]] += block[i * cols_count + j]; negative rows and columns are dropped, and so is what is not in the
+ * pattern (a library that is built with checks says LAS_INDEX).
  */
 int32_t las_add_mat_dense(struct las_mat_dense *mat,
                           int32_t rows_count,
@@ -696,7 +700,8 @@ int32_t las_add_mat_dense(struct las_mat_dense *mat,
                           const double *block);
 
 /**
- * A[rows[i], cols[j]] = block[i * cols_count + j]; negative rows and columns are dropped.
+ * A[rows[i], cols[j]] = block[i * cols_count + j]; negative rows and columns are dropped, and so is what is not in the
+ * pattern (a library that is built with checks says LAS_INDEX).
  */
 int32_t las_set_mat_dense(struct las_mat_dense *mat,
                           int32_t rows_count,
@@ -727,7 +732,8 @@ int32_t las_create_slots_dense(struct las_slots_dense **slots);
 int32_t las_destroy_slots_dense(struct las_slots_dense *slots);
 
 /**
- * Appends the positions of a block, row by row, to a list.
+ * Appends the positions of a block, row by row, to a list; for what is negative or not in the pattern, a position of
+ * nothing (a library that is built with checks says LAS_INDEX for the latter).
  */
 int32_t las_locate_dense(const struct las_mat_dense *mat,
                          int32_t rows_count,
@@ -914,12 +920,12 @@ int32_t las_get_vec_batched(const struct las_vec_batched *vec,
 int32_t las_local_vec_batched(struct las_vec_batched *vec, double **values);
 
 /**
- * The Euclidean norm.
+ * The Euclidean norm: one number, on `batched` one for each of the four lanes.
  */
 int32_t las_norm_batched(const struct las_vec_batched *vec, double *norm);
 
 /**
- * The sum of x[i] y[i].
+ * The sum of x[i] y[i]: one number, on `batched` one for each of the four lanes.
  */
 int32_t las_dot_batched(const struct las_vec_batched *x,
                         const struct las_vec_batched *y,
@@ -963,7 +969,8 @@ int32_t las_zero_mat_batched(struct las_mat_batched *mat);
 int32_t las_zero_rows_batched(struct las_mat_batched *mat, int32_t count, const int32_t *rows);
 
 /**
- * A[rows[i], cols[j]] += block[i * cols_count + j]; negative rows and columns are dropped.
+ * A[rows[i], cols[j]] += block[i * cols_count + j]; negative rows and columns are dropped, and so is what is not in the
+ * pattern (a library that is built with checks says LAS_INDEX).
  */
 int32_t las_add_mat_batched(struct las_mat_batched *mat,
                             int32_t rows_count,
@@ -973,7 +980,8 @@ int32_t las_add_mat_batched(struct las_mat_batched *mat,
                             const double *block);
 
 /**
- * A[rows[i], cols[j]] = block[i * cols_count + j]; negative rows and columns are dropped.
+ * A[rows[i], cols[j]] = block[i * cols_count + j]; negative rows and columns are dropped, and so is what is not in the
+ * pattern (a library that is built with checks says LAS_INDEX).
  */
 int32_t las_set_mat_batched(struct las_mat_batched *mat,
                             int32_t rows_count,
@@ -1004,7 +1012,8 @@ int32_t las_create_slots_batched(struct las_slots_batched **slots);
 int32_t las_destroy_slots_batched(struct las_slots_batched *slots);
 
 /**
- * Appends the positions of a block, row by row, to a list.
+ * Appends the positions of a block, row by row, to a list; for what is negative or not in the pattern, a position of
+ * nothing (a library that is built with checks says LAS_INDEX for the latter).
  */
 int32_t las_locate_batched(const struct las_mat_batched *mat,
                            int32_t rows_count,
@@ -1191,12 +1200,12 @@ int32_t las_get_vec_petsc(const struct las_vec_petsc *vec,
 int32_t las_local_vec_petsc(struct las_vec_petsc *vec, double **values);
 
 /**
- * The Euclidean norm.
+ * The Euclidean norm: one number, on `batched` one for each of the four lanes.
  */
 int32_t las_norm_petsc(const struct las_vec_petsc *vec, double *norm);
 
 /**
- * The sum of x[i] y[i].
+ * The sum of x[i] y[i]: one number, on `batched` one for each of the four lanes.
  */
 int32_t las_dot_petsc(const struct las_vec_petsc *x, const struct las_vec_petsc *y, double *dot);
 
@@ -1238,7 +1247,8 @@ int32_t las_zero_mat_petsc(struct las_mat_petsc *mat);
 int32_t las_zero_rows_petsc(struct las_mat_petsc *mat, int32_t count, const int32_t *rows);
 
 /**
- * A[rows[i], cols[j]] += block[i * cols_count + j]; negative rows and columns are dropped.
+ * A[rows[i], cols[j]] += block[i * cols_count + j]; negative rows and columns are dropped, and so is what is not in the
+ * pattern (a library that is built with checks says LAS_INDEX).
  */
 int32_t las_add_mat_petsc(struct las_mat_petsc *mat,
                           int32_t rows_count,
@@ -1248,7 +1258,8 @@ int32_t las_add_mat_petsc(struct las_mat_petsc *mat,
                           const double *block);
 
 /**
- * A[rows[i], cols[j]] = block[i * cols_count + j]; negative rows and columns are dropped.
+ * A[rows[i], cols[j]] = block[i * cols_count + j]; negative rows and columns are dropped, and so is what is not in the
+ * pattern (a library that is built with checks says LAS_INDEX).
  */
 int32_t las_set_mat_petsc(struct las_mat_petsc *mat,
                           int32_t rows_count,
@@ -1279,7 +1290,8 @@ int32_t las_create_slots_petsc(struct las_slots_petsc **slots);
 int32_t las_destroy_slots_petsc(struct las_slots_petsc *slots);
 
 /**
- * Appends the positions of a block, row by row, to a list.
+ * Appends the positions of a block, row by row, to a list; for what is negative or not in the pattern, a position of
+ * nothing (a library that is built with checks says LAS_INDEX for the latter).
  */
 int32_t las_locate_petsc(const struct las_mat_petsc *mat,
                          int32_t rows_count,
@@ -1407,6 +1419,10 @@ int32_t las_solve_many_petsc(struct las_solver_petsc *solver,
 /**
  * Makes the backend on the ranks of a communicator, given by its Fortran handle: MPI_Comm_c2f(comm) in C, comm%MPI_VAL in
  * Fortran. MPI must be initialised; all ranks of the communicator call this together.
+ *
+ * On several ranks (las_create_petsc makes the backend on all of them) every rank runs the same program on the same data:
+ * each assembles the whole matrix, and keeps the rows that it owns of it; vectors lie whole on each. Reading a matrix,
+ * multiplying and solving are done by all ranks together. Who assembles only his own elements gets another matrix.
  */
 int32_t las_create_on_petsc(int32_t comm,
                             struct las_petsc **las);

@@ -3,12 +3,14 @@
 #
 #     bash scripts/install-capi.sh PREFIX [FEATURES]
 #
-# FEATURES: the backends, by default sparse,dense,batched. Then: cc code.c $(pkg-config --cflags --libs las); with --static
-# for liblas.a. PROFILE=dev builds with checks and without optimisation.
+# FEATURES: the backends, by default sparse,dense,batched. Then: cc code.c $(pkg-config --cflags --libs las); for the static
+# library name PREFIX/lib/liblas.a in place of -llas. PROFILE=dev builds with checks and without optimisation.
 set -euo pipefail
-cd "$(dirname "$0")/.."
 
 prefix=${1:?where to: bash scripts/install-capi.sh PREFIX [FEATURES]}
+mkdir -p "$prefix"
+prefix=$(cd "$prefix" && pwd)
+cd "$(dirname "$0")/.."
 features=${2:-sparse,dense,batched}
 profile=${PROFILE:-release}
 target=${CARGO_TARGET_DIR:-$PWD/target}
@@ -18,14 +20,13 @@ dev) built=$target/debug ;;
 *) built=$target/$profile ;;
 esac
 mkdir -p "$prefix/lib/pkgconfig" "$prefix/include"
-prefix=$(cd "$prefix" && pwd)
 install -m 755 "$built/libbiotissue.so" "$prefix/lib/liblas.so"
 install -m 644 "$built/libbiotissue.a" "$prefix/lib/liblas.a"
 install -m 644 include/las.h include/las.f90 "$prefix/include"
 version=$(sed -n 's/^version = "\(.*\)"/\1/p' Cargo.toml | head -1)
 requires=
 case ,$features, in
-*,petsc,*) if pkg-config --exists PETSc; then requires=PETSc; else requires=petsc; fi ;;
+*,petsc,*) if pkg-config --exists PETSc; then requires="Requires.private: PETSc"; else requires="Requires.private: petsc"; fi ;;
 esac
 cat >"$prefix/lib/pkgconfig/las.pc" <<END_OF_FILE
 prefix=$prefix
@@ -35,7 +36,7 @@ includedir=\${prefix}/include
 Name: las
 Description: Linear-algebra abstraction of biotissue; backends: $features
 Version: $version
-Requires.private: $requires
+$requires
 Libs: -L\${libdir} -llas
 Libs.private: -lm -lpthread -ldl
 Cflags: -I\${includedir}

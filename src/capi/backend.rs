@@ -9,7 +9,7 @@ macro_rules! exported {
 
             use super::handles::*;
             use super::{Exported, las_params, las_pattern};
-            use crate::las::{self, Backend, MatMat, MatVec, MatrixOps, VectorOps};
+            use crate::las::{self, Backend, Entries, MatMat, MatVec, MatrixOps, VectorOps};
 
             type B = $backend;
             type Context = <B as Backend>::Context;
@@ -25,6 +25,19 @@ macro_rules! exported {
 
             fn shape(mat: &Matrix) -> (usize, usize) {
                 MatrixOps::<B>::shape(mat)
+            }
+
+            /// In a build with checks, refuses pairs that are not in the pattern.
+            fn inside(mat: &Matrix, rows: &[i32], cols: &[i32]) -> Result<(), Failure> {
+                if !cfg!(debug_assertions) {
+                    return Ok(());
+                }
+                let pattern = Entries::<B>::pattern(mat).map_err(fault)?;
+                let mut pairs = rows.iter().flat_map(|&row| cols.iter().map(move |&column| (row, column)));
+                let is_outside = |&(row, column): &(i32, i32)| {
+                    row >= 0 && column >= 0 && pattern.find(row as usize, column as usize).is_none()
+                };
+                pairs.find(is_outside).map_or(Ok(()), |(row, column)| Err(outside(row, column)))
             }
 
             fn splat(value: f64) -> Scalar {

@@ -191,6 +191,11 @@ pub(super) fn part<S>(slots: &[S], first: i32, len: i32) -> Result<&[S], Failure
     part.ok_or_else(|| Failure::new(LAS_SIZE, format!("{len} positions from {first}; there are {}", slots.len())))
 }
 
+/// A pair of row and column that is not in the pattern.
+pub(super) fn outside(row: i32, column: i32) -> Failure {
+    Failure::new(LAS_INDEX, format!("({row}, {column}) is not in the pattern of the matrix"))
+}
+
 /// Refuses two sizes that should be one.
 pub(super) fn same(what: &str, a: usize, b: usize) -> Result<(), Failure> {
     if a == b { Ok(()) } else { Err(Failure::new(LAS_SIZE, format!("{what} have {a} and {b} entries"))) }
@@ -207,7 +212,9 @@ pub(super) fn apart<T>(a: *const T, b: *const T, what: &str) -> Result<(), Failu
 
 /// Refuses lists of handles in which one that is written to stands twice.
 pub(super) fn all_apart<T>(read: &[*const T], written: &[*mut T]) -> Result<(), Failure> {
-    let mut all: Vec<*const T> = written.iter().map(|&handle| handle.cast_const()).collect();
+    // Null is told apart later, with its name.
+    let mut all: Vec<*const T> =
+        written.iter().map(|&handle| handle.cast_const()).filter(|handle| !handle.is_null()).collect();
     all.sort_unstable();
     let twice = all.windows(2).any(|pair| std::ptr::eq(pair[0], pair[1]));
     if twice || read.iter().any(|handle| all.binary_search(handle).is_ok()) {
@@ -273,9 +280,11 @@ pub(super) fn fault<F: std::error::Error>(error: F) -> Failure {
 /// Why there is no solution or product.
 pub(super) fn unsolved<F: std::error::Error>(error: SolveError<F>) -> Failure {
     let code = match &error {
-        SolveError::NotSquare { .. } | SolveError::Size { .. } | SolveError::Pattern | SolveError::TooLarge(_) => {
-            LAS_SIZE
-        }
+        SolveError::NotSquare { .. }
+        | SolveError::Size { .. }
+        | SolveError::Pattern
+        | SolveError::OneTriangle { .. }
+        | SolveError::TooLarge(_) => LAS_SIZE,
         SolveError::NotFactored => LAS_NOT_FACTORED,
         SolveError::Singular { .. } | SolveError::ZeroDiagonal { .. } | SolveError::Indefinite { .. } => LAS_SINGULAR,
         SolveError::NotConverged { .. } | SolveError::Inaccurate { .. } | SolveError::NotFinite { .. } => {

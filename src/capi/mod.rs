@@ -167,7 +167,7 @@ pub unsafe extern "C" fn las_default_params(params: *mut las_params) -> i32 {
     })
 }
 
-/// Makes a pattern from compressed rows: row_start has rows + 1 entries, the last of which is the number of columns; the
+/// Makes a pattern from compressed rows: row_start has rows + 1 entries, the last of which is the number of entries; the
 /// columns of a row ascend. All count from 0.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_create_pattern(

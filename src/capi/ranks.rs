@@ -5,6 +5,10 @@ use crate::backends::petsc::MatrixType;
 
 /// Makes the backend on the ranks of a communicator, given by its Fortran handle: MPI_Comm_c2f(comm) in C, comm%MPI_VAL in
 /// Fortran. MPI must be initialised; all ranks of the communicator call this together.
+///
+/// On several ranks (las_create_petsc makes the backend on all of them) every rank runs the same program on the same data:
+/// each assembles the whole matrix, and keeps the rows that it owns of it; vectors lie whole on each. Reading a matrix,
+/// multiplying and solving are done by all ranks together. Who assembles only his own elements gets another matrix.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_create_on_petsc(comm: i32, las: *mut *mut las_petsc) -> i32 {
     // SAFETY: as above; the communicator is the caller's, and is duplicated.

@@ -130,14 +130,14 @@ pub unsafe extern "C" fn las_local_vec_BACKEND(vec: *mut las_vec_BACKEND, values
     })
 }
 
-/// The Euclidean norm.
+/// The Euclidean norm: one number, on `batched` one for each of the four lanes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_norm_BACKEND(vec: *const las_vec_BACKEND, norm: *mut f64) -> i32 {
     // SAFETY: as above.
     guarded(|| unsafe { reduced(norm, VectorOps::<B>::norm(&shared(vec, "vec")?.0).map_err(fault)?, "norm") })
 }
 
-/// The sum of x[i] y[i].
+/// The sum of x[i] y[i]: one number, on `batched` one for each of the four lanes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_dot_BACKEND(
     x: *const las_vec_BACKEND,
@@ -224,7 +224,8 @@ pub unsafe extern "C" fn las_zero_rows_BACKEND(mat: *mut las_mat_BACKEND, count:
     })
 }
 
-/// A[rows[i], cols[j]] += block[i * cols_count + j]; negative rows and columns are dropped.
+/// A[rows[i], cols[j]] += block[i * cols_count + j]; negative rows and columns are dropped, and so is what is not in the
+/// pattern (a library that is built with checks says LAS_INDEX).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_add_mat_BACKEND(
     mat: *mut las_mat_BACKEND,
@@ -239,11 +240,13 @@ pub unsafe extern "C" fn las_add_mat_BACKEND(
         let mat = &mut exclusive(mat, "mat")?.0;
         let rows = indices(rows, rows_count, shape(mat).0, "rows")?;
         let cols = indices(cols, cols_count, shape(mat).1, "cols")?;
+        inside(mat, rows, cols)?;
         MatrixOps::<B>::add(mat, rows, cols, scalars(block, rows.len() * cols.len(), "block")?).map_err(fault)
     })
 }
 
-/// A[rows[i], cols[j]] = block[i * cols_count + j]; negative rows and columns are dropped.
+/// A[rows[i], cols[j]] = block[i * cols_count + j]; negative rows and columns are dropped, and so is what is not in the
+/// pattern (a library that is built with checks says LAS_INDEX).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_set_mat_BACKEND(
     mat: *mut las_mat_BACKEND,
@@ -258,6 +261,7 @@ pub unsafe extern "C" fn las_set_mat_BACKEND(
         let mat = &mut exclusive(mat, "mat")?.0;
         let rows = indices(rows, rows_count, shape(mat).0, "rows")?;
         let cols = indices(cols, cols_count, shape(mat).1, "cols")?;
+        inside(mat, rows, cols)?;
         MatrixOps::<B>::set(mat, rows, cols, scalars(block, rows.len() * cols.len(), "block")?).map_err(fault)
     })
 }
@@ -296,7 +300,8 @@ pub unsafe extern "C" fn las_destroy_slots_BACKEND(slots: *mut las_slots_BACKEND
     guarded(|| unsafe { free(slots) })
 }
 
-/// Appends the positions of a block, row by row, to a list.
+/// Appends the positions of a block, row by row, to a list; for what is negative or not in the pattern, a position of
+/// nothing (a library that is built with checks says LAS_INDEX for the latter).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_locate_BACKEND(
     mat: *const las_mat_BACKEND,
@@ -311,6 +316,7 @@ pub unsafe extern "C" fn las_locate_BACKEND(
         let mat = &shared(mat, "mat")?.0;
         let rows = indices(rows, rows_count, shape(mat).0, "rows")?;
         let cols = indices(cols, cols_count, shape(mat).1, "cols")?;
+        inside(mat, rows, cols)?;
         MatrixOps::<B>::locate(mat, rows, cols, &mut exclusive(slots, "slots")?.0).map_err(fault)
     })
 }

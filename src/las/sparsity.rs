@@ -15,7 +15,7 @@ pub struct Sparsity {
 /// Why arrays are no sparsity pattern.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum SparsityError {
-    /// Row starts do not begin at 0, decrease, or do not end at the number of columns given.
+    /// Row starts do not begin at 0, decrease, or do not end at the number of entries given.
     #[error("row starts must rise from 0 to {entries}; entry {row} is {found}")]
     RowStart {
         /// Where.
@@ -246,8 +246,15 @@ impl Sparsity {
     /// Whether with every entry its mirror is in the pattern.
     #[must_use]
     pub fn is_symmetric(&self) -> bool {
-        self.rows() == self.cols
-            && (0..self.rows()).all(|r| self.row(r).iter().all(|&c| self.find(c as usize, r).is_some()))
+        self.rows() == self.cols && self.without_mirror().is_none()
+    }
+
+    /// The first entry, as row and column, whose mirror is not in the pattern.
+    #[must_use]
+    pub fn without_mirror(&self) -> Option<(usize, usize)> {
+        let columns = |row: usize| self.row(row).iter().map(|&column| column as usize);
+        let alone = |row: usize| columns(row).find(|&column| self.find(column, row).is_none());
+        (0..self.rows()).find_map(|row| alone(row).map(|column| (row, column)))
     }
 }
 

@@ -229,6 +229,20 @@ static void refusals(void) {
     params.symmetry = LAS_DEFINITE;
     OK(las_create_solver_sparse(las, pattern, &params, &solver));
     CHECK(las_factor_sparse(solver, k) == LAS_SINGULAR); /* zeros */
+    int left[1] = {0}, right[1] = {1};
+    CHECK(las_add_mat_sparse(k, 1, left, 1, right, one) == LAS_INDEX); /* in a build with checks */
+    CHECK(strcmp(las_message(), "(0, 1) is not in the pattern of the matrix") == 0);
+    struct las_vec_sparse *nothing[2] = {NULL, NULL};
+    const struct las_vec_sparse *sides[2] = {x, x};
+    CHECK(las_solve_many_sparse(solver, 2, sides, nothing) == LAS_NULL);
+    /* One triangle alone is no symmetric matrix. */
+    struct las_pattern *triangle = NULL;
+    struct las_solver_sparse *refused = NULL;
+    int lower_start[3] = {0, 1, 3}, lower[3] = {0, 0, 1};
+    OK(las_create_pattern(2, 2, lower_start, lower, &triangle));
+    CHECK(las_create_solver_sparse(las, triangle, &params, &refused) == LAS_SIZE && refused == NULL);
+    CHECK(strstr(las_message(), "store both triangles") != NULL);
+    OK(las_destroy_pattern(triangle));
     CHECK(las_read_mat_sparse(las, "no/such.mtx", &none) == LAS_FILE && none == NULL);
     CHECK(strstr(las_message(), "no/such.mtx") != NULL);
     OK(las_destroy_solver_sparse(solver));

@@ -121,14 +121,16 @@ const HEAD: &str = "# What LAS costs\n\n\
     Code that is written once for all backends calls them through the traits of `las`. Every hot verb is inlined where it is \
     called, so that what remains is what a call of the backend by hand would be. This page shows that on the program as it is \
     linked (x86-64, release profile, link-time optimisation), for five ways of calling:\n\n\
-    1. **by hand**: loops over plain arrays, or PETSc's functions with their codes tested (`benches/overhead/src/by_hand`);\n\
+    1. **by hand**: the same algorithms as loops over plain arrays without a trait, a generic backend or a `Result`, or PETSc's \
+    functions with their codes tested (`benches/overhead/src/by_hand`). What is compared is the abstraction, not the \
+    algorithm: `docs/backends.md` shows that `add_at` is a better one than `add` where a pattern repeats;\n\
     2. **LAS**: `VectorOps` and `MatrixOps` on a backend chosen at compile time;\n\
     3. **function**: a function of another compilation unit, which is not inlined;\n\
     4. **pointer**: a table of function pointers, as C programs have it;\n\
     5. **`dyn`**: a method of a trait object.\n\n\
     ## Instructions of each verb\n\n\
     Counted are the instructions of the function that holds the call and, in the last three ways, of the function behind it. \
-    *Same* says that both have the same instructions but for registers, labels and addresses. *Packed, single* are the \
+    *Same* says that both have the same instructions in the same order, whatever their registers, addresses and constants. *Packed, single* are the \
     instructions of LAS that compute with several numbers at once, and with one: on `batched` an entry is four numbers, and \
     all arithmetic is packed.\n\n";
 

@@ -58,7 +58,9 @@ impl Symbolic {
 
     fn analyze_symmetric(&mut self) -> Result<(), SolveError<Infallible>> {
         let pattern = &*self.pattern;
-        debug_assert!(pattern.is_symmetric(), "the pattern of a symmetric matrix is symmetric");
+        if let Some((row, column)) = pattern.without_mirror() {
+            return Err(SolveError::OneTriangle { row, column });
+        }
         let graph = Graph::new(pattern);
         let tree = order::eliminate(&graph, self.params.ordering)?;
         let each = graph.unknowns_per_node as u32;

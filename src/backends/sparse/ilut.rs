@@ -85,8 +85,13 @@ impl<T: Scalar> Ilut<T> {
         self.lower.clear();
         self.upper.clear();
         self.inverse_diagonal.clear();
+        // One that ended early leaves them as they were.
+        self.row.clear();
         self.row.resize(n, T::zero());
+        self.present.clear();
         self.present.resize(n, false);
+        self.left.clear();
+        self.right.clear();
         let mut pivots = Pivots::none();
         for i in 0..n {
             let threshold = self.load(a, i);
@@ -278,7 +283,12 @@ mod tests {
         let mut a = Matrix::<f64>::zeros(&pattern);
         MatrixOps::<Sparse>::set(&mut a, &[0], &[0], &[1.0]).unwrap();
         MatrixOps::<Sparse>::set(&mut a, &[2], &[2], &[1.0]).unwrap();
-        let outcome = Ilut::new(0.0, 3).factor::<()>(&a).err();
+        let mut ilut = Ilut::new(0.0, 3);
+        let outcome = ilut.factor::<()>(&a).err();
         assert!(matches!(outcome, Some(SolveError::Singular { unknown: 1, .. })), "{outcome:?}");
+        // Nothing of it is left in the next one.
+        MatrixOps::<Sparse>::set(&mut a, &[1], &[1], &[2.0]).unwrap();
+        ilut.factor::<()>(&a).unwrap();
+        assert_eq!(product(&ilut, 3), [1.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 1.0]);
     }
 }

@@ -99,7 +99,7 @@ where
             let stuck =
                 residual.is_nan() || residual > best * B::Scalar::of(0.9) && !matches!(krylov, Krylov::Gmres { .. });
             if run.iterations >= max_iterations || stuck {
-                return Err(self.failure(report, stuck));
+                return Err(self.failure(report, stuck && run.iterations < max_iterations));
             }
             best = best.min(residual);
             let ended = match krylov {

@@ -28,6 +28,17 @@ pub enum SolveError<F> {
     /// A matrix of the right size whose entries stand in other places than those analysed.
     #[error("the entries of the matrix are not where the analysed pattern has them")]
     Pattern,
+    /// A matrix that was stated to be symmetric has an entry without its mirror image: perhaps one triangle alone was stored.
+    #[error(
+        "the matrix was stated to be symmetric, but ({row}, {column}) is in its pattern and ({column}, {row}) is not: store \
+         both triangles, or state no symmetry"
+    )]
+    OneTriangle {
+        /// Row of the entry.
+        row: usize,
+        /// Its column.
+        column: usize,
+    },
     /// `solve` before `factor`, or after one that failed.
     #[error("there is no factorisation to solve with: call factor first, and only solve if it succeeds")]
     NotFactored,
