@@ -1,9 +1,20 @@
-//! LAS, the linear-algebra abstraction: traits only.
+//! LAS, the linear-algebra abstraction: the traits of a backend, and what is written on top of them once for all backends
+//! (Newton, Krylov methods, Matrix Market files, copies from one backend to another, the suite that every backend passes).
 //!
-//! This module names no library. A [`Backend`] is a zero-sized marker with a vector, a matrix and a solver; the verbs
+//! This module names no library of linear algebra. A [`Backend`] is a zero-sized marker with a vector, a matrix and a solver; the verbs
 //! that assembly loops call ([`VectorOps`], [`MatrixOps`]) inline away, the operations that are amortised ([`Solver`],
 //! [`MatVec`]) do not need to. After chapter 5 of W. R. Tobin, *The Adaptive Multiscale Simulation Infrastructure*
 //! (PhD thesis, Rensselaer Polytechnic Institute, 2018).
+//!
+//! # Who solves how
+//! | backend | directly | CG, BiCGSTAB, GMRES with |
+//! |---|---|---|
+//! | `sparse` | Cholesky, LDL^T, LU | nothing, the diagonal, ILUT |
+//! | `dense` | Cholesky, LDL^T, LU | nothing, the diagonal |
+//! | `petsc` | MUMPS, SuperLU_DIST or PETSc's own | nothing, the diagonal, multigrid; more by its options |
+//! | `batched` | no | no |
+//!
+//! What a backend cannot do is [`SolveError::Unsupported`], said before anything is solved.
 
 mod backend;
 pub mod conformance;

@@ -4,7 +4,8 @@
 //!
 //! * A **negative index** is a constrained unknown: writes to it are dropped, reads leave the caller's buffer alone.
 //! * A **write outside the pattern** is a programming error: a `debug_assert!` in debug builds, dropped in release
-//!   builds. A read outside the pattern gives zero, the value that is there.
+//!   builds (`dense` has every entry, and keeps it). A read outside the pattern gives zero, the value that is there. Indices
+//!   beyond the end and blocks of another size than their indices are such errors too; PETSc reports the latter.
 //! * Between writing and reading, and between `add` and `set`, stands [`VectorOps::finish`] or [`MatrixOps::finish`];
 //!   serial backends need neither, distributed ones do.
 //!

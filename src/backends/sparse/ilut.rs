@@ -3,7 +3,7 @@
 //!
 //! Row by row, Gaussian elimination without exchanges: multipliers below the drop tolerance are left out; of what then
 //! stands in a row, entries below the tolerance times the row's mean absolute value are dropped, and of the rest each
-//! factor keeps the `fill` largest beside the diagonal. With tolerance 0 and any fill it is LU itself.
+//! factor keeps the `fill` largest beside the diagonal. With tolerance 0 and a fill without limit it is LU itself.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;

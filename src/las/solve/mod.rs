@@ -30,10 +30,10 @@ pub trait Solver<B: Backend>: Send {
     /// [`SolveError::Indefinite`], and what [`Solver::factor`] says; nothing is factored then.
     fn factor_definite(&mut self, a: &B::Matrix) -> Result<FactorReport, SolveError<B::Fault>>;
 
-    /// `A x = b`.
+    /// `A x = b`. What `x` held does not matter: iterative methods begin at zero.
     ///
     /// # Errors
-    /// [`SolveError::NotFactored`], [`SolveError::Size`].
+    /// [`SolveError::NotFactored`], [`SolveError::Size`]; of an iterative method [`SolveError::NotConverged`].
     fn solve(&mut self, b: &B::Vector, x: &mut B::Vector) -> Result<SolveReport, SolveError<B::Fault>>;
 
     /// `A x_k = b_k` for several right-hand sides at once.

@@ -53,7 +53,7 @@ pub enum Preconditioner {
     Diagonal,
     /// An incomplete LU factorisation with a threshold (Saad 1994).
     Ilut {
-        /// Entries below this part of the norm of their row are dropped.
+        /// Entries below this part of the mean absolute value of their row are dropped.
         drop_tolerance: f64,
         /// How many entries a row of either factor keeps beside the diagonal, the largest; `usize::MAX` for all.
         fill: usize,
