@@ -25,13 +25,13 @@ mod capi {
     use std::path::PathBuf;
     use std::{env, fs};
 
-    const TEMPLATE: &str = "src/capi/template.rs";
+    const TEMPLATE: [&str; 4] = ["vector", "matrix", "products", "solver"];
     /// What PETSc has beside the template.
-    const RANKS: &str = "src/capi/ranks.rs";
+    const RANKS: &str = "ranks";
 
     pub fn write() -> Result<(), String> {
         let out = PathBuf::from(env::var_os("OUT_DIR").ok_or("cargo names no OUT_DIR")?);
-        let template = read(TEMPLATE)?;
+        let template = TEMPLATE.map(read).into_iter().collect::<Result<String, _>>()?;
         let ranks = read(RANKS)?;
         for backend in ["sparse", "dense", "batched", "petsc"] {
             let mut text = template.replace("BACKEND", backend);
@@ -44,9 +44,10 @@ mod capi {
         Ok(())
     }
 
-    fn read(file: &str) -> Result<String, String> {
+    fn read(part: &str) -> Result<String, String> {
+        let file = format!("src/capi/template/{part}.rs");
         println!("cargo:rerun-if-changed={file}");
-        fs::read_to_string(file).map_err(|error| format!("{file}: {error}"))
+        fs::read_to_string(&file).map_err(|error| format!("{file}: {error}"))
     }
 }
 

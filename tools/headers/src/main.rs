@@ -9,21 +9,25 @@ use std::{env, fs};
 
 const BACKENDS: [&str; 4] = ["sparse", "dense", "batched", "petsc"];
 const COMMON: &str = "src/capi/mod.rs";
-const TEMPLATE: &str = "src/capi/template.rs";
+const TEMPLATE: [&str; 4] = ["vector", "matrix", "products", "solver"];
 /// What PETSc has beside the template.
-const RANKS: &str = "src/capi/ranks.rs";
+const RANKS: &str = "ranks";
 
 fn main() -> Result<(), Box<dyn Error>> {
     let check = env::args().any(|argument| argument == "--check");
     let common = fs::read_to_string(COMMON)?;
-    let template = fs::read_to_string(TEMPLATE)?;
+    let template = TEMPLATE.map(part).into_iter().collect::<Result<String, _>>()?;
     let mut parts: Vec<(&str, String)> =
         BACKENDS.iter().map(|&name| (name, template.replace("BACKEND", name))).collect();
     if let Some((_, petsc)) = parts.iter_mut().find(|(name, _)| *name == "petsc") {
-        petsc.push_str(&fs::read_to_string(RANKS)?);
+        petsc.push_str(&part(RANKS)?);
     }
     put(Path::new("include/las.h"), &header(&parts)?, check)?;
     put(Path::new("include/las.f90"), &fortran::module(&common, &parts)?, check)
+}
+
+fn part(name: &str) -> Result<String, std::io::Error> {
+    fs::read_to_string(format!("src/capi/template/{name}.rs"))
 }
 
 fn put(file: &Path, text: &str, check: bool) -> Result<(), Box<dyn Error>> {

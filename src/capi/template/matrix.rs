@@ -1,0 +1,175 @@
+// Matrices and their verbs: a part of the template of one backend; see `vector.rs`.
+
+/// Makes a matrix of zeros with a pattern, which may be freed.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_create_mat_BACKEND(
+    las: *const las_BACKEND,
+    pattern: *const las_pattern,
+    mat: *mut *mut las_mat_BACKEND,
+) -> i32 {
+    // SAFETY: as above.
+    guarded(|| unsafe {
+        give(mat, "mat", || {
+            let (las, pattern) = (shared(las, "las")?, shared(pattern, "pattern")?);
+            Ok(las_mat_BACKEND(<B as Backend>::matrix(&las.0, &pattern.0).map_err(fault)?))
+        })
+    })
+}
+
+/// Frees a matrix. Null is allowed.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_destroy_mat_BACKEND(mat: *mut las_mat_BACKEND) -> i32 {
+    // SAFETY: as above.
+    guarded(|| unsafe { free(mat) })
+}
+
+/// Tells the numbers of rows and columns of a matrix.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_shape_mat_BACKEND(mat: *const las_mat_BACKEND, rows: *mut i32, cols: *mut i32) -> i32 {
+    // SAFETY: as above.
+    guarded(|| unsafe {
+        let shape = shape(&shared(mat, "mat")?.0);
+        *exclusive(rows, "rows")? = shape.0 as i32;
+        *exclusive(cols, "cols")? = shape.1 as i32;
+        Ok(())
+    })
+}
+
+/// A = 0; the pattern stays.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_zero_mat_BACKEND(mat: *mut las_mat_BACKEND) -> i32 {
+    // SAFETY: as above.
+    guarded(|| unsafe { MatrixOps::<B>::zero(&mut exclusive(mat, "mat")?.0).map_err(fault) })
+}
+
+/// Zeroes whole rows; the pattern stays.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_zero_rows_BACKEND(mat: *mut las_mat_BACKEND, count: i32, rows: *const i32) -> i32 {
+    // SAFETY: as above.
+    guarded(|| unsafe {
+        let mat = &mut exclusive(mat, "mat")?.0;
+        let rows = indices(rows, count, shape(mat).0, "rows")?;
+        MatrixOps::<B>::zero_rows(mat, rows).map_err(fault)
+    })
+}
+
+/// A[rows[i], cols[j]] += block[i * cols_count + j]; negative rows and columns are dropped, and so is what is not in the
+/// pattern (a library that is built with checks says LAS_INDEX).
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_add_mat_BACKEND(
+    mat: *mut las_mat_BACKEND,
+    rows_count: i32,
+    rows: *const i32,
+    cols_count: i32,
+    cols: *const i32,
+    block: *const f64,
+) -> i32 {
+    // SAFETY: as above.
+    guarded(|| unsafe {
+        let mat = &mut exclusive(mat, "mat")?.0;
+        let rows = indices(rows, rows_count, shape(mat).0, "rows")?;
+        let cols = indices(cols, cols_count, shape(mat).1, "cols")?;
+        inside(mat, rows, cols)?;
+        MatrixOps::<B>::add(mat, rows, cols, scalars(block, rows.len() * cols.len(), "block")?).map_err(fault)
+    })
+}
+
+/// A[rows[i], cols[j]] = block[i * cols_count + j]; negative rows and columns are dropped, and so is what is not in the
+/// pattern (a library that is built with checks says LAS_INDEX).
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_set_mat_BACKEND(
+    mat: *mut las_mat_BACKEND,
+    rows_count: i32,
+    rows: *const i32,
+    cols_count: i32,
+    cols: *const i32,
+    block: *const f64,
+) -> i32 {
+    // SAFETY: as above.
+    guarded(|| unsafe {
+        let mat = &mut exclusive(mat, "mat")?.0;
+        let rows = indices(rows, rows_count, shape(mat).0, "rows")?;
+        let cols = indices(cols, cols_count, shape(mat).1, "cols")?;
+        inside(mat, rows, cols)?;
+        MatrixOps::<B>::set(mat, rows, cols, scalars(block, rows.len() * cols.len(), "block")?).map_err(fault)
+    })
+}
+
+/// block[i * cols_count + j] = A[rows[i], cols[j]], zero outside the pattern; where a row or column is negative, the value
+/// stays what it was.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_get_mat_BACKEND(
+    mat: *const las_mat_BACKEND,
+    rows_count: i32,
+    rows: *const i32,
+    cols_count: i32,
+    cols: *const i32,
+    block: *mut f64,
+) -> i32 {
+    // SAFETY: as above.
+    guarded(|| unsafe {
+        let mat = &shared(mat, "mat")?.0;
+        let rows = indices(rows, rows_count, shape(mat).0, "rows")?;
+        let cols = indices(cols, cols_count, shape(mat).1, "cols")?;
+        MatrixOps::<B>::get(mat, rows, cols, scalars_mut(block, rows.len() * cols.len(), "block")?).map_err(fault)
+    })
+}
+
+/// Makes an empty list of positions.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_create_slots_BACKEND(slots: *mut *mut las_slots_BACKEND) -> i32 {
+    // SAFETY: as above.
+    guarded(|| unsafe { give(slots, "slots", || Ok(las_slots_BACKEND(Vec::new()))) })
+}
+
+/// Frees a list of positions. Null is allowed.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_destroy_slots_BACKEND(slots: *mut las_slots_BACKEND) -> i32 {
+    // SAFETY: as above.
+    guarded(|| unsafe { free(slots) })
+}
+
+/// Appends the positions of a block, row by row, to a list; for what is negative or not in the pattern, a position of
+/// nothing (a library that is built with checks says LAS_INDEX for the latter).
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_locate_BACKEND(
+    mat: *const las_mat_BACKEND,
+    rows_count: i32,
+    rows: *const i32,
+    cols_count: i32,
+    cols: *const i32,
+    slots: *mut las_slots_BACKEND,
+) -> i32 {
+    // SAFETY: as above.
+    guarded(|| unsafe {
+        let mat = &shared(mat, "mat")?.0;
+        let rows = indices(rows, rows_count, shape(mat).0, "rows")?;
+        let cols = indices(cols, cols_count, shape(mat).1, "cols")?;
+        inside(mat, rows, cols)?;
+        MatrixOps::<B>::locate(mat, rows, cols, &mut exclusive(slots, "slots")?.0).map_err(fault)
+    })
+}
+
+/// A[slots[first + k]] += values[k] for as many values as there are; the positions come from a matrix of the same pattern.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_add_at_BACKEND(
+    mat: *mut las_mat_BACKEND,
+    slots: *const las_slots_BACKEND,
+    first: i32,
+    count: i32,
+    values: *const f64,
+) -> i32 {
+    // SAFETY: as above.
+    guarded(|| unsafe {
+        let (mat, slots) = (&mut exclusive(mat, "mat")?.0, &shared(slots, "slots")?.0);
+        let slots = part(slots, first, count)?;
+        MatrixOps::<B>::add_at(mat, slots, scalars(values, slots.len(), "values")?).map_err(fault)
+    })
+}
+
+/// Completes pending writes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_finish_mat_BACKEND(mat: *mut las_mat_BACKEND) -> i32 {
+    // SAFETY: as above.
+    guarded(|| unsafe { MatrixOps::<B>::finish(&mut exclusive(mat, "mat")?.0).map_err(fault) })
+}

@@ -1,0 +1,91 @@
+// Solvers: a part of the template of one backend; see `vector.rs`.
+
+/// Makes a solver for matrices of a pattern, which may be freed.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_create_solver_BACKEND(
+    las: *const las_BACKEND,
+    pattern: *const las_pattern,
+    params: *const las_params,
+    solver: *mut *mut las_solver_BACKEND,
+) -> i32 {
+    // SAFETY: as above.
+    guarded(|| unsafe {
+        give(solver, "solver", || {
+            let (las, pattern) = (shared(las, "las")?, shared(pattern, "pattern")?);
+            let params = shared(params, "params")?.checked()?;
+            let symbolic = <B as Backend>::analyze(&las.0, &pattern.0, &params).map_err(unsolved)?;
+            Ok(las_solver_BACKEND(<B as Backend>::solver(&symbolic).map_err(unsolved)?))
+        })
+    })
+}
+
+/// Frees a solver. Null is allowed.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_destroy_solver_BACKEND(solver: *mut las_solver_BACKEND) -> i32 {
+    // SAFETY: as above.
+    guarded(|| unsafe { free(solver) })
+}
+
+/// Factors a matrix of the solver's pattern, or makes what an iterative method needs.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_factor_BACKEND(solver: *mut las_solver_BACKEND, mat: *const las_mat_BACKEND) -> i32 {
+    // SAFETY: as above.
+    guarded(|| unsafe {
+        let solver = &mut exclusive(solver, "solver")?.0;
+        las::Solver::<B>::factor(solver, &shared(mat, "mat")?.0).map(drop).map_err(unsolved)
+    })
+}
+
+/// Factors a matrix of the solver's pattern if it is positive definite; LAS_SINGULAR if it is not.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_factor_definite_BACKEND(
+    solver: *mut las_solver_BACKEND,
+    mat: *const las_mat_BACKEND,
+) -> i32 {
+    // SAFETY: as above.
+    guarded(|| unsafe {
+        let solver = &mut exclusive(solver, "solver")?.0;
+        las::Solver::<B>::factor_definite(solver, &shared(mat, "mat")?.0).map(drop).map_err(unsolved)
+    })
+}
+
+/// A x = b, with the matrix factored last; b and x must not be the same vector. Tells the iterations of an iterative method
+/// (0 for a direct one); a null pointer there is allowed.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_solve_BACKEND(
+    solver: *mut las_solver_BACKEND,
+    b: *const las_vec_BACKEND,
+    x: *mut las_vec_BACKEND,
+    iterations: *mut i32,
+) -> i32 {
+    // SAFETY: as above; the two differ.
+    guarded(|| unsafe {
+        apart(b, x, "b and x")?;
+        let (solver, x) = (&mut exclusive(solver, "solver")?.0, &mut exclusive(x, "x")?.0);
+        let report = las::Solver::<B>::solve(solver, &shared(b, "b")?.0, x).map_err(unsolved)?;
+        if let Some(iterations) = iterations.as_mut() {
+            *iterations = report.iterations as i32;
+        }
+        Ok(())
+    })
+}
+
+/// A x[k] = b[k] for several right-hand sides at once; no vector may stand twice among x, or in both.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_solve_many_BACKEND(
+    solver: *mut las_solver_BACKEND,
+    count_of_sides: i32,
+    b: *const *const las_vec_BACKEND,
+    x: *const *mut las_vec_BACKEND,
+) -> i32 {
+    // SAFETY: as above; no two of x are the same, and none is one of b.
+    guarded(|| unsafe {
+        let solver = &mut exclusive(solver, "solver")?.0;
+        let count = count(count_of_sides, "count_of_sides")?;
+        let (b, x) = (array(b, count, "b")?, array(x, count, "x")?);
+        all_apart(b, x)?;
+        let b = Borrowed::new(b.iter().map(|&vec| Ok(&raw const shared(vec, "b[k]")?.0)))?;
+        let mut x = Lent::new(x.iter().map(|&vec| Ok(&raw mut exclusive(vec, "x[k]")?.0)))?;
+        las::Solver::<B>::solve_many(solver, b.as_slice(), x.as_mut_slice()).map(drop).map_err(unsolved)
+    })
+}

@@ -1,0 +1,173 @@
+// The C interface of one backend, its types and its vectors: the word BACKEND stands for its name. `build.rs` makes one copy
+// of the files of this folder for each backend (`ranks.rs` is PETSc's alone); `tools/headers` makes the C header and the
+// Fortran module of them.
+
+/// The backend: what vectors, matrices and solvers are made with.
+pub struct las_BACKEND(Context);
+
+/// A vector.
+pub struct las_vec_BACKEND(Vector);
+
+/// A matrix with a fixed pattern.
+pub struct las_mat_BACKEND(Matrix);
+
+/// Positions in matrices of one pattern, located once.
+pub struct las_slots_BACKEND(Vec<Slot>);
+
+/// A solver for matrices of one pattern.
+pub struct las_solver_BACKEND(Solver);
+
+/// Makes the backend. Free it after all that was made with it.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_create_BACKEND(las: *mut *mut las_BACKEND) -> i32 {
+    // SAFETY: of the pointers the caller promises what the header says; so below.
+    guarded(|| unsafe { give(las, "las", || Ok(las_BACKEND(<B as Exported>::context()?))) })
+}
+
+/// Frees the backend. Null is allowed.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_destroy_BACKEND(las: *mut las_BACKEND) -> i32 {
+    // SAFETY: as above.
+    guarded(|| unsafe { free(las) })
+}
+
+/// Makes a vector of `len` zeros.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_create_vec_BACKEND(
+    las: *const las_BACKEND,
+    len: i32,
+    vec: *mut *mut las_vec_BACKEND,
+) -> i32 {
+    // SAFETY: as above.
+    guarded(|| unsafe {
+        give(vec, "vec", || {
+            let (las, len) = (shared(las, "las")?, count(len, "len")?);
+            Ok(las_vec_BACKEND(<B as Backend>::vector(&las.0, len).map_err(fault)?))
+        })
+    })
+}
+
+/// Frees a vector. Null is allowed.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_destroy_vec_BACKEND(vec: *mut las_vec_BACKEND) -> i32 {
+    // SAFETY: as above.
+    guarded(|| unsafe { free(vec) })
+}
+
+/// Tells the number of entries of a vector.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_len_vec_BACKEND(vec: *const las_vec_BACKEND, len: *mut i32) -> i32 {
+    // SAFETY: as above.
+    guarded(|| unsafe {
+        *exclusive(len, "len")? = length(&shared(vec, "vec")?.0) as i32;
+        Ok(())
+    })
+}
+
+/// y = 0.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_zero_vec_BACKEND(vec: *mut las_vec_BACKEND) -> i32 {
+    // SAFETY: as above.
+    guarded(|| unsafe { VectorOps::<B>::zero(&mut exclusive(vec, "vec")?.0).map_err(fault) })
+}
+
+/// y[rows[i]] += values[i]; a negative row is dropped.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_add_vec_BACKEND(
+    vec: *mut las_vec_BACKEND,
+    count: i32,
+    rows: *const i32,
+    values: *const f64,
+) -> i32 {
+    // SAFETY: as above.
+    guarded(|| unsafe {
+        let vec = &mut exclusive(vec, "vec")?.0;
+        let rows = indices(rows, count, length(vec), "rows")?;
+        VectorOps::<B>::add(vec, rows, scalars(values, rows.len(), "values")?).map_err(fault)
+    })
+}
+
+/// y[rows[i]] = values[i]; a negative row is dropped.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_set_vec_BACKEND(
+    vec: *mut las_vec_BACKEND,
+    count: i32,
+    rows: *const i32,
+    values: *const f64,
+) -> i32 {
+    // SAFETY: as above.
+    guarded(|| unsafe {
+        let vec = &mut exclusive(vec, "vec")?.0;
+        let rows = indices(rows, count, length(vec), "rows")?;
+        VectorOps::<B>::set(vec, rows, scalars(values, rows.len(), "values")?).map_err(fault)
+    })
+}
+
+/// values[i] = y[rows[i]]; where a row is negative, the value stays what it was.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_get_vec_BACKEND(
+    vec: *const las_vec_BACKEND,
+    count: i32,
+    rows: *const i32,
+    values: *mut f64,
+) -> i32 {
+    // SAFETY: as above.
+    guarded(|| unsafe {
+        let vec = &shared(vec, "vec")?.0;
+        let rows = indices(rows, count, length(vec), "rows")?;
+        VectorOps::<B>::get(vec, rows, scalars_mut(values, rows.len(), "values")?).map_err(fault)
+    })
+}
+
+/// Lends the array of the entries, until the vector is next used.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_local_vec_BACKEND(vec: *mut las_vec_BACKEND, values: *mut *mut f64) -> i32 {
+    // SAFETY: as above.
+    guarded(|| unsafe {
+        let vec = &mut exclusive(vec, "vec")?.0;
+        *exclusive(values, "values")? =
+            VectorOps::<B>::with_local_mut(vec, |local| local.as_mut_ptr().cast()).map_err(fault)?;
+        Ok(())
+    })
+}
+
+/// The Euclidean norm: one number, on `batched` one for each of the four lanes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_norm_BACKEND(vec: *const las_vec_BACKEND, norm: *mut f64) -> i32 {
+    // SAFETY: as above.
+    guarded(|| unsafe { reduced(norm, VectorOps::<B>::norm(&shared(vec, "vec")?.0).map_err(fault)?, "norm") })
+}
+
+/// The sum of x[i] y[i]: one number, on `batched` one for each of the four lanes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_dot_BACKEND(
+    x: *const las_vec_BACKEND,
+    y: *const las_vec_BACKEND,
+    dot: *mut f64,
+) -> i32 {
+    // SAFETY: as above.
+    guarded(|| unsafe {
+        let (x, y) = (&shared(x, "x")?.0, &shared(y, "y")?.0);
+        same("the vectors", length(x), length(y))?;
+        reduced(dot, VectorOps::<B>::dot(x, y).map_err(fault)?, "dot")
+    })
+}
+
+/// y += a x; x and y must not be the same vector.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_axpy_BACKEND(a: f64, x: *const las_vec_BACKEND, y: *mut las_vec_BACKEND) -> i32 {
+    // SAFETY: as above; the two differ.
+    guarded(|| unsafe {
+        apart(x, y, "x and y")?;
+        let (x, y) = (&shared(x, "x")?.0, &mut exclusive(y, "y")?.0);
+        same("the vectors", length(x), length(y))?;
+        VectorOps::<B>::axpy(y, splat(a), x).map_err(fault)
+    })
+}
+
+/// Completes pending writes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_finish_vec_BACKEND(vec: *mut las_vec_BACKEND) -> i32 {
+    // SAFETY: as above.
+    guarded(|| unsafe { VectorOps::<B>::finish(&mut exclusive(vec, "vec")?.0).map_err(fault) })
+}
