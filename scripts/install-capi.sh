@@ -14,16 +14,22 @@ cd "$(dirname "$0")/.."
 features=${2:-sparse,dense,batched}
 profile=${PROFILE:-release}
 target=${CARGO_TARGET_DIR:-$PWD/target}
-cargo rustc --quiet --profile "$profile" --lib --crate-type cdylib,staticlib --no-default-features --features "$features,capi"
+version=$(sed -n 's/^version = "\(.*\)"/\1/p' Cargo.toml | head -1)
+# A program keeps to the versions that are compatible with the one that it was linked with: before 1.0, of one minor version.
+soname=liblas.so.${version%.*}
+linker=()
+if [ "$(uname)" = Linux ]; then linker=(-C "link-arg=-Wl,-soname,$soname"); fi
+cargo rustc --quiet --profile "$profile" --lib --crate-type cdylib,staticlib --no-default-features --features "$features,capi" -- "${linker[@]}"
 case $profile in
 dev) built=$target/debug ;;
 *) built=$target/$profile ;;
 esac
 mkdir -p "$prefix/lib/pkgconfig" "$prefix/include"
-install -m 755 "$built/libbiotissue.so" "$prefix/lib/liblas.so"
+install -m 755 "$built/libbiotissue.so" "$prefix/lib/liblas.so.$version"
+ln -sf "liblas.so.$version" "$prefix/lib/$soname"
+ln -sf "$soname" "$prefix/lib/liblas.so"
 install -m 644 "$built/libbiotissue.a" "$prefix/lib/liblas.a"
 install -m 644 include/las.h include/las.f90 "$prefix/include"
-version=$(sed -n 's/^version = "\(.*\)"/\1/p' Cargo.toml | head -1)
 requires=
 case ,$features, in
 *,petsc,*) if pkg-config --exists PETSc; then requires="Requires.private: PETSc"; else requires="Requires.private: petsc"; fi ;;

@@ -44,12 +44,17 @@ sets=(
 )
 # All of them, so that what needs several shares one build.
 everything=(--quiet --features biotissue/batched,biotissue/capi,biotissue/metis,biotissue/petsc,downstream/petsc)
-# Beside the rest, since much of it keeps one core busy: lints of every pair of features (without `cuda`, which brings
-# nothing), and the documentation. What it says comes at the end.
+# Beside the tests, since much of both keeps one core busy: lints of every pair of features (without `cuda`, which brings
+# nothing), and the documentation. What it says comes at the end. It starts from what the lints have found out of all
+# dependencies.
 beside() {
     export CARGO_TARGET_DIR=$PWD/target/beside
+    if [ ! -d target/beside/debug ]; then
+        mkdir -p target/beside/debug
+        cp -a target/debug/.fingerprint target/debug/build target/debug/deps target/beside/debug/
+    fi
     if [ ! -x target/tools/bin/cargo-hack ]; then
-        cargo install --quiet --locked --root target/tools --target-dir target/tools cargo-hack
+        cargo install --quiet --debug --locked --root target/tools --target-dir target/tools cargo-hack
     fi
     target/tools/bin/cargo-hack hack clippy --quiet --lib --feature-powerset --depth 2 --exclude-features default,cuda \
         -- -D warnings
@@ -59,11 +64,6 @@ beside() {
         RUSTDOCFLAGS="-D warnings" cargo doc --quiet --no-deps $features
     done
 }
-mkdir -p target
-(set -e; beside) >target/beside.log 2>&1 &
-lane=$!
-trap 'kill "$lane" 2>/dev/null || true' EXIT
-
 for features in "${sets[@]}"; do
     say "lints: $features"
     # shellcheck disable=SC2086
@@ -71,6 +71,10 @@ for features in "${sets[@]}"; do
 done
 say "lints: everything, with the other packages"
 cargo clippy "${everything[@]}" --workspace --all-targets --features overhead/petsc -- -D warnings
+
+(set -e; beside) >target/beside.log 2>&1 &
+lane=$!
+trap 'kill "$lane" 2>/dev/null || true' EXIT
 
 # Four whole sets.
 say "tests: default features"

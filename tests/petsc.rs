@@ -18,8 +18,8 @@ use biotissue::fem::material::NeoHookean;
 use biotissue::fem::point_field::FormulaField;
 use biotissue::fem::stepping::{StepParams, Stepper};
 use biotissue::las::{
-    Backend, Entries, FactorReport, Factorisation, Iterative, Krylov, MatMat, MatVec, MatrixOps, Preconditioner,
-    SolveError, Solver, SolverParams, Sparsity, Symmetry, VectorOps, conformance,
+    Backend, Ending, Entries, FactorReport, Factorisation, Iterative, Krylov, MatMat, MatVec, MatrixOps,
+    Preconditioner, SolveError, Solver, SolverParams, Sparsity, Symmetry, VectorOps, conformance,
 };
 use mpi::topology::{Color, Communicator, SimpleCommunicator};
 use nalgebra::Matrix3;
@@ -307,7 +307,7 @@ fn iterative_methods(context: &Context) {
     let mut solver = Petsc::solver(&Petsc::analyze(context, &pattern, &params).unwrap()).unwrap();
     solver.factor(&a).unwrap();
     match solver.solve(&b, &mut ones(context, len)) {
-        Err(SolveError::NotConverged { method: "CG", iterations: 3, residual, broke_down: false, .. }) => {
+        Err(SolveError::NotConverged { method: "CG", iterations: 3, residual, ending: Ending::RanOut, .. }) => {
             assert!(residual > 1e-10);
         }
         other => panic!("three iterations: {other:?}"),

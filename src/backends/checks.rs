@@ -10,16 +10,21 @@ pub(super) fn singular_limit<T: Scalar>(params: &SolverParams) -> f64 {
     params.singular_below.unwrap_or(4.0 * T::epsilon().as_f64())
 }
 
-/// Refuses a factorisation that shows its matrix not to be positive definite.
+/// Refuses a factorisation that shows its matrix not to be positive definite, or cannot show it.
 #[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
-pub(super) fn definite<F>(report: FactorReport) -> Result<FactorReport, SolveError<F>> {
+pub(super) fn definite<F>(backend: &'static str, report: FactorReport) -> Result<FactorReport, SolveError<F>> {
     match report.negative_pivots {
         Some(0) => Ok(report),
-        _ => Err(SolveError::Indefinite { unknown: report.indefinite_at.unwrap_or(0) }),
+        Some(_) => Err(SolveError::Indefinite { unknown: report.indefinite_at }),
+        None => Err(SolveError::Unsupported {
+            backend,
+            what: "test of definiteness by LU",
+            cure: "state the matrix to be `Symmetry::Definite` or `Symmetry::Symmetric`",
+        }),
     }
 }
 
-/// Refuses an argument of another size than the pattern analysed.
+/// Refuses an argument of another size than fits.
 pub(super) fn check_size<F>(what: &'static str, found: usize, expected: usize) -> Result<(), SolveError<F>> {
     if found == expected { Ok(()) } else { Err(SolveError::Size { what, found, expected }) }
 }

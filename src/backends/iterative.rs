@@ -107,7 +107,7 @@ where
         let (report, pivots) = self.factor_with_pivots(a)?;
         if pivots.is_some_and(|pivots| pivots.negative() > 0) {
             self.ready = false;
-            return Err(SolveError::Indefinite { unknown: 0 });
+            return Err(SolveError::Indefinite { unknown: None });
         }
         Ok(report)
     }

@@ -7,8 +7,8 @@ use std::mem::ManuallyDrop;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use super::{
-    LAS_FAULT, LAS_INDEX, LAS_NOT_CONVERGED, LAS_NOT_FACTORED, LAS_NULL, LAS_OK, LAS_PANIC, LAS_SINGULAR, LAS_SIZE,
-    LAS_UNSUPPORTED,
+    LAS_ARGUMENT, LAS_FAULT, LAS_INDEX, LAS_NOT_CONVERGED, LAS_NOT_FACTORED, LAS_NULL, LAS_OK, LAS_PANIC, LAS_SINGULAR,
+    LAS_SIZE, LAS_UNSUPPORTED,
 };
 use crate::las::{Scalar, SolveError, Value};
 
@@ -285,11 +285,13 @@ pub(super) fn unsolved<F: std::error::Error>(error: SolveError<F>) -> Failure {
         | SolveError::Pattern
         | SolveError::OneTriangle { .. }
         | SolveError::TooLarge(_) => LAS_SIZE,
+        SolveError::Parameter(_) => LAS_ARGUMENT,
         SolveError::NotFactored => LAS_NOT_FACTORED,
         SolveError::Singular { .. } | SolveError::ZeroDiagonal { .. } | SolveError::Indefinite { .. } => LAS_SINGULAR,
-        SolveError::NotConverged { .. } | SolveError::Inaccurate { .. } | SolveError::NotFinite { .. } => {
-            LAS_NOT_CONVERGED
-        }
+        SolveError::NotConverged { .. }
+        | SolveError::Inaccurate { .. }
+        | SolveError::NotFinite { .. }
+        | SolveError::SideNotFinite => LAS_NOT_CONVERGED,
         SolveError::Unsupported { .. } => LAS_UNSUPPORTED,
         SolveError::Library { .. } | SolveError::Fault(_) => LAS_FAULT,
     };

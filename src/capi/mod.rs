@@ -22,14 +22,14 @@ mod handles;
 #[cfg(feature = "petsc")]
 mod session;
 
-use std::ffi::c_char;
+use std::ffi::{CStr, c_char};
 use std::path::Path;
 use std::sync::Arc;
 
 use backend::exported;
 use handles::{Failure, array, count, exclusive, fault, free, give, guarded};
 
-use crate::las::{Backend, Iterative, Krylov, Ordering, Preconditioner, SolverParams, Sparsity, Symmetry, market};
+use crate::las::{Backend, Iterative, Krylov, Preconditioner, SolverParams, Sparsity, Symmetry, market};
 
 /// All went well.
 pub const LAS_OK: i32 = 0;
@@ -53,10 +53,12 @@ pub const LAS_FILE: i32 = 8;
 pub const LAS_FAULT: i32 = 9;
 /// A fault of this library.
 pub const LAS_PANIC: i32 = 10;
+/// A parameter is none of those allowed.
+pub const LAS_ARGUMENT: i32 = 11;
 
-/// The matrix is symmetric and positive definite.
+/// The matrix is symmetric, both of its triangles are stored, and it is positive definite in ordinary states.
 pub const LAS_DEFINITE: i32 = 0;
-/// The matrix is symmetric.
+/// The matrix is symmetric, and both of its triangles are stored.
 pub const LAS_SYMMETRIC: i32 = 1;
 /// The matrix is not symmetric.
 pub const LAS_UNSYMMETRIC: i32 = 2;
@@ -70,6 +72,8 @@ pub const LAS_BICGSTAB: i32 = 2;
 /// Solve by generalised minimal residuals.
 pub const LAS_GMRES: i32 = 3;
 
+/// Iterate with what suits the method: the diagonal for LAS_CG and for all methods of PETSc, LAS_ILUT for the others.
+pub const LAS_AUTO: i32 = -1;
 /// Iterate without a preconditioner.
 pub const LAS_NONE: i32 = 0;
 /// Iterate with the inverse of the diagonal.
@@ -88,7 +92,7 @@ pub struct las_params {
     pub symmetry: i32,
     /// LAS_DIRECT, LAS_CG, LAS_BICGSTAB or LAS_GMRES.
     pub method: i32,
-    /// LAS_NONE, LAS_DIAGONAL, LAS_ILUT or LAS_MULTIGRID.
+    /// LAS_AUTO, LAS_NONE, LAS_DIAGONAL, LAS_ILUT or LAS_MULTIGRID.
     pub preconditioner: i32,
     /// Steps of GMRES between restarts.
     pub restart: i32,
@@ -103,39 +107,44 @@ pub struct las_params {
 }
 
 impl las_params {
-    fn checked(&self) -> Result<SolverParams, Failure> {
-        let refuse = |what: &str, value: i32| Failure::new(LAS_SIZE, format!("`{what}` is {value}, which is none"));
-        let positive = |value: i32, what: &str| match count(value, what)? {
-            0 => Err(refuse(what, 0)),
-            value => Ok(value),
-        };
+    fn checked(&self, backend: &str) -> Result<SolverParams, Failure> {
         let symmetry = match self.symmetry {
             LAS_DEFINITE => Symmetry::Definite,
             LAS_SYMMETRIC => Symmetry::Symmetric,
             LAS_UNSYMMETRIC => Symmetry::None,
-            other => return Err(refuse("symmetry", other)),
+            other => return Err(refuse("symmetry", other, "LAS_DEFINITE, LAS_SYMMETRIC or LAS_UNSYMMETRIC")),
         };
-        let params = SolverParams { ordering: Ordering::Auto, ..SolverParams::new(symmetry) };
+        let params = SolverParams::new(symmetry);
         let krylov = match self.method {
             LAS_DIRECT => return Ok(params),
             LAS_CG => Krylov::Cg,
             LAS_BICGSTAB => Krylov::BiCgStab,
-            LAS_GMRES => Krylov::Gmres { restart: positive(self.restart, "restart")? },
-            other => return Err(refuse("method", other)),
+            LAS_GMRES => Krylov::Gmres { restart: natural(self.restart, "restart")? },
+            other => return Err(refuse("method", other, "LAS_DIRECT, LAS_CG, LAS_BICGSTAB or LAS_GMRES")),
         };
-        let preconditioner = match self.preconditioner {
+        let suited = if backend == "petsc" || self.method == LAS_CG { LAS_DIAGONAL } else { LAS_ILUT };
+        let preconditioner = match if self.preconditioner == LAS_AUTO { suited } else { self.preconditioner } {
             LAS_NONE => Preconditioner::None,
             LAS_DIAGONAL => Preconditioner::Diagonal,
-            LAS_ILUT => Preconditioner::Ilut { drop_tolerance: self.drop_tolerance, fill: count(self.fill, "fill")? },
+            LAS_ILUT => Preconditioner::Ilut { drop_tolerance: self.drop_tolerance, fill: natural(self.fill, "fill")? },
             LAS_MULTIGRID => Preconditioner::Multigrid,
-            other => return Err(refuse("preconditioner", other)),
+            other => {
+                let allowed = "LAS_AUTO, LAS_NONE, LAS_DIAGONAL, LAS_ILUT or LAS_MULTIGRID";
+                return Err(refuse("preconditioner", other, allowed));
+            }
         };
-        let max_iterations = positive(self.max_iterations, "max_iterations")?;
-        if !(self.tolerance > 0.0 && self.drop_tolerance >= 0.0) {
-            return Err(Failure::new(LAS_SIZE, "`tolerance` must be positive and `drop_tolerance` not negative"));
-        }
+        let max_iterations = natural(self.max_iterations, "max_iterations")?;
         Ok(params.iterative(Iterative { krylov, preconditioner, tolerance: self.tolerance, max_iterations }))
     }
+}
+
+fn refuse(what: &str, value: i32, allowed: &str) -> Failure {
+    Failure::new(LAS_ARGUMENT, format!("`{what}` is {value}; it must be {allowed}"))
+}
+
+/// A parameter that counts; that it may not be zero is checked with the rest.
+fn natural(value: i32, what: &str) -> Result<usize, Failure> {
+    usize::try_from(value).map_err(|_| refuse(what, value, "0 or above"))
 }
 
 /// Which entries of a matrix can be other than zero; shared by all backends.
@@ -148,7 +157,18 @@ pub extern "C" fn las_message() -> *const c_char {
     handles::message()
 }
 
-/// Fills in the defaults: a definite matrix, solved directly; iterations to 1e-10 with ILUT(1e-3, 20).
+/// The version of this library, such as "0.1.0".
+#[unsafe(no_mangle)]
+pub extern "C" fn las_version() -> *const c_char {
+    const VERSION: &CStr = match CStr::from_bytes_with_nul(concat!(env!("CARGO_PKG_VERSION"), "\0").as_bytes()) {
+        Ok(version) => version,
+        Err(_) => c"unknown",
+    };
+    VERSION.as_ptr()
+}
+
+/// Fills in the defaults: a definite matrix, solved directly; iterations to 1e-10 with what suits the method, ILUT(1e-3, 20)
+/// where it is that.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_default_params(params: *mut las_params) -> i32 {
     // SAFETY: of the pointers the caller promises what the header says; so below.
@@ -156,7 +176,7 @@ pub unsafe extern "C" fn las_default_params(params: *mut las_params) -> i32 {
         *exclusive(params, "params")? = las_params {
             symmetry: LAS_DEFINITE,
             method: LAS_DIRECT,
-            preconditioner: LAS_ILUT,
+            preconditioner: LAS_AUTO,
             restart: 50,
             fill: 20,
             max_iterations: 1000,

@@ -8,7 +8,8 @@ use super::{Entries, Index, MatMat, MatVec, MatrixOps, SolveError, Solver, Solve
 /// A linear-algebra backend: a zero-sized marker that names its types and makes them.
 ///
 /// A backend is chosen at compile time. Code that assembles and solves is written once, `fn assemble<B: Backend>(..)`,
-/// and the verbs of [`VectorOps`] and [`MatrixOps`] inline into exactly what a direct call of the backend compiles to.
+/// and the verbs of [`VectorOps`] and [`MatrixOps`] inline into what a direct call of the backend compiles to, instruction by
+/// instruction; `docs/overhead.md` counts them, and lists the few verbs of PETSc that are more than one call of it.
 ///
 /// ```
 /// use std::sync::Arc;

@@ -37,7 +37,7 @@ pub use ops::{MatrixOps, VectorOps};
 pub use products::{Entries, MatMat, MatVec};
 pub use scalar::{Index, Scalar, Value};
 pub use solve::{
-    FactorReport, Factorisation, Iterative, Krylov, Method, Ordering, Preconditioner, SolveError, SolveReport, Solver,
-    SolverParams, Symmetry,
+    Ending, FactorReport, Factorisation, Iterative, Krylov, Method, Ordering, Preconditioner, SolveError, SolveReport,
+    Solver, SolverParams, Symmetry, Unusable,
 };
 pub use sparsity::{Sparsity, SparsityError};

@@ -61,32 +61,24 @@ impl Sparsity {
         I: AsRef<[i32]>,
     {
         check_size(unknowns)?;
-        let mut rows: Vec<Vec<u32>> = (0..unknowns as u32).map(|row| vec![row]).collect();
+        let (mut starts, mut members) = (vec![0], Vec::new());
         for (number, element) in elements.into_iter().enumerate() {
-            let element = element.as_ref();
-            for &row in element.iter().filter(|&&row| row >= 0) {
-                let Some(columns) = rows.get_mut(row as usize) else {
-                    return Err(SparsityError::Column { row: number, column: row as usize, cols: unknowns });
-                };
-                columns.extend(element.iter().filter(|&&c| c >= 0).map(|&c| c as u32));
-                // Keep the lists short while many elements meet in one row.
-                if columns.len() > 256 && columns.len().is_power_of_two() {
-                    columns.sort_unstable();
-                    columns.dedup();
+            for &unknown in element.as_ref().iter().filter(|&&unknown| unknown >= 0) {
+                if unknown as usize >= unknowns {
+                    return Err(SparsityError::Column { row: number, column: unknown as usize, cols: unknowns });
                 }
+                members.push(unknown as u32);
             }
+            starts.push(members.len());
         }
-        let mut row_start = Vec::with_capacity(unknowns + 1);
-        row_start.push(0);
-        let mut columns = Vec::new();
-        for mut row in rows {
-            row.sort_unstable();
-            row.dedup();
-            columns.extend_from_slice(&row);
-            check_size(columns.len())?;
-            row_start.push(columns.len() as u32);
-        }
-        Ok(Self { cols: unknowns, row_start: row_start.into(), columns: columns.into() })
+        let element = |number: usize| &members[starts[number]..starts[number + 1]];
+        let (first, meeting) = elements_of_rows(unknowns, starts.len() - 1, element);
+        Self::by_rows(unknowns, unknowns, |row, columns| {
+            columns.push(row as u32);
+            for &number in &meeting[first[row]..first[row + 1]] {
+                columns.extend_from_slice(element(number as usize));
+            }
+        })
     }
 
     /// A pattern from compressed rows, checked.
@@ -112,10 +104,11 @@ impl Sparsity {
     /// Every position of a rectangle; one that 32-bit indices can address.
     ///
     /// # Panics
-    /// In debug builds, where it is larger.
+    /// Where it is larger.
     #[must_use]
     pub fn full(rows: usize, cols: usize) -> Self {
-        debug_assert!(check_size(rows * cols).is_ok() && check_size(rows).is_ok(), "{rows} rows and {cols} columns");
+        let fits = rows.checked_mul(cols).is_some_and(|entries| check_size(entries).is_ok());
+        assert!(fits && check_size(rows).is_ok(), "{rows} by {cols} entries are more than 32-bit indices can address");
         let row_start = (0..=rows).map(|row| (row * cols) as u32).collect();
         Self { cols, row_start, columns: (0..rows).flat_map(|_| 0..cols as u32).collect() }
     }
@@ -256,6 +249,26 @@ impl Sparsity {
         let alone = |row: usize| columns(row).find(|&column| self.find(column, row).is_none());
         (0..self.rows()).find_map(|row| alone(row).map(|column| (row, column)))
     }
+}
+
+/// For every row where the elements start that have it, and their numbers.
+fn elements_of_rows<'a>(rows: usize, elements: usize, element: impl Fn(usize) -> &'a [u32]) -> (Vec<usize>, Vec<u32>) {
+    let mut first = vec![0; rows + 1];
+    for &row in (0..elements).flat_map(&element) {
+        first[row as usize + 1] += 1;
+    }
+    for row in 0..rows {
+        first[row + 1] += first[row];
+    }
+    let mut next = first.clone();
+    let mut numbers = vec![0; first[rows]];
+    for number in 0..elements {
+        for &row in element(number) {
+            numbers[next[row as usize]] = number as u32;
+            next[row as usize] += 1;
+        }
+    }
+    (first, numbers)
 }
 
 fn check_size(count: usize) -> Result<(), SparsityError> {

@@ -47,10 +47,9 @@ static void check(int right, const char *what, int line) {
         OK(las_finish_vec_##BACKEND(f));                                                                               \
         OK(las_default_params(&params));                                                                               \
         params.method = method;                                                                                        \
-        params.preconditioner = LAS_DIAGONAL;                                                                          \
         OK(las_create_solver_##BACKEND(las, pattern, &params, &solver));                                               \
         OK(las_factor_##BACKEND(solver, k));                                                                           \
-        OK(las_solve_##BACKEND(solver, f, x, &iterations));                                                            \
+        OK(las_solve_##BACKEND(solver, f, x, &iterations, NULL));                                                      \
         OK(las_get_vec_##BACKEND(x, N, all, u));                                                                       \
         OK(las_destroy_solver_##BACKEND(solver));                                                                      \
         OK(las_destroy_vec_##BACKEND(x));                                                                              \

@@ -67,10 +67,10 @@ static const double SPRING[4] = {1, -1, -1, 1};
         OK(las_finish_vec_##BACKEND(f));                                                                               \
         OK(las_default_params(&params));                                                                               \
         OK(las_create_solver_##BACKEND(las, pattern, &params, &solver));                                               \
-        CHECK(las_solve_##BACKEND(solver, f, x, NULL) == LAS_NOT_FACTORED);                                            \
+        CHECK(las_solve_##BACKEND(solver, f, x, NULL, NULL) == LAS_NOT_FACTORED);                                            \
         OK(las_factor_##BACKEND(solver, k));                                                                           \
         int iterations = -1;                                                                                           \
-        OK(las_solve_##BACKEND(solver, f, x, &iterations));                                                            \
+        OK(las_solve_##BACKEND(solver, f, x, &iterations, NULL));                                                      \
         CHECK(iterations == 0);                                                                                        \
         int all[N];                                                                                                    \
         for (int i = 0; i < N; ++i) all[i] = i;                                                                        \
@@ -87,11 +87,11 @@ static const double SPRING[4] = {1, -1, -1, 1};
         CHECK(fabs(dot - N) < 1e-10);                                                                                  \
         OK(las_destroy_solver_##BACKEND(solver));                                                                      \
         params.method = LAS_CG;                                                                                        \
-        params.preconditioner = LAS_DIAGONAL;                                                                          \
+        double residual = 1;                                                                                           \
         OK(las_create_solver_##BACKEND(las, pattern, &params, &solver));                                               \
         OK(las_factor_##BACKEND(solver, k));                                                                           \
-        OK(las_solve_##BACKEND(solver, f, y, &iterations));                                                            \
-        CHECK(iterations > 0);                                                                                         \
+        OK(las_solve_##BACKEND(solver, f, y, &iterations, &residual));                                                 \
+        CHECK(iterations > 0 && residual > 0 && residual < 1e-10);                                                     \
         OK(las_axpy_##BACKEND(-1, x, y));                                                                              \
         OK(las_norm_##BACKEND(y, &norm));                                                                              \
         CHECK(norm < 1e-6);                                                                                            \
@@ -225,8 +225,15 @@ static void refusals(void) {
     CHECK(las_mul_sparse(k, x, y) == LAS_SIZE);
     OK(las_default_params(&params));
     params.symmetry = 17;
-    CHECK(las_create_solver_sparse(las, pattern, &params, &solver) == LAS_SIZE && solver == NULL);
+    CHECK(las_create_solver_sparse(las, pattern, &params, &solver) == LAS_ARGUMENT && solver == NULL);
+    CHECK(strcmp(las_message(), "`symmetry` is 17; it must be LAS_DEFINITE, LAS_SYMMETRIC or LAS_UNSYMMETRIC") == 0);
     params.symmetry = LAS_DEFINITE;
+    params.method = LAS_CG;
+    params.tolerance = 0;
+    CHECK(las_create_solver_sparse(las, pattern, &params, &solver) == LAS_ARGUMENT && solver == NULL);
+    CHECK(strcmp(las_message(), "`tolerance` is 0; it must be above 0 and below 1") == 0);
+    OK(las_default_params(&params));
+    CHECK(strchr(las_version(), '.') != NULL);
     OK(las_create_solver_sparse(las, pattern, &params, &solver));
     CHECK(las_factor_sparse(solver, k) == LAS_SINGULAR); /* zeros */
     int left[1] = {0}, right[1] = {1};

@@ -57,6 +57,7 @@ impl<T: Scalar + RealField> Backend for Dense<T> {
         if rows != cols {
             return Err(SolveError::NotSquare { rows, cols });
         }
+        params.check()?;
         Ok(Arc::new(Symbolic { unknowns: rows, params: *params }))
     }
 

@@ -265,7 +265,7 @@ impl<T: Scalar + RealField> crate::las::Solver<Dense<T>> for Solver<T> {
             return iterative.factor_definite(a);
         }
         let report = crate::las::Solver::<Dense<T>>::factor(self, a)?;
-        definite(report).inspect_err(|_| self.served = None)
+        definite(Dense::<T>::NAME, report).inspect_err(|_| self.served = None)
     }
 
     fn solve(&mut self, b: &Vector<T>, x: &mut Vector<T>) -> Result<SolveReport, SolveError<Infallible>> {

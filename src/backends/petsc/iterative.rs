@@ -4,7 +4,7 @@ use super::error::PetscError;
 use super::ksp::Ksp;
 use super::session::call;
 use super::{Matrix, Petsc, Vector, ffi};
-use crate::las::{Backend, Iterative, Krylov, MatVec, Preconditioner, SolveError, SolveReport, VectorOps};
+use crate::las::{Backend, Ending, Iterative, Krylov, MatVec, Preconditioner, SolveError, SolveReport, VectorOps};
 
 /// A Krylov method with its preconditioner, on one matrix.
 #[derive(Debug)]
@@ -71,6 +71,9 @@ impl ByIterations {
             x.as_mut_slice().fill(0.0);
             return Ok(SolveReport::DIRECT);
         }
+        if !size.is_finite() {
+            return Err(SolveError::SideNotFinite);
+        }
         let mut report = SolveReport { iterations: 0, residual: 1.0 };
         let mut reason = 0;
         for round in 0..ROUNDS {
@@ -99,8 +102,13 @@ impl ByIterations {
             Krylov::Gmres { .. } => "GMRES",
         };
         let SolveReport { iterations, residual } = report;
-        let broke_down = reason != ITERATIONS;
-        SolveError::NotConverged { method, iterations, residual, tolerance: self.method.tolerance, broke_down }
+        let ending = match reason {
+            ITERATIONS => Ending::RanOut,
+            // It says that it has converged, round after round.
+            1.. => Ending::Stagnated,
+            _ => Ending::BrokeDown,
+        };
+        SolveError::NotConverged { method, iterations, residual, tolerance: self.method.tolerance, ending }
     }
 }
 

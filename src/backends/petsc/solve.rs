@@ -10,8 +10,8 @@ use super::{Matrix, Petsc, Vector};
 use crate::backends::checks::{check_columns, check_size, definite, singular_limit};
 use crate::backends::local;
 use crate::las::{
-    FactorReport, Factorisation, MatVec, Method, Preconditioner, SolveError, SolveReport, SolverParams, Sparsity,
-    Symmetry, VectorOps,
+    Backend, FactorReport, Factorisation, MatVec, Method, Preconditioner, SolveError, SolveReport, SolverParams,
+    Sparsity, Symmetry, VectorOps,
 };
 
 type Fault = SolveError<PetscError>;
@@ -31,6 +31,7 @@ impl Symbolic {
         if rows != cols {
             return Err(SolveError::NotSquare { rows, cols });
         }
+        params.check()?;
         Ok(Self { context: context.clone(), pattern: Arc::clone(pattern), params: *params })
     }
 }
@@ -287,7 +288,7 @@ impl crate::las::Solver<Petsc> for Solver {
         if let Method::Iterative(method) = self.symbolic.params.method {
             let unknown = self.smallest_diagonal()?;
             if self.diagonal.as_slice().get(unknown).is_some_and(|&entry| entry <= 0.0) {
-                return Err(SolveError::Indefinite { unknown });
+                return Err(SolveError::Indefinite { unknown: Some(unknown) });
             }
             return self.prepare_iterations(method.preconditioner);
         }
@@ -302,12 +303,12 @@ impl crate::las::Solver<Petsc> for Solver {
                 Some(report) if self.diagonal.as_slice().get(unknown).is_some_and(|&entry| entry > 0.0) => Ok(report),
                 _ => {
                     self.served = None;
-                    Err(SolveError::Indefinite { unknown })
+                    Err(SolveError::Indefinite { unknown: Some(unknown) })
                 }
             };
         }
         let report = self.factor_taken()?;
-        definite(report).inspect_err(|_| self.served = None)
+        definite(Petsc::NAME, report).inspect_err(|_| self.served = None)
     }
 
     fn solve(&mut self, b: &Vector, x: &mut Vector) -> Result<SolveReport, Fault> {

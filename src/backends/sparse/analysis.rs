@@ -37,6 +37,7 @@ impl Symbolic {
         if rows != cols {
             return Err(SolveError::NotSquare { rows, cols });
         }
+        params.check()?;
         let mut symbolic = Self {
             pattern: Arc::clone(pattern),
             params: *params,

@@ -16,7 +16,7 @@ use crate::backends::checks::{check_columns, check_size, definite, singular_limi
 use crate::backends::direct::{Pivots, Scratch};
 use crate::backends::iterative::IterativeSolver;
 use crate::backends::local;
-use crate::las::{FactorReport, Factorisation, Method, SolveError, SolveReport, Symmetry};
+use crate::las::{Backend, FactorReport, Factorisation, Method, SolveError, SolveReport, Symmetry};
 
 /// Solver for matrices of one pattern.
 ///
@@ -118,7 +118,7 @@ impl<T: BlockScalar> Solver<T> {
             return self.factor_lu(a, None);
         }
         match self.factor_by_cholesky(a) {
-            Err(SolveError::Indefinite { unknown }) => self.factor_ldlt(a, Some(unknown)),
+            Err(SolveError::Indefinite { unknown }) => self.factor_ldlt(a, unknown),
             Ok(None) => self.factor_ldlt(a, None),
             Ok(Some(report)) => Ok(report),
             Err(error) => Err(error),
@@ -133,7 +133,7 @@ impl<T: BlockScalar> Solver<T> {
                 Ok(pivots) => {
                     return self.report(Factorisation::Cholesky, None, &pivots, |p| analysis.unknown(p)).map(Some);
                 }
-                Err(position) => return Err(SolveError::Indefinite { unknown: analysis.unknown(position) }),
+                Err(position) => return Err(SolveError::Indefinite { unknown: Some(analysis.unknown(position)) }),
             }
         }
         if self.cholesky.is_none() {
@@ -144,7 +144,7 @@ impl<T: BlockScalar> Solver<T> {
         let Some(cholesky) = &mut self.cholesky else { return Ok(None) };
         match cholesky.factor(analysis, &self.lower, self.scratch.memory()) {
             Ok(pivots) => self.report(Factorisation::Cholesky, None, &pivots, |p| analysis.order[p] as usize).map(Some),
-            Err(position) => Err(SolveError::Indefinite { unknown: analysis.order[position] as usize }),
+            Err(position) => Err(SolveError::Indefinite { unknown: Some(analysis.order[position] as usize) }),
         }
     }
 
@@ -315,7 +315,7 @@ impl<T: BlockScalar> crate::las::Solver<Sparse<T>> for Solver<T> {
             return Ok(report);
         }
         let report = self.factor_checked(a)?;
-        definite(report).inspect_err(|_| self.served = None)
+        definite(Sparse::<T>::NAME, report).inspect_err(|_| self.served = None)
     }
 
     fn solve(&mut self, b: &Vector<T>, x: &mut Vector<T>) -> Result<SolveReport, SolveError<Infallible>> {

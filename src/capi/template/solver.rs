@@ -12,7 +12,7 @@ pub unsafe extern "C" fn las_create_solver_BACKEND(
     guarded(|| unsafe {
         give(solver, "solver", || {
             let (las, pattern) = (shared(las, "las")?, shared(pattern, "pattern")?);
-            let params = shared(params, "params")?.checked()?;
+            let params = shared(params, "params")?.checked(<B as Backend>::NAME)?;
             let symbolic = <B as Backend>::analyze(&las.0, &pattern.0, &params).map_err(unsolved)?;
             Ok(las_solver_BACKEND(<B as Backend>::solver(&symbolic).map_err(unsolved)?))
         })
@@ -36,7 +36,8 @@ pub unsafe extern "C" fn las_factor_BACKEND(solver: *mut las_solver_BACKEND, mat
     })
 }
 
-/// Factors a matrix of the solver's pattern if it is positive definite; LAS_SINGULAR if it is not.
+/// Factors a matrix of the solver's pattern if it is positive definite; LAS_SINGULAR if it is not, LAS_UNSUPPORTED if it is
+/// stated to be LAS_UNSYMMETRIC.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_factor_definite_BACKEND(
     solver: *mut las_solver_BACKEND,
@@ -50,13 +51,15 @@ pub unsafe extern "C" fn las_factor_definite_BACKEND(
 }
 
 /// A x = b, with the matrix factored last; b and x must not be the same vector. Tells the iterations of an iterative method
-/// (0 for a direct one); a null pointer there is allowed.
+/// and the residual that it left, over the right-hand side (0 both for a direct one, which does not look); null pointers there
+/// are allowed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_solve_BACKEND(
     solver: *mut las_solver_BACKEND,
     b: *const las_vec_BACKEND,
     x: *mut las_vec_BACKEND,
     iterations: *mut i32,
+    residual: *mut f64,
 ) -> i32 {
     // SAFETY: as above; the two differ.
     guarded(|| unsafe {
@@ -66,11 +69,14 @@ pub unsafe extern "C" fn las_solve_BACKEND(
         if let Some(iterations) = iterations.as_mut() {
             *iterations = report.iterations as i32;
         }
+        if let Some(residual) = residual.as_mut() {
+            *residual = report.residual;
+        }
         Ok(())
     })
 }
 
-/// A x[k] = b[k] for several right-hand sides at once; no vector may stand twice among x, or in both.
+/// A x[k] = b[k] for several right-hand sides at once; those before one that fails are solved. No vector may stand twice among x, or in both.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_solve_many_BACKEND(
     solver: *mut las_solver_BACKEND,

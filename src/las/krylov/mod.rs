@@ -14,7 +14,7 @@ mod tests;
 
 use num_traits::{Float, One, Zero};
 
-use super::{Backend, Iterative, Krylov, Scalar, SolveError, SolveReport, VectorOps};
+use super::{Backend, Ending, Iterative, Krylov, Scalar, SolveError, SolveReport, VectorOps};
 
 /// `y = f(x)`: a product with the matrix, or with an approximate inverse of it.
 pub type Apply<'a, B> = &'a mut dyn FnMut(&Vector<B>, &mut Vector<B>) -> Result<(), SolveError<Fault<B>>>;
@@ -70,7 +70,7 @@ where
     /// `A x = b` with the matrix `a` and the approximate inverse `m`.
     ///
     /// # Errors
-    /// [`SolveError::NotConverged`], and what `a` and `m` say.
+    /// [`SolveError::NotConverged`], [`SolveError::SideNotFinite`], and what `a` and `m` say.
     pub fn solve(
         &mut self,
         a: Apply<'_, B>,
@@ -84,6 +84,9 @@ where
         if size.is_zero() {
             return Ok(SolveReport::DIRECT);
         }
+        if !size.is_finite() {
+            return Err(SolveError::SideNotFinite);
+        }
         let target = size * B::Scalar::of(tolerance);
         let mut run = Run::<B> { a, m, target, iterations: 0, most: max_iterations };
         let mut best = B::Scalar::infinity();
@@ -96,10 +99,15 @@ where
                 return Ok(report);
             }
             // Begun again without getting nearer: rounding allows no better.
-            let stuck =
-                residual.is_nan() || residual > best * B::Scalar::of(0.9) && !matches!(krylov, Krylov::Gmres { .. });
-            if run.iterations >= max_iterations || stuck {
-                return Err(self.failure(report, stuck && run.iterations < max_iterations));
+            let stuck = residual > best * B::Scalar::of(0.9) && !matches!(krylov, Krylov::Gmres { .. });
+            if residual.is_nan() {
+                return Err(self.failure(report, Ending::BrokeDown));
+            }
+            if run.iterations >= max_iterations {
+                return Err(self.failure(report, Ending::RanOut));
+            }
+            if stuck {
+                return Err(self.failure(report, Ending::Stagnated));
             }
             best = best.min(residual);
             let ended = match krylov {
@@ -112,20 +120,20 @@ where
                 let residual = self.vectors[0].norm().map_err(SolveError::Fault)?;
                 if residual > target {
                     let report = SolveReport { iterations: run.iterations, residual: (residual / size).as_f64() };
-                    return Err(self.failure(report, true));
+                    return Err(self.failure(report, Ending::BrokeDown));
                 }
             }
         }
     }
 
-    fn failure(&self, report: SolveReport, broke_down: bool) -> SolveError<B::Fault> {
+    fn failure(&self, report: SolveReport, ending: Ending) -> SolveError<B::Fault> {
         let method = match self.method.krylov {
             Krylov::Cg => "CG",
             Krylov::BiCgStab => "BiCGSTAB",
             Krylov::Gmres { .. } => "GMRES",
         };
         let SolveReport { iterations, residual } = report;
-        SolveError::NotConverged { method, iterations, residual, tolerance: self.method.tolerance, broke_down }
+        SolveError::NotConverged { method, iterations, residual, tolerance: self.method.tolerance, ending }
     }
 }
 

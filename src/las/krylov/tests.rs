@@ -4,8 +4,8 @@
 use std::sync::Arc;
 
 use crate::las::{
-    Backend, Factorisation, Iterative, Krylov, MatrixOps, Preconditioner, SolveError, Solver, SolverParams, Sparsity,
-    Symmetry, VectorOps,
+    Backend, Ending, Factorisation, Iterative, Krylov, MatrixOps, Preconditioner, SolveError, Solver, SolverParams,
+    Sparsity, Symmetry, VectorOps,
 };
 
 const METHODS: [Krylov; 3] = [Krylov::Cg, Krylov::BiCgStab, Krylov::Gmres { restart: 20 }];
@@ -114,7 +114,8 @@ mod sparse {
             ..Iterative::default()
         };
         let error = solve::<Sparse>(&laplacian::<Sparse>(12, 0.0), method).unwrap_err();
-        let SolveError::NotConverged { method: "CG", iterations: 3, residual, broke_down: false, .. } = error else {
+        let SolveError::NotConverged { method: "CG", iterations: 3, residual, ending: Ending::RanOut, .. } = error
+        else {
             panic!("{error}")
         };
         assert!(residual > 1e-10 && residual < 1.0, "{residual}");
@@ -131,7 +132,7 @@ mod sparse {
         }
         let method = Iterative { max_iterations: 100, ..method };
         let error = solve::<Sparse>(&(pattern, a), method).unwrap_err();
-        assert!(matches!(error, SolveError::NotConverged { broke_down: true, .. }), "{error}");
+        assert!(matches!(error, SolveError::NotConverged { ending: Ending::BrokeDown, .. }), "{error}");
     }
 
     #[test]

@@ -4,6 +4,8 @@ use thiserror::Error;
 
 use crate::las::SparsityError;
 
+use super::params::Unusable;
+
 /// Why a system was not solved.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum SolveError<F> {
@@ -15,14 +17,14 @@ pub enum SolveError<F> {
         /// Columns.
         cols: usize,
     },
-    /// A vector or matrix of another size than the one analysed.
-    #[error("{what} has size {found}, but the analysed pattern has {expected}")]
+    /// A vector or matrix of another size than the others have.
+    #[error("{what} has size {found} where {expected} is needed")]
     Size {
         /// Which argument.
         what: &'static str,
         /// Its size.
         found: usize,
-        /// The size of the pattern.
+        /// The size that fits.
         expected: usize,
     },
     /// A matrix of the right size whose entries stand in other places than those analysed.
@@ -53,10 +55,10 @@ pub enum SolveError<F> {
         limit: f64,
     },
     /// The matrix is not positive definite, and nothing else was asked for.
-    #[error("the matrix is not positive definite: the pivot of unknown {unknown} is not positive")]
+    #[error("the matrix is not positive definite{}", at_pivot(*.unknown))]
     Indefinite {
-        /// The unknown at whose pivot Cholesky gave up.
-        unknown: usize,
+        /// The unknown of a pivot that is not positive, where one is known.
+        unknown: Option<usize>,
     },
     /// The matrix holds a NaN or an infinity.
     #[error("the matrix holds a value that is not finite in row {row}")]
@@ -64,6 +66,12 @@ pub enum SolveError<F> {
         /// The first such row.
         row: usize,
     },
+    /// The right-hand side of an iterative method holds a NaN or an infinity.
+    #[error("the right-hand side holds a value that is not finite")]
+    SideNotFinite,
+    /// Numbers that no iterative method can work with.
+    #[error("{0}")]
+    Parameter(#[from] Unusable),
     /// Even a factorisation of the matrix itself leaves a residual.
     #[error("the matrix is too ill-conditioned: solving leaves a relative residual of {residual:.1e}")]
     Inaccurate {
@@ -78,8 +86,10 @@ pub enum SolveError<F> {
         /// What it said.
         reason: String,
     },
-    /// A Krylov method ran out of iterations, or cannot go on.
-    #[error("{method} left a relative residual of {residual:.1e} after {iterations} iterations (tolerance {tolerance:.1e}){}", why(*.broke_down))]
+    /// A Krylov method came to no solution.
+    #[error(
+        "{method} left a relative residual of {residual:.1e} after {iterations} iterations (tolerance {tolerance:.1e}): {ending}"
+    )]
     NotConverged {
         /// Which one.
         method: &'static str,
@@ -89,8 +99,8 @@ pub enum SolveError<F> {
         residual: f64,
         /// What it should have fallen to.
         tolerance: f64,
-        /// Whether it stopped because its next step does not exist.
-        broke_down: bool,
+        /// Why it stopped.
+        ending: Ending,
     },
     /// The diagonal has no inverse.
     #[error("the diagonal entry of row {row} is zero")]
@@ -116,6 +126,22 @@ pub enum SolveError<F> {
     Fault(F),
 }
 
-fn why(broke_down: bool) -> &'static str {
-    if broke_down { " and broke down: try another method or preconditioner" } else { "" }
+/// Why a Krylov method stopped short of its tolerance.
+#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
+pub enum Ending {
+    /// The iterations allowed are used up.
+    #[error("allow more iterations, or give it a better preconditioner")]
+    RanOut,
+    /// Begun again from where it was, it came no nearer: rounding allows no better.
+    #[error("it comes no nearer; rounding allows no less with this matrix: raise the tolerance, or solve directly")]
+    Stagnated,
+    /// Its next step does not exist; for conjugate gradients because the matrix or the preconditioner is not positive.
+    #[error(
+        "it broke down: conjugate gradients need a positive definite matrix and preconditioner; take another method or preconditioner"
+    )]
+    BrokeDown,
+}
+
+fn at_pivot(unknown: Option<usize>) -> String {
+    unknown.map_or_else(String::new, |unknown| format!(": the pivot of unknown {unknown} is not positive"))
 }

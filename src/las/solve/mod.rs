@@ -7,8 +7,8 @@ mod error;
 mod params;
 mod report;
 
-pub use error::SolveError;
-pub use params::{Iterative, Krylov, Method, Ordering, Preconditioner, SolverParams, Symmetry};
+pub use error::{Ending, SolveError};
+pub use params::{Iterative, Krylov, Method, Ordering, Preconditioner, SolverParams, Symmetry, Unusable};
 pub use report::{FactorReport, Factorisation, SolveReport};
 
 use super::Backend;
@@ -26,20 +26,25 @@ pub trait Solver<B: Backend>: Send {
     /// Factors `a` if it is positive definite, and wastes no time on it if not: for those who would rather change such a
     /// matrix than solve with it.
     ///
+    /// An iterative method knows of definiteness what its preconditioner shows: the signs of the diagonal, or of the pivots
+    /// of an incomplete factorisation. It refuses what these show, and without a preconditioner nothing.
+    ///
     /// # Errors
-    /// [`SolveError::Indefinite`], and what [`Solver::factor`] says; nothing is factored then.
+    /// [`SolveError::Indefinite`], and what [`Solver::factor`] says; nothing is factored then. [`SolveError::Unsupported`]
+    /// where the matrix is stated to be [`Symmetry::None`]: the pivots of LU do not tell.
     fn factor_definite(&mut self, a: &B::Matrix) -> Result<FactorReport, SolveError<B::Fault>>;
 
     /// `A x = b`. What `x` held does not matter: iterative methods begin at zero.
     ///
     /// # Errors
-    /// [`SolveError::NotFactored`], [`SolveError::Size`]; of an iterative method [`SolveError::NotConverged`].
+    /// [`SolveError::NotFactored`], [`SolveError::Size`]; of an iterative method [`SolveError::NotConverged`] and
+    /// [`SolveError::SideNotFinite`].
     fn solve(&mut self, b: &B::Vector, x: &mut B::Vector) -> Result<SolveReport, SolveError<B::Fault>>;
 
     /// `A x_k = b_k` for several right-hand sides at once.
     ///
     /// # Errors
-    /// [`SolveError::NotFactored`], [`SolveError::Size`].
+    /// As for [`Solver::solve`]; solutions before the one that failed stand.
     fn solve_many(&mut self, b: &[B::Vector], x: &mut [B::Vector]) -> Result<SolveReport, SolveError<B::Fault>>;
 }
 

@@ -1,5 +1,7 @@
 //! What is known of a system, and how it is to be solved.
 
+use thiserror::Error;
+
 /// What the assembler knows of its matrix and states when it asks for a solver.
 ///
 /// A Cholesky or LDL^T reads one triangle and never notices that the other differs; only the assembler can tell.
@@ -63,6 +65,14 @@ pub enum Preconditioner {
 }
 
 /// An iterative method and when it stops.
+///
+/// ```
+/// use biotissue::las::{Iterative, Krylov, SolverParams, Symmetry};
+///
+/// let cg = Iterative { tolerance: 1e-8, ..Iterative::new(Krylov::Cg) };
+/// let params = SolverParams::new(Symmetry::Definite).iterative(cg); // for Backend::analyze
+/// assert!(params.check().is_ok());
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Iterative {
     /// The method.
@@ -78,13 +88,61 @@ pub struct Iterative {
 impl Default for Iterative {
     /// BiCGSTAB with ILUT(1e-3, 20) to 1e-10 within 1000 iterations.
     fn default() -> Self {
-        Self {
-            krylov: Krylov::BiCgStab,
-            preconditioner: Preconditioner::Ilut { drop_tolerance: 1e-3, fill: 20 },
-            tolerance: 1e-10,
-            max_iterations: 1000,
+        Self::new(Krylov::BiCgStab)
+    }
+}
+
+impl Iterative {
+    /// A method to 1e-10 within 1000 iterations, with the preconditioner that suits it: conjugate gradients need one that is
+    /// symmetric and positive, the inverse of the diagonal; the others take ILUT(1e-3, 20), which is neither.
+    ///
+    /// The backend `petsc` has no ILUT: state another there.
+    #[must_use]
+    pub fn new(krylov: Krylov) -> Self {
+        let preconditioner = match krylov {
+            Krylov::Cg => Preconditioner::Diagonal,
+            Krylov::BiCgStab | Krylov::Gmres { .. } => Preconditioner::Ilut { drop_tolerance: 1e-3, fill: 20 },
+        };
+        Self { krylov, preconditioner, tolerance: 1e-10, max_iterations: 1000 }
+    }
+
+    /// Refuses numbers that no iteration can work with; [`Backend::analyze`](crate::las::Backend::analyze) calls it.
+    ///
+    /// # Errors
+    /// The first number that is out of its range.
+    pub fn check(&self) -> Result<(), Unusable> {
+        let positive = |name: &'static str, value: usize| match value {
+            0 => Err(Unusable { name, found: "0".into(), allowed: "at least 1" }),
+            _ => Ok(()),
+        };
+        positive("max_iterations", self.max_iterations)?;
+        if !(self.tolerance > 0.0 && self.tolerance < 1.0) {
+            let found = self.tolerance.to_string();
+            return Err(Unusable { name: "tolerance", found, allowed: "above 0 and below 1" });
+        }
+        if let Krylov::Gmres { restart } = self.krylov {
+            positive("restart", restart)?;
+        }
+        match self.preconditioner {
+            Preconditioner::Ilut { drop_tolerance, .. } if !(drop_tolerance >= 0.0 && drop_tolerance.is_finite()) => {
+                let found = drop_tolerance.to_string();
+                Err(Unusable { name: "drop_tolerance", found, allowed: "0 or above, and finite" })
+            }
+            _ => Ok(()),
         }
     }
+}
+
+/// A number of [`Iterative`] that is out of its range.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[error("`{name}` is {found}; it must be {allowed}")]
+pub struct Unusable {
+    /// Which one.
+    pub name: &'static str,
+    /// What it is.
+    pub found: String,
+    /// What it may be.
+    pub allowed: &'static str,
 }
 
 /// How a system is solved.
@@ -126,10 +184,53 @@ impl SolverParams {
         Self { symmetry, singular_below: None, ordering: Ordering::Auto, method: Method::Direct }
     }
 
+    /// Refuses numbers that nothing can work with.
+    ///
+    /// # Errors
+    /// As for [`Iterative::check`].
+    pub fn check(&self) -> Result<(), Unusable> {
+        match &self.method {
+            Method::Direct => Ok(()),
+            Method::Iterative(iterative) => iterative.check(),
+        }
+    }
+
     /// The same, by iterations.
     #[must_use]
     pub fn iterative(mut self, iterative: Iterative) -> Self {
         self.method = Method::Iterative(iterative);
         self
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_method_takes_the_preconditioner_that_suits_it() {
+        assert_eq!(Iterative::new(Krylov::Cg).preconditioner, Preconditioner::Diagonal);
+        assert_eq!(Iterative::default(), Iterative::new(Krylov::BiCgStab));
+        assert!(SolverParams::default().iterative(Iterative::default()).check().is_ok());
+    }
+
+    #[test]
+    fn numbers_out_of_range_are_refused() {
+        let good = Iterative::new(Krylov::Gmres { restart: 30 });
+        let ilut = |drop_tolerance| Preconditioner::Ilut { drop_tolerance, fill: 5 };
+        let cases = [
+            (Iterative { tolerance: 0.0, ..good }, "`tolerance` is 0; it must be above 0 and below 1"),
+            (Iterative { tolerance: f64::NAN, ..good }, "`tolerance` is NaN; it must be above 0 and below 1"),
+            (Iterative { max_iterations: 0, ..good }, "`max_iterations` is 0; it must be at least 1"),
+            (Iterative { krylov: Krylov::Gmres { restart: 0 }, ..good }, "`restart` is 0; it must be at least 1"),
+            (
+                Iterative { preconditioner: ilut(-1.0), ..good },
+                "`drop_tolerance` is -1; it must be 0 or above, and finite",
+            ),
+        ];
+        for (method, said) in cases {
+            let error = SolverParams::default().iterative(method).check().unwrap_err();
+            assert_eq!(error.to_string(), said);
+        }
     }
 }

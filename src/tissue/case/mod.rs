@@ -134,8 +134,9 @@
 //! `method` is `direct`, `cg`, `bicgstab` or `gmres` (which alone has a `restart`), `preconditioner` is `ilut` (which alone has
 //! `drop_tolerance` and `fill`, see [`Preconditioner::Ilut`](crate::las::Preconditioner::Ilut)), `diagonal`, `none` or, on
 //! backends that have it, `multigrid`. `tolerance` is that of every linear system, its residual over its right-hand side;
-//! the tangents of RVEs are only as exact as it. The numbers above are the defaults. An incomplete factorisation is not
-//! symmetric: where much is dropped, `cg` may fail with it and `gmres` or `bicgstab` serve.
+//! the tangents of RVEs are only as exact as it. The numbers above are the defaults; without a `preconditioner`, `cg` takes the
+//! diagonal and the others `ilut`. An incomplete factorisation is not symmetric: where much is dropped, `cg` may fail with it
+//! and `gmres` or `bicgstab` serve.
 //!
 //! # What a case must keep
 //!

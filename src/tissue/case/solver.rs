@@ -56,7 +56,10 @@ pub(super) fn method(section: &mut Table<'_>) -> Method {
             Name::Gmres => Krylov::Gmres { restart: table.whole("restart", 1..=10_000).unwrap_or(RESTART) },
             Name::Direct | Name::BiCgStab => Krylov::BiCgStab,
         };
-        let preconditioner = match table.choice("preconditioner", &inverses).unwrap_or(Inverse::Ilut) {
+        // Conjugate gradients need an inverse that is symmetric and positive, which an incomplete LU is not.
+        let asks_for_ilut = table.has("drop_tolerance") || table.has("fill");
+        let suited = if name == Name::Cg && !asks_for_ilut { Inverse::Diagonal } else { Inverse::Ilut };
+        let preconditioner = match table.choice("preconditioner", &inverses).unwrap_or(suited) {
             Inverse::None => Preconditioner::None,
             Inverse::Diagonal => Preconditioner::Diagonal,
             Inverse::Multigrid => Preconditioner::Multigrid,

@@ -6,9 +6,9 @@ use std::fmt::Write;
 use syn::{Expr, FnArg, Item, ItemFn, ItemStruct, Lit, Pat, ReturnType, Type};
 
 const HEAD: &str = "! The linear-algebra abstraction LAS of the crate biotissue, for Fortran 2018. Made by tools/headers.\n!\n\
-    ! A function returns LAS_OK or what was wrong; las_text() says it in words. Indices count from 0, as in C.\n\
+    ! A function returns LAS_OK or what was wrong; las_text() says it in words. Indices count from 0, as in C; the\n    ! header las.h says what a caller promises.\n\
     ! Which backends there are, the features of the build decide. On `batched` an entry is four numbers, one a lane.\n\
-    module las\n  use, intrinsic :: iso_c_binding\n  implicit none\n  public\n\n";
+    module biotissue_las\n  use, intrinsic :: iso_c_binding\n  implicit none\n  public\n\n";
 
 const TAIL: &str = "\n  interface\n    function las_strlen(text) bind(c, name=\"strlen\") result(length)\n      \
     import :: c_ptr, c_size_t\n      type(c_ptr), value :: text\n      integer(c_size_t) :: length\n    \
@@ -114,6 +114,7 @@ fn declaration(name: &str, of: &Type, backend: &str) -> Result<String, Box<dyn E
         ("las_params", true) => format!("type(las_params), intent(out) :: {name}"),
         ("las_params", false) => format!("type(las_params), intent(in) :: {name}"),
         ("c_char", _) => format!("character(kind=c_char), intent(in) :: {name}(*)"),
+        ("f64", true) if name == "residual" => format!("real(c_double), intent(out), optional :: {name}"),
         ("i32", true) if name == "iterations" => format!("integer(c_int), intent(out), optional :: {name}"),
         ("i32", true) => format!("integer(c_int), intent(out) :: {name}"),
         ("i32", false) => format!("integer(c_int), intent(in) :: {name}(*)"),

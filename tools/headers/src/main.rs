@@ -51,7 +51,13 @@ fn header(parts: &[(&str, String)]) -> Result<String, Box<dyn Error>> {
         .with_header(
             "/* The linear-algebra abstraction LAS of the crate biotissue, for C and C++. Made by tools/headers.\n\n   \
              A function returns LAS_OK or what was wrong; las_message() says it in words. Which backends there are, the\n   \
-             features of the build decide: link errors name the others. On `batched` an entry is four numbers, one a lane. */",
+             features of the build decide: link errors name the others. On `batched` an entry is four numbers, one a lane.\n\n   \
+             What a caller promises: a pointer is null, which is an error unless the function allows it, or points to as many\n   \
+             values as the function says; a handle came from its las_create_... and is not used after its las_destroy_...;\n   \
+             the thread that uses a handle is the only one that does so at that time. Different handles may be used by\n   \
+             different threads, and a message belongs to the thread whose call failed. On `petsc`, all calls come from the\n   \
+             thread that made the first, and all ranks of a handle make the same calls in the same order. When memory runs\n   \
+             out, the program ends. */",
         )
         .with_src(PathBuf::from(COMMON));
     for (name, text) in parts {
