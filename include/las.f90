@@ -1,8 +1,9 @@
 ! The linear-algebra abstraction LAS of the crate biotissue, for Fortran 2018. Made by tools/headers.
 !
-! A function returns LAS_OK or what was wrong; las_text() says it in words. Indices count from 0, as in C.
+! A function returns LAS_OK or what was wrong; las_text() says it in words. Indices count from 0, as in C; the
+    ! header las.h says what a caller promises.
 ! Which backends there are, the features of the build decide. On `batched` an entry is four numbers, one a lane.
-module las
+module biotissue_las
   use, intrinsic :: iso_c_binding
   implicit none
   public
@@ -18,6 +19,7 @@ module las
   integer(c_int), parameter :: LAS_FILE = 8
   integer(c_int), parameter :: LAS_FAULT = 9
   integer(c_int), parameter :: LAS_PANIC = 10
+  integer(c_int), parameter :: LAS_ARGUMENT = 11
   integer(c_int), parameter :: LAS_DEFINITE = 0
   integer(c_int), parameter :: LAS_SYMMETRIC = 1
   integer(c_int), parameter :: LAS_UNSYMMETRIC = 2
@@ -44,6 +46,11 @@ module las
 
   interface
     function las_message() bind(c) &
+        result(outcome)
+      import :: c_int, c_double, c_ptr, c_char, las_params
+      type(c_ptr) :: outcome
+    end function
+    function las_version() bind(c) &
         result(outcome)
       import :: c_int, c_double, c_ptr, c_char, las_params
       type(c_ptr) :: outcome
@@ -479,13 +486,15 @@ module las
     function las_solve_sparse(solver, &
         b, &
         x, &
-        iterations) bind(c) &
+        iterations, &
+        residual) bind(c) &
         result(outcome)
       import :: c_int, c_double, c_ptr, c_char, las_params
       type(c_ptr), value :: solver
       type(c_ptr), value :: b
       type(c_ptr), value :: x
       integer(c_int), intent(out), optional :: iterations
+      real(c_double), intent(out), optional :: residual
       integer(c_int) :: outcome
     end function
     function las_solve_many_sparse(solver, &
@@ -891,13 +900,15 @@ module las
     function las_solve_dense(solver, &
         b, &
         x, &
-        iterations) bind(c) &
+        iterations, &
+        residual) bind(c) &
         result(outcome)
       import :: c_int, c_double, c_ptr, c_char, las_params
       type(c_ptr), value :: solver
       type(c_ptr), value :: b
       type(c_ptr), value :: x
       integer(c_int), intent(out), optional :: iterations
+      real(c_double), intent(out), optional :: residual
       integer(c_int) :: outcome
     end function
     function las_solve_many_dense(solver, &
@@ -1303,13 +1314,15 @@ module las
     function las_solve_batched(solver, &
         b, &
         x, &
-        iterations) bind(c) &
+        iterations, &
+        residual) bind(c) &
         result(outcome)
       import :: c_int, c_double, c_ptr, c_char, las_params
       type(c_ptr), value :: solver
       type(c_ptr), value :: b
       type(c_ptr), value :: x
       integer(c_int), intent(out), optional :: iterations
+      real(c_double), intent(out), optional :: residual
       integer(c_int) :: outcome
     end function
     function las_solve_many_batched(solver, &
@@ -1715,13 +1728,15 @@ module las
     function las_solve_petsc(solver, &
         b, &
         x, &
-        iterations) bind(c) &
+        iterations, &
+        residual) bind(c) &
         result(outcome)
       import :: c_int, c_double, c_ptr, c_char, las_params
       type(c_ptr), value :: solver
       type(c_ptr), value :: b
       type(c_ptr), value :: x
       integer(c_int), intent(out), optional :: iterations
+      real(c_double), intent(out), optional :: residual
       integer(c_int) :: outcome
     end function
     function las_solve_many_petsc(solver, &

@@ -1,7 +1,14 @@
 /* The linear-algebra abstraction LAS of the crate biotissue, for C and C++. Made by tools/headers.
 
    A function returns LAS_OK or what was wrong; las_message() says it in words. Which backends there are, the
-   features of the build decide: link errors name the others. On `batched` an entry is four numbers, one a lane. */
+   features of the build decide: link errors name the others. On `batched` an entry is four numbers, one a lane.
+
+   What a caller promises: a pointer is null, which is an error unless the function allows it, or points to as many
+   values as the function says; a handle came from its las_create_... and is not used after its las_destroy_...;
+   the thread that uses a handle is the only one that does so at that time. Different handles may be used by
+   different threads, and a message belongs to the thread whose call failed. On `petsc`, all calls come from the
+   thread that made the first, and all ranks of a handle make the same calls in the same order. When memory runs
+   out, the program ends. */
 
 #ifndef LAS_H
 #define LAS_H
@@ -67,12 +74,17 @@
 #define LAS_PANIC 10
 
 /**
- * The matrix is symmetric and positive definite.
+ * A parameter is none of those allowed.
+ */
+#define LAS_ARGUMENT 11
+
+/**
+ * The matrix is symmetric, both of its triangles are stored, and it is positive definite in ordinary states.
  */
 #define LAS_DEFINITE 0
 
 /**
- * The matrix is symmetric.
+ * The matrix is symmetric, and both of its triangles are stored.
  */
 #define LAS_SYMMETRIC 1
 
@@ -100,6 +112,11 @@
  * Solve by generalised minimal residuals.
  */
 #define LAS_GMRES 3
+
+/**
+ * Iterate with what suits the method: the diagonal for LAS_CG and for all methods of PETSc, LAS_ILUT for the others.
+ */
+#define LAS_AUTO -1
 
 /**
  * Iterate without a preconditioner.
@@ -239,7 +256,7 @@ typedef struct las_params {
    */
   int32_t method;
   /**
-   * LAS_NONE, LAS_DIAGONAL, LAS_ILUT or LAS_MULTIGRID.
+   * LAS_AUTO, LAS_NONE, LAS_DIAGONAL, LAS_ILUT or LAS_MULTIGRID.
    */
   int32_t preconditioner;
   /**
@@ -274,7 +291,13 @@ extern "C" {
 const char *las_message(void);
 
 /**
- * Fills in the defaults: a definite matrix, solved directly; iterations to 1e-10 with ILUT(1e-3, 20).
+ * The version of this library, such as "0.1.0".
+ */
+const char *las_version(void);
+
+/**
+ * Fills in the defaults: a definite matrix, solved directly; iterations to 1e-10 with what suits the method, ILUT(1e-3, 20)
+ * where it is that.
  */
 int32_t las_default_params(struct las_params *params);
 
@@ -560,22 +583,25 @@ int32_t las_destroy_solver_sparse(struct las_solver_sparse *solver);
 int32_t las_factor_sparse(struct las_solver_sparse *solver, const struct las_mat_sparse *mat);
 
 /**
- * Factors a matrix of the solver's pattern if it is positive definite; LAS_SINGULAR if it is not.
+ * Factors a matrix of the solver's pattern if it is positive definite; LAS_SINGULAR if it is not, LAS_UNSUPPORTED if it is
+ * stated to be LAS_UNSYMMETRIC.
  */
 int32_t las_factor_definite_sparse(struct las_solver_sparse *solver,
                                    const struct las_mat_sparse *mat);
 
 /**
  * A x = b, with the matrix factored last; b and x must not be the same vector. Tells the iterations of an iterative method
- * (0 for a direct one); a null pointer there is allowed.
+ * and the residual that it left, over the right-hand side (0 both for a direct one, which does not look); null pointers there
+ * are allowed.
  */
 int32_t las_solve_sparse(struct las_solver_sparse *solver,
                          const struct las_vec_sparse *b,
                          struct las_vec_sparse *x,
-                         int32_t *iterations);
+                         int32_t *iterations,
+                         double *residual);
 
 /**
- * A x[k] = b[k] for several right-hand sides at once; no vector may stand twice among x, or in both.
+ * A x[k] = b[k] for several right-hand sides at once; those before one that fails are solved. No vector may stand twice among x, or in both.
  */
 int32_t las_solve_many_sparse(struct las_solver_sparse *solver,
                               int32_t count_of_sides,
@@ -837,21 +863,25 @@ int32_t las_destroy_solver_dense(struct las_solver_dense *solver);
 int32_t las_factor_dense(struct las_solver_dense *solver, const struct las_mat_dense *mat);
 
 /**
- * Factors a matrix of the solver's pattern if it is positive definite; LAS_SINGULAR if it is not.
+ * Factors a matrix of the solver's pattern if it is positive definite; LAS_SINGULAR if it is not, LAS_UNSUPPORTED if it is
+ * stated to be LAS_UNSYMMETRIC.
  */
-int32_t las_factor_definite_dense(struct las_solver_dense *solver, const struct las_mat_dense *mat);
+int32_t las_factor_definite_dense(struct las_solver_dense *solver,
+                                  const struct las_mat_dense *mat);
 
 /**
  * A x = b, with the matrix factored last; b and x must not be the same vector. Tells the iterations of an iterative method
- * (0 for a direct one); a null pointer there is allowed.
+ * and the residual that it left, over the right-hand side (0 both for a direct one, which does not look); null pointers there
+ * are allowed.
  */
 int32_t las_solve_dense(struct las_solver_dense *solver,
                         const struct las_vec_dense *b,
                         struct las_vec_dense *x,
-                        int32_t *iterations);
+                        int32_t *iterations,
+                        double *residual);
 
 /**
- * A x[k] = b[k] for several right-hand sides at once; no vector may stand twice among x, or in both.
+ * A x[k] = b[k] for several right-hand sides at once; those before one that fails are solved. No vector may stand twice among x, or in both.
  */
 int32_t las_solve_many_dense(struct las_solver_dense *solver,
                              int32_t count_of_sides,
@@ -1118,22 +1148,25 @@ int32_t las_destroy_solver_batched(struct las_solver_batched *solver);
 int32_t las_factor_batched(struct las_solver_batched *solver, const struct las_mat_batched *mat);
 
 /**
- * Factors a matrix of the solver's pattern if it is positive definite; LAS_SINGULAR if it is not.
+ * Factors a matrix of the solver's pattern if it is positive definite; LAS_SINGULAR if it is not, LAS_UNSUPPORTED if it is
+ * stated to be LAS_UNSYMMETRIC.
  */
 int32_t las_factor_definite_batched(struct las_solver_batched *solver,
                                     const struct las_mat_batched *mat);
 
 /**
  * A x = b, with the matrix factored last; b and x must not be the same vector. Tells the iterations of an iterative method
- * (0 for a direct one); a null pointer there is allowed.
+ * and the residual that it left, over the right-hand side (0 both for a direct one, which does not look); null pointers there
+ * are allowed.
  */
 int32_t las_solve_batched(struct las_solver_batched *solver,
                           const struct las_vec_batched *b,
                           struct las_vec_batched *x,
-                          int32_t *iterations);
+                          int32_t *iterations,
+                          double *residual);
 
 /**
- * A x[k] = b[k] for several right-hand sides at once; no vector may stand twice among x, or in both.
+ * A x[k] = b[k] for several right-hand sides at once; those before one that fails are solved. No vector may stand twice among x, or in both.
  */
 int32_t las_solve_many_batched(struct las_solver_batched *solver,
                                int32_t count_of_sides,
@@ -1395,21 +1428,25 @@ int32_t las_destroy_solver_petsc(struct las_solver_petsc *solver);
 int32_t las_factor_petsc(struct las_solver_petsc *solver, const struct las_mat_petsc *mat);
 
 /**
- * Factors a matrix of the solver's pattern if it is positive definite; LAS_SINGULAR if it is not.
+ * Factors a matrix of the solver's pattern if it is positive definite; LAS_SINGULAR if it is not, LAS_UNSUPPORTED if it is
+ * stated to be LAS_UNSYMMETRIC.
  */
-int32_t las_factor_definite_petsc(struct las_solver_petsc *solver, const struct las_mat_petsc *mat);
+int32_t las_factor_definite_petsc(struct las_solver_petsc *solver,
+                                  const struct las_mat_petsc *mat);
 
 /**
  * A x = b, with the matrix factored last; b and x must not be the same vector. Tells the iterations of an iterative method
- * (0 for a direct one); a null pointer there is allowed.
+ * and the residual that it left, over the right-hand side (0 both for a direct one, which does not look); null pointers there
+ * are allowed.
  */
 int32_t las_solve_petsc(struct las_solver_petsc *solver,
                         const struct las_vec_petsc *b,
                         struct las_vec_petsc *x,
-                        int32_t *iterations);
+                        int32_t *iterations,
+                        double *residual);
 
 /**
- * A x[k] = b[k] for several right-hand sides at once; no vector may stand twice among x, or in both.
+ * A x[k] = b[k] for several right-hand sides at once; those before one that fails are solved. No vector may stand twice among x, or in both.
  */
 int32_t las_solve_many_petsc(struct las_solver_petsc *solver,
                              int32_t count_of_sides,

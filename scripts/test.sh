@@ -31,6 +31,11 @@ fi
 "$python/bin/pip" install --quiet --disable-pip-version-check meshio vtk
 export PATH="$python/bin:$PATH" BIOTISSUE_REQUIRE_PYTHON=1
 
+# From nothing, what would help a second build only makes the first longer.
+if [ ! -d target/debug ]; then
+    export CARGO_INCREMENTAL=0
+fi
+
 say "format"
 cargo fmt --all --check
 
