@@ -4,8 +4,8 @@
 use std::sync::Arc;
 
 use crate::las::{
-    Backend, Ending, Factorisation, Iterative, Krylov, MatrixOps, Preconditioner, SolveError, Solver, SolverParams,
-    Sparsity, Symmetry, VectorOps,
+    Backend, Factorisation, Iterative, Krylov, MatrixOps, Preconditioner, SolveError, Solver, SolverParams, Sparsity,
+    Symmetry, VectorOps,
 };
 
 const METHODS: [Krylov; 3] = [Krylov::Cg, Krylov::BiCgStab, Krylov::Gmres { restart: 20 }];
@@ -76,6 +76,7 @@ fn dense_agrees() {
 mod sparse {
     use super::*;
     use crate::backends::sparse::Sparse;
+    use crate::las::Ending;
     use crate::las::conformance::{Oracle, Random};
 
     const COMPLETE: Preconditioner = Preconditioner::Ilut { drop_tolerance: 0.0, fill: usize::MAX };
