@@ -91,7 +91,7 @@ static const double SPRING[4] = {1, -1, -1, 1};
         OK(las_create_solver_##BACKEND(las, pattern, &params, &solver));                                               \
         OK(las_factor_##BACKEND(solver, k));                                                                           \
         OK(las_solve_##BACKEND(solver, f, y, &iterations, &residual));                                                 \
-        CHECK(iterations > 0 && residual > 0 && residual < 1e-10);                                                     \
+        CHECK(iterations > 0 && residual < 1e-10);                                                                     \
         OK(las_axpy_##BACKEND(-1, x, y));                                                                              \
         OK(las_norm_##BACKEND(y, &norm));                                                                              \
         CHECK(norm < 1e-6);                                                                                            \
