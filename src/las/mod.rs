@@ -1,8 +1,8 @@
 //! LAS, the linear-algebra abstraction: the traits of a backend, and what is written on top of them once for all backends
 //! (Newton, Krylov methods, Matrix Market files, copies from one backend to another, the suite that every backend passes).
 //!
-//! This module names no library of linear algebra. A [`Backend`] is a zero-sized marker with a vector, a matrix and a solver; the verbs
-//! that assembly loops call ([`VectorOps`], [`MatrixOps`]) inline away, the operations that are amortised ([`Solver`],
+//! This module names no library of linear algebra. A [`Backend`] is a zero-sized marker with a vector, a matrix and a solver;
+//! the verbs that assembly loops call ([`VectorOps`], [`MatrixOps`]) inline away, the operations that are amortised ([`Solver`],
 //! [`MatVec`]) do not need to. After chapter 5 of W. R. Tobin, *The Adaptive Multiscale Simulation Infrastructure*
 //! (PhD thesis, Rensselaer Polytechnic Institute, 2018).
 //!

@@ -67,7 +67,7 @@ static const double SPRING[4] = {1, -1, -1, 1};
         OK(las_finish_vec_##BACKEND(f));                                                                               \
         OK(las_default_params(&params));                                                                               \
         OK(las_create_solver_##BACKEND(las, pattern, &params, &solver));                                               \
-        CHECK(las_solve_##BACKEND(solver, f, x, NULL, NULL) == LAS_NOT_FACTORED);                                            \
+        CHECK(las_solve_##BACKEND(solver, f, x, NULL, NULL) == LAS_NOT_FACTORED);                                      \
         OK(las_factor_##BACKEND(solver, k));                                                                           \
         int iterations = -1;                                                                                           \
         OK(las_solve_##BACKEND(solver, f, x, &iterations, NULL));                                                      \

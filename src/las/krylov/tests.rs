@@ -137,6 +137,26 @@ mod sparse {
     }
 
     #[test]
+    fn what_rounding_does_not_allow_is_told() {
+        let (krylov, preconditioner) = (Krylov::Cg, Preconditioner::Diagonal);
+        let method = Iterative { krylov, preconditioner, tolerance: 1e-30, max_iterations: 100_000 };
+        let error = solve::<Sparse>(&laplacian::<Sparse>(12, 0.0), method).unwrap_err();
+        let SolveError::NotConverged { ending: Ending::Stagnated, residual, .. } = error else { panic!("{error}") };
+        assert!(residual < 1e-13, "{residual:e}");
+    }
+
+    #[test]
+    fn a_side_that_is_not_finite_is_refused() {
+        let (pattern, a) = laplacian::<Sparse>(3, 0.0);
+        let params = SolverParams::default().iterative(Iterative::new(Krylov::Cg));
+        let mut solver = Sparse::<f64>::solver(&Sparse::<f64>::analyze(&(), &pattern, &params).unwrap()).unwrap();
+        solver.factor(&a).unwrap();
+        let (mut b, mut x) = (Sparse::<f64>::vector(&(), 9).unwrap(), Sparse::<f64>::vector(&(), 9).unwrap());
+        b.set(&[4], &[f64::NAN]).unwrap();
+        assert_eq!(solver.solve(&b, &mut x), Err(SolveError::SideNotFinite));
+    }
+
+    #[test]
     fn multigrid_is_refused_with_a_cure() {
         let method = Iterative { preconditioner: Preconditioner::Multigrid, ..Iterative::default() };
         let error = solve::<Sparse>(&laplacian::<Sparse>(3, 0.0), method).unwrap_err();
