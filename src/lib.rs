@@ -8,7 +8,7 @@
 //! backend that is chosen at compile time. Data flows one way; an arrow means *uses*:
 //!
 //! ```text
-//! bin -> tissue -> fem, fiber -> las <- backends
+//! bin -> tissue -> fem, fiber, coupling -> las <- backends
 //! ```
 //!
 //! | module | what | knows |
@@ -17,9 +17,10 @@
 //! | [`backends`] | the backends, one folder each | [`las`] and their libraries |
 //! | [`fem`] | the engineering scale: meshes, elements, materials, load steps | [`las`] |
 //! | [`fiber`] | the micro scale: networks, fiber laws, equilibrium, condensed tangent | [`las`] |
-//! | `tissue` | both put together: cases, the two-scale run, results, pictures | all of them |
+//! | [`coupling`] | scales on ranks of their own: which has which ranks, what goes from one to another | [`las`] |
+//! | `tissue` | all put together: cases, the two-scale run, results, pictures | all of them |
 //!
-//! `fem` and `fiber` do not know each other: they meet at [`fem::point_field`], the seam that does not care whether a
+//! `fem`, `fiber` and `coupling` do not know each other: the first two meet at [`fem::point_field`], the seam that does not care whether a
 //! formula or a network answers. Only `tissue`, the program, tests and benches name a concrete backend.
 //!
 //! # Features
@@ -32,7 +33,8 @@
 //! | `mpi` | ranks as MPI processes | MPI, libclang |
 //! | `cuda` | nothing yet: a name that is kept | nothing |
 //! | `batched` | many systems of one pattern at once, one in each lane; no solver yet | nothing |
-//! | `metis` | orders of elimination by METIS, tried beside those of the crate itself | a C compiler |
+//! | `metis` | orders of elimination by METIS, tried beside those of the crate itself; parts of meshes | a C compiler |
+//! | `hwloc` | where in the machine a rank runs, for [`coupling::topology`] | hwloc 2 with its headers |
 //! | `generate` | fiber networks made on the spot, Delaunay and Voronoi, isotropic and aligned | nothing |
 //! | `app` (default, implies `generate`) | cases, results, pictures, the program `biotissue` | nothing |
 //!
@@ -88,9 +90,13 @@
     )
 )]
 
+// So that `payload!` names the crate alike inside it and outside.
+extern crate self as biotissue;
+
 pub mod backends;
 #[cfg(feature = "capi")]
 pub mod capi;
+pub mod coupling;
 pub mod fem;
 pub mod fiber;
 pub mod input;

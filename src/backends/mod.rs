@@ -22,8 +22,11 @@ mod rows;
 
 #[cfg(feature = "batched")]
 pub mod batched;
+pub mod comm;
 #[cfg(feature = "dense")]
 pub mod dense;
+#[cfg(feature = "metis")]
+pub mod metis;
 #[cfg(feature = "petsc")]
 pub mod petsc;
 #[cfg(feature = "sparse")]

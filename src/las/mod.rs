@@ -17,6 +17,7 @@
 //! What a backend cannot do is [`SolveError::Unsupported`], said before anything is solved.
 
 mod backend;
+mod comm;
 pub mod conformance;
 pub mod krylov;
 pub mod market;
@@ -29,6 +30,7 @@ mod sparsity;
 pub mod transfer;
 
 pub use backend::Backend;
+pub use comm::{Comm, CommError, Disagreement, Message, Sending, Tag};
 pub use newton::{
     NewtonError, NewtonFailure, NewtonParams, NewtonReport, NewtonSeconds, NewtonSystem, NonlinearProblem, Potential,
     RegularisedParams, Yardstick,

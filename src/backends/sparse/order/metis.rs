@@ -6,16 +6,13 @@
 
 use std::convert::Infallible;
 use std::ptr::null_mut;
-use std::sync::{Mutex, PoisonError};
+use std::sync::PoisonError;
 
 use metis_sys::{METIS_NodeND, idx_t, rstatus_et_METIS_OK};
 
 use super::graph::Graph;
+use crate::backends::metis::ONE_AT_A_TIME;
 use crate::las::SolveError;
-
-/// METIS draws from the random numbers of the C library, which a process has one sequence of: one caller at a time, so
-/// that an order does not depend on what other threads do.
-static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 
 /// An order by METIS.
 pub(super) fn nested_dissection(graph: &Graph) -> Result<Vec<u32>, SolveError<Infallible>> {

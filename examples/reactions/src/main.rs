@@ -1,0 +1,211 @@
+//! Two codes of one's own, each of which runs alone, and the two of them coupled.
+//!
+//! ```text
+//! cargo run --package reactions -- heat
+//! cargo run --package reactions -- cloud
+//! cargo run --package reactions -- coupled 4
+//! ```
+//!
+//! `heat.rs` is a rod that conducts heat. `cloud.rs` is a cloud of cells in each of which a reactant is used up and
+//! gives heat, the faster the hotter it is. Neither knows of the other, nor of ranks. `coupled.rs` puts a cell at each
+//! inner node of the rod, runs the rod on one rank and the cells on ranks of their own, here four: it is the only file
+//! that knows of couplings. Results do not depend on how many ranks there are.
+
+mod cloud;
+mod coupled;
+mod heat;
+
+use std::env;
+use std::error::Error;
+use std::process::ExitCode;
+
+use cloud::Cloud;
+use heat::Rod;
+
+/// Inner nodes of the rod, and cells.
+const CELLS: usize = 19;
+/// Time steps between two lines of a table.
+const STEPS: usize = 20;
+/// Lines of a table.
+const LINES: usize = 4;
+
+/// What to run.
+#[derive(Debug, PartialEq)]
+enum Way {
+    Heat,
+    Cloud,
+    /// With so many ranks for the cells.
+    Coupled(usize),
+}
+
+impl Way {
+    fn parse(arguments: &[&str]) -> Result<Self, String> {
+        match *arguments {
+            ["heat"] => Ok(Self::Heat),
+            ["cloud"] => Ok(Self::Cloud),
+            ["coupled"] => Ok(Self::Coupled(2)),
+            ["coupled", ranks] => {
+                let count = ranks.parse::<usize>().ok().filter(|count| (1..=CELLS).contains(count));
+                let wrong = || format!("{ranks} is no number of ranks for {CELLS} cells; give one from 1 to {CELLS}");
+                count.map(Self::Coupled).ok_or_else(wrong)
+            }
+            [] => Err("nothing to run".to_owned()),
+            _ => Err(format!("nothing to run is called {}", arguments.join(" "))),
+        }
+    }
+
+    fn run(&self) -> Result<(), Box<dyn Error>> {
+        match *self {
+            Self::Heat => show_heat(),
+            Self::Cloud => {
+                show_cloud();
+                Ok(())
+            }
+            Self::Coupled(ranks) => show_coupled(ranks),
+        }
+    }
+}
+
+/// A cold rod, one end of which is hot from now on.
+fn cold_rod() -> Rod {
+    let inner = vec![350.0; CELLS];
+    Rod { conductivity: 20.0, capacity: 2.0e6, length: 0.05, ends: [450.0, 350.0], inner, dt: 0.5 }
+}
+
+/// A line of a table, with every third value.
+fn show(name: &str, values: impl Iterator<Item = f64>) {
+    let values: Vec<String> = values.step_by(3).map(|value| format!("{value:8.1}")).collect();
+    println!("{name:>10} |{}", values.concat());
+}
+
+/// The time after so many steps, as a name of a line.
+fn time(rod: &Rod, steps: usize) -> String {
+    format!("{:.0} s", steps as f64 * rod.dt)
+}
+
+fn show_heat() -> Result<(), Box<dyn Error>> {
+    let mut rod = cold_rod();
+    println!("The rod alone: temperature (K) by place and time.\n");
+    show("mm", rod.places().map(|place| 1e3 * place));
+    for line in 1..=LINES {
+        rod = heat::run(rod, STEPS, heat::no_source)?;
+        show(&time(&rod, line * STEPS), rod.inner.iter().copied());
+    }
+    Ok(())
+}
+
+fn show_cloud() {
+    let (steps, dt) = (4, 0.5);
+    println!("The cells alone: 2 s at one temperature.\n");
+    println!("temperature | rate       | reactant left   exact | heat of a cell");
+    for temperature in [350.0, 400.0, 450.0, 500.0] {
+        let mut cloud = Cloud::of(&cold_rod().nodes());
+        let start: f64 = cloud.left().iter().sum();
+        let heat: f64 = cloud::run(&mut cloud, temperature, steps, dt).iter().sum();
+        let left: f64 = cloud.left().iter().sum();
+        let rate = cloud::rate(temperature);
+        println!(
+            "{temperature:9.0} K | {rate:6.3} 1/s | {:11.3} % {:7.3} % | {:6.1} MJ/m^3",
+            100.0 * left / start,
+            100.0 * (-rate * dt * steps as f64).exp(),
+            1e-6 * heat / CELLS as f64
+        );
+    }
+}
+
+fn show_coupled(ranks: usize) -> Result<(), Box<dyn Error>> {
+    let rod = cold_rod();
+    println!("The rod on one rank, {CELLS} cells on {ranks}: temperature (K) by place and time.\n");
+    show("mm", rod.places().map(|place| 1e3 * place));
+    let mut left = Vec::new();
+    for line in 1..=LINES {
+        let ends = coupled::run(&rod, line * STEPS, ranks)?;
+        show(&time(&rod, line * STEPS), ends[0].iter().copied());
+        left = ends[1..].concat();
+    }
+    println!("\nWhat is left of the reactant in the end (mol/m^3):\n");
+    show("", left.into_iter());
+    Ok(())
+}
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = env::args().skip(1).collect();
+    let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let way = match Way::parse(&arguments) {
+        Ok(way) => way,
+        Err(reason) => {
+            eprintln!("reactions: {reason}\nuse: reactions heat | cloud | coupled [RANKS]");
+            return ExitCode::from(2);
+        }
+    };
+    match way.run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("reactions: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rod and cells in one loop of one thread: temperatures, and what is left of the reactant.
+    fn plain(steps: usize) -> [Vec<f64>; 2] {
+        let mut rod = cold_rod();
+        let mut cloud = Cloud::of(&rod.nodes());
+        for _ in 0..steps {
+            let heat = cloud.step(&rod.inner, rod.dt);
+            rod.step(&heat);
+        }
+        [rod.inner, cloud.left()]
+    }
+
+    fn bits(values: &[f64]) -> Vec<u64> {
+        values.iter().map(|value| value.to_bits()).collect()
+    }
+
+    #[test]
+    fn coupling_takes_under_forty_lines_and_leaves_the_codes_alone() {
+        let lines = include_str!("coupled.rs").lines().map(str::trim);
+        let count = lines.filter(|line| !line.is_empty() && !line.starts_with("//")).count();
+        assert!(count < 40, "{count} lines");
+        for (name, code) in [("heat.rs", include_str!("heat.rs")), ("cloud.rs", include_str!("cloud.rs"))] {
+            assert!(!code.contains("biotissue"), "{name} knows of the library");
+        }
+    }
+
+    #[test]
+    fn results_are_those_of_a_plain_loop_on_any_number_of_ranks() -> Result<(), Box<dyn Error>> {
+        let steps = LINES * STEPS;
+        let [temperatures, left] = plain(steps);
+        for ranks in [1, 2, 3, 5] {
+            let ends = coupled::run(&cold_rod(), steps, ranks)?;
+            assert_eq!(ends.len(), 1 + ranks);
+            assert_eq!(bits(&ends[0]), bits(&temperatures), "temperatures, {ranks} ranks");
+            assert_eq!(bits(&ends[1..].concat()), bits(&left), "reactant, {ranks} ranks");
+        }
+        Ok(())
+    }
+
+    /// Where heat is released, every node is hotter than without.
+    #[test]
+    fn the_reaction_heats_the_rod() -> Result<(), Box<dyn Error>> {
+        let alone = heat::run(cold_rod(), STEPS, heat::no_source)?;
+        let ends = coupled::run(&cold_rod(), STEPS, 2)?;
+        assert!(ends[0].iter().zip(&alone.inner).all(|(coupled, alone)| coupled > alone), "{ends:?}");
+        Ok(())
+    }
+
+    #[test]
+    fn wrong_use_is_refused() {
+        assert_eq!(Way::parse(&["heat"]), Ok(Way::Heat));
+        assert_eq!(Way::parse(&["coupled", "5"]), Ok(Way::Coupled(5)));
+        let all: [&[&str]; 5] = [&[], &["cold"], &["heat", "2"], &["coupled", "0"], &["coupled", "many"]];
+        for wrong in all {
+            assert!(Way::parse(wrong).is_err(), "{wrong:?}");
+        }
+        assert!(Way::parse(&["coupled", &(CELLS + 1).to_string()]).is_err());
+    }
+}

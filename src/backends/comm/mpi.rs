@@ -1,0 +1,437 @@
+//! Ranks as processes of MPI.
+#![allow(unsafe_code, reason = "the interface to a C library")]
+
+use std::fmt;
+use std::fmt::Display;
+use std::io::Write;
+use std::mem::{ManuallyDrop, MaybeUninit};
+use std::panic;
+use std::sync::Arc;
+use std::thread;
+use std::time::{Duration, Instant};
+
+use mpi::environment::{Threading, Universe, initialize_with_threading, threading_support};
+use mpi::ffi;
+use mpi::raw::AsRaw;
+use mpi::topology::{Color, Communicator, SimpleCommunicator};
+
+use crate::las::{Comm, CommError, Message, Sending, Tag};
+
+/// Bytes in one message of MPI, which counts them in 32 bits; longer ones go in parts.
+const PART: usize = 1 << 30;
+
+/// How long a rank looks for a message without a nap.
+const AWAKE: Duration = Duration::from_millis(20);
+/// How long it naps then: little beside what it has waited.
+const NAP: Duration = Duration::from_micros(50);
+
+/// Processes that run side by side, each a rank. Any thread may use it: MPI has to be started so that it allows that.
+#[derive(Clone)]
+pub struct MpiComm {
+    group: Arc<Group>,
+    time_out: Option<Duration>,
+}
+
+/// A communicator of our own, freed with the last that holds it.
+struct Group {
+    /// Not freed by itself: see `drop`.
+    comm: ManuallyDrop<SimpleCommunicator>,
+    raw: ffi::MPI_Comm,
+    rank: usize,
+    size: usize,
+}
+
+// SAFETY: a communicator belongs to no thread, and `MpiComm::new` makes none unless MPI allows calls from all threads at once.
+unsafe impl Send for Group {}
+// SAFETY: as above.
+unsafe impl Sync for Group {}
+
+impl Drop for Group {
+    fn drop(&mut self) {
+        // MPI frees nothing after its end, or while it is about to be aborted.
+        if !is_over() && !thread::panicking() {
+            // SAFETY: a communicator that was duplicated or split for this group alone, and is freed once.
+            unsafe { ffi::MPI_Comm_free(&raw mut self.raw) };
+        }
+    }
+}
+
+/// Whether MPI has ended.
+fn is_over() -> bool {
+    let mut over = 0;
+    // SAFETY: may be called at any time.
+    unsafe { ffi::MPI_Finalized(&raw mut over) };
+    over != 0
+}
+
+impl fmt::Debug for MpiComm {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "MpiComm {{ rank {} of {} }}", self.group.rank, self.group.size)
+    }
+}
+
+/// MPI, from here to the end of the program or until this is dropped.
+pub struct Mpi {
+    _universe: Universe,
+}
+
+impl Mpi {
+    /// Starts MPI; `None` if it had been started.
+    #[must_use]
+    pub fn start() -> Option<Self> {
+        initialize_with_threading(Threading::Multiple).map(|(universe, _)| Self { _universe: universe })
+    }
+}
+
+/// Runs `main` on all ranks that `mpirun` started, and gives what it gives, once it has on all. A rank that fails or panics
+/// prints why, and ends all others at once, with the exit code that `code` gives for its error; a panic of any thread does, whether
+/// or not it would be caught. One that comes to an orderly end
+/// while others wait for it leaves them waiting: a time-out ([`Comm::duplicate`]) names it.
+pub fn run<R, E: Display>(main: impl FnOnce(MpiComm) -> Result<R, E>, code: impl FnOnce(&E) -> i32) -> R {
+    let mpi = Mpi::start();
+    let world = SimpleCommunicator::world();
+    let (comm, end) = match (MpiComm::new(&world), MpiComm::new(&world)) {
+        (Ok(comm), Ok(end)) => (comm, end),
+        (Err(error), _) | (_, Err(error)) => end_all(&error.to_string(), PANICKED),
+    };
+    let before = panic::take_hook();
+    // Before anything is unwound: libraries may wait for other ranks when they free what they hold.
+    panic::set_hook(Box::new(move |info| {
+        before(info);
+        end_all(&super::words_of(info.payload()), PANICKED);
+    }));
+    let outcome = main(comm);
+    let _ = panic::take_hook();
+    match outcome {
+        Ok(found) => {
+            // Where one rank aborts while others end MPI, Open MPI may hang: nobody begins to before all have come so far.
+            let _ = end.barrier();
+            drop(end);
+            drop(mpi);
+            found
+        }
+        Err(error) => end_all(&error.to_string(), code(&error)),
+    }
+}
+
+/// Says why, and ends all ranks.
+fn end_all(reason: &str, code: i32) -> ! {
+    let world = SimpleCommunicator::world();
+    // In one piece: others may print too.
+    let _ = std::io::stderr().write_all(format!("rank {} ends all ranks: {reason}\n", world.rank()).as_bytes());
+    // Others may wait for this rank for ever: nothing short of this ends them.
+    world.abort(code)
+}
+
+/// The exit code of a rank that panicked: that of any program of Rust.
+const PANICKED: i32 = 101;
+
+impl MpiComm {
+    /// The ranks of a communicator, which is duplicated by all of them together.
+    ///
+    /// # Errors
+    /// [`CommError::Library`] where MPI was started without `MPI_THREAD_MULTIPLE`.
+    pub fn new(comm: &impl Communicator) -> Result<Self, CommError> {
+        match threading_support() {
+            Threading::Multiple => Ok(Self::of(comm.duplicate(), None)),
+            less => Err(CommError::Library(format!(
+                "MPI was started for {less:?} threads, and Multiple (MPI_THREAD_MULTIPLE) is needed: start it so, with an MPI \
+                 that allows it"
+            ))),
+        }
+    }
+
+    fn of(comm: SimpleCommunicator, time_out: Option<Duration>) -> Self {
+        let (raw, rank, size) = (comm.as_raw(), comm.rank() as usize, comm.size() as usize);
+        Self { group: Arc::new(Group { comm: ManuallyDrop::new(comm), raw, rank, size }), time_out }
+    }
+
+    /// The communicator, for libraries that use MPI themselves.
+    #[must_use]
+    pub fn communicator(&self) -> &SimpleCommunicator {
+        &self.group.comm
+    }
+
+    fn known(&self, rank: usize) -> Result<i32, CommError> {
+        let size = self.group.size;
+        if rank < size { Ok(rank as i32) } else { Err(CommError::Rank { rank, size }) }
+    }
+
+    /// Looks for a message: its handle and its length in bytes.
+    fn probe(&self, from: i32, tag: Tag) -> Result<Option<(ffi::MPI_Message, usize)>, CommError> {
+        let (mut there, mut message, mut status) = (0, MaybeUninit::uninit(), MaybeUninit::uninit());
+        // SAFETY: a live communicator; all three are written where a message is there.
+        let code = unsafe {
+            ffi::MPI_Improbe(
+                from,
+                tag.0 as i32,
+                self.group.raw,
+                &raw mut there,
+                message.as_mut_ptr(),
+                status.as_mut_ptr(),
+            )
+        };
+        check(code)?;
+        if there == 0 {
+            return Ok(None);
+        }
+        let mut bytes = 0;
+        // SAFETY: the status was written by the probe; the type is a constant of MPI.
+        check(unsafe { ffi::MPI_Get_count(status.as_ptr(), ffi::RSMPI_UINT8_T, &raw mut bytes) })?;
+        // SAFETY: written by the probe.
+        Ok(Some((unsafe { message.assume_init() }, bytes as usize)))
+    }
+
+    /// Waits for a message: first at full speed, then letting other processes of the machine work, and after a while asleep
+    /// most of the time, so that a rank that waits for the work of others does not take a core from them.
+    fn wait_for(&self, from: i32, tag: Tag) -> Result<(ffi::MPI_Message, usize), CommError> {
+        let start = Instant::now();
+        let mut looks = 0_u64;
+        loop {
+            if let Some(found) = self.probe(from, tag)? {
+                return Ok(found);
+            }
+            looks += 1;
+            if looks < 1000 {
+                continue;
+            }
+            let elapsed = start.elapsed();
+            if let Some(waited) = self.time_out
+                && elapsed > waited
+            {
+                return Err(CommError::TimeOut { from: from as usize, waited });
+            }
+            if elapsed > AWAKE { thread::sleep(NAP) } else { thread::yield_now() }
+        }
+    }
+
+    /// Starts to send bytes. Parts of full length say that another one follows, which may be empty.
+    ///
+    /// # Safety
+    /// The bytes stay where they are, unchanged, until all `requests` are completed, also where this fails.
+    unsafe fn start_parts(&self, to: i32, tag: Tag, bytes: &[u8], requests: &mut Requests) -> Result<(), CommError> {
+        for k in 0..=bytes.len() / PART {
+            let part = &bytes[k * PART..bytes.len().min((k + 1) * PART)];
+            let mut request = MaybeUninit::uninit();
+            // SAFETY: a live communicator, and bytes of which the caller says that they stay.
+            let code = unsafe {
+                ffi::MPI_Isend(
+                    part.as_ptr().cast(),
+                    part.len() as i32,
+                    ffi::RSMPI_UINT8_T,
+                    to,
+                    tag.0 as i32,
+                    self.group.raw,
+                    request.as_mut_ptr(),
+                )
+            };
+            check(code)?;
+            // SAFETY: written by the call.
+            requests.0.push(unsafe { request.assume_init() });
+        }
+        Ok(())
+    }
+}
+
+/// Takes in a part of a message that a probe has found; the memory is as long as the probe said.
+fn receive_part(mut handle: ffi::MPI_Message, memory: &mut [u8]) -> Result<(), CommError> {
+    // SAFETY: as much memory as is to come; the handle is used once.
+    check(unsafe {
+        ffi::MPI_Mrecv(
+            memory.as_mut_ptr().cast(),
+            memory.len() as i32,
+            ffi::RSMPI_UINT8_T,
+            &raw mut handle,
+            ffi::RSMPI_STATUS_IGNORE,
+        )
+    })
+}
+
+/// What MPI says of a code.
+fn check(code: i32) -> Result<(), CommError> {
+    if code == ffi::MPI_SUCCESS as i32 { Ok(()) } else { Err(CommError::Library(format!("MPI reports error {code}"))) }
+}
+
+/// What MPI has started and not completed.
+#[derive(Debug, Default)]
+struct Requests(Vec<ffi::MPI_Request>);
+
+impl Requests {
+    fn complete(&mut self) -> Result<(), CommError> {
+        let mut outcome = Ok(());
+        for mut request in self.0.drain(..) {
+            // SAFETY: a request that was started and not completed, whose memory lives.
+            outcome = outcome.and(check(unsafe { ffi::MPI_Wait(&raw mut request, ffi::RSMPI_STATUS_IGNORE) }));
+        }
+        outcome
+    }
+
+    /// The same, for so long.
+    fn complete_in(&mut self, to: usize, waited: Duration) -> Result<(), CommError> {
+        let start = Instant::now();
+        while let Some(request) = self.0.last_mut() {
+            let mut done = 0;
+            // SAFETY: a request that was started and not completed, whose memory lives; MPI forgets it once it is done.
+            check(unsafe { ffi::MPI_Test(request, &raw mut done, ffi::RSMPI_STATUS_IGNORE) })?;
+            if done != 0 {
+                self.0.pop();
+            } else if start.elapsed() > waited {
+                return Err(CommError::NotTaken { to, waited });
+            } else {
+                thread::yield_now();
+            }
+        }
+        Ok(())
+    }
+
+    /// Waits for nothing: `false` where MPI may go on reading.
+    fn give_up(&mut self) -> bool {
+        if is_over() {
+            self.0.clear();
+        }
+        let mut is_out = true;
+        for mut request in self.0.drain(..) {
+            let mut done = 0;
+            // SAFETY: a request that was started and not completed; its memory lives.
+            let code = unsafe { ffi::MPI_Test(&raw mut request, &raw mut done, ffi::RSMPI_STATUS_IGNORE) };
+            if code != ffi::MPI_SUCCESS as i32 || done == 0 {
+                is_out = false;
+                // SAFETY: a live request, which MPI may complete when it likes.
+                unsafe { ffi::MPI_Request_free(&raw mut request) };
+            }
+        }
+        is_out
+    }
+}
+
+/// A message that MPI may still be reading.
+#[derive(Debug)]
+pub struct Underway {
+    message: Message,
+    requests: Requests,
+    to: usize,
+    time_out: Option<Duration>,
+}
+
+// SAFETY: a request belongs to no thread.
+unsafe impl Send for Underway {}
+
+impl Drop for Underway {
+    fn drop(&mut self) {
+        // Nobody waits for it any more. Waiting here could last for ever: a rank that fails must come to the point where it
+        // ends the others. What MPI may still read stays where it is.
+        if !self.requests.give_up() {
+            std::mem::forget(std::mem::take(&mut self.message));
+        }
+    }
+}
+
+impl Sending for Underway {
+    fn wait(mut self) -> Result<Option<Message>, CommError> {
+        match self.time_out {
+            None => self.requests.complete()?,
+            Some(time_out) => self.requests.complete_in(self.to, time_out)?,
+        }
+        Ok(Some(std::mem::take(&mut self.message)))
+    }
+}
+
+impl Comm for MpiComm {
+    type Sending = Underway;
+
+    fn rank(&self) -> usize {
+        self.group.rank
+    }
+
+    fn size(&self) -> usize {
+        self.group.size
+    }
+
+    fn start_send(&self, to: usize, tag: Tag, message: Message) -> Result<Underway, CommError> {
+        let rank = self.known(to)?;
+        let mut underway = Underway { message, requests: Requests::default(), to, time_out: self.time_out };
+        let Underway { message, requests, .. } = &mut underway;
+        // SAFETY: the memory of the message stays where it is until `Underway` has completed the requests or left it there.
+        unsafe { self.start_parts(rank, tag, message.bytes(), requests) }?;
+        Ok(underway)
+    }
+
+    fn send_bytes(&self, tag: Tag, parcels: &[(usize, &[u8])]) -> Result<(), CommError> {
+        let known = |&(to, bytes): &(usize, _)| Ok((self.known(to)?, bytes));
+        let known: Vec<(i32, &[u8])> = parcels.iter().map(known).collect::<Result<_, CommError>>()?;
+        if self.time_out.is_some() {
+            // Borrowed bytes cannot be left behind when the time is out: copies can.
+            let start = |&(to, bytes): &(usize, &[u8])| self.start_send(to, tag, Message::of(bytes));
+            let sendings: Vec<Underway> = parcels.iter().map(start).collect::<Result<_, _>>()?;
+            return sendings.into_iter().try_for_each(|sending| sending.wait().map(drop));
+        }
+        let mut requests = Requests::default();
+        let mut parcels = known.into_iter();
+        // SAFETY: the bytes are borrowed until the requests are completed below, whether or not all could be started.
+        let started = parcels.try_for_each(|(to, bytes)| unsafe { self.start_parts(to, tag, bytes, &mut requests) });
+        started.and(requests.complete())
+    }
+
+    fn receive(&self, from: usize, tag: Tag) -> Result<Message, CommError> {
+        self.receive_into(from, tag, Message::new())
+    }
+
+    fn receive_into(&self, from: usize, tag: Tag, memory: Message) -> Result<Message, CommError> {
+        let rank = self.known(from)?;
+        let (mut message, mut there) = (memory, 0);
+        loop {
+            let (handle, count) = self.wait_for(rank, tag)?;
+            message.resize(there + count);
+            receive_part(handle, &mut message.bytes_mut()[there..])?;
+            there += count;
+            if count < PART {
+                return Ok(message);
+            }
+        }
+    }
+
+    fn receive_bytes(&self, from: usize, tag: Tag, bytes: &mut [u8]) -> Result<(), CommError> {
+        let rank = self.known(from)?;
+        let mut there = 0;
+        loop {
+            let (handle, count) = self.wait_for(rank, tag)?;
+            match bytes.get_mut(there..there + count) {
+                Some(memory) => receive_part(handle, memory)?,
+                // Taken in all the same, so that nothing of it stays underway.
+                None => receive_part(handle, &mut vec![0; count])?,
+            }
+            there += count;
+            if count < PART {
+                break;
+            }
+        }
+        let expected = bytes.len();
+        if there == expected { Ok(()) } else { Err(CommError::Size { from, found: there, expected }) }
+    }
+
+    fn is_there(&self, from: usize, tag: Tag) -> Result<bool, CommError> {
+        let (from, mut there) = (self.known(from)?, 0);
+        // SAFETY: a live communicator.
+        let code =
+            unsafe { ffi::MPI_Iprobe(from, tag.0 as i32, self.group.raw, &raw mut there, ffi::RSMPI_STATUS_IGNORE) };
+        check(code)?;
+        Ok(there != 0)
+    }
+
+    fn split(&self, colour: Option<usize>, place: usize) -> Result<Option<Self>, CommError> {
+        let number = |number| {
+            i32::try_from(number)
+                .map_err(|_| CommError::Library(format!("{number} is too large a colour or place for MPI")))
+        };
+        let colour = match colour {
+            Some(colour) => Color::with_value(number(colour)?),
+            None => Color::undefined(),
+        };
+        let comm = self.group.comm.split_by_color_with_key(colour, number(place)?);
+        Ok(comm.map(|comm| Self::of(comm, self.time_out)))
+    }
+
+    fn duplicate(&self, time_out: Option<Duration>) -> Result<Self, CommError> {
+        Ok(Self::of(self.group.comm.duplicate(), time_out))
+    }
+}

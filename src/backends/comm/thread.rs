@@ -1,0 +1,261 @@
+//! Ranks as threads of one process: what tests run on, and a laptop.
+
+use std::collections::VecDeque;
+use std::collections::hash_map::{Entry, HashMap};
+use std::fmt::Display;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use crate::las::{Comm, CommError, Message, Sending, Tag};
+
+/// Threads that run side by side, each a rank.
+#[derive(Clone, Debug)]
+pub struct ThreadComm {
+    world: Arc<World>,
+    /// Tells messages of one group from those of others.
+    group: u64,
+    /// The ranks of the group, by their numbers in the world.
+    members: Arc<[usize]>,
+    rank: usize,
+    time_out: Option<Duration>,
+}
+
+/// All threads.
+#[derive(Debug)]
+struct World {
+    mailboxes: Vec<Mailbox>,
+    /// The first rank that failed, and what it said.
+    failed: Mutex<Option<Failed>>,
+    /// Ranks that have come to their end and send nothing more.
+    ended: Vec<AtomicBool>,
+    groups: AtomicU64,
+}
+
+#[derive(Debug, Default)]
+struct Mailbox {
+    messages: Mutex<HashMap<Address, VecDeque<Message>>>,
+    arrived: Condvar,
+}
+
+/// What tells messages in a mailbox apart: the group, the rank in the world that sent it, and the tag.
+type Address = (u64, usize, Tag);
+
+/// A rank that failed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Failed {
+    /// Its number.
+    pub rank: usize,
+    /// What it said, or panicked with.
+    pub reason: String,
+}
+
+impl Display for Failed {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "rank {} failed: {}", self.rank, self.reason)
+    }
+}
+
+impl std::error::Error for Failed {}
+
+impl From<Failed> for CommError {
+    fn from(Failed { rank, reason }: Failed) -> Self {
+        Self::Ended { rank, reason }
+    }
+}
+
+/// What a thread does not know of another's panic: every value that is locked here is whole at any time.
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Runs `main` as so many ranks, and waits for all of them: one that computes or sleeps when another fails is not disturbed
+/// until it sends or receives. What they return comes in their order.
+///
+/// # Errors
+/// The first rank that returned an error or panicked; the others are ended by it.
+pub fn run<R: Send, E: Display>(
+    ranks: usize,
+    main: impl Fn(ThreadComm) -> Result<R, E> + Sync,
+) -> Result<Vec<R>, Failed> {
+    let world = Arc::new(World {
+        mailboxes: (0..ranks).map(|_| Mailbox::default()).collect(),
+        failed: Mutex::new(None),
+        ended: (0..ranks).map(|_| AtomicBool::new(false)).collect(),
+        groups: AtomicU64::new(1),
+    });
+    let members: Arc<[usize]> = (0..ranks).collect();
+    let outcomes: Vec<Option<R>> = thread::scope(|scope| {
+        let start = |rank: usize| {
+            let comm =
+                ThreadComm { world: Arc::clone(&world), group: 0, members: Arc::clone(&members), rank, time_out: None };
+            let (main, world) = (&main, &world);
+            scope.spawn(move || match catch_unwind(AssertUnwindSafe(|| main(comm))) {
+                Ok(Ok(found)) => {
+                    world.ended[rank].store(true, Ordering::Release);
+                    world.wake();
+                    Some(found)
+                }
+                Ok(Err(error)) => world.fail(rank, error.to_string()),
+                Err(panic) => world.fail(rank, super::words_of(panic.as_ref())),
+            })
+        };
+        let threads: Vec<_> = (0..ranks).map(start).collect();
+        threads.into_iter().map(|thread| thread.join().unwrap_or(None)).collect()
+    });
+    match locked(&world.failed).take() {
+        Some(failed) => Err(failed),
+        None => Ok(outcomes.into_iter().flatten().collect()),
+    }
+}
+
+impl World {
+    /// Ends all ranks, unless another has before.
+    fn fail<R>(&self, rank: usize, reason: String) -> Option<R> {
+        locked(&self.failed).get_or_insert(Failed { rank, reason });
+        self.wake();
+        None
+    }
+
+    /// Lets all ranks that wait look again.
+    fn wake(&self) {
+        for mailbox in &self.mailboxes {
+            // With the lock, so that nobody goes to sleep between looking and waiting.
+            let _messages = locked(&mailbox.messages);
+            mailbox.arrived.notify_all();
+        }
+    }
+
+    fn check(&self) -> Result<(), CommError> {
+        locked(&self.failed).clone().map_or(Ok(()), |failed| Err(failed.into()))
+    }
+}
+
+impl ThreadComm {
+    /// One rank alone.
+    #[must_use]
+    pub fn alone() -> Self {
+        let mailboxes = vec![Mailbox::default()];
+        let ended = vec![AtomicBool::new(false)];
+        let world = World { mailboxes, failed: Mutex::new(None), ended, groups: AtomicU64::new(1) };
+        Self { world: Arc::new(world), group: 0, members: [0].into(), rank: 0, time_out: None }
+    }
+
+    /// The number in the world of a rank of this group.
+    fn in_world(&self, rank: usize) -> Result<usize, CommError> {
+        let size = self.members.len();
+        self.members.get(rank).copied().ok_or(CommError::Rank { rank, size })
+    }
+
+    /// As many new numbers of groups, the same for all ranks: the first of them.
+    fn new_groups(&self, count: usize) -> Result<u64, CommError> {
+        let first = match self.rank {
+            0 => self.world.groups.fetch_add(count as u64, Ordering::Relaxed),
+            _ => 0,
+        };
+        let agreed = self.broadcast(0, Message::of(&[first]))?;
+        Ok(agreed.values::<u64>().and_then(|numbers| numbers.first()).copied().unwrap_or(first))
+    }
+}
+
+/// A message that has arrived.
+#[derive(Clone, Copy, Debug)]
+pub struct Sent;
+
+impl Sending for Sent {
+    fn wait(self) -> Result<Option<Message>, CommError> {
+        Ok(None)
+    }
+}
+
+impl Comm for ThreadComm {
+    type Sending = Sent;
+
+    fn rank(&self) -> usize {
+        self.rank
+    }
+
+    fn size(&self) -> usize {
+        self.members.len()
+    }
+
+    fn start_send(&self, to: usize, tag: Tag, message: Message) -> Result<Sent, CommError> {
+        self.world.check()?;
+        let mailbox = &self.world.mailboxes[self.in_world(to)?];
+        let address = (self.group, self.members[self.rank], tag);
+        locked(&mailbox.messages).entry(address).or_default().push_back(message);
+        mailbox.arrived.notify_all();
+        Ok(Sent)
+    }
+
+    fn receive(&self, from: usize, tag: Tag) -> Result<Message, CommError> {
+        let sender = self.in_world(from)?;
+        let address = (self.group, sender, tag);
+        let mailbox = &self.world.mailboxes[self.members[self.rank]];
+        let end = self.time_out.and_then(|time_out| Some((Instant::now().checked_add(time_out)?, time_out)));
+        let mut messages = locked(&mailbox.messages);
+        loop {
+            // Asked before looking: what a rank sends before its end is there then.
+            let has_ended = self.world.ended[sender].load(Ordering::Acquire);
+            if let Entry::Occupied(mut queue) = messages.entry(address) {
+                let message = queue.get_mut().pop_front();
+                // Nothing stays of addresses that nobody writes to again.
+                if queue.get().is_empty() {
+                    queue.remove();
+                }
+                if let Some(message) = message {
+                    return Ok(message);
+                }
+            }
+            self.world.check()?;
+            if has_ended {
+                let reason = "it came to its end without sending what others wait for".into();
+                return Err(CommError::Ended { rank: sender, reason });
+            }
+            messages = match end {
+                None => mailbox.arrived.wait(messages).unwrap_or_else(PoisonError::into_inner),
+                Some((end, time_out)) => {
+                    let left = end.saturating_duration_since(Instant::now());
+                    if left.is_zero() {
+                        return Err(CommError::TimeOut { from, waited: time_out });
+                    }
+                    mailbox.arrived.wait_timeout(messages, left).unwrap_or_else(PoisonError::into_inner).0
+                }
+            };
+        }
+    }
+
+    fn is_there(&self, from: usize, tag: Tag) -> Result<bool, CommError> {
+        let address = (self.group, self.in_world(from)?, tag);
+        self.world.check()?;
+        let messages = locked(&self.world.mailboxes[self.members[self.rank]].messages);
+        Ok(messages.get(&address).is_some_and(|queue| !queue.is_empty()))
+    }
+
+    fn split(&self, colour: Option<usize>, place: usize) -> Result<Option<Self>, CommError> {
+        let own = colour.map_or(u64::MAX, |colour| colour as u64);
+        let all = self.gather_all(Message::of(&[own, place as u64]))?;
+        let all = all.iter().enumerate().filter_map(|(rank, message)| match *message.values::<u64>()? {
+            [colour, place] if colour == own => Some((place, rank)),
+            _ => None,
+        });
+        let mut members: Vec<(u64, usize)> = all.collect();
+        members.sort_unstable();
+        let first = self.new_groups(self.size())?;
+        if colour.is_none() {
+            return Ok(None);
+        }
+        let ranks: Vec<usize> = members.into_iter().map(|(_, rank)| rank).collect();
+        let rank = ranks.iter().position(|&rank| rank == self.rank).unwrap_or(0);
+        // A group is numbered by its first rank, of which no other group has it.
+        let group = first + ranks.first().copied().unwrap_or(0) as u64;
+        let members = ranks.iter().map(|&rank| self.members[rank]).collect();
+        Ok(Some(Self { world: Arc::clone(&self.world), group, members, rank, time_out: self.time_out }))
+    }
+
+    fn duplicate(&self, time_out: Option<Duration>) -> Result<Self, CommError> {
+        Ok(Self { group: self.new_groups(1)?, time_out, ..self.clone() })
+    }
+}

@@ -1,0 +1,84 @@
+//! METIS: parts of graphs, and the lock that its callers share.
+//!
+//! Reference: G. Karypis, V. Kumar, *A fast and high quality multilevel scheme for partitioning irregular graphs*, SIAM
+//! Journal on Scientific Computing 20 (1998), 359-392.
+#![allow(unsafe_code, reason = "the interface to a C library")]
+
+use std::ptr::null_mut;
+use std::sync::{Mutex, PoisonError};
+
+use metis_sys::{METIS_PartGraphRecursive, idx_t, rstatus_et_METIS_OK};
+
+/// METIS draws from the random numbers of the C library, which a process has one sequence of: one caller at a time, so
+/// that what it finds does not depend on what other threads do.
+pub(super) static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
+
+/// The part of every node of a graph, of as many parts with about as many nodes each and few edges between them.
+/// `near[node]` lists the neighbours of a node, each of which lists it too.
+///
+/// # Errors
+/// What is wrong with the graph, or the status of METIS.
+pub fn parts(near: &[Vec<u32>], parts: usize) -> Result<Vec<u32>, String> {
+    if near.iter().flatten().any(|&node| node as usize >= near.len()) {
+        return Err(format!("a neighbour beyond the last of {} nodes", near.len()));
+    }
+    // METIS does not take a graph without edges, or one part.
+    if parts <= 1 || near.iter().all(Vec::is_empty) {
+        return Ok((0..near.len()).map(|node| (node * parts.max(1) / near.len().max(1)) as u32).collect());
+    }
+    let mut start: Vec<idx_t> = vec![0];
+    let mut neighbours: Vec<idx_t> = Vec::new();
+    for near in near {
+        neighbours.extend(near.iter().map(|&node| node as idx_t));
+        start.push(neighbours.len() as idx_t);
+    }
+    let (mut nodes, mut constraints, mut count, mut cut) = (near.len() as idx_t, 1, parts as idx_t, 0);
+    let mut part_of: Vec<idx_t> = vec![0; near.len()];
+    let guard = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
+    // SAFETY: `start` and `neighbours` are the compressed rows of a graph of `nodes` nodes, checked above; the result has an
+    // entry a node. Null stands for unit weights, even parts and the default options.
+    let status = unsafe {
+        METIS_PartGraphRecursive(
+            &raw mut nodes,
+            &raw mut constraints,
+            start.as_mut_ptr(),
+            neighbours.as_mut_ptr(),
+            null_mut(),
+            null_mut(),
+            null_mut(),
+            &raw mut count,
+            null_mut(),
+            null_mut(),
+            null_mut(),
+            &raw mut cut,
+            part_of.as_mut_ptr(),
+        )
+    };
+    drop(guard);
+    if status == rstatus_et_METIS_OK {
+        Ok(part_of.into_iter().map(|part| part as u32).collect())
+    } else {
+        Err(format!("METIS: status {status} instead of a partition"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_ring_falls_into_arcs() {
+        let near: Vec<Vec<u32>> = (0..60_u32).map(|k| vec![(k + 59) % 60, (k + 1) % 60]).collect();
+        let part_of = parts(&near, 3).unwrap();
+        assert_eq!(part_of, parts(&near, 3).unwrap(), "the same again");
+        let between = (0..60).filter(|&k| part_of[k] != part_of[(k + 1) % 60]).count();
+        assert_eq!(between, 3);
+        assert!((0..3).all(|part| part_of.iter().filter(|&&p| p == part).count() >= 17), "{part_of:?}");
+    }
+
+    #[test]
+    fn graphs_without_edges_and_wrong_ones_are_no_trouble() {
+        assert_eq!(parts(&[vec![], vec![], vec![], vec![]], 2), Ok(vec![0, 0, 1, 1]));
+        assert!(parts(&[vec![1]], 2).is_err());
+    }
+}

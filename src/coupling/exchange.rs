@@ -1,0 +1,194 @@
+//! Exchange: values of units from the ranks that have them to those that get them, between neighbours only.
+
+use std::marker::PhantomData;
+
+use super::couple::{About, Coupling, CouplingError, Role};
+use super::links::Neighbour;
+use super::payload::Payload;
+use crate::las::{Comm, CommError, Message, Sending, Tag};
+
+/// Carries values of one kind over couplings of two scales: the one that it was made for, its inverse, its deltas and what it
+/// becomes later. Keeps the memory of its messages.
+#[derive(Debug)]
+pub struct Carrier<T> {
+    spare: Vec<Message>,
+    /// Bytes that were sent so far.
+    sent: u64,
+    of: PhantomData<fn() -> T>,
+}
+
+/// Values on their way.
+#[must_use = "values are on their way until `finish`"]
+#[derive(Debug)]
+pub struct Underway<C: Comm> {
+    sendings: Vec<C::Sending>,
+}
+
+impl<T: Payload> Carrier<T> {
+    /// Checks that both sides of a coupling mean the same. Called by all ranks of both together.
+    ///
+    /// # Errors
+    /// [`CouplingError::Layout`] on all ranks where they do not.
+    pub fn new<C: Comm>(coupling: &Coupling<C>) -> Result<Self, CouplingError> {
+        let here = T::layout().to_string();
+        let there = coupling.other_side(About::Layouts, Message::text(&here))?.to_text();
+        if here != there {
+            let [producer, consumer] = coupling.names();
+            return Err(CouplingError::Layout { producer, consumer, here, there });
+        }
+        Ok(Self { spare: Vec::new(), sent: 0, of: PhantomData })
+    }
+
+    /// Bytes of values that were sent so far.
+    #[must_use]
+    pub fn sent(&self) -> u64 {
+        self.sent
+    }
+
+    /// Starts to send the values of all units of this rank, in their order, on the producer. Work goes on beside it: the
+    /// values are copied and may change at once, and more may be started before this is finished.
+    ///
+    /// # Errors
+    /// [`CouplingError`].
+    pub fn start<C: Comm>(&mut self, coupling: &Coupling<C>, values: &[T]) -> Result<Underway<C>, CouplingError> {
+        coupling.must_have(Role::Producer, values.len())?;
+        let mut sendings = Vec::with_capacity(coupling.links.neighbours.len());
+        for neighbour in &coupling.links.neighbours {
+            let message = self.gather(&neighbour.places, values);
+            self.sent += message.len() as u64;
+            let to = coupling.there[neighbour.rank];
+            let sending = coupling.comm.start_send(to, coupling.tag(About::Values), message);
+            sendings.push(sending.map_err(|error| coupling.failed(error))?);
+        }
+        Ok(Underway { sendings })
+    }
+
+    /// The values at some places.
+    fn gather(&mut self, places: &[u32], values: &[T]) -> Message {
+        let mut message = self.spare.pop().unwrap_or_default();
+        message.resize(size_of::<T>() * places.len());
+        match message.values_mut::<T>() {
+            Some(out) => out.iter_mut().zip(places).for_each(|(out, &place)| *out = values[place as usize]),
+            // A type that asks for more than words of eight bytes.
+            None => {
+                let gathered: Vec<T> = places.iter().map(|&place| values[place as usize]).collect();
+                message.bytes_mut().copy_from_slice(bytemuck::cast_slice(&gathered));
+            }
+        }
+        message
+    }
+
+    /// Waits until all values are out of this rank's hands.
+    ///
+    /// # Errors
+    /// [`CouplingError`].
+    pub fn finish<C: Comm>(&mut self, coupling: &Coupling<C>, underway: Underway<C>) -> Result<(), CouplingError> {
+        for sending in underway.sendings {
+            self.spare.extend(sending.wait().map_err(|error| coupling.failed(error))?);
+        }
+        Ok(())
+    }
+
+    /// Sends the values of all units of this rank, in their order, on the producer. Values that go to one rank and lie one
+    /// behind the other are sent from where they are, without a copy.
+    ///
+    /// # Errors
+    /// [`CouplingError`].
+    pub fn send<C: Comm>(&mut self, coupling: &Coupling<C>, values: &[T]) -> Result<(), CouplingError> {
+        coupling.must_have(Role::Producer, values.len())?;
+        let neighbours = &coupling.links.neighbours;
+        let scattered = neighbours.iter().filter(|neighbour| neighbour.run().is_none());
+        let messages: Vec<Message> = scattered.map(|neighbour| self.gather(&neighbour.places, values)).collect();
+        let mut gathered = messages.iter();
+        let parcel = |neighbour: &Neighbour| {
+            let bytes = match neighbour.run() {
+                Some(run) => bytemuck::cast_slice(&values[run]),
+                None => gathered.next().map_or(&[][..], Message::bytes),
+            };
+            (coupling.there[neighbour.rank], bytes)
+        };
+        let parcels: Vec<(usize, &[u8])> = neighbours.iter().map(parcel).collect();
+        self.sent += parcels.iter().map(|(_, bytes)| bytes.len() as u64).sum::<u64>();
+        let sent = coupling.comm.send_bytes(coupling.tag(About::Values), &parcels);
+        self.spare.extend(messages);
+        sent.map_err(|error| coupling.failed(error))
+    }
+
+    /// Gets the values of all units of this rank, in their order, on the consumer.
+    ///
+    /// # Errors
+    /// [`CouplingError`].
+    pub fn receive<C: Comm>(&mut self, coupling: &Coupling<C>, values: &mut [T]) -> Result<(), CouplingError> {
+        coupling.must_have(Role::Consumer, values.len())?;
+        for neighbour in &coupling.links.neighbours {
+            match neighbour.run() {
+                Some(run) => {
+                    let (from, tag) = (coupling.there[neighbour.rank], coupling.tag(About::Values));
+                    coupling.comm.receive_bytes(from, tag, bytemuck::cast_slice_mut(&mut values[run]))
+                }
+                None => self.scatter(coupling, neighbour, values),
+            }
+            .map_err(|error| coupling.failed(error))?;
+        }
+        Ok(())
+    }
+
+    /// Gets values whose places are not one behind the other.
+    fn scatter<C: Comm>(
+        &mut self,
+        coupling: &Coupling<C>,
+        Neighbour { rank, places }: &Neighbour,
+        values: &mut [T],
+    ) -> Result<(), CommError> {
+        let from = coupling.there[*rank];
+        let memory = self.spare.pop().unwrap_or_default();
+        let message = coupling.comm.receive_into(from, coupling.tag(About::Values), memory)?;
+        let expected = size_of::<T>() * places.len();
+        if message.len() != expected {
+            return Err(CommError::Size { from, found: message.len(), expected });
+        }
+        match message.values::<T>() {
+            Some(found) => found.iter().zip(places).for_each(|(&found, &place)| values[place as usize] = found),
+            None => {
+                let bytes = message.bytes().chunks_exact(size_of::<T>().max(1));
+                bytes.zip(places).for_each(|(bytes, &place)| {
+                    values[place as usize] = bytemuck::pod_read_unaligned(bytes);
+                });
+            }
+        }
+        self.spare.push(message);
+        Ok(())
+    }
+}
+
+impl<C: Comm> Coupling<C> {
+    fn must_have(&self, role: Role, values: usize) -> Result<(), CouplingError> {
+        let units = self.units().len();
+        if self.role != role {
+            let [producer, consumer] = self.names();
+            return Err(match role {
+                Role::Producer => CouplingError::Role { scale: consumer, role: "producer" },
+                Role::Consumer => CouplingError::Role { scale: producer, role: "consumer" },
+            });
+        }
+        if values == units { Ok(()) } else { Err(CouplingError::Values { found: values, units }) }
+    }
+
+    /// What the other side says, while this one says something to it.
+    fn other_side(&self, about: About, message: Message) -> Result<Message, CouplingError> {
+        self.trade(self.tag(about), message).map_err(|error| self.failed(error))
+    }
+
+    fn trade(&self, tag: Tag, message: Message) -> Result<Message, CommError> {
+        let is_first = self.comm.rank() == self.here[0];
+        let found = if is_first {
+            let sending = self.comm.start_send(self.there[0], tag, message)?;
+            let found = self.comm.receive(self.there[0], tag)?;
+            sending.wait()?;
+            found
+        } else {
+            Message::new()
+        };
+        self.own_side().broadcast(0, found)
+    }
+}

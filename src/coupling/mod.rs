@@ -1,0 +1,72 @@
+//! AMSI: separate single-scale codes, each on its own ranks, coupled.
+//!
+//! A *scale* is a code on some of the ranks; it gets a communicator of its own and needs to know of no other. A *coupling* is
+//! directed: it knows which *units* of one scale's data, the producer's, go to which ranks of another's, the consumer's.
+//! A *carrier* takes values of the units over it, point to point, between neighbours only. Units have numbers of their own,
+//! so that results need not depend on where they are; they can be added and removed while scales run.
+//!
+//! # Units that come and go
+//!
+//! ```
+//! use biotissue::backends::comm::thread;
+//! use biotissue::coupling::{Carrier, Coupling, Even, Plan, Role, Scales, Share};
+//!
+//! // One rank has units, two get them.
+//! let plan = Plan::default().with("body", Share::Count(1)).with("cells", Share::Ratio(1.0));
+//! thread::run(3, |comm| -> Result<(), Box<dyn std::error::Error>> {
+//!     let scales = Scales::new(&comm, &plan)?;
+//!     let units: &[u64] = if scales.own() == 0 { &[10, 11, 12] } else { &[] };
+//!     let mut coupling = Coupling::new(&scales, "body", "cells", units, &[], &Even)?;
+//!     let mut carrier = Carrier::<f64>::new(&coupling)?;
+//!     match coupling.role() {
+//!         Role::Producer => {
+//!             coupling.remove(&[11])?;
+//!             let new = coupling.add(&[20], &[], &Even)?;
+//!             carrier.send(&new, &[293.0])?; // of the new unit alone
+//!             let underway = carrier.start(&coupling, &[300.0, 301.0, 302.0])?; // of 10, 12, 20
+//!             // Work goes on here.
+//!             carrier.finish(&coupling, underway)?;
+//!             let mut back = [0.0; 3];
+//!             carrier.receive(&coupling.inverse(), &mut back)?;
+//!             assert_eq!(back, [600.0, 602.0, 604.0]);
+//!         }
+//!         Role::Consumer => {
+//!             let mut state = vec![273.0; coupling.units().len()];
+//!             // The state follows the units that stay, and gets what came with the new ones.
+//!             state = coupling.forget()?.iter().map(|&place| state[place as usize]).collect();
+//!             let new = coupling.reconcile()?;
+//!             let mut first = vec![0.0; new.units().len()];
+//!             carrier.receive(&new, &mut first)?;
+//!             state.extend(first);
+//!             carrier.receive(&coupling, &mut state)?;
+//!             let answers: Vec<f64> = state.iter().map(|value| 2.0 * value).collect();
+//!             carrier.send(&coupling.inverse(), &answers)?;
+//!         }
+//!     }
+//!     Ok(())
+//! })?;
+//! # Ok::<(), thread::Failed>(())
+//! ```
+//!
+//! After chapter 2 of W. R. Tobin, *The Adaptive Multiscale Simulation Infrastructure* (RPI 2018).
+
+mod config;
+mod couple;
+mod data;
+mod exchange;
+mod links;
+mod pattern;
+mod payload;
+mod plan;
+mod scale;
+pub mod topology;
+
+pub use config::{Config, Relation};
+pub use couple::{Coupling, CouplingError, Delta, Role};
+pub use data::{Census, UnitId};
+pub use exchange::{Carrier, Underway};
+pub use links::{Links, Neighbour};
+pub use pattern::{ByWeight, Even, Spread};
+pub use payload::{Layout, Payload, bytemuck};
+pub use plan::{Plan, PlanError, Share};
+pub use scale::{Main, ScaleError, Scales};

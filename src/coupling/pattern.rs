@@ -1,0 +1,130 @@
+//! Which consumer each unit goes to.
+
+use super::data::Census;
+
+/// How units are spread over the ranks of the consumer.
+///
+/// Units keep their order: those of a rank of the producer go to consecutive ranks of the consumer, so that each has few
+/// neighbours.
+pub trait Spread {
+    /// The ranks of the consumer, of `consumers`, for the units of rank `rank` of the producer, in their order.
+    fn spread(&self, census: &Census, rank: usize, consumers: usize) -> Vec<usize>;
+}
+
+/// As many units to each rank, up to one, those that it has already included: the first ranks have one more where they do not
+/// divide evenly. Units that are there stay where they are.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Even;
+
+impl Spread for Even {
+    fn spread(&self, census: &Census, rank: usize, consumers: usize) -> Vec<usize> {
+        let held: Vec<usize> = (0..consumers).map(|rank| census.held.get(rank).copied().unwrap_or(0)).collect();
+        let shares = fill(&held, census.units());
+        let to = shares.iter().enumerate().flat_map(|(rank, &share)| std::iter::repeat_n(rank, share));
+        to.skip(census.before(rank)).take(census.counts[rank]).collect()
+    }
+}
+
+/// How many of so many units each rank gets, so that all come as near to one level as they can.
+fn fill(held: &[usize], units: usize) -> Vec<usize> {
+    let below = |level: usize| held.iter().map(|&held| level.saturating_sub(held)).sum::<usize>();
+    // The highest level to which the units suffice.
+    let (mut level, mut beyond) = (0, held.iter().max().unwrap_or(&0) + units + 1);
+    while beyond - level > 1 {
+        let middle = level + (beyond - level) / 2;
+        if below(middle) <= units { level = middle } else { beyond = middle }
+    }
+    let mut more = units - below(level);
+    let share = |&held: &usize| {
+        let one = usize::from(held <= level && more > 0);
+        more -= one;
+        level.saturating_sub(held) + one
+    };
+    held.iter().map(share).collect()
+}
+
+/// About as much weight to each rank: all weights are laid one behind the other and cut into pieces of equal length, one a rank;
+/// a unit goes where its middle lies. What ranks have already does not count.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ByWeight;
+
+impl Spread for ByWeight {
+    fn spread(&self, census: &Census, rank: usize, consumers: usize) -> Vec<usize> {
+        let all = census.weight();
+        if all <= 0.0 || !all.is_finite() {
+            return Even.spread(census, rank, consumers);
+        }
+        // In the order of the ranks, so that every rank finds the same sums.
+        let mut before: f64 = census.weights[..rank].iter().flatten().sum();
+        let place = |&weight: &f64| {
+            let middle = before + 0.5 * weight;
+            before += weight;
+            ((middle / all * consumers as f64) as usize).min(consumers - 1)
+        };
+        census.weights[rank].iter().map(place).collect()
+    }
+}
+
+/// A user's own.
+impl<F: Fn(&Census, usize, usize) -> Vec<usize>> Spread for F {
+    fn spread(&self, census: &Census, rank: usize, consumers: usize) -> Vec<usize> {
+        self(census, rank, consumers)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn census(counts: &[usize]) -> Census {
+        let weights = counts.iter().map(|&count| vec![1.0; count]).collect();
+        Census { counts: counts.to_vec(), weights, held: Vec::new() }
+    }
+
+    /// Units by rank of the consumer.
+    fn row(spread: &impl Spread, census: &Census, rank: usize, consumers: usize) -> Vec<usize> {
+        let mut row = vec![0; consumers];
+        spread.spread(census, rank, consumers).into_iter().for_each(|to| row[to] += 1);
+        row
+    }
+
+    /// Table 4.2 of the thesis.
+    #[test]
+    fn spreads_507_units_as_published() {
+        let census = census(&[125, 122, 128, 132]);
+        let rows: Vec<Vec<usize>> = (0..4).map(|rank| row(&Even, &census, rank, 8)).collect();
+        assert_eq!(rows[0], [64, 61, 0, 0, 0, 0, 0, 0]);
+        assert_eq!(rows[1], [0, 3, 64, 55, 0, 0, 0, 0]);
+        assert_eq!(rows[2], [0, 0, 0, 8, 63, 57, 0, 0]);
+        assert_eq!(rows[3], [0, 0, 0, 0, 0, 6, 63, 63]);
+    }
+
+    #[test]
+    fn more_ranks_than_units_leave_some_without() {
+        let census = census(&[2, 0, 1]);
+        let rows: Vec<Vec<usize>> = (0..3).map(|rank| row(&Even, &census, rank, 5)).collect();
+        assert_eq!(rows, [vec![1, 1, 0, 0, 0], vec![0; 5], vec![0, 0, 1, 0, 0]]);
+    }
+
+    #[test]
+    fn new_units_go_where_there_are_few() {
+        let with = |held: &[usize], counts: &[usize]| {
+            let census = Census { held: held.to_vec(), ..census(counts) };
+            (0..counts.len()).map(|rank| row(&Even, &census, rank, held.len())).collect::<Vec<_>>()
+        };
+        assert_eq!(with(&[6, 0], &[1, 0]), [[0, 1], [0, 0]]);
+        assert_eq!(with(&[3, 1, 2], &[2, 2]), [[1, 1, 0], [0, 1, 1]]);
+        assert_eq!(with(&[9, 0, 1], &[3]), [[0, 2, 1]]);
+        assert_eq!(with(&[2, 2], &[0, 1]), [[0, 0], [1, 0]]);
+    }
+
+    #[test]
+    fn weights_are_halved_where_half_of_them_is() {
+        let weights = vec![vec![1.0, 1.0, 1.0], vec![3.0]];
+        let census = Census { counts: vec![3, 1], weights, held: Vec::new() };
+        assert_eq!(ByWeight.spread(&census, 0, 2), [0, 0, 0]);
+        assert_eq!(ByWeight.spread(&census, 1, 2), [1]);
+        let nothing = Census { counts: vec![4], weights: vec![vec![0.0; 4]], held: Vec::new() };
+        assert_eq!(ByWeight.spread(&nothing, 0, 2), [0, 0, 1, 1]);
+    }
+}

@@ -1,0 +1,86 @@
+//! What a coupling carries: plain data of a fixed layout, which both sides state and compare.
+
+use std::fmt;
+
+pub use bytemuck;
+use bytemuck::Pod;
+
+/// Plain data that can be exchanged: no pointers, no bytes between its fields that mean nothing.
+///
+/// Numbers and arrays of them are payloads; [`payload!`](crate::payload) makes one of a structure.
+pub trait Payload: Pod + Send {
+    /// Its layout.
+    fn layout() -> Layout;
+}
+
+/// How a payload lies in memory: what two codes that exchange it must agree on.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Layout {
+    /// Its fields with their types, in order.
+    pub fields: String,
+    /// Its bytes.
+    pub size: usize,
+}
+
+impl fmt::Display for Layout {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} ({} bytes)", self.fields, self.size)
+    }
+}
+
+macro_rules! numbers {
+    ($($of:ty)*) => {$(
+        impl Payload for $of {
+            fn layout() -> Layout {
+                Layout { fields: stringify!($of).into(), size: size_of::<$of>() }
+            }
+        }
+    )*};
+}
+
+numbers!(u8 i8 u16 i16 u32 i32 u64 i64 f32 f64);
+
+impl<T: Payload, const N: usize> Payload for [T; N] {
+    fn layout() -> Layout {
+        let Layout { fields, size } = T::layout();
+        Layout { fields: format!("[{fields}; {N}]"), size: N * size }
+    }
+}
+
+/// Makes a structure that can be exchanged.
+///
+/// ```
+/// biotissue::payload! {
+///     /// What an RVE answers.
+///     pub struct Response {
+///         /// First Piola-Kirchhoff stress, Pa.
+///         pub stress: [f64; 9],
+///         /// Newton iterations that it took.
+///         pub iterations: u64,
+///     }
+/// }
+/// use biotissue::coupling::Payload;
+/// assert_eq!(Response::layout().to_string(), "{ stress: [f64; 9], iterations: u64 } (80 bytes)");
+/// ```
+#[macro_export]
+macro_rules! payload {
+    ($(#[$attribute:meta])* $visible:vis struct $name:ident {
+        $($(#[$field_attribute:meta])* $field_visible:vis $field:ident: $of:ty),* $(,)?
+    }) => {
+        $(#[$attribute])*
+        #[derive(Clone, Copy, Debug, PartialEq, $crate::coupling::bytemuck::Zeroable, $crate::coupling::bytemuck::Pod)]
+        #[bytemuck(crate = "::biotissue::coupling::bytemuck")]
+        #[repr(C)]
+        $visible struct $name {
+            $($(#[$field_attribute])* $field_visible $field: $of),*
+        }
+
+        impl $crate::coupling::Payload for $name {
+            fn layout() -> $crate::coupling::Layout {
+                let fields = [$((stringify!($field), <$of as $crate::coupling::Payload>::layout().fields)),*];
+                let fields = fields.map(|(name, of)| format!("{name}: {of}")).join(", ");
+                $crate::coupling::Layout { fields: format!("{{ {fields} }}"), size: size_of::<$name>() }
+            }
+        }
+    };
+}

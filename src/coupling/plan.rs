@@ -1,0 +1,215 @@
+//! Which ranks each scale gets.
+
+use thiserror::Error;
+
+/// The part of the ranks that a scale gets.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Share {
+    /// These, in this order.
+    Ranks(Vec<usize>),
+    /// So many, the next that are free.
+    Count(usize),
+    /// A part of what explicit ranks and counts leave, in proportion to those of other scales.
+    Ratio(f64),
+}
+
+/// Scales by name, with their shares, in order.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Plan {
+    /// Names and shares.
+    pub scales: Vec<(String, Share)>,
+}
+
+/// Why a plan does not fit the ranks that were started.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum PlanError {
+    /// The sum is another one.
+    #[error("{sum} = {planned} ranks, but {started} were started")]
+    Sum {
+        /// `macro 16 + micro 240`.
+        sum: String,
+        /// What it comes to.
+        planned: usize,
+        /// Ranks that there are.
+        started: usize,
+    },
+    /// Two scales have one name.
+    #[error("there are two scales {0}")]
+    Name(String),
+    /// A rank is named twice, or is not there.
+    #[error("scale {scale}: rank {rank} {what}")]
+    Rank {
+        /// The scale.
+        scale: String,
+        /// The rank.
+        rank: usize,
+        /// What is wrong with it.
+        what: &'static str,
+    },
+    /// Of two scales that share all ranks one gets none.
+    #[error("{above} of {started} ranks are for one of two scales; each needs at least one")]
+    Two {
+        /// Ranks of the first.
+        above: usize,
+        /// Ranks that there are.
+        started: usize,
+    },
+    /// A scale gets no rank.
+    #[error("scale {0} gets no rank")]
+    Empty(String),
+    /// A ratio is no positive number.
+    #[error("scale {scale}: {ratio} is no ratio; it must be positive")]
+    Ratio {
+        /// The scale.
+        scale: String,
+        /// What stands there.
+        ratio: f64,
+    },
+    /// There is no scale at all.
+    #[error("there is no scale")]
+    None,
+    /// The ranks do not mean the same.
+    #[error("this rank was given the plan {here}, and rank 0 the plan {there}; all must have the same")]
+    Differs {
+        /// That of this rank.
+        here: String,
+        /// That of rank 0.
+        there: String,
+    },
+}
+
+impl Plan {
+    /// One more scale.
+    #[must_use]
+    pub fn with(mut self, name: &str, share: Share) -> Self {
+        self.scales.push((name.to_owned(), share));
+        self
+    }
+
+    /// The fewest ranks that it can be meant for: those named and counted, and one a ratio.
+    #[must_use]
+    pub fn least(&self) -> usize {
+        let of = |share: &Share| match share {
+            Share::Ranks(ranks) => ranks.len(),
+            Share::Count(count) => *count,
+            Share::Ratio(_) => 1,
+        };
+        self.scales.iter().map(|(_, share)| of(share)).sum()
+    }
+
+    /// The ranks of every scale, of `started` in all; each rank is of exactly one.
+    ///
+    /// # Errors
+    /// [`PlanError`].
+    pub fn assign(&self, started: usize) -> Result<Vec<Vec<usize>>, PlanError> {
+        self.check_names()?;
+        let mut free = vec![true; started];
+        let mut assigned = vec![Vec::new(); self.scales.len()];
+        for ((name, share), ranks) in self.scales.iter().zip(&mut assigned) {
+            let Share::Ranks(explicit) = share else { continue };
+            for &rank in explicit {
+                let wrong = |what| PlanError::Rank { scale: name.clone(), rank, what };
+                let is_free = free.get_mut(rank).ok_or_else(|| wrong("was not started"))?;
+                if !std::mem::replace(is_free, false) {
+                    return Err(wrong("is given twice"));
+                }
+            }
+            ranks.clone_from(explicit);
+        }
+        let left: Vec<usize> = (0..started).filter(|&rank| free[rank]).collect();
+        let counts = self.counts(left.len())?;
+        let planned = counts.iter().sum::<usize>();
+        if planned != left.len() {
+            return Err(self.sum(&counts, started));
+        }
+        let mut left = left.into_iter();
+        for (ranks, count) in assigned.iter_mut().zip(counts) {
+            ranks.extend(left.by_ref().take(count));
+        }
+        let empty = assigned.iter().position(Vec::is_empty);
+        empty.map_or(Ok(assigned), |scale| Err(PlanError::Empty(self.scales[scale].0.clone())))
+    }
+
+    fn check_names(&self) -> Result<(), PlanError> {
+        if self.scales.is_empty() {
+            return Err(PlanError::None);
+        }
+        for (k, (name, share)) in self.scales.iter().enumerate() {
+            if self.scales[..k].iter().any(|(other, _)| other == name) {
+                return Err(PlanError::Name(name.clone()));
+            }
+            if let &Share::Ratio(ratio) = share
+                && !(ratio > 0.0 && ratio.is_finite())
+            {
+                return Err(PlanError::Ratio { scale: name.clone(), ratio });
+            }
+        }
+        Ok(())
+    }
+
+    /// How many of the ranks that explicit ones leave each scale gets: ratios by the largest remainders.
+    fn counts(&self, left: usize) -> Result<Vec<usize>, PlanError> {
+        let counted = |share: &Share| if let Share::Count(count) = share { *count } else { 0 };
+        let mut counts: Vec<usize> = self.scales.iter().map(|(_, share)| counted(share)).collect();
+        let ratio = |share: &Share| if let Share::Ratio(ratio) = share { *ratio } else { 0.0 };
+        let ratios: Vec<f64> = self.scales.iter().map(|(_, share)| ratio(share)).collect();
+        let (all, rest) = (ratios.iter().sum::<f64>(), left.saturating_sub(counts.iter().sum()));
+        if all > 0.0 {
+            let exact = |k: usize| ratios[k] / all * rest as f64;
+            (0..counts.len()).for_each(|k| counts[k] += exact(k).floor() as usize);
+            let mut order: Vec<usize> = (0..counts.len()).filter(|&k| ratios[k] > 0.0).collect();
+            order.sort_by(|&a, &b| exact(b).fract().total_cmp(&exact(a).fract()));
+            let missing = rest - (0..counts.len()).map(|k| exact(k).floor() as usize).sum::<usize>();
+            order.iter().take(missing).for_each(|&k| counts[k] += 1);
+        }
+        Ok(counts)
+    }
+
+    fn sum(&self, counts: &[usize], started: usize) -> PlanError {
+        let count = |(k, (_, share)): (usize, &(String, Share))| match share {
+            Share::Ranks(ranks) => ranks.len(),
+            _ => counts[k],
+        };
+        let all: Vec<usize> = self.scales.iter().enumerate().map(count).collect();
+        let terms: Vec<String> =
+            self.scales.iter().zip(&all).map(|((name, _), count)| format!("{name} {count}")).collect();
+        PlanError::Sum { sum: terms.join(" + "), planned: all.iter().sum(), started }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_are_consecutive_ranks() {
+        let plan = Plan::default().with("macro", Share::Count(1)).with("micro", Share::Count(3));
+        assert_eq!(plan.assign(4), Ok(vec![vec![0], vec![1, 2, 3]]));
+    }
+
+    #[test]
+    fn a_plan_that_does_not_add_up_shows_the_sum() {
+        let plan = Plan::default().with("macro", Share::Count(16)).with("micro", Share::Count(240));
+        let error = plan.assign(4).map_err(|error| error.to_string());
+        assert_eq!(error, Err("macro 16 + micro 240 = 256 ranks, but 4 were started".to_owned()));
+    }
+
+    #[test]
+    fn ratios_share_what_is_left() {
+        let plan = Plan::default()
+            .with("macro", Share::Ranks(vec![3]))
+            .with("meso", Share::Ratio(1.0))
+            .with("micro", Share::Ratio(3.0));
+        assert_eq!(plan.assign(8), Ok(vec![vec![3], vec![0, 1], vec![2, 4, 5, 6, 7]]));
+    }
+
+    #[test]
+    fn each_rank_is_of_one_scale() {
+        let twice = Plan::default().with("a", Share::Ranks(vec![0, 1])).with("b", Share::Ranks(vec![1]));
+        assert_eq!(twice.assign(2), Err(PlanError::Rank { scale: "b".into(), rank: 1, what: "is given twice" }));
+        let absent = Plan::default().with("a", Share::Ranks(vec![2]));
+        assert_eq!(absent.assign(2), Err(PlanError::Rank { scale: "a".into(), rank: 2, what: "was not started" }));
+        let none = Plan::default().with("a", Share::Ratio(1.0)).with("b", Share::Ratio(1000.0));
+        assert_eq!(none.assign(2), Err(PlanError::Empty("a".into())));
+    }
+}

@@ -1,0 +1,214 @@
+//! Scales: codes that run side by side, each on its own ranks.
+
+use std::cell::RefCell;
+use std::collections::HashMap;
+use std::fmt::Display;
+use std::time::Duration;
+
+use thiserror::Error;
+
+use super::plan::{Plan, PlanError};
+use crate::las::{Comm, CommError, Message, Tag};
+
+/// What one scale tells another.
+const NEWS: Tag = Tag(1);
+
+/// The scales of a program, as one rank sees them.
+#[derive(Debug)]
+pub struct Scales<C: Comm> {
+    world: C,
+    /// The ranks of the own scale.
+    comm: C,
+    names: Vec<String>,
+    ranks: Vec<Vec<usize>>,
+    own: usize,
+    /// How many couplings there are of each pair of scales.
+    couplings: RefCell<HashMap<[usize; 2], u32>>,
+}
+
+/// The main function of a scale, which finds its ranks in [`Scales::comm`].
+pub type Main<'a, C, R, E> = &'a dyn Fn(&Scales<C>) -> Result<R, E>;
+
+/// Why there are no scales.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum ScaleError {
+    /// They do not fit the ranks.
+    #[error(transparent)]
+    Plan(#[from] PlanError),
+    /// The ranks could not exchange something.
+    #[error(transparent)]
+    Comm(#[from] CommError),
+    /// A scale told nothing in time.
+    #[error("scale {scale} told scale {own} nothing in {} s", .waited.as_secs_f64())]
+    Silent {
+        /// Who should have.
+        scale: String,
+        /// Who waited.
+        own: String,
+        /// How long.
+        waited: Duration,
+    },
+    /// There is no scale of that number.
+    #[error("there is no scale {number} among {scales}")]
+    Number {
+        /// The number, from 0.
+        number: usize,
+        /// How many there are.
+        scales: usize,
+    },
+    /// A scale has no main function.
+    #[error("scale {0} has no main function")]
+    NoMain(String),
+}
+
+impl<C: Comm> Scales<C> {
+    /// Gives every scale its ranks. Called by all ranks together, with the same plan.
+    ///
+    /// # Errors
+    /// [`ScaleError`].
+    pub fn new(world: &C, plan: &Plan) -> Result<Self, ScaleError> {
+        Self::with_time_out(world, plan, None)
+    }
+
+    /// The same, with scales that wait for each other as long as `time_out` says: the one that does not answer by then is named
+    /// in an error. `None` waits for ever.
+    ///
+    /// # Errors
+    /// [`ScaleError`].
+    pub fn with_time_out(world: &C, plan: &Plan, time_out: Option<Duration>) -> Result<Self, ScaleError> {
+        let (here, there) =
+            (format!("{:?}", plan.scales), world.broadcast(0, Message::text(&format!("{:?}", plan.scales)))?);
+        let there = there.to_text();
+        if here != there {
+            return Err(PlanError::Differs { here, there }.into());
+        }
+        let ranks = plan.assign(world.size())?;
+        let names = plan.scales.iter().map(|(name, _)| name.clone()).collect();
+        let own = ranks.iter().position(|ranks| ranks.contains(&world.rank())).ok_or(PlanError::None)?;
+        // Every rank has a scale, and so a colour; the ranks of a scale are in the order of the plan.
+        let place = ranks[own].iter().position(|&rank| rank == world.rank()).ok_or(PlanError::None)?;
+        // Within a scale nobody's patience ends: who waits there waits for one that waits for another scale, which is to blame.
+        let comm = world.split(Some(own), place)?.ok_or(PlanError::None)?;
+        let world = world.duplicate(time_out)?;
+        Ok(Self { world, comm, names, ranks, own, couplings: RefCell::default() })
+    }
+
+    /// All ranks of the program.
+    pub fn world(&self) -> &C {
+        &self.world
+    }
+
+    /// The ranks of this rank's scale.
+    pub fn comm(&self) -> &C {
+        &self.comm
+    }
+
+    /// The number of this rank's scale.
+    #[must_use]
+    pub fn own(&self) -> usize {
+        self.own
+    }
+
+    /// The number of a scale.
+    #[must_use]
+    pub fn find(&self, name: &str) -> Option<usize> {
+        self.names.iter().position(|other| other == name)
+    }
+
+    /// The name of a scale.
+    #[must_use]
+    pub fn name(&self, scale: usize) -> &str {
+        &self.names[scale]
+    }
+
+    /// The names of all scales.
+    #[must_use]
+    pub fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    /// The ranks of a scale in the world, by their rank in the scale.
+    #[must_use]
+    pub fn ranks(&self, scale: usize) -> &[usize] {
+        &self.ranks[scale]
+    }
+
+    /// The rank in its scale of a rank of the world.
+    #[must_use]
+    pub fn rank_in(&self, scale: usize, rank: usize) -> Option<usize> {
+        self.ranks[scale].iter().position(|&other| other == rank)
+    }
+
+    /// The number of a new coupling of two scales, which both sides count alike.
+    pub(super) fn next_coupling(&self, a: usize, b: usize) -> u32 {
+        let mut couplings = self.couplings.borrow_mut();
+        let count = couplings.entry([a.min(b), a.max(b)]).or_default();
+        *count += 1;
+        *count - 1
+    }
+
+    /// Tells all ranks of scale `to` something; the ranks of this scale call it together, and those of the other
+    /// [`hear`](Self::hear). What the first rank says counts.
+    ///
+    /// # Errors
+    /// [`ScaleError`].
+    pub fn tell(&self, to: usize, news: Message) -> Result<(), ScaleError> {
+        let first = self.first_of(to)?;
+        if self.comm.rank() == 0 { Ok(self.world.send(first, NEWS, news)?) } else { Ok(()) }
+    }
+
+    /// What scale `from` [`tell`](Self::tell)s.
+    ///
+    /// # Errors
+    /// [`ScaleError`].
+    pub fn hear(&self, from: usize) -> Result<Message, ScaleError> {
+        let first = self.first_of(from)?;
+        let news = || {
+            let news = if self.comm.rank() == 0 { self.world.receive(first, NEWS)? } else { Message::new() };
+            self.comm.broadcast(0, news)
+        };
+        news().map_err(|error| self.silent(from, error))
+    }
+
+    /// What scale `from` tells, on the first rank of this scale alone: the others do not wait for it.
+    ///
+    /// # Errors
+    /// [`ScaleError`].
+    pub fn listen(&self, from: usize) -> Result<Message, ScaleError> {
+        self.world.receive(self.first_of(from)?, NEWS).map_err(|error| self.silent(from, error))
+    }
+
+    /// The first rank of a scale in the world.
+    fn first_of(&self, scale: usize) -> Result<usize, ScaleError> {
+        let ranks = self.ranks.get(scale).ok_or(ScaleError::Number { number: scale, scales: self.ranks.len() })?;
+        ranks.first().copied().ok_or(ScaleError::Plan(PlanError::None))
+    }
+
+    /// Whoever of this scale waited in vain, it is the other scale that did not tell.
+    fn silent(&self, from: usize, error: CommError) -> ScaleError {
+        match error {
+            CommError::TimeOut { waited, .. } => {
+                ScaleError::Silent { scale: self.names[from].clone(), own: self.names[self.own].clone(), waited }
+            }
+            error => error.into(),
+        }
+    }
+
+    /// Runs the main function of this rank's scale.
+    ///
+    /// # Errors
+    /// [`ScaleError::NoMain`] where there is none, or what it says.
+    pub fn run<R, E: From<ScaleError>>(&self, mains: &[(&str, Main<'_, C, R, E>)]) -> Result<R, E> {
+        let own = self.name(self.own);
+        let main = mains.iter().find(|(name, _)| *name == own);
+        let (_, main) = main.ok_or_else(|| E::from(ScaleError::NoMain(own.to_owned())))?;
+        main(self)
+    }
+}
+
+impl<C: Comm> Display for Scales<C> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let scale = |(name, ranks): (&String, &Vec<usize>)| format!("{name} on {} ranks", ranks.len());
+        f.write_str(&self.names.iter().zip(&self.ranks).map(scale).collect::<Vec<_>>().join(", "))
+    }
+}

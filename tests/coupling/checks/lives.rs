@@ -1,0 +1,232 @@
+//! Random lives of couplings: every unit arrives exactly once and in order, whatever comes and goes.
+
+use std::collections::{BTreeMap, HashSet};
+use std::ops::Range;
+
+use biotissue::coupling::{
+    ByWeight, Carrier, Census, Coupling, CouplingError, Even, Plan, Role, Scales, Share, UnitId,
+};
+use biotissue::las::conformance::Random;
+use biotissue::las::{Comm, Message};
+
+use super::Outcome;
+use super::units::Load;
+
+type Error = Box<dyn std::error::Error>;
+
+/// One random life for each seed, of two or three scales.
+pub fn nothing_is_lost<C: Comm>(comm: &C, seeds: Range<u64>, scales: usize) -> Outcome {
+    if comm.size() < scales {
+        return Ok(());
+    }
+    for seed in seeds {
+        live(comm, seed, scales).map_err(|error| format!("seed {seed}: {error}"))?;
+    }
+    Ok(())
+}
+
+fn live<C: Comm>(comm: &C, seed: u64, count: usize) -> Outcome {
+    let mut draw = Draw { random: Random::new(seed), last: 0 };
+    let scales = Scales::new(comm, &draw.plan(comm.size(), count))?;
+    let couplings: &[[&str; 2]] = match count {
+        2 => &[["a", "b"]],
+        _ => &[["a", "b"], ["b", "c"], ["c", "a"], ["b", "a"]],
+    };
+    let mut lives = Vec::new();
+    for &names in couplings {
+        lives.push(Life::begin(&scales, names, &mut draw)?);
+    }
+    for step in 0..=draw.random.below(6) {
+        let which = draw.random.below(lives.len());
+        match draw.random.below(3) {
+            0 if step > 0 => lives[which].grow(&mut draw)?,
+            1 if step > 0 => lives[which].shrink(&mut draw)?,
+            _ => {}
+        }
+        for life in &mut lives {
+            life.exchange()?;
+        }
+    }
+    lives.iter().try_for_each(|life| life.end(comm))
+}
+
+/// What all ranks draw alike; which units are a rank's own, its number says.
+struct Draw {
+    random: Random,
+    /// The last unit that was made.
+    last: UnitId,
+}
+
+impl Draw {
+    /// The scales `a`, `b` and so on, each on one rank at least.
+    fn plan(&mut self, ranks: usize, scales: usize) -> Plan {
+        let (mut plan, mut left) = (Plan::default(), ranks);
+        for (name, more) in ["a", "b", "c"].into_iter().zip((0..scales).rev()) {
+            let count = if more == 0 { left } else { 1 + self.random.below(left - more) };
+            plan = plan.with(name, Share::Count(count));
+            left -= count;
+        }
+        plan
+    }
+
+    /// Up to `most` new units on each rank of a producer.
+    fn units(&mut self, producers: usize, most: usize) -> Vec<Vec<UnitId>> {
+        (0..producers)
+            .map(|_| {
+                let first = self.last;
+                self.last += 7 * self.random.below(most + 1) as u64;
+                (first..self.last).step_by(7).collect()
+            })
+            .collect()
+    }
+}
+
+/// A coupling, and what must be in it.
+struct Life<C: Comm> {
+    /// Nothing on the ranks of a third scale, which only draw what all draw.
+    side: Option<Side<C>>,
+    /// The units that live, by rank of the producer.
+    alive: Vec<Vec<UnitId>>,
+}
+
+impl<C: Comm> Life<C> {
+    fn begin(scales: &Scales<C>, names: [&str; 2], draw: &mut Draw) -> Result<Self, Error> {
+        let producer = scales.find(names[0]).ok_or("there is no such scale")?;
+        let alive = draw.units(scales.ranks(producer).len(), 9);
+        let how = draw.random.below(3);
+        let own = scales.name(scales.own());
+        let rank = scales.comm().rank();
+        let units: &[UnitId] = if own == names[0] { &alive[rank] } else { &[] };
+        let side = if names.contains(&own) { Some(Side::begin(scales, names, units, how)?) } else { None };
+        Ok(Self { side, alive })
+    }
+
+    /// New units, whose values alone are exchanged.
+    fn grow(&mut self, draw: &mut Draw) -> Result<(), CouplingError> {
+        let new = draw.units(self.alive.len(), 4);
+        if let Some(side) = &mut self.side {
+            side.grow(&new)?;
+        }
+        self.alive.iter_mut().zip(new).for_each(|(alive, new)| alive.extend(new));
+        Ok(())
+    }
+
+    /// About a third of the units goes.
+    fn shrink(&mut self, draw: &mut Draw) -> Result<(), CouplingError> {
+        let all = self.alive.iter().flatten().copied();
+        let gone: HashSet<UnitId> = all.filter(|_| draw.random.below(3) == 0).collect();
+        if let Some(side) = &mut self.side {
+            side.shrink(&gone)?;
+        }
+        self.alive.iter_mut().for_each(|alive| alive.retain(|unit| !gone.contains(unit)));
+        Ok(())
+    }
+
+    fn exchange(&mut self) -> Result<(), CouplingError> {
+        let Some(side) = &mut self.side else { return Ok(()) };
+        if side.coupling.role() == Role::Producer {
+            assert_eq!(side.coupling.units(), self.alive[side.rank], "in order");
+        }
+        exchange(&side.coupling, &mut side.there, &mut side.back)
+    }
+
+    /// Each unit is once on each side, and both find the same table, each from what it knows.
+    fn end(&self, comm: &C) -> Outcome {
+        let units = self.side.as_ref().map_or_else(Vec::new, |side| side.coupling.units().to_vec());
+        let mut count = BTreeMap::new();
+        for message in comm.gather_all(Message::of(&units))? {
+            for &unit in message.values::<UnitId>().unwrap_or_default() {
+                *count.entry(unit).or_insert(0) += 1;
+            }
+        }
+        let alive = self.alive.iter().map(Vec::len).sum::<usize>();
+        assert!(count.len() == alive && count.values().all(|&count| count == 2), "{count:?}");
+        let table = self.side.as_ref().map_or_else(|| Ok(Vec::new()), |side| side.coupling.table())?;
+        let table: Vec<u64> = table.into_iter().flatten().map(|count| count as u64).collect();
+        let mut tables = comm.gather_all(Message::of(&table))?;
+        // Those of a third scale have none.
+        tables.retain(|table| !table.is_empty());
+        assert!(tables.windows(2).all(|pair| pair[0] == pair[1]), "{tables:?}");
+        let sum = tables[0].values::<u64>().unwrap_or_default().iter().sum::<u64>();
+        assert_eq!(sum, alive as u64);
+        Ok(())
+    }
+}
+
+/// One side of a coupling, with carriers both ways.
+struct Side<C: Comm> {
+    coupling: Coupling<C>,
+    /// The rank in the own scale.
+    rank: usize,
+    there: Carrier<Load>,
+    back: Carrier<f64>,
+}
+
+impl<C: Comm> Side<C> {
+    fn begin(scales: &Scales<C>, names: [&str; 2], units: &[UnitId], how: usize) -> Result<Self, CouplingError> {
+        let [from, to] = names;
+        let weights: Vec<f64> = units.iter().map(|unit| (1 + unit % 5) as f64).collect();
+        let by_hand = |_: &Census, rank: usize, consumers: usize| vec![rank % consumers; units.len()];
+        let coupling = match how {
+            0 => Coupling::new(scales, from, to, units, &[], &Even)?,
+            1 => Coupling::new(scales, from, to, units, &weights, &ByWeight)?,
+            _ => Coupling::new(scales, from, to, units, &[], &by_hand)?,
+        };
+        let (there, back) = (Carrier::new(&coupling)?, Carrier::new(&coupling.inverse())?);
+        Ok(Self { coupling, rank: scales.comm().rank(), there, back })
+    }
+
+    fn grow(&mut self, new: &[Vec<UnitId>]) -> Result<(), CouplingError> {
+        let before = self.there.sent();
+        let delta = match self.coupling.role() {
+            Role::Producer => self.coupling.add(&new[self.rank], &[], &Even)?,
+            Role::Consumer => self.coupling.reconcile()?,
+        };
+        exchange(&delta, &mut self.there, &mut self.back)?;
+        if self.coupling.role() == Role::Producer {
+            // The new units' data, and no more.
+            assert_eq!(self.there.sent() - before, 16 * new[self.rank].len() as u64);
+        }
+        Ok(())
+    }
+
+    fn shrink(&mut self, gone: &HashSet<UnitId>) -> Result<(), CouplingError> {
+        let before = self.coupling.units().to_vec();
+        let kept = match self.coupling.role() {
+            Role::Producer => {
+                let own: Vec<UnitId> = before.iter().copied().filter(|unit| gone.contains(unit)).collect();
+                self.coupling.remove(&own)?
+            }
+            Role::Consumer => self.coupling.forget()?,
+        };
+        let kept: Vec<UnitId> = kept.into_iter().map(|place| before[place as usize]).collect();
+        assert_eq!(kept, self.coupling.units());
+        Ok(())
+    }
+}
+
+/// Sends every unit its number, and checks what arrives; then back.
+fn exchange<C: Comm>(
+    coupling: &Coupling<C>,
+    there: &mut Carrier<Load>,
+    back: &mut Carrier<f64>,
+) -> Result<(), CouplingError> {
+    let loads: Vec<Load> = coupling.units().iter().map(|&unit| Load { unit, value: 0.5 * unit as f64 }).collect();
+    let expected: Vec<f64> = coupling.units().iter().map(|&unit| 3.0 * unit as f64).collect();
+    let inverse = coupling.inverse();
+    match coupling.role() {
+        Role::Producer => {
+            there.send(coupling, &loads)?;
+            let mut answers = vec![f64::NAN; loads.len()];
+            back.receive(&inverse, &mut answers)?;
+            assert_eq!(answers, expected);
+        }
+        Role::Consumer => {
+            let mut found = vec![Load { unit: u64::MAX, value: 0.0 }; loads.len()];
+            there.receive(coupling, &mut found)?;
+            assert_eq!(found, loads);
+            back.send(&inverse, &expected)?;
+        }
+    }
+    Ok(())
+}

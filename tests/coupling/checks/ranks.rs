@@ -1,0 +1,117 @@
+//! Messages, and what ranks do together.
+
+use std::time::Duration;
+
+use biotissue::las::{Comm, CommError, Disagreement, Message, Sending, Tag};
+
+use super::Outcome;
+
+const TAG: Tag = Tag::of(3);
+
+/// The ranks after and before this one, in a ring.
+fn neighbours<C: Comm>(comm: &C) -> (usize, usize) {
+    ((comm.rank() + 1) % comm.size(), (comm.rank() + comm.size() - 1) % comm.size())
+}
+
+pub fn messages_of_one_tag_arrive_in_order_and_tags_stay_apart<C: Comm>(comm: &C) -> Outcome {
+    let (next, last) = neighbours(comm);
+    let mut sendings = Vec::new();
+    for k in 0..10_u64 {
+        sendings.push(comm.start_send(next, TAG, Message::of(&[k]))?);
+        sendings.push(comm.start_send(next, Tag::of(4), Message::of(&[100 + k]))?);
+    }
+    for k in 0..10_u64 {
+        assert_eq!(comm.receive(last, Tag::of(4))?.values(), Some(&[100 + k][..]));
+    }
+    for k in 0..10_u64 {
+        assert_eq!(comm.receive(last, TAG)?.values(), Some(&[k][..]));
+    }
+    assert!(!comm.is_there(last, TAG)?);
+    for sending in sendings {
+        sending.wait()?;
+    }
+    Ok(())
+}
+
+pub fn messages_of_any_length_arrive_whole<C: Comm>(comm: &C) -> Outcome {
+    let (next, last) = neighbours(comm);
+    let bytes = |rank: usize, len: usize| (0..len).map(|k| (rank + 3 * k) as u8).collect::<Vec<u8>>();
+    for len in [0, 1, 7, 8, 9, 65_537, 3_000_001] {
+        let sending = comm.start_send(next, TAG, Message::of(&bytes(comm.rank(), len)))?;
+        let found = comm.receive(last, TAG)?;
+        assert!(found.bytes() == bytes(last, len), "{len} bytes");
+        sending.wait()?;
+    }
+    Ok(())
+}
+
+pub fn what_all_do_together_is_the_same_for_all<C: Comm>(comm: &C) -> Outcome {
+    let (rank, size) = (comm.rank(), comm.size());
+    for root in 0..size {
+        let own = Message::of(&vec![rank as u64; rank]);
+        let found = comm.broadcast(root, own.clone())?;
+        assert_eq!(found, Message::of(&vec![root as u64; root]));
+        let all = comm.gather(root, own)?;
+        assert_eq!(all.is_some(), rank == root);
+        for (from, message) in all.into_iter().flatten().enumerate() {
+            assert_eq!(message, Message::of(&vec![from as u64; from]));
+        }
+    }
+    let all = comm.gather_all(Message::text(&"x".repeat(rank)))?;
+    assert_eq!(all.iter().map(Message::len).collect::<Vec<_>>(), (0..size).collect::<Vec<_>>());
+    let mut values = [rank as f64, 1.0, -(rank as f64)];
+    comm.sum(&mut values[..2])?;
+    comm.max(&mut values[2..])?;
+    assert_eq!(values, [(size * (size - 1) / 2) as f64, size as f64, 0.0]);
+    comm.barrier()?;
+    Ok(())
+}
+
+pub fn groups_do_not_hear_each_other<C: Comm>(comm: &C) -> Outcome {
+    let colour = if comm.rank() == 2 { None } else { Some(comm.rank() % 2) };
+    let group = comm.split(colour, 0)?;
+    assert_eq!(group.is_some(), colour.is_some());
+    if let Some(group) = group {
+        let mut ranks = [comm.rank() as f64, 1.0];
+        group.sum(&mut ranks)?;
+        assert_eq!(ranks[1], group.size() as f64);
+        let all = group.gather_all(Message::of(&[comm.rank() as u64]))?;
+        let all: Vec<u64> = all.iter().flat_map(|message| message.values::<u64>().unwrap().to_vec()).collect();
+        assert!(all.is_sorted() && all.iter().all(|rank| Some((rank % 2) as usize) == colour));
+        assert_eq!(all[group.rank()], comm.rank() as u64);
+        group.duplicate(None)?.barrier()?;
+    }
+    let backwards = comm.split(Some(3), comm.size() - comm.rank())?;
+    assert_eq!(backwards.map(|group| group.rank()), Some(comm.size() - 1 - comm.rank()));
+    comm.barrier()?;
+    Ok(())
+}
+
+pub fn a_failure_of_one_is_agreed_on_by_all<C: Comm>(comm: &C) -> Outcome {
+    let own = if comm.rank() == comm.size() / 2 { Err("no convergence") } else { Ok(comm.rank()) };
+    match comm.agree(own) {
+        Err(Disagreement::Own(reason)) => assert_eq!((comm.rank(), reason), (comm.size() / 2, "no convergence")),
+        Err(Disagreement::Failed { rank, reason }) => {
+            assert_eq!((rank, reason.as_str()), (comm.size() / 2, "no convergence"));
+        }
+        other => panic!("{other:?}"),
+    }
+    assert_eq!(comm.agree(Ok::<_, String>(comm.rank())).ok(), Some(comm.rank()));
+    Ok(())
+}
+
+pub fn who_does_not_answer_in_time_is_named<C: Comm>(comm: &C) -> Outcome {
+    let waited = Duration::from_millis(50);
+    let (from, _) = neighbours(comm);
+    let error = comm.duplicate(Some(waited))?.receive(from, TAG).map(drop);
+    assert_eq!(error, Err(CommError::TimeOut { from, waited }));
+    comm.barrier()?;
+    Ok(())
+}
+
+pub fn there_is_no_rank_beyond_the_last<C: Comm>(comm: &C) -> Outcome {
+    let (rank, size) = (comm.size(), comm.size());
+    assert_eq!(comm.send(rank, TAG, Message::new()), Err(CommError::Rank { rank, size }));
+    assert_eq!(comm.broadcast(rank, Message::new()), Err(CommError::Rank { rank, size }));
+    Ok(())
+}

@@ -1,0 +1,140 @@
+//! Units of couplings: which rank gets which, and what is refused.
+
+use biotissue::coupling::{
+    ByWeight, Carrier, Coupling, CouplingError, Even, Plan, Role, ScaleError, Scales, Share, UnitId,
+};
+use biotissue::las::Comm;
+
+use super::{Outcome, first};
+
+biotissue::payload! {
+    /// What a unit has in these tests.
+    pub struct Load {
+        pub unit: u64,
+        pub value: f64,
+    }
+}
+
+biotissue::payload! {
+    /// The same, said in another order.
+    struct Other {
+        value: f64,
+        unit: u64,
+    }
+}
+
+/// The scales `a` and `b`.
+fn scales<C: Comm>(comm: &C, producers: usize, consumers: usize) -> Result<Scales<C>, ScaleError> {
+    Scales::new(comm, &Plan::default().with("a", Share::Count(producers)).with("b", Share::Count(consumers)))
+}
+
+/// Table 4.2 of W. R. Tobin, *The Adaptive Multiscale Simulation Infrastructure* (RPI 2018).
+pub fn tables_are_those_published<C: Comm>(comm: &C) -> Outcome {
+    let Some(comm) = first(comm, 12)? else { return Ok(()) };
+    let scales = scales(&comm, 4, 8)?;
+    let counts = [125, 122, 128, 132];
+    let units: Vec<UnitId> = match scales.own() {
+        0 => (0..counts[scales.comm().rank()]).map(|k| 1000 * comm.rank() as u64 + k).collect(),
+        _ => Vec::new(),
+    };
+    let table = Coupling::new(&scales, "a", "b", &units, &[], &Even)?.table()?;
+    let expected: [Vec<usize>; 4] = [
+        vec![64, 61, 0, 0, 0, 0, 0, 0],
+        vec![0, 3, 64, 55, 0, 0, 0, 0],
+        vec![0, 0, 0, 8, 63, 57, 0, 0],
+        vec![0, 0, 0, 0, 0, 6, 63, 63],
+    ];
+    assert_eq!(table, expected);
+    Ok(())
+}
+
+pub fn another_layout_on_the_other_side_is_refused_by_both<C: Comm>(comm: &C) -> Outcome {
+    if comm.size() < 2 {
+        return Ok(());
+    }
+    let producers = comm.size() / 2;
+    let scales = scales(comm, producers, comm.size() - producers)?;
+    let coupling = Coupling::new(&scales, "a", "b", &[], &[], &Even)?;
+    let layouts = match coupling.role() {
+        Role::Producer => Carrier::<Load>::new(&coupling).map(drop),
+        Role::Consumer => Carrier::<Other>::new(&coupling).map(drop),
+    };
+    let said = layouts.expect_err("they differ").to_string();
+    let (load, other) = ("{ unit: u64, value: f64 } (16 bytes)", "{ value: f64, unit: u64 } (16 bytes)");
+    let expected = match coupling.role() {
+        Role::Producer => format!("a and b exchange different data: here {load}, there {other}"),
+        Role::Consumer => format!("a and b exchange different data: here {other}, there {load}"),
+    };
+    assert_eq!(said, expected);
+    Ok(())
+}
+
+pub fn wrong_calls_say_what_is_wrong<C: Comm>(comm: &C) -> Outcome {
+    let Some(comm) = first(comm, 2)? else { return Ok(()) };
+    let scales = scales(&comm, 1, 1)?;
+    let units: &[UnitId] = if comm.rank() == 0 { &[1, 2] } else { &[] };
+    let absent = Coupling::new(&scales, "a", "c", units, &[], &Even).map(drop);
+    assert_eq!(absent, Err(CouplingError::Scale("c".into())));
+    let mut coupling = Coupling::new(&scales, "a", "b", units, &[], &Even)?;
+    let mut carrier = Carrier::<f64>::new(&coupling)?;
+    match coupling.role() {
+        Role::Producer => {
+            assert!(matches!(carrier.send(&coupling, &[1.0]), Err(CouplingError::Values { found: 1, units: 2 })));
+            assert!(matches!(coupling.forget(), Err(CouplingError::Role { .. })));
+            assert!(matches!(coupling.remove(&[5]), Err(CouplingError::Unit { unit: 5, .. })));
+            assert!(matches!(coupling.add(&[2], &[], &Even), Err(CouplingError::Unit { unit: 2, .. })));
+            assert!(matches!(coupling.add(&[5, 5], &[], &Even), Err(CouplingError::Unit { unit: 5, .. })));
+        }
+        Role::Consumer => {
+            assert!(matches!(carrier.send(&coupling, &[1.0, 2.0]), Err(CouplingError::Role { .. })));
+            assert!(matches!(coupling.add(&[9], &[], &Even), Err(CouplingError::Role { .. })));
+        }
+    }
+    Ok(())
+}
+
+pub fn units_that_come_one_by_one_are_spread_evenly<C: Comm>(comm: &C) -> Outcome {
+    let Some(comm) = first(comm, 5)? else { return Ok(()) };
+    let scales = scales(&comm, 2, 3)?;
+    let mut coupling = Coupling::new(&scales, "a", "b", &[], &[], &Even)?;
+    for unit in 0..9 {
+        match coupling.role() {
+            Role::Producer => {
+                let own: &[UnitId] = if unit as usize % 2 == comm.rank() { &[unit] } else { &[] };
+                coupling.add(own, &[], &Even)?;
+            }
+            Role::Consumer => drop(coupling.reconcile()?),
+        }
+    }
+    let table = coupling.table()?;
+    assert!((0..3).all(|rank| table[0][rank] + table[1][rank] == 3), "{table:?}");
+    Ok(())
+}
+
+pub fn three_scales_are_coupled_in_a_ring<C: Comm>(comm: &C) -> Outcome {
+    let Some(comm) = first(comm, 7)? else { return Ok(()) };
+    let plan = Plan::default().with("x", Share::Count(2)).with("y", Share::Count(3)).with("z", Share::Count(2));
+    let scales = Scales::new(&comm, &plan)?;
+    let own = scales.name(scales.own());
+    for (from, to) in [("x", "y"), ("y", "z"), ("z", "x"), ("y", "x")] {
+        if own != from && own != to {
+            continue;
+        }
+        let units: Vec<UnitId> =
+            if own == from { (0..5).map(|k| 10 * comm.rank() as u64 + k).collect() } else { Vec::new() };
+        let coupling = Coupling::new(&scales, from, to, &units, &[], &ByWeight)?;
+        let mut carrier = Carrier::<u64>::new(&coupling)?;
+        match coupling.role() {
+            Role::Producer => {
+                let underway = carrier.start(&coupling, &units)?;
+                carrier.finish(&coupling, underway)?;
+            }
+            Role::Consumer => {
+                let mut found = vec![u64::MAX; coupling.units().len()];
+                carrier.receive(&coupling, &mut found)?;
+                assert_eq!(found, coupling.units());
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,18 @@
+//! Scales and couplings on ranks that are threads.
+
+mod checks;
+mod lives;
+mod ranks;
+mod scales;
+mod units;
+
+use biotissue::backends::comm::thread::{ThreadComm, run};
+
+use checks::Outcome;
+
+/// Runs a check on each of these numbers of ranks.
+fn on(counts: &[usize], check: impl Fn(&ThreadComm) -> Outcome + Sync) {
+    for &ranks in counts {
+        run(ranks, |comm| check(&comm)).unwrap_or_else(|failed| panic!("{ranks} ranks: {failed}"));
+    }
+}

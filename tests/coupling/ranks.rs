@@ -1,0 +1,110 @@
+//! Messages between threads, and what ends them.
+
+use std::time::{Duration, Instant};
+
+use biotissue::backends::comm::thread::{Failed, run};
+use biotissue::coupling::{Plan, Scales, Share};
+use biotissue::las::{Comm, CommError, Message, Tag};
+
+use crate::checks::ranks;
+use crate::on;
+
+const TAG: Tag = Tag::of(3);
+
+const MANY: &[usize] = &[1, 2, 3, 4, 7, 8, 16];
+
+#[test]
+fn messages_of_one_tag_arrive_in_order_and_tags_stay_apart() {
+    on(MANY, ranks::messages_of_one_tag_arrive_in_order_and_tags_stay_apart);
+}
+
+#[test]
+fn messages_of_any_length_arrive_whole() {
+    on(MANY, ranks::messages_of_any_length_arrive_whole);
+}
+
+#[test]
+fn what_all_do_together_is_the_same_for_all() {
+    on(MANY, ranks::what_all_do_together_is_the_same_for_all);
+}
+
+#[test]
+fn groups_do_not_hear_each_other() {
+    on(MANY, ranks::groups_do_not_hear_each_other);
+}
+
+#[test]
+fn a_failure_of_one_is_agreed_on_by_all() {
+    on(MANY, ranks::a_failure_of_one_is_agreed_on_by_all);
+}
+
+#[test]
+fn who_does_not_answer_in_time_is_named() {
+    on(MANY, ranks::who_does_not_answer_in_time_is_named);
+}
+
+#[test]
+fn there_is_no_rank_beyond_the_last() {
+    on(MANY, ranks::there_is_no_rank_beyond_the_last);
+}
+
+#[test]
+fn a_rank_that_fails_ends_all() {
+    let start = Instant::now();
+    let failed = run(4, |comm| -> Result<(), String> {
+        if comm.rank() == 2 {
+            return Err("the law is broken".to_owned());
+        }
+        let ended = comm.receive(3 - comm.rank(), TAG).map(drop);
+        Err(ended.expect_err("nobody sends").to_string())
+    });
+    let expected = Failed { rank: 2, reason: "the law is broken".into() };
+    assert_eq!(failed.map(drop), Err(expected));
+    assert!(start.elapsed() < Duration::from_secs(5));
+}
+
+#[test]
+fn a_rank_that_panics_ends_all() {
+    let failed = run(3, |comm| -> Result<(), CommError> {
+        assert!(comm.rank() != 1, "one too many");
+        comm.barrier()
+    });
+    let failed = failed.map(drop).expect_err("a rank panicked");
+    assert_eq!((failed.rank, failed.reason.as_str()), (1, "panicked: one too many"));
+}
+
+#[test]
+fn a_rank_that_waited_in_vain_ends_all() {
+    let failed = run(2, |comm| {
+        let patient = comm.duplicate(Some(Duration::from_millis(50)))?;
+        if comm.rank() == 0 { patient.receive(1, TAG).map(drop) } else { comm.receive(0, TAG).map(drop) }
+    });
+    let failed = failed.map(drop).expect_err("nobody sends");
+    assert_eq!((failed.rank, failed.reason.as_str()), (0, "no message from rank 1 in 0.05 s"));
+}
+
+#[test]
+fn a_rank_that_others_wait_for_may_not_leave() {
+    let failed = run(3, |comm| -> Result<(), CommError> {
+        match comm.rank() {
+            0 => comm.send(2, TAG, Message::text("the last word")),
+            1 => comm.receive(2, TAG).map(drop),
+            // What was sent before the end arrives.
+            _ => comm.receive(0, TAG).and_then(|_| comm.receive(0, TAG)).map(drop),
+        }
+    });
+    let failed = failed.map(drop).expect_err("nobody sends");
+    assert_eq!(failed.rank, 2);
+    assert!(failed.reason.contains("rank 0 failed: it came to its end without sending"), "{}", failed.reason);
+}
+
+#[test]
+fn ranks_with_different_plans_do_not_begin() {
+    let failed = run(3, |comm| {
+        let plan = Plan::default().with("macro", Share::Count(1 + comm.rank() / 2)).with("micro", Share::Ratio(1.0));
+        Scales::new(&comm, &plan).map(drop)
+    });
+    let failed = failed.map(drop).expect_err("rank 2 has another plan");
+    assert_eq!(failed.rank, 2);
+    assert!(failed.reason.contains("Count(2)") && failed.reason.contains("Count(1)"), "{}", failed.reason);
+}

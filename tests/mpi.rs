@@ -1,0 +1,214 @@
+//! Scales and couplings on ranks that are processes of MPI: the checks that run on threads too, and what becomes of all
+//! processes where one fails. This program runs itself under `mpirun`, since MPI starts only once in a process; the
+//! environment variable `MPIRUN` names another launcher, such as `mpirun.mpich`.
+//!
+//! `cargo test --features mpi --test mpi -- WORD` runs the checks whose names hold the word; one of messages beyond 2^31 bytes
+//! runs only so, by `longer_than_2_31_bytes`.
+
+#[path = "coupling/checks/mod.rs"]
+mod checks;
+#[path = "support/launcher.rs"]
+mod launcher;
+
+use std::ops::Range;
+use std::process::{Command, ExitCode};
+use std::time::{Duration, Instant};
+
+use biotissue::backends::comm::mpi::{MpiComm, run};
+use biotissue::las::{Comm, Message, Tag};
+use bytemuck::{cast_slice, cast_slice_mut};
+
+use checks::{Outcome, lives, ranks, scales, units};
+use launcher::Launcher;
+
+/// Tells a process what it was launched for.
+const LAUNCHED: &str = "BIOTISSUE_MPI_TEST";
+
+/// What a process is launched for that runs checks.
+const CHECK: &str = "check";
+
+type Check = (&'static str, fn(&MpiComm) -> Outcome);
+
+const CHECKS: &[Check] = &[
+    ("messages_in_order", ranks::messages_of_one_tag_arrive_in_order_and_tags_stay_apart),
+    ("messages_of_any_length", ranks::messages_of_any_length_arrive_whole),
+    ("together", ranks::what_all_do_together_is_the_same_for_all),
+    ("groups", ranks::groups_do_not_hear_each_other),
+    ("agree", ranks::a_failure_of_one_is_agreed_on_by_all),
+    ("time_out", ranks::who_does_not_answer_in_time_is_named),
+    ("no_such_rank", ranks::there_is_no_rank_beyond_the_last),
+    ("scales", scales::each_rank_is_of_one_scale_and_finds_the_others),
+    ("mains", scales::each_scale_runs_its_own_main),
+    ("news", scales::what_a_scale_tells_all_ranks_of_another_hear),
+    ("plan_for_others", scales::a_plan_for_other_ranks_is_refused_by_all),
+    ("time_out", scales::a_scale_that_does_not_answer_is_named),
+    ("published", units::tables_are_those_published),
+    ("layouts", units::another_layout_on_the_other_side_is_refused_by_both),
+    ("one_by_one", units::units_that_come_one_by_one_are_spread_evenly),
+    ("wrong_calls", units::wrong_calls_say_what_is_wrong),
+    ("ring", units::three_scales_are_coupled_in_a_ring),
+    ("lives", random_lives),
+    ("lives_of_three", random_lives_of_three),
+];
+
+/// Checks that take 9 GiB, and are made where they are asked for by name.
+const ON_REQUEST: &[Check] = &[("longer_than_2_31_bytes", messages_of_more_than_2_31_bytes)];
+
+/// What one process does to the others, its name, and what is printed then.
+type Fault = (&'static str, fn(&MpiComm) -> Outcome, &'static str);
+
+const FAULTS: &[Fault] = &[
+    ("a_rank_that_fails", fail, "the law is broken"),
+    ("a_rank_that_fails_with_a_message_underway", fail_with_a_message_underway, "the law is broken"),
+    ("a_rank_that_panics", panic_alone, "one too many"),
+    ("a_rank_that_is_killed", be_killed, "signal 9"),
+];
+
+fn main() -> ExitCode {
+    let words: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with('-')).collect();
+    if let Ok(what) = std::env::var(LAUNCHED) {
+        run(|comm| take_part(&comm, &what, &words), |_| 1);
+        return ExitCode::SUCCESS;
+    }
+    let launcher = match Launcher::find() {
+        Ok(launcher) => launcher,
+        Err(error) => {
+            println!("there is no mpirun: {error}");
+            return ExitCode::FAILURE;
+        }
+    };
+    let mut all_well = true;
+    for ranks in 1..=8 {
+        all_well &= report(&format!("checks on {ranks} ranks"), || check(&launcher, ranks, &words));
+    }
+    if is_meant("published", &words) {
+        all_well &= report("checks on 12 ranks", || check(&launcher, 12, &["published".to_owned()]));
+    }
+    for fault in FAULTS.iter().filter(|(name, ..)| is_meant(name, &words)) {
+        all_well &= report(&format!("{} ends all", fault.0), || ends_all(&launcher, fault));
+    }
+    if all_well { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}
+
+fn is_meant(name: &str, words: &[String]) -> bool {
+    words.is_empty() || words.iter().any(|word| name.contains(word.as_str()))
+}
+
+/// Prints how something went, and whether it went well.
+fn report(name: &str, what: impl FnOnce() -> Outcome) -> bool {
+    let start = Instant::now();
+    let outcome = what();
+    let well = if outcome.is_ok() { "ok" } else { "FAILED" };
+    println!("{name} ... {well} ({:.1} s)", start.elapsed().as_secs_f64());
+    if let Err(error) = &outcome {
+        println!("{error}");
+    }
+    outcome.is_ok()
+}
+
+/// Runs the checks in processes of their own.
+fn check(launcher: &Launcher, ranks: usize, words: &[String]) -> Outcome {
+    let status = launcher.command(ranks, 1200)?.args(words).env(LAUNCHED, CHECK).status()?;
+    if status.success() { Ok(()) } else { Err(format!("{status}").into()) }
+}
+
+/// Commits a fault in one of three processes: all are to end, within seconds.
+fn ends_all(launcher: &Launcher, &(name, _, says): &Fault) -> Outcome {
+    const LIMIT: Duration = Duration::from_secs(20);
+    let start = Instant::now();
+    let output = launcher.command(3, 60)?.env(LAUNCHED, name).output()?;
+    let taken = start.elapsed();
+    // What a launcher itself says may come on either.
+    let said = [output.stderr, output.stdout].map(|text| String::from_utf8_lossy(&text).into_owned()).concat();
+    if output.status.success() || taken > LIMIT || !said.contains(says) {
+        return Err(format!("{} after {:.1} s, saying: {said}", output.status, taken.as_secs_f64()).into());
+    }
+    Ok(())
+}
+
+/// For two ranks. MPI counts in 32 bits, and messages go in parts of 2^30 bytes: one of whole parts, and one beyond 2^31.
+fn messages_of_more_than_2_31_bytes(comm: &MpiComm) -> Outcome {
+    let value = |k: usize| (k as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    let is_whole = |found: &[u64]| found.iter().enumerate().all(|(k, &found)| found == value(k));
+    if comm.size() != 2 {
+        return Ok(());
+    }
+    for words in [1 << 28, (1 << 28) + 5] {
+        let mut values: Vec<u64> = if comm.rank() == 0 { (0..words).map(value).collect() } else { vec![0; words] };
+        if comm.rank() == 0 {
+            comm.send_bytes(Tag::of(3), &[(1, cast_slice(&values))])?;
+            comm.send(1, Tag::of(3), Message::of(&values))?;
+        } else {
+            comm.receive_bytes(0, Tag::of(3), cast_slice_mut(&mut values))?;
+            assert!(is_whole(&values), "{words} words, in place");
+            assert!(is_whole(comm.receive(0, Tag::of(3))?.values().unwrap_or_default()), "{words} words");
+        }
+    }
+    Ok(())
+}
+
+/// What one process does that was launched.
+fn take_part(comm: &MpiComm, what: &str, words: &[String]) -> Outcome {
+    comm.barrier()?;
+    if what != CHECK {
+        let (_, commit, _) = FAULTS.iter().find(|(name, ..)| *name == what).ok_or("there is no such fault")?;
+        return commit(comm);
+    }
+    let on_request = ON_REQUEST.iter().filter(|(name, _)| words.iter().any(|word| word == name));
+    for (name, check) in CHECKS.iter().filter(|(name, _)| is_meant(name, words)).chain(on_request) {
+        let start = Instant::now();
+        check(comm).map_err(|error| format!("{name}: {error}"))?;
+        comm.barrier()?;
+        if comm.rank() == 0 {
+            println!("  {name} ... ok ({:.2} s)", start.elapsed().as_secs_f64());
+        }
+    }
+    Ok(())
+}
+
+fn random_lives(comm: &MpiComm) -> Outcome {
+    lives::nothing_is_lost(comm, seeds(comm, 400), 2)
+}
+
+fn random_lives_of_three(comm: &MpiComm) -> Outcome {
+    lives::nothing_is_lost(comm, seeds(comm, 200), 3)
+}
+
+/// Others on each number of ranks, and fewer on more, which are slower.
+fn seeds(comm: &MpiComm, count: u64) -> Range<u64> {
+    let ranks = comm.size() as u64;
+    1_000_000 * ranks..1_000_000 * ranks + count / ranks
+}
+
+/// What nobody sends is waited for on the ranks that are well.
+const NEVER: Tag = Tag::of(7);
+
+fn wait_for_ever(comm: &MpiComm) -> Outcome {
+    comm.receive(1, NEVER)?;
+    Ok(())
+}
+
+fn fail(comm: &MpiComm) -> Outcome {
+    if comm.rank() == 1 { Err("the law is broken".into()) } else { wait_for_ever(comm) }
+}
+
+/// The message is long enough to wait for its receiver, who never asks for it.
+fn fail_with_a_message_underway(comm: &MpiComm) -> Outcome {
+    if comm.rank() != 1 {
+        return wait_for_ever(comm);
+    }
+    let _underway = comm.start_send(0, Tag::of(8), Message::zeros(1 << 26))?;
+    Err("the law is broken".into())
+}
+
+fn panic_alone(comm: &MpiComm) -> Outcome {
+    assert!(comm.rank() != 1, "one too many");
+    wait_for_ever(comm)
+}
+
+fn be_killed(comm: &MpiComm) -> Outcome {
+    if comm.rank() == 1 {
+        Command::new("sh").args(["-c", &format!("kill -9 {}", std::process::id())]).status()?;
+    }
+    wait_for_ever(comm)
+}

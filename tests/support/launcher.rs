@@ -1,0 +1,39 @@
+//! Starts this program again, as processes of MPI.
+
+use std::ffi::{OsStr, OsString};
+use std::io;
+use std::process::Command;
+
+/// What starts processes: `mpirun`, or what the environment variable `MPIRUN` names.
+pub struct Launcher {
+    program: OsString,
+    /// Open MPI's takes no more processes than there are cores unless told to.
+    is_open_mpi: bool,
+}
+
+impl Launcher {
+    pub fn find() -> io::Result<Self> {
+        let program = std::env::var_os("MPIRUN").unwrap_or_else(|| "mpirun".into());
+        let version = command(&program).arg("--version").output()?;
+        let is_open_mpi = String::from_utf8_lossy(&version.stdout).contains("Open MPI");
+        Ok(Self { program, is_open_mpi })
+    }
+
+    /// This program on so many ranks, which are ended after so many seconds.
+    pub fn command(&self, ranks: usize, seconds: u32) -> io::Result<Command> {
+        let mut command = command(&self.program);
+        if self.is_open_mpi {
+            command.arg("--oversubscribe");
+        }
+        command.args(["-n", &ranks.to_string()]).arg(std::env::current_exe()?);
+        command.env("MPIEXEC_TIMEOUT", seconds.to_string()).env("OMP_NUM_THREADS", "1");
+        Ok(command)
+    }
+}
+
+/// A user who may do all is a user too (containers).
+fn command(program: &OsStr) -> Command {
+    let mut command = Command::new(program);
+    command.envs([("OMPI_ALLOW_RUN_AS_ROOT", "1"), ("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")]);
+    command
+}
