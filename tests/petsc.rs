@@ -21,7 +21,9 @@ use biotissue::las::{
     Backend, Ending, Entries, FactorReport, Factorisation, Iterative, Krylov, MatMat, MatVec, MatrixOps,
     Preconditioner, SolveError, Solver, SolverParams, Sparsity, Symmetry, VectorOps, conformance,
 };
+use mpi::collective::SystemOperation;
 use mpi::topology::{Color, Communicator, SimpleCommunicator};
+use mpi::traits::CommunicatorCollectives;
 use nalgebra::Matrix3;
 
 /// Tells a process which of the launches it is.
@@ -42,6 +44,7 @@ const CHECKS: &[Check] = &[
     ("iterative_methods", iterative_methods),
     ("options", options),
     ("errors", errors),
+    ("kept_rows", kept_rows),
     ("split_communicators", split_communicators),
     ("frozen_rve", frozen_rve),
     ("stretched_body", stretched_body),
@@ -468,17 +471,34 @@ fn stretched_body(context: &Context) {
         points: vec![point(6, [Some(0.0); 3]), point(5, [None, None, Some(0.0)])],
         body_forces: vec![],
     };
-    let field = FormulaField::uniform(NeoHookean { mu, lambda }, 24);
-    let params = StepParams { count: 4, ..StepParams::default() };
-    let mut stepper =
-        Stepper::<Petsc, _>::new(context, Arc::new(bar_of_24::mesh()), &conditions, field, params).unwrap();
-    assert_eq!(stepper.run(&mut ()).unwrap().len(), 4);
     let mut s: f64 = 1.0;
     for _ in 0..50 {
         s -= (mu * (s * s - 1.0) + lambda * (1.25 * s * s).ln()) / (2.0 * mu * s + 2.0 * lambda / s);
     }
-    for (x, u) in bar_of_24::NODES.iter().zip(&stepper.state().displacements) {
-        let exact = [0.25 * (x[0] + 1.0), (s - 1.0) * (x[1] + 1.0), (s - 1.0) * x[2]];
-        assert!((0..3).all(|i| (u[i] - exact[i]).abs() < 1e-9), "{x:?}: {u:?}, exact {exact:?}");
+    let mesh = Arc::new(bar_of_24::mesh());
+    let mut order: Vec<u32> = (0..mesh.nodes().len() as u32).collect();
+    for _ in 0..2 {
+        let field = FormulaField::uniform(NeoHookean { mu, lambda }, 24);
+        let params = StepParams { count: 4, ..StepParams::default() };
+        let mut stepper =
+            Stepper::<Petsc, _>::in_order(&order, context, Arc::clone(&mesh), &conditions, field, params).unwrap();
+        assert_eq!(stepper.run(&mut ()).unwrap().len(), 4);
+        for (x, u) in bar_of_24::NODES.iter().zip(&stepper.state().displacements) {
+            let exact = [0.25 * (x[0] + 1.0), (s - 1.0) * (x[1] + 1.0), (s - 1.0) * x[2]];
+            assert!((0..3).all(|i| (u[i] - exact[i]).abs() < 1e-9), "{x:?}: {u:?}, exact {exact:?}");
+        }
+        // Again with unknowns in another order.
+        order.reverse();
     }
+}
+
+/// Every row is one rank's, and no rank keeps a constrained one.
+fn kept_rows(context: &Context) {
+    let a = Petsc::matrix(context, &laplacian_pattern(5)).unwrap();
+    let kept: Vec<i32> = (0..25).map(|row| i32::from(a.keeps(&[row]))).collect();
+    let mut all = vec![0; 25];
+    SimpleCommunicator::world().all_reduce_into(&kept[..], &mut all[..], SystemOperation::sum());
+    assert_eq!(all, [1; 25]);
+    assert!(!a.keeps(&[-1]) && !a.keeps(&[]));
+    assert!(a.keeps(&(-1..25).collect::<Vec<_>>()));
 }

@@ -10,7 +10,7 @@ use biotissue::backends::sparse::Sparse;
 use biotissue::fem::point_field::{PointField, PointResponses};
 use biotissue::tissue::case::Case;
 use biotissue::tissue::macro_scale;
-use biotissue::tissue::micro_scale::TissueField;
+use biotissue::tissue::micro_scale::{TissueField, TissueMaterial};
 use nalgebra::Matrix3;
 
 #[global_allocator]
@@ -54,7 +54,7 @@ fn field(network: &Path, cells: usize) -> (f64, f64, f64) {
         field.update(&vec![gradient; mesh.elements().len()], &mut out).unwrap_or_else(|error| panic!("{error}"));
         assert_eq!(field.rve_bytes(), planned, "the plan tells what a run takes");
         if k == 0 {
-            field.commit();
+            field.commit().unwrap();
         }
     }
     drop(out);

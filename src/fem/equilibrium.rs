@@ -105,7 +105,7 @@ where
         };
         body.respond()?;
         body.floor = body.assembler.rounding(&body.trial.responses.tangent);
-        body.accept();
+        body.accept()?;
         Ok(body)
     }
 
@@ -145,18 +145,30 @@ where
         BoundaryForces::new(&self.mesh, &self.boundary, state.t, &state.displacements, &state.internal, &state.external)
     }
 
-    /// Makes the trial state, at which the residual was evaluated last, the accepted one.
-    pub fn accept(&mut self) {
+    /// Makes the trial state, at which the residual was evaluated last, the accepted one. Where points are of another material
+    /// from then on, their stresses and tangents in it are the new ones.
+    ///
+    /// # Errors
+    /// [`EquilibriumError::Points`] where the field cannot be told, or has no answer of its new material.
+    pub fn accept(&mut self) -> Result<(), EquilibriumError<P::Error, B::Fault>> {
+        let is_another = self.field.commit().map_err(EquilibriumError::Points)?;
+        if is_another {
+            self.respond()?;
+            self.field.commit().map_err(EquilibriumError::Points)?;
+        }
         std::mem::swap(&mut self.trial, &mut self.accepted);
         self.trial.displacements.copy_from_slice(&self.accepted.displacements);
-        self.field.commit();
+        Ok(())
     }
 
     /// Takes the trial displacements and the micro states back to the accepted ones.
-    pub fn reject(&mut self) {
+    ///
+    /// # Errors
+    /// As for [`Equilibrium::accept`].
+    pub fn reject(&mut self) -> Result<(), EquilibriumError<P::Error, B::Fault>> {
         self.trial.t = self.accepted.t;
         self.trial.displacements.copy_from_slice(&self.accepted.displacements);
-        self.field.revert();
+        self.field.revert().map_err(EquilibriumError::Points)
     }
 
     /// Makes the state of these displacements at pseudo-time `t` the accepted one, whatever was accepted before.
@@ -169,8 +181,7 @@ where
         self.trial.displacements.copy_from_slice(displacements);
         self.boundary.external_forces(t, &mut self.trial.external);
         self.respond()?;
-        self.accept();
-        Ok(())
+        self.accept()
     }
 
     /// Starts a step to pseudo-time `t` from the accepted state with only the prescribed components moved.
@@ -277,6 +288,13 @@ where
 
     fn advance(&mut self, a: f64, d: &B::Vector) -> Result<(), Self::Error> {
         self.move_by(a, d).map_err(EquilibriumError::Backend)
+    }
+
+    fn is_final(error: &Self::Error) -> bool {
+        match error {
+            EquilibriumError::Points(error) => P::is_final(error),
+            EquilibriumError::Backend(_) => true,
+        }
     }
 
     fn save(&mut self) {

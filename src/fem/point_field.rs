@@ -66,11 +66,23 @@ pub trait PointField {
     fn update(&mut self, gradients: &[Matrix3<f64>], out: &mut PointResponses) -> Result<(), Self::Error>;
 
     /// The step has converged at the gradients of the last update: the current micro states become the start of the
-    /// next.
-    fn commit(&mut self);
+    /// next. Gives whether points have become of another material by that, so that they are to be asked again at the same
+    /// gradients, and committed again; not twice in a row.
+    ///
+    /// # Errors
+    /// Where whoever answers cannot be told; the run then ends.
+    fn commit(&mut self) -> Result<bool, Self::Error>;
 
     /// The step has failed: back to the micro states of the last [`PointField::commit`].
-    fn revert(&mut self);
+    ///
+    /// # Errors
+    /// As for [`PointField::commit`].
+    fn revert(&mut self) -> Result<(), Self::Error>;
+
+    /// Whether an error is of no trial state but of whoever answers (a rank that is gone), so that no shorter step helps.
+    fn is_final(_: &Self::Error) -> bool {
+        false
+    }
 }
 
 /// A point that has no answer.
@@ -141,9 +153,13 @@ impl PointField for FormulaField {
         Ok(())
     }
 
-    fn commit(&mut self) {}
+    fn commit(&mut self) -> Result<bool, PointError> {
+        Ok(false)
+    }
 
-    fn revert(&mut self) {}
+    fn revert(&mut self) -> Result<(), PointError> {
+        Ok(())
+    }
 }
 
 #[cfg(test)]

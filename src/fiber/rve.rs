@@ -223,6 +223,12 @@ impl Rve {
         Self { gradient, interior, rates }
     }
 
+    /// What [`Rve::restored`] takes.
+    #[must_use]
+    pub fn into_parts(self) -> (Matrix3<f64>, Vec<[f64; 3]>, Option<Vec<Rates>>) {
+        (self.gradient, self.interior, self.rates)
+    }
+
     /// Whether this can be a state of that network.
     ///
     /// # Errors

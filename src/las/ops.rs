@@ -84,6 +84,12 @@ pub trait MatrixOps<B: Backend>: Sized {
     /// `A[slots[k]] += block[k]`; the slots come from [`MatrixOps::locate`] of this matrix or one of the same pattern.
     fn add_at(&mut self, slots: &[B::Slot], block: &[B::Scalar]) -> Result<(), B::Fault>;
 
+    /// Whether this rank keeps one of these rows: of blocks without such rows every write is dropped, so that an assembly need
+    /// not integrate them. Backends that know no ranks keep all.
+    fn keeps(&self, _rows: &[B::Index]) -> bool {
+        true
+    }
+
     /// Completes pending writes.
     fn finish(&mut self) -> Result<(), B::Fault>;
 }

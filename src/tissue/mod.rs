@@ -18,5 +18,6 @@ pub mod results;
 pub mod run;
 pub mod rve_dump;
 mod rve_files;
+pub mod two_scale;
 
 pub use record::Progress;

@@ -6,19 +6,22 @@ use nalgebra::Matrix3;
 
 use super::case::Case;
 use super::checkpoint;
-use super::micro_scale::{LostRve, PointSummary, SweepStats, TissueField};
-use super::results::collection::{field_file, partial};
-use super::results::log::{Balance, Cut, Event, Factorisations, LogWriter, NewtonLog, NewtonSeconds, RveLog, Step};
+use super::micro_scale::{Life, LostRve, PointSummary, SweepStats, TissueMaterial};
+use super::results::collection::{field_file, index_file, partial};
+use super::results::log::{
+    Balance, Cut, Event, Factorisations, LogWriter, NewtonLog, NewtonSeconds, RankSeconds, Ranks, RveLog, Step,
+};
 use super::results::{
-    self, CASE_FILE, Collection, FieldSet, LOADS_FILE, LOG_FILE, LoadsWriter, ResultsError, SurfaceRow, write_vtu,
+    self, CASE_FILE, Collection, FieldSet, LOADS_FILE, LOG_FILE, LoadsWriter, Pieces, ResultsError, SurfaceRow,
+    write_vtu,
 };
 use super::rve_dump::lost_file;
 use super::rve_files::NetworkFiles;
 use crate::fem::equilibrium::BodyState;
 use crate::fem::mesh::Mesh;
 use crate::fem::reactions::BoundaryForces;
-use crate::fem::stepping::{ConvergedStep, FailedAttempt, StepObserver, StepReport};
-use crate::las::{Backend, NewtonReport, Scalar};
+use crate::fem::stepping::{ConvergedStep, FailedAttempt, StepReport};
+use crate::las::NewtonReport;
 
 /// Who wants to know how far a run is.
 pub trait Progress {
@@ -124,19 +127,16 @@ impl<'a> Recorder<'a> {
     }
 
     /// Writes the fields and the networks of a state: that of a whole step, or one on the way from it to the next.
-    fn write_fields<B: Backend<Scalar = f64>>(
+    fn write_fields<M: TissueMaterial>(
         &mut self,
         (step, whole): (usize, bool),
         mesh: &Mesh,
         state: &BodyState,
-        field: &TissueField<B>,
-    ) -> Result<(), ResultsError>
-    where
-        B::Reduced: Scalar,
-    {
-        let cells = CellFields::new(state, &field.summaries());
+        field: &M,
+    ) -> Result<(), ResultsError> {
+        let cells = CellFields::new(state, &field.summaries(), |element| field.life(element));
         let region: Vec<i64> = mesh.region_of().iter().map(|&region| region.into()).collect();
-        let rank = vec![0; region.len()];
+        let rank: Vec<i64> = (0..region.len()).map(|element| field.rank_of(element) as i64).collect();
         let fields = FieldSet {
             points: mesh.nodes(),
             elements: mesh.elements(),
@@ -162,11 +162,23 @@ impl<'a> Recorder<'a> {
                 ("fiber_orientation", &cells.orientation),
             ],
         };
-        let file = field_file(step);
-        let file = if whole { file } else { partial(&file) };
-        write_vtu(&self.dir.join(&file), &fields)?;
+        let of_step = if field.parts().is_some() { index_file(step) } else { field_file(step) };
+        let file = if whole { of_step } else { partial(&of_step) };
+        let path = self.dir.join(&file);
+        match field.parts() {
+            None => write_vtu(&path, &fields)?,
+            Some((part_of, parts)) => write_parts(&path, &fields, part_of, parts)?,
+        }
         self.fields.add(state.t, &file)?;
         self.networks.write((step, whole), state.t, field)
+    }
+
+    /// Writes where the time of ranks went, trial state by trial state.
+    fn write_seconds(&mut self, step: usize, iterations: &[Vec<RankSeconds>]) -> Result<(), ResultsError> {
+        for (iteration, ranks) in (1..).zip(iterations) {
+            self.log.write(&Event::Ranks(Ranks { step, iteration, ranks: ranks.clone() }))?;
+        }
+        Ok(())
     }
 
     /// Writes what repeats the failure of an RVE; gives the file, relative to the directory.
@@ -184,17 +196,14 @@ impl<'a> Recorder<'a> {
 
     /// Writes the fields of the last state that converged, where they are not written yet: of a run that ends early
     /// between two outputs, or within a step that was cut. `step` is the last full step.
-    pub fn write_last<B: Backend<Scalar = f64>>(
+    pub fn write_last<M: TissueMaterial>(
         &mut self,
         step: usize,
         t_of_step: f64,
         mesh: &Mesh,
         state: &BodyState,
-        field: &TissueField<B>,
-    ) -> Result<(), ResultsError>
-    where
-        B::Reduced: Scalar,
-    {
+        field: &M,
+    ) -> Result<(), ResultsError> {
         let written = self.fields.entries().last().map_or(0.0, |entry| entry.time);
         if state.t <= written {
             return Ok(());
@@ -203,31 +212,33 @@ impl<'a> Recorder<'a> {
     }
 }
 
-impl<B: Backend<Scalar = f64>> StepObserver<TissueField<B>, B::Fault> for Recorder<'_>
-where
-    B::Reduced: Scalar,
-{
-    type Error = ResultsError;
-
-    fn converged(&mut self, step: &ConvergedStep<'_, TissueField<B>>) -> Result<(), ResultsError> {
+/// What [`StepObserver`](crate::fem::stepping::StepObserver) is told.
+impl Recorder<'_> {
+    pub fn converged<M: TissueMaterial>(&mut self, step: &ConvergedStep<'_, M>) -> Result<(), ResultsError> {
         self.write_loads(step)?;
         if step.step.is_multiple_of(self.every) || step.step == step.count {
             self.write_fields((step.step, true), step.mesh, step.state, step.field)?;
         }
+        self.write_seconds(step.step, &step.field.take_seconds())?;
         let stats = step.field.take_stats();
         let line = Step {
             step: step.step,
             t: step.t,
             cuts: step.report.cuts as u32,
             newton: newton_of_step(step.report, std::mem::replace(&mut self.started, std::time::Instant::now())),
-            rve: (step.field.rves() > 0).then(|| rve_log(&stats)),
+            rve: (step.field.rves() > 0).then(|| rve_log(&stats, step.field)),
             balance: balance(&step.forces),
         };
+        self.lost = None;
         self.progress.converged(&line);
         self.log.write(&Event::Step(line))
     }
 
-    fn failed(&mut self, attempt: &FailedAttempt<'_, TissueField<B>, B::Fault>) -> Result<(), ResultsError> {
+    pub fn failed<M: TissueMaterial, F: std::error::Error>(
+        &mut self,
+        attempt: &FailedAttempt<'_, M, F>,
+    ) -> Result<(), ResultsError> {
+        self.write_seconds(attempt.step, &attempt.field.take_seconds())?;
         let lost = attempt.field.take_lost();
         let lost_rve = lost.map(|lost| self.write_lost(attempt.step, attempt.halvings, lost)).transpose()?;
         self.lost = lost_rve.as_ref().map(|file| self.dir.join(file));
@@ -241,6 +252,13 @@ where
         self.progress.failed(&cut);
         self.log.write(&Event::Cut(cut))
     }
+}
+
+/// One file a part of the body, and the one that names them.
+fn write_parts(path: &Path, fields: &FieldSet<'_>, part_of: &[u32], parts: usize) -> Result<(), ResultsError> {
+    let pieces = Pieces::new(fields.elements, part_of, parts);
+    (0..parts).try_for_each(|part| pieces.write_part(part, path, fields))?;
+    pieces.write_index(path, fields)
 }
 
 /// The sum of all surface and point forces, and that over the largest of them.
@@ -304,7 +322,9 @@ fn newton_of_step(report: &StepReport, started: std::time::Instant) -> NewtonLog
     sum
 }
 
-fn rve_log(stats: &SweepStats) -> RveLog {
+fn rve_log(stats: &SweepStats, field: &impl TissueMaterial) -> RveLog {
+    let lives: Vec<Life> = (0..field.lives().len()).filter_map(|element| field.life(element)).collect();
+    let count = |life: Life| lives.iter().filter(|&&other| other == life).count() as u64;
     RveLog {
         solves: stats.solves as u64,
         iterations_total: stats.iterations as u64,
@@ -320,6 +340,9 @@ fn rve_log(stats: &SweepStats) -> RveLog {
         relaxation_steps: stats.relaxation_steps as u64,
         reused: stats.reused as u64,
         seconds_cpu: stats.seconds,
+        asleep: count(Life::Asleep),
+        waiting: count(Life::Waiting),
+        deleted: count(Life::Deleted),
     }
 }
 
@@ -340,10 +363,10 @@ struct CellFields {
 }
 
 impl CellFields {
-    fn new(state: &BodyState, summaries: &[Option<PointSummary>]) -> Self {
+    fn new(state: &BodyState, summaries: &[Option<PointSummary>], life: impl Fn(usize) -> Option<Life>) -> Self {
         let mut cells = Self::default();
         let states = state.gradients.iter().zip(&state.responses.pk1);
-        for ((f, pk1), summary) in states.zip(summaries) {
+        for (element, ((f, pk1), summary)) in states.zip(summaries).enumerate() {
             let cauchy = pk1 * f.transpose() / f.determinant();
             cells.von_mises.push(von_mises(&cauchy));
             cells.cauchy.push(row_major(&cauchy));
@@ -356,7 +379,12 @@ impl CellFields {
             cells.stretch_min.push(s.map_or(0.0, |s| s.stretch[0]));
             cells.stretch_max.push(s.map_or(0.0, |s| s.stretch[1]));
             cells.iterations.push(s.map_or(-1, |s| s.iterations as i64));
-            cells.status.push(s.map_or(-1, |_| 0));
+            cells.status.push(life(element).map_or(-1, |life| match life {
+                Life::Awake => 0,
+                Life::Asleep => 1,
+                Life::Waiting => 2,
+                Life::Deleted => 3,
+            }));
             cells.network.push(s.map_or(-1, |s| s.network as i64));
         }
         cells

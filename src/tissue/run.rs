@@ -9,24 +9,61 @@ use thiserror::Error;
 use super::case::{Case, MaterialCase};
 use super::checkpoint::{self, Checkpoint, CheckpointError, Identity};
 use super::macro_scale::{self, MacroScaleError};
-use super::micro_scale::{FieldRestoreError, LibraryError, TissueField, TissueFieldError};
+use super::micro_scale::{FieldRestoreError, LibraryError, TissueField, TissueFieldError, TissueMaterial};
 use super::record::{Progress, Recorder};
 use super::results::ResultsError;
 use super::results::log::{End, Event, Start};
 use super::rve_files;
 use crate::fem::boundary::{Boundary, Conditions};
 use crate::fem::mesh::Mesh;
-use crate::fem::stepping::{RestoreError, SetupError, StepFailure, Stepper, SteppingError};
+use crate::fem::stepping::{
+    ConvergedStep, FailedAttempt, RestoreError, SetupError, StepFailure, StepObserver, Stepper, SteppingError,
+};
 use crate::input::InputErrors;
 use crate::las::{Backend, Scalar};
 
+/// Who writes the results of a run that several processes take in step: one of them, and all go on only if it could.
+pub trait Writers {
+    /// Whether this process writes.
+    fn is_writer(&self) -> bool;
+
+    /// The same outcome on all.
+    ///
+    /// # Errors
+    /// The own one, or that of the first that has one.
+    fn agree(&self, outcome: Result<(), ResultsError>) -> Result<(), ResultsError>;
+
+    /// That all have found the same number.
+    ///
+    /// # Errors
+    /// On all, where they have not.
+    fn agree_on(&self, number: usize) -> Result<(), ResultsError>;
+}
+
+/// One process alone.
+impl Writers for () {
+    fn is_writer(&self) -> bool {
+        true
+    }
+
+    fn agree(&self, outcome: Result<(), ResultsError>) -> Result<(), ResultsError> {
+        outcome
+    }
+
+    fn agree_on(&self, _: usize) -> Result<(), ResultsError> {
+        Ok(())
+    }
+}
+
 /// A body and its networks, ready to be stepped through its loads.
-pub struct Simulation<B: Backend<Scalar = f64>>
+///
+/// `B` is the backend of the body, `M` its material: in one process by default, or on ranks of its own.
+pub struct Simulation<B: Backend<Scalar = f64>, M = TissueField<B>>
 where
     B::Reduced: Scalar,
 {
     case: Case,
-    stepper: Stepper<B, TissueField<B>>,
+    stepper: Stepper<B, M>,
     /// The elements whose networks are written.
     networks: Vec<usize>,
     warnings: Vec<String>,
@@ -53,6 +90,8 @@ pub struct Plan {
     pub steps: usize,
     /// Threads that solve RVEs.
     pub threads: usize,
+    /// Ranks of the engineering scale and of the RVEs; 1 and 0 in one process.
+    pub ranks: [usize; 2],
 }
 
 /// One network of the library.
@@ -74,13 +113,13 @@ pub enum SimulationError<F: std::error::Error + 'static> {
     MacroScale(#[from] MacroScaleError),
     /// Networks.
     #[error("{0}")]
-    Library(#[from] LibraryError<F>),
+    Library(#[from] LibraryError),
     /// What is to be written of it.
     #[error("{0}")]
     Output(#[from] InputErrors),
     /// Body and conditions do not fit together.
     #[error("{0}")]
-    Setup(#[from] Box<SetupError<TissueFieldError<F>, F>>),
+    Setup(#[from] Box<SetupError<TissueFieldError, F>>),
 }
 
 /// Why a run ended early. Everything that converged is on disk.
@@ -98,7 +137,7 @@ pub enum RunError<F: std::error::Error + 'static> {
         /// How often the step was halved.
         halvings: u32,
         /// What stopped the last attempt.
-        reason: Box<StepFailure<TissueFieldError<F>, F>>,
+        reason: Box<StepFailure<TissueFieldError, F>>,
         /// The file that repeats the failure of an RVE, where that was the reason.
         lost: Option<PathBuf>,
     },
@@ -113,13 +152,16 @@ pub enum ResumeError<F: std::error::Error + 'static> {
     /// No checkpoint can be used.
     #[error("{0}")]
     Checkpoint(#[from] CheckpointError),
+    /// Another process could not read its checkpoint.
+    #[error(transparent)]
+    Elsewhere(ResultsError),
     /// A checkpoint of this very run does not fit it. The simulation must then be set up anew.
     #[error("{}: {reason}", path.display())]
     State {
         /// The checkpoint.
         path: PathBuf,
         /// Why.
-        reason: Box<RestoreError<FieldRestoreError, TissueFieldError<F>, F>>,
+        reason: Box<RestoreError<FieldRestoreError, TissueFieldError, F>>,
     },
 }
 
@@ -144,7 +186,7 @@ pub struct RunSummary {
 }
 
 /// A case with everything read and checked that it names, before anything is solved.
-pub struct Setup<B: Backend<Scalar = f64>>
+pub struct Setup<B: Backend<Scalar = f64>, M = TissueField<B>>
 where
     B::Reduced: Scalar,
 {
@@ -152,7 +194,7 @@ where
     case: Case,
     mesh: Mesh,
     conditions: Conditions,
-    field: TissueField<B>,
+    field: M,
     networks: Vec<usize>,
     unknowns: usize,
     warnings: Vec<String>,
@@ -168,12 +210,31 @@ where
     /// # Errors
     /// [`SimulationError`].
     pub fn new(context: B::Context, case: Case) -> Result<Self, SimulationError<B::Fault>> {
+        let of_rves = context.clone();
+        Self::with_material(context, case, |case, mesh| TissueField::new(of_rves, case, mesh))
+    }
+}
+
+impl<B: Backend<Scalar = f64>, M: TissueMaterial> Setup<B, M>
+where
+    B::Reduced: Scalar,
+{
+    /// Reads the mesh of a case and holds it against what it prescribes; `material` gives its elements their materials, and
+    /// warnings.
+    ///
+    /// # Errors
+    /// [`SimulationError`].
+    pub fn with_material(
+        context: B::Context,
+        case: Case,
+        material: impl FnOnce(&Case, &Mesh) -> Result<(M, Vec<String>), LibraryError>,
+    ) -> Result<Self, SimulationError<B::Fault>> {
         let (mesh, mut warnings) = macro_scale::mesh(&case)?;
         let conditions = macro_scale::conditions(&case)?;
         let boundary = Boundary::new(&mesh, &conditions).map_err(|error| Box::new(error.into()))?;
         let prescribed = boundary.prescribed(mesh.nodes().len());
         let unknowns = prescribed.as_flattened().iter().filter(|&&prescribed| !prescribed).count();
-        let (field, network_warnings) = TissueField::new(context.clone(), &case, &mesh)?;
+        let (field, network_warnings) = material(&case, &mesh)?;
         warnings.extend(network_warnings);
         warnings.extend(without_networks(&case));
         let networks = rve_files::elements(&case, mesh.elements().len(), &field)?;
@@ -204,14 +265,21 @@ where
         &self.mesh
     }
 
+    /// The material of the body.
+    pub fn material_mut(&mut self) -> &mut M {
+        &mut self.field
+    }
+
     /// Sets up the linear systems of both scales; asks every point for its answer in the undeformed body.
     ///
     /// # Errors
     /// [`SimulationError::Setup`].
-    pub fn simulation(self) -> Result<Simulation<B>, SimulationError<B::Fault>> {
+    pub fn simulation(self) -> Result<Simulation<B, M>, SimulationError<B::Fault>> {
         let Self { context, case, mesh, conditions, field, networks, warnings, .. } = self;
         let params = macro_scale::step_params(&case);
-        let stepper = Stepper::new(&context, Arc::new(mesh), &conditions, field, params).map_err(Box::new)?;
+        let order = field.node_order(&mesh);
+        let stepper = Stepper::in_order(&order, &context, Arc::new(mesh), &conditions, field, params);
+        let stepper = stepper.map_err(Box::new)?;
         Ok(Simulation { case, stepper, networks, warnings })
     }
 }
@@ -228,11 +296,8 @@ fn without_networks(case: &Case) -> impl Iterator<Item = String> {
     })
 }
 
-fn plan<B: Backend<Scalar = f64>>(case: &Case, mesh: &Mesh, field: &TissueField<B>, unknowns: usize) -> Plan
-where
-    B::Reduced: Scalar,
-{
-    let networks = field.models().iter().zip(field.users()).map(|(model, rves)| NetworkPlan {
+fn plan(case: &Case, mesh: &Mesh, field: &impl TissueMaterial, unknowns: usize) -> Plan {
+    let networks = field.library().models().iter().zip(field.users()).map(|(model, rves)| NetworkPlan {
         name: model.network().name().to_owned(),
         unknowns: model.unknowns(),
         rves,
@@ -249,6 +314,7 @@ where
         body_bytes: point_bytes * mesh.elements().len(),
         steps: case.steps.count,
         threads: rayon::current_num_threads(),
+        ranks: field.ranks(),
     }
 }
 
@@ -266,7 +332,12 @@ where
     {
         Setup::new(context, case)?.simulation()
     }
+}
 
+impl<B: Backend<Scalar = f64>, M: TissueMaterial> Simulation<B, M>
+where
+    B::Reduced: Scalar,
+{
     /// What the readers thought worth saying.
     #[must_use]
     pub fn warnings(&self) -> &[String] {
@@ -298,20 +369,37 @@ where
     /// # Errors
     /// [`ResumeError`]: checkpoints of another run, or only damaged ones. Nothing on the disk is touched.
     pub fn resume(&mut self, dir: &Path) -> Result<Resumed, ResumeError<B::Fault>> {
-        let (checkpoint, mut warnings) = checkpoint::latest(dir, &self.identity())?;
-        let Some(Checkpoint { path, state, units }) = checkpoint else {
+        self.resume_among(&(), dir)
+    }
+
+    /// The same, in step with other processes that go back together.
+    ///
+    /// # Errors
+    /// [`ResumeError`], on all.
+    pub fn resume_among(&mut self, writers: &dyn Writers, dir: &Path) -> Result<Resumed, ResumeError<B::Fault>> {
+        let found = checkpoint::latest(dir, &self.identity());
+        // Whoever goes on would wait for those that do not.
+        let told = found
+            .as_ref()
+            .map(|_| ())
+            .map_err(|error| ResultsError::Elsewhere { path: dir.to_owned(), reason: error.to_string() });
+        let agreed = writers.agree(told);
+        let (checkpoint, mut warnings) = found?;
+        let step = checkpoint.as_ref().map_or(0, |checkpoint| checkpoint.state.done);
+        agreed.and_then(|()| writers.agree_on(step)).map_err(ResumeError::Elsewhere)?;
+        let Some(Checkpoint { path, state, lives, units }) = checkpoint else {
             warnings.push(format!("{}: no checkpoint: starting from the beginning", dir.display()));
             return Ok(Resumed { step: 0, warnings });
         };
-        let restored = self.stepper.restore(&state, |field| field.restore_units(units));
+        let restored = self.stepper.restore(&state, |field| field.restore_units(&lives, units));
         restored.map_err(|reason| ResumeError::State { path, reason: Box::new(reason) })?;
         // What it took to get there is not part of the next step.
-        let _ = self.stepper.field().take_stats();
+        let _ = (self.stepper.field().take_stats(), self.stepper.field().take_seconds());
         Ok(Resumed { step: state.done, warnings })
     }
 
     fn identity(&self) -> Identity {
-        Identity::new(&self.case, self.stepper.mesh(), self.stepper.field())
+        Identity::new(B::NAME, &self.case, self.stepper.mesh(), self.stepper.field())
     }
 
     /// Takes all load steps that are left and writes the result directory `dir` on the way. A run from the beginning
@@ -320,12 +408,56 @@ where
     /// # Errors
     /// [`RunError`]; what converged before is on disk.
     pub fn run(&mut self, dir: &Path, progress: &mut dyn Progress) -> Result<RunSummary, RunError<B::Fault>> {
+        self.run_among(&(), dir, progress)
+    }
+
+    /// The same, in step with other processes of which one writes.
+    ///
+    /// # Errors
+    /// [`RunError`], the same on all.
+    pub fn run_among(
+        &mut self,
+        writers: &dyn Writers,
+        dir: &Path,
+        progress: &mut dyn Progress,
+    ) -> Result<RunSummary, RunError<B::Fault>> {
         let start = Instant::now();
-        let plan = self.plan();
         let done = self.stepper.done();
         let resumed = (done > 0).then(|| done as f64 / self.stepper.count() as f64);
-        let mut recorder = Recorder::open(dir, &self.case, self.stepper.mesh(), &self.networks, resumed, progress)?;
-        recorder.log(&Event::Start(Start {
+        let (opened, outcome) = match writers.is_writer() {
+            false => (None, Ok(())),
+            true => match Recorder::open(dir, &self.case, self.stepper.mesh(), &self.networks, resumed, progress) {
+                Ok(recorder) => (Some(recorder), Ok(())),
+                Err(error) => (None, Err(error)),
+            },
+        };
+        writers.agree(outcome)?;
+        let mut witness = Witness { recorder: opened, writers };
+        let start_of_run = Event::Start(self.start_event(done));
+        witness.write(|recorder| recorder.log(&start_of_run))?;
+        let outcome = self.take_steps(dir, &mut witness);
+        let seconds = start.elapsed().as_secs_f64();
+        let steps = self.stepper.done();
+        let reason = match &outcome {
+            Ok(_) => None,
+            Err(error @ RunError::NotConverged { .. }) => {
+                let (state, field) = (self.stepper.state(), self.stepper.field());
+                let t = steps as f64 / self.stepper.count() as f64;
+                let mesh = self.stepper.mesh();
+                witness.write(|recorder| recorder.write_last(steps, t, mesh, state, field))?;
+                Some(error.to_string())
+            }
+            // A disk that refuses results refuses the end of the log too.
+            Err(RunError::Results(_)) => return outcome.map(|iterations| RunSummary { steps, iterations, seconds }),
+        };
+        let end = Event::End(End { converged: reason.is_none(), reason, steps, seconds });
+        witness.write(|recorder| recorder.log(&end))?;
+        outcome.map(|iterations| RunSummary { steps, iterations, seconds })
+    }
+
+    fn start_event(&self, done: usize) -> Start {
+        let plan = self.plan();
+        Start {
             title: self.case.title.clone(),
             backend: B::NAME.to_owned(),
             elements: plan.elements,
@@ -334,46 +466,60 @@ where
             rves: plan.rves,
             networks: plan.networks.len(),
             threads: plan.threads,
+            ranks: plan.ranks,
             version: env!("CARGO_PKG_VERSION").to_owned(),
             resumed_from: done,
-        }))?;
-        let outcome = self.take_steps(dir, &mut recorder);
-        let seconds = start.elapsed().as_secs_f64();
-        let steps = self.stepper.done();
-        let reason = match &outcome {
-            Ok(_) => None,
-            Err(error @ RunError::NotConverged { .. }) => {
-                let (state, field) = (self.stepper.state(), self.stepper.field());
-                let t = steps as f64 / self.stepper.count() as f64;
-                recorder.write_last(steps, t, self.stepper.mesh(), state, field)?;
-                Some(error.to_string())
-            }
-            // A disk that refuses results refuses the end of the log too.
-            Err(RunError::Results(_)) => return outcome.map(|iterations| RunSummary { steps, iterations, seconds }),
-        };
-        recorder.log(&Event::End(End { converged: reason.is_none(), reason, steps, seconds }))?;
-        outcome.map(|iterations| RunSummary { steps, iterations, seconds })
+        }
     }
 
     /// Takes the steps that are left, with a checkpoint after each; returns the Newton iterations.
-    fn take_steps(&mut self, dir: &Path, recorder: &mut Recorder<'_>) -> Result<usize, RunError<B::Fault>> {
+    fn take_steps(&mut self, dir: &Path, witness: &mut Witness<'_, '_>) -> Result<usize, RunError<B::Fault>> {
         let identity = self.identity();
         let count = self.stepper.count();
         let mut iterations = 0;
         while self.stepper.done() < count {
-            match self.stepper.step(recorder) {
+            match self.stepper.step(witness) {
                 Ok(report) => iterations += report.iterations(),
                 Err(SteppingError::Stopped { reason, .. }) => return Err(reason.into()),
                 Err(SteppingError::NotConverged { step, reached, halvings, reason, .. }) => {
-                    let (reason, lost) = (Box::new(reason), recorder.lost().map(Path::to_owned));
+                    let (reason, lost) = (Box::new(reason), witness.lost());
                     return Err(RunError::NotConverged { step, count, reached, halvings, reason, lost });
                 }
             }
             // Last, so that a checkpoint never stands for results that are not there.
             if let Some(state) = self.stepper.saved() {
-                checkpoint::write(dir, &identity, &state, self.stepper.field())?;
+                witness.write(|_| checkpoint::write(dir, &identity, &state, self.stepper.field()))?;
             }
         }
         Ok(iterations)
+    }
+}
+
+/// Records a run where this process writes, and agrees with the others that it could be written.
+struct Witness<'w, 'r> {
+    recorder: Option<Recorder<'r>>,
+    writers: &'w dyn Writers,
+}
+
+impl<'r> Witness<'_, 'r> {
+    fn write(&mut self, write: impl FnOnce(&mut Recorder<'r>) -> Result<(), ResultsError>) -> Result<(), ResultsError> {
+        let outcome = self.recorder.as_mut().map_or(Ok(()), write);
+        self.writers.agree(outcome)
+    }
+
+    fn lost(&self) -> Option<PathBuf> {
+        self.recorder.as_ref().and_then(Recorder::lost).map(Path::to_owned)
+    }
+}
+
+impl<M: TissueMaterial, F: std::error::Error> StepObserver<M, F> for Witness<'_, '_> {
+    type Error = ResultsError;
+
+    fn converged(&mut self, step: &ConvergedStep<'_, M>) -> Result<(), ResultsError> {
+        self.write(|recorder| recorder.converged(step))
+    }
+
+    fn failed(&mut self, attempt: &FailedAttempt<'_, M, F>) -> Result<(), ResultsError> {
+        self.write(|recorder| recorder.failed(attempt))
     }
 }

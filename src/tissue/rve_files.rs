@@ -5,25 +5,17 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use super::case::{Case, RveOutput};
-use super::micro_scale::{DeformedNetwork, TissueField};
+use super::micro_scale::{DeformedNetwork, TissueMaterial};
 use super::results::collection::partial;
 use super::results::networks::{network_collection, network_file};
 use super::results::{Collection, NETWORKS_FOLDER, NetworkSet, ResultsError, write_vtp};
 use crate::input::{InputError, InputErrors};
-use crate::las::{Backend, Scalar};
 
 /// The elements whose networks a case wants written, ascending.
 ///
 /// # Errors
 /// All elements that do not exist, and all that have no fibers.
-pub(super) fn elements<B: Backend<Scalar = f64>>(
-    case: &Case,
-    count: usize,
-    field: &TissueField<B>,
-) -> Result<Vec<usize>, InputErrors>
-where
-    B::Reduced: Scalar,
-{
+pub(super) fn elements(case: &Case, count: usize, field: &impl TissueMaterial) -> Result<Vec<usize>, InputErrors> {
     let ids = match &case.output.rve {
         RveOutput::None => return Ok(Vec::new()),
         RveOutput::All => return Ok((0..count).filter(|&element| field.has_fibers(element)).collect()),
@@ -73,18 +65,16 @@ impl NetworkFiles {
     }
 
     /// Writes all networks as they are after a converged step.
-    pub fn write<B: Backend<Scalar = f64>>(
+    pub fn write<M: TissueMaterial>(
         &mut self,
         (step, whole): (usize, bool),
         t: f64,
-        field: &TissueField<B>,
-    ) -> Result<(), ResultsError>
-    where
-        B::Reduced: Scalar,
-    {
+        field: &M,
+    ) -> Result<(), ResultsError> {
         let Self { folder, series } = self;
-        series.par_iter_mut().try_for_each(|(element, collection)| {
-            let Some(deformed) = field.deformed_network(*element) else { return Ok(()) };
+        let deformed: Vec<_> = series.iter().map(|(element, _)| field.deformed_network(*element)).collect();
+        series.par_iter_mut().zip(deformed).try_for_each(|((element, collection), deformed)| {
+            let Some(deformed) = deformed else { return Ok(()) };
             let DeformedNetwork { network, positions, stretches, forces } = &deformed;
             let kind: Vec<i64> = network.reaction_of().iter().map(|&reaction| reaction.into()).collect();
             let set = NetworkSet {

@@ -3,12 +3,12 @@
 use std::path::Path;
 use std::process::Command;
 
-use biotissue::tissue::results::collection::field_file;
+use biotissue::tissue::results::collection::{field_file, index_file};
 use biotissue::tissue::results::log::{self, Cut, End, NewtonLog, RveLog, Start, Step};
 use biotissue::tissue::results::networks::network_file;
 use biotissue::tissue::results::{
-    Collection, Event, FieldSet, Fields, Loads, LoadsWriter, LogWriter, NetworkSet, Networks, ResultsError, SurfaceRow,
-    read_vtp, read_vtu, write_vtp, write_vtu,
+    Collection, Event, FieldSet, Fields, Loads, LoadsWriter, LogWriter, NetworkSet, Networks, Pieces, ResultsError,
+    SurfaceRow, read_vtp, read_vtu, write_vtp, write_vtu,
 };
 
 /// Two tetrahedra with numbers that only survive bit for bit: no short decimals, the extremes, both zeros.
@@ -63,6 +63,20 @@ impl Sample {
             format!("{reader} cell cauchy_stress 9 {}", real(self.stress.as_flattened())),
         ]
     }
+
+    /// The line that `READ_CELLS` must print for one element.
+    fn cell_line(&self, element: usize) -> String {
+        let nodes = self.elements[element].map(|node| node as usize);
+        let mut values: Vec<[u8; 8]> = Vec::new();
+        for field in [&self.points, &self.displacement] {
+            values.extend(nodes.iter().flat_map(|&node| field[node].map(f64::to_le_bytes)));
+        }
+        values.push(self.energy[element].to_le_bytes());
+        values.push(self.network[element].to_le_bytes());
+        values.extend(self.direction[element].map(f64::to_le_bytes));
+        values.extend(self.stress[element].map(f64::to_le_bytes));
+        values.into_iter().map(hex).collect::<Vec<_>>().join(" ")
+    }
 }
 
 fn hex(bytes: [u8; 8]) -> String {
@@ -72,8 +86,40 @@ fn hex(bytes: [u8; 8]) -> String {
 /// What `read_vtu.py` prints about a file; `None`, with a word about it, where Python lacks the readers.
 fn read_by_python(path: &Path) -> Option<String> {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/read_vtu.py");
+    printed(Command::new("python3").arg(script).arg(path))
+}
+
+/// Prints a line a cell of a `.pvtu` file, every number bit for bit: the positions of its points, their displacements,
+/// and the fields of cells that are named after the file.
+const READ_CELLS: &str = r#"
+import struct, sys
+try:
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkIOXML import vtkXMLPUnstructuredGridReader
+except ImportError:
+    sys.exit(3)
+
+reader = vtkXMLPUnstructuredGridReader()
+reader.SetFileName(sys.argv[1])
+reader.Update()
+grid = reader.GetOutput()
+points, cells = grid.GetNumberOfPoints(), grid.GetNumberOfCells()
+rows = lambda array, count: vtk_to_numpy(array).reshape(count, -1).tolist()
+positions = rows(grid.GetPoints().GetData(), points)
+displacement = rows(grid.GetPointData().GetArray("displacement"), points)
+fields = [rows(grid.GetCellData().GetArray(name), cells) for name in sys.argv[2:]]
+for cell in range(cells):
+    ids = grid.GetCell(cell).GetPointIds()
+    nodes = [ids.GetId(k) for k in range(ids.GetNumberOfIds())]
+    values = [value for field in (positions, displacement) for node in nodes for value in field[node]]
+    values += [value for field in fields for value in field[cell]]
+    print(" ".join(struct.pack("<d" if isinstance(value, float) else "<q", value).hex() for value in values))
+"#;
+
+/// What a script prints; `None`, with a word about it, where Python lacks the readers.
+fn printed(script: &mut Command) -> Option<String> {
     let required = std::env::var("BIOTISSUE_REQUIRE_PYTHON").is_ok_and(|value| value == "1");
-    let output = match Command::new("python3").arg(script).arg(path).output() {
+    let output = match script.output() {
         Ok(output) if output.status.code() != Some(3) => output,
         missing if required => panic!("python3 with meshio or vtk is required: {missing:?}"),
         _ => {
@@ -179,6 +225,28 @@ fn python_reads_every_number_of_a_field_file() {
         assert_eq!(found, expected);
     }
     assert!(readers > 0, "{read}");
+}
+
+#[test]
+fn python_reads_a_body_in_parts_as_one_grid() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join(index_file(3));
+    let sample = Sample::new();
+    // The second element is in the first part; the part between the two has none.
+    let pieces = Pieces::new(&sample.elements, &[2, 0], 3);
+    for part in 0..pieces.len() {
+        pieces.write_part(part, &path, &sample.fields()).unwrap();
+    }
+    pieces.write_index(&path, &sample.fields()).unwrap();
+    let entries = std::fs::read_dir(dir.path()).unwrap();
+    let mut names: Vec<String> = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    assert_eq!(names, ["fields-00003-part-0000.vtu", "fields-00003-part-0002.vtu", "fields-00003.pvtu"]);
+
+    let fields = ["energy_density", "network", "fiber_direction", "cauchy_stress"];
+    let Some(read) = printed(Command::new("python3").args(["-c", READ_CELLS]).arg(&path).args(fields)) else { return };
+    let found: Vec<&str> = read.lines().collect();
+    assert_eq!(found, [sample.cell_line(1), sample.cell_line(0)], "part by part");
 }
 
 #[test]

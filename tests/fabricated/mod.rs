@@ -85,6 +85,7 @@ pub fn write(dir: &Path, cells: [usize; 3]) {
         rves,
         networks: 12,
         threads: 4,
+        ranks: [1, 0],
         version: "0.1.0".into(),
         resumed_from: 0,
     }))
@@ -109,6 +110,9 @@ pub fn write(dir: &Path, cells: [usize; 3]) {
             iterations_max: 6 + 2 * step as u64,
             iterations_mean: 4.5 + 0.1 * step as f64,
             seconds_cpu: 10.0,
+            asleep: 0,
+            waiting: 0,
+            deleted: 0,
             ..RveLog::default()
         });
         let cuts = u32::from(step == 7);

@@ -2,6 +2,7 @@
 #![cfg(feature = "app")]
 
 mod arguments;
+mod ranks;
 mod run;
 mod rve;
 mod streams;

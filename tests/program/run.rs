@@ -52,16 +52,16 @@ pub fn write_case(folder: &Path, name: &str, text: &str) -> String {
     name.to_owned()
 }
 
-fn run(folder: &Path, text: &str, options: &str) -> Outcome {
+pub fn run(folder: &Path, text: &str, options: &str) -> Outcome {
     write_case(folder, "case.toml", text);
     line(folder, &format!("run case.toml {options}"))
 }
 
-fn fibers(network: &str) -> String {
+pub fn fibers(network: &str) -> String {
     FIBERS.replace("NETWORK", network)
 }
 
-fn events(folder: &Path) -> Vec<Value> {
+pub fn events(folder: &Path) -> Vec<Value> {
     let log = std::fs::read_to_string(folder.join("log.jsonl")).unwrap();
     log.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
 }
@@ -298,23 +298,19 @@ fn what_a_case_names_must_be_there() {
 }
 
 #[test]
-fn one_process_is_what_this_build_has() {
+fn wrong_options_are_refused_before_anything_is_read() {
     let folder = tempfile::tempdir().unwrap();
-    for ranks in ["0", "2", "64"] {
-        let failed = run(folder.path(), PRESSED, &format!("--ranks {ranks}"));
-        let block = failed.failed(2);
-        assert!(block.starts_with(&format!("error: --ranks {ranks}: {ranks} ranks are not available in this build")));
-        assert!(block.contains("one process on all cores") && block.contains("--threads N"), "{block}");
-    }
-    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "only the case");
     for (options, said) in [
         ("--threads 0", "error: --threads 0\n"),
         ("--threads 100000", "error: --threads 100000\n"),
+        ("--ranks 0", "error: --ranks 0\n"),
+        ("--ranks 100000", "error: 100000 ranks\n"),
         ("--backend petsk", "error: --backend petsk: there is no backend `petsk`"),
     ] {
         let failed = run(folder.path(), PRESSED, options);
         assert!(failed.failed(2).starts_with(said), "{}", failed.stderr);
     }
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "only the case");
 }
 
 /// The bodies of both runs are the same to rounding.

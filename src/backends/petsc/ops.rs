@@ -247,6 +247,11 @@ impl MatrixOps<Petsc> for Matrix {
     }
 
     #[inline(always)]
+    fn keeps(&self, rows: &[i32]) -> bool {
+        rows.iter().any(|&row| self.layout.row(row).is_some())
+    }
+
+    #[inline(always)]
     fn finish(&mut self) -> Result<(), PetscError> {
         self.assemble(ffi::MAT_FINAL_ASSEMBLY)
     }

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use biotissue::las::{Backend, Scalar};
-use biotissue::tissue::case::Case;
+use biotissue::tissue::case::{Case, ScalesCase};
 use biotissue::tissue::run::Plan;
 use clap::Args;
 use serde::Serialize;
@@ -73,7 +73,9 @@ impl Job for CheckJob {
         B::Reduced: Scalar,
     {
         let setup = setup::<B>(context, self.case)?;
-        let Plan { elements, nodes, unknowns, rves, networks, rve_bytes, body_bytes, steps, threads } = setup.plan();
+        let Plan { elements, nodes, unknowns, rves, networks, rve_bytes, body_bytes, steps, threads, .. } =
+            setup.plan();
+        let ScalesCase { macro_ranks, micro_ranks, .. } = setup.case().scales;
         let networks = networks.into_iter().map(|n| NetworkText { name: n.name, unknowns: n.unknowns, rves: n.rves });
         Ok(PlanText {
             title: setup.case().title.clone(),
@@ -89,7 +91,7 @@ impl Job for CheckJob {
             regions: setup.mesh().regions().to_vec(),
             steps,
             threads,
-            ranks: 1,
+            ranks: macro_ranks + micro_ranks,
             directory: setup.case().output.directory.clone(),
         })
     }

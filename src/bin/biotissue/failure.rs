@@ -23,10 +23,15 @@ pub enum Failure {
 impl Failure {
     /// The exit code of the contract.
     pub fn exit_code(&self) -> ExitCode {
+        self.code().into()
+    }
+
+    /// The same as a number.
+    pub fn code(&self) -> u8 {
         match self {
-            Self::Input(_) | Self::Arguments { .. } => ExitCode::from(2),
-            Self::NotConverged { .. } => ExitCode::from(3),
-            Self::Environment { .. } => ExitCode::from(4),
+            Self::Input(_) | Self::Arguments { .. } => 2,
+            Self::NotConverged { .. } => 3,
+            Self::Environment { .. } => 4,
         }
     }
 

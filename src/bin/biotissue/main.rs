@@ -27,6 +27,8 @@ mod mesh;
 mod network;
 mod number;
 mod output;
+#[cfg(any(feature = "sparse", feature = "dense"))]
+mod ranks;
 mod report;
 mod run;
 mod rve;

@@ -2,7 +2,9 @@
 
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
+use biotissue::coupling::Config;
 use biotissue::fem::equilibrium::EquilibriumError;
 use biotissue::fem::stepping::{SetupError, StepFailure};
 use biotissue::input::InputError;
@@ -11,10 +13,10 @@ use biotissue::tissue::Progress;
 use biotissue::tissue::case::{Case, MicroCase};
 use biotissue::tissue::checkpoint::CheckpointError;
 use biotissue::tissue::macro_scale::MacroScaleError;
-use biotissue::tissue::micro_scale::{LibraryError, TissueFieldError, UnitError};
+use biotissue::tissue::micro_scale::{LibraryError, PointFailureKind, TissueFieldError, TissueMaterial};
 use biotissue::tissue::results::log::{Cut, Step};
 use biotissue::tissue::results::{LOADS_FILE, ResultsError};
-use biotissue::tissue::run::{Plan, ResumeError, RunError, RunSummary, Setup, Simulation, SimulationError};
+use biotissue::tissue::run::{Plan, ResumeError, RunError, RunSummary, Setup, Simulation, SimulationError, Writers};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
@@ -23,6 +25,7 @@ use crate::dispatch::{Job, dispatch};
 use crate::failure::Failure;
 use crate::number::count;
 use crate::output;
+use crate::ranks::{self, Shared};
 
 /// More threads than any machine that this is meant for has cores.
 const MAX_THREADS: usize = 4096;
@@ -38,11 +41,19 @@ pub struct RunCommand {
     /// Go on after the last converged step in the result directory; start from the beginning where there is none
     #[arg(long)]
     resume: bool,
+    /// Configuration file of the original AMSI: which ranks each scale gets, and where results go
+    #[arg(short = 'a', long = "amsi", value_name = "FILE")]
+    amsi: Option<PathBuf>,
+    /// Seconds that ranks wait for each other before the run ends with the name of the one that did not answer [default: for
+    /// ever]
+    #[arg(long, value_name = "SECONDS", allow_hyphen_values = true)]
+    time_out: Option<f64>,
     #[command(flatten)]
     common: Common,
-    /// Processes that share the work; this build runs in one, on all cores
-    #[arg(long, value_name = "N", value_parser = count, default_value_t = 1, allow_hyphen_values = true)]
-    ranks: usize,
+    /// Ranks that share the work, as threads of this process: one for the body, the others for RVEs, unless [scales] of the
+    /// case says otherwise; not under mpirun, which starts them itself [default: those of [scales], else 1]
+    #[arg(long, value_name = "N", value_parser = count, allow_hyphen_values = true)]
+    ranks: Option<usize>,
     /// Print the summary as one JSON object
     #[arg(long)]
     json: bool,
@@ -61,14 +72,80 @@ pub struct Common {
 
 /// Runs the command; progress goes to stderr.
 pub fn run(command: RunCommand) -> Result<(), Failure> {
-    one_rank(command.ranks)?;
+    if let Some(processes) = ranks::started_by_mpirun().filter(|&processes| processes > 1) {
+        return run_on_processes(processes, command);
+    }
+    if command.ranks == Some(0) {
+        return Err(Failure::arguments(
+            "--ranks 0",
+            "at least one rank",
+            "leave --ranks out, or give a number above 0",
+        ));
+    }
+    let config = command.config()?;
+    let time_out = command.time_out()?;
     let case = read(&command.case)?;
-    let dir = command.out.unwrap_or_else(|| case.output.directory.clone());
+    output::warn(&config.warnings);
+    let dir = command.dir(&case, &config);
     command.common.start_threads()?;
-    let summary = dispatch(command.common.backend(), RunJob { case, dir: &dir, resume: command.resume })?;
-    let Summary { steps, iterations, seconds, .. } = &summary;
-    if command.json {
-        return output::print_json(&summary);
+    let (backend, resume, plan) = (command.common.backend(), command.resume, config.plan());
+    let summary = match ranks::of_threads(command.ranks, case.scales, plan.as_ref()) {
+        1 => dispatch(backend, RunJob { case, dir: &dir, resume })?,
+        count if count > MAX_THREADS => return Err(too_many_ranks(count)),
+        count => ranks::on_threads(count, &Shared { case, dir: &dir, resume, backend, plan, time_out })?,
+    };
+    print(&summary, &dir, command.json)
+}
+
+impl RunCommand {
+    /// What the configuration file says; nothing where there is none.
+    fn config(&self) -> Result<Configuration, Failure> {
+        Ok(match &self.amsi {
+            None => Configuration::default(),
+            Some(file) => {
+                let Config { plan, results, warnings, .. } = Config::read(file)?;
+                Configuration { plan: Some(plan), results, warnings }
+            }
+        })
+    }
+
+    fn time_out(&self) -> Result<Option<Duration>, Failure> {
+        let Some(seconds) = self.time_out else { return Ok(None) };
+        match Duration::try_from_secs_f64(seconds) {
+            Ok(time_out) if !time_out.is_zero() => Ok(Some(time_out)),
+            _ => Err(Failure::arguments(
+                format!("--time-out {seconds}"),
+                "seconds above 0",
+                "leave --time-out out to wait for ever",
+            )),
+        }
+    }
+
+    /// Where results go: as asked for, or as the configuration file says, or the case.
+    fn dir(&self, case: &Case, config: &Configuration) -> PathBuf {
+        let of_config = || config.results.clone();
+        self.out.clone().or_else(of_config).unwrap_or_else(|| case.output.directory.clone())
+    }
+}
+
+/// What a configuration file may say.
+#[derive(Default)]
+struct Configuration {
+    plan: Option<biotissue::coupling::Plan>,
+    results: Option<PathBuf>,
+    warnings: Vec<String>,
+}
+
+impl Configuration {
+    fn plan(&self) -> Option<biotissue::coupling::Plan> {
+        self.plan.clone()
+    }
+}
+
+fn print(summary: &Summary, dir: &Path, json: bool) -> Result<(), Failure> {
+    let Summary { steps, iterations, seconds, .. } = summary;
+    if json {
+        return output::print_json(summary);
     }
     output::print(&format!(
         "{steps} load steps, {iterations} Newton iterations, {seconds:.1} s; results in {}",
@@ -105,17 +182,61 @@ impl Common {
     }
 }
 
-/// This build is one process: any other number of ranks is refused before anything is read.
-fn one_rank(ranks: usize) -> Result<(), Failure> {
-    if ranks == 1 {
-        return Ok(());
-    }
+fn too_many_ranks(count: usize) -> Failure {
+    let expected = format!("between 1 and {MAX_THREADS} ranks in one process");
+    Failure::arguments(format!("{count} ranks"), expected, "start them with mpirun, in a build with the feature `mpi`")
+}
+
+/// Every process runs this; the first says what is wrong with the input, and that which knows it how the run ended.
+#[cfg(feature = "mpi")]
+fn run_on_processes(processes: usize, command: RunCommand) -> Result<(), Failure> {
+    use biotissue::backends::comm::mpi;
+    use biotissue::las::Comm as _;
+
+    let started = || match command.ranks {
+        Some(ranks) if ranks != processes => Err(Failure::arguments(
+            format!("--ranks {ranks} under mpirun, which has started {processes}"),
+            "as many ranks as processes",
+            "leave --ranks out, and give the number to mpirun",
+        )),
+        _ => Ok(()),
+    };
+    let on_rank = |world: mpi::MpiComm| {
+        let is_first = world.rank() == 0;
+        let read = || {
+            started()?;
+            Ok((command.config()?, command.time_out()?, Case::read(&command.case)?))
+        };
+        let (config, time_out, case) = match ranks::agreed(&world, read())? {
+            Ok((config, time_out, read)) => {
+                if is_first {
+                    output::warn(&read.warnings);
+                    output::warn(&config.warnings);
+                }
+                (config, time_out, read.case)
+            }
+            Err(failure) => return Ok(if is_first { Err(failure) } else { Ok(()) }),
+        };
+        let dir = command.dir(&case, &config);
+        // Processes share the cores of a machine: one thread each, unless more are asked for.
+        Common { threads: command.common.threads.or(Some(1)), backend: None }.start_threads()?;
+        let (backend, resume, plan) = (command.common.backend(), command.resume, config.plan());
+        let shared = Shared { case, dir: &dir, resume, backend, plan, time_out };
+        Ok(match ranks::on_processes(&world, &shared)? {
+            Some(outcome) => outcome.and_then(|summary| print(&summary, &dir, command.json)),
+            None => Ok(()),
+        })
+    };
+    mpi::run(on_rank, |failure: &Failure| failure.code().into())
+}
+
+/// Without MPI every process would do all of it, and write the same files.
+#[cfg(not(feature = "mpi"))]
+fn run_on_processes(processes: usize, _: RunCommand) -> Result<(), Failure> {
     Err(Failure::arguments(
-        format!(
-            "--ranks {ranks}: {ranks} ranks are not available in this build, which runs in one process on all cores"
-        ),
-        "--ranks 1",
-        "leave --ranks out; --threads N sets how many cores are used",
+        format!("started as {processes} processes, each of which would do all of it: this build has no MPI"),
+        "one process, or a build with MPI",
+        "build with --features mpi, or leave mpirun out and give --ranks",
     ))
 }
 
@@ -126,7 +247,7 @@ struct RunJob<'a> {
 }
 
 #[derive(Serialize)]
-struct Summary {
+pub struct Summary {
     converged: bool,
     steps: usize,
     iterations: usize,
@@ -142,45 +263,67 @@ impl Job for RunJob<'_> {
         B: Backend<Scalar = f64, Context: Clone>,
         B::Reduced: Scalar,
     {
-        let micro = self.case.micro;
-        let mut simulation = simulation::<B>(context, self.case)?;
-        if self.resume {
-            let resumed = simulation.resume(self.dir).map_err(not_resumed)?;
-            output::warn(&resumed.warnings);
-            if resumed.step > 0 {
-                output::say(&format!("going on after step {} of {}", resumed.step, simulation.case().steps.count));
-            }
+        take_steps(simulation::<B>(context, self.case)?, &(), self.dir, self.resume)
+    }
+}
+
+/// Takes the steps of a run that is set up, from the beginning or from where an earlier one stopped.
+pub fn take_steps<B: Backend<Scalar = f64>, M: TissueMaterial>(
+    mut simulation: Simulation<B, M>,
+    writers: &dyn Writers,
+    dir: &Path,
+    resume: bool,
+) -> Result<Summary, Failure>
+where
+    B::Reduced: Scalar,
+{
+    let micro = simulation.case().micro;
+    if resume {
+        let resumed = simulation.resume_among(writers, dir).map_err(not_resumed)?;
+        output::warn(if writers.is_writer() { &resumed.warnings } else { &[] });
+        if resumed.step > 0 && writers.is_writer() {
+            output::say(&format!("going on after step {} of {}", resumed.step, simulation.case().steps.count));
         }
-        if !self.resume && self.dir.join(LOADS_FILE).exists() {
-            output::say(&format!("replacing the results in {}; --resume would go on with them", self.dir.display()));
+    }
+    if !resume && writers.is_writer() && dir.join(LOADS_FILE).exists() {
+        output::say(&format!("replacing the results in {}; --resume would go on with them", dir.display()));
+    }
+    // Only whoever writes tells the user.
+    let mut progress = writers.is_writer().then(|| Reporter::new(&simulation.plan()));
+    let outcome = match &mut progress {
+        Some(reporter) => simulation.run_among(writers, dir, reporter),
+        None => simulation.run_among(writers, dir, &mut ()),
+    };
+    if let Some(reporter) = &progress {
+        reporter.finish();
+    }
+    match outcome {
+        Ok(RunSummary { steps, iterations, seconds }) => {
+            Ok(Summary { converged: true, steps, iterations, seconds, directory: dir.to_owned() })
         }
-        let mut progress = Reporter::new(&simulation.plan());
-        let outcome = simulation.run(self.dir, &mut progress);
-        progress.finish();
-        match outcome {
-            Ok(RunSummary { steps, iterations, seconds }) => {
-                Ok(Summary { converged: true, steps, iterations, seconds, directory: self.dir.to_owned() })
-            }
-            Err(RunError::NotConverged { step, count, reached, halvings, reason, lost }) => {
-                Err(Failure::NotConverged {
-                    what: format!("load step {step} of {count} does not converge, halved {halvings} times: {reason}"),
-                    place: format!("t = {reached}; {}{}", on_disk(step - 1, self.dir), repeated_by(lost.as_deref())),
-                    expected: "equilibrium with det F > 0 everywhere".into(),
-                    cure: cure_of_step(&reason, &micro),
-                })
-            }
-            Err(RunError::Results(ResultsError::Write { path, source })) => Err(Failure::unwritable(&path, &source)),
-            Err(RunError::Results(error @ ResultsError::Damaged { .. })) => Err(Failure::Arguments {
-                what: error.to_string(),
-                expected: "the results of the interrupted run".into(),
-                cure: "leave --resume out to start again: that replaces the results".into(),
-            }),
-            Err(RunError::Results(error)) => Err(Failure::Environment {
-                what: error.to_string(),
-                expected: "results that can be put into files".into(),
-                cure: "report this as a bug, with the case".into(),
-            }),
-        }
+        Err(RunError::NotConverged { step, count, reached, halvings, reason, lost }) => Err(Failure::NotConverged {
+            what: format!("load step {step} of {count} does not converge, halved {halvings} times: {reason}"),
+            place: format!("t = {reached}; {}{}", on_disk(step - 1, dir), repeated_by(lost.as_deref())),
+            expected: "equilibrium with det F > 0 everywhere".into(),
+            cure: cure_of_step(&reason, &micro),
+        }),
+        Err(RunError::Results(error)) => Err(not_written(error)),
+    }
+}
+
+fn not_written(error: ResultsError) -> Failure {
+    match error {
+        ResultsError::Write { path, source } => Failure::unwritable(&path, &source),
+        ResultsError::Damaged { .. } => Failure::Arguments {
+            what: error.to_string(),
+            expected: "the results of the interrupted run".into(),
+            cure: "leave --resume out to start again: that replaces the results".into(),
+        },
+        error => Failure::Environment {
+            what: error.to_string(),
+            expected: "results that can be put into files".into(),
+            cure: "report this as a bug, with the case".into(),
+        },
     }
 }
 
@@ -203,7 +346,7 @@ const TOO_FAR: &str = "from the start: check that the body is held, and the size
 
 /// What may help a load step that failed.
 fn cure_of_step<F: std::error::Error + 'static>(
-    reason: &StepFailure<TissueFieldError<F>, F>,
+    reason: &StepFailure<TissueFieldError, F>,
     micro: &MicroCase,
 ) -> String {
     match reason {
@@ -215,7 +358,8 @@ fn cure_of_step<F: std::error::Error + 'static>(
     }
 }
 
-fn cure_of_point<F: std::error::Error + 'static>(error: &TissueFieldError<F>, micro: &MicroCase) -> String {
+fn cure_of_point(error: &TissueFieldError, micro: &MicroCase) -> String {
+    let TissueFieldError::Point(point) = error else { return "see what that rank says".into() };
     let default = MicroCase::default();
     let restricted = [
         ("`stages`", micro.stages != default.stages),
@@ -223,12 +367,13 @@ fn cure_of_point<F: std::error::Error + 'static>(error: &TissueFieldError<F>, mi
         ("`max_cuts`", micro.max_cuts < default.max_cuts),
     ];
     let restricted: Vec<&str> = restricted.iter().filter(|(_, is)| *is).map(|(name, _)| *name).collect();
-    let freed = match (&error.reason, restricted.is_empty()) {
-        (UnitError::Rve(_), false) => format!("leave {} of [micro] at the default; then: ", restricted.join(" and ")),
+    let is_network = matches!(point.kind, PointFailureKind::Network | PointFailureKind::LinearSystem);
+    let freed = match (is_network, restricted.is_empty()) {
+        (true, false) => format!("leave {} of [micro] at the default; then: ", restricted.join(" and ")),
         _ => String::new(),
     };
-    let cure = match &error.reason {
-        UnitError::Rve(error) if error.is_linear() => {
+    let cure = match point.kind {
+        PointFailureKind::LinearSystem => {
             "`biotissue network check` tells whether that network is floppy or hangs loose: clean it, or take another"
         }
         _ => TOO_FAR,
@@ -260,6 +405,13 @@ where
 
 fn not_resumed<F: std::error::Error + 'static>(error: ResumeError<F>) -> Failure {
     let cure = match &error {
+        ResumeError::Elsewhere(error) => {
+            return Failure::Environment {
+                what: error.to_string(),
+                expected: "checkpoints that every rank of the body can read".into(),
+                cure: "put the result directory where all machines see it".into(),
+            };
+        }
         ResumeError::Checkpoint(error @ CheckpointError::Unreadable { .. }) => {
             return Failure::Environment {
                 what: error.to_string(),
@@ -277,7 +429,11 @@ fn not_resumed<F: std::error::Error + 'static>(error: ResumeError<F>) -> Failure
     }
 }
 
-fn not_set_up<F: std::error::Error + 'static>(file: &Path, micro: &MicroCase, error: SimulationError<F>) -> Failure {
+pub fn not_set_up<F: std::error::Error + 'static>(
+    file: &Path,
+    micro: &MicroCase,
+    error: SimulationError<F>,
+) -> Failure {
     let (expected, cure) = match &error {
         SimulationError::MacroScale(MacroScaleError::Input(errors))
         | SimulationError::Library(LibraryError::Network(errors))
@@ -302,7 +458,7 @@ fn not_set_up<F: std::error::Error + 'static>(file: &Path, micro: &MicroCase, er
 fn not_at_rest<F: std::error::Error + 'static>(
     file: &Path,
     micro: &MicroCase,
-    error: &SetupError<TissueFieldError<F>, F>,
+    error: &SetupError<TissueFieldError, F>,
 ) -> Failure {
     let cure = match error {
         SetupError::Undeformed(EquilibriumError::Points(error)) => cure_of_point(error, micro),
@@ -324,12 +480,16 @@ struct Reporter {
 
 impl Reporter {
     fn new(plan: &Plan) -> Self {
-        let Plan { elements, unknowns, rves, threads, .. } = plan;
+        let Plan { elements, unknowns, rves, threads, ranks: [above, below], .. } = plan;
+        let workers = match below {
+            0 => format!("{threads} threads"),
+            _ => format!("{above} + {below} ranks"),
+        };
         let rves = match plan.networks.len() {
             0 => String::new(),
             networks => format!("{rves} RVEs of {networks} network{}, ", if networks == 1 { "" } else { "s" }),
         };
-        output::say(&format!("{elements} elements, {unknowns} unknowns, {rves}{threads} threads"));
+        output::say(&format!("{elements} elements, {unknowns} unknowns, {rves}{workers}"));
         let bar = std::io::stderr().is_terminal().then(|| {
             let bar = ProgressBar::new(plan.steps as u64);
             // How long it will take is not known before the first step.

@@ -38,7 +38,9 @@ pub struct Assembler<B: Backend> {
     nodes: Vec<[u32; NODES]>,
     /// The unknown of every node and component, `3 * node + component`.
     rows: Vec<B::Index>,
-    /// 144 positions an element, block rows first.
+    /// Elements with a row that this rank keeps, ascending: all of them on a backend that knows no ranks.
+    kept: Vec<u32>,
+    /// 144 positions a kept element, block rows first.
     slots: Vec<B::Slot>,
 }
 
@@ -55,13 +57,19 @@ impl<B: Backend<Scalar = f64>> Assembler<B> {
     ) -> Result<Self, B::Fault> {
         let index = |&number: &i32| if number < 0 { B::Index::CONSTRAINED } else { B::Index::of(number as usize) };
         let rows: Vec<B::Index> = unknowns.numbers().iter().map(index).collect();
-        let mut slots = Vec::with_capacity(mesh.elements().len() * UNKNOWNS * UNKNOWNS);
-        for nodes in mesh.elements() {
-            let of_element: [B::Index; UNKNOWNS] = std::array::from_fn(|k| rows[3 * nodes[k / 3] as usize + k % 3]);
+        let rows_of = |nodes: &[u32; NODES]| -> [B::Index; UNKNOWNS] {
+            std::array::from_fn(|k| rows[3 * nodes[k / 3] as usize + k % 3])
+        };
+        let elements = (0_u32..).zip(mesh.elements());
+        let kept: Vec<u32> =
+            elements.filter(|(_, nodes)| matrix.keeps(&rows_of(nodes))).map(|(element, _)| element).collect();
+        let mut slots = Vec::with_capacity(kept.len() * UNKNOWNS * UNKNOWNS);
+        for &element in &kept {
+            let of_element = rows_of(&mesh.elements()[element as usize]);
             matrix.locate(&of_element, &of_element, &mut slots)?;
         }
-        debug_assert_eq!(slots.len(), mesh.elements().len() * UNKNOWNS * UNKNOWNS, "a slot a pair of unknowns");
-        Ok(Self { geometry, nodes: mesh.elements().to_vec(), rows, slots })
+        debug_assert_eq!(slots.len(), kept.len() * UNKNOWNS * UNKNOWNS, "a slot a pair of unknowns");
+        Ok(Self { geometry, nodes: mesh.elements().to_vec(), rows, kept, slots })
     }
 
     /// Volume and shape-function gradients of every element.
@@ -127,14 +135,15 @@ impl<B: Backend<Scalar = f64>> Assembler<B> {
         }
     }
 
-    /// Adds `integral grad N_a . A . grad N_b dV`, N/m, to `k`.
+    /// Adds `integral grad N_a . A . grad N_b dV`, N/m, to `k`; on each rank of a backend that spreads its rows, over the
+    /// elements that have some of them.
     ///
     /// # Errors
     /// What the backend reports.
     pub fn stiffness(&self, tangent: &[SMatrix<f64, 9, 9>], k: &mut B::Matrix) -> Result<(), B::Fault> {
-        let elements = self.geometry.iter().zip(tangent).zip(self.slots.chunks_exact(UNKNOWNS * UNKNOWNS));
-        for ((g, a), slots) in elements {
-            k.add_at(slots, &local::stiffness(g, a))?;
+        for (&element, slots) in self.kept.iter().zip(self.slots.chunks_exact(UNKNOWNS * UNKNOWNS)) {
+            let element = element as usize;
+            k.add_at(slots, &local::stiffness(&self.geometry[element], &tangent[element]))?;
         }
         Ok(())
     }

@@ -4,7 +4,8 @@ use crate::fem::element::UNKNOWNS;
 use crate::fem::mesh::Mesh;
 use crate::las::{Sparsity, SparsityError};
 
-/// The numbers of the free displacement components: ascending by node, then by component; -1 for prescribed ones.
+/// The numbers of the free displacement components: ascending by node, in the order of the mesh or another one, then by
+/// component; -1 for prescribed ones.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Unknowns {
     numbers: Vec<i32>,
@@ -17,18 +18,35 @@ impl Unknowns {
     /// # Errors
     /// [`SparsityError::TooLarge`] for more than a 32-bit index can count.
     pub fn new(nodes: usize, prescribed: impl Fn(usize, usize) -> bool) -> Result<Self, SparsityError> {
+        Self::number(nodes, 0..nodes, prescribed)
+    }
+
+    /// The same, node by node as `order` has them: every node once.
+    ///
+    /// # Errors
+    /// As for [`Unknowns::new`].
+    ///
+    /// # Panics
+    /// Where `order` names a node beyond its length.
+    pub fn in_order(order: &[u32], prescribed: impl Fn(usize, usize) -> bool) -> Result<Self, SparsityError> {
+        Self::number(order.len(), order.iter().map(|&node| node as usize), prescribed)
+    }
+
+    fn number(
+        nodes: usize,
+        order: impl Iterator<Item = usize>,
+        prescribed: impl Fn(usize, usize) -> bool,
+    ) -> Result<Self, SparsityError> {
         if nodes > i32::MAX as usize / 3 {
             return Err(SparsityError::TooLarge(3 * nodes));
         }
-        let mut free = 0;
-        let mut number = |k: usize| {
-            if prescribed(k / 3, k % 3) {
-                return -1;
+        let (mut numbers, mut free) = (vec![-1; 3 * nodes], 0);
+        for (node, component) in order.flat_map(|node| (0..3).map(move |component| (node, component))) {
+            if !prescribed(node, component) {
+                numbers[3 * node + component] = free;
+                free += 1;
             }
-            free += 1;
-            free - 1
-        };
-        let numbers = (0..3 * nodes).map(&mut number).collect();
+        }
         Ok(Self { numbers, free: free as usize })
     }
 
@@ -65,6 +83,8 @@ mod tests {
         let unknowns = Unknowns::new(2, |node, component| node == 0 && component != 1).unwrap();
         assert_eq!(unknowns.numbers(), [-1, 0, -1, 1, 2, 3]);
         assert_eq!(unknowns.free(), 4);
+        let reversed = Unknowns::in_order(&[1, 0], |node, component| node == 0 && component != 1).unwrap();
+        assert_eq!(reversed.numbers(), [-1, 3, -1, 0, 1, 2]);
         assert!(matches!(Unknowns::new(800_000_000, |_, _| true), Err(SparsityError::TooLarge(2_400_000_000))));
     }
 }

@@ -2,12 +2,14 @@
 
 mod linear_elastic;
 mod neo_hookean;
+mod saint_venant;
 
 use nalgebra::{Matrix3, SMatrix};
 use thiserror::Error;
 
 pub use linear_elastic::LinearElastic;
 pub use neo_hookean::NeoHookean;
+pub use saint_venant::SaintVenantKirchhoff;
 
 /// What a material answers at one point.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -165,6 +167,15 @@ mod tests {
             tangent_is_the_slope_of_the_stress,
             tangent_is_symmetric_and_energies_agree,
             small_strain_moduli_are_lames,
+        ];
+        saint_venant: SaintVenantKirchhoff::at_rest(
+            &NeoHookean { mu: MU, lambda: LAMBDA }.respond(&Matrix3::identity()).unwrap().tangent
+        ), [
+            stress_is_the_slope_of_the_energy,
+            tangent_is_the_slope_of_the_stress,
+            tangent_is_symmetric_and_energies_agree,
+            small_strain_moduli_are_lames,
+            energy_is_objective,
         ];
     }
 

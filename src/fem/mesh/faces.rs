@@ -91,3 +91,23 @@ impl Faces {
         &self.0[start..start + count]
     }
 }
+
+/// The elements that share a face with each of these, ascending.
+pub(super) fn neighbours(elements: &[[u32; 4]]) -> Vec<Vec<u32>> {
+    let mut faces: Vec<([u32; 3], u32)> = Vec::with_capacity(4 * elements.len());
+    for (element, &nodes) in (0_u32..).zip(elements) {
+        faces.extend(outward(nodes).map(|face| (ascending(face).0, element)));
+    }
+    faces.sort_unstable();
+    let mut near = vec![Vec::new(); elements.len()];
+    for pair in faces.windows(2) {
+        if let [(face, a), (other, b)] = pair
+            && face == other
+        {
+            near[*a as usize].push(*b);
+            near[*b as usize].push(*a);
+        }
+    }
+    near.iter_mut().for_each(|near| near.sort_unstable());
+    near
+}

@@ -144,6 +144,12 @@ impl Mesh {
         self.surfaces.iter().find(|surface| surface.name == name)
     }
 
+    /// The elements that share a face with each element, ascending.
+    #[must_use]
+    pub fn neighbours(&self) -> Vec<Vec<u32>> {
+        faces::neighbours(&self.elements)
+    }
+
     /// The names of the surfaces.
     pub fn surface_names(&self) -> impl Iterator<Item = &str> + '_ {
         self.surfaces.iter().map(|surface| surface.name.as_str())

@@ -69,10 +69,31 @@ where
         field: P,
         params: StepParams,
     ) -> Result<Self, SetupError<P::Error, B::Fault>> {
+        let order: Vec<u32> = (0..mesh.nodes().len() as u32).collect();
+        Self::in_order(&order, context, mesh, conditions, field, params)
+    }
+
+    /// The same, with the unknowns numbered node by node as `order` has them, every node once: ranks that share the rows of
+    /// the linear system have neighbouring ones.
+    ///
+    /// # Errors
+    /// [`SetupError`].
+    ///
+    /// # Panics
+    /// Where `order` is not one of all nodes.
+    pub fn in_order(
+        order: &[u32],
+        context: &B::Context,
+        mesh: Arc<Mesh>,
+        conditions: &Conditions,
+        field: P,
+        params: StepParams,
+    ) -> Result<Self, SetupError<P::Error, B::Fault>> {
+        assert_eq!(order.len(), mesh.nodes().len(), "every node has its place");
         let boundary = Boundary::new(&mesh, conditions)?;
         let geometry = assembly::geometry(&mesh)?;
         let prescribed = boundary.prescribed(mesh.nodes().len());
-        let unknowns = Unknowns::new(mesh.nodes().len(), |node, component| prescribed[node][component])?;
+        let unknowns = Unknowns::in_order(order, |node, component| prescribed[node][component])?;
         let pattern = Arc::new(unknowns.pattern(&mesh)?);
         let symbolic = B::analyze(context, &pattern, &params.solver).map_err(SetupError::System)?;
         let system = NewtonSystem::new(context, &pattern, &symbolic).map_err(SetupError::System)?;
@@ -162,8 +183,23 @@ where
             let (from, t) = (time(position), time(position + increment));
             match self.attempt(t, &mut report) {
                 Ok(newton) => {
+                    let (increment_of_t, halvings) = (t - from, self.halvings);
+                    if let Err(error) = self.body.accept() {
+                        let (increment, field) = (increment_of_t, self.body.field());
+                        let reason = NewtonError::Problem(error);
+                        let attempt =
+                            FailedAttempt { step, t, increment, halvings, reason: &reason, newton: &newton, field };
+                        observer.failed(&attempt).map_err(|reason| SteppingError::Stopped { step, t: from, reason })?;
+                        return Err(SteppingError::NotConverged {
+                            step,
+                            t,
+                            reached: from,
+                            increment,
+                            halvings,
+                            reason,
+                        });
+                    }
                     report.substeps.push(newton);
-                    self.body.accept();
                     self.undeformed = false;
                     position += increment;
                     if self.halvings > 0 && position.is_multiple_of(2 * increment) {
@@ -171,8 +207,10 @@ where
                     }
                 }
                 Err(failed) => {
-                    let Failed { reason, newton, hopeless } = *failed;
-                    self.body.reject();
+                    let Failed { mut reason, newton, mut hopeless } = *failed;
+                    if let Err(error) = self.body.reject() {
+                        (reason, hopeless) = (NewtonError::Problem(error), true);
+                    }
                     let halvings = self.halvings;
                     let (increment, field) = (t - from, self.body.field());
                     let attempt =
@@ -226,11 +264,11 @@ where
         match self.system.solve(&mut self.body, &self.params.newton) {
             Ok(newton) => Ok(newton),
             // The moved boundary has crushed the elements next to it: spread it over the body.
-            Err(failure) if has_no_start(&failure) => {
-                self.body.reject();
+            Err(failure) if has_no_start::<B, P>(&failure) => {
+                self.body.reject().map_err(untold)?;
                 self.attempt_linearised(t, report)
             }
-            Err(failure) => Err(Failed::boxed(failure)),
+            Err(failure) => Err(failed::<B, P>(failure)),
         }
     }
 
@@ -244,33 +282,39 @@ where
             })
         })?;
         report.add_linearised(seconds);
-        self.system.solve(&mut self.body, &self.params.newton).map_err(Failed::boxed)
+        self.system.solve(&mut self.body, &self.params.newton).map_err(failed::<B, P>)
     }
 }
 
-/// Whether Newton failed at its very first residual.
-fn has_no_start<E, F>(failure: &NewtonFailure<EquilibriumError<E, F>, F>) -> bool
-where
-    E: std::fmt::Display,
-    F: std::fmt::Display,
-{
-    let not_there =
-        matches!(failure.reason, NewtonError::Problem(EquilibriumError::Points(_)) | NewtonError::NotFinite);
+/// Whether Newton failed at its very first residual, for a reason that another start may not have.
+fn has_no_start<B: Backend, P: PointField>(
+    failure: &NewtonFailure<EquilibriumError<P::Error, B::Fault>, B::Fault>,
+) -> bool {
+    let not_there = match &failure.reason {
+        NewtonError::Problem(EquilibriumError::Points(error)) => !P::is_final(error),
+        reason => matches!(reason, NewtonError::NotFinite),
+    };
     not_there && failure.report.residuals.is_empty()
 }
 
-impl<E, F> Failed<E, F>
+fn failed<B: Backend, P: PointField>(
+    failure: NewtonFailure<EquilibriumError<P::Error, B::Fault>, B::Fault>,
+) -> Box<Failed<P::Error, B::Fault>> {
+    let hopeless = match &failure.reason {
+        NewtonError::Solve(SolveError::Fault(_)) | NewtonError::Problem(EquilibriumError::Backend(_)) => true,
+        NewtonError::Problem(EquilibriumError::Points(error)) => P::is_final(error),
+        _ => false,
+    };
+    Box::new(Failed { reason: failure.reason, newton: *failure.report, hopeless })
+}
+
+/// The points could not be told that an attempt is over.
+fn untold<E, F>(error: EquilibriumError<E, F>) -> Box<Failed<E, F>>
 where
     E: std::fmt::Display,
     F: std::fmt::Display,
 {
-    fn boxed(failure: NewtonFailure<EquilibriumError<E, F>, F>) -> Box<Self> {
-        let hopeless = matches!(
-            failure.reason,
-            NewtonError::Solve(SolveError::Fault(_)) | NewtonError::Problem(EquilibriumError::Backend(_))
-        );
-        Box::new(Self { reason: failure.reason, newton: *failure.report, hopeless })
-    }
+    Box::new(Failed { reason: NewtonError::Problem(error), newton: NewtonReport::default(), hopeless: true })
 }
 
 #[cfg(all(test, feature = "sparse"))]

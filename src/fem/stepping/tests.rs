@@ -106,14 +106,16 @@ impl PointField for Slow {
         Ok(self.formula.update(gradients, out)?)
     }
 
-    fn commit(&mut self) {
+    fn commit(&mut self) -> Result<bool, Self::Error> {
         self.commits += 1;
         self.committed.copy_from_slice(&self.current);
+        Ok(false)
     }
 
-    fn revert(&mut self) {
+    fn revert(&mut self) -> Result<(), Self::Error> {
         self.reverts += 1;
         self.current.copy_from_slice(&self.committed);
+        Ok(())
     }
 }
 

@@ -143,7 +143,8 @@ where
                 }
                 Ok((norm, _)) if !last => step *= shortening(step, before, norm),
                 Ok(_) => break,
-                Err(Trial::NotThere(_) | Trial::NotFinite) if !last => step *= 0.5,
+                Err(Trial::NotThere(error)) if !last && !P::is_final(&error) => step *= 0.5,
+                Err(Trial::NotFinite) if !last => step *= 0.5,
                 Err(Trial::NotFinite) => break,
                 Err(error) => return Err(error.into_error()),
             }

@@ -28,6 +28,11 @@ pub trait NonlinearProblem<B: Backend> {
     /// Where the state cannot be moved.
     fn advance(&mut self, a: f64, d: &B::Vector) -> Result<(), Self::Error>;
 
+    /// Whether an error is not of the state, so that no shorter step can help.
+    fn is_final(_: &Self::Error) -> bool {
+        false
+    }
+
     /// Remembers the state; called once, before the first iteration.
     fn save(&mut self);
 

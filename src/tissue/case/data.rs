@@ -111,6 +111,37 @@ pub struct FiberRveCase {
     pub law: Option<FiberMaterial>,
     /// A matrix in parallel.
     pub matrix: Option<FormulaCase>,
+    /// When RVEs are created, sleep, and are deleted.
+    pub life: LifeCase,
+}
+
+/// When the RVE of an element is created, sleeps, and is deleted; decided after every converged step. By default it is there
+/// and awake from the beginning to the end.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LifeCase {
+    /// It is created once the strain of its element, `|E|` with `E = (F^T F - I) / 2`, has passed this.
+    pub created_at: f64,
+    /// What answers before.
+    pub before: Before,
+    /// It sleeps once no component of `F` changes by as much in a step, until one has changed by more since.
+    pub asleep_below: f64,
+    /// It is deleted once the strain has passed this; its matrix answers from then on.
+    pub deleted_at: f64,
+}
+
+impl Default for LifeCase {
+    fn default() -> Self {
+        Self { created_at: 0.0, before: Before::Linear, asleep_below: 0.0, deleted_at: f64::INFINITY }
+    }
+}
+
+/// What answers for an RVE that is not created yet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Before {
+    /// The linear response of its network at rest, and its matrix if it has one.
+    Linear,
+    /// Its matrix alone.
+    Matrix,
 }
 
 /// Which network of the library an element gets.
@@ -277,13 +308,16 @@ impl Default for MicroCase {
 pub struct ScalesCase {
     /// Ranks of the engineering scale.
     pub macro_ranks: usize,
-    /// Ranks of the micro scale; 0: the ranks of the engineering scale do it.
+    /// Ranks of the micro scale; 0: those that the engineering scale leaves, or one process for both.
     pub micro_ranks: usize,
+    /// Whether ranks are dealt out so that those of the micro scale are near one of the engineering scale, by what hwloc
+    /// knows of the machines.
+    pub near: bool,
 }
 
 impl Default for ScalesCase {
     fn default() -> Self {
-        Self { macro_ranks: 1, micro_ranks: 0 }
+        Self { macro_ranks: 1, micro_ranks: 0, near: false }
     }
 }
 

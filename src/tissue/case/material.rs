@@ -2,7 +2,9 @@
 
 use std::path::Path;
 
-use super::data::{Choose, FiberRveCase, FormulaCase, FormulaModel, MaterialCase, RegionCase, ScaleCase};
+use super::data::{
+    Before, Choose, FiberRveCase, FormulaCase, FormulaModel, LifeCase, MaterialCase, RegionCase, ScaleCase,
+};
 use super::elastic;
 use super::law;
 use super::networks;
@@ -103,7 +105,9 @@ fn fiber_rve(table: &mut Table<'_>, base: &Path) -> Option<FiberRveCase> {
         None => bare.then_some(ScaleCase::Raw),
     };
     let law = table.table("law").map(|table| law::read(table, base));
+    let has_matrix = table.has("matrix");
     let matrix = table.table("matrix").map(matrix);
+    let life = table.table("life").map(|table| life(table, has_matrix)).unwrap_or_default();
     Some(FiberRveCase {
         networks: networks?,
         choose: choose.unwrap_or(Choose::Random),
@@ -111,7 +115,32 @@ fn fiber_rve(table: &mut Table<'_>, base: &Path) -> Option<FiberRveCase> {
         scale: scale?,
         law: law.flatten(),
         matrix: matrix.flatten(),
+        life,
     })
+}
+
+/// When RVEs come, sleep and go. What stands in for one without its network needs a matrix.
+fn life(mut table: Table<'_>, has_matrix: bool) -> LifeCase {
+    let default = LifeCase::default();
+    let strain = Range::above(0.0, "");
+    let life = LifeCase {
+        created_at: table.number("created_at", strain).unwrap_or(default.created_at),
+        before: table
+            .choice("before", &[("linear", Before::Linear), ("matrix", Before::Matrix)])
+            .unwrap_or(default.before),
+        asleep_below: table.number("asleep_below", strain).unwrap_or(default.asleep_below),
+        deleted_at: table.number("deleted_at", strain).unwrap_or(default.deleted_at),
+    };
+    let needs = [("before = \"matrix\"", life.before == Before::Matrix), ("deleted_at", life.deleted_at.is_finite())];
+    for (key, _) in needs.iter().filter(|(_, is_given)| *is_given && !has_matrix) {
+        let complaint = format!("has `{key}`, but its region has no `matrix` to answer without the network");
+        table.report(&complaint, "a matrix in parallel", "give the material a `matrix`, or leave that out");
+    }
+    if life.deleted_at <= life.created_at {
+        table.report("deletes RVEs before it creates them", "`deleted_at` above `created_at`", "correct one of them");
+    }
+    table.finish();
+    life
 }
 
 /// The matrix in parallel, a neo-Hookean one.

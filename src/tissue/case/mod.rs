@@ -64,9 +64,10 @@
 //! solver = { method = "direct" }           # or an iterative one (below)
 //! predictor = true                         # start from the last tangent's prediction; 72 bytes an interior node
 //!
-//! [scales]                                 # ranks; default: one process does both
+//! [scales]                                 # ranks of each scale; default: one process does both
 //! macro = 1
-//! micro = 0
+//! micro = 0                                # or more: those that RVEs have for themselves
+//! near = false                             # or true: by the machines' topology, in a build with the feature `hwloc`
 //!
 //! [output]
 //! directory = "results"                    # default; relative to the case file
@@ -102,6 +103,16 @@
 //! law = { name = "exponential", youngs_modulus = 1.0e8, radius = 5.0e-8, nonlinearity = 1.2 }
 //! matrix = { model = "neo-hookean", shear_modulus = 100.0, poisson_ratio = 0.3 }
 //! ```
+//!
+//! ```toml
+//! life = { created_at = 0.02, before = "linear", asleep_below = 1e-4, deleted_at = 0.8 }   # beside the keys above
+//! ```
+//!
+//! `life` says when RVEs come and go, decided after every converged step; without it each is there and awake all the time. An
+//! RVE is created once the strain of its element (the norm of the Green-Lagrange strain) has passed `created_at`; before,
+//! `linear` (the response of its network at rest) or `matrix` answers. It sleeps where no component of the deformation gradient
+//! changed by `asleep_below` in a step, and wakes once one has changed by more since: meanwhile its last tangent serves. Once the
+//! strain has passed `deleted_at` it is deleted, and the matrix answers alone.
 //!
 //! `law` is `linear` (`youngs_modulus`, `radius`), `exponential` (also `nonlinearity`), `exponential-stretch` (also
 //! `transition`) or `table`; without it the files beside each network count, where fibers may be of several types.

@@ -9,11 +9,17 @@ use super::problems::{alternatives, nearest};
 const REST: &str = "*";
 
 impl Case {
-    /// The material of a region of the mesh: that of the `[[region]]` of its name, or else of `*`.
+    /// The number of the `[[region]]` that a region of the mesh belongs to: that of its name, or else of `*`.
+    #[must_use]
+    pub fn region_of(&self, region: &str) -> Option<usize> {
+        let named = |name: &str| self.regions.iter().position(|each| each.name == name);
+        named(region).or_else(|| named(REST))
+    }
+
+    /// The material of a region of the mesh.
     #[must_use]
     pub fn material_of(&self, region: &str) -> Option<&MaterialCase> {
-        let named = |name: &str| self.regions.iter().find(|each| each.name == name);
-        named(region).or_else(|| named(REST)).map(|found| &found.material)
+        self.region_of(region).map(|number| &self.regions[number].material)
     }
 
     /// Checks the names in the case against the regions and surfaces of its mesh.

@@ -135,21 +135,15 @@ fn stages(value: &Value<'_>) -> Option<Stages> {
     Some(Stages::of(&stages.into_iter().collect::<Option<Vec<Stage>>>()?))
 }
 
-/// Ranks; more than one process draws a warning, as this build has no way to start them.
+/// Ranks.
 pub(super) fn scales(root: &mut Table<'_>) -> ScalesCase {
     let default = ScalesCase::default();
     let Some(mut table) = root.table("scales") else { return default };
     let scales = ScalesCase {
         macro_ranks: table.whole("macro", 1..=1_000_000).unwrap_or(default.macro_ranks),
         micro_ranks: table.whole("micro", 0..=1_000_000).unwrap_or(default.micro_ranks),
+        near: table.take("near").and_then(|value| value.boolean()).unwrap_or(default.near),
     };
-    let ranks = scales.macro_ranks + scales.micro_ranks;
-    if ranks > 1 {
-        table.problems.warn(
-            table.line,
-            &format!("[scales] asks for {ranks} processes; this build runs both scales in one, with the same results"),
-        );
-    }
     table.finish();
     scales
 }

@@ -7,8 +7,8 @@ use crate::fiber::equilibrium::Stage;
 use crate::fiber::law::{FiberMaterial, Law};
 
 use super::data::{
-    Case, Choose, CurveCase, FiberRveCase, FormulaCase, FormulaModel, LoadCase, MaterialCase, MeshSource, PointPlace,
-    RveOutput, ScaleCase, StepStart,
+    Before, Case, Choose, CurveCase, FiberRveCase, FormulaCase, FormulaModel, LifeCase, LoadCase, MaterialCase,
+    MeshSource, PointPlace, RveOutput, ScaleCase, StepStart,
 };
 use super::solver;
 
@@ -95,6 +95,7 @@ impl Case {
         writeln!(out, "max_cuts = {}\nstages = {stages:?}\npredictor = {}", micro.max_cuts, micro.predictor)?;
         writeln!(out, "{}", solver::line(&micro.solver))?;
         writeln!(out, "\n[scales]\nmacro = {}\nmicro = {}", scales.macro_ranks, scales.micro_ranks)?;
+        writeln!(out, "near = {}", scales.near)?;
         let rve = match &output.rve {
             RveOutput::None => "\"none\"".into(),
             RveOutput::All => "\"all\"".into(),
@@ -124,7 +125,25 @@ fn write_fiber_rve(out: &mut String, rve: &FiberRveCase) -> fmt::Result {
     if let Some(matrix) = &rve.matrix {
         writeln!(out, "matrix = {{ {} }}", formula_entries(matrix).join(", "))?;
     }
+    if rve.life != LifeCase::default() {
+        writeln!(out, "life = {{ {} }}", life_entries(&rve.life))?;
+    }
     Ok(())
+}
+
+/// Those that are not the defaults: zero and infinity are no values that a file can give.
+fn life_entries(life: &LifeCase) -> String {
+    let before = match life.before {
+        Before::Linear => "linear",
+        Before::Matrix => "matrix",
+    };
+    let numbers = [
+        ("created_at", life.created_at, life.created_at > 0.0),
+        ("asleep_below", life.asleep_below, life.asleep_below > 0.0),
+        ("deleted_at", life.deleted_at, life.deleted_at.is_finite()),
+    ];
+    let given = numbers.iter().filter(|(_, _, is_given)| *is_given).map(|(key, value, _)| format!("{key} = {value:?}"));
+    given.chain([format!("before = \"{before}\"")]).collect::<Vec<_>>().join(", ")
 }
 
 fn formula_entries(formula: &FormulaCase) -> [String; 3] {

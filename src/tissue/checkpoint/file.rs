@@ -15,7 +15,7 @@ use crate::tissue::results::{ResultsError, replace_by};
 
 const MAGIC: &[u8; 8] = b"BIOTISSU";
 /// Counts up whenever the content changes its form.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 const HEAD: usize = MAGIC.len() + size_of::<u32>();
 const TAIL: usize = size_of::<u64>();
 

@@ -9,9 +9,8 @@ use super::hash::Fnv;
 use crate::fem::mesh::Mesh;
 use crate::fiber::law::{FiberMaterial, Law};
 use crate::fiber::network::Network;
-use crate::las::{Backend, Scalar};
 use crate::tissue::case::{Case, MaterialCase, MeshSource, OutputCase, RveOutput, ScalesCase};
-use crate::tissue::micro_scale::TissueField;
+use crate::tissue::micro_scale::TissueMaterial;
 
 /// Case, mesh and networks of a run. Where the files lie, what the run is called and what it writes do not count.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -56,17 +55,14 @@ fn entry(line: &str) -> String {
 impl Identity {
     /// Of a run that is set up.
     #[must_use]
-    pub fn new<B: Backend<Scalar = f64>>(case: &Case, mesh: &Mesh, field: &TissueField<B>) -> Self
-    where
-        B::Reduced: Scalar,
-    {
+    pub fn new(backend: &str, case: &Case, mesh: &Mesh, field: &impl TissueMaterial) -> Self {
         let mut networks = Fnv::new();
-        for model in field.models() {
+        for model in field.library().models() {
             hash_network(model.network(), &mut networks);
         }
         Self {
             program: env!("CARGO_PKG_VERSION").into(),
-            backend: B::NAME.into(),
+            backend: backend.into(),
             case: text_of(case),
             mesh: hash_of_mesh(mesh),
             networks: networks.sum(),

@@ -13,6 +13,7 @@
 mod file;
 mod hash;
 mod identity;
+mod raw;
 mod record;
 #[cfg(all(test, feature = "sparse"))]
 mod tests;
@@ -24,11 +25,11 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 pub use identity::{Identity, Mismatch};
+pub(in crate::tissue) use record::UnitRecord;
 
-use super::micro_scale::{TissueField, UnitState};
+use super::micro_scale::{Life, TissueMaterial, UnitState};
 use super::results::{CHECKPOINT_FOLDER, ResultsError, final_name};
 use crate::fem::stepping::SavedState;
-use crate::las::{Backend, Scalar};
 use record::{Record, RecordRef};
 
 /// How many are kept: the last one, and the one before in case the last is damaged.
@@ -41,7 +42,9 @@ pub struct Checkpoint {
     pub path: PathBuf,
     /// Where the run stood.
     pub state: SavedState,
-    /// What the RVEs remembered.
+    /// Where the RVE of every element was in its life.
+    pub lives: Vec<Life>,
+    /// What those RVEs remembered that there were.
     pub units: Vec<UnitState>,
 }
 
@@ -118,15 +121,12 @@ impl CheckpointError {
 ///
 /// # Errors
 /// [`ResultsError::Write`].
-pub fn write<B: Backend<Scalar = f64>>(
+pub fn write(
     dir: &Path,
     identity: &Identity,
     state: &SavedState,
-    field: &TissueField<B>,
-) -> Result<(), ResultsError>
-where
-    B::Reduced: Scalar,
-{
+    field: &impl TissueMaterial,
+) -> Result<(), ResultsError> {
     let folder = dir.join(CHECKPOINT_FOLDER);
     fs::create_dir_all(&folder).map_err(ResultsError::write(&folder))?;
     file::write(&folder.join(file_name(state.done)), &RecordRef { identity, state, field })?;
@@ -175,11 +175,11 @@ fn read(path: &Path, now: &Identity) -> Result<(Checkpoint, Vec<String>), Checkp
     let record: Record = file::read(path)?;
     let remarks = record.identity.check(now);
     let remarks = remarks.map_err(|reason| CheckpointError::OtherRun { path: path.into(), reason })?;
-    let (state, units) = record.into_states().ok_or_else(|| CheckpointError::Damaged {
+    let (state, lives, units) = record.into_states().ok_or_else(|| CheckpointError::Damaged {
         path: path.into(),
         what: "it counts more steps than this machine can".into(),
     })?;
-    Ok((Checkpoint { path: path.into(), state, units }, remarks))
+    Ok((Checkpoint { path: path.into(), state, lives, units }, remarks))
 }
 
 fn file_name(step: usize) -> String {

@@ -4,11 +4,11 @@ use serde::ser::SerializeStruct;
 use serde::{Deserialize, Serialize, Serializer};
 
 use super::identity::Identity;
+use super::raw::Raw;
 use crate::fem::material::Response;
 use crate::fem::stepping::SavedState;
 use crate::fiber::rve::{Rates, Rve};
-use crate::las::{Backend, Scalar};
-use crate::tissue::micro_scale::{TissueField, UnitState};
+use crate::tissue::micro_scale::{Life, TissueMaterial, UnitState};
 
 /// What is read.
 #[derive(Deserialize)]
@@ -17,33 +17,34 @@ pub(super) struct Record {
     done: u64,
     halvings: u32,
     displacements: Vec<[f64; 3]>,
+    lives: Vec<Life>,
     units: Vec<UnitRecord>,
 }
 
 /// What is written: the fields of [`Record`] in the same order, RVE by RVE.
-pub(super) struct RecordRef<'a, B: Backend> {
+pub(super) struct RecordRef<'a, M> {
     pub identity: &'a Identity,
     pub state: &'a SavedState,
-    pub field: &'a TissueField<B>,
+    pub field: &'a M,
 }
 
-#[derive(Serialize, Deserialize)]
-struct UnitRecord {
+#[derive(Clone, Serialize, Deserialize)]
+pub(in crate::tissue) struct UnitRecord {
     rve: Option<RveRecord>,
     answer: Option<AnswerRecord>,
     iterations: u64,
 }
 
 /// Matrices column by column.
-#[derive(Serialize, Deserialize)]
+#[derive(Clone, Serialize, Deserialize)]
 struct RveRecord {
     gradient: [[f64; 3]; 3],
-    interior: Vec<[f64; 3]>,
-    rates: Option<Vec<Rates>>,
+    interior: Raw<[f64; 3], 8>,
+    rates: Option<Raw<Rates, 4>>,
 }
 
 /// Matrices column by column.
-#[derive(Serialize, Deserialize)]
+#[derive(Clone, Serialize, Deserialize)]
 struct AnswerRecord {
     gradient: [[f64; 3]; 3],
     energy: f64,
@@ -51,28 +52,23 @@ struct AnswerRecord {
     tangent: [[f64; 9]; 9],
 }
 
-impl<B: Backend<Scalar = f64>> Serialize for RecordRef<'_, B>
-where
-    B::Reduced: Scalar,
-{
+impl<M: TissueMaterial> Serialize for RecordRef<'_, M> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut record = serializer.serialize_struct("Record", 5)?;
+        let mut record = serializer.serialize_struct("Record", 6)?;
         record.serialize_field("identity", self.identity)?;
         record.serialize_field("done", &(self.state.done as u64))?;
         record.serialize_field("halvings", &self.state.halvings)?;
         record.serialize_field("displacements", &self.state.displacements)?;
+        record.serialize_field("lives", &self.field.lives())?;
         record.serialize_field("units", &Units(self.field))?;
         record.end()
     }
 }
 
 /// Makes one unit at a time: all of them may take as much memory as the body itself.
-struct Units<'a, B: Backend>(&'a TissueField<B>);
+struct Units<'a, M>(&'a M);
 
-impl<B: Backend<Scalar = f64>> Serialize for Units<'_, B>
-where
-    B::Reduced: Scalar,
-{
+impl<M: TissueMaterial> Serialize for Units<'_, M> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_seq(self.0.unit_states().map(UnitRecord::from))
     }
@@ -80,20 +76,19 @@ where
 
 impl Record {
     /// The states in it; `None` where a count is none of this machine.
-    pub fn into_states(self) -> Option<(SavedState, Vec<UnitState>)> {
-        let Self { done, halvings, displacements, units, .. } = self;
+    pub fn into_states(self) -> Option<(SavedState, Vec<Life>, Vec<UnitState>)> {
+        let Self { done, halvings, displacements, lives, units, .. } = self;
         let state = SavedState { done: usize::try_from(done).ok()?, halvings, displacements };
-        Some((state, units.into_iter().map(UnitState::from).collect()))
+        Some((state, lives, units.into_iter().map(UnitState::from).collect()))
     }
 }
 
 impl From<UnitState> for UnitRecord {
     fn from(state: UnitState) -> Self {
         Self {
-            rve: state.rve.map(|rve| RveRecord {
-                gradient: (*rve.gradient()).into(),
-                interior: rve.interior().to_vec(),
-                rates: rve.rates().map(<[Rates]>::to_vec),
+            rve: state.rve.map(|rve| {
+                let (gradient, interior, rates) = rve.into_parts();
+                RveRecord { gradient: gradient.into(), interior: Raw(interior), rates: rates.map(Raw) }
             }),
             answer: state.answer.map(|(gradient, Response { energy, pk1, tangent })| AnswerRecord {
                 gradient: gradient.into(),
@@ -109,7 +104,10 @@ impl From<UnitState> for UnitRecord {
 impl From<UnitRecord> for UnitState {
     fn from(record: UnitRecord) -> Self {
         Self {
-            rve: record.rve.map(|rve| Rve::restored(rve.gradient.into(), rve.interior, rve.rates)),
+            rve: record.rve.map(|rve| {
+                let RveRecord { gradient, interior, rates } = rve;
+                Rve::restored(gradient.into(), interior.0, rates.map(|rates| rates.0))
+            }),
             answer: record.answer.map(|answer| {
                 let AnswerRecord { gradient, energy, pk1, tangent } = answer;
                 (gradient.into(), Response { energy, pk1: pk1.into(), tangent: tangent.into() })

@@ -8,6 +8,7 @@ use crate::backends::sparse::Sparse;
 use crate::fiber::rve::Rve;
 use crate::tissue::case::Case;
 use crate::tissue::macro_scale;
+use crate::tissue::micro_scale::TissueField;
 use crate::tissue::run::{ResumeError, Simulation};
 
 /// One network in every element of a cube, two steps.
@@ -116,7 +117,7 @@ fn another_version_of_the_format_is_named() {
     fs::write(&path, sealed(&body)).unwrap();
     let error = simulation().resume(dir.path()).unwrap_err();
     assert!(
-        matches!(error, ResumeError::Checkpoint(CheckpointError::Version { found: 3, expected: 2, .. })),
+        matches!(error, ResumeError::Checkpoint(CheckpointError::Version { found: 4, expected: 3, .. })),
         "{error}"
     );
 }
@@ -127,8 +128,8 @@ fn a_state_that_does_not_fit_changes_nothing() {
     let case = case();
     let (mesh, _) = macro_scale::mesh(&case).unwrap();
     let (mut field, _) = TissueField::<Sparse>::new((), &case, &mesh).unwrap();
-    let (found, _) = latest(dir.path(), &Identity::new(&case, &mesh, &field)).unwrap();
-    let Checkpoint { state, units, .. } = found.unwrap();
+    let (found, _) = latest(dir.path(), &Identity::new("sparse", &case, &mesh, &field)).unwrap();
+    let Checkpoint { state, lives, units, .. } = found.unwrap();
     assert_eq!((state.done, units.len()), (2, 6));
     let before: Vec<UnitState> = field.unit_states().collect();
 
@@ -155,11 +156,11 @@ fn a_state_that_does_not_fit_changes_nothing() {
         (inverted, "element 2: the deformation gradient has determinant -"),
     ];
     for (units, said) in said {
-        let error = field.restore_units(units).unwrap_err().to_string();
+        let error = field.restore_units(&lives, units).unwrap_err().to_string();
         assert!(error.starts_with(said), "{error}");
         assert!(field.unit_states().eq(before.iter().cloned()));
     }
-    field.restore_units(units.clone()).unwrap();
+    field.restore_units(&lives, units.clone()).unwrap();
     let after: Vec<UnitState> = field.unit_states().collect();
     assert!(after.iter().zip(&units).all(|(a, b)| a.rve == b.rve && a.answer == b.answer));
 }

@@ -1,26 +1,28 @@
-//! From a case to a field: the network library is read, and every element gets its material.
+//! From a case to materials: the networks are read once, and every element finds what it is made of.
 
 use std::collections::HashMap;
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
+use nalgebra::Matrix3;
 use thiserror::Error;
 
-use super::unit::Unit;
-use super::worker::Worker;
-use super::{Site, TissueField};
+use super::formula::Formula;
+use crate::fem::material::SaintVenantKirchhoff;
 use crate::fem::mesh::Mesh;
-use crate::fiber::equilibrium::EquilibriumParams;
+use crate::fiber::equilibrium::{EquilibriumParams, equilibrate};
+use crate::fiber::homogenise;
 use crate::fiber::law::FiberMaterial;
 use crate::fiber::network::{Network, file};
-use crate::fiber::rve::{RveModel, RveModelError, StressScale};
+use crate::fiber::rve::{Rve, RveModel, StressScale};
+use crate::fiber::workspace::Workspace;
 use crate::input::InputErrors;
 use crate::las::{Backend, Scalar, SolverParams};
 use crate::tissue::case::{Case, Choose, FiberRveCase, MaterialCase, ScaleCase};
 
 /// Why the materials of a case cannot be made.
 #[derive(Debug, Error)]
-pub enum LibraryError<F: std::error::Error + 'static> {
+pub enum LibraryError {
     /// Something is wrong in a network file.
     #[error("{0}")]
     Network(#[from] InputErrors),
@@ -30,24 +32,56 @@ pub enum LibraryError<F: std::error::Error + 'static> {
         /// The network.
         file: PathBuf,
         /// Why.
-        reason: RveModelError<F>,
+        reason: String,
     },
     /// A region of the mesh has no material in the case.
     #[error("no material for the region {0}")]
     NoMaterial(String),
 }
 
-impl<B: Backend<Scalar = f64>> TissueField<B>
-where
-    B::Reduced: Scalar,
-{
-    /// Reads the networks of a case and gives every element of the mesh its material; also returns the warnings of the
-    /// network reader.
+/// The materials of a case: what all RVEs share. Every rank that solves RVEs has one, and all are the same.
+pub struct Library<B: Backend> {
+    pub(super) context: B::Context,
+    pub(super) models: Vec<RveModel<B>>,
+    /// By region of the case.
+    materials: Vec<Material>,
+    pub(super) params: EquilibriumParams,
+    /// Whether RVEs keep what the next equilibrium can start from.
+    pub(super) predict: bool,
+}
+
+/// The material of a region.
+enum Material {
+    Formula(Formula),
+    /// The numbers of the models that elements choose from, and what stands beside them.
+    Networks {
+        case: FiberRveCase,
+        models: Vec<usize>,
+        matrix: Option<Formula>,
+    },
+}
+
+/// What an element is made of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ElementMaterial {
+    /// A formula.
+    Formula(Formula),
+    /// An RVE: the number of its model, and the matrix beside it.
+    Rve {
+        /// Among [`Library::models`]; `None` for a matrix alone.
+        model: Option<usize>,
+        /// The formula in parallel.
+        matrix: Option<Formula>,
+    },
+}
+
+impl<B: Backend<Scalar = f64>> Library<B> {
+    /// Reads the networks of a case; also returns the warnings of the reader.
     ///
     /// # Errors
     /// [`LibraryError`].
-    pub fn new(context: B::Context, case: &Case, mesh: &Mesh) -> Result<(Self, Vec<String>), LibraryError<B::Fault>> {
-        let mut library = Reader {
+    pub fn read(context: B::Context, case: &Case) -> Result<(Self, Vec<String>), LibraryError> {
+        let mut reader = Reader::<B> {
             context: &context,
             solver: SolverParams { method: case.micro.solver, ..SolverParams::default() },
             networks: HashMap::new(),
@@ -55,46 +89,72 @@ where
             made_of: Vec::new(),
             warnings: Vec::new(),
         };
-        let mut materials = Vec::new();
-        for region in mesh.regions() {
-            let material = case.material_of(region).ok_or_else(|| LibraryError::NoMaterial(region.clone()))?;
-            materials.push(library.regional(material)?);
-        }
-        let Reader { models, warnings, .. } = library;
-
-        let mut sites = Vec::with_capacity(mesh.elements().len());
-        let (mut units, mut element_of) = (Vec::new(), Vec::new());
-        for (element, &region) in mesh.region_of().iter().enumerate() {
-            sites.push(match &materials[region as usize] {
-                Regional::Formula(formula) => Site::Formula(*formula),
-                Regional::Networks { case, models: choices } => {
-                    let model = (!choices.is_empty()).then(|| choices[choice(case, element, choices.len())]);
-                    units.push(Unit::new(model, &models, case.matrix.map(Into::into)));
-                    element_of.push(element);
-                    Site::Rve(units.len() - 1)
-                }
-            });
-        }
-        let workers = (0..rayon::current_num_threads()).map(|_| Mutex::new(Worker::new(models.len()))).collect();
+        let materials =
+            case.regions.iter().map(|region| reader.material(&region.material)).collect::<Result<_, _>>()?;
+        let Reader { models, warnings, .. } = reader;
         let mut params = EquilibriumParams::default();
         params.newton.tolerance = case.micro.tolerance;
         params.newton.max_iterations = case.micro.max_iterations;
         params.max_cuts = case.micro.max_cuts;
         let params = params.with_stages(case.micro.stages);
-        let predict = case.micro.predictor;
-        let (stats, lost) = Default::default();
-        Ok((Self { context, models, sites, units, element_of, workers, params, predict, stats, lost }, warnings))
+        Ok((Self { context, models, materials, params, predict: case.micro.predictor }, warnings))
+    }
+
+    /// The networks in use, each with its law and scale.
+    #[must_use]
+    pub fn models(&self) -> &[RveModel<B>] {
+        &self.models
+    }
+
+    /// The linear response of a model at rest.
+    ///
+    /// # Errors
+    /// [`LibraryError::Model`] where it has none: a floppy network.
+    pub fn at_rest(&self, model: usize) -> Result<SaintVenantKirchhoff, LibraryError>
+    where
+        B::Reduced: Scalar,
+    {
+        let of = &self.models[model];
+        let none = |reason: String| LibraryError::Model {
+            file: of.network().name().into(),
+            reason: format!("no response at rest: {reason}"),
+        };
+        let mut workspace = Workspace::new(&self.context, of).map_err(|error| none(error.to_string()))?;
+        let mut rve = Rve::at_rest(of.network());
+        equilibrate(of, &mut rve, &Matrix3::identity(), &self.params, &mut workspace)
+            .map_err(|error| none(error.to_string()))?;
+        let pk1 = homogenise::pk1(of, &workspace);
+        let tangent = homogenise::tangent(of, &rve, &pk1, &mut workspace).map_err(|error| none(error.to_string()))?;
+        Ok(SaintVenantKirchhoff::at_rest(&tangent))
+    }
+
+    /// How equilibria are found.
+    #[must_use]
+    pub fn params(&self) -> &EquilibriumParams {
+        &self.params
+    }
+
+    /// What an element in a region of the case is made of.
+    #[must_use]
+    pub fn of_element(&self, region: usize, element: usize) -> ElementMaterial {
+        match &self.materials[region] {
+            Material::Formula(formula) => ElementMaterial::Formula(*formula),
+            Material::Networks { case, models, matrix } => {
+                let model = (!models.is_empty()).then(|| models[choice(case, element, models.len())]);
+                ElementMaterial::Rve { model, matrix: *matrix }
+            }
+        }
     }
 }
 
-/// The material of a region with its networks read.
-enum Regional<'a> {
-    Formula(super::Formula),
-    /// The numbers of the models that elements choose from.
-    Networks {
-        case: &'a FiberRveCase,
-        models: Vec<usize>,
-    },
+/// The region of the case that every element of a mesh lies in.
+///
+/// # Errors
+/// [`LibraryError::NoMaterial`].
+pub fn regions_of_mesh(case: &Case, mesh: &Mesh) -> Result<Vec<usize>, LibraryError> {
+    let region = |name: &String| case.region_of(name).ok_or_else(|| LibraryError::NoMaterial(name.clone()));
+    let regions = mesh.regions().iter().map(region).collect::<Result<Vec<usize>, _>>()?;
+    Ok(mesh.region_of().iter().map(|&of| regions[of as usize]).collect())
 }
 
 /// Networks and models read so far: each file once, each combination of network, law and scale once.
@@ -110,17 +170,17 @@ struct Reader<'a, B: Backend> {
 }
 
 impl<B: Backend<Scalar = f64>> Reader<'_, B> {
-    fn regional<'c>(&mut self, material: &'c MaterialCase) -> Result<Regional<'c>, LibraryError<B::Fault>> {
+    fn material(&mut self, material: &MaterialCase) -> Result<Material, LibraryError> {
         match material {
-            MaterialCase::Formula(formula) => Ok(Regional::Formula((*formula).into())),
+            MaterialCase::Formula(formula) => Ok(Material::Formula((*formula).into())),
             MaterialCase::FiberRve(case) => {
                 let models = case.networks.iter().map(|path| self.model(path, case)).collect::<Result<_, _>>()?;
-                Ok(Regional::Networks { case, models })
+                Ok(Material::Networks { case: case.clone(), models, matrix: case.matrix.map(Into::into) })
             }
         }
     }
 
-    fn model(&mut self, path: &PathBuf, case: &FiberRveCase) -> Result<usize, LibraryError<B::Fault>> {
+    fn model(&mut self, path: &PathBuf, case: &FiberRveCase) -> Result<usize, LibraryError> {
         let recipe = (path.clone(), case.law.clone(), case.scale);
         if let Some(known) = self.made_of.iter().position(|made| *made == recipe) {
             return Ok(known);
@@ -131,13 +191,13 @@ impl<B: Backend<Scalar = f64>> Reader<'_, B> {
             ScaleCase::FiberVolumeFraction(phi) => StressScale::FiberVolumeFraction(phi),
         };
         let model = RveModel::with_solver(self.context, network, case.law.clone(), scale, &self.solver)
-            .map_err(|reason| LibraryError::Model { file: path.clone(), reason })?;
+            .map_err(|reason| LibraryError::Model { file: path.clone(), reason: reason.to_string() })?;
         self.models.push(model);
         self.made_of.push(recipe);
         Ok(self.models.len() - 1)
     }
 
-    fn network(&mut self, path: &PathBuf) -> Result<Arc<Network>, LibraryError<B::Fault>> {
+    fn network(&mut self, path: &PathBuf) -> Result<Arc<Network>, LibraryError> {
         if let Some(network) = self.networks.get(path) {
             return Ok(Arc::clone(network));
         }

@@ -1,176 +1,159 @@
 //! The micro scale of a tissue: a formula or a fiber network at every integration point, networks on all cores.
+//!
+//! | module | holds |
+//! |---|---|
+//! | `library` | what all RVEs of a case share: its networks, read once |
+//! | `unit`, `worker` | one RVE; the scratch of one thread |
+//! | `units` | the RVEs of one rank, solved on its threads |
+//! | `sites` | what answers at each point: a formula, an RVE, or what stands in for one |
+//! | `saved`, `summary` | what RVEs remember, and what pictures show of them |
+//! | this one | the whole body in one process ([`TissueField`]), and what a run wants of it ([`TissueMaterial`]) |
 
+mod error;
 mod formula;
 mod library;
 mod saved;
+mod sites;
 mod summary;
 mod unit;
+mod units;
 mod worker;
 
-use std::sync::{Mutex, PoisonError};
+use std::collections::{HashMap, HashSet};
 
 use nalgebra::Matrix3;
-use rayon::prelude::*;
-use thiserror::Error;
 
-use crate::fem::material::{MaterialError, Response};
+use crate::fem::material::Response;
+use crate::fem::mesh::Mesh;
 use crate::fem::point_field::{PointField, PointResponses};
-use crate::fiber::equilibrium::EquilibriumParams;
-use crate::fiber::rve::RveModel;
 use crate::las::{Backend, Scalar};
-use crate::tissue::rve_dump::RveDump;
+use crate::tissue::case::Case;
+use crate::tissue::results::log::RankSeconds;
 
+pub use error::{PointFailure, PointFailureKind, TissueFieldError};
 pub use formula::Formula;
-pub use library::LibraryError;
+pub use library::{ElementMaterial, Library, LibraryError, regions_of_mesh};
 pub use saved::{FieldRestoreError, UnitState};
+pub use sites::Life;
+pub(super) use sites::{Sites, Turnover};
 pub use summary::{DeformedNetwork, PointSummary};
-pub use unit::{SweepStats, UnitError};
+pub use unit::SweepStats;
+pub use units::{LostRve, Units};
 
-use unit::Unit;
-use worker::{Library, Worker};
+/// The material of a body, wherever its RVEs are solved: what a run wants of it beyond stresses and tangents. States are
+/// those of the last commit.
+pub trait TissueMaterial: PointField<Error = TissueFieldError> {
+    /// The backend of the RVEs.
+    type Micro: Backend<Scalar = f64>;
 
-/// What answers at one integration point.
-#[derive(Clone, Debug)]
-enum Site {
-    Formula(Formula),
-    /// The number of the unit.
-    Rve(usize),
+    /// What all RVEs share.
+    fn library(&self) -> &Library<Self::Micro>;
+
+    /// Number of elements that have an RVE at some time.
+    fn rves(&self) -> usize;
+
+    /// Where the RVE of an element is in its life; `None` where there is none at any time.
+    fn life(&self, element: usize) -> Option<Life>;
+
+    /// The same of all elements, [`Life::Awake`] where there is none.
+    fn lives(&self) -> Vec<Life>;
+
+    /// For every model of the library the number of RVEs that use it.
+    fn users(&self) -> Vec<usize>;
+
+    /// Bytes that all RVEs own in a run: states, last answers, and what the next solves start from.
+    fn rve_bytes(&self) -> usize;
+
+    /// Whether there are fibers in an element.
+    fn has_fibers(&self, element: usize) -> bool;
+
+    /// What the RVEs have taken since this was last asked.
+    fn take_stats(&self) -> SweepStats;
+
+    /// Where the time of every rank went since this was last asked, trial state by trial state; nothing in one process.
+    fn take_seconds(&self) -> Vec<Vec<RankSeconds>> {
+        Vec::new()
+    }
+
+    /// The RVE that made the last update fail, once.
+    fn take_lost(&self) -> Option<LostRve>;
+
+    /// The fibers of every element, `None` where there are none.
+    fn summaries(&self) -> Vec<Option<PointSummary>>;
+
+    /// The network of an element, `None` where there is none.
+    fn deformed_network(&self, element: usize) -> Option<DeformedNetwork>;
+
+    /// Ranks of the engineering scale and of the RVEs; 1 and 0 in one process.
+    fn ranks(&self) -> [usize; 2] {
+        [1, 0]
+    }
+
+    /// The part of the body that each element lies in, and how many there are, where it is divided among ranks.
+    fn parts(&self) -> Option<(&[u32], usize)> {
+        None
+    }
+
+    /// The order in which the nodes of the body are numbered in its linear system.
+    fn node_order(&self, mesh: &Mesh) -> Vec<u32> {
+        (0..mesh.nodes().len() as u32).collect()
+    }
+
+    /// The rank that solves the RVE of an element, or answers for it.
+    fn rank_of(&self, element: usize) -> usize;
+
+    /// The memory of all RVEs that exist, in the order of their elements; right after a commit it is, with
+    /// [`TissueMaterial::lives`], all that the next load step depends on.
+    fn unit_states(&self) -> impl ExactSizeIterator<Item = UnitState> + '_;
+
+    /// Takes all RVEs back to what [`TissueMaterial::lives`] and [`TissueMaterial::unit_states`] gave.
+    ///
+    /// # Errors
+    /// [`FieldRestoreError`]; nothing has changed then.
+    fn restore_units(&mut self, lives: &[Life], states: Vec<UnitState>) -> Result<(), FieldRestoreError>;
 }
 
-/// The material of the whole body: the answer to the seam of [`crate::fem::point_field`].
-///
-/// Networks are solved on all threads of the current rayon pool. Every RVE starts from its own last equilibrium and
-/// writes its own answer, so results do not depend on the number of threads or on which thread solved what.
+/// The material of the whole body in one process: the answer to the seam of [`crate::fem::point_field`].
 pub struct TissueField<B: Backend> {
-    context: B::Context,
-    models: Vec<RveModel<B>>,
-    sites: Vec<Site>,
-    units: Vec<Unit>,
-    /// The element of every unit.
-    element_of: Vec<usize>,
-    workers: Vec<Mutex<Worker<B>>>,
-    params: EquilibriumParams,
-    predict: bool,
-    /// Behind a lock, because whoever watches a run only has the field for reading.
-    stats: Mutex<SweepStats>,
-    /// The last RVE that found no equilibrium.
-    lost: Mutex<Option<LostRve>>,
-}
-
-/// An RVE that found no equilibrium.
-#[derive(Clone, Debug)]
-pub struct LostRve {
-    /// Its element, from 0.
-    pub element: usize,
-    /// Everything that repeats the failure.
-    pub dump: RveDump,
-}
-
-/// A point without an answer.
-#[derive(Clone, Debug, Error, PartialEq)]
-#[error("element {element}{}: {reason}", network.as_ref().map(|n| format!(" (network {n})")).unwrap_or_default())]
-pub struct TissueFieldError<F: std::error::Error + 'static> {
-    /// The element, from 0.
-    pub element: usize,
-    /// The network there, if there is one.
-    pub network: Option<String>,
-    /// Why.
-    pub reason: UnitError<F>,
+    sites: Sites,
+    units: Units<B>,
+    /// The number of the unit of an element.
+    unit_of: HashMap<usize, usize>,
 }
 
 impl<B: Backend<Scalar = f64>> TissueField<B>
 where
     B::Reduced: Scalar,
 {
-    /// Number of RVEs.
-    #[must_use]
-    pub fn rves(&self) -> usize {
-        self.units.len()
+    /// Reads the networks of a case and gives every element of the mesh its material; also returns the warnings of the
+    /// network reader.
+    ///
+    /// # Errors
+    /// [`LibraryError`].
+    pub fn new(context: B::Context, case: &Case, mesh: &Mesh) -> Result<(Self, Vec<String>), LibraryError> {
+        let (library, warnings) = Library::read(context, case)?;
+        let sites = Sites::new(&library, case, mesh)?;
+        let mut field = Self { sites, units: Units::new(library), unit_of: HashMap::new() };
+        field.create_existing();
+        Ok((field, warnings))
     }
 
-    /// The networks in use.
-    #[must_use]
-    pub fn models(&self) -> &[RveModel<B>] {
-        &self.models
+    /// Gives every element whose RVE exists one at rest.
+    fn create_existing(&mut self) {
+        let existing: Vec<usize> = self.sites.existing().map(|(element, _)| element).collect();
+        self.units.clear();
+        self.turn_over(&Turnover { created: existing, ..Turnover::default() });
     }
 
-    /// What the RVEs have taken since this was last asked.
-    pub fn take_stats(&self) -> SweepStats {
-        std::mem::take(&mut self.stats.lock().unwrap_or_else(PoisonError::into_inner))
-    }
-
-    /// For every network of [`TissueField::models`] the number of RVEs that use it.
-    #[must_use]
-    pub fn users(&self) -> Vec<usize> {
-        let mut users = vec![0; self.models.len()];
-        for fibers in self.units.iter().filter_map(|unit| unit.fibers.as_ref()) {
-            users[fibers.model] += 1;
+    fn turn_over(&mut self, turnover: &Turnover) {
+        let deleted: HashSet<usize> = turnover.deleted.iter().copied().collect();
+        self.units.remove(&deleted);
+        for &element in &turnover.created {
+            if let Some((model, matrix)) = self.sites.material(element) {
+                self.units.add(element, model, matrix);
+            }
         }
-        users
-    }
-
-    /// Bytes that all RVEs own in a run: states, last answers, and what the next solves start from.
-    #[must_use]
-    pub fn rve_bytes(&self) -> usize {
-        self.units.iter().map(|unit| unit.bytes(self.predict)).sum()
-    }
-
-    /// Whether there are fibers in an element.
-    #[must_use]
-    pub fn has_fibers(&self, element: usize) -> bool {
-        self.unit_of(element).is_some_and(|unit| unit.fibers.is_some())
-    }
-
-    /// The unit of an element, `None` where a formula answers or there is no such element.
-    fn unit_of(&self, element: usize) -> Option<&Unit> {
-        match self.sites.get(element)? {
-            Site::Formula(_) => None,
-            Site::Rve(unit) => self.units.get(*unit),
-        }
-    }
-
-    fn solve_units(&mut self, gradients: &[Matrix3<f64>]) -> Result<(), TissueFieldError<B::Fault>> {
-        let Self { context, models, units, element_of, workers, params, predict, .. } = self;
-        let library = Library { context, models, params, predict: *predict };
-        let (stats, failed) = units
-            .par_iter_mut()
-            .enumerate()
-            .map(|(number, unit)| {
-                let slot = rayon::current_thread_index().unwrap_or(0) % workers.len();
-                // A worker is scratch: whatever a panicking thread left in it is overwritten.
-                let mut worker = workers[slot].lock().unwrap_or_else(PoisonError::into_inner);
-                let mut stats = SweepStats::default();
-                let gradient = &gradients[element_of[number]];
-                let outcome = unit.respond(gradient, &library, &mut worker, &mut stats);
-                (stats, outcome.err().map(|reason| (number, reason)))
-            })
-            .reduce(|| (SweepStats::default(), None), |(a, first), (b, second)| (a.and(b), earlier(first, second)));
-        let sum = self.stats.get_mut().unwrap_or_else(PoisonError::into_inner);
-        *sum = sum.and(stats);
-        let Some((number, reason)) = failed else { return Ok(()) };
-        let element = self.element_of[number];
-        let fibers = self.units[number].fibers.as_ref();
-        let network = fibers.map(|f| self.models[f.model].network().name().to_owned());
-        if let (UnitError::Rve(_), Some(fibers)) = (&reason, fibers) {
-            let origin = format!("element {element}");
-            let ends = (&fibers.current, &gradients[element]);
-            let dump = RveDump::new(origin, &self.models[fibers.model], ends, &self.params);
-            *self.lost.get_mut().unwrap_or_else(PoisonError::into_inner) = Some(LostRve { element, dump });
-        }
-        Err(TissueFieldError { element, network, reason })
-    }
-
-    /// The RVE that made the last update fail, once.
-    pub fn take_lost(&self) -> Option<LostRve> {
-        self.lost.lock().unwrap_or_else(PoisonError::into_inner).take()
-    }
-}
-
-/// The failure of the unit with the lower number: the same one whatever the threads did.
-fn earlier<E>(a: Option<(usize, E)>, b: Option<(usize, E)>) -> Option<(usize, E)> {
-    match (a, b) {
-        (Some(a), Some(b)) => Some(if a.0 <= b.0 { a } else { b }),
-        (a, b) => a.or(b),
+        self.unit_of = self.units.by_element();
     }
 }
 
@@ -178,43 +161,149 @@ impl<B: Backend<Scalar = f64>> PointField for TissueField<B>
 where
     B::Reduced: Scalar,
 {
-    type Error = TissueFieldError<B::Fault>;
+    type Error = TissueFieldError;
 
     fn update(&mut self, gradients: &[Matrix3<f64>], out: &mut PointResponses) -> Result<(), Self::Error> {
         out.resize(gradients.len());
-        // Formulas first: an element that is inside out is found before its RVE is asked.
+        let Self { sites, units, .. } = self;
+        // What needs no RVE first: an element that is inside out is found before its RVE is asked.
         for (element, f) in gradients.iter().enumerate() {
-            if let Site::Formula(formula) = &self.sites[element] {
-                let answer = not_inverted(f).and_then(|()| formula.respond(f));
-                let answer = answer.map_err(|e| TissueFieldError { element, network: None, reason: e.into() })?;
+            if let Some(answer) = sites.respond(element, f)? {
                 write(out, element, &answer);
             }
         }
-        self.solve_units(gradients)?;
-        for (unit, &element) in self.units.iter().zip(&self.element_of) {
-            if let Some((_, answer)) = &unit.answer {
+        units.solve(|_, element| sites.is_awake(element).then(|| gradients[element]))?;
+        for (element, answer) in units.answers() {
+            if let Some(answer) = answer.filter(|_| sites.is_awake(element)) {
                 write(out, element, answer);
+                sites.answered(element, answer);
             }
         }
         Ok(())
     }
 
-    fn commit(&mut self) {
-        self.units.par_iter_mut().for_each(Unit::commit);
+    fn commit(&mut self) -> Result<bool, Self::Error> {
+        self.units.commit();
+        let turnover = self.sites.decide();
+        let is_another = turnover != Turnover::default();
+        if is_another {
+            self.turn_over(&turnover);
+        }
+        Ok(is_another)
     }
 
-    fn revert(&mut self) {
-        self.units.par_iter_mut().for_each(Unit::revert);
+    fn revert(&mut self) -> Result<(), Self::Error> {
+        self.units.revert();
+        Ok(())
     }
 }
 
-/// Small-strain formulas have an answer at any gradient, but a body that is inside out is none.
-fn not_inverted(f: &Matrix3<f64>) -> Result<(), MaterialError> {
-    let determinant = f.determinant();
-    if determinant > 0.0 { Ok(()) } else { Err(MaterialError::Inverted { determinant }) }
+impl<B: Backend<Scalar = f64>> TissueMaterial for TissueField<B>
+where
+    B::Reduced: Scalar,
+{
+    type Micro = B;
+
+    fn library(&self) -> &Library<B> {
+        self.units.library()
+    }
+
+    fn rves(&self) -> usize {
+        self.sites.rves()
+    }
+
+    fn life(&self, element: usize) -> Option<Life> {
+        self.sites.life(element)
+    }
+
+    fn lives(&self) -> Vec<Life> {
+        self.sites.lives()
+    }
+
+    fn users(&self) -> Vec<usize> {
+        self.sites.users(self.library().models().len())
+    }
+
+    fn rve_bytes(&self) -> usize {
+        self.units.bytes()
+    }
+
+    fn has_fibers(&self, element: usize) -> bool {
+        self.sites.material(element).is_some_and(|(model, _)| model.is_some())
+    }
+
+    fn take_stats(&self) -> SweepStats {
+        self.units.take_stats()
+    }
+
+    fn take_lost(&self) -> Option<LostRve> {
+        self.units.take_lost()
+    }
+
+    fn summaries(&self) -> Vec<Option<PointSummary>> {
+        let mut summaries: Vec<Option<PointSummary>> = (0..self.sites.len()).map(|_| None).collect();
+        for (&element, summary) in self.units.elements().iter().zip(self.units.summaries()) {
+            summaries[element] = summary;
+        }
+        summaries
+    }
+
+    fn deformed_network(&self, element: usize) -> Option<DeformedNetwork> {
+        self.units.deformed_network(*self.unit_of.get(&element)?)
+    }
+
+    fn rank_of(&self, _: usize) -> usize {
+        0
+    }
+
+    fn unit_states(&self) -> impl ExactSizeIterator<Item = UnitState> + '_ {
+        let existing = self.sites.existing();
+        let all: Vec<_> = existing.filter_map(|(e, _)| Some((*self.unit_of.get(&e)?, self.sites.anchor(e)))).collect();
+        all.into_iter().map(|(number, anchor)| {
+            let state = self.units.state(number);
+            UnitState { answer: anchor.or(state.answer), ..state }
+        })
+    }
+
+    fn restore_units(&mut self, lives: &[Life], states: Vec<UnitState>) -> Result<(), FieldRestoreError> {
+        check_states(&self.sites, self.library(), lives, &states)?;
+        self.sites.restore(lives, |_| None);
+        self.create_existing();
+        self.units.restore(states)?;
+        let Self { sites, units, unit_of } = self;
+        sites.restore(lives, |element| units.answer(*unit_of.get(&element)?));
+        Ok(())
+    }
 }
 
-fn write(out: &mut PointResponses, element: usize, answer: &Response) {
+/// Whether saved RVEs are those of a body.
+pub(super) fn check_states<B: Backend<Scalar = f64>>(
+    sites: &Sites,
+    library: &Library<B>,
+    lives: &[Life],
+    states: &[UnitState],
+) -> Result<(), FieldRestoreError> {
+    let exists = |element: usize| matches!(lives.get(element), Some(Life::Awake | Life::Asleep));
+    let elements: Vec<usize> =
+        (0..sites.len()).filter(|&element| sites.life(element).is_some() && exists(element)).collect();
+    let (found, expected) = (states.len(), elements.len());
+    if found != expected || lives.len() != sites.len() {
+        return Err(FieldRestoreError::Units { found, expected });
+    }
+    for (&element, state) in elements.iter().zip(states) {
+        let model = sites.material(element).and_then(|(model, _)| model);
+        match (model, &state.rve) {
+            (Some(model), Some(rve)) => rve
+                .check(library.models()[model].network())
+                .map_err(|reason| FieldRestoreError::Rve { element, reason })?,
+            (None, None) => {}
+            (_, saved) => return Err(FieldRestoreError::Fibers { element, saved: saved.is_some() }),
+        }
+    }
+    Ok(())
+}
+
+pub(super) fn write(out: &mut PointResponses, element: usize, answer: &Response) {
     out.energy[element] = answer.energy;
     out.pk1[element] = answer.pk1;
     out.tangent[element] = answer.tangent;

@@ -3,11 +3,8 @@
 use nalgebra::Matrix3;
 use thiserror::Error;
 
-use super::TissueField;
-use super::unit::{Fibers, Unit};
 use crate::fem::material::Response;
 use crate::fiber::rve::{Rve, RveStateError};
-use crate::las::{Backend, Scalar};
 
 /// The memory of one RVE at the last converged load step.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,6 +37,9 @@ pub enum FieldRestoreError {
         /// Whether the saved state has fibers there.
         saved: bool,
     },
+    /// The ranks that share the RVEs could not exchange something.
+    #[error("{0}")]
+    Ranks(String),
     /// The state of a network does not fit it.
     #[error("element {element}: {reason}")]
     Rve {
@@ -48,57 +48,4 @@ pub enum FieldRestoreError {
         /// What does not fit.
         reason: RveStateError,
     },
-}
-
-impl<B: Backend<Scalar = f64>> TissueField<B>
-where
-    B::Reduced: Scalar,
-{
-    /// The memory of all RVEs in their order, that of the elements; right after a commit it is all that the next load
-    /// step depends on.
-    pub fn unit_states(&self) -> impl ExactSizeIterator<Item = UnitState> + '_ {
-        self.units.iter().map(|unit| UnitState {
-            // Right after a commit this is the committed state, with the prediction that goes with it.
-            rve: unit.fibers.as_ref().map(|f| f.current.clone()),
-            answer: unit.answer,
-            iterations: unit.committed_iterations,
-        })
-    }
-
-    /// Takes all RVEs back to what [`TissueField::unit_states`] gave.
-    ///
-    /// # Errors
-    /// [`FieldRestoreError`]; nothing has changed then.
-    pub fn restore_units(&mut self, states: Vec<UnitState>) -> Result<(), FieldRestoreError> {
-        let (found, expected) = (states.len(), self.units.len());
-        if found != expected {
-            return Err(FieldRestoreError::Units { found, expected });
-        }
-        let places = self.units.iter().zip(&self.element_of);
-        let units = states
-            .into_iter()
-            .zip(places)
-            .map(|(state, (unit, &element))| self.restored(state, unit, element))
-            .collect::<Result<Vec<Unit>, _>>()?;
-        self.units = units;
-        Ok(())
-    }
-
-    fn restored(&self, state: UnitState, unit: &Unit, element: usize) -> Result<Unit, FieldRestoreError> {
-        let UnitState { rve, answer, iterations } = state;
-        let fibers = match (rve, &unit.fibers) {
-            (Some(current), Some(Fibers { model, committed, .. })) => {
-                current
-                    .check(self.models[*model].network())
-                    .map_err(|reason| FieldRestoreError::Rve { element, reason })?;
-                let mut committed = committed.clone();
-                committed.take_equilibrium(&current);
-                Some(Fibers { model: *model, current, committed })
-            }
-            (None, None) => None,
-            (saved, _) => return Err(FieldRestoreError::Fibers { element, saved: saved.is_some() }),
-        };
-        // Committing makes the iterations since the last commit those of the last load step.
-        Ok(Unit { fibers, matrix: unit.matrix, answer, iterations, committed_iterations: iterations })
-    }
 }

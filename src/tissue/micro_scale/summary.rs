@@ -1,10 +1,13 @@
 //! What a picture shows of every point: where the fibers lie, how far they are stretched, what the RVE cost.
 
+use std::sync::Arc;
+
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
-use super::TissueField;
 use super::unit::Fibers;
+use super::units::Units;
 use crate::fiber::network::Network;
 use crate::fiber::orientation::{Weighting, principal, tensor};
 use crate::fiber::truss::FiberStates;
@@ -12,9 +15,9 @@ use crate::las::{Backend, Scalar};
 
 /// The network of one element at the last converged load step; nodes and fibers in the order of the network's file.
 #[derive(Clone, Debug, PartialEq)]
-pub struct DeformedNetwork<'a> {
+pub struct DeformedNetwork {
     /// The network as it lies undeformed.
-    pub network: &'a Network,
+    pub network: Arc<Network>,
     /// Positions of the nodes, unit-cube units.
     pub positions: Vec<[f64; 3]>,
     /// Stretch of every fiber.
@@ -24,7 +27,8 @@ pub struct DeformedNetwork<'a> {
 }
 
 /// The fibers of one point at the last converged load step.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(from = "SummaryRecord", into = "SummaryRecord")]
 pub struct PointSummary {
     /// Orientation tensor of the deformed fibers, each counted once; trace 1.
     pub orientation: Matrix3<f64>,
@@ -40,36 +44,61 @@ pub struct PointSummary {
     pub network: usize,
 }
 
-impl<B: Backend<Scalar = f64>> TissueField<B>
+/// The same in plain numbers; matrices column by column.
+#[derive(Serialize, Deserialize)]
+struct SummaryRecord {
+    orientation: [[f64; 3]; 3],
+    direction: [f64; 3],
+    alignment: f64,
+    stretch: [f64; 2],
+    iterations: usize,
+    network: usize,
+}
+
+impl From<PointSummary> for SummaryRecord {
+    fn from(summary: PointSummary) -> Self {
+        let PointSummary { orientation, direction, alignment, stretch, iterations, network } = summary;
+        Self { orientation: orientation.into(), direction: direction.into(), alignment, stretch, iterations, network }
+    }
+}
+
+impl From<SummaryRecord> for PointSummary {
+    fn from(record: SummaryRecord) -> Self {
+        let SummaryRecord { orientation, direction, alignment, stretch, iterations, network } = record;
+        Self { orientation: orientation.into(), direction: direction.into(), alignment, stretch, iterations, network }
+    }
+}
+
+impl<B: Backend<Scalar = f64>> Units<B>
 where
     B::Reduced: Scalar,
 {
-    /// The fibers of every element, `None` where there are none.
+    /// The fibers of every unit, `None` where there are none.
     #[must_use]
     pub fn summaries(&self) -> Vec<Option<PointSummary>> {
-        (0..self.sites.len())
+        (0..self.len())
             .into_par_iter()
-            .map(|element| {
-                let unit = self.unit_of(element)?;
+            .map(|number| {
+                let unit = self.unit(number)?;
                 unit.fibers.as_ref().map(|fibers| self.summary(fibers, unit.committed_iterations))
             })
             .collect()
     }
 
-    /// The network of an element, `None` where there is none.
+    /// The network of a unit, `None` where there is none.
     #[must_use]
-    pub fn deformed_network(&self, element: usize) -> Option<DeformedNetwork<'_>> {
-        let fibers = self.unit_of(element)?.fibers.as_ref()?;
-        let truss = self.models[fibers.model].truss();
-        let network = truss.network().as_ref();
-        let positions = fibers.committed.positions(network);
+    pub fn deformed_network(&self, number: usize) -> Option<DeformedNetwork> {
+        let fibers = self.unit(number)?.fibers.as_ref()?;
+        let truss = self.library().models()[fibers.model].truss();
+        let network = Arc::clone(truss.network());
+        let positions = fibers.committed.positions(&network);
         let mut states = FiberStates::default();
         truss.evaluate(&positions, &mut states);
         let mut deformed = DeformedNetwork {
             network,
             positions,
-            stretches: vec![0.0; network.fibers().len()],
-            forces: vec![0.0; network.fibers().len()],
+            stretches: vec![0.0; states.stretches.len()],
+            forces: vec![0.0; states.forces.len()],
         };
         // The truss has its fibers sorted by law.
         for (k, &fiber) in truss.original().iter().enumerate() {
@@ -80,7 +109,7 @@ where
     }
 
     fn summary(&self, fibers: &Fibers, iterations: usize) -> PointSummary {
-        let model = &self.models[fibers.model];
+        let model = &self.library().models()[fibers.model];
         let positions = fibers.committed.positions(model.network());
         let mut states = FiberStates::default();
         model.truss().evaluate(&positions, &mut states);

@@ -5,13 +5,15 @@ use std::time::Instant;
 use nalgebra::Matrix3;
 
 use super::formula::Formula;
-use super::worker::{Library, Worker};
+use super::library::Library;
+use super::worker::Worker;
 use crate::fem::material::{MaterialError, Response};
 use crate::fiber::equilibrium::{EquilibriumReport, RveError, Stage, equilibrate};
 use crate::fiber::homogenise::{self, Tangent};
 use crate::fiber::rve::{Rates, Rve, RveModel};
 use crate::fiber::workspace::Workspace;
 use crate::las::{Backend, Scalar};
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 /// The network of an RVE with the states that load stepping needs.
@@ -57,7 +59,7 @@ pub enum UnitError<F: std::error::Error + 'static> {
 }
 
 /// What the RVEs of one or more updates took.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SweepStats {
     /// Equilibria computed.
     pub solves: usize,
@@ -141,7 +143,7 @@ impl Unit {
     pub fn respond<B: Backend<Scalar = f64>>(
         &mut self,
         gradient: &Matrix3<f64>,
-        library: &Library<'_, B>,
+        library: &Library<B>,
         worker: &mut Worker<B>,
         stats: &mut SweepStats,
     ) -> Result<Response, UnitError<B::Fault>>
@@ -165,7 +167,7 @@ impl Unit {
     fn solve<B: Backend<Scalar = f64>>(
         &mut self,
         gradient: &Matrix3<f64>,
-        library: &Library<'_, B>,
+        library: &Library<B>,
         worker: &mut Worker<B>,
         stats: &mut SweepStats,
     ) -> Result<Response, UnitError<B::Fault>>
@@ -220,7 +222,7 @@ impl Fibers {
     fn solve<B: Backend<Scalar = f64>>(
         &mut self,
         gradient: &Matrix3<f64>,
-        library: &Library<'_, B>,
+        library: &Library<B>,
         workspace: &mut Workspace<B>,
         stats: &mut SweepStats,
     ) -> Result<(Response, usize), UnitError<B::Fault>>
@@ -228,7 +230,7 @@ impl Fibers {
         B::Reduced: Scalar,
     {
         let model = &library.models[self.model];
-        let report = match equilibrate(model, &mut self.current, gradient, library.params, workspace) {
+        let report = match equilibrate(model, &mut self.current, gradient, &library.params, workspace) {
             Ok(report) => report,
             Err(error) => {
                 if let RveError::NotConverged { report, .. } = &error {

@@ -1,18 +1,8 @@
 //! What each thread keeps for itself.
 
-use crate::fiber::equilibrium::EquilibriumParams;
-use crate::fiber::rve::RveModel;
+use super::library::Library;
 use crate::fiber::workspace::Workspace;
 use crate::las::{Backend, Scalar, SolveError};
-
-/// What all threads read: the networks and how they are to be solved.
-pub(super) struct Library<'a, B: Backend> {
-    pub context: &'a B::Context,
-    pub models: &'a [RveModel<B>],
-    pub params: &'a EquilibriumParams,
-    /// Whether RVEs keep what the next equilibrium can start from.
-    pub predict: bool,
-}
 
 /// The workspace of one thread: the scratch of every network it has met so far.
 pub(super) struct Worker<B: Backend> {
@@ -28,15 +18,11 @@ where
     }
 
     /// The scratch for one network, made when it is first asked for.
-    pub fn workspace(
-        &mut self,
-        library: &Library<'_, B>,
-        model: usize,
-    ) -> Result<&mut Workspace<B>, SolveError<B::Fault>> {
+    pub fn workspace(&mut self, library: &Library<B>, model: usize) -> Result<&mut Workspace<B>, SolveError<B::Fault>> {
         let place = &mut self.workspaces[model];
         match place {
             Some(workspace) => Ok(workspace),
-            None => Ok(place.insert(Workspace::new(library.context, &library.models[model])?)),
+            None => Ok(place.insert(Workspace::new(&library.context, &library.models[model])?)),
         }
     }
 }

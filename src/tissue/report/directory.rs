@@ -7,7 +7,7 @@ use super::extension::{Extension, box_extension, row_at};
 use crate::tissue::results::collection::Entry;
 use crate::tissue::results::loads::LoadRow;
 use crate::tissue::results::log::{self, Cut, End, Start, Step};
-use crate::tissue::results::{Collection, Event, FIELDS_FILE, Fields, LOADS_FILE, LOG_FILE, Loads, read_vtu};
+use crate::tissue::results::{Collection, Event, FIELDS_FILE, Fields, LOADS_FILE, LOG_FILE, Loads, read_fields};
 
 /// A result directory. Parts that a run did not write are absent or empty.
 #[derive(Clone, Debug)]
@@ -72,7 +72,7 @@ impl Directory {
             Event::Step(step) => self.steps.push(step),
             Event::Cut(cut) => self.cuts.push(cut),
             Event::End(end) => self.end = Some(end),
-            Event::Unknown => {}
+            Event::Ranks(_) | Event::Unknown => {}
         }
     }
 
@@ -130,7 +130,7 @@ impl Directory {
     /// [`ReportError::Results`] where it is missing or damaged, [`ReportError::EmptyMesh`].
     pub fn read_fields(&self, entry: &Entry) -> Result<Fields, ReportError> {
         let file = self.path.join(&entry.file);
-        let fields = read_vtu(&file)?;
+        let fields = read_fields(&file)?;
         if fields.elements.is_empty() { Err(ReportError::EmptyMesh { file }) } else { Ok(fields) }
     }
 

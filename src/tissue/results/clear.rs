@@ -4,8 +4,9 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::Path;
 
-use super::collection::{field_file, partial};
+use super::collection::{field_file, index_file, partial};
 use super::networks::{network_collection, network_file};
+use super::pieces::part_file;
 use super::replace::final_name;
 use super::{FIELDS_FILE, LOADS_FILE, LOG_FILE, NETWORKS_FOLDER, ResultsError};
 use crate::tissue::rve_dump::{LOST_FOLDER, lost_file};
@@ -16,7 +17,8 @@ use crate::tissue::rve_dump::{LOST_FOLDER, lost_file};
 /// # Errors
 /// [`ResultsError::Write`].
 pub fn clear(dir: &Path) -> Result<(), ResultsError> {
-    remove(dir, |name| [FIELDS_FILE, LOADS_FILE, LOG_FILE].contains(&name) || is_field(name) || is_partial(name))?;
+    let single = [FIELDS_FILE, LOADS_FILE, LOG_FILE];
+    remove(dir, |name| single.contains(&name) || is_field(name) || is_part(name) || is_partial(name))?;
     let collection =
         |name: &str| numbers(name, ["element-", ".pvd"]).is_some_and(|[element]| name == network_collection(element));
     remove(&dir.join(NETWORKS_FOLDER), |name| is_network(name) || is_partial(name) || collection(name))?;
@@ -35,6 +37,13 @@ pub fn clear_partial(dir: &Path) -> Result<(), ResultsError> {
 
 fn is_field(name: &str) -> bool {
     numbers(name, ["fields-", ".vtu"]).is_some_and(|[step]| name == field_file(step))
+        || numbers(name, ["fields-", ".pvtu"]).is_some_and(|[step]| name == index_file(step))
+}
+
+/// Whether this is a piece of the fields of a body in several parts.
+fn is_part(name: &str) -> bool {
+    let numbers = numbers(name, ["fields-", "-part-", ".vtu"]);
+    numbers.is_some_and(|[step, part]| name == part_file(&index_file(step), part))
 }
 
 fn is_network(name: &str) -> bool {
@@ -51,7 +60,9 @@ fn is_lost(name: &str) -> bool {
 
 fn is_partial(name: &str) -> bool {
     let whole = name.replacen("-partial.", ".", 1);
-    name == partial(&whole) && (is_field(&whole) || is_network(&whole))
+    let numbers = numbers(name, ["fields-", "-partial-part-", ".vtu"]);
+    numbers.is_some_and(|[step, part]| name == part_file(&partial(&index_file(step)), part))
+        || name == partial(&whole) && (is_field(&whole) || is_network(&whole))
 }
 
 /// The numbers between these pieces of a name, one less than there are pieces.
@@ -79,4 +90,41 @@ fn remove(folder: &Path, ours: impl Fn(&str) -> bool) -> Result<(), ResultsError
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(dir: &Path) -> Vec<String> {
+        let entries = fs::read_dir(dir).unwrap();
+        let mut names: Vec<String> = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+
+    fn sorted(names: &[&[&'static str]]) -> Vec<&'static str> {
+        let mut names: Vec<&str> = names.concat();
+        names.sort_unstable();
+        names
+    }
+
+    #[test]
+    fn fields_of_a_body_in_parts_are_removed() {
+        let whole = &["fields-00003.pvtu", "fields-00003-part-0002.vtu", ".fields-00003-part-0002.vtu.17.part"][..];
+        let partial = &[
+            "fields-00003-partial.pvtu",
+            "fields-00003-partial-part-0000.vtu",
+            ".fields-00003-partial-part-0000.vtu.17.part",
+        ][..];
+        let others = &["fields-3.pvtu", "fields-00003-part-2.vtu", "fields-00003-part-0002.pvtu"][..];
+        let dir = tempfile::tempdir().unwrap();
+        for name in sorted(&[whole, partial, others]) {
+            fs::write(dir.path().join(name), "").unwrap();
+        }
+        clear_partial(dir.path()).unwrap();
+        assert_eq!(names(dir.path()), sorted(&[whole, others]));
+        clear(dir.path()).unwrap();
+        assert_eq!(names(dir.path()), sorted(&[others]));
+    }
 }

@@ -20,7 +20,7 @@ pub struct Entry {
 }
 
 impl Entry {
-    /// The step of a file named by [`field_file`]: the digits at the end of its name.
+    /// The step of a file named by [`field_file`] or [`index_file`]: the digits at the end of its name.
     #[must_use]
     pub fn step(&self) -> Option<usize> {
         let stem = Path::new(&self.file).file_stem()?.to_str()?;
@@ -32,6 +32,12 @@ impl Entry {
 #[must_use]
 pub fn field_file(step: usize) -> String {
     format!("fields-{step:05}.vtu")
+}
+
+/// The name of the file of a step that names the pieces of a body in several parts.
+#[must_use]
+pub fn index_file(step: usize) -> String {
+    format!("fields-{step:05}.pvtu")
 }
 
 /// The name of a file of a step for a state within the step after it: what a run that failed there has left.

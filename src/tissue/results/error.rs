@@ -16,6 +16,14 @@ pub enum ResultsError {
         /// Its answer.
         source: io::Error,
     },
+    /// Another process of the run could not write.
+    #[error("{reason}")]
+    Elsewhere {
+        /// The result directory.
+        path: PathBuf,
+        /// Its words.
+        reason: String,
+    },
     /// The operating system refused to read.
     #[error("{}: cannot be read: {source}", path.display())]
     Read {
@@ -76,6 +84,7 @@ impl ResultsError {
     pub fn path(&self) -> &Path {
         match self {
             Self::Write { path, .. }
+            | Self::Elsewhere { path, .. }
             | Self::Read { path, .. }
             | Self::Encode { path, .. }
             | Self::Damaged { path, .. }

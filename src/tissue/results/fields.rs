@@ -11,7 +11,7 @@ use vtkio::model::{
 };
 
 use super::ResultsError;
-pub use super::fields_read::read_vtu;
+pub use super::fields_read::{read_fields, read_vtu};
 use super::replace::replace;
 
 /// A mesh and its fields, borrowed for writing. Names are unique among the fields of points and among those of cells.

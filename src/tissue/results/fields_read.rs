@@ -28,6 +28,73 @@ pub fn read_vtu(path: &Path) -> Result<Fields, ResultsError> {
     mesh_and_fields(path, *piece)
 }
 
+/// Reads a file of fields: one of a whole body (`.vtu`), or one that names the pieces of a body in parts (`.pvtu`), which
+/// follow one another; points between parts then come more than once.
+///
+/// # Errors
+/// As for [`read_vtu`], of every piece.
+pub fn read_fields(path: &Path) -> Result<Fields, ResultsError> {
+    if path.extension().is_none_or(|extension| extension != "pvtu") {
+        return read_vtu(path);
+    }
+    let text = std::fs::read_to_string(path).map_err(ResultsError::read(path))?;
+    let mut whole = Fields::default();
+    for source in sources(path, &text)? {
+        let piece = path.with_file_name(source);
+        append(&mut whole, read_vtu(&piece)?, &piece)?;
+    }
+    Ok(whole)
+}
+
+/// The files that an index of pieces names.
+fn sources(path: &Path, text: &str) -> Result<Vec<String>, ResultsError> {
+    let damaged = |what: String| ResultsError::damaged(path, None, what, "a .pvtu file that names its pieces");
+    let mut reader = quick_xml::Reader::from_str(text);
+    let mut sources = Vec::new();
+    loop {
+        match reader.read_event().map_err(|error| damaged(error.to_string()))? {
+            XmlEvent::Empty(tag) | XmlEvent::Start(tag) if tag.name().as_ref() == "Piece" => {
+                let source = tag.try_get_attribute("Source").ok().flatten();
+                let source = source.ok_or_else(|| damaged("a piece without a file".into()))?;
+                let source = source.normalized_value(quick_xml::XmlVersion::Implicit1_0);
+                sources.push(source.map_err(|error| damaged(error.to_string()))?.into_owned());
+            }
+            XmlEvent::Eof if sources.is_empty() => return Err(damaged("names no piece".into())),
+            XmlEvent::Eof => return Ok(sources),
+            _ => {}
+        }
+    }
+}
+
+/// Puts a piece behind those that are there.
+fn append(whole: &mut Fields, piece: Fields, path: &Path) -> Result<(), ResultsError> {
+    if whole.elements.is_empty() {
+        *whole = piece;
+        return Ok(());
+    }
+    let first = whole.points.len() as u32;
+    whole.points.extend(piece.points);
+    whole.elements.extend(piece.elements.iter().map(|nodes| nodes.map(|node| first + node)));
+    let same = extend(&mut whole.point_vectors, piece.point_vectors)
+        && extend(&mut whole.cell_scalars, piece.cell_scalars)
+        && extend(&mut whole.cell_integers, piece.cell_integers)
+        && extend(&mut whole.cell_vectors, piece.cell_vectors)
+        && extend(&mut whole.cell_tensors, piece.cell_tensors);
+    if same {
+        return Ok(());
+    }
+    Err(ResultsError::damaged(path, None, "has other fields than the pieces before it", "pieces of one body"))
+}
+
+/// Whether both have the same fields, which are then one behind the other.
+fn extend<T>(whole: &mut [(String, Vec<T>)], piece: Vec<(String, Vec<T>)>) -> bool {
+    let same = whole.len() == piece.len() && whole.iter().zip(&piece).all(|((a, _), (b, _))| a == b);
+    for ((_, whole), (_, piece)) in whole.iter_mut().zip(piece) {
+        whole.extend(piece);
+    }
+    same
+}
+
 /// The reader behind takes for granted that there are points and that every array holds at least its own length
 /// (a header of eight bytes): check it, so that a damaged file is an error.
 pub(super) fn check_arrays(path: &Path, text: &[u8]) -> Result<(), ResultsError> {

@@ -19,6 +19,8 @@ pub enum Event {
     Step(Step),
     /// A step did not converge and is tried again with a smaller increment.
     Cut(Cut),
+    /// Where the time of every rank went while the points were asked once; of runs on ranks.
+    Ranks(Ranks),
     /// The run is over.
     End(End),
     /// Something that a later version writes.
@@ -46,6 +48,8 @@ pub struct Start {
     pub networks: usize,
     /// Worker threads.
     pub threads: usize,
+    /// Ranks of the engineering scale and of the RVEs; 1 and 0 in one process.
+    pub ranks: [usize; 2],
     /// Version of this program.
     pub version: String,
     /// The converged step that a resumed run goes on from; 0 for a run from the beginning.
@@ -97,6 +101,32 @@ pub struct Cut {
     /// As far as Newton came.
     #[serde(default)]
     pub newton: NewtonLog,
+}
+
+/// One trial state of Newton or its line search, rank by rank.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Ranks {
+    /// The load step, from 1.
+    pub step: usize,
+    /// The trial state of the step, from 1.
+    pub iteration: usize,
+    /// Where their time went.
+    pub ranks: Vec<RankSeconds>,
+}
+
+/// Where the time of a rank went since it was last asked, s.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct RankSeconds {
+    /// Its number among all ranks.
+    pub rank: usize,
+    /// It worked.
+    pub busy: f64,
+    /// It waited for others.
+    pub idle: f64,
+    /// It packed, sent and took apart what it exchanged.
+    pub exchanging: f64,
 }
 
 /// How the run ended.
@@ -200,6 +230,12 @@ pub struct RveLog {
     pub reused: u64,
     /// Processor time, s, over all workers.
     pub seconds_cpu: f64,
+    /// RVEs that sleep after the step.
+    pub asleep: u64,
+    /// RVEs that are not created yet.
+    pub waiting: u64,
+    /// RVEs that were deleted.
+    pub deleted: u64,
 }
 
 fn null_is_nan_one<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {

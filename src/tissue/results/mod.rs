@@ -3,6 +3,7 @@
 //! | file | module | written |
 //! |---|---|---|
 //! | `fields.pvd` and the `.vtu` files it names | [`collection`], [`fields`] | whenever fields are due |
+//! | instead, of a body in several parts: `.pvtu` files and the `.vtu` pieces they name | [`pieces`] | whenever fields are due |
 //! | `loads.csv` | [`loads`] | a row a converged step |
 //! | `log.jsonl` | [`log`] | a line an event |
 //! | `rve/element-NNNNN.pvd` and the `.vtp` files it names | [`collection`], [`networks`] | with the fields, for the elements asked for |
@@ -24,15 +25,17 @@ mod fields_read;
 pub mod loads;
 pub mod log;
 pub mod networks;
+pub mod pieces;
 mod replace;
 
 pub use clear::{clear, clear_partial};
 pub use collection::Collection;
 pub use error::ResultsError;
-pub use fields::{FieldSet, Fields, read_vtu, write_vtu};
+pub use fields::{FieldSet, Fields, read_fields, read_vtu, write_vtu};
 pub use loads::{Loads, LoadsWriter, SurfaceRow};
 pub use log::{Event, LogWriter};
 pub use networks::{NetworkSet, Networks, read_vtp, write_vtp};
+pub use pieces::Pieces;
 pub(in crate::tissue) use replace::{final_name, replace_by};
 
 /// Name of the collection of field files in a result directory.

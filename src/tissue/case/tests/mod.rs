@@ -110,6 +110,7 @@ solver = { method = "gmres", restart = 30, drop_tolerance = 0, fill = 7 }
 [scales]
 macro = 1
 micro = 3
+near = true
 
 [output]
 directory = "out/pull"

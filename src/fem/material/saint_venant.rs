@@ -1,0 +1,78 @@
+//! Linear response to the Green-Lagrange strain.
+
+use nalgebra::{Matrix3, SMatrix};
+
+use super::{Material, MaterialError, Response, checked_determinant};
+
+/// `W = E : C : E / 2` with `E = (F^T F - I) / 2`: any linear response at rest, carried to finite deformations so that turning
+/// the body does not strain it.
+///
+/// # Derivation
+/// With `S = C : E` and the minor symmetries of `C`:
+///
+/// ```text
+/// P_iJ   = F_iM S_MJ
+/// A_iJkL = d_ik S_JL + F_iM C_MJLP F_kP
+/// ```
+///
+/// At `F = I`, `A = C`. In strong compression it softens and has no limit: it is for what deforms little.
+///
+/// # References
+/// J. Bonet and R. D. Wood, *Nonlinear Continuum Mechanics for Finite Element Analysis*, 2nd ed., section 6.4.1.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SaintVenantKirchhoff {
+    /// `C_IJKL`, Pa: row `3 * I + J`, column `3 * K + L`; with both minor symmetries and the major one.
+    stiffness: SMatrix<f64, 9, 9>,
+}
+
+impl SaintVenantKirchhoff {
+    /// From `A = dP/dF` of a body at rest, whose symmetries are made exact.
+    #[must_use]
+    pub fn at_rest(tangent: &SMatrix<f64, 9, 9>) -> Self {
+        let swapped = |k: usize| 3 * (k % 3) + k / 3;
+        let mut stiffness = SMatrix::zeros();
+        for row in 0..9 {
+            for column in 0..9 {
+                let minor = |a: usize, b: usize| {
+                    tangent[(a, b)]
+                        + tangent[(swapped(a), b)]
+                        + tangent[(a, swapped(b))]
+                        + tangent[(swapped(a), swapped(b))]
+                };
+                stiffness[(row, column)] = (minor(row, column) + minor(column, row)) / 8.0;
+            }
+        }
+        Self { stiffness }
+    }
+
+    /// The strain and the second Piola-Kirchhoff stress.
+    fn at(&self, f: &Matrix3<f64>) -> (Matrix3<f64>, Matrix3<f64>) {
+        let strain = (f.transpose() * f - Matrix3::identity()) * 0.5;
+        let stress = Matrix3::from_fn(|i, j| {
+            (0..9).map(|column| self.stiffness[(3 * i + j, column)] * strain[(column / 3, column % 3)]).sum()
+        });
+        (strain, stress)
+    }
+}
+
+impl Material for SaintVenantKirchhoff {
+    fn respond(&self, f: &Matrix3<f64>) -> Result<Response, MaterialError> {
+        checked_determinant(f)?;
+        let (strain, stress) = self.at(f);
+        let mut tangent = SMatrix::<f64, 9, 9>::zeros();
+        for (i, j, k, l) in (0..81).map(|n| (n / 27, n / 9 % 3, n / 3 % 3, n % 3)) {
+            let mut sum = if i == k { stress[(j, l)] } else { 0.0 };
+            for (m, p) in (0..9).map(|n| (n / 3, n % 3)) {
+                sum += f[(i, m)] * self.stiffness[(3 * m + j, 3 * l + p)] * f[(k, p)];
+            }
+            tangent[(3 * i + j, 3 * k + l)] = sum;
+        }
+        Ok(Response { energy: 0.5 * strain.dot(&stress), pk1: f * stress, tangent })
+    }
+
+    fn energy(&self, f: &Matrix3<f64>) -> Result<f64, MaterialError> {
+        checked_determinant(f)?;
+        let (strain, stress) = self.at(f);
+        Ok(0.5 * strain.dot(&stress))
+    }
+}

@@ -1,0 +1,266 @@
+//! The RVEs of one rank, solved on all of its threads.
+
+use std::collections::{HashMap, HashSet};
+use std::sync::{Mutex, PoisonError};
+
+use nalgebra::Matrix3;
+use rayon::prelude::*;
+
+use super::error::PointFailure;
+use super::formula::Formula;
+use super::library::Library;
+use super::saved::{FieldRestoreError, UnitState};
+use super::unit::{Fibers, SweepStats, Unit, UnitError};
+use super::worker::Worker;
+use crate::fem::material::Response;
+use crate::las::{Backend, Scalar};
+use crate::tissue::rve_dump::RveDump;
+
+/// The RVEs of one rank, in the order in which they came, each the material of an element.
+///
+/// They are solved on all threads of the current rayon pool. Every RVE starts from its own last equilibrium and writes
+/// its own answer, so results do not depend on the number of threads or on which thread solved what.
+pub struct Units<B: Backend> {
+    library: Library<B>,
+    units: Vec<Unit>,
+    /// The element of every unit.
+    elements: Vec<usize>,
+    workers: Vec<Mutex<Worker<B>>>,
+    /// Behind a lock, because whoever watches a run only has the units for reading.
+    stats: Mutex<SweepStats>,
+    /// The last RVE that found no equilibrium.
+    lost: Mutex<Option<LostRve>>,
+}
+
+/// An RVE that found no equilibrium.
+#[derive(Clone, Debug)]
+pub struct LostRve {
+    /// Its element, from 0.
+    pub element: usize,
+    /// The number of its model.
+    pub model: usize,
+    /// Everything that repeats the failure.
+    pub dump: RveDump,
+}
+
+impl<B: Backend<Scalar = f64>> Units<B>
+where
+    B::Reduced: Scalar,
+{
+    /// None yet.
+    #[must_use]
+    pub fn new(library: Library<B>) -> Self {
+        let models = library.models.len();
+        let workers = (0..rayon::current_num_threads()).map(|_| Mutex::new(Worker::new(models))).collect();
+        let (units, elements, stats, lost) = Default::default();
+        Self { library, units, elements, workers, stats, lost }
+    }
+
+    /// What all of them share.
+    #[must_use]
+    pub fn library(&self) -> &Library<B> {
+        &self.library
+    }
+
+    /// One more RVE at rest, behind the others: the material of an element.
+    pub fn add(&mut self, element: usize, model: Option<usize>, matrix: Option<Formula>) {
+        self.units.push(Unit::new(model, &self.library.models, matrix));
+        self.elements.push(element);
+    }
+
+    /// Without those of these elements; the others keep their order.
+    pub fn remove(&mut self, elements: &HashSet<usize>) {
+        let mut stays = self.elements.iter().map(|element| !elements.contains(element));
+        self.units.retain(|_| stays.next().unwrap_or(true));
+        self.elements.retain(|element| !elements.contains(element));
+    }
+
+    /// How many there are.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.units.len()
+    }
+
+    /// Whether there is none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.units.is_empty()
+    }
+
+    /// The elements whose material they are.
+    #[must_use]
+    pub fn elements(&self) -> &[usize] {
+        &self.elements
+    }
+
+    pub(super) fn unit(&self, number: usize) -> Option<&Unit> {
+        self.units.get(number)
+    }
+
+    /// The last answer of each, with the element.
+    pub fn answers(&self) -> impl Iterator<Item = (usize, Option<&Response>)> {
+        let answers = self.units.iter().map(|unit| unit.answer.as_ref().map(|(_, answer)| answer));
+        self.elements.iter().copied().zip(answers)
+    }
+
+    /// For every model of the library the number of RVEs that use it.
+    #[must_use]
+    pub fn users(&self) -> Vec<usize> {
+        let mut users = vec![0; self.library.models.len()];
+        for fibers in self.units.iter().filter_map(|unit| unit.fibers.as_ref()) {
+            users[fibers.model] += 1;
+        }
+        users
+    }
+
+    /// Bytes that all RVEs own in a run: states, last answers, and what the next solves start from.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        self.units.iter().map(|unit| unit.bytes(self.library.predict)).sum()
+    }
+
+    /// What the RVEs have taken since this was last asked.
+    pub fn take_stats(&self) -> SweepStats {
+        std::mem::take(&mut self.stats.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// The RVE that made the last solve fail, once.
+    pub fn take_lost(&self) -> Option<LostRve> {
+        self.lost.lock().unwrap_or_else(PoisonError::into_inner).take()
+    }
+
+    /// Brings them to equilibrium, each at the gradient that `gradient` gives for its number and its element; those without
+    /// one stay as they are.
+    ///
+    /// # Errors
+    /// That of the lowest element which finds none.
+    pub fn solve(
+        &mut self,
+        gradient: impl Fn(usize, usize) -> Option<Matrix3<f64>> + Sync,
+    ) -> Result<(), PointFailure> {
+        let Self { library, units, elements, workers, .. } = self;
+        let (library, elements) = (&*library, &*elements);
+        let (stats, failed) = units
+            .par_iter_mut()
+            .enumerate()
+            .map(|(number, unit)| {
+                let slot = rayon::current_thread_index().unwrap_or(0) % workers.len();
+                // A worker is scratch: whatever a panicking thread left in it is overwritten.
+                let mut worker = workers[slot].lock().unwrap_or_else(PoisonError::into_inner);
+                let mut stats = SweepStats::default();
+                let Some(gradient) = gradient(number, elements[number]) else { return (stats, None) };
+                let outcome = unit.respond(&gradient, library, &mut worker, &mut stats);
+                (stats, outcome.err().map(|reason| (elements[number], (number, gradient, reason))))
+            })
+            .reduce(|| (SweepStats::default(), None), |(a, first), (b, second)| (a.and(b), earlier(first, second)));
+        let sum = self.stats.get_mut().unwrap_or_else(PoisonError::into_inner);
+        *sum = sum.and(stats);
+        failed.map_or(Ok(()), |(_, (number, gradient, reason))| Err(self.failure(number, &gradient, &reason)))
+    }
+
+    fn failure(&mut self, number: usize, gradient: &Matrix3<f64>, reason: &UnitError<B::Fault>) -> PointFailure {
+        let (element, library) = (self.elements[number], &self.library);
+        let fibers = self.units[number].fibers.as_ref();
+        let network = fibers.map(|f| library.models[f.model].network().name().to_owned());
+        if let (UnitError::Rve(_), Some(fibers)) = (reason, fibers) {
+            let origin = format!("element {element}");
+            let ends = (&fibers.current, gradient);
+            let dump = RveDump::new(origin, &library.models[fibers.model], ends, &library.params);
+            *self.lost.get_mut().unwrap_or_else(PoisonError::into_inner) =
+                Some(LostRve { element, model: fibers.model, dump });
+        }
+        PointFailure::of_unit(element, network, reason)
+    }
+
+    /// The current equilibria become the start of the next load step.
+    pub fn commit(&mut self) {
+        self.units.par_iter_mut().for_each(Unit::commit);
+    }
+
+    /// Back to the last [`Units::commit`].
+    pub fn revert(&mut self) {
+        self.units.par_iter_mut().for_each(Unit::revert);
+    }
+
+    /// The memory of all RVEs in their order; right after a commit it is all that the next load step depends on.
+    pub fn states(&self) -> impl ExactSizeIterator<Item = UnitState> + '_ {
+        (0..self.units.len()).map(|number| self.state(number))
+    }
+
+    /// The memory of one RVE.
+    ///
+    /// # Panics
+    /// Where there is no such number.
+    #[must_use]
+    pub fn state(&self, number: usize) -> UnitState {
+        let unit = &self.units[number];
+        UnitState {
+            // Right after a commit this is the committed state, with the prediction that goes with it.
+            rve: unit.fibers.as_ref().map(|f| f.current.clone()),
+            answer: unit.answer,
+            iterations: unit.committed_iterations,
+        }
+    }
+
+    /// Takes all RVEs back to what [`Units::states`] gave.
+    ///
+    /// # Errors
+    /// [`FieldRestoreError`]; nothing has changed then.
+    pub fn restore(&mut self, states: Vec<UnitState>) -> Result<(), FieldRestoreError> {
+        let (found, expected) = (states.len(), self.units.len());
+        if found != expected {
+            return Err(FieldRestoreError::Units { found, expected });
+        }
+        let places = self.units.iter().zip(&self.elements);
+        let units = states
+            .into_iter()
+            .zip(places)
+            .map(|(state, (unit, &element))| self.restored(state, unit, element))
+            .collect::<Result<Vec<Unit>, _>>()?;
+        self.units = units;
+        Ok(())
+    }
+
+    fn restored(&self, state: UnitState, unit: &Unit, element: usize) -> Result<Unit, FieldRestoreError> {
+        let UnitState { rve, answer, iterations } = state;
+        let fibers = match (rve, &unit.fibers) {
+            (Some(current), Some(Fibers { model, committed, .. })) => {
+                current
+                    .check(self.library.models[*model].network())
+                    .map_err(|reason| FieldRestoreError::Rve { element, reason })?;
+                let mut committed = committed.clone();
+                committed.take_equilibrium(&current);
+                Some(Fibers { model: *model, current, committed })
+            }
+            (None, None) => None,
+            (saved, _) => return Err(FieldRestoreError::Fibers { element, saved: saved.is_some() }),
+        };
+        // Committing makes the iterations since the last commit those of the last load step.
+        Ok(Unit { fibers, matrix: unit.matrix, answer, iterations, committed_iterations: iterations })
+    }
+
+    /// Without any, as at the beginning.
+    pub fn clear(&mut self) {
+        self.units.clear();
+        self.elements.clear();
+    }
+
+    /// What the unit of a number was asked last, and answered.
+    pub fn answer(&self, number: usize) -> Option<(Matrix3<f64>, Response)> {
+        self.units.get(number)?.answer
+    }
+
+    /// The numbers of the units by their elements.
+    #[must_use]
+    pub fn by_element(&self) -> HashMap<usize, usize> {
+        self.elements.iter().enumerate().map(|(number, &element)| (element, number)).collect()
+    }
+}
+
+/// The failure of the lower element: the same one whatever the threads did.
+fn earlier<E>(a: Option<(usize, E)>, b: Option<(usize, E)>) -> Option<(usize, E)> {
+    match (a, b) {
+        (Some(a), Some(b)) => Some(if a.0 <= b.0 { a } else { b }),
+        (a, b) => a.or(b),
+    }
+}

@@ -1,0 +1,64 @@
+//! The other ranks of the engineering scale where the first one solves for the body: each exchanges with the RVEs of its part.
+
+use std::collections::HashMap;
+use std::time::Instant;
+
+use serde::{Deserialize, Serialize};
+
+use super::TwoScaleError;
+use super::part::{Change, Part};
+use super::terms::{Seconds, Strain, unpack};
+use crate::coupling::Scales;
+use crate::fem::mesh::Mesh;
+use crate::las::{Comm, Message, Tag};
+
+/// Gradients to the rank of a part, and answers from it.
+pub(super) const GRADIENTS: Tag = Tag::of(0);
+pub(super) const ANSWERS: Tag = Tag::of(1);
+/// Where the time of the rank of a part went.
+pub(super) const SECONDS: Tag = Tag::of(2);
+
+/// What the first rank of the engineering scale tells the others.
+#[derive(Serialize, Deserialize)]
+pub(super) enum Order {
+    /// RVEs are deleted, and created: elements and regions.
+    Change(Vec<u64>, Vec<[u64; 2]>),
+    /// Gradients are on their way.
+    Exchange,
+    /// The run is over.
+    End,
+}
+
+/// The main function of the other ranks of the engineering scale.
+///
+/// # Errors
+/// [`TwoScaleError`].
+pub fn follow<C: Comm>(scales: &Scales<C>, mesh: &Mesh) -> Result<(), TwoScaleError> {
+    let comm = scales.comm();
+    let part_of = super::partition::partition(mesh, comm.size());
+    let own = comm.rank() as u32;
+    let mut part = Part::new(scales)?;
+    let mut seconds = Seconds::default();
+    loop {
+        let waiting = Instant::now();
+        match unpack(&comm.broadcast(0, Message::new())?)? {
+            Order::Change(gone, new) => part.change(&Change { gone, new }, |element| part_of[element] == own)?,
+            Order::Exchange => {
+                let gradients = comm.receive(0, GRADIENTS)?;
+                seconds.idle += waiting.elapsed().as_secs_f64();
+                let gradients = gradients.values::<Strain>().ok_or(TwoScaleError::Turn)?;
+                if gradients.len() != part.elements().len() {
+                    return Err(TwoScaleError::Turn);
+                }
+                let place: HashMap<usize, usize> =
+                    part.elements().iter().enumerate().map(|(place, &element)| (element as usize, place)).collect();
+                let strain = |element: usize| gradients[place[&element]];
+                let strain = |element: usize| (strain(element).matrix(), strain(element).awake != 0);
+                let answers = part.exchange(strain, &mut seconds)?;
+                comm.send(0, ANSWERS, Message::of(answers))?;
+                comm.send(0, SECONDS, Message::of(&std::mem::take(&mut seconds).numbers()))?;
+            }
+            Order::End => return Ok(()),
+        }
+    }
+}

@@ -1,0 +1,246 @@
+//! The micro scale: RVEs that come and go as the engineering scale says, and answer when asked.
+
+use std::collections::{HashMap, HashSet};
+use std::time::Instant;
+
+use super::TwoScaleError;
+use super::terms::{
+    Answer, Drawn, Failed, Header, MACRO, MICRO, OneByOne, RankReport, Seconds, Strain, Turn, UnitReport, pack,
+    pack_into, unpack,
+};
+use crate::coupling::{Carrier, Coupling, Even, Scales};
+use crate::las::{Backend, Comm, Message, Scalar};
+use crate::tissue::case::{Case, RveOutput};
+use crate::tissue::checkpoint::UnitRecord;
+use crate::tissue::micro_scale::{ElementMaterial, Library, PointFailure, PointSummary, UnitState, Units};
+
+/// The main function of the micro scale on one rank.
+///
+/// # Errors
+/// [`TwoScaleError`].
+pub fn run<C: Comm, B: Backend<Scalar = f64>>(
+    scales: &Scales<C>,
+    case: &Case,
+    library: Library<B>,
+) -> Result<(), TwoScaleError>
+where
+    B::Reduced: Scalar,
+{
+    MicroSide::new(scales, case, library)?.run()
+}
+
+/// The RVEs of a rank and what couples them.
+struct MicroSide<'a, C: Comm, B: Backend> {
+    scales: &'a Scales<C>,
+    /// The number of the engineering scale.
+    above: usize,
+    drawn: RveOutput,
+    units: Units<B>,
+    /// From the engineering scale to here, and back.
+    coupling: Coupling<C>,
+    back: Coupling<C>,
+    headers: Carrier<Header>,
+    strains: Carrier<Strain>,
+    answers: Carrier<Answer>,
+    /// What was asked last, in the order of the units.
+    asked: Vec<Strain>,
+    failed: Option<PointFailure>,
+    seconds: Vec<Seconds>,
+    /// Where the time went since the last answer, for the next one.
+    between: Seconds,
+}
+
+impl<'a, C: Comm, B: Backend<Scalar = f64>> MicroSide<'a, C, B>
+where
+    B::Reduced: Scalar,
+{
+    fn new(scales: &'a Scales<C>, case: &Case, library: Library<B>) -> Result<Self, TwoScaleError> {
+        let above = scales.find(MACRO).ok_or(TwoScaleError::Scale(MACRO))?;
+        // Nothing yet: the first RVEs come like all others.
+        let coupling = Coupling::new(scales, MACRO, MICRO, &[], &[], &Even)?;
+        let back = coupling.inverse();
+        let headers = Carrier::new(&coupling)?;
+        let strains = Carrier::new(&coupling)?;
+        let answers = Carrier::new(&back)?;
+        let (units, drawn) = (Units::new(library), case.output.rve.clone());
+        let (asked, failed, seconds, between) = (Vec::new(), None, Vec::new(), Seconds::default());
+        Ok(Self {
+            scales,
+            above,
+            drawn,
+            units,
+            coupling,
+            back,
+            headers,
+            strains,
+            answers,
+            asked,
+            failed,
+            seconds,
+            between,
+        })
+    }
+
+    fn run(mut self) -> Result<(), TwoScaleError> {
+        let mut complete = false;
+        while !complete {
+            match self.turn()? {
+                Turn::Units => self.update_units()?,
+                Turn::Step => {
+                    let mut step_complete = false;
+                    while !step_complete {
+                        self.answer_strains()?;
+                        step_complete = self.hear_of_step()?;
+                    }
+                }
+                Turn::Complete => complete = true,
+                between => self.between_steps(between)?,
+            }
+        }
+        Ok(())
+    }
+
+    /// What the engineering scale makes of the answers: `false` where it asks again.
+    fn hear_of_step(&mut self) -> Result<bool, TwoScaleError> {
+        loop {
+            match self.turn()? {
+                Turn::Iterate => return Ok(false),
+                Turn::Explain => self.explain()?,
+                over => {
+                    self.between_steps(over)?;
+                    return Ok(true);
+                }
+            }
+        }
+    }
+
+    fn between_steps(&mut self, turn: Turn) -> Result<(), TwoScaleError> {
+        match turn {
+            Turn::Accept => {
+                self.units.commit();
+                self.report(true)
+            }
+            Turn::Reject => {
+                self.units.revert();
+                self.report(false)
+            }
+            Turn::Restore(states) => self.restore(states),
+            _ => Err(TwoScaleError::Turn),
+        }
+    }
+
+    fn turn(&mut self) -> Result<Turn, TwoScaleError> {
+        let start = Instant::now();
+        let news = self.scales.hear(self.above)?;
+        self.between.idle += start.elapsed().as_secs_f64();
+        Ok(unpack(&news)?)
+    }
+
+    /// RVEs that are deleted, then those that are new, at rest.
+    fn update_units(&mut self) -> Result<(), TwoScaleError> {
+        let before = self.coupling.units().to_vec();
+        let kept = self.coupling.forget()?;
+        let kept: HashSet<u64> = kept.into_iter().map(|place| before[place as usize]).collect();
+        let gone = before.into_iter().filter(|unit| !kept.contains(unit)).map(|unit| unit as usize).collect();
+        self.units.remove(&gone);
+        let delta = self.coupling.reconcile()?;
+        let mut headers = vec![Header { region: 0 }; delta.units().len()];
+        self.headers.receive(&delta, &mut headers)?;
+        for (&element, header) in delta.units().iter().zip(headers) {
+            let element = element as usize;
+            if let ElementMaterial::Rve { model, matrix } =
+                self.units.library().of_element(header.region as usize, element)
+            {
+                self.units.add(element, model, matrix);
+            }
+        }
+        self.back = self.coupling.inverse();
+        Ok(())
+    }
+
+    /// Gets a deformation gradient for every RVE, brings all to equilibrium, and sends what they answer.
+    fn answer_strains(&mut self) -> Result<(), TwoScaleError> {
+        self.asked.resize(self.units.len(), Strain { gradient: [0.0; 9], awake: 0 });
+        let start = Instant::now();
+        self.strains.receive(&self.coupling, &mut self.asked)?;
+        let asked = Instant::now();
+        let strains = &self.asked;
+        self.failed =
+            self.units.solve(|number, _| (strains[number].awake != 0).then(|| strains[number].matrix())).err();
+        let solved = Instant::now();
+        let failed = self.failed.is_some();
+        let answer = |(element, response)| Answer::new(element, if failed { None } else { response });
+        let answers: Vec<Answer> = self.units.answers().map(answer).collect();
+        self.answers.send(&self.back, &answers)?;
+        let between = std::mem::take(&mut self.between);
+        self.seconds.push(Seconds {
+            busy: (solved - asked).as_secs_f64() + between.busy,
+            idle: (asked - start).as_secs_f64() + between.idle,
+            exchanging: solved.elapsed().as_secs_f64() + between.exchanging,
+        });
+        Ok(())
+    }
+
+    /// Tells the engineering scale of the first RVE of this scale that failed.
+    fn explain(&mut self) -> Result<(), TwoScaleError> {
+        let failed = self.failed.take().map(|failure| {
+            let start = self.units.take_lost().map(|lost| {
+                let mut gradient = [0.0; 9];
+                gradient.copy_from_slice(lost.dump.target.as_slice());
+                let state = UnitState { rve: Some(lost.dump.start), answer: None, iterations: 0 };
+                (lost.model, UnitRecord::from(state), gradient)
+            });
+            Failed { failure, start }
+        });
+        self.to_macro(pack(&failed)?)
+    }
+
+    /// Tells the engineering scale what the step took, and what became of the RVEs. What that takes counts for the next step.
+    fn report(&mut self, converged: bool) -> Result<(), TwoScaleError> {
+        let start = Instant::now();
+        let summaries = if converged { self.units.summaries() } else { Vec::new() };
+        let seconds = std::mem::take(&mut self.seconds);
+        let summarised = Instant::now();
+        let units = || {
+            summaries.iter().enumerate().map(|(number, summary)| UnitReport {
+                element: self.units.elements()[number] as u64,
+                summary: summary.clone(),
+                state: self.units.state(number).into(),
+                network: self.drawn(number, summary.as_ref()),
+            })
+        };
+        let report =
+            RankReport { stats: self.units.take_stats(), bytes: self.units.bytes(), seconds, units: OneByOne(units) };
+        // About as long as what it tells of.
+        self.to_macro(pack_into(Message::zeros(report.bytes), &report)?)?;
+        self.between.busy += (summarised - start).as_secs_f64();
+        self.between.exchanging += summarised.elapsed().as_secs_f64();
+        Ok(())
+    }
+
+    /// The network of a unit, if it is to be drawn.
+    fn drawn(&self, number: usize, summary: Option<&PointSummary>) -> Option<Drawn> {
+        let element = self.units.elements()[number];
+        let is_drawn = match &self.drawn {
+            RveOutput::None => false,
+            RveOutput::All => true,
+            RveOutput::Elements(elements) => elements.binary_search(&element).is_ok(),
+        };
+        let model = summary.map_or(0, |summary| summary.network);
+        let deformed = if is_drawn { self.units.deformed_network(number) } else { None };
+        deformed.map(|deformed| Drawn::new(model, deformed))
+    }
+
+    /// All ranks of this scale say something; the engineering scale hears them in their order.
+    fn to_macro(&self, message: Message) -> Result<(), TwoScaleError> {
+        let all = self.scales.comm().gather(0, message)?;
+        Ok(self.scales.tell(self.above, Message::join(&all.unwrap_or_default()))?)
+    }
+
+    fn restore(&mut self, states: Vec<(u64, UnitRecord)>) -> Result<(), TwoScaleError> {
+        let mut states: HashMap<u64, UnitRecord> = states.into_iter().collect();
+        let own = self.units.elements().iter().filter_map(|&element| states.remove(&(element as u64)));
+        let own = own.map(Into::into).collect();
+        self.units.restore(own).map_err(|error| TwoScaleError::State(error.to_string()))
+    }
+}

@@ -1,0 +1,91 @@
+//! Which rank of the engineering scale has which element.
+
+use crate::fem::mesh::Mesh;
+
+/// The part of every element, of as many parts: about as many elements each, with few faces between them. The same on every
+/// rank. By METIS where it is compiled in (cargo feature `metis`), else by cutting at medians of the element centres.
+#[must_use]
+pub fn partition(mesh: &Mesh, parts: usize) -> Vec<u32> {
+    let elements = mesh.elements().len();
+    if parts <= 1 {
+        return vec![0; elements];
+    }
+    #[cfg(feature = "metis")]
+    if let Some(parts) = by_metis(mesh, parts) {
+        return parts;
+    }
+    let centres: Vec<[f64; 3]> = mesh.elements().iter().map(|nodes| centre(mesh, nodes)).collect();
+    let mut part_of = vec![0; elements];
+    let mut all: Vec<u32> = (0..elements as u32).collect();
+    cut(&centres, &mut all, 0, parts, &mut part_of);
+    part_of
+}
+
+/// METIS may leave a part empty where there are few elements: then it is not taken.
+#[cfg(feature = "metis")]
+fn by_metis(mesh: &Mesh, parts: usize) -> Option<Vec<u32>> {
+    let part_of = crate::backends::metis::parts(&mesh.neighbours(), parts).ok()?;
+    let mut counts = vec![0; parts];
+    part_of.iter().for_each(|&part| counts[part as usize] += 1);
+    counts.iter().all(|&count| count > 0).then_some(part_of)
+}
+
+fn centre(mesh: &Mesh, nodes: &[u32; 4]) -> [f64; 3] {
+    let mut centre = [0.0; 3];
+    for &node in nodes {
+        centre.iter_mut().zip(mesh.nodes()[node as usize]).for_each(|(c, x)| *c += 0.25 * x);
+    }
+    centre
+}
+
+/// Recursive bisection: elements are cut across their longest extent, in proportion to the parts on either side.
+fn cut(centres: &[[f64; 3]], elements: &mut [u32], first: usize, parts: usize, part_of: &mut [u32]) {
+    if parts == 1 {
+        elements.iter().for_each(|&element| part_of[element as usize] = first as u32);
+        return;
+    }
+    let extent = |axis: usize| {
+        let along = elements.iter().map(|&element| centres[element as usize][axis]);
+        let (least, most) = along.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
+        most - least
+    };
+    let axis = (0..3).max_by(|&a, &b| extent(a).total_cmp(&extent(b))).unwrap_or(0);
+    let below = parts / 2;
+    let at = elements.len() * below / parts;
+    // The number decides between equals, so that every rank finds the same.
+    elements.sort_unstable_by(|&a, &b| centres[a as usize][axis].total_cmp(&centres[b as usize][axis]).then(a.cmp(&b)));
+    let (lower, upper) = elements.split_at_mut(at);
+    cut(centres, lower, first, below, part_of);
+    cut(centres, upper, first + below, parts - below, part_of);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fem::mesh::shapes::cuboid;
+
+    #[test]
+    fn every_part_has_about_as_many_elements() {
+        let mesh = cuboid([6, 3, 2], [6.0, 1.0, 1.0]).unwrap();
+        for parts in [1, 2, 3, 4, 7] {
+            let part_of = partition(&mesh, parts);
+            assert_eq!(part_of, partition(&mesh, parts), "the same again");
+            let mut counts = vec![0; parts];
+            part_of.iter().for_each(|&part| counts[part as usize] += 1);
+            let even = mesh.elements().len() / parts;
+            assert!(counts.iter().all(|&count| count + 3 >= even && count <= even + 3), "{counts:?}");
+        }
+    }
+
+    #[test]
+    fn a_long_body_is_cut_across() {
+        let mesh = cuboid([8, 1, 1], [8.0, 1.0, 1.0]).unwrap();
+        let part_of = partition(&mesh, 2);
+        let neighbours = mesh.neighbours();
+        let between = neighbours.iter().enumerate().flat_map(|(element, near)| {
+            let part_of = &part_of;
+            near.iter().filter(move |&&other| part_of[other as usize] != part_of[element])
+        });
+        assert!(between.count() <= 2 * 4, "few faces lie between the parts");
+    }
+}

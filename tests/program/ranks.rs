@@ -1,0 +1,392 @@
+//! Runs that several ranks share: threads of one process here, and processes of MPI in builds that have it.
+
+use std::path::Path;
+use std::process::Command;
+
+use crate::run::{PRESSED, events, fibers, run, write_case};
+use crate::{frozen, line};
+
+/// The ranks of the scales in these tests.
+const SHARES: [(usize, usize); 5] = [(1, 1), (1, 3), (2, 2), (3, 1), (4, 4)];
+
+/// The dogbone of the examples, coarser, in three steps, to rounding.
+fn coarse_dogbone() -> String {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/dogbone");
+    let text = std::fs::read_to_string(folder.join("dogbone.toml")).unwrap();
+    let replacements = [
+        ("element_size = 0.002", "element_size = 0.004".to_owned()),
+        ("networks/", format!("{}/networks/", folder.display())),
+        ("count = 20", "count = 3".into()),
+        ("tolerance = 1e-10", "tolerance = 1e-12".into()),
+        ("2.5e4", "5.0e3".into()),
+    ];
+    replacements.iter().fold(text, |text, (before, after)| {
+        assert!(text.contains(before), "{before}");
+        text.replace(before, after)
+    })
+}
+
+fn with_scales(text: &str, (above, below): (usize, usize)) -> String {
+    format!("{text}\n[scales]\nmacro = {above}\nmicro = {below}\n")
+}
+
+fn read(folder: &Path, name: &str) -> String {
+    std::fs::read_to_string(folder.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+}
+
+#[test]
+fn the_dogbone_is_the_same_on_any_ranks() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = coarse_dogbone();
+    run(folder.path(), &text, "--out alone").done();
+    let alone = read(folder.path(), "alone/loads.csv");
+    assert_eq!(alone.lines().count(), 4);
+    for (above, below) in SHARES {
+        let out = format!("on-{above}-{below}");
+        run(folder.path(), &with_scales(&text, (above, below)), &format!("--out {out}")).done();
+        // Not to 1e-10 only: bit for bit, since the sums are the same wherever the RVEs are.
+        assert_eq!(read(folder.path(), &format!("{out}/loads.csv")), alone, "{above} + {below}");
+    }
+    let done = run(folder.path(), &text, "--ranks 3 --out three");
+    done.done();
+    assert!(done.stderr.contains(", 1 + 2 ranks\n"), "{}", done.stderr);
+    assert_eq!(read(folder.path(), "three/loads.csv"), alone);
+}
+
+#[test]
+fn ranks_are_near_each_other_where_hwloc_knows() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = with_scales(&fibers(&frozen()), (1, 2)) + "near = true\n";
+    let run = run(folder.path(), &text, "--out out");
+    if run.stderr.contains("topology of machines") {
+        assert!(run.stderr.contains("--features mpi,hwloc"), "{}", run.stderr);
+    } else {
+        run.done();
+    }
+}
+
+/// RVEs that have no answer even at rest: the run ends with the same words as in one process.
+#[test]
+fn a_failure_at_rest_is_told_alike() {
+    let folder = tempfile::tempdir().unwrap();
+    let solver = "\n[micro]\nsolver = { method = \"cg\", max_iterations = 1 }\n";
+    let text = fibers(&frozen()) + solver;
+    let (alone, shared) = (run(folder.path(), &text, "--out out"), run(folder.path(), &text, "--ranks 3 --out out"));
+    assert_eq!((alone.code, &alone.stderr), (shared.code, &shared.stderr));
+    assert!(!alone.stderr.is_empty());
+}
+
+#[test]
+fn the_log_says_where_the_time_of_every_rank_went() {
+    let folder = tempfile::tempdir().unwrap();
+    run(folder.path(), &with_scales(&fibers(&frozen()), (2, 2)), "--out out").done();
+    let events = events(&folder.path().join("out"));
+    assert_eq!(events[0]["ranks"], serde_json::json!([2, 2]));
+    let of_ranks: Vec<_> = events.iter().filter(|event| event["event"] == "ranks").collect();
+    let iterations: u64 = events.iter().filter_map(|event| event["newton"]["iterations"].as_u64()).sum();
+    assert!(of_ranks.len() as u64 > iterations, "{} of {iterations}", of_ranks.len());
+    for event in of_ranks {
+        let ranks = event["ranks"].as_array().unwrap();
+        let numbers: Vec<u64> = ranks.iter().map(|rank| rank["rank"].as_u64().unwrap()).collect();
+        assert_eq!(numbers, [0, 1, 2, 3]);
+        for rank in ranks {
+            assert!(["busy", "idle", "exchanging"].iter().all(|what| rank[what].as_f64().unwrap() >= 0.0), "{rank}");
+        }
+    }
+}
+
+#[test]
+fn what_is_written_does_not_depend_on_ranks() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = format!("{}\n[output]\nrve = [1, 4]\n", fibers(&frozen()));
+    run(folder.path(), &text, "--out alone").done();
+    run(folder.path(), &text, "--ranks 4 --out shared").done();
+    for file in ["rve/element-00001-step-00002.vtp", "rve/element-00004-step-00001.vtp", "rve/element-00004.pvd"] {
+        assert_eq!(read(folder.path(), &format!("alone/{file}")), read(folder.path(), &format!("shared/{file}")));
+    }
+}
+
+#[test]
+fn an_interrupted_run_goes_on_on_other_ranks() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = fibers(&frozen());
+    run(folder.path(), &text, "--ranks 3 --out out").done();
+    let whole = read(folder.path(), "out/loads.csv");
+    std::fs::remove_file(folder.path().join("out/checkpoint/step-00002.bin")).unwrap();
+    for options in ["--ranks 5", "--ranks 1"] {
+        let done = run(folder.path(), &text, &format!("{options} --out out --resume"));
+        done.done();
+        assert!(done.stderr.contains("going on after step 1 of 2"), "{}", done.stderr);
+        assert_eq!(read(folder.path(), "out/loads.csv"), whole, "{options}");
+        std::fs::remove_file(folder.path().join("out/checkpoint/step-00002.bin")).unwrap();
+    }
+}
+
+/// RVEs that come as the body is strained, sleep where it rests, and go where it is torn.
+fn with_lives() -> String {
+    let matrix = "matrix = { model = \"neo-hookean\", shear_modulus = 1000.0, poisson_ratio = 0.3 }";
+    let life = "life = { created_at = 0.025, asleep_below = 2e-3, deleted_at = 0.17 }";
+    let text = fibers(&frozen()).replace("law = {", &format!("{matrix}\n{life}\nlaw = {{"));
+    let curve = "displacement = { x = 0.2 }\ncurve = [[0.0, 0.0], [0.5, 0.45], [0.6, 0.452], [0.7, 0.454], [1.0, 1.0]]";
+    text.replace("displacement = { x = 0.05 }", curve)
+        .replace("cells = [1, 1, 1]", "cells = [2, 2, 1]")
+        .replace("count = 2", "count = 10")
+}
+
+#[test]
+fn rves_come_sleep_and_go_alike_on_any_ranks() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = with_lives();
+    run(folder.path(), &text, "--out alone").done();
+    let loads = read(folder.path(), "alone/loads.csv");
+    let lives = |out: &str| -> Vec<[u64; 4]> {
+        let events = events(&folder.path().join(out));
+        let rves = events.iter().filter(|event| event["event"] == "step").map(|event| &event["rve"]);
+        rves.map(|rve| ["waiting", "asleep", "deleted", "solves"].map(|key| rve[key].as_u64().unwrap())).collect()
+    };
+    let alone = lives("alone");
+    let most = |k: usize| alone.iter().map(|lives| lives[k]).max().unwrap();
+    assert_eq!(alone[0][0], 24, "all wait at first: {alone:?}");
+    assert_eq!(alone[0][3], 0, "and nothing is solved");
+    assert_eq!(alone[4][0], 0, "all are there in the middle: {alone:?}");
+    assert!(most(1) > 0, "some sleep where the load rests: {alone:?}");
+    assert!(alone[9][2] > 0, "some are gone at the end: {alone:?}");
+    for options in ["--ranks 2", "--ranks 4"] {
+        run(folder.path(), &text, &format!("{options} --out shared")).done();
+        assert_eq!(read(folder.path(), "shared/loads.csv"), loads, "{options}");
+        assert_eq!(lives("shared"), alone, "{options}");
+    }
+    run(folder.path(), &with_scales(&text, (3, 2)), "--out shared").done();
+    assert_eq!(read(folder.path(), "shared/loads.csv"), loads);
+    // Interrupted when some are gone, and while some sleep.
+    let resting =
+        text.replace("[0.5, 0.45], [0.6, 0.452], [0.7, 0.454], [1.0, 1.0]", "[0.7, 0.45], [0.85, 0.452], [1.0, 0.454]");
+    for (text, last) in [(&text, 10), (&resting.replace("count = 10", "count = 7"), 7)] {
+        run(folder.path(), text, "--out whole").done();
+        let whole = read(folder.path(), "whole/loads.csv");
+        for options in ["--ranks 3", "--ranks 1"] {
+            std::fs::remove_file(folder.path().join(format!("whole/checkpoint/step-{last:05}.bin"))).unwrap();
+            let resumed = run(folder.path(), text, &format!("{options} --out whole --resume"));
+            resumed.done();
+            assert!(resumed.stderr.contains(&format!("going on after step {}", last - 1)), "{}", resumed.stderr);
+            assert_eq!(read(folder.path(), "whole/loads.csv"), whole, "{last} {options}");
+        }
+    }
+}
+
+#[test]
+fn a_configuration_file_of_the_original_is_understood() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "@scales\nmacro 1\nmicro 2\n@relations\nmacro micro\nmicro macro\n@util\nresults $RESULTS_DIR\n@analysis\n\
+                simmetrix true\n";
+    std::fs::write(folder.path().join("amsi.cfg"), text).unwrap();
+    write_case(folder.path(), "case.toml", &fibers(&frozen()));
+    let output = Command::new(env!("CARGO_BIN_EXE_biotissue"))
+        .current_dir(folder.path())
+        .args(["run", "case.toml", "-a", "amsi.cfg"])
+        .env("RESULTS_DIR", "from-the-file")
+        .output()
+        .unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{said}");
+    assert!(said.contains("warning: ") && said.contains("simmetrix") && said.contains(", 1 + 2 ranks\n"), "{said}");
+    assert!(folder.path().join("from-the-file/loads.csv").is_file());
+    let failed = line(folder.path(), "run case.toml -a amsi.cfg --ranks 5 --out out");
+    assert!(failed.failed(2).contains("RESULTS_DIR"), "{}", failed.stderr);
+}
+
+#[test]
+fn a_body_of_several_ranks_is_written_in_parts() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = fibers(&frozen());
+    run(folder.path(), &text, "--out alone").done();
+    run(folder.path(), &with_scales(&text, (2, 1)), "--out parts").done();
+    let collection = read(folder.path(), "parts/fields.pvd");
+    assert!(collection.contains("fields-00002.pvtu") && !collection.contains(".vtu\""), "{collection}");
+    let index = read(folder.path(), "parts/fields-00002.pvtu");
+    assert!(index.contains("fields-00002-part-0000.vtu") && index.contains("fields-00002-part-0001.vtu"), "{index}");
+    line(folder.path(), "report parts").done();
+}
+
+/// The failure is the same, and said in the same words, wherever the RVE is.
+#[test]
+fn a_step_that_fails_fails_alike() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = fibers(&frozen()).replace("x = 0.05", "x = -1.5").replace("count = 2", "count = 5\nmax_cuts = 1");
+    let alone = run(folder.path(), &text, "--out out");
+    let said = alone.failed(3).to_owned();
+    for options in ["--ranks 2", "--ranks 5"] {
+        let shared = run(folder.path(), &text, &format!("{options} --out out"));
+        assert_eq!(shared.failed(3), said, "{options}");
+    }
+}
+
+#[test]
+fn mistakes_are_told_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let failed = run(folder.path(), &with_scales(PRESSED, (2, 3)), "--ranks 4 --out out");
+    assert!(
+        failed.failed(2).starts_with("error: macro 2 + micro 3 = 5 ranks, but 4 were started\n"),
+        "{}",
+        failed.stderr
+    );
+    assert!(failed.stderr.contains("cure: start 5 ranks, or change [scales] in "));
+    let failed = run(folder.path(), &fibers("absent.txt"), "--ranks 4 --out out");
+    assert!(failed.failed(2).contains("absent.txt"), "{}", failed.stderr);
+    let unknown = PRESSED.replace("surface = \"x1\"", "surface = \"x9\"");
+    let failed = run(folder.path(), &unknown, "--ranks 4 --out out");
+    assert!(failed.failed(2).contains("the mesh has no surface \"x9\""), "{}", failed.stderr);
+    assert!(!folder.path().join("out").exists());
+}
+
+/// Without RVEs there is nothing to share, and it works.
+#[test]
+fn a_body_of_a_formula_runs_on_ranks_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = PRESSED.replace("-1.5", "-0.4");
+    run(folder.path(), &text, "--out alone").done();
+    run(folder.path(), &text, "--ranks 3 --out shared").done();
+    assert_eq!(read(folder.path(), "alone/loads.csv"), read(folder.path(), "shared/loads.csv"));
+}
+
+/// A build without MPI says so where `mpirun` started it: each process would write the same files.
+#[cfg(not(feature = "mpi"))]
+#[test]
+fn processes_need_a_build_with_mpi() {
+    let folder = tempfile::tempdir().unwrap();
+    write_case(folder.path(), "case.toml", PRESSED);
+    let output = Command::new(env!("CARGO_BIN_EXE_biotissue"))
+        .current_dir(folder.path())
+        .args(["run", "case.toml"])
+        .env("OMPI_COMM_WORLD_SIZE", "2")
+        .output()
+        .unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(said.starts_with("error: started as 2 processes") && said.contains("--features mpi"), "{said}");
+}
+
+#[cfg(feature = "mpi")]
+mod processes {
+    #[cfg(target_os = "linux")]
+    use std::process::Stdio;
+    use std::time::{Duration, Instant};
+
+    use super::*;
+
+    fn launched(folder: &Path, ranks: usize, arguments: &str) -> Command {
+        let launcher = std::env::var("MPIRUN").unwrap_or_else(|_| "mpirun".into());
+        let mut command = Command::new(launcher);
+        command
+            .current_dir(folder)
+            .args(["--oversubscribe", "-n", &ranks.to_string(), env!("CARGO_BIN_EXE_biotissue")])
+            .args(arguments.split_whitespace())
+            .envs([("OMPI_ALLOW_RUN_AS_ROOT", "1"), ("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")]);
+        command
+    }
+
+    fn mpirun(folder: &Path, ranks: usize, arguments: &str) -> std::process::Output {
+        launched(folder, ranks, arguments).output().unwrap()
+    }
+
+    /// The process that has a rank in a run in this folder.
+    #[cfg(target_os = "linux")]
+    fn process_of(folder: &Path, rank: usize) -> Option<String> {
+        let variable = format!("OMPI_COMM_WORLD_RANK={rank}");
+        let is_it = |process: &Path| {
+            let environment = std::fs::read(process.join("environ")).unwrap_or_default();
+            std::fs::read_link(process.join("cwd")).is_ok_and(|cwd| cwd == folder)
+                && environment.split(|&byte| byte == 0).any(|entry| entry == variable.as_bytes())
+        };
+        let all = std::fs::read_dir("/proc").unwrap().filter_map(Result::ok);
+        let found = all.map(|entry| entry.path()).find(|process| is_it(process))?;
+        Some(found.file_name()?.to_string_lossy().into_owned())
+    }
+
+    /// A rank of the RVEs that hangs: the run ends with its scale's name, and what converged stays.
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_scale_that_hangs_is_named_in_time() {
+        let folder = tempfile::tempdir().unwrap();
+        let text = coarse_dogbone().replace("count = 3", "count = 2000");
+        write_case(folder.path(), "case.toml", &text);
+        let mut command = launched(folder.path(), 3, "run case.toml --time-out 1 --out out");
+        let run = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+        let loads = folder.path().join("out/loads.csv");
+        let start = Instant::now();
+        while std::fs::read_to_string(&loads).map_or(0, |text| text.lines().count()) < 3 {
+            assert!(start.elapsed() < Duration::from_secs(60), "no step converges");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        let process = process_of(&folder.path().canonicalize().unwrap(), 2).expect("rank 2 runs");
+        let signal = |name: &str| Command::new("kill").args([name, &process]).status().unwrap();
+        assert!(signal("-STOP").success());
+        let ended = run.wait_with_output().unwrap();
+        // Where the launcher has not.
+        signal("-KILL");
+        let said = String::from_utf8_lossy(&ended.stderr);
+        assert!(!ended.status.success() && said.contains(" 1 s") && said.contains("micro"), "{said}");
+        assert!(start.elapsed() < Duration::from_secs(120));
+        assert!(read(folder.path(), "out/loads.csv").lines().count() >= 3);
+    }
+
+    #[test]
+    fn the_dogbone_is_the_same_on_processes() {
+        let folder = tempfile::tempdir().unwrap();
+        let text = coarse_dogbone();
+        run(folder.path(), &text, "--out alone").done();
+        let alone = read(folder.path(), "alone/loads.csv");
+        for (above, below) in SHARES {
+            write_case(folder.path(), "case.toml", &with_scales(&text, (above, below)));
+            let out = mpirun(folder.path(), above + below, "run case.toml --backend sparse --out shared");
+            assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+            assert_eq!(read(folder.path(), "shared/loads.csv"), alone, "{above} + {below}");
+        }
+    }
+
+    /// The body's linear systems are spread over its ranks: the same to rounding.
+    #[cfg(feature = "petsc")]
+    #[test]
+    fn petsc_solves_for_the_body_on_its_ranks() {
+        let forces = |loads: &str| -> Vec<Vec<f64>> {
+            let of_line = |line: &str| line.split(',').map(|value| value.parse().unwrap()).collect();
+            loads.lines().skip(1).map(of_line).collect()
+        };
+        let folder = tempfile::tempdir().unwrap();
+        let text = coarse_dogbone();
+        run(folder.path(), &text, "--out alone --backend sparse").done();
+        let alone = forces(&read(folder.path(), "alone/loads.csv"));
+        let by_multigrid =
+            text.replace("[newton]", "[newton]\nsolver = { method = \"cg\", preconditioner = \"multigrid\" }");
+        for (text, (above, below)) in [(&text, (1, 1)), (&text, (2, 2)), (&text, (4, 4)), (&by_multigrid, (2, 2))] {
+            write_case(folder.path(), "case.toml", &with_scales(text, (above, below)));
+            let out = mpirun(folder.path(), above + below, "run case.toml --backend petsc --out shared");
+            assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+            let shared = forces(&read(folder.path(), "shared/loads.csv"));
+            assert_eq!(shared.len(), alone.len());
+            for (a, b) in alone.iter().zip(&shared) {
+                let largest = a.iter().map(|value| value.abs()).fold(0.0, f64::max);
+                let error = a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+                assert!(error <= 1e-10 * largest, "{above} + {below}: {error:e} of {largest:e}");
+            }
+        }
+    }
+
+    #[test]
+    fn mistakes_end_all_processes_within_seconds() {
+        let folder = tempfile::tempdir().unwrap();
+        let start = Instant::now();
+        write_case(folder.path(), "case.toml", &with_scales(PRESSED, (2, 3)));
+        let out = mpirun(folder.path(), 4, "run case.toml --backend sparse");
+        let said = String::from_utf8_lossy(&out.stderr);
+        assert_eq!(said.matches("macro 2 + micro 3 = 5 ranks, but 4 were started").count(), 1, "{said}");
+        assert!(!out.status.success());
+        let out = mpirun(folder.path(), 3, "run case.toml --ranks 2");
+        let said = String::from_utf8_lossy(&out.stderr);
+        assert_eq!(said.matches("--ranks 2 under mpirun, which has started 3").count(), 1, "{said}");
+        write_case(folder.path(), "case.toml", "title = 3");
+        let out = mpirun(folder.path(), 3, "run case.toml --backend sparse");
+        assert_eq!(out.status.code(), Some(2), "{}", String::from_utf8_lossy(&out.stderr));
+        assert!(start.elapsed() < Duration::from_secs(30));
+    }
+}
