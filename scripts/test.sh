@@ -61,9 +61,9 @@ beside() {
     if [ ! -x target/tools/bin/cargo-hack ]; then
         cargo install --quiet --debug --locked --root target/tools --target-dir target/tools cargo-hack
     fi
-    target/tools/bin/cargo-hack hack clippy --quiet --lib --feature-powerset --depth 2 --exclude-features default,cuda \
+    target/tools/bin/cargo-hack hack clippy --quiet --lib --feature-powerset --depth 2 --exclude-features default,cuda,hwloc \
         -- -D warnings
-    cargo clippy --quiet --lib --features cuda -- -D warnings
+    cargo clippy --quiet --lib --features cuda,hwloc -- -D warnings
     for features in "${sets[@]}" "--features batched,capi,metis,petsc"; do
         # shellcheck disable=SC2086
         RUSTDOCFLAGS="-D warnings" cargo doc --quiet --no-deps $features
@@ -81,20 +81,25 @@ cargo clippy "${everything[@]}" --workspace --all-targets --features overhead/pe
 lane=$!
 trap 'kill "$lane" 2>/dev/null || true' EXIT
 
-# Four whole sets.
+# Four whole sets. The examples, which the lints have checked, are built where they run.
+tests() {
+    cargo test --lib --bins --tests "$@"
+    cargo test --doc "$@"
+}
 say "tests: default features"
-cargo test --features default
+tests --features default
 for features in sparse,batched,metis dense petsc; do
     say "tests: $features alone"
-    cargo test --quiet --no-default-features --features "$features"
+    tests --quiet --no-default-features --features "$features"
 done
 
 export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OPENBLAS_NUM_THREADS=1
 
-say "tests: everything together: the program on PETSc, packages that use the library, examples that check themselves"
-everything+=(--package biotissue --package custom-law --package downstream)
-cargo test "${everything[@]}" --test program -- petsc
-cargo test "${everything[@]}" --bin custom-law --bin downstream
+say "tests: everything together: ranks as processes, the program on PETSc, packages that use the library, examples"
+everything+=(--package biotissue --package custom-law --package downstream --package reactions)
+cargo test "${everything[@]}" --test mpi
+cargo test "${everything[@]}" --test program -- petsc processes
+cargo test "${everything[@]}" --bin custom-law --bin downstream --bin reactions
 cargo build "${everything[@]}" --example deposition --example many_matrices
 examples="${CARGO_TARGET_DIR:-target}/debug/examples"
 "$examples/deposition"
