@@ -58,7 +58,7 @@ fn field(network: &Path, cells: usize) -> (f64, f64, f64) {
         }
     }
     drop(out);
-    (field.rves() as f64, (counting::in_use() - before) as f64, planned as f64)
+    (field.sites().rves() as f64, (counting::in_use() - before) as f64, planned as f64)
 }
 
 #[test]

@@ -134,7 +134,7 @@ impl<'a> Recorder<'a> {
         state: &BodyState,
         field: &M,
     ) -> Result<(), ResultsError> {
-        let cells = CellFields::new(state, &field.summaries(), |element| field.life(element));
+        let cells = CellFields::new(state, &field.summaries(), |element| field.sites().life(element));
         let region: Vec<i64> = mesh.region_of().iter().map(|&region| region.into()).collect();
         let rank: Vec<i64> = (0..region.len()).map(|element| field.rank_of(element) as i64).collect();
         let fields = FieldSet {
@@ -226,7 +226,7 @@ impl Recorder<'_> {
             t: step.t,
             cuts: step.report.cuts as u32,
             newton: newton_of_step(step.report, std::mem::replace(&mut self.started, std::time::Instant::now())),
-            rve: (step.field.rves() > 0).then(|| rve_log(&stats, step.field)),
+            rve: (step.field.sites().rves() > 0).then(|| rve_log(&stats, step.field)),
             balance: balance(&step.forces),
         };
         self.lost = None;
@@ -323,7 +323,8 @@ fn newton_of_step(report: &StepReport, started: std::time::Instant) -> NewtonLog
 }
 
 fn rve_log(stats: &SweepStats, field: &impl TissueMaterial) -> RveLog {
-    let lives: Vec<Life> = (0..field.lives().len()).filter_map(|element| field.life(element)).collect();
+    let sites = field.sites();
+    let lives: Vec<Life> = (0..sites.len()).filter_map(|element| sites.life(element)).collect();
     let count = |life: Life| lives.iter().filter(|&&other| other == life).count() as u64;
     RveLog {
         solves: stats.solves as u64,

@@ -18,7 +18,7 @@ use crate::input::{InputError, InputErrors};
 pub(super) fn elements(case: &Case, count: usize, field: &impl TissueMaterial) -> Result<Vec<usize>, InputErrors> {
     let ids = match &case.output.rve {
         RveOutput::None => return Ok(Vec::new()),
-        RveOutput::All => return Ok((0..count).filter(|&element| field.has_fibers(element)).collect()),
+        RveOutput::All => return Ok((0..count).filter(|&element| field.sites().has_fibers(element)).collect()),
         RveOutput::Elements(ids) => ids,
     };
     let error = |&element: &usize| {
@@ -27,7 +27,7 @@ pub(super) fn elements(case: &Case, count: usize, field: &impl TissueMaterial) -
                 format!("`output.rve` names element {element}; the mesh has {count} elements"),
                 "name other elements, or write rve = \"all\"",
             ),
-            _ if !field.has_fibers(element) => (
+            _ if !field.sites().has_fibers(element) => (
                 format!("`output.rve` names element {element}, which has no fibers"),
                 "name elements of a region with the model \"fiber-rve\", or write rve = \"all\"",
             ),

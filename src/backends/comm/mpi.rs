@@ -84,9 +84,9 @@ impl Mpi {
 }
 
 /// Runs `main` on all ranks that `mpirun` started, and gives what it gives, once it has on all. A rank that fails or panics
-/// prints why, and ends all others at once, with the exit code that `code` gives for its error; a panic of any thread does, whether
-/// or not it would be caught. One that comes to an orderly end
-/// while others wait for it leaves them waiting: a time-out ([`Comm::duplicate`]) names it.
+/// prints why, and ends all others at once, with the exit code that `code` gives for its error; a panic of any thread does,
+/// whether or not it would be caught. One that comes to an orderly end while others wait for it leaves them waiting: a time-out
+/// ([`Comm::duplicate`]) names it.
 pub fn run<R, E: Display>(main: impl FnOnce(MpiComm) -> Result<R, E>, code: impl FnOnce(&E) -> i32) -> R {
     let mpi = Mpi::start();
     let world = SimpleCommunicator::world();

@@ -17,6 +17,7 @@
 )]
 
 mod check;
+mod cures;
 mod dispatch;
 mod failure;
 mod fiber_type;
@@ -27,6 +28,7 @@ mod mesh;
 mod network;
 mod number;
 mod output;
+mod progress;
 #[cfg(any(feature = "sparse", feature = "dense"))]
 mod ranks;
 mod report;

@@ -1,7 +1,7 @@
 //! `biotissue run` on several ranks: threads of this process, or the processes that `mpirun` started.
 
 use std::path::Path;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, OnceLock, PoisonError};
 use std::time::Duration;
 
 use biotissue::backends::comm::thread;
@@ -14,10 +14,11 @@ use biotissue::tissue::results::ResultsError;
 use biotissue::tissue::run::{Setup, Writers};
 use biotissue::tissue::two_scale::{self, Lead, MACRO, MICRO, ScaleField, TwoScaleError};
 
+use crate::cures::not_set_up;
 use crate::dispatch::{Job, dispatch};
 use crate::failure::Failure;
 use crate::output;
-use crate::run::{Summary, not_set_up, take_steps};
+use crate::run::{Summary, take_steps};
 
 /// Ranks that a backend may spread a linear system over.
 pub trait Ranks: Comm {
@@ -335,19 +336,29 @@ impl<C: Ranks> Leader<'_, C> {
         output::warn(if is_first { setup.warnings() } else { &[] });
         setup.material_mut().couple().map_err(|error: TwoScaleError| ranks_failed(&error))?;
         let broken = setup.material_mut().broken();
-        let simulation = setup.simulation().map_err(|error| not_set_up(&file, &micro, error));
-        let run = |simulation| match lead {
-            Lead::First => take_steps(simulation, &(), shared.dir, shared.resume),
-            Lead::All => {
-                take_steps(simulation, &First { comm: scales.comm(), dir: shared.dir }, shared.dir, shared.resume)
-            }
+        let mut simulation = match setup.simulation() {
+            Ok(simulation) => simulation,
+            Err(error) => return or_broken(&broken, Err(not_set_up(&file, &micro, error))),
         };
-        let outcome = simulation.and_then(run);
-        // Ranks that have lost each other are ended, whatever they wait for.
-        match broken.get() {
-            Some(reason) if outcome.is_err() => Err(ranks_failed(reason)),
-            _ => Ok(outcome),
+        let first = First { comm: scales.comm(), dir: shared.dir };
+        let writers: &dyn Writers = if lead == Lead::All { &first } else { &() };
+        let outcome = or_broken(&broken, take_steps(&mut simulation, writers, shared.dir, shared.resume));
+        if outcome.is_err() {
+            // What ranks free together, such as a factor of MUMPS, would wait for those that are lost.
+            std::mem::forget(simulation);
         }
+        outcome
+    }
+}
+
+/// What the ranks of the body have come to together.
+type Outcome = Result<Summary, Failure>;
+
+/// Ranks that have lost each other are ended, whatever they wait for.
+fn or_broken(broken: &OnceLock<String>, outcome: Outcome) -> Result<Outcome, Failure> {
+    match broken.get() {
+        Some(reason) if outcome.is_err() => Err(ranks_failed(reason)),
+        _ => Ok(outcome),
     }
 }
 

@@ -1,30 +1,23 @@
 //! `biotissue run`: the simulation of a case.
 
-use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use biotissue::coupling::Config;
-use biotissue::fem::equilibrium::EquilibriumError;
-use biotissue::fem::stepping::{SetupError, StepFailure};
-use biotissue::input::InputError;
-use biotissue::las::{Backend, NewtonError, Scalar, SolveError};
-use biotissue::tissue::Progress;
-use biotissue::tissue::case::{Case, MicroCase};
-use biotissue::tissue::checkpoint::CheckpointError;
-use biotissue::tissue::macro_scale::MacroScaleError;
-use biotissue::tissue::micro_scale::{LibraryError, PointFailureKind, TissueFieldError, TissueMaterial};
-use biotissue::tissue::results::log::{Cut, Step};
-use biotissue::tissue::results::{LOADS_FILE, ResultsError};
-use biotissue::tissue::run::{Plan, ResumeError, RunError, RunSummary, Setup, Simulation, SimulationError, Writers};
+use biotissue::las::{Backend, Scalar};
+use biotissue::tissue::case::Case;
+use biotissue::tissue::micro_scale::TissueMaterial;
+use biotissue::tissue::results::LOADS_FILE;
+use biotissue::tissue::run::{RunError, RunSummary, Setup, Simulation, Writers};
 use clap::Args;
-use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 
+use crate::cures::{cure_of_step, not_resumed, not_set_up, not_written, on_disk, repeated_by};
 use crate::dispatch::{Job, dispatch};
 use crate::failure::Failure;
 use crate::number::count;
 use crate::output;
+use crate::progress::Reporter;
 use crate::ranks::{self, Shared};
 
 /// More threads than any machine that this is meant for has cores.
@@ -263,13 +256,13 @@ impl Job for RunJob<'_> {
         B: Backend<Scalar = f64, Context: Clone>,
         B::Reduced: Scalar,
     {
-        take_steps(simulation::<B>(context, self.case)?, &(), self.dir, self.resume)
+        take_steps(&mut simulation::<B>(context, self.case)?, &(), self.dir, self.resume)
     }
 }
 
 /// Takes the steps of a run that is set up, from the beginning or from where an earlier one stopped.
 pub fn take_steps<B: Backend<Scalar = f64>, M: TissueMaterial>(
-    mut simulation: Simulation<B, M>,
+    simulation: &mut Simulation<B, M>,
     writers: &dyn Writers,
     dir: &Path,
     resume: bool,
@@ -311,76 +304,6 @@ where
     }
 }
 
-fn not_written(error: ResultsError) -> Failure {
-    match error {
-        ResultsError::Write { path, source } => Failure::unwritable(&path, &source),
-        ResultsError::Damaged { .. } => Failure::Arguments {
-            what: error.to_string(),
-            expected: "the results of the interrupted run".into(),
-            cure: "leave --resume out to start again: that replaces the results".into(),
-        },
-        error => Failure::Environment {
-            what: error.to_string(),
-            expected: "results that can be put into files".into(),
-            cure: "report this as a bug, with the case".into(),
-        },
-    }
-}
-
-fn on_disk(steps: usize, dir: &Path) -> String {
-    match steps {
-        0 => format!("no load step converged before it; the log is in {}", dir.display()),
-        1 => format!("the load step before it is in {}", dir.display()),
-        steps => format!("the {steps} load steps before it are in {}", dir.display()),
-    }
-}
-
-/// How to repeat the failure of an RVE.
-fn repeated_by(lost: Option<&Path>) -> String {
-    lost.map_or_else(String::new, |file| format!("; `biotissue rve --replay {}` repeats the RVE", file.display()))
-}
-
-/// The cure where nothing more is known than that a step went too far.
-const TOO_FAR: &str = "from the start: check that the body is held, and the size and units of its loads; later: look at the \
-                       last fields for elements near collapse, or raise `max_cuts` and go on with --resume";
-
-/// What may help a load step that failed.
-fn cure_of_step<F: std::error::Error + 'static>(
-    reason: &StepFailure<TissueFieldError, F>,
-    micro: &MicroCase,
-) -> String {
-    match reason {
-        NewtonError::Solve(SolveError::Singular { .. }) => {
-            "hold the body so that it can neither move nor turn as a whole; if it buckles, take more load steps".into()
-        }
-        NewtonError::Problem(EquilibriumError::Points(error)) => cure_of_point(error, micro),
-        _ => TOO_FAR.into(),
-    }
-}
-
-fn cure_of_point(error: &TissueFieldError, micro: &MicroCase) -> String {
-    let TissueFieldError::Point(point) = error else { return "see what that rank says".into() };
-    let default = MicroCase::default();
-    let restricted = [
-        ("`stages`", micro.stages != default.stages),
-        ("`max_iterations`", micro.max_iterations < default.max_iterations),
-        ("`max_cuts`", micro.max_cuts < default.max_cuts),
-    ];
-    let restricted: Vec<&str> = restricted.iter().filter(|(_, is)| *is).map(|(name, _)| *name).collect();
-    let is_network = matches!(point.kind, PointFailureKind::Network | PointFailureKind::LinearSystem);
-    let freed = match (is_network, restricted.is_empty()) {
-        (true, false) => format!("leave {} of [micro] at the default; then: ", restricted.join(" and ")),
-        _ => String::new(),
-    };
-    let cure = match point.kind {
-        PointFailureKind::LinearSystem => {
-            "`biotissue network check` tells whether that network is floppy or hangs loose: clean it, or take another"
-        }
-        _ => TOO_FAR,
-    };
-    freed + cure
-}
-
 /// Reads all that a case names; warnings of the readers of meshes and networks go to stderr.
 pub fn setup<B>(context: B::Context, case: Case) -> Result<Setup<B>, Failure>
 where
@@ -401,152 +324,4 @@ where
 {
     let (file, micro) = (case.file.clone(), case.micro);
     setup::<B>(context, case)?.simulation().map_err(|error| not_set_up(&file, &micro, error))
-}
-
-fn not_resumed<F: std::error::Error + 'static>(error: ResumeError<F>) -> Failure {
-    let cure = match &error {
-        ResumeError::Elsewhere(error) => {
-            return Failure::Environment {
-                what: error.to_string(),
-                expected: "checkpoints that every rank of the body can read".into(),
-                cure: "put the result directory where all machines see it".into(),
-            };
-        }
-        ResumeError::Checkpoint(error @ CheckpointError::Unreadable { .. }) => {
-            return Failure::Environment {
-                what: error.to_string(),
-                expected: "checkpoints that can be read".into(),
-                cure: error.cure().into(),
-            };
-        }
-        ResumeError::Checkpoint(error) => error.cure(),
-        ResumeError::State { .. } => "start again without resuming: that replaces the results",
-    };
-    Failure::Arguments {
-        what: error.to_string(),
-        expected: "a checkpoint of the run that this case describes".into(),
-        cure: format!("{cure} (leave --resume out)"),
-    }
-}
-
-pub fn not_set_up<F: std::error::Error + 'static>(
-    file: &Path,
-    micro: &MicroCase,
-    error: SimulationError<F>,
-) -> Failure {
-    let (expected, cure) = match &error {
-        SimulationError::MacroScale(MacroScaleError::Input(errors))
-        | SimulationError::Library(LibraryError::Network(errors))
-        | SimulationError::Output(errors) => return errors.clone().into(),
-        SimulationError::MacroScale(MacroScaleError::Curve { line, reason }) => {
-            let (expected, cure) = ("a curve over pseudo-time from 0 to 1", "correct its points");
-            return InputError::at_line(file, *line, format!("the load curve: {reason}"), expected, cure).into();
-        }
-        SimulationError::Setup(setup) if matches!(**setup, SetupError::Undeformed(_)) => {
-            return not_at_rest(file, micro, setup);
-        }
-        SimulationError::Library(LibraryError::Model { .. }) => (
-            "a network whose fibers have a law, a radius and a modulus",
-            "give the region a `law`, or put NETWORK.toml with a [law] or NETWORK.params beside the network",
-        ),
-        _ => ("a case that can be set up", "change the case, or the mesh it names"),
-    };
-    Failure::arguments(format!("{}: {error}", file.display()), expected, cure)
-}
-
-/// The undeformed body has no stress or no stiffness: an RVE is singular before any load.
-fn not_at_rest<F: std::error::Error + 'static>(
-    file: &Path,
-    micro: &MicroCase,
-    error: &SetupError<TissueFieldError, F>,
-) -> Failure {
-    let cure = match error {
-        SetupError::Undeformed(EquilibriumError::Points(error)) => cure_of_point(error, micro),
-        _ => "try another --backend".into(),
-    };
-    Failure::NotConverged {
-        what: format!("{}: {error}", file.display()),
-        place: "t = 0, before the first load step; nothing is written".into(),
-        expected: "an undeformed body that resists every deformation".into(),
-        cure,
-    }
-}
-
-/// A bar on a terminal, a line a step otherwise.
-struct Reporter {
-    bar: Option<ProgressBar>,
-    count: usize,
-}
-
-impl Reporter {
-    fn new(plan: &Plan) -> Self {
-        let Plan { elements, unknowns, rves, threads, ranks: [above, below], .. } = plan;
-        let workers = match below {
-            0 => format!("{threads} threads"),
-            _ => format!("{above} + {below} ranks"),
-        };
-        let rves = match plan.networks.len() {
-            0 => String::new(),
-            networks => format!("{rves} RVEs of {networks} network{}, ", if networks == 1 { "" } else { "s" }),
-        };
-        output::say(&format!("{elements} elements, {unknowns} unknowns, {rves}{workers}"));
-        let bar = std::io::stderr().is_terminal().then(|| {
-            let bar = ProgressBar::new(plan.steps as u64);
-            // How long it will take is not known before the first step.
-            set_style(&bar, "{bar:32} step {pos}/{len} {elapsed}");
-            bar.enable_steady_tick(std::time::Duration::from_millis(200));
-            bar
-        });
-        Self { bar, count: plan.steps }
-    }
-
-    fn say(&self, line: &str) {
-        match &self.bar {
-            Some(bar) => bar.println(line),
-            None => output::say(line),
-        }
-    }
-
-    fn finish(&self) {
-        if let Some(bar) = &self.bar {
-            bar.finish_and_clear();
-        }
-    }
-}
-
-impl Progress for Reporter {
-    fn converged(&mut self, step: &Step) {
-        let newton = &step.newton;
-        let residual = newton.relative.last().copied().unwrap_or(0.0);
-        let rves = step.rve.as_ref().map_or(String::new(), |rve| {
-            let relaxation = match rve.relaxation_steps {
-                0 => String::new(),
-                steps => format!(" and {steps} steps of relaxation in all"),
-            };
-            let (mean, most) = (rve.iterations_mean, rve.iterations_max);
-            format!(", RVEs {mean:.1} iterations on average, {most} at most{relaxation}")
-        });
-        let line = format!(
-            "step {}/{} t = {:.4}: {} iterations, residual {residual:.1e}{rves}, {:.1} s",
-            step.step, self.count, step.t, newton.iterations, newton.seconds.total
-        );
-        match &self.bar {
-            Some(bar) => {
-                set_style(bar, "{bar:32} step {pos}/{len} {elapsed} (left {eta}) {msg}");
-                bar.set_position(step.step as u64);
-                bar.set_message(format!("{} iterations", newton.iterations));
-            }
-            None => output::say(&line),
-        }
-    }
-
-    fn failed(&mut self, cut: &Cut) {
-        self.say(&format!("step {}/{} to t = {:.4} failed: {}", cut.step, self.count, cut.t, cut.reason));
-    }
-}
-
-fn set_style(bar: &ProgressBar, template: &str) {
-    if let Ok(style) = ProgressStyle::with_template(template) {
-        bar.set_style(style);
-    }
 }

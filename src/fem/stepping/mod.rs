@@ -44,6 +44,14 @@ pub type RunError<B, P, O> = SteppingError<<P as PointField>::Error, <B as Backe
 /// What an attempt ends with.
 type Attempt<B, P> = Result<NewtonReport, Box<Failed<<P as PointField>::Error, <B as Backend>::Fault>>>;
 
+/// Where an attempt begins and where it is to end, in pseudo-time.
+#[derive(Clone, Copy)]
+struct Span {
+    step: usize,
+    from: f64,
+    t: f64,
+}
+
 /// Why an attempt failed, and what Newton had done.
 struct Failed<E, F> {
     reason: StepFailure<E, F>,
@@ -180,25 +188,19 @@ where
         let mut report = StepReport { step, t: time(end), ..StepReport::default() };
         while position < end {
             let increment = end >> self.halvings;
-            let (from, t) = (time(position), time(position + increment));
-            match self.attempt(t, &mut report) {
+            let span = Span { step, from: time(position), t: time(position + increment) };
+            let outcome = match self.attempt(span.t, &mut report) {
+                Ok(newton) => match self.body.accept() {
+                    Ok(()) => Ok(newton),
+                    Err(error) => Err(lost(error, newton)),
+                },
+                Err(failed) => match self.body.reject() {
+                    Ok(()) => Err(failed),
+                    Err(error) => Err(lost(error, failed.newton)),
+                },
+            };
+            match outcome {
                 Ok(newton) => {
-                    let (increment_of_t, halvings) = (t - from, self.halvings);
-                    if let Err(error) = self.body.accept() {
-                        let (increment, field) = (increment_of_t, self.body.field());
-                        let reason = NewtonError::Problem(error);
-                        let attempt =
-                            FailedAttempt { step, t, increment, halvings, reason: &reason, newton: &newton, field };
-                        observer.failed(&attempt).map_err(|reason| SteppingError::Stopped { step, t: from, reason })?;
-                        return Err(SteppingError::NotConverged {
-                            step,
-                            t,
-                            reached: from,
-                            increment,
-                            halvings,
-                            reason,
-                        });
-                    }
                     report.substeps.push(newton);
                     self.undeformed = false;
                     position += increment;
@@ -207,28 +209,8 @@ where
                     }
                 }
                 Err(failed) => {
-                    let Failed { mut reason, newton, mut hopeless } = *failed;
-                    if let Err(error) = self.body.reject() {
-                        (reason, hopeless) = (NewtonError::Problem(error), true);
-                    }
-                    let halvings = self.halvings;
-                    let (increment, field) = (t - from, self.body.field());
-                    let attempt =
-                        FailedAttempt { step, t, increment, halvings, reason: &reason, newton: &newton, field };
-                    observer.failed(&attempt).map_err(|reason| SteppingError::Stopped { step, t: from, reason })?;
-                    report.failures.push(newton);
-                    if hopeless || halvings == max_cuts {
-                        let increment = t - from;
-                        return Err(SteppingError::NotConverged {
-                            step,
-                            t,
-                            reached: from,
-                            increment,
-                            halvings,
-                            reason,
-                        });
-                    }
-                    self.halvings += 1;
+                    report.failures.push(failed.newton.clone());
+                    self.cut(span, *failed, max_cuts, observer)?;
                     report.cuts += 1;
                 }
             }
@@ -240,6 +222,24 @@ where
             reason,
         })?;
         Ok(report)
+    }
+
+    /// Tells the observer of a failed attempt; the next one goes half as far, if that may help.
+    fn cut<O: StepObserver<P, B::Fault>>(
+        &mut self,
+        Span { step, from, t }: Span,
+        Failed { reason, newton, hopeless }: Failed<P::Error, B::Fault>,
+        max_cuts: u32,
+        observer: &mut O,
+    ) -> Result<(), RunError<B, P, O::Error>> {
+        let (increment, halvings, field) = (t - from, self.halvings, self.body.field());
+        let attempt = FailedAttempt { step, t, increment, halvings, reason: &reason, newton: &newton, field };
+        observer.failed(&attempt).map_err(|reason| SteppingError::Stopped { step, t: from, reason })?;
+        if hopeless || halvings == max_cuts {
+            return Err(SteppingError::NotConverged { step, t, reached: from, increment, halvings, reason });
+        }
+        self.halvings += 1;
+        Ok(())
     }
 
     fn converged<'a>(&'a self, report: &'a StepReport) -> ConvergedStep<'a, P> {
@@ -265,7 +265,7 @@ where
             Ok(newton) => Ok(newton),
             // The moved boundary has crushed the elements next to it: spread it over the body.
             Err(failure) if has_no_start::<B, P>(&failure) => {
-                self.body.reject().map_err(untold)?;
+                self.body.reject().map_err(|error| lost(error, NewtonReport::default()))?;
                 self.attempt_linearised(t, report)
             }
             Err(failure) => Err(failed::<B, P>(failure)),
@@ -308,13 +308,13 @@ fn failed<B: Backend, P: PointField>(
     Box::new(Failed { reason: failure.reason, newton: *failure.report, hopeless })
 }
 
-/// The points could not be told that an attempt is over.
-fn untold<E, F>(error: EquilibriumError<E, F>) -> Box<Failed<E, F>>
+/// The points could not be told what became of an attempt.
+fn lost<E, F>(error: EquilibriumError<E, F>, newton: NewtonReport) -> Box<Failed<E, F>>
 where
     E: std::fmt::Display,
     F: std::fmt::Display,
 {
-    Box::new(Failed { reason: NewtonError::Problem(error), newton: NewtonReport::default(), hopeless: true })
+    Box::new(Failed { reason: NewtonError::Problem(error), newton, hopeless: true })
 }
 
 #[cfg(all(test, feature = "sparse"))]

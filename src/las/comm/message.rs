@@ -41,23 +41,25 @@ impl Message {
         Self::of(text.as_bytes())
     }
 
-    /// Messages in one, which [`split`](Self::split) takes apart.
+    /// Messages in one, which [`split`](Self::split) takes apart. The first keeps its memory if there is room: a long message
+    /// that is joined with no others is not copied.
     #[must_use]
-    pub fn join(parts: &[Self]) -> Self {
-        let lens: Vec<u64> = parts.iter().map(|part| part.len as u64).collect();
-        let words = parts.iter().map(|part| part.words.len()).sum::<usize>();
-        let mut joined = Vec::with_capacity(1 + lens.len() + words);
-        joined.push(lens.len() as u64);
-        joined.extend_from_slice(&lens);
-        parts.iter().for_each(|part| joined.extend_from_slice(&part.words));
-        Self { len: WORD * joined.len(), words: joined }
+    pub fn join(parts: Vec<Self>) -> Self {
+        // Behind the messages, so that the first one need not move.
+        let trailer = parts.iter().map(|part| part.len as u64).chain([parts.len() as u64]).collect::<Vec<_>>();
+        let mut parts = parts.into_iter();
+        let mut words = parts.next().unwrap_or_default().words;
+        parts.for_each(|part| words.extend_from_slice(&part.words));
+        words.extend(trailer);
+        Self { len: WORD * words.len(), words }
     }
 
     /// What [`join`](Self::join) joined, without copies; `None` where this is no such message.
     #[must_use]
     pub fn split(&self) -> Option<Vec<&[u8]>> {
-        let (&count, rest) = self.values::<u64>()?.split_first()?;
-        let (lens, mut rest) = rest.split_at_checked(usize::try_from(count).ok()?)?;
+        let (&count, rest) = self.values::<u64>()?.split_last()?;
+        let parts = rest.len().checked_sub(usize::try_from(count).ok()?)?;
+        let (mut rest, lens) = rest.split_at(parts);
         let parts = lens.iter().map(|&len| {
             let len = usize::try_from(len).ok()?;
             let (part, behind) = rest.split_at_checked(len.div_ceil(WORD))?;
@@ -134,10 +136,10 @@ mod tests {
     #[test]
     fn joined_messages_come_apart() {
         let parts = [Message::text("three"), Message::new(), Message::of(&[1.5_f64])];
-        let joined = Message::join(&parts);
+        let joined = Message::join(parts.to_vec());
         assert_eq!(joined.split(), Some(parts.iter().map(Message::bytes).collect()));
-        assert_eq!(Message::join(&[]).split(), Some(Vec::new()));
-        for broken in [&[][..], &[2, 0], &[1, 8], &[0, 0], &[u64::MAX]] {
+        assert_eq!(Message::join(Vec::new()).split(), Some(Vec::new()));
+        for broken in [&[][..], &[0, 2], &[8, 1], &[0, 0], &[u64::MAX]] {
             assert_eq!(Message::of(broken).split(), None, "{broken:?}");
         }
     }

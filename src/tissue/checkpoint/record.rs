@@ -59,7 +59,7 @@ impl<M: TissueMaterial> Serialize for RecordRef<'_, M> {
         record.serialize_field("done", &(self.state.done as u64))?;
         record.serialize_field("halvings", &self.state.halvings)?;
         record.serialize_field("displacements", &self.state.displacements)?;
-        record.serialize_field("lives", &self.field.lives())?;
+        record.serialize_field("lives", &self.field.sites().lives())?;
         record.serialize_field("units", &Units(self.field))?;
         record.end()
     }

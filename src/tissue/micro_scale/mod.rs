@@ -34,8 +34,8 @@ pub use error::{PointFailure, PointFailureKind, TissueFieldError};
 pub use formula::Formula;
 pub use library::{ElementMaterial, Library, LibraryError, regions_of_mesh};
 pub use saved::{FieldRestoreError, UnitState};
-pub use sites::Life;
-pub(super) use sites::{Sites, Turnover};
+pub(super) use sites::Turnover;
+pub use sites::{Life, Sites};
 pub use summary::{DeformedNetwork, PointSummary};
 pub use unit::SweepStats;
 pub use units::{LostRve, Units};
@@ -49,23 +49,11 @@ pub trait TissueMaterial: PointField<Error = TissueFieldError> {
     /// What all RVEs share.
     fn library(&self) -> &Library<Self::Micro>;
 
-    /// Number of elements that have an RVE at some time.
-    fn rves(&self) -> usize;
-
-    /// Where the RVE of an element is in its life; `None` where there is none at any time.
-    fn life(&self, element: usize) -> Option<Life>;
-
-    /// The same of all elements, [`Life::Awake`] where there is none.
-    fn lives(&self) -> Vec<Life>;
-
-    /// For every model of the library the number of RVEs that use it.
-    fn users(&self) -> Vec<usize>;
+    /// What answers at each point, and where the RVEs are in their lives.
+    fn sites(&self) -> &Sites;
 
     /// Bytes that all RVEs own in a run: states, last answers, and what the next solves start from.
     fn rve_bytes(&self) -> usize;
-
-    /// Whether there are fibers in an element.
-    fn has_fibers(&self, element: usize) -> bool;
 
     /// What the RVEs have taken since this was last asked.
     fn take_stats(&self) -> SweepStats;
@@ -103,10 +91,10 @@ pub trait TissueMaterial: PointField<Error = TissueFieldError> {
     fn rank_of(&self, element: usize) -> usize;
 
     /// The memory of all RVEs that exist, in the order of their elements; right after a commit it is, with
-    /// [`TissueMaterial::lives`], all that the next load step depends on.
+    /// [`Sites::lives`], all that the next load step depends on.
     fn unit_states(&self) -> impl ExactSizeIterator<Item = UnitState> + '_;
 
-    /// Takes all RVEs back to what [`TissueMaterial::lives`] and [`TissueMaterial::unit_states`] gave.
+    /// Takes all RVEs back to what [`Sites::lives`] and [`TissueMaterial::unit_states`] gave.
     ///
     /// # Errors
     /// [`FieldRestoreError`]; nothing has changed then.
@@ -208,28 +196,12 @@ where
         self.units.library()
     }
 
-    fn rves(&self) -> usize {
-        self.sites.rves()
-    }
-
-    fn life(&self, element: usize) -> Option<Life> {
-        self.sites.life(element)
-    }
-
-    fn lives(&self) -> Vec<Life> {
-        self.sites.lives()
-    }
-
-    fn users(&self) -> Vec<usize> {
-        self.sites.users(self.library().models().len())
+    fn sites(&self) -> &Sites {
+        &self.sites
     }
 
     fn rve_bytes(&self) -> usize {
         self.units.bytes()
-    }
-
-    fn has_fibers(&self, element: usize) -> bool {
-        self.sites.material(element).is_some_and(|(model, _)| model.is_some())
     }
 
     fn take_stats(&self) -> SweepStats {

@@ -26,8 +26,8 @@ pub enum Life {
     Deleted,
 }
 
-/// All integration points of a body.
-pub(in crate::tissue) struct Sites {
+/// All integration points of a body: what answers at each, and where the RVEs are in their lives.
+pub struct Sites {
     sites: Vec<Site>,
     /// The linear response at rest of each model that somebody waits for.
     at_rest: Vec<Option<SaintVenantKirchhoff>>,
@@ -72,7 +72,11 @@ pub(in crate::tissue) struct Turnover {
 
 impl Sites {
     /// What a case makes of the elements of its mesh.
-    pub fn new<B: Backend<Scalar = f64>>(library: &Library<B>, case: &Case, mesh: &Mesh) -> Result<Self, LibraryError>
+    pub(in crate::tissue) fn new<B: Backend<Scalar = f64>>(
+        library: &Library<B>,
+        case: &Case,
+        mesh: &Mesh,
+    ) -> Result<Self, LibraryError>
     where
         B::Reduced: Scalar,
     {
@@ -92,8 +96,16 @@ impl Sites {
         Ok(Self { sites, at_rest, is_decided: false })
     }
 
+    /// How many elements there are.
+    #[must_use]
     pub fn len(&self) -> usize {
         self.sites.len()
+    }
+
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.sites.is_empty()
     }
 
     fn points(&self) -> impl Iterator<Item = (usize, &Point)> {
@@ -101,46 +113,59 @@ impl Sites {
     }
 
     /// How many elements have an RVE at some time.
+    #[must_use]
     pub fn rves(&self) -> usize {
         self.points().count()
     }
 
     /// Elements whose RVE exists, ascending, with their regions of the case.
-    pub fn existing(&self) -> impl Iterator<Item = (usize, usize)> {
+    pub(in crate::tissue) fn existing(&self) -> impl Iterator<Item = (usize, usize)> {
         self.points()
             .filter(|(_, point)| matches!(point.life(), Life::Awake | Life::Asleep))
             .map(|(e, p)| (e, p.region))
     }
 
     /// What the RVE of an element is made of: its model and its matrix.
-    pub fn material(&self, element: usize) -> Option<(Option<usize>, Option<Formula>)> {
+    pub(in crate::tissue) fn material(&self, element: usize) -> Option<(Option<usize>, Option<Formula>)> {
         let point = self.sites.get(element)?.point()?;
         Some((point.model, point.matrix))
     }
 
+    /// Whether there are fibers in an element.
+    #[must_use]
+    pub fn has_fibers(&self, element: usize) -> bool {
+        self.material(element).is_some_and(|(model, _)| model.is_some())
+    }
+
     /// The region of the case that an element with an RVE lies in.
-    pub fn region(&self, element: usize) -> usize {
+    pub(in crate::tissue) fn region(&self, element: usize) -> usize {
         self.sites.get(element).and_then(Site::point).map_or(0, |point| point.region)
     }
 
     /// For each of so many models the number of elements that use it.
+    #[must_use]
     pub fn users(&self, models: usize) -> Vec<usize> {
         let mut users = vec![0; models];
         self.points().filter_map(|(_, point)| point.model).for_each(|model| users[model] += 1);
         users
     }
 
-    /// `None` where there is no RVE at any time.
+    /// Where the RVE of an element is in its life; `None` where there is none at any time.
+    #[must_use]
     pub fn life(&self, element: usize) -> Option<Life> {
         self.sites.get(element)?.point().map(Point::life)
     }
 
-    pub fn is_awake(&self, element: usize) -> bool {
+    pub(in crate::tissue) fn is_awake(&self, element: usize) -> bool {
         self.life(element) == Some(Life::Awake)
     }
 
     /// The answer of an element that no RVE is to be asked for.
-    pub fn respond(&mut self, element: usize, f: &Matrix3<f64>) -> Result<Option<Response>, PointFailure> {
+    pub(in crate::tissue) fn respond(
+        &mut self,
+        element: usize,
+        f: &Matrix3<f64>,
+    ) -> Result<Option<Response>, PointFailure> {
         let point = match &mut self.sites[element] {
             Site::Formula(formula) => return respond(formula, element, f).map(Some),
             Site::Rve(point) => point,
@@ -162,14 +187,14 @@ impl Sites {
     }
 
     /// What the RVE of an element has answered at the gradient that [`Sites::respond`] was asked for.
-    pub fn answered(&mut self, element: usize, answer: &Response) {
+    pub(in crate::tissue) fn answered(&mut self, element: usize, answer: &Response) {
         if let Site::Rve(Point { course: Some(course), .. }) = &mut self.sites[element] {
             course.trial.1 = Some(*answer);
         }
     }
 
     /// Decides after a converged step, whose gradients were asked for last, which RVEs come, go, sleep and wake.
-    pub fn decide(&mut self) -> Turnover {
+    pub(in crate::tissue) fn decide(&mut self) -> Turnover {
         let mut turnover = Turnover::default();
         if std::mem::take(&mut self.is_decided) {
             return turnover;
@@ -190,18 +215,23 @@ impl Sites {
     }
 
     /// What a sleeping RVE answers from.
-    pub fn anchor(&self, element: usize) -> Option<(Matrix3<f64>, Response)> {
+    pub(in crate::tissue) fn anchor(&self, element: usize) -> Option<(Matrix3<f64>, Response)> {
         let course = self.sites.get(element)?.point()?.course.as_ref()?;
         course.anchor.filter(|_| course.life == Life::Asleep)
     }
 
-    /// The lives of all elements, `Awake` where there is no RVE.
+    /// The lives of all elements, [`Life::Awake`] where there is no RVE.
+    #[must_use]
     pub fn lives(&self) -> Vec<Life> {
         (0..self.len()).map(|element| self.life(element).unwrap_or(Life::Awake)).collect()
     }
 
     /// Takes all lives back; `answer` gives what the RVE of an element answered last.
-    pub fn restore(&mut self, lives: &[Life], answer: impl Fn(usize) -> Option<(Matrix3<f64>, Response)>) {
+    pub(in crate::tissue) fn restore(
+        &mut self,
+        lives: &[Life],
+        answer: impl Fn(usize) -> Option<(Matrix3<f64>, Response)>,
+    ) {
         for (element, (site, &life)) in self.sites.iter_mut().zip(lives).enumerate() {
             let Site::Rve(Point { course: Some(course), .. }) = site else { continue };
             course.life = life;

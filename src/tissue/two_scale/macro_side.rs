@@ -1,24 +1,18 @@
 //! The engineering scale's side: the material of the body, whose RVEs are on ranks of their own.
-//!
-//! Each rank of the scale has a part of the elements, whose RVEs it exchanges with. There are two ways to solve for the body:
-//! - the first rank does ([`Lead::First`]), and the others [`follow`](super::follow): they get the gradients of their part from it and hand
-//!   the answers back;
-//! - all ranks do, in step ([`Lead::All`]), on a backend that spreads the linear system over them; every rank gets all answers.
 
 use std::collections::{HashMap, HashSet};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
-use std::time::Instant;
 
 use nalgebra::Matrix3;
 
 use super::TwoScaleError;
-use super::follower::{ANSWERS, GRADIENTS, Order, SECONDS};
-use super::part::{Change, Part};
-use super::terms::{Answer, Failed, MICRO, RankReport, Seconds, Strain, Turn, UnitReport, pack};
+use super::counterpart::{Counterpart, Lead};
+use super::part::Change;
+use super::terms::{Failed, Turn, UnitReport};
 use crate::coupling::Scales;
 use crate::fem::mesh::Mesh;
 use crate::fem::point_field::{PointField, PointResponses};
-use crate::las::{Backend, Comm, Message, Scalar};
+use crate::las::{Backend, Comm, Scalar};
 use crate::tissue::case::Case;
 use crate::tissue::micro_scale::{
     DeformedNetwork, FieldRestoreError, Library, LibraryError, Life, LostRve, PointFailure, PointSummary, Sites,
@@ -27,35 +21,13 @@ use crate::tissue::micro_scale::{
 use crate::tissue::results::log::RankSeconds;
 use crate::tissue::rve_dump::RveDump;
 
-/// Who solves for the body.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Lead {
-    /// The first rank of the engineering scale.
-    First,
-    /// All its ranks, in step.
-    All,
-}
-
 /// The material of a body whose RVEs are solved by the micro scale.
 pub struct ScaleField<'a, C: Comm, B: Backend> {
-    scales: &'a Scales<C>,
-    /// The number of the micro scale.
-    below: usize,
-    lead: Lead,
+    micro: Counterpart<'a, C>,
     library: Library<B>,
     sites: Sites,
-    /// The rank of the engineering scale whose part an element is in.
-    part_of: Vec<u32>,
-    /// The RVEs of the own part, once the scales are coupled.
-    part: Option<Part<C>>,
-    /// Elements with RVEs, by rank of the engineering scale.
-    units: Vec<Vec<u64>>,
     /// The rank of the program that solves the RVE of an element.
     rank_of: Vec<u32>,
-    in_step: bool,
-    /// Trial state by trial state, rank by rank of the engineering scale.
-    iterations: Vec<Vec<Seconds>>,
-    since: Instant,
     heard: Heard,
     lost: Mutex<Option<LostRve>>,
     /// Why other ranks do not answer or have lost step: nothing is exchanged any more.
@@ -70,38 +42,6 @@ struct Heard {
     stats: Mutex<SweepStats>,
     seconds: Mutex<Vec<Vec<RankSeconds>>>,
     bytes: usize,
-}
-
-impl<C: Comm, B: Backend> ScaleField<'_, C, B> {
-    /// Ends the loops of the other ranks, and first a step that has not come to its end.
-    fn complete(&self) -> Result<(), TwoScaleError> {
-        if self.in_step {
-            self.tell(&Turn::Reject)?;
-            self.hear()?;
-        }
-        self.order(&Order::End)?;
-        self.tell(&Turn::Complete)
-    }
-
-    /// What the micro scale says.
-    fn hear(&self) -> Result<Message, TwoScaleError> {
-        Ok(match self.lead {
-            Lead::First => self.scales.listen(self.below)?,
-            Lead::All => self.scales.hear(self.below)?,
-        })
-    }
-
-    fn tell(&self, turn: &Turn) -> Result<(), TwoScaleError> {
-        Ok(self.scales.tell(self.below, pack(turn)?)?)
-    }
-
-    fn order(&self, order: &Order) -> Result<(), TwoScaleError> {
-        let comm = self.scales.comm();
-        if comm.size() > 1 && self.lead == Lead::First {
-            comm.broadcast(0, pack(order)?)?;
-        }
-        Ok(())
-    }
 }
 
 impl<'a, C: Comm, B: Backend<Scalar = f64>> ScaleField<'a, C, B>
@@ -123,18 +63,10 @@ where
         let part_of = super::partition::partition(mesh, scales.comm().size());
         let elements = sites.len();
         let field = Self {
-            scales,
-            below: scales.find(MICRO).unwrap_or(usize::MAX),
-            lead,
+            micro: Counterpart::new(scales, lead, part_of),
             library,
             sites,
-            part_of,
-            part: None,
-            units: vec![Vec::new(); scales.comm().size()],
             rank_of: vec![scales.world().rank() as u32; elements],
-            in_step: false,
-            iterations: Vec::new(),
-            since: Instant::now(),
             heard: Heard { units: (0..elements).map(|_| None).collect(), ..Heard::default() },
             lost: Mutex::new(None),
             broken: Arc::default(),
@@ -161,86 +93,21 @@ where
     /// # Errors
     /// [`TwoScaleError`].
     pub fn couple(&mut self) -> Result<(), TwoScaleError> {
-        self.part = Some(Part::new(self.scales)?);
+        self.micro.couple()?;
         let new = self.sites.existing().map(|(element, region)| [element as u64, region as u64]);
         let change = Change { gone: Vec::new(), new: new.collect() };
         self.change(&change)
     }
 
-    /// What the ranks of the micro scale say, in their order.
-    fn listen<T: for<'de> serde::Deserialize<'de>>(&self, seconds: &mut Seconds) -> Result<Vec<T>, TwoScaleError> {
-        let start = Instant::now();
-        let said = self.hear()?;
-        let heard = Instant::now();
-        let all = said.split().ok_or(TwoScaleError::Turn)?;
-        let all = all.into_iter().map(|bytes| Ok(postcard::from_bytes(bytes)?)).collect();
-        seconds.idle += (heard - start).as_secs_f64();
-        seconds.exchanging += heard.elapsed().as_secs_f64();
-        all
-    }
-
     /// Deletes and creates RVEs, on both scales.
     fn change(&mut self, change: &Change) -> Result<(), TwoScaleError> {
-        self.order(&Order::Change(change.gone.clone(), change.new.clone()))?;
-        self.tell(&Turn::Units)?;
-        let own = self.scales.comm().rank() as u32;
-        let Self { part: Some(part), part_of, .. } = self else { return Err(TwoScaleError::Turn) };
-        part.change(change, |element| part_of[element] == own)?;
-        // As every rank of the scale does with its own.
-        let gone: HashSet<u64> = change.gone.iter().copied().collect();
-        for units in &mut self.units {
-            units.retain(|unit| !gone.contains(unit));
-        }
-        gone.iter().for_each(|&unit| self.heard.units[unit as usize] = None);
-        for &[element, _] in &change.new {
-            self.units[self.part_of[element as usize] as usize].push(element);
-        }
-        Ok(())
+        change.gone.iter().for_each(|&unit| self.heard.units[unit as usize] = None);
+        self.micro.change(change)
     }
 
-    /// Asks all RVEs, those of other parts through their ranks.
-    fn ask(&mut self, gradients: &[Matrix3<f64>]) -> Result<Vec<Answer>, TwoScaleError> {
-        let turn = if std::mem::replace(&mut self.in_step, true) { Turn::Iterate } else { Turn::Step };
-        let comm = self.scales.comm().clone();
-        let mut seconds = Seconds { busy: self.since.elapsed().as_secs_f64(), ..Seconds::default() };
-        let start = Instant::now();
-        self.order(&Order::Exchange)?;
-        let followers = if self.lead == Lead::First { comm.size() } else { 1 };
-        for (rank, units) in self.units.iter().enumerate().take(followers).skip(1) {
-            let strain = |&unit: &u64| Strain::new(&gradients[unit as usize], self.sites.is_awake(unit as usize));
-            let of_part: Vec<Strain> = units.iter().map(strain).collect();
-            comm.send(rank, GRADIENTS, Message::of(&of_part))?;
-        }
-        self.tell(&turn)?;
-        seconds.exchanging += start.elapsed().as_secs_f64();
-        let Self { part: Some(part), sites, .. } = self else { return Err(TwoScaleError::Turn) };
-        let mut answers =
-            part.exchange(|element| (gradients[element], sites.is_awake(element)), &mut seconds)?.to_vec();
-        let start = Instant::now();
-        let of_parts = match self.lead {
-            Lead::First => (1..comm.size()).map(|rank| comm.receive(rank, ANSWERS)).collect::<Result<_, _>>()?,
-            Lead::All if comm.size() > 1 => comm.gather_all(Message::of(&std::mem::take(&mut answers)))?,
-            Lead::All => Vec::new(),
-        };
-        for of_part in of_parts {
-            answers.extend_from_slice(of_part.values::<Answer>().ok_or(TwoScaleError::Turn)?);
-        }
-        seconds.idle += start.elapsed().as_secs_f64();
-        let all = match self.lead {
-            Lead::First => (1..comm.size()).map(|rank| comm.receive(rank, SECONDS)).collect::<Result<_, _>>()?,
-            Lead::All => comm.gather_all(Message::of(&seconds.numbers()))?.split_off(1),
-        };
-        let all = all.iter().map(|message| message.values().and_then(Seconds::of).ok_or(TwoScaleError::Turn));
-        self.iterations.push(std::iter::once(Ok(seconds)).chain(all).collect::<Result<_, _>>()?);
-        Ok(answers)
-    }
-
-    /// The failure of the lowest element.
+    /// Why the last trial state has no answer; what repeats it is kept.
     fn explain(&mut self) -> Result<PointFailure, TwoScaleError> {
-        self.tell(&Turn::Explain)?;
-        let failed: Vec<Option<Failed>> = self.listen(&mut Seconds::default())?;
-        let first = failed.into_iter().flatten().min_by_key(|failed| failed.failure.element);
-        let Failed { failure, start } = first.ok_or(TwoScaleError::Turn)?;
+        let Failed { failure, start } = self.micro.explain()?;
         if let Some((model, state, gradient)) = start
             && let Some(rve) = UnitState::from(state).rve
         {
@@ -252,28 +119,13 @@ where
         Ok(failure)
     }
 
-    /// Ends a step on the micro scale, and hears what it says of it.
+    /// Ends a step on the micro scale, and remembers what it says of it.
     fn end_step(&mut self, converged: bool) -> Result<(), TwoScaleError> {
-        self.tell(&if converged { Turn::Accept } else { Turn::Reject })?;
-        self.in_step = false;
-        let mut reporting = Seconds::default();
-        let reports: Vec<RankReport> = self.listen(&mut reporting)?;
-        if let Some(last) = self.iterations.last_mut().and_then(|ranks| ranks.first_mut()) {
-            last.idle += reporting.idle;
-            last.exchanging += reporting.exchanging;
-        }
-        let (above, ranks) = (self.scales.ranks(self.scales.own()), self.scales.ranks(self.below));
+        let (reports, iterations) = self.micro.end_step(converged)?;
         let mut stats = SweepStats::default();
-        let mut iterations: Vec<Vec<RankSeconds>> = std::mem::take(&mut self.iterations)
-            .into_iter()
-            .map(|all| all.into_iter().zip(above).map(|(seconds, &rank)| rank_seconds(rank, seconds)).collect())
-            .collect();
         self.heard.bytes = reports.iter().map(|report| report.bytes).sum();
-        for (report, &rank) in reports.into_iter().zip(ranks) {
+        for (report, &rank) in reports.into_iter().zip(self.micro.ranks()) {
             stats = stats.and(report.stats);
-            for (iteration, seconds) in iterations.iter_mut().zip(report.seconds) {
-                iteration.push(rank_seconds(rank, seconds));
-            }
             for unit in report.units {
                 let element = unit.element as usize;
                 self.rank_of[element] = rank as u32;
@@ -283,21 +135,17 @@ where
         let heard = self.heard.stats.get_mut().unwrap_or_else(PoisonError::into_inner);
         *heard = heard.and(stats);
         self.heard.seconds.get_mut().unwrap_or_else(PoisonError::into_inner).extend(iterations);
-        self.since = Instant::now();
+        self.micro.rest();
         Ok(())
     }
-}
-
-fn rank_seconds(rank: usize, Seconds { busy, idle, exchanging }: Seconds) -> RankSeconds {
-    RankSeconds { rank, busy, idle, exchanging }
 }
 
 /// However a run ends, the other ranks are told, unless this one ends them all by a panic.
 impl<C: Comm, B: Backend> Drop for ScaleField<'_, C, B> {
     fn drop(&mut self) {
-        if self.part.is_some() && self.broken.get().is_none() && !std::thread::panicking() {
+        if self.micro.is_coupled() && self.broken.get().is_none() && !std::thread::panicking() {
             // Ranks that cannot be told have ended.
-            let _ = self.complete();
+            let _ = self.micro.complete();
         }
     }
 }
@@ -316,13 +164,13 @@ where
                 write(out, element, &answer);
             }
         }
-        let answers = self.ask(gradients);
+        let answers = self.micro.ask(gradients, &self.sites);
         let mut answers = self.whole(answers)?;
         answers.retain(|answer| self.sites.is_awake(answer.element as usize));
         if answers.iter().any(|answer| answer.failed != 0) {
             let failure = self.explain();
             let failure = self.whole(failure)?;
-            self.since = Instant::now();
+            self.micro.rest();
             return Err(failure.into());
         }
         for answer in &answers {
@@ -330,7 +178,7 @@ where
             write(out, element, &response);
             self.sites.answered(element, &response);
         }
-        self.since = Instant::now();
+        self.micro.rest();
         Ok(())
     }
 
@@ -370,24 +218,8 @@ where
         &self.library
     }
 
-    fn rves(&self) -> usize {
-        self.sites.rves()
-    }
-
-    fn life(&self, element: usize) -> Option<Life> {
-        self.sites.life(element)
-    }
-
-    fn lives(&self) -> Vec<Life> {
-        self.sites.lives()
-    }
-
-    fn has_fibers(&self, element: usize) -> bool {
-        self.sites.material(element).is_some_and(|(model, _)| model.is_some())
-    }
-
-    fn users(&self) -> Vec<usize> {
-        self.sites.users(self.library.models().len())
+    fn sites(&self) -> &Sites {
+        &self.sites
     }
 
     fn rve_bytes(&self) -> usize {
@@ -421,20 +253,20 @@ where
     }
 
     fn ranks(&self) -> [usize; 2] {
-        [self.scales.comm().size(), self.scales.ranks(self.below).len()]
+        [self.micro.scales.comm().size(), self.micro.ranks().len()]
     }
 
     fn parts(&self) -> Option<(&[u32], usize)> {
-        let parts = self.scales.comm().size();
-        (parts > 1).then_some((&*self.part_of, parts))
+        let parts = self.micro.scales.comm().size();
+        (parts > 1).then_some((&*self.micro.part_of, parts))
     }
 
     /// Part by part where all ranks solve: the rows of a rank are then about those of its own elements.
     fn node_order(&self, mesh: &Mesh) -> Vec<u32> {
         let mut order: Vec<u32> = (0..mesh.nodes().len() as u32).collect();
-        if self.lead == Lead::All {
+        if self.micro.lead == Lead::All {
             let mut part_of = vec![u32::MAX; order.len()];
-            for (nodes, &part) in mesh.elements().iter().zip(&self.part_of) {
+            for (nodes, &part) in mesh.elements().iter().zip(&self.micro.part_of) {
                 nodes.iter().for_each(|&node| part_of[node as usize] = part_of[node as usize].min(part));
             }
             order.sort_by_key(|&node| part_of[node as usize]);
@@ -470,7 +302,7 @@ where
         let new = existing.iter().filter(|(element, _)| !before.contains(element));
         let change = Change { gone, new: new.map(|&(element, region)| [element as u64, region as u64]).collect() };
         let states = existing.iter().zip(states).map(|(&(element, _), state)| (element as u64, state.into())).collect();
-        let told = self.change(&change).and_then(|()| self.tell(&Turn::Restore(states)));
+        let told = self.change(&change).and_then(|()| self.micro.tell(&Turn::Restore(states)));
         told.map_err(|error| FieldRestoreError::Ranks(error.to_string()))
     }
 }

@@ -4,11 +4,12 @@ use std::collections::{HashMap, HashSet};
 use std::time::Instant;
 
 use super::TwoScaleError;
+use super::links::Links;
 use super::terms::{
-    Answer, Drawn, Failed, Header, MACRO, MICRO, OneByOne, RankReport, Seconds, Strain, Turn, UnitReport, pack,
-    pack_into, unpack,
+    Answer, Drawn, Failed, Header, MACRO, OneByOne, RankReport, Seconds, Strain, Turn, UnitReport, pack, pack_into,
+    unpack,
 };
-use crate::coupling::{Carrier, Coupling, Even, Scales};
+use crate::coupling::Scales;
 use crate::las::{Backend, Comm, Message, Scalar};
 use crate::tissue::case::{Case, RveOutput};
 use crate::tissue::checkpoint::UnitRecord;
@@ -36,12 +37,7 @@ struct MicroSide<'a, C: Comm, B: Backend> {
     above: usize,
     drawn: RveOutput,
     units: Units<B>,
-    /// From the engineering scale to here, and back.
-    coupling: Coupling<C>,
-    back: Coupling<C>,
-    headers: Carrier<Header>,
-    strains: Carrier<Strain>,
-    answers: Carrier<Answer>,
+    links: Links<C>,
     /// What was asked last, in the order of the units.
     asked: Vec<Strain>,
     failed: Option<PointFailure>,
@@ -56,29 +52,10 @@ where
 {
     fn new(scales: &'a Scales<C>, case: &Case, library: Library<B>) -> Result<Self, TwoScaleError> {
         let above = scales.find(MACRO).ok_or(TwoScaleError::Scale(MACRO))?;
-        // Nothing yet: the first RVEs come like all others.
-        let coupling = Coupling::new(scales, MACRO, MICRO, &[], &[], &Even)?;
-        let back = coupling.inverse();
-        let headers = Carrier::new(&coupling)?;
-        let strains = Carrier::new(&coupling)?;
-        let answers = Carrier::new(&back)?;
+        let links = Links::new(scales)?;
         let (units, drawn) = (Units::new(library), case.output.rve.clone());
         let (asked, failed, seconds, between) = (Vec::new(), None, Vec::new(), Seconds::default());
-        Ok(Self {
-            scales,
-            above,
-            drawn,
-            units,
-            coupling,
-            back,
-            headers,
-            strains,
-            answers,
-            asked,
-            failed,
-            seconds,
-            between,
-        })
+        Ok(Self { scales, above, drawn, units, links, asked, failed, seconds, between })
     }
 
     fn run(mut self) -> Result<(), TwoScaleError> {
@@ -138,14 +115,14 @@ where
 
     /// RVEs that are deleted, then those that are new, at rest.
     fn update_units(&mut self) -> Result<(), TwoScaleError> {
-        let before = self.coupling.units().to_vec();
-        let kept = self.coupling.forget()?;
+        let before = self.links.units().to_vec();
+        let kept = self.links.down.forget()?;
         let kept: HashSet<u64> = kept.into_iter().map(|place| before[place as usize]).collect();
         let gone = before.into_iter().filter(|unit| !kept.contains(unit)).map(|unit| unit as usize).collect();
         self.units.remove(&gone);
-        let delta = self.coupling.reconcile()?;
+        let delta = self.links.down.reconcile()?;
         let mut headers = vec![Header { region: 0 }; delta.units().len()];
-        self.headers.receive(&delta, &mut headers)?;
+        self.links.headers.receive(&delta, &mut headers)?;
         for (&element, header) in delta.units().iter().zip(headers) {
             let element = element as usize;
             if let ElementMaterial::Rve { model, matrix } =
@@ -154,7 +131,7 @@ where
                 self.units.add(element, model, matrix);
             }
         }
-        self.back = self.coupling.inverse();
+        self.links.turn_back();
         Ok(())
     }
 
@@ -162,7 +139,7 @@ where
     fn answer_strains(&mut self) -> Result<(), TwoScaleError> {
         self.asked.resize(self.units.len(), Strain { gradient: [0.0; 9], awake: 0 });
         let start = Instant::now();
-        self.strains.receive(&self.coupling, &mut self.asked)?;
+        self.links.strains.receive(&self.links.down, &mut self.asked)?;
         let asked = Instant::now();
         let strains = &self.asked;
         self.failed =
@@ -171,7 +148,7 @@ where
         let failed = self.failed.is_some();
         let answer = |(element, response)| Answer::new(element, if failed { None } else { response });
         let answers: Vec<Answer> = self.units.answers().map(answer).collect();
-        self.answers.send(&self.back, &answers)?;
+        self.links.answers.send(&self.links.back, &answers)?;
         let between = std::mem::take(&mut self.between);
         self.seconds.push(Seconds {
             busy: (solved - asked).as_secs_f64() + between.busy,
@@ -234,7 +211,7 @@ where
     /// All ranks of this scale say something; the engineering scale hears them in their order.
     fn to_macro(&self, message: Message) -> Result<(), TwoScaleError> {
         let all = self.scales.comm().gather(0, message)?;
-        Ok(self.scales.tell(self.above, Message::join(&all.unwrap_or_default()))?)
+        Ok(self.scales.tell(self.above, Message::join(all.unwrap_or_default()))?)
     }
 
     fn restore(&mut self, states: Vec<(u64, UnitRecord)>) -> Result<(), TwoScaleError> {

@@ -4,7 +4,9 @@
 //! |---|---|
 //! | `terms` | what they tell each other |
 //! | `macro_side` | the engineering scale: the material of the body, asked point by point |
+//! | `counterpart` | the micro scale as the engineering scale sees it: told, asked, heard |
 //! | `part` | a rank of it: the elements of its part and their couplings |
+//! | `links` | the couplings of the RVEs of one rank, the same on both scales |
 //! | `micro_side` | the micro scale: RVEs that answer |
 //! | `partition` | which rank of the engineering scale has which element |
 //!
@@ -22,7 +24,9 @@
 //! Turn::Complete -------------------------------->   complete
 //! ```
 
+mod counterpart;
 mod follower;
+mod links;
 mod macro_side;
 mod micro_side;
 mod part;
@@ -31,8 +35,9 @@ mod terms;
 
 use thiserror::Error;
 
+pub use counterpart::Lead;
 pub use follower::follow;
-pub use macro_side::{Lead, ScaleField};
+pub use macro_side::ScaleField;
 pub use micro_side::run as run_micro;
 pub use partition::partition;
 pub use terms::{MACRO, MICRO, Seconds};

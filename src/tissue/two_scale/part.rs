@@ -6,17 +6,14 @@ use std::time::Instant;
 use nalgebra::Matrix3;
 
 use super::TwoScaleError;
-use super::terms::{Answer, Header, MACRO, MICRO, Seconds, Strain};
-use crate::coupling::{Carrier, Coupling, Even, Scales, UnitId};
+use super::links::Links;
+use super::terms::{Answer, Header, Seconds, Strain};
+use crate::coupling::{Even, Scales, UnitId};
 use crate::las::Comm;
 
 /// The RVEs of one part of the body.
 pub(super) struct Part<C: Comm> {
-    coupling: Coupling<C>,
-    back: Coupling<C>,
-    headers: Carrier<Header>,
-    strains: Carrier<Strain>,
-    answers: Carrier<Answer>,
+    links: Links<C>,
     asked: Vec<Strain>,
     found: Vec<Answer>,
 }
@@ -31,30 +28,25 @@ pub(super) struct Change {
 impl<C: Comm> Part<C> {
     /// Without RVEs. Called by all ranks of both scales together.
     pub fn new(scales: &Scales<C>) -> Result<Self, TwoScaleError> {
-        let coupling = Coupling::new(scales, MACRO, MICRO, &[], &[], &Even)?;
-        let back = coupling.inverse();
-        let headers = Carrier::new(&coupling)?;
-        let strains = Carrier::new(&coupling)?;
-        let answers = Carrier::new(&back)?;
-        Ok(Self { coupling, back, headers, strains, answers, asked: Vec::new(), found: Vec::new() })
+        Ok(Self { links: Links::new(scales)?, asked: Vec::new(), found: Vec::new() })
     }
 
     /// The elements with an RVE, in the order in which they are asked.
     pub fn elements(&self) -> &[UnitId] {
-        self.coupling.units()
+        self.links.units()
     }
 
     /// Deletes and creates RVEs of this part; all ranks of both scales do so together.
     pub fn change(&mut self, change: &Change, is_own: impl Fn(usize) -> bool) -> Result<(), TwoScaleError> {
-        let here: HashSet<UnitId> = self.coupling.units().iter().copied().collect();
+        let here: HashSet<UnitId> = self.links.units().iter().copied().collect();
         let gone: Vec<UnitId> = change.gone.iter().copied().filter(|unit| here.contains(unit)).collect();
-        self.coupling.remove(&gone)?;
+        self.links.down.remove(&gone)?;
         let new: Vec<[u64; 2]> = change.new.iter().copied().filter(|&[element, _]| is_own(element as usize)).collect();
         let units: Vec<UnitId> = new.iter().map(|&[element, _]| element).collect();
-        let delta = self.coupling.add(&units, &[], &Even)?;
+        let delta = self.links.down.add(&units, &[], &Even)?;
         let headers: Vec<Header> = new.iter().map(|&[_, region]| Header { region }).collect();
-        self.headers.send(&delta, &headers)?;
-        self.back = self.coupling.inverse();
+        self.links.headers.send(&delta, &headers)?;
+        self.links.turn_back();
         Ok(())
     }
 
@@ -65,16 +57,16 @@ impl<C: Comm> Part<C> {
         seconds: &mut Seconds,
     ) -> Result<&[Answer], TwoScaleError> {
         let start = Instant::now();
-        let units = self.coupling.units();
+        let units = self.links.units();
         self.asked.clear();
         self.asked.extend(units.iter().map(|&element| {
             let (gradient, is_awake) = strain(element as usize);
             Strain::new(&gradient, is_awake)
         }));
         self.found.resize(units.len(), Answer::new(0, None));
-        self.strains.send(&self.coupling, &self.asked)?;
+        self.links.strains.send(&self.links.down, &self.asked)?;
         let sent = Instant::now();
-        self.answers.receive(&self.back, &mut self.found)?;
+        self.links.answers.receive(&self.links.back, &mut self.found)?;
         seconds.exchanging += (sent - start).as_secs_f64();
         seconds.idle += sent.elapsed().as_secs_f64();
         Ok(&self.found)

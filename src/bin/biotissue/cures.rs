@@ -1,0 +1,155 @@
+//! What a run that fails tells its user: what went wrong, what was expected, and what may cure it.
+
+use std::path::Path;
+
+use biotissue::fem::equilibrium::EquilibriumError;
+use biotissue::fem::stepping::{SetupError, StepFailure};
+use biotissue::input::InputError;
+use biotissue::las::{NewtonError, SolveError};
+use biotissue::tissue::case::MicroCase;
+use biotissue::tissue::checkpoint::CheckpointError;
+use biotissue::tissue::macro_scale::MacroScaleError;
+use biotissue::tissue::micro_scale::{LibraryError, PointFailureKind, TissueFieldError};
+use biotissue::tissue::results::ResultsError;
+use biotissue::tissue::run::{ResumeError, SimulationError};
+
+use crate::failure::Failure;
+
+pub fn not_written(error: ResultsError) -> Failure {
+    match error {
+        ResultsError::Write { path, source } => Failure::unwritable(&path, &source),
+        ResultsError::Damaged { .. } => Failure::Arguments {
+            what: error.to_string(),
+            expected: "the results of the interrupted run".into(),
+            cure: "leave --resume out to start again: that replaces the results".into(),
+        },
+        error => Failure::Environment {
+            what: error.to_string(),
+            expected: "results that can be put into files".into(),
+            cure: "report this as a bug, with the case".into(),
+        },
+    }
+}
+
+pub fn on_disk(steps: usize, dir: &Path) -> String {
+    match steps {
+        0 => format!("no load step converged before it; the log is in {}", dir.display()),
+        1 => format!("the load step before it is in {}", dir.display()),
+        steps => format!("the {steps} load steps before it are in {}", dir.display()),
+    }
+}
+
+/// How to repeat the failure of an RVE.
+pub fn repeated_by(lost: Option<&Path>) -> String {
+    lost.map_or_else(String::new, |file| format!("; `biotissue rve --replay {}` repeats the RVE", file.display()))
+}
+
+/// The cure where nothing more is known than that a step went too far.
+const TOO_FAR: &str = "from the start: check that the body is held, and the size and units of its loads; later: look at the \
+                       last fields for elements near collapse, or raise `max_cuts` and go on with --resume";
+
+/// What may help a load step that failed.
+pub fn cure_of_step<F: std::error::Error + 'static>(
+    reason: &StepFailure<TissueFieldError, F>,
+    micro: &MicroCase,
+) -> String {
+    match reason {
+        NewtonError::Solve(SolveError::Singular { .. }) => {
+            "hold the body so that it can neither move nor turn as a whole; if it buckles, take more load steps".into()
+        }
+        NewtonError::Problem(EquilibriumError::Points(error)) => cure_of_point(error, micro),
+        _ => TOO_FAR.into(),
+    }
+}
+
+fn cure_of_point(error: &TissueFieldError, micro: &MicroCase) -> String {
+    let TissueFieldError::Point(point) = error else { return "see what that rank says".into() };
+    let default = MicroCase::default();
+    let restricted = [
+        ("`stages`", micro.stages != default.stages),
+        ("`max_iterations`", micro.max_iterations < default.max_iterations),
+        ("`max_cuts`", micro.max_cuts < default.max_cuts),
+    ];
+    let restricted: Vec<&str> = restricted.iter().filter(|(_, is)| *is).map(|(name, _)| *name).collect();
+    let is_network = matches!(point.kind, PointFailureKind::Network | PointFailureKind::LinearSystem);
+    let freed = match (is_network, restricted.is_empty()) {
+        (true, false) => format!("leave {} of [micro] at the default; then: ", restricted.join(" and ")),
+        _ => String::new(),
+    };
+    let cure = match point.kind {
+        PointFailureKind::LinearSystem => {
+            "`biotissue network check` tells whether that network is floppy or hangs loose: clean it, or take another"
+        }
+        _ => TOO_FAR,
+    };
+    freed + cure
+}
+
+pub fn not_resumed<F: std::error::Error + 'static>(error: ResumeError<F>) -> Failure {
+    let cure = match &error {
+        ResumeError::Elsewhere(error) => {
+            return Failure::Environment {
+                what: error.to_string(),
+                expected: "checkpoints that every rank of the body can read".into(),
+                cure: "put the result directory where all machines see it".into(),
+            };
+        }
+        ResumeError::Checkpoint(error @ CheckpointError::Unreadable { .. }) => {
+            return Failure::Environment {
+                what: error.to_string(),
+                expected: "checkpoints that can be read".into(),
+                cure: error.cure().into(),
+            };
+        }
+        ResumeError::Checkpoint(error) => error.cure(),
+        ResumeError::State { .. } => "start again without resuming: that replaces the results",
+    };
+    Failure::Arguments {
+        what: error.to_string(),
+        expected: "a checkpoint of the run that this case describes".into(),
+        cure: format!("{cure} (leave --resume out)"),
+    }
+}
+
+pub fn not_set_up<F: std::error::Error + 'static>(
+    file: &Path,
+    micro: &MicroCase,
+    error: SimulationError<F>,
+) -> Failure {
+    let (expected, cure) = match &error {
+        SimulationError::MacroScale(MacroScaleError::Input(errors))
+        | SimulationError::Library(LibraryError::Network(errors))
+        | SimulationError::Output(errors) => return errors.clone().into(),
+        SimulationError::MacroScale(MacroScaleError::Curve { line, reason }) => {
+            let (expected, cure) = ("a curve over pseudo-time from 0 to 1", "correct its points");
+            return InputError::at_line(file, *line, format!("the load curve: {reason}"), expected, cure).into();
+        }
+        SimulationError::Setup(setup) if matches!(**setup, SetupError::Undeformed(_)) => {
+            return not_at_rest(file, micro, setup);
+        }
+        SimulationError::Library(LibraryError::Model { .. }) => (
+            "a network whose fibers have a law, a radius and a modulus",
+            "give the region a `law`, or put NETWORK.toml with a [law] or NETWORK.params beside the network",
+        ),
+        _ => ("a case that can be set up", "change the case, or the mesh it names"),
+    };
+    Failure::arguments(format!("{}: {error}", file.display()), expected, cure)
+}
+
+/// The undeformed body has no stress or no stiffness: an RVE is singular before any load.
+fn not_at_rest<F: std::error::Error + 'static>(
+    file: &Path,
+    micro: &MicroCase,
+    error: &SetupError<TissueFieldError, F>,
+) -> Failure {
+    let cure = match error {
+        SetupError::Undeformed(EquilibriumError::Points(error)) => cure_of_point(error, micro),
+        _ => "try another --backend".into(),
+    };
+    Failure::NotConverged {
+        what: format!("{}: {error}", file.display()),
+        place: "t = 0, before the first load step; nothing is written".into(),
+        expected: "an undeformed body that resists every deformation".into(),
+        cure,
+    }
+}

@@ -1,0 +1,89 @@
+//! How far a run has come, for whoever watches it.
+
+use std::io::IsTerminal;
+
+use biotissue::tissue::Progress;
+use biotissue::tissue::results::log::{Cut, Step};
+use biotissue::tissue::run::Plan;
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::output;
+
+/// A bar on a terminal, a line a step otherwise.
+pub struct Reporter {
+    bar: Option<ProgressBar>,
+    count: usize,
+}
+
+impl Reporter {
+    pub fn new(plan: &Plan) -> Self {
+        let Plan { elements, unknowns, rves, threads, ranks: [above, below], .. } = plan;
+        let workers = match below {
+            0 => format!("{threads} threads"),
+            _ => format!("{above} + {below} ranks"),
+        };
+        let rves = match plan.networks.len() {
+            0 => String::new(),
+            networks => format!("{rves} RVEs of {networks} network{}, ", if networks == 1 { "" } else { "s" }),
+        };
+        output::say(&format!("{elements} elements, {unknowns} unknowns, {rves}{workers}"));
+        let bar = std::io::stderr().is_terminal().then(|| {
+            let bar = ProgressBar::new(plan.steps as u64);
+            // How long it will take is not known before the first step.
+            set_style(&bar, "{bar:32} step {pos}/{len} {elapsed}");
+            bar.enable_steady_tick(std::time::Duration::from_millis(200));
+            bar
+        });
+        Self { bar, count: plan.steps }
+    }
+
+    fn say(&self, line: &str) {
+        match &self.bar {
+            Some(bar) => bar.println(line),
+            None => output::say(line),
+        }
+    }
+
+    pub fn finish(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+impl Progress for Reporter {
+    fn converged(&mut self, step: &Step) {
+        let newton = &step.newton;
+        let residual = newton.relative.last().copied().unwrap_or(0.0);
+        let rves = step.rve.as_ref().map_or(String::new(), |rve| {
+            let relaxation = match rve.relaxation_steps {
+                0 => String::new(),
+                steps => format!(" and {steps} steps of relaxation in all"),
+            };
+            let (mean, most) = (rve.iterations_mean, rve.iterations_max);
+            format!(", RVEs {mean:.1} iterations on average, {most} at most{relaxation}")
+        });
+        let line = format!(
+            "step {}/{} t = {:.4}: {} iterations, residual {residual:.1e}{rves}, {:.1} s",
+            step.step, self.count, step.t, newton.iterations, newton.seconds.total
+        );
+        match &self.bar {
+            Some(bar) => {
+                set_style(bar, "{bar:32} step {pos}/{len} {elapsed} (left {eta}) {msg}");
+                bar.set_position(step.step as u64);
+                bar.set_message(format!("{} iterations", newton.iterations));
+            }
+            None => output::say(&line),
+        }
+    }
+
+    fn failed(&mut self, cut: &Cut) {
+        self.say(&format!("step {}/{} to t = {:.4} failed: {}", cut.step, self.count, cut.t, cut.reason));
+    }
+}
+
+fn set_style(bar: &ProgressBar, template: &str) {
+    if let Ok(style) = ProgressStyle::with_template(template) {
+        bar.set_style(style);
+    }
+}

@@ -1,0 +1,52 @@
+//! The ranks of a scale, as an entry of the configuration file gives them.
+
+use super::sentence;
+use crate::coupling::plan::Share;
+
+/// The most ranks that a file can ask for: more than there are on any machine, and few enough to list.
+const MOST_RANKS: usize = 1 << 24;
+
+/// What is wrong, what was expected, and the cure.
+pub(super) type Wrong = (String, &'static str, &'static str);
+
+/// The ranks of a scale, by what stands behind its name.
+pub(super) fn share(name: &str, behind: &[&str]) -> Result<Share, Wrong> {
+    match behind {
+        ["ranks", spans @ ..] if !spans.is_empty() => {
+            let ranks = spans.iter().map(|span| ranks(span)).collect::<Result<Vec<_>, _>>()?;
+            Ok(Share::Ranks(ranks.concat()))
+        }
+        ["ratio", ratio] => {
+            let positive = ratio.parse().ok().filter(|ratio: &f64| *ratio > 0.0 && ratio.is_finite());
+            let wrong = || (format!("`{ratio}` is no ratio"), "a positive number", "write one, such as `1.5`");
+            positive.map(Share::Ratio).ok_or_else(wrong)
+        }
+        [count] if !["ranks", "ratio"].contains(count) => {
+            let positive = count.parse().ok().filter(|count: &usize| (1..=MOST_RANKS).contains(count));
+            let wrong = || {
+                let what = format!("`{count}` is no number of ranks");
+                (what, "a whole number from 1 to 16777216", "write how many ranks the scale gets")
+            };
+            positive.map(Share::Count).ok_or_else(wrong)
+        }
+        _ => Err((
+            format!("`{}` does not say what ranks the scale gets", sentence(name, behind)),
+            "`NAME COUNT`, `NAME ranks 0 1 5-7` or `NAME ratio 1.5`",
+            "write one of these",
+        )),
+    }
+}
+
+/// A rank, or all from one to another: `5` or `5-7`.
+fn ranks(span: &str) -> Result<Vec<usize>, Wrong> {
+    let rank = |word: &str| word.parse().ok().filter(|&rank: &usize| rank < MOST_RANKS);
+    let (first, last) = span.split_once('-').unwrap_or((span, span));
+    match (rank(first), rank(last)) {
+        (Some(first), Some(last)) if first <= last => Ok((first..=last).collect()),
+        _ => Err((
+            format!("`{span}` names no ranks"),
+            "a rank from 0 to 16777215, such as `1`, or a span of them, such as `5-7`",
+            "write numbers, the smaller one first",
+        )),
+    }
+}

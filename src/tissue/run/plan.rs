@@ -1,0 +1,67 @@
+//! What is about to be solved, before anything is.
+
+use crate::fem::mesh::Mesh;
+use crate::tissue::case::Case;
+use crate::tissue::micro_scale::TissueMaterial;
+
+/// What is about to be solved.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    /// Elements of the mesh.
+    pub elements: usize,
+    /// Nodes of the mesh.
+    pub nodes: usize,
+    /// Free unknowns of the engineering scale.
+    pub unknowns: usize,
+    /// RVEs.
+    pub rves: usize,
+    /// Networks, each with its unknowns and the RVEs that use it.
+    pub networks: Vec<NetworkPlan>,
+    /// Bytes of all RVE states and answers.
+    pub rve_bytes: usize,
+    /// Bytes of the gradients, stresses and tangents that the body holds; the factors of its stiffness come on top.
+    pub body_bytes: usize,
+    /// Load steps.
+    pub steps: usize,
+    /// Threads that solve RVEs.
+    pub threads: usize,
+    /// Ranks of the engineering scale and of the RVEs; 1 and 0 in one process.
+    pub ranks: [usize; 2],
+}
+
+/// One network of the library.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NetworkPlan {
+    /// Its name.
+    pub name: String,
+    /// Unknowns of one RVE.
+    pub unknowns: usize,
+    /// RVEs that use it.
+    pub rves: usize,
+}
+
+impl Plan {
+    /// The plan of a case with its mesh and material and the number of free unknowns of the body.
+    pub(super) fn new(case: &Case, mesh: &Mesh, field: &impl TissueMaterial, unknowns: usize) -> Self {
+        let (models, sites) = (field.library().models(), field.sites());
+        let networks = models.iter().zip(sites.users(models.len())).map(|(model, rves)| NetworkPlan {
+            name: model.network().name().to_owned(),
+            unknowns: model.unknowns(),
+            rves,
+        });
+        // Of every point two states are held: the converged one and the trial.
+        let point_bytes = 2 * (1 + 9 + 9 + 81) * size_of::<f64>();
+        Self {
+            elements: mesh.elements().len(),
+            nodes: mesh.nodes().len(),
+            unknowns,
+            rves: sites.rves(),
+            networks: networks.collect(),
+            rve_bytes: field.rve_bytes(),
+            body_bytes: point_bytes * mesh.elements().len(),
+            steps: case.steps.count,
+            threads: rayon::current_num_threads(),
+            ranks: field.ranks(),
+        }
+    }
+}

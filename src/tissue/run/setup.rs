@@ -1,0 +1,145 @@
+//! A case with everything that it names, read and checked.
+
+use std::sync::Arc;
+
+use thiserror::Error;
+
+use super::Simulation;
+use super::plan::Plan;
+use crate::fem::boundary::{Boundary, Conditions};
+use crate::fem::mesh::Mesh;
+use crate::fem::stepping::{SetupError, Stepper};
+use crate::input::InputErrors;
+use crate::las::{Backend, Scalar};
+use crate::tissue::case::{Case, MaterialCase};
+use crate::tissue::macro_scale::{self, MacroScaleError};
+use crate::tissue::micro_scale::{LibraryError, TissueField, TissueFieldError, TissueMaterial};
+use crate::tissue::rve_files;
+
+/// Why a simulation cannot be set up.
+#[derive(Debug, Error)]
+pub enum SimulationError<F: std::error::Error + 'static> {
+    /// Mesh or conditions.
+    #[error("{0}")]
+    MacroScale(#[from] MacroScaleError),
+    /// Networks.
+    #[error("{0}")]
+    Library(#[from] LibraryError),
+    /// What is to be written of it.
+    #[error("{0}")]
+    Output(#[from] InputErrors),
+    /// Body and conditions do not fit together.
+    #[error("{0}")]
+    Setup(#[from] Box<SetupError<TissueFieldError, F>>),
+}
+
+/// A case with everything read and checked that it names, before anything is solved.
+pub struct Setup<B: Backend<Scalar = f64>, M = TissueField<B>>
+where
+    B::Reduced: Scalar,
+{
+    context: B::Context,
+    case: Case,
+    mesh: Mesh,
+    conditions: Conditions,
+    field: M,
+    networks: Vec<usize>,
+    unknowns: usize,
+    warnings: Vec<String>,
+}
+
+impl<B: Backend<Scalar = f64>> Setup<B>
+where
+    B::Reduced: Scalar,
+    B::Context: Clone,
+{
+    /// Reads the mesh and the networks of a case and holds them against what it prescribes.
+    ///
+    /// # Errors
+    /// [`SimulationError`].
+    pub fn new(context: B::Context, case: Case) -> Result<Self, SimulationError<B::Fault>> {
+        let of_rves = context.clone();
+        Self::with_material(context, case, |case, mesh| TissueField::new(of_rves, case, mesh))
+    }
+}
+
+impl<B: Backend<Scalar = f64>, M: TissueMaterial> Setup<B, M>
+where
+    B::Reduced: Scalar,
+{
+    /// Reads the mesh of a case and holds it against what it prescribes; `material` gives its elements their materials, and
+    /// warnings.
+    ///
+    /// # Errors
+    /// [`SimulationError`].
+    pub fn with_material(
+        context: B::Context,
+        case: Case,
+        material: impl FnOnce(&Case, &Mesh) -> Result<(M, Vec<String>), LibraryError>,
+    ) -> Result<Self, SimulationError<B::Fault>> {
+        let (mesh, mut warnings) = macro_scale::mesh(&case)?;
+        let conditions = macro_scale::conditions(&case)?;
+        let boundary = Boundary::new(&mesh, &conditions).map_err(|error| Box::new(error.into()))?;
+        let prescribed = boundary.prescribed(mesh.nodes().len());
+        let unknowns = prescribed.as_flattened().iter().filter(|&&prescribed| !prescribed).count();
+        let (field, network_warnings) = material(&case, &mesh)?;
+        warnings.extend(network_warnings);
+        warnings.extend(without_networks(&case));
+        let networks = rve_files::elements(&case, mesh.elements().len(), &field)?;
+        Ok(Self { context, case, mesh, conditions, field, networks, unknowns, warnings })
+    }
+
+    /// What is about to be solved.
+    #[must_use]
+    pub fn plan(&self) -> Plan {
+        Plan::new(&self.case, &self.mesh, &self.field, self.unknowns)
+    }
+
+    /// What the readers thought worth saying.
+    #[must_use]
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    /// The case.
+    #[must_use]
+    pub fn case(&self) -> &Case {
+        &self.case
+    }
+
+    /// The mesh, in metres.
+    #[must_use]
+    pub fn mesh(&self) -> &Mesh {
+        &self.mesh
+    }
+
+    /// The material of the body.
+    pub fn material_mut(&mut self) -> &mut M {
+        &mut self.field
+    }
+
+    /// Sets up the linear systems of both scales; asks every point for its answer in the undeformed body.
+    ///
+    /// # Errors
+    /// [`SimulationError::Setup`].
+    pub fn simulation(self) -> Result<Simulation<B, M>, SimulationError<B::Fault>> {
+        let Self { context, case, mesh, conditions, field, networks, warnings, .. } = self;
+        let params = macro_scale::step_params(&case);
+        let order = field.node_order(&mesh);
+        let stepper = Stepper::in_order(&order, &context, Arc::new(mesh), &conditions, field, params);
+        let stepper = stepper.map_err(Box::new)?;
+        Ok(Simulation { case, stepper, networks, warnings })
+    }
+}
+
+/// What to say of regions whose RVEs have no network.
+fn without_networks(case: &Case) -> impl Iterator<Item = String> {
+    case.regions.iter().filter_map(|region| match &region.material {
+        MaterialCase::FiberRve(rve) if rve.networks.is_empty() => Some(format!(
+            "{}: the region \"{}\" has no networks: its RVEs are the matrix alone",
+            case.file.display(),
+            region.name
+        )),
+        _ => None,
+    })
+}

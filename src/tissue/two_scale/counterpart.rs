@@ -1,0 +1,218 @@
+//! The micro scale as the engineering scale sees it: told whose turn it is, asked for answers, and heard.
+//!
+//! Each rank of the engineering scale has a part of the elements, whose RVEs it exchanges with. There are two ways to solve for the
+//! body:
+//! - the first rank does ([`Lead::First`]), and the others [`follow`](super::follow): they get the gradients of their part from it and
+//!   hand the answers back;
+//! - all ranks do, in step ([`Lead::All`]), on a backend that spreads the linear system over them; every rank gets all answers.
+
+use std::collections::HashSet;
+use std::time::Instant;
+
+use nalgebra::Matrix3;
+
+use super::TwoScaleError;
+use super::follower::{ANSWERS, GRADIENTS, Order, SECONDS};
+use super::part::{Change, Part};
+use super::terms::{Answer, Failed, MICRO, RankReport, Seconds, Strain, Turn, pack};
+use crate::coupling::Scales;
+use crate::las::{Comm, Message};
+use crate::tissue::micro_scale::Sites;
+use crate::tissue::results::log::RankSeconds;
+
+/// Who solves for the body.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Lead {
+    /// The first rank of the engineering scale.
+    First,
+    /// All its ranks, in step.
+    All,
+}
+
+/// The ranks that solve RVEs, and those that ask them.
+pub(super) struct Counterpart<'a, C: Comm> {
+    pub scales: &'a Scales<C>,
+    /// The number of the micro scale.
+    below: usize,
+    pub lead: Lead,
+    /// The rank of the engineering scale whose part an element is in.
+    pub part_of: Vec<u32>,
+    /// The RVEs of the own part, once the scales are coupled.
+    part: Option<Part<C>>,
+    /// Elements with RVEs, by rank of the engineering scale.
+    units: Vec<Vec<u64>>,
+    in_step: bool,
+    /// Trial state by trial state, rank by rank of the engineering scale.
+    iterations: Vec<Vec<Seconds>>,
+    /// The end of the last exchange.
+    since: Instant,
+}
+
+impl<'a, C: Comm> Counterpart<'a, C> {
+    /// Exchanges nothing yet.
+    pub fn new(scales: &'a Scales<C>, lead: Lead, part_of: Vec<u32>) -> Self {
+        Self {
+            scales,
+            below: scales.find(MICRO).unwrap_or(usize::MAX),
+            lead,
+            part_of,
+            part: None,
+            units: vec![Vec::new(); scales.comm().size()],
+            in_step: false,
+            iterations: Vec::new(),
+            since: Instant::now(),
+        }
+    }
+
+    /// Couples the scales, without RVEs.
+    pub fn couple(&mut self) -> Result<(), TwoScaleError> {
+        self.part = Some(Part::new(self.scales)?);
+        Ok(())
+    }
+
+    pub fn is_coupled(&self) -> bool {
+        self.part.is_some()
+    }
+
+    /// The ranks of the micro scale.
+    pub fn ranks(&self) -> &[usize] {
+        self.scales.ranks(self.below)
+    }
+
+    /// From here on the engineering scale works on its own.
+    pub fn rest(&mut self) {
+        self.since = Instant::now();
+    }
+
+    /// Ends the loops of the other ranks, and first a step that has not come to its end.
+    pub fn complete(&self) -> Result<(), TwoScaleError> {
+        if self.in_step {
+            self.tell(&Turn::Reject)?;
+            self.hear()?;
+        }
+        self.order(&Order::End)?;
+        self.tell(&Turn::Complete)
+    }
+
+    /// What the micro scale says.
+    fn hear(&self) -> Result<Message, TwoScaleError> {
+        Ok(match self.lead {
+            Lead::First => self.scales.listen(self.below)?,
+            Lead::All => self.scales.hear(self.below)?,
+        })
+    }
+
+    pub fn tell(&self, turn: &Turn) -> Result<(), TwoScaleError> {
+        Ok(self.scales.tell(self.below, pack(turn)?)?)
+    }
+
+    fn order(&self, order: &Order) -> Result<(), TwoScaleError> {
+        let comm = self.scales.comm();
+        if comm.size() > 1 && self.lead == Lead::First {
+            comm.broadcast(0, pack(order)?)?;
+        }
+        Ok(())
+    }
+
+    /// What the ranks of the micro scale say, in their order.
+    fn listen<T: for<'de> serde::Deserialize<'de>>(&self, seconds: &mut Seconds) -> Result<Vec<T>, TwoScaleError> {
+        let start = Instant::now();
+        let said = self.hear()?;
+        let heard = Instant::now();
+        let all = said.split().ok_or(TwoScaleError::Turn)?;
+        let all = all.into_iter().map(|bytes| Ok(postcard::from_bytes(bytes)?)).collect();
+        seconds.idle += (heard - start).as_secs_f64();
+        seconds.exchanging += heard.elapsed().as_secs_f64();
+        all
+    }
+
+    /// Deletes and creates RVEs, on both scales.
+    pub fn change(&mut self, change: &Change) -> Result<(), TwoScaleError> {
+        self.order(&Order::Change(change.gone.clone(), change.new.clone()))?;
+        self.tell(&Turn::Units)?;
+        let own = self.scales.comm().rank() as u32;
+        let Self { part: Some(part), part_of, .. } = self else { return Err(TwoScaleError::Turn) };
+        part.change(change, |element| part_of[element] == own)?;
+        // As every rank of the scale does with its own.
+        let gone: HashSet<u64> = change.gone.iter().copied().collect();
+        for units in &mut self.units {
+            units.retain(|unit| !gone.contains(unit));
+        }
+        for &[element, _] in &change.new {
+            self.units[self.part_of[element as usize] as usize].push(element);
+        }
+        Ok(())
+    }
+
+    /// Asks all RVEs, those of other parts through their ranks.
+    pub fn ask(&mut self, gradients: &[Matrix3<f64>], sites: &Sites) -> Result<Vec<Answer>, TwoScaleError> {
+        let turn = if std::mem::replace(&mut self.in_step, true) { Turn::Iterate } else { Turn::Step };
+        let comm = self.scales.comm().clone();
+        let mut seconds = Seconds { busy: self.since.elapsed().as_secs_f64(), ..Seconds::default() };
+        let start = Instant::now();
+        self.order(&Order::Exchange)?;
+        let followers = if self.lead == Lead::First { comm.size() } else { 1 };
+        for (rank, units) in self.units.iter().enumerate().take(followers).skip(1) {
+            let strain = |&unit: &u64| Strain::new(&gradients[unit as usize], sites.is_awake(unit as usize));
+            let of_part: Vec<Strain> = units.iter().map(strain).collect();
+            comm.send(rank, GRADIENTS, Message::of(&of_part))?;
+        }
+        self.tell(&turn)?;
+        seconds.exchanging += start.elapsed().as_secs_f64();
+        let Some(part) = &mut self.part else { return Err(TwoScaleError::Turn) };
+        let mut answers =
+            part.exchange(|element| (gradients[element], sites.is_awake(element)), &mut seconds)?.to_vec();
+        let start = Instant::now();
+        let of_parts = match self.lead {
+            Lead::First => (1..comm.size()).map(|rank| comm.receive(rank, ANSWERS)).collect::<Result<_, _>>()?,
+            Lead::All if comm.size() > 1 => comm.gather_all(Message::of(&std::mem::take(&mut answers)))?,
+            Lead::All => Vec::new(),
+        };
+        for of_part in of_parts {
+            answers.extend_from_slice(of_part.values::<Answer>().ok_or(TwoScaleError::Turn)?);
+        }
+        seconds.idle += start.elapsed().as_secs_f64();
+        let all = match self.lead {
+            Lead::First => (1..comm.size()).map(|rank| comm.receive(rank, SECONDS)).collect::<Result<_, _>>()?,
+            Lead::All => comm.gather_all(Message::of(&seconds.numbers()))?.split_off(1),
+        };
+        let all = all.iter().map(|message| message.values().and_then(Seconds::of).ok_or(TwoScaleError::Turn));
+        self.iterations.push(std::iter::once(Ok(seconds)).chain(all).collect::<Result<_, _>>()?);
+        Ok(answers)
+    }
+
+    /// Why RVEs found no equilibrium: the failure of the lowest element.
+    pub fn explain(&mut self) -> Result<Failed, TwoScaleError> {
+        self.tell(&Turn::Explain)?;
+        let failed: Vec<Option<Failed>> = self.listen(&mut Seconds::default())?;
+        failed.into_iter().flatten().min_by_key(|failed| failed.failure.element).ok_or(TwoScaleError::Turn)
+    }
+
+    /// Ends a step on the micro scale, and hears what its ranks say of it; also where the time of all ranks went in each trial
+    /// state.
+    pub fn end_step(&mut self, converged: bool) -> Result<(Vec<RankReport>, Vec<Vec<RankSeconds>>), TwoScaleError> {
+        self.tell(&if converged { Turn::Accept } else { Turn::Reject })?;
+        self.in_step = false;
+        let mut reporting = Seconds::default();
+        let mut reports: Vec<RankReport> = self.listen(&mut reporting)?;
+        if let Some(last) = self.iterations.last_mut().and_then(|ranks| ranks.first_mut()) {
+            last.idle += reporting.idle;
+            last.exchanging += reporting.exchanging;
+        }
+        let above = self.scales.ranks(self.scales.own());
+        let mut iterations: Vec<Vec<RankSeconds>> = std::mem::take(&mut self.iterations)
+            .into_iter()
+            .map(|all| all.into_iter().zip(above).map(|(seconds, &rank)| rank_seconds(rank, seconds)).collect())
+            .collect();
+        for (report, &rank) in reports.iter_mut().zip(self.scales.ranks(self.below)) {
+            for (iteration, seconds) in iterations.iter_mut().zip(std::mem::take(&mut report.seconds)) {
+                iteration.push(rank_seconds(rank, seconds));
+            }
+        }
+        Ok((reports, iterations))
+    }
+}
+
+fn rank_seconds(rank: usize, Seconds { busy, idle, exchanging }: Seconds) -> RankSeconds {
+    RankSeconds { rank, busy, idle, exchanging }
+}
