@@ -18,7 +18,7 @@ las() { # folder, questions to pkg-config
 
 cargo run --quiet --package headers -- --check
 
-PROFILE=dev bash scripts/install-capi.sh "$out/plain" sparse,dense,batched
+PROFILE=checked bash scripts/install-capi.sh "$out/plain" sparse,dense,batched
 # shellcheck disable=SC2046
 {
     $cc "${strict[@]}" tests/capi/springs.c -o "$out/springs-shared" $(las plain --cflags --libs) -lm \
@@ -33,7 +33,7 @@ for program in springs-shared springs-static springs-fortran; do
     (cd "$out" && bash "$OLDPWD/scripts/memcheck.sh" "./$program")
 done
 
-PROFILE=dev bash scripts/install-capi.sh "$out/petsc" sparse,petsc
+PROFILE=checked bash scripts/install-capi.sh "$out/petsc" sparse,petsc
 # shellcheck disable=SC2046
 $mpicc "${strict[@]}" tests/capi/ranks.c -o "$out/ranks" $(las petsc --cflags --libs) -lm -Wl,-rpath,"$out/petsc/lib"
 export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1

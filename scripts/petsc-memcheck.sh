@@ -4,8 +4,10 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-cargo test --quiet --no-default-features --features petsc --test petsc --no-run
-program=$(cargo test --no-default-features --features petsc --test petsc --no-run 2>&1 | sed -n 's/.*(\(.*petsc-[0-9a-f]*\))$/\1/p')
+# The same build as that of the other tests.
+build=(--package biotissue --package same-dependencies --no-default-features --features biotissue/petsc --test petsc --no-run)
+cargo test --quiet "${build[@]}"
+program=$(cargo test "${build[@]}" 2>&1 | sed -n 's/.*(\(.*petsc-[0-9a-f]*\))$/\1/p')
 export BIOTISSUE_PETSC_TEST=1 OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1
 bash scripts/memcheck.sh "$program"
 mpirun --oversubscribe -n 2 bash scripts/memcheck.sh "$program" vectors matrices products algebra blocks verbs options \

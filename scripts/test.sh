@@ -22,81 +22,107 @@ if [ -z "${BIOTISSUE_NETWORKS:-}" ]; then
 fi
 say "published networks: ${BIOTISSUE_NETWORKS:-none, their tests say that they skip}"
 
-say "independent readers of VTK files: meshio and VTK itself"
+# Independent readers of VTK files, meshio and VTK itself; they come over the network while the lints keep the cores busy.
 python="$PWD/target/python"
-if [ ! -x "$python/bin/python3" ]; then
-    rm -rf "$python"
-    python3 -m venv "$python"
-fi
-"$python/bin/pip" install --quiet --disable-pip-version-check meshio vtk
+readers() {
+    if [ ! -x "$python/bin/python3" ]; then
+        rm -rf "$python"
+        python3 -m venv "$python"
+    fi
+    "$python/bin/pip" install --quiet --disable-pip-version-check meshio vtk
+}
+readers &
+reading=$!
 export PATH="$python/bin:$PATH" BIOTISSUE_REQUIRE_PYTHON=1
+export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OPENBLAS_NUM_THREADS=1
 
-# From nothing, what would help a second build only makes the first longer.
+# From nothing, what would help a second build, or a debugger, only makes the first longer.
 if [ ! -d target/debug ]; then
-    export CARGO_INCREMENTAL=0
+    export CARGO_INCREMENTAL=0 CARGO_PROFILE_DEV_CODEGEN_UNITS=4 CARGO_PROFILE_DEV_DEBUG=false
 fi
+# Nor are programs that run a few seconds worth what it takes to optimise each package once more as a whole.
+export CARGO_PROFILE_DEV_LTO=off
 
 say "format"
 cargo fmt --all --check
 
 # Each line: the features of one set.
 sets=(
-    "--features default"
-    "--no-default-features"
-    "--no-default-features --features sparse"
-    "--no-default-features --features dense"
-    "--no-default-features --features petsc"
+    "default"
+    ""
+    "sparse"
+    "dense"
+    "petsc"
+    "batched capi metis petsc"
 )
+# What `biotissue` depends on is the same whatever features it has, so that all sets share one build of it. That each
+# feature does with less is for the lane `beside` to show.
+alike=(--package biotissue --package same-dependencies)
+of() { # a set: the features of `biotissue` in the words of a command for several packages
+    printf -- '--no-default-features'
+    for feature in $1; do printf -- ' --features biotissue/%s' "$feature"; done
+}
 # All of them, so that what needs several shares one build.
-everything=(--quiet --features biotissue/batched,biotissue/capi,biotissue/metis,biotissue/petsc,downstream/petsc)
-# Beside the tests, since much of both keeps one core busy: lints of every pair of features (without `cuda`, which brings
-# nothing), and the documentation. What it says comes at the end. It starts from what the lints have found out of all
-# dependencies.
+everything=(--quiet "${alike[@]}" --features biotissue/default,biotissue/batched,biotissue/capi,biotissue/metis,biotissue/petsc)
+# Beside the tests, since much of both keeps one core busy; what it says comes at the end. It starts from what the lints have
+# found out of all dependencies.
 beside() {
     export CARGO_TARGET_DIR=$PWD/target/beside
     if [ ! -d target/beside/debug ]; then
         mkdir -p target/beside/debug
         cp -a target/debug/.fingerprint target/debug/build target/debug/deps target/beside/debug/
     fi
-    if [ ! -x target/tools/bin/cargo-hack ]; then
-        cargo install --quiet --debug --locked --root target/tools --target-dir target/tools cargo-hack
-    fi
-    target/tools/bin/cargo-hack hack clippy --quiet --lib --feature-powerset --depth 2 --exclude-features default,cuda,hwloc \
-        -- -D warnings
-    cargo clippy --quiet --lib --features cuda,hwloc -- -D warnings
-    for features in "${sets[@]}" "--features batched,capi,metis,petsc"; do
-        # shellcheck disable=SC2086
-        RUSTDOCFLAGS="-D warnings" cargo doc --quiet --no-deps $features
+
+    say "lints of the library: every two features; those that bring dependencies, with no more of these than they ask for"
+    lint() { cargo clippy --quiet --lib --no-default-features "$@" -- -D warnings; }
+    local features=(app generate metis sparse dense batched capi petsc mpi)
+    for k in "${!features[@]}"; do
+        for other in "${features[@]:k+1}"; do
+            lint "${alike[@]}" --features "biotissue/${features[k]},biotissue/$other"
+        done
     done
+    for feature in sparse dense generate app mpi cuda,hwloc; do lint --features "$feature"; done
+
+    say "documentation"
+    for features in "${sets[@]}"; do
+        # shellcheck disable=SC2046
+        RUSTDOCFLAGS="-D warnings" cargo doc --quiet --no-deps "${alike[@]}" $(of "$features")
+    done
+
+    say "tests: C and Fortran, under valgrind"
+    bash scripts/capi.sh
+
+    say "tests, optimised: what the abstraction costs, instruction by instruction; PETSc"
+    local optimised=(--quiet --release --package biotissue --package overhead --no-default-features --features overhead/petsc)
+    cargo build "${optimised[@]}" --bin overhead --test petsc
+    target/beside/release/overhead
+    cargo test "${optimised[@]}" --test petsc
+    say "all this passed"
 }
 for features in "${sets[@]}"; do
-    say "lints: $features"
-    # shellcheck disable=SC2086
-    cargo clippy --quiet --all-targets $features -- -D warnings
+    say "lints: ${features:-no features}"
+    # shellcheck disable=SC2046
+    cargo clippy --quiet "${alike[@]}" --all-targets $(of "$features") -- -D warnings
 done
 say "lints: everything, with the other packages"
-cargo clippy "${everything[@]}" --workspace --all-targets --features overhead/petsc -- -D warnings
+cargo clippy "${everything[@]}" --workspace --all-targets --features downstream/petsc,overhead/petsc -- -D warnings
 
 (set -e; beside) >target/beside.log 2>&1 &
 lane=$!
 trap 'kill "$lane" 2>/dev/null || true' EXIT
 
+wait "$reading"
 # Four whole sets. The examples, which the lints have checked, are built where they run.
-tests() {
-    cargo test --lib --bins --tests "$@"
-    cargo test --doc "$@"
-}
-say "tests: default features"
-tests --features default
-for features in sparse,batched,metis dense petsc; do
-    say "tests: $features alone"
-    tests --quiet --no-default-features --features "$features"
+for features in default "sparse batched metis" dense petsc; do
+    say "tests: $features"
+    # shellcheck disable=SC2046
+    cargo test --quiet "${alike[@]}" --lib --tests $(of "$features")
+    # shellcheck disable=SC2046
+    cargo test --quiet "${alike[@]}" --doc $(of "$features")
 done
 
-export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OPENBLAS_NUM_THREADS=1
-
 say "tests: everything together: ranks as processes, the program on PETSc, packages that use the library, examples"
-everything+=(--package biotissue --package custom-law --package downstream --package reactions)
+everything+=(--package custom-law --package downstream --package reactions --features downstream/petsc)
 cargo test "${everything[@]}" --test mpi
 cargo test "${everything[@]}" --test program -- petsc processes
 cargo test "${everything[@]}" --bin custom-law --bin downstream --bin reactions
@@ -110,19 +136,10 @@ done
 say "tests: PETSc under valgrind, on one rank and on two"
 bash scripts/petsc-memcheck.sh
 
-say "tests: C and Fortran, under valgrind"
-bash scripts/capi.sh
-
-say "tests, optimised: what the abstraction costs, instruction by instruction; PETSc"
-optimised=(--quiet --release --package biotissue --package overhead --no-default-features --features overhead/petsc)
-cargo build "${optimised[@]}" --bin overhead
-"${CARGO_TARGET_DIR:-target}/release/overhead"
-cargo test "${optimised[@]}" --test petsc
-
-say "lints of every pair of features, and the documentation"
-if ! wait "$lane"; then
-    cat target/beside.log
-    exit 1
-fi
+say "beside all this, since the lints"
+outcome=0
+wait "$lane" || outcome=$?
+cat target/beside.log
+[ "$outcome" = 0 ] || exit "$outcome"
 
 say "everything passed"

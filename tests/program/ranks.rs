@@ -270,9 +270,16 @@ fn processes_need_a_build_with_mpi() {
 mod processes {
     #[cfg(target_os = "linux")]
     use std::process::Stdio;
+    use std::sync::{Mutex, MutexGuard, PoisonError};
     use std::time::{Duration, Instant};
 
     use super::*;
+
+    /// One run after the other: more processes than cores only wait for each other.
+    fn in_turn() -> MutexGuard<'static, ()> {
+        static TURN: Mutex<()> = Mutex::new(());
+        TURN.lock().unwrap_or_else(PoisonError::into_inner)
+    }
 
     fn launched(folder: &Path, ranks: usize, arguments: &str) -> Command {
         let launcher = std::env::var("MPIRUN").unwrap_or_else(|_| "mpirun".into());
@@ -307,31 +314,34 @@ mod processes {
     #[cfg(target_os = "linux")]
     #[test]
     fn a_scale_that_hangs_is_named_in_time() {
+        let _turn = in_turn();
         let folder = tempfile::tempdir().unwrap();
         let text = coarse_dogbone().replace("count = 3", "count = 2000");
         write_case(folder.path(), "case.toml", &text);
-        let mut command = launched(folder.path(), 3, "run case.toml --time-out 1 --out out");
+        let mut command = launched(folder.path(), 3, "run case.toml --time-out 10 --out out");
         let run = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
         let loads = folder.path().join("out/loads.csv");
         let start = Instant::now();
         while std::fs::read_to_string(&loads).map_or(0, |text| text.lines().count()) < 3 {
-            assert!(start.elapsed() < Duration::from_secs(60), "no step converges");
+            assert!(start.elapsed() < Duration::from_secs(300), "no step converges");
             std::thread::sleep(Duration::from_millis(20));
         }
         let process = process_of(&folder.path().canonicalize().unwrap(), 2).expect("rank 2 runs");
         let signal = |name: &str| Command::new("kill").args([name, &process]).status().unwrap();
         assert!(signal("-STOP").success());
+        let stopped = Instant::now();
         let ended = run.wait_with_output().unwrap();
         // Where the launcher has not.
         signal("-KILL");
         let said = String::from_utf8_lossy(&ended.stderr);
-        assert!(!ended.status.success() && said.contains(" 1 s") && said.contains("micro"), "{said}");
-        assert!(start.elapsed() < Duration::from_secs(120));
+        assert!(!ended.status.success() && said.contains(" 10 s") && said.contains("micro"), "{said}");
+        assert!(stopped.elapsed() < Duration::from_secs(60));
         assert!(read(folder.path(), "out/loads.csv").lines().count() >= 3);
     }
 
     #[test]
     fn the_dogbone_is_the_same_on_processes() {
+        let _turn = in_turn();
         let folder = tempfile::tempdir().unwrap();
         let text = coarse_dogbone();
         run(folder.path(), &text, "--out alone").done();
@@ -348,6 +358,7 @@ mod processes {
     #[cfg(feature = "petsc")]
     #[test]
     fn petsc_solves_for_the_body_on_its_ranks() {
+        let _turn = in_turn();
         let forces = |loads: &str| -> Vec<Vec<f64>> {
             let of_line = |line: &str| line.split(',').map(|value| value.parse().unwrap()).collect();
             loads.lines().skip(1).map(of_line).collect()
@@ -374,6 +385,7 @@ mod processes {
 
     #[test]
     fn mistakes_end_all_processes_within_seconds() {
+        let _turn = in_turn();
         let folder = tempfile::tempdir().unwrap();
         let start = Instant::now();
         write_case(folder.path(), "case.toml", &with_scales(PRESSED, (2, 3)));
