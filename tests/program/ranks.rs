@@ -310,15 +310,16 @@ mod processes {
         Some(found.file_name()?.to_string_lossy().into_owned())
     }
 
-    /// A rank of the RVEs that hangs: the run ends with its scale's name, and what converged stays.
+    /// A run on ranks, given with its scales, one of which stops answering once two steps have converged: the run ends in
+    /// time, and what converged stays. Gives what the run says.
     #[cfg(target_os = "linux")]
-    #[test]
-    fn a_scale_that_hangs_is_named_in_time() {
+    fn ended_in_time((above, below): (usize, usize), options: &str, hanging: usize) -> String {
         let _turn = in_turn();
         let folder = tempfile::tempdir().unwrap();
-        let text = coarse_dogbone().replace("count = 3", "count = 2000");
+        let text = with_scales(&coarse_dogbone().replace("count = 3", "count = 2000"), (above, below));
         write_case(folder.path(), "case.toml", &text);
-        let mut command = launched(folder.path(), 3, "run case.toml --time-out 10 --out out");
+        let arguments = format!("run case.toml --time-out 10 --out out {options}");
+        let mut command = launched(folder.path(), above + below, &arguments);
         let run = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
         let loads = folder.path().join("out/loads.csv");
         let start = Instant::now();
@@ -326,17 +327,34 @@ mod processes {
             assert!(start.elapsed() < Duration::from_secs(300), "no step converges");
             std::thread::sleep(Duration::from_millis(20));
         }
-        let process = process_of(&folder.path().canonicalize().unwrap(), 2).expect("rank 2 runs");
+        let process = process_of(&folder.path().canonicalize().unwrap(), hanging).expect("the rank runs");
         let signal = |name: &str| Command::new("kill").args([name, &process]).status().unwrap();
         assert!(signal("-STOP").success());
         let stopped = Instant::now();
         let ended = run.wait_with_output().unwrap();
         // Where the launcher has not.
         signal("-KILL");
-        let said = String::from_utf8_lossy(&ended.stderr);
-        assert!(!ended.status.success() && said.contains(" 10 s") && said.contains("micro"), "{said}");
-        assert!(stopped.elapsed() < Duration::from_secs(60));
+        assert!(!ended.status.success() && stopped.elapsed() < Duration::from_secs(60));
         assert!(read(folder.path(), "out/loads.csv").lines().count() >= 3);
+        String::from_utf8_lossy(&ended.stderr).into_owned()
+    }
+
+    /// The scale of a rank that hangs is named.
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_scale_that_hangs_is_named_in_time() {
+        let said = ended_in_time((1, 2), "", 2);
+        assert!(said.contains(" 10 s") && said.contains("micro"), "{said}");
+    }
+
+    /// Where the body is on PETSc, nothing waits for the rank that hangs, be it one that solves RVEs or one of the body.
+    #[cfg(all(feature = "petsc", target_os = "linux"))]
+    #[test]
+    fn ranks_on_petsc_that_hang_are_missed_in_time() {
+        for (hanging, scale) in [(2, "micro"), (1, "macro")] {
+            let said = ended_in_time((2, 1), "--backend petsc", hanging);
+            assert!(said.contains(" 10 s") && said.contains(scale), "{said}");
+        }
     }
 
     #[test]

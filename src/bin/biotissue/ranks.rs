@@ -189,26 +189,41 @@ fn rank<C: Ranks>(world: &C, shared: &Shared<'_>) -> Result<Option<Result<Summar
     };
     // PETSc starts and ends on all processes together, whoever uses it.
     #[cfg(feature = "petsc")]
-    let _session = match shared.backend {
+    let session = match shared.backend {
         Some(name) if name == biotissue::backends::BackendName::Petsc.as_str() => Some(world.petsc()?),
         _ => None,
     };
+    let outcome = on_scale(world, &scales, shared);
+    #[cfg(feature = "petsc")]
+    if outcome.is_err() {
+        // Its end would wait for ranks that are lost.
+        std::mem::forget(session);
+    }
+    outcome
+}
+
+/// The main function of the scale that this rank belongs to.
+fn on_scale<C: Ranks>(
+    world: &C,
+    scales: &Scales<C>,
+    shared: &Shared<'_>,
+) -> Result<Option<Result<Summary, Failure>>, Failure> {
     match scales.name(scales.own()) {
         #[cfg(feature = "dense")]
         MICRO if is_dense(shared.backend) => {
-            return micro::<biotissue::backends::dense::Dense, C>(world, &scales, shared);
+            return micro::<biotissue::backends::dense::Dense, C>(world, scales, shared);
         }
-        MICRO => return micro::<Micro, C>(world, &scales, shared),
+        MICRO => return micro::<Micro, C>(world, scales, shared),
         MACRO => {}
         other => return Err(ranks_failed(&ScaleError::NoMain(other.to_owned()))),
     }
     #[cfg(feature = "petsc")]
     if shared.backend == Some(biotissue::backends::BackendName::Petsc.as_str()) {
-        return in_step(world, &scales, shared);
+        return in_step(world, scales, shared);
     }
     match scales.comm().rank() {
-        0 => dispatch(shared.backend, Leader { world, scales: &scales, shared, lead: Lead::First }).map(Some),
-        _ => follow(world, &scales, shared),
+        0 => dispatch(shared.backend, Leader { world, scales, shared, lead: Lead::First }).map(Some),
+        _ => follow(world, scales, shared),
     }
 }
 

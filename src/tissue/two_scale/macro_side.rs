@@ -303,6 +303,6 @@ where
         let change = Change { gone, new: new.map(|&(element, region)| [element as u64, region as u64]).collect() };
         let states = existing.iter().zip(states).map(|(&(element, _), state)| (element as u64, state.into())).collect();
         let told = self.change(&change).and_then(|()| self.micro.tell(&Turn::Restore(states)));
-        told.map_err(|error| FieldRestoreError::Ranks(error.to_string()))
+        self.whole(told).map_err(|error| FieldRestoreError::Ranks(error.to_string()))
     }
 }
