@@ -48,6 +48,9 @@ pub enum CouplingError {
     /// There is no such scale.
     #[error("there is no scale {0}")]
     Scale(String),
+    /// A scale on both sides.
+    #[error("scale {0} is to be coupled with itself; a coupling is of two scales")]
+    Itself(String),
     /// A unit was added that is there, or removed that is not.
     #[error("unit {unit} {what}")]
     Unit {
@@ -146,6 +149,9 @@ impl<C: Comm> Coupling<C> {
     fn empty(scales: &Scales<C>, producer: &str, consumer: &str) -> Result<Self, CouplingError> {
         let find = |name: &str| scales.find(name).ok_or_else(|| CouplingError::Scale(name.to_owned()));
         let (first, second) = (find(producer)?, find(consumer)?);
+        if first == second {
+            return Err(CouplingError::Itself(producer.to_owned()));
+        }
         let names = [producer.to_owned(), consumer.to_owned()];
         let ranks = |scale: usize| scales.ranks(scale).to_vec();
         let (role, here, there) = match scales.own() {

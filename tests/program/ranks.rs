@@ -193,6 +193,20 @@ fn a_configuration_file_of_the_original_is_understood() {
     assert!(folder.path().join("from-the-file/loads.csv").is_file());
     let failed = line(folder.path(), "run case.toml -a amsi.cfg --ranks 5 --out out");
     assert!(failed.failed(2).contains("RESULTS_DIR"), "{}", failed.stderr);
+    // One that only says where results go.
+    std::fs::write(folder.path().join("amsi.cfg"), "@util\nresults there\n").unwrap();
+    line(folder.path(), "run case.toml -a amsi.cfg").done();
+    assert!(folder.path().join("there/loads.csv").is_file());
+    std::fs::write(folder.path().join("amsi.cfg"), "@scales\nmacro 1\nmeso 2\n").unwrap();
+    let failed = line(folder.path(), "run case.toml -a amsi.cfg");
+    assert!(failed.failed(2).contains("the scales are macro, meso"), "{}", failed.stderr);
+    // What it says counts, not the case; and it must add up.
+    std::fs::write(folder.path().join("amsi.cfg"), "@scales\nmacro 1\nmicro 2\n").unwrap();
+    write_case(folder.path(), "case.toml", &with_scales(&fibers(&frozen()), (2, 2)));
+    let failed = line(folder.path(), "run case.toml -a amsi.cfg --ranks 4");
+    assert!(failed.failed(2).contains("macro 1 + micro 2 = 3 ranks, but 4 were started"), "{}", failed.stderr);
+    assert!(failed.stderr.contains("[scales] has no effect"), "{}", failed.stderr);
+    assert!(failed.stderr.contains("cure: start 3 ranks, or change @scales in amsi.cfg"), "{}", failed.stderr);
 }
 
 #[test]
@@ -231,6 +245,10 @@ fn mistakes_are_told_once() {
         failed.stderr
     );
     assert!(failed.stderr.contains("cure: start 5 ranks, or change [scales] in "));
+    let failed = run(folder.path(), &with_scales(PRESSED, (1, 3)), "--ranks 1 --out out");
+    assert!(failed.failed(2).contains("macro 1 + micro 3 = 4 ranks, but 1 were started"), "{}", failed.stderr);
+    let failed = run(folder.path(), &with_scales(PRESSED, (2, 0)), "--out out");
+    assert!(failed.failed(2).contains("scale micro gets no rank"), "{}", failed.stderr);
     let failed = run(folder.path(), &fibers("absent.txt"), "--ranks 4 --out out");
     assert!(failed.failed(2).contains("absent.txt"), "{}", failed.stderr);
     let unknown = PRESSED.replace("surface = \"x1\"", "surface = \"x9\"");

@@ -94,14 +94,15 @@ pub fn run<R, E: Display>(main: impl FnOnce(MpiComm) -> Result<R, E>, code: impl
         (Ok(comm), Ok(end)) => (comm, end),
         (Err(error), _) | (_, Err(error)) => end_all(&error.to_string(), PANICKED),
     };
-    let before = panic::take_hook();
+    let before = Arc::new(panic::take_hook());
+    let hook = Arc::clone(&before);
     // Before anything is unwound: libraries may wait for other ranks when they free what they hold.
     panic::set_hook(Box::new(move |info| {
-        before(info);
+        hook(info);
         end_all(&super::words_of(info.payload()), PANICKED);
     }));
     let outcome = main(comm);
-    let _ = panic::take_hook();
+    panic::set_hook(Box::new(move |info| before(info)));
     match outcome {
         Ok(found) => {
             // Where one rank aborts while others end MPI, Open MPI may hang: nobody begins to before all have come so far.

@@ -92,7 +92,7 @@ pub fn run<R: Send, E: Display>(
             let comm =
                 ThreadComm { world: Arc::clone(&world), group: 0, members: Arc::clone(&members), rank, time_out: None };
             let (main, world) = (&main, &world);
-            scope.spawn(move || match catch_unwind(AssertUnwindSafe(|| main(comm))) {
+            let run = move || match catch_unwind(AssertUnwindSafe(|| main(comm))) {
                 Ok(Ok(found)) => {
                     world.ended[rank].store(true, Ordering::Release);
                     world.wake();
@@ -100,9 +100,12 @@ pub fn run<R: Send, E: Display>(
                 }
                 Ok(Err(error)) => world.fail(rank, error.to_string()),
                 Err(panic) => world.fail(rank, super::words_of(panic.as_ref())),
-            })
+            };
+            let started = thread::Builder::new().spawn_scoped(scope, run);
+            // Those that have started wait for this one.
+            started.map_err(|error| world.fail::<R>(rank, format!("the system gives it no thread: {error}"))).ok()
         };
-        let threads: Vec<_> = (0..ranks).map(start).collect();
+        let threads: Vec<_> = (0..ranks).map_while(start).collect();
         threads.into_iter().map(|thread| thread.join().unwrap_or(None)).collect()
     });
     match locked(&world.failed).take() {

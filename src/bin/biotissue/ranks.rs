@@ -1,6 +1,6 @@
 //! `biotissue run` on several ranks: threads of this process, or the processes that `mpirun` started.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::{Mutex, OnceLock, PoisonError};
 use std::time::Duration;
 
@@ -10,9 +10,8 @@ use biotissue::las::{Backend, Comm, Disagreement, Scalar};
 use biotissue::tissue::case::{Case, ScalesCase};
 use biotissue::tissue::macro_scale;
 use biotissue::tissue::micro_scale::Library;
-use biotissue::tissue::results::ResultsError;
 use biotissue::tissue::run::{Setup, Writers};
-use biotissue::tissue::two_scale::{self, Lead, MACRO, MICRO, ScaleField, TwoScaleError};
+use biotissue::tissue::two_scale::{self, First, Lead, MACRO, MICRO, ScaleField, TwoScaleError};
 
 use crate::cures::not_set_up;
 use crate::dispatch::{Job, dispatch};
@@ -70,8 +69,8 @@ pub struct Shared<'a> {
     pub dir: &'a Path,
     pub resume: bool,
     pub backend: Option<&'a str>,
-    /// Which ranks each scale gets, where a configuration file says so.
-    pub plan: Option<Plan>,
+    /// Which ranks each scale gets, where a configuration file says so, and that file.
+    pub plan: Option<(Plan, PathBuf)>,
     /// How long ranks wait for each other.
     pub time_out: Option<Duration>,
 }
@@ -82,10 +81,29 @@ pub fn started_by_mpirun() -> Option<usize> {
     ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "MV2_COMM_WORLD_SIZE"].into_iter().find_map(of)
 }
 
-/// The ranks of a run in this process: those asked for, or those that the case names.
-pub fn of_threads(asked: Option<usize>, scales: ScalesCase, plan: Option<&Plan>) -> usize {
-    let of_case = if scales.micro_ranks == 0 { 1 } else { scales.macro_ranks + scales.micro_ranks };
-    asked.unwrap_or_else(|| plan.map_or(of_case, Plan::least))
+/// The ranks of a run in this process: those asked for, or those that the case names; `None` for a run without any.
+pub fn of_threads(asked: Option<usize>, scales: ScalesCase, plan: Option<&Plan>) -> Option<usize> {
+    let of_case = match scales {
+        ScalesCase { macro_ranks: 1, micro_ranks: 0, .. } => 1,
+        ScalesCase { macro_ranks, micro_ranks, .. } => macro_ranks + micro_ranks,
+    };
+    let planned = plan.map_or(of_case, Plan::least);
+    // Where more are named than asked for, the scales say so.
+    (planned > 1 || asked.is_some_and(|asked| asked > 1)).then_some(asked.unwrap_or(planned))
+}
+
+/// A configuration file is of any scales; those of a body are two.
+pub fn check_names(plan: &Plan, file: &Path) -> Result<(), Failure> {
+    let mut names: Vec<&str> = plan.scales.iter().map(|(name, _)| name.as_str()).collect();
+    names.sort_unstable();
+    if names == [MACRO, MICRO] {
+        return Ok(());
+    }
+    Err(Failure::arguments(
+        format!("{}: the scales are {}", file.display(), names.join(", ")),
+        format!("the two scales of a body, {MACRO} and {MICRO}"),
+        "name these two in @scales",
+    ))
 }
 
 /// Which ranks each scale gets: those that the case names, or one for the engineering scale and all others for the RVEs.
@@ -174,7 +192,7 @@ fn ranks_failed(error: &impl std::fmt::Display) -> Failure {
 /// orderly failure included; an error is one that the others do not know of.
 fn rank<C: Ranks>(world: &C, shared: &Shared<'_>) -> Result<Option<Result<Summary, Failure>>, Failure> {
     let plan = match &shared.plan {
-        Some(plan) => plan.clone(),
+        Some((plan, _)) => plan.clone(),
         None => match near(world, plan(shared.case.scales, world.size()), shared.case.scales)? {
             Ok(plan) => plan,
             Err(failure) => return Ok((world.rank() == 0).then_some(Err(failure))),
@@ -249,12 +267,15 @@ fn no_scales(
     if rank > 0 {
         return Ok(None);
     }
-    let cure = match error {
-        ScaleError::Plan(PlanError::Sum { planned, .. }) => {
-            format!("start {planned} ranks, or change [scales] in {}", shared.case.file.display())
-        }
-        _ => format!("start more ranks, or change [scales] in {}", shared.case.file.display()),
+    let (scales, file) = match &shared.plan {
+        Some((_, file)) => ("@scales", file),
+        None => ("[scales]", &shared.case.file),
     };
+    let start = match error {
+        ScaleError::Plan(PlanError::Sum { planned, .. }) => format!("{planned} ranks"),
+        _ => "more ranks".to_owned(),
+    };
+    let cure = format!("start {start}, or change {scales} in {}", file.display());
     Ok(Some(Err(Failure::arguments(
         error.to_string(),
         "at least a rank for each scale, and no rank without one",
@@ -355,7 +376,7 @@ impl<C: Ranks> Leader<'_, C> {
             Ok(simulation) => simulation,
             Err(error) => return or_broken(&broken, Err(not_set_up(&file, &micro, error))),
         };
-        let first = First { comm: scales.comm(), dir: shared.dir };
+        let first = First { comm: scales.comm(), dir: shared.dir, broken: &broken };
         let writers: &dyn Writers = if lead == Lead::All { &first } else { &() };
         let outcome = or_broken(&broken, take_steps(&mut simulation, writers, shared.dir, shared.resume));
         if outcome.is_err() {
@@ -374,34 +395,5 @@ fn or_broken(broken: &OnceLock<String>, outcome: Outcome) -> Result<Outcome, Fai
     match broken.get() {
         Some(reason) if outcome.is_err() => Err(ranks_failed(reason)),
         _ => Ok(outcome),
-    }
-}
-
-/// The first of several ranks writes.
-struct First<'a, C: Comm> {
-    comm: &'a C,
-    dir: &'a Path,
-}
-
-impl<C: Comm> Writers for First<'_, C> {
-    fn is_writer(&self) -> bool {
-        self.comm.rank() == 0
-    }
-
-    fn agree_on(&self, number: usize) -> Result<(), ResultsError> {
-        let elsewhere = |reason: String| ResultsError::Elsewhere { path: self.dir.to_owned(), reason };
-        let mut span = [number as f64, -(number as f64)];
-        self.comm.max(&mut span).map_err(|error| elsewhere(error.to_string()))?;
-        if span[0] == -span[1] {
-            return Ok(());
-        }
-        Err(elsewhere(format!("ranks of the body find checkpoints of steps {} to {}", -span[1], span[0])))
-    }
-
-    fn agree(&self, outcome: Result<(), ResultsError>) -> Result<(), ResultsError> {
-        self.comm.agree(outcome).map_err(|disagreement| match disagreement {
-            Disagreement::Own(error) => error,
-            other => ResultsError::Elsewhere { path: self.dir.to_owned(), reason: other.to_string() },
-        })
     }
 }

@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use biotissue::coupling::Config;
+use biotissue::coupling::{Config, Plan};
 use biotissue::las::{Backend, Scalar};
-use biotissue::tissue::case::Case;
+use biotissue::tissue::case::{Case, ScalesCase};
 use biotissue::tissue::micro_scale::TissueMaterial;
 use biotissue::tissue::results::LOADS_FILE;
 use biotissue::tissue::run::{RunError, RunSummary, Setup, Simulation, Writers};
@@ -78,14 +78,16 @@ pub fn run(command: RunCommand) -> Result<(), Failure> {
     let config = command.config()?;
     let time_out = command.time_out()?;
     let case = read(&command.case)?;
-    output::warn(&config.warnings);
+    output::warn(&config.warnings_beside(&case));
     let dir = command.dir(&case, &config);
     command.common.start_threads()?;
-    let (backend, resume, plan) = (command.common.backend(), command.resume, config.plan());
-    let summary = match ranks::of_threads(command.ranks, case.scales, plan.as_ref()) {
-        1 => dispatch(backend, RunJob { case, dir: &dir, resume })?,
-        count if count > MAX_THREADS => return Err(too_many_ranks(count)),
-        count => ranks::on_threads(count, &Shared { case, dir: &dir, resume, backend, plan, time_out })?,
+    let (backend, resume, plan) = (command.common.backend(), command.resume, config.plan);
+    // One process of mpirun is one rank.
+    let asked = command.ranks.or_else(ranks::started_by_mpirun);
+    let summary = match ranks::of_threads(asked, case.scales, plan.as_ref().map(|(plan, _)| plan)) {
+        None => dispatch(backend, RunJob { case, dir: &dir, resume })?,
+        Some(count) if count > MAX_THREADS => return Err(too_many_ranks(count)),
+        Some(count) => ranks::on_threads(count, &Shared { case, dir: &dir, resume, backend, plan, time_out })?,
     };
     print(&summary, &dir, command.json)
 }
@@ -97,7 +99,12 @@ impl RunCommand {
             None => Configuration::default(),
             Some(file) => {
                 let Config { plan, results, warnings, .. } = Config::read(file)?;
-                Configuration { plan: Some(plan), results, warnings }
+                // It may only say where results go.
+                let plan = (!plan.scales.is_empty()).then_some((plan, file.clone()));
+                if let Some((plan, file)) = &plan {
+                    ranks::check_names(plan, file)?;
+                }
+                Configuration { plan, results, warnings }
             }
         })
     }
@@ -124,14 +131,23 @@ impl RunCommand {
 /// What a configuration file may say.
 #[derive(Default)]
 struct Configuration {
-    plan: Option<biotissue::coupling::Plan>,
+    /// And the file itself.
+    plan: Option<(Plan, PathBuf)>,
     results: Option<PathBuf>,
     warnings: Vec<String>,
 }
 
 impl Configuration {
-    fn plan(&self) -> Option<biotissue::coupling::Plan> {
-        self.plan.clone()
+    /// What its reader thought worth saying, and what of a case it overrules.
+    fn warnings_beside(&self, case: &Case) -> Vec<String> {
+        let overruled = self.plan.iter().filter(|_| case.scales != ScalesCase::default()).map(|(_, file)| {
+            format!(
+                "{}: [scales] has no effect: {} says which ranks each scale gets",
+                case.file.display(),
+                file.display()
+            )
+        });
+        self.warnings.iter().cloned().chain(overruled).collect()
     }
 }
 
@@ -204,7 +220,7 @@ fn run_on_processes(processes: usize, command: RunCommand) -> Result<(), Failure
             Ok((config, time_out, read)) => {
                 if is_first {
                     output::warn(&read.warnings);
-                    output::warn(&config.warnings);
+                    output::warn(&config.warnings_beside(&read.case));
                 }
                 (config, time_out, read.case)
             }
@@ -213,7 +229,7 @@ fn run_on_processes(processes: usize, command: RunCommand) -> Result<(), Failure
         let dir = command.dir(&case, &config);
         // Processes share the cores of a machine: one thread each, unless more are asked for.
         Common { threads: command.common.threads.or(Some(1)), backend: None }.start_threads()?;
-        let (backend, resume, plan) = (command.common.backend(), command.resume, config.plan());
+        let (backend, resume, plan) = (command.common.backend(), command.resume, config.plan);
         let shared = Shared { case, dir: &dir, resume, backend, plan, time_out };
         Ok(match ranks::on_processes(&world, &shared)? {
             Some(outcome) => outcome.and_then(|summary| print(&summary, &dir, command.json)),

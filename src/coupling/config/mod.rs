@@ -264,7 +264,10 @@ impl<'a> Reader<'a> {
         for (k, relation) in relations.iter().enumerate() {
             self.line = self.relation_lines[k];
             self.check_scale(&relation.producer);
-            if relation.consumer != relation.producer {
+            if relation.consumer == relation.producer {
+                let what = format!("the relation `{0} {0}` couples a scale with itself", relation.producer);
+                self.report(what, "two scales", "name another scale, or remove the line");
+            } else {
                 self.check_scale(&relation.consumer);
             }
             if let Some(first) = relations[..k].iter().position(|other| other == relation) {

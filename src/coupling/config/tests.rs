@@ -137,10 +137,12 @@ fn wrong_relations_are_shown() {
     let pair = hint("two scales: `PRODUCER CONSUMER`", "name the scale that has the data, then the one that gets them");
     let scale = hint("a scale: `a`, `b`", "correct the name, or add the scale to `@scales`");
     let once = hint("each relation once", "remove one of the two");
+    let other = hint("two scales", "name another scale, or remove the line");
     let table = [
         ("a", format!("5: `a` is no relation{pair}")),
         ("a b a", format!("5: `a b a` is no relation{pair}")),
         ("a c", format!("5: there is no scale `c`{scale}")),
+        ("a a", format!("5: the relation `a a` couples a scale with itself{other}")),
         ("a b\nb a\na b", format!("7: the relation `a b` is given again; it stands on line 5 already{once}")),
     ];
     for (entry, expected) in table {

@@ -90,7 +90,9 @@ pub(super) fn agree<C: Comm, T, E: Display>(comm: &C, outcome: Result<T, E>) -> 
     match (outcome, failed) {
         (Err(error), _) => Err(Disagreement::Own(error)),
         (Ok(found), None) => Ok(found),
-        (Ok(_), Some((rank, message))) => Err(Disagreement::Failed { rank, reason: message.to_text().split_off(1) }),
+        (Ok(_), Some((rank, message))) => {
+            Err(Disagreement::Failed { rank, reason: message.to_text().chars().skip(1).collect() })
+        }
     }
 }
 

@@ -85,6 +85,9 @@ impl Message {
     /// Gives it another length; what is new is zero. Keeps its memory.
     pub fn resize(&mut self, len: usize) {
         self.words.resize(len.div_ceil(WORD), 0);
+        let kept = self.len.min(len);
+        // What stood behind the bytes that stay, in the same word.
+        bytemuck::cast_slice_mut::<_, u8>(&mut self.words)[kept..kept.next_multiple_of(WORD)].fill(0);
         self.len = len;
     }
 
@@ -151,6 +154,7 @@ mod tests {
         message.resize(11);
         assert_eq!(message.bytes()[..3], [0xff; 3]);
         assert_eq!(message.len(), 11);
-        assert!(message.values::<u8>().is_some_and(|bytes| bytes[8..] == [0, 0, 0]));
+        assert_eq!(message.bytes()[3..], [0; 8]);
+        assert_eq!(message, Message::of(&[0xff, 0xff, 0xff, 0, 0, 0, 0, 0, 0, 0, 0_u8]));
     }
 }

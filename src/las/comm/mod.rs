@@ -213,12 +213,16 @@ pub trait Comm: Clone + Send + 'static {
         collectives::reduce(self, values, |sum, value| *sum += value)
     }
 
-    /// The largest over all ranks, entry by entry.
+    /// The largest over all ranks, entry by entry; NaN where one has NaN.
     ///
     /// # Errors
     /// [`CommError`].
     fn max(&self, values: &mut [f64]) -> Result<(), CommError> {
-        collectives::reduce(self, values, |largest, value| *largest = largest.max(value))
+        collectives::reduce(self, values, |largest, value| {
+            if value > *largest || value.is_nan() {
+                *largest = value;
+            }
+        })
     }
 
     /// The same outcome for all ranks: what was found where all succeeded, else the first rank's failure in its words. To be

@@ -8,6 +8,7 @@
 //! | `part` | a rank of it: the elements of its part and their couplings |
 //! | `links` | the couplings of the RVEs of one rank, the same on both scales |
 //! | `micro_side` | the micro scale: RVEs that answer |
+//! | `writers` | who writes where all ranks of the engineering scale solve, and how they agree |
 //! | `partition` | which rank of the engineering scale has which element |
 //!
 //! The first rank of the engineering scale broadcasts whose turn it is; the micro scale follows:
@@ -32,6 +33,7 @@ mod micro_side;
 mod part;
 mod partition;
 mod terms;
+mod writers;
 
 use thiserror::Error;
 
@@ -41,6 +43,7 @@ pub use macro_side::ScaleField;
 pub use micro_side::run as run_micro;
 pub use partition::partition;
 pub use terms::{MACRO, MICRO, Seconds};
+pub use writers::First;
 
 use super::micro_scale::TissueFieldError;
 use crate::coupling::{CouplingError, ScaleError};

@@ -75,6 +75,8 @@ pub fn wrong_calls_say_what_is_wrong<C: Comm>(comm: &C) -> Outcome {
     let units: &[UnitId] = if comm.rank() == 0 { &[1, 2] } else { &[] };
     let absent = Coupling::new(&scales, "a", "c", units, &[], &Even).map(drop);
     assert_eq!(absent, Err(CouplingError::Scale("c".into())));
+    let itself = Coupling::new(&scales, "a", "a", units, &[], &Even).map(drop);
+    assert_eq!(itself, Err(CouplingError::Itself("a".into())));
     let mut coupling = Coupling::new(&scales, "a", "b", units, &[], &Even)?;
     let mut carrier = Carrier::<f64>::new(&coupling)?;
     match coupling.role() {
