@@ -64,6 +64,8 @@ of() { # a set: the features of `biotissue` in the words of a command for severa
 }
 # All of them, so that what needs several shares one build.
 everything=(--quiet "${alike[@]}" --features biotissue/default,biotissue/batched,biotissue/capi,biotissue/metis,biotissue/petsc)
+# Packages that use the library as others do.
+users=(--package custom-law --package downstream --package reactions --features downstream/petsc)
 # Beside the tests, since much of both keeps one core busy; what it says comes at the end. It starts from what the lints have
 # found out of all dependencies.
 beside() {
@@ -108,8 +110,18 @@ beside() {
     target/beside/release/overhead
     cargo test "${optimised[@]}" --test petsc
 
+    # What follows is of the same build as the tests of the sets.
+    export CARGO_TARGET_DIR=$builds
     say "tests: PETSc under valgrind, on one rank and on two"
-    CARGO_TARGET_DIR=$builds bash scripts/petsc-memcheck.sh
+    bash scripts/petsc-memcheck.sh
+
+    say "tests: packages that use the library, examples"
+    cargo test "${everything[@]}" "${users[@]}" --bin custom-law --bin downstream --bin reactions
+    cargo build "${everything[@]}" "${users[@]}" --example deposition --example many_matrices
+    "$builds/debug/examples/deposition"
+    for ranks in 1 2; do
+        mpirun --oversubscribe -n "$ranks" "$builds/debug/examples/many_matrices"
+    done
     say "all this passed"
 }
 for features in "${sets[@]}"; do
@@ -134,17 +146,9 @@ for features in default "sparse batched metis" dense petsc; do
     cargo test --quiet "${alike[@]}" --doc $(of "$features")
 done
 
-say "tests: everything together: ranks as processes, the program on PETSc, packages that use the library, examples"
-everything+=(--package custom-law --package downstream --package reactions --features downstream/petsc)
-cargo test "${everything[@]}" --test mpi
-cargo test "${everything[@]}" --test program -- petsc processes
-cargo test "${everything[@]}" --bin custom-law --bin downstream --bin reactions
-cargo build "${everything[@]}" --example deposition --example many_matrices
-examples="${CARGO_TARGET_DIR:-target}/debug/examples"
-"$examples/deposition"
-for ranks in 1 2; do
-    mpirun --oversubscribe -n "$ranks" "$examples/many_matrices"
-done
+say "tests: everything together: ranks as processes, the program on PETSc"
+cargo test "${everything[@]}" "${users[@]}" --test mpi
+cargo test "${everything[@]}" "${users[@]}" --test program -- petsc processes
 
 say "beside all this, since the lints"
 outcome=0
