@@ -271,14 +271,15 @@ fn no_scales(
         Some((_, file)) => ("@scales", file),
         None => ("[scales]", &shared.case.file),
     };
-    let start = match error {
-        ScaleError::Plan(PlanError::Sum { planned, .. }) => format!("{planned} ranks"),
-        _ => "more ranks".to_owned(),
+    let cure = match error {
+        ScaleError::Plan(PlanError::Sum { planned, .. }) => format!("start {planned} ranks, or change"),
+        ScaleError::Plan(PlanError::Empty(_)) => "start more ranks, or change".to_owned(),
+        _ => "change".to_owned(),
     };
-    let cure = format!("start {start}, or change {scales} in {}", file.display());
+    let cure = format!("{cure} {scales} in {}", file.display());
     Ok(Some(Err(Failure::arguments(
         error.to_string(),
-        "at least a rank for each scale, and no rank without one",
+        "at least a rank for each scale, and each rank in one of them",
         cure,
     ))))
 }

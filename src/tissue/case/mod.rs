@@ -66,7 +66,7 @@
 //!
 //! [scales]                                 # ranks of each scale; default: one process does both
 //! macro = 1
-//! micro = 0                                # or more: those that RVEs have for themselves
+//! micro = 0                                # default: all others; or more: those that RVEs have for themselves
 //! near = false                             # or true: by the machines' topology, in a build with the feature `hwloc`
 //!
 //! [output]

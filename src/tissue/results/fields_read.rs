@@ -1,5 +1,6 @@
 //! Reading a `.vtu` file back.
 
+use std::collections::HashMap;
 use std::fs;
 use std::path::Path;
 
@@ -29,7 +30,7 @@ pub fn read_vtu(path: &Path) -> Result<Fields, ResultsError> {
 }
 
 /// Reads a file of fields: one of a whole body (`.vtu`), or one that names the pieces of a body in parts (`.pvtu`), which
-/// follow one another; points between parts then come more than once.
+/// follow one another; points between parts come once.
 ///
 /// # Errors
 /// As for [`read_vtu`], of every piece.
@@ -38,10 +39,10 @@ pub fn read_fields(path: &Path) -> Result<Fields, ResultsError> {
         return read_vtu(path);
     }
     let text = std::fs::read_to_string(path).map_err(ResultsError::read(path))?;
-    let mut whole = Fields::default();
+    let (mut whole, mut met) = (Fields::default(), HashMap::new());
     for source in sources(path, &text)? {
         let piece = path.with_file_name(source);
-        append(&mut whole, read_vtu(&piece)?, &piece)?;
+        append(&mut whole, read_vtu(&piece)?, &mut met, &piece)?;
     }
     Ok(whole)
 }
@@ -66,15 +67,34 @@ fn sources(path: &Path, text: &str) -> Result<Vec<String>, ResultsError> {
     }
 }
 
-/// Puts a piece behind those that are there.
-fn append(whole: &mut Fields, piece: Fields, path: &Path) -> Result<(), ResultsError> {
+/// What a point is known by: the bits of its position and of its vectors.
+type Mark = Vec<u64>;
+
+/// Puts a piece behind those that are there. A point that a piece before had, at the same place with the same values, is that
+/// one: otherwise the body would come apart where its pieces meet.
+fn append(whole: &mut Fields, piece: Fields, met: &mut HashMap<Mark, u32>, path: &Path) -> Result<(), ResultsError> {
+    let marks: Vec<Mark> = (0..piece.points.len()).map(|point| mark(&piece, point)).collect();
+    let is_new: Vec<bool> = marks.iter().map(|mark| !met.contains_key(mark)).collect();
+    let mut next = whole.points.len() as u32;
+    let mut place = |mark: &Mark| {
+        met.get(mark).copied().unwrap_or_else(|| {
+            next += 1;
+            next - 1
+        })
+    };
+    let places: Vec<u32> = marks.iter().map(&mut place).collect();
+    met.extend(marks.into_iter().zip(places.iter().copied()));
+    let Fields { mut points, mut elements, mut point_vectors, .. } = piece;
+    keep(&mut points, &is_new);
+    point_vectors.iter_mut().for_each(|(_, values)| keep(values, &is_new));
+    elements.iter_mut().for_each(|nodes| *nodes = nodes.map(|node| places[node as usize]));
+    let piece = Fields { points, elements, point_vectors, ..piece };
     if whole.elements.is_empty() {
         *whole = piece;
         return Ok(());
     }
-    let first = whole.points.len() as u32;
     whole.points.extend(piece.points);
-    whole.elements.extend(piece.elements.iter().map(|nodes| nodes.map(|node| first + node)));
+    whole.elements.extend(piece.elements);
     let same = extend(&mut whole.point_vectors, piece.point_vectors)
         && extend(&mut whole.cell_scalars, piece.cell_scalars)
         && extend(&mut whole.cell_integers, piece.cell_integers)
@@ -84,6 +104,16 @@ fn append(whole: &mut Fields, piece: Fields, path: &Path) -> Result<(), ResultsE
         return Ok(());
     }
     Err(ResultsError::damaged(path, None, "has other fields than the pieces before it", "pieces of one body"))
+}
+
+fn mark(piece: &Fields, point: usize) -> Mark {
+    let vectors = piece.point_vectors.iter().filter_map(|(_, values)| values.get(point));
+    piece.points.get(point).into_iter().chain(vectors).flatten().map(|value| value.to_bits()).collect()
+}
+
+fn keep<T>(values: &mut Vec<T>, which: &[bool]) {
+    let mut which = which.iter();
+    values.retain(|_| which.next().copied().unwrap_or(true));
 }
 
 /// Whether both have the same fields, which are then one behind the other.

@@ -247,7 +247,7 @@ mod tests {
     use std::collections::BTreeSet;
 
     use super::*;
-    use crate::tissue::results::read_vtu;
+    use crate::tissue::results::{read_fields, read_vtu};
 
     const POINTS: i32 = 11;
     const ELEMENTS: [[u32; 4]; 4] = [[9, 2, 4, 0], [2, 5, 4, 9], [7, 5, 2, 4], [7, 8, 5, 1]];
@@ -339,6 +339,23 @@ mod tests {
                 assert_eq!(read.cell_vector("direction").unwrap()[place], values.direction[element]);
                 assert_eq!(read.cell_tensor("stress").unwrap()[place], values.stress[element]);
             }
+        }
+    }
+
+    #[test]
+    fn pieces_are_read_as_one_body() {
+        let dir = tempfile::tempdir().unwrap();
+        let (index, values, pieces) = (dir.path().join(INDEX), Values::new(), pieces());
+        (0..PARTS).for_each(|part| pieces.write_part(part, &index, &values.fields()).unwrap());
+        pieces.write_index(&index, &values.fields()).unwrap();
+        let read = read_fields(&index).unwrap();
+        let met: BTreeSet<u32> = ELEMENTS.into_iter().flatten().collect();
+        assert_eq!(read.points.len(), met.len(), "points between the pieces are there once");
+        assert_eq!(read.point_vector("displacement").unwrap().len(), met.len());
+        // Piece by piece: the elements of part 0, then those of part 2.
+        for (nodes, element) in read.elements.iter().zip([1, 3, 0, 2]) {
+            let expected = ELEMENTS[element].map(|node| values.points[node as usize]);
+            assert_eq!(nodes.map(|node| read.points[node as usize]), expected);
         }
     }
 
