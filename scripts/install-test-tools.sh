@@ -7,7 +7,7 @@ packages=(
     build-essential pkg-config python3-venv
     openmpi-bin libopenmpi-dev  # ranks
     libclang-dev                # the Rust binding of MPI is made from its headers
-    libhwloc-dev                # where ranks run
+    libhwloc-dev libudev-dev    # where ranks run
     petsc-dev                   # with MUMPS, hypre and SuiteSparse
     libopenblas0-serial         # one thread a rank
     gfortran valgrind           # the C interface and its check
@@ -15,7 +15,7 @@ packages=(
 
 # Each is asked for by what it gives, so that one's own builds count too.
 all_there() {
-    pkg-config --exists PETSc hwloc || return 1
+    pkg-config --exists PETSc hwloc libudev || return 1
     command -v cc gfortran valgrind mpirun mpicc >/dev/null || return 1
     python3 -c 'import ensurepip' 2>/dev/null || return 1
     # bindgen finds it where ldconfig or an LLVM of the system has it.

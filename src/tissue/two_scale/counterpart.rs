@@ -15,7 +15,7 @@ use super::TwoScaleError;
 use super::follower::{ANSWERS, GRADIENTS, Order, SECONDS};
 use super::part::{Change, Part};
 use super::terms::{Answer, Failed, MICRO, RankReport, Seconds, Strain, Turn, pack};
-use crate::coupling::Scales;
+use crate::coupling::{Scales, UnitId};
 use crate::las::{Comm, Message};
 use crate::tissue::micro_scale::Sites;
 use crate::tissue::results::log::RankSeconds;
@@ -152,16 +152,15 @@ impl<'a, C: Comm> Counterpart<'a, C> {
         let start = Instant::now();
         self.order(&Order::Exchange)?;
         let followers = if self.lead == Lead::First { comm.size() } else { 1 };
+        let strain = |unit: UnitId| Strain::new(&gradients[unit as usize], sites.is_awake(unit as usize));
         for (rank, units) in self.units.iter().enumerate().take(followers).skip(1) {
-            let strain = |&unit: &u64| Strain::new(&gradients[unit as usize], sites.is_awake(unit as usize));
-            let of_part: Vec<Strain> = units.iter().map(strain).collect();
+            let of_part: Vec<Strain> = units.iter().map(|&unit| strain(unit)).collect();
             comm.send(rank, GRADIENTS, Message::of(&of_part))?;
         }
         self.tell(&turn)?;
         seconds.exchanging += start.elapsed().as_secs_f64();
         let Some(part) = &mut self.part else { return Err(TwoScaleError::Turn) };
-        let mut answers =
-            part.exchange(|element| (gradients[element], sites.is_awake(element)), &mut seconds)?.to_vec();
+        let mut answers = part.exchange(|_, element| strain(element), &mut seconds)?.to_vec();
         let start = Instant::now();
         let of_parts = match self.lead {
             Lead::First => (1..comm.size()).map(|rank| comm.receive(rank, ANSWERS)).collect::<Result<_, _>>()?,

@@ -1,6 +1,5 @@
 //! The other ranks of the engineering scale where the first one solves for the body: each exchanges with the RVEs of its part.
 
-use std::collections::HashMap;
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
@@ -50,11 +49,7 @@ pub fn follow<C: Comm>(scales: &Scales<C>, mesh: &Mesh) -> Result<(), TwoScaleEr
                 if gradients.len() != part.elements().len() {
                     return Err(TwoScaleError::Turn);
                 }
-                let place: HashMap<usize, usize> =
-                    part.elements().iter().enumerate().map(|(place, &element)| (element as usize, place)).collect();
-                let strain = |element: usize| gradients[place[&element]];
-                let strain = |element: usize| (strain(element).matrix(), strain(element).awake != 0);
-                let answers = part.exchange(strain, &mut seconds)?;
+                let answers = part.exchange(|number, _| gradients[number], &mut seconds)?;
                 comm.send(0, ANSWERS, Message::of(answers))?;
                 comm.send(0, SECONDS, Message::of(&std::mem::take(&mut seconds).numbers()))?;
             }

@@ -3,8 +3,6 @@
 use std::collections::HashSet;
 use std::time::Instant;
 
-use nalgebra::Matrix3;
-
 use super::TwoScaleError;
 use super::links::Links;
 use super::terms::{Answer, Header, Seconds, Strain};
@@ -50,19 +48,17 @@ impl<C: Comm> Part<C> {
         Ok(())
     }
 
-    /// Sends every RVE its gradient, and whether it is awake, and waits for the answers.
+    /// Sends every RVE what it is asked, and waits for the answers. `strain` gives that for the number and the element of each
+    /// of [`Part::elements`].
     pub fn exchange(
         &mut self,
-        strain: impl Fn(usize) -> (Matrix3<f64>, bool),
+        strain: impl Fn(usize, UnitId) -> Strain,
         seconds: &mut Seconds,
     ) -> Result<&[Answer], TwoScaleError> {
         let start = Instant::now();
         let units = self.links.units();
         self.asked.clear();
-        self.asked.extend(units.iter().map(|&element| {
-            let (gradient, is_awake) = strain(element as usize);
-            Strain::new(&gradient, is_awake)
-        }));
+        self.asked.extend(units.iter().enumerate().map(|(number, &element)| strain(number, element)));
         self.found.resize(units.len(), Answer::new(0, None));
         self.links.strains.send(&self.links.down, &self.asked)?;
         let sent = Instant::now();
