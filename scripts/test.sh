@@ -53,7 +53,7 @@ sets=(
     "sparse"
     "dense"
     "petsc"
-    "batched capi metis petsc"
+    "batched capi hwloc metis petsc"
 )
 # What `biotissue` depends on is the same whatever features it has, so that all sets share one build of it. That each
 # feature does with less is for the lane `beside` to show.
@@ -63,7 +63,7 @@ of() { # a set: the features of `biotissue` in the words of a command for severa
     for feature in $1; do printf -- ' --features biotissue/%s' "$feature"; done
 }
 # All of them, so that what needs several shares one build.
-everything=(--quiet "${alike[@]}" --features biotissue/default,biotissue/batched,biotissue/capi,biotissue/metis,biotissue/petsc)
+everything=(--quiet "${alike[@]}" --features biotissue/default,biotissue/batched,biotissue/capi,biotissue/hwloc,biotissue/metis,biotissue/petsc)
 # Packages that use the library as others do.
 users=(--package custom-law --package downstream --package reactions --features downstream/petsc)
 # Beside the tests, since much of both keeps one core busy; what it says comes at the end. It starts from what the lints have
@@ -138,7 +138,7 @@ trap 'kill "$lane" 2>/dev/null || true' EXIT
 
 wait "$reading"
 # Four whole sets. The examples, which the lints have checked, are built where they run.
-for features in default "sparse batched metis" dense petsc; do
+for features in default "sparse batched hwloc metis" dense petsc; do
     say "tests: $features"
     # shellcheck disable=SC2046
     cargo test --quiet "${alike[@]}" --lib --tests $(of "$features")
@@ -148,7 +148,7 @@ done
 
 say "tests: everything together: ranks as processes, the program on PETSc"
 cargo test "${everything[@]}" "${users[@]}" --test mpi
-cargo test "${everything[@]}" "${users[@]}" --test program -- petsc processes
+cargo test "${everything[@]}" "${users[@]}" --test program -- petsc processes near
 
 say "beside all this, since the lints"
 outcome=0

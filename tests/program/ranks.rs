@@ -53,15 +53,20 @@ fn the_dogbone_is_the_same_on_any_ranks() {
     assert_eq!(read(folder.path(), "three/loads.csv"), alone);
 }
 
+/// A case whose ranks are to be near each other.
+fn near_each_other() -> String {
+    with_scales(&fibers(&frozen()), (1, 2)) + "near = true\n"
+}
+
 #[test]
 fn ranks_are_near_each_other_where_hwloc_knows() {
     let folder = tempfile::tempdir().unwrap();
-    let text = with_scales(&fibers(&frozen()), (1, 2)) + "near = true\n";
-    let run = run(folder.path(), &text, "--out out");
-    if run.stderr.contains("topology of machines") {
-        assert!(run.stderr.contains("--features mpi,hwloc"), "{}", run.stderr);
-    } else {
+    let run = run(folder.path(), &near_each_other(), "--out out");
+    if cfg!(feature = "hwloc") {
         run.done();
+    } else {
+        assert!(run.failed(2).contains("topology of machines"), "{}", run.stderr);
+        assert!(run.stderr.contains("--features mpi,hwloc"), "{}", run.stderr);
     }
 }
 
@@ -390,6 +395,18 @@ mod processes {
         }
     }
 
+    #[cfg(feature = "hwloc")]
+    #[test]
+    fn processes_near_each_other_give_the_same() {
+        let _turn = in_turn();
+        let folder = tempfile::tempdir().unwrap();
+        run(folder.path(), &fibers(&frozen()), "--out alone").done();
+        write_case(folder.path(), "case.toml", &near_each_other());
+        let out = mpirun(folder.path(), 3, "run case.toml --backend sparse --out shared");
+        assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+        assert_eq!(read(folder.path(), "shared/loads.csv"), read(folder.path(), "alone/loads.csv"));
+    }
+
     /// The body's linear systems are spread over its ranks: the same to rounding.
     #[cfg(feature = "petsc")]
     #[test]
@@ -405,7 +422,8 @@ mod processes {
         let alone = forces(&read(folder.path(), "alone/loads.csv"));
         let by_multigrid =
             text.replace("[newton]", "[newton]\nsolver = { method = \"cg\", preconditioner = \"multigrid\" }");
-        for (text, (above, below)) in [(&text, (1, 1)), (&text, (2, 2)), (&text, (4, 4)), (&by_multigrid, (2, 2))] {
+        let directly = [(1, 1), (1, 3), (2, 2), (4, 4)].map(|shares| (&text, shares));
+        for (text, (above, below)) in directly.into_iter().chain([(&by_multigrid, (2, 2))]) {
             write_case(folder.path(), "case.toml", &with_scales(text, (above, below)));
             let out = mpirun(folder.path(), above + below, "run case.toml --backend petsc --out shared");
             assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));

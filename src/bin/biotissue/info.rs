@@ -35,8 +35,12 @@ pub fn run(command: &InfoCommand) -> Result<(), Failure> {
         features: [
             ("sparse", cfg!(feature = "sparse")),
             ("dense", cfg!(feature = "dense")),
+            ("batched", cfg!(feature = "batched")),
             ("petsc", cfg!(feature = "petsc")),
+            ("metis", cfg!(feature = "metis")),
             ("mpi", cfg!(feature = "mpi")),
+            ("hwloc", cfg!(feature = "hwloc")),
+            ("capi", cfg!(feature = "capi")),
             ("generate", cfg!(feature = "generate")),
             ("app", cfg!(feature = "app")),
         ]
