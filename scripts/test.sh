@@ -76,8 +76,8 @@ beside() {
         cp -a target/debug/.fingerprint target/debug/build target/debug/deps target/beside/debug/
     fi
 
-    say "lints of the library: features together that lack any third, and alone with no more dependencies than they ask for"
-    lint() { cargo clippy --quiet --lib "$@" -- -D warnings; }
+    say "lints of library and program: features together that lack any third, and alone with no more dependencies than they ask for"
+    lint() { cargo clippy --quiet --lib --bins "$@" -- -D warnings; }
     # Any two features are together in one of these without any third, but for what they bring themselves: what fails
     # with two features, and would with a third, is found as by all 36 pairs.
     local together=(
