@@ -1,6 +1,7 @@
 //! Exchange: values of units from the ranks that have them to those that get them, between neighbours only.
 
 use std::marker::PhantomData;
+use std::time::{Duration, Instant};
 
 use super::couple::{About, Coupling, CouplingError, Role};
 use super::links::Neighbour;
@@ -14,6 +15,7 @@ pub struct Carrier<T> {
     spare: Vec<Message>,
     /// Bytes that were sent so far.
     sent: u64,
+    waited: Duration,
     of: PhantomData<fn() -> T>,
 }
 
@@ -36,13 +38,19 @@ impl<T: Payload> Carrier<T> {
             let [producer, consumer] = coupling.names();
             return Err(CouplingError::Layout { producer, consumer, here, there });
         }
-        Ok(Self { spare: Vec::new(), sent: 0, of: PhantomData })
+        Ok(Self { spare: Vec::new(), sent: 0, waited: Duration::ZERO, of: PhantomData })
     }
 
     /// Bytes of values that were sent so far.
     #[must_use]
     pub fn sent(&self) -> u64 {
         self.sent
+    }
+
+    /// How long receiving has waited so far for messages that had not come: the rest of its time is copying.
+    #[must_use]
+    pub fn waited(&self) -> Duration {
+        self.waited
     }
 
     /// Starts to send the values of all units of this rank, in their order, on the producer. Work goes on beside it: the
@@ -89,8 +97,8 @@ impl<T: Payload> Carrier<T> {
         Ok(())
     }
 
-    /// Sends the values of all units of this rank, in their order, on the producer. Values that go to one rank and lie one
-    /// behind the other are sent from where they are, without a copy.
+    /// Sends the values of all units of this rank, in their order, on the producer. Between processes, values that go to one
+    /// rank and lie one behind the other are sent from where they are, without a copy, unless there is a time-out.
     ///
     /// # Errors
     /// [`CouplingError`].
@@ -121,11 +129,12 @@ impl<T: Payload> Carrier<T> {
     pub fn receive<C: Comm>(&mut self, coupling: &Coupling<C>, values: &mut [T]) -> Result<(), CouplingError> {
         coupling.must_have(Role::Consumer, values.len())?;
         for neighbour in &coupling.links.neighbours {
+            let (from, tag) = (coupling.there[neighbour.rank], coupling.tag(About::Values));
+            let start = Instant::now();
+            coupling.comm.wait_for(from, tag).map_err(|error| coupling.failed(error))?;
+            self.waited += start.elapsed();
             match neighbour.run() {
-                Some(run) => {
-                    let (from, tag) = (coupling.there[neighbour.rank], coupling.tag(About::Values));
-                    coupling.comm.receive_bytes(from, tag, bytemuck::cast_slice_mut(&mut values[run]))
-                }
+                Some(run) => coupling.comm.receive_bytes(from, tag, bytemuck::cast_slice_mut(&mut values[run])),
                 None => self.scatter(coupling, neighbour, values),
             }
             .map_err(|error| coupling.failed(error))?;

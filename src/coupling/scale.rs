@@ -48,6 +48,16 @@ pub enum ScaleError {
         /// How long.
         waited: Duration,
     },
+    /// A scale took nothing in time.
+    #[error("scale {scale} has taken nothing from scale {own} for {} s", .waited.as_secs_f64())]
+    Deaf {
+        /// Who should have.
+        scale: String,
+        /// Who waited.
+        own: String,
+        /// How long.
+        waited: Duration,
+    },
     /// There is no scale of that number.
     #[error("there is no scale {number} among {scales}")]
     Number {
@@ -154,7 +164,10 @@ impl<C: Comm> Scales<C> {
     /// [`ScaleError`].
     pub fn tell(&self, to: usize, news: Message) -> Result<(), ScaleError> {
         let first = self.first_of(to)?;
-        if self.comm.rank() == 0 { Ok(self.world.send(first, NEWS, news)?) } else { Ok(()) }
+        if self.comm.rank() > 0 {
+            return Ok(());
+        }
+        self.world.send(first, NEWS, news).map_err(|error| self.silent(to, error))
     }
 
     /// What scale `from` [`tell`](Self::tell)s.
@@ -178,18 +191,26 @@ impl<C: Comm> Scales<C> {
         self.world.receive(self.first_of(from)?, NEWS).map_err(|error| self.silent(from, error))
     }
 
+    /// Waits until scale `from` has told something, on the first rank of this scale alone; [`hear`](Self::hear) then takes it.
+    ///
+    /// # Errors
+    /// [`ScaleError`].
+    pub fn wait_for(&self, from: usize) -> Result<(), ScaleError> {
+        self.world.wait_for(self.first_of(from)?, NEWS).map_err(|error| self.silent(from, error))
+    }
+
     /// The first rank of a scale in the world.
     fn first_of(&self, scale: usize) -> Result<usize, ScaleError> {
         let ranks = self.ranks.get(scale).ok_or(ScaleError::Number { number: scale, scales: self.ranks.len() })?;
         ranks.first().copied().ok_or(ScaleError::Plan(PlanError::None))
     }
 
-    /// Whoever of this scale waited in vain, it is the other scale that did not tell.
-    fn silent(&self, from: usize, error: CommError) -> ScaleError {
+    /// Whoever of this scale waited in vain, it is the other scale that did not tell, or did not listen.
+    fn silent(&self, other: usize, error: CommError) -> ScaleError {
+        let (scale, own) = (self.names[other].clone(), self.names[self.own].clone());
         match error {
-            CommError::TimeOut { waited, .. } => {
-                ScaleError::Silent { scale: self.names[from].clone(), own: self.names[self.own].clone(), waited }
-            }
+            CommError::TimeOut { waited, .. } => ScaleError::Silent { scale, own, waited },
+            CommError::NotTaken { waited, .. } => ScaleError::Deaf { scale, own, waited },
             error => error.into(),
         }
     }

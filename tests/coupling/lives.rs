@@ -1,7 +1,7 @@
 //! Random lives of couplings between threads.
 
 use crate::checks::lives::nothing_is_lost;
-use crate::on;
+use crate::{on, on_all};
 
 /// So many lives on the same threads: mailboxes keep the addresses of all groups there were.
 const LIVES: u64 = 100;
@@ -13,6 +13,7 @@ fn nothing_is_lost_in_random_lives() {
     for (first, ranks) in (0..10_000).step_by(LIVES as usize).zip(ranks.into_iter().cycle()) {
         on(&[ranks], |comm| nothing_is_lost(comm, first..first + LIVES, 2));
     }
+    on_all(|comm| nothing_is_lost(comm, 10_000..10_010, 2));
 }
 
 #[test]
@@ -21,5 +22,5 @@ fn nothing_is_lost_between_three_scales() {
     for (first, ranks) in (0..2_500).step_by(LIVES as usize).zip(ranks.into_iter().cycle()) {
         on(&[ranks], |comm| nothing_is_lost(comm, first..first + LIVES, 3));
     }
-    on(&[8], |comm| nothing_is_lost(comm, 2_500..2_550, 3));
+    on_all(|comm| nothing_is_lost(comm, 2_500..2_510, 3));
 }

@@ -7,45 +7,43 @@ use biotissue::coupling::{Plan, Scales, Share};
 use biotissue::las::{Comm, CommError, Message, Tag};
 
 use crate::checks::ranks;
-use crate::on;
+use crate::on_all;
 
 const TAG: Tag = Tag::of(3);
 
-const MANY: &[usize] = &[1, 2, 3, 4, 7, 8, 16];
-
 #[test]
 fn messages_of_one_tag_arrive_in_order_and_tags_stay_apart() {
-    on(MANY, ranks::messages_of_one_tag_arrive_in_order_and_tags_stay_apart);
+    on_all(ranks::messages_of_one_tag_arrive_in_order_and_tags_stay_apart);
 }
 
 #[test]
 fn messages_of_any_length_arrive_whole() {
-    on(MANY, ranks::messages_of_any_length_arrive_whole);
+    on_all(ranks::messages_of_any_length_arrive_whole);
 }
 
 #[test]
 fn what_all_do_together_is_the_same_for_all() {
-    on(MANY, ranks::what_all_do_together_is_the_same_for_all);
+    on_all(ranks::what_all_do_together_is_the_same_for_all);
 }
 
 #[test]
 fn groups_do_not_hear_each_other() {
-    on(MANY, ranks::groups_do_not_hear_each_other);
+    on_all(ranks::groups_do_not_hear_each_other);
 }
 
 #[test]
 fn a_failure_of_one_is_agreed_on_by_all() {
-    on(MANY, ranks::a_failure_of_one_is_agreed_on_by_all);
+    on_all(ranks::a_failure_of_one_is_agreed_on_by_all);
 }
 
 #[test]
 fn who_does_not_answer_in_time_is_named() {
-    on(MANY, ranks::who_does_not_answer_in_time_is_named);
+    on_all(ranks::who_does_not_answer_in_time_is_named);
 }
 
 #[test]
 fn there_is_no_rank_beyond_the_last() {
-    on(MANY, ranks::there_is_no_rank_beyond_the_last);
+    on_all(ranks::there_is_no_rank_beyond_the_last);
 }
 
 #[test]
@@ -58,7 +56,7 @@ fn a_rank_that_fails_ends_all() {
         let ended = comm.receive(3 - comm.rank(), TAG).map(drop);
         Err(ended.expect_err("nobody sends").to_string())
     });
-    let expected = Failed { rank: 2, reason: "the law is broken".into() };
+    let expected = Failed { rank: 2, reason: "the law is broken".into(), has_panicked: false };
     assert_eq!(failed.map(drop), Err(expected));
     assert!(start.elapsed() < Duration::from_secs(5));
 }
@@ -70,7 +68,7 @@ fn a_rank_that_panics_ends_all() {
         comm.barrier()
     });
     let failed = failed.map(drop).expect_err("a rank panicked");
-    assert_eq!((failed.rank, failed.reason.as_str()), (1, "panicked: one too many"));
+    assert_eq!((failed.rank, failed.reason.as_str(), failed.has_panicked), (1, "panicked: one too many", true));
 }
 
 #[test]

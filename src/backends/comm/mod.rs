@@ -1,4 +1,5 @@
-//! Ranks: threads of one process, or processes of MPI (feature `mpi`). Both behave alike behind [`Comm`](crate::las::Comm).
+//! Ranks: threads of one process, or processes of MPI (feature `mpi`). Behind [`Comm`](crate::las::Comm)
+//! both do the same; what differs is how one that fails ends the others.
 
 #[cfg(feature = "mpi")]
 pub mod mpi;

@@ -183,13 +183,18 @@ impl MpiComm {
         Ok(Some((unsafe { message.assume_init() }, bytes as usize)))
     }
 
-    /// Waits for a message: first at full speed, then letting other processes of the machine work, and after a while asleep
-    /// most of the time, so that a rank that waits for the work of others does not take a core from them.
-    fn wait_for(&self, from: i32, tag: Tag) -> Result<(ffi::MPI_Message, usize), CommError> {
+    /// Waits for a message, and takes hold of it.
+    fn matched(&self, from: i32, tag: Tag) -> Result<(ffi::MPI_Message, usize), CommError> {
+        self.look(from, || self.probe(from, tag))
+    }
+
+    /// Looks for something that another rank does: first at full speed, then letting other processes of the machine work, and
+    /// after a while asleep most of the time, so that a rank that waits for the work of others does not take a core from them.
+    fn look<T>(&self, from: i32, find: impl Fn() -> Result<Option<T>, CommError>) -> Result<T, CommError> {
         let start = Instant::now();
         let mut looks = 0_u64;
         loop {
-            if let Some(found) = self.probe(from, tag)? {
+            if let Some(found) = find()? {
                 return Ok(found);
             }
             looks += 1;
@@ -377,11 +382,15 @@ impl Comm for MpiComm {
         self.receive_into(from, tag, Message::new())
     }
 
+    fn wait_for(&self, from: usize, tag: Tag) -> Result<(), CommError> {
+        self.look(self.known(from)?, || Ok(self.is_there(from, tag)?.then_some(())))
+    }
+
     fn receive_into(&self, from: usize, tag: Tag, memory: Message) -> Result<Message, CommError> {
         let rank = self.known(from)?;
         let (mut message, mut there) = (memory, 0);
         loop {
-            let (handle, count) = self.wait_for(rank, tag)?;
+            let (handle, count) = self.matched(rank, tag)?;
             message.resize(there + count);
             receive_part(handle, &mut message.bytes_mut()[there..])?;
             there += count;
@@ -395,7 +404,7 @@ impl Comm for MpiComm {
         let rank = self.known(from)?;
         let mut there = 0;
         loop {
-            let (handle, count) = self.wait_for(rank, tag)?;
+            let (handle, count) = self.matched(rank, tag)?;
             match bytes.get_mut(there..there + count) {
                 Some(memory) => receive_part(handle, memory)?,
                 // Taken in all the same, so that nothing of it stays underway.

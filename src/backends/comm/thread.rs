@@ -34,9 +34,12 @@ struct World {
     groups: AtomicU64,
 }
 
+/// What has come and was not received: by address, never an empty queue.
+type Messages = HashMap<Address, VecDeque<Message>>;
+
 #[derive(Debug, Default)]
 struct Mailbox {
-    messages: Mutex<HashMap<Address, VecDeque<Message>>>,
+    messages: Mutex<Messages>,
     arrived: Condvar,
 }
 
@@ -50,6 +53,8 @@ pub struct Failed {
     pub rank: usize,
     /// What it said, or panicked with.
     pub reason: String,
+    /// Whether it panicked.
+    pub has_panicked: bool,
 }
 
 impl Display for Failed {
@@ -61,7 +66,7 @@ impl Display for Failed {
 impl std::error::Error for Failed {}
 
 impl From<Failed> for CommError {
-    fn from(Failed { rank, reason }: Failed) -> Self {
+    fn from(Failed { rank, reason, .. }: Failed) -> Self {
         Self::Ended { rank, reason }
     }
 }
@@ -98,12 +103,14 @@ pub fn run<R: Send, E: Display>(
                     world.wake();
                     Some(found)
                 }
-                Ok(Err(error)) => world.fail(rank, error.to_string()),
-                Err(panic) => world.fail(rank, super::words_of(panic.as_ref())),
+                Ok(Err(error)) => world.fail(Failed { rank, reason: error.to_string(), has_panicked: false }),
+                Err(panic) => world.fail(Failed { rank, reason: super::words_of(panic.as_ref()), has_panicked: true }),
             };
             let started = thread::Builder::new().spawn_scoped(scope, run);
             // Those that have started wait for this one.
-            started.map_err(|error| world.fail::<R>(rank, format!("the system gives it no thread: {error}"))).ok()
+            let without = |error| format!("the system gives it no thread: {error}");
+            let failed = |error| world.fail::<R>(Failed { rank, reason: without(error), has_panicked: false });
+            started.map_err(failed).ok()
         };
         let threads: Vec<_> = (0..ranks).map_while(start).collect();
         threads.into_iter().map(|thread| thread.join().unwrap_or(None)).collect()
@@ -116,8 +123,8 @@ pub fn run<R: Send, E: Display>(
 
 impl World {
     /// Ends all ranks, unless another has before.
-    fn fail<R>(&self, rank: usize, reason: String) -> Option<R> {
-        locked(&self.failed).get_or_insert(Failed { rank, reason });
+    fn fail<R>(&self, failed: Failed) -> Option<R> {
+        locked(&self.failed).get_or_insert(failed);
         self.wake();
         None
     }
@@ -161,6 +168,37 @@ impl ThreadComm {
         let agreed = self.broadcast(0, Message::of(&[first]))?;
         Ok(agreed.values::<u64>().and_then(|numbers| numbers.first()).copied().unwrap_or(first))
     }
+
+    /// Waits until a message of a rank has come: the mailbox, in which there is one at that address.
+    fn arrived(&self, from: usize, tag: Tag) -> Result<(MutexGuard<'_, Messages>, Address), CommError> {
+        let sender = self.in_world(from)?;
+        let address = (self.group, sender, tag);
+        let mailbox = &self.world.mailboxes[self.members[self.rank]];
+        let end = self.time_out.and_then(|time_out| Some((Instant::now().checked_add(time_out)?, time_out)));
+        let mut messages = locked(&mailbox.messages);
+        loop {
+            // Asked before looking: what a rank sends before its end is there then.
+            let has_ended = self.world.ended[sender].load(Ordering::Acquire);
+            if messages.get(&address).is_some_and(|queue| !queue.is_empty()) {
+                return Ok((messages, address));
+            }
+            self.world.check()?;
+            if has_ended {
+                let reason = "it came to its end without sending what others wait for".into();
+                return Err(CommError::Ended { rank: sender, reason });
+            }
+            messages = match end {
+                None => mailbox.arrived.wait(messages).unwrap_or_else(PoisonError::into_inner),
+                Some((end, time_out)) => {
+                    let left = end.saturating_duration_since(Instant::now());
+                    if left.is_zero() {
+                        return Err(CommError::TimeOut { from, waited: time_out });
+                    }
+                    mailbox.arrived.wait_timeout(messages, left).unwrap_or_else(PoisonError::into_inner).0
+                }
+            };
+        }
+    }
 }
 
 /// A message that has arrived.
@@ -194,40 +232,18 @@ impl Comm for ThreadComm {
     }
 
     fn receive(&self, from: usize, tag: Tag) -> Result<Message, CommError> {
-        let sender = self.in_world(from)?;
-        let address = (self.group, sender, tag);
-        let mailbox = &self.world.mailboxes[self.members[self.rank]];
-        let end = self.time_out.and_then(|time_out| Some((Instant::now().checked_add(time_out)?, time_out)));
-        let mut messages = locked(&mailbox.messages);
-        loop {
-            // Asked before looking: what a rank sends before its end is there then.
-            let has_ended = self.world.ended[sender].load(Ordering::Acquire);
-            if let Entry::Occupied(mut queue) = messages.entry(address) {
-                let message = queue.get_mut().pop_front();
-                // Nothing stays of addresses that nobody writes to again.
-                if queue.get().is_empty() {
-                    queue.remove();
-                }
-                if let Some(message) = message {
-                    return Ok(message);
-                }
-            }
-            self.world.check()?;
-            if has_ended {
-                let reason = "it came to its end without sending what others wait for".into();
-                return Err(CommError::Ended { rank: sender, reason });
-            }
-            messages = match end {
-                None => mailbox.arrived.wait(messages).unwrap_or_else(PoisonError::into_inner),
-                Some((end, time_out)) => {
-                    let left = end.saturating_duration_since(Instant::now());
-                    if left.is_zero() {
-                        return Err(CommError::TimeOut { from, waited: time_out });
-                    }
-                    mailbox.arrived.wait_timeout(messages, left).unwrap_or_else(PoisonError::into_inner).0
-                }
-            };
+        let (mut messages, address) = self.arrived(from, tag)?;
+        let Entry::Occupied(mut queue) = messages.entry(address) else { return Ok(Message::new()) };
+        let message = queue.get_mut().pop_front().unwrap_or_default();
+        // Nothing stays of addresses that nobody writes to again.
+        if queue.get().is_empty() {
+            queue.remove();
         }
+        Ok(message)
+    }
+
+    fn wait_for(&self, from: usize, tag: Tag) -> Result<(), CommError> {
+        self.arrived(from, tag).map(drop)
     }
 
     fn is_there(&self, from: usize, tag: Tag) -> Result<bool, CommError> {

@@ -4,7 +4,8 @@
 //! together (`barrier`, `broadcast`, `gather`, `sum`, `agree`) is written on top of that, once. Sums are taken in the order of
 //! the ranks, so that they are the same in every run, bit for bit.
 //!
-//! A rank that fails ends all others: their calls return [`CommError::Ended`] with its number and its words.
+//! A rank that fails ends all others: where ranks are threads, their calls return [`CommError::Ended`] with its number and its
+//! words; processes are ended as they are.
 
 mod collectives;
 mod message;
@@ -113,7 +114,14 @@ pub trait Comm: Clone + Send + 'static {
     /// [`CommError::Rank`], [`CommError::Ended`], [`CommError::TimeOut`].
     fn receive(&self, from: usize, tag: Tag) -> Result<Message, CommError>;
 
-    /// The same, into memory that the caller has left where that helps.
+    /// Waits until the next message of a rank has come, and leaves it where it is: who waits before receiving knows how much
+    /// of the time was waiting.
+    ///
+    /// # Errors
+    /// As for [`receive`](Self::receive).
+    fn wait_for(&self, from: usize, tag: Tag) -> Result<(), CommError>;
+
+    /// As [`receive`](Self::receive), into memory that the caller has left where that helps.
     ///
     /// # Errors
     /// As for [`receive`](Self::receive).

@@ -123,9 +123,9 @@ pub struct RankSeconds {
     pub rank: usize,
     /// It worked.
     pub busy: f64,
-    /// It waited for others.
+    /// It waited for messages that had not come.
     pub idle: f64,
-    /// It packed, sent and took apart what it exchanged.
+    /// It packed, sent, received and took apart what it exchanged.
     pub exchanging: f64,
 }
 

@@ -7,7 +7,7 @@
 //! - all ranks do, in step ([`Lead::All`]), on a backend that spreads the linear system over them; every rank gets all answers.
 
 use std::collections::HashSet;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use nalgebra::Matrix3;
 
@@ -46,6 +46,8 @@ pub(super) struct Counterpart<'a, C: Comm> {
     iterations: Vec<Vec<Seconds>>,
     /// The end of the last exchange.
     since: Instant,
+    /// Where the time between two trial states went, up to there.
+    between: Seconds,
 }
 
 impl<'a, C: Comm> Counterpart<'a, C> {
@@ -61,6 +63,7 @@ impl<'a, C: Comm> Counterpart<'a, C> {
             in_step: false,
             iterations: Vec::new(),
             since: Instant::now(),
+            between: Seconds::default(),
         }
     }
 
@@ -117,8 +120,14 @@ impl<'a, C: Comm> Counterpart<'a, C> {
     /// What the ranks of the micro scale say, in their order.
     fn listen<T: for<'de> serde::Deserialize<'de>>(&self, seconds: &mut Seconds) -> Result<Vec<T>, TwoScaleError> {
         let start = Instant::now();
+        let waits = self.scales.comm().rank() == 0;
+        if waits {
+            self.scales.wait_for(self.below)?;
+        }
+        let come = Instant::now();
         let said = self.hear()?;
-        let heard = Instant::now();
+        // The other ranks of a body hear it from the first: what they wait for that is no exchange of theirs.
+        let heard = if waits { come } else { Instant::now() };
         let all = said.split().ok_or(TwoScaleError::Turn)?;
         let all = all.into_iter().map(|bytes| Ok(postcard::from_bytes(bytes)?)).collect();
         seconds.idle += (heard - start).as_secs_f64();
@@ -128,6 +137,8 @@ impl<'a, C: Comm> Counterpart<'a, C> {
 
     /// Deletes and creates RVEs, on both scales.
     pub fn change(&mut self, change: &Change) -> Result<(), TwoScaleError> {
+        self.between.busy += self.since.elapsed().as_secs_f64();
+        self.rest();
         self.order(&Order::Change(change.gone.clone(), change.new.clone()))?;
         self.tell(&Turn::Units)?;
         let own = self.scales.comm().rank() as u32;
@@ -141,6 +152,8 @@ impl<'a, C: Comm> Counterpart<'a, C> {
         for &[element, _] in &change.new {
             self.units[self.part_of[element as usize] as usize].push(element);
         }
+        self.between.exchanging += self.since.elapsed().as_secs_f64();
+        self.rest();
         Ok(())
     }
 
@@ -148,7 +161,8 @@ impl<'a, C: Comm> Counterpart<'a, C> {
     pub fn ask(&mut self, gradients: &[Matrix3<f64>], sites: &Sites) -> Result<Vec<Answer>, TwoScaleError> {
         let turn = if std::mem::replace(&mut self.in_step, true) { Turn::Iterate } else { Turn::Step };
         let comm = self.scales.comm().clone();
-        let mut seconds = Seconds { busy: self.since.elapsed().as_secs_f64(), ..Seconds::default() };
+        let mut seconds = std::mem::take(&mut self.between);
+        seconds.busy += self.since.elapsed().as_secs_f64();
         let start = Instant::now();
         self.order(&Order::Exchange)?;
         let followers = if self.lead == Lead::First { comm.size() } else { 1 };
@@ -161,16 +175,24 @@ impl<'a, C: Comm> Counterpart<'a, C> {
         seconds.exchanging += start.elapsed().as_secs_f64();
         let Some(part) = &mut self.part else { return Err(TwoScaleError::Turn) };
         let mut answers = part.exchange(|_, element| strain(element), &mut seconds)?.to_vec();
-        let start = Instant::now();
+        let (start, mut waited) = (Instant::now(), Duration::ZERO);
+        let mut receive = |rank: usize| {
+            let start = Instant::now();
+            comm.wait_for(rank, ANSWERS)?;
+            waited += start.elapsed();
+            comm.receive(rank, ANSWERS)
+        };
         let of_parts = match self.lead {
-            Lead::First => (1..comm.size()).map(|rank| comm.receive(rank, ANSWERS)).collect::<Result<_, _>>()?,
+            Lead::First => (1..comm.size()).map(&mut receive).collect::<Result<_, _>>()?,
+            // What they wait for each other in it is little: all have just got their own answers.
             Lead::All if comm.size() > 1 => comm.gather_all(Message::of(&std::mem::take(&mut answers)))?,
             Lead::All => Vec::new(),
         };
         for of_part in of_parts {
             answers.extend_from_slice(of_part.values::<Answer>().ok_or(TwoScaleError::Turn)?);
         }
-        seconds.idle += start.elapsed().as_secs_f64();
+        seconds.idle += waited.as_secs_f64();
+        seconds.exchanging += (start.elapsed() - waited).as_secs_f64();
         let all = match self.lead {
             Lead::First => (1..comm.size()).map(|rank| comm.receive(rank, SECONDS)).collect::<Result<_, _>>()?,
             Lead::All => comm.gather_all(Message::of(&seconds.numbers()))?.split_off(1),

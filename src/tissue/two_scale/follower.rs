@@ -41,16 +41,26 @@ pub fn follow<C: Comm>(scales: &Scales<C>, mesh: &Mesh) -> Result<(), TwoScaleEr
     loop {
         let waiting = Instant::now();
         match unpack(&comm.broadcast(0, Message::new())?)? {
-            Order::Change(gone, new) => part.change(&Change { gone, new }, |element| part_of[element] == own)?,
-            Order::Exchange => {
-                let gradients = comm.receive(0, GRADIENTS)?;
+            Order::Change(gone, new) => {
                 seconds.idle += waiting.elapsed().as_secs_f64();
+                let start = Instant::now();
+                part.change(&Change { gone, new }, |element| part_of[element] == own)?;
+                seconds.exchanging += start.elapsed().as_secs_f64();
+            }
+            Order::Exchange => {
+                comm.wait_for(0, GRADIENTS)?;
+                seconds.idle += waiting.elapsed().as_secs_f64();
+                let start = Instant::now();
+                let gradients = comm.receive(0, GRADIENTS)?;
+                seconds.exchanging += start.elapsed().as_secs_f64();
                 let gradients = gradients.values::<Strain>().ok_or(TwoScaleError::Turn)?;
                 if gradients.len() != part.elements().len() {
                     return Err(TwoScaleError::Turn);
                 }
                 let answers = part.exchange(|number, _| gradients[number], &mut seconds)?;
+                let start = Instant::now();
                 comm.send(0, ANSWERS, Message::of(answers))?;
+                seconds.exchanging += start.elapsed().as_secs_f64();
                 comm.send(0, SECONDS, Message::of(&std::mem::take(&mut seconds).numbers()))?;
             }
             Order::End => return Ok(()),

@@ -62,7 +62,11 @@ where
         let mut complete = false;
         while !complete {
             match self.turn()? {
-                Turn::Units => self.update_units()?,
+                Turn::Units => {
+                    let start = Instant::now();
+                    self.update_units()?;
+                    self.between.exchanging += start.elapsed().as_secs_f64();
+                }
                 Turn::Step => {
                     let mut step_complete = false;
                     while !step_complete {
@@ -82,7 +86,11 @@ where
         loop {
             match self.turn()? {
                 Turn::Iterate => return Ok(false),
-                Turn::Explain => self.explain()?,
+                Turn::Explain => {
+                    let start = Instant::now();
+                    self.explain()?;
+                    self.between.exchanging += start.elapsed().as_secs_f64();
+                }
                 over => {
                     self.between_steps(over)?;
                     return Ok(true);
@@ -93,14 +101,8 @@ where
 
     fn between_steps(&mut self, turn: Turn) -> Result<(), TwoScaleError> {
         match turn {
-            Turn::Accept => {
-                self.units.commit();
-                self.report(true)
-            }
-            Turn::Reject => {
-                self.units.revert();
-                self.report(false)
-            }
+            Turn::Accept => self.report(true),
+            Turn::Reject => self.report(false),
             Turn::Restore(states) => self.restore(states),
             _ => Err(TwoScaleError::Turn),
         }
@@ -138,9 +140,9 @@ where
     /// Gets a deformation gradient for every RVE, brings all to equilibrium, and sends what they answer.
     fn answer_strains(&mut self) -> Result<(), TwoScaleError> {
         self.asked.resize(self.units.len(), Strain { gradient: [0.0; 9], awake: 0 });
-        let start = Instant::now();
+        let (start, before) = (Instant::now(), self.links.strains.waited());
         self.links.strains.receive(&self.links.down, &mut self.asked)?;
-        let asked = Instant::now();
+        let (asked, waited) = (Instant::now(), self.links.strains.waited() - before);
         let strains = &self.asked;
         self.failed =
             self.units.solve(|number, _| (strains[number].awake != 0).then(|| strains[number].matrix())).err();
@@ -152,8 +154,8 @@ where
         let between = std::mem::take(&mut self.between);
         self.seconds.push(Seconds {
             busy: (solved - asked).as_secs_f64() + between.busy,
-            idle: (asked - start).as_secs_f64() + between.idle,
-            exchanging: solved.elapsed().as_secs_f64() + between.exchanging,
+            idle: waited.as_secs_f64() + between.idle,
+            exchanging: (asked - start - waited + solved.elapsed()).as_secs_f64() + between.exchanging,
         });
         Ok(())
     }
@@ -172,9 +174,15 @@ where
         self.to_macro(pack(&failed)?)
     }
 
-    /// Tells the engineering scale what the step took, and what became of the RVEs. What that takes counts for the next step.
+    /// Keeps what the step found, or goes back; tells the engineering scale what it took, and what became of the RVEs. What
+    /// that takes counts for the next step.
     fn report(&mut self, converged: bool) -> Result<(), TwoScaleError> {
         let start = Instant::now();
+        if converged {
+            self.units.commit()
+        } else {
+            self.units.revert()
+        }
         let summaries = if converged { self.units.summaries() } else { Vec::new() };
         let seconds = std::mem::take(&mut self.seconds);
         let summarised = Instant::now();

@@ -61,10 +61,11 @@ impl<C: Comm> Part<C> {
         self.asked.extend(units.iter().enumerate().map(|(number, &element)| strain(number, element)));
         self.found.resize(units.len(), Answer::new(0, None));
         self.links.strains.send(&self.links.down, &self.asked)?;
-        let sent = Instant::now();
+        let before = self.links.answers.waited();
         self.links.answers.receive(&self.links.back, &mut self.found)?;
-        seconds.exchanging += (sent - start).as_secs_f64();
-        seconds.idle += sent.elapsed().as_secs_f64();
+        let waited = self.links.answers.waited() - before;
+        seconds.idle += waited.as_secs_f64();
+        seconds.exchanging += (start.elapsed() - waited).as_secs_f64();
         Ok(&self.found)
     }
 }

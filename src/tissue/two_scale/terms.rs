@@ -187,9 +187,9 @@ pub struct Failed {
 pub struct Seconds {
     /// It worked.
     pub busy: f64,
-    /// It waited for others.
+    /// It waited for messages that had not come.
     pub idle: f64,
-    /// It packed, sent and took apart what it exchanged.
+    /// It packed, sent, received and took apart what it exchanged.
     pub exchanging: f64,
 }
 
