@@ -62,12 +62,26 @@ fn near_each_other() -> String {
 fn ranks_are_near_each_other_where_hwloc_knows() {
     let folder = tempfile::tempdir().unwrap();
     let run = run(folder.path(), &near_each_other(), "--out out");
+    let check = line(folder.path(), "check case.toml --json");
     if cfg!(feature = "hwloc") {
         run.done();
+        assert_eq!(check.object()["ranks"], 3);
     } else {
         assert!(run.failed(2).contains("topology of machines"), "{}", run.stderr);
         assert!(run.stderr.contains("--features mpi,hwloc"), "{}", run.stderr);
+        assert_eq!(check.failed(2), run.stderr);
     }
+}
+
+/// Where the case names none for RVEs, and nobody says how many there are: one.
+#[test]
+fn ranks_of_the_body_alone_leave_one_for_rves() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = with_scales(&fibers(&frozen()), (2, 0));
+    let done = run(folder.path(), &text, "--out out");
+    done.done();
+    assert!(done.stderr.contains(", 2 + 1 ranks\n"), "{}", done.stderr);
+    assert_eq!(line(folder.path(), "check case.toml --json").object()["ranks"], 3);
 }
 
 /// RVEs that have no answer even at rest: the run ends with the same words as in one process.
@@ -205,6 +219,9 @@ fn a_configuration_file_of_the_original_is_understood() {
     std::fs::write(folder.path().join("amsi.cfg"), "@scales\nmacro 1\nmeso 2\n").unwrap();
     let failed = line(folder.path(), "run case.toml -a amsi.cfg");
     assert!(failed.failed(2).contains("the scales are macro, meso"), "{}", failed.stderr);
+    std::fs::write(folder.path().join("amsi.cfg"), "@scales\nmacro 1\nmicro 2\n@relations\nmacro micro\n").unwrap();
+    let failed = line(folder.path(), "run case.toml -a amsi.cfg");
+    assert!(failed.failed(2).contains("`micro macro` for stresses"), "{}", failed.stderr);
     // What it says counts, not the case; and it must add up.
     std::fs::write(folder.path().join("amsi.cfg"), "@scales\nmacro 1\nmicro 2\n").unwrap();
     write_case(folder.path(), "case.toml", &with_scales(&fibers(&frozen()), (2, 2)));
@@ -252,8 +269,10 @@ fn mistakes_are_told_once() {
     assert!(failed.stderr.contains("cure: start 5 ranks, or change [scales] in "));
     let failed = run(folder.path(), &with_scales(PRESSED, (1, 3)), "--ranks 1 --out out");
     assert!(failed.failed(2).contains("macro 1 + micro 3 = 4 ranks, but 1 were started"), "{}", failed.stderr);
-    let failed = run(folder.path(), &with_scales(PRESSED, (2, 0)), "--out out");
-    assert!(failed.failed(2).contains("scale micro gets no rank"), "{}", failed.stderr);
+    // What RVEs have is what is left, and one rank at least.
+    let failed = run(folder.path(), &with_scales(PRESSED, (2, 0)), "--ranks 2 --out out");
+    assert!(failed.failed(2).contains("macro 2 + micro 1 = 3 ranks, but 2 were started"), "{}", failed.stderr);
+    assert!(failed.stderr.contains("cure: start 3 ranks"), "{}", failed.stderr);
     let failed = run(folder.path(), &fibers("absent.txt"), "--ranks 4 --out out");
     assert!(failed.failed(2).contains("absent.txt"), "{}", failed.stderr);
     let unknown = PRESSED.replace("surface = \"x1\"", "surface = \"x9\"");
@@ -319,6 +338,11 @@ mod processes {
         launched(folder, ranks, arguments).output().unwrap()
     }
 
+    fn mpirun_done(folder: &Path, ranks: usize, arguments: &str) {
+        let out = mpirun(folder, ranks, arguments);
+        assert!(out.status.success(), "{ranks} ranks, {arguments}: {}", String::from_utf8_lossy(&out.stderr));
+    }
+
     /// The process that has a rank in a run in this folder.
     #[cfg(target_os = "linux")]
     fn process_of(folder: &Path, rank: usize) -> Option<String> {
@@ -333,33 +357,62 @@ mod processes {
         Some(found.file_name()?.to_string_lossy().into_owned())
     }
 
-    /// A run on ranks, given with its scales, one of which stops answering once two steps have converged: the run ends in
-    /// time, and what converged stays. Gives what the run says.
+    /// Starts the case of a folder on so many ranks, and sends one of them a signal once two more steps have converged: the run
+    /// ends, and not well. Gives what it says, and how long it took to end.
+    #[cfg(target_os = "linux")]
+    fn ended_by(signal: &str, rank: usize, folder: &Path, ranks: usize, options: &str) -> (String, Duration) {
+        let steps = || std::fs::read_to_string(folder.join("out/loads.csv")).map_or(1, |text| text.lines().count()) - 1;
+        let before = steps();
+        let mut command = launched(folder, ranks, &format!("run case.toml --out out {options}"));
+        let run = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+        let start = Instant::now();
+        while steps() < before + 2 {
+            assert!(start.elapsed() < Duration::from_secs(300), "no step converges");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        let process = process_of(&folder.canonicalize().unwrap(), rank).expect("the rank runs");
+        let send = |signal: &str| Command::new("kill").args([signal, &process]).stderr(Stdio::null()).status().unwrap();
+        assert!(send(signal).success());
+        let sent = Instant::now();
+        let ended = run.wait_with_output().unwrap();
+        let taken = sent.elapsed();
+        // Where the launcher has not.
+        send("-KILL");
+        assert!(!ended.status.success());
+        assert!(steps() >= before + 2);
+        (String::from_utf8_lossy(&ended.stderr).into_owned(), taken)
+    }
+
+    /// A run on ranks, given with its scales, one of which stops answering: the run ends in time. Gives what the run says.
     #[cfg(target_os = "linux")]
     fn ended_in_time((above, below): (usize, usize), options: &str, hanging: usize) -> String {
         let _turn = in_turn();
         let folder = tempfile::tempdir().unwrap();
         let text = with_scales(&coarse_dogbone().replace("count = 3", "count = 2000"), (above, below));
         write_case(folder.path(), "case.toml", &text);
-        let arguments = format!("run case.toml --time-out 10 --out out {options}");
-        let mut command = launched(folder.path(), above + below, &arguments);
-        let run = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
-        let loads = folder.path().join("out/loads.csv");
-        let start = Instant::now();
-        while std::fs::read_to_string(&loads).map_or(0, |text| text.lines().count()) < 3 {
-            assert!(start.elapsed() < Duration::from_secs(300), "no step converges");
-            std::thread::sleep(Duration::from_millis(20));
+        let options = format!("--time-out 10 {options}");
+        let (said, taken) = ended_by("-STOP", hanging, folder.path(), above + below, &options);
+        assert!(taken < Duration::from_secs(60), "{taken:?}");
+        said
+    }
+
+    /// Whichever rank is killed, the run ends within seconds, and goes on from what is on disk as if nothing had been.
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn nothing_on_disk_is_lost_with_a_rank_that_is_killed() {
+        let _turn = in_turn();
+        let folder = tempfile::tempdir().unwrap();
+        let text = fibers(&frozen()).replace("count = 2", "count = 300");
+        run(folder.path(), &text, "--out alone").done();
+        write_case(folder.path(), "case.toml", &with_scales(&text, (1, 2)));
+        for (rank, options) in [(2, ""), (0, "--resume")] {
+            let (said, taken) = ended_by("-KILL", rank, folder.path(), 3, &format!("--backend sparse {options}"));
+            assert!(taken < Duration::from_secs(20), "{taken:?}: {said}");
         }
-        let process = process_of(&folder.path().canonicalize().unwrap(), hanging).expect("the rank runs");
-        let signal = |name: &str| Command::new("kill").args([name, &process]).status().unwrap();
-        assert!(signal("-STOP").success());
-        let stopped = Instant::now();
-        let ended = run.wait_with_output().unwrap();
-        // Where the launcher has not.
-        signal("-KILL");
-        assert!(!ended.status.success() && stopped.elapsed() < Duration::from_secs(60));
-        assert!(read(folder.path(), "out/loads.csv").lines().count() >= 3);
-        String::from_utf8_lossy(&ended.stderr).into_owned()
+        let steps = read(folder.path(), "out/loads.csv").lines().count() - 1;
+        assert!(steps < 300, "it was killed underway");
+        mpirun_done(folder.path(), 3, "run case.toml --backend sparse --out out --resume");
+        assert_eq!(read(folder.path(), "out/loads.csv"), read(folder.path(), "alone/loads.csv"));
     }
 
     /// The scale of a rank that hangs is named.
@@ -389,8 +442,7 @@ mod processes {
         let alone = read(folder.path(), "alone/loads.csv");
         for (above, below) in SHARES {
             write_case(folder.path(), "case.toml", &with_scales(&text, (above, below)));
-            let out = mpirun(folder.path(), above + below, "run case.toml --backend sparse --out shared");
-            assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+            mpirun_done(folder.path(), above + below, "run case.toml --backend sparse --out shared");
             assert_eq!(read(folder.path(), "shared/loads.csv"), alone, "{above} + {below}");
         }
     }
@@ -402,9 +454,68 @@ mod processes {
         let folder = tempfile::tempdir().unwrap();
         run(folder.path(), &fibers(&frozen()), "--out alone").done();
         write_case(folder.path(), "case.toml", &near_each_other());
-        let out = mpirun(folder.path(), 3, "run case.toml --backend sparse --out shared");
-        assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+        mpirun_done(folder.path(), 3, "run case.toml --backend sparse --out shared");
         assert_eq!(read(folder.path(), "shared/loads.csv"), read(folder.path(), "alone/loads.csv"));
+    }
+
+    /// Also where the run is taken up again, by other ranks.
+    #[test]
+    fn rves_come_sleep_and_go_alike_on_processes() {
+        let _turn = in_turn();
+        let folder = tempfile::tempdir().unwrap();
+        let text = with_lives();
+        run(folder.path(), &text, "--out alone").done();
+        let alone = read(folder.path(), "alone/loads.csv");
+        let mut last = None;
+        for ((above, below), options) in [((2, 2), ""), ((1, 3), "--resume"), ((3, 2), "--resume")] {
+            last.into_iter().for_each(|last| std::fs::remove_file(last).unwrap());
+            write_case(folder.path(), "case.toml", &with_scales(&text, (above, below)));
+            mpirun_done(
+                folder.path(),
+                above + below,
+                &format!("run case.toml --backend sparse --out shared {options}"),
+            );
+            assert_eq!(read(folder.path(), "shared/loads.csv"), alone, "{above} + {below}");
+            last = Some(folder.path().join("shared/checkpoint/step-00010.bin"));
+        }
+    }
+
+    /// As above, with the body on PETSc.
+    #[cfg(feature = "petsc")]
+    #[test]
+    fn rves_come_sleep_and_go_alike_on_petsc() {
+        let _turn = in_turn();
+        let folder = tempfile::tempdir().unwrap();
+        let text = with_lives();
+        run(folder.path(), &text, "--out alone --backend sparse").done();
+        let alone = read(folder.path(), "alone/loads.csv");
+        write_case(folder.path(), "case.toml", &with_scales(&text, (2, 2)));
+        mpirun_done(folder.path(), 4, "run case.toml --backend petsc --out shared");
+        same_to_rounding(&read(folder.path(), "shared/loads.csv"), &alone);
+        std::fs::remove_file(folder.path().join("shared/checkpoint/step-00010.bin")).unwrap();
+        write_case(folder.path(), "case.toml", &with_scales(&text, (3, 1)));
+        mpirun_done(folder.path(), 4, "run case.toml --backend petsc --out shared --resume");
+        same_to_rounding(&read(folder.path(), "shared/loads.csv"), &alone);
+    }
+
+    /// Forces agree to 1e-10 of the largest force of their step, and so do areas, displacements and volumes among themselves.
+    #[cfg(feature = "petsc")]
+    fn same_to_rounding(found: &str, expected: &str) {
+        let numbers = |line: &str| -> Vec<f64> { line.split(',').map(|value| value.parse().unwrap()).collect() };
+        let header = expected.lines().next().unwrap();
+        assert_eq!((found.lines().next(), found.lines().count()), (Some(header), expected.lines().count()));
+        let kinds: Vec<Option<u8>> =
+            header.split(',').map(|name| Some(*name.rsplit_once('.')?.1.as_bytes().first()?)).collect();
+        for (found, expected) in found.lines().zip(expected.lines()).skip(1) {
+            let both: Vec<(f64, f64)> = numbers(found).into_iter().zip(numbers(expected)).collect();
+            for kind in *b"afuv" {
+                let of_kind =
+                    || both.iter().zip(&kinds).filter(|(_, other)| **other == Some(kind)).map(|(both, _)| both);
+                let largest = of_kind().map(|(_, expected)| expected.abs()).fold(0.0, f64::max);
+                let error = of_kind().map(|(found, expected)| (found - expected).abs()).fold(0.0, f64::max);
+                assert!(error <= 1e-10 * largest, "{}: {error:e} of {largest:e}", char::from(kind));
+            }
+        }
     }
 
     /// The body's linear systems are spread over its ranks: the same to rounding.
@@ -412,28 +523,17 @@ mod processes {
     #[test]
     fn petsc_solves_for_the_body_on_its_ranks() {
         let _turn = in_turn();
-        let forces = |loads: &str| -> Vec<Vec<f64>> {
-            let of_line = |line: &str| line.split(',').map(|value| value.parse().unwrap()).collect();
-            loads.lines().skip(1).map(of_line).collect()
-        };
         let folder = tempfile::tempdir().unwrap();
         let text = coarse_dogbone();
         run(folder.path(), &text, "--out alone --backend sparse").done();
-        let alone = forces(&read(folder.path(), "alone/loads.csv"));
+        let alone = read(folder.path(), "alone/loads.csv");
         let by_multigrid =
             text.replace("[newton]", "[newton]\nsolver = { method = \"cg\", preconditioner = \"multigrid\" }");
         let directly = [(1, 1), (1, 3), (2, 2), (4, 4)].map(|shares| (&text, shares));
         for (text, (above, below)) in directly.into_iter().chain([(&by_multigrid, (2, 2))]) {
             write_case(folder.path(), "case.toml", &with_scales(text, (above, below)));
-            let out = mpirun(folder.path(), above + below, "run case.toml --backend petsc --out shared");
-            assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
-            let shared = forces(&read(folder.path(), "shared/loads.csv"));
-            assert_eq!(shared.len(), alone.len());
-            for (a, b) in alone.iter().zip(&shared) {
-                let largest = a.iter().map(|value| value.abs()).fold(0.0, f64::max);
-                let error = a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-                assert!(error <= 1e-10 * largest, "{above} + {below}: {error:e} of {largest:e}");
-            }
+            mpirun_done(folder.path(), above + below, "run case.toml --backend petsc --out shared");
+            same_to_rounding(&read(folder.path(), "shared/loads.csv"), &alone);
         }
     }
 

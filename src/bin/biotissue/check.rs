@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use biotissue::las::{Backend, Scalar};
-use biotissue::tissue::case::{Case, ScalesCase};
+use biotissue::tissue::case::Case;
 use biotissue::tissue::run::Plan;
 use clap::Args;
 use serde::Serialize;
@@ -11,6 +11,7 @@ use serde::Serialize;
 use crate::dispatch::{Job, dispatch};
 use crate::failure::Failure;
 use crate::output;
+use crate::ranks::check_near;
 use crate::run::{Common, read, setup};
 
 /// Read and check a case and all its files, and print the plan; solve nothing
@@ -28,6 +29,7 @@ pub struct CheckCommand {
 /// Runs the command.
 pub fn check(command: &CheckCommand) -> Result<(), Failure> {
     let case = read(&command.case)?;
+    check_near(case.scales)?;
     command.common.start_threads()?;
     let plan = dispatch(command.common.backend(), CheckJob { case })?;
     if command.json { output::print_json(&plan) } else { output::print(&plan.text()) }
@@ -75,7 +77,6 @@ impl Job for CheckJob {
         let setup = setup::<B>(context, self.case)?;
         let Plan { elements, nodes, unknowns, rves, networks, rve_bytes, body_bytes, steps, threads, .. } =
             setup.plan();
-        let ScalesCase { macro_ranks, micro_ranks, .. } = setup.case().scales;
         let networks = networks.into_iter().map(|n| NetworkText { name: n.name, unknowns: n.unknowns, rves: n.rves });
         Ok(PlanText {
             title: setup.case().title.clone(),
@@ -91,7 +92,7 @@ impl Job for CheckJob {
             regions: setup.mesh().regions().to_vec(),
             steps,
             threads,
-            ranks: macro_ranks + micro_ranks,
+            ranks: setup.case().scales.least(),
             directory: setup.case().output.directory.clone(),
         })
     }

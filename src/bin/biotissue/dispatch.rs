@@ -1,4 +1,5 @@
-//! The only place where a run-time choice becomes a type: a backend by its name.
+//! Where a run-time choice becomes a type: a backend by its name. (Which one the RVEs get on ranks of their own,
+//! `ranks/mains.rs` says.)
 
 use biotissue::backends::{self, BackendName};
 use biotissue::las::{Backend, Scalar};

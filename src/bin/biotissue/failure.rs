@@ -18,6 +18,8 @@ pub enum Failure {
     NotConverged { what: String, place: String, expected: String, cure: String },
     /// The machine: disk, a library, MPI; `what` names the file or the part: exit code 4.
     Environment { what: String, expected: String, cure: String },
+    /// A rank that is a thread panicked, and ended the others: the exit code of any panic, 101.
+    Panicked(String),
 }
 
 impl Failure {
@@ -32,6 +34,7 @@ impl Failure {
             Self::Input(_) | Self::Arguments { .. } => 2,
             Self::NotConverged { .. } => 3,
             Self::Environment { .. } => 4,
+            Self::Panicked(_) => 101,
         }
     }
 
@@ -65,6 +68,9 @@ impl fmt::Display for Failure {
             Self::Input(errors) => write!(f, "error: {errors}"),
             Self::Arguments { what, expected, cure } | Self::Environment { what, expected, cure } => {
                 write!(f, "error: {what}\n  expected: {expected}\n  cure: {cure}")
+            }
+            Self::Panicked(what) => {
+                write!(f, "error: {what}\n  expected: no panic\n  cure: report this as a bug, with the case")
             }
             Self::NotConverged { what, place, expected, cure } => {
                 write!(f, "error: {what}\n  at: {place}\n  expected: {expected}\n  cure: {cure}")

@@ -29,7 +29,6 @@ mod network;
 mod number;
 mod output;
 mod progress;
-#[cfg(any(feature = "sparse", feature = "dense"))]
 mod ranks;
 mod report;
 mod run;

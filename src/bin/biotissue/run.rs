@@ -98,12 +98,14 @@ impl RunCommand {
         Ok(match &self.amsi {
             None => Configuration::default(),
             Some(file) => {
-                let Config { plan, results, warnings, .. } = Config::read(file)?;
+                let config = Config::read(file)?;
                 // It may only say where results go.
-                let plan = (!plan.scales.is_empty()).then_some((plan, file.clone()));
-                if let Some((plan, file)) = &plan {
-                    ranks::check_names(plan, file)?;
+                let has_scales = !config.plan.scales.is_empty();
+                if has_scales {
+                    ranks::check_scales(&config, file)?;
                 }
+                let Config { plan, results, warnings, .. } = config;
+                let plan = has_scales.then_some((plan, file.clone()));
                 Configuration { plan, results, warnings }
             }
         })
@@ -214,6 +216,8 @@ fn run_on_processes(processes: usize, command: RunCommand) -> Result<(), Failure
         let is_first = world.rank() == 0;
         let read = || {
             started()?;
+            // Processes share the cores of a machine: one thread each, unless more are asked for.
+            Common { threads: command.common.threads.or(Some(1)), backend: None }.start_threads()?;
             Ok((command.config()?, command.time_out()?, Case::read(&command.case)?))
         };
         let (config, time_out, case) = match ranks::agreed(&world, read())? {
@@ -227,8 +231,6 @@ fn run_on_processes(processes: usize, command: RunCommand) -> Result<(), Failure
             Err(failure) => return Ok(if is_first { Err(failure) } else { Ok(()) }),
         };
         let dir = command.dir(&case, &config);
-        // Processes share the cores of a machine: one thread each, unless more are asked for.
-        Common { threads: command.common.threads.or(Some(1)), backend: None }.start_threads()?;
         let (backend, resume, plan) = (command.common.backend(), command.resume, config.plan);
         let shared = Shared { case, dir: &dir, resume, backend, plan, time_out };
         Ok(match ranks::on_processes(&world, &shared)? {

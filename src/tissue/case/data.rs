@@ -315,6 +315,17 @@ pub struct ScalesCase {
     pub near: bool,
 }
 
+impl ScalesCase {
+    /// The fewest ranks that it can be meant for.
+    #[must_use]
+    pub fn least(&self) -> usize {
+        match (self.macro_ranks, self.micro_ranks) {
+            (1, 0) => 1,
+            (above, below) => above + below.max(1),
+        }
+    }
+}
+
 impl Default for ScalesCase {
     fn default() -> Self {
         Self { macro_ranks: 1, micro_ranks: 0, near: false }

@@ -1,0 +1,259 @@
+//! `biotissue run` on several ranks: threads of this process, or the processes that `mpirun` started.
+
+#[cfg(any(feature = "sparse", feature = "dense"))]
+mod mains;
+
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
+
+use biotissue::backends::comm::thread;
+use biotissue::coupling::{Config, Plan, PlanError, ScaleError, Scales, Share};
+use biotissue::las::{Comm, Disagreement};
+use biotissue::tissue::case::{Case, ScalesCase};
+use biotissue::tissue::two_scale::{MACRO, MICRO};
+
+use crate::failure::Failure;
+use crate::run::Summary;
+
+/// Ranks that a backend may spread a linear system over.
+pub trait Ranks: Comm {
+    /// What PETSc needs of these ranks.
+    #[cfg(feature = "petsc")]
+    fn petsc(&self) -> Result<biotissue::backends::petsc::Context, Failure>;
+}
+
+impl Ranks for thread::ThreadComm {
+    #[cfg(feature = "petsc")]
+    fn petsc(&self) -> Result<biotissue::backends::petsc::Context, Failure> {
+        Err(Failure::arguments(
+            "--backend petsc on ranks that are threads: PETSc is for processes",
+            "ranks that mpirun starts, or a run in one process",
+            "start the program with mpirun, or leave --ranks and [scales] out",
+        ))
+    }
+}
+
+#[cfg(feature = "mpi")]
+impl Ranks for biotissue::backends::comm::mpi::MpiComm {
+    #[cfg(feature = "petsc")]
+    fn petsc(&self) -> Result<biotissue::backends::petsc::Context, Failure> {
+        use biotissue::backends::petsc::{Context, Session};
+
+        let session = match Session::current() {
+            Some(session) => session,
+            None => Session::new().map_err(Failure::library)?,
+        };
+        Ok(Context::new(&session, self.communicator()))
+    }
+}
+
+/// What the ranks of the body have come to together.
+type Outcome = Result<Summary, Failure>;
+
+/// A run that several ranks share.
+pub struct Shared<'a> {
+    pub case: Case,
+    pub dir: &'a Path,
+    pub resume: bool,
+    pub backend: Option<&'a str>,
+    /// Which ranks each scale gets, where a configuration file says so, and that file.
+    pub plan: Option<(Plan, PathBuf)>,
+    /// How long ranks wait for each other.
+    pub time_out: Option<Duration>,
+}
+
+/// How many processes `mpirun` started; `None` where it did not start this one.
+pub fn started_by_mpirun() -> Option<usize> {
+    let of = |name: &str| std::env::var(name).ok()?.parse().ok();
+    // The last is that of `srun`, whatever it speaks with the processes.
+    ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "MV2_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS"].into_iter().find_map(of)
+}
+
+/// The ranks of a run in this process: those asked for, or those that the case names; `None` for a run without any.
+pub fn of_threads(asked: Option<usize>, scales: ScalesCase, plan: Option<&Plan>) -> Option<usize> {
+    let planned = plan.map_or(scales.least(), Plan::least);
+    // Where more are named than asked for, the scales say so.
+    (planned > 1 || asked.is_some_and(|asked| asked > 1)).then_some(asked.unwrap_or(planned))
+}
+
+/// A configuration file is of any scales, and of any that produce for others; those of a body are two, each for the other.
+pub fn check_scales(config: &Config, file: &Path) -> Result<(), Failure> {
+    let mut names: Vec<&str> = config.plan.scales.iter().map(|(name, _)| name.as_str()).collect();
+    names.sort_unstable();
+    if names != [MACRO, MICRO] {
+        return Err(Failure::arguments(
+            format!("{}: the scales are {}", file.display(), names.join(", ")),
+            format!("the two scales of a body, {MACRO} and {MICRO}"),
+            "name these two in @scales",
+        ));
+    }
+    let given = |producer: &str| config.relations.iter().any(|relation| relation.producer == producer);
+    match config.relations.is_empty() || given(MACRO) && given(MICRO) {
+        true => Ok(()),
+        false => Err(Failure::arguments(
+            format!("{}: the relations are of one of the scales of a body alone", file.display()),
+            format!("both, `{MACRO} {MICRO}` for strains and `{MICRO} {MACRO}` for stresses"),
+            "give both in @relations, or none",
+        )),
+    }
+}
+
+/// Which ranks each scale gets: those that the case names, or one for the engineering scale and all others for the RVEs.
+fn plan(scales: ScalesCase, ranks: usize) -> Plan {
+    let (above, below) = match scales.micro_ranks {
+        0 => (scales.macro_ranks, ranks.saturating_sub(scales.macro_ranks).max(1)),
+        micro => (scales.macro_ranks, micro),
+    };
+    Plan::default().with(MACRO, Share::Count(above)).with(MICRO, Share::Count(below))
+}
+
+/// The plan with ranks near each other, where the case asks for that and the plan adds up.
+#[cfg(feature = "hwloc")]
+fn near<C: Comm>(world: &C, plan: Plan, scales: ScalesCase) -> Result<Result<Plan, Failure>, Failure> {
+    use biotissue::coupling::topology;
+
+    if !scales.near || plan.assign(world.size()).is_err() {
+        return Ok(Ok(plan));
+    }
+    let here = topology::here().map_err(|what| Failure::Environment {
+        what,
+        expected: "hwloc to know where each rank runs, for `near` in [scales]".into(),
+        cure: "leave `near` out".into(),
+    });
+    let here = match agreed(world, here)? {
+        Ok(here) => here,
+        Err(failure) => return Ok(Err(failure)),
+    };
+    let places = topology::gather(world, &here).map_err(|error| ranks_failed(&error))?;
+    Ok(topology::plan([MACRO, MICRO], &places, scales.macro_ranks).map_err(|error| ranks_failed(&error)))
+}
+
+#[cfg(not(feature = "hwloc"))]
+fn near<C: Comm>(_: &C, plan: Plan, scales: ScalesCase) -> Result<Result<Plan, Failure>, Failure> {
+    Ok(check_near(scales).map(|()| plan))
+}
+
+/// Whether this build can put ranks near each other, where the case asks for that.
+pub fn check_near(scales: ScalesCase) -> Result<(), Failure> {
+    if cfg!(feature = "hwloc") || !scales.near {
+        return Ok(());
+    }
+    Err(Failure::arguments(
+        "`near` in [scales], in a build that does not know the topology of machines",
+        "a build with the cargo feature `hwloc`",
+        "build it with --features mpi,hwloc, or leave `near` out",
+    ))
+}
+
+/// Runs on as many threads.
+pub fn on_threads(ranks: usize, shared: &Shared<'_>) -> Result<Summary, Failure> {
+    // What fails first ends the others: it is what the user must know.
+    let first = Mutex::new(None);
+    let outcome = thread::run(ranks, |world| {
+        rank(&world, shared).map_err(|failure| {
+            let words = failure.to_string();
+            first.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(failure);
+            words
+        })
+    });
+    match outcome {
+        Ok(all) => all.into_iter().flatten().next().unwrap_or_else(|| Err(no_answer())),
+        Err(failed) if failed.has_panicked => Err(Failure::Panicked(failed.to_string())),
+        Err(failed) => {
+            Err(first.into_inner().unwrap_or_else(PoisonError::into_inner).unwrap_or_else(|| ranks_failed(&failed)))
+        }
+    }
+}
+
+/// Runs on the processes that `mpirun` started: one of them knows how it ended.
+#[cfg(feature = "mpi")]
+pub fn on_processes(
+    world: &biotissue::backends::comm::mpi::MpiComm,
+    shared: &Shared<'_>,
+) -> Result<Option<Outcome>, Failure> {
+    rank(world, shared)
+}
+
+fn no_answer() -> Failure {
+    ranks_failed(&"no rank says how the run ended")
+}
+
+fn ranks_failed(error: &impl std::fmt::Display) -> Failure {
+    Failure::Environment {
+        what: error.to_string(),
+        expected: "ranks that all go on to the end".into(),
+        cure: "see what that rank says; what converged before is on disk".into(),
+    }
+}
+
+/// One rank: the main function of its scale. What the first rank of the engineering scale finds is how the run ended, an
+/// orderly failure included; an error is one that the others do not know of.
+fn rank<C: Ranks>(world: &C, shared: &Shared<'_>) -> Result<Option<Outcome>, Failure> {
+    let plan = match &shared.plan {
+        Some((plan, _)) => plan.clone(),
+        None => match near(world, plan(shared.case.scales, world.size()), shared.case.scales)? {
+            Ok(plan) => plan,
+            Err(failure) => return Ok((world.rank() == 0).then_some(Err(failure))),
+        },
+    };
+    let scales = match Scales::with_time_out(world, &plan, shared.time_out) {
+        Ok(scales) => scales,
+        // This rank alone knows.
+        Err(error @ ScaleError::Plan(PlanError::Differs { .. })) => return Err(ranks_failed(&error)),
+        Err(error @ ScaleError::Plan(_)) => return no_scales(world.rank(), shared, &error),
+        Err(error) => return Err(ranks_failed(&error)),
+    };
+    // PETSc starts and ends on all processes together, whoever uses it.
+    #[cfg(feature = "petsc")]
+    let session = match shared.backend {
+        Some(name) if name == biotissue::backends::BackendName::Petsc.as_str() => Some(world.petsc()?),
+        _ => None,
+    };
+    #[cfg(any(feature = "sparse", feature = "dense"))]
+    let outcome = mains::on_scale(world, &scales, shared);
+    #[cfg(not(any(feature = "sparse", feature = "dense")))]
+    let outcome = Err(Failure::arguments(
+        "ranks, in a build without a backend for RVEs on their own",
+        "a build with the cargo feature `sparse` or `dense`",
+        "build it with one of them, or leave ranks out",
+    ));
+    #[cfg(feature = "petsc")]
+    if outcome.is_err() {
+        // Its end would wait for ranks that are lost.
+        std::mem::forget(session);
+    }
+    outcome
+}
+
+/// All ranks find the same mistake; the first says it.
+fn no_scales(rank: usize, shared: &Shared<'_>, error: &ScaleError) -> Result<Option<Outcome>, Failure> {
+    if rank > 0 {
+        return Ok(None);
+    }
+    let (scales, file) = match &shared.plan {
+        Some((_, file)) => ("@scales", file),
+        None => ("[scales]", &shared.case.file),
+    };
+    let cure = match error {
+        ScaleError::Plan(PlanError::Sum { planned, .. }) => format!("start {planned} ranks, or change"),
+        ScaleError::Plan(PlanError::Empty(_)) => "start more ranks, or change".to_owned(),
+        _ => "change".to_owned(),
+    };
+    let cure = format!("{cure} {scales} in {}", file.display());
+    Ok(Some(Err(Failure::arguments(
+        error.to_string(),
+        "at least a rank for each scale, and each rank in one of them",
+        cure,
+    ))))
+}
+
+/// The same outcome on all ranks: where one could not read something, the first says so.
+pub fn agreed<C: Comm, T>(world: &C, outcome: Result<T, Failure>) -> Result<Result<T, Failure>, Failure> {
+    match world.agree(outcome) {
+        Ok(found) => Ok(Ok(found)),
+        Err(Disagreement::Own(failure)) => Ok(Err(failure)),
+        Err(failed @ Disagreement::Failed { .. }) => Ok(Err(ranks_failed(&failed))),
+        Err(Disagreement::Comm(error)) => Err(ranks_failed(&error)),
+    }
+}
