@@ -15,7 +15,7 @@ use std::process::{Command, ExitCode};
 use std::time::{Duration, Instant};
 
 use biotissue::backends::comm::mpi::{MpiComm, run};
-use biotissue::las::{Comm, Message, Tag};
+use biotissue::las::{Comm, Message, Receiving, Tag};
 use bytemuck::{cast_slice, cast_slice_mut};
 
 use checks::{Outcome, lives, ranks, scales, units};
@@ -44,6 +44,7 @@ const CHECKS: &[Check] = &[
     ("time_out", scales::a_scale_that_does_not_answer_is_named),
     ("published", units::tables_are_those_published),
     ("layouts", units::another_layout_on_the_other_side_is_refused_by_both),
+    ("while_a_rank_works", units::values_come_in_while_a_rank_works),
     ("one_by_one", units::units_that_come_one_by_one_are_spread_evenly),
     ("wrong_calls", units::wrong_calls_say_what_is_wrong),
     ("ring", units::three_scales_are_coupled_in_a_ring),
@@ -138,10 +139,13 @@ fn messages_of_more_than_2_31_bytes(comm: &MpiComm) -> Outcome {
         if comm.rank() == 0 {
             comm.send_bytes(Tag::of(3), &[(1, cast_slice(&values))])?;
             comm.send(1, Tag::of(3), Message::of(&values))?;
+            comm.send_bytes(Tag::of(3), &[(1, cast_slice(&values))])?;
         } else {
             comm.receive_bytes(0, Tag::of(3), cast_slice_mut(&mut values))?;
             assert!(is_whole(&values), "{words} words, in place");
             assert!(is_whole(comm.receive(0, Tag::of(3))?.values().unwrap_or_default()), "{words} words");
+            let arriving = comm.start_receive(0, Tag::of(3), 8 * words, Message::new())?;
+            assert!(is_whole(arriving.wait()?.values().unwrap_or_default()), "{words} words, expected");
         }
     }
     Ok(())

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use super::couple::{About, Coupling, CouplingError, Role};
 use super::links::Neighbour;
 use super::payload::Payload;
-use crate::las::{Comm, CommError, Message, Sending, Tag};
+use crate::las::{Comm, CommError, Message, Receiving, Sending, Tag};
 
 /// Carries values of one kind over couplings of two scales: the one that it was made for, its inverse, its deltas and what it
 /// becomes later. Keeps the memory of its messages.
@@ -24,6 +24,13 @@ pub struct Carrier<T> {
 #[derive(Debug)]
 pub struct Underway<C: Comm> {
     sendings: Vec<C::Sending>,
+}
+
+/// Values that are to come.
+#[must_use = "values are not there until `finish_receive`"]
+#[derive(Debug)]
+pub struct Arriving<C: Comm> {
+    receivings: Vec<C::Receiving>,
 }
 
 impl<T: Payload> Carrier<T> {
@@ -152,6 +159,11 @@ impl<T: Payload> Carrier<T> {
         let from = coupling.there[*rank];
         let memory = self.spare.pop().unwrap_or_default();
         let message = coupling.comm.receive_into(from, coupling.tag(About::Values), memory)?;
+        self.put(message, from, places, values)
+    }
+
+    /// Puts the values of a message where they belong, and keeps its memory.
+    fn put(&mut self, message: Message, from: usize, places: &[u32], values: &mut [T]) -> Result<(), CommError> {
         let expected = size_of::<T>() * places.len();
         if message.len() != expected {
             return Err(CommError::Size { from, found: message.len(), expected });
@@ -166,6 +178,45 @@ impl<T: Payload> Carrier<T> {
             }
         }
         self.spare.push(message);
+        Ok(())
+    }
+
+    /// Gets ready for the values of all units of this rank, on the consumer: they come in while it works. More may be started
+    /// before this is finished; what was started first is to be finished first, before anything else is received, and before
+    /// units come or go.
+    ///
+    /// # Errors
+    /// [`CouplingError`].
+    pub fn start_receive<C: Comm>(&mut self, coupling: &Coupling<C>) -> Result<Arriving<C>, CouplingError> {
+        coupling.must_have(Role::Consumer, coupling.units().len())?;
+        let mut receivings = Vec::with_capacity(coupling.links.neighbours.len());
+        for neighbour in &coupling.links.neighbours {
+            let (from, len) = (coupling.there[neighbour.rank], size_of::<T>() * neighbour.places.len());
+            let memory = self.spare.pop().unwrap_or_default();
+            let receiving = coupling.comm.start_receive(from, coupling.tag(About::Values), len, memory);
+            receivings.push(receiving.map_err(|error| coupling.failed(error))?);
+        }
+        Ok(Arriving { receivings })
+    }
+
+    /// Waits until all values are there, and puts them in the order of the units.
+    ///
+    /// # Errors
+    /// [`CouplingError`].
+    pub fn finish_receive<C: Comm>(
+        &mut self,
+        coupling: &Coupling<C>,
+        arriving: Arriving<C>,
+        values: &mut [T],
+    ) -> Result<(), CouplingError> {
+        coupling.must_have(Role::Consumer, values.len())?;
+        for (neighbour, receiving) in coupling.links.neighbours.iter().zip(arriving.receivings) {
+            let start = Instant::now();
+            let message = receiving.wait().map_err(|error| coupling.failed(error))?;
+            self.waited += start.elapsed();
+            let put = self.put(message, coupling.there[neighbour.rank], &neighbour.places, values);
+            put.map_err(|error| coupling.failed(error))?;
+        }
         Ok(())
     }
 }

@@ -38,7 +38,9 @@
 //!             let mut first = vec![0.0; new.units().len()];
 //!             carrier.receive(&new, &mut first)?;
 //!             state.extend(first);
-//!             carrier.receive(&coupling, &mut state)?;
+//!             let arriving = carrier.start_receive(&coupling)?;
+//!             // Work goes on here too.
+//!             carrier.finish_receive(&coupling, arriving, &mut state)?;
 //!             let answers: Vec<f64> = state.iter().map(|value| 2.0 * value).collect();
 //!             carrier.send(&coupling.inverse(), &answers)?;
 //!         }
@@ -64,7 +66,7 @@ pub mod topology;
 pub use config::{Config, Relation};
 pub use couple::{Coupling, CouplingError, Delta, Role};
 pub use data::{Census, UnitId};
-pub use exchange::{Carrier, Underway};
+pub use exchange::{Arriving, Carrier, Underway};
 pub use links::{Links, Neighbour};
 pub use pattern::{ByWeight, Even, Spread};
 pub use payload::{Layout, Payload, bytemuck};

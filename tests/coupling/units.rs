@@ -27,3 +27,8 @@ fn units_that_come_one_by_one_are_spread_evenly() {
 fn three_scales_are_coupled_in_a_ring() {
     on_all(units::three_scales_are_coupled_in_a_ring);
 }
+
+#[test]
+fn values_come_in_while_a_rank_works() {
+    on_all(units::values_come_in_while_a_rank_works);
+}

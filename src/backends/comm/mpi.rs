@@ -15,7 +15,7 @@ use mpi::ffi;
 use mpi::raw::AsRaw;
 use mpi::topology::{Color, Communicator, SimpleCommunicator};
 
-use crate::las::{Comm, CommError, Message, Sending, Tag};
+use crate::las::{Comm, CommError, Message, Receiving, Sending, Tag};
 
 /// Bytes in one message of MPI, which counts them in 32 bits; longer ones go in parts.
 const PART: usize = 1 << 30;
@@ -185,30 +185,7 @@ impl MpiComm {
 
     /// Waits for a message, and takes hold of it.
     fn matched(&self, from: i32, tag: Tag) -> Result<(ffi::MPI_Message, usize), CommError> {
-        self.look(from, || self.probe(from, tag))
-    }
-
-    /// Looks for something that another rank does: first at full speed, then letting other processes of the machine work, and
-    /// after a while asleep most of the time, so that a rank that waits for the work of others does not take a core from them.
-    fn look<T>(&self, from: i32, find: impl Fn() -> Result<Option<T>, CommError>) -> Result<T, CommError> {
-        let start = Instant::now();
-        let mut looks = 0_u64;
-        loop {
-            if let Some(found) = find()? {
-                return Ok(found);
-            }
-            looks += 1;
-            if looks < 1000 {
-                continue;
-            }
-            let elapsed = start.elapsed();
-            if let Some(waited) = self.time_out
-                && elapsed > waited
-            {
-                return Err(CommError::TimeOut { from: from as usize, waited });
-            }
-            if elapsed > AWAKE { thread::sleep(NAP) } else { thread::yield_now() }
-        }
+        look(from, self.time_out, || self.probe(from, tag))
     }
 
     /// Starts to send bytes. Parts of full length say that another one follows, which may be empty.
@@ -237,6 +214,46 @@ impl MpiComm {
         }
         Ok(())
     }
+}
+
+/// Looks for something that another rank does: first at full speed, then letting other processes of the machine work, and after
+/// a while asleep most of the time, so that a rank that waits for the work of others does not take a core from them.
+fn look<T>(
+    from: i32,
+    time_out: Option<Duration>,
+    mut find: impl FnMut() -> Result<Option<T>, CommError>,
+) -> Result<T, CommError> {
+    let start = Instant::now();
+    let mut looks = 0_u64;
+    loop {
+        if let Some(found) = find()? {
+            return Ok(found);
+        }
+        looks += 1;
+        if looks < 1000 {
+            continue;
+        }
+        let elapsed = start.elapsed();
+        if let Some(waited) = time_out
+            && elapsed > waited
+        {
+            return Err(CommError::TimeOut { from: from as usize, waited });
+        }
+        if elapsed > AWAKE { thread::sleep(NAP) } else { thread::yield_now() }
+    }
+}
+
+/// The bytes that a receive has taken in, once it has.
+fn received(request: &mut ffi::MPI_Request) -> Result<Option<usize>, CommError> {
+    let (mut done, mut status, mut bytes) = (0, MaybeUninit::uninit(), 0);
+    // SAFETY: a request that was started and not completed, whose memory lives; MPI forgets it once it is done.
+    check(unsafe { ffi::MPI_Test(request, &raw mut done, status.as_mut_ptr()) })?;
+    if done == 0 {
+        return Ok(None);
+    }
+    // SAFETY: the status was written, since the request is done; the type is a constant of MPI.
+    check(unsafe { ffi::MPI_Get_count(status.as_ptr(), ffi::RSMPI_UINT8_T, &raw mut bytes) })?;
+    Ok(Some(bytes as usize))
 }
 
 /// Takes in a part of a message that a probe has found; the memory is as long as the probe said.
@@ -290,7 +307,7 @@ impl Requests {
         Ok(())
     }
 
-    /// Waits for nothing: `false` where MPI may go on reading.
+    /// Waits for nothing: `false` where MPI may go on reading or writing.
     fn give_up(&mut self) -> bool {
         if is_over() {
             self.0.clear();
@@ -342,8 +359,51 @@ impl Sending for Underway {
     }
 }
 
+/// A message into whose memory MPI may still be writing.
+#[derive(Debug)]
+pub struct Arriving {
+    message: Message,
+    /// Those of the parts that are not there yet.
+    requests: Requests,
+    from: i32,
+    time_out: Option<Duration>,
+}
+
+// SAFETY: a request belongs to no thread.
+unsafe impl Send for Arriving {}
+
+impl Drop for Arriving {
+    fn drop(&mut self) {
+        let pending = if is_over() { &mut [][..] } else { &mut self.requests.0[..] };
+        for request in pending {
+            // SAFETY: a request that was started and not completed; where its message has come, nothing comes of this.
+            unsafe { ffi::MPI_Cancel(request) };
+        }
+        // As for `Underway`: nothing is waited for, and memory that MPI may still write to stays where it is.
+        if !self.requests.give_up() {
+            std::mem::forget(std::mem::take(&mut self.message));
+        }
+    }
+}
+
+impl Receiving for Arriving {
+    fn wait(mut self) -> Result<Message, CommError> {
+        let (from, expected, mut found) = (self.from, self.message.len(), 0);
+        while let Some(request) = self.requests.0.last_mut() {
+            found += look(from, self.time_out, || received(request))?;
+            self.requests.0.pop();
+        }
+        if found == expected {
+            Ok(std::mem::take(&mut self.message))
+        } else {
+            Err(CommError::Size { from: from as usize, found, expected })
+        }
+    }
+}
+
 impl Comm for MpiComm {
     type Sending = Underway;
+    type Receiving = Arriving;
 
     fn rank(&self) -> usize {
         self.group.rank
@@ -383,7 +443,7 @@ impl Comm for MpiComm {
     }
 
     fn wait_for(&self, from: usize, tag: Tag) -> Result<(), CommError> {
-        self.look(self.known(from)?, || Ok(self.is_there(from, tag)?.then_some(())))
+        look(self.known(from)?, self.time_out, || Ok(self.is_there(from, tag)?.then_some(())))
     }
 
     fn receive_into(&self, from: usize, tag: Tag, memory: Message) -> Result<Message, CommError> {
@@ -417,6 +477,35 @@ impl Comm for MpiComm {
         }
         let expected = bytes.len();
         if there == expected { Ok(()) } else { Err(CommError::Size { from, found: there, expected }) }
+    }
+
+    fn start_receive(&self, from: usize, tag: Tag, len: usize, memory: Message) -> Result<Arriving, CommError> {
+        let from = self.known(from)?;
+        let mut arriving = Arriving { message: memory, requests: Requests::default(), from, time_out: self.time_out };
+        arriving.message.resize(len);
+        let Arriving { message, requests, .. } = &mut arriving;
+        let bytes = message.bytes_mut();
+        for k in 0..=len / PART {
+            let part = &mut bytes[k * PART..len.min((k + 1) * PART)];
+            let mut request = MaybeUninit::uninit();
+            // SAFETY: a live communicator, and the memory of the message, which stays where it is until `Arriving` has completed
+            // the requests or left it there.
+            let code = unsafe {
+                ffi::MPI_Irecv(
+                    part.as_mut_ptr().cast(),
+                    part.len() as i32,
+                    ffi::RSMPI_UINT8_T,
+                    from,
+                    tag.0 as i32,
+                    self.group.raw,
+                    request.as_mut_ptr(),
+                )
+            };
+            check(code)?;
+            // SAFETY: written by the call.
+            requests.0.push(unsafe { request.assume_init() });
+        }
+        Ok(arriving)
     }
 
     fn is_there(&self, from: usize, tag: Tag) -> Result<bool, CommError> {

@@ -9,7 +9,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use crate::las::{Comm, CommError, Message, Sending, Tag};
+use crate::las::{Comm, CommError, Message, Receiving, Sending, Tag};
 
 /// Threads that run side by side, each a rank.
 #[derive(Clone, Debug)]
@@ -211,8 +211,27 @@ impl Sending for Sent {
     }
 }
 
+/// A message that is put into this rank's mailbox some time.
+#[derive(Clone, Debug)]
+pub struct Expected {
+    comm: ThreadComm,
+    from: usize,
+    tag: Tag,
+    len: usize,
+}
+
+impl Receiving for Expected {
+    fn wait(self) -> Result<Message, CommError> {
+        let Self { comm, from, tag, len } = self;
+        let message = comm.receive(from, tag)?;
+        let found = message.len();
+        if found == len { Ok(message) } else { Err(CommError::Size { from, found, expected: len }) }
+    }
+}
+
 impl Comm for ThreadComm {
     type Sending = Sent;
+    type Receiving = Expected;
 
     fn rank(&self) -> usize {
         self.rank
@@ -244,6 +263,11 @@ impl Comm for ThreadComm {
 
     fn wait_for(&self, from: usize, tag: Tag) -> Result<(), CommError> {
         self.arrived(from, tag).map(drop)
+    }
+
+    fn start_receive(&self, from: usize, tag: Tag, len: usize, _: Message) -> Result<Expected, CommError> {
+        self.in_world(from)?;
+        Ok(Expected { comm: self.clone(), from, tag, len })
     }
 
     fn is_there(&self, from: usize, tag: Tag) -> Result<bool, CommError> {

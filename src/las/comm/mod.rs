@@ -89,12 +89,23 @@ pub trait Sending {
     fn wait(self) -> Result<Option<Message>, CommError>;
 }
 
+/// A message that is to come.
+pub trait Receiving {
+    /// Waits until it is there.
+    ///
+    /// # Errors
+    /// [`CommError`]; [`CommError::Size`] where it is longer or shorter than was said.
+    fn wait(self) -> Result<Message, CommError>;
+}
+
 /// A group of ranks.
 ///
 /// Cheap to clone; the clone is the same group.
 pub trait Comm: Clone + Send + 'static {
     /// A message on its way.
     type Sending: Sending;
+    /// A message that is to come.
+    type Receiving: Receiving;
 
     /// The number of this rank, from 0.
     fn rank(&self) -> usize;
@@ -129,6 +140,14 @@ pub trait Comm: Clone + Send + 'static {
         drop(memory);
         self.receive(from, tag)
     }
+
+    /// Gets ready for the next message of a rank, of `len` bytes, and returns at once: it comes in while this rank works, into
+    /// memory that the caller has left where that helps. What was started first is to be waited for first, and before anything
+    /// else of that rank and tag is received.
+    ///
+    /// # Errors
+    /// [`CommError::Rank`].
+    fn start_receive(&self, from: usize, tag: Tag, len: usize, memory: Message) -> Result<Self::Receiving, CommError>;
 
     /// Whether a message of a rank has come.
     ///

@@ -140,3 +140,33 @@ pub fn three_scales_are_coupled_in_a_ring<C: Comm>(comm: &C) -> Outcome {
     }
     Ok(())
 }
+
+/// Twice as many values as one side waits for at a time, some of them too long to be sent before they are asked for.
+pub fn values_come_in_while_a_rank_works<C: Comm>(comm: &C) -> Outcome {
+    if comm.size() < 2 {
+        return Ok(());
+    }
+    let producers = comm.size() / 2;
+    let scales = scales(comm, producers, comm.size() - producers)?;
+    let first = 100_000 * comm.rank() as u64;
+    let units: Vec<UnitId> = if scales.own() == 0 { (first..first + 30_000).collect() } else { Vec::new() };
+    let coupling = Coupling::new(&scales, "a", "b", &units, &[], &Even)?;
+    let mut carrier = Carrier::<[u64; 2]>::new(&coupling)?;
+    let values = |round: u64| coupling.units().iter().map(|&unit| [round, unit]).collect::<Vec<_>>();
+    match coupling.role() {
+        Role::Producer => {
+            let underway = [carrier.start(&coupling, &values(0))?, carrier.start(&coupling, &values(1))?];
+            underway.into_iter().try_for_each(|underway| carrier.finish(&coupling, underway))?;
+            assert!(matches!(carrier.start_receive(&coupling), Err(CouplingError::Role { .. })));
+        }
+        Role::Consumer => {
+            let arriving = [carrier.start_receive(&coupling)?, carrier.start_receive(&coupling)?];
+            for (round, arriving) in (0..).zip(arriving) {
+                let mut found = vec![[u64::MAX; 2]; coupling.units().len()];
+                carrier.finish_receive(&coupling, arriving, &mut found)?;
+                assert!(found == values(round), "round {round}");
+            }
+        }
+    }
+    Ok(())
+}
