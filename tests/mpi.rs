@@ -45,6 +45,7 @@ const CHECKS: &[Check] = &[
     ("published", units::tables_are_those_published),
     ("layouts", units::another_layout_on_the_other_side_is_refused_by_both),
     ("while_a_rank_works", units::values_come_in_while_a_rank_works),
+    ("units_of_before", units::receiving_for_units_of_before_is_refused),
     ("one_by_one", units::units_that_come_one_by_one_are_spread_evenly),
     ("wrong_calls", units::wrong_calls_say_what_is_wrong),
     ("ring", units::three_scales_are_coupled_in_a_ring),

@@ -79,6 +79,14 @@ pub enum CouplingError {
         /// Units of this rank.
         units: usize,
     },
+    /// Receiving was started for other units than it is finished for.
+    #[error("receiving from {producer} on {consumer} was started before units came or went: finish it before they do")]
+    Changed {
+        /// Where the values come from.
+        producer: String,
+        /// Where they go to.
+        consumer: String,
+    },
     /// The two sides state different layouts.
     #[error("{producer} and {consumer} exchange different data: here {here}, there {there}")]
     Layout {

@@ -31,6 +31,8 @@ pub struct Underway<C: Comm> {
 #[derive(Debug)]
 pub struct Arriving<C: Comm> {
     receivings: Vec<C::Receiving>,
+    /// How often units had come or gone when they were started.
+    changes: u64,
 }
 
 impl<T: Payload> Carrier<T> {
@@ -183,7 +185,7 @@ impl<T: Payload> Carrier<T> {
 
     /// Gets ready for the values of all units of this rank, on the consumer: they come in while it works. More may be started
     /// before this is finished; what was started first is to be finished first, before anything else is received, and before
-    /// units come or go.
+    /// units come or go: between processes, MPI ends the program where a message is longer than what was waited for.
     ///
     /// # Errors
     /// [`CouplingError`].
@@ -196,13 +198,14 @@ impl<T: Payload> Carrier<T> {
             let receiving = coupling.comm.start_receive(from, coupling.tag(About::Values), len, memory);
             receivings.push(receiving.map_err(|error| coupling.failed(error))?);
         }
-        Ok(Arriving { receivings })
+        Ok(Arriving { receivings, changes: coupling.links.changes })
     }
 
     /// Waits until all values are there, and puts them in the order of the units.
     ///
     /// # Errors
-    /// [`CouplingError`].
+    /// [`CouplingError`]; [`CouplingError::Changed`] where units have come or gone since this was started, or where it was
+    /// started for another coupling that has other neighbours.
     pub fn finish_receive<C: Comm>(
         &mut self,
         coupling: &Coupling<C>,
@@ -210,7 +213,12 @@ impl<T: Payload> Carrier<T> {
         values: &mut [T],
     ) -> Result<(), CouplingError> {
         coupling.must_have(Role::Consumer, values.len())?;
-        for (neighbour, receiving) in coupling.links.neighbours.iter().zip(arriving.receivings) {
+        let neighbours = &coupling.links.neighbours;
+        if arriving.changes != coupling.links.changes || arriving.receivings.len() != neighbours.len() {
+            let [producer, consumer] = coupling.names();
+            return Err(CouplingError::Changed { producer, consumer });
+        }
+        for (neighbour, receiving) in neighbours.iter().zip(arriving.receivings) {
             let start = Instant::now();
             let message = receiving.wait().map_err(|error| coupling.failed(error))?;
             self.waited += start.elapsed();

@@ -24,10 +24,12 @@ impl Neighbour {
 }
 
 /// The units of this rank, in the order of its data, and its neighbours by rank.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default)]
 pub struct Links {
     pub(super) units: Vec<UnitId>,
     pub(super) neighbours: Vec<Neighbour>,
+    /// How often units have come or gone.
+    pub(super) changes: u64,
 }
 
 impl Links {
@@ -42,6 +44,7 @@ impl Links {
     pub(super) fn append(&mut self, units: &[UnitId], ranks: &[usize]) {
         let first = self.units.len();
         self.units.extend_from_slice(units);
+        self.changes += u64::from(!units.is_empty());
         for (place, &rank) in (first as u32..).zip(ranks) {
             self.neighbour(rank).places.push(place);
         }
@@ -70,6 +73,7 @@ impl Links {
             neighbour.places = neighbour.places.iter().filter_map(|&place| moved[place as usize]).collect();
         }
         self.neighbours.retain(|neighbour| !neighbour.places.is_empty());
+        self.changes += u64::from(kept.len() < self.units.len());
         self.units = kept.iter().map(|&place| self.units[place as usize]).collect();
         kept
     }
@@ -96,6 +100,10 @@ mod tests {
         assert_eq!(runs, [None, Some(4..5), None]);
         let kept = links.remove(&HashSet::from([11, 13, 12]));
         assert_eq!(kept, [0, 4]);
-        assert_eq!(links, Links::new(&[10, 14], &[2, 1]));
+        let (changes, new) = (links.changes, Links::new(&[10, 14], &[2, 1]));
+        assert_eq!((&links.units, &links.neighbours), (&new.units, &new.neighbours));
+        links.append(&[], &[]);
+        assert_eq!(links.remove(&HashSet::from([11])), [0, 1]);
+        assert_eq!((changes, links.changes), (3, 3), "nothing came or went");
     }
 }

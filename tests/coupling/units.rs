@@ -32,3 +32,8 @@ fn three_scales_are_coupled_in_a_ring() {
 fn values_come_in_while_a_rank_works() {
     on_all(units::values_come_in_while_a_rank_works);
 }
+
+#[test]
+fn receiving_for_units_of_before_is_refused() {
+    on_all(units::receiving_for_units_of_before_is_refused);
+}

@@ -1,7 +1,7 @@
 //! Units of couplings: which rank gets which, and what is refused.
 
 use biotissue::coupling::{
-    ByWeight, Carrier, Coupling, CouplingError, Even, Plan, Role, ScaleError, Scales, Share, UnitId,
+    ByWeight, Carrier, Census, Coupling, CouplingError, Even, Plan, Role, ScaleError, Scales, Share, UnitId,
 };
 use biotissue::las::Comm;
 
@@ -167,6 +167,42 @@ pub fn values_come_in_while_a_rank_works<C: Comm>(comm: &C) -> Outcome {
                 assert!(found == values(round), "round {round}");
             }
         }
+    }
+    Ok(())
+}
+
+/// Values of the units of before would not fill those of all that are there now.
+pub fn receiving_for_units_of_before_is_refused<C: Comm>(comm: &C) -> Outcome {
+    if comm.size() < 2 {
+        return Ok(());
+    }
+    let producers = comm.size() / 2;
+    let scales = scales(comm, producers, comm.size() - producers)?;
+    let units = |round: u64| -> Vec<UnitId> {
+        let first = 1000 * comm.rank() as u64 + 100 * round;
+        if scales.own() == 0 { (first..first + 10).collect() } else { Vec::new() }
+    };
+    // New units go to other ranks than those of before.
+    let first_and_last = |census: &Census, rank: usize, consumers: usize| {
+        let to = if census.held.iter().all(|&held| held == 0) { 0 } else { consumers - 1 };
+        vec![to; census.counts[rank]]
+    };
+    let mut coupling = Coupling::new(&scales, "a", "b", &units(0), &[], &first_and_last)?;
+    let mut carrier = Carrier::<u64>::new(&coupling)?;
+    if coupling.role() == Role::Producer {
+        carrier.send(&coupling, coupling.units())?;
+        coupling.add(&units(1), &[], &first_and_last)?;
+        return Ok(());
+    }
+    let had = coupling.units().len();
+    let arriving = carrier.start_receive(&coupling)?;
+    coupling.reconcile()?;
+    let mut found = vec![u64::MAX; coupling.units().len()];
+    let refused = carrier.finish_receive(&coupling, arriving, &mut found);
+    if found.len() == had {
+        assert!(refused.is_ok() && found == coupling.units(), "nothing came to this rank: {refused:?}");
+    } else {
+        assert!(matches!(refused, Err(CouplingError::Changed { .. })), "{refused:?}");
     }
     Ok(())
 }

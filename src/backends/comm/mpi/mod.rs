@@ -1,29 +1,26 @@
 //! Ranks as processes of MPI.
 #![allow(unsafe_code, reason = "the interface to a C library")]
 
+mod underway;
+
 use std::fmt;
 use std::fmt::Display;
 use std::io::Write;
 use std::mem::{ManuallyDrop, MaybeUninit};
+use std::ops::Range;
 use std::panic;
 use std::sync::Arc;
 use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use mpi::environment::{Threading, Universe, initialize_with_threading, threading_support};
 use mpi::ffi;
 use mpi::raw::AsRaw;
 use mpi::topology::{Color, Communicator, SimpleCommunicator};
 
-use crate::las::{Comm, CommError, Message, Receiving, Sending, Tag};
-
-/// Bytes in one message of MPI, which counts them in 32 bits; longer ones go in parts.
-const PART: usize = 1 << 30;
-
-/// How long a rank looks for a message without a nap.
-const AWAKE: Duration = Duration::from_millis(20);
-/// How long it naps then: little beside what it has waited.
-const NAP: Duration = Duration::from_micros(50);
+pub use self::underway::{Arriving, Underway};
+use self::underway::{PART, Requests, check, look};
+use crate::las::{Comm, CommError, Message, Sending, Tag};
 
 /// Processes that run side by side, each a rank. Any thread may use it: MPI has to be started so that it allows that.
 #[derive(Clone)]
@@ -193,11 +190,10 @@ impl MpiComm {
     /// # Safety
     /// The bytes stay where they are, unchanged, until all `requests` are completed, also where this fails.
     unsafe fn start_parts(&self, to: i32, tag: Tag, bytes: &[u8], requests: &mut Requests) -> Result<(), CommError> {
-        for k in 0..=bytes.len() / PART {
-            let part = &bytes[k * PART..bytes.len().min((k + 1) * PART)];
-            let mut request = MaybeUninit::uninit();
+        let send = |part: Range<usize>, request| {
+            let part = &bytes[part];
             // SAFETY: a live communicator, and bytes of which the caller says that they stay.
-            let code = unsafe {
+            unsafe {
                 ffi::MPI_Isend(
                     part.as_ptr().cast(),
                     part.len() as i32,
@@ -205,55 +201,13 @@ impl MpiComm {
                     to,
                     tag.0 as i32,
                     self.group.raw,
-                    request.as_mut_ptr(),
+                    request,
                 )
-            };
-            check(code)?;
-            // SAFETY: written by the call.
-            requests.0.push(unsafe { request.assume_init() });
-        }
-        Ok(())
+            }
+        };
+        // SAFETY: the call writes the request where it succeeds.
+        unsafe { requests.start(bytes.len(), send) }
     }
-}
-
-/// Looks for something that another rank does: first at full speed, then letting other processes of the machine work, and after
-/// a while asleep most of the time, so that a rank that waits for the work of others does not take a core from them.
-fn look<T>(
-    from: i32,
-    time_out: Option<Duration>,
-    mut find: impl FnMut() -> Result<Option<T>, CommError>,
-) -> Result<T, CommError> {
-    let start = Instant::now();
-    let mut looks = 0_u64;
-    loop {
-        if let Some(found) = find()? {
-            return Ok(found);
-        }
-        looks += 1;
-        if looks < 1000 {
-            continue;
-        }
-        let elapsed = start.elapsed();
-        if let Some(waited) = time_out
-            && elapsed > waited
-        {
-            return Err(CommError::TimeOut { from: from as usize, waited });
-        }
-        if elapsed > AWAKE { thread::sleep(NAP) } else { thread::yield_now() }
-    }
-}
-
-/// The bytes that a receive has taken in, once it has.
-fn received(request: &mut ffi::MPI_Request) -> Result<Option<usize>, CommError> {
-    let (mut done, mut status, mut bytes) = (0, MaybeUninit::uninit(), 0);
-    // SAFETY: a request that was started and not completed, whose memory lives; MPI forgets it once it is done.
-    check(unsafe { ffi::MPI_Test(request, &raw mut done, status.as_mut_ptr()) })?;
-    if done == 0 {
-        return Ok(None);
-    }
-    // SAFETY: the status was written, since the request is done; the type is a constant of MPI.
-    check(unsafe { ffi::MPI_Get_count(status.as_ptr(), ffi::RSMPI_UINT8_T, &raw mut bytes) })?;
-    Ok(Some(bytes as usize))
 }
 
 /// Takes in a part of a message that a probe has found; the memory is as long as the probe said.
@@ -268,137 +222,6 @@ fn receive_part(mut handle: ffi::MPI_Message, memory: &mut [u8]) -> Result<(), C
             ffi::RSMPI_STATUS_IGNORE,
         )
     })
-}
-
-/// What MPI says of a code.
-fn check(code: i32) -> Result<(), CommError> {
-    if code == ffi::MPI_SUCCESS as i32 { Ok(()) } else { Err(CommError::Library(format!("MPI reports error {code}"))) }
-}
-
-/// What MPI has started and not completed.
-#[derive(Debug, Default)]
-struct Requests(Vec<ffi::MPI_Request>);
-
-impl Requests {
-    fn complete(&mut self) -> Result<(), CommError> {
-        let mut outcome = Ok(());
-        for mut request in self.0.drain(..) {
-            // SAFETY: a request that was started and not completed, whose memory lives.
-            outcome = outcome.and(check(unsafe { ffi::MPI_Wait(&raw mut request, ffi::RSMPI_STATUS_IGNORE) }));
-        }
-        outcome
-    }
-
-    /// The same, for so long.
-    fn complete_in(&mut self, to: usize, waited: Duration) -> Result<(), CommError> {
-        let start = Instant::now();
-        while let Some(request) = self.0.last_mut() {
-            let mut done = 0;
-            // SAFETY: a request that was started and not completed, whose memory lives; MPI forgets it once it is done.
-            check(unsafe { ffi::MPI_Test(request, &raw mut done, ffi::RSMPI_STATUS_IGNORE) })?;
-            if done != 0 {
-                self.0.pop();
-            } else if start.elapsed() > waited {
-                return Err(CommError::NotTaken { to, waited });
-            } else {
-                thread::yield_now();
-            }
-        }
-        Ok(())
-    }
-
-    /// Waits for nothing: `false` where MPI may go on reading or writing.
-    fn give_up(&mut self) -> bool {
-        if is_over() {
-            self.0.clear();
-        }
-        let mut is_out = true;
-        for mut request in self.0.drain(..) {
-            let mut done = 0;
-            // SAFETY: a request that was started and not completed; its memory lives.
-            let code = unsafe { ffi::MPI_Test(&raw mut request, &raw mut done, ffi::RSMPI_STATUS_IGNORE) };
-            if code != ffi::MPI_SUCCESS as i32 || done == 0 {
-                is_out = false;
-                // SAFETY: a live request, which MPI may complete when it likes.
-                unsafe { ffi::MPI_Request_free(&raw mut request) };
-            }
-        }
-        is_out
-    }
-}
-
-/// A message that MPI may still be reading.
-#[derive(Debug)]
-pub struct Underway {
-    message: Message,
-    requests: Requests,
-    to: usize,
-    time_out: Option<Duration>,
-}
-
-// SAFETY: a request belongs to no thread.
-unsafe impl Send for Underway {}
-
-impl Drop for Underway {
-    fn drop(&mut self) {
-        // Nobody waits for it any more. Waiting here could last for ever: a rank that fails must come to the point where it
-        // ends the others. What MPI may still read stays where it is.
-        if !self.requests.give_up() {
-            std::mem::forget(std::mem::take(&mut self.message));
-        }
-    }
-}
-
-impl Sending for Underway {
-    fn wait(mut self) -> Result<Option<Message>, CommError> {
-        match self.time_out {
-            None => self.requests.complete()?,
-            Some(time_out) => self.requests.complete_in(self.to, time_out)?,
-        }
-        Ok(Some(std::mem::take(&mut self.message)))
-    }
-}
-
-/// A message into whose memory MPI may still be writing.
-#[derive(Debug)]
-pub struct Arriving {
-    message: Message,
-    /// Those of the parts that are not there yet.
-    requests: Requests,
-    from: i32,
-    time_out: Option<Duration>,
-}
-
-// SAFETY: a request belongs to no thread.
-unsafe impl Send for Arriving {}
-
-impl Drop for Arriving {
-    fn drop(&mut self) {
-        let pending = if is_over() { &mut [][..] } else { &mut self.requests.0[..] };
-        for request in pending {
-            // SAFETY: a request that was started and not completed; where its message has come, nothing comes of this.
-            unsafe { ffi::MPI_Cancel(request) };
-        }
-        // As for `Underway`: nothing is waited for, and memory that MPI may still write to stays where it is.
-        if !self.requests.give_up() {
-            std::mem::forget(std::mem::take(&mut self.message));
-        }
-    }
-}
-
-impl Receiving for Arriving {
-    fn wait(mut self) -> Result<Message, CommError> {
-        let (from, expected, mut found) = (self.from, self.message.len(), 0);
-        while let Some(request) = self.requests.0.last_mut() {
-            found += look(from, self.time_out, || received(request))?;
-            self.requests.0.pop();
-        }
-        if found == expected {
-            Ok(std::mem::take(&mut self.message))
-        } else {
-            Err(CommError::Size { from: from as usize, found, expected })
-        }
-    }
 }
 
 impl Comm for MpiComm {
@@ -485,12 +308,11 @@ impl Comm for MpiComm {
         arriving.message.resize(len);
         let Arriving { message, requests, .. } = &mut arriving;
         let bytes = message.bytes_mut();
-        for k in 0..=len / PART {
-            let part = &mut bytes[k * PART..len.min((k + 1) * PART)];
-            let mut request = MaybeUninit::uninit();
+        let receive = |part: Range<usize>, request| {
+            let part = &mut bytes[part];
             // SAFETY: a live communicator, and the memory of the message, which stays where it is until `Arriving` has completed
             // the requests or left it there.
-            let code = unsafe {
+            unsafe {
                 ffi::MPI_Irecv(
                     part.as_mut_ptr().cast(),
                     part.len() as i32,
@@ -498,13 +320,12 @@ impl Comm for MpiComm {
                     from,
                     tag.0 as i32,
                     self.group.raw,
-                    request.as_mut_ptr(),
+                    request,
                 )
-            };
-            check(code)?;
-            // SAFETY: written by the call.
-            requests.0.push(unsafe { request.assume_init() });
-        }
+            }
+        };
+        // SAFETY: the call writes the request where it succeeds.
+        unsafe { requests.start(len, receive) }?;
         Ok(arriving)
     }
 
