@@ -76,7 +76,7 @@ beside() {
         cp -a target/debug/.fingerprint target/debug/build target/debug/deps target/beside/debug/
     fi
 
-    say "lints of library and program: features together that lack any third, and alone with no more dependencies than they ask for"
+    say "lints of library and program: features together that lack any third, alone, and with no more dependencies than they ask for"
     lint() { cargo clippy --quiet --lib --bins "$@" -- -D warnings; }
     # Any two features are together in one of these without any third, but for what they bring themselves: what fails
     # with two features, and would with a third, is found as by all 36 pairs.
@@ -86,11 +86,14 @@ beside() {
         "app generate dense petsc mpi" "metis sparse batched capi mpi" "app generate metis sparse capi"
         "sparse dense batched petsc mpi"
     )
-    for features in "${together[@]}"; do
+    # Those that stand alone and are no set of the tests.
+    local alone=(generate app mpi "cuda hwloc")
+    for features in "${together[@]}" "${alone[@]}"; do
         # shellcheck disable=SC2046
         lint "${alike[@]}" $(of "$features")
     done
-    for features in sparse dense generate app mpi "cuda hwloc"; do
+    # What a feature asks of its dependencies, where none that shares them asks for more; `sparse` is built so for C below.
+    for features in generate app "dense mpi cuda hwloc"; do
         # shellcheck disable=SC2046
         lint $(of "$features")
     done
@@ -106,6 +109,12 @@ beside() {
 
     say "tests, optimised: what the abstraction costs, instruction by instruction; PETSc"
     local optimised=(--quiet --release --package biotissue --package overhead --no-default-features --features overhead/petsc)
+    # What is measured is our own: these take the most time to optimise, and nothing here depends on how fast they are.
+    optimised+=(--config 'profile.release.package."*".debug=false')
+    for package in faer wide nalgebra simba nano-gemm-{c,f}{32,64} gemm-{c,f}{32,64} criterion clap_builder proptest \
+        regex-syntax regex-automata ndarray iced-x86 object bindgen clang-sys; do
+        optimised+=(--config "profile.release.package.$package.opt-level=0")
+    done
     cargo build "${optimised[@]}" --bin overhead --test petsc
     target/beside/release/overhead
     cargo test "${optimised[@]}" --test petsc
