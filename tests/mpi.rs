@@ -46,6 +46,20 @@ const CHECKS: &[Check] = &[
     ("layouts", units::another_layout_on_the_other_side_is_refused_by_both),
     ("while_a_rank_works", units::values_come_in_while_a_rank_works),
     ("units_of_before", units::receiving_for_units_of_before_is_refused),
+    #[cfg(feature = "sparse")]
+    ("local_values_sparse", |comm| {
+        units::local_values_go_from_vector_to_vector::<biotissue::backends::sparse::Sparse, _>(comm, &())
+    }),
+    #[cfg(feature = "batched")]
+    ("local_values_batched", |comm| {
+        units::local_values_go_from_vector_to_vector::<biotissue::backends::batched::Batched, _>(comm, &())
+    }),
+    #[cfg(feature = "petsc")]
+    ("local_values_petsc", |comm| {
+        use biotissue::backends::petsc::{Context, Petsc, Session};
+        let alone = Context::new(&Session::new()?, &mpi::topology::SimpleCommunicator::self_comm());
+        units::local_values_go_from_vector_to_vector::<Petsc, _>(comm, &alone)
+    }),
     ("one_by_one", units::units_that_come_one_by_one_are_spread_evenly),
     ("wrong_calls", units::wrong_calls_say_what_is_wrong),
     ("ring", units::three_scales_are_coupled_in_a_ring),

@@ -5,8 +5,7 @@ use std::time::{Duration, Instant};
 
 use super::couple::{About, Coupling, CouplingError, Role};
 use super::links::Neighbour;
-use super::payload::Payload;
-use crate::las::{Comm, CommError, Message, Receiving, Sending, Tag};
+use crate::las::{Comm, CommError, Message, Payload, Receiving, Sending, Tag};
 
 /// Carries values of one kind over couplings of two scales: the one that it was made for, its inverse, its deltas and what it
 /// becomes later. Keeps the memory of its messages.

@@ -58,7 +58,6 @@ mod data;
 mod exchange;
 mod links;
 mod pattern;
-mod payload;
 mod plan;
 mod scale;
 pub mod topology;
@@ -69,6 +68,9 @@ pub use data::{Census, UnitId};
 pub use exchange::{Arriving, Carrier, Underway};
 pub use links::{Links, Neighbour};
 pub use pattern::{ByWeight, Even, Spread};
-pub use payload::{Layout, Payload, bytemuck};
 pub use plan::{Plan, PlanError, Share};
 pub use scale::{Main, ScaleError, Scales};
+
+// What ranks exchange is a matter of `las`; here for those who couple, and for `payload!`.
+pub use crate::las::{Layout, Payload};
+pub use bytemuck;

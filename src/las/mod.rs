@@ -30,7 +30,7 @@ mod sparsity;
 pub mod transfer;
 
 pub use backend::Backend;
-pub use comm::{Comm, CommError, Disagreement, Message, Receiving, Sending, Tag};
+pub use comm::{Comm, CommError, Disagreement, Layout, Message, Payload, Receiving, Sending, Tag};
 pub use newton::{
     NewtonError, NewtonFailure, NewtonParams, NewtonReport, NewtonSeconds, NewtonSystem, NonlinearProblem, Potential,
     RegularisedParams, Yardstick,

@@ -37,3 +37,14 @@ fn values_come_in_while_a_rank_works() {
 fn receiving_for_units_of_before_is_refused() {
     on_all(units::receiving_for_units_of_before_is_refused);
 }
+
+#[cfg(any(feature = "sparse", feature = "dense", feature = "batched"))]
+#[test]
+fn local_values_go_from_vector_to_vector() {
+    #[cfg(feature = "sparse")]
+    on_all(|comm| units::local_values_go_from_vector_to_vector::<biotissue::backends::sparse::Sparse, _>(comm, &()));
+    #[cfg(feature = "dense")]
+    on_all(|comm| units::local_values_go_from_vector_to_vector::<biotissue::backends::dense::Dense, _>(comm, &()));
+    #[cfg(feature = "batched")]
+    on_all(|comm| units::local_values_go_from_vector_to_vector::<biotissue::backends::batched::Batched, _>(comm, &()));
+}

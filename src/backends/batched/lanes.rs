@@ -2,14 +2,15 @@
 
 use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Rem, RemAssign, Sub, SubAssign};
 
+use bytemuck::{Pod, Zeroable};
 use num_traits::{Num, One, Zero};
 
-use crate::las::{Scalar, Value};
+use crate::las::{Layout, Payload, Scalar, Value};
 
 /// `N` numbers, each of a lane of its own; arithmetic acts on every lane alone.
 ///
 /// The compiler turns it into vector instructions: with four `f64` one of 32 bytes where the target has such, else two.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(transparent)]
 pub struct Lanes<T, const N: usize>(pub [T; N]);
 
@@ -105,5 +106,12 @@ impl<T: Scalar, const N: usize> Value for Lanes<T, N> {
     #[inline(always)]
     fn lane(&self, lane: usize) -> T {
         self.0[lane]
+    }
+}
+
+/// For whoever gets them, an array.
+impl<T: Payload, const N: usize> Payload for Lanes<T, N> {
+    fn layout() -> Layout {
+        <[T; N]>::layout()
     }
 }

@@ -9,12 +9,14 @@
 
 mod collectives;
 mod message;
+mod payload;
 
 use std::time::Duration;
 
 use thiserror::Error;
 
 pub use message::Message;
+pub use payload::{Layout, Payload};
 
 /// What a message is about: messages of one tag from one rank arrive in the order in which they were sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]

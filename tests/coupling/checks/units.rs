@@ -3,7 +3,7 @@
 use biotissue::coupling::{
     ByWeight, Carrier, Census, Coupling, CouplingError, Even, Plan, Role, ScaleError, Scales, Share, UnitId,
 };
-use biotissue::las::Comm;
+use biotissue::las::{Backend, Comm, Payload, Scalar, Value, VectorOps};
 
 use super::{Outcome, first};
 
@@ -204,5 +204,40 @@ pub fn receiving_for_units_of_before_is_refused<C: Comm>(comm: &C) -> Outcome {
     } else {
         assert!(matches!(refused, Err(CouplingError::Changed { .. })), "{refused:?}");
     }
+    Ok(())
+}
+
+/// What a vector of a backend holds here goes into one on the other scale, and back, in all lanes.
+#[allow(dead_code, reason = "it is of backends, and some builds have none")]
+pub fn local_values_go_from_vector_to_vector<B: Backend<Scalar: Payload>, C: Comm>(
+    comm: &C,
+    context: &B::Context,
+) -> Outcome {
+    if comm.size() < 2 {
+        return Ok(());
+    }
+    let producers = comm.size() / 2;
+    let scales = scales(comm, producers, comm.size() - producers)?;
+    let first = 100 * comm.rank() as u64;
+    let units: Vec<UnitId> = if scales.own() == 0 { (first..first + 20).collect() } else { Vec::new() };
+    let coupling = Coupling::new(&scales, "a", "b", &units, &[], &Even)?;
+    let back = coupling.inverse();
+    let mut carrier = Carrier::<B::Scalar>::new(&coupling)?;
+    let value = |unit: UnitId| B::Scalar::from_lanes(|lane| Scalar::of((unit + 10_000 * lane as u64) as f64));
+    let values: Vec<B::Scalar> = coupling.units().iter().map(|&unit| value(unit)).collect();
+    let mut vector = B::vector(context, values.len())?;
+    match coupling.role() {
+        Role::Producer => {
+            vector.with_local_mut(|local| local.copy_from_slice(&values))?;
+            vector.with_local(|local| carrier.send(&coupling, local))??;
+            vector.zero()?;
+            vector.with_local_mut(|local| carrier.receive(&back, local))??;
+        }
+        Role::Consumer => {
+            vector.with_local_mut(|local| carrier.receive(&coupling, local))??;
+            vector.with_local(|local| carrier.send(&back, local))??;
+        }
+    }
+    assert!(vector.with_local(|local| local == values)?, "rank {}", comm.rank());
     Ok(())
 }

@@ -1,13 +1,13 @@
-//! What a coupling carries: plain data of a fixed layout, which both sides state and compare.
+//! What ranks of two codes exchange: plain data of a fixed layout, which both sides state and compare.
 
 use std::fmt;
 
-pub use bytemuck;
 use bytemuck::Pod;
 
 /// Plain data that can be exchanged: no pointers, no bytes between its fields that mean nothing.
 ///
-/// Numbers and arrays of them are payloads; [`payload!`](crate::payload) makes one of a structure.
+/// Numbers and arrays of them are payloads, and so are the local values of the vectors of each backend
+/// ([`VectorOps::with_local`](crate::las::VectorOps::with_local)); [`payload!`](crate::payload) makes one of a structure.
 pub trait Payload: Pod + Send {
     /// Its layout.
     fn layout() -> Layout;
