@@ -107,20 +107,21 @@ beside() {
     say "tests: C and Fortran, under valgrind"
     bash scripts/capi.sh
 
-    say "tests, optimised: what the abstraction costs, instruction by instruction; PETSc"
-    local optimised=(--quiet --release --package biotissue --package overhead --no-default-features --features overhead/petsc)
-    # What is measured is our own: these take the most time to optimise, and nothing here depends on how fast they are.
-    optimised+=(--config 'profile.release.package."*".debug=false')
-    for package in faer wide nalgebra simba nano-gemm-{c,f}{32,64} gemm-{c,f}{32,64} criterion clap_builder proptest \
-        regex-syntax regex-automata ndarray iced-x86 object bindgen clang-sys; do
+    say "what the abstraction costs, instruction by instruction"
+    # What is measured is our own: these take the most time to optimise, and are not run.
+    local optimised=(--config 'profile.release.package."*".debug=false')
+    for package in faer wide nalgebra simba nano-gemm-{c,f}{32,64} gemm-{c,f}{32,64} iced-x86 object; do
         optimised+=(--config "profile.release.package.$package.opt-level=0")
     done
-    cargo build "${optimised[@]}" --bin overhead --test petsc
+    cargo build --quiet --release "${optimised[@]}" --package overhead --features petsc --bin overhead
     target/beside/release/overhead
-    cargo test "${optimised[@]}" --test petsc
 
     # What follows is of the same build as the tests of the sets.
     export CARGO_TARGET_DIR=$builds
+    say "tests: PETSc without the checks that only tests have"
+    # shellcheck disable=SC2046
+    cargo test --quiet --config profile.dev.package.biotissue.debug-assertions=false \
+        --config profile.dev.package.biotissue.overflow-checks=false "${alike[@]}" $(of petsc) --test petsc
     say "tests: PETSc under valgrind, on one rank and on two"
     bash scripts/petsc-memcheck.sh
 
@@ -149,8 +150,17 @@ wait "$reading"
 # Four whole sets. The examples, which the lints have checked, are built where they run.
 for features in default "sparse batched hwloc metis" dense petsc; do
     say "tests: $features"
+    # Unit tests take longer to optimise than to run without that.
     # shellcheck disable=SC2046
-    cargo test --quiet "${alike[@]}" --lib --tests $(of "$features")
+    cargo test --quiet "${alike[@]}" --lib --config profile.dev.package.biotissue.opt-level=0 $(of "$features")
+    programs=(--bins)
+    for file in tests/*.rs tests/*/main.rs; do
+        program=$(basename "${file%/main.rs}" .rs)
+        case $program in mpi | petsc) [[ $features == *petsc* ]] || continue ;; esac
+        programs+=(--test "$program")
+    done
+    # shellcheck disable=SC2046
+    cargo test --quiet "${alike[@]}" "${programs[@]}" $(of "$features")
     # shellcheck disable=SC2046
     cargo test --quiet "${alike[@]}" --doc $(of "$features")
 done

@@ -5,6 +5,9 @@
 #[allow(dead_code, reason = "what was recorded of it is held against one backend elsewhere")]
 #[path = "../bar_of_24/mod.rs"]
 mod bar_of_24;
+#[cfg(feature = "sparse")]
+#[path = "../support/counting.rs"]
+mod counting;
 #[path = "../fabricated/mod.rs"]
 mod fabricated;
 
@@ -17,5 +20,11 @@ mod report;
 mod results_read_back;
 #[cfg(feature = "sparse")]
 mod resume;
+#[cfg(feature = "sparse")]
+mod rve_memory;
 #[cfg(all(feature = "sparse", feature = "dense"))]
 mod two_scale;
+
+#[cfg(feature = "sparse")]
+#[global_allocator]
+static ALLOCATOR: counting::Counting = counting::Counting;

@@ -1,32 +1,30 @@
-//! The system's allocator, counting what is asked of it: calls by thread, bytes of all threads together.
+//! The system's allocator, counting what is asked of it by each thread: other tests run beside on threads of their own.
 #![allow(dead_code, reason = "every test file uses a part of it")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
-use std::sync::atomic::{AtomicIsize, Ordering};
 
 /// To be the `#[global_allocator]` of a test program.
 pub struct Counting;
 
 thread_local! {
     static CALLS: Cell<usize> = const { Cell::new(0) };
+    static IN_USE: Cell<isize> = const { Cell::new(0) };
 }
-
-static IN_USE: AtomicIsize = AtomicIsize::new(0);
 
 /// Allocations of this thread so far.
 pub fn calls() -> usize {
     CALLS.get()
 }
 
-/// Bytes that all threads have allocated and not freed.
+/// Bytes that this thread has allocated, without those that it has freed.
 pub fn in_use() -> isize {
-    IN_USE.load(Ordering::Relaxed)
+    IN_USE.get()
 }
 
 fn count(calls: usize, bytes: isize) {
-    CALLS.with(|all| all.set(all.get() + calls));
-    IN_USE.fetch_add(bytes, Ordering::Relaxed);
+    CALLS.set(CALLS.get() + calls);
+    IN_USE.set(IN_USE.get() + bytes);
 }
 
 // SAFETY: every call goes to the system's allocator as it came.

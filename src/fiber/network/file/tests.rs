@@ -348,36 +348,6 @@ fn the_frozen_network_stays_what_it_is() {
     }
 }
 
-#[test]
-fn no_damage_makes_the_reader_panic() {
-    let network = std::fs::read(frozen()).unwrap();
-    let params = std::fs::read(super::write::beside(&frozen(), ".params")).unwrap();
-    let file = Path::new("damaged");
-    let whole = body::parse(file, &network).unwrap();
-    for end in 0..network.len() - 1 {
-        // A cut within the last number may leave a network, but not the same one.
-        if let Ok(body) = body::parse(file, &network[..end]) {
-            assert_ne!(body.fibers, whole.fibers, "cut at {end}");
-        }
-    }
-    for end in 0..params.len() - 2 {
-        assert!(params::parse(file, &params[..end], 151).is_err(), "cut at {end}");
-    }
-    // Any outcome but a panic will do.
-    for (at, flip) in (0..network.len()).flat_map(|at| [0x01, 0x10, 0x80].map(|flip| (at, flip))) {
-        let mut damaged = network.clone();
-        damaged[at] ^= flip;
-        if let Ok(body) = body::parse(file, &damaged) {
-            let _ = Network::in_cube("damaged", body.cube, body.nodes, body.fibers);
-        }
-    }
-    for (at, bit) in (0..params.len()).flat_map(|at| (0..8).map(move |bit| (at, bit))) {
-        let mut damaged = params.clone();
-        damaged[at] ^= 1 << bit;
-        let _ = params::parse(file, &damaged, 151);
-    }
-}
-
 /// Networks of others are read where they lie: in the folder that `BIOTISSUE_NETWORKS` names.
 #[test]
 fn published_networks_are_read_unmoved() {

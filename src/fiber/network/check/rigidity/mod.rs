@@ -255,6 +255,3 @@ impl<'a, B: Backend<Scalar = f64>> Stiffness<'a, B> {
         Err(RigidityError::Undecided)
     }
 }
-
-#[cfg(all(test, feature = "sparse", feature = "dense"))]
-mod tests;

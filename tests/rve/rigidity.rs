@@ -1,11 +1,12 @@
-use std::path::Path;
+//! The zero modes of networks, and the nodes that they move.
 
+use biotissue::backends::dense::Dense;
+use biotissue::backends::sparse::Sparse;
+use biotissue::fiber::network::Network;
+use biotissue::fiber::network::check::{Rigidity, rigidity, zero_modes};
 use nalgebra::{DMatrix, SymmetricEigen, Vector3};
 
-use super::{Rigidity, rigidity, zero_modes};
-use crate::backends::dense::Dense;
-use crate::backends::sparse::Sparse;
-use crate::fiber::network::{Network, file};
+use crate::support;
 
 /// The corners of the cube, with straight chains of three fibers along `diagonals` of the four diagonals.
 fn chains(diagonals: usize) -> Network {
@@ -84,15 +85,14 @@ fn a_node_in_the_plane_of_its_fibers_moves_out_of_it() {
 
 #[test]
 fn the_frozen_network_is_as_rigid_as_its_eigenvalues_say() {
-    let frozen = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/networks/frozen.txt");
-    let found = assert_as_by_eigenvectors(&file::read(&frozen).unwrap().network, 1e-6);
+    let found = assert_as_by_eigenvectors(&support::frozen(), 1e-6);
     assert_eq!((found.zero_modes, found.self_stresses), (0, 151 - 36));
 }
 
 #[cfg(feature = "generate")]
 #[test]
 fn voronoi_networks_are_floppy_and_delaunay_networks_rigid() {
-    use crate::fiber::network::generate::{Alignment, Kind, Recipe, delaunay, voronoi};
+    use biotissue::fiber::network::generate::{Alignment, Kind, Recipe, delaunay, voronoi};
     let found = assert_as_by_eigenvectors(&voronoi(25, 1).unwrap(), 1e-6);
     assert!(found.zero_modes > 20 && !found.estimated && found.single_node_modes == 0, "{found:?}");
     let alignment = Some(Alignment::new([1.0, 0.5, 0.0], 0.6).unwrap());
@@ -110,7 +110,7 @@ fn voronoi_networks_are_floppy_and_delaunay_networks_rigid() {
 #[cfg(feature = "generate")]
 #[test]
 fn many_modes_are_located_by_probing() {
-    use crate::fiber::network::generate::voronoi;
+    use biotissue::fiber::network::generate::voronoi;
     let network = voronoi(140, 1).unwrap();
     let found = rigidity::<Sparse>(&(), &network).unwrap();
     assert!(found.zero_modes > 400 && found.estimated, "{}", found.zero_modes);
@@ -118,15 +118,10 @@ fn many_modes_are_located_by_probing() {
     assert!(found.most_mobile.iter().all(|node| node.mobility > 0.5 && node.mobility < 3.5), "{found:?}");
 }
 
-/// Networks of others are read where they lie: in the folder that `BIOTISSUE_NETWORKS` names.
 #[test]
 fn published_networks_are_rigid() {
-    let Some(folder) = std::env::var_os("BIOTISSUE_NETWORKS") else {
-        println!("skipped: BIOTISSUE_NETWORKS names no folder");
-        return;
-    };
     for (name, self_stresses) in [("Network_2_7.txt", 635 - 225), ("del_4450seedL5_new_1.txt", 25_050)] {
-        let network = file::read(&Path::new(&folder).join(name)).unwrap().network;
+        let Some(network) = support::published(name) else { return };
         let found = rigidity::<Sparse>(&(), &network).unwrap();
         assert_eq!((found.zero_modes, found.self_stresses, found.single_node_modes), (0, self_stresses, 0), "{name}");
     }

@@ -1,5 +1,4 @@
 //! Matrix Market files from and to every backend, and read by another library; matrices moved between backends.
-#![cfg(all(feature = "sparse", feature = "dense"))]
 
 use std::path::Path;
 

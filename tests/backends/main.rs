@@ -1,7 +1,20 @@
-//! Every backend runs the same suite, and keeps the same properties.
+//! Every backend runs the same suite, and keeps the same properties; memory; files and other backends.
 
+#[cfg(any(feature = "sparse", feature = "dense"))]
+#[path = "../support/counting.rs"]
+mod counting;
 #[cfg(any(feature = "sparse", feature = "dense", feature = "batched"))]
+#[path = "../properties/mod.rs"]
 mod properties;
+
+#[cfg(all(feature = "sparse", feature = "dense"))]
+mod matrix_market;
+#[cfg(any(feature = "sparse", feature = "dense"))]
+mod no_allocation;
+
+#[cfg(any(feature = "sparse", feature = "dense"))]
+#[global_allocator]
+static ALLOCATOR: counting::Counting = counting::Counting;
 
 macro_rules! conforms {
     ($($feature:literal: $test:ident, $backend:ty;)*) => {$(

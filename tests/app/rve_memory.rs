@@ -1,8 +1,4 @@
 //! What an RVE of a run keeps in memory, counted at the allocator.
-#![cfg(all(feature = "app", feature = "sparse"))]
-
-#[path = "support/counting.rs"]
-mod counting;
 
 use std::path::Path;
 
@@ -13,8 +9,7 @@ use biotissue::tissue::macro_scale;
 use biotissue::tissue::micro_scale::{TissueField, TissueMaterial};
 use nalgebra::Matrix3;
 
-#[global_allocator]
-static ALLOCATOR: counting::Counting = counting::Counting;
+use crate::counting;
 
 fn case(network: &Path, cells: usize) -> String {
     format!(
@@ -68,7 +63,7 @@ fn an_rve_of_336_nodes_takes_less_than_12_kb() {
         return;
     };
     let network = Path::new(&name).join("Network_2_7.txt");
-    // One thread, so that both fields have as many workspaces.
+    // One thread, so that both fields have as many workspaces, and all that they allocate is counted.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     let [few, many] = [4, 40].map(|cells| pool.install(|| field(&network, cells)));
     let rves = many.0 - few.0;

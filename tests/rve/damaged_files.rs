@@ -1,0 +1,58 @@
+//! Files of networks that are damaged, in every byte.
+
+use std::fs::File;
+use std::io::{Seek, Write};
+use std::path::Path;
+
+use biotissue::fiber::network::file;
+
+/// A file that is written over and over: in place, since a new file each time is slow on some disks.
+struct Rewritten(File);
+
+impl Rewritten {
+    fn new(path: &Path) -> Self {
+        Self(File::options().write(true).open(path).unwrap())
+    }
+
+    /// The fibers that the reader finds in a network once this file, its own or one beside it, holds these bytes.
+    fn fibers(&mut self, bytes: &[u8], network: &Path) -> Option<Vec<[u32; 2]>> {
+        self.0.rewind().unwrap();
+        self.0.write_all(bytes).unwrap();
+        self.0.set_len(bytes.len() as u64).unwrap();
+        file::read(network).ok().map(|read| read.network.fibers().to_vec())
+    }
+}
+
+/// Any outcome but a panic will do, unless the damage cannot be missed.
+#[test]
+fn no_damage_makes_the_reader_panic() {
+    let frozen = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/networks");
+    let folder = tempfile::tempdir().unwrap();
+    let [network, params] = ["frozen.txt", "frozen.txt.params"].map(|name| {
+        std::fs::copy(frozen.join(name), folder.path().join(name)).unwrap();
+        folder.path().join(name)
+    });
+    let (text, said) = (std::fs::read(&network).unwrap(), std::fs::read(&params).unwrap());
+    let mut rewritten = Rewritten::new(&network);
+    let whole = rewritten.fibers(&text, &network);
+    assert!(whole.is_some());
+    for end in 0..text.len() - 1 {
+        // A cut within the last number may leave a network, but not the same one.
+        assert_ne!(rewritten.fibers(&text[..end], &network), whole, "cut at {end}");
+    }
+    for (at, flip) in (0..text.len()).flat_map(|at| [0x01, 0x10, 0x80].map(|flip| (at, flip))) {
+        let mut damaged = text.clone();
+        damaged[at] ^= flip;
+        rewritten.fibers(&damaged, &network);
+    }
+    assert_eq!(rewritten.fibers(&text, &network), whole);
+    let mut rewritten = Rewritten::new(&params);
+    for end in 0..said.len() - 2 {
+        assert_eq!(rewritten.fibers(&said[..end], &network), None, "cut at {end}");
+    }
+    for (at, bit) in (0..said.len()).flat_map(|at| (0..8).map(move |bit| (at, bit))) {
+        let mut damaged = said.clone();
+        damaged[at] ^= 1 << bit;
+        rewritten.fibers(&damaged, &network);
+    }
+}
