@@ -1,4 +1,4 @@
-//! One RVE: laws, equilibrium, tangent, published numbers.
+//! Networks, and one RVE of them: files, zero modes, laws, equilibrium, tangent, published numbers.
 
 #[cfg(feature = "sparse")]
 #[path = "../support/counting.rs"]
