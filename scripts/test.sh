@@ -36,9 +36,10 @@ reading=$!
 export PATH="$python/bin:$PATH" BIOTISSUE_REQUIRE_PYTHON=1
 export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OPENBLAS_NUM_THREADS=1
 
-# From nothing, what would help a second build, or a debugger, only makes the first longer.
+# From nothing, what would help a second build, or a debugger, only makes the first longer. In one unit the compiler does
+# least, and inlines what loops call: in several the tests run up to three times as long. Two cores are busy without them.
 if [ ! -d target/debug ]; then
-    export CARGO_INCREMENTAL=0 CARGO_PROFILE_DEV_CODEGEN_UNITS=4 CARGO_PROFILE_DEV_DEBUG=false
+    export CARGO_INCREMENTAL=0 CARGO_PROFILE_DEV_CODEGEN_UNITS=1 CARGO_PROFILE_DEV_DEBUG=false
 fi
 # Nor are programs that run a few seconds worth what it takes to optimise each package once more as a whole.
 export CARGO_PROFILE_DEV_LTO=off
