@@ -37,7 +37,7 @@ export PATH="$python/bin:$PATH" BIOTISSUE_REQUIRE_PYTHON=1
 export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OPENBLAS_NUM_THREADS=1
 
 # From nothing, what would help a second build, or a debugger, only makes the first longer. In one unit the compiler does
-# least, and inlines what loops call: in several the tests run up to three times as long. Two cores are busy without them.
+# least, and inlines what loops call: in several, the tests run up to three times as long. The lane `beside` keeps both cores busy.
 if [ ! -d target/debug ]; then
     export CARGO_INCREMENTAL=0 CARGO_PROFILE_DEV_CODEGEN_UNITS=1 CARGO_PROFILE_DEV_DEBUG=false
 fi
