@@ -12,7 +12,8 @@ use super::mesh::Mesh;
 use super::point_field::{PointField, PointResponses};
 use super::reactions::BoundaryForces;
 use crate::las::{
-    Backend, MatrixOps, NewtonSeconds, NewtonSystem, NonlinearProblem, Scalar, SolveError, Solver, VectorOps, Yardstick,
+    Backend, Index, MatrixOps, NewtonSeconds, NewtonSystem, NonlinearProblem, Scalar, SolveError, Solver, VectorOps,
+    Yardstick,
 };
 
 /// Why the body has no residual at a state.
@@ -24,6 +25,28 @@ pub enum EquilibriumError<E, F> {
     /// A verb of the backend failed.
     #[error("{0}")]
     Backend(F),
+    /// Responses that continue the last accepted state move the body to where others do.
+    #[error(
+        "no state of balance continues the last accepted one: its RVEs still leave their branches of equilibria after they were taken back to them {rounds} times"
+    )]
+    OffBranch {
+        /// How often they were.
+        rounds: usize,
+    },
+    /// Points kept changing their material, however often the body was brought to balance again.
+    #[error("points still change their material after the body was brought to balance {rounds} times at this load")]
+    StillChanging {
+        /// How often it was.
+        rounds: usize,
+    },
+    /// The state that was to be accepted does not balance.
+    #[error("the converged state is out of balance: |r| = {residual:.3e} N, but Newton stops at {limit:.3e} N")]
+    OutOfBalance {
+        /// Norm of the residual of the free unknowns, N.
+        residual: f64,
+        /// The threshold at which Newton stops there, N.
+        limit: f64,
+    },
 }
 
 /// Everything known of the body at one pseudo-time; of all nodes and all elements.
@@ -145,20 +168,57 @@ where
         BoundaryForces::new(&self.mesh, &self.boundary, state.t, &state.displacements, &state.internal, &state.external)
     }
 
-    /// Makes the trial state, at which the residual was evaluated last, the accepted one. Where points are of another material
-    /// from then on, their stresses and tangents in it are the new ones.
+    /// Replaces responses that do not continue the last accepted state by those that do; see [`PointField::verify`].
+    /// Returns true if there were any: the state may then be out of balance.
     ///
     /// # Errors
-    /// [`EquilibriumError::Points`] where the field cannot be told, or has no answer of its new material.
+    /// [`EquilibriumError::Points`] where a continuation does not exist.
+    pub(super) fn verify(&mut self) -> Result<bool, EquilibriumError<P::Error, B::Fault>> {
+        let Self { field, trial, .. } = self;
+        field.verify(&trial.gradients, &mut trial.responses).map_err(EquilibriumError::Points)
+    }
+
+    /// Changes the material of points as the trial state demands; see [`PointField::evolve`]. Returns true if the state
+    /// is out of balance by that.
+    ///
+    /// # Errors
+    /// [`EquilibriumError::Points`] where other ranks cannot be reached.
+    pub(super) fn evolve(&mut self) -> Result<bool, EquilibriumError<P::Error, B::Fault>> {
+        self.field.evolve().map_err(EquilibriumError::Points)
+    }
+
+    /// Makes the trial state, at which the residual was evaluated last, the accepted one.
+    ///
+    /// # Errors
+    /// [`EquilibriumError::Points`] where the field cannot commit.
     pub fn accept(&mut self) -> Result<(), EquilibriumError<P::Error, B::Fault>> {
-        let is_another = self.field.commit().map_err(EquilibriumError::Points)?;
-        if is_another {
-            self.respond()?;
-            self.field.commit().map_err(EquilibriumError::Points)?;
-        }
+        self.field.commit().map_err(EquilibriumError::Points)?;
         std::mem::swap(&mut self.trial, &mut self.accepted);
         self.trial.displacements.copy_from_slice(&self.accepted.displacements);
         Ok(())
+    }
+
+    /// Checks that the forces of the trial state, as they are about to be accepted and written, balance: the residual of
+    /// the free unknowns must not exceed ten times the threshold at which Newton stops with this tolerance, in the norm
+    /// that Newton uses. The internal forces are summed anew from the stresses, so that nothing can have changed these
+    /// since Newton converged; the factor leaves room for iterative solvers and other orders of summation.
+    ///
+    /// # Errors
+    /// [`EquilibriumError::OutOfBalance`].
+    pub(super) fn check_balance(&mut self, tolerance: f64) -> Result<(), EquilibriumError<P::Error, B::Fault>> {
+        const ROOM: f64 = 10.0;
+        self.assembler.internal_forces(&self.trial.responses.pk1, &mut self.trial.internal);
+        let forces = self.trial.internal.as_flattened().iter().zip(self.trial.external.as_flattened());
+        let free = self.assembler.rows().iter().zip(forces).filter(|(row, _)| row.position().is_some());
+        let residual = free.map(|(_, (internal, external))| (internal - external).powi(2)).sum::<f64>().sqrt();
+        let limit = (tolerance * self.scale()).max(self.floor);
+        // A residual that is not a number fails too.
+        if residual <= ROOM * limit { Ok(()) } else { Err(EquilibriumError::OutOfBalance { residual, limit }) }
+    }
+
+    /// What the residual of the trial state is measured against, N.
+    fn scale(&self) -> f64 {
+        norm(&self.trial.internal).max(norm(&self.trial.external))
     }
 
     /// Takes the trial displacements and the micro states back to the accepted ones.
@@ -279,7 +339,7 @@ where
             *net = std::array::from_fn(|i| internal[i] - external[i]);
         }
         self.scatter(r).map_err(EquilibriumError::Backend)?;
-        Ok(Yardstick { scale: norm(&self.trial.internal).max(norm(&self.trial.external)), floor: self.floor })
+        Ok(Yardstick { scale: self.scale(), floor: self.floor })
     }
 
     fn jacobian(&mut self, k: &mut B::Matrix) -> Result<(), Self::Error> {
@@ -294,6 +354,9 @@ where
         match error {
             EquilibriumError::Points(error) => P::is_final(error),
             EquilibriumError::Backend(_) => true,
+            EquilibriumError::OffBranch { .. }
+            | EquilibriumError::StillChanging { .. }
+            | EquilibriumError::OutOfBalance { .. } => false,
         }
     }
 

@@ -48,38 +48,63 @@ impl PointResponses {
     }
 }
 
-/// Whatever answers deformation gradients with stresses and tangents.
+/// The material of all points: gives stresses and tangents at given deformation gradients.
 ///
-/// A field may have a memory: the micro states from which the next update starts. The load-step driver calls
-/// [`PointField::commit`] when a step (or a part of one) has converged and [`PointField::revert`] when it has failed; in
-/// between it calls [`PointField::update`] at as many trial states as Newton and its line search need.
+/// A field may have a memory: the micro states from which the next update starts. In an attempt at a load step, the driver
+/// calls in this order:
+///
+/// 1. [`PointField::update`] at as many trial states as Newton and its line search need;
+/// 2. [`PointField::verify`] once Newton has converged, and step 1 again if it returns true;
+/// 3. [`PointField::evolve`], and step 1 again at the same pseudo-time if it returns true;
+/// 4. [`PointField::commit`].
+///
+/// [`PointField::revert`] ends an attempt that fails anywhere before that.
 pub trait PointField {
-    /// Why there is no answer at a trial state; it should name the element. Newton's line search takes it as "too
+    /// Why there is no stress at a trial state; it should name the element. Newton's line search takes it as "too
     /// far" and tries a shorter step.
     type Error: std::error::Error;
 
-    /// Answers `gradients[e]`, the deformation gradient `F` of element `e`, in `out`, which holds as many points as
-    /// there are gradients; every entry is written.
+    /// Energies, stresses and tangents at these deformation gradients, one an element.
     ///
     /// # Errors
-    /// Where a point has no answer; `out` may be half written then and is not used.
+    /// Where one of the points has none.
     fn update(&mut self, gradients: &[Matrix3<f64>], out: &mut PointResponses) -> Result<(), Self::Error>;
 
-    /// The step has converged at the gradients of the last update: the current micro states become the start of the
-    /// next. Gives whether points have become of another material by that, so that they are to be asked again at the same
-    /// gradients, and committed again; not twice in a row.
+    /// Makes the responses at the gradients of the last [`PointField::update`], at which Newton has converged, those of
+    /// a continuation of the last committed state, whatever trial states came in between. Returns true if it replaced
+    /// any; `out` then holds the new ones.
     ///
     /// # Errors
-    /// Where whoever answers cannot be told; the run then ends.
-    fn commit(&mut self) -> Result<bool, Self::Error>;
+    /// Where a continuation does not exist; a shorter step may help.
+    fn verify(&mut self, gradients: &[Matrix3<f64>], out: &mut PointResponses) -> Result<bool, Self::Error> {
+        let _ = (gradients, out);
+        Ok(false)
+    }
 
-    /// The step has failed: back to the micro states of the last [`PointField::commit`].
+    /// Changes the material of points as the converged state of the last [`PointField::update`] demands (damage, for
+    /// example). Returns true if a point responds differently from now on: the body is then out of balance. Each change
+    /// is one of finitely many, so that repeated calls come to an end.
+    ///
+    /// # Errors
+    /// Where other ranks cannot be reached.
+    fn evolve(&mut self) -> Result<bool, Self::Error> {
+        Ok(false)
+    }
+
+    /// The step has converged at the gradients of the last [`PointField::update`]: the micro states there are where the
+    /// next step starts.
+    ///
+    /// # Errors
+    /// Where other ranks cannot be reached; the run then ends.
+    fn commit(&mut self) -> Result<(), Self::Error>;
+
+    /// The step has failed: back to the micro states and materials of the last [`PointField::commit`].
     ///
     /// # Errors
     /// As for [`PointField::commit`].
     fn revert(&mut self) -> Result<(), Self::Error>;
 
-    /// Whether an error is of no trial state but of whoever answers (a rank that is gone), so that no shorter step helps.
+    /// Whether an error does not depend on the trial state (another rank is gone), so that no shorter step helps.
     fn is_final(_: &Self::Error) -> bool {
         false
     }
@@ -153,8 +178,8 @@ impl PointField for FormulaField {
         Ok(())
     }
 
-    fn commit(&mut self) -> Result<bool, PointError> {
-        Ok(false)
+    fn commit(&mut self) -> Result<(), PointError> {
+        Ok(())
     }
 
     fn revert(&mut self) -> Result<(), PointError> {

@@ -280,6 +280,15 @@ impl Rve {
         }));
     }
 
+    /// Whether both are the same equilibrium, as far as a converged Newton tells: no interior node lies further apart than
+    /// `1e-6` of the edge of the cube.
+    #[must_use]
+    pub fn is_near(&self, other: &Self) -> bool {
+        const NEAR: f64 = 1e-6;
+        let pairs = self.interior.as_flattened().iter().zip(other.interior.as_flattened());
+        self.interior.len() == other.interior.len() && pairs.into_iter().all(|(a, b)| (a - b).abs() <= NEAR)
+    }
+
     /// Takes over the equilibrium of another state of the same network; the velocities kept are forgotten.
     pub fn take_equilibrium(&mut self, other: &Self) {
         self.gradient = other.gradient;

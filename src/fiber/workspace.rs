@@ -64,22 +64,35 @@ where
 
     /// Moves the boundary to `target` and carries the interior of `rve` along: affinely, or by the prediction it has kept.
     pub(super) fn place(&mut self, model: &RveModel<B>, rve: &Rve, target: &Matrix3<f64>) {
+        let Some(increment) = self.place_affinely(model, rve, target) else { return };
+        if let Some(rates) = &rve.rates {
+            self.predict(model, &increment, rates);
+        }
+    }
+
+    /// Moves the boundary to `target` and the interior of `rve` by the same affine increment, which is returned; `None`
+    /// where the interior stays.
+    pub(super) fn place_affinely(
+        &mut self,
+        model: &RveModel<B>,
+        rve: &Rve,
+        target: &Matrix3<f64>,
+    ) -> Option<Matrix3<f64>> {
         let network = model.network();
         for &node in network.boundary() {
             self.positions[node as usize] = transform(target, &network.nodes()[node as usize]);
         }
-        if target == &rve.gradient {
-            return self.hold(model, rve);
-        }
-        let Some(inverse) = rve.gradient.try_inverse() else { return self.hold(model, rve) };
+        let inverse = if target == &rve.gradient { None } else { rve.gradient.try_inverse() };
+        let Some(inverse) = inverse else {
+            self.hold(model, rve);
+            return None;
+        };
         // By the increment on the current positions: exact for rotations, and a relaxed network stays relaxed.
         let increment = target * inverse;
         for (&node, x) in network.interior().iter().zip(&rve.interior) {
             self.positions[node as usize] = transform(&increment, x);
         }
-        if let Some(rates) = &rve.rates {
-            self.predict(model, &increment, rates);
-        }
+        Some(increment)
     }
 
     /// The interior where it is.

@@ -5,6 +5,7 @@ mod arguments;
 mod ranks;
 mod run;
 mod rve;
+mod states;
 mod streams;
 
 use std::ffi::OsStr;

@@ -4,6 +4,10 @@
 //! back to the last converged ones, and the increment is halved, up to `max_cuts` times; after a success it doubles
 //! again, as soon as the doubled increment ends where a step can end. A converged sub-step is committed, but only full
 //! steps are reported, so that the rows of a result do not depend on the cuts.
+//!
+//! A state is accepted once it balances, once every response in it continues the last accepted state
+//! ([`PointField::verify`]), and once the material of no point is due to change in it ([`PointField::evolve`]). Until
+//! then the body is brought to balance again at the same pseudo-time.
 
 mod error;
 mod observer;
@@ -23,7 +27,9 @@ use super::equilibrium::{BodyState, Equilibrium, EquilibriumError};
 use super::mesh::Mesh;
 use super::point_field::PointField;
 use super::reactions::BoundaryForces;
-use crate::las::{Backend, NewtonError, NewtonFailure, NewtonReport, NewtonSystem, Scalar, SolveError, VectorOps};
+use crate::las::{
+    Backend, NewtonError, NewtonFailure, NewtonReport, NewtonSystem, NonlinearProblem, Scalar, SolveError, VectorOps,
+};
 
 /// A body, its linear system, and where in pseudo-time it is.
 pub struct Stepper<B: Backend, P> {
@@ -41,8 +47,8 @@ pub struct Stepper<B: Backend, P> {
 /// The [`SteppingError`] of a run on backend `B` with point field `P`, watched by an observer that fails by `O`.
 pub type RunError<B, P, O> = SteppingError<<P as PointField>::Error, <B as Backend>::Fault, O>;
 
-/// What an attempt ends with.
-type Attempt<B, P> = Result<NewtonReport, Box<Failed<<P as PointField>::Error, <B as Backend>::Fault>>>;
+/// What an attempt, or a part of one, ends with.
+type Attempt<B, P, T> = Result<T, Box<Failed<<P as PointField>::Error, <B as Backend>::Fault>>>;
 
 /// Where an attempt begins and where it is to end, in pseudo-time.
 #[derive(Clone, Copy)]
@@ -189,19 +195,17 @@ where
         while position < end {
             let increment = end >> self.halvings;
             let span = Span { step, from: time(position), t: time(position + increment) };
-            let outcome = match self.attempt(span.t, &mut report) {
-                Ok(newton) => match self.body.accept() {
-                    Ok(()) => Ok(newton),
-                    Err(error) => Err(lost(error, newton)),
-                },
+            let mut solves = Vec::new();
+            let outcome = match self.attempt(span.t, &mut report, &mut solves) {
+                Ok(()) => self.body.accept().map_err(|error| lost(error, NewtonReport::default())),
                 Err(failed) => match self.body.reject() {
                     Ok(()) => Err(failed),
                     Err(error) => Err(lost(error, failed.newton)),
                 },
             };
             match outcome {
-                Ok(newton) => {
-                    report.substeps.push(newton);
+                Ok(()) => {
+                    report.substeps.append(&mut solves);
                     self.undeformed = false;
                     position += increment;
                     if self.halvings > 0 && position.is_multiple_of(2 * increment) {
@@ -209,6 +213,7 @@ where
                     }
                 }
                 Err(failed) => {
+                    report.failures.append(&mut solves);
                     report.failures.push(failed.newton.clone());
                     self.cut(span, *failed, max_cuts, observer)?;
                     report.cuts += 1;
@@ -255,8 +260,37 @@ where
         }
     }
 
-    /// From the accepted state to pseudo-time `t`, from a held or a linearised start.
-    fn attempt(&mut self, t: f64, report: &mut StepReport) -> Attempt<B, P> {
+    /// From the accepted state to a balanced one at pseudo-time `t` in which every response continues the accepted state
+    /// and the material of no point is due to change. `solves` collects what each Newton that converged did.
+    fn attempt(&mut self, t: f64, report: &mut StepReport, solves: &mut Vec<NewtonReport>) -> Attempt<B, P, ()> {
+        /// Where responses still do not continue the accepted state after so many rounds, they jump back and forth between
+        /// branches, and only a shorter step helps.
+        const MAX_REPLACEMENTS: usize = 5;
+        solves.push(self.start(t, report)?);
+        let (mut rounds, mut replacements) = (0, 0);
+        loop {
+            if self.body.verify().map_err(unacceptable::<B, P>)? {
+                if replacements == MAX_REPLACEMENTS {
+                    return Err(unacceptable::<B, P>(EquilibriumError::OffBranch { rounds: replacements }));
+                }
+                replacements += 1;
+                report.replaced += 1;
+            } else if self.body.evolve().map_err(unacceptable::<B, P>)? {
+                if rounds == self.params.max_rounds {
+                    return Err(unacceptable::<B, P>(EquilibriumError::StillChanging { rounds }));
+                }
+                (rounds, replacements) = (rounds + 1, 0);
+                report.rounds += 1;
+            } else {
+                break;
+            }
+            solves.push(self.system.solve(&mut self.body, &self.params.newton).map_err(failed::<B, P>)?);
+        }
+        self.body.check_balance(self.params.newton.tolerance).map_err(unacceptable::<B, P>)
+    }
+
+    /// From the accepted state to pseudo-time `t` by Newton, from a held or a linearised start.
+    fn start(&mut self, t: f64, report: &mut StepReport) -> Attempt<B, P, NewtonReport> {
         if self.undeformed || self.params.start == StepStart::Tangent {
             return self.attempt_linearised(t, report);
         }
@@ -272,7 +306,7 @@ where
         }
     }
 
-    fn attempt_linearised(&mut self, t: f64, report: &mut StepReport) -> Attempt<B, P> {
+    fn attempt_linearised(&mut self, t: f64, report: &mut StepReport) -> Attempt<B, P, NewtonReport> {
         let seconds = self.body.linearise(t, &mut self.system).map_err(|error| {
             Box::new(Failed {
                 // The tangent of the undeformed body does not depend on the increment.
@@ -297,15 +331,31 @@ fn has_no_start<B: Backend, P: PointField>(
     not_there && failure.report.residuals.is_empty()
 }
 
-fn failed<B: Backend, P: PointField>(
+fn failed<B, P>(
     failure: NewtonFailure<EquilibriumError<P::Error, B::Fault>, B::Fault>,
-) -> Box<Failed<P::Error, B::Fault>> {
+) -> Box<Failed<P::Error, B::Fault>>
+where
+    B: Backend<Scalar = f64>,
+    B::Reduced: Scalar,
+    P: PointField,
+{
     let hopeless = match &failure.reason {
-        NewtonError::Solve(SolveError::Fault(_)) | NewtonError::Problem(EquilibriumError::Backend(_)) => true,
-        NewtonError::Problem(EquilibriumError::Points(error)) => P::is_final(error),
+        NewtonError::Solve(SolveError::Fault(_)) => true,
+        NewtonError::Problem(error) => <Equilibrium<B, P> as NonlinearProblem<B>>::is_final(error),
         _ => false,
     };
     Box::new(Failed { reason: failure.reason, newton: *failure.report, hopeless })
+}
+
+/// The converged state cannot be accepted, for a reason that a shorter step may not have.
+fn unacceptable<B, P>(error: EquilibriumError<P::Error, B::Fault>) -> Box<Failed<P::Error, B::Fault>>
+where
+    B: Backend<Scalar = f64>,
+    B::Reduced: Scalar,
+    P: PointField,
+{
+    let hopeless = <Equilibrium<B, P> as NonlinearProblem<B>>::is_final(&error);
+    Box::new(Failed { reason: NewtonError::Problem(error), newton: NewtonReport::default(), hopeless })
 }
 
 /// The points could not be told what became of an attempt.

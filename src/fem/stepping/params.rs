@@ -9,6 +9,9 @@ pub struct StepParams {
     pub count: usize,
     /// How often a step that fails may be halved, at most [`StepParams::MAX_CUTS`]. Default 6.
     pub max_cuts: u32,
+    /// How often the body may be brought to balance again at the same pseudo-time, because the material of points
+    /// changed; beyond, the attempt fails. Default 200.
+    pub max_rounds: usize,
     /// Where a later step starts. Default [`StepStart::Held`].
     pub start: StepStart,
     /// When Newton stops. Default: a tolerance of `1e-8`, 25 iterations, up to 10 shortenings of a step.
@@ -25,7 +28,14 @@ impl StepParams {
 impl Default for StepParams {
     fn default() -> Self {
         let newton = NewtonParams { tolerance: 1e-8, max_iterations: 25, ..NewtonParams::default() };
-        Self { count: 10, max_cuts: 6, start: StepStart::default(), newton, solver: SolverParams::default() }
+        Self {
+            count: 10,
+            max_cuts: 6,
+            max_rounds: 200,
+            start: StepStart::default(),
+            newton,
+            solver: SolverParams::default(),
+        }
     }
 }
 
@@ -50,8 +60,13 @@ pub struct StepReport {
     pub t: f64,
     /// How often it was halved, counted once a halving.
     pub cuts: usize,
-    /// Newton in the sub-steps that converged, in order; one where the step was not cut.
+    /// Newton in the sub-steps that converged, in order: one where the step was not cut, and one more for every time the
+    /// body was brought to balance again.
     pub substeps: Vec<NewtonReport>,
+    /// How often points changed their material, failed attempts included.
+    pub rounds: usize,
+    /// How often responses that did not continue the last accepted state were replaced, failed attempts included.
+    pub replaced: usize,
     /// Newton in the attempts that failed, in order.
     pub failures: Vec<NewtonReport>,
     /// Linearised starts: a factorisation and a solve each.

@@ -17,12 +17,14 @@
 //! that plain Newton fails, its smaller increments mostly fail too. A failure names what stopped every stage, and
 //! leaves the RVE as it was.
 
+mod continuation;
 mod params;
 mod problem;
 mod report;
 
 use nalgebra::Matrix3;
 
+pub use continuation::continues;
 pub use params::{EquilibriumParams, Stage, Stages};
 pub use report::{EquilibriumReport, RveError, StageError, StageFailure};
 

@@ -1,6 +1,6 @@
 //! The interior nodes of an RVE as a nonlinear problem.
 
-use crate::fiber::rve::RveModel;
+use crate::fiber::rve::{Rve, RveModel};
 use crate::fiber::truss::FiberStates;
 use crate::fiber::workspace::Workspace;
 use crate::las::{Backend, NewtonSystem, NonlinearProblem, Potential, VectorOps, Yardstick};
@@ -20,6 +20,18 @@ impl<'a, B: Backend> Interior<'a, B> {
     pub fn of(model: &'a RveModel<B>, workspace: &'a mut Workspace<B>) -> (Self, &'a mut NewtonSystem<B>) {
         let Workspace { system, positions, saved, forces, states, diagonal, .. } = workspace;
         (Self { model, positions, saved, forces, states, diagonal }, system)
+    }
+}
+
+impl<B: Backend<Scalar = f64>> Interior<'_, B> {
+    /// The Euclidean distance of the interior positions from those of another state, unit-cube units.
+    pub fn distance(&self, other: &Rve) -> f64 {
+        let interior = self.model.network().interior().iter().zip(other.interior());
+        let squares = interior.flat_map(|(&node, x)| {
+            let here = &self.positions[node as usize];
+            (0..3).map(move |i| (here[i] - x[i]).powi(2))
+        });
+        squares.sum::<f64>().sqrt()
     }
 }
 

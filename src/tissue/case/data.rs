@@ -115,8 +115,8 @@ pub struct FiberRveCase {
     pub life: LifeCase,
 }
 
-/// When the RVE of an element is created, sleeps, and is deleted; decided after every converged step. By default it is there
-/// and awake from the beginning to the end.
+/// When the RVE of an element is created, sleeps, and is deleted. By default it is there and awake from the beginning to the
+/// end.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LifeCase {
     /// It is created once the strain of its element, `|E|` with `E = (F^T F - I) / 2`, has passed this.

@@ -108,11 +108,15 @@
 //! life = { created_at = 0.02, before = "linear", asleep_below = 1e-4, deleted_at = 0.8 }   # beside the keys above
 //! ```
 //!
-//! `life` says when RVEs come and go, decided after every converged step; without it each is there and awake all the time. An
-//! RVE is created once the strain of its element (the norm of the Green-Lagrange strain) has passed `created_at`; before,
-//! `linear` (the response of its network at rest) or `matrix` answers. It sleeps where no component of the deformation gradient
-//! changed by `asleep_below` in a step, and wakes once one has changed by more since: meanwhile its last tangent serves. Once the
-//! strain has passed `deleted_at` it is deleted, and the matrix answers alone.
+//! `life` says when RVEs are created, sleep and are deleted; without it each is there and awake all the time. An RVE is
+//! created once the strain of its element (the norm of the Green-Lagrange strain) exceeds `created_at`; before that,
+//! `linear` (the response of its network at rest) or `matrix` stands in for it. It falls asleep at the end of a step in which
+//! no component of the deformation gradient changed by `asleep_below`, and wakes once one has changed by more since: meanwhile
+//! its last tangent serves. It is deleted once the strain exceeds `deleted_at`, and the matrix is left alone.
+//!
+//! Whenever RVEs are created, woken or deleted, the body is brought to balance again at the same load, until no strain demands
+//! another change; only then has the step converged. Of the RVEs to be deleted, the most strained tenth goes first
+//! (elements with equal strains together), so that the others go only if they are still strained as much without it.
 //!
 //! `law` is `linear` (`youngs_modulus`, `radius`), `exponential` (also `nonlinearity`), `exponential-stretch` (also
 //! `transition`) or `table`; without it the files beside each network count, where fibers may be of several types.

@@ -34,7 +34,6 @@ pub use error::{PointFailure, PointFailureKind, TissueFieldError};
 pub use formula::Formula;
 pub use library::{ElementMaterial, Library, LibraryError, regions_of_mesh};
 pub use saved::{FieldRestoreError, UnitState};
-pub(super) use sites::Turnover;
 pub use sites::{Life, Sites};
 pub use summary::{DeformedNetwork, PointSummary};
 pub use unit::SweepStats;
@@ -101,7 +100,7 @@ pub trait TissueMaterial: PointField<Error = TissueFieldError> {
     fn restore_units(&mut self, lives: &[Life], states: Vec<UnitState>) -> Result<(), FieldRestoreError>;
 }
 
-/// The material of the whole body in one process: the answer to the seam of [`crate::fem::point_field`].
+/// The material of the whole body in one process.
 pub struct TissueField<B: Backend> {
     sites: Sites,
     units: Units<B>,
@@ -130,13 +129,18 @@ where
     fn create_existing(&mut self) {
         let existing: Vec<usize> = self.sites.existing().map(|(element, _)| element).collect();
         self.units.clear();
-        self.turn_over(&Turnover { created: existing, ..Turnover::default() });
+        self.unit_of.clear();
+        self.turn_over(&[], &existing);
     }
 
-    fn turn_over(&mut self, turnover: &Turnover) {
-        let deleted: HashSet<usize> = turnover.deleted.iter().copied().collect();
-        self.units.remove(&deleted);
-        for &element in &turnover.created {
+    /// Deletes and creates RVEs, by element.
+    fn turn_over(&mut self, gone: &[usize], new: &[usize]) {
+        if gone.is_empty() && new.is_empty() {
+            return;
+        }
+        let gone: HashSet<usize> = gone.iter().copied().collect();
+        self.units.remove(&gone);
+        for &element in new {
             if let Some((model, matrix)) = self.sites.material(element) {
                 self.units.add(element, model, matrix);
             }
@@ -170,18 +174,37 @@ where
         Ok(())
     }
 
-    fn commit(&mut self) -> Result<bool, Self::Error> {
-        self.units.commit();
-        let turnover = self.sites.decide();
-        let is_another = turnover != Turnover::default();
-        if is_another {
-            self.turn_over(&turnover);
+    fn verify(&mut self, gradients: &[Matrix3<f64>], out: &mut PointResponses) -> Result<bool, Self::Error> {
+        let Self { sites, units, .. } = self;
+        let replaced = units.verify(|_, element| sites.is_awake(element).then(|| gradients[element]))?;
+        for &number in &replaced {
+            let element = units.elements()[number];
+            if let Some((_, answer)) = units.answer(number) {
+                write(out, element, &answer);
+                sites.answered(element, &answer);
+            }
         }
-        Ok(is_another)
+        Ok(!replaced.is_empty())
+    }
+
+    fn evolve(&mut self) -> Result<bool, Self::Error> {
+        let turnover = self.sites.evolve();
+        // What is deleted stays until the commit: the step may still fail.
+        self.turn_over(&[], &turnover.created);
+        Ok(!turnover.is_empty())
+    }
+
+    fn commit(&mut self) -> Result<(), Self::Error> {
+        self.units.commit();
+        let gone = self.sites.commit();
+        self.turn_over(&gone, &[]);
+        Ok(())
     }
 
     fn revert(&mut self) -> Result<(), Self::Error> {
         self.units.revert();
+        let created = self.sites.revert();
+        self.turn_over(&created, &[]);
         Ok(())
     }
 }

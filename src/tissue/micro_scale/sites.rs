@@ -1,6 +1,8 @@
 //! What answers at each integration point: a formula, an RVE, or what stands in for an RVE that is not there or asleep.
 //!
-//! Which of these, is decided after every converged step and stays until the next: Newton never sees it change.
+//! Which of these it is changes only between two solutions by Newton: after every converged state, RVEs are created, woken
+//! and deleted, and the body is brought to balance again ([`PointField::evolve`](crate::fem::point_field::PointField::evolve)).
+//! RVEs fall asleep when a step is committed, which changes no stress.
 
 use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
@@ -31,9 +33,20 @@ pub struct Sites {
     sites: Vec<Site>,
     /// The linear response at rest of each model that somebody waits for.
     at_rest: Vec<Option<SaintVenantKirchhoff>>,
-    /// Lives have just been decided or taken back: the next commit only tells what the new materials answer.
-    is_decided: bool,
+    /// What has changed since the last commit.
+    pending: Turnover,
+    /// Lives have just been restored: the next commit puts nothing to sleep, since no step lies behind it.
+    is_restored: bool,
 }
+
+/// Of the RVEs that strain demands to delete, the part that is deleted before the body is brought to balance again. Their
+/// neighbors take over the load of those that are gone, and may need it no more once the worst are: how many RVEs a step
+/// deletes then hardly depends on its length.
+const DELETED_A_ROUND: f64 = 0.1;
+
+/// Strains that agree to this part of them are equal: elements that symmetry makes equal are deleted together, and
+/// rounding does not choose among them.
+const EQUAL_STRAINS: f64 = 1e-9;
 
 enum Site {
     Formula(Formula),
@@ -53,6 +66,8 @@ struct Point {
 struct Course {
     rules: LifeCase,
     life: Life,
+    /// That at the last commit.
+    committed: Life,
     /// The deformation gradient of the last trial state, and what the RVE answered there, if it did.
     trial: (Matrix3<f64>, Option<Response>),
     /// That of the last converged step.
@@ -61,13 +76,18 @@ struct Course {
     anchor: Option<(Matrix3<f64>, Response)>,
 }
 
-/// RVEs that come and go after a step.
+/// Elements whose RVEs are created, deleted and woken.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(in crate::tissue) struct Turnover {
     pub created: Vec<usize>,
     pub deleted: Vec<usize>,
-    /// Those that sleep no more.
     pub woken: Vec<usize>,
+}
+
+impl Turnover {
+    pub fn is_empty(&self) -> bool {
+        self.created.is_empty() && self.deleted.is_empty() && self.woken.is_empty()
+    }
 }
 
 impl Sites {
@@ -93,7 +113,7 @@ impl Sites {
                 at_rest[model] = Some(library.at_rest(model)?);
             }
         }
-        Ok(Self { sites, at_rest, is_decided: false })
+        Ok(Self { sites, at_rest, pending: Turnover::default(), is_restored: false })
     }
 
     /// How many elements there are.
@@ -193,25 +213,59 @@ impl Sites {
         }
     }
 
-    /// Decides after a converged step, whose gradients were asked for last, which RVEs come, go, sleep and wake.
-    pub(in crate::tissue) fn decide(&mut self) -> Turnover {
+    /// Creates, wakes and deletes RVEs as the converged state demands whose gradients were asked for last; of those to be
+    /// deleted the most strained first, a part of them ([`DELETED_A_ROUND`]).
+    pub(in crate::tissue) fn evolve(&mut self) -> Turnover {
         let mut turnover = Turnover::default();
-        if std::mem::take(&mut self.is_decided) {
-            return turnover;
-        }
-        for (element, site) in self.sites.iter_mut().enumerate() {
-            let Site::Rve(Point { course: Some(course), .. }) = site else { continue };
-            let before = course.life;
-            course.decide();
-            match (before, course.life) {
-                (Life::Waiting, Life::Awake) => turnover.created.push(element),
-                (Life::Awake | Life::Asleep, Life::Deleted) => turnover.deleted.push(element),
-                (Life::Asleep, Life::Awake) => turnover.woken.push(element),
-                _ => {}
+        let limit = self.overstrain_limit();
+        for (element, course) in courses(&mut self.sites) {
+            if course.overstrain().is_some_and(|overstrain| overstrain >= limit) {
+                course.life = Life::Deleted;
+                turnover.deleted.push(element);
+            } else if course.is_due() {
+                course.life = Life::Awake;
+                turnover.created.push(element);
+            } else if course.has_moved_in_sleep() {
+                course.life = Life::Awake;
+                turnover.woken.push(element);
             }
         }
-        self.is_decided = turnover != Turnover::default();
+        self.pending.created.extend(&turnover.created);
+        self.pending.deleted.extend(&turnover.deleted);
         turnover
+    }
+
+    /// The overstrain from which on RVEs are deleted in this round.
+    fn overstrain_limit(&self) -> f64 {
+        let courses = self.points().filter_map(|(_, point)| point.course.as_ref());
+        let mut overstrains: Vec<f64> = courses.filter_map(|course| course.overstrain()).collect();
+        overstrains.sort_by(|a, b| b.total_cmp(a));
+        let part = (DELETED_A_ROUND * overstrains.len() as f64).ceil() as usize;
+        let last = part.checked_sub(1).and_then(|last| overstrains.get(last));
+        last.map_or(f64::INFINITY, |overstrain| overstrain * (1.0 - EQUAL_STRAINS))
+    }
+
+    /// The step is over at the gradients that were asked for last: RVEs that hardly moved in it fall asleep. Returns the
+    /// elements whose RVEs are gone for good.
+    pub(in crate::tissue) fn commit(&mut self) -> Vec<usize> {
+        let is_step = !std::mem::take(&mut self.is_restored);
+        for (_, course) in courses(&mut self.sites) {
+            if is_step {
+                course.fall_asleep();
+            }
+            course.converged = Some(course.trial.0);
+            course.committed = course.life;
+        }
+        std::mem::take(&mut self.pending).deleted
+    }
+
+    /// The step has failed: all lives are those of the last commit again. Returns the elements whose RVEs were created
+    /// since.
+    pub(in crate::tissue) fn revert(&mut self) -> Vec<usize> {
+        for (_, course) in courses(&mut self.sites) {
+            course.life = course.committed;
+        }
+        std::mem::take(&mut self.pending).created
     }
 
     /// What a sleeping RVE answers from.
@@ -234,12 +288,21 @@ impl Sites {
     ) {
         for (element, (site, &life)) in self.sites.iter_mut().zip(lives).enumerate() {
             let Site::Rve(Point { course: Some(course), .. }) = site else { continue };
-            course.life = life;
+            (course.life, course.committed) = (life, life);
             course.anchor = answer(element);
             course.converged = course.anchor.as_ref().map(|(gradient, _)| *gradient);
         }
-        self.is_decided = true;
+        self.pending = Turnover::default();
+        self.is_restored = true;
     }
+}
+
+/// The lives of RVEs that come, sleep or go, by element.
+fn courses(sites: &mut [Site]) -> impl Iterator<Item = (usize, &mut Course)> {
+    sites.iter_mut().enumerate().filter_map(|(element, site)| match site {
+        Site::Rve(Point { course: Some(course), .. }) => Some((element, &mut **course)),
+        _ => None,
+    })
 }
 
 impl Site {
@@ -260,28 +323,40 @@ impl Point {
 impl Course {
     fn new(rules: LifeCase) -> Self {
         let life = if rules.created_at > 0.0 { Life::Waiting } else { Life::Awake };
-        Self { rules, life, trial: (Matrix3::identity(), None), converged: None, anchor: None }
+        Self { rules, life, committed: life, trial: (Matrix3::identity(), None), converged: None, anchor: None }
     }
 
-    fn decide(&mut self) {
-        let (f, answer) = self.trial;
-        let strain = ((f.transpose() * f - Matrix3::identity()) * 0.5).norm();
+    /// The norm of the Green-Lagrange strain.
+    fn strain(&self) -> f64 {
+        let f = &self.trial.0;
+        ((f.transpose() * f - Matrix3::identity()) * 0.5).norm()
+    }
+
+    /// The strain over that at which the RVE is deleted, where it exceeds it.
+    fn overstrain(&self) -> Option<f64> {
         let exists = matches!(self.life, Life::Awake | Life::Asleep);
-        if exists && strain > self.rules.deleted_at {
-            self.life = Life::Deleted;
-        } else if self.life == Life::Waiting && strain > self.rules.created_at {
-            self.life = Life::Awake;
-        } else if self.life == Life::Awake {
-            let still = self.converged.is_some_and(|before| (f - before).amax() < self.rules.asleep_below);
-            if let (true, Some(answer)) = (still, answer) {
-                (self.life, self.anchor) = (Life::Asleep, Some((f, answer)));
-            }
-        } else if self.life == Life::Asleep
-            && self.anchor.as_ref().is_none_or(|(from, _)| (f - from).amax() > self.rules.asleep_below)
-        {
-            self.life = Life::Awake;
+        let overstrain = self.strain() / self.rules.deleted_at;
+        (exists && overstrain > 1.0).then_some(overstrain)
+    }
+
+    /// Whether the RVE is to be created.
+    fn is_due(&self) -> bool {
+        self.life == Life::Waiting && self.strain() > self.rules.created_at
+    }
+
+    /// Whether the RVE sleeps and has to wake.
+    fn has_moved_in_sleep(&self) -> bool {
+        let moved = |(from, _): &(Matrix3<f64>, Response)| (self.trial.0 - from).amax() > self.rules.asleep_below;
+        self.life == Life::Asleep && self.anchor.as_ref().is_none_or(moved)
+    }
+
+    /// Falls asleep if it has hardly moved since the last converged step.
+    fn fall_asleep(&mut self) {
+        let (f, answer) = self.trial;
+        let is_still = self.converged.is_some_and(|before| (f - before).amax() < self.rules.asleep_below);
+        if let (Life::Awake, true, Some(answer)) = (self.life, is_still, answer) {
+            (self.life, self.anchor) = (Life::Asleep, Some((f, answer)));
         }
-        self.converged = Some(f);
     }
 }
 
@@ -354,7 +429,8 @@ mod tests {
         Sites {
             sites: vec![Site::Rve(Point { region: 0, model: None, matrix, course })],
             at_rest: Vec::new(),
-            is_decided: false,
+            pending: Turnover::default(),
+            is_restored: false,
         }
     }
 
@@ -369,10 +445,9 @@ mod tests {
                 answer
             }
         };
-        let turnover = sites.decide();
-        if sites.is_decided {
-            assert_eq!(sites.decide(), Turnover::default(), "once only");
-        }
+        let turnover = sites.evolve();
+        assert!(turnover.is_empty() || sites.evolve().is_empty(), "once only");
+        sites.commit();
         (answer, turnover)
     }
 

@@ -8,7 +8,7 @@ use super::formula::Formula;
 use super::library::Library;
 use super::worker::Worker;
 use crate::fem::material::{MaterialError, Response};
-use crate::fiber::equilibrium::{EquilibriumReport, RveError, Stage, equilibrate};
+use crate::fiber::equilibrium::{EquilibriumReport, RveError, Stage, continues, equilibrate};
 use crate::fiber::homogenise::{self, Tangent};
 use crate::fiber::rve::{Rates, Rve, RveModel};
 use crate::fiber::workspace::Workspace;
@@ -25,6 +25,22 @@ pub(super) struct Fibers {
     pub current: Rve,
     /// The equilibrium at the last converged load step.
     pub committed: Rve,
+    /// How `current` came about.
+    pub origin: Origin,
+}
+
+/// How an equilibrium came about, which decides whether it has to be verified before it is accepted.
+///
+/// A network may have several equilibria, under compression above all. The one that counts is that which the ladder of
+/// [`equilibrate`] finds from the committed state moved affinely, so that no trial state has a part in it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Origin {
+    /// It is the committed state.
+    Committed,
+    /// It continues the committed state: found from there, or verified.
+    Branch,
+    /// It was found from another trial state, or from a prediction.
+    Trial,
 }
 
 /// An RVE: fibers, a matrix, or both in parallel.
@@ -83,6 +99,10 @@ pub struct SweepStats {
     pub by_regularised: usize,
     /// Equilibria reached by dynamic relaxation, where all else failed.
     pub by_relaxation: usize,
+    /// Equilibria shown, at the end of a load step, to continue the last converged one.
+    pub verified: usize,
+    /// Equilibria solved for again from the last converged one, because that could not be shown.
+    pub replaced: usize,
     /// Steps of dynamic relaxation in all.
     pub relaxation_steps: usize,
     /// Seconds of all workers together.
@@ -105,6 +125,8 @@ impl SweepStats {
             by_cuts: self.by_cuts + other.by_cuts,
             by_regularised: self.by_regularised + other.by_regularised,
             by_relaxation: self.by_relaxation + other.by_relaxation,
+            verified: self.verified + other.verified,
+            replaced: self.replaced + other.replaced,
             relaxation_steps: self.relaxation_steps + other.relaxation_steps,
             seconds: self.seconds + other.seconds,
         }
@@ -134,7 +156,7 @@ impl Unit {
     ) -> Self {
         let fibers = model.map(|model| {
             let rest = Rve::at_rest(models[model].network());
-            Fibers { model, committed: rest.clone(), current: rest }
+            Fibers { model, committed: rest.clone(), current: rest, origin: Origin::Committed }
         });
         Self { fibers, matrix, answer: None, iterations: 0, committed_iterations: 0 }
     }
@@ -189,6 +211,60 @@ impl Unit {
         Ok(sum)
     }
 
+    /// Makes the answer, which [`Unit::respond`] has given at the converged gradient, that of an equilibrium which
+    /// continues the committed one. Returns true if the answer was replaced.
+    pub fn verify<B: Backend<Scalar = f64>>(
+        &mut self,
+        gradient: &Matrix3<f64>,
+        library: &Library<B>,
+        worker: &mut Worker<B>,
+        stats: &mut SweepStats,
+    ) -> Result<bool, UnitError<B::Fault>>
+    where
+        B::Reduced: Scalar,
+    {
+        let Some(fibers) = &mut self.fibers else { return Ok(false) };
+        if fibers.origin != Origin::Trial {
+            return Ok(false);
+        }
+        let start = Instant::now();
+        let outcome = self.solve_again(gradient, library, worker, stats);
+        stats.seconds += start.elapsed().as_secs_f64();
+        outcome
+    }
+
+    /// Solves from the committed state, unless Newton evidently leads from there to the current one.
+    fn solve_again<B: Backend<Scalar = f64>>(
+        &mut self,
+        gradient: &Matrix3<f64>,
+        library: &Library<B>,
+        worker: &mut Worker<B>,
+        stats: &mut SweepStats,
+    ) -> Result<bool, UnitError<B::Fault>>
+    where
+        B::Reduced: Scalar,
+    {
+        let Some(fibers) = &mut self.fibers else { return Ok(false) };
+        let workspace = worker.workspace(library, fibers.model).map_err(UnitError::Workspace)?;
+        let model = &library.models[fibers.model];
+        if continues(model, &fibers.committed, &fibers.current, &library.params.newton, workspace) {
+            fibers.origin = Origin::Branch;
+            stats.verified += 1;
+            return Ok(false);
+        }
+        stats.replaced += 1;
+        let trial = std::mem::replace(&mut fibers.current, fibers.committed.clone());
+        fibers.origin = Origin::Committed;
+        let answer = self.solve(gradient, library, worker, stats)?;
+        let is_another = self.fibers.as_ref().is_none_or(|fibers| !fibers.current.is_near(&trial));
+        if is_another {
+            self.answer = Some((*gradient, answer));
+        } else if let Some(fibers) = &mut self.fibers {
+            fibers.current = trial;
+        }
+        Ok(is_another)
+    }
+
     /// Bytes of this unit in a run, what it owns on the heap included. With `predict`, each of its solves leaves room
     /// for a prediction, which is counted before the first of them too.
     pub fn bytes(&self, predict: bool) -> usize {
@@ -203,6 +279,7 @@ impl Unit {
     pub fn commit(&mut self) {
         if let Some(fibers) = &mut self.fibers {
             fibers.committed.take_equilibrium(&fibers.current);
+            fibers.origin = Origin::Committed;
         }
         self.committed_iterations = self.iterations;
         self.iterations = 0;
@@ -212,6 +289,7 @@ impl Unit {
     pub fn revert(&mut self) {
         if let Some(fibers) = &mut self.fibers {
             fibers.current.take_equilibrium(&fibers.committed);
+            fibers.origin = Origin::Committed;
         }
         self.answer = None;
         self.iterations = 0;
@@ -230,6 +308,7 @@ impl Fibers {
         B::Reduced: Scalar,
     {
         let model = &library.models[self.model];
+        let is_affine = self.origin == Origin::Committed && !self.current.has_rates();
         let report = match equilibrate(model, &mut self.current, gradient, &library.params, workspace) {
             Ok(report) => report,
             Err(error) => {
@@ -239,6 +318,7 @@ impl Fibers {
                 return Err(error.into());
             }
         };
+        self.origin = if is_affine { Origin::Branch } else { Origin::Trial };
         stats.count(&report);
         let pk1 = homogenise::pk1(model, workspace);
         let tangent = homogenise::tangent(model, &self.current, &pk1, workspace)?;

@@ -10,7 +10,7 @@ use super::error::PointFailure;
 use super::formula::Formula;
 use super::library::Library;
 use super::saved::{FieldRestoreError, UnitState};
-use super::unit::{Fibers, SweepStats, Unit, UnitError};
+use super::unit::{Fibers, Origin, SweepStats, Unit, UnitError};
 use super::worker::Worker;
 use crate::fem::material::Response;
 use crate::las::{Backend, Scalar};
@@ -138,24 +138,63 @@ where
         &mut self,
         gradient: impl Fn(usize, usize) -> Option<Matrix3<f64>> + Sync,
     ) -> Result<(), PointFailure> {
+        self.sweep(gradient, |unit, gradient, library, worker, stats| {
+            unit.respond(gradient, library, worker, stats).map(|_| false)
+        })?;
+        Ok(())
+    }
+
+    /// Makes the equilibria of the last [`Units::solve`], at the same gradients, continue the last committed ones, whatever
+    /// trial states came in between. Returns the numbers of those that were replaced, ascending.
+    ///
+    /// # Errors
+    /// That of the lowest element for which there is none.
+    pub fn verify(
+        &mut self,
+        gradient: impl Fn(usize, usize) -> Option<Matrix3<f64>> + Sync,
+    ) -> Result<Vec<usize>, PointFailure> {
+        self.sweep(gradient, Unit::verify)
+    }
+
+    /// Does something to each unit that has a gradient, on all threads; returns the numbers of those for which it gave
+    /// true, ascending.
+    fn sweep(
+        &mut self,
+        gradient: impl Fn(usize, usize) -> Option<Matrix3<f64>> + Sync,
+        each: impl Fn(
+            &mut Unit,
+            &Matrix3<f64>,
+            &Library<B>,
+            &mut Worker<B>,
+            &mut SweepStats,
+        ) -> Result<bool, UnitError<B::Fault>>
+        + Sync,
+    ) -> Result<Vec<usize>, PointFailure> {
         let Self { library, units, elements, workers, .. } = self;
         let (library, elements) = (&*library, &*elements);
-        let (stats, failed) = units
+        let swept = units
             .par_iter_mut()
             .enumerate()
             .map(|(number, unit)| {
                 let slot = rayon::current_thread_index().unwrap_or(0) % workers.len();
                 // A worker is scratch: whatever a panicking thread left in it is overwritten.
                 let mut worker = workers[slot].lock().unwrap_or_else(PoisonError::into_inner);
-                let mut stats = SweepStats::default();
-                let Some(gradient) = gradient(number, elements[number]) else { return (stats, None) };
-                let outcome = unit.respond(&gradient, library, &mut worker, &mut stats);
-                (stats, outcome.err().map(|reason| (elements[number], (number, gradient, reason))))
+                let mut swept = Swept::default();
+                let Some(gradient) = gradient(number, elements[number]) else { return swept };
+                match each(unit, &gradient, library, &mut worker, &mut swept.stats) {
+                    Ok(true) => swept.chosen.push(number),
+                    Ok(false) => {}
+                    Err(reason) => swept.failed = Some((elements[number], (number, gradient, reason))),
+                }
+                swept
             })
-            .reduce(|| (SweepStats::default(), None), |(a, first), (b, second)| (a.and(b), earlier(first, second)));
+            .reduce(Swept::default, Swept::and);
         let sum = self.stats.get_mut().unwrap_or_else(PoisonError::into_inner);
-        *sum = sum.and(stats);
-        failed.map_or(Ok(()), |(_, (number, gradient, reason))| Err(self.failure(number, &gradient, &reason)))
+        *sum = sum.and(swept.stats);
+        match swept.failed {
+            None => Ok(swept.chosen),
+            Some((_, (number, gradient, reason))) => Err(self.failure(number, &gradient, &reason)),
+        }
     }
 
     fn failure(&mut self, number: usize, gradient: &Matrix3<f64>, reason: &UnitError<B::Fault>) -> PointFailure {
@@ -230,7 +269,7 @@ where
                     .map_err(|reason| FieldRestoreError::Rve { element, reason })?;
                 let mut committed = committed.clone();
                 committed.take_equilibrium(&current);
-                Some(Fibers { model: *model, current, committed })
+                Some(Fibers { model: *model, current, committed, origin: Origin::Committed })
             }
             (None, None) => None,
             (saved, _) => return Err(FieldRestoreError::Fibers { element, saved: saved.is_some() }),
@@ -254,6 +293,29 @@ where
     #[must_use]
     pub fn by_element(&self) -> HashMap<usize, usize> {
         self.elements.iter().enumerate().map(|(number, &element)| (element, number)).collect()
+    }
+}
+
+/// What a sweep over some of the units came to.
+struct Swept<E> {
+    stats: SweepStats,
+    /// Numbers of units, ascending.
+    chosen: Vec<usize>,
+    /// The failure of the lowest element: its number, the unit's, its gradient and the reason.
+    failed: Option<(usize, (usize, Matrix3<f64>, E))>,
+}
+
+impl<E> Default for Swept<E> {
+    fn default() -> Self {
+        Self { stats: SweepStats::default(), chosen: Vec::new(), failed: None }
+    }
+}
+
+impl<E> Swept<E> {
+    /// This one and that over the units behind it.
+    fn and(mut self, mut behind: Self) -> Self {
+        self.chosen.append(&mut behind.chosen);
+        Self { stats: self.stats.and(behind.stats), chosen: self.chosen, failed: earlier(self.failed, behind.failed) }
     }
 }
 

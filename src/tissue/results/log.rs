@@ -66,6 +66,9 @@ pub struct Step {
     /// How often this step was cut before.
     #[serde(default)]
     pub cuts: u32,
+    /// How often the body was brought to balance again because RVEs were created, woken or deleted.
+    #[serde(default)]
+    pub rounds: usize,
     /// Newton at the engineering scale.
     pub newton: NewtonLog,
     /// The RVEs, where there are any.
@@ -226,6 +229,10 @@ pub struct RveLog {
     pub by_relaxation: u64,
     /// Steps of dynamic relaxation.
     pub relaxation_steps: u64,
+    /// Equilibria shown to continue those of the last converged step, without solving for them again.
+    pub verified: u64,
+    /// Equilibria solved for again from the last converged step, because that could not be shown.
+    pub replaced: u64,
     /// RVEs whose last equilibrium still served.
     pub reused: u64,
     /// Processor time, s, over all workers.

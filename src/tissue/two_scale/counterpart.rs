@@ -14,7 +14,7 @@ use nalgebra::Matrix3;
 use super::TwoScaleError;
 use super::follower::{ANSWERS, GRADIENTS, Order, SECONDS};
 use super::part::{Change, Part};
-use super::terms::{Answer, Failed, MICRO, RankReport, Seconds, Strain, Turn, pack};
+use super::terms::{Answer, Failed, MICRO, RankReport, Seconds, Strain, Task, Turn, pack};
 use crate::coupling::{Scales, UnitId};
 use crate::las::{Comm, Message};
 use crate::tissue::micro_scale::Sites;
@@ -157,8 +157,8 @@ impl<'a, C: Comm> Counterpart<'a, C> {
         Ok(())
     }
 
-    /// Asks all RVEs, those of other parts through their ranks.
-    pub fn ask(&mut self, gradients: &[Matrix3<f64>], sites: &Sites) -> Result<Vec<Answer>, TwoScaleError> {
+    /// Gives all RVEs that are awake a task, those of other parts through their ranks.
+    pub fn ask(&mut self, task: Task, gradients: &[Matrix3<f64>], sites: &Sites) -> Result<Vec<Answer>, TwoScaleError> {
         let turn = if std::mem::replace(&mut self.in_step, true) { Turn::Iterate } else { Turn::Step };
         let comm = self.scales.comm().clone();
         let mut seconds = std::mem::take(&mut self.between);
@@ -166,7 +166,10 @@ impl<'a, C: Comm> Counterpart<'a, C> {
         let start = Instant::now();
         self.order(&Order::Exchange)?;
         let followers = if self.lead == Lead::First { comm.size() } else { 1 };
-        let strain = |unit: UnitId| Strain::new(&gradients[unit as usize], sites.is_awake(unit as usize));
+        let strain = |unit: UnitId| {
+            let task = if sites.is_awake(unit as usize) { task } else { Task::Rest };
+            Strain::new(&gradients[unit as usize], task)
+        };
         for (rank, units) in self.units.iter().enumerate().take(followers).skip(1) {
             let of_part: Vec<Strain> = units.iter().map(|&unit| strain(unit)).collect();
             comm.send(rank, GRADIENTS, Message::of(&of_part))?;

@@ -8,7 +8,7 @@ use nalgebra::Matrix3;
 use super::TwoScaleError;
 use super::counterpart::{Counterpart, Lead};
 use super::part::Change;
-use super::terms::{Failed, Turn, UnitReport};
+use super::terms::{Failed, Outcome, Task, Turn, UnitReport};
 use crate::coupling::Scales;
 use crate::fem::mesh::Mesh;
 use crate::fem::point_field::{PointField, PointResponses};
@@ -16,7 +16,7 @@ use crate::las::{Backend, Comm, Scalar};
 use crate::tissue::case::Case;
 use crate::tissue::micro_scale::{
     DeformedNetwork, FieldRestoreError, Library, LibraryError, Life, LostRve, PointFailure, PointSummary, Sites,
-    SweepStats, TissueFieldError, TissueMaterial, Turnover, UnitState, check_states, write,
+    SweepStats, TissueFieldError, TissueMaterial, UnitState, check_states, write,
 };
 use crate::tissue::results::log::RankSeconds;
 use crate::tissue::rve_dump::RveDump;
@@ -105,6 +105,42 @@ where
         self.micro.change(change)
     }
 
+    /// Deletes and creates RVEs, by element.
+    fn turn_over(&mut self, gone: &[usize], new: &[usize]) -> Result<(), TissueFieldError> {
+        if gone.is_empty() && new.is_empty() {
+            return Ok(());
+        }
+        let gone = gone.iter().map(|&element| element as u64).collect();
+        let new = new.iter().map(|&element| [element as u64, self.sites.region(element) as u64]).collect();
+        let changed = self.change(&Change { gone, new });
+        Ok(self.whole(changed)?)
+    }
+
+    /// Gives all RVEs that are awake a task, and takes their answers in; returns true if verification replaced any.
+    fn ask(
+        &mut self,
+        task: Task,
+        gradients: &[Matrix3<f64>],
+        out: &mut PointResponses,
+    ) -> Result<bool, TissueFieldError> {
+        let answers = self.micro.ask(task, gradients, &self.sites);
+        let mut answers = self.whole(answers)?;
+        answers.retain(|answer| self.sites.is_awake(answer.element as usize));
+        if answers.iter().any(|answer| answer.outcome == Outcome::Failed as u64) {
+            let failure = self.explain();
+            let failure = self.whole(failure)?;
+            self.micro.rest();
+            return Err(failure.into());
+        }
+        for answer in &answers {
+            let (element, response) = (answer.element as usize, answer.response());
+            write(out, element, &response);
+            self.sites.answered(element, &response);
+        }
+        self.micro.rest();
+        Ok(answers.iter().any(|answer| answer.outcome == Outcome::Replaced as u64))
+    }
+
     /// Why the last trial state has no answer; what repeats it is kept.
     fn explain(&mut self) -> Result<PointFailure, TwoScaleError> {
         let Failed { failure, start } = self.micro.explain()?;
@@ -164,35 +200,26 @@ where
                 write(out, element, &answer);
             }
         }
-        let answers = self.micro.ask(gradients, &self.sites);
-        let mut answers = self.whole(answers)?;
-        answers.retain(|answer| self.sites.is_awake(answer.element as usize));
-        if answers.iter().any(|answer| answer.failed != 0) {
-            let failure = self.explain();
-            let failure = self.whole(failure)?;
-            self.micro.rest();
-            return Err(failure.into());
-        }
-        for answer in &answers {
-            let (element, response) = (answer.element as usize, answer.response());
-            write(out, element, &response);
-            self.sites.answered(element, &response);
-        }
-        self.micro.rest();
+        self.ask(Task::Solve, gradients, out)?;
         Ok(())
     }
 
-    fn commit(&mut self) -> Result<bool, Self::Error> {
+    fn verify(&mut self, gradients: &[Matrix3<f64>], out: &mut PointResponses) -> Result<bool, Self::Error> {
+        self.ask(Task::Verify, gradients, out)
+    }
+
+    fn evolve(&mut self) -> Result<bool, Self::Error> {
+        let turnover = self.sites.evolve();
+        // What is deleted stays until the commit: the step may still fail.
+        self.turn_over(&[], &turnover.created)?;
+        Ok(!turnover.is_empty())
+    }
+
+    fn commit(&mut self) -> Result<(), Self::Error> {
         let ended = self.end_step(true);
         self.whole(ended)?;
-        let turnover = self.sites.decide();
-        if !(turnover.created.is_empty() && turnover.deleted.is_empty()) {
-            let new = turnover.created.iter().map(|&element| [element as u64, self.sites.region(element) as u64]);
-            let gone = turnover.deleted.iter().map(|&element| element as u64);
-            let changed = self.change(&Change { gone: gone.collect(), new: new.collect() });
-            self.whole(changed)?;
-        }
-        Ok(turnover != Turnover::default())
+        let gone = self.sites.commit();
+        self.turn_over(&gone, &[])
     }
 
     fn revert(&mut self) -> Result<(), Self::Error> {
@@ -200,7 +227,9 @@ where
             return Err(TissueFieldError::Ranks(reason.clone()));
         }
         let ended = self.end_step(false);
-        Ok(self.whole(ended)?)
+        self.whole(ended)?;
+        let created = self.sites.revert();
+        self.turn_over(&created, &[])
     }
 
     fn is_final(error: &Self::Error) -> bool {

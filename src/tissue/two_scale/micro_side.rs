@@ -6,8 +6,8 @@ use std::time::Instant;
 use super::TwoScaleError;
 use super::links::Links;
 use super::terms::{
-    Answer, Drawn, Failed, Header, MACRO, OneByOne, RankReport, Seconds, Strain, Turn, UnitReport, pack, pack_into,
-    unpack,
+    Answer, Drawn, Failed, Header, MACRO, OneByOne, RankReport, Seconds, Strain, Task, Turn, UnitReport, pack,
+    pack_into, unpack,
 };
 use crate::coupling::Scales;
 use crate::las::{Backend, Comm, Message, Scalar};
@@ -86,6 +86,12 @@ where
         loop {
             match self.turn()? {
                 Turn::Iterate => return Ok(false),
+                // What strain demands is created, and the body brought to balance again.
+                Turn::Units => {
+                    let start = Instant::now();
+                    self.update_units()?;
+                    self.between.exchanging += start.elapsed().as_secs_f64();
+                }
                 Turn::Explain => {
                     let start = Instant::now();
                     self.explain()?;
@@ -139,17 +145,24 @@ where
 
     /// Gets a deformation gradient for every RVE, brings all to equilibrium, and sends what they answer.
     fn answer_strains(&mut self) -> Result<(), TwoScaleError> {
-        self.asked.resize(self.units.len(), Strain { gradient: [0.0; 9], awake: 0 });
+        self.asked.resize(self.units.len(), Strain { gradient: [0.0; 9], task: Task::Rest as u64 });
         let (start, before) = (Instant::now(), self.links.strains.waited());
         self.links.strains.receive(&self.links.down, &mut self.asked)?;
         let (asked, waited) = (Instant::now(), self.links.strains.waited() - before);
         let strains = &self.asked;
-        self.failed =
-            self.units.solve(|number, _| (strains[number].awake != 0).then(|| strains[number].matrix())).err();
+        let solved = self.units.solve(|number, _| strains[number].for_task(Task::Solve));
+        let verified = solved.and_then(|()| self.units.verify(|number, _| strains[number].for_task(Task::Verify)));
+        let (replaced, failed) = match verified {
+            Ok(replaced) => (replaced, None),
+            Err(failure) => (Vec::new(), Some(failure)),
+        };
         let solved = Instant::now();
-        let failed = self.failed.is_some();
-        let answer = |(element, response)| Answer::new(element, if failed { None } else { response });
-        let answers: Vec<Answer> = self.units.answers().map(answer).collect();
+        let is_replaced = |number: usize| replaced.binary_search(&number).is_ok();
+        let answers = self.units.answers().enumerate().map(|(number, (element, response))| {
+            Answer::new(element, response.filter(|_| failed.is_none()), is_replaced(number))
+        });
+        let answers: Vec<Answer> = answers.collect();
+        self.failed = failed;
         self.links.answers.send(&self.links.back, &answers)?;
         let between = std::mem::take(&mut self.between);
         self.seconds.push(Seconds {

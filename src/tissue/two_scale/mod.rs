@@ -16,12 +16,14 @@
 //! ```text
 //! engineering scale                                micro scale
 //! -----------------                                -----------
-//! commit: Turn::Units, delete, create, headers --> update_units
 //! until all steps are done:                        while not complete:
 //!   Newton asks: Turn::Step or Iterate               while not step_complete:
 //!     send strains ------------------------------->    receive strains
 //!     receive answers <----------------------------    solve all RVEs, send answers
-//!   it converged: Turn::Accept; or not: Reject -->   step_complete
+//!   it converged: Turn::Iterate, Task::Verify ---->    make answers continue the last step
+//!   strain demands RVEs: Turn::Units, create ----->    update_units; Newton asks again
+//!   balanced: Turn::Accept; or not: Reject ------->   step_complete
+//!   what strain deleted: Turn::Units, delete ----->   update_units
 //! Turn::Complete -------------------------------->   complete
 //! ```
 

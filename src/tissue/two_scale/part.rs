@@ -59,7 +59,7 @@ impl<C: Comm> Part<C> {
         let units = self.links.units();
         self.asked.clear();
         self.asked.extend(units.iter().enumerate().map(|(number, &element)| strain(number, element)));
-        self.found.resize(units.len(), Answer::new(0, None));
+        self.found.resize(units.len(), Answer::new(0, None, false));
         self.links.strains.send(&self.links.down, &self.asked)?;
         let before = self.links.answers.waited();
         self.links.answers.receive(&self.links.back, &mut self.found)?;

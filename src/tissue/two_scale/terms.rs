@@ -27,8 +27,8 @@ crate::payload! {
     pub struct Strain {
         /// Deformation gradient, column by column.
         pub gradient: [f64; 9],
-        /// 0 for an RVE that sleeps, and is not to be solved.
-        pub awake: u64,
+        /// What is to be done there: a [`Task`] as a number.
+        pub task: u64,
     }
 }
 
@@ -37,8 +37,8 @@ crate::payload! {
     pub struct Answer {
         /// Its element.
         pub element: u64,
-        /// 0, or 1 where it found no equilibrium.
-        pub failed: u64,
+        /// An [`Outcome`] as a number.
+        pub outcome: u64,
         /// Energy per reference volume, J/m^3.
         pub energy: f64,
         /// First Piola-Kirchhoff stress, Pa.
@@ -48,13 +48,41 @@ crate::payload! {
     }
 }
 
+/// What an RVE is to do at a gradient.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Task {
+    /// Nothing: it sleeps, or was deleted.
+    Rest = 0,
+    /// Find an equilibrium.
+    Solve = 1,
+    /// Make the equilibrium found there continue the last committed one.
+    Verify = 2,
+}
+
+/// How an RVE came to its answer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// As before, or solved for.
+    Found = 0,
+    /// There is no equilibrium.
+    Failed = 1,
+    /// Verification replaced the answer.
+    Replaced = 2,
+}
+
 impl Strain {
     /// Of a gradient.
     #[must_use]
-    pub fn new(gradient: &Matrix3<f64>, is_awake: bool) -> Self {
+    pub fn new(gradient: &Matrix3<f64>, task: Task) -> Self {
         let mut columns = [0.0; 9];
         columns.copy_from_slice(gradient.as_slice());
-        Self { gradient: columns, awake: is_awake.into() }
+        Self { gradient: columns, task: task as u64 }
+    }
+
+    /// The gradient, where there is this to do at it.
+    #[must_use]
+    pub fn for_task(&self, task: Task) -> Option<Matrix3<f64>> {
+        (self.task == task as u64).then(|| self.matrix())
     }
 
     /// The gradient as a matrix.
@@ -67,10 +95,11 @@ impl Strain {
 impl Answer {
     /// Of an element whose RVE found one, or none.
     #[must_use]
-    pub fn new(element: usize, response: Option<&Response>) -> Self {
-        let mut answer = Self { element: element as u64, failed: 1, energy: 0.0, pk1: [0.0; 9], tangent: [0.0; 81] };
+    pub fn new(element: usize, response: Option<&Response>, is_replaced: bool) -> Self {
+        let outcome = Outcome::Failed as u64;
+        let mut answer = Self { element: element as u64, outcome, energy: 0.0, pk1: [0.0; 9], tangent: [0.0; 81] };
         if let Some(response) = response {
-            answer.failed = 0;
+            answer.outcome = if is_replaced { Outcome::Replaced } else { Outcome::Found } as u64;
             answer.energy = response.energy;
             answer.pk1.copy_from_slice(response.pk1.as_slice());
             answer.tangent.copy_from_slice(response.tangent.as_slice());

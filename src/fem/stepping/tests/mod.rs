@@ -1,3 +1,5 @@
+mod settling;
+
 use std::convert::Infallible;
 
 use nalgebra::Matrix3;
@@ -106,10 +108,10 @@ impl PointField for Slow {
         Ok(self.formula.update(gradients, out)?)
     }
 
-    fn commit(&mut self) -> Result<bool, Self::Error> {
+    fn commit(&mut self) -> Result<(), Self::Error> {
         self.commits += 1;
         self.committed.copy_from_slice(&self.current);
-        Ok(false)
+        Ok(())
     }
 
     fn revert(&mut self) -> Result<(), Self::Error> {
