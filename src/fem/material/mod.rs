@@ -3,6 +3,7 @@
 mod linear_elastic;
 mod neo_hookean;
 mod saint_venant;
+mod small_strain;
 
 use nalgebra::{Matrix3, SMatrix};
 use thiserror::Error;

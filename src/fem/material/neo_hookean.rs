@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix3, SMatrix};
 
+use super::small_strain::{Dilatation, green_lagrange};
 use super::{Material, MaterialError, Response, checked_determinant};
 
 /// `W = mu/2 (I1 - 3) - mu ln J + lambda/2 (ln J)^2` with `I1 = F : F`.
@@ -16,6 +17,18 @@ use super::{Material, MaterialError, Response, checked_determinant};
 ///
 /// Swapping `iJ` with `kL` leaves `A` as it is. At `F = I` it is Hooke's law with Lame's constants `mu` and `lambda`.
 ///
+/// # Small strains
+/// In the formulas above terms of first order (in `W`) and of order zero (in `P`) cancel, which at a strain of `1e-8` leaves
+/// no correct digit of the energy. With `H = F - I`, `e = sym(H)`, the Green-Lagrange strain `E = e + H^T H / 2` and
+/// `J - 1 = tr H + II(H) + det H`, the same energy and stress are
+///
+/// ```text
+/// W = mu (e : e - (tr H)^2 / 2 - det H + [(J - 1) - ln J]) + lambda/2 (ln J)^2
+/// P = F^-T (2 mu E + lambda ln J I)
+/// ```
+///
+/// with terms of the order of the result alone.
+///
 /// # References
 /// J. Bonet and R. D. Wood, *Nonlinear Continuum Mechanics for Finite Element Analysis*, 2nd ed., section 6.4.3;
 /// W. R. Tobin's thesis, equations A.17 to A.19.
@@ -28,8 +41,11 @@ pub struct NeoHookean {
 }
 
 impl NeoHookean {
-    fn energy_at(&self, f: &Matrix3<f64>, ln_j: f64) -> f64 {
-        0.5 * self.mu * (f.norm_squared() - 3.0) - self.mu * ln_j + 0.5 * self.lambda * ln_j * ln_j
+    fn energy_at(&self, h: &Matrix3<f64>, dilatation: &Dilatation) -> f64 {
+        let strain = (h + h.transpose()) * 0.5;
+        let trace = h.trace();
+        let shear = strain.norm_squared() - 0.5 * trace * trace - h.determinant() + dilatation.beyond_ln;
+        self.mu * shear + 0.5 * self.lambda * dilatation.ln * dilatation.ln
     }
 }
 
@@ -37,9 +53,12 @@ impl Material for NeoHookean {
     fn respond(&self, f: &Matrix3<f64>) -> Result<Response, MaterialError> {
         let determinant = checked_determinant(f)?;
         let inverse = f.try_inverse().ok_or(MaterialError::Inverted { determinant })?;
-        let ln_j = determinant.ln();
-        let pressure = self.mu - self.lambda * ln_j;
-        let pk1 = f * self.mu - inverse.transpose() * pressure;
+        let displacement_gradient = f - Matrix3::identity();
+        let dilatation = Dilatation::of(&displacement_gradient, determinant);
+        let pressure = self.mu - self.lambda * dilatation.ln;
+        let strain = green_lagrange(&displacement_gradient);
+        let pulled_back = strain * (2.0 * self.mu) + Matrix3::from_diagonal_element(self.lambda * dilatation.ln);
+        let pk1 = inverse.transpose() * pulled_back;
         // h[3 i + J] = F^-1_Ji
         let h: [f64; 9] = std::array::from_fn(|k| inverse[(k % 3, k / 3)]);
         let mut tangent = SMatrix::<f64, 9, 9>::zeros();
@@ -56,10 +75,12 @@ impl Material for NeoHookean {
                 tangent[(column, column)] += self.mu;
             }
         }
-        Ok(Response { energy: self.energy_at(f, ln_j), pk1, tangent })
+        Ok(Response { energy: self.energy_at(&displacement_gradient, &dilatation), pk1, tangent })
     }
 
     fn energy(&self, f: &Matrix3<f64>) -> Result<f64, MaterialError> {
-        Ok(self.energy_at(f, checked_determinant(f)?.ln()))
+        let determinant = checked_determinant(f)?;
+        let displacement_gradient = f - Matrix3::identity();
+        Ok(self.energy_at(&displacement_gradient, &Dilatation::of(&displacement_gradient, determinant)))
     }
 }

@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix3, SMatrix};
 
+use super::small_strain::green_lagrange;
 use super::{Material, MaterialError, Response, checked_determinant};
 
 /// `W = E : C : E / 2` with `E = (F^T F - I) / 2`: any linear response at rest, carried to finite deformations so that turning
@@ -47,7 +48,7 @@ impl SaintVenantKirchhoff {
 
     /// The strain and the second Piola-Kirchhoff stress.
     fn at(&self, f: &Matrix3<f64>) -> (Matrix3<f64>, Matrix3<f64>) {
-        let strain = (f.transpose() * f - Matrix3::identity()) * 0.5;
+        let strain = green_lagrange(&(f - Matrix3::identity()));
         let stress = Matrix3::from_fn(|i, j| {
             (0..9).map(|column| self.stiffness[(3 * i + j, column)] * strain[(column / 3, column % 3)]).sum()
         });
