@@ -18,6 +18,7 @@ pub mod results;
 pub mod run;
 pub mod rve_dump;
 mod rve_files;
+mod stress;
 pub mod two_scale;
 
 pub use record::Progress;

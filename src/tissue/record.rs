@@ -17,6 +17,7 @@ use super::results::{
 };
 use super::rve_dump::lost_file;
 use super::rve_files::NetworkFiles;
+use super::stress::CauchyStress;
 use crate::fem::equilibrium::BodyState;
 use crate::fem::mesh::Mesh;
 use crate::fem::reactions::BoundaryForces;
@@ -49,6 +50,7 @@ pub(super) struct Recorder<'a> {
     networks: NetworkFiles,
     /// Reference volume of every element.
     volumes: Vec<f64>,
+    stress: CauchyStress,
     progress: &'a mut dyn Progress,
     started: std::time::Instant,
     /// The file of the RVE that made the last attempt fail, if one did.
@@ -101,6 +103,7 @@ impl<'a> Recorder<'a> {
             fields,
             networks: NetworkFiles::open(dir, elements, resumed)?,
             volumes: (0..mesh.elements().len()).map(|element| mesh.element_volume(element)).collect(),
+            stress: CauchyStress::new(case, mesh),
             progress,
             started: std::time::Instant::now(),
             lost: None,
@@ -134,7 +137,8 @@ impl<'a> Recorder<'a> {
         state: &BodyState,
         field: &M,
     ) -> Result<(), ResultsError> {
-        let cells = CellFields::new(state, &field.summaries(), |element| field.sites().life(element));
+        let stress = |element: usize, f: &_, pk1: &_| self.stress.of(mesh.region_of()[element], f, pk1);
+        let cells = CellFields::new(state, stress, &field.summaries(), |element| field.sites().life(element));
         let region: Vec<i64> = mesh.region_of().iter().map(|&region| region.into()).collect();
         let rank: Vec<i64> = (0..region.len()).map(|element| field.rank_of(element) as i64).collect();
         let fields = FieldSet {
@@ -367,11 +371,16 @@ struct CellFields {
 }
 
 impl CellFields {
-    fn new(state: &BodyState, summaries: &[Option<PointSummary>], life: impl Fn(usize) -> Option<Life>) -> Self {
+    fn new(
+        state: &BodyState,
+        stress: impl Fn(usize, &Matrix3<f64>, &Matrix3<f64>) -> Matrix3<f64>,
+        summaries: &[Option<PointSummary>],
+        life: impl Fn(usize) -> Option<Life>,
+    ) -> Self {
         let mut cells = Self::default();
         let states = state.gradients.iter().zip(&state.responses.pk1);
         for (element, ((f, pk1), summary)) in states.zip(summaries).enumerate() {
-            let cauchy = pk1 * f.transpose() / f.determinant();
+            let cauchy = stress(element, f, pk1);
             cells.von_mises.push(von_mises(&cauchy));
             cells.cauchy.push(row_major(&cauchy));
             cells.gradient.push(row_major(f));
