@@ -3,7 +3,8 @@
 #
 # Needs Rust and Python; installs what else is missing: MPI, PETSc, a Fortran compiler and valgrind as packages of the
 # system, and meshio and vtk, in a folder of its own, for the tests that read results back with an independent reader.
-# Published networks are used where BIOTISSUE_NETWORKS names their folder, or where they lie in a folder beside this checkout.
+# Published networks are used where BIOTISSUE_NETWORKS names their folder, or where they lie in a folder beside this checkout;
+# with BIOTISSUE_REQUIRE_NETWORKS=1 this fails where they are not found.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -19,6 +20,11 @@ if [ -z "${BIOTISSUE_NETWORKS:-}" ]; then
         BIOTISSUE_NETWORKS=$(cd "$(dirname "$found")" && pwd)
         export BIOTISSUE_NETWORKS
     fi
+fi
+if [ -z "${BIOTISSUE_NETWORKS:-}" ] && [ "${BIOTISSUE_REQUIRE_NETWORKS:-0}" != 0 ]; then
+    echo "no published networks beside the checkout, and BIOTISSUE_REQUIRE_NETWORKS is set:" >&2
+    echo "let BIOTISSUE_NETWORKS name their folder, the one with Network_2_7.txt in it" >&2
+    exit 1
 fi
 say "published networks: ${BIOTISSUE_NETWORKS:-none, their tests say that they skip}"
 

@@ -10,6 +10,9 @@ mod bar_of_24;
 mod counting;
 #[path = "../fabricated/mod.rs"]
 mod fabricated;
+#[cfg(feature = "sparse")]
+#[path = "../support/networks.rs"]
+mod networks;
 
 #[cfg(feature = "sparse")]
 mod dogbone;

@@ -10,6 +10,7 @@ use biotissue::tissue::micro_scale::{TissueField, TissueMaterial};
 use nalgebra::Matrix3;
 
 use crate::counting;
+use crate::networks::published_file;
 
 fn case(network: &Path, cells: usize) -> String {
     format!(
@@ -58,11 +59,7 @@ fn field(network: &Path, cells: usize) -> (f64, f64, f64) {
 
 #[test]
 fn an_rve_of_336_nodes_takes_less_than_12_kb() {
-    let Some(name) = std::env::var_os("BIOTISSUE_NETWORKS") else {
-        println!("skipped: BIOTISSUE_NETWORKS is not set, so there is no Network_2_7.txt");
-        return;
-    };
-    let network = Path::new(&name).join("Network_2_7.txt");
+    let Some(network) = published_file("Network_2_7.txt") else { return };
     // One thread, so that both fields have as many workspaces, and all that they allocate is counted.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     let [few, many] = [4, 40].map(|cells| pool.install(|| field(&network, cells)));

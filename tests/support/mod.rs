@@ -1,6 +1,9 @@
 //! What several test files share.
 #![allow(dead_code, reason = "every test file uses a part of it")]
 
+#[path = "networks.rs"]
+mod networks;
+
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -13,13 +16,11 @@ use biotissue::fiber::workspace::Workspace;
 use biotissue::las::{Backend, Scalar, SolverParams};
 use nalgebra::Matrix3;
 
-/// A published network, where the environment says where they lie; says so and gives `None` where it does not.
+pub use networks::published_file;
+
+/// A published network; `None` where the environment does not say where it lies (see [`published_file`]).
 pub fn published(name: &str) -> Option<Arc<Network>> {
-    let Some(folder) = std::env::var_os("BIOTISSUE_NETWORKS") else {
-        println!("skipped: BIOTISSUE_NETWORKS is not set, so there is no {name}");
-        return None;
-    };
-    Some(network(PathBuf::from(folder).join(name)))
+    published_file(name).map(network)
 }
 
 /// The network frozen beside the tests.
