@@ -1,7 +1,60 @@
 //! What is wrong in a file that a person wrote: always with the place, what was expected, and the cure.
 
-use std::fmt;
+use std::fmt::{self, Write as _};
 use std::path::{Path, PathBuf};
+
+/// How many errors are shown at once.
+pub const MOST_SHOWN: usize = 20;
+/// The most characters of a line of a message.
+const MOST_IN_LINE: usize = 600;
+/// The most characters of a piece of a file that a message quotes.
+const MOST_QUOTED: usize = 60;
+/// How editors of some systems begin a text in UTF-8.
+const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
+
+/// The content of a text file without the byte-order mark that it may begin with.
+#[must_use]
+pub fn without_byte_order_mark(bytes: &[u8]) -> &[u8] {
+    bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes)
+}
+
+/// The beginning of a text from a user's file, as a message quotes it: on one line, without control characters, and no
+/// longer than 60 characters.
+#[must_use]
+pub fn excerpt(text: &str) -> String {
+    clipped(text.trim(), MOST_QUOTED)
+}
+
+/// A text for the terminal: its lines as they are, but clipped where they are longer than any message of this program, and
+/// with control characters, which could move the cursor or hide what follows, escaped.
+#[must_use]
+pub fn printable(text: &str) -> String {
+    let mut lines = String::with_capacity(text.len());
+    for (k, line) in text.split('\n').enumerate() {
+        if k > 0 {
+            lines.push('\n');
+        }
+        lines.push_str(&clipped(line, MOST_IN_LINE));
+    }
+    lines
+}
+
+fn clipped(text: &str, most: usize) -> String {
+    let mut shown = String::new();
+    for (k, c) in text.chars().enumerate() {
+        if k == most {
+            shown.push_str("...");
+            break;
+        }
+        // Beside control characters proper, those that change the direction in which text runs.
+        if c.is_control() || matches!(c, '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}' | '\u{feff}') {
+            shown.extend(c.escape_debug());
+        } else {
+            shown.push(c);
+        }
+    }
+    shown
+}
 
 /// One thing wrong in one file.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -49,29 +102,34 @@ impl InputError {
 
 impl fmt::Display for InputError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.line {
-            Some(line) => write!(f, "{}:{line}: {}", self.file.display(), self.what)?,
-            None => write!(f, "{}: {}", self.file.display(), self.what)?,
+        let mut what = self.file.display().to_string();
+        if let Some(line) = self.line {
+            write!(what, ":{line}")?;
         }
-        write!(f, "\n  expected: {}\n  cure: {}", self.expected, self.cure)
+        write!(f, "{}: {}", clipped(&what, usize::MAX), clipped(&self.what, MOST_IN_LINE))?;
+        let (expected, cure) = (clipped(&self.expected, MOST_IN_LINE), clipped(&self.cure, MOST_IN_LINE));
+        write!(f, "\n  expected: {expected}\n  cure: {cure}")
     }
 }
 
 impl std::error::Error for InputError {}
 
-/// Everything wrong in the files of one request, all shown at once.
+/// Everything wrong in the files of one request. The first 20 are shown, and how many more there are.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct InputErrors(pub Vec<InputError>);
 
 impl fmt::Display for InputErrors {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (k, error) in self.0.iter().enumerate() {
+        for (k, error) in self.0.iter().take(MOST_SHOWN).enumerate() {
             if k > 0 {
                 writeln!(f)?;
             }
             write!(f, "{error}")?;
         }
-        Ok(())
+        match self.0.len().saturating_sub(MOST_SHOWN) {
+            0 => Ok(()),
+            more => write!(f, "\nand {more} more"),
+        }
     }
 }
 
@@ -80,5 +138,43 @@ impl std::error::Error for InputErrors {}
 impl From<InputError> for InputErrors {
     fn from(error: InputError) -> Self {
         Self(vec![error])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn error(k: usize) -> InputError {
+        InputError::at_line(Path::new("case.toml"), k, format!("mistake {k}"), "none", "correct it")
+    }
+
+    #[test]
+    fn twenty_errors_are_shown_and_the_others_counted() {
+        let text = |count| InputErrors((1..=count).map(error).collect()).to_string();
+        assert_eq!(text(20).lines().count(), 60);
+        assert!(text(20).ends_with("case.toml:20: mistake 20\n  expected: none\n  cure: correct it"));
+        assert_eq!(text(1000), text(20) + "\nand 980 more");
+    }
+
+    #[test]
+    fn control_characters_and_long_lines_do_not_reach_the_terminal() {
+        let what = format!("`\u{1b}[2J\r\u{7}\u{202e}{}` is no number", "x".repeat(1_000_000));
+        let error = InputError::in_file(Path::new("a\u{1b}[1mb.txt"), what, "a\tnumber", "correct it");
+        let text = error.to_string();
+        let begin = r"a\u{1b}[1mb.txt: `\u{1b}[2J\r\u{7}\u{202e}xxx";
+        assert!(text.starts_with(begin), "{text}");
+        assert!(text.ends_with("xxx...\n  expected: a\\tnumber\n  cure: correct it"), "{text}");
+        assert!(text.len() < 1000 && text.lines().count() == 3, "{text}");
+        assert_eq!(printable("error: \u{9b}1m\n  at: here"), "error: \\u{9b}1m\n  at: here");
+        assert_eq!(excerpt("  a \"quoted\" word\n"), "a \"quoted\" word");
+        assert_eq!(excerpt(&"ä".repeat(61)), "ä".repeat(60) + "...");
+    }
+
+    #[test]
+    fn a_byte_order_mark_is_skipped_once() {
+        assert_eq!(without_byte_order_mark(b"\xef\xbb\xbf1 2"), b"1 2");
+        assert_eq!(without_byte_order_mark(b"\xef\xbb"), b"\xef\xbb");
+        assert_eq!(without_byte_order_mark(b""), b"");
     }
 }

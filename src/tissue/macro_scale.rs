@@ -3,11 +3,13 @@
 use thiserror::Error;
 
 use crate::fem::boundary::{
-    BodyForce, Conditions, CurveError, LoadCurve, Place, PointCondition, SurfaceCondition, SurfaceLoad,
+    BodyForce, Boundary, BoundaryError, Conditions, CurveError, LoadCurve, Place, PointCondition, SurfaceCondition,
+    SurfaceLoad,
 };
-use crate::fem::mesh::{Mesh, MeshError, gmsh, shapes};
+use crate::fem::mesh::shapes::{self, ShapeError};
+use crate::fem::mesh::{Mesh, gmsh};
 use crate::fem::stepping::{StepParams, StepStart};
-use crate::input::InputErrors;
+use crate::input::{InputError, InputErrors};
 use crate::tissue::case::{self, Case, CurveCase, LoadCase, MeshSource, PointPlace};
 
 /// Why the mesh or the conditions of a case cannot be had.
@@ -16,12 +18,6 @@ pub enum MacroScaleError {
     /// The mesh file, or names in the case that the mesh does not know.
     #[error("{0}")]
     Input(#[from] InputErrors),
-    /// A built-in shape with sizes that make no sense.
-    #[error("{0}")]
-    Shape(#[from] shapes::ShapeError),
-    /// The mesh does not survive being scaled.
-    #[error("{0}")]
-    Mesh(#[from] MeshError),
     /// A load curve.
     #[error("the load curve in line {line}: {reason}")]
     Curve {
@@ -43,15 +39,87 @@ pub fn mesh(case: &Case) -> Result<(Mesh, Vec<String>), MacroScaleError> {
             let read = gmsh::read(path).map_err(InputErrors::from)?;
             (read.mesh, read.warnings)
         }
-        MeshSource::Box { cells, size } => (shapes::cuboid(*cells, *size)?, Vec::new()),
+        MeshSource::Box { cells, size } => {
+            (shapes::cuboid(*cells, *size).map_err(|error| not_made(case, &error))?, Vec::new())
+        }
         MeshSource::Dogbone { element_size } => {
-            (shapes::dogbone(&shapes::DogboneShape::default(), *element_size)?, Vec::new())
+            let shape = shapes::DogboneShape::default();
+            (shapes::dogbone(&shape, *element_size).map_err(|error| not_made(case, &error))?, Vec::new())
         }
     };
-    let mesh = if case.mesh_scale == 1.0 { mesh } else { mesh.scaled(case.mesh_scale)? };
+    let mesh = match case.mesh_scale {
+        1.0 => mesh,
+        scale => mesh.scaled(scale).map_err(|error| {
+            let what = format!("the mesh cannot be scaled by {scale:e}: {error}");
+            let cure = "`scale` is the length of one mesh unit in m: correct it";
+            InputErrors::from(InputError::at_line(&case.file, case.mesh_line, what, "a mesh of finite size", cure))
+        })?,
+    };
     let surfaces: Vec<String> = mesh.surface_names().map(str::to_owned).collect();
     case.check_names(mesh.regions(), &surfaces)?;
     Ok((mesh, warnings))
+}
+
+/// A built-in shape that cannot be made of the lengths given.
+fn not_made(case: &Case, error: &ShapeError) -> InputErrors {
+    let (expected, cure) = match error {
+        ShapeError::TooManyElements { .. } => (
+            format!("at most {} elements", shapes::MAX_ELEMENTS),
+            "choose fewer `cells`, or a greater `element_size`: it is in mesh units",
+        ),
+        ShapeError::ElementTooLarge { what, .. } => {
+            (format!("an `element_size` below the {what} of the sample"), "correct it: it is in mesh units")
+        }
+        _ => ("lengths that make a body".into(), "correct the lengths of `generate`: they are in mesh units"),
+    };
+    InputError::at_line(&case.file, case.mesh_line, error.to_string(), expected, cure).into()
+}
+
+/// The conditions of a case laid on its mesh.
+///
+/// # Errors
+/// [`MacroScaleError::Input`] where they do not fit it or each other, with the line of the condition.
+pub fn boundary(case: &Case, mesh: &Mesh, conditions: &Conditions) -> Result<Boundary, MacroScaleError> {
+    Boundary::new(mesh, conditions).map_err(|error| {
+        let (line, expected, cure) = match &error {
+            BoundaryError::UnknownNode { node, nodes } => {
+                let point = case.points.iter().find(|point| point.place == PointPlace::Node(*node));
+                let expected = format!("a node from 0 to {}", nodes.saturating_sub(1));
+                (point.map(|point| point.line), expected, "correct `node`, or give the position of the node by `at`")
+            }
+            BoundaryError::Conflict { second, .. } => (
+                line_of(case, second),
+                "each displacement component of a node prescribed once, or alike".into(),
+                "the two surfaces or points share a node: leave the component out of one of the two",
+            ),
+            BoundaryError::NotFinite { place, .. } => {
+                (line_of(case, place), "finite numbers".into(), "correct the number, or the `scale` of the mesh")
+            }
+            BoundaryError::UnknownSurface { name, .. } => (
+                line_of(case, &format!("surface `{name}`")),
+                "a surface of the mesh".into(),
+                "choose one of these, or name it in the mesh as a physical group",
+            ),
+            BoundaryError::UnknownRegion { .. } => {
+                (None, "a region of the mesh".into(), "choose one of these, or name it in the mesh as a physical group")
+            }
+        };
+        let error = InputError { line, ..InputError::in_file(&case.file, error.to_string(), expected, cure) };
+        InputErrors::from(error).into()
+    })
+}
+
+/// The line of a condition, by what errors of the boundary call it.
+fn line_of(case: &Case, place: &str) -> Option<usize> {
+    let number = |prefix: &str| place.strip_prefix(prefix)?.parse::<usize>().ok()?.checked_sub(1);
+    if let Some(point) = number("point condition ") {
+        return case.points.get(point).map(|point| point.line);
+    }
+    if let Some(force) = number("body force ") {
+        return case.body_forces.get(force).map(|force| force.line);
+    }
+    let name = place.strip_prefix("surface `")?.strip_suffix('`')?;
+    case.boundaries.iter().rfind(|boundary| boundary.surface == name).map(|boundary| boundary.line)
 }
 
 /// What a case prescribes, in metres and newtons.

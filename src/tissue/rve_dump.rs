@@ -150,7 +150,8 @@ impl RveDump {
     /// What is wrong, with the line where there is one.
     pub fn read(path: &Path) -> Result<Self, InputError> {
         let text = std::fs::read_to_string(path).map_err(|error| InputError::unreadable(path, &error))?;
-        let document: Document = serde_json::from_str(&text).map_err(|error| {
+        let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
+        let document: Document = serde_json::from_str(text).map_err(|error| {
             InputError::at_line(path, error.line(), format!("is no RVE to replay: {error}"), EXPECTED, CURE)
         })?;
         let folder = path.parent().unwrap_or(Path::new(""));

@@ -131,9 +131,27 @@ pub fn not_set_up<F: std::error::Error + 'static>(
             "a network whose fibers have a law, a radius and a modulus",
             "give the region a `law`, or put NETWORK.toml with a [law] or NETWORK.params beside the network",
         ),
-        _ => ("a case that can be set up", "change the case, or the mesh it names"),
+        SimulationError::Library(LibraryError::NoMaterial(_)) => {
+            ("a material for every region of the mesh", "add a [[region]] with the name of that region, or \"*\"")
+        }
+        SimulationError::Setup(setup) => cure_of_setup(setup),
     };
     Failure::arguments(format!("{}: {error}", file.display()), expected, cure)
+}
+
+/// What was expected of a body whose linear system cannot be made, and the cure.
+fn cure_of_setup<F: std::error::Error + 'static>(
+    error: &SetupError<TissueFieldError, F>,
+) -> (&'static str, &'static str) {
+    match error {
+        SetupError::Boundary(_) => ("loads that fit the mesh", "correct the boundary or point that is named"),
+        SetupError::Geometry(_) => ("elements with a volume", "improve the mesh, or correct the `scale` of [mesh]"),
+        SetupError::Sparsity(_) => ("a stiffness that 32-bit indices can address", "choose a coarser mesh"),
+        SetupError::System(_) => {
+            ("a linear solver that can be made for this body", "try another `solver` of [newton], or --backend")
+        }
+        SetupError::Undeformed(_) => ("an undeformed body that resists every deformation", "try another --backend"),
+    }
 }
 
 /// The undeformed body has no stress or no stiffness: an RVE is singular before any load.

@@ -5,7 +5,7 @@ use std::fmt;
 use std::path::Path;
 use std::process::ExitCode;
 
-use biotissue::input::{InputError, InputErrors};
+use biotissue::input::{InputError, InputErrors, printable};
 
 /// Why a command failed.
 #[derive(Debug)]
@@ -64,18 +64,19 @@ impl Failure {
 
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Input(errors) => write!(f, "error: {errors}"),
+        let text = match self {
+            Self::Input(errors) => format!("error: {errors}"),
             Self::Arguments { what, expected, cure } | Self::Environment { what, expected, cure } => {
-                write!(f, "error: {what}\n  expected: {expected}\n  cure: {cure}")
+                format!("error: {what}\n  expected: {expected}\n  cure: {cure}")
             }
             Self::Panicked(what) => {
-                write!(f, "error: {what}\n  expected: no panic\n  cure: report this as a bug, with the case")
+                format!("error: {what}\n  expected: no panic\n  cure: report this as a bug, with the case")
             }
             Self::NotConverged { what, place, expected, cure } => {
-                write!(f, "error: {what}\n  at: {place}\n  expected: {expected}\n  cure: {cure}")
+                format!("error: {what}\n  at: {place}\n  expected: {expected}\n  cure: {cure}")
             }
-        }
+        };
+        f.write_str(&printable(&text))
     }
 }
 

@@ -36,6 +36,7 @@ mod rve;
 
 use std::process::ExitCode;
 
+use biotissue::input::printable;
 use clap::{Parser, Subcommand};
 
 use failure::Failure;
@@ -63,7 +64,10 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    let arguments = Arguments::parse();
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(error) => return told(&error),
+    };
     let outcome: Result<(), Failure> = match arguments.command {
         Command::Run(command) => run::run(command),
         Command::Check(command) => check::check(&command),
@@ -80,4 +84,15 @@ fn main() -> ExitCode {
             failure.exit_code()
         }
     }
+}
+
+/// Help, the version, or what is wrong in the arguments, which are quoted as any other input is.
+fn told(error: &clap::Error) -> ExitCode {
+    let text = error.render().to_string();
+    let shown = printable(&text);
+    if shown == text {
+        error.exit();
+    }
+    output::say(shown.trim_end());
+    u8::try_from(error.exit_code()).map_or(ExitCode::FAILURE, ExitCode::from)
 }

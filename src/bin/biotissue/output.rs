@@ -3,6 +3,7 @@
 use std::io::{ErrorKind, Write};
 use std::path::Path;
 
+use biotissue::input::{MOST_SHOWN, printable};
 use serde::Serialize;
 
 use crate::failure::Failure;
@@ -40,7 +41,11 @@ pub fn say(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
-/// Says what the reader of a file found strange.
+/// Says what the readers of files found strange: the first twenty things, and how many more there are.
 pub fn warn(warnings: &[String]) {
-    warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
+    let (warnings, more) = warnings.split_at(warnings.len().min(MOST_SHOWN));
+    warnings.iter().for_each(|warning| say(&printable(&format!("warning: {warning}"))));
+    if !more.is_empty() {
+        say(&format!("warning: and {} more", more.len()));
+    }
 }

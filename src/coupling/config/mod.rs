@@ -63,6 +63,7 @@ impl Config {
     /// # Errors
     /// [`InputErrors`]: everything that is wrong in the file, in the order of its lines.
     pub fn parse(text: &str, file: &Path, variable: impl Fn(&str) -> Option<String>) -> Result<Self, InputErrors> {
+        let text = text.strip_prefix('\u{feff}').unwrap_or(text);
         let mut reader = Reader::new(file, &variable);
         for (k, line) in text.lines().enumerate() {
             reader.line = k + 1;

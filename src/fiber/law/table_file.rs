@@ -3,11 +3,9 @@
 use std::path::Path;
 
 use super::Table;
-use crate::input::{InputError, InputErrors};
+use crate::input::{InputError, InputErrors, MOST_SHOWN, excerpt, without_byte_order_mark};
 
 const EXPECTED: &str = "two numbers separated by a comma: stretch, nominal stress in Pa";
-/// How many errors of one file are told before reading it ends.
-const MOST_ERRORS: usize = 20;
 
 impl Table {
     /// Reads a law from a CSV file with the columns stretch and nominal stress in Pa.
@@ -27,7 +25,7 @@ impl Table {
             .flexible(true)
             .comment(Some(b'#'))
             .trim(csv::Trim::All)
-            .from_reader(bytes);
+            .from_reader(without_byte_order_mark(bytes));
         let (mut points, mut lines, mut errors) = (Vec::new(), Vec::new(), Vec::new());
         for (number, record) in reader.byte_records().enumerate() {
             let record = record.map_err(|error| {
@@ -44,7 +42,7 @@ impl Table {
                 Err(_) if number == 0 && record.iter().all(|cell| number_of(cell).is_none()) => {}
                 Err(what) => errors.push(InputError::at_line(file, line, what, EXPECTED, "correct or remove the line")),
             }
-            if errors.len() == MOST_ERRORS {
+            if errors.len() == MOST_SHOWN {
                 break;
             }
         }
@@ -73,10 +71,8 @@ fn point(record: &csv::ByteRecord) -> Result<[f64; 2], String> {
         return Err(format!("the line has {cells} column{s}"));
     }
     for (value, cell) in point.iter_mut().zip(record) {
-        *value = number_of(cell).ok_or_else(|| {
-            let shown: String = String::from_utf8_lossy(cell).chars().take(40).flat_map(char::escape_debug).collect();
-            format!("`{shown}` is no number")
-        })?;
+        *value =
+            number_of(cell).ok_or_else(|| format!("`{}` is no number", excerpt(&String::from_utf8_lossy(cell))))?;
     }
     Ok(point)
 }

@@ -1,10 +1,14 @@
 //! What is prescribed: boundaries, points and body forces.
 
+use std::collections::{BTreeMap, HashMap};
+use std::hash::Hash;
+
 use super::data::{BodyForceCase, BoundaryCase, CurveCase, LoadCase, PointCase, PointPlace};
 use super::problems::Problems;
 use super::range::Range;
 use super::table::{Either, Table};
 use super::value::{Value, did_you_mean};
+use crate::input::excerpt;
 
 const AXES: [&str; 3] = ["x", "y", "z"];
 const NAMED_SURFACE: &str = "the name of a physical surface";
@@ -12,21 +16,15 @@ const NAMED_SURFACE: &str = "the name of a physical surface";
 /// All boundaries. No component of a surface is prescribed twice.
 pub(super) fn boundaries(root: &mut Table<'_>) -> Vec<BoundaryCase> {
     let mut boundaries: Vec<BoundaryCase> = Vec::new();
+    let mut holders = Holders::default();
     for mut table in root.tables("boundary") {
         let surface = table.require("surface", NAMED_SURFACE).and_then(|value| value.text(NAMED_SURFACE));
         let load = boundary_load(&mut table);
         let curve = curve(&mut table);
         if let (Some(surface), Some(load)) = (surface, load) {
             let new = BoundaryCase { surface: surface.to_string(), line: table.line, load, curve };
-            for before in boundaries.iter().filter(|before| before.surface == new.surface) {
-                let place = format!("surface \"{surface}\"");
-                report_collision(
-                    table.problems,
-                    &place,
-                    (before.line, before.load.held()),
-                    (new.line, new.load.held()),
-                );
-            }
+            let place = || format!("surface \"{}\"", excerpt(surface));
+            holders.add(table.problems, surface, place, new.line, new.load.held());
             boundaries.push(new);
         }
         table.finish();
@@ -72,23 +70,51 @@ impl LoadCase {
     }
 }
 
-/// Reports the components that two entries (line, components) for one place both prescribe.
-fn report_collision(problems: &Problems<'_>, place: &str, before: (usize, [bool; 3]), new: (usize, [bool; 3])) {
-    let both = |k: usize| before.1[k] && new.1[k];
-    let shared: Vec<&str> = (0..3).filter(|&k| both(k)).map(|k| AXES[k]).collect();
-    if !shared.is_empty() {
-        problems.report(
-            new.0,
-            format!("{place} has {} prescribed here and at line {}", shared.join(", "), before.0),
-            "each component of a place prescribed once, by displacement or by a traction other than 0",
-            "remove it from one of the two",
-        );
+/// Which line prescribes each component of the places named so far. Of several entries for one component each is held
+/// against the first alone, so that a thousand of them make a thousand errors and not half a million.
+struct Holders<K>(HashMap<K, [Option<usize>; 3]>);
+
+impl<K> Default for Holders<K> {
+    fn default() -> Self {
+        Self(HashMap::new())
+    }
+}
+
+impl<K: Eq + Hash> Holders<K> {
+    /// Adds the components that the entry of a line prescribes at a place, and reports those that another line prescribes
+    /// already.
+    fn add(&mut self, problems: &Problems<'_>, key: K, place: impl Fn() -> String, line: usize, held: [bool; 3]) {
+        let holders = self.0.entry(key).or_default();
+        let mut shared: BTreeMap<usize, Vec<&str>> = BTreeMap::new();
+        for (k, holder) in holders.iter_mut().enumerate().filter(|(k, _)| held[*k]) {
+            match holder {
+                Some(first) => shared.entry(*first).or_default().push(AXES[k]),
+                None => *holder = Some(line),
+            }
+        }
+        for (first, axes) in shared {
+            problems.report(
+                line,
+                format!("{} has {} prescribed here and at line {first}", place(), axes.join(", ")),
+                "each component of a place prescribed once, by displacement or by a traction other than 0",
+                "remove it from one of the two",
+            );
+        }
+    }
+}
+
+/// A node's place as a key: positions that compare equal have equal bits once -0 is 0.
+fn key_of(place: &PointPlace) -> Result<[u64; 3], usize> {
+    match place {
+        PointPlace::At(at) => Ok(at.map(|x| (x + 0.0).to_bits())),
+        PointPlace::Node(node) => Err(*node),
     }
 }
 
 /// All points.
 pub(super) fn points(root: &mut Table<'_>) -> Vec<PointCase> {
     let mut points: Vec<PointCase> = Vec::new();
+    let mut holders = Holders::default();
     for mut table in root.tables("point") {
         let place = match table.either("at", "node") {
             Some(Either::First(at)) => at.vector(Range::any("mesh units")).map(PointPlace::At),
@@ -101,10 +127,7 @@ pub(super) fn points(root: &mut Table<'_>) -> Vec<PointCase> {
         let curve = curve(&mut table);
         if let (Some(place), Some(displacement)) = (place, displacement) {
             let held = displacement.map(|component| component.is_some());
-            for before in points.iter().filter(|before| before.place == place) {
-                let held_before = before.displacement.map(|component| component.is_some());
-                report_collision(table.problems, "this node", (before.line, held_before), (table.line, held));
-            }
+            holders.add(table.problems, key_of(&place), || "this node".into(), table.line, held);
             points.push(PointCase { place, line: table.line, displacement, curve });
         }
         table.finish();

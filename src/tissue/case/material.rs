@@ -1,5 +1,6 @@
 //! Regions and their materials.
 
+use std::collections::HashMap;
 use std::path::Path;
 
 use super::data::{
@@ -33,7 +34,7 @@ const NAMED_REGION: &str = "the name of a physical volume, or \"*\" for every vo
 /// All regions; their names are unique.
 pub(super) fn regions(root: &mut Table<'_>, base: &Path) -> Vec<RegionCase> {
     let mut regions = Vec::new();
-    let mut names: Vec<(&str, usize)> = Vec::new();
+    let mut names: HashMap<&str, usize> = HashMap::new();
     let tables = root.tables("region");
     if tables.is_empty() && !root.has("region") {
         root.report("has no region", "at least one [[region]]", "add [[region]] with `name` and `material`");
@@ -42,12 +43,14 @@ pub(super) fn regions(root: &mut Table<'_>, base: &Path) -> Vec<RegionCase> {
         let line = table.line;
         let value = table.require("name", NAMED_REGION);
         let name = value.as_ref().and_then(|value| value.text(NAMED_REGION));
-        let twin = names.iter().find(|(before, _)| Some(*before) == name);
-        if let (Some(value), Some((_, before))) = (value, twin) {
+        let twin = name.and_then(|name| names.get(name));
+        if let (Some(value), Some(before)) = (value, twin) {
             let complaint = format!("is the name of the region at line {before} too");
             value.object(&complaint, "one [[region]] for each name", "remove or rename one of them");
         }
-        names.extend(name.map(|name| (name, line)));
+        if let Some(name) = name {
+            names.entry(name).or_insert(line);
+        }
         let material = table.required_table("material", "a table with its `model`");
         let material = material.and_then(|material| read(material, base));
         regions.extend(name.zip(material).map(|(name, material)| RegionCase { name: name.into(), line, material }));

@@ -1,8 +1,8 @@
 //! The names in a case against those of its mesh.
 
-use crate::input::{InputError, InputErrors};
+use crate::input::{InputError, InputErrors, excerpt};
 
-use super::data::{Case, MaterialCase};
+use super::data::{Case, MaterialCase, MeshSource};
 use super::problems::{alternatives, nearest};
 
 /// The region that stands for all that is not named.
@@ -42,7 +42,7 @@ impl Case {
         for region in regions.iter().filter(|region| self.material_of(region).is_none()) {
             errors.push(InputError::in_file(
                 &self.file,
-                format!("region \"{region}\" of the mesh has no material"),
+                format!("region \"{}\" of the mesh{} has no material", excerpt(region), self.mesh_file()),
                 "a [[region]] for every region of the mesh, or one of name \"*\" for the rest",
                 format!("add [[region]] with name = \"{region}\" and its material"),
             ));
@@ -69,6 +69,15 @@ impl Case {
             }
             None => "choose one of these, or name it in the mesh as a physical group".into(),
         };
-        InputError::at_line(&self.file, line, format!("the mesh has no {kind} \"{name}\""), expected, cure)
+        let what = format!("the mesh{} has no {kind} \"{}\"", self.mesh_file(), excerpt(name));
+        InputError::at_line(&self.file, line, what, expected, cure)
+    }
+
+    /// The file of the mesh, with a blank before it; nothing where it is made here.
+    fn mesh_file(&self) -> String {
+        match &self.mesh {
+            MeshSource::File(file) => format!(" {}", file.display()),
+            MeshSource::Box { .. } | MeshSource::Dogbone { .. } => String::new(),
+        }
     }
 }

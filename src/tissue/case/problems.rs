@@ -7,6 +7,11 @@ use strsim::damerau_levenshtein;
 
 use crate::input::{InputError, InputErrors};
 
+/// The longest word, in bytes, for which a like one is looked for.
+const LONGEST_WORD: usize = 200;
+/// The most words that a message lists.
+const MOST_WORDS: usize = 20;
+
 /// What is wrong so far. Shared by every table under reading, hence the cells.
 pub(super) struct Problems<'d> {
     file: &'d Path,
@@ -59,6 +64,10 @@ impl<'d> Problems<'d> {
 /// The known word most like `word`, if any is like enough to be what was meant: by a few slips of the finger, or because
 /// one begins with the other.
 pub(super) fn nearest<'k>(word: &str, known: impl IntoIterator<Item = &'k str>) -> Option<&'k str> {
+    // A word that long is no slip of the finger, and comparing it takes the square of its length.
+    if word.len() > LONGEST_WORD {
+        return None;
+    }
     let plain = |s: &str| s.to_lowercase().replace([' ', '-'], "_");
     let word = plain(word);
     let slips_if_meant = |candidate: &str| {
@@ -70,14 +79,20 @@ pub(super) fn nearest<'k>(word: &str, known: impl IntoIterator<Item = &'k str>) 
     };
     known
         .into_iter()
+        .filter(|candidate| candidate.len() <= LONGEST_WORD)
         .filter_map(|candidate| Some((slips_if_meant(candidate)?, candidate)))
         .min()
         .map(|(_, candidate)| candidate)
 }
 
-/// `a, b or c`, each between `quote`s.
+/// `a, b or c`, each between `quote`s; of very many the first.
 pub(super) fn alternatives<'k>(words: impl IntoIterator<Item = &'k str>, quote: char) -> String {
-    let quoted: Vec<String> = words.into_iter().map(|word| format!("{quote}{word}{quote}")).collect();
+    let mut words = words.into_iter();
+    let quoted: Vec<String> = words.by_ref().take(MOST_WORDS).map(|word| format!("{quote}{word}{quote}")).collect();
+    let more = words.count();
+    if more > 0 {
+        return format!("{} or one of {more} more", quoted.join(", "));
+    }
     match quoted.split_last() {
         Some((last, [])) => last.clone(),
         Some((last, others)) => format!("{} or {last}", others.join(", ")),

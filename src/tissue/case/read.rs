@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use toml::de::DeTable;
 
-use crate::input::{InputError, InputErrors};
+use crate::input::{InputError, InputErrors, excerpt};
 
 use super::data::{Case, MaterialCase};
 use super::problems::Problems;
@@ -44,6 +44,7 @@ impl Case {
     /// # Errors
     /// As [`Case::read`].
     pub fn parse(text: &str, path: &Path) -> Result<CaseFile, InputErrors> {
+        let text = text.strip_prefix('\u{feff}').unwrap_or(text);
         let problems = Problems::new(path, text);
         let base = folder_of(path)?;
         let document = DeTable::parse(text).map_err(|error| syntax_error(&problems, path, text, &error))?;
@@ -73,12 +74,13 @@ fn read(root: &mut Table<'_>, path: &Path, base: &Path) -> Option<Case> {
     let scales = section::scales(root);
     let any_network = regions.iter().any(|region| matches!(region.material, MaterialCase::FiberRve(_)));
     let output = section::output(root, base, any_network);
-    let (mesh, mesh_scale) = mesh?;
+    let section::MeshSection { source: mesh, line: mesh_line, scale: mesh_scale } = mesh?;
     let stem = || path.file_stem().map_or_else(|| "case".into(), |stem| stem.to_string_lossy().into_owned());
     Some(Case {
         file: path.into(),
         title: title.map_or_else(stem, str::to_string),
         mesh,
+        mesh_line,
         mesh_scale,
         regions,
         boundaries,
@@ -104,8 +106,8 @@ fn folder_of(path: &Path) -> Result<PathBuf, InputError> {
 /// What TOML itself objects to, with the text of the line.
 fn syntax_error(problems: &Problems<'_>, path: &Path, text: &str, error: &toml::de::Error) -> InputError {
     let line = problems.line_of(error.span().map_or(0, |span| span.start));
-    let content = text.lines().nth(line - 1).unwrap_or_default().trim();
-    let what = format!("not TOML: {} in `{content}`", error.message());
+    let content = excerpt(text.lines().nth(line - 1).unwrap_or_default());
+    let what = format!("not TOML: {} in `{content}`", excerpt(&error.message().replace('\n', ", ")));
     let (expected, cure) = if error.message().starts_with("duplicate key") {
         (
             "each key once in its table, each [header] once in the file",

@@ -16,17 +16,25 @@ use super::value::{Value, did_you_mean};
 const MOST_ELEMENTS: usize = u32::MAX as usize;
 const TOLERANCE: Range = Range::between(0.0, 1.0);
 
-/// The source of the mesh and the metres of its unit.
-pub(super) fn mesh(root: &mut Table<'_>, base: &Path) -> Option<(MeshSource, f64)> {
+/// The section `[mesh]`.
+pub(super) struct MeshSection {
+    pub(super) source: MeshSource,
+    /// The line of `file` or `generate`.
+    pub(super) line: usize,
+    /// Metres of one mesh unit.
+    pub(super) scale: f64,
+}
+
+pub(super) fn mesh(root: &mut Table<'_>, base: &Path) -> Option<MeshSection> {
     let mut table = root.required_table("mesh", "a section [mesh] with `file` or `generate`")?;
     let scale = table.number("scale", Range::above(0.0, "m for a mesh unit")).unwrap_or(1.0);
-    let source = match table.either("file", "generate") {
-        Some(Either::First(file)) => mesh_file(&file, base),
-        Some(Either::Second(generate)) => generate.table().and_then(generated),
-        None => None,
+    let (source, line) = match table.either("file", "generate") {
+        Some(Either::First(file)) => (mesh_file(&file, base), file.line),
+        Some(Either::Second(generate)) => (generate.table().and_then(generated), generate.line),
+        None => (None, table.line),
     };
     table.finish();
-    Some((source?, scale))
+    Some(MeshSection { source: source?, line, scale })
 }
 
 fn mesh_file(value: &Value<'_>, base: &Path) -> Option<MeshSource> {

@@ -8,6 +8,7 @@ use toml::de::{DeTable, DeValue};
 use super::problems::{Problems, nearest};
 use super::range::Range;
 use super::value::Value;
+use crate::input::excerpt;
 
 /// The tables at the top of a case, for keys that slipped below another header.
 const SECTIONS: [&str; 11] =
@@ -170,7 +171,7 @@ impl<'d> Table<'d> {
             let expected = format!("one of the keys of {}: {}", self.name(), known.join(", "));
             self.problems.report(
                 self.problems.line_of(name.span().start),
-                format!("unknown key `{}`", self.path_of(key)),
+                format!("unknown key `{}`", self.path_of(&excerpt(key))),
                 expected,
                 self.cure_of_unknown(key, value.get_ref(), &known),
             );

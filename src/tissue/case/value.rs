@@ -8,6 +8,7 @@ use toml::de::{DeInteger, DeTable, DeValue};
 use super::problems::{Problems, alternatives, nearest};
 use super::range::Range;
 use super::table::Table;
+use crate::input::excerpt;
 
 /// A value with its place. Every reader gives `None` when it has reported an error.
 #[derive(Clone)]
@@ -221,8 +222,8 @@ pub(super) fn shown(value: &DeValue<'_>) -> String {
     match value {
         DeValue::String(text) if text.chars().count() <= LONGEST => format!("the string {text:?}"),
         DeValue::String(text) => format!("the string {:?}...", text.chars().take(LONGEST).collect::<String>()),
-        DeValue::Integer(whole) => whole.to_string(),
-        DeValue::Float(float) => float.to_string(),
+        DeValue::Integer(whole) => excerpt(&whole.to_string()),
+        DeValue::Float(float) => excerpt(&float.to_string()),
         DeValue::Boolean(boolean) => boolean.to_string(),
         DeValue::Datetime(date) => format!("the date {date}"),
         DeValue::Array(list) if list.is_empty() => "an empty list".into(),

@@ -9,6 +9,7 @@ use std::sync::Arc;
 use biotissue::fiber::equilibrium::{EquilibriumParams, Stage, Stages};
 use biotissue::fiber::network::file;
 use biotissue::fiber::rve::{Rve, StressScale};
+use biotissue::input::excerpt;
 use biotissue::tissue::rve_dump::RveDump;
 use clap::Args;
 use nalgebra::Matrix3;
@@ -133,7 +134,7 @@ pub fn parse_gradient(text: &str) -> Result<Matrix3<f64>, Failure> {
             Err(Failure::arguments(what, "a positive, finite determinant", cure))
         }
         _ => Err(Failure::arguments(
-            format!("--F \"{text}\""),
+            format!("--F \"{}\"", text.split_whitespace().collect::<Vec<_>>().join(" ")),
             expected,
             "the undeformed state is \"1 0 0 0 1 0 0 0 1\"; mind the quotes",
         )),
@@ -147,7 +148,7 @@ fn parse_scale(text: &str) -> Result<StressScale, Failure> {
     match text.trim().parse::<f64>() {
         Ok(phi) if phi > 0.0 && phi < 1.0 => Ok(StressScale::FiberVolumeFraction(phi)),
         _ => Err(Failure::arguments(
-            format!("--scale {text}"),
+            format!("--scale {}", excerpt(text)),
             "\"raw\", or a fiber volume fraction between 0 and 1",
             "a collagen gel has some 0.003; leave --scale out for raw",
         )),

@@ -1,10 +1,9 @@
 //! A place in a mesh file: sections and lines, and where it stands when something is wrong.
 
-use std::borrow::Cow;
 use std::path::Path;
 
 use super::raw::Raw;
-use crate::input::InputError;
+use crate::input::{InputError, excerpt};
 
 pub(super) const DAMAGED: &str = "the file is damaged or was changed by hand: export it again";
 
@@ -146,17 +145,29 @@ impl<'a> Cursor<'a> {
             }
             self.mark();
             self.at += line.len();
-            let text = clipped(line);
+            let text = String::from_utf8_lossy(line.trim_ascii());
             match text.strip_prefix('$') {
                 Some(name) => {
-                    self.section = name.to_owned();
+                    self.section = self.section_name(name)?;
                     self.finish_line()?;
                     return Ok(Some(self.section.clone()));
                 }
-                None if self.stray.is_none() => self.stray = Some((self.token_line, text.into_owned())),
+                None if self.stray.is_none() => self.stray = Some((self.token_line, clipped(line))),
                 None => {}
             }
         }
+    }
+
+    /// The name behind the `$` of a line between two sections.
+    fn section_name(&self, name: &str) -> Result<String, InputError> {
+        const EXPECTED: &str = "a line that opens a section, such as `$Nodes`";
+        if name.is_empty() {
+            return Err(self.fault("a `$` without the name of a section", EXPECTED, DAMAGED));
+        }
+        if name.strip_prefix("End").is_some_and(|of| of.starts_with(char::is_uppercase)) {
+            return Err(self.fault(format!("`${name}` closes a section that is not open"), EXPECTED, DAMAGED));
+        }
+        Ok(name.to_owned())
     }
 
     /// Reads the line that closes the current section.
@@ -190,7 +201,7 @@ impl<'a> Cursor<'a> {
             window == end.as_bytes() && next.is_none_or(u8::is_ascii_whitespace)
         });
         let Some((at, _)) = found else {
-            let what = format!("${} has no end", self.section);
+            let what = format!("the section `${0}` is not closed: no line `$End{0}` follows", self.section);
             return Err(self.fault(
                 what,
                 format!("`$End{}`", self.section),
@@ -276,16 +287,9 @@ impl<'a> Cursor<'a> {
     }
 }
 
-/// A piece of the file to show in a message: trimmed, short, printable.
-pub(super) fn clipped(text: &[u8]) -> Cow<'_, str> {
+/// A piece of the file to show in a message.
+pub(super) fn clipped(text: &[u8]) -> String {
     let text = text.trim_ascii();
-    match std::str::from_utf8(text) {
-        Ok(text) if text.len() <= 40 && !text.contains(char::is_control) => Cow::Borrowed(text),
-        _ => {
-            let printable = String::from_utf8_lossy(&text[..text.len().min(40)]);
-            Cow::Owned(
-                printable.chars().map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect::<String>() + "...",
-            )
-        }
-    }
+    // No more than a message shows has to be decoded.
+    excerpt(&String::from_utf8_lossy(&text[..text.len().min(1000)]))
 }

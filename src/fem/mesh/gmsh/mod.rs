@@ -21,7 +21,7 @@ mod write;
 use std::path::Path;
 
 use super::Mesh;
-use crate::input::InputError;
+use crate::input::{InputError, without_byte_order_mark};
 use cursor::{Cursor, Encoding};
 use raw::Raw;
 pub use write::{Version, WriteOptions, to_writer, write, write_with};
@@ -49,7 +49,7 @@ pub fn read(path: &Path) -> Result<MeshFile, InputError> {
 /// # Errors
 /// As [`read`].
 pub fn parse(bytes: &[u8], path: &Path) -> Result<MeshFile, InputError> {
-    let mut cursor = Cursor::new(bytes, path);
+    let mut cursor = Cursor::new(without_byte_order_mark(bytes), path);
     let version = header(&mut cursor)?;
     let mut raw = Raw::new(version);
     while let Some(section) = cursor.next_section()? {

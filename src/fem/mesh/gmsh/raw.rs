@@ -6,7 +6,7 @@ use super::Version;
 use super::cursor::Cursor;
 use super::element_type::{Kind, kind};
 use crate::fem::mesh::check::is_name;
-use crate::input::InputError;
+use crate::input::{InputError, excerpt};
 
 /// A node as the file has it.
 pub(super) struct RawNode {
@@ -100,11 +100,12 @@ impl Raw {
             let quoted = cursor.rest_of_line();
             let name = quoted.strip_prefix('"').and_then(|rest| rest.strip_suffix('"'));
             let Some(name) = name else {
+                let quoted = excerpt(&quoted);
                 let what = format!("the name of physical group {number} is `{quoted}`: not between double quotes");
                 return Err(cursor.fault(what, ROW, "put the name between double quotes"));
             };
             if !is_name(name) || name.contains(char::REPLACEMENT_CHARACTER) {
-                let what = format!("physical group {number} is called `{}`", name.escape_debug());
+                let what = format!("physical group {number} is called `{}`", excerpt(name));
                 return Err(cursor.fault(
                     what,
                     "a name of printable characters without quotes",

@@ -2,10 +2,7 @@
 
 use std::path::Path;
 
-use crate::input::{InputError, InputErrors};
-
-/// How many errors of one file are told before reading it ends.
-const MOST_ERRORS: usize = 20;
+use crate::input::{InputError, InputErrors, MOST_SHOWN, excerpt, without_byte_order_mark};
 
 /// A line that is not blank.
 #[derive(Clone, Copy, Debug)]
@@ -31,6 +28,7 @@ impl<'a> Reading<'a> {
 
     /// The lines of the file that are not blank.
     pub(super) fn lines<'t>(&self, bytes: &'t [u8]) -> Result<Vec<Line<'t>>, InputError> {
+        let bytes = without_byte_order_mark(bytes);
         let text = std::str::from_utf8(bytes).map_err(|error| {
             let before = &bytes[..error.valid_up_to()];
             let line = 1 + before.iter().filter(|&&byte| byte == b'\n').count();
@@ -55,7 +53,7 @@ impl<'a> Reading<'a> {
     /// Notes an error and reads on; an `Err` ends the reading of a file that has too many.
     pub(super) fn note(&mut self, error: InputError) -> Result<(), InputErrors> {
         self.errors.push(error);
-        if self.errors.len() < MOST_ERRORS { Ok(()) } else { self.outcome() }
+        if self.errors.len() < MOST_SHOWN { Ok(()) } else { self.outcome() }
     }
 
     /// The value, or `None` with the error noted.
@@ -91,7 +89,12 @@ impl<'a> Reading<'a> {
         for (k, place) in counted.iter_mut().enumerate() {
             *place = words.next().ok_or_else(|| {
                 let are = if k == 1 { "is 1 word" } else { &format!("are {k} words") };
-                self.error(line.number, format!("there {are} on this line, `{}`", shown(line.text)), expected, COMPARE)
+                self.error(
+                    line.number,
+                    format!("there {are} on this line, `{}`", excerpt(line.text)),
+                    expected,
+                    COMPARE,
+                )
             })?;
         }
         let mut more = words.peekable();
@@ -109,10 +112,10 @@ impl<'a> Reading<'a> {
     pub(super) fn real(&self, line: Line<'_>, word: &str) -> Result<f64, InputError> {
         let expected = "a finite number like 0.25 or -1e-3";
         let Ok(value) = word.parse::<f64>() else {
-            return Err(self.error(line.number, format!("`{}` is no number", shown(word)), expected, COMPARE));
+            return Err(self.error(line.number, format!("`{}` is no number", excerpt(word)), expected, COMPARE));
         };
         if !value.is_finite() {
-            let what = format!("`{}` is not finite", shown(word));
+            let what = format!("`{}` is not finite", excerpt(word));
             return Err(self.error(line.number, what, expected, "find out what the program that wrote it divided by"));
         }
         Ok(value)
@@ -121,7 +124,7 @@ impl<'a> Reading<'a> {
     /// A whole number, of either sign.
     pub(super) fn whole(&self, line: Line<'_>, word: &str) -> Result<i64, InputError> {
         word.parse::<i64>().map_err(|_| {
-            let what = format!("`{}` is no whole number", shown(word));
+            let what = format!("`{}` is no whole number", excerpt(word));
             self.error(line.number, what, "a whole number like 12", COMPARE)
         })
     }
@@ -129,7 +132,7 @@ impl<'a> Reading<'a> {
     /// A count: a whole number from 0.
     pub(super) fn count(&self, line: Line<'_>, word: &str) -> Result<u64, InputError> {
         word.parse::<u64>().map_err(|_| {
-            let what = format!("`{}` is no count", shown(word));
+            let what = format!("`{}` is no count", excerpt(word));
             self.error(line.number, what, "a whole number from 0", COMPARE)
         })
     }
@@ -147,13 +150,3 @@ impl<'a> Reading<'a> {
 
 pub(super) const COMPARE: &str = "compare with the format of network files; was the file cut or edited by hand?";
 const NOT_TEXT: &str = "give the network in the text format; was the file damaged or is it another kind of file?";
-
-/// The beginning of a text that may be long or full of control characters.
-fn shown(text: &str) -> String {
-    const MOST: usize = 40;
-    let mut short: String = text.trim().chars().take(MOST).flat_map(char::escape_debug).collect();
-    if text.trim().chars().nth(MOST).is_some() {
-        short.push_str("...");
-    }
-    short
-}

@@ -53,7 +53,7 @@ use toml::Spanned;
 use super::fiber_types::Fibers;
 use super::{read_if_present, write};
 use crate::fiber::law::FiberMaterial;
-use crate::input::{InputError, InputErrors};
+use crate::input::{InputError, InputErrors, excerpt, without_byte_order_mark};
 
 pub use super::fiber_types::FiberTypes;
 pub use super::named_law::{NamedLaw, NamedLawError};
@@ -141,6 +141,7 @@ pub fn read_beside(network: &Path, fibers: usize) -> Result<Option<Sidecar>, Inp
     read_if_present(&file)?.map(|bytes| parse(&file, &bytes, fibers)).transpose()
 }
 
+const EXPECTED: &str = "what the generator writes beside a network";
 const CURE: &str = "correct it; only [generated], [units], [law], [[fiber_type]] and [fibers] stand in this file";
 
 /// The line of a byte, both counted as people do.
@@ -167,16 +168,55 @@ fn line_of_key(text: &str, law: std::ops::Range<usize>, key: Option<&str>) -> us
     }
 }
 
+/// What the TOML reader objects to, in the words of its user: the library names types of Rust.
+fn misfit(file: &Path, text: &str, error: &toml::de::Error) -> InputError {
+    let line = error.span().map(|span| line_of(text.as_bytes(), span.start));
+    let message = error.message().replace('\n', ", ");
+    let parts = ["invalid type: ", "invalid value: "].into_iter().find_map(|kind| message.strip_prefix(kind));
+    let (what, expected) = match parts.and_then(|parts| parts.rsplit_once(", expected ")) {
+        None => (message, EXPECTED),
+        Some((found, expected)) => {
+            let row = line.and_then(|line| text.lines().nth(line - 1)).unwrap_or_default();
+            let key = row.split_once('=').map(|(key, _)| key.trim()).filter(|key| !key.is_empty());
+            let place = key.map_or_else(|| "a value".into(), |key| format!("`{}`", excerpt(key)));
+            (format!("{place} is {}", value_named(found)), type_named(expected))
+        }
+    };
+    InputError { line, ..InputError::in_file(file, what, expected, CURE) }
+}
+
+/// A value that the TOML reader calls by the type it would have in Rust, such as "integer `3` as i128".
+fn value_named(found: &str) -> String {
+    let quoted = found.split('`').nth(1).map(excerpt);
+    match (found.split([' ', '`']).next().unwrap_or_default(), quoted) {
+        ("integer", Some(number)) => format!("the whole number {number}"),
+        ("floating", Some(number)) => format!("the number {number}"),
+        ("boolean", Some(value)) => value,
+        ("sequence", _) => "a list".into(),
+        ("map", _) => "a table".into(),
+        _ => format!("the {}", excerpt(found)),
+    }
+}
+
+/// A type of Rust as a person calls it.
+fn type_named(expected: &str) -> &str {
+    match expected {
+        "f64" => "a number",
+        "u64" | "usize" => "a whole number from 0 to 9223372036854775807",
+        "i64" => "a whole number from -9223372036854775808 to 9223372036854775807",
+        "a string" | "path string" => "a string in quotes",
+        "a sequence" => "a list in brackets",
+        _ => EXPECTED,
+    }
+}
+
 fn parse(file: &Path, bytes: &[u8], fibers: usize) -> Result<Sidecar, InputErrors> {
+    let bytes = without_byte_order_mark(bytes);
     let text = std::str::from_utf8(bytes).map_err(|error| {
         let line = line_of(bytes, error.valid_up_to());
         InputError::at_line(file, line, "bytes that are no text", "TOML in UTF-8", CURE)
     })?;
-    let document: Document = toml::from_str(text).map_err(|error| {
-        let line = error.span().map(|span| line_of(bytes, span.start));
-        let what = error.message().replace('\n', " ");
-        InputError { line, ..InputError::in_file(file, what, "what the generator writes beside a network", CURE) }
-    })?;
+    let document: Document = toml::from_str(text).map_err(|error| misfit(file, text, &error))?;
     let base = file.parent().unwrap_or(Path::new(""));
     let material = |law: Spanned<NamedLaw>| {
         law.get_ref().material(base).map_err(|error| match error {
@@ -284,8 +324,25 @@ mod tests {
             ("[law]\nname = \"linear\"\nradius = 1\n", "n.toml:1: the law `linear` needs a youngs_modulus"),
             (
                 "\n[law]\nname = \"linear\"\nradius = \"1\"\nyoungs_modulus = 1\n",
-                "n.toml:4: invalid type: string \"1\", expected f64",
+                "n.toml:4: `radius` is the string \"1\"",
             ),
+            (
+                "[generated]\nkind = \"delaunay\"\npoints = 3\nseed = 99999999999999999999\nprogram = \"p\"\n",
+                "n.toml:4: `seed` is the whole number 99999999999999999999",
+            ),
+            (
+                "[generated]\nkind = \"delaunay\"\npoints = -3\nseed = 1\nprogram = \"p\"\n",
+                "n.toml:3: `points` is the whole number -3",
+            ),
+            (
+                "[generated]\nkind = \"delaunay\"\npoints = 3.5\nseed = 1\nprogram = \"p\"\n",
+                "n.toml:3: `points` is the number 3.5",
+            ),
+            (
+                "\u{feff}[fibers]\ntypes = [0,\n 99999999999999999999999999, 0]\n",
+                "n.toml:3: a value is the whole number 99999999999999999999999999",
+            ),
+            ("[law]\nname = [1]\nradius = true\n", "n.toml:2: `name` is a list"),
             (
                 "\n[law]\nname = \"linnear\"\nradius = 1\nyoungs_modulus = 1\n",
                 "n.toml:3: there is no law `linnear`; known are linear, exponential, exponential-stretch and table",

@@ -6,6 +6,7 @@ use super::{FULL, Folder, SMALL};
 /// The case without the file it came from and without lines.
 fn placeless(mut case: Case) -> Case {
     case.file.clear();
+    case.mesh_line = 0;
     case.regions.iter_mut().for_each(|each| each.line = 0);
     case.boundaries.iter_mut().for_each(|each| each.line = 0);
     case.points.iter_mut().for_each(|each| each.line = 0);
