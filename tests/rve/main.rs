@@ -11,6 +11,8 @@ mod support;
 mod acceptance;
 mod damaged_files;
 #[cfg(all(feature = "sparse", feature = "dense"))]
+mod doubled;
+#[cfg(all(feature = "sparse", feature = "dense"))]
 mod frozen;
 #[cfg(all(feature = "sparse", feature = "generate"))]
 mod ladder;

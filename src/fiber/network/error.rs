@@ -76,16 +76,6 @@ pub enum NetworkError {
         /// Where they lie, in the units given.
         position: [f64; 3],
     },
-    /// Two fibers join the same two nodes, in either direction.
-    #[error("fibers {first} and {second} both join nodes {} and {}", ends[0], ends[1])]
-    Duplicate {
-        /// The lower fiber.
-        first: usize,
-        /// The higher fiber.
-        second: usize,
-        /// The two nodes, as the higher fiber names them.
-        ends: [u32; 2],
-    },
     /// The bounding box is flat or its edges differ by more than 1e-6 of the longest.
     #[error("the box of the nodes has the edges {} x {} x {}, which is no cube", edges[0], edges[1], edges[2])]
     NotACube {

@@ -19,6 +19,10 @@ pub fn figures(report: &NetworkReport, network: &Network, cube: &Cube, axis: Opt
         "  fibers           {} ({} from boundary to boundary; Maxwell's count {:+})",
         report.fibers, report.boundary_fibers, report.maxwell_count
     );
+    if report.doubled_fibers > 0 {
+        let _ =
+            writeln!(text, "  doubled fibers   {} join two nodes that another joins already", report.doubled_fibers);
+    }
     let _ = writeln!(text, "  cube             edge {} in the file; lengths below are parts of it", cube.edges[0]);
     let length = report.length;
     let _ = writeln!(

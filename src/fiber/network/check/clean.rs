@@ -1,5 +1,7 @@
 //! Taking out of a network what carries no load.
 
+use std::collections::HashSet;
+
 use super::components::roots;
 use crate::fiber::network::{BOUNDARY_TOLERANCE, Cube, Network, NetworkError};
 
@@ -22,7 +24,8 @@ pub struct Cleaned {
 pub struct Removed {
     /// Fibers shorter than asked for.
     pub short_fibers: usize,
-    /// Fibers that end at an interior node alone, those included that do so after others were taken out.
+    /// Fibers that end at an interior node alone, or beside others from the same node; those included that do so after
+    /// others were taken out.
     pub dangling_fibers: usize,
     /// Fibers of parts that are not tied to the boundary.
     pub untied_fibers: usize,
@@ -86,14 +89,17 @@ fn used_nodes(network: &Network, fibers: &[u32]) -> Vec<bool> {
     used
 }
 
-/// Takes out fibers at interior nodes of a single fiber until there are none; returns how many.
+/// Takes out fibers at interior nodes with a single neighbor until there are none; returns how many.
 fn drop_dangling(network: &Network, keep: &mut [bool]) -> usize {
     let mut fibers_at: Vec<Vec<u32>> = vec![Vec::new(); network.nodes().len()];
+    // Neighbors, not fibers: several fibers to one node hold no better than one.
     let mut degree = vec![0usize; network.nodes().len()];
+    let mut pairs = HashSet::new();
     for (fiber, ends) in (0u32..).zip(network.fibers()).filter(|(fiber, _)| keep[*fiber as usize]) {
+        let is_new = pairs.insert([ends[0].min(ends[1]), ends[0].max(ends[1])]);
         for &node in ends {
             fibers_at[node as usize].push(fiber);
-            degree[node as usize] += 1;
+            degree[node as usize] += usize::from(is_new);
         }
     }
     let held = |node: u32| network.interior_number()[node as usize] < 0;
@@ -106,7 +112,11 @@ fn drop_dangling(network: &Network, keep: &mut [bool]) -> usize {
                 continue;
             }
             dropped += 1;
-            for end in network.fibers()[fiber as usize] {
+            let [a, b] = network.fibers()[fiber as usize];
+            if !pairs.remove(&[a.min(b), a.max(b)]) {
+                continue;
+            }
+            for end in [a, b] {
                 degree[end as usize] -= 1;
                 if degree[end as usize] == 1 && !held(end) {
                     loose.push(end);

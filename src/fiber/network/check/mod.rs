@@ -72,6 +72,22 @@ mod tests {
         assert_eq!((report.untied().count(), report.dangling_nodes.len()), (0, 0));
     }
 
+    /// A fiber laid twice or thrice holds its ends no better than one: the twig dangles, the diagonal stays, and stays doubled.
+    #[test]
+    fn doubled_fibers_are_counted_and_dangle_like_single_ones() {
+        let untidy = untidy();
+        let mut fibers = untidy.fibers().to_vec();
+        fibers.extend([[9, 10], [10, 9], [8, 0]]);
+        let network = Network::new("doubled", untidy.nodes().to_vec(), fibers).unwrap();
+        let report = examine(&network);
+        assert_eq!((report.fibers, report.doubled_fibers, report.maxwell_count), (18, 3, 17 - 24));
+        assert_eq!(report.dangling_nodes, [10, 11]);
+        let cleaned = clean(&network, None).unwrap();
+        assert_eq!((cleaned.removed.dangling_fibers, cleaned.removed.untied_fibers), (5, 3));
+        assert_eq!(cleaned.kept_fibers, [0, 1, 2, 3, 4, 5, 6, 7, 14, 17]);
+        assert_eq!(examine(&cleaned.network).doubled_fibers, 1);
+    }
+
     #[test]
     fn short_fibers_go_and_the_box_stays() {
         // All diagonals are 0.87 long; the fiber along the edge from corner 0 to corner 1 is all that is left.

@@ -53,8 +53,10 @@ pub struct NetworkReport {
     pub maxwell_count: i64,
     /// The connected parts, by their lowest node.
     pub components: Vec<Component>,
-    /// Interior nodes that end a single fiber; it cannot carry a load.
+    /// Interior nodes with fibers to a single other node; these cannot carry a load.
     pub dangling_nodes: Vec<u32>,
+    /// Fibers that join two nodes that another fiber joins already.
+    pub doubled_fibers: usize,
     /// Fibers with both ends on the boundary: they follow the deformation and meet nothing else at rest.
     pub boundary_fibers: usize,
     /// Of the fibers.
@@ -100,6 +102,11 @@ impl NetworkReport {
 pub fn examine(network: &Network) -> NetworkReport {
     let fibers = network.fibers();
     let degrees = degrees(network);
+    let doubled = network.doubled();
+    let mut neighbors = degrees.clone();
+    for &node in doubled.iter().flat_map(|&fiber| &fibers[fiber as usize]) {
+        neighbors[node as usize] -= 1;
+    }
     let interior_degrees = || network.interior().iter().map(|&node| degrees[node as usize]);
     let most = interior_degrees().max().map_or(0, |most| most + 1);
     let mut coordination_counts = vec![0; most];
@@ -122,7 +129,8 @@ pub fn examine(network: &Network) -> NetworkReport {
         free_dofs,
         maxwell_count: (fibers.len() - boundary_fibers) as i64 - free_dofs as i64,
         components: components(&roots, network.boundary(), fibers.iter().copied()),
-        dangling_nodes: network.interior().iter().copied().filter(|&node| degrees[node as usize] == 1).collect(),
+        dangling_nodes: network.interior().iter().copied().filter(|&node| neighbors[node as usize] == 1).collect(),
+        doubled_fibers: doubled.len(),
         boundary_fibers,
         length: Spread::of(network.lengths()).unwrap_or_default(),
         total_length: network.total_length(),

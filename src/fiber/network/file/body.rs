@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::lines::{COMPARE, Line, Reading};
-use crate::fiber::network::geometry::problems;
+use crate::fiber::network::geometry::{doubled, problems};
 use crate::fiber::network::{Cube, NetworkError};
 use crate::input::{InputError, InputErrors};
 
@@ -48,6 +48,14 @@ pub(super) fn parse(file: &Path, bytes: &[u8]) -> Result<Body, InputErrors> {
     if !periodic.is_empty() {
         let (file, pairs) = (file.display(), periodic.len());
         warnings.push(format!("{file}: {pairs} periodic pairs are read but not used: the boundary moves affinely"));
+    }
+    if let [first, more @ ..] = doubled(&fibers).as_slice() {
+        let line = sections.fibers.get(*first as usize).map_or(1, |line| line.number);
+        let (file, count) = (file.display(), more.len() + 1);
+        let join = if count == 1 { "fiber joins" } else { "fibers join" };
+        warnings.push(format!(
+            "{file}:{line}: {count} {join} two nodes that another fiber joins already (this is the first); each counts"
+        ));
     }
     Ok(Body { nodes, fibers, periodic, cube, warnings })
 }
@@ -158,10 +166,6 @@ fn explain(reading: &Reading<'_>, sections: &Sections<'_, '_>, problem: &Network
             let (first, second) = (node_line(a as usize), node_line(b as usize));
             let cure = format!("merge the two nodes, lines {first} and {second}, or move one");
             reading.error(fiber_line(fiber), problem.to_string(), "a fiber of some length", cure)
-        }
-        NetworkError::Duplicate { first, second, .. } => {
-            let cure = format!("remove one of the two; the other is on line {}", fiber_line(first));
-            reading.error(fiber_line(second), problem.to_string(), "one fiber between two nodes", cure)
         }
         NetworkError::SamePlace { first, second, .. } => {
             let cure = format!("merge the two, or move one; the other is on line {}", node_line(first));

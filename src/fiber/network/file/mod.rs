@@ -62,12 +62,13 @@ pub struct NetworkFile {
 /// ```
 ///
 /// and (with the feature `app`) `NAME.toml`, whose laws count where there is no `.params` file. Lines may be blank;
-/// numbers that trail those counted are ignored with a warning. The network is centred and scaled to the unit cube.
+/// numbers that trail those counted are ignored with a warning. Fibers that join two nodes that another fiber joins
+/// already count each, with one warning a file. The network is centred and scaled to the unit cube.
 ///
 /// # Errors
 /// Everything wrong in the files, up to some twenty errors, each with its line: wrong counts, words that are no
-/// numbers, NaN and infinity, nodes and reactions that do not exist, fibers of no length, two nodes at one place,
-/// fibers given twice, a box that is no cube, parameters that no fiber can have.
+/// numbers, NaN and infinity, nodes and reactions that do not exist, fibers of no length, two nodes at one place, a box
+/// that is no cube, parameters that no fiber can have.
 pub fn read(path: &Path) -> Result<NetworkFile, InputErrors> {
     let bytes = std::fs::read(path).map_err(|error| InputError::unreadable(path, &error))?;
     let body = body::parse(path, &bytes)?;
