@@ -137,6 +137,15 @@ impl Truss {
         self.volumes.iter().sum()
     }
 
+    /// `sum_f E_f A_f L_f` with the moduli at rest: the stiffness of the unit cube if all fibers lay along one direction and
+    /// followed it, Pa once scaled as stresses are.
+    #[must_use]
+    pub fn volume_of_moduli(&self) -> f64 {
+        let of_law =
+            |(law, range): &(Law, Range<usize>)| law.youngs_modulus() * self.volumes[range.clone()].iter().sum::<f64>();
+        self.laws.iter().map(of_law).sum()
+    }
+
     /// What rounding alone leaves of a residual: `8 eps sqrt(sum_f (E A / (2 L))^2)`, in N.
     ///
     /// Coordinates of size 1/2 carry an error of `eps / 2`, which a fiber turns into a force of `E A / L` times as much.

@@ -11,6 +11,7 @@
 pub mod case;
 pub mod checkpoint;
 pub mod macro_scale;
+mod magnitudes;
 pub mod micro_scale;
 mod record;
 pub mod report;

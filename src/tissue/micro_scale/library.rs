@@ -106,6 +106,15 @@ impl<B: Backend<Scalar = f64>> Library<B> {
         &self.models
     }
 
+    /// The models that the elements of a region of the case choose from; none for a formula or a matrix alone.
+    #[must_use]
+    pub fn choices(&self, region: usize) -> &[usize] {
+        match &self.materials[region] {
+            Material::Formula(_) => &[],
+            Material::Networks { models, .. } => models,
+        }
+    }
+
     /// The linear response of a model at rest.
     ///
     /// # Errors

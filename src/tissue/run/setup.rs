@@ -6,13 +6,14 @@ use thiserror::Error;
 
 use super::Simulation;
 use super::plan::Plan;
-use crate::fem::boundary::{Boundary, Conditions};
+use crate::fem::boundary::Conditions;
 use crate::fem::mesh::Mesh;
 use crate::fem::stepping::{SetupError, Stepper};
 use crate::input::InputErrors;
 use crate::las::{Backend, Scalar};
 use crate::tissue::case::{Case, MaterialCase};
 use crate::tissue::macro_scale::{self, MacroScaleError};
+use crate::tissue::magnitudes;
 use crate::tissue::micro_scale::{LibraryError, TissueField, TissueFieldError, TissueMaterial};
 use crate::tissue::rve_files;
 
@@ -79,10 +80,11 @@ where
     ) -> Result<Self, SimulationError<B::Fault>> {
         let (mesh, mut warnings) = macro_scale::mesh(&case)?;
         let conditions = macro_scale::conditions(&case)?;
-        let boundary = Boundary::new(&mesh, &conditions).map_err(|error| Box::new(error.into()))?;
+        let boundary = macro_scale::boundary(&case, &mesh, &conditions)?;
         let prescribed = boundary.prescribed(mesh.nodes().len());
         let unknowns = prescribed.as_flattened().iter().filter(|&&prescribed| !prescribed).count();
         let (field, network_warnings) = material(&case, &mesh)?;
+        warnings.extend(magnitudes::warnings(&case, &mesh, field.library()));
         warnings.extend(network_warnings);
         warnings.extend(without_networks(&case));
         let networks = rve_files::elements(&case, mesh.elements().len(), &field)?;
