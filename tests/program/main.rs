@@ -2,6 +2,7 @@
 #![cfg(feature = "app")]
 
 mod arguments;
+mod messages;
 mod ranks;
 mod run;
 mod rve;

@@ -25,16 +25,6 @@ impl LinearElastic {
         (f + f.transpose()) * 0.5 - Matrix3::identity()
     }
 
-    /// `P`, Pa, which in the theory of small strains is the Cauchy stress too; symmetric.
-    #[must_use]
-    pub fn stress(&self, f: &Matrix3<f64>) -> Matrix3<f64> {
-        self.stress_of(&Self::strain(f))
-    }
-
-    fn stress_of(&self, strain: &Matrix3<f64>) -> Matrix3<f64> {
-        strain * (2.0 * self.mu) + Matrix3::from_diagonal_element(self.lambda * strain.trace())
-    }
-
     fn energy_of(&self, strain: &Matrix3<f64>) -> f64 {
         self.mu * strain.norm_squared() + 0.5 * self.lambda * strain.trace().powi(2)
     }
@@ -43,6 +33,7 @@ impl LinearElastic {
 impl Material for LinearElastic {
     fn respond(&self, f: &Matrix3<f64>) -> Result<Response, MaterialError> {
         let strain = Self::strain(f);
+        let pk1 = strain * (2.0 * self.mu) + Matrix3::from_diagonal_element(self.lambda * strain.trace());
         let mut tangent = SMatrix::<f64, 9, 9>::zeros();
         for a in 0..3 {
             for b in 0..3 {
@@ -51,7 +42,7 @@ impl Material for LinearElastic {
                 tangent[(4 * a, 4 * b)] += self.lambda;
             }
         }
-        Ok(Response { energy: self.energy_of(&strain), pk1: self.stress_of(&strain), tangent })
+        Ok(Response { energy: self.energy_of(&strain), pk1, tangent })
     }
 
     fn energy(&self, f: &Matrix3<f64>) -> Result<f64, MaterialError> {

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::str::FromStr;
 
-use crate::input::InputError;
+use crate::input::{InputError, without_byte_order_mark};
 
 /// Shape and entries; each position as often as the file names it, mirrored ones included.
 #[derive(Debug, PartialEq)]
@@ -70,7 +70,7 @@ impl Line<'_> {
 
 /// Reads a whole file.
 pub(super) fn triplets(file: &Path, bytes: &[u8]) -> Result<Triplets, InputError> {
-    let text = std::str::from_utf8(bytes).map_err(|_| {
+    let text = std::str::from_utf8(without_byte_order_mark(bytes)).map_err(|_| {
         InputError::in_file(file, "is not text", "a Matrix Market file", "unpack it first if it is compressed")
     })?;
     let header = header(file, text)?;

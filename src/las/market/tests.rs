@@ -20,6 +20,7 @@ fn every_kind_of_file_is_read() {
     for (text, expected) in cases {
         assert_eq!(entries(&format!("%%MatrixMarket matrix coordinate {text}")), expected, "{text}");
     }
+    assert_eq!(entries("\u{feff}%%MatrixMarket matrix coordinate pattern general\n1 1 1\n1 1\n"), [(0, 0, 1.0)]);
     let array = "%%MatrixMarket matrix array real general\n2 2\n1\n2\n3\n4\n";
     assert_eq!(entries(array), [(0, 0, 1.0), (1, 0, 2.0), (0, 1, 3.0), (1, 1, 4.0)]);
     let array = "%%MatrixMarket matrix array real symmetric\n2 2\n1\n2\n3\n";

@@ -21,25 +21,29 @@ fn all_wrong_names_are_reported_with_the_nearest() {
     case.file = "pull.toml".into();
     case.regions.truncate(1);
     let text = case.check_names(&names(&["guage", "grip"]), &names(&["lefft", "x1"])).unwrap_err().to_string();
-    let no_right = "the mesh has no surface \"right\"
+    let MeshSource::File(mesh) = &case.mesh else { panic!("{:?}", case.mesh) };
+    let mesh = mesh.display();
+    let no_right = format!(
+        "the mesh {mesh} has no surface \"right\"
   expected: a surface of the mesh: \"lefft\" or \"x1\"
-  cure: choose one of these, or name it in the mesh as a physical group";
+  cure: choose one of these, or name it in the mesh as a physical group"
+    );
     let expected = format!(
-        "pull.toml:7: the mesh has no region \"gauge\"
+        "pull.toml:7: the mesh {mesh} has no region \"gauge\"
   expected: a region of the mesh: \"guage\" or \"grip\"
   cure: did you mean \"guage\"?
-pull.toml:22: the mesh has no surface \"left\"
+pull.toml:22: the mesh {mesh} has no surface \"left\"
   expected: a surface of the mesh: \"lefft\" or \"x1\"
   cure: did you mean \"lefft\"?
 pull.toml:25: {no_right}
 pull.toml:29: {no_right}
-pull.toml:41: the mesh has no region \"gauge\"
+pull.toml:41: the mesh {mesh} has no region \"gauge\"
   expected: a region of the mesh: \"guage\" or \"grip\"
   cure: did you mean \"guage\"?
-pull.toml: region \"guage\" of the mesh has no material
+pull.toml: region \"guage\" of the mesh {mesh} has no material
   expected: a [[region]] for every region of the mesh, or one of name \"*\" for the rest
   cure: add [[region]] with name = \"guage\" and its material
-pull.toml: region \"grip\" of the mesh has no material
+pull.toml: region \"grip\" of the mesh {mesh} has no material
   expected: a [[region]] for every region of the mesh, or one of name \"*\" for the rest
   cure: add [[region]] with name = \"grip\" and its material"
     );

@@ -147,9 +147,21 @@ fn sections_that_are_missing_or_do_not_end() {
         ),
         (
             two("$EndElements\n", "$EndElements\n$Periodic\n0\n"),
-            "a.msh:21: $Periodic has no end",
+            "a.msh:21: the section `$Periodic` is not closed: no line `$EndPeriodic` follows",
             "`$EndPeriodic`",
             "the file was cut off: export or copy it again",
+        ),
+        (
+            two("$EndElements\n", "$EndElements\n$\n"),
+            "a.msh:21: a `$` without the name of a section",
+            "a line that opens a section, such as `$Nodes`",
+            "the file is damaged or was changed by hand: export it again",
+        ),
+        (
+            two("$EndElements\n", "$EndElements\n$EndElements\n"),
+            "a.msh:21: `$EndElements` closes a section that is not open",
+            "a line that opens a section, such as `$Nodes`",
+            "the file is damaged or was changed by hand: export it again",
         ),
         (
             four("$Entities\n", "$PartitionedEntities\n2\n"),
