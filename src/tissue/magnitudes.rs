@@ -11,7 +11,7 @@ use crate::tissue::micro_scale::Library;
 
 /// No tissue is strained beyond this.
 const LARGEST_STRAIN: f64 = 3.0;
-/// Nor is a body solved for less than this, as the greatest strain that any of its loads causes.
+/// If every load of a case causes less strain than this, one of its units is doubtful.
 const SMALLEST_STRAIN: f64 = 1e-9;
 /// Beyond this ratio the softer of two materials side by side, or in parallel, takes no part.
 const LARGEST_RATIO: f64 = 1e6;
