@@ -8,14 +8,26 @@ use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::sparse::linalg::cholesky::{simplicial, supernodal};
 use faer::sparse::{FaerError, SymbolicSparseColMat, SymbolicSparseColMatRef};
 
-use super::block::BlockAnalysis;
+use super::block::{BlockAnalysis, Width};
 use super::lu::LuAnalysis;
-use super::order::{self, BLOCK, Graph};
+use super::order::{self, Graph};
 use crate::las::{Method, SolveError, SolverParams, Sparsity, Symmetry};
 
-/// Operations of a factorisation from which on the library's supernodes serve instead of blocks of three: there, blocking
-/// for the caches that are shared counts for more than small overheads. Measured in `docs/kernel.md`.
-const SUPERNODES_FROM: f64 = 4e9;
+/// Operations of a factorization, those of padding included, from which on the library's supernodes serve instead of
+/// blocks of three: there, blocking for the caches counts for more than small overheads. The library gains more from
+/// AVX-512 than the blocks do. Measured in `docs/kernel.md`.
+fn supernodes_from(width: Width) -> f64 {
+    match width {
+        #[cfg(target_arch = "x86_64")]
+        Width::Avx512 => 2.5e9,
+        _ => 4e9,
+    }
+}
+
+/// How many times the operations may be that blocks of three carry out where nodes have fewer unknowns. The nodes of a body
+/// that rollers hold at its surface have three but for these, and stay well below it; a matrix of nodes with one or two
+/// unknowns is above.
+const MOST_PADDING: f64 = 2.0;
 
 /// The analysis of one pattern, shared by every solver of it.
 pub struct Symbolic {
@@ -64,13 +76,14 @@ impl Symbolic {
         }
         let graph = Graph::new(pattern);
         let tree = order::eliminate(&graph, self.params.ordering)?;
-        let each = graph.unknowns_per_node as u32;
-        self.order = tree.order.iter().flat_map(|&node| (0..each).map(move |k| each * node + k)).collect();
-        let operations = tree.operations(graph.unknowns_per_node);
+        let first = graph.first_unknowns();
+        self.order = tree.order.iter().flat_map(|&node| first[node as usize]..first[node as usize + 1]).collect();
+        let operations = tree.operations();
         self.operations = Some(operations);
-        let by_blocks = graph.unknowns_per_node == BLOCK
-            && self.params.symmetry == Symmetry::Definite
-            && operations < SUPERNODES_FROM;
+        let padded = tree.padded_operations();
+        let by_blocks = self.params.symmetry == Symmetry::Definite
+            && padded < supernodes_from(Width::of_machine())
+            && padded <= MOST_PADDING * operations;
         if by_blocks {
             self.blocks = Some(BlockAnalysis::new(pattern, &graph, &tree));
         } else {

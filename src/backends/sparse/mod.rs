@@ -1,7 +1,9 @@
 //! `sparse`: compressed rows and direct solvers in memory; the backend for everything that is not small.
 //!
 //! A definite matrix of 3x3 blocks, such as the stiffness of a fiber network, is factored by a Cholesky of its own (module
-//! `block`), unless it is so large that libraries are faster. Whatever else there is to factor goes to the crate `faer`:
+//! `block`), unless it is so large that libraries are faster. Some of its nodes may have one or two unknowns, such as those
+//! of a body on rollers. It uses AVX2 or AVX-512 where the machine has them, and results differ by rounding between
+//! machines that have fused multiply-add and those without. Whatever else there is to factor goes to the crate `faer`:
 //! supernodal Cholesky; where the matrix is not positive definite, LDL^T with pivoting within the supernodes; sparse LU
 //! for unsymmetric matrices, and where that pivoting does not suffice. The order of elimination is the better one of
 //! minimum degree and nested dissection (module `order`). `docs/kernel.md` in the repository compares times.

@@ -21,7 +21,7 @@ use crate::las::{Backend, FactorReport, Factorisation, Method, SolveError, Solve
 /// Solver for matrices of one pattern.
 ///
 /// With [`Method::Iterative`] it runs a Krylov method with an incomplete factorisation or the diagonal. Else a matrix stated to be [`Symmetry::Definite`] is factored by Cholesky: by blocks of three where its pattern consists of
-/// them and the factorisation is not too large, else by the library. Of two mirrored values one is read. Where a pivot
+/// them, some smaller ones among them, and the factorisation is not too large, else by the library. Of two mirrored values one is read. Where a pivot
 /// is not positive, LDL^T takes over, whose analysis and storage are made then and kept. It exchanges unknowns only
 /// within a supernode. Where such a pivot (nearly) vanishes although the matrix may be regular, LU with partial
 /// pivoting decides: it serves, or finds the matrix singular. LU allocates, the others do not after their first time.

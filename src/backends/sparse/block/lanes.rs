@@ -2,6 +2,10 @@
 //!
 //! A node has three unknowns, and so a column of a block has three rows; the fourth lane holds zeros. That wastes a
 //! quarter of the multiplications and spares every shuffle.
+//!
+//! Whatever the kernels call is inlined into the function that is compiled for these registers, or it is compiled without
+//! them. Neither link-time optimization nor a single codegen unit is needed for that as long as the kernels keep vectors
+//! away from the closures of `array::map` and `array::from_fn`, which the compiler may well leave calls.
 
 use faer::traits::RealField;
 
@@ -14,6 +18,9 @@ pub(in crate::backends::sparse) const LANES: usize = 4;
 pub trait Lanes<T>: Copy {
     /// The four numbers.
     type Quad: Copy;
+
+    /// Rows of a panel that are computed with at once, at most: sums for three columns of each stay in registers.
+    const MOST_ROWS: usize;
 
     /// The same number four times.
     fn splat(self, value: T) -> Self::Quad;
@@ -47,10 +54,38 @@ pub trait Kernel<T> {
     fn run<L: Lanes<T>>(self, lanes: L) -> Self::Output;
 }
 
+/// The widest registers that a kernel may use.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Width {
+    /// Those that every machine of the target has.
+    Portable,
+    /// AVX2 with fused multiply-add.
+    #[cfg(target_arch = "x86_64")]
+    Avx2,
+    /// AVX-512 with its extensions F, BW, CD, DQ and VL.
+    #[cfg(target_arch = "x86_64")]
+    Avx512,
+}
+
+impl Width {
+    /// The widest of this machine.
+    #[inline]
+    pub(in crate::backends::sparse) fn of_machine() -> Self {
+        #[cfg(target_arch = "x86_64")]
+        {
+            super::x86::width_of_machine()
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        {
+            Self::Portable
+        }
+    }
+}
+
 /// A scalar that blocks of three can be computed with; `f64` and `f32` are.
 pub trait BlockScalar: Scalar + RealField {
-    /// Runs a kernel with the widest lanes that this machine has.
-    fn dispatch<K: Kernel<Self>>(kernel: K) -> K::Output;
+    /// Runs a kernel with registers of the width given, or the widest below it that this machine has.
+    fn dispatch<K: Kernel<Self>>(width: Width, kernel: K) -> K::Output;
 }
 
 /// Lanes without any vector instruction in the source; the compiler uses those that every machine of the target has. A
@@ -61,6 +96,8 @@ pub(super) struct Portable;
 
 impl<T: Scalar> Lanes<T> for Portable {
     type Quad = [T; LANES];
+
+    const MOST_ROWS: usize = 3;
 
     #[inline(always)]
     fn splat(self, value: T) -> [T; LANES] {
@@ -78,125 +115,52 @@ impl<T: Scalar> Lanes<T> for Portable {
     }
 
     #[inline(always)]
-    fn add(self, a: [T; LANES], b: [T; LANES]) -> [T; LANES] {
-        std::array::from_fn(|k| a[k] + b[k])
-    }
-
-    #[inline(always)]
-    fn mul(self, a: [T; LANES], b: [T; LANES]) -> [T; LANES] {
-        std::array::from_fn(|k| a[k] * b[k])
-    }
-
-    #[inline(always)]
-    fn add_mul(self, c: [T; LANES], a: [T; LANES], b: [T; LANES]) -> [T; LANES] {
-        std::array::from_fn(|k| c[k] + a[k] * b[k])
-    }
-
-    #[inline(always)]
-    fn sub_mul(self, c: [T; LANES], a: [T; LANES], b: [T; LANES]) -> [T; LANES] {
-        std::array::from_fn(|k| c[k] - a[k] * b[k])
-    }
-}
-
-#[cfg(target_arch = "x86_64")]
-mod x86 {
-    use std::marker::PhantomData;
-
-    use pulp::x86::V3;
-    use pulp::{NullaryFnOnce, cast, f32x4, f64x4};
-
-    use super::{BlockScalar, Kernel, LANES, Lanes, Portable};
-
-    /// A kernel for scalars `T`, and the proof that this machine has AVX2 and fused multiply-add.
-    struct WithAvx2<K, T> {
-        avx2: V3,
-        kernel: K,
-        scalar: PhantomData<T>,
-    }
-
-    impl<T, K: Kernel<T>> NullaryFnOnce for WithAvx2<K, T>
-    where
-        V3: Lanes<T>,
-    {
-        type Output = K::Output;
-
-        #[inline(always)]
-        fn call(self) -> K::Output {
-            self.kernel.run(self.avx2)
+    fn add(self, mut a: [T; LANES], b: [T; LANES]) -> [T; LANES] {
+        for k in 0..LANES {
+            a[k] = a[k] + b[k];
         }
+        a
     }
 
-    macro_rules! avx2 {
-        ($scalar:ty, $quad:ty, $splat:ident, $add:ident, $mul:ident, $mul_add:ident, $negate_mul_add:ident) => {
-            impl Lanes<$scalar> for V3 {
-                type Quad = $quad;
-
-                #[inline(always)]
-                fn splat(self, value: $scalar) -> $quad {
-                    self.$splat(value)
-                }
-
-                #[inline(always)]
-                fn load(self, from: &[$scalar; LANES]) -> $quad {
-                    cast(*from)
-                }
-
-                #[inline(always)]
-                fn store(self, quad: $quad, to: &mut [$scalar; LANES]) {
-                    *to = cast(quad);
-                }
-
-                #[inline(always)]
-                fn add(self, a: $quad, b: $quad) -> $quad {
-                    self.$add(a, b)
-                }
-
-                #[inline(always)]
-                fn mul(self, a: $quad, b: $quad) -> $quad {
-                    self.$mul(a, b)
-                }
-
-                #[inline(always)]
-                fn add_mul(self, c: $quad, a: $quad, b: $quad) -> $quad {
-                    self.$mul_add(a, b, c)
-                }
-
-                #[inline(always)]
-                fn sub_mul(self, c: $quad, a: $quad, b: $quad) -> $quad {
-                    self.$negate_mul_add(a, b, c)
-                }
-            }
-
-            impl BlockScalar for $scalar {
-                #[inline]
-                fn dispatch<K: Kernel<$scalar>>(kernel: K) -> K::Output {
-                    match V3::try_new() {
-                        Some(avx2) => avx2.vectorize(WithAvx2 { avx2, kernel, scalar: PhantomData }),
-                        None => kernel.run(Portable),
-                    }
-                }
-            }
-        };
+    #[inline(always)]
+    fn mul(self, mut a: [T; LANES], b: [T; LANES]) -> [T; LANES] {
+        for k in 0..LANES {
+            a[k] = a[k] * b[k];
+        }
+        a
     }
 
-    avx2!(f64, f64x4, splat_f64x4, add_f64x4, mul_f64x4, mul_add_f64x4, negate_mul_add_f64x4);
-    avx2!(f32, f32x4, splat_f32x4, add_f32x4, mul_f32x4, mul_add_f32x4, negate_mul_add_f32x4);
+    #[inline(always)]
+    fn add_mul(self, mut c: [T; LANES], a: [T; LANES], b: [T; LANES]) -> [T; LANES] {
+        for k in 0..LANES {
+            c[k] = c[k] + a[k] * b[k];
+        }
+        c
+    }
+
+    #[inline(always)]
+    fn sub_mul(self, mut c: [T; LANES], a: [T; LANES], b: [T; LANES]) -> [T; LANES] {
+        for k in 0..LANES {
+            c[k] = c[k] - a[k] * b[k];
+        }
+        c
+    }
 }
 
 #[cfg(not(target_arch = "x86_64"))]
 mod elsewhere {
-    use super::{BlockScalar, Kernel, Portable};
+    use super::{BlockScalar, Kernel, Portable, Width};
 
     impl BlockScalar for f64 {
         #[inline]
-        fn dispatch<K: Kernel<f64>>(kernel: K) -> K::Output {
+        fn dispatch<K: Kernel<f64>>(_: Width, kernel: K) -> K::Output {
             kernel.run(Portable)
         }
     }
 
     impl BlockScalar for f32 {
         #[inline]
-        fn dispatch<K: Kernel<f32>>(kernel: K) -> K::Output {
+        fn dispatch<K: Kernel<f32>>(_: Width, kernel: K) -> K::Output {
             kernel.run(Portable)
         }
     }

@@ -1,4 +1,4 @@
-//! Cholesky of a matrix of 3x3 blocks: the factorisation for fiber networks.
+//! Cholesky of a matrix of 3x3 blocks: the factorisation for fiber networks and bodies.
 //!
 //! Nodes with (almost) the same couplings are eliminated together, as a supernode. Its columns of the factor form a
 //! panel: a row of 3x3 blocks for each of its own nodes and for each node below that they couple to. A row of the panel
@@ -8,22 +8,35 @@
 //! panel[(row * width + node) * 3 + column][lane]      rows: the supernode's nodes, then those below
 //! ```
 //!
+//! A node with one or two unknowns is padded to three, with ones on the diagonal and no couplings. Padding stays as it is
+//! through all operations, and neither counts as a pivot nor as a value of the factor.
+//!
 //! The diagonal blocks hold the inverse of their Cholesky factor, so that nothing is divided by in the inner loops. What
 //! lies above the diagonal blocks is scratch.
 //!
 //! The factorisation is left-looking: a supernode takes the values of the matrix, subtracts the products of those before
 //! it that reach it, and is then factored by itself. All three are products of rows with rows, `sum_k a_k b_k^T` over
-//! columns of both, of which three rows at once are kept in registers.
+//! columns of both, of which three rows at once are kept in registers, or six.
+
+#![allow(
+    clippy::needless_range_loop,
+    reason = "indices of registers, known when compiled; the closures of iterators may be left calls without vectors"
+)]
 
 mod factor;
 mod lanes;
+mod products;
 mod solve;
+mod sources;
 mod supernodes;
 #[cfg(test)]
 mod tests;
+mod update;
+#[cfg(target_arch = "x86_64")]
+mod x86;
 
 pub(super) use factor::BlockCholesky;
-pub use lanes::BlockScalar;
+pub use lanes::{BlockScalar, Width};
 
 use super::order::{BLOCK, Graph, Tree};
 use crate::las::Sparsity;
@@ -41,6 +54,29 @@ struct Source {
     stride: u32,
     /// Its first column in the panel of the supernode.
     to: u32,
+}
+
+/// A block with fewer than three rows or columns; what it lacks in the panel is padding.
+#[derive(Clone, Copy, Debug)]
+struct Partial {
+    source: Source,
+    rows: u8,
+    columns: u8,
+}
+
+/// Consecutive unknowns of the matrix.
+#[derive(Clone, Copy, Debug)]
+struct Node {
+    first: u32,
+    /// One to three.
+    size: u32,
+}
+
+impl Node {
+    #[inline(always)]
+    fn unknowns(self) -> std::ops::Range<usize> {
+        self.first as usize..(self.first + self.size) as usize
+    }
 }
 
 /// Rows `begin..end` of the panel of the supernode `from` (counted from the first below its own nodes) belong to the
@@ -63,12 +99,15 @@ pub(super) struct BlockAnalysis {
     /// The earlier supernodes that reach each supernode.
     updates: Vec<Update>,
     update_start: Vec<u32>,
+    /// The same for blocks with fewer than three rows or columns.
+    partial: Vec<Partial>,
+    partial_start: Vec<u32>,
     /// The node eliminated at each position.
-    order: Vec<u32>,
+    nodes: Vec<Node>,
 }
 
 impl BlockAnalysis {
-    /// For a matrix whose graph is one of blocks.
+    /// For a matrix of this graph.
     pub(super) fn new(pattern: &Sparsity, graph: &Graph, tree: &Tree) -> Self {
         let supernodes = Supernodes::new(graph, tree);
         let mut panel_start = vec![0];
@@ -76,14 +115,27 @@ impl BlockAnalysis {
             panel_start.push(panel_start[s] + BLOCK * supernodes.width(s) * supernodes.height(s));
         }
         let (updates, update_start) = updates(&supernodes);
-        let (sources, source_start) = sources(pattern, tree, &supernodes);
-        let order = tree.order.clone();
-        Self { supernodes, panel_start, sources, source_start, updates, update_start, order }
+        let mut blocks = sources::blocks(pattern, graph, tree, &supernodes);
+        let is_full = |block: &Partial| usize::from(block.rows.min(block.columns)) == BLOCK;
+        let partial = blocks.extract_if(.., |(_, block)| !is_full(block)).collect::<Vec<_>>();
+        let first = graph.first_unknowns();
+        let node = |&node: &u32| Node { first: first[node as usize], size: graph.size(node as usize) as u32 };
+        Self {
+            panel_start,
+            source_start: starts(supernodes.count(), blocks.iter().map(|&(s, _)| s as usize)),
+            sources: blocks.into_iter().map(|(_, block)| block.source).collect(),
+            partial_start: starts(supernodes.count(), partial.iter().map(|&(s, _)| s as usize)),
+            partial: partial.into_iter().map(|(_, block)| block).collect(),
+            updates,
+            update_start,
+            nodes: tree.order.iter().map(node).collect(),
+            supernodes,
+        }
     }
 
     /// Number of nodes.
     fn nodes(&self) -> usize {
-        self.order.len()
+        self.nodes.len()
     }
 
     /// Number of columns of blocks in all panels.
@@ -93,23 +145,36 @@ impl BlockAnalysis {
 
     /// Number of values of the factor, explicit zeros of the supernodes included, padding not.
     pub(super) fn entries(&self) -> usize {
-        let of_blocks = |blocks: usize| BLOCK * BLOCK * blocks;
         let entries = |s: usize| {
-            let (width, height) = (self.supernodes.width(s), self.supernodes.height(s));
-            of_blocks(width * (height - width)) + BLOCK * width * (BLOCK * width + 1) / 2
+            let own: usize = self.nodes_of(s).iter().map(|node| node.size as usize).sum();
+            let below: usize = self.supernodes.rows(s).iter().map(|&row| self.nodes[row as usize].size as usize).sum();
+            own * below + own * (own + 1) / 2
         };
         (0..self.supernodes.count()).map(entries).sum()
     }
 
-    /// The unknown that is eliminated at a position, counted in unknowns.
+    /// The unknown of a pivot: the `position % 3`-th of the node at `position / 3`.
     pub(super) fn unknown(&self, position: usize) -> usize {
-        BLOCK * self.order[position / BLOCK] as usize + position % BLOCK
+        self.nodes[position / BLOCK].first as usize + position % BLOCK
     }
 
+    /// The nodes of a supernode.
+    #[inline(always)]
+    fn nodes_of(&self, s: usize) -> &[Node] {
+        &self.nodes[self.supernodes.first(s)..][..self.supernodes.width(s)]
+    }
+
+    #[inline]
+    fn partial_of(&self, s: usize) -> &[Partial] {
+        &self.partial[self.partial_start[s] as usize..self.partial_start[s + 1] as usize]
+    }
+
+    #[inline]
     fn sources_of(&self, s: usize) -> &[Source] {
         &self.sources[self.source_start[s] as usize..self.source_start[s + 1] as usize]
     }
 
+    #[inline]
     fn updates_of(&self, s: usize) -> &[Update] {
         &self.updates[self.update_start[s] as usize..self.update_start[s + 1] as usize]
     }
@@ -132,30 +197,6 @@ fn updates(supernodes: &Supernodes) -> (Vec<Update>, Vec<u32>) {
     updates.sort_by_key(|&(target, _)| target);
     let start = starts(supernodes.count(), updates.iter().map(|&(target, _)| target as usize));
     (updates.into_iter().map(|(_, update)| update).collect(), start)
-}
-
-/// For every supernode the blocks of the matrix at and below its diagonal.
-fn sources(pattern: &Sparsity, tree: &Tree, supernodes: &Supernodes) -> (Vec<Source>, Vec<u32>) {
-    let mut sources: Vec<(u32, Source)> = Vec::new();
-    for node in 0..tree.order.len() {
-        let (at, row) = (pattern.row_start()[BLOCK * node], pattern.row(BLOCK * node));
-        let column = tree.position[node] as usize;
-        for (k, block) in (0..).zip(row.as_chunks::<BLOCK>().0) {
-            // A row of the mirrored block is a column of this one: of the two, take the one that needs no transposition.
-            let row_of_factor = tree.position[block[0] as usize / BLOCK] as usize;
-            if row_of_factor >= column {
-                let s = supernodes.of_position(column);
-                let to = BLOCK
-                    * (supernodes.width(s as usize) * supernodes.row_of(s as usize, row_of_factor)
-                        + supernodes.column_of(s as usize, column));
-                let source = Source { at: at + k * BLOCK as u32, stride: row.len() as u32, to: to as u32 };
-                sources.push((s, source));
-            }
-        }
-    }
-    sources.sort_by_key(|&(s, source)| (s, source.to));
-    let start = starts(supernodes.count(), sources.iter().map(|&(s, _)| s as usize));
-    (sources.into_iter().map(|(_, source)| source).collect(), start)
 }
 
 /// Where the items of each of `count` owners start, given the owner of every item, ascending.

@@ -1,7 +1,7 @@
 //! The triangular solves by blocks.
 
 use super::factor::{Block, BlockCholesky};
-use super::lanes::{BlockScalar, Kernel, LANES, Lanes};
+use super::lanes::{BlockScalar, Kernel, LANES, Lanes, Width};
 use super::{BLOCK, BlockAnalysis, Column};
 use crate::backends::sparse::Vector;
 use crate::las::Scalar;
@@ -38,15 +38,23 @@ impl<T: BlockScalar> BlockCholesky<T> {
 
     fn solve_one(&mut self, analysis: &BlockAnalysis, b: &Vector<T>, x: &mut Vector<T>) {
         let right = &mut self.right[..analysis.nodes()];
-        let (b, _) = b.values.as_chunks::<BLOCK>();
-        for (right, &node) in right.iter_mut().zip(&analysis.order) {
-            let [u, v, w] = b[node as usize];
-            *right = [u, v, w, T::zero()];
+        for (right, node) in right.iter_mut().zip(&analysis.nodes) {
+            let zero = T::zero();
+            *right = match b.values[node.unknowns()] {
+                [u, v, w] => [u, v, w, zero],
+                [u, v] => [u, v, zero, zero],
+                [u] => [u, zero, zero, zero],
+                _ => [zero; LANES],
+            };
         }
-        T::dispatch(SolveOne { analysis, panels: &self.panels, x: right });
-        let (x, _) = x.values.as_chunks_mut::<BLOCK>();
-        for (&[u, v, w, _], &node) in right.iter().zip(&analysis.order) {
-            x[node as usize] = [u, v, w];
+        T::dispatch(Width::of_machine(), SolveOne { analysis, panels: &self.panels, x: right });
+        for (&[u, v, w, _], node) in right.iter().zip(&analysis.nodes) {
+            match &mut x.values[node.unknowns()] {
+                [x, y, z] => (*x, *y, *z) = (u, v, w),
+                [x, y] => (*x, *y) = (u, v),
+                [x] => *x = u,
+                _ => {}
+            }
         }
     }
 
@@ -55,18 +63,18 @@ impl<T: BlockScalar> BlockCholesky<T> {
         let (right, _) = right.as_chunks_mut::<BLOCK>();
         right.fill([[Column::default(); Q]; BLOCK]);
         for (k, b) in b.iter().enumerate() {
-            let (b, _) = b.values.as_chunks::<BLOCK>();
-            for (right, &node) in right.iter_mut().zip(&analysis.order) {
-                for (right, &value) in right.iter_mut().zip(&b[node as usize]) {
+            for (right, node) in right.iter_mut().zip(&analysis.nodes) {
+                for (right, &value) in right.iter_mut().zip(&b.values[node.unknowns()]) {
                     right[k / LANES][k % LANES] = value;
                 }
             }
         }
-        T::dispatch(SolveSeveral { analysis, panels: &self.panels, x: right });
+        T::dispatch(Width::of_machine(), SolveSeveral { analysis, panels: &self.panels, x: right });
         for (k, x) in x.iter_mut().enumerate() {
-            let (x, _) = x.values.as_chunks_mut::<BLOCK>();
-            for (right, &node) in right.iter().zip(&analysis.order) {
-                x[node as usize] = std::array::from_fn(|i| right[i][k / LANES][k % LANES]);
+            for (right, node) in right.iter().zip(&analysis.nodes) {
+                for (x, right) in x.values[node.unknowns()].iter_mut().zip(right) {
+                    *x = right[k / LANES][k % LANES];
+                }
             }
         }
     }
@@ -146,23 +154,32 @@ fn forward_one<T: Scalar, L: Lanes<T>>(lanes: L, panel: &Panel<'_, T>, x: &mut [
     }
 }
 
+/// `sums_k + l_k x`, lane by lane: the sum over the lanes is `sum_i l_ik x_i`.
+#[inline(always)]
+fn add_transposed<T: Scalar, L: Lanes<T>>(
+    lanes: L,
+    mut sums: [L::Quad; BLOCK],
+    block: &Block<T>,
+    known: &Column<T>,
+) -> [L::Quad; BLOCK] {
+    let known = lanes.load(known);
+    for k in 0..BLOCK {
+        sums[k] = lanes.add_mul(sums[k], lanes.load(&block[k]), known);
+    }
+    sums
+}
+
 #[inline(always)]
 fn backward_one<T: Scalar, L: Lanes<T>>(lanes: L, panel: &Panel<'_, T>, x: &mut [Column<T>]) {
     let width = panel.width;
     let (own, below) = panel.blocks.split_at(width * width);
     for node in (0..width).rev() {
         let mut sums = [lanes.splat(T::zero()); BLOCK];
-        let mut add = |block: &Block<T>, known: &Column<T>| {
-            let known = lanes.load(known);
-            for (sum, column) in sums.iter_mut().zip(block) {
-                *sum = lanes.add_mul(*sum, lanes.load(column), known);
-            }
-        };
         for (row, &position) in below.chunks_exact(width).zip(panel.below) {
-            add(&row[node], &x[position as usize]);
+            sums = add_transposed(lanes, sums, &row[node], &x[position as usize]);
         }
         for (row, known) in own.chunks_exact(width).zip(&x[panel.first..]).skip(node + 1) {
-            add(&row[node], known);
+            sums = add_transposed(lanes, sums, &row[node], known);
         }
         let at = &mut x[panel.first + node];
         let mut right = [T::zero(); BLOCK];
@@ -207,9 +224,23 @@ impl<T: Scalar, const Q: usize> Kernel<T> for SolveSeveral<'_, T, Q> {
     }
 }
 
+/// The right-hand sides of one unknown.
+#[inline(always)]
+fn load_row<T: Scalar, L: Lanes<T>, const Q: usize>(lanes: L, row: &[Column<T>; Q]) -> [L::Quad; Q] {
+    let mut quads = [lanes.splat(T::zero()); Q];
+    for q in 0..Q {
+        quads[q] = lanes.load(&row[q]);
+    }
+    quads
+}
+
 #[inline(always)]
 fn load<T: Scalar, L: Lanes<T>, const Q: usize>(lanes: L, rows: &Rows<T, Q>) -> Sums<L, T, Q> {
-    rows.map(|row| row.map(|quad| lanes.load(&quad)))
+    let mut sums = [[lanes.splat(T::zero()); Q]; BLOCK];
+    for i in 0..BLOCK {
+        sums[i] = load_row(lanes, &rows[i]);
+    }
+    sums
 }
 
 #[inline(always)]
@@ -230,7 +261,7 @@ fn subtract_block<T: Scalar, L: Lanes<T>, const Q: usize>(
     x: &Rows<T, Q>,
 ) -> Sums<L, T, Q> {
     for k in 0..BLOCK {
-        let known = x[k].map(|quad| lanes.load(&quad));
+        let known = load_row(lanes, &x[k]);
         for i in 0..BLOCK {
             let l = lanes.splat(block[k][i]);
             for q in 0..Q {
@@ -250,7 +281,7 @@ fn subtract_transposed<T: Scalar, L: Lanes<T>, const Q: usize>(
     x: &Rows<T, Q>,
 ) -> Sums<L, T, Q> {
     for i in 0..BLOCK {
-        let known = x[i].map(|quad| lanes.load(&quad));
+        let known = load_row(lanes, &x[i]);
         for k in 0..BLOCK {
             let l = lanes.splat(block[k][i]);
             for q in 0..Q {
@@ -272,13 +303,15 @@ fn forward_several<T: Scalar, L: Lanes<T>, const Q: usize>(lanes: L, panel: &Pan
             sums = subtract_block(lanes, sums, block, known);
         }
         // x = inverse (right - sums), the inverse lower triangular.
-        let scaled = std::array::from_fn(|i| {
-            let first = sums[0].map(|quad| lanes.mul(quad, lanes.splat(row[node][0][i])));
-            (1..=i).fold(first, |sum, k| {
-                let l = lanes.splat(row[node][k][i]);
-                std::array::from_fn(|q| lanes.add_mul(sum[q], sums[k][q], l))
-            })
-        });
+        let mut scaled = sums;
+        for i in 0..BLOCK {
+            for q in 0..Q {
+                scaled[i][q] = lanes.mul(sums[0][q], lanes.splat(row[node][0][i]));
+                for k in 1..=i {
+                    scaled[i][q] = lanes.add_mul(scaled[i][q], sums[k][q], lanes.splat(row[node][k][i]));
+                }
+            }
+        }
         store(lanes, scaled, &mut rest[0]);
     }
     let (known, rest) = x[panel.first..].split_at_mut(width);
@@ -305,13 +338,15 @@ fn backward_several<T: Scalar, L: Lanes<T>, const Q: usize>(lanes: L, panel: &Pa
             sums = subtract_transposed(lanes, sums, &row[node], known);
         }
         let inverse = &own[width * node + node];
-        let scaled = std::array::from_fn(|k| {
-            let last = sums[2].map(|quad| lanes.mul(quad, lanes.splat(inverse[k][2])));
-            (k..2).fold(last, |sum, i| {
-                let l = lanes.splat(inverse[k][i]);
-                std::array::from_fn(|q| lanes.add_mul(sum[q], sums[i][q], l))
-            })
-        });
+        let mut scaled = sums;
+        for k in 0..BLOCK {
+            for q in 0..Q {
+                scaled[k][q] = lanes.mul(sums[2][q], lanes.splat(inverse[k][2]));
+                for i in k..2 {
+                    scaled[k][q] = lanes.add_mul(scaled[k][q], sums[i][q], lanes.splat(inverse[k][i]));
+                }
+            }
+        }
         store(lanes, scaled, &mut x[panel.first + node]);
     }
 }

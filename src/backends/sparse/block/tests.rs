@@ -2,8 +2,7 @@
 
 use std::sync::Arc;
 
-use super::factor::Factor;
-use super::lanes::{Kernel, Portable};
+use super::lanes::Width;
 use super::*;
 use crate::backends::sparse::order::eliminate;
 use crate::backends::sparse::{Matrix, Solver, Sparse, Symbolic, Vector};
@@ -23,7 +22,30 @@ fn blocks(nodes: usize, lists: &[Vec<usize>]) -> Arc<Sparsity> {
     Arc::new(Sparsity::from_elements(3 * nodes, own.chain(lists)).unwrap())
 }
 
-/// Patterns that take every path: no node, one, no couplings, trees, wide supernodes in pieces, several parts.
+/// Full blocks between the nodes of every list, which have so many unknowns.
+fn blocks_of(sizes: &[usize], lists: &[Vec<usize>]) -> Arc<Sparsity> {
+    let first: Vec<usize> = (0..=sizes.len()).map(|node| sizes[..node].iter().sum()).collect();
+    let unknowns = |&node: &usize| (first[node]..first[node + 1]).map(|unknown| unknown as i32);
+    let own = (0..sizes.len()).map(|node| unknowns(&node).collect());
+    let lists = lists.iter().map(|list| list.iter().flat_map(unknowns).collect::<Vec<_>>());
+    Arc::new(Sparsity::from_elements(first[sizes.len()], own.chain(lists)).unwrap())
+}
+
+/// A truss of which about one node in `one_in` has one or two unknowns.
+fn held_truss(random: &mut Random, nodes: usize, bars: usize, one_in: usize) -> Arc<Sparsity> {
+    let sizes: Vec<usize> =
+        (0..nodes).map(|_| if random.below(one_in) == 0 { 1 + random.below(2) } else { 3 }).collect();
+    let mut lists = Vec::new();
+    for _ in 0..nodes * bars {
+        let first = random.below(nodes);
+        let second = if random.below(4) == 0 { random.below(nodes) } else { random.below(5) };
+        lists.push(vec![first, (first + second) % nodes]);
+    }
+    blocks_of(&sizes, &lists)
+}
+
+/// Patterns that take every path: no node, one, no couplings, trees, wide supernodes in pieces, several parts, nodes with
+/// fewer than three unknowns.
 fn patterns(random: &mut Random) -> Vec<Arc<Sparsity>> {
     let band: Vec<Vec<usize>> = (0..70).map(|k| (k..(k + 9).min(70)).collect()).collect();
     let star: Vec<Vec<usize>> = (1..30).map(|k| vec![0, k]).collect();
@@ -40,6 +62,9 @@ fn patterns(random: &mut Random) -> Vec<Arc<Sparsity>> {
     for nodes in [2, 3, 5, 11, 24, 50, 90, 130] {
         patterns.extend([1, 3, 6].map(|bars| random.truss(nodes, bars)));
     }
+    for nodes in [24, 50, 90, 130] {
+        patterns.extend([1, 3, 6].map(|bars| held_truss(random, nodes, bars, 6)));
+    }
     patterns
 }
 
@@ -53,14 +78,18 @@ fn matrix<T: BlockScalar>(pattern: &Arc<Sparsity>, a: &Oracle) -> Matrix<T> {
     matrix
 }
 
-/// `L` of the matrix whose unknowns are eliminated in the order given, row after row; `Err` with the position of the first
-/// pivot that is not positive.
-fn dense_cholesky(a: &Oracle, order: &[usize]) -> Result<Vec<Vec<f64>>, usize> {
+/// `L` of the matrix whose unknowns are eliminated in the order given, row after row, that of the identity where there is
+/// no unknown; `Err` with the position of the first pivot that is not positive.
+fn dense_cholesky(a: &Oracle, order: &[Option<usize>]) -> Result<Vec<Vec<f64>>, usize> {
+    let value = |i: usize, j: usize| match (order[i], order[j]) {
+        (Some(row), Some(column)) => a.values[row * a.cols + column],
+        _ => f64::from(u8::from(i == j)),
+    };
     let mut l = vec![vec![0.0; order.len()]; order.len()];
     for i in 0..order.len() {
         for j in 0..=i {
             let sum: f64 = (0..j).map(|k| l[i][k] * l[j][k]).sum();
-            let rest = a.values[order[i] * a.cols + order[j]] - sum;
+            let rest = value(i, j) - sum;
             if i == j && rest <= 0.0 {
                 return Err(i);
             }
@@ -83,42 +112,72 @@ fn expected_block(l: &[Vec<f64>], row: usize, column: usize) -> [[f64; 3]; 3] {
 
 struct Analysed {
     analysis: BlockAnalysis,
-    order: Vec<usize>,
+    /// The unknown at each position, three a node; `None` where there is padding.
+    order: Vec<Option<usize>>,
 }
 
 fn analyse(pattern: &Sparsity, ordering: Ordering) -> Analysed {
     let graph = Graph::new(pattern);
-    assert_eq!(graph.unknowns_per_node, BLOCK);
     let analysis = BlockAnalysis::new(pattern, &graph, &eliminate(&graph, ordering).unwrap());
-    let order = (0..pattern.rows()).map(|position| analysis.unknown(position)).collect();
+    let is_unknown = |position: &usize| position % BLOCK < analysis.nodes[position / BLOCK].size as usize;
+    let unknown = |position| Some(position).filter(is_unknown).map(|position| analysis.unknown(position));
+    let order = (0..BLOCK * analysis.nodes()).map(unknown).collect();
     Analysed { analysis, order }
 }
 
-/// Every block of the factor is that of a dense factorisation, with the lanes of this machine and without.
+#[cfg(target_arch = "x86_64")]
+const WIDTHS: [Width; 3] = [Width::Portable, Width::Avx2, Width::Avx512];
+#[cfg(not(target_arch = "x86_64"))]
+const WIDTHS: [Width; 1] = [Width::Portable];
+
+/// Those that this machine has; of the others the test says that it skips them.
+fn widths() -> impl Iterator<Item = Width> {
+    let (has, has_not) = WIDTHS.into_iter().partition::<Vec<_>, _>(|&width| width <= Width::of_machine());
+    if !has_not.is_empty() {
+        eprintln!("skipped, since this machine lacks them: {has_not:?}");
+    }
+    has.into_iter()
+}
+
+/// Every block of the factor is that of a dense factorisation, with all registers of this machine.
 #[test]
 fn factors_are_those_of_a_dense_factorisation() {
     let mut random = Random::new(1);
     for pattern in patterns(&mut random) {
-        let a = Oracle::dominant(&mut random, &pattern, |_| 1.0);
-        let values = matrix::<f64>(&pattern, &a).values;
-        for ordering in ORDERINGS {
-            let Analysed { analysis, order } = analyse(&pattern, ordering);
-            let l = dense_cholesky(&a, &order).unwrap();
-            let (mut wide, mut portable) = (BlockCholesky::new(&analysis), BlockCholesky::new(&analysis));
-            let ratio = wide.factor(&analysis, &values).unwrap().ratio();
-            let BlockCholesky { panels, place, .. } = &mut portable;
-            Factor { analysis: &analysis, values: &values, panels, place }.run(Portable).unwrap();
-            let pivots = || (0..l.len()).map(|k| l[k][k] * l[k][k]);
-            let expected = pivots().fold(f64::INFINITY, f64::min) / pivots().fold(0.0, f64::max);
+        check_factors(&mut random, &pattern);
+    }
+}
+
+/// The same for patterns at random, most of their nodes padded.
+#[test]
+fn factors_of_padded_nodes_are_those_of_a_dense_factorisation() {
+    for seed in 0..60 {
+        let mut random = Random::new(seed);
+        let (nodes, bars) = (1 + random.below(40), random.below(5));
+        let one_in = 1 + random.below(3);
+        let pattern = held_truss(&mut random, nodes, bars, one_in);
+        check_factors(&mut random, &pattern);
+    }
+}
+
+fn check_factors(random: &mut Random, pattern: &Arc<Sparsity>) {
+    let a = Oracle::dominant(random, pattern, |_| 1.0);
+    let values = matrix::<f64>(pattern, &a).values;
+    for ordering in ORDERINGS {
+        let Analysed { analysis, order } = analyse(pattern, ordering);
+        let l = dense_cholesky(&a, &order).unwrap();
+        let pivots = || (0..l.len()).filter(|&k| order[k].is_some()).map(|k| l[k][k] * l[k][k]);
+        let expected = pivots().fold(f64::INFINITY, f64::min) / pivots().fold(0.0, f64::max);
+        for width in widths() {
+            let mut factor = BlockCholesky::new(&analysis);
+            let ratio = factor.factor_with(width, &analysis, &values).unwrap().ratio();
             assert!(l.is_empty() || (ratio - expected).abs() < 1e-10, "{ratio} instead of {expected}");
-            for factor in [&wide, &portable] {
-                check_panels(&analysis, &factor.panels, &l);
-            }
+            check_panels(&analysis, &factor.panels, &l, &order);
         }
     }
 }
 
-fn check_panels(analysis: &BlockAnalysis, panels: &[Column<f64>], l: &[Vec<f64>]) {
+fn check_panels(analysis: &BlockAnalysis, panels: &[Column<f64>], l: &[Vec<f64>], order: &[Option<usize>]) {
     let supernodes = &analysis.supernodes;
     let mut found = 0;
     for s in 0..supernodes.count() {
@@ -131,11 +190,78 @@ fn check_panels(analysis: &BlockAnalysis, panels: &[Column<f64>], l: &[Vec<f64>]
                     assert!((0..3).all(|i| (have[i] - want[i]).abs() < 1e-12), "{have:?} instead of {want:?}");
                     assert_eq!(have[3], 0.0, "the fourth lane stays empty");
                 }
-                found += if row == column { 6 } else { 9 };
+                let [rows, columns] = [row, column].map(|node| order[3 * node..3 * node + 3].iter().flatten().count());
+                found += if row == column { rows * (rows + 1) / 2 } else { rows * columns };
             }
         }
     }
     assert_eq!(found, analysis.entries());
+}
+
+/// All numbers of the factor: what lies above the diagonal blocks is scratch.
+fn lower<T: Scalar>(analysis: &BlockAnalysis, panels: &[Column<T>]) -> Vec<T> {
+    let mut numbers = Vec::new();
+    for s in 0..analysis.supernodes.count() {
+        let (width, height) = (analysis.supernodes.width(s), analysis.supernodes.height(s));
+        for row in 0..height {
+            let at = analysis.panel_start[s] + BLOCK * row * width;
+            numbers.extend(panels[at..at + BLOCK * width.min(row + 1)].as_flattened());
+        }
+    }
+    numbers
+}
+
+/// All kinds of registers agree to rounding, in both precisions, also about where a matrix is not definite; those with
+/// fused multiply-add to the last bit.
+fn widths_agree<T: BlockScalar>() {
+    for seed in 0..40 {
+        let mut random = Random::new(seed);
+        let (nodes, bars) = (1 + random.below(90), 1 + random.below(6));
+        let pattern = held_truss(&mut random, nodes, bars, 4);
+        let indefinite_at = random.below(2 * pattern.rows());
+        let dense = Oracle::dominant(&mut random, &pattern, |i| if i == indefinite_at { -1.0 } else { 1.0 });
+        let values = matrix::<T>(&pattern, &dense).values;
+        let Analysed { analysis, .. } = analyse(&pattern, Ordering::Auto);
+        let [mut reference, mut other] = [(); 2].map(|()| BlockCholesky::<T>::new(&analysis));
+        let outcome = reference.factor_with(Width::Portable, &analysis, &values).map(|pivots| pivots.negative());
+        assert_eq!(outcome.is_err(), indefinite_at < pattern.rows());
+        let mut fused = None;
+        for width in widths() {
+            let again = other.factor_with(width, &analysis, &values).map(|pivots| pivots.negative());
+            assert_eq!(again, outcome, "{width:?}");
+            if outcome.is_err() {
+                continue;
+            }
+            let both = lower(&analysis, &reference.panels).into_iter().zip(lower(&analysis, &other.panels));
+            let apart = both.map(|(a, b)| (a - b).abs().as_f64()).fold(0.0, f64::max);
+            assert!(apart < 50.0 * T::epsilon().as_f64(), "{width:?}: {apart:e}");
+            if width > Width::Portable {
+                let bits = lower(&analysis, &other.panels);
+                assert_eq!(*fused.get_or_insert_with(|| bits.clone()), bits, "{width:?}, bit for bit");
+            }
+        }
+    }
+}
+
+#[test]
+fn factors_do_not_depend_on_the_registers() {
+    widths_agree::<f64>();
+    widths_agree::<f32>();
+}
+
+/// Where nodes have three unknowns but for some, and only there.
+#[test]
+fn bodies_on_rollers_go_by_blocks_and_scalar_matrices_do_not() {
+    let mut random = Random::new(9);
+    let by_blocks = |pattern: &Arc<Sparsity>| {
+        Sparse::<f64>::analyze(&(), pattern, &SolverParams::new(Symmetry::Definite)).unwrap().blocks.is_some()
+    };
+    assert!(by_blocks(&held_truss(&mut random, 200, 4, 5)));
+    let one_of_three = blocks_of(&[1, 3, 3, 3], &[vec![0, 1], vec![1, 2], vec![2, 3]]);
+    assert!(by_blocks(&one_of_three), "one node on a roller");
+    let chain: Vec<Vec<usize>> = (1..50).map(|k| vec![k - 1, k]).collect();
+    assert!(!by_blocks(&blocks_of(&[1; 50], &chain)));
+    assert!(!by_blocks(&blocks_of(&[2; 50], &chain)));
 }
 
 fn solver<T: BlockScalar>(pattern: &Arc<Sparsity>, ordering: Ordering) -> (Arc<Symbolic>, Solver<T>) {

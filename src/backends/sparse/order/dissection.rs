@@ -108,7 +108,7 @@ mod tests {
     #[test]
     fn dissection_beats_minimum_degree_in_three_dimensions() {
         let graph = grid(13);
-        let operations = |order| Tree::new(&graph, order).operations(1);
+        let operations = |order| Tree::new(&graph, order).operations();
         let by_degree = operations(minimum_degree(&graph).unwrap());
         let by_dissection = operations(nested_dissection(&graph, 12).unwrap());
         assert!(by_dissection < 0.8 * by_degree, "{by_dissection:e} against {by_degree:e}");

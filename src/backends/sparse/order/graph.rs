@@ -1,9 +1,9 @@
-//! What an ordering sees of a matrix: a graph of nodes, each with one unknown or with three.
+//! What an ordering sees of a matrix: a graph of nodes with one to three unknowns each.
 
 use super::NONE;
 use crate::las::Sparsity;
 
-/// Unknowns of a node whose couplings are full blocks.
+/// The most unknowns of a node.
 pub(in crate::backends::sparse) const BLOCK: usize = 3;
 
 /// The couplings of the nodes of a symmetric matrix.
@@ -13,56 +13,57 @@ pub(in crate::backends::sparse) struct Graph {
     pub(super) start: Vec<u32>,
     /// The neighbours of every node, ascending, without itself.
     pub(super) neighbours: Vec<u32>,
-    /// Unknowns of a node: 1 or [`BLOCK`].
-    pub(in crate::backends::sparse) unknowns_per_node: usize,
+    /// Number of unknowns of each node: 1 to [`BLOCK`].
+    sizes: Vec<u8>,
 }
 
 impl Graph {
-    /// The graph of a symmetric pattern: by blocks where it consists of them, else by unknowns.
+    /// The graph of a symmetric pattern.
+    ///
+    /// Consecutive unknowns that couple to the same others and to each other are one node, up to three of them. Since the
+    /// pattern is symmetric, every other unknown couples to all of them or to none, so that nodes couple in full blocks.
     pub(in crate::backends::sparse) fn new(pattern: &Sparsity) -> Self {
-        Self::of_blocks(pattern).unwrap_or_else(|| Self::of_unknowns(pattern))
-    }
-
-    /// The nodes of a pattern whose unknowns `3 k`, `3 k + 1` and `3 k + 2` couple to the same others, always to all three
-    /// of another node, and to each other; `None` where a single entry differs.
-    fn of_blocks(pattern: &Sparsity) -> Option<Self> {
-        if !pattern.rows().is_multiple_of(BLOCK) {
-            return None;
+        let unknowns = pattern.rows();
+        let (mut sizes, mut node_of) = (Vec::new(), Vec::with_capacity(unknowns));
+        while node_of.len() < unknowns {
+            let first = node_of.len();
+            let row = pattern.row(first);
+            let limit = if row.binary_search(&(first as u32)).is_ok() { BLOCK } else { 1 };
+            let alike = (first + 1..unknowns).take(limit - 1).take_while(|&other| pattern.row(other) == row);
+            let size = 1 + alike.count();
+            node_of.resize(first + size, sizes.len() as u32);
+            sizes.push(size as u8);
         }
-        let nodes = pattern.rows() / BLOCK;
-        let mut graph = Self { start: vec![0], neighbours: Vec::new(), unknowns_per_node: BLOCK };
-        for node in 0..nodes {
-            let [first, second, third] = [0, 1, 2].map(|i| pattern.row(BLOCK * node + i));
-            let (blocks, rest) = first.as_chunks::<BLOCK>();
-            if !rest.is_empty() || first != second || first != third {
-                return None;
-            }
-            let mut has_diagonal = false;
-            for &[i, j, k] in blocks {
-                if !i.is_multiple_of(BLOCK as u32) || j != i + 1 || k != i + 2 {
-                    return None;
-                }
-                let other = i / BLOCK as u32;
-                has_diagonal |= other as usize == node;
-                if other as usize != node {
+        let mut graph = Self { start: vec![0], neighbours: Vec::new(), sizes };
+        let mut first = 0;
+        for node in 0..graph.sizes.len() {
+            let before = graph.neighbours.len();
+            for &unknown in pattern.row(first) {
+                let other = node_of[unknown as usize];
+                if other as usize != node && graph.neighbours[before..].last() != Some(&other) {
                     graph.neighbours.push(other);
                 }
             }
-            if !has_diagonal {
-                return None;
-            }
             graph.start.push(graph.neighbours.len() as u32);
-        }
-        graph.is_symmetric().then_some(graph)
-    }
-
-    fn of_unknowns(pattern: &Sparsity) -> Self {
-        let mut graph = Self { start: vec![0], neighbours: Vec::new(), unknowns_per_node: 1 };
-        for row in 0..pattern.rows() {
-            graph.neighbours.extend(pattern.row(row).iter().filter(|&&column| column as usize != row));
-            graph.start.push(graph.neighbours.len() as u32);
+            first += graph.size(node);
         }
         graph
+    }
+
+    /// The first unknown of each node, and the number of unknowns at the end.
+    pub(in crate::backends::sparse) fn first_unknowns(&self) -> Vec<u32> {
+        let mut first = Vec::with_capacity(self.nodes() + 1);
+        first.push(0);
+        for (node, &size) in self.sizes.iter().enumerate() {
+            first.push(first[node] + u32::from(size));
+        }
+        first
+    }
+
+    /// Number of unknowns of a node.
+    #[inline]
+    pub(in crate::backends::sparse) fn size(&self, node: usize) -> usize {
+        self.sizes[node] as usize
     }
 
     pub(in crate::backends::sparse) fn nodes(&self) -> usize {
@@ -75,18 +76,14 @@ impl Graph {
         &self.neighbours[self.start[node] as usize..self.start[node + 1] as usize]
     }
 
-    fn is_symmetric(&self) -> bool {
-        let mirrored = |node: usize, other: u32| self.neighbours(other as usize).binary_search(&(node as u32)).is_ok();
-        (0..self.nodes()).all(|node| self.neighbours(node).iter().all(|&other| mirrored(node, other)))
-    }
-
     /// The couplings among some of the nodes, numbered as they are listed. `number` is scratch, one entry a node, all
     /// [`NONE`](NONE), and is left so.
     pub(super) fn part(&self, nodes: &[u32], number: &mut [u32]) -> Self {
         for (k, &node) in nodes.iter().enumerate() {
             number[node as usize] = k as u32;
         }
-        let mut part = Self { start: vec![0], neighbours: Vec::new(), unknowns_per_node: self.unknowns_per_node };
+        let sizes = nodes.iter().map(|&node| self.sizes[node as usize]).collect();
+        let mut part = Self { start: vec![0], neighbours: Vec::new(), sizes };
         for &node in nodes {
             let first = part.neighbours.len();
             let inside = self.neighbours(node as usize).iter().map(|&other| number[other as usize]);
@@ -135,35 +132,43 @@ mod tests {
         Sparsity::from_elements(3 * nodes as usize, own.chain(bars).chain(extra.iter().cloned())).unwrap()
     }
 
-    #[test]
-    fn blocks_of_three_become_nodes() {
-        let graph = Graph::new(&pattern(4, &[[0, 2], [2, 1]], &[]));
-        assert_eq!((graph.nodes(), graph.unknowns_per_node), (4, BLOCK));
-        assert_eq!([0, 1, 2, 3].map(|node| graph.neighbours(node).to_vec()), [vec![2], vec![2], vec![0, 1], vec![]]);
-        let empty = Graph::new(&pattern(0, &[], &[]));
-        assert_eq!((empty.nodes(), empty.unknowns_per_node), (0, BLOCK));
+    fn sizes(pattern: &Sparsity) -> Vec<u8> {
+        Graph::new(pattern).sizes
     }
 
     #[test]
-    fn a_pattern_that_is_not_made_of_full_blocks_is_not_mistaken_for_one() {
-        let scalar = |pattern: &Sparsity| Graph::new(pattern).unknowns_per_node == 1;
-        assert!(scalar(&pattern(4, &[[0, 2]], &[vec![0, 3]])), "one entry of a block");
-        assert!(scalar(&pattern(4, &[[0, 2]], &[vec![0, 3, 4, 5]])), "one row of a block");
-        assert!(scalar(&pattern(2, &[], &[vec![1, 2, 3], vec![2, 3, 4]])), "blocks beside the grid");
-        assert!(scalar(&Sparsity::from_elements(6, [[0, 1], [3, 4]]).unwrap()), "nodes that do not couple within");
-        assert!(scalar(&Sparsity::from_elements(7, [[0, 1, 2]]).unwrap()), "not a multiple of three");
-        // Full rows of three, but from node 1 to node 0 only.
-        let one_way = Sparsity::from_rows(
-            6,
-            vec![0, 3, 6, 9, 15, 21, 27],
-            [[0, 1, 2].repeat(3), (0..6).collect::<Vec<_>>().repeat(3)].concat(),
-        );
-        assert!(scalar(&one_way.unwrap()));
+    fn blocks_of_three_become_nodes() {
+        let graph = Graph::new(&pattern(4, &[[0, 2], [2, 1]], &[]));
+        assert_eq!(graph.sizes, [3; 4]);
+        assert_eq!([0, 1, 2, 3].map(|node| graph.neighbours(node).to_vec()), [vec![2], vec![2], vec![0, 1], vec![]]);
+        assert_eq!(Graph::new(&pattern(0, &[], &[])).nodes(), 0);
+    }
+
+    /// Nodes of a body some of whose components are held.
+    #[test]
+    fn nodes_with_fewer_unknowns_are_found_between_those_with_three() {
+        let nodes: [&[i32]; 5] = [&[0, 1, 2], &[3], &[4, 5], &[6, 7, 8], &[9, 10]];
+        let bars = [[0, 1], [1, 2], [2, 3], [3, 4], [0, 3]].map(|[a, b]| [nodes[a], nodes[b]].concat());
+        let graph = Graph::new(&Sparsity::from_elements(11, bars).unwrap());
+        assert_eq!(graph.sizes, [3, 1, 2, 3, 2]);
+        assert_eq!(graph.first_unknowns(), [0, 3, 4, 6, 9, 11]);
+        let neighbours = [vec![1, 3], vec![0, 2], vec![1, 3], vec![0, 2, 4], vec![3]];
+        assert_eq!([0, 1, 2, 3, 4].map(|node| graph.neighbours(node).to_vec()), neighbours);
+    }
+
+    #[test]
+    fn nodes_are_cut_where_couplings_differ() {
+        assert_eq!(sizes(&pattern(4, &[[0, 2]], &[vec![0, 3]])), [1, 2, 1, 2, 3, 3], "one entry of a block");
+        assert_eq!(sizes(&pattern(4, &[[0, 2]], &[vec![0, 3, 4, 5]])), [1, 2, 3, 3, 3], "one row of a block");
+        assert_eq!(sizes(&pattern(2, &[], &[vec![1, 2, 3], vec![2, 3, 4]])), [1; 6], "blocks beside the grid");
+        let within = Sparsity::from_elements(6, [[0, 1], [3, 4]]).unwrap();
+        assert_eq!(sizes(&within), [2, 1, 2, 1], "unknowns that do not couple at all");
+        assert_eq!(sizes(&Sparsity::from_elements(8, [(0..8).collect::<Vec<_>>()]).unwrap()), [3, 3, 2], "a clique");
         let off = Sparsity::from_rows(
             6,
             (0..=6).map(|r| 3 * r).collect(),
             [[3, 4, 5].repeat(3), [0, 1, 2].repeat(3)].concat(),
         );
-        assert!(scalar(&off.unwrap()), "no diagonal");
+        assert_eq!(sizes(&off.unwrap()), [1; 6], "no diagonal");
     }
 }

@@ -1,7 +1,7 @@
 //! In which order the unknowns are eliminated.
 //!
-//! An order decides how much the factor fills in. It is found on the graph of the nodes where the matrix consists of
-//! blocks of three: the same fill as by unknowns, from a ninth of the entries.
+//! An order decides how much the factor fills in. It is found on the graph of the nodes: where each has three unknowns,
+//! the same fill as by unknowns, from a ninth of the entries.
 
 mod coarse;
 mod dissection;
@@ -52,12 +52,11 @@ pub(super) fn eliminate(graph: &Graph, ordering: Ordering) -> Result<Tree, Solve
                 return Ok(first);
             }
             let mut best = by_dissection()?;
-            let operations = |tree: &Tree| tree.operations(graph.unknowns_per_node);
             if cfg!(feature = "metis") {
                 let other = Tree::new(graph, metis(graph)?);
-                best = if operations(&other) < operations(&best) { other } else { best };
+                best = if other.operations() < best.operations() { other } else { best };
             }
-            Ok(if operations(&best) < WORTH_IT * operations(&first) { best } else { first })
+            Ok(if best.operations() < WORTH_IT * first.operations() { best } else { first })
         }
     }
 }

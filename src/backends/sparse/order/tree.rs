@@ -1,7 +1,7 @@
 //! The elimination tree: which unknowns are eliminated into which, and how full the factor gets.
 
 use super::NONE;
-use super::graph::Graph;
+use super::graph::{BLOCK, Graph};
 
 /// The elimination tree of an ordered graph, in postorder: whatever is eliminated into a node comes right before it.
 ///
@@ -17,18 +17,27 @@ pub(in crate::backends::sparse) struct Tree {
     pub(in crate::backends::sparse) parent: Vec<u32>,
     /// Entries of each column of the factor, the diagonal included.
     pub(in crate::backends::sparse) counts: Vec<u32>,
+    /// The same in unknowns: the height of the first scalar column of each position.
+    heights: Vec<u32>,
+    /// Unknowns of the node at each position.
+    sizes: Vec<u32>,
 }
 
 impl Tree {
     /// The tree of a graph whose nodes are eliminated in an order equivalent to the one given: same fill, postordered.
     pub(in crate::backends::sparse) fn new(graph: &Graph, order: Vec<u32>) -> Self {
         let n = graph.nodes();
-        let mut tree = Self { position: inverse(&order), order, parent: vec![NONE; n], counts: vec![1; n] };
+        let sizes: Vec<u32> = order.iter().map(|&node| graph.size(node as usize) as u32).collect();
+        let (position, heights) = (inverse(&order), sizes.clone());
+        let mut tree = Self { position, order, parent: vec![NONE; n], counts: vec![1; n], heights, sizes };
         tree.grow(graph);
         let sequence = tree.postorder();
         let place = inverse(&sequence);
-        tree.order = sequence.iter().map(|&p| tree.order[p as usize]).collect();
-        tree.counts = sequence.iter().map(|&p| tree.counts[p as usize]).collect();
+        let reorder = |values: &[u32]| sequence.iter().map(|&p| values[p as usize]).collect();
+        tree.order = reorder(&tree.order);
+        tree.counts = reorder(&tree.counts);
+        tree.heights = reorder(&tree.heights);
+        tree.sizes = reorder(&tree.sizes);
         let moved = |parent: u32| if parent == NONE { NONE } else { place[parent as usize] };
         tree.parent = sequence.iter().map(|&p| moved(tree.parent[p as usize])).collect();
         tree.position = inverse(&tree.order);
@@ -45,6 +54,7 @@ impl Tree {
                 while column < row && seen[column] != row as u32 {
                     seen[column] = row as u32;
                     self.counts[column] += 1;
+                    self.heights[column] += self.sizes[row];
                     if self.parent[column] == NONE {
                         self.parent[column] = row as u32;
                     }
@@ -100,13 +110,20 @@ impl Tree {
     }
 
     /// Floating-point operations of a factorisation: the sum over all columns of the square of their entries.
-    pub(in crate::backends::sparse) fn operations(&self, unknowns_per_node: usize) -> f64 {
-        let of_node = |&count: &u32| -> f64 {
-            let entries = |k: usize| (unknowns_per_node * count as usize - k) as f64;
-            (0..unknowns_per_node).map(|k| entries(k) * entries(k)).sum()
-        };
-        self.counts.iter().map(of_node).sum()
+    pub(in crate::backends::sparse) fn operations(&self) -> f64 {
+        let nodes = self.heights.iter().zip(&self.sizes);
+        nodes.map(|(&height, &size)| operations_of_node(height, size)).sum()
     }
+
+    /// The same with every node padded to [`BLOCK`] unknowns.
+    pub(in crate::backends::sparse) fn padded_operations(&self) -> f64 {
+        self.counts.iter().map(|&count| operations_of_node(BLOCK as u32 * count, BLOCK as u32)).sum()
+    }
+}
+
+/// Operations of `size` columns of which the first has `height` entries, the next one less, and so on.
+fn operations_of_node(height: u32, size: u32) -> f64 {
+    (0..size).map(|k| f64::from(height - k)).map(|entries| entries * entries).sum()
 }
 
 /// `inverse[order[k]] = k`.

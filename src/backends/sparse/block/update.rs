@@ -1,0 +1,81 @@
+//! What a supernode whose columns are final subtracts from a later one.
+
+use super::factor::Block;
+use super::lanes::Lanes;
+use super::products::{load, rows_of, store, subtract_products};
+use super::{BLOCK, Column};
+use crate::las::Scalar;
+
+/// A supernode whose columns are final.
+pub(super) struct Earlier<'a, T> {
+    pub(super) width: usize,
+    pub(super) panel: &'a [Column<T>],
+    pub(super) rows: &'a [u32],
+}
+
+impl<T: Scalar> Earlier<'_, T> {
+    /// Subtracts from a later panel what elimination of this supernode leaves there; `reached` are the rows here that are
+    /// columns there.
+    #[inline(always)]
+    pub(super) fn subtract<L: Lanes<T>>(
+        &self,
+        lanes: L,
+        reached: std::ops::Range<usize>,
+        place: &[u32],
+        target: &mut [Column<T>],
+        target_width: usize,
+    ) {
+        let stride = BLOCK * self.width;
+        let rows = &self.rows[reached.start..];
+        let (blocks, _) = self.panel[stride * (self.width + reached.start)..].as_chunks::<BLOCK>();
+        let columns = reached.len();
+        let mut row = 0;
+        while row < rows.len() {
+            let group = Group { lanes, width: self.width, blocks, rows, place, row };
+            row += match (rows.len() - row).min(L::MOST_ROWS) {
+                1 => group.subtract::<1>(columns, target, target_width),
+                2 => group.subtract::<2>(columns, target, target_width),
+                6 => group.subtract::<6>(columns, target, target_width),
+                _ => group.subtract::<3>(columns, target, target_width),
+            };
+        }
+    }
+}
+
+/// Some rows of an earlier panel, from `row` on.
+struct Group<'a, T, L> {
+    lanes: L,
+    width: usize,
+    /// The panel from the first row that reaches the target.
+    blocks: &'a [Block<T>],
+    rows: &'a [u32],
+    place: &'a [u32],
+    row: usize,
+}
+
+impl<T: Scalar, L: Lanes<T>> Group<'_, T, L> {
+    /// For `R` rows: all their products with the rows that are columns of the target, as far as they lie at or below its
+    /// diagonal; some above it come along. Returns `R`.
+    #[inline(always)]
+    fn subtract<const R: usize>(&self, columns: usize, target: &mut [Column<T>], target_width: usize) -> usize {
+        let Self { lanes, width, blocks, rows, place, row } = *self;
+        let mine = rows_of::<T, R>(&blocks[width * row..], width, 0, width);
+        let mut to = [0; R];
+        for (to, &position) in to.iter_mut().zip(&rows[row..row + R]) {
+            *to = target_width * place[position as usize] as usize;
+        }
+        let (target, _) = target.as_chunks_mut::<BLOCK>();
+        for (column, other) in blocks.chunks_exact(width).enumerate().take(columns.min(row + R)) {
+            let place = place[rows[column] as usize] as usize;
+            let mut sums = [[lanes.splat(T::zero()); BLOCK]; R];
+            for i in 0..R {
+                sums[i] = load(lanes, &target[to[i] + place]);
+            }
+            let sums = subtract_products(lanes, sums, mine, other);
+            for i in 0..R {
+                store(lanes, sums[i], &mut target[to[i] + place]);
+            }
+        }
+        R
+    }
+}
