@@ -1,5 +1,6 @@
 //! What a Newton iteration of a body costs: the unit cube in 20 cells a side (48 000 tetrahedra, neo-Hookean),
-//! stretched by a tenth.
+//! stretched by a tenth; clamped at two faces, and on rollers at three, each held in the direction across it, as at the
+//! planes of symmetry of a larger body.
 
 use std::hint::black_box;
 use std::sync::Arc;
@@ -12,11 +13,19 @@ use biotissue::fem::point_field::{FormulaField, PointField, PointResponses};
 use biotissue::las::{Backend, MatrixOps, Solver, SolverParams, Symmetry, VectorOps};
 use criterion::{Criterion, criterion_group, criterion_main};
 
-fn iteration(c: &mut Criterion) {
+fn clamped(c: &mut Criterion) {
+    iteration(c, "box of 48 000 tetrahedra", |x, _| x[0] == 0.0 || x[0] == 1.0);
+}
+
+fn on_rollers(c: &mut Criterion) {
+    iteration(c, "box of 48 000 tetrahedra on rollers", |x, direction| x[direction] == 0.0);
+}
+
+/// `fixed` tells which components of the displacement at a place are held.
+fn iteration(c: &mut Criterion, name: &str, fixed: impl Fn([f64; 3], usize) -> bool) {
     let mesh = shapes::cuboid([20; 3], [1.0; 3]).expect("a box");
     let (nodes, elements) = (mesh.nodes().len(), mesh.elements().len());
-    let clamped: Vec<bool> = mesh.nodes().iter().map(|x| x[0] == 0.0 || x[0] == 1.0).collect();
-    let unknowns = Unknowns::new(nodes, |node, _| clamped[node]).expect("few unknowns");
+    let unknowns = Unknowns::new(nodes, |node, direction| fixed(mesh.nodes()[node], direction)).expect("few unknowns");
     let pattern = Arc::new(unknowns.pattern(&mesh).expect("a pattern"));
     let mut matrix = Sparse::<f64>::matrix(&(), &pattern).expect("a matrix");
     let geometry = assembly::geometry(&mesh).expect("positive volumes");
@@ -29,7 +38,7 @@ fn iteration(c: &mut Criterion) {
     let mut residual = Sparse::<f64>::vector(&(), unknowns.free()).expect("a vector");
     let mut direction = residual.clone();
 
-    let mut group = c.benchmark_group("box of 48 000 tetrahedra");
+    let mut group = c.benchmark_group(name);
     group.sample_size(20);
     group.bench_function("points", |b| {
         b.iter(|| {
@@ -50,10 +59,11 @@ fn iteration(c: &mut Criterion) {
             assembler.stiffness(black_box(&responses.tangent), &mut matrix).expect("serial");
         });
     });
-    let symbolic =
-        Sparse::<f64>::analyze(&(), &pattern, &SolverParams::new(Symmetry::Definite)).expect("a symmetric pattern");
-    let mut solver = Sparse::solver(&symbolic).expect("a solver");
+    let params = SolverParams::new(Symmetry::Definite);
+    let analyze = || Sparse::<f64>::analyze(&(), &pattern, &params).expect("a symmetric pattern");
+    let mut solver = Sparse::solver(&analyze()).expect("a solver");
     group.sample_size(10);
+    group.bench_function("analysis", |b| b.iter(analyze));
     group.bench_function("factor", |b| b.iter(|| solver.factor(black_box(&matrix)).expect("definite")));
     group.bench_function("solve", |b| {
         b.iter(|| solver.solve(black_box(&residual), &mut direction).expect("factored"));
@@ -61,5 +71,5 @@ fn iteration(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, iteration);
+criterion_group!(benches, clamped, on_rollers);
 criterion_main!(benches);
