@@ -118,9 +118,8 @@ fn fill_partial<T: Scalar>(panel: &mut [Column<T>], partial: &[Partial], values:
     for &Partial { source, rows, columns } in partial {
         for column in 0..columns as usize {
             let at = source.at as usize + column * source.stride as usize;
-            for row in 0..rows as usize {
-                panel[source.to as usize + column][row] = values[at + row];
-            }
+            let rows = rows as usize;
+            panel[source.to as usize + column][..rows].copy_from_slice(&values[at..at + rows]);
         }
     }
 }

@@ -117,7 +117,7 @@ impl<T: Scalar> Lanes<T> for Portable {
     #[inline(always)]
     fn add(self, mut a: [T; LANES], b: [T; LANES]) -> [T; LANES] {
         for k in 0..LANES {
-            a[k] = a[k] + b[k];
+            a[k] += b[k];
         }
         a
     }
@@ -125,7 +125,7 @@ impl<T: Scalar> Lanes<T> for Portable {
     #[inline(always)]
     fn mul(self, mut a: [T; LANES], b: [T; LANES]) -> [T; LANES] {
         for k in 0..LANES {
-            a[k] = a[k] * b[k];
+            a[k] *= b[k];
         }
         a
     }
@@ -133,7 +133,7 @@ impl<T: Scalar> Lanes<T> for Portable {
     #[inline(always)]
     fn add_mul(self, mut c: [T; LANES], a: [T; LANES], b: [T; LANES]) -> [T; LANES] {
         for k in 0..LANES {
-            c[k] = c[k] + a[k] * b[k];
+            c[k] += a[k] * b[k];
         }
         c
     }
@@ -141,7 +141,7 @@ impl<T: Scalar> Lanes<T> for Portable {
     #[inline(always)]
     fn sub_mul(self, mut c: [T; LANES], a: [T; LANES], b: [T; LANES]) -> [T; LANES] {
         for k in 0..LANES {
-            c[k] = c[k] - a[k] * b[k];
+            c[k] -= a[k] * b[k];
         }
         c
     }
