@@ -96,10 +96,13 @@ extern crate self as biotissue;
 pub mod backends;
 #[cfg(feature = "capi")]
 pub mod capi;
+#[cfg(feature = "app")]
+mod checksum;
 pub mod coupling;
 pub mod fem;
 pub mod fiber;
 pub mod input;
 pub mod las;
+pub mod output;
 #[cfg(feature = "app")]
 pub mod tissue;

@@ -5,14 +5,13 @@
 //! the deformation gradient asked for, and the parameters. Numbers have all their digits, so that the same program
 //! repeats the equilibrium bit for bit.
 
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 
-use super::results::{ResultsError, replace_by};
+use super::results::ResultsError;
 use crate::fiber::equilibrium::{EquilibriumParams, Stage, Stages};
 use crate::fiber::law::FiberMaterial;
 use crate::fiber::network::file::sidecar::NamedLaw;
@@ -20,6 +19,7 @@ use crate::fiber::network::{Cube, Network};
 use crate::fiber::rve::{Rates, Rve, RveModel, StressScale};
 use crate::input::InputError;
 use crate::las::Backend;
+use crate::output;
 
 /// The folder of a result directory for RVEs that were lost.
 pub const LOST_FOLDER: &str = "lost-rve";
@@ -100,7 +100,7 @@ impl RveDump {
         Self { origin, network, scale, start: start.clone(), target: *target, params: *params }
     }
 
-    /// Writes the file, and the folder it lies in where there is none.
+    /// Writes the file as [`output::write`] does, and the folder it lies in where there is none.
     ///
     /// # Errors
     /// [`ResultsError::Write`].
@@ -110,7 +110,7 @@ impl RveDump {
         }
         let text = serde_json::to_string(&self.document())
             .map_err(|error| ResultsError::write(path)(std::io::Error::other(error)))?;
-        replace_by(path, |file| file.write_all(text.as_bytes()))
+        output::write(path, text.as_bytes()).map_err(ResultsError::write(path))
     }
 
     fn document(&self) -> Document {

@@ -77,7 +77,7 @@ impl ShapeArguments {
 /// Where the mesh goes.
 #[derive(Args)]
 pub struct Output {
-    /// The mesh file; one of that name is replaced
+    /// The mesh file; a regular file of that name is replaced
     #[arg(short = 'o', long = "output", value_name = "FILE.msh")]
     file: PathBuf,
     /// Version of the Gmsh format

@@ -10,14 +10,19 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::CheckpointError;
-use super::hash::Fnv;
+use crate::checksum::Fnv;
 use crate::tissue::results::{ResultsError, replace_by};
 
 const MAGIC: &[u8; 8] = b"BIOTISSU";
 /// Counts up whenever the content changes its form.
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 const HEAD: usize = MAGIC.len() + size_of::<u32>();
 const TAIL: usize = size_of::<u64>();
+
+/// Whether a file, which may have been cut short, begins as one of any version does.
+pub(super) fn is_begin(bytes: &[u8]) -> bool {
+    MAGIC.starts_with(&bytes[..bytes.len().min(MAGIC.len())])
+}
 
 /// Writes a checkpoint; a file that is there already stays whole until the new one is.
 pub(super) fn write(path: &Path, content: &impl Serialize) -> Result<(), ResultsError> {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::hash::Fnv;
+use crate::checksum::Fnv;
 use crate::fem::mesh::Mesh;
 use crate::fiber::law::{FiberMaterial, Law};
 use crate::fiber::network::Network;

@@ -7,11 +7,10 @@
 //! |---|---|
 //! | this one | writing, keeping, finding |
 //! | `file` | the frame: version and hash |
-//! | `record` | the content: displacements, halvings, the memory of all RVEs |
+//! | `record` | the content: displacements, halvings, what of the results was written, the memory of all RVEs |
 //! | `identity` | the case, mesh and networks that the content belongs to |
 
 mod file;
-mod hash;
 mod identity;
 mod raw;
 mod record;
@@ -28,8 +27,9 @@ pub use identity::{Identity, Mismatch};
 pub(in crate::tissue) use record::UnitRecord;
 
 use super::micro_scale::{Life, TissueMaterial, UnitState};
-use super::results::{CHECKPOINT_FOLDER, ResultsError, final_name};
+use super::results::{CHECKPOINT_FOLDER, ResultsError, Written};
 use crate::fem::stepping::SavedState;
+use crate::output::{self, final_name};
 use record::{Record, RecordRef};
 
 /// How many are kept: the last one, and the one before in case the last is damaged.
@@ -46,6 +46,8 @@ pub struct Checkpoint {
     pub lives: Vec<Life>,
     /// What those RVEs remembered that there were.
     pub units: Vec<UnitState>,
+    /// What the run had written until then.
+    pub written: Written,
 }
 
 /// Why a run cannot go on from the checkpoints that are there.
@@ -116,8 +118,8 @@ impl CheckpointError {
     }
 }
 
-/// Writes the state of a run after a full step into the result directory `dir`, and removes checkpoints that are no
-/// longer among the last.
+/// Writes the state of a run after a full step into the result directory `dir`, with what was `written` there before and is
+/// on the disk, and removes checkpoints that are no longer among the last.
 ///
 /// # Errors
 /// [`ResultsError::Write`].
@@ -125,11 +127,13 @@ pub fn write(
     dir: &Path,
     identity: &Identity,
     state: &SavedState,
+    written: &Written,
     field: &impl TissueMaterial,
 ) -> Result<(), ResultsError> {
     let folder = dir.join(CHECKPOINT_FOLDER);
     fs::create_dir_all(&folder).map_err(ResultsError::write(&folder))?;
-    file::write(&folder.join(file_name(state.done)), &RecordRef { identity, state, field })?;
+    file::write(&folder.join(file_name(state.done)), &RecordRef { identity, state, written, field })?;
+    output::sync_folder(&folder).map_err(ResultsError::write(&folder))?;
     let steps = steps_in(&folder).map_err(ResultsError::write(&folder))?;
     let oldest_kept = steps.iter().copied().filter(|&step| step <= state.done).nth(KEPT - 1).unwrap_or(0);
     remove(&folder, |step| step < oldest_kept || step > state.done)
@@ -175,11 +179,12 @@ fn read(path: &Path, now: &Identity) -> Result<(Checkpoint, Vec<String>), Checkp
     let record: Record = file::read(path)?;
     let remarks = record.identity.check(now);
     let remarks = remarks.map_err(|reason| CheckpointError::OtherRun { path: path.into(), reason })?;
+    let written = record.written.clone();
     let (state, lives, units) = record.into_states().ok_or_else(|| CheckpointError::Damaged {
         path: path.into(),
         what: "it counts more steps than this machine can".into(),
     })?;
-    Ok((Checkpoint { path: path.into(), state, lives, units }, remarks))
+    Ok((Checkpoint { path: path.into(), state, lives, units, written }, remarks))
 }
 
 fn file_name(step: usize) -> String {
@@ -189,6 +194,16 @@ fn file_name(step: usize) -> String {
 fn step_of(name: &str) -> Option<usize> {
     let step = name.strip_prefix("step-")?.strip_suffix(".bin")?.parse().ok()?;
     (file_name(step) == name).then_some(step)
+}
+
+/// Whether a file of this name in the folder of checkpoints is one.
+pub(in crate::tissue) fn is_file_name(name: &str) -> bool {
+    step_of(name).is_some()
+}
+
+/// Whether a file begins as a checkpoint does; it may have been cut short.
+pub(in crate::tissue) fn is_begin(bytes: &[u8]) -> bool {
+    file::is_begin(bytes)
 }
 
 /// The steps of which there are checkpoints, newest first; none where there is no folder.

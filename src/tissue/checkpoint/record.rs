@@ -9,6 +9,7 @@ use crate::fem::material::Response;
 use crate::fem::stepping::SavedState;
 use crate::fiber::rve::{Rates, Rve};
 use crate::tissue::micro_scale::{Life, TissueMaterial, UnitState};
+use crate::tissue::results::Written;
 
 /// What is read.
 #[derive(Deserialize)]
@@ -17,6 +18,8 @@ pub(super) struct Record {
     done: u64,
     halvings: u32,
     displacements: Vec<[f64; 3]>,
+    /// What there must be of the results.
+    pub written: Written,
     lives: Vec<Life>,
     units: Vec<UnitRecord>,
 }
@@ -25,6 +28,7 @@ pub(super) struct Record {
 pub(super) struct RecordRef<'a, M> {
     pub identity: &'a Identity,
     pub state: &'a SavedState,
+    pub written: &'a Written,
     pub field: &'a M,
 }
 
@@ -54,11 +58,12 @@ struct AnswerRecord {
 
 impl<M: TissueMaterial> Serialize for RecordRef<'_, M> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut record = serializer.serialize_struct("Record", 6)?;
+        let mut record = serializer.serialize_struct("Record", 7)?;
         record.serialize_field("identity", self.identity)?;
         record.serialize_field("done", &(self.state.done as u64))?;
         record.serialize_field("halvings", &self.state.halvings)?;
         record.serialize_field("displacements", &self.state.displacements)?;
+        record.serialize_field("written", self.written)?;
         record.serialize_field("lives", &self.field.sites().lives())?;
         record.serialize_field("units", &Units(self.field))?;
         record.end()

@@ -2,9 +2,9 @@ use std::path::Path;
 
 use nalgebra::Matrix3;
 
-use super::hash::Fnv;
 use super::*;
 use crate::backends::sparse::Sparse;
+use crate::checksum::Fnv;
 use crate::fiber::rve::Rve;
 use crate::tissue::case::Case;
 use crate::tissue::macro_scale;
@@ -117,7 +117,7 @@ fn another_version_of_the_format_is_named() {
     fs::write(&path, sealed(&body)).unwrap();
     let error = simulation().resume(dir.path()).unwrap_err();
     assert!(
-        matches!(error, ResumeError::Checkpoint(CheckpointError::Version { found: 4, expected: 3, .. })),
+        matches!(error, ResumeError::Checkpoint(CheckpointError::Version { found: 5, expected: 4, .. })),
         "{error}"
     );
 }

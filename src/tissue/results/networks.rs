@@ -10,7 +10,7 @@ use vtkio::model::{
 use super::ResultsError;
 use super::fields::{array, sign};
 use super::fields_read::{check_arrays, groups};
-use super::replace::replace;
+use crate::output;
 
 /// A network, borrowed for writing; one entry a fiber.
 #[derive(Clone, Copy, Debug, Default)]
@@ -55,7 +55,7 @@ pub fn network_collection(element: usize) -> String {
 }
 
 /// Writes a network to `path`, which should end in `.vtp`. A file that is there already stays whole until the new one
-/// is.
+/// is; symbolic links, devices and pipes are treated as [`output::write`] does.
 ///
 /// # Errors
 /// [`ResultsError::Length`] or [`ResultsError::ElementNode`] (of a fiber) where the parts do not fit each other (nothing
@@ -80,7 +80,7 @@ pub fn write_vtp(path: &Path, network: &NetworkSet) -> Result<(), ResultsError> 
     for array in ["connectivity", "offsets"] {
         sign(&mut bytes, array);
     }
-    replace(path, &bytes)
+    output::write(path, &bytes).map_err(ResultsError::write(path))
 }
 
 fn vtk(network: &NetworkSet) -> Vtk {

@@ -1,14 +1,14 @@
-//! Writing a file so that nobody ever sees half of it.
+//! Writing the files of a result directory, and reading those that grow.
 
-use std::ffi::OsString;
 use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::Path;
 
 use super::ResultsError;
+use crate::output;
 
-/// Replaces the file at `path` by `bytes`: written beside it under another name, brought to the disk, then renamed.
-pub(super) fn replace(path: &Path, bytes: &[u8]) -> Result<(), ResultsError> {
+/// Replaces the file at `path` by `bytes`: see [`output::replace_by`].
+pub(in crate::tissue) fn replace(path: &Path, bytes: &[u8]) -> Result<(), ResultsError> {
     replace_by(path, |file| file.write_all(bytes))
 }
 
@@ -17,26 +17,7 @@ pub(in crate::tissue) fn replace_by(
     path: &Path,
     write: impl FnOnce(&mut File) -> io::Result<()>,
 ) -> Result<(), ResultsError> {
-    let mut name = OsString::from(".");
-    name.push(path.file_name().unwrap_or_default());
-    name.push(format!(".{}.part", std::process::id()));
-    let part = path.with_file_name(name);
-    let written = File::create(&part).and_then(|mut file| {
-        write(&mut file)?;
-        file.sync_data()?;
-        fs::rename(&part, path)
-    });
-    written.map_err(|source| {
-        // The error is reported either way; a leftover that cannot be removed changes nothing about it.
-        let _ = fs::remove_file(&part);
-        ResultsError::Write { path: path.into(), source }
-    })
-}
-
-/// The name of a file that was being replaced when its writer was interrupted; any other name is its own.
-pub(in crate::tissue) fn final_name(name: &str) -> &str {
-    let parts = name.strip_prefix('.').and_then(|name| name.strip_suffix(".part"));
-    parts.and_then(|name| name.rsplit_once('.')).map_or(name, |(name, _process)| name)
+    output::replace_by(path, write).map_err(ResultsError::write(path))
 }
 
 /// The text of a file up to its last newline: what follows was being written when the run was interrupted.

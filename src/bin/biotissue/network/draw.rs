@@ -92,7 +92,8 @@ pub fn run(arguments: &DrawArguments) -> Result<(), Failure> {
     match format {
         Format::Svg => {
             let svg = picture(arguments, &network, &state, gradient);
-            std::fs::write(&arguments.output, svg).map_err(|error| Failure::unwritable(&arguments.output, &error))?;
+            biotissue::output::write(&arguments.output, svg.as_bytes())
+                .map_err(|error| Failure::unwritable(&arguments.output, &error))?;
         }
         Format::Vtp => vtp(&arguments.output, &network, &state)?,
     }

@@ -9,6 +9,7 @@ mod words;
 use std::path::Path;
 
 use biotissue::fiber::network::check::RigidityError;
+use biotissue::fiber::network::file::family::{FamilyError, write_family};
 use biotissue::fiber::network::file::sidecar::{FiberTypes, NamedLaw, Sidecar};
 use biotissue::fiber::network::file::{self, NetworkFile};
 use biotissue::fiber::network::{Network, check::NetworkReport};
@@ -52,15 +53,19 @@ fn laws_of(network: &Network) -> Sidecar {
 
 /// Writes a network with what goes beside it: first the network, then its materials, then where it comes from.
 fn write(path: &Path, network: &Network, sidecar: &Sidecar) -> Result<(), Failure> {
-    let unwritable = |error: std::io::Error| Failure::unwritable(path, &error);
     output::make_folder_of(path)?;
-    file::write(path, network).map_err(unwritable)?;
-    if file::fits_params(network) {
-        file::write_params(path, network).map_err(unwritable)?;
-    } else {
-        file::remove_params(path).map_err(unwritable)?;
+    if biotissue::output::is_stream(path) {
+        let what = format!("{}: no regular file: the network goes there without its materials", path.display());
+        output::warn(&[what]);
     }
-    sidecar.write_beside(path).map_err(unwritable)
+    write_family(path, network, sidecar).map_err(|error| match &error {
+        FamilyError::Write { path, source } => Failure::unwritable(path, source),
+        FamilyError::Foreign { .. } => Failure::arguments(
+            format!("{error}; nothing is written"),
+            "no such file, or one that `biotissue network` has written with a network and that is as it was",
+            "move or rename that file, or give the network another name",
+        ),
+    })
 }
 
 fn read(path: &Path) -> Result<NetworkFile, Failure> {

@@ -1,10 +1,10 @@
 //! Writing mesh files.
 
-use std::fs::File;
 use std::io::{self, BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use crate::fem::mesh::{Mesh, measure};
+use crate::output;
 
 /// The version of the format.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -36,39 +36,16 @@ pub fn write(path: &Path, mesh: &Mesh) -> io::Result<()> {
 /// Writes a mesh, regions and surfaces as physical groups with their names, coordinates with all their digits.
 ///
 /// The file appears under its name when it is complete: a file of that name stays as it is until then, and if
-/// writing fails.
+/// writing fails. Symbolic links, devices and pipes are treated as [`output::write`] does.
 ///
 /// # Errors
 /// What the file system says, or [`io::ErrorKind::InvalidInput`] for a mesh that the format cannot number.
 pub fn write_with(path: &Path, mesh: &Mesh, options: WriteOptions) -> io::Result<()> {
-    let path = match std::fs::metadata(path) {
-        // A device or a pipe is written to, not replaced.
-        Ok(there) if !there.is_file() => return write_to(File::create(path)?, mesh, options).map(drop),
-        // Behind a link, the file it leads to is replaced.
-        Ok(_) => path.canonicalize()?,
-        Err(_) => path.to_path_buf(),
-    };
-    let unfinished = unfinished(&path)?;
-    let outcome = File::create(&unfinished)
-        .and_then(|file| write_to(file, mesh, options)?.sync_all())
-        .and_then(|()| std::fs::rename(&unfinished, &path));
-    if outcome.is_err() {
-        // What failed is told; that a leftover may stay beside it is not worth hiding that.
-        let _ = std::fs::remove_file(&unfinished);
-    }
-    outcome
-}
-
-fn write_to(file: File, mesh: &Mesh, options: WriteOptions) -> io::Result<File> {
-    let mut out = BufWriter::new(file);
-    to_writer(&mut out, mesh, options)?;
-    Ok(out.into_inner()?)
-}
-
-/// A hidden name beside the final one, different for every process.
-fn unfinished(path: &Path) -> io::Result<PathBuf> {
-    let name = path.file_name().ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "this is no file name"))?;
-    Ok(path.with_file_name(format!(".{}.{}.unfinished", name.to_string_lossy(), std::process::id())))
+    output::write_by(path, |file| {
+        let mut out = BufWriter::new(file);
+        to_writer(&mut out, mesh, options)?;
+        out.flush()
+    })
 }
 
 /// Writes a mesh to anything that takes bytes. See [`write_with`].

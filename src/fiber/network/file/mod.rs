@@ -2,6 +2,8 @@
 
 mod body;
 #[cfg(feature = "app")]
+pub mod family;
+#[cfg(feature = "app")]
 mod fiber_types;
 #[cfg(feature = "app")]
 mod generated;

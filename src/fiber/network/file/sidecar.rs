@@ -52,8 +52,10 @@ use toml::Spanned;
 
 use super::fiber_types::Fibers;
 use super::{read_if_present, write};
+use crate::checksum;
 use crate::fiber::law::FiberMaterial;
 use crate::input::{InputError, InputErrors, excerpt, without_byte_order_mark};
+use crate::output;
 
 pub use super::fiber_types::FiberTypes;
 pub use super::named_law::{NamedLaw, NamedLawError};
@@ -110,6 +112,11 @@ impl Sidecar {
     /// [`io::ErrorKind::InvalidInput`] for a seed above `2^63 - 1`, which TOML cannot hold, and for a law that could not
     /// be read back; otherwise what the operating system says.
     pub fn write_beside(&self, network: &Path) -> io::Result<()> {
+        output::write(&write::beside(network, ".toml"), checksum::signed(&self.to_toml()?).as_bytes())
+    }
+
+    /// The text of the file, without its signature.
+    pub(super) fn to_toml(&self) -> io::Result<String> {
         let invalid = |what: String| io::Error::new(io::ErrorKind::InvalidInput, what);
         let types = self.fiber_types.as_ref();
         let material = self.material.as_ref().filter(|_| types.is_none());
@@ -127,7 +134,7 @@ impl Sidecar {
         if let Some(types) = types {
             types.list(&mut text);
         }
-        write::replace(&write::beside(network, ".toml"), text.as_bytes())
+        Ok(text)
     }
 }
 
@@ -210,7 +217,7 @@ fn type_named(expected: &str) -> &str {
     }
 }
 
-fn parse(file: &Path, bytes: &[u8], fibers: usize) -> Result<Sidecar, InputErrors> {
+pub(super) fn parse(file: &Path, bytes: &[u8], fibers: usize) -> Result<Sidecar, InputErrors> {
     let bytes = without_byte_order_mark(bytes);
     let text = std::str::from_utf8(bytes).map_err(|error| {
         let line = line_of(bytes, error.valid_up_to());

@@ -2,19 +2,20 @@
 
 use std::ffi::OsString;
 use std::fmt::Write as _;
-use std::fs::File;
-use std::io::{self, Write as _};
+use std::io;
 use std::path::{Path, PathBuf};
 
 use super::super::Network;
 use crate::fiber::law::{FiberMaterial, Law};
+use crate::output;
 
 /// Density written where a material states none: the format has a column for it, and nothing static reads it.
 const NO_DENSITY: f64 = 1.0;
 
 /// Writes the nodes (in unit-cube units) and fibers of a network in the text format, without the materials.
 ///
-/// Coordinates are written so that reading gives the same bits. The file appears complete or not at all.
+/// Coordinates are written so that reading gives the same bits. The file appears complete or not at all; symbolic links,
+/// devices and pipes are treated as [`output::write`] does.
 ///
 /// # Errors
 /// What the operating system says.
@@ -35,7 +36,7 @@ pub fn write_parts(path: &Path, nodes: &[[f64; 3]], fibers: &[[u32; 2]]) -> io::
     for [a, b] in fibers {
         let _ = writeln!(text, "{a} {b}");
     }
-    replace(path, text.as_bytes())
+    output::write(path, text.as_bytes())
 }
 
 /// Writes the materials of a network into the `.params` file beside `path` (the network's own file). A material
@@ -61,7 +62,7 @@ pub fn write_params(path: &Path, network: &Network) -> io::Result<()> {
     for reaction in network.reaction_of() {
         let _ = writeln!(text, "{reaction}");
     }
-    replace(&beside(path, ".params"), text.as_bytes())
+    output::write(&beside(path, ".params"), text.as_bytes())
 }
 
 /// Whether the `.params` format can hold the materials of a network: there are some, and all their laws are `linear` or
@@ -101,19 +102,4 @@ pub(super) fn beside(path: &Path, suffix: &str) -> PathBuf {
     let mut name = OsString::from(path);
     name.push(suffix);
     name.into()
-}
-
-/// Puts `bytes` into a new file beside `path` and then in its place, so that no reader ever sees half of it.
-pub(super) fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let temporary = beside(path, &format!(".tmp{}", std::process::id()));
-    let written = File::create(&temporary).and_then(|mut file| {
-        file.write_all(bytes)?;
-        file.sync_all()
-    });
-    let outcome = written.and_then(|()| std::fs::rename(&temporary, path));
-    if outcome.is_err() {
-        // The first error is the one to tell; what is left behind may not even exist.
-        let _ = std::fs::remove_file(&temporary);
-    }
-    outcome
 }

@@ -5,7 +5,7 @@
 
 /// The hash of what was fed to it so far.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Fnv(u64);
+pub(crate) struct Fnv(u64);
 
 impl Fnv {
     pub fn new() -> Self {
@@ -51,9 +51,40 @@ impl Fnv {
     }
 }
 
+/// The hash of these bytes.
+pub(crate) fn sum_of(bytes: &[u8]) -> u64 {
+    let mut hash = Fnv::new();
+    hash.bytes(bytes);
+    hash.sum()
+}
+
+/// What the first line of a signed text begins with.
+const SIGNATURE: &str = "# Written by biotissue; checksum of the lines below: ";
+
+/// A text in which `#` begins a comment, with its hash in a line before it: [`below_signature`] tells whether it was changed.
+pub(crate) fn signed(text: &str) -> String {
+    format!("{SIGNATURE}{:016x}\n{text}", sum_of(text.as_bytes()))
+}
+
+/// The lines below the signature of a text, and whether they are as they were signed; `None` for a text without one.
+pub(crate) fn below_signature(text: &str) -> Option<(&str, bool)> {
+    let (sum, rest) = text.strip_prefix(SIGNATURE)?.split_once('\n')?;
+    Some((rest, u64::from_str_radix(sum, 16) == Ok(sum_of(rest.as_bytes()))))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_signed_text_that_was_changed_is_known() {
+        let text = "a = 1\nb = 2\n";
+        let whole = signed(text);
+        assert_eq!(below_signature(&whole), Some((text, true)));
+        assert_eq!(below_signature(&whole.replace("b = 2", "b = 3")), Some(("a = 1\nb = 3\n", false)));
+        assert_eq!(below_signature(&whole[..whole.len() - 1]), Some(("a = 1\nb = 2", false)));
+        assert_eq!((below_signature(text), below_signature("")), (None, None));
+    }
 
     #[test]
     fn known_sums_come_out() {
