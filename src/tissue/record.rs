@@ -7,13 +7,13 @@ use nalgebra::Matrix3;
 use super::case::Case;
 use super::checkpoint;
 use super::micro_scale::{Life, LostRve, PointSummary, SweepStats, TissueMaterial};
-use super::results::collection::{field_file, index_file, partial};
+use super::results::collection::{Entry, field_file, index_file, partial};
 use super::results::log::{
     Balance, Cut, Event, Factorisations, LogWriter, NewtonLog, NewtonSeconds, RankSeconds, Ranks, RveLog, Step,
 };
 use super::results::{
-    self, CASE_FILE, Collection, FieldSet, LOADS_FILE, LOG_FILE, LoadsWriter, Pieces, ResultsError, SurfaceRow,
-    write_vtu,
+    self, CASE_FILE, Collection, FieldFile, FieldSet, LOADS_FILE, LOG_FILE, LoadsWriter, Pieces, ResultsError,
+    SurfaceRow, Written, write_vtu,
 };
 use super::rve_dump::lost_file;
 use super::rve_files::NetworkFiles;
@@ -23,6 +23,7 @@ use crate::fem::mesh::Mesh;
 use crate::fem::reactions::BoundaryForces;
 use crate::fem::stepping::{ConvergedStep, FailedAttempt, StepReport};
 use crate::las::NewtonReport;
+use crate::output;
 
 /// Who wants to know how far a run is.
 pub trait Progress {
@@ -40,6 +41,16 @@ impl Progress for () {
     fn failed(&mut self, _: &Cut) {}
 }
 
+/// Where a run goes on that was taken up again.
+pub(super) struct GoingOn {
+    /// The last full step.
+    pub done: usize,
+    /// Its pseudo-time.
+    pub t: f64,
+    /// What the run had written until then.
+    pub written: Written,
+}
+
 /// The result directory of a run in progress.
 pub(super) struct Recorder<'a> {
     dir: PathBuf,
@@ -51,6 +62,8 @@ pub(super) struct Recorder<'a> {
     /// Reference volume of every element.
     volumes: Vec<f64>,
     stress: CauchyStress,
+    /// The field files in the collection.
+    written: Vec<FieldFile>,
     progress: &'a mut dyn Progress,
     started: std::time::Instant,
     /// The file of the RVE that made the last attempt fail, if one did.
@@ -59,13 +72,13 @@ pub(super) struct Recorder<'a> {
 
 impl<'a> Recorder<'a> {
     /// Makes the directory and its files. Of a run from the beginning, what an earlier run left there is removed; one that
-    /// goes on after pseudo-time `resumed` keeps it up to there. `elements` are those whose networks are written.
+    /// goes on keeps it up to there. `elements` are those whose networks are written.
     pub fn open(
         dir: &Path,
         case: &Case,
         mesh: &Mesh,
         elements: &[usize],
-        resumed: Option<f64>,
+        resumed: Option<&GoingOn>,
         progress: &'a mut dyn Progress,
     ) -> Result<Self, ResultsError> {
         std::fs::create_dir_all(dir).map_err(ResultsError::write(dir))?;
@@ -74,10 +87,9 @@ impl<'a> Recorder<'a> {
             checkpoint::clear(dir)?;
             results::clear(dir)?;
         } else {
-            results::clear_partial(dir)?;
+            results::clear_unfinished(dir)?;
         }
-        let case_file = dir.join(CASE_FILE);
-        std::fs::write(&case_file, case.to_toml()).map_err(ResultsError::write(&case_file))?;
+        results::replace(&dir.join(CASE_FILE), results::case_copy(case).as_bytes())?;
         let surfaces: Vec<&str> = mesh.surface_names().collect();
         let regions: Vec<&str> = mesh.regions().iter().map(String::as_str).collect();
         let points: Vec<String> = (0..case.points.len()).map(|k| format!("point{k}")).collect();
@@ -89,25 +101,43 @@ impl<'a> Recorder<'a> {
                 LogWriter::create(&log_file)?,
                 Collection::new(dir),
             ),
-            Some(t) => (
-                LoadsWriter::resume(&loads_file, &surfaces, &points, &regions, t)?,
-                LogWriter::resume(&log_file)?,
-                Collection::resume(dir, t)?,
-            ),
+            Some(GoingOn { done, t, written }) => {
+                let known: Vec<Entry> = written.fields.iter().map(FieldFile::entry).collect();
+                (
+                    LoadsWriter::resume(&loads_file, &surfaces, &points, &regions, *done)?,
+                    LogWriter::resume(&log_file)?,
+                    Collection::resume(dir, *t, &known)?,
+                )
+            }
         };
+        let listed = fields.entries().iter().map(|entry| FieldFile::new(dir, entry.time, &entry.file));
+        let written = listed.collect::<Result<_, ResultsError>>()?;
         Ok(Self {
             dir: dir.to_owned(),
             every: case.output.every,
             loads,
             log,
             fields,
-            networks: NetworkFiles::open(dir, elements, resumed)?,
+            networks: NetworkFiles::open(dir, elements, resumed.map(|on| on.t))?,
             volumes: (0..mesh.elements().len()).map(|element| mesh.element_volume(element)).collect(),
             stress: CauchyStress::new(case, mesh),
             progress,
             started: std::time::Instant::now(),
             lost: None,
+            written,
         })
+    }
+
+    /// Brings to the disk what was written so far, so that a checkpoint may stand for it, and says what that is.
+    pub fn settle(&self) -> Result<Written, ResultsError> {
+        self.loads.sync()?;
+        self.log.sync()?;
+        // Files are on the disk before they get their names; their names are in the folders.
+        output::sync_folder(&self.dir).map_err(ResultsError::write(&self.dir))?;
+        if let Some(folder) = self.networks.folder() {
+            output::sync_folder(folder).map_err(ResultsError::write(folder))?;
+        }
+        Ok(Written { loads: self.loads.marks().to_vec(), fields: self.written.clone() })
     }
 
     pub fn log(&mut self, event: &Event) -> Result<(), ResultsError> {
@@ -174,6 +204,7 @@ impl<'a> Recorder<'a> {
             Some((part_of, parts)) => write_parts(&path, &fields, part_of, parts)?,
         }
         self.fields.add(state.t, &file)?;
+        self.written.push(FieldFile::new(&self.dir, state.t, &file)?);
         self.networks.write((step, whole), state.t, field)
     }
 

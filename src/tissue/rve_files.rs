@@ -64,6 +64,11 @@ impl NetworkFiles {
         Ok(Self { series: series.collect::<Result<_, ResultsError>>()?, folder })
     }
 
+    /// The folder of the files, where there are any.
+    pub fn folder(&self) -> Option<&Path> {
+        (!self.series.is_empty()).then_some(self.folder.as_path())
+    }
+
     /// Writes all networks as they are after a converged step.
     pub fn write<M: TissueMaterial>(
         &mut self,

@@ -318,13 +318,16 @@ fn the_collection_is_whole_after_every_step() {
     }
     collection.add(2.0, "a & \"b\" <c>.vtu").unwrap();
     assert_eq!(Collection::read(dir.path()).unwrap(), collection);
-    let resumed = Collection::resume(dir.path(), 2.0 / 3.0).unwrap();
+    let resumed = Collection::resume(dir.path(), 2.0 / 3.0, &[]).unwrap();
     assert_eq!(resumed.entries().len(), 2);
 
     let pvd = dir.path().join("fields.pvd");
     let text = std::fs::read_to_string(&pvd).unwrap();
     std::fs::write(&pvd, &text[..text.len() / 2]).unwrap();
     assert!(matches!(Collection::read(dir.path()), Err(ResultsError::Damaged { .. })));
+    // What a run knows that it has written is entered again.
+    let restored = Collection::resume(dir.path(), 2.0 / 3.0, resumed.entries()).unwrap();
+    assert_eq!((&restored, &Collection::read(dir.path()).unwrap()), (&resumed, &resumed));
 }
 
 fn loads_row(k: usize) -> ([SurfaceRow; 2], [[f64; 3]; 1], [f64; 1]) {
@@ -381,12 +384,49 @@ fn interrupted_loads_are_read_and_resumed() {
     std::fs::write(&path, &whole[..whole.len() - 3]).unwrap();
     assert_eq!(Loads::read(&path).unwrap().rows.len(), 2, "the last number lacks digits: it must not be believed");
 
-    let mut writer = LoadsWriter::resume(&path, &names.0, &names.1, &names.2, 0.25).unwrap();
+    let mut writer = LoadsWriter::resume(&path, &names.0, &names.1, &names.2, 1).unwrap();
     let (surfaces, points, volumes) = loads_row(7);
     writer.row(2, 0.5, &surfaces, &points, &volumes).unwrap();
     let steps: Vec<_> = Loads::read(&path).unwrap().rows.iter().map(|row| (row.step, row.t)).collect();
     assert_eq!(steps, [(1, 0.25), (2, 0.5)]);
-    assert!(LoadsWriter::resume(&path, &["a"], &names.1, &names.2, 0.25).is_err());
+    assert!(LoadsWriter::resume(&path, &["a"], &names.1, &names.2, 1).is_err());
+}
+
+/// What follows the last step that counts is dropped whatever it is; up to there every row must be there once, in order.
+#[test]
+fn loads_of_other_steps_are_not_resumed() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("loads.csv");
+    let names = (["a", "b"], ["point0"], ["body"]);
+    let mut writer = LoadsWriter::create(&path, &names.0, &names.1, &names.2).unwrap();
+    for k in 0..3 {
+        let (surfaces, points, volumes) = loads_row(k);
+        writer.row(k + 1, (k + 1) as f64 / 4.0, &surfaces, &points, &volumes).unwrap();
+    }
+    let whole = std::fs::read_to_string(&path).unwrap();
+    let lines: Vec<&str> = whole.lines().collect();
+    let resume = |lines: &[&str], done: usize| {
+        std::fs::write(&path, lines.iter().map(|line| format!("{line}\n")).collect::<String>()).unwrap();
+        LoadsWriter::resume(&path, &names.0, &names.1, &names.2, done).map(|writer| writer.marks().len())
+    };
+    let [header, one, two, three] = lines[..] else { panic!("{lines:?}") };
+    assert_eq!(resume(&lines, 3).unwrap(), 4);
+    assert_eq!(std::fs::read_to_string(&path).unwrap(), whole);
+    assert_eq!(resume(&[header, one, two, "nonsense", three], 2).unwrap(), 3);
+    assert_eq!(std::fs::read_to_string(&path).unwrap(), [header, one, two, ""].join("\n"));
+    for (lines, said) in [
+        (&[header, one, three][..], "loads.csv:3: has load step 3 where step 2 belongs"),
+        (&[header, one, one, two], "loads.csv:3: has load step 1 where step 2 belongs"),
+        (&[header, two, one], "loads.csv:2: has load step 2 where step 1 belongs"),
+        (&[header, one], "loads.csv:2: ends after load step 1"),
+        (&[header], "loads.csv:1: ends after load step 0"),
+    ] {
+        let error = resume(lines, 2).unwrap_err().to_string();
+        assert!(error.contains(said), "{error}");
+    }
+    std::fs::remove_file(&path).unwrap();
+    let error = LoadsWriter::resume(&path, &names.0, &names.1, &names.2, 2).unwrap_err().to_string();
+    assert!(error.contains("loads.csv: is missing"), "{error}");
 }
 
 #[test]

@@ -2,7 +2,9 @@
 #![cfg(feature = "app")]
 
 mod arguments;
+mod files;
 mod messages;
+mod outputs;
 mod ranks;
 mod run;
 mod rve;

@@ -18,6 +18,22 @@ use crate::failure::Failure;
 pub fn not_written(error: ResultsError) -> Failure {
     match error {
         ResultsError::Write { path, source } => Failure::unwritable(&path, &source),
+        ResultsError::Locked { .. } => Failure::Environment {
+            what: error.to_string(),
+            expected: "a result directory that no other run writes to".into(),
+            cure: "wait for that run to end, or end it, or name another directory with --out".into(),
+        },
+        ResultsError::Foreign { .. } => Failure::Arguments {
+            what: format!("{error}; nothing was touched"),
+            expected: "a directory that is empty, or that holds the results of an earlier run as they were written"
+                .into(),
+            cure: "name another directory with --out, or move or rename that file".into(),
+        },
+        ResultsError::Read { .. } => Failure::Environment {
+            what: error.to_string(),
+            expected: "a result directory whose files can be read".into(),
+            cure: "check its permissions, or name another directory with --out".into(),
+        },
         ResultsError::Damaged { .. } => Failure::Arguments {
             what: error.to_string(),
             expected: "the results of the interrupted run".into(),
@@ -86,7 +102,27 @@ fn cure_of_point(error: &TissueFieldError, micro: &MicroCase) -> String {
 }
 
 pub fn not_resumed<F: std::error::Error + 'static>(error: ResumeError<F>) -> Failure {
+    let error = match error {
+        ResumeError::Results(error) if !matches!(error, ResultsError::Damaged { .. }) => return not_written(error),
+        error => error,
+    };
     let cure = match &error {
+        ResumeError::Results(ResultsError::Damaged { .. }) => {
+            return Failure::Arguments {
+                what: error.to_string(),
+                expected: "the results of the interrupted run, as they were written".into(),
+                cure: "put that file back as it was, or start again without --resume: that replaces the results".into(),
+            };
+        }
+        ResumeError::NoCheckpoint { .. } => {
+            return Failure::Arguments {
+                what: error.to_string(),
+                expected: "the checkpoint of the last converged step, in the folder `checkpoint`".into(),
+                cure: "put the checkpoint back, or start again without --resume: that replaces the results; or name another \
+                       directory with --out"
+                    .into(),
+            };
+        }
         ResumeError::Elsewhere(error) => {
             return Failure::Environment {
                 what: error.to_string(),
@@ -102,7 +138,9 @@ pub fn not_resumed<F: std::error::Error + 'static>(error: ResumeError<F>) -> Fai
             };
         }
         ResumeError::Checkpoint(error) => error.cure(),
-        ResumeError::State { .. } => "start again without resuming: that replaces the results",
+        ResumeError::State { .. } | ResumeError::Results(_) => {
+            "start again without resuming: that replaces the results"
+        }
     };
     Failure::Arguments {
         what: error.to_string(),

@@ -23,6 +23,7 @@ mod failure;
 mod fiber_type;
 mod increments;
 mod info;
+mod interrupt;
 mod law;
 mod mesh;
 mod network;

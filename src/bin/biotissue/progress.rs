@@ -1,22 +1,28 @@
 //! How far a run has come, for whoever watches it.
 
 use std::io::IsTerminal;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use biotissue::tissue::Progress;
 use biotissue::tissue::results::log::{Cut, Step};
 use biotissue::tissue::run::Plan;
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::interrupt::{self, Interrupted};
 use crate::output;
 
 /// A bar on a terminal, a line a step otherwise.
 pub struct Reporter {
     bar: Option<ProgressBar>,
     count: usize,
+    done: Arc<AtomicUsize>,
 }
 
 impl Reporter {
-    pub fn new(plan: &Plan) -> Self {
+    /// Of a run of this plan into `dir`, after `done` steps.
+    pub fn new(plan: &Plan, dir: &Path, done: usize) -> Self {
         let Plan { elements, unknowns, rves, threads, ranks: [above, below], .. } = plan;
         let workers = match below {
             0 => format!("{threads} threads"),
@@ -34,7 +40,9 @@ impl Reporter {
             bar.enable_steady_tick(std::time::Duration::from_millis(200));
             bar
         });
-        Self { bar, count: plan.steps }
+        let done = Arc::new(AtomicUsize::new(done));
+        interrupt::watch(Interrupted { dir: dir.to_owned(), done: Arc::clone(&done), bar: bar.clone() });
+        Self { bar, count: plan.steps, done }
     }
 
     fn say(&self, line: &str) {
@@ -53,6 +61,7 @@ impl Reporter {
 
 impl Progress for Reporter {
     fn converged(&mut self, step: &Step) {
+        self.done.store(step.step, Ordering::Relaxed);
         let newton = &step.newton;
         let residual = newton.relative.last().copied().unwrap_or(0.0);
         let rves = step.rve.as_ref().map_or(String::new(), |rve| {

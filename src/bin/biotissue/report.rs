@@ -52,7 +52,7 @@ pub fn run(command: &ReportCommand) -> Result<(), Failure> {
         Some(file) => {
             let svg = picture::draw(dir, &options).map_err(failure)?;
             output::make_folder_of(file)?;
-            std::fs::write(file, svg).map_err(|error| Failure::unwritable(file, &error))?;
+            biotissue::output::write(file, svg.as_bytes()).map_err(|error| Failure::unwritable(file, &error))?;
             file.clone()
         }
         None => page::write(dir, page_file.as_deref(), &options).map_err(failure)?,
@@ -65,6 +65,10 @@ fn failure(dir: &Path, error: ReportError) -> Failure {
     match &error {
         ReportError::Results(ResultsError::Write { path, source }) => Failure::unwritable(path, source),
         ReportError::Results(ResultsError::Read { path, source }) => InputError::unreadable(path, source).into(),
+        ReportError::Results(ResultsError::Foreign { .. }) => arguments(
+            "no file of that name, or a page of an earlier report",
+            "name another file with -o, or move that one",
+        ),
         ReportError::Results(error) => {
             let expected = "a file as `biotissue run` writes it";
             Failure::arguments(error.to_string(), expected, "run the case again, or remove the file to do without it")

@@ -31,7 +31,7 @@ pub struct RunCommand {
     /// Result directory, in place of the one that the case names
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Go on after the last converged step in the result directory; start from the beginning where there is none
+    /// Go on after the last converged step in the result directory; start from the beginning where there are no results
     #[arg(long)]
     resume: bool,
     /// Configuration file of the original AMSI: which ranks each scale gets, and where results go
@@ -289,9 +289,14 @@ where
     B::Reduced: Scalar,
 {
     let micro = simulation.case().micro;
-    if resume {
+    let mut done = 0;
+    if !resume {
+        let warnings = simulation.take_directory(writers, dir).map_err(not_written)?;
+        output::warn(if writers.is_writer() { &warnings } else { &[] });
+    } else {
         let resumed = simulation.resume_among(writers, dir).map_err(not_resumed)?;
         output::warn(if writers.is_writer() { &resumed.warnings } else { &[] });
+        done = resumed.step;
         if resumed.step > 0 && writers.is_writer() {
             output::say(&format!("going on after step {} of {}", resumed.step, simulation.case().steps.count));
         }
@@ -300,7 +305,7 @@ where
         output::say(&format!("replacing the results in {}; --resume would go on with them", dir.display()));
     }
     // Only whoever writes tells the user.
-    let mut progress = writers.is_writer().then(|| Reporter::new(&simulation.plan()));
+    let mut progress = writers.is_writer().then(|| Reporter::new(&simulation.plan(), dir, done));
     let outcome = match &mut progress {
         Some(reporter) => simulation.run_among(writers, dir, reporter),
         None => simulation.run_among(writers, dir, &mut ()),

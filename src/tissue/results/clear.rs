@@ -6,63 +6,99 @@ use std::path::Path;
 
 use super::collection::{field_file, index_file, partial};
 use super::networks::{network_collection, network_file};
+use super::origin::is_report;
 use super::pieces::part_file;
-use super::replace::final_name;
-use super::{FIELDS_FILE, LOADS_FILE, LOG_FILE, NETWORKS_FOLDER, ResultsError};
+use super::{CASE_FILE, FIELDS_FILE, LOADS_FILE, LOG_FILE, NETWORKS_FOLDER, REPORT_FILE, ResultsError};
+use crate::output::final_name;
 use crate::tissue::rve_dump::{LOST_FOLDER, lost_file};
 
-/// Removes the loads, the log, the fields and the networks of an earlier run from a result directory, finished or not.
-/// Files of other names, and checkpoints, stay.
+/// Removes the loads, the log, the fields, the networks and the page of figures of an earlier run from a result directory,
+/// finished or not. Files of other names, and checkpoints, stay; so does a page of figures that comes from elsewhere. That
+/// the others come from a run is for [`check_origin`](super::check_origin) to say, before.
 ///
 /// # Errors
-/// [`ResultsError::Write`].
+/// [`ResultsError::Write`]; [`ResultsError::Read`].
 pub fn clear(dir: &Path) -> Result<(), ResultsError> {
     let single = [FIELDS_FILE, LOADS_FILE, LOG_FILE];
-    remove(dir, |name| single.contains(&name) || is_field(name) || is_part(name) || is_partial(name))?;
-    let collection =
-        |name: &str| numbers(name, ["element-", ".pvd"]).is_some_and(|[element]| name == network_collection(element));
-    remove(&dir.join(NETWORKS_FOLDER), |name| is_network(name) || is_partial(name) || collection(name))?;
-    remove(&dir.join(LOST_FOLDER), is_lost)
+    remove(dir, |name| single.contains(&name) || is_of_step(name))?;
+    remove(&dir.join(NETWORKS_FOLDER), |name| is_network(name) || is_partial(name) || is_collection(name))?;
+    remove(&dir.join(LOST_FOLDER), is_lost)?;
+    let report = dir.join(REPORT_FILE);
+    if is_report(&report)? {
+        fs::remove_file(&report).map_err(ResultsError::write(&report))?;
+    }
+    Ok(())
 }
 
-/// Removes the fields and networks that a run which failed within a step has left of that step: one that is resumed
-/// takes the step again.
+/// Removes what an interrupted run has left unfinished: the fields and networks of a state within a step, since a run that
+/// is resumed takes the step again, and files that were being written.
 ///
 /// # Errors
 /// [`ResultsError::Write`].
-pub fn clear_partial(dir: &Path) -> Result<(), ResultsError> {
-    remove(dir, is_partial)?;
-    remove(&dir.join(NETWORKS_FOLDER), is_partial)
+pub fn clear_unfinished(dir: &Path) -> Result<(), ResultsError> {
+    let single = [CASE_FILE, FIELDS_FILE, LOADS_FILE, LOG_FILE, REPORT_FILE];
+    remove_as(dir, |name, unfinished| is_partial(name) || unfinished && (single.contains(&name) || is_of_step(name)))?;
+    remove_as(&dir.join(NETWORKS_FOLDER), |name, unfinished| {
+        is_partial(name) || unfinished && (is_network(name) || is_collection(name))
+    })?;
+    remove_as(&dir.join(LOST_FOLDER), |name, unfinished| unfinished && is_lost(name))
 }
 
-fn is_field(name: &str) -> bool {
+/// Whether this is a file of the fields of a step, or of a state within one.
+fn is_of_step(name: &str) -> bool {
+    is_field(name) || is_index(name) || is_part(name) || is_partial(name)
+}
+
+/// Whether this is a file of the fields of a body.
+pub(super) fn is_field(name: &str) -> bool {
     numbers(name, ["fields-", ".vtu"]).is_some_and(|[step]| name == field_file(step))
-        || numbers(name, ["fields-", ".pvtu"]).is_some_and(|[step]| name == index_file(step))
+}
+
+/// Whether this names the pieces of the fields of a body in several parts.
+pub(super) fn is_index(name: &str) -> bool {
+    numbers(name, ["fields-", ".pvtu"]).is_some_and(|[step]| name == index_file(step))
 }
 
 /// Whether this is a piece of the fields of a body in several parts.
-fn is_part(name: &str) -> bool {
+pub(super) fn is_part(name: &str) -> bool {
     let numbers = numbers(name, ["fields-", "-part-", ".vtu"]);
     numbers.is_some_and(|[step, part]| name == part_file(&index_file(step), part))
 }
 
-fn is_network(name: &str) -> bool {
+pub(super) fn is_network(name: &str) -> bool {
     let numbers = numbers(name, ["element-", "-step-", ".vtp"]);
     numbers.is_some_and(|[element, step]| name == network_file(element, step))
 }
 
-fn is_lost(name: &str) -> bool {
+/// Whether this is the collection of the networks of an element.
+pub(super) fn is_collection(name: &str) -> bool {
+    numbers(name, ["element-", ".pvd"]).is_some_and(|[element]| name == network_collection(element))
+}
+
+pub(super) fn is_lost(name: &str) -> bool {
     let numbers = numbers(name, ["step-", "-cut-", "-element-", ".json"]);
     numbers.is_some_and(|[step, cut, element]| {
         u32::try_from(cut).is_ok_and(|cut| lost_file(step, cut, element) == Path::new(LOST_FOLDER).join(name))
     })
 }
 
-fn is_partial(name: &str) -> bool {
+/// Whether this is a file of a state within a step.
+pub(super) fn is_partial(name: &str) -> bool {
     let whole = name.replacen("-partial.", ".", 1);
     let numbers = numbers(name, ["fields-", "-partial-part-", ".vtu"]);
     numbers.is_some_and(|[step, part]| name == part_file(&partial(&index_file(step)), part))
-        || name == partial(&whole) && (is_field(&whole) || is_network(&whole))
+        || name == partial(&whole) && (is_field(&whole) || is_index(&whole) || is_network(&whole))
+}
+
+/// The step whose fields or network this file holds.
+pub(super) fn step_of_name(name: &str) -> Option<usize> {
+    let step = match name {
+        _ if is_field(name) => numbers(name, ["fields-", ".vtu"]).map(|[step]| step),
+        _ if is_index(name) => numbers(name, ["fields-", ".pvtu"]).map(|[step]| step),
+        _ if is_network(name) => numbers(name, ["element-", "-step-", ".vtp"]).map(|[_, step]| step),
+        _ => None,
+    };
+    step.or_else(|| numbers(name, ["fields-", "-part-", ".vtu"]).filter(|_| is_part(name)).map(|[step, _]| step))
 }
 
 /// The numbers between these pieces of a name, one less than there are pieces.
@@ -77,6 +113,11 @@ fn numbers<const N: usize, const M: usize>(name: &str, pieces: [&str; N]) -> Opt
 }
 
 fn remove(folder: &Path, ours: impl Fn(&str) -> bool) -> Result<(), ResultsError> {
+    remove_as(folder, |name, _| ours(name))
+}
+
+/// `unwanted` is given the final name of a file, and whether the file was being written.
+fn remove_as(folder: &Path, unwanted: impl Fn(&str, bool) -> bool) -> Result<(), ResultsError> {
     let entries = match fs::read_dir(folder) {
         Ok(entries) => entries,
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
@@ -85,7 +126,7 @@ fn remove(folder: &Path, ours: impl Fn(&str) -> bool) -> Result<(), ResultsError
     for entry in entries {
         let path = entry.map_err(ResultsError::write(folder))?.path();
         let name = path.file_name().and_then(|name| name.to_str());
-        if name.is_some_and(|name| ours(final_name(name))) {
+        if name.is_some_and(|name| unwanted(final_name(name), final_name(name) != name)) {
             fs::remove_file(&path).map_err(ResultsError::write(&path))?;
         }
     }
@@ -122,8 +163,8 @@ mod tests {
         for name in sorted(&[whole, partial, others]) {
             fs::write(dir.path().join(name), "").unwrap();
         }
-        clear_partial(dir.path()).unwrap();
-        assert_eq!(names(dir.path()), sorted(&[whole, others]));
+        clear_unfinished(dir.path()).unwrap();
+        assert_eq!(names(dir.path()), sorted(&[&whole[..2], others]));
         clear(dir.path()).unwrap();
         assert_eq!(names(dir.path()), sorted(&[others]));
     }

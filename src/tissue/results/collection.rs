@@ -69,18 +69,30 @@ impl Collection {
         Self { path, entries: Vec::new() }
     }
 
-    /// The collection of a run that is resumed: what is there up to and including `time`, and no more.
+    /// The collection of a run that is resumed: what is there up to and including `time`, and all of `known`, which the run
+    /// had written until then.
     ///
     /// # Errors
-    /// As [`read`](Self::read), but a collection that is not there is an empty one; [`ResultsError::Write`].
-    pub fn resume(dir: &Path, time: f64) -> Result<Self, ResultsError> {
-        Self::resume_at(dir.join(FIELDS_FILE), time)
+    /// [`ResultsError::Write`].
+    pub fn resume(dir: &Path, time: f64, known: &[Entry]) -> Result<Self, ResultsError> {
+        let mut collection = Self::new(dir);
+        collection.entries = known.to_vec();
+        // One that cannot be read is restored from what is known.
+        if let Ok(read) = Self::read(dir) {
+            let others = read.entries.into_iter().filter(|entry| entry.time <= time && !known.contains(entry));
+            collection.entries.extend(others);
+            collection.entries.sort_by(|a, b| a.time.total_cmp(&b.time));
+        } else if known.is_empty() && !collection.path.exists() {
+            return Ok(collection);
+        }
+        collection.write()?;
+        Ok(collection)
     }
 
-    /// [`resume`](Self::resume) of a collection in a file of another name.
+    /// The collection in a file of another name, up to and including `time`; an empty one where there is no file.
     ///
     /// # Errors
-    /// As [`resume`](Self::resume).
+    /// As [`read`](Self::read); [`ResultsError::Write`].
     pub fn resume_at(path: PathBuf, time: f64) -> Result<Self, ResultsError> {
         if !path.exists() {
             return Ok(Self::at(path));

@@ -24,6 +24,22 @@ pub enum ResultsError {
         /// Its words.
         reason: String,
     },
+    /// A file would be replaced or removed that no run has written. Nothing was touched.
+    #[error("{}: {what}", path.display())]
+    Foreign {
+        /// The file.
+        path: PathBuf,
+        /// How that is known.
+        what: &'static str,
+    },
+    /// Another run writes its results into the same directory.
+    #[error("{}: in use by another run: {holder}", path.display())]
+    Locked {
+        /// The result directory.
+        path: PathBuf,
+        /// The process, and its machine, as far as they are known.
+        holder: String,
+    },
     /// The operating system refused to read.
     #[error("{}: cannot be read: {source}", path.display())]
     Read {
@@ -85,6 +101,8 @@ impl ResultsError {
         match self {
             Self::Write { path, .. }
             | Self::Elsewhere { path, .. }
+            | Self::Foreign { path, .. }
+            | Self::Locked { path, .. }
             | Self::Read { path, .. }
             | Self::Encode { path, .. }
             | Self::Damaged { path, .. }

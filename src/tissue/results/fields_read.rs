@@ -48,7 +48,7 @@ pub fn read_fields(path: &Path) -> Result<Fields, ResultsError> {
 }
 
 /// The files that an index of pieces names.
-fn sources(path: &Path, text: &str) -> Result<Vec<String>, ResultsError> {
+pub(super) fn sources(path: &Path, text: &str) -> Result<Vec<String>, ResultsError> {
     let damaged = |what: String| ResultsError::damaged(path, None, what, "a .pvtu file that names its pieces");
     let mut reader = quick_xml::Reader::from_str(text);
     let mut sources = Vec::new();

@@ -9,8 +9,11 @@ use std::fs::{File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use serde::{Deserialize, Serialize};
+
 use super::ResultsError;
 use super::replace::{replace, whole_lines};
+use crate::checksum::sum_of;
 
 const SURFACE_COLUMNS: [&str; 7] = ["area", "fx", "fy", "fz", "ux", "uy", "uz"];
 const POINT_COLUMNS: [&str; 3] = ["fx", "fy", "fz"];
@@ -54,12 +57,27 @@ pub struct Loads {
     pub rows: Vec<LoadRow>,
 }
 
+/// A line of the table as it was written, the header or a row: how many bytes, and their hash.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct LineMark {
+    bytes: u64,
+    hash: u64,
+}
+
+impl LineMark {
+    fn of(line: &[u8]) -> Self {
+        Self { bytes: line.len() as u64, hash: sum_of(line) }
+    }
+}
+
 /// Writes the table while the run goes on.
 #[derive(Debug)]
 pub struct LoadsWriter {
     path: PathBuf,
     file: File,
     counts: [usize; 3],
+    /// Of the header, then of every row.
+    marks: Vec<LineMark>,
 }
 
 impl LoadsWriter {
@@ -69,41 +87,50 @@ impl LoadsWriter {
     /// # Errors
     /// [`ResultsError::Write`].
     pub fn create(path: &Path, surfaces: &[&str], points: &[&str], regions: &[&str]) -> Result<Self, ResultsError> {
-        replace(path, &line(path, header(surfaces, points, regions))?)?;
-        Self::open(path, [surfaces.len(), points.len(), regions.len()])
+        let header = line(path, header(surfaces, points, regions))?;
+        replace(path, &header)?;
+        Self::open(path, [surfaces.len(), points.len(), regions.len()], vec![LineMark::of(&header)])
     }
 
-    /// Goes on with the table of an interrupted run: rows after `t` are removed, for they will be computed again.
-    /// A table that is not there is started.
+    /// Goes on with the table of an interrupted run after step `done`: the steps from 1 to it must be there, each once and in
+    /// order. What comes after them is removed, for it will be computed again.
     ///
     /// # Errors
-    /// [`ResultsError::Damaged`] where the table has other columns or is none; [`ResultsError::Write`].
+    /// [`ResultsError::Damaged`] where the table is not there, has other columns, or lacks a step; [`ResultsError::Write`].
     pub fn resume(
         path: &Path,
         surfaces: &[&str],
         points: &[&str],
         regions: &[&str],
-        t: f64,
+        done: usize,
     ) -> Result<Self, ResultsError> {
-        if !path.exists() {
-            return Self::create(path, surfaces, points, regions);
-        }
-        let loads = Loads::read(path)?;
+        let (loads, lines) = Loads::up_to(path, done)?;
         if loads.surfaces != surfaces || loads.points != points || loads.regions != regions {
             let what = "has the columns of another case";
             return Err(ResultsError::damaged(path, Some(1), what, "the surfaces, points and regions of this case"));
         }
-        let mut bytes = line(path, header(surfaces, points, regions))?;
-        for row in loads.rows.iter().filter(|row| row.t <= t) {
-            bytes.extend(line(path, fields(row.step, row.t, &row.surfaces, &row.points, &row.volumes))?);
-        }
-        replace(path, &bytes)?;
-        Self::open(path, [surfaces.len(), points.len(), regions.len()])
+        replace(path, &lines.concat())?;
+        let marks = lines.iter().map(|line| LineMark::of(line)).collect();
+        Self::open(path, [surfaces.len(), points.len(), regions.len()], marks)
     }
 
-    fn open(path: &Path, counts: [usize; 3]) -> Result<Self, ResultsError> {
+    fn open(path: &Path, counts: [usize; 3], marks: Vec<LineMark>) -> Result<Self, ResultsError> {
         let file = OpenOptions::new().append(true).open(path).map_err(ResultsError::write(path))?;
-        Ok(Self { path: path.into(), file, counts })
+        Ok(Self { path: path.into(), file, counts, marks })
+    }
+
+    /// The header and all rows, as they were written.
+    #[must_use]
+    pub fn marks(&self) -> &[LineMark] {
+        &self.marks
+    }
+
+    /// Brings all rows to the disk.
+    ///
+    /// # Errors
+    /// [`ResultsError::Write`].
+    pub fn sync(&self) -> Result<(), ResultsError> {
+        self.file.sync_data().map_err(ResultsError::write(&self.path))
     }
 
     /// Appends one row; it is with the operating system when this returns.
@@ -129,7 +156,9 @@ impl LoadsWriter {
             }
         }
         let bytes = line(&self.path, fields(step, t, surfaces, points, volumes))?;
-        self.file.write_all(&bytes).map_err(ResultsError::write(&self.path))
+        self.file.write_all(&bytes).map_err(ResultsError::write(&self.path))?;
+        self.marks.push(LineMark::of(&bytes));
+        Ok(())
     }
 }
 
@@ -167,7 +196,50 @@ impl Loads {
     /// # Errors
     /// [`ResultsError::Read`]; [`ResultsError::Damaged`] with the line where the text is no such table.
     pub fn read(path: &Path) -> Result<Self, ResultsError> {
+        Self::parse_rows(path, &whole_lines(path)?, None).map(|(loads, _)| loads)
+    }
+
+    /// The steps from 1 to `done`, which must be there, each once and in order, with the text of the header and of each row.
+    /// What follows them is not looked at.
+    ///
+    /// # Errors
+    /// [`ResultsError::Damaged`] with the first line that is not as it should be; [`ResultsError::Read`].
+    pub fn up_to(path: &Path, done: usize) -> Result<(Self, Vec<Vec<u8>>), ResultsError> {
+        if !path.exists() {
+            return Err(ResultsError::damaged(path, None, "is missing", "the rows of all load steps that converged"));
+        }
         let text = whole_lines(path)?;
+        let (loads, ends) = Self::parse_rows(path, &text, Some(done))?;
+        if loads.rows.len() < done {
+            let (rows, line) = (loads.rows.len(), text.lines().count());
+            let what = format!("ends after load step {rows}");
+            return Err(ResultsError::damaged(path, Some(line), what, "a row for every load step that converged"));
+        }
+        let starts = std::iter::once(0).chain(ends.iter().copied());
+        let lines = starts.zip(&ends).map(|(start, &end)| text.as_bytes()[start..end].to_vec()).collect();
+        Ok((loads, lines))
+    }
+
+    /// That the table begins with these lines, as they were written.
+    ///
+    /// # Errors
+    /// As for [`Loads::up_to`].
+    pub(super) fn check(path: &Path, marks: &[LineMark]) -> Result<(), ResultsError> {
+        let (_, lines) = Self::up_to(path, marks.len().saturating_sub(1))?;
+        let mut number = 1;
+        for (line, mark) in lines.iter().zip(marks) {
+            if LineMark::of(line) != *mark {
+                let expected = "the line as it was written";
+                return Err(ResultsError::damaged(path, Some(number), "was changed since the run", expected));
+            }
+            number += line.iter().filter(|&&byte| byte == b'\n').count();
+        }
+        Ok(())
+    }
+
+    /// The table, and where its header and each of its rows end: all rows as they come, or only those of the steps from 1 to
+    /// `steps`, in order.
+    fn parse_rows(path: &Path, text: &str, steps: Option<usize>) -> Result<(Self, Vec<usize>), ResultsError> {
         let mut reader = csv::Reader::from_reader(text.as_bytes());
         let damaged = |error: csv::Error| {
             let line = error.position().map(|position| position.line() as usize);
@@ -182,15 +254,31 @@ impl Loads {
                 expected,
             )
         })?;
-        for record in reader.records() {
-            let record = record.map_err(damaged)?;
+        let mut ends = vec![reader.position().byte() as usize];
+        let mut record = csv::StringRecord::new();
+        while steps.is_none_or(|steps| loads.rows.len() < steps) && reader.read_record(&mut record).map_err(damaged)? {
+            let line = record.position().map(|position| position.line() as usize);
             let row = loads.parse(&record).map_err(|field| {
-                let line = record.position().map(|position| position.line() as usize);
                 ResultsError::damaged(path, line, format!("`{field}` is no number"), "a number in every column")
             })?;
+            let (step, next) = (row.step, loads.rows.len() + 1);
+            if steps.is_some() && step != next {
+                let what = format!("has load step {step} where step {next} belongs");
+                return Err(ResultsError::damaged(path, line, what, "every load step once, in order"));
+            }
             loads.rows.push(row);
+            ends.push(reader.position().byte() as usize);
         }
-        Ok(loads)
+        Ok((loads, ends))
+    }
+
+    /// Whether a text begins with the header of such a table.
+    pub(super) fn is_header(text: &[u8]) -> bool {
+        let mut reader = csv::Reader::from_reader(text);
+        reader.headers().is_ok_and(|header| {
+            let is_of_run = |loads: Self| !loads.surfaces.is_empty() || !loads.regions.is_empty();
+            Self::of_header(header).is_ok_and(is_of_run)
+        })
     }
 
     /// The names, from the header; or the column that does not fit and what should stand there.

@@ -293,6 +293,14 @@ impl LogWriter {
         let written = line.and_then(|line| self.file.write_all(format!("{line}\n").as_bytes()));
         written.map_err(ResultsError::write(&self.path))
     }
+
+    /// Brings all events to the disk.
+    ///
+    /// # Errors
+    /// [`ResultsError::Write`].
+    pub fn sync(&self) -> Result<(), ResultsError> {
+        self.file.sync_data().map_err(ResultsError::write(&self.path))
+    }
 }
 
 /// Reads a log back. A last line that was not finished is left out.

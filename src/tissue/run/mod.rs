@@ -13,7 +13,7 @@ mod plan;
 mod setup;
 mod writers;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 pub use outcome::{ResumeError, Resumed, RunError, RunSummary};
@@ -25,9 +25,9 @@ use self::writers::Witness;
 use super::case::Case;
 use super::checkpoint::{self, Checkpoint, Identity};
 use super::micro_scale::{TissueField, TissueMaterial};
-use super::record::{Progress, Recorder};
-use super::results::ResultsError;
+use super::record::{GoingOn, Progress, Recorder};
 use super::results::log::{End, Event, Start};
+use super::results::{self, DirectoryLock, ResultsError, Written};
 use crate::fem::mesh::Mesh;
 use crate::fem::stepping::{Stepper, SteppingError};
 use crate::las::{Backend, Scalar};
@@ -44,6 +44,10 @@ where
     /// The elements whose networks are written.
     networks: Vec<usize>,
     warnings: Vec<String>,
+    /// The result directory that this run has for itself, from when it is taken until the run ends.
+    own: Option<(PathBuf, DirectoryLock)>,
+    /// The results of the steps that were done before this run, where it was taken up again.
+    written: Written,
 }
 
 impl<B: Backend<Scalar = f64>> Simulation<B>
@@ -90,12 +94,35 @@ where
         Plan::new(&self.case, self.mesh(), self.stepper.field(), self.stepper.unknowns())
     }
 
-    /// Goes back to the last converged step that is kept in the result directory `dir`; [`Simulation::run`] then takes the
-    /// steps that are left and gives bit for bit what it would have given without the interruption. Without a
-    /// checkpoint the run starts from the beginning.
+    /// Takes the result directory `dir` for this run alone, until [`Simulation::run`] ends, and checks that a run has written
+    /// what this one would replace there. [`Simulation::resume`] and [`Simulation::run`] do so where it was not done before.
+    /// Returns what the user should know.
     ///
     /// # Errors
-    /// [`ResumeError`]: checkpoints of another run, or only damaged ones. Nothing on the disk is touched.
+    /// [`ResultsError::Locked`], [`ResultsError::Foreign`]: nothing on the disk is touched. [`ResultsError::Write`].
+    pub fn take_directory(&mut self, writers: &dyn Writers, dir: &Path) -> Result<Vec<String>, ResultsError> {
+        let is_own = self.own.as_ref().is_some_and(|(own, _)| own == dir);
+        let taken = match writers.is_writer() && !is_own {
+            true => results::check_origin(dir).and_then(|()| DirectoryLock::take(dir)).map(Some),
+            false => Ok(None),
+        };
+        let (taken, outcome) = match taken {
+            Ok(taken) => (taken, Ok(())),
+            Err(error) => (None, Err(error)),
+        };
+        writers.agree(outcome)?;
+        let Some((lock, warning)) = taken else { return Ok(Vec::new()) };
+        self.own = Some((dir.to_owned(), lock));
+        Ok(warning.into_iter().collect())
+    }
+
+    /// Goes back to the last converged step that is kept in the result directory `dir`; [`Simulation::run`] then takes the
+    /// steps that are left and gives bit for bit what it would have given without the interruption. Without a
+    /// checkpoint the run starts from the beginning, unless there are results.
+    ///
+    /// # Errors
+    /// [`ResumeError`]: checkpoints of another run, or only damaged ones; results without a checkpoint, or that are not those
+    /// that were written before it; another run in the same directory. Nothing on the disk is touched.
     pub fn resume(&mut self, dir: &Path) -> Result<Resumed, ResumeError<B::Fault>> {
         self.resume_among(&(), dir)
     }
@@ -105,6 +132,19 @@ where
     /// # Errors
     /// [`ResumeError`], on all.
     pub fn resume_among(&mut self, writers: &dyn Writers, dir: &Path) -> Result<Resumed, ResumeError<B::Fault>> {
+        let outcome = self.go_back(writers, dir);
+        if outcome.is_err() {
+            self.own = None;
+        }
+        outcome
+    }
+
+    fn go_back(&mut self, writers: &dyn Writers, dir: &Path) -> Result<Resumed, ResumeError<B::Fault>> {
+        // There is nothing to take where nothing is.
+        let mut warnings = match dir.exists() {
+            true => self.take_directory(writers, dir)?,
+            false => writers.agree(Ok(())).map(|()| Vec::new())?,
+        };
         let found = checkpoint::latest(dir, &self.identity());
         // Whoever goes on would wait for those that do not.
         let told = found
@@ -112,18 +152,50 @@ where
             .map(|_| ())
             .map_err(|error| ResultsError::Elsewhere { path: dir.to_owned(), reason: error.to_string() });
         let agreed = writers.agree(told);
-        let (checkpoint, mut warnings) = found?;
+        let (checkpoint, remarks) = found?;
+        warnings.extend(remarks);
         let step = checkpoint.as_ref().map_or(0, |checkpoint| checkpoint.state.done);
         agreed.and_then(|()| writers.agree_on(step)).map_err(ResumeError::Elsewhere)?;
-        let Some(Checkpoint { path, state, lives, units }) = checkpoint else {
+        let Some(Checkpoint { path, state, lives, units, written }) = checkpoint else {
+            self.check_empty(writers, dir)?;
             warnings.push(format!("{}: no checkpoint: starting from the beginning", dir.display()));
             return Ok(Resumed { step: 0, warnings });
         };
+        let t = state.done as f64 / self.stepper.count() as f64;
+        let checked = if writers.is_writer() { written.check(dir, t) } else { Ok(Vec::new()) };
+        let (restored, outcome) = match checked {
+            Ok(restored) => (restored, Ok(())),
+            Err(error) => (Vec::new(), Err(error)),
+        };
+        writers.agree(outcome)?;
+        warnings.extend(restored);
         let restored = self.stepper.restore(&state, |field| field.restore_units(&lives, units));
         restored.map_err(|reason| ResumeError::State { path, reason: Box::new(reason) })?;
+        self.written = written;
         // What it took to get there is not part of the next step.
         let _ = (self.stepper.field().take_stats(), self.stepper.field().take_seconds());
         Ok(Resumed { step: state.done, warnings })
+    }
+
+    /// That a directory without a checkpoint holds no results that starting from the beginning would remove.
+    fn check_empty(&self, writers: &dyn Writers, dir: &Path) -> Result<(), ResumeError<B::Fault>> {
+        let found = match writers.is_writer() {
+            true => results::results_without_checkpoint(dir, &self.case),
+            false => Ok(None),
+        };
+        let told = match &found {
+            Ok(None) => Ok(()),
+            Ok(Some((path, what))) => {
+                let reason = format!("{}: {what}, but no checkpoint", path.display());
+                Err(ResultsError::Elsewhere { path: path.clone(), reason })
+            }
+            Err(error) => Err(ResultsError::Elsewhere { path: dir.to_owned(), reason: error.to_string() }),
+        };
+        let agreed = writers.agree(told);
+        match found? {
+            Some((path, what)) => Err(ResumeError::NoCheckpoint { path, what }),
+            None => Ok(agreed?),
+        }
     }
 
     fn identity(&self) -> Identity {
@@ -150,11 +222,26 @@ where
         progress: &mut dyn Progress,
     ) -> Result<RunSummary, RunError<B::Fault>> {
         let start = Instant::now();
+        let outcome = self.take_directory(writers, dir).map_err(RunError::from);
+        let outcome = outcome.and_then(|_| self.run_in_own(writers, dir, progress, start));
+        self.own = None;
+        outcome
+    }
+
+    /// The same in a directory that this run has for itself.
+    fn run_in_own(
+        &mut self,
+        writers: &dyn Writers,
+        dir: &Path,
+        progress: &mut dyn Progress,
+        start: Instant,
+    ) -> Result<RunSummary, RunError<B::Fault>> {
         let done = self.stepper.done();
-        let resumed = (done > 0).then(|| done as f64 / self.stepper.count() as f64);
+        let t = done as f64 / self.stepper.count() as f64;
+        let on = (done > 0).then(|| GoingOn { done, t, written: std::mem::take(&mut self.written) });
         let (opened, outcome) = match writers.is_writer() {
             false => (None, Ok(())),
-            true => match Recorder::open(dir, &self.case, self.stepper.mesh(), &self.networks, resumed, progress) {
+            true => match Recorder::open(dir, &self.case, self.stepper.mesh(), &self.networks, on.as_ref(), progress) {
                 Ok(recorder) => (Some(recorder), Ok(())),
                 Err(error) => (None, Err(error)),
             },
@@ -216,7 +303,10 @@ where
             }
             // Last, so that a checkpoint never stands for results that are not there.
             if let Some(state) = self.stepper.saved() {
-                witness.write(|_| checkpoint::write(dir, &identity, &state, self.stepper.field()))?;
+                witness.write(|recorder| {
+                    let written = recorder.settle()?;
+                    checkpoint::write(dir, &identity, &state, &written, self.stepper.field())
+                })?;
             }
         }
         Ok(iterations)

@@ -39,8 +39,19 @@ pub enum ResumeError<F: std::error::Error + 'static> {
     /// No checkpoint can be used.
     #[error("{0}")]
     Checkpoint(#[from] CheckpointError),
+    /// There are results, but no checkpoint.
+    #[error("{}: holds {what}, but there is no checkpoint to go on from", path.display())]
+    NoCheckpoint {
+        /// A file of results.
+        path: PathBuf,
+        /// What is in it.
+        what: String,
+    },
+    /// The results are not as they were written before the checkpoint, or cannot be touched.
+    #[error("{0}")]
+    Results(#[from] ResultsError),
     /// Another process could not read its checkpoint.
-    #[error(transparent)]
+    #[error("{0}")]
     Elsewhere(ResultsError),
     /// A checkpoint of this very run does not fit it. The simulation must then be set up anew.
     #[error("{}: {reason}", path.display())]

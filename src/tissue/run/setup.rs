@@ -15,6 +15,7 @@ use crate::tissue::case::{Case, MaterialCase};
 use crate::tissue::macro_scale::{self, MacroScaleError};
 use crate::tissue::magnitudes;
 use crate::tissue::micro_scale::{LibraryError, TissueField, TissueFieldError, TissueMaterial};
+use crate::tissue::results::Written;
 use crate::tissue::rve_files;
 
 /// Why a simulation cannot be set up.
@@ -130,7 +131,7 @@ where
         let order = field.node_order(&mesh);
         let stepper = Stepper::in_order(&order, &context, Arc::new(mesh), &conditions, field, params);
         let stepper = stepper.map_err(Box::new)?;
-        Ok(Simulation { case, stepper, networks, warnings })
+        Ok(Simulation { case, stepper, networks, warnings, own: None, written: Written::default() })
     }
 }
 

@@ -8,21 +8,31 @@ use super::extension::Extension;
 use super::picture::{PictureOptions, draw_from};
 use super::units::{escape, quantity, significant};
 use super::{ReportError, charts};
-use crate::tissue::results::{Fields, ResultsError};
+use crate::output;
+use crate::tissue::results::{Fields, ResultsError, is_report};
 
 mod figures;
 
-/// The name of the page in a result directory.
-pub const REPORT_FILE: &str = "report.html";
+pub use crate::tissue::results::REPORT_FILE;
 
-/// Writes the page of a result directory to `file`, or to `report.html` in it, and returns where it is.
+/// Writes the page of a result directory to `file`, as [`output::write`] does, or to `report.html` in it, and returns where
+/// it is.
 ///
 /// # Errors
-/// [`ReportError`].
+/// [`ReportError`]; [`ResultsError::Foreign`] for a `report.html` that is none of these pages.
 pub fn write(dir: &Path, file: Option<&Path>, options: &PictureOptions) -> Result<PathBuf, ReportError> {
+    let file = match file {
+        Some(file) => file.to_path_buf(),
+        None => {
+            let path = dir.join(REPORT_FILE);
+            if path.symlink_metadata().is_ok() && !is_report(&path)? {
+                return Err(ResultsError::Foreign { path, what: "is no page that this command has written" }.into());
+            }
+            path
+        }
+    };
     let page = page(dir, options)?;
-    let file = file.map_or_else(|| dir.join(REPORT_FILE), Path::to_path_buf);
-    std::fs::write(&file, page).map_err(|source| ResultsError::Write { path: file.clone(), source })?;
+    output::write(&file, page.as_bytes()).map_err(|source| ResultsError::Write { path: file.clone(), source })?;
     Ok(file)
 }
 
@@ -56,7 +66,8 @@ pub fn page(dir: &Path, options: &PictureOptions) -> Result<String, ReportError>
 }
 
 const HEAD: &str = "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-                    <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n";
+                    <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+                    <meta name=\"generator\" content=\"biotissue\">\n";
 
 const STYLE: &str = "\
 body{margin:0;background:#f3f5f7;color:#1b2733;font:15px/1.5 system-ui,-apple-system,'Segoe UI',sans-serif}\

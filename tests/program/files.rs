@@ -1,0 +1,239 @@
+//! What a run may replace in its result directory, and what it must leave alone.
+
+use std::collections::BTreeMap;
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Stdio};
+
+use crate::run::{PRESSED, fibers, run, write_case};
+use crate::{frozen, line, program};
+
+/// Two steps, done in no time.
+fn short() -> String {
+    PRESSED.replace("x = -1.5", "x = -0.5").replace("count = 5", "count = 2")
+}
+
+/// All files and links below a folder with what is in them.
+fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let (mut found, mut folders) = (BTreeMap::new(), vec![folder.to_owned()]);
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            match path.is_symlink() {
+                true => drop(
+                    found
+                        .insert(path.clone(), std::fs::read_link(&path).unwrap().into_os_string().into_encoded_bytes()),
+                ),
+                false if path.is_dir() => folders.push(path),
+                false => drop(found.insert(path.clone(), std::fs::read(&path).unwrap())),
+            }
+        }
+    }
+    found
+}
+
+/// The command is refused, names the file, and leaves everything as it is.
+#[track_caller]
+fn refused(folder: &Path, arguments: &str, file: &str) {
+    let before = contents(folder);
+    let failed = line(folder, arguments);
+    let block = failed.failed(2);
+    assert!(block.starts_with(&format!("error: {file}: ")) && block.contains("nothing was touched"), "{block}");
+    assert!(block.contains("--out") || block.contains("-o"), "{block}");
+    assert!(contents(folder) == before, "{arguments}");
+}
+
+#[test]
+fn a_case_is_not_replaced_by_its_copy() {
+    let folder = tempfile::tempdir().unwrap();
+    let deep = folder.path().join("deep");
+    std::fs::create_dir(&deep).unwrap();
+    write_case(&deep, "case.toml", &format!("# mine\n{}", short()));
+    for arguments in [
+        "run deep/case.toml --out deep",
+        "run deep/case.toml --out deep --resume",
+        "run deep/case.toml --out deep --ranks 2",
+    ] {
+        refused(folder.path(), arguments, "deep/case.toml");
+    }
+    refused(&deep, "run case.toml --out .", "./case.toml");
+    // Under another name it is in nobody's way, nor are meshes and networks.
+    std::fs::rename(deep.join("case.toml"), deep.join("pull.toml")).unwrap();
+    for name in ["body.msh", "frozen.txt", "fields.vtu", "fields-1.vtu", "step-00001.bin"] {
+        std::fs::write(deep.join(name), "mine").unwrap();
+    }
+    line(&deep, "run pull.toml --out .").done();
+    let first = contents(&deep);
+    line(&deep, "run pull.toml --out .").done();
+    line(&deep, "run pull.toml --out . --resume").done();
+    assert_eq!(first.keys().collect::<Vec<_>>(), contents(&deep).keys().collect::<Vec<_>>());
+    assert_eq!(std::fs::read_to_string(deep.join("body.msh")).unwrap(), "mine");
+    assert!(std::fs::read_to_string(deep.join("pull.toml")).unwrap().starts_with("# mine\n"));
+    // The copy of a case runs in its own place, as long as it is one.
+    line(&deep, "run case.toml --out .").done();
+    let copy = std::fs::read_to_string(deep.join("case.toml")).unwrap();
+    std::fs::write(deep.join("case.toml"), copy.replace("count = 2", "count = 3")).unwrap();
+    refused(&deep, "run case.toml --out .", "./case.toml");
+    // Versions before this one signed no copy.
+    std::fs::write(deep.join("case.toml"), copy.split_once('\n').unwrap().1).unwrap();
+    line(&deep, "run pull.toml --out .").done();
+}
+
+#[test]
+fn files_that_no_run_has_written_stay() {
+    let folder = tempfile::tempdir().unwrap();
+    write_case(folder.path(), "pull.toml", &short());
+    line(folder.path(), "run pull.toml --out out").done();
+    for file in [
+        "case.toml",
+        "loads.csv",
+        "log.jsonl",
+        "fields.pvd",
+        "fields-00001.vtu",
+        "fields-00007.pvtu",
+        "fields-00002-part-0001.vtu",
+        "rve/element-00000.pvd",
+        "rve/element-00000-step-00001.vtp",
+        "lost-rve/step-00001-cut-00-element-0.json",
+        "checkpoint/step-00001.bin",
+    ] {
+        let path = folder.path().join("out").join(file);
+        let before = std::fs::read(&path).ok();
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        for foreign in ["step,t,force\n1,2,3\n", "title = \"mine\"\n"] {
+            std::fs::write(&path, foreign).unwrap();
+            refused(folder.path(), "run pull.toml --out out", &format!("out/{file}"));
+            refused(folder.path(), "run pull.toml --out out --resume", &format!("out/{file}"));
+        }
+        match before {
+            Some(before) => std::fs::write(&path, before).unwrap(),
+            None => std::fs::remove_file(&path).unwrap(),
+        }
+    }
+    line(folder.path(), "run pull.toml --out out --resume").done();
+    line(folder.path(), "run pull.toml --out out").done();
+}
+
+#[test]
+#[cfg(unix)]
+fn links_in_a_result_directory_are_not_followed() {
+    use std::os::unix::fs::symlink;
+
+    let folder = tempfile::tempdir().unwrap();
+    write_case(folder.path(), "pull.toml", &short());
+    let out = folder.path().join("out");
+    for elsewhere in ["elsewhere/checkpoint", "out"] {
+        std::fs::create_dir_all(folder.path().join(elsewhere)).unwrap();
+    }
+    line(folder.path(), "run pull.toml --out elsewhere").done();
+    for name in
+        ["case.toml", "loads.csv", "log.jsonl", "fields.pvd", "fields-00001.vtu", "checkpoint", "rve", "lost-rve"]
+    {
+        symlink(Path::new("../elsewhere").join(name), out.join(name)).unwrap();
+        refused(folder.path(), "run pull.toml --out out", &format!("out/{name}"));
+        refused(folder.path(), "run pull.toml --out out --resume", &format!("out/{name}"));
+        std::fs::remove_file(out.join(name)).unwrap();
+    }
+    // The directory itself may be anywhere.
+    symlink("elsewhere", folder.path().join("link")).unwrap();
+    line(folder.path(), "run pull.toml --out link --resume").done();
+    line(folder.path(), "run pull.toml --out link").done();
+    assert!(folder.path().join("link").is_symlink());
+}
+
+#[test]
+fn a_page_of_figures_goes_with_its_results() {
+    let folder = tempfile::tempdir().unwrap();
+    write_case(folder.path(), "pull.toml", &short());
+    let page = folder.path().join("out/report.html");
+    line(folder.path(), "run pull.toml --out out").done();
+    line(folder.path(), "report out").done();
+    let text = std::fs::read_to_string(&page).unwrap();
+    line(folder.path(), "run pull.toml --out out --resume").done();
+    assert!(page.exists(), "its results are still there");
+    line(folder.path(), "run pull.toml --out out").done();
+    assert!(!page.exists());
+    // One of a version that did not name itself in it.
+    std::fs::write(&page, text.replace("<meta name=\"generator\" content=\"biotissue\">\n", "")).unwrap();
+    line(folder.path(), "run pull.toml --out out").done();
+    assert!(!page.exists());
+    std::fs::write(&page, "<!DOCTYPE html>\n<p>mine").unwrap();
+    line(folder.path(), "run pull.toml --out out").done();
+    let failed = line(folder.path(), "report out");
+    assert!(failed.failed(2).starts_with("error: out/report.html: is no page"), "{}", failed.stderr);
+    assert_eq!(std::fs::read_to_string(&page).unwrap(), "<!DOCTYPE html>\n<p>mine");
+    line(folder.path(), "report out -o page.html").done();
+}
+
+/// Steps that do not end by themselves.
+pub fn endless() -> String {
+    PRESSED.replace("x = -1.5", "x = -0.5").replace("count = 5", "count = 1000000")
+}
+
+/// A run that has said of its first step that it converged.
+pub fn started(folder: &Path, arguments: &str) -> (Child, BufReader<std::process::ChildStderr>) {
+    let mut child = program(folder).args(arguments.split_whitespace()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut stderr = BufReader::new(child.stderr.take().unwrap());
+    let mut said = String::new();
+    while !said.contains("step 2/") {
+        assert!(stderr.read_line(&mut said).unwrap() > 0, "{said}");
+    }
+    (child, stderr)
+}
+
+#[test]
+fn two_runs_do_not_share_a_directory() {
+    let folder = tempfile::tempdir().unwrap();
+    write_case(folder.path(), "endless.toml", &endless());
+    write_case(folder.path(), "short.toml", &short());
+    for (first, others) in [("", ["", " --resume", " --ranks 3"]), (" --ranks 2", ["", " --resume", " --ranks 2"])] {
+        let (mut child, _stderr) = started(folder.path(), &format!("run endless.toml --out out{first}"));
+        for other in others {
+            let failed = line(folder.path(), &format!("run short.toml --out out{other}"));
+            let said = format!("error: out: in use by another run: process {}", child.id());
+            assert!(failed.failed(4).starts_with(&said), "{}", failed.stderr);
+        }
+        // Readers are free to read.
+        line(folder.path(), "report out").done();
+        child.kill().unwrap();
+        child.wait().unwrap();
+        // What a killed run leaves stops nobody.
+        assert!(folder.path().join("out/.biotissue.lock").exists());
+        line(folder.path(), "run short.toml --out out").done();
+        let names = std::fs::read_dir(folder.path().join("out")).unwrap();
+        assert!(names.map(|entry| entry.unwrap().file_name()).all(|name| name != ".biotissue.lock"));
+    }
+}
+
+#[test]
+fn a_run_that_was_interrupted_says_how_to_go_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = fibers(&frozen()).replace("count = 2", "count = 12");
+    run(folder.path(), &text, "--out whole").done();
+    let whole = std::fs::read(folder.path().join("whole/loads.csv")).unwrap();
+    for (signal, options) in [("INT", ""), ("TERM", ""), ("INT", " --ranks 3")] {
+        let (mut child, stderr) = started(folder.path(), &format!("run case.toml --out out{options}"));
+        if is_ignored(child.id()) {
+            eprintln!("skipped: the tests were started to ignore Ctrl-C");
+            child.kill().unwrap();
+            return;
+        }
+        let sent = std::process::Command::new("kill").args([format!("-{signal}"), child.id().to_string()]).status();
+        assert!(sent.unwrap().success());
+        let said: Vec<String> = stderr.lines().map(Result::unwrap).collect();
+        assert_eq!(child.wait().unwrap().code(), Some(130), "{said:?}");
+        let expected =
+            "interrupted: the converged load steps are in out; the same command with --resume goes on after them";
+        assert_eq!(said.last().map(String::as_str), Some(expected));
+        line(folder.path(), "run case.toml --out out --resume").done();
+        assert!(std::fs::read(folder.path().join("out/loads.csv")).unwrap() == whole);
+        std::fs::remove_dir_all(folder.path().join("out")).unwrap();
+    }
+}
+
+/// Whether a process ignores SIGINT, as one does that a script has put into the background.
+fn is_ignored(process: u32) -> bool {
+    let Ok(status) = std::fs::read_to_string(format!("/proc/{process}/status")) else { return false };
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:")).unwrap_or("0");
+    u64::from_str_radix(mask.trim(), 16).is_ok_and(|mask| mask & 2 != 0)
+}
