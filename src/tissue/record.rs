@@ -82,13 +82,16 @@ impl<'a> Recorder<'a> {
         progress: &'a mut dyn Progress,
     ) -> Result<Self, ResultsError> {
         std::fs::create_dir_all(dir).map_err(ResultsError::write(dir))?;
-        if resumed.is_none() {
-            // Checkpoints first: none may outlive the results that belong to it.
-            checkpoint::clear(dir)?;
-            results::clear(dir)?;
-        } else {
-            results::clear_unfinished(dir)?;
+        match resumed {
+            // Its run may have been killed before it had removed those that are too old.
+            Some(on) => checkpoint::keep_last(dir, on.done)?,
+            None => {
+                // Checkpoints first: none may outlive the results that belong to it.
+                checkpoint::clear(dir)?;
+                results::clear(dir)?;
+            }
         }
+        results::clear_unfinished(dir)?;
         results::replace(&dir.join(CASE_FILE), results::case_copy(case).as_bytes())?;
         let surfaces: Vec<&str> = mesh.surface_names().collect();
         let regions: Vec<&str> = mesh.regions().iter().map(String::as_str).collect();

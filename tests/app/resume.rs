@@ -3,14 +3,17 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::OnceLock;
 
+use biotissue::backends::comm::thread;
 use biotissue::backends::sparse::Sparse;
 use biotissue::tissue::Progress;
 use biotissue::tissue::case::Case;
 use biotissue::tissue::checkpoint::{CheckpointError, Mismatch};
 use biotissue::tissue::results::log::{self, Cut, Step};
-use biotissue::tissue::results::{Collection, Event, read_vtp, read_vtu};
+use biotissue::tissue::results::{Collection, DirectoryLock, Event, ResultsError, read_vtp, read_vtu};
 use biotissue::tissue::run::{ResumeError, Resumed, Simulation, SimulationError};
+use biotissue::tissue::two_scale::First;
 
 /// A block of 12 elements pulled along x: fibers in a soft matrix.
 const CASE: &str = r#"
@@ -87,7 +90,7 @@ fn copy(from: &Path, to: &Path) {
     }
 }
 
-/// The contents of all files but the log, whose times differ, and the case, which names its folder.
+/// The contents of all files but the log, whose times differ, and the lock of a run that was killed.
 fn contents(dir: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut files = BTreeMap::new();
     let mut folders = vec![dir.to_owned()];
@@ -96,7 +99,7 @@ fn contents(dir: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
             let path = entry.unwrap().path();
             if path.is_dir() {
                 folders.push(path);
-            } else if !path.ends_with("log.jsonl") {
+            } else if !path.ends_with("log.jsonl") && !path.ends_with(".biotissue.lock") {
                 files.insert(path.strip_prefix(dir).unwrap().to_owned(), fs::read(&path).unwrap());
             }
         }
@@ -208,17 +211,14 @@ fn results_without_a_checkpoint_are_not_removed() {
         assert!(matches!(error, ResumeError::NoCheckpoint { .. }) && error.to_string().contains(said), "{error}");
         assert!(contents(dir) == before, "nothing is touched");
     };
-    for (file, said) in [("log.jsonl", "loads.csv: holds 4 load steps"), ("loads.csv", "log.jsonl: holds 4 load steps")]
+    // Whatever else is missing.
+    for (missing, said) in
+        [("log.jsonl", "loads.csv: holds 4 load steps"), ("loads.csv", "log.jsonl: holds 4 load steps")]
     {
-        // Whatever else is missing.
         let bare = root.path().join("bare");
         copy(&whole, &bare);
         fs::remove_dir_all(bare.join("checkpoint")).unwrap();
-        if file == "loads.csv" {
-            fs::copy(whole.join("log.jsonl"), bare.join("log.jsonl")).unwrap();
-        }
-        fs::remove_file(bare.join(file)).unwrap();
-        let said = if file == "loads.csv" { "log.jsonl: holds " } else { said };
+        fs::remove_file(bare.join(missing)).unwrap();
         refused(CASE, &bare, said);
         fs::remove_dir_all(&bare).unwrap();
     }
@@ -252,6 +252,38 @@ fn what_was_being_written_is_removed() {
     assert_eq!(fs::read_to_string(killed.join(".notes.txt.77.part")).unwrap(), "mine");
     fs::remove_file(killed.join(".notes.txt.77.part")).unwrap();
     assert_same(&whole, &killed);
+    // A run that was killed while it removed a checkpoint that was too old, or wrote its first file.
+    fs::copy(whole.join("checkpoint/step-00003.bin"), killed.join("checkpoint/step-00001.bin")).unwrap();
+    resume(CASE, &killed);
+    assert_same(&whole, &killed);
+    fs::remove_dir_all(&killed).unwrap();
+    fs::create_dir(&killed).unwrap();
+    fs::write(killed.join(".case.toml.77.part"), "half").unwrap();
+    resume(CASE, &killed);
+    assert_same(&whole, &killed);
+}
+
+/// Only one of them looks at the directory, and none waits for it in vain.
+#[test]
+fn ranks_of_a_body_learn_alike_that_a_directory_is_in_use() {
+    let root = tempfile::tempdir().unwrap();
+    let dir = root.path().join("results");
+    let (lock, _) = DirectoryLock::take(&dir).unwrap();
+    let outcome = thread::run(2, |comm| {
+        let broken = OnceLock::new();
+        let ranks = First { comm: &comm, dir: &dir, broken: &broken };
+        let mut simulation = simulation(CASE);
+        let said = [
+            simulation.take_directory(&ranks, &dir).unwrap_err().to_string(),
+            simulation.resume_among(&ranks, &dir).unwrap_err().to_string(),
+            simulation.run_among(&ranks, &dir, &mut ()).unwrap_err().to_string(),
+        ];
+        assert!(said.iter().all(|said| said.contains("in use by another run: process ")), "{said:?}");
+        Ok::<_, ResultsError>(())
+    });
+    assert!(outcome.is_ok(), "{outcome:?}");
+    drop(lock);
+    assert_eq!(fs::read_dir(&dir).unwrap().count(), 0);
 }
 
 /// Fields are not written at every step, and what is asked for may change on the way.

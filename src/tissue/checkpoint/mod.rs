@@ -134,9 +134,18 @@ pub fn write(
     fs::create_dir_all(&folder).map_err(ResultsError::write(&folder))?;
     file::write(&folder.join(file_name(state.done)), &RecordRef { identity, state, written, field })?;
     output::sync_folder(&folder).map_err(ResultsError::write(&folder))?;
+    keep_last(dir, state.done)
+}
+
+/// Removes the checkpoints of a result directory but for the last ones up to step `done`, and all that were never finished.
+///
+/// # Errors
+/// [`ResultsError::Write`].
+pub fn keep_last(dir: &Path, done: usize) -> Result<(), ResultsError> {
+    let folder = dir.join(CHECKPOINT_FOLDER);
     let steps = steps_in(&folder).map_err(ResultsError::write(&folder))?;
-    let oldest_kept = steps.iter().copied().filter(|&step| step <= state.done).nth(KEPT - 1).unwrap_or(0);
-    remove(&folder, |step| step < oldest_kept || step > state.done)
+    let oldest_kept = steps.iter().copied().filter(|&step| step <= done).nth(KEPT - 1).unwrap_or(0);
+    remove(&folder, |step| step < oldest_kept || step > done)
 }
 
 /// Removes all checkpoints of a result directory.

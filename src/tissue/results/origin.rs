@@ -214,11 +214,12 @@ pub(in crate::tissue) fn results_without_checkpoint(
     if rows > 1 || rows == 1 && !(begun && same_case()) {
         return Ok(Some((loads, format!("{rows} load step{}", if rows == 1 { "" } else { "s" }))));
     }
-    let beyond = events.iter().find_map(|event| match event {
+    let beyond = events.iter().filter_map(|event| match event {
         Event::Step(step) if step.step > 1 => Some(step.step),
         Event::End(end) if end.steps > 0 => Some(end.steps),
         _ => None,
     });
+    let beyond = beyond.max();
     if let Some(steps) = beyond {
         return Ok(Some((log, format!("{steps} load step{}", if steps == 1 { "" } else { "s" }))));
     }
