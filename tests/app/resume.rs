@@ -177,7 +177,6 @@ fn results_that_were_changed_are_not_gone_on_with() {
     };
     for (lines, said) in [
         (vec![header, one, three], "loads.csv:3: has load step 3 where step 2 belongs"),
-        (vec![header, one, two, two, three][..3].iter().copied().rev().collect(), "loads.csv:1: "),
         (vec![header, one, one, two, three], "loads.csv:3: has load step 1 where step 2 belongs"),
         (vec![header, two, one, three], "loads.csv:2: has load step 2 where step 1 belongs"),
         (vec![header, one], "loads.csv:2: ends after load step 1"),
@@ -189,7 +188,11 @@ fn results_that_were_changed_are_not_gone_on_with() {
     for file in ["loads.csv", "fields-00001.vtu", "fields-00002.vtu", "rve/element-00007-step-00001.vtp"] {
         refused(&|dir| fs::remove_file(dir.join(file)).unwrap(), &format!("{file}: is missing"));
     }
-    refused(&|dir| fs::write(dir.join("fields-00002.vtu"), "short").unwrap(), "fields-00002.vtu: has 5 bytes where ");
+    let cut = |dir: &Path| {
+        let file = fs::File::options().write(true).open(dir.join("fields-00002.vtu")).unwrap();
+        file.set_len(2000).unwrap();
+    };
+    refused(&cut, "fields-00002.vtu: has 2000 bytes where ");
 
     // What comes after the checkpoint does not count, and a list of files can be written again.
     fs::write(killed.join("loads.csv"), [header, one, two, "3,nonsense", ""].join("\n")).unwrap();
