@@ -57,7 +57,7 @@ fn a_case_is_not_replaced_by_its_copy() {
         refused(folder.path(), arguments, "deep/case.toml");
     }
     refused(&deep, "run case.toml --out .", "./case.toml");
-    // Under another name it is in nobody's way, nor are meshes and networks.
+    // A case of another name does not stand in the way, nor do meshes and networks.
     std::fs::rename(deep.join("case.toml"), deep.join("pull.toml")).unwrap();
     for name in ["body.msh", "frozen.txt", "fields.vtu", "fields-1.vtu", "step-00001.bin"] {
         std::fs::write(deep.join(name), "mine").unwrap();
@@ -197,7 +197,7 @@ fn two_runs_do_not_share_a_directory() {
         line(folder.path(), "report out").done();
         child.kill().unwrap();
         child.wait().unwrap();
-        // What a killed run leaves stops nobody.
+        // The file that a killed run leaves does not stop another run.
         assert!(folder.path().join("out/.biotissue.lock").exists());
         line(folder.path(), "run short.toml --out out").done();
         let names = std::fs::read_dir(folder.path().join("out")).unwrap();

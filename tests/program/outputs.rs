@@ -50,7 +50,7 @@ fn a_pipe_is_written_to() {
     let pipe = folder.path().join("pipe.svg");
     assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
     for command in commands(folder.path()) {
-        // Open for reading and writing, so that a command that replaces the pipe leaves nobody waiting for it.
+        // Open for reading and writing, so that this does not wait for ever if a command replaces the pipe.
         let mut reader = std::fs::File::options().read(true).write(true).open(&pipe).unwrap();
         let (sent, received) = std::sync::mpsc::channel();
         std::thread::spawn(move || {

@@ -43,7 +43,7 @@ impl DirectoryLock {
                 Ok(()) => {}
                 Err(TryLockError::WouldBlock) => {
                     let mut holder = String::new();
-                    // Some systems let nobody read a file that is locked.
+                    // Some systems do not let another process read a locked file.
                     let _ = file.take(1000).read_to_string(&mut holder);
                     let holder = holder.trim().to_owned();
                     let is_known = holder.starts_with(BEGIN);

@@ -90,7 +90,7 @@ fn check_folder<K: Fn(Bytes, &Path) -> bool>(
 ) -> Result<(), ResultsError> {
     let entries = match fs::read_dir(folder) {
         Ok(entries) => entries,
-        // What is no folder is an error of whoever writes there.
+        // Writing there will say that this is no folder.
         Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => return Ok(()),
         Err(error) => return Err(ResultsError::read(folder)(error)),
     };

@@ -19,7 +19,7 @@ pub use crate::tissue::results::REPORT_FILE;
 /// it is.
 ///
 /// # Errors
-/// [`ReportError`]; [`ResultsError::Foreign`] for a `report.html` that is none of these pages.
+/// [`ReportError`]; [`ResultsError::Foreign`] for a `report.html` that this command has not written.
 pub fn write(dir: &Path, file: Option<&Path>, options: &PictureOptions) -> Result<PathBuf, ReportError> {
     let file = match file {
         Some(file) => file.to_path_buf(),
