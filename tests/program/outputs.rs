@@ -87,7 +87,9 @@ fn a_link_stays_and_its_file_is_written() {
         let (target, link) = (format!("deep/target-{k}.svg"), format!("link-{k}.svg"));
         std::os::unix::fs::symlink(&target, folder.path().join(&link)).unwrap();
         for before in [None, Some("before")] {
-            before.map(|text| std::fs::write(folder.path().join(&target), text).unwrap());
+            if let Some(text) = before {
+                std::fs::write(folder.path().join(&target), text).unwrap();
+            }
             written(folder.path(), command, &link).done();
             assert!(folder.path().join(&link).is_symlink(), "{command:?}");
             let target = folder.path().join(&target);

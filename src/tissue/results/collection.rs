@@ -73,18 +73,20 @@ impl Collection {
     /// had written until then.
     ///
     /// # Errors
-    /// [`ResultsError::Write`].
+    /// [`ResultsError::Read`] where the system refuses, [`ResultsError::Write`].
     pub fn resume(dir: &Path, time: f64, known: &[Entry]) -> Result<Self, ResultsError> {
         let mut collection = Self::new(dir);
         collection.entries = known.to_vec();
-        // One that cannot be read is restored from what is known.
-        if let Ok(read) = Self::read(dir) {
-            let others = read.entries.into_iter().filter(|entry| entry.time <= time && !known.contains(entry));
-            collection.entries.extend(others);
-            collection.entries.sort_by(|a, b| a.time.total_cmp(&b.time));
-        } else if known.is_empty() && !collection.path.exists() {
-            return Ok(collection);
-        }
+        // One that is missing or damaged is restored from what is known.
+        let others = match Self::read(dir) {
+            Ok(read) => read.entries,
+            Err(error) if error.is_not_found() && known.is_empty() => return Ok(collection),
+            Err(error) if error.is_not_found() || matches!(error, ResultsError::Damaged { .. }) => Vec::new(),
+            Err(error) => return Err(error),
+        };
+        let others = others.into_iter().filter(|entry| entry.time <= time && !known.contains(entry));
+        collection.entries.extend(others);
+        collection.entries.sort_by(|a, b| a.time.total_cmp(&b.time));
         collection.write()?;
         Ok(collection)
     }
@@ -117,9 +119,14 @@ impl Collection {
     /// As [`read`](Self::read).
     pub fn read_at(path: PathBuf) -> Result<Self, ResultsError> {
         let text = fs::read_to_string(&path).map_err(ResultsError::read(&path))?;
+        Self::parse(path, &text)
+    }
+
+    /// The collection that this text is, of a file at `path`.
+    pub(super) fn parse(path: PathBuf, text: &str) -> Result<Self, ResultsError> {
         let damaged =
             |what: String| ResultsError::damaged(&path, None, what, "a ParaView collection of files and times");
-        let mut reader = quick_xml::Reader::from_str(&text);
+        let mut reader = quick_xml::Reader::from_str(text);
         let (mut entries, mut ended) = (Vec::new(), false);
         loop {
             match reader.read_event().map_err(|error| damaged(error.to_string()))? {

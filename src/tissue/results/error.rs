@@ -111,6 +111,11 @@ impl ResultsError {
         }
     }
 
+    /// Whether the file to be read is not there.
+    pub(super) fn is_not_found(&self) -> bool {
+        matches!(self, Self::Read { source, .. } if source.kind() == io::ErrorKind::NotFound)
+    }
+
     pub(in crate::tissue) fn write(path: &Path) -> impl FnOnce(io::Error) -> Self {
         move |source| Self::Write { path: path.into(), source }
     }

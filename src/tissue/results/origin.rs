@@ -39,7 +39,7 @@ pub fn check_origin(dir: &Path) -> Result<(), ResultsError> {
             LOADS_FILE => |bytes, _| is_loads(bytes),
             LOG_FILE => |bytes, _| is_log(bytes),
             FIELDS_FILE => {
-                |_, path| is_collection_of(path, |name| is_field(name) || is_index(name) || is_partial(name))
+                |bytes, _| is_collection_of(bytes, |name| is_field(name) || is_index(name) || is_partial(name))
             }
             _ if is_index(name) => |bytes, _| has(bytes, "<VTKFile type=\"PUnstructuredGrid\"", "\"displacement\""),
             _ if is_field(name) || is_part(name) || is_partial(name) => |bytes, _| {
@@ -52,7 +52,7 @@ pub fn check_origin(dir: &Path) -> Result<(), ResultsError> {
     })?;
     check_folder(&folder(dir, NETWORKS_FOLDER)?, |name| {
         let kind: fn(Bytes, &Path) -> bool = match name {
-            _ if is_collection(name) => |_, path| is_collection_of(path, |name| is_network(name) || is_partial(name)),
+            _ if is_collection(name) => |bytes, _| is_collection_of(bytes, |name| is_network(name) || is_partial(name)),
             _ if is_network(name) || is_partial(name) => {
                 |bytes, _| has(bytes, "<VTKFile type=\"PolyData\"", "Name=\"stretch\"")
             }
@@ -125,9 +125,9 @@ fn check_folder<K: Fn(Bytes, &Path) -> bool>(
     Ok(())
 }
 
-/// The beginning of a file, or all of a case; `None` where it has just gone.
+/// The beginning of a file, or all of a case or a collection; `None` where it has just gone.
 fn begin_of(path: &Path, name: &str) -> Result<Option<Vec<u8>>, ResultsError> {
-    let limit = if name == CASE_FILE { u64::MAX } else { HEAD };
+    let limit = if name == CASE_FILE || name.ends_with(".pvd") { u64::MAX } else { HEAD };
     let mut bytes = Vec::new();
     match File::open(path).and_then(|file| file.take(limit).read_to_end(&mut bytes)) {
         Ok(_) => Ok(Some(bytes)),
@@ -180,8 +180,9 @@ fn is_log(bytes: Bytes) -> bool {
     }
 }
 
-fn is_collection_of(path: &Path, is_member: impl Fn(&str) -> bool) -> bool {
-    Collection::read_at(path.to_owned()).is_ok_and(|read| read.entries().iter().all(|entry| is_member(&entry.file)))
+fn is_collection_of(bytes: Bytes, is_member: impl Fn(&str) -> bool) -> bool {
+    let read = Collection::parse(PathBuf::new(), &String::from_utf8_lossy(bytes));
+    read.is_ok_and(|read| read.entries().iter().all(|entry| is_member(&entry.file)))
 }
 
 /// Whether a page of figures is one of ours, from how it begins.
@@ -224,7 +225,10 @@ pub(in crate::tissue) fn results_without_checkpoint(
         return Ok(Some((log, format!("{steps} load step{}", if steps == 1 { "" } else { "s" }))));
     }
     for folder in [dir.to_owned(), dir.join(NETWORKS_FOLDER)] {
-        let Ok(entries) = fs::read_dir(&folder) else { continue };
+        let entries = match fs::read_dir(&folder) {
+            Err(error) if error.kind() == ErrorKind::NotFound => continue,
+            entries => entries.map_err(ResultsError::read(&folder))?,
+        };
         for entry in entries {
             let path = entry.map_err(ResultsError::read(&folder))?.path();
             let step = path.file_name().and_then(|name| name.to_str()).and_then(step_of_name);

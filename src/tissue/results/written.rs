@@ -2,6 +2,7 @@
 //! were, or says which file is not.
 
 use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -58,8 +59,11 @@ impl Written {
     /// [`ResultsError::Damaged`] for the first file that is missing or not as it was; [`ResultsError::Read`].
     pub fn check(&self, dir: &Path, t: f64) -> Result<Vec<String>, ResultsError> {
         Loads::check(&dir.join(LOADS_FILE), &self.loads)?;
-        let read = Collection::read(dir);
-        let listed = read.as_ref().map(Collection::entries).unwrap_or_default();
+        let listed = match Collection::read(dir) {
+            Ok(read) => read.entries().to_vec(),
+            Err(error) if error.is_not_found() || matches!(error, ResultsError::Damaged { .. }) => Vec::new(),
+            Err(error) => return Err(error),
+        };
         let lost = self.fields.iter().filter(|field| !listed.contains(&field.entry())).count();
         let restored = (lost > 0).then(|| {
             let files = if lost == 1 { "a field file".into() } else { format!("{lost} field files") };
@@ -84,7 +88,7 @@ impl Written {
                 }
             }
         }
-        self::networks(&dir.join(NETWORKS_FOLDER), t)?;
+        networks(&dir.join(NETWORKS_FOLDER), t)?;
         Ok(restored.into_iter().collect())
     }
 }
@@ -101,7 +105,10 @@ fn whole(path: &Path) -> Result<u64, ResultsError> {
 
 /// That the files of networks are there which the collections in `folder` list.
 fn networks(folder: &Path, t: f64) -> Result<(), ResultsError> {
-    let Ok(entries) = fs::read_dir(folder) else { return Ok(()) };
+    let entries = match fs::read_dir(folder) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
+        entries => entries.map_err(ResultsError::read(folder))?,
+    };
     let paths: Result<Vec<PathBuf>, _> = entries.map(|entry| entry.map(|entry| entry.path())).collect();
     let mut paths = paths.map_err(ResultsError::read(folder))?;
     paths.sort_unstable();
