@@ -1,4 +1,5 @@
-//! The vector verbs on a slice: what every backend whose vectors lie in this process's memory has in common.
+//! The vector verbs on a slice, and where a column stands in a row: what every backend whose entries lie in this process's
+//! memory has in common.
 //!
 //! Indices are `i32`. A negative one is a constrained unknown; as a `usize` it is larger than any length, so that one
 //! comparison with the length decides about both it and an index out of range.
@@ -70,6 +71,29 @@ pub(super) fn dot<T: Scalar>(x: &[T], y: &[T]) -> T {
         sums[lane] += x * y;
     }
     sums.into_iter().sum()
+}
+
+/// The position of a column that is not in the row: behind the end of every row.
+#[cfg(any(feature = "sparse", feature = "batched", feature = "petsc"))]
+pub(super) const NOWHERE: usize = usize::MAX;
+
+/// The position of a column among those of a row. A negative one is larger than any column as a `u32`, and so nowhere.
+///
+/// The unknowns of a node follow each other, in the block as in the row, so that the place after the last one found is tried
+/// before the row is searched.
+#[inline(always)]
+#[cfg(any(feature = "sparse", feature = "batched", feature = "petsc"))]
+pub(super) fn find(columns: &[u32], next: &mut usize, column: i32) -> usize {
+    let column = column as u32;
+    let mut position = *next;
+    if columns.get(position) != Some(&column) {
+        match columns.binary_search(&column) {
+            Ok(found) => position = found,
+            Err(_) => return NOWHERE,
+        }
+    }
+    *next = position + 1;
+    position
 }
 
 /// Euclidean norm; scaled where the sum of squares leaves the range of the scalar.

@@ -45,9 +45,6 @@ pub const ERR_ARG_SIZ: Code = 60;
 /// `PETSC_ERR_ARG_WRONG`.
 pub const ERR_ARG_WRONG: Code = 62;
 
-// InsertMode
-pub const INSERT_VALUES: c_int = 1;
-pub const ADD_VALUES: c_int = 2;
 // MatOption
 pub const MAT_SYMMETRIC: c_int = 1;
 pub const MAT_IGNORE_OFF_PROC_ENTRIES: c_int = 4;
@@ -55,7 +52,6 @@ pub const MAT_SPD: c_int = 15;
 pub const MAT_NEW_NONZERO_LOCATIONS: c_int = 18;
 // MatAssemblyType
 pub const MAT_FINAL_ASSEMBLY: c_int = 0;
-pub const MAT_FLUSH_ASSEMBLY: c_int = 1;
 // MatReuse
 pub const MAT_INITIAL_MATRIX: c_int = 0;
 // MatStructure
@@ -128,15 +124,6 @@ unsafe extern "C" {
     pub fn MatMPIAIJGetSeqAIJ(mat: Mat, diagonal: *mut Mat, off: *mut Mat, columns: *mut *const c_int) -> Code;
     pub fn MatSeqAIJGetArray(mat: Mat, values: *mut *mut f64) -> Code;
     pub fn MatSeqAIJRestoreArray(mat: Mat, values: *mut *mut f64) -> Code;
-    pub fn MatSetValues(
-        mat: Mat,
-        row_count: c_int,
-        rows: *const c_int,
-        col_count: c_int,
-        cols: *const c_int,
-        values: *const f64,
-        mode: c_int,
-    ) -> Code;
     pub fn MatAssemblyBegin(mat: Mat, kind: c_int) -> Code;
     pub fn MatAssemblyEnd(mat: Mat, kind: c_int) -> Code;
     pub fn MatCreateVecs(mat: Mat, right: *mut Vec, left: *mut Vec) -> Code;

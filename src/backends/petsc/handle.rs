@@ -36,8 +36,9 @@ pub(super) struct Handle<T: Object> {
     _session: Session,
 }
 
-// SAFETY: an object belongs to no thread. Calls that reach beyond it wait for one another (`session::call`); those that do
-// not are made through `&mut`, or read what no other thread can write since a handle is not `Sync`.
+// SAFETY: an object belongs to no thread. All calls of PETSc wait for one another (`session::call`), since each may touch what
+// all objects share, such as the log; entries are read and written without any call, through the memory of an object that no
+// other thread can reach, since a handle is not `Sync`.
 unsafe impl<T: Object> Send for Handle<T> {}
 
 impl<T: Object> Handle<T> {

@@ -9,6 +9,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::Context;
+use crate::backends::local::{NOWHERE, find};
 use crate::las::Sparsity;
 
 /// A pattern, and what this rank owns of it.
@@ -75,6 +76,15 @@ impl Row<'_> {
     #[inline(always)]
     pub(super) fn find(&self, column: i32) -> Option<usize> {
         self.columns.binary_search(&(column as u32)).ok().map(|position| self.at(position))
+    }
+
+    /// The same; the place `next` to the last one found is tried first.
+    #[inline(always)]
+    pub(super) fn find_after(&self, next: &mut usize, column: i32) -> Option<usize> {
+        match find(self.columns, next, column) {
+            NOWHERE => None,
+            position => Some(self.at(position)),
+        }
     }
 }
 

@@ -21,8 +21,6 @@ pub struct Matrix {
     pub(super) context: Context,
     pub(super) handle: Handle<ffi::_p_Mat>,
     pub(super) values: Values,
-    /// What was written by `MatSetValues` since the last assembly: nothing (0), `ADD_VALUES` or `INSERT_VALUES`.
-    pub(super) pending: i32,
     parts: OnceCell<[Part; 2]>,
 }
 
@@ -93,7 +91,7 @@ impl Matrix {
         call(|| unsafe { ffi::MatSetOption(raw, ffi::MAT_IGNORE_OFF_PROC_ENTRIES, ffi::TRUE) })?;
         call(|| unsafe { ffi::MatSetOption(raw, ffi::MAT_NEW_NONZERO_LOCATIONS, ffi::FALSE) })?;
         let values = Values::of(raw, &layout, context)?;
-        Ok(Self { layout, context: context.clone(), handle, values, pending: 0, parts: OnceCell::new() })
+        Ok(Self { layout, context: context.clone(), handle, values, parts: OnceCell::new() })
     }
 
     /// How it is stored.
@@ -120,14 +118,13 @@ impl Matrix {
         self.handle.raw()
     }
 
-    /// Ends what `MatSetValues` began, and tells PETSc that values may have changed.
-    pub(super) fn assemble(&mut self, kind: i32) -> Result<(), PetscError> {
-        let raw = self.raw();
+    /// Tells PETSc that values may have changed.
+    pub(super) fn assemble(&mut self) -> Result<(), PetscError> {
+        let (raw, kind) = (self.raw(), ffi::MAT_FINAL_ASSEMBLY);
         // SAFETY: a live matrix.
         call(|| unsafe { ffi::MatAssemblyBegin(raw, kind) })?;
         // SAFETY: begun just now.
         call(|| unsafe { ffi::MatAssemblyEnd(raw, kind) })?;
-        self.pending = 0;
         self.values.touch()
     }
 
@@ -149,7 +146,7 @@ impl Matrix {
                 }
             }
         }
-        self.assemble(ffi::MAT_FINAL_ASSEMBLY)
+        self.assemble()
     }
 
     /// The same of type AIJ; `None` where it is.

@@ -1,11 +1,11 @@
-//! The hot verbs.
+//! The hot verbs: none calls PETSc.
 //!
-//! Those of vectors work on the memory of the vector: `VecSetValues` does not look whether an index is in range, and would
-//! write anywhere. `add` and `set` of matrices are `MatSetValues`, checked; `add_at` writes to the arrays of the matrix,
-//! where `locate` has found the places.
+//! They work on the memory of the vector or the matrix, where the pattern tells the places. `VecSetValues` and
+//! `MatSetValues` do not look whether an index is in range and would write anywhere; both also write to the log of PETSc
+//! where logging is on, which all threads of the process share. `finish` tells PETSc, under the lock, that entries changed.
 
 use super::context::Context;
-use super::error::{PetscError, check};
+use super::error::PetscError;
 use super::{Matrix, Petsc, Vector, ffi};
 use crate::backends::local;
 use crate::las::{MatrixOps, VectorOps};
@@ -82,72 +82,61 @@ impl VectorOps<Petsc> for Vector {
 }
 
 impl Matrix {
-    /// `MatSetValues`.
+    /// Calls `visit(entry, value of the block)` for every pair of a block that this rank keeps.
     #[inline(always)]
-    fn write(&mut self, rows: &[i32], cols: &[i32], block: &[f64], mode: i32) -> Result<(), PetscError> {
-        let (m, n) = self.shape();
-        let inside = |indices: &[i32], end: usize| indices.iter().fold(true, |all, &i| all & (i < end as i32));
-        if rows.len() * cols.len() != block.len() || !inside(rows, m) || !inside(cols, n) {
-            return self.write_what_fits(rows, cols, block, mode);
+    fn scatter(
+        &mut self,
+        rows: &[i32],
+        cols: &[i32],
+        block: &[f64],
+        mut visit: impl FnMut(&mut f64, f64),
+    ) -> Result<(), PetscError> {
+        if rows.len() * cols.len() != block.len() {
+            return Err(size_differs(rows.len() * cols.len(), block.len()));
         }
         if cfg!(debug_assertions) {
             self.check_pattern(rows, cols)?;
         }
-        self.turn_to(mode)?;
-        let (raw, rows_len, cols_len) = (self.handle.raw(), rows.len() as i32, cols.len() as i32);
-        // SAFETY: a live matrix that is borrowed alone; indices in range or negative, which PETSc drops; a value for each
-        // pair. PETSc touches this matrix only.
-        check(unsafe { ffi::MatSetValues(raw, rows_len, rows.as_ptr(), cols_len, cols.as_ptr(), block.as_ptr(), mode) })
+        let Self { layout, values, .. } = self;
+        for (&row, values_of_row) in rows.iter().zip(block.chunks_exact(cols.len().max(1))) {
+            let Some(own) = layout.row(row) else { continue };
+            let mut next = 0;
+            for (&column, &value) in cols.iter().zip(values_of_row) {
+                let at = own.find_after(&mut next, column);
+                if let Some(entry) = at.and_then(|at| values.get_mut(at)) {
+                    visit(entry, value);
+                }
+            }
+        }
+        Ok(())
     }
 
-    /// Refuses what is not in the pattern, on all ranks alike; in debug builds, PETSc drops it in others.
+    /// Refuses what is not in the pattern, on all ranks alike; only in debug builds, in others it is dropped.
     fn check_pattern(&self, rows: &[i32], cols: &[i32]) -> Result<(), PetscError> {
         let pattern = &self.layout.pattern;
+        let (m, n) = (pattern.rows() as i32, pattern.cols() as i32);
+        debug_assert!(rows.iter().all(|&row| row < m), "a row of {rows:?} is not below {m}");
+        debug_assert!(cols.iter().all(|&column| column < n), "a column of {cols:?} is not below {n}");
         let mut pairs = rows.iter().flat_map(|&row| cols.iter().map(move |&column| (row, column)));
         let is_outside = |&(row, column): &(i32, i32)| {
             row >= 0 && column >= 0 && pattern.find(row as usize, column as usize).is_none()
         };
         let Some((row, column)) = pairs.find(is_outside) else { return Ok(()) };
         let text = format!("({row}, {column}) is not in the pattern");
-        Err(PetscError::found(ffi::ERR_ARG_OUTOFRANGE, "MatSetValues", text))
-    }
-
-    /// Adding and setting do not mix: an assembly stands between.
-    #[inline(always)]
-    fn turn_to(&mut self, mode: i32) -> Result<(), PetscError> {
-        if self.pending != mode {
-            if self.pending != 0 {
-                self.assemble(ffi::MAT_FLUSH_ASSEMBLY)?;
-            }
-            self.pending = mode;
-        }
-        Ok(())
-    }
-
-    /// Refuses a block of another size; drops indices out of range.
-    #[cold]
-    fn write_what_fits(&mut self, rows: &[i32], cols: &[i32], block: &[f64], mode: i32) -> Result<(), PetscError> {
-        let (pairs, found) = (rows.len() * cols.len(), block.len());
-        if pairs != found {
-            let text = format!("{found} values for {pairs} pairs of row and column");
-            return Err(PetscError::found(ffi::ERR_ARG_SIZ, "MatSetValues", text));
-        }
-        let (m, n) = self.shape();
-        let fitting = |indices: &[i32], end: usize| -> Vec<i32> {
-            debug_assert!(indices.iter().all(|&i| i < end as i32), "an index of {indices:?} is not below {end}");
-            indices.iter().map(|&i| if (i as usize) < end { i } else { -1 }).collect()
-        };
-        self.write(&fitting(rows, m), &fitting(cols, n), block, mode)
+        Err(PetscError::found(ffi::ERR_ARG_OUTOFRANGE, "", text))
     }
 
     /// The entries of this rank; zero for those of others.
     #[inline(always)]
     fn read(&self, rows: &[i32], cols: &[i32], block: &mut [f64]) {
         for (&row, values) in rows.iter().zip(block.chunks_exact_mut(cols.len().max(1))) {
-            let own = self.layout.row(row);
+            if row < 0 {
+                continue;
+            }
+            let (own, mut next) = (self.layout.row(row), 0);
             for (&column, value) in cols.iter().zip(values) {
-                if row >= 0 && column >= 0 {
-                    let at = own.and_then(|own| own.find(column));
+                if column >= 0 {
+                    let at = own.and_then(|own| own.find_after(&mut next, column));
                     *value = at.map_or(0.0, |at| self.values.get(at));
                 }
             }
@@ -166,6 +155,12 @@ impl Matrix {
             }
         }
     }
+}
+
+/// A block of another size than its indices.
+#[cold]
+fn size_differs(pairs: usize, found: usize) -> PetscError {
+    PetscError::found(ffi::ERR_ARG_SIZ, "", format!("{found} values for {pairs} pairs of row and column"))
 }
 
 impl MatrixOps<Petsc> for Matrix {
@@ -199,12 +194,12 @@ impl MatrixOps<Petsc> for Matrix {
 
     #[inline(always)]
     fn add(&mut self, rows: &[i32], cols: &[i32], block: &[f64]) -> Result<(), PetscError> {
-        self.write(rows, cols, block, ffi::ADD_VALUES)
+        self.scatter(rows, cols, block, |entry, value| *entry += value)
     }
 
     #[inline(always)]
     fn set(&mut self, rows: &[i32], cols: &[i32], block: &[f64]) -> Result<(), PetscError> {
-        self.write(rows, cols, block, ffi::INSERT_VALUES)
+        self.scatter(rows, cols, block, |entry, value| *entry = value)
     }
 
     #[inline(always)]
@@ -253,6 +248,6 @@ impl MatrixOps<Petsc> for Matrix {
 
     #[inline(always)]
     fn finish(&mut self) -> Result<(), PetscError> {
-        self.assemble(ffi::MAT_FINAL_ASSEMBLY)
+        self.assemble()
     }
 }

@@ -64,7 +64,7 @@ impl Matrix {
         let raw = self.raw();
         // SAFETY: live matrices of one shape and distribution.
         call(|| unsafe { ffi::MatAXPY(raw, factor, other, ffi::SUBSET_NONZERO_PATTERN) })?;
-        self.assemble(ffi::MAT_FINAL_ASSEMBLY)
+        self.assemble()
     }
 
     /// Of the type that the context asks for.
@@ -126,7 +126,7 @@ impl MatMat<Petsc> for Matrix {
         let raw = self.raw();
         // SAFETY: a live matrix.
         call(|| unsafe { ffi::MatScale(raw, factor) })?;
-        self.assemble(ffi::MAT_FINAL_ASSEMBLY)
+        self.assemble()
     }
 
     fn sum(&self, a: f64, other: &Self, b: f64) -> Result<Self, Failure> {

@@ -18,8 +18,9 @@ use super::ffi;
 /// PETSc's signal handlers stay out, and it prints no errors: they come back as [`PetscError`].
 ///
 /// # Threads
-/// PETSc is not made for threads. Calls that touch more than the object they are made on (making, destroying, solving,
-/// communicating) wait for one another, whatever threads they come from, so that any thread may use what it owns. On several
+/// PETSc is not made for threads: its log, its options and its communicators are one for all of them. All calls of PETSc (making,
+/// finishing, destroying, multiplying, solving) wait for one another, whatever threads they come from, so that any thread may
+/// use what it owns; the hot verbs call nothing and wait for nothing. On several
 /// ranks all ranks must make these calls in the same order, which only one thread a rank can promise. Whoever initialises
 /// MPI himself and lets several threads use PETSc asks MPI for [`Threading::Serialized`] at least.
 #[derive(Clone, Debug)]

@@ -1,7 +1,7 @@
 //! What the hot verbs do.
 
 use super::Matrix;
-use crate::backends::local;
+use crate::backends::local::{self, NOWHERE, find};
 use crate::las::Value;
 
 impl<T: Value> Matrix<T> {
@@ -89,25 +89,4 @@ impl<T: Value> Matrix<T> {
             }
         }
     }
-}
-
-/// The position of a column that is not in the row: behind the end of every row.
-const NOWHERE: usize = usize::MAX;
-
-/// The position of a column among those of a row. A negative one is larger than any column as a `u32`, and so nowhere.
-///
-/// The unknowns of a node follow each other, in the block as in the row, so that the place after the last one found is tried
-/// before the row is searched.
-#[inline(always)]
-fn find(columns: &[u32], next: &mut usize, column: i32) -> usize {
-    let column = column as u32;
-    let mut position = *next;
-    if columns.get(position) != Some(&column) {
-        match columns.binary_search(&column) {
-            Ok(found) => position = found,
-            Err(_) => return NOWHERE,
-        }
-    }
-    *next = position + 1;
-    position
 }
