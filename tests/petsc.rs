@@ -2,14 +2,17 @@
 //! process.
 //!
 //! `cargo test --test petsc -- WORD` runs the checks whose names hold the word.
+#![allow(unsafe_code, reason = "counts what MPI is asked for")]
 
 #[allow(dead_code, reason = "recorded numbers are held against another backend")]
 mod bar_of_24;
 mod properties;
 mod support;
 
+use std::ffi::{c_int, c_void};
 use std::process::{Command, ExitCode};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use biotissue::backends::petsc::{Context, MatrixType, Petsc, Session, SessionError};
@@ -18,10 +21,11 @@ use biotissue::fem::material::NeoHookean;
 use biotissue::fem::point_field::FormulaField;
 use biotissue::fem::stepping::{StepParams, Stepper};
 use biotissue::las::{
-    Backend, Ending, Entries, FactorReport, Factorisation, Iterative, Krylov, MatMat, MatVec, MatrixOps,
+    Backend, Ending, Entries, FactorReport, Factorisation, Iterative, Krylov, MatMat, MatVec, MatrixOps, NewtonSystem,
     Preconditioner, SolveError, Solver, SolverParams, Sparsity, Symmetry, VectorOps, conformance,
 };
 use mpi::collective::SystemOperation;
+use mpi::ffi::{MPI_Comm, MPI_Datatype, MPI_Op, PMPI_Allreduce};
 use mpi::topology::{Color, Communicator, SimpleCommunicator};
 use mpi::traits::CommunicatorCollectives;
 use nalgebra::Matrix3;
@@ -41,6 +45,8 @@ const CHECKS: &[Check] = &[
     ("properties", properties_of_petsc),
     ("blocks", blocks),
     ("verbs_that_mix", verbs_that_mix),
+    ("verbs_on_threads", verbs_on_threads),
+    ("shifted_diagonal", shifted_diagonal),
     ("iterative_methods", iterative_methods),
     ("options", options),
     ("errors", errors),
@@ -65,7 +71,23 @@ fn main() -> ExitCode {
         let how = if ranks == 0 { "alone".to_owned() } else { format!("mpirun -n {ranks}") };
         println!("{how} ... {} ({:.1} s)", if well { "ok" } else { "FAILED" }, start.elapsed().as_secs_f64());
     }
+    all_well &= words.iter().any(|word| !"logging".contains(word.as_str())) || hot_verbs_stay_out_of_the_log();
     if all_well { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}
+
+/// The log of PETSc is shared by all threads of a process: verbs that take no lock must not write to it.
+fn hot_verbs_stay_out_of_the_log() -> bool {
+    let file = std::env::temp_dir().join(format!("biotissue-petsc-log-{}", std::process::id()));
+    let options = format!("-log_view :{}", file.display());
+    let program = std::env::current_exe().expect("this program has a path");
+    let run =
+        Command::new(&program).arg("verbs_on_threads").envs([(LAUNCHED, "1"), ("PETSC_OPTIONS", &options)]).status();
+    let log = std::fs::read_to_string(&file).unwrap_or_default();
+    let _ = std::fs::remove_file(&file);
+    let is_log = log.contains("MatAssemblyEnd");
+    let well = run.is_ok_and(|status| status.success()) && is_log && !log.contains("MatSetValues");
+    println!("hot_verbs_stay_out_of_the_log ... {}", if well { "ok" } else { "FAILED" });
+    well
 }
 
 /// Runs the checks in processes of their own; without `mpirun` for no ranks.
@@ -238,6 +260,78 @@ fn verbs_that_mix(context: &Context) {
     let mut sum = 0.0;
     a.for_each(|_, _, value| sum += value).unwrap();
     assert_eq!(sum, 10.0, "all entries on every rank");
+}
+
+/// Threads that own a matrix each write to them at the same time.
+fn verbs_on_threads(context: &Context) {
+    // On several ranks all must make their calls in one order.
+    let threads = if context.ranks() == 1 { 4 } else { 1 };
+    let side = 12;
+    let matrices: Vec<_> = (0..threads).map(|_| Petsc::matrix(context, &laplacian_pattern(side)).unwrap()).collect();
+    std::thread::scope(|scope| {
+        for (thread, mut a) in matrices.into_iter().enumerate() {
+            scope.spawn(move || {
+                for _ in 0..50 {
+                    fill_laplacian(&mut a, side, thread as f64);
+                    a.set(&[0], &[0], &[7.0]).unwrap();
+                    a.add(&[0], &[0], &[1.0]).unwrap();
+                }
+                a.finish().unwrap();
+                let (mut entry, mut sum) = ([0.0], 0.0);
+                a.get(&[0], &[0], &mut entry).unwrap();
+                assert_eq!(entry, [8.0]);
+                a.for_each(|_, _, value| sum += value).unwrap();
+                // 4 a row and 8 in the first, and two pairs of neighbours along x and y, drift left out.
+                let side = f64::from(side);
+                assert_eq!(sum, 4.0 * side * side + 4.0 - 4.0 * side * (side - 1.0));
+            });
+        }
+    });
+}
+
+/// What ranks of a communicator reduce together: the profiling interface of MPI puts this before the library's own.
+static REDUCTIONS: AtomicUsize = AtomicUsize::new(0);
+
+/// Counts, and calls the library.
+///
+/// # Safety
+/// As for MPI.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn MPI_Allreduce(
+    send: *const c_void,
+    receive: *mut c_void,
+    count: c_int,
+    kind: MPI_Datatype,
+    operation: MPI_Op,
+    comm: MPI_Comm,
+) -> c_int {
+    REDUCTIONS.fetch_add(1, Ordering::Relaxed);
+    // SAFETY: handed through.
+    unsafe { PMPI_Allreduce(send, receive, count, kind, operation, comm) }
+}
+
+/// The diagonal is read by one collective call, however many unknowns there are.
+fn shifted_diagonal(context: &Context) {
+    let side = 9;
+    let pattern = laplacian_pattern(side);
+    let symbolic = Petsc::analyze(context, &pattern, &SolverParams::default()).unwrap();
+    let mut system = NewtonSystem::<Petsc>::new(context, &pattern, &symbolic).unwrap();
+    fill_laplacian(&mut system.matrix, side, 0.0);
+    system.matrix.add(&[40], &[40], &[-9.0]).unwrap();
+    system.matrix.finish().unwrap();
+    // What PETSc itself reduces while it assembles is not counted.
+    let before = REDUCTIONS.load(Ordering::Relaxed);
+    system.matrix.finish().unwrap();
+    let assembly = REDUCTIONS.load(Ordering::Relaxed) - before;
+    let before = REDUCTIONS.load(Ordering::Relaxed);
+    assert_eq!(system.shift_diagonal(0.5).unwrap(), 5.0, "the largest by absolute value");
+    let reductions = REDUCTIONS.load(Ordering::Relaxed) - before;
+    assert_eq!(reductions, assembly + usize::from(context.ranks() > 1), "{} ranks", context.ranks());
+    system.matrix.finish().unwrap();
+    let mut diagonal = zeros(context, pattern.rows());
+    system.matrix.diagonal(&mut diagonal).unwrap();
+    let expected = |unknown| if unknown == 40 { -4.5 } else { 4.5 };
+    assert!(diagonal.as_slice().iter().enumerate().all(|(unknown, &entry)| entry == expected(unknown)));
 }
 
 /// The negative Laplacian on a square of `side` points a side, with convection.

@@ -243,7 +243,7 @@ where
     system.matrix.zero().map_err(SolveError::Fault)?;
     model.slots.assemble(&model.truss, states, diagonal, &mut system.matrix).map_err(SolveError::Fault)?;
     if shift > 0.0 {
-        system.shift_diagonal(shift).map_err(SolveError::Fault)?;
+        system.shift_diagonal(shift)?;
     }
     system.matrix.finish().map_err(SolveError::Fault)?;
     system.solver.factor(&system.matrix)?;

@@ -10,7 +10,7 @@ use super::{
     Backend, MatrixOps, NewtonError, NewtonFailure, NewtonReport, NewtonSystem, NonlinearProblem, Scalar, SolveError,
     Solver, Trial, VectorOps, Yardstick, fault,
 };
-use crate::las::{Index, Value};
+use crate::las::{Index, MatVec, Value};
 
 /// A nonlinear problem whose residual is the gradient of a potential.
 pub trait Potential<B: Backend>: NonlinearProblem<B> {
@@ -188,7 +188,7 @@ where
         loop {
             self.matrix.zero().map_err(fault)?;
             problem.jacobian(&mut self.matrix).map_err(NewtonError::Problem)?;
-            shift.diagonal = self.shift_diagonal(shift.value).map_err(fault)?;
+            shift.diagonal = self.shift_diagonal(shift.value).map_err(NewtonError::Solve)?;
             self.matrix.finish().map_err(fault)?;
             match self.solver.factor_definite(&self.matrix) {
                 Ok(factor) => {
@@ -211,19 +211,21 @@ where
     }
 
     /// Adds `shift` to every diagonal entry of the matrix; returns the largest, by absolute value,
-    /// that there was before.
+    /// that there was before. The direction serves as scratch: all ranks read the diagonal together, once.
     ///
     /// # Errors
     /// What the backend reports.
-    pub fn shift_diagonal(&mut self, shift: f64) -> Result<f64, B::Fault> {
-        let mut largest = 0.0_f64;
-        let mut entry = [B::Scalar::default()];
-        for unknown in 0..self.matrix.shape().0 {
-            let unknown = [B::Index::of(unknown)];
-            self.matrix.get(&unknown, &unknown, &mut entry)?;
-            largest = largest.max(entry[0].lane(0).as_f64().abs());
-            if shift > 0.0 {
-                self.matrix.add(&unknown, &unknown, &[B::Scalar::every(shift)])?;
+    pub fn shift_diagonal(&mut self, shift: f64) -> Result<f64, SolveError<B::Fault>> {
+        let Self { matrix, direction, .. } = self;
+        matrix.finish().map_err(SolveError::Fault)?;
+        matrix.diagonal(direction)?;
+        let largest =
+            |entries: &[B::Scalar]| entries.iter().map(|entry| entry.lane(0).as_f64().abs()).fold(0.0_f64, f64::max);
+        let largest = direction.with_local(largest).map_err(SolveError::Fault)?;
+        if shift > 0.0 {
+            for unknown in 0..matrix.shape().0 {
+                let unknown = [B::Index::of(unknown)];
+                matrix.add(&unknown, &unknown, &[B::Scalar::every(shift)]).map_err(SolveError::Fault)?;
             }
         }
         Ok(largest)
