@@ -9,7 +9,8 @@ use super::{Entries, Index, MatMat, MatVec, MatrixOps, SolveError, Solver, Solve
 ///
 /// A backend is chosen at compile time. Code that assembles and solves is written once, `fn assemble<B: Backend>(..)`,
 /// and the verbs of [`VectorOps`] and [`MatrixOps`] inline into what a direct call of the backend compiles to, instruction by
-/// instruction; `docs/overhead.md` counts them, and lists the few verbs of PETSc that are more than one call of it.
+/// instruction; where that is a call of PETSc, they work on the memory of its objects and execute no more than the call does.
+/// `docs/overhead.md` counts both.
 ///
 /// ```
 /// use std::sync::Arc;

@@ -6,6 +6,7 @@
 pub mod assembly;
 pub mod by_hand;
 pub mod compare;
+pub mod executed;
 pub mod image;
 pub mod page;
 pub mod ways;

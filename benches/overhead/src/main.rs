@@ -1,15 +1,17 @@
 //! `cargo run --release --package overhead [--features petsc] [-- COMMAND]`
 //!
-//! * without a command: prints instructions of every verb in five ways, and fails where LAS has more than a call by hand;
+//! * without a command: prints instructions of every verb in five ways, and fails where LAS has more than a call by hand; with
+//!   PETSc and valgrind, what calls of PETSc execute, and fails where LAS executes more;
 //! * `page FILE`: writes the page of the documentation, with the assembly loop under valgrind's callgrind;
 //! * `list BACKEND VERB WAY`: prints the instructions of one place;
+//! * `call VERB WAY`: calls a verb of PETSc (what callgrind looks at);
 //! * `loop BACKEND WAY`: runs the assembly loop once (what callgrind looks at).
 
 use std::error::Error;
 use std::process::ExitCode;
 
 use overhead::image::Image;
-use overhead::{assembly, compare, page, ways};
+use overhead::{assembly, compare, executed, page, ways};
 
 fn main() -> ExitCode {
     let words: Vec<String> = std::env::args().skip(1).collect();
@@ -28,13 +30,18 @@ fn run(words: &[&str]) -> Result<ExitCode, Box<dyn Error>> {
         [] => {
             let rows = compare::rows(&Image::of_this_program()?)?;
             print!("{}", page::table(&rows));
-            let faults = compare::faults(&rows);
+            let mut faults = compare::faults(&rows);
+            if executed::is_possible() {
+                let calls = executed::all()?;
+                print!("\n{}", executed::table(&calls));
+                faults.extend(executed::faults(&calls));
+            }
             faults.iter().for_each(|fault| eprintln!("{fault}"));
             Ok(if faults.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
         }
         ["page", file] => {
             let rows = compare::rows(&Image::of_this_program()?)?;
-            std::fs::write(file, page::page(&rows, &page::loops()?))?;
+            std::fs::write(file, page::page(&rows, &executed::all()?, &page::loops()?))?;
             Ok(ExitCode::SUCCESS)
         }
         ["list", backend, verb, way] => {
@@ -49,12 +56,16 @@ fn run(words: &[&str]) -> Result<ExitCode, Box<dyn Error>> {
             }
             Ok(ExitCode::SUCCESS)
         }
+        ["call", verb, way] => {
+            executed::call(verb, way)?;
+            Ok(ExitCode::SUCCESS)
+        }
         ["loop", backend, way] => {
             let side = page::SIDE;
             let time = assembly::run(backend, way, side, 1)?;
             println!("{:.1} us", time.as_secs_f64() * 1e6);
             Ok(ExitCode::SUCCESS)
         }
-        _ => Err("no command, `page FILE`, `list BACKEND VERB WAY` or `loop BACKEND WAY`".into()),
+        _ => Err("no command, `page FILE`, `list BACKEND VERB WAY`, `call VERB WAY` or `loop BACKEND WAY`".into()),
     }
 }

@@ -17,6 +17,8 @@ const ADD_VALUES: c_int = 2;
 const FINAL_ASSEMBLY: c_int = 0;
 
 unsafe extern "C" {
+    fn VecDot(x: *mut c_void, y: *mut c_void, dot: *mut f64) -> c_int;
+    fn VecAXPY(y: *mut c_void, a: f64, x: *mut c_void) -> c_int;
     fn MatSetValues(
         mat: *mut c_void,
         m: c_int,
@@ -43,12 +45,14 @@ unsafe extern "C" {
         x: *mut c_void,
         b: *mut c_void,
     ) -> c_int;
+    fn MatSetOption(mat: *mut c_void, option: c_int, on: c_int) -> c_int;
     fn MatAssemblyBegin(mat: *mut c_void, kind: c_int) -> c_int;
     fn MatAssemblyEnd(mat: *mut c_void, kind: c_int) -> c_int;
 }
 
-/// What `VecGetArray` lent.
+/// A `Vec`, and what `VecGetArray` lent.
 pub struct Vector {
+    pub vec: *mut c_void,
     pub array: *mut f64,
     pub len: usize,
 }
@@ -58,6 +62,17 @@ pub struct Matrix {
     pub mat: *mut c_void,
     pub array: *mut f64,
     pub len: usize,
+}
+
+impl Matrix {
+    /// The same; entries stay where they are when rows are zeroed, as those of LAS do.
+    pub fn keep_pattern(self) -> Outcome<Self> {
+        /// `MAT_KEEP_NONZERO_PATTERN`.
+        const KEEP_PATTERN: c_int = 6;
+        // SAFETY: a live matrix.
+        checked(unsafe { MatSetOption(self.mat, KEEP_PATTERN, 1) })?;
+        Ok(self)
+    }
 }
 
 fn checked(code: c_int) -> Outcome<()> {
@@ -84,10 +99,21 @@ impl Vector {
     }
 }
 
+/// PETSc says what is wrong with vectors of two lengths.
 #[cold]
 #[inline(never)]
-fn sizes_differ() -> i32 {
-    60
+fn dot_by_petsc(x: &Vector, y: &Vector) -> Outcome<f64> {
+    let mut dot = 0.0;
+    // SAFETY: live vectors.
+    checked(unsafe { VecDot(x.vec, y.vec, &raw mut dot) })?;
+    Ok(dot)
+}
+
+#[cold]
+#[inline(never)]
+fn axpy_by_petsc(y: &mut Vector, a: f64, x: &Vector) -> Outcome<()> {
+    // SAFETY: live vectors, two of them.
+    checked(unsafe { VecAXPY(y.vec, a, x.vec) })
 }
 
 #[inline(always)]
@@ -122,7 +148,7 @@ pub fn vector_norm(y: &Vector) -> Outcome<f64> {
 #[inline(always)]
 pub fn vector_dot(x: &Vector, y: &Vector) -> Outcome<f64> {
     if x.len != y.len {
-        return Err(sizes_differ());
+        return dot_by_petsc(x, y);
     }
     Ok(slices::dot(x.values(), y.values()))
 }
@@ -130,7 +156,7 @@ pub fn vector_dot(x: &Vector, y: &Vector) -> Outcome<f64> {
 #[inline(always)]
 pub fn vector_axpy(y: &mut Vector, a: f64, x: &Vector) -> Outcome<()> {
     if x.len != y.len {
-        return Err(sizes_differ());
+        return axpy_by_petsc(y, a, x);
     }
     slices::axpy(a, x.values(), y.values_mut());
     Ok(())

@@ -1,0 +1,150 @@
+//! Verbs that by hand are calls of PETSc: their instructions lie in PETSc's library, so that what is compared is what is
+//! executed, by valgrind's callgrind.
+
+use std::error::Error;
+use std::fmt::Write;
+use std::process::Command;
+
+/// Instructions that one call executes, with all that it calls.
+pub struct Executed {
+    /// The verb.
+    pub verb: &'static str,
+    /// By hand.
+    pub raw: f64,
+    /// Through LAS.
+    pub las: f64,
+}
+
+/// The verbs, how often each is called, and what with.
+const VERBS: &[(&str, usize, &str)] = &[
+    ("matrix_add", CALLS, "a block of 12 by 12"),
+    ("matrix_set", CALLS, "a block of 12 by 12"),
+    ("matrix_get", CALLS, "a block of 12 by 12"),
+    ("matrix_zero_rows", CALLS, "12 rows"),
+    ("matrix_zero", CALLS, "the whole matrix"),
+];
+
+/// Tetrahedra of a cube of six cells an edge, those at the fixed bottom left out.
+const CALLS: usize = 1080;
+
+/// What stands for a verb that by hand is a call of PETSc.
+#[must_use]
+pub fn is_call(backend: &str, verb: &str) -> bool {
+    backend == "petsc" && VERBS.iter().any(|&(name, ..)| name == verb)
+}
+
+/// Counts all.
+///
+/// # Errors
+/// There is no valgrind, or it says nothing.
+pub fn all() -> Result<Vec<Executed>, Box<dyn Error>> {
+    let count = |verb: &str, calls: usize, way: &str| -> Result<f64, Box<dyn Error>> {
+        Ok(collected(&["call", verb, way], &format!("*ways*petsc*{way}*{verb}*"))? as f64 / calls as f64)
+    };
+    let of = |&(verb, calls, _): &(&'static str, usize, &str)| {
+        Ok(Executed { verb, raw: count(verb, calls, "raw")?, las: count(verb, calls, "las")? })
+    };
+    VERBS.iter().map(of).collect()
+}
+
+/// Instructions that this program executes within the functions of a pattern when it is started with `words`.
+///
+/// # Errors
+/// There is no valgrind, or it says nothing.
+pub fn collected(words: &[&str], pattern: &str) -> Result<u64, Box<dyn Error>> {
+    let output = Command::new("valgrind")
+        .args(["--tool=callgrind", "--callgrind-out-file=/dev/null", "--collect-atstart=no"])
+        .arg(format!("--toggle-collect={pattern}"))
+        .arg(std::env::current_exe()?)
+        .args(words)
+        // No kernels for processors that valgrind does not know.
+        .envs([("OPENBLAS_CORETYPE", "Haswell"), ("OPENBLAS_NUM_THREADS", "1")])
+        .output()
+        .map_err(|error| format!("valgrind does not run: {error}\n  cure: install it"))?;
+    let text = String::from_utf8_lossy(&output.stderr);
+    let collected = text.lines().find_map(|line| line.split_once("Collected :")?.1.trim().parse().ok());
+    match collected {
+        Some(count) if count > 0 => Ok(count),
+        _ => Err(format!("callgrind counts nothing in {pattern}, {words:?}:\n{text}").into()),
+    }
+}
+
+/// Whether valgrind is on the machine.
+#[must_use]
+pub fn is_possible() -> bool {
+    cfg!(feature = "petsc") && Command::new("valgrind").arg("--version").output().is_ok()
+}
+
+/// What is wrong: calls through LAS that execute more.
+#[must_use]
+pub fn faults(all: &[Executed]) -> Vec<String> {
+    let is_more = |one: &&Executed| one.las > one.raw;
+    let say = |Executed { verb, raw, las }: &Executed| {
+        format!("{verb} on petsc: {las:.0} instructions executed through LAS, {raw:.0} by hand")
+    };
+    all.iter().filter(is_more).map(say).collect()
+}
+
+/// All of them.
+#[must_use]
+pub fn table(all: &[Executed]) -> String {
+    let mut text = String::from("| verb | of | by hand | LAS | LAS over by hand |\n|---|---|---:|---:|---:|\n");
+    for Executed { verb, raw, las } in all {
+        let of = VERBS.iter().find(|(name, ..)| name == verb).map_or("", |&(.., of)| of);
+        let verb = verb.replacen('_', " ", 1);
+        let _ = writeln!(text, "| {verb} | {of} | {raw:.0} | {las:.0} | {:.2} |", las / raw);
+    }
+    text
+}
+
+/// Calls a verb as often as callgrind is told.
+///
+/// # Errors
+/// No such verb or way, or what PETSc reports.
+#[cfg(feature = "petsc")]
+pub fn call(verb: &str, way: &str) -> Result<(), Box<dyn Error>> {
+    use biotissue::backends::petsc::{Context, Petsc};
+    use biotissue::las::Backend;
+
+    use crate::assembly::{Cube, ENTRIES};
+    use crate::by_hand::petsc::Matrix;
+    use crate::ways::petsc::{las, raw};
+
+    let cube = Cube::new(6)?;
+    let context = Context::world()?;
+    let (mut matrix, other) = (Petsc::matrix(&context, &cube.pattern)?, Petsc::matrix(&context, &cube.pattern)?);
+    let by_hand = Matrix { mat: other.as_ptr(), array: std::ptr::null_mut(), len: 0 };
+    let code = |code: i32| format!("PETSc error {code}");
+    let mut by_hand = by_hand.keep_pattern().map_err(code)?;
+    let block: [f64; ENTRIES] = std::array::from_fn(|k| k as f64);
+    let mut read = [0.0; ENTRIES];
+    // `MatZeroRows` refuses negative rows.
+    let elements: Vec<_> = cube.elements.iter().filter(|rows| rows.iter().all(|&row| row >= 0)).collect();
+    assert_eq!(elements.len(), CALLS, "as many as are divided by");
+    for rows in elements {
+        match (way, verb) {
+            ("raw", "matrix_add") => raw::matrix_add(&mut by_hand, rows, rows, &block).map_err(code)?,
+            ("raw", "matrix_set") => raw::matrix_set(&mut by_hand, rows, rows, &block).map_err(code)?,
+            ("raw", "matrix_get") => raw::matrix_get(&by_hand, rows, rows, &mut read).map_err(code)?,
+            ("raw", "matrix_zero_rows") => raw::matrix_zero_rows(&mut by_hand, rows).map_err(code)?,
+            ("raw", "matrix_zero") => raw::matrix_zero(&mut by_hand).map_err(code)?,
+            ("las", "matrix_add") => las::matrix_add(&mut matrix, rows, rows, &block)?,
+            ("las", "matrix_set") => las::matrix_set(&mut matrix, rows, rows, &block)?,
+            ("las", "matrix_get") => las::matrix_get(&matrix, rows, rows, &mut read)?,
+            ("las", "matrix_zero_rows") => las::matrix_zero_rows(&mut matrix, rows)?,
+            ("las", "matrix_zero") => las::matrix_zero(&mut matrix)?,
+            _ => return Err("there is no such verb or way".into()),
+        }
+    }
+    std::hint::black_box(read);
+    Ok(())
+}
+
+/// There is no PETSc here.
+///
+/// # Errors
+/// Always.
+#[cfg(not(feature = "petsc"))]
+pub fn call(_: &str, _: &str) -> Result<(), Box<dyn Error>> {
+    Err("this build has no PETSc".into())
+}
