@@ -17,6 +17,8 @@ mod direct;
 mod iterative;
 #[cfg(any(feature = "sparse", feature = "dense", feature = "batched", feature = "petsc"))]
 mod local;
+#[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
+mod null_vector;
 #[cfg(any(feature = "sparse", feature = "batched"))]
 mod rows;
 

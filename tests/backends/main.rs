@@ -11,6 +11,8 @@ mod properties;
 mod matrix_market;
 #[cfg(any(feature = "sparse", feature = "dense"))]
 mod no_allocation;
+#[cfg(all(feature = "sparse", feature = "dense"))]
+mod singular;
 
 #[cfg(any(feature = "sparse", feature = "dense"))]
 #[global_allocator]

@@ -13,13 +13,14 @@ use faer::traits::RealField;
 use faer::{Conj, MatMut, MatRef, Par, Spec};
 
 use super::{Dense, Matrix, Vector};
-use crate::backends::checks::{check_columns, check_size, definite, singular_limit};
+use crate::backends::checks::{at_sight, check_columns, check_size, definite, null_limit, singular_limit};
 use crate::backends::direct::{Pivots, Scratch, ldlt_params};
 use crate::backends::iterative::{IterativeSolver, Simple};
 use crate::backends::local;
+use crate::backends::null_vector::{is_doubtful, null_vector, unit_scale};
 use crate::las::{
-    Backend, FactorReport, Factorisation, Method, Preconditioner, Scalar, SolveError, SolveReport, SolverParams,
-    Symmetry,
+    Backend, FactorReport, Factorisation, MatVec, Method, Preconditioner, Scalar, SolveError, SolveReport,
+    SolverParams, Symmetry,
 };
 
 /// What there is to know in advance of a dense system: its size, and how it is to be solved.
@@ -168,20 +169,21 @@ impl<T: Scalar + RealField> Solver<T> {
         let mut indefinite_at = None;
         if self.symbolic.params.symmetry == Symmetry::Definite {
             match self.factor_cholesky(a) {
-                Ok(pivots) => return self.report(Factorisation::Cholesky, None, &pivots),
+                Ok(pivots) => return self.report(a, Factorisation::Cholesky, None, &pivots),
                 Err(position) => indefinite_at = Some(position),
             }
         }
         if self.symbolic.params.symmetry == Symmetry::None {
             let pivots = self.factor_lu(a);
-            return self.report(Factorisation::Lu, None, &pivots);
+            return self.report(a, Factorisation::Lu, None, &pivots);
         }
         let pivots = self.factor_ldlt(a);
-        self.report(Factorisation::Ldlt, indefinite_at, &pivots)
+        self.report(a, Factorisation::Ldlt, indefinite_at, &pivots)
     }
 
     fn report(
         &mut self,
+        a: &Matrix<T>,
         kind: Factorisation,
         indefinite_at: Option<usize>,
         pivots: &Pivots,
@@ -190,10 +192,39 @@ impl<T: Scalar + RealField> Solver<T> {
             Factorisation::Ldlt => self.forward[position] as usize,
             Factorisation::Cholesky | Factorisation::Lu | Factorisation::Approximate => position,
         };
-        let pivot_ratio = pivots.judge(self.limit, unknown)?;
+        let pivot_ratio = pivots.judge(at_sight(&self.symbolic.params, kind, self.limit), unknown)?;
         self.served = Some(kind);
+        self.resolve_doubt(a, pivots).inspect_err(|_| self.served = None)?;
         let negative_pivots = (kind != Factorisation::Lu).then(|| pivots.negative());
         Ok(FactorReport { kind, indefinite_at, pivot_ratio, negative_pivots })
+    }
+
+    /// Looks for a null vector where a pivot is small, unless the caller has set a limit for pivots.
+    fn resolve_doubt(&mut self, a: &Matrix<T>, pivots: &Pivots) -> Result<(), SolveError<Infallible>> {
+        let n = self.symbolic.unknowns;
+        let Some(limit) = null_limit::<T>(&self.symbolic.params, n) else { return Ok(()) };
+        if !is_doubtful::<T>(pivots.ratio()) {
+            return Ok(());
+        }
+        let scale = unit_scale(n, |row| {
+            let values = &a.values[row * n..(row + 1) * n];
+            (values[row].as_f64(), values.iter().map(|value| value.as_f64().abs()).fold(0.0, f64::max))
+        });
+        let solve = |right: Vec<T>| {
+            let mut x = [Vector::from(vec![T::zero(); n])];
+            self.solve_columns(&[right.into()], &mut x)?;
+            let [x] = x;
+            Ok(x.values)
+        };
+        let multiply = |x: Vec<T>| {
+            let mut y = Vector::from(vec![T::zero(); n]);
+            a.mul(&x.into(), &mut y)?;
+            Ok(y.values)
+        };
+        match null_vector(&scale, limit, solve, multiply)? {
+            Some(found) => Err(SolveError::Singular { unknown: found.unknown, ratio: found.resistance, limit }),
+            None => Ok(()),
+        }
     }
 
     fn solve_columns(&mut self, b: &[Vector<T>], x: &mut [Vector<T>]) -> Result<SolveReport, SolveError<Infallible>> {

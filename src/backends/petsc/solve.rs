@@ -7,8 +7,9 @@ use super::direct::{Factor, Failure, Found};
 use super::error::PetscError;
 use super::iterative::ByIterations;
 use super::{Matrix, Petsc, Vector};
-use crate::backends::checks::{check_columns, check_size, definite, singular_limit};
+use crate::backends::checks::{check_columns, check_size, definite, null_limit, singular_limit};
 use crate::backends::local;
+use crate::backends::null_vector::{is_doubtful, null_vector, unit_scale};
 use crate::las::{
     Backend, FactorReport, Factorisation, MatVec, Method, Preconditioner, SolveError, SolveReport, SolverParams,
     Sparsity, Symmetry, VectorOps,
@@ -160,8 +161,47 @@ impl Solver {
             return Err(self.singular(kind, &found));
         }
         self.served = Some(kind);
+        self.resolve_doubt(kind, found.ratio).inspect_err(|_| self.served = None)?;
         let negative_pivots = found.negative;
         Ok(FactorReport { kind, indefinite_at, pivot_ratio: found.ratio, negative_pivots })
+    }
+
+    /// Looks for a null vector where a pivot is small or the package tells of none, unless the caller has set a limit for
+    /// pivots. Of a matrix whose diagonal is not positive the package's own judgement stands.
+    fn resolve_doubt(&mut self, kind: Factorisation, ratio: f64) -> Result<(), Fault> {
+        let n = self.symbolic.pattern.rows();
+        let Some(limit) = null_limit::<f64>(&self.symbolic.params, n) else { return Ok(()) };
+        let is_told = ratio < 1.0;
+        if kind == Factorisation::Approximate || is_told && !is_doubtful::<f64>(ratio) {
+            return Ok(());
+        }
+        self.a.diagonal(&mut self.diagonal)?;
+        let Self { symbolic, a, cholesky, ldlt, lu, diagonal, .. } = self;
+        let factor = [&*cholesky, &*ldlt, &*lu].into_iter().flatten().find(|factor| factor.kind == kind);
+        let Some(factor) = factor.filter(|_| diagonal.as_slice().iter().all(|&entry| entry > 0.0)) else {
+            return Ok(());
+        };
+        let scale = unit_scale(n, |row| (diagonal.as_slice()[row], 0.0));
+        let vector = |values: &[f64]| -> Result<Vector, Fault> {
+            let mut vector = Vector::zeros(&symbolic.context, n).map_err(SolveError::Fault)?;
+            vector.as_mut_slice().copy_from_slice(values);
+            Ok(vector)
+        };
+        let zeros = vec![0.0; n];
+        let solve = |right: Vec<f64>| {
+            let mut x = vector(&zeros)?;
+            solve_one(factor, a, &vector(&right)?, &mut x)?;
+            Ok(x.as_slice().to_vec())
+        };
+        let multiply = |x: Vec<f64>| {
+            let mut y = vector(&zeros)?;
+            a.mul(&vector(&x)?, &mut y)?;
+            Ok(y.as_slice().to_vec())
+        };
+        match null_vector(&scale, limit, solve, multiply)? {
+            Some(found) => Err(SolveError::Singular { unknown: found.unknown, ratio: found.resistance, limit }),
+            None => Ok(()),
+        }
     }
 
     fn singular(&mut self, kind: Factorisation, found: &Found) -> Fault {
@@ -191,6 +231,7 @@ impl Solver {
             return Ok(None);
         }
         self.served = Some(kind);
+        self.resolve_doubt(kind, found.ratio).inspect_err(|_| self.served = None)?;
         let negative_pivots = found.negative;
         Ok(Some(FactorReport { kind, indefinite_at: None, pivot_ratio: found.ratio, negative_pivots }))
     }

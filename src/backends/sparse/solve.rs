@@ -12,11 +12,12 @@ use super::cholesky::{Cholesky, Ldlt, solve_scratch};
 use super::inverse::Inverse;
 use super::lu::Lu;
 use super::{Matrix, Sparse, Symbolic, Vector};
-use crate::backends::checks::{check_columns, check_size, definite, singular_limit};
+use crate::backends::checks::{at_sight, check_columns, check_size, definite, null_limit, singular_limit};
 use crate::backends::direct::{Pivots, Scratch};
 use crate::backends::iterative::IterativeSolver;
 use crate::backends::local;
-use crate::las::{Backend, FactorReport, Factorisation, Method, SolveError, SolveReport, Symmetry};
+use crate::backends::null_vector::{is_doubtful, null_vector, unit_scale};
+use crate::las::{Backend, FactorReport, Factorisation, MatVec, Method, SolveError, SolveReport, Symmetry};
 
 /// Solver for matrices of one pattern.
 ///
@@ -131,7 +132,8 @@ impl<T: BlockScalar> Solver<T> {
         if let (Some(blocks), Some(analysis)) = (&mut self.blocks, &symbolic.blocks) {
             match blocks.factor(analysis, &a.values) {
                 Ok(pivots) => {
-                    return self.report(Factorisation::Cholesky, None, &pivots, |p| analysis.unknown(p)).map(Some);
+                    let unknown = |p| analysis.unknown(p);
+                    return self.report(a, Factorisation::Cholesky, None, &pivots, unknown).map(Some);
                 }
                 Err(position) => return Err(SolveError::Indefinite { unknown: Some(analysis.unknown(position)) }),
             }
@@ -143,7 +145,10 @@ impl<T: BlockScalar> Solver<T> {
         self.gather_lower(a, analysis);
         let Some(cholesky) = &mut self.cholesky else { return Ok(None) };
         match cholesky.factor(analysis, &self.lower, self.scratch.memory()) {
-            Ok(pivots) => self.report(Factorisation::Cholesky, None, &pivots, |p| analysis.order[p] as usize).map(Some),
+            Ok(pivots) => {
+                let unknown = |p: usize| analysis.order[p] as usize;
+                self.report(a, Factorisation::Cholesky, None, &pivots, unknown).map(Some)
+            }
             Err(position) => Err(SolveError::Indefinite { unknown: Some(analysis.order[position] as usize) }),
         }
     }
@@ -168,9 +173,16 @@ impl<T: BlockScalar> Solver<T> {
         let Some(ldlt) = &mut self.ldlt else { return Err(SolveError::NotFactored) };
         let pivots = ldlt.factor(analysis, &self.lower, self.scratch.memory());
         if pivots.ratio() < self.limit {
+            if pivots.ratio() > 0.0 {
+                // A null vector of the matrix itself needs no second opinion.
+                self.served = Some(Factorisation::Ldlt);
+                let outcome = self.resolve_doubt(a, &pivots);
+                self.served = None;
+                outcome?;
+            }
             return self.factor_lu(a, indefinite_at);
         }
-        self.report(Factorisation::Ldlt, indefinite_at, &pivots, |position| position)
+        self.report(a, Factorisation::Ldlt, indefinite_at, &pivots, |position| position)
     }
 
     fn factor_lu(
@@ -185,20 +197,53 @@ impl<T: BlockScalar> Solver<T> {
         }
         let lu = self.lu.get_or_insert_with(|| Lu::new(analysis));
         let pivots = lu.factor(analysis, a.values(), self.limit, self.scratch.memory()).map_err(failed)?;
-        self.report(Factorisation::Lu, indefinite_at, &pivots, |position| analysis.unknown(position))
+        self.report(a, Factorisation::Lu, indefinite_at, &pivots, |position| analysis.unknown(position))
     }
 
     fn report(
         &mut self,
+        a: &Matrix<T>,
         kind: Factorisation,
         indefinite_at: Option<usize>,
         pivots: &Pivots,
         unknown: impl FnOnce(usize) -> usize,
     ) -> Result<FactorReport, SolveError<Infallible>> {
-        let pivot_ratio = pivots.judge(self.limit, unknown)?;
+        let pivot_ratio = pivots.judge(at_sight(&self.symbolic.params, kind, self.limit), unknown)?;
         self.served = Some(kind);
+        self.resolve_doubt(a, pivots).inspect_err(|_| self.served = None)?;
         let negative_pivots = (kind != Factorisation::Lu).then(|| pivots.negative());
         Ok(FactorReport { kind, indefinite_at, pivot_ratio, negative_pivots })
+    }
+
+    /// Looks for a null vector where a pivot is small, unless the caller has set a limit for pivots.
+    fn resolve_doubt(&mut self, a: &Matrix<T>, pivots: &Pivots) -> Result<(), SolveError<Infallible>> {
+        let n = self.symbolic.unknowns();
+        let Some(limit) = null_limit::<T>(&self.symbolic.params, n) else { return Ok(()) };
+        if !is_doubtful::<T>(pivots.ratio()) {
+            return Ok(());
+        }
+        let pattern = &a.pattern;
+        let scale = unit_scale(n, |row| {
+            let start = pattern.row_start()[row] as usize;
+            let size = |k: usize| a.values[start + k].as_f64().abs();
+            let diagonal = pattern.row(row).binary_search(&(row as u32)).map_or(0.0, |k| a.values[start + k].as_f64());
+            (diagonal, (0..pattern.row(row).len()).map(size).fold(0.0, f64::max))
+        });
+        let solve = |right: Vec<T>| {
+            let mut x = [Vector::from(vec![T::zero(); n])];
+            self.solve_columns(&[right.into()], &mut x)?;
+            let [x] = x;
+            Ok(x.values)
+        };
+        let multiply = |x: Vec<T>| {
+            let mut y = Vector::from(vec![T::zero(); n]);
+            a.mul(&x.into(), &mut y)?;
+            Ok(y.values)
+        };
+        match null_vector(&scale, limit, solve, multiply)? {
+            Some(found) => Err(SolveError::Singular { unknown: found.unknown, ratio: found.resistance, limit }),
+            None => Ok(()),
+        }
     }
 
     /// Makes room for `count` right-hand sides, for the factorisations of the library.

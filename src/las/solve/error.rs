@@ -44,12 +44,14 @@ pub enum SolveError<F> {
     /// `solve` before `factor`, or after one that failed.
     #[error("there is no factorisation to solve with: call factor first, and only solve if it succeeds")]
     NotFactored,
-    /// A pivot vanished.
-    #[error("the matrix is singular: the pivot of unknown {unknown} is {ratio:.1e} of the largest (limit {limit:.1e})")]
+    /// A pivot vanished, or the matrix does not resist some vector.
+    #[error(
+        "the matrix is singular: unknown {unknown} meets {ratio:.1e} of the resistance of others (limit {limit:.1e})"
+    )]
     Singular {
-        /// The unknown of the smallest pivot.
+        /// The unknown of the smallest pivot, or the one that moves most in the vector.
         unknown: usize,
-        /// Its size over the largest.
+        /// The pivot over the largest; or what the matrix, scaled to a unit diagonal, makes of the vector, over its length.
         ratio: f64,
         /// The limit that it fell below.
         limit: f64,

@@ -1,0 +1,134 @@
+//! Bodies that float, and bodies that only look like it: what factorisations call singular.
+
+use std::sync::Arc;
+
+use biotissue::backends::dense::Dense;
+use biotissue::backends::sparse::Sparse;
+use biotissue::fem::assembly::{Assembler, Unknowns, geometry};
+use biotissue::fem::material::{Material, NeoHookean};
+use biotissue::fem::mesh::{Mesh, shapes};
+use biotissue::las::{Backend, FactorReport, MatrixOps, SolveError, Solver, SolverParams, Sparsity, Symmetry};
+use nalgebra::Matrix3;
+
+/// Factors the stiffness of a body at rest, whose elements are as stiff as `stiffness` says of their centers.
+fn factored<B: Backend<Scalar = f64, Context = ()>>(
+    mesh: &Mesh,
+    stiffness: impl Fn([f64; 3]) -> f64,
+    held: impl Fn([f64; 3]) -> [bool; 3],
+    symmetry: Symmetry,
+) -> Result<FactorReport, SolveError<B::Fault>> {
+    let unknowns = Unknowns::new(mesh.nodes().len(), |node, component| held(mesh.nodes()[node])[component]).unwrap();
+    let pattern = Arc::new(unknowns.pattern(mesh).unwrap());
+    let mut matrix = B::matrix(&(), &pattern).unwrap();
+    let assembler = Assembler::<B>::new(geometry(mesh).unwrap(), mesh, &unknowns, &matrix).unwrap();
+    let at_rest = NeoHookean { mu: 3.0, lambda: 5.0 }.respond(&Matrix3::identity()).unwrap().tangent;
+    let center = |element| {
+        let corners = mesh.corners(element);
+        std::array::from_fn(|i| corners.iter().map(|corner| corner[i]).sum::<f64>() / 4.0)
+    };
+    let tangents: Vec<_> = (0..mesh.elements().len()).map(|element| at_rest * stiffness(center(element))).collect();
+    assembler.stiffness(&tangents, &mut matrix).unwrap();
+    matrix.finish().unwrap();
+    let mut solver = B::solver(&B::analyze(&(), &pattern, &SolverParams::new(symmetry)).unwrap()).unwrap();
+    solver.factor(&matrix)
+}
+
+const BOTH: [Symmetry; 2] = [Symmetry::Definite, Symmetry::Symmetric];
+
+fn assert_singular<B: Backend<Scalar = f64, Context = ()>>(
+    what: &str,
+    mesh: &Mesh,
+    stiffness: impl Fn([f64; 3]) -> f64,
+    held: impl Fn([f64; 3]) -> [bool; 3],
+) {
+    for symmetry in BOTH {
+        let found = factored::<B>(mesh, &stiffness, &held, symmetry);
+        let n = mesh.nodes().len();
+        eprintln!("{what}, {n} nodes, {symmetry:?}, {}: {found:?}", B::NAME);
+        assert!(matches!(found, Err(SolveError::Singular { .. })), "{what}, {n} nodes, {symmetry:?}: {found:?}");
+    }
+}
+
+fn assert_regular<B: Backend<Scalar = f64, Context = ()>>(
+    what: &str,
+    mesh: &Mesh,
+    stiffness: impl Fn([f64; 3]) -> f64,
+    held: impl Fn([f64; 3]) -> [bool; 3],
+) {
+    for symmetry in BOTH {
+        let found = factored::<B>(mesh, &stiffness, &held, symmetry);
+        eprintln!("{what}, {symmetry:?}, {}: {found:?}", B::NAME);
+        assert!(found.is_ok(), "{what}, {symmetry:?}: {found:?}");
+    }
+}
+
+fn free_bodies<B: Backend<Scalar = f64, Context = ()>>(sizes: &[usize]) {
+    for &side in sizes {
+        let mesh = shapes::cuboid([side; 3], [1.0, 0.7, 1.3]).unwrap();
+        let one = |_| 1.0;
+        assert_singular::<B>("nothing held", &mesh, one, |_| [false; 3]);
+        assert_singular::<B>("a hinge", &mesh, one, |x| [x[0] == 0.0 && x[1] == 0.0; 3]);
+        assert_singular::<B>("a hinge within", &mesh, one, |x| {
+            [(x[0] - 0.5).abs() < 0.5 / side as f64 && x[1] == 0.0; 3]
+        });
+        assert_singular::<B>("a ball joint", &mesh, one, |x| [x == [1.0, 0.7, 1.3]; 3]);
+        assert_singular::<B>("a slide", &mesh, one, |x| [false, x[0] == 0.0, x[0] == 0.0]);
+        let layers = |x: [f64; 3]| if x[2] > 0.6 { 1e6 } else { 1.0 };
+        assert_singular::<B>("a hinge of two materials", &mesh, layers, |x| [x[0] == 0.0 && x[1] == 0.0; 3]);
+    }
+}
+
+#[test]
+fn bodies_that_float_are_singular() {
+    free_bodies::<Sparse>(&[1, 3, 8, 12]);
+    free_bodies::<Dense>(&[1, 3, 5]);
+}
+
+fn well_posed_bodies<B: Backend<Scalar = f64, Context = ()>>(lengths: &[usize]) {
+    let clamped = |x: [f64; 3]| [x[0] == 0.0; 3];
+    for &length in lengths {
+        let mesh = shapes::cuboid([length, 1, 1], [length as f64, 1.0, 1.0]).unwrap();
+        assert_regular::<B>("a slender beam", &mesh, |_| 1.0, clamped);
+        // Stiff, on a soft foot.
+        let foot = |x: [f64; 3]| if x[0] < 2.0 { 1e-8 } else { 1.0 };
+        assert_regular::<B>("a soft foot", &mesh, foot, clamped);
+        let outer = |x: [f64; 3]| if x[0] > length as f64 - 2.0 { 1e-14 } else { 1.0 };
+        assert_regular::<B>("a soft end", &mesh, outer, clamped);
+    }
+    let mesh = shapes::cuboid([4; 3], [1.0; 3]).unwrap();
+    let minimal = |x: [f64; 3]| match x {
+        [0.0, 0.0, 0.0] => [true; 3],
+        [1.0, 0.0, 0.0] => [false, true, true],
+        [0.0, 1.0, 0.0] => [false, false, true],
+        _ => [false; 3],
+    };
+    assert_regular::<B>("six components", &mesh, |_| 1.0, minimal);
+}
+
+#[test]
+fn bodies_that_are_held_are_regular_however_slender_or_soft() {
+    well_posed_bodies::<Sparse>(&[10, 100, 400]);
+    well_posed_bodies::<Dense>(&[10, 30]);
+}
+
+/// Unknowns in units of their own: the factor is as good as that of the identity.
+#[test]
+fn scales_do_not_make_a_matrix_singular() {
+    fn check<B: Backend<Scalar = f64, Context = (), Index = i32>>() {
+        let pattern = Arc::new(Sparsity::from_elements(4, [[0, 1], [1, 2], [2, 3]]).unwrap());
+        let mut a = B::matrix(&(), &pattern).unwrap();
+        let scale = [1e-20, 1.0, 1e20, 1e-5];
+        for i in 0..4_usize {
+            for j in [i.wrapping_sub(1), i, i + 1].into_iter().filter(|&j| j < 4) {
+                let entry = if i == j { 2.0 } else { -1.0 };
+                a.set(&[i as i32], &[j as i32], &[entry * scale[i] * scale[j]]).unwrap();
+            }
+        }
+        a.finish().unwrap();
+        let symbolic = B::analyze(&(), &pattern, &SolverParams::new(Symmetry::Definite)).unwrap();
+        let found = B::solver(&symbolic).unwrap().factor(&a);
+        assert!(found.is_ok(), "{found:?}");
+    }
+    check::<Sparse>();
+    check::<Dense>();
+}
