@@ -29,4 +29,5 @@ pub mod material;
 pub mod mesh;
 pub mod point_field;
 pub mod reactions;
+pub mod rigid_modes;
 pub mod stepping;

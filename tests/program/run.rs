@@ -231,6 +231,37 @@ fn an_rve_that_is_lost_can_be_repeated() {
 }
 
 #[test]
+fn a_body_that_is_not_held_is_bad_input() {
+    let folder = tempfile::tempdir().unwrap();
+    let hinge = PRESSED.replace(
+        "surface = \"x0\"\ndisplacement = { x = 0.0, y = 0.0, z = 0.0 }",
+        "surface = \"x0\"\ntraction = { x = 1.0 }",
+    );
+    let slide = hinge.replace("x = -1.5, y = 0.0, z = 0.0", "x = -1.5, z = 0.0");
+    // Two held nodes and nothing else.
+    let two = hinge.replace("displacement = { x = -1.5, y = 0.0, z = 0.0 }", "traction = { x = -1.0 }")
+        + "[[point]]\nat = [0.0, 0.0, 0.0]\ndisplacement = { x = 0.0, y = 0.0, z = 0.0 }\n\
+           [[point]]\nat = [0.0, 0.0, 1.0]\ndisplacement = { x = 0.0, y = 0.0, z = 0.0 }\n";
+    for (case, mode) in [
+        (slide, "the body is free to move along y\n"),
+        (two.clone(), "the body is free to rotate about z (the axis through (0, 0, 0.5))\n"),
+    ] {
+        write_case(folder.path(), "case.toml", &case);
+        for command in ["check", "run"] {
+            let failed = line(folder.path(), &format!("{command} case.toml"));
+            let block = failed.failed(2);
+            assert!(block.starts_with(&format!("error: case.toml: {mode}")), "{block}");
+            assert!(block.contains("hold every connected part") && block.contains("[[point]]"), "{block}");
+        }
+    }
+    assert!(!folder.path().join("results").exists());
+    // A third node holds it.
+    let held = two + "[[point]]\nat = [1.0, 0.0, 0.0]\ndisplacement = { y = 0.0 }\n";
+    write_case(folder.path(), "case.toml", &held);
+    line(folder.path(), "check case.toml").done();
+}
+
+#[test]
 fn a_directory_that_cannot_be_written_is_the_environment() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("FILE"), "in the way").unwrap();

@@ -165,6 +165,10 @@ pub fn not_set_up<F: std::error::Error + 'static>(
         SimulationError::Setup(setup) if matches!(**setup, SetupError::Undeformed(_)) => {
             return not_at_rest(file, micro, setup);
         }
+        SimulationError::Setup(setup) if matches!(**setup, SetupError::Unheld(_)) => (
+            "conditions that hold every connected part of the body against moving and turning as a whole",
+            "prescribe displacements on more surfaces or components; [[point]] holds single nodes",
+        ),
         SimulationError::Library(LibraryError::Model { .. }) => (
             "a network whose fibers have a law, a radius and a modulus",
             "give the region a `law`, or put NETWORK.toml with a [law] or NETWORK.params beside the network",

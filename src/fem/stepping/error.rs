@@ -5,6 +5,7 @@ use thiserror::Error;
 use crate::fem::assembly::GeometryError;
 use crate::fem::boundary::BoundaryError;
 use crate::fem::equilibrium::EquilibriumError;
+use crate::fem::rigid_modes::UnheldBody;
 use crate::las::{NewtonError, SolveError, SparsityError};
 
 /// Why an attempt failed: `E` is the error of the point field, `F` the fault of the backend.
@@ -20,6 +21,9 @@ where
     /// The conditions do not fit the mesh or each other.
     #[error(transparent)]
     Boundary(#[from] BoundaryError),
+    /// A part of the body can move or turn as a whole.
+    #[error(transparent)]
+    Unheld(#[from] UnheldBody),
     /// A degenerate element.
     #[error(transparent)]
     Geometry(#[from] GeometryError),

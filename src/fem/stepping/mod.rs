@@ -27,6 +27,7 @@ use super::equilibrium::{BodyState, Equilibrium, EquilibriumError};
 use super::mesh::Mesh;
 use super::point_field::PointField;
 use super::reactions::BoundaryForces;
+use super::rigid_modes;
 use crate::las::{
     Backend, NewtonError, NewtonFailure, NewtonReport, NewtonSystem, NonlinearProblem, Scalar, SolveError, VectorOps,
 };
@@ -107,6 +108,7 @@ where
         let boundary = Boundary::new(&mesh, conditions)?;
         let geometry = assembly::geometry(&mesh)?;
         let prescribed = boundary.prescribed(mesh.nodes().len());
+        rigid_modes::check(&mesh, &prescribed)?;
         let unknowns = Unknowns::in_order(order, |node, component| prescribed[node][component])?;
         let pattern = Arc::new(unknowns.pattern(&mesh)?);
         let symbolic = B::analyze(context, &pattern, &params.solver).map_err(SetupError::System)?;

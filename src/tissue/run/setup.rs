@@ -8,6 +8,7 @@ use super::Simulation;
 use super::plan::Plan;
 use crate::fem::boundary::Conditions;
 use crate::fem::mesh::Mesh;
+use crate::fem::rigid_modes;
 use crate::fem::stepping::{SetupError, Stepper};
 use crate::input::InputErrors;
 use crate::las::{Backend, Scalar};
@@ -83,6 +84,7 @@ where
         let conditions = macro_scale::conditions(&case)?;
         let boundary = macro_scale::boundary(&case, &mesh, &conditions)?;
         let prescribed = boundary.prescribed(mesh.nodes().len());
+        rigid_modes::check(&mesh, &prescribed).map_err(|error| Box::new(error.into()))?;
         let unknowns = prescribed.as_flattened().iter().filter(|&&prescribed| !prescribed).count();
         let (field, network_warnings) = material(&case, &mesh)?;
         warnings.extend(magnitudes::warnings(&case, &mesh, field.library()));

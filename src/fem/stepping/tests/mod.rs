@@ -272,13 +272,24 @@ fn a_restored_run_goes_on_bit_for_bit() {
 }
 
 #[test]
-fn a_body_that_nothing_holds_is_not_cut_in_vain() {
+fn a_body_that_nothing_holds_is_not_set_up() {
     let mesh = bar(2);
-    let pull =
-        SurfaceCondition { surface: "x1".into(), load: SurfaceLoad::Traction([1.0, 0.0, 0.0]), curve: LoadCurve::Ramp };
-    let conditions = Conditions { surfaces: vec![pull], ..Conditions::default() };
+    let mut conditions = pushed(0.1);
+    conditions.surfaces.remove(0);
+    let refused = Stepper::<Sparse, _>::new(&(), mesh.clone(), &conditions, formula(&mesh), StepParams::default());
+    assert_eq!(refused.err().map(|error| error.to_string()), None, "the other end is held");
+    conditions.surfaces[0].load = SurfaceLoad::Displacement([None, Some(0.0), Some(0.0)]);
+    let refused = Stepper::<Sparse, _>::new(&(), mesh.clone(), &conditions, formula(&mesh), StepParams::default());
+    assert_eq!(refused.err().map(|error| error.to_string()), Some("the body is free to move along x".into()));
+}
+
+/// A liquid resists no change of shape.
+#[test]
+fn a_body_without_stiffness_is_not_cut_in_vain() {
+    let mesh = bar(2);
+    let liquid = FormulaField::uniform(NeoHookean { mu: 0.0, lambda: 5.0e3 }, mesh.elements().len());
     let mut log = Log::default();
-    let error = stepper(&mesh, &conditions, formula(&mesh), StepParams::default()).run(&mut log).unwrap_err();
+    let error = stepper(&mesh, &pushed(0.1), liquid, StepParams::default()).run(&mut log).unwrap_err();
     assert!(
         matches!(
             error,

@@ -1,0 +1,203 @@
+//! The free rigid-body modes of a part in words: translations, and rotations about axes.
+
+use std::fmt;
+
+use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Vector3, Vector6};
+
+/// What counts as zero of numbers of order one.
+const ZERO: f64 = 1e-6;
+
+/// The rigid-body modes that a part is free to perform.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Freedom {
+    /// Directions of the free translations, orthonormal.
+    pub translations: Vec<[f64; 3]>,
+    /// The free rotations, up to free translations.
+    pub rotations: Vec<Screw>,
+    /// A point that all of them leave in place, m, if there is one; where translations are free too, one of many.
+    pub center: Option<[f64; 3]>,
+}
+
+/// A rotation about an axis, with a motion along it where there is a pitch.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Screw {
+    /// Direction of the axis, of length 1.
+    pub axis: [f64; 3],
+    /// A point of the axis, m.
+    pub point: [f64; 3],
+    /// Motion along the axis, m per radian.
+    pub pitch: f64,
+}
+
+impl Freedom {
+    /// Of orthonormal modes `(v, w)`, each the motion `v + w x (x - center) / size`.
+    pub(super) fn new(center: Vector3<f64>, size: f64, modes: &[Vector6<f64>]) -> Self {
+        let half = |at: usize| -> Matrix3xX<f64> {
+            let halves: Vec<Vector3<f64>> = modes.iter().map(|mode| mode.fixed_rows::<3>(at).into_owned()).collect();
+            Matrix3xX::from_columns(&halves)
+        };
+        let (moved, turned) = (half(0), half(3));
+        let (still, turning) = split(&turned);
+        let translations = aligned(&(&moved * still));
+        // Rotations are told apart from each other, not from themselves with a free translation.
+        let aside = translations.iter().fold(Matrix3::identity(), |aside, t| aside - t * t.transpose());
+        let (moved, turned) = (aside * moved * &turning, turned * turning);
+        let common = common_point(&moved, &turned, &aside);
+        let at = |arm: Vector3<f64>| rounded(center + size * arm, size);
+        let screw = |axis: Vector3<f64>| {
+            let velocity = velocity(&moved, &turned, axis);
+            let pitch = velocity.dot(&axis);
+            let point = at(common.unwrap_or_else(|| axis.cross(&velocity)));
+            Screw { axis: axis.into(), point, pitch: if pitch.abs() < ZERO { 0.0 } else { size * pitch } }
+        };
+        Self {
+            rotations: aligned(&turned).into_iter().map(screw).collect(),
+            translations: translations.into_iter().map(Into::into).collect(),
+            center: common.map(at),
+        }
+    }
+}
+
+/// Combinations of the modes that do not turn, and the others, as columns.
+fn split(turned: &Matrix3xX<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
+    let eigen = turned.tr_mul(turned).symmetric_eigen();
+    let chosen = |turning: bool| {
+        let columns = (0..turned.ncols()).filter(|&k| (eigen.eigenvalues[k] > ZERO * ZERO) == turning);
+        let columns: Vec<DVector<f64>> = columns.map(|k| eigen.eigenvectors.column(k).into_owned()).collect();
+        if columns.is_empty() { DMatrix::zeros(turned.ncols(), 0) } else { DMatrix::from_columns(&columns) }
+    };
+    (chosen(false), chosen(true))
+}
+
+/// An orthonormal basis of what the columns span, along x, y and z as far as it can be.
+fn aligned(columns: &Matrix3xX<f64>) -> Vec<Vector3<f64>> {
+    let eigen = (columns * columns.transpose()).symmetric_eigen();
+    let spanning = (0..3).filter(|&k| eigen.eigenvalues[k] > ZERO * ZERO);
+    let mut projector = Matrix3::zeros();
+    let mut dimension = 0;
+    for k in spanning {
+        let direction = eigen.eigenvectors.column(k);
+        projector += direction * direction.transpose();
+        dimension += 1;
+    }
+    let mut basis = Vec::new();
+    for _ in 0..dimension {
+        let mut longest = 0;
+        for k in 1..3 {
+            if projector.column(k).norm() > projector.column(longest).norm() + ZERO {
+                longest = k;
+            }
+        }
+        let direction = projector.column(longest).normalize();
+        projector -= direction * direction.transpose();
+        basis.push(direction.map(|x| if x.abs() < ZERO { 0.0 } else { x }).normalize());
+    }
+    basis
+}
+
+/// The velocity of the center in a rotation about an axis at unit rate.
+fn velocity(moved: &Matrix3xX<f64>, turned: &Matrix3xX<f64>, axis: Vector3<f64>) -> Vector3<f64> {
+    let axis = DVector::from_column_slice(axis.as_slice());
+    let turned = DMatrix::from_iterator(3, turned.ncols(), turned.iter().copied());
+    let mix = turned.svd(true, true).solve(&axis, 0.1 * ZERO).unwrap_or_else(|_| DVector::zeros(moved.ncols()));
+    moved * mix
+}
+
+/// The arm `q` with `v + w x q = 0` in all modes, up to free translations, if there is one.
+fn common_point(moved: &Matrix3xX<f64>, turned: &Matrix3xX<f64>, aside: &Matrix3<f64>) -> Option<Vector3<f64>> {
+    let rows = 3 * turned.ncols();
+    if rows == 0 {
+        return None;
+    }
+    let (mut matrix, mut right) = (DMatrix::zeros(rows, 3), DVector::zeros(rows));
+    for (k, (v, w)) in moved.column_iter().zip(turned.column_iter()).enumerate() {
+        let turn = aside * w.into_owned().cross_matrix();
+        matrix.view_mut((3 * k, 0), (3, 3)).copy_from(&turn);
+        right.rows_mut(3 * k, 3).copy_from(&-v);
+    }
+    let arm = matrix.clone().svd(true, true).solve(&right, 0.1 * ZERO).ok()?;
+    let left = (matrix * &arm - right).amax();
+    (left < ZERO).then(|| Vector3::new(arm[0], arm[1], arm[2]))
+}
+
+/// Without digits that are rounding of a body of that size.
+fn rounded(position: Vector3<f64>, size: f64) -> [f64; 3] {
+    position.map(|x| if x.abs() < 1e-9 * size { 0.0 } else { x }).into()
+}
+
+impl fmt::Display for Freedom {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let moves = self.moves();
+        let turns = self.turns();
+        match (moves, turns) {
+            (Some(moves), Some(turns)) => write!(f, "free to move {moves} and to {turns}"),
+            (Some(moves), None) => write!(f, "free to move {moves}"),
+            (None, Some(turns)) => write!(f, "free to {turns}"),
+            (None, None) => f.write_str("held"),
+        }
+    }
+}
+
+impl Freedom {
+    fn moves(&self) -> Option<String> {
+        match self.translations.len() {
+            0 => None,
+            3 => Some("in every direction".into()),
+            _ => Some(format!("along {}", joined(self.translations.iter().map(direction)))),
+        }
+    }
+
+    fn turns(&self) -> Option<String> {
+        match (self.rotations.as_slice(), self.center) {
+            ([], _) => None,
+            ([_, _, _], Some(_)) if self.translations.len() == 3 => Some("rotate about every axis".into()),
+            ([_, _, _], Some(point)) => Some(format!("rotate about every axis through {}", vector(&point))),
+            // Where an axis lies does not matter to a part that can move aside.
+            (screws, Some(_)) if !self.translations.is_empty() => {
+                Some(format!("rotate about {}", joined(screws.iter().map(|screw| direction(&screw.axis)))))
+            }
+            (screws, Some(point)) => {
+                let axes = joined(screws.iter().map(|screw| direction(&screw.axis)));
+                let word = if screws.len() == 1 { "the axis" } else { "axes" };
+                Some(format!("rotate about {axes} ({word} through {})", vector(&point)))
+            }
+            (screws, None) => Some(joined(screws.iter().map(Screw::words))),
+        }
+    }
+}
+
+impl Screw {
+    fn words(&self) -> String {
+        let turn = format!("rotate about the axis through {} along {}", vector(&self.point), direction(&self.axis));
+        if self.pitch == 0.0 {
+            return turn;
+        }
+        format!("{turn} while it moves {} m along it per radian", number(self.pitch))
+    }
+}
+
+/// `x`, `y` or `z`, or the vector.
+fn direction(axis: &[f64; 3]) -> String {
+    match axis.iter().position(|&x| x.abs() > 1.0 - ZERO) {
+        Some(k) => ["x", "y", "z"][k].into(),
+        None => vector(axis),
+    }
+}
+
+fn vector([x, y, z]: &[f64; 3]) -> String {
+    format!("({}, {}, {})", number(*x), number(*y), number(*z))
+}
+
+/// Four significant digits, without trailing zeros.
+fn number(value: f64) -> String {
+    let short = format!("{value:.3e}");
+    short.parse().map_or(short, |value: f64| value.to_string())
+}
+
+fn joined(items: impl Iterator<Item = String>) -> String {
+    let items: Vec<String> = items.collect();
+    match items.as_slice() {
+        [first @ .., last] if !first.is_empty() => format!("{} and {last}", first.join(", ")),
+        _ => items.concat(),
+    }
+}
