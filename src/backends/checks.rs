@@ -27,7 +27,7 @@ pub(super) fn at_sight(params: &SolverParams, kind: Factorisation, limit: f64) -
 /// effect on an eigenvalue grows like the root of how many there are in a row, at most `n`.
 #[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
 pub(super) fn null_limit<T: Scalar>(params: &SolverParams, n: usize) -> Option<f64> {
-    let limit = (16.0 + (n as f64).sqrt()) * T::epsilon().as_f64();
+    let limit = (32.0 + 2.0 * (n as f64).sqrt()) * T::epsilon().as_f64();
     params.singular_below.is_none().then_some(limit)
 }
 

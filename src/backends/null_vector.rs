@@ -17,7 +17,7 @@ pub(super) fn is_doubtful<T: Scalar>(ratio: f64) -> bool {
 /// A vector that a matrix hardly resists.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct NullVector {
-    /// `|H w| / |w|`: no less than the least singular value of the scaled matrix `H`.
+    /// `|H w| / |w|`, of a definite matrix `w . H w / |w|^2`: no less than the least singular value of the scaled matrix `H`.
     pub(super) resistance: f64,
     /// The unknown that moves most.
     pub(super) unknown: usize,
@@ -27,10 +27,12 @@ pub(super) struct NullVector {
 /// a vector by less than `limit` times its length. No regular matrix is taken for a singular one, however its factors grew:
 /// the resistance is that of the matrix. A singular one is missed only if solving with its factors loses all digits.
 ///
-/// `solve` applies the factors of `A`, `multiply` applies `A`.
+/// `solve` applies the factors of `A`, `multiply` applies `A`; `is_definite` says that `A` has a Cholesky factor. The quotient
+/// of a definite matrix feels errors of the vector only by their squares.
 pub(super) fn null_vector<T: Scalar, F>(
     scale: &[f64],
     limit: f64,
+    is_definite: bool,
     mut solve: impl FnMut(Vec<T>) -> Result<Vec<T>, SolveError<F>>,
     mut multiply: impl FnMut(Vec<T>) -> Result<Vec<T>, SolveError<F>>,
 ) -> Result<Option<NullVector>, SolveError<F>> {
@@ -56,7 +58,11 @@ pub(super) fn null_vector<T: Scalar, F>(
         }
         let moved: Vec<f64> = w.iter().zip(scale).map(|(w, s)| w / (s * length)).collect();
         let product = multiply(moved.iter().map(|&x| T::of(x)).collect())?;
-        let resistance = norm(&product.iter().zip(scale).map(|(y, s)| y.as_f64() / s).collect::<Vec<f64>>());
+        let resistance = if is_definite {
+            product.iter().zip(&moved).map(|(y, x)| y.as_f64() * x).sum::<f64>().abs()
+        } else {
+            norm(&product.iter().zip(scale).map(|(y, s)| y.as_f64() / s).collect::<Vec<f64>>())
+        };
         if resistance < limit {
             let most = moved.iter().enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
             return Ok(most.map(|(unknown, _)| NullVector { resistance, unknown }));

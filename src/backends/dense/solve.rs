@@ -194,13 +194,18 @@ impl<T: Scalar + RealField> Solver<T> {
         };
         let pivot_ratio = pivots.judge(at_sight(&self.symbolic.params, kind, self.limit), unknown)?;
         self.served = Some(kind);
-        self.resolve_doubt(a, pivots).inspect_err(|_| self.served = None)?;
+        self.resolve_doubt(a, kind, pivots).inspect_err(|_| self.served = None)?;
         let negative_pivots = (kind != Factorisation::Lu).then(|| pivots.negative());
         Ok(FactorReport { kind, indefinite_at, pivot_ratio, negative_pivots })
     }
 
     /// Looks for a null vector where a pivot is small, unless the caller has set a limit for pivots.
-    fn resolve_doubt(&mut self, a: &Matrix<T>, pivots: &Pivots) -> Result<(), SolveError<Infallible>> {
+    fn resolve_doubt(
+        &mut self,
+        a: &Matrix<T>,
+        kind: Factorisation,
+        pivots: &Pivots,
+    ) -> Result<(), SolveError<Infallible>> {
         let n = self.symbolic.unknowns;
         let Some(limit) = null_limit::<T>(&self.symbolic.params, n) else { return Ok(()) };
         if !is_doubtful::<T>(pivots.ratio()) {
@@ -221,7 +226,7 @@ impl<T: Scalar + RealField> Solver<T> {
             a.mul(&x.into(), &mut y)?;
             Ok(y.values)
         };
-        match null_vector(&scale, limit, solve, multiply)? {
+        match null_vector(&scale, limit, kind == Factorisation::Cholesky, solve, multiply)? {
             Some(found) => Err(SolveError::Singular { unknown: found.unknown, ratio: found.resistance, limit }),
             None => Ok(()),
         }

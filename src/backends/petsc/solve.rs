@@ -198,7 +198,7 @@ impl Solver {
             a.mul(&vector(&x)?, &mut y)?;
             Ok(y.as_slice().to_vec())
         };
-        match null_vector(&scale, limit, solve, multiply)? {
+        match null_vector(&scale, limit, kind == Factorisation::Cholesky, solve, multiply)? {
             Some(found) => Err(SolveError::Singular { unknown: found.unknown, ratio: found.resistance, limit }),
             None => Ok(()),
         }

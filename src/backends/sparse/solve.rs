@@ -176,7 +176,7 @@ impl<T: BlockScalar> Solver<T> {
             if pivots.ratio() > 0.0 {
                 // A null vector of the matrix itself needs no second opinion.
                 self.served = Some(Factorisation::Ldlt);
-                let outcome = self.resolve_doubt(a, &pivots);
+                let outcome = self.resolve_doubt(a, Factorisation::Ldlt, &pivots);
                 self.served = None;
                 outcome?;
             }
@@ -210,13 +210,18 @@ impl<T: BlockScalar> Solver<T> {
     ) -> Result<FactorReport, SolveError<Infallible>> {
         let pivot_ratio = pivots.judge(at_sight(&self.symbolic.params, kind, self.limit), unknown)?;
         self.served = Some(kind);
-        self.resolve_doubt(a, pivots).inspect_err(|_| self.served = None)?;
+        self.resolve_doubt(a, kind, pivots).inspect_err(|_| self.served = None)?;
         let negative_pivots = (kind != Factorisation::Lu).then(|| pivots.negative());
         Ok(FactorReport { kind, indefinite_at, pivot_ratio, negative_pivots })
     }
 
     /// Looks for a null vector where a pivot is small, unless the caller has set a limit for pivots.
-    fn resolve_doubt(&mut self, a: &Matrix<T>, pivots: &Pivots) -> Result<(), SolveError<Infallible>> {
+    fn resolve_doubt(
+        &mut self,
+        a: &Matrix<T>,
+        kind: Factorisation,
+        pivots: &Pivots,
+    ) -> Result<(), SolveError<Infallible>> {
         let n = self.symbolic.unknowns();
         let Some(limit) = null_limit::<T>(&self.symbolic.params, n) else { return Ok(()) };
         if !is_doubtful::<T>(pivots.ratio()) {
@@ -240,7 +245,7 @@ impl<T: BlockScalar> Solver<T> {
             a.mul(&x.into(), &mut y)?;
             Ok(y.values)
         };
-        match null_vector(&scale, limit, solve, multiply)? {
+        match null_vector(&scale, limit, kind == Factorisation::Cholesky, solve, multiply)? {
             Some(found) => Err(SolveError::Singular { unknown: found.unknown, ratio: found.resistance, limit }),
             None => Ok(()),
         }
