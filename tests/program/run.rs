@@ -235,11 +235,11 @@ fn a_body_that_is_not_held_is_bad_input() {
     let folder = tempfile::tempdir().unwrap();
     let hinge = PRESSED.replace(
         "surface = \"x0\"\ndisplacement = { x = 0.0, y = 0.0, z = 0.0 }",
-        "surface = \"x0\"\ntraction = { x = 1.0 }",
+        "surface = \"x0\"\ntraction = [1.0, 0.0, 0.0]",
     );
     let slide = hinge.replace("x = -1.5, y = 0.0, z = 0.0", "x = -1.5, z = 0.0");
     // Two held nodes and nothing else.
-    let two = hinge.replace("displacement = { x = -1.5, y = 0.0, z = 0.0 }", "traction = { x = -1.0 }")
+    let two = hinge.replace("displacement = { x = -1.5, y = 0.0, z = 0.0 }", "traction = [-1.0, 0.0, 0.0]")
         + "[[point]]\nat = [0.0, 0.0, 0.0]\ndisplacement = { x = 0.0, y = 0.0, z = 0.0 }\n\
            [[point]]\nat = [0.0, 0.0, 1.0]\ndisplacement = { x = 0.0, y = 0.0, z = 0.0 }\n";
     for (case, mode) in [
