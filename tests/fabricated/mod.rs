@@ -116,8 +116,16 @@ pub fn write(dir: &Path, cells: [usize; 3]) {
             ..RveLog::default()
         });
         let cuts = u32::from(step == 7);
-        log.write(&Event::Step(Step { step, t, cuts, rounds: 0, newton: newton(step), rve, balance: Default::default() }))
-            .unwrap();
+        log.write(&Event::Step(Step {
+            step,
+            t,
+            cuts,
+            rounds: 0,
+            newton: newton(step),
+            rve,
+            balance: Default::default(),
+        }))
+        .unwrap();
     }
     log.write(&Event::End(End { converged: true, reason: None, steps: STEPS, seconds: 127.3 })).unwrap();
 }

@@ -165,10 +165,6 @@ pub fn not_set_up<F: std::error::Error + 'static>(
         SimulationError::Setup(setup) if matches!(**setup, SetupError::Undeformed(_)) => {
             return not_at_rest(file, micro, setup);
         }
-        SimulationError::Setup(setup) if matches!(**setup, SetupError::Unheld(_)) => (
-            "conditions that hold every connected part of the body against moving and turning as a whole",
-            "prescribe displacements on more surfaces or components; [[point]] holds single nodes",
-        ),
         SimulationError::Library(LibraryError::Model { .. }) => (
             "a network whose fibers have a law, a radius and a modulus",
             "give the region a `law`, or put NETWORK.toml with a [law] or NETWORK.params beside the network",
@@ -187,6 +183,10 @@ fn cure_of_setup<F: std::error::Error + 'static>(
 ) -> (&'static str, &'static str) {
     match error {
         SetupError::Boundary(_) => ("loads that fit the mesh", "correct the boundary or point that is named"),
+        SetupError::Unheld(_) => (
+            "conditions that hold every connected part of the body against moving and turning as a whole",
+            "prescribe displacements on more surfaces or components; [[point]] holds single nodes",
+        ),
         SetupError::Geometry(_) => ("elements with a volume", "improve the mesh, or correct the `scale` of [mesh]"),
         SetupError::Sparsity(_) => ("a stiffness that 32-bit indices can address", "choose a coarser mesh"),
         SetupError::System(_) => {
