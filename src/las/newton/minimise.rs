@@ -163,7 +163,8 @@ where
                         return Ok(Place { norm, yardstick, potential });
                     }
                 }
-                Err(Trial::NotThere(_) | Trial::NotFinite) => {}
+                Err(Trial::NotFinite) => {}
+                Err(Trial::NotThere(error)) if !P::is_final(&error) => {}
                 Err(error) => return Err(error.into_error()),
             }
             report.line_search_cuts += 1;

@@ -160,3 +160,77 @@ fn a_descent_that_runs_out_restores_the_state() {
     assert!(matches!(failure.reason, NewtonError::TooManyIterations { iterations: 1, .. }), "{failure}");
     assert_eq!(problem.x, 0.1);
 }
+
+/// Two wells whose residual another process computes, which ends after so many evaluations.
+struct Remote {
+    wells: Wells,
+    evaluations: usize,
+    last: usize,
+}
+
+/// Why there is no residual.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+enum Lost {
+    #[error("too far out")]
+    TooFar,
+    #[error("the process that computes it has ended")]
+    Gone,
+}
+
+impl NonlinearProblem<Dense> for Remote {
+    type Error = Lost;
+
+    fn residual(&mut self, r: &mut <Dense as Backend>::Vector) -> Result<Yardstick, Lost> {
+        self.evaluations += 1;
+        if self.evaluations > self.last {
+            return Err(Lost::Gone);
+        }
+        if self.wells.x.abs() > 2.0 {
+            return Err(Lost::TooFar);
+        }
+        self.wells.residual(r).map_err(|never| match never {})
+    }
+
+    fn jacobian(&mut self, k: &mut <Dense as Backend>::Matrix) -> Result<(), Lost> {
+        self.wells.jacobian(k).map_err(|never| match never {})
+    }
+
+    fn advance(&mut self, a: f64, d: &<Dense as Backend>::Vector) -> Result<(), Lost> {
+        self.wells.advance(a, d).map_err(|never| match never {})
+    }
+
+    fn is_final(error: &Lost) -> bool {
+        *error == Lost::Gone
+    }
+
+    fn save(&mut self) {
+        self.wells.save();
+    }
+
+    fn restore(&mut self) {
+        self.wells.restore();
+    }
+}
+
+impl Potential<Dense> for Remote {
+    fn potential(&mut self) -> f64 {
+        self.wells.potential()
+    }
+}
+
+#[test]
+fn a_descent_shortens_a_step_that_goes_too_far_and_ends_where_no_step_can_help() {
+    // The first full step from just outside the inflection point goes beyond 2.
+    let remote = |last| Remote { wells: Wells { x: 0.6, saved: 0.0 }, evaluations: 0, last };
+    let mut near = remote(usize::MAX);
+    let report = system().minimise(&mut near, 1e-12, &RegularisedParams::default()).unwrap();
+    assert!(report.line_search_cuts > 0 && (near.wells.x - 1.0).abs() < 1e-12, "{report:?}");
+
+    // The process has ended before one of the trials: to ask again cannot help.
+    for last in 1..4 {
+        let mut gone = remote(last);
+        let failure = system().minimise(&mut gone, 1e-12, &RegularisedParams::default()).unwrap_err();
+        assert_eq!(failure.reason, NewtonError::Problem(Lost::Gone), "after {last} evaluations");
+        assert_eq!((gone.evaluations, gone.wells.x), (last + 1, 0.6), "asked once more, and no more");
+    }
+}
