@@ -10,7 +10,6 @@ use std::sync::Arc;
 
 use biotissue::backends::sparse::Sparse;
 use biotissue::fiber::equilibrium::{EquilibriumParams, equilibrate};
-use biotissue::fiber::homogenise;
 use biotissue::fiber::law::{FiberMaterial, Law};
 use biotissue::fiber::network::{Network, file, generate};
 use biotissue::fiber::rve::{Rve, RveModel, StressScale};
@@ -45,15 +44,15 @@ impl Case {
     /// From rest to equilibrium; the number of Newton iterations.
     fn solve(&mut self, f: &Matrix3<f64>) -> (Rve, usize) {
         let mut rve = Rve::at_rest(self.model.network());
-        let report = equilibrate(&self.model, &mut rve, f, &self.params, &mut self.workspace);
-        let report = report.expect("the networks of the bench converge");
-        (rve, report.iterations)
+        let solved = equilibrate(&self.model, &mut rve, f, &self.params, &mut self.workspace);
+        let iterations = solved.expect("the networks of the bench converge").report().iterations;
+        (rve, iterations)
     }
 
     fn solve_and_tangent(&mut self, f: &Matrix3<f64>) -> f64 {
-        let (rve, _) = self.solve(f);
-        let pk1 = homogenise::pk1(&self.model, &self.workspace);
-        let tangent = homogenise::tangent(&self.model, &rve, &pk1, &mut self.workspace);
+        let mut rve = Rve::at_rest(self.model.network());
+        let solved = equilibrate(&self.model, &mut rve, f, &self.params, &mut self.workspace);
+        let tangent = solved.and_then(|mut solved| solved.tangent());
         tangent.expect("its stiffness is regular").trace()
     }
 
@@ -63,10 +62,12 @@ impl Case {
         group
             .bench_function(format!("equilibrium, {iterations} iterations"), |b| b.iter(|| self.solve(black_box(f)).1));
         group.bench_function("equilibrium and tangent", |b| b.iter(|| self.solve_and_tangent(black_box(f))));
-        let (rve, _) = self.solve(f);
-        let pk1 = homogenise::pk1(&self.model, &self.workspace);
-        group.bench_function("tangent", |b| {
-            b.iter(|| homogenise::tangent(&self.model, &rve, black_box(&pk1), &mut self.workspace).expect("regular"));
+        let (mut rve, _) = self.solve(f);
+        group.bench_function("stability and tangent of an equilibrium", |b| {
+            b.iter(|| {
+                let solved = equilibrate(&self.model, &mut rve, black_box(f), &self.params, &mut self.workspace);
+                solved.and_then(|mut solved| solved.tangent()).expect("regular")
+            });
         });
         let (truss, positions) = (self.model.truss(), self.workspace.positions());
         let (mut states, mut forces) = (FiberStates::default(), vec![[0.0; 3]; positions.len()]);

@@ -11,7 +11,7 @@
 use std::sync::Arc;
 
 use biotissue::backends::sparse::Sparse;
-use biotissue::fiber::homogenise;
+use biotissue::fiber::equilibrium::{EquilibriumParams, equilibrate};
 use biotissue::fiber::law::{FiberMaterial, Law};
 use biotissue::fiber::network::Network;
 use biotissue::fiber::network::generate::{Alignment, Kind, Recipe};
@@ -97,10 +97,9 @@ fn measure(points: usize, strength: f64, seed: u64) -> Result<Stiffness, Error> 
     let scale = StressScale::FiberVolumeFraction(FRACTION);
     let model = RveModel::<Sparse>::new(&(), Arc::clone(&network), Some(material), scale)?;
     let mut workspace = Workspace::new(&(), &model)?;
-    let rve = Rve::at_rest(&network);
-    workspace.show(&model, &rve);
-    let pk1 = homogenise::pk1(&model, &workspace);
-    let tangent = homogenise::tangent(&model, &rve, &pk1, &mut workspace)?;
+    let mut rve = Rve::at_rest(&network);
+    let params = EquilibriumParams::default();
+    let tangent = equilibrate(&model, &mut rve, &Matrix3::identity(), &params, &mut workspace)?.tangent()?;
     let uniaxial = |k: usize| tangent[(4 * k, 4 * k)];
     let across = |of: &dyn Fn(usize) -> f64| 0.5 * (of((ALONG + 1) % 3) + of((ALONG + 2) % 3));
     let fourth = |k: usize| FRACTION * MODULUS * moment(&network, k, 4);

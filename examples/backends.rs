@@ -22,7 +22,6 @@ use biotissue::fem::mesh::{Mesh, shapes};
 use biotissue::fem::point_field::FormulaField;
 use biotissue::fem::stepping::{StepParams, Stepper};
 use biotissue::fiber::equilibrium::{EquilibriumParams, Stage, Stages, equilibrate};
-use biotissue::fiber::homogenise;
 use biotissue::fiber::law::{FiberMaterial, Law};
 use biotissue::fiber::network::{Network, generate};
 use biotissue::fiber::rve::{Rve, RveModel, StressScale};
@@ -218,9 +217,9 @@ where
     Ok(Box::new(move || {
         let mut rve = Rve::at_rest(model.network());
         let start = Instant::now();
-        let report = equilibrate(&model, &mut rve, &f, &params, &mut workspace)?;
+        let solved = equilibrate(&model, &mut rve, &f, &params, &mut workspace)?;
         let seconds = start.elapsed().as_secs_f64();
-        let answer = homogenise::pk1(&model, &workspace).as_slice().to_vec();
+        let (answer, report) = (solved.pk1().as_slice().to_vec(), solved.report());
         let linear_iterations = report.newton.linear_iterations;
         Ok(Solution { seconds, iterations: report.iterations, linear_iterations, answer })
     }))

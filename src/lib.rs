@@ -47,7 +47,6 @@
 //! use std::sync::Arc;
 //! use biotissue::backends::sparse::Sparse;
 //! use biotissue::fiber::equilibrium::{EquilibriumParams, equilibrate};
-//! use biotissue::fiber::homogenise;
 //! use biotissue::fiber::law::{FiberMaterial, Law};
 //! use biotissue::fiber::network::generate::delaunay;
 //! use biotissue::fiber::rve::{Rve, RveModel, StressScale};
@@ -64,11 +63,11 @@
 //! let mut rve = Rve::at_rest(&network);
 //! let mut workspace = Workspace::new(&(), &model).unwrap();
 //! let stretched = Matrix3::from_diagonal(&[1.1, 0.97, 0.97].into());
-//! let report = equilibrate(&model, &mut rve, &stretched, &EquilibriumParams::default(), &mut workspace).unwrap();
+//! let params = EquilibriumParams::default();
+//! let mut solved = equilibrate(&model, &mut rve, &stretched, &params, &mut workspace).unwrap();
 //!
-//! let pk1 = homogenise::pk1(&model, &workspace);
-//! let tangent = homogenise::tangent(&model, &rve, &pk1, &mut workspace).unwrap();
-//! assert!(report.iterations < 10 && pk1[(0, 0)] > 0.0);
+//! let (pk1, tangent) = (solved.pk1(), solved.tangent().unwrap());
+//! assert!(solved.report().iterations < 10 && pk1[(0, 0)] > 0.0);
 //! assert!((tangent - tangent.transpose()).amax() < 1e-8 * tangent.amax());
 //! # }
 //! ```

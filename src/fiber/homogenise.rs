@@ -1,21 +1,20 @@
-//! What the engineering scale sees of a network in equilibrium: stress, condensed tangent, energy, orientation.
+//! What the engineering scale sees of a network in equilibrium: stress and condensed tangent.
 //!
-//! All functions read the workspace that [`super::equilibrium::equilibrate`] left behind.
+//! [`Solved`](super::equilibrium::Solved), which [`super::equilibrium::equilibrate`] returns, gives them; the functions
+//! here read the workspace that it holds.
 
 use nalgebra::{Matrix3, SMatrix};
 
 use super::equilibrium::RveError;
-use super::rve::{Rve, RveModel, transform};
+use super::rve::{RveModel, transform};
 use super::workspace::{MODES, Workspace};
 use crate::las::{Backend, MatrixOps, Scalar, SolveError, Solver, VectorOps};
 
 /// `dP/dF` with index `3 i + J` for `P_iJ`, row-major.
 pub type Tangent = SMatrix<f64, 9, 9>;
 
-/// First Piola-Kirchhoff stress `P_iJ = kappa sum_b T_b,i X_b,J` over boundary nodes, in Pa (N over unit-cube area for
-/// `kappa = 1`).
-#[must_use]
-pub fn pk1<B: Backend<Scalar = f64>>(model: &RveModel<B>, workspace: &Workspace<B>) -> Matrix3<f64> {
+/// [`Solved::pk1`](super::equilibrium::Solved::pk1).
+pub(super) fn pk1<B: Backend<Scalar = f64>>(model: &RveModel<B>, workspace: &Workspace<B>) -> Matrix3<f64> {
     let network = model.network();
     let mut sum = Matrix3::zeros();
     for &node in network.boundary() {
@@ -35,35 +34,13 @@ pub fn cauchy(pk1: &Matrix3<f64>, gradient: &Matrix3<f64>) -> Matrix3<f64> {
     pk1 * gradient.transpose() / gradient.determinant()
 }
 
-/// Strain energy `W = kappa sum_f A L integral_1^lambda s` per reference volume, in J/m^3.
-#[must_use]
-pub fn energy<B: Backend<Scalar = f64>>(model: &RveModel<B>, workspace: &Workspace<B>) -> f64 {
-    model.scale() * model.truss().energy(&workspace.states)
-}
-
-/// The consistent tangent `A = dP/dF` of the network with its interior condensed out.
-///
-/// Six strain modes `dF = S F` of the current state are imposed on the boundary, and the interior follows by
-/// back-substitution on the factor that Newton left behind. That factor belongs to the last iterate but one, so the
-/// interior forces of each mode are checked on the stiffness of the converged state and corrected until they vanish;
-/// only where the factor turns out to be too far off (or there is none) is the stiffness factored anew, and with its
-/// diagonal shifted where it is singular, or so nearly that its own factor does not serve. The form
-/// `S_k F : A : S_l F = kappa v_k . K v_l` is stationary in the velocities `v`: what error remains enters squared.
-/// Rotations are free, `A : (W F) = W P` for skew `W`. Valid at any `F`, rotations by 90 degrees included.
-///
-/// # Errors
-/// [`RveError::Tangent`] where the stiffness of the converged state is singular and strains act on what it does not resist.
-pub fn tangent<B: Backend<Scalar = f64>>(
+/// [`Solved::tangent`](super::equilibrium::Solved::tangent), after [`solve_modes`].
+pub(super) fn tangent<B: Backend<Scalar = f64>>(
     model: &RveModel<B>,
-    rve: &Rve,
+    f: &Matrix3<f64>,
     pk1: &Matrix3<f64>,
-    workspace: &mut Workspace<B>,
-) -> Result<Tangent, RveError<B::Fault>>
-where
-    B::Reduced: Scalar,
-{
-    solve_modes(model, workspace).map_err(RveError::Tangent)?;
-    let f = &rve.gradient;
+    workspace: &Workspace<B>,
+) -> Result<Tangent, RveError<B::Fault>> {
     let mut form = Tangent::zeros();
     // Rows of strains and spins, columns of strains: from the force rates. Columns of spins: from the stress. That the
     // two mixed blocks are each other's transposes is not assumed; they are as far as forces and moments balance.
@@ -124,7 +101,7 @@ fn rate_coefficients(f: &Matrix3<f64>) -> Option<Tangent> {
 }
 
 /// Velocities of all nodes in every mode such that no interior node feels a force rate.
-fn solve_modes<B: Backend<Scalar = f64>>(
+pub(super) fn solve_modes<B: Backend<Scalar = f64>>(
     model: &RveModel<B>,
     workspace: &mut Workspace<B>,
 ) -> Result<(), SolveError<B::Fault>>
@@ -141,7 +118,7 @@ where
     if model.unknowns() == 0 {
         return Ok(());
     }
-    let mut factor = if workspace.factor_is_near { Factor::Near } else { factor_or_shift(model, workspace)? };
+    let mut factor = if workspace.factor_is_exact { Factor::Exact } else { factor_or_shift(model, workspace)? };
     let mut before = f64::INFINITY;
     loop {
         let unbalanced = unbalanced(model, workspace);
@@ -152,7 +129,6 @@ where
             before = unbalanced;
         } else {
             factor = match factor {
-                Factor::Near => factor_or_shift(model, workspace)?,
                 _ if unbalanced < LOST => return Ok(()),
                 Factor::Exact => factor_shifted(model, workspace)?,
                 Factor::Shifted => return Err(SolveError::Inaccurate { residual: unbalanced }),
@@ -180,8 +156,6 @@ fn carry_affinely<B: Backend>(workspace: &mut Workspace<B>) {
 /// What the modes are corrected with.
 #[derive(Clone, Copy, Debug)]
 enum Factor {
-    /// The factor that Newton left behind.
-    Near,
     /// That of the stiffness itself.
     Exact,
     /// That of the stiffness with its diagonal shifted.
@@ -192,7 +166,7 @@ impl Factor {
     /// What a correction must leave less than, or the factor is too far off.
     fn gain(self) -> f64 {
         match self {
-            Self::Near | Self::Exact => 0.05,
+            Self::Exact => 0.05,
             Self::Shifted => 0.5,
         }
     }
@@ -239,7 +213,7 @@ fn factor_here<B: Backend<Scalar = f64>>(
 where
     B::Reduced: Scalar,
 {
-    let Workspace { system, states, diagonal, factor_is_near, .. } = workspace;
+    let Workspace { system, states, diagonal, factor_is_exact, .. } = workspace;
     system.matrix.zero().map_err(SolveError::Fault)?;
     model.slots.assemble(&model.truss, states, diagonal, &mut system.matrix).map_err(SolveError::Fault)?;
     if shift > 0.0 {
@@ -247,7 +221,7 @@ where
     }
     system.matrix.finish().map_err(SolveError::Fault)?;
     system.solver.factor(&system.matrix)?;
-    *factor_is_near = shift == 0.0;
+    *factor_is_exact = shift == 0.0;
     Ok(())
 }
 

@@ -1,5 +1,6 @@
 //! A representative volume element: the immutable model of a network, shared, and the state that each RVE owns.
 
+use std::num::NonZeroU64;
 use std::sync::Arc;
 
 use nalgebra::Matrix3;
@@ -34,6 +35,7 @@ pub struct RveModel<B: Backend> {
     scale: f64,
     rounding_floor: f64,
     masses: Vec<f64>,
+    pub(super) fingerprint: Option<NonZeroU64>,
 }
 
 /// Why a network cannot serve as an RVE.
@@ -105,6 +107,7 @@ impl<B: Backend<Scalar = f64>> RveModel<B> {
             .map_err(|f| RveModelError::Analysis(SolveError::Fault(f)))?;
         Ok(Self {
             rounding_floor: truss.rounding_floor(),
+            fingerprint: fingerprint(truss.network()),
             truss,
             pattern,
             symbolic,
@@ -181,8 +184,18 @@ fn lumped_masses(network: &Network, material: Option<&FiberMaterial>) -> Vec<f64
     masses
 }
 
+/// A number that tells networks apart: of how many nodes and fibers there are, and of where the interior nodes are at rest.
+fn fingerprint(network: &Network) -> Option<NonZeroU64> {
+    // The multiplier of Knuth's MMIX generator, a rotation so that high bits come down, and never zero.
+    let mix = |sum: u64, value: u64| (sum ^ value).wrapping_mul(0x5851_f42d_4c95_7f2d).rotate_left(29);
+    let counts = [network.nodes().len(), network.fibers().len()];
+    let sum = counts.into_iter().fold(1, |sum, count| mix(sum, count as u64));
+    let interior = network.interior().iter().flat_map(|&node| network.nodes()[node as usize]);
+    NonZeroU64::new(interior.fold(sum, |sum, x| mix(sum, x.to_bits())) | 1)
+}
+
 /// The state of one RVE: the deformation gradient it is in equilibrium with and its interior node positions.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Rve {
     /// The deformation gradient of the last equilibrium.
     pub(super) gradient: Matrix3<f64>,
@@ -190,6 +203,15 @@ pub struct Rve {
     pub(super) interior: Vec<[f64; 3]>,
     /// How they follow a further strain, where that was kept.
     pub(super) rates: Option<Vec<Rates>>,
+    /// The [`fingerprint`] of its network; `None` of a state kept elsewhere, until its first equilibrium.
+    pub(super) network: Option<NonZeroU64>,
+}
+
+/// States are equal by what is in them, wherever they come from.
+impl PartialEq for Rve {
+    fn eq(&self, other: &Self) -> bool {
+        self.gradient == other.gradient && self.interior == other.interior && self.rates == other.rates
+    }
 }
 
 /// How an interior node leaves the affine motion, for each of the six unit strains of the current state; single precision,
@@ -210,6 +232,9 @@ pub enum RveStateError {
     /// A position that is no finite number.
     #[error("the position of interior node {0} is no finite number")]
     NotFinite(usize),
+    /// It belongs to another network, of as many interior nodes.
+    #[error("the state is one of another network, with as many interior nodes")]
+    Network,
     /// A deformation gradient that no equilibrium can have.
     #[error("the deformation gradient has determinant {0:.3e}; it must be positive")]
     Inverted(f64),
@@ -220,7 +245,7 @@ impl Rve {
     /// equilibrium; [`Rve::check`] tells whether it is one of a network.
     #[must_use]
     pub fn restored(gradient: Matrix3<f64>, interior: Vec<[f64; 3]>, rates: Option<Vec<Rates>>) -> Self {
-        Self { gradient, interior, rates }
+        Self { gradient, interior, rates, network: None }
     }
 
     /// What [`Rve::restored`] takes.
@@ -253,17 +278,27 @@ impl Rve {
         Ok(())
     }
 
+    /// Whether it is of the network of this model, as far as that is known of a state.
+    pub(super) fn belongs_to<B: Backend>(&self, model: &RveModel<B>) -> Result<(), RveStateError> {
+        let (found, expected) = (self.interior.len(), model.truss.network().interior().len());
+        if found != expected {
+            return Err(RveStateError::Nodes { found, expected });
+        }
+        if self.network.is_some() && self.network != model.fingerprint {
+            return Err(RveStateError::Network);
+        }
+        Ok(())
+    }
+
     /// The undeformed state.
     #[must_use]
     pub fn at_rest(network: &Network) -> Self {
         let interior = network.interior().iter().map(|&node| network.nodes()[node as usize]).collect();
-        Self { gradient: Matrix3::identity(), interior, rates: None }
+        Self { gradient: Matrix3::identity(), interior, rates: None, network: fingerprint(network) }
     }
 
-    /// Keeps the velocities that [`tangent`](super::homogenise::tangent) has just computed in this workspace for this
-    /// RVE: the next equilibrium starts from a first-order prediction instead of an affine motion. 72 bytes an interior
-    /// node.
-    pub fn keep_rates<B: Backend>(&mut self, model: &RveModel<B>, workspace: &Workspace<B>) {
+    /// Keeps the velocities that the tangent was computed from in this workspace.
+    pub(super) fn keep_rates<B: Backend>(&mut self, model: &RveModel<B>, workspace: &Workspace<B>) {
         let strains: [Matrix3<f64>; MODES] = std::array::from_fn(strain);
         let rates = self.rates.get_or_insert_with(Vec::new);
         rates.clear();
@@ -294,6 +329,7 @@ impl Rve {
         self.gradient = other.gradient;
         self.interior.clone_from(&other.interior);
         self.rates = None;
+        self.network = other.network;
     }
 
     /// Bytes that it owns on the heap.
@@ -336,7 +372,8 @@ impl Rve {
         &self.interior
     }
 
-    /// How the interior nodes follow a further strain, where [`Rve::keep_rates`] has kept it.
+    /// How the interior nodes follow a further strain, where
+    /// [`Solved::keep_rates`](super::equilibrium::Solved::keep_rates) has kept it.
     #[must_use]
     pub fn rates(&self) -> Option<&[Rates]> {
         self.rates.as_deref()

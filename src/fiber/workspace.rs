@@ -1,9 +1,11 @@
 //! What a worker needs to solve RVEs of one network: sized once, used for any number of RVEs.
 
+use std::sync::Arc;
+
 use super::path::split;
 use super::rve::{Rates, Rve, RveModel, transform};
 use super::truss::FiberStates;
-use crate::las::{Backend, NewtonSystem, Scalar, SolveError};
+use crate::las::{Backend, NewtonSystem, Scalar, SolveError, Sparsity};
 use nalgebra::Matrix3;
 
 /// Strain modes of the condensed tangent: six symmetric ones.
@@ -11,6 +13,8 @@ pub(super) const MODES: usize = 6;
 
 /// Scratch for RVEs of one model. Nothing in it belongs to an RVE: results do not depend on what was solved before.
 pub struct Workspace<B: Backend> {
+    /// That of the model it was made for: no two models share one.
+    pattern: Arc<Sparsity>,
     /// The linear system of Newton.
     pub(super) system: NewtonSystem<B>,
     /// Positions of all nodes.
@@ -23,8 +27,8 @@ pub struct Workspace<B: Backend> {
     pub(super) states: FiberStates,
     /// Diagonal blocks of the stiffness.
     pub(super) diagonal: Vec<[f64; 9]>,
-    /// Whether the solver holds a factor that Newton left on its way to `positions`.
-    pub(super) factor_is_near: bool,
+    /// Whether the solver holds the factor of the stiffness at `positions`.
+    pub(super) factor_is_exact: bool,
     /// Right-hand sides and solutions of the tangent, one a mode.
     pub(super) mode_loads: Vec<B::Vector>,
     pub(super) mode_solutions: Vec<B::Vector>,
@@ -48,18 +52,24 @@ where
             (0..MODES).map(|_| B::vector(context, model.unknowns()).map_err(SolveError::Fault)).collect()
         };
         Ok(Self {
+            pattern: Arc::clone(&model.pattern),
             system: NewtonSystem::new(context, &model.pattern, &model.symbolic)?,
             positions: vec![[0.0; 3]; nodes],
             saved: Vec::with_capacity(interior),
             forces: vec![[0.0; 3]; nodes],
             states: FiberStates::default(),
             diagonal: Vec::with_capacity(interior),
-            factor_is_near: false,
+            factor_is_exact: false,
             mode_loads: vectors()?,
             mode_solutions: vectors()?,
             velocities: vec![[0.0; 3 * MODES]; nodes],
             rates: vec![[0.0; 3 * MODES]; nodes],
         })
+    }
+
+    /// Whether it was made for this model.
+    pub(super) fn is_of(&self, model: &RveModel<B>) -> bool {
+        Arc::ptr_eq(&self.pattern, &model.pattern)
     }
 
     /// Moves the boundary to `target` and carries the interior of `rve` along: affinely, or by the prediction it has kept.
@@ -130,7 +140,7 @@ where
     pub fn show(&mut self, model: &RveModel<B>, rve: &Rve) {
         self.place(model, rve, &rve.gradient);
         model.truss.evaluate_with_forces(&self.positions, &mut self.states, &mut self.forces);
-        self.factor_is_near = false;
+        self.factor_is_exact = false;
     }
 
     /// Positions of all nodes of the RVE that was solved last, unit-cube units.

@@ -32,8 +32,8 @@ pub mod transfer;
 pub use backend::Backend;
 pub use comm::{Comm, CommError, Disagreement, Layout, Message, Payload, Receiving, Sending, Tag};
 pub use newton::{
-    NewtonError, NewtonFailure, NewtonParams, NewtonReport, NewtonSeconds, NewtonSystem, NonlinearProblem, Potential,
-    RegularisedParams, Yardstick,
+    Curvature, Departure, NewtonError, NewtonFailure, NewtonParams, NewtonReport, NewtonSeconds, NewtonSystem,
+    NonlinearProblem, Potential, RegularisedParams, Yardstick,
 };
 pub use ops::{MatrixOps, VectorOps};
 pub use products::{Entries, MatMat, MatVec};

@@ -12,7 +12,7 @@ fn first_residual(h: f64, predict: bool) -> (f64, usize) {
     bench.solve(&mut rve, &here).unwrap();
     bench.tangent(&rve);
     if predict {
-        rve.keep_rates(&bench.model, &bench.workspace);
+        bench.keep_rates(&mut rve);
     }
     // All six strains and a rotation that is not small: it costs the prediction nothing.
     let strain = Matrix3::new(0.5, -0.3, 0.2, -0.3, 0.1, 0.4, 0.2, 0.4, -0.6);

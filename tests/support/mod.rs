@@ -7,8 +7,8 @@ mod networks;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use biotissue::fiber::equilibrium::{EquilibriumParams, EquilibriumReport, RveError, equilibrate};
-use biotissue::fiber::homogenise::{self, Tangent};
+use biotissue::fiber::equilibrium::{EquilibriumParams, EquilibriumReport, RveError, Solved, equilibrate};
+use biotissue::fiber::homogenise::Tangent;
 use biotissue::fiber::law::{FiberMaterial, Law};
 use biotissue::fiber::network::{Network, file};
 use biotissue::fiber::rve::{Rve, RveModel, StressScale};
@@ -57,6 +57,8 @@ pub struct Bench<B: Backend> {
     pub model: RveModel<B>,
     pub workspace: Workspace<B>,
     pub params: EquilibriumParams,
+    /// Stress and energy of the RVE that was solved last.
+    answer: (Matrix3<f64>, f64),
 }
 
 impl<B: Backend<Scalar = f64, Context = ()>> Bench<B>
@@ -88,7 +90,7 @@ where
         let network = Arc::clone(network);
         let model = RveModel::with_solver(context, network, material, StressScale::Raw, solver).unwrap();
         let workspace = Workspace::new(context, &model).unwrap();
-        Self { model, workspace, params: EquilibriumParams::default() }
+        Self { model, workspace, params: EquilibriumParams::default(), answer: (Matrix3::zeros(), 0.0) }
     }
 
     pub fn at_rest(&self) -> Rve {
@@ -96,19 +98,33 @@ where
     }
 
     pub fn solve(&mut self, rve: &mut Rve, f: &Matrix3<f64>) -> Result<EquilibriumReport, RveError<B::Fault>> {
-        equilibrate(&self.model, rve, f, &self.params, &mut self.workspace)
+        let solved = equilibrate(&self.model, rve, f, &self.params, &mut self.workspace)?;
+        self.answer = (solved.pk1(), solved.energy());
+        Ok(solved.into_report())
     }
 
     pub fn pk1(&self) -> Matrix3<f64> {
-        homogenise::pk1(&self.model, &self.workspace)
+        self.answer.0
     }
 
     pub fn energy(&self) -> f64 {
-        homogenise::energy(&self.model, &self.workspace)
+        self.answer.1
     }
 
     pub fn tangent(&mut self, rve: &Rve) -> Tangent {
-        let pk1 = self.pk1();
-        homogenise::tangent(&self.model, rve, &pk1, &mut self.workspace).unwrap()
+        self.again(&mut rve.clone()).tangent().unwrap()
+    }
+
+    /// Lets an RVE in equilibrium keep how its nodes follow a further strain.
+    pub fn keep_rates(&mut self, rve: &mut Rve) {
+        self.again(rve).keep_rates().unwrap();
+    }
+
+    /// An RVE that is in equilibrium already.
+    fn again<'a>(&'a mut self, rve: &'a mut Rve) -> Solved<'a, B> {
+        let gradient = *rve.gradient();
+        let solved = equilibrate(&self.model, rve, &gradient, &self.params, &mut self.workspace).unwrap();
+        assert_eq!(solved.report().iterations, 0);
+        solved
     }
 }

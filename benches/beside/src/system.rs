@@ -42,7 +42,7 @@ impl System {
         let mut workspace = Workspace::new(&(), &model).expect("memory");
         let mut rve = Rve::at_rest(model.network());
         let report = equilibrate(&model, &mut rve, &target, &EquilibriumParams::default(), &mut workspace);
-        let report = report.expect("the networks of the comparison converge");
+        let report = report.expect("the networks of the comparison converge").into_report();
         let pattern = Arc::new(stiffness::pattern(model.network()).expect("few unknowns"));
         let slots = StiffnessSlots::locate(&(), model.truss(), &pattern).expect("the backend cannot fail");
         let mut stiffness = Sparse::<f64>::matrix(&(), &pattern).expect("the backend cannot fail");

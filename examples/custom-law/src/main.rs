@@ -10,7 +10,6 @@ use std::sync::Arc;
 
 use biotissue::backends::sparse::Sparse;
 use biotissue::fiber::equilibrium::{EquilibriumParams, equilibrate};
-use biotissue::fiber::homogenise;
 use biotissue::fiber::law::{FiberMaterial, Law};
 use biotissue::fiber::network::generate::delaunay;
 use biotissue::fiber::rve::{Rve, RveModel, StressScale};
@@ -34,10 +33,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     for step in 0..=10 {
         let stretch = 1.0 + 0.01 * f64::from(step);
         let f = Matrix3::from_diagonal(&[stretch, 1.0, 1.0].into());
-        let report = equilibrate(&model, &mut rve, &f, &EquilibriumParams::default(), &mut workspace)?;
-        let pk1 = homogenise::pk1(&model, &workspace);
-        let energy = homogenise::energy(&model, &workspace);
-        println!("{stretch:<9.2} {:<13.6e} {energy:<13.6e} {}", pk1[(0, 0)], report.iterations);
+        let solved = equilibrate(&model, &mut rve, &f, &EquilibriumParams::default(), &mut workspace)?;
+        let (pk1, energy) = (solved.pk1(), solved.energy());
+        println!("{stretch:<9.2} {:<13.6e} {energy:<13.6e} {}", pk1[(0, 0)], solved.report().iterations);
     }
     Ok(())
 }

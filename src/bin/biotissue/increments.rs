@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use biotissue::fiber::equilibrium::{EquilibriumParams, EquilibriumReport, RveError, equilibrate};
-use biotissue::fiber::homogenise;
 use biotissue::fiber::path::between;
 use biotissue::fiber::rve::{Rve, RveModel, RveModelError};
 use biotissue::fiber::workspace::Workspace;
@@ -78,7 +77,8 @@ impl Increments<'_> {
             outcome => return outcome,
         };
         let mut whole = start.clone();
-        let Ok(report) = equilibrate(model, &mut whole, self.target, self.params, workspace) else { return Err(lost) };
+        let Ok(solved) = equilibrate(model, &mut whole, self.target, self.params, workspace) else { return Err(lost) };
+        let report = solved.into_report();
         let Lost { step, error } = lost;
         let steps = self.steps;
         output::warn(&[format!("step {step} of {steps} of {}: {error}; one increment reached F instead", self.place)]);
@@ -104,13 +104,12 @@ impl Increments<'_> {
             let part = step as f64 / self.steps as f64;
             let target = if step == self.steps { *self.target } else { between(&start, self.target, part) };
             *last = (rve.clone(), target);
-            let report = equilibrate(model, rve, &target, self.params, workspace);
-            sum = sum.then(report.map_err(|error| Lost { error, step })?);
+            let solved = equilibrate(model, rve, &target, self.params, workspace);
+            let mut solved = solved.map_err(|error| Lost { error, step })?;
+            sum = sum.then(solved.report().clone());
             if step < self.steps {
-                let pk1 = homogenise::pk1(model, workspace);
-                if homogenise::tangent(model, rve, &pk1, workspace).is_ok() {
-                    rve.keep_rates(model, workspace);
-                }
+                // Without a tangent the next increment starts from an affine motion.
+                let _ = solved.keep_rates();
             }
         }
         Ok(sum)

@@ -4,7 +4,7 @@
 //! ([`EquilibriumParams::stages`]):
 //!
 //! 1. [`Stage::Newton`]: the whole increment from the last equilibrium, by Newton with line search, from a first-order
-//!    prediction where the RVE has one ([`Rve::keep_rates`](super::rve::Rve::keep_rates)), from an affine motion where it
+//!    prediction where the RVE has one ([`Solved::keep_rates`]), from an affine motion where it
 //!    has none or the prediction leads astray;
 //! 2. [`Stage::Regularised`]: the same by a descent in the energy
 //!    ([`NewtonSystem::minimise`](crate::las::NewtonSystem::minimise)), which indefinite and singular stiffnesses do not
@@ -12,6 +12,17 @@
 //! 3. [`Stage::Cuts`]: the increment in halves, quarters and so on, up to a limit, each part by the stages above;
 //! 4. [`Stage::Relaxation`]: what is left of it by damped dynamics ([`super::relax`]), the last digits by the stages
 //!    above.
+//!
+//! Equilibria are stable ones: minima of the energy. Whichever stage reaches a state, and if it is the one that the RVE
+//! came with, its stiffness is factored by Cholesky, once, and the tangent uses that factor. Where it has none, there are
+//! two cases:
+//!
+//! * *Neutral*: Cholesky succeeds with 1e-9 of the largest diagonal entry added to the diagonal
+//!   ([`Curvature::SHIFT`]). Some motions meet no resistance, as in a floppy network at rest; the state is accepted.
+//! * *Unstable*: the state is a saddle point of the energy. It is left along a direction of negative curvature
+//!   ([`NewtonSystem::leave_saddle`](crate::las::NewtonSystem::leave_saddle)), and a descent leads to a minimum, which is
+//!   what counts as the equilibrium. Where [`Stage::Regularised`] is not among the stages there is no descent, and the
+//!   stage has failed ([`StageError::Unstable`]).
 //!
 //! The descent comes before the cuts because it takes a tenth of their iterations: where networks are pressed so hard
 //! that plain Newton fails, its smaller increments mostly fail too. A failure names what stopped every stage, and
@@ -21,27 +32,53 @@ mod continuation;
 mod params;
 mod problem;
 mod report;
+mod solved;
 
 use nalgebra::Matrix3;
 
 pub use continuation::continues;
-pub use params::{EquilibriumParams, Stage, Stages};
+pub use params::{EquilibriumParams, Handover, Stage, Stages};
 pub use report::{EquilibriumReport, RveError, StageError, StageFailure};
+pub use solved::Solved;
 
 use super::path::Path;
 use super::relax::{Relaxation, RelaxationError, RelaxationReport};
 use super::rve::{Rve, RveModel};
 use super::workspace::Workspace;
-use crate::las::{Backend, NewtonError, NewtonFailure, NewtonReport, Scalar, SolveError};
+use crate::las::{Backend, Curvature, Departure, NewtonError, NewtonFailure, NewtonReport, Scalar, SolveError};
 use problem::Interior;
 
-/// Brings `rve` into equilibrium with its boundary at `x = F X`.
+/// Brings `rve` into a stable equilibrium with its boundary at `x = F X`.
 ///
-/// Afterwards the workspace describes that state, for the averages of [`super::homogenise`].
+/// What the engineering scale sees of it (stress, tangent, energy) is in [`Solved`], which holds on to `rve` and the
+/// workspace until it is dropped.
 ///
 /// # Errors
 /// [`RveError`]; `rve` is then unchanged.
-pub fn equilibrate<B: Backend<Scalar = f64>>(
+pub fn equilibrate<'a, B: Backend<Scalar = f64>>(
+    model: &'a RveModel<B>,
+    rve: &'a mut Rve,
+    target: &Matrix3<f64>,
+    params: &EquilibriumParams,
+    workspace: &'a mut Workspace<B>,
+) -> Result<Solved<'a, B>, RveError<B::Fault>>
+where
+    B::Reduced: Scalar,
+{
+    let determinant = target.determinant();
+    if determinant.is_nan() || determinant <= 0.0 {
+        return Err(RveError::Inverted { determinant });
+    }
+    if !workspace.is_of(model) {
+        return Err(RveError::Workspace);
+    }
+    rve.belongs_to(model).map_err(RveError::State)?;
+    let report = climb(model, rve, target, params, workspace)?;
+    Ok(Solved::new(model, rve, workspace, report))
+}
+
+/// Stage by stage.
+fn climb<B: Backend<Scalar = f64>>(
     model: &RveModel<B>,
     rve: &mut Rve,
     target: &Matrix3<f64>,
@@ -51,12 +88,9 @@ pub fn equilibrate<B: Backend<Scalar = f64>>(
 where
     B::Reduced: Scalar,
 {
-    let determinant = target.determinant();
-    if determinant.is_nan() || determinant <= 0.0 {
-        return Err(RveError::Inverted { determinant });
-    }
     let report = EquilibriumReport { predicted: usize::from(rve.has_rates()), ..EquilibriumReport::default() };
-    let mut ladder = Ladder { model, target, params, workspace, report, failures: Vec::new() };
+    let descends = params.stages.has(Stage::Regularised);
+    let mut ladder = Ladder { model, target, params, workspace, report, failures: Vec::new(), descends };
     if params.stages.has(Stage::Newton) && ladder.try_newton(rve) {
         return Ok(ladder.report);
     }
@@ -77,6 +111,9 @@ where
     Err(RveError::NotConverged { failures, report: Box::new(report) })
 }
 
+/// What a Newton, plain or regularised, did.
+type NewtonOutcome<B> = Result<NewtonReport, NewtonFailure<<B as Backend>::Fault, <B as Backend>::Fault>>;
+
 /// An equilibrium under way. Every stage says whether it reached the target and, where it did not, adds its failure.
 struct Ladder<'a, B: Backend> {
     model: &'a RveModel<B>,
@@ -85,6 +122,8 @@ struct Ladder<'a, B: Backend> {
     workspace: &'a mut Workspace<B>,
     report: EquilibriumReport,
     failures: Vec<StageFailure<B::Fault>>,
+    /// Whether regularised Newton may be used to leave a saddle point.
+    descends: bool,
 }
 
 impl<B: Backend<Scalar = f64>> Ladder<'_, B>
@@ -92,12 +131,14 @@ where
     B::Reduced: Scalar,
 {
     fn try_newton(&mut self, rve: &mut Rve) -> bool {
+        let saddles = self.report.saddles;
         match self.increment(rve, self.target) {
             Ok(newton) => {
                 self.report.newton = newton;
-                self.reached(Stage::Newton)
+                // What Newton found was a saddle point, from which a descent went on.
+                self.reached(if self.report.saddles > saddles { Stage::Regularised } else { Stage::Newton })
             }
-            Err(reason) => self.failed(Stage::Newton, 0.0, StageError::Newton(reason)),
+            Err(reason) => self.failed(Stage::Newton, 0.0, reason),
         }
     }
 
@@ -132,13 +173,13 @@ where
                 }
             };
             if self.report.cuts >= self.params.max_cuts {
-                return self.failed(Stage::Cuts, reached, StageError::Newton(stopped));
+                return self.failed(Stage::Cuts, reached, stopped);
             }
         }
     }
 
     /// One increment by Newton, or else by a descent in the energy.
-    fn part(&mut self, rve: &mut Rve, target: &Matrix3<f64>) -> Result<NewtonReport, NewtonError<B::Fault, B::Fault>> {
+    fn part(&mut self, rve: &mut Rve, target: &Matrix3<f64>) -> Result<NewtonReport, StageError<B::Fault>> {
         match self.increment(rve, target) {
             Err(_) if self.params.stages.has(Stage::Regularised) => {
                 self.workspace.place(self.model, rve, target);
@@ -149,12 +190,13 @@ where
     }
 
     /// One increment by Newton; `rve` follows only if it converges.
-    fn increment(
-        &mut self,
-        rve: &mut Rve,
-        target: &Matrix3<f64>,
-    ) -> Result<NewtonReport, NewtonError<B::Fault, B::Fault>> {
+    fn increment(&mut self, rve: &mut Rve, target: &Matrix3<f64>) -> Result<NewtonReport, StageError<B::Fault>> {
         self.workspace.place(self.model, rve, target);
+        self.newton(rve, target)
+    }
+
+    /// Newton from the positions in the workspace.
+    fn newton(&mut self, rve: &mut Rve, target: &Matrix3<f64>) -> Result<NewtonReport, StageError<B::Fault>> {
         let (mut problem, system) = Interior::of(self.model, self.workspace);
         let outcome = system.solve(&mut problem, &self.params.newton);
         self.settle(rve, target, outcome)
@@ -168,16 +210,17 @@ where
                 self.report.newton = newton;
                 self.reached(Stage::Regularised)
             }
-            Err(reason) => self.failed(Stage::Regularised, 0.0, StageError::Newton(reason)),
+            Err(reason) => self.failed(Stage::Regularised, 0.0, reason),
         }
     }
 
     /// A descent from the positions in the workspace.
-    fn descend(
-        &mut self,
-        rve: &mut Rve,
-        target: &Matrix3<f64>,
-    ) -> Result<NewtonReport, NewtonError<B::Fault, B::Fault>> {
+    fn descend(&mut self, rve: &mut Rve, target: &Matrix3<f64>) -> Result<NewtonReport, StageError<B::Fault>> {
+        let outcome = self.minimise();
+        self.settle(rve, target, outcome)
+    }
+
+    fn minimise(&mut self) -> NewtonOutcome<B> {
         let (mut problem, system) = Interior::of(self.model, self.workspace);
         let outcome = system.minimise(&mut problem, self.params.newton.tolerance, &self.params.regularised);
         let newton = match &outcome {
@@ -185,22 +228,26 @@ where
             Err(failure) => &failure.report,
         };
         self.report.regularised += newton.iterations;
-        self.settle(rve, target, outcome)
+        outcome
     }
 
-    /// Takes over the state of a Newton that converged.
+    /// Takes over the state of a Newton that converged, if it is stable, or the minimum beside it.
     fn settle(
         &mut self,
         rve: &mut Rve,
         target: &Matrix3<f64>,
-        outcome: Result<NewtonReport, NewtonFailure<B::Fault, B::Fault>>,
-    ) -> Result<NewtonReport, NewtonError<B::Fault, B::Fault>> {
+        outcome: NewtonOutcome<B>,
+    ) -> Result<NewtonReport, StageError<B::Fault>> {
+        let newton = self.count(outcome)?;
+        let newton = self.stabilise(newton)?;
+        self.take_over(rve, target);
+        Ok(newton)
+    }
+
+    fn count(&mut self, outcome: NewtonOutcome<B>) -> Result<NewtonReport, StageError<B::Fault>> {
         match outcome {
             Ok(newton) => {
                 self.report.add(&newton);
-                // The factor of a shifted stiffness is none of the stiffness.
-                self.workspace.factor_is_near = newton.iterations > 0 && newton.shifts == 0;
-                self.take_over(rve, target);
                 Ok(newton)
             }
             Err(failure) => {
@@ -208,30 +255,72 @@ where
                 if let NewtonError::Solve(SolveError::Singular { .. }) = failure.reason {
                     self.report.singular += 1;
                 }
-                Err(failure.reason)
+                Err(StageError::Newton(failure.reason))
             }
         }
     }
 
+    /// Makes sure that the state in the workspace, which `newton` found, is stable, going down from saddle points to a
+    /// minimum of the energy. The solver then holds the factor of its stiffness, if that is positive definite.
+    fn stabilise(&mut self, mut newton: NewtonReport) -> Result<NewtonReport, StageError<B::Fault>> {
+        /// One descent as a rule ends in a minimum.
+        const MOST_SADDLES: usize = 10;
+        for round in 0.. {
+            let (mut problem, system) = Interior::of(self.model, self.workspace);
+            let curvature = system.curvature(&mut problem).map_err(StageError::Newton)?;
+            self.workspace.factor_is_exact = curvature == Curvature::Definite;
+            self.report.neutral = curvature == Curvature::Neutral;
+            self.report.negative_pivots = Some(0);
+            let negative_pivots = match curvature {
+                Curvature::Definite | Curvature::Neutral => break,
+                Curvature::Unknown => {
+                    self.report.negative_pivots = None;
+                    break;
+                }
+                Curvature::Indefinite { negative_pivots } => negative_pivots,
+            };
+            if round == MOST_SADDLES || !self.descends {
+                return Err(StageError::Unstable { negative_pivots });
+            }
+            let (mut problem, system) = Interior::of(self.model, self.workspace);
+            let mut walked = NewtonReport::default();
+            let departure = system.leave_saddle(&mut problem, self.params.newton.tolerance, &mut walked);
+            if departure.map_err(StageError::Newton)? == Departure::AtRest {
+                (self.report.neutral, self.report.negative_pivots) = (true, negative_pivots);
+                break;
+            }
+            self.report.saddles += 1;
+            let outcome = self.minimise();
+            newton = self.count(outcome)?;
+        }
+        Ok(newton)
+    }
+
     fn take_over(&self, rve: &mut Rve, target: &Matrix3<f64>) {
         rve.gradient = *target;
+        rve.network = self.model.fingerprint;
         rve.forget_rates();
         for (x, &node) in rve.interior.iter_mut().zip(self.model.network().interior()) {
             *x = self.workspace.positions[node as usize];
         }
     }
 
-    /// What is left of the increment by dynamic relaxation, the last digits by Newton.
+    /// What is left of the increment by dynamic relaxation, the last digits by the stage that it hands over to.
     fn relaxed(&mut self, rve: &mut Rve) -> bool {
         let tolerance = self.params.newton.tolerance;
+        self.descends |= self.params.handover.is_some_and(|handover| handover.to == Stage::Regularised);
         let mut path = Path::new(&rve.gradient, self.target);
         self.workspace.place(self.model, rve, &rve.gradient);
         if let Some(handover) = self.params.handover {
-            if let Err(reason) = self.relax(&path, handover.max(tolerance)) {
+            if let Err(reason) = self.relax(&path, handover.residual.max(tolerance)) {
                 return self.failed(Stage::Relaxation, 0.0, reason.into());
             }
             let before = self.workspace.positions.clone();
-            if let Ok(newton) = self.descend(rve, self.target) {
+            let finished = match handover.to {
+                Stage::Newton => self.newton(rve, self.target),
+                _ => self.descend(rve, self.target),
+            };
+            if let Ok(newton) = finished {
                 self.report.newton = newton;
                 return self.reached(Stage::Relaxation);
             }
@@ -239,16 +328,18 @@ where
             // From here without a load: the boundary is where it shall be.
             path = Path::new(self.target, self.target);
         }
-        match self.relax(&path, tolerance) {
-            Ok(()) => {
-                let RelaxationReport { residual, relative, .. } = self.report.relaxation;
-                self.report.newton =
-                    NewtonReport { residuals: vec![residual], relative: vec![relative], ..NewtonReport::default() };
-                self.workspace.factor_is_near = false;
+        if let Err(reason) = self.relax(&path, tolerance) {
+            return self.failed(Stage::Relaxation, 0.0, reason.into());
+        }
+        let RelaxationReport { residual, relative, .. } = self.report.relaxation;
+        let alone = NewtonReport { residuals: vec![residual], relative: vec![relative], ..NewtonReport::default() };
+        match self.stabilise(alone) {
+            Ok(newton) => {
+                self.report.newton = newton;
                 self.take_over(rve, self.target);
                 self.reached(Stage::Relaxation)
             }
-            Err(reason) => self.failed(Stage::Relaxation, 0.0, reason.into()),
+            Err(reason) => self.failed(Stage::Relaxation, 0.0, reason),
         }
     }
 

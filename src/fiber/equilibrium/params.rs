@@ -91,19 +91,35 @@ pub struct EquilibriumParams {
     pub regularised: RegularisedParams,
     /// Dynamic relaxation.
     pub relaxation: RelaxationParams,
-    /// The residual, relative as above, at which dynamic relaxation hands over to regularised Newton for the last digits;
-    /// `None` if it is to find them itself. Default `1e-3`.
-    pub handover: Option<f64>,
+    /// Which stage finds the last digits of a dynamic relaxation; `None` if it is to find them itself.
+    pub handover: Option<Handover>,
     /// The stages that may be tried. Default all of them.
     pub stages: Stages,
 }
 
+/// Where dynamic relaxation stops, and what goes on from there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Handover {
+    /// The residual, relative to the forces of all nodes. Default `1e-3`.
+    pub residual: f64,
+    /// [`Stage::Regularised`] (the default) or [`Stage::Newton`].
+    pub to: Stage,
+}
+
+impl Default for Handover {
+    fn default() -> Self {
+        Self { residual: 1e-3, to: Stage::Regularised }
+    }
+}
+
 impl EquilibriumParams {
-    /// The same with these stages; dynamic relaxation alone finds the last digits itself.
+    /// The same with these stages. Dynamic relaxation hands over to regularised Newton if that is among them, else to
+    /// Newton if that is, and finds the last digits itself if neither is.
     #[must_use]
     pub fn with_stages(self, stages: Stages) -> Self {
-        let alone = stages == Stages::of(&[Stage::Relaxation]);
-        Self { stages, handover: if alone { None } else { self.handover }, ..self }
+        let to = [Stage::Regularised, Stage::Newton].into_iter().find(|&stage| stages.has(stage));
+        let residual = self.handover.unwrap_or_default().residual;
+        Self { stages, handover: to.map(|to| Handover { residual, to }), ..self }
     }
 }
 
@@ -114,7 +130,7 @@ impl Default for EquilibriumParams {
             max_cuts: 6,
             regularised: RegularisedParams::default(),
             relaxation: RelaxationParams::default(),
-            handover: Some(1e-3),
+            handover: Some(Handover::default()),
             stages: Stages::default(),
         }
     }

@@ -6,6 +6,7 @@ use thiserror::Error;
 
 use super::params::Stage;
 use crate::fiber::relax::{RelaxationError, RelaxationReport};
+use crate::fiber::rve::RveStateError;
 use crate::las::{NewtonError, NewtonReport, SolveError};
 
 /// What an equilibrium took, stage by stage.
@@ -32,6 +33,13 @@ pub struct EquilibriumReport {
     pub regularised: usize,
     /// What dynamic relaxation took.
     pub relaxation: RelaxationReport,
+    /// Saddle points of the energy that were reached, and left for a minimum.
+    pub saddles: usize,
+    /// Whether the state that was reached is stable but for motions that nothing resists, as in a floppy network at rest.
+    pub neutral: bool,
+    /// Negative pivots of the stiffness of the state that was reached, beyond rounding: 0 of a stable one. `None` before
+    /// a state was reached, and where the backend does not count them.
+    pub negative_pivots: Option<usize>,
 }
 
 impl EquilibriumReport {
@@ -43,7 +51,8 @@ impl EquilibriumReport {
         self.singular += newton.singular;
     }
 
-    /// The counts of an equilibrium and of the one after it; the residual history and the stage are those of the latter.
+    /// The counts of an equilibrium and of the one after it; the residual history, the stage and the stability are those of
+    /// the latter.
     #[must_use]
     pub fn then(self, next: Self) -> Self {
         Self {
@@ -61,6 +70,9 @@ impl EquilibriumReport {
                 repeats: self.relaxation.repeats + next.relaxation.repeats,
                 ..next.relaxation
             },
+            saddles: self.saddles + next.saddles,
+            neutral: next.neutral,
+            negative_pivots: next.negative_pivots,
         }
     }
 }
@@ -74,6 +86,21 @@ pub enum StageError<F: std::error::Error + 'static> {
     /// Dynamic relaxation.
     #[error("{0}")]
     Relaxation(#[from] RelaxationError),
+    /// It found an equilibrium that is not stable: a saddle point of the energy. Either regularised Newton, which would
+    /// go on to a minimum, is not among the stages, or one saddle point followed another.
+    #[error("the equilibrium found is unstable{}", counted(*.negative_pivots))]
+    Unstable {
+        /// Negative pivots of its stiffness, where the backend counts them.
+        negative_pivots: Option<usize>,
+    },
+}
+
+fn counted(negative_pivots: Option<usize>) -> String {
+    match negative_pivots {
+        None => String::new(),
+        Some(1) => ": its stiffness has 1 negative pivot".into(),
+        Some(count) => format!(": its stiffness has {count} negative pivots"),
+    }
 }
 
 /// A stage that found no equilibrium.
@@ -116,6 +143,12 @@ pub enum RveError<F: std::error::Error + 'static> {
         /// What was done until then.
         report: Box<EquilibriumReport>,
     },
+    /// The workspace was made for another model.
+    #[error("the workspace was made for another model: make one with `Workspace::new` for each model")]
+    Workspace,
+    /// The state cannot be one of this network.
+    #[error("the RVE is not one of this model: {0}")]
+    State(RveStateError),
     /// The tangent could not be condensed.
     #[error("the condensed tangent could not be computed: {0}")]
     Tangent(SolveError<F>),
@@ -134,7 +167,7 @@ impl<F: std::error::Error + 'static> RveError<F> {
     #[must_use]
     pub fn is_linear(&self) -> bool {
         match self {
-            Self::Inverted { .. } => false,
+            Self::Inverted { .. } | Self::Workspace | Self::State(_) => false,
             Self::Tangent(_) => true,
             Self::NotConverged { failures, .. } => failures
                 .last()
@@ -146,7 +179,7 @@ impl<F: std::error::Error + 'static> RveError<F> {
     #[must_use]
     pub fn is_fault(&self) -> bool {
         match self {
-            Self::Inverted { .. } => false,
+            Self::Inverted { .. } | Self::Workspace | Self::State(_) => false,
             Self::Tangent(error) => matches!(error, SolveError::Fault(_) | SolveError::Library { .. }),
             Self::NotConverged { failures, .. } => failures.last().is_some_and(|failure| {
                 matches!(

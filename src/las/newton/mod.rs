@@ -1,5 +1,6 @@
 //! Newton's method with a line search, generic over the problem and the backend.
 
+mod curvature;
 mod minimise;
 mod problem;
 mod report;
@@ -9,6 +10,7 @@ mod tests;
 use std::sync::Arc;
 use std::time::Instant;
 
+pub use curvature::{Curvature, Departure};
 pub use minimise::{Potential, RegularisedParams};
 pub use problem::{NonlinearProblem, Yardstick};
 pub use report::{NewtonError, NewtonFailure, NewtonParams, NewtonReport, NewtonSeconds};

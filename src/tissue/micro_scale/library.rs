@@ -11,7 +11,6 @@ use super::formula::Formula;
 use crate::fem::material::SaintVenantKirchhoff;
 use crate::fem::mesh::Mesh;
 use crate::fiber::equilibrium::{EquilibriumParams, equilibrate};
-use crate::fiber::homogenise;
 use crate::fiber::law::FiberMaterial;
 use crate::fiber::network::{Network, file};
 use crate::fiber::rve::{Rve, RveModel, StressScale};
@@ -130,10 +129,9 @@ impl<B: Backend<Scalar = f64>> Library<B> {
         };
         let mut workspace = Workspace::new(&self.context, of).map_err(|error| none(error.to_string()))?;
         let mut rve = Rve::at_rest(of.network());
-        equilibrate(of, &mut rve, &Matrix3::identity(), &self.params, &mut workspace)
+        let tangent = equilibrate(of, &mut rve, &Matrix3::identity(), &self.params, &mut workspace)
+            .and_then(|mut solved| solved.tangent())
             .map_err(|error| none(error.to_string()))?;
-        let pk1 = homogenise::pk1(of, &workspace);
-        let tangent = homogenise::tangent(of, &rve, &pk1, &mut workspace).map_err(|error| none(error.to_string()))?;
         Ok(SaintVenantKirchhoff::at_rest(&tangent))
     }
 

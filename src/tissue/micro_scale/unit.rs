@@ -9,7 +9,7 @@ use super::library::Library;
 use super::worker::Worker;
 use crate::fem::material::{MaterialError, Response};
 use crate::fiber::equilibrium::{EquilibriumReport, RveError, Stage, continues, equilibrate};
-use crate::fiber::homogenise::{self, Tangent};
+use crate::fiber::homogenise::Tangent;
 use crate::fiber::rve::{Rates, Rve, RveModel};
 use crate::fiber::workspace::Workspace;
 use crate::las::{Backend, Scalar};
@@ -309,8 +309,8 @@ impl Fibers {
     {
         let model = &library.models[self.model];
         let is_affine = self.origin == Origin::Committed && !self.current.has_rates();
-        let report = match equilibrate(model, &mut self.current, gradient, &library.params, workspace) {
-            Ok(report) => report,
+        let mut solved = match equilibrate(model, &mut self.current, gradient, &library.params, workspace) {
+            Ok(solved) => solved,
             Err(error) => {
                 if let RveError::NotConverged { report, .. } = &error {
                     stats.count(report);
@@ -319,12 +319,11 @@ impl Fibers {
             }
         };
         self.origin = if is_affine { Origin::Branch } else { Origin::Trial };
-        stats.count(&report);
-        let pk1 = homogenise::pk1(model, workspace);
-        let tangent = homogenise::tangent(model, &self.current, &pk1, workspace)?;
+        stats.count(solved.report());
+        let response = Response { energy: solved.energy(), pk1: solved.pk1(), tangent: solved.tangent()? };
         if library.predict {
-            self.current.keep_rates(model, workspace);
+            solved.keep_rates()?;
         }
-        Ok((Response { energy: homogenise::energy(model, workspace), pk1, tangent }, report.iterations))
+        Ok((response, solved.report().iterations))
     }
 }

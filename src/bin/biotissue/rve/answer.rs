@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use biotissue::fiber::equilibrium::{EquilibriumReport, Stage};
+use biotissue::fiber::equilibrium::{EquilibriumReport, RveError, Stage, StageError};
 use biotissue::fiber::homogenise::Tangent;
 use biotissue::fiber::network::Network;
 use biotissue::fiber::rve::RveModel;
@@ -24,6 +24,9 @@ pub struct Answer {
     /// Absent where there is no equilibrium.
     #[serde(flatten)]
     pub state: Option<State>,
+    /// Absent where no stage found an equilibrium, stable or not.
+    #[serde(flatten)]
+    pub stability: Option<Stability>,
     pub ladder: Ladder,
     pub seconds: Seconds,
 }
@@ -46,6 +49,17 @@ pub struct State {
     pub energy: f64,
     pub stretch: Stretch,
     pub orientation: Orientation,
+}
+
+/// Whether the equilibrium that was found is a minimum of the energy.
+#[derive(Clone, Copy, Serialize)]
+pub struct Stability {
+    /// True for a neutral state too.
+    stable: bool,
+    /// Whether there are motions that nothing resists.
+    neutral: bool,
+    /// Of the stiffness by LDL^T, beyond rounding; null where the backend does not count them.
+    negative_pivots: Option<usize>,
 }
 
 #[derive(Serialize)]
@@ -71,6 +85,8 @@ pub struct Ladder {
     singular: usize,
     regularised_iterations: usize,
     relaxation_steps: usize,
+    /// Saddle points of the energy that were reached, and left for a minimum.
+    saddles: usize,
     /// Whether the residual is above the tolerance, as small as rounding lets it become.
     at_rounding: bool,
 }
@@ -95,6 +111,23 @@ impl NetworkFacts {
     }
 }
 
+impl Stability {
+    /// Of the equilibrium found, or of the last unstable one that was refused.
+    pub fn of<F: std::error::Error>(outcome: Result<&EquilibriumReport, &RveError<F>>) -> Option<Self> {
+        let failures = match outcome {
+            Ok(&EquilibriumReport { neutral, negative_pivots, .. }) => {
+                return Some(Self { stable: true, neutral, negative_pivots });
+            }
+            Err(RveError::NotConverged { failures, .. }) => failures,
+            Err(_) => return None,
+        };
+        failures.iter().rev().find_map(|failure| match failure.reason {
+            StageError::Unstable { negative_pivots } => Some(Self { stable: false, neutral: false, negative_pivots }),
+            _ => None,
+        })
+    }
+}
+
 impl Ladder {
     /// What an equilibrium of this tolerance took.
     pub fn of(report: &EquilibriumReport, tolerance: f64) -> Self {
@@ -108,6 +141,7 @@ impl Ladder {
             singular,
             regularised_iterations: report.regularised,
             relaxation_steps: report.relaxation.steps,
+            saddles: report.saddles,
             at_rounding: stage.is_some() && report.newton.relative.last().is_some_and(|&r| r > tolerance),
         }
     }
@@ -146,6 +180,15 @@ impl Answer {
             self.iterations,
             if at_rounding { ", at rounding" } else { "" }
         );
+        if let Some(stability) = self.stability {
+            let neutral = if stability.neutral { ", but for motions that nothing resists" } else { "" };
+            let saddles = match self.ladder.saddles {
+                0 => String::new(),
+                1 => "; 1 saddle point was left".into(),
+                count => format!("; {count} saddle points were left"),
+            };
+            let _ = writeln!(out, "stability    a minimum of the energy{neutral}{saddles}");
+        }
         let _ = writeln!(out, "J            {:?}", self.determinant);
         let _ = writeln!(out, "kappa        {:e}", self.scale);
         if let Some(state) = &self.state {

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
-use biotissue::fiber::equilibrium::{EquilibriumParams, EquilibriumReport, RveError, Stages};
+use biotissue::fiber::equilibrium::{EquilibriumParams, EquilibriumReport, RveError, Stages, equilibrate};
 use biotissue::fiber::homogenise;
 use biotissue::fiber::law::FiberMaterial;
 use biotissue::fiber::network::Network;
@@ -16,7 +16,9 @@ use biotissue::tissue::results::ResultsError;
 use biotissue::tissue::rve_dump::RveDump;
 use nalgebra::Matrix3;
 
-use super::answer::{Answer, Ladder, NetworkFacts, Orientation, Seconds, State, Stretch, rows, tangent_rows};
+use super::answer::{
+    Answer, Ladder, NetworkFacts, Orientation, Seconds, Stability, State, Stretch, rows, tangent_rows,
+};
 use crate::dispatch::Job;
 use crate::failure::Failure;
 use crate::increments::{Increments, unusable};
@@ -63,9 +65,10 @@ impl Job for RveJob {
         }
 
         let start = Instant::now();
+        let stability = Stability::of(outcome.as_ref().map_err(|lost| &lost.error));
         let (report, state) = match outcome {
             Ok(report) => {
-                let state = self.state(&model, &rve, &mut workspace);
+                let state = self.state(&model, &mut rve, &mut workspace);
                 (report, state.map_err(|error| self.increments().untold(&error)))
             }
             Err(lost) => {
@@ -82,7 +85,7 @@ impl Job for RveJob {
             Ok(state) => (Some(state), None),
             Err(failure) => (None, Some(failure)),
         };
-        Ok((self.answer(&model, &report, state, seconds), failure))
+        Ok((self.answer(&model, &report, state, stability, seconds), failure))
     }
 }
 
@@ -130,17 +133,18 @@ impl RveJob {
     fn state<B>(
         &self,
         model: &RveModel<B>,
-        rve: &Rve,
+        rve: &mut Rve,
         workspace: &mut Workspace<B>,
     ) -> Result<State, RveError<B::Fault>>
     where
         B: Backend<Scalar = f64>,
         B::Reduced: Scalar,
     {
-        let pk1 = homogenise::pk1(model, workspace);
-        let tangent = homogenise::tangent(model, rve, &pk1, workspace)?;
-        let energy = homogenise::energy(model, workspace);
-        let states = workspace.states();
+        // It is in equilibrium: no stage has anything to do.
+        let (gradient, params) = (*rve.gradient(), self.params.with_stages(Stages::default()));
+        let mut solved = equilibrate(model, rve, &gradient, &params, workspace)?;
+        let (pk1, tangent, energy) = (solved.pk1(), solved.tangent()?, solved.energy());
+        let states = solved.states();
         let stretch = states.stretches.iter().fold(Stretch { min: f64::INFINITY, max: 0.0 }, |range, &stretch| {
             Stretch { min: range.min.min(stretch), max: range.max.max(stretch) }
         });
@@ -150,7 +154,7 @@ impl RveJob {
         let reference = rows(&tensor(&workspace.states().directions, lengths, Weighting::Number));
         Ok(State {
             pk1: rows(&pk1),
-            cauchy: rows(&homogenise::cauchy(&pk1, rve.gradient())),
+            cauchy: rows(&homogenise::cauchy(&pk1, &gradient)),
             tangent: tangent_rows(&tangent),
             energy,
             stretch,
@@ -163,6 +167,7 @@ impl RveJob {
         model: &RveModel<B>,
         report: &EquilibriumReport,
         state: Option<State>,
+        stability: Option<Stability>,
         seconds: Seconds,
     ) -> Answer
     where
@@ -177,6 +182,7 @@ impl RveJob {
             network: NetworkFacts::of(&self.network, model),
             scale: model.scale(),
             state,
+            stability,
             ladder: Ladder::of(report, self.params.newton.tolerance),
             seconds,
         }
