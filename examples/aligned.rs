@@ -18,6 +18,7 @@ use biotissue::fiber::network::generate::{Alignment, Kind, Recipe};
 use biotissue::fiber::rve::{Rve, RveModel, StressScale};
 use biotissue::fiber::workspace::Workspace;
 use biotissue::tissue::report::charts::{Labels, Line, lines};
+use nalgebra::Matrix3;
 use rayon::prelude::*;
 
 type Error = Box<dyn std::error::Error>;

@@ -4,7 +4,8 @@
 //! cargo run --release --example robustness [-- --networks 100 --gradients 20 --seconds 3000]
 //! ```
 //!
-//! prints the tables of `docs/robustness.md`. Networks, deformation gradients and answers are the same on every run; a case
+//! prints the tables of `docs/robustness.md`: how many cases come to equilibrium, how many of the equilibria are stable or
+//! neutral (floppy at rest), and how many were found beside a saddle point, each of which is listed. Networks, deformation gradients and answers are the same on every run; a case
 //! that has not begun when the time is up counts as not tried.
 //!
 //! Half of the networks are Delaunay networks, brought to equilibrium by the whole ladder. The other half are Voronoi
@@ -16,8 +17,9 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use biotissue::backends::sparse::Sparse;
-use biotissue::fiber::equilibrium::{EquilibriumParams, EquilibriumReport, RveError, Stage, Stages, equilibrate};
-use biotissue::fiber::homogenise;
+use biotissue::fiber::equilibrium::{
+    EquilibriumParams, EquilibriumReport, RveError, Stage, StageError, Stages, equilibrate,
+};
 use biotissue::fiber::law::{FiberMaterial, Law};
 use biotissue::fiber::network::Network;
 use biotissue::fiber::network::generate::{Alignment, Kind, Recipe};
@@ -49,6 +51,8 @@ struct Outcome {
     gradient: Matrix3<f64>,
     report: EquilibriumReport,
     seconds: f64,
+    /// Whether a stage found an equilibrium that is not stable, and could not go on from there.
+    refused: bool,
     /// Why there is no answer.
     cause: Option<String>,
     /// What the whole ladder makes of it, where a part of it did not find an answer.
@@ -74,7 +78,9 @@ fn main() -> Result<(), Error> {
         rayon::current_num_threads()
     );
     by_network(&outcomes);
+    by_stability(&outcomes);
     by_stage(&outcomes);
+    saddles(&outcomes);
     causes(&outcomes);
     Ok(())
 }
@@ -152,10 +158,10 @@ fn solve(
         params.stages = Stages::of(&[Stage::Relaxation]);
     }
     let start = Instant::now();
-    let (report, cause) = reached(subject, model, gradient, &params, workspace);
+    let (report, cause, refused) = reached(subject, model, gradient, &params, workspace);
     let seconds = start.elapsed().as_secs_f64();
     let ladder = (cause.is_some() && subject.kind == Kind::Voronoi).then(|| {
-        let (report, cause) = reached(subject, model, gradient, &EquilibriumParams::default(), workspace);
+        let (report, cause, _) = reached(subject, model, gradient, &EquilibriumParams::default(), workspace);
         match (report.stage, cause) {
             (Some(stage), None) => format!("reached by {stage} after {} iterations", report.iterations),
             (_, cause) => cause.unwrap_or_default(),
@@ -163,28 +169,30 @@ fn solve(
     });
     let nodes = subject.network.nodes().len();
     let Subject { kind, strength, seed, .. } = *subject;
-    Outcome { kind, strength, seed, nodes, gradient: *gradient, report, seconds, cause, ladder }
+    Outcome { kind, strength, seed, nodes, gradient: *gradient, report, seconds, refused, cause, ladder }
 }
 
-/// From rest to the gradient and its tangent: what it took, and why there is no answer where there is none.
+/// From rest to the gradient and its tangent: what it took, why there is no answer where there is none, and whether an
+/// unstable equilibrium was refused.
 fn reached(
     subject: &Subject,
     model: &RveModel<Sparse>,
     gradient: &Matrix3<f64>,
     params: &EquilibriumParams,
     workspace: &mut Workspace<Sparse>,
-) -> (EquilibriumReport, Option<String>) {
+) -> (EquilibriumReport, Option<String>, bool) {
     let mut rve = Rve::at_rest(&subject.network);
     match equilibrate(model, &mut rve, gradient, params, workspace) {
-        Ok(report) => {
-            let pk1 = homogenise::pk1(model, workspace);
-            (report, homogenise::tangent(model, &rve, &pk1, workspace).err().map(|error| error.to_string()))
+        Ok(mut solved) => {
+            let cause = solved.tangent().err().map(|error| error.to_string());
+            (solved.into_report(), cause, false)
         }
         Err(RveError::NotConverged { failures, report }) => {
             let causes: Vec<String> = failures.iter().map(ToString::to_string).collect();
-            (*report, Some(causes.join("; ")))
+            let refused = failures.iter().any(|failure| matches!(failure.reason, StageError::Unstable { .. }));
+            (*report, Some(causes.join("; ")), refused)
         }
-        Err(error) => (EquilibriumReport::default(), Some(error.to_string())),
+        Err(error) => (EquilibriumReport::default(), Some(error.to_string()), false),
     }
 }
 
@@ -204,6 +212,45 @@ fn by_network(outcomes: &[Outcome]) {
                 100.0 * done as f64 / of.len().max(1) as f64
             );
         }
+    }
+    println!();
+}
+
+fn by_stability(outcomes: &[Outcome]) {
+    println!("| network | in equilibrium | stable | neutral | of these from a saddle point | unstable, refused |");
+    println!("|---|---|---|---|---|---|");
+    for kind in Kind::ALL {
+        let count = |is: &dyn Fn(&Outcome) -> bool| outcomes.iter().filter(|o| o.kind == kind && is(o)).count();
+        let done = |o: &Outcome| o.cause.is_none();
+        println!(
+            "| {} | {} | {} | {} | {} | {} |",
+            kind.name(),
+            count(&done),
+            count(&|o| done(o) && !o.report.neutral && o.report.negative_pivots == Some(0)),
+            count(&|o| done(o) && o.report.neutral),
+            count(&|o| done(o) && o.report.saddles > 0),
+            count(&|o| o.refused)
+        );
+    }
+    println!();
+}
+
+/// The cases in which a stage found a saddle point first.
+fn saddles(outcomes: &[Outcome]) {
+    let left: Vec<&Outcome> = outcomes.iter().filter(|o| o.report.saddles > 0).collect();
+    println!("{} cases with saddle points:\n", left.len());
+    for o in left {
+        println!(
+            "- {} {} (strength {}, {} nodes), F = {:?}: {} left, now with {:?} negative pivots, {} iterations",
+            o.kind.name(),
+            o.seed,
+            o.strength,
+            o.nodes,
+            o.gradient.transpose().as_slice(),
+            o.report.saddles,
+            o.report.negative_pivots,
+            o.report.iterations
+        );
     }
     println!();
 }

@@ -230,6 +230,22 @@ impl Truss {
         });
     }
 
+    /// The fiber whose force is the largest multiple of its own stiffness at rest, `|f| / (E A)`: its law, its stretch, and
+    /// that multiple, infinite where the force is not a number.
+    #[must_use]
+    pub fn most_strained(&self, states: &FiberStates) -> Option<(&Law, f64, f64)> {
+        let of_law = |(law, range): &'_ (Law, Range<usize>)| {
+            let stress = |fiber: usize| {
+                let multiple = (states.forces[fiber] / (law.youngs_modulus() * self.areas[fiber])).abs();
+                (fiber, if multiple.is_nan() { f64::INFINITY } else { multiple })
+            };
+            range.clone().map(stress).max_by(|a, b| a.1.total_cmp(&b.1))
+        };
+        let worst = self.laws.iter().filter_map(|laws| of_law(laws).map(|worst| (&laws.0, worst)));
+        let (law, (fiber, multiple)) = worst.max_by(|a, b| a.1.1.total_cmp(&b.1.1))?;
+        Some((law, states.stretches[fiber], multiple))
+    }
+
     /// The internal force at every node, `sum_f T`, in N.
     pub fn nodal_forces(&self, states: &FiberStates, forces: &mut [[f64; 3]]) {
         forces.fill([0.0; 3]);

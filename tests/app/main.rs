@@ -25,6 +25,8 @@ mod results_read_back;
 mod resume;
 #[cfg(feature = "sparse")]
 mod rve_memory;
+#[cfg(feature = "sparse")]
+mod sweep;
 #[cfg(all(feature = "sparse", feature = "dense"))]
 mod two_scale;
 

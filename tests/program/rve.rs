@@ -56,12 +56,15 @@ fn the_object_has_the_keys_of_the_contract() {
         "energy",
         "iterations",
         "ladder",
+        "negative_pivots",
         "network",
+        "neutral",
         "orientation",
         "pk1",
         "residuals",
         "scale",
         "seconds",
+        "stable",
         "stretch",
         "tangent",
     ];
@@ -115,7 +118,7 @@ fn people_read_the_same_numbers() {
     let pk1: [[f64; 3]; 3] = matrix(&json(STRETCH, "")["pk1"]);
     assert!(text.starts_with("network      127 nodes, 151 fibers, "), "{text}");
     assert!(text.contains(&format!("{:.8e}", pk1[0][0])), "{text}");
-    assert_eq!(text.lines().count(), 4 + 9 + 1 + 9 + 3, "{text}");
+    assert_eq!(text.lines().count(), 5 + 9 + 1 + 9 + 3, "{text}");
 }
 
 #[test]
@@ -225,12 +228,39 @@ fn a_floppy_network_has_an_answer() {
     let answer = of(folder.path(), "chain.txt", REST, &format!("{FLOPPY_LAW} --json")).done().to_owned();
     let answer: Value = serde_json::from_str(&answer).unwrap();
     assert!(answer["tangent"][0][0].as_f64().unwrap() > 0.0);
+    assert_eq!(stability(&answer), (true, true, 0), "floppy at rest");
+}
+
+fn stability(answer: &Value) -> (bool, bool, u64) {
+    let is = |key: &str| answer[key].as_bool().unwrap();
+    (is("stable"), is("neutral"), answer["negative_pivots"].as_u64().unwrap())
+}
+
+/// A straight column of two fibers, pressed along them: the straight state balances, and is no minimum of the energy.
+#[test]
+fn a_saddle_point_is_left_or_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let nodes = "0 0.5 0.5\n0.5 0.5 0.5\n1 0.5 0.5\n0.6 0 0.6\n0.8 1 0.6\n0.6 0.6 0\n0.8 0.6 1\n";
+    std::fs::write(folder.path().join("column.txt"), format!("7 4 0\n{nodes}0 1\n1 2\n3 4\n5 6\n")).unwrap();
+    let press = |options: &str| {
+        of(folder.path(), "column.txt", "0.8 0 0 0 1 0 0 0 1", &format!("{FLOPPY_LAW} --json {options}"))
+    };
+    let answer: Value = serde_json::from_str(press("").done()).unwrap();
+    assert_eq!(stability(&answer), (true, true, 0), "buckled, and slack");
+    assert!(answer["ladder"]["saddles"].as_u64().unwrap() > 0);
+
+    let refused = press("--stages newton");
+    assert!(refused.failed(3).contains("the equilibrium found is unstable: its stiffness has 2 negative pivots"));
+    let answer: Value = serde_json::from_str(&refused.stdout).unwrap();
+    assert_eq!((&answer["converged"], stability(&answer)), (&false.into(), (false, false, 2)));
+
+    assert_eq!(stability(&json(STRETCH, "")), (true, false, 0));
 }
 
 #[test]
 fn a_stage_alone_may_not_do() {
     let law = "--law exponential --youngs-modulus 1e8 --radius 5e-8 --nonlinearity 1.2";
-    let far = "100 0 0 0 100 0 0 0 1";
+    let far = "0.93 -0.3 0.05 0 0.81 0.09 0.02 0 0.69";
     let failed = rve(far, &format!("{law} --stages newton,cuts"));
     let block = failed.failed(3);
     assert!(block.contains("\n  at: the RVE of ") && block.contains("frozen.txt\n"), "{block}");
@@ -318,7 +348,8 @@ fn a_deformation_out_of_reach_does_not_converge() {
     for gradient in ["100 0 0 0 100 0 0 0 1", "1e55 0 0 0 1e55 0 0 0 1e55", "1e60 0 0 0 1e60 0 0 0 1e60"] {
         let failed = rve(gradient, law);
         let block = failed.failed(3);
-        assert!(block.contains("halvings") && block.contains("--steps"), "{block}");
+        assert!(block.contains("the forces of the fibers overflow: at stretch "), "{block}");
+        assert!(block.contains("units") && block.contains("--steps"), "{block}");
     }
     // A tangent of numbers too large to square.
     for gradient in ["1e55 0 0 0 1e55 0 0 0 1e55", "1e60 0 0 0 1e60 0 0 0 1e60"] {

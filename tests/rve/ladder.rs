@@ -219,6 +219,7 @@ fn dynamic_relaxation_saves_what_nothing_else_may_touch() {
     let report = bench.solve(&mut rve, &f).unwrap();
     assert_eq!(report.stage, Some(Stage::Relaxation), "{report:?}");
     assert!(report.cuts == 6 && report.relaxation.steps > 0, "{report:?}");
+    assert_eq!(report.regularised, 0, "a stage that is not allowed does not finish another either");
     balanced(&bench, &report);
 }
 

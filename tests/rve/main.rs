@@ -26,6 +26,8 @@ mod predictor;
 mod relaxation;
 #[cfg(all(feature = "sparse", feature = "dense"))]
 mod rigidity;
+#[cfg(all(feature = "sparse", feature = "generate"))]
+mod stability;
 #[cfg(all(feature = "sparse", feature = "dense"))]
 mod tangent;
 #[cfg(feature = "generate")]

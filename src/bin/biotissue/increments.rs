@@ -148,7 +148,10 @@ impl Increments<'_> {
             }
             false => format!("take more --steps (now {}), or an F nearer to the undeformed state", self.steps),
         };
-        let (expected, cure) = if error.is_linear() {
+        let (expected, cure) = if let RveError::Overflow(_) = error {
+            let units = "moduli and stresses are in Pa, radii in m, F has no unit";
+            ("forces that numbers can hold", format!("check the law and F ({units}); else {farther}"))
+        } else if error.is_linear() {
             let cure = match self.file {
                 Some(file) => {
                     let file = file.display();

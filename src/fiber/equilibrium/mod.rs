@@ -17,12 +17,16 @@
 //! came with, its stiffness is factored by Cholesky, once, and the tangent uses that factor. Where it has none, there are
 //! two cases:
 //!
-//! * *Neutral*: Cholesky succeeds with 1e-9 of the largest diagonal entry added to the diagonal
-//!   ([`Curvature::SHIFT`]). Some motions meet no resistance, as in a floppy network at rest; the state is accepted.
+//! * *Neutral*: Cholesky succeeds with a little added to the diagonal, 1e-9 of its largest entry with the usual tolerance
+//!   ([`Curvature::Neutral`]). Some motions meet no resistance, as in a floppy network at rest; the state is accepted.
 //! * *Unstable*: the state is a saddle point of the energy. It is left along a direction of negative curvature
 //!   ([`NewtonSystem::leave_saddle`](crate::las::NewtonSystem::leave_saddle)), and a descent leads to a minimum, which is
 //!   what counts as the equilibrium. Where [`Stage::Regularised`] is not among the stages there is no descent, and the
 //!   stage has failed ([`StageError::Unstable`]).
+//!
+//! Where the whole increment by Newton has failed and its affine motion stretches a fiber so far that its force is no
+//! number, or out of all proportion ([`Overflow::FROM`]), the ladder ends at once ([`RveError::Overflow`]): the other
+//! stages start from the same state, and a smaller increment is for the caller to take.
 //!
 //! The descent comes before the cuts because it takes a tenth of their iterations: where networks are pressed so hard
 //! that plain Newton fails, its smaller increments mostly fail too. A failure names what stopped every stage, and
@@ -38,9 +42,10 @@ use nalgebra::Matrix3;
 
 pub use continuation::continues;
 pub use params::{EquilibriumParams, Handover, Stage, Stages};
-pub use report::{EquilibriumReport, RveError, StageError, StageFailure};
+pub use report::{EquilibriumReport, Overflow, RveError, StageError, StageFailure};
 pub use solved::Solved;
 
+use super::law::Law;
 use super::path::Path;
 use super::relax::{Relaxation, RelaxationError, RelaxationReport};
 use super::rve::{Rve, RveModel};
@@ -73,12 +78,12 @@ where
         return Err(RveError::Workspace);
     }
     rve.belongs_to(model).map_err(RveError::State)?;
-    let report = climb(model, rve, target, params, workspace)?;
+    let report = find(model, rve, target, params, workspace)?;
     Ok(Solved::new(model, rve, workspace, report))
 }
 
 /// Stage by stage.
-fn climb<B: Backend<Scalar = f64>>(
+fn find<B: Backend<Scalar = f64>>(
     model: &RveModel<B>,
     rve: &mut Rve,
     target: &Matrix3<f64>,
@@ -102,6 +107,10 @@ where
             return Ok(ladder.report);
         }
     }
+    if let Some(overflow) = ladder.overflow(rve) {
+        rve.rates = rates;
+        return Err(RveError::Overflow(overflow));
+    }
     let start = rve.clone();
     if ladder.climb(rve) {
         return Ok(ladder.report);
@@ -109,6 +118,17 @@ where
     *rve = Rve { rates, ..start };
     let Ladder { failures, report, .. } = ladder;
     Err(RveError::NotConverged { failures, report: Box::new(report) })
+}
+
+/// The name of a law with its parameters.
+fn described(law: &Law) -> String {
+    let mut text = String::new();
+    law.with(&mut |law| {
+        let parameters: Vec<String> =
+            law.parameters().iter().map(|(name, value)| format!("{name} = {value:?}")).collect();
+        text = format!("{} ({})", law.name(), parameters.join(", "));
+    });
+    text
 }
 
 /// What a Newton, plain or regularised, did.
@@ -140,6 +160,18 @@ where
             }
             Err(reason) => self.failed(Stage::Newton, 0.0, reason),
         }
+    }
+
+    /// Whether the forces of the affine motion to the target are too large for any stage: then it is the increment, or the
+    /// units of what it is made of, that is wrong. The stages after the first would spend seconds to find that out.
+    fn overflow(&mut self, rve: &Rve) -> Option<Overflow> {
+        self.workspace.place(self.model, rve, self.target);
+        let truss = self.model.truss();
+        let Workspace { positions, states, forces, .. } = &mut *self.workspace;
+        truss.evaluate_with_forces(positions, states, forces);
+        let (law, stretch, multiple) = truss.most_strained(states)?;
+        let is_finite = truss.energy(states).is_finite() && forces.iter().flatten().all(|f| f.is_finite());
+        (multiple >= Overflow::FROM || !is_finite).then(|| Overflow { law: described(law), stretch, multiple })
     }
 
     /// The stages after the first.
@@ -267,7 +299,7 @@ where
         const MOST_SADDLES: usize = 10;
         for round in 0.. {
             let (mut problem, system) = Interior::of(self.model, self.workspace);
-            let curvature = system.curvature(&mut problem).map_err(StageError::Newton)?;
+            let curvature = system.curvature(&mut problem, self.params.newton.tolerance).map_err(StageError::Newton)?;
             self.workspace.factor_is_exact = curvature == Curvature::Definite;
             self.report.neutral = curvature == Curvature::Neutral;
             self.report.negative_pivots = Some(0);

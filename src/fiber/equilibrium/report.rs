@@ -149,9 +149,33 @@ pub enum RveError<F: std::error::Error + 'static> {
     /// The state cannot be one of this network.
     #[error("the RVE is not one of this model: {0}")]
     State(RveStateError),
+    /// Carried along affinely, the fibers pull so hard that no equilibrium can be told from rounding.
+    #[error("{0}")]
+    Overflow(Overflow),
     /// The tangent could not be condensed.
     #[error("the condensed tangent could not be computed: {0}")]
     Tangent(SolveError<F>),
+}
+
+/// A fiber whose force is out of all proportion.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[error(
+    "the forces of the fibers overflow: at stretch {stretch:.4} the law {law} pulls with {multiple:.1e} times the stiffness \
+     of the fiber at rest; check the units of lengths, loads and moduli"
+)]
+pub struct Overflow {
+    /// Its law with its parameters.
+    pub law: String,
+    /// The stretch to which the deformation gradient carries it.
+    pub stretch: f64,
+    /// Its force over its stiffness at rest, `|f| / (E A)`; infinite where that is no number.
+    pub multiple: f64,
+}
+
+impl Overflow {
+    /// Multiples from here on are too large: the fibers near rest have forces that vanish within the tolerance of the
+    /// residual, which is relative to all forces.
+    pub const FROM: f64 = 1e12;
 }
 
 fn told<F: std::error::Error + 'static>(failures: &[StageFailure<F>]) -> String {
@@ -167,7 +191,7 @@ impl<F: std::error::Error + 'static> RveError<F> {
     #[must_use]
     pub fn is_linear(&self) -> bool {
         match self {
-            Self::Inverted { .. } | Self::Workspace | Self::State(_) => false,
+            Self::Inverted { .. } | Self::Workspace | Self::State(_) | Self::Overflow(_) => false,
             Self::Tangent(_) => true,
             Self::NotConverged { failures, .. } => failures
                 .last()
@@ -179,7 +203,7 @@ impl<F: std::error::Error + 'static> RveError<F> {
     #[must_use]
     pub fn is_fault(&self) -> bool {
         match self {
-            Self::Inverted { .. } | Self::Workspace | Self::State(_) => false,
+            Self::Inverted { .. } | Self::Workspace | Self::State(_) | Self::Overflow(_) => false,
             Self::Tangent(error) => matches!(error, SolveError::Fault(_) | SolveError::Library { .. }),
             Self::NotConverged { failures, .. } => failures.last().is_some_and(|failure| {
                 matches!(

@@ -100,6 +100,30 @@ fn isolated_unknown<B: Backend<Scalar: Scalar>>(context: &B::Context, random: &m
     }
 }
 
+/// A singular matrix without negative eigenvalues: not definite, or only just, and definite with a shift of its diagonal.
+fn semidefinite<B: Backend<Scalar: Scalar>>(context: &B::Context, pattern: &Arc<Sparsity>, a: &Oracle) {
+    const SHIFT: f64 = 1e-2;
+    let shifted = |by: f64| {
+        let mut shifted = a.clone();
+        (0..a.rows).for_each(|i| *shifted.at(i, i) += by);
+        shifted
+    };
+    for symmetry in [Symmetry::Definite, Symmetry::Symmetric] {
+        let mut case = Case::<B>::new(context, pattern, symmetry);
+        let refused = case.factor_definite(a);
+        assert!(matches!(refused, Err(SolveError::Singular { .. } | SolveError::Indefinite { .. })), "{refused:?}");
+        case.check_not_factored();
+        let report = done(case.factor_definite(&shifted(SHIFT)));
+        assert_eq!(report.negative_pivots, Some(0), "{symmetry:?}");
+        case.solve(&shifted(SHIFT), &vec![1.0; a.rows]);
+        let refused = case.factor_definite(&shifted(-SHIFT));
+        assert!(matches!(refused, Err(SolveError::Indefinite { .. })), "{refused:?}");
+        case.check_not_factored();
+        let report = done(case.factor(&shifted(-SHIFT)));
+        assert!(report.negative_pivots.is_some_and(|negative| negative > 0), "{report:?}");
+    }
+}
+
 /// A part that hangs together but not with anything fixed: its translation is free, and rounding hides it.
 fn floating_part<B: Backend<Scalar: Scalar>>(context: &B::Context, random: &mut Random) {
     let n = 30;
@@ -124,6 +148,7 @@ fn floating_part<B: Backend<Scalar: Scalar>>(context: &B::Context, random: &mut 
     for symmetry in SYMMETRIES {
         Case::<B>::new(context, &pattern, symmetry).check_singular(&a, &part, &regular);
     }
+    semidefinite::<B>(context, &pattern, &a);
 }
 
 /// Constraints by multipliers: `[[K, G^T], [G, 0]]`, whose pivots may vanish in some orders but not in all.

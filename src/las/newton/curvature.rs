@@ -11,9 +11,13 @@ use super::{
 };
 use crate::las::{Factorisation, Value};
 
-/// Eigenvalues above minus this part of the largest diagonal entry count as zero: far above what rounding and the
-/// tolerance of the residual leave of a motion that nothing resists, far below the stiffness of anything that resists.
-const NEUTRAL: f64 = 1e-9;
+/// Eigenvalues above minus this part of the largest diagonal entry count as zero: what is left of a residual (relative to
+/// all forces) leaves forces in motions that nothing resists, and so a curvature of either sign.
+///
+/// With the usual tolerance of 1e-10 it is 1e-9: far above rounding, far below the stiffness of anything that resists.
+fn neutral(tolerance: f64) -> f64 {
+    (10.0 * tolerance).clamp(1e-9, 1e-3)
+}
 
 /// A Cholesky factor with a pivot below this part of the largest is one of a matrix that is singular but for rounding.
 const ROUNDING: f64 = 1e-12;
@@ -23,22 +27,17 @@ const ROUNDING: f64 = 1e-12;
 pub enum Curvature {
     /// It is positive definite, so that the point is a minimum. The solver holds its factor.
     Definite,
-    /// It is positive definite only with [`Curvature::SHIFT`] of its largest diagonal entry added to the diagonal: there
-    /// are motions that nothing resists.
+    /// It is positive definite only with ten times the tolerance of the residual (and at least 1e-9) of its largest
+    /// diagonal entry added to the diagonal: there are motions that nothing resists.
     Neutral,
     /// It is indefinite: the point is a saddle point or a maximum.
     Indefinite {
-        /// Its eigenvalues below minus [`Curvature::SHIFT`] of its largest diagonal entry, as many as LDL^T has negative
-        /// pivots; `None` where the solver does not count them.
+        /// How many of its eigenvalues are negative even with that added, counted by the negative pivots of LDL^T; `None`
+        /// where the solver does not count them.
         negative_pivots: Option<usize>,
     },
     /// The solver cannot tell: it factors by LU alone.
     Unknown,
-}
-
-impl Curvature {
-    /// The part of the largest diagonal entry by which an eigenvalue may be negative and still counts as zero.
-    pub const SHIFT: f64 = NEUTRAL;
 }
 
 /// What came of an attempt to leave a saddle point.
@@ -58,11 +57,18 @@ struct Step {
     norm: f64,
 }
 
+/// Two shifts of the Hessian, of which the larger makes it positive definite and the smaller does not.
+struct Bracket {
+    least: f64,
+    most: f64,
+}
+
 impl<B: Backend> NewtonSystem<B>
 where
     B::Reduced: Scalar,
 {
-    /// What the Hessian is like at the state that was evaluated last. The solver then holds the factor of the Hessian
+    /// What the Hessian is like at the state that was evaluated last, where the residual is within `tolerance` of its scale.
+    /// The solver then holds the factor of the Hessian
     /// where that is [`Curvature::Definite`], and no factor that is of use where it is not.
     ///
     /// An iterative solver shows no more than its preconditioner does ([`Solver::factor_definite`]).
@@ -72,6 +78,7 @@ where
     pub fn curvature<P: NonlinearProblem<B>>(
         &mut self,
         problem: &mut P,
+        tolerance: f64,
     ) -> Result<Curvature, NewtonError<P::Error, B::Fault>> {
         if self.matrix.shape().0 == 0 {
             return Ok(Curvature::Definite);
@@ -86,7 +93,7 @@ where
             outcome => refused(outcome)?,
         };
         let stiffest = self.stiffest(problem)?;
-        if self.is_definite(problem, NEUTRAL * stiffest)? {
+        if self.is_definite(problem, neutral(tolerance) * stiffest)? {
             return Ok(Curvature::Neutral);
         }
         let negative_pivots = match self.solver.factor(&self.matrix) {
@@ -112,7 +119,7 @@ where
         tolerance: f64,
         report: &mut NewtonReport,
     ) -> Result<Departure, NewtonError<P::Error, B::Fault>> {
-        let Some(curvature) = self.negative_curvature(problem)? else { return Ok(Departure::AtRest) };
+        let Some(curvature) = self.negative_curvature(problem, tolerance)? else { return Ok(Departure::AtRest) };
         let (norm, yardstick) = self.evaluate(problem, report).map_err(Trial::into_error)?;
         let limit = (tolerance * yardstick.scale).max(yardstick.floor);
         let start = Step { length: 0.0, potential: problem.potential(), norm };
@@ -170,9 +177,10 @@ where
     fn negative_curvature<P: NonlinearProblem<B>>(
         &mut self,
         problem: &mut P,
+        tolerance: f64,
     ) -> Result<Option<f64>, NewtonError<P::Error, B::Fault>> {
         const MOST_ITERATIONS: u32 = 100;
-        let Some((least, shift)) = self.bracket(problem)? else { return Ok(None) };
+        let Some(Bracket { least, most: shift }) = self.bracket(problem, tolerance)? else { return Ok(None) };
         // Without any symmetry that the Hessian may have.
         let spread = |x: &mut [B::Scalar]| {
             x.iter_mut().enumerate().for_each(|(k, x)| *x = B::Scalar::every((k as f64 + 1.0).sqrt().fract() - 0.3));
@@ -202,9 +210,10 @@ where
     fn bracket<P: NonlinearProblem<B>>(
         &mut self,
         problem: &mut P,
-    ) -> Result<Option<(f64, f64)>, NewtonError<P::Error, B::Fault>> {
+        tolerance: f64,
+    ) -> Result<Option<Bracket>, NewtonError<P::Error, B::Fault>> {
         let stiffest = self.stiffest(problem)?;
-        let mut least = NEUTRAL * stiffest;
+        let mut least = neutral(tolerance) * stiffest;
         let mut most = 8.0 * least;
         while !self.is_definite(problem, most)? {
             (least, most) = (most, 8.0 * most);
@@ -216,7 +225,7 @@ where
             let middle = (least * most).sqrt();
             *(if self.is_definite(problem, middle)? { &mut most } else { &mut least }) = middle;
         }
-        Ok(self.is_definite(problem, most)?.then_some((least, most)))
+        Ok(self.is_definite(problem, most)?.then_some(Bracket { least, most }))
     }
 
     /// The largest diagonal entry of the Hessian, by absolute value.

@@ -234,3 +234,125 @@ fn a_descent_shortens_a_step_that_goes_too_far_and_ends_where_no_step_can_help()
         assert_eq!((gone.evaluations, gone.wells.x), (last + 1, 0.6), "asked once more, and no more");
     }
 }
+
+#[test]
+fn the_curvature_tells_a_minimum_from_a_hilltop_and_from_a_plain() {
+    let at = |x: f64| {
+        let mut wells = Wells { x, saved: 0.0 };
+        system().curvature(&mut wells, 1e-12).unwrap()
+    };
+    assert_eq!(at(1.0), Curvature::Definite);
+    assert_eq!(at(0.0), Curvature::Indefinite { negative_pivots: Some(1) });
+    let plain = |slope: fn(f64) -> f64| {
+        let mut plain = Scalar1 { x: 0.0, saved: 0.0, r: |_| 0.0, dr: slope };
+        system().curvature(&mut plain, 1e-12).unwrap()
+    };
+    // One unknown: its only pivot is the largest.
+    assert_eq!(plain(|_| 0.0), Curvature::Neutral);
+}
+
+#[test]
+fn a_hilltop_is_left_to_the_same_side_every_time() {
+    let mut sides = Vec::new();
+    for _ in 0..2 {
+        let mut wells = Wells { x: 0.0, saved: 0.0 };
+        let (mut system, mut report) = (system(), NewtonReport::default());
+        assert_eq!(system.leave_saddle(&mut wells, 1e-12, &mut report).unwrap(), Departure::Downhill);
+        assert!(wells.potential() < 1.0 && wells.x.abs() < 1.5, "{}", wells.x);
+        system.minimise(&mut wells, 1e-12, &RegularisedParams::default()).unwrap();
+        assert!((wells.x.abs() - 1.0).abs() < 1e-12, "{}", wells.x);
+        sides.push(wells.x);
+    }
+    assert_eq!(sides[0], sides[1]);
+    // A minimum has no direction to leave in, and is not moved.
+    let mut minimum = Wells { x: 1.0, saved: 0.0 };
+    let left = system().leave_saddle(&mut minimum, 1e-12, &mut NewtonReport::default()).unwrap();
+    assert_eq!((left, minimum.x), (Departure::AtRest, 1.0));
+}
+
+/// `w = x^2 / 2 + (y^2 - 1)^2 + s z^2 / 2`, rotated so that no axis is a principal one: a saddle point at the origin.
+#[derive(Default)]
+struct Saddle {
+    x: [f64; 3],
+    saved: [f64; 3],
+    /// `s`.
+    stiffness: f64,
+}
+
+const AXES: [[f64; 3]; 3] =
+    [[2.0 / 3.0, 2.0 / 3.0, 1.0 / 3.0], [-2.0 / 3.0, 1.0 / 3.0, 2.0 / 3.0], [1.0 / 3.0, -2.0 / 3.0, 2.0 / 3.0]];
+
+impl Saddle {
+    fn along(&self, axis: usize) -> f64 {
+        (0..3).map(|i| AXES[axis][i] * self.x[i]).sum()
+    }
+}
+
+impl NonlinearProblem<Dense> for Saddle {
+    type Error = Infallible;
+
+    fn residual(&mut self, r: &mut <Dense as Backend>::Vector) -> Result<Yardstick, Infallible> {
+        let [x, y, z] = [0, 1, 2].map(|axis| self.along(axis));
+        let slopes = [x, 4.0 * y * (y * y - 1.0), self.stiffness * z];
+        let values = [0, 1, 2].map(|i| (0..3).map(|axis| slopes[axis] * AXES[axis][i]).sum());
+        r.set(&[0, 1, 2], &values)?;
+        Ok(Yardstick { scale: 1.0, floor: 0.0 })
+    }
+
+    fn jacobian(&mut self, k: &mut <Dense as Backend>::Matrix) -> Result<(), Infallible> {
+        let y = self.along(1);
+        let slopes = [1.0, 12.0 * y * y - 4.0, self.stiffness];
+        let mut block = [0.0; 9];
+        for (at, value) in block.iter_mut().enumerate() {
+            *value = (0..3).map(|axis| slopes[axis] * AXES[axis][at / 3] * AXES[axis][at % 3]).sum();
+        }
+        k.add(&[0, 1, 2], &[0, 1, 2], &block)
+    }
+
+    fn advance(&mut self, a: f64, d: &<Dense as Backend>::Vector) -> Result<(), Infallible> {
+        let mut step = [0.0; 3];
+        d.get(&[0, 1, 2], &mut step)?;
+        self.x.iter_mut().zip(step).for_each(|(x, d)| *x += a * d);
+        Ok(())
+    }
+
+    fn save(&mut self) {
+        self.saved = self.x;
+    }
+
+    fn restore(&mut self) {
+        self.x = self.saved;
+    }
+}
+
+impl Potential<Dense> for Saddle {
+    fn potential(&mut self) -> f64 {
+        let [x, y, z] = [0, 1, 2].map(|axis| self.along(axis));
+        0.5 * x * x + (y * y - 1.0).powi(2) + 0.5 * self.stiffness * z * z
+    }
+}
+
+#[test]
+fn a_saddle_point_is_left_along_its_negative_curvature() {
+    let system = || {
+        let pattern = Arc::new(Sparsity::from_elements(3, [[0, 1, 2]]).unwrap());
+        let symbolic = Dense::<f64>::analyze(&(), &pattern, &SolverParams::new(Symmetry::Definite)).unwrap();
+        NewtonSystem::new(&(), &pattern, &symbolic).unwrap()
+    };
+    // With a stiffness that is zero but for rounding of either sign, and with another negative one.
+    for (stiffness, negative) in [(1e-14, 1), (-1e-14, 1), (1e6, 1), (-0.5, 2)] {
+        let mut saddle = Saddle { stiffness, ..Saddle::default() };
+        let mut system = system();
+        let curvature = system.curvature(&mut saddle, 1e-12).unwrap();
+        assert_eq!(curvature, Curvature::Indefinite { negative_pivots: Some(negative) }, "{stiffness}");
+        if stiffness < -0.1 {
+            continue; // There is no minimum to go to.
+        }
+        let left = system.leave_saddle(&mut saddle, 1e-12, &mut NewtonReport::default()).unwrap();
+        assert_eq!(left, Departure::Downhill, "{stiffness}");
+        system.minimise(&mut saddle, 1e-12, &RegularisedParams::default()).unwrap();
+        assert!((saddle.along(1).abs() - 1.0).abs() < 1e-10, "{stiffness}: {:?}", saddle.x);
+        let expected = if stiffness == 1e6 { Curvature::Definite } else { Curvature::Neutral };
+        assert_eq!(system.curvature(&mut saddle, 1e-12).unwrap(), expected, "{stiffness}");
+    }
+}

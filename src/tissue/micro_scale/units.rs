@@ -1,6 +1,7 @@
 //! The RVEs of one rank, solved on all of its threads.
 
 use std::collections::{HashMap, HashSet};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use nalgebra::Matrix3;
@@ -133,7 +134,8 @@ where
     /// one stay as they are.
     ///
     /// # Errors
-    /// That of the lowest element which finds none.
+    /// That of the lowest element which finds none. Elements above it are left out where the failure is known in time, and
+    /// all are back at the last [`Units::commit`], so that nothing depends on which of them were solved.
     pub fn solve(
         &mut self,
         gradient: impl Fn(usize, usize) -> Option<Matrix3<f64>> + Sync,
@@ -148,7 +150,7 @@ where
     /// trial states came in between. Returns the numbers of those that were replaced, ascending.
     ///
     /// # Errors
-    /// That of the lowest element for which there is none.
+    /// As for [`Units::solve`], for the lowest element without one.
     pub fn verify(
         &mut self,
         gradient: impl Fn(usize, usize) -> Option<Matrix3<f64>> + Sync,
@@ -172,29 +174,45 @@ where
     ) -> Result<Vec<usize>, PointFailure> {
         let Self { library, units, elements, workers, .. } = self;
         let (library, elements) = (&*library, &*elements);
-        let swept = units
+        let lowest = AtomicUsize::new(usize::MAX);
+        let outcomes: Vec<_> = units
             .par_iter_mut()
             .enumerate()
             .map(|(number, unit)| {
+                let mut swept = Swept { stats: SweepStats::default(), outcome: Ok(false) };
+                // One failure is enough: an RVE without an equilibrium takes long to show it.
+                if elements[number] > lowest.load(Ordering::Relaxed) {
+                    return swept;
+                }
+                let Some(gradient) = gradient(number, elements[number]) else { return swept };
                 let slot = rayon::current_thread_index().unwrap_or(0) % workers.len();
                 // A worker is scratch: whatever a panicking thread left in it is overwritten.
                 let mut worker = workers[slot].lock().unwrap_or_else(PoisonError::into_inner);
-                let mut swept = Swept::default();
-                let Some(gradient) = gradient(number, elements[number]) else { return swept };
-                match each(unit, &gradient, library, &mut worker, &mut swept.stats) {
-                    Ok(true) => swept.chosen.push(number),
-                    Ok(false) => {}
-                    Err(reason) => swept.failed = Some((elements[number], (number, gradient, reason))),
-                }
+                swept.outcome = each(unit, &gradient, library, &mut worker, &mut swept.stats).map_err(|reason| {
+                    lowest.fetch_min(elements[number], Ordering::Relaxed);
+                    (number, gradient, reason)
+                });
                 swept
             })
-            .reduce(Swept::default, Swept::and);
-        let sum = self.stats.get_mut().unwrap_or_else(PoisonError::into_inner);
-        *sum = sum.and(swept.stats);
-        match swept.failed {
-            None => Ok(swept.chosen),
-            Some((_, (number, gradient, reason))) => Err(self.failure(number, &gradient, &reason)),
+            .collect();
+        let (lowest, mut sum) = (lowest.into_inner(), SweepStats::default());
+        let (mut chosen, mut failed) = (Vec::new(), None);
+        // What lies behind the failure may or may not have been swept, and counts for nothing.
+        for (number, swept) in outcomes.into_iter().enumerate().filter(|&(number, _)| elements[number] <= lowest) {
+            sum = sum.and(swept.stats);
+            match swept.outcome {
+                Ok(true) => chosen.push(number),
+                Ok(false) => {}
+                Err(failure) if elements[number] == lowest => failed = Some(failure),
+                Err(_) => {}
+            }
         }
+        let all = self.stats.get_mut().unwrap_or_else(PoisonError::into_inner);
+        *all = all.and(sum);
+        let Some((number, gradient, reason)) = failed else { return Ok(chosen) };
+        let failure = self.failure(number, &gradient, &reason);
+        self.revert();
+        Err(failure)
     }
 
     fn failure(&mut self, number: usize, gradient: &Matrix3<f64>, reason: &UnitError<B::Fault>) -> PointFailure {
@@ -296,33 +314,9 @@ where
     }
 }
 
-/// What a sweep over some of the units came to.
+/// What became of a unit in a sweep.
 struct Swept<E> {
     stats: SweepStats,
-    /// Numbers of units, ascending.
-    chosen: Vec<usize>,
-    /// The failure of the lowest element: its number, the unit's, its gradient and the reason.
-    failed: Option<(usize, (usize, Matrix3<f64>, E))>,
-}
-
-impl<E> Default for Swept<E> {
-    fn default() -> Self {
-        Self { stats: SweepStats::default(), chosen: Vec::new(), failed: None }
-    }
-}
-
-impl<E> Swept<E> {
-    /// This one and that over the units behind it.
-    fn and(mut self, mut behind: Self) -> Self {
-        self.chosen.append(&mut behind.chosen);
-        Self { stats: self.stats.and(behind.stats), chosen: self.chosen, failed: earlier(self.failed, behind.failed) }
-    }
-}
-
-/// The failure of the lower element: the same one whatever the threads did.
-fn earlier<E>(a: Option<(usize, E)>, b: Option<(usize, E)>) -> Option<(usize, E)> {
-    match (a, b) {
-        (Some(a), Some(b)) => Some(if a.0 <= b.0 { a } else { b }),
-        (a, b) => a.or(b),
-    }
+    /// Whether it was chosen; or its number, the gradient and the reason of its failure.
+    outcome: Result<bool, (usize, Matrix3<f64>, E)>,
 }

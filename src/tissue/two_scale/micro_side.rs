@@ -184,6 +184,8 @@ where
             });
             Failed { failure, start }
         });
+        // As on the rank of the RVE that failed: where the next trial state starts does not depend on ranks.
+        self.units.revert();
         self.to_macro(pack(&failed)?)
     }
 
