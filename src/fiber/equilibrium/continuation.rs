@@ -35,7 +35,7 @@ where
     B::Reduced: Scalar,
 {
     workspace.place_affinely(model, from, &reached.gradient);
-    workspace.factor_is_near = false;
+    workspace.factor_is_exact = false;
     let (problem, system) = Interior::of(model, workspace);
     // A matrix that cannot be factored here, or a state without a residual, leaves the question open.
     contracts(problem, system, reached, params).unwrap_or(false)

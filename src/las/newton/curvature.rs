@@ -231,7 +231,7 @@ where
     /// The largest diagonal entry of the Hessian, by absolute value.
     fn stiffest<P: NonlinearProblem<B>>(&mut self, problem: &mut P) -> Result<f64, NewtonError<P::Error, B::Fault>> {
         self.assemble(problem)?;
-        let stiffest = self.shift_diagonal(0.0).map_err(fault)?;
+        let stiffest = self.shift_diagonal(0.0).map_err(NewtonError::Solve)?;
         self.matrix.finish().map_err(fault)?;
         Ok(stiffest)
     }
@@ -243,7 +243,7 @@ where
         shift: f64,
     ) -> Result<bool, NewtonError<P::Error, B::Fault>> {
         self.assemble(problem)?;
-        self.shift_diagonal(shift).map_err(fault)?;
+        self.shift_diagonal(shift).map_err(NewtonError::Solve)?;
         self.matrix.finish().map_err(fault)?;
         match self.solver.factor_definite(&self.matrix) {
             Ok(_) | Err(SolveError::Singular { .. }) => Ok(true),
