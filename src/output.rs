@@ -1,6 +1,6 @@
 //! Writing files: a reader sees the old file or the new one, never a part of it, and nothing but a regular file is replaced.
 //!
-//! [`write`] and [`write_by`] are for files that a user names: they follow symbolic links, and write straight to a device or
+//! [`write()`] and [`write_by`] are for files that a user names: they follow symbolic links, and write straight to a device or
 //! a pipe. `replace_by` is for the files of a result directory, which are regular files of known names.
 
 use std::ffi::OsString;
