@@ -78,10 +78,6 @@ users=(--package custom-law --package downstream --package reactions --features 
 beside() {
     local builds=${CARGO_TARGET_DIR:-$PWD/target}
     export CARGO_TARGET_DIR=$PWD/target/beside
-    if [ ! -d target/beside/debug ]; then
-        mkdir -p target/beside/debug
-        cp -a target/debug/.fingerprint target/debug/build target/debug/deps target/beside/debug/
-    fi
 
     say "lints of library and program: features together that lack any third, alone, and with no more dependencies than they ask for"
     lint() { cargo clippy --quiet --lib --bins "$@" -- -D warnings; }
@@ -147,6 +143,11 @@ done
 say "lints: everything, with the other packages"
 cargo clippy "${everything[@]}" --workspace --all-targets --features downstream/petsc,overhead/petsc -- -D warnings
 
+# Before the tests start to compile: files that a compiler removes meanwhile cannot be copied.
+if [ ! -d target/beside/debug ]; then
+    mkdir -p target/beside/debug
+    cp -a target/debug/.fingerprint target/debug/build target/debug/deps target/beside/debug/
+fi
 (set -e; beside) >target/beside.log 2>&1 &
 lane=$!
 trap 'kill "$lane" 2>/dev/null || true' EXIT

@@ -13,6 +13,8 @@ struct Brittle {
     committed: Vec<bool>,
     /// Whether broken ones mend and break for ever.
     mends: bool,
+    /// What has just broken cannot be evaluated beyond this stretch.
+    fails_beyond: f64,
 }
 
 impl Brittle {
@@ -26,6 +28,7 @@ impl Brittle {
             broken: vec![false; elements],
             committed: vec![false; elements],
             mends: false,
+            fails_beyond: f64::INFINITY,
         }
     }
 }
@@ -37,6 +40,9 @@ impl PointField for Brittle {
         self.trial.copy_from_slice(gradients);
         self.formula.update(gradients, out)?;
         for element in (0..gradients.len()).filter(|&element| self.broken[element]) {
+            if !self.committed[element] && gradients[element][(0, 0)] > self.fails_beyond {
+                return Err(PointError { element, reason: MaterialError::Inverted { determinant: 0.0 } });
+            }
             out.energy[element] *= 0.2;
             out.pk1[element] *= 0.2;
             out.tangent[element] *= 0.2;
@@ -122,6 +128,18 @@ fn a_failed_attempt_changes_no_material() {
     assert_eq!((reason, reached), (EquilibriumError::StillChanging { rounds: 2 }, 0.5));
     assert_eq!(stepper.field().broken, before);
     assert!(imbalance(&stepper) < 1e-8);
+}
+
+/// As an RVE that is created at a strain that it cannot reach in one increment.
+#[test]
+fn an_error_of_what_has_just_changed_cuts_the_step() {
+    let mesh = bar(6);
+    let field = Brittle { fails_beyond: 1.4, ..Brittle::new(&mesh, 0.25, 100) };
+    let mut stepper = stepper(&mesh, &pushed(0.5), field, StepParams { count: 1, ..StepParams::default() });
+    let mut log = Log::default();
+    let reports = stepper.run(&mut log).unwrap();
+    assert!(reports[0].cuts > 0 && reports[0].rounds > 0, "{:?}", log.failed);
+    assert!(stepper.field().committed.contains(&true) && imbalance(&stepper) < 1e-8);
 }
 
 #[test]
