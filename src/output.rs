@@ -38,7 +38,8 @@ pub fn write_by(path: &Path, write: impl FnOnce(&mut File) -> io::Result<()>) ->
     match target(path)? {
         Target::Regular(file) => replace_by(&file, write),
         Target::Stream => {
-            let mut file = OpenOptions::new().write(true).truncate(true).open(path)?;
+            // Behind what is there: standard output may lead to a regular file that others write to as well.
+            let mut file = OpenOptions::new().append(true).open(path)?;
             write(&mut file)
         }
     }

@@ -53,6 +53,9 @@ impl NetworkFiles {
         if !elements.is_empty() {
             std::fs::create_dir_all(&folder).map_err(ResultsError::write(&folder))?;
         }
+        if let Some(t) = resumed {
+            shorten_others(&folder, elements, t)?;
+        }
         let series = elements.iter().map(|&element| {
             let path = folder.join(network_collection(element));
             let collection = match resumed {
@@ -95,4 +98,21 @@ impl NetworkFiles {
             collection.add(t, &name)
         })
     }
+}
+
+/// Takes what is later than `t` out of the collections of elements whose networks the run no longer writes.
+fn shorten_others(folder: &Path, elements: &[usize], t: f64) -> Result<(), ResultsError> {
+    let own: Vec<String> = elements.iter().map(|&element| network_collection(element)).collect();
+    let entries = match std::fs::read_dir(folder) {
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(()),
+        entries => entries.map_err(ResultsError::read(folder))?,
+    };
+    for entry in entries {
+        let path = entry.map_err(ResultsError::read(folder))?.path();
+        let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+        if name.starts_with("element-") && name.ends_with(".pvd") && !own.iter().any(|other| other == name) {
+            Collection::resume_at(path, t)?;
+        }
+    }
+    Ok(())
 }

@@ -70,7 +70,9 @@ fn freedom_of(mesh: &Mesh, part: &Part, prescribed: &[[bool; 3]]) -> Option<Free
         held.map(move |component| equation(component, arm))
     });
     let equations: Vec<Vector6<f64>> = equations.collect();
-    let modes = null_space(&equations);
+    // What rounding of the coordinates leaves of an arm counts as nothing.
+    let rounding = 16.0 * f64::EPSILON * center.norm() / size;
+    let modes = null_space(&equations, rounding.max(FREE_BELOW));
     (!modes.is_empty()).then(|| Freedom::new(center, size, &modes))
 }
 
@@ -81,10 +83,10 @@ fn equation(component: usize, arm: Vector3<f64>) -> Vector6<f64> {
     Vector6::new(direction.x, direction.y, direction.z, turned.x, turned.y, turned.z)
 }
 
-/// An orthonormal basis of what all equations leave at zero.
-fn null_space(equations: &[Vector6<f64>]) -> Vec<Vector6<f64>> {
+/// An orthonormal basis of what all equations leave below `zero`.
+fn null_space(equations: &[Vector6<f64>], zero: f64) -> Vec<Vector6<f64>> {
     let largest = |mode: &Vector6<f64>| equations.iter().map(|row| row.dot(mode).abs()).fold(0.0, f64::max);
-    basis(equations).into_iter().filter(|mode| largest(mode) < FREE_BELOW).collect()
+    basis(equations).into_iter().filter(|mode| largest(mode) < zero).collect()
 }
 
 /// The right singular vectors of the equations, by the triangle of their QR factorisation.

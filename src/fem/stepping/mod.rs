@@ -214,7 +214,11 @@ where
                         self.halvings -= 1;
                     }
                 }
-                Err(failed) => {
+                Err(mut failed) => {
+                    // Newton converged, but the state could not be accepted.
+                    if failed.newton.residuals.is_empty() {
+                        failed.newton = solves.pop().unwrap_or_default();
+                    }
                     report.failures.append(&mut solves);
                     report.failures.push(failed.newton.clone());
                     self.cut(span, *failed, max_cuts, observer)?;

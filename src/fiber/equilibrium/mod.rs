@@ -107,9 +107,13 @@ where
             return Ok(ladder.report);
         }
     }
-    if let Some(overflow) = ladder.overflow(rve) {
-        rve.rates = rates;
-        return Err(RveError::Overflow(overflow));
+    if let Some(overflow) = ladder.overflow(rve, target) {
+        // Half of the increment may still be within reach of the stages that cut it.
+        let half = Path::new(&rve.gradient, target).at(0.5);
+        if ladder.overflow(rve, &half).is_some() {
+            rve.rates = rates;
+            return Err(RveError::Overflow(overflow));
+        }
     }
     let start = rve.clone();
     if ladder.climb(rve) {
@@ -162,10 +166,11 @@ where
         }
     }
 
-    /// Whether the forces of the affine motion to the target are too large for any stage: then it is the increment, or the
-    /// units of what it is made of, that is wrong. The stages after the first would spend seconds to find that out.
-    fn overflow(&mut self, rve: &Rve) -> Option<Overflow> {
-        self.workspace.place(self.model, rve, self.target);
+    /// Whether the forces of the affine motion to `target` are too large for any stage: where those of half the increment are
+    /// too, it is the increment, or the units of what it is made of, that is wrong. The stages after the first would spend
+    /// seconds to find that out.
+    fn overflow(&mut self, rve: &Rve, target: &Matrix3<f64>) -> Option<Overflow> {
+        self.workspace.place(self.model, rve, target);
         let truss = self.model.truss();
         let Workspace { positions, states, forces, .. } = &mut *self.workspace;
         truss.evaluate_with_forces(positions, states, forces);

@@ -68,6 +68,11 @@ impl<B: Backend<Scalar = f64>> NonlinearProblem<B> for Interior<'_, B> {
         })
     }
 
+    /// Any state has forces: only the backend can fail.
+    fn is_final(_: &B::Fault) -> bool {
+        true
+    }
+
     fn save(&mut self) {
         self.saved.clear();
         self.saved.extend(self.model.network().interior().iter().map(|&node| self.positions[node as usize]));

@@ -86,6 +86,9 @@ where
         self.assemble(problem)?;
         self.matrix.finish().map_err(fault)?;
         match self.solver.factor_definite(&self.matrix) {
+            Ok(factor) if factor.kind == Factorisation::Lu && factor.negative_pivots.is_none() => {
+                return Ok(Curvature::Unknown);
+            }
             Ok(factor) if factor.kind == Factorisation::Approximate || factor.pivot_ratio >= ROUNDING => {
                 return Ok(Curvature::Definite);
             }

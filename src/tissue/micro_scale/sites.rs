@@ -44,9 +44,9 @@ pub struct Sites {
 /// deletes then hardly depends on its length.
 const DELETED_A_ROUND: f64 = 0.1;
 
-/// Strains that agree to this part of them are equal: elements that symmetry makes equal are deleted together, and
-/// rounding does not choose among them.
-const EQUAL_STRAINS: f64 = 1e-9;
+/// Strains that agree to this part of them are equal: elements that symmetry makes equal are deleted together, and what
+/// Newton leaves of its residual does not choose among them.
+const EQUAL_STRAINS: f64 = 1e-6;
 
 enum Site {
     Formula(Formula),

@@ -120,7 +120,7 @@ impl ResultsError {
         move |source| Self::Write { path: path.into(), source }
     }
 
-    pub(super) fn read(path: &Path) -> impl FnOnce(io::Error) -> Self {
+    pub(in crate::tissue) fn read(path: &Path) -> impl FnOnce(io::Error) -> Self {
         move |source| Self::Read { path: path.into(), source }
     }
 

@@ -101,7 +101,8 @@ fn is_at(_: &File, _: &Path) -> bool {
 impl Drop for DirectoryLock {
     fn drop(&mut self) {
         // While it is locked, so that no other run loses a file that it has locked. Left behind, it does no harm.
-        if cfg!(unix) && self.file.is_some() {
+        // The folder may have another name by now, and another run a lock of this one.
+        if cfg!(unix) && self.file.as_ref().is_some_and(|file| is_at(file, &self.path)) {
             let _ = fs::remove_file(&self.path);
         }
     }
