@@ -26,7 +26,7 @@ pub struct Interrupted {
 
 /// Ends this process at an interrupt with a word on how to go on. Nothing is left to tidy up: every file of the results is
 /// whole at any moment. A second interrupt ends the process even if that word cannot be written. Signals that the process
-/// was started to ignore stay ignored, as under `nohup`.
+/// was started to ignore stay ignored, as under `nohup`; the others then end it without a word.
 pub fn watch(run: Interrupted) {
     let is_second = AtomicBool::new(false);
     // Without a handler an interrupt ends the process without a word, which is no reason not to run.

@@ -72,8 +72,12 @@ impl Progress for Reporter {
             let (mean, most) = (rve.iterations_mean, rve.iterations_max);
             format!(", RVEs {mean:.1} iterations on average, {most} at most{relaxation}")
         });
+        let life = step.rve.as_ref().filter(|_| step.rounds > 0).map_or(String::new(), |rve| {
+            let (waiting, deleted) = (rve.waiting, rve.deleted);
+            format!(", balanced {} times more as RVEs came and went ({waiting} wait, {deleted} deleted)", step.rounds)
+        });
         let line = format!(
-            "step {}/{} t = {:.4}: {} iterations, residual {residual:.1e}{rves}, {:.1} s",
+            "step {}/{} t = {:.4}: {} iterations, residual {residual:.1e}{rves}{life}, {:.1} s",
             step.step, self.count, step.t, newton.iterations, newton.seconds.total
         );
         match &self.bar {
