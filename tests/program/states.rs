@@ -122,3 +122,15 @@ fn what_newton_tried_has_no_part_in_what_is_accepted() {
         }
     }
 }
+
+/// Meters where millimeters were meant: the run ends by what the fibers can bear, not by the patience of its user.
+#[test]
+fn a_body_that_is_pulled_out_of_all_proportion_ends_with_a_word_on_units() {
+    let folder = tempfile::tempdir().unwrap();
+    networks(folder.path(), 30, &[1]);
+    let replacements = [("CELLS", "[2, 1, 1]"), ("MATRIX", "1000.0"), ("MOVED", "200.0"), ("LIFE", "")];
+    let text = replacements.iter().fold(BOX.to_owned(), |text, (from, to)| text.replace(from, to));
+    let pulled = run(folder.path(), &format!("{text}\n[steps]\ncount = 10\n"), "--out out");
+    assert!(pulled.failed(3).contains("the forces of the fibers overflow"), "{}", pulled.stderr);
+    assert!(pulled.stderr.contains("are both in m?"), "{}", pulled.stderr);
+}

@@ -4,7 +4,8 @@ use std::fmt;
 
 use nalgebra::Matrix3;
 
-use super::report::{EquilibriumReport, RveError};
+use super::described;
+use super::report::{EquilibriumReport, Overflow, RveError};
 use crate::fiber::homogenise::{self, Tangent};
 use crate::fiber::rve::{Rve, RveModel};
 use crate::fiber::truss::FiberStates;
@@ -71,6 +72,14 @@ where
     #[must_use]
     pub fn rve(&self) -> &Rve {
         self.rve
+    }
+
+    /// The fiber that pulls out of all proportion, if one does: an equilibrium that no fiber withstands, from a deformation or
+    /// a modulus in another unit.
+    #[must_use]
+    pub fn overflow(&self) -> Option<Overflow> {
+        let (law, stretch, multiple) = self.model.truss().most_strained(self.workspace.states())?;
+        (multiple >= Overflow::FROM).then(|| Overflow { law: described(law), stretch, multiple })
     }
 
     /// First Piola-Kirchhoff stress `P_iJ = kappa sum_b T_b,i X_b,J` over boundary nodes, in Pa (N over unit-cube area for

@@ -320,6 +320,10 @@ impl Fibers {
         };
         self.origin = if is_affine { Origin::Branch } else { Origin::Trial };
         stats.count(solved.report());
+        // From there on, load steps would go on for minutes before one fails.
+        if let Some(overflow) = solved.overflow() {
+            return Err(RveError::Overflow(overflow).into());
+        }
         let response = Response { energy: solved.energy(), pk1: solved.pk1(), tangent: solved.tangent()? };
         if library.predict {
             solved.keep_rates()?;
