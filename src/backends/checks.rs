@@ -1,34 +1,19 @@
 //! What every solver looks at: sizes, definiteness, and when a pivot counts as zero.
 
-#[cfg(any(feature = "sparse", feature = "dense"))]
-use crate::las::Factorisation;
 use crate::las::SolveError;
 #[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
 use crate::las::{FactorReport, Scalar, SolverParams};
 
-/// Fraction of the largest pivot below which the smallest counts as zero at sight.
+/// Fraction of the largest pivot below which the smallest counts as zero where nothing but pivots is looked at.
 #[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
 pub(super) fn singular_limit<T: Scalar>(params: &SolverParams) -> f64 {
     params.singular_below.unwrap_or(4.0 * T::epsilon().as_f64())
 }
 
-/// The ratio of pivots below which the factors of this kind are singular at sight, where `limit` is the one of the others: a
-/// Cholesky factor is accurate however the unknowns are scaled against each other, so that small pivots alone say nothing.
+/// Fraction of the largest pivot below which the smallest makes a matrix singular without a look for a null vector.
 #[cfg(any(feature = "sparse", feature = "dense"))]
-pub(super) fn at_sight(params: &SolverParams, kind: Factorisation, limit: f64) -> f64 {
-    let scales = kind == Factorisation::Cholesky && params.singular_below.is_none();
-    if scales { f64::MIN_POSITIVE } else { limit }
-}
-
-/// What a matrix of `n` unknowns, scaled to a unit diagonal, must resist every vector with, over its length, to count as
-/// regular; `None` where the caller judges by pivots.
-///
-/// Assembling, factoring, solving and multiplying each leave errors of the rounding unit in sums of independent terms: their
-/// effect on an eigenvalue grows like the root of how many there are in a row, at most `n`.
-#[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
-pub(super) fn null_limit<T: Scalar>(params: &SolverParams, n: usize) -> Option<f64> {
-    let limit = (32.0 + 2.0 * (n as f64).sqrt()) * T::epsilon().as_f64();
-    params.singular_below.is_none().then_some(limit)
+pub(super) fn at_sight(params: &SolverParams) -> f64 {
+    params.singular_below.unwrap_or(f64::MIN_POSITIVE)
 }
 
 /// Refuses a factorisation that shows its matrix not to be positive definite, or cannot show it.

@@ -109,23 +109,76 @@ fn bodies_that_are_held_are_regular_however_slender_or_soft() {
     well_posed_bodies::<Dense>(&[10, 30]);
 }
 
-/// Unknowns in units of their own: the factor is as good as that of the identity.
+/// A chain of springs whose unknowns have units of their own, on a body or, with `last` of 1, free.
+fn scaled_chain<B: Backend<Scalar = f64, Context = (), Index = i32>>(
+    rows: [f64; 4],
+    columns: [f64; 4],
+    last: f64,
+    symmetry: Symmetry,
+) -> Result<FactorReport, SolveError<B::Fault>> {
+    let pattern = Arc::new(Sparsity::from_elements(4, [[0, 1], [1, 2], [2, 3]]).unwrap());
+    let mut a = B::matrix(&(), &pattern).unwrap();
+    for i in 0..4_usize {
+        for j in [i.wrapping_sub(1), i, i + 1].into_iter().filter(|&j| j < 4) {
+            let entry = if i != j { -1.0 } else { [1.0, 2.0, 2.0, last][i] };
+            a.set(&[i as i32], &[j as i32], &[entry * rows[i] * columns[j]]).unwrap();
+        }
+    }
+    a.finish().unwrap();
+    let symbolic = B::analyze(&(), &pattern, &SolverParams::new(symmetry)).unwrap();
+    B::solver(&symbolic).unwrap().factor(&a)
+}
+
+/// Powers of two, so that a free chain is free in any units.
+const UNITS: [f64; 4] = [1.0 / (1_u64 << 60) as f64, 1.0, (1_u64 << 60) as f64, 1.0 / (1_u64 << 20) as f64];
+
 #[test]
 fn scales_do_not_make_a_matrix_singular() {
     fn check<B: Backend<Scalar = f64, Context = (), Index = i32>>() {
-        let pattern = Arc::new(Sparsity::from_elements(4, [[0, 1], [1, 2], [2, 3]]).unwrap());
-        let mut a = B::matrix(&(), &pattern).unwrap();
-        let scale = [1e-20, 1.0, 1e20, 1e-5];
-        for i in 0..4_usize {
-            for j in [i.wrapping_sub(1), i, i + 1].into_iter().filter(|&j| j < 4) {
-                let entry = if i == j { 2.0 } else { -1.0 };
-                a.set(&[i as i32], &[j as i32], &[entry * scale[i] * scale[j]]).unwrap();
+        for symmetry in [Symmetry::Definite, Symmetry::Symmetric, Symmetry::None] {
+            let found = scaled_chain::<B>(UNITS, UNITS, 2.0, symmetry);
+            assert!(found.is_ok(), "{} {symmetry:?}: {found:?}", B::NAME);
+        }
+        let one = [1.0; 4];
+        for (rows, columns) in [(UNITS, one), (one, UNITS)] {
+            let found = scaled_chain::<B>(rows, columns, 2.0, Symmetry::None);
+            assert!(found.is_ok(), "{} rows {rows:?}, columns {columns:?}: {found:?}", B::NAME);
+        }
+    }
+    check::<Sparse>();
+    check::<Dense>();
+}
+
+#[test]
+fn scales_do_not_hide_a_singular_matrix() {
+    fn check<B: Backend<Scalar = f64, Context = (), Index = i32>>() {
+        let one = [1.0; 4];
+        for symmetry in [Symmetry::Definite, Symmetry::Symmetric, Symmetry::None] {
+            for (rows, columns) in [(UNITS, UNITS), (UNITS, one), (one, UNITS)] {
+                if rows == columns || symmetry == Symmetry::None {
+                    let found = scaled_chain::<B>(rows, columns, 1.0, symmetry);
+                    let is_refused = matches!(found, Err(SolveError::Singular { .. }));
+                    assert!(is_refused, "{} {symmetry:?}, rows {rows:?}, columns {columns:?}: {found:?}", B::NAME);
+                }
             }
         }
+    }
+    check::<Sparse>();
+    check::<Dense>();
+}
+
+/// Elimination by the largest entry of the first column, 10, leaves nothing of the second row: a regular matrix, but factors of
+/// another one.
+#[test]
+fn factors_that_lost_a_row_are_not_used() {
+    fn check<B: Backend<Scalar = f64, Context = (), Index = i32>>() {
+        let pattern = Arc::new(Sparsity::from_elements(2, [[0, 1]]).unwrap());
+        let mut a = B::matrix(&(), &pattern).unwrap();
+        a.set(&[0, 1], &[0, 1], &[10.0, 1e20, 1.0, 1.0]).unwrap();
         a.finish().unwrap();
-        let symbolic = B::analyze(&(), &pattern, &SolverParams::new(Symmetry::Definite)).unwrap();
+        let symbolic = B::analyze(&(), &pattern, &SolverParams::new(Symmetry::None)).unwrap();
         let found = B::solver(&symbolic).unwrap().factor(&a);
-        assert!(found.is_ok(), "{found:?}");
+        assert!(matches!(found, Err(SolveError::Singular { .. })), "{}: {found:?}", B::NAME);
     }
     check::<Sparse>();
     check::<Dense>();

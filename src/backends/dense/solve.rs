@@ -13,11 +13,11 @@ use faer::traits::RealField;
 use faer::{Conj, MatMut, MatRef, Par, Spec};
 
 use super::{Dense, Matrix, Vector};
-use crate::backends::checks::{at_sight, check_columns, check_size, definite, null_limit, singular_limit};
+use crate::backends::checks::{at_sight, check_columns, check_size, definite};
 use crate::backends::direct::{Pivots, Scratch, ldlt_params};
 use crate::backends::iterative::{IterativeSolver, Simple};
 use crate::backends::local;
-use crate::backends::null_vector::{is_doubtful, null_vector, unit_scale};
+use crate::backends::null_vector::{Scales, in_doubt, refuse_null_vector};
 use crate::las::{
     Backend, FactorReport, Factorisation, MatVec, Method, Preconditioner, Scalar, SolveError, SolveReport,
     SolverParams, Symmetry,
@@ -39,7 +39,6 @@ type ByIterations<T> = IterativeSolver<Dense<T>, Simple<Dense<T>>>;
 /// factorisation and a solution.
 pub struct Solver<T: Scalar + RealField = f64> {
     symbolic: Arc<Symbolic>,
-    limit: f64,
     /// The factorisation to solve with, if there is one.
     served: Option<Factorisation>,
     /// The factors, column after column.
@@ -86,7 +85,6 @@ impl<T: Scalar + RealField> Solver<T> {
             solve_scratch::<T>(n, 1),
         ]);
         Self {
-            limit: singular_limit::<T>(&symbolic.params),
             served: None,
             factor: vec![T::zero(); n * n],
             subdiagonal: vec![T::zero(); n],
@@ -192,44 +190,37 @@ impl<T: Scalar + RealField> Solver<T> {
             Factorisation::Ldlt => self.forward[position] as usize,
             Factorisation::Cholesky | Factorisation::Lu | Factorisation::Approximate => position,
         };
-        let pivot_ratio = pivots.judge(at_sight(&self.symbolic.params, kind, self.limit), unknown)?;
+        let pivot_ratio = pivots.judge(at_sight(&self.symbolic.params), unknown)?;
         self.served = Some(kind);
-        self.resolve_doubt(a, kind, pivots).inspect_err(|_| self.served = None)?;
+        let lost = self.resolve_doubt(a, kind, pivots).inspect_err(|_| self.served = None)?;
+        if let Some(unknown) = lost {
+            self.served = None;
+            return Err(SolveError::Singular { unknown, ratio: pivot_ratio, limit: T::epsilon().as_f64() });
+        }
         let negative_pivots = (kind != Factorisation::Lu).then(|| pivots.negative());
         Ok(FactorReport { kind, indefinite_at, pivot_ratio, negative_pivots })
     }
 
-    /// Looks for a null vector where a pivot is small, unless the caller has set a limit for pivots.
+    /// Looks for a null vector where a pivot is small, unless the caller has set a limit for pivots. Returns an unknown
+    /// whose equation the factors do not solve.
     fn resolve_doubt(
         &mut self,
         a: &Matrix<T>,
         kind: Factorisation,
         pivots: &Pivots,
-    ) -> Result<(), SolveError<Infallible>> {
+    ) -> Result<Option<usize>, SolveError<Infallible>> {
         let n = self.symbolic.unknowns;
-        let Some(limit) = null_limit::<T>(&self.symbolic.params, n) else { return Ok(()) };
-        if !is_doubtful::<T>(pivots.ratio()) {
-            return Ok(());
-        }
-        let scale = unit_scale(n, |row| {
-            let values = &a.values[row * n..(row + 1) * n];
-            (values[row].as_f64(), values.iter().map(|value| value.as_f64().abs()).fold(0.0, f64::max))
-        });
-        let solve = |right: Vec<T>| {
-            let mut x = [Vector::from(vec![T::zero(); n])];
-            self.solve_columns(&[right.into()], &mut x)?;
-            let [x] = x;
-            Ok(x.values)
+        let Some(limit) = in_doubt::<T>(&self.symbolic.params, n, pivots.ratio()) else { return Ok(None) };
+        let scales = if kind == Factorisation::Cholesky {
+            let mut diagonal = Vector::from(vec![T::zero(); n]);
+            a.diagonal(&mut diagonal)?;
+            Scales::of_diagonal(diagonal.values.iter().map(|entry| entry.as_f64()))
+        } else {
+            Scales::equilibrating::<Dense<T>>(a, n).map_err(SolveError::Fault)?
         };
-        let multiply = |x: Vec<T>| {
-            let mut y = Vector::from(vec![T::zero(); n]);
-            a.mul(&x.into(), &mut y)?;
-            Ok(y.values)
-        };
-        match null_vector(&scale, limit, kind == Factorisation::Cholesky, solve, multiply)? {
-            Some(found) => Err(SolveError::Singular { unknown: found.unknown, ratio: found.resistance, limit }),
-            None => Ok(()),
-        }
+        refuse_null_vector::<Dense<T>>(&(), a, kind, &scales, limit, |b, x| {
+            self.solve_columns(std::slice::from_ref(b), std::slice::from_mut(x)).map(drop)
+        })
     }
 
     fn solve_columns(&mut self, b: &[Vector<T>], x: &mut [Vector<T>]) -> Result<SolveReport, SolveError<Infallible>> {

@@ -7,9 +7,9 @@ use super::direct::{Factor, Failure, Found};
 use super::error::PetscError;
 use super::iterative::ByIterations;
 use super::{Matrix, Petsc, Vector};
-use crate::backends::checks::{check_columns, check_size, definite, null_limit, singular_limit};
+use crate::backends::checks::{check_columns, check_size, definite, singular_limit};
 use crate::backends::local;
-use crate::backends::null_vector::{is_doubtful, null_vector, unit_scale};
+use crate::backends::null_vector::{Scales, in_doubt, refuse_null_vector};
 use crate::las::{
     Backend, FactorReport, Factorisation, MatVec, Method, Preconditioner, SolveError, SolveReport, SolverParams,
     Sparsity, Symmetry, VectorOps,
@@ -170,9 +170,9 @@ impl Solver {
     /// pivots. Of a matrix whose diagonal is not positive the package's own judgement stands.
     fn resolve_doubt(&mut self, kind: Factorisation, ratio: f64) -> Result<(), Fault> {
         let n = self.symbolic.pattern.rows();
-        let Some(limit) = null_limit::<f64>(&self.symbolic.params, n) else { return Ok(()) };
-        let is_told = ratio < 1.0;
-        if kind == Factorisation::Approximate || is_told && !is_doubtful::<f64>(ratio) {
+        let told = if ratio < 1.0 { ratio } else { 0.0 };
+        let Some(limit) = in_doubt::<f64>(&self.symbolic.params, n, told) else { return Ok(()) };
+        if kind == Factorisation::Approximate {
             return Ok(());
         }
         self.a.diagonal(&mut self.diagonal)?;
@@ -181,25 +181,10 @@ impl Solver {
         let Some(factor) = factor.filter(|_| diagonal.as_slice().iter().all(|&entry| entry > 0.0)) else {
             return Ok(());
         };
-        let scale = unit_scale(n, |row| (diagonal.as_slice()[row], 0.0));
-        let vector = |values: &[f64]| -> Result<Vector, Fault> {
-            let mut vector = Vector::zeros(&symbolic.context, n).map_err(SolveError::Fault)?;
-            vector.as_mut_slice().copy_from_slice(values);
-            Ok(vector)
-        };
-        let zeros = vec![0.0; n];
-        let solve = |right: Vec<f64>| {
-            let mut x = vector(&zeros)?;
-            solve_one(factor, a, &vector(&right)?, &mut x)?;
-            Ok(x.as_slice().to_vec())
-        };
-        let multiply = |x: Vec<f64>| {
-            let mut y = vector(&zeros)?;
-            a.mul(&vector(&x)?, &mut y)?;
-            Ok(y.as_slice().to_vec())
-        };
-        match null_vector(&scale, limit, kind == Factorisation::Cholesky, solve, multiply)? {
-            Some(found) => Err(SolveError::Singular { unknown: found.unknown, ratio: found.resistance, limit }),
+        let scales = Scales::of_diagonal(diagonal.as_slice().iter().copied());
+        let solve = |b: &Vector, x: &mut Vector| solve_one(factor, a, b, x).map(drop);
+        match refuse_null_vector::<Petsc>(&symbolic.context, a, kind, &scales, limit, solve)? {
+            Some(unknown) => Err(SolveError::Singular { unknown, ratio, limit: f64::EPSILON }),
             None => Ok(()),
         }
     }

@@ -12,11 +12,11 @@ use super::cholesky::{Cholesky, Ldlt, solve_scratch};
 use super::inverse::Inverse;
 use super::lu::Lu;
 use super::{Matrix, Sparse, Symbolic, Vector};
-use crate::backends::checks::{at_sight, check_columns, check_size, definite, null_limit, singular_limit};
+use crate::backends::checks::{at_sight, check_columns, check_size, definite, singular_limit};
 use crate::backends::direct::{Pivots, Scratch};
 use crate::backends::iterative::IterativeSolver;
 use crate::backends::local;
-use crate::backends::null_vector::{is_doubtful, null_vector, unit_scale};
+use crate::backends::null_vector::{Scales, in_doubt, refuse_null_vector};
 use crate::las::{Backend, FactorReport, Factorisation, MatVec, Method, SolveError, SolveReport, Symmetry};
 
 /// Solver for matrices of one pattern.
@@ -172,17 +172,16 @@ impl<T: BlockScalar> Solver<T> {
         self.make_ldlt(analysis);
         let Some(ldlt) = &mut self.ldlt else { return Err(SolveError::NotFactored) };
         let pivots = ldlt.factor(analysis, &self.lower, self.scratch.memory());
-        if pivots.ratio() < self.limit {
-            if pivots.ratio() > 0.0 {
-                // A null vector of the matrix itself needs no second opinion.
-                self.served = Some(Factorisation::Ldlt);
-                let outcome = self.resolve_doubt(a, Factorisation::Ldlt, &pivots);
-                self.served = None;
-                outcome?;
+        if pivots.ratio() > 0.0 {
+            // A null vector of the matrix itself needs no second opinion; small pivots, and lost digits, do.
+            self.served = Some(Factorisation::Ldlt);
+            let lost = self.resolve_doubt(a, Factorisation::Ldlt, &pivots).inspect_err(|_| self.served = None)?;
+            if pivots.ratio() >= self.limit && lost.is_none() {
+                return Ok(accepted(Factorisation::Ldlt, indefinite_at, &pivots));
             }
-            return self.factor_lu(a, indefinite_at);
+            self.served = None;
         }
-        self.report(a, Factorisation::Ldlt, indefinite_at, &pivots, |position| position)
+        self.factor_lu(a, indefinite_at)
     }
 
     fn factor_lu(
@@ -208,47 +207,36 @@ impl<T: BlockScalar> Solver<T> {
         pivots: &Pivots,
         unknown: impl FnOnce(usize) -> usize,
     ) -> Result<FactorReport, SolveError<Infallible>> {
-        let pivot_ratio = pivots.judge(at_sight(&self.symbolic.params, kind, self.limit), unknown)?;
+        let pivot_ratio = pivots.judge(at_sight(&self.symbolic.params), unknown)?;
         self.served = Some(kind);
-        self.resolve_doubt(a, kind, pivots).inspect_err(|_| self.served = None)?;
-        let negative_pivots = (kind != Factorisation::Lu).then(|| pivots.negative());
-        Ok(FactorReport { kind, indefinite_at, pivot_ratio, negative_pivots })
+        let lost = self.resolve_doubt(a, kind, pivots).inspect_err(|_| self.served = None)?;
+        if let Some(unknown) = lost {
+            self.served = None;
+            return Err(SolveError::Singular { unknown, ratio: pivot_ratio, limit: T::epsilon().as_f64() });
+        }
+        Ok(accepted(kind, indefinite_at, pivots))
     }
 
-    /// Looks for a null vector where a pivot is small, unless the caller has set a limit for pivots.
+    /// Looks for a null vector where a pivot is small, unless the caller has set a limit for pivots. Returns an unknown
+    /// whose equation the factors do not solve.
     fn resolve_doubt(
         &mut self,
         a: &Matrix<T>,
         kind: Factorisation,
         pivots: &Pivots,
-    ) -> Result<(), SolveError<Infallible>> {
+    ) -> Result<Option<usize>, SolveError<Infallible>> {
         let n = self.symbolic.unknowns();
-        let Some(limit) = null_limit::<T>(&self.symbolic.params, n) else { return Ok(()) };
-        if !is_doubtful::<T>(pivots.ratio()) {
-            return Ok(());
-        }
-        let pattern = &a.pattern;
-        let scale = unit_scale(n, |row| {
-            let start = pattern.row_start()[row] as usize;
-            let size = |k: usize| a.values[start + k].as_f64().abs();
-            let diagonal = pattern.row(row).binary_search(&(row as u32)).map_or(0.0, |k| a.values[start + k].as_f64());
-            (diagonal, (0..pattern.row(row).len()).map(size).fold(0.0, f64::max))
-        });
-        let solve = |right: Vec<T>| {
-            let mut x = [Vector::from(vec![T::zero(); n])];
-            self.solve_columns(&[right.into()], &mut x)?;
-            let [x] = x;
-            Ok(x.values)
+        let Some(limit) = in_doubt::<T>(&self.symbolic.params, n, pivots.ratio()) else { return Ok(None) };
+        let scales = if kind == Factorisation::Cholesky {
+            let mut diagonal = Vector::from(vec![T::zero(); n]);
+            a.diagonal(&mut diagonal)?;
+            Scales::of_diagonal(diagonal.values.iter().map(|entry| entry.as_f64()))
+        } else {
+            Scales::equilibrating::<Sparse<T>>(a, n).map_err(SolveError::Fault)?
         };
-        let multiply = |x: Vec<T>| {
-            let mut y = Vector::from(vec![T::zero(); n]);
-            a.mul(&x.into(), &mut y)?;
-            Ok(y.values)
-        };
-        match null_vector(&scale, limit, kind == Factorisation::Cholesky, solve, multiply)? {
-            Some(found) => Err(SolveError::Singular { unknown: found.unknown, ratio: found.resistance, limit }),
-            None => Ok(()),
-        }
+        refuse_null_vector::<Sparse<T>>(&(), a, kind, &scales, limit, |b, x| {
+            self.solve_columns(std::slice::from_ref(b), std::slice::from_mut(x)).map(drop)
+        })
     }
 
     /// Makes room for `count` right-hand sides, for the factorisations of the library.
@@ -323,6 +311,11 @@ impl<T: BlockScalar> Solver<T> {
         }
         Ok(SolveReport::DIRECT)
     }
+}
+
+fn accepted(kind: Factorisation, indefinite_at: Option<usize>, pivots: &Pivots) -> FactorReport {
+    let negative_pivots = (kind != Factorisation::Lu).then(|| pivots.negative());
+    FactorReport { kind, indefinite_at, pivot_ratio: pivots.ratio(), negative_pivots }
 }
 
 /// `columns[k][position] = b[k][order[position]]`.

@@ -51,7 +51,8 @@ pub enum SolveError<F> {
     Singular {
         /// The unknown of the smallest pivot, or the one that moves most in the vector.
         unknown: usize,
-        /// The pivot over the largest; or what the matrix, scaled to a unit diagonal, makes of the vector, over its length.
+        /// The pivot over the largest; or what the matrix, scaled to rows and columns of size one, makes of the vector, over its
+        /// length.
         ratio: f64,
         /// The limit that it fell below.
         limit: f64,

@@ -164,8 +164,8 @@ pub struct SolverParams {
     /// A factor counts as singular when its smallest pivot is below this fraction of its largest.
     ///
     /// `None`, the default: where a pivot is below the root of the machine epsilon times the largest, the matrix counts as
-    /// singular if, scaled to a unit diagonal, it resists some vector by less than `32 + 2 sqrt(unknowns)` machine epsilons times
-    /// its length; without Cholesky's indifference to scales also below 4 machine epsilons.
+    /// singular if, scaled to rows and columns of size one, it resists some vector by less than `32 + 2 sqrt(unknowns)` machine
+    /// epsilons times its length. However unlike the units of its unknowns are, a regular matrix is not refused.
     pub singular_below: Option<f64>,
     /// The order of elimination; a backend without a choice ignores it.
     pub ordering: Ordering,
