@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 use super::sidecar::{Sidecar, parse};
-use super::write::beside;
-use super::{fits_params, remove_params, write, write_params};
+use super::write::{beside, params_text};
+use super::{fits_params, remove_params, write};
 use crate::checksum::{below_signature, signed, sum_of};
 use crate::fiber::network::Network;
 use crate::output;
@@ -37,12 +37,22 @@ pub enum FamilyError {
 }
 
 /// Writes a network to `path`, then its materials to `path.params` where the format has a place for them, then `sidecar` to
-/// `path.toml`. Files of these two names are replaced only as an earlier call has written them. A device or a pipe gets the
+/// `path.toml`. Files of these two names are replaced only as an earlier call has written them, even one that was killed. A device or a pipe gets the
 /// network alone.
 ///
 /// # Errors
 /// [`FamilyError`].
 pub fn write_family(path: &Path, network: &Network, sidecar: &Sidecar) -> Result<(), FamilyError> {
+    write_one_by_one(path, network, sidecar, || Ok(()))
+}
+
+/// [`write_family`], which asks `go_on` before each file.
+fn write_one_by_one(
+    path: &Path,
+    network: &Network,
+    sidecar: &Sidecar,
+    mut go_on: impl FnMut() -> io::Result<()>,
+) -> Result<(), FamilyError> {
     let failed = |path: &Path| {
         let path = path.to_owned();
         move |source| FamilyError::Write { path, source }
@@ -50,22 +60,43 @@ pub fn write_family(path: &Path, network: &Network, sidecar: &Sidecar) -> Result
     if output::is_stream(path) {
         return write(path, network).map_err(failed(path));
     }
-    check(path)?;
+    let found = check(path)?;
     let (params, toml) = (beside(path, ".params"), beside(path, ".toml"));
-    let mut text = sidecar.to_toml().map_err(failed(&toml))?;
-    write(path, network).map_err(failed(path))?;
-    if fits_params(network) {
-        write_params(path, network).map_err(failed(&params))?;
-        let bytes = std::fs::read(&params).map_err(failed(&params))?;
-        text = format!("{PARAMS_LINE}{:016x}\n{text}", sum_of(&bytes));
-    } else {
-        remove_params(path).map_err(failed(&params))?;
+    let text = sidecar.to_toml().map_err(failed(&toml))?;
+    let materials = fits_params(network).then(|| params_text(network)).transpose().map_err(failed(&params))?;
+    let sum = materials.as_ref().map(|text| sum_of(text.as_bytes()));
+    // Whichever file is the last that a killed process writes, the next one knows what it finds beside the network.
+    if sum.is_some() {
+        let either: Vec<u64> = found.params.into_iter().chain(sum).collect();
+        let sidecar = with_sums(&found.sidecar, &either);
+        go_on().and_then(|()| output::write(&toml, sidecar.as_bytes())).map_err(failed(&toml))?;
     }
-    output::write(&toml, signed(&text).as_bytes()).map_err(failed(&toml))
+    go_on().and_then(|()| write(path, network)).map_err(failed(path))?;
+    let done = go_on().and_then(|()| match materials {
+        Some(text) => output::write(&params, text.as_bytes()),
+        None => remove_params(path),
+    });
+    done.map_err(failed(&params))?;
+    let sidecar = with_sums(&text, sum.as_slice());
+    go_on().and_then(|()| output::write(&toml, sidecar.as_bytes())).map_err(failed(&toml))
 }
 
-/// That what is beside a network may be replaced with it.
-fn check(path: &Path) -> Result<(), FamilyError> {
+/// A sidecar that knows `.params` files of these checksums.
+fn with_sums(sidecar: &str, params: &[u64]) -> String {
+    let lines: String = params.iter().map(|sum| format!("{PARAMS_LINE}{sum:016x}\n")).collect();
+    signed(&format!("{lines}{sidecar}"))
+}
+
+/// What lies beside a network, and may be replaced with it.
+struct Found {
+    /// The sidecar without its signature and the checksums of `.params` files; empty where there is none.
+    sidecar: String,
+    /// Checksum of the `.params` file.
+    params: Option<u64>,
+}
+
+/// Refuses to replace what was not written with a network.
+fn check(path: &Path) -> Result<Found, FamilyError> {
     let target = output::end_of_links(path).map_err(|source| FamilyError::Write { path: path.to_owned(), source })?;
     let [toml, params] = [".toml", ".params"].map(|suffix| beside(path, suffix));
     if target != path {
@@ -81,20 +112,22 @@ fn check(path: &Path) -> Result<(), FamilyError> {
     let Ok(sidecar) = sidecar else {
         return foreign(&toml, "was not written with a network, or was changed since");
     };
-    let Some(text) = text_of(&params)? else { return Ok(()) };
-    match sidecar {
-        Some(Known::Older) => Ok(()),
-        Some(Known::Signed { params: Some(sum) }) if sum == sum_of(text.as_bytes()) => Ok(()),
+    let sums = sidecar.as_ref().map(|known| known.params.clone());
+    let sidecar = sidecar.map_or_else(String::new, |known| known.text);
+    let Some(text) = text_of(&params)? else { return Ok(Found { sidecar, params: None }) };
+    let sum = sum_of(text.as_bytes());
+    match sums {
+        Some(sums) if sums.as_ref().is_none_or(|sums| sums.contains(&sum)) => Ok(Found { sidecar, params: Some(sum) }),
         _ => foreign(&params, "was not written with the network, or was changed since"),
     }
 }
 
 /// A sidecar as it was written.
-enum Known {
-    /// With the checksum of the `.params` file that was written with it.
-    Signed { params: Option<u64> },
-    /// By a version that did not sign.
-    Older,
+struct Known {
+    /// Without signature and checksums.
+    text: String,
+    /// The checksums of `.params` files that may lie beside it; `None` by a version that did not sign.
+    params: Option<Vec<u64>>,
 }
 
 /// `None` for a text that is not as a sidecar was written.
@@ -108,19 +141,27 @@ fn sidecar_of(file: &Path, text: &str) -> Option<Known> {
         parse(file, text.as_bytes(), fibers).ok()
     };
     match below_signature(text) {
-        Some((below, true)) => is_sidecar(below).map(|_| Known::Signed { params: params_sum(below) }),
+        Some((below, true)) => is_sidecar(below).map(|_| without_sums(below)),
         Some((_, false)) => None,
         // One that a person wrote has comments, another order, numbers in another form, or no unit.
         None => {
             let sidecar = is_sidecar(text)?;
-            (sidecar.length_unit.is_some() && sidecar.to_toml().ok()? == text).then_some(Known::Older)
+            let is_written = sidecar.length_unit.is_some() && sidecar.to_toml().ok()? == text;
+            is_written.then(|| Known { text: text.to_owned(), params: None })
         }
     }
 }
 
-fn params_sum(text: &str) -> Option<u64> {
-    let sum = text.lines().next()?.strip_prefix(PARAMS_LINE)?;
-    u64::from_str_radix(sum, 16).ok()
+/// Separates the checksums from the sidecar below them.
+fn without_sums(mut text: &str) -> Known {
+    let mut sums = Vec::new();
+    while let Some((line, rest)) = text.split_once('\n')
+        && let Some(sum) = line.strip_prefix(PARAMS_LINE)
+    {
+        sums.extend(u64::from_str_radix(sum, 16));
+        text = rest;
+    }
+    Known { text: text.to_owned(), params: Some(sums) }
 }
 
 /// The text of a regular file, or of one that a link leads to; `None` where there is none.
@@ -136,4 +177,69 @@ fn text_of(path: &Path) -> Result<Option<String>, FamilyError> {
         },
     };
     Err(FamilyError::Foreign { path: path.to_owned(), what })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fiber::law::{FiberMaterial, Law};
+    use crate::fiber::network::file::{read, write_params};
+
+    const BARE: &str = "9 8 0\n0 0 0\n2 0 0\n0 2 0\n2 2 0\n0 0 2\n2 0 2\n0 2 2\n2 2 2\n1 1 1\n\
+                        0 8\n1 8\n2 8\n3 8\n4 8\n5 8\n6 8\n7 8\n";
+
+    fn network(folder: &Path, law: Law) -> (Network, Sidecar) {
+        let path = folder.join("bare.txt");
+        std::fs::write(&path, BARE).unwrap();
+        let material = FiberMaterial { law, radius: 1e-7, density: None };
+        let network = Network::clone(&read(&path).unwrap().network).of_one_material(material.clone());
+        let length_unit = Some("edge of the cube".to_owned());
+        (network, Sidecar { material: Some(material), length_unit, ..Sidecar::default() })
+    }
+
+    #[test]
+    fn a_process_killed_between_the_files_does_not_lock_the_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let [soft, stiff] = [1e6, 1e8].map(|youngs_modulus| network(folder.path(), Law::Linear { youngs_modulus }));
+        // The format of .params files does not know it.
+        let curved = network(folder.path(), Law::Exponential { youngs_modulus: 1e7, nonlinearity: 1.2 });
+        for (number, (before, after)) in
+            [(None, &soft), (Some(&soft), &stiff), (Some(&soft), &curved), (Some(&curved), &stiff)]
+                .into_iter()
+                .enumerate()
+        {
+            for files in 0.. {
+                let path = folder.path().join(format!("net-{number}-{files}.txt"));
+                if let Some((network, sidecar)) = before {
+                    write_family(&path, network, sidecar).unwrap();
+                }
+                let mut left = files;
+                let go_on = || match left {
+                    0 => Err(io::Error::other("killed")),
+                    _ => Ok(left -= 1),
+                };
+                if write_one_by_one(&path, &after.0, &after.1, go_on).is_ok() {
+                    assert!(files >= 3);
+                    break;
+                }
+                for (network, sidecar) in [after, &soft] {
+                    write_family(&path, network, sidecar)
+                        .unwrap_or_else(|error| panic!("after {files} files: {error}"));
+                    let law = read(&path).unwrap().network.materials()[0].law.clone();
+                    assert_eq!(law, network.materials()[0].law, "after {files} files");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn params_of_a_stranger_stay() {
+        let folder = tempfile::tempdir().unwrap();
+        let [soft, stiff] = [1e6, 1e8].map(|youngs_modulus| network(folder.path(), Law::Linear { youngs_modulus }));
+        let path = folder.path().join("net.txt");
+        write_family(&path, &soft.0, &soft.1).unwrap();
+        write_params(&path, &stiff.0).unwrap();
+        let error = write_family(&path, &stiff.0, &stiff.1).unwrap_err().to_string();
+        assert!(error.contains("net.txt.params: was not written with the network"), "{error}");
+    }
 }

@@ -45,6 +45,11 @@ pub fn write_parts(path: &Path, nodes: &[[f64; 3]], fibers: &[[u32; 2]]) -> io::
 /// # Errors
 /// [`io::ErrorKind::InvalidInput`] where [`fits_params`] says no; otherwise what the operating system says.
 pub fn write_params(path: &Path, network: &Network) -> io::Result<()> {
+    output::write(&beside(path, ".params"), params_text(network)?.as_bytes())
+}
+
+/// What [`write_params`] writes.
+pub(super) fn params_text(network: &Network) -> io::Result<String> {
     if network.materials().is_empty() {
         return Err(io::Error::new(io::ErrorKind::InvalidInput, "the network has no materials"));
     }
@@ -62,7 +67,7 @@ pub fn write_params(path: &Path, network: &Network) -> io::Result<()> {
     for reaction in network.reaction_of() {
         let _ = writeln!(text, "{reaction}");
     }
-    output::write(&beside(path, ".params"), text.as_bytes())
+    Ok(text)
 }
 
 /// Whether the `.params` format can hold the materials of a network: there are some, and all their laws are `linear` or
