@@ -12,8 +12,8 @@ use super::results::log::{
     Balance, Cut, Event, Factorisations, LogWriter, NewtonLog, NewtonSeconds, RankSeconds, Ranks, RveLog, Step,
 };
 use super::results::{
-    self, CASE_FILE, Collection, FieldFile, FieldSet, LOADS_FILE, LOG_FILE, LoadsWriter, Pieces, ResultsError,
-    SurfaceRow, Written, write_vtu,
+    self, CASE_FILE, Collection, Done, FIELDS_FILE, FieldFile, FieldSet, LOADS_FILE, LOG_FILE, LoadsWriter, Pieces,
+    ResultsError, SurfaceRow, Written, write_vtu,
 };
 use super::rve_dump::lost_file;
 use super::rve_files::NetworkFiles;
@@ -43,10 +43,8 @@ impl Progress for () {
 
 /// Where a run goes on that was taken up again.
 pub(super) struct GoingOn {
-    /// The last full step.
-    pub done: usize,
-    /// Its pseudo-time.
-    pub t: f64,
+    /// The full steps.
+    pub done: Done,
     /// What the run had written until then.
     pub written: Written,
 }
@@ -84,7 +82,7 @@ impl<'a> Recorder<'a> {
         std::fs::create_dir_all(dir).map_err(ResultsError::write(dir))?;
         match resumed {
             // Its run may have been killed before it had removed those that are too old.
-            Some(on) => checkpoint::keep_last(dir, on.done)?,
+            Some(on) => checkpoint::keep_last(dir, on.done.steps)?,
             None => {
                 // Checkpoints first: none may outlive the results that belong to it.
                 checkpoint::clear(dir)?;
@@ -104,12 +102,12 @@ impl<'a> Recorder<'a> {
                 LogWriter::create(&log_file)?,
                 Collection::new(dir),
             ),
-            Some(GoingOn { done, t, written }) => {
+            Some(GoingOn { done, written }) => {
                 let known: Vec<Entry> = written.fields.iter().map(FieldFile::entry).collect();
                 (
-                    LoadsWriter::resume(&loads_file, &surfaces, &points, &regions, *done)?,
+                    LoadsWriter::resume(&loads_file, &surfaces, &points, &regions, done.steps)?,
                     LogWriter::resume(&log_file)?,
-                    Collection::resume(dir, *t, &known)?,
+                    Collection::resume(dir.join(FIELDS_FILE), done.t(), &known)?,
                 )
             }
         };
@@ -121,7 +119,7 @@ impl<'a> Recorder<'a> {
             loads,
             log,
             fields,
-            networks: NetworkFiles::open(dir, elements, resumed.map(|on| on.t))?,
+            networks: NetworkFiles::open(dir, elements, resumed.map(|on| on.done))?,
             volumes: (0..mesh.elements().len()).map(|element| mesh.element_volume(element)).collect(),
             stress: CauchyStress::new(case, mesh),
             progress,

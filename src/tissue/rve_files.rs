@@ -1,5 +1,6 @@
 //! The deformed networks of the elements that a case asks for: `rve/` in the result directory.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
@@ -8,7 +9,9 @@ use super::case::{Case, RveOutput};
 use super::micro_scale::{DeformedNetwork, TissueMaterial};
 use super::results::collection::partial;
 use super::results::networks::{network_collection, network_file};
-use super::results::{Collection, NETWORKS_FOLDER, NetworkSet, ResultsError, write_vtp};
+use super::results::{
+    Collection, Done, NETWORKS_FOLDER, NetworkSeries, NetworkSet, ResultsError, network_series, write_vtp,
+};
 use crate::input::{InputError, InputErrors};
 
 /// The elements whose networks a case wants written, ascending.
@@ -47,24 +50,23 @@ pub(super) struct NetworkFiles {
 }
 
 impl NetworkFiles {
-    /// Of a run from the beginning, or of one that goes on after pseudo-time `resumed`.
-    pub fn open(dir: &Path, elements: &[usize], resumed: Option<f64>) -> Result<Self, ResultsError> {
+    /// Of a run from the beginning, or of one that goes on. Then the networks of all elements, asked for or not, are listed up
+    /// to there.
+    pub fn open(dir: &Path, elements: &[usize], resumed: Option<Done>) -> Result<Self, ResultsError> {
         let folder = dir.join(NETWORKS_FOLDER);
         if !elements.is_empty() {
             std::fs::create_dir_all(&folder).map_err(ResultsError::write(&folder))?;
         }
-        if let Some(t) = resumed {
-            shorten_others(&folder, elements, t)?;
+        let collection = |element: usize| Collection::at(folder.join(network_collection(element)));
+        let mut series: BTreeMap<usize, Collection> =
+            elements.iter().map(|&element| (element, collection(element))).collect();
+        if let Some(done) = resumed {
+            for NetworkSeries { element, files } in network_series(&folder, done)? {
+                let resumed = Collection::resume(folder.join(network_collection(element)), done.t(), &files)?;
+                series.entry(element).and_modify(|collection| *collection = resumed);
+            }
         }
-        let series = elements.iter().map(|&element| {
-            let path = folder.join(network_collection(element));
-            let collection = match resumed {
-                Some(t) => Collection::resume_at(path, t)?,
-                None => Collection::at(path),
-            };
-            Ok((element, collection))
-        });
-        Ok(Self { series: series.collect::<Result<_, ResultsError>>()?, folder })
+        Ok(Self { series: series.into_iter().collect(), folder })
     }
 
     /// The folder of the files, where there are any.
@@ -98,21 +100,4 @@ impl NetworkFiles {
             collection.add(t, &name)
         })
     }
-}
-
-/// Takes what is later than `t` out of the collections of elements whose networks the run no longer writes.
-fn shorten_others(folder: &Path, elements: &[usize], t: f64) -> Result<(), ResultsError> {
-    let own: Vec<String> = elements.iter().map(|&element| network_collection(element)).collect();
-    let entries = match std::fs::read_dir(folder) {
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(()),
-        entries => entries.map_err(ResultsError::read(folder))?,
-    };
-    for entry in entries {
-        let path = entry.map_err(ResultsError::read(folder))?.path();
-        let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
-        if name.starts_with("element-") && name.ends_with(".pvd") && !own.iter().any(|other| other == name) {
-            Collection::resume_at(path, t)?;
-        }
-    }
-    Ok(())
 }

@@ -7,8 +7,8 @@ use biotissue::tissue::results::collection::{field_file, index_file};
 use biotissue::tissue::results::log::{self, Cut, End, NewtonLog, RveLog, Start, Step};
 use biotissue::tissue::results::networks::network_file;
 use biotissue::tissue::results::{
-    Collection, Event, FieldSet, Fields, Loads, LoadsWriter, LogWriter, NetworkSet, Networks, Pieces, ResultsError,
-    SurfaceRow, read_vtp, read_vtu, write_vtp, write_vtu,
+    Collection, Event, FIELDS_FILE, FieldSet, Fields, Loads, LoadsWriter, LogWriter, NetworkSet, Networks, Pieces,
+    ResultsError, SurfaceRow, read_vtp, read_vtu, write_vtp, write_vtu,
 };
 
 /// Two tetrahedra with numbers that only survive bit for bit: no short decimals, the extremes, both zeros.
@@ -318,7 +318,7 @@ fn the_collection_is_whole_after_every_step() {
     }
     collection.add(2.0, "a & \"b\" <c>.vtu").unwrap();
     assert_eq!(Collection::read(dir.path()).unwrap(), collection);
-    let resumed = Collection::resume(dir.path(), 2.0 / 3.0, &[]).unwrap();
+    let resumed = Collection::resume(dir.path().join(FIELDS_FILE), 2.0 / 3.0, &[]).unwrap();
     assert_eq!(resumed.entries().len(), 2);
 
     let pvd = dir.path().join("fields.pvd");
@@ -326,7 +326,7 @@ fn the_collection_is_whole_after_every_step() {
     std::fs::write(&pvd, &text[..text.len() / 2]).unwrap();
     assert!(matches!(Collection::read(dir.path()), Err(ResultsError::Damaged { .. })));
     // What a run knows that it has written is entered again.
-    let restored = Collection::resume(dir.path(), 2.0 / 3.0, resumed.entries()).unwrap();
+    let restored = Collection::resume(dir.path().join(FIELDS_FILE), 2.0 / 3.0, resumed.entries()).unwrap();
     assert_eq!((&restored, &Collection::read(dir.path()).unwrap()), (&resumed, &resumed));
 }
 

@@ -65,14 +65,25 @@ pub(super) fn is_part(name: &str) -> bool {
     numbers.is_some_and(|[step, part]| name == part_file(&index_file(step), part))
 }
 
+/// The element and the step whose network this file holds.
+pub(super) fn element_and_step(name: &str) -> Option<(usize, usize)> {
+    let [element, step] = numbers(name, ["element-", "-step-", ".vtp"])?;
+    (name == network_file(element, step)).then_some((element, step))
+}
+
 pub(super) fn is_network(name: &str) -> bool {
-    let numbers = numbers(name, ["element-", "-step-", ".vtp"]);
-    numbers.is_some_and(|[element, step]| name == network_file(element, step))
+    element_and_step(name).is_some()
 }
 
 /// Whether this is the collection of the networks of an element.
 pub(super) fn is_collection(name: &str) -> bool {
-    numbers(name, ["element-", ".pvd"]).is_some_and(|[element]| name == network_collection(element))
+    element_of_collection(name).is_some()
+}
+
+/// The element whose networks this collection lists.
+pub(super) fn element_of_collection(name: &str) -> Option<usize> {
+    let [element] = numbers(name, ["element-", ".pvd"])?;
+    (name == network_collection(element)).then_some(element)
 }
 
 pub(super) fn is_lost(name: &str) -> bool {
@@ -95,7 +106,7 @@ pub(super) fn step_of_name(name: &str) -> Option<usize> {
     let step = match name {
         _ if is_field(name) => numbers(name, ["fields-", ".vtu"]).map(|[step]| step),
         _ if is_index(name) => numbers(name, ["fields-", ".pvtu"]).map(|[step]| step),
-        _ if is_network(name) => numbers(name, ["element-", "-step-", ".vtp"]).map(|[_, step]| step),
+        _ if is_network(name) => element_and_step(name).map(|(_, step)| step),
         _ => None,
     };
     step.or_else(|| numbers(name, ["fields-", "-part-", ".vtu"]).filter(|_| is_part(name)).map(|[step, _]| step))

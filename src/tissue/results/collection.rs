@@ -69,40 +69,33 @@ impl Collection {
         Self { path, entries: Vec::new() }
     }
 
-    /// The collection of a run that is resumed: what is there up to and including `time`, and all of `known`, which the run
-    /// had written until then.
+    /// The collection in `path` of a run that is resumed: what is there up to and including `time`, and all of `known`, which
+    /// the run had written until then. One that is missing or damaged is restored from what is known.
     ///
     /// # Errors
     /// [`ResultsError::Read`] where the system refuses, [`ResultsError::Write`].
-    pub fn resume(dir: &Path, time: f64, known: &[Entry]) -> Result<Self, ResultsError> {
-        let mut collection = Self::new(dir);
+    pub fn resume(path: PathBuf, time: f64, known: &[Entry]) -> Result<Self, ResultsError> {
+        let listed = Self::listed(&path)?;
+        let mut collection = Self::at(path);
+        if listed.is_none() && known.is_empty() {
+            return Ok(collection);
+        }
         collection.entries = known.to_vec();
-        // One that is missing or damaged is restored from what is known.
-        let others = match Self::read(dir) {
-            Ok(read) => read.entries,
-            Err(error) if error.is_not_found() && known.is_empty() => return Ok(collection),
-            Err(error) if error.is_not_found() || matches!(error, ResultsError::Damaged { .. }) => Vec::new(),
-            Err(error) => return Err(error),
-        };
-        let others = others.into_iter().filter(|entry| entry.time <= time && !known.contains(entry));
+        let others = listed.into_iter().flatten().filter(|entry| entry.time <= time && !known.contains(entry));
         collection.entries.extend(others);
         collection.entries.sort_by(|a, b| a.time.total_cmp(&b.time));
         collection.write()?;
         Ok(collection)
     }
 
-    /// The collection in a file of another name, up to and including `time`; an empty one where there is no file.
-    ///
-    /// # Errors
-    /// As [`read`](Self::read); [`ResultsError::Write`].
-    pub fn resume_at(path: PathBuf, time: f64) -> Result<Self, ResultsError> {
-        if !path.exists() {
-            return Ok(Self::at(path));
+    /// What a collection lists, nothing if it is damaged; `None` where there is none.
+    pub(super) fn listed(path: &Path) -> Result<Option<Vec<Entry>>, ResultsError> {
+        match Self::read_at(path.to_owned()) {
+            Ok(read) => Ok(Some(read.entries)),
+            Err(error) if error.is_not_found() => Ok(None),
+            Err(ResultsError::Damaged { .. }) => Ok(Some(Vec::new())),
+            Err(error) => Err(error),
         }
-        let mut collection = Self::read_at(path)?;
-        collection.entries.retain(|entry| entry.time <= time);
-        collection.write()?;
-        Ok(collection)
     }
 
     /// Reads `fields.pvd` of a directory.

@@ -46,7 +46,7 @@ pub use origin::check_origin;
 pub(in crate::tissue) use origin::{case_copy, is_report, results_without_checkpoint};
 pub use pieces::Pieces;
 pub(in crate::tissue) use replace::{replace, replace_by};
-pub use written::{FieldFile, Written};
+pub use written::{Done, FieldFile, NetworkSeries, Written, network_series};
 
 /// Name of the collection of field files in a result directory.
 pub const FIELDS_FILE: &str = "fields.pvd";

@@ -1,17 +1,40 @@
 //! What a checkpoint knows of the results that were written before it: a run that goes on from there finds them as they
 //! were, or says which file is not.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::clear::is_collection;
+use super::clear::{element_and_step, element_of_collection};
 use super::collection::Entry;
 use super::fields_read::sources;
 use super::loads::LineMark;
+use super::networks::network_collection;
 use super::{Collection, FIELDS_FILE, LOADS_FILE, Loads, NETWORKS_FOLDER, ResultsError};
+
+/// How far a run has come: so many load steps of all.
+#[derive(Clone, Copy, Debug)]
+pub struct Done {
+    /// Those that have converged.
+    pub steps: usize,
+    /// All.
+    pub of: usize,
+}
+
+impl Done {
+    /// Pseudo-time after the last of them.
+    #[must_use]
+    pub fn t(self) -> f64 {
+        self.t_of(self.steps)
+    }
+
+    fn t_of(self, step: usize) -> f64 {
+        step as f64 / self.of as f64
+    }
+}
 
 /// The results of a run up to a converged step.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -52,23 +75,18 @@ impl FieldFile {
 }
 
 impl Written {
-    /// Compares the files in `dir` with what was written until pseudo-time `t`; returns what will be restored. Nothing is
-    /// touched.
+    /// Compares the files in `dir` with what was written until then; returns what will be restored. Nothing is touched.
     ///
     /// # Errors
     /// [`ResultsError::Damaged`] for the first file that is missing or not as it was; [`ResultsError::Read`].
-    pub fn check(&self, dir: &Path, t: f64) -> Result<Vec<String>, ResultsError> {
+    pub fn check(&self, dir: &Path, done: Done) -> Result<Vec<String>, ResultsError> {
         Loads::check(&dir.join(LOADS_FILE), &self.loads)?;
-        let listed = match Collection::read(dir) {
-            Ok(read) => read.entries().to_vec(),
-            Err(error) if error.is_not_found() || matches!(error, ResultsError::Damaged { .. }) => Vec::new(),
-            Err(error) => return Err(error),
-        };
+        let t = done.t();
+        let collection = dir.join(FIELDS_FILE);
+        let listed = Collection::listed(&collection)?.unwrap_or_default();
         let lost = self.fields.iter().filter(|field| !listed.contains(&field.entry())).count();
-        let restored = (lost > 0).then(|| {
-            let files = if lost == 1 { "a field file".into() } else { format!("{lost} field files") };
-            format!("{}: does not list {files} of the run: they are entered again", dir.join(FIELDS_FILE).display())
-        });
+        let mut restored: Vec<String> =
+            entered_again(&collection, lost, "a field file", "field files").into_iter().collect();
         for field in &self.fields {
             let path = dir.join(&field.file);
             let bytes = whole(&path)?;
@@ -88,9 +106,33 @@ impl Written {
                 }
             }
         }
-        networks(&dir.join(NETWORKS_FOLDER), t)?;
-        Ok(restored.into_iter().collect())
+        let folder = dir.join(NETWORKS_FOLDER);
+        for networks in &network_series(&folder, done)? {
+            let collection = folder.join(network_collection(networks.element));
+            let listed = Collection::listed(&collection)?.unwrap_or_default();
+            for entry in listed.iter().filter(|entry| entry.time <= t) {
+                whole(&folder.join(&entry.file))?;
+            }
+            let lost = networks.files.iter().filter(|entry| !listed.contains(entry)).count();
+            restored.extend(entered_again(&collection, lost, "a network", "networks"));
+        }
+        Ok(restored)
     }
+}
+
+/// What is said of a collection that does not list so many files.
+fn entered_again(collection: &Path, count: usize, one: &str, several: &str) -> Option<String> {
+    let files = if count == 1 { one.to_owned() } else { format!("{count} {several}") };
+    let collection = collection.display();
+    (count > 0).then(|| format!("{collection}: does not list {files} of the run, which will be listed again"))
+}
+
+/// The network files of an element.
+pub struct NetworkSeries {
+    /// The element.
+    pub element: usize,
+    /// Those that are in the folder, up to the last step done, in ascending time.
+    pub files: Vec<Entry>,
 }
 
 const EXPECTED: &str = "every file of fields and networks that the run has written, as it was";
@@ -103,21 +145,27 @@ fn whole(path: &Path) -> Result<u64, ResultsError> {
     }
 }
 
-/// That the files of networks are there which the collections in `folder` list.
-fn networks(folder: &Path, t: f64) -> Result<(), ResultsError> {
+/// All elements that have a collection of networks in `folder`, or networks of the steps done, ascending.
+///
+/// # Errors
+/// [`ResultsError::Read`].
+pub fn network_series(folder: &Path, done: Done) -> Result<Vec<NetworkSeries>, ResultsError> {
     let entries = match fs::read_dir(folder) {
-        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
         entries => entries.map_err(ResultsError::read(folder))?,
     };
-    let paths: Result<Vec<PathBuf>, _> = entries.map(|entry| entry.map(|entry| entry.path())).collect();
-    let mut paths = paths.map_err(ResultsError::read(folder))?;
-    paths.sort_unstable();
-    let is_ours = |path: &Path| path.file_name().and_then(|name| name.to_str()).is_some_and(is_collection);
-    for path in paths.into_iter().filter(|path| is_ours(path)) {
-        let read = Collection::read_at(path)?;
-        for entry in read.entries().iter().filter(|entry| entry.time <= t) {
-            whole(&folder.join(&entry.file))?;
+    let mut steps = BTreeMap::<usize, BTreeMap<usize, String>>::new();
+    for entry in entries {
+        let Ok(name) = entry.map_err(ResultsError::read(folder))?.file_name().into_string() else { continue };
+        if let Some(element) = element_of_collection(&name) {
+            steps.entry(element).or_default();
+        } else if let Some((element, step)) = element_and_step(&name).filter(|&(_, step)| step <= done.steps) {
+            steps.entry(element).or_default().insert(step, name);
         }
     }
-    Ok(())
+    let series = steps.into_iter().map(|(element, files)| {
+        let files = files.into_iter().map(|(step, file)| Entry { time: done.t_of(step), file }).collect();
+        NetworkSeries { element, files }
+    });
+    Ok(series.collect())
 }

@@ -27,7 +27,7 @@ use super::checkpoint::{self, Checkpoint, Identity};
 use super::micro_scale::{TissueField, TissueMaterial};
 use super::record::{GoingOn, Progress, Recorder};
 use super::results::log::{End, Event, Start};
-use super::results::{self, DirectoryLock, ResultsError, Written};
+use super::results::{self, DirectoryLock, Done, ResultsError, Written};
 use crate::fem::mesh::Mesh;
 use crate::fem::stepping::{Stepper, SteppingError};
 use crate::las::{Backend, Scalar};
@@ -161,8 +161,8 @@ where
             warnings.push(format!("{}: no checkpoint: starting from the beginning", dir.display()));
             return Ok(Resumed { step: 0, warnings });
         };
-        let t = state.done as f64 / self.stepper.count() as f64;
-        let checked = if writers.is_writer() { written.check(dir, t) } else { Ok(Vec::new()) };
+        let done = Done { steps: state.done, of: self.stepper.count() };
+        let checked = if writers.is_writer() { written.check(dir, done) } else { Ok(Vec::new()) };
         let (restored, outcome) = match checked {
             Ok(restored) => (restored, Ok(())),
             Err(error) => (Vec::new(), Err(error)),
@@ -237,8 +237,10 @@ where
         start: Instant,
     ) -> Result<RunSummary, RunError<B::Fault>> {
         let done = self.stepper.done();
-        let t = done as f64 / self.stepper.count() as f64;
-        let on = (done > 0).then(|| GoingOn { done, t, written: std::mem::take(&mut self.written) });
+        let on = (done > 0).then(|| GoingOn {
+            done: Done { steps: done, of: self.stepper.count() },
+            written: std::mem::take(&mut self.written),
+        });
         let (opened, outcome) = match writers.is_writer() {
             false => (None, Ok(())),
             true => match Recorder::open(dir, &self.case, self.stepper.mesh(), &self.networks, on.as_ref(), progress) {

@@ -54,7 +54,26 @@ fn results_that_were_changed_are_not_gone_on_with() {
     fs::remove_file(killed.join("fields-00003.vtu")).unwrap();
     let resumed = resume(CASE, &killed);
     let [said] = &resumed.warnings[..] else { panic!("{resumed:?}") };
-    assert!(said.contains("fields.pvd: does not list 2 field files of the run: they are entered again"), "{said}");
+    assert!(said.contains("fields.pvd: does not list 2 field files of the run, which will be listed again"), "{said}");
+    assert_same(&whole, &killed);
+}
+
+#[test]
+fn collections_of_networks_that_are_lost_are_restored() {
+    let root = tempfile::tempdir().unwrap();
+    let (whole, killed) = whole_and_killed(root.path());
+    fs::remove_file(killed.join("rve/element-00007.pvd")).unwrap();
+    let cut = killed.join("rve/element-00000.pvd");
+    let text = fs::read_to_string(&cut).unwrap();
+    let lines: Vec<&str> = text.lines().filter(|line| !line.contains("step-00001")).collect();
+    fs::write(&cut, lines.join("\n")).unwrap();
+    let resumed = resume(CASE, &killed);
+    let said = |file: &str, what: &str| {
+        let collection = killed.join(file);
+        format!("{}: does not list {what} of the run, which will be listed again", collection.display())
+    };
+    let expected = [said("rve/element-00000.pvd", "a network"), said("rve/element-00007.pvd", "2 networks")];
+    assert_eq!(resumed.warnings, expected);
     assert_same(&whole, &killed);
 }
 
