@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Stdio};
+use std::process::{Child, Command, Stdio};
 
 use crate::run::{PRESSED, fibers, run, write_case};
 use crate::{frozen, line, program};
@@ -172,7 +172,12 @@ pub fn endless() -> String {
 
 /// A run that has said of its first step that it converged.
 pub fn started(folder: &Path, arguments: &str) -> (Child, BufReader<std::process::ChildStderr>) {
-    let mut child = program(folder).args(arguments.split_whitespace()).stderr(Stdio::piped()).spawn().unwrap();
+    begun(program(folder).args(arguments.split_whitespace()))
+}
+
+/// The same of a run of any command.
+fn begun(command: &mut Command) -> (Child, BufReader<std::process::ChildStderr>) {
+    let mut child = command.stderr(Stdio::piped()).spawn().unwrap();
     let mut stderr = BufReader::new(child.stderr.take().unwrap());
     let mut said = String::new();
     while !said.contains("step 2/") {
@@ -218,7 +223,7 @@ fn a_run_that_was_interrupted_says_how_to_go_on() {
             child.kill().unwrap();
             return;
         }
-        let sent = std::process::Command::new("kill").args([format!("-{signal}"), child.id().to_string()]).status();
+        let sent = Command::new("kill").args([format!("-{signal}"), child.id().to_string()]).status();
         assert!(sent.unwrap().success());
         let said: Vec<String> = stderr.lines().map(Result::unwrap).collect();
         assert_eq!(child.wait().unwrap().code(), Some(130), "{said:?}");
@@ -227,6 +232,34 @@ fn a_run_that_was_interrupted_says_how_to_go_on() {
         assert_eq!(said.last().map(String::as_str), Some(expected));
         line(folder.path(), "run case.toml --out out --resume").done();
         assert!(std::fs::read(folder.path().join("out/loads.csv")).unwrap() == whole);
+        std::fs::remove_dir_all(folder.path().join("out")).unwrap();
+    }
+}
+
+/// As under `nohup`, or in the background of a script: the others still end a run with a word.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_signal_that_a_run_was_started_to_ignore_stays_ignored() {
+    let folder = tempfile::tempdir().unwrap();
+    write_case(folder.path(), "endless.toml", &endless());
+    for (ignored, ends) in [("HUP", "INT"), ("INT", "TERM"), ("TERM", "HUP")] {
+        let mut command = Command::new("sh");
+        // A shell cannot take back what it was started to ignore.
+        let script = format!("trap '' {ignored}; exec \"$0\" run endless.toml --out out");
+        command.args(["-c", &script, env!("CARGO_BIN_EXE_biotissue")]).current_dir(folder.path());
+        let (mut child, stderr) = begun(&mut command);
+        if is_ignored(child.id()) && ends == "INT" {
+            eprintln!("skipped: the tests were started to ignore Ctrl-C");
+            child.kill().unwrap();
+            child.wait().unwrap();
+            continue;
+        }
+        let send = |signal: &str| Command::new("kill").args([format!("-{signal}"), child.id().to_string()]).status();
+        assert!(send(ignored).unwrap().success());
+        assert!(send(ends).unwrap().success());
+        let said: Vec<String> = stderr.lines().map(Result::unwrap).collect();
+        assert_eq!(child.wait().unwrap().code(), Some(130), "{said:?}");
+        assert_eq!(said.iter().filter(|line| line.starts_with("interrupted")).count(), 1, "{said:?}");
         std::fs::remove_dir_all(folder.path().join("out")).unwrap();
     }
 }

@@ -4,9 +4,14 @@ use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
 use std::process::exit;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use indicatif::ProgressBar;
+#[cfg(unix)]
+use signal_hook::{
+    consts::{SIGHUP, SIGINT, SIGTERM},
+    iterator::Signals,
+};
 
 use crate::output;
 
@@ -26,19 +31,32 @@ pub struct Interrupted {
 
 /// Ends this process at an interrupt with a word on how to go on. Nothing is left to tidy up: every file of the results is
 /// whole at any moment. A second interrupt ends the process even if that word cannot be written. Signals that the process
-/// was started to ignore stay ignored, as under `nohup`; the others then end it without a word.
+/// was started to ignore stay ignored, as SIGHUP under `nohup`.
+#[cfg(unix)]
 pub fn watch(run: Interrupted) {
-    let is_second = AtomicBool::new(false);
     // Without a handler an interrupt ends the process without a word, which is no reason not to run.
-    let _ = ctrlc::try_set_handler(move || {
-        if is_second.swap(true, Ordering::Relaxed) {
-            exit(INTERRUPTED);
+    let Ok(mut signals) = Signals::new(not_ignored()) else { return };
+    let wait = move || {
+        let mut signals = signals.forever();
+        if signals.next().is_some() && std::thread::Builder::new().spawn(move || run.end()).is_ok() {
+            signals.next();
         }
-        let run = run.clone();
-        if std::thread::Builder::new().spawn(move || run.end()).is_err() {
-            exit(INTERRUPTED);
-        }
-    });
+        exit(INTERRUPTED);
+    };
+    let _ = std::thread::Builder::new().spawn(wait);
+}
+
+/// Does nothing where there are no such signals.
+#[cfg(not(unix))]
+pub fn watch(_: Interrupted) {}
+
+/// The signals that this process was not started to ignore. Where the system does not tell, SIGHUP counts as ignored.
+#[cfg(unix)]
+fn not_ignored() -> Vec<i32> {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| u64::from_str_radix(line.strip_prefix("SigIgn:")?.trim(), 16).ok());
+    let mask = mask.unwrap_or(1 << (SIGHUP - 1));
+    [SIGINT, SIGTERM, SIGHUP].into_iter().filter(|signal| mask & (1 << (signal - 1)) == 0).collect()
 }
 
 impl Interrupted {
