@@ -227,3 +227,37 @@ fn an_accepted_state_does_not_depend_on_trial_states() {
     let (full_steps, _) = run(StepStart::Held, 0);
     assert!((full_steps - straight).abs() < 1e-8 * straight.abs(), "{full_steps} {straight}");
 }
+
+/// Points whose stress changes after Newton has converged, without a word: a fault of the material.
+struct Deceptive(FormulaField);
+
+impl PointField for Deceptive {
+    type Error = PointError;
+
+    fn update(&mut self, gradients: &[Matrix3<f64>], out: &mut PointResponses) -> Result<(), PointError> {
+        self.0.update(gradients, out)
+    }
+
+    fn verify(&mut self, _: &[Matrix3<f64>], out: &mut PointResponses) -> Result<bool, PointError> {
+        out.pk1[0] *= 1.0 + 1e-4;
+        Ok(false)
+    }
+
+    fn commit(&mut self) -> Result<(), PointError> {
+        Ok(())
+    }
+
+    fn revert(&mut self) -> Result<(), PointError> {
+        Ok(())
+    }
+}
+
+#[test]
+fn a_state_out_of_balance_is_not_accepted() {
+    let mesh = bar(6);
+    let params = StepParams { count: 1, max_cuts: 1, ..StepParams::default() };
+    let mut stepper = stepper(&mesh, &pushed(0.4), Deceptive(formula(&mesh)), params);
+    let SteppingError::NotConverged { reason, reached, .. } = stepper.run(&mut ()).unwrap_err();
+    assert!(matches!(reason, NewtonError::Problem(EquilibriumError::OutOfBalance { .. })), "{reason}");
+    assert_eq!((stepper.done(), reached), (0, 0.0));
+}
