@@ -213,10 +213,10 @@ mod tests {
                 if let Some((network, sidecar)) = before {
                     write_family(&path, network, sidecar).unwrap();
                 }
-                let mut left = files;
-                let go_on = || match left {
-                    0 => Err(io::Error::other("killed")),
-                    _ => Ok(left -= 1),
+                let mut left: usize = files;
+                let go_on = || {
+                    left = left.checked_sub(1).ok_or_else(|| io::Error::other("killed"))?;
+                    Ok(())
                 };
                 if write_one_by_one(&path, &after.0, &after.1, go_on).is_ok() {
                     assert!(files >= 3);
