@@ -8,7 +8,7 @@
 //! the lines of PETSc alone, on that many ranks.
 //!
 //! Every problem is solved from rest several times, by the whole Newton in one increment. A time is that of all iterations of
-//! one such solution over their number, assembly, factorisation, solution and residuals together; what is done once for a
+//! one such solution over their number, assembly, factorization, solution and residuals together; what is done once for a
 //! pattern is left out. Given are the smallest and the median of the solutions.
 
 use std::sync::Arc;

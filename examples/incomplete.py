@@ -1,4 +1,4 @@
-"""The table of `incomplete.rs` with SciPy's incomplete factorisation (SuperLU's ILUTP): as it comes, with an order of columns
+"""The table of `incomplete.rs` with SciPy's incomplete factorization (SuperLU's ILUTP): as it comes, with an order of columns
 and pivoting of its own, and without both.
 
     python3 examples/incomplete.py FOLDER

@@ -1,11 +1,11 @@
-//! Iterations of Krylov methods by how much an incomplete factorisation keeps, on two matrices.
+//! Iterations of Krylov methods by how much an incomplete factorization keeps, on two matrices.
 //!
 //! ```text
 //! cargo run --release --example incomplete [-- FOLDER]
 //! ```
 //!
 //! prints the table of `docs/incomplete.md`; with a folder it also writes the matrices there as Matrix Market files, for
-//! `python3 examples/incomplete.py FOLDER`, which does the same with the incomplete factorisation of SciPy.
+//! `python3 examples/incomplete.py FOLDER`, which does the same with the incomplete factorization of SciPy.
 //!
 //! The matrices: the stiffness of a Delaunay network of 1 000 points at rest (3 000 unknowns, symmetric, definite), and
 //! convection and diffusion on a square of 60 by 60 (3 600 unknowns, unsymmetric).
@@ -91,13 +91,13 @@ fn network() -> Result<Matrix, Error> {
 /// `-laplace u + c . grad u` by central differences.
 fn convection(side: i32) -> Result<Matrix, Error> {
     let at = |i: i32, j: i32| i * side + j;
-    let mut neighbours = Vec::new();
+    let mut neighbors = Vec::new();
     for i in 0..side {
         for j in 0..side {
-            neighbours.extend([[at(i, j), at((i + 1).min(side - 1), j)], [at(i, j), at(i, (j + 1).min(side - 1))]]);
+            neighbors.extend([[at(i, j), at((i + 1).min(side - 1), j)], [at(i, j), at(i, (j + 1).min(side - 1))]]);
         }
     }
-    let pattern = Arc::new(Sparsity::from_elements((side * side) as usize, neighbours)?);
+    let pattern = Arc::new(Sparsity::from_elements((side * side) as usize, neighbors)?);
     let mut a = Sparse::<f64>::matrix(&(), &pattern)?;
     for i in 0..side {
         for j in 0..side {

@@ -64,7 +64,7 @@ fn main() -> Result<(), Error> {
         let report = solved.report();
         let seconds = report.newton.seconds;
         say(format!(
-            "increment {part}: {} iterations in {:.1} s (factorisations {:.1} s, solutions {:.2} s, assembly {:.2} s)",
+            "increment {part}: {} iterations in {:.1} s (factorizations {:.1} s, solutions {:.2} s, assembly {:.2} s)",
             report.iterations,
             before.elapsed().as_secs_f64(),
             seconds.factor,

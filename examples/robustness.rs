@@ -9,7 +9,7 @@
 //! that has not begun when the time is up counts as not tried.
 //!
 //! Half of the networks are Delaunay networks, brought to equilibrium by the whole ladder. The other half are Voronoi
-//! networks, which are floppy, and are brought there by dynamic relaxation with its finish by regularised Newton. Both in
+//! networks, which are floppy, and are brought there by dynamic relaxation with its finish by regularized Newton. Both in
 //! three alignments, with 200 to 3 000 nodes.
 
 use std::collections::BTreeMap;

@@ -94,7 +94,7 @@
 #define LAS_UNSYMMETRIC 2
 
 /**
- * Solve by a factorisation.
+ * Solve by a factorization.
  */
 #define LAS_DIRECT 0
 
@@ -104,12 +104,12 @@
 #define LAS_CG 1
 
 /**
- * Solve by stabilised biconjugate gradients.
+ * Solve by stabilized biconjugate gradients.
  */
 #define LAS_BICGSTAB 2
 
 /**
- * Solve by generalised minimal residuals.
+ * Solve by generalized minimal residuals.
  */
 #define LAS_GMRES 3
 
@@ -129,7 +129,7 @@
 #define LAS_DIAGONAL 1
 
 /**
- * Iterate with an incomplete factorisation.
+ * Iterate with an incomplete factorization.
  */
 #define LAS_ILUT 2
 
@@ -1455,7 +1455,7 @@ int32_t las_solve_many_petsc(struct las_solver_petsc *solver,
 
 /**
  * Makes the backend on the ranks of a communicator, given by its Fortran handle: MPI_Comm_c2f(comm) in C, comm%MPI_VAL in
- * Fortran. MPI must be initialised; all ranks of the communicator call this together.
+ * Fortran. MPI must be initialized; all ranks of the communicator call this together.
  *
  * On several ranks (las_create_petsc makes the backend on all of them) every rank runs the same program on the same data:
  * each assembles the whole matrix, and keeps the rows that it owns of it; vectors lie whole on each. Reading a matrix,

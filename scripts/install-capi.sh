@@ -4,7 +4,7 @@
 #     bash scripts/install-capi.sh PREFIX [FEATURES]
 #
 # FEATURES: the backends, by default sparse,dense,batched. Then: cc code.c $(pkg-config --cflags --libs las); for the static
-# library name PREFIX/lib/liblas.a in place of -llas. PROFILE=checked builds with checks and without optimisation.
+# library name PREFIX/lib/liblas.a in place of -llas. PROFILE=checked builds with checks and without optimization.
 set -euo pipefail
 
 prefix=${1:?where to: bash scripts/install-capi.sh PREFIX [FEATURES]}

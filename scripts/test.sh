@@ -47,7 +47,7 @@ export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OPENBLAS_NUM_TH
 if [ ! -d target/debug ]; then
     export CARGO_INCREMENTAL=0 CARGO_PROFILE_DEV_CODEGEN_UNITS=1 CARGO_PROFILE_DEV_DEBUG=false
 fi
-# Nor are programs that run a few seconds worth what it takes to optimise each package once more as a whole.
+# Nor are programs that run a few seconds worth what it takes to optimize each package once more as a whole.
 export CARGO_PROFILE_DEV_LTO=off
 
 say "format"
@@ -109,12 +109,12 @@ beside() {
     bash scripts/capi.sh
 
     say "what the abstraction costs, instruction by instruction"
-    # What is measured is our own: these take the most time to optimise, and are not run.
-    local optimised=(--config 'profile.release.package."*".debug=false')
+    # What is measured is our own: these take the most time to optimize, and are not run.
+    local optimized=(--config 'profile.release.package."*".debug=false')
     for package in faer wide nalgebra simba nano-gemm-{c,f}{32,64} gemm-{c,f}{32,64} iced-x86 object; do
-        optimised+=(--config "profile.release.package.$package.opt-level=0")
+        optimized+=(--config "profile.release.package.$package.opt-level=0")
     done
-    cargo build --quiet --release "${optimised[@]}" --package overhead --features petsc --bin overhead
+    cargo build --quiet --release "${optimized[@]}" --package overhead --features petsc --bin overhead
     target/beside/release/overhead
 
     # What follows is of the same build as the tests of the sets.
@@ -156,7 +156,7 @@ wait "$reading"
 # Four whole sets. The examples, which the lints have checked, are built where they run.
 for features in default "sparse batched hwloc metis" dense petsc; do
     say "tests: $features"
-    # Unit tests take longer to optimise than to run without that.
+    # Unit tests take longer to optimize than to run without that.
     # shellcheck disable=SC2046
     cargo test --quiet "${alike[@]}" --lib --config profile.dev.package.biotissue.opt-level=0 $(of "$features")
     programs=(--bins)

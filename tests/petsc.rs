@@ -21,7 +21,7 @@ use biotissue::fem::material::NeoHookean;
 use biotissue::fem::point_field::FormulaField;
 use biotissue::fem::stepping::{StepParams, Stepper};
 use biotissue::las::{
-    Backend, Ending, Entries, FactorReport, Factorisation, Iterative, Krylov, MatMat, MatVec, MatrixOps, NewtonSystem,
+    Backend, Ending, Entries, FactorReport, Factorization, Iterative, Krylov, MatMat, MatVec, MatrixOps, NewtonSystem,
     Preconditioner, SolveError, Solver, SolverParams, Sparsity, Symmetry, VectorOps, conformance,
 };
 use mpi::collective::SystemOperation;
@@ -160,7 +160,7 @@ fn sessions(context: Context) {
     drop(b);
     assert!(x.norm().unwrap() > 0.0);
     drop(x);
-    // The session had initialised MPI, which starts only once.
+    // The session had initialized MPI, which starts only once.
     assert_eq!(Session::new().err(), Some(SessionError::Ended));
 }
 
@@ -218,7 +218,7 @@ fn blocks(context: &Context) {
         assert!(y[0].as_slice().iter().zip(y[1].as_slice()).all(|(a, b)| (a - b).abs() < 1e-12));
         let symbolic = Petsc::analyze(&baij, &pattern, &SolverParams::default()).unwrap();
         let mut solver = Petsc::solver(&symbolic).unwrap();
-        assert_eq!(solver.factor(&b).unwrap().kind, Factorisation::Cholesky);
+        assert_eq!(solver.factor(&b).unwrap().kind, Factorization::Cholesky);
         solver.solve(&x, &mut y[0]).unwrap();
         assert!(residual(&a, &x, &y[0]) < 1e-13);
     }
@@ -281,7 +281,7 @@ fn verbs_on_threads(context: &Context) {
                 a.get(&[0], &[0], &mut entry).unwrap();
                 assert_eq!(entry, [8.0]);
                 a.for_each(|_, _, value| sum += value).unwrap();
-                // 4 a row and 8 in the first, and two pairs of neighbours along x and y, drift left out.
+                // 4 a row and 8 in the first, and two pairs of neighbors along x and y, drift left out.
                 let side = f64::from(side);
                 assert_eq!(sum, 4.0 * side * side + 4.0 - 4.0 * side * (side - 1.0));
             });
@@ -382,7 +382,7 @@ fn iterative_methods(context: &Context) {
             let mut solver = Petsc::solver(&Petsc::analyze(context, &pattern, &params).unwrap()).unwrap();
             assert!(matches!(solver.solve(&b, &mut ones(context, len)), Err(SolveError::NotFactored)));
             let report = solver.factor_definite(&a).unwrap();
-            assert_eq!((report.kind, report.negative_pivots), (Factorisation::Approximate, None));
+            assert_eq!((report.kind, report.negative_pivots), (Factorization::Approximate, None));
             let mut x = ones(context, len);
             let report = solver.solve(&b, &mut x).unwrap();
             let found = residual(&a, &b, &x);
@@ -432,14 +432,14 @@ fn options(context: &Context) {
         assert!(residual(&a, &b, &x) < 1e-4);
         Ok(report)
     };
-    assert_eq!(factor(Symmetry::Definite).unwrap().kind, Factorisation::Cholesky);
+    assert_eq!(factor(Symmetry::Definite).unwrap().kind, Factorization::Cholesky);
     context.set_option("pc_type", "lu").unwrap();
-    assert_eq!(factor(Symmetry::Definite).unwrap().kind, Factorisation::Lu);
+    assert_eq!(factor(Symmetry::Definite).unwrap().kind, Factorization::Lu);
     context.clear_option("pc_type").unwrap();
     if context.ranks() == 1 {
         context.set_option("pc_factor_mat_solver_type", "petsc").unwrap();
         let report = factor(Symmetry::Definite).unwrap();
-        assert_eq!((report.kind, report.negative_pivots), (Factorisation::Cholesky, Some(0)));
+        assert_eq!((report.kind, report.negative_pivots), (Factorization::Cholesky, Some(0)));
     }
     context.set_option("pc_factor_mat_solver_type", "nonsense").unwrap();
     let Err(SolveError::Fault(error)) = factor(Symmetry::None) else { panic!("there is no such package") };
@@ -448,7 +448,7 @@ fn options(context: &Context) {
     context.clear_option("pc_factor_mat_solver_type").unwrap();
     context.set_option("pc_type", "jacobi").unwrap();
     context.set_option("ksp_type", "cg").unwrap();
-    assert_eq!(factor(Symmetry::None).unwrap().kind, Factorisation::Approximate);
+    assert_eq!(factor(Symmetry::None).unwrap().kind, Factorization::Approximate);
     context.clear_option("pc_type").unwrap();
     context.clear_option("ksp_type").unwrap();
 }
@@ -480,7 +480,7 @@ fn errors(context: &Context) {
 /// Halves of the world solve systems of their own.
 fn split_communicators(context: &Context) {
     let world = SimpleCommunicator::world();
-    let half = world.split_by_color(Color::with_value(world.rank() % 2)).expect("of one colour");
+    let half = world.split_by_color(Color::with_value(world.rank() % 2)).expect("of one color");
     let half = Context::new(context.session(), &half);
     assert_eq!(half.ranks(), (context.ranks() + 1 - context.rank() % 2) / 2);
     let side = 6 + (context.rank() % 2) as i32;
@@ -521,7 +521,7 @@ fn frozen_rve(context: &Context) {
 }
 
 #[cfg(any(feature = "sparse", feature = "dense"))]
-fn same_tangent<B>(tangent: &biotissue::fiber::homogenise::Tangent, f: &Matrix3<f64>)
+fn same_tangent<B>(tangent: &biotissue::fiber::homogenize::Tangent, f: &Matrix3<f64>)
 where
     B: Backend<Scalar = f64, Context = ()>,
     B::Reduced: biotissue::las::Scalar,

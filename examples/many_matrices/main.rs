@@ -1,4 +1,4 @@
-//! Some two dozen matrices, each on the backend that suits it: waves in a magnetised plasma.
+//! Some two dozen matrices, each on the backend that suits it: waves in a magnetized plasma.
 //!
 //! ```text
 //! cargo build --release --features petsc --example many_matrices

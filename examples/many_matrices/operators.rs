@@ -37,19 +37,19 @@ pub struct Operators {
     pub density: Matrix,
     /// `-laplace` by central differences twice, as the current has it.
     pub current: Matrix,
-    /// `-laplace` on neighbours, and `-(B . grad)^2`: what spreads in all directions, and along the field.
+    /// `-laplace` on neighbors, and `-(B . grad)^2`: what spreads in all directions, and along the field.
     pub spreading: Matrix,
     pub along: Matrix,
 }
 
-/// A matrix on the periodic grid that is the same at each node: steps in `x` and `y` to a neighbour, and the value there.
-pub fn stencil(neighbours: &[(usize, usize, f64)]) -> Result<Matrix, Error> {
+/// A matrix on the periodic grid that is the same at each node: steps in `x` and `y` to a neighbor, and the value there.
+pub fn stencil(neighbors: &[(usize, usize, f64)]) -> Result<Matrix, Error> {
     let at = |node: usize, (i, j): (usize, usize)| (node / SIDE + i) % SIDE * SIDE + (node % SIDE + j) % SIDE;
-    let to_neighbours = |node| neighbours.iter().map(move |&(i, j, _)| [node as i32, at(node, (i, j)) as i32]);
-    let pairs = (0..NODES).flat_map(to_neighbours);
+    let to_neighbors = |node| neighbors.iter().map(move |&(i, j, _)| [node as i32, at(node, (i, j)) as i32]);
+    let pairs = (0..NODES).flat_map(to_neighbors);
     let mut a = Local::matrix(&(), &Sparsity::from_elements(NODES, pairs)?.into())?;
     for node in 0..NODES {
-        for &(i, j, value) in neighbours {
+        for &(i, j, value) in neighbors {
             a.add(&[node as i32], &[at(node, (i, j)) as i32], &[value])?;
         }
     }

@@ -16,7 +16,7 @@ pub(super) fn at_sight(params: &SolverParams) -> f64 {
     params.singular_below.unwrap_or(f64::MIN_POSITIVE)
 }
 
-/// Refuses a factorisation that shows its matrix not to be positive definite, or cannot show it.
+/// Refuses a factorization that shows its matrix not to be positive definite, or cannot show it.
 #[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
 pub(super) fn definite<F>(backend: &'static str, report: FactorReport) -> Result<FactorReport, SolveError<F>> {
     match report.negative_pivots {

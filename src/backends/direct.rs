@@ -1,4 +1,4 @@
-//! What the direct solvers of the backends in memory share: the judgement of pivots, and their scratch.
+//! What the direct solvers of the backends in memory share: the judgment of pivots, and their scratch.
 
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::linalg::cholesky::lblt::factor::LbltParams;
@@ -12,7 +12,7 @@ pub(super) fn ldlt_params<T: RealField>() -> Spec<LbltParams, T> {
     Spec::new(LbltParams { block_size: 0, ..<LbltParams as Auto<T>>::auto() })
 }
 
-/// The extreme pivots of a factorisation, collected in the order of elimination.
+/// The extreme pivots of a factorization, collected in the order of elimination.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pivots {
     smallest: f64,
@@ -56,7 +56,7 @@ impl Pivots {
         self.see(small, position + usize::from(second));
     }
 
-    /// Of a factorisation that does not show its pivots but for an estimate of their ratio.
+    /// Of a factorization that does not show its pivots but for an estimate of their ratio.
     #[cfg(feature = "sparse")]
     pub(super) fn of_ratio(ratio: f64) -> Self {
         Self { smallest: ratio, position: 0, largest: 1.0, negative: 0 }
@@ -107,7 +107,7 @@ impl Pivots {
     }
 }
 
-/// Working memory of the factorisation library: grows to the largest request and stays.
+/// Working memory of the factorization library: grows to the largest request and stays.
 pub(super) struct Scratch {
     granted: StackReq,
     memory: MemBuffer,

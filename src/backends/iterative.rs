@@ -3,7 +3,7 @@
 use crate::backends::checks::check_columns;
 use crate::backends::direct::Pivots;
 use crate::las::krylov::KrylovSpace;
-use crate::las::{Backend, FactorReport, Factorisation, Iterative, MatVec, Scalar, SolveError, SolveReport, VectorOps};
+use crate::las::{Backend, FactorReport, Factorization, Iterative, MatVec, Scalar, SolveError, SolveReport, VectorOps};
 
 /// What a backend makes of a matrix for a Krylov method.
 pub(super) trait ApproximateInverse<B: Backend>: Send {
@@ -97,7 +97,7 @@ where
         }
         self.ready = true;
         let pivot_ratio = pivots.as_ref().map_or(1.0, Pivots::ratio);
-        let kind = Factorisation::Approximate;
+        let kind = Factorization::Approximate;
         Ok((FactorReport { kind, indefinite_at: None, pivot_ratio, negative_pivots: None }, pivots))
     }
 

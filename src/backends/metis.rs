@@ -14,35 +14,35 @@ use metis_sys::{METIS_PartGraphRecursive, idx_t, rstatus_et_METIS_OK};
 pub(super) static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 
 /// The part of every node of a graph, of as many parts with about as many nodes each and few edges between them.
-/// `near[node]` lists the neighbours of a node, each of which lists it too.
+/// `near[node]` lists the neighbors of a node, each of which lists it too.
 ///
 /// # Errors
 /// What is wrong with the graph, or the status of METIS.
 pub fn parts(near: &[Vec<u32>], parts: usize) -> Result<Vec<u32>, String> {
     if near.iter().flatten().any(|&node| node as usize >= near.len()) {
-        return Err(format!("a neighbour beyond the last of {} nodes", near.len()));
+        return Err(format!("a neighbor beyond the last of {} nodes", near.len()));
     }
     // METIS does not take a graph without edges, or one part.
     if parts <= 1 || near.iter().all(Vec::is_empty) {
         return Ok((0..near.len()).map(|node| (node * parts.max(1) / near.len().max(1)) as u32).collect());
     }
     let mut start: Vec<idx_t> = vec![0];
-    let mut neighbours: Vec<idx_t> = Vec::new();
+    let mut neighbors: Vec<idx_t> = Vec::new();
     for near in near {
-        neighbours.extend(near.iter().map(|&node| node as idx_t));
-        start.push(neighbours.len() as idx_t);
+        neighbors.extend(near.iter().map(|&node| node as idx_t));
+        start.push(neighbors.len() as idx_t);
     }
     let (mut nodes, mut constraints, mut count, mut cut) = (near.len() as idx_t, 1, parts as idx_t, 0);
     let mut part_of: Vec<idx_t> = vec![0; near.len()];
     let guard = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
-    // SAFETY: `start` and `neighbours` are the compressed rows of a graph of `nodes` nodes, checked above; the result has an
+    // SAFETY: `start` and `neighbors` are the compressed rows of a graph of `nodes` nodes, checked above; the result has an
     // entry a node. Null stands for unit weights, even parts and the default options.
     let status = unsafe {
         METIS_PartGraphRecursive(
             &raw mut nodes,
             &raw mut constraints,
             start.as_mut_ptr(),
-            neighbours.as_mut_ptr(),
+            neighbors.as_mut_ptr(),
             null_mut(),
             null_mut(),
             null_mut(),

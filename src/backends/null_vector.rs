@@ -10,7 +10,7 @@
 
 use num_traits::Float;
 
-use crate::las::{Backend, Entries, Factorisation, MatVec, Scalar, SolveError, SolverParams, VectorOps};
+use crate::las::{Backend, Entries, Factorization, MatVec, Scalar, SolveError, SolverParams, VectorOps};
 
 /// Whether a matrix of `n` unknowns may be singular though no pivot vanishes, given the smallest pivot over the largest: what
 /// the scaled matrix must resist every vector with, over its length, to count as regular. `None` where there is no doubt, or
@@ -78,7 +78,7 @@ fn power_of_two(x: f64) -> f64 {
 pub(super) fn refuse_null_vector<B: Backend<Scalar: Scalar>>(
     context: &B::Context,
     a: &B::Matrix,
-    kind: Factorisation,
+    kind: Factorization,
     scales: &Scales,
     limit: f64,
     mut solve: impl FnMut(&B::Vector, &mut B::Vector) -> Result<(), SolveError<B::Fault>>,
@@ -109,7 +109,7 @@ pub(super) fn refuse_null_vector<B: Backend<Scalar: Scalar>>(
         write::<B>(&mut x, w.iter().zip(&scales.columns).map(|(w, c)| w / (c * length)))?;
         a.mul(&x, &mut right)?;
         let product: Vec<f64> = read(&right)?.iter().zip(&scales.rows).map(|(y, r)| y / r).collect();
-        let resistance = if kind == Factorisation::Cholesky {
+        let resistance = if kind == Factorization::Cholesky {
             product.iter().zip(&w).map(|(y, w)| y * w / length).sum::<f64>().abs()
         } else {
             norm(&product)

@@ -63,13 +63,13 @@ pub const LAS_SYMMETRIC: i32 = 1;
 /// The matrix is not symmetric.
 pub const LAS_UNSYMMETRIC: i32 = 2;
 
-/// Solve by a factorisation.
+/// Solve by a factorization.
 pub const LAS_DIRECT: i32 = 0;
 /// Solve by conjugate gradients.
 pub const LAS_CG: i32 = 1;
-/// Solve by stabilised biconjugate gradients.
+/// Solve by stabilized biconjugate gradients.
 pub const LAS_BICGSTAB: i32 = 2;
-/// Solve by generalised minimal residuals.
+/// Solve by generalized minimal residuals.
 pub const LAS_GMRES: i32 = 3;
 
 /// Iterate with what suits the method: the diagonal for LAS_CG and for all methods of PETSc, LAS_ILUT for the others.
@@ -78,7 +78,7 @@ pub const LAS_AUTO: i32 = -1;
 pub const LAS_NONE: i32 = 0;
 /// Iterate with the inverse of the diagonal.
 pub const LAS_DIAGONAL: i32 = 1;
-/// Iterate with an incomplete factorisation.
+/// Iterate with an incomplete factorization.
 pub const LAS_ILUT: i32 = 2;
 /// Iterate with algebraic multigrid.
 pub const LAS_MULTIGRID: i32 = 3;

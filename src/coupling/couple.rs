@@ -1,5 +1,5 @@
 //! Couplings: units that one scale, the producer, has and another, the consumer, gets. They are made, changed and reconciled
-//! by both scales together, each rank exchanging lists with its neighbours alone.
+//! by both scales together, each rank exchanging lists with its neighbors alone.
 
 use std::collections::HashSet;
 
@@ -186,8 +186,8 @@ impl<C: Comm> Coupling<C> {
     }
 
     /// The ranks of the other scale, by their rank in it, that this rank exchanges with, and how many units with each.
-    pub fn neighbours(&self) -> impl Iterator<Item = (usize, usize)> {
-        self.links.neighbours.iter().map(|neighbour| (neighbour.rank, neighbour.places.len()))
+    pub fn neighbors(&self) -> impl Iterator<Item = (usize, usize)> {
+        self.links.neighbors.iter().map(|neighbor| (neighbor.rank, neighbor.places.len()))
     }
 
     /// The coupling the other way: its producer is the consumer of this one, and its consumer the producer; every unit goes
@@ -240,26 +240,26 @@ impl<C: Comm> Coupling<C> {
     /// The units of each rank of the consumer: the same on all of the producer.
     fn held(&self) -> Result<Vec<usize>, CommError> {
         let mut held = vec![0.0; self.there.len()];
-        self.neighbours().for_each(|(rank, count)| held[rank] = count as f64);
+        self.neighbors().for_each(|(rank, count)| held[rank] = count as f64);
         self.own.sum(&mut held)?;
         Ok(held.into_iter().map(|count| count as usize).collect())
     }
 
-    /// Tells the consumer who will send how much to whom, and then each neighbour its units.
+    /// Tells the consumer who will send how much to whom, and then each neighbor its units.
     fn announce(&self, new: &Links) -> Result<(), CommError> {
         let rows: Vec<[u64; 3]> = new
-            .neighbours
+            .neighbors
             .iter()
-            .map(|neighbour| [self.own.rank(), neighbour.rank, neighbour.places.len()].map(|number| number as u64))
+            .map(|neighbor| [self.own.rank(), neighbor.rank, neighbor.places.len()].map(|number| number as u64))
             .collect();
         let table = self.own.gather(0, Message::of(bytemuck::cast_slice::<_, u64>(&rows)))?;
         if let Some(table) = table {
             let all: Vec<u64> = table.iter().filter_map(|row| row.values::<u64>()).flatten().copied().collect();
             self.comm.send(self.there[0], self.tag(About::First), Message::of(&all))?;
         }
-        for neighbour in &new.neighbours {
-            let units: Vec<UnitId> = new.units_of(neighbour).collect();
-            self.comm.send(self.there[neighbour.rank], self.tag(About::Lists), Message::of(&units))?;
+        for neighbor in &new.neighbors {
+            let units: Vec<UnitId> = new.units_of(neighbor).collect();
+            self.comm.send(self.there[neighbor.rank], self.tag(About::Lists), Message::of(&units))?;
         }
         Ok(())
     }
@@ -314,9 +314,9 @@ impl<C: Comm> Coupling<C> {
         if let Some(&unit) = units.iter().find(|unit| !known.contains(unit)) {
             return Err(CouplingError::Unit { unit, what: "is not in this coupling" });
         }
-        for neighbour in &self.links.neighbours {
-            let list: Vec<UnitId> = self.links.units_of(neighbour).filter(|unit| gone.contains(unit)).collect();
-            let sent = self.comm.send(self.there[neighbour.rank], self.tag(About::Lists), Message::of(&list));
+        for neighbor in &self.links.neighbors {
+            let list: Vec<UnitId> = self.links.units_of(neighbor).filter(|unit| gone.contains(unit)).collect();
+            let sent = self.comm.send(self.there[neighbor.rank], self.tag(About::Lists), Message::of(&list));
             sent.map_err(|error| self.failed(error))?;
         }
         Ok(self.links.remove(&gone))
@@ -330,10 +330,10 @@ impl<C: Comm> Coupling<C> {
     pub fn forget(&mut self) -> Result<Vec<u32>, CouplingError> {
         self.must_be(Role::Consumer)?;
         let mut gone = HashSet::new();
-        for neighbour in &self.links.neighbours {
+        for neighbor in &self.links.neighbors {
             let list = self
                 .comm
-                .receive(self.there[neighbour.rank], self.tag(About::Lists))
+                .receive(self.there[neighbor.rank], self.tag(About::Lists))
                 .map_err(|error| self.failed(error))?;
             gone.extend(list.values::<UnitId>().unwrap_or_default());
         }
@@ -346,7 +346,7 @@ impl<C: Comm> Coupling<C> {
     /// # Errors
     /// [`CouplingError`].
     pub fn table(&self) -> Result<Vec<Vec<usize>>, CouplingError> {
-        let own: Vec<u64> = self.neighbours().flat_map(|(rank, count)| [rank as u64, count as u64]).collect();
+        let own: Vec<u64> = self.neighbors().flat_map(|(rank, count)| [rank as u64, count as u64]).collect();
         let all = self.own.gather_all(Message::of(&own)).map_err(|error| self.failed(error))?;
         let (producers, consumers) = match self.role {
             Role::Producer => (self.here.len(), self.there.len()),

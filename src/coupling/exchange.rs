@@ -1,10 +1,10 @@
-//! Exchange: values of units from the ranks that have them to those that get them, between neighbours only.
+//! Exchange: values of units from the ranks that have them to those that get them, between neighbors only.
 
 use std::marker::PhantomData;
 use std::time::{Duration, Instant};
 
 use super::couple::{About, Coupling, CouplingError, Role};
-use super::links::Neighbour;
+use super::links::Neighbor;
 use crate::las::{Comm, CommError, Message, Payload, Receiving, Sending, Tag};
 
 /// Carries values of one kind over couplings of two scales: the one that it was made for, its inverse, its deltas and what it
@@ -68,11 +68,11 @@ impl<T: Payload> Carrier<T> {
     /// [`CouplingError`].
     pub fn start<C: Comm>(&mut self, coupling: &Coupling<C>, values: &[T]) -> Result<Underway<C>, CouplingError> {
         coupling.must_have(Role::Producer, values.len())?;
-        let mut sendings = Vec::with_capacity(coupling.links.neighbours.len());
-        for neighbour in &coupling.links.neighbours {
-            let message = self.gather(&neighbour.places, values);
+        let mut sendings = Vec::with_capacity(coupling.links.neighbors.len());
+        for neighbor in &coupling.links.neighbors {
+            let message = self.gather(&neighbor.places, values);
             self.sent += message.len() as u64;
-            let to = coupling.there[neighbour.rank];
+            let to = coupling.there[neighbor.rank];
             let sending = coupling.comm.start_send(to, coupling.tag(About::Values), message);
             sendings.push(sending.map_err(|error| coupling.failed(error))?);
         }
@@ -112,18 +112,18 @@ impl<T: Payload> Carrier<T> {
     /// [`CouplingError`].
     pub fn send<C: Comm>(&mut self, coupling: &Coupling<C>, values: &[T]) -> Result<(), CouplingError> {
         coupling.must_have(Role::Producer, values.len())?;
-        let neighbours = &coupling.links.neighbours;
-        let scattered = neighbours.iter().filter(|neighbour| neighbour.run().is_none());
-        let messages: Vec<Message> = scattered.map(|neighbour| self.gather(&neighbour.places, values)).collect();
+        let neighbors = &coupling.links.neighbors;
+        let scattered = neighbors.iter().filter(|neighbor| neighbor.run().is_none());
+        let messages: Vec<Message> = scattered.map(|neighbor| self.gather(&neighbor.places, values)).collect();
         let mut gathered = messages.iter();
-        let parcel = |neighbour: &Neighbour| {
-            let bytes = match neighbour.run() {
+        let parcel = |neighbor: &Neighbor| {
+            let bytes = match neighbor.run() {
                 Some(run) => bytemuck::cast_slice(&values[run]),
                 None => gathered.next().map_or(&[][..], Message::bytes),
             };
-            (coupling.there[neighbour.rank], bytes)
+            (coupling.there[neighbor.rank], bytes)
         };
-        let parcels: Vec<(usize, &[u8])> = neighbours.iter().map(parcel).collect();
+        let parcels: Vec<(usize, &[u8])> = neighbors.iter().map(parcel).collect();
         self.sent += parcels.iter().map(|(_, bytes)| bytes.len() as u64).sum::<u64>();
         let sent = coupling.comm.send_bytes(coupling.tag(About::Values), &parcels);
         self.spare.extend(messages);
@@ -136,14 +136,14 @@ impl<T: Payload> Carrier<T> {
     /// [`CouplingError`].
     pub fn receive<C: Comm>(&mut self, coupling: &Coupling<C>, values: &mut [T]) -> Result<(), CouplingError> {
         coupling.must_have(Role::Consumer, values.len())?;
-        for neighbour in &coupling.links.neighbours {
-            let (from, tag) = (coupling.there[neighbour.rank], coupling.tag(About::Values));
+        for neighbor in &coupling.links.neighbors {
+            let (from, tag) = (coupling.there[neighbor.rank], coupling.tag(About::Values));
             let start = Instant::now();
             coupling.comm.wait_for(from, tag).map_err(|error| coupling.failed(error))?;
             self.waited += start.elapsed();
-            match neighbour.run() {
+            match neighbor.run() {
                 Some(run) => coupling.comm.receive_bytes(from, tag, bytemuck::cast_slice_mut(&mut values[run])),
-                None => self.scatter(coupling, neighbour, values),
+                None => self.scatter(coupling, neighbor, values),
             }
             .map_err(|error| coupling.failed(error))?;
         }
@@ -154,7 +154,7 @@ impl<T: Payload> Carrier<T> {
     fn scatter<C: Comm>(
         &mut self,
         coupling: &Coupling<C>,
-        Neighbour { rank, places }: &Neighbour,
+        Neighbor { rank, places }: &Neighbor,
         values: &mut [T],
     ) -> Result<(), CommError> {
         let from = coupling.there[*rank];
@@ -190,9 +190,9 @@ impl<T: Payload> Carrier<T> {
     /// [`CouplingError`].
     pub fn start_receive<C: Comm>(&mut self, coupling: &Coupling<C>) -> Result<Arriving<C>, CouplingError> {
         coupling.must_have(Role::Consumer, coupling.units().len())?;
-        let mut receivings = Vec::with_capacity(coupling.links.neighbours.len());
-        for neighbour in &coupling.links.neighbours {
-            let (from, len) = (coupling.there[neighbour.rank], size_of::<T>() * neighbour.places.len());
+        let mut receivings = Vec::with_capacity(coupling.links.neighbors.len());
+        for neighbor in &coupling.links.neighbors {
+            let (from, len) = (coupling.there[neighbor.rank], size_of::<T>() * neighbor.places.len());
             let memory = self.spare.pop().unwrap_or_default();
             let receiving = coupling.comm.start_receive(from, coupling.tag(About::Values), len, memory);
             receivings.push(receiving.map_err(|error| coupling.failed(error))?);
@@ -204,7 +204,7 @@ impl<T: Payload> Carrier<T> {
     ///
     /// # Errors
     /// [`CouplingError`]; [`CouplingError::Changed`] where units have come or gone since this was started, or where it was
-    /// started for another coupling that has other neighbours.
+    /// started for another coupling that has other neighbors.
     pub fn finish_receive<C: Comm>(
         &mut self,
         coupling: &Coupling<C>,
@@ -212,16 +212,16 @@ impl<T: Payload> Carrier<T> {
         values: &mut [T],
     ) -> Result<(), CouplingError> {
         coupling.must_have(Role::Consumer, values.len())?;
-        let neighbours = &coupling.links.neighbours;
-        if arriving.changes != coupling.links.changes || arriving.receivings.len() != neighbours.len() {
+        let neighbors = &coupling.links.neighbors;
+        if arriving.changes != coupling.links.changes || arriving.receivings.len() != neighbors.len() {
             let [producer, consumer] = coupling.names();
             return Err(CouplingError::Changed { producer, consumer });
         }
-        for (neighbour, receiving) in neighbours.iter().zip(arriving.receivings) {
+        for (neighbor, receiving) in neighbors.iter().zip(arriving.receivings) {
             let start = Instant::now();
             let message = receiving.wait().map_err(|error| coupling.failed(error))?;
             self.waited += start.elapsed();
-            let put = self.put(message, coupling.there[neighbour.rank], &neighbour.places, values);
+            let put = self.put(message, coupling.there[neighbor.rank], &neighbor.places, values);
             put.map_err(|error| coupling.failed(error))?;
         }
         Ok(())

@@ -7,14 +7,14 @@ use super::data::UnitId;
 
 /// A rank of the other scale, and the units that this rank exchanges with it.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Neighbour {
+pub struct Neighbor {
     /// Its rank in the other scale.
     pub rank: usize,
     /// Where the units lie in this rank's data, in the order in which they are exchanged: the same on both sides.
     pub places: Vec<u32>,
 }
 
-impl Neighbour {
+impl Neighbor {
     /// Where its units lie one behind the other in this rank's data, if they do: such values need not be gathered.
     pub(super) fn run(&self) -> Option<Range<usize>> {
         // Places ascend.
@@ -23,11 +23,11 @@ impl Neighbour {
     }
 }
 
-/// The units of this rank, in the order of its data, and its neighbours by rank.
+/// The units of this rank, in the order of its data, and its neighbors by rank.
 #[derive(Clone, Debug, Default)]
 pub struct Links {
     pub(super) units: Vec<UnitId>,
-    pub(super) neighbours: Vec<Neighbour>,
+    pub(super) neighbors: Vec<Neighbor>,
     /// How often units have come or gone.
     pub(super) changes: u64,
 }
@@ -46,19 +46,19 @@ impl Links {
         self.units.extend_from_slice(units);
         self.changes += u64::from(!units.is_empty());
         for (place, &rank) in (first as u32..).zip(ranks) {
-            self.neighbour(rank).places.push(place);
+            self.neighbor(rank).places.push(place);
         }
     }
 
-    fn neighbour(&mut self, rank: usize) -> &mut Neighbour {
-        let at = match self.neighbours.binary_search_by_key(&rank, |neighbour| neighbour.rank) {
+    fn neighbor(&mut self, rank: usize) -> &mut Neighbor {
+        let at = match self.neighbors.binary_search_by_key(&rank, |neighbor| neighbor.rank) {
             Ok(at) => at,
             Err(at) => {
-                self.neighbours.insert(at, Neighbour { rank, places: Vec::new() });
+                self.neighbors.insert(at, Neighbor { rank, places: Vec::new() });
                 at
             }
         };
-        &mut self.neighbours[at]
+        &mut self.neighbors[at]
     }
 
     /// Without some units. The others keep their order; where they were before is what comes back.
@@ -69,18 +69,18 @@ impl Links {
         for (new, &old) in (0_u32..).zip(&kept) {
             moved[old as usize] = Some(new);
         }
-        for neighbour in &mut self.neighbours {
-            neighbour.places = neighbour.places.iter().filter_map(|&place| moved[place as usize]).collect();
+        for neighbor in &mut self.neighbors {
+            neighbor.places = neighbor.places.iter().filter_map(|&place| moved[place as usize]).collect();
         }
-        self.neighbours.retain(|neighbour| !neighbour.places.is_empty());
+        self.neighbors.retain(|neighbor| !neighbor.places.is_empty());
         self.changes += u64::from(kept.len() < self.units.len());
         self.units = kept.iter().map(|&place| self.units[place as usize]).collect();
         kept
     }
 
-    /// The units that are exchanged with a neighbour, in order.
-    pub(super) fn units_of<'a>(&'a self, neighbour: &'a Neighbour) -> impl Iterator<Item = UnitId> + 'a {
-        neighbour.places.iter().map(|&place| self.units[place as usize])
+    /// The units that are exchanged with a neighbor, in order.
+    pub(super) fn units_of<'a>(&'a self, neighbor: &'a Neighbor) -> impl Iterator<Item = UnitId> + 'a {
+        neighbor.places.iter().map(|&place| self.units[place as usize])
     }
 }
 
@@ -93,15 +93,15 @@ mod tests {
         let mut links = Links::new(&[10, 11, 12, 13], &[2, 0, 2, 0]);
         links.append(&[14], &[1]);
         assert_eq!(
-            links.neighbours.iter().map(|n| (n.rank, n.places.clone())).collect::<Vec<_>>(),
+            links.neighbors.iter().map(|n| (n.rank, n.places.clone())).collect::<Vec<_>>(),
             [(0, vec![1, 3]), (1, vec![4]), (2, vec![0, 2])]
         );
-        let runs: Vec<Option<Range<usize>>> = links.neighbours.iter().map(Neighbour::run).collect();
+        let runs: Vec<Option<Range<usize>>> = links.neighbors.iter().map(Neighbor::run).collect();
         assert_eq!(runs, [None, Some(4..5), None]);
         let kept = links.remove(&HashSet::from([11, 13, 12]));
         assert_eq!(kept, [0, 4]);
         let (changes, new) = (links.changes, Links::new(&[10, 14], &[2, 1]));
-        assert_eq!((&links.units, &links.neighbours), (&new.units, &new.neighbours));
+        assert_eq!((&links.units, &links.neighbors), (&new.units, &new.neighbors));
         links.append(&[], &[]);
         assert_eq!(links.remove(&HashSet::from([11])), [0, 1]);
         assert_eq!((changes, links.changes), (3, 3), "nothing came or went");

@@ -2,7 +2,7 @@
 //!
 //! A *scale* is a code on some of the ranks; it gets a communicator of its own and needs to know of no other. A *coupling* is
 //! directed: it knows which *units* of one scale's data, the producer's, go to which ranks of another's, the consumer's.
-//! A *carrier* takes values of the units over it, point to point, between neighbours only. Units have numbers of their own,
+//! A *carrier* takes values of the units over it, point to point, between neighbors only. Units have numbers of their own,
 //! so that results need not depend on where they are; they can be added and removed while scales run.
 //!
 //! # Units that come and go
@@ -66,7 +66,7 @@ pub use config::{Config, Relation};
 pub use couple::{Coupling, CouplingError, Delta, Role};
 pub use data::{Census, UnitId};
 pub use exchange::{Arriving, Carrier, Underway};
-pub use links::{Links, Neighbour};
+pub use links::{Links, Neighbor};
 pub use pattern::{ByWeight, Even, Spread};
 pub use plan::{Plan, PlanError, Share};
 pub use scale::{Main, ScaleError, Scales};

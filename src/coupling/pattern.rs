@@ -5,7 +5,7 @@ use super::data::Census;
 /// How units are spread over the ranks of the consumer.
 ///
 /// Units keep their order: those of a rank of the producer go to consecutive ranks of the consumer, so that each has few
-/// neighbours.
+/// neighbors.
 pub trait Spread {
     /// The ranks of the consumer, of `consumers`, for the units of rank `rank` of the producer, in their order.
     fn spread(&self, census: &Census, rank: usize, consumers: usize) -> Vec<usize>;

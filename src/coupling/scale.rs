@@ -95,7 +95,7 @@ impl<C: Comm> Scales<C> {
         let ranks = plan.assign(world.size())?;
         let names = plan.scales.iter().map(|(name, _)| name.clone()).collect();
         let own = ranks.iter().position(|ranks| ranks.contains(&world.rank())).ok_or(PlanError::None)?;
-        // Every rank has a scale, and so a colour; the ranks of a scale are in the order of the plan.
+        // Every rank has a scale, and so a color; the ranks of a scale are in the order of the plan.
         let place = ranks[own].iter().position(|&rank| rank == world.rank()).ok_or(PlanError::None)?;
         // Within a scale nobody's patience ends: who waits there waits for one that waits for another scale, which is to blame.
         let comm = world.split(Some(own), place)?.ok_or(PlanError::None)?;

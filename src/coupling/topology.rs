@@ -149,7 +149,7 @@ mod tests {
     use super::*;
     use crate::backends::comm::thread::run;
 
-    /// Two machines of two packages of four cores; neighbouring ranks are far from each other.
+    /// Two machines of two packages of four cores; neighboring ranks are far from each other.
     fn places() -> Vec<Place> {
         let place = |rank: u32| {
             let slot = rank * 7 % 16;

@@ -250,13 +250,13 @@ where
         self.boundary.prescribe(t, &mut self.trial.displacements);
     }
 
-    /// Starts a step to pseudo-time `t` from the accepted state linearised: with `K` its tangent stiffness and `g` the
+    /// Starts a step to pseudo-time `t` from the accepted state linearized: with `K` its tangent stiffness and `g` the
     /// prescribed components, `K du = f_ext(t) - f_int - K_fc dg`. From the undeformed body this is the linear-elastic
     /// solution.
     ///
     /// # Errors
     /// What the solver reports; the trial state is then as [`Equilibrium::hold`] leaves it.
-    pub fn linearise(&mut self, t: f64, system: &mut NewtonSystem<B>) -> Result<NewtonSeconds, SolveError<B::Fault>> {
+    pub fn linearize(&mut self, t: f64, system: &mut NewtonSystem<B>) -> Result<NewtonSeconds, SolveError<B::Fault>> {
         self.hold(t);
         if system.residual.is_empty() {
             return Ok(NewtonSeconds::default());
@@ -265,7 +265,7 @@ where
         let tangent = &self.accepted.responses.tangent;
         let increments: Vec<[f64; 3]> =
             zip_map(&self.trial.displacements, &self.accepted.displacements, |new, old| new - old);
-        self.assembler.linearised_forces(tangent, &increments, &mut self.nodal);
+        self.assembler.linearized_forces(tangent, &increments, &mut self.nodal);
         for ((force, external), internal) in
             self.nodal.iter_mut().zip(&self.trial.external).zip(&self.accepted.internal)
         {

@@ -1,7 +1,7 @@
 //! The engineering scale: finite elements on tetrahedral meshes, generic over the linear-algebra backend.
 //!
 //! Total Lagrangian: everything is integrated over the reference volume, `u` are the displacements of the nodes in
-//! metres, `F = I + du/dX`, `P` the first Piola-Kirchhoff stress in Pa and `A = dP/dF`. Data flows one way:
+//! meters, `F = I + du/dX`, `P` the first Piola-Kirchhoff stress in Pa and `A = dP/dF`. Data flows one way:
 //!
 //! ```text
 //!  mesh ──────────► assembly::Unknowns ◄──── boundary::Boundary ◄──── boundary::Conditions (names, values, curves)

@@ -11,7 +11,7 @@
 //! ```
 
 pub mod equilibrium;
-pub mod homogenise;
+pub mod homogenize;
 pub mod law;
 pub mod network;
 pub mod orientation;

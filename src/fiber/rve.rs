@@ -6,7 +6,7 @@ use std::sync::Arc;
 use nalgebra::Matrix3;
 use thiserror::Error;
 
-use super::homogenise::strain;
+use super::homogenize::strain;
 use super::law::FiberMaterial;
 use super::network::Network;
 use super::stiffness::{self, StiffnessSlots};
@@ -60,8 +60,8 @@ pub enum RveModelError<F: std::error::Error> {
     /// The network is too large for the index type.
     #[error("the stiffness has no valid pattern: {0}")]
     Pattern(#[from] SparsityError),
-    /// The backend cannot analyse the stiffness.
-    #[error("the stiffness cannot be analysed: {0}")]
+    /// The backend cannot analyze the stiffness.
+    #[error("the stiffness cannot be analyzed: {0}")]
     Analysis(SolveError<F>),
 }
 

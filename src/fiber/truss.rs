@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use super::law::{FiberLaw, FiberMaterial, FiberMaterialError, Law};
 use super::network::Network;
-use super::vector::{Kernel, vectorised};
+use super::vector::{Kernel, vectorized};
 use thiserror::Error;
 
 /// Fibers whose intermediate numbers stay in the first-level cache from one loop to the next.
@@ -209,7 +209,7 @@ impl Truss {
         let mut inverse_lengths = [0.0; BATCH];
         let count = batch.len();
         let FiberStates { directions, stretches, forces, material_stiffness, geometric_stiffness } = states;
-        vectorised(Geometry {
+        vectorized(Geometry {
             differences: &differences,
             rest_lengths: &self.lengths[batch.clone()],
             inverse_lengths: &mut inverse_lengths[..count],
@@ -220,7 +220,7 @@ impl Truss {
         let forces = &mut forces[batch.clone()];
         let material = &mut material_stiffness[batch.clone()];
         law.stresses(&stretches[batch.clone()], forces, material);
-        vectorised(Mechanics {
+        vectorized(Mechanics {
             areas: &self.areas[batch.clone()],
             area_per_length: &self.area_per_length[batch.clone()],
             inverse_lengths: &inverse_lengths[..count],

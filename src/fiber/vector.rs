@@ -17,17 +17,17 @@ pub(super) trait Kernel {
 
 /// Runs a loop with the vector instructions of this machine.
 #[inline]
-pub(super) fn vectorised(kernel: impl Kernel) {
+pub(super) fn vectorized(kernel: impl Kernel) {
     match Arch::new() {
         Arch::Scalar => kernel.run::<false>(),
         #[allow(unreachable_patterns, reason = "machines that pulp knows no vectors of have no other")]
-        arch => arch.dispatch(Vectorised(kernel)),
+        arch => arch.dispatch(Vectorized(kernel)),
     }
 }
 
-struct Vectorised<K>(K);
+struct Vectorized<K>(K);
 
-impl<K: Kernel> WithSimd for Vectorised<K> {
+impl<K: Kernel> WithSimd for Vectorized<K> {
     type Output = ();
 
     #[inline(always)]

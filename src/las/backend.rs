@@ -55,7 +55,7 @@ pub trait Backend: Copy + Default + Debug + Send + Sync + 'static {
     type Vector: VectorOps<Self> + Send;
     /// A matrix with a fixed pattern.
     type Matrix: MatrixOps<Self> + MatVec<Self> + MatMat<Self> + Entries<Self> + Send;
-    /// The symbolic part of a factorisation: depends on the pattern alone and is shared by every solver of it.
+    /// The symbolic part of a factorization: depends on the pattern alone and is shared by every solver of it.
     type Symbolic: Send + Sync;
     /// The numeric part: one a matrix that is factored.
     type Solver: Solver<Self>;
@@ -82,7 +82,7 @@ pub trait Backend: Copy + Default + Debug + Send + Sync + 'static {
         params: &SolverParams,
     ) -> Result<Arc<Self::Symbolic>, SolveError<Self::Fault>>;
 
-    /// A solver with all storage that its first factorisation needs.
+    /// A solver with all storage that its first factorization needs.
     ///
     /// # Errors
     /// What the backend reports when it cannot make one.

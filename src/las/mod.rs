@@ -2,7 +2,7 @@
 //! (Newton, Krylov methods, Matrix Market files, copies from one backend to another, the suite that every backend passes).
 //!
 //! This module names no library of linear algebra. A [`Backend`] is a zero-sized marker with a vector, a matrix and a solver;
-//! the verbs that assembly loops call ([`VectorOps`], [`MatrixOps`]) inline away, the operations that are amortised ([`Solver`],
+//! the verbs that assembly loops call ([`VectorOps`], [`MatrixOps`]) inline away, the operations that are amortized ([`Solver`],
 //! [`MatVec`]) do not need to. After chapter 5 of W. R. Tobin, *The Adaptive Multiscale Simulation Infrastructure*
 //! (PhD thesis, Rensselaer Polytechnic Institute, 2018).
 //!
@@ -33,13 +33,13 @@ pub use backend::Backend;
 pub use comm::{Comm, CommError, Disagreement, Layout, Message, Payload, Receiving, Sending, Tag};
 pub use newton::{
     Curvature, Departure, NewtonError, NewtonFailure, NewtonParams, NewtonReport, NewtonSeconds, NewtonSystem,
-    NonlinearProblem, Potential, RegularisedParams, Yardstick,
+    NonlinearProblem, Potential, RegularizedParams, Yardstick,
 };
 pub use ops::{MatrixOps, VectorOps};
 pub use products::{Entries, MatMat, MatVec};
 pub use scalar::{Index, Scalar, Value};
 pub use solve::{
-    Ending, FactorReport, Factorisation, Iterative, Krylov, Method, Ordering, Preconditioner, SolveError, SolveReport,
+    Ending, FactorReport, Factorization, Iterative, Krylov, Method, Ordering, Preconditioner, SolveError, SolveReport,
     Solver, SolverParams, Symmetry, Unusable,
 };
 pub use sparsity::{Sparsity, SparsityError};

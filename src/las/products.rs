@@ -1,4 +1,4 @@
-//! Amortised operations on matrices (table 5.2 of the thesis and what its users needed beside it): products, sums,
+//! Amortized operations on matrices (table 5.2 of the thesis and what its users needed beside it): products, sums,
 //! diagonals, and reading all entries. Like solving they are deliberately not zero-overhead.
 
 use std::sync::Arc;

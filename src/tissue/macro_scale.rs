@@ -28,7 +28,7 @@ pub enum MacroScaleError {
     },
 }
 
-/// Reads or makes the mesh of a case, in metres, and holds the names in the case against it. Also returns the warnings
+/// Reads or makes the mesh of a case, in meters, and holds the names in the case against it. Also returns the warnings
 /// of the reader.
 ///
 /// # Errors
@@ -122,7 +122,7 @@ fn line_of(case: &Case, place: &str) -> Option<usize> {
     case.boundaries.iter().rfind(|boundary| boundary.surface == name).map(|boundary| boundary.line)
 }
 
-/// What a case prescribes, in metres and newtons.
+/// What a case prescribes, in meters and newtons.
 ///
 /// # Errors
 /// [`MacroScaleError::Curve`].

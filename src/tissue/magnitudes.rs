@@ -253,7 +253,7 @@ displacement = { x = 0.1 }
     }
 
     #[test]
-    fn a_mesh_in_millimetres_is_found() {
+    fn a_mesh_in_millimeters_is_found() {
         let edge = "2: the longest edge of the body is 50 m: `scale` of [mesh] is the length of a mesh unit in m: 0.001 for a \
                     mesh in mm";
         assert_eq!(told(CASE, 50.0, None), [edge]);

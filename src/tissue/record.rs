@@ -9,7 +9,7 @@ use super::checkpoint;
 use super::micro_scale::{Life, LostRve, PointSummary, SweepStats, TissueMaterial};
 use super::results::collection::{Entry, field_file, index_file, partial};
 use super::results::log::{
-    Balance, Cut, Event, Factorisations, LogWriter, NewtonLog, NewtonSeconds, RankSeconds, Ranks, RveLog, Step,
+    Balance, Cut, Event, Factorizations, LogWriter, NewtonLog, NewtonSeconds, RankSeconds, Ranks, RveLog, Step,
 };
 use super::results::{
     self, CASE_FILE, Collection, Done, FIELDS_FILE, FieldFile, FieldSet, LOADS_FILE, LOG_FILE, LoadsWriter, Pieces,
@@ -315,7 +315,7 @@ fn newton_log(report: &NewtonReport) -> NewtonLog {
         residuals: report.residuals.clone(),
         relative: report.relative.clone(),
         line_search_cuts: report.line_search_cuts,
-        factorisations: Factorisations {
+        factorizations: Factorizations {
             cholesky: report.cholesky,
             ldlt: report.ldlt,
             lu: report.lu,
@@ -342,10 +342,10 @@ fn newton_of_step(report: &StepReport, started: std::time::Instant) -> NewtonLog
         sum.residuals.extend(part.residuals);
         sum.relative.extend(part.relative);
         sum.line_search_cuts += part.line_search_cuts;
-        sum.factorisations.cholesky += part.factorisations.cholesky;
-        sum.factorisations.ldlt += part.factorisations.ldlt;
-        sum.factorisations.lu += part.factorisations.lu;
-        sum.factorisations.approximate += part.factorisations.approximate;
+        sum.factorizations.cholesky += part.factorizations.cholesky;
+        sum.factorizations.ldlt += part.factorizations.ldlt;
+        sum.factorizations.lu += part.factorizations.lu;
+        sum.factorizations.approximate += part.factorizations.approximate;
         sum.linear_iterations += part.linear_iterations;
     }
     let seconds = report.seconds();
@@ -373,7 +373,7 @@ fn rve_log(stats: &SweepStats, field: &impl TissueMaterial) -> RveLog {
         line_search_cuts: stats.line_search_cuts as u64,
         predicted: stats.predicted as u64,
         by_cuts: stats.by_cuts as u64,
-        by_regularised: stats.by_regularised as u64,
+        by_regularized: stats.by_regularized as u64,
         by_relaxation: stats.by_relaxation as u64,
         relaxation_steps: stats.relaxation_steps as u64,
         verified: stats.verified as u64,

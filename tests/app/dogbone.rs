@@ -50,10 +50,10 @@ fn regression_the_dogbone_extends_as_before_with_forces_in_balance() {
     assert!(iterations.iter().all(|&n| (1..=8).contains(&n)), "{iterations:?}");
     assert!(matches!(events.last(), Some(Event::End(end)) if end.converged));
 
-    the_fibers_turn_towards_the_pull(dir.path());
+    the_fibers_turn_toward_the_pull(dir.path());
 }
 
-fn the_fibers_turn_towards_the_pull(dir: &Path) {
+fn the_fibers_turn_toward_the_pull(dir: &Path) {
     let collection = Collection::read(dir).unwrap();
     let along_x = |entry: usize| {
         let fields = read_vtu(&dir.join(&collection.entries()[entry].file)).unwrap();

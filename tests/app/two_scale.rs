@@ -93,7 +93,7 @@ fn backends_agree_on_a_box_of_networks() {
     assert_loads_agree(&sparse.loads, &dense.loads, 1e-10);
 }
 
-/// Both scales by Krylov methods: the engineering scale with the diagonal, the RVEs with an incomplete factorisation.
+/// Both scales by Krylov methods: the engineering scale with the diagonal, the RVEs with an incomplete factorization.
 #[test]
 fn iterative_solvers_agree_with_direct_ones() {
     let direct = run::<Sparse>(&box_of_networks(), |_| ());
@@ -104,7 +104,7 @@ fn iterative_solvers_agree_with_direct_ones() {
     assert_loads_agree(&direct.loads, &iterative.loads, 1e-9);
     for step in &iterative.steps {
         assert!(step.newton.linear_iterations > step.newton.iterations, "{:?}", step.newton);
-        assert_eq!(step.newton.factorisations.cholesky, 0);
+        assert_eq!(step.newton.factorizations.cholesky, 0);
     }
 }
 

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use biotissue::las::conformance::{Oracle, Random};
-use biotissue::las::{Backend, Factorisation, MatrixOps, Solver, SolverParams, Sparsity, VectorOps};
+use biotissue::las::{Backend, Factorization, MatrixOps, Solver, SolverParams, Sparsity, VectorOps};
 
 use crate::counting;
 
@@ -45,9 +45,9 @@ impl<B: Backend<Scalar = f64, Index = i32, Context = ()>> Work<B> {
 
     /// One definite and one indefinite system, assembled both ways and solved for one and for many right-hand sides.
     fn round(&mut self) {
-        for kind in [Factorisation::Cholesky, Factorisation::Ldlt] {
+        for kind in [Factorization::Cholesky, Factorization::Ldlt] {
             self.matrix.zero().unwrap();
-            if kind == Factorisation::Cholesky {
+            if kind == Factorization::Cholesky {
                 for (row, (columns, values)) in self.elements.iter().enumerate() {
                     self.matrix.add(&[row as i32], columns, values).unwrap();
                 }

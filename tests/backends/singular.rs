@@ -1,4 +1,4 @@
-//! Bodies that float, and bodies that only look like it: what factorisations call singular.
+//! Bodies that float, and bodies that only look like it: what factorizations call singular.
 
 use std::sync::Arc;
 

@@ -88,7 +88,7 @@ where
     the_end_is_homogeneous(&stepper.state().displacements, 1e-12);
 }
 
-/// By BiCGSTAB with an incomplete factorisation.
+/// By BiCGSTAB with an incomplete factorization.
 #[test]
 #[cfg(feature = "sparse")]
 fn stretches_by_an_iterative_solver() {
@@ -152,7 +152,7 @@ where
 
     let (mut moved, mut forces) = (vec![[0.0; 3]; 14], vec![[0.0; 3]; 14]);
     boundary.prescribe(0.1, &mut moved);
-    assembler.linearised_forces(&responses.tangent, &moved, &mut forces);
+    assembler.linearized_forces(&responses.tangent, &moved, &mut forces);
     let mut rhs = B::vector(&(), n).unwrap();
     assembler.scatter(&forces, &mut rhs).unwrap();
     rhs.finish().unwrap();

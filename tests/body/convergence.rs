@@ -99,8 +99,8 @@ fn errors(n: usize) -> [f64; 2] {
     };
     let loads = (0..mesh.elements().len()).map(|e| {
         let corners = mesh.corners(e);
-        let centre = std::array::from_fn(|i| corners.iter().map(|x| x[i]).sum::<f64>() / 4.0);
-        BodyForce { region: format!("e{e}"), value: body_force(&centre), curve: LoadCurve::Ramp }
+        let center = std::array::from_fn(|i| corners.iter().map(|x| x[i]).sum::<f64>() / 4.0);
+        BodyForce { region: format!("e{e}"), value: body_force(&center), curve: LoadCurve::Ramp }
     });
     let conditions = Conditions {
         surfaces: ["x0", "x1", "y0", "y1", "z0", "z1"].map(zero).to_vec(),

@@ -67,7 +67,7 @@ contains
     call ok(las_factor_sparse(solver, k))
     call ok(las_solve_sparse(solver, f, x, iterations, residual))
     call expect(residual < 1d-10, "the residual is told")
-    call expect(iterations == 1, "a complete factorisation needs one iteration")
+    call expect(iterations == 1, "a complete factorization needs one iteration")
     u = 0
     call ok(las_get_vec_sparse(x, n, [(i - 1, i = 1, n)], u))
     call ok(las_destroy_solver_sparse(solver))

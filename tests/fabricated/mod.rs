@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use biotissue::tissue::results::collection::field_file;
-use biotissue::tissue::results::log::{Cut, End, Factorisations, NewtonLog, NewtonSeconds, RveLog, Start, Step};
+use biotissue::tissue::results::log::{Cut, End, Factorizations, NewtonLog, NewtonSeconds, RveLog, Start, Step};
 use biotissue::tissue::results::{
     Collection, Event, FieldSet, LOADS_FILE, LOG_FILE, LoadsWriter, LogWriter, SurfaceRow, write_vtu,
 };
@@ -138,7 +138,7 @@ fn newton(step: usize) -> NewtonLog {
         residuals: relative.iter().map(|r| 3.0 * r).collect(),
         relative,
         line_search_cuts: 0,
-        factorisations: Factorisations { cholesky: 3, ..Factorisations::default() },
+        factorizations: Factorizations { cholesky: 3, ..Factorizations::default() },
         linear_iterations: 0,
         seconds: NewtonSeconds {
             point_field: 9.0 + step as f64 / 3.0,

@@ -1,4 +1,4 @@
-//! What is drawn. Shapes, indices and values are drawn apart and fitted to each other afterwards, so that a case that fails
+//! What is drawn. Shapes, indices and values are drawn apart and fitted to each other afterward, so that a case that fails
 //! can be made smaller in any of them.
 
 use std::sync::Arc;

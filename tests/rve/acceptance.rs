@@ -6,7 +6,7 @@
 use crate::support;
 use crate::support::Bench;
 use biotissue::backends::{dense::Dense, sparse::Sparse};
-use biotissue::fiber::homogenise::{Tangent, cauchy};
+use biotissue::fiber::homogenize::{Tangent, cauchy};
 use biotissue::fiber::orientation::{Weighting, tensor};
 use biotissue::las::{Backend, Scalar};
 use nalgebra::{Matrix3, SMatrix};

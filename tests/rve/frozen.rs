@@ -3,7 +3,7 @@
 use crate::support;
 use crate::support::Bench;
 use biotissue::backends::{dense::Dense, sparse::Sparse};
-use biotissue::fiber::homogenise::Tangent;
+use biotissue::fiber::homogenize::Tangent;
 use biotissue::fiber::orientation::{Weighting, tensor};
 use biotissue::fiber::rve::Rve;
 use biotissue::las::{Backend, Iterative, Scalar, SolverParams};
@@ -121,7 +121,7 @@ fn the_frozen_rve_keeps_its_numbers_on_every_backend() {
     assert!((a_sparse - a_dense).amax() < 1e-10 * a_dense.amax());
 }
 
-/// By BiCGSTAB with an incomplete factorisation.
+/// By BiCGSTAB with an incomplete factorization.
 #[test]
 fn the_frozen_rve_keeps_its_numbers_by_an_iterative_solver() {
     let method = Iterative { tolerance: 1e-13, ..Iterative::default() };

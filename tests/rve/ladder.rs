@@ -90,7 +90,7 @@ fn when_nothing_helps_the_error_says_how_far_it_came() {
     let mut bench = bench();
     bench.params.newton.max_iterations = 1;
     bench.params.max_cuts = 2;
-    bench.params.regularised.max_iterations = 2;
+    bench.params.regularized.max_iterations = 2;
     bench.params.relaxation.max_steps = 100;
     let mut rve = bench.at_rest();
     let before = rve.clone();
@@ -98,12 +98,12 @@ fn when_nothing_helps_the_error_says_how_far_it_came() {
     assert_eq!(rve, before);
     assert_eq!(stages_of(&error), Stage::ALL);
     let RveError::NotConverged { failures, report } = &error else { panic!("{error}") };
-    assert!(failures[2].cuts == 2 && failures[2].progress < 1.0 && report.regularised == 6, "{report:?}");
+    assert!(failures[2].cuts == 2 && failures[2].progress < 1.0 && report.regularized == 6, "{report:?}");
     assert_eq!(report.relaxation.steps, 100);
     let text = error.to_string();
     for part in [
         "Newton: no convergence in 1 iterations: |r| = ",
-        "regularised Newton: no convergence in 2 iterations",
+        "regularized Newton: no convergence in 2 iterations",
         "cut increments (2 halvings, 0.0000 of the way): no convergence in 2 iterations",
         "dynamic relaxation: not at rest after 100 steps: |r| = ",
     ] {
@@ -178,7 +178,7 @@ fn a_prediction_that_leads_astray_is_only_a_start() {
 }
 
 #[test]
-fn regularised_newton_saves_a_floppy_network() {
+fn regularized_newton_saves_a_floppy_network() {
     // Along x nothing happens, so that the chain still swings freely there; along y another one with a bend is pulled.
     let straight = chain();
     let (mut nodes, mut fibers) = (straight.nodes().to_vec(), straight.fibers().to_vec());
@@ -189,18 +189,18 @@ fn regularised_newton_saves_a_floppy_network() {
     let mut bench = Bench::<Sparse>::new(&network, Some(support::laws()[0].clone()));
     let mut rve = bench.at_rest();
     let report = bench.solve(&mut rve, &Matrix3::from_diagonal(&[1.0, 1.2, 1.0].into())).unwrap();
-    assert_eq!((report.stage, report.cuts), (Some(Stage::Regularised), 0), "{report:?}");
+    assert_eq!((report.stage, report.cuts), (Some(Stage::Regularized), 0), "{report:?}");
     assert!(report.singular > 0, "{report:?}");
     balanced(&bench, &report);
 }
 
 #[test]
-fn regularised_newton_saves_a_network_in_which_fibers_turn_over() {
+fn regularized_newton_saves_a_network_in_which_fibers_turn_over() {
     let f = Matrix3::new(0.93, -0.3, 0.05, 0.0, 0.81, 0.09, 0.02, 0.0, 0.69);
     let mut bench = bench();
     let mut rve = bench.at_rest();
     let report = bench.solve(&mut rve, &f).unwrap();
-    assert_eq!(report.stage, Some(Stage::Regularised), "{report:?}");
+    assert_eq!(report.stage, Some(Stage::Regularized), "{report:?}");
     balanced(&bench, &report);
     let network = bench.model.network();
     let turned = bench.model.truss().ends().iter().zip(&bench.workspace.states().directions).filter(|&(&[a, b], n)| {
@@ -219,7 +219,7 @@ fn dynamic_relaxation_saves_what_nothing_else_may_touch() {
     let report = bench.solve(&mut rve, &f).unwrap();
     assert_eq!(report.stage, Some(Stage::Relaxation), "{report:?}");
     assert!(report.cuts == 6 && report.relaxation.steps > 0, "{report:?}");
-    assert_eq!(report.regularised, 0, "a stage that is not allowed does not finish another either");
+    assert_eq!(report.regularized, 0, "a stage that is not allowed does not finish another either");
     balanced(&bench, &report);
 }
 

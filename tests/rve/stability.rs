@@ -51,9 +51,9 @@ fn unstable<F: std::error::Error>(error: &RveError<F>) -> Vec<(Stage, Option<usi
 fn a_straight_column_in_compression_buckles() {
     for stages in [
         Stages::default(),
-        Stages::of(&[Stage::Regularised]),
-        Stages::of(&[Stage::Cuts, Stage::Regularised]),
-        Stages::of(&[Stage::Regularised, Stage::Relaxation]),
+        Stages::of(&[Stage::Regularized]),
+        Stages::of(&[Stage::Cuts, Stage::Regularized]),
+        Stages::of(&[Stage::Regularized, Stage::Relaxation]),
     ] {
         let mut bench = Bench::<Sparse>::new(&column(), Some(linear()));
         bench.params = bench.params.with_stages(stages);
@@ -61,7 +61,7 @@ fn a_straight_column_in_compression_buckles() {
         // From rest, and from the unstable equilibrium itself, which needs no iteration.
         for mut rve in [bench.at_rest(), straight] {
             let report = bench.solve(&mut rve, &pressed()).unwrap();
-            assert_eq!((report.stage, report.saddles), (Some(Stage::Regularised), 1), "{report:?}");
+            assert_eq!((report.stage, report.saddles), (Some(Stage::Regularized), 1), "{report:?}");
             assert_eq!((report.neutral, report.negative_pivots), (true, Some(0)), "free to turn about x: {report:?}");
             let [x, y, z] = rve.interior()[0];
             assert!(x.abs() < 1e-6 && (y.hypot(z) - 0.3).abs() < 1e-6, "{:?}", rve.interior());
@@ -132,7 +132,7 @@ fn newton_finds_a_saddle_point_of_a_random_network_and_the_ladder_a_minimum() {
     bench.params = params;
     let mut rve = bench.at_rest();
     let report = bench.solve(&mut rve, &f).unwrap();
-    assert_eq!((report.stage, report.saddles), (Some(Stage::Regularised), 1), "{report:?}");
+    assert_eq!((report.stage, report.saddles), (Some(Stage::Regularized), 1), "{report:?}");
     assert_eq!((report.neutral, report.negative_pivots), (false, Some(0)), "{report:?}");
     assert!(stiffness(&bench).cholesky().is_some(), "its stiffness is positive definite");
 }

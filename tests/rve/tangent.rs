@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::support::Bench;
 use biotissue::backends::{dense::Dense, sparse::Sparse};
-use biotissue::fiber::homogenise::Tangent;
+use biotissue::fiber::homogenize::Tangent;
 use biotissue::fiber::law::FiberMaterial;
 use biotissue::fiber::network::Network;
 use biotissue::fiber::rve::Rve;

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use biotissue::fiber::equilibrium::{EquilibriumParams, EquilibriumReport, RveError, Solved, equilibrate};
-use biotissue::fiber::homogenise::Tangent;
+use biotissue::fiber::homogenize::Tangent;
 use biotissue::fiber::law::{FiberMaterial, Law};
 use biotissue::fiber::network::{Network, file};
 use biotissue::fiber::rve::{Rve, RveModel, StressScale};

@@ -82,7 +82,7 @@ impl Cholmod {
 
 impl Drop for Cholmod {
     fn drop(&mut self) {
-        // SAFETY: the handle is alive and not used afterwards.
+        // SAFETY: the handle is alive and not used afterward.
         unsafe { beside_free(self.handle.as_ptr()) }
     }
 }

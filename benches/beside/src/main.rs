@@ -85,7 +85,7 @@ fn compare(name: &str, model: RveModel<biotissue::backends::sparse::Sparse>) {
     for ordering in [cholmod::Ordering::Amd, cholmod::Ordering::Metis] {
         match cholmod::Cholmod::new(&system, ordering) {
             Some(contender) => contenders.push(Box::new(contender)),
-            None => println!("CHOLMOD cannot analyse with this ordering"),
+            None => println!("CHOLMOD cannot analyze with this ordering"),
         }
     }
     let n = system.pattern.rows();

@@ -71,9 +71,9 @@ impl Contender for PlainFaer {
     fn factor(&mut self) {
         let matrix = SparseColMatRef::new(self.lower.as_ref(), &self.values);
         let stack = MemStack::new(&mut self.memory);
-        let (regularisation, params) = (Default::default(), Spec::default());
+        let (regularization, params) = (Default::default(), Spec::default());
         self.symbolic
-            .factorize_numeric_llt(&mut self.factor, matrix, Side::Lower, regularisation, Par::Seq, stack, params)
+            .factorize_numeric_llt(&mut self.factor, matrix, Side::Lower, regularization, Par::Seq, stack, params)
             .expect("the matrix is definite");
     }
 

@@ -13,7 +13,7 @@ use nalgebra::Matrix3;
 /// Something that factors one matrix again and again and solves with it.
 pub trait Contender {
     fn name(&self) -> String;
-    /// What it predicts that a factorisation takes.
+    /// What it predicts that a factorization takes.
     fn operations(&self) -> Option<f64>;
     fn factor(&mut self);
     /// For so many right-hand sides, column after column.

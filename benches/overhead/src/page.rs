@@ -112,7 +112,7 @@ const HEAD: &str = "# What LAS costs\n\n\
     `--features petsc` away.*\n\n\
     Code that is written once for all backends calls them through the traits of `las`. Every hot verb is inlined where it is \
     called, so that what remains is what a call of the backend by hand would be. This page shows that on the program as it is \
-    linked (x86-64, release profile, link-time optimisation), for five ways of calling:\n\n\
+    linked (x86-64, release profile, link-time optimization), for five ways of calling:\n\n\
     1. **by hand**: the same algorithms as loops over plain arrays without a trait, a generic backend or a `Result`, or PETSc's \
     functions with their codes tested (`benches/overhead/src/by_hand`). What is compared is the abstraction, not the \
     algorithm: `docs/backends.md` shows that `add_at` is a better one than `add` where a pattern repeats;\n\
@@ -128,7 +128,7 @@ const HEAD: &str = "# What LAS costs\n\n\
 
 const CALLS: &str = "## Verbs that are calls of PETSc by hand\n\n\
     `MatSetValues` and its like lie in PETSc's library. Through LAS these verbs work on the arrays of the matrix, whose places \
-    the pattern tells: indices are looked at (`MatSetValues` looks at none in an optimised build, and writes anywhere), and \
+    the pattern tells: indices are looked at (`MatSetValues` looks at none in an optimized build, and writes anywhere), and \
     PETSc is not called, so that nothing touches what its objects share. Where a pattern repeats, `locate` looks at the indices \
     once, and `add_at` adds at the places that it found: the row `petsc`, matrix add_at above, which is the path of the \
     assemblies of this crate. Executed instructions of one call, all that it calls included, on a matrix of 882 unknowns, \

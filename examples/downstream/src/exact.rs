@@ -39,8 +39,8 @@ mod tests {
         for [x, y] in [[0.1, 0.0], [0.2, 0.3], [0.0, 0.5]] {
             // kappa u grad u is kappa / 2 times the gradient of u^2.
             let square = |x: f64, y: f64| temperature(kappa, time, [x, y]).powi(2);
-            let neighbours = square(x + h, y) + square(x - h, y) + square(x, y + h) + square(x, y - h);
-            let flows_in = 0.5 * kappa * (neighbours - 4.0 * square(x, y)) / (h * h);
+            let neighbors = square(x + h, y) + square(x - h, y) + square(x, y + h) + square(x, y - h);
+            let flows_in = 0.5 * kappa * (neighbors - 4.0 * square(x, y)) / (h * h);
             let at = |time: f64| temperature(kappa, time, [x, y]);
             let rises = (at(time + h) - at(time - h)) / (2.0 * h);
             assert!((flows_in - rises).abs() < 1e-4 * rises.abs().max(1.0), "{flows_in} {rises}");

@@ -61,7 +61,7 @@ impl Rod {
 
 /// Solves, in place, the system whose every row is `-r, 1 + 2 r, -r`, by the Thomas algorithm.
 fn solve(r: f64, values: &mut [f64]) {
-    // Downwards: each value is `value + gain * (the next one)`.
+    // Downward: each value is `value + gain * (the next one)`.
     let mut gains = Vec::with_capacity(values.len());
     let (mut gain, mut before) = (0.0, 0.0);
     for value in values.iter_mut() {

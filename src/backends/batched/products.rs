@@ -1,10 +1,10 @@
 //! Products, sums, diagonals, and all entries.
 
 use super::{Batched, Lanes};
-use crate::backends::rows::amortised;
+use crate::backends::rows::amortized;
 use crate::las::{Scalar, SolveError};
 
-amortised!([T: Scalar, const N: usize] Batched<T, N>, Lanes<T, N>, invert: invert);
+amortized!([T: Scalar, const N: usize] Batched<T, N>, Lanes<T, N>, invert: invert);
 
 fn invert<T: Scalar, const N: usize, F>(d: &mut [Lanes<T, N>]) -> Result<(), SolveError<F>> {
     if let Some(row) = d.iter().position(|d| d.0.iter().any(T::is_zero)) {

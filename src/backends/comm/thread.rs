@@ -277,17 +277,17 @@ impl Comm for ThreadComm {
         Ok(messages.get(&address).is_some_and(|queue| !queue.is_empty()))
     }
 
-    fn split(&self, colour: Option<usize>, place: usize) -> Result<Option<Self>, CommError> {
-        let own = colour.map_or(u64::MAX, |colour| colour as u64);
+    fn split(&self, color: Option<usize>, place: usize) -> Result<Option<Self>, CommError> {
+        let own = color.map_or(u64::MAX, |color| color as u64);
         let all = self.gather_all(Message::of(&[own, place as u64]))?;
         let all = all.iter().enumerate().filter_map(|(rank, message)| match *message.values::<u64>()? {
-            [colour, place] if colour == own => Some((place, rank)),
+            [color, place] if color == own => Some((place, rank)),
             _ => None,
         });
         let mut members: Vec<(u64, usize)> = all.collect();
         members.sort_unstable();
         let first = self.new_groups(self.size())?;
-        if colour.is_none() {
+        if color.is_none() {
             return Ok(None);
         }
         let ranks: Vec<usize> = members.into_iter().map(|(_, rank)| rank).collect();

@@ -1,7 +1,7 @@
 //! `dense`: matrices that hold every entry; the backend for what is small, and the plain one to compare others with.
 //!
 //! A [`Sparsity`] gives a matrix only its shape: every position within it is part of the pattern, and can be written.
-//! Factorisations are those of the crate `faer`: Cholesky, LDL^T with the pivoting of Bunch and Kaufman, and LU with
+//! Factorizations are those of the crate `faer`: Cholesky, LDL^T with the pivoting of Bunch and Kaufman, and LU with
 //! partial pivoting.
 
 mod matrix;

@@ -1,4 +1,4 @@
-//! The solver: the three factorisations in one square of storage.
+//! The solver: the three factorizations in one square of storage.
 
 use std::convert::Infallible;
 use std::sync::Arc;
@@ -19,7 +19,7 @@ use crate::backends::iterative::{IterativeSolver, Simple};
 use crate::backends::local;
 use crate::backends::null_vector::{Scales, in_doubt, refuse_null_vector};
 use crate::las::{
-    Backend, FactorReport, Factorisation, MatVec, Method, Preconditioner, Scalar, SolveError, SolveReport,
+    Backend, FactorReport, Factorization, MatVec, Method, Preconditioner, Scalar, SolveError, SolveReport,
     SolverParams, Symmetry,
 };
 
@@ -36,11 +36,11 @@ type ByIterations<T> = IterativeSolver<Dense<T>, Simple<Dense<T>>>;
 ///
 /// A matrix stated to be [`Symmetry::Definite`] is factored by Cholesky, of which the upper triangle of the matrix is
 /// read; where a pivot is not positive, by LDL^T with the pivoting of Bunch and Kaufman. Nothing allocates after a
-/// factorisation and a solution.
+/// factorization and a solution.
 pub struct Solver<T: Scalar + RealField = f64> {
     symbolic: Arc<Symbolic>,
-    /// The factorisation to solve with, if there is one.
-    served: Option<Factorisation>,
+    /// The factorization to solve with, if there is one.
+    served: Option<Factorization>,
     /// The factors, column after column.
     factor: Vec<T>,
     /// Of the blocks of `D`.
@@ -67,7 +67,7 @@ impl<T: Scalar + RealField> Solver<T> {
             Preconditioner::Ilut { .. } | Preconditioner::Multigrid => {
                 return Err(SolveError::Unsupported {
                     backend: Dense::<T>::NAME,
-                    what: "incomplete factorisation or multigrid",
+                    what: "incomplete factorization or multigrid",
                     cure: "take the diagonal, a direct method, or the backend `sparse`",
                 });
             }
@@ -167,28 +167,28 @@ impl<T: Scalar + RealField> Solver<T> {
         let mut indefinite_at = None;
         if self.symbolic.params.symmetry == Symmetry::Definite {
             match self.factor_cholesky(a) {
-                Ok(pivots) => return self.report(a, Factorisation::Cholesky, None, &pivots),
+                Ok(pivots) => return self.report(a, Factorization::Cholesky, None, &pivots),
                 Err(position) => indefinite_at = Some(position),
             }
         }
         if self.symbolic.params.symmetry == Symmetry::None {
             let pivots = self.factor_lu(a);
-            return self.report(a, Factorisation::Lu, None, &pivots);
+            return self.report(a, Factorization::Lu, None, &pivots);
         }
         let pivots = self.factor_ldlt(a);
-        self.report(a, Factorisation::Ldlt, indefinite_at, &pivots)
+        self.report(a, Factorization::Ldlt, indefinite_at, &pivots)
     }
 
     fn report(
         &mut self,
         a: &Matrix<T>,
-        kind: Factorisation,
+        kind: Factorization,
         indefinite_at: Option<usize>,
         pivots: &Pivots,
     ) -> Result<FactorReport, SolveError<Infallible>> {
         let unknown = |position: usize| match kind {
-            Factorisation::Ldlt => self.forward[position] as usize,
-            Factorisation::Cholesky | Factorisation::Lu | Factorisation::Approximate => position,
+            Factorization::Ldlt => self.forward[position] as usize,
+            Factorization::Cholesky | Factorization::Lu | Factorization::Approximate => position,
         };
         let pivot_ratio = pivots.judge(at_sight(&self.symbolic.params), unknown)?;
         self.served = Some(kind);
@@ -197,7 +197,7 @@ impl<T: Scalar + RealField> Solver<T> {
             self.served = None;
             return Err(SolveError::Singular { unknown, ratio: pivot_ratio, limit: T::epsilon().as_f64() });
         }
-        let negative_pivots = (kind != Factorisation::Lu).then(|| pivots.negative());
+        let negative_pivots = (kind != Factorization::Lu).then(|| pivots.negative());
         Ok(FactorReport { kind, indefinite_at, pivot_ratio, negative_pivots })
     }
 
@@ -206,12 +206,12 @@ impl<T: Scalar + RealField> Solver<T> {
     fn resolve_doubt(
         &mut self,
         a: &Matrix<T>,
-        kind: Factorisation,
+        kind: Factorization,
         pivots: &Pivots,
     ) -> Result<Option<usize>, SolveError<Infallible>> {
         let n = self.symbolic.unknowns;
         let Some(limit) = in_doubt::<T>(&self.symbolic.params, n, pivots.ratio()) else { return Ok(None) };
-        let scales = if kind == Factorisation::Cholesky {
+        let scales = if kind == Factorization::Cholesky {
             let mut diagonal = Vector::from(vec![T::zero(); n]);
             a.diagonal(&mut diagonal)?;
             Scales::of_diagonal(diagonal.values.iter().map(|entry| entry.as_f64()))
@@ -245,15 +245,15 @@ impl<T: Scalar + RealField> Solver<T> {
         let factor = MatRef::from_column_major_slice(&self.factor, n, n);
         let stack = self.scratch.memory();
         match served {
-            Factorisation::Cholesky => llt::solve::solve_in_place_with_conj(factor, Conj::No, right, Par::Seq, stack),
-            Factorisation::Ldlt => {
+            Factorization::Cholesky => llt::solve::solve_in_place_with_conj(factor, Conj::No, right, Par::Seq, stack),
+            Factorization::Ldlt => {
                 let exchanged = PermRef::new_checked(&self.forward, &self.inverse, n);
                 let (d, e) = (factor.diagonal(), DiagRef::from_slice(&self.subdiagonal));
                 lblt::solve::solve_in_place_with_conj(factor, d, e, Conj::No, exchanged, right, Par::Seq, stack);
             }
             // Iterations have their own way.
-            Factorisation::Approximate => return Err(SolveError::NotFactored),
-            Factorisation::Lu => {
+            Factorization::Approximate => return Err(SolveError::NotFactored),
+            Factorization::Lu => {
                 let exchanged = PermRef::new_checked(&self.forward, &self.inverse, n);
                 lu::solve::solve_in_place_with_conj(factor, factor, exchanged, Conj::No, right, Par::Seq, stack);
             }
@@ -265,7 +265,7 @@ impl<T: Scalar + RealField> Solver<T> {
     }
 }
 
-/// Working memory that solving with `columns` right-hand sides needs, whichever factorisation serves.
+/// Working memory that solving with `columns` right-hand sides needs, whichever factorization serves.
 fn solve_scratch<T: RealField>(unknowns: usize, columns: usize) -> StackReq {
     StackReq::any_of(&[
         llt::solve::solve_in_place_scratch::<T>(unknowns, columns, Par::Seq),

@@ -122,7 +122,7 @@ impl Context {
     /// What PETSc reports of such a name.
     pub fn set_option(&self, name: &str, value: &str) -> Result<(), PetscError> {
         let (name, value) = (c_string(&format!("-{}{name}", self.prefix))?, c_string(value)?);
-        // SAFETY: PETSc is initialised, and copies both.
+        // SAFETY: PETSc is initialized, and copies both.
         call(|| unsafe { ffi::PetscOptionsSetValue(std::ptr::null_mut(), name.as_ptr(), value.as_ptr()) })
     }
 
@@ -132,7 +132,7 @@ impl Context {
     /// What PETSc reports of such a name.
     pub fn clear_option(&self, name: &str) -> Result<(), PetscError> {
         let name = c_string(&format!("-{}{name}", self.prefix))?;
-        // SAFETY: PETSc is initialised, and only reads the name.
+        // SAFETY: PETSc is initialized, and only reads the name.
         call(|| unsafe { ffi::PetscOptionsClearValue(std::ptr::null_mut(), name.as_ptr()) })
     }
 

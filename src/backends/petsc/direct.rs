@@ -1,4 +1,4 @@
-//! Factorisations, by the packages that PETSc was built with.
+//! Factorizations, by the packages that PETSc was built with.
 
 use std::ffi::CStr;
 
@@ -6,14 +6,14 @@ use super::error::{PetscError, owned};
 use super::ksp::{Ended, Ksp};
 use super::session::call;
 use super::{Matrix, Petsc, Vector, ffi};
-use crate::las::{Backend, Factorisation, SolveError};
+use crate::las::{Backend, Factorization, SolveError};
 
-/// One factorisation of a matrix, made again and again.
+/// One factorization of a matrix, made again and again.
 #[derive(Debug)]
 pub(super) struct Factor {
     ksp: Ksp,
-    /// What it is; `Approximate` where the options database asks for something else than a factorisation.
-    pub(super) kind: Factorisation,
+    /// What it is; `Approximate` where the options database asks for something else than a factorization.
+    pub(super) kind: Factorization,
     /// Whether solving iterates, because the options database asks for that.
     pub(super) iterates: bool,
     /// Owned by `ksp`; null where there is none.
@@ -26,7 +26,7 @@ pub(super) struct Factor {
 // SAFETY: `matrix` belongs to the object that `ksp` owns; see there.
 unsafe impl Send for Factor {}
 
-/// What a factorisation has found.
+/// What a factorization has found.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Found {
     /// Why it does not serve.
@@ -39,7 +39,7 @@ pub(super) struct Found {
     pub(super) ratio: f64,
 }
 
-/// Why there is no factorisation.
+/// Why there is no factorization.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Failure {
     /// Pivots that count as zero.
@@ -60,26 +60,26 @@ impl Failure {
         };
         let reason = match self {
             Self::Other([code, more]) if package == "mumps" => format!("INFOG(1) = {code}, INFOG(2) = {more}"),
-            Self::Other([code, _]) => format!("factorisation error {code}"),
+            Self::Other([code, _]) => format!("factorization error {code}"),
             _ => "there is not enough memory for the factors".to_owned(),
         };
         SolveError::Library { library, reason }
     }
 }
 
-/// The package for a kind of factorisation, and the kind that it has: MUMPS where it is installed, else PETSc's own on one
+/// The package for a kind of factorization, and the kind that it has: MUMPS where it is installed, else PETSc's own on one
 /// rank, else LU by SuperLU_DIST.
-fn package(kind: Factorisation, ranks: usize) -> Result<(&'static CStr, Factorisation), SolveError<PetscError>> {
+fn package(kind: Factorization, ranks: usize) -> Result<(&'static CStr, Factorization), SolveError<PetscError>> {
     if cfg!(petsc_has = "mumps") {
         Ok((c"mumps", kind))
     } else if ranks == 1 {
         Ok((c"petsc", kind))
     } else if cfg!(petsc_has = "superlu_dist") {
-        Ok((c"superlu_dist", Factorisation::Lu))
+        Ok((c"superlu_dist", Factorization::Lu))
     } else {
         Err(SolveError::Unsupported {
             backend: Petsc::NAME,
-            what: "factorisation on several ranks",
+            what: "factorization on several ranks",
             cure: "take a PETSc with MUMPS or SuperLU_DIST, an iterative method, or one rank",
         })
     }
@@ -87,19 +87,19 @@ fn package(kind: Factorisation, ranks: usize) -> Result<(&'static CStr, Factoris
 
 impl Factor {
     /// Pivots below `limit` of the (scaled) matrix count as zero; `room` is what MUMPS adds to its estimates, per cent.
-    pub(super) fn new(a: &Matrix, kind: Factorisation, limit: f64, room: i32) -> Result<Self, SolveError<PetscError>> {
+    pub(super) fn new(a: &Matrix, kind: Factorization, limit: f64, room: i32) -> Result<Self, SolveError<PetscError>> {
         let (package, kind) = package(kind, a.context.ranks())?;
         Self::by_package(a, kind, package, limit, room).map_err(SolveError::Fault)
     }
 
-    fn by_package(a: &Matrix, kind: Factorisation, package: &CStr, limit: f64, room: i32) -> Result<Self, PetscError> {
+    fn by_package(a: &Matrix, kind: Factorization, package: &CStr, limit: f64, room: i32) -> Result<Self, PetscError> {
         let raw = a.raw();
-        let [definite, symmetric] = [kind == Factorisation::Cholesky, kind != Factorisation::Lu].map(ffi::Bool::from);
+        let [definite, symmetric] = [kind == Factorization::Cholesky, kind != Factorization::Lu].map(ffi::Bool::from);
         // MUMPS factors without pivoting what is stated to be definite.
         // SAFETY: a live matrix.
         call(|| unsafe { ffi::MatSetOption(raw, ffi::MAT_SYMMETRIC, symmetric) })?;
         call(|| unsafe { ffi::MatSetOption(raw, ffi::MAT_SPD, definite) })?;
-        let ksp = Ksp::new(a, c"preonly", if kind == Factorisation::Lu { c"lu" } else { c"cholesky" })?;
+        let ksp = Ksp::new(a, c"preonly", if kind == Factorization::Lu { c"lu" } else { c"cholesky" })?;
         let pc = ksp.pc();
         // SAFETY: a live object and a C string.
         call(|| unsafe { ffi::PCFactorSetMatSolverType(pc, package.as_ptr()) })?;
@@ -107,12 +107,12 @@ impl Factor {
         let [method, preconditioner] = ksp.types()?;
         let kind = match preconditioner.as_str() {
             "cholesky" => kind,
-            "lu" => Factorisation::Lu,
-            _ => Factorisation::Approximate,
+            "lu" => Factorization::Lu,
+            _ => Factorization::Approximate,
         };
         let (matrix, iterates) = (std::ptr::null_mut(), method != "preonly");
         let mut factor = Self { ksp, kind, iterates, matrix, package: String::new(), limit };
-        if kind != Factorisation::Approximate {
+        if kind != Factorization::Approximate {
             factor.find_matrix()?;
             factor.set_parameters(room)?;
         }
@@ -145,7 +145,7 @@ impl Factor {
         // 24: pivots that count as zero are found and counted. 13: the last front is not handed to ScaLAPACK, which does not
         // count negative pivots. 14: room. 6 and 12: of symmetric matrices the order depends on the pattern alone, so that a
         // solver gives the same whatever it has factored before.
-        let by_pattern = if self.kind == Factorisation::Lu { &[][..] } else { &[(6, 0), (12, 1)] };
+        let by_pattern = if self.kind == Factorization::Lu { &[][..] } else { &[(6, 0), (12, 1)] };
         for &(number, value) in [(24, 1), (13, 1), (14, room)].iter().chain(by_pattern) {
             // SAFETY: a live factor of MUMPS's.
             call(|| unsafe { ffi::MatMumpsSetIcntl(factor, number, value) })?;
@@ -188,7 +188,7 @@ impl Factor {
         found.spent = found.failure.is_some();
         match (found.failure, self.kind, self.package.as_str()) {
             (None, kind, "mumps") => self.look(kind, self.limit, &mut found)?,
-            (None, Factorisation::Cholesky | Factorisation::Ldlt, "petsc") => {
+            (None, Factorization::Cholesky | Factorization::Ldlt, "petsc") => {
                 let (mut negative, mut zero, mut positive) = (0, 0, 0);
                 // SAFETY: a live factor of PETSc's own Cholesky, which counts them.
                 call(|| unsafe { ffi::MatGetInertia(factor, &raw mut negative, &raw mut zero, &raw mut positive) })?;
@@ -213,8 +213,8 @@ impl Factor {
 
     /// What MUMPS says of its pivots.
     #[cfg(petsc_has = "mumps")]
-    fn look(&self, kind: Factorisation, limit: f64, found: &mut Found) -> Result<(), PetscError> {
-        if kind != Factorisation::Lu {
+    fn look(&self, kind: Factorization, limit: f64, found: &mut Found) -> Result<(), PetscError> {
+        if kind != Factorization::Lu {
             found.negative = Some(self.infog(12)? as usize);
         }
         // The smallest and the largest pivot; zeros before MUMPS 5.5.
@@ -229,7 +229,7 @@ impl Factor {
     }
 
     #[cfg(not(petsc_has = "mumps"))]
-    fn look(&self, _: Factorisation, _: f64, _: &mut Found) -> Result<(), PetscError> {
+    fn look(&self, _: Factorization, _: f64, _: &mut Found) -> Result<(), PetscError> {
         Ok(())
     }
 
@@ -249,7 +249,7 @@ impl Factor {
         Ok(value)
     }
 
-    /// The unknown that moves most where nothing resists: in a vector of the null space. The factor cannot be used afterwards.
+    /// The unknown that moves most where nothing resists: in a vector of the null space. The factor cannot be used afterward.
     pub(super) fn loose_unknown(&self, a: &Matrix, found: &Found, x: &mut Vector) -> Result<Option<usize>, PetscError> {
         if found.spent {
             return Ok(self.zero_pivot(a));
@@ -264,7 +264,7 @@ impl Factor {
         Ok(sizes.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(unknown, _)| unknown))
     }
 
-    /// The row at whose pivot PETSc's own factorisation stopped.
+    /// The row at whose pivot PETSc's own factorization stopped.
     fn zero_pivot(&self, a: &Matrix) -> Option<usize> {
         let (factor, mut pivot, mut row) = (self.matrix, 0.0, 0);
         // SAFETY: a live factor.

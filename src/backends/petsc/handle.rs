@@ -64,7 +64,7 @@ impl<T: Object> fmt::Debug for Handle<T> {
 
 impl<T: Object> Drop for Handle<T> {
     fn drop(&mut self) {
-        // Where the program has finalised MPI before, the object is left to the end of the process.
+        // Where the program has finalized MPI before, the object is left to the end of the process.
         if !self.raw.is_null() && !is_finalized() {
             let _alone = lock();
             // SAFETY: live, and this handle was the only one. There is nobody to report an error to.

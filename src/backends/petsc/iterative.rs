@@ -27,7 +27,7 @@ impl ByIterations {
             Preconditioner::Ilut { .. } => {
                 return Err(SolveError::Unsupported {
                     backend: Petsc::NAME,
-                    what: "incomplete factorisation with a threshold",
+                    what: "incomplete factorization with a threshold",
                     cure: "take the diagonal or multigrid, or one of PETSc's by the options database: `pc_type` `ilu` with \
                            `pc_factor_levels` (one rank), or `hypre` with `pc_hypre_type` `euclid` or `pilut`",
                 });

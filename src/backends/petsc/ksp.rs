@@ -32,7 +32,7 @@ impl Ksp {
     pub(super) fn new(a: &Matrix, method: &CStr, preconditioner: &CStr) -> Result<Self, PetscError> {
         let (comm, context, matrix) = (a.context.comm(), &a.context, a.raw());
         let prefix = c_string(context.prefix())?;
-        // SAFETY: PETSc is initialised and the communicator live.
+        // SAFETY: PETSc is initialized and the communicator live.
         let handle = Handle::new(context.session(), |out| unsafe { ffi::KSPCreate(comm, out) })?;
         let (ksp, mut pc) = (handle.raw(), std::ptr::null_mut());
         // SAFETY: live objects and C strings, which PETSc copies.
@@ -86,7 +86,7 @@ impl Ksp {
         call(|| unsafe { ffi::KSPSetInitialGuessNonzero(ksp, ffi::Bool::from(go_on)) })?;
         if a.context.is_alone() {
             let (b, x) = (b.raw()?, x.raw()?);
-            // SAFETY: live objects of the sizes that were analysed; two vectors.
+            // SAFETY: live objects of the sizes that were analyzed; two vectors.
             call(|| unsafe { ffi::KSPSolve(ksp, b, x) })?;
         } else {
             let [right, left] = a.parts()?;
@@ -106,7 +106,7 @@ impl Ksp {
         Ok(Ended { iterations: iterations as usize, reason })
     }
 
-    /// `A x_k = b_k` for all of them at once, by a factorisation; whether it converged is not asked, since that solves or
+    /// `A x_k = b_k` for all of them at once, by a factorization; whether it converged is not asked, since that solves or
     /// reports an error.
     pub(super) fn solve_together(&self, a: &Matrix, b: &[Vector], x: &mut [Vector]) -> Result<(), PetscError> {
         let (own, rows, ksp) = (a.layout.rows.clone(), a.pattern().rows(), self.raw());
@@ -130,7 +130,7 @@ impl Ksp {
         };
         let (right, left) = (dense(&mut columns)?, dense(&mut solutions)?);
         let (b, to) = (right.raw(), left.raw());
-        // SAFETY: live objects of the sizes that were analysed; two matrices.
+        // SAFETY: live objects of the sizes that were analyzed; two matrices.
         call(|| unsafe { ffi::KSPMatSolve(ksp, b, to) })?;
         drop((right, left));
         for (k, x) in x.iter_mut().enumerate() {

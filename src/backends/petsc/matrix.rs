@@ -69,7 +69,7 @@ impl Matrix {
 
     fn of_layout(context: &Context, layout: Layout, blocks: usize) -> Result<Self, PetscError> {
         let comm = context.comm();
-        // SAFETY: PETSc is initialised and the communicator live.
+        // SAFETY: PETSc is initialized and the communicator live.
         let handle = Handle::new(context.session(), |out| unsafe { ffi::MatCreate(comm, out) })?;
         let (raw, kind) = (handle.raw(), if layout.block > 1 { BAIJ } else { AIJ });
         let [own_rows, own_cols, size] = [layout.rows.len(), layout.cols.len(), blocks].map(|size| size as i32);

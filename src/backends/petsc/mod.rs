@@ -5,10 +5,10 @@
 //! rank: reading them, norms and products of two need no communication and are the same everywhere, bit for bit. Of a matrix
 //! each rank keeps the rows that it owns, of what everybody writes. Reading a matrix, multiplying and solving are done by all
 //! ranks together and give all of them the whole result. Code that is generic over the backend therefore runs unchanged on
-//! any number of ranks; assembly is repeated on each of them, factorisations and products are shared.
+//! any number of ranks; assembly is repeated on each of them, factorizations and products are shared.
 //!
 //! # Sessions
-//! [`Session`] initialises MPI and PETSc and ends them after the last object is gone; [`Context`] adds a communicator and the
+//! [`Session`] initializes MPI and PETSc and ends them after the last object is gone; [`Context`] adds a communicator and the
 //! prefix of options. PETSc's errors come back as [`PetscError`], with its own text.
 //!
 //! ```no_run

@@ -9,11 +9,11 @@ use thiserror::Error;
 use super::error::{PetscError, check, keep};
 use super::ffi;
 
-/// PETSc, initialised: MPI too, if nobody had.
+/// PETSc, initialized: MPI too, if nobody had.
 ///
-/// Everything of this backend holds the session that it was made in. PETSc is finalised when the session and all that was
-/// made in it are dropped, in whatever order, and MPI after it, if the session had initialised it. MPI starts only once in a
-/// process: whoever wants several sessions, one after the other, initialises MPI himself.
+/// Everything of this backend holds the session that it was made in. PETSc is finalized when the session and all that was
+/// made in it are dropped, in whatever order, and MPI after it, if the session had initialized it. MPI starts only once in a
+/// process: whoever wants several sessions, one after the other, initializes MPI himself.
 ///
 /// PETSc's signal handlers stay out, and it prints no errors: they come back as [`PetscError`].
 ///
@@ -21,7 +21,7 @@ use super::ffi;
 /// PETSc is not made for threads: its log, its options and its communicators are one for all of them. All calls of PETSc (making,
 /// finishing, destroying, multiplying, solving) wait for one another, whatever threads they come from, so that any thread may
 /// use what it owns; the hot verbs call nothing and wait for nothing. On several
-/// ranks all ranks must make these calls in the same order, which only one thread a rank can promise. Whoever initialises
+/// ranks all ranks must make these calls in the same order, which only one thread a rank can promise. Whoever initializes
 /// MPI himself and lets several threads use PETSc asks MPI for [`Threading::Serialized`] at least.
 #[derive(Clone, Debug)]
 pub struct Session(#[allow(dead_code, reason = "held until the last is dropped")] Arc<Running>);
@@ -33,10 +33,10 @@ pub enum SessionError {
     #[error("a PETSc session is running in this process: share it, or drop it and all that was made in it")]
     Running,
     /// Somebody else called `PetscInitialize`.
-    #[error("PETSc was initialised by another part of this program")]
+    #[error("PETSc was initialized by another part of this program")]
     Foreign,
     /// MPI has ended, and cannot start again.
-    #[error("MPI was finalised in this process, and starts only once: keep the session, or initialise MPI yourself")]
+    #[error("MPI was finalized in this process, and starts only once: keep the session, or initialize MPI yourself")]
     Ended,
     /// PETSc did not start, or refuses the communicator.
     #[error("{0}")]
@@ -45,7 +45,7 @@ pub enum SessionError {
 
 #[derive(Debug)]
 struct Running {
-    /// Dropped after PETSc was finalised.
+    /// Dropped after PETSc was finalized.
     _universe: Option<Mpi>,
 }
 
@@ -78,7 +78,7 @@ pub(super) fn call(function: impl FnOnce() -> ffi::Code) -> Result<(), PetscErro
 }
 
 impl Session {
-    /// Initialises MPI, if nobody has, and PETSc.
+    /// Initializes MPI, if nobody has, and PETSc.
     ///
     /// PETSc reads its options from the environment variable `PETSC_OPTIONS` and from `.petscrc`, not from the arguments of
     /// the program.
@@ -135,7 +135,7 @@ impl Session {
 fn start() -> Result<(), PetscError> {
     const NO_SIGNALS: &CStr = c"-no_signal_handler";
     call(|| {
-        // SAFETY: MPI is initialised and PETSc is not; options may be set before that. The handler outlives PETSc.
+        // SAFETY: MPI is initialized and PETSc is not; options may be set before that. The handler outlives PETSc.
         unsafe {
             match ffi::PetscOptionsSetValue(std::ptr::null_mut(), NO_SIGNALS.as_ptr(), c"true".as_ptr()) {
                 0 => {}
@@ -152,10 +152,10 @@ fn start() -> Result<(), PetscError> {
 impl Drop for Running {
     fn drop(&mut self) {
         let mut runs = RUNS.lock().unwrap_or_else(PoisonError::into_inner);
-        // Where the program has finalised MPI before, PETSc cannot be finalised any more.
+        // Where the program has finalized MPI before, PETSc cannot be finalized any more.
         if !is_finalized() {
             let _alone = lock();
-            // SAFETY: initialised by `Session::new`; every object of the session held it, so that none is left. There is
+            // SAFETY: initialized by `Session::new`; every object of the session held it, so that none is left. There is
             // nobody to report an error to.
             unsafe {
                 ffi::PetscPopErrorHandler();

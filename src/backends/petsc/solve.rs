@@ -11,13 +11,13 @@ use crate::backends::checks::{check_columns, check_size, definite, singular_limi
 use crate::backends::local;
 use crate::backends::null_vector::{Scales, in_doubt, refuse_null_vector};
 use crate::las::{
-    Backend, FactorReport, Factorisation, MatVec, Method, Preconditioner, SolveError, SolveReport, SolverParams,
+    Backend, FactorReport, Factorization, MatVec, Method, Preconditioner, SolveError, SolveReport, SolverParams,
     Sparsity, Symmetry, VectorOps,
 };
 
 type Fault = SolveError<PetscError>;
 
-/// What is to be solved and how. PETSc's own analyses belong to one factorisation each: they are made with the first one of
+/// What is to be solved and how. PETSc's own analyses belong to one factorization each: they are made with the first one of
 /// every solver.
 #[derive(Debug)]
 pub struct Symbolic {
@@ -56,7 +56,7 @@ pub struct Solver {
     ldlt: Option<Factor>,
     lu: Option<Factor>,
     iterative: Option<ByIterations>,
-    served: Option<Factorisation>,
+    served: Option<Factorization>,
     diagonal: Vector,
 }
 
@@ -119,12 +119,12 @@ impl Solver {
         Ok(entries.min_by(|a, b| a.1.total_cmp(b.1)).map_or(0, |(unknown, _)| unknown))
     }
 
-    /// One factorisation of the matrix taken, with more room where the package asks for it.
-    fn attempt(&mut self, kind: Factorisation) -> Result<(Factorisation, Found), Fault> {
+    /// One factorization of the matrix taken, with more room where the package asks for it.
+    fn attempt(&mut self, kind: Factorization) -> Result<(Factorization, Found), Fault> {
         let Self { a, limit, cholesky, ldlt, lu, .. } = self;
         let place = match kind {
-            Factorisation::Cholesky => cholesky,
-            Factorisation::Ldlt => ldlt,
+            Factorization::Cholesky => cholesky,
+            Factorization::Ldlt => ldlt,
             _ => lu,
         };
         let mut found = None;
@@ -139,7 +139,7 @@ impl Solver {
             match now.failure {
                 // One that failed cannot be used again.
                 Some(Failure::Room) => {}
-                Some(failure @ Failure::Other(_)) if kind != Factorisation::Cholesky => {
+                Some(failure @ Failure::Other(_)) if kind != Factorization::Cholesky => {
                     return Err(failure.error(factor.package()));
                 }
                 _ => {
@@ -155,7 +155,7 @@ impl Solver {
         }
     }
 
-    fn factor_by(&mut self, kind: Factorisation, indefinite_at: Option<usize>) -> Result<FactorReport, Fault> {
+    fn factor_by(&mut self, kind: Factorization, indefinite_at: Option<usize>) -> Result<FactorReport, Fault> {
         let (kind, found) = self.attempt(kind)?;
         if found.failure.is_some() {
             return Err(self.singular(kind, &found));
@@ -167,12 +167,12 @@ impl Solver {
     }
 
     /// Looks for a null vector where a pivot is small or the package tells of none, unless the caller has set a limit for
-    /// pivots. Of a matrix whose diagonal is not positive the package's own judgement stands.
-    fn resolve_doubt(&mut self, kind: Factorisation, ratio: f64) -> Result<(), Fault> {
+    /// pivots. Of a matrix whose diagonal is not positive the package's own judgment stands.
+    fn resolve_doubt(&mut self, kind: Factorization, ratio: f64) -> Result<(), Fault> {
         let n = self.symbolic.pattern.rows();
         let told = if ratio < 1.0 { ratio } else { 0.0 };
         let Some(limit) = in_doubt::<f64>(&self.symbolic.params, n, told) else { return Ok(()) };
-        if kind == Factorisation::Approximate {
+        if kind == Factorization::Approximate {
             return Ok(());
         }
         self.a.diagonal(&mut self.diagonal)?;
@@ -189,11 +189,11 @@ impl Solver {
         }
     }
 
-    fn singular(&mut self, kind: Factorisation, found: &Found) -> Fault {
+    fn singular(&mut self, kind: Factorization, found: &Found) -> Fault {
         let Self { a, cholesky, ldlt, lu, diagonal, limit, .. } = self;
         let factor = match kind {
-            Factorisation::Cholesky => cholesky,
-            Factorisation::Ldlt => ldlt,
+            Factorization::Cholesky => cholesky,
+            Factorization::Ldlt => ldlt,
             _ => lu,
         };
         let limit = *limit;
@@ -207,7 +207,7 @@ impl Solver {
 
     /// Cholesky, or `None` where the matrix is not positive definite.
     fn factor_by_cholesky(&mut self) -> Result<Option<FactorReport>, Fault> {
-        let (kind, found) = self.attempt(Factorisation::Cholesky)?;
+        let (kind, found) = self.attempt(Factorization::Cholesky)?;
         let is_definite = found.failure.is_none() && found.negative.is_none_or(|negative| negative == 0);
         if !is_definite {
             if found.spent {
@@ -226,13 +226,13 @@ impl Solver {
             return Ok(self.report_nothing());
         }
         match self.symbolic.params.symmetry {
-            Symmetry::None => self.factor_by(Factorisation::Lu, None),
-            Symmetry::Symmetric => self.factor_by(Factorisation::Ldlt, None),
+            Symmetry::None => self.factor_by(Factorization::Lu, None),
+            Symmetry::Symmetric => self.factor_by(Factorization::Ldlt, None),
             Symmetry::Definite => match self.factor_by_cholesky()? {
                 Some(report) => Ok(report),
                 None => {
                     let unknown = self.smallest_diagonal()?;
-                    self.factor_by(Factorisation::Ldlt, Some(unknown))
+                    self.factor_by(Factorization::Ldlt, Some(unknown))
                 }
             },
         }
@@ -241,12 +241,12 @@ impl Solver {
     /// Of a system without unknowns.
     fn report_nothing(&mut self) -> FactorReport {
         let kind = match self.symbolic.params.symmetry {
-            Symmetry::None => Factorisation::Lu,
-            Symmetry::Symmetric => Factorisation::Ldlt,
-            Symmetry::Definite => Factorisation::Cholesky,
+            Symmetry::None => Factorization::Lu,
+            Symmetry::Symmetric => Factorization::Ldlt,
+            Symmetry::Definite => Factorization::Cholesky,
         };
         self.served = Some(kind);
-        let negative_pivots = (kind != Factorisation::Lu).then_some(0);
+        let negative_pivots = (kind != Factorization::Lu).then_some(0);
         FactorReport { kind, indefinite_at: None, pivot_ratio: 1.0, negative_pivots }
     }
 
@@ -257,7 +257,7 @@ impl Solver {
         if let Some(iterative) = self.iterative.as_ref().filter(|_| self.symbolic.pattern.rows() > 0) {
             iterative.set_up(&self.a)?;
         }
-        let kind = Factorisation::Approximate;
+        let kind = Factorization::Approximate;
         self.served = Some(kind);
         Ok(FactorReport { kind, indefinite_at: None, pivot_ratio: 1.0, negative_pivots: None })
     }
@@ -279,7 +279,7 @@ impl Solver {
         }
         let factor = [&*cholesky, &*ldlt, &*lu].into_iter().flatten().find(|factor| factor.kind == served);
         let factor = factor.ok_or(SolveError::NotFactored)?;
-        if b.len() > 1 && !factor.iterates && served != Factorisation::Approximate {
+        if b.len() > 1 && !factor.iterates && served != Factorization::Approximate {
             factor.solve_together(a, b, x).map_err(SolveError::Fault)?;
             return Ok(sum);
         }
@@ -323,7 +323,7 @@ impl crate::las::Solver<Petsc> for Solver {
             if let Some(report) = report.filter(|report| report.negative_pivots.is_some()) {
                 return Ok(report);
             }
-            // A factorisation that does not count its negative pivots: more than the diagonal is not known.
+            // A factorization that does not count its negative pivots: more than the diagonal is not known.
             let unknown = self.smallest_diagonal()?;
             return match report {
                 Some(report) if self.diagonal.as_slice().get(unknown).is_some_and(|&entry| entry > 0.0) => Ok(report),

@@ -27,7 +27,7 @@ impl Vector {
         // Vectors and matrices that meet share a communicator.
         let comm = if context.is_alone() { context.comm() } else { alone };
         let count = count(len)?;
-        // SAFETY: PETSc is initialised; the communicator is live and of one rank.
+        // SAFETY: PETSc is initialized; the communicator is live and of one rank.
         let handle = Handle::new(context.session(), |out| unsafe { ffi::VecCreateSeq(comm, count, out) })?;
         let mut vector = Self { handle, values: std::ptr::null_mut(), len };
         vector.values = vector.borrow()?;

@@ -145,7 +145,7 @@ macro_rules! hot_verbs {
 }
 
 /// Products, sums, diagonals, and all entries; `invert` inverts the entries of a slice.
-macro_rules! amortised {
+macro_rules! amortized {
     ([$($generics:tt)*] $backend:ty, $value:ty, invert: $invert:path) => {
         type Failure = $crate::las::SolveError<::std::convert::Infallible>;
 
@@ -215,4 +215,4 @@ macro_rules! amortised {
     };
 }
 
-pub(in crate::backends) use {amortised, hot_verbs};
+pub(in crate::backends) use {amortized, hot_verbs};

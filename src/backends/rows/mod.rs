@@ -1,7 +1,7 @@
 //! Compressed rows in memory: what the backends `sparse` and `batched` have in common.
 //!
 //! Matrix and vector are generic over what an entry is. A backend implements the traits of [`las`](crate::las) for its own
-//! entries with the macro [`hot_verbs`], which forwards every verb to the function here that does it, and [`amortised`].
+//! entries with the macro [`hot_verbs`], which forward every verb to the function here that does it, and [`amortized`].
 
 mod forward;
 mod matrix;
@@ -9,6 +9,6 @@ mod ops;
 mod products;
 mod vector;
 
-pub(in crate::backends) use forward::{amortised, hot_verbs};
+pub(in crate::backends) use forward::{amortized, hot_verbs};
 pub use matrix::Matrix;
 pub use vector::Vector;

@@ -1,4 +1,4 @@
-//! The symbolic part of the factorisations: everything that depends on the pattern alone.
+//! The symbolic part of the factorizations: everything that depends on the pattern alone.
 
 use std::convert::Infallible;
 use std::fmt::Display;
@@ -112,7 +112,7 @@ impl Symbolic {
         &self.order
     }
 
-    /// Floating-point operations of a Cholesky factorisation in the order found, explicit zeros not counted; `None` where
+    /// Floating-point operations of a Cholesky factorization in the order found, explicit zeros not counted; `None` where
     /// the matrices are stated to be unsymmetric.
     #[must_use]
     pub fn operations(&self) -> Option<f64> {

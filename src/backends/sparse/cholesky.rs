@@ -12,7 +12,7 @@ use super::analysis::CholeskyAnalysis;
 use crate::backends::direct::{Pivots, ldlt_params};
 use crate::las::Scalar;
 
-/// Working memory that solving with `columns` right-hand sides needs, for both factorisations.
+/// Working memory that solving with `columns` right-hand sides needs, for both factorizations.
 pub(super) fn solve_scratch<T: RealField>(analysis: &CholeskyAnalysis, columns: usize) -> StackReq {
     analysis.supernodes.solve_in_place_scratch::<T>(columns, Par::Seq)
 }

@@ -273,7 +273,7 @@ mod tests {
         assert!((0..n).any(|row| ilut.upper.row(row).count() == fill), "the limit does limit");
         let first = ilut.entries();
         ilut.factor::<()>(&a).unwrap();
-        assert_eq!(ilut.entries(), first, "nothing of the factorisation before is left");
+        assert_eq!(ilut.entries(), first, "nothing of the factorization before is left");
         assert!(ilut.present.iter().all(|present| !present) && ilut.row.iter().all(|&value| value == 0.0));
     }
 

@@ -9,7 +9,7 @@ use crate::backends::direct::Pivots;
 use crate::backends::iterative::{ApproximateInverse, Simple};
 use crate::las::{Backend, Preconditioner, SolveError};
 
-/// None, the diagonal's, or that of an incomplete factorisation.
+/// None, the diagonal's, or that of an incomplete factorization.
 pub(super) enum Inverse<T: BlockScalar> {
     Simple(Simple<Sparse<T>>),
     Ilut(Box<Ilut<T>>),
@@ -24,12 +24,12 @@ impl<T: BlockScalar> Inverse<T> {
             Preconditioner::Multigrid => Err(SolveError::Unsupported {
                 backend: Sparse::<T>::NAME,
                 what: "multigrid",
-                cure: "take an incomplete factorisation, or the backend `petsc`",
+                cure: "take an incomplete factorization, or the backend `petsc`",
             }),
         }
     }
 
-    /// Values of an incomplete factorisation.
+    /// Values of an incomplete factorization.
     pub(super) fn entries(&self) -> Option<usize> {
         match self {
             Self::Simple(_) => None,

@@ -1,4 +1,4 @@
-//! The unsymmetric factorisation, `L U` with partial pivoting.
+//! The unsymmetric factorization, `L U` with partial pivoting.
 //!
 //! The library has two variants. The one by single columns shows its pivots; the one by supernodes is many times faster
 //! on large systems, but does not. There, the reciprocal condition number stands in for the ratio of the pivots, and only

@@ -3,6 +3,6 @@
 use super::Sparse;
 use super::block::BlockScalar;
 use crate::backends::local;
-use crate::backends::rows::amortised;
+use crate::backends::rows::amortized;
 
-amortised!([T: BlockScalar] Sparse<T>, T, invert: local::invert);
+amortized!([T: BlockScalar] Sparse<T>, T, invert: local::invert);

@@ -1,4 +1,4 @@
-//! The solver: which factorisation serves, and its storage.
+//! The solver: which factorization serves, and its storage.
 
 use std::convert::Infallible;
 use std::sync::Arc;
@@ -17,22 +17,22 @@ use crate::backends::direct::{Pivots, Scratch};
 use crate::backends::iterative::IterativeSolver;
 use crate::backends::local;
 use crate::backends::null_vector::{Scales, in_doubt, refuse_null_vector};
-use crate::las::{Backend, FactorReport, Factorisation, MatVec, Method, SolveError, SolveReport, Symmetry};
+use crate::las::{Backend, FactorReport, Factorization, MatVec, Method, SolveError, SolveReport, Symmetry};
 
 /// Solver for matrices of one pattern.
 ///
-/// With [`Method::Iterative`] it runs a Krylov method with an incomplete factorisation or the diagonal. Else a matrix stated to be [`Symmetry::Definite`] is factored by Cholesky: by blocks of three where its pattern consists of
-/// them, some smaller ones among them, and the factorisation is not too large, else by the library. Of two mirrored values one is read. Where a pivot
+/// With [`Method::Iterative`] it runs a Krylov method with an incomplete factorization or the diagonal. Else a matrix stated to be [`Symmetry::Definite`] is factored by Cholesky: by blocks of three where its pattern consists of
+/// them, some smaller ones among them, and the factorization is not too large, else by the library. Of two mirrored values one is read. Where a pivot
 /// is not positive, LDL^T takes over, whose analysis and storage are made then and kept. It exchanges unknowns only
 /// within a supernode. Where such a pivot (nearly) vanishes although the matrix may be regular, LU with partial
 /// pivoting decides: it serves, or finds the matrix singular. LU allocates, the others do not after their first time.
 pub struct Solver<T: BlockScalar = f64> {
     symbolic: Arc<Symbolic>,
     limit: f64,
-    /// The factorisation to solve with, if there is one.
-    served: Option<Factorisation>,
+    /// The factorization to solve with, if there is one.
+    served: Option<Factorization>,
     blocks: Option<BlockCholesky<T>>,
-    /// Values of the ordered lower triangle, for the factorisations of the library.
+    /// Values of the ordered lower triangle, for the factorizations of the library.
     lower: Vec<T>,
     cholesky: Option<Cholesky<T>>,
     ldlt: Option<Ldlt<T>>,
@@ -91,7 +91,7 @@ impl<T: BlockScalar> Solver<T> {
         &self.symbolic
     }
 
-    /// Number of values that an incomplete factorisation holds, where there is one.
+    /// Number of values that an incomplete factorization holds, where there is one.
     #[must_use]
     pub fn incomplete_entries(&self) -> Option<usize> {
         self.iterative.as_ref().and_then(|iterative| iterative.inverse().entries())
@@ -133,7 +133,7 @@ impl<T: BlockScalar> Solver<T> {
             match blocks.factor(analysis, &a.values) {
                 Ok(pivots) => {
                     let unknown = |p| analysis.unknown(p);
-                    return self.report(a, Factorisation::Cholesky, None, &pivots, unknown).map(Some);
+                    return self.report(a, Factorization::Cholesky, None, &pivots, unknown).map(Some);
                 }
                 Err(position) => return Err(SolveError::Indefinite { unknown: Some(analysis.unknown(position)) }),
             }
@@ -147,7 +147,7 @@ impl<T: BlockScalar> Solver<T> {
         match cholesky.factor(analysis, &self.lower, self.scratch.memory()) {
             Ok(pivots) => {
                 let unknown = |p: usize| analysis.order[p] as usize;
-                self.report(a, Factorisation::Cholesky, None, &pivots, unknown).map(Some)
+                self.report(a, Factorization::Cholesky, None, &pivots, unknown).map(Some)
             }
             Err(position) => Err(SolveError::Indefinite { unknown: Some(analysis.order[position] as usize) }),
         }
@@ -174,10 +174,10 @@ impl<T: BlockScalar> Solver<T> {
         let pivots = ldlt.factor(analysis, &self.lower, self.scratch.memory());
         if pivots.ratio() > 0.0 {
             // A null vector of the matrix itself needs no second opinion; small pivots, and lost digits, do.
-            self.served = Some(Factorisation::Ldlt);
-            let lost = self.resolve_doubt(a, Factorisation::Ldlt, &pivots).inspect_err(|_| self.served = None)?;
+            self.served = Some(Factorization::Ldlt);
+            let lost = self.resolve_doubt(a, Factorization::Ldlt, &pivots).inspect_err(|_| self.served = None)?;
             if pivots.ratio() >= self.limit && lost.is_none() {
-                return Ok(accepted(Factorisation::Ldlt, indefinite_at, &pivots));
+                return Ok(accepted(Factorization::Ldlt, indefinite_at, &pivots));
             }
             self.served = None;
         }
@@ -196,13 +196,13 @@ impl<T: BlockScalar> Solver<T> {
         }
         let lu = self.lu.get_or_insert_with(|| Lu::new(analysis));
         let pivots = lu.factor(analysis, a.values(), self.limit, self.scratch.memory()).map_err(failed)?;
-        self.report(a, Factorisation::Lu, indefinite_at, &pivots, |position| analysis.unknown(position))
+        self.report(a, Factorization::Lu, indefinite_at, &pivots, |position| analysis.unknown(position))
     }
 
     fn report(
         &mut self,
         a: &Matrix<T>,
-        kind: Factorisation,
+        kind: Factorization,
         indefinite_at: Option<usize>,
         pivots: &Pivots,
         unknown: impl FnOnce(usize) -> usize,
@@ -222,12 +222,12 @@ impl<T: BlockScalar> Solver<T> {
     fn resolve_doubt(
         &mut self,
         a: &Matrix<T>,
-        kind: Factorisation,
+        kind: Factorization,
         pivots: &Pivots,
     ) -> Result<Option<usize>, SolveError<Infallible>> {
         let n = self.symbolic.unknowns();
         let Some(limit) = in_doubt::<T>(&self.symbolic.params, n, pivots.ratio()) else { return Ok(None) };
-        let scales = if kind == Factorisation::Cholesky {
+        let scales = if kind == Factorization::Cholesky {
             let mut diagonal = Vector::from(vec![T::zero(); n]);
             a.diagonal(&mut diagonal)?;
             Scales::of_diagonal(diagonal.values.iter().map(|entry| entry.as_f64()))
@@ -239,7 +239,7 @@ impl<T: BlockScalar> Solver<T> {
         })
     }
 
-    /// Makes room for `count` right-hand sides, for the factorisations of the library.
+    /// Makes room for `count` right-hand sides, for the factorizations of the library.
     fn reserve_columns(&mut self, count: usize) {
         let len = self.symbolic.unknowns() * count;
         if self.columns.len() >= len {
@@ -261,7 +261,7 @@ impl<T: BlockScalar> Solver<T> {
         if n == 0 || b.is_empty() {
             return Ok(SolveReport::DIRECT);
         }
-        if let (Factorisation::Cholesky, Some(analysis), Some(blocks)) =
+        if let (Factorization::Cholesky, Some(analysis), Some(blocks)) =
             (served, &self.symbolic.blocks, &mut self.blocks)
         {
             blocks.reserve(analysis, b.len());
@@ -272,30 +272,30 @@ impl<T: BlockScalar> Solver<T> {
         self.solve_by_library(served, b, x)
     }
 
-    /// Solves for the columns in the order that the factorisation of the library works in.
+    /// Solves for the columns in the order that the factorization of the library works in.
     fn solve_by_library(
         &mut self,
-        served: Factorisation,
+        served: Factorization,
         b: &[Vector<T>],
         x: &mut [Vector<T>],
     ) -> Result<SolveReport, SolveError<Infallible>> {
         let n = self.symbolic.unknowns();
         let columns = &mut self.columns[..n * b.len()];
         match (served, &self.cholesky, &self.ldlt, &self.lu) {
-            (Factorisation::Cholesky, Some(cholesky), ..) => {
+            (Factorization::Cholesky, Some(cholesky), ..) => {
                 let analysis = self.symbolic.cholesky()?;
                 gather(columns, b, &analysis.order);
                 let right = MatMut::from_column_major_slice_mut(columns, n, b.len());
                 cholesky.solve(analysis, right, self.scratch.memory());
                 spread(columns, x, &analysis.order);
             }
-            (Factorisation::Ldlt, _, Some(ldlt), _) => {
+            (Factorization::Ldlt, _, Some(ldlt), _) => {
                 gather(columns, b, &ldlt.order);
                 let right = MatMut::from_column_major_slice_mut(columns, n, b.len());
                 ldlt.solve(self.symbolic.cholesky()?, right, self.scratch.memory());
                 spread(columns, x, &ldlt.order);
             }
-            (Factorisation::Lu, .., Some(lu)) => {
+            (Factorization::Lu, .., Some(lu)) => {
                 let analysis = self.symbolic.lu()?;
                 for (column, b) in columns.chunks_exact_mut(n).zip(b) {
                     column.copy_from_slice(&b.values);
@@ -313,8 +313,8 @@ impl<T: BlockScalar> Solver<T> {
     }
 }
 
-fn accepted(kind: Factorisation, indefinite_at: Option<usize>, pivots: &Pivots) -> FactorReport {
-    let negative_pivots = (kind != Factorisation::Lu).then(|| pivots.negative());
+fn accepted(kind: Factorization, indefinite_at: Option<usize>, pivots: &Pivots) -> FactorReport {
+    let negative_pivots = (kind != Factorization::Lu).then(|| pivots.negative());
     FactorReport { kind, indefinite_at, pivot_ratio: pivots.ratio(), negative_pivots }
 }
 
@@ -382,8 +382,8 @@ mod tests {
 
     #[test]
     fn a_matrix_of_another_pattern_is_refused() {
-        let (analysed, other) = (pattern(&[&[0, 1], &[0, 1], &[2]]), pattern(&[&[0, 2], &[1], &[0, 2]]));
-        let symbolic = Sparse::<f64>::analyze(&(), &analysed, &SolverParams::default()).unwrap();
+        let (analyzed, other) = (pattern(&[&[0, 1], &[0, 1], &[2]]), pattern(&[&[0, 2], &[1], &[0, 2]]));
+        let symbolic = Sparse::<f64>::analyze(&(), &analyzed, &SolverParams::default()).unwrap();
         let mut solver = Sparse::<f64>::solver(&symbolic).unwrap();
         assert_eq!(solver.factor(&Matrix::zeros(&other)), Err(SolveError::Pattern));
         let mut equal = Matrix::zeros(&pattern(&[&[0, 1], &[0, 1], &[2]]));
@@ -410,7 +410,7 @@ mod tests {
             let symbolic = Sparse::<f64>::analyze(&(), &pattern, &SolverParams::new(symmetry)).unwrap();
             let mut solver = Sparse::<f64>::solver(&symbolic).unwrap();
             let report = solver.factor(&a).unwrap();
-            assert_eq!(report.kind, Factorisation::Lu);
+            assert_eq!(report.kind, Factorization::Lu);
             assert_eq!(report.indefinite_at.is_some(), symmetry == Symmetry::Definite);
             let (b, mut x) = (vec![7.0; 2 * n as usize].into(), vec![0.0; 2 * n as usize].into());
             solver.solve(&b, &mut x).unwrap();

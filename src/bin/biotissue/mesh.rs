@@ -19,7 +19,7 @@ pub enum MeshCommand {
         /// Cells along x, y and z, each cut into six tetrahedra
         #[arg(long, value_name = "NX,NY,NZ", value_parser = three::<usize>, allow_hyphen_values = true)]
         cells: [usize; 3],
-        /// Lengths along x, y and z, in metres
+        /// Lengths along x, y and z, in meters
         #[arg(long, value_name = "X,Y,Z", value_parser = three::<f64>, default_value = "1,1,1", allow_hyphen_values = true)]
         size: [f64; 3],
         #[command(flatten)]
@@ -27,7 +27,7 @@ pub enum MeshCommand {
     },
     /// A flat tensile sample along x: regions `grip` and `gauge`, surfaces left, right, sides
     Dogbone {
-        /// Edge of the elements in the grips, in metres; towards the gauge they become finer
+        /// Edge of the elements in the grips, in meters; toward the gauge they become finer
         #[arg(long, value_name = "M", value_parser = real, allow_hyphen_values = true)]
         element_size: f64,
         #[command(flatten)]
@@ -40,7 +40,7 @@ pub enum MeshCommand {
 /// Proportions of the dogbone that differ from the default ones.
 #[derive(Args)]
 pub struct ShapeArguments {
-    /// Length of the sample, in metres [default: 0.038]
+    /// Length of the sample, in meters [default: 0.038]
     #[arg(long, value_name = "M", value_parser = real, allow_hyphen_values = true)]
     length: Option<f64>,
     /// Length of each grip [default: 0.006]
@@ -128,7 +128,7 @@ pub fn run(command: MeshCommand) -> Result<(), Failure> {
 fn refused(error: &ShapeError) -> Failure {
     let (expected, cure) = match error {
         ShapeError::NoCells { .. } => ("one cell at least along each axis".to_owned(), "raise --cells"),
-        ShapeError::NotPositive { .. } => ("a positive, finite length in metres".to_owned(), "correct it"),
+        ShapeError::NotPositive { .. } => ("a positive, finite length in meters".to_owned(), "correct it"),
         ShapeError::TooManyElements { .. } => {
             (format!("at most {} elements", shapes::MAX_ELEMENTS), "take fewer cells or larger elements")
         }

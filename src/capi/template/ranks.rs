@@ -4,7 +4,7 @@
 use crate::backends::petsc::MatrixType;
 
 /// Makes the backend on the ranks of a communicator, given by its Fortran handle: MPI_Comm_c2f(comm) in C, comm%MPI_VAL in
-/// Fortran. MPI must be initialised; all ranks of the communicator call this together.
+/// Fortran. MPI must be initialized; all ranks of the communicator call this together.
 ///
 /// On several ranks (las_create_petsc makes the backend on all of them) every rank runs the same program on the same data:
 /// each assembles the whole matrix, and keeps the rows that it owns of it; vectors lie whole on each. Reading a matrix,

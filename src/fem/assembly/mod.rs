@@ -84,7 +84,7 @@ impl<B: Backend<Scalar = f64>> Assembler<B> {
         &self.rows
     }
 
-    /// `F` of every element from the displacements of all nodes, in metres.
+    /// `F` of every element from the displacements of all nodes, in meters.
     ///
     /// # Panics
     /// Where `displacements` has fewer nodes than the mesh.
@@ -121,7 +121,7 @@ impl<B: Backend<Scalar = f64>> Assembler<B> {
     ///
     /// # Panics
     /// Where an array has fewer nodes than the mesh.
-    pub fn linearised_forces(&self, tangent: &[SMatrix<f64, 9, 9>], increments: &[[f64; 3]], forces: &mut [[f64; 3]]) {
+    pub fn linearized_forces(&self, tangent: &[SMatrix<f64, 9, 9>], increments: &[[f64; 3]], forces: &mut [[f64; 3]]) {
         forces.fill([0.0; 3]);
         for ((g, nodes), a) in self.geometry.iter().zip(&self.nodes).zip(tangent) {
             let moved = gather(increments, nodes);

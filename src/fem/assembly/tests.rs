@@ -66,7 +66,7 @@ fn the_stiffness_is_the_slope_of_the_forces() {
 }
 
 #[test]
-fn the_linearised_forces_are_the_slope_along_an_increment() {
+fn the_linearized_forces_are_the_slope_along_an_increment() {
     let mut bent = Bent::new();
     let at = bent.displacements.clone();
     let tangent = bent.respond(&at).tangent;
@@ -75,7 +75,7 @@ fn the_linearised_forces_are_the_slope_along_an_increment() {
     let increments: Vec<[f64; 3]> =
         (0..at.len()).map(|a| if held(a) { [0.3, -0.2, 0.1 * a as f64] } else { [0.0; 3] }).collect();
     let mut linear = vec![[7.0; 3]; at.len()];
-    bent.assembler.linearised_forces(&tangent, &increments, &mut linear);
+    bent.assembler.linearized_forces(&tangent, &increments, &mut linear);
     let h = 1e-6;
     let moved = |by: f64| -> Vec<[f64; 3]> {
         at.iter().zip(&increments).map(|(u, d)| std::array::from_fn(|i| u[i] + by * d[i])).collect()

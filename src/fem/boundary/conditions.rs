@@ -47,7 +47,7 @@ pub struct PointCondition {
 /// Which node.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Place {
-    /// The one nearest to a position in metres; of several, the first.
+    /// The one nearest to a position in meters; of several, the first.
     Nearest([f64; 3]),
     /// The one of this index, from 0.
     Node(usize),

@@ -33,7 +33,7 @@ pub enum ElementError {
 }
 
 impl Tetrahedron {
-    /// Geometry from node positions in metres.
+    /// Geometry from node positions in meters.
     ///
     /// With the edge matrix `D = [X_1 - X_0, X_2 - X_0, X_3 - X_0]` and the natural coordinates `xi` of
     /// `X = X_0 + D xi`: `N_a = xi_a` for `a = 1..3` and `N_0 = 1 - sum xi`, so that the gradients of nodes 1 to 3 are
@@ -57,7 +57,7 @@ impl Tetrahedron {
         Ok(Self { volume, gradients: [g0, g1, g2, g3] })
     }
 
-    /// `du/dX = sum_a u_a (x) grad N_a` of nodal displacements in metres.
+    /// `du/dX = sum_a u_a (x) grad N_a` of nodal displacements in meters.
     ///
     /// Computed from the differences to node 0, so that a rigid translation cancels exactly.
     #[inline(always)]
@@ -68,7 +68,7 @@ impl Tetrahedron {
         Matrix3::from_fn(|i, j| relative(1, i) * g1[j] + relative(2, i) * g2[j] + relative(3, i) * g3[j])
     }
 
-    /// `F = I + du/dX` of nodal displacements in metres.
+    /// `F = I + du/dX` of nodal displacements in meters.
     #[inline(always)]
     #[must_use]
     pub fn deformation_gradient(&self, u: &[[f64; 3]; NODES]) -> Matrix3<f64> {

@@ -93,7 +93,7 @@ impl Faces {
 }
 
 /// The elements that share a face with each of these, ascending.
-pub(super) fn neighbours(elements: &[[u32; 4]]) -> Vec<Vec<u32>> {
+pub(super) fn neighbors(elements: &[[u32; 4]]) -> Vec<Vec<u32>> {
     let mut faces: Vec<([u32; 3], u32)> = Vec::with_capacity(4 * elements.len());
     for (element, &nodes) in (0_u32..).zip(elements) {
         faces.extend(outward(nodes).map(|face| (ascending(face).0, element)));

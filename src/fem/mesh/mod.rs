@@ -14,7 +14,7 @@ pub mod shapes;
 
 pub use check::MeshError;
 
-/// A tetrahedral mesh: node positions in metres, elements with the region each belongs to, named surfaces.
+/// A tetrahedral mesh: node positions in meters, elements with the region each belongs to, named surfaces.
 ///
 /// # Invariants
 /// Checked by [`Mesh::new`] and kept by everything that makes a mesh:
@@ -59,7 +59,7 @@ impl Mesh {
     /// A mesh from its parts, checked; triangles on the boundary of the body are turned so that their normals point
     /// outward.
     ///
-    /// `nodes` are positions in metres, `elements` four nodes each with
+    /// `nodes` are positions in meters, `elements` four nodes each with
     /// `det[x1 - x0, x2 - x0, x3 - x0] > 0`, `region_of` one index into `regions` an element.
     ///
     /// # Errors
@@ -97,7 +97,7 @@ impl Mesh {
         Ok(mesh)
     }
 
-    /// Node positions in the reference state, in metres.
+    /// Node positions in the reference state, in meters.
     #[must_use]
     pub fn nodes(&self) -> &[[f64; 3]] {
         &self.nodes
@@ -146,8 +146,8 @@ impl Mesh {
 
     /// The elements that share a face with each element, ascending.
     #[must_use]
-    pub fn neighbours(&self) -> Vec<Vec<u32>> {
-        faces::neighbours(&self.elements)
+    pub fn neighbors(&self) -> Vec<Vec<u32>> {
+        faces::neighbors(&self.elements)
     }
 
     /// The names of the surfaces.

@@ -1,7 +1,7 @@
 //! Rigid-body modes that the boundary conditions leave free.
 //!
 //! A body that can move or turn as a whole has a singular stiffness in the undeformed state, whatever it is made of.
-//! Rounding hides that from a factorisation; the geometry shows it. A rigid motion moves the node at `x` by
+//! Rounding hides that from a factorization; the geometry shows it. A rigid motion moves the node at `x` by
 //! `v + w x (x - c)`. Every prescribed displacement component is one linear equation in the six numbers of `v` and `w`;
 //! what satisfies all equations of a part, with zero on the right, is free. Parts are the connected components of the
 //! mesh: each must be held for itself.
@@ -89,7 +89,7 @@ fn null_space(equations: &[Vector6<f64>], zero: f64) -> Vec<Vector6<f64>> {
     basis(equations).into_iter().filter(|mode| largest(mode) < zero).collect()
 }
 
-/// The right singular vectors of the equations, by the triangle of their QR factorisation.
+/// The right singular vectors of the equations, by the triangle of their QR factorization.
 fn basis(equations: &[Vector6<f64>]) -> Vec<Vector6<f64>> {
     // Six rows of zeros more: there may be fewer equations than unknowns.
     let rows = equations.len() + 6;

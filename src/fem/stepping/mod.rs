@@ -89,7 +89,7 @@ where
     }
 
     /// The same, with the unknowns numbered node by node as `order` has them, every node once: ranks that share the rows of
-    /// the linear system have neighbouring ones.
+    /// the linear system have neighboring ones.
     ///
     /// # Errors
     /// [`SetupError`].
@@ -295,10 +295,10 @@ where
         self.body.check_balance(self.params.newton.tolerance).map_err(unacceptable::<B, P>)
     }
 
-    /// From the accepted state to pseudo-time `t` by Newton, from a held or a linearised start.
+    /// From the accepted state to pseudo-time `t` by Newton, from a held or a linearized start.
     fn start(&mut self, t: f64, report: &mut StepReport) -> Attempt<B, P, NewtonReport> {
         if self.undeformed || self.params.start == StepStart::Tangent {
-            return self.attempt_linearised(t, report);
+            return self.attempt_linearized(t, report);
         }
         self.body.hold(t);
         match self.system.solve(&mut self.body, &self.params.newton) {
@@ -306,14 +306,14 @@ where
             // The moved boundary has crushed the elements next to it: spread it over the body.
             Err(failure) if has_no_start::<B, P>(&failure) => {
                 self.body.reject().map_err(|error| lost(error, NewtonReport::default()))?;
-                self.attempt_linearised(t, report)
+                self.attempt_linearized(t, report)
             }
             Err(failure) => Err(failed::<B, P>(failure)),
         }
     }
 
-    fn attempt_linearised(&mut self, t: f64, report: &mut StepReport) -> Attempt<B, P, NewtonReport> {
-        let seconds = self.body.linearise(t, &mut self.system).map_err(|error| {
+    fn attempt_linearized(&mut self, t: f64, report: &mut StepReport) -> Attempt<B, P, NewtonReport> {
+        let seconds = self.body.linearize(t, &mut self.system).map_err(|error| {
             Box::new(Failed {
                 // The tangent of the undeformed body does not depend on the increment.
                 hopeless: self.undeformed || matches!(error, SolveError::Fault(_)),
@@ -321,7 +321,7 @@ where
                 newton: NewtonReport::default(),
             })
         })?;
-        report.add_linearised(seconds);
+        report.add_linearized(seconds);
         self.system.solve(&mut self.body, &self.params.newton).map_err(failed::<B, P>)
     }
 }

@@ -77,6 +77,6 @@ pub struct FailedAttempt<'a, P: PointField, F: std::error::Error> {
     pub reason: &'a StepFailure<P::Error, F>,
     /// The point field, taken back to the last converged state.
     pub field: &'a P,
-    /// What Newton did until then; empty where the linearised start failed.
+    /// What Newton did until then; empty where the linearized start failed.
     pub newton: &'a NewtonReport,
 }

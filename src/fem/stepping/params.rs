@@ -46,8 +46,8 @@ pub enum StepStart {
     /// The last state with only the prescribed components moved.
     #[default]
     Held,
-    /// The last state linearised: the increment of loads and prescribed components goes through its tangent. Costs one
-    /// factorisation more and spreads a moved boundary over the body.
+    /// The last state linearized: the increment of loads and prescribed components goes through its tangent. Costs one
+    /// factorization more and spreads a moved boundary over the body.
     Tangent,
 }
 
@@ -69,10 +69,10 @@ pub struct StepReport {
     pub replaced: usize,
     /// Newton in the attempts that failed, in order.
     pub failures: Vec<NewtonReport>,
-    /// Linearised starts: a factorisation and a solve each.
-    pub linearised: usize,
-    /// Where the time of the linearised starts went.
-    pub linearised_seconds: NewtonSeconds,
+    /// Linearized starts: a factorization and a solve each.
+    pub linearized: usize,
+    /// Where the time of the linearized starts went.
+    pub linearized_seconds: NewtonSeconds,
 }
 
 impl StepReport {
@@ -94,16 +94,16 @@ impl StepReport {
         self.substeps.last()?.relative.last().copied()
     }
 
-    /// Seconds by phase, of converged and failed attempts and linearised starts together.
+    /// Seconds by phase, of converged and failed attempts and linearized starts together.
     #[must_use]
     pub fn seconds(&self) -> NewtonSeconds {
         let attempts = self.substeps.iter().chain(&self.failures).map(|report| report.seconds);
-        attempts.fold(self.linearised_seconds, add)
+        attempts.fold(self.linearized_seconds, add)
     }
 
-    pub(super) fn add_linearised(&mut self, seconds: NewtonSeconds) {
-        self.linearised += 1;
-        self.linearised_seconds = add(self.linearised_seconds, seconds);
+    pub(super) fn add_linearized(&mut self, seconds: NewtonSeconds) {
+        self.linearized += 1;
+        self.linearized_seconds = add(self.linearized_seconds, seconds);
     }
 }
 

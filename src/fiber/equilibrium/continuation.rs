@@ -21,9 +21,9 @@ const SAME: f64 = 1e-10;
 /// equilibrium `reached`.
 ///
 /// It does if its undamped steps, which the line search would take and at which the stiffness is positive definite,
-/// contract towards `reached`. This costs a factorization and a solution or two, and no tangent. False says nothing:
+/// contract toward `reached`. This costs a factorization and a solution or two, and no tangent. False says nothing:
 /// only [`equilibrate`](super::equilibrate) from there tells then. The workspace no longer describes an equilibrium
-/// afterwards.
+/// afterward.
 pub fn continues<B: Backend<Scalar = f64>>(
     model: &RveModel<B>,
     from: &Rve,

@@ -6,8 +6,8 @@
 //! 1. [`Stage::Newton`]: the whole increment from the last equilibrium, by Newton with line search, from a first-order
 //!    prediction where the RVE has one ([`Solved::keep_rates`]), from an affine motion where it
 //!    has none or the prediction leads astray;
-//! 2. [`Stage::Regularised`]: the same by a descent in the energy
-//!    ([`NewtonSystem::minimise`](crate::las::NewtonSystem::minimise)), which indefinite and singular stiffnesses do not
+//! 2. [`Stage::Regularized`]: the same by a descent in the energy
+//!    ([`NewtonSystem::minimize`](crate::las::NewtonSystem::minimize)), which indefinite and singular stiffnesses do not
 //!    stop, and which ends in a stable equilibrium;
 //! 3. [`Stage::Cuts`]: the increment in halves, quarters and so on, up to a limit, each part by the stages above;
 //! 4. [`Stage::Relaxation`]: what is left of it by damped dynamics ([`super::relax`]), the last digits by the stages
@@ -21,7 +21,7 @@
 //!   ([`Curvature::Neutral`]). Some motions meet no resistance, as in a floppy network at rest; the state is accepted.
 //! * *Unstable*: the state is a saddle point of the energy. It is left along a direction of negative curvature
 //!   ([`NewtonSystem::leave_saddle`](crate::las::NewtonSystem::leave_saddle)), and a descent leads to a minimum, which is
-//!   what counts as the equilibrium. Where [`Stage::Regularised`] is not among the stages there is no descent, and the
+//!   what counts as the equilibrium. Where [`Stage::Regularized`] is not among the stages there is no descent, and the
 //!   stage has failed ([`StageError::Unstable`]).
 //!
 //! Where the whole increment by Newton has failed and its affine motion stretches a fiber so far that its force is no
@@ -94,7 +94,7 @@ where
     B::Reduced: Scalar,
 {
     let report = EquilibriumReport { predicted: usize::from(rve.has_rates()), ..EquilibriumReport::default() };
-    let descends = params.stages.has(Stage::Regularised);
+    let descends = params.stages.has(Stage::Regularized);
     let mut ladder = Ladder { model, target, params, workspace, report, failures: Vec::new(), descends };
     if params.stages.has(Stage::Newton) && ladder.try_newton(rve) {
         return Ok(ladder.report);
@@ -135,7 +135,7 @@ fn described(law: &Law) -> String {
     text
 }
 
-/// What a Newton, plain or regularised, did.
+/// What a Newton, plain or regularized, did.
 type NewtonOutcome<B> = Result<NewtonReport, NewtonFailure<<B as Backend>::Fault, <B as Backend>::Fault>>;
 
 /// An equilibrium under way. Every stage says whether it reached the target and, where it did not, adds its failure.
@@ -146,7 +146,7 @@ struct Ladder<'a, B: Backend> {
     workspace: &'a mut Workspace<B>,
     report: EquilibriumReport,
     failures: Vec<StageFailure<B::Fault>>,
-    /// Whether regularised Newton may be used to leave a saddle point.
+    /// Whether regularized Newton may be used to leave a saddle point.
     descends: bool,
 }
 
@@ -160,7 +160,7 @@ where
             Ok(newton) => {
                 self.report.newton = newton;
                 // What Newton found was a saddle point, from which a descent went on.
-                self.reached(if self.report.saddles > saddles { Stage::Regularised } else { Stage::Newton })
+                self.reached(if self.report.saddles > saddles { Stage::Regularized } else { Stage::Newton })
             }
             Err(reason) => self.failed(Stage::Newton, 0.0, reason),
         }
@@ -182,7 +182,7 @@ where
     /// The stages after the first.
     fn climb(&mut self, rve: &mut Rve) -> bool {
         let stages = self.params.stages;
-        (stages.has(Stage::Regularised) && self.regularised(rve))
+        (stages.has(Stage::Regularized) && self.regularized(rve))
             || (stages.has(Stage::Cuts) && self.params.max_cuts > 0 && self.in_parts(rve))
             || (stages.has(Stage::Relaxation) && self.relaxed(rve))
     }
@@ -218,7 +218,7 @@ where
     /// One increment by Newton, or else by a descent in the energy.
     fn part(&mut self, rve: &mut Rve, target: &Matrix3<f64>) -> Result<NewtonReport, StageError<B::Fault>> {
         match self.increment(rve, target) {
-            Err(_) if self.params.stages.has(Stage::Regularised) => {
+            Err(_) if self.params.stages.has(Stage::Regularized) => {
                 self.workspace.place(self.model, rve, target);
                 self.descend(rve, target)
             }
@@ -240,31 +240,31 @@ where
     }
 
     /// The whole increment by a descent in the energy.
-    fn regularised(&mut self, rve: &mut Rve) -> bool {
+    fn regularized(&mut self, rve: &mut Rve) -> bool {
         self.workspace.place(self.model, rve, self.target);
         match self.descend(rve, self.target) {
             Ok(newton) => {
                 self.report.newton = newton;
-                self.reached(Stage::Regularised)
+                self.reached(Stage::Regularized)
             }
-            Err(reason) => self.failed(Stage::Regularised, 0.0, reason),
+            Err(reason) => self.failed(Stage::Regularized, 0.0, reason),
         }
     }
 
     /// A descent from the positions in the workspace.
     fn descend(&mut self, rve: &mut Rve, target: &Matrix3<f64>) -> Result<NewtonReport, StageError<B::Fault>> {
-        let outcome = self.minimise();
+        let outcome = self.minimize();
         self.settle(rve, target, outcome)
     }
 
-    fn minimise(&mut self) -> NewtonOutcome<B> {
+    fn minimize(&mut self) -> NewtonOutcome<B> {
         let (mut problem, system) = Interior::of(self.model, self.workspace);
-        let outcome = system.minimise(&mut problem, self.params.newton.tolerance, &self.params.regularised);
+        let outcome = system.minimize(&mut problem, self.params.newton.tolerance, &self.params.regularized);
         let newton = match &outcome {
             Ok(newton) => newton,
             Err(failure) => &failure.report,
         };
-        self.report.regularised += newton.iterations;
+        self.report.regularized += newton.iterations;
         outcome
     }
 
@@ -276,7 +276,7 @@ where
         outcome: NewtonOutcome<B>,
     ) -> Result<NewtonReport, StageError<B::Fault>> {
         let newton = self.count(outcome)?;
-        let newton = self.stabilise(newton)?;
+        let newton = self.stabilize(newton)?;
         self.take_over(rve, target);
         Ok(newton)
     }
@@ -299,7 +299,7 @@ where
 
     /// Makes sure that the state in the workspace, which `newton` found, is stable, going down from saddle points to a
     /// minimum of the energy. The solver then holds the factor of its stiffness, if that is positive definite.
-    fn stabilise(&mut self, mut newton: NewtonReport) -> Result<NewtonReport, StageError<B::Fault>> {
+    fn stabilize(&mut self, mut newton: NewtonReport) -> Result<NewtonReport, StageError<B::Fault>> {
         /// One descent as a rule ends in a minimum.
         const MOST_SADDLES: usize = 10;
         for round in 0.. {
@@ -327,7 +327,7 @@ where
                 break;
             }
             self.report.saddles += 1;
-            let outcome = self.minimise();
+            let outcome = self.minimize();
             newton = self.count(outcome)?;
         }
         Ok(newton)
@@ -345,7 +345,7 @@ where
     /// What is left of the increment by dynamic relaxation, the last digits by the stage that it hands over to.
     fn relaxed(&mut self, rve: &mut Rve) -> bool {
         let tolerance = self.params.newton.tolerance;
-        self.descends |= self.params.handover.is_some_and(|handover| handover.to == Stage::Regularised);
+        self.descends |= self.params.handover.is_some_and(|handover| handover.to == Stage::Regularized);
         let mut path = Path::new(&rve.gradient, self.target);
         self.workspace.place(self.model, rve, &rve.gradient);
         if let Some(handover) = self.params.handover {
@@ -370,7 +370,7 @@ where
         }
         let RelaxationReport { residual, relative, .. } = self.report.relaxation;
         let alone = NewtonReport { residuals: vec![residual], relative: vec![relative], ..NewtonReport::default() };
-        match self.stabilise(alone) {
+        match self.stabilize(alone) {
             Ok(newton) => {
                 self.report.newton = newton;
                 self.take_over(rve, self.target);

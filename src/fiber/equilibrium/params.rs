@@ -1,16 +1,16 @@
 //! What an equilibrium may cost, and which stages may be tried.
 
 use crate::fiber::relax::RelaxationParams;
-use crate::las::{NewtonParams, RegularisedParams};
+use crate::las::{NewtonParams, RegularizedParams};
 
 /// A stage of the ladder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Stage {
     /// The whole increment by Newton with line search.
     Newton,
-    /// Regularised Newton: a descent in the energy.
-    Regularised,
-    /// The increment cut in halves, quarters and so on, each part by Newton (and regularised Newton, where that is
+    /// Regularized Newton: a descent in the energy.
+    Regularized,
+    /// The increment cut in halves, quarters and so on, each part by Newton (and regularized Newton, where that is
     /// among the stages).
     Cuts,
     /// Damped dynamic relaxation.
@@ -19,7 +19,7 @@ pub enum Stage {
 
 impl Stage {
     /// All of them, in the order in which they are tried.
-    pub const ALL: [Self; 4] = [Self::Newton, Self::Regularised, Self::Cuts, Self::Relaxation];
+    pub const ALL: [Self; 4] = [Self::Newton, Self::Regularized, Self::Cuts, Self::Relaxation];
 
     /// How cases, commands and logs spell it.
     #[must_use]
@@ -27,7 +27,7 @@ impl Stage {
         match self {
             Self::Newton => "newton",
             Self::Cuts => "cuts",
-            Self::Regularised => "regularised",
+            Self::Regularized => "regularised",
             Self::Relaxation => "relaxation",
         }
     }
@@ -44,7 +44,7 @@ impl std::fmt::Display for Stage {
         f.write_str(match self {
             Self::Newton => "Newton",
             Self::Cuts => "cut increments",
-            Self::Regularised => "regularised Newton",
+            Self::Regularized => "regularized Newton",
             Self::Relaxation => "dynamic relaxation",
         })
     }
@@ -87,8 +87,8 @@ pub struct EquilibriumParams {
     pub newton: NewtonParams,
     /// How often an increment may be halved. Default 6.
     pub max_cuts: u32,
-    /// Regularised Newton.
-    pub regularised: RegularisedParams,
+    /// Regularized Newton.
+    pub regularized: RegularizedParams,
     /// Dynamic relaxation.
     pub relaxation: RelaxationParams,
     /// Which stage finds the last digits of a dynamic relaxation; `None` if it is to find them itself.
@@ -102,22 +102,22 @@ pub struct EquilibriumParams {
 pub struct Handover {
     /// The residual, relative to the forces of all nodes. Default `1e-3`.
     pub residual: f64,
-    /// [`Stage::Regularised`] (the default) or [`Stage::Newton`].
+    /// [`Stage::Regularized`] (the default) or [`Stage::Newton`].
     pub to: Stage,
 }
 
 impl Default for Handover {
     fn default() -> Self {
-        Self { residual: 1e-3, to: Stage::Regularised }
+        Self { residual: 1e-3, to: Stage::Regularized }
     }
 }
 
 impl EquilibriumParams {
-    /// The same with these stages. Dynamic relaxation hands over to regularised Newton if that is among them, else to
+    /// The same with these stages. Dynamic relaxation hands over to regularized Newton if that is among them, else to
     /// Newton if that is, and finds the last digits itself if neither is.
     #[must_use]
     pub fn with_stages(self, stages: Stages) -> Self {
-        let to = [Stage::Regularised, Stage::Newton].into_iter().find(|&stage| stages.has(stage));
+        let to = [Stage::Regularized, Stage::Newton].into_iter().find(|&stage| stages.has(stage));
         let residual = self.handover.unwrap_or_default().residual;
         Self { stages, handover: to.map(|to| Handover { residual, to }), ..self }
     }
@@ -128,7 +128,7 @@ impl Default for EquilibriumParams {
         Self {
             newton: NewtonParams::default(),
             max_cuts: 6,
-            regularised: RegularisedParams::default(),
+            regularized: RegularizedParams::default(),
             relaxation: RelaxationParams::default(),
             handover: Some(Handover::default()),
             stages: Stages::default(),

@@ -14,7 +14,7 @@ use crate::las::{NewtonError, NewtonReport, SolveError};
 pub struct EquilibriumReport {
     /// The stage that reached it; `None` before one did.
     pub stage: Option<Stage>,
-    /// Newton iterations in all, plain and regularised, those of failed attempts included.
+    /// Newton iterations in all, plain and regularized, those of failed attempts included.
     pub iterations: usize,
     /// The last Newton. Its residual history ends at equilibrium; where dynamic relaxation went there alone, the
     /// residual that it left is all of it.
@@ -25,12 +25,12 @@ pub struct EquilibriumReport {
     pub cuts: u32,
     /// Shortened steps in all.
     pub line_search_cuts: usize,
-    /// Factorisations in all of a stiffness that was not positive definite.
+    /// Factorizations in all of a stiffness that was not positive definite.
     pub indefinite: usize,
-    /// Factorisations in all of a stiffness that was singular.
+    /// Factorizations in all of a stiffness that was singular.
     pub singular: usize,
-    /// Iterations of regularised Newton among those above.
-    pub regularised: usize,
+    /// Iterations of regularized Newton among those above.
+    pub regularized: usize,
     /// What dynamic relaxation took.
     pub relaxation: RelaxationReport,
     /// Saddle points of the energy that were reached, and left for a minimum.
@@ -43,7 +43,7 @@ pub struct EquilibriumReport {
 }
 
 impl EquilibriumReport {
-    /// Counts a Newton, plain or regularised.
+    /// Counts a Newton, plain or regularized.
     pub(super) fn add(&mut self, newton: &NewtonReport) {
         self.iterations += newton.iterations;
         self.line_search_cuts += newton.line_search_cuts;
@@ -64,7 +64,7 @@ impl EquilibriumReport {
             line_search_cuts: self.line_search_cuts + next.line_search_cuts,
             indefinite: self.indefinite + next.indefinite,
             singular: self.singular + next.singular,
-            regularised: self.regularised + next.regularised,
+            regularized: self.regularized + next.regularized,
             relaxation: RelaxationReport {
                 steps: self.relaxation.steps + next.relaxation.steps,
                 repeats: self.relaxation.repeats + next.relaxation.repeats,
@@ -80,13 +80,13 @@ impl EquilibriumReport {
 /// What stopped a stage.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum StageError<F: std::error::Error + 'static> {
-    /// Newton, plain or regularised.
+    /// Newton, plain or regularized.
     #[error("{0}")]
     Newton(NewtonError<F, F>),
     /// Dynamic relaxation.
     #[error("{0}")]
     Relaxation(#[from] RelaxationError),
-    /// It found an equilibrium that is not stable: a saddle point of the energy. Either regularised Newton, which would
+    /// It found an equilibrium that is not stable: a saddle point of the energy. Either regularized Newton, which would
     /// go on to a minimum, is not among the stages, or one saddle point followed another.
     #[error("the equilibrium found is unstable{}", counted(*.negative_pivots))]
     Unstable {

@@ -6,7 +6,7 @@ use nalgebra::Matrix3;
 
 use super::described;
 use super::report::{EquilibriumReport, Overflow, RveError};
-use crate::fiber::homogenise::{self, Tangent};
+use crate::fiber::homogenize::{self, Tangent};
 use crate::fiber::rve::{Rve, RveModel};
 use crate::fiber::truss::FiberStates;
 use crate::fiber::workspace::Workspace;
@@ -86,7 +86,7 @@ where
     /// `kappa = 1`).
     #[must_use]
     pub fn pk1(&self) -> Matrix3<f64> {
-        homogenise::pk1(self.model, self.workspace)
+        homogenize::pk1(self.model, self.workspace)
     }
 
     /// Strain energy `W = kappa sum_f A L integral_1^lambda s` per reference volume, in J/m^3.
@@ -108,7 +108,7 @@ where
     /// [`RveError::Tangent`] where the stiffness is singular and strains act on what it does not resist.
     pub fn tangent(&mut self) -> Result<Tangent, RveError<B::Fault>> {
         self.solve_modes()?;
-        homogenise::tangent(self.model, self.rve.gradient(), &self.pk1(), self.workspace)
+        homogenize::tangent(self.model, self.rve.gradient(), &self.pk1(), self.workspace)
     }
 
     /// Keeps in the RVE how its nodes follow a further strain: the next equilibrium starts from a first-order prediction
@@ -124,7 +124,7 @@ where
 
     fn solve_modes(&mut self) -> Result<(), RveError<B::Fault>> {
         if !self.has_modes {
-            homogenise::solve_modes(self.model, self.workspace).map_err(RveError::Tangent)?;
+            homogenize::solve_modes(self.model, self.workspace).map_err(RveError::Tangent)?;
             self.has_modes = true;
         }
         Ok(())

@@ -1,6 +1,6 @@
 //! A formula for one fiber as a loop over many.
 
-use crate::fiber::vector::{Kernel, vectorised};
+use crate::fiber::vector::{Kernel, vectorized};
 
 /// The formula of a law without branches, so that its loops become vector instructions.
 ///
@@ -19,13 +19,13 @@ pub(super) trait EnergyFormula {
 /// Stress and slope of all stretches.
 #[inline]
 pub(super) fn stresses(law: &impl Formula, stretch: &[f64], stress: &mut [f64], slope: &mut [f64]) {
-    vectorised(Stresses { law, stretch, stress, slope });
+    vectorized(Stresses { law, stretch, stress, slope });
 }
 
 /// Energy of all stretches.
 #[inline]
 pub(super) fn energies(law: &impl EnergyFormula, stretch: &[f64], energy: &mut [f64]) {
-    vectorised(Energies { law, stretch, energy });
+    vectorized(Energies { law, stretch, energy });
 }
 
 struct Stresses<'a, L> {

@@ -1,6 +1,6 @@
 //! `exp(x) - 1` of many numbers at once.
 
-use crate::fiber::vector::{Kernel, fma, vectorised};
+use crate::fiber::vector::{Kernel, fma, vectorized};
 
 /// `exp(x) - 1` of every number, for laws that grow exponentially: where the machine has vectors of four lanes, in a
 /// quarter of the time that `f64::exp_m1` takes.
@@ -19,7 +19,7 @@ use crate::fiber::vector::{Kernel, fma, vectorised};
 /// ```
 pub fn exp_m1(x: &[f64], growth: &mut [f64]) {
     assert_eq!(x.len(), growth.len(), "one result a number");
-    vectorised(Growth { x, growth });
+    vectorized(Growth { x, growth });
 }
 
 struct Growth<'a> {

@@ -4,7 +4,7 @@ use super::batch::{self, Formula};
 use super::exp::exp_m1_of;
 use super::quadrature::{GAUSS, gauss};
 use super::{FiberLaw, parameters_of};
-use crate::fiber::vector::{Kernel, vectorised};
+use crate::fiber::vector::{Kernel, vectorized};
 
 /// `s = (E / B) (exp(B g) - 1)` (Tobin 2018, eqs. B.1 and B.14).
 ///
@@ -107,7 +107,7 @@ impl FiberLaw for Exponential {
     }
 
     fn energies(&self, stretch: &[f64], energy: &mut [f64]) {
-        vectorised(OnePanel { law: *self, stretch, energy });
+        vectorized(OnePanel { law: *self, stretch, energy });
         for (&stretch, energy) in stretch.iter().zip(energy) {
             if self.panels(stretch) > 1.0 {
                 *energy = self.energy_by_panels(stretch);

@@ -78,7 +78,7 @@ pub use named::{CustomLaw, Law};
 pub use no_compression::{BUCKLING_STRAIN, COMPRESSION, NoCompression};
 pub use table::{Table, TableError};
 
-/// The axial behaviour of a fiber: nominal stress, slope and energy over the stretch; continuous with its first
+/// The axial behavior of a fiber: nominal stress, slope and energy over the stretch; continuous with its first
 /// derivative for all `lambda > 0`, without stress at stretch 1 and with a positive slope there.
 ///
 /// A network asks for batches of fibers, one call for some hundred of them; only laws that override the batch methods

@@ -2,7 +2,7 @@
 
 use super::FiberLaw;
 use super::batch::{EnergyFormula, Formula};
-use crate::fiber::vector::{Kernel, vectorised};
+use crate::fiber::vector::{Kernel, vectorized};
 
 /// The residual stiffness `r` where only a buckling strain is given.
 pub const COMPRESSION: f64 = 1e-3;
@@ -110,7 +110,7 @@ impl<L: FiberLaw> FiberLaw for NoCompression<L> {
 
     fn stresses(&self, stretch: &[f64], stress: &mut [f64], slope: &mut [f64]) {
         self.law.stresses(stretch, stress, slope);
-        vectorised(Below { buckling: &self.buckling, stretch, stress, slope });
+        vectorized(Below { buckling: &self.buckling, stretch, stress, slope });
     }
 
     fn energies(&self, stretch: &[f64], energy: &mut [f64]) {

@@ -71,7 +71,7 @@ impl Cube {
 }
 
 impl Network {
-    /// A network whose cube is the bounding box of its nodes; centred and scaled to the unit cube unless it fills that
+    /// A network whose cube is the bounding box of its nodes; centered and scaled to the unit cube unless it fills that
     /// already (within 1e-12). Nodes are never moved beyond that.
     ///
     /// # Errors

@@ -21,7 +21,7 @@ pub use types::FiberTypesError;
 
 use super::law::FiberMaterial;
 
-/// A fiber network in the unit cube `[-1/2, 1/2]^3`, centred and scaled, with its boundary found and its interior
+/// A fiber network in the unit cube `[-1/2, 1/2]^3`, centered and scaled, with its boundary found and its interior
 /// unknowns numbered.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Network {

@@ -157,12 +157,12 @@ pub trait Comm: Clone + Send + 'static {
     /// [`CommError::Rank`], [`CommError::Ended`].
     fn is_there(&self, from: usize, tag: Tag) -> Result<bool, CommError>;
 
-    /// Splits the ranks by colour; no colour, no group. Those of a group are numbered in the order of their `place`s, and as
+    /// Splits the ranks by color; no color, no group. Those of a group are numbered in the order of their `place`s, and as
     /// before where these are the same. Called by all ranks together.
     ///
     /// # Errors
     /// [`CommError`].
-    fn split(&self, colour: Option<usize>, place: usize) -> Result<Option<Self>, CommError>;
+    fn split(&self, color: Option<usize>, place: usize) -> Result<Option<Self>, CommError>;
 
     /// The same ranks, with messages apart from those of this group, which wait as long as `time_out` says; `None` for ever.
     /// Called by all ranks together.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::{Oracle, Random, done, epsilon, first_indices, scalars};
 use crate::las::{
-    Backend, FactorReport, Factorisation, Index, MatrixOps, Scalar, SolveError, Solver, SolverParams, Sparsity,
+    Backend, FactorReport, Factorization, Index, MatrixOps, Scalar, SolveError, Solver, SolverParams, Sparsity,
     Symmetry, VectorOps,
 };
 
@@ -64,7 +64,7 @@ impl<'a, B: Backend<Scalar: Scalar>> Case<'a, B> {
     }
 
     /// Factors, checks the report, and solves for one and for several right-hand sides.
-    pub(super) fn check(&mut self, random: &mut Random, a: &Oracle, kinds: &[Factorisation]) -> FactorReport {
+    pub(super) fn check(&mut self, random: &mut Random, a: &Oracle, kinds: &[Factorization]) -> FactorReport {
         let report = done(self.factor(a));
         let n = a.rows;
         assert!(kinds.contains(&report.kind), "{:?} served instead of {kinds:?}, {n} unknowns", report.kind);
@@ -87,7 +87,7 @@ impl<'a, B: Backend<Scalar: Scalar>> Case<'a, B> {
     }
 
     /// Checks that the matrix is found singular because of one of `unknowns`, and that the solver is then without a
-    /// factorisation, but not broken.
+    /// factorization, but not broken.
     pub(super) fn check_singular(&mut self, a: &Oracle, unknowns: &[usize], regular: &Oracle) {
         match self.factor(a) {
             Err(SolveError::Singular { unknown, ratio, limit }) => {

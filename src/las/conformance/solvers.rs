@@ -4,11 +4,11 @@ use std::sync::Arc;
 
 use super::case::Case;
 use super::{Oracle, Random, done};
-use crate::las::{Backend, Factorisation, Scalar, SolveError, Solver, SolverParams, Sparsity, Symmetry};
+use crate::las::{Backend, Factorization, Scalar, SolveError, Solver, SolverParams, Sparsity, Symmetry};
 
 const SYMMETRIES: [Symmetry; 3] = [Symmetry::Definite, Symmetry::Symmetric, Symmetry::None];
 
-/// The factorisations and solutions of the backend.
+/// The factorizations and solutions of the backend.
 ///
 /// # Panics
 /// Where the backend does not keep a promise of [`Solver`].
@@ -46,11 +46,11 @@ pub fn solvers<B: Backend<Scalar: Scalar>>(context: &B::Context) {
 fn definite<B: Backend<Scalar: Scalar>>(context: &B::Context, random: &mut Random, pattern: &Arc<Sparsity>) {
     let a = Oracle::dominant(random, pattern, |_| 1.0);
     for (symmetry, kind) in
-        SYMMETRIES.into_iter().zip([Factorisation::Cholesky, Factorisation::Ldlt, Factorisation::Lu])
+        SYMMETRIES.into_iter().zip([Factorization::Cholesky, Factorization::Ldlt, Factorization::Lu])
     {
         let report = Case::<B>::new(context, pattern, symmetry).check(random, &a, &[kind]);
         assert_eq!(report.indefinite_at, None);
-        assert_eq!(report.negative_pivots, (kind != Factorisation::Lu).then_some(0));
+        assert_eq!(report.negative_pivots, (kind != Factorization::Lu).then_some(0));
     }
 }
 
@@ -60,15 +60,15 @@ fn indefinite<B: Backend<Scalar: Scalar>>(context: &B::Context, random: &mut Ran
     let at = random.below(n);
     let one = Oracle::dominant(random, pattern, |i| if i == at { -1.0 } else { 1.0 });
     let mut case = Case::<B>::new(context, pattern, Symmetry::Definite);
-    let report = case.check(random, &one, &[Factorisation::Ldlt]);
+    let report = case.check(random, &one, &[Factorization::Ldlt]);
     assert_eq!(report.indefinite_at, Some(at), "the unknown whose pivot is negative, of {n}");
     assert_eq!(report.negative_pivots, Some(1));
     let refused = case.factor_definite(&one);
     assert!(matches!(refused, Err(SolveError::Indefinite { unknown: Some(unknown) }) if unknown == at), "{refused:?}");
     let many = Oracle::dominant(random, pattern, |i| if i % 3 == at % 3 { -1.0 } else { 1.0 });
-    let report = case.check(random, &many, &[Factorisation::Ldlt]);
+    let report = case.check(random, &many, &[Factorization::Ldlt]);
     assert!(report.indefinite_at.is_some_and(|i| i % 3 == at % 3), "{:?}", report.indefinite_at);
-    let report = Case::<B>::new(context, pattern, Symmetry::Symmetric).check(random, &many, &[Factorisation::Ldlt]);
+    let report = Case::<B>::new(context, pattern, Symmetry::Symmetric).check(random, &many, &[Factorization::Ldlt]);
     assert_eq!(report.indefinite_at, None, "nobody tried Cholesky");
     assert_eq!(report.negative_pivots, Some((0..n).filter(|i| i % 3 == at % 3).count()));
 }
@@ -81,7 +81,7 @@ fn unsymmetric<B: Backend<Scalar: Scalar>>(context: &B::Context, random: &mut Ra
         }
     }
     let mut case = Case::<B>::new(context, pattern, Symmetry::None);
-    case.check(random, &a, &[Factorisation::Lu]);
+    case.check(random, &a, &[Factorization::Lu]);
     assert!(matches!(case.factor_definite(&a), Err(SolveError::Unsupported { .. })), "LU does not tell");
 }
 
@@ -177,9 +177,9 @@ fn saddle_point<B: Backend<Scalar: Scalar>>(context: &B::Context, random: &mut R
     let pattern = Arc::new(done(Sparsity::from_elements(n, elements)));
     for symmetry in [Symmetry::Definite, Symmetry::Symmetric] {
         let mut case = Case::<B>::new(context, &pattern, symmetry);
-        let report = case.check(random, &a, &[Factorisation::Ldlt, Factorisation::Lu]);
+        let report = case.check(random, &a, &[Factorization::Ldlt, Factorization::Lu]);
         assert_eq!(report.indefinite_at.is_some(), symmetry == Symmetry::Definite);
-        let negative = (report.kind == Factorisation::Ldlt).then_some(constraints);
+        let negative = (report.kind == Factorization::Ldlt).then_some(constraints);
         assert_eq!(report.negative_pivots, negative, "every constraint makes one eigenvalue negative");
     }
 }
@@ -193,18 +193,18 @@ fn exact_cancellation<B: Backend<Scalar: Scalar>>(context: &B::Context) {
         *a.at(i, i) = if i % 2 == 0 { -0.5 } else { 0.25 };
     }
     for symmetry in [Symmetry::Definite, Symmetry::Symmetric] {
-        Case::<B>::new(context, &pattern, symmetry).check(&mut Random::new(5000), &a, &[Factorisation::Ldlt]);
+        Case::<B>::new(context, &pattern, symmetry).check(&mut Random::new(5000), &a, &[Factorization::Ldlt]);
     }
 }
 
-/// A factorisation whose pivots come in pairs must leave nothing behind for one whose pivots do not.
+/// A factorization whose pivots come in pairs must leave nothing behind for one whose pivots do not.
 fn pairs_then_singles<B: Backend<Scalar: Scalar>>(context: &B::Context) {
     let pattern = Arc::new(done(Sparsity::from_elements(2, [[0, 1]])));
     let square = |values: [f64; 4]| Oracle { rows: 2, cols: 2, values: values.into() };
     for symmetry in [Symmetry::Definite, Symmetry::Symmetric] {
         let mut case = Case::<B>::new(context, &pattern, symmetry);
         for a in [square([0.0, 1.0, 1.0, 0.0]), square([2.0, 0.0, 0.0, -3.0])] {
-            case.check(&mut Random::new(5500), &a, &[Factorisation::Ldlt]);
+            case.check(&mut Random::new(5500), &a, &[Factorization::Ldlt]);
         }
     }
 }
@@ -218,7 +218,7 @@ fn row_exchanges<B: Backend<Scalar: Scalar>>(context: &B::Context) {
     for i in 0..n {
         *a.at(i, (i + 1) % n) = 1.0 + i as f64;
     }
-    Case::<B>::new(context, &pattern, Symmetry::None).check(&mut Random::new(6000), &a, &[Factorisation::Lu]);
+    Case::<B>::new(context, &pattern, Symmetry::None).check(&mut Random::new(6000), &a, &[Factorization::Lu]);
 }
 
 fn not_finite<B: Backend<Scalar: Scalar>>(context: &B::Context, random: &mut Random, pattern: &Arc<Sparsity>) {

@@ -1,4 +1,4 @@
-//! Stabilised biconjugate gradients, preconditioned from the right.
+//! Stabilized biconjugate gradients, preconditioned from the right.
 
 use num_traits::{Float, One, Zero};
 

@@ -1,4 +1,4 @@
-//! Generalised minimal residuals with restarts, preconditioned from the right, so that the residual it minimises is the
+//! Generalized minimal residuals with restarts, preconditioned from the right, so that the residual it minimizes is the
 //! true one. Modified Gram-Schmidt, Givens rotations.
 
 use num_traits::{Float, One, Zero};
@@ -35,7 +35,7 @@ where
     let (rotations, g) = rest.split_at_mut(2 * m);
     g.fill(B::Scalar::zero());
     g[0] = norm::<B>(&basis[0])?;
-    normalise::<B>(&mut basis[0], g[0])?;
+    normalize::<B>(&mut basis[0], g[0])?;
     let mut steps = 0;
     let mut broke_down = false;
     while steps < m && run.iterations < run.most {
@@ -75,7 +75,7 @@ where
     Ok(if broke_down || steps == 0 { Ended::BrokeDown } else { Ended::Look })
 }
 
-fn normalise<B: Backend>(v: &mut B::Vector, length: B::Scalar) -> Result<(), SolveError<B::Fault>>
+fn normalize<B: Backend>(v: &mut B::Vector, length: B::Scalar) -> Result<(), SolveError<B::Fault>>
 where
     B::Scalar: Scalar,
 {

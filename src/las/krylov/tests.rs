@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use crate::las::{
-    Backend, Factorisation, Iterative, Krylov, MatrixOps, Preconditioner, SolveError, Solver, SolverParams, Sparsity,
+    Backend, Factorization, Iterative, Krylov, MatrixOps, Preconditioner, SolveError, Solver, SolverParams, Sparsity,
     Symmetry, VectorOps,
 };
 
@@ -38,7 +38,7 @@ fn solve<B: Backend<Scalar = f64, Index = i32, Context = ()>>(
 ) -> Result<(usize, Vec<f64>), SolveError<B::Fault>> {
     let params = SolverParams::new(Symmetry::None).iterative(method);
     let mut solver = B::solver(&B::analyze(&(), pattern, &params)?)?;
-    assert_eq!(solver.factor(a)?.kind, Factorisation::Approximate);
+    assert_eq!(solver.factor(a)?.kind, Factorization::Approximate);
     let (mut b, mut x) = (B::vector(&(), pattern.rows()).unwrap(), B::vector(&(), pattern.rows()).unwrap());
     b.with_local_mut(|b| b.iter_mut().enumerate().for_each(|(k, b)| *b = ((k % 7) as f64).sin())).unwrap();
     let report = solver.solve(&b, &mut x)?;
@@ -87,7 +87,7 @@ mod sparse {
     }
 
     #[test]
-    fn a_complete_factorisation_needs_one_iteration() {
+    fn a_complete_factorization_needs_one_iteration() {
         for krylov in METHODS {
             let method = Iterative { krylov, preconditioner: COMPLETE, tolerance: 1e-12, ..Iterative::default() };
             assert_eq!(solve::<Sparse>(&laplacian::<Sparse>(12, 0.0), method).unwrap().0, 1, "{krylov:?}");

@@ -3,13 +3,13 @@
 //! Newton solves `r = 0` and does not ask of what kind the solution is. Where `r` is the gradient of a potential, the
 //! stable solutions are its minima, where the Hessian `K` is positive semi-definite; at any other stationary point `K`
 //! has a direction `p` of negative curvature, `p . K p < 0`, along which the potential falls to both sides (Nocedal and
-//! Wright, *Numerical Optimization*, 2nd ed., 2006, sections 2.1 and 3.4). A Cholesky factorisation tells the two apart.
+//! Wright, *Numerical Optimization*, 2nd ed., 2006, sections 2.1 and 3.4). A Cholesky factorization tells the two apart.
 
 use super::{
     Backend, MatrixOps, NewtonError, NewtonReport, NewtonSystem, NonlinearProblem, Potential, Scalar, SolveError,
     Solver, Trial, VectorOps, fault,
 };
-use crate::las::{Factorisation, Value};
+use crate::las::{Factorization, Value};
 
 /// Eigenvalues above minus this part of the largest diagonal entry count as zero: what is left of a residual (relative to
 /// all forces) leaves forces in motions that nothing resists, and so a curvature of either sign.
@@ -22,7 +22,7 @@ fn neutral(tolerance: f64) -> f64 {
 /// A Cholesky factor with a pivot below this part of the largest is one of a matrix that is singular but for rounding.
 const ROUNDING: f64 = 1e-12;
 
-/// The Hessian of a potential at a stationary point, as far as its factorisation shows it.
+/// The Hessian of a potential at a stationary point, as far as its factorization shows it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Curvature {
     /// It is positive definite, so that the point is a minimum. The solver holds its factor.
@@ -86,10 +86,10 @@ where
         self.assemble(problem)?;
         self.matrix.finish().map_err(fault)?;
         match self.solver.factor_definite(&self.matrix) {
-            Ok(factor) if factor.kind == Factorisation::Lu && factor.negative_pivots.is_none() => {
+            Ok(factor) if factor.kind == Factorization::Lu && factor.negative_pivots.is_none() => {
                 return Ok(Curvature::Unknown);
             }
-            Ok(factor) if factor.kind == Factorisation::Approximate || factor.pivot_ratio >= ROUNDING => {
+            Ok(factor) if factor.kind == Factorization::Approximate || factor.pivot_ratio >= ROUNDING => {
                 return Ok(Curvature::Definite);
             }
             Err(SolveError::Unsupported { .. }) => return Ok(Curvature::Unknown),
@@ -176,7 +176,7 @@ where
     }
 
     /// A direction of unit length along which the Hessian has this negative curvature, in `direction`; `None` where the
-    /// Hessian has none that its factorisations show.
+    /// Hessian has none that its factorizations show.
     fn negative_curvature<P: NonlinearProblem<B>>(
         &mut self,
         problem: &mut P,
@@ -260,7 +260,7 @@ where
     }
 }
 
-/// Lets those outcomes of a factorisation pass that are of the matrix.
+/// Lets those outcomes of a factorization pass that are of the matrix.
 fn refused<T, E, F>(outcome: Result<T, SolveError<F>>) -> Result<(), NewtonError<E, F>> {
     match outcome {
         Ok(_) | Err(SolveError::Indefinite { .. } | SolveError::Singular { .. } | SolveError::Inaccurate { .. }) => {

@@ -1,7 +1,7 @@
 //! Newton's method with a line search, generic over the problem and the backend.
 
 mod curvature;
-mod minimise;
+mod minimize;
 mod problem;
 mod report;
 #[cfg(all(test, feature = "dense"))]
@@ -11,7 +11,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 pub use curvature::{Curvature, Departure};
-pub use minimise::{Potential, RegularisedParams};
+pub use minimize::{Potential, RegularizedParams};
 pub use problem::{NonlinearProblem, Yardstick};
 pub use report::{NewtonError, NewtonFailure, NewtonParams, NewtonReport, NewtonSeconds};
 
@@ -19,7 +19,7 @@ use super::{Backend, MatrixOps, Scalar, SolveError, Solver, Sparsity, VectorOps}
 
 /// The linear system that Newton works in: made once, used for every problem of the same pattern.
 ///
-/// After a convergence the solver holds the last factorisation, for whoever can use it again.
+/// After a convergence the solver holds the last factorization, for whoever can use it again.
 #[derive(Debug)]
 pub struct NewtonSystem<B: Backend> {
     /// `r`.

@@ -3,7 +3,7 @@
 use thiserror::Error;
 
 use super::Yardstick;
-use crate::las::{FactorReport, Factorisation, SolveError};
+use crate::las::{FactorReport, Factorization, SolveError};
 
 /// When Newton stops and what it may try.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -11,7 +11,7 @@ use crate::las::{FactorReport, Factorisation, SolveError};
 pub struct NewtonParams {
     /// Residual relative to [`Yardstick::scale`]. Default `1e-10`.
     pub tolerance: f64,
-    /// Iterations, each one factorisation. Default 50.
+    /// Iterations, each one factorization. Default 50.
     pub max_iterations: usize,
     /// How often a step may be shortened; 0 always takes the full step. Default 10.
     pub max_line_search_cuts: u32,
@@ -41,21 +41,21 @@ pub struct NewtonReport {
     pub relative: Vec<f64>,
     /// Steps that were shortened, counted once a shortening.
     pub line_search_cuts: usize,
-    /// Factorisations by Cholesky.
+    /// Factorizations by Cholesky.
     pub cholesky: usize,
-    /// Factorisations by LDL^T: the Jacobian was not positive definite there.
+    /// Factorizations by LDL^T: the Jacobian was not positive definite there.
     pub ldlt: usize,
-    /// Factorisations by LU.
+    /// Factorizations by LU.
     pub lu: usize,
     /// Approximate inverses made for an iterative method.
     pub approximate: usize,
     /// Iterations of that method.
     pub linear_iterations: usize,
-    /// Factorisations, by whichever method served in the end, of a Jacobian that was stated to be definite and was not.
+    /// Factorizations, by whichever method served in the end, of a Jacobian that was stated to be definite and was not.
     pub indefinite: usize,
-    /// Jacobians that no factorisation served.
+    /// Jacobians that no factorization served.
     pub singular: usize,
-    /// Factorisations made again with a larger shift of the diagonal (regularised Newton).
+    /// Factorizations made again with a larger shift of the diagonal (regularized Newton).
     pub shifts: usize,
     /// Where the time went, in seconds.
     pub seconds: NewtonSeconds,
@@ -68,7 +68,7 @@ pub struct NewtonSeconds {
     pub residual: f64,
     /// Jacobians.
     pub jacobian: f64,
-    /// Factorisations.
+    /// Factorizations.
     pub factor: f64,
     /// Solves.
     pub solve: f64,
@@ -91,10 +91,10 @@ impl NewtonReport {
     pub(super) fn count(&mut self, factor: &FactorReport) {
         self.indefinite += usize::from(factor.indefinite_at.is_some());
         match factor.kind {
-            Factorisation::Cholesky => self.cholesky += 1,
-            Factorisation::Ldlt => self.ldlt += 1,
-            Factorisation::Lu => self.lu += 1,
-            Factorisation::Approximate => self.approximate += 1,
+            Factorization::Cholesky => self.cholesky += 1,
+            Factorization::Ldlt => self.ldlt += 1,
+            Factorization::Lu => self.lu += 1,
+            Factorization::Approximate => self.approximate += 1,
         }
     }
 }

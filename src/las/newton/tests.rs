@@ -139,7 +139,7 @@ fn a_descent_goes_down_where_newton_climbs() {
 
     for start in [0.1, -0.3, 0.57735, 40.0] {
         let mut falling = Wells { x: start, saved: 0.0 };
-        let report = system().minimise(&mut falling, 1e-12, &RegularisedParams::default()).unwrap();
+        let report = system().minimize(&mut falling, 1e-12, &RegularizedParams::default()).unwrap();
         assert!((falling.x.abs() - 1.0).abs() < 1e-12, "from {start} to {}", falling.x);
         assert!(report.iterations < 40, "{report:?}");
         // Without a shift near the end: quadratic.
@@ -148,15 +148,15 @@ fn a_descent_goes_down_where_newton_climbs() {
         assert!(last < 1e2 * before * before + 1e-15, "{r:?}");
     }
     assert!(
-        system().minimise(&mut Wells { x: 0.1, saved: 0.0 }, 1e-12, &RegularisedParams::default()).unwrap().shifts > 0
+        system().minimize(&mut Wells { x: 0.1, saved: 0.0 }, 1e-12, &RegularizedParams::default()).unwrap().shifts > 0
     );
 }
 
 #[test]
 fn a_descent_that_runs_out_restores_the_state() {
-    let params = RegularisedParams { max_iterations: 1, ..RegularisedParams::default() };
+    let params = RegularizedParams { max_iterations: 1, ..RegularizedParams::default() };
     let mut problem = Wells { x: 0.1, saved: 0.0 };
-    let failure = system().minimise(&mut problem, 1e-12, &params).unwrap_err();
+    let failure = system().minimize(&mut problem, 1e-12, &params).unwrap_err();
     assert!(matches!(failure.reason, NewtonError::TooManyIterations { iterations: 1, .. }), "{failure}");
     assert_eq!(problem.x, 0.1);
 }
@@ -223,13 +223,13 @@ fn a_descent_shortens_a_step_that_goes_too_far_and_ends_where_no_step_can_help()
     // The first full step from just outside the inflection point goes beyond 2.
     let remote = |last| Remote { wells: Wells { x: 0.6, saved: 0.0 }, evaluations: 0, last };
     let mut near = remote(usize::MAX);
-    let report = system().minimise(&mut near, 1e-12, &RegularisedParams::default()).unwrap();
+    let report = system().minimize(&mut near, 1e-12, &RegularizedParams::default()).unwrap();
     assert!(report.line_search_cuts > 0 && (near.wells.x - 1.0).abs() < 1e-12, "{report:?}");
 
     // The process has ended before one of the trials: to ask again cannot help.
     for last in 1..4 {
         let mut gone = remote(last);
-        let failure = system().minimise(&mut gone, 1e-12, &RegularisedParams::default()).unwrap_err();
+        let failure = system().minimize(&mut gone, 1e-12, &RegularizedParams::default()).unwrap_err();
         assert_eq!(failure.reason, NewtonError::Problem(Lost::Gone), "after {last} evaluations");
         assert_eq!((gone.evaluations, gone.wells.x), (last + 1, 0.6), "asked once more, and no more");
     }
@@ -259,7 +259,7 @@ fn a_hilltop_is_left_to_the_same_side_every_time() {
         let (mut system, mut report) = (system(), NewtonReport::default());
         assert_eq!(system.leave_saddle(&mut wells, 1e-12, &mut report).unwrap(), Departure::Downhill);
         assert!(wells.potential() < 1.0 && wells.x.abs() < 1.5, "{}", wells.x);
-        system.minimise(&mut wells, 1e-12, &RegularisedParams::default()).unwrap();
+        system.minimize(&mut wells, 1e-12, &RegularizedParams::default()).unwrap();
         assert!((wells.x.abs() - 1.0).abs() < 1e-12, "{}", wells.x);
         sides.push(wells.x);
     }
@@ -350,7 +350,7 @@ fn a_saddle_point_is_left_along_its_negative_curvature() {
         }
         let left = system.leave_saddle(&mut saddle, 1e-12, &mut NewtonReport::default()).unwrap();
         assert_eq!(left, Departure::Downhill, "{stiffness}");
-        system.minimise(&mut saddle, 1e-12, &RegularisedParams::default()).unwrap();
+        system.minimize(&mut saddle, 1e-12, &RegularizedParams::default()).unwrap();
         assert!((saddle.along(1).abs() - 1.0).abs() < 1e-10, "{stiffness}: {:?}", saddle.x);
         let expected = if stiffness == 1e6 { Curvature::Definite } else { Curvature::Neutral };
         assert_eq!(system.curvature(&mut saddle, 1e-12).unwrap(), expected, "{stiffness}");

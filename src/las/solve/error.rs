@@ -27,8 +27,8 @@ pub enum SolveError<F> {
         /// The size that fits.
         expected: usize,
     },
-    /// A matrix of the right size whose entries stand in other places than those analysed.
-    #[error("the entries of the matrix are not where the analysed pattern has them")]
+    /// A matrix of the right size whose entries stand in other places than those analyzed.
+    #[error("the entries of the matrix are not where the analyzed pattern has them")]
     Pattern,
     /// A matrix that was stated to be symmetric has an entry without its mirror image: perhaps one triangle alone was stored.
     #[error(
@@ -42,7 +42,7 @@ pub enum SolveError<F> {
         column: usize,
     },
     /// `solve` before `factor`, or after one that failed.
-    #[error("there is no factorisation to solve with: call factor first, and only solve if it succeeds")]
+    #[error("there is no factorization to solve with: call factor first, and only solve if it succeeds")]
     NotFactored,
     /// A pivot vanished, or the matrix does not resist some vector.
     #[error(
@@ -75,13 +75,13 @@ pub enum SolveError<F> {
     /// Numbers that no iterative method can work with.
     #[error("{0}")]
     Parameter(#[from] Unusable),
-    /// Even a factorisation of the matrix itself leaves a residual.
+    /// Even a factorization of the matrix itself leaves a residual.
     #[error("the matrix is too ill-conditioned: solving leaves a relative residual of {residual:.1e}")]
     Inaccurate {
         /// Norm of the residual over that of the right-hand side.
         residual: f64,
     },
-    /// The factorisation library failed for a reason of its own.
+    /// The factorization library failed for a reason of its own.
     #[error("{library} failed: {reason}")]
     Library {
         /// Which one.

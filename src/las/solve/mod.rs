@@ -9,13 +9,13 @@ mod report;
 
 pub use error::{Ending, SolveError};
 pub use params::{Iterative, Krylov, Method, Ordering, Preconditioner, SolverParams, Symmetry, Unusable};
-pub use report::{FactorReport, Factorisation, SolveReport};
+pub use report::{FactorReport, Factorization, SolveReport};
 
 use super::Backend;
 
 /// Factors matrices of one pattern and solves with them.
 ///
-/// Cholesky and LDL^T factorisations and solves allocate nothing after their first time.
+/// Cholesky and LDL^T factorizations and solves allocate nothing after their first time.
 pub trait Solver<B: Backend>: Send {
     /// Factors `a`, or makes what an iterative method needs; whatever was factored before is forgotten.
     ///
@@ -27,7 +27,7 @@ pub trait Solver<B: Backend>: Send {
     /// matrix than solve with it.
     ///
     /// An iterative method knows of definiteness what its preconditioner shows: the signs of the diagonal, or of the pivots
-    /// of an incomplete factorisation. It refuses what these show, and without a preconditioner nothing.
+    /// of an incomplete factorization. It refuses what these show, and without a preconditioner nothing.
     ///
     /// # Errors
     /// [`SolveError::Indefinite`], and what [`Solver::factor`] says; nothing is factored then. [`SolveError::Unsupported`]

@@ -37,9 +37,9 @@ pub enum Ordering {
 pub enum Krylov {
     /// Conjugate gradients, for definite matrices (Hestenes and Stiefel 1952).
     Cg,
-    /// Stabilised biconjugate gradients, for any (van der Vorst 1992).
+    /// Stabilized biconjugate gradients, for any (van der Vorst 1992).
     BiCgStab,
-    /// Generalised minimal residuals, for any, begun again after `restart` steps (Saad and Schultz 1986).
+    /// Generalized minimal residuals, for any, begun again after `restart` steps (Saad and Schultz 1986).
     Gmres {
         /// Steps, and vectors kept, between restarts.
         restart: usize,
@@ -53,7 +53,7 @@ pub enum Preconditioner {
     None,
     /// The inverse of the diagonal.
     Diagonal,
-    /// An incomplete LU factorisation with a threshold (Saad 1994).
+    /// An incomplete LU factorization with a threshold (Saad 1994).
     Ilut {
         /// Entries below this part of the mean absolute value of their row are dropped.
         drop_tolerance: f64,
@@ -148,7 +148,7 @@ pub struct Unusable {
 /// How a system is solved.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Method {
-    /// By a factorisation.
+    /// By a factorization.
     #[default]
     Direct,
     /// By a Krylov method.
@@ -169,7 +169,7 @@ pub struct SolverParams {
     pub singular_below: Option<f64>,
     /// The order of elimination; a backend without a choice ignores it.
     pub ordering: Ordering,
-    /// By a factorisation or by iterations.
+    /// By a factorization or by iterations.
     pub method: Method,
 }
 

@@ -1,8 +1,8 @@
-//! What a factorisation and a solution did.
+//! What a factorization and a solution did.
 
-/// The factorisation that served.
+/// The factorization that served.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Factorisation {
+pub enum Factorization {
     /// `L L^T`.
     Cholesky,
     /// `L D L^T` with pivoting in blocks: the matrix is symmetric but not (numerically) definite.
@@ -13,11 +13,11 @@ pub enum Factorisation {
     Approximate,
 }
 
-/// What a factorisation found.
+/// What a factorization found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FactorReport {
     /// The one that served.
-    pub kind: Factorisation,
+    pub kind: Factorization,
     /// The unknown at whose pivot Cholesky gave up, where LDL^T had to take over.
     pub indefinite_at: Option<usize>,
     /// Smallest over largest pivot, by absolute value: a cheap sign of how near to singular the matrix is. An estimate of

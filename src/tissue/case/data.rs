@@ -17,7 +17,7 @@ pub struct Case {
     pub mesh: MeshSource,
     /// The line of the case file where its source stands, for errors found once the mesh is made.
     pub mesh_line: usize,
-    /// Metres of one mesh unit.
+    /// Meters of one mesh unit.
     pub mesh_scale: f64,
     /// Materials, region by region.
     pub regions: Vec<RegionCase>,

@@ -8,7 +8,7 @@
 //! # An example
 //!
 //! A block pulled along x, with every section that a case may have. Lengths of the mesh are in mesh units, `[mesh] scale`
-//! metres each; everything else is in SI units. Whole numbers serve where numbers are expected.
+//! meters each; everything else is in SI units. Whole numbers serve where numbers are expected.
 //!
 //! ```
 //! let text = r#"
@@ -17,7 +17,7 @@
 //! [mesh]                                   # a Gmsh file: file = "block.msh"; or a built-in shape: "box", or
 //!                                          ## "dogbone" with an element_size in mesh units
 //! generate = { shape = "box", cells = [4, 2, 2], size = [2.0, 1.0, 1.0] }
-//! scale = 0.001                            # default 1.0: a mesh unit is a metre
+//! scale = 0.001                            # default 1.0: a mesh unit is a meter
 //!
 //! [[region]]
 //! name = "*"                               # a physical volume; "*": all that no other region names
@@ -150,7 +150,7 @@
 //! `drop_tolerance` and `fill`, see [`Preconditioner::Ilut`](crate::las::Preconditioner::Ilut)), `diagonal`, `none` or, on
 //! backends that have it, `multigrid`. `tolerance` is that of every linear system, its residual over its right-hand side;
 //! the tangents of RVEs are only as exact as it. The numbers above are the defaults; without a `preconditioner`, `cg` takes the
-//! diagonal and the others `ilut`. An incomplete factorisation is not symmetric: where much is dropped, `cg` may fail with it
+//! diagonal and the others `ilut`. An incomplete factorization is not symmetric: where much is dropped, `cg` may fail with it
 //! and `gmres` or `bicgstab` serve.
 //!
 //! # What a case must keep

@@ -21,7 +21,7 @@ pub(super) struct MeshSection {
     pub(super) source: MeshSource,
     /// The line of `file` or `generate`.
     pub(super) line: usize,
-    /// Metres of one mesh unit.
+    /// Meters of one mesh unit.
     pub(super) scale: f64,
 }
 

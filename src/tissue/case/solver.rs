@@ -6,7 +6,7 @@ use super::range::Range;
 use super::table::Table;
 use crate::las::{Iterative, Krylov, Method, Preconditioner};
 
-/// A part, and what may be dropped of an incomplete factorisation.
+/// A part, and what may be dropped of an incomplete factorization.
 const PART: Range = Range::between(0.0, 1.0);
 const DROPPED: Range = Range::from_to(0.0, 1.0);
 

@@ -66,7 +66,7 @@ pub(super) fn read<T: DeserializeOwned>(path: &Path) -> Result<T, CheckpointErro
     }
 }
 
-/// Hashes what goes through it, and keeps the error that the serialiser would drop.
+/// Hashes what goes through it, and keeps the error that the serializer would drop.
 struct Hashing<W> {
     to: W,
     hash: Fnv,

@@ -9,7 +9,7 @@ use super::library::Library;
 use super::worker::Worker;
 use crate::fem::material::{MaterialError, Response};
 use crate::fiber::equilibrium::{EquilibriumReport, RveError, Stage, continues, equilibrate};
-use crate::fiber::homogenise::Tangent;
+use crate::fiber::homogenize::Tangent;
 use crate::fiber::rve::{Rates, Rve, RveModel};
 use crate::fiber::workspace::Workspace;
 use crate::las::{Backend, Scalar};
@@ -89,14 +89,14 @@ pub struct SweepStats {
     pub cuts: usize,
     /// Newton steps shortened.
     pub line_search_cuts: usize,
-    /// Factorisations that had to be LDL^T.
+    /// Factorizations that had to be LDL^T.
     pub indefinite: usize,
     /// Equilibria that started from a first-order prediction.
     pub predicted: usize,
     /// Equilibria reached by cut increments, where the whole one failed.
     pub by_cuts: usize,
-    /// Equilibria reached by regularised Newton, where plain Newton failed.
-    pub by_regularised: usize,
+    /// Equilibria reached by regularized Newton, where plain Newton failed.
+    pub by_regularized: usize,
     /// Equilibria reached by dynamic relaxation, where all else failed.
     pub by_relaxation: usize,
     /// Equilibria shown, at the end of a load step, to continue the last converged one.
@@ -123,7 +123,7 @@ impl SweepStats {
             indefinite: self.indefinite + other.indefinite,
             predicted: self.predicted + other.predicted,
             by_cuts: self.by_cuts + other.by_cuts,
-            by_regularised: self.by_regularised + other.by_regularised,
+            by_regularized: self.by_regularized + other.by_regularized,
             by_relaxation: self.by_relaxation + other.by_relaxation,
             verified: self.verified + other.verified,
             replaced: self.replaced + other.replaced,
@@ -141,7 +141,7 @@ impl SweepStats {
         self.indefinite += report.indefinite;
         self.predicted += report.predicted;
         self.by_cuts += usize::from(report.stage == Some(Stage::Cuts));
-        self.by_regularised += usize::from(report.stage == Some(Stage::Regularised));
+        self.by_regularized += usize::from(report.stage == Some(Stage::Regularized));
         self.by_relaxation += usize::from(report.stage == Some(Stage::Relaxation));
         self.relaxation_steps += report.relaxation.steps;
     }

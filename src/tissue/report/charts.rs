@@ -147,7 +147,7 @@ pub fn logarithmic(labels: Labels, lines: &[Line]) -> Result<String, ReportError
             .draw()?;
         let last = lines.len().saturating_sub(1).max(1) as f64;
         for (k, line) in lines.iter().enumerate() {
-            let [r, g, b] = super::picture::colour::viridis(0.9 * k as f64 / last);
+            let [r, g, b] = super::picture::color::viridis(0.9 * k as f64 / last);
             let color = RGBColor(r, g, b);
             chart.draw_series(LineSeries::new(line.points.iter().copied(), color.stroke_width(1)))?;
             chart.draw_series(line.points.iter().map(|&point| Circle::new(point, 2, color.filled())))?;

@@ -163,18 +163,19 @@ pub struct NewtonLog {
     pub relative: Vec<f64>,
     /// How often the line search halved a step.
     pub line_search_cuts: usize,
-    /// Which factorisations were used.
-    pub factorisations: Factorisations,
+    /// Which factorizations were used.
+    #[serde(alias = "factorisations")]
+    pub factorizations: Factorizations,
     /// Iterations of an iterative linear solver, in all.
     pub linear_iterations: usize,
     /// Where the time went.
     pub seconds: NewtonSeconds,
 }
 
-/// Numbers of factorisations.
+/// Numbers of factorizations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
-pub struct Factorisations {
+pub struct Factorizations {
     /// Of a positive definite matrix.
     pub cholesky: usize,
     /// Of a symmetric one.
@@ -193,7 +194,7 @@ pub struct NewtonSeconds {
     pub point_field: f64,
     /// Assembly.
     pub assembly: f64,
-    /// Factorisation.
+    /// Factorization.
     pub factor: f64,
     /// Solution.
     pub solve: f64,
@@ -215,7 +216,7 @@ pub struct RveLog {
     pub iterations_mean: f64,
     /// Increments that were halved.
     pub cuts: u64,
-    /// Factorisations of a matrix that was not positive definite.
+    /// Factorizations of a matrix that was not positive definite.
     pub indefinite: u64,
     /// Steps that the line search halved.
     pub line_search_cuts: u64,
@@ -223,8 +224,9 @@ pub struct RveLog {
     pub predicted: u64,
     /// Equilibria that plain Newton missed and cut increments reached.
     pub by_cuts: u64,
-    /// Equilibria that those missed and regularised Newton reached.
-    pub by_regularised: u64,
+    /// Equilibria that those missed and regularized Newton reached.
+    #[serde(alias = "by_regularised")]
+    pub by_regularized: u64,
     /// Equilibria that all those missed and dynamic relaxation reached.
     pub by_relaxation: u64,
     /// Steps of dynamic relaxation.

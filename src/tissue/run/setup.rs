@@ -112,7 +112,7 @@ where
         &self.case
     }
 
-    /// The mesh, in metres.
+    /// The mesh, in meters.
     #[must_use]
     pub fn mesh(&self) -> &Mesh {
         &self.mesh

@@ -200,7 +200,7 @@ where
         }
         let summaries = if converged { self.units.summaries() } else { Vec::new() };
         let seconds = std::mem::take(&mut self.seconds);
-        let summarised = Instant::now();
+        let summarized = Instant::now();
         let units = || {
             summaries.iter().enumerate().map(|(number, summary)| UnitReport {
                 element: self.units.elements()[number] as u64,
@@ -213,8 +213,8 @@ where
             RankReport { stats: self.units.take_stats(), bytes: self.units.bytes(), seconds, units: OneByOne(units) };
         // About as long as what it tells of.
         self.to_macro(pack_into(Message::zeros(report.bytes), &report)?)?;
-        self.between.busy += (summarised - start).as_secs_f64();
-        self.between.exchanging += summarised.elapsed().as_secs_f64();
+        self.between.busy += (summarized - start).as_secs_f64();
+        self.between.exchanging += summarized.elapsed().as_secs_f64();
         Ok(())
     }
 

@@ -3,7 +3,7 @@
 use crate::fem::mesh::Mesh;
 
 /// The part of every element, of as many parts: about as many elements each, with few faces between them. The same on every
-/// rank. By METIS where it is compiled in (cargo feature `metis`), else by cutting at medians of the element centres.
+/// rank. By METIS where it is compiled in (cargo feature `metis`), else by cutting at medians of the element centers.
 #[must_use]
 pub fn partition(mesh: &Mesh, parts: usize) -> Vec<u32> {
     let elements = mesh.elements().len();
@@ -14,38 +14,38 @@ pub fn partition(mesh: &Mesh, parts: usize) -> Vec<u32> {
     if let Some(parts) = by_metis(mesh, parts) {
         return parts;
     }
-    let centres: Vec<[f64; 3]> = mesh.elements().iter().map(|nodes| centre(mesh, nodes)).collect();
+    let centers: Vec<[f64; 3]> = mesh.elements().iter().map(|nodes| center(mesh, nodes)).collect();
     let mut part_of = vec![0; elements];
     let mut all: Vec<u32> = (0..elements as u32).collect();
-    cut(&centres, &mut all, 0, parts, &mut part_of);
+    cut(&centers, &mut all, 0, parts, &mut part_of);
     part_of
 }
 
 /// METIS may leave a part empty where there are few elements: then it is not taken.
 #[cfg(feature = "metis")]
 fn by_metis(mesh: &Mesh, parts: usize) -> Option<Vec<u32>> {
-    let part_of = crate::backends::metis::parts(&mesh.neighbours(), parts).ok()?;
+    let part_of = crate::backends::metis::parts(&mesh.neighbors(), parts).ok()?;
     let mut counts = vec![0; parts];
     part_of.iter().for_each(|&part| counts[part as usize] += 1);
     counts.iter().all(|&count| count > 0).then_some(part_of)
 }
 
-fn centre(mesh: &Mesh, nodes: &[u32; 4]) -> [f64; 3] {
-    let mut centre = [0.0; 3];
+fn center(mesh: &Mesh, nodes: &[u32; 4]) -> [f64; 3] {
+    let mut center = [0.0; 3];
     for &node in nodes {
-        centre.iter_mut().zip(mesh.nodes()[node as usize]).for_each(|(c, x)| *c += 0.25 * x);
+        center.iter_mut().zip(mesh.nodes()[node as usize]).for_each(|(c, x)| *c += 0.25 * x);
     }
-    centre
+    center
 }
 
 /// Recursive bisection: elements are cut across their longest extent, in proportion to the parts on either side.
-fn cut(centres: &[[f64; 3]], elements: &mut [u32], first: usize, parts: usize, part_of: &mut [u32]) {
+fn cut(centers: &[[f64; 3]], elements: &mut [u32], first: usize, parts: usize, part_of: &mut [u32]) {
     if parts == 1 {
         elements.iter().for_each(|&element| part_of[element as usize] = first as u32);
         return;
     }
     let extent = |axis: usize| {
-        let along = elements.iter().map(|&element| centres[element as usize][axis]);
+        let along = elements.iter().map(|&element| centers[element as usize][axis]);
         let (least, most) = along.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
         most - least
     };
@@ -53,10 +53,10 @@ fn cut(centres: &[[f64; 3]], elements: &mut [u32], first: usize, parts: usize, p
     let below = parts / 2;
     let at = elements.len() * below / parts;
     // The number decides between equals, so that every rank finds the same.
-    elements.sort_unstable_by(|&a, &b| centres[a as usize][axis].total_cmp(&centres[b as usize][axis]).then(a.cmp(&b)));
+    elements.sort_unstable_by(|&a, &b| centers[a as usize][axis].total_cmp(&centers[b as usize][axis]).then(a.cmp(&b)));
     let (lower, upper) = elements.split_at_mut(at);
-    cut(centres, lower, first, below, part_of);
-    cut(centres, upper, first + below, parts - below, part_of);
+    cut(centers, lower, first, below, part_of);
+    cut(centers, upper, first + below, parts - below, part_of);
 }
 
 #[cfg(test)]
@@ -81,8 +81,8 @@ mod tests {
     fn a_long_body_is_cut_across() {
         let mesh = cuboid([8, 1, 1], [8.0, 1.0, 1.0]).unwrap();
         let part_of = partition(&mesh, 2);
-        let neighbours = mesh.neighbours();
-        let between = neighbours.iter().enumerate().flat_map(|(element, near)| {
+        let neighbors = mesh.neighbors();
+        let between = neighbors.iter().enumerate().flat_map(|(element, near)| {
             let part_of = &part_of;
             near.iter().filter(move |&&other| part_of[other as usize] != part_of[element])
         });

@@ -113,7 +113,7 @@ impl Answer {
         Response {
             energy: self.energy,
             pk1: Matrix3::from_column_slice(&self.pk1),
-            tangent: crate::fiber::homogenise::Tangent::from_column_slice(&self.tangent),
+            tangent: crate::fiber::homogenize::Tangent::from_column_slice(&self.tangent),
         }
     }
 }

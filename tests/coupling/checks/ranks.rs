@@ -9,12 +9,12 @@ use super::Outcome;
 const TAG: Tag = Tag::of(3);
 
 /// The ranks after and before this one, in a ring.
-fn neighbours<C: Comm>(comm: &C) -> (usize, usize) {
+fn neighbors<C: Comm>(comm: &C) -> (usize, usize) {
     ((comm.rank() + 1) % comm.size(), (comm.rank() + comm.size() - 1) % comm.size())
 }
 
 pub fn messages_of_one_tag_arrive_in_order_and_tags_stay_apart<C: Comm>(comm: &C) -> Outcome {
-    let (next, last) = neighbours(comm);
+    let (next, last) = neighbors(comm);
     let mut sendings = Vec::new();
     for k in 0..10_u64 {
         sendings.push(comm.start_send(next, TAG, Message::of(&[k]))?);
@@ -34,7 +34,7 @@ pub fn messages_of_one_tag_arrive_in_order_and_tags_stay_apart<C: Comm>(comm: &C
 }
 
 pub fn messages_of_any_length_arrive_whole<C: Comm>(comm: &C) -> Outcome {
-    let (next, last) = neighbours(comm);
+    let (next, last) = neighbors(comm);
     let bytes = |rank: usize, len: usize| (0..len).map(|k| (rank + 3 * k) as u8).collect::<Vec<u8>>();
     for len in [0, 1, 7, 8, 9, 65_537, 3_000_001] {
         let sending = comm.start_send(next, TAG, Message::of(&bytes(comm.rank(), len)))?;
@@ -71,21 +71,21 @@ pub fn what_all_do_together_is_the_same_for_all<C: Comm>(comm: &C) -> Outcome {
 }
 
 pub fn groups_do_not_hear_each_other<C: Comm>(comm: &C) -> Outcome {
-    let colour = if comm.rank() == 2 { None } else { Some(comm.rank() % 2) };
-    let group = comm.split(colour, 0)?;
-    assert_eq!(group.is_some(), colour.is_some());
+    let color = if comm.rank() == 2 { None } else { Some(comm.rank() % 2) };
+    let group = comm.split(color, 0)?;
+    assert_eq!(group.is_some(), color.is_some());
     if let Some(group) = group {
         let mut ranks = [comm.rank() as f64, 1.0];
         group.sum(&mut ranks)?;
         assert_eq!(ranks[1], group.size() as f64);
         let all = group.gather_all(Message::of(&[comm.rank() as u64]))?;
         let all: Vec<u64> = all.iter().flat_map(|message| message.values::<u64>().unwrap().to_vec()).collect();
-        assert!(all.is_sorted() && all.iter().all(|rank| Some((rank % 2) as usize) == colour));
+        assert!(all.is_sorted() && all.iter().all(|rank| Some((rank % 2) as usize) == color));
         assert_eq!(all[group.rank()], comm.rank() as u64);
         group.duplicate(None)?.barrier()?;
     }
-    let backwards = comm.split(Some(3), comm.size() - comm.rank())?;
-    assert_eq!(backwards.map(|group| group.rank()), Some(comm.size() - 1 - comm.rank()));
+    let backward = comm.split(Some(3), comm.size() - comm.rank())?;
+    assert_eq!(backward.map(|group| group.rank()), Some(comm.size() - 1 - comm.rank()));
     comm.barrier()?;
     Ok(())
 }
@@ -105,7 +105,7 @@ pub fn a_failure_of_one_is_agreed_on_by_all<C: Comm>(comm: &C) -> Outcome {
 
 pub fn who_does_not_answer_in_time_is_named<C: Comm>(comm: &C) -> Outcome {
     let waited = Duration::from_millis(50);
-    let (from, _) = neighbours(comm);
+    let (from, _) = neighbors(comm);
     let error = comm.duplicate(Some(waited))?.receive(from, TAG).map(drop);
     assert_eq!(error, Err(CommError::TimeOut { from, waited }));
     comm.barrier()?;

@@ -338,16 +338,16 @@ impl Comm for MpiComm {
         Ok(there != 0)
     }
 
-    fn split(&self, colour: Option<usize>, place: usize) -> Result<Option<Self>, CommError> {
+    fn split(&self, color: Option<usize>, place: usize) -> Result<Option<Self>, CommError> {
         let number = |number| {
             i32::try_from(number)
-                .map_err(|_| CommError::Library(format!("{number} is too large a colour or place for MPI")))
+                .map_err(|_| CommError::Library(format!("{number} is too large a color or place for MPI")))
         };
-        let colour = match colour {
-            Some(colour) => Color::with_value(number(colour)?),
+        let color = match color {
+            Some(color) => Color::with_value(number(color)?),
             None => Color::undefined(),
         };
-        let comm = self.group.comm.split_by_color_with_key(colour, number(place)?);
+        let comm = self.group.comm.split_by_color_with_key(color, number(place)?);
         Ok(comm.map(|comm| Self::of(comm, self.time_out)))
     }
 

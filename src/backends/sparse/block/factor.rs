@@ -1,4 +1,4 @@
-//! The numeric factorisation by blocks.
+//! The numeric factorization by blocks.
 
 use super::lanes::{BlockScalar, Kernel, Lanes, Width};
 use super::products::{load, rows_of, store, subtract_products};
@@ -50,7 +50,7 @@ impl<T: BlockScalar> BlockCholesky<T> {
     }
 }
 
-/// One factorisation.
+/// One factorization.
 pub(super) struct Factor<'a, T> {
     pub(super) analysis: &'a BlockAnalysis,
     pub(super) values: &'a [T],

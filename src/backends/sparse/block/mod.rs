@@ -1,4 +1,4 @@
-//! Cholesky of a matrix of 3x3 blocks: the factorisation for fiber networks and bodies.
+//! Cholesky of a matrix of 3x3 blocks: the factorization for fiber networks and bodies.
 //!
 //! Nodes with (almost) the same couplings are eliminated together, as a supernode. Its columns of the factor form a
 //! panel: a row of 3x3 blocks for each of its own nodes and for each node below that they couple to. A row of the panel
@@ -14,7 +14,7 @@
 //! The diagonal blocks hold the inverse of their Cholesky factor, so that nothing is divided by in the inner loops. What
 //! lies above the diagonal blocks is scratch.
 //!
-//! The factorisation is left-looking: a supernode takes the values of the matrix, subtracts the products of those before
+//! The factorization is left-looking: a supernode takes the values of the matrix, subtracts the products of those before
 //! it that reach it, and is then factored by itself. All three are products of rows with rows, `sum_k a_k b_k^T` over
 //! columns of both, of which three rows at once are kept in registers, or six.
 
@@ -88,7 +88,7 @@ struct Update {
     end: u32,
 }
 
-/// The symbolic factorisation of a matrix of blocks.
+/// The symbolic factorization of a matrix of blocks.
 pub(super) struct BlockAnalysis {
     supernodes: Supernodes,
     /// Where the panel of each supernode starts, in columns; one more than there are supernodes.

@@ -1,4 +1,4 @@
-//! Sums of products of rows with rows, in registers: what the factorisation spends its time on.
+//! Sums of products of rows with rows, in registers: what the factorization spends its time on.
 
 use super::BLOCK;
 use super::factor::Block;

@@ -1,4 +1,4 @@
-//! The factorisation by blocks against a dense one, and the solver that uses it.
+//! The factorization by blocks against a dense one, and the solver that uses it.
 
 use std::sync::Arc;
 
@@ -7,7 +7,7 @@ use super::*;
 use crate::backends::sparse::order::eliminate;
 use crate::backends::sparse::{Matrix, Solver, Sparse, Symbolic, Vector};
 use crate::las::conformance::{Oracle, Random};
-use crate::las::{Backend, Factorisation, MatVec, Ordering, Scalar, SolveError, Solver as _, SolverParams, Symmetry};
+use crate::las::{Backend, Factorization, MatVec, Ordering, Scalar, SolveError, Solver as _, SolverParams, Symmetry};
 
 const ORDERINGS: [Ordering; 3] = [Ordering::Auto, Ordering::MinimumDegree, Ordering::NestedDissection];
 
@@ -110,19 +110,19 @@ fn expected_block(l: &[Vec<f64>], row: usize, column: usize) -> [[f64; 3]; 3] {
     [[i00, i10, -(at(2, 0) * i00 + at(2, 1) * i10) * i22], [0.0, i11, i21], [0.0, 0.0, i22]]
 }
 
-struct Analysed {
+struct Analyzed {
     analysis: BlockAnalysis,
     /// The unknown at each position, three a node; `None` where there is padding.
     order: Vec<Option<usize>>,
 }
 
-fn analyse(pattern: &Sparsity, ordering: Ordering) -> Analysed {
+fn analyze(pattern: &Sparsity, ordering: Ordering) -> Analyzed {
     let graph = Graph::new(pattern);
     let analysis = BlockAnalysis::new(pattern, &graph, &eliminate(&graph, ordering).unwrap());
     let is_unknown = |position: &usize| position % BLOCK < analysis.nodes[position / BLOCK].size as usize;
     let unknown = |position| Some(position).filter(is_unknown).map(|position| analysis.unknown(position));
     let order = (0..BLOCK * analysis.nodes()).map(unknown).collect();
-    Analysed { analysis, order }
+    Analyzed { analysis, order }
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -139,9 +139,9 @@ fn widths() -> impl Iterator<Item = Width> {
     has.into_iter()
 }
 
-/// Every block of the factor is that of a dense factorisation, with all registers of this machine.
+/// Every block of the factor is that of a dense factorization, with all registers of this machine.
 #[test]
-fn factors_are_those_of_a_dense_factorisation() {
+fn factors_are_those_of_a_dense_factorization() {
     let mut random = Random::new(1);
     for pattern in patterns(&mut random) {
         check_factors(&mut random, &pattern);
@@ -150,7 +150,7 @@ fn factors_are_those_of_a_dense_factorisation() {
 
 /// The same for patterns at random, most of their nodes padded.
 #[test]
-fn factors_of_padded_nodes_are_those_of_a_dense_factorisation() {
+fn factors_of_padded_nodes_are_those_of_a_dense_factorization() {
     for seed in 0..60 {
         let mut random = Random::new(seed);
         let (nodes, bars) = (1 + random.below(40), random.below(5));
@@ -164,7 +164,7 @@ fn check_factors(random: &mut Random, pattern: &Arc<Sparsity>) {
     let a = Oracle::dominant(random, pattern, |_| 1.0);
     let values = matrix::<f64>(pattern, &a).values;
     for ordering in ORDERINGS {
-        let Analysed { analysis, order } = analyse(pattern, ordering);
+        let Analyzed { analysis, order } = analyze(pattern, ordering);
         let l = dense_cholesky(&a, &order).unwrap();
         let pivots = || (0..l.len()).filter(|&k| order[k].is_some()).map(|k| l[k][k] * l[k][k]);
         let expected = pivots().fold(f64::INFINITY, f64::min) / pivots().fold(0.0, f64::max);
@@ -221,7 +221,7 @@ fn widths_agree<T: BlockScalar>() {
         let indefinite_at = random.below(2 * pattern.rows());
         let dense = Oracle::dominant(&mut random, &pattern, |i| if i == indefinite_at { -1.0 } else { 1.0 });
         let values = matrix::<T>(&pattern, &dense).values;
-        let Analysed { analysis, .. } = analyse(&pattern, Ordering::Auto);
+        let Analyzed { analysis, .. } = analyze(&pattern, Ordering::Auto);
         let [mut reference, mut other] = [(); 2].map(|()| BlockCholesky::<T>::new(&analysis));
         let outcome = reference.factor_with(Width::Portable, &analysis, &values).map(|pivots| pivots.negative());
         assert_eq!(outcome.is_err(), indefinite_at < pattern.rows());
@@ -294,7 +294,7 @@ fn solves<T: BlockScalar>() {
     for pattern in patterns(&mut random) {
         let a = matrix::<T>(&pattern, &Oracle::dominant(&mut random, &pattern, |_| 1.0));
         let (_, mut solver) = solver::<T>(&pattern, Ordering::Auto);
-        assert_eq!(solver.factor(&a).unwrap().kind, Factorisation::Cholesky);
+        assert_eq!(solver.factor(&a).unwrap().kind, Factorization::Cholesky);
         for count in [1, 9, 2, 4, 5, 6, 8, 17, 3] {
             let b = right_sides(&mut random, pattern.rows(), count);
             let mut x = vec![Vector::from(vec![T::of(f64::NAN); pattern.rows()]); count];
@@ -319,15 +319,15 @@ fn an_indefinite_matrix_goes_to_ldlt_and_back() {
         let definite = matrix::<f64>(&pattern, &Oracle::dominant(&mut random, &pattern, |_| 1.0));
         let dense = Oracle::dominant(&mut random, &pattern, |i| if i == at { -1.0 } else { 1.0 });
         let indefinite = matrix::<f64>(&pattern, &dense);
-        let Analysed { analysis, order } = analyse(&pattern, Ordering::Auto);
+        let Analyzed { analysis, order } = analyze(&pattern, Ordering::Auto);
         let position = BlockCholesky::new(&analysis).factor(&analysis, &indefinite.values).unwrap_err();
         assert_eq!(Err(position), dense_cholesky(&dense, &order).map(drop));
         let (_, mut solver) = solver::<f64>(&pattern, Ordering::Auto);
         for a in [&definite, &indefinite, &definite, &indefinite] {
             let report = solver.factor(a).unwrap();
-            let expected = if std::ptr::eq(a, &definite) { Factorisation::Cholesky } else { Factorisation::Ldlt };
+            let expected = if std::ptr::eq(a, &definite) { Factorization::Cholesky } else { Factorization::Ldlt };
             assert_eq!(report.kind, expected);
-            assert_eq!(report.indefinite_at, (expected == Factorisation::Ldlt).then_some(at));
+            assert_eq!(report.indefinite_at, (expected == Factorization::Ldlt).then_some(at));
             let b = right_sides(&mut random, pattern.rows(), 3);
             let mut x = b.clone();
             solver.solve_many(&b, &mut x).unwrap();
@@ -336,7 +336,7 @@ fn an_indefinite_matrix_goes_to_ldlt_and_back() {
     }
 }
 
-/// Springs between neighbours in a row of nodes, in all three directions, held at one end by a spring of stiffness `held`.
+/// Springs between neighbors in a row of nodes, in all three directions, held at one end by a spring of stiffness `held`.
 fn chain(nodes: usize, held: f64) -> (Arc<Sparsity>, Matrix<f64>) {
     let pattern = blocks(nodes, &(1..nodes).map(|k| vec![k - 1, k]).collect::<Vec<_>>());
     let mut a = Oracle::zeros(3 * nodes, 3 * nodes);
@@ -365,7 +365,7 @@ fn singular_and_nearly_singular_matrices_are_told_apart() {
         for held in [1e-4, 1e-8, 1e-12] {
             let (_, weak) = chain(60, held);
             let report = solver.factor(&weak).unwrap();
-            assert_eq!(report.kind, Factorisation::Cholesky);
+            assert_eq!(report.kind, Factorization::Cholesky);
             // The pivot eliminated last is what is left of the spring that holds the chain.
             assert!(report.pivot_ratio < 1.5 * held && report.pivot_ratio > 0.01 * held, "{:e}", report.pivot_ratio);
             let pull: Vec<f64> = (0..180).map(|i| if i == 177 { held } else { 0.0 }).collect();
@@ -373,7 +373,7 @@ fn singular_and_nearly_singular_matrices_are_told_apart() {
             let end = x[0].values[177];
             assert!((end - 1.0 - 59.0 * held).abs() < 1e-14 / held, "the end moves by {end}");
         }
-        assert_eq!(solver.factor(&chain(60, 1.0).1).unwrap().kind, Factorisation::Cholesky);
+        assert_eq!(solver.factor(&chain(60, 1.0).1).unwrap().kind, Factorization::Cholesky);
     }
 }
 
@@ -406,5 +406,5 @@ fn results_repeat_bit_for_bit_on_any_number_of_threads() {
     });
     assert!(results.windows(2).all(|pair| pair[0] == pair[1]));
     let half = results[0].len() / 2;
-    assert_eq!(results[0][..half], results[0][half..], "a factorisation leaves nothing behind for the next");
+    assert_eq!(results[0][..half], results[0][half..], "a factorization leaves nothing behind for the next");
 }

@@ -6,8 +6,8 @@ use super::graph::Graph;
 /// A graph whose nodes and edges stand for several of a finer one.
 pub(super) struct Weighted {
     start: Vec<u32>,
-    /// Neighbours of every node with the weight of the edge to them.
-    neighbours: Vec<(u32, u32)>,
+    /// Neighbors of every node with the weight of the edge to them.
+    neighbors: Vec<(u32, u32)>,
     pub(super) weights: Vec<u32>,
     /// Of all nodes.
     pub(super) total: u32,
@@ -17,7 +17,7 @@ impl Weighted {
     pub(super) fn new(graph: &Graph) -> Self {
         Self {
             start: graph.start.clone(),
-            neighbours: graph.neighbours.iter().map(|&other| (other, 1)).collect(),
+            neighbors: graph.neighbors.iter().map(|&other| (other, 1)).collect(),
             weights: vec![1; graph.nodes()],
             total: graph.nodes() as u32,
         }
@@ -27,48 +27,48 @@ impl Weighted {
         self.weights.len()
     }
 
-    pub(super) fn neighbours(&self, node: usize) -> &[(u32, u32)] {
-        &self.neighbours[self.start[node] as usize..self.start[node + 1] as usize]
+    pub(super) fn neighbors(&self, node: usize) -> &[(u32, u32)] {
+        &self.neighbors[self.start[node] as usize..self.start[node + 1] as usize]
     }
 
-    /// Merges pairs of neighbours, those with the heaviest edges first come first served; also returns the node of the
+    /// Merges pairs of neighbors, those with the heaviest edges first come first served; also returns the node of the
     /// coarser graph that each node is part of.
     pub(super) fn coarsen(&self) -> (Self, Vec<u32>) {
         let mut by_degree: Vec<u32> = (0..self.nodes() as u32).collect();
-        by_degree.sort_by_key(|&node| self.neighbours(node as usize).len());
+        by_degree.sort_by_key(|&node| self.neighbors(node as usize).len());
         let mut parent = vec![NONE; self.nodes()];
         let mut pairs: Vec<[u32; 2]> = Vec::new();
         for &node in &by_degree {
             if parent[node as usize] != NONE {
                 continue;
             }
-            let free = self.neighbours(node as usize).iter().filter(|&&(other, _)| parent[other as usize] == NONE);
+            let free = self.neighbors(node as usize).iter().filter(|&&(other, _)| parent[other as usize] == NONE);
             let mate = free.max_by_key(|&&(other, edge)| (edge, std::cmp::Reverse(self.weights[other as usize])));
             let mate = mate.map_or(node, |&(other, _)| other);
             parent[node as usize] = pairs.len() as u32;
             parent[mate as usize] = pairs.len() as u32;
             pairs.push([node, mate]);
         }
-        let mut coarse = Self { start: vec![0], neighbours: Vec::new(), weights: Vec::new(), total: self.total };
+        let mut coarse = Self { start: vec![0], neighbors: Vec::new(), weights: Vec::new(), total: self.total };
         let mut place = vec![NONE; pairs.len()];
         for (number, &[node, mate]) in pairs.iter().enumerate() {
-            let first = coarse.neighbours.len();
+            let first = coarse.neighbors.len();
             let members = if node == mate { &[node][..] } else { &[node, mate] };
             for &member in members {
-                for &(other, edge) in self.neighbours(member as usize) {
+                for &(other, edge) in self.neighbors(member as usize) {
                     let other = parent[other as usize];
-                    match coarse.neighbours.get_mut(place[other as usize] as usize) {
+                    match coarse.neighbors.get_mut(place[other as usize] as usize) {
                         _ if other as usize == number => {}
                         Some((_, sum)) => *sum += edge,
                         None => {
-                            place[other as usize] = coarse.neighbours.len() as u32;
-                            coarse.neighbours.push((other, edge));
+                            place[other as usize] = coarse.neighbors.len() as u32;
+                            coarse.neighbors.push((other, edge));
                         }
                     }
                 }
             }
-            coarse.neighbours[first..].iter().for_each(|&(other, _)| place[other as usize] = NONE);
-            coarse.start.push(coarse.neighbours.len() as u32);
+            coarse.neighbors[first..].iter().for_each(|&(other, _)| place[other as usize] = NONE);
+            coarse.start.push(coarse.neighbors.len() as u32);
             coarse.weights.push(members.iter().map(|&member| self.weights[member as usize]).sum());
         }
         (coarse, parent)
@@ -82,7 +82,7 @@ impl Weighted {
         let mut head = 0;
         while let Some(&node) = queue.get(head) {
             head += 1;
-            for &(other, _) in self.neighbours(node as usize) {
+            for &(other, _) in self.neighbors(node as usize) {
                 if distances[other as usize] == NONE {
                     distances[other as usize] = distances[node as usize] + 1;
                     queue.push(other);
@@ -92,13 +92,13 @@ impl Weighted {
         distances
     }
 
-    /// Replaces every value by the mean of itself and the weighted mean of its neighbours, so many times.
+    /// Replaces every value by the mean of itself and the weighted mean of its neighbors, so many times.
     pub(super) fn smooth(&self, field: &mut Vec<f64>, sweeps: usize) {
         let mut next = vec![0.0; field.len()];
         for _ in 0..sweeps {
             for (node, next) in next.iter_mut().enumerate() {
                 let (mut sum, mut weight) = (0.0, 0.0);
-                for &(other, edge) in self.neighbours(node) {
+                for &(other, edge) in self.neighbors(node) {
                     sum += f64::from(edge) * field[other as usize];
                     weight += f64::from(edge);
                 }

@@ -9,10 +9,10 @@ pub(in crate::backends::sparse) const BLOCK: usize = 3;
 /// The couplings of the nodes of a symmetric matrix.
 #[derive(Clone, Debug)]
 pub(in crate::backends::sparse) struct Graph {
-    /// Where the neighbours of each node start; one more than there are nodes.
+    /// Where the neighbors of each node start; one more than there are nodes.
     pub(super) start: Vec<u32>,
-    /// The neighbours of every node, ascending, without itself.
-    pub(super) neighbours: Vec<u32>,
+    /// The neighbors of every node, ascending, without itself.
+    pub(super) neighbors: Vec<u32>,
     /// Number of unknowns of each node: 1 to [`BLOCK`].
     sizes: Vec<u8>,
 }
@@ -34,17 +34,17 @@ impl Graph {
             node_of.resize(first + size, sizes.len() as u32);
             sizes.push(size as u8);
         }
-        let mut graph = Self { start: vec![0], neighbours: Vec::new(), sizes };
+        let mut graph = Self { start: vec![0], neighbors: Vec::new(), sizes };
         let mut first = 0;
         for node in 0..graph.sizes.len() {
-            let before = graph.neighbours.len();
+            let before = graph.neighbors.len();
             for &unknown in pattern.row(first) {
                 let other = node_of[unknown as usize];
-                if other as usize != node && graph.neighbours[before..].last() != Some(&other) {
-                    graph.neighbours.push(other);
+                if other as usize != node && graph.neighbors[before..].last() != Some(&other) {
+                    graph.neighbors.push(other);
                 }
             }
-            graph.start.push(graph.neighbours.len() as u32);
+            graph.start.push(graph.neighbors.len() as u32);
             first += graph.size(node);
         }
         graph
@@ -70,10 +70,10 @@ impl Graph {
         self.start.len() - 1
     }
 
-    /// The neighbours of a node, ascending.
+    /// The neighbors of a node, ascending.
     #[inline]
-    pub(in crate::backends::sparse) fn neighbours(&self, node: usize) -> &[u32] {
-        &self.neighbours[self.start[node] as usize..self.start[node + 1] as usize]
+    pub(in crate::backends::sparse) fn neighbors(&self, node: usize) -> &[u32] {
+        &self.neighbors[self.start[node] as usize..self.start[node + 1] as usize]
     }
 
     /// The couplings among some of the nodes, numbered as they are listed. `number` is scratch, one entry a node, all
@@ -83,13 +83,13 @@ impl Graph {
             number[node as usize] = k as u32;
         }
         let sizes = nodes.iter().map(|&node| self.sizes[node as usize]).collect();
-        let mut part = Self { start: vec![0], neighbours: Vec::new(), sizes };
+        let mut part = Self { start: vec![0], neighbors: Vec::new(), sizes };
         for &node in nodes {
-            let first = part.neighbours.len();
-            let inside = self.neighbours(node as usize).iter().map(|&other| number[other as usize]);
-            part.neighbours.extend(inside.filter(|&other| other != NONE));
-            part.neighbours[first..].sort_unstable();
-            part.start.push(part.neighbours.len() as u32);
+            let first = part.neighbors.len();
+            let inside = self.neighbors(node as usize).iter().map(|&other| number[other as usize]);
+            part.neighbors.extend(inside.filter(|&other| other != NONE));
+            part.neighbors[first..].sort_unstable();
+            part.start.push(part.neighbors.len() as u32);
         }
         for &node in nodes {
             number[node as usize] = NONE;
@@ -108,7 +108,7 @@ impl Graph {
             component[start] = count;
             stack.push(start as u32);
             while let Some(node) = stack.pop() {
-                for &other in self.neighbours(node as usize) {
+                for &other in self.neighbors(node as usize) {
                     if component[other as usize] == NONE {
                         component[other as usize] = count;
                         stack.push(other);
@@ -140,7 +140,7 @@ mod tests {
     fn blocks_of_three_become_nodes() {
         let graph = Graph::new(&pattern(4, &[[0, 2], [2, 1]], &[]));
         assert_eq!(graph.sizes, [3; 4]);
-        assert_eq!([0, 1, 2, 3].map(|node| graph.neighbours(node).to_vec()), [vec![2], vec![2], vec![0, 1], vec![]]);
+        assert_eq!([0, 1, 2, 3].map(|node| graph.neighbors(node).to_vec()), [vec![2], vec![2], vec![0, 1], vec![]]);
         assert_eq!(Graph::new(&pattern(0, &[], &[])).nodes(), 0);
     }
 
@@ -152,8 +152,8 @@ mod tests {
         let graph = Graph::new(&Sparsity::from_elements(11, bars).unwrap());
         assert_eq!(graph.sizes, [3, 1, 2, 3, 2]);
         assert_eq!(graph.first_unknowns(), [0, 3, 4, 6, 9, 11]);
-        let neighbours = [vec![1, 3], vec![0, 2], vec![1, 3], vec![0, 2, 4], vec![3]];
-        assert_eq!([0, 1, 2, 3, 4].map(|node| graph.neighbours(node).to_vec()), neighbours);
+        let neighbors = [vec![1, 3], vec![0, 2], vec![1, 3], vec![0, 2, 4], vec![3]];
+        assert_eq!([0, 1, 2, 3, 4].map(|node| graph.neighbors(node).to_vec()), neighbors);
     }
 
     #[test]

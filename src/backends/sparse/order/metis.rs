@@ -18,21 +18,21 @@ use crate::las::SolveError;
 pub(super) fn nested_dissection(graph: &Graph) -> Result<Vec<u32>, SolveError<Infallible>> {
     let n = graph.nodes();
     // METIS does not take a graph without edges, whose order does not matter.
-    if graph.neighbours.is_empty() {
+    if graph.neighbors.is_empty() {
         return Ok((0..n as u32).collect());
     }
     let mut nodes = n as idx_t;
     let mut start: Vec<idx_t> = graph.start.iter().map(|&k| k as idx_t).collect();
-    let mut neighbours: Vec<idx_t> = graph.neighbours.iter().map(|&k| k as idx_t).collect();
+    let mut neighbors: Vec<idx_t> = graph.neighbors.iter().map(|&k| k as idx_t).collect();
     let (mut order, mut position): (Vec<idx_t>, Vec<idx_t>) = (vec![0; n], vec![0; n]);
     let guard = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
-    // SAFETY: `start` and `neighbours` are the compressed rows of a symmetric graph of `nodes` nodes without loops, as
+    // SAFETY: `start` and `neighbors` are the compressed rows of a symmetric graph of `nodes` nodes without loops, as
     // METIS asks for; both results have an entry a node. Null stands for unit weights and for the default options.
     let status = unsafe {
         METIS_NodeND(
             &raw mut nodes,
             start.as_mut_ptr(),
-            neighbours.as_mut_ptr(),
+            neighbors.as_mut_ptr(),
             null_mut(),
             null_mut(),
             order.as_mut_ptr(),

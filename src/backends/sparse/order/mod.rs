@@ -78,9 +78,9 @@ fn metis(_: &Graph) -> Result<Vec<u32>, SolveError<Infallible>> {
 /// Matrix Analysis and Applications 17 (1996), 886-905.
 fn minimum_degree(graph: &Graph) -> Result<Vec<u32>, FaerError> {
     let n = graph.nodes();
-    let matrix = SymbolicSparseColMatRef::new_checked(n, n, &graph.start, None, &graph.neighbours);
+    let matrix = SymbolicSparseColMatRef::new_checked(n, n, &graph.start, None, &graph.neighbors);
     let (mut order, mut position) = (vec![0; n], vec![0; n]);
-    let mut memory = MemBuffer::new(amd::order_scratch::<u32>(n, graph.neighbours.len()));
+    let mut memory = MemBuffer::new(amd::order_scratch::<u32>(n, graph.neighbors.len()));
     amd::order(&mut order, &mut position, matrix, amd::Control::default(), MemStack::new(&mut memory))?;
     Ok(order)
 }

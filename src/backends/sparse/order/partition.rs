@@ -32,7 +32,7 @@ pub(super) struct Partition<'a> {
     separator: Vec<u32>,
     /// Weight of the nodes on either side.
     sizes: [u32; 2],
-    /// Of every node, the weight of its neighbours on either side.
+    /// Of every node, the weight of its neighbors on either side.
     beside: Vec<[u32; 2]>,
 }
 
@@ -57,10 +57,10 @@ impl<'a> Partition<'a> {
         self.separator.extend((0..self.places.len() as u32).filter(separates));
     }
 
-    /// Lets the neighbours of a node know that it joined or left a side.
+    /// Lets the neighbors of a node know that it joined or left a side.
     fn count_beside(&mut self, node: usize, side: Place, joined: bool) {
         let weight = self.graph.weights[node];
-        for &(other, _) in self.graph.neighbours(node) {
+        for &(other, _) in self.graph.neighbors(node) {
             let count = &mut self.beside[other as usize][side as usize];
             *count = if joined { *count + weight } else { *count - weight };
         }
@@ -112,7 +112,7 @@ impl<'a> Partition<'a> {
             moved[node as usize] = true;
             log.push((node, Place::Separator));
             self.put(node as usize, side);
-            for &(other, _) in self.graph.neighbours(node as usize) {
+            for &(other, _) in self.graph.neighbors(node as usize) {
                 if self.places[other as usize] == side.other_side() {
                     log.push((other, side.other_side()));
                     self.put(other as usize, Place::Separator);
@@ -133,7 +133,7 @@ impl<'a> Partition<'a> {
         best < first
     }
 
-    /// The move that shrinks the separator most, towards the smaller side where two are as good.
+    /// The move that shrinks the separator most, toward the smaller side where two are as good.
     fn best_move(&self, moved: &[bool]) -> Option<(usize, Place)> {
         let limit = (LARGEST_SIDE * f64::from(self.graph.total)) as u32;
         let mut best: Option<(i64, u32, usize, Place)> = None;

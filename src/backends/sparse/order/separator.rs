@@ -1,8 +1,8 @@
 //! Small sets of nodes that cut a connected graph into two parts of about the same size.
 //!
-//! The graph is made coarser by merging pairs of neighbours until few nodes are left (`coarse.rs`). There, two nodes far
+//! The graph is made coarser by merging pairs of neighbors until few nodes are left (`coarse.rs`). There, two nodes far
 //! from each other are sought, and every node gets the difference of its distances to them. A few sweeps of averaging
-//! over neighbours make that smooth (they are power iterations towards the second eigenvector of the graph), and the
+//! over neighbors make that smooth (they are power iterations toward the second eigenvector of the graph), and the
 //! median splits the nodes; those of one half next to the other half separate them. The best of several such separators
 //! are taken back to the finer graphs one by one, and made smaller on each by moves of single nodes.
 //!
@@ -103,7 +103,7 @@ fn halves(graph: &Weighted, field: &[f64]) -> Vec<Place> {
         }
         places[node as usize] = Place::Left;
     }
-    let touches = |node: usize| graph.neighbours(node).iter().any(|&(o, _)| places[o as usize] == Place::Left);
+    let touches = |node: usize| graph.neighbors(node).iter().any(|&(o, _)| places[o as usize] == Place::Left);
     let between = |node: usize| places[node] == Place::Right && touches(node);
     let separator: Vec<usize> = (0..graph.nodes()).filter(|&node| between(node)).collect();
     separator.into_iter().for_each(|node| places[node] = Place::Separator);
@@ -136,7 +136,7 @@ mod tests {
         for node in 0..300 {
             let opposite = places[node].other_side();
             let crosses = |&other: &u32| places[other as usize] == opposite;
-            assert!(places[node] == Place::Separator || !graph.neighbours(node).iter().any(crosses));
+            assert!(places[node] == Place::Separator || !graph.neighbors(node).iter().any(crosses));
         }
     }
 

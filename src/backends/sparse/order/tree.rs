@@ -49,7 +49,7 @@ impl Tree {
         let mut seen = vec![NONE; self.order.len()];
         for row in 0..self.order.len() {
             seen[row] = row as u32;
-            for &node in graph.neighbours(self.order[row] as usize) {
+            for &node in graph.neighbors(self.order[row] as usize) {
                 let mut column = self.position[node as usize] as usize;
                 while column < row && seen[column] != row as u32 {
                     seen[column] = row as u32;
@@ -69,7 +69,7 @@ impl Tree {
         let mut seen = vec![NONE; self.order.len()];
         for row in 0..self.order.len() {
             seen[row] = row as u32;
-            for &node in graph.neighbours(self.order[row] as usize) {
+            for &node in graph.neighbors(self.order[row] as usize) {
                 let mut column = self.position[node as usize] as usize;
                 while column < row && seen[column] != row as u32 {
                     seen[column] = row as u32;
@@ -109,7 +109,7 @@ impl Tree {
         sequence
     }
 
-    /// Floating-point operations of a factorisation: the sum over all columns of the square of their entries.
+    /// Floating-point operations of a factorization: the sum over all columns of the square of their entries.
     pub(in crate::backends::sparse) fn operations(&self) -> f64 {
         let nodes = self.heights.iter().zip(&self.sizes);
         nodes.map(|(&height, &size)| operations_of_node(height, size)).sum()
@@ -140,12 +140,12 @@ mod tests {
     use super::*;
     use crate::las::conformance::Random;
 
-    /// Elimination as it is defined: every node couples the later ones of its neighbours to each other.
+    /// Elimination as it is defined: every node couples the later ones of its neighbors to each other.
     fn eliminate(graph: &Graph, tree: &Tree) -> Vec<Vec<u32>> {
         let n = graph.nodes();
         let mut full = vec![vec![false; n]; n];
         for (row, full) in full.iter_mut().enumerate() {
-            for &node in graph.neighbours(tree.order[row] as usize) {
+            for &node in graph.neighbors(tree.order[row] as usize) {
                 full[tree.position[node as usize] as usize] = true;
             }
         }

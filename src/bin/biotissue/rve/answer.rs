@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use biotissue::fiber::equilibrium::{EquilibriumReport, RveError, Stage, StageError};
-use biotissue::fiber::homogenise::Tangent;
+use biotissue::fiber::homogenize::Tangent;
 use biotissue::fiber::network::Network;
 use biotissue::fiber::rve::RveModel;
 use biotissue::las::Backend;
@@ -83,7 +83,7 @@ pub struct Ladder {
     line_search_cuts: usize,
     indefinite: usize,
     singular: usize,
-    regularised_iterations: usize,
+    regularized_iterations: usize,
     relaxation_steps: usize,
     /// Saddle points of the energy that were reached, and left for a minimum.
     saddles: usize,
@@ -139,7 +139,7 @@ impl Ladder {
             line_search_cuts,
             indefinite,
             singular,
-            regularised_iterations: report.regularised,
+            regularized_iterations: report.regularized,
             relaxation_steps: report.relaxation.steps,
             saddles: report.saddles,
             at_rounding: stage.is_some() && report.newton.relative.last().is_some_and(|&r| r > tolerance),

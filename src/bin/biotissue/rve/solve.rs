@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use biotissue::fiber::equilibrium::{EquilibriumParams, EquilibriumReport, RveError, Stages, equilibrate};
-use biotissue::fiber::homogenise;
+use biotissue::fiber::homogenize;
 use biotissue::fiber::law::FiberMaterial;
 use biotissue::fiber::network::Network;
 use biotissue::fiber::orientation::{Weighting, tensor};
@@ -154,7 +154,7 @@ impl RveJob {
         let reference = rows(&tensor(&workspace.states().directions, lengths, Weighting::Number));
         Ok(State {
             pk1: rows(&pk1),
-            cauchy: rows(&homogenise::cauchy(&pk1, &gradient)),
+            cauchy: rows(&homogenize::cauchy(&pk1, &gradient)),
             tangent: tangent_rows(&tangent),
             energy,
             stretch,

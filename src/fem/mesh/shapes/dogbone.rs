@@ -5,7 +5,7 @@ use super::stations::{Stations, cells};
 use super::{ShapeError, positive};
 use crate::fem::mesh::{Mesh, Surface};
 
-/// The proportions of a dogbone, in metres. What grips and fillets leave of the length is the straight gauge.
+/// The proportions of a dogbone, in meters. What grips and fillets leave of the length is the straight gauge.
 ///
 /// ```text
 ///     |<-grip->|<-fillet->|<---gauge--->|<-fillet->|<-grip->|
@@ -118,7 +118,7 @@ impl DogboneShape {
 
 /// A dogbone meshed with about this element size (m): the left end at x = 0, y and z measured from its middle.
 ///
-/// `element_size` is the edge of the cells in the grips before they are cut into tetrahedra; towards the gauge they
+/// `element_size` is the edge of the cells in the grips before they are cut into tetrahedra; toward the gauge they
 /// become finer as the sample becomes narrower. The numbers of cells along all axes are even and the mesh is symmetric
 /// about the three middle planes, so there are two layers at least through the thickness.
 ///
@@ -142,10 +142,10 @@ pub fn dogbone(shape: &DogboneShape, element_size: f64) -> Result<Mesh, ShapeErr
     // Mirrored the other way along y, cells in the fillets are cut along their shorter diagonal.
     let grid = Grid::mirrored([stations.cells(), across, through], [true, false, true])?;
     let columns = stations.columns(shape);
-    let centred = |step: usize, count: usize| step as f64 / count as f64 - 0.5;
+    let centered = |step: usize, count: usize| step as f64 / count as f64 - 0.5;
     let nodes = grid.nodes(|i, j, k| {
         let (x, width) = columns[i];
-        [x, width * centred(j, across), shape.thickness * centred(k, through)]
+        [x, width * centered(j, across), shape.thickness * centered(k, through)]
     });
     let elements = grid.elements(|[i, _, _]| {
         let in_grip = i < stations.grip || i >= stations.cells() - stations.grip;

@@ -201,7 +201,7 @@ fn an_inverted_trial_names_its_element() {
 }
 
 #[test]
-fn a_held_start_that_crushes_elements_is_linearised_before_it_is_cut() {
+fn a_held_start_that_crushes_elements_is_linearized_before_it_is_cut() {
     let mesh = bar(8);
     let run = |start| {
         let params = StepParams { count: 2, start, ..StepParams::default() };
@@ -209,7 +209,7 @@ fn a_held_start_that_crushes_elements_is_linearised_before_it_is_cut() {
     };
     // A cell is 0.125 long and the face moves by 0.2.
     let held = run(StepStart::Held);
-    assert_eq!(held.iter().map(|report| (report.linearised, report.cuts)).collect::<Vec<_>>(), [(1, 0), (1, 0)]);
+    assert_eq!(held.iter().map(|report| (report.linearized, report.cuts)).collect::<Vec<_>>(), [(1, 0), (1, 0)]);
     assert_eq!(held[1].iterations(), run(StepStart::Tangent)[1].iterations());
 }
 

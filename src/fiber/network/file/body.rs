@@ -146,7 +146,7 @@ fn pairs(
 
 fn cube(reading: &Reading<'_>, nodes: &[[f64; 3]]) -> Result<Cube, InputError> {
     Cube::around(nodes).map_err(|error| {
-        let cure = "give a network that fills a cube; stretched boxes cannot be centred and scaled to the unit cube";
+        let cure = "give a network that fills a cube; stretched boxes cannot be centered and scaled to the unit cube";
         InputError::in_file(reading.file, error.to_string(), "edges alike within 1e-6 of the longest", cure)
     })
 }

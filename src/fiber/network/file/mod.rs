@@ -65,7 +65,7 @@ pub struct NetworkFile {
 ///
 /// and (with the feature `app`) `NAME.toml`, whose laws count where there is no `.params` file. Lines may be blank;
 /// numbers that trail those counted are ignored with a warning. Fibers that join two nodes that another fiber joins
-/// already count each, with one warning a file. The network is centred and scaled to the unit cube.
+/// already count each, with one warning a file. The network is centered and scaled to the unit cube.
 ///
 /// # Errors
 /// Everything wrong in the files, up to some twenty errors, each with its line: wrong counts, words that are no

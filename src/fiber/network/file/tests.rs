@@ -130,7 +130,7 @@ fn broken_networks_are_refused_in_these_words() {
                 "2.001 2.001 2.001", "2 2.001 2.001",
             ),
             "net.txt: the box of the nodes has the edges 2 x 2.001 x 2.001, which is no cube\n  expected: edges alike \
-             within 1e-6 of the longest\n  cure: give a network that fills a cube; stretched boxes cannot be centred \
+             within 1e-6 of the longest\n  cure: give a network that fills a cube; stretched boxes cannot be centered \
              and scaled to the unit cube"
                 .into(),
         ),
@@ -143,7 +143,7 @@ fn broken_networks_are_refused_in_these_words() {
         (
             "0 0 0\n".into(),
             "net.txt: the box of the nodes has the edges 0 x 0 x 0, which is no cube\n  expected: edges alike within \
-             1e-6 of the longest\n  cure: give a network that fills a cube; stretched boxes cannot be centred and \
+             1e-6 of the longest\n  cure: give a network that fills a cube; stretched boxes cannot be centered and \
              scaled to the unit cube"
                 .into(),
         ),

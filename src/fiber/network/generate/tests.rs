@@ -9,7 +9,7 @@ use super::clip::crossing;
 use super::cloud::{Cloud, uniform};
 use super::delaunay::edges;
 use super::recipe::MOST_POINTS;
-use super::voronoi::circumcentre;
+use super::voronoi::circumcenter;
 use super::{Alignment, GenerateError, Kind, Recipe, delaunay, delaunay_of_nodes, voronoi};
 use crate::fiber::network::check::{clean, examine};
 use crate::fiber::network::{Network, file};
@@ -23,9 +23,9 @@ fn delaunay_edges_by_definition(cloud: &[[f64; 3]]) -> BTreeSet<[usize; 2]> {
         for b in a + 1..n {
             for c in b + 1..n {
                 for d in c + 1..n {
-                    let centre = Vector3::from(circumcentre([a, b, c, d].map(|i| cloud[i])));
-                    let radius = (p[a] - centre).norm();
-                    let empty = (0..n).all(|e| [a, b, c, d].contains(&e) || (p[e] - centre).norm() > radius);
+                    let center = Vector3::from(circumcenter([a, b, c, d].map(|i| cloud[i])));
+                    let radius = (p[a] - center).norm();
+                    let empty = (0..n).all(|e| [a, b, c, d].contains(&e) || (p[e] - center).norm() > radius);
                     if empty {
                         edges.extend([[a, b], [a, c], [a, d], [b, c], [b, d], [c, d]]);
                     }
@@ -40,8 +40,8 @@ fn delaunay_edges_by_definition(cloud: &[[f64; 3]]) -> BTreeSet<[usize; 2]> {
 fn edges_are_those_of_empty_circumspheres() {
     let mut random = ChaCha8Rng::seed_from_u64(5);
     let mut cloud: Vec<[f64; 3]> = (0..50).map(|_| [(); 3].map(|()| uniform(&mut random) - 0.5)).collect();
-    let from_centre = |x: &[f64; 3]| Vector3::from(*x).norm();
-    cloud.sort_by(|a, b| from_centre(a).total_cmp(&from_centre(b)));
+    let from_center = |x: &[f64; 3]| Vector3::from(*x).norm();
+    cloud.sort_by(|a, b| from_center(a).total_cmp(&from_center(b)));
     let inner = 8;
     let expected: Vec<[usize; 2]> =
         delaunay_edges_by_definition(&cloud).into_iter().filter(|edge| edge[0] < inner).collect();
@@ -137,7 +137,7 @@ fn edges_are_cut_exactly_on_the_first_face_they_meet() {
 
 /// The definition: every vertex is as far from its four points as from no other.
 #[test]
-fn voronoi_vertices_are_centres_of_empty_spheres() {
+fn voronoi_vertices_are_centers_of_empty_spheres() {
     let alignment = Some(Alignment::new([1.0, 1.0, 0.0], 0.3).unwrap());
     for recipe in [Recipe::new(Kind::Voronoi, 5), Recipe { alignment, ..Recipe::new(Kind::Voronoi, 6) }] {
         let cloud = Cloud::place(&recipe, 30).unwrap();

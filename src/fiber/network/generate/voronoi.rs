@@ -1,6 +1,6 @@
 //! Voronoi networks: the edges of the Voronoi cells of the points, four of which meet at every vertex.
 //!
-//! A vertex is the centre of the sphere through four points that holds no other, an edge belongs to three points whose
+//! A vertex is the center of the sphere through four points that holds no other, an edge belongs to three points whose
 //! cells meet along it. Which points these are is decided by the library in exact arithmetic; the positions are computed
 //! here, from the four points in ascending order, so that they do not depend on the cell at which they are looked at.
 
@@ -23,7 +23,7 @@ pub(super) fn graph(cloud: &Cloud) -> Graph {
     let mut edges: Vec<[[u32; 4]; 2]> = Vec::new();
     for pair in pairs {
         let both = pair.map(|vertex| {
-            let place = cloud.stretch.to_cube(circumcentre(vertex.map(|point| cloud.points[point as usize])));
+            let place = cloud.stretch.to_cube(circumcenter(vertex.map(|point| cloud.points[point as usize])));
             (vertex, place, place.iter().all(|x| x.abs() < 0.5))
         });
         if both.iter().any(|&(.., inside)| inside) {
@@ -75,8 +75,8 @@ fn ends(cloud: &Cloud) -> Vec<End> {
     ends
 }
 
-/// Centre of the sphere through four points, by Cramer's rule.
-pub(super) fn circumcentre(p: [[f64; 3]; 4]) -> [f64; 3] {
+/// Center of the sphere through four points, by Cramer's rule.
+pub(super) fn circumcenter(p: [[f64; 3]; 4]) -> [f64; 3] {
     let d = [1, 2, 3].map(|i| [0, 1, 2].map(|k| p[i][k] - p[0][k]));
     let cross =
         |u: [f64; 3], v: [f64; 3]| [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];

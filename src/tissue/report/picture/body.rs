@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use nalgebra::Vector3;
 
-use super::colour::lit;
+use super::color::lit;
 use super::skin::{Skin, lines, normal};
 use super::svg::{Svg, hex};
 use super::view::View;

@@ -1,7 +1,7 @@
 //! What stands around the body: title, color bar, scale bar, axes, and what the lines mean.
 
 use super::body::{OUTLINE, fibers};
-use super::colour::AXES;
+use super::color::AXES;
 use super::svg::{Anchor, Svg, hex};
 use super::view::View;
 use super::{Colors, Scene};

@@ -6,7 +6,7 @@
 //! visible face, foreshortened like the body itself.
 
 mod body;
-pub(crate) mod colour;
+pub(crate) mod color;
 mod legend;
 mod network;
 mod quantity;
@@ -89,7 +89,7 @@ impl Colors {
         let values: Vec<f64> = drawn.iter().filter_map(|&element| quantity.values.get(element).copied()).collect();
         let finite = values.iter().copied().filter(|value| value.is_finite());
         let extremes = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), value| (a.min(value), b.max(value)));
-        Self { quantity, range: colour::range(&values), extremes, map: Map::Faces }
+        Self { quantity, range: color::range(&values), extremes, map: Map::Faces }
     }
 
     fn of(&self, element: usize) -> [u8; 3] {
@@ -100,9 +100,9 @@ impl Colors {
     fn at(&self, value: f64) -> [u8; 3] {
         let (low, high) = self.range;
         match self.map {
-            Map::Faces => colour::viridis((value - low) / (high - low)),
-            Map::Lines => colour::viridis(0.87 * (value - low) / (high - low)),
-            Map::About(rest) => colour::about_rest((value - rest) / (high - rest).max(rest - low)),
+            Map::Faces => color::viridis((value - low) / (high - low)),
+            Map::Lines => color::viridis(0.87 * (value - low) / (high - low)),
+            Map::About(rest) => color::about_rest((value - rest) / (high - rest).max(rest - low)),
         }
     }
 }
@@ -245,7 +245,7 @@ mod tests {
         let quantity = Quantity::find(&fields, Some("energy_density")).unwrap().unwrap();
         let colors = Colors::new(quantity, &[10, 20, 30]);
         assert_eq!((colors.range, colors.extremes), ((10.0, 30.0), (10.0, 30.0)));
-        assert_eq!([10, 20, 30].map(|e| colors.of(e)), [0.0, 0.5, 1.0].map(colour::viridis));
+        assert_eq!([10, 20, 30].map(|e| colors.of(e)), [0.0, 0.5, 1.0].map(color::viridis));
         assert!(Quantity::find(&Fields::default(), None).unwrap().is_none());
     }
 

@@ -2,14 +2,14 @@
 //!
 //! The eye looks from where it looks at bodies, always the same way, so that pictures of one network can be compared.
 //! Three things tell near from far: near fibers are drawn over far ones, with a light rim; they are wider; and far ones
-//! fade towards the paper. A long fiber is drawn in pieces, each at its own depth.
+//! fade toward the paper. A long fiber is drawn in pieces, each at its own depth.
 
 use std::collections::BTreeMap;
 
 use nalgebra::{Matrix3, Vector3};
 
 use super::body::OUTLINE;
-use super::colour::{AXES, mix};
+use super::color::{AXES, mix};
 use super::legend::{self, INK};
 use super::quantity::Quantity;
 use super::svg::{Anchor, Svg, hex};

@@ -18,7 +18,7 @@ pub(super) struct View {
     pub(super) right: Vector3<f64>,
     /// Up.
     pub(super) up: Vector3<f64>,
-    /// Out of the page, towards the eye.
+    /// Out of the page, toward the eye.
     pub(super) toward: Vector3<f64>,
 }
 
@@ -46,7 +46,7 @@ impl View {
         Self { right, up: toward.cross(&right), toward }
     }
 
-    /// Across, up (both on the page) and depth (towards the eye) of a point of space.
+    /// Across, up (both on the page) and depth (toward the eye) of a point of space.
     pub(super) fn project(&self, point: &Vector3<f64>) -> [f64; 3] {
         [self.right.dot(point), self.up.dot(point), self.toward.dot(point)]
     }
@@ -60,10 +60,10 @@ impl View {
     }
 }
 
-/// The place on the page: metres to pixels, with y downwards.
+/// The place on the page: meters to pixels, with y downward.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Frame {
-    /// Pixels a metre.
+    /// Pixels a meter.
     pub(super) scale: f64,
     /// How much of the height of the rectangle the points leave free, pixels.
     pub(super) spare: f64,

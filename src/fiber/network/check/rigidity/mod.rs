@@ -81,12 +81,12 @@ pub enum RigidityError<F: std::error::Error> {
     /// The backend cannot factor the stiffness.
     #[error("the stiffness cannot be factored: {0}")]
     Solve(#[from] SolveError<F>),
-    /// No shift was found at which the factorisation shows the signs of its pivots.
+    /// No shift was found at which the factorization shows the signs of its pivots.
     #[error("the stiffness could not be factored such that its pivots have signs")]
     Undecided,
 }
 
-/// Counts the zero modes of a network: one factorisation.
+/// Counts the zero modes of a network: one factorization.
 ///
 /// # Errors
 /// [`RigidityError`].

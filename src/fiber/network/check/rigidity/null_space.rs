@@ -40,7 +40,7 @@ pub(super) fn mobilities<B: Backend<Scalar = f64>>(
     } else {
         for _ in 0..ITERATIONS {
             room.project(solver, &mut columns, shift)?;
-            orthonormalise(&mut columns);
+            orthonormalize(&mut columns);
         }
     }
     let mut mobility: Vec<f64> =
@@ -92,7 +92,7 @@ impl<B: Backend<Scalar = f64>> Room<B> {
 }
 
 /// Makes the columns orthonormal: by Cholesky of their Gram matrix, twice, since once loses half of the digits.
-fn orthonormalise(columns: &mut DMatrix<f64>) {
+fn orthonormalize(columns: &mut DMatrix<f64>) {
     for _ in 0..2 {
         let gram = columns.tr_mul(columns);
         match Cholesky::new(gram).and_then(|factor| factor.l().try_inverse()) {

@@ -1,4 +1,4 @@
-//! Regularised Newton: a minimiser for problems that have a potential, where plain Newton finds no way.
+//! Regularized Newton: a minimizer for problems that have a potential, where plain Newton finds no way.
 //!
 //! The Hessian `K` is shifted, `(K + s I) d = r`, by the smallest `s` of a growing sequence that makes it positive
 //! definite, so that `-d` descends whether `K` is indefinite, singular or both. How well the quadratic model foretold
@@ -18,10 +18,10 @@ pub trait Potential<B: Backend>: NonlinearProblem<B> {
     fn potential(&mut self) -> f64;
 }
 
-/// What a regularised Newton may cost.
+/// What a regularized Newton may cost.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
-pub struct RegularisedParams {
+pub struct RegularizedParams {
     /// Steps taken. Default 300.
     pub max_iterations: usize,
     /// The smallest shift other than zero, over the largest diagonal entry of the Hessian. Default `1e-9`.
@@ -32,7 +32,7 @@ pub struct RegularisedParams {
     pub accept: f64,
 }
 
-impl Default for RegularisedParams {
+impl Default for RegularizedParams {
     fn default() -> Self {
         Self { max_iterations: 300, least_shift: 1e-9, most_shift: 1e12, accept: 1e-4 }
     }
@@ -48,13 +48,13 @@ struct Shift {
 
 impl Shift {
     /// After a step that was refused, or a Hessian that was not definite.
-    fn raise(&mut self, params: &RegularisedParams) {
+    fn raise(&mut self, params: &RegularizedParams) {
         self.value = (8.0 * self.value).max(params.least_shift * self.diagonal);
     }
 
     /// After a step that was taken, gained this part of what was foretold, and took the residual to this part of what
     /// it was. That the shift falls at least as fast as the residual makes the end quadratic.
-    fn adapt(&mut self, gained: f64, residual: f64, params: &RegularisedParams) {
+    fn adapt(&mut self, gained: f64, residual: f64, params: &RegularizedParams) {
         if gained > 0.75 {
             self.value *= residual.min(0.125);
             if self.value < params.least_shift * self.diagonal {
@@ -65,7 +65,7 @@ impl Shift {
         }
     }
 
-    fn is_too_large(&self, params: &RegularisedParams) -> bool {
+    fn is_too_large(&self, params: &RegularizedParams) -> bool {
         let most = params.most_shift * self.diagonal;
         // A Hessian of zeros has no measure for a shift.
         self.value.is_nan() || most.is_nan() || self.value > most || most == 0.0
@@ -88,11 +88,11 @@ where
     ///
     /// # Errors
     /// [`NewtonFailure`]; the problem is restored to the state it came with.
-    pub fn minimise<P: Potential<B>>(
+    pub fn minimize<P: Potential<B>>(
         &mut self,
         problem: &mut P,
         tolerance: f64,
-        params: &RegularisedParams,
+        params: &RegularizedParams,
     ) -> Result<NewtonReport, NewtonFailure<P::Error, B::Fault>> {
         let mut report = NewtonReport::with_room(params.max_iterations);
         problem.save();
@@ -109,7 +109,7 @@ where
         &mut self,
         problem: &mut P,
         tolerance: f64,
-        params: &RegularisedParams,
+        params: &RegularizedParams,
         report: &mut NewtonReport,
     ) -> Result<(), NewtonError<P::Error, B::Fault>> {
         let (norm, yardstick) = self.evaluate(problem, report).map_err(Trial::into_error)?;
@@ -138,7 +138,7 @@ where
         here: &Place,
         limit: f64,
         shift: &mut Shift,
-        params: &RegularisedParams,
+        params: &RegularizedParams,
         report: &mut NewtonReport,
     ) -> Result<Place, NewtonError<P::Error, B::Fault>> {
         /// Gains below this part of the potential drown in its rounding.
@@ -183,7 +183,7 @@ where
         problem: &mut P,
         here: &Place,
         shift: &mut Shift,
-        params: &RegularisedParams,
+        params: &RegularizedParams,
         report: &mut NewtonReport,
     ) -> Result<(), NewtonError<P::Error, B::Fault>> {
         loop {
