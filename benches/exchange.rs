@@ -12,7 +12,7 @@ use std::time::Instant;
 
 use biotissue::backends::comm::mpi::{self as processes, MpiComm};
 use biotissue::backends::comm::thread::{self, ThreadComm};
-use biotissue::coupling::{Carrier, Coupling, CouplingError, Even, Plan, Role, Scales, Share, UnitId};
+use biotissue::coupling::{Channel, Coupling, CouplingError, Even, Plan, Role, Scales, Share, UnitId};
 use biotissue::las::Comm;
 use mpi::datatype::{Partition, PartitionMut};
 use mpi::topology::SimpleCommunicator;
@@ -109,7 +109,7 @@ fn couple<C: Comm>(comm: &C, units: usize) -> Result<Coupling<C>, Error> {
 /// Values from one rank to the other.
 struct OneWay<C: Comm> {
     coupling: Coupling<C>,
-    carrier: Carrier<Unit>,
+    channel: Channel<Unit>,
     values: Vec<Unit>,
 }
 
@@ -121,13 +121,13 @@ impl<C: Comm> OneWay<C> {
             Role::Consumer => [f64::NAN; 9],
         };
         let values = (0..coupling.units().len()).map(value).collect();
-        Ok(Self { carrier: Carrier::new(&coupling)?, coupling, values })
+        Ok(Self { channel: Channel::new(&coupling)?, coupling, values })
     }
 
     fn exchange(&mut self) -> Result<(), CouplingError> {
         match self.coupling.role() {
-            Role::Producer => self.carrier.send(&self.coupling, &self.values),
-            Role::Consumer => self.carrier.receive(&self.coupling, &mut self.values),
+            Role::Producer => self.channel.send(&self.coupling, &self.values),
+            Role::Consumer => self.channel.receive(&self.coupling, &mut self.values),
         }
     }
 
@@ -190,10 +190,10 @@ fn between_processes(comm: &MpiComm, extent: Extent) -> Result<(), Error> {
     if comm.rank() == 0 {
         let (by_carrier, by_hand) = (Times::of(by_carrier), Times::of(by_hand));
         print_head(&format!("{} units of {} bytes between two processes", extent.units, size_of::<Unit>()));
-        by_carrier.print("`Carrier`", extent.units);
+        by_carrier.print("`Channel`", extent.units);
         by_hand.print("`MPI_Alltoallv`", extent.units);
         let (best, median) = (by_hand.best() / by_carrier.best(), by_hand.median() / by_carrier.median());
-        println!("\n`Carrier` has {:.0} % of the bandwidth (median {:.0} %).", 100.0 * best, 100.0 * median);
+        println!("\n`Channel` has {:.0} % of the bandwidth (median {:.0} %).", 100.0 * best, 100.0 * median);
     }
     Ok(())
 }
@@ -210,7 +210,7 @@ fn between_threads(extent: Extent) -> Result<(), Error> {
     })?;
     print_head(&format!("{} units of {} bytes between two threads", extent.units, size_of::<Unit>()));
     // All ranks have the same times.
-    all.into_iter().take(1).for_each(|times| Times::of(times).print("`Carrier`", extent.units));
+    all.into_iter().take(1).for_each(|times| Times::of(times).print("`Channel`", extent.units));
     Ok(())
 }
 
@@ -218,8 +218,8 @@ fn between_threads(extent: Extent) -> Result<(), Error> {
 struct MicroModel<C: Comm> {
     coupling: Coupling<C>,
     inverse: Coupling<C>,
-    there: Carrier<f64>,
-    back: Carrier<f64>,
+    there: Channel<f64>,
+    back: Channel<f64>,
     values: Vec<f64>,
     answers: Vec<f64>,
 }
@@ -228,7 +228,7 @@ impl<C: Comm> MicroModel<C> {
     fn new(comm: &C, units: usize) -> Result<Self, Error> {
         let coupling = couple(comm, units)?;
         let inverse = coupling.inverse();
-        let (there, back) = (Carrier::new(&coupling)?, Carrier::new(&inverse)?);
+        let (there, back) = (Channel::new(&coupling)?, Channel::new(&inverse)?);
         let values: Vec<f64> = coupling.units().iter().map(|&unit| unit as f64).collect();
         Ok(Self { answers: vec![f64::NAN; values.len()], coupling, inverse, there, back, values })
     }

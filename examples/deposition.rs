@@ -44,8 +44,8 @@ fn deposition<B: Backend>(context: &B::Context, positions: &[[f64; 2]]) -> Resul
     for (particle, &position) in positions.iter().enumerate() {
         shape(position).0.into_iter().for_each(|node| rows[node].push(particle as u32));
     }
-    let row_start = (0..=rows.len()).map(|end| rows[..end].iter().map(|row| row.len() as u32).sum()).collect();
-    let pattern = Arc::new(Sparsity::from_rows(positions.len(), row_start, rows.concat())?);
+    let row_offsets = (0..=rows.len()).map(|end| rows[..end].iter().map(|row| row.len() as u32).sum()).collect();
+    let pattern = Arc::new(Sparsity::from_rows(positions.len(), row_offsets, rows.concat())?);
     let mut d = B::matrix(context, &pattern)?;
     for (particle, &position) in positions.iter().enumerate() {
         let (nodes, weights) = shape(position);

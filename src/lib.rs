@@ -1,7 +1,7 @@
 //! `biotissue`: multiscale simulation of soft tissue.
 //!
 //! Soft tissue carries load through networks of collagen fibers a thousand times smaller than the body they are in. Here
-//! an engineering-scale finite-element model asks, at every integration point and in every Newton iteration, a small
+//! a macro-scale finite-element model asks, at every integration point and in every Newton iteration, a small
 //! fiber network (an RVE, a representative volume element) for its stress and its exact tangent.
 //!
 //! The crate is a library and the program `biotissue`. Numerics are written **once**, generic over a linear-algebra
@@ -15,7 +15,7 @@
 //! |---|---|---|
 //! | [`las`] | the linear-algebra abstraction: hot-loop verbs, solvers, Newton | no library |
 //! | [`backends`] | the backends, one folder each | [`las`] and their libraries |
-//! | [`fem`] | the engineering scale: meshes, elements, materials, load steps | [`las`] |
+//! | [`fem`] | the macro scale: meshes, elements, materials, load steps | [`las`] |
 //! | [`fiber`] | the micro scale: networks, fiber laws, equilibrium, condensed tangent | [`las`] |
 //! | [`coupling`] | scales on ranks of their own: which has which ranks, what goes from one to another | [`las`] |
 //! | `tissue` | all put together: cases, the two-scale run, results, pictures | all of them |

@@ -16,13 +16,13 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use biotissue::backends::petsc::{Context, MatrixType, Petsc, Session, SessionError};
-use biotissue::fem::boundary::{Conditions, LoadCurve, Place, PointCondition, SurfaceCondition, SurfaceLoad};
+use biotissue::fem::boundary::{Conditions, LoadCurve, PointCondition, PointLocation, SurfaceCondition, SurfaceLoad};
 use biotissue::fem::material::NeoHookean;
 use biotissue::fem::point_field::FormulaField;
 use biotissue::fem::stepping::{StepParams, Stepper};
 use biotissue::las::{
-    Backend, Ending, Entries, FactorReport, Factorization, Iterative, Krylov, MatMat, MatVec, MatrixOps, NewtonSystem,
-    Preconditioner, SolveError, Solver, SolverParams, Sparsity, Symmetry, VectorOps, conformance,
+    Backend, Entries, FactorReport, Factorization, Iterative, Krylov, MatMat, MatVec, MatrixOps, NewtonSystem,
+    Preconditioner, SolveError, Solver, SolverParams, Sparsity, StopReason, Symmetry, VectorOps, conformance,
 };
 use mpi::collective::SystemOperation;
 use mpi::ffi::{MPI_Comm, MPI_Datatype, MPI_Op, PMPI_Allreduce};
@@ -404,7 +404,13 @@ fn iterative_methods(context: &Context) {
     let mut solver = Petsc::solver(&Petsc::analyze(context, &pattern, &params).unwrap()).unwrap();
     solver.factor(&a).unwrap();
     match solver.solve(&b, &mut ones(context, len)) {
-        Err(SolveError::NotConverged { method: "CG", iterations: 3, residual, ending: Ending::RanOut, .. }) => {
+        Err(SolveError::NotConverged {
+            method: "CG",
+            iterations: 3,
+            residual,
+            stop_reason: StopReason::MaxIterations,
+            ..
+        }) => {
             assert!(residual > 1e-10);
         }
         other => panic!("three iterations: {other:?}"),
@@ -559,7 +565,8 @@ fn stretched_body(context: &Context) {
         load: SurfaceLoad::Displacement([Some(x), None, None]),
         curve: LoadCurve::Ramp,
     };
-    let point = |node, displacement| PointCondition { place: Place::Node(node), displacement, curve: LoadCurve::Ramp };
+    let point =
+        |node, displacement| PointCondition { place: PointLocation::Node(node), displacement, curve: LoadCurve::Ramp };
     let conditions = Conditions {
         surfaces: vec![side("left", 0.0), side("right", 0.5)],
         points: vec![point(6, [Some(0.0); 3]), point(5, [None, None, Some(0.0)])],
@@ -589,10 +596,10 @@ fn stretched_body(context: &Context) {
 /// Every row is one rank's, and no rank keeps a constrained one.
 fn kept_rows(context: &Context) {
     let a = Petsc::matrix(context, &laplacian_pattern(5)).unwrap();
-    let kept: Vec<i32> = (0..25).map(|row| i32::from(a.keeps(&[row]))).collect();
+    let kept: Vec<i32> = (0..25).map(|row| i32::from(a.owns_any_row(&[row]))).collect();
     let mut all = vec![0; 25];
     SimpleCommunicator::world().all_reduce_into(&kept[..], &mut all[..], SystemOperation::sum());
     assert_eq!(all, [1; 25]);
-    assert!(!a.keeps(&[-1]) && !a.keeps(&[]));
-    assert!(a.keeps(&(-1..25).collect::<Vec<_>>()));
+    assert!(!a.owns_any_row(&[-1]) && !a.owns_any_row(&[]));
+    assert!(a.owns_any_row(&(-1..25).collect::<Vec<_>>()));
 }

@@ -1,11 +1,13 @@
 //! What every solver looks at: sizes, definiteness, and when a pivot counts as zero.
 
+#[cfg(any(feature = "sparse", feature = "petsc"))]
+use crate::las::Scalar;
 use crate::las::SolveError;
 #[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
-use crate::las::{FactorReport, Scalar, SolverParams};
+use crate::las::{FactorReport, SolverParams};
 
 /// Fraction of the largest pivot below which the smallest counts as zero where nothing but pivots is looked at.
-#[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
+#[cfg(any(feature = "sparse", feature = "petsc"))]
 pub(super) fn singular_limit<T: Scalar>(params: &SolverParams) -> f64 {
     params.singular_below.unwrap_or(4.0 * T::epsilon().as_f64())
 }

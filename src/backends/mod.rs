@@ -11,6 +11,8 @@
 
 #[cfg(any(feature = "sparse", feature = "dense", feature = "batched", feature = "petsc"))]
 mod checks;
+#[cfg(any(feature = "sparse", feature = "batched"))]
+mod csr;
 #[cfg(any(feature = "sparse", feature = "dense"))]
 mod direct;
 #[cfg(any(feature = "sparse", feature = "dense"))]
@@ -19,8 +21,6 @@ mod iterative;
 mod local;
 #[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
 mod null_vector;
-#[cfg(any(feature = "sparse", feature = "batched"))]
-mod rows;
 
 #[cfg(feature = "batched")]
 pub mod batched;

@@ -10,7 +10,9 @@
 
 use num_traits::Float;
 
-use crate::las::{Backend, Entries, Factorization, MatVec, Scalar, SolveError, SolverParams, VectorOps};
+#[cfg(any(feature = "sparse", feature = "dense"))]
+use crate::las::Entries;
+use crate::las::{Backend, Factorization, MatVec, Scalar, SolveError, SolverParams, VectorOps};
 
 /// Whether a matrix of `n` unknowns may be singular though no pivot vanishes, given the smallest pivot over the largest: what
 /// the scaled matrix must resist every vector with, over its length, to count as regular. `None` where there is no doubt, or
@@ -41,6 +43,7 @@ impl Scales {
     /// Of any matrix whose entries are all on this rank, by repeated division by the roots of the largest entries (Ruiz, A
     /// scaling algorithm to equilibrate both rows and columns norms in matrices, RAL-TR-2001-034). A symmetric matrix gets
     /// equal scales.
+    #[cfg(any(feature = "sparse", feature = "dense"))]
     pub(super) fn equilibrating<B: Backend<Scalar: Scalar>>(a: &B::Matrix, n: usize) -> Result<Self, B::Fault> {
         /// Each halves the digits that scales are off by, of 308 at most.
         const PASSES: usize = 12;

@@ -291,7 +291,7 @@ pub(super) fn unsolved<F: std::error::Error>(error: SolveError<F>) -> Failure {
         SolveError::NotConverged { .. }
         | SolveError::Inaccurate { .. }
         | SolveError::NotFinite { .. }
-        | SolveError::SideNotFinite => LAS_NOT_CONVERGED,
+        | SolveError::RhsNotFinite => LAS_NOT_CONVERGED,
         SolveError::Unsupported { .. } => LAS_UNSUPPORTED,
         SolveError::Library { .. } | SolveError::Fault(_) => LAS_FAULT,
     };

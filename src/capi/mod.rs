@@ -187,13 +187,13 @@ pub unsafe extern "C" fn las_default_params(params: *mut las_params) -> i32 {
     })
 }
 
-/// Makes a pattern from compressed rows: row_start has rows + 1 entries, the last of which is the number of entries; the
+/// Makes a pattern from compressed rows: row_offsets has rows + 1 entries, the last of which is the number of entries; the
 /// columns of a row ascend. All count from 0.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_create_pattern(
     rows: i32,
     cols: i32,
-    row_start: *const i32,
+    row_offsets: *const i32,
     columns: *const i32,
     pattern: *mut *mut las_pattern,
 ) -> i32 {
@@ -201,12 +201,13 @@ pub unsafe extern "C" fn las_create_pattern(
     guarded(|| unsafe {
         give(pattern, "pattern", || {
             let (rows, cols) = (count(rows, "rows")?, count(cols, "cols")?);
-            let row_start: &[i32] = array(row_start, rows + 1, "row_start")?;
-            let columns: &[i32] = array(columns, count(row_start[rows], "row_start[rows]")?, "columns")?;
+            let row_offsets: &[i32] = array(row_offsets, rows + 1, "row_offsets")?;
+            let columns: &[i32] = array(columns, count(row_offsets[rows], "row_offsets[rows]")?, "columns")?;
             let numbers = |numbers: &[i32], name: &str| -> Result<Vec<u32>, Failure> {
                 numbers.iter().map(|&number| Ok(count(number, name)? as u32)).collect()
             };
-            let sparsity = Sparsity::from_rows(cols, numbers(row_start, "row_start")?, numbers(columns, "columns")?);
+            let sparsity =
+                Sparsity::from_rows(cols, numbers(row_offsets, "row_offsets")?, numbers(columns, "columns")?);
             Ok(las_pattern(Arc::new(sparsity.map_err(size)?)))
         })
     })

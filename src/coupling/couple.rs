@@ -5,7 +5,7 @@ use std::collections::HashSet;
 
 use thiserror::Error;
 
-use super::data::{Census, UnitId};
+use super::data::{Distribution, UnitId};
 use super::links::Links;
 use super::pattern::Spread;
 use super::scale::Scales;
@@ -224,9 +224,9 @@ impl<C: Comm> Coupling<C> {
         if weights.len() != units.len() {
             return Err(CouplingError::Values { found: weights.len(), units: units.len() });
         }
-        let mut census = Census::assemble(&self.own, weights).map_err(|error| self.failed(error))?;
-        census.held = self.held().map_err(|error| self.failed(error))?;
-        let to = spread.spread(&census, self.own.rank(), self.there.len());
+        let mut distribution = Distribution::assemble(&self.own, weights).map_err(|error| self.failed(error))?;
+        distribution.held = self.held().map_err(|error| self.failed(error))?;
+        let to = spread.spread(&distribution, self.own.rank(), self.there.len());
         let (last, ranks) = (to.iter().copied().max().unwrap_or(0), self.there.len());
         if to.len() != units.len() || last >= ranks {
             return Err(CouplingError::Spread { units: units.len(), found: to.len(), last, ranks });

@@ -7,7 +7,7 @@ pub type UnitId = u64;
 
 /// How many units each rank of a scale holds, and what they weigh.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Census {
+pub struct Distribution {
     /// By rank of the scale.
     pub counts: Vec<usize>,
     /// The weights of all units by rank; every unit weighs 1 where nothing was said.
@@ -16,7 +16,7 @@ pub struct Census {
     pub held: Vec<usize>,
 }
 
-impl Census {
+impl Distribution {
     /// Assembles what the ranks of a scale hold. Called by all of them together.
     ///
     /// # Errors

@@ -10,7 +10,7 @@ use crate::las::{Comm, CommError, Message, Payload, Receiving, Sending, Tag};
 /// Carries values of one kind over couplings of two scales: the one that it was made for, its inverse, its deltas and what it
 /// becomes later. Keeps the memory of its messages.
 #[derive(Debug)]
-pub struct Carrier<T> {
+pub struct Channel<T> {
     spare: Vec<Message>,
     /// Bytes that were sent so far.
     sent: u64,
@@ -34,7 +34,7 @@ pub struct Arriving<C: Comm> {
     changes: u64,
 }
 
-impl<T: Payload> Carrier<T> {
+impl<T: Payload> Channel<T> {
     /// Checks that both sides of a coupling mean the same. Called by all ranks of both together.
     ///
     /// # Errors

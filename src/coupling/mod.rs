@@ -2,14 +2,14 @@
 //!
 //! A *scale* is a code on some of the ranks; it gets a communicator of its own and needs to know of no other. A *coupling* is
 //! directed: it knows which *units* of one scale's data, the producer's, go to which ranks of another's, the consumer's.
-//! A *carrier* takes values of the units over it, point to point, between neighbors only. Units have numbers of their own,
+//! A *channel* takes values of the units over it, point to point, between neighbors only. Units have numbers of their own,
 //! so that results need not depend on where they are; they can be added and removed while scales run.
 //!
 //! # Units that come and go
 //!
 //! ```
 //! use biotissue::backends::comm::thread;
-//! use biotissue::coupling::{Carrier, Coupling, Even, Plan, Role, Scales, Share};
+//! use biotissue::coupling::{Channel, Coupling, Even, Plan, Role, Scales, Share};
 //!
 //! // One rank has units, two get them.
 //! let plan = Plan::default().with("body", Share::Count(1)).with("cells", Share::Ratio(1.0));
@@ -17,17 +17,17 @@
 //!     let scales = Scales::new(&comm, &plan)?;
 //!     let units: &[u64] = if scales.own() == 0 { &[10, 11, 12] } else { &[] };
 //!     let mut coupling = Coupling::new(&scales, "body", "cells", units, &[], &Even)?;
-//!     let mut carrier = Carrier::<f64>::new(&coupling)?;
+//!     let mut channel = Channel::<f64>::new(&coupling)?;
 //!     match coupling.role() {
 //!         Role::Producer => {
 //!             coupling.remove(&[11])?;
 //!             let new = coupling.add(&[20], &[], &Even)?;
-//!             carrier.send(&new, &[293.0])?; // of the new unit alone
-//!             let underway = carrier.start(&coupling, &[300.0, 301.0, 302.0])?; // of 10, 12, 20
+//!             channel.send(&new, &[293.0])?; // of the new unit alone
+//!             let underway = channel.start(&coupling, &[300.0, 301.0, 302.0])?; // of 10, 12, 20
 //!             // Work goes on here.
-//!             carrier.finish(&coupling, underway)?;
+//!             channel.finish(&coupling, underway)?;
 //!             let mut back = [0.0; 3];
-//!             carrier.receive(&coupling.inverse(), &mut back)?;
+//!             channel.receive(&coupling.inverse(), &mut back)?;
 //!             assert_eq!(back, [600.0, 602.0, 604.0]);
 //!         }
 //!         Role::Consumer => {
@@ -36,13 +36,13 @@
 //!             state = coupling.forget()?.iter().map(|&place| state[place as usize]).collect();
 //!             let new = coupling.reconcile()?;
 //!             let mut first = vec![0.0; new.units().len()];
-//!             carrier.receive(&new, &mut first)?;
+//!             channel.receive(&new, &mut first)?;
 //!             state.extend(first);
-//!             let arriving = carrier.start_receive(&coupling)?;
+//!             let arriving = channel.start_receive(&coupling)?;
 //!             // Work goes on here too.
-//!             carrier.finish_receive(&coupling, arriving, &mut state)?;
+//!             channel.finish_receive(&coupling, arriving, &mut state)?;
 //!             let answers: Vec<f64> = state.iter().map(|value| 2.0 * value).collect();
-//!             carrier.send(&coupling.inverse(), &answers)?;
+//!             channel.send(&coupling.inverse(), &answers)?;
 //!         }
 //!     }
 //!     Ok(())
@@ -64,8 +64,8 @@ pub mod topology;
 
 pub use config::{Config, Relation};
 pub use couple::{Coupling, CouplingError, Delta, Role};
-pub use data::{Census, UnitId};
-pub use exchange::{Arriving, Carrier, Underway};
+pub use data::{Distribution, UnitId};
+pub use exchange::{Arriving, Channel, Underway};
 pub use links::{Links, Neighbor};
 pub use pattern::{ByWeight, Even, Spread};
 pub use plan::{Plan, PlanError, Share};

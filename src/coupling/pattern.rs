@@ -1,6 +1,6 @@
 //! Which consumer each unit goes to.
 
-use super::data::Census;
+use super::data::Distribution;
 
 /// How units are spread over the ranks of the consumer.
 ///
@@ -8,7 +8,7 @@ use super::data::Census;
 /// neighbors.
 pub trait Spread {
     /// The ranks of the consumer, of `consumers`, for the units of rank `rank` of the producer, in their order.
-    fn spread(&self, census: &Census, rank: usize, consumers: usize) -> Vec<usize>;
+    fn spread(&self, distribution: &Distribution, rank: usize, consumers: usize) -> Vec<usize>;
 }
 
 /// As many units to each rank, up to one, those that it has already included: the first ranks have one more where they do not
@@ -17,11 +17,11 @@ pub trait Spread {
 pub struct Even;
 
 impl Spread for Even {
-    fn spread(&self, census: &Census, rank: usize, consumers: usize) -> Vec<usize> {
-        let held: Vec<usize> = (0..consumers).map(|rank| census.held.get(rank).copied().unwrap_or(0)).collect();
-        let shares = fill(&held, census.units());
+    fn spread(&self, distribution: &Distribution, rank: usize, consumers: usize) -> Vec<usize> {
+        let held: Vec<usize> = (0..consumers).map(|rank| distribution.held.get(rank).copied().unwrap_or(0)).collect();
+        let shares = fill(&held, distribution.units());
         let to = shares.iter().enumerate().flat_map(|(rank, &share)| std::iter::repeat_n(rank, share));
-        to.skip(census.before(rank)).take(census.counts[rank]).collect()
+        to.skip(distribution.before(rank)).take(distribution.counts[rank]).collect()
     }
 }
 
@@ -49,26 +49,26 @@ fn fill(held: &[usize], units: usize) -> Vec<usize> {
 pub struct ByWeight;
 
 impl Spread for ByWeight {
-    fn spread(&self, census: &Census, rank: usize, consumers: usize) -> Vec<usize> {
-        let all = census.weight();
+    fn spread(&self, distribution: &Distribution, rank: usize, consumers: usize) -> Vec<usize> {
+        let all = distribution.weight();
         if all <= 0.0 || !all.is_finite() {
-            return Even.spread(census, rank, consumers);
+            return Even.spread(distribution, rank, consumers);
         }
         // In the order of the ranks, so that every rank finds the same sums.
-        let mut before: f64 = census.weights[..rank].iter().flatten().sum();
+        let mut before: f64 = distribution.weights[..rank].iter().flatten().sum();
         let place = |&weight: &f64| {
             let middle = before + 0.5 * weight;
             before += weight;
             ((middle / all * consumers as f64) as usize).min(consumers - 1)
         };
-        census.weights[rank].iter().map(place).collect()
+        distribution.weights[rank].iter().map(place).collect()
     }
 }
 
 /// A user's own.
-impl<F: Fn(&Census, usize, usize) -> Vec<usize>> Spread for F {
-    fn spread(&self, census: &Census, rank: usize, consumers: usize) -> Vec<usize> {
-        self(census, rank, consumers)
+impl<F: Fn(&Distribution, usize, usize) -> Vec<usize>> Spread for F {
+    fn spread(&self, distribution: &Distribution, rank: usize, consumers: usize) -> Vec<usize> {
+        self(distribution, rank, consumers)
     }
 }
 
@@ -76,23 +76,23 @@ impl<F: Fn(&Census, usize, usize) -> Vec<usize>> Spread for F {
 mod tests {
     use super::*;
 
-    fn census(counts: &[usize]) -> Census {
+    fn distribution(counts: &[usize]) -> Distribution {
         let weights = counts.iter().map(|&count| vec![1.0; count]).collect();
-        Census { counts: counts.to_vec(), weights, held: Vec::new() }
+        Distribution { counts: counts.to_vec(), weights, held: Vec::new() }
     }
 
     /// Units by rank of the consumer.
-    fn row(spread: &impl Spread, census: &Census, rank: usize, consumers: usize) -> Vec<usize> {
+    fn row(spread: &impl Spread, distribution: &Distribution, rank: usize, consumers: usize) -> Vec<usize> {
         let mut row = vec![0; consumers];
-        spread.spread(census, rank, consumers).into_iter().for_each(|to| row[to] += 1);
+        spread.spread(distribution, rank, consumers).into_iter().for_each(|to| row[to] += 1);
         row
     }
 
     /// Table 4.2 of the thesis.
     #[test]
     fn spreads_507_units_as_published() {
-        let census = census(&[125, 122, 128, 132]);
-        let rows: Vec<Vec<usize>> = (0..4).map(|rank| row(&Even, &census, rank, 8)).collect();
+        let distribution = distribution(&[125, 122, 128, 132]);
+        let rows: Vec<Vec<usize>> = (0..4).map(|rank| row(&Even, &distribution, rank, 8)).collect();
         assert_eq!(rows[0], [64, 61, 0, 0, 0, 0, 0, 0]);
         assert_eq!(rows[1], [0, 3, 64, 55, 0, 0, 0, 0]);
         assert_eq!(rows[2], [0, 0, 0, 8, 63, 57, 0, 0]);
@@ -101,16 +101,16 @@ mod tests {
 
     #[test]
     fn more_ranks_than_units_leave_some_without() {
-        let census = census(&[2, 0, 1]);
-        let rows: Vec<Vec<usize>> = (0..3).map(|rank| row(&Even, &census, rank, 5)).collect();
+        let distribution = distribution(&[2, 0, 1]);
+        let rows: Vec<Vec<usize>> = (0..3).map(|rank| row(&Even, &distribution, rank, 5)).collect();
         assert_eq!(rows, [vec![1, 1, 0, 0, 0], vec![0; 5], vec![0, 0, 1, 0, 0]]);
     }
 
     #[test]
     fn new_units_go_where_there_are_few() {
         let with = |held: &[usize], counts: &[usize]| {
-            let census = Census { held: held.to_vec(), ..census(counts) };
-            (0..counts.len()).map(|rank| row(&Even, &census, rank, held.len())).collect::<Vec<_>>()
+            let distribution = Distribution { held: held.to_vec(), ..distribution(counts) };
+            (0..counts.len()).map(|rank| row(&Even, &distribution, rank, held.len())).collect::<Vec<_>>()
         };
         assert_eq!(with(&[6, 0], &[1, 0]), [[0, 1], [0, 0]]);
         assert_eq!(with(&[3, 1, 2], &[2, 2]), [[1, 1, 0], [0, 1, 1]]);
@@ -121,10 +121,10 @@ mod tests {
     #[test]
     fn weights_are_halved_where_half_of_them_is() {
         let weights = vec![vec![1.0, 1.0, 1.0], vec![3.0]];
-        let census = Census { counts: vec![3, 1], weights, held: Vec::new() };
-        assert_eq!(ByWeight.spread(&census, 0, 2), [0, 0, 0]);
-        assert_eq!(ByWeight.spread(&census, 1, 2), [1]);
-        let nothing = Census { counts: vec![4], weights: vec![vec![0.0; 4]], held: Vec::new() };
+        let distribution = Distribution { counts: vec![3, 1], weights, held: Vec::new() };
+        assert_eq!(ByWeight.spread(&distribution, 0, 2), [0, 0, 0]);
+        assert_eq!(ByWeight.spread(&distribution, 1, 2), [1]);
+        let nothing = Distribution { counts: vec![4], weights: vec![vec![0.0; 4]], held: Vec::new() };
         assert_eq!(ByWeight.spread(&nothing, 0, 2), [0, 0, 1, 1]);
     }
 }

@@ -11,7 +11,7 @@ use super::plan::{Plan, PlanError};
 use crate::las::{Comm, CommError, Message, Tag};
 
 /// What one scale tells another.
-const NEWS: Tag = Tag(1);
+const BROADCAST: Tag = Tag(1);
 
 /// The scales of a program, as one rank sees them.
 #[derive(Debug)]
@@ -40,7 +40,7 @@ pub enum ScaleError {
     Comm(#[from] CommError),
     /// A scale told nothing in time.
     #[error("scale {scale} told scale {own} nothing in {} s", .waited.as_secs_f64())]
-    Silent {
+    ReceiveTimeout {
         /// Who should have.
         scale: String,
         /// Who waited.
@@ -50,7 +50,7 @@ pub enum ScaleError {
     },
     /// A scale took nothing in time.
     #[error("scale {scale} has taken nothing from scale {own} for {} s", .waited.as_secs_f64())]
-    Deaf {
+    SendTimeout {
         /// Who should have.
         scale: String,
         /// Who waited.
@@ -157,46 +157,47 @@ impl<C: Comm> Scales<C> {
         *count - 1
     }
 
-    /// Tells all ranks of scale `to` something; the ranks of this scale call it together, and those of the other
-    /// [`hear`](Self::hear). What the first rank says counts.
+    /// Sends the message of the first rank of this scale to all ranks of scale `to`, which call [`receive`](Self::receive).
+    /// Collective over this scale.
     ///
     /// # Errors
     /// [`ScaleError`].
-    pub fn tell(&self, to: usize, news: Message) -> Result<(), ScaleError> {
+    pub fn broadcast(&self, to: usize, message: Message) -> Result<(), ScaleError> {
         let first = self.first_of(to)?;
         if self.comm.rank() > 0 {
             return Ok(());
         }
-        self.world.send(first, NEWS, news).map_err(|error| self.silent(to, error))
+        self.world.send(first, BROADCAST, message).map_err(|error| self.timeout_of(to, error))
     }
 
-    /// What scale `from` [`tell`](Self::tell)s.
+    /// Receives what scale `from` [`broadcast`](Self::broadcast)s, on all ranks of this scale. Collective over this scale.
     ///
     /// # Errors
     /// [`ScaleError`].
-    pub fn hear(&self, from: usize) -> Result<Message, ScaleError> {
+    pub fn receive(&self, from: usize) -> Result<Message, ScaleError> {
         let first = self.first_of(from)?;
-        let news = || {
-            let news = if self.comm.rank() == 0 { self.world.receive(first, NEWS)? } else { Message::new() };
-            self.comm.broadcast(0, news)
+        let receive = || {
+            let received = if self.comm.rank() == 0 { self.world.receive(first, BROADCAST)? } else { Message::new() };
+            self.comm.broadcast(0, received)
         };
-        news().map_err(|error| self.silent(from, error))
+        receive().map_err(|error| self.timeout_of(from, error))
     }
 
-    /// What scale `from` tells, on the first rank of this scale alone: the others do not wait for it.
+    /// Receives what scale `from` broadcasts on the first rank of this scale only; the other ranks do not wait.
     ///
     /// # Errors
     /// [`ScaleError`].
-    pub fn listen(&self, from: usize) -> Result<Message, ScaleError> {
-        self.world.receive(self.first_of(from)?, NEWS).map_err(|error| self.silent(from, error))
+    pub fn receive_on_root(&self, from: usize) -> Result<Message, ScaleError> {
+        self.world.receive(self.first_of(from)?, BROADCAST).map_err(|error| self.timeout_of(from, error))
     }
 
-    /// Waits until scale `from` has told something, on the first rank of this scale alone; [`hear`](Self::hear) then takes it.
+    /// Waits on the first rank of this scale until a message of scale `from` has arrived; [`receive`](Self::receive) or
+    /// [`receive_on_root`](Self::receive_on_root) then takes it.
     ///
     /// # Errors
     /// [`ScaleError`].
     pub fn wait_for(&self, from: usize) -> Result<(), ScaleError> {
-        self.world.wait_for(self.first_of(from)?, NEWS).map_err(|error| self.silent(from, error))
+        self.world.wait_for(self.first_of(from)?, BROADCAST).map_err(|error| self.timeout_of(from, error))
     }
 
     /// The first rank of a scale in the world.
@@ -205,12 +206,12 @@ impl<C: Comm> Scales<C> {
         ranks.first().copied().ok_or(ScaleError::Plan(PlanError::None))
     }
 
-    /// Whoever of this scale waited in vain, it is the other scale that did not tell, or did not listen.
-    fn silent(&self, other: usize, error: CommError) -> ScaleError {
+    /// Attributes a timeout to the other scale.
+    fn timeout_of(&self, other: usize, error: CommError) -> ScaleError {
         let (scale, own) = (self.names[other].clone(), self.names[self.own].clone());
         match error {
-            CommError::TimeOut { waited, .. } => ScaleError::Silent { scale, own, waited },
-            CommError::NotTaken { waited, .. } => ScaleError::Deaf { scale, own, waited },
+            CommError::TimeOut { waited, .. } => ScaleError::ReceiveTimeout { scale, own, waited },
+            CommError::NotTaken { waited, .. } => ScaleError::SendTimeout { scale, own, waited },
             error => error.into(),
         }
     }

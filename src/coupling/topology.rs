@@ -9,7 +9,7 @@ use crate::las::{Comm, CommError, Message};
 
 /// Where a rank runs.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct Place {
+pub struct HardwareLocation {
     /// The machine, by name.
     pub machine: String,
     /// The part of the machine that shares memory and caches (package, NUMA node), from 0.
@@ -28,7 +28,7 @@ pub struct Place {
 ///
 /// # Errors
 /// [`PlanError::Two`]: one of the two would get no rank.
-pub fn near(places: &[Place], above: usize) -> Result<[Vec<usize>; 2], PlanError> {
+pub fn near(places: &[HardwareLocation], above: usize) -> Result<[Vec<usize>; 2], PlanError> {
     let groups = groups(places, above)?;
     let first = groups.iter().filter_map(|group| group.first()).copied().collect();
     let second = groups.iter().flat_map(|group| group.iter().skip(1)).copied().collect();
@@ -39,7 +39,7 @@ pub fn near(places: &[Place], above: usize) -> Result<[Vec<usize>; 2], PlanError
 ///
 /// # Errors
 /// As for [`near`].
-pub fn plan(names: [&str; 2], places: &[Place], above: usize) -> Result<Plan, PlanError> {
+pub fn plan(names: [&str; 2], places: &[HardwareLocation], above: usize) -> Result<Plan, PlanError> {
     let [first, second] = near(places, above)?;
     Ok(Plan::default().with(names[0], Share::Ranks(first)).with(names[1], Share::Ranks(second)))
 }
@@ -48,7 +48,7 @@ pub fn plan(names: [&str; 2], places: &[Place], above: usize) -> Result<Plan, Pl
 ///
 /// # Errors
 /// [`CommError`].
-pub fn gather<C: Comm>(world: &C, own: &Place) -> Result<Vec<Place>, CommError> {
+pub fn gather<C: Comm>(world: &C, own: &HardwareLocation) -> Result<Vec<HardwareLocation>, CommError> {
     let messages = world.gather_all(Message::text(&write(own)))?;
     let place = |(rank, message): (usize, &Message)| {
         let text = message.to_text();
@@ -59,7 +59,7 @@ pub fn gather<C: Comm>(world: &C, own: &Place) -> Result<Vec<Place>, CommError> 
 }
 
 /// The groups of ranks that lie near each other, in order.
-fn groups(places: &[Place], above: usize) -> Result<Vec<Vec<usize>>, PlanError> {
+fn groups(places: &[HardwareLocation], above: usize) -> Result<Vec<Vec<usize>>, PlanError> {
     let started = places.len();
     if above == 0 || above >= started {
         return Err(PlanError::Two { above, started });
@@ -72,14 +72,14 @@ fn groups(places: &[Place], above: usize) -> Result<Vec<Vec<usize>>, PlanError> 
 }
 
 /// The name of the machine comes last, since it may be any text.
-fn write(place: &Place) -> String {
+fn write(place: &HardwareLocation) -> String {
     format!("{} {} {}", place.package, place.core, place.machine)
 }
 
-fn read(text: &str) -> Option<Place> {
+fn read(text: &str) -> Option<HardwareLocation> {
     let mut words = text.splitn(3, ' ');
     let (package, core) = (words.next()?.parse().ok()?, words.next()?.parse().ok()?);
-    Some(Place { machine: words.next()?.to_owned(), package, core })
+    Some(HardwareLocation { machine: words.next()?.to_owned(), package, core })
 }
 
 #[cfg(feature = "hwloc")]
@@ -92,14 +92,14 @@ mod hwloc {
     use hwlocality::object::types::ObjectType;
     use hwlocality::topology::Topology;
 
-    use super::Place;
+    use super::HardwareLocation;
 
     /// Where the calling thread runs: the package and the core to which it is bound, or, where it is bound to no single
     /// one, those on which it ran last. Needs the feature `hwloc`.
     ///
     /// # Errors
     /// In words: hwloc fails, or does not know the machine or the core.
-    pub fn here() -> Result<Place, String> {
+    pub fn here() -> Result<HardwareLocation, String> {
         let topology =
             Topology::new().map_err(|error| format!("hwloc does not find the parts of this machine: {error}"))?;
         let bound = topology.cpu_binding(CpuBindingFlags::THREAD);
@@ -109,7 +109,7 @@ mod hwloc {
         let core = core.ok_or("hwloc does not know on which core this process runs")?;
         // A machine that shows no packages counts as one.
         let package = number(&topology, ObjectType::Package, &known).unwrap_or(0);
-        Ok(Place { machine: machine(&topology)?, package, core })
+        Ok(HardwareLocation { machine: machine(&topology)?, package, core })
     }
 
     /// The number, in the whole machine, of the object of a kind that has all processors of a set; for the first set for
@@ -150,10 +150,10 @@ mod tests {
     use crate::backends::comm::thread::run;
 
     /// Two machines of two packages of four cores; neighboring ranks are far from each other.
-    fn places() -> Vec<Place> {
+    fn places() -> Vec<HardwareLocation> {
         let place = |rank: u32| {
             let slot = rank * 7 % 16;
-            Place { machine: format!("node{}", slot / 8), package: slot / 4 % 2, core: slot % 8 }
+            HardwareLocation { machine: format!("node{}", slot / 8), package: slot / 4 % 2, core: slot % 8 }
         };
         (0..16).map(place).collect()
     }
@@ -201,7 +201,7 @@ mod tests {
 
     #[test]
     fn ranks_at_one_place_keep_their_order() {
-        let place = Place { machine: "node0".to_owned(), package: 0, core: 0 };
+        let place = HardwareLocation { machine: "node0".to_owned(), package: 0, core: 0 };
         assert_eq!(near(&vec![place; 6], 2), Ok([vec![0, 3], vec![1, 2, 4, 5]]));
     }
 
@@ -226,7 +226,7 @@ mod tests {
         let places = places();
         let found = run(16, |world| gather(&world, &places[world.rank()])).unwrap();
         assert!(found.iter().all(|found| *found == places), "{found:?}");
-        let odd = Place { machine: "a machine ".to_owned(), package: u32::MAX, core: 0 };
+        let odd = HardwareLocation { machine: "a machine ".to_owned(), package: u32::MAX, core: 0 };
         assert_eq!(read(&write(&odd)), Some(odd));
         assert_eq!(read("0 one node0"), None);
     }

@@ -12,8 +12,8 @@ use super::mesh::Mesh;
 use super::point_field::{PointField, PointResponses};
 use super::reactions::BoundaryForces;
 use crate::las::{
-    Backend, Index, MatrixOps, NewtonSeconds, NewtonSystem, NonlinearProblem, Scalar, SolveError, Solver, VectorOps,
-    Yardstick,
+    Backend, Index, MatrixOps, NewtonSeconds, NewtonSystem, NonlinearProblem, ResidualScale, Scalar, SolveError,
+    Solver, VectorOps,
 };
 
 /// Why the body has no residual at a state.
@@ -245,7 +245,7 @@ where
     }
 
     /// Starts a step to pseudo-time `t` from the accepted state with only the prescribed components moved.
-    pub fn hold(&mut self, t: f64) {
+    pub fn apply_prescribed(&mut self, t: f64) {
         self.load(t);
         self.boundary.prescribe(t, &mut self.trial.displacements);
     }
@@ -255,9 +255,9 @@ where
     /// solution.
     ///
     /// # Errors
-    /// What the solver reports; the trial state is then as [`Equilibrium::hold`] leaves it.
+    /// What the solver reports; the trial state is then as [`Equilibrium::apply_prescribed`] leaves it.
     pub fn linearize(&mut self, t: f64, system: &mut NewtonSystem<B>) -> Result<NewtonSeconds, SolveError<B::Fault>> {
-        self.hold(t);
+        self.apply_prescribed(t);
         if system.residual.is_empty() {
             return Ok(NewtonSeconds::default());
         }
@@ -333,13 +333,13 @@ where
 
     /// `r = f_int - f_ext` of the free unknowns, N, measured against the larger norm of the two over all nodes; the
     /// floor is [`Assembler::rounding`] of the undeformed body.
-    fn residual(&mut self, r: &mut B::Vector) -> Result<Yardstick, Self::Error> {
+    fn residual(&mut self, r: &mut B::Vector) -> Result<ResidualScale, Self::Error> {
         self.respond()?;
         for ((net, internal), external) in self.nodal.iter_mut().zip(&self.trial.internal).zip(&self.trial.external) {
             *net = std::array::from_fn(|i| internal[i] - external[i]);
         }
         self.scatter(r).map_err(EquilibriumError::Backend)?;
-        Ok(Yardstick { scale: self.scale(), floor: self.floor })
+        Ok(ResidualScale { scale: self.scale(), floor: self.floor })
     }
 
     fn jacobian(&mut self, k: &mut B::Matrix) -> Result<(), Self::Error> {

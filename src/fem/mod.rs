@@ -1,4 +1,4 @@
-//! The engineering scale: finite elements on tetrahedral meshes, generic over the linear-algebra backend.
+//! The macro scale: finite elements on tetrahedral meshes, generic over the linear-algebra backend.
 //!
 //! Total Lagrangian: everything is integrated over the reference volume, `u` are the displacements of the nodes in
 //! meters, `F = I + du/dX`, `P` the first Piola-Kirchhoff stress in Pa and `A = dP/dF`. Data flows one way:

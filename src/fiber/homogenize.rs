@@ -1,4 +1,4 @@
-//! What the engineering scale sees of a network in equilibrium: stress and condensed tangent.
+//! What the macro scale sees of a network in equilibrium: stress and condensed tangent.
 //!
 //! [`Solved`](super::equilibrium::Solved), which [`super::equilibrium::equilibrate`] returns, gives them; the functions
 //! here read the workspace that it holds.
@@ -146,7 +146,7 @@ where
 /// `v = S x` for all nodes and modes.
 fn carry_affinely<B: Backend>(workspace: &mut Workspace<B>) {
     let strains: [Matrix3<f64>; MODES] = std::array::from_fn(strain);
-    for (velocity, x) in workspace.velocities.iter_mut().zip(&workspace.positions) {
+    for (velocity, x) in workspace.sensitivities.iter_mut().zip(&workspace.positions) {
         for (v, s) in velocity.chunks_exact_mut(3).zip(&strains) {
             v.copy_from_slice(&transform(s, x));
         }
@@ -227,10 +227,10 @@ where
 
 /// `q = K v` at all nodes, fiber by fiber.
 fn force_rates<B: Backend<Scalar = f64>>(model: &RveModel<B>, workspace: &mut Workspace<B>) {
-    let Workspace { states, velocities, rates, .. } = workspace;
-    rates.fill([0.0; 3 * MODES]);
+    let Workspace { states, sensitivities, force_rates, .. } = workspace;
+    force_rates.fill([0.0; 3 * MODES]);
     for (fiber, &[a, b]) in model.truss.ends().iter().enumerate() {
-        let (va, vb) = (&velocities[a as usize], &velocities[b as usize]);
+        let (va, vb) = (&sensitivities[a as usize], &sensitivities[b as usize]);
         let block = states.block(fiber);
         let mut rate = [0.0; 3 * MODES];
         for mode in 0..MODES {
@@ -240,16 +240,17 @@ fn force_rates<B: Backend<Scalar = f64>>(model: &RveModel<B>, workspace: &mut Wo
                 rate[at + i] = block[3 * i] * v[0] + block[3 * i + 1] * v[1] + block[3 * i + 2] * v[2];
             }
         }
-        rates[b as usize].iter_mut().zip(&rate).for_each(|(q, r)| *q += r);
-        rates[a as usize].iter_mut().zip(&rate).for_each(|(q, r)| *q -= r);
+        force_rates[b as usize].iter_mut().zip(&rate).for_each(|(q, r)| *q += r);
+        force_rates[a as usize].iter_mut().zip(&rate).for_each(|(q, r)| *q -= r);
     }
 }
 
 /// Force rates at interior nodes over those at all nodes.
 fn unbalanced<B: Backend<Scalar = f64>>(model: &RveModel<B>, workspace: &Workspace<B>) -> f64 {
     let square = |rates: &[f64; 3 * MODES]| rates.iter().map(|q| q * q).sum::<f64>();
-    let all: f64 = workspace.rates.iter().map(square).sum();
-    let interior: f64 = model.network().interior().iter().map(|&node| square(&workspace.rates[node as usize])).sum();
+    let all: f64 = workspace.force_rates.iter().map(square).sum();
+    let interior: f64 =
+        model.network().interior().iter().map(|&node| square(&workspace.force_rates[node as usize])).sum();
     if all > 0.0 { (interior / all).sqrt() } else { 0.0 }
 }
 
@@ -259,12 +260,12 @@ fn correct<B: Backend<Scalar = f64>>(
     workspace: &mut Workspace<B>,
 ) -> Result<(), SolveError<B::Fault>> {
     let interior = model.network().interior();
-    let Workspace { system, mode_loads, mode_solutions, velocities, rates, .. } = workspace;
+    let Workspace { system, mode_loads, mode_solutions, sensitivities, force_rates, .. } = workspace;
     for (mode, load) in mode_loads.iter_mut().enumerate() {
         let at = 3 * mode;
         load.with_local_mut(|load| {
             for (q, &node) in load.chunks_exact_mut(3).zip(interior) {
-                q.copy_from_slice(&rates[node as usize][at..at + 3]);
+                q.copy_from_slice(&force_rates[node as usize][at..at + 3]);
             }
         })
         .map_err(SolveError::Fault)?;
@@ -276,7 +277,7 @@ fn correct<B: Backend<Scalar = f64>>(
         solution
             .with_local(|solution| {
                 for (u, &node) in solution.chunks_exact(3).zip(interior) {
-                    let v = &mut velocities[node as usize][at..at + 3];
+                    let v = &mut sensitivities[node as usize][at..at + 3];
                     v.iter_mut().zip(u).for_each(|(v, u)| *v -= u);
                 }
             })
@@ -285,18 +286,18 @@ fn correct<B: Backend<Scalar = f64>>(
     Ok(())
 }
 
-/// Column `l`: the products of `K v_l` with the velocities `v_k` of the six strains and `W x` of the three spins, over all
+/// Column `l`: the products of `K v_l` with the sensitivities `v_k` of the six strains and `W x` of the three spins, over all
 /// nodes, in one pass.
 fn rate_products<B: Backend>(workspace: &Workspace<B>) -> SMatrix<f64, 9, MODES> {
     let spins: [Matrix3<f64>; 3] = std::array::from_fn(spin);
     let mut products = [[0.0; MODES]; 9];
-    for ((v, q), x) in workspace.velocities.iter().zip(&workspace.rates).zip(&workspace.positions) {
-        let mut velocities = [0.0; 3 * 9];
-        velocities[..3 * MODES].copy_from_slice(v);
-        for (velocity, spin) in velocities[3 * MODES..].chunks_exact_mut(3).zip(&spins) {
+    for ((v, q), x) in workspace.sensitivities.iter().zip(&workspace.force_rates).zip(&workspace.positions) {
+        let mut sensitivities = [0.0; 3 * 9];
+        sensitivities[..3 * MODES].copy_from_slice(v);
+        for (velocity, spin) in sensitivities[3 * MODES..].chunks_exact_mut(3).zip(&spins) {
             velocity.copy_from_slice(&transform(spin, x));
         }
-        for (row, v) in products.iter_mut().zip(velocities.chunks_exact(3)) {
+        for (row, v) in products.iter_mut().zip(sensitivities.chunks_exact(3)) {
             for (product, q) in row.iter_mut().zip(q.chunks_exact(3)) {
                 *product += v[0] * q[0] + v[1] * q[1] + v[2] * q[2];
             }

@@ -10,15 +10,15 @@
 //!                      Workspace-+
 //! ```
 
+pub mod deformation_path;
+pub mod dynamic_relaxation;
 pub mod equilibrium;
 pub mod homogenize;
 pub mod law;
 pub mod network;
 pub mod orientation;
-pub mod path;
-pub mod relax;
 pub mod rve;
+mod simd;
 pub mod stiffness;
 pub mod truss;
-mod vector;
 pub mod workspace;

@@ -202,7 +202,7 @@ pub struct Rve {
     /// Interior node positions there, unit-cube units, in the order of [`Network::interior`].
     pub(super) interior: Vec<[f64; 3]>,
     /// How they follow a further strain, where that was kept.
-    pub(super) rates: Option<Vec<Rates>>,
+    pub(super) sensitivities: Option<Vec<Sensitivities>>,
     /// The [`fingerprint`] of its network; `None` of a state kept elsewhere, until its first equilibrium.
     pub(super) network: Option<NonZeroU64>,
 }
@@ -210,13 +210,13 @@ pub struct Rve {
 /// States are equal by what is in them, wherever they come from.
 impl PartialEq for Rve {
     fn eq(&self, other: &Self) -> bool {
-        self.gradient == other.gradient && self.interior == other.interior && self.rates == other.rates
+        self.gradient == other.gradient && self.interior == other.interior && self.sensitivities == other.sensitivities
     }
 }
 
 /// How an interior node leaves the affine motion, for each of the six unit strains of the current state; single precision,
 /// since it only starts a Newton.
-pub type Rates = [f32; 3 * MODES];
+pub type Sensitivities = [f32; 3 * MODES];
 
 /// Why a state kept elsewhere is none of a network.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
@@ -241,17 +241,21 @@ pub enum RveStateError {
 }
 
 impl Rve {
-    /// A state that was read from [`Rve::gradient`], [`Rve::interior`] and [`Rve::rates`] before. It is taken to be in
+    /// A state that was read from [`Rve::gradient`], [`Rve::interior`] and [`Rve::sensitivities`] before. It is taken to be in
     /// equilibrium; [`Rve::check`] tells whether it is one of a network.
     #[must_use]
-    pub fn restored(gradient: Matrix3<f64>, interior: Vec<[f64; 3]>, rates: Option<Vec<Rates>>) -> Self {
-        Self { gradient, interior, rates, network: None }
+    pub fn restored(
+        gradient: Matrix3<f64>,
+        interior: Vec<[f64; 3]>,
+        sensitivities: Option<Vec<Sensitivities>>,
+    ) -> Self {
+        Self { gradient, interior, sensitivities, network: None }
     }
 
     /// What [`Rve::restored`] takes.
     #[must_use]
-    pub fn into_parts(self) -> (Matrix3<f64>, Vec<[f64; 3]>, Option<Vec<Rates>>) {
-        (self.gradient, self.interior, self.rates)
+    pub fn into_parts(self) -> (Matrix3<f64>, Vec<[f64; 3]>, Option<Vec<Sensitivities>>) {
+        (self.gradient, self.interior, self.sensitivities)
     }
 
     /// Whether this can be a state of that network.
@@ -260,7 +264,7 @@ impl Rve {
     /// [`RveStateError`].
     pub fn check(&self, network: &Network) -> Result<(), RveStateError> {
         let expected = network.interior().len();
-        for found in [Some(self.interior.len()), self.rates.as_ref().map(Vec::len)].into_iter().flatten() {
+        for found in [Some(self.interior.len()), self.sensitivities.as_ref().map(Vec::len)].into_iter().flatten() {
             if found != expected {
                 return Err(RveStateError::Nodes { found, expected });
             }
@@ -268,7 +272,9 @@ impl Rve {
         if let Some(node) = self.interior.iter().position(|x| x.iter().any(|x| !x.is_finite())) {
             return Err(RveStateError::NotFinite(node));
         }
-        if let Some(node) = self.rates.iter().flatten().position(|rates| rates.iter().any(|v| !v.is_finite())) {
+        if let Some(node) =
+            self.sensitivities.iter().flatten().position(|sensitivities| sensitivities.iter().any(|v| !v.is_finite()))
+        {
             return Err(RveStateError::NotFinite(node));
         }
         let determinant = self.gradient.determinant();
@@ -294,24 +300,24 @@ impl Rve {
     #[must_use]
     pub fn at_rest(network: &Network) -> Self {
         let interior = network.interior().iter().map(|&node| network.nodes()[node as usize]).collect();
-        Self { gradient: Matrix3::identity(), interior, rates: None, network: fingerprint(network) }
+        Self { gradient: Matrix3::identity(), interior, sensitivities: None, network: fingerprint(network) }
     }
 
-    /// Keeps the velocities that the tangent was computed from in this workspace.
-    pub(super) fn keep_rates<B: Backend>(&mut self, model: &RveModel<B>, workspace: &Workspace<B>) {
+    /// Keeps the sensitivities that the tangent was computed from in this workspace.
+    pub(super) fn keep_sensitivities<B: Backend>(&mut self, model: &RveModel<B>, workspace: &Workspace<B>) {
         let strains: [Matrix3<f64>; MODES] = std::array::from_fn(strain);
-        let rates = self.rates.get_or_insert_with(Vec::new);
-        rates.clear();
-        rates.extend(model.truss.network().interior().iter().zip(&self.interior).map(|(&node, x)| {
-            let mut rates = Rates::default();
-            let velocity = &workspace.velocities[node as usize];
+        let sensitivities = self.sensitivities.get_or_insert_with(Vec::new);
+        sensitivities.clear();
+        sensitivities.extend(model.truss.network().interior().iter().zip(&self.interior).map(|(&node, x)| {
+            let mut sensitivities = Sensitivities::default();
+            let velocity = &workspace.sensitivities[node as usize];
             for (mode, s) in strains.iter().enumerate() {
                 let affine = transform(s, x);
                 for i in 0..3 {
-                    rates[3 * mode + i] = (velocity[3 * mode + i] - affine[i]) as f32;
+                    sensitivities[3 * mode + i] = (velocity[3 * mode + i] - affine[i]) as f32;
                 }
             }
-            rates
+            sensitivities
         }));
     }
 
@@ -324,11 +330,11 @@ impl Rve {
         self.interior.len() == other.interior.len() && pairs.into_iter().all(|(a, b)| (a - b).abs() <= NEAR)
     }
 
-    /// Takes over the equilibrium of another state of the same network; the velocities kept are forgotten.
+    /// Takes over the equilibrium of another state of the same network; the sensitivities kept are forgotten.
     pub fn take_equilibrium(&mut self, other: &Self) {
         self.gradient = other.gradient;
         self.interior.clone_from(&other.interior);
-        self.rates = None;
+        self.sensitivities = None;
         self.network = other.network;
     }
 
@@ -336,18 +342,21 @@ impl Rve {
     #[must_use]
     pub fn heap_bytes(&self) -> usize {
         self.interior.capacity() * size_of::<[f64; 3]>()
-            + self.rates.as_ref().map_or(0, |rates| rates.capacity() * size_of::<Rates>())
+            + self
+                .sensitivities
+                .as_ref()
+                .map_or(0, |sensitivities| sensitivities.capacity() * size_of::<Sensitivities>())
     }
 
     /// Whether the next equilibrium has a prediction to start from.
     #[must_use]
-    pub fn has_rates(&self) -> bool {
-        self.rates.is_some()
+    pub fn has_sensitivities(&self) -> bool {
+        self.sensitivities.is_some()
     }
 
-    /// Forgets the velocities: the next equilibrium starts from an affine motion.
-    pub fn forget_rates(&mut self) {
-        self.rates = None;
+    /// Forgets the sensitivities: the next equilibrium starts from an affine motion.
+    pub fn forget_sensitivities(&mut self) {
+        self.sensitivities = None;
     }
 
     /// The deformation gradient of the last equilibrium.
@@ -373,10 +382,10 @@ impl Rve {
     }
 
     /// How the interior nodes follow a further strain, where
-    /// [`Solved::keep_rates`](super::equilibrium::Solved::keep_rates) has kept it.
+    /// [`Solved::keep_sensitivities`](super::equilibrium::Solved::keep_sensitivities) has kept it.
     #[must_use]
-    pub fn rates(&self) -> Option<&[Rates]> {
-        self.rates.as_deref()
+    pub fn sensitivities(&self) -> Option<&[Sensitivities]> {
+        self.sensitivities.as_deref()
     }
 }
 

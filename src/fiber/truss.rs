@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use super::law::{FiberLaw, FiberMaterial, FiberMaterialError, Law};
 use super::network::Network;
-use super::vector::{Kernel, vectorized};
+use super::simd::{Kernel, vectorized};
 use thiserror::Error;
 
 /// Fibers whose intermediate numbers stay in the first-level cache from one loop to the next.

@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use super::path::split;
-use super::rve::{Rates, Rve, RveModel, transform};
+use super::deformation_path::split;
+use super::rve::{Rve, RveModel, Sensitivities, transform};
 use super::truss::FiberStates;
 use crate::las::{Backend, NewtonSystem, Scalar, SolveError, Sparsity};
 use nalgebra::Matrix3;
@@ -33,8 +33,8 @@ pub struct Workspace<B: Backend> {
     pub(super) mode_loads: Vec<B::Vector>,
     pub(super) mode_solutions: Vec<B::Vector>,
     /// Velocity of all nodes in every mode, and the force rate it causes.
-    pub(super) velocities: Vec<[f64; 3 * MODES]>,
-    pub(super) rates: Vec<[f64; 3 * MODES]>,
+    pub(super) sensitivities: Vec<[f64; 3 * MODES]>,
+    pub(super) force_rates: Vec<[f64; 3 * MODES]>,
 }
 
 impl<B: Backend<Scalar = f64>> Workspace<B>
@@ -62,8 +62,8 @@ where
             factor_is_exact: false,
             mode_loads: vectors()?,
             mode_solutions: vectors()?,
-            velocities: vec![[0.0; 3 * MODES]; nodes],
-            rates: vec![[0.0; 3 * MODES]; nodes],
+            sensitivities: vec![[0.0; 3 * MODES]; nodes],
+            force_rates: vec![[0.0; 3 * MODES]; nodes],
         })
     }
 
@@ -75,8 +75,8 @@ where
     /// Moves the boundary to `target` and carries the interior of `rve` along: affinely, or by the prediction it has kept.
     pub(super) fn place(&mut self, model: &RveModel<B>, rve: &Rve, target: &Matrix3<f64>) {
         let Some(increment) = self.place_affinely(model, rve, target) else { return };
-        if let Some(rates) = &rve.rates {
-            self.predict(model, &increment, rates);
+        if let Some(sensitivities) = &rve.sensitivities {
+            self.predict(model, &increment, sensitivities);
         }
     }
 
@@ -112,9 +112,9 @@ where
         }
     }
 
-    /// Adds to an affine motion by `F = R U` what the rates tell to first order: `R sum_k (U - I)_k v_k`, with `v_k` the
+    /// Adds to an affine motion by `F = R U` what the sensitivities tell to first order: `R sum_k (U - I)_k v_k`, with `v_k` the
     /// part of the velocity that is not affine.
-    fn predict(&mut self, model: &RveModel<B>, increment: &Matrix3<f64>, rates: &[Rates]) {
+    fn predict(&mut self, model: &RveModel<B>, increment: &Matrix3<f64>, sensitivities: &[Sensitivities]) {
         let Some((stretch, rotation)) = split(*increment) else { return };
         let rotation = rotation.to_rotation_matrix();
         let e = [
@@ -125,9 +125,9 @@ where
             stretch[(0, 2)],
             stretch[(0, 1)],
         ];
-        for (&node, rates) in model.network().interior().iter().zip(rates) {
+        for (&node, sensitivities) in model.network().interior().iter().zip(sensitivities) {
             let mut correction = [0.0; 3];
-            for (e, v) in e.iter().zip(rates.chunks_exact(3)) {
+            for (e, v) in e.iter().zip(sensitivities.chunks_exact(3)) {
                 (0..3).for_each(|i| correction[i] += e * f64::from(v[i]));
             }
             let correction = transform(rotation.matrix(), &correction);

@@ -33,13 +33,13 @@ pub use backend::Backend;
 pub use comm::{Comm, CommError, Disagreement, Layout, Message, Payload, Receiving, Sending, Tag};
 pub use newton::{
     Curvature, Departure, NewtonError, NewtonFailure, NewtonParams, NewtonReport, NewtonSeconds, NewtonSystem,
-    NonlinearProblem, Potential, RegularizedParams, Yardstick,
+    NonlinearProblem, Potential, RegularizedParams, ResidualScale,
 };
 pub use ops::{MatrixOps, VectorOps};
 pub use products::{Entries, MatMat, MatVec};
 pub use scalar::{Index, Scalar, Value};
 pub use solve::{
-    Ending, FactorReport, Factorization, Iterative, Krylov, Method, Ordering, Preconditioner, SolveError, SolveReport,
-    Solver, SolverParams, Symmetry, Unusable,
+    FactorReport, Factorization, InvalidParameter, Iterative, Krylov, Method, Ordering, Preconditioner, SolveError,
+    SolveReport, Solver, SolverParams, StopReason, Symmetry,
 };
 pub use sparsity::{Sparsity, SparsityError};

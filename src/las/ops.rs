@@ -86,7 +86,7 @@ pub trait MatrixOps<B: Backend>: Sized {
 
     /// Whether this rank keeps one of these rows: of blocks without such rows every write is dropped, so that an assembly need
     /// not integrate them. Backends that know no ranks keep all.
-    fn keeps(&self, _rows: &[B::Index]) -> bool {
+    fn owns_any_row(&self, _rows: &[B::Index]) -> bool {
         true
     }
 

@@ -8,7 +8,7 @@ use thiserror::Error;
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct Sparsity {
     cols: usize,
-    row_start: Box<[u32]>,
+    row_offsets: Box<[u32]>,
     columns: Box<[u32]>,
 }
 
@@ -85,11 +85,11 @@ impl Sparsity {
     ///
     /// # Errors
     /// The first way in which the arrays break the invariant.
-    pub fn from_rows(cols: usize, row_start: Vec<u32>, columns: Vec<u32>) -> Result<Self, SparsityError> {
+    pub fn from_rows(cols: usize, row_offsets: Vec<u32>, columns: Vec<u32>) -> Result<Self, SparsityError> {
         check_size(cols)?;
         check_size(columns.len())?;
-        check_row_start(&row_start, columns.len())?;
-        for (row, ends) in row_start.windows(2).enumerate() {
+        check_row_start(&row_offsets, columns.len())?;
+        for (row, ends) in row_offsets.windows(2).enumerate() {
             let these = &columns[ends[0] as usize..ends[1] as usize];
             if let Some(&column) = these.iter().find(|&&c| c as usize >= cols) {
                 return Err(SparsityError::Column { row, column: column as usize, cols });
@@ -98,7 +98,7 @@ impl Sparsity {
                 return Err(SparsityError::Unsorted { row });
             }
         }
-        Ok(Self { cols, row_start: row_start.into(), columns: columns.into() })
+        Ok(Self { cols, row_offsets: row_offsets.into(), columns: columns.into() })
     }
 
     /// Every position of a rectangle; one that 32-bit indices can address.
@@ -109,8 +109,8 @@ impl Sparsity {
     pub fn full(rows: usize, cols: usize) -> Self {
         let fits = rows.checked_mul(cols).is_some_and(|entries| check_size(entries).is_ok());
         assert!(fits && check_size(rows).is_ok(), "{rows} by {cols} entries are more than 32-bit indices can address");
-        let row_start = (0..=rows).map(|row| (row * cols) as u32).collect();
-        Self { cols, row_start, columns: (0..rows).flat_map(|_| 0..cols as u32).collect() }
+        let row_offsets = (0..=rows).map(|row| (row * cols) as u32).collect();
+        Self { cols, row_offsets, columns: (0..rows).flat_map(|_| 0..cols as u32).collect() }
     }
 
     /// The pattern of a sum of two matrices of one shape.
@@ -146,14 +146,14 @@ impl Sparsity {
     /// The pattern of the transpose.
     #[must_use]
     pub fn transpose(&self) -> Self {
-        let mut row_start = vec![0_u32; self.cols + 1];
+        let mut row_offsets = vec![0_u32; self.cols + 1];
         for &column in &self.columns {
-            row_start[column as usize + 1] += 1;
+            row_offsets[column as usize + 1] += 1;
         }
         for k in 0..self.cols {
-            row_start[k + 1] += row_start[k];
+            row_offsets[k + 1] += row_offsets[k];
         }
-        let mut next = row_start.clone();
+        let mut next = row_offsets.clone();
         let mut columns = vec![0; self.entries()];
         for row in 0..self.rows() {
             for &column in self.row(row) {
@@ -162,13 +162,13 @@ impl Sparsity {
                 *at += 1;
             }
         }
-        Self { cols: self.rows(), row_start: row_start.into(), columns: columns.into() }
+        Self { cols: self.rows(), row_offsets: row_offsets.into(), columns: columns.into() }
     }
 
     /// From rows whose columns come in any order and repeatedly.
     fn by_rows(cols: usize, rows: usize, mut fill: impl FnMut(usize, &mut Vec<u32>)) -> Result<Self, SparsityError> {
-        let mut row_start = Vec::with_capacity(rows + 1);
-        row_start.push(0);
+        let mut row_offsets = Vec::with_capacity(rows + 1);
+        row_offsets.push(0);
         let (mut columns, mut one) = (Vec::new(), Vec::new());
         for row in 0..rows {
             one.clear();
@@ -177,16 +177,16 @@ impl Sparsity {
             one.dedup();
             columns.extend_from_slice(&one);
             check_size(columns.len())?;
-            row_start.push(columns.len() as u32);
+            row_offsets.push(columns.len() as u32);
         }
-        Ok(Self { cols, row_start: row_start.into(), columns: columns.into() })
+        Ok(Self { cols, row_offsets: row_offsets.into(), columns: columns.into() })
     }
 
     /// Number of rows.
     #[inline(always)]
     #[must_use]
     pub fn rows(&self) -> usize {
-        self.row_start.len() - 1
+        self.row_offsets.len() - 1
     }
 
     /// Number of columns.
@@ -206,8 +206,8 @@ impl Sparsity {
     /// Where each row starts among the entries; one more than there are rows.
     #[inline(always)]
     #[must_use]
-    pub fn row_start(&self) -> &[u32] {
-        &self.row_start
+    pub fn row_offsets(&self) -> &[u32] {
+        &self.row_offsets
     }
 
     /// The column of every entry, row after row.
@@ -224,15 +224,15 @@ impl Sparsity {
     #[inline(always)]
     #[must_use]
     pub fn row(&self, row: usize) -> &[u32] {
-        &self.columns[self.row_start[row] as usize..self.row_start[row + 1] as usize]
+        &self.columns[self.row_offsets[row] as usize..self.row_offsets[row + 1] as usize]
     }
 
     /// The position of `(row, column)` among the entries, or `None` where the pattern has none.
     #[inline(always)]
     #[must_use]
     pub fn find(&self, row: usize, column: usize) -> Option<usize> {
-        let start = *self.row_start.get(row)? as usize;
-        let end = *self.row_start.get(row + 1)? as usize;
+        let start = *self.row_offsets.get(row)? as usize;
+        let end = *self.row_offsets.get(row + 1)? as usize;
         self.columns[start..end].binary_search(&(column as u32)).ok().map(|k| start + k)
     }
 
@@ -275,17 +275,17 @@ fn check_size(count: usize) -> Result<(), SparsityError> {
     if count > i32::MAX as usize { Err(SparsityError::TooLarge(count)) } else { Ok(()) }
 }
 
-fn check_row_start(row_start: &[u32], entries: usize) -> Result<(), SparsityError> {
+fn check_row_start(row_offsets: &[u32], entries: usize) -> Result<(), SparsityError> {
     let wrong =
-        |row: usize| SparsityError::RowStart { row, found: row_start.get(row).map_or(0, |&s| s as usize), entries };
-    if row_start.first() != Some(&0) {
+        |row: usize| SparsityError::RowStart { row, found: row_offsets.get(row).map_or(0, |&s| s as usize), entries };
+    if row_offsets.first() != Some(&0) {
         return Err(wrong(0));
     }
-    if let Some(row) = row_start.windows(2).position(|pair| pair[0] > pair[1]) {
+    if let Some(row) = row_offsets.windows(2).position(|pair| pair[0] > pair[1]) {
         return Err(wrong(row + 1));
     }
-    if row_start[row_start.len() - 1] as usize != entries {
-        return Err(wrong(row_start.len() - 1));
+    if row_offsets[row_offsets.len() - 1] as usize != entries {
+        return Err(wrong(row_offsets.len() - 1));
     }
     Ok(())
 }
@@ -317,8 +317,8 @@ mod tests {
             (vec![0, 1], vec![5], SparsityError::Column { row: 0, column: 5, cols: 3 }),
             (vec![0, 2], vec![1, 1], SparsityError::Unsorted { row: 0 }),
         ];
-        for (row_start, columns, expected) in cases {
-            assert_eq!(Sparsity::from_rows(3, row_start, columns).unwrap_err(), expected);
+        for (row_offsets, columns, expected) in cases {
+            assert_eq!(Sparsity::from_rows(3, row_offsets, columns).unwrap_err(), expected);
         }
     }
 }

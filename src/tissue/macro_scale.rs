@@ -1,10 +1,10 @@
-//! The engineering scale of a tissue: a case in the terms of [`crate::fem`].
+//! The macro scale of a tissue: a case in the terms of [`crate::fem`].
 
 use thiserror::Error;
 
 use crate::fem::boundary::{
-    BodyForce, Boundary, BoundaryError, Conditions, CurveError, LoadCurve, Place, PointCondition, SurfaceCondition,
-    SurfaceLoad,
+    BodyForce, Boundary, BoundaryError, Conditions, CurveError, LoadCurve, PointCondition, PointLocation,
+    SurfaceCondition, SurfaceLoad,
 };
 use crate::fem::mesh::shapes::{self, ShapeError};
 use crate::fem::mesh::{Mesh, gmsh};
@@ -140,8 +140,8 @@ pub fn conditions(case: &Case) -> Result<Conditions, MacroScaleError> {
     let points = case.points.iter().map(|point| {
         Ok(PointCondition {
             place: match point.place {
-                PointPlace::At(position) => Place::Nearest(position.map(|x| x * case.mesh_scale)),
-                PointPlace::Node(node) => Place::Node(node),
+                PointPlace::At(position) => PointLocation::Nearest(position.map(|x| x * case.mesh_scale)),
+                PointPlace::Node(node) => PointLocation::Node(node),
             },
             displacement: point.displacement,
             curve: curve(&point.curve, point.line)?,

@@ -1,4 +1,4 @@
-//! The soft-tissue application: the engineering scale and the fiber RVEs put together.
+//! The soft-tissue application: the macro scale and the fiber RVEs put together.
 //!
 //! ```text
 //! case file ─► case::Case ─► macro_scale (mesh, loads) ──┐
@@ -13,13 +13,13 @@ pub mod checkpoint;
 pub mod macro_scale;
 mod magnitudes;
 pub mod micro_scale;
-mod record;
+mod recorder;
+pub mod replay;
 pub mod report;
 pub mod results;
 pub mod run;
-pub mod rve_dump;
 mod rve_files;
 mod stress;
 pub mod two_scale;
 
-pub use record::Progress;
+pub use recorder::Progress;

@@ -355,14 +355,14 @@ fn command(dir: &Path, text: &str, arguments: &[&str]) -> (Option<i32>, String) 
 fn the_program_goes_on_where_it_stopped() {
     let root = tempfile::tempdir().unwrap();
     // Pressed through itself in the third step.
-    let hopeless = CASE.replace("x = 0.4 }", "x = 0.4 }\ncurve = [[0.0, 0.0], [0.5, 0.1], [0.75, -9.0]]");
-    let (code, said) = command(root.path(), &hopeless, &["--resume"]);
+    let unrecoverable = CASE.replace("x = 0.4 }", "x = 0.4 }\ncurve = [[0.0, 0.0], [0.5, 0.1], [0.75, -9.0]]");
+    let (code, said) = command(root.path(), &unrecoverable, &["--resume"]);
     assert_eq!(code, Some(3), "{said}");
     assert!(said.contains("warning: ") && said.contains("no checkpoint: starting from the beginning"), "{said}");
     let loads = fs::read(root.path().join("results/loads.csv")).unwrap();
 
     // The same end again, without the steps that converged.
-    let (code, said) = command(root.path(), &hopeless, &["--resume"]);
+    let (code, said) = command(root.path(), &unrecoverable, &["--resume"]);
     assert_eq!(code, Some(3), "{said}");
     assert!(said.contains("going on after step 2 of 4") && !said.contains("step 2/4 t"), "{said}");
     assert_eq!(fs::read(root.path().join("results/loads.csv")).unwrap(), loads);

@@ -93,7 +93,7 @@ fn backends_agree_on_a_box_of_networks() {
     assert_loads_agree(&sparse.loads, &dense.loads, 1e-10);
 }
 
-/// Both scales by Krylov methods: the engineering scale with the diagonal, the RVEs with an incomplete factorization.
+/// Both scales by Krylov methods: the macro scale with the diagonal, the RVEs with an incomplete factorization.
 #[test]
 fn iterative_solvers_agree_with_direct_ones() {
     let direct = run::<Sparse>(&box_of_networks(), |_| ());

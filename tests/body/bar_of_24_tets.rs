@@ -5,7 +5,9 @@ use std::sync::Arc;
 
 use crate::bar_of_24::{NODES, RECORDED, mesh};
 use biotissue::fem::assembly::{self, Assembler, Unknowns};
-use biotissue::fem::boundary::{Boundary, Conditions, LoadCurve, Place, PointCondition, SurfaceCondition, SurfaceLoad};
+use biotissue::fem::boundary::{
+    Boundary, Conditions, LoadCurve, PointCondition, PointLocation, SurfaceCondition, SurfaceLoad,
+};
 use biotissue::fem::material::NeoHookean;
 use biotissue::fem::point_field::{FormulaField, PointField, PointResponses};
 use biotissue::fem::stepping::{ConvergedStep, StepObserver, StepParams, StepStart, Stepper};
@@ -32,7 +34,8 @@ fn conditions() -> Conditions {
         load: SurfaceLoad::Displacement([Some(x), None, None]),
         curve: LoadCurve::Ramp,
     };
-    let point = |node, displacement| PointCondition { place: Place::Node(node), displacement, curve: LoadCurve::Ramp };
+    let point =
+        |node, displacement| PointCondition { place: PointLocation::Node(node), displacement, curve: LoadCurve::Ramp };
     Conditions {
         surfaces: vec![surface("left", 0.0), surface("right", 0.5)],
         points: vec![point(6, [Some(0.0); 3]), point(5, [None, None, Some(0.0)])],

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use biotissue::backends::sparse::Sparse;
 use biotissue::fem::boundary::{
-    BodyForce, Conditions, LoadCurve, Place, PointCondition, SurfaceCondition, SurfaceLoad,
+    BodyForce, Conditions, LoadCurve, PointCondition, PointLocation, SurfaceCondition, SurfaceLoad,
 };
 use biotissue::fem::element::Tetrahedron;
 use biotissue::fem::material::{LinearElastic, NeoHookean};
@@ -42,7 +42,7 @@ fn the_patch_test_is_exact() {
         mesh.nodes().iter().map(|&x| ((f - Matrix3::identity()) * Vector3::from(x)).into()).collect();
     let on_boundary = |x: &[f64; 3]| x.iter().any(|&c| c == 0.0 || c == 1.0);
     let held = (0..exact.len()).filter(|&a| on_boundary(&mesh.nodes()[a])).map(|a| PointCondition {
-        place: Place::Node(a),
+        place: PointLocation::Node(a),
         displacement: exact[a].map(Some),
         curve: LoadCurve::Ramp,
     });

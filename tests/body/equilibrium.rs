@@ -3,7 +3,7 @@ use std::sync::Arc;
 
 use biotissue::backends::sparse::Sparse;
 use biotissue::fem::boundary::{
-    BodyForce, Conditions, LoadCurve, Place, PointCondition, SurfaceCondition, SurfaceLoad,
+    BodyForce, Conditions, LoadCurve, PointCondition, PointLocation, SurfaceCondition, SurfaceLoad,
 };
 use biotissue::fem::material::{LinearElastic, Material, NeoHookean};
 use biotissue::fem::mesh::{Mesh, shapes};
@@ -56,7 +56,7 @@ fn forces_over_held_surfaces_with_shared_edges_sum_to_zero() {
             held("y1", [None, None, Some(0.05)]),
         ],
         points: vec![PointCondition {
-            place: Place::Nearest([0.5, 0.3, 0.5]),
+            place: PointLocation::Nearest([0.5, 0.3, 0.5]),
             displacement: [Some(0.1), None, None],
             curve: LoadCurve::Ramp,
         }],

@@ -215,14 +215,14 @@ fn pattern<'a>(
     for (row, column) in blocks.flat_map(Block::pairs).filter(|&(row, column)| row >= 0 && column >= 0) {
         units[row as usize / unit].push(column as usize / unit);
     }
-    let (mut row_start, mut columns) = (vec![0], Vec::new());
+    let (mut row_offsets, mut columns) = (vec![0], Vec::new());
     for mut list in units {
         list.sort_unstable();
         list.dedup();
         for _ in 0..unit {
             columns.extend(list.iter().flat_map(|&of| unit * of..unit * (of + 1)).map(|column| column as u32));
-            row_start.push(columns.len() as u32);
+            row_offsets.push(columns.len() as u32);
         }
     }
-    Arc::new(Sparsity::from_rows(cols, row_start, columns).unwrap())
+    Arc::new(Sparsity::from_rows(cols, row_offsets, columns).unwrap())
 }

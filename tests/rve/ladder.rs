@@ -4,11 +4,11 @@ use std::sync::Arc;
 
 use crate::support::Bench;
 use biotissue::backends::sparse::Sparse;
+use biotissue::fiber::deformation_path::between;
 use biotissue::fiber::equilibrium::{EquilibriumReport, RveError, Stage, Stages};
 use biotissue::fiber::law::FiberMaterial;
 use biotissue::fiber::network::Network;
 use biotissue::fiber::network::generate::voronoi;
-use biotissue::fiber::path::between;
 use biotissue::fiber::rve::Rve;
 use nalgebra::{Matrix3, Vector3};
 
@@ -151,7 +151,7 @@ fn a_floppy_network_that_is_pressed_has_tangents_all_the_way() {
         let tangent = bench.tangent(&rve);
         let asymmetry = (tangent - tangent.transpose()).amax() / tangent.amax();
         assert!(asymmetry < 1e-9, "step {step}: {asymmetry:.1e}");
-        bench.keep_rates(&mut rve);
+        bench.keep_sensitivities(&mut rve);
     }
 }
 

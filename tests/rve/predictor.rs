@@ -12,7 +12,7 @@ fn first_residual(h: f64, predict: bool) -> (f64, usize) {
     bench.solve(&mut rve, &here).unwrap();
     bench.tangent(&rve);
     if predict {
-        bench.keep_rates(&mut rve);
+        bench.keep_sensitivities(&mut rve);
     }
     // All six strains and a rotation that is not small: it costs the prediction nothing.
     let strain = Matrix3::new(0.5, -0.3, 0.2, -0.3, 0.1, 0.4, 0.2, 0.4, -0.6);
@@ -20,7 +20,7 @@ fn first_residual(h: f64, predict: bool) -> (f64, usize) {
     let target = rotation * (Matrix3::identity() + strain * h) * here;
     let report = bench.solve(&mut rve, &target).unwrap();
     assert_eq!(report.predicted, usize::from(predict));
-    assert!(!rve.has_rates(), "what was kept belongs to the state before");
+    assert!(!rve.has_sensitivities(), "what was kept belongs to the state before");
     (report.newton.relative[0], report.iterations)
 }
 

@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use crate::support::Bench;
 use biotissue::backends::sparse::Sparse;
+use biotissue::fiber::dynamic_relaxation::{Masses, RelaxationError};
 use biotissue::fiber::equilibrium::{RveError, Stage, StageError, Stages};
 use biotissue::fiber::network::Network;
-use biotissue::fiber::relax::{Masses, RelaxationError};
 use nalgebra::Matrix3;
 
 fn relaxing(network: &Arc<Network>, masses: Masses) -> Bench<Sparse> {

@@ -116,8 +116,8 @@ where
     }
 
     /// Lets an RVE in equilibrium keep how its nodes follow a further strain.
-    pub fn keep_rates(&mut self, rve: &mut Rve) {
-        self.again(rve).keep_rates().unwrap();
+    pub fn keep_sensitivities(&mut self, rve: &mut Rve) {
+        self.again(rve).keep_sensitivities().unwrap();
     }
 
     /// An RVE that is in equilibrium already.

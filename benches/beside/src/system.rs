@@ -49,7 +49,7 @@ impl System {
         let (mut lower_start, mut lower_rows, mut lower_values) = (vec![0], Vec::new(), Vec::new());
         // The upper triangle by rows is the lower one by columns.
         for row in 0..pattern.rows() {
-            let first = pattern.row_start()[row] as usize;
+            let first = pattern.row_offsets()[row] as usize;
             for (k, &column) in (first..).zip(pattern.row(row)).filter(|&(_, &column)| column as usize >= row) {
                 lower_rows.push(column);
                 lower_values.push(stiffness.values()[k]);
@@ -75,7 +75,7 @@ impl System {
     /// The largest entry of `K x - b`, over that of `b`.
     pub fn residual(&self, b: &[f64], x: &[f64]) -> f64 {
         let row = |row: usize| -> f64 {
-            let first = self.pattern.row_start()[row] as usize;
+            let first = self.pattern.row_offsets()[row] as usize;
             let entries = (first..).zip(self.pattern.row(row));
             entries.map(|(k, &column)| self.stiffness.values()[k] * x[column as usize]).sum()
         };

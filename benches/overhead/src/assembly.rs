@@ -228,8 +228,8 @@ mod in_memory {
     }
 
     fn csr<T: Copy + Default>(cube: &Cube) -> Csr<T> {
-        let (row_start, columns) = (cube.pattern.row_start().into(), cube.pattern.columns().into());
-        let pattern = Arc::new(Pattern { cols: cube.pattern.cols(), row_start, columns });
+        let (row_offsets, columns) = (cube.pattern.row_offsets().into(), cube.pattern.columns().into());
+        let pattern = Arc::new(Pattern { cols: cube.pattern.cols(), row_offsets, columns });
         Csr { pattern, values: vec![T::default(); cube.pattern.entries() + 1] }
     }
 

@@ -78,7 +78,7 @@ impl Faer {
         let n = pattern.rows();
         let (mut starts, mut rows, mut values) = (vec![0], Vec::new(), Vec::new());
         for column in 0..n {
-            let first = pattern.row_start()[column] as usize;
+            let first = pattern.row_offsets()[column] as usize;
             for (k, &row) in pattern.row(column).iter().enumerate().filter(|&(_, &row)| row as usize >= column) {
                 rows.push(row);
                 values.push(matrix.values()[first + k]);

@@ -2,7 +2,7 @@
 //! its cell is on the rank that the unit goes to. In every step temperatures go to the cells and heat comes back.
 
 use biotissue::backends::comm::thread::{self, Failed, ThreadComm};
-use biotissue::coupling::{Carrier, Coupling, Even, Plan, Scales, Share};
+use biotissue::coupling::{Channel, Coupling, Even, Plan, Scales, Share};
 use biotissue::las::Message;
 
 use crate::cloud::Cloud;
@@ -29,29 +29,29 @@ pub fn run(rod: &Rod, steps: usize, ranks: usize) -> Result<Vec<Vec<f64>>, Faile
 /// Runs the rod with the cells as its source.
 fn rod_main(scales: &Scales<ThreadComm>, rod: Rod, steps: usize) -> Outcome {
     let there = Coupling::new(scales, "rod", "cells", &rod.nodes(), &[], &Even)?;
-    let (back, mut carrier) = (there.inverse(), Carrier::<f64>::new(&there)?);
+    let (back, mut channel) = (there.inverse(), Channel::<f64>::new(&there)?);
     let dt = Message::of(&[rod.dt]);
     let rod = heat::run(rod, steps, |temperatures| -> Outcome {
-        scales.tell(1, dt.clone())?;
-        carrier.send(&there, temperatures)?;
+        scales.broadcast(1, dt.clone())?;
+        channel.send(&there, temperatures)?;
         let mut released = vec![0.0; temperatures.len()];
-        carrier.receive(&back, &mut released)?;
+        channel.receive(&back, &mut released)?;
         Ok(released)
     })?;
     // No time step: the end.
-    scales.tell(1, Message::new())?;
+    scales.broadcast(1, Message::new())?;
     Ok(rod.inner)
 }
 
 /// Runs this rank's cells for as long as time steps come.
 fn cells_main(scales: &Scales<ThreadComm>) -> Outcome {
     let there = Coupling::new(scales, "rod", "cells", &[], &[], &Even)?;
-    let (back, mut carrier) = (there.inverse(), Carrier::<f64>::new(&there)?);
+    let (back, mut channel) = (there.inverse(), Channel::<f64>::new(&there)?);
     let mut cloud = Cloud::of(there.units());
     let mut temperatures = vec![0.0; there.units().len()];
-    while let Some(&[dt]) = scales.hear(0)?.values::<f64>() {
-        carrier.receive(&there, &mut temperatures)?;
-        carrier.send(&back, &cloud.step(&temperatures, dt))?;
+    while let Some(&[dt]) = scales.receive(0)?.values::<f64>() {
+        channel.receive(&there, &mut temperatures)?;
+        channel.send(&back, &cloud.step(&temperatures, dt))?;
     }
     Ok(cloud.left())
 }

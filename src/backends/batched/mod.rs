@@ -33,7 +33,7 @@ use std::sync::Arc;
 pub use lanes::Lanes;
 pub use solve::{Solver, Symbolic};
 
-use crate::backends::rows;
+use crate::backends::csr;
 use crate::las::{Backend, Scalar, SolveError, SolverParams, Sparsity, Value};
 
 /// A vector of `N` lanes.

@@ -3,8 +3,8 @@
 use num_traits::Zero;
 
 use super::{Batched, Lanes};
+use crate::backends::csr::hot_verbs;
 use crate::backends::local;
-use crate::backends::rows::hot_verbs;
 use crate::las::Scalar;
 
 hot_verbs!([T: Scalar, const N: usize] Batched<T, N>, Lanes<T, N>, Lanes<T, N>, norm: norm, dot: dot);

@@ -1,7 +1,7 @@
 //! Products, sums, diagonals, and all entries.
 
 use super::{Batched, Lanes};
-use crate::backends::rows::amortized;
+use crate::backends::csr::amortized;
 use crate::las::{Scalar, SolveError};
 
 amortized!([T: Scalar, const N: usize] Batched<T, N>, Lanes<T, N>, invert: invert);

@@ -1,4 +1,4 @@
-//! The vector: one contiguous array. A type of this backend's own, although `rows` has its like: a verb called on a vector
+//! The vector: one contiguous array. A type of this backend's own, although `csr` has its like: a verb called on a vector
 //! finds its backend by the type.
 
 /// A vector in one contiguous array.

@@ -94,27 +94,27 @@ unsafe extern "C" {
     pub fn MatSetOption(mat: Mat, option: c_int, on: Bool) -> Code;
     pub fn MatSeqAIJSetPreallocationCSR(
         mat: Mat,
-        row_start: *const c_int,
+        row_offsets: *const c_int,
         columns: *const c_int,
         values: *const f64,
     ) -> Code;
     pub fn MatMPIAIJSetPreallocationCSR(
         mat: Mat,
-        row_start: *const c_int,
+        row_offsets: *const c_int,
         columns: *const c_int,
         values: *const f64,
     ) -> Code;
     pub fn MatSeqBAIJSetPreallocationCSR(
         mat: Mat,
         size: c_int,
-        row_start: *const c_int,
+        row_offsets: *const c_int,
         columns: *const c_int,
         values: *const f64,
     ) -> Code;
     pub fn MatMPIBAIJSetPreallocationCSR(
         mat: Mat,
         size: c_int,
-        row_start: *const c_int,
+        row_offsets: *const c_int,
         columns: *const c_int,
         values: *const f64,
     ) -> Code;

@@ -4,7 +4,7 @@ use super::error::PetscError;
 use super::ksp::Ksp;
 use super::session::call;
 use super::{Matrix, Petsc, Vector, ffi};
-use crate::las::{Backend, Ending, Iterative, Krylov, MatVec, Preconditioner, SolveError, SolveReport, VectorOps};
+use crate::las::{Backend, Iterative, Krylov, MatVec, Preconditioner, SolveError, SolveReport, StopReason, VectorOps};
 
 /// A Krylov method with its preconditioner, on one matrix.
 #[derive(Debug)]
@@ -72,7 +72,7 @@ impl ByIterations {
             return Ok(SolveReport::DIRECT);
         }
         if !size.is_finite() {
-            return Err(SolveError::SideNotFinite);
+            return Err(SolveError::RhsNotFinite);
         }
         let mut report = SolveReport { iterations: 0, residual: 1.0 };
         let mut reason = 0;
@@ -102,13 +102,13 @@ impl ByIterations {
             Krylov::Gmres { .. } => "GMRES",
         };
         let SolveReport { iterations, residual } = report;
-        let ending = match reason {
-            ITERATIONS => Ending::RanOut,
+        let stop_reason = match reason {
+            ITERATIONS => StopReason::MaxIterations,
             // It says that it has converged, round after round.
-            1.. => Ending::Stagnated,
-            _ => Ending::BrokeDown,
+            1.. => StopReason::Stagnated,
+            _ => StopReason::Breakdown,
         };
-        SolveError::NotConverged { method, iterations, residual, tolerance: self.method.tolerance, ending }
+        SolveError::NotConverged { method, iterations, residual, tolerance: self.method.tolerance, stop_reason }
     }
 }
 

@@ -119,7 +119,7 @@ impl Layout {
 
     /// Entries of this rank.
     pub(super) fn entries(&self) -> usize {
-        let starts = self.pattern.row_start();
+        let starts = self.pattern.row_offsets();
         (starts[self.rows.end] - starts[self.rows.start]) as usize
     }
 
@@ -132,7 +132,7 @@ impl Layout {
         if own >= self.rows.len() {
             return None;
         }
-        let starts = self.pattern.row_start();
+        let starts = self.pattern.row_offsets();
         let (begin, end) = (starts[row] as usize, starts[row + 1] as usize);
         let columns = &self.pattern.columns()[begin..end];
         let first = starts[self.rows.start] as usize;
@@ -158,7 +158,7 @@ impl Layout {
         if self.block > 1 {
             return self.compressed_blocks();
         }
-        let starts = &self.pattern.row_start()[self.rows.start..=self.rows.end];
+        let starts = &self.pattern.row_offsets()[self.rows.start..=self.rows.end];
         let (first, last) = (starts[0], starts[starts.len() - 1]);
         let columns = &self.pattern.columns()[first as usize..last as usize];
         (starts.iter().map(|&start| (start - first) as i32).collect(), columns.iter().map(|&c| c as i32).collect())

@@ -182,7 +182,7 @@ impl Matrix {
             }
         }
         let mut whole = vec![0.0; layout.pattern.entries()];
-        let start = |row: usize| layout.pattern.row_start()[row] as usize;
+        let start = |row: usize| layout.pattern.row_offsets()[row] as usize;
         self.context.gather(&own, layout.pattern.rows(), start, &mut whole);
         whole
     }

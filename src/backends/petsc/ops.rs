@@ -242,7 +242,7 @@ impl MatrixOps<Petsc> for Matrix {
     }
 
     #[inline(always)]
-    fn keeps(&self, rows: &[i32]) -> bool {
+    fn owns_any_row(&self, rows: &[i32]) -> bool {
         rows.iter().any(|&row| self.layout.row(row).is_some())
     }
 

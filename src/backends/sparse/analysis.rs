@@ -8,7 +8,7 @@ use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::sparse::linalg::cholesky::{simplicial, supernodal};
 use faer::sparse::{FaerError, SymbolicSparseColMat, SymbolicSparseColMatRef};
 
-use super::block::{BlockAnalysis, Width};
+use super::block::{SymbolicBlockCholesky, Width};
 use super::lu::LuAnalysis;
 use super::order::{self, Graph};
 use crate::las::{Method, SolveError, SolverParams, Sparsity, Symmetry};
@@ -36,7 +36,7 @@ pub struct Symbolic {
     order: Vec<u32>,
     operations: Option<f64>,
     /// For definite matrices of blocks that are not too large.
-    pub(super) blocks: Option<BlockAnalysis>,
+    pub(super) blocks: Option<SymbolicBlockCholesky>,
     /// Made in advance for symmetric matrices without the former, and on the first need for the others.
     cholesky: OnceLock<CholeskyAnalysis>,
     /// Made in advance for unsymmetric matrices, and on the first need for others.
@@ -85,7 +85,7 @@ impl Symbolic {
             && padded < supernodes_from(Width::of_machine())
             && padded <= MOST_PADDING * operations;
         if by_blocks {
-            self.blocks = Some(BlockAnalysis::new(pattern, &graph, &tree));
+            self.blocks = Some(SymbolicBlockCholesky::new(pattern, &graph, &tree));
         } else {
             self.cholesky()?;
         }
@@ -103,7 +103,7 @@ impl Symbolic {
     #[must_use]
     pub fn factor_entries(&self) -> Option<usize> {
         let of_cholesky = || self.cholesky.get().map(|analysis| analysis.supernodes.len_val());
-        self.blocks.as_ref().map(BlockAnalysis::entries).or_else(of_cholesky)
+        self.blocks.as_ref().map(SymbolicBlockCholesky::entries).or_else(of_cholesky)
     }
 
     /// The unknown that Cholesky eliminates at each position; empty where the matrices are stated to be unsymmetric.
@@ -183,23 +183,23 @@ fn permuted_lower_triangle(pattern: &Sparsity, position: &[u32]) -> (SymbolicSpa
     let n = pattern.rows();
     let mut entries = Vec::with_capacity(pattern.entries().div_ceil(2) + n);
     for row in 0..n {
-        let start = pattern.row_start()[row];
+        let start = pattern.row_offsets()[row];
         for (k, &column) in (start..).zip(pattern.row(row)).filter(|&(_, &column)| column as usize >= row) {
             let (i, j) = (position[row], position[column as usize]);
             entries.push((i.min(j), i.max(j), k));
         }
     }
     entries.sort_unstable();
-    let mut column_start = vec![0_u32; n + 1];
+    let mut col_offsets = vec![0_u32; n + 1];
     for &(column, ..) in &entries {
-        column_start[column as usize + 1] += 1;
+        col_offsets[column as usize + 1] += 1;
     }
     for column in 0..n {
-        column_start[column + 1] += column_start[column];
+        col_offsets[column + 1] += col_offsets[column];
     }
     let rows = entries.iter().map(|&(_, row, _)| row).collect();
     let source = entries.iter().map(|&(.., k)| k).collect();
-    (SymbolicSparseColMat::new_checked(n, n, column_start, None, rows), source)
+    (SymbolicSparseColMat::new_checked(n, n, col_offsets, None, rows), source)
 }
 
 /// The supernodes of the factor. Always supernodes: on the networks that this crate is made for, which are small, the

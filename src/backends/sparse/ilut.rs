@@ -107,7 +107,7 @@ impl<T: Scalar> Ilut<T> {
 
     /// Spreads row `i` out; gives its mean absolute value.
     fn load(&mut self, a: &Matrix<T>, i: usize) -> T {
-        let range = a.pattern().row_start()[i] as usize..a.pattern().row_start()[i + 1] as usize;
+        let range = a.pattern().row_offsets()[i] as usize..a.pattern().row_offsets()[i + 1] as usize;
         let (columns, values) = (&a.pattern().columns()[range.clone()], &a.values()[range]);
         self.present[i] = true;
         for (&column, &value) in columns.iter().zip(values) {

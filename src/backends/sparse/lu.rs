@@ -34,20 +34,20 @@ impl LuAnalysis {
         let n = pattern.rows();
         let mut entries = Vec::with_capacity(pattern.entries());
         for row in 0..n {
-            let start = pattern.row_start()[row];
+            let start = pattern.row_offsets()[row];
             entries.extend((start..).zip(pattern.row(row)).map(|(k, &column)| (column, row as u32, k)));
         }
         entries.sort_unstable();
-        let mut column_start = vec![0_u32; n + 1];
+        let mut col_offsets = vec![0_u32; n + 1];
         for &(column, ..) in &entries {
-            column_start[column as usize + 1] += 1;
+            col_offsets[column as usize + 1] += 1;
         }
         for column in 0..n {
-            column_start[column + 1] += column_start[column];
+            col_offsets[column + 1] += col_offsets[column];
         }
         let rows = entries.iter().map(|&(_, row, _)| row).collect();
         let source = entries.iter().map(|&(.., k)| k).collect();
-        let columns = SymbolicSparseColMat::new_checked(n, n, column_start, None, rows);
+        let columns = SymbolicSparseColMat::new_checked(n, n, col_offsets, None, rows);
         let analyze = |threshold| {
             let params = LuSymbolicParams { supernodal_flop_ratio_threshold: threshold, ..LuSymbolicParams::default() };
             factorize_symbolic_lu(columns.as_ref(), params)

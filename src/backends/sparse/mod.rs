@@ -46,7 +46,7 @@ pub use analysis::Symbolic;
 use block::BlockScalar;
 pub use solve::Solver;
 
-pub use crate::backends::rows::{Matrix, Vector};
+pub use crate::backends::csr::{Matrix, Vector};
 use crate::las::{Backend, SolveError, SolverParams, Sparsity};
 
 /// The backend of compressed rows; `T` is `f64` or `f32`.

@@ -2,7 +2,7 @@
 
 use super::Sparse;
 use super::block::BlockScalar;
+use crate::backends::csr::amortized;
 use crate::backends::local;
-use crate::backends::rows::amortized;
 
 amortized!([T: BlockScalar] Sparse<T>, T, invert: local::invert);

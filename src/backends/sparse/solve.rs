@@ -110,7 +110,7 @@ impl<T: BlockScalar> Solver<T> {
             return Ok(());
         }
         let bad = a.values().iter().position(|value| !value.is_finite()).unwrap_or(0);
-        Err(SolveError::NotFinite { row: expected.row_start()[1..].partition_point(|&end| end as usize <= bad) })
+        Err(SolveError::NotFinite { row: expected.row_offsets()[1..].partition_point(|&end| end as usize <= bad) })
     }
 
     fn factor_checked(&mut self, a: &Matrix<T>) -> Result<FactorReport, SolveError<Infallible>> {
@@ -376,8 +376,8 @@ mod tests {
     use crate::las::{Backend, MatrixOps, Solver as _, SolverParams, Sparsity};
 
     fn pattern(rows: &[&[u32]]) -> Arc<Sparsity> {
-        let row_start = (0..=rows.len()).map(|end| rows[..end].iter().map(|row| row.len() as u32).sum()).collect();
-        Arc::new(Sparsity::from_rows(rows.len(), row_start, rows.concat()).unwrap())
+        let row_offsets = (0..=rows.len()).map(|end| rows[..end].iter().map(|row| row.len() as u32).sum()).collect();
+        Arc::new(Sparsity::from_rows(rows.len(), row_offsets, rows.concat()).unwrap())
     }
 
     #[test]

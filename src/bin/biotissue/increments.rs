@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
+use biotissue::fiber::deformation_path::between;
 use biotissue::fiber::equilibrium::{EquilibriumParams, EquilibriumReport, RveError, equilibrate};
-use biotissue::fiber::path::between;
 use biotissue::fiber::rve::{Rve, RveModel, RveModelError};
 use biotissue::fiber::workspace::Workspace;
 use biotissue::las::{Backend, Scalar};
@@ -109,7 +109,7 @@ impl Increments<'_> {
             sum = sum.then(solved.report().clone());
             if step < self.steps {
                 // Without a tangent the next increment starts from an affine motion.
-                let _ = solved.keep_rates();
+                let _ = solved.keep_sensitivities();
             }
         }
         Ok(sum)

@@ -62,7 +62,7 @@ impl<B: Backend<Scalar = f64>> Assembler<B> {
         };
         let elements = (0_u32..).zip(mesh.elements());
         let kept: Vec<u32> =
-            elements.filter(|(_, nodes)| matrix.keeps(&rows_of(nodes))).map(|(element, _)| element).collect();
+            elements.filter(|(_, nodes)| matrix.owns_any_row(&rows_of(nodes))).map(|(element, _)| element).collect();
         let mut slots = Vec::with_capacity(kept.len() * UNKNOWNS * UNKNOWNS);
         for &element in &kept {
             let of_element = rows_of(&mesh.elements()[element as usize]);

@@ -37,7 +37,7 @@ pub enum SurfaceLoad {
 #[derive(Clone, Debug, PartialEq)]
 pub struct PointCondition {
     /// Which node.
-    pub place: Place,
+    pub place: PointLocation,
     /// Displacement by component, m; `None` is free.
     pub displacement: [Option<f64>; 3],
     /// Its course.
@@ -46,7 +46,7 @@ pub struct PointCondition {
 
 /// Which node.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Place {
+pub enum PointLocation {
     /// The one nearest to a position in meters; of several, the first.
     Nearest([f64; 3]),
     /// The one of this index, from 0.

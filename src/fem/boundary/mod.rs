@@ -12,7 +12,7 @@ mod error;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-pub use conditions::{BodyForce, Conditions, Place, PointCondition, SurfaceCondition, SurfaceLoad};
+pub use conditions::{BodyForce, Conditions, PointCondition, PointLocation, SurfaceCondition, SurfaceLoad};
 pub use curve::{CurveError, LoadCurve, LoadTable};
 pub use error::BoundaryError;
 
@@ -252,11 +252,11 @@ fn find_surface<'m>(mesh: &'m Mesh, name: &str) -> Result<(usize, &'m Surface), 
     })
 }
 
-fn find_node(mesh: &Mesh, number: usize, place: Place) -> Result<u32, BoundaryError> {
+fn find_node(mesh: &Mesh, number: usize, place: PointLocation) -> Result<u32, BoundaryError> {
     let nodes = mesh.nodes().len();
     let node = match place {
-        Place::Node(node) => node,
-        Place::Nearest(position) => {
+        PointLocation::Node(node) => node,
+        PointLocation::Nearest(position) => {
             check_finite(mesh, Source::Point(number), &position)?;
             mesh.nearest_node(position).0
         }

@@ -83,7 +83,7 @@ fn loads_add_up_to_area_and_volume() {
 fn points_are_found_and_follow_their_curve() {
     let point = |place| PointCondition { place, displacement: [None, Some(2.0), None], curve: LoadCurve::Ramp };
     let conditions = Conditions {
-        points: vec![point(Place::Nearest([2.2, 0.9, 1.3])), point(Place::Node(1))],
+        points: vec![point(PointLocation::Nearest([2.2, 0.9, 1.3])), point(PointLocation::Node(1))],
         ..Conditions::default()
     };
     let mesh = box_2x1x1();
@@ -104,7 +104,7 @@ fn what_the_mesh_has_not_is_named() {
     let force = BodyForce { region: "grip".into(), value: [0.0; 3], curve: LoadCurve::Ramp };
     let region = refused(Conditions { body_forces: vec![force], ..Conditions::default() });
     assert_eq!(region.to_string(), "the mesh has no region `grip`; it has body, and `*` is all of it");
-    let point = PointCondition { place: Place::Node(12), displacement: [None; 3], curve: LoadCurve::Ramp };
+    let point = PointCondition { place: PointLocation::Node(12), displacement: [None; 3], curve: LoadCurve::Ramp };
     let node = refused(Conditions { points: vec![point], ..Conditions::default() });
     assert_eq!(node, BoundaryError::UnknownNode { node: 12, nodes: 12 });
     let unreal = refused(on_surfaces(vec![held_at("x0", [None, Some(f64::NAN), None])]));

@@ -38,7 +38,7 @@ pub struct Stepper<B: Backend, P> {
     system: NewtonSystem<B>,
     params: StepParams,
     /// Full steps that have converged.
-    done: usize,
+    completed_steps: usize,
     /// Halvings of the increment that the next attempt starts with.
     halvings: u32,
     /// Whether the accepted state is still the undeformed one.
@@ -64,7 +64,7 @@ struct Failed<E, F> {
     reason: StepFailure<E, F>,
     newton: NewtonReport,
     /// Shorter steps will not help.
-    hopeless: bool,
+    unrecoverable: bool,
 }
 
 impl<B, P> Stepper<B, P>
@@ -116,7 +116,7 @@ where
         let assembler = Assembler::new(geometry, &mesh, &unknowns, &system.matrix)
             .map_err(|fault| SetupError::System(SolveError::Fault(fault)))?;
         let body = Equilibrium::new(mesh, boundary, assembler, field).map_err(SetupError::Undeformed)?;
-        Ok(Self { body, system, params, done: 0, halvings: 0, undeformed: true })
+        Ok(Self { body, system, params, completed_steps: 0, halvings: 0, undeformed: true })
     }
 
     /// The last converged state.
@@ -145,8 +145,8 @@ where
 
     /// Full steps that have converged.
     #[must_use]
-    pub fn done(&self) -> usize {
-        self.done
+    pub fn completed_steps(&self) -> usize {
+        self.completed_steps
     }
 
     /// Full steps of the whole run.
@@ -170,7 +170,7 @@ where
         observer: &mut O,
     ) -> Result<Vec<StepReport>, RunError<B, P, O::Error>> {
         let mut reports = Vec::new();
-        while self.done < self.params.count {
+        while self.completed_steps < self.params.count {
             reports.push(self.step(observer)?);
         }
         Ok(reports)
@@ -187,7 +187,7 @@ where
         let max_cuts = self.params.max_cuts.min(StepParams::MAX_CUTS);
         // Positions within the step are counted in the smallest increments.
         let end = 1_u64 << max_cuts;
-        let (step, mut position) = (self.done + 1, 0);
+        let (step, mut position) = (self.completed_steps + 1, 0);
         let count = self.params.count as f64;
         let time = move |position: u64| {
             let whole = if position == end { step as f64 } else { (step - 1) as f64 + position as f64 / end as f64 };
@@ -226,7 +226,7 @@ where
                 }
             }
         }
-        self.done = step;
+        self.completed_steps = step;
         observer.converged(&self.converged(&report)).map_err(|reason| SteppingError::Stopped {
             step,
             t: report.t,
@@ -239,14 +239,14 @@ where
     fn cut<O: StepObserver<P, B::Fault>>(
         &mut self,
         Span { step, from, t }: Span,
-        Failed { reason, newton, hopeless }: Failed<P::Error, B::Fault>,
+        Failed { reason, newton, unrecoverable }: Failed<P::Error, B::Fault>,
         max_cuts: u32,
         observer: &mut O,
     ) -> Result<(), RunError<B, P, O::Error>> {
         let (increment, halvings, field) = (t - from, self.halvings, self.body.field());
         let attempt = FailedAttempt { step, t, increment, halvings, reason: &reason, newton: &newton, field };
         observer.failed(&attempt).map_err(|reason| SteppingError::Stopped { step, t: from, reason })?;
-        if hopeless || halvings == max_cuts {
+        if unrecoverable || halvings == max_cuts {
             return Err(SteppingError::NotConverged { step, t, reached: from, increment, halvings, reason });
         }
         self.halvings += 1;
@@ -300,7 +300,7 @@ where
         if self.undeformed || self.params.start == StepStart::Tangent {
             return self.attempt_linearized(t, report);
         }
-        self.body.hold(t);
+        self.body.apply_prescribed(t);
         match self.system.solve(&mut self.body, &self.params.newton) {
             Ok(newton) => Ok(newton),
             // The moved boundary has crushed the elements next to it: spread it over the body.
@@ -316,7 +316,7 @@ where
         let seconds = self.body.linearize(t, &mut self.system).map_err(|error| {
             Box::new(Failed {
                 // The tangent of the undeformed body does not depend on the increment.
-                hopeless: self.undeformed || matches!(error, SolveError::Fault(_)),
+                unrecoverable: self.undeformed || matches!(error, SolveError::Fault(_)),
                 reason: NewtonError::Solve(error),
                 newton: NewtonReport::default(),
             })
@@ -345,12 +345,12 @@ where
     B::Reduced: Scalar,
     P: PointField,
 {
-    let hopeless = match &failure.reason {
+    let unrecoverable = match &failure.reason {
         NewtonError::Solve(SolveError::Fault(_)) => true,
         NewtonError::Problem(error) => <Equilibrium<B, P> as NonlinearProblem<B>>::is_final(error),
         _ => false,
     };
-    Box::new(Failed { reason: failure.reason, newton: *failure.report, hopeless })
+    Box::new(Failed { reason: failure.reason, newton: *failure.report, unrecoverable })
 }
 
 /// The converged state cannot be accepted, for a reason that a shorter step may not have.
@@ -360,8 +360,8 @@ where
     B::Reduced: Scalar,
     P: PointField,
 {
-    let hopeless = <Equilibrium<B, P> as NonlinearProblem<B>>::is_final(&error);
-    Box::new(Failed { reason: NewtonError::Problem(error), newton: NewtonReport::default(), hopeless })
+    let unrecoverable = <Equilibrium<B, P> as NonlinearProblem<B>>::is_final(&error);
+    Box::new(Failed { reason: NewtonError::Problem(error), newton: NewtonReport::default(), unrecoverable })
 }
 
 /// The points could not be told what became of an attempt.
@@ -370,7 +370,7 @@ where
     E: std::fmt::Display,
     F: std::fmt::Display,
 {
-    Box::new(Failed { reason: NewtonError::Problem(error), newton, hopeless: true })
+    Box::new(Failed { reason: NewtonError::Problem(error), newton, unrecoverable: true })
 }
 
 #[cfg(all(test, feature = "sparse"))]

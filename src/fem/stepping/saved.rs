@@ -12,7 +12,7 @@ use crate::las::{Backend, Scalar};
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SavedState {
     /// Full steps that have converged, at least 1.
-    pub done: usize,
+    pub completed_steps: usize,
     /// Halvings of the increment that the next attempt starts with.
     pub halvings: u32,
     /// Displacements of the nodes, m.
@@ -29,10 +29,10 @@ where
     F: std::fmt::Display,
 {
     /// It lies beyond the end of the run, or at its beginning.
-    #[error("the state was saved after step {done}; this run has the steps 1 to {count}")]
+    #[error("the state was saved after step {completed_steps}; this run has the steps 1 to {count}")]
     Steps {
         /// Full steps done in the saved state.
-        done: usize,
+        completed_steps: usize,
         /// Steps of the run.
         count: usize,
     },
@@ -72,9 +72,9 @@ where
     #[must_use]
     pub fn saved(&self) -> Option<SavedState> {
         let state = self.body.accepted();
-        let full = self.done > 0 && state.t == self.time_after(self.done);
+        let full = self.completed_steps > 0 && state.t == self.time_after(self.completed_steps);
         full.then(|| SavedState {
-            done: self.done,
+            completed_steps: self.completed_steps,
             halvings: self.halvings,
             displacements: state.displacements.clone(),
         })
@@ -94,8 +94,8 @@ where
         field: impl FnOnce(&mut P) -> Result<(), R>,
     ) -> Result<(), StepperRestoreError<B, P, R>> {
         let (count, nodes) = (self.params.count, self.body.mesh().nodes().len());
-        if state.done == 0 || state.done > count {
-            return Err(RestoreError::Steps { done: state.done, count });
+        if state.completed_steps == 0 || state.completed_steps > count {
+            return Err(RestoreError::Steps { completed_steps: state.completed_steps, count });
         }
         if state.displacements.len() != nodes {
             return Err(RestoreError::Nodes { found: state.displacements.len(), expected: nodes });
@@ -104,8 +104,10 @@ where
             return Err(RestoreError::NotFinite { node });
         }
         field(self.body.field_mut()).map_err(RestoreError::Field)?;
-        self.body.restore_at(self.time_after(state.done), &state.displacements).map_err(RestoreError::Points)?;
-        self.done = state.done;
+        self.body
+            .restore_at(self.time_after(state.completed_steps), &state.displacements)
+            .map_err(RestoreError::Points)?;
+        self.completed_steps = state.completed_steps;
         self.halvings = state.halvings.min(self.params.max_cuts).min(StepParams::MAX_CUTS);
         self.undeformed = false;
         Ok(())

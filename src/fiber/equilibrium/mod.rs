@@ -4,13 +4,13 @@
 //! ([`EquilibriumParams::stages`]):
 //!
 //! 1. [`Stage::Newton`]: the whole increment from the last equilibrium, by Newton with line search, from a first-order
-//!    prediction where the RVE has one ([`Solved::keep_rates`]), from an affine motion where it
+//!    prediction where the RVE has one ([`Solved::keep_sensitivities`]), from an affine motion where it
 //!    has none or the prediction leads astray;
 //! 2. [`Stage::Regularized`]: the same by a descent in the energy
 //!    ([`NewtonSystem::minimize`](crate::las::NewtonSystem::minimize)), which indefinite and singular stiffnesses do not
 //!    stop, and which ends in a stable equilibrium;
 //! 3. [`Stage::Cuts`]: the increment in halves, quarters and so on, up to a limit, each part by the stages above;
-//! 4. [`Stage::Relaxation`]: what is left of it by damped dynamics ([`super::relax`]), the last digits by the stages
+//! 4. [`Stage::Relaxation`]: what is left of it by damped dynamics ([`super::dynamic_relaxation`]), the last digits by the stages
 //!    above.
 //!
 //! Equilibria are stable ones: minima of the energy. Whichever stage reaches a state, and if it is the one that the RVE
@@ -45,9 +45,9 @@ pub use params::{EquilibriumParams, Handover, Stage, Stages};
 pub use report::{EquilibriumReport, Overflow, RveError, StageError, StageFailure};
 pub use solved::Solved;
 
+use super::deformation_path::Path;
+use super::dynamic_relaxation::{Relaxation, RelaxationError, RelaxationReport};
 use super::law::Law;
-use super::path::Path;
-use super::relax::{Relaxation, RelaxationError, RelaxationReport};
 use super::rve::{Rve, RveModel};
 use super::workspace::Workspace;
 use crate::las::{Backend, Curvature, Departure, NewtonError, NewtonFailure, NewtonReport, Scalar, SolveError};
@@ -55,7 +55,7 @@ use problem::Interior;
 
 /// Brings `rve` into a stable equilibrium with its boundary at `x = F X`.
 ///
-/// What the engineering scale sees of it (stress, tangent, energy) is in [`Solved`], which holds on to `rve` and the
+/// What the macro scale sees of it (stress, tangent, energy) is in [`Solved`], which holds on to `rve` and the
 /// workspace until it is dropped.
 ///
 /// # Errors
@@ -93,15 +93,15 @@ fn find<B: Backend<Scalar = f64>>(
 where
     B::Reduced: Scalar,
 {
-    let report = EquilibriumReport { predicted: usize::from(rve.has_rates()), ..EquilibriumReport::default() };
+    let report = EquilibriumReport { predicted: usize::from(rve.has_sensitivities()), ..EquilibriumReport::default() };
     let descends = params.stages.has(Stage::Regularized);
     let mut ladder = Ladder { model, target, params, workspace, report, failures: Vec::new(), descends };
     if params.stages.has(Stage::Newton) && ladder.try_newton(rve) {
         return Ok(ladder.report);
     }
     // A prediction is only a start: what it led astray may succeed without it.
-    let rates = rve.rates.take();
-    if rates.is_some() && params.stages.has(Stage::Newton) {
+    let sensitivities = rve.sensitivities.take();
+    if sensitivities.is_some() && params.stages.has(Stage::Newton) {
         ladder.failures.clear();
         if ladder.try_newton(rve) {
             return Ok(ladder.report);
@@ -111,7 +111,7 @@ where
         // Half of the increment may still be within reach of the stages that cut it.
         let half = Path::new(&rve.gradient, target).at(0.5);
         if ladder.overflow(rve, &half).is_some() {
-            rve.rates = rates;
+            rve.sensitivities = sensitivities;
             return Err(RveError::Overflow(overflow));
         }
     }
@@ -119,7 +119,7 @@ where
     if ladder.climb(rve) {
         return Ok(ladder.report);
     }
-    *rve = Rve { rates, ..start };
+    *rve = Rve { sensitivities, ..start };
     let Ladder { failures, report, .. } = ladder;
     Err(RveError::NotConverged { failures, report: Box::new(report) })
 }
@@ -336,7 +336,7 @@ where
     fn take_over(&self, rve: &mut Rve, target: &Matrix3<f64>) {
         rve.gradient = *target;
         rve.network = self.model.fingerprint;
-        rve.forget_rates();
+        rve.forget_sensitivities();
         for (x, &node) in rve.interior.iter_mut().zip(self.model.network().interior()) {
             *x = self.workspace.positions[node as usize];
         }

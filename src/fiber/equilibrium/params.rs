@@ -1,6 +1,6 @@
 //! What an equilibrium may cost, and which stages may be tried.
 
-use crate::fiber::relax::RelaxationParams;
+use crate::fiber::dynamic_relaxation::RelaxationParams;
 use crate::las::{NewtonParams, RegularizedParams};
 
 /// A stage of the ladder.

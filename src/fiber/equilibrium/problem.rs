@@ -3,7 +3,7 @@
 use crate::fiber::rve::{Rve, RveModel};
 use crate::fiber::truss::FiberStates;
 use crate::fiber::workspace::Workspace;
-use crate::las::{Backend, NewtonSystem, NonlinearProblem, Potential, VectorOps, Yardstick};
+use crate::las::{Backend, NewtonSystem, NonlinearProblem, Potential, ResidualScale, VectorOps};
 
 /// The interior positions, with what is computed from them.
 pub(super) struct Interior<'a, B: Backend> {
@@ -38,7 +38,7 @@ impl<B: Backend<Scalar = f64>> Interior<'_, B> {
 impl<B: Backend<Scalar = f64>> NonlinearProblem<B> for Interior<'_, B> {
     type Error = B::Fault;
 
-    fn residual(&mut self, r: &mut B::Vector) -> Result<Yardstick, B::Fault> {
+    fn residual(&mut self, r: &mut B::Vector) -> Result<ResidualScale, B::Fault> {
         let truss = self.model.truss();
         truss.evaluate_with_forces(self.positions, self.states, self.forces);
         let forces = &*self.forces;
@@ -50,7 +50,7 @@ impl<B: Backend<Scalar = f64>> NonlinearProblem<B> for Interior<'_, B> {
         })?;
         r.finish()?;
         let squares: f64 = forces.iter().flatten().map(|f| f * f).sum();
-        Ok(Yardstick { scale: squares.sqrt(), floor: self.model.rounding_floor() })
+        Ok(ResidualScale { scale: squares.sqrt(), floor: self.model.rounding_floor() })
     }
 
     fn jacobian(&mut self, k: &mut B::Matrix) -> Result<(), B::Fault> {

@@ -5,7 +5,7 @@ use std::fmt;
 use thiserror::Error;
 
 use super::params::Stage;
-use crate::fiber::relax::{RelaxationError, RelaxationReport};
+use crate::fiber::dynamic_relaxation::{RelaxationError, RelaxationReport};
 use crate::fiber::rve::RveStateError;
 use crate::las::{NewtonError, NewtonReport, SolveError};
 

@@ -1,4 +1,4 @@
-//! An RVE in equilibrium: what the engineering scale sees of it.
+//! An RVE in equilibrium: what the macro scale sees of it.
 
 use std::fmt;
 
@@ -33,7 +33,7 @@ pub struct Solved<'a, B: Backend> {
     rve: &'a mut Rve,
     workspace: &'a mut Workspace<B>,
     report: EquilibriumReport,
-    /// Whether the workspace holds the velocities of the strain modes.
+    /// Whether the workspace holds the sensitivities of the strain modes.
     has_modes: bool,
 }
 
@@ -101,7 +101,7 @@ where
     /// back-substitution on the factor of the stiffness that the equilibrium was found stable by. The interior forces of
     /// each mode are checked and corrected until they vanish. Where the stiffness is singular (or so nearly that its own
     /// factor does not serve) its diagonal is shifted a little. The form `S_k F : A : S_l F = kappa v_k . K v_l` is
-    /// stationary in the velocities `v`: what error remains enters squared. Rotations are free, `A : (W F) = W P` for skew
+    /// stationary in the sensitivities `v`: what error remains enters squared. Rotations are free, `A : (W F) = W P` for skew
     /// `W`. Valid at any `F`, rotations by 90 degrees included.
     ///
     /// # Errors
@@ -116,9 +116,9 @@ where
     ///
     /// # Errors
     /// As for [`Solved::tangent`].
-    pub fn keep_rates(&mut self) -> Result<(), RveError<B::Fault>> {
+    pub fn keep_sensitivities(&mut self) -> Result<(), RveError<B::Fault>> {
         self.solve_modes()?;
-        self.rve.keep_rates(self.model, self.workspace);
+        self.rve.keep_sensitivities(self.model, self.workspace);
         Ok(())
     }
 

@@ -1,6 +1,6 @@
 //! A formula for one fiber as a loop over many.
 
-use crate::fiber::vector::{Kernel, vectorized};
+use crate::fiber::simd::{Kernel, vectorized};
 
 /// The formula of a law without branches, so that its loops become vector instructions.
 ///

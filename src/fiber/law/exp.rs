@@ -1,6 +1,6 @@
 //! `exp(x) - 1` of many numbers at once.
 
-use crate::fiber::vector::{Kernel, fma, vectorized};
+use crate::fiber::simd::{Kernel, fma, vectorized};
 
 /// `exp(x) - 1` of every number, for laws that grow exponentially: where the machine has vectors of four lanes, in a
 /// quarter of the time that `f64::exp_m1` takes.

@@ -4,7 +4,7 @@ use super::batch::{self, Formula};
 use super::exp::exp_m1_of;
 use super::quadrature::{GAUSS, gauss};
 use super::{FiberLaw, parameters_of};
-use crate::fiber::vector::{Kernel, vectorized};
+use crate::fiber::simd::{Kernel, vectorized};
 
 /// `s = (E / B) (exp(B g) - 1)` (Tobin 2018, eqs. B.1 and B.14).
 ///

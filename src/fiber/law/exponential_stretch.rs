@@ -3,7 +3,7 @@
 use super::batch::{EnergyFormula, Formula, by_formula};
 use super::exp::exp_m1_of;
 use super::{FiberLaw, parameters_of};
-use crate::fiber::vector::fma;
+use crate::fiber::simd::fma;
 
 /// `s = (E / B) lambda (exp(B g) - 1)` on `[1, lambda_t]`; outside, the tangent lines at the two ends (MuMFiM,
 /// reaction 1).

@@ -51,6 +51,7 @@
 //! ```
 
 mod batch;
+mod buckling;
 mod check;
 mod exp;
 mod exponential;
@@ -58,7 +59,6 @@ mod exponential_stretch;
 mod linear;
 mod material;
 mod named;
-mod no_compression;
 mod quadrature;
 mod table;
 #[cfg(feature = "app")]
@@ -68,6 +68,7 @@ mod tests;
 
 use std::fmt::Debug;
 
+pub use buckling::{BUCKLING_STRAIN, COMPRESSION, NoCompression};
 pub use check::{LawFault, check};
 pub use exp::exp_m1;
 pub use exponential::Exponential;
@@ -75,7 +76,6 @@ pub use exponential_stretch::ExponentialStretch;
 pub use linear::Linear;
 pub use material::{FiberMaterial, FiberMaterialError};
 pub use named::{CustomLaw, Law};
-pub use no_compression::{BUCKLING_STRAIN, COMPRESSION, NoCompression};
 pub use table::{Table, TableError};
 
 /// The axial behavior of a fiber: nominal stress, slope and energy over the stretch; continuous with its first

@@ -139,14 +139,14 @@ fn blocks(random: &mut Random, rows: usize, cols: usize) -> (Vec<Block>, Arc<Spa
             lists[row].push(column as u32);
         }
     }
-    let (mut row_start, mut columns) = (vec![0], Vec::new());
+    let (mut row_offsets, mut columns) = (vec![0], Vec::new());
     for mut list in lists {
         list.sort_unstable();
         list.dedup();
         columns.extend(list);
-        row_start.push(columns.len() as u32);
+        row_offsets.push(columns.len() as u32);
     }
-    let pattern = Sparsity::from_rows(cols, row_start, columns).unwrap_or_else(|error| panic!("{error}"));
+    let pattern = Sparsity::from_rows(cols, row_offsets, columns).unwrap_or_else(|error| panic!("{error}"));
     (blocks, Arc::new(pattern))
 }
 

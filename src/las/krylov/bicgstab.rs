@@ -19,7 +19,7 @@ where
     B::Scalar: Scalar,
 {
     let one = B::Scalar::one();
-    let [r, v, shadow, p, z, t] = vectors else { return Ok(Ended::BrokeDown) };
+    let [r, v, shadow, p, z, t] = vectors else { return Ok(Ended::Breakdown) };
     combine::<B>(shadow, B::Scalar::zero(), one, r)?;
     combine::<B>(p, B::Scalar::zero(), one, r)?;
     let mut rho = dot::<B>(shadow, r)?;
@@ -62,5 +62,5 @@ where
 
 /// After some steps a new shadow residual may still go on.
 fn broken(moved: bool) -> Ended {
-    if moved { Ended::Look } else { Ended::BrokeDown }
+    if moved { Ended::Look } else { Ended::Breakdown }
 }

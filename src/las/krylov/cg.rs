@@ -18,7 +18,7 @@ where
     B: Backend<Reduced = <B as Backend>::Scalar>,
     B::Scalar: Scalar,
 {
-    let [r, q, p, z] = vectors else { return Ok(Ended::BrokeDown) };
+    let [r, q, p, z] = vectors else { return Ok(Ended::Breakdown) };
     (run.m)(r, z)?;
     combine::<B>(p, B::Scalar::zero(), num_traits::One::one(), z)?;
     let mut rz = dot::<B>(r, z)?;
@@ -27,7 +27,7 @@ where
         let curvature = dot::<B>(p, q)?;
         // A direction in which the matrix is not positive: this is no system for conjugate gradients.
         if !(curvature > B::Scalar::zero() && rz.is_finite()) {
-            return Ok(Ended::BrokeDown);
+            return Ok(Ended::Breakdown);
         }
         let step = rz / curvature;
         axpy::<B>(x, step, p)?;

@@ -30,7 +30,7 @@ where
     B::Scalar: Scalar,
 {
     let m = restart.max(1);
-    let (basis, [product, z]) = vectors.split_at_mut(m + 1) else { return Ok(Ended::BrokeDown) };
+    let (basis, [product, z]) = vectors.split_at_mut(m + 1) else { return Ok(Ended::Breakdown) };
     let (h, rest) = numbers.split_at_mut((m + 1) * m);
     let (rotations, g) = rest.split_at_mut(2 * m);
     g.fill(B::Scalar::zero());
@@ -72,7 +72,7 @@ where
     }
     (run.m)(product, z)?;
     axpy::<B>(x, B::Scalar::one(), z)?;
-    Ok(if broke_down || steps == 0 { Ended::BrokeDown } else { Ended::Look })
+    Ok(if broke_down || steps == 0 { Ended::Breakdown } else { Ended::Look })
 }
 
 fn normalize<B: Backend>(v: &mut B::Vector, length: B::Scalar) -> Result<(), SolveError<B::Fault>>

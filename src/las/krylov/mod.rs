@@ -14,7 +14,7 @@ mod tests;
 
 use num_traits::{Float, One, Zero};
 
-use super::{Backend, Ending, Iterative, Krylov, Scalar, SolveError, SolveReport, VectorOps};
+use super::{Backend, Iterative, Krylov, Scalar, SolveError, SolveReport, StopReason, VectorOps};
 
 /// `y = f(x)`: a product with the matrix, or with an approximate inverse of it.
 pub type Apply<'a, B> = &'a mut dyn FnMut(&Vector<B>, &mut Vector<B>) -> Result<(), SolveError<Fault<B>>>;
@@ -35,7 +35,7 @@ enum Ended {
     /// By its own account the residual is small enough, or it is time to begin again.
     Look,
     /// The next step does not exist.
-    BrokeDown,
+    Breakdown,
 }
 
 /// What an inner loop is given and reports through.
@@ -70,7 +70,7 @@ where
     /// `A x = b` with the matrix `a` and the approximate inverse `m`.
     ///
     /// # Errors
-    /// [`SolveError::NotConverged`], [`SolveError::SideNotFinite`], and what `a` and `m` say.
+    /// [`SolveError::NotConverged`], [`SolveError::RhsNotFinite`], and what `a` and `m` say.
     pub fn solve(
         &mut self,
         a: Apply<'_, B>,
@@ -85,7 +85,7 @@ where
             return Ok(SolveReport::DIRECT);
         }
         if !size.is_finite() {
-            return Err(SolveError::SideNotFinite);
+            return Err(SolveError::RhsNotFinite);
         }
         let target = size * B::Scalar::of(tolerance);
         let mut run = Run::<B> { a, m, target, iterations: 0, most: max_iterations };
@@ -101,13 +101,13 @@ where
             // Begun again without getting nearer: rounding allows no better.
             let stuck = residual > best * B::Scalar::of(0.9) && !matches!(krylov, Krylov::Gmres { .. });
             if residual.is_nan() {
-                return Err(self.failure(report, Ending::BrokeDown));
+                return Err(self.failure(report, StopReason::Breakdown));
             }
             if run.iterations >= max_iterations {
-                return Err(self.failure(report, Ending::RanOut));
+                return Err(self.failure(report, StopReason::MaxIterations));
             }
             if stuck {
-                return Err(self.failure(report, Ending::Stagnated));
+                return Err(self.failure(report, StopReason::Stagnated));
             }
             best = best.min(residual);
             let ended = match krylov {
@@ -115,25 +115,25 @@ where
                 Krylov::BiCgStab => bicgstab::run(&mut run, x, &mut self.vectors)?,
                 Krylov::Gmres { restart } => gmres::run(&mut run, x, &mut self.vectors, &mut self.numbers, restart)?,
             };
-            if matches!(ended, Ended::BrokeDown) {
+            if matches!(ended, Ended::Breakdown) {
                 run.residual(b, x, &mut self.vectors)?;
                 let residual = self.vectors[0].norm().map_err(SolveError::Fault)?;
                 if residual > target {
                     let report = SolveReport { iterations: run.iterations, residual: (residual / size).as_f64() };
-                    return Err(self.failure(report, Ending::BrokeDown));
+                    return Err(self.failure(report, StopReason::Breakdown));
                 }
             }
         }
     }
 
-    fn failure(&self, report: SolveReport, ending: Ending) -> SolveError<B::Fault> {
+    fn failure(&self, report: SolveReport, stop_reason: StopReason) -> SolveError<B::Fault> {
         let method = match self.method.krylov {
             Krylov::Cg => "CG",
             Krylov::BiCgStab => "BiCGSTAB",
             Krylov::Gmres { .. } => "GMRES",
         };
         let SolveReport { iterations, residual } = report;
-        SolveError::NotConverged { method, iterations, residual, tolerance: self.method.tolerance, ending }
+        SolveError::NotConverged { method, iterations, residual, tolerance: self.method.tolerance, stop_reason }
     }
 }
 

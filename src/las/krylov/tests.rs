@@ -76,7 +76,7 @@ fn dense_agrees() {
 mod sparse {
     use super::*;
     use crate::backends::sparse::Sparse;
-    use crate::las::Ending;
+    use crate::las::StopReason;
     use crate::las::conformance::{Oracle, Random};
 
     const COMPLETE: Preconditioner = Preconditioner::Ilut { drop_tolerance: 0.0, fill: usize::MAX };
@@ -115,7 +115,13 @@ mod sparse {
             ..Iterative::default()
         };
         let error = solve::<Sparse>(&laplacian::<Sparse>(12, 0.0), method).unwrap_err();
-        let SolveError::NotConverged { method: "CG", iterations: 3, residual, ending: Ending::RanOut, .. } = error
+        let SolveError::NotConverged {
+            method: "CG",
+            iterations: 3,
+            residual,
+            stop_reason: StopReason::MaxIterations,
+            ..
+        } = error
         else {
             panic!("{error}")
         };
@@ -133,7 +139,7 @@ mod sparse {
         }
         let method = Iterative { max_iterations: 100, ..method };
         let error = solve::<Sparse>(&(pattern, a), method).unwrap_err();
-        assert!(matches!(error, SolveError::NotConverged { ending: Ending::BrokeDown, .. }), "{error}");
+        assert!(matches!(error, SolveError::NotConverged { stop_reason: StopReason::Breakdown, .. }), "{error}");
     }
 
     #[test]
@@ -141,7 +147,9 @@ mod sparse {
         let (krylov, preconditioner) = (Krylov::Cg, Preconditioner::Diagonal);
         let method = Iterative { krylov, preconditioner, tolerance: 1e-30, max_iterations: 100_000 };
         let error = solve::<Sparse>(&laplacian::<Sparse>(12, 0.0), method).unwrap_err();
-        let SolveError::NotConverged { ending: Ending::Stagnated, residual, .. } = error else { panic!("{error}") };
+        let SolveError::NotConverged { stop_reason: StopReason::Stagnated, residual, .. } = error else {
+            panic!("{error}")
+        };
         assert!(residual < 1e-13, "{residual:e}");
     }
 
@@ -153,7 +161,7 @@ mod sparse {
         solver.factor(&a).unwrap();
         let (mut b, mut x) = (Sparse::<f64>::vector(&(), 9).unwrap(), Sparse::<f64>::vector(&(), 9).unwrap());
         b.set(&[4], &[f64::NAN]).unwrap();
-        assert_eq!(solver.solve(&b, &mut x), Err(SolveError::SideNotFinite));
+        assert_eq!(solver.solve(&b, &mut x), Err(SolveError::RhsNotFinite));
     }
 
     #[test]

@@ -66,14 +66,14 @@ fn pattern(rows: usize, cols: usize, entries: &[(u32, u32, f64)]) -> Result<Spar
     for &(row, column, _) in entries {
         lists[row as usize].push(column);
     }
-    let (mut row_start, mut columns) = (vec![0], Vec::with_capacity(entries.len()));
+    let (mut row_offsets, mut columns) = (vec![0], Vec::with_capacity(entries.len()));
     for list in &mut lists {
         list.sort_unstable();
         list.dedup();
         columns.append(list);
-        row_start.push(columns.len() as u32);
+        row_offsets.push(columns.len() as u32);
     }
-    Sparsity::from_rows(cols, row_start, columns)
+    Sparsity::from_rows(cols, row_offsets, columns)
 }
 
 /// Writes a matrix (this rank's entries, on a distributed backend).

@@ -123,8 +123,8 @@ where
         report: &mut NewtonReport,
     ) -> Result<Departure, NewtonError<P::Error, B::Fault>> {
         let Some(curvature) = self.negative_curvature(problem, tolerance)? else { return Ok(Departure::AtRest) };
-        let (norm, yardstick) = self.evaluate(problem, report).map_err(Trial::into_error)?;
-        let limit = (tolerance * yardstick.scale).max(yardstick.floor);
+        let (norm, residual_scale) = self.evaluate(problem, report).map_err(Trial::into_error)?;
+        let limit = (tolerance * residual_scale.scale).max(residual_scale.floor);
         let start = Step { length: 0.0, potential: problem.potential(), norm };
         for side in [1.0, -1.0] {
             let reached = self.walk(problem, &start, side, limit / curvature.abs(), report)?;
@@ -161,7 +161,7 @@ where
                         .then_some(step)
                 }
                 Err(Trial::NotFinite) => None,
-                Err(Trial::NotThere(error)) if !P::is_final(&error) => None,
+                Err(Trial::Undefined(error)) if !P::is_final(&error) => None,
                 Err(error) => return Err(error.into_error()),
             };
             let Some(step) = falls else {

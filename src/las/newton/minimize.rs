@@ -1,14 +1,15 @@
 //! Regularized Newton: a minimizer for problems that have a potential, where plain Newton finds no way.
 //!
 //! The Hessian `K` is shifted, `(K + s I) d = r`, by the smallest `s` of a growing sequence that makes it positive
-//! definite, so that `-d` descends whether `K` is indefinite, singular or both. How well the quadratic model foretold
-//! the gain in potential decides whether a step is taken and whether the next shift is larger or smaller (Nocedal and
+//! definite, so that `-d` descends whether `K` is indefinite, singular or both. The ratio of the actual reduction of the
+//! potential to the one that the quadratic model predicts decides whether a step is accepted, and whether the next shift is
+//! larger or smaller (Nocedal and
 //! Wright, *Numerical Optimization*, 2nd ed., 2006, sections 3.4 and 10.3). Near a regular minimum the shift falls to
 //! zero and the convergence is Newton's own.
 
 use super::{
-    Backend, MatrixOps, NewtonError, NewtonFailure, NewtonReport, NewtonSystem, NonlinearProblem, Scalar, SolveError,
-    Solver, Trial, VectorOps, Yardstick, fault,
+    Backend, MatrixOps, NewtonError, NewtonFailure, NewtonReport, NewtonSystem, NonlinearProblem, ResidualScale,
+    Scalar, SolveError, Solver, Trial, VectorOps, fault,
 };
 use crate::las::{Index, MatVec, Value};
 
@@ -28,7 +29,7 @@ pub struct RegularizedParams {
     pub least_shift: f64,
     /// The shift at which the search is given up, over the same. Default `1e12`.
     pub most_shift: f64,
-    /// A step is taken if it gains at least this part of what the quadratic model foretold. Default `1e-4`.
+    /// A step is accepted if it reduces the potential by at least this fraction of the predicted reduction. Default `1e-4`.
     pub accept: f64,
 }
 
@@ -47,20 +48,21 @@ struct Shift {
 }
 
 impl Shift {
-    /// After a step that was refused, or a Hessian that was not definite.
+    /// Raises the shift after a rejected step, or when the Hessian was not positive definite.
     fn raise(&mut self, params: &RegularizedParams) {
         self.value = (8.0 * self.value).max(params.least_shift * self.diagonal);
     }
 
-    /// After a step that was taken, gained this part of what was foretold, and took the residual to this part of what
-    /// it was. That the shift falls at least as fast as the residual makes the end quadratic.
-    fn adapt(&mut self, gained: f64, residual: f64, params: &RegularizedParams) {
-        if gained > 0.75 {
-            self.value *= residual.min(0.125);
+    /// Adapts the shift after an accepted step. `reduction_ratio` is the actual over the predicted reduction of the potential,
+    /// `residual_ratio` the residual norm after the step over that before. The shift falls at least as fast as the residual,
+    /// which makes the convergence quadratic.
+    fn adapt(&mut self, reduction_ratio: f64, residual_ratio: f64, params: &RegularizedParams) {
+        if reduction_ratio > 0.75 {
+            self.value *= residual_ratio.min(0.125);
             if self.value < params.least_shift * self.diagonal {
                 self.value = 0.0;
             }
-        } else if gained < 0.25 {
+        } else if reduction_ratio < 0.25 {
             self.raise(params);
         }
     }
@@ -72,10 +74,10 @@ impl Shift {
     }
 }
 
-/// Where the descent stands.
-struct Place {
+/// The current iterate.
+struct Iterate {
     norm: f64,
-    yardstick: Yardstick,
+    residual_scale: ResidualScale,
     potential: f64,
 }
 
@@ -112,59 +114,59 @@ where
         params: &RegularizedParams,
         report: &mut NewtonReport,
     ) -> Result<(), NewtonError<P::Error, B::Fault>> {
-        let (norm, yardstick) = self.evaluate(problem, report).map_err(Trial::into_error)?;
-        let mut place = Place { norm, yardstick, potential: problem.potential() };
+        let (norm, residual_scale) = self.evaluate(problem, report).map_err(Trial::into_error)?;
+        let mut iterate = Iterate { norm, residual_scale, potential: problem.potential() };
         let mut shift = Shift::default();
-        report.record(norm, yardstick);
+        report.record(norm, residual_scale);
         loop {
-            let limit = (tolerance * place.yardstick.scale).max(place.yardstick.floor);
-            if place.norm <= limit {
+            let limit = (tolerance * iterate.residual_scale.scale).max(iterate.residual_scale.floor);
+            if iterate.norm <= limit {
                 return Ok(());
             }
             if report.iterations == params.max_iterations {
                 let iterations = report.iterations;
-                return Err(NewtonError::TooManyIterations { iterations, residual: place.norm, limit });
+                return Err(NewtonError::TooManyIterations { iterations, residual: iterate.norm, limit });
             }
             report.iterations += 1;
-            place = self.downhill(problem, &place, limit, &mut shift, params, report)?;
-            report.record(place.norm, place.yardstick);
+            iterate = self.regularized_step(problem, &iterate, limit, &mut shift, params, report)?;
+            report.record(iterate.norm, iterate.residual_scale);
         }
     }
 
-    /// One step that is taken, after as many that are not as it needs.
-    fn downhill<P: Potential<B>>(
+    /// Takes one accepted step; rejected trial steps only raise the shift.
+    fn regularized_step<P: Potential<B>>(
         &mut self,
         problem: &mut P,
-        here: &Place,
+        here: &Iterate,
         limit: f64,
         shift: &mut Shift,
         params: &RegularizedParams,
         report: &mut NewtonReport,
-    ) -> Result<Place, NewtonError<P::Error, B::Fault>> {
-        /// Gains below this part of the potential drown in its rounding.
+    ) -> Result<Iterate, NewtonError<P::Error, B::Fault>> {
+        /// A reduction below this fraction of the potential is not resolved by its rounding.
         const ROUNDING: f64 = 1e-9;
         loop {
             self.factor_shifted(problem, here, shift, params, report)?;
             let slope = self.residual.dot(&self.direction).map_err(fault)?.as_f64();
             let length = self.direction.norm().map_err(fault)?.as_f64();
-            let foretold = 0.5 * (slope + shift.value * length * length);
+            let predicted_reduction = 0.5 * (slope + shift.value * length * length);
             problem.advance(-1.0, &self.direction).map_err(NewtonError::Problem)?;
             match self.evaluate(problem, report) {
-                Ok((norm, yardstick)) => {
+                Ok((norm, residual_scale)) => {
                     let potential = problem.potential();
-                    let gain = if foretold > ROUNDING * here.potential.abs() {
+                    let reduction = if predicted_reduction > ROUNDING * here.potential.abs() {
                         here.potential - potential
                     } else {
                         // The trapezoidal rule along the step.
                         0.5 * (slope + self.residual.dot(&self.direction).map_err(fault)?.as_f64())
                     };
-                    if gain > params.accept * foretold || norm <= limit {
-                        shift.adapt(gain / foretold, norm / here.norm, params);
-                        return Ok(Place { norm, yardstick, potential });
+                    if reduction > params.accept * predicted_reduction || norm <= limit {
+                        shift.adapt(reduction / predicted_reduction, norm / here.norm, params);
+                        return Ok(Iterate { norm, residual_scale, potential });
                     }
                 }
                 Err(Trial::NotFinite) => {}
-                Err(Trial::NotThere(error)) if !P::is_final(&error) => {}
+                Err(Trial::Undefined(error)) if !P::is_final(&error) => {}
                 Err(error) => return Err(error.into_error()),
             }
             report.line_search_cuts += 1;
@@ -181,7 +183,7 @@ where
     fn factor_shifted<P: Potential<B>>(
         &mut self,
         problem: &mut P,
-        here: &Place,
+        here: &Iterate,
         shift: &mut Shift,
         params: &RegularizedParams,
         report: &mut NewtonReport,

@@ -12,7 +12,7 @@ use std::time::Instant;
 
 pub use curvature::{Curvature, Departure};
 pub use minimize::{Potential, RegularizedParams};
-pub use problem::{NonlinearProblem, Yardstick};
+pub use problem::{NonlinearProblem, ResidualScale};
 pub use report::{NewtonError, NewtonFailure, NewtonParams, NewtonReport, NewtonSeconds};
 
 use super::{Backend, MatrixOps, Scalar, SolveError, Solver, Sparsity, VectorOps};
@@ -80,10 +80,10 @@ where
         params: &NewtonParams,
         report: &mut NewtonReport,
     ) -> Result<(), NewtonError<P::Error, B::Fault>> {
-        let (mut norm, mut yardstick) = self.evaluate(problem, report).map_err(Trial::into_error)?;
-        report.record(norm, yardstick);
+        let (mut norm, mut residual_scale) = self.evaluate(problem, report).map_err(Trial::into_error)?;
+        report.record(norm, residual_scale);
         loop {
-            let limit = (params.tolerance * yardstick.scale).max(yardstick.floor);
+            let limit = (params.tolerance * residual_scale.scale).max(residual_scale.floor);
             if norm <= limit {
                 return Ok(());
             }
@@ -92,8 +92,8 @@ where
             }
             report.iterations += 1;
             self.factor_and_solve(problem, report)?;
-            (norm, yardstick) = self.step(problem, params, limit, report)?;
-            report.record(norm, yardstick);
+            (norm, residual_scale) = self.step(problem, params, limit, report)?;
+            report.record(norm, residual_scale);
         }
     }
 
@@ -126,7 +126,7 @@ where
         params: &NewtonParams,
         limit: f64,
         report: &mut NewtonReport,
-    ) -> Result<(f64, Yardstick), NewtonError<P::Error, B::Fault>> {
+    ) -> Result<(f64, ResidualScale), NewtonError<P::Error, B::Fault>> {
         let recent = &report.residuals[report.residuals.len().saturating_sub(params.memory.max(1))..];
         let (before, ceiling) = recent.iter().fold((0.0, 0.0_f64), |(_, most), &norm| (norm, most.max(norm)));
         let mut step = 1.0;
@@ -137,15 +137,15 @@ where
             let trial = self.evaluate(problem, report);
             let last = cut == params.max_line_search_cuts;
             match trial {
-                Ok((norm, yardstick))
+                Ok((norm, residual_scale))
                     if norm <= ((1.0 - params.decrease * step) * ceiling).max(limit)
                         || params.max_line_search_cuts == 0 =>
                 {
-                    return Ok((norm, yardstick));
+                    return Ok((norm, residual_scale));
                 }
                 Ok((norm, _)) if !last => step *= shortening(step, before, norm),
                 Ok(_) => break,
-                Err(Trial::NotThere(error)) if !last && !P::is_final(&error) => step *= 0.5,
+                Err(Trial::Undefined(error)) if !last && !P::is_final(&error) => step *= 0.5,
                 Err(Trial::NotFinite) if !last => step *= 0.5,
                 Err(Trial::NotFinite) => break,
                 Err(error) => return Err(error.into_error()),
@@ -159,19 +159,23 @@ where
         &mut self,
         problem: &mut P,
         report: &mut NewtonReport,
-    ) -> Result<(f64, Yardstick), Trial<P::Error, B::Fault>> {
+    ) -> Result<(f64, ResidualScale), Trial<P::Error, B::Fault>> {
         let start = Instant::now();
-        let yardstick = problem.residual(&mut self.residual).map_err(Trial::NotThere)?;
+        let residual_scale = problem.residual(&mut self.residual).map_err(Trial::Undefined)?;
         let norm = self.residual.norm().map_err(Trial::Fault)?.as_f64();
         report.seconds.residual += start.elapsed().as_secs_f64();
         // Against an infinite scale every residual would count as none.
-        if norm.is_finite() && yardstick.scale.is_finite() { Ok((norm, yardstick)) } else { Err(Trial::NotFinite) }
+        if norm.is_finite() && residual_scale.scale.is_finite() {
+            Ok((norm, residual_scale))
+        } else {
+            Err(Trial::NotFinite)
+        }
     }
 }
 
 /// Why a trial state has no residual norm.
 enum Trial<E, F> {
-    NotThere(E),
+    Undefined(E),
     NotFinite,
     Fault(F),
 }
@@ -179,7 +183,7 @@ enum Trial<E, F> {
 impl<E, F> Trial<E, F> {
     fn into_error(self) -> NewtonError<E, F> {
         match self {
-            Self::NotThere(error) => NewtonError::Problem(error),
+            Self::Undefined(error) => NewtonError::Problem(error),
             Self::NotFinite => NewtonError::NotFinite,
             Self::Fault(error) => fault(error),
         }

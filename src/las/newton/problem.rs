@@ -14,7 +14,7 @@ pub trait NonlinearProblem<B: Backend> {
     ///
     /// # Errors
     /// Where the residual does not exist at this state.
-    fn residual(&mut self, r: &mut B::Vector) -> Result<Yardstick, Self::Error>;
+    fn residual(&mut self, r: &mut B::Vector) -> Result<ResidualScale, Self::Error>;
 
     /// Writes `dr/dx` at the current state into `k`, which comes zeroed.
     ///
@@ -42,14 +42,14 @@ pub trait NonlinearProblem<B: Backend> {
 
 /// What a residual is measured against: converged when `|r| <= max(tolerance * scale, floor)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Yardstick {
+pub struct ResidualScale {
     /// The size of the terms that cancel in the residual, for example the norm of all nodal forces.
     pub scale: f64,
     /// What rounding alone leaves.
     pub floor: f64,
 }
 
-impl Yardstick {
+impl ResidualScale {
     pub(super) fn relative(self, norm: f64) -> f64 {
         if self.scale > 0.0 { norm / self.scale } else { 0.0 }
     }

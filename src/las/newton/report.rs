@@ -2,14 +2,14 @@
 
 use thiserror::Error;
 
-use super::Yardstick;
+use super::ResidualScale;
 use crate::las::{FactorReport, Factorization, SolveError};
 
 /// When Newton stops and what it may try.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct NewtonParams {
-    /// Residual relative to [`Yardstick::scale`]. Default `1e-10`.
+    /// Residual relative to [`ResidualScale::scale`]. Default `1e-10`.
     pub tolerance: f64,
     /// Iterations, each one factorization. Default 50.
     pub max_iterations: usize,
@@ -37,7 +37,7 @@ pub struct NewtonReport {
     pub iterations: usize,
     /// `|r|` before every step and at the end: one more than there are steps.
     pub residuals: Vec<f64>,
-    /// The same over [`Yardstick::scale`]; 0 where the scale is 0.
+    /// The same over [`ResidualScale::scale`]; 0 where the scale is 0.
     pub relative: Vec<f64>,
     /// Steps that were shortened, counted once a shortening.
     pub line_search_cuts: usize,
@@ -83,9 +83,9 @@ impl NewtonReport {
         Self { residuals: Vec::with_capacity(room), relative: Vec::with_capacity(room), ..Self::default() }
     }
 
-    pub(super) fn record(&mut self, norm: f64, yardstick: Yardstick) {
+    pub(super) fn record(&mut self, norm: f64, residual_scale: ResidualScale) {
         self.residuals.push(norm);
-        self.relative.push(yardstick.relative(norm));
+        self.relative.push(residual_scale.relative(norm));
     }
 
     pub(super) fn count(&mut self, factor: &FactorReport) {

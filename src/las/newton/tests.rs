@@ -16,9 +16,9 @@ struct Scalar1 {
 impl NonlinearProblem<Dense> for Scalar1 {
     type Error = Infallible;
 
-    fn residual(&mut self, r: &mut <Dense as Backend>::Vector) -> Result<Yardstick, Infallible> {
+    fn residual(&mut self, r: &mut <Dense as Backend>::Vector) -> Result<ResidualScale, Infallible> {
         r.set(&[0], &[(self.r)(self.x)])?;
-        Ok(Yardstick { scale: 1.0, floor: 0.0 })
+        Ok(ResidualScale { scale: 1.0, floor: 0.0 })
     }
 
     fn jacobian(&mut self, k: &mut <Dense as Backend>::Matrix) -> Result<(), Infallible> {
@@ -100,9 +100,9 @@ struct Wells {
 impl NonlinearProblem<Dense> for Wells {
     type Error = Infallible;
 
-    fn residual(&mut self, r: &mut <Dense as Backend>::Vector) -> Result<Yardstick, Infallible> {
+    fn residual(&mut self, r: &mut <Dense as Backend>::Vector) -> Result<ResidualScale, Infallible> {
         r.set(&[0], &[4.0 * self.x * (self.x * self.x - 1.0)])?;
-        Ok(Yardstick { scale: 1.0, floor: 0.0 })
+        Ok(ResidualScale { scale: 1.0, floor: 0.0 })
     }
 
     fn jacobian(&mut self, k: &mut <Dense as Backend>::Matrix) -> Result<(), Infallible> {
@@ -180,7 +180,7 @@ enum Lost {
 impl NonlinearProblem<Dense> for Remote {
     type Error = Lost;
 
-    fn residual(&mut self, r: &mut <Dense as Backend>::Vector) -> Result<Yardstick, Lost> {
+    fn residual(&mut self, r: &mut <Dense as Backend>::Vector) -> Result<ResidualScale, Lost> {
         self.evaluations += 1;
         if self.evaluations > self.last {
             return Err(Lost::Gone);
@@ -291,12 +291,12 @@ impl Saddle {
 impl NonlinearProblem<Dense> for Saddle {
     type Error = Infallible;
 
-    fn residual(&mut self, r: &mut <Dense as Backend>::Vector) -> Result<Yardstick, Infallible> {
+    fn residual(&mut self, r: &mut <Dense as Backend>::Vector) -> Result<ResidualScale, Infallible> {
         let [x, y, z] = [0, 1, 2].map(|axis| self.along(axis));
         let slopes = [x, 4.0 * y * (y * y - 1.0), self.stiffness * z];
         let values = [0, 1, 2].map(|i| (0..3).map(|axis| slopes[axis] * AXES[axis][i]).sum());
         r.set(&[0, 1, 2], &values)?;
-        Ok(Yardstick { scale: 1.0, floor: 0.0 })
+        Ok(ResidualScale { scale: 1.0, floor: 0.0 })
     }
 
     fn jacobian(&mut self, k: &mut <Dense as Backend>::Matrix) -> Result<(), Infallible> {

@@ -4,7 +4,7 @@ use thiserror::Error;
 
 use crate::las::SparsityError;
 
-use super::params::Unusable;
+use super::params::InvalidParameter;
 
 /// Why a system was not solved.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -71,10 +71,10 @@ pub enum SolveError<F> {
     },
     /// The right-hand side of an iterative method holds a NaN or an infinity.
     #[error("the right-hand side holds a value that is not finite")]
-    SideNotFinite,
+    RhsNotFinite,
     /// Numbers that no iterative method can work with.
     #[error("{0}")]
-    Parameter(#[from] Unusable),
+    Parameter(#[from] InvalidParameter),
     /// Even a factorization of the matrix itself leaves a residual.
     #[error("the matrix is too ill-conditioned: solving leaves a relative residual of {residual:.1e}")]
     Inaccurate {
@@ -91,7 +91,7 @@ pub enum SolveError<F> {
     },
     /// A Krylov method came to no solution.
     #[error(
-        "{method} left a relative residual of {residual:.1e} after {iterations} iterations (tolerance {tolerance:.1e}): {ending}"
+        "{method} left a relative residual of {residual:.1e} after {iterations} iterations (tolerance {tolerance:.1e}): {stop_reason}"
     )]
     NotConverged {
         /// Which one.
@@ -103,7 +103,7 @@ pub enum SolveError<F> {
         /// What it should have fallen to.
         tolerance: f64,
         /// Why it stopped.
-        ending: Ending,
+        stop_reason: StopReason,
     },
     /// The diagonal has no inverse.
     #[error("the diagonal entry of row {row} is zero")]
@@ -131,10 +131,10 @@ pub enum SolveError<F> {
 
 /// Why a Krylov method stopped short of its tolerance.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
-pub enum Ending {
+pub enum StopReason {
     /// The iterations allowed are used up.
     #[error("allow more iterations, or give it a better preconditioner")]
-    RanOut,
+    MaxIterations,
     /// Begun again from where it was, it came no nearer: rounding allows no better.
     #[error("it comes no nearer; rounding allows no less with this matrix: raise the tolerance, or solve directly")]
     Stagnated,
@@ -142,7 +142,7 @@ pub enum Ending {
     #[error(
         "it broke down: conjugate gradients need a positive definite matrix and preconditioner; take another method or preconditioner"
     )]
-    BrokeDown,
+    Breakdown,
 }
 
 fn at_pivot(unknown: Option<usize>) -> String {

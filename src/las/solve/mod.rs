@@ -7,8 +7,8 @@ mod error;
 mod params;
 mod report;
 
-pub use error::{Ending, SolveError};
-pub use params::{Iterative, Krylov, Method, Ordering, Preconditioner, SolverParams, Symmetry, Unusable};
+pub use error::{SolveError, StopReason};
+pub use params::{InvalidParameter, Iterative, Krylov, Method, Ordering, Preconditioner, SolverParams, Symmetry};
 pub use report::{FactorReport, Factorization, SolveReport};
 
 use super::Backend;
@@ -38,7 +38,7 @@ pub trait Solver<B: Backend>: Send {
     ///
     /// # Errors
     /// [`SolveError::NotFactored`], [`SolveError::Size`]; of an iterative method [`SolveError::NotConverged`] and
-    /// [`SolveError::SideNotFinite`].
+    /// [`SolveError::RhsNotFinite`].
     fn solve(&mut self, b: &B::Vector, x: &mut B::Vector) -> Result<SolveReport, SolveError<B::Fault>>;
 
     /// `A x_k = b_k` for several right-hand sides at once.

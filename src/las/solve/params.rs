@@ -110,15 +110,15 @@ impl Iterative {
     ///
     /// # Errors
     /// The first number that is out of its range.
-    pub fn check(&self) -> Result<(), Unusable> {
+    pub fn check(&self) -> Result<(), InvalidParameter> {
         let positive = |name: &'static str, value: usize| match value {
-            0 => Err(Unusable { name, found: "0".into(), allowed: "at least 1" }),
+            0 => Err(InvalidParameter { name, found: "0".into(), allowed: "at least 1" }),
             _ => Ok(()),
         };
         positive("max_iterations", self.max_iterations)?;
         if !(self.tolerance > 0.0 && self.tolerance < 1.0) {
             let found = self.tolerance.to_string();
-            return Err(Unusable { name: "tolerance", found, allowed: "above 0 and below 1" });
+            return Err(InvalidParameter { name: "tolerance", found, allowed: "above 0 and below 1" });
         }
         if let Krylov::Gmres { restart } = self.krylov {
             positive("restart", restart)?;
@@ -126,7 +126,7 @@ impl Iterative {
         match self.preconditioner {
             Preconditioner::Ilut { drop_tolerance, .. } if !(drop_tolerance >= 0.0 && drop_tolerance.is_finite()) => {
                 let found = drop_tolerance.to_string();
-                Err(Unusable { name: "drop_tolerance", found, allowed: "0 or above, and finite" })
+                Err(InvalidParameter { name: "drop_tolerance", found, allowed: "0 or above, and finite" })
             }
             _ => Ok(()),
         }
@@ -136,7 +136,7 @@ impl Iterative {
 /// A number of [`Iterative`] that is out of its range.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 #[error("`{name}` is {found}; it must be {allowed}")]
-pub struct Unusable {
+pub struct InvalidParameter {
     /// Which one.
     pub name: &'static str,
     /// What it is.
@@ -190,7 +190,7 @@ impl SolverParams {
     ///
     /// # Errors
     /// As for [`Iterative::check`].
-    pub fn check(&self) -> Result<(), Unusable> {
+    pub fn check(&self) -> Result<(), InvalidParameter> {
         match &self.method {
             Method::Direct => Ok(()),
             Method::Iterative(iterative) => iterative.check(),

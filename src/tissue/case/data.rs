@@ -29,7 +29,7 @@ pub struct Case {
     pub body_forces: Vec<BodyForceCase>,
     /// Load steps.
     pub steps: StepsCase,
-    /// Newton at the engineering scale.
+    /// Newton at the macro scale.
     pub newton: NewtonCase,
     /// Newton at the micro scale.
     pub micro: MicroCase,
@@ -69,7 +69,7 @@ pub struct RegionCase {
     pub material: MaterialCase,
 }
 
-/// A material of the engineering scale.
+/// A material of the macro scale.
 #[derive(Clone, Debug, PartialEq)]
 pub enum MaterialCase {
     /// A formula.
@@ -245,7 +245,7 @@ impl Default for StepsCase {
     }
 }
 
-/// Newton at the engineering scale; by default 1e-8 in at most 25 iterations, with the line search, from the held state.
+/// Newton at the macro scale; by default 1e-8 in at most 25 iterations, with the line search, from the held state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NewtonCase {
     /// Relative residual.
@@ -308,11 +308,11 @@ impl Default for MicroCase {
 /// Ranks of each scale; by default one process that does both.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ScalesCase {
-    /// Ranks of the engineering scale.
+    /// Ranks of the macro scale.
     pub macro_ranks: usize,
-    /// Ranks of the micro scale; 0: those that the engineering scale leaves, or one process for both.
+    /// Ranks of the micro scale; 0: those that the macro scale leaves, or one process for both.
     pub micro_ranks: usize,
-    /// Whether ranks are dealt out so that those of the micro scale are near one of the engineering scale, by what hwloc
+    /// Whether ranks are dealt out so that those of the micro scale are near one of the macro scale, by what hwloc
     /// knows of the machines.
     pub near: bool,
 }

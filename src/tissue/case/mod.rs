@@ -49,7 +49,7 @@
 //! count = 20                               # default 10
 //! max_cuts = 6                             # how often a step that fails is halved; the default
 //!
-//! [newton]                                 # the engineering scale, with its defaults
+//! [newton]                                 # the macro scale, with its defaults
 //! tolerance = 1e-8                         # of the residual, relative to the forces
 //! max_iterations = 25
 //! line_search = true

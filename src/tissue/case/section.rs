@@ -97,7 +97,7 @@ pub(super) fn steps(root: &mut Table<'_>) -> StepsCase {
     steps
 }
 
-/// Newton at the engineering scale.
+/// Newton at the macro scale.
 pub(super) fn newton(root: &mut Table<'_>) -> NewtonCase {
     let default = NewtonCase::default();
     let Some(mut table) = root.table("newton") else { return default };

@@ -132,9 +132,9 @@ pub fn write(
 ) -> Result<(), ResultsError> {
     let folder = dir.join(CHECKPOINT_FOLDER);
     fs::create_dir_all(&folder).map_err(ResultsError::write(&folder))?;
-    file::write(&folder.join(file_name(state.done)), &RecordRef { identity, state, written, field })?;
+    file::write(&folder.join(file_name(state.completed_steps)), &RecordRef { identity, state, written, field })?;
     output::sync_folder(&folder).map_err(ResultsError::write(&folder))?;
-    keep_last(dir, state.done)
+    keep_last(dir, state.completed_steps)
 }
 
 /// Removes the checkpoints of a result directory but for the last ones up to step `done`, and all that were never finished.

@@ -7,7 +7,7 @@ use super::identity::Identity;
 use super::raw::Raw;
 use crate::fem::material::Response;
 use crate::fem::stepping::SavedState;
-use crate::fiber::rve::{Rates, Rve};
+use crate::fiber::rve::{Rve, Sensitivities};
 use crate::tissue::micro_scale::{Life, TissueMaterial, UnitState};
 use crate::tissue::results::Written;
 
@@ -44,7 +44,7 @@ pub(in crate::tissue) struct UnitRecord {
 struct RveRecord {
     gradient: [[f64; 3]; 3],
     interior: Raw<[f64; 3], 8>,
-    rates: Option<Raw<Rates, 4>>,
+    sensitivities: Option<Raw<Sensitivities, 4>>,
 }
 
 /// Matrices column by column.
@@ -60,7 +60,7 @@ impl<M: TissueMaterial> Serialize for RecordRef<'_, M> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let mut record = serializer.serialize_struct("Record", 7)?;
         record.serialize_field("identity", self.identity)?;
-        record.serialize_field("done", &(self.state.done as u64))?;
+        record.serialize_field("done", &(self.state.completed_steps as u64))?;
         record.serialize_field("halvings", &self.state.halvings)?;
         record.serialize_field("displacements", &self.state.displacements)?;
         record.serialize_field("written", self.written)?;
@@ -83,7 +83,7 @@ impl Record {
     /// The states in it; `None` where a count is none of this machine.
     pub fn into_states(self) -> Option<(SavedState, Vec<Life>, Vec<UnitState>)> {
         let Self { done, halvings, displacements, lives, units, .. } = self;
-        let state = SavedState { done: usize::try_from(done).ok()?, halvings, displacements };
+        let state = SavedState { completed_steps: usize::try_from(done).ok()?, halvings, displacements };
         Some((state, lives, units.into_iter().map(UnitState::from).collect()))
     }
 }
@@ -92,8 +92,8 @@ impl From<UnitState> for UnitRecord {
     fn from(state: UnitState) -> Self {
         Self {
             rve: state.rve.map(|rve| {
-                let (gradient, interior, rates) = rve.into_parts();
-                RveRecord { gradient: gradient.into(), interior: Raw(interior), rates: rates.map(Raw) }
+                let (gradient, interior, sensitivities) = rve.into_parts();
+                RveRecord { gradient: gradient.into(), interior: Raw(interior), sensitivities: sensitivities.map(Raw) }
             }),
             answer: state.answer.map(|(gradient, Response { energy, pk1, tangent })| AnswerRecord {
                 gradient: gradient.into(),
@@ -110,8 +110,8 @@ impl From<UnitRecord> for UnitState {
     fn from(record: UnitRecord) -> Self {
         Self {
             rve: record.rve.map(|rve| {
-                let RveRecord { gradient, interior, rates } = rve;
-                Rve::restored(gradient.into(), interior.0, rates.map(|rates| rates.0))
+                let RveRecord { gradient, interior, sensitivities } = rve;
+                Rve::restored(gradient.into(), interior.0, sensitivities.map(|sensitivities| sensitivities.0))
             }),
             answer: record.answer.map(|answer| {
                 let AnswerRecord { gradient, energy, pk1, tangent } = answer;

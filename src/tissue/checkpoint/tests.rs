@@ -130,7 +130,7 @@ fn a_state_that_does_not_fit_changes_nothing() {
     let (mut field, _) = TissueField::<Sparse>::new((), &case, &mesh).unwrap();
     let (found, _) = latest(dir.path(), &Identity::new("sparse", &case, &mesh, &field)).unwrap();
     let Checkpoint { state, lives, units, .. } = found.unwrap();
-    assert_eq!((state.done, units.len()), (2, 6));
+    assert_eq!((state.completed_steps, units.len()), (2, 6));
     let before: Vec<UnitState> = field.unit_states().collect();
 
     let mut fewer = units.clone();

@@ -71,7 +71,7 @@ pub trait TissueMaterial: PointField<Error = TissueFieldError> {
     /// The network of an element, `None` where there is none.
     fn deformed_network(&self, element: usize) -> Option<DeformedNetwork>;
 
-    /// Ranks of the engineering scale and of the RVEs; 1 and 0 in one process.
+    /// Ranks of the macro scale and of the RVEs; 1 and 0 in one process.
     fn ranks(&self) -> [usize; 2] {
         [1, 0]
     }

@@ -10,7 +10,7 @@ use super::worker::Worker;
 use crate::fem::material::{MaterialError, Response};
 use crate::fiber::equilibrium::{EquilibriumReport, RveError, Stage, continues, equilibrate};
 use crate::fiber::homogenize::Tangent;
-use crate::fiber::rve::{Rates, Rve, RveModel};
+use crate::fiber::rve::{Rve, RveModel, Sensitivities};
 use crate::fiber::workspace::Workspace;
 use crate::las::{Backend, Scalar};
 use serde::{Deserialize, Serialize};
@@ -269,8 +269,9 @@ impl Unit {
     /// for a prediction, which is counted before the first of them too.
     pub fn bytes(&self, predict: bool) -> usize {
         let heap = self.fibers.as_ref().map_or(0, |fibers| {
-            let to_come = if predict && !fibers.current.has_rates() { fibers.current.interior().len() } else { 0 };
-            fibers.current.heap_bytes() + fibers.committed.heap_bytes() + to_come * size_of::<Rates>()
+            let to_come =
+                if predict && !fibers.current.has_sensitivities() { fibers.current.interior().len() } else { 0 };
+            fibers.current.heap_bytes() + fibers.committed.heap_bytes() + to_come * size_of::<Sensitivities>()
         });
         size_of::<Self>() + heap
     }
@@ -308,7 +309,7 @@ impl Fibers {
         B::Reduced: Scalar,
     {
         let model = &library.models[self.model];
-        let is_affine = self.origin == Origin::Committed && !self.current.has_rates();
+        let is_affine = self.origin == Origin::Committed && !self.current.has_sensitivities();
         let mut solved = match equilibrate(model, &mut self.current, gradient, &library.params, workspace) {
             Ok(solved) => solved,
             Err(error) => {
@@ -326,7 +327,7 @@ impl Fibers {
         }
         let response = Response { energy: solved.energy(), pk1: solved.pk1(), tangent: solved.tangent()? };
         if library.predict {
-            solved.keep_rates()?;
+            solved.keep_sensitivities()?;
         }
         Ok((response, solved.report().iterations))
     }

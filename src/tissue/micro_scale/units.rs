@@ -15,7 +15,7 @@ use super::unit::{Fibers, Origin, SweepStats, Unit, UnitError};
 use super::worker::Worker;
 use crate::fem::material::Response;
 use crate::las::{Backend, Scalar};
-use crate::tissue::rve_dump::RveDump;
+use crate::tissue::replay::RveDump;
 
 /// The RVEs of one rank, in the order in which they came, each the material of an element.
 ///

@@ -10,7 +10,7 @@ use super::origin::is_report;
 use super::pieces::part_file;
 use super::{CASE_FILE, FIELDS_FILE, LOADS_FILE, LOG_FILE, NETWORKS_FOLDER, REPORT_FILE, ResultsError};
 use crate::output::final_name;
-use crate::tissue::rve_dump::{LOST_FOLDER, lost_file};
+use crate::tissue::replay::{LOST_FOLDER, lost_file};
 
 /// Removes the loads, the log, the fields, the networks and the page of figures of an earlier run from a result directory,
 /// finished or not. Files of other names, and checkpoints, stay; so does a page of figures that comes from elsewhere. That

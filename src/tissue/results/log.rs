@@ -40,7 +40,7 @@ pub struct Start {
     pub elements: usize,
     /// Nodes of the mesh.
     pub nodes: usize,
-    /// Free unknowns of the engineering scale.
+    /// Free unknowns of the macro scale.
     pub unknowns: usize,
     /// Fiber RVEs.
     pub rves: usize,
@@ -48,7 +48,7 @@ pub struct Start {
     pub networks: usize,
     /// Worker threads.
     pub threads: usize,
-    /// Ranks of the engineering scale and of the RVEs; 1 and 0 in one process.
+    /// Ranks of the macro scale and of the RVEs; 1 and 0 in one process.
     pub ranks: [usize; 2],
     /// Version of this program.
     pub version: String,
@@ -69,7 +69,7 @@ pub struct Step {
     /// How often the body was brought to balance again because RVEs were created, woken or deleted.
     #[serde(default)]
     pub rounds: usize,
-    /// Newton at the engineering scale.
+    /// Newton at the macro scale.
     pub newton: NewtonLog,
     /// The RVEs, where there are any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -146,7 +146,7 @@ pub struct End {
     pub seconds: f64,
 }
 
-/// Newton at the engineering scale. Residuals that are no finite number are `null` in the file and NaN when read.
+/// Newton at the macro scale. Residuals that are no finite number are `null` in the file and NaN when read.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct NewtonLog {
@@ -206,7 +206,7 @@ pub struct NewtonSeconds {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct RveLog {
-    /// RVEs brought to equilibrium, once for every Newton iteration of the engineering scale.
+    /// RVEs brought to equilibrium, once for every Newton iteration of the macro scale.
     pub solves: u64,
     /// Newton iterations of all of them.
     pub iterations_total: u64,

@@ -16,7 +16,7 @@ use crate::checksum::{below_signature, signed};
 use crate::output::final_name;
 use crate::tissue::case::Case;
 use crate::tissue::checkpoint;
-use crate::tissue::rve_dump::LOST_FOLDER;
+use crate::tissue::replay::LOST_FOLDER;
 
 /// Enough of a file to tell what it is.
 const HEAD: u64 = 4096;

@@ -25,7 +25,7 @@ use self::writers::Witness;
 use super::case::Case;
 use super::checkpoint::{self, Checkpoint, Identity};
 use super::micro_scale::{TissueField, TissueMaterial};
-use super::record::{GoingOn, Progress, Recorder};
+use super::recorder::{GoingOn, Progress, Recorder};
 use super::results::log::{End, Event, Start};
 use super::results::{self, DirectoryLock, Done, ResultsError, Written};
 use crate::fem::mesh::Mesh;
@@ -154,14 +154,14 @@ where
         let agreed = writers.agree(told);
         let (checkpoint, remarks) = found?;
         warnings.extend(remarks);
-        let step = checkpoint.as_ref().map_or(0, |checkpoint| checkpoint.state.done);
+        let step = checkpoint.as_ref().map_or(0, |checkpoint| checkpoint.state.completed_steps);
         agreed.and_then(|()| writers.agree_on(step)).map_err(ResumeError::Elsewhere)?;
         let Some(Checkpoint { path, state, lives, units, written }) = checkpoint else {
             self.check_empty(writers, dir)?;
             warnings.push(format!("{}: no checkpoint: starting from the beginning", dir.display()));
             return Ok(Resumed { step: 0, warnings });
         };
-        let done = Done { steps: state.done, of: self.stepper.count() };
+        let done = Done { steps: state.completed_steps, of: self.stepper.count() };
         let checked = if writers.is_writer() { written.check(dir, done) } else { Ok(Vec::new()) };
         let (restored, outcome) = match checked {
             Ok(restored) => (restored, Ok(())),
@@ -174,7 +174,7 @@ where
         self.written = written;
         // What it took to get there is not part of the next step.
         let _ = (self.stepper.field().take_stats(), self.stepper.field().take_seconds());
-        Ok(Resumed { step: state.done, warnings })
+        Ok(Resumed { step: state.completed_steps, warnings })
     }
 
     /// That a directory without a checkpoint holds no results that starting from the beginning would remove.
@@ -236,7 +236,7 @@ where
         progress: &mut dyn Progress,
         start: Instant,
     ) -> Result<RunSummary, RunError<B::Fault>> {
-        let done = self.stepper.done();
+        let done = self.stepper.completed_steps();
         let on = (done > 0).then(|| GoingOn {
             done: Done { steps: done, of: self.stepper.count() },
             written: std::mem::take(&mut self.written),
@@ -254,7 +254,7 @@ where
         witness.write(|recorder| recorder.log(&start_of_run))?;
         let outcome = self.take_steps(dir, &mut witness);
         let seconds = start.elapsed().as_secs_f64();
-        let steps = self.stepper.done();
+        let steps = self.stepper.completed_steps();
         let reason = match &outcome {
             Ok(_) => None,
             Err(error @ RunError::NotConverged { .. }) => {
@@ -294,7 +294,7 @@ where
         let identity = self.identity();
         let count = self.stepper.count();
         let mut iterations = 0;
-        while self.stepper.done() < count {
+        while self.stepper.completed_steps() < count {
             match self.stepper.step(witness) {
                 Ok(report) => iterations += report.iterations(),
                 Err(SteppingError::Stopped { reason, .. }) => return Err(reason.into()),

@@ -77,7 +77,7 @@ pub struct Resumed {
 pub struct RunSummary {
     /// Load steps.
     pub steps: usize,
-    /// Newton iterations of the engineering scale in all.
+    /// Newton iterations of the macro scale in all.
     pub iterations: usize,
     /// Wall time, s.
     pub seconds: f64,

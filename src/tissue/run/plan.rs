@@ -11,7 +11,7 @@ pub struct Plan {
     pub elements: usize,
     /// Nodes of the mesh.
     pub nodes: usize,
-    /// Free unknowns of the engineering scale.
+    /// Free unknowns of the macro scale.
     pub unknowns: usize,
     /// RVEs.
     pub rves: usize,
@@ -25,7 +25,7 @@ pub struct Plan {
     pub steps: usize,
     /// Threads that solve RVEs.
     pub threads: usize,
-    /// Ranks of the engineering scale and of the RVEs; 1 and 0 in one process.
+    /// Ranks of the macro scale and of the RVEs; 1 and 0 in one process.
     pub ranks: [usize; 2],
 }
 

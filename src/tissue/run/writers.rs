@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::fem::stepping::{ConvergedStep, FailedAttempt, StepObserver};
 use crate::tissue::micro_scale::TissueMaterial;
-use crate::tissue::record::Recorder;
+use crate::tissue::recorder::Recorder;
 use crate::tissue::results::ResultsError;
 
 /// Who writes the results of a run that several processes take in step: one of them, and all go on only if it could.

@@ -1,12 +1,12 @@
-//! The other ranks of the engineering scale where the first one solves for the body: each exchanges with the RVEs of its part.
+//! The other ranks of the macro scale where the first one solves for the body: each exchanges with the RVEs of its part.
 
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
 use super::TwoScaleError;
-use super::part::{Change, Part};
-use super::terms::{Seconds, Strain, unpack};
+use super::protocol::{Seconds, Strain, unpack};
+use super::shard::{Change, Shard};
 use crate::coupling::Scales;
 use crate::fem::mesh::Mesh;
 use crate::las::{Comm, Message, Tag};
@@ -17,7 +17,7 @@ pub(super) const ANSWERS: Tag = Tag::of(1);
 /// Where the time of the rank of a part went.
 pub(super) const SECONDS: Tag = Tag::of(2);
 
-/// What the first rank of the engineering scale tells the others.
+/// What the first rank of the macro scale tells the others.
 #[derive(Serialize, Deserialize)]
 pub(super) enum Order {
     /// RVEs are deleted, and created: elements and regions.
@@ -28,15 +28,15 @@ pub(super) enum Order {
     End,
 }
 
-/// The main function of the other ranks of the engineering scale.
+/// The main function of the other ranks of the macro scale.
 ///
 /// # Errors
 /// [`TwoScaleError`].
 pub fn follow<C: Comm>(scales: &Scales<C>, mesh: &Mesh) -> Result<(), TwoScaleError> {
     let comm = scales.comm();
-    let part_of = super::partition::partition(mesh, comm.size());
+    let shard_of = super::partition::partition(mesh, comm.size());
     let own = comm.rank() as u32;
-    let mut part = Part::new(scales)?;
+    let mut part = Shard::new(scales)?;
     let mut seconds = Seconds::default();
     loop {
         let waiting = Instant::now();
@@ -44,7 +44,7 @@ pub fn follow<C: Comm>(scales: &Scales<C>, mesh: &Mesh) -> Result<(), TwoScaleEr
             Order::Change(gone, new) => {
                 seconds.idle += waiting.elapsed().as_secs_f64();
                 let start = Instant::now();
-                part.change(&Change { gone, new }, |element| part_of[element] == own)?;
+                part.change(&Change { gone, new }, |element| shard_of[element] == own)?;
                 seconds.exchanging += start.elapsed().as_secs_f64();
             }
             Order::Exchange => {
@@ -53,9 +53,9 @@ pub fn follow<C: Comm>(scales: &Scales<C>, mesh: &Mesh) -> Result<(), TwoScaleEr
                 let start = Instant::now();
                 let gradients = comm.receive(0, GRADIENTS)?;
                 seconds.exchanging += start.elapsed().as_secs_f64();
-                let gradients = gradients.values::<Strain>().ok_or(TwoScaleError::Turn)?;
+                let gradients = gradients.values::<Strain>().ok_or(TwoScaleError::Protocol)?;
                 if gradients.len() != part.elements().len() {
-                    return Err(TwoScaleError::Turn);
+                    return Err(TwoScaleError::Protocol);
                 }
                 let answers = part.exchange(|number, _| gradients[number], &mut seconds)?;
                 let start = Instant::now();

@@ -1,4 +1,4 @@
-//! The engineering scale's side: the material of the body, whose RVEs are on ranks of their own.
+//! The macro scale's side: the material of the body, whose RVEs are on ranks of their own.
 
 use std::collections::{HashMap, HashSet};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -6,9 +6,9 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use nalgebra::Matrix3;
 
 use super::TwoScaleError;
-use super::counterpart::{Counterpart, Lead};
-use super::part::Change;
-use super::terms::{Failed, Outcome, Task, Turn, UnitReport};
+use super::micro_proxy::{Lead, MicroProxy};
+use super::protocol::{Command, Failed, Outcome, Task, UnitReport};
+use super::shard::Change;
 use crate::coupling::Scales;
 use crate::fem::mesh::Mesh;
 use crate::fem::point_field::{PointField, PointResponses};
@@ -18,12 +18,12 @@ use crate::tissue::micro_scale::{
     DeformedNetwork, FieldRestoreError, Library, LibraryError, Life, LostRve, PointFailure, PointSummary, Sites,
     SweepStats, TissueFieldError, TissueMaterial, UnitState, check_states, write,
 };
+use crate::tissue::replay::RveDump;
 use crate::tissue::results::log::RankSeconds;
-use crate::tissue::rve_dump::RveDump;
 
 /// The material of a body whose RVEs are solved by the micro scale.
 pub struct ScaleField<'a, C: Comm, B: Backend> {
-    micro: Counterpart<'a, C>,
+    micro: MicroProxy<'a, C>,
     library: Library<B>,
     sites: Sites,
     /// The rank of the program that solves the RVE of an element.
@@ -60,10 +60,10 @@ where
     ) -> Result<(Self, Vec<String>), LibraryError> {
         let (library, warnings) = Library::read(context, case)?;
         let sites = Sites::new(&library, case, mesh)?;
-        let part_of = super::partition::partition(mesh, scales.comm().size());
+        let shard_of = super::partition::partition(mesh, scales.comm().size());
         let elements = sites.len();
         let field = Self {
-            micro: Counterpart::new(scales, lead, part_of),
+            micro: MicroProxy::new(scales, lead, shard_of),
             library,
             sites,
             rank_of: vec![scales.world().rank() as u32; elements],
@@ -287,18 +287,18 @@ where
 
     fn parts(&self) -> Option<(&[u32], usize)> {
         let parts = self.micro.scales.comm().size();
-        (parts > 1).then_some((&*self.micro.part_of, parts))
+        (parts > 1).then_some((&*self.micro.shard_of, parts))
     }
 
-    /// Part by part where all ranks solve: the rows of a rank are then about those of its own elements.
+    /// The order of nodes by rank where all ranks solve: the rows of a rank are then about those of its own elements.
     fn node_order(&self, mesh: &Mesh) -> Vec<u32> {
         let mut order: Vec<u32> = (0..mesh.nodes().len() as u32).collect();
         if self.micro.lead == Lead::All {
-            let mut part_of = vec![u32::MAX; order.len()];
-            for (nodes, &part) in mesh.elements().iter().zip(&self.micro.part_of) {
-                nodes.iter().for_each(|&node| part_of[node as usize] = part_of[node as usize].min(part));
+            let mut shard_of = vec![u32::MAX; order.len()];
+            for (nodes, &part) in mesh.elements().iter().zip(&self.micro.shard_of) {
+                nodes.iter().for_each(|&node| shard_of[node as usize] = shard_of[node as usize].min(part));
             }
-            order.sort_by_key(|&node| part_of[node as usize]);
+            order.sort_by_key(|&node| shard_of[node as usize]);
         }
         order
     }
@@ -331,7 +331,7 @@ where
         let new = existing.iter().filter(|(element, _)| !before.contains(element));
         let change = Change { gone, new: new.map(|&(element, region)| [element as u64, region as u64]).collect() };
         let states = existing.iter().zip(states).map(|(&(element, _), state)| (element as u64, state.into())).collect();
-        let told = self.change(&change).and_then(|()| self.micro.tell(&Turn::Restore(states)));
+        let told = self.change(&change).and_then(|()| self.micro.broadcast(&Command::Restore(states)));
         self.whole(told).map_err(|error| FieldRestoreError::Ranks(error.to_string()))
     }
 }

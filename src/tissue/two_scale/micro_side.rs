@@ -1,12 +1,12 @@
-//! The micro scale: RVEs that come and go as the engineering scale says, and answer when asked.
+//! The micro scale: RVEs that come and go as the macro scale says, and answer when asked.
 
 use std::collections::{HashMap, HashSet};
 use std::time::Instant;
 
 use super::TwoScaleError;
-use super::links::Links;
-use super::terms::{
-    Answer, Drawn, Failed, Header, MACRO, OneByOne, RankReport, Seconds, Strain, Task, Turn, UnitReport, pack,
+use super::channels::Channels;
+use super::protocol::{
+    Answer, Command, Drawn, Failed, Header, MACRO, OneByOne, RankReport, Seconds, Strain, Task, UnitReport, pack,
     pack_into, unpack,
 };
 use crate::coupling::Scales;
@@ -33,11 +33,11 @@ where
 /// The RVEs of a rank and what couples them.
 struct MicroSide<'a, C: Comm, B: Backend> {
     scales: &'a Scales<C>,
-    /// The number of the engineering scale.
+    /// The number of the macro scale.
     above: usize,
     drawn: RveOutput,
     units: Units<B>,
-    links: Links<C>,
+    channels: Channels<C>,
     /// What was asked last, in the order of the units.
     asked: Vec<Strain>,
     failed: Option<PointFailure>,
@@ -52,47 +52,47 @@ where
 {
     fn new(scales: &'a Scales<C>, case: &Case, library: Library<B>) -> Result<Self, TwoScaleError> {
         let above = scales.find(MACRO).ok_or(TwoScaleError::Scale(MACRO))?;
-        let links = Links::new(scales)?;
+        let channels = Channels::new(scales)?;
         let (units, drawn) = (Units::new(library), case.output.rve.clone());
         let (asked, failed, seconds, between) = (Vec::new(), None, Vec::new(), Seconds::default());
-        Ok(Self { scales, above, drawn, units, links, asked, failed, seconds, between })
+        Ok(Self { scales, above, drawn, units, channels, asked, failed, seconds, between })
     }
 
     fn run(mut self) -> Result<(), TwoScaleError> {
         let mut complete = false;
         while !complete {
-            match self.turn()? {
-                Turn::Units => {
+            match self.command()? {
+                Command::Units => {
                     let start = Instant::now();
                     self.update_units()?;
                     self.between.exchanging += start.elapsed().as_secs_f64();
                 }
-                Turn::Step => {
+                Command::Step => {
                     let mut step_complete = false;
                     while !step_complete {
                         self.answer_strains()?;
                         step_complete = self.hear_of_step()?;
                     }
                 }
-                Turn::Complete => complete = true,
+                Command::Complete => complete = true,
                 between => self.between_steps(between)?,
             }
         }
         Ok(())
     }
 
-    /// What the engineering scale makes of the answers: `false` where it asks again.
+    /// What the macro scale makes of the answers: `false` where it asks again.
     fn hear_of_step(&mut self) -> Result<bool, TwoScaleError> {
         loop {
-            match self.turn()? {
-                Turn::Iterate => return Ok(false),
+            match self.command()? {
+                Command::Iterate => return Ok(false),
                 // What strain demands is created, and the body brought to balance again.
-                Turn::Units => {
+                Command::Units => {
                     let start = Instant::now();
                     self.update_units()?;
                     self.between.exchanging += start.elapsed().as_secs_f64();
                 }
-                Turn::Explain => {
+                Command::Explain => {
                     let start = Instant::now();
                     self.explain()?;
                     self.between.exchanging += start.elapsed().as_secs_f64();
@@ -105,32 +105,32 @@ where
         }
     }
 
-    fn between_steps(&mut self, turn: Turn) -> Result<(), TwoScaleError> {
-        match turn {
-            Turn::Accept => self.report(true),
-            Turn::Reject => self.report(false),
-            Turn::Restore(states) => self.restore(states),
-            _ => Err(TwoScaleError::Turn),
+    fn between_steps(&mut self, command: Command) -> Result<(), TwoScaleError> {
+        match command {
+            Command::Accept => self.report(true),
+            Command::Reject => self.report(false),
+            Command::Restore(states) => self.restore(states),
+            _ => Err(TwoScaleError::Protocol),
         }
     }
 
-    fn turn(&mut self) -> Result<Turn, TwoScaleError> {
+    fn command(&mut self) -> Result<Command, TwoScaleError> {
         let start = Instant::now();
-        let news = self.scales.hear(self.above)?;
+        let news = self.scales.receive(self.above)?;
         self.between.idle += start.elapsed().as_secs_f64();
         Ok(unpack(&news)?)
     }
 
     /// RVEs that are deleted, then those that are new, at rest.
     fn update_units(&mut self) -> Result<(), TwoScaleError> {
-        let before = self.links.units().to_vec();
-        let kept = self.links.down.forget()?;
+        let before = self.channels.units().to_vec();
+        let kept = self.channels.down.forget()?;
         let kept: HashSet<u64> = kept.into_iter().map(|place| before[place as usize]).collect();
         let gone = before.into_iter().filter(|unit| !kept.contains(unit)).map(|unit| unit as usize).collect();
         self.units.remove(&gone);
-        let delta = self.links.down.reconcile()?;
+        let delta = self.channels.down.reconcile()?;
         let mut headers = vec![Header { region: 0 }; delta.units().len()];
-        self.links.headers.receive(&delta, &mut headers)?;
+        self.channels.headers.receive(&delta, &mut headers)?;
         for (&element, header) in delta.units().iter().zip(headers) {
             let element = element as usize;
             if let ElementMaterial::Rve { model, matrix } =
@@ -139,16 +139,16 @@ where
                 self.units.add(element, model, matrix);
             }
         }
-        self.links.turn_back();
+        self.channels.turn_back();
         Ok(())
     }
 
     /// Gets a deformation gradient for every RVE, brings all to equilibrium, and sends what they answer.
     fn answer_strains(&mut self) -> Result<(), TwoScaleError> {
         self.asked.resize(self.units.len(), Strain { gradient: [0.0; 9], task: Task::Rest as u64 });
-        let (start, before) = (Instant::now(), self.links.strains.waited());
-        self.links.strains.receive(&self.links.down, &mut self.asked)?;
-        let (asked, waited) = (Instant::now(), self.links.strains.waited() - before);
+        let (start, before) = (Instant::now(), self.channels.strains.waited());
+        self.channels.strains.receive(&self.channels.down, &mut self.asked)?;
+        let (asked, waited) = (Instant::now(), self.channels.strains.waited() - before);
         let strains = &self.asked;
         let solved = self.units.solve(|number, _| strains[number].for_task(Task::Solve));
         let verified = solved.and_then(|()| self.units.verify(|number, _| strains[number].for_task(Task::Verify)));
@@ -163,7 +163,7 @@ where
         });
         let answers: Vec<Answer> = answers.collect();
         self.failed = failed;
-        self.links.answers.send(&self.links.back, &answers)?;
+        self.channels.answers.send(&self.channels.back, &answers)?;
         let between = std::mem::take(&mut self.between);
         self.seconds.push(Seconds {
             busy: (solved - asked).as_secs_f64() + between.busy,
@@ -173,7 +173,7 @@ where
         Ok(())
     }
 
-    /// Tells the engineering scale of the first RVE of this scale that failed.
+    /// Tells the macro scale of the first RVE of this scale that failed.
     fn explain(&mut self) -> Result<(), TwoScaleError> {
         let failed = self.failed.take().map(|failure| {
             let start = self.units.take_lost().map(|lost| {
@@ -189,7 +189,7 @@ where
         self.to_macro(pack(&failed)?)
     }
 
-    /// Keeps what the step found, or goes back; tells the engineering scale what it took, and what became of the RVEs. What
+    /// Keeps what the step found, or goes back; tells the macro scale what it took, and what became of the RVEs. What
     /// that takes counts for the next step.
     fn report(&mut self, converged: bool) -> Result<(), TwoScaleError> {
         let start = Instant::now();
@@ -231,10 +231,10 @@ where
         deformed.map(|deformed| Drawn::new(model, deformed))
     }
 
-    /// All ranks of this scale say something; the engineering scale hears them in their order.
+    /// All ranks of this scale say something; the macro scale hears them in their order.
     fn to_macro(&self, message: Message) -> Result<(), TwoScaleError> {
         let all = self.scales.comm().gather(0, message)?;
-        Ok(self.scales.tell(self.above, Message::join(all.unwrap_or_default()))?)
+        Ok(self.scales.broadcast(self.above, Message::join(all.unwrap_or_default()))?)
     }
 
     fn restore(&mut self, states: Vec<(u64, UnitRecord)>) -> Result<(), TwoScaleError> {

@@ -2,49 +2,49 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | `terms` | what they tell each other |
-//! | `macro_side` | the engineering scale: the material of the body, asked point by point |
-//! | `counterpart` | the micro scale as the engineering scale sees it: told, asked, heard |
-//! | `part` | a rank of it: the elements of its part and their couplings |
-//! | `links` | the couplings of the RVEs of one rank, the same on both scales |
-//! | `micro_side` | the micro scale: RVEs that answer |
-//! | `writers` | who writes where all ranks of the engineering scale solve, and how they agree |
-//! | `partition` | which rank of the engineering scale has which element |
+//! | `protocol` | the messages between the scales |
+//! | `macro_side` | the macro scale: a material that gets its stress from RVEs on other ranks |
+//! | `micro_proxy` | the micro scale as seen by the macro scale: sends commands and strains, receives answers |
+//! | `shard` | the elements of one macro rank and the couplings of their RVEs |
+//! | `channels` | the couplings of the RVEs of one rank, the same on both scales |
+//! | `micro_side` | the micro scale: solves its RVEs and sends the answers |
+//! | `writers` | which macro rank writes results when all of them solve, and how they agree on errors |
+//! | `partition` | assigns elements to macro ranks |
 //!
-//! The first rank of the engineering scale broadcasts whose turn it is; the micro scale follows:
+//! The first macro rank broadcasts a command; the micro scale carries it out:
 //!
 //! ```text
-//! engineering scale                                micro scale
-//! -----------------                                -----------
-//! until all steps are done:                        while not complete:
-//!   Newton asks: Turn::Step or Iterate               while not step_complete:
-//!     send strains ------------------------------->    receive strains
-//!     receive answers <----------------------------    solve all RVEs, send answers
-//!   it converged: Turn::Iterate, Task::Verify ---->    make answers continue the last step
-//!   strain demands RVEs: Turn::Units, create ----->    update_units; Newton asks again
-//!   balanced: Turn::Accept; or not: Reject ------->   step_complete
-//!   what strain deleted: Turn::Units, delete ----->   update_units
-//! Turn::Complete -------------------------------->   complete
+//! macro scale                                      micro scale
+//! -----------                                      -----------
+//! until all steps are complete:                    while not complete:
+//!   Newton evaluates: Command::Step or Iterate       while not step_complete:
+//!     send strains ---------------------------->       receive strains
+//!     receive answers <-------------------------       solve all RVEs, send answers
+//!   Newton converged: Iterate, Task::Verify --->       make answers continue the last step
+//!   strain creates RVEs: Command::Units ------->       update units; Newton evaluates again
+//!   balanced: Command::Accept; else Reject ---->     step_complete
+//!   strain deletes RVEs: Command::Units ------->     update units
+//! Command::Complete --------------------------->   complete
 //! ```
 
-mod counterpart;
+mod channels;
 mod follower;
-mod links;
 mod macro_side;
+mod micro_proxy;
 mod micro_side;
-mod part;
 mod partition;
-mod terms;
+mod protocol;
+mod shard;
 mod writers;
 
 use thiserror::Error;
 
-pub use counterpart::Lead;
 pub use follower::follow;
 pub use macro_side::ScaleField;
+pub use micro_proxy::Lead;
 pub use micro_side::run as run_micro;
 pub use partition::partition;
-pub use terms::{MACRO, MICRO, Seconds};
+pub use protocol::{MACRO, MICRO, Seconds};
 pub use writers::First;
 
 use super::micro_scale::TissueFieldError;
@@ -66,12 +66,12 @@ pub enum TwoScaleError {
     /// There is no such scale.
     #[error("there is no scale {0}")]
     Scale(&'static str),
-    /// A message is not what was to come.
-    #[error("the scales have lost step with each other: {0}")]
+    /// A message cannot be decoded.
+    #[error("the scales are out of step: {0}")]
     Message(#[from] postcard::Error),
-    /// It is another's turn.
-    #[error("the scales have lost step with each other")]
-    Turn,
+    /// A rank received another command or another number of values than the protocol has at this point.
+    #[error("the scales are out of step: a message of another kind was expected")]
+    Protocol,
     /// A saved state does not fit.
     #[error("{0}")]
     State(String),

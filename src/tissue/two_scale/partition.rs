@@ -1,4 +1,4 @@
-//! Which rank of the engineering scale has which element.
+//! Which rank of the macro scale has which element.
 
 use crate::fem::mesh::Mesh;
 
@@ -15,19 +15,19 @@ pub fn partition(mesh: &Mesh, parts: usize) -> Vec<u32> {
         return parts;
     }
     let centers: Vec<[f64; 3]> = mesh.elements().iter().map(|nodes| center(mesh, nodes)).collect();
-    let mut part_of = vec![0; elements];
+    let mut shard_of = vec![0; elements];
     let mut all: Vec<u32> = (0..elements as u32).collect();
-    cut(&centers, &mut all, 0, parts, &mut part_of);
-    part_of
+    cut(&centers, &mut all, 0, parts, &mut shard_of);
+    shard_of
 }
 
 /// METIS may leave a part empty where there are few elements: then it is not taken.
 #[cfg(feature = "metis")]
 fn by_metis(mesh: &Mesh, parts: usize) -> Option<Vec<u32>> {
-    let part_of = crate::backends::metis::parts(&mesh.neighbors(), parts).ok()?;
+    let shard_of = crate::backends::metis::parts(&mesh.neighbors(), parts).ok()?;
     let mut counts = vec![0; parts];
-    part_of.iter().for_each(|&part| counts[part as usize] += 1);
-    counts.iter().all(|&count| count > 0).then_some(part_of)
+    shard_of.iter().for_each(|&part| counts[part as usize] += 1);
+    counts.iter().all(|&count| count > 0).then_some(shard_of)
 }
 
 fn center(mesh: &Mesh, nodes: &[u32; 4]) -> [f64; 3] {
@@ -39,9 +39,9 @@ fn center(mesh: &Mesh, nodes: &[u32; 4]) -> [f64; 3] {
 }
 
 /// Recursive bisection: elements are cut across their longest extent, in proportion to the parts on either side.
-fn cut(centers: &[[f64; 3]], elements: &mut [u32], first: usize, parts: usize, part_of: &mut [u32]) {
+fn cut(centers: &[[f64; 3]], elements: &mut [u32], first: usize, parts: usize, shard_of: &mut [u32]) {
     if parts == 1 {
-        elements.iter().for_each(|&element| part_of[element as usize] = first as u32);
+        elements.iter().for_each(|&element| shard_of[element as usize] = first as u32);
         return;
     }
     let extent = |axis: usize| {
@@ -55,8 +55,8 @@ fn cut(centers: &[[f64; 3]], elements: &mut [u32], first: usize, parts: usize, p
     // The number decides between equals, so that every rank finds the same.
     elements.sort_unstable_by(|&a, &b| centers[a as usize][axis].total_cmp(&centers[b as usize][axis]).then(a.cmp(&b)));
     let (lower, upper) = elements.split_at_mut(at);
-    cut(centers, lower, first, below, part_of);
-    cut(centers, upper, first + below, parts - below, part_of);
+    cut(centers, lower, first, below, shard_of);
+    cut(centers, upper, first + below, parts - below, shard_of);
 }
 
 #[cfg(test)]
@@ -68,10 +68,10 @@ mod tests {
     fn every_part_has_about_as_many_elements() {
         let mesh = cuboid([6, 3, 2], [6.0, 1.0, 1.0]).unwrap();
         for parts in [1, 2, 3, 4, 7] {
-            let part_of = partition(&mesh, parts);
-            assert_eq!(part_of, partition(&mesh, parts), "the same again");
+            let shard_of = partition(&mesh, parts);
+            assert_eq!(shard_of, partition(&mesh, parts), "the same again");
             let mut counts = vec![0; parts];
-            part_of.iter().for_each(|&part| counts[part as usize] += 1);
+            shard_of.iter().for_each(|&part| counts[part as usize] += 1);
             let even = mesh.elements().len() / parts;
             assert!(counts.iter().all(|&count| count + 3 >= even && count <= even + 3), "{counts:?}");
         }
@@ -80,11 +80,11 @@ mod tests {
     #[test]
     fn a_long_body_is_cut_across() {
         let mesh = cuboid([8, 1, 1], [8.0, 1.0, 1.0]).unwrap();
-        let part_of = partition(&mesh, 2);
+        let shard_of = partition(&mesh, 2);
         let neighbors = mesh.neighbors();
         let between = neighbors.iter().enumerate().flat_map(|(element, near)| {
-            let part_of = &part_of;
-            near.iter().filter(move |&&other| part_of[other as usize] != part_of[element])
+            let shard_of = &shard_of;
+            near.iter().filter(move |&&other| shard_of[other as usize] != shard_of[element])
         });
         assert!(between.count() <= 2 * 4, "few faces lie between the parts");
     }

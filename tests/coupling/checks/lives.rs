@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, HashSet};
 use std::ops::Range;
 
 use biotissue::coupling::{
-    ByWeight, Carrier, Census, Coupling, CouplingError, Even, Plan, Role, Scales, Share, UnitId,
+    ByWeight, Channel, Coupling, CouplingError, Distribution, Even, Plan, Role, Scales, Share, UnitId,
 };
 use biotissue::las::conformance::Random;
 use biotissue::las::{Comm, Message};
@@ -158,21 +158,21 @@ struct Side<C: Comm> {
     coupling: Coupling<C>,
     /// The rank in the own scale.
     rank: usize,
-    there: Carrier<Load>,
-    back: Carrier<f64>,
+    there: Channel<Load>,
+    back: Channel<f64>,
 }
 
 impl<C: Comm> Side<C> {
     fn begin(scales: &Scales<C>, names: [&str; 2], units: &[UnitId], how: usize) -> Result<Self, CouplingError> {
         let [from, to] = names;
         let weights: Vec<f64> = units.iter().map(|unit| (1 + unit % 5) as f64).collect();
-        let by_hand = |_: &Census, rank: usize, consumers: usize| vec![rank % consumers; units.len()];
+        let by_hand = |_: &Distribution, rank: usize, consumers: usize| vec![rank % consumers; units.len()];
         let coupling = match how {
             0 => Coupling::new(scales, from, to, units, &[], &Even)?,
             1 => Coupling::new(scales, from, to, units, &weights, &ByWeight)?,
             _ => Coupling::new(scales, from, to, units, &[], &by_hand)?,
         };
-        let (there, back) = (Carrier::new(&coupling)?, Carrier::new(&coupling.inverse())?);
+        let (there, back) = (Channel::new(&coupling)?, Channel::new(&coupling.inverse())?);
         Ok(Self { coupling, rank: scales.comm().rank(), there, back })
     }
 
@@ -208,8 +208,8 @@ impl<C: Comm> Side<C> {
 /// Sends every unit its number, and checks what arrives; then back.
 fn exchange<C: Comm>(
     coupling: &Coupling<C>,
-    there: &mut Carrier<Load>,
-    back: &mut Carrier<f64>,
+    there: &mut Channel<Load>,
+    back: &mut Channel<f64>,
 ) -> Result<(), CouplingError> {
     let loads: Vec<Load> = coupling.units().iter().map(|&unit| Load { unit, value: 0.5 * unit as f64 }).collect();
     let expected: Vec<f64> = coupling.units().iter().map(|&unit| 3.0 * unit as f64).collect();

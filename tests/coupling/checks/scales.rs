@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use biotissue::coupling::{Carrier, Coupling, Even, Plan, ScaleError, Scales, Share, UnitId};
+use biotissue::coupling::{Channel, Coupling, Even, Plan, ScaleError, Scales, Share, UnitId};
 use biotissue::las::{Comm, Message};
 
 use super::{Outcome, first};
@@ -55,10 +55,10 @@ pub fn what_a_scale_tells_all_ranks_of_another_hear<C: Comm>(comm: &C) -> Outcom
     for step in 0..3_u64 {
         match scales.own() {
             0 => {
-                scales.tell(1, Message::of(&[step]))?;
-                scales.tell(2, Message::of(&[10 * step]))?;
+                scales.broadcast(1, Message::of(&[step]))?;
+                scales.broadcast(2, Message::of(&[10 * step]))?;
             }
-            own => assert_eq!(scales.hear(0)?.values(), Some(&[[0, 1, 10][own] * step][..])),
+            own => assert_eq!(scales.receive(0)?.values(), Some(&[[0, 1, 10][own] * step][..])),
         }
     }
     Ok(())
@@ -81,13 +81,13 @@ pub fn a_scale_that_does_not_answer_is_named<C: Comm>(comm: &C) -> Outcome {
     let units: &[UnitId] = if scales.own() == 0 { &[7] } else { &[] };
     let coupling = Coupling::new(&scales, "asks", "sleeps", units, &[], &Even)?;
     let back = coupling.inverse();
-    let mut carrier = Carrier::<f64>::new(&back)?;
+    let mut channel = Channel::<f64>::new(&back)?;
     if scales.own() == 0 {
-        let error = carrier.receive(&back, &mut [0.0]).expect_err("nobody sends");
+        let error = channel.receive(&back, &mut [0.0]).expect_err("nobody sends");
         assert_eq!(error.to_string(), "coupling sleeps to asks: no message from rank 1 in 0.2 s");
-        let error = scales.hear(1).expect_err("nobody tells");
+        let error = scales.receive(1).expect_err("nobody tells");
         assert_eq!(error.to_string(), "scale sleeps told scale asks nothing in 0.2 s");
-        assert_eq!(scales.tell(2, Message::new()), Err(ScaleError::Number { number: 2, scales: 2 }));
+        assert_eq!(scales.broadcast(2, Message::new()), Err(ScaleError::Number { number: 2, scales: 2 }));
     }
     Ok(comm.barrier()?)
 }

@@ -1,7 +1,7 @@
 //! Units of couplings: which rank gets which, and what is refused.
 
 use biotissue::coupling::{
-    ByWeight, Carrier, Census, Coupling, CouplingError, Even, Plan, Role, ScaleError, Scales, Share, UnitId,
+    ByWeight, Channel, Coupling, CouplingError, Distribution, Even, Plan, Role, ScaleError, Scales, Share, UnitId,
 };
 use biotissue::las::{Backend, Comm, Payload, Scalar, Value, VectorOps};
 
@@ -56,8 +56,8 @@ pub fn another_layout_on_the_other_side_is_refused_by_both<C: Comm>(comm: &C) ->
     let scales = scales(comm, producers, comm.size() - producers)?;
     let coupling = Coupling::new(&scales, "a", "b", &[], &[], &Even)?;
     let layouts = match coupling.role() {
-        Role::Producer => Carrier::<Load>::new(&coupling).map(drop),
-        Role::Consumer => Carrier::<Other>::new(&coupling).map(drop),
+        Role::Producer => Channel::<Load>::new(&coupling).map(drop),
+        Role::Consumer => Channel::<Other>::new(&coupling).map(drop),
     };
     let said = layouts.expect_err("they differ").to_string();
     let (load, other) = ("{ unit: u64, value: f64 } (16 bytes)", "{ value: f64, unit: u64 } (16 bytes)");
@@ -78,17 +78,17 @@ pub fn wrong_calls_say_what_is_wrong<C: Comm>(comm: &C) -> Outcome {
     let itself = Coupling::new(&scales, "a", "a", units, &[], &Even).map(drop);
     assert_eq!(itself, Err(CouplingError::Itself("a".into())));
     let mut coupling = Coupling::new(&scales, "a", "b", units, &[], &Even)?;
-    let mut carrier = Carrier::<f64>::new(&coupling)?;
+    let mut channel = Channel::<f64>::new(&coupling)?;
     match coupling.role() {
         Role::Producer => {
-            assert!(matches!(carrier.send(&coupling, &[1.0]), Err(CouplingError::Values { found: 1, units: 2 })));
+            assert!(matches!(channel.send(&coupling, &[1.0]), Err(CouplingError::Values { found: 1, units: 2 })));
             assert!(matches!(coupling.forget(), Err(CouplingError::Role { .. })));
             assert!(matches!(coupling.remove(&[5]), Err(CouplingError::Unit { unit: 5, .. })));
             assert!(matches!(coupling.add(&[2], &[], &Even), Err(CouplingError::Unit { unit: 2, .. })));
             assert!(matches!(coupling.add(&[5, 5], &[], &Even), Err(CouplingError::Unit { unit: 5, .. })));
         }
         Role::Consumer => {
-            assert!(matches!(carrier.send(&coupling, &[1.0, 2.0]), Err(CouplingError::Role { .. })));
+            assert!(matches!(channel.send(&coupling, &[1.0, 2.0]), Err(CouplingError::Role { .. })));
             assert!(matches!(coupling.add(&[9], &[], &Even), Err(CouplingError::Role { .. })));
         }
     }
@@ -125,15 +125,15 @@ pub fn three_scales_are_coupled_in_a_ring<C: Comm>(comm: &C) -> Outcome {
         let units: Vec<UnitId> =
             if own == from { (0..5).map(|k| 10 * comm.rank() as u64 + k).collect() } else { Vec::new() };
         let coupling = Coupling::new(&scales, from, to, &units, &[], &ByWeight)?;
-        let mut carrier = Carrier::<u64>::new(&coupling)?;
+        let mut channel = Channel::<u64>::new(&coupling)?;
         match coupling.role() {
             Role::Producer => {
-                let underway = carrier.start(&coupling, &units)?;
-                carrier.finish(&coupling, underway)?;
+                let underway = channel.start(&coupling, &units)?;
+                channel.finish(&coupling, underway)?;
             }
             Role::Consumer => {
                 let mut found = vec![u64::MAX; coupling.units().len()];
-                carrier.receive(&coupling, &mut found)?;
+                channel.receive(&coupling, &mut found)?;
                 assert_eq!(found, coupling.units());
             }
         }
@@ -151,19 +151,19 @@ pub fn values_come_in_while_a_rank_works<C: Comm>(comm: &C) -> Outcome {
     let first = 100_000 * comm.rank() as u64;
     let units: Vec<UnitId> = if scales.own() == 0 { (first..first + 30_000).collect() } else { Vec::new() };
     let coupling = Coupling::new(&scales, "a", "b", &units, &[], &Even)?;
-    let mut carrier = Carrier::<[u64; 2]>::new(&coupling)?;
+    let mut channel = Channel::<[u64; 2]>::new(&coupling)?;
     let values = |round: u64| coupling.units().iter().map(|&unit| [round, unit]).collect::<Vec<_>>();
     match coupling.role() {
         Role::Producer => {
-            let underway = [carrier.start(&coupling, &values(0))?, carrier.start(&coupling, &values(1))?];
-            underway.into_iter().try_for_each(|underway| carrier.finish(&coupling, underway))?;
-            assert!(matches!(carrier.start_receive(&coupling), Err(CouplingError::Role { .. })));
+            let underway = [channel.start(&coupling, &values(0))?, channel.start(&coupling, &values(1))?];
+            underway.into_iter().try_for_each(|underway| channel.finish(&coupling, underway))?;
+            assert!(matches!(channel.start_receive(&coupling), Err(CouplingError::Role { .. })));
         }
         Role::Consumer => {
-            let arriving = [carrier.start_receive(&coupling)?, carrier.start_receive(&coupling)?];
+            let arriving = [channel.start_receive(&coupling)?, channel.start_receive(&coupling)?];
             for (round, arriving) in (0..).zip(arriving) {
                 let mut found = vec![[u64::MAX; 2]; coupling.units().len()];
-                carrier.finish_receive(&coupling, arriving, &mut found)?;
+                channel.finish_receive(&coupling, arriving, &mut found)?;
                 assert!(found == values(round), "round {round}");
             }
         }
@@ -183,22 +183,22 @@ pub fn receiving_for_units_of_before_is_refused<C: Comm>(comm: &C) -> Outcome {
         if scales.own() == 0 { (first..first + 10).collect() } else { Vec::new() }
     };
     // New units go to other ranks than those of before.
-    let first_and_last = |census: &Census, rank: usize, consumers: usize| {
-        let to = if census.held.iter().all(|&held| held == 0) { 0 } else { consumers - 1 };
-        vec![to; census.counts[rank]]
+    let first_and_last = |distribution: &Distribution, rank: usize, consumers: usize| {
+        let to = if distribution.held.iter().all(|&held| held == 0) { 0 } else { consumers - 1 };
+        vec![to; distribution.counts[rank]]
     };
     let mut coupling = Coupling::new(&scales, "a", "b", &units(0), &[], &first_and_last)?;
-    let mut carrier = Carrier::<u64>::new(&coupling)?;
+    let mut channel = Channel::<u64>::new(&coupling)?;
     if coupling.role() == Role::Producer {
-        carrier.send(&coupling, coupling.units())?;
+        channel.send(&coupling, coupling.units())?;
         coupling.add(&units(1), &[], &first_and_last)?;
         return Ok(());
     }
     let had = coupling.units().len();
-    let arriving = carrier.start_receive(&coupling)?;
+    let arriving = channel.start_receive(&coupling)?;
     coupling.reconcile()?;
     let mut found = vec![u64::MAX; coupling.units().len()];
-    let refused = carrier.finish_receive(&coupling, arriving, &mut found);
+    let refused = channel.finish_receive(&coupling, arriving, &mut found);
     if found.len() == had {
         assert!(refused.is_ok() && found == coupling.units(), "nothing came to this rank: {refused:?}");
     } else {
@@ -222,20 +222,20 @@ pub fn local_values_go_from_vector_to_vector<B: Backend<Scalar: Payload>, C: Com
     let units: Vec<UnitId> = if scales.own() == 0 { (first..first + 20).collect() } else { Vec::new() };
     let coupling = Coupling::new(&scales, "a", "b", &units, &[], &Even)?;
     let back = coupling.inverse();
-    let mut carrier = Carrier::<B::Scalar>::new(&coupling)?;
+    let mut channel = Channel::<B::Scalar>::new(&coupling)?;
     let value = |unit: UnitId| B::Scalar::from_lanes(|lane| Scalar::of((unit + 10_000 * lane as u64) as f64));
     let values: Vec<B::Scalar> = coupling.units().iter().map(|&unit| value(unit)).collect();
     let mut vector = B::vector(context, values.len())?;
     match coupling.role() {
         Role::Producer => {
             vector.with_local_mut(|local| local.copy_from_slice(&values))?;
-            vector.with_local(|local| carrier.send(&coupling, local))??;
+            vector.with_local(|local| channel.send(&coupling, local))??;
             vector.zero()?;
-            vector.with_local_mut(|local| carrier.receive(&back, local))??;
+            vector.with_local_mut(|local| channel.receive(&back, local))??;
         }
         Role::Consumer => {
-            vector.with_local_mut(|local| carrier.receive(&coupling, local))??;
-            vector.with_local(|local| carrier.send(&back, local))??;
+            vector.with_local_mut(|local| channel.receive(&coupling, local))??;
+            vector.with_local(|local| channel.send(&back, local))??;
         }
     }
     assert!(vector.with_local(|local| local == values)?, "rank {}", comm.rank());

@@ -6,7 +6,7 @@ use std::sync::Arc;
 /// Which entries there are: columns ascend in each row.
 pub struct Pattern {
     pub cols: usize,
-    pub row_start: Box<[u32]>,
+    pub row_offsets: Box<[u32]>,
     pub columns: Box<[u32]>,
 }
 
@@ -34,7 +34,7 @@ fn find(columns: &[u32], next: &mut usize, column: i32) -> usize {
 
 #[inline(always)]
 fn range(pattern: &Pattern, row: i32) -> Range<usize> {
-    match pattern.row_start.get(row as usize..).and_then(|starts| starts.first_chunk()) {
+    match pattern.row_offsets.get(row as usize..).and_then(|starts| starts.first_chunk()) {
         Some(&[start, end]) => start as usize..end as usize,
         None => 0..0,
     }

@@ -3,7 +3,7 @@
 use super::lanes::{BlockScalar, Kernel, Lanes, Width};
 use super::products::{load, rows_of, store, subtract_products};
 use super::update::Earlier;
-use super::{BLOCK, BlockAnalysis, Column, Node, Partial, Source};
+use super::{BLOCK, Column, Node, Partial, Source, SymbolicBlockCholesky};
 use crate::backends::direct::Pivots;
 use crate::las::Scalar;
 
@@ -20,7 +20,7 @@ pub(in crate::backends::sparse) struct BlockCholesky<T> {
 }
 
 impl<T: BlockScalar> BlockCholesky<T> {
-    pub(in crate::backends::sparse) fn new(analysis: &BlockAnalysis) -> Self {
+    pub(in crate::backends::sparse) fn new(analysis: &SymbolicBlockCholesky) -> Self {
         let nodes = analysis.nodes();
         Self {
             panels: vec![Column::default(); analysis.columns()],
@@ -33,7 +33,7 @@ impl<T: BlockScalar> BlockCholesky<T> {
     /// pivot that is not positive, three positions a node.
     pub(in crate::backends::sparse) fn factor(
         &mut self,
-        analysis: &BlockAnalysis,
+        analysis: &SymbolicBlockCholesky,
         values: &[T],
     ) -> Result<Pivots, usize> {
         self.factor_with(Width::of_machine(), analysis, values)
@@ -43,7 +43,7 @@ impl<T: BlockScalar> BlockCholesky<T> {
     pub(super) fn factor_with(
         &mut self,
         width: Width,
-        analysis: &BlockAnalysis,
+        analysis: &SymbolicBlockCholesky,
         values: &[T],
     ) -> Result<Pivots, usize> {
         T::dispatch(width, Factor { analysis, values, panels: &mut self.panels, place: &mut self.place })
@@ -52,7 +52,7 @@ impl<T: BlockScalar> BlockCholesky<T> {
 
 /// One factorization.
 pub(super) struct Factor<'a, T> {
-    pub(super) analysis: &'a BlockAnalysis,
+    pub(super) analysis: &'a SymbolicBlockCholesky,
     pub(super) values: &'a [T],
     pub(super) panels: &'a mut [Column<T>],
     pub(super) place: &'a mut [u32],

@@ -89,7 +89,7 @@ struct Update {
 }
 
 /// The symbolic factorization of a matrix of blocks.
-pub(super) struct BlockAnalysis {
+pub(super) struct SymbolicBlockCholesky {
     supernodes: Supernodes,
     /// Where the panel of each supernode starts, in columns; one more than there are supernodes.
     panel_start: Vec<usize>,
@@ -106,7 +106,7 @@ pub(super) struct BlockAnalysis {
     nodes: Vec<Node>,
 }
 
-impl BlockAnalysis {
+impl SymbolicBlockCholesky {
     /// For a matrix of this graph.
     pub(super) fn new(pattern: &Sparsity, graph: &Graph, tree: &Tree) -> Self {
         let supernodes = Supernodes::new(graph, tree);

@@ -2,7 +2,7 @@
 
 use super::factor::{Block, BlockCholesky};
 use super::lanes::{BlockScalar, Kernel, LANES, Lanes, Width};
-use super::{BLOCK, BlockAnalysis, Column};
+use super::{BLOCK, Column, SymbolicBlockCholesky};
 use crate::backends::sparse::Vector;
 use crate::las::Scalar;
 
@@ -11,7 +11,7 @@ const MOST_QUADS: usize = 2;
 
 impl<T: BlockScalar> BlockCholesky<T> {
     /// Makes room for so many right-hand sides.
-    pub(in crate::backends::sparse) fn reserve(&mut self, analysis: &BlockAnalysis, count: usize) {
+    pub(in crate::backends::sparse) fn reserve(&mut self, analysis: &SymbolicBlockCholesky, count: usize) {
         let quads = if count < 2 { 0 } else { count.div_ceil(LANES).min(MOST_QUADS) };
         let len = analysis.nodes() * (BLOCK * quads).max(1);
         if self.right.len() < len {
@@ -22,7 +22,7 @@ impl<T: BlockScalar> BlockCholesky<T> {
     /// Solves for any number of right-hand sides; there is room for them.
     pub(in crate::backends::sparse) fn solve(
         &mut self,
-        analysis: &BlockAnalysis,
+        analysis: &SymbolicBlockCholesky,
         b: &[Vector<T>],
         x: &mut [Vector<T>],
     ) {
@@ -36,7 +36,7 @@ impl<T: BlockScalar> BlockCholesky<T> {
         }
     }
 
-    fn solve_one(&mut self, analysis: &BlockAnalysis, b: &Vector<T>, x: &mut Vector<T>) {
+    fn solve_one(&mut self, analysis: &SymbolicBlockCholesky, b: &Vector<T>, x: &mut Vector<T>) {
         let right = &mut self.right[..analysis.nodes()];
         for (right, node) in right.iter_mut().zip(&analysis.nodes) {
             let zero = T::zero();
@@ -58,7 +58,12 @@ impl<T: BlockScalar> BlockCholesky<T> {
         }
     }
 
-    fn solve_several<const Q: usize>(&mut self, analysis: &BlockAnalysis, b: &[Vector<T>], x: &mut [Vector<T>]) {
+    fn solve_several<const Q: usize>(
+        &mut self,
+        analysis: &SymbolicBlockCholesky,
+        b: &[Vector<T>],
+        x: &mut [Vector<T>],
+    ) {
         let (right, _) = self.right[..BLOCK * Q * analysis.nodes()].as_chunks_mut::<Q>();
         let (right, _) = right.as_chunks_mut::<BLOCK>();
         right.fill([[Column::default(); Q]; BLOCK]);
@@ -88,7 +93,7 @@ struct Panel<'a, T> {
     below: &'a [u32],
 }
 
-impl BlockAnalysis {
+impl SymbolicBlockCholesky {
     #[inline(always)]
     fn panel<'a, T>(&'a self, panels: &'a [Column<T>], s: usize) -> Panel<'a, T> {
         Panel {
@@ -102,7 +107,7 @@ impl BlockAnalysis {
 
 /// For one right-hand side: the three unknowns of a node in the lanes.
 struct SolveOne<'a, T> {
-    analysis: &'a BlockAnalysis,
+    analysis: &'a SymbolicBlockCholesky,
     panels: &'a [Column<T>],
     x: &'a mut [Column<T>],
 }
@@ -204,7 +209,7 @@ type Sums<L, T, const Q: usize> = [[<L as Lanes<T>>::Quad; Q]; BLOCK];
 
 /// For several right-hand sides.
 struct SolveSeveral<'a, T, const Q: usize> {
-    analysis: &'a BlockAnalysis,
+    analysis: &'a SymbolicBlockCholesky,
     panels: &'a [Column<T>],
     x: &'a mut [Rows<T, Q>],
 }

@@ -13,7 +13,7 @@ pub(super) fn blocks(pattern: &Sparsity, graph: &Graph, tree: &Tree, supernodes:
     let node_of: Vec<u32> = (0..graph.nodes()).flat_map(|node| repeat_n(node as u32, graph.size(node))).collect();
     let mut blocks: Vec<(u32, Partial)> = Vec::new();
     for node in 0..graph.nodes() {
-        let start = pattern.row_start()[first[node] as usize];
+        let start = pattern.row_offsets()[first[node] as usize];
         let (row, columns) = (pattern.row(first[node] as usize), graph.size(node));
         let column = tree.position[node] as usize;
         let s = supernodes.of_position(column);

@@ -11,7 +11,7 @@ pub(super) struct Supernodes {
     first: Vec<u32>,
     /// Positions below each, ascending.
     rows: Vec<u32>,
-    row_start: Vec<u32>,
+    row_offsets: Vec<u32>,
     /// The supernode of each position.
     owner: Vec<u32>,
 }
@@ -21,7 +21,7 @@ impl Supernodes {
         let runs = merged(tree);
         let below = rows_below(graph, tree, &runs);
         let mut supernodes =
-            Self { first: vec![0], rows: Vec::new(), row_start: vec![0], owner: vec![0; graph.nodes()] };
+            Self { first: vec![0], rows: Vec::new(), row_offsets: vec![0], owner: vec![0; graph.nodes()] };
         for (run, below) in runs.iter().zip(below) {
             let pieces = run.width().div_ceil(WIDEST);
             for piece in 0..pieces {
@@ -32,7 +32,7 @@ impl Supernodes {
                 // A piece reaches the rest of its run.
                 supernodes.rows.extend((end..run.end).map(|row| row as u32));
                 supernodes.rows.extend_from_slice(&below);
-                supernodes.row_start.push(supernodes.rows.len() as u32);
+                supernodes.row_offsets.push(supernodes.rows.len() as u32);
                 supernodes.first.push(end as u32);
             }
         }
@@ -58,7 +58,7 @@ impl Supernodes {
     /// The positions below, ascending.
     #[inline(always)]
     pub(super) fn rows(&self, s: usize) -> &[u32] {
-        &self.rows[self.row_start[s] as usize..self.row_start[s + 1] as usize]
+        &self.rows[self.row_offsets[s] as usize..self.row_offsets[s + 1] as usize]
     }
 
     /// Number of its own nodes and of those below.

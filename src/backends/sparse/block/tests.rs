@@ -111,14 +111,14 @@ fn expected_block(l: &[Vec<f64>], row: usize, column: usize) -> [[f64; 3]; 3] {
 }
 
 struct Analyzed {
-    analysis: BlockAnalysis,
+    analysis: SymbolicBlockCholesky,
     /// The unknown at each position, three a node; `None` where there is padding.
     order: Vec<Option<usize>>,
 }
 
 fn analyze(pattern: &Sparsity, ordering: Ordering) -> Analyzed {
     let graph = Graph::new(pattern);
-    let analysis = BlockAnalysis::new(pattern, &graph, &eliminate(&graph, ordering).unwrap());
+    let analysis = SymbolicBlockCholesky::new(pattern, &graph, &eliminate(&graph, ordering).unwrap());
     let is_unknown = |position: &usize| position % BLOCK < analysis.nodes[position / BLOCK].size as usize;
     let unknown = |position| Some(position).filter(is_unknown).map(|position| analysis.unknown(position));
     let order = (0..BLOCK * analysis.nodes()).map(unknown).collect();
@@ -177,7 +177,7 @@ fn check_factors(random: &mut Random, pattern: &Arc<Sparsity>) {
     }
 }
 
-fn check_panels(analysis: &BlockAnalysis, panels: &[Column<f64>], l: &[Vec<f64>], order: &[Option<usize>]) {
+fn check_panels(analysis: &SymbolicBlockCholesky, panels: &[Column<f64>], l: &[Vec<f64>], order: &[Option<usize>]) {
     let supernodes = &analysis.supernodes;
     let mut found = 0;
     for s in 0..supernodes.count() {
@@ -199,7 +199,7 @@ fn check_panels(analysis: &BlockAnalysis, panels: &[Column<f64>], l: &[Vec<f64>]
 }
 
 /// All numbers of the factor: what lies above the diagonal blocks is scratch.
-fn lower<T: Scalar>(analysis: &BlockAnalysis, panels: &[Column<T>]) -> Vec<T> {
+fn lower<T: Scalar>(analysis: &SymbolicBlockCholesky, panels: &[Column<T>]) -> Vec<T> {
     let mut numbers = Vec::new();
     for s in 0..analysis.supernodes.count() {
         let (width, height) = (analysis.supernodes.width(s), analysis.supernodes.height(s));

@@ -7,7 +7,7 @@
 use faer::sparse::FaerError;
 
 use super::graph::Graph;
-use super::partition::Place;
+use super::partition::Side;
 use super::separator::separate;
 use super::{NONE, minimum_degree};
 
@@ -45,12 +45,12 @@ impl Dissection {
         let Some(places) = separate(part) else {
             return self.finish(part, names);
         };
-        let at = |place: Place| -> Vec<u32> {
+        let at = |place: Side| -> Vec<u32> {
             (0..part.nodes() as u32).filter(|&node| places[node as usize] == place).collect()
         };
-        self.descend(part, names, &at(Place::Left))?;
-        self.descend(part, names, &at(Place::Right))?;
-        let separator = at(Place::Separator);
+        self.descend(part, names, &at(Side::Left))?;
+        self.descend(part, names, &at(Side::Right))?;
+        let separator = at(Side::Separator);
         let graph = part.part(&separator, &mut self.number);
         self.finish(&graph, &name(&separator, names))
     }

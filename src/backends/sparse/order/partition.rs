@@ -13,13 +13,13 @@ const PATIENCE: usize = 60;
 
 /// Where a node lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Place {
+pub(super) enum Side {
     Left = 0,
     Right = 1,
     Separator = 2,
 }
 
-impl Place {
+impl Side {
     pub(super) fn other_side(self) -> Self {
         if self == Self::Left { Self::Right } else { Self::Left }
     }
@@ -28,7 +28,7 @@ impl Place {
 /// A separator and the two sides that it leaves.
 pub(super) struct Partition<'a> {
     graph: &'a Weighted,
-    pub(super) places: Vec<Place>,
+    pub(super) places: Vec<Side>,
     separator: Vec<u32>,
     /// Weight of the nodes on either side.
     sizes: [u32; 2],
@@ -37,13 +37,13 @@ pub(super) struct Partition<'a> {
 }
 
 impl<'a> Partition<'a> {
-    pub(super) fn new(graph: &'a Weighted, places: Vec<Place>) -> Self {
+    pub(super) fn new(graph: &'a Weighted, places: Vec<Side>) -> Self {
         let beside = vec![[0; 2]; graph.nodes()];
         let mut partition = Self { graph, places, sizes: [0; 2], separator: Vec::new(), beside };
         partition.list_separator();
         for node in 0..graph.nodes() {
             let place = partition.places[node];
-            if place != Place::Separator {
+            if place != Side::Separator {
                 partition.sizes[place as usize] += graph.weights[node];
                 partition.count_beside(node, place, true);
             }
@@ -53,12 +53,12 @@ impl<'a> Partition<'a> {
 
     fn list_separator(&mut self) {
         self.separator.clear();
-        let separates = |&node: &u32| self.places[node as usize] == Place::Separator;
+        let separates = |&node: &u32| self.places[node as usize] == Side::Separator;
         self.separator.extend((0..self.places.len() as u32).filter(separates));
     }
 
     /// Lets the neighbors of a node know that it joined or left a side.
-    fn count_beside(&mut self, node: usize, side: Place, joined: bool) {
+    fn count_beside(&mut self, node: usize, side: Side, joined: bool) {
         let weight = self.graph.weights[node];
         for &(other, _) in self.graph.neighbors(node) {
             let count = &mut self.beside[other as usize][side as usize];
@@ -66,14 +66,14 @@ impl<'a> Partition<'a> {
         }
     }
 
-    fn put(&mut self, node: usize, place: Place) {
+    fn put(&mut self, node: usize, place: Side) {
         let weight = self.graph.weights[node];
         let old = std::mem::replace(&mut self.places[node], place);
-        if old != Place::Separator {
+        if old != Side::Separator {
             self.sizes[old as usize] -= weight;
             self.count_beside(node, old, false);
         }
-        if place != Place::Separator {
+        if place != Side::Separator {
             self.sizes[place as usize] += weight;
             self.count_beside(node, place, true);
         }
@@ -105,17 +105,17 @@ impl<'a> Partition<'a> {
         let first = self.cost();
         let (mut best, mut best_at) = (first, 0);
         let mut moved = vec![false; self.places.len()];
-        let mut log: Vec<(u32, Place)> = Vec::new();
+        let mut log: Vec<(u32, Side)> = Vec::new();
         let mut since = 0;
         while let Some((k, side)) = self.best_move(&moved) {
             let node = self.separator.swap_remove(k);
             moved[node as usize] = true;
-            log.push((node, Place::Separator));
+            log.push((node, Side::Separator));
             self.put(node as usize, side);
             for &(other, _) in self.graph.neighbors(node as usize) {
                 if self.places[other as usize] == side.other_side() {
                     log.push((other, side.other_side()));
-                    self.put(other as usize, Place::Separator);
+                    self.put(other as usize, Side::Separator);
                     self.separator.push(other);
                 }
             }
@@ -134,12 +134,12 @@ impl<'a> Partition<'a> {
     }
 
     /// The move that shrinks the separator most, toward the smaller side where two are as good.
-    fn best_move(&self, moved: &[bool]) -> Option<(usize, Place)> {
+    fn best_move(&self, moved: &[bool]) -> Option<(usize, Side)> {
         let limit = (LARGEST_SIDE * f64::from(self.graph.total)) as u32;
-        let mut best: Option<(i64, u32, usize, Place)> = None;
+        let mut best: Option<(i64, u32, usize, Side)> = None;
         for (k, &node) in self.separator.iter().enumerate().filter(|&(_, &node)| !moved[node as usize]) {
             let weight = self.graph.weights[node as usize];
-            for side in [Place::Left, Place::Right] {
+            for side in [Side::Left, Side::Right] {
                 let pulled = self.beside[node as usize][side.other_side() as usize];
                 let (loss, size) = (i64::from(pulled) - i64::from(weight), self.sizes[side as usize]);
                 let better = best.is_none_or(|(least, smaller, ..)| (loss, size) < (least, smaller));

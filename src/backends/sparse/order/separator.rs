@@ -15,7 +15,7 @@
 use super::NONE;
 use super::coarse::Weighted;
 use super::graph::Graph;
-use super::partition::{Partition, Place};
+use super::partition::{Partition, Side};
 
 /// Sweeps of averaging.
 const SWEEPS: usize = 12;
@@ -33,7 +33,7 @@ const COARSEST: usize = 200;
 const LEAST_COARSENING: f64 = 0.9;
 
 /// The best separator found in a connected graph; `None` where none leaves two parts.
-pub(super) fn separate(graph: &Graph) -> Option<Vec<Place>> {
+pub(super) fn separate(graph: &Graph) -> Option<Vec<Side>> {
     let finest = Weighted::new(graph);
     let mut coarser: Vec<Weighted> = Vec::new();
     let mut parents: Vec<Vec<u32>> = Vec::new();
@@ -65,7 +65,7 @@ pub(super) fn separate(graph: &Graph) -> Option<Vec<Place>> {
 }
 
 /// Separators by the median of several fields, the best first, each with its cost.
-fn first_guesses(graph: &Weighted) -> Vec<(f64, Vec<Place>)> {
+fn first_guesses(graph: &Weighted) -> Vec<(f64, Vec<Side>)> {
     let mut guesses = Vec::new();
     let mut nearest = vec![NONE; graph.nodes()];
     let mut start = farthest(&graph.distances(0));
@@ -91,22 +91,22 @@ fn first_guesses(graph: &Weighted) -> Vec<(f64, Vec<Place>)> {
 }
 
 /// The lower half of a field, by weight, against the upper one; of the latter, the nodes next to the former separate.
-fn halves(graph: &Weighted, field: &[f64]) -> Vec<Place> {
+fn halves(graph: &Weighted, field: &[f64]) -> Vec<Side> {
     let mut sorted: Vec<u32> = (0..graph.nodes() as u32).collect();
     sorted.sort_by(|&a, &b| field[a as usize].total_cmp(&field[b as usize]));
-    let mut places = vec![Place::Right; graph.nodes()];
+    let mut places = vec![Side::Right; graph.nodes()];
     let mut weight = 0;
     for &node in &sorted {
         weight += graph.weights[node as usize];
         if 2 * weight > graph.total {
             break;
         }
-        places[node as usize] = Place::Left;
+        places[node as usize] = Side::Left;
     }
-    let touches = |node: usize| graph.neighbors(node).iter().any(|&(o, _)| places[o as usize] == Place::Left);
-    let between = |node: usize| places[node] == Place::Right && touches(node);
+    let touches = |node: usize| graph.neighbors(node).iter().any(|&(o, _)| places[o as usize] == Side::Left);
+    let between = |node: usize| places[node] == Side::Right && touches(node);
     let separator: Vec<usize> = (0..graph.nodes()).filter(|&node| between(node)).collect();
-    separator.into_iter().for_each(|node| places[node] = Place::Separator);
+    separator.into_iter().for_each(|node| places[node] = Side::Separator);
     places
 }
 
@@ -131,12 +131,12 @@ mod tests {
         let graph = Graph::new(&Sparsity::from_elements(300, bars).unwrap());
         let places = separate(&graph).unwrap();
         let count = |place| places.iter().filter(|&&p| p == place).count();
-        assert_eq!(count(Place::Separator), 6);
-        assert!(count(Place::Left).min(count(Place::Right)) > 100);
+        assert_eq!(count(Side::Separator), 6);
+        assert!(count(Side::Left).min(count(Side::Right)) > 100);
         for node in 0..300 {
             let opposite = places[node].other_side();
             let crosses = |&other: &u32| places[other as usize] == opposite;
-            assert!(places[node] == Place::Separator || !graph.neighbors(node).iter().any(crosses));
+            assert!(places[node] == Side::Separator || !graph.neighbors(node).iter().any(crosses));
         }
     }
 

@@ -53,7 +53,7 @@ pub(super) fn on_scale<C: Ranks>(
     }
 }
 
-/// All ranks of the engineering scale solve for the body together, on PETSc; the first says how it ended.
+/// All ranks of the macro scale solve for the body together, on PETSc; the first says how it ended.
 #[cfg(feature = "petsc")]
 fn in_step<C: Ranks>(world: &C, scales: &Scales<C>, shared: &Shared<'_>) -> Result<Option<Outcome>, Failure> {
     let context = scales.comm().petsc()?;
@@ -68,7 +68,7 @@ where
     M::Reduced: Scalar,
 {
     let read = Library::<M>::read((), &shared.case);
-    // The engineering scale reads the same files, and says what is wrong with them.
+    // The macro scale reads the same files, and says what is wrong with them.
     let read = read.map_err(|error| ranks_failed(&error));
     if let Ok((library, _)) = agreed(world, read)? {
         two_scale::run_micro(scales, &shared.case, library).map_err(|error| ranks_failed(&error))?;

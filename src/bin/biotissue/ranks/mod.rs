@@ -99,7 +99,7 @@ pub fn check_scales(config: &Config, file: &Path) -> Result<(), Failure> {
     }
 }
 
-/// Which ranks each scale gets: those that the case names, or one for the engineering scale and all others for the RVEs.
+/// Which ranks each scale gets: those that the case names, or one for the macro scale and all others for the RVEs.
 fn plan(scales: ScalesCase, ranks: usize) -> Plan {
     let (above, below) = match scales.micro_ranks {
         0 => (scales.macro_ranks, ranks.saturating_sub(scales.macro_ranks).max(1)),
@@ -187,7 +187,7 @@ fn ranks_failed(error: &impl std::fmt::Display) -> Failure {
     }
 }
 
-/// One rank: the main function of its scale. What the first rank of the engineering scale finds is how the run ended, an
+/// One rank: the main function of its scale. What the first rank of the macro scale finds is how the run ended, an
 /// orderly failure included; an error is one that the others do not know of.
 fn rank<C: Ranks>(world: &C, shared: &Shared<'_>) -> Result<Option<Outcome>, Failure> {
     let plan = match &shared.plan {

@@ -10,7 +10,7 @@ use biotissue::fiber::equilibrium::{EquilibriumParams, Stage, Stages};
 use biotissue::fiber::network::file;
 use biotissue::fiber::rve::{Rve, StressScale};
 use biotissue::input::excerpt;
-use biotissue::tissue::rve_dump::RveDump;
+use biotissue::tissue::replay::RveDump;
 use clap::Args;
 use nalgebra::Matrix3;
 

@@ -12,8 +12,8 @@ use biotissue::fiber::orientation::{Weighting, tensor};
 use biotissue::fiber::rve::{Rve, RveModel, StressScale};
 use biotissue::fiber::workspace::Workspace;
 use biotissue::las::{Backend, NewtonReport, Scalar};
+use biotissue::tissue::replay::RveDump;
 use biotissue::tissue::results::ResultsError;
-use biotissue::tissue::rve_dump::RveDump;
 use nalgebra::Matrix3;
 
 use super::answer::{

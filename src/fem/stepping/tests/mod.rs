@@ -219,7 +219,7 @@ fn the_observer_can_stop_a_run() {
     let mut log = Log { stop_at: 2, ..Log::default() };
     let mut stepper = stepper(&mesh, &pushed(0.1), formula(&mesh), StepParams { count: 4, ..StepParams::default() });
     assert_eq!(stepper.run(&mut log).unwrap_err(), SteppingError::Stopped { step: 2, t: 0.5, reason: DiskFull });
-    assert_eq!(stepper.done(), 2);
+    assert_eq!(stepper.completed_steps(), 2);
     assert_eq!(stepper.state().displacements, log.displacements);
     log.stop_at = 0;
     assert_eq!(stepper.run(&mut log).unwrap().len(), 2, "what is left can still be run");
@@ -236,7 +236,7 @@ fn a_restored_run_goes_on_bit_for_bit() {
     whole.step(&mut ()).unwrap();
     whole.step(&mut ()).unwrap();
     let (saved, memory) = (whole.saved().unwrap(), whole.field().committed.clone());
-    assert!(saved.done == 2 && saved.halvings > 0, "the increment has not grown back: {}", saved.halvings);
+    assert!(saved.completed_steps == 2 && saved.halvings > 0, "the increment has not grown back: {}", saved.halvings);
     let expected = whole.run(&mut ()).unwrap();
 
     let mut other = new();
@@ -245,7 +245,7 @@ fn a_restored_run_goes_on_bit_for_bit() {
         Ok::<(), DiskFull>(())
     };
     other.restore(&saved, take_back).unwrap();
-    assert_eq!((other.done(), other.saved()), (2, Some(saved.clone())));
+    assert_eq!((other.completed_steps(), other.saved()), (2, Some(saved.clone())));
     let found = other.run(&mut ()).unwrap();
     assert_eq!(other.state(), whole.state());
     let history = |reports: &[StepReport]| -> Vec<_> {
@@ -257,7 +257,7 @@ fn a_restored_run_goes_on_bit_for_bit() {
     let refused = |state: SavedState| new().restore(&state, |_| Ok::<(), DiskFull>(())).unwrap_err().to_string();
     for done in [0, 5] {
         let said = format!("the state was saved after step {done}; this run has the steps 1 to 4");
-        assert_eq!(refused(SavedState { done, ..saved.clone() }), said);
+        assert_eq!(refused(SavedState { completed_steps: done, ..saved.clone() }), said);
     }
     let nodes = mesh.nodes().len();
     let mut short = saved.clone();

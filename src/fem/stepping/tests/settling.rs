@@ -96,7 +96,7 @@ fn a_body_whose_material_changes_is_brought_to_balance_before_a_step_ends() {
     let params = StepParams { count: 4, ..StepParams::default() };
     let mut stepper = stepper(&mesh, &pushed(0.4), Brittle::new(&mesh, 0.25, 3), params);
     let mut rounds = 0;
-    while stepper.done() < 4 {
+    while stepper.completed_steps() < 4 {
         let report = stepper.step(&mut ()).unwrap();
         assert_eq!(report.substeps.len(), 1 + report.rounds, "Newton again after every change");
         rounds += report.rounds;
@@ -259,5 +259,5 @@ fn a_state_out_of_balance_is_not_accepted() {
     let mut stepper = stepper(&mesh, &pushed(0.4), Deceptive(formula(&mesh)), params);
     let SteppingError::NotConverged { reason, reached, .. } = stepper.run(&mut ()).unwrap_err();
     assert!(matches!(reason, NewtonError::Problem(EquilibriumError::OutOfBalance { .. })), "{reason}");
-    assert_eq!((stepper.done(), reached), (0, 0.0));
+    assert_eq!((stepper.completed_steps(), reached), (0, 0.0));
 }

@@ -242,8 +242,8 @@ fn many_errors_come_at_once_but_not_without_end() {
     let broken = GOOD.replacen("1 1 1", "1 x 1", 1).replacen("\n3 8", "\n3 99", 1);
     let errors = body::parse(Path::new("net.txt"), broken.as_bytes()).unwrap_err();
     assert_eq!(errors.0.iter().map(|error| error.line).collect::<Vec<_>>(), [Some(10), Some(14)]);
-    let hopeless = format!("1000 0 0\n{}", "a b c\n".repeat(1000));
-    assert_eq!(body::parse(Path::new("net.txt"), hopeless.as_bytes()).unwrap_err().0.len(), 20);
+    let unrecoverable = format!("1000 0 0\n{}", "a b c\n".repeat(1000));
+    assert_eq!(body::parse(Path::new("net.txt"), unrecoverable.as_bytes()).unwrap_err().0.len(), 20);
 }
 
 #[test]

@@ -45,7 +45,7 @@ impl<T: Value> Matrix<T> {
             if row < 0 {
                 continue;
             }
-            let starts = self.pattern.row_start();
+            let starts = self.pattern.row_offsets();
             let range = match starts.get(row as usize..).and_then(|starts| starts.first_chunk()) {
                 Some(&[start, end]) => start as usize..end as usize,
                 None => 0..0,

@@ -1,4 +1,4 @@
-//! What the scales tell each other: values of units over the couplings, and the turns of the loop.
+//! The messages between the scales: values of units over the couplings, and the commands of the loop.
 
 use nalgebra::Matrix3;
 use postcard::ser_flavors::Flavor;
@@ -118,9 +118,9 @@ impl Answer {
     }
 }
 
-/// What the engineering scale broadcasts to the micro scale: whose turn it is, and for what.
+/// A command that the macro scale broadcasts to the micro scale.
 #[derive(Serialize, Deserialize)]
-pub enum Turn {
+pub enum Command {
     /// RVEs are created and deleted.
     Units,
     /// A load step, or a part of one, begins with a trial state.

@@ -3,7 +3,7 @@
 /// The hot verbs; `norm` and `dot` are functions of two slices.
 macro_rules! hot_verbs {
     ([$($generics:tt)*] $backend:ty, $value:ty, $reduced:ty, norm: $norm:path, dot: $dot:path) => {
-        impl<$($generics)*> $crate::las::VectorOps<$backend> for $crate::backends::rows::Vector<$value> {
+        impl<$($generics)*> $crate::las::VectorOps<$backend> for $crate::backends::csr::Vector<$value> {
             #[inline(always)]
             fn len(&self) -> usize {
                 self.values.len()
@@ -68,7 +68,7 @@ macro_rules! hot_verbs {
             }
         }
 
-        impl<$($generics)*> $crate::las::MatrixOps<$backend> for $crate::backends::rows::Matrix<$value> {
+        impl<$($generics)*> $crate::las::MatrixOps<$backend> for $crate::backends::csr::Matrix<$value> {
             #[inline(always)]
             fn shape(&self) -> (usize, usize) {
                 (self.pattern.rows(), self.pattern.cols())
@@ -149,34 +149,34 @@ macro_rules! amortized {
     ([$($generics:tt)*] $backend:ty, $value:ty, invert: $invert:path) => {
         type Failure = $crate::las::SolveError<::std::convert::Infallible>;
 
-        impl<$($generics)*> $crate::las::MatVec<$backend> for $crate::backends::rows::Matrix<$value> {
+        impl<$($generics)*> $crate::las::MatVec<$backend> for $crate::backends::csr::Matrix<$value> {
             fn mul(
                 &self,
-                x: &$crate::backends::rows::Vector<$value>,
-                y: &mut $crate::backends::rows::Vector<$value>,
+                x: &$crate::backends::csr::Vector<$value>,
+                y: &mut $crate::backends::csr::Vector<$value>,
             ) -> Result<(), Failure> {
                 self.times(&x.values, &mut y.values)
             }
 
             fn mul_transpose(
                 &self,
-                x: &$crate::backends::rows::Vector<$value>,
-                y: &mut $crate::backends::rows::Vector<$value>,
+                x: &$crate::backends::csr::Vector<$value>,
+                y: &mut $crate::backends::csr::Vector<$value>,
             ) -> Result<(), Failure> {
                 self.transposed_times(&x.values, &mut y.values)
             }
 
-            fn diagonal(&self, d: &mut $crate::backends::rows::Vector<$value>) -> Result<(), Failure> {
+            fn diagonal(&self, d: &mut $crate::backends::csr::Vector<$value>) -> Result<(), Failure> {
                 self.diagonal_into(&mut d.values)
             }
 
-            fn inverse_diagonal(&self, d: &mut $crate::backends::rows::Vector<$value>) -> Result<(), Failure> {
+            fn inverse_diagonal(&self, d: &mut $crate::backends::csr::Vector<$value>) -> Result<(), Failure> {
                 self.diagonal_into(&mut d.values)?;
                 $invert(&mut d.values)
             }
         }
 
-        impl<$($generics)*> $crate::las::MatMat<$backend> for $crate::backends::rows::Matrix<$value> {
+        impl<$($generics)*> $crate::las::MatMat<$backend> for $crate::backends::csr::Matrix<$value> {
             fn scale(&mut self, factor: $value) -> Result<(), ::std::convert::Infallible> {
                 self.values.iter_mut().for_each(|value| *value *= factor);
                 Ok(())
@@ -195,7 +195,7 @@ macro_rules! amortized {
             }
         }
 
-        impl<$($generics)*> $crate::las::Entries<$backend> for $crate::backends::rows::Matrix<$value> {
+        impl<$($generics)*> $crate::las::Entries<$backend> for $crate::backends::csr::Matrix<$value> {
             fn pattern(&self) -> Result<::std::sync::Arc<$crate::las::Sparsity>, ::std::convert::Infallible> {
                 Ok(::std::sync::Arc::clone(&self.pattern))
             }

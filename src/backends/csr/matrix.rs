@@ -56,7 +56,7 @@ impl<T: Value> Matrix<T> {
     /// Where a row lies among the values; empty for a constrained row and for one out of range.
     #[inline(always)]
     pub(in crate::backends) fn row_range(pattern: &Sparsity, row: i32) -> std::ops::Range<usize> {
-        match pattern.row_start().get(row as usize..).and_then(|starts| starts.first_chunk()) {
+        match pattern.row_offsets().get(row as usize..).and_then(|starts| starts.first_chunk()) {
             Some(&[start, end]) => start as usize..end as usize,
             None => {
                 debug_assert!(row < 0, "row {row} of a matrix of {}", pattern.rows());

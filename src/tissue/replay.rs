@@ -16,7 +16,7 @@ use crate::fiber::equilibrium::{EquilibriumParams, Stage, Stages};
 use crate::fiber::law::FiberMaterial;
 use crate::fiber::network::file::sidecar::NamedLaw;
 use crate::fiber::network::{Cube, Network};
-use crate::fiber::rve::{Rates, Rve, RveModel, StressScale};
+use crate::fiber::rve::{Rve, RveModel, Sensitivities, StressScale};
 use crate::input::InputError;
 use crate::las::Backend;
 use crate::output;
@@ -71,7 +71,8 @@ struct NetworkDocument {
 struct StateDocument {
     gradient: [[f64; 3]; 3],
     interior: Vec<[f64; 3]>,
-    rates: Option<Vec<Rates>>,
+    #[serde(alias = "rates")]
+    sensitivities: Option<Vec<Sensitivities>>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -132,7 +133,7 @@ impl RveDump {
             start: StateDocument {
                 gradient: rows(self.start.gradient()),
                 interior: self.start.interior().to_vec(),
-                rates: self.start.rates().map(<[Rates]>::to_vec),
+                sensitivities: self.start.sensitivities().map(<[Sensitivities]>::to_vec),
             },
             target: rows(&self.target),
             solver: SolverDocument {
@@ -167,7 +168,7 @@ impl RveDump {
         let network = Network::in_cube(name, Cube::UNIT, nodes, fibers)
             .and_then(|network| network.with_materials(materials, material_of))
             .map_err(|error| error.to_string())?;
-        let start = Rve::restored(matrix(&start.gradient), start.interior, start.rates);
+        let start = Rve::restored(matrix(&start.gradient), start.interior, start.sensitivities);
         start.check(&network).map_err(|error| error.to_string())?;
         let stages: Option<Vec<Stage>> = solver.stages.iter().map(|name| Stage::named(name)).collect();
         let stages = stages.ok_or_else(|| format!("knows other stages than this program: {:?}", solver.stages))?;

@@ -7,6 +7,7 @@ use nalgebra::Matrix3;
 use super::case::Case;
 use super::checkpoint;
 use super::micro_scale::{Life, LostRve, PointSummary, SweepStats, TissueMaterial};
+use super::replay::lost_file;
 use super::results::collection::{Entry, field_file, index_file, partial};
 use super::results::log::{
     Balance, Cut, Event, Factorizations, LogWriter, NewtonLog, NewtonSeconds, RankSeconds, Ranks, RveLog, Step,
@@ -15,7 +16,6 @@ use super::results::{
     self, CASE_FILE, Collection, Done, FIELDS_FILE, FieldFile, FieldSet, LOADS_FILE, LOG_FILE, LoadsWriter, Pieces,
     ResultsError, SurfaceRow, Written, write_vtu,
 };
-use super::rve_dump::lost_file;
 use super::rve_files::NetworkFiles;
 use super::stress::CauchyStress;
 use crate::fem::equilibrium::BodyState;

@@ -1,6 +1,6 @@
-//! The micro scale as the engineering scale sees it: told whose turn it is, asked for answers, and heard.
+//! The micro scale as seen by the macro scale: sends commands and strains, receives answers.
 //!
-//! Each rank of the engineering scale has a part of the elements, whose RVEs it exchanges with. There are two ways to solve for the
+//! Each rank of the macro scale has a part of the elements, whose RVEs it exchanges with. There are two ways to solve for the
 //! body:
 //! - the first rank does ([`Lead::First`]), and the others [`follow`](super::follow): they get the gradients of their part from it and
 //!   hand the answers back;
@@ -13,8 +13,8 @@ use nalgebra::Matrix3;
 
 use super::TwoScaleError;
 use super::follower::{ANSWERS, GRADIENTS, Order, SECONDS};
-use super::part::{Change, Part};
-use super::terms::{Answer, Failed, MICRO, RankReport, Seconds, Strain, Task, Turn, pack};
+use super::protocol::{Answer, Command, Failed, MICRO, RankReport, Seconds, Strain, Task, pack};
+use super::shard::{Change, Shard};
 use crate::coupling::{Scales, UnitId};
 use crate::las::{Comm, Message};
 use crate::tissue::micro_scale::Sites;
@@ -23,26 +23,26 @@ use crate::tissue::results::log::RankSeconds;
 /// Who solves for the body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lead {
-    /// The first rank of the engineering scale.
+    /// The first rank of the macro scale.
     First,
     /// All its ranks, in step.
     All,
 }
 
 /// The ranks that solve RVEs, and those that ask them.
-pub(super) struct Counterpart<'a, C: Comm> {
+pub(super) struct MicroProxy<'a, C: Comm> {
     pub scales: &'a Scales<C>,
     /// The number of the micro scale.
     below: usize,
     pub lead: Lead,
-    /// The rank of the engineering scale whose part an element is in.
-    pub part_of: Vec<u32>,
+    /// The rank of the macro scale whose part an element is in.
+    pub shard_of: Vec<u32>,
     /// The RVEs of the own part, once the scales are coupled.
-    part: Option<Part<C>>,
-    /// Elements with RVEs, by rank of the engineering scale.
+    shard: Option<Shard<C>>,
+    /// Elements with RVEs, by rank of the macro scale.
     units: Vec<Vec<u64>>,
     in_step: bool,
-    /// Trial state by trial state, rank by rank of the engineering scale.
+    /// Trial state by trial state, rank by rank of the macro scale.
     iterations: Vec<Vec<Seconds>>,
     /// The end of the last exchange.
     since: Instant,
@@ -50,15 +50,15 @@ pub(super) struct Counterpart<'a, C: Comm> {
     between: Seconds,
 }
 
-impl<'a, C: Comm> Counterpart<'a, C> {
+impl<'a, C: Comm> MicroProxy<'a, C> {
     /// Exchanges nothing yet.
-    pub fn new(scales: &'a Scales<C>, lead: Lead, part_of: Vec<u32>) -> Self {
+    pub fn new(scales: &'a Scales<C>, lead: Lead, shard_of: Vec<u32>) -> Self {
         Self {
             scales,
             below: scales.find(MICRO).unwrap_or(usize::MAX),
             lead,
-            part_of,
-            part: None,
+            shard_of,
+            shard: None,
             units: vec![Vec::new(); scales.comm().size()],
             in_step: false,
             iterations: Vec::new(),
@@ -69,12 +69,12 @@ impl<'a, C: Comm> Counterpart<'a, C> {
 
     /// Couples the scales, without RVEs.
     pub fn couple(&mut self) -> Result<(), TwoScaleError> {
-        self.part = Some(Part::new(self.scales)?);
+        self.shard = Some(Shard::new(self.scales)?);
         Ok(())
     }
 
     pub fn is_coupled(&self) -> bool {
-        self.part.is_some()
+        self.shard.is_some()
     }
 
     /// The ranks of the micro scale.
@@ -82,7 +82,7 @@ impl<'a, C: Comm> Counterpart<'a, C> {
         self.scales.ranks(self.below)
     }
 
-    /// From here on the engineering scale works on its own.
+    /// Starts the clock of the macro scale's own work.
     pub fn rest(&mut self) {
         self.since = Instant::now();
     }
@@ -90,23 +90,24 @@ impl<'a, C: Comm> Counterpart<'a, C> {
     /// Ends the loops of the other ranks, and first a step that has not come to its end.
     pub fn complete(&self) -> Result<(), TwoScaleError> {
         if self.in_step {
-            self.tell(&Turn::Reject)?;
-            self.hear()?;
+            self.broadcast(&Command::Reject)?;
+            self.receive()?;
         }
         self.order(&Order::End)?;
-        self.tell(&Turn::Complete)
+        self.broadcast(&Command::Complete)
     }
 
-    /// What the micro scale says.
-    fn hear(&self) -> Result<Message, TwoScaleError> {
+    /// Receives a message of the micro scale.
+    fn receive(&self) -> Result<Message, TwoScaleError> {
         Ok(match self.lead {
-            Lead::First => self.scales.listen(self.below)?,
-            Lead::All => self.scales.hear(self.below)?,
+            Lead::First => self.scales.receive_on_root(self.below)?,
+            Lead::All => self.scales.receive(self.below)?,
         })
     }
 
-    pub fn tell(&self, turn: &Turn) -> Result<(), TwoScaleError> {
-        Ok(self.scales.tell(self.below, pack(turn)?)?)
+    /// Sends a command to all ranks of the micro scale.
+    pub fn broadcast(&self, command: &Command) -> Result<(), TwoScaleError> {
+        Ok(self.scales.broadcast(self.below, pack(command)?)?)
     }
 
     fn order(&self, order: &Order) -> Result<(), TwoScaleError> {
@@ -117,21 +118,21 @@ impl<'a, C: Comm> Counterpart<'a, C> {
         Ok(())
     }
 
-    /// What the ranks of the micro scale say, in their order.
-    fn listen<T: for<'de> serde::Deserialize<'de>>(&self, seconds: &mut Seconds) -> Result<Vec<T>, TwoScaleError> {
+    /// Receives one value from each rank of the micro scale, by rank.
+    fn gather<T: for<'de> serde::Deserialize<'de>>(&self, seconds: &mut Seconds) -> Result<Vec<T>, TwoScaleError> {
         let start = Instant::now();
         let waits = self.scales.comm().rank() == 0;
         if waits {
             self.scales.wait_for(self.below)?;
         }
-        let come = Instant::now();
-        let said = self.hear()?;
-        // The other ranks of a body hear it from the first: what they wait for that is no exchange of theirs.
-        let heard = if waits { come } else { Instant::now() };
-        let all = said.split().ok_or(TwoScaleError::Turn)?;
+        let arrived = Instant::now();
+        let message = self.receive()?;
+        // The other macro ranks receive the message from the first one; waiting for it is no exchange with the micro scale.
+        let received = if waits { arrived } else { Instant::now() };
+        let all = message.split().ok_or(TwoScaleError::Protocol)?;
         let all = all.into_iter().map(|bytes| Ok(postcard::from_bytes(bytes)?)).collect();
-        seconds.idle += (heard - start).as_secs_f64();
-        seconds.exchanging += heard.elapsed().as_secs_f64();
+        seconds.idle += (received - start).as_secs_f64();
+        seconds.exchanging += received.elapsed().as_secs_f64();
         all
     }
 
@@ -140,17 +141,17 @@ impl<'a, C: Comm> Counterpart<'a, C> {
         self.between.busy += self.since.elapsed().as_secs_f64();
         self.rest();
         self.order(&Order::Change(change.gone.clone(), change.new.clone()))?;
-        self.tell(&Turn::Units)?;
+        self.broadcast(&Command::Units)?;
         let own = self.scales.comm().rank() as u32;
-        let Self { part: Some(part), part_of, .. } = self else { return Err(TwoScaleError::Turn) };
-        part.change(change, |element| part_of[element] == own)?;
+        let Self { shard: Some(shard), shard_of, .. } = self else { return Err(TwoScaleError::Protocol) };
+        shard.change(change, |element| shard_of[element] == own)?;
         // As every rank of the scale does with its own.
         let gone: HashSet<u64> = change.gone.iter().copied().collect();
         for units in &mut self.units {
             units.retain(|unit| !gone.contains(unit));
         }
         for &[element, _] in &change.new {
-            self.units[self.part_of[element as usize] as usize].push(element);
+            self.units[self.shard_of[element as usize] as usize].push(element);
         }
         self.between.exchanging += self.since.elapsed().as_secs_f64();
         self.rest();
@@ -159,7 +160,7 @@ impl<'a, C: Comm> Counterpart<'a, C> {
 
     /// Gives all RVEs that are awake a task, those of other parts through their ranks.
     pub fn ask(&mut self, task: Task, gradients: &[Matrix3<f64>], sites: &Sites) -> Result<Vec<Answer>, TwoScaleError> {
-        let turn = if std::mem::replace(&mut self.in_step, true) { Turn::Iterate } else { Turn::Step };
+        let command = if std::mem::replace(&mut self.in_step, true) { Command::Iterate } else { Command::Step };
         let comm = self.scales.comm().clone();
         let mut seconds = std::mem::take(&mut self.between);
         seconds.busy += self.since.elapsed().as_secs_f64();
@@ -174,10 +175,10 @@ impl<'a, C: Comm> Counterpart<'a, C> {
             let of_part: Vec<Strain> = units.iter().map(|&unit| strain(unit)).collect();
             comm.send(rank, GRADIENTS, Message::of(&of_part))?;
         }
-        self.tell(&turn)?;
+        self.broadcast(&command)?;
         seconds.exchanging += start.elapsed().as_secs_f64();
-        let Some(part) = &mut self.part else { return Err(TwoScaleError::Turn) };
-        let mut answers = part.exchange(|_, element| strain(element), &mut seconds)?.to_vec();
+        let Some(shard) = &mut self.shard else { return Err(TwoScaleError::Protocol) };
+        let mut answers = shard.exchange(|_, element| strain(element), &mut seconds)?.to_vec();
         let (start, mut waited) = (Instant::now(), Duration::ZERO);
         let mut receive = |rank: usize| {
             let start = Instant::now();
@@ -192,7 +193,7 @@ impl<'a, C: Comm> Counterpart<'a, C> {
             Lead::All => Vec::new(),
         };
         for of_part in of_parts {
-            answers.extend_from_slice(of_part.values::<Answer>().ok_or(TwoScaleError::Turn)?);
+            answers.extend_from_slice(of_part.values::<Answer>().ok_or(TwoScaleError::Protocol)?);
         }
         seconds.idle += waited.as_secs_f64();
         seconds.exchanging += (start.elapsed() - waited).as_secs_f64();
@@ -200,25 +201,25 @@ impl<'a, C: Comm> Counterpart<'a, C> {
             Lead::First => (1..comm.size()).map(|rank| comm.receive(rank, SECONDS)).collect::<Result<_, _>>()?,
             Lead::All => comm.gather_all(Message::of(&seconds.numbers()))?.split_off(1),
         };
-        let all = all.iter().map(|message| message.values().and_then(Seconds::of).ok_or(TwoScaleError::Turn));
+        let all = all.iter().map(|message| message.values().and_then(Seconds::of).ok_or(TwoScaleError::Protocol));
         self.iterations.push(std::iter::once(Ok(seconds)).chain(all).collect::<Result<_, _>>()?);
         Ok(answers)
     }
 
     /// Why RVEs found no equilibrium: the failure of the lowest element.
     pub fn explain(&mut self) -> Result<Failed, TwoScaleError> {
-        self.tell(&Turn::Explain)?;
-        let failed: Vec<Option<Failed>> = self.listen(&mut Seconds::default())?;
-        failed.into_iter().flatten().min_by_key(|failed| failed.failure.element).ok_or(TwoScaleError::Turn)
+        self.broadcast(&Command::Explain)?;
+        let failed: Vec<Option<Failed>> = self.gather(&mut Seconds::default())?;
+        failed.into_iter().flatten().min_by_key(|failed| failed.failure.element).ok_or(TwoScaleError::Protocol)
     }
 
-    /// Ends a step on the micro scale, and hears what its ranks say of it; also where the time of all ranks went in each trial
+    /// Ends a step on the micro scale and receives the report of each of its ranks; also where the time of all ranks went in each trial
     /// state.
     pub fn end_step(&mut self, converged: bool) -> Result<(Vec<RankReport>, Vec<Vec<RankSeconds>>), TwoScaleError> {
-        self.tell(&if converged { Turn::Accept } else { Turn::Reject })?;
+        self.broadcast(&if converged { Command::Accept } else { Command::Reject })?;
         self.in_step = false;
         let mut reporting = Seconds::default();
-        let mut reports: Vec<RankReport> = self.listen(&mut reporting)?;
+        let mut reports: Vec<RankReport> = self.gather(&mut reporting)?;
         if let Some(last) = self.iterations.last_mut().and_then(|ranks| ranks.first_mut()) {
             last.idle += reporting.idle;
             last.exchanging += reporting.exchanging;

@@ -26,7 +26,7 @@ use motion::Motion;
 pub use params::{Masses, RelaxationParams};
 pub use report::{Energies, RelaxationError, RelaxationReport};
 
-use super::path::Path;
+use super::deformation_path::Path;
 use super::rve::transform;
 use super::truss::{FiberStates, Truss};
 

@@ -12,7 +12,7 @@ impl<T: Value> Matrix<T> {
         check_size("the vector to multiply", x.len(), self.pattern.cols())?;
         check_size("the product", y.len(), self.pattern.rows())?;
         let mut start = 0;
-        for (y, &end) in y.iter_mut().zip(&self.pattern.row_start()[1..]) {
+        for (y, &end) in y.iter_mut().zip(&self.pattern.row_offsets()[1..]) {
             let range = start..end as usize;
             let entries = self.pattern.columns()[range.clone()].iter().zip(&self.values[range]);
             *y = entries.fold(T::zero(), |sum, (&column, &value)| sum + value * x[column as usize]);
@@ -55,7 +55,7 @@ impl<T: Value> Matrix<T> {
         let mut sum = Self::zeros(&pattern);
         for (matrix, factor) in [(self, a), (other, b)] {
             for row in 0..pattern.rows() {
-                let mut at = pattern.row_start()[row] as usize;
+                let mut at = pattern.row_offsets()[row] as usize;
                 for (column, value) in matrix.row(row) {
                     // Both ascend.
                     while (pattern.columns()[at] as usize) < column {
@@ -81,7 +81,7 @@ impl<T: Value> Matrix<T> {
                     row_sums[column] += left * right;
                 }
             }
-            let range = pattern.row_start()[row] as usize..pattern.row_start()[row + 1] as usize;
+            let range = pattern.row_offsets()[row] as usize..pattern.row_offsets()[row + 1] as usize;
             for at in range {
                 product.values[at] = std::mem::take(&mut row_sums[pattern.columns()[at] as usize]);
             }
@@ -92,7 +92,7 @@ impl<T: Value> Matrix<T> {
     /// `A^T`.
     pub(in crate::backends) fn transposed(&self) -> Self {
         let pattern = Arc::new(self.pattern.transpose());
-        let mut next = pattern.row_start().to_vec();
+        let mut next = pattern.row_offsets().to_vec();
         let mut transpose = Self::zeros(&pattern);
         for row in 0..self.pattern.rows() {
             for (column, value) in self.row(row) {
@@ -105,7 +105,7 @@ impl<T: Value> Matrix<T> {
 
     /// Columns and values of a row.
     pub(in crate::backends) fn row(&self, row: usize) -> impl Iterator<Item = (usize, T)> {
-        let range = self.pattern.row_start()[row] as usize..self.pattern.row_start()[row + 1] as usize;
+        let range = self.pattern.row_offsets()[row] as usize..self.pattern.row_offsets()[row + 1] as usize;
         let columns = self.pattern.columns()[range.clone()].iter().map(|&column| column as usize);
         columns.zip(self.values[range].iter().copied())
     }

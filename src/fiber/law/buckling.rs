@@ -2,7 +2,7 @@
 
 use super::FiberLaw;
 use super::batch::{EnergyFormula, Formula};
-use crate::fiber::vector::{Kernel, vectorized};
+use crate::fiber::simd::{Kernel, vectorized};
 
 /// The residual stiffness `r` where only a buckling strain is given.
 pub const COMPRESSION: f64 = 1e-3;
