@@ -37,10 +37,10 @@ use crate::backends::csr;
 use crate::las::{Backend, Scalar, SolveError, SolverParams, Sparsity, Value};
 
 /// A vector of `N` lanes.
-pub type Vector<T = f64, const N: usize = 4> = rows::Vector<Lanes<T, N>>;
+pub type Vector<T = f64, const N: usize = 4> = csr::Vector<Lanes<T, N>>;
 
 /// A matrix of `N` lanes: compressed rows over one pattern.
-pub type Matrix<T = f64, const N: usize = 4> = rows::Matrix<Lanes<T, N>>;
+pub type Matrix<T = f64, const N: usize = 4> = csr::Matrix<Lanes<T, N>>;
 
 /// The backend of `N` systems at once; `T` is `f64` or `f32`.
 #[derive(Clone, Copy, Debug, Default)]
@@ -61,11 +61,11 @@ impl<T: Scalar, const N: usize> Backend for Batched<T, N> {
     type Solver = Solver;
 
     fn vector(_: &(), len: usize) -> Result<Self::Vector, Infallible> {
-        Ok(rows::Vector::from(vec![Lanes::splat(T::zero()); len]))
+        Ok(csr::Vector::from(vec![Lanes::splat(T::zero()); len]))
     }
 
     fn matrix(_: &(), pattern: &Arc<Sparsity>) -> Result<Self::Matrix, Infallible> {
-        Ok(rows::Matrix::zeros(pattern))
+        Ok(csr::Matrix::zeros(pattern))
     }
 
     fn analyze(_: &(), _: &Arc<Sparsity>, _: &SolverParams) -> Result<Arc<Symbolic>, SolveError<Infallible>> {
