@@ -1,44 +1,46 @@
 //! `biotissue`: multiscale simulation of soft tissue.
 //!
-//! Soft tissue carries load through networks of collagen fibers a thousand times smaller than the body they are in. Here
-//! a macro-scale finite-element model asks, at every integration point and in every Newton iteration, a small
-//! fiber network (an RVE, a representative volume element) for its stress and its exact tangent.
+//! Soft tissue carries load through networks of collagen fibers that are about a thousand times smaller than the body.
+//! A macro-scale finite-element model solves the body; at every integration point and in every Newton iteration, a
+//! small fiber network (a representative volume element, RVE) supplies the stress and its exact tangent.
 //!
-//! The crate is a library and the program `biotissue`. Numerics are written **once**, generic over a linear-algebra
-//! backend that is chosen at compile time. Data flows one way; an arrow means *uses*:
+//! The crate is a library and the program `biotissue`. The numerics are written **once**, generic over a linear-algebra
+//! backend that is chosen at compile time. Modules depend on each other in one direction; an arrow means *uses*:
 //!
 //! ```text
 //! bin -> tissue -> fem, fiber, coupling -> las <- backends
 //! ```
 //!
-//! | module | what | knows |
+//! | module | contents | depends on |
 //! |---|---|---|
-//! | [`las`] | the linear-algebra abstraction: hot-loop verbs, solvers, Newton | no library |
+//! | [`las`] | the linear-algebra abstraction: operations of hot loops, solvers, Newton | no library |
 //! | [`backends`] | the backends, one folder each | [`las`] and their libraries |
 //! | [`fem`] | the macro scale: meshes, elements, materials, load steps | [`las`] |
 //! | [`fiber`] | the micro scale: networks, fiber laws, equilibrium, condensed tangent | [`las`] |
-//! | [`coupling`] | scales on ranks of their own: which has which ranks, what goes from one to another | [`las`] |
-//! | `tissue` | all put together: cases, the two-scale run, results, pictures | all of them |
+//! | [`coupling`] | scales on separate ranks: the ranks of each scale and the data exchanged between scales | [`las`] |
+//! | `tissue` | the application: cases, the two-scale run, results, pictures | all of them |
 //!
-//! `fem`, `fiber` and `coupling` do not know each other: the first two meet at [`fem::point_field`], the seam that does not care whether a
-//! formula or a network answers. Only `tissue`, the program, tests and benches name a concrete backend.
+//! `fem`, `fiber` and `coupling` do not depend on each other. `fem` and `fiber` meet at the interface
+//! [`fem::point_field`], behind which a formula or a fiber network supplies the stress. Only `tissue`, the program,
+//! tests and benches name a concrete backend.
 //!
 //! # Features
 //!
-//! | feature | brings | needs on the machine |
+//! | feature | provides | needs on the machine |
 //! |---|---|---|
-//! | `sparse` (default) | compressed rows; direct solvers, Krylov methods with ILUT | nothing |
+//! | `sparse` (default) | compressed sparse rows; direct solvers, Krylov methods with ILUT | nothing |
 //! | `dense` (default) | dense matrices | nothing |
-//! | `petsc` (implies `mpi`) | vectors, matrices and solvers of PETSc, on several processes | PETSc 3.18 or later with its headers, MPI, libclang |
+//! | `petsc` (implies `mpi`) | distributed vectors, matrices and solvers of PETSc | PETSc 3.18 or later with its headers, MPI, libclang |
 //! | `mpi` | ranks as MPI processes | MPI, libclang |
-//! | `cuda` | nothing yet: a name that is kept | nothing |
-//! | `batched` | many systems of one pattern at once, one in each lane; no solver yet | nothing |
-//! | `metis` | orders of elimination by METIS, tried beside those of the crate itself; parts of meshes | a C compiler |
-//! | `hwloc` | where in the machine a rank runs, for [`coupling::topology`] | hwloc 2 with its headers |
-//! | `generate` | fiber networks made on the spot, Delaunay and Voronoi, isotropic and aligned | nothing |
+//! | `cuda` | nothing yet; the name is reserved | nothing |
+//! | `batched` | many systems of one sparsity pattern at once, one in each SIMD lane; no solver yet | nothing |
+//! | `metis` | METIS elimination orders, compared with those of the crate itself; mesh partitions | a C compiler |
+//! | `hwloc` | the position of a rank in the machine, for [`coupling::topology`] | hwloc 2 with its headers |
+//! | `capi` | the C interface of the backends, which Fortran also uses | nothing |
+//! | `generate` | generated fiber networks: Delaunay and Voronoi, isotropic and aligned | nothing |
 //! | `app` (default, implies `generate`) | cases, results, pictures, the program `biotissue` | nothing |
 //!
-//! A library user who wants the numerics alone takes `default-features = false, features = ["sparse"]`.
+//! To use the numerics alone, set `default-features = false, features = ["sparse"]`.
 //!
 //! # Example: one RVE
 //!
@@ -72,11 +74,11 @@
 //! # }
 //! ```
 //!
-//! After W. R. Tobin, *The Adaptive Multiscale Simulation Infrastructure* (PhD thesis, Rensselaer Polytechnic Institute,
-//! 2018).
+//! The method follows W. R. Tobin, *The Adaptive Multiscale Simulation Infrastructure* (PhD thesis, Rensselaer
+//! Polytechnic Institute, 2018).
 #![deny(unsafe_code)]
 #![warn(missing_docs)]
-// Whatever a user, a file or a library can cause is an error value; only tests may panic.
+// Every failure that a user, a file or a library can cause is an error value; only tests may panic.
 #![cfg_attr(
     not(test),
     deny(
@@ -89,7 +91,7 @@
     )
 )]
 
-// So that `payload!` names the crate alike inside it and outside.
+// Lets `payload!` refer to the crate by the same name inside and outside of it.
 extern crate self as biotissue;
 
 pub mod backends;
@@ -105,3 +107,8 @@ pub mod las;
 pub mod output;
 #[cfg(feature = "app")]
 pub mod tissue;
+
+/// Compiles and runs the Rust example of the README with the tests of the documentation.
+#[cfg(all(doctest, feature = "sparse", feature = "generate"))]
+#[doc = include_str!("../README.md")]
+struct Readme;
