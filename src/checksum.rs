@@ -1,9 +1,9 @@
-//! A hash that is the same on every machine and in every version: FNV-1a with 64 bits (Fowler, Noll and Vo; RFC 9923).
+//! FNV-1a hash with 64 bits (Fowler, Noll and Vo; RFC 9923), identical on every machine and in every version.
 //!
-//! It tells accidents apart, not forgeries. Two inputs of one length that differ in a single byte never collide, since
-//! every step maps the state one to one.
+//! The hash detects accidental changes, not forgeries. Two inputs of equal length that differ in a single byte never
+//! collide, since every step maps the state one to one.
 
-/// The hash of what was fed to it so far.
+/// The hash of all bytes added so far.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Fnv(u64);
 
@@ -18,29 +18,29 @@ impl Fnv {
         }
     }
 
-    /// A number, or the length of what follows.
+    /// Adds an integer, such as a value or the length of the following data.
     pub fn number(&mut self, number: u64) {
         self.bytes(&number.to_le_bytes());
     }
 
-    /// The bits of a value.
+    /// Adds the bits of a floating-point value.
     pub fn value(&mut self, value: f64) {
         self.number(value.to_bits());
     }
 
-    /// A text with its length.
+    /// Adds the length of a text, then its bytes.
     pub fn text(&mut self, text: &str) {
         self.number(text.len() as u64);
         self.bytes(text.as_bytes());
     }
 
-    /// Positions with their number.
+    /// Adds the number of positions, then their coordinates.
     pub fn positions(&mut self, positions: &[[f64; 3]]) {
         self.number(positions.len() as u64);
         positions.as_flattened().iter().for_each(|&x| self.value(x));
     }
 
-    /// Groups of indices with their number.
+    /// Adds the number of groups, then their indices.
     pub fn indices<const N: usize>(&mut self, groups: &[[u32; N]]) {
         self.number(groups.len() as u64);
         groups.as_flattened().iter().for_each(|&index| self.number(index.into()));
@@ -51,22 +51,23 @@ impl Fnv {
     }
 }
 
-/// The hash of these bytes.
+/// Returns the hash of `bytes`.
 pub(crate) fn sum_of(bytes: &[u8]) -> u64 {
     let mut hash = Fnv::new();
     hash.bytes(bytes);
     hash.sum()
 }
 
-/// What the first line of a signed text begins with.
+/// The beginning of the first line of a signed text.
 const SIGNATURE: &str = "# Written by biotissue; checksum of the lines below: ";
 
-/// A text in which `#` begins a comment, with its hash in a line before it: [`below_signature`] tells whether it was changed.
+/// Prefixes a text, in which `#` begins a comment, with a line that holds its hash; [`below_signature`] verifies it.
 pub(crate) fn signed(text: &str) -> String {
     format!("{SIGNATURE}{:016x}\n{text}", sum_of(text.as_bytes()))
 }
 
-/// The lines below the signature of a text, and whether they are as they were signed; `None` for a text without one.
+/// Returns the lines below the signature and whether they are unchanged since signing; `None` for a text without
+/// signature.
 pub(crate) fn below_signature(text: &str) -> Option<(&str, bool)> {
     let (sum, rest) = text.strip_prefix(SIGNATURE)?.split_once('\n')?;
     Some((rest, u64::from_str_radix(sum, 16) == Ok(sum_of(rest.as_bytes()))))
@@ -88,7 +89,7 @@ mod tests {
 
     #[test]
     fn known_sums_come_out() {
-        // From the test vectors of the authors.
+        // Test vectors of the authors.
         for (text, sum) in
             [("", 0xcbf2_9ce4_8422_2325), ("a", 0xaf63_dc4c_8601_ec8c), ("foobar", 0x8594_4171_f739_67e8)]
         {

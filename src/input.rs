@@ -1,32 +1,32 @@
-//! What is wrong in a file that a person wrote: always with the place, what was expected, and the cure.
+//! Errors in input files: the position, the problem, the expected content, and the cure.
 
 use std::fmt::{self, Write as _};
 use std::path::{Path, PathBuf};
 
-/// How many errors are shown at once.
+/// The number of errors that a message shows.
 pub const MOST_SHOWN: usize = 20;
-/// The most characters of a line of a message.
+/// The maximum length of a line of a message, in characters.
 const MOST_IN_LINE: usize = 600;
-/// The most characters of a piece of a file that a message quotes.
+/// The maximum length of a quotation from a file in a message, in characters.
 const MOST_QUOTED: usize = 60;
-/// How editors of some systems begin a text in UTF-8.
+/// The byte-order mark with which some editors begin a UTF-8 file.
 const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
 
-/// The content of a text file without the byte-order mark that it may begin with.
+/// Returns the content of a text file without its leading byte-order mark, if there is one.
 #[must_use]
 pub fn without_byte_order_mark(bytes: &[u8]) -> &[u8] {
     bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes)
 }
 
-/// The beginning of a text from a user's file, as a message quotes it: on one line, without control characters, and no
-/// longer than 60 characters.
+/// Returns the beginning of a text from a user's file for quotation in a message: one line without control characters,
+/// at most 60 characters long.
 #[must_use]
 pub fn excerpt(text: &str) -> String {
     clipped(text.trim(), MOST_QUOTED)
 }
 
-/// A text for the terminal: its lines as they are, but clipped where they are longer than any message of this program, and
-/// with control characters, which could move the cursor or hide what follows, escaped.
+/// Prepares a text for the terminal: keeps its line breaks, clips lines that are longer than any message of this
+/// program, and escapes control characters, which could move the cursor or hide text.
 #[must_use]
 pub fn printable(text: &str) -> String {
     let mut lines = String::with_capacity(text.len());
@@ -46,7 +46,7 @@ fn clipped(text: &str, most: usize) -> String {
             shown.push_str("...");
             break;
         }
-        // Beside control characters proper, those that change the direction in which text runs.
+        // Includes the characters that change the direction of text.
         if c.is_control() || matches!(c, '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}' | '\u{feff}') {
             shown.extend(c.escape_debug());
         } else {
@@ -56,28 +56,28 @@ fn clipped(text: &str, most: usize) -> String {
     shown
 }
 
-/// One thing wrong in one file.
+/// One error in one file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct InputError {
-    /// The file, as the user named it.
+    /// The file, as named by the user.
     pub file: PathBuf,
-    /// Line, from 1, where the trouble has one.
+    /// Line, from 1; `None` for an error of the whole file.
     pub line: Option<usize>,
-    /// What is wrong, with the offending text or number in it.
+    /// The problem, including the offending text or number.
     pub what: String,
-    /// What should stand there.
+    /// The expected content.
     pub expected: String,
-    /// What the user can do.
+    /// The action that the user should take.
     pub cure: String,
 }
 
 impl InputError {
-    /// An error of the file as a whole.
+    /// Creates an error of the file as a whole.
     pub fn in_file(file: &Path, what: impl Into<String>, expected: impl Into<String>, cure: impl Into<String>) -> Self {
         Self { file: file.into(), line: None, what: what.into(), expected: expected.into(), cure: cure.into() }
     }
 
-    /// An error at a line, counted from 1.
+    /// Creates an error at a line, counted from 1.
     pub fn at_line(
         file: &Path,
         line: usize,
@@ -88,7 +88,7 @@ impl InputError {
         Self { line: Some(line), ..Self::in_file(file, what, expected, cure) }
     }
 
-    /// A file that could not be read at all.
+    /// Creates the error for a file that cannot be read.
     #[must_use]
     pub fn unreadable(file: &Path, error: &std::io::Error) -> Self {
         Self::in_file(
@@ -114,7 +114,7 @@ impl fmt::Display for InputError {
 
 impl std::error::Error for InputError {}
 
-/// Everything wrong in the files of one request. The first 20 are shown, and how many more there are.
+/// All errors in the files of one request. The message shows the first 20 and the number of the others.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct InputErrors(pub Vec<InputError>);
 

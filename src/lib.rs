@@ -13,7 +13,7 @@
 //!
 //! | module | contents | depends on |
 //! |---|---|---|
-//! | [`las`] | the linear-algebra abstraction: operations of hot loops, solvers, Newton | no library |
+//! | [`las`] | the linear-algebra abstraction: verbs of hot loops, solvers, Newton | no library |
 //! | [`backends`] | the backends, one folder each | [`las`] and their libraries |
 //! | [`fem`] | the macro scale: meshes, elements, materials, load steps | [`las`] |
 //! | [`fiber`] | the micro scale: networks, fiber laws, equilibrium, condensed tangent | [`las`] |
@@ -30,7 +30,7 @@
 //! |---|---|---|
 //! | `sparse` (default) | compressed sparse rows; direct solvers, Krylov methods with ILUT | nothing |
 //! | `dense` (default) | dense matrices | nothing |
-//! | `petsc` (implies `mpi`) | distributed vectors, matrices and solvers of PETSc | PETSc 3.18 or later with its headers, MPI, libclang |
+//! | `petsc` (implies `mpi`) | distributed vectors, matrices and solvers of PETSc | PETSc 3.18+ with its headers, MPI, libclang |
 //! | `mpi` | ranks as MPI processes | MPI, libclang |
 //! | `cuda` | nothing yet; the name is reserved | nothing |
 //! | `batched` | many systems of one sparsity pattern at once, one in each SIMD lane; no solver yet | nothing |

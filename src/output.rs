@@ -1,51 +1,52 @@
-//! Writing files: a reader sees the old file or the new one, never a part of it, and nothing but a regular file is replaced.
+//! Atomic file output: a reader sees either the old file or the new one, never a part of it. Only regular files are
+//! replaced.
 //!
-//! [`write()`] and [`write_by`] are for files that a user names: they follow symbolic links, and write straight to a device or
-//! a pipe. `replace_by` is for the files of a result directory, which are regular files of known names.
+//! [`write()`] and [`write_by`] write files that a user names: they follow symbolic links and write directly to a
+//! device or a pipe. `replace_by` writes the files of a result directory, which are regular files with known names.
 
 use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-/// As many symbolic links as Linux follows.
+/// The number of symbolic links that Linux follows.
 const MAX_LINKS: usize = 40;
 
-/// What is written to when a user names a file.
+/// The kind of target that a path named by a user resolves to.
 #[derive(Debug, PartialEq, Eq)]
 enum Target {
-    /// A file that is replaced as a whole, or made: the name at the end of all symbolic links.
+    /// A regular file, replaced as a whole or created; the path is the end of all symbolic links.
     Regular(PathBuf),
     /// A device, a pipe, or an open file of this process such as `/dev/stdout`.
     Stream,
 }
 
-/// Writes `bytes` to the file that a user has named: see [`write_by`].
+/// Writes `bytes` to the file named by the user; see [`write_by`].
 ///
 /// # Errors
-/// What the operating system says.
+/// Returns the error of the operating system.
 pub fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     write_by(path, |file| file.write_all(bytes))
 }
 
-/// Lets `write` write the file that a user has named. A regular file keeps its old content until the new one is complete,
-/// and if writing fails. Where `path` is a symbolic link, the link stays and the file it leads to is written. A device or a
-/// pipe is written to as it is.
+/// Calls `write` to write the file named by the user. A regular file keeps its old content until the new content is
+/// complete, also if writing fails. If `path` is a symbolic link, the link stays and its target is written. A device or
+/// a pipe is opened and written directly.
 ///
 /// # Errors
-/// What the operating system says.
+/// Returns the error of the operating system or of `write`.
 pub fn write_by(path: &Path, write: impl FnOnce(&mut File) -> io::Result<()>) -> io::Result<()> {
     match target(path)? {
         Target::Regular(file) => replace_by(&file, write),
         Target::Stream => {
-            // Behind what is there: standard output may lead to a regular file that others write to as well.
+            // Appends: standard output may be redirected to a regular file that other processes also write to.
             let mut file = OpenOptions::new().append(true).open(path)?;
             write(&mut file)
         }
     }
 }
 
-/// Whether `path` leads to a device or a pipe: what is written there is gone, so that no file can go beside it.
+/// Returns true if `path` is a device or a pipe; no file can be written beside it.
 #[must_use]
 pub fn is_stream(path: &Path) -> bool {
     matches!(target(path), Ok(Target::Stream))
@@ -58,11 +59,11 @@ fn target(path: &Path) -> io::Result<Target> {
         _ => {}
     }
     let end = end_of_links(path)?;
-    // The open files of a process have no other name than their links.
+    // The open files of a process have no name other than these links.
     if end.is_symlink() { Ok(Target::Stream) } else { Ok(Target::Regular(end)) }
 }
 
-/// Where the symbolic links at the end of `path` lead; the links of open files in `/proc` and `/dev` are not followed.
+/// Follows the symbolic links at the end of `path`, except those of open files in `/proc` and `/dev`.
 pub(crate) fn end_of_links(path: &Path) -> io::Result<PathBuf> {
     let mut path = path.to_path_buf();
     for _ in 0..MAX_LINKS {
@@ -76,8 +77,8 @@ pub(crate) fn end_of_links(path: &Path) -> io::Result<PathBuf> {
     Err(io::Error::new(io::ErrorKind::InvalidInput, "too many levels of symbolic links"))
 }
 
-/// Replaces the file at `path` by what `write` writes beside it under another name: brought to the disk, then renamed. A
-/// symbolic link at `path` is itself replaced.
+/// Replaces the file at `path`: `write` fills a temporary file in the same directory, which is then synced and renamed.
+/// If `path` is a symbolic link, the link itself is replaced.
 pub(crate) fn replace_by(path: &Path, write: impl FnOnce(&mut File) -> io::Result<()>) -> io::Result<()> {
     let name = path.file_name().ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "this is no file name"))?;
     let part = path.with_file_name(part_name(name));
@@ -85,13 +86,14 @@ pub(crate) fn replace_by(path: &Path, write: impl FnOnce(&mut File) -> io::Resul
         write(&mut file)?;
         file.sync_data()?;
         if let Ok(there) = fs::metadata(path) {
-            // What the owner allowed holds for the new content too; a file system without permissions has none to keep.
+            // The new file keeps the permissions of the old one; the error is ignored because some file systems have no
+            // permissions.
             let _ = file.set_permissions(there.permissions());
         }
         fs::rename(&part, path)
     });
     written.inspect_err(|_| {
-        // The error is reported either way; a leftover that cannot be removed changes nothing about it.
+        // The error is returned in either case, so a failure to remove the temporary file is ignored.
         let _ = fs::remove_file(&part);
     })
 }
@@ -103,7 +105,7 @@ fn part_name(name: &std::ffi::OsStr) -> OsString {
     part
 }
 
-/// A new file. One of that name is a leftover of a process that had the number of this one.
+/// Creates the temporary file. An existing file of that name was left by an earlier process with the same process id.
 fn create(part: &Path) -> io::Result<File> {
     let create = || OpenOptions::new().write(true).create_new(true).open(part);
     match create() {
@@ -115,13 +117,14 @@ fn create(part: &Path) -> io::Result<File> {
     }
 }
 
-/// Brings to the disk which files a folder has. Where folders cannot be opened, as on Windows, that is the system's affair.
+/// Syncs the directory entries of `folder` to the disk. Does nothing on systems such as Windows, which cannot open
+/// folders.
 #[cfg(feature = "app")]
 pub(crate) fn sync_folder(folder: &Path) -> io::Result<()> {
     if cfg!(unix) { File::open(folder)?.sync_all() } else { Ok(()) }
 }
 
-/// The name of a file that was being replaced when its writer was interrupted; any other name is its own.
+/// Returns the final name of a temporary file that an interrupted process left; returns any other name unchanged.
 #[cfg(feature = "app")]
 pub(crate) fn final_name(name: &str) -> &str {
     let parts = name.strip_prefix('.').and_then(|name| name.strip_suffix(".part"));
@@ -147,7 +150,7 @@ mod tests {
         let failed = write_by(&path, |file| file.write_all(b"new").and(Err(io::Error::other("full"))));
         assert_eq!(failed.unwrap_err().to_string(), "full");
         assert_eq!(fs::read(&path).unwrap(), b"old");
-        // A process of the same number has left this.
+        // Left by an earlier process with the same process id.
         fs::write(folder.path().join(part_name("file".as_ref())), "half").unwrap();
         write(&path, b"new").unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"new");
@@ -163,7 +166,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
         fs::create_dir(at("deep")).unwrap();
-        // Relative to the folder of each link; the last leads to a file that is not there yet.
+        // Each link is relative to its own folder; the last link points to a file that does not exist yet.
         symlink("deep/second", at("first")).unwrap();
         symlink("../file", at("deep/second")).unwrap();
         for content in ["made", "replaced"] {

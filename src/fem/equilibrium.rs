@@ -1,4 +1,5 @@
-//! The body as a nonlinear problem: find the displacements at which internal and external forces balance.
+//! Equilibrium of the body as a nonlinear problem: find the displacements at which internal and external forces
+//! balance.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -16,53 +17,54 @@ use crate::las::{
     Solver, VectorOps,
 };
 
-/// Why the body has no residual at a state.
+/// The reason why the body has no residual at a state, or why a state cannot be accepted.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum EquilibriumError<E, F> {
-    /// A point has no stress: `J <= 0`, or an RVE that found no equilibrium.
+    /// The point field failed at a point: `J <= 0`, or an RVE without equilibrium.
     #[error("{0}")]
     Points(E),
-    /// A verb of the backend failed.
+    /// An operation of the backend failed.
     #[error("{0}")]
     Backend(F),
-    /// Responses that continue the last accepted state move the body to where others do.
+    /// Equilibrium was restored repeatedly with responses that continue the last accepted state, but each time the new
+    /// equilibrium has responses that do not continue it.
     #[error(
         "no state of balance continues the last accepted one: its RVEs still leave their branches of equilibria after they were taken back to them {rounds} times"
     )]
     OffBranch {
-        /// How often they were.
+        /// The number of rounds in which responses were replaced.
         rounds: usize,
     },
-    /// Points kept changing their material, however often the body was brought to balance again.
+    /// Points kept changing their material after equilibrium was restored repeatedly at the same load.
     #[error("points still change their material after the body was brought to balance {rounds} times at this load")]
     StillChanging {
-        /// How often it was.
+        /// The number of times that equilibrium was restored.
         rounds: usize,
     },
-    /// The state that was to be accepted does not balance.
+    /// The trial state about to be accepted is out of balance.
     #[error("the converged state is out of balance: |r| = {residual:.3e} N, but Newton stops at {limit:.3e} N")]
     OutOfBalance {
         /// Norm of the residual of the free unknowns, N.
         residual: f64,
-        /// The threshold at which Newton stops there, N.
+        /// The convergence threshold of Newton at this state, N.
         limit: f64,
     },
 }
 
-/// Everything known of the body at one pseudo-time; of all nodes and all elements.
+/// The complete state of the body at one pseudo-time, for all nodes and all elements.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BodyState {
     /// Pseudo-time.
     pub t: f64,
     /// Displacements of the nodes, m.
     pub displacements: Vec<[f64; 3]>,
-    /// Deformation gradients of the elements.
+    /// Deformation gradient of each element.
     pub gradients: Vec<Matrix3<f64>>,
-    /// Energies, stresses and tangents of the elements.
+    /// Energy, stress and tangent of each element.
     pub responses: PointResponses,
-    /// Internal forces of the nodes, N, prescribed components included.
+    /// Internal force at each node, N, including prescribed components.
     pub internal: Vec<[f64; 3]>,
-    /// Loads on the nodes, N.
+    /// External force at each node, N.
     pub external: Vec<[f64; 3]>,
 }
 
@@ -80,10 +82,11 @@ impl BodyState {
     }
 }
 
-/// The body: mesh, what holds and loads it, what it is made of, and the state it is in.
+/// The body: mesh, boundary conditions, point field, and state.
 ///
-/// Two states are kept: the trial state that Newton moves, and the last one accepted by [`Equilibrium::accept`], with
-/// stresses and tangents of both, so that the point field is never asked twice about one state.
+/// The body keeps two states: the trial state, which Newton changes, and the state last accepted by
+/// [`Equilibrium::accept`]. Both include stresses and tangents, so the point field is never evaluated twice at one
+/// state.
 pub struct Equilibrium<B: Backend, P> {
     mesh: Arc<Mesh>,
     boundary: Boundary,
@@ -91,9 +94,9 @@ pub struct Equilibrium<B: Backend, P> {
     field: P,
     trial: BodyState,
     accepted: BodyState,
-    /// Displacements that [`NonlinearProblem::restore`] returns to.
+    /// Displacements to which [`NonlinearProblem::restore`] returns.
     saved: Vec<[f64; 3]>,
-    /// Nodal forces or increments on their way to or from a vector.
+    /// Work array for nodal forces or increments that are copied to or from a vector.
     nodal: Vec<[f64; 3]>,
     floor: f64,
 }
@@ -103,10 +106,11 @@ where
     B: Backend<Scalar = f64>,
     P: PointField,
 {
-    /// The undeformed body at `t = 0`, whose tangent gives the first guess and the floor of the residual.
+    /// Creates the undeformed body at `t = 0`. Its tangent gives the linearized start of the first step and the floor
+    /// of the residual.
     ///
     /// # Errors
-    /// [`EquilibriumError::Points`] where the field has no answer at `F = I`.
+    /// Returns [`EquilibriumError::Points`] if the point field fails at `F = I`.
     pub fn new(
         mesh: Arc<Mesh>,
         boundary: Boundary,
@@ -132,65 +136,65 @@ where
         Ok(body)
     }
 
-    /// The mesh.
+    /// Returns the mesh.
     #[must_use]
     pub fn mesh(&self) -> &Arc<Mesh> {
         &self.mesh
     }
 
-    /// What holds and loads the body.
+    /// Returns the boundary conditions.
     #[must_use]
     pub fn boundary(&self) -> &Boundary {
         &self.boundary
     }
 
-    /// What the body is made of.
+    /// Returns the point field.
     #[must_use]
     pub fn field(&self) -> &P {
         &self.field
     }
 
-    /// What the body is made of, to be taken back to an earlier memory.
+    /// Returns the point field, so that its micro states can be restored.
     pub(super) fn field_mut(&mut self) -> &mut P {
         &mut self.field
     }
 
-    /// The last accepted state.
+    /// Returns the last accepted state.
     #[must_use]
     pub fn accepted(&self) -> &BodyState {
         &self.accepted
     }
 
-    /// What acts on the body in the last accepted state.
+    /// Returns the surface and point forces on the body in the last accepted state.
     #[must_use]
     pub fn forces(&self) -> BoundaryForces {
         let state = &self.accepted;
         BoundaryForces::new(&self.mesh, &self.boundary, state.t, &state.displacements, &state.internal, &state.external)
     }
 
-    /// Replaces responses that do not continue the last accepted state by those that do; see [`PointField::verify`].
-    /// Returns true if there were any: the state may then be out of balance.
+    /// Replaces the responses that do not continue the last accepted state by responses that do; see
+    /// [`PointField::verify`]. Returns true if any was replaced; the state may then be out of balance.
     ///
     /// # Errors
-    /// [`EquilibriumError::Points`] where a continuation does not exist.
+    /// Returns [`EquilibriumError::Points`] if a continuation does not exist.
     pub(super) fn verify(&mut self) -> Result<bool, EquilibriumError<P::Error, B::Fault>> {
         let Self { field, trial, .. } = self;
         field.verify(&trial.gradients, &mut trial.responses).map_err(EquilibriumError::Points)
     }
 
-    /// Changes the material of points as the trial state demands; see [`PointField::evolve`]. Returns true if the state
-    /// is out of balance by that.
+    /// Changes the material of points as the trial state demands; see [`PointField::evolve`]. Returns true if a point
+    /// changed; the state is then out of balance.
     ///
     /// # Errors
-    /// [`EquilibriumError::Points`] where other ranks cannot be reached.
+    /// Returns [`EquilibriumError::Points`] if other ranks cannot be reached.
     pub(super) fn evolve(&mut self) -> Result<bool, EquilibriumError<P::Error, B::Fault>> {
         self.field.evolve().map_err(EquilibriumError::Points)
     }
 
-    /// Makes the trial state, at which the residual was evaluated last, the accepted one.
+    /// Accepts the trial state, at which the residual was evaluated last.
     ///
     /// # Errors
-    /// [`EquilibriumError::Points`] where the field cannot commit.
+    /// Returns [`EquilibriumError::Points`] if the point field cannot commit.
     pub fn accept(&mut self) -> Result<(), EquilibriumError<P::Error, B::Fault>> {
         self.field.commit().map_err(EquilibriumError::Points)?;
         std::mem::swap(&mut self.trial, &mut self.accepted);
@@ -198,13 +202,14 @@ where
         Ok(())
     }
 
-    /// Checks that the forces of the trial state, as they are about to be accepted and written, balance: the residual of
-    /// the free unknowns must not exceed ten times the threshold at which Newton stops with this tolerance, in the norm
-    /// that Newton uses. The internal forces are summed anew from the stresses, so that nothing can have changed these
-    /// since Newton converged; the factor leaves room for iterative solvers and other orders of summation.
+    /// Checks that the forces of the trial state, as they are about to be accepted and written, balance: the norm of
+    /// the residual of the free unknowns, which Newton also uses, must not exceed ten times the threshold at which
+    /// Newton stops with this tolerance. The internal forces are summed again from the stresses, so the check detects
+    /// stresses that changed after Newton converged; the factor allows for iterative solvers and other orders of
+    /// summation.
     ///
     /// # Errors
-    /// [`EquilibriumError::OutOfBalance`].
+    /// Returns [`EquilibriumError::OutOfBalance`] if the residual is too large.
     pub(super) fn check_balance(&mut self, tolerance: f64) -> Result<(), EquilibriumError<P::Error, B::Fault>> {
         const ROOM: f64 = 10.0;
         self.assembler.internal_forces(&self.trial.responses.pk1, &mut self.trial.internal);
@@ -212,26 +217,26 @@ where
         let free = self.assembler.rows().iter().zip(forces).filter(|(row, _)| row.position().is_some());
         let residual = free.map(|(_, (internal, external))| (internal - external).powi(2)).sum::<f64>().sqrt();
         let limit = (tolerance * self.scale()).max(self.floor);
-        // A residual that is not a number fails too.
+        // A NaN residual also fails.
         if residual <= ROOM * limit { Ok(()) } else { Err(EquilibriumError::OutOfBalance { residual, limit }) }
     }
 
-    /// What the residual of the trial state is measured against, N.
+    /// Returns the reference force of the residual of the trial state, N.
     fn scale(&self) -> f64 {
         norm(&self.trial.internal).max(norm(&self.trial.external))
     }
 
-    /// Takes the trial displacements and the micro states back to the accepted ones.
+    /// Resets the trial displacements and the micro states to the accepted ones.
     ///
     /// # Errors
-    /// As for [`Equilibrium::accept`].
+    /// Returns [`EquilibriumError::Points`] if the point field cannot revert.
     pub fn reject(&mut self) -> Result<(), EquilibriumError<P::Error, B::Fault>> {
         self.trial.t = self.accepted.t;
         self.trial.displacements.copy_from_slice(&self.accepted.displacements);
         self.field.revert().map_err(EquilibriumError::Points)
     }
 
-    /// Makes the state of these displacements at pseudo-time `t` the accepted one, whatever was accepted before.
+    /// Accepts the state with these displacements at pseudo-time `t`, independently of the previously accepted state.
     pub(super) fn restore_at(
         &mut self,
         t: f64,
@@ -244,18 +249,20 @@ where
         self.accept()
     }
 
-    /// Starts a step to pseudo-time `t` from the accepted state with only the prescribed components moved.
+    /// Starts a step to pseudo-time `t`: the trial state is the accepted state with the prescribed displacements of
+    /// `t`.
     pub fn apply_prescribed(&mut self, t: f64) {
         self.load(t);
         self.boundary.prescribe(t, &mut self.trial.displacements);
     }
 
-    /// Starts a step to pseudo-time `t` from the accepted state linearized: with `K` its tangent stiffness and `g` the
-    /// prescribed components, `K du = f_ext(t) - f_int - K_fc dg`. From the undeformed body this is the linear-elastic
-    /// solution.
+    /// Starts a step to pseudo-time `t` from the linearization of the accepted state: solves
+    /// `K du = f_ext(t) - f_int - K_fc dg` with the tangent stiffness `K` of the accepted state and the increments `dg` of
+    /// the prescribed displacements. From the undeformed body this is the linear-elastic solution.
     ///
     /// # Errors
-    /// What the solver reports; the trial state is then as [`Equilibrium::apply_prescribed`] leaves it.
+    /// Returns the [`SolveError`] of the solver; the trial state is then as [`Equilibrium::apply_prescribed`] leaves
+    /// it.
     pub fn linearize(&mut self, t: f64, system: &mut NewtonSystem<B>) -> Result<NewtonSeconds, SolveError<B::Fault>> {
         self.apply_prescribed(t);
         if system.residual.is_empty() {
@@ -295,7 +302,7 @@ where
         self.boundary.external_forces(t, &mut self.trial.external);
     }
 
-    /// Stresses, tangents and internal forces of the trial state.
+    /// Evaluates stresses, tangents and internal forces of the trial state.
     fn respond(&mut self) -> Result<(), EquilibriumError<P::Error, B::Fault>> {
         let trial = &mut self.trial;
         self.assembler.deformation_gradients(&trial.displacements, &mut trial.gradients);
@@ -304,7 +311,7 @@ where
         Ok(())
     }
 
-    /// Writes the nodal forces into a vector.
+    /// Writes the nodal forces of the free unknowns into `r`.
     fn scatter(&self, r: &mut B::Vector) -> Result<(), B::Fault> {
         r.zero()?;
         self.assembler.scatter(&self.nodal, r)?;
@@ -312,7 +319,7 @@ where
     }
 
     fn move_by(&mut self, a: f64, direction: &B::Vector) -> Result<(), B::Fault> {
-        // Prescribed components are not read and stay at zero.
+        // `get` does not write prescribed components; they stay at zero.
         self.nodal.fill([0.0; 3]);
         direction.get(self.assembler.rows(), self.nodal.as_flattened_mut())?;
         let moved = self.trial.displacements.as_flattened_mut().iter_mut();
@@ -331,8 +338,8 @@ where
 {
     type Error = EquilibriumError<P::Error, B::Fault>;
 
-    /// `r = f_int - f_ext` of the free unknowns, N, measured against the larger norm of the two over all nodes; the
-    /// floor is [`Assembler::rounding`] of the undeformed body.
+    /// Evaluates `r = f_int - f_ext` of the free unknowns, N. The scale is the larger norm of the two over all nodes;
+    /// the floor is [`Assembler::rounding`] of the undeformed body.
     fn residual(&mut self, r: &mut B::Vector) -> Result<ResidualScale, Self::Error> {
         self.respond()?;
         for ((net, internal), external) in self.nodal.iter_mut().zip(&self.trial.internal).zip(&self.trial.external) {

@@ -1,7 +1,8 @@
 //! The macro scale: finite elements on tetrahedral meshes, generic over the linear-algebra backend.
 //!
-//! Total Lagrangian: everything is integrated over the reference volume, `u` are the displacements of the nodes in
-//! meters, `F = I + du/dX`, `P` the first Piola-Kirchhoff stress in Pa and `A = dP/dF`. Data flows one way:
+//! The formulation is total Lagrangian: all integrals are over the reference volume. `u` are the nodal displacements in
+//! meters, `F = I + du/dX` is the deformation gradient, `P` the first Piola-Kirchhoff stress in Pa and `A = dP/dF` its
+//! tangent. Data flow:
 //!
 //! ```text
 //!  mesh ──────────► assembly::Unknowns ◄──── boundary::Boundary ◄──── boundary::Conditions (names, values, curves)
@@ -13,13 +14,14 @@
 //!                                        stepping::Stepper: load steps, cuts ─► StepObserver (u, P, reactions)
 //! ```
 //!
-//! [`mesh`] knows geometry and names, [`element`] the shape functions, [`material`] formulas at a point.
-//! [`point_field`] is the seam: whoever implements [`point_field::PointField`] supplies stress and tangent at all
-//! integration points, from a formula or from a thousand fiber networks. The assembler never sees the physics, the
-//! physics never sees the mesh, and neither sees the library that solves the system.
+//! [`mesh`] holds geometry and names, [`element`] the shape functions, and [`material`] constitutive formulas.
+//! [`point_field`] is the interface between body and material: an implementation of [`point_field::PointField`]
+//! supplies stress and tangent at all integration points, from a formula or from thousands of fiber networks. The
+//! assembler does not depend on the constitutive model, the constitutive model does not depend on the mesh, and neither
+//! depends on the library that solves the linear system.
 //!
 //! # Limits
-//! Linear tetrahedra with one integration point; dead loads, so that every tangent is symmetric.
+//! Elements are linear tetrahedra with one integration point. Loads are dead, so every tangent is symmetric.
 
 pub mod assembly;
 pub mod boundary;

@@ -1,26 +1,26 @@
-//! The seam between the body and its material: stress and tangent at every integration point.
+//! The interface between the body and its material: stress and tangent at every integration point.
 //!
-//! Element `e` has one integration point, point `e`. The body hands over all deformation gradients at once and gets all
-//! answers at once, so that whoever answers may do so in parallel or on another rank.
+//! Element `e` has one integration point, point `e`. The body passes all deformation gradients in one call and receives
+//! all responses from it, so that an implementation can evaluate the points in parallel or on other ranks.
 
 use nalgebra::{Matrix3, SMatrix};
 use thiserror::Error;
 
 use super::material::{Material, MaterialError};
 
-/// The answers of all points, in the order of the elements.
+/// The responses of all points, in the order of the elements.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PointResponses {
-    /// Energy per reference volume, J/m^3.
+    /// Energy per reference volume of each point, J/m^3.
     pub energy: Vec<f64>,
-    /// First Piola-Kirchhoff stress `P`, Pa.
+    /// First Piola-Kirchhoff stress `P` of each point, Pa.
     pub pk1: Vec<Matrix3<f64>>,
-    /// `A = dP/dF`, Pa, row `3 * i + J`, column `3 * k + L`.
+    /// `A = dP/dF` of each point, Pa: row `3 * i + J`, column `3 * k + L`.
     pub tangent: Vec<SMatrix<f64, 9, 9>>,
 }
 
 impl PointResponses {
-    /// Zeros for `points` points.
+    /// Creates zero responses of `points` points.
     #[must_use]
     pub fn zeros(points: usize) -> Self {
         let mut responses = Self::default();
@@ -28,125 +28,126 @@ impl PointResponses {
         responses
     }
 
-    /// Makes room for `points` points; what is added is zero.
+    /// Resizes to `points` points; new entries are zero.
     pub fn resize(&mut self, points: usize) {
         self.energy.resize(points, 0.0);
         self.pk1.resize(points, Matrix3::zeros());
         self.tangent.resize(points, SMatrix::zeros());
     }
 
-    /// Number of points.
+    /// Returns the number of points.
     #[must_use]
     pub fn len(&self) -> usize {
         self.pk1.len()
     }
 
-    /// Whether there is no point.
+    /// Returns true if there are no points.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.pk1.is_empty()
     }
 }
 
-/// The material of all points: gives stresses and tangents at given deformation gradients.
+/// The material of all points: evaluates stresses and tangents at given deformation gradients.
 ///
-/// A field may have a memory: the micro states from which the next update starts. In an attempt at a load step, the driver
-/// calls in this order:
+/// A field may have memory: the micro states from which the next update starts. In an attempt at a load step, the
+/// driver calls
 ///
 /// 1. [`PointField::update`] at as many trial states as Newton and its line search need;
-/// 2. [`PointField::verify`] once Newton has converged, and step 1 again if it returns true;
+/// 2. [`PointField::verify`] after Newton has converged, and step 1 again if it returns true;
 /// 3. [`PointField::evolve`], and step 1 again at the same pseudo-time if it returns true;
 /// 4. [`PointField::commit`].
 ///
-/// [`PointField::revert`] ends an attempt that fails anywhere before that.
+/// If the attempt fails before step 4, the driver calls [`PointField::revert`].
 pub trait PointField {
-    /// Why there is no stress at a trial state; it should name the element. Newton's line search takes it as "too
-    /// far" and tries a shorter step.
+    /// The reason why a trial state has no stress; it should name the element. Newton's line search treats the error as
+    /// a too long step and shortens it.
     type Error: std::error::Error;
 
-    /// Energies, stresses and tangents at these deformation gradients, one an element.
+    /// Evaluates energies, stresses and tangents at these deformation gradients, one per element.
     ///
     /// # Errors
-    /// Where one of the points has none.
+    /// Returns an error if any point cannot be evaluated.
     fn update(&mut self, gradients: &[Matrix3<f64>], out: &mut PointResponses) -> Result<(), Self::Error>;
 
-    /// Makes the responses at the gradients of the last [`PointField::update`], at which Newton has converged, those of
-    /// a continuation of the last committed state, whatever trial states came in between. Returns true if it replaced
-    /// any; `out` then holds the new ones.
+    /// Checks the responses at the gradients of the last [`PointField::update`], at which Newton has converged: each
+    /// must continue the last committed state, independently of the trial states in between. Replaces those that do not
+    /// and returns true if it replaced any; `out` then holds the new responses.
     ///
     /// # Errors
-    /// Where a continuation does not exist; a shorter step may help.
+    /// Returns an error if a continuation does not exist; a shorter step may help.
     fn verify(&mut self, gradients: &[Matrix3<f64>], out: &mut PointResponses) -> Result<bool, Self::Error> {
         let _ = (gradients, out);
         Ok(false)
     }
 
     /// Changes the material of points as the converged state of the last [`PointField::update`] demands (damage, for
-    /// example). Returns true if a point responds differently from now on: the body is then out of balance. Each change
-    /// is one of finitely many, so that repeated calls come to an end.
+    /// example). Returns true if the response of a point changed; the body is then out of balance. The number of
+    /// possible changes is finite, so repeated calls eventually return false.
     ///
     /// # Errors
-    /// Where other ranks cannot be reached.
+    /// Returns an error if other ranks cannot be reached.
     fn evolve(&mut self) -> Result<bool, Self::Error> {
         Ok(false)
     }
 
-    /// The step has converged at the gradients of the last [`PointField::update`]: the micro states there are where the
-    /// next step starts.
+    /// Commits the micro states at the gradients of the last [`PointField::update`], at which the step converged. The
+    /// next step starts from them.
     ///
     /// # Errors
-    /// Where other ranks cannot be reached; the run then ends.
+    /// Returns an error if other ranks cannot be reached; the run then ends.
     fn commit(&mut self) -> Result<(), Self::Error>;
 
-    /// The step has failed: back to the micro states and materials of the last [`PointField::commit`].
+    /// Returns to the micro states and materials of the last [`PointField::commit`] after a failed step.
     ///
     /// # Errors
     /// As for [`PointField::commit`].
     fn revert(&mut self) -> Result<(), Self::Error>;
 
-    /// Whether an error does not depend on the trial state (another rank is gone), so that no shorter step helps.
+    /// Returns true if an error does not depend on the trial state (another rank is gone), so that no shorter step
+    /// helps.
     fn is_final(_: &Self::Error) -> bool {
         false
     }
 }
 
-/// A point that has no answer.
+/// A point whose material cannot be evaluated.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 #[error("element {element}: {reason}")]
 pub struct PointError {
     /// The element, from 0.
     pub element: usize,
-    /// Why.
+    /// The error of the material.
     pub reason: MaterialError,
 }
 
-/// The pieces of a [`FormulaField`] do not fit together.
+/// The regions of the elements and the materials of a [`FormulaField`] do not match.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
 #[error("element {element} lies in region {region}, but there are materials for {materials} regions")]
 pub struct RegionError {
-    /// The element, from 0.
+    /// Element index, from 0.
     pub element: usize,
-    /// Its region, from 0.
+    /// The region of the element, from 0.
     pub region: u32,
-    /// How many materials were given.
+    /// The number of materials given.
     pub materials: usize,
 }
 
-/// A formula at every point, chosen by the region that the element lies in. It has no memory.
+/// A point field without memory that evaluates a formula at every point, selected by the region of the element.
 ///
 /// # Panics
-/// [`PointField::update`] with another number of gradients than the elements it was made for.
+/// [`PointField::update`] panics if the number of gradients differs from the number of elements.
 pub struct FormulaField {
     materials: Vec<Box<dyn Material>>,
     region_of: Vec<u32>,
 }
 
 impl FormulaField {
-    /// `materials[r]` serves region `r`; `region_of[e]` is the region of element `e`, as
-    /// [`Mesh::region_of`](super::mesh::Mesh::region_of) gives it.
+    /// Creates a field in which region `r` has `materials[r]`; `region_of[e]` is the region of element `e`, as returned
+    /// by [`Mesh::region_of`](super::mesh::Mesh::region_of).
     ///
     /// # Errors
-    /// [`RegionError`] for an element whose region has no material.
+    /// Returns [`RegionError`] if the region of an element has no material.
     pub fn new(materials: Vec<Box<dyn Material>>, region_of: &[u32]) -> Result<Self, RegionError> {
         let beyond = region_of.iter().enumerate().find(|&(_, &region)| region as usize >= materials.len());
         if let Some((element, &region)) = beyond {
@@ -155,7 +156,7 @@ impl FormulaField {
         Ok(Self { materials, region_of: region_of.to_vec() })
     }
 
-    /// One material for `elements` elements.
+    /// Creates a field of `elements` elements with one material.
     #[must_use]
     pub fn uniform(material: impl Material + 'static, elements: usize) -> Self {
         Self { materials: vec![Box::new(material)], region_of: vec![0; elements] }

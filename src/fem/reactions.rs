@@ -1,54 +1,53 @@
-//! What acts on the body through each surface and held point.
+//! Forces on the body through each surface and each point condition.
 //!
-//! At a held component, the support supplies what the internal force has and the loads have not: `f_int - f_ext`. This
-//! reaction counts once, for the condition that holds the component (of several, the first). The force through a
-//! surface is the sum of its reactions and of the loads that enter through it. Nodes in equilibrium have
-//! `f_int = f_ext`, and internal forces sum to zero, so that the forces over all surfaces and points sum to minus the
-//! body forces, as far as Newton converged.
+//! At a prescribed component the support exerts the reaction `f_int - f_ext`. Each reaction is counted once, for the
+//! first condition that prescribes the component. The force through a surface is the sum of its reactions and of its
+//! tractions. Free components satisfy `f_int = f_ext`, and internal forces sum to zero. Hence the forces over all
+//! surfaces and points sum to minus the body forces, up to the tolerance of Newton.
 
 use super::boundary::{Boundary, Source};
 use super::mesh::{Mesh, Surface};
 
-/// What acts through one surface.
+/// Force, area and mean displacement of one surface.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SurfaceForce {
     /// The surface's name.
     pub name: String,
     /// Its current (deformed) area, m^2.
     pub area: f64,
-    /// The force exerted on the body through it, N.
+    /// The force exerted on the body through the surface, N.
     pub force: [f64; 3],
-    /// Its displacement averaged over the reference area, m.
+    /// The displacement averaged over the reference area, m.
     pub displacement: [f64; 3],
 }
 
-/// What acts through one held point.
+/// Force and displacement of one point condition.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointForce {
     /// The node.
     pub node: u32,
-    /// The force exerted on the body through it, N: only what no surface holds there.
+    /// The force exerted on the body at the node, N; excludes components that a surface prescribes.
     pub force: [f64; 3],
-    /// Its displacement, m.
+    /// The displacement of the node, m.
     pub displacement: [f64; 3],
 }
 
-/// What acts on the body from outside, apart from body forces.
+/// All external forces on the body except body forces.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BoundaryForces {
-    /// In the order of [`Mesh::surfaces`], all of them.
+    /// All surfaces, in the order of [`Mesh::surfaces`].
     pub surfaces: Vec<SurfaceForce>,
-    /// In the order of the point conditions.
+    /// All point conditions, in their order.
     pub points: Vec<PointForce>,
 }
 
 impl BoundaryForces {
-    /// Sorts the nodal forces of an equilibrium state at pseudo-time `t` by where they enter the body.
+    /// Assigns the nodal forces of an equilibrium state at pseudo-time `t` to surfaces and points.
     ///
-    /// `displacements` (m), `internal` and `external` forces (N) are of all nodes.
+    /// `displacements` (m), `internal` and `external` forces (N) have one entry per node.
     ///
     /// # Panics
-    /// Where an array has fewer nodes than the mesh.
+    /// Panics if an array has fewer nodes than the mesh.
     #[must_use]
     pub fn new(
         mesh: &Mesh,
@@ -82,7 +81,7 @@ impl BoundaryForces {
         forces
     }
 
-    /// The sum over all surfaces and points, N: minus the body forces, which is zero where there are none.
+    /// Returns the sum over all surfaces and points, N: minus the total body force.
     #[must_use]
     pub fn sum(&self) -> [f64; 3] {
         let parts = self.surfaces.iter().map(|s| s.force).chain(self.points.iter().map(|p| p.force));

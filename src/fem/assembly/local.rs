@@ -1,11 +1,11 @@
-//! The integrals over one element, on stack arrays. One point is exact: everything is constant over a linear
-//! tetrahedron.
+//! Integrals over one element, on stack arrays. One-point quadrature is exact because `F`, `P` and `A` are constant
+//! over a linear tetrahedron.
 
 use nalgebra::{Matrix3, SMatrix, SVector};
 
 use crate::fem::element::{NODES, Tetrahedron, UNKNOWNS};
 
-/// `f_a = V P grad N_a`, N, of every node.
+/// Computes `f_a = V P grad N_a`, N, for every node.
 #[inline(always)]
 #[must_use]
 pub fn internal_force(element: &Tetrahedron, pk1: &Matrix3<f64>) -> [[f64; 3]; NODES] {
@@ -13,7 +13,7 @@ pub fn internal_force(element: &Tetrahedron, pk1: &Matrix3<f64>) -> [[f64; 3]; N
     element.gradients.map(|g| std::array::from_fn(|i| vp[(i, 0)] * g[0] + vp[(i, 1)] * g[1] + vp[(i, 2)] * g[2]))
 }
 
-/// `dP = A : dF`.
+/// Computes `dP = A : dF`.
 #[inline(always)]
 #[must_use]
 pub fn contract(tangent: &SMatrix<f64, 9, 9>, df: &Matrix3<f64>) -> Matrix3<f64> {
@@ -22,15 +22,15 @@ pub fn contract(tangent: &SMatrix<f64, 9, 9>, df: &Matrix3<f64>) -> Matrix3<f64>
     Matrix3::from_fn(|i, j| dp[3 * i + j])
 }
 
-/// `K[3 a + i, 3 b + k] = V sum_JL g_a[J] A_iJkL g_b[L]`, N/m, row-major.
+/// Computes `K[3 a + i, 3 b + k] = V sum_JL g_a[J] A_iJkL g_b[L]`, N/m, row-major.
 ///
-/// `A` is contracted with `g_b` first, then with `g_a`. Nodes 1 to 3 suffice, because the gradients sum to zero: node 0
-/// gets minus the sum of their blocks, so that a rigid translation costs no force. Of their nine blocks the six with
-/// `a <= b` are computed; the others are transposes, `A` being symmetric.
+/// The kernel contracts `A` with `g_b` first, then with `g_a`, for nodes 1 to 3 only. Of their nine blocks it computes
+/// the six with `a <= b`; the others are transposes because `A` is symmetric. The gradients sum to zero, so the blocks
+/// of node 0 are minus the sum of the others; a rigid translation therefore causes no force.
 #[inline(always)]
 #[must_use]
 pub fn stiffness(element: &Tetrahedron, tangent: &SMatrix<f64, 9, 9>) -> [f64; UNKNOWNS * UNKNOWNS] {
-    // Legend: b, k column of K; w[iJ] = V A_iJkL g_b[L].
+    // Column (b, k) of K; w[iJ] = V A_iJkL g_b[L]; the row node a is `c` here.
     let mut block = [[0.0; UNKNOWNS]; UNKNOWNS];
     let a: &[[f64; 9]; 9] = &tangent.data.0;
     let gradients = &element.gradients;
@@ -52,7 +52,7 @@ pub fn stiffness(element: &Tetrahedron, tangent: &SMatrix<f64, 9, 9>) -> [f64; U
     std::array::from_fn(|n| block[n / UNKNOWNS][n % UNKNOWNS])
 }
 
-/// Copies the blocks of nodes 1 to 3 above the diagonal below it.
+/// Copies the upper blocks of nodes 1 to 3 to the lower triangle.
 #[inline(always)]
 fn mirror(block: &mut [[f64; UNKNOWNS]; UNKNOWNS]) {
     for a in 2..NODES {
@@ -66,7 +66,7 @@ fn mirror(block: &mut [[f64; UNKNOWNS]; UNKNOWNS]) {
     }
 }
 
-/// The blocks of node 0 from those of the others: rows and columns sum to zero.
+/// Computes the blocks of node 0 from the others: rows and columns sum to zero.
 #[inline(always)]
 fn fill_node_zero(block: &mut [[f64; UNKNOWNS]; UNKNOWNS]) {
     let (zero, others) = block.split_at_mut(3);

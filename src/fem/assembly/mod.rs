@@ -1,10 +1,30 @@
-//! From elements to the global system: local kernels on stack arrays ([`local`]), the numbering of the unknowns
-//! ([`Unknowns`]), and the scatter into whatever backend ([`Assembler`]). The physics is not seen here: stresses and
-//! tangents come from a [`PointField`](super::point_field::PointField).
+//! Assembly of residual and stiffness: element kernels on stack arrays ([`local`]), the numbering of the unknowns
+//! ([`Unknowns`]), and the scatter into vectors and matrices of any backend ([`Assembler`]). Stresses and tangents come
+//! from a [`PointField`](super::point_field::PointField).
+//!
+//! # Derivation
+//! The weak form requires, for all test functions `w` that vanish on prescribed components,
+//!
+//! ```text
+//! integral P(F) : grad w dV = sum_a w_a . f_ext_a,    F = I + grad u.
+//! ```
+//!
+//! With `u = sum_b N_b u_b` and `w = N_a e_i`, on tetrahedra of volume `V` with constant gradients `g_a = dN_a/dX`, and
+//! with summation over repeated indices:
+//!
+//! ```text
+//! f_int[a i]  = integral P_iJ dN_a/dX_J dV                  = sum_e V P_iJ g_a[J]
+//! r           = f_int - f_ext                               = 0 for the free components
+//! K[a i, b k] = dr[a i] / du[b k]  (dF_kL / du[b k] = dN_b/dX_L)
+//!             = integral dN_a/dX_J A_iJkL dN_b/dX_L dV      = sum_e V g_a[J] A_iJkL g_b[L]
+//! ```
+//!
+//! `A = dP/dF` is the consistent tangent; `f_ext` is a dead load and does not contribute to `K`. The rows and columns
+//! of prescribed components are left out of `r` and `K`; their entries of `f_int - f_ext` are the reaction forces.
 //!
 //! # Order
-//! Elements are added in the order of the mesh, nodes and components in theirs: the same sums in the same order on
-//! every run.
+//! Elements are added in mesh order, their nodes and components in local order, so every run adds the same terms in the
+//! same order.
 
 pub mod local;
 mod unknowns;
@@ -18,17 +38,17 @@ use super::element::{ElementError, NODES, Tetrahedron, UNKNOWNS};
 use super::mesh::Mesh;
 use crate::las::{Backend, Index, MatrixOps, VectorOps};
 
-/// An element of the mesh that cannot be integrated over.
+/// An element of the mesh that is degenerate.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 #[error("element {element}: {reason}")]
 pub struct GeometryError {
-    /// The element, from 0.
+    /// Element index, from 0.
     pub element: usize,
-    /// Why.
+    /// The defect of the element.
     pub reason: ElementError,
 }
 
-/// Geometry and global positions of all elements, found once; integrates and scatters at every state.
+/// Geometry and matrix positions of all elements, computed once; integrates and scatters at every state.
 ///
 /// # Symmetry
 /// The stiffness is [`Symmetry::Definite`](crate::las::Symmetry): `A` is symmetric because stresses derive from an
@@ -36,19 +56,19 @@ pub struct GeometryError {
 pub struct Assembler<B: Backend> {
     geometry: Vec<Tetrahedron>,
     nodes: Vec<[u32; NODES]>,
-    /// The unknown of every node and component, `3 * node + component`.
+    /// The unknown of each node and component, at `3 * node + component`.
     rows: Vec<B::Index>,
-    /// Elements with a row that this rank keeps, ascending: all of them on a backend that knows no ranks.
+    /// Elements with a row on this rank, ascending; all elements on a serial backend.
     kept: Vec<u32>,
-    /// 144 positions a kept element, block rows first.
+    /// 144 matrix positions per kept element, row-major.
     slots: Vec<B::Slot>,
 }
 
 impl<B: Backend<Scalar = f64>> Assembler<B> {
-    /// Locates all elements of `mesh` in `matrix`, whose pattern is [`Unknowns::pattern`].
+    /// Locates all elements of `mesh` in `matrix`, whose sparsity pattern is [`Unknowns::pattern`].
     ///
     /// # Errors
-    /// What the backend reports.
+    /// Returns the fault of the backend.
     pub fn new(
         geometry: Vec<Tetrahedron>,
         mesh: &Mesh,
@@ -72,32 +92,32 @@ impl<B: Backend<Scalar = f64>> Assembler<B> {
         Ok(Self { geometry, nodes: mesh.elements().to_vec(), rows, kept, slots })
     }
 
-    /// Volume and shape-function gradients of every element.
+    /// Returns volume and shape-function gradients of each element.
     #[must_use]
     pub fn geometry(&self) -> &[Tetrahedron] {
         &self.geometry
     }
 
-    /// The row of every node and component, `3 * node + component`; negative where it is prescribed.
+    /// Returns the row of each node and component, at `3 * node + component`; negative for prescribed components.
     #[must_use]
     pub fn rows(&self) -> &[B::Index] {
         &self.rows
     }
 
-    /// `F` of every element from the displacements of all nodes, in meters.
+    /// Computes `F` of each element from the displacements of all nodes, in meters.
     ///
     /// # Panics
-    /// Where `displacements` has fewer nodes than the mesh.
+    /// Panics if `displacements` has fewer nodes than the mesh.
     pub fn deformation_gradients(&self, displacements: &[[f64; 3]], gradients: &mut Vec<Matrix3<f64>>) {
         let elements = self.geometry.iter().zip(&self.nodes);
         gradients.clear();
         gradients.extend(elements.map(|(g, nodes)| g.deformation_gradient(&gather(displacements, nodes))));
     }
 
-    /// `f_a = integral P grad N_a dV`, N, of all nodes, prescribed ones included; `forces` is overwritten.
+    /// Computes `f_a = integral P grad N_a dV`, N, for all nodes, including prescribed components; overwrites `forces`.
     ///
     /// # Panics
-    /// Where `forces` has fewer nodes than the mesh.
+    /// Panics if `forces` has fewer nodes than the mesh.
     pub fn internal_forces(&self, pk1: &[Matrix3<f64>], forces: &mut [[f64; 3]]) {
         forces.fill([0.0; 3]);
         for ((g, nodes), p) in self.geometry.iter().zip(&self.nodes).zip(pk1) {
@@ -108,19 +128,19 @@ impl<B: Backend<Scalar = f64>> Assembler<B> {
         }
     }
 
-    /// `r += forces` at the free unknowns; those of prescribed ones are dropped.
+    /// Adds `forces` to `r` at the free unknowns; drops the forces of prescribed components.
     ///
     /// # Errors
-    /// What the backend reports.
+    /// Returns the fault of the backend.
     pub fn scatter(&self, forces: &[[f64; 3]], r: &mut B::Vector) -> Result<(), B::Fault> {
         r.add(&self.rows, forces.as_flattened())
     }
 
-    /// The forces that the displacements `increments` add to the internal ones to first order, `K du`, N, of all
-    /// nodes; only elements that touch a moved node count. `forces` is overwritten.
+    /// Computes the first-order change `K du` of the internal forces, N, for the displacement `increments` of all
+    /// nodes, prescribed components included; overwrites `forces`. Skips elements whose nodes do not move.
     ///
     /// # Panics
-    /// Where an array has fewer nodes than the mesh.
+    /// Panics if an array has fewer nodes than the mesh.
     pub fn linearized_forces(&self, tangent: &[SMatrix<f64, 9, 9>], increments: &[[f64; 3]], forces: &mut [[f64; 3]]) {
         forces.fill([0.0; 3]);
         for ((g, nodes), a) in self.geometry.iter().zip(&self.nodes).zip(tangent) {
@@ -135,11 +155,11 @@ impl<B: Backend<Scalar = f64>> Assembler<B> {
         }
     }
 
-    /// Adds `integral grad N_a . A . grad N_b dV`, N/m, to `k`; on each rank of a backend that spreads its rows, over the
-    /// elements that have some of them.
+    /// Adds `integral grad N_a . A . grad N_b dV`, N/m, to `k`. With a distributed matrix, each rank integrates the
+    /// elements that have rows on it.
     ///
     /// # Errors
-    /// What the backend reports.
+    /// Returns the fault of the backend.
     pub fn stiffness(&self, tangent: &[SMatrix<f64, 9, 9>], k: &mut B::Matrix) -> Result<(), B::Fault> {
         for (&element, slots) in self.kept.iter().zip(self.slots.chunks_exact(UNKNOWNS * UNKNOWNS)) {
             let element = element as usize;
@@ -148,12 +168,12 @@ impl<B: Backend<Scalar = f64>> Assembler<B> {
         Ok(())
     }
 
-    /// The size of the rounding errors in the internal forces, N: a residual below it is none.
+    /// Estimates the rounding error of the internal forces, N; a smaller residual is zero up to rounding.
     ///
-    /// `F = I + du/dX` is rounded to `eps`, whatever the displacement gradient, and the stress by `|A| eps`, so that
-    /// node `a` of element `e` gets a force wrong by about `V |A| |grad N_a| eps` (`V |grad N_a|^2 |A|` is the size of
-    /// its stiffness). These errors are independent, so their squares add up; a factor of 8 as at the micro scale:
-    /// `8 eps sqrt(sum_e sum_a (V |A| |grad N_a|)^2)`, with Frobenius norms.
+    /// `F = I + du/dX` is rounded to `eps`, whatever the displacement gradient, and hence the stress to `|A| eps`. The
+    /// force on node `a` of element `e` is then wrong by about `V |A| |grad N_a| eps`; the stiffness of the node is of
+    /// size `V |grad N_a|^2 |A|`. These errors are independent, so their squares add up. With a factor of 8, as at the
+    /// micro scale, the estimate is `8 eps sqrt(sum_e sum_a (V |A| |grad N_a|)^2)` in Frobenius norms.
     #[must_use]
     pub fn rounding(&self, tangent: &[SMatrix<f64, 9, 9>]) -> f64 {
         let squares = self.geometry.iter().zip(tangent).map(|(g, a)| {
@@ -164,10 +184,10 @@ impl<B: Backend<Scalar = f64>> Assembler<B> {
     }
 }
 
-/// Volume and shape-function gradients of every element.
+/// Computes volume and shape-function gradients of each element.
 ///
 /// # Errors
-/// [`GeometryError`] for the first degenerate one.
+/// Returns [`GeometryError`] for the first degenerate element.
 pub fn geometry(mesh: &Mesh) -> Result<Vec<Tetrahedron>, GeometryError> {
     let of_element =
         |element| Tetrahedron::new(&mesh.corners(element)).map_err(|reason| GeometryError { element, reason });

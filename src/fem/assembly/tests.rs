@@ -6,7 +6,7 @@ use crate::fem::material::NeoHookean;
 use crate::fem::mesh::shapes;
 use crate::fem::point_field::{FormulaField, PointField, PointResponses};
 
-/// A box of 48 elements, held at `x = 0`, bent and stretched.
+/// A box of 48 elements, fixed at `x = 0`, bent and stretched.
 struct Bent {
     mesh: Mesh,
     unknowns: Unknowns,
@@ -70,7 +70,7 @@ fn the_linearized_forces_are_the_slope_along_an_increment() {
     let mut bent = Bent::new();
     let at = bent.displacements.clone();
     let tangent = bent.respond(&at).tangent;
-    // Only the held face moves.
+    // Only the fixed face moves.
     let held = |a: usize| bent.unknowns.numbers()[3 * a] < 0;
     let increments: Vec<[f64; 3]> =
         (0..at.len()).map(|a| if held(a) { [0.3, -0.2, 0.1 * a as f64] } else { [0.0; 3] }).collect();
@@ -107,7 +107,7 @@ fn internal_forces_balance_and_ignore_translations() {
 
 #[test]
 fn rounding_leaves_less_than_the_floor() {
-    // Forces that are zero in exact arithmetic: a small rigid rotation.
+    // The forces of a small rigid rotation are zero in exact arithmetic.
     let mut bent = Bent::new();
     let at_rest = vec![[0.0; 3]; bent.displacements.len()];
     let floor = {

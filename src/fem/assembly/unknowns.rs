@@ -1,11 +1,11 @@
-//! Which displacement components are unknown, and their numbers.
+//! Numbering of the free displacement components.
 
 use crate::fem::element::UNKNOWNS;
 use crate::fem::mesh::Mesh;
 use crate::las::{Sparsity, SparsityError};
 
-/// The numbers of the free displacement components: ascending by node, in the order of the mesh or another one, then by
-/// component; -1 for prescribed ones.
+/// The numbers of the free displacement components: ascending by node, in mesh order or another given order, then by
+/// component. Prescribed components have number -1.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Unknowns {
     numbers: Vec<i32>,
@@ -13,21 +13,21 @@ pub struct Unknowns {
 }
 
 impl Unknowns {
-    /// Numbers all components of `nodes` nodes but those for which `prescribed(node, component)` holds.
+    /// Numbers all components of `nodes` nodes except those for which `prescribed(node, component)` is true.
     ///
     /// # Errors
-    /// [`SparsityError::TooLarge`] for more than a 32-bit index can count.
+    /// Returns [`SparsityError::TooLarge`] if the number of components exceeds the range of a 32-bit index.
     pub fn new(nodes: usize, prescribed: impl Fn(usize, usize) -> bool) -> Result<Self, SparsityError> {
         Self::number(nodes, 0..nodes, prescribed)
     }
 
-    /// The same, node by node as `order` has them: every node once.
+    /// Numbers the components node by node in the given order; `order` is a permutation of all nodes.
     ///
     /// # Errors
     /// As for [`Unknowns::new`].
     ///
     /// # Panics
-    /// Where `order` names a node beyond its length.
+    /// Panics if `order` contains a node index that is not below its length.
     pub fn in_order(order: &[u32], prescribed: impl Fn(usize, usize) -> bool) -> Result<Self, SparsityError> {
         Self::number(order.len(), order.iter().map(|&node| node as usize), prescribed)
     }
@@ -50,22 +50,22 @@ impl Unknowns {
         Ok(Self { numbers, free: free as usize })
     }
 
-    /// The number of component `c` of node `a` at `3 * a + c`; -1 where it is prescribed.
+    /// Returns the number of component `c` of node `a` at `3 * a + c`; -1 if the component is prescribed.
     #[must_use]
     pub fn numbers(&self) -> &[i32] {
         &self.numbers
     }
 
-    /// How many are free.
+    /// Returns the number of free components.
     #[must_use]
     pub fn free(&self) -> usize {
         self.free
     }
 
-    /// The pattern of the stiffness of `mesh`.
+    /// Returns the sparsity pattern of the stiffness of `mesh`.
     ///
     /// # Errors
-    /// [`SparsityError::TooLarge`].
+    /// Returns [`SparsityError::TooLarge`] if the pattern exceeds the range of a 32-bit index.
     pub fn pattern(&self, mesh: &Mesh) -> Result<Sparsity, SparsityError> {
         let of_element = |nodes: &[u32; 4]| -> [i32; UNKNOWNS] {
             std::array::from_fn(|k| self.numbers[3 * nodes[k / 3] as usize + k % 3])

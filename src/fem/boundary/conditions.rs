@@ -1,65 +1,67 @@
-//! What is prescribed, in the words of whoever prescribes it: names of surfaces and regions, values, curves.
+//! Boundary conditions by name: surfaces, points and regions with their values and load curves.
 
 use super::LoadCurve;
 
-/// All that is prescribed on a body.
+/// All boundary conditions of a body.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Conditions {
-    /// On surfaces; the order decides to whom a shared edge belongs (see [`reactions`](crate::fem::reactions)).
+    /// Surface conditions. At a shared edge, the first condition gets the reaction (see
+    /// [`reactions`](crate::fem::reactions)).
     pub surfaces: Vec<SurfaceCondition>,
-    /// At single nodes.
+    /// Conditions at single nodes.
     pub points: Vec<PointCondition>,
-    /// In regions.
+    /// Body forces by region.
     pub body_forces: Vec<BodyForce>,
 }
 
-/// What is prescribed on a surface. A surface may be named more than once: held along x, loaded along y.
+/// A condition on a surface. A surface may have several, for example a prescribed displacement along x and a traction
+/// along y.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SurfaceCondition {
     /// The surface's name.
     pub surface: String,
-    /// What is prescribed.
+    /// The prescribed displacement or traction.
     pub load: SurfaceLoad,
-    /// Its course.
+    /// The factor over pseudo-time.
     pub curve: LoadCurve,
 }
 
-/// What a surface condition prescribes.
+/// The type of a surface condition.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SurfaceLoad {
-    /// Displacement by component, m; `None` is free.
+    /// Prescribed displacement by component, m; `None` leaves the component free.
     Displacement([Option<f64>; 3]),
-    /// Dead traction, Pa of reference area: direction and size do not follow the deformation.
+    /// Dead traction, Pa of reference area: direction and magnitude do not follow the deformation.
     Traction([f64; 3]),
 }
 
-/// What is prescribed at a node.
+/// A prescribed displacement at a node.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PointCondition {
-    /// Which node.
+    /// The node.
     pub place: PointLocation,
-    /// Displacement by component, m; `None` is free.
+    /// Prescribed displacement by component, m; `None` leaves the component free.
     pub displacement: [Option<f64>; 3],
-    /// Its course.
+    /// The factor over pseudo-time.
     pub curve: LoadCurve,
 }
 
-/// Which node.
+/// The node of a point condition.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PointLocation {
-    /// The one nearest to a position in meters; of several, the first.
+    /// The node nearest to a position in meters; the lowest index if several are equally near.
     Nearest([f64; 3]),
-    /// The one of this index, from 0.
+    /// The node of this index, from 0.
     Node(usize),
 }
 
 /// A dead force per reference volume.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BodyForce {
-    /// The region's name; `*` is all of the body.
+    /// The region's name; `*` selects the whole body.
     pub region: String,
-    /// N/m^3.
+    /// The force density, N/m^3.
     pub value: [f64; 3],
-    /// Its course.
+    /// The factor over pseudo-time.
     pub curve: LoadCurve,
 }

@@ -1,14 +1,14 @@
-//! How loads grow over pseudo-time.
+//! Load curves: factors over pseudo-time.
 
 use thiserror::Error;
 
-/// A factor over pseudo-time `t` in `(0, 1]`.
+/// A load factor as a function of pseudo-time `t` in `(0, 1]`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum LoadCurve {
     /// `factor = t`.
     #[default]
     Ramp,
-    /// Linear between points.
+    /// Linear interpolation between points.
     Table(LoadTable),
 }
 
@@ -18,39 +18,39 @@ pub struct LoadTable {
     points: Vec<[f64; 2]>,
 }
 
-/// Points that make no curve.
+/// The reason why points do not form a load curve.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum CurveError {
-    /// No point.
+    /// There are no points.
     #[error("a load curve needs at least one point (t, factor)")]
     Empty,
-    /// A coordinate is a NaN or an infinity.
+    /// A coordinate is NaN or infinite.
     #[error("point {index} of the load curve, ({t}, {factor}), is not finite")]
     NotFinite {
-        /// The point, from 0.
+        /// Index of the point, from 0.
         index: usize,
-        /// Its time.
+        /// The pseudo-time of the point.
         t: f64,
-        /// Its factor.
+        /// The factor of the point.
         factor: f64,
     },
     /// Times do not ascend strictly.
     #[error("the times of a load curve ascend strictly, but point {index} has t = {t} after {previous}")]
     NotAscending {
-        /// The point, from 0.
+        /// Index of the point, from 0.
         index: usize,
-        /// Its time.
+        /// The pseudo-time of the point.
         t: f64,
-        /// The time of the point before it.
+        /// The pseudo-time of the previous point.
         previous: f64,
     },
 }
 
 impl LoadCurve {
-    /// A curve through `(t, factor)` points.
+    /// Creates a curve through `(t, factor)` points.
     ///
     /// # Errors
-    /// [`CurveError`].
+    /// Returns [`CurveError`] if there are no points, a coordinate is not finite, or the times do not ascend strictly.
     pub fn table(points: &[[f64; 2]]) -> Result<Self, CurveError> {
         if points.is_empty() {
             return Err(CurveError::Empty);
@@ -67,7 +67,7 @@ impl LoadCurve {
         Ok(Self::Table(LoadTable { points: points.to_vec() }))
     }
 
-    /// The factor at pseudo-time `t`.
+    /// Returns the factor at pseudo-time `t`.
     #[must_use]
     pub fn factor(&self, t: f64) -> f64 {
         match self {

@@ -1,43 +1,43 @@
-//! How conditions can disagree with the mesh or with each other.
+//! Errors of boundary conditions that contradict the mesh or each other.
 
 use thiserror::Error;
 
-/// Conditions that cannot be laid on a mesh.
+/// The reason why conditions cannot be applied to a mesh.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum BoundaryError {
-    /// No surface of this name.
+    /// The mesh has no surface of this name.
     #[error("the mesh has no surface `{name}`; it has {}", list(known))]
     UnknownSurface {
-        /// The name asked for.
+        /// The requested name.
         name: String,
-        /// Those that the mesh has.
+        /// The names of the surfaces of the mesh.
         known: Vec<String>,
     },
-    /// No region of this name.
+    /// The mesh has no region of this name.
     #[error("the mesh has no region `{name}`; it has {}, and `*` is all of it", list(known))]
     UnknownRegion {
-        /// The name asked for.
+        /// The requested name.
         name: String,
-        /// Those that the mesh has.
+        /// The names of the regions of the mesh.
         known: Vec<String>,
     },
-    /// No node of this index.
+    /// The mesh has no node of this index.
     #[error("there is no node {node}: the mesh has nodes 0 to {}", nodes.saturating_sub(1))]
     UnknownNode {
-        /// The index asked for.
+        /// The requested index.
         node: usize,
-        /// How many nodes there are.
+        /// The number of nodes.
         nodes: usize,
     },
-    /// A prescribed number or position is a NaN or an infinity.
+    /// A prescribed value or position is NaN or infinite.
     #[error("{place}: a prescribed value is {value}, which is not finite")]
     NotFinite {
-        /// The condition.
+        /// The condition that contains the value.
         place: String,
-        /// What stands there.
+        /// The value.
         value: f64,
     },
-    /// One displacement component is prescribed twice, differently.
+    /// Two conditions prescribe different values for one displacement component.
     #[error(
         "node {node} is given two {}-displacements: {first_value:e} m by {first} and {second_value:e} m by {second} (times their curves)",
         component_name(*component)
@@ -47,13 +47,13 @@ pub enum BoundaryError {
         node: usize,
         /// 0, 1, 2 for x, y, z.
         component: usize,
-        /// Who prescribes it first.
+        /// The first condition.
         first: String,
-        /// What, m.
+        /// The value of the first condition, m.
         first_value: f64,
-        /// Who prescribes it again.
+        /// The second condition.
         second: String,
-        /// What, m.
+        /// The value of the second condition, m.
         second_value: f64,
     },
 }

@@ -1,9 +1,10 @@
-//! What holds and loads the body: [`Conditions`] by name, resolved against a mesh into a [`Boundary`].
+//! Boundary conditions: named [`Conditions`], resolved on a mesh into a [`Boundary`].
 //!
 //! # Shared nodes
-//! A node on the edge of two held surfaces may get one component from both. The same value (and the same curve, unless
-//! the value is 0) is fine, and the reaction belongs to the condition that names it first, surfaces before points.
-//! Different values are a [`BoundaryError::Conflict`]: no order of the conditions decides a displacement.
+//! Two surfaces with prescribed displacements may share a node and prescribe the same component there. Equal values
+//! (with equal curves, unless the value is 0) are allowed; the reaction is then assigned to the first condition,
+//! surfaces before points. Different values cause a [`BoundaryError::Conflict`], so the order of the conditions never
+//! decides a displacement.
 
 mod conditions;
 mod curve;
@@ -18,12 +19,12 @@ pub use error::BoundaryError;
 
 use super::mesh::{Mesh, Surface};
 
-/// Where something acts on the body.
+/// The origin of a prescribed displacement or a load.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
     /// A surface: index into [`Mesh::surfaces`].
     Surface(usize),
-    /// A held point: index into [`Conditions::points`].
+    /// A point condition: index into [`Conditions::points`].
     Point(usize),
     /// A body force: index into [`Conditions::body_forces`].
     Body(usize),
@@ -38,24 +39,24 @@ pub struct Held {
     pub component: u8,
     /// Displacement at a factor of 1, m.
     pub value: f64,
-    /// Who holds it.
+    /// The condition that prescribes the component.
     pub source: Source,
     curve: Arc<LoadCurve>,
 }
 
-/// A load spread over nodes: node `a` gets `share_a * value * factor(t)`.
+/// A load distributed over nodes: the force on node `a` is `share_a * value * factor(t)`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NodalLoad {
-    /// Where it enters the body.
+    /// The origin of the load.
     pub source: Source,
     /// Pa for a traction, N/m^3 for a body force.
     pub value: [f64; 3],
-    /// Nodes and what they carry of the area, m^2, or volume, m^3; ascending.
+    /// Nodes with their shares of the area, m^2, or volume, m^3; ascending by node.
     pub shares: Vec<(u32, f64)>,
     curve: Arc<LoadCurve>,
 }
 
-/// Conditions resolved against a mesh.
+/// Boundary conditions resolved on a mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Boundary {
     held: Vec<Held>,
@@ -64,10 +65,10 @@ pub struct Boundary {
 }
 
 impl Boundary {
-    /// Resolves the names and spreads the loads.
+    /// Resolves the names and distributes the loads to nodes.
     ///
     /// # Errors
-    /// [`BoundaryError`].
+    /// Returns [`BoundaryError`] if a name or node is unknown, a value is not finite, or two conditions conflict.
     pub fn new(mesh: &Mesh, conditions: &Conditions) -> Result<Self, BoundaryError> {
         let mut holding = Holding { held: BTreeMap::new(), mesh };
         let mut loads = Vec::new();
@@ -104,10 +105,10 @@ impl Boundary {
         Ok(Self { held: holding.held.into_values().collect(), loads, points })
     }
 
-    /// Which components of `nodes` nodes are prescribed, by surfaces or points.
+    /// Returns which components of the `nodes` nodes are prescribed by surface or point conditions.
     ///
     /// # Panics
-    /// Where there are fewer nodes than the mesh had.
+    /// Panics if `nodes` is less than the number of nodes of the mesh.
     #[must_use]
     pub fn prescribed(&self, nodes: usize) -> Vec<[bool; 3]> {
         let mut prescribed = vec![[false; 3]; nodes];
@@ -117,38 +118,38 @@ impl Boundary {
         prescribed
     }
 
-    /// The prescribed components, ascending by node and component.
+    /// Returns the prescribed components, ascending by node and component.
     #[must_use]
     pub fn held(&self) -> &[Held] {
         &self.held
     }
 
-    /// The loads: tractions, then body forces, in the order of the conditions.
+    /// Returns the loads: tractions, then body forces, in the order of the conditions.
     #[must_use]
     pub fn loads(&self) -> &[NodalLoad] {
         &self.loads
     }
 
-    /// The node of every point condition.
+    /// Returns the node of each point condition.
     #[must_use]
     pub fn points(&self) -> &[u32] {
         &self.points
     }
 
-    /// Writes the prescribed displacements of pseudo-time `t`, m; the other components stay.
+    /// Writes the prescribed displacements of pseudo-time `t`, m; leaves the other components unchanged.
     ///
     /// # Panics
-    /// Where `displacements` has fewer nodes than the mesh.
+    /// Panics if `displacements` has fewer nodes than the mesh.
     pub fn prescribe(&self, t: f64, displacements: &mut [[f64; 3]]) {
         for held in &self.held {
             displacements[held.node as usize][usize::from(held.component)] = held.value * held.curve.factor(t);
         }
     }
 
-    /// Writes the loads of pseudo-time `t` on all nodes, N.
+    /// Writes the external forces of pseudo-time `t` on all nodes, N.
     ///
     /// # Panics
-    /// Where `forces` has fewer nodes than the mesh.
+    /// Panics if `forces` has fewer nodes than the mesh.
     pub fn external_forces(&self, t: f64, forces: &mut [[f64; 3]]) {
         forces.fill([0.0; 3]);
         for load in &self.loads {
@@ -167,7 +168,7 @@ impl NodalLoad {
         }
     }
 
-    /// The sum of its forces at pseudo-time `t`, N.
+    /// Returns the resultant force at pseudo-time `t`, N.
     #[must_use]
     pub fn resultant(&self, t: f64) -> [f64; 3] {
         let whole: f64 = self.shares.iter().map(|(_, share)| share).sum();
@@ -180,7 +181,7 @@ impl NodalLoad {
     }
 }
 
-/// Collects prescribed components and notices those that are given twice.
+/// Collects prescribed components and detects conflicting values.
 struct Holding<'m> {
     held: BTreeMap<(u32, u8), Held>,
     mesh: &'m Mesh,
@@ -264,7 +265,8 @@ fn find_node(mesh: &Mesh, number: usize, place: PointLocation) -> Result<u32, Bo
     u32::try_from(node).ok().filter(|_| node < nodes).ok_or(BoundaryError::UnknownNode { node, nodes })
 }
 
-/// A third of every triangle's reference area for each of its nodes: the integral of its shape function.
+/// Returns the nodal shares of a surface: each node of a triangle gets a third of its reference area, the integral of
+/// the shape function.
 fn area_shares(mesh: &Mesh, surface: &Surface) -> Vec<(u32, f64)> {
     let mut shares = BTreeMap::new();
     for &triangle in &surface.triangles {
@@ -277,7 +279,7 @@ fn area_shares(mesh: &Mesh, surface: &Surface) -> Vec<(u32, f64)> {
     shares.into_iter().collect()
 }
 
-/// A quarter of every element's volume for each of its nodes.
+/// Returns the nodal shares of a region: each node of an element gets a quarter of its volume.
 fn volume_shares(mesh: &Mesh, region: &str) -> Result<Vec<(u32, f64)>, BoundaryError> {
     let number =
         match region {

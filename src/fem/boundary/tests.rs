@@ -24,7 +24,7 @@ fn a_shared_edge_belongs_to_the_first_that_holds_it() {
         held_at("y0", [Some(0.0), Some(0.0), None]),
         held_at("x1", [Some(0.5), None, None]),
     ]);
-    // x1 and y0 share an edge and disagree on x.
+    // x1 and y0 share an edge and prescribe different x-displacements.
     let error = Boundary::new(&box_2x1x1(), &conditions).unwrap_err();
     match error {
         BoundaryError::Conflict { node, component: 0, first, second, first_value, second_value } => {
@@ -37,7 +37,7 @@ fn a_shared_edge_belongs_to_the_first_that_holds_it() {
     let agreeing = on_surfaces(conditions.surfaces[..2].to_vec());
     let mesh = box_2x1x1();
     let boundary = Boundary::new(&mesh, &agreeing).unwrap();
-    // x0: 4 nodes in x; y0: 6 nodes in x and y, two of which x0 holds in x.
+    // x0 prescribes 4 nodes in x; y0 prescribes 6 nodes in x and y, two of them already in x by x0.
     assert_eq!(boundary.held().len(), 4 + 12 - 2);
     let number = |name| mesh.surface_names().position(|n| n == name).unwrap();
     let shared = |h: &&Held| h.component == 0 && mesh.nodes()[h.node as usize][..2] == [0.0, 0.0];

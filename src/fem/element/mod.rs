@@ -5,19 +5,19 @@ use thiserror::Error;
 
 /// Nodes of a linear tetrahedron.
 pub const NODES: usize = 4;
-/// Unknowns of a linear tetrahedron: three displacements a node, ordered `3 * node + component`.
+/// Unknowns of a linear tetrahedron: three displacement components per node, ordered `3 * node + component`.
 pub const UNKNOWNS: usize = 3 * NODES;
 
 /// Volume and shape-function gradients of a linear tetrahedron in the reference state; both are constant over it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tetrahedron {
-    /// Volume, m^3; positive.
+    /// Volume, m^3, positive.
     pub volume: f64,
     /// `gradients[a][J] = dN_a / dX_J`, 1/m; they sum to zero over `a`.
     pub gradients: [[f64; 3]; NODES],
 }
 
-/// Four points that make no element.
+/// The reason why four points do not form an element.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum ElementError {
     /// The nodes are numbered left-handedly, lie in one plane, or hold a NaN.
@@ -33,14 +33,14 @@ pub enum ElementError {
 }
 
 impl Tetrahedron {
-    /// Geometry from node positions in meters.
+    /// Computes the geometry from node positions in meters.
     ///
-    /// With the edge matrix `D = [X_1 - X_0, X_2 - X_0, X_3 - X_0]` and the natural coordinates `xi` of
-    /// `X = X_0 + D xi`: `N_a = xi_a` for `a = 1..3` and `N_0 = 1 - sum xi`, so that the gradients of nodes 1 to 3 are
-    /// the rows of `D^-1`, and the volume is `det D / 6`.
+    /// With the edge matrix `D = [X_1 - X_0, X_2 - X_0, X_3 - X_0]` and the natural coordinates `xi` defined by
+    /// `X = X_0 + D xi`, `N_a = xi_a` for `a = 1..3` and `N_0 = 1 - sum xi`. Hence the gradients of nodes 1 to 3 are the
+    /// rows of `D^-1`, and the volume is `det D / 6`.
     ///
     /// # Errors
-    /// [`ElementError::Degenerate`] where the volume is not above `1e-14` of the longest edge cubed.
+    /// Returns [`ElementError::Degenerate`] if the volume does not exceed `1e-14` times the cube of the longest edge.
     pub fn new(nodes: &[[f64; 3]; NODES]) -> Result<Self, ElementError> {
         let x = nodes.map(Vector3::from);
         let edges = Matrix3::from_columns(&[x[1] - x[0], x[2] - x[0], x[3] - x[0]]);
@@ -57,9 +57,9 @@ impl Tetrahedron {
         Ok(Self { volume, gradients: [g0, g1, g2, g3] })
     }
 
-    /// `du/dX = sum_a u_a (x) grad N_a` of nodal displacements in meters.
+    /// Computes `du/dX = sum_a u_a (x) grad N_a` from nodal displacements in meters.
     ///
-    /// Computed from the differences to node 0, so that a rigid translation cancels exactly.
+    /// Uses displacements relative to node 0, so that a rigid translation cancels exactly.
     #[inline(always)]
     #[must_use]
     pub fn displacement_gradient(&self, u: &[[f64; 3]; NODES]) -> Matrix3<f64> {
@@ -68,7 +68,7 @@ impl Tetrahedron {
         Matrix3::from_fn(|i, j| relative(1, i) * g1[j] + relative(2, i) * g2[j] + relative(3, i) * g3[j])
     }
 
-    /// `F = I + du/dX` of nodal displacements in meters.
+    /// Computes `F = I + du/dX` from nodal displacements in meters.
     #[inline(always)]
     #[must_use]
     pub fn deformation_gradient(&self, u: &[[f64; 3]; NODES]) -> Matrix3<f64> {

@@ -1,17 +1,18 @@
-//! Hooke's law of small strains.
+//! Linear elasticity at small strains (Hooke's law).
 
 use nalgebra::{Matrix3, SMatrix};
 
 use super::{Material, MaterialError, Response};
 
-/// `W = mu e : e + lambda/2 (tr e)^2` with the small strain `e = sym(F) - I`.
+/// The energy is `W = mu e : e + lambda/2 (tr e)^2` with the small strain `e = sym(F) - I`.
 ///
 /// # Derivation
-/// `P = 2 mu e + lambda tr(e) I` and `A_iJkL = mu (d_ik d_JL + d_iL d_Jk) + lambda d_iJ d_kL`, whatever `F` is. `P` is
-/// the stress of the small-strain theory, in which all stress measures are one.
+/// `P = 2 mu e + lambda tr(e) I` and `A_iJkL = mu (d_ik d_JL + d_iL d_Jk) + lambda d_iJ d_kL`, independent of `F`. `P`
+/// is the stress of the small-strain theory, in which all stress measures coincide.
 ///
 /// # Limits
-/// Not objective: a rotation strains it. It answers every `F`, inverted ones too, as the linear theory does.
+/// The law is not objective: a rotation causes strain. It is defined for every `F`, also for `det F <= 0`, as the
+/// linear theory is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LinearElastic {
     /// Shear modulus, Pa.

@@ -1,4 +1,4 @@
-//! Materials given by a formula: a deformation gradient turns into energy, stress and tangent.
+//! Constitutive formulas: energy, stress and tangent as functions of the deformation gradient.
 
 mod linear_elastic;
 mod neo_hookean;
@@ -12,21 +12,21 @@ pub use linear_elastic::LinearElastic;
 pub use neo_hookean::NeoHookean;
 pub use saint_venant::SaintVenantKirchhoff;
 
-/// What a material answers at one point.
+/// The response of a material at one point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Response {
     /// Energy `W` per reference volume, J/m^3.
     pub energy: f64,
     /// First Piola-Kirchhoff stress `P = dW/dF`, Pa.
     pub pk1: Matrix3<f64>,
-    /// `A = dP/dF`, Pa: row `3 * i + J`, column `3 * k + L` holds `dP_iJ / dF_kL`. Symmetric.
+    /// `A = dP/dF`, Pa: row `3 * i + J`, column `3 * k + L` holds `dP_iJ / dF_kL`; symmetric.
     pub tangent: SMatrix<f64, 9, 9>,
 }
 
-/// Why a material has no answer.
+/// The reason why a material cannot be evaluated.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum MaterialError {
-    /// The deformation turns the point inside out, flattens it, or is no number.
+    /// The deformation inverts or flattens the point, or `det F` is not finite.
     #[error("the deformation is inverted: det F = {determinant:.6e}, and a body needs det F > 0")]
     Inverted {
         /// `J = det F`.
@@ -36,20 +36,20 @@ pub enum MaterialError {
 
 /// A hyperelastic material without memory.
 pub trait Material: Send + Sync {
-    /// Energy, stress and tangent at the deformation gradient `f`.
+    /// Evaluates energy, stress and tangent at the deformation gradient `f`.
     ///
     /// # Errors
-    /// [`MaterialError::Inverted`] where the material is undefined at `f`.
+    /// Returns [`MaterialError::Inverted`] if the material is undefined at `f`.
     fn respond(&self, f: &Matrix3<f64>) -> Result<Response, MaterialError>;
 
-    /// The energy alone, J/m^3.
+    /// Evaluates the energy only, J/m^3.
     ///
     /// # Errors
-    /// As [`Material::respond`].
+    /// As for [`Material::respond`].
     fn energy(&self, f: &Matrix3<f64>) -> Result<f64, MaterialError>;
 }
 
-/// `J = det F`, where it is positive.
+/// Returns `J = det F` if it is positive and finite.
 fn checked_determinant(f: &Matrix3<f64>) -> Result<f64, MaterialError> {
     let determinant = f.determinant();
     if determinant > 0.0 && determinant.is_finite() {

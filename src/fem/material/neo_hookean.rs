@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, SMatrix};
 use super::small_strain::{Dilatation, green_lagrange};
 use super::{Material, MaterialError, Response, checked_determinant};
 
-/// `W = mu/2 (I1 - 3) - mu ln J + lambda/2 (ln J)^2` with `I1 = F : F`.
+/// The energy is `W = mu/2 (I1 - 3) - mu ln J + lambda/2 (ln J)^2` with `I1 = F : F`.
 ///
 /// # Derivation
 /// With `dJ/dF = J F^-T` and `d(F^-1)_Ji / dF_kL = -F^-1_Jk F^-1_Li`:
@@ -15,19 +15,20 @@ use super::{Material, MaterialError, Response, checked_determinant};
 /// A_iJkL = mu d_ik d_JL + (mu - lambda ln J) F^-1_Jk F^-1_Li + lambda F^-1_Ji F^-1_Lk
 /// ```
 ///
-/// Swapping `iJ` with `kL` leaves `A` as it is. At `F = I` it is Hooke's law with Lame's constants `mu` and `lambda`.
+/// `A` is symmetric under the exchange of `iJ` and `kL`. At `F = I` it is Hooke's law with Lame's constants `mu` and
+/// `lambda`.
 ///
 /// # Small strains
-/// In the formulas above terms of first order (in `W`) and of order zero (in `P`) cancel, which at a strain of `1e-8` leaves
-/// no correct digit of the energy. With `H = F - I`, `e = sym(H)`, the Green-Lagrange strain `E = e + H^T H / 2` and
-/// `J - 1 = tr H + II(H) + det H`, the same energy and stress are
+/// In the formulas above, terms of first order (in `W`) and of order zero (in `P`) cancel; at a strain of `1e-8` the
+/// energy would have no correct digit. The code therefore evaluates energy and stress in an equivalent form with
+/// `H = F - I`, `e = sym(H)`, the Green-Lagrange strain `E = e + H^T H / 2` and `J - 1 = tr H + II(H) + det H`:
 ///
 /// ```text
 /// W = mu (e : e - (tr H)^2 / 2 - det H + [(J - 1) - ln J]) + lambda/2 (ln J)^2
 /// P = F^-T (2 mu E + lambda ln J I)
 /// ```
 ///
-/// with terms of the order of the result alone.
+/// in which every term is of the order of the result.
 ///
 /// # References
 /// J. Bonet and R. D. Wood, *Nonlinear Continuum Mechanics for Finite Element Analysis*, 2nd ed., section 6.4.3;

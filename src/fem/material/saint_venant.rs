@@ -1,12 +1,12 @@
-//! Linear response to the Green-Lagrange strain.
+//! Saint Venant-Kirchhoff material: stress linear in the Green-Lagrange strain.
 
 use nalgebra::{Matrix3, SMatrix};
 
 use super::small_strain::green_lagrange;
 use super::{Material, MaterialError, Response, checked_determinant};
 
-/// `W = E : C : E / 2` with `E = (F^T F - I) / 2`: any linear response at rest, carried to finite deformations so that turning
-/// the body does not strain it.
+/// The energy is `W = E : C : E / 2` with `E = (F^T F - I) / 2`. The law extends any linear elasticity `C` at rest to
+/// finite rotations, which cause no strain.
 ///
 /// # Derivation
 /// With `S = C : E` and the minor symmetries of `C`:
@@ -16,7 +16,7 @@ use super::{Material, MaterialError, Response, checked_determinant};
 /// A_iJkL = d_ik S_JL + F_iM C_MJLP F_kP
 /// ```
 ///
-/// At `F = I`, `A = C`. In strong compression it softens and has no limit: it is for what deforms little.
+/// At `F = I`, `A = C`. The law softens in strong compression without limit; use it only for small strains.
 ///
 /// # References
 /// J. Bonet and R. D. Wood, *Nonlinear Continuum Mechanics for Finite Element Analysis*, 2nd ed., section 6.4.1.
@@ -27,7 +27,7 @@ pub struct SaintVenantKirchhoff {
 }
 
 impl SaintVenantKirchhoff {
-    /// From `A = dP/dF` of a body at rest, whose symmetries are made exact.
+    /// Creates the law from the tangent `A = dP/dF` of a body at rest; enforces the symmetries of `C` exactly.
     #[must_use]
     pub fn at_rest(tangent: &SMatrix<f64, 9, 9>) -> Self {
         let swapped = |k: usize| 3 * (k % 3) + k / 3;
@@ -46,7 +46,7 @@ impl SaintVenantKirchhoff {
         Self { stiffness }
     }
 
-    /// The strain and the second Piola-Kirchhoff stress.
+    /// Returns the Green-Lagrange strain and the second Piola-Kirchhoff stress.
     fn at(&self, f: &Matrix3<f64>) -> (Matrix3<f64>, Matrix3<f64>) {
         let strain = green_lagrange(&(f - Matrix3::identity()));
         let stress = Matrix3::from_fn(|i, j| {

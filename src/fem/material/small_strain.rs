@@ -1,25 +1,25 @@
-//! Strain measures from `H = F - I`, accurate to rounding however small the strain is.
+//! Strain measures as functions of `H = F - I`, accurate to rounding for arbitrarily small strains.
 
 use nalgebra::Matrix3;
 
-/// Up to this `|J - 1|`, `J - 1` is a polynomial in `H`; beyond it, `det F` is as accurate.
+/// For `|J - 1|` up to this bound, `J - 1` is computed as a polynomial in `H`; beyond it, `det F` is as accurate.
 const POLYNOMIAL_UP_TO: f64 = 0.5;
-/// Up to this `|x|`, `x - ln(1 + x)` is a series; beyond it, the difference keeps all but the last digit.
+/// For `|x|` up to this bound, `x - ln(1 + x)` is a series; beyond it, the difference loses at most the last digit.
 const SERIES_UP_TO: f64 = 0.1;
-/// Terms of the series: the first that is left out is below `0.053^16 / 17`, `1e-21` of the first.
+/// Number of terms of the series: the first omitted term is below `0.053^16 / 19`, less than `1e-21` of the first.
 const TERMS: u32 = 8;
 
-/// The change of volume.
+/// The volume change of a deformation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Dilatation {
     /// `ln J`.
     pub(super) ln: f64,
-    /// `(J - 1) - ln J`, which is of second order in `J - 1` and never negative.
+    /// `(J - 1) - ln J`, which is of second order in `J - 1` and not negative.
     pub(super) beyond_ln: f64,
 }
 
 impl Dilatation {
-    /// From `H` and `det F > 0`.
+    /// Computes the volume change from `H` and `det F > 0`.
     pub(super) fn of(h: &Matrix3<f64>, determinant: f64) -> Self {
         let trace = h.trace();
         let second_invariant = 0.5 * (trace * trace - (h * h).trace());
@@ -33,7 +33,7 @@ impl Dilatation {
     }
 }
 
-/// `x - ln(1 + x)`. With `s = x / (2 + x)`, `ln(1 + x) = 2 artanh(s)` and `x - 2 s = x s`.
+/// Computes `x - ln(1 + x)`. With `s = x / (2 + x)`, `ln(1 + x) = 2 artanh(s)` and `x - 2 s = x s`.
 fn minus_ln_1p(x: f64) -> f64 {
     if x.abs() > SERIES_UP_TO {
         return x - x.ln_1p();
@@ -44,7 +44,7 @@ fn minus_ln_1p(x: f64) -> f64 {
     s * (x - 2.0 * square * series)
 }
 
-/// The Green-Lagrange strain `E = (F^T F - I) / 2 = sym(H) + H^T H / 2`.
+/// Computes the Green-Lagrange strain `E = (F^T F - I) / 2 = sym(H) + H^T H / 2`.
 pub(super) fn green_lagrange(h: &Matrix3<f64>) -> Matrix3<f64> {
     (h + h.transpose() + h.transpose() * h) * 0.5
 }
@@ -58,7 +58,7 @@ mod tests {
     const LAMBDA: f64 = 5.0e3;
     const NEO_HOOKEAN: NeoHookean = NeoHookean { mu: MU, lambda: LAMBDA };
 
-    /// Powers of two, so that `I + H` holds `H` exactly: strains from 1e-3 to 5e-10.
+    /// Powers of two from 1e-3 to 5e-10, so that `I + H` represents `H` exactly.
     fn sizes() -> impl Iterator<Item = f64> {
         (10..32).map(|k| 0.5_f64.powi(k))
     }
@@ -67,7 +67,7 @@ mod tests {
         assert!((found - expected).abs() <= tolerance * expected.abs(), "{found:e} is not {expected:e}");
     }
 
-    /// `x - ln(1 + x)` by its Taylor series.
+    /// Computes `x - ln(1 + x)` by its Taylor series.
     fn taylor(x: f64) -> f64 {
         (2..12).rev().map(|n| (-x).powi(n) / f64::from(n)).sum()
     }
@@ -83,7 +83,7 @@ mod tests {
         assert_eq!(minus_ln_1p(0.0), 0.0);
     }
 
-    /// Along principal axes `W = mu sum(a + a^2/2 - ln(1 + a)) + lambda/2 (sum ln(1 + a))^2`, and `P` is diagonal.
+    /// In principal axes `W = mu sum(a + a^2/2 - ln(1 + a)) + lambda/2 (sum ln(1 + a))^2`, and `P` is diagonal.
     #[test]
     fn neo_hookean_keeps_its_digits_at_small_principal_strains() {
         for s in sizes() {
@@ -100,7 +100,7 @@ mod tests {
         }
     }
 
-    /// Simple shear keeps the volume: `W = mu s^2 / 2`, and `P` is `mu s` in both shear components.
+    /// Simple shear preserves the volume: `W = mu s^2 / 2`, and `P` is `mu s` in both shear components.
     #[test]
     fn neo_hookean_keeps_its_digits_in_small_shear() {
         for s in sizes() {
@@ -113,8 +113,8 @@ mod tests {
         }
     }
 
-    /// Every material is Hooke's at small strains: what is left of `W - mu e:e - lambda/2 (tr e)^2` is of third order, of
-    /// `P - 2 mu e - lambda tr(e) I` of second.
+    /// Every material obeys Hooke's law at small strains: the difference `W - mu e:e - lambda/2 (tr e)^2` is of third
+    /// order, and `P - 2 mu e - lambda tr(e) I` is of second order.
     #[test]
     fn every_material_is_hookes_at_small_strains() {
         let linear = LinearElastic { mu: MU, lambda: LAMBDA };

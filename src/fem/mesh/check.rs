@@ -1,4 +1,4 @@
-//! The invariants of a mesh, one function each, and what can be wrong.
+//! Checks of the mesh invariants, and their errors.
 
 use std::collections::HashSet;
 
@@ -7,147 +7,147 @@ use thiserror::Error;
 use super::Mesh;
 use super::measure::{longest_edge, signed_volume};
 
-/// A tetrahedron is flat when its volume is below this times the cube of its longest edge: rounding of the
-/// coordinates alone can make such a volume.
+/// A tetrahedron is flat if its volume is at most this factor times the cube of its longest edge: rounding of the
+/// coordinates alone can cause such a volume.
 pub(super) const FLAT: f64 = 1e-12;
 
-/// Why nodes, elements and surfaces are no mesh. Indices count from 0.
+/// The reason why nodes, elements and surfaces do not form a mesh. Indices count from 0.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum MeshError {
-    /// There is nothing to compute on.
+    /// The mesh has no elements.
     #[error("the mesh has no elements")]
     NoElements,
-    /// More nodes, elements or triangles than 32-bit indices can address.
+    /// There are more nodes, elements or regions than 32-bit indices can address.
     #[error("{count} nodes or elements are more than the {} that 32-bit indices can address", u32::MAX)]
     TooLarge {
-        /// How many.
+        /// The number of items.
         count: usize,
     },
-    /// A coordinate is not a finite number.
+    /// A coordinate is NaN or infinite.
     #[error("node {node} lies at {position:?}: not finite")]
     NotFinite {
-        /// Which node.
+        /// Index of the node.
         node: usize,
-        /// Where it is said to be.
+        /// The given position.
         position: [f64; 3],
     },
-    /// An element names a node that is not there.
+    /// An element refers to a node that does not exist.
     #[error("element {element} names node {node}, but there are {nodes}")]
     ElementNode {
-        /// Which element.
+        /// Index of the element.
         element: usize,
-        /// The node it names.
+        /// The node index in the element.
         node: u32,
-        /// How many there are.
+        /// The number of nodes.
         nodes: usize,
     },
-    /// An element has a node twice.
+    /// An element contains a node twice.
     #[error("element {element} has node {node} twice")]
     RepeatedNode {
-        /// Which element.
+        /// Index of the element.
         element: usize,
-        /// The node.
+        /// Index of the node.
         node: u32,
     },
     /// An element has no volume.
     #[error("element {element} is flat: its volume is {volume:e}, its longest edge {longest_edge:e}")]
     Flat {
-        /// Which element.
+        /// Index of the element.
         element: usize,
-        /// Its volume, m^3.
+        /// Volume of the element, m^3.
         volume: f64,
-        /// Its longest edge, m.
+        /// Longest edge of the element, m.
         longest_edge: f64,
     },
-    /// An element's nodes are numbered inside out.
+    /// The node order of an element gives a negative volume.
     #[error("element {element} is inverted: its volume is {volume:e}")]
     Inverted {
-        /// Which element.
+        /// Index of the element.
         element: usize,
-        /// Its volume, m^3.
+        /// Signed volume of the element, m^3.
         volume: f64,
     },
     /// Two elements share a face and lie on the same side of it.
     #[error("elements {first} and {second} overlap: they lie on the same side of the face {face:?}")]
     Overlap {
-        /// An element.
+        /// The first element.
         first: usize,
-        /// Another one.
+        /// The second element.
         second: usize,
-        /// The nodes of the face they share.
+        /// The nodes of the shared face.
         face: [u32; 3],
     },
-    /// Nodes that no element uses.
+    /// Some nodes belong to no element.
     #[error("{count} nodes belong to no element, the first of them node {first}")]
     UnusedNodes {
-        /// How many.
+        /// The number of unused nodes.
         count: usize,
-        /// The first of them.
+        /// The first unused node.
         first: usize,
     },
-    /// Not one region an element.
+    /// The number of region indices differs from the number of elements.
     #[error("{given} region indices for {elements} elements")]
     RegionCount {
-        /// Region indices given.
+        /// The number of region indices.
         given: usize,
-        /// Elements.
+        /// The number of elements.
         elements: usize,
     },
-    /// An element names a region that is not there.
+    /// An element refers to a region that does not exist.
     #[error("element {element} is in region {region}, but there are {regions}")]
     ElementRegion {
-        /// Which element.
+        /// Index of the element.
         element: usize,
-        /// The region it names.
+        /// The region index of the element.
         region: u32,
-        /// How many there are.
+        /// The number of regions.
         regions: usize,
     },
-    /// A region without elements.
+    /// A region has no elements.
     #[error("region `{name}` has no elements")]
     EmptyRegion {
-        /// Its name.
+        /// Name of the region.
         name: String,
     },
-    /// A surface without triangles.
+    /// A surface has no triangles.
     #[error("surface `{name}` has no triangles")]
     EmptySurface {
-        /// Its name.
+        /// Name of the surface.
         name: String,
     },
-    /// A name that files cannot carry.
+    /// A name cannot be written to mesh files.
     #[error("the name `{}` is empty or holds a quote or a control character", .name.escape_debug())]
     Name {
         /// The name.
         name: String,
     },
-    /// Two regions or two surfaces of one name.
+    /// Two regions or two surfaces have the same name.
     #[error("the name `{name}` is given to two regions or to two surfaces")]
     DuplicateName {
         /// The name.
         name: String,
     },
-    /// A triangle of a surface is no face of any element.
+    /// A triangle of a surface is not a face of any element.
     #[error("triangle {triangle} of surface `{surface}`, nodes {nodes:?}, is no face of any element")]
     NotAFace {
-        /// The surface.
+        /// Name of the surface.
         surface: String,
-        /// Which of its triangles.
+        /// Index of the triangle in the surface.
         triangle: usize,
-        /// Its nodes.
+        /// Nodes of the triangle.
         nodes: [u32; 3],
     },
-    /// A triangle is twice in one surface.
+    /// A surface contains a triangle twice.
     #[error("triangles {first} and {second} of surface `{surface}` are the same")]
     DuplicateTriangle {
-        /// The surface.
+        /// Name of the surface.
         surface: String,
-        /// One of its triangles.
+        /// Index of the first triangle.
         first: usize,
-        /// Another one.
+        /// Index of the second triangle.
         second: usize,
     },
-    /// A mesh cannot be scaled by this.
+    /// The mesh cannot be scaled by this factor.
     #[error("{factor} is no factor to scale a mesh by: it must be positive and finite")]
     Scale {
         /// The factor.
@@ -155,7 +155,7 @@ pub enum MeshError {
     },
 }
 
-/// There are elements, no more of anything than indices can tell apart, and one region index an element.
+/// Checks that there are elements, that 32-bit indices suffice, and that each element has one region index.
 pub(super) fn sizes(mesh: &Mesh) -> Result<(), MeshError> {
     if mesh.elements.is_empty() {
         return Err(MeshError::NoElements);
@@ -171,7 +171,7 @@ pub(super) fn sizes(mesh: &Mesh) -> Result<(), MeshError> {
     Ok(())
 }
 
-/// Coordinates are finite.
+/// Checks that all coordinates are finite.
 pub(super) fn nodes(mesh: &Mesh) -> Result<(), MeshError> {
     match mesh.nodes.iter().position(|position| !position.iter().all(|x| x.is_finite())) {
         Some(node) => Err(MeshError::NotFinite { node, position: mesh.nodes[node] }),
@@ -179,7 +179,7 @@ pub(super) fn nodes(mesh: &Mesh) -> Result<(), MeshError> {
     }
 }
 
-/// Elements have four different nodes that are there and a positive volume, and leave no node out.
+/// Checks that each element has four different existing nodes and a positive volume, and that all nodes are used.
 pub(super) fn elements(mesh: &Mesh) -> Result<(), MeshError> {
     let count = mesh.nodes.len();
     let mut used = vec![false; count];
@@ -209,7 +209,7 @@ pub(super) fn elements(mesh: &Mesh) -> Result<(), MeshError> {
     }
 }
 
-/// Every element's region is there, and every region has an element.
+/// Checks that the region of each element exists and that each region has an element.
 pub(super) fn regions(mesh: &Mesh) -> Result<(), MeshError> {
     let mut used = vec![false; mesh.regions.len()];
     for (element, &region) in mesh.region_of.iter().enumerate() {
@@ -224,7 +224,7 @@ pub(super) fn regions(mesh: &Mesh) -> Result<(), MeshError> {
     }
 }
 
-/// Names can be written into files and tell things apart; surfaces have triangles.
+/// Checks that names are valid and unique and that each surface has triangles.
 pub(super) fn names(mesh: &Mesh) -> Result<(), MeshError> {
     distinct(mesh.regions.iter().map(String::as_str))?;
     distinct(mesh.surface_names())?;
@@ -247,7 +247,7 @@ fn distinct<'a>(names: impl Iterator<Item = &'a str>) -> Result<(), MeshError> {
     Ok(())
 }
 
-/// Whether a mesh file can carry a name between quotes.
+/// Returns true if a mesh file can store the name between quotes.
 pub(super) fn is_name(name: &str) -> bool {
     !name.trim().is_empty() && !name.contains(|c: char| c == '"' || c.is_control())
 }

@@ -1,22 +1,22 @@
-//! The faces of tetrahedra: which element owns which, and on which side of it the element lies.
+//! Faces of tetrahedra: the adjacent elements of each face and the side on which they lie.
 
 use super::{MeshError, Surface};
 
-/// A face with the element that has it.
+/// A face of an element.
 struct Face {
-    /// Its nodes, ascending.
+    /// Nodes of the face, ascending.
     nodes: [u32; 3],
     element: u32,
-    /// Whether the ascending order is an even permutation of the order whose normal leaves the element.
+    /// True if the ascending order is an even permutation of the order with outward normal.
     even: bool,
 }
 
-/// The four faces of an element of positive volume, normals outward; face `k` is opposite to node `k`.
+/// Returns the four faces of an element of positive volume, with outward normals; face `k` is opposite to node `k`.
 pub(super) fn outward([a, b, c, d]: [u32; 4]) -> [[u32; 3]; 4] {
     [[b, c, d], [a, d, c], [a, b, d], [a, c, b]]
 }
 
-/// A triangle's nodes ascending, and whether that takes an even permutation.
+/// Sorts the nodes of a triangle and returns whether the permutation is even.
 pub(super) fn ascending([mut a, mut b, mut c]: [u32; 3]) -> ([u32; 3], bool) {
     let mut even = true;
     for _ in 0..2 {
@@ -34,11 +34,11 @@ pub(super) fn ascending([mut a, mut b, mut c]: [u32; 3]) -> ([u32; 3], bool) {
 pub(super) struct Faces(Vec<Face>);
 
 impl Faces {
-    /// The faces of these elements.
+    /// Collects the faces of these elements.
     ///
     /// # Errors
-    /// [`MeshError::Overlap`] if two elements lie on the same side of a face. Three elements at a face, and an element
-    /// given twice, are such cases.
+    /// Returns [`MeshError::Overlap`] if two elements lie on the same side of a face, which includes three elements at
+    /// one face and duplicate elements.
     pub fn of(elements: &[[u32; 4]]) -> Result<Self, MeshError> {
         let mut faces = Vec::with_capacity(4 * elements.len());
         for (element, &nodes) in (0_u32..).zip(elements) {
@@ -58,10 +58,10 @@ impl Faces {
         Ok(Self(faces))
     }
 
-    /// Turns the triangles that lie on the boundary outward.
+    /// Orients the triangles on the boundary outward.
     ///
     /// # Errors
-    /// [`MeshError::NotAFace`] or [`MeshError::DuplicateTriangle`].
+    /// Returns [`MeshError::NotAFace`] or [`MeshError::DuplicateTriangle`].
     pub fn orient(&self, surfaces: &mut [Surface]) -> Result<(), MeshError> {
         for surface in surfaces {
             let Surface { name, triangles } = surface;
@@ -84,7 +84,7 @@ impl Faces {
         Ok(())
     }
 
-    /// The elements at a face: none, one at the boundary, or two.
+    /// Returns the faces with these nodes: none, one at the boundary, or two between elements.
     fn owners(&self, key: [u32; 3]) -> &[Face] {
         let start = self.0.partition_point(|face| face.nodes < key);
         let count = self.0[start..].iter().take_while(|face| face.nodes == key).count();
@@ -92,7 +92,7 @@ impl Faces {
     }
 }
 
-/// The elements that share a face with each of these, ascending.
+/// For each element, returns the elements that share a face with it, ascending.
 pub(super) fn neighbors(elements: &[[u32; 4]]) -> Vec<Vec<u32>> {
     let mut faces: Vec<([u32; 3], u32)> = Vec::with_capacity(4 * elements.len());
     for (element, &nodes) in (0_u32..).zip(elements) {

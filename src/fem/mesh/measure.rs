@@ -14,12 +14,12 @@ pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// Signed volume of a tetrahedron, `det[x1 - x0, x2 - x0, x3 - x0] / 6`.
+/// Returns the signed volume of a tetrahedron, `det[x1 - x0, x2 - x0, x3 - x0] / 6`.
 pub(super) fn signed_volume(x: [[f64; 3]; 4]) -> f64 {
     dot(difference(x[1], x[0]), cross(difference(x[2], x[0]), difference(x[3], x[0]))) / 6.0
 }
 
-/// Length of the longest of the six edges.
+/// Returns the length of the longest of the six edges.
 pub(super) fn longest_edge(x: [[f64; 3]; 4]) -> f64 {
     let mut longest: f64 = 0.0;
     for (a, &start) in x.iter().enumerate() {
@@ -31,10 +31,10 @@ pub(super) fn longest_edge(x: [[f64; 3]; 4]) -> f64 {
     longest.sqrt()
 }
 
-/// The six angles, in degrees, between the faces of a tetrahedron of positive volume.
+/// Returns the six angles, in degrees, between the faces of a tetrahedron of positive volume.
 fn dihedral_angles(x: [[f64; 3]; 4]) -> [f64; 6] {
     let normal = |a: usize, b: usize, c: usize| cross(difference(x[b], x[a]), difference(x[c], x[a]));
-    // Outward, face k opposite to node k.
+    // Outward normals; face k is opposite to node k.
     let normals = [normal(1, 2, 3), normal(0, 3, 2), normal(0, 1, 3), normal(0, 2, 1)];
     [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)].map(|(a, b)| {
         let (n, m) = (normals[a], normals[b]);
@@ -44,31 +44,31 @@ fn dihedral_angles(x: [[f64; 3]; 4]) -> [f64; 6] {
 }
 
 impl Mesh {
-    /// The positions of the four nodes of an element.
+    /// Returns the positions of the four nodes of an element.
     ///
     /// # Panics
-    /// If there is no such element.
+    /// Panics if the element does not exist.
     #[must_use]
     pub fn corners(&self, element: usize) -> [[f64; 3]; 4] {
         self.elements[element].map(|node| self.nodes[node as usize])
     }
 
-    /// Volume of an element, m^3; positive.
+    /// Returns the volume of an element, m^3, positive.
     ///
     /// # Panics
-    /// If there is no such element.
+    /// Panics if the element does not exist.
     #[must_use]
     pub fn element_volume(&self, element: usize) -> f64 {
         signed_volume(self.corners(element))
     }
 
-    /// Volume of the body, m^3.
+    /// Returns the volume of the body, m^3.
     #[must_use]
     pub fn volume(&self) -> f64 {
         (0..self.elements.len()).map(|element| self.element_volume(element)).sum()
     }
 
-    /// Volume of every region, m^3, in the order of [`Mesh::regions`].
+    /// Returns the volume of each region, m^3, in the order of [`Mesh::regions`].
     #[must_use]
     pub fn region_volumes(&self) -> Vec<f64> {
         let mut volumes = vec![0.0; self.regions.len()];
@@ -78,20 +78,20 @@ impl Mesh {
         volumes
     }
 
-    /// Normal of a triangle with the length of its area, m^2.
+    /// Returns the normal of a triangle, with the area of the triangle as its length, m^2.
     ///
     /// # Panics
-    /// If the triangle names a node that is not there.
+    /// Panics if a node of the triangle does not exist.
     #[must_use]
     pub fn area_vector(&self, triangle: [u32; 3]) -> [f64; 3] {
         let [a, b, c] = triangle.map(|node| self.nodes[node as usize]);
         cross(difference(b, a), difference(c, a)).map(|component| 0.5 * component)
     }
 
-    /// Area of a surface of this mesh, m^2.
+    /// Returns the area of a surface of this mesh, m^2.
     ///
     /// # Panics
-    /// If the surface names nodes that are not there.
+    /// Panics if a node of the surface does not exist.
     #[must_use]
     pub fn surface_area(&self, surface: &Surface) -> f64 {
         let area = |&triangle: &[u32; 3]| {
@@ -101,13 +101,13 @@ impl Mesh {
         surface.triangles.iter().map(area).sum()
     }
 
-    /// The lowest and the highest coordinates, m.
+    /// Returns the lowest and the highest coordinates, m.
     #[must_use]
     pub fn bounding_box(&self) -> [[f64; 3]; 2] {
         bounding_box(self.nodes.iter().copied())
     }
 
-    /// The node nearest to a point and its distance from it, m; of several, the first.
+    /// Returns the node nearest to a point and its distance, m; the lowest index if several are equally near.
     #[must_use]
     pub fn nearest_node(&self, point: [f64; 3]) -> (usize, f64) {
         let distance = |&node: &[f64; 3]| {
@@ -123,19 +123,19 @@ impl Mesh {
         nearest
     }
 
-    /// The smallest and the largest angle between two faces of an element, in degrees: 70.5 and 70.5 for regular
-    /// tetrahedra, 0 and 180 for flat ones.
+    /// Returns the smallest and the largest angle between two faces of an element, in degrees: 70.5 and 70.5 for
+    /// regular tetrahedra, 0 and 180 for flat ones.
     #[must_use]
     pub fn dihedral_range(&self) -> [f64; 2] {
         let angles = (0..self.elements.len()).flat_map(|element| dihedral_angles(self.corners(element)));
         angles.fold([180.0, 0.0], |[low, high], angle| [angle.min(low), angle.max(high)])
     }
 
-    /// The same mesh in other units: every coordinate times `factor`.
+    /// Returns the mesh in other units: multiplies every coordinate by `factor`.
     ///
     /// # Errors
-    /// [`MeshError::Scale`] for a factor that is not positive and finite, or what becomes wrong where coordinates
-    /// overflow or elements vanish.
+    /// Returns [`MeshError::Scale`] if the factor is not positive and finite, [`MeshError::NotFinite`] if coordinates
+    /// overflow, and [`MeshError::Flat`] if element volumes vanish or overflow.
     pub fn scaled(mut self, factor: f64) -> Result<Self, MeshError> {
         if !(factor > 0.0 && factor.is_finite()) {
             return Err(MeshError::Scale { factor });
@@ -149,7 +149,7 @@ impl Mesh {
     }
 }
 
-/// The lowest and the highest coordinates of points.
+/// Returns the lowest and the highest coordinates of points.
 pub(super) fn bounding_box(points: impl Iterator<Item = [f64; 3]>) -> [[f64; 3]; 2] {
     let mut bounds = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
     for point in points {

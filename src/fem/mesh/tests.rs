@@ -4,7 +4,7 @@ use super::faces::ascending;
 use super::shapes::cuboid;
 use super::{Mesh, MeshError, Surface};
 
-/// The parts of two tetrahedra, one above and one below a common face, in two regions.
+/// Two tetrahedra, one above and one below a common face, in two regions.
 #[derive(Clone)]
 struct Parts {
     nodes: Vec<[f64; 3]>,
@@ -81,7 +81,7 @@ fn every_invariant_is_checked() {
 #[test]
 fn elements_that_overlap_are_found() {
     let overlap = |first, second| MeshError::Overlap { first, second, face: [0, 1, 2] };
-    // Folded over, given twice, and a third one at a face.
+    // An element folded over, a duplicate element, and a third element at a face.
     assert_eq!(refused(|p| (p.nodes[4], p.elements[1]) = ([0.1, 0.1, 0.5], [0, 1, 2, 4])), overlap(0, 1));
     let twice =
         refused(|p| (p.elements, p.region_of) = (vec![[0, 1, 2, 3], [0, 2, 1, 4], [1, 2, 0, 3]], vec![1, 0, 0]));
@@ -136,7 +136,7 @@ fn questions_to_a_mesh() {
     assert_eq!(mesh.surface_area(&mesh.surfaces()[0]), 1.5);
     assert_eq!(mesh.bounding_box(), [[0.0, 0.0, -2.0], [1.0, 1.0, 1.0]]);
     assert_eq!(mesh.nearest_node([0.0, 0.75, 0.0]), (2, 0.25));
-    // Of two at the same distance, the first.
+    // Of two nodes at the same distance, the first is returned.
     assert_eq!(mesh.nearest_node([0.5, 0.5, 0.0]).0, 0);
     assert_eq!(mesh.nearest_node([f64::NAN; 3]).0, 0);
 }

@@ -1,36 +1,36 @@
-//! The free rigid-body modes of a part in words: translations, and rotations about axes.
+//! Description of the free rigid-body modes of a part: translations, and rotations about axes.
 
 use std::fmt;
 
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Vector3, Vector6};
 
-/// What counts as zero of numbers of order one.
+/// Numbers of order one are treated as zero below this threshold.
 const ZERO: f64 = 1e-6;
 
-/// The rigid-body modes that a part is free to perform.
+/// The free rigid-body modes of a part.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Freedom {
     /// Directions of the free translations, orthonormal.
     pub translations: Vec<[f64; 3]>,
     /// The free rotations, up to free translations.
     pub rotations: Vec<Screw>,
-    /// A point that all of them leave in place, m, if there is one; where translations are free too, one of many.
+    /// A point that all free rotations leave in place, m, if there is one; not unique if translations are also free.
     pub center: Option<[f64; 3]>,
 }
 
-/// A rotation about an axis, with a motion along it where there is a pitch.
+/// A rotation about an axis, combined with a translation along it if the pitch is not zero.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Screw {
-    /// Direction of the axis, of length 1.
+    /// Direction of the axis, a unit vector.
     pub axis: [f64; 3],
-    /// A point of the axis, m.
+    /// A point on the axis, m.
     pub point: [f64; 3],
-    /// Motion along the axis, m per radian.
+    /// Translation along the axis, m per radian.
     pub pitch: f64,
 }
 
 impl Freedom {
-    /// Of orthonormal modes `(v, w)`, each the motion `v + w x (x - center) / size`.
+    /// Analyzes orthonormal modes `(v, w)`, each the motion `v + w x (x - center) / size`.
     pub(super) fn new(center: Vector3<f64>, size: f64, modes: &[Vector6<f64>]) -> Self {
         let half = |at: usize| -> Matrix3xX<f64> {
             let halves: Vec<Vector3<f64>> = modes.iter().map(|mode| mode.fixed_rows::<3>(at).into_owned()).collect();
@@ -39,7 +39,7 @@ impl Freedom {
         let (moved, turned) = (half(0), half(3));
         let (still, turning) = split(&turned);
         let translations = aligned(&(&moved * still));
-        // Rotations are told apart from each other, not from themselves with a free translation.
+        // Rotations are determined up to free translations, which are projected out.
         let aside = translations.iter().fold(Matrix3::identity(), |aside, t| aside - t * t.transpose());
         let (moved, turned) = (aside * moved * &turning, turned * turning);
         let common = common_point(&moved, &turned, &aside);
@@ -58,7 +58,7 @@ impl Freedom {
     }
 }
 
-/// Combinations of the modes that do not turn, and the others, as columns.
+/// Returns the combinations of the modes without rotation, and the others, as columns.
 fn split(turned: &Matrix3xX<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
     let eigen = turned.tr_mul(turned).symmetric_eigen();
     let chosen = |turning: bool| {
@@ -69,7 +69,7 @@ fn split(turned: &Matrix3xX<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
     (chosen(false), chosen(true))
 }
 
-/// An orthonormal basis of what the columns span, along x, y and z as far as it can be.
+/// Returns an orthonormal basis of the column space, aligned with x, y and z as far as possible.
 fn aligned(columns: &Matrix3xX<f64>) -> Vec<Vector3<f64>> {
     let eigen = (columns * columns.transpose()).symmetric_eigen();
     let spanning = (0..3).filter(|&k| eigen.eigenvalues[k] > ZERO * ZERO);
@@ -95,7 +95,7 @@ fn aligned(columns: &Matrix3xX<f64>) -> Vec<Vector3<f64>> {
     basis
 }
 
-/// The velocity of the center in a rotation about an axis at unit rate.
+/// Returns the velocity of the center in a rotation about an axis at unit rate.
 fn velocity(moved: &Matrix3xX<f64>, turned: &Matrix3xX<f64>, axis: Vector3<f64>) -> Vector3<f64> {
     let axis = DVector::from_column_slice(axis.as_slice());
     let turned = DMatrix::from_iterator(3, turned.ncols(), turned.iter().copied());
@@ -103,7 +103,7 @@ fn velocity(moved: &Matrix3xX<f64>, turned: &Matrix3xX<f64>, axis: Vector3<f64>)
     moved * mix
 }
 
-/// The arm `q` with `v + w x q = 0` in all modes, up to free translations, if there is one.
+/// Returns the arm `q` with `v + w x q = 0` in all modes, up to free translations, if it exists.
 fn common_point(moved: &Matrix3xX<f64>, turned: &Matrix3xX<f64>, aside: &Matrix3<f64>) -> Option<Vector3<f64>> {
     let rows = 3 * turned.ncols();
     if rows == 0 {
@@ -120,7 +120,7 @@ fn common_point(moved: &Matrix3xX<f64>, turned: &Matrix3xX<f64>, aside: &Matrix3
     (left < ZERO).then(|| Vector3::new(arm[0], arm[1], arm[2]))
 }
 
-/// Without digits that are rounding of a body of that size.
+/// Sets coordinates to zero that are rounding errors for a body of this size.
 fn rounded(position: Vector3<f64>, size: f64) -> [f64; 3] {
     position.map(|x| if x.abs() < 1e-9 * size { 0.0 } else { x }).into()
 }
@@ -152,7 +152,7 @@ impl Freedom {
             ([], _) => None,
             ([_, _, _], Some(_)) if self.translations.len() == 3 => Some("rotate about every axis".into()),
             ([_, _, _], Some(point)) => Some(format!("rotate about every axis through {}", vector(&point))),
-            // Where an axis lies does not matter to a part that can move aside.
+            // The position of an axis is arbitrary if the part can also translate.
             (screws, Some(_)) if !self.translations.is_empty() => {
                 Some(format!("rotate about {}", joined(screws.iter().map(|screw| direction(&screw.axis)))))
             }
@@ -176,7 +176,7 @@ impl Screw {
     }
 }
 
-/// `x`, `y` or `z`, or the vector.
+/// Formats a direction as `x`, `y`, `z` or a vector.
 fn direction(axis: &[f64; 3]) -> String {
     match axis.iter().position(|&x| x.abs() > 1.0 - ZERO) {
         Some(k) => ["x", "y", "z"][k].into(),
@@ -188,7 +188,7 @@ fn vector([x, y, z]: &[f64; 3]) -> String {
     format!("({}, {}, {})", number(*x), number(*y), number(*z))
 }
 
-/// Four significant digits, without trailing zeros.
+/// Formats a number with four significant digits, without trailing zeros.
 fn number(value: f64) -> String {
     let short = format!("{value:.3e}");
     short.parse().map_or(short, |value: f64| value.to_string())

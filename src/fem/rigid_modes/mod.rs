@@ -1,10 +1,10 @@
-//! Rigid-body modes that the boundary conditions leave free.
+//! Detection of rigid-body modes that the boundary conditions do not constrain.
 //!
-//! A body that can move or turn as a whole has a singular stiffness in the undeformed state, whatever it is made of.
-//! Rounding hides that from a factorization; the geometry shows it. A rigid motion moves the node at `x` by
-//! `v + w x (x - c)`. Every prescribed displacement component is one linear equation in the six numbers of `v` and `w`;
-//! what satisfies all equations of a part, with zero on the right, is free. Parts are the connected components of the
-//! mesh: each must be held for itself.
+//! A body with an unconstrained rigid-body mode has a singular stiffness in the undeformed state, whatever its
+//! material. Because of rounding, a factorization may not detect the singularity; the geometry does. A rigid motion
+//! moves the node at `x` by `v + w x (x - c)`. Every prescribed displacement component is one homogeneous linear
+//! equation in the six components of `v` and `w`; a mode in the null space of these equations is free. Each connected
+//! component ("part") of the mesh must be constrained separately.
 
 mod freedom;
 mod parts;
@@ -17,36 +17,36 @@ pub use freedom::{Freedom, Screw};
 use super::mesh::Mesh;
 use parts::{Part, parts};
 
-/// How many parts an error lists.
+/// The maximum number of parts that an error message lists.
 const LISTED: usize = 20;
-/// A mode is free if no prescribed component moves by more than this part of what the body moves.
+/// A mode is free if every prescribed component moves by less than this fraction of the motion of the body.
 const FREE_BELOW: f64 = 1e-8;
 
-/// A body of which a part can move or turn as a whole.
+/// A body with a part that has free rigid-body modes.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[error("{}", describe(parts))]
 pub struct UnheldBody {
-    /// The parts that are not held, by their lowest node.
+    /// The insufficiently constrained parts, by ascending lowest node.
     pub parts: Vec<UnheldPart>,
 }
 
-/// One of them.
+/// A part with free rigid-body modes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct UnheldPart {
-    /// The regions it lies in and how many elements it has, where the mesh has several unconnected parts.
+    /// Regions, position and number of elements of the part; `None` if the mesh is connected.
     pub name: Option<String>,
-    /// How it can move.
+    /// The free rigid-body modes.
     pub freedom: Freedom,
 }
 
-/// Checks that every connected part of `mesh` is held in all six rigid-body modes; `prescribed[node][component]` tells
-/// which displacements are.
+/// Checks that the prescribed displacements constrain all six rigid-body modes of every connected part of `mesh`.
+/// `prescribed[node][component]` is true for prescribed components.
 ///
 /// # Errors
-/// [`UnheldBody`], which names the modes.
+/// Returns [`UnheldBody`] with the free modes of each part.
 ///
 /// # Panics
-/// Where `prescribed` has fewer nodes than the mesh.
+/// Panics if `prescribed` has fewer nodes than the mesh.
 pub fn check(mesh: &Mesh, prescribed: &[[bool; 3]]) -> Result<(), UnheldBody> {
     let parts = parts(mesh);
     let is_one = parts.len() == 1;
@@ -58,7 +58,7 @@ pub fn check(mesh: &Mesh, prescribed: &[[bool; 3]]) -> Result<(), UnheldBody> {
     if parts.is_empty() { Ok(()) } else { Err(UnheldBody { parts }) }
 }
 
-/// How a part can move; `None` if it is held.
+/// Returns the free modes of a part; `None` if it has none.
 fn freedom_of(mesh: &Mesh, part: &Part, prescribed: &[[bool; 3]]) -> Option<Freedom> {
     let position = |node: u32| Vector3::from(mesh.nodes()[node as usize]);
     let nodes = || part.nodes.iter().copied();
@@ -70,28 +70,29 @@ fn freedom_of(mesh: &Mesh, part: &Part, prescribed: &[[bool; 3]]) -> Option<Free
         held.map(move |component| equation(component, arm))
     });
     let equations: Vec<Vector6<f64>> = equations.collect();
-    // What rounding of the coordinates leaves of an arm counts as nothing.
+    // The threshold exceeds the rounding error of the arms.
     let rounding = 16.0 * f64::EPSILON * center.norm() / size;
     let modes = null_space(&equations, rounding.max(FREE_BELOW));
     (!modes.is_empty()).then(|| Freedom::new(center, size, &modes))
 }
 
-/// The displacement component of a node at `arm` from the center, in terms of `v` and `w`: `e . (v + w x arm)`.
+/// Returns the coefficients of `v` and `w` in the displacement component `e . (v + w x arm)` of a node at `arm` from the
+/// center.
 fn equation(component: usize, arm: Vector3<f64>) -> Vector6<f64> {
     let direction = Vector3::ith(component, 1.0);
     let turned = arm.cross(&direction);
     Vector6::new(direction.x, direction.y, direction.z, turned.x, turned.y, turned.z)
 }
 
-/// An orthonormal basis of what all equations leave below `zero`.
+/// Returns orthonormal modes for which every equation is below `zero` in absolute value.
 fn null_space(equations: &[Vector6<f64>], zero: f64) -> Vec<Vector6<f64>> {
     let largest = |mode: &Vector6<f64>| equations.iter().map(|row| row.dot(mode).abs()).fold(0.0, f64::max);
     basis(equations).into_iter().filter(|mode| largest(mode) < zero).collect()
 }
 
-/// The right singular vectors of the equations, by the triangle of their QR factorization.
+/// Returns the right singular vectors of the equations, computed from the triangular factor of their QR factorization.
 fn basis(equations: &[Vector6<f64>]) -> Vec<Vector6<f64>> {
-    // Six rows of zeros more: there may be fewer equations than unknowns.
+    // Six zero rows are appended because there may be fewer equations than unknowns.
     let rows = equations.len() + 6;
     let entry = |row: usize, column: usize| equations.get(row).map_or(0.0, |equation| equation[column]);
     let triangle = DMatrix::from_fn(rows, 6, entry).qr().unpack_r();

@@ -1,18 +1,18 @@
-//! The connected parts of a mesh.
+//! Connected parts of a mesh.
 
 use std::collections::BTreeMap;
 
 use crate::fem::mesh::Mesh;
 
-/// A connected part.
+/// A connected part of the mesh.
 pub(super) struct Part {
-    /// Its nodes, ascending.
+    /// The nodes of the part, ascending.
     pub(super) nodes: Vec<u32>,
     elements: Vec<u32>,
 }
 
 impl Part {
-    /// Its regions and its number of elements, and where it lies.
+    /// Describes the part by its number of elements, position and regions.
     pub(super) fn name(&self, mesh: &Mesh) -> String {
         let mut regions: Vec<u32> = self.elements.iter().map(|&element| mesh.region_of()[element as usize]).collect();
         regions.sort_unstable();
@@ -25,7 +25,7 @@ impl Part {
     }
 }
 
-/// The parts by their lowest node.
+/// Returns the parts, by ascending lowest node.
 pub(super) fn parts(mesh: &Mesh) -> Vec<Part> {
     let mut parent: Vec<u32> = (0..mesh.nodes().len() as u32).collect();
     for nodes in mesh.elements() {
@@ -47,7 +47,7 @@ pub(super) fn parts(mesh: &Mesh) -> Vec<Part> {
     parts.into_values().collect()
 }
 
-/// The lowest node that a node is known to be connected with; the path to it is halved on the way.
+/// Returns the root of a node in the union-find forest, the lowest node of its set; halves the path on the way.
 fn root(parent: &mut [u32], mut node: u32) -> u32 {
     while parent[node as usize] != node {
         parent[node as usize] = parent[parent[node as usize] as usize];

@@ -1,7 +1,7 @@
 use super::*;
 use crate::fem::mesh::shapes;
 
-/// What is said of a box of 1 by 2 by 3 m with these components of nodes held.
+/// Returns the error message for a box of 1 by 2 by 3 m with these prescribed components.
 fn said(held: impl Fn([f64; 3]) -> [bool; 3]) -> String {
     let mesh = shapes::cuboid([2, 2, 2], [1.0, 2.0, 3.0]).unwrap();
     said_of(&mesh, held)
@@ -69,7 +69,7 @@ fn every_part_must_be_held() {
     assert_eq!(said_of(&mesh, |_| NONE).matches("free to move in every direction").count(), 2);
 }
 
-/// Whatever is held, the modes that are named leave it in place, and there are as many as the rank says.
+/// The listed modes leave all prescribed components in place, and their number agrees with the rank of the equations.
 #[test]
 fn named_modes_leave_what_is_held_in_place() {
     let mesh = shapes::cuboid([1, 1, 1], [1.0, 2.0, 3.0]).unwrap();
@@ -110,7 +110,7 @@ fn named_modes_leave_what_is_held_in_place() {
     assert!(screws > 0, "five components leave a screw as a rule");
 }
 
-/// The rank does not depend on where the body lies, how large it is or how many of its nodes are held.
+/// The rank does not depend on the position or size of the body or on the number of prescribed nodes.
 #[test]
 fn size_and_place_do_not_matter() {
     for (scale, shift) in [(1e-6, 0.0), (1e6, 0.0), (1e-3, 10.0), (1.0, 1e4)] {
@@ -122,7 +122,7 @@ fn size_and_place_do_not_matter() {
         let at = |x: f64, place: f64| (x - (scale * place + shift)).abs() < 1e-3 * scale;
         let hinge = said_of(&mesh, |x| if at(x[0], 0.0) && at(x[1], 0.0) { ALL } else { NONE });
         assert!(hinge.starts_with("the body is free to rotate about z (the axis"), "{scale} {shift}: {hinge}");
-        // The nodes of one triangle hold the whole body.
+        // The nodes of one small triangle suffice to constrain the whole body.
         let corner =
             |x: [f64; 3]| x.iter().filter(|&&x| at(x, 0.0)).count() >= 2 && x.iter().all(|&x| x < 0.5 * scale + shift);
         assert_eq!(said_of(&mesh, |x| if corner(x) { ALL } else { NONE }), "");

@@ -1,4 +1,4 @@
-//! How a run can fail.
+//! Errors of setup and of runs.
 
 use thiserror::Error;
 
@@ -8,60 +8,61 @@ use crate::fem::equilibrium::EquilibriumError;
 use crate::fem::rigid_modes::UnheldBody;
 use crate::las::{NewtonError, SolveError, SparsityError};
 
-/// Why an attempt failed: `E` is the error of the point field, `F` the fault of the backend.
+/// The reason why an attempt failed: `E` is the error of the point field, `F` the fault of the backend.
 pub type StepFailure<E, F> = NewtonError<EquilibriumError<E, F>, F>;
 
-/// Why a body cannot be set up.
+/// The reason why a body cannot be set up.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum SetupError<E, F>
 where
     E: std::fmt::Display,
     F: std::fmt::Display,
 {
-    /// The conditions do not fit the mesh or each other.
+    /// The conditions contradict the mesh or each other.
     #[error(transparent)]
     Boundary(#[from] BoundaryError),
-    /// A part of the body can move or turn as a whole.
+    /// A part of the body has free rigid-body modes.
     #[error(transparent)]
     Unheld(#[from] UnheldBody),
-    /// A degenerate element.
+    /// An element is degenerate.
     #[error(transparent)]
     Geometry(#[from] GeometryError),
-    /// Too many unknowns.
+    /// The system has too many unknowns.
     #[error(transparent)]
     Sparsity(#[from] SparsityError),
-    /// The backend could not make its vectors, matrix or solver.
+    /// The backend could not create its vectors, matrix or solver.
     #[error("the linear system cannot be set up: {0}")]
     System(SolveError<F>),
-    /// The points have no answer in the undeformed body.
+    /// The point field failed in the undeformed body.
     #[error("the undeformed body: {0}")]
     Undeformed(EquilibriumError<E, F>),
 }
 
-/// Why a run stopped; the state is the last one that converged, and what was reported stays reported. `O` is the error
-/// of the observer.
+/// The reason why a run stopped. The state is the last converged one; steps already reported to the observer remain
+/// valid. `O` is the error of the observer.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum SteppingError<E, F, O>
 where
     E: std::fmt::Display,
     F: std::fmt::Display,
 {
-    /// A step failed, however small.
+    /// An attempt failed and could not be repeated with a smaller increment, because the limit of halvings was reached
+    /// or a smaller increment cannot help.
     #[error(
         "step {step} does not converge beyond t = {reached}: the smallest increment tried is {increment:.3e} ({halvings} halvings of the step): {reason}"
     )]
     NotConverged {
         /// The step, from 1.
         step: usize,
-        /// The pseudo-time that the last attempt aimed at.
+        /// The pseudo-time at which the last attempt would have ended.
         t: f64,
-        /// The last converged pseudo-time, sub-steps included.
+        /// The last converged pseudo-time, including substeps.
         reached: f64,
-        /// Length of the last attempt.
+        /// Length of the last attempt in pseudo-time.
         increment: f64,
-        /// Halvings of the step at the last attempt.
+        /// Number of halvings of the step at the last attempt.
         halvings: u32,
-        /// Why the last attempt failed.
+        /// The reason for the failure of the last attempt.
         reason: StepFailure<E, F>,
     },
     /// The observer stopped the run.
@@ -71,7 +72,7 @@ where
         step: usize,
         /// The last converged pseudo-time.
         t: f64,
-        /// What the observer said.
+        /// The error of the observer.
         reason: O,
     },
 }

@@ -1,13 +1,13 @@
-//! The load-step driver: steps through pseudo-time, cuts steps that fail, tells the observer.
+//! The load-step driver: steps through pseudo-time, halves failed steps, and calls the observer.
 //!
-//! A run has `count` steps; step `k` ends at `t = k / count`. An attempt that fails takes displacements and micro states
-//! back to the last converged ones, and the increment is halved, up to `max_cuts` times; after a success it doubles
-//! again, as soon as the doubled increment ends where a step can end. A converged sub-step is committed, but only full
-//! steps are reported, so that the rows of a result do not depend on the cuts.
+//! A run has `count` load steps; step `k` ends at `t = k / count`. If an attempt fails, displacements and micro states
+//! are reset to the last converged ones, and the increment is halved, up to `max_cuts` times. After a success the
+//! increment doubles again if the position within the step is a multiple of the doubled increment. A converged substep
+//! is committed, but only full steps are reported, so the rows of a result do not depend on the cuts.
 //!
-//! A state is accepted once it balances, once every response in it continues the last accepted state
-//! ([`PointField::verify`]), and once the material of no point is due to change in it ([`PointField::evolve`]). Until
-//! then the body is brought to balance again at the same pseudo-time.
+//! A state is accepted if it is in equilibrium, if every response continues the last accepted state
+//! ([`PointField::verify`]), and if no point changes its material ([`PointField::evolve`]). Otherwise, equilibrium is
+//! restored at the same pseudo-time.
 
 mod error;
 mod observer;
@@ -32,26 +32,26 @@ use crate::las::{
     Backend, NewtonError, NewtonFailure, NewtonReport, NewtonSystem, NonlinearProblem, Scalar, SolveError, VectorOps,
 };
 
-/// A body, its linear system, and where in pseudo-time it is.
+/// A body, its linear system, and its position in pseudo-time.
 pub struct Stepper<B: Backend, P> {
     body: Equilibrium<B, P>,
     system: NewtonSystem<B>,
     params: StepParams,
-    /// Full steps that have converged.
+    /// Number of converged full steps.
     completed_steps: usize,
-    /// Halvings of the increment that the next attempt starts with.
+    /// Number of halvings of the increment at which the next attempt starts.
     halvings: u32,
-    /// Whether the accepted state is still the undeformed one.
+    /// True as long as the accepted state is the undeformed one.
     undeformed: bool,
 }
 
-/// The [`SteppingError`] of a run on backend `B` with point field `P`, watched by an observer that fails by `O`.
+/// The [`SteppingError`] of a run on backend `B` with point field `P` and an observer with error `O`.
 pub type RunError<B, P, O> = SteppingError<<P as PointField>::Error, <B as Backend>::Fault, O>;
 
-/// What an attempt, or a part of one, ends with.
+/// The result of an attempt or of a part of one.
 type Attempt<B, P, T> = Result<T, Box<Failed<<P as PointField>::Error, <B as Backend>::Fault>>>;
 
-/// Where an attempt begins and where it is to end, in pseudo-time.
+/// The start and the end of an attempt in pseudo-time.
 #[derive(Clone, Copy)]
 struct Span {
     step: usize,
@@ -59,11 +59,11 @@ struct Span {
     t: f64,
 }
 
-/// Why an attempt failed, and what Newton had done.
+/// The reason why an attempt failed, and the report of its Newton solve.
 struct Failed<E, F> {
     reason: StepFailure<E, F>,
     newton: NewtonReport,
-    /// Shorter steps will not help.
+    /// True if smaller increments cannot help.
     unrecoverable: bool,
 }
 
@@ -73,10 +73,10 @@ where
     B::Reduced: Scalar,
     P: PointField,
 {
-    /// The undeformed body at `t = 0`, ready to run.
+    /// Creates a stepper with the undeformed body at `t = 0`.
     ///
     /// # Errors
-    /// [`SetupError`].
+    /// Returns [`SetupError`] if the conditions, the mesh, the linear system or the point field prevent the setup.
     pub fn new(
         context: &B::Context,
         mesh: Arc<Mesh>,
@@ -88,14 +88,14 @@ where
         Self::in_order(&order, context, mesh, conditions, field, params)
     }
 
-    /// The same, with the unknowns numbered node by node as `order` has them, every node once: ranks that share the rows of
-    /// the linear system have neighboring ones.
+    /// Creates a stepper whose unknowns are numbered node by node in the given order, a permutation of all nodes. The
+    /// order determines which unknowns are neighboring rows of a linear system that is distributed over ranks.
     ///
     /// # Errors
-    /// [`SetupError`].
+    /// As for [`Stepper::new`].
     ///
     /// # Panics
-    /// Where `order` is not one of all nodes.
+    /// Panics if `order` does not have one entry per node or contains an index that is not a node.
     pub fn in_order(
         order: &[u32],
         context: &B::Context,
@@ -119,52 +119,52 @@ where
         Ok(Self { body, system, params, completed_steps: 0, halvings: 0, undeformed: true })
     }
 
-    /// The last converged state.
+    /// Returns the last converged state.
     #[must_use]
     pub fn state(&self) -> &BodyState {
         self.body.accepted()
     }
 
-    /// What acts on the body in the last converged state.
+    /// Returns the surface and point forces in the last converged state.
     #[must_use]
     pub fn forces(&self) -> BoundaryForces {
         self.body.forces()
     }
 
-    /// What the body is made of.
+    /// Returns the point field.
     #[must_use]
     pub fn field(&self) -> &P {
         self.body.field()
     }
 
-    /// The mesh.
+    /// Returns the mesh.
     #[must_use]
     pub fn mesh(&self) -> &Arc<Mesh> {
         self.body.mesh()
     }
 
-    /// Full steps that have converged.
+    /// Returns the number of converged full steps.
     #[must_use]
     pub fn completed_steps(&self) -> usize {
         self.completed_steps
     }
 
-    /// Full steps of the whole run.
+    /// Returns the number of full steps of the whole run.
     #[must_use]
     pub fn count(&self) -> usize {
         self.params.count
     }
 
-    /// Unknowns of the linear system.
+    /// Returns the number of unknowns of the linear system.
     #[must_use]
     pub fn unknowns(&self) -> usize {
         self.system.residual.len()
     }
 
-    /// Takes all steps that are left.
+    /// Takes all remaining steps.
     ///
     /// # Errors
-    /// [`SteppingError`]; the state is the last converged one.
+    /// Returns [`SteppingError`]; the state is then the last converged one.
     pub fn run<O: StepObserver<P, B::Fault>>(
         &mut self,
         observer: &mut O,
@@ -176,16 +176,16 @@ where
         Ok(reports)
     }
 
-    /// Takes the next full step, in as many parts as it needs.
+    /// Takes the next full step, in as many substeps as necessary.
     ///
     /// # Errors
-    /// [`SteppingError`]; the state is the last converged one, which may lie within the step.
+    /// Returns [`SteppingError`]; the state is then the last converged one, which may lie within the step.
     pub fn step<O: StepObserver<P, B::Fault>>(
         &mut self,
         observer: &mut O,
     ) -> Result<StepReport, RunError<B, P, O::Error>> {
         let max_cuts = self.params.max_cuts.min(StepParams::MAX_CUTS);
-        // Positions within the step are counted in the smallest increments.
+        // The position within the step is an integer multiple of the smallest increment.
         let end = 1_u64 << max_cuts;
         let (step, mut position) = (self.completed_steps + 1, 0);
         let count = self.params.count as f64;
@@ -215,7 +215,7 @@ where
                     }
                 }
                 Err(mut failed) => {
-                    // Newton converged, but the state could not be accepted.
+                    // Without residuals, the last solve had converged, but the state could not be accepted.
                     if failed.newton.residuals.is_empty() {
                         failed.newton = solves.pop().unwrap_or_default();
                     }
@@ -235,7 +235,7 @@ where
         Ok(report)
     }
 
-    /// Tells the observer of a failed attempt; the next one goes half as far, if that may help.
+    /// Reports a failed attempt to the observer and halves the increment, unless that cannot help.
     fn cut<O: StepObserver<P, B::Fault>>(
         &mut self,
         Span { step, from, t }: Span,
@@ -266,11 +266,12 @@ where
         }
     }
 
-    /// From the accepted state to a balanced one at pseudo-time `t` in which every response continues the accepted state
-    /// and the material of no point is due to change. `solves` collects what each Newton that converged did.
+    /// Advances from the accepted state to an equilibrium state at pseudo-time `t` in which every response continues
+    /// the accepted state and no point changes its material. `solves` collects the reports of the converged Newton
+    /// solves.
     fn attempt(&mut self, t: f64, report: &mut StepReport, solves: &mut Vec<NewtonReport>) -> Attempt<B, P, ()> {
-        /// Where responses still do not continue the accepted state after so many rounds, they jump back and forth between
-        /// branches, and only a shorter step helps.
+        /// If responses still do not continue the accepted state after this many rounds, they alternate between
+        /// branches, and only a smaller increment helps.
         const MAX_REPLACEMENTS: usize = 5;
         solves.push(self.start(t, report)?);
         let (mut rounds, mut replacements) = (0, 0);
@@ -295,7 +296,7 @@ where
         self.body.check_balance(self.params.newton.tolerance).map_err(unacceptable::<B, P>)
     }
 
-    /// From the accepted state to pseudo-time `t` by Newton, from a held or a linearized start.
+    /// Solves from the accepted state to pseudo-time `t` by Newton, from a held or a linearized start.
     fn start(&mut self, t: f64, report: &mut StepReport) -> Attempt<B, P, NewtonReport> {
         if self.undeformed || self.params.start == StepStart::Tangent {
             return self.attempt_linearized(t, report);
@@ -303,7 +304,8 @@ where
         self.body.apply_prescribed(t);
         match self.system.solve(&mut self.body, &self.params.newton) {
             Ok(newton) => Ok(newton),
-            // The moved boundary has crushed the elements next to it: spread it over the body.
+            // The moved boundary has inverted the adjacent elements; the linearized start distributes the motion over
+            // the body.
             Err(failure) if has_no_start::<B, P>(&failure) => {
                 self.body.reject().map_err(|error| lost(error, NewtonReport::default()))?;
                 self.attempt_linearized(t, report)
@@ -315,7 +317,7 @@ where
     fn attempt_linearized(&mut self, t: f64, report: &mut StepReport) -> Attempt<B, P, NewtonReport> {
         let seconds = self.body.linearize(t, &mut self.system).map_err(|error| {
             Box::new(Failed {
-                // The tangent of the undeformed body does not depend on the increment.
+                // The tangent of the undeformed body does not depend on the increment, so cutting cannot help.
                 unrecoverable: self.undeformed || matches!(error, SolveError::Fault(_)),
                 reason: NewtonError::Solve(error),
                 newton: NewtonReport::default(),
@@ -326,7 +328,7 @@ where
     }
 }
 
-/// Whether Newton failed at its very first residual, for a reason that another start may not have.
+/// Returns true if Newton failed at its first residual for a reason that another start may avoid.
 fn has_no_start<B: Backend, P: PointField>(
     failure: &NewtonFailure<EquilibriumError<P::Error, B::Fault>, B::Fault>,
 ) -> bool {
@@ -353,7 +355,7 @@ where
     Box::new(Failed { reason: failure.reason, newton: *failure.report, unrecoverable })
 }
 
-/// The converged state cannot be accepted, for a reason that a shorter step may not have.
+/// Converts the error of a converged state that cannot be accepted; a smaller increment may help.
 fn unacceptable<B, P>(error: EquilibriumError<P::Error, B::Fault>) -> Box<Failed<P::Error, B::Fault>>
 where
     B: Backend<Scalar = f64>,
@@ -364,7 +366,7 @@ where
     Box::new(Failed { reason: NewtonError::Problem(error), newton: NewtonReport::default(), unrecoverable })
 }
 
-/// The points could not be told what became of an attempt.
+/// Converts an error of commit or revert; no further attempt is possible.
 fn lost<E, F>(error: EquilibriumError<E, F>, newton: NewtonReport) -> Box<Failed<E, F>>
 where
     E: std::fmt::Display,

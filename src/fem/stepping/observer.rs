@@ -1,4 +1,4 @@
-//! Whoever watches a run: writes results, shows progress.
+//! Observers of a run, which write results or show progress.
 
 use std::convert::Infallible;
 
@@ -9,30 +9,30 @@ use crate::fem::point_field::PointField;
 use crate::fem::reactions::BoundaryForces;
 use crate::las::NewtonReport;
 
-/// Is told of every converged step and of every failed attempt, and may stop the run by an error (a full disk).
+/// Receives every converged step and every failed attempt; an error (a full disk, for example) stops the run.
 ///
 /// `P` is the point field of the run, `F` the fault of its backend.
 pub trait StepObserver<P: PointField, F: std::error::Error> {
-    /// Why the run should stop.
+    /// The reason for stopping the run.
     type Error: std::error::Error;
 
-    /// A step has converged.
+    /// Called after a step has converged.
     ///
     /// # Errors
-    /// Stops the run, which keeps the state of this step.
+    /// An error stops the run, which keeps the state of this step.
     fn converged(&mut self, step: &ConvergedStep<'_, P>) -> Result<(), Self::Error>;
 
-    /// An attempt has failed; the state is the last converged one again.
+    /// Called after an attempt has failed; the state is again the last converged one.
     ///
     /// # Errors
-    /// Stops the run.
+    /// An error stops the run.
     fn failed(&mut self, attempt: &FailedAttempt<'_, P, F>) -> Result<(), Self::Error> {
         let _ = attempt;
         Ok(())
     }
 }
 
-/// Nobody watches.
+/// Ignores all steps.
 impl<P: PointField, F: std::error::Error> StepObserver<P, F> for () {
     type Error = Infallible;
 
@@ -41,42 +41,43 @@ impl<P: PointField, F: std::error::Error> StepObserver<P, F> for () {
     }
 }
 
-/// A full step that converged; sub-steps in between are only counted.
+/// A converged full step; substeps are only counted.
 #[derive(Debug)]
 pub struct ConvergedStep<'a, P> {
     /// The step, from 1.
     pub step: usize,
-    /// How many steps the run has.
+    /// Number of steps of the run.
     pub count: usize,
-    /// Where the step ends.
+    /// Pseudo-time at the end of the step.
     pub t: f64,
-    /// What it cost: iterations, cuts, seconds.
+    /// Cost of the step: iterations, cuts, seconds.
     pub report: &'a StepReport,
     /// The mesh.
     pub mesh: &'a Mesh,
-    /// Displacements, deformation gradients, stresses, tangents, nodal forces.
+    /// Displacements, deformation gradients, stresses, tangents and nodal forces.
     pub state: &'a BodyState,
-    /// Areas, forces and mean displacements of all surfaces; held points.
+    /// Areas, forces and mean displacements of all surfaces; forces and displacements of the point conditions.
     pub forces: BoundaryForces,
-    /// The point field, for what it knows beyond stresses.
+    /// The point field, for data other than stresses.
     pub field: &'a P,
 }
 
-/// An attempt that failed.
+/// A failed attempt.
 #[derive(Debug)]
 pub struct FailedAttempt<'a, P: PointField, F: std::error::Error> {
     /// The step, from 1.
     pub step: usize,
-    /// Where the attempt would have ended.
+    /// Pseudo-time at which the attempt would have ended.
     pub t: f64,
-    /// Its length in pseudo-time.
+    /// Length of the attempt in pseudo-time.
     pub increment: f64,
-    /// Halvings of the step at this attempt: the increment is `1 / (count 2^halvings)`.
+    /// Number of halvings of the step at this attempt: the increment is `1 / (count 2^halvings)`.
     pub halvings: u32,
-    /// Why.
+    /// The reason for the failure.
     pub reason: &'a StepFailure<P::Error, F>,
-    /// The point field, taken back to the last converged state.
+    /// The point field, reset to the last converged state.
     pub field: &'a P,
-    /// What Newton did until then; empty where the linearized start failed.
+    /// The Newton report of the failure, or of the last converged solve if the state could not be accepted; empty if
+    /// the linearized start failed.
     pub newton: &'a NewtonReport,
 }

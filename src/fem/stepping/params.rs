@@ -1,27 +1,27 @@
-//! How a run is to step, and what it reports.
+//! Parameters and reports of load stepping.
 
 use crate::las::{NewtonParams, NewtonReport, NewtonSeconds, SolverParams};
 
-/// How a run steps through pseudo-time.
+/// Parameters of load stepping.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepParams {
-    /// How many steps; step `k` ends at `t = k / count`. Default 10.
+    /// Number of steps; step `k` ends at `t = k / count`. Default 10.
     pub count: usize,
-    /// How often a step that fails may be halved, at most [`StepParams::MAX_CUTS`]. Default 6.
+    /// Maximum number of halvings of a failed step, at most [`StepParams::MAX_CUTS`]. Default 6.
     pub max_cuts: u32,
-    /// How often the body may be brought to balance again at the same pseudo-time, because the material of points
-    /// changed; beyond, the attempt fails. Default 200.
+    /// Maximum number of times that equilibrium may be restored at the same pseudo-time after points changed their
+    /// material; beyond it, the attempt fails. Default 200.
     pub max_rounds: usize,
-    /// Where a later step starts. Default [`StepStart::Held`].
+    /// Initial guess of Newton in all steps except the first. Default [`StepStart::Held`].
     pub start: StepStart,
-    /// When Newton stops. Default: a tolerance of `1e-8`, 25 iterations, up to 10 shortenings of a step.
+    /// Stopping criteria of Newton. Default: a tolerance of `1e-8`, 25 iterations, up to 10 cuts in the line search.
     pub newton: NewtonParams,
-    /// How the linear systems are solved. Default: directly, as definite ones.
+    /// Solver of the linear systems. Default: a direct solver for positive definite systems.
     pub solver: SolverParams,
 }
 
 impl StepParams {
-    /// The smallest increment is this many halvings of a step.
+    /// The maximum number of halvings, which determines the smallest increment.
     pub const MAX_CUTS: u32 = 40;
 }
 
@@ -39,62 +39,63 @@ impl Default for StepParams {
     }
 }
 
-/// Where Newton starts in a step. The first step of a run always starts from the linear-elastic solution of the
+/// The initial guess of Newton in a step. The first step of a run always starts from the linear-elastic solution of the
 /// undeformed body.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum StepStart {
-    /// The last state with only the prescribed components moved.
+    /// The last accepted state with only the prescribed components moved.
     #[default]
     Held,
-    /// The last state linearized: the increment of loads and prescribed components goes through its tangent. Costs one
-    /// factorization more and spreads a moved boundary over the body.
+    /// The linearization of the last accepted state: its tangent distributes the increment of loads and prescribed
+    /// displacements over the body, at the cost of one more factorization.
     Tangent,
 }
 
-/// What one step cost.
+/// Cost of one step.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StepReport {
     /// The step, from 1.
     pub step: usize,
-    /// Where it ends.
+    /// Pseudo-time at the end of the step.
     pub t: f64,
-    /// How often it was halved, counted once a halving.
+    /// Number of halvings of the increment.
     pub cuts: usize,
-    /// Newton in the sub-steps that converged, in order: one where the step was not cut, and one more for every time the
-    /// body was brought to balance again.
+    /// Newton reports of the converged substeps, in order: one per substep, and one more for every time that
+    /// equilibrium was restored.
     pub substeps: Vec<NewtonReport>,
-    /// How often points changed their material, failed attempts included.
+    /// Number of rounds in which points changed their material, including failed attempts.
     pub rounds: usize,
-    /// How often responses that did not continue the last accepted state were replaced, failed attempts included.
+    /// Number of rounds in which responses that did not continue the last accepted state were replaced, including
+    /// failed attempts.
     pub replaced: usize,
-    /// Newton in the attempts that failed, in order.
+    /// Newton reports of the failed attempts, in order.
     pub failures: Vec<NewtonReport>,
-    /// Linearized starts: a factorization and a solve each.
+    /// Number of linearized starts, each with one factorization and one solve.
     pub linearized: usize,
-    /// Where the time of the linearized starts went.
+    /// Time of the linearized starts by phase.
     pub linearized_seconds: NewtonSeconds,
 }
 
 impl StepReport {
-    /// Newton iterations of the sub-steps that converged.
+    /// Returns the number of Newton iterations of the converged substeps.
     #[must_use]
     pub fn iterations(&self) -> usize {
         self.substeps.iter().map(|report| report.iterations).sum()
     }
 
-    /// Newton iterations of failed attempts.
+    /// Returns the number of Newton iterations of failed attempts.
     #[must_use]
     pub fn wasted_iterations(&self) -> usize {
         self.failures.iter().map(|report| report.iterations).sum()
     }
 
-    /// The residual at the end over what it is measured against; `None` before a sub-step has converged.
+    /// Returns the final residual relative to its scale; `None` before a substep has converged.
     #[must_use]
     pub fn relative_residual(&self) -> Option<f64> {
         self.substeps.last()?.relative.last().copied()
     }
 
-    /// Seconds by phase, of converged and failed attempts and linearized starts together.
+    /// Returns the seconds by phase, for converged and failed attempts and linearized starts together.
     #[must_use]
     pub fn seconds(&self) -> NewtonSeconds {
         let attempts = self.substeps.iter().chain(&self.failures).map(|report| report.seconds);

@@ -1,4 +1,4 @@
-//! The state a run can be taken up from again.
+//! Saved states from which a run can be restarted.
 
 use thiserror::Error;
 
@@ -7,20 +7,20 @@ use crate::fem::equilibrium::EquilibriumError;
 use crate::fem::point_field::PointField;
 use crate::las::{Backend, Scalar};
 
-/// Where a run stands after a full step, beside what its point field remembers. Loads, deformation gradients and nodal
+/// The state of a run after a full step, except the memory of its point field. Loads, deformation gradients and nodal
 /// forces follow from it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SavedState {
-    /// Full steps that have converged, at least 1.
+    /// Number of converged full steps, at least 1.
     pub completed_steps: usize,
-    /// Halvings of the increment that the next attempt starts with.
+    /// Number of halvings of the increment at which the next attempt starts.
     pub halvings: u32,
     /// Displacements of the nodes, m.
     pub displacements: Vec<[f64; 3]>,
 }
 
-/// Why a saved state cannot be taken up. `R` is the error of whoever takes the point field back, `E` that of the point
-/// field, `F` the fault of the backend.
+/// The reason why a saved state cannot be restored. `R` is the error of the callback that restores the point field, `E`
+/// the error of the point field, `F` the fault of the backend.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum RestoreError<R, E, F>
 where
@@ -28,37 +28,38 @@ where
     E: std::fmt::Display,
     F: std::fmt::Display,
 {
-    /// It lies beyond the end of the run, or at its beginning.
+    /// The saved state lies beyond the end of the run or at its beginning.
     #[error("the state was saved after step {completed_steps}; this run has the steps 1 to {count}")]
     Steps {
-        /// Full steps done in the saved state.
+        /// Number of converged steps in the saved state.
         completed_steps: usize,
-        /// Steps of the run.
+        /// Number of steps of the run.
         count: usize,
     },
-    /// It belongs to another mesh.
+    /// The saved state belongs to another mesh.
     #[error("the state has displacements of {found} nodes; the mesh has {expected} nodes")]
     Nodes {
-        /// Nodes of the saved state.
+        /// Number of nodes in the saved state.
         found: usize,
-        /// Nodes of the mesh.
+        /// Number of nodes of the mesh.
         expected: usize,
     },
-    /// A displacement that is no finite number.
+    /// A displacement is not finite.
     #[error("the displacement of node {node} in the saved state is no finite number")]
     NotFinite {
         /// The node, from 0.
         node: usize,
     },
-    /// The point field cannot be taken back.
+    /// The point field cannot be restored.
     #[error("{0}")]
     Field(R),
-    /// The points have no answer there. The body is then in no state to go on from: it must be set up anew.
+    /// The point field cannot be evaluated or committed at the saved state. The stepper is then invalid and must be
+    /// created anew.
     #[error("the saved state: {0}")]
     Points(EquilibriumError<E, F>),
 }
 
-/// The [`RestoreError`] of a run on backend `B` with point field `P`, which is taken back with an error `R`.
+/// The [`RestoreError`] of a run on backend `B` with point field `P`, whose restoration has error `R`.
 pub type StepperRestoreError<B, P, R> = RestoreError<R, <P as PointField>::Error, <B as Backend>::Fault>;
 
 impl<B, P> Stepper<B, P>
@@ -67,8 +68,8 @@ where
     B::Reduced: Scalar,
     P: PointField,
 {
-    /// The state after the last full step; `None` before the first one, and where the last accepted state lies within
-    /// a step that failed later.
+    /// Returns the state after the last full step; `None` before the first one, and if the last accepted state lies
+    /// within a step that failed later.
     #[must_use]
     pub fn saved(&self) -> Option<SavedState> {
         let state = self.body.accepted();
@@ -80,14 +81,14 @@ where
         })
     }
 
-    /// Takes up a state that [`Stepper::saved`] gave for the same mesh, conditions and number of steps: the next step
-    /// then goes as it would have gone there, bit for bit, if `field` takes the point field back to what it was.
+    /// Restores a state that [`Stepper::saved`] returned for the same mesh, conditions and number of steps. The run
+    /// then continues as the saved run would have, bit for bit, if `field` restores the point field exactly.
     ///
-    /// The points are asked once about the restored state, and the field then commits. More halvings than the run
-    /// allows count as those that it allows.
+    /// The point field is evaluated once at the restored state and then commits. The number of halvings is limited to
+    /// the maximum of this run.
     ///
     /// # Errors
-    /// [`RestoreError`]; nothing has changed then but for [`RestoreError::Points`].
+    /// Returns [`RestoreError`]; the stepper is then unchanged, except after [`RestoreError::Points`].
     pub fn restore<R: std::fmt::Display>(
         &mut self,
         state: &SavedState,
@@ -113,7 +114,7 @@ where
         Ok(())
     }
 
-    /// Where a full step ends, exactly as stepping gets there.
+    /// Returns the pseudo-time at the end of a full step, rounded exactly as in [`Stepper::step`].
     fn time_after(&self, step: usize) -> f64 {
         step as f64 / self.params.count as f64
     }

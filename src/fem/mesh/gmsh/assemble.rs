@@ -1,4 +1,4 @@
-//! From the sections of a file to a checked mesh.
+//! Construction of a checked mesh from the sections of a file.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -12,7 +12,7 @@ use crate::fem::mesh::measure::signed_volume;
 use crate::fem::mesh::{Mesh, MeshError, Surface};
 use crate::input::InputError;
 
-/// Puts a mesh together.
+/// Assembles the mesh.
 pub(super) fn assemble(mut raw: Raw, path: &Path) -> Result<MeshFile, InputError> {
     let mut warnings = std::mem::take(&mut raw.warnings);
     let source = Source { raw: &raw, path };
@@ -46,10 +46,10 @@ pub(super) fn assemble(mut raw: Raw, path: &Path) -> Result<MeshFile, InputError
     Ok(MeshFile { mesh, warnings })
 }
 
-/// Triangles, each with the cell of the file it comes from.
+/// Triangles, each with the index of its cell in the file.
 pub(super) type Triangles = Vec<([u32; 3], usize)>;
 
-/// The pieces of a mesh before nodes without elements are taken out.
+/// The parts of a mesh before unused nodes are removed.
 struct Parts {
     nodes: Vec<[f64; 3]>,
     elements: Vec<[u32; 4]>,
@@ -57,10 +57,10 @@ struct Parts {
 }
 
 impl Parts {
-    /// Takes out the nodes that no element has and numbers the others anew; tells how many there were.
+    /// Removes the nodes without elements, renumbers the others, and returns the number of removed nodes.
     ///
     /// # Errors
-    /// [`MeshError::NotAFace`] for a triangle with such a node.
+    /// Returns [`MeshError::NotAFace`] if a triangle contains such a node.
     fn drop_unused_nodes(&mut self) -> Result<usize, MeshError> {
         const UNUSED: u32 = u32::MAX;
         let mut place = vec![UNUSED; self.nodes.len()];
@@ -87,16 +87,16 @@ impl Parts {
     }
 }
 
-/// How many nodes lie at the very place of another one.
+/// Returns the number of nodes that coincide exactly with another node.
 fn coincident(nodes: &[[f64; 3]]) -> usize {
-    // Adding zero makes both zeros one.
+    // Adding zero turns -0 into +0.
     let mut places: Vec<[u64; 3]> = nodes.iter().map(|node| node.map(|x| (x + 0.0).to_bits())).collect();
     places.sort_unstable();
     places.windows(2).filter(|pair| pair[0] == pair[1]).count()
 }
 
 impl Source<'_> {
-    /// There are nodes and tetrahedra.
+    /// Checks that the file has nodes and tetrahedra.
     fn has_a_body(&self) -> Result<(), InputError> {
         for section in ["Nodes", "Elements"] {
             if !self.raw.has(section) {
@@ -120,7 +120,7 @@ impl Source<'_> {
         Ok(())
     }
 
-    /// Where the node of every tag is.
+    /// Maps node tags to indices.
     fn numbering(&self) -> Result<Numbering, InputError> {
         let nodes = &self.raw.nodes;
         if u32::try_from(nodes.len()).is_err() {
@@ -138,7 +138,7 @@ impl Source<'_> {
         })
     }
 
-    /// The nodes of a cell, from their tags.
+    /// Resolves the node tags of a cell to indices.
     fn resolve<const N: usize>(
         &self,
         numbering: &Numbering,
@@ -164,7 +164,7 @@ impl Source<'_> {
         Ok(nodes)
     }
 
-    /// The elements, of positive volume, and how many had to be turned for that.
+    /// Returns the elements, all with nonnegative volume, and the number of elements that had to be reversed.
     fn elements(&self, numbering: &Numbering) -> Result<(Vec<[u32; 4]>, usize), InputError> {
         let mut turned = 0;
         let mut elements = Vec::with_capacity(self.raw.tetrahedra.len());
@@ -179,7 +179,7 @@ impl Source<'_> {
         Ok((elements, turned))
     }
 
-    /// The regions, in the order of their physical numbers, and the region of every element.
+    /// Returns the regions, in the order of their physical numbers, and the region of each element.
     fn regions(&self) -> Result<(Vec<String>, Vec<u32>), InputError> {
         let mut names = Names::default();
         let mut of = Vec::with_capacity(self.raw.tetrahedra.len());
@@ -189,7 +189,7 @@ impl Source<'_> {
                 [] => without += 1,
                 [first, others @ ..] => {
                     let name = names.index(self.raw, 3, *first);
-                    // Two groups of one name are one region.
+                    // Two groups of the same name form one region.
                     if let Some(other) = others.iter().find(|&&other| names.index(self.raw, 3, other) != name) {
                         let (one, other) = (self.raw.group_name(3, *first), self.raw.group_name(3, *other));
                         return Err(self.in_two_groups(cell, &one, &other));
@@ -219,7 +219,7 @@ impl Source<'_> {
             || self.raw.entities.iter().any(|(&(dimension, _), groups)| dimension == 3 && !groups.is_empty())
     }
 
-    /// The triangles of every physical surface group, in the order of their numbers.
+    /// Returns the triangles of each physical surface group, in the order of their numbers.
     fn surfaces(&self, numbering: &Numbering) -> Result<Vec<(String, Triangles)>, InputError> {
         let mut names = Names::default();
         let mut surfaces: Vec<Triangles> = Vec::new();
@@ -232,7 +232,7 @@ impl Source<'_> {
             for &group in groups {
                 let name = names.index(self.raw, 2, group) as usize;
                 surfaces.resize_with(surfaces.len().max(name + 1), Vec::new);
-                // Two groups of one name are one surface.
+                // Two groups of the same name form one surface.
                 if surfaces[name].last().is_none_or(|&(_, last)| last != place) {
                     surfaces[name].push((nodes, place));
                 }
@@ -246,7 +246,7 @@ impl Source<'_> {
         Ok(sorted)
     }
 
-    /// Warnings of physical groups that have a name and nothing in them.
+    /// Returns warnings about named physical groups without elements.
     fn empty_groups(&self, regions: &[String], surfaces: &[(String, Triangles)]) -> Vec<String> {
         let empty = self.raw.names.iter().filter(|&(&(dimension, _), name)| match dimension {
             2 => surfaces.iter().all(|(surface, _)| surface != name),
@@ -262,10 +262,10 @@ impl Source<'_> {
     }
 }
 
-/// Names of groups, numbered as they turn up.
+/// Names of groups, indexed in order of appearance.
 #[derive(Default)]
 struct Names {
-    /// Index of the name of every group that has turned up.
+    /// The name index of each group found so far.
     groups: BTreeMap<i32, u32>,
     names: Vec<String>,
 }
@@ -283,7 +283,7 @@ impl Names {
         })
     }
 
-    /// Where each name comes when sorted by the number of its (lowest) group, and the names so sorted.
+    /// Returns the rank of each name when sorted by its lowest group number, and the sorted names.
     fn in_order(self) -> (Vec<u32>, Vec<String>) {
         let mut order = vec![u32::MAX; self.names.len()];
         let mut sorted = Vec::with_capacity(self.names.len());

@@ -1,4 +1,4 @@
-//! A place in a mesh file: sections and lines, and where it stands when something is wrong.
+//! A reading position in a mesh file, which tracks sections and lines for error messages.
 
 use std::path::Path;
 
@@ -7,19 +7,19 @@ use crate::input::{InputError, excerpt};
 
 pub(super) const DAMAGED: &str = "the file is damaged or was changed by hand: export it again";
 
-/// How the numbers of a file are written.
+/// The encoding of the numbers of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Encoding {
     Text,
     Binary {
-        /// Whether the most significant byte comes first.
+        /// True if the file is big-endian.
         swapped: bool,
-        /// Whether counts and tags of version 4 take eight bytes, not four.
+        /// True if counts and tags of version 4 have eight bytes, false if four.
         wide: bool,
     },
 }
 
-/// How far a counted list has been read.
+/// The number of items of a counted list read so far.
 #[derive(Clone, Copy)]
 struct Progress {
     noun: &'static str,
@@ -31,7 +31,7 @@ pub(super) struct Cursor<'a> {
     pub(super) bytes: &'a [u8],
     pub(super) at: usize,
     line: usize,
-    /// Where the token read last begins.
+    /// Start of the last token.
     token_at: usize,
     token_line: usize,
     path: &'a Path,
@@ -39,7 +39,7 @@ pub(super) struct Cursor<'a> {
     section: String,
     progress: Option<Progress>,
     pub(super) in_row: bool,
-    /// First line that stands outside all sections.
+    /// First line outside all sections.
     stray: Option<(usize, String)>,
 }
 
@@ -68,21 +68,21 @@ impl<'a> Cursor<'a> {
         self.encoding == Encoding::Text
     }
 
-    /// Line of the token read last; 0 in a binary file.
+    /// Returns the line of the last token; 0 in a binary file.
     pub fn line(&self) -> u32 {
         if self.is_text() { u32::try_from(self.token_line).unwrap_or(u32::MAX) } else { 0 }
     }
 
-    /// No more of a thing than the rest of the file can hold, `bytes` being the fewest that one takes: what may be
-    /// set aside for a count that the file states.
+    /// Limits a count stated by the file to the number of items that the rest of the file can hold, at a minimum of
+    /// `bytes` bytes each; the result is a safe capacity for allocation.
     pub fn at_most(&self, count: u64, bytes: usize) -> usize {
         let room = (self.bytes.len() - self.at) / bytes;
         usize::try_from(count).map_or(room, |count| count.min(room))
     }
 
-    // Errors.
+    // Errors
 
-    /// An error at the token read last.
+    /// Creates an error at the last token.
     pub fn fault(&self, what: impl Into<String>, expected: impl Into<String>, cure: impl Into<String>) -> InputError {
         match self.encoding {
             Encoding::Text => InputError::at_line(self.path, self.token_line, what, expected, cure),
@@ -93,7 +93,7 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// An error of the file as a whole.
+    /// Creates an error of the file as a whole.
     pub fn file_fault(
         &self,
         what: impl Into<String>,
@@ -103,7 +103,7 @@ impl<'a> Cursor<'a> {
         InputError::in_file(self.path, what, expected, cure)
     }
 
-    /// The file, or else the section, ends where there should be more.
+    /// Creates the error for a premature end of the file, or else of the section.
     pub(super) fn ended(&self, file: bool, expected: &str) -> InputError {
         let section = &self.section;
         let after = match self.progress {
@@ -121,9 +121,9 @@ impl<'a> Cursor<'a> {
         )
     }
 
-    // Sections.
+    // Sections
 
-    /// The first word of the file, without moving; `None` if there is none.
+    /// Returns the first word of the file without advancing; `None` if there is none.
     pub fn opening(&self) -> Option<&'a str> {
         let text = self.bytes.trim_ascii_start();
         let end = text.iter().position(u8::is_ascii_whitespace).unwrap_or(text.len());
@@ -134,7 +134,8 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// Moves behind the line that opens the next section and tells its name; lines before it are noted.
+    /// Advances past the opening line of the next section and returns the section's name; records the first line before
+    /// it.
     pub fn next_section(&mut self) -> Result<Option<String>, InputError> {
         self.progress = None;
         loop {
@@ -158,7 +159,7 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// The name behind the `$` of a line between two sections.
+    /// Validates the name after `$` in an opening line.
     fn section_name(&self, name: &str) -> Result<String, InputError> {
         const EXPECTED: &str = "a line that opens a section, such as `$Nodes`";
         if name.is_empty() {
@@ -170,7 +171,7 @@ impl<'a> Cursor<'a> {
         Ok(name.to_owned())
     }
 
-    /// Reads the line that closes the current section.
+    /// Reads the closing line of the current section.
     pub fn end_section(&mut self) -> Result<(), InputError> {
         self.skip_whitespace();
         self.mark();
@@ -191,10 +192,10 @@ impl<'a> Cursor<'a> {
         Err(self.fault(what, format!("`{end}`"), DAMAGED))
     }
 
-    /// Moves behind a section that is of no interest.
+    /// Advances past the end of an ignored section.
     pub fn skip_section(&mut self) -> Result<(), InputError> {
         let end = format!("\n$End{}", self.section);
-        // The line break that ends the opening line may be the one before the end.
+        // In an empty section, the line break before `$End` is the one of the opening line.
         let start = self.at.saturating_sub(1);
         let found = self.bytes[start..].windows(end.len()).enumerate().find(|&(at, window)| {
             let next = self.bytes.get(start + at + end.len());
@@ -214,7 +215,7 @@ impl<'a> Cursor<'a> {
         Ok(())
     }
 
-    /// Notes lines outside all sections as a warning.
+    /// Adds a warning about lines outside all sections.
     pub fn finish(&self, raw: &mut Raw) {
         if let Some((line, text)) = &self.stray {
             raw.warnings.push(match self.encoding {
@@ -224,21 +225,21 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    // Rows and counts.
+    // Rows and counts
 
-    /// A list of so many things begins.
+    /// Starts a list with a known number of items.
     pub fn expect_count(&mut self, noun: &'static str, of: u64) {
         self.progress = Some(Progress { noun, done: 0, of });
     }
 
-    /// One of them has been read.
+    /// Counts one item of the list.
     pub fn count_one(&mut self) {
         if let Some(progress) = &mut self.progress {
             progress.done += 1;
         }
     }
 
-    /// What follows stands on one line, in a text file.
+    /// Starts a row: in a text file, the following items are on one line.
     pub fn begin_row(&mut self) {
         if self.is_text() {
             self.skip_whitespace();
@@ -246,12 +247,12 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// The line ends here, in a text file.
+    /// Ends a row: in a text file, the line must end here.
     pub fn end_row(&mut self) -> Result<(), InputError> {
         if std::mem::take(&mut self.in_row) { self.finish_line() } else { Ok(()) }
     }
 
-    /// Moves behind the end of the line, on which nothing may be left.
+    /// Advances past the end of the line, which must not contain further words.
     pub(super) fn finish_line(&mut self) -> Result<(), InputError> {
         self.skip_spaces();
         match self.bytes.get(self.at) {
@@ -287,9 +288,9 @@ impl<'a> Cursor<'a> {
     }
 }
 
-/// A piece of the file to show in a message.
+/// Returns an excerpt of the file for a message.
 pub(super) fn clipped(text: &[u8]) -> String {
     let text = text.trim_ascii();
-    // No more than a message shows has to be decoded.
+    // A message shows fewer than 1000 bytes, so no more are decoded.
     excerpt(&String::from_utf8_lossy(&text[..text.len().min(1000)]))
 }

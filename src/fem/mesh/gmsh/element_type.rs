@@ -1,18 +1,18 @@
-//! The element types of the Gmsh format.
+//! Element types of the Gmsh format.
 
-/// What is done with an element type.
+/// The treatment of an element type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// Points and lines, with this many nodes: read over.
+    /// Points and lines, with this number of nodes: skipped.
     Ignored(usize),
     Triangle,
     Tetrahedron,
 }
 
-/// What is done with elements of this type number.
+/// Returns the treatment of an element type number.
 ///
 /// # Errors
-/// For a type that is not supported: its name and what to do.
+/// Returns the name and a cure if the type is not supported.
 pub(super) fn kind(number: i32) -> Result<Kind, (String, &'static str)> {
     match number {
         15 => Ok(Kind::Ignored(1)),

@@ -1,4 +1,4 @@
-//! What is wrong with the body a file describes, told with the numbers and lines of that file.
+//! Error messages about a mesh in terms of the tags and lines of its file.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -9,14 +9,14 @@ use super::raw::{Cell, Raw};
 use crate::fem::mesh::MeshError;
 use crate::input::InputError;
 
-/// A file that has been read, and how to speak of it.
+/// A parsed file with its path, for error messages.
 pub(super) struct Source<'a> {
     pub raw: &'a Raw,
     pub path: &'a Path,
 }
 
 impl Source<'_> {
-    /// An error at a line; 0 is none.
+    /// Creates an error at a line; line 0 means the whole file.
     pub fn fault(&self, line: u32, what: String, expected: &str, cure: &str) -> InputError {
         match line {
             0 => InputError::in_file(self.path, what, expected, cure),
@@ -24,7 +24,7 @@ impl Source<'_> {
         }
     }
 
-    /// An element in two regions.
+    /// Creates the error for an element in two regions.
     pub fn in_two_groups(&self, cell: &Cell<4>, first: &str, second: &str) -> InputError {
         self.fault(
             cell.line,
@@ -34,7 +34,7 @@ impl Source<'_> {
         )
     }
 
-    /// What is wrong with the mesh, told with the numbers and lines of the file.
+    /// Translates a mesh error into an error with the tags and lines of the file.
     pub fn explain(&self, error: &MeshError, surfaces: &[(String, Triangles)]) -> InputError {
         let triangle = |surface: &str, index: usize| {
             let place = surfaces.iter().find(|(name, _)| name == surface).and_then(|(_, group)| group.get(index));
@@ -80,7 +80,8 @@ impl Source<'_> {
         told.unwrap_or_else(|| self.fault(0, error.to_string(), "a mesh that can be computed on", DAMAGED))
     }
 
-    /// Two tetrahedra on the same side of a face: the same one in two groups, or a body folded into itself.
+    /// Creates the error for two tetrahedra on the same side of a face: a duplicate, possibly in two groups, or an
+    /// overlap.
     fn overlap(&self, first: &Cell<4>, second: &Cell<4>) -> InputError {
         let nodes = |cell: &Cell<4>| BTreeSet::from(cell.nodes);
         let group = |cell| self.raw.groups(3, cell).first().map(|&group| self.raw.group_name(3, group));

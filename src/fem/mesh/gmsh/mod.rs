@@ -1,11 +1,11 @@
-//! Gmsh `.msh` files, versions 2.2 and 4.1, as text and binary.
+//! Gmsh `.msh` files, versions 2.2 and 4.1, text and binary.
 //!
-//! Physical groups of volumes become regions, physical groups of surfaces become surfaces; a group without a name is
-//! called by its number. A file without any volume group is one region, `body`. Points and lines are ignored, as are
-//! sections that describe no mesh. All other element types, and everything else that would silently change what is
-//! computed, is an error that says where it stands and what to do.
+//! Physical groups of volumes become regions and physical groups of surfaces become surfaces; a group without a name is
+//! named by its number. A file without volume groups has one region, `body`. The reader ignores points, lines, and
+//! sections that do not describe the mesh. Other element types, and anything else that would silently change the
+//! results, cause an error with its position and a cure.
 //!
-//! The format is that of the [Gmsh reference manual](https://gmsh.info/doc/texinfo/gmsh.html#MSH-file-format).
+//! The format is described in the [Gmsh reference manual](https://gmsh.info/doc/texinfo/gmsh.html#MSH-file-format).
 
 mod assemble;
 mod cursor;
@@ -26,28 +26,28 @@ use cursor::{Cursor, Encoding};
 use raw::Raw;
 pub use write::{Version, WriteOptions, to_writer, write, write_with};
 
-/// What a file holds.
+/// The contents of a mesh file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MeshFile {
-    /// The mesh, coordinates as in the file.
+    /// The mesh, with coordinates as in the file.
     pub mesh: Mesh,
-    /// What was left out or put right on reading, one sentence each, for the user to see.
+    /// Messages to the user about omitted or corrected data, one sentence each.
     pub warnings: Vec<String>,
 }
 
 /// Reads a mesh file.
 ///
 /// # Errors
-/// [`InputError`] for a file that cannot be read, is damaged, or holds what is not supported.
+/// Returns [`InputError`] if the file cannot be read, is damaged, or contains unsupported data.
 pub fn read(path: &Path) -> Result<MeshFile, InputError> {
     let bytes = std::fs::read(path).map_err(|error| InputError::unreadable(path, &error))?;
     parse(&bytes, path)
 }
 
-/// Reads the contents of a mesh file; `path` is what errors call it.
+/// Parses the contents of a mesh file; `path` is the file name in error messages.
 ///
 /// # Errors
-/// As [`read`].
+/// As for [`read`].
 pub fn parse(bytes: &[u8], path: &Path) -> Result<MeshFile, InputError> {
     let mut cursor = Cursor::new(without_byte_order_mark(bytes), path);
     let version = header(&mut cursor)?;
@@ -78,7 +78,7 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<MeshFile, InputError> {
     assemble::assemble(raw, path)
 }
 
-/// Reads `$MeshFormat` and sets the cursor to the encoding it names.
+/// Reads `$MeshFormat` and sets the encoding of the cursor.
 fn header(cursor: &mut Cursor<'_>) -> Result<Version, InputError> {
     const EXPECTED: &str = "a Gmsh mesh file: its first line is `$MeshFormat`";
     let found = match cursor.opening() {

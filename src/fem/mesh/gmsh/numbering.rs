@@ -1,19 +1,19 @@
-//! From the tags of nodes, which may have gaps, to indices.
+//! Mapping of node tags, which may have gaps, to indices.
 
 use std::collections::HashMap;
 
-/// Where the node of a tag is.
+/// The node index of each tag.
 pub(super) enum Numbering {
-    /// Indices by tag, `u32::MAX` for none: tags without large gaps.
+    /// Indices by tag, `u32::MAX` for unused tags; chosen for tags without large gaps.
     Dense(Vec<u32>),
     Sparse(HashMap<u64, u32>),
 }
 
 impl Numbering {
-    /// The index of every tag is its place in the list.
+    /// Maps each tag to its position in the list.
     ///
     /// # Errors
-    /// The place of a tag that has been there before.
+    /// Returns the position of the first duplicate tag.
     pub fn new(tags: impl ExactSizeIterator<Item = u64> + Clone) -> Result<Self, usize> {
         let highest = tags.clone().max().unwrap_or(0);
         let room = 4 * tags.len() as u64 + 1024;
@@ -35,7 +35,7 @@ impl Numbering {
         Ok(numbering)
     }
 
-    /// The index of the node of this tag.
+    /// Returns the index of the node with this tag.
     pub fn index(&self, tag: u64) -> Option<u32> {
         match self {
             Self::Dense(indices) => {

@@ -1,4 +1,4 @@
-//! The numbers of a mesh file, as text or binary.
+//! Numbers of a mesh file, text or binary.
 
 use std::borrow::Cow;
 
@@ -6,7 +6,7 @@ use super::cursor::{Cursor, DAMAGED, Encoding, clipped};
 use crate::input::InputError;
 
 impl<'a> Cursor<'a> {
-    /// A whole number of 32 bits.
+    /// Reads a 32-bit integer.
     pub fn integer(&mut self, expected: &str) -> Result<i32, InputError> {
         match self.encoding {
             Encoding::Text => self.word_as(expected, "a whole number"),
@@ -17,7 +17,7 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// A count or a tag that is not negative.
+    /// Reads a nonnegative count or tag.
     pub fn size(&mut self, expected: &str) -> Result<u64, InputError> {
         match self.encoding {
             Encoding::Text => self.text_size(expected),
@@ -32,13 +32,13 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// A count or a tag that is not negative, stored in 32 bits (version 2).
+    /// Reads a nonnegative count or tag stored in 32 bits (version 2).
     pub fn small_size(&mut self, expected: &str) -> Result<u64, InputError> {
         let value = self.integer(expected)?;
         u64::try_from(value).map_err(|_| self.fault(format!("{value} is negative"), expected, DAMAGED))
     }
 
-    /// A count on a line of its own, written as text in binary files too.
+    /// Reads a count on its own line, which is text in binary files too.
     pub fn text_count(&mut self, expected: &str) -> Result<u64, InputError> {
         self.skip_whitespace();
         self.in_row = true;
@@ -48,7 +48,7 @@ impl<'a> Cursor<'a> {
         Ok(count)
     }
 
-    /// A whole number written as text in binary files too.
+    /// Reads an integer that is text in binary files too.
     pub fn text_integer(&mut self, expected: &str) -> Result<i32, InputError> {
         self.word_as(expected, "a whole number")
     }
@@ -57,7 +57,7 @@ impl<'a> Cursor<'a> {
         self.word_as(expected, "a whole number from 0 up")
     }
 
-    /// A number, finite or not: what is read over.
+    /// Reads a floating-point number, finite or not; used for ignored data.
     pub fn number(&mut self, expected: &str) -> Result<f64, InputError> {
         match self.encoding {
             Encoding::Text => self.word_as(expected, "a number"),
@@ -68,7 +68,7 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// A finite number.
+    /// Reads a finite floating-point number.
     pub fn finite(&mut self, expected: &str) -> Result<f64, InputError> {
         let value = self.number(expected)?;
         if value.is_finite() {
@@ -77,7 +77,7 @@ impl<'a> Cursor<'a> {
         Err(self.fault(format!("{value} is not finite"), expected, "look for what went wrong where the mesh was made"))
     }
 
-    /// The word that tells the byte order of a binary file: whether bytes are swapped.
+    /// Reads the integer 1, which shows the byte order of a binary file; returns true if the file is big-endian.
     pub fn byte_order(&mut self) -> Result<bool, InputError> {
         let bytes: [u8; 4] = self.take("the number 1 in four bytes")?;
         match (i32::from_le_bytes(bytes), i32::from_be_bytes(bytes)) {
@@ -91,7 +91,7 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// The rest of a line.
+    /// Reads the rest of a line.
     pub fn rest_of_line(&mut self) -> Cow<'a, str> {
         let rest = self.bytes[self.at..].split(|&byte| byte == b'\n').next().unwrap_or_default();
         self.mark();
@@ -107,7 +107,7 @@ impl<'a> Cursor<'a> {
             .ok_or_else(|| self.fault(format!("`{}` is not {kind}", clipped(word)), expected, DAMAGED))
     }
 
-    /// The next word; none begins with `$` but those that open and close sections.
+    /// Reads the next word; a word that begins with `$` opens or closes a section and is an error here.
     fn word(&mut self, expected: &str) -> Result<&'a [u8], InputError> {
         if self.in_row {
             self.skip_spaces();

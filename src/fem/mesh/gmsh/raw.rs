@@ -1,4 +1,4 @@
-//! What the sections of a mesh file hold, before it is put together.
+//! The data of the sections of a mesh file, before the mesh is assembled.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -8,25 +8,25 @@ use super::element_type::{Kind, kind};
 use crate::fem::mesh::check::is_name;
 use crate::input::{InputError, excerpt};
 
-/// A node as the file has it.
+/// A node as stored in the file.
 pub(super) struct RawNode {
     pub tag: u64,
     pub position: [f64; 3],
-    /// Line, or 0 in a binary file.
+    /// Line of the node; 0 in a binary file.
     pub line: u32,
 }
 
-/// An element as the file has it.
+/// An element as stored in the file.
 pub(super) struct Cell<const N: usize> {
     pub tag: u64,
     pub nodes: [u64; N],
-    /// Version 2: the physical group, 0 for none. Version 4: the entity the element lies on.
+    /// Version 2: the physical group, 0 for none. Version 4: the entity that contains the element.
     pub group: i32,
-    /// Line, or 0 in a binary file.
+    /// Line of the element; 0 in a binary file.
     pub line: u32,
 }
 
-/// All that is read of a file.
+/// All data read from a file.
 pub(super) struct Raw {
     pub version: Version,
     pub nodes: Vec<RawNode>,
@@ -54,10 +54,10 @@ impl Raw {
         }
     }
 
-    /// Notes that a section has been found.
+    /// Records that a section has been found.
     ///
     /// # Errors
-    /// If it has been found before.
+    /// Returns an error if the section was found before.
     pub fn once(&mut self, cursor: &Cursor<'_>, section: &'static str) -> Result<(), InputError> {
         if self.seen.contains(&section) {
             return Err(cursor.fault(
@@ -74,7 +74,7 @@ impl Raw {
         self.seen.contains(&section)
     }
 
-    /// The physical groups of a cell of this dimension; empty if it is in none.
+    /// Returns the physical groups of a cell of this dimension; empty if it has none.
     pub fn groups<'a, const N: usize>(&'a self, dimension: i32, cell: &'a Cell<N>) -> &'a [i32] {
         match self.version {
             Version::V2_2 if cell.group == 0 => &[],
@@ -83,7 +83,7 @@ impl Raw {
         }
     }
 
-    /// What a physical group is called: its name, or its number.
+    /// Returns the name of a physical group, or its number if it has no name.
     pub fn group_name(&self, dimension: i32, number: i32) -> String {
         self.names.get(&(dimension, number)).cloned().unwrap_or_else(|| number.to_string())
     }
@@ -124,7 +124,7 @@ impl Raw {
         Ok(())
     }
 
-    /// Reads the nodes of an element of this kind and keeps it if it is of interest.
+    /// Reads the nodes of an element and stores triangles and tetrahedra.
     pub fn element(&mut self, cursor: &mut Cursor<'_>, (kind, group, tag): (Kind, i32, u64)) -> Result<(), InputError> {
         let line = cursor.line();
         let version = self.version;
@@ -157,7 +157,7 @@ impl Raw {
     }
 }
 
-/// What is done with elements of the type just read.
+/// Returns the treatment of the element type just read.
 pub(super) fn element_kind(cursor: &Cursor<'_>, number: i32) -> Result<Kind, InputError> {
     kind(number).map_err(|(name, cure)| {
         cursor.fault(

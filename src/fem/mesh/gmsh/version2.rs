@@ -1,4 +1,4 @@
-//! The sections of version 2.2.
+//! Sections of version 2.2.
 
 use super::cursor::Cursor;
 use super::raw::{Raw, RawNode, element_kind};
@@ -7,7 +7,7 @@ use crate::input::InputError;
 const NODE: &str = "a node: its number and its x, y and z";
 const ELEMENT: &str = "an element: its number, its type, how many tags it has, the tags, its nodes";
 
-/// `$Nodes`: a count, then number and position of every node.
+/// Reads `$Nodes`: a count, then number and position of each node.
 pub(super) fn nodes(cursor: &mut Cursor<'_>, raw: &mut Raw) -> Result<(), InputError> {
     raw.once(cursor, "Nodes")?;
     let count = cursor.text_count("the number of nodes")?;
@@ -25,7 +25,7 @@ pub(super) fn nodes(cursor: &mut Cursor<'_>, raw: &mut Raw) -> Result<(), InputE
     Ok(())
 }
 
-/// `$Elements`: a count, then the elements, in binary files in blocks of one type and number of tags.
+/// Reads `$Elements`: a count, then the elements; binary files group them in blocks of equal type and number of tags.
 pub(super) fn elements(cursor: &mut Cursor<'_>, raw: &mut Raw) -> Result<(), InputError> {
     raw.once(cursor, "Elements")?;
     let count = cursor.text_count("the number of elements")?;
@@ -68,8 +68,8 @@ pub(super) fn elements(cursor: &mut Cursor<'_>, raw: &mut Raw) -> Result<(), Inp
     Ok(())
 }
 
-/// The first tag, the physical group; the rest (entity, partitions) is read over. A negative group is one whose
-/// elements Gmsh has turned round.
+/// Reads the tags of an element and returns the first one, the physical group; skips the others (entity, partitions). A
+/// negative group marks elements that Gmsh has reversed.
 fn physical(cursor: &mut Cursor<'_>, tags: u64) -> Result<i32, InputError> {
     let mut group = 0;
     for k in 0..tags {

@@ -1,11 +1,11 @@
-//! The sections of version 4.1.
+//! Sections of version 4.1.
 
 use super::cursor::{Cursor, DAMAGED};
 use super::element_type::Kind;
 use super::raw::{Raw, RawNode, element_kind};
 use crate::input::InputError;
 
-/// `$Entities`: which physical groups the points, curves, surfaces and volumes of the geometry are in.
+/// Reads `$Entities`: the physical groups of points, curves, surfaces and volumes of the geometry.
 pub(super) fn entities(cursor: &mut Cursor<'_>, raw: &mut Raw) -> Result<(), InputError> {
     raw.once(cursor, "Entities")?;
     cursor.begin_row();
@@ -25,7 +25,7 @@ pub(super) fn entities(cursor: &mut Cursor<'_>, raw: &mut Raw) -> Result<(), Inp
     Ok(())
 }
 
-/// Tag, position or bounding box, physical groups and, but for points, the entities that bound it.
+/// Reads an entity: tag, position or bounding box, physical groups and, except for points, bounding entities.
 fn entity(cursor: &mut Cursor<'_>, raw: &mut Raw, dimension: i32) -> Result<(), InputError> {
     const ROW: &str = "an entity: its tag, its position or box, its physical groups and what bounds it, with counts";
     cursor.begin_row();
@@ -36,7 +36,7 @@ fn entity(cursor: &mut Cursor<'_>, raw: &mut Raw, dimension: i32) -> Result<(), 
     let groups = cursor.size(ROW)?;
     let mut physical = Vec::new();
     for _ in 0..groups {
-        // Negative where the group turns the entity round; which way triangles face is found from the body.
+        // The number is negative if the group reverses the entity; triangles are oriented later by the body.
         let group = cursor.integer(ROW)?.saturating_abs();
         if group != 0 && !physical.contains(&group) {
             physical.push(group);
@@ -58,7 +58,7 @@ fn entity(cursor: &mut Cursor<'_>, raw: &mut Raw, dimension: i32) -> Result<(), 
     Ok(())
 }
 
-/// `$Nodes`: blocks of nodes on one entity, the tags of a block before its positions.
+/// Reads `$Nodes`: blocks of nodes on one entity, the tags of a block before its positions.
 pub(super) fn nodes(cursor: &mut Cursor<'_>, raw: &mut Raw) -> Result<(), InputError> {
     const BLOCK: &str = "a block of nodes: dimension and tag of its entity, parametric or not (0, 1), how many nodes";
     const POSITION: &str = "x, y and z of a node, and its parameters on the entity in a parametric block";
@@ -94,7 +94,7 @@ pub(super) fn nodes(cursor: &mut Cursor<'_>, raw: &mut Raw) -> Result<(), InputE
     Blocks::add_up(cursor, count, raw.nodes.len() as u64, "nodes")
 }
 
-/// `$Elements`: blocks of elements of one type on one entity.
+/// Reads `$Elements`: blocks of elements of one type on one entity.
 pub(super) fn elements(cursor: &mut Cursor<'_>, raw: &mut Raw) -> Result<(), InputError> {
     const BLOCK: &str = "a block of elements: dimension and tag of its entity, type of its elements, how many";
     raw.once(cursor, "Elements")?;
@@ -129,8 +129,8 @@ pub(super) fn elements(cursor: &mut Cursor<'_>, raw: &mut Raw) -> Result<(), Inp
     Blocks::add_up(cursor, count, found, "elements")
 }
 
-/// What opens `$Nodes` and `$Elements`: the number of blocks, of things in all of them, and their lowest and highest
-/// tag, of which no use is made.
+/// The header of `$Nodes` and `$Elements`: the number of blocks and the total number of items. The lowest and highest
+/// tag are ignored.
 struct Blocks {
     blocks: u64,
     count: u64,

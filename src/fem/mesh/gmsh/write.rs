@@ -1,4 +1,4 @@
-//! Writing mesh files.
+//! Writing of mesh files.
 
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
@@ -6,40 +6,41 @@ use std::path::Path;
 use crate::fem::mesh::{Mesh, measure};
 use crate::output;
 
-/// The version of the format.
+/// Version of the file format.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Version {
-    /// 2.2: plain, understood by everything.
+    /// Version 2.2, readable by most programs.
     V2_2,
-    /// 4.1: today's.
+    /// Version 4.1, the current version.
     #[default]
     V4_1,
 }
 
-/// How a mesh file is written.
+/// Options for writing a mesh file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct WriteOptions {
-    /// The version of the format.
+    /// Version of the file format.
     pub version: Version,
-    /// Binary (lowest byte first) instead of text.
+    /// True for binary files (little-endian), false for text.
     pub binary: bool,
 }
 
-/// Writes a mesh as text of version 4.1. See [`write_with`].
+/// Writes a mesh as text of version 4.1; see [`write_with`].
 ///
 /// # Errors
-/// What the file system says.
+/// As for [`write_with`].
 pub fn write(path: &Path, mesh: &Mesh) -> io::Result<()> {
     write_with(path, mesh, WriteOptions::default())
 }
 
-/// Writes a mesh, regions and surfaces as physical groups with their names, coordinates with all their digits.
+/// Writes a mesh, with regions and surfaces as named physical groups and coordinates in full precision.
 ///
-/// The file appears under its name when it is complete: a file of that name stays as it is until then, and if
-/// writing fails. Symbolic links, devices and pipes are treated as [`output::write`] does.
+/// An existing file keeps its content until the new one is complete, also if writing fails. Symbolic links, devices and
+/// pipes are treated as in [`output::write`].
 ///
 /// # Errors
-/// What the file system says, or [`io::ErrorKind::InvalidInput`] for a mesh that the format cannot number.
+/// Returns the error of the file system, or [`io::ErrorKind::InvalidInput`] if the mesh is too large for the numbers of
+/// the format.
 pub fn write_with(path: &Path, mesh: &Mesh, options: WriteOptions) -> io::Result<()> {
     output::write_by(path, |file| {
         let mut out = BufWriter::new(file);
@@ -48,13 +49,14 @@ pub fn write_with(path: &Path, mesh: &Mesh, options: WriteOptions) -> io::Result
     })
 }
 
-/// Writes a mesh to anything that takes bytes. See [`write_with`].
+/// Writes a mesh to a writer; see [`write_with`].
 ///
 /// # Errors
-/// What the writer says, or [`io::ErrorKind::InvalidInput`] for a mesh that the format cannot number.
+/// Returns the error of the writer, or [`io::ErrorKind::InvalidInput`] if the mesh is too large for the numbers of the
+/// format.
 pub fn to_writer(out: &mut impl Write, mesh: &Mesh, options: WriteOptions) -> io::Result<()> {
     let triangles: usize = mesh.surfaces().iter().map(|surface| surface.triangles.len()).sum();
-    // Numbers are signed and have 32 bits in version 2 and in binary entities.
+    // Numbers are signed 32-bit integers in version 2 and in binary entities.
     for count in [mesh.nodes().len(), mesh.elements().len() + triangles, mesh.regions().len(), mesh.surfaces().len()] {
         if i32::try_from(count).is_err() {
             let what = format!("{count} of a kind are more than Gmsh's 32-bit numbers can tell apart");
@@ -70,7 +72,7 @@ pub fn to_writer(out: &mut impl Write, mesh: &Mesh, options: WriteOptions) -> io
     }
 }
 
-/// Where numbers go, as text or binary.
+/// Writes numbers as text or binary.
 struct Sink<'a, W> {
     out: &'a mut W,
     binary: bool,
@@ -91,7 +93,8 @@ impl<W: Write> Sink<'_, W> {
         writeln!(self.out, "$EndMeshFormat")
     }
 
-    /// Regions are numbered from 1, surfaces from 1 too: numbers of another dimension are others.
+    /// Writes the physical names. Regions and surfaces are both numbered from 1, since numbers are unique per dimension
+    /// only.
     fn names(&mut self, mesh: &Mesh) -> io::Result<()> {
         writeln!(self.out, "$PhysicalNames\n{}", mesh.surfaces().len() + mesh.regions().len())?;
         for (number, name) in (1..).zip(mesh.surface_names()) {
@@ -126,7 +129,7 @@ impl<W: Write> Sink<'_, W> {
         self.end("Elements")
     }
 
-    /// What precedes elements of one type in a binary file.
+    /// Writes the header of a block of elements of one type in a binary file.
     fn block2(&mut self, kind: i32, count: usize) -> io::Result<()> {
         if self.binary {
             self.int(kind)?;
@@ -136,7 +139,7 @@ impl<W: Write> Sink<'_, W> {
         Ok(())
     }
 
-    /// An element with its two tags, physical group and entity, which bear the same number.
+    /// Writes an element with its two tags, physical group and entity, which have the same number.
     fn cell2(&mut self, tag: &mut i32, kind: i32, group: i32, nodes: &[u32]) -> io::Result<()> {
         self.int(*tag)?;
         if !self.binary {
@@ -170,7 +173,7 @@ impl<W: Write> Sink<'_, W> {
         self.end("Nodes")?;
         writeln!(self.out, "$Elements")?;
         let count = triangles + mesh.elements().len();
-        // A block is a run of elements of one region, so that elements keep their order.
+        // A block is a run of consecutive elements of one region, so the order of the elements is preserved.
         let runs = mesh.region_of().chunk_by(|a, b| a == b);
         self.sizes(&[mesh.surfaces().len() + runs.clone().count(), count, 1, count])?;
         let mut tag = 1;
@@ -201,7 +204,7 @@ impl<W: Write> Sink<'_, W> {
         self.end_row()
     }
 
-    /// One entity a surface and a region, in the physical group of the same number.
+    /// Writes one entity per surface and per region, in the physical group of the same number.
     fn entities4(&mut self, mesh: &Mesh) -> io::Result<()> {
         writeln!(self.out, "$Entities")?;
         self.sizes(&[0, 0, mesh.surfaces().len(), mesh.regions().len()])?;
@@ -227,13 +230,13 @@ impl<W: Write> Sink<'_, W> {
         self.end_row()
     }
 
-    // Numbers: in text files with a space between those of a row.
+    // Numbers; in text files, spaces separate the numbers of a row.
 
     fn ints(&mut self, values: &[i32]) -> io::Result<()> {
         values.iter().try_for_each(|&value| self.int(value))
     }
 
-    /// Sizes that end a row.
+    /// Writes sizes and ends the row.
     fn sizes(&mut self, values: &[usize]) -> io::Result<()> {
         values.iter().try_for_each(|&value| self.size(value))?;
         self.end_row()

@@ -1,23 +1,24 @@
-//! The box.
+//! The box mesh.
 
 use super::grid::Grid;
 use super::{ShapeError, positive};
 use crate::fem::mesh::{Mesh, Surface};
 
-/// A box with its lowest corner at the origin: `cells` along x, y and z over `size` (m), six tetrahedra a cell.
+/// Creates a box with its lowest corner at the origin: `cells` along x, y and z over `size` (m), six tetrahedra per
+/// cell.
 ///
-/// Nodes are numbered with x running fastest, then y, then z; the elements of a cell follow one another in the order
-/// of [`KUHN`](super::KUHN). The region is `body`, the surfaces are `x0 x1 y0 y1 z0 z1`.
+/// Nodes are numbered with x running fastest, then y, then z; the elements of a cell are consecutive, in the order of
+/// [`KUHN`](super::KUHN). The region is `body`, the surfaces are `x0 x1 y0 y1 z0 z1`.
 ///
 /// # Errors
-/// [`ShapeError::NoCells`], [`ShapeError::NotPositive`], [`ShapeError::TooManyElements`], or [`ShapeError::Mesh`] for
-/// cells without volume.
+/// Returns [`ShapeError::NoCells`], [`ShapeError::NotPositive`], [`ShapeError::TooManyElements`], or
+/// [`ShapeError::Mesh`] if cells have no volume.
 pub fn cuboid(cells: [usize; 3], size: [f64; 3]) -> Result<Mesh, ShapeError> {
     let grid = Grid::uniform(cells)?;
     for (what, length) in ["the size along x", "the size along y", "the size along z"].into_iter().zip(size) {
         positive(what, length)?;
     }
-    // The fraction first: it is exactly 1 at the far side.
+    // The quotient is computed first because it is exactly 1 at the far side.
     let along = |axis: usize, step: usize| size[axis] * (step as f64 / cells[axis] as f64);
     let nodes = grid.nodes(|i, j, k| [along(0, i), along(1, j), along(2, k)]);
     let surfaces =
@@ -31,7 +32,7 @@ mod tests {
     use super::*;
     use crate::fem::mesh::MeshError;
 
-    /// What the shape says of itself is what [`Mesh::new`] makes of it.
+    /// Checks that [`Mesh::new`] accepts the parts of the shape without changes.
     fn checked(mesh: &Mesh) {
         let Mesh { nodes, elements, region_of, regions, surfaces } = mesh.clone();
         assert_eq!(Mesh::new(nodes, elements, region_of, regions, surfaces).as_ref(), Ok(mesh));

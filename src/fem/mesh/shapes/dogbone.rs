@@ -1,11 +1,11 @@
-//! The dogbone: a flat tensile sample with wide grips, circular fillets and a narrow gauge.
+//! The dogbone mesh: a flat tensile sample with wide grips, circular fillets and a narrow gauge.
 
 use super::grid::Grid;
 use super::stations::{Stations, cells};
 use super::{ShapeError, positive};
 use crate::fem::mesh::{Mesh, Surface};
 
-/// The proportions of a dogbone, in meters. What grips and fillets leave of the length is the straight gauge.
+/// The dimensions of a dogbone, in meters. The straight gauge is the length without grips and fillets.
 ///
 /// ```text
 ///     |<-grip->|<-fillet->|<---gauge--->|<-fillet->|<-grip->|
@@ -29,8 +29,9 @@ pub struct DogboneShape {
     pub grip_width: f64,
     /// Width of the gauge along y.
     pub gauge_width: f64,
-    /// Radius of the fillets. They leave the gauge smoothly and end at the grip's width; a radius of at least twice
-    /// the overhang `(grip_width - gauge_width) / 2` keeps their slope below 60 degrees and the elements in shape.
+    /// Radius of the fillets, which are tangent to the gauge and end at the width of the grips. A radius of at least
+    /// twice the overhang `(grip_width - gauge_width) / 2` limits their slope to 60 degrees and avoids distorted
+    /// elements.
     pub fillet_radius: f64,
     /// Thickness of the sample along z.
     pub thickness: f64,
@@ -50,10 +51,10 @@ impl Default for DogboneShape {
 }
 
 impl DogboneShape {
-    /// Whether the lengths make a sample.
+    /// Checks the dimensions.
     ///
     /// # Errors
-    /// The first thing wrong with them, as a [`ShapeError`].
+    /// Returns the first error as a [`ShapeError`].
     pub fn check(&self) -> Result<(), ShapeError> {
         positive("the length", self.length)?;
         positive("the grip length", self.grip_length)?;
@@ -76,26 +77,26 @@ impl DogboneShape {
         Ok(())
     }
 
-    /// Length of each fillet along x: `sqrt(2 R d - d^2)` with the overhang `d` of the grip over the gauge.
+    /// Returns the length of each fillet along x: `sqrt(2 R d - d^2)` with the overhang `d` of the grip over the gauge.
     #[must_use]
     pub fn fillet_length(&self) -> f64 {
         let overhang = self.overhang();
         (overhang * (2.0 * self.fillet_radius - overhang)).sqrt()
     }
 
-    /// Length of the straight gauge.
+    /// Returns the length of the straight gauge.
     #[must_use]
     pub fn gauge_length(&self) -> f64 {
         self.length - 2.0 * (self.grip_length + self.fillet_length())
     }
 
-    /// Volume of the two grips, m^3.
+    /// Returns the volume of the two grips, m^3.
     #[must_use]
     pub fn grip_volume(&self) -> f64 {
         2.0 * self.grip_length * self.grip_width * self.thickness
     }
 
-    /// Volume between the grips, the fillets' arcs integrated exactly, m^3.
+    /// Returns the volume between the grips, with the arcs of the fillets integrated exactly, m^3.
     #[must_use]
     pub fn gauge_volume(&self) -> f64 {
         let (radius, run) = (self.fillet_radius, self.fillet_length());
@@ -108,7 +109,7 @@ impl DogboneShape {
         0.5 * (self.grip_width - self.gauge_width)
     }
 
-    /// Width of the sample at a distance from the end of the straight gauge, zero within it.
+    /// Returns the width of the sample at a distance from the end of the straight gauge (zero within the gauge).
     pub(super) fn width(&self, beyond: f64) -> f64 {
         let run = beyond.min(self.fillet_length());
         let radius = self.fillet_radius;
@@ -116,18 +117,20 @@ impl DogboneShape {
     }
 }
 
-/// A dogbone meshed with about this element size (m): the left end at x = 0, y and z measured from its middle.
+/// Creates a dogbone mesh with approximately this element size (m). The left end is at x = 0; the center lines are at y
+/// = 0 and z = 0.
 ///
-/// `element_size` is the edge of the cells in the grips before they are cut into tetrahedra; toward the gauge they
-/// become finer as the sample becomes narrower. The numbers of cells along all axes are even and the mesh is symmetric
-/// about the three middle planes, so there are two layers at least through the thickness.
+/// `element_size` is the edge of the hexahedral cells in the grips; toward the gauge, the cells become smaller in
+/// proportion to the width of the sample. The numbers of cells along all axes are even and the mesh is symmetric about
+/// the three middle planes, so there are at least two layers through the thickness.
 ///
-/// Regions: `grip` (both ends, of constant width) and `gauge` (all between them: straight part and fillets).
-/// Surfaces: `left` (x = 0), `right` (x = length), `sides` (the rest). The default shape has 2 160 elements at an
-/// element size of 0.002, 13 920 at 0.001, and six cells across the gauge at 0.002.
+/// Regions: `grip` (both ends, of constant width) and `gauge` (the straight part and the fillets). Surfaces: `left` (x
+/// = 0), `right` (x = length), `sides` (the rest). The default shape has 2 160 elements at an element size of 0.002, 13
+/// 920 at 0.001, and six cells across the gauge at 0.002.
 ///
 /// # Errors
-/// [`ShapeError`], for lengths that make no sample, elements that do not fit into it, or too many of them.
+/// Returns a [`ShapeError`] if the dimensions are inconsistent, the elements are larger than the sample, or there are
+/// too many of them.
 pub fn dogbone(shape: &DogboneShape, element_size: f64) -> Result<Mesh, ShapeError> {
     shape.check()?;
     positive("the element size", element_size)?;
@@ -139,7 +142,7 @@ pub fn dogbone(shape: &DogboneShape, element_size: f64) -> Result<Mesh, ShapeErr
     let stations = Stations::new(shape, element_size);
     let [across, through] =
         [shape.grip_width, shape.thickness].map(|length| cells(0.5 * length, element_size).saturating_mul(2));
-    // Mirrored the other way along y, cells in the fillets are cut along their shorter diagonal.
+    // With y mirrored in the opposite half, cells in the fillets are cut along their shorter diagonal.
     let grid = Grid::mirrored([stations.cells(), across, through], [true, false, true])?;
     let columns = stations.columns(shape);
     let centered = |step: usize, count: usize| step as f64 / count as f64 - 0.5;
@@ -174,7 +177,7 @@ mod tests {
         thickness: 0.0025,
     };
 
-    /// What the shape says of itself is what [`Mesh::new`] makes of it.
+    /// Checks that [`Mesh::new`] accepts the parts of the shape without changes.
     fn checked(mesh: &Mesh) {
         let Mesh { nodes, elements, region_of, regions, surfaces } = mesh.clone();
         assert_eq!(Mesh::new(nodes, elements, region_of, regions, surfaces).as_ref(), Ok(mesh));
@@ -210,7 +213,7 @@ mod tests {
             let volumes = mesh.region_volumes();
             assert_eq!(mesh.regions(), ["grip", "gauge"]);
             assert!((volumes[0] / SHAPE.grip_volume() - 1.0).abs() < 1e-12);
-            // Chords of the fillets' arcs lie within the sample's outline, seen from outside: too much material.
+            // The width is a convex function of x along a fillet, so the chords of the arcs overestimate the volume.
             errors.push(volumes[1] / SHAPE.gauge_volume() - 1.0);
             for end in ["left", "right"] {
                 let area = mesh.surface_area(mesh.surface(end).unwrap());
@@ -250,7 +253,7 @@ mod tests {
             let beyond = (x - 0.019).abs() - 0.5 * SHAPE.gauge_length();
             beyond > 0.0 && beyond < 0.0074 && (2.0 * y.abs() - SHAPE.width(beyond)).abs() < 1e-12
         });
-        // Five columns within each fillet, on either side, three nodes through the thickness.
+        // Five columns in each of two fillets, on two sides, with three nodes through the thickness.
         assert_eq!(on_the_edge.count(), 5 * 2 * 2 * 3);
     }
 

@@ -3,27 +3,28 @@
 use super::{MAX_ELEMENTS, ShapeError};
 use crate::fem::mesh::faces::outward;
 
-/// The Kuhn cut of a cell with corners numbered `a + 2 b + 4 c`: six tetrahedra of positive volume around the diagonal
-/// from corner 0 to corner 7, one for every path along the edges.
+/// The Kuhn subdivision of a cell with corners numbered `a + 2 b + 4 c`: six tetrahedra of positive volume around the
+/// diagonal from corner 0 to corner 7, one for each path along the edges.
 pub const KUHN: [[usize; 4]; 6] = [[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 6, 4, 7], [0, 4, 5, 7], [0, 5, 1, 7]];
 
-/// A block of cells. Nodes are numbered with x running fastest, then y, then z; so are cells.
+/// A block of cells. Nodes and cells are numbered with x running fastest, then y, then z.
 #[derive(Clone, Copy)]
 pub(super) struct Grid {
     cells: [usize; 3],
-    /// For a block cut symmetrically, which half of each axis (true: the upper one) is cut as the mirror image of
-    /// the plain cut.
+    /// For a block with a symmetric subdivision: the half of each axis (true: the upper one) in which the cells are
+    /// mirror images of the Kuhn subdivision.
     mirrored: Option<[bool; 3]>,
 }
 
 impl Grid {
-    /// A block whose cells are all cut alike, from the lowest to the highest corner.
+    /// Creates a block with the same subdivision of every cell.
     pub fn uniform(cells: [usize; 3]) -> Result<Self, ShapeError> {
         Self::checked(cells, None)
     }
 
-    /// A block cut symmetrically about its three middle planes: one half of each axis (true in `upper`: the upper
-    /// one) is cut as the mirror image of the plain cut. An axis with an odd number of cells has no such plane.
+    /// Creates a block whose subdivision is symmetric about its three middle planes: in one half of each axis (the
+    /// upper one if `upper` is true), the cells are mirror images of the Kuhn subdivision. The number of cells along
+    /// each axis must be even for symmetry.
     pub fn mirrored(cells: [usize; 3], upper: [bool; 3]) -> Result<Self, ShapeError> {
         Self::checked(cells, Some(upper))
     }
@@ -39,7 +40,7 @@ impl Grid {
         Ok(Self { cells, mirrored })
     }
 
-    /// The positions of all nodes, from their places `(i, j, k)` in the grid.
+    /// Returns the positions of all nodes, computed from their grid indices `(i, j, k)`.
     pub fn nodes(&self, position: impl Fn(usize, usize, usize) -> [f64; 3]) -> Vec<[f64; 3]> {
         let [nx, ny, nz] = self.cells;
         let mut nodes = Vec::with_capacity((nx + 1) * (ny + 1) * (nz + 1));
@@ -51,7 +52,7 @@ impl Grid {
         nodes
     }
 
-    /// The tetrahedra, six a cell, and for each of them the region its cell is in.
+    /// Returns the tetrahedra, six per cell, and their regions, given the region of each cell.
     pub fn elements(&self, region: impl Fn([usize; 3]) -> u32) -> (Vec<[u32; 4]>, Vec<u32>) {
         let [nx, ny, nz] = self.cells;
         let count = 6 * nx * ny * nz;
@@ -67,7 +68,7 @@ impl Grid {
         (elements, region_of)
     }
 
-    /// The triangles of one side of the block, outward: the lowest (`upper` false) or highest along `axis`.
+    /// Returns the triangles of the lowest (`upper` false) or highest side along `axis`, with outward normals.
     pub fn side(&self, axis: usize, upper: bool) -> Vec<[u32; 3]> {
         let [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
         let mut triangles = Vec::with_capacity(2 * self.cells[u] * self.cells[v]);
@@ -84,7 +85,7 @@ impl Grid {
         triangles
     }
 
-    /// The six tetrahedra of a cell.
+    /// Returns the six tetrahedra of a cell.
     fn tetrahedra(&self, cell: [usize; 3]) -> [[u32; 4]; 6] {
         let in_upper_half = |axis: usize| 2 * cell[axis] >= self.cells[axis];
         let flip: [bool; 3] = match self.mirrored {
@@ -98,17 +99,17 @@ impl Grid {
                     std::array::from_fn(|axis| cell[axis] + usize::from((corner >> axis & 1 == 1) != flip[axis]));
                 self.node(i, j, k)
             });
-            // A mirror image in an odd number of planes is numbered inside out.
+            // An odd number of reflections reverses the orientation.
             if inverted { [a, c, b, d] } else { [a, b, c, d] }
         })
     }
 
-    /// The number of a node. 32 bits hold it: there are fewer nodes than eight a cell.
+    /// Returns the index of a node, which fits in 32 bits: there are fewer than eight nodes per cell.
     fn node(&self, i: usize, j: usize, k: usize) -> u32 {
         (i + (self.cells[0] + 1) * (j + (self.cells[1] + 1) * k)) as u32
     }
 
-    /// The place of a node in the grid.
+    /// Returns the grid indices of a node.
     fn place(&self, node: u32) -> [usize; 3] {
         let (row, layer) = (self.cells[0] + 1, self.cells[1] + 1);
         let node = node as usize;

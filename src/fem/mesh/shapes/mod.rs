@@ -1,7 +1,7 @@
-//! Bodies that need no mesher: the box and the dogbone.
+//! Built-in meshes: the box and the dogbone.
 //!
-//! Both are grids of hexahedra cut into six tetrahedra each ([`KUHN`]), so every face is cut the same way from both
-//! sides and nothing hangs.
+//! Both are grids of hexahedra cut into six tetrahedra each ([`KUHN`]). Adjacent cells cut their common face along the
+//! same diagonal, so the mesh is conforming.
 
 mod cuboid;
 mod dogbone;
@@ -15,40 +15,40 @@ pub use grid::KUHN;
 use super::MeshError;
 use thiserror::Error;
 
-/// The most elements a built-in shape is made of.
+/// The maximum number of elements of a built-in shape.
 pub const MAX_ELEMENTS: u64 = 50_000_000;
 
-/// Why a shape cannot be made.
+/// The reason why a shape cannot be meshed.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum ShapeError {
-    /// No cells along an axis.
+    /// There are no cells along an axis.
     #[error("{cells:?} cells along x, y and z: there must be at least one along each")]
     NoCells {
-        /// Cells along the axes.
+        /// Number of cells along each axis.
         cells: [usize; 3],
     },
-    /// A length that is zero, negative, infinite or NaN.
+    /// A length is zero, negative, infinite or NaN.
     #[error("{what} is {value}: it must be positive and finite")]
     NotPositive {
-        /// Which length.
+        /// Name of the length.
         what: &'static str,
-        /// What was given.
+        /// The given value.
         value: f64,
     },
-    /// More elements than [`MAX_ELEMENTS`].
+    /// The mesh would have more than [`MAX_ELEMENTS`] elements.
     #[error("{elements} elements are more than the {MAX_ELEMENTS} that are allowed")]
     TooManyElements {
-        /// How many it would take (at most what 64 bits hold).
+        /// The number of elements, at most `u64::MAX`.
         elements: u64,
     },
-    /// An element would not fit into the sample.
+    /// An element is larger than the sample.
     #[error("elements of {element_size} do not fit into a sample whose {what} is {limit}")]
     ElementTooLarge {
-        /// The element size given.
+        /// The given element size.
         element_size: f64,
-        /// Which length it exceeds.
+        /// Name of the length that it exceeds.
         what: &'static str,
-        /// That length.
+        /// The value of that length.
         limit: f64,
     },
     /// The gauge is not narrower than the grips.
@@ -59,28 +59,28 @@ pub enum ShapeError {
         /// Width of the grips.
         grip_width: f64,
     },
-    /// The fillet would meet the grip more steeply than 60 degrees (a quarter circle meets it at 90).
+    /// The fillet would meet the grip at more than 60 degrees (a quarter circle meets it at 90).
     #[error("a fillet radius of {fillet_radius} is too small to widen the sample well: it must be at least {least}")]
     FilletTooSmall {
-        /// Radius given.
+        /// The given radius.
         fillet_radius: f64,
-        /// The smallest that gives well-shaped elements: the grip's overhang times two.
+        /// The minimum radius for well-shaped elements: twice the overhang of the grip.
         least: f64,
     },
     /// Grips and fillets leave nothing for the gauge.
     #[error("grips and fillets take {taken} of a length of {length}: nothing is left for the gauge")]
     NoGauge {
-        /// Length of both grips and both fillets.
+        /// Total length of grips and fillets.
         taken: f64,
         /// Length of the sample.
         length: f64,
     },
-    /// Proportions so extreme, or lengths so large or small, that elements have no volume in floating point.
+    /// Elements are flat in floating-point arithmetic because of extreme proportions or very large or small lengths.
     #[error("the shape cannot be meshed: {0}")]
     Mesh(#[from] MeshError),
 }
 
-/// Refuses lengths that are zero, negative, infinite or NaN.
+/// Returns an error if a length is zero, negative, infinite or NaN.
 fn positive(what: &'static str, value: f64) -> Result<(), ShapeError> {
     if value > 0.0 && value.is_finite() { Ok(()) } else { Err(ShapeError::NotPositive { what, value }) }
 }

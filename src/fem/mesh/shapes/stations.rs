@@ -1,13 +1,13 @@
-//! Where the cells of a dogbone begin and end along its length.
+//! Positions of the cells of a dogbone along its length.
 
 use super::DogboneShape;
 
-/// Cells of at most this size over a length; a hair more than a whole number is that number.
+/// Returns the number of cells of at most this size; a relative excess of up to 1e-9 cells is rounded down.
 pub(super) fn cells(length: f64, size: f64) -> usize {
     ((length / size - 1e-9).ceil() as usize).max(1)
 }
 
-/// Cells along x in a half of the sample.
+/// The number of cells along x in one half of the sample.
 pub(super) struct Stations {
     pub grip: usize,
     fillet: usize,
@@ -16,7 +16,7 @@ pub(super) struct Stations {
 }
 
 impl Stations {
-    /// Cells as long as the local element size, which is proportional to the local width.
+    /// Chooses cells with the local element size, which is proportional to the local width.
     pub fn new(shape: &DogboneShape, element_size: f64) -> Self {
         let grading = Grading::new(shape);
         Self {
@@ -32,13 +32,13 @@ impl Stations {
         half.saturating_mul(2)
     }
 
-    /// Position and width of every column of nodes along x.
+    /// Returns position and width of each column of nodes along x.
     pub fn columns(&self, shape: &DogboneShape) -> Vec<(f64, f64)> {
         let middle = 0.5 * shape.length;
         let gauge_end = 0.5 * shape.gauge_length();
         let fillet_end = middle - shape.grip_length;
         let fraction = |step: usize, count: usize| step as f64 / count as f64;
-        // Distances from the middle, outward.
+        // Distances from the middle, ascending.
         let mut half = Vec::with_capacity(self.cells() / 2 + 1);
         half.extend((0..=self.half_gauge).map(|n| (gauge_end * fraction(n, self.half_gauge), shape.gauge_width)));
         half.extend((1..self.fillet).map(|n| {
@@ -54,10 +54,11 @@ impl Stations {
     }
 }
 
-/// The integral of 1/width along a fillet, tabulated: equal parts of it are cells whose length follows the width.
+/// The tabulated integral of 1/width along a fillet. Equal increments of it define cells with length proportional to
+/// the width.
 struct Grading {
     step: f64,
-    /// The integral up to every multiple of `step`.
+    /// The integral up to each multiple of `step`.
     integral: Vec<f64>,
 }
 
@@ -80,7 +81,7 @@ impl Grading {
         self.integral.last().copied().unwrap_or(0.0)
     }
 
-    /// The distance from the gauge at which this fraction of the integral is reached.
+    /// Returns the distance from the gauge at which the integral reaches this fraction of its total.
     fn at(&self, fraction: f64) -> f64 {
         let target = fraction * self.total();
         let k = self.integral.partition_point(|&sum| sum <= target).clamp(1, Self::STEPS);

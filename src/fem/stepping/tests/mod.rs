@@ -14,7 +14,7 @@ use crate::fem::point_field::{FormulaField, PointError, PointResponses};
 
 const MATERIAL: NeoHookean = NeoHookean { mu: 3.0e3, lambda: 5.0e3 };
 
-/// Held at `x = 0`, the opposite face moved along x by `by`.
+/// Fixed at `x = 0`, the opposite face moved along x by `by`.
 fn pushed(by: f64) -> Conditions {
     let held = |surface: &str, displacement| SurfaceCondition {
         surface: surface.into(),
@@ -42,7 +42,7 @@ fn formula(mesh: &Mesh) -> FormulaField {
     FormulaField::uniform(MATERIAL, mesh.elements().len())
 }
 
-/// Remembers what it is told, and objects to step `stop_at`.
+/// Records all calls, and returns an error in step `stop_at`.
 #[derive(Default)]
 struct Log {
     converged: Vec<(usize, f64)>,
@@ -70,7 +70,7 @@ impl<P: PointField, F: std::error::Error> StepObserver<P, F> for Log {
     }
 }
 
-/// A material with a memory: it follows no increment of `F` larger than `limit`.
+/// A material with memory: it fails if the increment of `F` is larger than `limit`.
 struct Slow {
     formula: FormulaField,
     limit: f64,
@@ -170,7 +170,7 @@ fn a_body_pressed_through_itself_keeps_its_last_state() {
         panic!("{error}");
     };
     assert_eq!((step, halvings), (log.converged.len() + 1, 3), "{reason}");
-    // The body is gone at 1 / 1.2; the smallest increment is 1 / 40.
+    // The body is flattened at 1 / 1.2; the smallest increment is 1 / 40.
     assert!(reached < 1.0 / 1.2 && (t - reached - increment).abs() < 1e-15 && (increment - 0.025).abs() < 1e-15);
     assert!(log.failed.len() >= 4);
     let state = stepper.state();
@@ -284,7 +284,7 @@ fn a_body_that_nothing_holds_is_not_set_up() {
     assert_eq!(refused.err().map(|error| error.to_string()).as_deref(), Some(free), "the face lies in the plane x = 1");
 }
 
-/// A liquid resists no change of shape.
+/// A liquid does not resist changes of shape.
 #[test]
 fn a_body_without_stiffness_is_not_cut_in_vain() {
     let mesh = bar(2);

@@ -1,19 +1,19 @@
-//! States that are accepted: balanced, whatever the material does, and independent of the trial states on the way.
+//! Accepted states: in equilibrium after material changes, and independent of the trial states.
 
 use super::*;
 
-/// Elements lose most of their stiffness for good once they are stretched beyond `limit`: the worst ones first.
+/// Elements stretched beyond `limit` permanently lose most of their stiffness, the most stretched ones first.
 struct Brittle {
     formula: FormulaField,
     limit: f64,
-    /// How many break at a time.
+    /// Number of elements that break per round.
     at_a_time: usize,
     trial: Vec<Matrix3<f64>>,
     broken: Vec<bool>,
     committed: Vec<bool>,
-    /// Whether broken ones mend and break for ever.
+    /// True if broken elements heal and break forever.
     mends: bool,
-    /// What has just broken cannot be evaluated beyond this stretch.
+    /// Elements broken in the current attempt cannot be evaluated beyond this stretch.
     fails_beyond: f64,
 }
 
@@ -75,7 +75,7 @@ impl PointField for Brittle {
     }
 }
 
-/// The norm of the residual of all components that are not held, over that of the internal forces.
+/// Returns the norm of the residual of all free components relative to that of the internal forces.
 fn imbalance<P: PointField>(stepper: &Stepper<Sparse, P>) -> f64 {
     let (state, held) = (stepper.state(), stepper.body.boundary().prescribed(stepper.mesh().nodes().len()));
     let mut squares = [0.0; 2];
@@ -113,7 +113,7 @@ fn a_body_whose_material_changes_is_brought_to_balance_before_a_step_ends() {
     assert!(rounds > 3 && stepper.field().committed.contains(&true), "{rounds} rounds");
 }
 
-/// Material that was changed in an attempt that failed is whole again.
+/// A failed attempt restores the material that it changed.
 #[test]
 fn a_failed_attempt_changes_no_material() {
     let mesh = bar(6);
@@ -130,7 +130,7 @@ fn a_failed_attempt_changes_no_material() {
     assert!(imbalance(&stepper) < 1e-8);
 }
 
-/// As an RVE that is created at a strain that it cannot reach in one increment.
+/// Models an RVE created at a strain that it cannot reach in one increment.
 #[test]
 fn an_error_of_what_has_just_changed_cuts_the_step() {
     let mesh = bar(6);
@@ -152,7 +152,8 @@ fn a_material_that_never_settles_is_an_error() {
     assert!(error.contains("after the body was brought to balance 7 times"), "{error}");
 }
 
-/// Two equilibria of the micro scale, the stiffer of which is entered by any trial state beyond `limit`, and left by none.
+/// Models two micro-scale equilibria: a trial state beyond `limit` enters the stiffer one, and no trial state leaves
+/// it.
 struct Bistable {
     formula: FormulaField,
     limit: f64,
@@ -177,7 +178,7 @@ impl PointField for Bistable {
         Ok(())
     }
 
-    /// From the committed state, which is never stiff, straight to these gradients.
+    /// Goes directly from the committed state, which is never stiff, to these gradients.
     fn verify(&mut self, gradients: &[Matrix3<f64>], out: &mut PointResponses) -> Result<bool, PointError> {
         assert_eq!(gradients, self.gradients);
         self.verifications += 1;
@@ -219,7 +220,7 @@ fn an_accepted_state_does_not_depend_on_trial_states() {
         let force = stepper.forces().surfaces.iter().find(|surface| surface.name == "x1").unwrap().force[0];
         (force, replaced)
     };
-    // A held start presses all of a step into the last cell.
+    // A held start moves the whole increment into the last cell.
     let (held, replaced) = run(StepStart::Held, 10);
     let (straight, none) = run(StepStart::Tangent, 10);
     assert!(replaced > 0 && none == 0, "{replaced} {none}");
@@ -228,7 +229,7 @@ fn an_accepted_state_does_not_depend_on_trial_states() {
     assert!((full_steps - straight).abs() < 1e-8 * straight.abs(), "{full_steps} {straight}");
 }
 
-/// Points whose stress changes after Newton has converged, without a word: a fault of the material.
+/// Models a faulty material that changes its stress after Newton has converged but reports no change.
 struct Deceptive(FormulaField);
 
 impl PointField for Deceptive {

@@ -1,10 +1,10 @@
-//! What is said of files whose sections are wrong.
+//! Error messages for files with invalid sections.
 
 use super::super::{Version, WriteOptions, to_writer};
 use super::{TEXT_2, TEXT_4, read, with};
 use crate::fem::mesh::shapes::cuboid;
 
-/// A file; where and what is wrong, what was expected, and the cure.
+/// A file; the position and description of its error, the expected content, and the cure.
 pub(super) type Case = (Vec<u8>, &'static str, &'static str, &'static str);
 
 pub(super) fn said(cases: Vec<Case>) {
@@ -221,7 +221,7 @@ fn binary_files_that_are_damaged() {
         bytes[at] = byte;
         bytes
     };
-    // The second byte of the word for the byte order; the sixth of how many nodes are in the first block.
+    // The second byte of the integer that encodes the byte order; the sixth byte of the node count of the first block.
     let (order, huge) = (changed(b"4.1 1 8\n", 1, 7), changed(b"$Nodes\n", 32 + 12 + 6, 1));
     said(vec![
         (

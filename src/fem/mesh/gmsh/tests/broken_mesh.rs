@@ -1,4 +1,4 @@
-//! What is said of nodes, elements and groups that are wrong.
+//! Error messages for invalid nodes, elements and groups.
 
 use super::broken::{four, said, two};
 use super::{TEXT_2, TEXT_4, with};

@@ -1,4 +1,4 @@
-//! Damaged files give errors, whatever the damage: no panic, no allocation on the word of a header.
+//! Damaged files cause errors, never panics or allocations of a size stated by a damaged header.
 
 use super::super::{Version, WriteOptions, to_writer};
 use super::{TEXT_2, TEXT_4, read};
@@ -38,7 +38,7 @@ fn any_byte_changed() {
             for change in [0x01, 0x10, 0x80, 0xff] {
                 let mut damaged = bytes.clone();
                 damaged[at] ^= change;
-                // Some changes make another good mesh.
+                // Some changes result in another valid mesh.
                 let _ = read(&damaged);
             }
             for byte in [b'\n', b' ', b'$', b'9', b'-', 0, 0x7f] {
@@ -58,7 +58,7 @@ fn counts_out_of_this_world() {
         (TEXT_4, &["Names\n2\n", "0 0 1 1\n", "\n2 4 10", "2 5 0 3\n", "\n2 2 1 2", "2 5 2 1\n", "1 1 1 5\n"][..]),
     ] {
         for piece in counts {
-            // Every number of the piece in turn.
+            // Replaces each number of the piece in turn.
             for (start, _) in piece.match_indices(|c: char| c.is_ascii_digit()) {
                 let mut changed = (*piece).to_owned();
                 changed.replace_range(start..=start, huge);

@@ -1,4 +1,4 @@
-//! What files may hold beside the plain case.
+//! Optional features of mesh files.
 
 use super::{TEXT_2, TEXT_4, read, with};
 
@@ -12,7 +12,7 @@ fn both_versions_of_one_mesh_are_the_same() {
     assert_eq!(two, four);
     assert_eq!(two.warnings, [""; 0]);
     assert_eq!(two.mesh.regions(), ["tissue"]);
-    // Turned: the file's 1 2 3 looks into the body.
+    // Reversed: the normal of 1 2 3 in the file points into the body.
     assert_eq!(two.mesh.surface("base").unwrap().triangles, [[0, 2, 1]]);
     assert_eq!(two.mesh.volume(), 1.0 / 6.0);
 }
@@ -86,7 +86,7 @@ fn regions_and_surfaces_come_in_the_order_of_their_numbers() {
     assert_eq!(mesh.regions(), ["tissue", "5"]);
     assert_eq!(mesh.region_of(), [1, 0]);
     assert_eq!(mesh.surface_names().collect::<Vec<_>>(), ["base", "3"]);
-    // Between two tetrahedra a triangle stays as it is.
+    // A triangle between two tetrahedra keeps its orientation.
     assert_eq!(mesh.surface("base").unwrap().triangles, [[1, 2, 3]]);
 }
 
@@ -107,7 +107,7 @@ fn parametric_blocks() {
     assert_eq!(read(text).unwrap(), read(TEXT_4).unwrap());
 }
 
-/// Numbers of a binary file in either byte order.
+/// Builds a binary file in either byte order.
 struct Bytes {
     bytes: Vec<u8>,
     big: bool,

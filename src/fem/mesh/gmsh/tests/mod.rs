@@ -35,7 +35,7 @@ $Elements
 $EndElements
 ";
 
-/// The same in version 4.1, with node tags that have gaps.
+/// The same mesh in version 4.1, with node tags that have gaps.
 const TEXT_4: &str = "\
 $MeshFormat
 4.1 0 8
@@ -76,7 +76,7 @@ fn read(bytes: impl AsRef<[u8]>) -> Result<MeshFile, InputError> {
     parse(bytes.as_ref(), Path::new("a.msh"))
 }
 
-/// A text with one piece of it exchanged, which must be there exactly once.
+/// Replaces a piece of a text that must occur exactly once.
 fn with(text: &str, old: &str, new: &str) -> String {
     assert_eq!(text.matches(old).count(), 1, "{old:?} is not once in the text");
     text.replace(old, new)

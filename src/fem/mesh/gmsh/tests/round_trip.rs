@@ -1,4 +1,4 @@
-//! What is written is read back the same.
+//! Round trips: a written mesh is read back unchanged.
 
 use super::super::{Version, WriteOptions, parse, read, to_writer, write, write_with};
 use crate::fem::mesh::shapes::{DogboneShape, cuboid, dogbone};
@@ -25,7 +25,7 @@ fn same_again(mesh: &Mesh) {
 #[test]
 fn shapes_come_back_in_every_format() {
     same_again(&cuboid([2, 1, 3], [0.1, 1.0 / 3.0, 1e-9]).unwrap());
-    // Its regions alternate along the elements.
+    // The regions alternate along the elements.
     same_again(&dogbone(&DogboneShape::default(), 0.004).unwrap());
 }
 
@@ -36,7 +36,7 @@ fn odd_names_shared_triangles_and_inner_surfaces_come_back() {
     let mut surfaces = plain.surfaces().to_vec();
     surfaces
         .push(Surface { name: "all $End of it: \u{e4}\u{2115} '`".into(), triangles: surfaces[0].triangles.clone() });
-    // Corner 0 of the second cell is node 1: a face between two cells.
+    // Corner 0 of the second cell is node 1; the triangle is a face between two cells.
     surfaces.push(Surface { name: "inner".into(), triangles: vec![[1, 4, 10]] });
     let regions = vec!["12".into(), "a b".into()];
     let mesh = Mesh::new(plain.nodes().to_vec(), plain.elements().to_vec(), region_of, regions, surfaces);
