@@ -63,14 +63,14 @@ module biotissue_las
     end function
     function las_create_pattern(rows, &
         cols, &
-        row_start, &
+        row_offsets, &
         columns, &
         pattern) bind(c) &
         result(outcome)
       import :: c_int, c_double, c_ptr, c_char, las_params
       integer(c_int), value :: rows
       integer(c_int), value :: cols
-      integer(c_int), intent(in) :: row_start(*)
+      integer(c_int), intent(in) :: row_offsets(*)
       integer(c_int), intent(in) :: columns(*)
       type(c_ptr), intent(out) :: pattern
       integer(c_int) :: outcome

@@ -19,7 +19,7 @@
 #include <stdlib.h>
 
 /**
- * All went well.
+ * Success.
  */
 #define LAS_OK 0
 
@@ -29,37 +29,38 @@
 #define LAS_NULL 1
 
 /**
- * A size is negative, or sizes do not fit each other.
+ * A size is negative, or sizes are inconsistent.
  */
 #define LAS_SIZE 2
 
 /**
- * An index is beyond the end.
+ * An index is out of range.
  */
 #define LAS_INDEX 3
 
 /**
- * The matrix is singular.
+ * The matrix is singular, or not positive definite where that is required.
  */
 #define LAS_SINGULAR 4
 
 /**
- * Iterations did not converge, or the matrix holds values that are not finite.
+ * An iterative method did not converge, the matrix is too ill-conditioned, or the matrix or right-hand side contains
+ * values that are not finite.
  */
 #define LAS_NOT_CONVERGED 5
 
 /**
- * There is nothing to solve with yet.
+ * The solver has not factored a matrix yet.
  */
 #define LAS_NOT_FACTORED 6
 
 /**
- * The backend cannot do that.
+ * The backend does not support the operation.
  */
 #define LAS_UNSUPPORTED 7
 
 /**
- * A file is wrong, or cannot be read or written.
+ * A file is invalid, or cannot be read or written.
  */
 #define LAS_FILE 8
 
@@ -69,17 +70,17 @@
 #define LAS_FAULT 9
 
 /**
- * A fault of this library.
+ * An internal error of this library.
  */
 #define LAS_PANIC 10
 
 /**
- * A parameter is none of those allowed.
+ * A parameter has none of the allowed values.
  */
 #define LAS_ARGUMENT 11
 
 /**
- * The matrix is symmetric, both of its triangles are stored, and it is positive definite in ordinary states.
+ * The matrix is symmetric, both of its triangles are stored, and it is normally positive definite.
  */
 #define LAS_DEFINITE 0
 
@@ -94,57 +95,58 @@
 #define LAS_UNSYMMETRIC 2
 
 /**
- * Solve by a factorization.
+ * Solve directly, by a factorization.
  */
 #define LAS_DIRECT 0
 
 /**
- * Solve by conjugate gradients.
+ * Solve by the conjugate gradient method (CG).
  */
 #define LAS_CG 1
 
 /**
- * Solve by stabilized biconjugate gradients.
+ * Solve by the stabilized biconjugate gradient method (BiCGSTAB).
  */
 #define LAS_BICGSTAB 2
 
 /**
- * Solve by generalized minimal residuals.
+ * Solve by the generalized minimal residual method (GMRES).
  */
 #define LAS_GMRES 3
 
 /**
- * Iterate with what suits the method: the diagonal for LAS_CG and for all methods of PETSc, LAS_ILUT for the others.
+ * Precondition by the default of the method: the diagonal for LAS_CG and for all methods of PETSc, LAS_ILUT for the
+ * others.
  */
 #define LAS_AUTO -1
 
 /**
- * Iterate without a preconditioner.
+ * Use no preconditioner.
  */
 #define LAS_NONE 0
 
 /**
- * Iterate with the inverse of the diagonal.
+ * Precondition by the inverse of the diagonal.
  */
 #define LAS_DIAGONAL 1
 
 /**
- * Iterate with an incomplete factorization.
+ * Precondition by an incomplete factorization.
  */
 #define LAS_ILUT 2
 
 /**
- * Iterate with algebraic multigrid.
+ * Precondition by algebraic multigrid.
  */
 #define LAS_MULTIGRID 3
 
 /**
- * The backend: what vectors, matrices and solvers are made with.
+ * The backend, with which vectors, matrices and solvers are created.
  */
 typedef struct las_batched las_batched;
 
 /**
- * The backend: what vectors, matrices and solvers are made with.
+ * The backend, with which vectors, matrices and solvers are created.
  */
 typedef struct las_dense las_dense;
 
@@ -169,32 +171,32 @@ typedef struct las_mat_petsc las_mat_petsc;
 typedef struct las_mat_sparse las_mat_sparse;
 
 /**
- * Which entries of a matrix can be other than zero; shared by all backends.
+ * A sparsity pattern, shared by all backends.
  */
 typedef struct las_pattern las_pattern;
 
 /**
- * The backend: what vectors, matrices and solvers are made with.
+ * The backend, with which vectors, matrices and solvers are created.
  */
 typedef struct las_petsc las_petsc;
 
 /**
- * Positions in matrices of one pattern, located once.
+ * Positions of entries in matrices of one pattern, located once.
  */
 typedef struct las_slots_batched las_slots_batched;
 
 /**
- * Positions in matrices of one pattern, located once.
+ * Positions of entries in matrices of one pattern, located once.
  */
 typedef struct las_slots_dense las_slots_dense;
 
 /**
- * Positions in matrices of one pattern, located once.
+ * Positions of entries in matrices of one pattern, located once.
  */
 typedef struct las_slots_petsc las_slots_petsc;
 
 /**
- * Positions in matrices of one pattern, located once.
+ * Positions of entries in matrices of one pattern, located once.
  */
 typedef struct las_slots_sparse las_slots_sparse;
 
@@ -219,7 +221,7 @@ typedef struct las_solver_petsc las_solver_petsc;
 typedef struct las_solver_sparse las_solver_sparse;
 
 /**
- * The backend: what vectors, matrices and solvers are made with.
+ * The backend, with which vectors, matrices and solvers are created.
  */
 typedef struct las_sparse las_sparse;
 
@@ -244,7 +246,7 @@ typedef struct las_vec_petsc las_vec_petsc;
 typedef struct las_vec_sparse las_vec_sparse;
 
 /**
- * How a system is to be solved; las_default_params fills it in.
+ * The solver parameters; las_default_params sets the defaults.
  */
 typedef struct las_params {
   /**
@@ -260,23 +262,23 @@ typedef struct las_params {
    */
   int32_t preconditioner;
   /**
-   * Steps of GMRES between restarts.
+   * Number of GMRES steps between restarts.
    */
   int32_t restart;
   /**
-   * Entries that a row of an incomplete factor keeps.
+   * Number of entries that a row of an incomplete factor keeps.
    */
   int32_t fill;
   /**
-   * Iterations after which to give up.
+   * Largest number of iterations.
    */
   int32_t max_iterations;
   /**
-   * Entries below this part of their row are dropped from an incomplete factor.
+   * Entries below this fraction of their row are dropped from an incomplete factor.
    */
   double drop_tolerance;
   /**
-   * Residual over right-hand side at which to stop.
+   * Norm of the residual over that of the right-hand side at which the iteration stops.
    */
   double tolerance;
 } las_params;
@@ -286,33 +288,34 @@ extern "C" {
 #endif // __cplusplus
 
 /**
- * What went wrong in the last call of this thread that did not return LAS_OK. The text lives until the next such call.
+ * Returns the message of the last call of this thread that did not return LAS_OK. The text is valid until the next
+ * such call.
  */
 const char *las_message(void);
 
 /**
- * The version of this library, such as "0.1.0".
+ * Returns the version of this library, such as "0.1.0".
  */
 const char *las_version(void);
 
 /**
- * Fills in the defaults: a definite matrix, solved directly; iterations to 1e-10 with what suits the method, ILUT(1e-3, 20)
- * where it is that.
+ * Sets the defaults: a definite matrix, solved directly. For iterative methods: tolerance 1e-10, the default
+ * preconditioner of the method, and ILUT(1e-3, 20) if that is ILUT.
  */
 int32_t las_default_params(struct las_params *params);
 
 /**
- * Makes a pattern from compressed rows: row_start has rows + 1 entries, the last of which is the number of entries; the
- * columns of a row ascend. All count from 0.
+ * Creates a pattern from compressed rows: row_offsets has rows + 1 entries, the last of which is the number of
+ * entries; the columns of a row ascend. All indices count from 0.
  */
 int32_t las_create_pattern(int32_t rows,
                            int32_t cols,
-                           const int32_t *row_start,
+                           const int32_t *row_offsets,
                            const int32_t *columns,
                            struct las_pattern **pattern);
 
 /**
- * Makes the square pattern of elements that each couple all of their unknowns: element k has the unknowns
+ * Creates the square pattern of elements, each of which couples all of its unknowns: element k has the unknowns
  * unknowns[element_start[k]] to unknowns[element_start[k + 1] - 1]; negative ones are constrained.
  */
 int32_t las_create_pattern_of_elements(int32_t size_of_system,
@@ -327,7 +330,7 @@ int32_t las_create_pattern_of_elements(int32_t size_of_system,
 int32_t las_destroy_pattern(struct las_pattern *pattern);
 
 /**
- * Makes the backend. Free it after all that was made with it.
+ * Creates the backend. Free it after all objects created with it.
  */
 int32_t las_create_sparse(struct las_sparse **las);
 
@@ -337,7 +340,7 @@ int32_t las_create_sparse(struct las_sparse **las);
 int32_t las_destroy_sparse(struct las_sparse *las);
 
 /**
- * Makes a vector of `len` zeros.
+ * Creates a vector of `len` zeros.
  */
 int32_t las_create_vec_sparse(const struct las_sparse *las,
                               int32_t len,
@@ -349,7 +352,7 @@ int32_t las_create_vec_sparse(const struct las_sparse *las,
 int32_t las_destroy_vec_sparse(struct las_vec_sparse *vec);
 
 /**
- * Tells the number of entries of a vector.
+ * Returns the number of entries of a vector.
  */
 int32_t las_len_vec_sparse(const struct las_vec_sparse *vec, int32_t *len);
 
@@ -359,7 +362,7 @@ int32_t las_len_vec_sparse(const struct las_vec_sparse *vec, int32_t *len);
 int32_t las_zero_vec_sparse(struct las_vec_sparse *vec);
 
 /**
- * y[rows[i]] += values[i]; a negative row is dropped.
+ * y[rows[i]] += values[i]; negative rows are ignored.
  */
 int32_t las_add_vec_sparse(struct las_vec_sparse *vec,
                            int32_t count,
@@ -367,7 +370,7 @@ int32_t las_add_vec_sparse(struct las_vec_sparse *vec,
                            const double *values);
 
 /**
- * y[rows[i]] = values[i]; a negative row is dropped.
+ * y[rows[i]] = values[i]; negative rows are ignored.
  */
 int32_t las_set_vec_sparse(struct las_vec_sparse *vec,
                            int32_t count,
@@ -375,7 +378,7 @@ int32_t las_set_vec_sparse(struct las_vec_sparse *vec,
                            const double *values);
 
 /**
- * values[i] = y[rows[i]]; where a row is negative, the value stays what it was.
+ * values[i] = y[rows[i]]; if a row is negative, the value does not change.
  */
 int32_t las_get_vec_sparse(const struct las_vec_sparse *vec,
                            int32_t count,
@@ -383,17 +386,17 @@ int32_t las_get_vec_sparse(const struct las_vec_sparse *vec,
                            double *values);
 
 /**
- * Lends the array of the entries, until the vector is next used.
+ * Returns the array of the entries; it is valid until the next use of the vector.
  */
 int32_t las_local_vec_sparse(struct las_vec_sparse *vec, double **values);
 
 /**
- * The Euclidean norm: one number, on `batched` one for each of the four lanes.
+ * Returns the Euclidean norm: one number, or with `batched` one for each of the four lanes.
  */
 int32_t las_norm_sparse(const struct las_vec_sparse *vec, double *norm);
 
 /**
- * The sum of x[i] y[i]: one number, on `batched` one for each of the four lanes.
+ * Returns the sum of x[i] y[i]: one number, or with `batched` one for each of the four lanes.
  */
 int32_t las_dot_sparse(const struct las_vec_sparse *x, const struct las_vec_sparse *y, double *dot);
 
@@ -408,7 +411,7 @@ int32_t las_axpy_sparse(double a, const struct las_vec_sparse *x, struct las_vec
 int32_t las_finish_vec_sparse(struct las_vec_sparse *vec);
 
 /**
- * Makes a matrix of zeros with a pattern, which may be freed.
+ * Creates a zero matrix with a pattern, which may be freed afterward.
  */
 int32_t las_create_mat_sparse(const struct las_sparse *las,
                               const struct las_pattern *pattern,
@@ -420,23 +423,23 @@ int32_t las_create_mat_sparse(const struct las_sparse *las,
 int32_t las_destroy_mat_sparse(struct las_mat_sparse *mat);
 
 /**
- * Tells the numbers of rows and columns of a matrix.
+ * Returns the numbers of rows and columns of a matrix.
  */
 int32_t las_shape_mat_sparse(const struct las_mat_sparse *mat, int32_t *rows, int32_t *cols);
 
 /**
- * A = 0; the pattern stays.
+ * A = 0; the pattern does not change.
  */
 int32_t las_zero_mat_sparse(struct las_mat_sparse *mat);
 
 /**
- * Zeroes whole rows; the pattern stays.
+ * Sets whole rows to zero; the pattern does not change.
  */
 int32_t las_zero_rows_sparse(struct las_mat_sparse *mat, int32_t count, const int32_t *rows);
 
 /**
- * A[rows[i], cols[j]] += block[i * cols_count + j]; negative rows and columns are dropped, and so is what is not in the
- * pattern (a library that is built with checks says LAS_INDEX).
+ * A[rows[i], cols[j]] += block[i * cols_count + j]; negative rows and columns are ignored, and so are entries outside
+ * the pattern (a library built with debug assertions returns LAS_INDEX for the latter).
  */
 int32_t las_add_mat_sparse(struct las_mat_sparse *mat,
                            int32_t rows_count,
@@ -446,8 +449,8 @@ int32_t las_add_mat_sparse(struct las_mat_sparse *mat,
                            const double *block);
 
 /**
- * A[rows[i], cols[j]] = block[i * cols_count + j]; negative rows and columns are dropped, and so is what is not in the
- * pattern (a library that is built with checks says LAS_INDEX).
+ * A[rows[i], cols[j]] = block[i * cols_count + j]; negative rows and columns are ignored, and so are entries outside
+ * the pattern (a library built with debug assertions returns LAS_INDEX for the latter).
  */
 int32_t las_set_mat_sparse(struct las_mat_sparse *mat,
                            int32_t rows_count,
@@ -457,8 +460,8 @@ int32_t las_set_mat_sparse(struct las_mat_sparse *mat,
                            const double *block);
 
 /**
- * block[i * cols_count + j] = A[rows[i], cols[j]], zero outside the pattern; where a row or column is negative, the value
- * stays what it was.
+ * block[i * cols_count + j] = A[rows[i], cols[j]], zero outside the pattern; if a row or column is negative, the value
+ * does not change.
  */
 int32_t las_get_mat_sparse(const struct las_mat_sparse *mat,
                            int32_t rows_count,
@@ -468,7 +471,7 @@ int32_t las_get_mat_sparse(const struct las_mat_sparse *mat,
                            double *block);
 
 /**
- * Makes an empty list of positions.
+ * Creates an empty list of positions.
  */
 int32_t las_create_slots_sparse(struct las_slots_sparse **slots);
 
@@ -478,8 +481,9 @@ int32_t las_create_slots_sparse(struct las_slots_sparse **slots);
 int32_t las_destroy_slots_sparse(struct las_slots_sparse *slots);
 
 /**
- * Appends the positions of a block, row by row, to a list; for what is negative or not in the pattern, a position of
- * nothing (a library that is built with checks says LAS_INDEX for the latter).
+ * Appends the positions of a block, row by row, to a list; a negative index or an entry outside the pattern gets a
+ * position at which contributions are dropped (a library built with debug assertions returns LAS_INDEX for the
+ * latter).
  */
 int32_t las_locate_sparse(const struct las_mat_sparse *mat,
                           int32_t rows_count,
@@ -489,7 +493,7 @@ int32_t las_locate_sparse(const struct las_mat_sparse *mat,
                           struct las_slots_sparse *slots);
 
 /**
- * A[slots[first + k]] += values[k] for as many values as there are; the positions come from a matrix of the same pattern.
+ * A[slots[first + k]] += values[k] for k < count; the positions come from a matrix with the same pattern.
  */
 int32_t las_add_at_sparse(struct las_mat_sparse *mat,
                           const struct las_slots_sparse *slots,
@@ -503,36 +507,36 @@ int32_t las_add_at_sparse(struct las_mat_sparse *mat,
 int32_t las_finish_mat_sparse(struct las_mat_sparse *mat);
 
 /**
- * y = A x; x and y must not be the same vector.
+ * Computes y = A x; x and y must not be the same vector.
  */
 int32_t las_mul_sparse(const struct las_mat_sparse *mat,
                        const struct las_vec_sparse *x,
                        struct las_vec_sparse *y);
 
 /**
- * y = A^T x; x and y must not be the same vector.
+ * Computes y = A^T x; x and y must not be the same vector.
  */
 int32_t las_mul_transpose_sparse(const struct las_mat_sparse *mat,
                                  const struct las_vec_sparse *x,
                                  struct las_vec_sparse *y);
 
 /**
- * d[i] = A[i, i].
+ * Copies the diagonal: d[i] = A[i, i].
  */
 int32_t las_diagonal_sparse(const struct las_mat_sparse *mat, struct las_vec_sparse *d);
 
 /**
- * d[i] = 1 / A[i, i].
+ * Inverts the diagonal: d[i] = 1 / A[i, i].
  */
 int32_t las_inverse_diagonal_sparse(const struct las_mat_sparse *mat, struct las_vec_sparse *d);
 
 /**
- * A *= factor.
+ * Scales the matrix: A *= factor.
  */
 int32_t las_scale_sparse(struct las_mat_sparse *mat, double factor);
 
 /**
- * Makes the matrix a A + b B.
+ * Creates the matrix a A + b B.
  */
 int32_t las_sum_sparse(double a,
                        const struct las_mat_sparse *first,
@@ -541,31 +545,31 @@ int32_t las_sum_sparse(double a,
                        struct las_mat_sparse **sum);
 
 /**
- * Makes the matrix A B.
+ * Creates the matrix A B.
  */
 int32_t las_product_sparse(const struct las_mat_sparse *first,
                            const struct las_mat_sparse *second,
                            struct las_mat_sparse **product);
 
 /**
- * Makes the matrix A^T.
+ * Creates the matrix A^T.
  */
 int32_t las_transpose_sparse(const struct las_mat_sparse *mat, struct las_mat_sparse **transpose);
 
 /**
- * Reads a matrix from a Matrix Market file.
+ * Creates a matrix from a Matrix Market file.
  */
 int32_t las_read_mat_sparse(const struct las_sparse *las,
                             const char *file,
                             struct las_mat_sparse **mat);
 
 /**
- * Writes a matrix as a Matrix Market file.
+ * Writes a matrix to a Matrix Market file.
  */
 int32_t las_write_mat_sparse(const struct las_mat_sparse *mat, const char *file);
 
 /**
- * Makes a solver for matrices of a pattern, which may be freed.
+ * Creates a solver for matrices with a pattern, which may be freed afterward.
  */
 int32_t las_create_solver_sparse(const struct las_sparse *las,
                                  const struct las_pattern *pattern,
@@ -578,21 +582,22 @@ int32_t las_create_solver_sparse(const struct las_sparse *las,
 int32_t las_destroy_solver_sparse(struct las_solver_sparse *solver);
 
 /**
- * Factors a matrix of the solver's pattern, or makes what an iterative method needs.
+ * Factors a matrix with the solver's pattern, or computes the preconditioner of an iterative method.
  */
-int32_t las_factor_sparse(struct las_solver_sparse *solver, const struct las_mat_sparse *mat);
+int32_t las_factor_sparse(struct las_solver_sparse *solver,
+                          const struct las_mat_sparse *mat);
 
 /**
- * Factors a matrix of the solver's pattern if it is positive definite; LAS_SINGULAR if it is not, LAS_UNSUPPORTED if it is
- * stated to be LAS_UNSYMMETRIC.
+ * Factors a matrix with the solver's pattern if it is positive definite. Returns LAS_SINGULAR if it is not,
+ * LAS_UNSUPPORTED if it is declared LAS_UNSYMMETRIC.
  */
 int32_t las_factor_definite_sparse(struct las_solver_sparse *solver,
                                    const struct las_mat_sparse *mat);
 
 /**
- * A x = b, with the matrix factored last; b and x must not be the same vector. Tells the iterations of an iterative method
- * and the residual that it left, over the right-hand side (0 both for a direct one, which does not look); null pointers there
- * are allowed.
+ * Solves A x = b with the matrix factored last; b and x must not be the same vector. Returns the number of iterations
+ * of an iterative method and the norm of its final residual over that of the right-hand side (both 0 for a direct
+ * method, which does not compute the residual); these two pointers may be null.
  */
 int32_t las_solve_sparse(struct las_solver_sparse *solver,
                          const struct las_vec_sparse *b,
@@ -601,7 +606,8 @@ int32_t las_solve_sparse(struct las_solver_sparse *solver,
                          double *residual);
 
 /**
- * A x[k] = b[k] for several right-hand sides at once; those before one that fails are solved. No vector may stand twice among x, or in both.
+ * Solves A x[k] = b[k] for several right-hand sides at once; if one fails, those before it are solved. No vector may
+ * occur twice in x, or in both b and x.
  */
 int32_t las_solve_many_sparse(struct las_solver_sparse *solver,
                               int32_t count_of_sides,
@@ -609,7 +615,7 @@ int32_t las_solve_many_sparse(struct las_solver_sparse *solver,
                               struct las_vec_sparse *const *x);
 
 /**
- * Makes the backend. Free it after all that was made with it.
+ * Creates the backend. Free it after all objects created with it.
  */
 int32_t las_create_dense(struct las_dense **las);
 
@@ -619,7 +625,7 @@ int32_t las_create_dense(struct las_dense **las);
 int32_t las_destroy_dense(struct las_dense *las);
 
 /**
- * Makes a vector of `len` zeros.
+ * Creates a vector of `len` zeros.
  */
 int32_t las_create_vec_dense(const struct las_dense *las, int32_t len, struct las_vec_dense **vec);
 
@@ -629,7 +635,7 @@ int32_t las_create_vec_dense(const struct las_dense *las, int32_t len, struct la
 int32_t las_destroy_vec_dense(struct las_vec_dense *vec);
 
 /**
- * Tells the number of entries of a vector.
+ * Returns the number of entries of a vector.
  */
 int32_t las_len_vec_dense(const struct las_vec_dense *vec, int32_t *len);
 
@@ -639,7 +645,7 @@ int32_t las_len_vec_dense(const struct las_vec_dense *vec, int32_t *len);
 int32_t las_zero_vec_dense(struct las_vec_dense *vec);
 
 /**
- * y[rows[i]] += values[i]; a negative row is dropped.
+ * y[rows[i]] += values[i]; negative rows are ignored.
  */
 int32_t las_add_vec_dense(struct las_vec_dense *vec,
                           int32_t count,
@@ -647,7 +653,7 @@ int32_t las_add_vec_dense(struct las_vec_dense *vec,
                           const double *values);
 
 /**
- * y[rows[i]] = values[i]; a negative row is dropped.
+ * y[rows[i]] = values[i]; negative rows are ignored.
  */
 int32_t las_set_vec_dense(struct las_vec_dense *vec,
                           int32_t count,
@@ -655,7 +661,7 @@ int32_t las_set_vec_dense(struct las_vec_dense *vec,
                           const double *values);
 
 /**
- * values[i] = y[rows[i]]; where a row is negative, the value stays what it was.
+ * values[i] = y[rows[i]]; if a row is negative, the value does not change.
  */
 int32_t las_get_vec_dense(const struct las_vec_dense *vec,
                           int32_t count,
@@ -663,17 +669,17 @@ int32_t las_get_vec_dense(const struct las_vec_dense *vec,
                           double *values);
 
 /**
- * Lends the array of the entries, until the vector is next used.
+ * Returns the array of the entries; it is valid until the next use of the vector.
  */
 int32_t las_local_vec_dense(struct las_vec_dense *vec, double **values);
 
 /**
- * The Euclidean norm: one number, on `batched` one for each of the four lanes.
+ * Returns the Euclidean norm: one number, or with `batched` one for each of the four lanes.
  */
 int32_t las_norm_dense(const struct las_vec_dense *vec, double *norm);
 
 /**
- * The sum of x[i] y[i]: one number, on `batched` one for each of the four lanes.
+ * Returns the sum of x[i] y[i]: one number, or with `batched` one for each of the four lanes.
  */
 int32_t las_dot_dense(const struct las_vec_dense *x, const struct las_vec_dense *y, double *dot);
 
@@ -688,7 +694,7 @@ int32_t las_axpy_dense(double a, const struct las_vec_dense *x, struct las_vec_d
 int32_t las_finish_vec_dense(struct las_vec_dense *vec);
 
 /**
- * Makes a matrix of zeros with a pattern, which may be freed.
+ * Creates a zero matrix with a pattern, which may be freed afterward.
  */
 int32_t las_create_mat_dense(const struct las_dense *las,
                              const struct las_pattern *pattern,
@@ -700,23 +706,23 @@ int32_t las_create_mat_dense(const struct las_dense *las,
 int32_t las_destroy_mat_dense(struct las_mat_dense *mat);
 
 /**
- * Tells the numbers of rows and columns of a matrix.
+ * Returns the numbers of rows and columns of a matrix.
  */
 int32_t las_shape_mat_dense(const struct las_mat_dense *mat, int32_t *rows, int32_t *cols);
 
 /**
- * A = 0; the pattern stays.
+ * A = 0; the pattern does not change.
  */
 int32_t las_zero_mat_dense(struct las_mat_dense *mat);
 
 /**
- * Zeroes whole rows; the pattern stays.
+ * Sets whole rows to zero; the pattern does not change.
  */
 int32_t las_zero_rows_dense(struct las_mat_dense *mat, int32_t count, const int32_t *rows);
 
 /**
- * A[rows[i], cols[j]] += block[i * cols_count + j]; negative rows and columns are dropped, and so is what is not in the
- * pattern (a library that is built with checks says LAS_INDEX).
+ * A[rows[i], cols[j]] += block[i * cols_count + j]; negative rows and columns are ignored, and so are entries outside
+ * the pattern (a library built with debug assertions returns LAS_INDEX for the latter).
  */
 int32_t las_add_mat_dense(struct las_mat_dense *mat,
                           int32_t rows_count,
@@ -726,8 +732,8 @@ int32_t las_add_mat_dense(struct las_mat_dense *mat,
                           const double *block);
 
 /**
- * A[rows[i], cols[j]] = block[i * cols_count + j]; negative rows and columns are dropped, and so is what is not in the
- * pattern (a library that is built with checks says LAS_INDEX).
+ * A[rows[i], cols[j]] = block[i * cols_count + j]; negative rows and columns are ignored, and so are entries outside
+ * the pattern (a library built with debug assertions returns LAS_INDEX for the latter).
  */
 int32_t las_set_mat_dense(struct las_mat_dense *mat,
                           int32_t rows_count,
@@ -737,8 +743,8 @@ int32_t las_set_mat_dense(struct las_mat_dense *mat,
                           const double *block);
 
 /**
- * block[i * cols_count + j] = A[rows[i], cols[j]], zero outside the pattern; where a row or column is negative, the value
- * stays what it was.
+ * block[i * cols_count + j] = A[rows[i], cols[j]], zero outside the pattern; if a row or column is negative, the value
+ * does not change.
  */
 int32_t las_get_mat_dense(const struct las_mat_dense *mat,
                           int32_t rows_count,
@@ -748,7 +754,7 @@ int32_t las_get_mat_dense(const struct las_mat_dense *mat,
                           double *block);
 
 /**
- * Makes an empty list of positions.
+ * Creates an empty list of positions.
  */
 int32_t las_create_slots_dense(struct las_slots_dense **slots);
 
@@ -758,8 +764,9 @@ int32_t las_create_slots_dense(struct las_slots_dense **slots);
 int32_t las_destroy_slots_dense(struct las_slots_dense *slots);
 
 /**
- * Appends the positions of a block, row by row, to a list; for what is negative or not in the pattern, a position of
- * nothing (a library that is built with checks says LAS_INDEX for the latter).
+ * Appends the positions of a block, row by row, to a list; a negative index or an entry outside the pattern gets a
+ * position at which contributions are dropped (a library built with debug assertions returns LAS_INDEX for the
+ * latter).
  */
 int32_t las_locate_dense(const struct las_mat_dense *mat,
                          int32_t rows_count,
@@ -769,7 +776,7 @@ int32_t las_locate_dense(const struct las_mat_dense *mat,
                          struct las_slots_dense *slots);
 
 /**
- * A[slots[first + k]] += values[k] for as many values as there are; the positions come from a matrix of the same pattern.
+ * A[slots[first + k]] += values[k] for k < count; the positions come from a matrix with the same pattern.
  */
 int32_t las_add_at_dense(struct las_mat_dense *mat,
                          const struct las_slots_dense *slots,
@@ -783,36 +790,36 @@ int32_t las_add_at_dense(struct las_mat_dense *mat,
 int32_t las_finish_mat_dense(struct las_mat_dense *mat);
 
 /**
- * y = A x; x and y must not be the same vector.
+ * Computes y = A x; x and y must not be the same vector.
  */
 int32_t las_mul_dense(const struct las_mat_dense *mat,
                       const struct las_vec_dense *x,
                       struct las_vec_dense *y);
 
 /**
- * y = A^T x; x and y must not be the same vector.
+ * Computes y = A^T x; x and y must not be the same vector.
  */
 int32_t las_mul_transpose_dense(const struct las_mat_dense *mat,
                                 const struct las_vec_dense *x,
                                 struct las_vec_dense *y);
 
 /**
- * d[i] = A[i, i].
+ * Copies the diagonal: d[i] = A[i, i].
  */
 int32_t las_diagonal_dense(const struct las_mat_dense *mat, struct las_vec_dense *d);
 
 /**
- * d[i] = 1 / A[i, i].
+ * Inverts the diagonal: d[i] = 1 / A[i, i].
  */
 int32_t las_inverse_diagonal_dense(const struct las_mat_dense *mat, struct las_vec_dense *d);
 
 /**
- * A *= factor.
+ * Scales the matrix: A *= factor.
  */
 int32_t las_scale_dense(struct las_mat_dense *mat, double factor);
 
 /**
- * Makes the matrix a A + b B.
+ * Creates the matrix a A + b B.
  */
 int32_t las_sum_dense(double a,
                       const struct las_mat_dense *first,
@@ -821,31 +828,31 @@ int32_t las_sum_dense(double a,
                       struct las_mat_dense **sum);
 
 /**
- * Makes the matrix A B.
+ * Creates the matrix A B.
  */
 int32_t las_product_dense(const struct las_mat_dense *first,
                           const struct las_mat_dense *second,
                           struct las_mat_dense **product);
 
 /**
- * Makes the matrix A^T.
+ * Creates the matrix A^T.
  */
 int32_t las_transpose_dense(const struct las_mat_dense *mat, struct las_mat_dense **transpose);
 
 /**
- * Reads a matrix from a Matrix Market file.
+ * Creates a matrix from a Matrix Market file.
  */
 int32_t las_read_mat_dense(const struct las_dense *las,
                            const char *file,
                            struct las_mat_dense **mat);
 
 /**
- * Writes a matrix as a Matrix Market file.
+ * Writes a matrix to a Matrix Market file.
  */
 int32_t las_write_mat_dense(const struct las_mat_dense *mat, const char *file);
 
 /**
- * Makes a solver for matrices of a pattern, which may be freed.
+ * Creates a solver for matrices with a pattern, which may be freed afterward.
  */
 int32_t las_create_solver_dense(const struct las_dense *las,
                                 const struct las_pattern *pattern,
@@ -858,21 +865,22 @@ int32_t las_create_solver_dense(const struct las_dense *las,
 int32_t las_destroy_solver_dense(struct las_solver_dense *solver);
 
 /**
- * Factors a matrix of the solver's pattern, or makes what an iterative method needs.
+ * Factors a matrix with the solver's pattern, or computes the preconditioner of an iterative method.
  */
-int32_t las_factor_dense(struct las_solver_dense *solver, const struct las_mat_dense *mat);
+int32_t las_factor_dense(struct las_solver_dense *solver,
+                         const struct las_mat_dense *mat);
 
 /**
- * Factors a matrix of the solver's pattern if it is positive definite; LAS_SINGULAR if it is not, LAS_UNSUPPORTED if it is
- * stated to be LAS_UNSYMMETRIC.
+ * Factors a matrix with the solver's pattern if it is positive definite. Returns LAS_SINGULAR if it is not,
+ * LAS_UNSUPPORTED if it is declared LAS_UNSYMMETRIC.
  */
 int32_t las_factor_definite_dense(struct las_solver_dense *solver,
                                   const struct las_mat_dense *mat);
 
 /**
- * A x = b, with the matrix factored last; b and x must not be the same vector. Tells the iterations of an iterative method
- * and the residual that it left, over the right-hand side (0 both for a direct one, which does not look); null pointers there
- * are allowed.
+ * Solves A x = b with the matrix factored last; b and x must not be the same vector. Returns the number of iterations
+ * of an iterative method and the norm of its final residual over that of the right-hand side (both 0 for a direct
+ * method, which does not compute the residual); these two pointers may be null.
  */
 int32_t las_solve_dense(struct las_solver_dense *solver,
                         const struct las_vec_dense *b,
@@ -881,7 +889,8 @@ int32_t las_solve_dense(struct las_solver_dense *solver,
                         double *residual);
 
 /**
- * A x[k] = b[k] for several right-hand sides at once; those before one that fails are solved. No vector may stand twice among x, or in both.
+ * Solves A x[k] = b[k] for several right-hand sides at once; if one fails, those before it are solved. No vector may
+ * occur twice in x, or in both b and x.
  */
 int32_t las_solve_many_dense(struct las_solver_dense *solver,
                              int32_t count_of_sides,
@@ -889,7 +898,7 @@ int32_t las_solve_many_dense(struct las_solver_dense *solver,
                              struct las_vec_dense *const *x);
 
 /**
- * Makes the backend. Free it after all that was made with it.
+ * Creates the backend. Free it after all objects created with it.
  */
 int32_t las_create_batched(struct las_batched **las);
 
@@ -899,7 +908,7 @@ int32_t las_create_batched(struct las_batched **las);
 int32_t las_destroy_batched(struct las_batched *las);
 
 /**
- * Makes a vector of `len` zeros.
+ * Creates a vector of `len` zeros.
  */
 int32_t las_create_vec_batched(const struct las_batched *las,
                                int32_t len,
@@ -911,7 +920,7 @@ int32_t las_create_vec_batched(const struct las_batched *las,
 int32_t las_destroy_vec_batched(struct las_vec_batched *vec);
 
 /**
- * Tells the number of entries of a vector.
+ * Returns the number of entries of a vector.
  */
 int32_t las_len_vec_batched(const struct las_vec_batched *vec, int32_t *len);
 
@@ -921,7 +930,7 @@ int32_t las_len_vec_batched(const struct las_vec_batched *vec, int32_t *len);
 int32_t las_zero_vec_batched(struct las_vec_batched *vec);
 
 /**
- * y[rows[i]] += values[i]; a negative row is dropped.
+ * y[rows[i]] += values[i]; negative rows are ignored.
  */
 int32_t las_add_vec_batched(struct las_vec_batched *vec,
                             int32_t count,
@@ -929,7 +938,7 @@ int32_t las_add_vec_batched(struct las_vec_batched *vec,
                             const double *values);
 
 /**
- * y[rows[i]] = values[i]; a negative row is dropped.
+ * y[rows[i]] = values[i]; negative rows are ignored.
  */
 int32_t las_set_vec_batched(struct las_vec_batched *vec,
                             int32_t count,
@@ -937,7 +946,7 @@ int32_t las_set_vec_batched(struct las_vec_batched *vec,
                             const double *values);
 
 /**
- * values[i] = y[rows[i]]; where a row is negative, the value stays what it was.
+ * values[i] = y[rows[i]]; if a row is negative, the value does not change.
  */
 int32_t las_get_vec_batched(const struct las_vec_batched *vec,
                             int32_t count,
@@ -945,17 +954,17 @@ int32_t las_get_vec_batched(const struct las_vec_batched *vec,
                             double *values);
 
 /**
- * Lends the array of the entries, until the vector is next used.
+ * Returns the array of the entries; it is valid until the next use of the vector.
  */
 int32_t las_local_vec_batched(struct las_vec_batched *vec, double **values);
 
 /**
- * The Euclidean norm: one number, on `batched` one for each of the four lanes.
+ * Returns the Euclidean norm: one number, or with `batched` one for each of the four lanes.
  */
 int32_t las_norm_batched(const struct las_vec_batched *vec, double *norm);
 
 /**
- * The sum of x[i] y[i]: one number, on `batched` one for each of the four lanes.
+ * Returns the sum of x[i] y[i]: one number, or with `batched` one for each of the four lanes.
  */
 int32_t las_dot_batched(const struct las_vec_batched *x,
                         const struct las_vec_batched *y,
@@ -972,7 +981,7 @@ int32_t las_axpy_batched(double a, const struct las_vec_batched *x, struct las_v
 int32_t las_finish_vec_batched(struct las_vec_batched *vec);
 
 /**
- * Makes a matrix of zeros with a pattern, which may be freed.
+ * Creates a zero matrix with a pattern, which may be freed afterward.
  */
 int32_t las_create_mat_batched(const struct las_batched *las,
                                const struct las_pattern *pattern,
@@ -984,23 +993,23 @@ int32_t las_create_mat_batched(const struct las_batched *las,
 int32_t las_destroy_mat_batched(struct las_mat_batched *mat);
 
 /**
- * Tells the numbers of rows and columns of a matrix.
+ * Returns the numbers of rows and columns of a matrix.
  */
 int32_t las_shape_mat_batched(const struct las_mat_batched *mat, int32_t *rows, int32_t *cols);
 
 /**
- * A = 0; the pattern stays.
+ * A = 0; the pattern does not change.
  */
 int32_t las_zero_mat_batched(struct las_mat_batched *mat);
 
 /**
- * Zeroes whole rows; the pattern stays.
+ * Sets whole rows to zero; the pattern does not change.
  */
 int32_t las_zero_rows_batched(struct las_mat_batched *mat, int32_t count, const int32_t *rows);
 
 /**
- * A[rows[i], cols[j]] += block[i * cols_count + j]; negative rows and columns are dropped, and so is what is not in the
- * pattern (a library that is built with checks says LAS_INDEX).
+ * A[rows[i], cols[j]] += block[i * cols_count + j]; negative rows and columns are ignored, and so are entries outside
+ * the pattern (a library built with debug assertions returns LAS_INDEX for the latter).
  */
 int32_t las_add_mat_batched(struct las_mat_batched *mat,
                             int32_t rows_count,
@@ -1010,8 +1019,8 @@ int32_t las_add_mat_batched(struct las_mat_batched *mat,
                             const double *block);
 
 /**
- * A[rows[i], cols[j]] = block[i * cols_count + j]; negative rows and columns are dropped, and so is what is not in the
- * pattern (a library that is built with checks says LAS_INDEX).
+ * A[rows[i], cols[j]] = block[i * cols_count + j]; negative rows and columns are ignored, and so are entries outside
+ * the pattern (a library built with debug assertions returns LAS_INDEX for the latter).
  */
 int32_t las_set_mat_batched(struct las_mat_batched *mat,
                             int32_t rows_count,
@@ -1021,8 +1030,8 @@ int32_t las_set_mat_batched(struct las_mat_batched *mat,
                             const double *block);
 
 /**
- * block[i * cols_count + j] = A[rows[i], cols[j]], zero outside the pattern; where a row or column is negative, the value
- * stays what it was.
+ * block[i * cols_count + j] = A[rows[i], cols[j]], zero outside the pattern; if a row or column is negative, the value
+ * does not change.
  */
 int32_t las_get_mat_batched(const struct las_mat_batched *mat,
                             int32_t rows_count,
@@ -1032,7 +1041,7 @@ int32_t las_get_mat_batched(const struct las_mat_batched *mat,
                             double *block);
 
 /**
- * Makes an empty list of positions.
+ * Creates an empty list of positions.
  */
 int32_t las_create_slots_batched(struct las_slots_batched **slots);
 
@@ -1042,8 +1051,9 @@ int32_t las_create_slots_batched(struct las_slots_batched **slots);
 int32_t las_destroy_slots_batched(struct las_slots_batched *slots);
 
 /**
- * Appends the positions of a block, row by row, to a list; for what is negative or not in the pattern, a position of
- * nothing (a library that is built with checks says LAS_INDEX for the latter).
+ * Appends the positions of a block, row by row, to a list; a negative index or an entry outside the pattern gets a
+ * position at which contributions are dropped (a library built with debug assertions returns LAS_INDEX for the
+ * latter).
  */
 int32_t las_locate_batched(const struct las_mat_batched *mat,
                            int32_t rows_count,
@@ -1053,7 +1063,7 @@ int32_t las_locate_batched(const struct las_mat_batched *mat,
                            struct las_slots_batched *slots);
 
 /**
- * A[slots[first + k]] += values[k] for as many values as there are; the positions come from a matrix of the same pattern.
+ * A[slots[first + k]] += values[k] for k < count; the positions come from a matrix with the same pattern.
  */
 int32_t las_add_at_batched(struct las_mat_batched *mat,
                            const struct las_slots_batched *slots,
@@ -1067,36 +1077,36 @@ int32_t las_add_at_batched(struct las_mat_batched *mat,
 int32_t las_finish_mat_batched(struct las_mat_batched *mat);
 
 /**
- * y = A x; x and y must not be the same vector.
+ * Computes y = A x; x and y must not be the same vector.
  */
 int32_t las_mul_batched(const struct las_mat_batched *mat,
                         const struct las_vec_batched *x,
                         struct las_vec_batched *y);
 
 /**
- * y = A^T x; x and y must not be the same vector.
+ * Computes y = A^T x; x and y must not be the same vector.
  */
 int32_t las_mul_transpose_batched(const struct las_mat_batched *mat,
                                   const struct las_vec_batched *x,
                                   struct las_vec_batched *y);
 
 /**
- * d[i] = A[i, i].
+ * Copies the diagonal: d[i] = A[i, i].
  */
 int32_t las_diagonal_batched(const struct las_mat_batched *mat, struct las_vec_batched *d);
 
 /**
- * d[i] = 1 / A[i, i].
+ * Inverts the diagonal: d[i] = 1 / A[i, i].
  */
 int32_t las_inverse_diagonal_batched(const struct las_mat_batched *mat, struct las_vec_batched *d);
 
 /**
- * A *= factor.
+ * Scales the matrix: A *= factor.
  */
 int32_t las_scale_batched(struct las_mat_batched *mat, double factor);
 
 /**
- * Makes the matrix a A + b B.
+ * Creates the matrix a A + b B.
  */
 int32_t las_sum_batched(double a,
                         const struct las_mat_batched *first,
@@ -1105,32 +1115,32 @@ int32_t las_sum_batched(double a,
                         struct las_mat_batched **sum);
 
 /**
- * Makes the matrix A B.
+ * Creates the matrix A B.
  */
 int32_t las_product_batched(const struct las_mat_batched *first,
                             const struct las_mat_batched *second,
                             struct las_mat_batched **product);
 
 /**
- * Makes the matrix A^T.
+ * Creates the matrix A^T.
  */
 int32_t las_transpose_batched(const struct las_mat_batched *mat,
                               struct las_mat_batched **transpose);
 
 /**
- * Reads a matrix from a Matrix Market file.
+ * Creates a matrix from a Matrix Market file.
  */
 int32_t las_read_mat_batched(const struct las_batched *las,
                              const char *file,
                              struct las_mat_batched **mat);
 
 /**
- * Writes a matrix as a Matrix Market file.
+ * Writes a matrix to a Matrix Market file.
  */
 int32_t las_write_mat_batched(const struct las_mat_batched *mat, const char *file);
 
 /**
- * Makes a solver for matrices of a pattern, which may be freed.
+ * Creates a solver for matrices with a pattern, which may be freed afterward.
  */
 int32_t las_create_solver_batched(const struct las_batched *las,
                                   const struct las_pattern *pattern,
@@ -1143,21 +1153,22 @@ int32_t las_create_solver_batched(const struct las_batched *las,
 int32_t las_destroy_solver_batched(struct las_solver_batched *solver);
 
 /**
- * Factors a matrix of the solver's pattern, or makes what an iterative method needs.
+ * Factors a matrix with the solver's pattern, or computes the preconditioner of an iterative method.
  */
-int32_t las_factor_batched(struct las_solver_batched *solver, const struct las_mat_batched *mat);
+int32_t las_factor_batched(struct las_solver_batched *solver,
+                           const struct las_mat_batched *mat);
 
 /**
- * Factors a matrix of the solver's pattern if it is positive definite; LAS_SINGULAR if it is not, LAS_UNSUPPORTED if it is
- * stated to be LAS_UNSYMMETRIC.
+ * Factors a matrix with the solver's pattern if it is positive definite. Returns LAS_SINGULAR if it is not,
+ * LAS_UNSUPPORTED if it is declared LAS_UNSYMMETRIC.
  */
 int32_t las_factor_definite_batched(struct las_solver_batched *solver,
                                     const struct las_mat_batched *mat);
 
 /**
- * A x = b, with the matrix factored last; b and x must not be the same vector. Tells the iterations of an iterative method
- * and the residual that it left, over the right-hand side (0 both for a direct one, which does not look); null pointers there
- * are allowed.
+ * Solves A x = b with the matrix factored last; b and x must not be the same vector. Returns the number of iterations
+ * of an iterative method and the norm of its final residual over that of the right-hand side (both 0 for a direct
+ * method, which does not compute the residual); these two pointers may be null.
  */
 int32_t las_solve_batched(struct las_solver_batched *solver,
                           const struct las_vec_batched *b,
@@ -1166,7 +1177,8 @@ int32_t las_solve_batched(struct las_solver_batched *solver,
                           double *residual);
 
 /**
- * A x[k] = b[k] for several right-hand sides at once; those before one that fails are solved. No vector may stand twice among x, or in both.
+ * Solves A x[k] = b[k] for several right-hand sides at once; if one fails, those before it are solved. No vector may
+ * occur twice in x, or in both b and x.
  */
 int32_t las_solve_many_batched(struct las_solver_batched *solver,
                                int32_t count_of_sides,
@@ -1174,7 +1186,7 @@ int32_t las_solve_many_batched(struct las_solver_batched *solver,
                                struct las_vec_batched *const *x);
 
 /**
- * Makes the backend. Free it after all that was made with it.
+ * Creates the backend. Free it after all objects created with it.
  */
 int32_t las_create_petsc(struct las_petsc **las);
 
@@ -1184,7 +1196,7 @@ int32_t las_create_petsc(struct las_petsc **las);
 int32_t las_destroy_petsc(struct las_petsc *las);
 
 /**
- * Makes a vector of `len` zeros.
+ * Creates a vector of `len` zeros.
  */
 int32_t las_create_vec_petsc(const struct las_petsc *las, int32_t len, struct las_vec_petsc **vec);
 
@@ -1194,7 +1206,7 @@ int32_t las_create_vec_petsc(const struct las_petsc *las, int32_t len, struct la
 int32_t las_destroy_vec_petsc(struct las_vec_petsc *vec);
 
 /**
- * Tells the number of entries of a vector.
+ * Returns the number of entries of a vector.
  */
 int32_t las_len_vec_petsc(const struct las_vec_petsc *vec, int32_t *len);
 
@@ -1204,7 +1216,7 @@ int32_t las_len_vec_petsc(const struct las_vec_petsc *vec, int32_t *len);
 int32_t las_zero_vec_petsc(struct las_vec_petsc *vec);
 
 /**
- * y[rows[i]] += values[i]; a negative row is dropped.
+ * y[rows[i]] += values[i]; negative rows are ignored.
  */
 int32_t las_add_vec_petsc(struct las_vec_petsc *vec,
                           int32_t count,
@@ -1212,7 +1224,7 @@ int32_t las_add_vec_petsc(struct las_vec_petsc *vec,
                           const double *values);
 
 /**
- * y[rows[i]] = values[i]; a negative row is dropped.
+ * y[rows[i]] = values[i]; negative rows are ignored.
  */
 int32_t las_set_vec_petsc(struct las_vec_petsc *vec,
                           int32_t count,
@@ -1220,7 +1232,7 @@ int32_t las_set_vec_petsc(struct las_vec_petsc *vec,
                           const double *values);
 
 /**
- * values[i] = y[rows[i]]; where a row is negative, the value stays what it was.
+ * values[i] = y[rows[i]]; if a row is negative, the value does not change.
  */
 int32_t las_get_vec_petsc(const struct las_vec_petsc *vec,
                           int32_t count,
@@ -1228,17 +1240,17 @@ int32_t las_get_vec_petsc(const struct las_vec_petsc *vec,
                           double *values);
 
 /**
- * Lends the array of the entries, until the vector is next used.
+ * Returns the array of the entries; it is valid until the next use of the vector.
  */
 int32_t las_local_vec_petsc(struct las_vec_petsc *vec, double **values);
 
 /**
- * The Euclidean norm: one number, on `batched` one for each of the four lanes.
+ * Returns the Euclidean norm: one number, or with `batched` one for each of the four lanes.
  */
 int32_t las_norm_petsc(const struct las_vec_petsc *vec, double *norm);
 
 /**
- * The sum of x[i] y[i]: one number, on `batched` one for each of the four lanes.
+ * Returns the sum of x[i] y[i]: one number, or with `batched` one for each of the four lanes.
  */
 int32_t las_dot_petsc(const struct las_vec_petsc *x, const struct las_vec_petsc *y, double *dot);
 
@@ -1253,7 +1265,7 @@ int32_t las_axpy_petsc(double a, const struct las_vec_petsc *x, struct las_vec_p
 int32_t las_finish_vec_petsc(struct las_vec_petsc *vec);
 
 /**
- * Makes a matrix of zeros with a pattern, which may be freed.
+ * Creates a zero matrix with a pattern, which may be freed afterward.
  */
 int32_t las_create_mat_petsc(const struct las_petsc *las,
                              const struct las_pattern *pattern,
@@ -1265,23 +1277,23 @@ int32_t las_create_mat_petsc(const struct las_petsc *las,
 int32_t las_destroy_mat_petsc(struct las_mat_petsc *mat);
 
 /**
- * Tells the numbers of rows and columns of a matrix.
+ * Returns the numbers of rows and columns of a matrix.
  */
 int32_t las_shape_mat_petsc(const struct las_mat_petsc *mat, int32_t *rows, int32_t *cols);
 
 /**
- * A = 0; the pattern stays.
+ * A = 0; the pattern does not change.
  */
 int32_t las_zero_mat_petsc(struct las_mat_petsc *mat);
 
 /**
- * Zeroes whole rows; the pattern stays.
+ * Sets whole rows to zero; the pattern does not change.
  */
 int32_t las_zero_rows_petsc(struct las_mat_petsc *mat, int32_t count, const int32_t *rows);
 
 /**
- * A[rows[i], cols[j]] += block[i * cols_count + j]; negative rows and columns are dropped, and so is what is not in the
- * pattern (a library that is built with checks says LAS_INDEX).
+ * A[rows[i], cols[j]] += block[i * cols_count + j]; negative rows and columns are ignored, and so are entries outside
+ * the pattern (a library built with debug assertions returns LAS_INDEX for the latter).
  */
 int32_t las_add_mat_petsc(struct las_mat_petsc *mat,
                           int32_t rows_count,
@@ -1291,8 +1303,8 @@ int32_t las_add_mat_petsc(struct las_mat_petsc *mat,
                           const double *block);
 
 /**
- * A[rows[i], cols[j]] = block[i * cols_count + j]; negative rows and columns are dropped, and so is what is not in the
- * pattern (a library that is built with checks says LAS_INDEX).
+ * A[rows[i], cols[j]] = block[i * cols_count + j]; negative rows and columns are ignored, and so are entries outside
+ * the pattern (a library built with debug assertions returns LAS_INDEX for the latter).
  */
 int32_t las_set_mat_petsc(struct las_mat_petsc *mat,
                           int32_t rows_count,
@@ -1302,8 +1314,8 @@ int32_t las_set_mat_petsc(struct las_mat_petsc *mat,
                           const double *block);
 
 /**
- * block[i * cols_count + j] = A[rows[i], cols[j]], zero outside the pattern; where a row or column is negative, the value
- * stays what it was.
+ * block[i * cols_count + j] = A[rows[i], cols[j]], zero outside the pattern; if a row or column is negative, the value
+ * does not change.
  */
 int32_t las_get_mat_petsc(const struct las_mat_petsc *mat,
                           int32_t rows_count,
@@ -1313,7 +1325,7 @@ int32_t las_get_mat_petsc(const struct las_mat_petsc *mat,
                           double *block);
 
 /**
- * Makes an empty list of positions.
+ * Creates an empty list of positions.
  */
 int32_t las_create_slots_petsc(struct las_slots_petsc **slots);
 
@@ -1323,8 +1335,9 @@ int32_t las_create_slots_petsc(struct las_slots_petsc **slots);
 int32_t las_destroy_slots_petsc(struct las_slots_petsc *slots);
 
 /**
- * Appends the positions of a block, row by row, to a list; for what is negative or not in the pattern, a position of
- * nothing (a library that is built with checks says LAS_INDEX for the latter).
+ * Appends the positions of a block, row by row, to a list; a negative index or an entry outside the pattern gets a
+ * position at which contributions are dropped (a library built with debug assertions returns LAS_INDEX for the
+ * latter).
  */
 int32_t las_locate_petsc(const struct las_mat_petsc *mat,
                          int32_t rows_count,
@@ -1334,7 +1347,7 @@ int32_t las_locate_petsc(const struct las_mat_petsc *mat,
                          struct las_slots_petsc *slots);
 
 /**
- * A[slots[first + k]] += values[k] for as many values as there are; the positions come from a matrix of the same pattern.
+ * A[slots[first + k]] += values[k] for k < count; the positions come from a matrix with the same pattern.
  */
 int32_t las_add_at_petsc(struct las_mat_petsc *mat,
                          const struct las_slots_petsc *slots,
@@ -1348,36 +1361,36 @@ int32_t las_add_at_petsc(struct las_mat_petsc *mat,
 int32_t las_finish_mat_petsc(struct las_mat_petsc *mat);
 
 /**
- * y = A x; x and y must not be the same vector.
+ * Computes y = A x; x and y must not be the same vector.
  */
 int32_t las_mul_petsc(const struct las_mat_petsc *mat,
                       const struct las_vec_petsc *x,
                       struct las_vec_petsc *y);
 
 /**
- * y = A^T x; x and y must not be the same vector.
+ * Computes y = A^T x; x and y must not be the same vector.
  */
 int32_t las_mul_transpose_petsc(const struct las_mat_petsc *mat,
                                 const struct las_vec_petsc *x,
                                 struct las_vec_petsc *y);
 
 /**
- * d[i] = A[i, i].
+ * Copies the diagonal: d[i] = A[i, i].
  */
 int32_t las_diagonal_petsc(const struct las_mat_petsc *mat, struct las_vec_petsc *d);
 
 /**
- * d[i] = 1 / A[i, i].
+ * Inverts the diagonal: d[i] = 1 / A[i, i].
  */
 int32_t las_inverse_diagonal_petsc(const struct las_mat_petsc *mat, struct las_vec_petsc *d);
 
 /**
- * A *= factor.
+ * Scales the matrix: A *= factor.
  */
 int32_t las_scale_petsc(struct las_mat_petsc *mat, double factor);
 
 /**
- * Makes the matrix a A + b B.
+ * Creates the matrix a A + b B.
  */
 int32_t las_sum_petsc(double a,
                       const struct las_mat_petsc *first,
@@ -1386,31 +1399,31 @@ int32_t las_sum_petsc(double a,
                       struct las_mat_petsc **sum);
 
 /**
- * Makes the matrix A B.
+ * Creates the matrix A B.
  */
 int32_t las_product_petsc(const struct las_mat_petsc *first,
                           const struct las_mat_petsc *second,
                           struct las_mat_petsc **product);
 
 /**
- * Makes the matrix A^T.
+ * Creates the matrix A^T.
  */
 int32_t las_transpose_petsc(const struct las_mat_petsc *mat, struct las_mat_petsc **transpose);
 
 /**
- * Reads a matrix from a Matrix Market file.
+ * Creates a matrix from a Matrix Market file.
  */
 int32_t las_read_mat_petsc(const struct las_petsc *las,
                            const char *file,
                            struct las_mat_petsc **mat);
 
 /**
- * Writes a matrix as a Matrix Market file.
+ * Writes a matrix to a Matrix Market file.
  */
 int32_t las_write_mat_petsc(const struct las_mat_petsc *mat, const char *file);
 
 /**
- * Makes a solver for matrices of a pattern, which may be freed.
+ * Creates a solver for matrices with a pattern, which may be freed afterward.
  */
 int32_t las_create_solver_petsc(const struct las_petsc *las,
                                 const struct las_pattern *pattern,
@@ -1423,21 +1436,22 @@ int32_t las_create_solver_petsc(const struct las_petsc *las,
 int32_t las_destroy_solver_petsc(struct las_solver_petsc *solver);
 
 /**
- * Factors a matrix of the solver's pattern, or makes what an iterative method needs.
+ * Factors a matrix with the solver's pattern, or computes the preconditioner of an iterative method.
  */
-int32_t las_factor_petsc(struct las_solver_petsc *solver, const struct las_mat_petsc *mat);
+int32_t las_factor_petsc(struct las_solver_petsc *solver,
+                         const struct las_mat_petsc *mat);
 
 /**
- * Factors a matrix of the solver's pattern if it is positive definite; LAS_SINGULAR if it is not, LAS_UNSUPPORTED if it is
- * stated to be LAS_UNSYMMETRIC.
+ * Factors a matrix with the solver's pattern if it is positive definite. Returns LAS_SINGULAR if it is not,
+ * LAS_UNSUPPORTED if it is declared LAS_UNSYMMETRIC.
  */
 int32_t las_factor_definite_petsc(struct las_solver_petsc *solver,
                                   const struct las_mat_petsc *mat);
 
 /**
- * A x = b, with the matrix factored last; b and x must not be the same vector. Tells the iterations of an iterative method
- * and the residual that it left, over the right-hand side (0 both for a direct one, which does not look); null pointers there
- * are allowed.
+ * Solves A x = b with the matrix factored last; b and x must not be the same vector. Returns the number of iterations
+ * of an iterative method and the norm of its final residual over that of the right-hand side (both 0 for a direct
+ * method, which does not compute the residual); these two pointers may be null.
  */
 int32_t las_solve_petsc(struct las_solver_petsc *solver,
                         const struct las_vec_petsc *b,
@@ -1446,7 +1460,8 @@ int32_t las_solve_petsc(struct las_solver_petsc *solver,
                         double *residual);
 
 /**
- * A x[k] = b[k] for several right-hand sides at once; those before one that fails are solved. No vector may stand twice among x, or in both.
+ * Solves A x[k] = b[k] for several right-hand sides at once; if one fails, those before it are solved. No vector may
+ * occur twice in x, or in both b and x.
  */
 int32_t las_solve_many_petsc(struct las_solver_petsc *solver,
                              int32_t count_of_sides,
@@ -1454,39 +1469,41 @@ int32_t las_solve_many_petsc(struct las_solver_petsc *solver,
                              struct las_vec_petsc *const *x);
 
 /**
- * Makes the backend on the ranks of a communicator, given by its Fortran handle: MPI_Comm_c2f(comm) in C, comm%MPI_VAL in
- * Fortran. MPI must be initialized; all ranks of the communicator call this together.
+ * Creates the backend on the ranks of a communicator, given by its Fortran handle: MPI_Comm_c2f(comm) in C,
+ * comm%MPI_VAL in Fortran. MPI must be initialized; the call is collective.
  *
- * On several ranks (las_create_petsc makes the backend on all of them) every rank runs the same program on the same data:
- * each assembles the whole matrix, and keeps the rows that it owns of it; vectors lie whole on each. Reading a matrix,
- * multiplying and solving are done by all ranks together. Who assembles only his own elements gets another matrix.
+ * On several ranks (las_create_petsc creates the backend on all MPI ranks), every rank runs the same program on the
+ * same data: each rank assembles the whole matrix but stores only the rows that it owns, and stores whole vectors.
+ * Reading a matrix, multiplying and solving are collective. A program whose ranks assemble only their own elements
+ * gets a wrong matrix.
  */
 int32_t las_create_on_petsc(int32_t comm,
                             struct las_petsc **las);
 
 /**
- * Writes an option into PETSc's database: las_set_option_petsc(las, "ksp_type", "gmres"). It counts for solvers that factor
- * for the first time from then on.
+ * Writes an option into PETSc's options database: las_set_option_petsc(las, "ksp_type", "gmres"). It affects solvers
+ * whose first factorization comes later.
  */
 int32_t las_set_option_petsc(const struct las_petsc *las,
                              const char *name,
                              const char *value);
 
 /**
- * Puts a prefix before the names of all options: with "body_", solvers of what is made from then on listen to
- * -body_ksp_type in place of -ksp_type, and las_set_option_petsc writes such names.
+ * Sets a prefix of all option names: with "body_", solvers of objects created later read -body_ksp_type instead of
+ * -ksp_type, and las_set_option_petsc writes such names.
  */
 int32_t las_set_prefix_petsc(struct las_petsc *las,
                              const char *prefix);
 
 /**
- * Sets the unknowns of a block (3 at first): ranks own whole blocks, and a matrix of full blocks is known to be one.
+ * Sets the block size (3 by default): ranks own whole blocks, and PETSc is told the block size of a matrix of full
+ * blocks.
  */
 int32_t las_set_block_size_petsc(struct las_petsc *las,
                                  int32_t size);
 
 /**
- * Lets matrices that are made from then on be stored in blocks (BAIJ) where they consist of full ones; 0 ends that.
+ * Sets whether matrices created later are stored by blocks (BAIJ) if they consist of full blocks; 0 disables this.
  */
 int32_t las_set_blocked_petsc(struct las_petsc *las,
                               int32_t blocked);

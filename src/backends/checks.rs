@@ -1,4 +1,4 @@
-//! What every solver looks at: sizes, definiteness, and when a pivot counts as zero.
+//! Checks shared by all solvers: sizes, definiteness, and the limit below which a pivot counts as zero.
 
 #[cfg(any(feature = "sparse", feature = "petsc"))]
 use crate::las::Scalar;
@@ -6,19 +6,20 @@ use crate::las::SolveError;
 #[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
 use crate::las::{FactorReport, SolverParams};
 
-/// Fraction of the largest pivot below which the smallest counts as zero where nothing but pivots is looked at.
+/// Returns the fraction of the largest pivot below which the smallest counts as zero if only pivots are examined.
 #[cfg(any(feature = "sparse", feature = "petsc"))]
 pub(super) fn singular_limit<T: Scalar>(params: &SolverParams) -> f64 {
     params.singular_below.unwrap_or(4.0 * T::epsilon().as_f64())
 }
 
-/// Fraction of the largest pivot below which the smallest makes a matrix singular without a look for a null vector.
+/// Returns the fraction of the largest pivot below which the smallest makes the matrix singular without a search for a
+/// null vector.
 #[cfg(any(feature = "sparse", feature = "dense"))]
 pub(super) fn at_sight(params: &SolverParams) -> f64 {
     params.singular_below.unwrap_or(f64::MIN_POSITIVE)
 }
 
-/// Refuses a factorization that shows its matrix not to be positive definite, or cannot show it.
+/// Returns an error if the factorization shows that its matrix is not positive definite, or cannot decide it.
 #[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
 pub(super) fn definite<F>(backend: &'static str, report: FactorReport) -> Result<FactorReport, SolveError<F>> {
     match report.negative_pivots {
@@ -32,12 +33,12 @@ pub(super) fn definite<F>(backend: &'static str, report: FactorReport) -> Result
     }
 }
 
-/// Refuses an argument of another size than fits.
+/// Returns [`SolveError::Size`] if the size of an argument differs from the expected one.
 pub(super) fn check_size<F>(what: &'static str, found: usize, expected: usize) -> Result<(), SolveError<F>> {
     if found == expected { Ok(()) } else { Err(SolveError::Size { what, found, expected }) }
 }
 
-/// Refuses right-hand sides and solutions that do not fit the system.
+/// Returns [`SolveError::Size`] if the right-hand sides or solutions do not fit the system.
 #[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
 pub(super) fn check_columns<F>(
     unknowns: usize,

@@ -1,4 +1,4 @@
-//! What the direct solvers of the backends in memory share: the judgment of pivots, and their scratch.
+//! Shared code of the in-memory direct solvers: the assessment of pivots, and their working memory.
 
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::linalg::cholesky::lblt::factor::LbltParams;
@@ -7,12 +7,13 @@ use faer::{Auto, Spec};
 
 use crate::las::{Scalar, SolveError};
 
-/// How LDL^T pivots: unblocked, since the library's blocked variant keeps stale entries where a column cancels exactly.
+/// Returns the pivoting parameters of LDL^T: unblocked, because faer's blocked variant keeps stale entries where a
+/// column cancels exactly.
 pub(super) fn ldlt_params<T: RealField>() -> Spec<LbltParams, T> {
     Spec::new(LbltParams { block_size: 0, ..<LbltParams as Auto<T>>::auto() })
 }
 
-/// The extreme pivots of a factorization, collected in the order of elimination.
+/// The smallest and largest pivots of a factorization, collected in elimination order.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pivots {
     smallest: f64,
@@ -22,15 +23,15 @@ pub(super) struct Pivots {
 }
 
 impl Pivots {
-    /// Of an empty matrix.
+    /// Creates the pivots of an empty matrix.
     pub(super) fn none() -> Self {
         Self { smallest: f64::INFINITY, position: 0, largest: 0.0, negative: 0 }
     }
 
-    /// Takes the next pivot into account.
+    /// Records the next pivot.
     ///
-    /// One that is not finite counts as zero. It can only come after a pivot of exactly zero, or from overflow; since of
-    /// equal pivots the first counts, the one reported is the one that caused the rest.
+    /// A pivot that is not finite counts as zero. It can only follow a pivot of exactly zero or result from overflow;
+    /// since the first of equal pivots counts, the reported pivot is the one that caused the others.
     #[inline]
     pub(super) fn see(&mut self, pivot: f64, position: usize) {
         let size = if pivot.is_finite() { pivot.abs() } else { 0.0 };
@@ -42,27 +43,28 @@ impl Pivots {
         self.negative += usize::from(pivot < 0.0);
     }
 
-    /// Takes the 2x2 pivot block `[[a, b], [b, c]]` at `position` into account, by its eigenvalues.
+    /// Records the 2x2 pivot block `[[a, b], [b, c]]` at `position` by its eigenvalues.
     #[inline]
     pub(super) fn see_block(&mut self, a: f64, b: f64, c: f64, position: usize) {
         let mean = 0.5 * (a + c);
         let radius = (0.5 * (a - c)).hypot(b);
         let large = if mean < 0.0 { mean - radius } else { mean + radius };
-        // The small one from the determinant: the difference of mean and radius would lose its digits.
+        // The smaller eigenvalue follows from the determinant: the difference of mean and radius would lose its digits.
         let small = if large == 0.0 { 0.0 } else { (a / large) * c - (b / large) * b };
         self.see(large, position);
-        // Its eigenvector is (b, small - a): the unknown with the larger part is the one that it is about.
+        // Its eigenvector is (b, small - a); the pivot is attributed to the unknown with the larger component.
         let second = (small - a).abs() > b.abs();
         self.see(small, position + usize::from(second));
     }
 
-    /// Of a factorization that does not show its pivots but for an estimate of their ratio.
+    /// Creates the pivots of a factorization that provides only an estimate of their ratio.
     #[cfg(feature = "sparse")]
     pub(super) fn of_ratio(ratio: f64) -> Self {
         Self { smallest: ratio, position: 0, largest: 1.0, negative: 0 }
     }
 
-    /// Of a block-diagonal `D` of 1x1 and 2x2 blocks; a block of two where the subdiagonal is not zero.
+    /// Creates the pivots of a block-diagonal `D` with 1x1 and 2x2 blocks; a block is 2x2 if its subdiagonal entry is
+    /// not zero.
     pub(super) fn of_blocks<T: Scalar>(len: usize, diagonal: impl Fn(usize) -> T, subdiagonal: &[T]) -> Self {
         let mut pivots = Self::none();
         let mut position = 0;
@@ -80,7 +82,7 @@ impl Pivots {
         pivots
     }
 
-    /// Smallest over largest; 1 for a matrix without unknowns.
+    /// Returns the ratio of the smallest to the largest pivot; 1 for a matrix without unknowns.
     pub(super) fn ratio(&self) -> f64 {
         if self.smallest == f64::INFINITY {
             1.0
@@ -91,12 +93,13 @@ impl Pivots {
         }
     }
 
-    /// How many are below zero.
+    /// Returns the number of negative pivots.
     pub(super) fn negative(&self) -> usize {
         self.negative
     }
 
-    /// The ratio, or the error that calls the matrix singular; `unknown` maps a position to the caller's numbering.
+    /// Returns the ratio of the pivots, or [`SolveError::Singular`] if it is below `limit`; `unknown` maps a position
+    /// to the caller's numbering.
     pub(super) fn judge<F>(&self, limit: f64, unknown: impl FnOnce(usize) -> usize) -> Result<f64, SolveError<F>> {
         let ratio = self.ratio();
         if ratio < limit {
@@ -107,7 +110,7 @@ impl Pivots {
     }
 }
 
-/// Working memory of the factorization library: grows to the largest request and stays.
+/// Working memory for faer, which grows to the largest request and is kept.
 pub(super) struct Scratch {
     granted: StackReq,
     memory: MemBuffer,
@@ -118,7 +121,7 @@ impl Scratch {
         Self { granted: request, memory: MemBuffer::new(request) }
     }
 
-    /// Makes sure that `request` fits.
+    /// Grows the working memory if `request` does not fit.
     pub(super) fn reserve(&mut self, request: StackReq) {
         let both = self.granted.or(request);
         if both.unaligned_bytes_required() > self.granted.unaligned_bytes_required() {

@@ -1,20 +1,20 @@
-//! A solver by iterations: a Krylov method, and an approximate inverse that a backend makes.
+//! The iterative solver: a Krylov method with a preconditioner that a backend provides.
 
 use crate::backends::checks::check_columns;
 use crate::backends::direct::Pivots;
 use crate::las::krylov::KrylovSpace;
 use crate::las::{Backend, FactorReport, Factorization, Iterative, MatVec, Scalar, SolveError, SolveReport, VectorOps};
 
-/// What a backend makes of a matrix for a Krylov method.
+/// A preconditioner that a backend provides for a Krylov method.
 pub(super) trait ApproximateInverse<B: Backend>: Send {
-    /// Makes it; the pivots if there are any.
+    /// Computes the preconditioner of `a`; returns its pivots if it has any.
     fn make(&mut self, a: &B::Matrix) -> Result<Option<Pivots>, SolveError<B::Fault>>;
 
-    /// `y` nearly `A^-1 x`.
+    /// Computes `y`, an approximation of `A^-1 x`.
     fn apply(&self, x: &B::Vector, y: &mut B::Vector) -> Result<(), SolveError<B::Fault>>;
 }
 
-/// None, or the diagonal's.
+/// No preconditioner, or the inverse diagonal.
 pub(super) enum Simple<B: Backend> {
     None,
     Diagonal(B::Vector),
@@ -51,10 +51,10 @@ where
     }
 }
 
-/// The solver.
+/// A Krylov solver with its matrix and preconditioner.
 pub(super) struct IterativeSolver<B: Backend, M> {
     unknowns: usize,
-    /// The matrix to solve with: its owner may change it between two solutions.
+    /// A copy of the matrix, because its owner may change it between two solves.
     a: Option<B::Matrix>,
     ready: bool,
     inverse: M,
@@ -77,13 +77,13 @@ where
         Ok(Self { unknowns, a: None, ready: false, inverse, space })
     }
 
-    /// What was made of the matrix.
+    /// Returns the preconditioner.
     #[cfg(feature = "sparse")]
     pub(super) fn inverse(&self) -> &M {
         &self.inverse
     }
 
-    /// A matrix that was checked to fit.
+    /// Copies the matrix and computes its preconditioner; the caller has checked its size.
     pub(super) fn factor(&mut self, a: &B::Matrix) -> Result<FactorReport, SolveError<B::Fault>> {
         self.factor_with_pivots(a).map(|(report, _)| report)
     }
@@ -101,8 +101,8 @@ where
         Ok((FactorReport { kind, indefinite_at: None, pivot_ratio, negative_pivots: None }, pivots))
     }
 
-    /// The same, refused where an approximate pivot is not positive: of ILUT without dropping their signs are those of the
-    /// eigenvalues, and with little dropping they nearly always are.
+    /// The same, but returns [`SolveError::Indefinite`] if a pivot of the preconditioner is negative. The pivots of
+    /// ILUT without dropping have the signs of the eigenvalues, and with little dropping they nearly always do.
     pub(super) fn factor_definite(&mut self, a: &B::Matrix) -> Result<FactorReport, SolveError<B::Fault>> {
         let (report, pivots) = self.factor_with_pivots(a)?;
         if pivots.is_some_and(|pivots| pivots.negative() > 0) {

@@ -1,24 +1,24 @@
-//! The vector verbs on a slice, and where a column stands in a row: what every backend whose entries lie in this process's
-//! memory has in common.
+//! The vector operations on slices, and the search for a column in a row: shared by all backends whose entries are in
+//! the memory of this process.
 //!
-//! Indices are `i32`. A negative one is a constrained unknown; as a `usize` it is larger than any length, so that one
-//! comparison with the length decides about both it and an index out of range.
+//! Indices are `i32`. A negative index denotes a constrained unknown; as a `usize` it is larger than any length, so
+//! that a single comparison with the length detects both negative and out-of-range indices.
 
 #[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
 use crate::las::SolveError;
 use crate::las::{Scalar, Value};
 
-/// Lanes of partial sums: independent chains that the compiler can keep in one vector register or two.
+/// The number of partial sums: independent chains that the compiler can keep in one or two vector registers.
 const LANES: usize = 8;
 
-/// `y = 0`. Not `fill`, which the library makes a memset of only where it knows the type to be trivial.
+/// Sets `y = 0`. It avoids `fill`, which the standard library turns into a memset only for types known to be trivial.
 #[inline(always)]
 pub(super) fn zero<T: Value>(y: &mut [T]) {
     let zero = T::zero();
     y.iter_mut().for_each(|value| *value = zero);
 }
 
-/// `y[rows[i]] += values[i]`.
+/// Adds: `y[rows[i]] += values[i]`.
 #[inline(always)]
 pub(super) fn add<T: Value>(y: &mut [T], rows: &[i32], values: &[T]) {
     debug_assert_eq!(rows.len(), values.len(), "one value a row");
@@ -30,7 +30,7 @@ pub(super) fn add<T: Value>(y: &mut [T], rows: &[i32], values: &[T]) {
     }
 }
 
-/// `y[rows[i]] = values[i]`.
+/// Sets `y[rows[i]] = values[i]`.
 #[inline(always)]
 pub(super) fn set<T: Value>(y: &mut [T], rows: &[i32], values: &[T]) {
     debug_assert_eq!(rows.len(), values.len(), "one value a row");
@@ -42,7 +42,7 @@ pub(super) fn set<T: Value>(y: &mut [T], rows: &[i32], values: &[T]) {
     }
 }
 
-/// `values[i] = y[rows[i]]`.
+/// Reads `values[i] = y[rows[i]]`.
 #[inline(always)]
 pub(super) fn get<T: Value>(y: &[T], rows: &[i32], values: &mut [T]) {
     debug_assert_eq!(rows.len(), values.len(), "one value a row");
@@ -55,7 +55,7 @@ pub(super) fn get<T: Value>(y: &[T], rows: &[i32], values: &mut [T]) {
     }
 }
 
-/// `sum_i x[i] y[i]`.
+/// Returns `sum_i x[i] y[i]`.
 #[inline(always)]
 pub(super) fn dot<T: Scalar>(x: &[T], y: &[T]) -> T {
     debug_assert_eq!(x.len(), y.len(), "vectors of one length");
@@ -73,14 +73,15 @@ pub(super) fn dot<T: Scalar>(x: &[T], y: &[T]) -> T {
     sums.into_iter().sum()
 }
 
-/// The position of a column that is not in the row: behind the end of every row.
+/// The position that denotes a column not contained in the row; it is beyond the end of every row.
 #[cfg(any(feature = "sparse", feature = "batched", feature = "petsc"))]
 pub(super) const NOWHERE: usize = usize::MAX;
 
-/// The position of a column among those of a row. A negative one is larger than any column as a `u32`, and so nowhere.
+/// Returns the position of a column in a row. A negative column is larger than any column as a `u32` and therefore not
+/// found.
 ///
-/// The unknowns of a node follow each other, in the block as in the row, so that the place after the last one found is tried
-/// before the row is searched.
+/// The unknowns of a node are consecutive both in the block and in the row; therefore the position after the last one
+/// found is tried before the row is searched.
 #[inline(always)]
 #[cfg(any(feature = "sparse", feature = "batched", feature = "petsc"))]
 pub(super) fn find(columns: &[u32], next: &mut usize, column: i32) -> usize {
@@ -96,14 +97,14 @@ pub(super) fn find(columns: &[u32], next: &mut usize, column: i32) -> usize {
     position
 }
 
-/// Euclidean norm; scaled where the sum of squares leaves the range of the scalar.
+/// Returns the Euclidean norm, scaled if the sum of squares leaves the range of the scalar.
 #[inline(always)]
 pub(super) fn norm<T: Scalar>(x: &[T]) -> T {
     let squares = dot(x, x);
     if is_in_range(squares) { squares.sqrt() } else { scaled_norm(x) }
 }
 
-/// Whether a sum of squares is neither rounded away nor infinite.
+/// Returns true if a sum of squares neither underflowed nor overflowed.
 #[inline(always)]
 pub(super) fn is_in_range<T: Scalar>(squares: T) -> bool {
     squares >= T::min_positive_value() && squares <= T::max_value()
@@ -119,7 +120,7 @@ fn scaled_norm<T: Scalar>(x: &[T]) -> T {
     largest * sum.sqrt()
 }
 
-/// `y += a x`.
+/// Adds `y += a x`.
 #[inline(always)]
 pub(super) fn axpy<T: Value>(a: T, x: &[T], y: &mut [T]) {
     debug_assert_eq!(x.len(), y.len(), "vectors of one length");
@@ -128,7 +129,7 @@ pub(super) fn axpy<T: Value>(a: T, x: &[T], y: &mut [T]) {
     }
 }
 
-/// `1 / d` entry by entry; the row of the first zero as an error.
+/// Inverts every entry of `d`; returns [`SolveError::ZeroDiagonal`] with the row of the first zero.
 #[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
 pub(super) fn invert<T: Scalar, F>(d: &mut [T]) -> Result<(), SolveError<F>> {
     if let Some(row) = d.iter().position(T::is_zero) {
@@ -138,11 +139,11 @@ pub(super) fn invert<T: Scalar, F>(d: &mut [T]) -> Result<(), SolveError<F>> {
     Ok(())
 }
 
-/// Whether every value is finite; without a branch a value, so that it runs at the speed of memory.
+/// Returns true if every value is finite; it has no branch per value and so runs at memory bandwidth.
 #[inline]
 #[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
 pub(super) fn all_finite<T: Scalar>(values: &[T]) -> bool {
-    // Zero times a value that is not finite is not a number, and stays so in a sum.
+    // Zero times a value that is not finite is NaN, and remains NaN in a sum.
     let mut sums = [T::zero(); LANES];
     let (body, tail) = values.as_chunks::<LANES>();
     for values in body {

@@ -1,4 +1,4 @@
-//! METIS: parts of graphs, and the lock that its callers share.
+//! METIS: graph partitioning, and the lock shared by all its callers.
 //!
 //! Reference: G. Karypis, V. Kumar, *A fast and high quality multilevel scheme for partitioning irregular graphs*, SIAM
 //! Journal on Scientific Computing 20 (1998), 359-392.
@@ -9,20 +9,20 @@ use std::sync::{Mutex, PoisonError};
 
 use metis_sys::{METIS_PartGraphRecursive, idx_t, rstatus_et_METIS_OK};
 
-/// METIS draws from the random numbers of the C library, which a process has one sequence of: one caller at a time, so
-/// that what it finds does not depend on what other threads do.
+/// METIS uses the random numbers of the C library, which are one sequence per process. The lock admits one caller at a
+/// time, so that results do not depend on other threads.
 pub(super) static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 
-/// The part of every node of a graph, of as many parts with about as many nodes each and few edges between them.
-/// `near[node]` lists the neighbors of a node, each of which lists it too.
+/// Partitions a graph into `parts` parts with about equal numbers of nodes and few edges between them; returns the part
+/// of every node. `near[node]` lists the neighbors of a node, each of which must also list that node.
 ///
 /// # Errors
-/// What is wrong with the graph, or the status of METIS.
+/// Returns a message if a neighbor is out of range or METIS fails (with its status).
 pub fn parts(near: &[Vec<u32>], parts: usize) -> Result<Vec<u32>, String> {
     if near.iter().flatten().any(|&node| node as usize >= near.len()) {
         return Err(format!("a neighbor beyond the last of {} nodes", near.len()));
     }
-    // METIS does not take a graph without edges, or one part.
+    // METIS rejects a graph without edges and a single part.
     if parts <= 1 || near.iter().all(Vec::is_empty) {
         return Ok((0..near.len()).map(|node| (node * parts.max(1) / near.len().max(1)) as u32).collect());
     }
@@ -35,8 +35,8 @@ pub fn parts(near: &[Vec<u32>], parts: usize) -> Result<Vec<u32>, String> {
     let (mut nodes, mut constraints, mut count, mut cut) = (near.len() as idx_t, 1, parts as idx_t, 0);
     let mut part_of: Vec<idx_t> = vec![0; near.len()];
     let guard = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
-    // SAFETY: `start` and `neighbors` are the compressed rows of a graph of `nodes` nodes, checked above; the result has an
-    // entry a node. Null stands for unit weights, even parts and the default options.
+    // SAFETY: `start` and `neighbors` are the compressed rows of a graph of `nodes` nodes, checked above; the result
+    // has one entry per node. Null selects unit weights, equal parts and the default options.
     let status = unsafe {
         METIS_PartGraphRecursive(
             &raw mut nodes,

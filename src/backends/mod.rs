@@ -1,13 +1,13 @@
-//! The backends: one folder each, the same file names in every folder.
+//! The linear-algebra backends, one folder each, with the same file names in every folder.
 //!
 //! | backend | cargo feature | for |
 //! |---|---|---|
-//! | `sparse` | `sparse` (default) | everything: compressed rows, direct solvers |
+//! | `sparse` | `sparse` (default) | systems of any size in memory: compressed rows, direct solvers |
 //! | `dense` | `dense` (default) | systems of a few hundred unknowns at most, and comparisons |
 //! | `petsc` | `petsc` | large systems, on several processes; solvers chosen at run time |
-//! | `batched` | `batched` | many systems of one pattern at once, one a lane; assembles and multiplies, does not solve yet |
+//! | `batched` | `batched` | many systems with one pattern at once, one per lane; assembles and multiplies, does not solve yet |
 //!
-//! `cuda` is a name that is kept: no build of this version has it.
+//! The name `cuda` is reserved: no build of this version contains that backend.
 
 #[cfg(any(feature = "sparse", feature = "dense", feature = "batched", feature = "petsc"))]
 mod checks;
@@ -37,24 +37,24 @@ pub mod sparse;
 use std::fmt;
 use std::str::FromStr;
 
-/// The backends that this crate knows, compiled in or not.
+/// The backends that this crate knows, whether they are compiled in or not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum BackendName {
     /// Compressed rows and direct solvers.
     Sparse,
     /// Dense matrices.
     Dense,
-    /// PETSc, on one process or many.
+    /// PETSc, on one or several processes.
     Petsc,
-    /// Graphics processors: a name that is kept, in no build of this version.
+    /// Graphics processors: a reserved name, not available in this version.
     Cuda,
 }
 
 impl BackendName {
-    /// All of them.
+    /// All backends.
     pub const ALL: [Self; 4] = [Self::Sparse, Self::Dense, Self::Petsc, Self::Cuda];
 
-    /// How the program's `--backend` and [`Backend::NAME`](crate::las::Backend::NAME) spell it.
+    /// The name of the backend in the program's `--backend` and in [`Backend::NAME`](crate::las::Backend::NAME).
     #[must_use]
     pub const fn as_str(self) -> &'static str {
         match self {
@@ -65,13 +65,13 @@ impl BackendName {
         }
     }
 
-    /// The cargo feature that brings it.
+    /// The cargo feature that enables the backend.
     #[must_use]
     pub const fn feature(self) -> &'static str {
         self.as_str()
     }
 
-    /// Whether this build has it.
+    /// Returns true if this build contains the backend.
     #[must_use]
     pub const fn is_compiled(self) -> bool {
         match self {
@@ -92,7 +92,7 @@ impl fmt::Display for BackendName {
 impl FromStr for BackendName {
     type Err = NotCompiledIn;
 
-    /// The backend of that name, if this build has it.
+    /// Returns the backend with this name, or [`NotCompiledIn`] if this build does not contain it.
     fn from_str(name: &str) -> Result<Self, NotCompiledIn> {
         let known = Self::ALL.into_iter().find(|backend| backend.as_str() == name);
         match known {
@@ -102,7 +102,7 @@ impl FromStr for BackendName {
     }
 }
 
-/// The names of the backends compiled in.
+/// Returns the names of the compiled-in backends.
 #[must_use]
 pub fn compiled() -> &'static [&'static str] {
     &[
@@ -115,12 +115,12 @@ pub fn compiled() -> &'static [&'static str] {
     ]
 }
 
-/// A backend was asked for that this build does not have.
+/// The error that a requested backend is not part of this build.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NotCompiledIn {
-    /// What was asked for.
+    /// The requested name.
     pub name: String,
-    /// The cargo feature that brings it; `None` where there is no backend of that name.
+    /// The cargo feature that enables the backend; `None` if no backend has that name.
     pub feature: Option<&'static str>,
 }
 

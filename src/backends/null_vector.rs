@@ -1,12 +1,12 @@
-//! When a matrix counts as singular.
+//! The test whether a matrix is singular.
 //!
-//! A pivot that rounding left in place of a zero is not small enough to be told by its size. Elimination without exchanges
-//! gives the last pivot of a body that floats as `lambda / v_n^2`, where `lambda` is what rounding made of the zero eigenvalue
-//! and `v_n` the share of the last unknown in the rigid motion: `n` times rounding at least, much more near an axis of
-//! rotation. A well-held slender body has pivots of that size too, and so has any matrix whose unknowns have units of very
-//! different size. Small pivots therefore only raise doubt ([`in_doubt`]), and [`refuse_null_vector`] decides: inverse
-//! iteration finds the vector that the matrix resists least, and a product with the matrix itself, scaled to entries of
-//! about one ([`Scales`]), tells how much.
+//! The size of a pivot does not reveal whether it is a zero perturbed by rounding. For a floating body, elimination
+//! without exchanges gives the last pivot as `lambda / v_n^2`, where `lambda` is the perturbed zero eigenvalue and
+//! `v_n` the component of the last unknown in the rigid motion: at least `n` times rounding, and much more near an axis
+//! of rotation. A well-held slender body has pivots of that size too, and so has any matrix whose unknowns have units
+//! of very different size. Small pivots therefore only raise doubt ([`in_doubt`]), and [`refuse_null_vector`] decides:
+//! inverse iteration finds the vector `w` with the smallest `|H w| / |w|`, and a product with the matrix `H` itself,
+//! scaled to entries of about one ([`Scales`]), gives that ratio.
 
 use num_traits::Float;
 
@@ -14,38 +14,39 @@ use num_traits::Float;
 use crate::las::Entries;
 use crate::las::{Backend, Factorization, MatVec, Scalar, SolveError, SolverParams, VectorOps};
 
-/// Whether a matrix of `n` unknowns may be singular though no pivot vanishes, given the smallest pivot over the largest: what
-/// the scaled matrix must resist every vector with, over its length, to count as regular. `None` where there is no doubt, or
-/// where the caller judges by pivots.
+/// Decides whether a matrix of `n` unknowns may be singular although no pivot is zero, given the ratio of the smallest
+/// to the largest pivot. If so, returns the limit of `|H w| / |w|` above which the scaled matrix `H` counts as regular.
+/// Returns `None` if there is no doubt or if the caller set a limit for pivots.
 ///
-/// Assembling, factoring, solving and multiplying each leave errors of the rounding unit in sums of independent terms: their
-/// effect on an eigenvalue grows like the root of how many there are in a row, at most `n`.
+/// Assembly, factorization, solve and product each cause errors of the rounding unit in sums of independent terms;
+/// their effect on an eigenvalue grows like the square root of the number of terms in a row, which is at most `n`.
 pub(super) fn in_doubt<T: Scalar>(params: &SolverParams, n: usize, ratio: f64) -> Option<f64> {
     let epsilon = T::epsilon().as_f64();
     let is_doubtful = params.singular_below.is_none() && ratio < epsilon.sqrt();
     is_doubtful.then(|| (32.0 + 2.0 * (n as f64).sqrt()) * epsilon)
 }
 
-/// Scales `R` and `C` of rows and columns, such that the largest entries of the rows and columns of `H = R^-1 A C^-1` are of
-/// size one. Powers of two, so that they leave no errors.
+/// Row and column scales `R` and `C` such that the largest entries of the rows and columns of `H = R^-1 A C^-1` are of
+/// order one. The scales are powers of two and so cause no rounding errors.
 pub(super) struct Scales {
     rows: Vec<f64>,
     columns: Vec<f64>,
 }
 
 impl Scales {
-    /// The roots of a positive diagonal, one for rows and columns: best for a matrix that is positive definite.
+    /// Returns the square roots of a positive diagonal, for rows and columns: the best scales for a positive definite
+    /// matrix.
     pub(super) fn of_diagonal(diagonal: impl Iterator<Item = f64>) -> Self {
         let rows: Vec<f64> = diagonal.map(|entry| power_of_two(if entry > 0.0 { entry.sqrt() } else { 1.0 })).collect();
         Self { columns: rows.clone(), rows }
     }
 
-    /// Of any matrix whose entries are all on this rank, by repeated division by the roots of the largest entries (Ruiz, A
-    /// scaling algorithm to equilibrate both rows and columns norms in matrices, RAL-TR-2001-034). A symmetric matrix gets
-    /// equal scales.
+    /// Equilibrates any matrix whose entries are all on this rank, by repeated division by the square roots of the
+    /// largest entries (Ruiz, A scaling algorithm to equilibrate both rows and columns norms in matrices,
+    /// RAL-TR-2001-034). The row and column scales of a symmetric matrix are equal.
     #[cfg(any(feature = "sparse", feature = "dense"))]
     pub(super) fn equilibrating<B: Backend<Scalar: Scalar>>(a: &B::Matrix, n: usize) -> Result<Self, B::Fault> {
-        /// Each halves the digits that scales are off by, of 308 at most.
+        /// Each pass halves the number of digits by which the scales are off, which is at most 308.
         const PASSES: usize = 12;
         let mut scales = Self { rows: vec![1.0; n], columns: vec![1.0; n] };
         for _ in 0..PASSES {
@@ -67,17 +68,19 @@ impl Scales {
     }
 }
 
-/// The power of two next below a positive number.
+/// Returns the largest power of two not above a positive number.
 fn power_of_two(x: f64) -> f64 {
     x.log2().floor().exp2()
 }
 
-/// Refuses a matrix `A` that resists a vector by less than `limit` times its length, once `scales` give it entries of about
-/// one. No regular matrix is taken for a singular one, however its factors grew: the resistance is that of the matrix.
-/// Returns an unknown whose equation the factors do not solve, if there is one: the sizes of other rows cost its digits.
+/// Searches by inverse iteration for a vector `w` with `|H w| < limit |w|`, where `H` is the matrix `A` scaled by
+/// `scales` to entries of about one. Returns [`SolveError::Singular`] if it finds one, or if a solve gives values that
+/// are not finite. A regular matrix is not mistaken for a singular one, even if its factors grew, because the test
+/// multiplies by the matrix itself. Otherwise returns an unknown whose equation the factors do not solve accurately, if
+/// there is one: the magnitudes of other rows destroyed its digits.
 ///
-/// `solve` applies the factors of `A`, which are of the given `kind`. Of a Cholesky factor the quotient `w . H w / |w|^2`
-/// serves, which feels errors of the vector only by their squares.
+/// `solve` applies the inverse of `A` by its factors, which are of the given `kind`. For a Cholesky factor, the
+/// function uses the quotient `w . H w / |w|^2`, in which errors of `w` enter only quadratically.
 pub(super) fn refuse_null_vector<B: Backend<Scalar: Scalar>>(
     context: &B::Context,
     a: &B::Matrix,
@@ -86,10 +89,10 @@ pub(super) fn refuse_null_vector<B: Backend<Scalar: Scalar>>(
     limit: f64,
     mut solve: impl FnMut(&B::Vector, &mut B::Vector) -> Result<(), SolveError<B::Fault>>,
 ) -> Result<Option<usize>, SolveError<B::Fault>> {
-    /// Each takes the rest of the vector down by the ratio of the least eigenvalues.
+    /// Each iteration reduces the other components of the vector by the ratio of the two smallest eigenvalues.
     const ITERATIONS: usize = 3;
-    /// A random vector has at least this part of its length, over the root of the number of unknowns, along another: all but
-    /// one of ten thousand.
+    /// The component of a random vector along another vector is at least this fraction of its length, divided by the
+    /// square root of the number of unknowns, in all but one of ten thousand cases.
     const ALONG: f64 = 1e-4;
     let n = scales.rows.len();
     let norm = |w: &[f64]| w.iter().map(|w| w * w).sum::<f64>().sqrt();
@@ -144,7 +147,7 @@ fn position_of_largest(w: &[f64]) -> usize {
     w.iter().enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())).map_or(0, |(position, _)| position)
 }
 
-/// Numbers between -1 and 1 by SplitMix64, whose sequence never changes (Steele, Lea and Flood, OOPSLA 2014).
+/// Returns numbers between -1 and 1 by SplitMix64, a fixed sequence (Steele, Lea and Flood, OOPSLA 2014).
 fn random(count: usize) -> Vec<f64> {
     let mut state = 0x5eed_u64;
     let mut next = || {

@@ -1,4 +1,4 @@
-//! One backend's part of the C interface: what the generated functions are written in.
+//! The module of one backend in the C interface, in which the generated functions are compiled.
 
 macro_rules! exported {
     ($module:ident, $backend:ty, $file:literal) => {
@@ -27,7 +27,7 @@ macro_rules! exported {
                 MatrixOps::<B>::shape(mat)
             }
 
-            /// In a build with checks, refuses pairs that are not in the pattern.
+            /// In a build with debug assertions, returns an error if a pair is not in the pattern.
             fn inside(mat: &Matrix, rows: &[i32], cols: &[i32]) -> Result<(), Failure> {
                 if !cfg!(debug_assertions) {
                     return Ok(());

@@ -1,4 +1,4 @@
-//! Pointers of the caller, checked as far as they can be: null is an error, all else is the caller's promise.
+//! Checks of the caller's pointers: a null pointer is an error; all other properties are promised by the caller.
 
 use std::any::Any;
 use std::cell::RefCell;
@@ -12,7 +12,7 @@ use super::{
 };
 use crate::las::{Scalar, SolveError, Value};
 
-/// Why a call did nothing.
+/// The error code and message of a call that failed.
 pub(super) struct Failure {
     pub code: i32,
     pub message: String,
@@ -28,12 +28,12 @@ thread_local! {
     static MESSAGE: RefCell<CString> = RefCell::default();
 }
 
-/// The message of the last failure on this thread; empty before the first.
+/// Returns the message of the last failure on this thread; empty before the first.
 pub(super) fn message() -> *const c_char {
     MESSAGE.with_borrow(|message| message.as_ptr())
 }
 
-/// Runs a call: a failure becomes its code, a panic never leaves.
+/// Runs a call and returns its error code; a panic becomes LAS_PANIC and does not unwind into the caller.
 pub(super) fn guarded(call: impl FnOnce() -> Result<(), Failure>) -> i32 {
     let outcome = catch_unwind(AssertUnwindSafe(call)).unwrap_or_else(|panic| {
         Err(Failure::new(LAS_PANIC, format!("a fault of the library: {}", text_of(panic.as_ref()))))
@@ -57,20 +57,20 @@ fn null(name: &str) -> Failure {
 }
 
 /// # Safety
-/// The pointer is null, or one to a `T` that nobody writes to during the call.
+/// The pointer is null, or points to a `T` that no other code writes during the call.
 pub(super) unsafe fn shared<'a, T>(pointer: *const T, name: &str) -> Result<&'a T, Failure> {
     // SAFETY: the caller's promise is passed on.
     unsafe { pointer.as_ref() }.ok_or_else(|| null(name))
 }
 
 /// # Safety
-/// The pointer is null, or one to a `T` that nobody else uses during the call.
+/// The pointer is null, or points to a `T` that no other code uses during the call.
 pub(super) unsafe fn exclusive<'a, T>(pointer: *mut T, name: &str) -> Result<&'a mut T, Failure> {
     // SAFETY: the caller's promise is passed on.
     unsafe { pointer.as_mut() }.ok_or_else(|| null(name))
 }
 
-/// Puts what `make` makes where `place` points to; null stands there where it fails.
+/// Stores the object that `make` creates in `*place`; stores null if `make` fails.
 ///
 /// # Safety
 /// As for [`exclusive`].
@@ -87,17 +87,17 @@ pub(super) unsafe fn give<T>(
 }
 
 /// # Safety
-/// The pointer is null, or came from [`give`] and was not freed before.
+/// The pointer is null, or was stored by [`give`] and not freed before.
 pub(super) unsafe fn free<T>(pointer: *mut T) -> Result<(), Failure> {
     if !pointer.is_null() {
-        // SAFETY: it came from Box::into_raw.
+        // SAFETY: the pointer came from Box::into_raw.
         drop(unsafe { Box::from_raw(pointer) });
     }
     Ok(())
 }
 
 /// # Safety
-/// The pointer is null, or one to `len` values.
+/// The pointer is null, or points to `len` values.
 pub(super) unsafe fn array<'a, T>(pointer: *const T, len: usize, name: &str) -> Result<&'a [T], Failure> {
     match (pointer.is_null(), len) {
         (_, 0) => Ok(&[]),
@@ -108,7 +108,7 @@ pub(super) unsafe fn array<'a, T>(pointer: *const T, len: usize, name: &str) -> 
 }
 
 /// # Safety
-/// The pointer is null, or one to `len` values that nobody else uses during the call.
+/// The pointer is null, or points to `len` values that no other code uses during the call.
 unsafe fn array_mut<'a, T>(pointer: *mut T, len: usize, name: &str) -> Result<&'a mut [T], Failure> {
     match (pointer.is_null(), len) {
         (_, 0) => Ok(&mut []),
@@ -118,7 +118,7 @@ unsafe fn array_mut<'a, T>(pointer: *mut T, len: usize, name: &str) -> Result<&'
     }
 }
 
-/// Entries of a vector or matrix: as many numbers each as the backend has lanes.
+/// Returns entries of a vector or matrix; each consists of as many numbers as the backend has lanes.
 ///
 /// # Safety
 /// As for [`array`], of `len` times the lanes.
@@ -127,12 +127,12 @@ pub(super) unsafe fn scalars<'a, S: Value<Real = f64>>(
     len: usize,
     name: &str,
 ) -> Result<&'a [S], Failure> {
-    // SAFETY: an entry is its lanes one after the other, without anything between them.
+    // SAFETY: an entry consists of its lanes, contiguous and without padding.
     unsafe { array(pointer.cast(), len, name) }
 }
 
 /// # Safety
-/// As for [`scalars`]; nobody else uses them during the call.
+/// As for [`scalars`]; no other code uses them during the call.
 pub(super) unsafe fn scalars_mut<'a, S: Value<Real = f64>>(
     pointer: *mut f64,
     len: usize,
@@ -142,7 +142,7 @@ pub(super) unsafe fn scalars_mut<'a, S: Value<Real = f64>>(
     unsafe { array_mut(pointer.cast(), len, name) }
 }
 
-/// Writes a norm or product: one number a lane.
+/// Writes a norm or dot product, one number per lane.
 ///
 /// # Safety
 /// As for [`scalars_mut`] of one entry.
@@ -153,10 +153,10 @@ pub(super) unsafe fn reduced<R: Value<Real: Scalar>>(pointer: *mut f64, value: R
     Ok(())
 }
 
-/// A text that ends with a zero.
+/// Returns a zero-terminated text.
 ///
 /// # Safety
-/// The pointer is null, or one to such a text.
+/// The pointer is null, or points to a zero-terminated text.
 pub(super) unsafe fn text<'a>(pointer: *const c_char, name: &str) -> Result<&'a str, Failure> {
     if pointer.is_null() {
         return Err(null(name));
@@ -166,12 +166,12 @@ pub(super) unsafe fn text<'a>(pointer: *const c_char, name: &str) -> Result<&'a 
     text.to_str().map_err(|_| Failure::new(LAS_SIZE, format!("`{name}` is not UTF-8")))
 }
 
-/// A number of things.
+/// Converts a count. Returns an error if it is negative.
 pub(super) fn count(count: i32, name: &str) -> Result<usize, Failure> {
     usize::try_from(count).map_err(|_| Failure::new(LAS_SIZE, format!("`{name}` is {count}; it must not be negative")))
 }
 
-/// Indices, each negative or below `end`.
+/// Returns indices after checking that each is negative or below `end`.
 ///
 /// # Safety
 /// As for [`array`] of `len` indices.
@@ -184,24 +184,24 @@ pub(super) unsafe fn indices<'a>(pointer: *const i32, len: i32, end: usize, name
     }
 }
 
-/// A part of a list of positions.
+/// Returns a part of a list of positions.
 pub(super) fn part<S>(slots: &[S], first: i32, len: i32) -> Result<&[S], Failure> {
     let (first, len) = (count(first, "first")?, count(len, "count")?);
     let part = first.checked_add(len).and_then(|end| slots.get(first..end));
     part.ok_or_else(|| Failure::new(LAS_SIZE, format!("{len} positions from {first}; there are {}", slots.len())))
 }
 
-/// A pair of row and column that is not in the pattern.
+/// Returns the error that a pair of row and column is not in the pattern.
 pub(super) fn outside(row: i32, column: i32) -> Failure {
     Failure::new(LAS_INDEX, format!("({row}, {column}) is not in the pattern of the matrix"))
 }
 
-/// Refuses two sizes that should be one.
+/// Returns an error if two sizes differ.
 pub(super) fn same(what: &str, a: usize, b: usize) -> Result<(), Failure> {
     if a == b { Ok(()) } else { Err(Failure::new(LAS_SIZE, format!("{what} have {a} and {b} entries"))) }
 }
 
-/// Refuses two handles that must not be the same.
+/// Returns an error if two handles are the same.
 pub(super) fn apart<T>(a: *const T, b: *const T, what: &str) -> Result<(), Failure> {
     if a.is_null() || !std::ptr::eq(a, b) {
         Ok(())
@@ -210,9 +210,9 @@ pub(super) fn apart<T>(a: *const T, b: *const T, what: &str) -> Result<(), Failu
     }
 }
 
-/// Refuses lists of handles in which one that is written to stands twice.
+/// Returns an error if a handle that is written occurs twice.
 pub(super) fn all_apart<T>(read: &[*const T], written: &[*mut T]) -> Result<(), Failure> {
-    // Null is told apart later, with its name.
+    // Null handles are reported later, with their name.
     let mut all: Vec<*const T> =
         written.iter().map(|&handle| handle.cast_const()).filter(|handle| !handle.is_null()).collect();
     all.sort_unstable();
@@ -223,25 +223,26 @@ pub(super) fn all_apart<T>(read: &[*const T], written: &[*mut T]) -> Result<(), 
     Ok(())
 }
 
-/// Objects of the caller side by side, to be read: bitwise copies that are never dropped.
+/// Objects of the caller in one slice for reading: bitwise copies that are never dropped.
 pub(super) struct Borrowed<T>(Vec<ManuallyDrop<T>>);
 
 impl<T> Borrowed<T> {
     /// # Safety
-    /// The objects live, and nobody changes them, as long as this does.
+    /// The objects are live and unchanged as long as this value exists.
     pub(super) unsafe fn new(objects: impl Iterator<Item = Result<*const T, Failure>>) -> Result<Self, Failure> {
-        // SAFETY: read only, through shared references, and not dropped.
+        // SAFETY: only read, through shared references, and not dropped.
         let copy = |object: *const T| ManuallyDrop::new(unsafe { object.read() });
         Ok(Self(objects.map(|object| object.map(copy)).collect::<Result<_, _>>()?))
     }
 
     pub(super) fn as_slice(&self) -> &[T] {
-        // SAFETY: `ManuallyDrop` has the layout of what it holds.
+        // SAFETY: `ManuallyDrop<T>` has the layout of `T`.
         unsafe { std::slice::from_raw_parts(self.0.as_ptr().cast(), self.0.len()) }
     }
 }
 
-/// Objects of the caller side by side, to be written: they move here, and back when this ends, however it ends.
+/// Objects of the caller in one slice for writing: they are moved here, and moved back when this value is dropped, also
+/// during unwinding.
 pub(super) struct Lent<T> {
     copies: Vec<ManuallyDrop<T>>,
     homes: Vec<*mut T>,
@@ -249,16 +250,16 @@ pub(super) struct Lent<T> {
 
 impl<T> Lent<T> {
     /// # Safety
-    /// The objects live, and nobody else uses them, as long as this does; no two are the same.
+    /// The objects are live and have no other user as long as this value exists; no two are the same.
     pub(super) unsafe fn new(objects: impl Iterator<Item = Result<*mut T, Failure>>) -> Result<Self, Failure> {
         let homes: Vec<*mut T> = objects.collect::<Result<_, _>>()?;
-        // SAFETY: what stays behind is overwritten, not dropped.
+        // SAFETY: the original is overwritten later, not dropped.
         let copies = homes.iter().map(|home| ManuallyDrop::new(unsafe { home.read() })).collect();
         Ok(Self { copies, homes })
     }
 
     pub(super) fn as_mut_slice(&mut self) -> &mut [T] {
-        // SAFETY: `ManuallyDrop` has the layout of what it holds.
+        // SAFETY: `ManuallyDrop<T>` has the layout of `T`.
         unsafe { std::slice::from_raw_parts_mut(self.copies.as_mut_ptr().cast(), self.copies.len()) }
     }
 }
@@ -266,18 +267,18 @@ impl<T> Lent<T> {
 impl<T> Drop for Lent<T> {
     fn drop(&mut self) {
         for (copy, home) in self.copies.drain(..).zip(&self.homes) {
-            // SAFETY: where it came from.
+            // SAFETY: the place from which the object was read.
             unsafe { home.write(ManuallyDrop::into_inner(copy)) };
         }
     }
 }
 
-/// A fault of the backend.
+/// Converts an error of the backend.
 pub(super) fn fault<F: std::error::Error>(error: F) -> Failure {
     Failure::new(LAS_FAULT, error.to_string())
 }
 
-/// Why there is no solution or product.
+/// Converts the error of a solve or product.
 pub(super) fn unsolved<F: std::error::Error>(error: SolveError<F>) -> Failure {
     let code = match &error {
         SolveError::NotSquare { .. }

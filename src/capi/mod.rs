@@ -1,8 +1,9 @@
-//! The C interface of LAS, which Fortran uses too: functions `las_<verb>_<backend>` for every backend that is compiled in.
+//! The C interface of LAS, which Fortran uses too: functions `las_<verb>_<backend>` for every compiled-in backend.
 //!
-//! `include/las.h` and `include/las.f90` declare them; both are made by `tools/headers`. Every function returns
-//! [`LAS_OK`] or a code that says what was wrong, and [`las_message`] says it in words. Nothing unwinds into the caller.
-//! Objects are made by `las_create_...` and freed by `las_destroy_...`; none may be used by two threads at once.
+//! `include/las.h` and `include/las.f90` declare the functions; `tools/headers` generates both files. Every function
+//! returns [`LAS_OK`] or an error code; [`las_message`] returns the error message. No panic unwinds into the caller.
+//! Functions `las_create_...` create objects and `las_destroy_...` free them; two threads must not use an object at the
+//! same time.
 #![cfg_attr(
     not(any(feature = "sparse", feature = "dense", feature = "petsc")),
     allow(dead_code, unused_imports, unused_macros, reason = "what backends share, without one that has files")
@@ -31,59 +32,61 @@ use handles::{Failure, array, count, exclusive, fault, free, give, guarded};
 
 use crate::las::{Backend, Iterative, Krylov, Preconditioner, SolverParams, Sparsity, Symmetry, market};
 
-/// All went well.
+/// Success.
 pub const LAS_OK: i32 = 0;
 /// A pointer is null.
 pub const LAS_NULL: i32 = 1;
-/// A size is negative, or sizes do not fit each other.
+/// A size is negative, or sizes are inconsistent.
 pub const LAS_SIZE: i32 = 2;
-/// An index is beyond the end.
+/// An index is out of range.
 pub const LAS_INDEX: i32 = 3;
-/// The matrix is singular.
+/// The matrix is singular, or not positive definite where that is required.
 pub const LAS_SINGULAR: i32 = 4;
-/// Iterations did not converge, or the matrix holds values that are not finite.
+/// An iterative method did not converge, the matrix is too ill-conditioned, or the matrix or right-hand side contains
+/// values that are not finite.
 pub const LAS_NOT_CONVERGED: i32 = 5;
-/// There is nothing to solve with yet.
+/// The solver has not factored a matrix yet.
 pub const LAS_NOT_FACTORED: i32 = 6;
-/// The backend cannot do that.
+/// The backend does not support the operation.
 pub const LAS_UNSUPPORTED: i32 = 7;
-/// A file is wrong, or cannot be read or written.
+/// A file is invalid, or cannot be read or written.
 pub const LAS_FILE: i32 = 8;
 /// The backend or its library failed.
 pub const LAS_FAULT: i32 = 9;
-/// A fault of this library.
+/// An internal error of this library.
 pub const LAS_PANIC: i32 = 10;
-/// A parameter is none of those allowed.
+/// A parameter has none of the allowed values.
 pub const LAS_ARGUMENT: i32 = 11;
 
-/// The matrix is symmetric, both of its triangles are stored, and it is positive definite in ordinary states.
+/// The matrix is symmetric, both of its triangles are stored, and it is normally positive definite.
 pub const LAS_DEFINITE: i32 = 0;
 /// The matrix is symmetric, and both of its triangles are stored.
 pub const LAS_SYMMETRIC: i32 = 1;
 /// The matrix is not symmetric.
 pub const LAS_UNSYMMETRIC: i32 = 2;
 
-/// Solve by a factorization.
+/// Solve directly, by a factorization.
 pub const LAS_DIRECT: i32 = 0;
-/// Solve by conjugate gradients.
+/// Solve by the conjugate gradient method (CG).
 pub const LAS_CG: i32 = 1;
-/// Solve by stabilized biconjugate gradients.
+/// Solve by the stabilized biconjugate gradient method (BiCGSTAB).
 pub const LAS_BICGSTAB: i32 = 2;
-/// Solve by generalized minimal residuals.
+/// Solve by the generalized minimal residual method (GMRES).
 pub const LAS_GMRES: i32 = 3;
 
-/// Iterate with what suits the method: the diagonal for LAS_CG and for all methods of PETSc, LAS_ILUT for the others.
+/// Precondition by the default of the method: the diagonal for LAS_CG and for all methods of PETSc, LAS_ILUT for the
+/// others.
 pub const LAS_AUTO: i32 = -1;
-/// Iterate without a preconditioner.
+/// Use no preconditioner.
 pub const LAS_NONE: i32 = 0;
-/// Iterate with the inverse of the diagonal.
+/// Precondition by the inverse of the diagonal.
 pub const LAS_DIAGONAL: i32 = 1;
-/// Iterate with an incomplete factorization.
+/// Precondition by an incomplete factorization.
 pub const LAS_ILUT: i32 = 2;
-/// Iterate with algebraic multigrid.
+/// Precondition by algebraic multigrid.
 pub const LAS_MULTIGRID: i32 = 3;
 
-/// How a system is to be solved; las_default_params fills it in.
+/// The solver parameters; las_default_params sets the defaults.
 #[allow(non_camel_case_types, reason = "a name of C")]
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
@@ -94,15 +97,15 @@ pub struct las_params {
     pub method: i32,
     /// LAS_AUTO, LAS_NONE, LAS_DIAGONAL, LAS_ILUT or LAS_MULTIGRID.
     pub preconditioner: i32,
-    /// Steps of GMRES between restarts.
+    /// Number of GMRES steps between restarts.
     pub restart: i32,
-    /// Entries that a row of an incomplete factor keeps.
+    /// Number of entries that a row of an incomplete factor keeps.
     pub fill: i32,
-    /// Iterations after which to give up.
+    /// Largest number of iterations.
     pub max_iterations: i32,
-    /// Entries below this part of their row are dropped from an incomplete factor.
+    /// Entries below this fraction of their row are dropped from an incomplete factor.
     pub drop_tolerance: f64,
-    /// Residual over right-hand side at which to stop.
+    /// Norm of the residual over that of the right-hand side at which the iteration stops.
     pub tolerance: f64,
 }
 
@@ -142,22 +145,23 @@ fn refuse(what: &str, value: i32, allowed: &str) -> Failure {
     Failure::new(LAS_ARGUMENT, format!("`{what}` is {value}; it must be {allowed}"))
 }
 
-/// A parameter that counts; that it may not be zero is checked with the rest.
+/// Converts a parameter that is a count; the check that it is not zero comes with the other checks.
 fn natural(value: i32, what: &str) -> Result<usize, Failure> {
     usize::try_from(value).map_err(|_| refuse(what, value, "0 or above"))
 }
 
-/// Which entries of a matrix can be other than zero; shared by all backends.
+/// A sparsity pattern, shared by all backends.
 #[allow(non_camel_case_types, reason = "a name of C")]
 pub struct las_pattern(Arc<Sparsity>);
 
-/// What went wrong in the last call of this thread that did not return LAS_OK. The text lives until the next such call.
+/// Returns the message of the last call of this thread that did not return LAS_OK. The text is valid until the next
+/// such call.
 #[unsafe(no_mangle)]
 pub extern "C" fn las_message() -> *const c_char {
     handles::message()
 }
 
-/// The version of this library, such as "0.1.0".
+/// Returns the version of this library, such as "0.1.0".
 #[unsafe(no_mangle)]
 pub extern "C" fn las_version() -> *const c_char {
     const VERSION: &CStr = match CStr::from_bytes_with_nul(concat!(env!("CARGO_PKG_VERSION"), "\0").as_bytes()) {
@@ -167,11 +171,11 @@ pub extern "C" fn las_version() -> *const c_char {
     VERSION.as_ptr()
 }
 
-/// Fills in the defaults: a definite matrix, solved directly; iterations to 1e-10 with what suits the method, ILUT(1e-3, 20)
-/// where it is that.
+/// Sets the defaults: a definite matrix, solved directly. For iterative methods: tolerance 1e-10, the default
+/// preconditioner of the method, and ILUT(1e-3, 20) if that is ILUT.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_default_params(params: *mut las_params) -> i32 {
-    // SAFETY: of the pointers the caller promises what the header says; so below.
+    // SAFETY: the caller promises of the pointers what the header states; likewise below.
     guarded(|| unsafe {
         *exclusive(params, "params")? = las_params {
             symmetry: LAS_DEFINITE,
@@ -187,8 +191,8 @@ pub unsafe extern "C" fn las_default_params(params: *mut las_params) -> i32 {
     })
 }
 
-/// Makes a pattern from compressed rows: row_offsets has rows + 1 entries, the last of which is the number of entries; the
-/// columns of a row ascend. All count from 0.
+/// Creates a pattern from compressed rows: row_offsets has rows + 1 entries, the last of which is the number of
+/// entries; the columns of a row ascend. All indices count from 0.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_create_pattern(
     rows: i32,
@@ -213,7 +217,7 @@ pub unsafe extern "C" fn las_create_pattern(
     })
 }
 
-/// Makes the square pattern of elements that each couple all of their unknowns: element k has the unknowns
+/// Creates the square pattern of elements, each of which couples all of its unknowns: element k has the unknowns
 /// unknowns[element_start[k]] to unknowns[element_start[k + 1] - 1]; negative ones are constrained.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_create_pattern_of_elements(
@@ -251,15 +255,15 @@ fn size(error: crate::las::SparsityError) -> Failure {
     Failure::new(LAS_SIZE, error.to_string())
 }
 
-/// What a backend adds to its traits to be exported.
+/// The functions that a backend needs for the C interface, in addition to its traits.
 trait Exported: Backend {
-    /// Where it runs.
+    /// Creates the context of the backend.
     fn context() -> Result<Self::Context, Failure>;
 
     /// Reads a Matrix Market file.
     fn read(file: &Path, context: &Self::Context) -> Result<Self::Matrix, Failure>;
 
-    /// Writes one.
+    /// Writes a Matrix Market file.
     fn write(file: &Path, mat: &Self::Matrix) -> Result<(), Failure>;
 }
 

@@ -1,4 +1,4 @@
-//! The PETSc session of a C program: one for all its contexts, from the first to the last.
+//! The PETSc session of a C program: all its contexts share one, which lasts from the first to the last of them.
 
 use mpi::environment::is_initialized;
 use mpi::ffi::RSMPI_Comm_f2c;
@@ -9,22 +9,23 @@ use super::handles::Failure;
 use super::{LAS_FAULT, LAS_UNSUPPORTED};
 use crate::backends::petsc::{Context, Session};
 
-/// On all ranks of MPI, which starts here if it has not.
+/// Creates a context on all MPI ranks; initializes MPI if it is not yet initialized.
 pub(super) fn world() -> Result<Context, Failure> {
     let session = session()?;
     Ok(Context::new(&session, &SimpleCommunicator::world()))
 }
 
-/// On the ranks of a communicator of the caller.
+/// Creates a context on the ranks of a communicator of the caller.
 ///
 /// # Safety
-/// The handle is one of a communicator of the running MPI.
+/// The handle belongs to a communicator, and MPI is initialized and not finalized.
 pub(super) unsafe fn on(comm: i32) -> Result<Context, Failure> {
     if !is_initialized() {
         return Err(Failure::new(LAS_UNSUPPORTED, "there is no communicator before MPI_Init"));
     }
     let session = session()?;
-    // SAFETY: MPI runs; the caller promises the handle. Dropping the copy does not free the caller's communicator.
+    // SAFETY: MPI is initialized; the caller promises the handle. Dropping the copy does not free the caller's
+    // communicator.
     let comm = std::mem::ManuallyDrop::new(unsafe { SimpleCommunicator::from_raw(RSMPI_Comm_f2c(comm)) });
     Ok(Context::new(&session, &*comm))
 }

@@ -1,4 +1,4 @@
-//! Several numbers side by side, computed with as one.
+//! Arithmetic on several numbers at once.
 
 use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Rem, RemAssign, Sub, SubAssign};
 
@@ -7,9 +7,9 @@ use num_traits::{Num, One, Zero};
 
 use crate::las::{Layout, Payload, Scalar, Value};
 
-/// `N` numbers, each of a lane of its own; arithmetic acts on every lane alone.
+/// `N` numbers, one per lane; arithmetic acts on each lane separately.
 ///
-/// The compiler turns it into vector instructions: with four `f64` one of 32 bytes where the target has such, else two.
+/// The compiler generates vector instructions: four `f64` take one of 32 bytes if the target has them, else two.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(transparent)]
 pub struct Lanes<T, const N: usize>(pub [T; N]);
@@ -82,7 +82,7 @@ impl<T: Scalar, const N: usize> One for Lanes<T, N> {
 impl<T: Scalar, const N: usize> Num for Lanes<T, N> {
     type FromStrRadixErr = T::FromStrRadixErr;
 
-    /// The same number in every lane.
+    /// Parses a number and copies it to every lane.
     fn from_str_radix(text: &str, radix: u32) -> Result<Self, Self::FromStrRadixErr> {
         T::from_str_radix(text, radix).map(Self::splat)
     }
@@ -109,7 +109,7 @@ impl<T: Scalar, const N: usize> Value for Lanes<T, N> {
     }
 }
 
-/// For whoever gets them, an array.
+/// In a message, lanes are an array.
 impl<T: Payload, const N: usize> Payload for Lanes<T, N> {
     fn layout() -> Layout {
         <[T; N]>::layout()

@@ -1,8 +1,8 @@
-//! `batched`: `N` systems of one pattern at once, one in each lane.
+//! `batched`: `N` systems with one sparsity pattern at once, one in each lane.
 //!
-//! Every entry of a vector or matrix is a [`Lanes`] of `N` numbers; the verbs act on all lanes with the same
-//! instructions, and `norm` and `dot` give one number a lane. The searches in the pattern, which cost more than the
-//! additions, are shared by all lanes. There is no solver in lanes in this version.
+//! Every entry of a vector or matrix is a [`Lanes`] of `N` numbers; each operation acts on all lanes with the same
+//! instructions, and `norm` and `dot` return one number per lane. All lanes share the searches in the pattern, which
+//! cost more than the additions. This version has no solver for lanes.
 //!
 //! ```
 //! use std::sync::Arc;

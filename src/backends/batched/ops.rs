@@ -1,4 +1,4 @@
-//! The hot verbs: those of compressed rows, on all lanes at once.
+//! The vector and matrix operations of assembly: those of compressed rows, on all lanes at once.
 
 use num_traits::Zero;
 
@@ -9,11 +9,11 @@ use crate::las::Scalar;
 
 hot_verbs!([T: Scalar, const N: usize] Batched<T, N>, Lanes<T, N>, Lanes<T, N>, norm: norm, dot: dot);
 
-/// `sum_i x[i] y[i]`, in every lane.
+/// Returns `sum_i x[i] y[i]` for every lane.
 #[inline(always)]
 fn dot<T: Scalar, const N: usize>(x: &[Lanes<T, N>], y: &[Lanes<T, N>]) -> Lanes<T, N> {
     debug_assert_eq!(x.len(), y.len(), "vectors of one length");
-    // Two chains, so that additions need not wait for each other.
+    // Two independent sums shorten the dependency chain of the additions.
     let mut sums = [Lanes::<T, N>::zero(); 2];
     let (x_pairs, x_last) = x.as_chunks::<2>();
     let (y_pairs, y_last) = y.as_chunks::<2>();
@@ -27,7 +27,8 @@ fn dot<T: Scalar, const N: usize>(x: &[Lanes<T, N>], y: &[Lanes<T, N>]) -> Lanes
     sums[0] + sums[1]
 }
 
-/// Euclidean norm, in every lane. Lanes whose sum of squares leaves the range of the scalar are summed again, scaled.
+/// Returns the Euclidean norm for every lane. Lanes whose sum of squares leaves the range of the scalar are recomputed
+/// with scaling.
 #[inline(always)]
 fn norm<T: Scalar, const N: usize>(x: &[Lanes<T, N>]) -> Lanes<T, N> {
     let squares = dot(x, x);

@@ -1,4 +1,4 @@
-//! Products, sums, diagonals, and all entries.
+//! Products, sums, diagonals and the traversal of all entries.
 
 use super::{Batched, Lanes};
 use crate::backends::csr::amortized;

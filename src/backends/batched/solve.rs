@@ -1,19 +1,19 @@
-//! Solving: not in lanes yet.
+//! The solver types: this version has no solver for lanes.
 
 use std::convert::Infallible;
 
 use super::{Batched, Matrix, Vector};
 use crate::las::{Backend, FactorReport, Scalar, SolveError, SolveReport};
 
-/// What an analysis would be.
+/// The type of the symbolic analysis; it has no values.
 #[derive(Debug)]
 pub enum Symbolic {}
 
-/// What a solver would be.
+/// The type of the solver; it has no values.
 #[derive(Debug)]
 pub enum Solver {}
 
-/// Why there is none.
+/// Returns the error that this backend has no solver.
 pub(super) fn unsupported<T: Scalar, const N: usize>() -> SolveError<Infallible> {
     SolveError::Unsupported {
         backend: Batched::<T, N>::NAME,

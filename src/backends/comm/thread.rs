@@ -1,4 +1,4 @@
-//! Ranks as threads of one process: what tests run on, and a laptop.
+//! Ranks as threads of one process, for tests and for single machines.
 
 use std::collections::VecDeque;
 use std::collections::hash_map::{Entry, HashMap};
@@ -11,30 +11,30 @@ use std::time::{Duration, Instant};
 
 use crate::las::{Comm, CommError, Message, Receiving, Sending, Tag};
 
-/// Threads that run side by side, each a rank.
+/// A communicator whose ranks are threads.
 #[derive(Clone, Debug)]
 pub struct ThreadComm {
     world: Arc<World>,
-    /// Tells messages of one group from those of others.
+    /// Distinguishes the messages of one group from those of others.
     group: u64,
-    /// The ranks of the group, by their numbers in the world.
+    /// The ranks of the group, by their numbers among all threads.
     members: Arc<[usize]>,
     rank: usize,
     time_out: Option<Duration>,
 }
 
-/// All threads.
+/// The state shared by all threads.
 #[derive(Debug)]
 struct World {
     mailboxes: Vec<Mailbox>,
-    /// The first rank that failed, and what it said.
+    /// The first rank that failed, and its reason.
     failed: Mutex<Option<Failed>>,
-    /// Ranks that have come to their end and send nothing more.
+    /// For each rank, whether it has ended and sends no more messages.
     ended: Vec<AtomicBool>,
     groups: AtomicU64,
 }
 
-/// What has come and was not received: by address, never an empty queue.
+/// Messages that have arrived and were not yet received, by address; no queue is empty.
 type Messages = HashMap<Address, VecDeque<Message>>;
 
 #[derive(Debug, Default)]
@@ -43,17 +43,17 @@ struct Mailbox {
     arrived: Condvar,
 }
 
-/// What tells messages in a mailbox apart: the group, the rank in the world that sent it, and the tag.
+/// The address of messages in a mailbox: the group, the sender's number among all threads, and the tag.
 type Address = (u64, usize, Tag);
 
 /// A rank that failed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Failed {
-    /// Its number.
+    /// The number of the rank.
     pub rank: usize,
-    /// What it said, or panicked with.
+    /// The message of its error or panic.
     pub reason: String,
-    /// Whether it panicked.
+    /// True if the rank panicked.
     pub has_panicked: bool,
 }
 
@@ -71,16 +71,16 @@ impl From<Failed> for CommError {
     }
 }
 
-/// What a thread does not know of another's panic: every value that is locked here is whole at any time.
+/// Locks a mutex and ignores poisoning: every value locked here is consistent at any time.
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Runs `main` as so many ranks, and waits for all of them: one that computes or sleeps when another fails is not disturbed
-/// until it sends or receives. What they return comes in their order.
+/// Runs `main` on `ranks` threads and waits for all of them. If a rank fails, another rank that computes or sleeps
+/// continues until it sends or receives. The results are in rank order.
 ///
 /// # Errors
-/// The first rank that returned an error or panicked; the others are ended by it.
+/// Returns the first rank that returned an error or panicked; it ends the other ranks.
 pub fn run<R: Send, E: Display>(
     ranks: usize,
     main: impl Fn(ThreadComm) -> Result<R, E> + Sync,
@@ -107,7 +107,7 @@ pub fn run<R: Send, E: Display>(
                 Err(panic) => world.fail(Failed { rank, reason: super::words_of(panic.as_ref()), has_panicked: true }),
             };
             let started = thread::Builder::new().spawn_scoped(scope, run);
-            // Those that have started wait for this one.
+            // The ranks that already run wait for this one.
             let without = |error| format!("the system gives it no thread: {error}");
             let failed = |error| world.fail::<R>(Failed { rank, reason: without(error), has_panicked: false });
             started.map_err(failed).ok()
@@ -122,17 +122,17 @@ pub fn run<R: Send, E: Display>(
 }
 
 impl World {
-    /// Ends all ranks, unless another has before.
+    /// Records a failure, unless another rank failed before, and ends all ranks.
     fn fail<R>(&self, failed: Failed) -> Option<R> {
         locked(&self.failed).get_or_insert(failed);
         self.wake();
         None
     }
 
-    /// Lets all ranks that wait look again.
+    /// Wakes all waiting ranks, which then check the state again.
     fn wake(&self) {
         for mailbox in &self.mailboxes {
-            // With the lock, so that nobody goes to sleep between looking and waiting.
+            // The lock ensures that no rank starts to wait between its check and this notification.
             let _messages = locked(&mailbox.messages);
             mailbox.arrived.notify_all();
         }
@@ -144,7 +144,7 @@ impl World {
 }
 
 impl ThreadComm {
-    /// One rank alone.
+    /// Creates a communicator with a single rank.
     #[must_use]
     pub fn alone() -> Self {
         let mailboxes = vec![Mailbox::default()];
@@ -153,13 +153,13 @@ impl ThreadComm {
         Self { world: Arc::new(world), group: 0, members: [0].into(), rank: 0, time_out: None }
     }
 
-    /// The number in the world of a rank of this group.
+    /// Returns the number among all threads of a rank of this group.
     fn in_world(&self, rank: usize) -> Result<usize, CommError> {
         let size = self.members.len();
         self.members.get(rank).copied().ok_or(CommError::Rank { rank, size })
     }
 
-    /// As many new numbers of groups, the same for all ranks: the first of them.
+    /// Returns the first of `count` new group numbers, the same on all ranks (collective).
     fn new_groups(&self, count: usize) -> Result<u64, CommError> {
         let first = match self.rank {
             0 => self.world.groups.fetch_add(count as u64, Ordering::Relaxed),
@@ -169,7 +169,7 @@ impl ThreadComm {
         Ok(agreed.values::<u64>().and_then(|numbers| numbers.first()).copied().unwrap_or(first))
     }
 
-    /// Waits until a message of a rank has come: the mailbox, in which there is one at that address.
+    /// Waits until a message from a rank has arrived. Returns the locked mailbox and the address of the message.
     fn arrived(&self, from: usize, tag: Tag) -> Result<(MutexGuard<'_, Messages>, Address), CommError> {
         let sender = self.in_world(from)?;
         let address = (self.group, sender, tag);
@@ -177,7 +177,7 @@ impl ThreadComm {
         let end = self.time_out.and_then(|time_out| Some((Instant::now().checked_add(time_out)?, time_out)));
         let mut messages = locked(&mailbox.messages);
         loop {
-            // Asked before looking: what a rank sends before its end is there then.
+            // Read before the queue: the messages that a rank sends before it ends are then already in the mailbox.
             let has_ended = self.world.ended[sender].load(Ordering::Acquire);
             if messages.get(&address).is_some_and(|queue| !queue.is_empty()) {
                 return Ok((messages, address));
@@ -201,7 +201,7 @@ impl ThreadComm {
     }
 }
 
-/// A message that has arrived.
+/// A send that is complete: the message is in the mailbox of the receiver.
 #[derive(Clone, Copy, Debug)]
 pub struct Sent;
 
@@ -211,7 +211,7 @@ impl Sending for Sent {
     }
 }
 
-/// A message that is put into this rank's mailbox some time.
+/// A receive whose message has yet to arrive in the mailbox of this rank.
 #[derive(Clone, Debug)]
 pub struct Expected {
     comm: ThreadComm,
@@ -254,7 +254,7 @@ impl Comm for ThreadComm {
         let (mut messages, address) = self.arrived(from, tag)?;
         let Entry::Occupied(mut queue) = messages.entry(address) else { return Ok(Message::new()) };
         let message = queue.get_mut().pop_front().unwrap_or_default();
-        // Nothing stays of addresses that nobody writes to again.
+        // Remove the queue, because no rank may ever write to this address again.
         if queue.get().is_empty() {
             queue.remove();
         }
@@ -292,7 +292,7 @@ impl Comm for ThreadComm {
         }
         let ranks: Vec<usize> = members.into_iter().map(|(_, rank)| rank).collect();
         let rank = ranks.iter().position(|&rank| rank == self.rank).unwrap_or(0);
-        // A group is numbered by its first rank, of which no other group has it.
+        // The number of a group derives from its first rank, which belongs to no other group.
         let group = first + ranks.first().copied().unwrap_or(0) as u64;
         let members = ranks.iter().map(|&rank| self.members[rank]).collect();
         Ok(Some(Self { world: Arc::clone(&self.world), group, members, rank, time_out: self.time_out }))

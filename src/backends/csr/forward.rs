@@ -1,6 +1,6 @@
-//! The traits of a backend of compressed rows, forwarded to what they all share.
+//! Macros that implement the traits of a backend with compressed rows by the functions that all such backends share.
 
-/// The hot verbs; `norm` and `dot` are functions of two slices.
+/// Implements the vector and matrix operations of assembly; `norm` and `dot` are functions of slices.
 macro_rules! hot_verbs {
     ([$($generics:tt)*] $backend:ty, $value:ty, $reduced:ty, norm: $norm:path, dot: $dot:path) => {
         impl<$($generics)*> $crate::las::VectorOps<$backend> for $crate::backends::csr::Vector<$value> {
@@ -144,7 +144,7 @@ macro_rules! hot_verbs {
     };
 }
 
-/// Products, sums, diagonals, and all entries; `invert` inverts the entries of a slice.
+/// Implements products, sums, diagonals and the traversal of all entries; `invert` inverts the entries of a slice.
 macro_rules! amortized {
     ([$($generics:tt)*] $backend:ty, $value:ty, invert: $invert:path) => {
         type Failure = $crate::las::SolveError<::std::convert::Infallible>;

@@ -4,16 +4,16 @@ use std::sync::Arc;
 
 use crate::las::{Sparsity, Value};
 
-/// Compressed rows whose pattern is shared with every matrix like it.
+/// A matrix of compressed rows that shares its sparsity pattern with other matrices.
 #[derive(Debug)]
 pub struct Matrix<T = f64> {
     pub(in crate::backends) pattern: Arc<Sparsity>,
-    /// One value an entry of the pattern, and one more behind them: what [`add_at`](crate::las::MatrixOps::add_at) drops
-    /// lands there, so that it need not ask. Nothing reads it.
+    /// One value per entry of the pattern, followed by one that is never read:
+    /// [`add_at`](crate::las::MatrixOps::add_at) adds dropped contributions to it without a branch.
     pub(in crate::backends) values: Vec<T>,
 }
 
-/// `clone_from` copies the values where both have the same pattern, and allocates nothing then.
+/// `clone_from` copies only the values, without allocating, if both matrices have the same pattern.
 impl<T: Clone> Clone for Matrix<T> {
     fn clone(&self) -> Self {
         Self { pattern: Arc::clone(&self.pattern), values: self.values.clone() }
@@ -26,34 +26,34 @@ impl<T: Clone> Clone for Matrix<T> {
 }
 
 impl<T: Value> Matrix<T> {
-    /// Zeros.
+    /// Creates a zero matrix.
     #[must_use]
     pub fn zeros(pattern: &Arc<Sparsity>) -> Self {
         Self { pattern: Arc::clone(pattern), values: vec![T::zero(); pattern.entries() + 1] }
     }
 
-    /// Which entries it has.
+    /// Returns the sparsity pattern.
     #[inline(always)]
     #[must_use]
     pub fn pattern(&self) -> &Arc<Sparsity> {
         &self.pattern
     }
 
-    /// The value of every entry of the pattern, row after row.
+    /// Returns the value of every entry of the pattern, by rows.
     #[inline(always)]
     #[must_use]
     pub fn values(&self) -> &[T] {
         &self.values[..self.pattern.entries()]
     }
 
-    /// The value of every entry of the pattern, row after row, for writing.
+    /// Returns the value of every entry of the pattern, by rows, mutably.
     #[inline(always)]
     #[must_use]
     pub fn values_mut(&mut self) -> &mut [T] {
         &mut self.values[..self.pattern.entries()]
     }
 
-    /// Where a row lies among the values; empty for a constrained row and for one out of range.
+    /// Returns the index range of the values of a row; empty for a constrained row and for a row out of range.
     #[inline(always)]
     pub(in crate::backends) fn row_range(pattern: &Sparsity, row: i32) -> std::ops::Range<usize> {
         match pattern.row_offsets().get(row as usize..).and_then(|starts| starts.first_chunk()) {

@@ -1,7 +1,8 @@
-//! Compressed rows in memory: what the backends `sparse` and `batched` have in common.
+//! Compressed rows in memory, shared by the backends `sparse` and `batched`.
 //!
-//! Matrix and vector are generic over what an entry is. A backend implements the traits of [`las`](crate::las) for its own
-//! entries with the macro [`hot_verbs`], which forward every verb to the function here that does it, and [`amortized`].
+//! Matrix and vector are generic over the type of an entry. A backend implements the traits of [`las`](crate::las) for
+//! its entry type with the macros [`hot_verbs`] and [`amortized`], which forward every method to a function of this
+//! module.
 
 mod forward;
 mod matrix;

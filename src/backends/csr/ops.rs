@@ -1,11 +1,11 @@
-//! What the hot verbs do.
+//! The functions behind the vector and matrix operations of assembly.
 
 use super::Matrix;
 use crate::backends::local::{self, NOWHERE, find};
 use crate::las::Value;
 
 impl<T: Value> Matrix<T> {
-    /// Calls `visit(entry, value of the block)` for every pair of a block that is in the pattern.
+    /// Calls `visit(entry, value of the block)` for every pair of indices of a block that is in the pattern.
     #[inline(always)]
     pub(in crate::backends) fn scatter(
         &mut self,
@@ -28,7 +28,7 @@ impl<T: Value> Matrix<T> {
         }
     }
 
-    /// Zeroes whole rows.
+    /// Sets whole rows to zero.
     #[inline(always)]
     pub(in crate::backends) fn zero_whole_rows(&mut self, rows: &[i32]) {
         for &row in rows {
@@ -60,7 +60,7 @@ impl<T: Value> Matrix<T> {
         }
     }
 
-    /// Appends the positions of a block; what is dropped goes behind the last one.
+    /// Appends the positions of a block; dropped entries get the position after the last one.
     #[inline(always)]
     pub(in crate::backends) fn positions(&self, rows: &[i32], cols: &[i32], slots: &mut Vec<u32>) {
         let dropped = self.pattern.entries() as u32;
@@ -78,7 +78,7 @@ impl<T: Value> Matrix<T> {
         }
     }
 
-    /// Adds at positions.
+    /// Adds the values of a block at these positions.
     #[inline(always)]
     pub(in crate::backends) fn add_at_positions(&mut self, slots: &[u32], block: &[T]) {
         debug_assert_eq!(slots.len(), block.len(), "one value a slot");

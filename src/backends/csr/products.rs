@@ -1,4 +1,4 @@
-//! What products, sums and diagonals are.
+//! The functions behind products, sums and diagonals.
 
 use std::sync::Arc;
 
@@ -7,7 +7,7 @@ use crate::backends::checks::check_size;
 use crate::las::{SolveError, Value};
 
 impl<T: Value> Matrix<T> {
-    /// `y = A x`.
+    /// Computes `y = A x`.
     pub(in crate::backends) fn times<F>(&self, x: &[T], y: &mut [T]) -> Result<(), SolveError<F>> {
         check_size("the vector to multiply", x.len(), self.pattern.cols())?;
         check_size("the product", y.len(), self.pattern.rows())?;
@@ -21,7 +21,7 @@ impl<T: Value> Matrix<T> {
         Ok(())
     }
 
-    /// `y = A^T x`.
+    /// Computes `y = A^T x`.
     pub(in crate::backends) fn transposed_times<F>(&self, x: &[T], y: &mut [T]) -> Result<(), SolveError<F>> {
         check_size("the vector to multiply", x.len(), self.pattern.rows())?;
         check_size("the product", y.len(), self.pattern.cols())?;
@@ -34,7 +34,7 @@ impl<T: Value> Matrix<T> {
         Ok(())
     }
 
-    /// `d[i] = A[i, i]`.
+    /// Copies the diagonal: `d[i] = A[i, i]`.
     pub(in crate::backends) fn diagonal_into<F>(&self, d: &mut [T]) -> Result<(), SolveError<F>> {
         check_size("the diagonal", d.len(), self.pattern.rows().min(self.pattern.cols()))?;
         for (k, d) in d.iter_mut().enumerate() {
@@ -43,7 +43,7 @@ impl<T: Value> Matrix<T> {
         Ok(())
     }
 
-    /// `a A + b B`.
+    /// Returns `a A + b B`.
     pub(in crate::backends) fn sum_with<F>(&self, a: T, other: &Self, b: T) -> Result<Self, SolveError<F>> {
         check_size("the other matrix (rows)", other.pattern.rows(), self.pattern.rows())?;
         check_size("the other matrix (columns)", other.pattern.cols(), self.pattern.cols())?;
@@ -57,7 +57,7 @@ impl<T: Value> Matrix<T> {
             for row in 0..pattern.rows() {
                 let mut at = pattern.row_offsets()[row] as usize;
                 for (column, value) in matrix.row(row) {
-                    // Both ascend.
+                    // Columns ascend in both patterns.
                     while (pattern.columns()[at] as usize) < column {
                         at += 1;
                     }
@@ -68,12 +68,12 @@ impl<T: Value> Matrix<T> {
         Ok(sum)
     }
 
-    /// `A B`.
+    /// Returns `A B`.
     pub(in crate::backends) fn product_with<F>(&self, other: &Self) -> Result<Self, SolveError<F>> {
         check_size("the other matrix (rows)", other.pattern.rows(), self.pattern.cols())?;
         let pattern = Arc::new(self.pattern.product(&other.pattern).map_err(SolveError::TooLarge)?);
         let mut product = Self::zeros(&pattern);
-        // One row spread out: where each of its columns is summed.
+        // One dense row in which the sums of its columns accumulate.
         let mut row_sums = vec![T::zero(); pattern.cols()];
         for row in 0..pattern.rows() {
             for (k, left) in self.row(row) {
@@ -89,7 +89,7 @@ impl<T: Value> Matrix<T> {
         Ok(product)
     }
 
-    /// `A^T`.
+    /// Returns `A^T`.
     pub(in crate::backends) fn transposed(&self) -> Self {
         let pattern = Arc::new(self.pattern.transpose());
         let mut next = pattern.row_offsets().to_vec();
@@ -103,7 +103,7 @@ impl<T: Value> Matrix<T> {
         transpose
     }
 
-    /// Columns and values of a row.
+    /// Returns the columns and values of a row.
     pub(in crate::backends) fn row(&self, row: usize) -> impl Iterator<Item = (usize, T)> {
         let range = self.pattern.row_offsets()[row] as usize..self.pattern.row_offsets()[row + 1] as usize;
         let columns = self.pattern.columns()[range.clone()].iter().map(|&column| column as usize);

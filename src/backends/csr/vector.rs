@@ -7,14 +7,14 @@ pub struct Vector<T = f64> {
 }
 
 impl<T> Vector<T> {
-    /// Its entries.
+    /// Returns the entries.
     #[inline(always)]
     #[must_use]
     pub fn as_slice(&self) -> &[T] {
         &self.values
     }
 
-    /// Its entries, for writing.
+    /// Returns the entries, mutably.
     #[inline(always)]
     #[must_use]
     pub fn as_mut_slice(&mut self) -> &mut [T] {

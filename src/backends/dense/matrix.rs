@@ -1,18 +1,18 @@
-//! The matrix: every entry of every row.
+//! The dense matrix.
 
 use crate::las::{Scalar, Sparsity};
 
-/// A dense matrix, row after row.
+/// A dense matrix, stored by rows.
 #[derive(Debug)]
 pub struct Matrix<T = f64> {
     pub(super) rows: usize,
     pub(super) cols: usize,
-    /// `rows * cols` values, and one more behind them: what [`add_at`](crate::las::MatrixOps::add_at) drops lands there,
-    /// so that it need not ask. Nothing reads it.
+    /// `rows * cols` values, followed by one that is never read: [`add_at`](crate::las::MatrixOps::add_at) adds dropped
+    /// contributions to it without a branch.
     pub(super) values: Vec<T>,
 }
 
-/// `clone_from` allocates nothing where both have the same shape.
+/// `clone_from` does not allocate if both matrices have the same shape.
 impl<T: Clone> Clone for Matrix<T> {
     fn clone(&self) -> Self {
         Self { rows: self.rows, cols: self.cols, values: self.values.clone() }
@@ -25,28 +25,28 @@ impl<T: Clone> Clone for Matrix<T> {
 }
 
 impl<T: Scalar> Matrix<T> {
-    /// Zeros, in the shape of a pattern; every entry is there, whether the pattern has it or not.
+    /// Creates a zero matrix with the shape of a pattern; it contains every entry, whether the pattern does or not.
     #[must_use]
     pub fn zeros(pattern: &Sparsity) -> Self {
         let (rows, cols) = (pattern.rows(), pattern.cols());
         Self { rows, cols, values: vec![T::zero(); rows * cols + 1] }
     }
 
-    /// Its values, row after row.
+    /// Returns the values by rows.
     #[inline(always)]
     #[must_use]
     pub fn values(&self) -> &[T] {
         &self.values[..self.rows * self.cols]
     }
 
-    /// Its values, row after row, for writing.
+    /// Returns the values by rows, mutably.
     #[inline(always)]
     #[must_use]
     pub fn values_mut(&mut self) -> &mut [T] {
         &mut self.values[..self.rows * self.cols]
     }
 
-    /// Where a row lies among the values; empty for a constrained row and for one out of range.
+    /// Returns the index range of the values of a row; empty for a constrained row and for a row out of range.
     #[inline(always)]
     pub(super) fn row_range(&self, row: i32) -> std::ops::Range<usize> {
         let row = row as usize;

@@ -1,8 +1,8 @@
-//! `dense`: matrices that hold every entry; the backend for what is small, and the plain one to compare others with.
+//! `dense`: matrices that store every entry; the backend for small systems and a reference for comparisons.
 //!
-//! A [`Sparsity`] gives a matrix only its shape: every position within it is part of the pattern, and can be written.
-//! Factorizations are those of the crate `faer`: Cholesky, LDL^T with the pivoting of Bunch and Kaufman, and LU with
-//! partial pivoting.
+//! A [`Sparsity`] determines only the shape of a matrix: every position within it is stored and can be written. The
+//! factorizations are those of the crate `faer`: Cholesky, LDL^T with Bunch-Kaufman pivoting, and LU with partial
+//! pivoting.
 
 mod matrix;
 mod ops;

@@ -1,4 +1,4 @@
-//! The hot verbs.
+//! The vector and matrix operations of assembly.
 
 use std::convert::Infallible;
 
@@ -71,7 +71,7 @@ impl<T: Scalar + RealField> VectorOps<Dense<T>> for Vector<T> {
 }
 
 impl<T: Scalar + RealField> Matrix<T> {
-    /// Calls `visit(entry, value of the block)` for every pair of a block that is in the matrix.
+    /// Calls `visit(entry, value of the block)` for every pair of indices of a block that is inside the matrix.
     #[inline(always)]
     fn scatter(&mut self, rows: &[i32], cols: &[i32], block: &[T], mut visit: impl FnMut(&mut T, T)) {
         debug_assert_eq!(rows.len() * cols.len(), block.len(), "one value a pair of row and column");

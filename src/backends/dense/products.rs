@@ -1,4 +1,4 @@
-//! Products, sums, diagonals, and all entries.
+//! Products, sums, diagonals and the traversal of all entries.
 
 use std::convert::Infallible;
 use std::sync::Arc;
@@ -84,7 +84,7 @@ impl<T: Scalar + RealField> MatMat<Dense<T>> for Matrix<T> {
 }
 
 impl<T: Scalar + RealField> Entries<Dense<T>> for Matrix<T> {
-    /// Every position.
+    /// Returns the full pattern.
     fn pattern(&self) -> Result<Arc<Sparsity>, Infallible> {
         Ok(Arc::new(Sparsity::full(self.rows, self.cols)))
     }
@@ -100,7 +100,7 @@ impl<T: Scalar + RealField> Entries<Dense<T>> for Matrix<T> {
 }
 
 impl<T: Scalar> Matrix<T> {
-    /// The values of a row.
+    /// Returns the values of a row.
     fn row(&self, row: usize) -> &[T] {
         &self.values[row * self.cols..(row + 1) * self.cols]
     }

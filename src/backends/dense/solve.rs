@@ -1,4 +1,4 @@
-//! The solver: the three factorizations in one square of storage.
+//! The solver: three factorizations that share one square of storage.
 
 use std::convert::Infallible;
 use std::sync::Arc;
@@ -23,7 +23,7 @@ use crate::las::{
     SolverParams, Symmetry,
 };
 
-/// What there is to know in advance of a dense system: its size, and how it is to be solved.
+/// The size of a dense system and the solver parameters.
 #[derive(Clone, Copy, Debug)]
 pub struct Symbolic {
     pub(super) unknowns: usize,
@@ -32,26 +32,26 @@ pub struct Symbolic {
 
 type ByIterations<T> = IterativeSolver<Dense<T>, Simple<Dense<T>>>;
 
-/// Solver for matrices of one size: direct, or a Krylov method with the diagonal.
+/// The solver for matrices of one size: direct, or a Krylov method without preconditioner or with the diagonal.
 ///
-/// A matrix stated to be [`Symmetry::Definite`] is factored by Cholesky, of which the upper triangle of the matrix is
-/// read; where a pivot is not positive, by LDL^T with the pivoting of Bunch and Kaufman. Nothing allocates after a
-/// factorization and a solution.
+/// A matrix declared [`Symmetry::Definite`] is factored by Cholesky, which reads the upper triangle of the matrix, or
+/// by LDL^T with Bunch-Kaufman pivoting if a pivot is not positive. A symmetric matrix is factored by LDL^T, any other
+/// by LU. After one factorization and one solve, nothing allocates.
 pub struct Solver<T: Scalar + RealField = f64> {
     symbolic: Arc<Symbolic>,
-    /// The factorization to solve with, if there is one.
+    /// The factorization used by solves; `None` if there is no valid one.
     served: Option<Factorization>,
-    /// The factors, column after column.
+    /// The factors, by columns.
     factor: Vec<T>,
-    /// Of the blocks of `D`.
+    /// The subdiagonal of the blocks of `D`.
     subdiagonal: Vec<T>,
-    /// How pivoting exchanged the unknowns (LDL^T) or rows (LU).
+    /// The permutation by pivoting of the unknowns (LDL^T) or the rows (LU).
     forward: Vec<u32>,
     inverse: Vec<u32>,
-    /// Right-hand sides.
+    /// The right-hand sides, by columns.
     columns: Vec<T>,
     scratch: Scratch,
-    /// Where iterations are asked for, all of the above rests.
+    /// The iterative solver, if one was requested; the fields above are then unused.
     iterative: Option<Box<ByIterations<T>>>,
 }
 
@@ -76,7 +76,7 @@ impl<T: Scalar + RealField> Solver<T> {
         Ok(Self { iterative: Some(Box::new(iterative)), ..Self::direct(symbolic, 0) })
     }
 
-    /// With room for the factors of `n` unknowns.
+    /// Creates a direct solver with room for the factors of `n` unknowns.
     fn direct(symbolic: &Arc<Symbolic>, n: usize) -> Self {
         let request = StackReq::any_of(&[
             llt::factor::cholesky_in_place_scratch::<T>(n, Par::Seq, Spec::default()),
@@ -107,10 +107,10 @@ impl<T: Scalar + RealField> Solver<T> {
         Err(SolveError::NotFinite { row: bad / a.cols })
     }
 
-    /// Cholesky; fails with the first pivot that is not positive.
+    /// Factors by Cholesky. Returns the position of the first pivot that is not positive as the error.
     fn factor_cholesky(&mut self, a: &Matrix<T>) -> Result<Pivots, usize> {
         let n = self.symbolic.unknowns;
-        // The rows of the matrix as columns of the factor: its transpose, which is itself.
+        // The rows of the matrix become the columns of the factor; the matrix is symmetric.
         self.factor.copy_from_slice(a.values());
         llt::factor::cholesky_in_place(
             MatMut::from_column_major_slice_mut(&mut self.factor, n, n),
@@ -130,7 +130,7 @@ impl<T: Scalar + RealField> Solver<T> {
     fn factor_ldlt(&mut self, a: &Matrix<T>) -> Pivots {
         let n = self.symbolic.unknowns;
         self.factor.copy_from_slice(a.values());
-        // The library writes a subdiagonal entry only where there is something to eliminate.
+        // faer writes a subdiagonal entry only if there is something to eliminate.
         self.subdiagonal.fill(T::zero());
         lblt::factor::cholesky_in_place(
             MatMut::from_column_major_slice_mut(&mut self.factor, n, n),
@@ -201,8 +201,8 @@ impl<T: Scalar + RealField> Solver<T> {
         Ok(FactorReport { kind, indefinite_at, pivot_ratio, negative_pivots })
     }
 
-    /// Looks for a null vector where a pivot is small, unless the caller has set a limit for pivots. Returns an unknown
-    /// whose equation the factors do not solve.
+    /// Searches for a null vector if a pivot is small, unless the caller set a limit for pivots. Returns an unknown
+    /// whose equation the factors do not solve accurately, if there is one.
     fn resolve_doubt(
         &mut self,
         a: &Matrix<T>,
@@ -251,7 +251,7 @@ impl<T: Scalar + RealField> Solver<T> {
                 let (d, e) = (factor.diagonal(), DiagRef::from_slice(&self.subdiagonal));
                 lblt::solve::solve_in_place_with_conj(factor, d, e, Conj::No, exchanged, right, Par::Seq, stack);
             }
-            // Iterations have their own way.
+            // Iterative methods returned above.
             Factorization::Approximate => return Err(SolveError::NotFactored),
             Factorization::Lu => {
                 let exchanged = PermRef::new_checked(&self.forward, &self.inverse, n);
@@ -265,7 +265,7 @@ impl<T: Scalar + RealField> Solver<T> {
     }
 }
 
-/// Working memory that solving with `columns` right-hand sides needs, whichever factorization serves.
+/// Returns the working memory for solves with `columns` right-hand sides, for all three factorizations.
 fn solve_scratch<T: RealField>(unknowns: usize, columns: usize) -> StackReq {
     StackReq::any_of(&[
         llt::solve::solve_in_place_scratch::<T>(unknowns, columns, Par::Seq),

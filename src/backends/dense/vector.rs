@@ -1,5 +1,5 @@
-//! The vector: one contiguous array. A type of this backend's own, although `csr` has its like: a verb called on a vector
-//! finds its backend by the type.
+//! The vector: one contiguous array. Although `csr` has an equal type, `dense` needs its own, because the type of a
+//! vector determines the backend of its methods.
 
 /// A vector in one contiguous array.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -8,14 +8,14 @@ pub struct Vector<T = f64> {
 }
 
 impl<T> Vector<T> {
-    /// Its entries.
+    /// Returns the entries.
     #[inline(always)]
     #[must_use]
     pub fn as_slice(&self) -> &[T] {
         &self.values
     }
 
-    /// Its entries, for writing.
+    /// Returns the entries, mutably.
     #[inline(always)]
     #[must_use]
     pub fn as_mut_slice(&mut self) -> &mut [T] {

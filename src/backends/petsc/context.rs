@@ -1,4 +1,4 @@
-//! Where objects live: a session, a communicator, and the names of their options.
+//! The context of PETSc objects: a session, a communicator, and the prefix of their options.
 
 use std::fmt;
 use std::ops::Range;
@@ -16,31 +16,32 @@ use super::error::{PetscError, c_string};
 use super::ffi;
 use super::session::{Session, SessionError, call, lock};
 
-/// What each rank of a communicator holds and contributes.
+/// The data that each rank of a communicator stores and contributes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Distribution {
-    /// Every rank runs the same program on the same data, and writes every entry. Vectors lie whole on each of them; of a
-    /// matrix each keeps the rows that it owns.
+    /// Every rank runs the same program on the same data and writes every entry. Each rank stores whole vectors, and
+    /// the rows of a matrix that it owns.
     #[default]
     Copies,
 }
 
-/// How PETSc stores matrices.
+/// The storage format of matrices in PETSc.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum MatrixType {
     /// Compressed rows (`aij`).
     #[default]
     Aij,
-    /// Compressed rows of blocks (`baij`) where the pattern consists of full blocks of the context's size, else `aij`. Takes
-    /// less memory for indices and multiplies faster; solvers, sums and products of matrices work on an `aij` copy.
+    /// Compressed rows of blocks (`baij`) if the pattern consists of full blocks of the context's size, else `aij`. It
+    /// takes less memory for indices and multiplies faster; solvers, sums and products of matrices work on an `aij`
+    /// copy.
     Baij,
 }
 
-/// A session, a communicator, and what is made in them: how it is distributed, blocked, and named in the options database.
+/// A session and a communicator, with the distribution, block size, matrix type and options prefix of the objects made
+/// in them.
 ///
-/// Cheap to clone. Making a context, and whatever reads or multiplies matrices or solves, is done by all ranks of the
-/// communicator together.
+/// A context is cheap to clone. Creating a context, reading or multiplying matrices, and solving are collective.
 #[derive(Clone, Debug)]
 pub struct Context {
     team: Arc<Team>,
@@ -50,9 +51,9 @@ pub struct Context {
     distribution: Distribution,
 }
 
-/// A communicator of our own.
+/// A duplicated communicator.
 struct Team {
-    /// `None` only while it is dropped.
+    /// `None` only during `drop`.
     comm: Option<SimpleCommunicator>,
     raw: MPI_Comm,
     rank: usize,
@@ -60,22 +61,23 @@ struct Team {
     session: Session,
 }
 
-// SAFETY: a communicator belongs to no thread, and every call on it waits for all others (`session::lock`).
+// SAFETY: a communicator is not bound to a thread, and every call on it waits for all others (`session::lock`).
 unsafe impl Send for Team {}
-// SAFETY: as above; nothing in it changes.
+// SAFETY: as above; its fields never change.
 unsafe impl Sync for Team {}
 
 impl Context {
-    /// Of all ranks, in a session of its own that ends with the context and all that was made in it.
+    /// Creates a context on all ranks, in its own session, which ends when the context and all objects made in it are
+    /// dropped.
     ///
     /// # Errors
-    /// [`SessionError`].
+    /// Returns [`SessionError`] if the session cannot start.
     pub fn world() -> Result<Self, SessionError> {
         let session = Session::new()?;
         Ok(Self::new(&session, &SimpleCommunicator::world()))
     }
 
-    /// Of the ranks of a communicator, which is duplicated.
+    /// Creates a context on the ranks of a communicator, which is duplicated.
     #[must_use]
     pub fn new(session: &Session, comm: &impl Communicator) -> Self {
         let alone = lock();
@@ -92,87 +94,87 @@ impl Context {
         }
     }
 
-    /// The same, with this prefix to the names of all options: `with_prefix("body_")` lets solvers listen to
-    /// `-body_ksp_type` in place of `-ksp_type`.
+    /// Sets the prefix of the names of all options: after `with_prefix("body_")`, solvers read `-body_ksp_type` instead
+    /// of `-ksp_type`.
     #[must_use]
     pub fn with_prefix(mut self, prefix: &str) -> Self {
         self.prefix = prefix.into();
         self
     }
 
-    /// The same, with another block size than three: ranks own whole blocks, and a matrix that consists of full blocks is
-    /// known to by PETSc. Matrices of contexts with different block sizes do not meet in sums and products.
+    /// Sets the block size, which is three by default: ranks own whole blocks, and PETSc is told the block size of a
+    /// matrix that consists of full blocks. Sums and products require matrices of contexts with equal block sizes.
     #[must_use]
     pub fn with_block_size(mut self, size: usize) -> Self {
         self.block = size.max(1);
         self
     }
 
-    /// The same, with matrices that are stored in this way.
+    /// Sets the storage format of matrices.
     #[must_use]
     pub fn with_matrix_type(mut self, kind: MatrixType) -> Self {
         self.kind = kind;
         self
     }
 
-    /// Writes an option into the options database: `set_option("ksp_type", "gmres")`; the prefix is put before the name. It
-    /// counts for solvers that factor for the first time from then on.
+    /// Writes an option, with the prefix before its name, into the options database: `set_option("ksp_type", "gmres")`.
+    /// It affects solvers whose first factorization comes later.
     ///
     /// # Errors
-    /// What PETSc reports of such a name.
+    /// Returns [`PetscError`] if PETSc rejects the name, or if the name or value contains a NUL character.
     pub fn set_option(&self, name: &str, value: &str) -> Result<(), PetscError> {
         let (name, value) = (c_string(&format!("-{}{name}", self.prefix))?, c_string(value)?);
         // SAFETY: PETSc is initialized, and copies both.
         call(|| unsafe { ffi::PetscOptionsSetValue(std::ptr::null_mut(), name.as_ptr(), value.as_ptr()) })
     }
 
-    /// Takes an option out of the options database.
+    /// Removes an option from the options database.
     ///
     /// # Errors
-    /// What PETSc reports of such a name.
+    /// Returns [`PetscError`] if PETSc rejects the name, or if it contains a NUL character.
     pub fn clear_option(&self, name: &str) -> Result<(), PetscError> {
         let name = c_string(&format!("-{}{name}", self.prefix))?;
         // SAFETY: PETSc is initialized, and only reads the name.
         call(|| unsafe { ffi::PetscOptionsClearValue(std::ptr::null_mut(), name.as_ptr()) })
     }
 
-    /// The number of this rank.
+    /// Returns the number of this rank.
     #[must_use]
     pub fn rank(&self) -> usize {
         self.team.rank
     }
 
-    /// How many ranks there are.
+    /// Returns the number of ranks.
     #[must_use]
     pub fn ranks(&self) -> usize {
         self.team.ranks
     }
 
-    /// The prefix of options.
+    /// Returns the prefix of options.
     #[must_use]
     pub fn prefix(&self) -> &str {
         &self.prefix
     }
 
-    /// What each rank holds.
+    /// Returns the distribution of data over the ranks.
     #[must_use]
     pub fn distribution(&self) -> Distribution {
         self.distribution
     }
 
-    /// The session.
+    /// Returns the session.
     #[must_use]
     pub fn session(&self) -> &Session {
         &self.team.session
     }
 
-    /// How matrices are stored.
+    /// Returns the storage format of matrices.
     #[must_use]
     pub fn matrix_type(&self) -> MatrixType {
         self.kind
     }
 
-    /// How many unknowns a block has.
+    /// Returns the number of unknowns per block.
     pub(super) fn block(&self) -> usize {
         self.block
     }
@@ -181,24 +183,26 @@ impl Context {
         self.team.raw
     }
 
-    /// Whether objects of the two can meet.
+    /// Returns true if the communicator has a single rank.
     pub(super) fn is_alone(&self) -> bool {
         self.team.ranks == 1
     }
 
-    /// What this rank owns of `len` rows.
+    /// Returns the range of rows, out of `len`, that this rank owns.
     pub(super) fn own(&self, len: usize) -> Range<usize> {
         self.part(len, self.team.rank)
     }
 
-    /// What a rank owns of `len` rows: contiguous, and whole blocks where `len` consists of them.
+    /// Returns the range of rows, out of `len`, that a rank owns: contiguous, and whole blocks if `len` is a multiple
+    /// of the block size.
     fn part(&self, len: usize, rank: usize) -> Range<usize> {
         let unit = if len.is_multiple_of(self.block) { self.block } else { 1 };
         let bound = |rank: usize| unit * (len / unit * rank / self.team.ranks);
         bound(rank)..bound(rank + 1)
     }
 
-    /// Puts the parts of all ranks together: `own` of this one, `bound(row)` entries before each row that a rank begins with.
+    /// Gathers the parts of all ranks on every rank: `own` is the part of this rank, and `bound(row)` entries precede
+    /// each row at which a rank begins.
     pub(super) fn gather(&self, own: &[f64], rows: usize, bound: impl Fn(usize) -> usize, whole: &mut [f64]) {
         let Some(comm) = self.team.comm.as_ref().filter(|_| !self.is_alone()) else {
             return whole.copy_from_slice(own);
@@ -219,7 +223,7 @@ impl Context {
         }
     }
 
-    /// The smallest of all ranks.
+    /// Returns the minimum over all ranks.
     pub(super) fn least(&self, value: usize) -> usize {
         let Some(comm) = self.team.comm.as_ref().filter(|_| !self.is_alone()) else { return value };
         let mut least = value as u64;
@@ -239,7 +243,7 @@ impl Drop for Team {
     fn drop(&mut self) {
         let comm = self.comm.take();
         if is_finalized() {
-            // It can no longer be freed.
+            // MPI is finalized, so the communicator can no longer be freed.
             std::mem::forget(comm);
         } else {
             let _alone = lock();

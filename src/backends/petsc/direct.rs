@@ -1,4 +1,4 @@
-//! Factorizations, by the packages that PETSc was built with.
+//! Factorizations by the packages that PETSc was built with.
 
 use std::ffi::CStr;
 
@@ -8,50 +8,50 @@ use super::session::call;
 use super::{Matrix, Petsc, Vector, ffi};
 use crate::las::{Backend, Factorization, SolveError};
 
-/// One factorization of a matrix, made again and again.
+/// A factorization that is recomputed for each new matrix of a pattern.
 #[derive(Debug)]
 pub(super) struct Factor {
     ksp: Ksp,
-    /// What it is; `Approximate` where the options database asks for something else than a factorization.
+    /// The kind of factorization; `Approximate` if the options database selects something other than a factorization.
     pub(super) kind: Factorization,
-    /// Whether solving iterates, because the options database asks for that.
+    /// True if solves iterate because the options database selects a Krylov method.
     pub(super) iterates: bool,
-    /// Owned by `ksp`; null where there is none.
+    /// The factor matrix, owned by `ksp`; null if there is none.
     matrix: ffi::Mat,
     package: String,
-    /// Pivots below this part of the largest count as zero.
+    /// Pivots below this fraction of the largest count as zero.
     limit: f64,
 }
 
 // SAFETY: `matrix` belongs to the object that `ksp` owns; see there.
 unsafe impl Send for Factor {}
 
-/// What a factorization has found.
+/// The outcome of a factorization.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Found {
-    /// Why it does not serve.
+    /// The reason why the factor cannot be used, if any.
     pub(super) failure: Option<Failure>,
-    /// Whether the package gave up, so that it cannot go on with this factor.
+    /// True if the package aborted, so that it cannot continue with this factor.
     pub(super) spent: bool,
-    /// Pivots below zero, where the package counts them.
+    /// The number of negative pivots, if the package counts them.
     pub(super) negative: Option<usize>,
-    /// Smallest over largest pivot; 1 where the package does not tell.
+    /// The ratio of the smallest to the largest pivot; 1 if the package does not report it.
     pub(super) ratio: f64,
 }
 
-/// Why there is no factorization.
+/// The reason why a factorization failed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Failure {
-    /// Pivots that count as zero.
+    /// Some pivots count as zero.
     Singular,
-    /// The package needs more room than it was given.
+    /// The package needs more memory than it was given.
     Room,
-    /// Something else: the package's code, and what it adds.
+    /// Another failure: the error code of the package and its second code.
     Other([i32; 2]),
 }
 
 impl Failure {
-    /// What to tell a user of a failure of the package.
+    /// Converts a failure of the package into an error for the user.
     pub(super) fn error(self, package: &str) -> SolveError<PetscError> {
         let library = match package {
             "mumps" => "MUMPS",
@@ -67,8 +67,8 @@ impl Failure {
     }
 }
 
-/// The package for a kind of factorization, and the kind that it has: MUMPS where it is installed, else PETSc's own on one
-/// rank, else LU by SuperLU_DIST.
+/// Selects the package for a kind of factorization and returns the kind that it computes: MUMPS if it is installed,
+/// else PETSc's own package on one rank, else LU by SuperLU_DIST.
 fn package(kind: Factorization, ranks: usize) -> Result<(&'static CStr, Factorization), SolveError<PetscError>> {
     if cfg!(petsc_has = "mumps") {
         Ok((c"mumps", kind))
@@ -86,7 +86,8 @@ fn package(kind: Factorization, ranks: usize) -> Result<(&'static CStr, Factoriz
 }
 
 impl Factor {
-    /// Pivots below `limit` of the (scaled) matrix count as zero; `room` is what MUMPS adds to its estimates, per cent.
+    /// Creates a factorization. Pivots below `limit`, relative to the (scaled) matrix, count as zero; `room` is the
+    /// percentage that MUMPS adds to its memory estimate.
     pub(super) fn new(a: &Matrix, kind: Factorization, limit: f64, room: i32) -> Result<Self, SolveError<PetscError>> {
         let (package, kind) = package(kind, a.context.ranks())?;
         Self::by_package(a, kind, package, limit, room).map_err(SolveError::Fault)
@@ -95,7 +96,7 @@ impl Factor {
     fn by_package(a: &Matrix, kind: Factorization, package: &CStr, limit: f64, room: i32) -> Result<Self, PetscError> {
         let raw = a.raw();
         let [definite, symmetric] = [kind == Factorization::Cholesky, kind != Factorization::Lu].map(ffi::Bool::from);
-        // MUMPS factors without pivoting what is stated to be definite.
+        // MUMPS factors matrices declared definite without pivoting.
         // SAFETY: a live matrix.
         call(|| unsafe { ffi::MatSetOption(raw, ffi::MAT_SYMMETRIC, symmetric) })?;
         call(|| unsafe { ffi::MatSetOption(raw, ffi::MAT_SPD, definite) })?;
@@ -131,7 +132,7 @@ impl Factor {
         Ok(())
     }
 
-    /// The package that serves, as PETSc names it.
+    /// Returns the name of the package in PETSc.
     pub(super) fn package(&self) -> &str {
         &self.package
     }
@@ -142,16 +143,17 @@ impl Factor {
             return Ok(());
         }
         let (factor, limit) = (self.matrix, self.limit);
-        // 24: pivots that count as zero are found and counted. 13: the last front is not handed to ScaLAPACK, which does not
-        // count negative pivots. 14: room. 6 and 12: of symmetric matrices the order depends on the pattern alone, so that a
-        // solver gives the same whatever it has factored before.
+        // ICNTL(24): detect and count pivots that count as zero. ICNTL(13): do not hand the last front to ScaLAPACK,
+        // which does not count negative pivots. ICNTL(14): memory. ICNTL(6) and (12): make the order of symmetric
+        // matrices depend on the pattern alone, so that the result of a solver does not depend on earlier
+        // factorizations.
         let by_pattern = if self.kind == Factorization::Lu { &[][..] } else { &[(6, 0), (12, 1)] };
         for &(number, value) in [(24, 1), (13, 1), (14, room)].iter().chain(by_pattern) {
-            // SAFETY: a live factor of MUMPS's.
+            // SAFETY: a live factor of MUMPS.
             call(|| unsafe { ffi::MatMumpsSetIcntl(factor, number, value) })?;
         }
-        // 3: which pivots count as zero; 5: what stands in their place, so that solving shows where nothing resists. Both over
-        // the norm of the scaled matrix.
+        // CNTL(3): which pivots count as zero; CNTL(5): the value that replaces them, so that a solve reveals the null
+        // space. Both are relative to the norm of the scaled matrix.
         for (number, value) in [(3, limit), (5, 1e-8)] {
             // SAFETY: as above.
             call(|| unsafe { ffi::MatMumpsSetCntl(factor, number, value) })?;
@@ -164,7 +166,7 @@ impl Factor {
         Ok(())
     }
 
-    /// Factors the matrix as it is now.
+    /// Factors the matrix with its current values.
     pub(super) fn factor(&self, a: &Matrix) -> Result<Found, PetscError> {
         self.ksp.set_up(a)?;
         let mut found = Found { failure: None, spent: false, negative: None, ratio: 1.0 };
@@ -200,7 +202,7 @@ impl Factor {
         Ok(found)
     }
 
-    /// `INFOG(1)` and `INFOG(2)` of MUMPS.
+    /// Returns `INFOG(1)` and `INFOG(2)` of MUMPS; `None` for other packages.
     #[cfg(petsc_has = "mumps")]
     fn codes(&self) -> Result<Option<[i32; 2]>, PetscError> {
         if self.package == "mumps" { Ok(Some([self.infog(1)?, self.infog(2)?])) } else { Ok(None) }
@@ -211,13 +213,13 @@ impl Factor {
         Ok(None)
     }
 
-    /// What MUMPS says of its pivots.
+    /// Reads the information of MUMPS on its pivots.
     #[cfg(petsc_has = "mumps")]
     fn look(&self, kind: Factorization, limit: f64, found: &mut Found) -> Result<(), PetscError> {
         if kind != Factorization::Lu {
             found.negative = Some(self.infog(12)? as usize);
         }
-        // The smallest and the largest pivot; zeros before MUMPS 5.5.
+        // RINFOG(19) and (21): the smallest and the largest pivot; zeros before MUMPS 5.5.
         let (least, most) = (self.rinfog(19)?, self.rinfog(21)?);
         if most > 0.0 {
             found.ratio = (least / most).min(1.0);
@@ -236,7 +238,7 @@ impl Factor {
     #[cfg(petsc_has = "mumps")]
     fn infog(&self, number: i32) -> Result<i32, PetscError> {
         let (factor, mut value) = (self.matrix, 0);
-        // SAFETY: a live factor of MUMPS's.
+        // SAFETY: a live factor of MUMPS.
         call(|| unsafe { ffi::MatMumpsGetInfog(factor, number, &raw mut value) })?;
         Ok(value)
     }
@@ -244,17 +246,18 @@ impl Factor {
     #[cfg(petsc_has = "mumps")]
     fn rinfog(&self, number: i32) -> Result<f64, PetscError> {
         let (factor, mut value) = (self.matrix, 0.0);
-        // SAFETY: a live factor of MUMPS's.
+        // SAFETY: a live factor of MUMPS.
         call(|| unsafe { ffi::MatMumpsGetRinfog(factor, number, &raw mut value) })?;
         Ok(value)
     }
 
-    /// The unknown that moves most where nothing resists: in a vector of the null space. The factor cannot be used afterward.
+    /// Returns the unknown with the largest component in a vector of the null space. The factor cannot be used
+    /// afterward.
     pub(super) fn loose_unknown(&self, a: &Matrix, found: &Found, x: &mut Vector) -> Result<Option<usize>, PetscError> {
         if found.spent {
             return Ok(self.zero_pivot(a));
         }
-        // Whatever the load, the answer of a nearly singular matrix is nearly a vector of the null space.
+        // For almost any right-hand side, the solution of a nearly singular system is close to the null space.
         let mut load = Vector::zeros(&a.context, a.pattern().rows())?;
         for (k, load) in load.as_mut_slice().iter_mut().enumerate() {
             *load = (k as f64).sin() + 1.5;
@@ -264,7 +267,7 @@ impl Factor {
         Ok(sizes.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(unknown, _)| unknown))
     }
 
-    /// The row at whose pivot PETSc's own factorization stopped.
+    /// Returns the row at whose pivot PETSc's own factorization stopped.
     fn zero_pivot(&self, a: &Matrix) -> Option<usize> {
         let (factor, mut pivot, mut row) = (self.matrix, 0.0, 0);
         // SAFETY: a live factor.
@@ -277,7 +280,7 @@ impl Factor {
         self.ksp.solve(a, b, x, false)
     }
 
-    /// `A x_k = b_k`, all at once, where solving does not iterate.
+    /// Solves `A x_k = b_k` for all `k` at once; requires that solves do not iterate.
     pub(super) fn solve_together(&self, a: &Matrix, b: &[Vector], x: &mut [Vector]) -> Result<(), PetscError> {
         self.ksp.solve_together(a, b, x)
     }

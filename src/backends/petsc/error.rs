@@ -1,4 +1,4 @@
-//! What PETSc says when it fails.
+//! Errors of PETSc.
 
 use std::cell::RefCell;
 use std::ffi::{CStr, CString, c_char, c_int, c_void};
@@ -8,9 +8,9 @@ use mpi::ffi::MPI_Comm;
 
 use super::ffi;
 
-/// An error of PETSc: its code, its own text, and the function that found it.
+/// An error of PETSc: its code, its text, and the function that detected it.
 ///
-/// One pointer, so that a verb that succeeds returns in a register.
+/// The type is a single pointer, so that the result of a successful operation fits in a register.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PetscError(Box<Details>);
 
@@ -22,31 +22,31 @@ struct Details {
 }
 
 impl PetscError {
-    /// PETSc's number of the error (`petscerror.h`).
+    /// Returns PETSc's error code (`petscerror.h`).
     #[must_use]
     pub fn code(&self) -> i32 {
         self.0.code
     }
 
-    /// What PETSc says about it.
+    /// Returns PETSc's error message.
     #[must_use]
     pub fn text(&self) -> &str {
         &self.0.text
     }
 
-    /// The function that found it.
+    /// Returns the name of the function that detected the error.
     #[must_use]
     pub fn function(&self) -> &str {
         &self.0.function
     }
 
-    /// One that this backend finds before PETSc would.
+    /// Creates an error that this backend detects before PETSc would.
     #[cold]
     pub(super) fn found(code: i32, function: &str, text: String) -> Self {
         Self(Box::new(Details { code, text, function: function.to_owned() }))
     }
 
-    /// The one that this thread's last call returned.
+    /// Creates the error that the last call on this thread returned.
     #[cold]
     fn last(code: c_int) -> Self {
         let (function, specific) = LAST.with_borrow_mut(Option::take).unwrap_or_default();
@@ -70,20 +70,20 @@ impl fmt::Display for PetscError {
 
 impl std::error::Error for PetscError {}
 
-/// The return code of a call.
+/// Converts the return code of a call into a result.
 #[inline(always)]
 pub(super) fn check(code: ffi::Code) -> Result<(), PetscError> {
     if code == 0 { Ok(()) } else { Err(PetscError::last(code)) }
 }
 
-/// A name for PETSc.
+/// Converts a text into a C string. Returns an error if it contains a NUL character.
 pub(super) fn c_string(text: &str) -> Result<CString, PetscError> {
     CString::new(text).map_err(|_| {
         PetscError::found(ffi::ERR_ARG_WRONG, "CString::new", format!("{text:?} holds a zero, which no C string can"))
     })
 }
 
-/// Text of PETSc's; empty where there is none.
+/// Copies a text of PETSc; returns an empty string for a null pointer.
 ///
 /// # Safety
 /// `text` is null or a C string.
@@ -91,11 +91,11 @@ pub(super) unsafe fn owned(text: *const c_char) -> String {
     if text.is_null() {
         return String::new();
     }
-    // SAFETY: not null, and the caller's promise.
+    // SAFETY: not null, and otherwise promised by the caller.
     unsafe { CStr::from_ptr(text) }.to_string_lossy().into_owned()
 }
 
-/// What PETSc says about every error of that code.
+/// Returns PETSc's general message for an error code.
 fn general_text(code: c_int) -> String {
     let mut text = std::ptr::null();
     // SAFETY: writes one pointer to a constant string; reads a table and nothing else. The third argument may be null.
@@ -106,11 +106,11 @@ fn general_text(code: c_int) -> String {
 }
 
 thread_local! {
-    /// Function and text of the error found last.
+    /// Function and text of the last detected error.
     static LAST: RefCell<Option<(String, String)>> = const { RefCell::new(None) };
 }
 
-/// Keeps what PETSc would print.
+/// The error handler: stores the message that PETSc would print.
 pub(super) extern "C" fn keep(
     _: MPI_Comm,
     _: c_int,
@@ -122,9 +122,10 @@ pub(super) extern "C" fn keep(
     _: *mut c_void,
 ) -> ffi::Code {
     if kind == ffi::ERROR_INITIAL {
-        // SAFETY: PETSc hands over null or C strings.
+        // SAFETY: PETSc passes null or C strings.
         let found = unsafe { (owned(function), owned(text).trim().to_owned()) };
-        // Neither may unwind into C: a thread that ends, or an error within an error, keeps nothing.
+        // This code must not unwind into C: on a thread that is ending, or for an error within an error, it stores
+        // nothing.
         let _ = LAST.try_with(|last| last.try_borrow_mut().map(|mut last| *last = Some(found)));
     }
     code

@@ -1,5 +1,5 @@
-//! The part of the C interface of PETSc that the backend calls, by hand: real scalars in double precision, 32-bit indices, as
-//! `build.rs` makes sure.
+//! Hand-written bindings of the part of PETSc's C interface that this backend calls. They assume real scalars in double
+//! precision and 32-bit indices, which `build.rs` checks.
 //!
 //! Names, types and numbers are those of `petscsys.h`, `petscvec.h`, `petscmat.h`, `petscpc.h` and `petscksp.h`.
 #![allow(non_camel_case_types, missing_docs)]
@@ -31,12 +31,12 @@ pub type Bool = c_int;
 pub const FALSE: Bool = 0;
 pub const TRUE: Bool = 1;
 
-/// What PETSc calls where an error is found and on the way up from there.
+/// The function that PETSc calls where it detects an error and in each caller up the stack.
 pub type ErrorHandler =
     extern "C" fn(MPI_Comm, c_int, *const c_char, *const c_char, Code, c_int, *const c_char, *mut c_void) -> Code;
-/// `PetscErrorType`: the place where the error was found, not one that it went through.
+/// `PetscErrorType`: the function that detected the error, not a caller on the stack.
 pub const ERROR_INITIAL: c_int = 0;
-/// Lends the values of a sequential matrix, or takes them back.
+/// Borrows or returns the array of values of a sequential matrix.
 pub type Array = unsafe extern "C" fn(Mat, *mut *mut f64) -> Code;
 /// `PETSC_ERR_ARG_OUTOFRANGE`.
 pub const ERR_ARG_OUTOFRANGE: Code = 63;

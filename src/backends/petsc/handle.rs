@@ -1,4 +1,4 @@
-//! Objects of PETSc, each with the session that it lives in.
+//! Owned PETSc objects, each with the session that it belongs to.
 
 use std::fmt;
 
@@ -8,12 +8,12 @@ use super::error::PetscError;
 use super::ffi;
 use super::session::{Session, call, lock};
 
-/// A kind of object.
+/// A type of PETSc objects.
 pub(super) trait Object: Sized {
-    /// Destroys one.
+    /// Destroys an object.
     ///
     /// # Safety
-    /// The object is live and nobody else uses it.
+    /// The object is live and has no other user.
     unsafe fn destroy(raw: *mut *mut Self) -> ffi::Code;
 }
 
@@ -30,26 +30,26 @@ macro_rules! object {
 
 object!(ffi::_p_Vec: VecDestroy, ffi::_p_Mat: MatDestroy, ffi::_p_KSP: KSPDestroy);
 
-/// An object that is destroyed with this handle, and the session that must not end before it.
+/// An object that is destroyed with this handle, and the session that must outlive it.
 pub(super) struct Handle<T: Object> {
     raw: *mut T,
     _session: Session,
 }
 
-// SAFETY: an object belongs to no thread. All calls of PETSc wait for one another (`session::call`), since each may touch what
-// all objects share, such as the log; entries are read and written without any call, through the memory of an object that no
-// other thread can reach, since a handle is not `Sync`.
+// SAFETY: an object is not bound to a thread. All calls of PETSc wait for one another (`session::call`), since each may
+// use state shared by all objects, such as the log; entries are read and written without any call, through the memory
+// of an object that no other thread can reach, since a handle is not `Sync`.
 unsafe impl<T: Object> Send for Handle<T> {}
 
 impl<T: Object> Handle<T> {
-    /// What `create` makes; it writes the object to the place that it is given.
+    /// Owns the object that `create` makes; `create` writes the object to the pointer that it receives.
     pub(super) fn new(session: &Session, create: impl FnOnce(*mut *mut T) -> ffi::Code) -> Result<Self, PetscError> {
         let mut raw = std::ptr::null_mut();
         call(|| create(&raw mut raw))?;
         Ok(Self { raw, _session: session.clone() })
     }
 
-    /// The object, live as long as the handle.
+    /// Returns the object, which lives as long as the handle.
     #[inline(always)]
     pub(super) fn raw(&self) -> *mut T {
         self.raw
@@ -64,10 +64,10 @@ impl<T: Object> fmt::Debug for Handle<T> {
 
 impl<T: Object> Drop for Handle<T> {
     fn drop(&mut self) {
-        // Where the program has finalized MPI before, the object is left to the end of the process.
+        // If the program has already finalized MPI, the object is leaked.
         if !self.raw.is_null() && !is_finalized() {
             let _alone = lock();
-            // SAFETY: live, and this handle was the only one. There is nobody to report an error to.
+            // SAFETY: live, and this handle was the only one. An error cannot be reported here.
             unsafe { T::destroy(&raw mut self.raw) };
         }
     }

@@ -1,4 +1,4 @@
-//! Krylov methods of PETSc's.
+//! The Krylov methods of PETSc.
 
 use super::error::PetscError;
 use super::ksp::Ksp;
@@ -11,11 +11,11 @@ use crate::las::{Backend, Iterative, Krylov, MatVec, Preconditioner, SolveError,
 pub(super) struct ByIterations {
     ksp: Ksp,
     method: Iterative,
-    /// `A x`.
+    /// The product `A x`, for the true residual.
     product: Vector,
 }
 
-/// How often a method is begun again that says it has converged and has not.
+/// The largest number of runs of a method that reports convergence although the true residual is too large.
 const ROUNDS: usize = 4;
 
 impl ByIterations {
@@ -47,7 +47,7 @@ impl ByIterations {
         make().map_err(SolveError::Fault)
     }
 
-    /// Makes the preconditioner.
+    /// Computes the preconditioner.
     pub(super) fn set_up(&self, a: &Matrix) -> Result<(), SolveError<PetscError>> {
         self.ksp.set_up(a).map_err(SolveError::Fault)?;
         let (pc, mut reason) = (self.ksp.pc(), 0);
@@ -59,7 +59,8 @@ impl ByIterations {
         Err(SolveError::Library { library: "PETSc", reason: format!("no preconditioner (PCFailedReason {reason})") })
     }
 
-    /// Solves until the true residual is small enough: what a method goes by drifts away from it.
+    /// Solves until the true residual is small enough, because the residual that a method computes recursively drifts
+    /// away from it.
     pub(super) fn solve(
         &mut self,
         a: &Matrix,
@@ -104,7 +105,7 @@ impl ByIterations {
         let SolveReport { iterations, residual } = report;
         let stop_reason = match reason {
             ITERATIONS => StopReason::MaxIterations,
-            // It says that it has converged, round after round.
+            // PETSc reported convergence in every round.
             1.. => StopReason::Stagnated,
             _ => StopReason::Breakdown,
         };
@@ -112,7 +113,7 @@ impl ByIterations {
     }
 }
 
-/// Tolerances; all methods stop by the residual itself, not by the preconditioned one.
+/// Sets the tolerances. All methods test the true residual norm, not the preconditioned one.
 fn set(ksp: &Ksp, method: &Iterative) -> Result<(), PetscError> {
     let (raw, most) = (ksp.raw(), i32::try_from(method.max_iterations).unwrap_or(i32::MAX));
     // SAFETY: a live object, as in all that follows.

@@ -1,4 +1,4 @@
-//! PETSc's Krylov solver, direct methods among them, on one matrix.
+//! PETSc's `KSP` object, for Krylov and direct methods, on one matrix.
 
 use std::ffi::CStr;
 
@@ -12,23 +12,23 @@ use super::{Matrix, Vector, ffi};
 #[derive(Debug)]
 pub(super) struct Ksp {
     handle: Handle<ffi::_p_KSP>,
-    /// Owned by it.
+    /// Owned by `handle`.
     pc: ffi::Pc,
 }
 
 // SAFETY: `pc` belongs to the object that `handle` owns; see there.
 unsafe impl Send for Ksp {}
 
-/// How a solve ended.
+/// The outcome of a solve.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ended {
     pub(super) iterations: usize,
-    /// `KSPConvergedReason`: negative where it did not converge.
+    /// `KSPConvergedReason`: negative if the method did not converge.
     pub(super) reason: i32,
 }
 
 impl Ksp {
-    /// With these types, as far as the options database says nothing else.
+    /// Creates a solver with these types; the options database can override them.
     pub(super) fn new(a: &Matrix, method: &CStr, preconditioner: &CStr) -> Result<Self, PetscError> {
         let (comm, context, matrix) = (a.context.comm(), &a.context, a.raw());
         let prefix = c_string(context.prefix())?;
@@ -52,14 +52,14 @@ impl Ksp {
         self.pc
     }
 
-    /// Lets the options database have the last word.
+    /// Applies the options database.
     pub(super) fn listen(&self) -> Result<(), PetscError> {
         let ksp = self.raw();
         // SAFETY: a live object.
         call(|| unsafe { ffi::KSPSetFromOptions(ksp) })
     }
 
-    /// The types that are in use.
+    /// Returns the types of the `KSP` and of its preconditioner in use.
     pub(super) fn types(&self) -> Result<[String; 2], PetscError> {
         let (ksp, pc, mut method, mut preconditioner) = (self.raw(), self.pc, std::ptr::null(), std::ptr::null());
         // SAFETY: live objects, which own the strings.
@@ -69,7 +69,7 @@ impl Ksp {
         Ok(unsafe { [owned(method), owned(preconditioner)] })
     }
 
-    /// Makes the preconditioner of the values that the matrix has now, and keeps it whatever they become.
+    /// Computes the preconditioner for the current values of the matrix, and keeps it when they change.
     pub(super) fn set_up(&self, a: &Matrix) -> Result<(), PetscError> {
         let (ksp, matrix) = (self.raw(), a.raw());
         // SAFETY: live objects.
@@ -79,7 +79,7 @@ impl Ksp {
         call(|| unsafe { ffi::KSPSetReusePreconditioner(ksp, ffi::TRUE) })
     }
 
-    /// `A x = b`, from `x` on where `go_on`, else from zero.
+    /// Solves `A x = b`, starting from `x` if `go_on` is true, else from zero.
     pub(super) fn solve(&self, a: &Matrix, b: &Vector, x: &mut Vector, go_on: bool) -> Result<Ended, PetscError> {
         let ksp = self.raw();
         // SAFETY: a live object.
@@ -106,8 +106,8 @@ impl Ksp {
         Ok(Ended { iterations: iterations as usize, reason })
     }
 
-    /// `A x_k = b_k` for all of them at once, by a factorization; whether it converged is not asked, since that solves or
-    /// reports an error.
+    /// Solves `A x_k = b_k` for all `k` at once by a factorization. It does not check convergence, because a
+    /// factorization either solves or reports an error.
     pub(super) fn solve_together(&self, a: &Matrix, b: &[Vector], x: &mut [Vector]) -> Result<(), PetscError> {
         let (own, rows, ksp) = (a.layout.rows.clone(), a.pattern().rows(), self.raw());
         let mut columns = vec![0.0; own.len() * b.len()];

@@ -1,9 +1,9 @@
-//! Where the entries of a pattern lie in the arrays of an AIJ or BAIJ matrix.
+//! The positions of the entries of a pattern in the arrays of an AIJ or BAIJ matrix.
 //!
-//! On one rank they lie in one array, in the order of the pattern. On several, each rank holds its own rows in two: the
-//! entries whose columns it owns (the diagonal part), and the others (the off-diagonal part), row after row, columns
-//! ascending in both. Here the two count as one, the off-diagonal part behind the diagonal one. BAIJ does the same with blocks,
-//! and stores each of them column after column.
+//! On one rank, all entries are in one array, in the order of the pattern. On several ranks, each rank stores its rows
+//! in two arrays: the entries whose columns it owns (the diagonal part) and the others (the off-diagonal part), row
+//! after row, with columns ascending in both. This module treats the two as one array, the off-diagonal part after the
+//! diagonal one. BAIJ does the same with blocks, and stores each block by columns.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -12,19 +12,20 @@ use super::Context;
 use crate::backends::local::{NOWHERE, find};
 use crate::las::Sparsity;
 
-/// A pattern, and what this rank owns of it.
+/// A pattern and the part of it that this rank owns.
 #[derive(Debug)]
 pub(super) struct Layout {
     pub(super) pattern: Arc<Sparsity>,
-    /// Own rows.
+    /// The rows of this rank.
     pub(super) rows: Range<usize>,
-    /// Columns of the diagonal part.
+    /// The columns of the diagonal part.
     pub(super) cols: Range<usize>,
-    /// Entries of the diagonal part.
+    /// The number of entries of the diagonal part.
     pub(super) diagonal: usize,
     /// The size of stored blocks; 1 for AIJ.
     pub(super) block: usize,
-    /// Of each own row where its diagonal part starts, and how many entries stand left of that; none on one rank.
+    /// For each row of this rank, the start and length of its diagonal part and the number of entries left of it; empty
+    /// on one rank.
     splits: Vec<Split>,
 }
 
@@ -39,18 +40,18 @@ struct Split {
 #[derive(Clone, Copy)]
 pub(super) struct Row<'a> {
     pub(super) columns: &'a [u32],
-    /// Where the diagonal part starts in its array, and where the rest does behind it.
+    /// The start of the diagonal part in its array, and the start of the off-diagonal part after it.
     start: usize,
     rest: usize,
     left: usize,
     inside: usize,
-    /// The size of blocks, and which row of its blocks this one is.
+    /// The block size, and the index of this row within its blocks.
     block: u32,
     within: u32,
 }
 
 impl Row<'_> {
-    /// Where the entry at a position of the row lies.
+    /// Returns the array index of the entry at a position of the row.
     #[inline(always)]
     pub(super) fn at(&self, position: usize) -> usize {
         if position < self.left {
@@ -62,7 +63,7 @@ impl Row<'_> {
         }
     }
 
-    /// How far the entry at a position of a part lies behind the start of the row (of the row of blocks, for BAIJ).
+    /// Returns the offset of the entry at a position of a part from the start of the row (for BAIJ, of the block row).
     #[inline(always)]
     fn step(&self, position: usize) -> usize {
         if self.block == 1 {
@@ -72,13 +73,14 @@ impl Row<'_> {
         (position / block * block * block + position % block * block + self.within) as usize
     }
 
-    /// Where the entry of a column lies. A negative one is larger than any column as a `u32`, and so not found.
+    /// Returns the array index of the entry in a column. A negative column is larger than any column as a `u32` and so
+    /// not found.
     #[inline(always)]
     pub(super) fn find(&self, column: i32) -> Option<usize> {
         self.columns.binary_search(&(column as u32)).ok().map(|position| self.at(position))
     }
 
-    /// The same; the place `next` to the last one found is tried first.
+    /// The same, but tries first the position `next`, which follows the last one found.
     #[inline(always)]
     pub(super) fn find_after(&self, next: &mut usize, column: i32) -> Option<usize> {
         match find(self.columns, next, column) {
@@ -117,16 +119,16 @@ impl Layout {
         self.diagonal = start;
     }
 
-    /// Entries of this rank.
+    /// Returns the number of entries of this rank.
     pub(super) fn entries(&self) -> usize {
         let starts = self.pattern.row_offsets();
         (starts[self.rows.end] - starts[self.rows.start]) as usize
     }
 
-    /// A row of this rank; `None` for one of another rank, a constrained one, and one out of range.
+    /// Returns a row of this rank; `None` for a row of another rank, a constrained row, and a row out of range.
     #[inline(always)]
     pub(super) fn row(&self, row: i32) -> Option<Row<'_>> {
-        // As a `usize` a negative row is larger than any.
+        // As a `usize`, a negative row is larger than any valid one.
         let row = row as usize;
         let own = row.wrapping_sub(self.rows.start);
         if own >= self.rows.len() {
@@ -144,7 +146,7 @@ impl Layout {
         let mut found = Row { columns, start, rest: 0, left, inside, block: 1, within: 0 };
         found.rest = self.diagonal + (begin - first - start);
         if self.block > 1 {
-            // All rows of a block have the same columns: from this one back to the first of them.
+            // All rows of a block have the same columns; move the start from this row back to the first of them.
             let within = own % self.block;
             (found.block, found.within) = (self.block as u32, within as u32);
             found.start -= within * inside;
@@ -153,7 +155,7 @@ impl Layout {
         Some(found)
     }
 
-    /// The compressed rows of this rank, or rows of blocks, as PETSc takes them.
+    /// Returns the compressed rows (or block rows) of this rank in the form that PETSc expects.
     pub(super) fn compressed(&self) -> (Vec<i32>, Vec<i32>) {
         if self.block > 1 {
             return self.compressed_blocks();
@@ -174,7 +176,8 @@ impl Layout {
         (starts, blocks)
     }
 
-    /// Whether the pattern consists of full blocks of `size` by `size`, and so does the part of every rank.
+    /// Returns true if the pattern consists of full blocks of `size` by `size`; the part of every rank then does so
+    /// too.
     pub(super) fn has_blocks(&self, size: usize) -> bool {
         let (rows, cols) = (self.pattern.rows(), self.pattern.cols());
         if size < 2 || !rows.is_multiple_of(size) || !cols.is_multiple_of(size) {

@@ -1,4 +1,4 @@
-//! The matrix: AIJ or BAIJ, each rank with the rows that it owns.
+//! The matrix of type AIJ or BAIJ; each rank stores the rows that it owns.
 
 use std::cell::OnceCell;
 use std::ffi::CStr;
@@ -13,8 +13,8 @@ use super::session::call;
 use super::vector::count;
 use crate::las::Sparsity;
 
-/// A matrix of PETSc's type AIJ or BAIJ over a fixed pattern. On several ranks each holds the rows that it owns and drops what
-/// it is given for others.
+/// A matrix of PETSc's type AIJ or BAIJ over a fixed pattern. On several ranks, each rank stores the rows that it owns
+/// and ignores contributions to other rows.
 #[derive(Debug)]
 pub struct Matrix {
     pub(super) layout: Layout,
@@ -24,7 +24,7 @@ pub struct Matrix {
     parts: OnceCell<[Part; 2]>,
 }
 
-/// The two arrays of this rank.
+/// The arrays of the diagonal and the off-diagonal part on this rank.
 #[derive(Debug)]
 pub(super) struct Values {
     diagonal: Array,
@@ -34,23 +34,23 @@ pub(super) struct Values {
 
 #[derive(Debug)]
 struct Array {
-    /// Owned by the matrix around it.
+    /// Owned by the enclosing matrix.
     block: ffi::Mat,
     values: *mut f64,
     len: usize,
 }
 
-// SAFETY: memory of the matrix that owns it, reached through no other way.
+// SAFETY: memory of the matrix that owns it, reached in no other way.
 unsafe impl Send for Values {}
 
-/// A vector of which each rank holds its part.
+/// A distributed vector, of which each rank stores its part.
 pub(super) type Part = Handle<ffi::_p_Vec>;
 
 const AIJ: &CStr = c"aij";
 const BAIJ: &CStr = c"baij";
 
 impl Matrix {
-    /// Of the type that the context asks for and the pattern allows.
+    /// Creates a zero matrix of the type that the context requests and the pattern allows.
     pub(super) fn zeros(context: &Context, pattern: &Arc<Sparsity>) -> Result<Self, PetscError> {
         let mut layout = Layout::new(context, pattern);
         let blocks = if layout.has_blocks(context.block()) { context.block() } else { 1 };
@@ -60,7 +60,7 @@ impl Matrix {
         Self::of_layout(context, layout, blocks)
     }
 
-    /// Of type AIJ.
+    /// Creates a zero matrix of type AIJ.
     pub(super) fn zeros_aij(context: &Context, pattern: &Arc<Sparsity>) -> Result<Self, PetscError> {
         let layout = Layout::new(context, pattern);
         let blocks = if layout.has_blocks(context.block()) { context.block() } else { 1 };
@@ -80,7 +80,7 @@ impl Matrix {
         call(|| unsafe { ffi::MatSetType(raw, kind.as_ptr()) })?;
         call(|| unsafe { ffi::MatSetBlockSize(raw, size) })?;
         let (starts, columns, zeros) = (starts.as_ptr(), columns.as_ptr(), std::ptr::null());
-        // Those that are not of the matrix's type do nothing.
+        // The functions for other types than that of the matrix do nothing.
         if layout.block > 1 {
             call(|| unsafe { ffi::MatSeqBAIJSetPreallocationCSR(raw, size, starts, columns, zeros) })?;
             call(|| unsafe { ffi::MatMPIBAIJSetPreallocationCSR(raw, size, starts, columns, zeros) })?;
@@ -94,31 +94,32 @@ impl Matrix {
         Ok(Self { layout, context: context.clone(), handle, values, parts: OnceCell::new() })
     }
 
-    /// How it is stored.
+    /// Returns the storage format.
     #[must_use]
     pub fn matrix_type(&self) -> MatrixType {
         if self.layout.block > 1 { MatrixType::Baij } else { MatrixType::Aij }
     }
 
-    /// Which entries it has.
+    /// Returns the sparsity pattern.
     #[inline(always)]
     #[must_use]
     pub fn pattern(&self) -> &Arc<Sparsity> {
         &self.layout.pattern
     }
 
-    /// The `Mat`, for calls that this crate does not make: live as long as this is. Its entries and its type must stay.
+    /// Returns the `Mat`, for PETSc functions that this crate does not call; it lives as long as this matrix. The
+    /// caller must not change its nonzero pattern or its type.
     #[must_use]
     pub fn as_ptr(&self) -> *mut std::ffi::c_void {
         self.raw().cast()
     }
 
-    /// For PETSc.
+    /// Returns the `Mat`.
     pub(super) fn raw(&self) -> ffi::Mat {
         self.handle.raw()
     }
 
-    /// Tells PETSc that values may have changed.
+    /// Informs PETSc that values may have changed.
     pub(super) fn assemble(&mut self) -> Result<(), PetscError> {
         let (raw, kind) = (self.raw(), ffi::MAT_FINAL_ASSEMBLY);
         // SAFETY: a live matrix.
@@ -128,7 +129,7 @@ impl Matrix {
         self.values.touch()
     }
 
-    /// Takes the values of a matrix of the same pattern.
+    /// Copies the values of a matrix with the same pattern.
     pub(super) fn copy_values(&mut self, from: &Self) -> Result<(), PetscError> {
         if self.layout.block == from.layout.block {
             for (to, from) in self.values.slices_mut().into_iter().zip(from.values.slices()) {
@@ -149,7 +150,7 @@ impl Matrix {
         self.assemble()
     }
 
-    /// The same of type AIJ; `None` where it is.
+    /// Returns a copy of type AIJ; `None` if the matrix already has that type.
     pub(super) fn to_aij(&self) -> Result<Option<Self>, PetscError> {
         if self.layout.block == 1 {
             return Ok(None);
@@ -159,7 +160,7 @@ impl Matrix {
         Ok(Some(copy))
     }
 
-    /// Distributed vectors: one that the matrix multiplies, one that it gives.
+    /// Returns two distributed vectors: one for the columns (a factor of the product), one for the rows (the product).
     pub(super) fn parts(&self) -> Result<&[Part; 2], PetscError> {
         if let Some(parts) = self.parts.get() {
             return Ok(parts);
@@ -172,7 +173,7 @@ impl Matrix {
         Ok(self.parts.get_or_init(|| [right, left]))
     }
 
-    /// The values of all ranks in the order of the pattern.
+    /// Gathers the values of all ranks in the order of the pattern.
     pub(super) fn all_values(&self) -> Vec<f64> {
         let layout = &self.layout;
         let mut own = Vec::with_capacity(layout.entries());
@@ -204,7 +205,7 @@ impl Values {
         Ok(values)
     }
 
-    /// Tells PETSc that values may have changed, and finds the arrays.
+    /// Informs PETSc that values may have changed, and locates the arrays.
     fn touch(&mut self) -> Result<(), PetscError> {
         let (get, restore) = if self.blocked {
             (ffi::MatSeqBAIJGetArray as ffi::Array, ffi::MatSeqBAIJRestoreArray as ffi::Array)
@@ -219,45 +220,45 @@ impl Values {
             // SAFETY: a live matrix of type seqaij or seqbaij.
             call(|| unsafe { get(block, &raw mut values) })?;
             array.values = values;
-            // SAFETY: lent just now. The array stays where it is: entries are never added.
+            // SAFETY: borrowed just above. The array does not move: entries are never added.
             call(|| unsafe { restore(block, &raw mut values) })?;
         }
         Ok(())
     }
 
-    /// Both arrays.
+    /// Returns both arrays.
     #[inline(always)]
     pub(super) fn slices(&self) -> [&[f64]; 2] {
         [&self.diagonal, &self.off].map(|array| {
             if array.len == 0 {
                 return &[][..];
             }
-            // SAFETY: as many entries as the layout counts, which is what PETSc was told to allocate; they belong to the
-            // matrix around this, and are written only where it is borrowed alone.
+            // SAFETY: as many entries as the layout counts, which is what PETSc was told to allocate; they belong to
+            // the enclosing matrix, and are written only while it is borrowed exclusively.
             unsafe { std::slice::from_raw_parts(array.values, array.len) }
         })
     }
 
-    /// Both arrays, for writing.
+    /// Returns both arrays, mutably.
     #[inline(always)]
     pub(super) fn slices_mut(&mut self) -> [&mut [f64]; 2] {
         [&mut self.diagonal, &mut self.off].map(|array| {
             if array.len == 0 {
                 return &mut [][..];
             }
-            // SAFETY: as above, and `self` is borrowed alone; the two arrays do not overlap.
+            // SAFETY: as above, and `self` is borrowed exclusively; the two arrays do not overlap.
             unsafe { std::slice::from_raw_parts_mut(array.values, array.len) }
         })
     }
 
-    /// The value at a place that the layout gave.
+    /// Returns the value at an array index computed by the layout.
     #[inline(always)]
     pub(super) fn get(&self, at: usize) -> f64 {
         let [diagonal, off] = self.slices();
         diagonal.get(at).or_else(|| off.get(at.wrapping_sub(diagonal.len()))).copied().unwrap_or(0.0)
     }
 
-    /// The same, for writing; `None` where there is no such place.
+    /// The same, mutably; `None` if the index is out of range.
     #[inline(always)]
     pub(super) fn get_mut(&mut self, at: usize) -> Option<&mut f64> {
         let [diagonal, off] = self.slices_mut();

@@ -1,15 +1,15 @@
 //! `petsc`: vectors, matrices and solvers of PETSc, on one rank or many.
 //!
-//! # What each rank holds
-//! All ranks of a communicator run the same program on the same data ([`Distribution::Copies`]). Vectors lie whole on every
-//! rank: reading them, norms and products of two need no communication and are the same everywhere, bit for bit. Of a matrix
-//! each rank keeps the rows that it owns, of what everybody writes. Reading a matrix, multiplying and solving are done by all
-//! ranks together and give all of them the whole result. Code that is generic over the backend therefore runs unchanged on
-//! any number of ranks; assembly is repeated on each of them, factorizations and products are shared.
+//! # Distribution of data
+//! All ranks of a communicator run the same program on the same data ([`Distribution::Copies`]). Every rank stores
+//! whole vectors: reading them, norms and dot products need no communication and are bitwise identical on all ranks.
+//! Every rank writes all entries of a matrix but stores only the rows that it owns. Reading a matrix, multiplying and
+//! solving are collective and give every rank the whole result. Code that is generic over the backend therefore runs
+//! unchanged on any number of ranks: every rank repeats the assembly, and the ranks share factorizations and products.
 //!
 //! # Sessions
-//! [`Session`] initializes MPI and PETSc and ends them after the last object is gone; [`Context`] adds a communicator and the
-//! prefix of options. PETSc's errors come back as [`PetscError`], with its own text.
+//! [`Session`] initializes MPI and PETSc and finalizes them after the last object is dropped; [`Context`] adds a
+//! communicator and a prefix of options. Errors of PETSc are returned as [`PetscError`], with PETSc's own text.
 //!
 //! ```no_run
 //! use std::sync::Arc;

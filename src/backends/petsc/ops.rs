@@ -1,8 +1,9 @@
-//! The hot verbs: none calls PETSc.
+//! The vector and matrix operations of assembly, none of which calls PETSc.
 //!
-//! They work on the memory of the vector or the matrix, where the pattern tells the places. `VecSetValues` and
-//! `MatSetValues` do not look whether an index is in range and would write anywhere; both also write to the log of PETSc
-//! where logging is on, which all threads of the process share. `finish` tells PETSc, under the lock, that entries changed.
+//! They access the memory of the vector or matrix directly, at positions given by the pattern. `VecSetValues` and
+//! `MatSetValues` do not check that an index is in range and would write anywhere; if logging is on, both also write to
+//! the log of PETSc, which all threads of the process share. `finish` informs PETSc, under the lock, that entries
+//! changed.
 
 use super::context::Context;
 use super::error::PetscError;
@@ -10,7 +11,7 @@ use super::{Matrix, Petsc, Vector, ffi};
 use crate::backends::local;
 use crate::las::{MatrixOps, VectorOps};
 
-/// A slot of what is dropped.
+/// The slot of a dropped contribution.
 const DROPPED: u32 = u32::MAX;
 
 impl VectorOps<Petsc> for Vector {
@@ -82,7 +83,7 @@ impl VectorOps<Petsc> for Vector {
 }
 
 impl Matrix {
-    /// Calls `visit(entry, value of the block)` for every pair of a block that this rank keeps.
+    /// Calls `visit(entry, value of the block)` for every pair of indices of a block whose entry this rank stores.
     #[inline(always)]
     fn scatter(
         &mut self,
@@ -111,7 +112,8 @@ impl Matrix {
         Ok(())
     }
 
-    /// Refuses what is not in the pattern, on all ranks alike; only in debug builds, in others it is dropped.
+    /// Returns an error, on all ranks alike, if a pair is not in the pattern. Only debug builds call it; release builds
+    /// drop such pairs.
     fn check_pattern(&self, rows: &[i32], cols: &[i32]) -> Result<(), PetscError> {
         let pattern = &self.layout.pattern;
         let (m, n) = (pattern.rows() as i32, pattern.cols() as i32);
@@ -126,7 +128,7 @@ impl Matrix {
         Err(PetscError::found(ffi::ERR_ARG_OUTOFRANGE, "", text))
     }
 
-    /// The entries of this rank; zero for those of others.
+    /// Reads the entries of this rank, and zero for those of other ranks.
     #[inline(always)]
     fn read(&self, rows: &[i32], cols: &[i32], block: &mut [f64]) {
         for (&row, values) in rows.iter().zip(block.chunks_exact_mut(cols.len().max(1))) {
@@ -143,7 +145,7 @@ impl Matrix {
         }
     }
 
-    /// The same, of all ranks together.
+    /// Reads the entries of all ranks (collective).
     fn read_together(&self, context: &Context, rows: &[i32], cols: &[i32], block: &mut [f64]) {
         let mut sum = vec![0.0; block.len()];
         self.read(rows, cols, &mut sum);
@@ -157,7 +159,7 @@ impl Matrix {
     }
 }
 
-/// A block of another size than its indices.
+/// Returns the error that the size of a block does not match its indices.
 #[cold]
 fn size_differs(pairs: usize, found: usize) -> PetscError {
     PetscError::found(ffi::ERR_ARG_SIZ, "", format!("{found} values for {pairs} pairs of row and column"))

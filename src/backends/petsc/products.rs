@@ -1,4 +1,4 @@
-//! Products, sums, diagonals, and all entries.
+//! Products, sums, diagonals and the traversal of all entries.
 
 use std::sync::Arc;
 
@@ -14,21 +14,21 @@ use crate::las::{Entries, MatMat, MatVec, MatrixOps, SolveError, Sparsity, Vecto
 
 type Failure = SolveError<PetscError>;
 
-/// Copies the part of this rank out of a vector that lies whole on every rank.
+/// Copies the part of this rank from a whole vector to a distributed vector.
 pub(super) fn scatter(whole: &[f64], own: std::ops::Range<usize>, part: &Part) -> Result<(), PetscError> {
     let (raw, mut values) = (part.raw(), std::ptr::null_mut());
     // SAFETY: a live vector.
     call(|| unsafe { ffi::VecGetArray(raw, &raw mut values) })?;
     if !own.is_empty() {
-        // SAFETY: a vector of the layout of which this rank owns that many entries; two places in memory.
+        // SAFETY: a vector of the layout of which this rank owns that many entries; the two memory areas are distinct.
         unsafe { std::ptr::copy_nonoverlapping(whole[own.clone()].as_ptr(), values, own.len()) };
     }
-    // SAFETY: lent just now.
+    // SAFETY: borrowed just above.
     call(|| unsafe { ffi::VecRestoreArray(raw, &raw mut values) })
 }
 
 impl Matrix {
-    /// Puts the parts of all ranks together.
+    /// Gathers the parts of all ranks into a whole vector.
     pub(super) fn gather(&self, part: &Part, whole: &mut Vector) -> Result<(), PetscError> {
         let (raw, mut values) = (part.raw(), std::ptr::null());
         let len = whole.as_slice().len();
@@ -38,11 +38,11 @@ impl Matrix {
         // SAFETY: a vector of the layout of which this rank owns that many entries; read before it is given back.
         let slice = if own == 0 { &[][..] } else { unsafe { std::slice::from_raw_parts(values, own) } };
         self.context.gather(slice, len, |row| row, whole.as_mut_slice());
-        // SAFETY: lent above.
+        // SAFETY: borrowed above.
         call(|| unsafe { ffi::VecRestoreArrayRead(raw, &raw mut values) })
     }
 
-    /// `y = A x` or `y = A^T x`.
+    /// Computes `y = A x` or `y = A^T x`.
     fn multiply(&self, x: &Vector, y: &mut Vector, transposed: bool) -> Result<(), PetscError> {
         let a = self.raw();
         let product = |x, y| {
@@ -59,7 +59,7 @@ impl Matrix {
         self.gather(to, y)
     }
 
-    /// `A += factor other`, whose pattern is part of this one's.
+    /// Adds `A += factor other`; the pattern of `other` must be part of that of `A`.
     fn add_scaled(&mut self, factor: f64, other: ffi::Mat) -> Result<(), PetscError> {
         let raw = self.raw();
         // SAFETY: live matrices of one shape and distribution.
@@ -67,7 +67,7 @@ impl Matrix {
         self.assemble()
     }
 
-    /// Of the type that the context asks for.
+    /// Converts the matrix to the type that the context requests.
     fn stored(self) -> Result<Self, PetscError> {
         if self.context.matrix_type() == MatrixType::Aij {
             return Ok(self);
@@ -77,7 +77,7 @@ impl Matrix {
         Ok(stored)
     }
 
-    /// The values that PETSc finds, in a pattern that depends on patterns alone.
+    /// Copies the matrix that PETSc computes into a pattern that depends only on the patterns of its factors.
     fn in_pattern(&self, pattern: Sparsity, make: impl FnOnce(*mut ffi::Mat) -> ffi::Code) -> Result<Self, PetscError> {
         let mut result = Self::zeros_aij(&self.context, &Arc::new(pattern))?;
         if result.pattern().entries() > 0 {
@@ -165,7 +165,7 @@ impl MatMat<Petsc> for Matrix {
     }
 }
 
-/// Of all ranks.
+/// The entries of all ranks (collective).
 impl Entries<Petsc> for Matrix {
     fn pattern(&self) -> Result<Arc<Sparsity>, PetscError> {
         Ok(Arc::clone(&self.layout.pattern))

@@ -1,4 +1,4 @@
-//! From `PetscInitialize` to `PetscFinalize`.
+//! The time from `PetscInitialize` to `PetscFinalize`.
 
 use std::ffi::CStr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
@@ -9,43 +9,44 @@ use thiserror::Error;
 use super::error::{PetscError, check, keep};
 use super::ffi;
 
-/// PETSc, initialized: MPI too, if nobody had.
+/// An initialized PETSc, with MPI initialized too if the program had not done so.
 ///
-/// Everything of this backend holds the session that it was made in. PETSc is finalized when the session and all that was
-/// made in it are dropped, in whatever order, and MPI after it, if the session had initialized it. MPI starts only once in a
-/// process: whoever wants several sessions, one after the other, initializes MPI himself.
+/// Every object of this backend holds the session in which it was made. PETSc is finalized when the session and all
+/// objects made in it are dropped, in any order; then MPI is finalized if the session had initialized it. MPI can start
+/// only once per process: a program that needs several sessions, one after the other, must initialize MPI itself.
 ///
-/// PETSc's signal handlers stay out, and it prints no errors: they come back as [`PetscError`].
+/// PETSc installs no signal handlers and prints no errors; they are returned as [`PetscError`].
 ///
 /// # Threads
-/// PETSc is not made for threads: its log, its options and its communicators are one for all of them. All calls of PETSc (making,
-/// finishing, destroying, multiplying, solving) wait for one another, whatever threads they come from, so that any thread may
-/// use what it owns; the hot verbs call nothing and wait for nothing. On several
-/// ranks all ranks must make these calls in the same order, which only one thread a rank can promise. Whoever initializes
-/// MPI himself and lets several threads use PETSc asks MPI for [`Threading::Serialized`] at least.
+/// PETSc is not thread-safe: its log, options and communicators are shared by all threads. Therefore all calls of PETSc
+/// (creating, finishing, destroying, multiplying, solving) wait for one another, on whatever threads they run, so that
+/// any thread may use the objects that it owns; the assembly operations call nothing and never wait. On several ranks,
+/// all ranks must make these calls in the same order, which requires that only one thread per rank makes them. A
+/// program that initializes MPI itself and uses PETSc from several threads must request at least
+/// [`Threading::Serialized`].
 #[derive(Clone, Debug)]
 pub struct Session(#[allow(dead_code, reason = "held until the last is dropped")] Arc<Running>);
 
-/// Why there is no session.
+/// The reason why a session could not start.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum SessionError {
-    /// There is one already.
+    /// A session is already running.
     #[error("a PETSc session is running in this process: share it, or drop it and all that was made in it")]
     Running,
-    /// Somebody else called `PetscInitialize`.
+    /// Another part of the program called `PetscInitialize`.
     #[error("PETSc was initialized by another part of this program")]
     Foreign,
-    /// MPI has ended, and cannot start again.
+    /// MPI was finalized and cannot start again.
     #[error("MPI was finalized in this process, and starts only once: keep the session, or initialize MPI yourself")]
     Ended,
-    /// PETSc did not start, or refuses the communicator.
+    /// PETSc did not start, or rejects the communicator.
     #[error("{0}")]
     Petsc(#[from] PetscError),
 }
 
 #[derive(Debug)]
 struct Running {
-    /// Dropped after PETSc was finalized.
+    /// Dropped after PETSc is finalized.
     _universe: Option<Mpi>,
 }
 
@@ -57,34 +58,35 @@ impl std::fmt::Debug for Mpi {
     }
 }
 
-/// One call of PETSc or MPI at a time.
+/// Serializes the calls of PETSc and MPI.
 static CALLS: Mutex<()> = Mutex::new(());
 
-/// Whether a session runs; held while one starts or ends.
+/// True while a session runs; locked while one starts or ends.
 static RUNS: Mutex<bool> = Mutex::new(false);
 
-/// The session that runs.
+/// The running session.
 static CURRENT: Mutex<Weak<Running>> = Mutex::new(Weak::new());
 
-/// Waits for all other calls; what was left by a panic is no more broken than without it.
+/// Waits for all other calls. A panic under this lock leaves no inconsistent state, so poisoning is ignored.
 pub(super) fn lock() -> MutexGuard<'static, ()> {
     CALLS.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// A call of PETSc, alone. Such calls do not nest.
+/// Makes one call of PETSc under the lock. Such calls must not nest.
 pub(super) fn call(function: impl FnOnce() -> ffi::Code) -> Result<(), PetscError> {
     let _alone = lock();
     check(function())
 }
 
 impl Session {
-    /// Initializes MPI, if nobody has, and PETSc.
+    /// Initializes MPI, if the program has not done so, and PETSc.
     ///
     /// PETSc reads its options from the environment variable `PETSC_OPTIONS` and from `.petscrc`, not from the arguments of
     /// the program.
     ///
     /// # Errors
-    /// [`SessionError`].
+    /// Returns [`SessionError`] if a session is running, if MPI was finalized, if the program initialized PETSc
+    /// elsewhere, or if PETSc fails.
     pub fn new() -> Result<Self, SessionError> {
         let mut runs = RUNS.lock().unwrap_or_else(PoisonError::into_inner);
         if *runs {
@@ -107,19 +109,19 @@ impl Session {
         Ok(Self(running))
     }
 
-    /// The session that runs in this process, if there is one: for code that does not know who began it.
+    /// Returns the session that runs in this process, if there is one, for code that did not start it.
     #[must_use]
     pub fn current() -> Option<Self> {
         CURRENT.lock().unwrap_or_else(PoisonError::into_inner).upgrade().map(Self)
     }
 
-    /// The version of PETSc that the crate was built with.
+    /// Returns the version of PETSc with which the crate was built.
     #[must_use]
     pub fn version() -> &'static str {
         env!("BIOTISSUE_PETSC_VERSION")
     }
 
-    /// The packages that this PETSc was built with, as far as solvers depend on them.
+    /// Returns the solver packages with which PETSc was built.
     #[must_use]
     pub fn packages() -> Vec<&'static str> {
         let known = [
@@ -152,11 +154,11 @@ fn start() -> Result<(), PetscError> {
 impl Drop for Running {
     fn drop(&mut self) {
         let mut runs = RUNS.lock().unwrap_or_else(PoisonError::into_inner);
-        // Where the program has finalized MPI before, PETSc cannot be finalized any more.
+        // If the program has already finalized MPI, PETSc can no longer be finalized.
         if !is_finalized() {
             let _alone = lock();
-            // SAFETY: initialized by `Session::new`; every object of the session held it, so that none is left. There is
-            // nobody to report an error to.
+            // SAFETY: initialized by `Session::new`; every object of the session held it, so that none is left. An
+            // error cannot be reported here.
             unsafe {
                 ffi::PetscPopErrorHandler();
                 ffi::PetscFinalize();

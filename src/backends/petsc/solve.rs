@@ -1,4 +1,4 @@
-//! The solver: what serves, and the matrix that it solves with.
+//! The solver: it selects the method and owns a copy of the matrix.
 
 use std::sync::Arc;
 
@@ -17,8 +17,8 @@ use crate::las::{
 
 type Fault = SolveError<PetscError>;
 
-/// What is to be solved and how. PETSc's own analyses belong to one factorization each: they are made with the first one of
-/// every solver.
+/// The context, the sparsity pattern and the solver parameters. PETSc's own symbolic analyses belong to the individual
+/// factorizations and are made with the first one of every solver.
 #[derive(Debug)]
 pub struct Symbolic {
     context: Context,
@@ -37,20 +37,20 @@ impl Symbolic {
     }
 }
 
-/// Solver for matrices of one pattern, by PETSc's KSP.
+/// The solver for matrices with one sparsity pattern, by PETSc's KSP.
 ///
-/// A matrix stated to be [`Symmetry::Definite`] is factored by Cholesky; where a pivot is not positive, by LDL^T. A
-/// symmetric one is factored by LDL^T, any other by LU: by MUMPS if PETSc has it, else by PETSc itself on one rank and by
-/// SuperLU_DIST (LU) on several. The options database has the last word (`ksp_type`, `pc_type`,
+/// A matrix declared [`Symmetry::Definite`] is factored by Cholesky or, if a pivot is not positive, by LDL^T. A
+/// symmetric matrix is factored by LDL^T, any other by LU. The package is MUMPS if PETSc has it, else PETSc itself on
+/// one rank and SuperLU_DIST (LU) on several. The options database overrides these choices (`ksp_type`, `pc_type`,
 /// `pc_factor_mat_solver_type`, `mat_mumps_icntl_14` and so on, with the prefix of the context).
 ///
-/// No package tells which unknown has a pivot that is not positive: reports and errors name the one with the smallest
-/// diagonal entry. Of a singular matrix they name the one that moves most in the null space.
+/// No package reports which unknown has a pivot that is not positive: reports and errors name the unknown with the
+/// smallest diagonal entry. For a singular matrix, they name the unknown with the largest component in the null space.
 #[derive(Debug)]
 pub struct Solver {
     symbolic: Arc<Symbolic>,
     limit: f64,
-    /// The matrix to solve with: its owner may change it.
+    /// A copy of the matrix, because its owner may change it.
     a: Matrix,
     cholesky: Option<Factor>,
     ldlt: Option<Factor>,
@@ -81,7 +81,7 @@ impl Solver {
         })
     }
 
-    /// Takes the values of a matrix that fits.
+    /// Checks a matrix and copies its values.
     fn take(&mut self, a: &Matrix) -> Result<(), Fault> {
         self.served = None;
         let (found, expected) = (a.pattern(), &self.symbolic.pattern);
@@ -97,7 +97,7 @@ impl Solver {
         if row != usize::MAX {
             return Err(SolveError::NotFinite { row });
         }
-        // Which no package takes.
+        // No package accepts a matrix without entries.
         if expected.entries() == 0 && expected.rows() > 0 {
             return Err(SolveError::Singular { unknown: 0, ratio: 0.0, limit: self.limit });
         }
@@ -112,14 +112,14 @@ impl Solver {
         a.layout.rows.clone().find(is_bad).unwrap_or(usize::MAX)
     }
 
-    /// The unknown with the smallest diagonal entry.
+    /// Returns the unknown with the smallest diagonal entry.
     fn smallest_diagonal(&mut self) -> Result<usize, Fault> {
         self.a.diagonal(&mut self.diagonal)?;
         let entries = self.diagonal.as_slice().iter().enumerate();
         Ok(entries.min_by(|a, b| a.1.total_cmp(b.1)).map_or(0, |(unknown, _)| unknown))
     }
 
-    /// One factorization of the matrix taken, with more room where the package asks for it.
+    /// Factors the copied matrix, with more memory if the package requests it.
     fn attempt(&mut self, kind: Factorization) -> Result<(Factorization, Found), Fault> {
         let Self { a, limit, cholesky, ldlt, lu, .. } = self;
         let place = match kind {
@@ -128,7 +128,7 @@ impl Solver {
             _ => lu,
         };
         let mut found = None;
-        // Per cent; more is needed the more pivots are put off.
+        // In percent; delayed pivots increase the memory needed.
         for room in [30, 100, 400, 1600] {
             let factor = match place.take() {
                 Some(factor) => factor,
@@ -137,7 +137,7 @@ impl Solver {
             let now = factor.factor(a).map_err(SolveError::Fault)?;
             found = Some((factor.kind, now));
             match now.failure {
-                // One that failed cannot be used again.
+                // A failed factorization cannot be used again.
                 Some(Failure::Room) => {}
                 Some(failure @ Failure::Other(_)) if kind != Factorization::Cholesky => {
                     return Err(failure.error(factor.package()));
@@ -166,8 +166,8 @@ impl Solver {
         Ok(FactorReport { kind, indefinite_at, pivot_ratio: found.ratio, negative_pivots })
     }
 
-    /// Looks for a null vector where a pivot is small or the package tells of none, unless the caller has set a limit for
-    /// pivots. Of a matrix whose diagonal is not positive the package's own judgment stands.
+    /// Searches for a null vector if a pivot is small or the package does not report pivots, unless the caller set a
+    /// limit for pivots. If a diagonal entry is not positive, the judgment of the package stands.
     fn resolve_doubt(&mut self, kind: Factorization, ratio: f64) -> Result<(), Fault> {
         let n = self.symbolic.pattern.rows();
         let told = if ratio < 1.0 { ratio } else { 0.0 };
@@ -205,7 +205,7 @@ impl Solver {
         SolveError::Singular { unknown, ratio: if found.ratio < limit { found.ratio } else { 0.0 }, limit }
     }
 
-    /// Cholesky, or `None` where the matrix is not positive definite.
+    /// Factors by Cholesky; returns `None` if the matrix is not positive definite.
     fn factor_by_cholesky(&mut self) -> Result<Option<FactorReport>, Fault> {
         let (kind, found) = self.attempt(Factorization::Cholesky)?;
         let is_definite = found.failure.is_none() && found.negative.is_none_or(|negative| negative == 0);
@@ -238,7 +238,7 @@ impl Solver {
         }
     }
 
-    /// Of a system without unknowns.
+    /// Returns the report for a system without unknowns.
     fn report_nothing(&mut self) -> FactorReport {
         let kind = match self.symbolic.params.symmetry {
             Symmetry::None => Factorization::Lu,
@@ -308,7 +308,8 @@ impl crate::las::Solver<Petsc> for Solver {
         }
     }
 
-    /// With an iterative method, refused where a diagonal entry is not positive: more is not known.
+    /// With an iterative method, returns [`SolveError::Indefinite`] if a diagonal entry is not positive; no more is
+    /// known.
     fn factor_definite(&mut self, a: &Matrix) -> Result<FactorReport, Fault> {
         self.take(a)?;
         if let Method::Iterative(method) = self.symbolic.params.method {
@@ -323,7 +324,7 @@ impl crate::las::Solver<Petsc> for Solver {
             if let Some(report) = report.filter(|report| report.negative_pivots.is_some()) {
                 return Ok(report);
             }
-            // A factorization that does not count its negative pivots: more than the diagonal is not known.
+            // The factorization does not count its negative pivots; only the diagonal is known.
             let unknown = self.smallest_diagonal()?;
             return match report {
                 Some(report) if self.diagonal.as_slice().get(unknown).is_some_and(|&entry| entry > 0.0) => Ok(report),

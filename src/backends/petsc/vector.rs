@@ -1,4 +1,4 @@
-//! The vector: whole on every rank.
+//! The vector, stored whole on every rank.
 
 use super::context::Context;
 use super::error::PetscError;
@@ -6,10 +6,10 @@ use super::ffi;
 use super::handle::Handle;
 use super::session::call;
 
-/// A vector that lies whole on every rank, in memory of PETSc's.
+/// A vector that every rank stores whole, in memory of PETSc.
 ///
-/// Every rank writes all of it, so that reading, norms and products of two need no communication and are the same on all
-/// ranks, bit for bit.
+/// Every rank writes all entries, so that reading, norms and dot products need no communication and are bitwise
+/// identical on all ranks.
 #[derive(Debug)]
 pub struct Vector {
     handle: Handle<ffi::_p_Vec>,
@@ -17,14 +17,14 @@ pub struct Vector {
     len: usize,
 }
 
-// SAFETY: `values` is memory of the vector that `handle` owns, reached through no other way.
+// SAFETY: `values` is memory of the vector that `handle` owns, reached in no other way.
 unsafe impl Send for Vector {}
 
 impl Vector {
     pub(super) fn zeros(context: &Context, len: usize) -> Result<Self, PetscError> {
-        // SAFETY: one communicator that is there for the whole session.
+        // SAFETY: a single communicator, which exists for the whole session.
         let alone = unsafe { mpi::ffi::RSMPI_COMM_SELF };
-        // Vectors and matrices that meet share a communicator.
+        // Vectors and matrices in one operation must share a communicator.
         let comm = if context.is_alone() { context.comm() } else { alone };
         let count = count(len)?;
         // SAFETY: PETSc is initialized; the communicator is live and of one rank.
@@ -35,25 +35,25 @@ impl Vector {
         Ok(vector)
     }
 
-    /// The array, which stays where it is as long as nobody replaces it, which nobody here does. That it was lent tells PETSc
+    /// Returns the array, which does not move because this crate never replaces it. Borrowing the array informs PETSc
     /// that its values may have changed.
     fn borrow(&self) -> Result<*mut f64, PetscError> {
         let (raw, mut values) = (self.handle.raw(), std::ptr::null_mut());
         // SAFETY: a live vector.
         call(|| unsafe { ffi::VecGetArray(raw, &raw mut values) })?;
         let mut lent = values;
-        // SAFETY: lent just now.
+        // SAFETY: borrowed just above.
         call(|| unsafe { ffi::VecRestoreArray(raw, &raw mut lent) })?;
         Ok(values)
     }
 
-    /// For PETSc, which is told that the values may have changed since it saw them last.
+    /// Returns the `Vec` and informs PETSc that its values may have changed.
     pub(super) fn raw(&self) -> Result<ffi::Vec, PetscError> {
         self.borrow()?;
         Ok(self.handle.raw())
     }
 
-    /// `VecDot`, for vectors of two lengths: PETSc says what is wrong with that.
+    /// Calls `VecDot` on vectors of different lengths to obtain PETSc's error.
     #[cold]
     pub(super) fn dot_by_petsc(&self, y: &Self) -> Result<f64, PetscError> {
         let (x, y, mut dot) = (self.raw()?, y.raw()?, 0.0);
@@ -62,7 +62,7 @@ impl Vector {
         Ok(dot)
     }
 
-    /// `VecAXPY`, for the same reason.
+    /// Calls `VecAXPY` for the same reason.
     #[cold]
     pub(super) fn axpy_by_petsc(&mut self, a: f64, x: &Self) -> Result<(), PetscError> {
         let (x, y) = (x.raw()?, self.raw()?);
@@ -70,13 +70,13 @@ impl Vector {
         call(|| unsafe { ffi::VecAXPY(y, a, x) })
     }
 
-    /// How many entries it has.
+    /// Returns the number of entries.
     #[inline(always)]
     pub(super) fn size(&self) -> usize {
         self.len
     }
 
-    /// Its entries.
+    /// Returns the entries.
     #[inline(always)]
     #[must_use]
     pub fn as_slice(&self) -> &[f64] {
@@ -87,19 +87,19 @@ impl Vector {
         unsafe { std::slice::from_raw_parts(self.values, self.len) }
     }
 
-    /// Its entries, for writing.
+    /// Returns the entries, mutably.
     #[inline(always)]
     #[must_use]
     pub fn as_mut_slice(&mut self) -> &mut [f64] {
         if self.len == 0 {
             return &mut [];
         }
-        // SAFETY: `len` numbers that the vector owns, and `self` is borrowed alone.
+        // SAFETY: `len` numbers that the vector owns, and `self` is borrowed exclusively.
         unsafe { std::slice::from_raw_parts_mut(self.values, self.len) }
     }
 }
 
-/// A size for PETSc.
+/// Converts a size for PETSc. Returns an error if it exceeds 32-bit indices.
 pub(super) fn count(len: usize) -> Result<i32, PetscError> {
     i32::try_from(len)
         .map_err(|_| PetscError::found(ffi::ERR_ARG_OUTOFRANGE, "", format!("{len} is more than 32-bit indices reach")))

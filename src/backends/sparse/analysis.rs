@@ -1,4 +1,4 @@
-//! The symbolic part of the factorizations: everything that depends on the pattern alone.
+//! The symbolic phase of the factorizations, which depends on the sparsity pattern alone.
 
 use std::convert::Infallible;
 use std::fmt::Display;
@@ -13,9 +13,9 @@ use super::lu::LuAnalysis;
 use super::order::{self, Graph};
 use crate::las::{Method, SolveError, SolverParams, Sparsity, Symmetry};
 
-/// Operations of a factorization, those of padding included, from which on the library's supernodes serve instead of
-/// blocks of three: there, blocking for the caches counts for more than small overheads. The library gains more from
-/// AVX-512 than the blocks do. Measured in `docs/kernel.md`.
+/// The number of floating-point operations, padding included, from which faer's supernodal factorization replaces the
+/// one by 3x3 blocks: for such large matrices, cache blocking matters more than small overheads. faer gains more from
+/// AVX-512 than the block factorization does. `docs/kernel.md` has the measurements.
 fn supernodes_from(width: Width) -> f64 {
     match width {
         #[cfg(target_arch = "x86_64")]
@@ -24,22 +24,22 @@ fn supernodes_from(width: Width) -> f64 {
     }
 }
 
-/// How many times the operations may be that blocks of three carry out where nodes have fewer unknowns. The nodes of a body
-/// that rollers hold at its surface have three but for these, and stay well below it; a matrix of nodes with one or two
-/// unknowns is above.
+/// The largest accepted ratio of operations with and without padding, where nodes have fewer than three unknowns. In a
+/// body, only the nodes on rollers at its surface have fewer, which keeps the ratio well below this limit; a matrix
+/// whose nodes all have one or two unknowns exceeds it.
 const MOST_PADDING: f64 = 2.0;
 
-/// The analysis of one pattern, shared by every solver of it.
+/// The symbolic analysis of one pattern, shared by all its solvers.
 pub struct Symbolic {
     pub(super) pattern: Arc<Sparsity>,
     pub(super) params: SolverParams,
     order: Vec<u32>,
     operations: Option<f64>,
-    /// For definite matrices of blocks that are not too large.
+    /// The analysis by blocks, for positive definite matrices of 3x3 blocks that are not too large.
     pub(super) blocks: Option<SymbolicBlockCholesky>,
-    /// Made in advance for symmetric matrices without the former, and on the first need for the others.
+    /// Made in advance for symmetric matrices without `blocks`, and on first use for the others.
     cholesky: OnceLock<CholeskyAnalysis>,
-    /// Made in advance for unsymmetric matrices, and on the first need for others.
+    /// Made in advance for unsymmetric matrices, and on first use for the others.
     lu: OnceLock<LuAnalysis>,
 }
 
@@ -60,7 +60,7 @@ impl Symbolic {
             lu: OnceLock::new(),
         };
         if let Method::Iterative(_) = params.method {
-            // Nothing is ordered or factored exactly.
+            // An iterative method needs no elimination order and no exact factorization.
         } else if params.symmetry == Symmetry::None {
             symbolic.lu()?;
         } else {
@@ -92,34 +92,34 @@ impl Symbolic {
         Ok(())
     }
 
-    /// Number of unknowns.
+    /// Returns the number of unknowns.
     #[must_use]
     pub fn unknowns(&self) -> usize {
         self.pattern.rows()
     }
 
-    /// Number of values that a Cholesky or LDL^T factor holds, explicit zeros of the supernodes included; `None` where
-    /// the matrices are stated to be unsymmetric.
+    /// Returns the number of values in a Cholesky or LDL^T factor, including the explicit zeros of the supernodes;
+    /// `None` if the matrices are declared unsymmetric.
     #[must_use]
     pub fn factor_entries(&self) -> Option<usize> {
         let of_cholesky = || self.cholesky.get().map(|analysis| analysis.supernodes.len_val());
         self.blocks.as_ref().map(SymbolicBlockCholesky::entries).or_else(of_cholesky)
     }
 
-    /// The unknown that Cholesky eliminates at each position; empty where the matrices are stated to be unsymmetric.
+    /// Returns the unknown that Cholesky eliminates at each position; empty if the matrices are declared unsymmetric.
     #[must_use]
     pub fn order(&self) -> &[u32] {
         &self.order
     }
 
-    /// Floating-point operations of a Cholesky factorization in the order found, explicit zeros not counted; `None` where
-    /// the matrices are stated to be unsymmetric.
+    /// Returns the number of floating-point operations of a Cholesky factorization in this order, without those on
+    /// explicit zeros; `None` if the matrices are declared unsymmetric.
     #[must_use]
     pub fn operations(&self) -> Option<f64> {
         self.operations
     }
 
-    /// The analysis for Cholesky and LDL^T of the library; there is one where the matrices are stated to be symmetric.
+    /// Returns the analysis for faer's Cholesky and LDL^T, made on first use. It requires matrices declared symmetric.
     pub(super) fn cholesky(&self) -> Result<&CholeskyAnalysis, SolveError<Infallible>> {
         if let Some(analysis) = self.cholesky.get() {
             return Ok(analysis);
@@ -128,12 +128,12 @@ impl Symbolic {
         Ok(self.cholesky.get_or_init(|| analysis))
     }
 
-    /// The same if it was made already.
+    /// Returns the analysis for faer's Cholesky and LDL^T if it was already made.
     pub(super) fn cholesky_made(&self) -> Option<&CholeskyAnalysis> {
         self.cholesky.get()
     }
 
-    /// The analysis for LU.
+    /// Returns the analysis for LU, made on first use.
     pub(super) fn lu(&self) -> Result<&LuAnalysis, SolveError<Infallible>> {
         if let Some(analysis) = self.lu.get() {
             return Ok(analysis);
@@ -143,22 +143,22 @@ impl Symbolic {
     }
 }
 
-/// What the library said, as an error of ours.
+/// Converts an error of faer into a [`SolveError`].
 pub(super) fn failed(reason: impl Display) -> SolveError<Infallible> {
     SolveError::Library { library: "faer", reason: reason.to_string() }
 }
 
-/// The ordered lower triangle and the supernodes of its factor.
+/// The permuted lower triangle and the supernodes of its factor.
 pub(super) struct CholeskyAnalysis {
     /// The unknown that is eliminated at each position.
     pub(super) order: Vec<u32>,
-    /// The lower triangle of the ordered matrix, by columns.
+    /// The lower triangle of the permuted matrix, by columns.
     pub(super) lower: SymbolicSparseColMat<u32>,
-    /// Where the value of each of its entries stands among those of the matrix.
+    /// For each entry of `lower`, the index of its value in the matrix.
     pub(super) source: Vec<u32>,
-    /// The pattern of the factor.
+    /// The supernodes of the factor, with their sparsity pattern.
     pub(super) supernodes: supernodal::SymbolicSupernodalCholesky<u32>,
-    /// Where the diagonal entry of each position stands among the values of the factor.
+    /// For each position, the index of its diagonal entry among the values of the factor.
     pub(super) diagonal: Vec<u32>,
 }
 
@@ -178,7 +178,8 @@ impl CholeskyAnalysis {
     }
 }
 
-/// The lower triangle of the ordered matrix by columns, and where its values come from: the upper triangle of the matrix.
+/// Returns the lower triangle of the permuted matrix by columns, and the index of each of its values in the matrix,
+/// which are those of the upper triangle.
 fn permuted_lower_triangle(pattern: &Sparsity, position: &[u32]) -> (SymbolicSparseColMat<u32>, Vec<u32>) {
     let n = pattern.rows();
     let mut entries = Vec::with_capacity(pattern.entries().div_ceil(2) + n);
@@ -202,13 +203,13 @@ fn permuted_lower_triangle(pattern: &Sparsity, position: &[u32]) -> (SymbolicSpa
     (SymbolicSparseColMat::new_checked(n, n, col_offsets, None, rows), source)
 }
 
-/// The supernodes of the factor. Always supernodes: on the networks that this crate is made for, which are small, the
-/// library's own choice between them and single columns is the slower one.
+/// Computes the supernodes of the factor. It never uses the simplicial variant: for the networks that this crate
+/// targets, which are small, faer's automatic choice between the two is slower.
 fn supernodes(
     lower: SymbolicSparseColMatRef<'_, u32>,
 ) -> Result<supernodal::SymbolicSupernodalCholesky<u32>, FaerError> {
     let (n, entries) = (lower.nrows(), lower.row_idx().len());
-    // The analysis reads the upper triangle by columns: the lower one by rows.
+    // The analysis expects the upper triangle by columns, that is, the lower triangle by rows.
     let upper = lower.transpose().to_col_major()?;
     let mut memory = MemBuffer::new(StackReq::any_of(&[
         simplicial::prefactorize_symbolic_cholesky_scratch::<u32>(n, entries),

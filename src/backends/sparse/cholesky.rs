@@ -1,4 +1,4 @@
-//! The numeric `L L^T`, and the numeric `L D L^T` that stands in for it where the matrix is not positive definite.
+//! The numeric factorization `L L^T`, and `L D L^T` for matrices that are not positive definite.
 
 use faer::dyn_stack::{MemStack, StackReq};
 use faer::linalg::cholesky::llt::factor::{LltError, LltRegularization};
@@ -12,12 +12,12 @@ use super::analysis::CholeskyAnalysis;
 use crate::backends::direct::{Pivots, ldlt_params};
 use crate::las::Scalar;
 
-/// Working memory that solving with `columns` right-hand sides needs, for both factorizations.
+/// Returns the working memory for solves with `columns` right-hand sides, for both factorizations.
 pub(super) fn solve_scratch<T: RealField>(analysis: &CholeskyAnalysis, columns: usize) -> StackReq {
     analysis.supernodes.solve_in_place_scratch::<T>(columns, Par::Seq)
 }
 
-/// Values of `L`.
+/// The values of `L`.
 pub(super) struct Cholesky<T> {
     values: Vec<T>,
 }
@@ -31,7 +31,7 @@ impl<T: Scalar + RealField> Cholesky<T> {
         supernodal::factorize_supernodal_numeric_llt_scratch::<u32, T>(&analysis.supernodes, Par::Seq, Spec::default())
     }
 
-    /// Factors the ordered lower triangle; fails with the position of the first pivot that is not positive.
+    /// Factors the permuted lower triangle. Returns the position of the first pivot that is not positive as the error.
     pub(super) fn factor(
         &mut self,
         analysis: &CholeskyAnalysis,
@@ -56,20 +56,20 @@ impl<T: Scalar + RealField> Cholesky<T> {
         Ok(pivots)
     }
 
-    /// Solves in place for right-hand sides whose rows are in the order of elimination.
+    /// Solves in place for right-hand sides whose rows are in elimination order.
     pub(super) fn solve(&self, analysis: &CholeskyAnalysis, columns: MatMut<'_, T>, stack: &mut MemStack) {
         let factor = supernodal::SupernodalLltRef::new(&analysis.supernodes, &self.values);
         factor.solve_in_place_with_conj(Conj::No, columns, Par::Seq, stack);
     }
 }
 
-/// Values of `L` and of the blocks of `D`, and how the unknowns were exchanged within the supernodes.
+/// The values of `L` and of the blocks of `D`, and the permutation of the unknowns within the supernodes.
 pub(super) struct Ldlt<T> {
     values: Vec<T>,
     subdiagonal: Vec<T>,
     forward: Vec<u32>,
     inverse: Vec<u32>,
-    /// The unknown that was eliminated at each position.
+    /// The unknown eliminated at each position.
     pub(super) order: Vec<u32>,
 }
 
@@ -93,9 +93,9 @@ impl<T: Scalar + RealField> Ldlt<T> {
         )
     }
 
-    /// Factors the ordered lower triangle.
+    /// Factors the permuted lower triangle.
     pub(super) fn factor(&mut self, analysis: &CholeskyAnalysis, lower: &[T], stack: &mut MemStack) -> Pivots {
-        // The library writes a subdiagonal entry only where there is something to eliminate.
+        // faer writes a subdiagonal entry only if there is something to eliminate.
         self.subdiagonal.fill(T::zero());
         supernodal::factorize_supernodal_numeric_intranode_lblt(
             &mut self.values,
@@ -115,7 +115,7 @@ impl<T: Scalar + RealField> Ldlt<T> {
         Pivots::of_blocks(self.order.len(), diagonal, &self.subdiagonal)
     }
 
-    /// Solves in place for right-hand sides whose rows are in the order of elimination, [`Ldlt::order`].
+    /// Solves in place for right-hand sides whose rows are in the elimination order [`Ldlt::order`].
     pub(super) fn solve(&self, analysis: &CholeskyAnalysis, columns: MatMut<'_, T>, stack: &mut MemStack) {
         let exchanged = PermRef::new_checked(&self.forward, &self.inverse, self.forward.len());
         supernodal::SupernodalIntranodeLbltRef::new(&analysis.supernodes, &self.values, &self.subdiagonal, exchanged)

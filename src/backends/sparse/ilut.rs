@@ -1,9 +1,10 @@
 //! Incomplete LU with a threshold (Y. Saad, *ILUT: a dual threshold incomplete LU factorization*, Numer. Linear Algebra
 //! Appl. 1, 1994; the preconditioner of that name in SPARSKIT).
 //!
-//! Row by row, Gaussian elimination without exchanges: multipliers below the drop tolerance are left out; of what then
-//! stands in a row, entries below the tolerance times the row's mean absolute value are dropped, and of the rest each
-//! factor keeps the `fill` largest beside the diagonal. With tolerance 0 and a fill without limit it is LU itself.
+//! The factorization is Gaussian elimination row by row, without row exchanges. It drops multipliers below the drop
+//! tolerance. In the resulting row, it drops entries below the tolerance times the mean absolute value of the row, and
+//! each factor keeps the `fill` largest of the remaining ones besides the diagonal. With tolerance 0 and unlimited
+//! fill, the factorization is the complete LU.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -12,7 +13,7 @@ use super::{Matrix, Vector};
 use crate::backends::direct::Pivots;
 use crate::las::{Scalar, SolveError};
 
-/// Compressed rows that grow while they are made.
+/// Compressed rows that are built row by row.
 struct Rows<T> {
     start: Vec<usize>,
     columns: Vec<u32>,
@@ -40,17 +41,17 @@ impl<T: Copy> Rows<T> {
     }
 }
 
-/// The factors: `L` with a diagonal of ones that is not kept, `U` with the inverse of its diagonal apart.
+/// The factors: `L` with a unit diagonal that is not stored, `U` with the inverse of its diagonal stored separately.
 pub(super) struct Ilut<T> {
     drop_tolerance: T,
     fill: usize,
     lower: Rows<T>,
     upper: Rows<T>,
     inverse_diagonal: Vec<T>,
-    /// The row in work: its values by column, and which columns it has.
+    /// The current row: its values by column, and flags of the columns that it contains.
     row: Vec<T>,
     present: Vec<bool>,
-    /// Columns left of the diagonal yet to be eliminated, the first on top.
+    /// Columns left of the diagonal that are not yet eliminated, smallest first.
     left: BinaryHeap<Reverse<u32>>,
     multipliers: Vec<(u32, T)>,
     right: Vec<u32>,
@@ -74,18 +75,18 @@ impl<T: Scalar> Ilut<T> {
         }
     }
 
-    /// Entries of both factors, the diagonal of `U` included.
+    /// Returns the number of entries of both factors, including the diagonal of `U`.
     pub(super) fn entries(&self) -> usize {
         self.lower.columns.len() + self.upper.columns.len() + self.inverse_diagonal.len()
     }
 
-    /// Factors a square matrix. A pivot of zero is replaced by a small one, as SPARSKIT does; a row of zeros is an error.
+    /// Factors a square matrix. A zero pivot is replaced by a small one, as SPARSKIT does; a zero row is an error.
     pub(super) fn factor<F>(&mut self, a: &Matrix<T>) -> Result<Pivots, SolveError<F>> {
         let n = a.pattern().rows();
         self.lower.clear();
         self.upper.clear();
         self.inverse_diagonal.clear();
-        // One that ended early leaves them as they were.
+        // A factorization that failed may have left these buffers filled.
         self.row.clear();
         self.row.resize(n, T::zero());
         self.present.clear();
@@ -105,7 +106,7 @@ impl<T: Scalar> Ilut<T> {
         Ok(pivots)
     }
 
-    /// Spreads row `i` out; gives its mean absolute value.
+    /// Scatters row `i` into the work arrays; returns its mean absolute value.
     fn load(&mut self, a: &Matrix<T>, i: usize) -> T {
         let range = a.pattern().row_offsets()[i] as usize..a.pattern().row_offsets()[i + 1] as usize;
         let (columns, values) = (&a.pattern().columns()[range.clone()], &a.values()[range]);
@@ -118,7 +119,7 @@ impl<T: Scalar> Ilut<T> {
         sum / T::of(values.len().max(1) as f64)
     }
 
-    /// Notes that the row has a column.
+    /// Marks a column as present in the row.
     fn meet(&mut self, i: usize, column: u32) {
         let at = column as usize;
         if !std::mem::replace(&mut self.present[at], true) {
@@ -126,7 +127,7 @@ impl<T: Scalar> Ilut<T> {
         }
     }
 
-    /// Takes the columns left of the diagonal away, from the first on; fill appears to their right.
+    /// Eliminates the columns left of the diagonal in ascending order; fill-in appears to their right.
     fn eliminate(&mut self, i: usize) {
         self.multipliers.clear();
         while let Some(Reverse(column)) = self.left.pop() {
@@ -145,7 +146,7 @@ impl<T: Scalar> Ilut<T> {
         }
     }
 
-    /// Keeps the largest of row `i` in both factors and clears it; gives the pivot.
+    /// Stores the largest entries of row `i` in both factors and clears the row; returns the pivot.
     fn store(&mut self, i: usize, mean: T) -> T {
         let threshold = self.drop_tolerance * mean;
         largest(&mut self.multipliers, self.fill);
@@ -178,7 +179,7 @@ impl<T: Scalar> Ilut<T> {
         pivot
     }
 
-    /// `y = (L U)^-1 x`.
+    /// Computes `y = (L U)^-1 x`.
     pub(super) fn apply(&self, x: &Vector<T>, y: &mut Vector<T>) {
         let y = y.as_mut_slice();
         y.copy_from_slice(x.as_slice());
@@ -193,7 +194,7 @@ impl<T: Scalar> Ilut<T> {
     }
 }
 
-/// The `count` largest by absolute value, columns ascending; of equal ones those to the left.
+/// Keeps the `count` entries with the largest absolute values, columns ascending; of equal values the leftmost.
 fn largest<T: Scalar>(entries: &mut Vec<(u32, T)>, count: usize) {
     if entries.len() > count {
         let order = |a: &(u32, T), b: &(u32, T)| {
@@ -217,7 +218,7 @@ mod tests {
 
     type Sparse = crate::backends::sparse::Sparse;
 
-    /// Of a random pattern, with a diagonal that lets elimination do without exchanges.
+    /// A matrix with a random pattern and a diagonal so large that elimination needs no row exchanges.
     fn matrix(unknowns: usize, seed: u64) -> Matrix<f64> {
         let mut random = Random::new(seed);
         let pattern = random.elements(unknowns);
@@ -231,7 +232,7 @@ mod tests {
         a
     }
 
-    /// `L U` as a dense matrix.
+    /// Returns `L U` as a dense matrix.
     fn product(ilut: &Ilut<f64>, n: usize) -> Vec<f64> {
         let upper = |row: usize| ilut.upper.row(row).chain([(row, 1.0 / ilut.inverse_diagonal[row])]);
         let mut product = vec![0.0; n * n];
@@ -286,7 +287,7 @@ mod tests {
         let mut ilut = Ilut::new(0.0, 3);
         let outcome = ilut.factor::<()>(&a).err();
         assert!(matches!(outcome, Some(SolveError::Singular { unknown: 1, .. })), "{outcome:?}");
-        // Nothing of it is left in the next one.
+        // The failed factorization does not affect the next one.
         MatrixOps::<Sparse>::set(&mut a, &[1], &[1], &[2.0]).unwrap();
         ilut.factor::<()>(&a).unwrap();
         assert_eq!(product(&ilut, 3), [1.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 1.0]);

@@ -1,4 +1,4 @@
-//! The approximate inverses of this backend.
+//! The preconditioners of this backend.
 
 use std::convert::Infallible;
 
@@ -9,7 +9,7 @@ use crate::backends::direct::Pivots;
 use crate::backends::iterative::{ApproximateInverse, Simple};
 use crate::las::{Backend, Preconditioner, SolveError};
 
-/// None, the diagonal's, or that of an incomplete factorization.
+/// No preconditioner, the diagonal, or an incomplete factorization.
 pub(super) enum Inverse<T: BlockScalar> {
     Simple(Simple<Sparse<T>>),
     Ilut(Box<Ilut<T>>),
@@ -29,7 +29,7 @@ impl<T: BlockScalar> Inverse<T> {
         }
     }
 
-    /// Values of an incomplete factorization.
+    /// Returns the number of values in the incomplete factorization, if there is one.
     pub(super) fn entries(&self) -> Option<usize> {
         match self {
             Self::Simple(_) => None,

@@ -1,8 +1,9 @@
-//! The unsymmetric factorization, `L U` with partial pivoting.
+//! The factorization `L U` of unsymmetric matrices, with partial pivoting.
 //!
-//! The library has two variants. The one by single columns shows its pivots; the one by supernodes is many times faster
-//! on large systems, but does not. There, the reciprocal condition number stands in for the ratio of the pivots, and only
-//! where it is too small are the columns factored singly, so that it is always a pivot that makes a matrix singular.
+//! faer has two variants. The simplicial (column-by-column) variant gives access to its pivots; the supernodal variant
+//! is many times faster on large systems but does not. After a supernodal factorization, an estimate of the reciprocal
+//! condition number replaces the ratio of the pivots. If that estimate is too small, the matrix is factored again
+//! column by column, so that the verdict "singular" always refers to a pivot.
 
 use faer::dyn_stack::{MemStack, StackReq};
 use faer::perm::PermRef;
@@ -15,17 +16,17 @@ use faer::{Conj, MatMut, Par, Spec};
 use crate::backends::direct::Pivots;
 use crate::las::{Scalar, Sparsity};
 
-/// Number of unknowns from which on supernodes are faster.
+/// The number of unknowns from which the supernodal variant is faster.
 const SUPERNODES_FROM: usize = 400;
 
-/// The matrix by columns, and the order in which they are eliminated.
+/// The sparsity pattern by columns, and the order in which the columns are eliminated.
 pub(super) struct LuAnalysis {
     columns: SymbolicSparseColMat<u32>,
-    /// Where the value of each entry by columns stands among those of the matrix, which go by rows.
+    /// For each entry by columns, the index of its value in the matrix, which is stored by rows.
     source: Vec<u32>,
-    /// By single columns.
+    /// The simplicial analysis (column by column).
     columnwise: SymbolicLu<u32>,
-    /// By supernodes, for systems large enough.
+    /// The supernodal analysis, if the system is large enough.
     supernodal: Option<SymbolicLu<u32>>,
 }
 
@@ -57,12 +58,12 @@ impl LuAnalysis {
         Ok(Self { columns, source, columnwise, supernodal })
     }
 
-    /// The unknown that is eliminated at a position.
+    /// Returns the unknown that is eliminated at a position.
     pub(super) fn unknown(&self, position: usize) -> usize {
         self.columnwise.col_perm().arrays().0[position] as usize
     }
 
-    /// Working memory for factoring, and for solving with so many right-hand sides.
+    /// Returns the working memory for the factorization and for solves with `columns` right-hand sides.
     pub(super) fn scratch<T: RealField>(&self, columns: usize) -> StackReq {
         let n = self.columns.nrows();
         let request = simplicial::factorize_simplicial_numeric_lu_scratch::<u32, T>(n, n)
@@ -79,14 +80,14 @@ impl LuAnalysis {
     }
 }
 
-/// Values of `L` and `U`, and how the rows were exchanged.
+/// The values of `L` and `U` and the row permutation.
 pub(super) struct Lu<T> {
     values: Vec<T>,
     columnwise: simplicial::SimplicialLu<u32, T>,
     forward: Vec<u32>,
     inverse: Vec<u32>,
     supernodal: NumericLu<u32, T>,
-    /// Which of the two holds the factors.
+    /// True if `supernodal` holds the current factors, false if `columnwise` does.
     by_supernodes: bool,
 }
 
@@ -103,8 +104,8 @@ impl<T: Scalar + RealField> Lu<T> {
         }
     }
 
-    /// Factors a matrix given by the values of its rows. Where the pivots' ratio is below `limit`, the position of the
-    /// smallest is one in the order of [`LuAnalysis::unknown`].
+    /// Factors a matrix given by its values row by row. If the ratio of the pivots is below `limit`, the position of
+    /// the smallest pivot refers to the order of [`LuAnalysis::unknown`].
     pub(super) fn factor(
         &mut self,
         analysis: &LuAnalysis,
@@ -138,14 +139,14 @@ impl<T: Scalar + RealField> Lu<T> {
         let mut pivots = Pivots::none();
         match factored {
             Ok(()) => self.see_pivots(&mut pivots),
-            // A column without any candidate for a pivot: as good as one whose candidates are all zero.
+            // A structurally singular column counts as a zero pivot.
             Err(LuError::SymbolicSingular { index }) => pivots.see(0.0, index),
             Err(error) => return Err(error),
         }
         Ok(pivots)
     }
 
-    /// The diagonal of `U`: the last entry of each of its columns.
+    /// Records the diagonal of `U`, which is the last entry of each of its columns.
     fn see_pivots(&self, pivots: &mut Pivots) {
         let upper = self.columnwise.u_factor_unsorted();
         for (position, &end) in upper.col_ptr()[1..].iter().enumerate() {
@@ -154,7 +155,7 @@ impl<T: Scalar + RealField> Lu<T> {
         }
     }
 
-    /// Returns an estimate of the reciprocal condition number, 0 for a matrix that is singular at sight.
+    /// Returns an estimate of the reciprocal condition number; 0 if the matrix is structurally singular.
     fn factor_supernodes(
         &mut self,
         analysis: &LuAnalysis,
@@ -176,7 +177,7 @@ impl<T: Scalar + RealField> Lu<T> {
         Ok(if reciprocal.is_finite() { reciprocal.min(1.0) } else { 0.0 })
     }
 
-    /// Solves in place.
+    /// Solves in place for all columns.
     pub(super) fn solve(&self, analysis: &LuAnalysis, columns: MatMut<'_, T>, stack: &mut MemStack) {
         match &analysis.supernodal {
             Some(symbolic) if self.by_supernodes => LuRef::new_unchecked(symbolic, &self.supernodal)
@@ -190,7 +191,7 @@ impl<T: Scalar + RealField> Lu<T> {
     }
 }
 
-/// Estimates the 1-norm of the inverse from below, as a rule within a factor of three; NaN where there is no inverse.
+/// Estimates the 1-norm of the inverse from below, usually within a factor of three; NaN if the inverse does not exist.
 ///
 /// Reference: N. J. Higham, *FORTRAN codes for estimating the one-norm of a real or complex matrix*, ACM Transactions on
 /// Mathematical Software 14 (1988), 381-396, after W. W. Hager.

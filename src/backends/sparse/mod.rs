@@ -1,12 +1,13 @@
-//! `sparse`: compressed rows and direct solvers in memory; the backend for everything that is not small.
+//! `sparse`: compressed rows and direct solvers in memory; the backend for all but small systems.
 //!
-//! A definite matrix of 3x3 blocks, such as the stiffness of a fiber network, is factored by a Cholesky of its own (module
-//! `block`), unless it is so large that libraries are faster. Some of its nodes may have one or two unknowns, such as those
-//! of a body on rollers. It uses AVX2 or AVX-512 where the machine has them, and results differ by rounding between
-//! machines that have fused multiply-add and those without. Whatever else there is to factor goes to the crate `faer`:
-//! supernodal Cholesky; where the matrix is not positive definite, LDL^T with pivoting within the supernodes; sparse LU
-//! for unsymmetric matrices, and where that pivoting does not suffice. The order of elimination is the better one of
-//! minimum degree and nested dissection (module `order`). `docs/kernel.md` in the repository compares times.
+//! A positive definite matrix of 3x3 blocks, such as the stiffness of a fiber network, is factored by the Cholesky
+//! factorization of module `block`, unless the matrix is so large that faer is faster. Some of its nodes may have only
+//! one or two unknowns, such as the nodes of a body on rollers. That factorization uses AVX2 or AVX-512 if the machine
+//! has them; results differ by rounding between machines with and without fused multiply-add. All other matrices are
+//! factored by the crate `faer`: supernodal Cholesky; LDL^T with pivoting within the supernodes if the matrix is not
+//! positive definite; sparse LU if the matrix is unsymmetric or if that pivoting does not suffice. The elimination
+//! order is the better one of minimum degree and nested dissection (module `order`). `docs/kernel.md` in the repository
+//! compares times.
 //!
 //! ```
 //! use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! The hot verbs.
+//! Implements the vector and matrix operations of assembly for [`Sparse`].
 
 use super::Sparse;
 use super::block::BlockScalar;

@@ -1,4 +1,4 @@
-//! Products, sums, diagonals, and all entries.
+//! Implements products, sums, diagonals and the traversal of all entries for [`Sparse`].
 
 use super::Sparse;
 use super::block::BlockScalar;

@@ -1,4 +1,4 @@
-//! The solver: which factorization serves, and its storage.
+//! The solver: it selects the factorization and owns its storage.
 
 use std::convert::Infallible;
 use std::sync::Arc;
@@ -19,28 +19,30 @@ use crate::backends::local;
 use crate::backends::null_vector::{Scales, in_doubt, refuse_null_vector};
 use crate::las::{Backend, FactorReport, Factorization, MatVec, Method, SolveError, SolveReport, Symmetry};
 
-/// Solver for matrices of one pattern.
+/// The solver for matrices with one sparsity pattern.
 ///
-/// With [`Method::Iterative`] it runs a Krylov method with an incomplete factorization or the diagonal. Else a matrix stated to be [`Symmetry::Definite`] is factored by Cholesky: by blocks of three where its pattern consists of
-/// them, some smaller ones among them, and the factorization is not too large, else by the library. Of two mirrored values one is read. Where a pivot
-/// is not positive, LDL^T takes over, whose analysis and storage are made then and kept. It exchanges unknowns only
-/// within a supernode. Where such a pivot (nearly) vanishes although the matrix may be regular, LU with partial
-/// pivoting decides: it serves, or finds the matrix singular. LU allocates, the others do not after their first time.
+/// With [`Method::Iterative`], the solver runs a Krylov method preconditioned by an incomplete factorization or by the
+/// diagonal. Otherwise, it factors a matrix declared [`Symmetry::Definite`] by Cholesky: by 3x3 blocks (some of which
+/// may be smaller) if the pattern consists of them and the factorization is not too large, else by faer. It reads one
+/// of two mirrored values. If a pivot is not positive, LDL^T replaces Cholesky; its analysis and storage are made at
+/// that point and kept. LDL^T exchanges unknowns only within a supernode. If one of its pivots is (nearly) zero
+/// although the matrix may be regular, LU with partial pivoting either factors the matrix or finds it singular. LU
+/// allocates in every factorization, the others only in their first.
 pub struct Solver<T: BlockScalar = f64> {
     symbolic: Arc<Symbolic>,
     limit: f64,
-    /// The factorization to solve with, if there is one.
+    /// The factorization used by solves; `None` if there is no valid one.
     served: Option<Factorization>,
     blocks: Option<BlockCholesky<T>>,
-    /// Values of the ordered lower triangle, for the factorizations of the library.
+    /// Values of the permuted lower triangle, for the factorizations of faer.
     lower: Vec<T>,
     cholesky: Option<Cholesky<T>>,
     ldlt: Option<Ldlt<T>>,
     lu: Option<Lu<T>>,
     scratch: Scratch,
-    /// Right-hand sides in the order of elimination.
+    /// Right-hand sides in elimination order.
     columns: Vec<T>,
-    /// Where iterations are asked for, all of the above rests.
+    /// The iterative solver, if one was requested; the fields above are then unused.
     iterative: Option<Box<IterativeSolver<Sparse<T>, Inverse<T>>>>,
 }
 
@@ -77,7 +79,7 @@ impl<T: BlockScalar> Solver<T> {
         Ok(solver)
     }
 
-    /// Makes the storage of LDL^T, if there is none yet.
+    /// Allocates the storage of LDL^T on first use.
     fn make_ldlt(&mut self, analysis: &CholeskyAnalysis) {
         if self.ldlt.is_none() {
             self.scratch.reserve(Ldlt::<T>::scratch(analysis));
@@ -85,13 +87,13 @@ impl<T: BlockScalar> Solver<T> {
         }
     }
 
-    /// The analysis it works with.
+    /// Returns the symbolic analysis of this solver.
     #[must_use]
     pub fn symbolic(&self) -> &Arc<Symbolic> {
         &self.symbolic
     }
 
-    /// Number of values that an incomplete factorization holds, where there is one.
+    /// Returns the number of values in the incomplete factorization, if there is one.
     #[must_use]
     pub fn incomplete_entries(&self) -> Option<usize> {
         self.iterative.as_ref().and_then(|iterative| iterative.inverse().entries())
@@ -126,7 +128,8 @@ impl<T: BlockScalar> Solver<T> {
         }
     }
 
-    /// `None` where the matrix was not stated to be definite, so that there is no Cholesky.
+    /// Factors by Cholesky. Returns `None` if the matrix was not declared positive definite, so that there is no
+    /// Cholesky.
     fn factor_by_cholesky(&mut self, a: &Matrix<T>) -> Result<Option<FactorReport>, SolveError<Infallible>> {
         let symbolic = Arc::clone(&self.symbolic);
         if let (Some(blocks), Some(analysis)) = (&mut self.blocks, &symbolic.blocks) {
@@ -153,7 +156,7 @@ impl<T: BlockScalar> Solver<T> {
         }
     }
 
-    /// The ordered lower triangle of `a`.
+    /// Copies the values of the permuted lower triangle of `a` to `lower`.
     fn gather_lower(&mut self, a: &Matrix<T>, analysis: &CholeskyAnalysis) {
         self.lower.resize(analysis.source.len(), T::zero());
         for (value, &source) in self.lower.iter_mut().zip(&analysis.source) {
@@ -173,7 +176,8 @@ impl<T: BlockScalar> Solver<T> {
         let Some(ldlt) = &mut self.ldlt else { return Err(SolveError::NotFactored) };
         let pivots = ldlt.factor(analysis, &self.lower, self.scratch.memory());
         if pivots.ratio() > 0.0 {
-            // A null vector of the matrix itself needs no second opinion; small pivots, and lost digits, do.
+            // A null vector of the matrix itself proves it singular; small pivots and lost digits do not, so LU
+            // decides.
             self.served = Some(Factorization::Ldlt);
             let lost = self.resolve_doubt(a, Factorization::Ldlt, &pivots).inspect_err(|_| self.served = None)?;
             if pivots.ratio() >= self.limit && lost.is_none() {
@@ -217,8 +221,8 @@ impl<T: BlockScalar> Solver<T> {
         Ok(accepted(kind, indefinite_at, pivots))
     }
 
-    /// Looks for a null vector where a pivot is small, unless the caller has set a limit for pivots. Returns an unknown
-    /// whose equation the factors do not solve.
+    /// Searches for a null vector if a pivot is small, unless the caller set a limit for pivots. Returns an unknown
+    /// whose equation the factors do not solve accurately, if there is one.
     fn resolve_doubt(
         &mut self,
         a: &Matrix<T>,
@@ -239,7 +243,7 @@ impl<T: BlockScalar> Solver<T> {
         })
     }
 
-    /// Makes room for `count` right-hand sides, for the factorizations of the library.
+    /// Allocates room for `count` right-hand sides, for the factorizations of faer.
     fn reserve_columns(&mut self, count: usize) {
         let len = self.symbolic.unknowns() * count;
         if self.columns.len() >= len {
@@ -272,7 +276,7 @@ impl<T: BlockScalar> Solver<T> {
         self.solve_by_library(served, b, x)
     }
 
-    /// Solves for the columns in the order that the factorization of the library works in.
+    /// Solves for all columns with a factorization of faer, in its elimination order.
     fn solve_by_library(
         &mut self,
         served: Factorization,
@@ -318,7 +322,7 @@ fn accepted(kind: Factorization, indefinite_at: Option<usize>, pivots: &Pivots) 
     FactorReport { kind, indefinite_at, pivot_ratio: pivots.ratio(), negative_pivots }
 }
 
-/// `columns[k][position] = b[k][order[position]]`.
+/// Gathers `columns[k][position] = b[k][order[position]]`.
 fn gather<T: Copy>(columns: &mut [T], b: &[Vector<T>], order: &[u32]) {
     for (column, b) in columns.chunks_exact_mut(order.len()).zip(b) {
         for (value, &unknown) in column.iter_mut().zip(order) {
@@ -327,7 +331,7 @@ fn gather<T: Copy>(columns: &mut [T], b: &[Vector<T>], order: &[u32]) {
     }
 }
 
-/// `x[k][order[position]] = columns[k][position]`.
+/// Scatters `x[k][order[position]] = columns[k][position]`.
 fn spread<T: Copy>(columns: &[T], x: &mut [Vector<T>], order: &[u32]) {
     for (column, x) in columns.chunks_exact(order.len()).zip(x) {
         for (&value, &unknown) in column.iter().zip(order) {
@@ -393,7 +397,7 @@ mod tests {
         assert!(solver.factor(&equal).is_ok(), "the same pattern in another place is the same pattern");
     }
 
-    /// `[[0, G], [G^T, 0]]`: exchanges within a supernode cannot avoid all of the zeros on the diagonal.
+    /// A matrix `[[0, G], [G^T, 0]]`: exchanges within a supernode cannot avoid all zeros on the diagonal.
     #[test]
     fn lu_serves_where_the_pivots_of_ldlt_vanish() {
         let n = 40;

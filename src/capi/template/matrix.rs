@@ -1,6 +1,6 @@
-// Matrices and their verbs: a part of the template of one backend; see `vector.rs`.
+// Matrices and their operations: a part of the template of one backend; see `vector.rs`.
 
-/// Makes a matrix of zeros with a pattern, which may be freed.
+/// Creates a zero matrix with a pattern, which may be freed afterward.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_create_mat_BACKEND(
     las: *const las_BACKEND,
@@ -23,7 +23,7 @@ pub unsafe extern "C" fn las_destroy_mat_BACKEND(mat: *mut las_mat_BACKEND) -> i
     guarded(|| unsafe { free(mat) })
 }
 
-/// Tells the numbers of rows and columns of a matrix.
+/// Returns the numbers of rows and columns of a matrix.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_shape_mat_BACKEND(mat: *const las_mat_BACKEND, rows: *mut i32, cols: *mut i32) -> i32 {
     // SAFETY: as above.
@@ -35,14 +35,14 @@ pub unsafe extern "C" fn las_shape_mat_BACKEND(mat: *const las_mat_BACKEND, rows
     })
 }
 
-/// A = 0; the pattern stays.
+/// A = 0; the pattern does not change.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_zero_mat_BACKEND(mat: *mut las_mat_BACKEND) -> i32 {
     // SAFETY: as above.
     guarded(|| unsafe { MatrixOps::<B>::zero(&mut exclusive(mat, "mat")?.0).map_err(fault) })
 }
 
-/// Zeroes whole rows; the pattern stays.
+/// Sets whole rows to zero; the pattern does not change.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_zero_rows_BACKEND(mat: *mut las_mat_BACKEND, count: i32, rows: *const i32) -> i32 {
     // SAFETY: as above.
@@ -53,8 +53,8 @@ pub unsafe extern "C" fn las_zero_rows_BACKEND(mat: *mut las_mat_BACKEND, count:
     })
 }
 
-/// A[rows[i], cols[j]] += block[i * cols_count + j]; negative rows and columns are dropped, and so is what is not in the
-/// pattern (a library that is built with checks says LAS_INDEX).
+/// A[rows[i], cols[j]] += block[i * cols_count + j]; negative rows and columns are ignored, and so are entries outside
+/// the pattern (a library built with debug assertions returns LAS_INDEX for the latter).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_add_mat_BACKEND(
     mat: *mut las_mat_BACKEND,
@@ -74,8 +74,8 @@ pub unsafe extern "C" fn las_add_mat_BACKEND(
     })
 }
 
-/// A[rows[i], cols[j]] = block[i * cols_count + j]; negative rows and columns are dropped, and so is what is not in the
-/// pattern (a library that is built with checks says LAS_INDEX).
+/// A[rows[i], cols[j]] = block[i * cols_count + j]; negative rows and columns are ignored, and so are entries outside
+/// the pattern (a library built with debug assertions returns LAS_INDEX for the latter).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_set_mat_BACKEND(
     mat: *mut las_mat_BACKEND,
@@ -95,8 +95,8 @@ pub unsafe extern "C" fn las_set_mat_BACKEND(
     })
 }
 
-/// block[i * cols_count + j] = A[rows[i], cols[j]], zero outside the pattern; where a row or column is negative, the value
-/// stays what it was.
+/// block[i * cols_count + j] = A[rows[i], cols[j]], zero outside the pattern; if a row or column is negative, the value
+/// does not change.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_get_mat_BACKEND(
     mat: *const las_mat_BACKEND,
@@ -115,7 +115,7 @@ pub unsafe extern "C" fn las_get_mat_BACKEND(
     })
 }
 
-/// Makes an empty list of positions.
+/// Creates an empty list of positions.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_create_slots_BACKEND(slots: *mut *mut las_slots_BACKEND) -> i32 {
     // SAFETY: as above.
@@ -129,8 +129,9 @@ pub unsafe extern "C" fn las_destroy_slots_BACKEND(slots: *mut las_slots_BACKEND
     guarded(|| unsafe { free(slots) })
 }
 
-/// Appends the positions of a block, row by row, to a list; for what is negative or not in the pattern, a position of
-/// nothing (a library that is built with checks says LAS_INDEX for the latter).
+/// Appends the positions of a block, row by row, to a list; a negative index or an entry outside the pattern gets a
+/// position at which contributions are dropped (a library built with debug assertions returns LAS_INDEX for the
+/// latter).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_locate_BACKEND(
     mat: *const las_mat_BACKEND,
@@ -150,7 +151,7 @@ pub unsafe extern "C" fn las_locate_BACKEND(
     })
 }
 
-/// A[slots[first + k]] += values[k] for as many values as there are; the positions come from a matrix of the same pattern.
+/// A[slots[first + k]] += values[k] for k < count; the positions come from a matrix with the same pattern.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_add_at_BACKEND(
     mat: *mut las_mat_BACKEND,

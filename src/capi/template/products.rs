@@ -1,6 +1,6 @@
 // Products, sums and files of matrices: a part of the template of one backend; see `vector.rs`.
 
-/// y = A x; x and y must not be the same vector.
+/// Computes y = A x; x and y must not be the same vector.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_mul_BACKEND(
     mat: *const las_mat_BACKEND,
@@ -15,7 +15,7 @@ pub unsafe extern "C" fn las_mul_BACKEND(
     })
 }
 
-/// y = A^T x; x and y must not be the same vector.
+/// Computes y = A^T x; x and y must not be the same vector.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_mul_transpose_BACKEND(
     mat: *const las_mat_BACKEND,
@@ -30,7 +30,7 @@ pub unsafe extern "C" fn las_mul_transpose_BACKEND(
     })
 }
 
-/// d[i] = A[i, i].
+/// Copies the diagonal: d[i] = A[i, i].
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_diagonal_BACKEND(mat: *const las_mat_BACKEND, d: *mut las_vec_BACKEND) -> i32 {
     // SAFETY: as above.
@@ -39,7 +39,7 @@ pub unsafe extern "C" fn las_diagonal_BACKEND(mat: *const las_mat_BACKEND, d: *m
     })
 }
 
-/// d[i] = 1 / A[i, i].
+/// Inverts the diagonal: d[i] = 1 / A[i, i].
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_inverse_diagonal_BACKEND(mat: *const las_mat_BACKEND, d: *mut las_vec_BACKEND) -> i32 {
     // SAFETY: as above.
@@ -48,14 +48,14 @@ pub unsafe extern "C" fn las_inverse_diagonal_BACKEND(mat: *const las_mat_BACKEN
     })
 }
 
-/// A *= factor.
+/// Scales the matrix: A *= factor.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_scale_BACKEND(mat: *mut las_mat_BACKEND, factor: f64) -> i32 {
     // SAFETY: as above.
     guarded(|| unsafe { MatMat::<B>::scale(&mut exclusive(mat, "mat")?.0, splat(factor)).map_err(fault) })
 }
 
-/// Makes the matrix a A + b B.
+/// Creates the matrix a A + b B.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_sum_BACKEND(
     a: f64,
@@ -73,7 +73,7 @@ pub unsafe extern "C" fn las_sum_BACKEND(
     })
 }
 
-/// Makes the matrix A B.
+/// Creates the matrix A B.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_product_BACKEND(
     first: *const las_mat_BACKEND,
@@ -89,7 +89,7 @@ pub unsafe extern "C" fn las_product_BACKEND(
     })
 }
 
-/// Makes the matrix A^T.
+/// Creates the matrix A^T.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_transpose_BACKEND(
     mat: *const las_mat_BACKEND,
@@ -103,7 +103,7 @@ pub unsafe extern "C" fn las_transpose_BACKEND(
     })
 }
 
-/// Reads a matrix from a Matrix Market file.
+/// Creates a matrix from a Matrix Market file.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_read_mat_BACKEND(
     las: *const las_BACKEND,
@@ -119,7 +119,7 @@ pub unsafe extern "C" fn las_read_mat_BACKEND(
     })
 }
 
-/// Writes a matrix as a Matrix Market file.
+/// Writes a matrix to a Matrix Market file.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_write_mat_BACKEND(mat: *const las_mat_BACKEND, file: *const c_char) -> i32 {
     // SAFETY: as above.

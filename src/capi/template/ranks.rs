@@ -1,22 +1,23 @@
 
-// What PETSc has beside the template: communicators, options, and how matrices are stored.
+// The functions that only PETSc has: communicators, options, and the storage format of matrices.
 
 use crate::backends::petsc::MatrixType;
 
-/// Makes the backend on the ranks of a communicator, given by its Fortran handle: MPI_Comm_c2f(comm) in C, comm%MPI_VAL in
-/// Fortran. MPI must be initialized; all ranks of the communicator call this together.
+/// Creates the backend on the ranks of a communicator, given by its Fortran handle: MPI_Comm_c2f(comm) in C,
+/// comm%MPI_VAL in Fortran. MPI must be initialized; the call is collective.
 ///
-/// On several ranks (las_create_petsc makes the backend on all of them) every rank runs the same program on the same data:
-/// each assembles the whole matrix, and keeps the rows that it owns of it; vectors lie whole on each. Reading a matrix,
-/// multiplying and solving are done by all ranks together. Who assembles only his own elements gets another matrix.
+/// On several ranks (las_create_petsc creates the backend on all MPI ranks), every rank runs the same program on the
+/// same data: each rank assembles the whole matrix but stores only the rows that it owns, and stores whole vectors.
+/// Reading a matrix, multiplying and solving are collective. A program whose ranks assemble only their own elements
+/// gets a wrong matrix.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_create_on_petsc(comm: i32, las: *mut *mut las_petsc) -> i32 {
     // SAFETY: as above; the communicator is the caller's, and is duplicated.
     guarded(|| unsafe { give(las, "las", || Ok(las_petsc(super::session::on(comm)?))) })
 }
 
-/// Writes an option into PETSc's database: las_set_option_petsc(las, "ksp_type", "gmres"). It counts for solvers that factor
-/// for the first time from then on.
+/// Writes an option into PETSc's options database: las_set_option_petsc(las, "ksp_type", "gmres"). It affects solvers
+/// whose first factorization comes later.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_set_option_petsc(
     las: *const las_petsc,
@@ -27,8 +28,8 @@ pub unsafe extern "C" fn las_set_option_petsc(
     guarded(|| unsafe { shared(las, "las")?.0.set_option(text(name, "name")?, text(value, "value")?).map_err(fault) })
 }
 
-/// Puts a prefix before the names of all options: with "body_", solvers of what is made from then on listen to
-/// -body_ksp_type in place of -ksp_type, and las_set_option_petsc writes such names.
+/// Sets a prefix of all option names: with "body_", solvers of objects created later read -body_ksp_type instead of
+/// -ksp_type, and las_set_option_petsc writes such names.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_set_prefix_petsc(las: *mut las_petsc, prefix: *const c_char) -> i32 {
     // SAFETY: as above.
@@ -39,7 +40,8 @@ pub unsafe extern "C" fn las_set_prefix_petsc(las: *mut las_petsc, prefix: *cons
     })
 }
 
-/// Sets the unknowns of a block (3 at first): ranks own whole blocks, and a matrix of full blocks is known to be one.
+/// Sets the block size (3 by default): ranks own whole blocks, and PETSc is told the block size of a matrix of full
+/// blocks.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_set_block_size_petsc(las: *mut las_petsc, size: i32) -> i32 {
     // SAFETY: as above.
@@ -50,7 +52,7 @@ pub unsafe extern "C" fn las_set_block_size_petsc(las: *mut las_petsc, size: i32
     })
 }
 
-/// Lets matrices that are made from then on be stored in blocks (BAIJ) where they consist of full ones; 0 ends that.
+/// Sets whether matrices created later are stored by blocks (BAIJ) if they consist of full blocks; 0 disables this.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_set_blocked_petsc(las: *mut las_petsc, blocked: i32) -> i32 {
     // SAFETY: as above.

@@ -1,6 +1,6 @@
 // Solvers: a part of the template of one backend; see `vector.rs`.
 
-/// Makes a solver for matrices of a pattern, which may be freed.
+/// Creates a solver for matrices with a pattern, which may be freed afterward.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_create_solver_BACKEND(
     las: *const las_BACKEND,
@@ -26,7 +26,7 @@ pub unsafe extern "C" fn las_destroy_solver_BACKEND(solver: *mut las_solver_BACK
     guarded(|| unsafe { free(solver) })
 }
 
-/// Factors a matrix of the solver's pattern, or makes what an iterative method needs.
+/// Factors a matrix with the solver's pattern, or computes the preconditioner of an iterative method.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_factor_BACKEND(solver: *mut las_solver_BACKEND, mat: *const las_mat_BACKEND) -> i32 {
     // SAFETY: as above.
@@ -36,8 +36,8 @@ pub unsafe extern "C" fn las_factor_BACKEND(solver: *mut las_solver_BACKEND, mat
     })
 }
 
-/// Factors a matrix of the solver's pattern if it is positive definite; LAS_SINGULAR if it is not, LAS_UNSUPPORTED if it is
-/// stated to be LAS_UNSYMMETRIC.
+/// Factors a matrix with the solver's pattern if it is positive definite. Returns LAS_SINGULAR if it is not,
+/// LAS_UNSUPPORTED if it is declared LAS_UNSYMMETRIC.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_factor_definite_BACKEND(
     solver: *mut las_solver_BACKEND,
@@ -50,9 +50,9 @@ pub unsafe extern "C" fn las_factor_definite_BACKEND(
     })
 }
 
-/// A x = b, with the matrix factored last; b and x must not be the same vector. Tells the iterations of an iterative method
-/// and the residual that it left, over the right-hand side (0 both for a direct one, which does not look); null pointers there
-/// are allowed.
+/// Solves A x = b with the matrix factored last; b and x must not be the same vector. Returns the number of iterations
+/// of an iterative method and the norm of its final residual over that of the right-hand side (both 0 for a direct
+/// method, which does not compute the residual); these two pointers may be null.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_solve_BACKEND(
     solver: *mut las_solver_BACKEND,
@@ -76,7 +76,8 @@ pub unsafe extern "C" fn las_solve_BACKEND(
     })
 }
 
-/// A x[k] = b[k] for several right-hand sides at once; those before one that fails are solved. No vector may stand twice among x, or in both.
+/// Solves A x[k] = b[k] for several right-hand sides at once; if one fails, those before it are solved. No vector may
+/// occur twice in x, or in both b and x.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_solve_many_BACKEND(
     solver: *mut las_solver_BACKEND,

@@ -1,8 +1,8 @@
-// The C interface of one backend, its types and its vectors: the word BACKEND stands for its name. `build.rs` makes one copy
-// of the files of this folder for each backend (`ranks.rs` is PETSc's alone); `tools/headers` makes the C header and the
-// Fortran module of them.
+// The C interface of one backend: its types and its vectors. The word BACKEND stands for the name of the backend.
+// `build.rs` makes one copy of the files of this folder for each backend (`ranks.rs` is only for PETSc);
+// `tools/headers` generates the C header and the Fortran module from them.
 
-/// The backend: what vectors, matrices and solvers are made with.
+/// The backend, with which vectors, matrices and solvers are created.
 pub struct las_BACKEND(Context);
 
 /// A vector.
@@ -11,16 +11,16 @@ pub struct las_vec_BACKEND(Vector);
 /// A matrix with a fixed pattern.
 pub struct las_mat_BACKEND(Matrix);
 
-/// Positions in matrices of one pattern, located once.
+/// Positions of entries in matrices of one pattern, located once.
 pub struct las_slots_BACKEND(Vec<Slot>);
 
 /// A solver for matrices of one pattern.
 pub struct las_solver_BACKEND(Solver);
 
-/// Makes the backend. Free it after all that was made with it.
+/// Creates the backend. Free it after all objects created with it.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_create_BACKEND(las: *mut *mut las_BACKEND) -> i32 {
-    // SAFETY: of the pointers the caller promises what the header says; so below.
+    // SAFETY: the caller promises of the pointers what the header states; likewise below.
     guarded(|| unsafe { give(las, "las", || Ok(las_BACKEND(<B as Exported>::context()?))) })
 }
 
@@ -31,7 +31,7 @@ pub unsafe extern "C" fn las_destroy_BACKEND(las: *mut las_BACKEND) -> i32 {
     guarded(|| unsafe { free(las) })
 }
 
-/// Makes a vector of `len` zeros.
+/// Creates a vector of `len` zeros.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_create_vec_BACKEND(
     las: *const las_BACKEND,
@@ -54,7 +54,7 @@ pub unsafe extern "C" fn las_destroy_vec_BACKEND(vec: *mut las_vec_BACKEND) -> i
     guarded(|| unsafe { free(vec) })
 }
 
-/// Tells the number of entries of a vector.
+/// Returns the number of entries of a vector.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_len_vec_BACKEND(vec: *const las_vec_BACKEND, len: *mut i32) -> i32 {
     // SAFETY: as above.
@@ -71,7 +71,7 @@ pub unsafe extern "C" fn las_zero_vec_BACKEND(vec: *mut las_vec_BACKEND) -> i32 
     guarded(|| unsafe { VectorOps::<B>::zero(&mut exclusive(vec, "vec")?.0).map_err(fault) })
 }
 
-/// y[rows[i]] += values[i]; a negative row is dropped.
+/// y[rows[i]] += values[i]; negative rows are ignored.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_add_vec_BACKEND(
     vec: *mut las_vec_BACKEND,
@@ -87,7 +87,7 @@ pub unsafe extern "C" fn las_add_vec_BACKEND(
     })
 }
 
-/// y[rows[i]] = values[i]; a negative row is dropped.
+/// y[rows[i]] = values[i]; negative rows are ignored.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_set_vec_BACKEND(
     vec: *mut las_vec_BACKEND,
@@ -103,7 +103,7 @@ pub unsafe extern "C" fn las_set_vec_BACKEND(
     })
 }
 
-/// values[i] = y[rows[i]]; where a row is negative, the value stays what it was.
+/// values[i] = y[rows[i]]; if a row is negative, the value does not change.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_get_vec_BACKEND(
     vec: *const las_vec_BACKEND,
@@ -119,7 +119,7 @@ pub unsafe extern "C" fn las_get_vec_BACKEND(
     })
 }
 
-/// Lends the array of the entries, until the vector is next used.
+/// Returns the array of the entries; it is valid until the next use of the vector.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_local_vec_BACKEND(vec: *mut las_vec_BACKEND, values: *mut *mut f64) -> i32 {
     // SAFETY: as above.
@@ -131,14 +131,14 @@ pub unsafe extern "C" fn las_local_vec_BACKEND(vec: *mut las_vec_BACKEND, values
     })
 }
 
-/// The Euclidean norm: one number, on `batched` one for each of the four lanes.
+/// Returns the Euclidean norm: one number, or with `batched` one for each of the four lanes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_norm_BACKEND(vec: *const las_vec_BACKEND, norm: *mut f64) -> i32 {
     // SAFETY: as above.
     guarded(|| unsafe { reduced(norm, VectorOps::<B>::norm(&shared(vec, "vec")?.0).map_err(fault)?, "norm") })
 }
 
-/// The sum of x[i] y[i]: one number, on `batched` one for each of the four lanes.
+/// Returns the sum of x[i] y[i]: one number, or with `batched` one for each of the four lanes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_dot_BACKEND(
     x: *const las_vec_BACKEND,

@@ -1,4 +1,4 @@
-//! Ranks as processes of MPI.
+//! Ranks as MPI processes.
 #![allow(unsafe_code, reason = "the interface to a C library")]
 
 mod underway;
@@ -22,30 +22,31 @@ pub use self::underway::{Arriving, Underway};
 use self::underway::{PART, Requests, check, look};
 use crate::las::{Comm, CommError, Message, Sending, Tag};
 
-/// Processes that run side by side, each a rank. Any thread may use it: MPI has to be started so that it allows that.
+/// A communicator whose ranks are MPI processes. Any thread may use it; MPI must be initialized to allow that.
 #[derive(Clone)]
 pub struct MpiComm {
     group: Arc<Group>,
     time_out: Option<Duration>,
 }
 
-/// A communicator of our own, freed with the last that holds it.
+/// A duplicated communicator, freed with the last `MpiComm` that holds it.
 struct Group {
-    /// Not freed by itself: see `drop`.
+    /// Freed in `drop` only, not by its own destructor.
     comm: ManuallyDrop<SimpleCommunicator>,
     raw: ffi::MPI_Comm,
     rank: usize,
     size: usize,
 }
 
-// SAFETY: a communicator belongs to no thread, and `MpiComm::new` makes none unless MPI allows calls from all threads at once.
+// SAFETY: a communicator is not bound to a thread, and `MpiComm::new` creates none unless MPI allows concurrent calls
+// from all threads.
 unsafe impl Send for Group {}
 // SAFETY: as above.
 unsafe impl Sync for Group {}
 
 impl Drop for Group {
     fn drop(&mut self) {
-        // MPI frees nothing after its end, or while it is about to be aborted.
+        // MPI must not free communicators after it is finalized, or while it is about to be aborted.
         if !is_over() && !thread::panicking() {
             // SAFETY: a communicator that was duplicated or split for this group alone, and is freed once.
             unsafe { ffi::MPI_Comm_free(&raw mut self.raw) };
@@ -53,7 +54,7 @@ impl Drop for Group {
     }
 }
 
-/// Whether MPI has ended.
+/// Returns true if MPI is finalized.
 fn is_over() -> bool {
     let mut over = 0;
     // SAFETY: may be called at any time.
@@ -67,23 +68,23 @@ impl fmt::Debug for MpiComm {
     }
 }
 
-/// MPI, from here to the end of the program or until this is dropped.
+/// An initialized MPI, finalized when this value is dropped.
 pub struct Mpi {
     _universe: Universe,
 }
 
 impl Mpi {
-    /// Starts MPI; `None` if it had been started.
+    /// Initializes MPI; returns `None` if it is already initialized.
     #[must_use]
     pub fn start() -> Option<Self> {
         initialize_with_threading(Threading::Multiple).map(|(universe, _)| Self { _universe: universe })
     }
 }
 
-/// Runs `main` on all ranks that `mpirun` started, and gives what it gives, once it has on all. A rank that fails or panics
-/// prints why, and ends all others at once, with the exit code that `code` gives for its error; a panic of any thread does,
-/// whether or not it would be caught. One that comes to an orderly end while others wait for it leaves them waiting: a time-out
-/// ([`Comm::duplicate`]) names it.
+/// Runs `main` on all ranks that `mpirun` started, and returns its result once it has returned on all ranks. A rank
+/// that fails or panics prints the reason and aborts all other ranks at once, with the exit code that `code` returns
+/// for its error; a panic on any thread does so, even if it would be caught. If a rank returns normally while others
+/// wait for its messages, they keep waiting; a time-out ([`Comm::duplicate`]) reports that rank.
 pub fn run<R, E: Display>(main: impl FnOnce(MpiComm) -> Result<R, E>, code: impl FnOnce(&E) -> i32) -> R {
     let mpi = Mpi::start();
     let world = SimpleCommunicator::world();
@@ -93,7 +94,7 @@ pub fn run<R, E: Display>(main: impl FnOnce(MpiComm) -> Result<R, E>, code: impl
     };
     let before = Arc::new(panic::take_hook());
     let hook = Arc::clone(&before);
-    // Before anything is unwound: libraries may wait for other ranks when they free what they hold.
+    // The hook runs before any unwinding, because destructors of libraries may wait for other ranks.
     panic::set_hook(Box::new(move |info| {
         hook(info);
         end_all(&super::words_of(info.payload()), PANICKED);
@@ -102,7 +103,8 @@ pub fn run<R, E: Display>(main: impl FnOnce(MpiComm) -> Result<R, E>, code: impl
     panic::set_hook(Box::new(move |info| before(info)));
     match outcome {
         Ok(found) => {
-            // Where one rank aborts while others end MPI, Open MPI may hang: nobody begins to before all have come so far.
+            // Open MPI may hang if one rank aborts while others finalize MPI; therefore no rank finalizes before all
+            // ranks are here.
             let _ = end.barrier();
             drop(end);
             drop(mpi);
@@ -112,23 +114,23 @@ pub fn run<R, E: Display>(main: impl FnOnce(MpiComm) -> Result<R, E>, code: impl
     }
 }
 
-/// Says why, and ends all ranks.
+/// Prints the reason and aborts all ranks.
 fn end_all(reason: &str, code: i32) -> ! {
     let world = SimpleCommunicator::world();
-    // In one piece: others may print too.
+    // A single write, because other ranks may print too.
     let _ = std::io::stderr().write_all(format!("rank {} ends all ranks: {reason}\n", world.rank()).as_bytes());
-    // Others may wait for this rank for ever: nothing short of this ends them.
+    // Other ranks may wait for this rank forever; only an abort ends them.
     world.abort(code)
 }
 
-/// The exit code of a rank that panicked: that of any program of Rust.
+/// The exit code of a rank that panicked, as for any Rust program.
 const PANICKED: i32 = 101;
 
 impl MpiComm {
-    /// The ranks of a communicator, which is duplicated by all of them together.
+    /// Creates an [`MpiComm`] on a duplicate of a communicator (collective).
     ///
     /// # Errors
-    /// [`CommError::Library`] where MPI was started without `MPI_THREAD_MULTIPLE`.
+    /// Returns [`CommError::Library`] if MPI was initialized without `MPI_THREAD_MULTIPLE`.
     pub fn new(comm: &impl Communicator) -> Result<Self, CommError> {
         match threading_support() {
             Threading::Multiple => Ok(Self::of(comm.duplicate(), None)),
@@ -144,7 +146,7 @@ impl MpiComm {
         Self { group: Arc::new(Group { comm: ManuallyDrop::new(comm), raw, rank, size }), time_out }
     }
 
-    /// The communicator, for libraries that use MPI themselves.
+    /// Returns the communicator, for libraries that use MPI themselves.
     #[must_use]
     pub fn communicator(&self) -> &SimpleCommunicator {
         &self.group.comm
@@ -155,10 +157,10 @@ impl MpiComm {
         if rank < size { Ok(rank as i32) } else { Err(CommError::Rank { rank, size }) }
     }
 
-    /// Looks for a message: its handle and its length in bytes.
+    /// Probes for a message; returns its handle and its length in bytes.
     fn probe(&self, from: i32, tag: Tag) -> Result<Option<(ffi::MPI_Message, usize)>, CommError> {
         let (mut there, mut message, mut status) = (0, MaybeUninit::uninit(), MaybeUninit::uninit());
-        // SAFETY: a live communicator; all three are written where a message is there.
+        // SAFETY: a live communicator; all three are written if a message has arrived.
         let code = unsafe {
             ffi::MPI_Improbe(
                 from,
@@ -180,19 +182,19 @@ impl MpiComm {
         Ok(Some((unsafe { message.assume_init() }, bytes as usize)))
     }
 
-    /// Waits for a message, and takes hold of it.
+    /// Waits for a message and returns its handle and its length in bytes (matched probe).
     fn matched(&self, from: i32, tag: Tag) -> Result<(ffi::MPI_Message, usize), CommError> {
         look(from, self.time_out, || self.probe(from, tag))
     }
 
-    /// Starts to send bytes. Parts of full length say that another one follows, which may be empty.
+    /// Starts to send bytes in parts. A part of full length indicates that another part follows, which may be empty.
     ///
     /// # Safety
-    /// The bytes stay where they are, unchanged, until all `requests` are completed, also where this fails.
+    /// The bytes stay in place, unchanged, until all `requests` are completed, also if this function fails.
     unsafe fn start_parts(&self, to: i32, tag: Tag, bytes: &[u8], requests: &mut Requests) -> Result<(), CommError> {
         let send = |part: Range<usize>, request| {
             let part = &bytes[part];
-            // SAFETY: a live communicator, and bytes of which the caller says that they stay.
+            // SAFETY: a live communicator, and bytes that stay in place, as the caller promises.
             unsafe {
                 ffi::MPI_Isend(
                     part.as_ptr().cast(),
@@ -205,14 +207,14 @@ impl MpiComm {
                 )
             }
         };
-        // SAFETY: the call writes the request where it succeeds.
+        // SAFETY: the call writes the request if it succeeds.
         unsafe { requests.start(bytes.len(), send) }
     }
 }
 
-/// Takes in a part of a message that a probe has found; the memory is as long as the probe said.
+/// Receives a part of a message that a probe has found; `memory` has the length that the probe returned.
 fn receive_part(mut handle: ffi::MPI_Message, memory: &mut [u8]) -> Result<(), CommError> {
-    // SAFETY: as much memory as is to come; the handle is used once.
+    // SAFETY: the memory has the length of the message; the handle is used once.
     check(unsafe {
         ffi::MPI_Mrecv(
             memory.as_mut_ptr().cast(),
@@ -240,7 +242,7 @@ impl Comm for MpiComm {
         let rank = self.known(to)?;
         let mut underway = Underway { message, requests: Requests::default(), to, time_out: self.time_out };
         let Underway { message, requests, .. } = &mut underway;
-        // SAFETY: the memory of the message stays where it is until `Underway` has completed the requests or left it there.
+        // SAFETY: the memory of the message stays in place until `Underway` has completed the requests or leaked it.
         unsafe { self.start_parts(rank, tag, message.bytes(), requests) }?;
         Ok(underway)
     }
@@ -249,14 +251,15 @@ impl Comm for MpiComm {
         let known = |&(to, bytes): &(usize, _)| Ok((self.known(to)?, bytes));
         let known: Vec<(i32, &[u8])> = parcels.iter().map(known).collect::<Result<_, CommError>>()?;
         if self.time_out.is_some() {
-            // Borrowed bytes cannot be left behind when the time is out: copies can.
+            // Borrowed bytes cannot outlive this call after a time-out; copies can.
             let start = |&(to, bytes): &(usize, &[u8])| self.start_send(to, tag, Message::of(bytes));
             let sendings: Vec<Underway> = parcels.iter().map(start).collect::<Result<_, _>>()?;
             return sendings.into_iter().try_for_each(|sending| sending.wait().map(drop));
         }
         let mut requests = Requests::default();
         let mut parcels = known.into_iter();
-        // SAFETY: the bytes are borrowed until the requests are completed below, whether or not all could be started.
+        // SAFETY: the bytes are borrowed until the requests are completed below, whether or not all sends could be
+        // started.
         let started = parcels.try_for_each(|(to, bytes)| unsafe { self.start_parts(to, tag, bytes, &mut requests) });
         started.and(requests.complete())
     }
@@ -290,7 +293,7 @@ impl Comm for MpiComm {
             let (handle, count) = self.matched(rank, tag)?;
             match bytes.get_mut(there..there + count) {
                 Some(memory) => receive_part(handle, memory)?,
-                // Taken in all the same, so that nothing of it stays underway.
+                // Receive the excess as well, so that no part of the message stays pending.
                 None => receive_part(handle, &mut vec![0; count])?,
             }
             there += count;
@@ -310,8 +313,8 @@ impl Comm for MpiComm {
         let bytes = message.bytes_mut();
         let receive = |part: Range<usize>, request| {
             let part = &mut bytes[part];
-            // SAFETY: a live communicator, and the memory of the message, which stays where it is until `Arriving` has completed
-            // the requests or left it there.
+            // SAFETY: a live communicator, and the memory of the message, which stays in place until `Arriving` has
+            // completed the requests or leaked it.
             unsafe {
                 ffi::MPI_Irecv(
                     part.as_mut_ptr().cast(),
@@ -324,7 +327,7 @@ impl Comm for MpiComm {
                 )
             }
         };
-        // SAFETY: the call writes the request where it succeeds.
+        // SAFETY: the call writes the request if it succeeds.
         unsafe { requests.start(len, receive) }?;
         Ok(arriving)
     }

@@ -1,4 +1,4 @@
-//! Messages between processes that are underway: MPI may still be reading or writing their memory.
+//! Pending messages between processes: MPI may still read or write their memory.
 
 use std::ffi::c_int;
 use std::mem::MaybeUninit;
@@ -11,16 +11,16 @@ use mpi::ffi;
 use super::is_over;
 use crate::las::{CommError, Message, Receiving, Sending};
 
-/// Bytes in one message of MPI, which counts them in 32 bits; longer ones go in parts.
+/// The largest number of bytes in one MPI message, which counts them in 32 bits; longer messages are sent in parts.
 pub(super) const PART: usize = 1 << 30;
 
-/// How long a rank looks for a message without a nap.
+/// The time for which a rank polls without sleeping.
 const AWAKE: Duration = Duration::from_millis(20);
-/// How long it naps then: little beside what it has waited.
+/// The length of one sleep, which is short compared with the time already waited.
 const NAP: Duration = Duration::from_micros(50);
 
-/// Looks for something that another rank does: first at full speed, then letting other processes of the machine work, and after
-/// a while asleep most of the time, so that a rank that waits for the work of others does not take a core from them.
+/// Polls for an action of another rank: first at full speed, then yielding the core between polls, and after [`AWAKE`]
+/// sleeping most of the time, so that a waiting rank does not take a core from working ones.
 pub(super) fn look<T>(
     from: i32,
     time_out: Option<Duration>,
@@ -46,34 +46,36 @@ pub(super) fn look<T>(
     }
 }
 
-/// The bytes that a receive has taken in, once it has.
+/// Tests a receive; returns the number of received bytes once it is complete.
 fn received(request: &mut ffi::MPI_Request) -> Result<Option<usize>, CommError> {
     let (mut done, mut status, mut bytes) = (0, MaybeUninit::uninit(), 0);
-    // SAFETY: a request that was started and not completed, whose memory lives; MPI forgets it once it is done.
+    // SAFETY: a request that was started and not completed, whose memory is live; MPI sets it to null once it is
+    // complete.
     check(unsafe { ffi::MPI_Test(request, &raw mut done, status.as_mut_ptr()) })?;
     if done == 0 {
         return Ok(None);
     }
-    // SAFETY: the status was written, since the request is done; the type is a constant of MPI.
+    // SAFETY: the status was written, since the request is complete; the type is a constant of MPI.
     check(unsafe { ffi::MPI_Get_count(status.as_ptr(), ffi::RSMPI_UINT8_T, &raw mut bytes) })?;
     Ok(Some(bytes as usize))
 }
 
-/// What MPI says of a code.
+/// Converts an MPI error code into a result.
 pub(super) fn check(code: i32) -> Result<(), CommError> {
     if code == ffi::MPI_SUCCESS as i32 { Ok(()) } else { Err(CommError::Library(format!("MPI reports error {code}"))) }
 }
 
-/// What MPI has started and not completed.
+/// The MPI requests that are started and not completed.
 #[derive(Debug, Default)]
 pub(super) struct Requests(Vec<ffi::MPI_Request>);
 
 impl Requests {
-    /// Starts each part of a message of so many bytes. Parts of full length say that another one follows, which may be empty.
+    /// Starts each part of a message of `len` bytes. A part of full length indicates that another part follows, which
+    /// may be empty.
     ///
     /// # Safety
-    /// `start` writes a request of MPI where it says that it succeeded, and the bytes stay where they are until all requests
-    /// are completed, also where this fails.
+    /// `start` writes an MPI request if it returns success, and the bytes stay in place until all requests are
+    /// completed, also if this function fails.
     pub(super) unsafe fn start(
         &mut self,
         len: usize,
@@ -82,28 +84,29 @@ impl Requests {
         for k in 0..=len / PART {
             let mut request = MaybeUninit::uninit();
             check(start(k * PART..len.min((k + 1) * PART), request.as_mut_ptr()))?;
-            // SAFETY: written by the call, as the caller says.
+            // SAFETY: written by the call, as the caller promises.
             self.0.push(unsafe { request.assume_init() });
         }
         Ok(())
     }
 
-    /// Waits for all.
+    /// Waits for all requests.
     pub(super) fn complete(&mut self) -> Result<(), CommError> {
         let mut outcome = Ok(());
         for mut request in self.0.drain(..) {
-            // SAFETY: a request that was started and not completed, whose memory lives.
+            // SAFETY: a request that was started and not completed, whose memory is live.
             outcome = outcome.and(check(unsafe { ffi::MPI_Wait(&raw mut request, ffi::RSMPI_STATUS_IGNORE) }));
         }
         outcome
     }
 
-    /// The same, for so long.
+    /// Waits for all requests, for at most `waited`.
     fn complete_in(&mut self, to: usize, waited: Duration) -> Result<(), CommError> {
         let start = Instant::now();
         while let Some(request) = self.0.last_mut() {
             let mut done = 0;
-            // SAFETY: a request that was started and not completed, whose memory lives; MPI forgets it once it is done.
+            // SAFETY: a request that was started and not completed, whose memory is live; MPI sets it to null once it
+            // is complete.
             check(unsafe { ffi::MPI_Test(request, &raw mut done, ffi::RSMPI_STATUS_IGNORE) })?;
             if done != 0 {
                 self.0.pop();
@@ -116,7 +119,7 @@ impl Requests {
         Ok(())
     }
 
-    /// Waits for nothing: `false` where MPI may go on reading or writing.
+    /// Abandons all requests without waiting. Returns false if MPI may continue to read or write their memory.
     fn give_up(&mut self) -> bool {
         if is_over() {
             self.0.clear();
@@ -124,11 +127,11 @@ impl Requests {
         let mut is_out = true;
         for mut request in self.0.drain(..) {
             let mut done = 0;
-            // SAFETY: a request that was started and not completed; its memory lives.
+            // SAFETY: a request that was started and not completed; its memory is live.
             let code = unsafe { ffi::MPI_Test(&raw mut request, &raw mut done, ffi::RSMPI_STATUS_IGNORE) };
             if code != ffi::MPI_SUCCESS as i32 || done == 0 {
                 is_out = false;
-                // SAFETY: a live request, which MPI may complete when it likes.
+                // SAFETY: a live request, which MPI may complete at any later time.
                 unsafe { ffi::MPI_Request_free(&raw mut request) };
             }
         }
@@ -136,7 +139,7 @@ impl Requests {
     }
 }
 
-/// A message that MPI may still be reading.
+/// A message that MPI may still read.
 #[derive(Debug)]
 pub struct Underway {
     pub(super) message: Message,
@@ -145,13 +148,13 @@ pub struct Underway {
     pub(super) time_out: Option<Duration>,
 }
 
-// SAFETY: a request belongs to no thread.
+// SAFETY: a request is not bound to a thread.
 unsafe impl Send for Underway {}
 
 impl Drop for Underway {
     fn drop(&mut self) {
-        // Nobody waits for it any more. Waiting here could last for ever: a rank that fails must come to the point where it
-        // ends the others. What MPI may still read stays where it is.
+        // No caller waits for this message any more. Waiting here could block forever: a rank that fails must reach the
+        // point where it ends the others. Memory that MPI may still read is leaked.
         if !self.requests.give_up() {
             std::mem::forget(std::mem::take(&mut self.message));
         }
@@ -168,27 +171,27 @@ impl Sending for Underway {
     }
 }
 
-/// A message into whose memory MPI may still be writing.
+/// A message whose memory MPI may still write.
 #[derive(Debug)]
 pub struct Arriving {
     pub(super) message: Message,
-    /// Those of the parts that are not there yet.
+    /// The requests of the parts that have not arrived yet.
     pub(super) requests: Requests,
     pub(super) from: i32,
     pub(super) time_out: Option<Duration>,
 }
 
-// SAFETY: a request belongs to no thread.
+// SAFETY: a request is not bound to a thread.
 unsafe impl Send for Arriving {}
 
 impl Drop for Arriving {
     fn drop(&mut self) {
         let pending = if is_over() { &mut [][..] } else { &mut self.requests.0[..] };
         for request in pending {
-            // SAFETY: a request that was started and not completed; where its message has come, nothing comes of this.
+            // SAFETY: a request that was started and not completed; if its message has arrived, the call has no effect.
             unsafe { ffi::MPI_Cancel(request) };
         }
-        // As for `Underway`: nothing is waited for, and memory that MPI may still write to stays where it is.
+        // As for `Underway`: this does not wait, and memory that MPI may still write is leaked.
         if !self.requests.give_up() {
             std::mem::forget(std::mem::take(&mut self.message));
         }

@@ -1,4 +1,4 @@
-//! The numeric factorization by blocks.
+//! The numeric block Cholesky factorization.
 
 use super::lanes::{BlockScalar, Kernel, Lanes, Width};
 use super::products::{load, rows_of, store, subtract_products};
@@ -7,15 +7,15 @@ use super::{BLOCK, Column, Node, Partial, Source, SymbolicBlockCholesky};
 use crate::backends::direct::Pivots;
 use crate::las::Scalar;
 
-/// Three columns: a block.
+/// A block: three columns.
 pub(super) type Block<T> = [Column<T>; BLOCK];
 
-/// Values of `L`, panel after panel, and scratch.
+/// The values of `L`, panel after panel, and scratch.
 pub(in crate::backends::sparse) struct BlockCholesky<T> {
     pub(super) panels: Vec<Column<T>>,
-    /// Where the rows of the supernode at work stand in its panel, by position.
+    /// For each position, its row in the panel of the current supernode.
     pub(super) place: Vec<u32>,
-    /// A right-hand side in the order of elimination, or several.
+    /// One or several right-hand sides in elimination order.
     pub(super) right: Vec<Column<T>>,
 }
 
@@ -29,8 +29,8 @@ impl<T: BlockScalar> BlockCholesky<T> {
         }
     }
 
-    /// Factors the matrix of these values, of which one of two mirrored ones is read; fails with the position of the first
-    /// pivot that is not positive, three positions a node.
+    /// Factors the matrix with these values, reading one of two mirrored values. Returns the position of the first
+    /// pivot that is not positive as the error; there are three positions per node.
     pub(in crate::backends::sparse) fn factor(
         &mut self,
         analysis: &SymbolicBlockCholesky,
@@ -50,7 +50,7 @@ impl<T: BlockScalar> BlockCholesky<T> {
     }
 }
 
-/// One factorization.
+/// The kernel of one factorization.
 pub(super) struct Factor<'a, T> {
     pub(super) analysis: &'a SymbolicBlockCholesky,
     pub(super) values: &'a [T],
@@ -93,12 +93,12 @@ impl<T: Scalar> Kernel<T> for Factor<'_, T> {
     }
 }
 
-/// Takes the values of the matrix.
+/// Loads the values of the matrix into a panel.
 #[inline(always)]
 fn fill<T: Scalar, L: Lanes<T>>(lanes: L, panel: &mut [Column<T>], sources: &[Source], values: &[T]) {
     panel.fill(Column::default());
-    // The fourth value belongs to another block, or is the one behind the matrix. Should that not be finite, it leaves its
-    // trace in the fourth lane, which nothing reads: no operation mixes lanes.
+    // The fourth value belongs to another block or is the extra one at the end of the matrix. If it is not finite, the
+    // fourth lane becomes NaN, which is harmless: no operation mixes lanes and the fourth lane is never read.
     let three = lanes.load(&[T::one(), T::one(), T::one(), T::zero()]);
     for source in sources {
         let mut at = source.at as usize;
@@ -112,7 +112,7 @@ fn fill<T: Scalar, L: Lanes<T>>(lanes: L, panel: &mut [Column<T>], sources: &[So
     }
 }
 
-/// The same where a block has fewer than three rows or columns.
+/// Loads the blocks that have fewer than three rows or columns.
 #[inline(always)]
 fn fill_partial<T: Scalar>(panel: &mut [Column<T>], partial: &[Partial], values: &[T]) {
     for &Partial { source, rows, columns } in partial {
@@ -124,7 +124,8 @@ fn fill_partial<T: Scalar>(panel: &mut [Column<T>], partial: &[Partial], values:
     }
 }
 
-/// Factors a panel whose updates are done: the rows of its diagonal blocks, then those below, as many at a time as registers can hold.
+/// Factors a panel after its updates: the rows of the diagonal blocks, then the rows below, as many at a time as fit
+/// into the registers.
 #[inline(always)]
 fn factor_panel<T: Scalar, L: Lanes<T>>(
     lanes: L,
@@ -157,7 +158,7 @@ fn factor_panel<T: Scalar, L: Lanes<T>>(
     Ok(())
 }
 
-/// Factors the next `R` rows of the diagonal blocks, the first of `rows`; returns `R`.
+/// Factors the next `R` rows of the diagonal blocks, which are the first of `rows`; returns `R`.
 #[inline(always)]
 fn factor_rows<T: Scalar, L: Lanes<T>, const R: usize>(
     lanes: L,
@@ -170,7 +171,7 @@ fn factor_rows<T: Scalar, L: Lanes<T>, const R: usize>(
     let width = nodes.len();
     let before = above.len() / width;
     eliminate::<T, L, R>(lanes, rows, above, width, before);
-    // The products of these rows with each other, those above the diagonal along with the rest.
+    // Subtracts the products of these rows with each other, including those above the diagonal.
     for k in 0..R {
         let done = rows_of::<T, R>(rows, width, 0, before);
         let mut sums = [[lanes.splat(T::zero()); BLOCK]; R];
@@ -202,8 +203,8 @@ fn factor_rows<T: Scalar, L: Lanes<T>, const R: usize>(
     Ok(R)
 }
 
-/// Solves the first `R` rows for their first `columns` blocks,
-/// `x_c = (a_c - sum_(k < c) x_k l_ck^T) l_cc^-T`; returns `R`.
+/// Computes the first `columns` blocks of the first `R` rows, `x_c = (a_c - sum_(k < c) x_k l_ck^T) l_cc^-T`; returns
+/// `R`.
 #[inline(always)]
 fn eliminate<T: Scalar, L: Lanes<T>, const R: usize>(
     lanes: L,
@@ -226,7 +227,7 @@ fn eliminate<T: Scalar, L: Lanes<T>, const R: usize>(
     R
 }
 
-/// `a inverse^T` for a lower triangular block.
+/// Returns `a inverse^T`, where `inverse` is lower triangular.
 #[inline(always)]
 fn scaled<T: Scalar, L: Lanes<T>>(lanes: L, [x, y, z]: [L::Quad; BLOCK], inverse: &Block<T>) -> [L::Quad; BLOCK] {
     let [[i00, i10, i20, _], [_, i11, i21, _], [_, _, i22, _]] = *inverse;
@@ -236,8 +237,8 @@ fn scaled<T: Scalar, L: Lanes<T>>(lanes: L, [x, y, z]: [L::Quad; BLOCK], inverse
     [first, second, lanes.add_mul(third, y, lanes.splat(i21))]
 }
 
-/// Replaces the lower triangle of a diagonal block by the inverse of its Cholesky factor, zeros above. Of a node with
-/// fewer than three unknowns the rest becomes the identity, and is not seen as pivots.
+/// Replaces a diagonal block by the inverse of its Cholesky factor, with zeros above the diagonal. It reads the lower
+/// triangle. For a node with fewer than three unknowns, the rest becomes the identity and is not recorded as pivots.
 #[inline(always)]
 fn invert_diagonal<T: Scalar>(
     block: &mut Block<T>,

@@ -1,63 +1,64 @@
-//! Four numbers at once: vector registers where the machine has them, found out at run time.
+//! Arithmetic on four numbers at once, with vector registers selected at run time.
 //!
-//! A node has three unknowns, and so a column of a block has three rows; the fourth lane holds zeros. That wastes a
-//! quarter of the multiplications and spares every shuffle.
+//! A node has three unknowns, so a column of a block has three rows; the fourth lane is zero. This wastes a quarter of
+//! the multiplications but avoids all shuffles.
 //!
-//! Whatever the kernels call is inlined into the function that is compiled for these registers, or it is compiled without
-//! them. Neither link-time optimization nor a single codegen unit is needed for that as long as the kernels keep vectors
-//! away from the closures of `array::map` and `array::from_fn`, which the compiler may well leave calls.
+//! Every function that the kernels call must be inlined into the function that is compiled for these registers;
+//! otherwise it is compiled without them. This requires neither link-time optimization nor a single codegen unit,
+//! provided that the kernels pass no vectors through the closures of `array::map` and `array::from_fn`, which the
+//! compiler may not inline.
 
 use faer::traits::RealField;
 
 use crate::las::Scalar;
 
-/// Numbers in a [`Lanes::Quad`].
+/// The number of scalars in a [`Lanes::Quad`].
 pub(in crate::backends::sparse) const LANES: usize = 4;
 
-/// One way of computing with four numbers at once.
+/// One implementation of arithmetic on four numbers at once.
 pub trait Lanes<T>: Copy {
-    /// The four numbers.
+    /// Four numbers.
     type Quad: Copy;
 
-    /// Rows of a panel that are computed with at once, at most: sums for three columns of each stay in registers.
+    /// The largest number of panel rows processed at once: the sums of three columns of each stay in registers.
     const MOST_ROWS: usize;
 
-    /// The same number four times.
+    /// Returns the same number in all four lanes.
     fn splat(self, value: T) -> Self::Quad;
 
-    /// From memory.
+    /// Loads four numbers from memory.
     fn load(self, from: &[T; LANES]) -> Self::Quad;
 
-    /// To memory.
+    /// Stores four numbers to memory.
     fn store(self, quad: Self::Quad, to: &mut [T; LANES]);
 
-    /// `a + b`.
+    /// Returns `a + b`.
     fn add(self, a: Self::Quad, b: Self::Quad) -> Self::Quad;
 
-    /// `a b`.
+    /// Returns `a b`.
     fn mul(self, a: Self::Quad, b: Self::Quad) -> Self::Quad;
 
-    /// `c + a b`.
+    /// Returns `c + a b`.
     fn add_mul(self, c: Self::Quad, a: Self::Quad, b: Self::Quad) -> Self::Quad;
 
-    /// `c - a b`.
+    /// Returns `c - a b`.
     fn sub_mul(self, c: Self::Quad, a: Self::Quad, b: Self::Quad) -> Self::Quad;
 }
 
-/// Work to be done with whatever lanes the machine has.
+/// A computation that runs with any implementation of [`Lanes`].
 pub trait Kernel<T> {
-    /// What it returns.
+    /// The result of the computation.
     type Output;
 
-    /// Does it. Implementations are `#[inline(always)]`, all the way down: vector instructions are only generated inside
-    /// of the function that checked for them.
+    /// Runs the computation. Implementations and all functions that they call must be `#[inline(always)]`: the compiler
+    /// generates vector instructions only inside the function that checked for them.
     fn run<L: Lanes<T>>(self, lanes: L) -> Self::Output;
 }
 
 /// The widest registers that a kernel may use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Width {
-    /// Those that every machine of the target has.
+    /// The registers that every machine of the target has.
     Portable,
     /// AVX2 with fused multiply-add.
     #[cfg(target_arch = "x86_64")]
@@ -68,7 +69,7 @@ pub enum Width {
 }
 
 impl Width {
-    /// The widest of this machine.
+    /// Returns the widest registers of this machine.
     #[inline]
     pub(in crate::backends::sparse) fn of_machine() -> Self {
         #[cfg(target_arch = "x86_64")]
@@ -82,15 +83,15 @@ impl Width {
     }
 }
 
-/// A scalar that blocks of three can be computed with; `f64` and `f32` are.
+/// A scalar type for 3x3 blocks: `f64` or `f32`.
 pub trait BlockScalar: Scalar + RealField {
-    /// Runs a kernel with registers of the width given, or the widest below it that this machine has.
+    /// Runs a kernel with registers of the given width, or the next narrower ones that this machine has.
     fn dispatch<K: Kernel<Self>>(width: Width, kernel: K) -> K::Output;
 }
 
-/// Lanes without any vector instruction in the source; the compiler uses those that every machine of the target has. A
-/// product and a sum stay two operations: fused ones would be a call of the mathematical library where there is no
-/// instruction for them.
+/// [`Lanes`] without explicit vector instructions; the compiler uses the instructions that every machine of the target
+/// has. Product and sum remain two operations, because a fused one would call the mathematical library on machines
+/// without such an instruction.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Portable;
 

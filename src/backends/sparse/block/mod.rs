@@ -1,22 +1,23 @@
-//! Cholesky of a matrix of 3x3 blocks: the factorization for fiber networks and bodies.
+//! Cholesky factorization of matrices of 3x3 blocks, for fiber networks and bodies.
 //!
-//! Nodes with (almost) the same couplings are eliminated together, as a supernode. Its columns of the factor form a
-//! panel: a row of 3x3 blocks for each of its own nodes and for each node below that they couple to. A row of the panel
-//! lies in one piece, column after column, each column of a block as four lanes of which the last is zero:
+//! Nodes with (almost) the same couplings form a supernode and are eliminated together. The columns of a supernode in
+//! the factor form a panel: one row of 3x3 blocks for each node of the supernode and for each node below that they
+//! couple to. A row of the panel is contiguous, column after column; each column of a block has four lanes, the last of
+//! which is zero:
 //!
 //! ```text
-//! panel[(row * width + node) * 3 + column][lane]      rows: the supernode's nodes, then those below
+//! panel[(row * width + node) * 3 + column][lane]      rows: the nodes of the supernode, then those below
 //! ```
 //!
-//! A node with one or two unknowns is padded to three, with ones on the diagonal and no couplings. Padding stays as it is
-//! through all operations, and neither counts as a pivot nor as a value of the factor.
+//! A node with one or two unknowns is padded to three, with ones on the diagonal and no couplings. All operations leave
+//! the padding unchanged; it counts neither as a pivot nor as a value of the factor.
 //!
-//! The diagonal blocks hold the inverse of their Cholesky factor, so that nothing is divided by in the inner loops. What
-//! lies above the diagonal blocks is scratch.
+//! The diagonal blocks store the inverse of their Cholesky factor, so that the inner loops contain no divisions. The
+//! blocks above the diagonal blocks are scratch.
 //!
-//! The factorization is left-looking: a supernode takes the values of the matrix, subtracts the products of those before
-//! it that reach it, and is then factored by itself. All three are products of rows with rows, `sum_k a_k b_k^T` over
-//! columns of both, of which three rows at once are kept in registers, or six.
+//! The factorization is left-looking: a supernode loads the values of the matrix, subtracts the contributions of the
+//! earlier supernodes that update it, and is then factored. All three steps are products of panel rows,
+//! `sum_k a_k b_k^T` over the columns of both, with the sums of three or six rows at a time kept in registers.
 
 #![allow(
     clippy::needless_range_loop,
@@ -42,21 +43,21 @@ use super::order::{BLOCK, Graph, Tree};
 use crate::las::Sparsity;
 use supernodes::Supernodes;
 
-/// A column of a block: three rows and a zero.
+/// A column of a block: three rows and a zero lane.
 type Column<T> = [T; lanes::LANES];
 
-/// Where a block of the matrix goes.
+/// The source and destination of one block of the matrix.
 #[derive(Clone, Copy, Debug)]
 struct Source {
-    /// The first value of the block among those of the matrix.
+    /// Index of the first value of the block in the matrix.
     at: u32,
-    /// Number of values of its rows in the matrix: the distance from one row of the block to the next.
+    /// Number of values in each of its rows of the matrix, which is the distance between two rows of the block.
     stride: u32,
-    /// Its first column in the panel of the supernode.
+    /// Index of the first column of the block in the panel of the supernode.
     to: u32,
 }
 
-/// A block with fewer than three rows or columns; what it lacks in the panel is padding.
+/// A block with fewer than three rows or columns; padding fills the rest of its place in the panel.
 #[derive(Clone, Copy, Debug)]
 struct Partial {
     source: Source,
@@ -64,11 +65,11 @@ struct Partial {
     columns: u8,
 }
 
-/// Consecutive unknowns of the matrix.
+/// A node: consecutive unknowns of the matrix.
 #[derive(Clone, Copy, Debug)]
 struct Node {
     first: u32,
-    /// One to three.
+    /// The number of unknowns, one to three.
     size: u32,
 }
 
@@ -79,8 +80,8 @@ impl Node {
     }
 }
 
-/// Rows `begin..end` of the panel of the supernode `from` (counted from the first below its own nodes) belong to the
-/// supernode whose update this is.
+/// An update of a supernode by an earlier one: rows `begin..end` of the panel of supernode `from` (counted from the
+/// first row below its own nodes) belong to the updated supernode.
 #[derive(Clone, Copy, Debug)]
 struct Update {
     from: u32,
@@ -91,15 +92,15 @@ struct Update {
 /// The symbolic factorization of a matrix of blocks.
 pub(super) struct SymbolicBlockCholesky {
     supernodes: Supernodes,
-    /// Where the panel of each supernode starts, in columns; one more than there are supernodes.
+    /// The index of the first column of each panel; one entry more than there are supernodes.
     panel_start: Vec<usize>,
-    /// The blocks of the matrix that each supernode takes.
+    /// The blocks of the matrix that belong to each supernode.
     sources: Vec<Source>,
     source_start: Vec<u32>,
-    /// The earlier supernodes that reach each supernode.
+    /// The earlier supernodes that update each supernode.
     updates: Vec<Update>,
     update_start: Vec<u32>,
-    /// The same for blocks with fewer than three rows or columns.
+    /// The blocks with fewer than three rows or columns that belong to each supernode.
     partial: Vec<Partial>,
     partial_start: Vec<u32>,
     /// The node eliminated at each position.
@@ -107,7 +108,7 @@ pub(super) struct SymbolicBlockCholesky {
 }
 
 impl SymbolicBlockCholesky {
-    /// For a matrix of this graph.
+    /// Computes the symbolic factorization of matrices with this pattern, graph and elimination tree.
     pub(super) fn new(pattern: &Sparsity, graph: &Graph, tree: &Tree) -> Self {
         let supernodes = Supernodes::new(graph, tree);
         let mut panel_start = vec![0];
@@ -133,17 +134,17 @@ impl SymbolicBlockCholesky {
         }
     }
 
-    /// Number of nodes.
+    /// Returns the number of nodes.
     fn nodes(&self) -> usize {
         self.nodes.len()
     }
 
-    /// Number of columns of blocks in all panels.
+    /// Returns the number of block columns in all panels.
     fn columns(&self) -> usize {
         self.panel_start.last().copied().unwrap_or(0)
     }
 
-    /// Number of values of the factor, explicit zeros of the supernodes included, padding not.
+    /// Returns the number of values in the factor, including the explicit zeros of the supernodes but not the padding.
     pub(super) fn entries(&self) -> usize {
         let entries = |s: usize| {
             let own: usize = self.nodes_of(s).iter().map(|node| node.size as usize).sum();
@@ -153,12 +154,12 @@ impl SymbolicBlockCholesky {
         (0..self.supernodes.count()).map(entries).sum()
     }
 
-    /// The unknown of a pivot: the `position % 3`-th of the node at `position / 3`.
+    /// Returns the unknown of a pivot, which is unknown `position % 3` of the node at `position / 3`.
     pub(super) fn unknown(&self, position: usize) -> usize {
         self.nodes[position / BLOCK].first as usize + position % BLOCK
     }
 
-    /// The nodes of a supernode.
+    /// Returns the nodes of a supernode.
     #[inline(always)]
     fn nodes_of(&self, s: usize) -> &[Node] {
         &self.nodes[self.supernodes.first(s)..][..self.supernodes.width(s)]
@@ -180,7 +181,7 @@ impl SymbolicBlockCholesky {
     }
 }
 
-/// For every supernode the earlier ones whose rows lie in it, in ascending order.
+/// Returns for every supernode the updates by earlier supernodes, in ascending order.
 fn updates(supernodes: &Supernodes) -> (Vec<Update>, Vec<u32>) {
     let mut updates: Vec<(u32, Update)> = Vec::new();
     for from in 0..supernodes.count() {
@@ -199,7 +200,7 @@ fn updates(supernodes: &Supernodes) -> (Vec<Update>, Vec<u32>) {
     (updates.into_iter().map(|(_, update)| update).collect(), start)
 }
 
-/// Where the items of each of `count` owners start, given the owner of every item, ascending.
+/// Returns the index of the first item of each of `count` owners, given the owner of every item in ascending order.
 fn starts(count: usize, owners: impl Iterator<Item = usize>) -> Vec<u32> {
     let mut start = vec![0; count + 1];
     for owner in owners {

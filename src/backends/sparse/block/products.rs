@@ -1,14 +1,15 @@
-//! Sums of products of rows with rows, in registers: what the factorization spends its time on.
+//! The inner kernel of the factorization, which dominates its run time: sums of products of panel rows, kept in
+//! registers.
 
 use super::BLOCK;
 use super::factor::Block;
 use super::lanes::Lanes;
 use crate::las::Scalar;
 
-/// Blocks of `R` rows.
+/// The blocks of `R` rows.
 pub(super) type Rows<'a, T, const R: usize> = [&'a [Block<T>]; R];
 
-/// Of the first `R` rows of a panel, `len` blocks from a column on.
+/// Returns, for the first `R` rows of a panel, `len` blocks starting at `column`.
 #[inline(always)]
 pub(super) fn rows_of<T, const R: usize>(
     panel: &[Block<T>],
@@ -24,13 +25,13 @@ pub(super) fn rows_of<T, const R: usize>(
     rows
 }
 
-/// A block, from memory.
+/// Loads a block from memory.
 #[inline(always)]
 pub(super) fn load<T: Scalar, L: Lanes<T>>(lanes: L, block: &Block<T>) -> [L::Quad; BLOCK] {
     [lanes.load(&block[0]), lanes.load(&block[1]), lanes.load(&block[2])]
 }
 
-/// A block, to memory.
+/// Stores a block to memory.
 #[inline(always)]
 pub(super) fn store<T: Scalar, L: Lanes<T>>(lanes: L, quads: [L::Quad; BLOCK], to: &mut Block<T>) {
     for (column, quad) in to.iter_mut().zip(quads) {
@@ -38,7 +39,7 @@ pub(super) fn store<T: Scalar, L: Lanes<T>>(lanes: L, quads: [L::Quad; BLOCK], t
     }
 }
 
-/// `sums[i] - sum_k a_i[k] b[k]^T` by blocks `k`.
+/// Returns `sums[i] - sum_k a_i[k] b[k]^T`, where `k` runs over the blocks.
 #[inline(always)]
 pub(super) fn subtract_products<T: Scalar, L: Lanes<T>, const R: usize>(
     lanes: L,

@@ -1,4 +1,4 @@
-//! The triangular solves by blocks.
+//! The triangular solves with the block Cholesky factor.
 
 use super::factor::{Block, BlockCholesky};
 use super::lanes::{BlockScalar, Kernel, LANES, Lanes, Width};
@@ -6,11 +6,11 @@ use super::{BLOCK, Column, SymbolicBlockCholesky};
 use crate::backends::sparse::Vector;
 use crate::las::Scalar;
 
-/// Quads of right-hand sides that are solved for at once, at most.
+/// The largest number of quads (groups of four) of right-hand sides solved at once.
 const MOST_QUADS: usize = 2;
 
 impl<T: BlockScalar> BlockCholesky<T> {
-    /// Makes room for so many right-hand sides.
+    /// Allocates room for `count` right-hand sides.
     pub(in crate::backends::sparse) fn reserve(&mut self, analysis: &SymbolicBlockCholesky, count: usize) {
         let quads = if count < 2 { 0 } else { count.div_ceil(LANES).min(MOST_QUADS) };
         let len = analysis.nodes() * (BLOCK * quads).max(1);
@@ -19,7 +19,7 @@ impl<T: BlockScalar> BlockCholesky<T> {
         }
     }
 
-    /// Solves for any number of right-hand sides; there is room for them.
+    /// Solves for any number of right-hand sides; [`reserve`](Self::reserve) must have allocated room for them.
     pub(in crate::backends::sparse) fn solve(
         &mut self,
         analysis: &SymbolicBlockCholesky,
@@ -85,7 +85,7 @@ impl<T: BlockScalar> BlockCholesky<T> {
     }
 }
 
-/// One supernode of the factor: its panel in rows of blocks, its first position, its width, the positions below.
+/// One supernode of the factor: its panel as rows of blocks, its first position, its width, and the positions below.
 struct Panel<'a, T> {
     blocks: &'a [Block<T>],
     first: usize,
@@ -105,7 +105,7 @@ impl SymbolicBlockCholesky {
     }
 }
 
-/// For one right-hand side: the three unknowns of a node in the lanes.
+/// The kernel for one right-hand side, with the three unknowns of a node in the lanes.
 struct SolveOne<'a, T> {
     analysis: &'a SymbolicBlockCholesky,
     panels: &'a [Column<T>],
@@ -127,10 +127,10 @@ impl<T: Scalar> Kernel<T> for SolveOne<'_, T> {
     }
 }
 
-/// `x_row -= sum_k l_row,k x_k` over the columns of a row.
+/// Computes `x_row -= sum_k l_row,k x_k` over the columns `k` of a row.
 #[inline(always)]
 fn subtract_row<T: Scalar, L: Lanes<T>>(lanes: L, row: &[Block<T>], known: &[Column<T>], x: &mut Column<T>) {
-    // Two sums, so that the additions of one column need not wait for those of the one before.
+    // Two independent sums shorten the dependency chain of the additions.
     let (mut even, mut odd) = (lanes.load(x), lanes.splat(T::zero()));
     for (block, known) in row.iter().zip(known) {
         even = lanes.sub_mul(even, lanes.load(&block[0]), lanes.splat(known[0]));
@@ -159,7 +159,7 @@ fn forward_one<T: Scalar, L: Lanes<T>>(lanes: L, panel: &Panel<'_, T>, x: &mut [
     }
 }
 
-/// `sums_k + l_k x`, lane by lane: the sum over the lanes is `sum_i l_ik x_i`.
+/// Returns `sums_k + l_k x`, lane by lane; the sum over the lanes of the increment is `sum_i l_ik x_i`.
 #[inline(always)]
 fn add_transposed<T: Scalar, L: Lanes<T>>(
     lanes: L,
@@ -207,7 +207,7 @@ type Rows<T, const Q: usize> = [[Column<T>; Q]; BLOCK];
 /// The same in registers.
 type Sums<L, T, const Q: usize> = [[<L as Lanes<T>>::Quad; Q]; BLOCK];
 
-/// For several right-hand sides.
+/// The kernel for several right-hand sides.
 struct SolveSeveral<'a, T, const Q: usize> {
     analysis: &'a SymbolicBlockCholesky,
     panels: &'a [Column<T>],
@@ -229,7 +229,7 @@ impl<T: Scalar, const Q: usize> Kernel<T> for SolveSeveral<'_, T, Q> {
     }
 }
 
-/// The right-hand sides of one unknown.
+/// Loads the right-hand sides of one unknown.
 #[inline(always)]
 fn load_row<T: Scalar, L: Lanes<T>, const Q: usize>(lanes: L, row: &[Column<T>; Q]) -> [L::Quad; Q] {
     let mut quads = [lanes.splat(T::zero()); Q];
@@ -257,7 +257,7 @@ fn store<T: Scalar, L: Lanes<T>, const Q: usize>(lanes: L, sums: Sums<L, T, Q>, 
     }
 }
 
-/// `sums_i -= sum_k l_ik x_k`.
+/// Computes `sums_i -= sum_k l_ik x_k`.
 #[inline(always)]
 fn subtract_block<T: Scalar, L: Lanes<T>, const Q: usize>(
     lanes: L,
@@ -277,7 +277,7 @@ fn subtract_block<T: Scalar, L: Lanes<T>, const Q: usize>(
     sums
 }
 
-/// `sums_k -= sum_i l_ik x_i`.
+/// Computes `sums_k -= sum_i l_ik x_i`.
 #[inline(always)]
 fn subtract_transposed<T: Scalar, L: Lanes<T>, const Q: usize>(
     lanes: L,
@@ -307,7 +307,7 @@ fn forward_several<T: Scalar, L: Lanes<T>, const Q: usize>(lanes: L, panel: &Pan
         for (block, known) in row.iter().zip(&*known) {
             sums = subtract_block(lanes, sums, block, known);
         }
-        // x = inverse (right - sums), the inverse lower triangular.
+        // x = inverse * sums, where the inverse is lower triangular.
         let mut scaled = sums;
         for i in 0..BLOCK {
             for q in 0..Q {

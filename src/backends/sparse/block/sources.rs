@@ -1,4 +1,4 @@
-//! Which blocks of the matrix go where in the panels.
+//! The destinations of the blocks of the matrix in the panels.
 
 use std::iter::repeat_n;
 
@@ -7,7 +7,7 @@ use super::{BLOCK, Partial, Source};
 use crate::backends::sparse::order::{Graph, Tree};
 use crate::las::Sparsity;
 
-/// The blocks of the matrix at and below the diagonal of the factor, each with its supernode, in the order of the panels.
+/// Returns the blocks of the matrix at and below the diagonal of the factor, each with its supernode, in panel order.
 pub(super) fn blocks(pattern: &Sparsity, graph: &Graph, tree: &Tree, supernodes: &Supernodes) -> Vec<(u32, Partial)> {
     let first = graph.first_unknowns();
     let node_of: Vec<u32> = (0..graph.nodes()).flat_map(|node| repeat_n(node as u32, graph.size(node))).collect();
@@ -22,7 +22,8 @@ pub(super) fn blocks(pattern: &Sparsity, graph: &Graph, tree: &Tree, supernodes:
             let other = node_of[unknown as usize] as usize;
             let at = start + k as u32;
             k += graph.size(other);
-            // A row of the mirrored block is a column of this one: of the two, take the one that needs no transposition.
+            // A row of the mirrored block is a column of this one; of the two blocks, the code takes the one that needs
+            // no transposition.
             let row_of_factor = tree.position[other] as usize;
             if row_of_factor < column {
                 continue;

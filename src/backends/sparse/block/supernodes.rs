@@ -1,15 +1,16 @@
-//! Which nodes are eliminated together.
+//! The partition of the nodes into supernodes.
 
 use crate::backends::sparse::order::{Graph, NONE, Tree};
 
-/// Most nodes of a supernode. Three rows of a panel and the rows of a diagonal block fit the first-level cache with it.
+/// The largest number of nodes in a supernode. With this width, three rows of a panel and the rows of a diagonal block
+/// fit into the first-level cache.
 const WIDEST: usize = 16;
 
-/// Runs of positions that are eliminated together, and the positions below that each of them reaches.
+/// Runs of positions that are eliminated together, and the positions below each run in which its columns have entries.
 pub(super) struct Supernodes {
-    /// The first position of each; one more than there are supernodes.
+    /// The first position of each supernode; one entry more than there are supernodes.
     first: Vec<u32>,
-    /// Positions below each, ascending.
+    /// The positions below each supernode, ascending.
     rows: Vec<u32>,
     row_offsets: Vec<u32>,
     /// The supernode of each position.
@@ -29,7 +30,7 @@ impl Supernodes {
                 let end = run.first + run.width() * (piece + 1) / pieces;
                 let number = supernodes.count() as u32;
                 supernodes.owner[begin..end].fill(number);
-                // A piece reaches the rest of its run.
+                // A piece couples to the rest of its run.
                 supernodes.rows.extend((end..run.end).map(|row| row as u32));
                 supernodes.rows.extend_from_slice(&below);
                 supernodes.row_offsets.push(supernodes.rows.len() as u32);
@@ -43,35 +44,35 @@ impl Supernodes {
         self.first.len() - 1
     }
 
-    /// The first position.
+    /// Returns the first position of a supernode.
     #[inline(always)]
     pub(super) fn first(&self, s: usize) -> usize {
         self.first[s] as usize
     }
 
-    /// Number of its own nodes.
+    /// Returns the number of nodes in a supernode.
     #[inline(always)]
     pub(super) fn width(&self, s: usize) -> usize {
         (self.first[s + 1] - self.first[s]) as usize
     }
 
-    /// The positions below, ascending.
+    /// Returns the positions below a supernode, ascending.
     #[inline(always)]
     pub(super) fn rows(&self, s: usize) -> &[u32] {
         &self.rows[self.row_offsets[s] as usize..self.row_offsets[s + 1] as usize]
     }
 
-    /// Number of its own nodes and of those below.
+    /// Returns the number of nodes in a supernode and below it.
     pub(super) fn height(&self, s: usize) -> usize {
         self.width(s) + self.rows(s).len()
     }
 
-    /// The supernode of a position.
+    /// Returns the supernode of a position.
     pub(super) fn of_position(&self, position: usize) -> u32 {
         self.owner[position]
     }
 
-    /// The row of a position in the panel; the position is one of the supernode's.
+    /// Returns the panel row of a position, which must belong to the panel.
     pub(super) fn row_of(&self, s: usize, position: usize) -> usize {
         match position.checked_sub(self.first(s)) {
             Some(own) if own < self.width(s) => own,
@@ -79,18 +80,18 @@ impl Supernodes {
         }
     }
 
-    /// The column of a position in the panel, counted in nodes.
+    /// Returns the panel column of a position, counted in nodes.
     pub(super) fn column_of(&self, s: usize, position: usize) -> usize {
         position - self.first(s)
     }
 }
 
-/// A run of positions, and what merging cost it.
+/// A run of positions, and the explicit zeros caused by merging.
 #[derive(Clone, Copy)]
 struct Run {
     first: usize,
     end: usize,
-    /// Blocks that are stored but zero.
+    /// The number of stored blocks that are zero.
     zeros: usize,
 }
 
@@ -100,7 +101,7 @@ impl Run {
     }
 }
 
-/// Runs of positions with the same rows below, and runs that are nearly so: a few explicit zeros cost less than another
+/// Returns the runs of positions with (nearly) the same rows below: a few explicit zeros cost less than another
 /// supernode.
 fn merged(tree: &Tree) -> Vec<Run> {
     let mut runs: Vec<Run> = Vec::new();
@@ -120,7 +121,7 @@ fn merged(tree: &Tree) -> Vec<Run> {
     runs
 }
 
-/// Blocks of `before` that are only there because `run` reaches them.
+/// Returns the number of blocks of `before` that are stored only because `run` has entries in their rows.
 fn added_zeros(tree: &Tree, before: &Run, run: &Run) -> usize {
     let below = |run: &Run| tree.counts[run.end - 1] as usize - 1;
     before.width() * (run.width() + below(run) - below(before))
@@ -134,7 +135,8 @@ fn worth_merging(tree: &Tree, before: &Run, run: &Run) -> bool {
     zeros == 0 || width <= 4 && share < 0.3 || width <= 16 && share < 0.1 || share < 0.03
 }
 
-/// The positions below each run: what its last position reaches, all of it reaches, if need be by explicit zeros.
+/// Returns the positions below each run: all positions of a run have entries in the same rows as its last position,
+/// some of them explicit zeros.
 fn rows_below(graph: &Graph, tree: &Tree, runs: &[Run]) -> Vec<Vec<u32>> {
     let mut run_that_ends_at = vec![NONE; graph.nodes()];
     for (k, run) in runs.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! The factorization by blocks against a dense one, and the solver that uses it.
+//! Tests of the block factorization against a dense one, and of the solver that uses it.
 
 use std::sync::Arc;
 
@@ -15,14 +15,14 @@ fn three(node: usize) -> [i32; 3] {
     [0, 1, 2].map(|k| (3 * node + k) as i32)
 }
 
-/// Full blocks between the nodes of every list.
+/// A pattern with full blocks between the nodes of every list.
 fn blocks(nodes: usize, lists: &[Vec<usize>]) -> Arc<Sparsity> {
     let own = (0..nodes).map(|node| three(node).to_vec());
     let lists = lists.iter().map(|list| list.iter().flat_map(|&node| three(node)).collect());
     Arc::new(Sparsity::from_elements(3 * nodes, own.chain(lists)).unwrap())
 }
 
-/// Full blocks between the nodes of every list, which have so many unknowns.
+/// A pattern with full blocks between the nodes of every list, where `sizes` are the numbers of unknowns of the nodes.
 fn blocks_of(sizes: &[usize], lists: &[Vec<usize>]) -> Arc<Sparsity> {
     let first: Vec<usize> = (0..=sizes.len()).map(|node| sizes[..node].iter().sum()).collect();
     let unknowns = |&node: &usize| (first[node]..first[node + 1]).map(|unknown| unknown as i32);
@@ -44,8 +44,8 @@ fn held_truss(random: &mut Random, nodes: usize, bars: usize, one_in: usize) -> 
     blocks_of(&sizes, &lists)
 }
 
-/// Patterns that take every path: no node, one, no couplings, trees, wide supernodes in pieces, several parts, nodes with
-/// fewer than three unknowns.
+/// Patterns that cover all code paths: no node, one node, no couplings, trees, wide supernodes in pieces, several
+/// components, nodes with fewer than three unknowns.
 fn patterns(random: &mut Random) -> Vec<Arc<Sparsity>> {
     let band: Vec<Vec<usize>> = (0..70).map(|k| (k..(k + 9).min(70)).collect()).collect();
     let star: Vec<Vec<usize>> = (1..30).map(|k| vec![0, k]).collect();
@@ -78,8 +78,8 @@ fn matrix<T: BlockScalar>(pattern: &Arc<Sparsity>, a: &Oracle) -> Matrix<T> {
     matrix
 }
 
-/// `L` of the matrix whose unknowns are eliminated in the order given, row after row, that of the identity where there is
-/// no unknown; `Err` with the position of the first pivot that is not positive.
+/// Returns `L` by rows of the matrix permuted to the given order, with rows of the identity at padding positions; the
+/// error is the position of the first pivot that is not positive.
 fn dense_cholesky(a: &Oracle, order: &[Option<usize>]) -> Result<Vec<Vec<f64>>, usize> {
     let value = |i: usize, j: usize| match (order[i], order[j]) {
         (Some(row), Some(column)) => a.values[row * a.cols + column],
@@ -99,7 +99,7 @@ fn dense_cholesky(a: &Oracle, order: &[Option<usize>]) -> Result<Vec<Vec<f64>>, 
     Ok(l)
 }
 
-/// The block at a row and a column of `L`, the diagonal one inverted, as the panels hold it.
+/// Returns the block of `L` at a row and a column as the panels store it, that is, inverted on the diagonal.
 fn expected_block(l: &[Vec<f64>], row: usize, column: usize) -> [[f64; 3]; 3] {
     let at = |i: usize, j: usize| l[3 * row + i][3 * column + j];
     if row != column {
@@ -112,7 +112,7 @@ fn expected_block(l: &[Vec<f64>], row: usize, column: usize) -> [[f64; 3]; 3] {
 
 struct Analyzed {
     analysis: SymbolicBlockCholesky,
-    /// The unknown at each position, three a node; `None` where there is padding.
+    /// The unknown at each position, three positions per node; `None` for padding.
     order: Vec<Option<usize>>,
 }
 
@@ -130,7 +130,7 @@ const WIDTHS: [Width; 3] = [Width::Portable, Width::Avx2, Width::Avx512];
 #[cfg(not(target_arch = "x86_64"))]
 const WIDTHS: [Width; 1] = [Width::Portable];
 
-/// Those that this machine has; of the others the test says that it skips them.
+/// Returns the register widths that this machine has; the test prints the ones that it skips.
 fn widths() -> impl Iterator<Item = Width> {
     let (has, has_not) = WIDTHS.into_iter().partition::<Vec<_>, _>(|&width| width <= Width::of_machine());
     if !has_not.is_empty() {
@@ -139,7 +139,7 @@ fn widths() -> impl Iterator<Item = Width> {
     has.into_iter()
 }
 
-/// Every block of the factor is that of a dense factorization, with all registers of this machine.
+/// Every block of the factor agrees with a dense factorization, for all registers of this machine.
 #[test]
 fn factors_are_those_of_a_dense_factorization() {
     let mut random = Random::new(1);
@@ -148,7 +148,7 @@ fn factors_are_those_of_a_dense_factorization() {
     }
 }
 
-/// The same for patterns at random, most of their nodes padded.
+/// The same for random patterns in which most nodes are padded.
 #[test]
 fn factors_of_padded_nodes_are_those_of_a_dense_factorization() {
     for seed in 0..60 {
@@ -198,7 +198,7 @@ fn check_panels(analysis: &SymbolicBlockCholesky, panels: &[Column<f64>], l: &[V
     assert_eq!(found, analysis.entries());
 }
 
-/// All numbers of the factor: what lies above the diagonal blocks is scratch.
+/// Returns all numbers of the factor, without the scratch above the diagonal blocks.
 fn lower<T: Scalar>(analysis: &SymbolicBlockCholesky, panels: &[Column<T>]) -> Vec<T> {
     let mut numbers = Vec::new();
     for s in 0..analysis.supernodes.count() {
@@ -211,8 +211,8 @@ fn lower<T: Scalar>(analysis: &SymbolicBlockCholesky, panels: &[Column<T>]) -> V
     numbers
 }
 
-/// All kinds of registers agree to rounding, in both precisions, also about where a matrix is not definite; those with
-/// fused multiply-add to the last bit.
+/// All register widths agree up to rounding, in both precisions, also in the position where a matrix is not definite;
+/// widths with fused multiply-add agree bitwise.
 fn widths_agree<T: BlockScalar>() {
     for seed in 0..40 {
         let mut random = Random::new(seed);
@@ -249,7 +249,7 @@ fn factors_do_not_depend_on_the_registers() {
     widths_agree::<f32>();
 }
 
-/// Where nodes have three unknowns but for some, and only there.
+/// Matrices use the block factorization if all but a few nodes have three unknowns, and only then.
 #[test]
 fn bodies_on_rollers_go_by_blocks_and_scalar_matrices_do_not() {
     let mut random = Random::new(9);
@@ -288,7 +288,7 @@ fn check_solutions<T: BlockScalar>(a: &Matrix<T>, b: &[Vector<T>], x: &[Vector<T
     }
 }
 
-/// For every number of right-hand sides, in both precisions.
+/// Solves for every number of right-hand sides, in both precisions.
 fn solves<T: BlockScalar>() {
     let mut random = Random::new(2);
     for pattern in patterns(&mut random) {
@@ -310,7 +310,7 @@ fn all_right_hand_sides_are_solved_for() {
     solves::<f32>();
 }
 
-/// The pivot to blame is found, LDL^T serves, and the next definite matrix goes by blocks again.
+/// The failing pivot is reported, LDL^T replaces Cholesky, and the next definite matrix is factored by blocks again.
 #[test]
 fn an_indefinite_matrix_goes_to_ldlt_and_back() {
     let mut random = Random::new(3);
@@ -336,7 +336,8 @@ fn an_indefinite_matrix_goes_to_ldlt_and_back() {
     }
 }
 
-/// Springs between neighbors in a row of nodes, in all three directions, held at one end by a spring of stiffness `held`.
+/// Springs between neighboring nodes of a row, in all three directions, held at one end by a spring of stiffness
+/// `held`.
 fn chain(nodes: usize, held: f64) -> (Arc<Sparsity>, Matrix<f64>) {
     let pattern = blocks(nodes, &(1..nodes).map(|k| vec![k - 1, k]).collect::<Vec<_>>());
     let mut a = Oracle::zeros(3 * nodes, 3 * nodes);
@@ -366,7 +367,7 @@ fn singular_and_nearly_singular_matrices_are_told_apart() {
             let (_, weak) = chain(60, held);
             let report = solver.factor(&weak).unwrap();
             assert_eq!(report.kind, Factorization::Cholesky);
-            // The pivot eliminated last is what is left of the spring that holds the chain.
+            // The last pivot is the remainder of the spring that holds the chain.
             assert!(report.pivot_ratio < 1.5 * held && report.pivot_ratio > 0.01 * held, "{:e}", report.pivot_ratio);
             let pull: Vec<f64> = (0..180).map(|i| if i == 177 { held } else { 0.0 }).collect();
             solver.solve_many(&[pull.into()], &mut x).unwrap();
@@ -377,7 +378,7 @@ fn singular_and_nearly_singular_matrices_are_told_apart() {
     }
 }
 
-/// Threads share the analysis, that of LDL^T included, which the first of them to need it makes.
+/// Threads share the analysis, including that of LDL^T, which the first thread that needs it makes.
 #[test]
 fn results_repeat_bit_for_bit_on_any_number_of_threads() {
     let mut random = Random::new(4);

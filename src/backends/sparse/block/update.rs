@@ -1,4 +1,4 @@
-//! What a supernode whose columns are final subtracts from a later one.
+//! The update of a supernode by an earlier one whose columns are final.
 
 use super::factor::Block;
 use super::lanes::Lanes;
@@ -14,8 +14,8 @@ pub(super) struct Earlier<'a, T> {
 }
 
 impl<T: Scalar> Earlier<'_, T> {
-    /// Subtracts from a later panel what elimination of this supernode leaves there; `reached` are the rows here that are
-    /// columns there.
+    /// Subtracts the contribution of this supernode from the panel of a later one; `reached` is the range of rows of
+    /// this supernode that are columns of the later one.
     #[inline(always)]
     pub(super) fn subtract<L: Lanes<T>>(
         &self,
@@ -42,11 +42,11 @@ impl<T: Scalar> Earlier<'_, T> {
     }
 }
 
-/// Some rows of an earlier panel, from `row` on.
+/// Rows of an earlier panel, starting at `row`.
 struct Group<'a, T, L> {
     lanes: L,
     width: usize,
-    /// The panel from the first row that reaches the target.
+    /// The panel, starting at the first row that is a column of the target.
     blocks: &'a [Block<T>],
     rows: &'a [u32],
     place: &'a [u32],
@@ -54,8 +54,8 @@ struct Group<'a, T, L> {
 }
 
 impl<T: Scalar, L: Lanes<T>> Group<'_, T, L> {
-    /// For `R` rows: all their products with the rows that are columns of the target, as far as they lie at or below its
-    /// diagonal; some above it come along. Returns `R`.
+    /// Subtracts the products of `R` rows with the rows that are columns of the target, as far as they lie at or below
+    /// its diagonal; some blocks above the diagonal are computed as well. Returns `R`.
     #[inline(always)]
     fn subtract<const R: usize>(&self, columns: usize, target: &mut [Column<T>], target_width: usize) -> usize {
         let Self { lanes, width, blocks, rows, place, row } = *self;

@@ -1,9 +1,9 @@
-//! Lanes of AVX2 and of AVX-512.
+//! [`Lanes`] for AVX2 and AVX-512.
 //!
-//! Both hold a column of a block in a register of four lanes. AVX-512 has twice as many of these, room for the sums of six
-//! rows instead of three. What is added to a number, and in which order, is the same: both give the same factor, bit for
-//! bit. Columns of two rows in one register of eight lanes were slower than AVX2 by a tenth or more on a processor that
-//! splits such operations (Zen 4): a panel is laid out for four.
+//! Both store a column of a block in a register of four lanes. AVX-512 has twice as many registers, enough for the sums
+//! of six rows instead of three. Both perform the same operations on each number in the same order and therefore give
+//! bitwise identical factors. A variant with two block columns in one register of eight lanes was at least a tenth
+//! slower than AVX2 on a processor that splits such operations (Zen 4), because panels are laid out for four lanes.
 
 use std::marker::PhantomData;
 
@@ -12,7 +12,7 @@ use pulp::{NullaryFnOnce, cast, f32x4, f64x4};
 
 use super::lanes::{BlockScalar, Kernel, LANES, Lanes, Portable, Width};
 
-/// A kernel for scalars `T`, and the proof that this machine has the registers `L`.
+/// A kernel for scalars `T`, and the proof `L` that this machine supports the registers.
 struct With<L, K, T> {
     lanes: L,
     kernel: K,

@@ -1,15 +1,15 @@
-//! Graphs that stand for finer ones.
+//! Coarsened graphs.
 
 use super::NONE;
 use super::graph::Graph;
 
-/// A graph whose nodes and edges stand for several of a finer one.
+/// A graph whose nodes and edges each represent several nodes and edges of a finer graph.
 pub(super) struct Weighted {
     start: Vec<u32>,
-    /// Neighbors of every node with the weight of the edge to them.
+    /// The neighbors of every node with the weight of the edge to each.
     neighbors: Vec<(u32, u32)>,
     pub(super) weights: Vec<u32>,
-    /// Of all nodes.
+    /// The weight of all nodes.
     pub(super) total: u32,
 }
 
@@ -31,8 +31,8 @@ impl Weighted {
         &self.neighbors[self.start[node] as usize..self.start[node + 1] as usize]
     }
 
-    /// Merges pairs of neighbors, those with the heaviest edges first come first served; also returns the node of the
-    /// coarser graph that each node is part of.
+    /// Merges pairs of neighbors (heavy-edge matching, visiting nodes by ascending degree). Returns the coarser graph
+    /// and, for every node, its node in the coarser graph.
     pub(super) fn coarsen(&self) -> (Self, Vec<u32>) {
         let mut by_degree: Vec<u32> = (0..self.nodes() as u32).collect();
         by_degree.sort_by_key(|&node| self.neighbors(node as usize).len());
@@ -74,7 +74,7 @@ impl Weighted {
         (coarse, parent)
     }
 
-    /// Number of steps from a node to every node of a connected graph.
+    /// Returns the graph distance from `start` to every node of a connected graph.
     pub(super) fn distances(&self, start: usize) -> Vec<u32> {
         let mut distances = vec![NONE; self.nodes()];
         distances[start] = 0;
@@ -92,7 +92,7 @@ impl Weighted {
         distances
     }
 
-    /// Replaces every value by the mean of itself and the weighted mean of its neighbors, so many times.
+    /// Replaces, `sweeps` times, every value by the mean of itself and the weighted mean of its neighbors.
     pub(super) fn smooth(&self, field: &mut Vec<f64>, sweeps: usize) {
         let mut next = vec![0.0; field.len()];
         for _ in 0..sweeps {

@@ -1,5 +1,5 @@
-//! Nested dissection: a separator is eliminated last, after the two parts that it leaves, each of which is dissected in
-//! turn.
+//! Nested dissection: a separator splits the graph into two parts; it is eliminated after both parts, which are
+//! dissected recursively.
 //!
 //! Reference: A. George, *Nested dissection of a regular finite element mesh*, SIAM Journal on Numerical Analysis 10
 //! (1973), 345-363.
@@ -11,7 +11,7 @@ use super::partition::Side;
 use super::separator::separate;
 use super::{NONE, minimum_degree};
 
-/// An order by nested dissection, down to parts of `leaf` nodes, which are ordered by minimum degree.
+/// Returns a nested-dissection order. Parts of at most `leaf` nodes are ordered by minimum degree.
 pub(super) fn nested_dissection(graph: &Graph, leaf: usize) -> Result<Vec<u32>, FaerError> {
     let names: Vec<u32> = (0..graph.nodes() as u32).collect();
     let mut dissection = Dissection { leaf, order: Vec::with_capacity(names.len()), number: vec![NONE; names.len()] };
@@ -21,14 +21,14 @@ pub(super) fn nested_dissection(graph: &Graph, leaf: usize) -> Result<Vec<u32>, 
 
 struct Dissection {
     leaf: usize,
-    /// What is eliminated first, so far.
+    /// The nodes ordered so far, first eliminated first.
     order: Vec<u32>,
-    /// Scratch for cutting parts out.
+    /// Scratch for the extraction of subgraphs.
     number: Vec<u32>,
 }
 
 impl Dissection {
-    /// Appends a part of the graph, whose nodes are called `names` in the whole.
+    /// Appends the order of a subgraph; `names` maps its nodes to those of the whole graph.
     fn dissect(&mut self, part: &Graph, names: &[u32]) -> Result<(), FaerError> {
         if part.nodes() <= self.leaf {
             return self.finish(part, names);
@@ -60,7 +60,7 @@ impl Dissection {
         self.dissect(&graph, &name(members, names))
     }
 
-    /// Appends a part that is not dissected.
+    /// Appends a subgraph in minimum-degree order, without further dissection.
     fn finish(&mut self, part: &Graph, names: &[u32]) -> Result<(), FaerError> {
         self.order.extend(name(&minimum_degree(part)?, names));
         Ok(())
@@ -78,7 +78,7 @@ mod tests {
     use crate::las::Sparsity;
     use crate::las::conformance::Random;
 
-    /// A cube of nodes, `n` a side, in which those of a cell couple to each other.
+    /// A cube of `n` nodes per side, in which all nodes of a cell couple to each other.
     fn grid(n: i32) -> Graph {
         let at = |x: i32, y: i32, z: i32| (x * n + y) * n + z;
         let inside = move |k: &(i32, i32, i32)| k.0 + 1 < n && k.1 + 1 < n && k.2 + 1 < n;

@@ -1,27 +1,28 @@
-//! What an ordering sees of a matrix: a graph of nodes with one to three unknowns each.
+//! The graph on which orders are computed: nodes with one to three unknowns each.
 
 use super::NONE;
 use crate::las::Sparsity;
 
-/// The most unknowns of a node.
+/// The largest number of unknowns per node.
 pub(in crate::backends::sparse) const BLOCK: usize = 3;
 
-/// The couplings of the nodes of a symmetric matrix.
+/// The graph of the couplings between the nodes of a symmetric matrix.
 #[derive(Clone, Debug)]
 pub(in crate::backends::sparse) struct Graph {
-    /// Where the neighbors of each node start; one more than there are nodes.
+    /// For each node, the index of its first neighbor; one entry more than there are nodes.
     pub(super) start: Vec<u32>,
-    /// The neighbors of every node, ascending, without itself.
+    /// The neighbors of every node, ascending, without the node itself.
     pub(super) neighbors: Vec<u32>,
-    /// Number of unknowns of each node: 1 to [`BLOCK`].
+    /// The number of unknowns of each node: 1 to [`BLOCK`].
     sizes: Vec<u8>,
 }
 
 impl Graph {
-    /// The graph of a symmetric pattern.
+    /// Creates the graph of a symmetric pattern.
     ///
-    /// Consecutive unknowns that couple to the same others and to each other are one node, up to three of them. Since the
-    /// pattern is symmetric, every other unknown couples to all of them or to none, so that nodes couple in full blocks.
+    /// Up to three consecutive unknowns that couple to each other and to the same other unknowns form one node. Since
+    /// the pattern is symmetric, every other unknown couples to all of them or to none, so that nodes couple by full
+    /// blocks.
     pub(in crate::backends::sparse) fn new(pattern: &Sparsity) -> Self {
         let unknowns = pattern.rows();
         let (mut sizes, mut node_of) = (Vec::new(), Vec::with_capacity(unknowns));
@@ -50,7 +51,7 @@ impl Graph {
         graph
     }
 
-    /// The first unknown of each node, and the number of unknowns at the end.
+    /// Returns the first unknown of each node, followed by the number of unknowns.
     pub(in crate::backends::sparse) fn first_unknowns(&self) -> Vec<u32> {
         let mut first = Vec::with_capacity(self.nodes() + 1);
         first.push(0);
@@ -60,7 +61,7 @@ impl Graph {
         first
     }
 
-    /// Number of unknowns of a node.
+    /// Returns the number of unknowns of a node.
     #[inline]
     pub(in crate::backends::sparse) fn size(&self, node: usize) -> usize {
         self.sizes[node] as usize
@@ -70,14 +71,14 @@ impl Graph {
         self.start.len() - 1
     }
 
-    /// The neighbors of a node, ascending.
+    /// Returns the neighbors of a node, ascending.
     #[inline]
     pub(in crate::backends::sparse) fn neighbors(&self, node: usize) -> &[u32] {
         &self.neighbors[self.start[node] as usize..self.start[node + 1] as usize]
     }
 
-    /// The couplings among some of the nodes, numbered as they are listed. `number` is scratch, one entry a node, all
-    /// [`NONE`](NONE), and is left so.
+    /// Returns the subgraph of some nodes, numbered as they are listed. `number` is scratch with one entry per node;
+    /// all its entries are [`NONE`](NONE) before and after the call.
     pub(super) fn part(&self, nodes: &[u32], number: &mut [u32]) -> Self {
         for (k, &node) in nodes.iter().enumerate() {
             number[node as usize] = k as u32;
@@ -97,7 +98,7 @@ impl Graph {
         part
     }
 
-    /// The number of its connected component, for every node.
+    /// Returns for every node the number of its connected component.
     pub(super) fn components(&self) -> Vec<u32> {
         let mut component = vec![NONE; self.nodes()];
         let (mut count, mut stack) = (0, Vec::new());
@@ -144,7 +145,7 @@ mod tests {
         assert_eq!(Graph::new(&pattern(0, &[], &[])).nodes(), 0);
     }
 
-    /// Nodes of a body some of whose components are held.
+    /// Nodes of a body, some of whose components are prescribed.
     #[test]
     fn nodes_with_fewer_unknowns_are_found_between_those_with_three() {
         let nodes: [&[i32]; 5] = [&[0, 1, 2], &[3], &[4, 5], &[6, 7, 8], &[9, 10]];

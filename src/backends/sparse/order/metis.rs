@@ -1,4 +1,4 @@
-//! METIS, for orders by nested dissection.
+//! Nested-dissection orders by METIS.
 //!
 //! Reference: G. Karypis, V. Kumar, *A fast and high quality multilevel scheme for partitioning irregular graphs*, SIAM
 //! Journal on Scientific Computing 20 (1998), 359-392.
@@ -14,10 +14,10 @@ use super::graph::Graph;
 use crate::backends::metis::ONE_AT_A_TIME;
 use crate::las::SolveError;
 
-/// An order by METIS.
+/// Returns a nested-dissection order computed by METIS.
 pub(super) fn nested_dissection(graph: &Graph) -> Result<Vec<u32>, SolveError<Infallible>> {
     let n = graph.nodes();
-    // METIS does not take a graph without edges, whose order does not matter.
+    // METIS rejects a graph without edges; any order of such a graph is equally good.
     if graph.neighbors.is_empty() {
         return Ok((0..n as u32).collect());
     }
@@ -27,7 +27,7 @@ pub(super) fn nested_dissection(graph: &Graph) -> Result<Vec<u32>, SolveError<In
     let (mut order, mut position): (Vec<idx_t>, Vec<idx_t>) = (vec![0; n], vec![0; n]);
     let guard = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
     // SAFETY: `start` and `neighbors` are the compressed rows of a symmetric graph of `nodes` nodes without loops, as
-    // METIS asks for; both results have an entry a node. Null stands for unit weights and for the default options.
+    // METIS requires; both results have one entry per node. Null selects unit weights and the default options.
     let status = unsafe {
         METIS_NodeND(
             &raw mut nodes,
@@ -59,7 +59,7 @@ mod tests {
             let mut order = nested_dissection(&graph).unwrap();
             assert_eq!(order, nested_dissection(&graph).unwrap(), "the same order again");
             order.sort_unstable();
-            // Unknowns with the same couplings are one node.
+            // Consecutive unknowns with the same couplings form one node.
             assert_eq!(order, (0..graph.nodes() as u32).collect::<Vec<_>>());
         }
     }

@@ -1,7 +1,7 @@
-//! In which order the unknowns are eliminated.
+//! The elimination order.
 //!
-//! An order decides how much the factor fills in. It is found on the graph of the nodes: where each has three unknowns,
-//! the same fill as by unknowns, from a ninth of the entries.
+//! The order determines the fill-in of the factor. It is computed on the graph of the nodes: if each node has three
+//! unknowns, this graph gives the same fill-in as the graph of the unknowns with a ninth of its entries.
 
 mod coarse;
 mod dissection;
@@ -23,22 +23,23 @@ use crate::las::{Ordering, SolveError};
 pub(super) use graph::{BLOCK, Graph};
 pub(super) use tree::{Tree, inverse};
 
-/// No node, no position.
+/// Marks a missing node or position.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// Size of the parts that nested dissection leaves to minimum degree.
+/// The size of the parts that nested dissection orders by minimum degree.
 const LEAF: usize = 12;
 
-/// What an order must save to be preferred to minimum degree, whose long chains make better supernodes.
+/// The ratio of operations below which an order is preferred to minimum degree, whose long chains give better
+/// supernodes.
 const WORTH_IT: f64 = 0.95;
 
-/// Nodes of a graph that is small enough for minimum degree to be as good as anything.
+/// The number of nodes up to which only minimum degree is tried, because no other order is noticeably better.
 const SMALL: usize = 40;
 
-/// The elimination tree of the graph in the order asked for.
+/// Returns the elimination tree of the graph in the requested order.
 ///
 /// # Errors
-/// Where that order is not compiled in, or the library that makes it fails.
+/// Returns [`SolveError::Library`] if the order is not compiled in or the library that computes it fails.
 pub(super) fn eliminate(graph: &Graph, ordering: Ordering) -> Result<Tree, SolveError<Infallible>> {
     let by_degree = || Ok(Tree::new(graph, minimum_degree(graph).map_err(failed)?));
     let by_dissection = || Ok(Tree::new(graph, dissection::nested_dissection(graph, LEAF).map_err(failed)?));
@@ -72,7 +73,7 @@ fn metis(_: &Graph) -> Result<Vec<u32>, SolveError<Infallible>> {
     Err(SolveError::Library { library: "METIS", reason })
 }
 
-/// Approximate minimum degree: always the node next that couples the fewest others, or about that.
+/// Returns the approximate minimum degree order, which always eliminates a node of (about) the smallest degree next.
 ///
 /// Reference: P. R. Amestoy, T. A. Davis, I. S. Duff, *An approximate minimum degree ordering algorithm*, SIAM Journal on
 /// Matrix Analysis and Applications 17 (1996), 886-905.

@@ -1,17 +1,17 @@
-//! A separator, and the moves that make it smaller.
+//! A node separator and its refinement by moves of single nodes.
 
 use super::coarse::Weighted;
 
-/// The largest part of all nodes that may lie on one side.
+/// The largest fraction of the total weight on one side.
 const LARGEST_SIDE: f64 = 0.65;
 
-/// Rounds of moves, at most.
+/// The largest number of rounds of moves.
 const ROUNDS: usize = 10;
 
-/// Moves without a gain after which a round ends.
+/// The number of moves without a gain after which a round ends.
 const PATIENCE: usize = 60;
 
-/// Where a node lies.
+/// The part of the partition to which a node belongs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Side {
     Left = 0,
@@ -25,14 +25,14 @@ impl Side {
     }
 }
 
-/// A separator and the two sides that it leaves.
+/// A separator and the two sides that it separates.
 pub(super) struct Partition<'a> {
     graph: &'a Weighted,
     pub(super) places: Vec<Side>,
     separator: Vec<u32>,
-    /// Weight of the nodes on either side.
+    /// The weight of the nodes on each side.
     sizes: [u32; 2],
-    /// Of every node, the weight of its neighbors on either side.
+    /// For every node, the weight of its neighbors on each side.
     beside: Vec<[u32; 2]>,
 }
 
@@ -57,7 +57,7 @@ impl<'a> Partition<'a> {
         self.separator.extend((0..self.places.len() as u32).filter(separates));
     }
 
-    /// Lets the neighbors of a node know that it joined or left a side.
+    /// Updates `beside` of the neighbors after a node joined or left a side.
     fn count_beside(&mut self, node: usize, side: Side, joined: bool) {
         let weight = self.graph.weights[node];
         for &(other, _) in self.graph.neighbors(node) {
@@ -83,14 +83,14 @@ impl<'a> Partition<'a> {
         self.sizes[0] > 0 && self.sizes[1] > 0
     }
 
-    /// What is to be small: the separator, a little more where the sides differ.
+    /// Returns the cost to be minimized: the weight of the separator, slightly increased if the sides differ in weight.
     pub(super) fn cost(&self) -> f64 {
         let difference = f64::from(self.sizes[0].abs_diff(self.sizes[1])) / f64::from(self.graph.total);
         let separator = self.graph.total - self.sizes[0] - self.sizes[1];
         f64::from(separator) * (1.0 + difference * difference)
     }
 
-    /// Rounds of moves, as long as they gain something.
+    /// Performs rounds of moves as long as they reduce the cost.
     pub(super) fn refine(&mut self) {
         for _ in 0..ROUNDS {
             if !self.round() {
@@ -99,8 +99,9 @@ impl<'a> Partition<'a> {
         }
     }
 
-    /// Moves nodes out of the separator, each at most once, the best move first even where it is a loss; then goes back to
-    /// the best state on the way. Whether that is better than the first.
+    /// Performs one round: moves nodes out of the separator, each at most once and the best move first even if it
+    /// increases the cost; then restores the best state encountered. Returns true if that state is better than the
+    /// initial one.
     fn round(&mut self) -> bool {
         let first = self.cost();
         let (mut best, mut best_at) = (first, 0);
@@ -133,7 +134,7 @@ impl<'a> Partition<'a> {
         best < first
     }
 
-    /// The move that shrinks the separator most, toward the smaller side where two are as good.
+    /// Returns the move that shrinks the separator most; among equal moves, the one toward the smaller side.
     fn best_move(&self, moved: &[bool]) -> Option<(usize, Side)> {
         let limit = (LARGEST_SIDE * f64::from(self.graph.total)) as u32;
         let mut best: Option<(i64, u32, usize, Side)> = None;

@@ -1,10 +1,11 @@
-//! Small sets of nodes that cut a connected graph into two parts of about the same size.
+//! Small node separators that split a connected graph into two parts of about the same size.
 //!
-//! The graph is made coarser by merging pairs of neighbors until few nodes are left (`coarse.rs`). There, two nodes far
-//! from each other are sought, and every node gets the difference of its distances to them. A few sweeps of averaging
-//! over neighbors make that smooth (they are power iterations toward the second eigenvector of the graph), and the
-//! median splits the nodes; those of one half next to the other half separate them. The best of several such separators
-//! are taken back to the finer graphs one by one, and made smaller on each by moves of single nodes.
+//! The graph is coarsened by merging pairs of neighbors until few nodes are left (`coarse.rs`). On the coarsest graph,
+//! two nodes far from each other are selected, and every node is assigned the difference of its distances to them. A
+//! few sweeps of averaging over neighbors smooth this field (they are power iterations toward the second eigenvector of
+//! the graph), and its median splits the nodes; the nodes of one half that are adjacent to the other half form the
+//! separator. The best of several such separators are projected back to the finer graphs one by one and refined on each
+//! by moves of single nodes.
 //!
 //! References: G. Karypis, V. Kumar, *A fast and high quality multilevel scheme for partitioning irregular graphs*, SIAM
 //! Journal on Scientific Computing 20 (1998), 359-392; for the moves, C. M. Fiduccia, R. M. Mattheyses, *A linear-time
@@ -17,22 +18,22 @@ use super::coarse::Weighted;
 use super::graph::Graph;
 use super::partition::{Partition, Side};
 
-/// Sweeps of averaging.
+/// The number of averaging sweeps.
 const SWEEPS: usize = 12;
 
-/// Directions that are tried on the coarsest graph.
+/// The number of directions (pairs of distant nodes) tried on the coarsest graph.
 const DIRECTIONS: usize = 12;
 
-/// Separators of the coarsest graph that are followed to the finest.
+/// The number of separators of the coarsest graph that are refined up to the finest.
 const CANDIDATES: usize = 8;
 
-/// Nodes of a graph that is not made coarser any more.
+/// The number of nodes at or below which a graph is not coarsened further.
 const COARSEST: usize = 200;
 
-/// Part of the nodes that may be left over when a graph is made coarser, or it is not worth it.
+/// The largest fraction of the nodes that a coarsening step may leave; otherwise coarsening stops.
 const LEAST_COARSENING: f64 = 0.9;
 
-/// The best separator found in a connected graph; `None` where none leaves two parts.
+/// Returns the best separator found in a connected graph; `None` if no separator leaves two parts.
 pub(super) fn separate(graph: &Graph) -> Option<Vec<Side>> {
     let finest = Weighted::new(graph);
     let mut coarser: Vec<Weighted> = Vec::new();
@@ -64,7 +65,7 @@ pub(super) fn separate(graph: &Graph) -> Option<Vec<Side>> {
     proper.min_by(|a, b| a.cost().total_cmp(&b.cost())).map(|partition| partition.places)
 }
 
-/// Separators by the median of several fields, the best first, each with its cost.
+/// Returns separators of the coarsest graph by the median of several fields, the best first, each with its cost.
 fn first_guesses(graph: &Weighted) -> Vec<(f64, Vec<Side>)> {
     let mut guesses = Vec::new();
     let mut nearest = vec![NONE; graph.nodes()];
@@ -80,7 +81,7 @@ fn first_guesses(graph: &Weighted) -> Vec<(f64, Vec<Side>)> {
         if partition.is_proper() {
             guesses.push((partition.cost(), partition.places));
         }
-        // The next direction starts far from the ends of those before.
+        // The next direction starts far from the end nodes of the previous ones.
         for (nearest, distances) in nearest.iter_mut().zip(from.iter().zip(&to)) {
             *nearest = (*nearest).min(*distances.0).min(*distances.1);
         }
@@ -90,7 +91,8 @@ fn first_guesses(graph: &Weighted) -> Vec<(f64, Vec<Side>)> {
     guesses
 }
 
-/// The lower half of a field, by weight, against the upper one; of the latter, the nodes next to the former separate.
+/// Splits the nodes at the median of a field, by weight; nodes of the upper half adjacent to the lower half form the
+/// separator.
 fn halves(graph: &Weighted, field: &[f64]) -> Vec<Side> {
     let mut sorted: Vec<u32> = (0..graph.nodes() as u32).collect();
     sorted.sort_by(|&a, &b| field[a as usize].total_cmp(&field[b as usize]));
@@ -110,7 +112,7 @@ fn halves(graph: &Weighted, field: &[f64]) -> Vec<Side> {
     places
 }
 
-/// The first node of the largest distance.
+/// Returns the first node with the largest distance.
 fn farthest(distances: &[u32]) -> usize {
     let largest = distances.iter().copied().max().unwrap_or(0);
     distances.iter().position(|&distance| distance == largest).unwrap_or(0)
@@ -123,7 +125,7 @@ mod tests {
 
     #[test]
     fn separators_separate_and_are_small() {
-        // A long strip of 6 x 50 nodes: no separator has less than 6.
+        // A long strip of 6 x 50 nodes: every separator has at least 6 nodes.
         let at = |x: i32, y: i32| 6 * x + y;
         let bars = (0..50).flat_map(|x| {
             (0..6).flat_map(move |y| [[at(x, y), at((x + 1).min(49), y)], [at(x, y), at(x, (y + 1).min(5))]])

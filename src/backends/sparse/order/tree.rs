@@ -1,30 +1,31 @@
-//! The elimination tree: which unknowns are eliminated into which, and how full the factor gets.
+//! The elimination tree: the dependencies between the columns of the factor, and their numbers of nonzeros.
 
 use super::NONE;
 use super::graph::{BLOCK, Graph};
 
-/// The elimination tree of an ordered graph, in postorder: whatever is eliminated into a node comes right before it.
+/// The elimination tree of an ordered graph, in postorder: the descendants of a node directly precede it.
 ///
 /// Reference: J. W. H. Liu, *The role of elimination trees in sparse factorization*, SIAM Journal on Matrix Analysis and
 /// Applications 11 (1990), 134-172.
 #[derive(Clone, Debug)]
 pub(in crate::backends::sparse) struct Tree {
-    /// The node that is eliminated at each position.
+    /// The node eliminated at each position.
     pub(in crate::backends::sparse) order: Vec<u32>,
     /// The position of each node.
     pub(in crate::backends::sparse) position: Vec<u32>,
-    /// The parent of each position: the first one below the diagonal in its column of the factor; `NONE` at a root.
+    /// The parent of each position, which is the first row below the diagonal in its column of the factor; `NONE` for a
+    /// root.
     pub(in crate::backends::sparse) parent: Vec<u32>,
-    /// Entries of each column of the factor, the diagonal included.
+    /// The number of entries (in nodes) of each column of the factor, including the diagonal.
     pub(in crate::backends::sparse) counts: Vec<u32>,
-    /// The same in unknowns: the height of the first scalar column of each position.
+    /// The same in unknowns: the number of entries of the first scalar column of each position.
     heights: Vec<u32>,
-    /// Unknowns of the node at each position.
+    /// The number of unknowns of the node at each position.
     sizes: Vec<u32>,
 }
 
 impl Tree {
-    /// The tree of a graph whose nodes are eliminated in an order equivalent to the one given: same fill, postordered.
+    /// Creates the tree for an order equivalent to the given one: postordered, with the same fill-in.
     pub(in crate::backends::sparse) fn new(graph: &Graph, order: Vec<u32>) -> Self {
         let n = graph.nodes();
         let sizes: Vec<u32> = order.iter().map(|&node| graph.size(node as usize) as u32).collect();
@@ -44,7 +45,7 @@ impl Tree {
         tree
     }
 
-    /// Finds parents and counts, row by row of the factor.
+    /// Computes parents and counts, row by row of the factor.
     fn grow(&mut self, graph: &Graph) {
         let mut seen = vec![NONE; self.order.len()];
         for row in 0..self.order.len() {
@@ -64,7 +65,7 @@ impl Tree {
         }
     }
 
-    /// Calls `visit(row, column)` for every entry of the factor below the diagonal; rows ascend.
+    /// Calls `visit(row, column)` for every entry of the factor below the diagonal, rows ascending.
     pub(in crate::backends::sparse) fn for_each_entry(&self, graph: &Graph, mut visit: impl FnMut(usize, usize)) {
         let mut seen = vec![NONE; self.order.len()];
         for row in 0..self.order.len() {
@@ -80,13 +81,13 @@ impl Tree {
         }
     }
 
-    /// Positions in postorder; of siblings, the one with the fullest column comes last, right before its parent, where it
-    /// can share a supernode with it.
+    /// Returns the positions in postorder. Of siblings, the one with the most entries comes last, directly before its
+    /// parent, so that both can form one supernode.
     fn postorder(&self) -> Vec<u32> {
         let n = self.order.len();
         let mut fullest_first: Vec<u32> = (0..n as u32).collect();
         fullest_first.sort_by_key(|&p| std::cmp::Reverse(self.counts[p as usize]));
-        // Lists of children with the emptiest at the head; the roots are the children of one more node, `n`.
+        // Lists of children, fewest entries first; the roots are the children of an additional node `n`.
         let (mut head, mut next) = (vec![NONE; n + 1], vec![NONE; n]);
         for &p in &fullest_first {
             let parent = if self.parent[p as usize] == NONE { n } else { self.parent[p as usize] as usize };
@@ -109,24 +110,24 @@ impl Tree {
         sequence
     }
 
-    /// Floating-point operations of a factorization: the sum over all columns of the square of their entries.
+    /// Returns the floating-point operations of a factorization: the sum of the squares of the column counts.
     pub(in crate::backends::sparse) fn operations(&self) -> f64 {
         let nodes = self.heights.iter().zip(&self.sizes);
         nodes.map(|(&height, &size)| operations_of_node(height, size)).sum()
     }
 
-    /// The same with every node padded to [`BLOCK`] unknowns.
+    /// Returns the same with every node padded to [`BLOCK`] unknowns.
     pub(in crate::backends::sparse) fn padded_operations(&self) -> f64 {
         self.counts.iter().map(|&count| operations_of_node(BLOCK as u32 * count, BLOCK as u32)).sum()
     }
 }
 
-/// Operations of `size` columns of which the first has `height` entries, the next one less, and so on.
+/// Returns the operations of `size` columns, of which the first has `height` entries, the next one fewer, and so on.
 fn operations_of_node(height: u32, size: u32) -> f64 {
     (0..size).map(|k| f64::from(height - k)).map(|entries| entries * entries).sum()
 }
 
-/// `inverse[order[k]] = k`.
+/// Returns the inverse permutation: `inverse[order[k]] = k`.
 pub(in crate::backends::sparse) fn inverse(order: &[u32]) -> Vec<u32> {
     let mut inverse = vec![0; order.len()];
     for (k, &node) in order.iter().enumerate() {
@@ -140,7 +141,7 @@ mod tests {
     use super::*;
     use crate::las::conformance::Random;
 
-    /// Elimination as it is defined: every node couples the later ones of its neighbors to each other.
+    /// Elimination by its definition: every node couples its later neighbors to each other.
     fn eliminate(graph: &Graph, tree: &Tree) -> Vec<Vec<u32>> {
         let n = graph.nodes();
         let mut full = vec![vec![false; n]; n];
@@ -178,7 +179,7 @@ mod tests {
                 assert_eq!(tree.counts[column] as usize, rows.len() + 1);
                 assert_eq!(tree.parent[column], rows.first().copied().unwrap_or(NONE));
             }
-            // Postorder: the subtree of a position ends there, so its size leads to where it starts.
+            // In postorder, the subtree of a position ends at that position, so its size determines its start.
             let mut first: Vec<u32> = (0..graph.nodes() as u32).collect();
             for position in 0..graph.nodes() {
                 if let Some(of_parent) = first.get_mut(tree.parent[position] as usize) {
