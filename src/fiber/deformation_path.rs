@@ -1,22 +1,22 @@
-//! The way from one deformation gradient to another.
+//! Interpolation between two deformation gradients.
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
-/// A way between two deformation gradients of positive determinant.
+/// A path between two deformation gradients of positive determinant.
 ///
-/// The increment `target start^-1` is split into a stretch, which grows linearly, and a rotation, which grows in angle:
-/// the determinant stays positive all the way, also through half a turn, where the straight line between the two
-/// matrices would pass through zero.
+/// The increment `target start^-1` is split into a stretch, which is interpolated linearly, and a rotation, which is
+/// interpolated in its angle. The determinant therefore stays positive along the path, even for a rotation by 180
+/// degrees, where linear interpolation of the matrices would become singular.
 #[derive(Clone, Debug)]
 pub struct Path {
     start: Matrix3<f64>,
     target: Matrix3<f64>,
-    /// Stretch and rotation of the increment; `None` where it has none to be split into.
+    /// Stretch and rotation of the increment; `None` if it cannot be split.
     increment: Option<(Matrix3<f64>, UnitQuaternion<f64>)>,
 }
 
 impl Path {
-    /// The way from `start` to `target`.
+    /// Makes the path from `start` to `target`.
     #[must_use]
     pub fn new(start: &Matrix3<f64>, target: &Matrix3<f64>) -> Self {
         Self {
@@ -26,7 +26,7 @@ impl Path {
         }
     }
 
-    /// The deformation gradient at `part` (0 to 1) of the way.
+    /// Returns the deformation gradient at the fraction `part` (0 to 1) of the path.
     #[must_use]
     pub fn at(&self, part: f64) -> Matrix3<f64> {
         let Some((stretch, rotation)) = &self.increment else {
@@ -37,16 +37,16 @@ impl Path {
     }
 }
 
-/// The symmetric stretch `U` and the rotation `R` of `F = R U`.
+/// Returns the symmetric stretch `U` and the rotation `R` of `F = R U`.
 pub(super) fn split(f: Matrix3<f64>) -> Option<(Matrix3<f64>, UnitQuaternion<f64>)> {
     let svd = f.svd(true, true);
     let (u, v_t) = (svd.u?, svd.v_t?);
     let stretch = v_t.transpose() * Matrix3::from_diagonal(&svd.singular_values) * v_t;
-    // A quaternion has an axis for half a turn too.
+    // The quaternion has a well-defined axis even for a rotation by 180 degrees.
     Some((stretch, UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(u * v_t))))
 }
 
-/// The deformation gradient at `part` (0 to 1) of the way from `start` to `target`; see [`Path`].
+/// Returns the deformation gradient at the fraction `part` (0 to 1) of the path from `start` to `target`; see [`Path`].
 #[must_use]
 pub fn between(start: &Matrix3<f64>, target: &Matrix3<f64>, part: f64) -> Matrix3<f64> {
     Path::new(start, target).at(part)

@@ -1,7 +1,7 @@
-//! What the macro scale sees of a network in equilibrium: stress and condensed tangent.
+//! Homogenization of a network in equilibrium: stress and condensed tangent.
 //!
-//! [`Solved`](super::equilibrium::Solved), which [`super::equilibrium::equilibrate`] returns, gives them; the functions
-//! here read the workspace that it holds.
+//! The public interface is [`Solved`](super::equilibrium::Solved), which [`super::equilibrium::equilibrate`] returns;
+//! the functions here read the workspace that it borrows.
 
 use nalgebra::{Matrix3, SMatrix};
 
@@ -10,10 +10,10 @@ use super::rve::{RveModel, transform};
 use super::workspace::{MODES, Workspace};
 use crate::las::{Backend, MatrixOps, Scalar, SolveError, Solver, VectorOps};
 
-/// `dP/dF` with index `3 i + J` for `P_iJ`, row-major.
+/// `dP/dF`, with row or column index `3 i + J` for `P_iJ` or `F_iJ`.
 pub type Tangent = SMatrix<f64, 9, 9>;
 
-/// [`Solved::pk1`](super::equilibrium::Solved::pk1).
+/// Implements [`Solved::pk1`](super::equilibrium::Solved::pk1).
 pub(super) fn pk1<B: Backend<Scalar = f64>>(model: &RveModel<B>, workspace: &Workspace<B>) -> Matrix3<f64> {
     let network = model.network();
     let mut sum = Matrix3::zeros();
@@ -34,7 +34,7 @@ pub fn cauchy(pk1: &Matrix3<f64>, gradient: &Matrix3<f64>) -> Matrix3<f64> {
     pk1 * gradient.transpose() / gradient.determinant()
 }
 
-/// [`Solved::tangent`](super::equilibrium::Solved::tangent), after [`solve_modes`].
+/// Implements [`Solved::tangent`](super::equilibrium::Solved::tangent); requires [`solve_modes`].
 pub(super) fn tangent<B: Backend<Scalar = f64>>(
     model: &RveModel<B>,
     f: &Matrix3<f64>,
@@ -42,8 +42,9 @@ pub(super) fn tangent<B: Backend<Scalar = f64>>(
     workspace: &Workspace<B>,
 ) -> Result<Tangent, RveError<B::Fault>> {
     let mut form = Tangent::zeros();
-    // Rows of strains and spins, columns of strains: from the force rates. Columns of spins: from the stress. That the
-    // two mixed blocks are each other's transposes is not assumed; they are as far as forces and moments balance.
+    // The columns of the strains, in the rows of strains and spins, follow from the force rates; the columns of the
+    // spins follow from the stress. The two mixed blocks are not assumed to be transposes of each other: they are to
+    // the accuracy of the balance of forces and moments.
     form.fixed_view_mut::<9, MODES>(0, 0).copy_from(&(rate_products(workspace) * model.scale()));
     for w in 0..3 {
         let turned_stress = spin(w) * pk1;
@@ -68,7 +69,7 @@ pub(super) fn strain(k: usize) -> Matrix3<f64> {
     s
 }
 
-/// The `w`-th skew unit rate: rotations about the three axes.
+/// The `w`-th skew unit rate: the rotation about axis `w`.
 fn spin(w: usize) -> Matrix3<f64> {
     let (i, j) = [(2, 1), (0, 2), (1, 0)][w];
     let mut s = Matrix3::zeros();
@@ -77,7 +78,7 @@ fn spin(w: usize) -> Matrix3<f64> {
     s
 }
 
-/// Column `3 i + J`: the nine unit rates in which `dF = e_i (x) e_J` is expressed through `dF F^-1`.
+/// Column `3 i + J` holds the coefficients of `dF F^-1` in the nine unit rates for `dF = e_i (x) e_J`.
 fn rate_coefficients(f: &Matrix3<f64>) -> Option<Tangent> {
     let inverse = f.try_inverse()?;
     let mut coefficients = Tangent::zeros();
@@ -100,7 +101,7 @@ fn rate_coefficients(f: &Matrix3<f64>) -> Option<Tangent> {
     Some(coefficients)
 }
 
-/// Velocities of all nodes in every mode such that no interior node feels a force rate.
+/// Computes the velocities of all nodes in every mode for which the force rates at interior nodes vanish.
 pub(super) fn solve_modes<B: Backend<Scalar = f64>>(
     model: &RveModel<B>,
     workspace: &mut Workspace<B>,
@@ -108,9 +109,9 @@ pub(super) fn solve_modes<B: Backend<Scalar = f64>>(
 where
     B::Reduced: Scalar,
 {
-    /// Interior force rates, relative to all, that count as none: they enter the tangent squared.
+    /// Tolerance of the interior force rates, relative to those at all nodes: they enter the tangent squared.
     const NONE: f64 = 1e-8;
-    /// Force rates that a factor may leave behind in a matrix that is singular to working precision.
+    /// Interior force rates that are accepted if the matrix is singular to working precision.
     const LOST: f64 = 1e-4;
 
     carry_affinely(workspace);
@@ -133,7 +134,7 @@ where
                 Factor::Exact => factor_shifted(model, workspace)?,
                 Factor::Shifted => return Err(SolveError::Inaccurate { residual: unbalanced }),
             };
-            // A factor that was too far off may have left large motions behind that (nearly) nothing resists.
+            // The inaccurate factor may have added large motions in the (nearly) null space.
             carry_affinely(workspace);
             force_rates(model, workspace);
             before = f64::INFINITY;
@@ -143,7 +144,7 @@ where
     }
 }
 
-/// `v = S x` for all nodes and modes.
+/// Sets `v = S x` for all nodes and modes.
 fn carry_affinely<B: Backend>(workspace: &mut Workspace<B>) {
     let strains: [Matrix3<f64>; MODES] = std::array::from_fn(strain);
     for (velocity, x) in workspace.sensitivities.iter_mut().zip(&workspace.positions) {
@@ -153,17 +154,18 @@ fn carry_affinely<B: Backend>(workspace: &mut Workspace<B>) {
     }
 }
 
-/// What the modes are corrected with.
+/// The factor that corrects the modes.
 #[derive(Clone, Copy, Debug)]
 enum Factor {
-    /// That of the stiffness itself.
+    /// Factor of the stiffness itself.
     Exact,
-    /// That of the stiffness with its diagonal shifted.
+    /// Factor of the stiffness with a shifted diagonal.
     Shifted,
 }
 
 impl Factor {
-    /// What a correction must leave less than, or the factor is too far off.
+    /// Largest accepted ratio of the unbalanced force rates after and before a correction; a larger ratio means that
+    /// the factor is too inaccurate.
     fn gain(self) -> f64 {
         match self {
             Self::Exact => 0.05,
@@ -172,7 +174,7 @@ impl Factor {
     }
 }
 
-/// Factors the stiffness of the state in the workspace; where it is singular, with its diagonal shifted a little.
+/// Factors the stiffness at the state in the workspace, with a small shift of the diagonal if it is singular.
 fn factor_or_shift<B: Backend<Scalar = f64>>(
     model: &RveModel<B>,
     workspace: &mut Workspace<B>,
@@ -186,11 +188,11 @@ where
     }
 }
 
-/// Factors the stiffness of the state in the workspace with its diagonal shifted a little.
+/// Factors the stiffness at the state in the workspace with a small shift of the diagonal.
 ///
-/// A floppy network at rest has motions that no fiber resists, and forces none of them: `K v = q` has solutions. With
-/// `K + s I` in place of `K` every correction takes the part `lambda / (lambda + s)` of what is left, and leaves the motions
-/// of `lambda = 0` alone.
+/// A floppy network at rest has motions that no fiber resists, and no force acts on them: `K v = q` has solutions. With
+/// `K + s I` in place of `K` every correction removes the fraction `lambda / (lambda + s)` of the error, and leaves the
+/// motions with `lambda = 0` unchanged.
 fn factor_shifted<B: Backend<Scalar = f64>>(
     model: &RveModel<B>,
     workspace: &mut Workspace<B>,
@@ -198,13 +200,13 @@ fn factor_shifted<B: Backend<Scalar = f64>>(
 where
     B::Reduced: Scalar,
 {
-    /// Far above rounding, far below the stiffness of a fiber.
+    /// Relative shift: far above rounding, far below the stiffness of a fiber.
     const SHIFT: f64 = 1e-9;
     let stiffest = workspace.diagonal.iter().map(|block| block[0].max(block[4]).max(block[8])).fold(0.0, f64::max);
     factor_here(model, workspace, SHIFT * stiffest).map(|()| Factor::Shifted)
 }
 
-/// Factors the stiffness of the state in the workspace with its diagonal shifted.
+/// Factors the stiffness at the state in the workspace, with `shift` added to its diagonal.
 fn factor_here<B: Backend<Scalar = f64>>(
     model: &RveModel<B>,
     workspace: &mut Workspace<B>,
@@ -225,7 +227,7 @@ where
     Ok(())
 }
 
-/// `q = K v` at all nodes, fiber by fiber.
+/// Computes `q = K v` at all nodes, fiber by fiber.
 fn force_rates<B: Backend<Scalar = f64>>(model: &RveModel<B>, workspace: &mut Workspace<B>) {
     let Workspace { states, sensitivities, force_rates, .. } = workspace;
     force_rates.fill([0.0; 3 * MODES]);
@@ -245,7 +247,7 @@ fn force_rates<B: Backend<Scalar = f64>>(model: &RveModel<B>, workspace: &mut Wo
     }
 }
 
-/// Force rates at interior nodes over those at all nodes.
+/// The norm of the force rates at interior nodes over that at all nodes.
 fn unbalanced<B: Backend<Scalar = f64>>(model: &RveModel<B>, workspace: &Workspace<B>) -> f64 {
     let square = |rates: &[f64; 3 * MODES]| rates.iter().map(|q| q * q).sum::<f64>();
     let all: f64 = workspace.force_rates.iter().map(square).sum();
@@ -254,7 +256,7 @@ fn unbalanced<B: Backend<Scalar = f64>>(model: &RveModel<B>, workspace: &Workspa
     if all > 0.0 { (interior / all).sqrt() } else { 0.0 }
 }
 
-/// `v_i -= K_ii^-1 q_i`, all modes in one solve.
+/// Applies `v_i -= K_ii^-1 q_i`, all modes in one solve.
 fn correct<B: Backend<Scalar = f64>>(
     model: &RveModel<B>,
     workspace: &mut Workspace<B>,
@@ -286,8 +288,8 @@ fn correct<B: Backend<Scalar = f64>>(
     Ok(())
 }
 
-/// Column `l`: the products of `K v_l` with the sensitivities `v_k` of the six strains and `W x` of the three spins, over all
-/// nodes, in one pass.
+/// Column `l`: the products, over all nodes, of `K v_l` with the sensitivities `v_k` of the six strains and with `W x`
+/// of the three spins, computed in one pass.
 fn rate_products<B: Backend>(workspace: &Workspace<B>) -> SMatrix<f64, 9, MODES> {
     let spins: [Matrix3<f64>; 3] = std::array::from_fn(spin);
     let mut products = [[0.0; MODES]; 9];

@@ -1,8 +1,8 @@
 //! The micro scale: fiber networks as representative volume elements (RVEs), generic over the linear-algebra backend.
 //!
-//! A [`network::Network`] is immutable geometry; [`truss::Truss`] adds what its fibers are made of; [`rve::RveModel`]
-//! adds the pattern and symbolic factor of its stiffness. All three are shared by every RVE of that network. An
-//! [`rve::Rve`] owns its state and nothing else, and a worker owns one [`workspace::Workspace`] for each model:
+//! A [`network::Network`] is immutable geometry; [`truss::Truss`] adds the fiber materials; [`rve::RveModel`] adds the
+//! sparsity pattern and symbolic factorization of the stiffness. All RVEs of a network share these three. An
+//! [`rve::Rve`] owns only its state, and a worker owns one [`workspace::Workspace`] per model:
 //!
 //! ```text
 //! Network -> Truss -> RveModel --+

@@ -2,18 +2,19 @@
 
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
-/// How much each fiber counts.
+/// The weight of each fiber in an orientation tensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Weighting {
-    /// All the same: `(1/N) sum n (x) n`, as in the thesis.
+    /// Equal weights: `(1/N) sum n (x) n`, as in the thesis.
     Number,
-    /// By the lengths handed in.
+    /// Weights proportional to the given lengths.
     Length,
 }
 
 /// Orientation tensor `Omega = sum w n (x) n / sum w` of unit vectors; its trace is 1.
 ///
-/// `lengths` are used with [`Weighting::Length`] only. No fibers give zero.
+/// `lengths` has one entry per fiber; the values are used with [`Weighting::Length`] only. The tensor of no fibers is
+/// zero.
 #[must_use]
 pub fn tensor(directions: &[[f64; 3]], lengths: &[f64], weighting: Weighting) -> Matrix3<f64> {
     let mut sum = Matrix3::zeros();
@@ -27,11 +28,11 @@ pub fn tensor(directions: &[[f64; 3]], lengths: &[f64], weighting: Weighting) ->
     if total > 0.0 { sum / total } else { sum }
 }
 
-/// Orientation tensor of the projections of the fibers onto the plane normal to `axis`, each projected fiber a unit
-/// vector; trace 1, zero along `axis`. Fibers along the axis do not count.
+/// Orientation tensor of the projections of the fibers onto the plane normal to `axis`, each projection normalized to a
+/// unit vector; its trace is 1, and it is zero along `axis`. Fibers along the axis are ignored.
 ///
 /// # Panics
-/// Where `axis` is not 0, 1 or 2.
+/// Panics if `axis` is not 0, 1 or 2.
 #[must_use]
 pub fn planar_tensor(directions: &[[f64; 3]], lengths: &[f64], weighting: Weighting, axis: usize) -> Matrix3<f64> {
     assert!(axis < 3, "an axis is 0, 1 or 2");
@@ -49,8 +50,8 @@ pub fn planar_tensor(directions: &[[f64; 3]], lengths: &[f64], weighting: Weight
     tensor(&projected, &weights, weighting)
 }
 
-/// Principal direction of an orientation tensor and its eigenvalue: the axis along which most fibers lie. The sign is
-/// chosen such that the largest component is positive.
+/// Returns the principal direction of an orientation tensor, with the largest component positive, and its eigenvalue:
+/// the axis along which most fibers lie.
 #[must_use]
 pub fn principal(tensor: &Matrix3<f64>) -> (Vector3<f64>, f64) {
     let eigen = SymmetricEigen::new((tensor + tensor.transpose()) * 0.5);
@@ -60,8 +61,8 @@ pub fn principal(tensor: &Matrix3<f64>) -> (Vector3<f64>, f64) {
     (direction * sign, eigen.eigenvalues[largest])
 }
 
-/// The second order parameter `P2 = (3 a . Omega a - 1)/2` of an orientation tensor about a unit vector: 1 where all fibers
-/// lie along it, 0 where they are isotropic, -1/2 where all are normal to it.
+/// The second-order parameter `P2 = (3 a . Omega a - 1)/2` of an orientation tensor about a unit vector `a`: 1 if all
+/// fibers are parallel to it, 0 if they are isotropic, -1/2 if all are normal to it.
 #[must_use]
 pub fn second_order_parameter(tensor: &Matrix3<f64>, axis: &Vector3<f64>) -> f64 {
     1.5 * axis.dot(&(tensor * axis)) - 0.5

@@ -1,4 +1,4 @@
-//! A representative volume element: the immutable model of a network, shared, and the state that each RVE owns.
+//! Representative volume elements: the immutable model shared by all RVEs of a network, and the state of each RVE.
 
 use std::num::NonZeroU64;
 use std::sync::Arc;
@@ -14,16 +14,17 @@ use super::truss::{Truss, TrussError};
 use super::workspace::{MODES, Workspace};
 use crate::las::{Backend, SolveError, SolverParams, Sparsity, SparsityError, Symmetry};
 
-/// How the forces of a network become stresses.
+/// The factor `kappa` that converts forces of the unit-cube network to stresses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum StressScale {
-    /// `kappa = 1`: forces of the unit cube, for comparison with other codes.
+    /// `kappa = 1`: forces in the unit cube, for comparison with other codes.
     Raw,
     /// `kappa = phi / sum_f (A_f L_f)` for this fiber volume fraction `phi`: stresses in Pa.
     FiberVolumeFraction(f64),
 }
 
-/// Everything that RVEs of one network share: geometry, laws, the pattern of the stiffness and its symbolic factor.
+/// The data shared by all RVEs of one network: geometry, laws, sparsity pattern and symbolic factorization of the
+/// stiffness.
 #[derive(Debug)]
 pub struct RveModel<B: Backend> {
     pub(super) truss: Truss,
@@ -38,16 +39,16 @@ pub struct RveModel<B: Backend> {
     pub(super) fingerprint: Option<NonZeroU64>,
 }
 
-/// Why a network cannot serve as an RVE.
+/// Error in the construction of an [`RveModel`].
 #[derive(Debug, Error)]
 pub enum RveModelError<F: std::error::Error> {
-    /// The fibers have no mechanics.
+    /// The fibers have no valid material.
     #[error("{0}")]
     Truss(#[from] TrussError),
     /// The volume fraction is not between 0 and 1.
     #[error("the fiber volume fraction is {0}; it must lie between 0 and 1")]
     VolumeFraction(f64),
-    /// The fibers are so thin or so thick that stresses leave the range of numbers.
+    /// The fibers are so thin or so thick that the stress scale is not a positive finite number.
     #[error(
         "a fiber volume of {volume:e} in the unit cube gives the stress scale {scale:e}: check the radius and its unit"
     )]
@@ -66,10 +67,12 @@ pub enum RveModelError<F: std::error::Error> {
 }
 
 impl<B: Backend<Scalar = f64>> RveModel<B> {
-    /// The model of a network whose fibers are of one `material`, or of those of its own files.
+    /// Makes the model of a network whose fibers all have one `material`, or the materials of the network's own files
+    /// if `material` is `None`.
     ///
     /// # Errors
-    /// [`RveModelError`].
+    /// Returns [`RveModelError`] if a material or the volume fraction is invalid, if the stress scale overflows, or if
+    /// the stiffness cannot be analyzed.
     pub fn new(
         context: &B::Context,
         network: Arc<Network>,
@@ -79,10 +82,11 @@ impl<B: Backend<Scalar = f64>> RveModel<B> {
         Self::with_solver(context, network, material, scale, &SolverParams::new(Symmetry::Definite))
     }
 
-    /// The same, with linear systems solved in another way than directly. The tangent is as exact as these solutions.
+    /// Like [`RveModel::new`], with the given solver instead of a direct one. The accuracy of the tangent is that of
+    /// the solver.
     ///
     /// # Errors
-    /// [`RveModelError`].
+    /// As for [`RveModel::new`].
     pub fn with_solver(
         context: &B::Context,
         network: Arc<Network>,
@@ -119,50 +123,50 @@ impl<B: Backend<Scalar = f64>> RveModel<B> {
         })
     }
 
-    /// The geometry.
+    /// The geometry of the network.
     #[must_use]
     pub fn network(&self) -> &Arc<Network> {
         self.truss.network()
     }
 
-    /// The mechanics.
+    /// The truss: the fibers with their laws.
     #[must_use]
     pub fn truss(&self) -> &Truss {
         &self.truss
     }
 
-    /// What all fibers are made of, where that is not what the network's own files say.
+    /// The material of all fibers, if it replaces the materials of the network's own files.
     #[must_use]
     pub fn material(&self) -> Option<&FiberMaterial> {
         self.material.as_ref()
     }
 
-    /// How forces become stresses.
+    /// The conversion of forces to stresses.
     #[must_use]
     pub fn stress_scale(&self) -> StressScale {
         self.stress_scale
     }
 
-    /// `kappa`: what forces of the unit cube are multiplied with to give stresses.
+    /// `kappa`: the factor from forces in the unit cube to stresses.
     #[must_use]
     pub fn scale(&self) -> f64 {
         self.scale
     }
 
-    /// Unknowns: three for every interior node.
+    /// Number of unknowns: three per interior node.
     #[must_use]
     pub fn unknowns(&self) -> usize {
         self.pattern.rows()
     }
 
-    /// Half of `rho A L` of every fiber at each of its ends, kg with `L` in unit-cube units; fibers without a density
-    /// get that of water.
+    /// Lumped nodal masses, in kg with `L` in unit-cube units: half of `rho A L` of every fiber at each of its ends.
+    /// Fibers without a density get that of water.
     #[must_use]
     pub fn masses(&self) -> &[f64] {
         &self.masses
     }
 
-    /// What rounding alone leaves of a residual, N.
+    /// The rounding error of a residual, in N.
     #[must_use]
     pub fn rounding_floor(&self) -> f64 {
         self.rounding_floor
@@ -184,9 +188,10 @@ fn lumped_masses(network: &Network, material: Option<&FiberMaterial>) -> Vec<f64
     masses
 }
 
-/// A number that tells networks apart: of how many nodes and fibers there are, and of where the interior nodes are at rest.
+/// Hashes the numbers of nodes and fibers and the interior node positions at rest, to distinguish networks.
 fn fingerprint(network: &Network) -> Option<NonZeroU64> {
-    // The multiplier of Knuth's MMIX generator, a rotation so that high bits come down, and never zero.
+    // Multiplies as in Knuth's MMIX generator, then rotates so that high bits reach the low positions; the result is
+    // not 0.
     let mix = |sum: u64, value: u64| (sum ^ value).wrapping_mul(0x5851_f42d_4c95_7f2d).rotate_left(29);
     let counts = [network.nodes().len(), network.fibers().len()];
     let sum = counts.into_iter().fold(1, |sum, count| mix(sum, count as u64));
@@ -194,34 +199,34 @@ fn fingerprint(network: &Network) -> Option<NonZeroU64> {
     NonZeroU64::new(interior.fold(sum, |sum, x| mix(sum, x.to_bits())) | 1)
 }
 
-/// The state of one RVE: the deformation gradient it is in equilibrium with and its interior node positions.
+/// The state of one RVE: the deformation gradient of its equilibrium and its interior node positions.
 #[derive(Clone, Debug)]
 pub struct Rve {
     /// The deformation gradient of the last equilibrium.
     pub(super) gradient: Matrix3<f64>,
-    /// Interior node positions there, unit-cube units, in the order of [`Network::interior`].
+    /// Interior node positions of that equilibrium, unit-cube units, in the order of [`Network::interior`].
     pub(super) interior: Vec<[f64; 3]>,
-    /// How they follow a further strain, where that was kept.
+    /// Sensitivities of these positions to a further strain, if they were kept.
     pub(super) sensitivities: Option<Vec<Sensitivities>>,
-    /// The [`fingerprint`] of its network; `None` of a state kept elsewhere, until its first equilibrium.
+    /// The [`fingerprint`] of its network; `None` for a restored state until its first equilibrium.
     pub(super) network: Option<NonZeroU64>,
 }
 
-/// States are equal by what is in them, wherever they come from.
+/// Two states are equal if their contents are; the network is not compared.
 impl PartialEq for Rve {
     fn eq(&self, other: &Self) -> bool {
         self.gradient == other.gradient && self.interior == other.interior && self.sensitivities == other.sensitivities
     }
 }
 
-/// How an interior node leaves the affine motion, for each of the six unit strains of the current state; single precision,
-/// since it only starts a Newton.
+/// Deviation of the velocity of an interior node from the affine motion, for each of the six unit strains of the
+/// current state. Single precision suffices for an initial guess of Newton.
 pub type Sensitivities = [f32; 3 * MODES];
 
-/// Why a state kept elsewhere is none of a network.
+/// The reason why a state does not belong to a network.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum RveStateError {
-    /// It belongs to another network.
+    /// The number of interior nodes differs from that of the network.
     #[error("the state has positions of {found} interior nodes; the network has {expected}")]
     Nodes {
         /// Interior nodes of the state.
@@ -229,20 +234,20 @@ pub enum RveStateError {
         /// Interior nodes of the network.
         expected: usize,
     },
-    /// A position that is no finite number.
+    /// A position or a sensitivity is not a finite number.
     #[error("the position of interior node {0} is no finite number")]
     NotFinite(usize),
-    /// It belongs to another network, of as many interior nodes.
+    /// The state belongs to another network with the same number of interior nodes.
     #[error("the state is one of another network, with as many interior nodes")]
     Network,
-    /// A deformation gradient that no equilibrium can have.
+    /// The determinant of the deformation gradient is not positive and finite.
     #[error("the deformation gradient has determinant {0:.3e}; it must be positive")]
     Inverted(f64),
 }
 
 impl Rve {
-    /// A state that was read from [`Rve::gradient`], [`Rve::interior`] and [`Rve::sensitivities`] before. It is taken to be in
-    /// equilibrium; [`Rve::check`] tells whether it is one of a network.
+    /// Restores a state from saved values of [`Rve::gradient`], [`Rve::interior`] and [`Rve::sensitivities`]. The state
+    /// is assumed to be in equilibrium; [`Rve::check`] tests whether it can belong to a network.
     #[must_use]
     pub fn restored(
         gradient: Matrix3<f64>,
@@ -252,16 +257,17 @@ impl Rve {
         Self { gradient, interior, sensitivities, network: None }
     }
 
-    /// What [`Rve::restored`] takes.
+    /// Splits the state into the arguments of [`Rve::restored`].
     #[must_use]
     pub fn into_parts(self) -> (Matrix3<f64>, Vec<[f64; 3]>, Option<Vec<Sensitivities>>) {
         (self.gradient, self.interior, self.sensitivities)
     }
 
-    /// Whether this can be a state of that network.
+    /// Checks that this can be a state of the given network.
     ///
     /// # Errors
-    /// [`RveStateError`].
+    /// Returns [`RveStateError::Nodes`] if the number of nodes differs, [`RveStateError::NotFinite`] if a position or
+    /// sensitivity is not finite, and [`RveStateError::Inverted`] if `det F` is not positive and finite.
     pub fn check(&self, network: &Network) -> Result<(), RveStateError> {
         let expected = network.interior().len();
         for found in [Some(self.interior.len()), self.sensitivities.as_ref().map(Vec::len)].into_iter().flatten() {
@@ -284,7 +290,8 @@ impl Rve {
         Ok(())
     }
 
-    /// Whether it is of the network of this model, as far as that is known of a state.
+    /// Checks that the state belongs to the network of this model; a restored state is compared by its number of nodes
+    /// alone.
     pub(super) fn belongs_to<B: Backend>(&self, model: &RveModel<B>) -> Result<(), RveStateError> {
         let (found, expected) = (self.interior.len(), model.truss.network().interior().len());
         if found != expected {
@@ -303,7 +310,7 @@ impl Rve {
         Self { gradient: Matrix3::identity(), interior, sensitivities: None, network: fingerprint(network) }
     }
 
-    /// Keeps the sensitivities that the tangent was computed from in this workspace.
+    /// Stores the sensitivities from which the tangent was computed; the workspace holds them.
     pub(super) fn keep_sensitivities<B: Backend>(&mut self, model: &RveModel<B>, workspace: &Workspace<B>) {
         let strains: [Matrix3<f64>; MODES] = std::array::from_fn(strain);
         let sensitivities = self.sensitivities.get_or_insert_with(Vec::new);
@@ -321,8 +328,8 @@ impl Rve {
         }));
     }
 
-    /// Whether both are the same equilibrium, as far as a converged Newton tells: no interior node lies further apart than
-    /// `1e-6` of the edge of the cube.
+    /// Returns true if both states are the same equilibrium within the accuracy of a converged Newton solve: no
+    /// coordinate of an interior node differs by more than `1e-6` of the cube's edge.
     #[must_use]
     pub fn is_near(&self, other: &Self) -> bool {
         const NEAR: f64 = 1e-6;
@@ -330,7 +337,7 @@ impl Rve {
         self.interior.len() == other.interior.len() && pairs.into_iter().all(|(a, b)| (a - b).abs() <= NEAR)
     }
 
-    /// Takes over the equilibrium of another state of the same network; the sensitivities kept are forgotten.
+    /// Copies the equilibrium of another state of the same network and discards the sensitivities of this one.
     pub fn take_equilibrium(&mut self, other: &Self) {
         self.gradient = other.gradient;
         self.interior.clone_from(&other.interior);
@@ -338,7 +345,7 @@ impl Rve {
         self.network = other.network;
     }
 
-    /// Bytes that it owns on the heap.
+    /// Bytes of its heap allocations.
     #[must_use]
     pub fn heap_bytes(&self) -> usize {
         self.interior.capacity() * size_of::<[f64; 3]>()
@@ -348,13 +355,13 @@ impl Rve {
                 .map_or(0, |sensitivities| sensitivities.capacity() * size_of::<Sensitivities>())
     }
 
-    /// Whether the next equilibrium has a prediction to start from.
+    /// Returns true if the next equilibrium can start from a first-order prediction.
     #[must_use]
     pub fn has_sensitivities(&self) -> bool {
         self.sensitivities.is_some()
     }
 
-    /// Forgets the sensitivities: the next equilibrium starts from an affine motion.
+    /// Discards the sensitivities: the next equilibrium starts from an affine motion.
     pub fn forget_sensitivities(&mut self) {
         self.sensitivities = None;
     }
@@ -381,15 +388,15 @@ impl Rve {
         &self.interior
     }
 
-    /// How the interior nodes follow a further strain, where
-    /// [`Solved::keep_sensitivities`](super::equilibrium::Solved::keep_sensitivities) has kept it.
+    /// Sensitivities of the interior nodes to a further strain, if
+    /// [`Solved::keep_sensitivities`](super::equilibrium::Solved::keep_sensitivities) stored them.
     #[must_use]
     pub fn sensitivities(&self) -> Option<&[Sensitivities]> {
         self.sensitivities.as_deref()
     }
 }
 
-/// `F x`.
+/// Returns `F x`.
 #[inline(always)]
 pub(super) fn transform(f: &Matrix3<f64>, x: &[f64; 3]) -> [f64; 3] {
     [0, 1, 2].map(|i| f[(i, 0)] * x[0] + f[(i, 1)] * x[1] + f[(i, 2)] * x[2])

@@ -1,17 +1,18 @@
-//! Loops over fibers, compiled for the widest vectors of the machine that runs them.
+//! Loops over fibers, compiled for several instruction sets and dispatched at run time.
 //!
-//! The program is built for the oldest machine it may meet; here a loop is compiled a second time for vectors of four
-//! lanes with fused multiply-add and chosen when it runs. Every operation is one of IEEE 754 and acts on each fiber
-//! alone: what a fiber gets does not depend on its place in a batch, on the length of the batch or on the number of
-//! threads. A machine without fused multiply-add rounds products of its own and differs in the last digit.
+//! The program is built for a baseline instruction set; each loop here is compiled a second time for vectors of four
+//! lanes with fused multiply-add and selected at run time. All operations follow IEEE 754 and act on each fiber
+//! separately: the result for a fiber does not depend on its place in a batch, on the batch length or on the number of
+//! threads. Results on a machine without fused multiply-add, which rounds products separately, differ in the last
+//! digit.
 
 use pulp::{Arch, Simd, WithSimd};
 
-/// A loop over slices that the compiler can turn into vector instructions.
+/// A loop over slices that the compiler can vectorize.
 ///
-/// `run` is to be `#[inline(always)]`, and so is all that it calls: only what is inlined is compiled for vectors.
+/// `run` and all functions that it calls must be `#[inline(always)]`: only inlined code is compiled for vectors.
 pub(super) trait Kernel {
-    /// The loop; `FUSED` tells whether the machine has a fused multiply-add, see [`fma`].
+    /// Runs the loop; `FUSED` is true if the machine has a fused multiply-add, see [`fma`].
     fn run<const FUSED: bool>(self);
 }
 
@@ -36,7 +37,7 @@ impl<K: Kernel> WithSimd for Vectorized<K> {
     }
 }
 
-/// `a b + c`, rounded once where the machine can; elsewhere `mul_add` would be a function call of 25 ns.
+/// `a b + c` with one rounding if `FUSED`; otherwise `mul_add` would be a function call of 25 ns.
 #[inline(always)]
 pub(super) fn fma<const FUSED: bool>(a: f64, b: f64, c: f64) -> f64 {
     if FUSED { a.mul_add(b, c) } else { a * b + c }

@@ -1,4 +1,4 @@
-//! Assembly of the interior stiffness, through positions located once.
+//! Assembly of the interior stiffness into precomputed positions.
 
 use std::sync::Arc;
 
@@ -6,11 +6,11 @@ use super::network::Network;
 use super::truss::{FiberStates, Truss};
 use crate::las::{Backend, Index, MatrixOps, Sparsity, SparsityError};
 
-/// The pattern of the interior stiffness: three unknowns for every interior node, in the order of
+/// Returns the sparsity pattern of the interior stiffness: three unknowns per interior node, in the order of
 /// [`Network::interior`], coupled in full blocks.
 ///
 /// # Errors
-/// [`SparsityError::TooLarge`].
+/// Returns [`SparsityError::TooLarge`] if the unknowns or entries exceed the index type.
 pub fn pattern(network: &Network) -> Result<Sparsity, SparsityError> {
     let number = network.interior_number();
     let unknowns = |node: u32| {
@@ -24,23 +24,24 @@ pub fn pattern(network: &Network) -> Result<Sparsity, SparsityError> {
     Sparsity::from_elements(3 * network.interior().len(), elements)
 }
 
-/// Where the blocks of the interior stiffness go: the diagonal block of every interior node, and the two mirrored blocks
-/// of every fiber between interior nodes. Fibers that reach the boundary only touch diagonal blocks.
+/// Positions of the blocks of the interior stiffness: the diagonal block of every interior node, and the two
+/// off-diagonal blocks of every fiber between interior nodes. Fibers that end on the boundary contribute to diagonal
+/// blocks only.
 #[derive(Debug)]
 pub struct StiffnessSlots<B: Backend> {
-    /// Nine slots an interior node.
+    /// Nine slots per interior node.
     diagonal: Vec<B::Slot>,
-    /// The interior numbers of both ends of every fiber; the number of interior nodes for an end on the boundary.
+    /// The interior numbers of both ends of every fiber; an end on the boundary has the number of interior nodes.
     ends: Vec<[u32; 2]>,
     /// Eighteen slots for each fiber between interior nodes: block `(a, b)`, then block `(b, a)`.
     pairs: Vec<B::Slot>,
 }
 
 impl<B: Backend<Scalar = f64>> StiffnessSlots<B> {
-    /// Finds all positions in a matrix of the given pattern.
+    /// Locates all blocks in a matrix of the given pattern.
     ///
     /// # Errors
-    /// What the backend reports.
+    /// Returns the error of the backend if it cannot make or index the matrix.
     pub fn locate(context: &B::Context, truss: &Truss, pattern: &Arc<Sparsity>) -> Result<Self, B::Fault> {
         let matrix = B::matrix(context, pattern)?;
         let number = truss.network().interior_number();
@@ -62,10 +63,10 @@ impl<B: Backend<Scalar = f64>> StiffnessSlots<B> {
         Ok(slots)
     }
 
-    /// Adds the stiffness of all fibers into a zeroed `matrix`; `diagonal` is scratch.
+    /// Adds the stiffness of all fibers into a zeroed `matrix`; `diagonal` is scratch memory.
     ///
     /// # Errors
-    /// What the backend reports.
+    /// Returns the error of the backend if it cannot add entries.
     pub fn assemble(
         &self,
         truss: &Truss,
@@ -74,7 +75,7 @@ impl<B: Backend<Scalar = f64>> StiffnessSlots<B> {
         matrix: &mut B::Matrix,
     ) -> Result<(), B::Fault> {
         let interior = truss.network().interior().len();
-        // The last block takes what the boundary nodes get, which nobody reads: no fiber need ask where it ends.
+        // An unused last block collects the contributions to boundary nodes, which avoids a test for each fiber end.
         diagonal.clear();
         diagonal.resize(interior + 1, [0.0; 9]);
         let mut pairs = self.pairs.chunks_exact(18);
@@ -86,7 +87,7 @@ impl<B: Backend<Scalar = f64>> StiffnessSlots<B> {
             if ends.iter().all(|&node| (node as usize) < interior)
                 && let Some(slots) = pairs.next()
             {
-                // The block is symmetric: the mirrored one is the same.
+                // The block is symmetric and equals its mirror image.
                 let block = block.map(|k| -k);
                 matrix.add_at(&slots[..9], &block)?;
                 matrix.add_at(&slots[9..], &block)?;

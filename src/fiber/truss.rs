@@ -1,8 +1,9 @@
 //! A network of trusses: lengths, forces and stiffness of the fibers at given node positions.
 //!
 //! A fiber from node `a` to node `b` with `d = x_b - x_a`, length `l = |d|`, direction `n = d / l` and axial force `f`
-//! pulls with `T_b = f n = -T_a` (Tobin 2018, eqs. B.3 to B.5). Its stiffness is the block `k n (x) n + (f / l) I` with
-//! `k = df/dl - f / l` (B.13, B.14), positive on the two nodes and negative between them.
+//! has nodal forces `T_b = f n = -T_a` (Tobin 2018, eqs. B.3 to B.5). Its stiffness is the block
+//! `k n (x) n + (f / l) I` with `k = df/dl - f / l` (B.13, B.14), positive on the diagonal blocks of the two nodes and
+//! negative off the diagonal.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -12,30 +13,30 @@ use super::network::Network;
 use super::simd::{Kernel, vectorized};
 use thiserror::Error;
 
-/// Fibers whose intermediate numbers stay in the first-level cache from one loop to the next.
+/// Number of fibers per batch, chosen such that their intermediate values stay in the first-level cache.
 const BATCH: usize = 128;
 
-/// The mechanical side of a network: fibers grouped by law, with their areas. Immutable and shared.
+/// The mechanics of a network: fibers grouped by law, with their areas. Immutable and shared.
 #[derive(Clone, Debug)]
 pub struct Truss {
     network: Arc<Network>,
-    /// Ends of the fibers, in the order of their laws.
+    /// Ends of the fibers, ordered by law.
     ends: Vec<[u32; 2]>,
     /// Reference lengths, unit-cube units.
     lengths: Vec<f64>,
     /// Area over reference length of every fiber.
     area_per_length: Vec<f64>,
-    /// Area of the cross-section of every fiber.
+    /// Cross-sectional area of every fiber.
     areas: Vec<f64>,
     /// Area times reference length of every fiber.
     volumes: Vec<f64>,
-    /// The law of every run of fibers.
+    /// The laws, each with the range of fibers that follow it.
     laws: Vec<(Law, Range<usize>)>,
-    /// Position of every fiber in the network's own order.
+    /// Number of every fiber in the network.
     original: Vec<u32>,
 }
 
-/// What a truss computes of a deformed state; sized once, overwritten by every evaluation. One entry a fiber.
+/// Fiber states at given node positions, one entry per fiber; allocated once and overwritten by every evaluation.
 #[derive(Clone, Debug, Default)]
 pub struct FiberStates {
     /// Unit vectors from the first to the second end.
@@ -46,31 +47,32 @@ pub struct FiberStates {
     pub forces: Vec<f64>,
     /// `df/dl - f / l`: the material part of the stiffness, N per unit-cube length.
     pub material_stiffness: Vec<f64>,
-    /// `f / l`: the geometric part.
+    /// `f / l`: the geometric part of the stiffness.
     pub geometric_stiffness: Vec<f64>,
 }
 
-/// Why a network has no mechanics.
+/// Error in the construction of a [`Truss`].
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum TrussError {
-    /// Neither the caller nor the network's files say what the fibers are made of.
+    /// Neither the caller nor the network's files give a fiber material.
     #[error(
         "the network {network} comes without fiber materials (no .params file, no [law] in its .toml), and none was given"
     )]
     NoMaterial {
-        /// The network.
+        /// The name of the network.
         network: String,
     },
-    /// A parameter without sense.
+    /// A material parameter is invalid.
     #[error("{0}")]
     Material(#[from] FiberMaterialError),
 }
 
 impl Truss {
-    /// The mechanics of a network whose fibers are all of one `material`, or of the materials of its own files.
+    /// Makes the truss of a network whose fibers all have one `material`, or the materials of the network's own files
+    /// if `material` is `None`.
     ///
     /// # Errors
-    /// [`TrussError`].
+    /// Returns [`TrussError`] if there is no material or a material parameter is invalid.
     pub fn new(network: Arc<Network>, material: Option<FiberMaterial>) -> Result<Self, TrussError> {
         let of_one = material.is_some();
         let materials = material.map_or_else(|| network.materials().to_vec(), |m| vec![m]);
@@ -107,38 +109,38 @@ impl Truss {
         })
     }
 
-    /// The geometry.
+    /// The geometry of the network.
     #[must_use]
     pub fn network(&self) -> &Arc<Network> {
         &self.network
     }
 
-    /// The two nodes of every fiber, in this truss' own order (by law).
+    /// The two nodes of every fiber, in the order of this truss (by law).
     #[must_use]
     pub fn ends(&self) -> &[[u32; 2]] {
         &self.ends
     }
 
-    /// For every fiber of this truss its number in the network.
+    /// The number in the network of every fiber of this truss.
     #[must_use]
     pub fn original(&self) -> &[u32] {
         &self.original
     }
 
-    /// Reference lengths in this truss' order, unit-cube units.
+    /// Reference lengths in the order of this truss, unit-cube units.
     #[must_use]
     pub fn lengths(&self) -> &[f64] {
         &self.lengths
     }
 
-    /// `sum_f A_f L_f`: fiber volume in the unit cube, areas in the units of the radii squared.
+    /// `sum_f A_f L_f`: fiber volume in the unit cube, with areas in the squared units of the radii.
     #[must_use]
     pub fn volume(&self) -> f64 {
         self.volumes.iter().sum()
     }
 
-    /// `sum_f E_f A_f L_f` with the moduli at rest: the stiffness of the unit cube if all fibers lay along one direction and
-    /// followed it, Pa once scaled as stresses are.
+    /// `sum_f E_f A_f L_f` with the moduli at rest: times the stress scale, the stiffness of the unit cube in Pa if all
+    /// fibers were aligned with the load and deformed affinely.
     #[must_use]
     pub fn volume_of_moduli(&self) -> f64 {
         let of_law =
@@ -146,9 +148,9 @@ impl Truss {
         self.laws.iter().map(of_law).sum()
     }
 
-    /// What rounding alone leaves of a residual: `8 eps sqrt(sum_f (E A / (2 L))^2)`, in N.
+    /// The rounding error of a residual: `8 eps sqrt(sum_f (E A / (2 L))^2)`, in N.
     ///
-    /// Coordinates of size 1/2 carry an error of `eps / 2`, which a fiber turns into a force of `E A / L` times as much.
+    /// Coordinates of size 1/2 have an error of `eps / 2`, and a fiber multiplies it by `E A / L`.
     #[must_use]
     pub fn rounding_floor(&self) -> f64 {
         let squares: f64 = self
@@ -160,19 +162,19 @@ impl Truss {
         8.0 * f64::EPSILON * squares.sqrt()
     }
 
-    /// Stretches, forces and stiffness of all fibers at the given node positions.
+    /// Computes stretches, forces and stiffness of all fibers at the given node positions.
     pub fn evaluate(&self, positions: &[[f64; 3]], states: &mut FiberStates) {
         self.pass(positions, states, &mut |_, _| ());
     }
 
-    /// The same, and the internal force at every node, `sum_f T`, in N: one pass instead of [`Truss::evaluate`] and
-    /// [`Truss::nodal_forces`], with the same result bit for bit.
+    /// Like [`Truss::evaluate`], and also computes the internal force `sum_f T` at every node, in N. This single pass
+    /// gives bitwise the same result as [`Truss::evaluate`] followed by [`Truss::nodal_forces`].
     pub fn evaluate_with_forces(&self, positions: &[[f64; 3]], states: &mut FiberStates, forces: &mut [[f64; 3]]) {
         forces.fill([0.0; 3]);
         self.pass(positions, states, &mut |batch, states| self.add_forces(batch, states, forces));
     }
 
-    /// Batch by batch: geometry, law, force and stiffness, and then what `after` does with them.
+    /// Evaluates batch by batch geometry, law, force and stiffness, and calls `after` for each batch.
     fn pass(
         &self,
         positions: &[[f64; 3]],
@@ -191,7 +193,7 @@ impl Truss {
         }
     }
 
-    /// At most [`BATCH`] fibers of one law.
+    /// Evaluates at most [`BATCH`] fibers of one law.
     fn evaluate_batch(
         &self,
         law: &dyn FiberLaw,
@@ -216,7 +218,7 @@ impl Truss {
             stretches: &mut stretches[batch.clone()],
             directions: &mut directions[batch.clone()],
         });
-        // Nominal stress and slope, turned into force and stiffness where they stand.
+        // The law writes nominal stress and slope; `Mechanics` converts them in place to force and stiffness.
         let forces = &mut forces[batch.clone()];
         let material = &mut material_stiffness[batch.clone()];
         law.stresses(&stretches[batch.clone()], forces, material);
@@ -230,8 +232,8 @@ impl Truss {
         });
     }
 
-    /// The fiber whose force is the largest multiple of its own stiffness at rest, `|f| / (E A)`: its law, its stretch, and
-    /// that multiple, infinite where the force is not a number.
+    /// Returns the law and the stretch of the fiber with the largest force relative to its stiffness at rest,
+    /// `|f| / (E A)`, and that ratio, which is infinite if the force is not a number.
     #[must_use]
     pub fn most_strained(&self, states: &FiberStates) -> Option<(&Law, f64, f64)> {
         let of_law = |(law, range): &'_ (Law, Range<usize>)| {
@@ -246,7 +248,7 @@ impl Truss {
         Some((law, states.stretches[fiber], multiple))
     }
 
-    /// The internal force at every node, `sum_f T`, in N.
+    /// Computes the internal force at every node, `sum_f T`, in N.
     pub fn nodal_forces(&self, states: &FiberStates, forces: &mut [[f64; 3]]) {
         forces.fill([0.0; 3]);
         self.add_forces(0..self.ends.len(), states, forces);
@@ -263,7 +265,7 @@ impl Truss {
         }
     }
 
-    /// `sum_f A L integral_1^lambda s`: the energy of all fibers in J per (unit-cube length times area).
+    /// The energy of all fibers, `sum_f A L integral_1^lambda s`, in J per (unit-cube length times area).
     #[must_use]
     pub fn energy(&self, states: &FiberStates) -> f64 {
         self.laws
@@ -273,7 +275,7 @@ impl Truss {
     }
 }
 
-/// From `x_b - x_a` to length, stretch and direction.
+/// Computes length, stretch and direction from `x_b - x_a`.
 struct Geometry<'a> {
     differences: &'a [[f64; BATCH]; 3],
     rest_lengths: &'a [f64],
@@ -288,8 +290,8 @@ impl Kernel for Geometry<'_> {
         let Self { differences: [dx, dy, dz], rest_lengths, inverse_lengths, stretches, directions } = self;
         let fibers = dx.iter().zip(dy).zip(dz).zip(rest_lengths).zip(inverse_lengths).zip(stretches).zip(directions);
         for ((((((&x, &y), &z), &rest), inverse), stretch), direction) in fibers {
-            // The same operations in the same order as for the reference lengths, none of them fused: at rest the
-            // stretch is exactly 1.
+            // Same operations in the same order as for the reference lengths, none of them fused: the stretch at rest
+            // is exactly 1.
             let length = (x * x + y * y + z * z).sqrt();
             *stretch = length / rest;
             *inverse = 1.0 / length;
@@ -298,7 +300,7 @@ impl Kernel for Geometry<'_> {
     }
 }
 
-/// From nominal stress and slope, in `forces` and `material`, to force and stiffness.
+/// Converts nominal stress and slope, in `forces` and `material`, to force and stiffness.
 struct Mechanics<'a> {
     areas: &'a [f64],
     area_per_length: &'a [f64],

@@ -1,4 +1,4 @@
-//! What a worker needs to solve RVEs of one network: sized once, used for any number of RVEs.
+//! Scratch memory for solving RVEs of one network: allocated once, used for any number of RVEs.
 
 use std::sync::Arc;
 
@@ -8,31 +8,31 @@ use super::truss::FiberStates;
 use crate::las::{Backend, NewtonSystem, Scalar, SolveError, Sparsity};
 use nalgebra::Matrix3;
 
-/// Strain modes of the condensed tangent: six symmetric ones.
+/// Number of strain modes of the condensed tangent: the six symmetric unit strains.
 pub(super) const MODES: usize = 6;
 
-/// Scratch for RVEs of one model. Nothing in it belongs to an RVE: results do not depend on what was solved before.
+/// Scratch memory for RVEs of one model. It carries no state of an RVE: results do not depend on earlier solves.
 pub struct Workspace<B: Backend> {
-    /// That of the model it was made for: no two models share one.
+    /// The pattern of the model it was made for; it identifies the model, since no two models share a pattern.
     pattern: Arc<Sparsity>,
     /// The linear system of Newton.
     pub(super) system: NewtonSystem<B>,
     /// Positions of all nodes.
     pub(super) positions: Vec<[f64; 3]>,
-    /// Interior positions that Newton may come back to.
+    /// Interior positions that Newton can restore.
     pub(super) saved: Vec<[f64; 3]>,
     /// Forces at all nodes.
     pub(super) forces: Vec<[f64; 3]>,
-    /// The fibers at `positions`.
+    /// Fiber states at `positions`.
     pub(super) states: FiberStates,
     /// Diagonal blocks of the stiffness.
     pub(super) diagonal: Vec<[f64; 9]>,
-    /// Whether the solver holds the factor of the stiffness at `positions`.
+    /// Whether the solver holds the factor of the unshifted stiffness at `positions`.
     pub(super) factor_is_exact: bool,
-    /// Right-hand sides and solutions of the tangent, one a mode.
+    /// Right-hand sides and solutions of the tangent, one per mode.
     pub(super) mode_loads: Vec<B::Vector>,
     pub(super) mode_solutions: Vec<B::Vector>,
-    /// Velocity of all nodes in every mode, and the force rate it causes.
+    /// Velocities of all nodes in every mode, and the resulting force rates.
     pub(super) sensitivities: Vec<[f64; 3 * MODES]>,
     pub(super) force_rates: Vec<[f64; 3 * MODES]>,
 }
@@ -41,10 +41,10 @@ impl<B: Backend<Scalar = f64>> Workspace<B>
 where
     B::Reduced: Scalar,
 {
-    /// A workspace for RVEs of this model.
+    /// Allocates a workspace for RVEs of this model.
     ///
     /// # Errors
-    /// What the backend reports when it cannot make a vector, a matrix or a solver.
+    /// Returns [`SolveError`] if the backend cannot make a vector, a matrix or a solver.
     pub fn new(context: &B::Context, model: &RveModel<B>) -> Result<Self, SolveError<B::Fault>> {
         let nodes = model.network().nodes().len();
         let interior = model.network().interior().len();
@@ -67,12 +67,13 @@ where
         })
     }
 
-    /// Whether it was made for this model.
+    /// Returns true if the workspace was made for this model.
     pub(super) fn is_of(&self, model: &RveModel<B>) -> bool {
         Arc::ptr_eq(&self.pattern, &model.pattern)
     }
 
-    /// Moves the boundary to `target` and carries the interior of `rve` along: affinely, or by the prediction it has kept.
+    /// Moves the boundary to `target` and the interior of `rve` affinely, plus the first-order prediction if `rve` has
+    /// sensitivities.
     pub(super) fn place(&mut self, model: &RveModel<B>, rve: &Rve, target: &Matrix3<f64>) {
         let Some(increment) = self.place_affinely(model, rve, target) else { return };
         if let Some(sensitivities) = &rve.sensitivities {
@@ -80,8 +81,8 @@ where
         }
     }
 
-    /// Moves the boundary to `target` and the interior of `rve` by the same affine increment, which is returned; `None`
-    /// where the interior stays.
+    /// Moves the boundary to `target` and the interior of `rve` by the same affine increment. Returns the increment, or
+    /// `None` if the interior stays in place.
     pub(super) fn place_affinely(
         &mut self,
         model: &RveModel<B>,
@@ -97,7 +98,7 @@ where
             self.hold(model, rve);
             return None;
         };
-        // By the increment on the current positions: exact for rotations, and a relaxed network stays relaxed.
+        // Applying the increment to the current positions is exact for rotations and keeps a relaxed network relaxed.
         let increment = target * inverse;
         for (&node, x) in network.interior().iter().zip(&rve.interior) {
             self.positions[node as usize] = transform(&increment, x);
@@ -105,15 +106,15 @@ where
         Some(increment)
     }
 
-    /// The interior where it is.
+    /// Copies the interior positions of `rve` unchanged.
     fn hold(&mut self, model: &RveModel<B>, rve: &Rve) {
         for (&node, x) in model.network().interior().iter().zip(&rve.interior) {
             self.positions[node as usize] = *x;
         }
     }
 
-    /// Adds to an affine motion by `F = R U` what the sensitivities tell to first order: `R sum_k (U - I)_k v_k`, with `v_k` the
-    /// part of the velocity that is not affine.
+    /// Adds the first-order prediction to an affine motion by `F = R U`: `R sum_k (U - I)_k v_k`, with `v_k` the
+    /// non-affine part of the velocity.
     fn predict(&mut self, model: &RveModel<B>, increment: &Matrix3<f64>, sensitivities: &[Sensitivities]) {
         let Some((stretch, rotation)) = split(*increment) else { return };
         let rotation = rotation.to_rotation_matrix();
@@ -136,20 +137,20 @@ where
         }
     }
 
-    /// Takes up an RVE as it is, for looking at: positions and fiber states, no solve.
+    /// Loads an RVE without a solve: computes positions, fiber states and forces at its last equilibrium.
     pub fn show(&mut self, model: &RveModel<B>, rve: &Rve) {
         self.place(model, rve, &rve.gradient);
         model.truss.evaluate_with_forces(&self.positions, &mut self.states, &mut self.forces);
         self.factor_is_exact = false;
     }
 
-    /// Positions of all nodes of the RVE that was solved last, unit-cube units.
+    /// Positions of all nodes of the last RVE solved or shown, unit-cube units.
     #[must_use]
     pub fn positions(&self) -> &[[f64; 3]] {
         &self.positions
     }
 
-    /// The fibers of the RVE that was solved last.
+    /// Fiber states of the last RVE solved or shown.
     #[must_use]
     pub fn states(&self) -> &FiberStates {
         &self.states

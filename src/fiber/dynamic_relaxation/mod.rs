@@ -1,20 +1,20 @@
-//! Damped dynamic relaxation: an RVE carried to its equilibrium by an explicit integration in time.
+//! Damped dynamic relaxation: explicit time integration of an RVE to its equilibrium.
 //!
-//! The interior nodes get masses `m` and a viscous damping `c m v`, the boundary moves from one deformation gradient to
-//! the other along a smooth step, and central differences follow `m a + c m v + r = 0` until the residual `r` is as small
-//! as Newton would leave it. No matrix is assembled or factored: what makes Newton fail (an indefinite or singular
-//! stiffness, a snap-through on the way) is only one more motion here. The price is thousands of steps.
+//! The interior nodes get masses `m` and viscous damping `c m v`. The boundary moves from one deformation gradient to
+//! the other along a smooth step, and central differences integrate `m a + c m v + r = 0` until the residual `r`
+//! satisfies the tolerance of Newton. No matrix is assembled or factored: an indefinite or singular stiffness or a
+//! snap-through, where Newton fails, does not stop the integration. It takes thousands of steps.
 //!
-//! * *Mass.* Lumped, half of `rho A L` of every fiber at each of its ends ([`Masses::Density`]), or in proportion to the
-//!   stiffness that meets at a node ([`Masses::Stiffness`]), which lets the slowest nodes travel as far in a step as the
-//!   fastest and does not change where they come to rest.
-//! * *Step.* `2 / omega` with `omega^2` Gershgorin's bound of the largest eigenvalue of `M^-1 K`, renewed as the
-//!   fibers stretch, times a safety factor.
-//! * *Damping.* Critical for the mode that moves: `c = 2 omega_0`, with `omega_0^2` the Rayleigh quotient of the last step
-//!   (Underwood, *Dynamic relaxation*, in Computational Methods for Transient Analysis, 1983).
-//! * *Energy.* The work at the boundary must be found again as strain energy, kinetic energy and what the damping took,
-//!   to within a part of the largest of them (Belytschko, Liu, Moran and Elkhodary, *Nonlinear Finite Elements for
-//!   Continua and Structures*, 2nd ed., 2014, eq. 6.2.42). Where it is not, the integration is repeated with half the step.
+//! * *Mass.* Lumped: half of `rho A L` of every fiber at each of its ends ([`Masses::Density`]), or proportional to the
+//!   stiffness of the fibers at a node ([`Masses::Stiffness`]). The latter gives all nodes a similar stable
+//!   step and does not change where they come to rest.
+//! * *Step.* `2 / omega` times a safety factor, with `omega^2` Gershgorin's bound of the largest eigenvalue of
+//!   `M^-1 K`, updated as the fibers stretch.
+//! * *Damping.* Critical for the current motion: `c = 2 omega_0`, with `omega_0^2` the Rayleigh quotient of the last
+//!   step (Underwood, *Dynamic relaxation*, in Computational Methods for Transient Analysis, 1983).
+//! * *Energy.* The work at the boundary must equal the sum of strain energy, kinetic energy and dissipation, to within
+//!   a fraction of the largest of them (Belytschko, Liu, Moran and Elkhodary, *Nonlinear Finite Elements for Continua
+//!   and Structures*, 2nd ed., 2014, eq. 6.2.42). Otherwise the integration is repeated with half the step.
 
 mod motion;
 mod params;
@@ -30,25 +30,25 @@ use super::deformation_path::Path;
 use super::rve::transform;
 use super::truss::{FiberStates, Truss};
 
-/// The nodes of a relaxation.
+/// The fibers and nodes of a relaxation.
 pub(super) struct Relaxation<'a> {
     pub truss: &'a Truss,
-    /// Masses by density.
+    /// Lumped masses from the density.
     pub masses: &'a [f64],
-    /// What rounding leaves of a residual.
+    /// The rounding error of a residual.
     pub floor: f64,
-    /// All nodes; the interior ones where they start.
+    /// Positions of all nodes; those of interior nodes are the initial state.
     pub positions: &'a mut Vec<[f64; 3]>,
     pub forces: &'a mut Vec<[f64; 3]>,
     pub states: &'a mut FiberStates,
 }
 
-/// How often the stable step is renewed, and the energies compared.
+/// Number of steps between updates of the stable step and checks of the energy balance.
 const CHECK: usize = 20;
 
 impl Relaxation<'_> {
-    /// Moves the boundary along the path and lets the interior come to rest: `|r| <= max(tolerance |f|, floor)`.
-    /// With an error, the positions are wherever they were.
+    /// Moves the boundary along the path and integrates until the interior is at rest:
+    /// `|r| <= max(tolerance |f|, floor)`. After an error, the positions are those of the last step.
     pub fn run(
         &mut self,
         path: &Path,
@@ -96,7 +96,7 @@ impl Relaxation<'_> {
                 motion.energies.strain = self.truss.energy(self.states) - motion.energy_at_start;
                 report.energies = motion.energies;
                 (report.residual, report.relative) = (residual, if all > 0.0 { residual / all } else { 0.0 });
-                // Before half of the load there is too little energy for a comparison.
+                // In the first half of the load the energies are too small for a comparison.
                 let error = motion.energies.error();
                 if error > params.energy_error && (part >= 0.5 || error.is_infinite()) {
                     let (steps, repeats) = (report.steps, report.repeats);
@@ -128,14 +128,14 @@ impl Relaxation<'_> {
         if masses == Masses::Stiffness {
             motion.masses.iter_mut().zip(&motion.stiffness).for_each(|(m, k)| *m = 0.25 * k);
         }
-        // A node that no fiber holds yet needs a mass all the same.
+        // A node without stiffness needs a mass too.
         let least = 1e-3 * motion.masses.iter().fold(0.0, |most: f64, &m| most.max(m));
         motion.masses.iter_mut().for_each(|m| *m = m.max(least));
         motion.take_stable_step(safety, masses);
         motion
     }
 
-    /// One central difference, with the boundary moved to `x = F X` where it moves.
+    /// Advances one central-difference step, with the boundary moved to `x = F X` if `boundary` is given.
     fn advance(&mut self, motion: &mut Motion, boundary: Option<Matrix3<f64>>) {
         let Motion { velocities, masses, step, damping, energies, .. } = motion;
         let network = self.truss.network();
@@ -154,7 +154,7 @@ impl Relaxation<'_> {
             }
             energies.damped += *damping * masses[node] * mean * dt;
         }
-        // Half of the work by the forces before the move, half by those after it.
+        // Trapezoidal rule: half of the work with the forces before the move, half with those after it.
         let moved = boundary.map(|f| {
             let work = self.boundary_work(&f);
             self.move_boundary(&f);
@@ -168,7 +168,7 @@ impl Relaxation<'_> {
         motion.damping = self.critical_damping(motion, before);
     }
 
-    /// `1/2 f . dx` over the boundary for a move to `x = F X`, and the displacements.
+    /// Returns `1/2 f . dx` summed over the boundary for a move to `x = F X`, and the displacements.
     fn boundary_work(&self, f: &Matrix3<f64>) -> (f64, Vec<[f64; 3]>) {
         let network = self.truss.network();
         let displacements: Vec<[f64; 3]> = network
@@ -209,11 +209,11 @@ impl Relaxation<'_> {
         let after = self.rates_before(&motion.velocities);
         let inertia = 2.0 * motion.kinetic();
         let square = (after - before) / (motion.step * inertia);
-        // No more than what still lets the fastest mode move.
+        // Upper limit that does not overdamp the fastest mode.
         if square.is_finite() { 2.0 * square.max(0.0).sqrt().min(0.5 / motion.step) } else { 0.0 }
     }
 
-    /// The kinetic energy at the time of the positions: velocities are known half a step before.
+    /// The kinetic energy at the time of the positions; the stored velocities are those half a step earlier.
     fn kinetic_now(&self, motion: &Motion) -> f64 {
         let half = 0.5 * motion.step;
         let energy = |&node: &u32| {
@@ -225,8 +225,8 @@ impl Relaxation<'_> {
         self.truss.network().interior().iter().map(energy).sum()
     }
 
-    /// The time that a wave takes through the unit cube: its speed squared is the mean stiffness `k L^2 / 3` over the
-    /// mean mass.
+    /// The time that a wave takes to cross the unit cube: the wave speed squared is the mean stiffness `k L^2 / 3` over
+    /// the mean mass.
     fn crossing_time(&self, motion: &Motion) -> f64 {
         let stiffness = |(fiber, length): (usize, &f64)| {
             let along = self.states.material_stiffness[fiber] + self.states.geometric_stiffness[fiber];
@@ -237,7 +237,7 @@ impl Relaxation<'_> {
         if square.is_finite() { square.sqrt() } else { 0.0 }
     }
 
-    /// Norms of the forces at the interior and at all nodes.
+    /// Norms of the forces at the interior nodes and at all nodes.
     fn residual(&self) -> (f64, f64) {
         let square = |node: &u32| dot(&self.forces[*node as usize], &self.forces[*node as usize]);
         let network = self.truss.network();
@@ -246,7 +246,7 @@ impl Relaxation<'_> {
         (interior.sqrt(), (interior + boundary).sqrt())
     }
 
-    /// `2 sum |K_f|` at every node: Gershgorin's bound, the block of a fiber counted on and off the diagonal.
+    /// Sets `2 sum |K_f|` at every node: Gershgorin's bound, with the block of a fiber counted on and off the diagonal.
     fn bound_stiffness(&self, motion: &mut Motion) {
         motion.stiffness.fill(0.0);
         for (fiber, ends) in self.truss.ends().iter().enumerate() {

@@ -1,15 +1,15 @@
-//! The motion of the nodes: velocities, masses, and the step that is stable with them.
+//! The motion of the nodes: velocities, masses and the stable time step.
 
 use super::dot;
 use super::params::Masses;
 use super::report::Energies;
 
-/// What changes from step to step beside positions, forces and fibers.
+/// The quantities that change from step to step, besides positions, forces and fiber states.
 pub(super) struct Motion {
-    /// Velocities half a step back.
+    /// Velocities half a step before the positions.
     pub velocities: Vec<[f64; 3]>,
     pub masses: Vec<f64>,
-    /// The stiffness at every node that bounds its frequency, 2 sum |K_f|.
+    /// The stiffness at every node that bounds its frequency, `2 sum |K_f|`.
     pub stiffness: Vec<f64>,
     pub step: f64,
     pub damping: f64,
@@ -18,15 +18,15 @@ pub(super) struct Motion {
 }
 
 impl Motion {
-    /// The step that is stable with the stiffness found; or, where the masses may follow the stiffness, masses that
-    /// keep the step stable.
+    /// Sets the stable step for the current stiffness. With [`Masses::Stiffness`], masses first grow with the stiffness
+    /// such that the step stays stable.
     pub fn take_stable_step(&mut self, safety: f64, masses: Masses) {
         if masses == Masses::Stiffness {
             let kinetic = self.kinetic();
             for ((mass, &k), v) in self.masses.iter_mut().zip(&self.stiffness).zip(&mut self.velocities) {
                 let before = *mass;
                 *mass = before.max(0.25 * k);
-                // The momentum stays what it was.
+                // The momentum is conserved.
                 v.iter_mut().for_each(|v| *v *= before / *mass);
             }
             self.energies.damped += kinetic - self.kinetic();

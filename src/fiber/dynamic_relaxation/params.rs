@@ -1,31 +1,31 @@
-//! How a relaxation is to be carried out.
+//! Parameters of dynamic relaxation.
 
 /// The masses of the nodes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Masses {
     /// Half the mass of every fiber at each of its ends; fibers without a density get that of water, 1000 kg/m^3.
     Density,
-    /// In proportion to the stiffness of the fibers at a node.
+    /// Proportional to the stiffness of the fibers at a node.
     #[default]
     Stiffness,
 }
 
-/// How a relaxation is to be carried out.
+/// Parameters of dynamic relaxation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct RelaxationParams {
-    /// The masses. Default [`Masses::Stiffness`].
+    /// The choice of masses. Default [`Masses::Stiffness`].
     pub masses: Masses,
-    /// How long the boundary moves, in times that a wave takes to cross the cube: a load that is too fast may throw the
-    /// network into another equilibrium. Default 25.
+    /// Duration of the boundary motion, in units of the time that a wave takes to cross the cube: a load that is
+    /// applied too fast may drive the network into another equilibrium. Default 25.
     pub load_crossings: f64,
-    /// Steps in all. Default 200 000.
+    /// Maximum number of steps. Default 200 000.
     pub max_steps: usize,
-    /// The part of the stable step that is taken. Default 0.9.
+    /// Fraction of the stable step to take. Default 0.9.
     pub safety: f64,
-    /// How much of the largest energy may be missing from the balance. Default 0.01.
+    /// Largest error of the energy balance, relative to the largest energy. Default 0.01.
     pub energy_error: f64,
-    /// Times that the integration may be repeated with half the step. Default 3.
+    /// Maximum number of times that the integration is repeated with half the step. Default 3.
     pub max_repeats: u32,
 }
 

@@ -1,42 +1,42 @@
-//! What a relaxation took, and why it did not come to rest.
+//! Statistics and errors of dynamic relaxation.
 
 use thiserror::Error;
 
-/// What a relaxation took.
+/// Statistics of dynamic relaxation.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RelaxationReport {
-    /// Steps, those of repeated integrations included.
+    /// Number of steps, including those of repeated integrations.
     pub steps: usize,
-    /// Integrations repeated with half the step.
+    /// Number of integrations repeated with half the step.
     pub repeats: u32,
     /// `|r|` of the interior at the end, N.
     pub residual: f64,
-    /// The same over the norm of all nodal forces; 0 where there are none.
+    /// `residual` over the norm of all nodal forces; 0 if that is 0.
     pub relative: f64,
     /// Energies at the end, J in unit-cube lengths.
     pub energies: Energies,
 }
 
-/// Where the work of the boundary went.
+/// Terms of the energy balance.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Energies {
-    /// Done at the boundary.
+    /// Work done at the boundary.
     pub work: f64,
-    /// Gained by the fibers.
+    /// Increase of the strain energy of the fibers.
     pub strain: f64,
-    /// Of the moving nodes.
+    /// Kinetic energy of the nodes.
     pub kinetic: f64,
-    /// Taken by the damping.
+    /// Energy dissipated by the damping.
     pub damped: f64,
 }
 
 impl Energies {
-    /// What is missing from the balance, over the largest of the energies.
+    /// The error of the energy balance over the largest of the energies.
     #[must_use]
     pub fn error(&self) -> f64 {
         let largest = self.work.abs().max(self.strain.abs()).max(self.kinetic).max(self.damped);
         let missing = (self.strain + self.kinetic + self.damped - self.work).abs();
-        // An overflow is no balance either.
+        // An overflow violates the balance.
         if !missing.is_finite() {
             f64::INFINITY
         } else if largest > 0.0 {
@@ -47,23 +47,23 @@ impl Energies {
     }
 }
 
-/// Why a relaxation did not come to rest.
+/// The reason why a relaxation did not come to rest.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum RelaxationError {
-    /// Out of steps.
+    /// The maximum number of steps was reached.
     #[error("not at rest after {steps} steps: |r| = {residual:.3e}, limit {limit:.3e}")]
     TooManySteps {
-        /// How many were taken.
+        /// Steps taken.
         steps: usize,
         /// `|r|` at the end.
         residual: f64,
-        /// What it should have fallen to.
+        /// The limit of `|r|`.
         limit: f64,
     },
-    /// Energy appeared or vanished, whatever the step.
+    /// The energy balance was violated at every step size tried.
     #[error("{part:.1e} of the energy is missing after {steps} steps, with the step halved {repeats} times")]
     EnergyBalance {
-        /// How much, over the largest energy.
+        /// The error of the balance over the largest energy.
         part: f64,
         /// Steps taken.
         steps: usize,

@@ -1,4 +1,4 @@
-//! Whether an equilibrium continues another one.
+//! Test whether Newton leads from one equilibrium to another.
 
 use super::problem::Interior;
 use crate::fiber::rve::{Rve, RveModel};
@@ -7,23 +7,23 @@ use crate::las::{
     Backend, MatrixOps, NewtonParams, NewtonSystem, NonlinearProblem, Scalar, SolveError, Solver, VectorOps,
 };
 
-/// Newton steps that may be taken before the question is left open.
+/// Maximum number of Newton steps before the test gives up.
 const STEPS: usize = 3;
 
-/// A step that takes the distance to an equilibrium to this part of what it was has arrived in its basin of attraction,
-/// where Newton's next steps are shorter still.
+/// A step that reduces the distance to an equilibrium to this fraction has entered its basin of attraction, where the
+/// next Newton steps are shorter still.
 const CONTRACTION: f64 = 0.1;
 
-/// Positions this close to each other, unit-cube units, are of one equilibrium.
+/// Interior positions within this distance, unit-cube units, belong to the same equilibrium.
 const SAME: f64 = 1e-10;
 
-/// Whether Newton evidently leads from the equilibrium `from`, moved affinely to the boundary of `reached`, to the
+/// Returns true if Newton leads from the equilibrium `from`, moved affinely to the boundary of `reached`, to the
 /// equilibrium `reached`.
 ///
-/// It does if its undamped steps, which the line search would take and at which the stiffness is positive definite,
-/// contract toward `reached`. This costs a factorization and a solution or two, and no tangent. False says nothing:
-/// only [`equilibrate`](super::equilibrate) from there tells then. The workspace no longer describes an equilibrium
-/// afterward.
+/// The test requires full Newton steps that the line search would accept, that start from a positive definite stiffness
+/// and that contract toward `reached`. It costs one or two factorizations and solves, and no tangent. False is
+/// inconclusive: only [`equilibrate`](super::equilibrate) from `from` decides then. Afterward the workspace no longer
+/// describes an equilibrium.
 pub fn continues<B: Backend<Scalar = f64>>(
     model: &RveModel<B>,
     from: &Rve,
@@ -37,7 +37,7 @@ where
     workspace.place_affinely(model, from, &reached.gradient);
     workspace.factor_is_exact = false;
     let (problem, system) = Interior::of(model, workspace);
-    // A matrix that cannot be factored here, or a state without a residual, leaves the question open.
+    // A failed factorization and a state without a residual are inconclusive.
     contracts(problem, system, reached, params).unwrap_or(false)
 }
 

@@ -1,36 +1,38 @@
 //! Equilibrium of an RVE whose boundary is held at `x = F X`.
 //!
-//! A ladder of stages, each tried where those before it failed, and each of them to be had alone
-//! ([`EquilibriumParams::stages`]):
+//! [`equilibrate`] tries up to four stages in order until one of them succeeds. [`EquilibriumParams::stages`] selects
+//! the stages; each of them can also be used alone:
 //!
-//! 1. [`Stage::Newton`]: the whole increment from the last equilibrium, by Newton with line search, from a first-order
-//!    prediction where the RVE has one ([`Solved::keep_sensitivities`]), from an affine motion where it
-//!    has none or the prediction leads astray;
-//! 2. [`Stage::Regularized`]: the same by a descent in the energy
-//!    ([`NewtonSystem::minimize`](crate::las::NewtonSystem::minimize)), which indefinite and singular stiffnesses do not
-//!    stop, and which ends in a stable equilibrium;
+//! 1. [`Stage::Newton`]: Newton with line search for the whole increment from the last equilibrium. The initial guess
+//!    is a first-order prediction if the RVE has sensitivities ([`Solved::keep_sensitivities`]), and the affine motion
+//!    if it has none or if Newton fails from the prediction;
+//! 2. [`Stage::Regularized`]: energy minimization for the whole increment
+//!    ([`NewtonSystem::minimize`](crate::las::NewtonSystem::minimize)), which tolerates indefinite and singular
+//!    stiffness matrices and ends in a stable equilibrium;
 //! 3. [`Stage::Cuts`]: the increment in halves, quarters and so on, up to a limit, each part by the stages above;
-//! 4. [`Stage::Relaxation`]: what is left of it by damped dynamics ([`super::dynamic_relaxation`]), the last digits by the stages
-//!    above.
+//! 4. [`Stage::Relaxation`]: damped dynamics ([`super::dynamic_relaxation`]) for the rest of the increment, followed by
+//!    one of the stages above for the last digits.
 //!
-//! Equilibria are stable ones: minima of the energy. Whichever stage reaches a state, and if it is the one that the RVE
-//! came with, its stiffness is factored by Cholesky, once, and the tangent uses that factor. Where it has none, there are
-//! two cases:
+//! Only stable equilibria, that is, minima of the energy, are accepted. Every state that a stage reaches, including an
+//! unchanged initial state, is tested by one Cholesky factorization of its stiffness, and the tangent uses that factor.
+//! If the factorization fails, the state is one of the following:
 //!
-//! * *Neutral*: Cholesky succeeds with a little added to the diagonal, 1e-9 of its largest entry with the usual tolerance
-//!   ([`Curvature::Neutral`]). Some motions meet no resistance, as in a floppy network at rest; the state is accepted.
-//! * *Unstable*: the state is a saddle point of the energy. It is left along a direction of negative curvature
-//!   ([`NewtonSystem::leave_saddle`](crate::las::NewtonSystem::leave_saddle)), and a descent leads to a minimum, which is
-//!   what counts as the equilibrium. Where [`Stage::Regularized`] is not among the stages there is no descent, and the
-//!   stage has failed ([`StageError::Unstable`]).
+//! * *Neutral*: Cholesky succeeds after a small shift of the diagonal, 1e-9 of its largest entry with the default
+//!   tolerance ([`Curvature::Neutral`]). Some motions meet no resistance, as in a floppy network at rest; the state is
+//!   accepted.
+//! * *Unstable*: the state is a saddle point of the energy. The solver leaves it along a direction of negative
+//!   curvature ([`NewtonSystem::leave_saddle`](crate::las::NewtonSystem::leave_saddle)) and minimizes the energy from
+//!   there; the minimum is the equilibrium. If [`Stage::Regularized`] is not among the stages, no minimization is
+//!   available and the stage fails ([`StageError::Unstable`]).
 //!
-//! Where the whole increment by Newton has failed and its affine motion stretches a fiber so far that its force is no
-//! number, or out of all proportion ([`Overflow::FROM`]), the ladder ends at once ([`RveError::Overflow`]): the other
-//! stages start from the same state, and a smaller increment is for the caller to take.
+//! If Newton fails for the whole increment and the affine motion, even of half the increment, gives a fiber force that
+//! is not finite or at least [`Overflow::FROM`] times the stiffness of the fiber at rest, no further stage is tried
+//! ([`RveError::Overflow`]): the other stages start from the same state, and the caller has to choose a smaller
+//! increment.
 //!
-//! The descent comes before the cuts because it takes a tenth of their iterations: where networks are pressed so hard
-//! that plain Newton fails, its smaller increments mostly fail too. A failure names what stopped every stage, and
-//! leaves the RVE as it was.
+//! Energy minimization precedes the cuts because it takes a tenth of their iterations: for strongly compressed networks
+//! where plain Newton fails, its smaller increments mostly fail too. [`RveError::NotConverged`] lists the failure of
+//! every stage and leaves the RVE unchanged.
 
 mod continuation;
 mod params;
@@ -53,13 +55,13 @@ use super::workspace::Workspace;
 use crate::las::{Backend, Curvature, Departure, NewtonError, NewtonFailure, NewtonReport, Scalar, SolveError};
 use problem::Interior;
 
-/// Brings `rve` into a stable equilibrium with its boundary at `x = F X`.
+/// Brings `rve` into a stable equilibrium with its boundary at `x = F X`, where `F` is `target`.
 ///
-/// What the macro scale sees of it (stress, tangent, energy) is in [`Solved`], which holds on to `rve` and the
-/// workspace until it is dropped.
+/// The returned [`Solved`] gives stress, tangent and energy; it borrows `rve` and the workspace until it is dropped.
 ///
 /// # Errors
-/// [`RveError`]; `rve` is then unchanged.
+/// Returns [`RveError`] if `det F <= 0`, if `rve` or the workspace belongs to another model, if fiber forces overflow,
+/// or if no stage reaches an equilibrium; `rve` is then unchanged.
 pub fn equilibrate<'a, B: Backend<Scalar = f64>>(
     model: &'a RveModel<B>,
     rve: &'a mut Rve,
@@ -82,7 +84,7 @@ where
     Ok(Solved::new(model, rve, workspace, report))
 }
 
-/// Stage by stage.
+/// Tries the stages in order.
 fn find<B: Backend<Scalar = f64>>(
     model: &RveModel<B>,
     rve: &mut Rve,
@@ -99,7 +101,7 @@ where
     if params.stages.has(Stage::Newton) && ladder.try_newton(rve) {
         return Ok(ladder.report);
     }
-    // A prediction is only a start: what it led astray may succeed without it.
+    // Newton may still succeed from the affine motion where it failed from the prediction.
     let sensitivities = rve.sensitivities.take();
     if sensitivities.is_some() && params.stages.has(Stage::Newton) {
         ladder.failures.clear();
@@ -108,7 +110,7 @@ where
         }
     }
     if let Some(overflow) = ladder.overflow(rve, target) {
-        // Half of the increment may still be within reach of the stages that cut it.
+        // The stages that cut the increment may still succeed if half of it does not overflow.
         let half = Path::new(&rve.gradient, target).at(0.5);
         if ladder.overflow(rve, &half).is_some() {
             rve.sensitivities = sensitivities;
@@ -124,7 +126,7 @@ where
     Err(RveError::NotConverged { failures, report: Box::new(report) })
 }
 
-/// The name of a law with its parameters.
+/// Formats the name of a law with its parameters.
 fn described(law: &Law) -> String {
     let mut text = String::new();
     law.with(&mut |law| {
@@ -135,10 +137,11 @@ fn described(law: &Law) -> String {
     text
 }
 
-/// What a Newton, plain or regularized, did.
+/// The outcome of Newton, plain or regularized.
 type NewtonOutcome<B> = Result<NewtonReport, NewtonFailure<<B as Backend>::Fault, <B as Backend>::Fault>>;
 
-/// An equilibrium under way. Every stage says whether it reached the target and, where it did not, adds its failure.
+/// An equilibrium solve in progress. The method of a stage returns true if the stage reached the target, and otherwise
+/// records its failure and returns false.
 struct Ladder<'a, B: Backend> {
     model: &'a RveModel<B>,
     target: &'a Matrix3<f64>,
@@ -159,16 +162,16 @@ where
         match self.increment(rve, self.target) {
             Ok(newton) => {
                 self.report.newton = newton;
-                // What Newton found was a saddle point, from which a descent went on.
+                // Newton converged to a saddle point, and energy minimization continued from there.
                 self.reached(if self.report.saddles > saddles { Stage::Regularized } else { Stage::Newton })
             }
             Err(reason) => self.failed(Stage::Newton, 0.0, reason),
         }
     }
 
-    /// Whether the forces of the affine motion to `target` are too large for any stage: where those of half the increment are
-    /// too, it is the increment, or the units of what it is made of, that is wrong. The stages after the first would spend
-    /// seconds to find that out.
+    /// Returns the overflow if the affine motion to `target` gives fiber forces that are too large for any stage. If
+    /// half of the increment overflows too, either the increment or a unit of the input is wrong; the later stages
+    /// would only take seconds to fail.
     fn overflow(&mut self, rve: &Rve, target: &Matrix3<f64>) -> Option<Overflow> {
         self.workspace.place(self.model, rve, target);
         let truss = self.model.truss();
@@ -179,7 +182,7 @@ where
         (multiple >= Overflow::FROM || !is_finite).then(|| Overflow { law: described(law), stretch, multiple })
     }
 
-    /// The stages after the first.
+    /// Tries the stages after the first.
     fn climb(&mut self, rve: &mut Rve) -> bool {
         let stages = self.params.stages;
         (stages.has(Stage::Regularized) && self.regularized(rve))
@@ -187,14 +190,14 @@ where
             || (stages.has(Stage::Relaxation) && self.relaxed(rve))
     }
 
-    /// By ever smaller increments; `rve` stays where the last one that converged took it.
+    /// Applies ever smaller increments; `rve` follows the last increment that converged.
     fn in_parts(&mut self, rve: &mut Rve) -> bool {
         let path = Path::new(&rve.gradient, self.target);
         let (mut reached, mut part) = (0.0, 1.0);
         loop {
             self.report.cuts += 1;
             part *= 0.5;
-            // Parts are powers of two: the sum of them reaches 1 exactly.
+            // The parts are powers of two, so their sum reaches 1 exactly.
             let stopped = loop {
                 let goal = reached + part;
                 let gradient = if goal >= 1.0 { *self.target } else { path.at(goal) };
@@ -215,7 +218,7 @@ where
         }
     }
 
-    /// One increment by Newton, or else by a descent in the energy.
+    /// Solves one increment by Newton and, if that fails, by energy minimization.
     fn part(&mut self, rve: &mut Rve, target: &Matrix3<f64>) -> Result<NewtonReport, StageError<B::Fault>> {
         match self.increment(rve, target) {
             Err(_) if self.params.stages.has(Stage::Regularized) => {
@@ -226,20 +229,20 @@ where
         }
     }
 
-    /// One increment by Newton; `rve` follows only if it converges.
+    /// Solves one increment by Newton; `rve` is updated only on convergence.
     fn increment(&mut self, rve: &mut Rve, target: &Matrix3<f64>) -> Result<NewtonReport, StageError<B::Fault>> {
         self.workspace.place(self.model, rve, target);
         self.newton(rve, target)
     }
 
-    /// Newton from the positions in the workspace.
+    /// Runs Newton from the positions in the workspace.
     fn newton(&mut self, rve: &mut Rve, target: &Matrix3<f64>) -> Result<NewtonReport, StageError<B::Fault>> {
         let (mut problem, system) = Interior::of(self.model, self.workspace);
         let outcome = system.solve(&mut problem, &self.params.newton);
         self.settle(rve, target, outcome)
     }
 
-    /// The whole increment by a descent in the energy.
+    /// Solves the whole increment by energy minimization.
     fn regularized(&mut self, rve: &mut Rve) -> bool {
         self.workspace.place(self.model, rve, self.target);
         match self.descend(rve, self.target) {
@@ -251,7 +254,7 @@ where
         }
     }
 
-    /// A descent from the positions in the workspace.
+    /// Minimizes the energy from the positions in the workspace.
     fn descend(&mut self, rve: &mut Rve, target: &Matrix3<f64>) -> Result<NewtonReport, StageError<B::Fault>> {
         let outcome = self.minimize();
         self.settle(rve, target, outcome)
@@ -268,7 +271,7 @@ where
         outcome
     }
 
-    /// Takes over the state of a Newton that converged, if it is stable, or the minimum beside it.
+    /// Stores the converged state in `rve` if it is stable, and otherwise the minimum that follows the saddle point.
     fn settle(
         &mut self,
         rve: &mut Rve,
@@ -297,10 +300,10 @@ where
         }
     }
 
-    /// Makes sure that the state in the workspace, which `newton` found, is stable, going down from saddle points to a
-    /// minimum of the energy. The solver then holds the factor of its stiffness, if that is positive definite.
+    /// Ensures that the converged state in the workspace is stable: leaves saddle points and minimizes the energy from
+    /// there. On return the solver holds the factor of the stiffness if that is positive definite.
     fn stabilize(&mut self, mut newton: NewtonReport) -> Result<NewtonReport, StageError<B::Fault>> {
-        /// One descent as a rule ends in a minimum.
+        /// A single minimization usually ends in a minimum.
         const MOST_SADDLES: usize = 10;
         for round in 0.. {
             let (mut problem, system) = Interior::of(self.model, self.workspace);
@@ -342,7 +345,7 @@ where
         }
     }
 
-    /// What is left of the increment by dynamic relaxation, the last digits by the stage that it hands over to.
+    /// Solves the rest of the increment by dynamic relaxation, and the last digits by the stage given in the handover.
     fn relaxed(&mut self, rve: &mut Rve) -> bool {
         let tolerance = self.params.newton.tolerance;
         self.descends |= self.params.handover.is_some_and(|handover| handover.to == Stage::Regularized);
@@ -362,7 +365,7 @@ where
                 return self.reached(Stage::Relaxation);
             }
             self.workspace.positions = before;
-            // From here without a load: the boundary is where it shall be.
+            // The boundary is already at the target: the second relaxation applies no load.
             path = Path::new(self.target, self.target);
         }
         if let Err(reason) = self.relax(&path, tolerance) {

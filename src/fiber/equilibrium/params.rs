@@ -1,27 +1,27 @@
-//! What an equilibrium may cost, and which stages may be tried.
+//! Parameters of the equilibrium solve: stages, tolerances and limits.
 
 use crate::fiber::dynamic_relaxation::RelaxationParams;
 use crate::las::{NewtonParams, RegularizedParams};
 
-/// A stage of the ladder.
+/// A stage of the equilibrium solve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Stage {
-    /// The whole increment by Newton with line search.
+    /// Newton with line search for the whole increment.
     Newton,
-    /// Regularized Newton: a descent in the energy.
+    /// Regularized Newton: energy minimization.
     Regularized,
-    /// The increment cut in halves, quarters and so on, each part by Newton (and regularized Newton, where that is
-    /// among the stages).
+    /// The increment in halves, quarters and so on, each part by Newton (and by regularized Newton, if that is among
+    /// the stages).
     Cuts,
     /// Damped dynamic relaxation.
     Relaxation,
 }
 
 impl Stage {
-    /// All of them, in the order in which they are tried.
+    /// All stages, in the order in which they are tried.
     pub const ALL: [Self; 4] = [Self::Newton, Self::Regularized, Self::Cuts, Self::Relaxation];
 
-    /// How cases, commands and logs spell it.
+    /// The name of the stage in cases, commands and logs.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -32,7 +32,7 @@ impl Stage {
         }
     }
 
-    /// The stage of that name.
+    /// Returns the stage with this [`Stage::name`].
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|stage| stage.name() == name)
@@ -61,48 +61,49 @@ impl Default for Stages {
 }
 
 impl Stages {
-    /// These stages and no others.
+    /// The set of exactly these stages.
     #[must_use]
     pub fn of(stages: &[Stage]) -> Self {
         Self(Stage::ALL.map(|stage| stages.contains(&stage)))
     }
 
-    /// Whether a stage is among them.
+    /// Returns true if the set contains `stage`.
     #[must_use]
     pub fn has(self, stage: Stage) -> bool {
         self.0[stage as usize]
     }
 
-    /// The stages, in the order in which they are tried.
+    /// Iterates over the stages in the order in which they are tried.
     pub fn iter(self) -> impl Iterator<Item = Stage> {
         Stage::ALL.into_iter().filter(move |&stage| self.has(stage))
     }
 }
 
-/// What an equilibrium may cost.
+/// Parameters of the equilibrium solve.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct EquilibriumParams {
-    /// Newton of one increment. Its tolerance, relative to the forces of all nodes, is that of every stage.
+    /// Parameters of Newton for one increment. Its tolerance, relative to the forces of all nodes, applies to every
+    /// stage.
     pub newton: NewtonParams,
-    /// How often an increment may be halved. Default 6.
+    /// Maximum number of times that an increment is halved. Default 6.
     pub max_cuts: u32,
-    /// Regularized Newton.
+    /// Parameters of regularized Newton.
     pub regularized: RegularizedParams,
-    /// Dynamic relaxation.
+    /// Parameters of dynamic relaxation.
     pub relaxation: RelaxationParams,
-    /// Which stage finds the last digits of a dynamic relaxation; `None` if it is to find them itself.
+    /// The stage that computes the last digits after dynamic relaxation; `None` if the relaxation computes them itself.
     pub handover: Option<Handover>,
-    /// The stages that may be tried. Default all of them.
+    /// The stages to try. Default all of them.
     pub stages: Stages,
 }
 
-/// Where dynamic relaxation stops, and what goes on from there.
+/// Residual at which dynamic relaxation stops, and the stage that continues from there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Handover {
-    /// The residual, relative to the forces of all nodes. Default `1e-3`.
+    /// Residual at which the relaxation stops, relative to the forces of all nodes. Default `1e-3`.
     pub residual: f64,
-    /// [`Stage::Regularized`] (the default) or [`Stage::Newton`].
+    /// The stage that continues: [`Stage::Regularized`] (the default) or [`Stage::Newton`].
     pub to: Stage,
 }
 
@@ -113,8 +114,8 @@ impl Default for Handover {
 }
 
 impl EquilibriumParams {
-    /// The same with these stages. Dynamic relaxation hands over to regularized Newton if that is among them, else to
-    /// Newton if that is, and finds the last digits itself if neither is.
+    /// Returns these parameters with other stages. Dynamic relaxation hands over to regularized Newton if that is among
+    /// them, otherwise to Newton if that is, and computes the last digits itself if neither is.
     #[must_use]
     pub fn with_stages(self, stages: Stages) -> Self {
         let to = [Stage::Regularized, Stage::Newton].into_iter().find(|&stage| stages.has(stage));

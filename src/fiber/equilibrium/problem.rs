@@ -5,7 +5,7 @@ use crate::fiber::truss::FiberStates;
 use crate::fiber::workspace::Workspace;
 use crate::las::{Backend, NewtonSystem, NonlinearProblem, Potential, ResidualScale, VectorOps};
 
-/// The interior positions, with what is computed from them.
+/// The interior positions of an RVE and the quantities computed from them.
 pub(super) struct Interior<'a, B: Backend> {
     model: &'a RveModel<B>,
     positions: &'a mut Vec<[f64; 3]>,
@@ -16,7 +16,7 @@ pub(super) struct Interior<'a, B: Backend> {
 }
 
 impl<'a, B: Backend> Interior<'a, B> {
-    /// The problem that stands in a workspace, and the linear system to solve it with.
+    /// Splits a workspace into the nonlinear problem at its current positions and the linear system.
     pub fn of(model: &'a RveModel<B>, workspace: &'a mut Workspace<B>) -> (Self, &'a mut NewtonSystem<B>) {
         let Workspace { system, positions, saved, forces, states, diagonal, .. } = workspace;
         (Self { model, positions, saved, forces, states, diagonal }, system)
@@ -24,7 +24,7 @@ impl<'a, B: Backend> Interior<'a, B> {
 }
 
 impl<B: Backend<Scalar = f64>> Interior<'_, B> {
-    /// The Euclidean distance of the interior positions from those of another state, unit-cube units.
+    /// Returns the Euclidean distance between the interior positions and those of another state, unit-cube units.
     pub fn distance(&self, other: &Rve) -> f64 {
         let interior = self.model.network().interior().iter().zip(other.interior());
         let squares = interior.flat_map(|(&node, x)| {
@@ -68,7 +68,7 @@ impl<B: Backend<Scalar = f64>> NonlinearProblem<B> for Interior<'_, B> {
         })
     }
 
-    /// Any state has forces: only the backend can fail.
+    /// Fiber forces exist at every state, so only the backend can fail.
     fn is_final(_: &B::Fault) -> bool {
         true
     }

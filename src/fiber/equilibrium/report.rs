@@ -1,4 +1,4 @@
-//! What an equilibrium took, and why there is none.
+//! Statistics and errors of an equilibrium solve.
 
 use std::fmt;
 
@@ -9,41 +9,42 @@ use crate::fiber::dynamic_relaxation::{RelaxationError, RelaxationReport};
 use crate::fiber::rve::RveStateError;
 use crate::las::{NewtonError, NewtonReport, SolveError};
 
-/// What an equilibrium took, stage by stage.
+/// Statistics of an equilibrium solve, summed over its stages.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct EquilibriumReport {
-    /// The stage that reached it; `None` before one did.
+    /// The stage that reached the equilibrium; `None` as long as none did.
     pub stage: Option<Stage>,
-    /// Newton iterations in all, plain and regularized, those of failed attempts included.
+    /// Total Newton iterations, plain and regularized, including those of failed attempts.
     pub iterations: usize,
-    /// The last Newton. Its residual history ends at equilibrium; where dynamic relaxation went there alone, the
-    /// residual that it left is all of it.
+    /// Report of the last Newton solve. Its residual history ends at equilibrium; if dynamic relaxation reached the
+    /// equilibrium alone, the history holds only its final residual.
     pub newton: NewtonReport,
-    /// Equilibria that started from a first-order prediction.
+    /// Number of solves that started from a first-order prediction.
     pub predicted: usize,
-    /// Halvings of the increment.
+    /// Number of times that the increment was halved.
     pub cuts: u32,
-    /// Shortened steps in all.
+    /// Total number of step reductions by the line search.
     pub line_search_cuts: usize,
-    /// Factorizations in all of a stiffness that was not positive definite.
+    /// Total factorizations of a stiffness that was not positive definite.
     pub indefinite: usize,
-    /// Factorizations in all of a stiffness that was singular.
+    /// Total factorizations of a singular stiffness.
     pub singular: usize,
-    /// Iterations of regularized Newton among those above.
+    /// Iterations of regularized Newton, included in `iterations`.
     pub regularized: usize,
-    /// What dynamic relaxation took.
+    /// Statistics of dynamic relaxation.
     pub relaxation: RelaxationReport,
-    /// Saddle points of the energy that were reached, and left for a minimum.
+    /// Number of saddle points of the energy that were reached and left for a minimum.
     pub saddles: usize,
-    /// Whether the state that was reached is stable but for motions that nothing resists, as in a floppy network at rest.
+    /// Whether the equilibrium is neutral: stable except for motions that meet no resistance, as in a floppy network at
+    /// rest.
     pub neutral: bool,
-    /// Negative pivots of the stiffness of the state that was reached, beyond rounding: 0 of a stable one. `None` before
-    /// a state was reached, and where the backend does not count them.
+    /// Number of negative pivots, beyond rounding, of the stiffness at equilibrium: 0 if it is stable. `None` if no
+    /// equilibrium was reached or the backend does not count them.
     pub negative_pivots: Option<usize>,
 }
 
 impl EquilibriumReport {
-    /// Counts a Newton, plain or regularized.
+    /// Adds the counts of one Newton solve, plain or regularized.
     pub(super) fn add(&mut self, newton: &NewtonReport) {
         self.iterations += newton.iterations;
         self.line_search_cuts += newton.line_search_cuts;
@@ -51,8 +52,8 @@ impl EquilibriumReport {
         self.singular += newton.singular;
     }
 
-    /// The counts of an equilibrium and of the one after it; the residual history, the stage and the stability are those of
-    /// the latter.
+    /// Adds the counts of two consecutive equilibrium solves; the residual history, the stage and the stability are
+    /// those of `next`.
     #[must_use]
     pub fn then(self, next: Self) -> Self {
         Self {
@@ -77,20 +78,20 @@ impl EquilibriumReport {
     }
 }
 
-/// What stopped a stage.
+/// The reason why a stage failed.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum StageError<F: std::error::Error + 'static> {
-    /// Newton, plain or regularized.
+    /// Newton, plain or regularized, failed.
     #[error("{0}")]
     Newton(NewtonError<F, F>),
-    /// Dynamic relaxation.
+    /// Dynamic relaxation failed.
     #[error("{0}")]
     Relaxation(#[from] RelaxationError),
-    /// It found an equilibrium that is not stable: a saddle point of the energy. Either regularized Newton, which would
-    /// go on to a minimum, is not among the stages, or one saddle point followed another.
+    /// The stage found an unstable equilibrium, a saddle point of the energy. Either regularized Newton, which would
+    /// continue to a minimum, is not among the stages, or one saddle point followed another.
     #[error("the equilibrium found is unstable{}", counted(*.negative_pivots))]
     Unstable {
-        /// Negative pivots of its stiffness, where the backend counts them.
+        /// Negative pivots of the stiffness, if the backend counts them.
         negative_pivots: Option<usize>,
     },
 }
@@ -103,16 +104,16 @@ fn counted(negative_pivots: Option<usize>) -> String {
     }
 }
 
-/// A stage that found no equilibrium.
+/// A stage that found no equilibrium, with the reason.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub struct StageFailure<F: std::error::Error + 'static> {
-    /// Which.
+    /// The stage that failed.
     pub stage: Stage,
-    /// Halvings of the increment until then.
+    /// Number of times that the increment had been halved.
     pub cuts: u32,
-    /// The part of the increment that was reached.
+    /// The fraction of the increment that was reached.
     pub progress: f64,
-    /// What stopped it.
+    /// The reason for the failure.
     pub reason: StageError<F>,
 }
 
@@ -126,30 +127,30 @@ impl<F: std::error::Error + 'static> fmt::Display for StageFailure<F> {
     }
 }
 
-/// Why an RVE has no answer.
+/// Error of an RVE solve.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum RveError<F: std::error::Error + 'static> {
-    /// The deformation asked for turns the material inside out.
+    /// The deformation gradient has no positive determinant.
     #[error("the deformation gradient has determinant {determinant:.3e}; it must be positive")]
     Inverted {
         /// `det F`.
         determinant: f64,
     },
-    /// The ladder is exhausted.
+    /// All stages failed.
     #[error("no equilibrium; {}", told(failures))]
     NotConverged {
-        /// What stopped each stage, in the order in which they were tried.
+        /// The failures of the stages, in the order in which they were tried.
         failures: Vec<StageFailure<F>>,
-        /// What was done until then.
+        /// Statistics up to the failure.
         report: Box<EquilibriumReport>,
     },
     /// The workspace was made for another model.
     #[error("the workspace was made for another model: make one with `Workspace::new` for each model")]
     Workspace,
-    /// The state cannot be one of this network.
+    /// The state does not belong to the network of the model.
     #[error("the RVE is not one of this model: {0}")]
     State(RveStateError),
-    /// Carried along affinely, the fibers pull so hard that no equilibrium can be told from rounding.
+    /// The affine motion gives fiber forces so large that an equilibrium cannot be distinguished from rounding.
     #[error("{0}")]
     Overflow(Overflow),
     /// The tangent could not be condensed.
@@ -157,24 +158,24 @@ pub enum RveError<F: std::error::Error + 'static> {
     Tangent(SolveError<F>),
 }
 
-/// A fiber whose force is out of all proportion.
+/// A fiber whose force is too large for the solver.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[error(
     "the forces of the fibers overflow: at stretch {stretch:.4} the law {law} pulls with {multiple:.1e} times the stiffness \
      of the fiber at rest; check the units of lengths, loads and moduli"
 )]
 pub struct Overflow {
-    /// Its law with its parameters.
+    /// The law of the fiber with its parameters.
     pub law: String,
-    /// The stretch to which the deformation gradient carries it.
+    /// The stretch of the fiber.
     pub stretch: f64,
-    /// Its force over its stiffness at rest, `|f| / (E A)`; infinite where that is no number.
+    /// Force over stiffness at rest, `|f| / (E A)`; infinite if that is not a number.
     pub multiple: f64,
 }
 
 impl Overflow {
-    /// Multiples from here on are too large: the fibers near rest have forces that vanish within the tolerance of the
-    /// residual, which is relative to all forces.
+    /// Smallest `multiple` that is an overflow: the forces of fibers near rest then vanish within the tolerance of the
+    /// residual, which is relative to the norm of all forces.
     pub const FROM: f64 = 1e12;
 }
 
@@ -186,8 +187,8 @@ fn told<F: std::error::Error + 'static>(failures: &[StageFailure<F>]) -> String 
 }
 
 impl<F: std::error::Error + 'static> RveError<F> {
-    /// Whether the last stage that was tried met a singular or unsolvable linear system, rather than a state that is hard
-    /// to reach.
+    /// Returns true if the last stage failed because of a singular or unsolvable linear system, and not because the
+    /// state is hard to reach.
     #[must_use]
     pub fn is_linear(&self) -> bool {
         match self {
@@ -199,7 +200,7 @@ impl<F: std::error::Error + 'static> RveError<F> {
         }
     }
 
-    /// Whether the linear-algebra library failed for reasons of its own.
+    /// Returns true if the linear-algebra library itself failed.
     #[must_use]
     pub fn is_fault(&self) -> bool {
         match self {

@@ -1,4 +1,4 @@
-//! An RVE in equilibrium: what the macro scale sees of it.
+//! An RVE in equilibrium, with its stress, energy and tangent for the macro scale.
 
 use std::fmt;
 
@@ -12,10 +12,10 @@ use crate::fiber::truss::FiberStates;
 use crate::fiber::workspace::Workspace;
 use crate::las::{Backend, Scalar};
 
-/// An RVE in equilibrium, as [`equilibrate`](super::equilibrate) left it.
+/// An RVE in equilibrium, returned by [`equilibrate`](super::equilibrate).
 ///
-/// It borrows the RVE and the workspace that describes it, so that no other RVE can be solved in that workspace while
-/// stress and tangent of this one are still to be computed:
+/// It borrows the RVE and the workspace with its solution, so that no other RVE can be solved in that workspace while
+/// stress and tangent of this one may still be computed:
 ///
 /// ```compile_fail
 /// # use biotissue::fiber::{equilibrium::*, rve::*, workspace::Workspace};
@@ -33,7 +33,7 @@ pub struct Solved<'a, B: Backend> {
     rve: &'a mut Rve,
     workspace: &'a mut Workspace<B>,
     report: EquilibriumReport,
-    /// Whether the workspace holds the sensitivities of the strain modes.
+    /// Whether the workspace holds the sensitivities to the strain modes.
     has_modes: bool,
 }
 
@@ -56,13 +56,13 @@ where
         Self { model, rve, workspace, report, has_modes: false }
     }
 
-    /// What it took.
+    /// The statistics of the solve.
     #[must_use]
     pub fn report(&self) -> &EquilibriumReport {
         &self.report
     }
 
-    /// What it took, for those who need nothing else.
+    /// Consumes `self` and returns the statistics of the solve.
     #[must_use]
     pub fn into_report(self) -> EquilibriumReport {
         self.report
@@ -74,16 +74,16 @@ where
         self.rve
     }
 
-    /// The fiber that pulls out of all proportion, if one does: an equilibrium that no fiber withstands, from a deformation or
-    /// a modulus in another unit.
+    /// Returns the fiber with the largest relative force if that is an [`Overflow`]. No fiber withstands such a force;
+    /// it indicates a deformation or a modulus in a wrong unit.
     #[must_use]
     pub fn overflow(&self) -> Option<Overflow> {
         let (law, stretch, multiple) = self.model.truss().most_strained(self.workspace.states())?;
         (multiple >= Overflow::FROM).then(|| Overflow { law: described(law), stretch, multiple })
     }
 
-    /// First Piola-Kirchhoff stress `P_iJ = kappa sum_b T_b,i X_b,J` over boundary nodes, in Pa (N over unit-cube area for
-    /// `kappa = 1`).
+    /// First Piola-Kirchhoff stress `P_iJ = kappa sum_b T_b,i X_b,J` over boundary nodes, in Pa (N over unit-cube area
+    /// for `kappa = 1`).
     #[must_use]
     pub fn pk1(&self) -> Matrix3<f64> {
         homogenize::pk1(self.model, self.workspace)
@@ -95,24 +95,26 @@ where
         self.model.scale() * self.model.truss().energy(self.workspace.states())
     }
 
-    /// The consistent tangent `A = dP/dF` of the network with its interior condensed out, in Pa.
+    /// The consistent tangent `A = dP/dF` of the network after static condensation of its interior, in Pa.
     ///
-    /// Six strain modes `dF = S F` of the current state are imposed on the boundary, and the interior follows by
-    /// back-substitution on the factor of the stiffness that the equilibrium was found stable by. The interior forces of
-    /// each mode are checked and corrected until they vanish. Where the stiffness is singular (or so nearly that its own
-    /// factor does not serve) its diagonal is shifted a little. The form `S_k F : A : S_l F = kappa v_k . K v_l` is
-    /// stationary in the sensitivities `v`: what error remains enters squared. Rotations are free, `A : (W F) = W P` for skew
-    /// `W`. Valid at any `F`, rotations by 90 degrees included.
+    /// The boundary moves in six strain modes `dF = S F` of the current state. The interior follows by
+    /// back-substitution with the factor from the stability test of the equilibrium; the interior force rates of each
+    /// mode are checked and corrected until they vanish. If the stiffness is singular, or so nearly singular that its
+    /// own factor is too inaccurate, a small shift is added to its diagonal. The form
+    /// `S_k F : A : S_l F = kappa v_k . K v_l` is stationary in the sensitivities `v`: their error enters squared.
+    /// Rotations need no solve, `A : (W F) = W P` for skew `W`. The tangent is valid at any `F`, including rotations by
+    /// 90 degrees.
     ///
     /// # Errors
-    /// [`RveError::Tangent`] where the stiffness is singular and strains act on what it does not resist.
+    /// Returns [`RveError::Tangent`] if the stiffness is singular and a strain mode loads its null space.
     pub fn tangent(&mut self) -> Result<Tangent, RveError<B::Fault>> {
         self.solve_modes()?;
         homogenize::tangent(self.model, self.rve.gradient(), &self.pk1(), self.workspace)
     }
 
-    /// Keeps in the RVE how its nodes follow a further strain: the next equilibrium starts from a first-order prediction
-    /// instead of an affine motion. 72 bytes an interior node. Costs next to nothing after [`Solved::tangent`].
+    /// Stores in the RVE the sensitivities of its interior nodes to a further strain: the next equilibrium starts from
+    /// a first-order prediction instead of an affine motion. Takes 72 bytes per interior node, and almost no time after
+    /// [`Solved::tangent`].
     ///
     /// # Errors
     /// As for [`Solved::tangent`].

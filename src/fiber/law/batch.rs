@@ -1,28 +1,28 @@
-//! A formula for one fiber as a loop over many.
+//! Batch evaluation of the formula for one fiber.
 
 use crate::fiber::simd::{Kernel, vectorized};
 
-/// The formula of a law without branches, so that its loops become vector instructions.
+/// The formula of a law without branches, so that the compiler can vectorize its loops.
 ///
-/// Implementations are `#[inline(always)]`.
+/// Implementations must be `#[inline(always)]`.
 pub(super) trait Formula {
     /// Nominal stress and slope.
     fn stress_of<const FUSED: bool>(&self, stretch: f64) -> (f64, f64);
 }
 
-/// The same of its energy.
+/// The energy of a law without branches.
 pub(super) trait EnergyFormula {
     /// Energy per reference volume.
     fn energy_of<const FUSED: bool>(&self, stretch: f64) -> f64;
 }
 
-/// Stress and slope of all stretches.
+/// Computes stress and slope for all stretches.
 #[inline]
 pub(super) fn stresses(law: &impl Formula, stretch: &[f64], stress: &mut [f64], slope: &mut [f64]) {
     vectorized(Stresses { law, stretch, stress, slope });
 }
 
-/// Energy of all stretches.
+/// Computes the energy for all stretches.
 #[inline]
 pub(super) fn energies(law: &impl EnergyFormula, stretch: &[f64], energy: &mut [f64]) {
     vectorized(Energies { law, stretch, energy });
@@ -59,7 +59,7 @@ impl<L: EnergyFormula> Kernel for Energies<'_, L> {
     }
 }
 
-/// The scalar and the batch methods of [`super::FiberLaw`] for a law with a [`Formula`] and an [`EnergyFormula`].
+/// Implements the scalar and the batch methods of [`super::FiberLaw`] by [`Formula`] and [`EnergyFormula`].
 macro_rules! by_formula {
     () => {
         #[inline]

@@ -1,15 +1,15 @@
-//! Fibers that give way in compression: a modifier of any law.
+//! Buckling in compression: a modifier of any law.
 
 use super::FiberLaw;
 use super::batch::{EnergyFormula, Formula};
 use crate::fiber::simd::{Kernel, vectorized};
 
-/// The residual stiffness `r` where only a buckling strain is given.
+/// The default of the residual stiffness `r` if only a buckling strain is given.
 pub const COMPRESSION: f64 = 1e-3;
-/// The buckling strain `w` where only a residual stiffness is given.
+/// The default of the buckling strain `w` if only a residual stiffness is given.
 pub const BUCKLING_STRAIN: f64 = 0.01;
 
-/// A law whose fibers buckle: in tension that of the `law`, below stretch 1 a slope that falls from `E` to `r E`.
+/// A law whose fibers buckle: that of `law` in tension, and below stretch 1 a slope that falls from `E` to `r E`.
 ///
 /// With the compression `e = 1 - lambda`, the residual stiffness `r`, the buckling strain `w`, `x = e / w` and the
 /// smoothstep `S(x) = 3 x^2 - 2 x^3`, in `0 <= x <= 1`:
@@ -20,18 +20,19 @@ pub const BUCKLING_STRAIN: f64 = 0.01;
 /// W  = E w^2 (x^2 / 2 - (1 - r) (x^4 / 4 - x^5 / 10))
 /// ```
 ///
-/// and beyond, with `y = x - 1`: `s' = r E`, `s = -E w ((1 + r) / 2 + r y)`,
-/// `W = E w^2 (1/2 - 3 (1 - r) / 20 + (1 + r) y / 2 + r y^2 / 2)`. The stress is C1 at stretch 1 and C2 at `1 - w`. Whatever
-/// the `law` does in compression does not count; `E` is its slope at rest.
+/// and for `x > 1`, with `y = x - 1`: `s' = r E`, `s = -E w ((1 + r) / 2 + r y)`,
+/// `W = E w^2 (1/2 - 3 (1 - r) / 20 + (1 + r) y / 2 + r y^2 / 2)`. The stress is C1 at stretch 1 and C2 at `1 - w`. The
+/// behavior of `law` in compression has no effect; `E` is its slope at rest.
 ///
-/// A small `r` keeps slack fibers from making the stiffness of a network singular; `r = 1` is Hooke's law in compression.
+/// A small `r` keeps slack fibers from making the stiffness of a network singular; `r = 1` is Hooke's law in
+/// compression.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NoCompression<L> {
     law: L,
     buckling: Buckling,
 }
 
-/// The part below stretch 1.
+/// The behavior below stretch 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Buckling {
     /// `E`.
@@ -43,7 +44,7 @@ struct Buckling {
 }
 
 impl<L: FiberLaw> NoCompression<L> {
-    /// A `law` with residual stiffness `r`, from 0 to 1, and buckling strain `w`, above 0.
+    /// Modifies `law` with residual stiffness `r`, from 0 to 1, and buckling strain `w > 0`.
     #[must_use]
     pub fn new(law: L, residual: f64, buckling_strain: f64) -> Self {
         let youngs_modulus = law.youngs_modulus();
@@ -52,7 +53,7 @@ impl<L: FiberLaw> NoCompression<L> {
 }
 
 impl Buckling {
-    /// `x` up to 1 and `y`.
+    /// Returns `min(x, 1)` and `y = max(x - 1, 0)`.
     #[inline(always)]
     fn parts(&self, stretch: f64) -> (f64, f64) {
         let x = (1.0 - stretch) / self.strain;
@@ -85,7 +86,7 @@ impl EnergyFormula for Buckling {
 }
 
 impl<L: FiberLaw> FiberLaw for NoCompression<L> {
-    /// That of the law itself.
+    /// The name of the law in tension.
     fn name(&self) -> &str {
         self.law.name()
     }
@@ -123,7 +124,7 @@ impl<L: FiberLaw> FiberLaw for NoCompression<L> {
     }
 }
 
-/// Puts the fibers below stretch 1 in the place of what the law says of them.
+/// Replaces stress and slope of the fibers below stretch 1 by those of buckling.
 struct Below<'a> {
     buckling: &'a Buckling,
     stretch: &'a [f64],

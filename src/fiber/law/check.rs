@@ -1,4 +1,4 @@
-//! Whether a law keeps what every law must: a check for those who write one.
+//! A consistency check for implementations of [`FiberLaw`].
 
 use std::ops::RangeInclusive;
 
@@ -7,81 +7,82 @@ use thiserror::Error;
 use super::FiberLaw;
 use super::quadrature::gauss;
 
-/// What is wrong with a law; stresses and slopes in Pa.
+/// A violated requirement of a law; stresses and slopes in Pa.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum LawFault {
-    /// Force without stretch.
+    /// The stress at rest is not 0.
     #[error("the stress at stretch 1 is {stress:e}; an undeformed fiber carries nothing")]
     Rest {
-        /// The stress.
+        /// The stress at stretch 1.
         stress: f64,
     },
-    /// The modulus is not the slope at rest, or not above 0.
+    /// The modulus differs from the slope at rest, or the slope is not positive.
     #[error("youngs_modulus() is {modulus:e} and the slope at stretch 1 {slope:e}; both must be one number above 0")]
     Modulus {
-        /// What the law says.
+        /// [`FiberLaw::youngs_modulus`].
         modulus: f64,
-        /// The slope.
+        /// The slope at stretch 1.
         slope: f64,
     },
-    /// NaN or infinity.
+    /// Stress, slope or energy is NaN or infinite.
     #[error("stress, slope or energy is not finite at the stretch {stretch}")]
     NotFinite {
-        /// Where.
+        /// The stretch.
         stretch: f64,
     },
-    /// The slope is not the derivative of the stress, or the stress jumps.
+    /// The slope is not the derivative of the stress, or the stress is discontinuous.
     #[error("next to the stretch {stretch} the stress rises by {rise:e} per stretch, but its slope is {slope:e}")]
     Slope {
-        /// Where.
+        /// The stretch.
         stretch: f64,
-        /// The difference quotient.
+        /// The difference quotient of the stress.
         rise: f64,
         /// The mean of the slope.
         slope: f64,
     },
-    /// The slope jumps.
+    /// The slope is discontinuous.
     #[error("the slope jumps at the stretch {stretch}, from {below:e} to {above:e}")]
     Kink {
-        /// Where.
+        /// The stretch.
         stretch: f64,
-        /// Slope before it.
+        /// The slope below it.
         below: f64,
-        /// Slope behind it.
+        /// The slope above it.
         above: f64,
     },
-    /// The stress is not the derivative of the energy, or the energy jumps.
+    /// The stress is not the derivative of the energy, or the energy is discontinuous.
     #[error("next to the stretch {stretch} the energy rises by {rise:e} per stretch, but the stress is {stress:e}")]
     Energy {
-        /// Where.
+        /// The stretch.
         stretch: f64,
-        /// The difference quotient.
+        /// The difference quotient of the energy.
         rise: f64,
         /// The mean of the stress.
         stress: f64,
     },
-    /// A batch gives something else than the formula for one fiber.
+    /// A batch method and the method for one fiber give different values.
     #[error("at the stretch {stretch} a batch gives {batch:e}, the formula {single:e}")]
     Batch {
-        /// Where.
+        /// The stretch.
         stretch: f64,
-        /// From `stresses` or `energies`.
+        /// The value from `stresses` or `energies`.
         batch: f64,
-        /// From `stress` or `energy`.
+        /// The value from `stress` or `energy`.
         single: f64,
     },
 }
 
-/// Checks a law over a range of stretches: no stress and a positive slope, [`FiberLaw::youngs_modulus`], at rest; stress
-/// and slope continuous; the slope the derivative of the stress and the stress that of the energy; batches the same as
-/// single fibers.
+/// Checks a law over a range of stretches: at rest the stress is 0 and the slope is positive and equal to
+/// [`FiberLaw::youngs_modulus`]; stress and slope are continuous; the slope is the derivative of the stress, and the
+/// stress that of the energy; batches give the same values as single fibers.
 ///
-/// Differences are compared with integrals over a thousand intervals, and one that disagrees is halved until it agrees or
-/// is as short as 1e-8: a mere bend fades away on the way, a jump or a wrong formula stays. What agrees does so within
-/// some 1e-6. A slope that changes by 1e-6 of the modulus within 1e-10 counts as a jump.
+/// On a thousand intervals, differences of a function are compared with integrals of its derivative. An interval that
+/// disagrees is halved until it agrees or is as short as 1e-8: at a mere bend the two converge, at a jump or with a
+/// wrong formula they do not. The tolerance is about 1e-6. A slope that changes within 1e-10 by more than 1e-6 of the
+/// modulus (or of the slope, if that is larger) counts as a jump.
 ///
 /// # Errors
-/// The first [`LawFault`] found.
+/// Returns the first [`LawFault`] found.
 pub fn check(law: &dyn FiberLaw, stretches: RangeInclusive<f64>) -> Result<(), LawFault> {
     let (stress, slope) = law.stress(1.0);
     if stress != 0.0 {
@@ -131,8 +132,9 @@ fn batches(law: &dyn FiberLaw, samples: &[f64]) -> Result<(), LawFault> {
     Ok(())
 }
 
-/// Whether a function rises by the integral of its derivative. Where not, the half that is further off is looked at, and
-/// so on: at a bend the two come together. If they do not, the place, the difference quotient and the mean derivative.
+/// Tests that the increase of a function equals the integral of its derivative. Otherwise bisects toward the half with
+/// the larger difference: at a bend the two values converge. If they do not, the error holds the stretch, the
+/// difference quotient and the mean derivative.
 fn differences(
     a: f64,
     b: f64,
@@ -141,7 +143,7 @@ fn differences(
     derivative: impl Fn(f64) -> f64,
 ) -> Result<(), (f64, f64, f64)> {
     const AGREES: f64 = 1e-6;
-    /// Below it, rounding of the function counts beside what is allowed.
+    /// Shortest interval; below it, the rounding error of the function is not small against the tolerance.
     const SHORTEST: f64 = 1e-8;
     let compare = |a: f64, b: f64| {
         let (before, behind) = (function(a), function(b));
@@ -165,7 +167,7 @@ fn differences(
     }
 }
 
-/// Follows the larger half of the change of the slope: what is left of it in the end is a jump.
+/// Bisects toward the half with the larger change of the slope: a change that remains at the end is a jump.
 fn kink(law: &dyn FiberLaw, mut a: f64, mut b: f64, modulus: f64) -> Result<(), LawFault> {
     const JUMP: f64 = 1e-6;
     const SHORTEST: f64 = 1e-10;

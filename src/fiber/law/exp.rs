@@ -1,15 +1,15 @@
-//! `exp(x) - 1` of many numbers at once.
+//! Vectorized `exp(x) - 1`.
 
 use crate::fiber::simd::{Kernel, fma, vectorized};
 
-/// `exp(x) - 1` of every number, for laws that grow exponentially: where the machine has vectors of four lanes, in a
-/// quarter of the time that `f64::exp_m1` takes.
+/// Computes `exp(x) - 1` of every element, for laws that grow exponentially. With vectors of four lanes it takes a
+/// quarter of the time of `f64::exp_m1`.
 ///
-/// Within 2 units in the last place of the exact value, subnormal numbers included. `exp_m1(-0.0)` is `-0.0`, infinity
-/// comes out above 709.78, -1 below -37.5, NaN of NaN.
+/// The error is within 2 units in the last place, also for subnormal numbers. `exp_m1(-0.0)` is `-0.0`; the result is
+/// infinity above 709.78, -1 below -37.5 and NaN for NaN.
 ///
 /// # Panics
-/// Where the slices differ in length.
+/// Panics if the slices differ in length.
 ///
 /// ```
 /// let mut growth = [0.0; 3];
@@ -36,9 +36,9 @@ impl Kernel for Growth<'_> {
     }
 }
 
-/// `ln 2` in two parts; the first has 21 zero bits at its end, so that its product with an exponent is exact.
+/// `ln 2` in two parts; the last 21 bits of the first are zero, so that its product with an exponent is exact.
 const LN_2: (f64, f64) = (6.931_471_803_691_238e-1, 1.908_214_929_270_587_7e-10);
-/// Adding this number rounds to a whole number, which then stands in the lowest bits.
+/// Adding this number rounds to an integer, which the lowest bits of the sum then hold.
 const ROUND: f64 = 6_755_399_441_055_744.0; // 1.5 * 2^52
 /// `1/2!` to `1/14!`.
 const INVERSE_FACTORIALS: [f64; 13] = {
@@ -53,11 +53,11 @@ const INVERSE_FACTORIALS: [f64; 13] = {
 
 /// `exp(x) - 1` without a branch.
 ///
-/// With `x = k ln 2 + r`, `|r| <= ln 2 / 2`, it is `2^k (exp(r) - 1) + (2^k - 1)`; `exp(r) - 1` is its Taylor series,
-/// whose rest is below `2^-60`. All is computed for `k - 1` and doubled at the end, so that `2^1024` is not met.
+/// With `x = k ln 2 + r`, `|r| <= ln 2 / 2`, it is `2^k (exp(r) - 1) + (2^k - 1)`; `exp(r) - 1` is its Taylor series
+/// with a remainder below `2^-60`. The computation uses `k - 1` and doubles the result, so that `2^1024` never occurs.
 #[inline(always)]
 pub(super) fn exp_m1_of<const FUSED: bool>(x: f64) -> f64 {
-    // Written as comparisons that let NaN through.
+    // These comparisons propagate NaN.
     let bounded = if x > 710.0 { 710.0 } else { x };
     let bounded = if bounded < -50.0 { -50.0 } else { bounded };
 
@@ -68,7 +68,7 @@ pub(super) fn exp_m1_of<const FUSED: bool>(x: f64) -> f64 {
     let high = bounded - k * LN_2.0; // exact
     let low = k * LN_2.1;
     let r = high - low;
-    let lost = (high - r) - low; // what rounding took from r
+    let lost = (high - r) - low; // rounding error of r
 
     let beyond_r = fma::<FUSED>(r * r, series::<FUSED>(r), lost); // exp(r) - 1 - r
 
@@ -77,8 +77,8 @@ pub(super) fn exp_m1_of<const FUSED: bool>(x: f64) -> f64 {
     if k == 0.0 { near_zero } else { 2.0 * scaled }
 }
 
-/// `(exp(r) - 1 - r) / r^2` to `r^12`, by Estrin's scheme: pairs, then pairs of pairs, so that few operations wait for
-/// one another.
+/// `(exp(r) - 1 - r) / r^2` to order `r^12` by Estrin's scheme: pairs, then pairs of pairs, for short dependency
+/// chains.
 #[inline(always)]
 fn series<const FUSED: bool>(r: f64) -> f64 {
     let c = INVERSE_FACTORIALS;
@@ -106,7 +106,7 @@ mod tests {
         if a == b { 0 } else { a.to_bits().abs_diff(b.to_bits()) }
     }
 
-    /// The standard library is within 1 ulp itself.
+    /// Compares with the standard library, whose error is itself within 1 ulp.
     fn near(x: f64) {
         for found in [of(x), exp_m1_of::<false>(x)] {
             let expected = x.exp_m1();
@@ -125,7 +125,7 @@ mod tests {
             near(tiny);
             near(-tiny);
         }
-        // Next to the switches between powers of two, where digits cancel.
+        // Near the switches between powers of two, where digits cancel.
         for k in -60..1024 {
             let switch = (f64::from(k) + 0.5) * std::f64::consts::LN_2;
             for ulp in -3..=3 {

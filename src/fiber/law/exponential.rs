@@ -8,8 +8,8 @@ use crate::fiber::simd::{Kernel, vectorized};
 
 /// `s = (E / B) (exp(B g) - 1)` (Tobin 2018, eqs. B.1 and B.14).
 ///
-/// The antiderivative is an imaginary error function. The energy comes by Gauss quadrature of `s` itself, which keeps
-/// every digit near rest, where a difference of antiderivatives would cancel.
+/// The antiderivative is an imaginary error function. The energy is computed by Gauss quadrature of `s`, which keeps
+/// full precision near rest, where a difference of antiderivatives would cancel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Exponential {
     /// `E`, Pa.
@@ -19,9 +19,9 @@ pub struct Exponential {
 }
 
 impl Exponential {
-    /// Panels of eight Gauss points that leave a relative error below 1e-15: on none of them the exponent
-    /// `B (t^2 - 1) / 2` grows by more than about 1, nor does its curvature count. Capped far beyond the stretch at
-    /// which the exponential overflows.
+    /// Number of panels of eight Gauss points for a relative error below 1e-15: on each panel the exponent
+    /// `B (t^2 - 1) / 2` grows by at most about 1, and its curvature is negligible. The limit is reached far beyond the
+    /// stretch at which the exponential overflows.
     #[inline(always)]
     fn panels(&self, stretch: f64) -> f64 {
         let strain = stretch - 1.0;
@@ -29,18 +29,19 @@ impl Exponential {
         1.0 + (0.4 * self.nonlinearity * (growth.abs() + curvature)).min(4000.0).floor()
     }
 
-    /// `exp(B g) - 1` over the strain `lambda - 1`, which holds more digits near rest than the stretch does.
+    /// `exp(B g) - 1` as a function of the strain `lambda - 1`, which has more significant digits near rest than the
+    /// stretch.
     #[inline(always)]
     fn growth<const FUSED: bool>(&self, strain: f64) -> f64 {
         exp_m1_of::<FUSED>(0.5 * self.nonlinearity * strain * (strain + 2.0))
     }
 
-    /// The energy where one panel may not do.
+    /// The energy for stretches that may need several panels.
     fn energy_by_panels(&self, stretch: f64) -> f64 {
         let panels = self.panels(stretch);
         let at = |panel: f64| (stretch - 1.0) * (panel / panels);
         let panel = |k: usize| gauss(at(k as f64), at(k as f64 + 1.0), |strain| self.growth::<false>(strain));
-        // NaN makes one panel and comes out as NaN.
+        // NaN gives one panel and the result NaN.
         let sum: f64 = (0..panels as usize).map(panel).sum();
         self.youngs_modulus / self.nonlinearity * sum
     }
@@ -55,7 +56,7 @@ impl Formula for Exponential {
     }
 }
 
-/// Energies by one panel. The Gauss points are the outer loop, so that the inner one is short enough for vectors.
+/// Energies by one panel. The Gauss points are the outer loop, so that the inner one is short enough to be vectorized.
 struct OnePanel<'a> {
     law: Exponential,
     stretch: &'a [f64],
@@ -136,7 +137,7 @@ mod tests {
                 law.energies(&[stretch; 2], &mut found);
                 for found in [found[0], found[1], law.energy(stretch)] {
                     let error = (found - exact).abs();
-                    // The exponential itself takes up the rounding of its exponent.
+                    // The rounding error of the exponent enters the exponential.
                     let tolerance = 1e-14 + f64::EPSILON * exponent(stretch - 1.0).abs();
                     assert!(error <= tolerance * exact, "B = {nonlinearity}, {stretch}: {found} {exact}");
                 }

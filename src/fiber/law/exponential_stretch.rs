@@ -1,4 +1,4 @@
-//! The exponential law with the extra factor `lambda`, and straight lines outside its range.
+//! The exponential law with an additional factor `lambda`, and tangent lines outside its range.
 
 use super::batch::{EnergyFormula, Formula, by_formula};
 use super::exp::exp_m1_of;
@@ -8,7 +8,7 @@ use crate::fiber::simd::fma;
 /// `s = (E / B) lambda (exp(B g) - 1)` on `[1, lambda_t]`; outside, the tangent lines at the two ends (MuMFiM,
 /// reaction 1).
 ///
-/// The energy on the curve is `E / B^2 (exp(B g) - 1 - B g)`; beyond its ends that of the straight line follows.
+/// The energy on the curve is `E / B^2 (exp(B g) - 1 - B g)`; outside, the energy of the tangent line is added.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExponentialStretch {
     /// `E`, Pa.
@@ -20,16 +20,16 @@ pub struct ExponentialStretch {
 }
 
 impl ExponentialStretch {
-    /// The law with modulus `E` in Pa, nonlinearity `B` and transition stretch `lambda_t >= 1`.
+    /// Makes the law with modulus `E` in Pa, nonlinearity `B` and transition stretch `lambda_t >= 1`.
     #[must_use]
     pub fn new(youngs_modulus: f64, nonlinearity: f64, transition: f64) -> Self {
         Self { youngs_modulus, nonlinearity, transition }
     }
 
-    /// The point of the curve at or next to a stretch: its stretch, `B g` and `exp(B g) - 1`.
+    /// The point of the curve closest to a stretch: its stretch, `B g` and `exp(B g) - 1`.
     #[inline(always)]
     fn on_curve<const FUSED: bool>(&self, stretch: f64) -> (f64, f64, f64) {
-        // Written as comparisons that let NaN through.
+        // These comparisons propagate NaN.
         let nearest = if stretch < 1.0 { 1.0 } else { stretch };
         let nearest = if nearest > self.transition { self.transition } else { nearest };
         let exponent = 0.5 * self.nonlinearity * (nearest - 1.0) * (nearest + 1.0);
@@ -53,8 +53,8 @@ const INVERSES: [f64; 14] = {
     table
 };
 
-/// `exp(x) - 1 - x` to rounding, from `x` and `exp(x) - 1`: their difference where it keeps its digits, below 1/2 the
-/// series, whose rest is below `2^-56`.
+/// `exp(x) - 1 - x` to rounding, from `x` and `exp(x) - 1`: their difference for `|x| > 1/2`, where it does not cancel,
+/// and otherwise the Taylor series with a remainder below `2^-56`.
 #[inline(always)]
 fn exp_minus_line<const FUSED: bool>(x: f64, growth: f64) -> f64 {
     let mut series = 1.0;
@@ -110,7 +110,7 @@ mod tests {
     fn the_rest_of_the_series_does_not_count() {
         for k in 1..=1000 {
             let x = 1e-3 * f64::from(k);
-            // The first terms by themselves, where nothing cancels.
+            // The leading terms of the series, which do not cancel.
             let (mut term, mut exact) = (0.5 * x * x, 0.0);
             for n in 3..40 {
                 exact += term;

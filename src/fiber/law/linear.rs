@@ -1,4 +1,4 @@
-//! The law that is linear in the Green strain.
+//! The law with second Piola-Kirchhoff stress linear in the Green strain.
 
 use super::FiberLaw;
 use super::batch::{EnergyFormula, Formula, by_formula};

@@ -1,44 +1,44 @@
-//! What a fiber is made of: its law and its cross-section.
+//! Fiber materials: law and cross-section.
 
 use thiserror::Error;
 
 use super::Law;
 use super::named::positive;
 
-/// What a fiber is made of: its law and its radius.
+/// The material of a fiber: law, radius and density.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FiberMaterial {
     /// The law.
     pub law: Law,
-    /// Radius of the round cross-section, in the units the modulus goes with (m for Pa).
+    /// Radius of the circular cross-section, in the unit of length consistent with the modulus (m for Pa).
     pub radius: f64,
-    /// Mass density in kg/m^3, where a file gives one.
+    /// Mass density in kg/m^3, if a file gives one.
     pub density: Option<f64>,
 }
 
-/// A parameter without physical sense.
+/// An invalid parameter of a fiber material.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[error("the {parameter} of a fiber is {value}; it must be {expected}")]
 pub struct FiberMaterialError {
-    /// Which one.
+    /// The name of the parameter.
     pub parameter: &'static str,
     /// Its value.
     pub value: f64,
-    /// What it must be.
+    /// The valid range.
     pub expected: &'static str,
 }
 
 impl FiberMaterial {
-    /// Area of the cross-section.
+    /// The cross-sectional area.
     #[must_use]
     pub fn area(&self) -> f64 {
         std::f64::consts::PI * self.radius * self.radius
     }
 
-    /// Checks that every parameter has physical sense.
+    /// Checks that every parameter is physically valid.
     ///
     /// # Errors
-    /// The first that has none.
+    /// Returns the first invalid parameter.
     pub fn check(&self) -> Result<(), FiberMaterialError> {
         positive("radius", self.radius)?;
         if let Some(density) = self.density

@@ -1,24 +1,24 @@
 //! Fiber laws: the axial force of a fiber as a function of its stretch.
 //!
 //! A law gives the nominal stress `s(lambda)` of a fiber, in Pa: the force over the reference area, positive in tension.
-//! From it follow the force `f = A s`, its slope over the current length `df/dl = A s'(lambda) / L` and the energy of the
-//! fiber `A L integral_1^lambda s`. With `g = (lambda^2 - 1) / 2`, the Green strain:
+//! The force is `f = A s`, its slope with respect to the current length `df/dl = A s'(lambda) / L`, and the energy of
+//! the fiber `A L integral_1^lambda s`. With the Green strain `g = (lambda^2 - 1) / 2`, the laws are:
 //!
 //! | law | `s` | source |
 //! |---|---|---|
 //! | [`Exponential`] | `(E / B) (exp(B g) - 1)` | Tobin 2018, eq. B.1 |
 //! | [`Linear`] | `E lambda g` | MuMFiM, reaction 0 |
-//! | [`ExponentialStretch`] | `(E / B) lambda (exp(B g) - 1)` on `[1, lambda_t]`, its tangent lines outside | MuMFiM, reaction 1 |
+//! | [`ExponentialStretch`] | `(E / B) lambda (exp(B g) - 1)` on `[1, lambda_t]`, tangent lines outside | MuMFiM, reaction 1 |
 //! | [`Table`] | monotone cubics through measured points, tangent lines beyond them | Fritsch and Butland 1984 |
-//! | [`NoCompression`] of any of them | below stretch 1 the slope falls from `E` to `r E` within the buckling strain `w` | smoothstep of the slope |
+//! | [`NoCompression`] of any law | below stretch 1 the slope falls from `E` to `r E` over the strain `w` | smoothstep |
 //!
-//! [`Law`] is all of these by name, as files and commands call them. It has room for one more: [`Law::custom`] takes any
-//! type that implements [`FiberLaw`], and from there on a network, a truss and an RVE model treat it as their own.
+//! [`Law`] is an enum of these laws with their names in files and commands. [`Law::custom`] adds any other type that
+//! implements [`FiberLaw`]; networks, trusses and RVE models treat it like a built-in law.
 //!
-//! # A law of your own
+//! # A custom law
 //!
-//! Write the formula for one fiber; batches and the energy come with it, and can be overridden where a loop of your own
-//! or a closed form is faster. [`check()`] compares stress, slope, energy and batches with each other.
+//! Implement the formula for one fiber. Batches and the energy have default implementations, which you can override if
+//! a custom loop or a closed form is faster. [`check()`] tests that stress, slope, energy and batches are consistent.
 //!
 //! ```
 //! use biotissue::fiber::law::{FiberLaw, FiberMaterial, Law, check};
@@ -78,18 +78,17 @@ pub use material::{FiberMaterial, FiberMaterialError};
 pub use named::{CustomLaw, Law};
 pub use table::{Table, TableError};
 
-/// The axial behavior of a fiber: nominal stress, slope and energy over the stretch; continuous with its first
-/// derivative for all `lambda > 0`, without stress at stretch 1 and with a positive slope there.
+/// The axial behavior of a fiber: nominal stress, slope and energy as functions of the stretch. The stress is C1 for
+/// all `lambda > 0`, vanishes at stretch 1 and has a positive slope there.
 ///
-/// A network asks for batches of fibers, one call for some hundred of them; only laws that override the batch methods
-/// gain from vector instructions there. Stresses, slopes and energies per volume are in Pa. A law is shared by threads
-/// and gives the same answer whenever it is asked.
+/// A truss evaluates batches of about a hundred fibers per call; only laws that override the batch methods use vector
+/// instructions. Stresses, slopes and energies per volume are in Pa. Threads share a law, and its results must depend
+/// on the arguments only.
 pub trait FiberLaw: Debug + Send + Sync {
-    /// What the law is called. Two laws of one name with the same [`FiberLaw::parameters`] are the same law.
+    /// The name of the law. Two laws with the same name and the same [`FiberLaw::parameters`] are the same law.
     fn name(&self) -> &str;
 
-    /// All that the law depends on, by name: what tells it from others of its kind, in comparisons, in reports and in
-    /// checkpoints.
+    /// All parameters of the law, with their names; they identify the law in comparisons, reports and checkpoints.
     fn parameters(&self) -> Vec<(&'static str, f64)>;
 
     /// Nominal stress and its derivative with respect to the stretch, both in Pa.
@@ -97,7 +96,8 @@ pub trait FiberLaw: Debug + Send + Sync {
 
     /// Energy per reference volume of the fiber, `integral_1^lambda s`, in J/m^3.
     ///
-    /// Unless overridden, an adaptive quadrature of the stress, to some 14 digits, which takes microseconds.
+    /// The default implementation integrates the stress by adaptive quadrature, to about 14 digits, in some
+    /// microseconds.
     fn energy(&self, stretch: f64) -> f64 {
         quadrature::adaptive(1.0, stretch, &|stretch| self.stress(stretch).0)
     }
@@ -107,14 +107,14 @@ pub trait FiberLaw: Debug + Send + Sync {
         self.stress(1.0).1
     }
 
-    /// Nominal stress and slope of a batch of fibers; all slices have one length.
+    /// Computes nominal stress and slope of a batch of fibers; all slices have the same length.
     fn stresses(&self, stretch: &[f64], stress: &mut [f64], slope: &mut [f64]) {
         for ((&stretch, stress), slope) in stretch.iter().zip(stress).zip(slope) {
             (*stress, *slope) = self.stress(stretch);
         }
     }
 
-    /// Energy per reference volume of a batch of fibers; the slices have one length.
+    /// Computes the energy per reference volume of a batch of fibers; the slices have the same length.
     fn energies(&self, stretch: &[f64], energy: &mut [f64]) {
         for (&stretch, energy) in stretch.iter().zip(energy) {
             *energy = self.energy(stretch);
@@ -170,7 +170,7 @@ impl<L: FiberLaw + ?Sized> FiberLaw for &L {
     }
 }
 
-/// The parameters that the exponential laws share.
+/// The parameters common to the exponential laws.
 fn parameters_of(youngs_modulus: f64, nonlinearity: f64) -> Vec<(&'static str, f64)> {
     vec![("youngs_modulus", youngs_modulus), ("nonlinearity", nonlinearity)]
 }

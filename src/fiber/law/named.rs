@@ -1,4 +1,4 @@
-//! The laws by name, as files and commands call them.
+//! The laws by their names in files and commands.
 
 use std::fmt;
 use std::sync::Arc;
@@ -29,27 +29,27 @@ pub enum Law {
         /// `lambda_t`.
         transition: f64,
     },
-    /// Cubics through measured points, shared by all materials that use them.
+    /// Monotone cubics through measured points, shared by all materials that use them.
     Table(Arc<Table>),
-    /// Another law whose fibers give way below stretch 1; see [`NoCompression`].
+    /// Another law with buckling in compression; see [`NoCompression`].
     NoCompression {
-        /// The law in tension; not itself of this kind.
+        /// The law in tension; it is not itself a `NoCompression`.
         law: Box<Law>,
-        /// Stiffness left in compression over `E`: `r`, from 0 to 1.
+        /// `r`: residual stiffness in compression over `E`, from 0 to 1.
         compression: f64,
-        /// The compressive strain within which the stiffness falls: `w`.
+        /// `w`: the compressive strain over which the stiffness falls to its residual.
         buckling_strain: f64,
     },
-    /// A law that this crate does not know.
+    /// A law implemented outside this crate.
     Custom(CustomLaw),
 }
 
-/// Any [`FiberLaw`], shared. Equal to another of the same name with the same parameters, bit for bit.
+/// Any [`FiberLaw`], shared. Two custom laws are equal if they have the same name and bitwise the same parameters.
 #[derive(Clone)]
 pub struct CustomLaw(Arc<dyn FiberLaw>);
 
 impl CustomLaw {
-    /// The law.
+    /// The shared law.
     #[must_use]
     pub fn law(&self) -> &dyn FiberLaw {
         &*self.0
@@ -72,26 +72,26 @@ impl PartialEq for CustomLaw {
 }
 
 impl Law {
-    /// A law of the caller's own.
+    /// Wraps a custom law.
     #[must_use]
     pub fn custom(law: impl FiberLaw + 'static) -> Self {
         Self::Custom(CustomLaw(Arc::new(law)))
     }
 
-    /// The law through measured points.
+    /// Makes the law through measured points.
     #[must_use]
     pub fn table(table: Table) -> Self {
         Self::Table(Arc::new(table))
     }
 
-    /// This law with fibers that give way in compression: `residual` is what is left of the stiffness at rest once a
-    /// fiber is shortened by the `buckling_strain`.
+    /// Adds buckling in compression: `residual` is the fraction of the stiffness at rest that remains once a fiber is
+    /// shortened by the `buckling_strain`.
     #[must_use]
     pub fn without_compression(self, residual: f64, buckling_strain: f64) -> Self {
         Self::NoCompression { law: Box::new(self), compression: residual, buckling_strain }
     }
 
-    /// The name in files and on the command line; a modified law has that of the law itself.
+    /// The name in files and on the command line; [`Law::NoCompression`] has the name of the law in tension.
     #[must_use]
     pub fn name(&self) -> &str {
         match self {
@@ -117,7 +117,7 @@ impl Law {
         }
     }
 
-    /// Hands the formula to `user`, once. All batches that `user` asks for go straight to it.
+    /// Calls `user` once with the formula, so that all batches that `user` evaluates bypass the dispatch.
     pub fn with(&self, user: &mut dyn FnMut(&dyn FiberLaw)) {
         match self {
             &Self::Linear { youngs_modulus } => user(&Linear { youngs_modulus }),
@@ -133,10 +133,10 @@ impl Law {
         }
     }
 
-    /// Checks that every parameter has physical sense.
+    /// Checks that every parameter is physically valid.
     ///
     /// # Errors
-    /// The first that has none. Of a custom law stress and slope at rest are looked at.
+    /// Returns the first invalid parameter. For a custom law the stress and the slope at rest are checked.
     pub fn check(&self) -> Result<(), FiberMaterialError> {
         let refuse = |parameter, value, expected| Err(FiberMaterialError { parameter, value, expected });
         match self {
@@ -153,7 +153,7 @@ impl Law {
                 }
                 refuse("transition stretch", *transition, "at least 1 and finite")
             }
-            // A table is checked when it is made.
+            // The constructor checks a table.
             Self::Table(_) => Ok(()),
             Self::NoCompression { law, compression, buckling_strain } => {
                 if !(0.0..=1.0).contains(compression) {
@@ -178,7 +178,7 @@ impl Law {
     }
 }
 
-/// Refuses what is not above 0 and finite.
+/// Returns an error unless `value` is positive and finite.
 pub(super) fn positive(parameter: &'static str, value: f64) -> Result<(), FiberMaterialError> {
     if value > 0.0 && value.is_finite() {
         Ok(())
@@ -187,7 +187,7 @@ pub(super) fn positive(parameter: &'static str, value: f64) -> Result<(), FiberM
     }
 }
 
-/// Whatever law it is; the methods for a batch choose once.
+/// Dispatches to the variant; the batch methods dispatch once per batch.
 impl FiberLaw for Law {
     fn name(&self) -> &str {
         self.name()

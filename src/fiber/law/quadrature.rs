@@ -1,7 +1,7 @@
-//! Integrals of a stress over the stretch, for laws whose energy has no closed form.
+//! Quadrature of a stress over the stretch, for laws whose energy has no closed form.
 
-/// Places and weights of the eight Gauss points on `[-1, 1]`, one of each pair (Abramowitz and Stegun, table 25.4).
-/// They integrate polynomials of degree 15 exactly.
+/// Points and weights of the eight-point Gauss rule on `[-1, 1]`, one of each symmetric pair (Abramowitz and Stegun,
+/// table 25.4). The rule is exact for polynomials of degree 15.
 pub(super) const GAUSS: [(f64, f64); 4] = [
     (0.183_434_642_495_649_8, 0.362_683_783_378_362),
     (0.525_532_409_916_329, 0.313_706_645_877_887_3),
@@ -9,7 +9,7 @@ pub(super) const GAUSS: [(f64, f64); 4] = [
     (0.960_289_856_497_536_2, 0.101_228_536_290_376_3),
 ];
 
-/// Integral from `a` to `b` by eight Gauss points.
+/// Integrates from `a` to `b` with eight Gauss points.
 #[inline(always)]
 pub(super) fn gauss(a: f64, b: f64, integrand: impl Fn(f64) -> f64) -> f64 {
     let (middle, half) = (0.5 * (a + b), 0.5 * (b - a));
@@ -20,10 +20,10 @@ pub(super) fn gauss(a: f64, b: f64, integrand: impl Fn(f64) -> f64) -> f64 {
     half * sum
 }
 
-/// Integral from `a` to `b` of an integrand that is continuous and, but for a few kinks, smooth: panels are halved
-/// until eight points on a panel agree with eight on each of its halves.
+/// Integrates from `a` to `b` an integrand that is continuous and, except for a few kinks, smooth. Halves each panel
+/// until eight points on the panel agree with eight on each of its halves.
 ///
-/// An integrand that never comes to rest is given up on after some 10 000 panels.
+/// The subdivision stops after about 10 000 panels if the integral does not converge.
 pub(super) fn adaptive(a: f64, b: f64, integrand: &dyn Fn(f64) -> f64) -> f64 {
     const AGREES: f64 = 1e-14;
     const MOST_PANELS: usize = 10_000;
@@ -33,7 +33,7 @@ pub(super) fn adaptive(a: f64, b: f64, integrand: &dyn Fn(f64) -> f64) -> f64 {
         let middle = 0.5 * (a + b);
         let halves = [gauss(a, middle, integrand), gauss(middle, b, integrand)];
         let both = halves[0] + halves[1];
-        // Panels next to a kink may disagree by what they can add to the sum.
+        // Panels next to a kink are accepted if their error is negligible relative to the sum.
         let allowed = AGREES * both.abs().max(f64::abs(sum));
         if (whole - both).abs() <= allowed || depth == 50 || panels >= MOST_PANELS || !both.is_finite() {
             sum += both;

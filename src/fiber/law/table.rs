@@ -3,18 +3,17 @@
 use super::FiberLaw;
 use thiserror::Error;
 
-/// Nominal stress over stretch from a table: cubics between the points, monotone and C1, straight tangents beyond the
-/// ends.
+/// Nominal stress over stretch from a table: monotone C1 cubics between the points, tangent lines beyond the ends.
 ///
 /// The slopes at the points are those of Fritsch and Butland (SIAM J. Sci. Stat. Comput. 5 (1984) 300), in the weighted
-/// form that PCHIP uses: at an inner point the weighted harmonic mean of the two secants next to it, at an end a
+/// form of PCHIP: at an inner point the weighted harmonic mean of the two adjacent secants, at an end that of a
 /// parabola through three points, bounded such that the curve stays monotone (Fritsch and Carlson, SIAM J. Numer. Anal.
-/// 17 (1980) 238). The energy is the exact integral of the cubics. Every cubic is expanded about that of its two points
-/// which is nearer to rest, so that small strains lose no digits.
+/// 17 (1980) 238). The energy is the exact integral of the cubics. Every cubic is expanded about the one of its two
+/// points that is nearer to rest, so that small strains keep full precision.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
     points: Vec<[f64; 2]>,
-    /// One more than there are points; piece `k` ends at point `k`.
+    /// One more piece than points; piece `k` ends at point `k`.
     pieces: Vec<Piece>,
     youngs_modulus: f64,
 }
@@ -28,34 +27,34 @@ struct Piece {
     energy: f64,
 }
 
-/// Why points make no law. Points are counted from 0.
+/// The reason why points do not define a law. Points are counted from 0.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum TableError {
-    /// A curve needs two points.
+    /// The table has fewer than two points.
     #[error("the table has {points} points")]
     TooFew {
-        /// How many there are.
+        /// Number of points.
         points: usize,
     },
-    /// NaN or infinity.
+    /// A stretch or a stress is NaN or infinite.
     #[error("a value of the point ({stretch}, {stress}) is not finite")]
     NotFinite {
-        /// Which one.
+        /// The point.
         point: usize,
         /// Its stretch.
         stretch: f64,
         /// Its stress.
         stress: f64,
     },
-    /// A stretch that no fiber can have.
+    /// A stretch is not positive.
     #[error("the stretch is {stretch}")]
     Stretch {
-        /// Which point.
+        /// The point.
         point: usize,
         /// Its stretch.
         stretch: f64,
     },
-    /// Stretches that do not rise.
+    /// The stretches are not strictly increasing.
     #[error("the stretch {stretch} follows {before}")]
     Order {
         /// The second of the two points.
@@ -65,7 +64,7 @@ pub enum TableError {
         /// Its stretch.
         stretch: f64,
     },
-    /// A stress that falls with the stretch.
+    /// The stress decreases with the stretch.
     #[error("the stress falls from {before} to {stress}")]
     Falls {
         /// The second of the two points.
@@ -75,18 +74,18 @@ pub enum TableError {
         /// Its stress.
         stress: f64,
     },
-    /// No point at stretch 1.
+    /// No point has stretch 1.
     #[error("no point has the stretch 1")]
     NoRest,
-    /// A stress at stretch 1.
+    /// The stress at stretch 1 is not 0.
     #[error("the stress at stretch 1 is {stress}")]
     RestStress {
-        /// Which point.
+        /// The point at stretch 1.
         point: usize,
         /// Its stress.
         stress: f64,
     },
-    /// No stiffness at rest.
+    /// The slope at stretch 1 is not positive.
     #[error("the curve has no slope at stretch 1")]
     NoStiffness {
         /// The point at stretch 1.
@@ -95,7 +94,7 @@ pub enum TableError {
 }
 
 impl TableError {
-    /// The point to blame, from 0.
+    /// The point that causes the error, from 0.
     #[must_use]
     pub fn point(&self) -> Option<usize> {
         match *self {
@@ -109,7 +108,7 @@ impl TableError {
         }
     }
 
-    /// What was expected instead.
+    /// The requirement that the table violates.
     #[must_use]
     pub fn expected(&self) -> &'static str {
         match self {
@@ -124,7 +123,7 @@ impl TableError {
         }
     }
 
-    /// What to do about it.
+    /// Advice on how to correct the table.
     #[must_use]
     pub fn cure(&self) -> &'static str {
         match self {
@@ -143,11 +142,11 @@ impl TableError {
 }
 
 impl Table {
-    /// The law through `points`: stretch and nominal stress in Pa, stretches strictly rising, stresses never falling,
-    /// with one at `[1.0, 0.0]` and a positive slope there.
+    /// Makes the law through `points`: stretch and nominal stress in Pa, with stretches strictly increasing and
+    /// stresses nondecreasing, one point at `[1.0, 0.0]` and a positive slope there.
     ///
     /// # Errors
-    /// [`TableError`].
+    /// Returns [`TableError`] if the points violate one of these conditions.
     pub fn new(points: Vec<[f64; 2]>) -> Result<Self, TableError> {
         let rest = check(&points)?;
         let slopes = slopes(&points);
@@ -172,7 +171,7 @@ impl Table {
     }
 }
 
-/// The number of the point at rest.
+/// Checks the points and returns the index of the point at rest.
 fn check(points: &[[f64; 2]]) -> Result<usize, TableError> {
     if points.len() < 2 {
         return Err(TableError::TooFew { points: points.len() });
@@ -199,7 +198,7 @@ fn check(points: &[[f64; 2]]) -> Result<usize, TableError> {
     if stress == 0.0 { Ok(rest) } else { Err(TableError::RestStress { point: rest, stress }) }
 }
 
-/// The slope of the curve at every point.
+/// The slopes of the curve at the points.
 fn slopes(points: &[[f64; 2]]) -> Vec<f64> {
     let width: Vec<f64> = points.windows(2).map(|pair| pair[1][0] - pair[0][0]).collect();
     let secant: Vec<f64> = points.windows(2).zip(&width).map(|(pair, h)| (pair[1][1] - pair[0][1]) / h).collect();
@@ -210,23 +209,23 @@ fn slopes(points: &[[f64; 2]]) -> Vec<f64> {
     let mut slopes = vec![end_slope([width[0], width[1]], [secant[0], secant[1]])];
     for k in 1..=last {
         let (left, right) = (2.0 * width[k] + width[k - 1], width[k] + 2.0 * width[k - 1]);
-        // A secant of 0 makes this 0.
+        // The slope is 0 if a secant is 0.
         slopes.push((left + right) / (left / secant[k - 1] + right / secant[k]));
     }
     slopes.push(end_slope([width[last], width[last - 1]], [secant[last], secant[last - 1]]));
     slopes
 }
 
-/// The slope at an end, from the widths and secants of the two intervals next to it.
+/// The slope at an end, from the widths and secants of the two intervals adjacent to it.
 fn end_slope(width: [f64; 2], secant: [f64; 2]) -> f64 {
     let parabola = ((2.0 * width[0] + width[1]) * secant[0] - width[0] * secant[1]) / (width[0] + width[1]);
     parabola.clamp(0.0, 3.0 * secant[0])
 }
 
-/// Tangent, cubics, tangent, with their energies summed up from rest outwards.
+/// Returns tangent line, cubics and tangent line, with their energies accumulated from rest outward.
 fn pieces(points: &[[f64; 2]], slopes: &[f64], rest: usize) -> Vec<Piece> {
     let line = |k: usize| Piece { at: points[k][0], stress: [points[k][1], slopes[k], 0.0, 0.0], energy: 0.0 };
-    // The cubic from point `k`, where it is expanded, to point `far`.
+    // The cubic between points `k` and `far`, expanded about point `k`.
     let cubic = |k: usize, far: usize| {
         let (h, rise) = (points[far][0] - points[k][0], points[far][1] - points[k][1]);
         let secant = rise / h;
@@ -268,7 +267,7 @@ impl FiberLaw for Table {
         "table"
     }
 
-    /// Stretches and stresses by turns.
+    /// Stretches and stresses, alternating.
     fn parameters(&self) -> Vec<(&'static str, f64)> {
         self.points.iter().flat_map(|&[stretch, stress]| [("stretch", stretch), ("stress", stress)]).collect()
     }

@@ -1,4 +1,4 @@
-//! A table of stretch and stress as a CSV file.
+//! Reads a table of stretch and stress from a CSV file.
 
 use std::path::Path;
 
@@ -13,7 +13,8 @@ impl Table {
     /// The first line may be a header; lines that begin with `#` are comments.
     ///
     /// # Errors
-    /// Everything that is no point, or the first reason why the points make no law; each with its line.
+    /// Returns all lines that are not points, or, if there is none, the first reason why the points do not define a
+    /// law; each with its line.
     pub fn read(file: &Path) -> Result<Self, InputErrors> {
         let bytes = std::fs::read(file).map_err(|error| InputError::unreadable(file, &error))?;
         Self::parse(file, &bytes)
@@ -38,7 +39,7 @@ impl Table {
                     points.push(point);
                     lines.push(line);
                 }
-                // A header has no number in it at all.
+                // A header contains no number.
                 Err(_) if number == 0 && record.iter().all(|cell| number_of(cell).is_none()) => {}
                 Err(what) => errors.push(InputError::at_line(file, line, what, EXPECTED, "correct or remove the line")),
             }
@@ -63,7 +64,7 @@ fn number_of(cell: &[u8]) -> Option<f64> {
     std::str::from_utf8(cell).ok()?.parse().ok()
 }
 
-/// The two numbers of a line, or what is wrong with it.
+/// Parses the two numbers of a line, or describes its first error.
 fn point(record: &csv::ByteRecord) -> Result<[f64; 2], String> {
     let mut point = [0.0; 2];
     if record.len() != point.len() {

@@ -1,10 +1,10 @@
-//! What every law must keep, whatever it is.
+//! Tests of the requirements that every law must meet.
 
 use super::*;
 
 const E: f64 = 1.0e8;
 
-/// `s = E ln(lambda)`, by the formula for one fiber alone.
+/// `s = E ln(lambda)`, with only the method for one fiber.
 #[derive(Clone, Debug)]
 struct Hencky(f64);
 
@@ -28,7 +28,7 @@ fn curve() -> Table {
     Table::new(points.to_vec()).unwrap()
 }
 
-/// Every law, plain and with fibers that give way.
+/// All laws, plain and with buckling.
 fn laws() -> Vec<Law> {
     let plain = [
         Law::Linear { youngs_modulus: E },
@@ -46,7 +46,7 @@ fn laws() -> Vec<Law> {
     plain.iter().cloned().chain(yielding).collect()
 }
 
-/// Where laws are looked at: around rest, in compression, around every switch, far out.
+/// The tested stretches: around rest, in compression, around every switch, and far from rest.
 const STRETCHES: [f64; 15] =
     [0.3, 0.62, 0.75, 0.85, 0.945, 0.987, 0.9937, 0.999, 1.003, 1.031, 1.07, 1.15, 1.3, 1.43, 1.8];
 
@@ -115,7 +115,7 @@ fn value_and_slope_are_continuous_at_every_switch() {
 #[test]
 fn small_strains_lose_no_digits() {
     // s = E h + O(h^2) and W = E h^2 / 2 + O(h^3), on both sides, down to strains where a difference of large numbers
-    // would hold nothing but rounding.
+    // would be pure rounding error.
     for law in laws() {
         let e = law.youngs_modulus();
         for h in [2.0_f64.powi(-30), -2.0_f64.powi(-31), 2.0_f64.powi(-40), -2.0_f64.powi(-41)] {
@@ -123,7 +123,7 @@ fn small_strains_lose_no_digits() {
             let stress = law.stress(1.0 + h).0 / (e * h);
             assert!((stress - 1.0).abs() < bend, "{law:?} at {h:e}: {stress}");
             let energy = law.energy(1.0 + h) / (0.5 * e * h * h);
-            // The adaptive quadrature of a custom law has the digits of its stress.
+            // The adaptive quadrature of a custom law is as accurate as its stress.
             assert!((energy - 1.0).abs() < bend.max(1e-12), "{law:?} at {h:e}: {energy}");
         }
     }
@@ -143,7 +143,7 @@ fn batches_give_what_single_fibers_give_at_every_place() {
                 let same = (batch - single).abs() <= 2e-15 * single.abs() || batch.is_nan() && single.is_nan();
                 assert!(same, "{law:?} at {stretch}: {batch} {single}");
             }
-            // Bit for bit the same alone and among others.
+            // Bitwise the same result alone and in a batch.
             let (mut s, mut ds, mut w) = ([0.0], [0.0], [0.0]);
             law.stresses(&[stretch], &mut s, &mut ds);
             law.energies(&[stretch], &mut w);
@@ -185,7 +185,7 @@ fn tables_pass_through_their_points_without_overshoot() {
         before = stress;
     }
     assert_eq!(table.stress(1.3).1, 0.0, "level between equal stresses");
-    // Straight beyond the ends.
+    // Linear beyond the ends.
     assert_eq!(table.stress(1.7).1, table.stress(1.5).1);
     assert_eq!(table.stress(0.2).1, table.stress(0.7 - 1e-9).1);
     // A table of a straight line is that line.
@@ -280,7 +280,7 @@ fn the_check_for_authors_finds_every_fault() {
         fault(|l| (if l > 1.4 { f64::NAN } else { l - 1.0 }, 1.0), square),
         Err(LawFault::NotFinite { .. })
     ));
-    // A jump of the stress by 1e-6 of the modulus, of the slope by a hundredth, at places that no sample hits.
+    // A jump of the stress by 1e-6 of the modulus, and of the slope by a hundredth, between samples.
     let jump = fault(|l| (l - 1.0 + if l > 1.234_567_8 { 1e-6 } else { 0.0 }, 1.0), square);
     assert!(matches!(jump, Err(LawFault::Slope { stretch, .. }) if (stretch - 1.234_567_8).abs() < 1e-8), "{jump:?}");
     let at = 1.234_567_8;

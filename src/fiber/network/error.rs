@@ -1,23 +1,24 @@
-//! What can be wrong with the geometry of a network.
+//! Errors in the geometry of a network.
 
-/// A network that no RVE can be made of. Nodes and fibers are numbered from 0, in the order in which they were given.
+/// A network that cannot be used as an RVE. Nodes and fibers are numbered from 0, in the order in which they were
+/// given.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum NetworkError {
-    /// There is nothing to carry a load.
+    /// The network has no fibers.
     #[error("the network has no fibers")]
     NoFibers,
-    /// No node lies on a face of the cube, so nothing ties the network to the deformation around it.
+    /// No node lies on a face of the cube, so that the deformation gradient cannot be imposed.
     #[error("none of the {nodes} nodes lies on a face of the cube")]
     NoBoundary {
-        /// How many nodes there are.
+        /// Number of nodes.
         nodes: usize,
     },
-    /// More nodes or fibers than 32-bit numbers of unknowns can count.
+    /// There are more nodes or fibers than 32-bit unknowns can number.
     #[error("{count} {what}, but at most {most} can be numbered")]
     TooMany {
         /// `"nodes"` or `"fibers"`.
         what: &'static str,
-        /// How many were given.
+        /// The number given.
         count: usize,
         /// The limit.
         most: usize,
@@ -30,25 +31,25 @@ pub enum NetworkError {
         /// The coordinate.
         value: f64,
     },
-    /// A node lies outside the cube that was given.
+    /// A node lies outside the given cube.
     #[error("node {node} at {position:?} lies outside the cube")]
     Outside {
         /// The node.
         node: usize,
-        /// Where it lies, in unit-cube units.
+        /// Its position, in unit-cube units.
         position: [f64; 3],
     },
-    /// A fiber names a node that does not exist.
+    /// A fiber refers to a node that does not exist.
     #[error("fiber {fiber} ends at node {index}, but there are only {nodes} nodes (0 to {})", nodes.saturating_sub(1))]
     NoSuchNode {
         /// The fiber.
         fiber: usize,
-        /// The node it names.
+        /// The number of the missing node.
         index: u32,
-        /// How many nodes there are.
+        /// Number of nodes.
         nodes: usize,
     },
-    /// A fiber ends where it starts.
+    /// Both ends of a fiber are the same node.
     #[error("fiber {fiber} runs from node {node} to itself")]
     Loop {
         /// The fiber.
@@ -56,7 +57,7 @@ pub enum NetworkError {
         /// The node at both of its ends.
         node: u32,
     },
-    /// A fiber between two nodes that lie at one place.
+    /// A fiber joins two nodes at the same position.
     #[error("fiber {fiber} between nodes {} and {} has the length {length:e} of the cube's edge", ends[0], ends[1])]
     ZeroLength {
         /// The fiber.
@@ -66,38 +67,38 @@ pub enum NetworkError {
         /// Its length, in unit-cube units.
         length: f64,
     },
-    /// Two nodes at one place that no fiber joins.
+    /// Two nodes that no fiber joins have the same position.
     #[error("nodes {first} and {second} lie at one place, {position:?}")]
     SamePlace {
         /// The lower node.
         first: usize,
         /// The higher node.
         second: usize,
-        /// Where they lie, in the units given.
+        /// Their position, in the units given.
         position: [f64; 3],
     },
-    /// The bounding box is flat or its edges differ by more than 1e-6 of the longest.
+    /// The bounding box is flat, or its edges differ by more than 1e-6 of the longest.
     #[error("the box of the nodes has the edges {} x {} x {}, which is no cube", edges[0], edges[1], edges[2])]
     NotACube {
         /// The edges along x, y, z, in the units given.
         edges: [f64; 3],
     },
-    /// The list of materials does not have one entry a fiber.
+    /// The list of materials does not have one entry per fiber.
     #[error("{given} material numbers for {fibers} fibers")]
     MaterialCount {
-        /// How many numbers were given.
+        /// Number of entries given.
         given: usize,
-        /// How many fibers there are.
+        /// Number of fibers.
         fibers: usize,
     },
-    /// A fiber names a material that does not exist.
+    /// A fiber refers to a material that does not exist.
     #[error("fiber {fiber} is of material {material}, but there are {materials}")]
     NoSuchMaterial {
         /// The fiber.
         fiber: usize,
-        /// The material it names, from 0.
+        /// The number of the missing material, from 0.
         material: u16,
-        /// How many materials there are.
+        /// Number of materials.
         materials: usize,
     },
 }

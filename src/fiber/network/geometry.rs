@@ -1,4 +1,4 @@
-//! From nodes and fibers as given to a checked network in the unit cube.
+//! Construction of a checked network in the unit cube from given nodes and fibers.
 
 use std::collections::HashSet;
 
@@ -6,26 +6,26 @@ use super::proximity::{Proximity, distance};
 use super::{Network, NetworkError};
 use crate::fiber::law::FiberMaterial;
 
-/// A node is on the boundary when a coordinate is this close to +-1/2.
+/// Largest distance of a coordinate from +-1/2 for a node on the boundary.
 pub const BOUNDARY_TOLERANCE: f64 = 1e-8;
-/// Edges of a box may differ by this part of the longest and still make a cube.
+/// Largest relative difference of the edges of a box that counts as a cube.
 pub const CUBE_TOLERANCE: f64 = 1e-6;
-/// Nodes this close, in unit-cube units, lie at one place: some thousand times what rounding leaves of a coordinate
-/// and far below the shortest fibers of published networks (4e-5).
+/// Nodes within this distance, in unit-cube units, have the same position: it is about a thousand times the rounding
+/// error of a coordinate, and far below the shortest fibers of published networks (4e-5).
 pub const SAME_PLACE: f64 = 1e-12;
-/// A box this close to `[-1/2, 1/2]^3` is the unit cube, and its nodes stay where they are.
+/// A box within this distance of `[-1/2, 1/2]^3` is the unit cube, and its nodes are not moved.
 const IDENTITY_TOLERANCE: f64 = 1e-12;
-/// How many problems of one network are collected before the search ends.
+/// Maximum number of problems reported for a network.
 const MOST_PROBLEMS: usize = 20;
-/// The most nodes whose unknowns can be numbered in 32 bits, signed.
+/// Maximum number of nodes whose unknowns can be numbered in signed 32-bit integers.
 const MOST_NODES: usize = (i32::MAX / 3) as usize;
 
-/// The cube of space that a network fills, in the units in which its nodes are given.
+/// The cube that a network fills, in the units of its nodes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cube {
-    /// The corner of lowest coordinates.
+    /// The corner with the lowest coordinates.
     pub lower: [f64; 3],
-    /// Edges along x, y, z; alike within 1e-6.
+    /// Edges along x, y, z; equal within 1e-6.
     pub edges: [f64; 3],
 }
 
@@ -33,10 +33,10 @@ impl Cube {
     /// `[-1/2, 1/2]^3`.
     pub const UNIT: Self = Self { lower: [-0.5; 3], edges: [1.0; 3] };
 
-    /// The bounding box of the nodes.
+    /// Returns the bounding box of the nodes.
     ///
     /// # Errors
-    /// [`NetworkError::NotACube`] if its edges differ by more than 1e-6 of the longest, or are zero.
+    /// Returns [`NetworkError::NotACube`] if its edges differ by more than 1e-6 of the longest, or are zero.
     pub fn around(nodes: &[[f64; 3]]) -> Result<Self, NetworkError> {
         let mut lower = [f64::INFINITY; 3];
         let mut upper = [f64::NEG_INFINITY; 3];
@@ -49,14 +49,14 @@ impl Cube {
         let edges = if nodes.is_empty() { [0.0; 3] } else { [0, 1, 2].map(|k| upper[k] - lower[k]) };
         let longest = edges[0].max(edges[1]).max(edges[2]);
         let shortest = edges[0].min(edges[1]).min(edges[2]);
-        // Negated, so that an overflow to infinity or NaN is no cube either.
+        // Negated, so that an edge of infinity or NaN is rejected too.
         if !(shortest > 0.0 && longest.is_finite() && longest - shortest <= CUBE_TOLERANCE * longest) {
             return Err(NetworkError::NotACube { edges });
         }
         Ok(Self { lower, edges })
     }
 
-    /// Whether scaling would move nodes by no more than rounding.
+    /// Returns true if scaling would move nodes by rounding only.
     fn is_unit(&self) -> bool {
         (0..3).all(|k| {
             (self.lower[k] + 0.5).abs() <= IDENTITY_TOLERANCE
@@ -64,28 +64,29 @@ impl Cube {
         })
     }
 
-    /// A position in unit-cube units: `(x - c)/w`, written so that both faces land exactly on +-1/2.
+    /// Maps a position to unit-cube units: `(x - c)/w`, computed such that both faces are mapped exactly to +-1/2.
     fn to_unit(self, x: [f64; 3]) -> [f64; 3] {
         [0, 1, 2].map(|k| (x[k] - self.lower[k]) / self.edges[k] - 0.5)
     }
 }
 
 impl Network {
-    /// A network whose cube is the bounding box of its nodes; centered and scaled to the unit cube unless it fills that
-    /// already (within 1e-12). Nodes are never moved beyond that.
+    /// Makes a network whose cube is the bounding box of its nodes; the nodes are centered and scaled to the unit cube
+    /// unless the box is the unit cube already (within 1e-12).
     ///
     /// # Errors
-    /// The first thing wrong with the geometry; see [`NetworkError`].
+    /// Returns the first [`NetworkError`] found in the geometry.
     pub fn new(name: impl Into<String>, nodes: Vec<[f64; 3]>, fibers: Vec<[u32; 2]>) -> Result<Self, NetworkError> {
         check_values(&nodes)?;
         let cube = Cube::around(&nodes)?;
         Self::in_cube(name, cube, nodes, fibers)
     }
 
-    /// A network in a cube of its own, which need not be its bounding box.
+    /// Makes a network in a given cube, which need not be its bounding box.
     ///
     /// # Errors
-    /// The first thing wrong with the geometry, a node outside the cube by more than 1e-8 of its edge included.
+    /// Returns the first [`NetworkError`] found in the geometry, including a node outside the cube by more than 1e-8 of
+    /// its edge.
     pub fn in_cube(
         name: impl Into<String>,
         cube: Cube,
@@ -126,11 +127,11 @@ impl Network {
         })
     }
 
-    /// The same network with its fibers' materials: `material_of[fiber]` is an index into `materials`.
+    /// Replaces the materials: `material_of[fiber]` is an index into `materials`.
     ///
     /// # Errors
-    /// [`NetworkError::MaterialCount`] unless there is one number a fiber, [`NetworkError::NoSuchMaterial`] for a
-    /// number out of range.
+    /// Returns [`NetworkError::MaterialCount`] unless there is one index per fiber, and
+    /// [`NetworkError::NoSuchMaterial`] if an index is out of range.
     pub fn with_materials(self, materials: Vec<FiberMaterial>, material_of: Vec<u16>) -> Result<Self, NetworkError> {
         if material_of.len() != self.fibers.len() {
             return Err(NetworkError::MaterialCount { given: material_of.len(), fibers: self.fibers.len() });
@@ -142,21 +143,21 @@ impl Network {
         Ok(Self { materials, reaction_of: material_of, ..self })
     }
 
-    /// The fibers that join two nodes that a fiber before them joins already, in either direction; ascending. They count
-    /// like any other: their forces and stiffnesses add up.
+    /// Returns the fibers, ascending, that join the same two nodes as an earlier fiber, in either direction. They
+    /// contribute like all other fibers: their forces and stiffness add up.
     #[must_use]
     pub fn doubled(&self) -> Vec<u32> {
         doubled(&self.fibers)
     }
 
-    /// The same network with all fibers of one material.
+    /// Replaces the materials by one material for all fibers.
     #[must_use]
     pub fn of_one_material(self, material: FiberMaterial) -> Self {
         Self { materials: vec![material], reaction_of: vec![0; self.fibers.len()], ..self }
     }
 }
 
-/// Counts and coordinates: what must hold before a box can be drawn.
+/// Checks the node count and the coordinates, before the bounding box is computed.
 fn check_values(nodes: &[[f64; 3]]) -> Result<(), NetworkError> {
     if nodes.len() > MOST_NODES {
         return Err(NetworkError::TooMany { what: "nodes", count: nodes.len(), most: MOST_NODES });
@@ -169,13 +170,13 @@ fn check_values(nodes: &[[f64; 3]]) -> Result<(), NetworkError> {
     Ok(())
 }
 
-/// [`Network::doubled`] of fibers.
+/// Implements [`Network::doubled`].
 pub(super) fn doubled(fibers: &[[u32; 2]]) -> Vec<u32> {
     let mut seen = HashSet::with_capacity(fibers.len());
     (0u32..).zip(fibers).filter(|(_, [a, b])| !seen.insert([a.min(b), a.max(b)])).map(|(fiber, _)| fiber).collect()
 }
 
-/// Everything wrong with nodes (finite) and fibers in their cube, up to some twenty problems, fibers first.
+/// Returns up to [`MOST_PROBLEMS`] problems of nodes (finite) and fibers in their cube, fibers first.
 pub(super) fn problems(cube: Cube, nodes: &[[f64; 3]], fibers: &[[u32; 2]]) -> Vec<NetworkError> {
     if fibers.is_empty() {
         return vec![NetworkError::NoFibers];
@@ -203,7 +204,8 @@ fn bad_fibers(unit: &[[f64; 3]], fibers: &[[u32; 2]]) -> impl Iterator<Item = Ne
     })
 }
 
-/// Nodes outside the cube and nodes at one place, less those that a fiber of zero length in `known` names already.
+/// Finds nodes outside the cube and nodes at the same position, except for pairs that a fiber of zero length in `known`
+/// already reports.
 fn bad_nodes(unit: &[[f64; 3]], nodes: &[[f64; 3]], known: &[NetworkError]) -> Vec<NetworkError> {
     let mut found = Vec::new();
     let mut places = Proximity::new(SAME_PLACE);
@@ -233,7 +235,7 @@ mod tests {
     use super::*;
     use crate::fiber::law::Law;
 
-    /// The corners of a cube, its middle, and fibers from the middle to the corners.
+    /// The corners of a cube, a point inside, and fibers from that point to the corners.
     fn star(lower: [f64; 3], edges: [f64; 3]) -> (Vec<[f64; 3]>, Vec<[u32; 2]>) {
         let corner = |c: u32| [0, 1, 2].map(|k| lower[k] + f64::from(c >> k & 1) * edges[k]);
         let mut nodes: Vec<[f64; 3]> = (0..8).map(corner).collect();

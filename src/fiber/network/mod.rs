@@ -1,8 +1,8 @@
 //! Fiber networks: immutable geometry in the unit cube, shared by every RVE that uses it.
 //!
 //! A [`Network`] comes from a file ([`file::read`]), from a generator (`generate::Recipe`, with the feature `generate`)
-//! or from nodes and fibers of the caller's own ([`Network::new`]); however it comes, its geometry has been checked.
-//! [`check`] tells what it is like and how rigid, and takes out what carries no load.
+//! or from given nodes and fibers ([`Network::new`]); each of these checks its geometry. [`check`] reports the
+//! properties of a network and its rigidity, and removes the parts that carry no load.
 
 pub mod check;
 mod error;
@@ -21,8 +21,8 @@ pub use types::FiberTypesError;
 
 use super::law::FiberMaterial;
 
-/// A fiber network in the unit cube `[-1/2, 1/2]^3`, centered and scaled, with its boundary found and its interior
-/// unknowns numbered.
+/// A fiber network in the unit cube `[-1/2, 1/2]^3`, centered and scaled, with its boundary nodes identified and its
+/// interior unknowns numbered.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Network {
     name: String,
@@ -37,7 +37,7 @@ pub struct Network {
 }
 
 impl Network {
-    /// What it is called: the file's name without the folder, or what generated it.
+    /// The name: the file name without the folder, or the name given by the generator.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
@@ -56,7 +56,7 @@ impl Network {
     }
 
     /// Reference length of every fiber, in unit-cube units, computed as `sqrt(dx*dx + dy*dy + dz*dz)` of
-    /// `node[b] - node[a]`: bit for bit what the truss computes of an undeformed fiber.
+    /// `node[b] - node[a]`: bitwise equal to the length that the truss computes for an undeformed fiber.
     #[must_use]
     pub fn lengths(&self) -> &[f64] {
         &self.lengths
@@ -65,32 +65,32 @@ impl Network {
     /// The unit vector from the first to the second node of a fiber.
     ///
     /// # Panics
-    /// Where there is no such fiber.
+    /// Panics if there is no such fiber.
     #[must_use]
     pub fn direction(&self, fiber: usize) -> [f64; 3] {
         let [a, b] = self.fibers[fiber].map(|node| self.nodes[node as usize]);
         [0, 1, 2].map(|k| (b[k] - a[k]) / self.lengths[fiber])
     }
 
-    /// Index into [`Network::materials`] of every fiber (0 for all where no materials came with the network).
+    /// Index into [`Network::materials`] of every fiber; 0 for all if the network has no materials.
     #[must_use]
     pub fn reaction_of(&self) -> &[u16] {
         &self.reaction_of
     }
 
-    /// The materials of the files beside the network; empty where none came with it.
+    /// The materials from the network's own files; empty if there are none.
     #[must_use]
     pub fn materials(&self) -> &[FiberMaterial] {
         &self.materials
     }
 
-    /// Nodes with a coordinate within 1e-8 of +-1/2, ascending: they are moved affinely and held.
+    /// Nodes with a coordinate within 1e-8 of +-1/2, ascending: their positions are prescribed affinely.
     #[must_use]
     pub fn boundary(&self) -> &[u32] {
         &self.boundary
     }
 
-    /// The other nodes, ascending.
+    /// The interior nodes, ascending.
     #[must_use]
     pub fn interior(&self) -> &[u32] {
         &self.interior

@@ -1,8 +1,8 @@
-//! Which points lie within a small distance of a point, without comparing all pairs.
+//! A hash grid that finds points within a fixed distance.
 
 use std::collections::HashMap;
 
-/// Points in a hash grid, for questions within one fixed radius.
+/// Points in a hash grid, for searches within one fixed radius.
 #[derive(Debug)]
 pub(super) struct Proximity {
     radius: f64,
@@ -10,18 +10,18 @@ pub(super) struct Proximity {
 }
 
 impl Proximity {
-    /// An empty grid that answers questions about distances up to `radius` (positive).
+    /// Makes an empty grid for searches within `radius` (positive).
     pub(super) fn new(radius: f64) -> Self {
         Self { radius, cells: HashMap::new() }
     }
 
-    /// Adds a point under a number of the caller's.
+    /// Adds a point with a number given by the caller.
     pub(super) fn insert(&mut self, number: usize, point: [f64; 3]) {
         let cell = point.map(|x| self.cell(x));
         self.cells.entry(cell).or_default().push((number, point));
     }
 
-    /// The lowest number of a point within the radius, if there is one.
+    /// Returns the lowest number of a point within the radius, if there is one.
     pub(super) fn near(&self, point: [f64; 3]) -> Option<usize> {
         let lower = point.map(|x| self.cell(x - self.radius));
         let upper = point.map(|x| self.cell(x + self.radius));
@@ -40,7 +40,7 @@ impl Proximity {
         found
     }
 
-    /// Cells are four radii wide, so that most questions look into one of them.
+    /// The index of a cell; cells are four radii wide, so that most searches visit one cell only.
     fn cell(&self, x: f64) -> i64 {
         (x / (4.0 * self.radius)).floor() as i64
     }

@@ -1,4 +1,4 @@
-//! Fibers of several types, drawn at random.
+//! Random assignment of fiber types.
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{RngCore, SeedableRng};
@@ -6,29 +6,29 @@ use rand_chacha::rand_core::{RngCore, SeedableRng};
 use super::Network;
 use crate::fiber::law::FiberMaterial;
 
-/// How far from 1 fractions may sum up: decimal fractions are not exact.
+/// Tolerance of the sum of the fractions, since decimal fractions are not exact in binary.
 const TOLERANCE: f64 = 1e-9;
-/// The stream of random numbers that draws types; a generator of the same seed draws its points from stream 0.
+/// The random number stream that draws types; a generator with the same seed draws its points from stream 0.
 const STREAM: u64 = 1;
 
-/// Why fibers cannot be divided into types.
+/// Error in the assignment of fiber types.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FiberTypesError {
-    /// No type at all, or more than material numbers can count.
+    /// There is no type, or there are more than 65535.
     #[error("{count} types of fibers; there can be from 1 to 65535")]
     Count {
-        /// How many.
+        /// Number of types.
         count: usize,
     },
-    /// A fraction that is none.
+    /// A fraction is not positive.
     #[error("the fraction of type {number} is {fraction}")]
     Fraction {
-        /// Which type, from 0.
+        /// The type, from 0.
         number: usize,
         /// Its fraction.
         fraction: f64,
     },
-    /// Fractions that leave fibers out or count them twice.
+    /// The fractions do not sum to 1.
     #[error("the fractions of the fiber types sum to {}", (sum * 1e12).round() / 1e12)]
     Sum {
         /// Their sum.
@@ -37,13 +37,15 @@ pub enum FiberTypesError {
 }
 
 impl Network {
-    /// The same network with fibers of several types: each a fraction of all fibers, by number, and its material.
+    /// Assigns random types to the fibers; each type has a fraction, of the number of all fibers, and a material.
     ///
-    /// How many fibers a type gets is exact, the fractions rounded such that none is off by a whole fiber (largest
-    /// remainders); which ones is drawn by ChaCha from the seed, the same on every machine. Fibers keep their places.
+    /// The fibers are apportioned to the types by largest remainders, so that every number is off by less than one
+    /// fiber. ChaCha draws the fibers of each type from the seed, the same on every machine. The order of the fibers
+    /// does not change.
     ///
     /// # Errors
-    /// [`FiberTypesError`]: fractions must be above 0 and sum to 1 within 1e-9.
+    /// Returns [`FiberTypesError`] unless there are 1 to 65535 types and all fractions are above 0 and sum to 1 within
+    /// 1e-9.
     pub fn with_random_types(self, types: Vec<(f64, FiberMaterial)>, seed: u64) -> Result<Self, FiberTypesError> {
         if !(1..=usize::from(u16::MAX)).contains(&types.len()) {
             return Err(FiberTypesError::Count { count: types.len() });
@@ -66,7 +68,7 @@ impl Network {
     }
 }
 
-/// Whole numbers in the proportion of the fractions that sum to `total`: those with the largest remainders are rounded up.
+/// Apportions `total` to the fractions: rounds down, then up where the remainders are largest.
 fn counts(fractions: &[f64], total: usize) -> Vec<usize> {
     let exact: Vec<f64> = fractions.iter().map(|fraction| fraction * total as f64).collect();
     let mut counts: Vec<usize> = exact.iter().map(|exact| exact.floor() as usize).collect();
@@ -80,7 +82,7 @@ fn counts(fractions: &[f64], total: usize) -> Vec<usize> {
         counts[number] += 1;
         missing -= 1;
     }
-    // Fractions that sum to a trifle more than 1 could count a fiber too many.
+    // Fractions that sum to slightly more than 1 may give a fiber too many.
     let mut excess = counts.iter().sum::<usize>().saturating_sub(total);
     for count in counts.iter_mut().rev() {
         let less = excess.min(*count);
@@ -90,7 +92,8 @@ fn counts(fractions: &[f64], total: usize) -> Vec<usize> {
     counts
 }
 
-/// Every order with the same probability, but for a bias of `len / 2^64` (Fisher and Yates, as Durstenfeld wrote it).
+/// Shuffles with equal probability of every order, except for a bias of `len / 2^64` (Fisher and Yates, in
+/// Durstenfeld's form).
 fn shuffle(types: &mut [u16], seed: u64) {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     random.set_stream(STREAM);
@@ -133,7 +136,7 @@ mod tests {
         assert_ne!(network.with_random_types(types(), 2).unwrap().reaction_of(), one.reaction_of());
     }
 
-    /// Numbers of ChaCha that no release of a library may change.
+    /// Reference values of ChaCha, which no library release may change.
     #[test]
     fn the_order_stays_what_it_is() {
         let mut types: Vec<u16> = (0..12).collect();

@@ -1,52 +1,52 @@
-//! Taking out of a network what carries no load.
+//! Removal of the parts of a network that carry no load.
 
 use std::collections::HashSet;
 
 use super::components::roots;
 use crate::fiber::network::{BOUNDARY_TOLERANCE, Cube, Network, NetworkError};
 
-/// A cleaned network, with what was taken out.
+/// A cleaned network and the account of the removed parts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cleaned {
-    /// What is left, with its materials.
+    /// The remaining network, with its materials.
     pub network: Network,
-    /// The nodes that are left, by their former numbers.
+    /// The remaining nodes, by their former numbers.
     pub kept_nodes: Vec<u32>,
-    /// The fibers that are left, by their former numbers.
+    /// The remaining fibers, by their former numbers.
     pub kept_fibers: Vec<u32>,
-    /// What was taken out.
+    /// The numbers of removed fibers and nodes.
     pub removed: Removed,
 }
 
-/// How much was taken out, each thing counted once, by the first reason that held.
+/// The numbers of removed fibers and nodes; each is counted once, under the first reason that applies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "app", derive(serde::Serialize))]
 pub struct Removed {
-    /// Fibers shorter than asked for.
+    /// Fibers shorter than the given length.
     pub short_fibers: usize,
-    /// Fibers that end at an interior node alone, or beside others from the same node; those included that do so after
-    /// others were taken out.
+    /// Dangling fibers: those at an interior node with a single neighbor, including nodes that reach this state when
+    /// other fibers are removed.
     pub dangling_fibers: usize,
-    /// Fibers of parts that are not tied to the boundary.
+    /// Fibers of components that are not tied to the boundary.
     pub untied_fibers: usize,
-    /// Nodes that no fiber was left at.
+    /// Nodes without a remaining fiber.
     pub nodes: usize,
 }
 
 impl Removed {
-    /// Whether there was nothing to take out.
+    /// Returns true if nothing was removed.
     #[must_use]
     pub fn is_nothing(&self) -> bool {
         *self == Self::default()
     }
 }
 
-/// Takes out, in this order, fibers shorter than a length (in unit-cube units), dangling fibers until none is left,
-/// parts not tied to the boundary, and nodes without fibers. Where a face would be left without a node, its first one
-/// stays, so that the box remains what it is.
+/// Removes, in this order, fibers shorter than `shorter_than` (in unit-cube units), dangling fibers until none is left,
+/// components not tied to the boundary, and nodes without fibers. If a face would lose its last node, its first one is
+/// kept, so that the bounding box does not change.
 ///
 /// # Errors
-/// [`NetworkError::NoFibers`] if nothing would be left.
+/// Returns [`NetworkError::NoFibers`] if no fiber would be left.
 pub fn clean(network: &Network, shorter_than: Option<f64>) -> Result<Cleaned, NetworkError> {
     let mut removed = Removed::default();
     let mut keep = vec![true; network.fibers().len()];
@@ -65,7 +65,7 @@ pub fn clean(network: &Network, shorter_than: Option<f64>) -> Result<Cleaned, Ne
     Ok(Cleaned { network: restrict(network, &kept_nodes, &kept_fibers)?, kept_nodes, kept_fibers, removed })
 }
 
-/// Which nodes have fibers, or hold a face of the cube that no other node is left on.
+/// Marks the nodes that have fibers, and one node on each face that would otherwise have none.
 fn used_nodes(network: &Network, fibers: &[u32]) -> Vec<bool> {
     let mut used = vec![false; network.nodes().len()];
     for &fiber in fibers {
@@ -89,10 +89,10 @@ fn used_nodes(network: &Network, fibers: &[u32]) -> Vec<bool> {
     used
 }
 
-/// Takes out fibers at interior nodes with a single neighbor until there are none; returns how many.
+/// Removes fibers at interior nodes with a single neighbor until there are none; returns their number.
 fn drop_dangling(network: &Network, keep: &mut [bool]) -> usize {
     let mut fibers_at: Vec<Vec<u32>> = vec![Vec::new(); network.nodes().len()];
-    // Neighbors, not fibers: several fibers to one node hold no better than one.
+    // Counts neighbors, not fibers: several fibers to the same node support it no better than one.
     let mut degree = vec![0usize; network.nodes().len()];
     let mut pairs = HashSet::new();
     for (fiber, ends) in (0u32..).zip(network.fibers()).filter(|(fiber, _)| keep[*fiber as usize]) {
@@ -107,7 +107,7 @@ fn drop_dangling(network: &Network, keep: &mut [bool]) -> usize {
     let mut dropped = 0;
     while let Some(node) = loose.pop() {
         for &fiber in &fibers_at[node as usize] {
-            // It may be gone already, taken out from its other end.
+            // The fiber may already have been removed from its other end.
             if !std::mem::replace(&mut keep[fiber as usize], false) {
                 continue;
             }
@@ -127,7 +127,7 @@ fn drop_dangling(network: &Network, keep: &mut [bool]) -> usize {
     dropped
 }
 
-/// Takes out the fibers of parts without a boundary node; returns how many.
+/// Removes the fibers of components without a boundary node; returns their number.
 fn drop_untied(network: &Network, keep: &mut [bool]) -> usize {
     let left = network.fibers().iter().zip(keep.iter()).filter_map(|(&ends, &keep)| keep.then_some(ends));
     let roots = roots(network.nodes().len(), left);
@@ -145,7 +145,7 @@ fn drop_untied(network: &Network, keep: &mut [bool]) -> usize {
     dropped
 }
 
-/// The network of some of its nodes and fibers, renumbered, in the same cube.
+/// Makes the network of some of the nodes and fibers, renumbered, in the same cube.
 fn restrict(network: &Network, nodes: &[u32], fibers: &[u32]) -> Result<Network, NetworkError> {
     let mut number = vec![0u32; network.nodes().len()];
     for (new, &old) in (0u32..).zip(nodes) {

@@ -1,22 +1,22 @@
-//! The connected parts of a network.
+//! The connected components of a network.
 
 use std::collections::BTreeMap;
 
-/// A connected part of a network. A node without fibers is a part of its own.
+/// A connected component of a network. A node without fibers is a component.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "app", derive(serde::Serialize))]
 pub struct Component {
-    /// The lowest of its nodes.
+    /// Its lowest node.
     pub first_node: u32,
-    /// How many nodes it has.
+    /// Number of nodes.
     pub nodes: usize,
-    /// How many fibers it has.
+    /// Number of fibers.
     pub fibers: usize,
-    /// Whether one of its nodes lies on the boundary: otherwise nothing holds it, and it carries no load.
+    /// Whether one of its nodes lies on the boundary: otherwise nothing supports it, and it carries no load.
     pub tied: bool,
 }
 
-/// The lowest node that every node is connected with.
+/// Returns for every node the lowest node of its component.
 pub(super) fn roots(nodes: usize, fibers: impl Iterator<Item = [u32; 2]>) -> Vec<u32> {
     let mut parent: Vec<u32> = (0..nodes as u32).collect();
     for [a, b] in fibers {
@@ -26,7 +26,7 @@ pub(super) fn roots(nodes: usize, fibers: impl Iterator<Item = [u32; 2]>) -> Vec
     (0..nodes as u32).map(|node| root(&mut parent, node)).collect()
 }
 
-/// The root of a node's tree; the path to it is halved on the way.
+/// Returns the root of a node's tree and halves the path to it.
 fn root(parent: &mut [u32], mut node: u32) -> u32 {
     while parent[node as usize] != node {
         parent[node as usize] = parent[parent[node as usize] as usize];
@@ -35,7 +35,7 @@ fn root(parent: &mut [u32], mut node: u32) -> u32 {
     node
 }
 
-/// The components by their lowest node, ascending, given every node's root.
+/// Returns the components ordered by their lowest node, given the root of every node.
 pub(super) fn components(roots: &[u32], boundary: &[u32], fibers: impl Iterator<Item = [u32; 2]>) -> Vec<Component> {
     let mut parts: BTreeMap<u32, Component> = BTreeMap::new();
     for &root in roots {

@@ -1,4 +1,4 @@
-//! What a network is like, what in it carries no load, and which motions it does not resist.
+//! Properties of a network: statistics, parts that carry no load, and zero modes.
 
 mod clean;
 mod components;
@@ -15,7 +15,8 @@ mod tests {
     use super::*;
     use crate::fiber::network::{Network, NetworkError};
 
-    /// Corners of the unit cube tied to node 8; a twig 8-9-10 and a twig off it; an island 12-13-14; node 15 alone.
+    /// Corners of the unit cube connected to node 8; a dangling chain 8-9-10 with a branch 9-11; an untied part
+    /// 12-13-14; an isolated node 15.
     fn untidy() -> Network {
         let corner = |c: u32| [0, 1, 2].map(|k| f64::from(c >> k & 1) - 0.5);
         let mut nodes: Vec<[f64; 3]> = (0..8).map(corner).collect();
@@ -42,7 +43,7 @@ mod tests {
         assert_eq!(report.untied().count(), 2);
         assert_eq!(report.dangling_nodes, [10, 11]);
         let coordination = report.coordination.unwrap();
-        // Of 0, 1, 1, 2, 2, 2, 3 and 9 fibers.
+        // The interior nodes have 0, 1, 1, 2, 2, 2, 3 and 9 fibers.
         assert_eq!((coordination.min, coordination.mean, coordination.max), (0.0, 2.5, 9.0));
         assert!((coordination.deviation - (104.0 / 8.0 - 2.5f64 * 2.5).sqrt()).abs() < 1e-14);
         assert_eq!(report.coordination_counts, [1, 2, 3, 1, 0, 0, 0, 0, 0, 1]);
@@ -72,7 +73,7 @@ mod tests {
         assert_eq!((report.untied().count(), report.dangling_nodes.len()), (0, 0));
     }
 
-    /// A fiber laid twice or thrice holds its ends no better than one: the twig dangles, the diagonal stays, and stays doubled.
+    /// Doubled fibers support a node no better than one: the chain dangles; the diagonal stays, and stays doubled.
     #[test]
     fn doubled_fibers_are_counted_and_dangle_like_single_ones() {
         let untidy = untidy();
@@ -90,7 +91,7 @@ mod tests {
 
     #[test]
     fn short_fibers_go_and_the_box_stays() {
-        // All diagonals are 0.87 long; the fiber along the edge from corner 0 to corner 1 is all that is left.
+        // All diagonals have length 0.87; only the fiber along the edge from corner 0 to corner 1 is kept.
         let cleaned = clean(&untidy(), Some(0.9)).unwrap();
         assert_eq!(cleaned.removed.short_fibers, 14);
         assert_eq!(cleaned.kept_fibers, [14]);

@@ -1,4 +1,4 @@
-//! The figures of a network.
+//! Statistics of a network.
 
 use nalgebra::Matrix3;
 
@@ -6,22 +6,22 @@ use super::components::{Component, components, roots};
 use crate::fiber::network::Network;
 use crate::fiber::orientation::{Weighting, principal, second_order_parameter, tensor};
 
-/// Least, mean and greatest of some numbers, and how they scatter.
+/// Minimum, mean, maximum and standard deviation of a sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "app", derive(serde::Serialize))]
 pub struct Spread {
-    /// The least.
+    /// The minimum.
     pub min: f64,
     /// The mean.
     pub mean: f64,
-    /// The greatest.
+    /// The maximum.
     pub max: f64,
-    /// The standard deviation of all the numbers from their mean (divided by their count, not by one less).
+    /// The standard deviation, with the number of values as divisor.
     pub deviation: f64,
 }
 
 impl Spread {
-    /// `None` for no numbers.
+    /// Returns `None` for an empty sample.
     fn of(values: &[f64]) -> Option<Self> {
         let count = values.len() as f64;
         let (&first, _) = values.split_first()?;
@@ -32,7 +32,7 @@ impl Spread {
     }
 }
 
-/// What [`examine`] finds. Lengths are in unit-cube units.
+/// The result of [`examine`]. Lengths are in unit-cube units.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "app", derive(serde::Serialize))]
 pub struct NetworkReport {
@@ -42,62 +42,63 @@ pub struct NetworkReport {
     pub nodes: usize,
     /// Number of fibers.
     pub fibers: usize,
-    /// Nodes on the boundary, which are held.
+    /// Nodes on the boundary, whose positions are prescribed.
     pub boundary_nodes: usize,
-    /// The other nodes.
+    /// All other nodes.
     pub interior_nodes: usize,
-    /// Three unknowns an interior node.
+    /// Number of free unknowns: three per interior node.
     pub free_dofs: usize,
-    /// Maxwell's count: fibers with a free end, less free unknowns. Below zero the network has that many floppy modes
-    /// at least; above it may have some.
+    /// Maxwell's count: number of fibers with a free end minus number of free unknowns. If it is negative, the network
+    /// has at least that many zero modes; if not, it may still have some.
     pub maxwell_count: i64,
-    /// The connected parts, by their lowest node.
+    /// The connected components, ordered by their lowest node.
     pub components: Vec<Component>,
-    /// Interior nodes with fibers to a single other node; these cannot carry a load.
+    /// Interior nodes with a single neighbor; their fibers cannot carry a load.
     pub dangling_nodes: Vec<u32>,
-    /// Fibers that join two nodes that another fiber joins already.
+    /// Fibers that join the same two nodes as an earlier fiber.
     pub doubled_fibers: usize,
-    /// Fibers with both ends on the boundary: they follow the deformation and meet nothing else at rest.
+    /// Fibers with both ends on the boundary: they deform affinely and do not interact with the interior.
     pub boundary_fibers: usize,
-    /// Of the fibers.
+    /// Length of the fibers.
     pub length: Spread,
-    /// Sum of the lengths: since the cube has the volume 1, also the density, fiber length per volume in 1/edge^2.
+    /// Sum of the lengths. Since the volume of the cube is 1, this is also the density: fiber length per volume in
+    /// 1/edge^2.
     pub total_length: f64,
-    /// Fibers that meet at an interior node; absent where there is none.
+    /// Number of fibers at an interior node; `None` if there is no interior node.
     pub coordination: Option<Spread>,
-    /// How many interior nodes have 0, 1, 2, ... fibers.
+    /// Number of interior nodes with 0, 1, 2, ... fibers.
     pub coordination_counts: Vec<usize>,
     /// `1/N sum n (x) n` over the fibers' directions.
     pub orientation: [[f64; 3]; 3],
     /// `sum L n (x) n / sum L`.
     pub orientation_by_length: [[f64; 3]; 3],
-    /// The direction along which most fibers lie: the eigenvector of `orientation` with the greatest eigenvalue, its
-    /// largest component positive.
+    /// The direction along which most fibers lie: the eigenvector of `orientation` with the largest eigenvalue, signed
+    /// such that its largest component is positive.
     pub principal_direction: [f64; 3],
-    /// The second order parameter `P2 = (3 <cos^2 theta> - 1)/2` of the fibers' angles `theta` to the principal direction:
-    /// 0 for isotropic fibers, 1 for parallel ones.
+    /// The second-order parameter `P2 = (3 <cos^2 theta> - 1)/2` of the angles `theta` between the fibers and the
+    /// principal direction: 0 for isotropic fibers, 1 for parallel ones.
     pub order: f64,
-    /// The same with every fiber counted by its length.
+    /// `order` with every fiber weighted by its length.
     pub order_by_length: f64,
-    /// Number of materials that the network's files give.
+    /// Number of materials in the network's files.
     pub materials: usize,
 }
 
 impl NetworkReport {
-    /// The second order parameter about a unit vector: of the fibers counted once, and counted by their length.
+    /// The second-order parameter about a unit vector: with equal weights, and weighted by length.
     #[must_use]
     pub fn order_about(&self, axis: [f64; 3]) -> [f64; 2] {
         [self.orientation, self.orientation_by_length]
             .map(|tensor| second_order_parameter(&Matrix3::from(tensor), &axis.into()))
     }
 
-    /// The parts that nothing holds.
+    /// The components without a boundary node.
     pub fn untied(&self) -> impl Iterator<Item = &Component> {
         self.components.iter().filter(|part| !part.tied)
     }
 }
 
-/// Examines a network.
+/// Computes the statistics of a network.
 #[must_use]
 pub fn examine(network: &Network) -> NetworkReport {
     let fibers = network.fibers();
@@ -145,7 +146,7 @@ pub fn examine(network: &Network) -> NetworkReport {
     }
 }
 
-/// Fibers at every node.
+/// The number of fibers at every node.
 fn degrees(network: &Network) -> Vec<usize> {
     let mut degrees = vec![0; network.nodes().len()];
     for &node in network.fibers().iter().flatten() {
@@ -154,7 +155,7 @@ fn degrees(network: &Network) -> Vec<usize> {
     degrees
 }
 
-/// The orientation tensors with every fiber counted once, and with every fiber counted by its length.
+/// The orientation tensors with equal weights and weighted by length.
 fn orientations(network: &Network) -> [Matrix3<f64>; 2] {
     let directions: Vec<[f64; 3]> = (0..network.fibers().len()).map(|fiber| network.direction(fiber)).collect();
     [Weighting::Number, Weighting::Length].map(|weighting| tensor(&directions, network.lengths(), weighting))

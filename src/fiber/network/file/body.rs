@@ -1,4 +1,4 @@
-//! The network file proper: counts, nodes, fibers, periodic pairs.
+//! The network file: counts, nodes, fibers and periodic pairs.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use crate::fiber::network::geometry::{doubled, problems};
 use crate::fiber::network::{Cube, NetworkError};
 use crate::input::{InputError, InputErrors};
 
-/// What a network file says, checked, in the units of the file.
+/// The checked contents of a network file, in the units of the file.
 #[derive(Debug)]
 pub(super) struct Body {
     pub(super) nodes: Vec<[f64; 3]>,
@@ -18,7 +18,7 @@ pub(super) struct Body {
     pub(super) warnings: Vec<String>,
 }
 
-/// The lines of a network file by what they should hold.
+/// The lines of a network file, by section.
 struct Sections<'l, 't> {
     nodes: &'l [Line<'t>],
     fibers: &'l [Line<'t>],
@@ -60,7 +60,7 @@ pub(super) fn parse(file: &Path, bytes: &[u8]) -> Result<Body, InputErrors> {
     Ok(Body { nodes, fibers, periodic, cube, warnings })
 }
 
-/// Reads the header and checks it against the number of lines, before anything is sized by it.
+/// Reads the header and compares it with the number of lines, before memory is allocated from its counts.
 fn divide<'l, 't>(reading: &mut Reading<'_>, lines: &'l [Line<'t>]) -> Result<Sections<'l, 't>, InputError> {
     let expected = "three counts: NODES FIBERS PERIODIC";
     let Some((&header, rest)) = lines.split_first() else {
@@ -89,7 +89,7 @@ fn divide<'l, 't>(reading: &mut Reading<'_>, lines: &'l [Line<'t>]) -> Result<Se
             format!("correct it; {cure}"),
         ));
     }
-    // The counts add up to a number of lines in memory, so they fit.
+    // The counts sum to the number of lines in memory, so they fit in `usize`.
     let (nodes, rest) = rest.split_at(counts[0] as usize);
     let (fibers, periodic) = rest.split_at(counts[1] as usize);
     Ok(Sections { nodes, fibers, periodic })
@@ -104,7 +104,7 @@ fn node(reading: &mut Reading<'_>, line: Line<'_>) -> Result<[f64; 3], InputErro
     Ok(position)
 }
 
-/// Pairs of node numbers, which the file counts from `base`; counted from 0 in what is returned.
+/// Reads pairs of node numbers, counted from `base` in the file; returns them counted from 0.
 fn pairs(
     reading: &mut Reading<'_>,
     lines: &[Line<'_>],
@@ -151,7 +151,7 @@ fn cube(reading: &Reading<'_>, nodes: &[[f64; 3]]) -> Result<Cube, InputError> {
     })
 }
 
-/// A problem of the geometry, told by the lines that caused it.
+/// Describes a problem of the geometry, with the lines that cause it.
 fn explain(reading: &Reading<'_>, sections: &Sections<'_, '_>, problem: &NetworkError) -> InputError {
     let node_line = |node: usize| sections.nodes.get(node).map_or(1, |line| line.number);
     let fiber_line = |fiber: usize| sections.fibers.get(fiber).map_or(1, |line| line.number);

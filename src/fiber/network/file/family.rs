@@ -1,4 +1,4 @@
-//! A network with the files that go beside it, written together; files beside it that come from elsewhere stay as they are.
+//! Joint writing of a network and the files beside it, without replacing files from other sources.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -12,41 +12,42 @@ use crate::checksum::{below_signature, signed, sum_of};
 use crate::fiber::network::Network;
 use crate::output;
 
-/// Begins the line of a sidecar that holds the checksum of the `.params` file beside it.
+/// Prefix of the line of a sidecar that holds the checksum of the `.params` file beside it.
 const PARAMS_LINE: &str = "# Checksum of the .params file: ";
 
-/// Why a network was not written with its files.
+/// Error in the writing of a network and its files.
 #[derive(Debug, Error)]
 pub enum FamilyError {
-    /// The operating system refused.
+    /// The operating system reported an error.
     #[error("{}: cannot be written: {source}", path.display())]
     Write {
         /// The file.
         path: PathBuf,
-        /// Its answer.
+        /// The error of the operating system.
         source: io::Error,
     },
-    /// A file would be replaced that no network was written with. Nothing was written.
+    /// A file would be replaced that was not written with a network. Nothing was written.
     #[error("{}: {what}", path.display())]
     Foreign {
         /// The file.
         path: PathBuf,
-        /// How that is known.
+        /// The reason for the refusal.
         what: &'static str,
     },
 }
 
-/// Writes a network to `path`, then its materials to `path.params` where the format has a place for them, then `sidecar` to
-/// `path.toml`. Files of these two names are replaced only as an earlier call has written them, even one that was killed. A device or a pipe gets the
-/// network alone.
+/// Writes a network to `path`, its materials to `path.params` if the format can hold them, and `sidecar` to
+/// `path.toml`. Existing files with the latter two names are replaced only if an earlier call, even a killed one, has
+/// written them and they have not been changed since. A device or a pipe receives the network only.
 ///
 /// # Errors
-/// [`FamilyError`].
+/// Returns [`FamilyError::Write`] if a file cannot be written, and [`FamilyError::Foreign`] if a file from another
+/// source would be replaced.
 pub fn write_family(path: &Path, network: &Network, sidecar: &Sidecar) -> Result<(), FamilyError> {
     write_one_by_one(path, network, sidecar, || Ok(()))
 }
 
-/// [`write_family`], which asks `go_on` before each file.
+/// Implements [`write_family`]; calls `go_on` before each file.
 fn write_one_by_one(
     path: &Path,
     network: &Network,
@@ -65,7 +66,8 @@ fn write_one_by_one(
     let text = sidecar.to_toml().map_err(failed(&toml))?;
     let materials = fits_params(network).then(|| params_text(network)).transpose().map_err(failed(&params))?;
     let sum = materials.as_ref().map(|text| sum_of(text.as_bytes()));
-    // Whichever file is the last that a killed process writes, the next one knows what it finds beside the network.
+    // A process may be killed after any file: the sidecar lists the checksums of both the old and the new `.params`
+    // file, so that the next call recognizes either.
     if sum.is_some() {
         let either: Vec<u64> = found.params.into_iter().chain(sum).collect();
         let sidecar = with_sums(&found.sidecar, &either);
@@ -81,26 +83,26 @@ fn write_one_by_one(
     go_on().and_then(|()| output::write(&toml, sidecar.as_bytes())).map_err(failed(&toml))
 }
 
-/// A sidecar that knows `.params` files of these checksums.
+/// Returns a signed sidecar with the checksums of acceptable `.params` files.
 fn with_sums(sidecar: &str, params: &[u64]) -> String {
     let lines: String = params.iter().map(|sum| format!("{PARAMS_LINE}{sum:016x}\n")).collect();
     signed(&format!("{lines}{sidecar}"))
 }
 
-/// What lies beside a network, and may be replaced with it.
+/// The files beside a network that may be replaced with it.
 struct Found {
-    /// The sidecar without its signature and the checksums of `.params` files; empty where there is none.
+    /// The sidecar without its signature and the checksums of `.params` files; empty if there is none.
     sidecar: String,
     /// Checksum of the `.params` file.
     params: Option<u64>,
 }
 
-/// Refuses to replace what was not written with a network.
+/// Returns an error if a file beside the network was not written with a network.
 fn check(path: &Path) -> Result<Found, FamilyError> {
     let target = output::end_of_links(path).map_err(|source| FamilyError::Write { path: path.to_owned(), source })?;
     let [toml, params] = [".toml", ".params"].map(|suffix| beside(path, suffix));
     if target != path {
-        // They would describe another network than the one they are beside.
+        // The files beside the target of the link describe the network that would be overwritten.
         if let Some(path) = [".toml", ".params"].map(|suffix| beside(&target, suffix)).into_iter().find(|f| f.exists())
         {
             let what = "belongs to the network that the symbolic link leads to, and would no longer fit it";
@@ -122,15 +124,16 @@ fn check(path: &Path) -> Result<Found, FamilyError> {
     }
 }
 
-/// A sidecar as it was written.
+/// A sidecar that was written by this module.
 struct Known {
-    /// Without signature and checksums.
+    /// The text without signature and checksums.
     text: String,
-    /// The checksums of `.params` files that may lie beside it; `None` by a version that did not sign.
+    /// The checksums of `.params` files that may exist beside it; `None` if the sidecar is of a version without
+    /// signatures.
     params: Option<Vec<u64>>,
 }
 
-/// `None` for a text that is not as a sidecar was written.
+/// Returns `None` if the text was not written by this module.
 fn sidecar_of(file: &Path, text: &str) -> Option<Known> {
     let is_sidecar = |text: &str| {
         let fibers = text
@@ -143,7 +146,7 @@ fn sidecar_of(file: &Path, text: &str) -> Option<Known> {
     match below_signature(text) {
         Some((below, true)) => is_sidecar(below).map(|_| without_sums(below)),
         Some((_, false)) => None,
-        // One that a person wrote has comments, another order, numbers in another form, or no unit.
+        // A sidecar written by hand has comments, another order, another number format, or no unit.
         None => {
             let sidecar = is_sidecar(text)?;
             let is_written = sidecar.length_unit.is_some() && sidecar.to_toml().ok()? == text;
@@ -152,7 +155,7 @@ fn sidecar_of(file: &Path, text: &str) -> Option<Known> {
     }
 }
 
-/// Separates the checksums from the sidecar below them.
+/// Separates the checksums from the rest of the sidecar.
 fn without_sums(mut text: &str) -> Known {
     let mut sums = Vec::new();
     while let Some((line, rest)) = text.split_once('\n')
@@ -164,7 +167,7 @@ fn without_sums(mut text: &str) -> Known {
     Known { text: text.to_owned(), params: Some(sums) }
 }
 
-/// The text of a regular file, or of one that a link leads to; `None` where there is none.
+/// Reads the text of a regular file, or of one that a link leads to; `None` if there is none.
 fn text_of(path: &Path) -> Result<Option<String>, FamilyError> {
     let what = match std::fs::metadata(path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
@@ -201,7 +204,7 @@ mod tests {
     fn a_process_killed_between_the_files_does_not_lock_the_name() {
         let folder = tempfile::tempdir().unwrap();
         let [soft, stiff] = [1e6, 1e8].map(|youngs_modulus| network(folder.path(), Law::Linear { youngs_modulus }));
-        // The format of .params files does not know it.
+        // The `.params` format cannot hold this law.
         let curved = network(folder.path(), Law::Exponential { youngs_modulus: 1e7, nonlinearity: 1.2 });
         for (number, (before, after)) in
             [(None, &soft), (Some(&soft), &stiff), (Some(&soft), &curved), (Some(&curved), &stiff)]

@@ -1,4 +1,4 @@
-//! The part of a sidecar that gives every fiber a type of its own.
+//! The part of a sidecar that gives the type of every fiber.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -16,19 +16,19 @@ use crate::input::InputError;
 pub struct FiberTypes {
     /// The materials.
     pub materials: Vec<FiberMaterial>,
-    /// For every fiber of the network file an index into `materials`.
+    /// Index into `materials` for every fiber of the network file.
     pub type_of: Vec<u16>,
 }
 
 impl FiberTypes {
-    /// Those of a network; `None` where it has not more than one material.
+    /// Returns the fiber types of a network; `None` if it has at most one material.
     #[must_use]
     pub fn of(network: &Network) -> Option<Self> {
         let (materials, type_of) = (network.materials(), network.reaction_of());
         (materials.len() > 1).then(|| Self { materials: materials.to_vec(), type_of: type_of.to_vec() })
     }
 
-    /// Checks the list against the fibers and the materials.
+    /// Checks the list against the numbers of fibers and materials.
     pub(super) fn read(
         file: &Path,
         bytes: &[u8],
@@ -59,7 +59,7 @@ impl FiberTypes {
         Ok(Self { materials, type_of })
     }
 
-    /// The list as it stands in the file, in rows.
+    /// Appends the list to the text of the file, in rows.
     pub(super) fn list(&self, text: &mut String) {
         text.push_str("\n[fibers]\ntypes = [\n");
         for row in self.type_of.chunks(40) {

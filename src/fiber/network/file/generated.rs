@@ -1,10 +1,10 @@
-//! The part of a sidecar that says how a network was made.
+//! The part of a sidecar that holds the parameters of the generator.
 
 use serde::{Deserialize, Serialize};
 
 use crate::fiber::network::generate::{Alignment, GenerateError, Kind, Recipe};
 
-/// How a network was made. What is absent was not asked for.
+/// The parameters of the generator. An absent parameter was not requested.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Generated {
@@ -14,16 +14,16 @@ pub struct Generated {
     pub points: usize,
     /// The seed of the random numbers.
     pub seed: u64,
-    /// The direction that fibers prefer, as it was given.
+    /// The preferred direction of the fibers, as given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub align: Option<[f64; 3]>,
-    /// The second order parameter that was asked for.
+    /// The requested second-order parameter.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub strength: Option<f64>,
-    /// Nodes nearer to each other than this part of the mean spacing were merged.
+    /// Nodes joined by a fiber shorter than this fraction of the mean spacing were merged.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub merge: Option<f64>,
-    /// Fibers shorter than this part of the cube's edge were taken out.
+    /// Fibers shorter than this fraction of the cube's edge were removed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shorter_than: Option<f64>,
     /// The program and its version.
@@ -31,14 +31,14 @@ pub struct Generated {
 }
 
 impl Generated {
-    /// By this version of this program, with nothing special asked for.
+    /// Parameters for this version of the program, without optional ones.
     #[must_use]
     pub fn new(kind: &str, points: usize, seed: u64) -> Self {
         let program = concat!("biotissue ", env!("CARGO_PKG_VERSION")).into();
         Self { kind: kind.into(), points, seed, align: None, strength: None, merge: None, shorter_than: None, program }
     }
 
-    /// By this version of this program, from a recipe.
+    /// Parameters for this version of the program, from a recipe.
     #[must_use]
     pub fn by(recipe: &Recipe, points: usize) -> Self {
         Self {
@@ -50,10 +50,11 @@ impl Generated {
         }
     }
 
-    /// The recipe, which gives the same network for the same number of points; `None` for a kind that is not known.
+    /// Returns the recipe; `None` if the kind is unknown. It gives the same network for the same number of points,
+    /// provided that [`Recipe::apart`] had its default, since the sidecar does not store it.
     ///
     /// # Errors
-    /// [`GenerateError`] where direction or strength are out of range.
+    /// Returns [`GenerateError`] if the direction or the strength is out of range.
     pub fn recipe(&self) -> Result<Option<Recipe>, GenerateError> {
         let Some(kind) = Kind::ALL.into_iter().find(|kind| kind.name() == self.kind) else { return Ok(None) };
         let alignment = self.align.map(|align| Alignment::new(align, self.strength.unwrap_or(0.0))).transpose()?;

@@ -1,23 +1,23 @@
-//! Text files of whitespace-separated numbers: lines that count, and what to say about those that do not parse.
+//! Reading of text files of whitespace-separated numbers: nonblank lines, and errors with their lines.
 
 use std::path::Path;
 
 use crate::input::{InputError, InputErrors, MOST_SHOWN, excerpt, without_byte_order_mark};
 
-/// A line that is not blank.
+/// A nonblank line.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Line<'a> {
-    /// From 1, blank lines counted.
+    /// Line number from 1; blank lines are counted.
     pub(super) number: usize,
     pub(super) text: &'a str,
 }
 
-/// A file being read, with what was found wrong and strange in it so far.
+/// A file being read, with the errors and warnings found so far.
 #[derive(Debug)]
 pub(super) struct Reading<'a> {
     pub(super) file: &'a Path,
     errors: Vec<InputError>,
-    /// Lines with more numbers than count: how many, and the first.
+    /// Number of lines with extra numbers, and the first of these lines.
     trailing: Option<(usize, usize)>,
 }
 
@@ -26,7 +26,7 @@ impl<'a> Reading<'a> {
         Self { file, errors: Vec::new(), trailing: None }
     }
 
-    /// The lines of the file that are not blank.
+    /// Returns the nonblank lines of the file.
     pub(super) fn lines<'t>(&self, bytes: &'t [u8]) -> Result<Vec<Line<'t>>, InputError> {
         let bytes = without_byte_order_mark(bytes);
         let text = std::str::from_utf8(bytes).map_err(|error| {
@@ -39,7 +39,7 @@ impl<'a> Reading<'a> {
         Ok(numbered.filter(|line| !line.text.trim().is_empty()).collect())
     }
 
-    /// An error at a line of this file.
+    /// Makes an error at a line of this file.
     pub(super) fn error(
         &self,
         line: usize,
@@ -50,13 +50,13 @@ impl<'a> Reading<'a> {
         InputError::at_line(self.file, line, what, expected, cure)
     }
 
-    /// Notes an error and reads on; an `Err` ends the reading of a file that has too many.
+    /// Records an error; returns an `Err`, which ends the reading, when there are too many.
     pub(super) fn note(&mut self, error: InputError) -> Result<(), InputErrors> {
         self.errors.push(error);
         if self.errors.len() < MOST_SHOWN { Ok(()) } else { self.outcome() }
     }
 
-    /// The value, or `None` with the error noted.
+    /// Returns the value, or `None` after recording the error.
     pub(super) fn keep<T>(&mut self, value: Result<T, InputError>) -> Result<Option<T>, InputErrors> {
         match value {
             Ok(value) => Ok(Some(value)),
@@ -64,12 +64,12 @@ impl<'a> Reading<'a> {
         }
     }
 
-    /// All errors so far, if there are any.
+    /// Returns an `Err` with all errors so far, if there are any.
     pub(super) fn outcome(&mut self) -> Result<(), InputErrors> {
         if self.errors.is_empty() { Ok(()) } else { Err(InputErrors(std::mem::take(&mut self.errors))) }
     }
 
-    /// What was strange but could be read.
+    /// Returns the irregularities that did not prevent reading.
     pub(super) fn warnings(&self) -> Vec<String> {
         let text = self.trailing.map(|(lines, first)| {
             let (file, those) = (self.file.display(), if lines == 1 { "line has" } else { "lines have" });
@@ -78,7 +78,7 @@ impl<'a> Reading<'a> {
         text.into_iter().collect()
     }
 
-    /// The first `N` words of a line. What follows must be numbers, and is ignored with a warning.
+    /// Returns the first `N` words of a line. Further words must be numbers; they are ignored with a warning.
     pub(super) fn words<'t, const N: usize>(
         &mut self,
         line: Line<'t>,
@@ -108,7 +108,7 @@ impl<'a> Reading<'a> {
         Ok(counted)
     }
 
-    /// A finite number.
+    /// Parses a finite number.
     pub(super) fn real(&self, line: Line<'_>, word: &str) -> Result<f64, InputError> {
         let expected = "a finite number like 0.25 or -1e-3";
         let Ok(value) = word.parse::<f64>() else {
@@ -121,7 +121,7 @@ impl<'a> Reading<'a> {
         Ok(value)
     }
 
-    /// A whole number, of either sign.
+    /// Parses an integer of either sign.
     pub(super) fn whole(&self, line: Line<'_>, word: &str) -> Result<i64, InputError> {
         word.parse::<i64>().map_err(|_| {
             let what = format!("`{}` is no whole number", excerpt(word));
@@ -129,7 +129,7 @@ impl<'a> Reading<'a> {
         })
     }
 
-    /// A count: a whole number from 0.
+    /// Parses a count: an integer from 0.
     pub(super) fn count(&self, line: Line<'_>, word: &str) -> Result<u64, InputError> {
         word.parse::<u64>().map_err(|_| {
             let what = format!("`{}` is no count", excerpt(word));
@@ -137,7 +137,7 @@ impl<'a> Reading<'a> {
         })
     }
 
-    /// A number above zero.
+    /// Parses a number above zero.
     pub(super) fn positive(&self, line: Line<'_>, what: &str, word: &str) -> Result<f64, InputError> {
         let value = self.real(line, word)?;
         if value > 0.0 {

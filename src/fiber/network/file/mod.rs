@@ -1,4 +1,4 @@
-//! Network files, as published networks come: see [`read`] for the format.
+//! Reading and writing of network files in the format of published networks; see [`read`].
 
 mod body;
 #[cfg(feature = "app")]
@@ -27,50 +27,51 @@ use crate::input::{InputError, InputErrors};
 
 pub use write::{fits_params, remove_params, write, write_params, write_parts};
 
-/// A network with what its files say beyond it.
+/// A network and the other contents of its files.
 #[derive(Clone, Debug)]
 pub struct NetworkFile {
-    /// The network, with the materials of the files beside it.
+    /// The network, with the materials from its own files.
     pub network: Network,
-    /// What was strange but could be read, a sentence each, with the file and the line.
+    /// Irregularities that do not prevent reading, one sentence each, with the file and the line.
     pub warnings: Vec<String>,
-    /// The cube that the nodes filled, in the units of the file.
+    /// The cube that the nodes fill, in the units of the file.
     pub cube: Cube,
-    /// Pairs of nodes (from 0) that the file calls periodic. They are not used: the boundary moves affinely.
+    /// Pairs of periodic nodes (from 0) listed in the file. They are not used: the boundary moves affinely.
     pub periodic: Vec<[u32; 2]>,
-    /// What the `.toml` file beside the network says, if there is one.
+    /// The contents of the `.toml` file beside the network, if there is one.
     #[cfg(feature = "app")]
     pub sidecar: Option<sidecar::Sidecar>,
 }
 
-/// Reads a network, and what its fibers are made of from the files beside it.
+/// Reads a network, with the fiber materials from the files beside it.
 ///
 /// The format is whitespace-separated text:
 ///
 /// ```text
 /// NODES FIBERS PERIODIC        three counts
-/// x y z                        one line a node
-/// i j                          one line a fiber, nodes counted from 0
-/// a b                          one line a periodic pair, counted from 1
+/// x y z                        one line per node
+/// i j                          one line per fiber, nodes counted from 0
+/// a b                          one line per periodic pair, counted from 1
 /// ```
 ///
-/// Beside `NAME` there may be `NAME.params`, with reactions first and then the reaction of every fiber,
+/// A file `NAME.params` beside `NAME` may list first reactions, that is, fiber materials, and then the reaction of
+/// every fiber,
 ///
 /// ```text
 /// REACTIONS FIBERS
 /// 0 radius E density                    linear
 /// 1 radius E B lambda_t density         exponential-stretch
-/// k                                     one line a fiber: its reaction, from 0
+/// k                                     one line per fiber: its reaction, from 0
 /// ```
 ///
-/// and (with the feature `app`) `NAME.toml`, whose laws count where there is no `.params` file. Lines may be blank;
-/// numbers that trail those counted are ignored with a warning. Fibers that join two nodes that another fiber joins
-/// already count each, with one warning a file. The network is centered and scaled to the unit cube.
+/// and (with the feature `app`) a file `NAME.toml` may define laws, which are used if there is no `.params` file. Blank
+/// lines are allowed; extra numbers on a line are ignored with a warning. Fibers that join the same two nodes as an
+/// earlier fiber all contribute, with one warning per file. The network is centered and scaled to the unit cube.
 ///
 /// # Errors
-/// Everything wrong in the files, up to some twenty errors, each with its line: wrong counts, words that are no
-/// numbers, NaN and infinity, nodes and reactions that do not exist, fibers of no length, two nodes at one place, a box
-/// that is no cube, parameters that no fiber can have.
+/// Returns all errors in the files, up to about twenty, each with its line: wrong counts, words that are not numbers,
+/// NaN and infinity, nodes and reactions that do not exist, fibers of zero length, two nodes at the same position, a
+/// bounding box that is not a cube, parameters out of range.
 pub fn read(path: &Path) -> Result<NetworkFile, InputErrors> {
     let bytes = std::fs::read(path).map_err(|error| InputError::unreadable(path, &error))?;
     let body = body::parse(path, &bytes)?;
@@ -102,7 +103,7 @@ pub fn read(path: &Path) -> Result<NetworkFile, InputErrors> {
     })
 }
 
-/// The laws of the sidecar, unless the `.params` file came first.
+/// Takes the laws from the sidecar, unless the `.params` file gives materials.
 #[cfg(feature = "app")]
 fn take_laws(
     network: Network,

@@ -1,4 +1,4 @@
-//! A fiber law by name with its parameters, as people give it: in a sidecar, on a command line.
+//! A fiber law by name with its parameters, as given in a sidecar or on a command line.
 
 use std::path::{Path, PathBuf};
 
@@ -7,50 +7,50 @@ use serde::{Deserialize, Serialize};
 use crate::fiber::law::{BUCKLING_STRAIN, COMPRESSION, FiberMaterial, Law, Table, TableError};
 use crate::input::InputErrors;
 
-/// A fiber law by name, with the parameters that people give: in a sidecar, on a command line.
+/// A fiber law by name with its parameters, as given in a sidecar or on a command line.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NamedLaw {
     /// `linear`, `exponential`, `exponential-stretch` or `table`.
     pub name: String,
-    /// `E` in Pa, of all but `table`.
+    /// `E` in Pa, for all laws except `table`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub youngs_modulus: Option<f64>,
-    /// Radius of the round cross-section in m.
+    /// Radius of the circular cross-section in m.
     pub radius: f64,
-    /// `B`, of the exponential laws.
+    /// `B`, for the exponential laws.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub nonlinearity: Option<f64>,
-    /// `lambda_t`, of `exponential-stretch`.
+    /// `lambda_t`, for `exponential-stretch`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub transition: Option<f64>,
     /// The CSV file of a `table`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub file: Option<PathBuf>,
-    /// Instead of a file, the points of a `table`: stretch and nominal stress in Pa.
+    /// The points of a `table`, as an alternative to a file: stretch and nominal stress in Pa.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub points: Option<Vec<[f64; 2]>>,
-    /// Of any law: the stiffness that is left in compression, over `E`.
+    /// Residual stiffness in compression over `E`, for any law.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub compression: Option<f64>,
-    /// Of any law: the compressive strain within which the stiffness falls.
+    /// The compressive strain over which the stiffness falls to its residual, for any law.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub buckling_strain: Option<f64>,
-    /// kg/m^3.
+    /// Mass density in kg/m^3.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub density: Option<f64>,
 }
 
-/// Why named parameters are no fiber law.
+/// The reason why named parameters do not define a fiber law.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum NamedLawError {
-    /// No law is called that.
+    /// There is no law with this name.
     #[error("there is no law `{name}`; known are linear, exponential, exponential-stretch and table")]
     Name {
         /// The name given.
         name: String,
     },
-    /// The law needs a parameter that was not given.
+    /// A required parameter is missing.
     #[error("the law `{law}` needs a {parameter}")]
     Missing {
         /// The law.
@@ -58,7 +58,7 @@ pub enum NamedLawError {
         /// The parameter.
         parameter: &'static str,
     },
-    /// The law does not have a parameter that was given.
+    /// A parameter does not belong to the law.
     #[error("the law `{law}` has no {parameter}")]
     Needless {
         /// The law.
@@ -66,32 +66,32 @@ pub enum NamedLawError {
         /// The parameter.
         parameter: &'static str,
     },
-    /// A parameter that no fiber can have.
+    /// A parameter is out of range.
     #[error("the {parameter} is {value}, but must be finite and {bound}")]
     Range {
         /// The parameter.
         parameter: &'static str,
         /// Its value.
         value: f64,
-        /// `above 0`, `at least 1`.
+        /// The valid range, such as `above 0` or `at least 1`.
         bound: &'static str,
     },
-    /// A table is given twice.
+    /// A table has both a file and points.
     #[error("the law `table` has both a file and points")]
     TwoTables,
-    /// The points of a table make no law; they are counted from 1.
+    /// The points of a table do not define a law; they are counted from 1.
     #[error("{}{error}", error.point().map(|point| format!("point {}: ", point + 1)).unwrap_or_default())]
     Points {
-        /// Why.
+        /// The reason.
         error: TableError,
     },
-    /// The file of a table cannot be read or makes no law.
+    /// The file of a table cannot be read or does not define a law.
     #[error(transparent)]
     File(#[from] InputErrors),
 }
 
 impl NamedLawError {
-    /// The key that is wrong, where there is one.
+    /// The invalid key, if there is one.
     pub(super) fn key(&self) -> Option<&'static str> {
         match self {
             Self::Name { .. } => Some("name"),
@@ -103,10 +103,11 @@ impl NamedLawError {
 }
 
 impl NamedLaw {
-    /// The law with its parameters checked; the path of a table is relative to the folder `base`.
+    /// Returns the material with checked parameters; the file of a table is relative to the folder `base`.
     ///
     /// # Errors
-    /// See [`NamedLawError`].
+    /// Returns [`NamedLawError`] if the name is unknown, a parameter is missing, needless or out of range, or the table
+    /// is invalid.
     pub fn material(&self, base: &Path) -> Result<FiberMaterial, NamedLawError> {
         let law = self.law(base)?;
         let law = match (self.compression, self.buckling_strain) {
@@ -169,7 +170,7 @@ impl NamedLaw {
         }
     }
 
-    /// Whether reading gives the law back; a law that this crate does not know can be shown, not read.
+    /// Returns true if the law can be read back; a custom law can be displayed but not read.
     pub(super) fn is_known(law: &Law) -> bool {
         match law {
             Law::NoCompression { law, .. } => !matches!(**law, Law::NoCompression { .. }) && Self::is_known(law),
@@ -187,7 +188,7 @@ impl From<&FiberMaterial> for NamedLaw {
 }
 
 impl From<&Law> for NamedLaw {
-    /// Without a radius, which is not the law's.
+    /// Leaves the radius at 0, since it is not part of the law.
     fn from(law: &Law) -> Self {
         let mut named = Self { name: law.name().into(), ..Self::default() };
         match law {

@@ -1,4 +1,4 @@
-//! The `.params` file: what the fibers are made of.
+//! The `.params` file: the fiber materials.
 
 use std::path::Path;
 
@@ -6,18 +6,18 @@ use super::lines::{COMPARE, Line, Reading};
 use crate::fiber::law::{FiberMaterial, Law};
 use crate::input::{InputError, InputErrors};
 
-/// What a `.params` file says.
+/// The contents of a `.params` file.
 #[derive(Debug)]
 pub(super) struct Params {
     pub(super) materials: Vec<FiberMaterial>,
-    /// One number a fiber, an index into `materials`.
+    /// One index into `materials` per fiber.
     pub(super) reaction_of: Vec<u16>,
     pub(super) warnings: Vec<String>,
 }
 
 const REACTIONS: &str = "`0 radius E density` (linear) or `1 radius E B lambda_t density` (exponential-stretch)";
 
-/// Reads the materials of a network of so many fibers.
+/// Reads the materials of a network with this number of fibers.
 pub(super) fn parse(file: &Path, bytes: &[u8], fibers: usize) -> Result<Params, InputErrors> {
     let mut reading = Reading::new(file);
     let lines = reading.lines(bytes)?;
@@ -36,7 +36,7 @@ pub(super) fn parse(file: &Path, bytes: &[u8], fibers: usize) -> Result<Params, 
     Ok(Params { materials, reaction_of, warnings: reading.warnings() })
 }
 
-/// The lines of the reactions and those of the fibers, once the counts are right.
+/// Checks the header and returns the lines of the reactions and those of the fibers.
 fn divide<'l, 't>(
     reading: &mut Reading<'_>,
     lines: &'l [Line<'t>],

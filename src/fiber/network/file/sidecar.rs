@@ -1,32 +1,32 @@
-//! The `.toml` file beside a network: what the text format has no place for.
+//! The `.toml` file beside a network: data that the text format cannot hold.
 //!
 //! ```toml
 //! [generated]                          # how the network was made
 //! kind = "voronoi"                     # or "delaunay"
 //! points = 60
 //! seed = 1
-//! merge = 0.05                         # nodes nearer than this part of the mean spacing were merged
-//! align = [1.0, 0.0, 0.0]              # where the fibers have a preferred direction, with
-//! strength = 0.4                       # the order parameter P2 asked for
-//! shorter_than = 0.01                  # where fibers shorter than this part of the edge were taken out
+//! merge = 0.05                         # nodes closer than this fraction of the mean spacing were merged
+//! align = [1.0, 0.0, 0.0]              # only if the fibers have a preferred direction, with
+//! strength = 0.4                       # the requested order parameter P2
+//! shorter_than = 0.01                  # only if fibers shorter than this fraction of the edge were removed
 //! program = "biotissue 0.1.0"
 //!
 //! [units]
 //! length = "edge of the cube"          # of the coordinates
 //!
-//! [law]                                # of all fibers; a .params file counts before it
+//! [law]                                # of all fibers; a .params file takes precedence
 //! name = "exponential"                 # or "linear", "exponential-stretch" with a `transition`
 //! youngs_modulus = 1.0e8               # Pa
 //! radius = 5.0e-8                      # m
 //! nonlinearity = 1.2
-//! compression = 1.0e-3                 # optional: what is left of the stiffness in compression, and the
-//! buckling_strain = 0.01               # compressive strain within which it falls
+//! compression = 1.0e-3                 # optional: residual stiffness in compression, and the
+//! buckling_strain = 0.01               # compressive strain over which the stiffness falls
 //! ```
 //!
 //! A law may be a table, `name = "table"` with `radius` and either `file = "curve.csv"` (relative to the folder of the
 //! sidecar) or `points = [[0.9, -1.0e6], [1.0, 0.0], [1.1, 2.0e6]]`; see [`Table`](crate::fiber::law::Table).
 //!
-//! Fibers of several kinds have, in the place of `[law]`, a table for each and the number of its own for every fiber:
+//! For fibers of several types, one `[[fiber_type]]` per type and the list of the types of all fibers replace `[law]`:
 //!
 //! ```toml
 //! [[fiber_type]]                       # type 0: the same keys as [law]
@@ -41,7 +41,7 @@
 //! radius = 2.0e-7
 //!
 //! [fibers]
-//! types = [0, 0, 1, 0]                 # one number a fiber, in the order of the network file
+//! types = [0, 0, 1, 0]                 # one number per fiber, in the order of the network file
 //! ```
 
 use std::io;
@@ -62,20 +62,20 @@ pub use super::named_law::{NamedLaw, NamedLawError};
 
 pub use super::generated::Generated;
 
-/// What a sidecar says.
+/// The contents of a sidecar.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Sidecar {
-    /// How the network was made.
+    /// The generator and its parameters.
     pub generated: Option<Generated>,
-    /// The unit of the coordinates, in words.
+    /// The unit of the coordinates, as text.
     pub length_unit: Option<String>,
-    /// What all fibers are made of.
+    /// The material of all fibers.
     pub material: Option<FiberMaterial>,
-    /// What each fiber is made of, where they are of several types.
+    /// The material of each fiber, if there are several types.
     pub fiber_types: Option<FiberTypes>,
 }
 
-/// The file as it stands, key by key.
+/// The raw contents of the file, key by key.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Document {
@@ -92,7 +92,7 @@ struct Units {
     length: String,
 }
 
-/// What is written: tables in the order of the fields.
+/// The contents to write, with tables in the order of the fields.
 #[derive(Serialize)]
 struct Written<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -106,16 +106,17 @@ struct Written<'a> {
 }
 
 impl Sidecar {
-    /// Writes `NAME.toml` beside the network file `NAME`, whole or not at all. Fiber types count before a `material`.
+    /// Writes `NAME.toml` beside the network file `NAME`, completely or not at all. Fiber types take precedence over a
+    /// `material`.
     ///
     /// # Errors
-    /// [`io::ErrorKind::InvalidInput`] for a seed above `2^63 - 1`, which TOML cannot hold, and for a law that could not
-    /// be read back; otherwise what the operating system says.
+    /// Returns [`io::ErrorKind::InvalidInput`] if the seed exceeds `2^63 - 1`, which TOML cannot hold, or a law could
+    /// not be read back; otherwise the error of the operating system.
     pub fn write_beside(&self, network: &Path) -> io::Result<()> {
         output::write(&write::beside(network, ".toml"), checksum::signed(&self.to_toml()?).as_bytes())
     }
 
-    /// The text of the file, without its signature.
+    /// Formats the contents of the file, without its signature.
     pub(super) fn to_toml(&self) -> io::Result<String> {
         let invalid = |what: String| io::Error::new(io::ErrorKind::InvalidInput, what);
         let types = self.fiber_types.as_ref();
@@ -138,11 +139,11 @@ impl Sidecar {
     }
 }
 
-/// The sidecar of a network file of so many fibers; `None` where there is none.
+/// Reads the sidecar of a network file with this number of fibers; `None` if there is no sidecar.
 ///
 /// # Errors
-/// A key that is not known, a value of the wrong type or out of range, a number of types that does not fit the fibers,
-/// each with its line; everything wrong in the file of a table.
+/// Returns the first error with its line: an unknown key, a value of the wrong type or out of range, or a number of
+/// types that differs from that of the fibers; all errors in the file of a table.
 pub fn read_beside(network: &Path, fibers: usize) -> Result<Option<Sidecar>, InputErrors> {
     let file = write::beside(network, ".toml");
     read_if_present(&file)?.map(|bytes| parse(&file, &bytes, fibers)).transpose()
@@ -151,15 +152,15 @@ pub fn read_beside(network: &Path, fibers: usize) -> Result<Option<Sidecar>, Inp
 const EXPECTED: &str = "what the generator writes beside a network";
 const CURE: &str = "correct it; only [generated], [units], [law], [[fiber_type]] and [fibers] stand in this file";
 
-/// The line of a byte, both counted as people do.
+/// The line of a byte offset; lines are counted from 1, offsets from 0.
 pub(super) fn line_of(bytes: &[u8], offset: usize) -> usize {
     1 + bytes.iter().take(offset).filter(|&&byte| byte == b'\n').count()
 }
 
-/// The line of a key within a law, or else that in which the law begins.
+/// Returns the line of a key in the table of a law, or the first line of the law if the key is not found.
 fn line_of_key(text: &str, law: std::ops::Range<usize>, key: Option<&str>) -> usize {
     let first = line_of(text.as_bytes(), law.start);
-    // The law's own lines: a header, and all up to the next one.
+    // The lines of the law: its header, and all lines up to the next header.
     let mut own = text.lines().enumerate().skip(first - 1);
     let header = own.next();
     let stands = |line: &str| {
@@ -175,7 +176,7 @@ fn line_of_key(text: &str, law: std::ops::Range<usize>, key: Option<&str>) -> us
     }
 }
 
-/// What the TOML reader objects to, in the words of its user: the library names types of Rust.
+/// Converts an error of the TOML reader to terms of TOML; the library uses names of Rust types.
 fn misfit(file: &Path, text: &str, error: &toml::de::Error) -> InputError {
     let line = error.span().map(|span| line_of(text.as_bytes(), span.start));
     let message = error.message().replace('\n', ", ");
@@ -192,7 +193,7 @@ fn misfit(file: &Path, text: &str, error: &toml::de::Error) -> InputError {
     InputError { line, ..InputError::in_file(file, what, expected, CURE) }
 }
 
-/// A value that the TOML reader calls by the type it would have in Rust, such as "integer `3` as i128".
+/// Converts the description of a value, such as "integer `3` as i128", to terms of TOML.
 fn value_named(found: &str) -> String {
     let quoted = found.split('`').nth(1).map(excerpt);
     match (found.split([' ', '`']).next().unwrap_or_default(), quoted) {
@@ -205,7 +206,7 @@ fn value_named(found: &str) -> String {
     }
 }
 
-/// A type of Rust as a person calls it.
+/// Converts the name of a Rust type to terms of TOML.
 fn type_named(expected: &str) -> &str {
     match expected {
         "f64" => "a number",

@@ -7,7 +7,7 @@ use self::networks::published_file;
 use super::*;
 use crate::fiber::law::{FiberMaterial, Law};
 
-/// Eight corners and the middle of a cube of edge 2, eight fibers; one thing or another is then broken in it.
+/// Eight corners and the center of a cube of edge 2, and eight fibers; each test breaks one line.
 const GOOD: &str = "9 8 0\n0 0 0\n2 0 0\n0 2 0\n2 2 0\n0 0 2\n2 0 2\n0 2 2\n2 2 2\n1 1 1\n\
                     0 8\n1 8\n2 8\n3 8\n4 8\n5 8\n6 8\n7 8\n";
 const GOOD_PARAMS: &str = "2 8\n0 5e-8 1e8 1000\n1 5e-8 1e8 1.2 1.4 1000\n0\n1\n0\n1\n0\n1\n0\n1\n";
@@ -306,7 +306,7 @@ fn a_network_comes_with_the_materials_beside_it() {
     assert_eq!(full.network.reaction_of(), [0, 1, 0, 1, 0, 1, 0, 1]);
     let law = Law::ExponentialStretch { youngs_modulus: 1e8, nonlinearity: 1.2, transition: 1.4 };
     assert_eq!(full.network.materials()[1], FiberMaterial { law, radius: 5e-8, density: Some(1000.0) });
-    // What is written is what was read, laws included.
+    // Writing and reading again gives the same materials.
     let copy = folder.path().join("copy.txt");
     write(&copy, &full.network).unwrap();
     write_params(&copy, &full.network).unwrap();
@@ -367,7 +367,7 @@ fn the_frozen_network_stays_what_it_is() {
     }
 }
 
-/// Networks of others are read where they lie: in the folder that `BIOTISSUE_NETWORKS` names.
+/// Published networks are read from the folder in the environment variable `BIOTISSUE_NETWORKS`.
 #[test]
 fn published_networks_are_read_unmoved() {
     let Some(path) = published_file("Network_2_7.txt") else { return };

@@ -1,4 +1,4 @@
-//! Writing network files: whole or not at all.
+//! Writing of network files, completely or not at all.
 
 use std::ffi::OsString;
 use std::fmt::Write as _;
@@ -9,24 +9,24 @@ use super::super::Network;
 use crate::fiber::law::{FiberMaterial, Law};
 use crate::output;
 
-/// Density written where a material states none: the format has a column for it, and nothing static reads it.
+/// Density written for a material without one: the format requires a value, which static analyses do not use.
 const NO_DENSITY: f64 = 1.0;
 
 /// Writes the nodes (in unit-cube units) and fibers of a network in the text format, without the materials.
 ///
-/// Coordinates are written so that reading gives the same bits. The file appears complete or not at all; symbolic links,
-/// devices and pipes are treated as [`output::write`] does.
+/// Coordinates are written such that reading gives the same bits. The file is written completely or not at all;
+/// symbolic links, devices and pipes are treated as in [`output::write`].
 ///
 /// # Errors
-/// What the operating system says.
+/// Returns the error of the operating system.
 pub fn write(path: &Path, network: &Network) -> io::Result<()> {
     write_parts(path, network.nodes(), network.fibers())
 }
 
-/// The same for nodes and fibers that are no [`Network`], in whatever units they are.
+/// Like [`write()`], for nodes and fibers that do not form a [`Network`], in any unit.
 ///
 /// # Errors
-/// What the operating system says.
+/// Returns the error of the operating system.
 pub fn write_parts(path: &Path, nodes: &[[f64; 3]], fibers: &[[u32; 2]]) -> io::Result<()> {
     let mut text = format!("{} {} 0\n", nodes.len(), fibers.len());
     for [x, y, z] in nodes {
@@ -39,16 +39,17 @@ pub fn write_parts(path: &Path, nodes: &[[f64; 3]], fibers: &[[u32; 2]]) -> io::
     output::write(path, text.as_bytes())
 }
 
-/// Writes the materials of a network into the `.params` file beside `path` (the network's own file). A material
-/// without a density gets 1.
+/// Writes the materials of a network to the `.params` file beside `path`, the file of the network. A material without a
+/// density gets 1.
 ///
 /// # Errors
-/// [`io::ErrorKind::InvalidInput`] where [`fits_params`] says no; otherwise what the operating system says.
+/// Returns [`io::ErrorKind::InvalidInput`] if [`fits_params`] is false, and otherwise the error of the operating
+/// system.
 pub fn write_params(path: &Path, network: &Network) -> io::Result<()> {
     output::write(&beside(path, ".params"), params_text(network)?.as_bytes())
 }
 
-/// What [`write_params`] writes.
+/// Formats the `.params` file for [`write_params`].
 pub(super) fn params_text(network: &Network) -> io::Result<String> {
     if network.materials().is_empty() {
         return Err(io::Error::new(io::ErrorKind::InvalidInput, "the network has no materials"));
@@ -70,18 +71,18 @@ pub(super) fn params_text(network: &Network) -> io::Result<String> {
     Ok(text)
 }
 
-/// Whether the `.params` format can hold the materials of a network: there are some, and all their laws are `linear` or
-/// `exponential-stretch` and take compression as they do tension.
+/// Returns true if the `.params` format can hold the materials of a network: there is at least one, and all laws are
+/// `linear` or `exponential-stretch` without buckling.
 #[must_use]
 pub fn fits_params(network: &Network) -> bool {
     !network.materials().is_empty() && network.materials().iter().all(|material| reaction(material).is_some())
 }
 
-/// Removes the `.params` file beside `path`, if there is one: a network written anew must not find the materials of
-/// the one it replaces.
+/// Removes the `.params` file beside `path`, if there is one, so that a new network at `path` does not get the
+/// materials of the one it replaces.
 ///
 /// # Errors
-/// What the operating system says, unless it is that there is no such file.
+/// Returns the error of the operating system, unless the file does not exist.
 pub fn remove_params(path: &Path) -> io::Result<()> {
     match std::fs::remove_file(beside(path, ".params")) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
@@ -89,7 +90,7 @@ pub fn remove_params(path: &Path) -> io::Result<()> {
     }
 }
 
-/// The line of a material in a `.params` file; `None` for a law that has no number there.
+/// Formats the line of a material in a `.params` file; `None` if the format has no reaction for its law.
 pub(super) fn reaction(material: &FiberMaterial) -> Option<String> {
     let radius = material.radius;
     let density = material.density.unwrap_or(NO_DENSITY);
@@ -102,7 +103,7 @@ pub(super) fn reaction(material: &FiberMaterial) -> Option<String> {
     }
 }
 
-/// The file that goes with a network: its whole name with something behind it.
+/// Returns the path of a file beside a network: the full name of the network file plus `suffix`.
 pub(super) fn beside(path: &Path, suffix: &str) -> PathBuf {
     let mut name = OsString::from(path);
     name.push(suffix);

@@ -1,20 +1,20 @@
-//! Alignment: a direction that fibers prefer, and how strongly.
+//! Alignment: the preferred direction of the fibers, and its strength.
 //!
-//! An isotropic network is stretched, without change of volume, by `U = mu a (x) a + mu^(-1/2) (I - a (x) a)` along the
-//! axis `a`. Its fibers, isotropic unit vectors `N` before, then have the directions `U N / |U N|`. With `e = mu^3 - 1` and
-//! the angle `theta` to the axis, the mean over all `N` is
+//! An isotropic network is stretched at constant volume by `U = mu a (x) a + mu^(-1/2) (I - a (x) a)` along the axis
+//! `a`. Its fibers, isotropic unit vectors `N` before the stretch, then have the directions `U N / |U N|`. With
+//! `e = mu^3 - 1` and the angle `theta` to the axis, the mean over all `N` is
 //!
 //! ```text
 //! <cos^2 theta> = (1 + e)/e (1 - atan(sqrt e)/sqrt e)        P2 = (3 <cos^2 theta> - 1)/2
 //! ```
 //!
-//! `P2`, the second order parameter of liquid crystals, is 0 for isotropic and 1 for parallel fibers. The stretch is
-//! applied to the space in which points are triangulated, not to the points: they stay uniform in the cube.
+//! `P2`, the second-order parameter of liquid crystals, is 0 for isotropic and 1 for parallel fibers. The stretch is
+//! applied to the space in which points are triangulated, not to the points, which stay uniform in the cube.
 
 use super::GenerateError;
 use super::portable::{atan, cbrt};
 
-/// The greatest strength: at 0.95 the network is stretched 47 times as far along the axis as across it.
+/// The maximum strength: at 0.95 the network is stretched 47 times more along the axis than across it.
 pub const GREATEST_STRENGTH: f64 = 0.95;
 
 /// A preferred direction of fibers.
@@ -25,12 +25,12 @@ pub struct Alignment {
 }
 
 impl Alignment {
-    /// Alignment along a `direction` of any length. The `strength` is the second order parameter `P2` that fibers
-    /// counted by number are to have, from 0 (isotropic) to 0.95.
+    /// Makes an alignment along a `direction` of any length. The `strength` is the second-order parameter `P2` of the
+    /// fibers counted by number, from 0 (isotropic) to 0.95.
     ///
     /// # Errors
-    /// [`GenerateError::Direction`] for a direction that is zero or not finite, [`GenerateError::Strength`] for a
-    /// strength out of range.
+    /// Returns [`GenerateError::Direction`] if the direction is zero or not finite, and [`GenerateError::Strength`] if
+    /// the strength is out of range.
     pub fn new(direction: [f64; 3], strength: f64) -> Result<Self, GenerateError> {
         let longest = direction.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
         if !(longest > 0.0 && direction.iter().all(|x| x.is_finite())) {
@@ -42,7 +42,7 @@ impl Alignment {
         Ok(Self { direction, strength })
     }
 
-    /// The direction as it was given.
+    /// The direction as given.
     #[must_use]
     pub fn direction(&self) -> [f64; 3] {
         self.direction
@@ -51,20 +51,20 @@ impl Alignment {
     /// The direction as a unit vector.
     #[must_use]
     pub fn axis(&self) -> [f64; 3] {
-        // Divided by its largest part first: the squares of what remains cannot overflow.
+        // The division by the largest component avoids overflow of the squares.
         let longest = self.direction.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
         let [x, y, z] = self.direction.map(|x| x / longest);
         let norm = (x * x + y * y + z * z).sqrt();
         [x / norm, y / norm, z / norm]
     }
 
-    /// The second order parameter asked for.
+    /// The requested second-order parameter.
     #[must_use]
     pub fn strength(&self) -> f64 {
         self.strength
     }
 
-    /// `mu`: by how much the isotropic network is stretched along the axis.
+    /// `mu`: the stretch of the isotropic network along the axis.
     #[must_use]
     pub fn stretch(&self) -> f64 {
         cbrt(1.0 + excess(self.strength))
@@ -74,7 +74,7 @@ impl Alignment {
 /// `P2` of an isotropic distribution stretched by `mu`, as a function of `mu^3 - 1`.
 fn order_parameter(excess: f64) -> f64 {
     let parts = if excess < 0.02 {
-        // The closed form would be a difference of nearly equal numbers; this is its series.
+        // The closed form would cancel; this is its series.
         (0..10).rev().fold(0.0, |sum, k| 1.0 / f64::from(2 * k + 3) - excess * sum)
     } else {
         let root = excess.sqrt();
@@ -83,8 +83,8 @@ fn order_parameter(excess: f64) -> f64 {
     0.5 * (3.0 * (1.0 + excess) * parts - 1.0)
 }
 
-/// The inverse of [`order_parameter`], by bisection down to neighboring numbers: a function of operations that give the
-/// same bits on every machine.
+/// The inverse of [`order_parameter`], by bisection down to adjacent floating-point numbers; it uses only operations
+/// that are bitwise reproducible on every machine.
 fn excess(order: f64) -> f64 {
     if order <= 0.0 {
         return 0.0;
@@ -99,7 +99,7 @@ fn excess(order: f64) -> f64 {
     }
 }
 
-/// The stretch `U` of space that belongs to an alignment; the identity without one.
+/// The stretch `U` of space for an alignment; the identity without one.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stretch {
     axis: [f64; 3],
@@ -114,17 +114,17 @@ impl Stretch {
                 let along = alignment.stretch();
                 Self { axis: alignment.axis(), along, across: 1.0 / along.sqrt() }
             }
-            // With this axis all that follows is exact.
+            // With a zero axis all operations are exact.
             _ => Self { axis: [0.0; 3], along: 1.0, across: 1.0 },
         }
     }
 
-    /// `U^-1 x`: to the space in which the network is isotropic.
+    /// `U^-1 x`: maps to the space in which the network is isotropic.
     pub(super) fn to_isotropic(self, x: [f64; 3]) -> [f64; 3] {
         self.apply(1.0 / self.along, 1.0 / self.across, x)
     }
 
-    /// `U x`: back to the space of the cube.
+    /// `U x`: maps back to the space of the cube.
     pub(super) fn to_cube(self, x: [f64; 3]) -> [f64; 3] {
         self.apply(self.along, self.across, x)
     }
@@ -134,7 +134,7 @@ impl Stretch {
         [0, 1, 2].map(|k| across * x[k] + (along - across) * part * self.axis[k])
     }
 
-    /// `|U e_k|`: how far the image of the unit ball reaches along each axis of the cube.
+    /// `|U e_k|`: half-width of the image of the unit ball along each axis of the cube.
     pub(super) fn reach(self) -> [f64; 3] {
         self.axis.map(|a| (self.across * self.across * (1.0 - a * a) + self.along * self.along * a * a).sqrt())
     }
@@ -192,7 +192,7 @@ mod tests {
         let x = [0.3, -0.2, 0.45];
         let again = stretch.to_cube(stretch.to_isotropic(x));
         assert!((0..3).all(|k| (again[k] - x[k]).abs() < 1e-14), "{again:?}");
-        // Without alignment nothing is rounded.
+        // Without alignment there is no rounding error.
         let none = Stretch::of(Some(&Alignment::new([1.0, 2.0, 3.0], 0.0).unwrap()));
         assert_eq!((none.to_isotropic(x), none.to_cube(x), none.reach()), (x, x, [1.0; 3]));
     }

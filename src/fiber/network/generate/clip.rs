@@ -1,13 +1,13 @@
-//! Cutting a network that goes on beyond the cube at its faces.
+//! Clipping of a network at the faces of the cube.
 
-/// A network before it is cut.
+/// A network before it is clipped.
 #[derive(Clone, Debug)]
 pub(super) struct Graph {
     /// The nodes, those in the cube first.
     pub(super) places: Vec<[f64; 3]>,
-    /// How many lie in the cube.
+    /// Number of nodes in the cube.
     pub(super) inner: usize,
-    /// The edges, each with its lower node first, ascending; the first node of each lies in the cube.
+    /// The edges, each with its lower node first, ascending; the first node of each is in the cube.
     pub(super) edges: Vec<[usize; 2]>,
 }
 
@@ -18,12 +18,12 @@ pub(super) struct Clipped {
     pub(super) nodes: Vec<[f64; 3]>,
     /// The fibers.
     pub(super) fibers: Vec<[u32; 2]>,
-    /// Which nodes are cuts, on a face.
+    /// Whether a node is a cut, that is, lies on a face.
     pub(super) cut: Vec<bool>,
 }
 
 impl Graph {
-    /// Nodes and fibers of the edges, cut at the faces of the unit cube: the inner nodes first, then the cuts.
+    /// Clips the edges at the faces of the unit cube; the inner nodes come first, then the cuts.
     pub(super) fn clip(&self) -> Clipped {
         let mut nodes: Vec<[f64; 3]> = self.places[..self.inner].to_vec();
         let mut fibers = Vec::with_capacity(self.edges.len());
@@ -41,7 +41,7 @@ impl Graph {
     }
 }
 
-/// Where the segment from a point inside to one outside leaves the unit cube; exactly on the face.
+/// The point, exactly on a face, where the segment from a point inside to one outside leaves the unit cube.
 pub(super) fn crossing(inside: [f64; 3], outside: [f64; 3]) -> [f64; 3] {
     let mut first = (f64::INFINITY, 0, 0.5);
     for k in 0..3 {

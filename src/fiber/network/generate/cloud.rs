@@ -1,4 +1,4 @@
-//! The random points that networks are made of: uniform in the cube and in a layer around it.
+//! Random points for the construction of networks: uniform in the cube and in a layer around it.
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{RngCore, SeedableRng};
@@ -8,21 +8,21 @@ use super::portable::cbrt;
 use super::{GenerateError, Recipe};
 use crate::fiber::network::proximity::Proximity;
 
-/// Thickness of the layer of points around the cube, in mean spacings. Points further off would change an edge of a
-/// Delaunay network only if a ball through its ends reached across the whole layer and were empty: one such ball in
-/// some thousand networks. For a Voronoi vertex in the cube its ball has twice that radius: never.
+/// Thickness of the layer of points around the cube, in mean spacings. Points beyond the layer would change an edge of
+/// a Delaunay network only if an empty ball through its ends reached across the whole layer, which happens in about one
+/// of a thousand networks. For a Voronoi vertex in the cube the ball would have twice that radius, which never happens.
 pub(super) const MARGIN: f64 = 2.5;
-/// Attempts a point on average before the distance to be kept is found to leave no room.
+/// Average number of attempts per point before the minimum distance is found to leave no room.
 const ATTEMPTS: usize = 1000;
 
-/// The points, those in the cube first, and the space in which they are isotropic.
+/// The points, those in the cube first, and the stretch to the space in which they are isotropic.
 #[derive(Debug)]
 pub(super) struct Cloud {
     /// Positions in the isotropic space.
     pub(super) points: Vec<[f64; 3]>,
     /// Positions in the space of the cube.
     pub(super) places: Vec<[f64; 3]>,
-    /// How many lie in the cube.
+    /// Number of points in the cube.
     pub(super) inner: usize,
     /// The mean spacing `inner^(-1/3)`, the same in both spaces.
     pub(super) spacing: f64,
@@ -30,21 +30,21 @@ pub(super) struct Cloud {
 }
 
 impl Cloud {
-    /// Places `points` in the cube and as densely in the layer, which is as thick as the stretched image of a ball of
-    /// [`MARGIN`] spacings.
+    /// Places `points` points in the cube and points of the same density in the layer, whose thickness is that of the
+    /// stretched image of a ball of [`MARGIN`] spacings.
     pub(super) fn place(recipe: &Recipe, points: usize) -> Result<Self, GenerateError> {
         let spacing = cbrt(points as f64).recip();
         let apart = recipe.apart * spacing;
         let stretch = Stretch::of(recipe.alignment.as_ref());
         let reach = stretch.reach();
-        let half = reach.map(|reach| 0.5 + MARGIN * spacing * reach); // of the edges of cube and layer
+        let half = reach.map(|reach| 0.5 + MARGIN * spacing * reach); // half edges of cube and layer
         let around = points as f64 * ((2.0 * half[0]) * (2.0 * half[1]) * (2.0 * half[2]) - 1.0);
         let total = points + around.round() as usize;
-        // Across the axis everything is nearer together, so that fibers may end nearer to a face.
+        // Distances across the axis shrink, so that fibers may end closer to a face.
         let gap = reach.map(|reach| apart * reach.min(1.0));
         let mut random = ChaCha8Rng::seed_from_u64(recipe.seed);
         let mut cloud = Self { points: Vec::new(), places: Vec::new(), inner: points, spacing, stretch };
-        // A positive radius is needed even where no distance is asked for: two points at one place are no triangulation.
+        // A positive radius is needed even for `apart = 0`: two points at the same position cannot be triangulated.
         let mut taken = Proximity::new(apart.max(1e-9));
         let mut attempts = 0;
         while cloud.places.len() < total {
@@ -73,20 +73,20 @@ impl Cloud {
         Ok(cloud)
     }
 
-    /// How far a point lies outside of the nearest face that it is outside of, in spacings of the isotropic space; no
-    /// more than its distance to the cube there.
+    /// Largest distance of a point from the faces that it lies outside of, in spacings of the isotropic space; a lower
+    /// bound of its distance to the cube there.
     pub(super) fn outside(&self, point: usize) -> f64 {
         let (place, reach) = (self.places[point], self.stretch.reach());
         (0..3).map(|k| (place[k].abs() - 0.5) / (reach[k] * self.spacing)).fold(0.0, f64::max)
     }
 }
 
-/// Uniform in `[0, 1)` from the upper 53 bits, spelled out so that no release of a library can change the networks.
+/// Uniform in `[0, 1)` from the upper 53 bits; implemented here so that no library release can change the networks.
 pub(super) fn uniform(random: &mut ChaCha8Rng) -> f64 {
     (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64
 }
 
-/// Distance of an outer point to the unit cube, each axis measured in units of its reach.
+/// Distance of an outer point to the unit cube, with each axis in units of its reach.
 fn distance_to_cube(point: [f64; 3], reach: [f64; 3]) -> f64 {
     let [x, y, z] = [0, 1, 2].map(|k| (point[k].abs() - 0.5).max(0.0) / reach[k]);
     (x * x + y * y + z * z).sqrt()

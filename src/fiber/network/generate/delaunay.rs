@@ -6,13 +6,13 @@ use meshless_voronoi::{Dimensionality, Voronoi};
 use super::clip::Graph;
 use super::cloud::Cloud;
 
-/// The nodes are the points of the cloud, those in the cube first.
+/// Makes the graph whose nodes are the points of the cloud, those in the cube first.
 pub(super) fn graph(cloud: &Cloud) -> Graph {
     Graph { places: cloud.places.clone(), inner: cloud.inner, edges: edges(&cloud.points, cloud.inner) }
 }
 
-/// The Delaunay edges of the points that have an end among the first `inner` of them, ascending: two points are joined
-/// where their Voronoi cells share a face.
+/// Returns the Delaunay edges, ascending, with an end among the first `inner` points: an edge joins two points whose
+/// Voronoi cells share a face.
 pub(super) fn edges(points: &[[f64; 3]], inner: usize) -> Vec<[usize; 2]> {
     let generators: Vec<DVec3> = points.iter().map(|&point| DVec3::from_array(point)).collect();
     let mask: Vec<bool> = (0..points.len()).map(|point| point < inner).collect();
@@ -28,7 +28,7 @@ pub(super) fn edges(points: &[[f64; 3]], inner: usize) -> Vec<[usize; 2]> {
     edges
 }
 
-/// Lower corner and widths of a box so wide that it cuts no cell of a point in the cube.
+/// Returns lower corner and widths of a box so large that it cuts no cell of a point in the cube.
 pub(super) fn walls(points: &[[f64; 3]]) -> (DVec3, DVec3) {
     let reach = points.iter().flatten().fold(0.5, |m: f64, x| m.max(x.abs()));
     let wall = 10.0 * reach;

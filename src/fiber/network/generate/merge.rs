@@ -1,17 +1,17 @@
-//! Merging nodes that short fibers join.
+//! Merging of nodes that short fibers join.
 //!
-//! The stiffness of a fiber goes with the inverse of its length: one that is a hundred times shorter than the others
-//! ties its ends together and does nothing else but spoil the conditioning. So its ends become one node, with all of
-//! their other fibers.
+//! The stiffness of a fiber is inversely proportional to its length: a fiber a hundred times shorter than the others
+//! only ties its ends together and spoils the conditioning. Its ends are therefore merged to one node with all their
+//! other fibers.
 
 use super::alignment::Stretch;
 use super::clip::Clipped;
 
 impl Clipped {
-    /// Merges the ends of all fibers shorter than `shortest`, measured in the isotropic space, the shortest first and
-    /// again until there are none. A cluster without a cut becomes a node at the mean place of its nodes; one with a cut
-    /// becomes that cut, which may then have several fibers. No cluster has two cuts: the fiber between them would
-    /// follow the faces and meet nothing, so it goes, as do fibers between two cuts in general.
+    /// Merges the ends of all fibers shorter than `shortest`, measured in the isotropic space, shortest first, until
+    /// none is left. A cluster without a cut becomes a node at the mean position of its nodes; a cluster with a cut
+    /// becomes that cut, which may then have several fibers. No cluster has two cuts. Fibers between two cuts are
+    /// dropped: they would deform affinely and not interact with the interior.
     pub(super) fn merge(self, shortest: f64, stretch: Stretch) -> Self {
         let mut weights = vec![1.0; self.nodes.len()];
         let mut network = self;
@@ -25,7 +25,7 @@ impl Clipped {
         }
     }
 
-    /// The fibers shorter than `shortest`, by their length.
+    /// Returns the fibers shorter than `shortest`, ordered by length.
     fn shorter_than(&self, shortest: f64, stretch: Stretch) -> Vec<usize> {
         let length = |fiber: usize| {
             let [a, b] = self.fibers[fiber].map(|node| self.nodes[node as usize]);
@@ -39,7 +39,7 @@ impl Clipped {
         short.into_iter().map(|(_, fiber)| fiber).collect()
     }
 
-    /// The lowest node of every node's cluster.
+    /// Returns for every node the lowest node of its cluster.
     fn clusters(&self, short: &[usize]) -> Vec<u32> {
         let mut parent: Vec<u32> = (0..self.nodes.len() as u32).collect();
         let mut cut = self.cut.clone();
@@ -60,7 +60,7 @@ impl Clipped {
         (0..self.nodes.len() as u32).map(|node| root(&parent, node)).collect()
     }
 
-    /// One node a cluster; `weights` says how many nodes each one was made of.
+    /// Contracts each cluster to one node; `weights` holds the number of original nodes of each node.
     fn contract(self, roots: &[u32], weights: &mut Vec<f64>) -> Self {
         let mut number = vec![u32::MAX; self.nodes.len()];
         let mut merged = Self { nodes: Vec::new(), fibers: Vec::new(), cut: Vec::new() };
@@ -82,7 +82,7 @@ impl Clipped {
                 merged.cut[cluster] = true;
                 merged.nodes[cluster] = self.nodes[node];
             } else if !merged.cut[cluster] {
-                // A node that stays alone keeps its place to the last bit.
+                // A node that is not merged keeps its position bitwise.
                 let alone = weight == *total;
                 merged.nodes[cluster] = if alone { self.nodes[node] } else { sum.map(|x| x / *total) };
             }
@@ -99,7 +99,7 @@ impl Clipped {
         merged.without_loose_nodes(weights)
     }
 
-    /// Drops nodes that no fiber is left at.
+    /// Drops nodes without fibers.
     fn without_loose_nodes(self, weights: &mut Vec<f64>) -> Self {
         let mut used = vec![false; self.nodes.len()];
         self.fibers.iter().flatten().for_each(|&node| used[node as usize] = true);
@@ -124,7 +124,7 @@ mod tests {
 
     const NONE: Option<&super::super::Alignment> = None;
 
-    /// Cuts 0 and 1; a short fiber 2-3 with a common neighbor 4; a node 5 hard by cut 1.
+    /// Cuts 0 and 1; a short fiber 2-3 with a common neighbor 4; a node 5 close to cut 1.
     fn network() -> Clipped {
         Clipped {
             nodes: vec![
@@ -143,7 +143,7 @@ mod tests {
     #[test]
     fn short_fibers_become_nodes() {
         let merged = network().merge(0.05, Stretch::of(NONE));
-        // 2 and 3 meet halfway; 5 becomes the cut 1, and its fiber to the cut 0 goes.
+        // 2 and 3 merge halfway; 5 merges into cut 1, and its fiber to cut 0 is dropped.
         assert_eq!(merged.nodes, [[-0.5, 0.0, 0.0], [0.5, 0.0, 0.0], [0.01, 0.0, 0.0], [0.0, 0.3, 0.0]]);
         assert_eq!(merged.cut, [true, true, false, false]);
         assert_eq!(merged.fibers, [[0, 2], [2, 3], [2, 1], [3, 1]]);
@@ -160,7 +160,7 @@ mod tests {
         let nodes = vec![[-0.5, 0.49, 0.0], [-0.49, 0.5, 0.0], [-0.49, 0.49, 0.0], [0.0; 3], [0.0, 0.0, 0.5]];
         let fibers = vec![[0, 2], [1, 2], [2, 3], [3, 4]];
         let merged = Clipped { nodes, fibers, cut: vec![true, true, false, false, true] }.merge(0.1, Stretch::of(NONE));
-        // The node goes to the first cut; the second is then joined to it alone and goes.
+        // The node merges into the first cut; the second cut, then joined to that cut only, is dropped.
         assert_eq!(merged.nodes, [[-0.5, 0.49, 0.0], [0.0; 3], [0.0, 0.0, 0.5]]);
         assert_eq!(merged.fibers, [[0, 1], [1, 2]]);
     }

@@ -1,7 +1,7 @@
-//! Networks made on the spot, the same for the same seed on every machine.
+//! Generators of networks, reproducible from the seed on every machine.
 //!
-//! A [`Recipe`] says what kind of network ([`Kind`]), how aligned ([`Alignment`]) and which seed; its size is a number of
-//! points ([`Recipe::of_points`]), of nodes ([`Recipe::of_nodes`]) or a density ([`Recipe::of_density`]).
+//! A [`Recipe`] gives the kind of network ([`Kind`]), the alignment ([`Alignment`]) and the seed; the size is a number
+//! of points ([`Recipe::of_points`]), of nodes ([`Recipe::of_nodes`]) or a density ([`Recipe::of_density`]).
 //!
 //! ```
 //! use biotissue::fiber::network::generate::{Alignment, Kind, Recipe};
@@ -28,38 +28,38 @@ pub use size::{delaunay, delaunay_of_nodes, voronoi};
 
 use super::NetworkError;
 
-/// Why no network could be generated.
+/// Error in the generation of a network.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum GenerateError {
-    /// The number of points asked for is out of range.
+    /// The requested number of points is out of range.
     #[error("{points} points asked for; from 1 to {most} can be placed")]
     Points {
-        /// How many were asked for.
+        /// The requested number.
         points: usize,
         /// The limit.
         most: usize,
     },
-    /// The total number of nodes asked for is out of range.
+    /// The requested number of nodes is out of range.
     #[error("{nodes} nodes asked for; networks can be sought that have from {fewest} to {most} of them")]
     Nodes {
-        /// How many were asked for.
+        /// The requested number.
         nodes: usize,
-        /// The least that can be asked for.
+        /// The minimum.
         fewest: usize,
-        /// The most that can be asked for.
+        /// The maximum.
         most: usize,
     },
-    /// No number of points gives a density near the one asked for.
+    /// No number of points gives a density close to the requested one.
     #[error("a density of {density} asked for; the nearest within reach is about {nearest:.3}, of {points} points")]
     Density {
-        /// Total length of the fibers in the unit cube.
+        /// The requested density: total length of the fibers in the unit cube.
         density: f64,
-        /// The nearest one.
+        /// The closest density.
         nearest: f64,
-        /// The points that give it.
+        /// The number of points that gives it.
         points: usize,
     },
-    /// The direction of alignment is none.
+    /// The direction of alignment is zero or not finite.
     #[error("the direction {direction:?} asked for; it is zero or not finite")]
     Direction {
         /// The direction.
@@ -68,28 +68,28 @@ pub enum GenerateError {
     /// The strength of the alignment is out of range.
     #[error("a strength of {strength} asked for; alignment has one from 0 (isotropic) to {most}")]
     Strength {
-        /// The second order parameter.
+        /// The requested second-order parameter.
         strength: f64,
         /// The limit.
         most: f64,
     },
-    /// The length below which nodes are merged is out of range.
+    /// The merge length is out of range.
     #[error("nodes nearer than {merge} of the mean spacing are to be merged; it must be from 0 up to and without 1")]
     Merge {
-        /// The length, over the mean spacing.
+        /// The length, relative to the mean spacing.
         merge: f64,
     },
-    /// The distance to be kept leaves no room for the points.
+    /// The minimum distance leaves no room for the points.
     #[error("{placed} of {points} points could be placed with {apart} of the mean spacing between any two")]
     NoRoom {
-        /// How many found a place.
+        /// Number of points placed.
         placed: usize,
-        /// How many were asked for.
+        /// Number of points requested.
         points: usize,
-        /// The distance asked for, over the mean spacing.
+        /// The requested distance, relative to the mean spacing.
         apart: f64,
     },
-    /// No fiber crosses one of the faces, so that the network would not fill its cube.
+    /// No fiber crosses one of the faces, so that the network does not fill its cube.
     #[error("no fiber crosses the face {axis} = {side} of the cube")]
     OpenFace {
         /// `x`, `y` or `z`.
@@ -97,7 +97,7 @@ pub enum GenerateError {
         /// `-0.5` or `0.5`.
         side: f64,
     },
-    /// What was generated is no network.
+    /// The generated network is invalid.
     #[error(transparent)]
     Network(#[from] NetworkError),
 }

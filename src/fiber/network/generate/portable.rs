@@ -1,10 +1,10 @@
-//! Functions that a machine's own library may round differently: here they give the same bits everywhere.
+//! Functions that are bitwise reproducible on every machine, in contrast to those of the system library.
 //!
-//! Addition, multiplication, division, square root and fused multiply-add are exact to the last bit by IEEE 754; cube
-//! root and arc tangent are not, and a network must not depend on whose library computed them.
+//! Addition, multiplication, division, square root and fused multiply-add are correctly rounded by IEEE 754; cube root
+//! and arc tangent are not, and a network must not depend on the library that computes them.
 
-/// The cube root of a positive number, correctly rounded: one Newton step whose residual is computed in twice the
-/// precision, from a start that any library gives to within a few units of the last place.
+/// The cube root of a positive number, correctly rounded: one Newton step with the residual in doubled precision, from
+/// an initial value that every library gives to within a few units in the last place.
 pub(super) fn cbrt(x: f64) -> f64 {
     let y = x.cbrt();
     let square = y * y;
@@ -15,9 +15,10 @@ pub(super) fn cbrt(x: f64) -> f64 {
     y + residual / (3.0 * square)
 }
 
-/// The arc tangent of a number from 0 to about 1e6, to some units of the last place.
+/// The arc tangent of a number from 0 to about 1e6, to some units in the last place.
 ///
-/// `atan x = 2 atan(x / (1 + sqrt(1 + x^2)))`, ten times; then the argument is below 0.002 and four terms of the series do.
+/// `atan x = 2 atan(x / (1 + sqrt(1 + x^2)))` is applied ten times; then the argument is below 0.002 and four terms of
+/// the series suffice.
 pub(super) fn atan(x: f64) -> f64 {
     const HALVINGS: i32 = 10;
     let small = (0..HALVINGS).fold(x, |x, _| x / (1.0 + (1.0 + x * x).sqrt()));
@@ -34,7 +35,7 @@ mod tests {
     fn cube_roots_are_the_nearest_numbers() {
         for n in 1..2000u32 {
             let root = cbrt(f64::from(n));
-            // Twenty-seven bits of the root are cubed exactly: of perfect cubes nothing is lost.
+            // The cubes have at most 33 bits and are exact, so that their roots must be exact too.
             assert_eq!(cbrt(f64::from(n).powi(3)), f64::from(n));
             assert!((root - f64::from(n).cbrt()).abs() <= 2.0 * f64::EPSILON * root);
         }

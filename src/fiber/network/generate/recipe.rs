@@ -1,4 +1,4 @@
-//! What to generate, and from it the network.
+//! The parameters of the generator, and the generation.
 
 use super::alignment::Alignment;
 use super::cloud::Cloud;
@@ -6,18 +6,18 @@ use super::{GenerateError, delaunay, voronoi};
 use crate::fiber::network::check::{Removed, clean};
 use crate::fiber::network::{Cube, Network};
 
-/// The most points inside the cube: some gigabytes for the triangulation.
+/// Maximum number of points inside the cube: the triangulation then takes some gigabytes.
 pub(super) const MOST_POINTS: usize = 1_000_000;
 
-/// How points become a network.
+/// The construction of a network from points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// The points are the nodes; the fibers are the edges of their Delaunay triangulation, some 15 at a node. Such a
+    /// The points are the nodes; the fibers are the edges of their Delaunay triangulation, about 15 per node. Such a
     /// network is rigid.
     Delaunay,
-    /// The nodes are the vertices of the points' Voronoi cells, some 6.7 a point; the fibers are the edges of the cells,
-    /// 4 at a node (more where nodes were merged), as in collagen gels. Such a network is floppy: at rest it does not
-    /// resist every motion of its nodes, and stiffens when it is stretched.
+    /// The nodes are the vertices of the points' Voronoi cells, about 6.7 per point; the fibers are the edges of the
+    /// cells, 4 per node (more where nodes were merged), as in collagen gels. Such a network is floppy: at rest it has
+    /// zero modes, and it stiffens when stretched.
     Voronoi,
 }
 
@@ -34,14 +34,14 @@ impl Kind {
         }
     }
 
-    /// What [`Recipe::merge`] is where nothing else is asked for: 0 for Delaunay networks, whose points are kept apart so
-    /// that nothing needs merging, and 0.05 for Voronoi networks.
+    /// The default of [`Recipe::merge`]: 0 for Delaunay networks, whose minimum distance of the points makes merging
+    /// unnecessary, and 0.05 for Voronoi networks.
     ///
-    /// Of the 42 623 fibers of a Voronoi network of 3000 points, the shortest is 53 000 times shorter than the mean, and
-    /// as a truss that much stiffer. Merging at 0.05 takes out 11 % of them; then it is 9 times (6 in Delaunay networks),
-    /// and 4.2 fibers meet at a node instead of 4. Three networks of 60 points stretched to 1.8 then carry 0.4 to 1.4 %
-    /// less stress, and Newton to a stretch of 1.05 takes 28 iterations on average instead of 42. At 0.1, stresses would
-    /// be up to 6 % less and 4.4 fibers meet at a node.
+    /// Of the 42 623 fibers of a Voronoi network of 3000 points, the shortest is 53 000 times shorter than the mean,
+    /// and as a truss stiffer by that factor. Merging at 0.05 removes 11 % of the fibers; the factor is then 9 (6 in
+    /// Delaunay networks), and 4.2 fibers instead of 4 meet at a node. Three networks of 60 points stretched to 1.8
+    /// then carry 0.4 to 1.4 % less stress, and Newton to a stretch of 1.05 takes on average 28 instead of 42
+    /// iterations. At 0.1, stresses would be up to 6 % lower, with 4.4 fibers per node.
     #[must_use]
     pub fn default_merge(self) -> f64 {
         match self {
@@ -51,58 +51,62 @@ impl Kind {
     }
 }
 
-/// What to generate.
+/// The parameters of a generated network.
 ///
-/// Points are placed at random, uniformly: as many as are asked for in the unit cube and as densely in a layer around
-/// it. They are joined to a network that goes on beyond the cube and is cut at its faces: an edge that leaves the cube
-/// ends at the face, where a boundary node is put. So a boundary node has one fiber, and all nodes that are not cuts are
-/// interior. An edge that passes through a corner of the cube with both ends outside is dropped: tied to nothing, it
-/// would only follow its ends. As in the networks published for this family of models.
+/// Points are placed at random, uniformly: the given number in the unit cube, and with the same density in a layer
+/// around it. They define a network that extends beyond the cube and is cut at its faces: an edge that leaves the cube
+/// ends at the face, in a boundary node. A boundary node therefore has one fiber, and all nodes that are not cuts are
+/// interior. An edge that passes through a corner of the cube with both ends outside is dropped: it would only deform
+/// affinely. Networks published for this family of models are made in the same way.
 ///
-/// The same recipe gives the same network on every machine, bit for bit, and however many threads there are.
+/// The same recipe gives bitwise the same network on every machine and with any number of threads.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Recipe {
-    /// How points become a network.
+    /// The construction of the network from points.
     pub kind: Kind,
     /// The seed of the random numbers.
     pub seed: u64,
-    /// The least distance between two points and between a point and a face of the cube, over the mean spacing
-    /// `points^(-1/3)`. No fiber of a Delaunay network is shorter, so none is out of proportion stiff. From 0 to about
-    /// 0.5. Of twelve Delaunay networks of 60 points stretched to 1.8 at constant volume, some snapped through on the way
-    /// at 0.05, none at 0.1 or more. In an aligned network, distances are those before the stretch.
+    /// The minimum distance between two points and between a point and a face of the cube, relative to the mean spacing
+    /// `points^(-1/3)`. It bounds the fiber lengths of a Delaunay network from below, and so the fiber stiffness from
+    /// above. From 0 to about 0.5. Of twelve Delaunay networks of 60 points stretched to 1.8 at constant volume, some
+    /// snapped through on the way at 0.05, none at 0.1 or more. In an aligned network, distances are those before the
+    /// stretch.
     pub apart: f64,
-    /// Nodes joined by a fiber shorter than this part of the mean spacing of the points are merged; 0 merges nothing. In
-    /// an aligned network, lengths are those before the stretch. Above 0.5 little is left of a network.
+    /// Nodes joined by a fiber shorter than this fraction of the mean spacing of the points are merged; 0 merges
+    /// nothing. In an aligned network, lengths are those before the stretch. Above 0.5 little is left of a network.
     pub merge: f64,
-    /// The direction that fibers prefer. The strength is that of the network that goes on beyond the cube; fibers along
-    /// the axis are cut at the faces more often, so that by number a network of few points has some hundredths more.
+    /// The preferred direction of the fibers. The strength is that of the network that extends beyond the cube; fibers
+    /// along the axis are cut at the faces more often, so that by number the strength of a network of few points is
+    /// larger by some hundredths.
     pub alignment: Option<Alignment>,
-    /// Fibers shorter than this part of the cube's edge are taken out, and with them what then dangles or hangs loose.
+    /// Fibers shorter than this fraction of the cube's edge are removed, together with fibers that dangle or are untied
+    /// as a result.
     pub shorter_than: Option<f64>,
 }
 
-/// A network as it was generated.
+/// A generated network.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Made {
-    /// The network, called `KIND-POINTS-SEED`.
+    /// The network, with the name `KIND-POINTS-SEED`.
     pub network: Network,
-    /// The points in the cube.
+    /// Number of points in the cube.
     pub points: usize,
-    /// What was taken out because it was short, dangled or hung loose.
+    /// The numbers of fibers and nodes removed because they were short, dangling or untied.
     pub removed: Removed,
 }
 
 impl Recipe {
-    /// The recipe of a kind of network: isotropic, with points kept a fifth of their mean spacing apart.
+    /// The default recipe of a kind of network: isotropic, with a minimum distance of a fifth of the mean spacing.
     #[must_use]
     pub fn new(kind: Kind, seed: u64) -> Self {
         Self { kind, seed, apart: 0.2, merge: kind.default_merge(), alignment: None, shorter_than: None }
     }
 
-    /// The network of so many points in the cube.
+    /// Generates the network with this number of points in the cube.
     ///
     /// # Errors
-    /// See [`GenerateError`]; with a handful of points a face may stay without fibers.
+    /// Returns [`GenerateError`] if a parameter is out of range, the points do not fit, or the network is invalid; with
+    /// very few points a face may have no fibers.
     pub fn of_points(&self, points: usize) -> Result<Made, GenerateError> {
         if !(1..=MOST_POINTS).contains(&points) {
             return Err(GenerateError::Points { points, most: MOST_POINTS });
@@ -116,7 +120,7 @@ impl Recipe {
             Kind::Voronoi => voronoi::graph(&cloud),
         };
         let clipped = graph.clip().merge(self.merge * cloud.spacing, cloud.stretch);
-        // Before there is a network: one with an open face may be no network at all.
+        // Checked first, because with an open face the construction of the network itself may fail.
         check_faces(&clipped.nodes, &clipped.fibers)?;
         let name = format!("{}-{points}-{}", self.kind.name(), self.seed);
         let network = Network::in_cube(name, Cube::UNIT, clipped.nodes, clipped.fibers)?;

@@ -1,23 +1,25 @@
-//! Networks of a wanted number of nodes or density: the number of points is sought.
+//! Generation of networks with a given number of nodes or density, by a search for the number of points.
 
 use super::recipe::{Made, Recipe};
 use super::{GenerateError, Kind};
 
-/// The fewest and the most nodes that can be asked for.
+/// The minimum and the maximum number of nodes that can be requested.
 const NODES: [usize; 2] = [40, 100_000];
-/// The most points that are tried for a density.
+/// Maximum number of points in the search for a density.
 const MOST_POINTS: usize = 100_000;
-/// Points of the network from which a density is extrapolated.
+/// Number of points of the network from which a density is extrapolated.
 const SAMPLE: usize = 100;
-/// A density that is missed by more than this part of it is out of reach.
+/// Relative error above which a density is unreachable.
 const MISSED: f64 = 0.1;
 
 impl Recipe {
-    /// The network whose number of nodes, boundary included, comes closest to `nodes` (fewer points where two are as
-    /// close). The number of points is sought by bisection; nodes grow with points, but not at every step.
+    /// Generates the network whose number of nodes, including the boundary, is closest to `nodes` (with fewer points if
+    /// two are equally close). The number of points is found by bisection and a search around the result, since the
+    /// number of nodes does not grow at every step.
     ///
     /// # Errors
-    /// [`GenerateError::Nodes`] for less than 40 or more than 100 000 nodes; otherwise as for [`Recipe::of_points`].
+    /// Returns [`GenerateError::Nodes`] for less than 40 or more than 100 000 nodes; otherwise as for
+    /// [`Recipe::of_points`].
     pub fn of_nodes(&self, nodes: usize) -> Result<Made, GenerateError> {
         let [fewest, most] = NODES;
         if !(fewest..=most).contains(&nodes) {
@@ -30,17 +32,18 @@ impl Recipe {
         made.ok_or_else(|| self.open_face(candidates).unwrap_or(GenerateError::Nodes { nodes, fewest, most }))
     }
 
-    /// The network whose density, the total length of its fibers in the unit cube, comes closest to `density` (1/edge^2).
-    /// The number of points is sought by bisection. The density grows with it, but scatters from one number to the next,
-    /// so that a dozen neighbors are tried: some parts in a thousand are met.
+    /// Generates the network whose density, the total length of its fibers in the unit cube, is closest to `density`
+    /// (1/edge^2). The number of points is found by bisection. The density grows with it, but scatters between
+    /// consecutive numbers, so that a dozen neighbors are tried: the result is accurate to a few parts in a thousand.
     ///
     /// # Errors
-    /// [`GenerateError::Density`] where no number of points from 1 to 100 000 comes within 10 %; otherwise as for
+    /// Returns [`GenerateError::Density`] if no number of points from 1 to 100 000 comes within 10 %; otherwise as for
     /// [`Recipe::of_points`].
     pub fn of_density(&self, density: f64) -> Result<Made, GenerateError> {
         let length = |made: &Made| made.network.total_length();
         let unreachable = |nearest, points| GenerateError::Density { density, nearest, points };
-        // Lengths go with the spacing, and fibers with the points: the density goes with points^(2/3).
+        // Lengths scale with the spacing and the number of fibers with the points, so that the density scales with
+        // `points^(2/3)`.
         let sample = length(&self.of_points(SAMPLE)?);
         let exponent = 2.0 / 3.0;
         let estimate = SAMPLE as f64 * (density / sample).max(0.0).powf(1.0 / exponent);
@@ -59,7 +62,8 @@ impl Recipe {
         }
     }
 
-    /// Why aligned networks of the size that was sought fail: few of their fibers cross the faces along the axis.
+    /// Returns the open face that explains why an aligned network has no suitable size: few of its fibers cross the
+    /// faces along the axis.
     fn open_face(&self, mut candidates: impl Iterator<Item = usize>) -> Option<GenerateError> {
         self.alignment.filter(|alignment| alignment.strength() > 0.0)?;
         candidates.find_map(|points| match self.of_points(points) {
@@ -68,8 +72,8 @@ impl Recipe {
         })
     }
 
-    /// Neighboring numbers of points between which `too_small` turns from true to false. Too few points for a network
-    /// are too small.
+    /// Returns consecutive numbers of points between which `too_small` changes from true to false. A number that gives
+    /// no network counts as too small.
     fn bisect(
         &self,
         [mut fewer, mut more]: [usize; 2],
@@ -85,7 +89,7 @@ impl Recipe {
         Ok((fewer, more))
     }
 
-    /// The first of the networks with the least `off`; `None` where none of the numbers gives a network.
+    /// Returns the first of the networks with the smallest `off`; `None` if no candidate gives a network.
     fn closest(
         &self,
         candidates: impl Iterator<Item = usize>,
@@ -102,7 +106,7 @@ impl Recipe {
         Ok(best)
     }
 
-    /// The network of so many points, `None` where they are too few for one.
+    /// Generates the network with this number of points; `None` if they are too few.
     fn attempt(&self, points: usize) -> Result<Option<Made>, GenerateError> {
         match self.of_points(points) {
             Ok(made) => Ok(Some(made)),
@@ -112,7 +116,7 @@ impl Recipe {
     }
 }
 
-/// A Delaunay network with `points` interior nodes; see [`Recipe`].
+/// Generates a Delaunay network with `points` interior nodes; see [`Recipe`].
 ///
 /// # Errors
 /// As for [`Recipe::of_points`].
@@ -126,7 +130,7 @@ pub fn delaunay(points: usize, seed: u64) -> Result<crate::fiber::network::Netwo
     Ok(Recipe::new(Kind::Delaunay, seed).of_points(points)?.network)
 }
 
-/// A Voronoi network of the cells of `points` points; see [`Recipe`].
+/// Generates a Voronoi network from the cells of `points` points; see [`Recipe`].
 ///
 /// # Errors
 /// As for [`Recipe::of_points`].
@@ -134,7 +138,7 @@ pub fn voronoi(points: usize, seed: u64) -> Result<crate::fiber::network::Networ
     Ok(Recipe::new(Kind::Voronoi, seed).of_points(points)?.network)
 }
 
-/// The Delaunay network of this seed whose number of nodes comes closest to `nodes`; see [`Recipe::of_nodes`].
+/// Generates the Delaunay network of this seed whose number of nodes is closest to `nodes`; see [`Recipe::of_nodes`].
 ///
 /// # Errors
 /// As for [`Recipe::of_nodes`].

@@ -14,7 +14,7 @@ use super::{Alignment, GenerateError, Kind, Recipe, delaunay, delaunay_of_nodes,
 use crate::fiber::network::check::{clean, examine};
 use crate::fiber::network::{Network, file};
 
-/// The definition itself: all tetrahedra whose circumsphere holds no point.
+/// The edges by definition: those of all tetrahedra with an empty circumsphere.
 fn delaunay_edges_by_definition(cloud: &[[f64; 3]]) -> BTreeSet<[usize; 2]> {
     let p: Vec<Vector3<f64>> = cloud.iter().map(|&x| Vector3::from(x)).collect();
     let n = p.len();
@@ -71,7 +71,7 @@ fn networks_are_well_made() {
         let spacing = (points as f64).cbrt().recip();
         assert!(report.length.min >= 0.2 * spacing, "{} of {spacing}", report.length.min);
         assert!(clean(&network, None).unwrap().removed.is_nothing());
-        // Written and read again, the bounding box is still the unit cube.
+        // The bounding box of the nodes is still the unit cube.
         let again = Network::new(network.name(), network.nodes().to_vec(), network.fibers().to_vec()).unwrap();
         assert_eq!(again, network);
     }
@@ -135,7 +135,7 @@ fn edges_are_cut_exactly_on_the_first_face_they_meet() {
     assert!((cut[0] - (0.1 - 2.1 * t)).abs() < 1e-15 && (cut[2] - (0.3 + 0.6 * t)).abs() < 1e-15, "{cut:?}");
 }
 
-/// The definition: every vertex is as far from its four points as from no other.
+/// By definition, the four points of a vertex are its nearest points, all at the same distance.
 #[test]
 fn voronoi_vertices_are_centers_of_empty_spheres() {
     let alignment = Some(Alignment::new([1.0, 1.0, 0.0], 0.3).unwrap());
@@ -149,7 +149,7 @@ fn voronoi_vertices_are_centers_of_empty_spheres() {
             assert!(distances[3] - distances[0] < 1e-10, "{:?}", &distances[..5]);
             assert!(distances[4] > distances[3], "{:?}", &distances[..5]);
         }
-        // Four edges meet at every vertex in the cube, and all of them are there.
+        // Four edges meet at every vertex in the cube, and none is missing.
         let mut degree = vec![0; graph.places.len()];
         graph.edges.iter().flatten().for_each(|&node| degree[node] += 1);
         assert!(degree[..graph.inner].iter().all(|&degree| degree == 4));
@@ -157,8 +157,8 @@ fn voronoi_vertices_are_centers_of_empty_spheres() {
     }
 }
 
-/// Meijering 1953: cells of a Poisson process have 13.54 edges a point, 5.83 long for a point in the unit cube. Points
-/// kept apart have somewhat rounder cells.
+/// Meijering 1953: the cells of a Poisson process have 13.54 edges per point, with a total length of 5.83 for one point
+/// in the unit cube. With a minimum distance of the points the cells are slightly rounder.
 #[test]
 fn voronoi_networks_are_as_dense_as_theory_says() {
     let recipe = Recipe { apart: 0.0, merge: 0.0, ..Recipe::new(Kind::Voronoi, 3) };
@@ -191,7 +191,7 @@ fn voronoi_networks_are_well_made() {
     }
 }
 
-/// The coordinates of a network as one number: a change in the last bit of one of them changes it.
+/// A hash of the coordinates and fibers of a network: a change in the last bit of a coordinate changes it.
 fn fingerprint(network: &Network) -> u64 {
     let numbers = network.nodes().iter().flatten().map(|x| x.to_bits());
     let ends = network.fibers().iter().flatten().map(|&node| u64::from(node));
@@ -216,8 +216,8 @@ fn no_strength_is_no_alignment() {
     }
 }
 
-/// The order parameter of a network that goes on beyond the cube: a fiber that is cut belongs to the cube by half. Fibers
-/// along the axis are longer and cut more often, so that with every fiber counted once the order would be higher.
+/// The order parameter of the network that extends beyond the cube: a cut fiber belongs to the cube by half. Fibers
+/// along the axis are longer and cut more often, so that with equal weights the order would be too high.
 fn order_without_surface(network: &Network, axis: [f64; 3]) -> f64 {
     let (mut sum, mut total) = (0.0, 0.0);
     for (&[a, b], &length) in network.fibers().iter().zip(network.lengths()) {

@@ -1,8 +1,8 @@
 //! Voronoi networks: the edges of the Voronoi cells of the points, four of which meet at every vertex.
 //!
-//! A vertex is the center of the sphere through four points that holds no other, an edge belongs to three points whose
-//! cells meet along it. Which points these are is decided by the library in exact arithmetic; the positions are computed
-//! here, from the four points in ascending order, so that they do not depend on the cell at which they are looked at.
+//! A vertex is the center of an empty sphere through four points, and an edge belongs to the three points whose cells
+//! meet along it. The library determines these points in exact arithmetic; the positions are computed here, from the
+//! four points in ascending order, so that they do not depend on the cell from which a vertex is reached.
 
 use glam::DVec3;
 use meshless_voronoi::{Dimensionality, VoronoiIntegrator};
@@ -11,13 +11,13 @@ use super::clip::Graph;
 use super::cloud::{Cloud, MARGIN};
 use super::delaunay::walls;
 
-/// The three points of an edge and the four of a vertex at its end, both ascending.
+/// The three points of an edge and the four points of the vertex at one of its ends, both ascending.
 type End = ([u32; 3], [u32; 4]);
 
-/// The nodes are the vertices that edges with an end in the cube join, those in the cube first.
+/// Makes the graph whose nodes are the vertices of edges with an end in the cube, the vertices in the cube first.
 pub(super) fn graph(cloud: &Cloud) -> Graph {
     let ends = ends(cloud);
-    // The two ends of an edge stand side by side. An edge without a second one runs out of the cloud.
+    // The two ends of an edge are adjacent. An edge with a single end leaves the cloud.
     let pairs = ends.windows(2).filter(|pair| pair[0].0 == pair[1].0).map(|pair| [pair[0].1, pair[1].1]);
     let mut vertices: Vec<([u32; 4], [f64; 3], bool)> = Vec::new();
     let mut edges: Vec<[[u32; 4]; 2]> = Vec::new();
@@ -46,10 +46,10 @@ pub(super) fn graph(cloud: &Cloud) -> Graph {
     Graph { places: vertices.into_iter().map(|vertex| vertex.1).collect(), inner, edges }
 }
 
-/// The ends of all edges of cells in and near the cube, ascending.
+/// Returns the ends of all edges of cells in and near the cube, ascending.
 fn ends(cloud: &Cloud) -> Vec<End> {
     let generators: Vec<DVec3> = cloud.points.iter().map(|&point| DVec3::from_array(point)).collect();
-    // Cells further off have no vertex in the cube: its ball, of this radius, would be empty.
+    // Cells farther away have no vertex in the cube: a ball of this radius around the vertex would have to be empty.
     let mask: Vec<bool> = (0..generators.len()).map(|point| cloud.outside(point) < 0.7 * MARGIN).collect();
     let (corner, width) = walls(&cloud.points);
     let cells = VoronoiIntegrator::build(&generators, Some(&mask), corner, width, Dimensionality::ThreeD, false);
@@ -61,7 +61,7 @@ fn ends(cloud: &Cloud) -> Vec<End> {
             let mut four = [cell.idx as u32, a as u32, b as u32, c as u32];
             four.sort_unstable();
             for [p, q] in [[a, b], [b, c], [c, a]] {
-                // An edge is looked at in one of its three cells only.
+                // Each edge is visited in one of its three cells only.
                 if [p, q].iter().all(|&other| cell.idx < other || !mask[other]) {
                     let mut three = [cell.idx as u32, p as u32, q as u32];
                     three.sort_unstable();
@@ -75,7 +75,7 @@ fn ends(cloud: &Cloud) -> Vec<End> {
     ends
 }
 
-/// Center of the sphere through four points, by Cramer's rule.
+/// The center of the sphere through four points, by Cramer's rule.
 pub(super) fn circumcenter(p: [[f64; 3]; 4]) -> [f64; 3] {
     let d = [1, 2, 3].map(|i| [0, 1, 2].map(|k| p[i][k] - p[0][k]));
     let cross =

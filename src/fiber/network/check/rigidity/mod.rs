@@ -1,14 +1,15 @@
-//! Rigidity: the motions of the interior nodes that a network at rest does not resist, and where they are.
+//! Rigidity: the zero modes of a network at rest, and the nodes that they move.
 //!
-//! Every fiber is taken as an unstressed spring between its ends, the boundary is held. A motion `u` that changes no
-//! fiber's length to first order, `n . (u_b - u_a) = 0`, is a *zero mode*: the stiffness `K = sum n (x) n` (per fiber, in the
-//! blocks of its ends) vanishes on it. Which motions these are does not depend on how stiff the fibers are, so that all
-//! springs have the constant 1: short fibers, stiff as trusses, would otherwise drown what is to be seen. `K` is positive
-//! semidefinite, and zero modes are counted, by Sylvester's law of inertia, as the negative pivots of `K - s I`, `s` a
-//! billionth of the greatest diagonal entry: a chain that is straight within some hundred-thousandths counts as straight.
+//! Every fiber is modeled as an unstressed spring between its ends, with the boundary nodes fixed. A motion `u` that
+//! changes no fiber length to first order, `n . (u_b - u_a) = 0`, is a *zero mode*: it lies in the null space of the
+//! stiffness `K = sum n (x) n` (per fiber, in the blocks of its ends). The null space does not depend on the fiber
+//! stiffness, so all springs have the constant 1: otherwise the large stiffness of short fibers would mask small
+//! eigenvalues. `K` is positive semidefinite, and by Sylvester's law of inertia the number of zero modes is the number
+//! of negative pivots of `K - s I`, with `s` 1e-9 times the largest diagonal entry: a chain that is straight within a
+//! few 1e-5 counts as straight.
 //!
-//! Zero modes and states of self stress (tensions in equilibrium without load) are tied by the fibers with a free end
-//! and the free unknowns: `zero modes - self stresses = unknowns - fibers`.
+//! The numbers of zero modes and of states of self stress (tensions in equilibrium without load) are related to the
+//! number of fibers with a free end and of free unknowns by `zero modes - self stresses = unknowns - fibers`.
 //!
 //! Reference: C. R. Calladine, *Buckminster Fuller's "tensegrity" structures and Clerk Maxwell's rules for the
 //! construction of stiff frames*, International Journal of Solids and Structures 14 (1978), 161-172.
@@ -26,53 +27,55 @@ use crate::las::{
     Backend, FactorReport, Index, MatrixOps, SolveError, Solver, SolverParams, Sparsity, SparsityError, Symmetry,
 };
 
-/// The shift `s`, over the greatest diagonal entry of the stiffness.
+/// The shift `s`, relative to the largest diagonal entry of the stiffness.
 const SHIFT: f64 = 1e-9;
-/// How often another shift is tried where a pivot vanishes.
+/// Number of shifts that are tried if a pivot vanishes.
 const ATTEMPTS: i32 = 5;
-/// A node takes part in zero modes when its mobility is above this.
+/// Mobility above which a node takes part in zero modes.
 const MOBILE: f64 = 1e-6;
-/// How many of the most mobile nodes are reported.
+/// Maximum number of most mobile nodes in the report.
 const MOST_MOBILE: usize = 10;
 
-/// The zero modes of a network at rest with its boundary held.
+/// The zero modes of a network at rest with its boundary nodes fixed.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "app", derive(serde::Serialize))]
 pub struct Rigidity {
-    /// Free unknowns, three an interior node.
+    /// Number of free unknowns, three per interior node.
     pub unknowns: usize,
-    /// Independent motions that no fiber resists.
+    /// Number of independent motions that no fiber resists.
     pub zero_modes: usize,
-    /// Independent states of self stress.
+    /// Number of independent states of self stress.
     pub self_stresses: usize,
-    /// Zero modes that move a single node, each interior node by itself: three less the rank of its fibers' directions.
+    /// Number of zero modes that move a single node, summed over the interior nodes: three minus the rank of the fiber
+    /// directions at the node.
     pub single_node_modes: usize,
-    /// Interior nodes with fewer than three fibers: each of them has such modes.
+    /// Number of interior nodes with fewer than three fibers; each of them has single-node modes.
     pub few_fibers: usize,
-    /// Interior nodes with three fibers or more that lie in one plane: so do these.
+    /// Number of interior nodes with three or more fibers, all in one plane; each of them has single-node modes.
     pub coplanar_fibers: usize,
-    /// Nodes that take part in zero modes: those with a mobility above 1e-6.
+    /// Number of nodes that take part in zero modes: those with a mobility above 1e-6.
     pub mobile_nodes: usize,
-    /// Whether mobilities were estimated by random probing (within some 15 %) because the zero modes are so many.
+    /// Whether mobilities were estimated by random probing (to about 15 %) because there are too many zero modes for a
+    /// basis.
     pub estimated: bool,
-    /// The nodes with the greatest mobilities, ten at most.
+    /// The nodes with the largest mobilities, at most ten.
     pub most_mobile: Vec<MobileNode>,
 }
 
-/// How much a node moves in zero modes.
+/// The mobility of a node in the zero modes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "app", derive(serde::Serialize))]
 pub struct MobileNode {
     /// The node.
     pub node: u32,
-    /// Where it is, in the unit cube.
+    /// Its position in the unit cube.
     pub position: [f64; 3],
     /// The trace of its block of the projector onto the zero modes: 3 for a node that moves freely, 0 for one that does
-    /// not move. The mobilities of all nodes add up to the number of zero modes.
+    /// not move. The mobilities of all nodes sum to the number of zero modes.
     pub mobility: f64,
 }
 
-/// Why zero modes could not be counted.
+/// Error in the count of zero modes.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum RigidityError<F: std::error::Error> {
     /// The network is too large for the index type.
@@ -81,15 +84,15 @@ pub enum RigidityError<F: std::error::Error> {
     /// The backend cannot factor the stiffness.
     #[error("the stiffness cannot be factored: {0}")]
     Solve(#[from] SolveError<F>),
-    /// No shift was found at which the factorization shows the signs of its pivots.
+    /// No shift gave a factorization with nonzero pivots.
     #[error("the stiffness could not be factored such that its pivots have signs")]
     Undecided,
 }
 
-/// Counts the zero modes of a network: one factorization.
+/// Counts the zero modes of a network with one factorization.
 ///
 /// # Errors
-/// [`RigidityError`].
+/// Returns [`RigidityError`] if the stiffness has no valid pattern or cannot be factored.
 pub fn zero_modes<B: Backend<Scalar = f64>>(
     context: &B::Context,
     network: &Network,
@@ -100,10 +103,10 @@ pub fn zero_modes<B: Backend<Scalar = f64>>(
     Stiffness::<B>::new(context, network)?.zero_modes()
 }
 
-/// Counts the zero modes of a network and finds the nodes that they move.
+/// Counts the zero modes of a network and computes the mobilities of its nodes.
 ///
 /// # Errors
-/// [`RigidityError`].
+/// As for [`zero_modes`].
 pub fn rigidity<B: Backend<Scalar = f64>>(
     context: &B::Context,
     network: &Network,
@@ -142,7 +145,7 @@ pub fn rigidity<B: Backend<Scalar = f64>>(
     })
 }
 
-/// What makes single nodes movable.
+/// Numbers of single-node modes and of the nodes that have them.
 #[derive(Clone, Copy, Debug, Default)]
 struct SingleNodes {
     modes: usize,
@@ -155,7 +158,7 @@ fn single_node_modes(network: &Network) -> SingleNodes {
     for (fiber, ends) in network.fibers().iter().enumerate() {
         let n = Vector3::from(network.direction(fiber));
         for &node in ends {
-            // A boundary node has number -1, which no block answers to.
+            // A boundary node has number -1, which is out of range.
             if let Some((block, fibers)) = blocks.get_mut(network.interior_number()[node as usize] as usize) {
                 *block += n * n.transpose();
                 *fibers += 1;
@@ -176,12 +179,12 @@ fn single_node_modes(network: &Network) -> SingleNodes {
     found
 }
 
-/// The stiffness of a network of unstressed springs, and its solver.
+/// The stiffness of a network of unstressed springs, with its solver.
 struct Stiffness<'a, B: Backend> {
     network: &'a Network,
     matrix: B::Matrix,
     solver: B::Solver,
-    /// The greatest diagonal entry.
+    /// The largest diagonal entry.
     scale: f64,
 }
 
@@ -193,7 +196,7 @@ impl<'a, B: Backend<Scalar = f64>> Stiffness<'a, B> {
             [0, 1, 2, 3, 4, 5].map(|i: usize| if first[i / 3] < 0 { -1 } else { first[i / 3] + (i % 3) as i32 })
         });
         let pattern = Arc::new(Sparsity::from_elements(3 * network.interior().len(), elements)?);
-        // In a rigid network K - s I is positive definite and Cholesky, the fastest, succeeds.
+        // In a rigid network `K - s I` is positive definite, and Cholesky, the fastest factorization, succeeds.
         let symbolic = B::analyze(context, &pattern, &SolverParams::new(Symmetry::Definite))?;
         let solver = B::solver(&symbolic)?;
         let matrix = B::matrix(context, &pattern).map_err(SolveError::Fault)?;
@@ -207,7 +210,7 @@ impl<'a, B: Backend<Scalar = f64>> Stiffness<'a, B> {
                 }
             }
         }
-        // Of a network whose interior nodes have no fibers, any number above zero will do.
+        // If no interior node has fibers, any positive number serves as the scale.
         let scale = diagonal.into_iter().fold(0.0, f64::max);
         Ok(Self { network, matrix, solver, scale: if scale > 0.0 { scale } else { 1.0 } })
     }
@@ -241,10 +244,10 @@ impl<'a, B: Backend<Scalar = f64>> Stiffness<'a, B> {
         self.matrix.finish()
     }
 
-    /// The negative pivots of `K - s I`.
+    /// Counts the negative pivots of `K - s I`.
     fn zero_modes(&mut self) -> Result<usize, RigidityError<B::Fault>> {
         for attempt in 0..ATTEMPTS {
-            // An irrational factor: no pivot vanishes at two of these shifts by the same accident.
+            // With an irrational ratio, no pivot vanishes at two of these shifts by coincidence.
             let shift = SHIFT * self.scale * std::f64::consts::SQRT_2.powi(attempt);
             match self.factor(-shift) {
                 Ok(FactorReport { negative_pivots: Some(count), .. }) => return Ok(count),

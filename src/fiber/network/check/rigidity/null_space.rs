@@ -1,9 +1,10 @@
-//! How much every node moves in the null space of a positive semidefinite stiffness `K`.
+//! The mobility of every node in the null space of a positive semidefinite stiffness `K`.
 //!
-//! `P = s (K + s I)^-1` with a tiny `s` keeps what lies in the null space and shrinks the rest by `s / lambda`: inverse
-//! iteration. Applied to as many random vectors as there are zero modes, and made orthonormal, it gives a basis of the
-//! null space; the mobility of a node is the sum of squares of its components. Where a basis would be too large,
-//! mobilities are estimated: for random signs `z` the expectation of `|(P z)_a|^2` is the trace of the node's block of `P`.
+//! Inverse iteration: `P = s (K + s I)^-1` with a tiny `s` preserves the null space and scales other eigenvectors by
+//! about `s / lambda`. Applied to as many random vectors as there are zero modes, followed by orthonormalization, it
+//! gives a basis of the null space; the mobility of a node is the sum of squares of its components. If the basis would
+//! be too large, mobilities are estimated: for random signs `z` the expectation of `|(P z)_a|^2` is the trace of the
+//! node's block of the projector.
 //!
 //! Reference for the estimate: C. Bekas, E. Kokiopoulou, Y. Saad, *An estimator for the diagonal of a matrix*, Applied
 //! Numerical Mathematics 57 (2007), 1214-1229.
@@ -12,17 +13,17 @@ use nalgebra::{Cholesky, DMatrix};
 
 use crate::las::{Backend, SolveError, Solver, VectorOps};
 
-/// The most zero modes of which a basis is made.
+/// Maximum number of zero modes for which a basis is computed.
 const LARGEST_BASIS: usize = 400;
-/// Random vectors of the estimate: its standard deviation is about `sqrt(2 / (3 PROBES))`.
+/// Number of random vectors of the estimate: its standard deviation is about `sqrt(2 / (3 PROBES))`.
 const PROBES: usize = 64;
-/// Right-hand sides at a time.
+/// Number of right-hand sides per solve.
 const BATCH: usize = 16;
-/// Inverse iterations: each shrinks what is not of the null space by at least a thousand where the network's least
-/// stiffness that is not zero is a thousand times the shift.
+/// Number of inverse iterations. Each damps the components outside the null space by at least a thousand if the
+/// smallest nonzero eigenvalue of the stiffness is a thousand times the shift.
 const ITERATIONS: usize = 4;
 
-/// The mobility of every node, and whether it is an estimate; `solver` holds the factor of `K + shift I`.
+/// Returns the mobility of every node, and whether it is an estimate; `solver` holds the factor of `K + shift I`.
 pub(super) fn mobilities<B: Backend<Scalar = f64>>(
     context: &B::Context,
     solver: &mut B::Solver,
@@ -46,14 +47,14 @@ pub(super) fn mobilities<B: Backend<Scalar = f64>>(
     let mut mobility: Vec<f64> =
         (0..unknowns / 3).map(|node| columns.rows(3 * node, 3).iter().map(|x| x * x).sum()).collect();
     if estimated {
-        // The sum is known: scaling to it takes out the part of the error that all nodes have in common.
+        // The sum is known: scaling to it removes the part of the error common to all nodes.
         let sum: f64 = mobility.iter().sum();
         mobility.iter_mut().for_each(|mobility| *mobility *= modes as f64 / sum);
     }
     Ok((mobility, estimated))
 }
 
-/// Vectors for the solver to work on.
+/// Right-hand sides and solutions for the solver.
 struct Room<B: Backend> {
     right: Vec<B::Vector>,
     left: Vec<B::Vector>,
@@ -67,7 +68,7 @@ impl<B: Backend<Scalar = f64>> Room<B> {
         Ok(Self { right: vectors()?, left: vectors()? })
     }
 
-    /// `X <- s (K + s I)^-1 X`, column by column.
+    /// Computes `X <- s (K + s I)^-1 X`, column by column.
     fn project(
         &mut self,
         solver: &mut B::Solver,
@@ -91,19 +92,19 @@ impl<B: Backend<Scalar = f64>> Room<B> {
     }
 }
 
-/// Makes the columns orthonormal: by Cholesky of their Gram matrix, twice, since once loses half of the digits.
+/// Orthonormalizes the columns by Cholesky of their Gram matrix, twice, since one pass loses half of the digits.
 fn orthonormalize(columns: &mut DMatrix<f64>) {
     for _ in 0..2 {
         let gram = columns.tr_mul(columns);
         match Cholesky::new(gram).and_then(|factor| factor.l().try_inverse()) {
             Some(inverse) => *columns = &*columns * inverse.transpose(),
-            // Nearly dependent columns: slower, but nothing stops it.
+            // The columns are nearly dependent: QR is slower but always succeeds.
             None => *columns = columns.clone().qr().q(),
         }
     }
 }
 
-/// Columns of random signs by SplitMix64, whose sequence never changes (Steele, Lea and Flood, OOPSLA 2014).
+/// Columns of random signs by SplitMix64, whose sequence is fixed (Steele, Lea and Flood, OOPSLA 2014).
 fn random_signs(rows: usize, columns: usize) -> DMatrix<f64> {
     let mut state = 0x5eed_u64;
     DMatrix::from_fn(rows, columns, |_, _| {
