@@ -1,4 +1,4 @@
-//! `biotissue check`: the plan of a case, with everything read and checked and nothing solved.
+//! `biotissue check`: reads and checks a case and all its files, and prints the plan without solving anything.
 
 use std::path::PathBuf;
 
@@ -39,7 +39,7 @@ struct CheckJob {
     case: Case,
 }
 
-/// What `biotissue check` prints.
+/// The output of `biotissue check`.
 #[derive(Serialize)]
 struct PlanText {
     title: String,

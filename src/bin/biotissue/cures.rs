@@ -1,4 +1,4 @@
-//! What a run that fails tells its user: what went wrong, what was expected, and what may cure it.
+//! Converts the errors of a run to messages for the user: the problem, what was expected, and a possible cure.
 
 use std::path::Path;
 
@@ -55,16 +55,16 @@ pub fn on_disk(steps: usize, dir: &Path) -> String {
     }
 }
 
-/// How to repeat the failure of an RVE.
+/// Formats the hint on how to reproduce the failure of an RVE.
 pub fn repeated_by(lost: Option<&Path>) -> String {
     lost.map_or_else(String::new, |file| format!("; `biotissue rve --replay {}` repeats the RVE", file.display()))
 }
 
-/// The cure where nothing more is known than that a step went too far.
+/// The cure if the only known fact is that a step was too large.
 const TOO_FAR: &str = "from the start: check that the body is held, and the size and units of its loads; later: look at the \
                        last fields for elements near collapse, or raise `max_cuts` and go on with --resume";
 
-/// What may help a load step that failed.
+/// Returns the suggested cure for a failed load step.
 pub fn cure_of_step<F: std::error::Error + 'static>(
     reason: &StepFailure<TissueFieldError, F>,
     micro: &MicroCase,
@@ -177,7 +177,7 @@ pub fn not_set_up<F: std::error::Error + 'static>(
     Failure::arguments(format!("{}: {error}", file.display()), expected, cure)
 }
 
-/// What was expected of a body whose linear system cannot be made, and the cure.
+/// Returns what was expected of a body whose setup failed, and the cure.
 fn cure_of_setup<F: std::error::Error + 'static>(
     error: &SetupError<TissueFieldError, F>,
 ) -> (&'static str, &'static str) {
@@ -196,7 +196,7 @@ fn cure_of_setup<F: std::error::Error + 'static>(
     }
 }
 
-/// The undeformed body has no stress or no stiffness: an RVE is singular before any load.
+/// Reports an undeformed body without a solvable stiffness: an RVE is singular before any load.
 fn not_at_rest<F: std::error::Error + 'static>(
     file: &Path,
     micro: &MicroCase,

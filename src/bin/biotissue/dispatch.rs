@@ -1,24 +1,24 @@
-//! Where a run-time choice becomes a type: a backend by its name. (Which one the RVEs get on ranks of their own,
-//! `ranks/mains.rs` says.)
+//! Run-time dispatch to a backend type by its name. (`ranks/mains.rs` chooses the backend of RVEs on ranks of their
+//! own.)
 
 use biotissue::backends::{self, BackendName};
 use biotissue::las::{Backend, Scalar};
 
 use crate::failure::Failure;
 
-/// Work that is generic over the backend.
+/// A computation that is generic over the backend.
 pub trait Job {
-    /// What it gives.
+    /// The result.
     type Output;
 
-    /// Does it on backend `B`, in that context.
+    /// Runs the computation on backend `B` with the given context.
     fn run<B>(self, context: B::Context) -> Result<Self::Output, Failure>
     where
         B: Backend<Scalar = f64, Context: Clone>,
         B::Reduced: Scalar;
 }
 
-/// Does `job` on the named backend, or on the first one compiled in.
+/// Runs `job` on the named backend, or on the first one compiled in.
 pub fn dispatch<J: Job>(backend: Option<&str>, job: J) -> Result<J::Output, Failure> {
     let name = backend.or(backends::compiled().first().copied()).unwrap_or("sparse");
     match name.parse::<BackendName>() {
@@ -28,7 +28,7 @@ pub fn dispatch<J: Job>(backend: Option<&str>, job: J) -> Result<J::Output, Fail
         Ok(BackendName::Dense) => job.run::<backends::dense::Dense>(()),
         #[cfg(feature = "petsc")]
         Ok(BackendName::Petsc) => job.run::<backends::petsc::Petsc>(one_process()?),
-        // Names parse only where the backend is compiled in: this arm is for the error, whatever the features.
+        // A name parses only if its backend is compiled in; this arm reports the error for any set of features.
         outcome => {
             let error =
                 outcome.err().map_or_else(|| format!("the backend `{name}` is not compiled in"), |e| e.to_string());
@@ -41,7 +41,8 @@ pub fn dispatch<J: Job>(backend: Option<&str>, job: J) -> Result<J::Output, Fail
     }
 }
 
-/// PETSc in this process alone: under `mpirun` every rank would write the same results.
+/// Returns the PETSc context of a single process. Under `mpirun` every rank would write the same results, so several
+/// ranks are an error.
 #[cfg(feature = "petsc")]
 fn one_process() -> Result<backends::petsc::Context, Failure> {
     let context = backends::petsc::Context::world().map_err(Failure::library)?;

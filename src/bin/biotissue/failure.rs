@@ -1,5 +1,4 @@
-//! How a command ends when it does not succeed: one block on stderr (what, where, what was expected, what to do) and an
-//! exit code.
+//! The failure of a command: one block on stderr (problem, place, what was expected, cure) and an exit code.
 
 use std::fmt;
 use std::path::Path;
@@ -7,28 +6,28 @@ use std::process::ExitCode;
 
 use biotissue::input::{InputError, InputErrors, printable};
 
-/// Why a command failed.
+/// The reason why a command failed.
 #[derive(Debug)]
 pub enum Failure {
-    /// Something wrong in the files given: exit code 2.
+    /// Errors in the input files: exit code 2.
     Input(InputErrors),
-    /// Something wrong in the arguments given; `what` names the argument or the file: exit code 2.
+    /// Errors in the arguments; `what` names the argument or the file: exit code 2.
     Arguments { what: String, expected: String, cure: String },
-    /// The physics did not converge: exit code 3. What converged is on disk.
+    /// The solution did not converge: exit code 3. The converged steps are on disk.
     NotConverged { what: String, place: String, expected: String, cure: String },
-    /// The machine: disk, a library, MPI; `what` names the file or the part: exit code 4.
+    /// An error of the environment: disk, a library, MPI; `what` names the file or the component: exit code 4.
     Environment { what: String, expected: String, cure: String },
-    /// A rank that is a thread panicked, and ended the others: the exit code of any panic, 101.
+    /// A rank that runs as a thread panicked and ended the others: exit code 101, as for any panic.
     Panicked(String),
 }
 
 impl Failure {
-    /// The exit code of the contract.
+    /// Returns the documented exit code.
     pub fn exit_code(&self) -> ExitCode {
         self.code().into()
     }
 
-    /// The same as a number.
+    /// Returns the exit code as a number.
     pub fn code(&self) -> u8 {
         match self {
             Self::Input(_) | Self::Arguments { .. } => 2,
@@ -38,12 +37,12 @@ impl Failure {
         }
     }
 
-    /// Something wrong in the arguments.
+    /// Creates an error in the arguments.
     pub fn arguments(what: impl Into<String>, expected: impl Into<String>, cure: impl Into<String>) -> Self {
         Self::Arguments { what: what.into(), expected: expected.into(), cure: cure.into() }
     }
 
-    /// A file could not be written.
+    /// Creates the error for a file that cannot be written.
     pub fn unwritable(file: &Path, error: &std::io::Error) -> Self {
         Self::Environment {
             what: format!("{}: cannot be written: {error}", file.display()),
@@ -52,7 +51,7 @@ impl Failure {
         }
     }
 
-    /// A linear-algebra library failed.
+    /// Creates the error for a failure of a linear-algebra library.
     pub fn library(error: impl fmt::Display) -> Self {
         Self::Environment {
             what: error.to_string(),

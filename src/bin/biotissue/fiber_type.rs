@@ -1,4 +1,4 @@
-//! One type of fibers on a command line: `fraction=0.7,law=exponential,youngs-modulus=1e8,...`.
+//! One fiber type on the command line: `fraction=0.7,law=exponential,youngs-modulus=1e8,...`.
 
 use std::str::FromStr;
 
@@ -9,7 +9,7 @@ use crate::failure::Failure;
 use crate::law::checked;
 use crate::number::real;
 
-/// A part of the fibers and what it is made of, not yet checked.
+/// A fraction of the fibers and their material, not yet checked.
 #[derive(Clone, Debug)]
 pub struct FiberTypeArgument {
     fraction: f64,
@@ -58,7 +58,7 @@ impl FromStr for FiberTypeArgument {
 }
 
 impl FiberTypeArgument {
-    /// The part of all fibers and the material, its parameters checked.
+    /// Returns the fraction of all fibers and the material, with its parameters checked.
     pub fn material(&self) -> Result<(f64, FiberMaterial), Failure> {
         let material = checked(&self.law, &|parameter| format!("`{parameter}=` of --fiber"), "`law=`")?;
         Ok((self.fraction, material))

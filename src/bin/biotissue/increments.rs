@@ -1,4 +1,4 @@
-//! A network brought to a deformation gradient in increments, the same way by every command.
+//! Incremental deformation of a network, shared by all commands.
 
 use std::path::Path;
 
@@ -12,10 +12,10 @@ use nalgebra::Matrix3;
 use crate::failure::Failure;
 use crate::output;
 
-/// As many increments as a run may have load steps.
+/// Maximum number of increments, the same as for the load steps of a run.
 const MAX_STEPS: usize = 1_000_000;
 
-/// `--steps`, checked.
+/// Checks the value of `--steps`.
 pub fn check_steps(steps: usize) -> Result<(), Failure> {
     if (1..=MAX_STEPS).contains(&steps) {
         return Ok(());
@@ -24,7 +24,7 @@ pub fn check_steps(steps: usize) -> Result<(), Failure> {
     Err(Failure::arguments(format!("--steps {steps}"), expected, "leave --steps out for one"))
 }
 
-/// A network whose fibers are made of nothing.
+/// Returns the failure for a network whose model cannot be built, usually because its fibers have no material.
 pub fn unusable<F: std::error::Error + 'static>(place: &str, error: &RveModelError<F>) -> Failure {
     let what = format!("{place}: {error}");
     if matches!(error, RveModelError::Analysis(_)) {
@@ -34,32 +34,32 @@ pub fn unusable<F: std::error::Error + 'static>(place: &str, error: &RveModelErr
     Failure::arguments(what, "a network whose fibers have a law, a radius and a modulus", cure)
 }
 
-/// The way of an RVE to a deformation gradient.
+/// The increments that take an RVE to a deformation gradient.
 pub struct Increments<'a> {
     pub target: &'a Matrix3<f64>,
     pub steps: usize,
     pub params: &'a EquilibriumParams,
-    /// The RVE, for messages.
+    /// Name of the RVE in messages.
     pub place: &'a str,
-    /// The network's file, where it has one.
+    /// File of the network, if it has one.
     pub file: Option<&'a Path>,
-    /// Whether the increment comes from a file of `--dump`, so that neither it nor its parts can be chosen.
+    /// Whether the increment comes from a `--dump` file; then neither it nor its subdivision can be chosen.
     pub replayed: bool,
 }
 
-/// The increment that came last: the state before it, and what was asked of it.
+/// The last increment: the state before it and its target.
 pub type Last = (Rve, Matrix3<f64>);
 
 /// An increment that failed.
 pub struct Lost<F: std::error::Error + 'static> {
     pub error: RveError<F>,
-    /// From 1.
+    /// Number of the increment, from 1.
     step: usize,
 }
 
 impl Increments<'_> {
-    /// Takes all increments, each from a first-order prediction where the one before has a tangent. Where one of several
-    /// fails, the whole way is tried at once, and a warning says so.
+    /// Applies all increments, each from a first-order prediction if the previous one has a tangent. If one of several
+    /// increments fails, tries to reach the target in a single increment and warns about it.
     pub fn take<B>(
         &self,
         model: &RveModel<B>,
@@ -115,7 +115,7 @@ impl Increments<'_> {
         Ok(sum)
     }
 
-    /// What to say of an increment that failed.
+    /// Returns the failure for an increment that was not solved.
     pub fn lost<F: std::error::Error + 'static>(&self, lost: &Lost<F>) -> Failure {
         let at = match self.steps {
             1 => self.whole(),
@@ -124,7 +124,7 @@ impl Increments<'_> {
         self.failure(&lost.error, at)
     }
 
-    /// What to say of an equilibrium of which not all can be told.
+    /// Returns the failure for an equilibrium whose stress or tangent cannot be computed.
     pub fn untold<F: std::error::Error + 'static>(&self, error: &RveError<F>) -> Failure {
         self.failure(error, self.whole())
     }

@@ -64,7 +64,7 @@ pub fn run(command: &InfoCommand) -> Result<(), Failure> {
     output::print(&lines.join("\n"))
 }
 
-/// What a backend is built on.
+/// Returns the library that a backend uses.
 fn library(backend: &str) -> String {
     match backend {
         "sparse" | "dense" => "faer 0.24, compiled in".to_owned(),

@@ -1,4 +1,4 @@
-//! What becomes of a run that is ended from outside: by Ctrl-C, SIGTERM or SIGHUP.
+//! Handling of runs interrupted by Ctrl-C, SIGTERM or SIGHUP.
 
 use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
@@ -15,26 +15,26 @@ use signal_hook::{
 
 use crate::output;
 
-/// The exit code of a process that was interrupted, as shells have it.
+/// The exit code of an interrupted process, by shell convention.
 const INTERRUPTED: i32 = 130;
 
-/// A run, as far as an interrupt must know it.
+/// The data of a run that the interrupt handler needs.
 #[derive(Clone)]
 pub struct Interrupted {
-    /// Where its results are.
+    /// The result directory.
     pub dir: PathBuf,
-    /// How many load steps have converged.
+    /// Number of converged load steps.
     pub done: Arc<AtomicUsize>,
-    /// What it shows on a terminal.
+    /// The progress bar on a terminal.
     pub bar: Option<ProgressBar>,
 }
 
-/// Ends this process at an interrupt with a word on how to go on. Nothing is left to tidy up: every file of the results is
-/// whole at any moment. A second interrupt ends the process even if that word cannot be written. Signals that the process
-/// was started to ignore stay ignored, as SIGHUP under `nohup`.
+/// Ends this process at an interrupt with a message on how to continue. No cleanup is necessary: every result file is
+/// complete at any moment. A second interrupt ends the process even if that message cannot be written. Signals that the
+/// process was started to ignore stay ignored, such as SIGHUP under `nohup`.
 #[cfg(unix)]
 pub fn watch(run: Interrupted) {
-    // Without a handler an interrupt ends the process without a word, which is no reason not to run.
+    // Without a handler an interrupt ends the process without a message, which is no reason not to run.
     let Ok(mut signals) = Signals::new(not_ignored()) else { return };
     let wait = move || {
         let mut signals = signals.forever();
@@ -46,11 +46,12 @@ pub fn watch(run: Interrupted) {
     let _ = std::thread::Builder::new().spawn(wait);
 }
 
-/// Does nothing where there are no such signals.
+/// Does nothing on systems without these signals.
 #[cfg(not(unix))]
 pub fn watch(_: Interrupted) {}
 
-/// The signals that this process was not started to ignore. Where the system does not tell, SIGHUP counts as ignored.
+/// Returns the signals that this process was not started to ignore. If the system does not provide this information,
+/// SIGHUP is assumed to be ignored.
 #[cfg(unix)]
 fn not_ignored() -> Vec<i32> {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
@@ -66,7 +67,7 @@ impl Interrupted {
         }
         let mut stderr = std::io::stderr();
         if stderr.is_terminal() {
-            // Shows the cursor, which a bar may hide while it is drawn.
+            // Shows the cursor, which the progress bar may have hidden.
             let _ = stderr.write_all(b"\x1b[?25h");
         }
         let dir = self.dir.display();

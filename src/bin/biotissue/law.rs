@@ -1,4 +1,4 @@
-//! The fiber law that a command line names, the same for every command.
+//! The fiber law on the command line, the same for every command.
 
 use std::path::{Path, PathBuf};
 
@@ -59,15 +59,15 @@ impl LawName {
 }
 
 impl LawArguments {
-    /// Whether a law is named.
+    /// Returns true if a law is named.
     pub fn is_given(&self) -> bool {
         self.law.is_some()
     }
 
-    /// The law with its parameters checked; `None` where no law is named.
+    /// Returns the law with its parameters checked; `None` if no law is named.
     pub fn material(&self) -> Result<Option<FiberMaterial>, Failure> {
         let (Some(name), Some(radius)) = (self.law, self.radius) else {
-            return Ok(None); // The argument parser has seen to it that none of the others is there.
+            return Ok(None); // The argument parser ensures that no other law option is present.
         };
         let law = NamedLaw {
             name: name.as_str().into(),
@@ -85,8 +85,8 @@ impl LawArguments {
     }
 }
 
-/// A law with its parameters checked; `spelled` makes of a parameter what the user typed, `name` is where the name of the
-/// law stands. The file of a table is relative to the working directory.
+/// Checks the parameters of a law. `spelled` converts a parameter to the form the user typed; `name` is the option that
+/// names the law. The path of a table file is relative to the working directory.
 pub fn checked(law: &NamedLaw, spelled: &dyn Fn(&str) -> String, name: &str) -> Result<FiberMaterial, Failure> {
     let material = law.material(Path::new("")).map_err(|error| refused(error, spelled, name))?;
     material.check().map_err(|error| {

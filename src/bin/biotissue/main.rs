@@ -1,9 +1,9 @@
-//! The program `biotissue`: reads arguments, picks types, prints results.
+//! The program `biotissue`: parses the arguments, runs the command and reports failures.
 #![cfg_attr(
     not(any(feature = "sparse", feature = "dense")),
     allow(dead_code, unused_variables, reason = "without a backend, whatever solves is an error that says so")
 )]
-// Whatever a user, a file or a library can cause ends in a message and an exit code.
+// Every error that a user, a file or a library can cause gives a message and an exit code.
 #![cfg_attr(
     not(test),
     deny(
@@ -87,7 +87,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Help, the version, or what is wrong in the arguments, which are quoted as any other input is.
+/// Prints the help, the version, or an argument error with non-printable characters escaped, and returns the exit code.
 fn told(error: &clap::Error) -> ExitCode {
     let text = error.render().to_string();
     let shown = printable(&text);

@@ -99,7 +99,7 @@ enum Format {
     V4_1,
 }
 
-/// Three values separated by commas.
+/// Parses three values separated by commas.
 fn three<T: std::str::FromStr + Copy>(text: &str) -> Result<[T; 3], String> {
     let values: Option<Vec<T>> = text.split(',').map(|value| value.trim().parse().ok()).collect();
     values
@@ -107,7 +107,7 @@ fn three<T: std::str::FromStr + Copy>(text: &str) -> Result<[T; 3], String> {
         .ok_or_else(|| "expected three numbers separated by commas, as in 4,4,4".to_owned())
 }
 
-/// Makes the mesh, writes it and prints what it is.
+/// Makes the mesh, writes it and prints a summary.
 pub fn run(command: MeshCommand) -> Result<(), Failure> {
     let (mesh, output) = match command {
         MeshCommand::Box { cells, size, output } => (shapes::cuboid(cells, size), output),
@@ -124,7 +124,7 @@ pub fn run(command: MeshCommand) -> Result<(), Failure> {
     if output.json { print_json(&json(&output.file, &mesh)) } else { print(&table(&output.file, &mesh)) }
 }
 
-/// Arguments that make no shape.
+/// Returns the failure for arguments that do not define a valid shape.
 fn refused(error: &ShapeError) -> Failure {
     let (expected, cure) = match error {
         ShapeError::NoCells { .. } => ("one cell at least along each axis".to_owned(), "raise --cells"),
@@ -189,7 +189,7 @@ fn json(file: &Path, mesh: &Mesh) -> serde_json::Value {
     })
 }
 
-/// Name, number of elements and volume of every region.
+/// Returns name, number of elements and volume of every region.
 fn regions(mesh: &Mesh) -> impl Iterator<Item = (&str, usize, f64)> {
     (0..)
         .zip(mesh.regions().iter().zip(mesh.region_volumes()))

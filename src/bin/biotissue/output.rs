@@ -1,4 +1,4 @@
-//! The two streams: results on stdout, everything else on stderr.
+//! The two output streams: results on stdout, everything else on stderr.
 
 use std::io::{ErrorKind, Write};
 use std::path::Path;
@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use crate::failure::Failure;
 
-/// Prints a result, ended by a line break. Whoever closed the pipe has read enough; that is no failure.
+/// Prints a result and a line break. A pipe closed by its reader is not a failure.
 pub fn print(text: &str) -> Result<(), Failure> {
     let mut stdout = std::io::stdout().lock();
     let written = stdout.write_all(text.trim_end().as_bytes()).and_then(|()| stdout.write_all(b"\n"));
@@ -30,18 +30,18 @@ pub fn print_json(value: &impl Serialize) -> Result<(), Failure> {
     print(&text)
 }
 
-/// Makes the folder that a file is to lie in, where there is none.
+/// Creates the folder of a file if it does not exist.
 pub fn make_folder_of(file: &Path) -> Result<(), Failure> {
     let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
     folder.map_or(Ok(()), std::fs::create_dir_all).map_err(|error| Failure::unwritable(file, &error))
 }
 
-/// Says something on stderr. That nobody hears it must not stop a run, so what the system answers is dropped.
+/// Prints a message to stderr. Errors are ignored, because a closed stderr must not stop a run.
 pub fn say(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
-/// Says what the readers of files found strange: the first twenty things, and how many more there are.
+/// Prints the warnings of the file readers: the first twenty, and the number of the others.
 pub fn warn(warnings: &[String]) {
     let (warnings, more) = warnings.split_at(warnings.len().min(MOST_SHOWN));
     warnings.iter().for_each(|warning| say(&printable(&format!("warning: {warning}"))));

@@ -1,4 +1,4 @@
-//! How far a run has come, for whoever watches it.
+//! Progress of a run, shown to the user.
 
 use std::io::IsTerminal;
 use std::path::Path;
@@ -13,7 +13,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use crate::interrupt::{self, Interrupted};
 use crate::output;
 
-/// A bar on a terminal, a line a step otherwise.
+/// Shows a progress bar on a terminal, otherwise one line per step.
 pub struct Reporter {
     bar: Option<ProgressBar>,
     count: usize,
@@ -21,7 +21,7 @@ pub struct Reporter {
 }
 
 impl Reporter {
-    /// Of a run of this plan into `dir`, after `done` steps.
+    /// Starts the report of a run with this plan and the result directory `dir`, after `done` converged steps.
     pub fn new(plan: &Plan, dir: &Path, done: usize) -> Self {
         let Plan { elements, unknowns, rves, threads, ranks: [above, below], .. } = plan;
         let workers = match below {
@@ -35,7 +35,7 @@ impl Reporter {
         output::say(&format!("{elements} elements, {unknowns} unknowns, {rves}{workers}"));
         let bar = std::io::stderr().is_terminal().then(|| {
             let bar = ProgressBar::new(plan.steps as u64);
-            // How long it will take is not known before the first step.
+            // The duration cannot be estimated before the first step.
             set_style(&bar, "{bar:32} step {pos}/{len} {elapsed}");
             bar.enable_steady_tick(std::time::Duration::from_millis(200));
             bar

@@ -1,4 +1,4 @@
-//! `biotissue report DIR`: a result directory as one page of figures, or as one picture.
+//! `biotissue report DIR`: turns a result directory into one report page or one picture.
 
 use std::path::{Path, PathBuf};
 
@@ -42,7 +42,7 @@ pub enum Axis {
     Z,
 }
 
-/// Runs the command; what was written is printed.
+/// Runs the command and prints the path of the written file.
 pub fn run(command: &ReportCommand) -> Result<(), Failure> {
     let ReportCommand { dir, picture, step, field, axis, output: page_file } = command;
     let axis = axis.map(|axis| axis as usize);

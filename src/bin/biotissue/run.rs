@@ -1,4 +1,4 @@
-//! `biotissue run`: the simulation of a case.
+//! `biotissue run`: runs the simulation of a case.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -20,7 +20,7 @@ use crate::output;
 use crate::progress::Reporter;
 use crate::ranks::{self, Shared};
 
-/// More threads than any machine that this is meant for has cores.
+/// Maximum number of threads, above the number of cores of any supported machine.
 const MAX_THREADS: usize = 4096;
 
 /// Run the simulation of a case
@@ -82,7 +82,7 @@ pub fn run(command: RunCommand) -> Result<(), Failure> {
     let dir = command.dir(&case, &config);
     command.common.start_threads()?;
     let (backend, resume, plan) = (command.common.backend(), command.resume, config.plan);
-    // One process of mpirun is one rank.
+    // A single process started by mpirun is one rank.
     let asked = command.ranks.or_else(ranks::started_by_mpirun);
     let summary = match ranks::of_threads(asked, case.scales, plan.as_ref().map(|(plan, _)| plan)) {
         None => dispatch(backend, RunJob { case, dir: &dir, resume })?,
@@ -93,13 +93,13 @@ pub fn run(command: RunCommand) -> Result<(), Failure> {
 }
 
 impl RunCommand {
-    /// What the configuration file says; nothing where there is none.
+    /// Reads the configuration file, if there is one.
     fn config(&self) -> Result<Configuration, Failure> {
         Ok(match &self.amsi {
             None => Configuration::default(),
             Some(file) => {
                 let config = Config::read(file)?;
-                // It may only say where results go.
+                // The file may contain only the result directory.
                 let has_scales = !config.plan.scales.is_empty();
                 if has_scales {
                     ranks::check_scales(&config, file)?;
@@ -123,24 +123,24 @@ impl RunCommand {
         }
     }
 
-    /// Where results go: as asked for, or as the configuration file says, or the case.
+    /// Returns the result directory from the option, else from the configuration file, else from the case.
     fn dir(&self, case: &Case, config: &Configuration) -> PathBuf {
         let of_config = || config.results.clone();
         self.out.clone().or_else(of_config).unwrap_or_else(|| case.output.directory.clone())
     }
 }
 
-/// What a configuration file may say.
+/// The contents of a configuration file.
 #[derive(Default)]
 struct Configuration {
-    /// And the file itself.
+    /// The assignment of ranks to scales, and the file itself.
     plan: Option<(Plan, PathBuf)>,
     results: Option<PathBuf>,
     warnings: Vec<String>,
 }
 
 impl Configuration {
-    /// What its reader thought worth saying, and what of a case it overrules.
+    /// Returns the warnings of the file, and a warning if it overrides [scales] of the case.
     fn warnings_beside(&self, case: &Case) -> Vec<String> {
         let overruled = self.plan.iter().filter(|_| case.scales != ScalesCase::default()).map(|(_, file)| {
             format!(
@@ -172,7 +172,7 @@ pub fn read(path: &Path) -> Result<Case, Failure> {
 }
 
 impl Common {
-    /// The backend asked for.
+    /// Returns the requested backend.
     pub fn backend(&self) -> Option<&str> {
         self.backend.as_deref()
     }
@@ -198,7 +198,7 @@ fn too_many_ranks(count: usize) -> Failure {
     Failure::arguments(format!("{count} ranks"), expected, "start them with mpirun, in a build with the feature `mpi`")
 }
 
-/// Every process runs this; the first says what is wrong with the input, and that which knows it how the run ended.
+/// Runs on every process; the first one reports input errors, and the one that knows the outcome reports it.
 #[cfg(feature = "mpi")]
 fn run_on_processes(processes: usize, command: RunCommand) -> Result<(), Failure> {
     use biotissue::backends::comm::mpi;
@@ -216,7 +216,7 @@ fn run_on_processes(processes: usize, command: RunCommand) -> Result<(), Failure
         let is_first = world.rank() == 0;
         let read = || {
             started()?;
-            // Processes share the cores of a machine: one thread each, unless more are asked for.
+            // Processes share the cores of a machine: one thread each by default.
             Common { threads: command.common.threads.or(Some(1)), backend: None }.start_threads()?;
             Ok((command.config()?, command.time_out()?, Case::read(&command.case)?))
         };
@@ -241,7 +241,7 @@ fn run_on_processes(processes: usize, command: RunCommand) -> Result<(), Failure
     mpi::run(on_rank, |failure: &Failure| failure.code().into())
 }
 
-/// Without MPI every process would do all of it, and write the same files.
+/// Returns an error: without MPI every process would run the whole case and write the same files.
 #[cfg(not(feature = "mpi"))]
 fn run_on_processes(processes: usize, _: RunCommand) -> Result<(), Failure> {
     Err(Failure::arguments(
@@ -278,7 +278,7 @@ impl Job for RunJob<'_> {
     }
 }
 
-/// Takes the steps of a run that is set up, from the beginning or from where an earlier one stopped.
+/// Runs the steps of a simulation, from the beginning or from the last step of an earlier run.
 pub fn take_steps<B: Backend<Scalar = f64>, M: TissueMaterial>(
     simulation: &mut Simulation<B, M>,
     writers: &dyn Writers,
@@ -304,7 +304,7 @@ where
     if !resume && writers.is_writer() && dir.join(LOADS_FILE).exists() {
         output::say(&format!("replacing the results in {}; --resume would go on with them", dir.display()));
     }
-    // Only whoever writes tells the user.
+    // Only the rank that writes reports progress.
     let mut progress = writers.is_writer().then(|| Reporter::new(&simulation.plan(), dir, done));
     let outcome = match &mut progress {
         Some(reporter) => simulation.run_among(writers, dir, reporter),
@@ -327,7 +327,7 @@ where
     }
 }
 
-/// Reads all that a case names; warnings of the readers of meshes and networks go to stderr.
+/// Reads all files that a case names; the warnings of the mesh and network readers go to stderr.
 pub fn setup<B>(context: B::Context, case: Case) -> Result<Setup<B>, Failure>
 where
     B: Backend<Scalar = f64, Context: Clone>,
@@ -339,7 +339,7 @@ where
     Ok(setup)
 }
 
-/// Sets a case up, ready to run.
+/// Sets up the simulation of a case.
 fn simulation<B>(context: B::Context, case: Case) -> Result<Simulation<B>, Failure>
 where
     B: Backend<Scalar = f64, Context: Clone>,

@@ -3,8 +3,8 @@
 use super::data::CurveCase;
 
 impl CurveCase {
-    /// The factor at pseudo-time `t`: `t` itself of a ramp; of a table, linear between its points and constant before
-    /// the first and after the last.
+    /// Returns the factor at pseudo-time `t`: `t` itself for a ramp; for a table, linear interpolation between its
+    /// points, constant before the first and after the last.
     #[must_use]
     pub fn factor(&self, t: f64) -> f64 {
         let points = match self {
@@ -15,7 +15,7 @@ impl CurveCase {
         match (next.checked_sub(1).and_then(|last| points.get(last)), points.get(next)) {
             (Some(&[t0, f0]), Some(&[t1, f1])) => f0 + (f1 - f0) * ((t - t0) / (t1 - t0)),
             (Some(&[_, factor]), None) | (None, Some(&[_, factor])) => factor,
-            // A table without points prescribes nothing; no case that was read has one.
+            // A table without points prescribes zero; the reader rejects such tables.
             (None, None) => 0.0,
         }
     }

@@ -1,4 +1,4 @@
-//! What a case holds once it is read and checked.
+//! The data of a case after it is read and checked.
 
 use std::path::PathBuf;
 
@@ -9,37 +9,37 @@ use crate::las::Method;
 /// A checked case. Paths are absolute, resolved against the folder of the case file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Case {
-    /// The file it was read from.
+    /// The case file.
     pub file: PathBuf,
-    /// What the run is called.
+    /// The title of the run.
     pub title: String,
-    /// Where the mesh comes from.
+    /// The source of the mesh.
     pub mesh: MeshSource,
-    /// The line of the case file where its source stands, for errors found once the mesh is made.
+    /// Line of the case file that names the mesh source, for errors found when the mesh is made.
     pub mesh_line: usize,
-    /// Meters of one mesh unit.
+    /// Length of one mesh unit, m.
     pub mesh_scale: f64,
-    /// Materials, region by region.
+    /// Regions with their materials.
     pub regions: Vec<RegionCase>,
-    /// What is prescribed on surfaces.
+    /// Boundary conditions on surfaces.
     pub boundaries: Vec<BoundaryCase>,
-    /// What is prescribed at single nodes.
+    /// Prescribed displacements at single nodes.
     pub points: Vec<PointCase>,
-    /// Forces per reference volume.
+    /// Body forces.
     pub body_forces: Vec<BodyForceCase>,
-    /// Load steps.
+    /// The load steps.
     pub steps: StepsCase,
-    /// Newton at the macro scale.
+    /// Newton's method at the macro scale.
     pub newton: NewtonCase,
-    /// Newton at the micro scale.
+    /// Newton's method at the micro scale.
     pub micro: MicroCase,
-    /// Ranks.
+    /// Numbers of ranks.
     pub scales: ScalesCase,
-    /// What is written where.
+    /// The result directory and the output written to it.
     pub output: OutputCase,
 }
 
-/// Where a mesh comes from.
+/// The source of a mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub enum MeshSource {
     /// A Gmsh file.
@@ -63,7 +63,7 @@ pub enum MeshSource {
 pub struct RegionCase {
     /// The physical volume; `*` is every volume that no other region names.
     pub name: String,
-    /// Its line in the case file, for errors found once the mesh is read.
+    /// Line of the case file, for errors found once the mesh is read.
     pub line: usize,
     /// The material.
     pub material: MaterialCase,
@@ -78,10 +78,10 @@ pub enum MaterialCase {
     FiberRve(FiberRveCase),
 }
 
-/// A material given by a formula. All pairs of elastic constants are reduced to these two.
+/// A material given by a formula. Every pair of elastic constants is converted to `mu` and `lambda`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FormulaCase {
-    /// Which formula.
+    /// The formula.
     pub model: FormulaModel,
     /// Shear modulus `mu`, Pa.
     pub shear_modulus: f64,
@@ -89,45 +89,47 @@ pub struct FormulaCase {
     pub lame_lambda: f64,
 }
 
-/// The formulas.
+/// The available formulas.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FormulaModel {
     /// `mu/2 (I1 - 3) - mu ln J + lambda/2 (ln J)^2`.
     NeoHookean,
-    /// Small strain.
+    /// Linear elasticity at small strain.
     LinearElastic,
 }
 
 /// A fiber network at every integration point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FiberRveCase {
-    /// The network files, globs resolved, sorted. None at all leaves the matrix alone, which is then given.
+    /// The network files, sorted, with glob patterns expanded. If empty, the material is its matrix alone, which must
+    /// exist.
     pub networks: Vec<PathBuf>,
-    /// Which network an element gets.
+    /// The rule that assigns a network to each element.
     pub choose: Choose,
-    /// Seed of the choice.
+    /// Seed of the random assignment.
     pub seed: u64,
-    /// The scale of the stress.
+    /// The scaling of the stress.
     pub scale: ScaleCase,
-    /// The law of all fibers; `None`: what the files beside each network say.
+    /// The law of all fibers; if `None`, the parameter files beside each network define it.
     pub law: Option<FiberMaterial>,
-    /// A matrix in parallel.
+    /// A matrix in parallel with the network.
     pub matrix: Option<FormulaCase>,
-    /// When RVEs are created, sleep, and are deleted.
+    /// The conditions under which RVEs are created, sleep, and are deleted.
     pub life: LifeCase,
 }
 
-/// When the RVE of an element is created, sleeps, and is deleted. By default it is there and awake from the beginning to the
-/// end.
+/// The conditions under which the RVE of an element is created, sleeps, and is deleted. By default it exists and is
+/// awake throughout the run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LifeCase {
-    /// It is created once the strain of its element, `|E|` with `E = (F^T F - I) / 2`, has passed this.
+    /// The RVE is created once the strain of its element, `|E|` with `E = (F^T F - I) / 2`, exceeds this value.
     pub created_at: f64,
-    /// What answers before.
+    /// The response before creation.
     pub before: Before,
-    /// It sleeps once no component of `F` changes by as much in a step, until one has changed by more since.
+    /// The RVE falls asleep after a step in which every component of `F` changes by less than this value, and wakes
+    /// once a component has changed by more since.
     pub asleep_below: f64,
-    /// It is deleted once the strain has passed this; its matrix answers from then on.
+    /// The RVE is deleted once the strain exceeds this value; from then on its matrix alone responds.
     pub deleted_at: f64,
 }
 
@@ -137,105 +139,105 @@ impl Default for LifeCase {
     }
 }
 
-/// What answers for an RVE that is not created yet.
+/// The response that replaces an RVE before it is created.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Before {
-    /// The linear response of its network at rest, and its matrix if it has one.
+    /// The linear response of its network at rest, plus its matrix if it has one.
     Linear,
     /// Its matrix alone.
     Matrix,
 }
 
-/// Which network of the library an element gets.
+/// The rule that assigns a network of the library to each element.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Choose {
-    /// A hash of seed and element number.
+    /// By a hash of seed and element number.
     Random,
-    /// Element number modulo the number of networks.
+    /// By the element number modulo the number of networks.
     Cycle,
 }
 
-/// How network forces become stresses (`kappa` of the physics).
+/// The factor `kappa` that converts network forces to stresses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ScaleCase {
     /// `kappa = 1`.
     Raw,
-    /// `kappa = phi / sum(A L)` with this fiber volume fraction.
+    /// `kappa = phi / sum(A L)`, where `phi` is this fiber volume fraction.
     FiberVolumeFraction(f64),
 }
 
-/// What is prescribed on a surface.
+/// A boundary condition on a surface.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BoundaryCase {
     /// The physical surface.
     pub surface: String,
-    /// Its line in the case file.
+    /// Line of the case file.
     pub line: usize,
-    /// What is prescribed there.
+    /// The prescribed displacement or traction.
     pub load: LoadCase,
-    /// Its course over pseudo-time.
+    /// The load curve over pseudo-time.
     pub curve: CurveCase,
 }
 
-/// What a boundary prescribes.
+/// The displacement or traction that a boundary prescribes.
 #[derive(Clone, Debug, PartialEq)]
 pub enum LoadCase {
-    /// Displacement by component, m; `None` is free.
+    /// Displacement by component, m; a component that is `None` is free.
     Displacement([Option<f64>; 3]),
     /// Dead traction, Pa of reference area.
     Traction([f64; 3]),
 }
 
-/// A factor over pseudo-time `t` in `(0, 1]`.
+/// A load factor as a function of pseudo-time `t` in `(0, 1]`.
 #[derive(Clone, Debug, PartialEq)]
 pub enum CurveCase {
     /// `factor = t`.
     Ramp,
-    /// Linear between `(t, factor)` points with ascending `t`, constant outside.
+    /// Linear between `(t, factor)` points with ascending `t`, constant before the first and after the last.
     Table(Vec<[f64; 2]>),
 }
 
-/// What is prescribed at a node.
+/// A prescribed displacement at a node.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PointCase {
-    /// Which one.
+    /// The node.
     pub place: PointPlace,
-    /// Its line in the case file.
+    /// Line of the case file.
     pub line: usize,
-    /// Displacement by component, m; `None` is free.
+    /// Displacement by component, m; a component that is `None` is free.
     pub displacement: [Option<f64>; 3],
-    /// Its course over pseudo-time.
+    /// The load curve over pseudo-time.
     pub curve: CurveCase,
 }
 
-/// Which node.
+/// The specification of a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PointPlace {
-    /// The one nearest to a position, in mesh units.
+    /// The node nearest to a position, in mesh units.
     At([f64; 3]),
-    /// The one of this index, from 0.
+    /// The node with this index, from 0.
     Node(usize),
 }
 
-/// A force per reference volume.
+/// A body force, per reference volume.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BodyForceCase {
-    /// The physical volume; `*` is all of the body.
+    /// The physical volume; `*` is the whole body.
     pub region: String,
-    /// Its line in the case file.
+    /// Line of the case file.
     pub line: usize,
-    /// N/m^3.
+    /// The force, N/m^3.
     pub value: [f64; 3],
-    /// Its course over pseudo-time.
+    /// The load curve over pseudo-time.
     pub curve: CurveCase,
 }
 
-/// Load steps; 10 steps and 6 cuts unless the case says otherwise.
+/// The load steps; by default 10 steps and at most 6 cuts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StepsCase {
-    /// How many; step `k` ends at `t = k / count`.
+    /// Number of load steps; step `k` ends at `t = k / count`.
     pub count: usize,
-    /// How often a step that fails may be halved.
+    /// Maximum number of times that a failed step is halved.
     pub max_cuts: u32,
 }
 
@@ -245,18 +247,19 @@ impl Default for StepsCase {
     }
 }
 
-/// Newton at the macro scale; by default 1e-8 in at most 25 iterations, with the line search, from the held state.
+/// Newton's method at the macro scale; by default tolerance 1e-8, at most 25 iterations, line search, start from
+/// `Held`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NewtonCase {
-    /// Relative residual.
+    /// Tolerance of the relative residual.
     pub tolerance: f64,
-    /// Iterations a step.
+    /// Maximum number of iterations per step.
     pub max_iterations: usize,
     /// Whether the line search may shorten steps.
     pub line_search: bool,
-    /// Where every step but the first starts from.
+    /// The initial guess of every step but the first.
     pub start: StepStart,
-    /// How linear systems are solved.
+    /// The linear solver.
     pub solver: Method,
 }
 
@@ -266,29 +269,29 @@ impl Default for NewtonCase {
     }
 }
 
-/// The first guess of a step that follows a converged one.
+/// The initial guess of a step that follows a converged one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StepStart {
-    /// The converged state with only the prescribed values moved.
+    /// The converged state with only the prescribed displacements updated.
     Held,
-    /// The converged state with the moved values distributed over the body by its last tangent.
+    /// The converged state plus the increment of all displacements that its last tangent gives for the prescribed ones.
     Tangent,
 }
 
-/// Equilibria at the micro scale; by default 1e-10 in at most 50 iterations, 6 cuts, every stage.
+/// Equilibrium at the micro scale; by default tolerance 1e-10, at most 50 iterations, at most 6 cuts, all stages.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MicroCase {
-    /// Relative residual.
+    /// Tolerance of the relative residual.
     pub tolerance: f64,
-    /// Iterations an RVE.
+    /// Maximum number of iterations per RVE.
     pub max_iterations: usize,
-    /// How often an increment that fails may be halved.
+    /// Maximum number of times that a failed increment is halved.
     pub max_cuts: u32,
-    /// The stages that may be tried.
+    /// The solution stages that are allowed.
     pub stages: Stages,
-    /// Whether RVEs keep how their nodes follow a strain, and start from that.
+    /// Whether each RVE stores the sensitivity of its node positions to the strain and starts from that prediction.
     pub predictor: bool,
-    /// How linear systems are solved.
+    /// The linear solver.
     pub solver: Method,
 }
 
@@ -305,20 +308,20 @@ impl Default for MicroCase {
     }
 }
 
-/// Ranks of each scale; by default one process that does both.
+/// Number of ranks of each scale; by default one process computes both scales.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ScalesCase {
-    /// Ranks of the macro scale.
+    /// Number of ranks of the macro scale.
     pub macro_ranks: usize,
-    /// Ranks of the micro scale; 0: those that the macro scale leaves, or one process for both.
+    /// Number of ranks of the micro scale; 0: all ranks that the macro scale leaves, or one process for both scales.
     pub micro_ranks: usize,
-    /// Whether ranks are dealt out so that those of the micro scale are near one of the macro scale, by what hwloc
-    /// knows of the machines.
+    /// Whether ranks are assigned so that each rank of the micro scale is near a rank of the macro scale, according to
+    /// the machine topology that hwloc reports.
     pub near: bool,
 }
 
 impl ScalesCase {
-    /// The fewest ranks that it can be meant for.
+    /// Returns the smallest number of ranks with which this case can run.
     #[must_use]
     pub fn least(&self) -> usize {
         match (self.macro_ranks, self.micro_ranks) {
@@ -334,24 +337,24 @@ impl Default for ScalesCase {
     }
 }
 
-/// What is written where.
+/// The result directory and the output written to it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OutputCase {
     /// The result directory, resolved against the folder of the case file.
     pub directory: PathBuf,
-    /// Fields are written every so many steps (and at the last).
+    /// Number of steps between two outputs of the fields; the last step is always written.
     pub every: usize,
-    /// Whose deformed networks are written too.
+    /// The elements whose deformed networks are written too.
     pub rve: RveOutput,
 }
 
 /// The elements whose deformed networks are written beside the fields.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum RveOutput {
-    /// None.
+    /// No element.
     None,
-    /// All that have one.
+    /// All elements that have a network.
     All,
-    /// These, by their index in the mesh, from 0; ascending, without repeats.
+    /// The elements with these indices in the mesh, from 0; ascending, without repeats.
     Elements(Vec<usize>),
 }

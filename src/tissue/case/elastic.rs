@@ -1,4 +1,4 @@
-//! Elastic constants: any two of four, reduced to the two constants of Lame.
+//! Elastic constants: any two of four, converted to the Lame constants.
 
 use super::data::{FormulaCase, FormulaModel};
 use super::range::Range;
@@ -11,8 +11,8 @@ const KEYS: [(&str, Range); 4] = [
     ("lame_lambda", Range::any("Pa")),
 ];
 
-/// Reads exactly two constants of `table` and reduces them. A stable material has a shear modulus and a bulk modulus
-/// above 0.
+/// Reads exactly two constants from `table`, converts them, and reports an error unless shear modulus and bulk modulus
+/// are positive and finite.
 pub(super) fn constants(table: &mut Table<'_>, model: FormulaModel) -> Option<FormulaCase> {
     let present = KEYS.map(|(key, _)| table.has(key));
     let given = KEYS.map(|(key, range)| table.number(key, range));
@@ -47,14 +47,14 @@ fn values(names: &[&str], given: [Option<f64>; 4]) -> String {
     listed.join(",")
 }
 
-/// `(mu, lambda)` of two constants; not finite where the two contradict each other.
+/// Returns `(mu, lambda)` for two constants; the values are not finite if the constants contradict each other.
 fn reduce(given: [Option<f64>; 4]) -> Option<(f64, f64)> {
     Some(match given {
         [Some(e), Some(nu), None, None] => (e / (2.0 * (1.0 + nu)), e * nu / ((1.0 + nu) * (1.0 - 2.0 * nu))),
         [Some(e), None, Some(mu), None] => (mu, mu * (e - 2.0 * mu) / (3.0 * mu - e)),
         [Some(e), None, None, Some(lambda)] => {
             let root = (e * e + 9.0 * lambda * lambda + 2.0 * e * lambda).sqrt();
-            // (e - 3 lambda + root) / 4, turned around where it would cancel.
+            // (e - 3 lambda + root) / 4, rewritten if the subtraction would cancel.
             let away = 3.0 * lambda - e;
             (if away > 0.0 { 2.0 * e * lambda / (root + away) } else { (root - away) / 4.0 }, lambda)
         }

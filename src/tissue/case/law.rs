@@ -1,4 +1,4 @@
-//! The fiber law of a case.
+//! Reading the fiber law of a case.
 
 use std::path::Path;
 
@@ -27,7 +27,7 @@ const LAWS: [(&str, LawName); 4] = [
 
 const POSITIVE: Range = Range::above(0.0, "");
 
-/// The law of all fibers; the file of a table is looked up beside the case.
+/// Reads the law of all fibers. The path of a table file is relative to `base`, the folder of the case.
 pub(super) fn read(mut table: Table<'_>, base: &Path) -> Option<FiberMaterial> {
     let names = alternatives(LAWS.iter().map(|&(name, _)| name), '"');
     let name = table.require("name", &names).and_then(|value| value.choice(&LAWS));
@@ -45,7 +45,7 @@ pub(super) fn read(mut table: Table<'_>, base: &Path) -> Option<FiberMaterial> {
     Some(FiberMaterial { law, radius: radius?, density: None })
 }
 
-/// Which of the parameters belong depends on a name that is not known: only their values can be judged.
+/// Checks only the ranges of the parameters, because an unknown law name leaves open which parameters belong to it.
 fn judge_values(table: &mut Table<'_>) -> Option<Law> {
     table.number("youngs_modulus", Range::above(0.0, "Pa"));
     table.number("nonlinearity", POSITIVE);
@@ -55,7 +55,8 @@ fn judge_values(table: &mut Table<'_>) -> Option<Law> {
     None
 }
 
-/// Residual stiffness and buckling strain, where one of them is given; the outer `None` where one is wrong.
+/// Returns residual stiffness and buckling strain if the table has one of them; the outer `None` means that a value was
+/// invalid.
 fn buckling(table: &mut Table<'_>) -> Option<Option<[f64; 2]>> {
     let (compression, strain) = (table.take("compression"), table.take("buckling_strain"));
     if compression.is_none() && strain.is_none() {
@@ -97,7 +98,7 @@ fn law(table: &mut Table<'_>, name: LawName, base: &Path) -> Option<Law> {
     })
 }
 
-/// Reports a parameter that the law chosen has no use for.
+/// Reports a parameter that does not belong to the chosen law.
 fn unused(value: Option<Value<'_>>, owner: &str, law: &str) -> Option<f64> {
     let value = value?;
     value.object(
@@ -108,7 +109,7 @@ fn unused(value: Option<Value<'_>>, owner: &str, law: &str) -> Option<f64> {
     None
 }
 
-/// The table of a law, from its own file or from points in the case.
+/// Reads the curve of a tabulated law from its CSV file or from points in the case.
 fn curve(table: &mut Table<'_>, base: &Path) -> Option<Curve> {
     match table.either("file", "points")? {
         Either::First(file) => {
@@ -122,7 +123,7 @@ fn curve(table: &mut Table<'_>, base: &Path) -> Option<Curve> {
             match Curve::read(&path) {
                 Ok(curve) => Some(curve),
                 Err(errors) => {
-                    // Told at the line of the case, so that all errors stand in the order of its lines.
+                    // Reported at the line of the case, so that all errors stay in the order of its lines.
                     for error in errors.0 {
                         let place = error.line.map(|line| format!("{text}:{line}")).unwrap_or_else(|| text.into());
                         file.object(

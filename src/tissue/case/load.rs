@@ -1,4 +1,4 @@
-//! What is prescribed: boundaries, points and body forces.
+//! Reading boundaries, points and body forces.
 
 use std::collections::{BTreeMap, HashMap};
 use std::hash::Hash;
@@ -13,7 +13,7 @@ use crate::input::excerpt;
 const AXES: [&str; 3] = ["x", "y", "z"];
 const NAMED_SURFACE: &str = "the name of a physical surface";
 
-/// All boundaries. No component of a surface is prescribed twice.
+/// Reads all boundaries and reports components of a surface that are prescribed twice.
 pub(super) fn boundaries(root: &mut Table<'_>) -> Vec<BoundaryCase> {
     let mut boundaries: Vec<BoundaryCase> = Vec::new();
     let mut holders = Holders::default();
@@ -35,7 +35,7 @@ pub(super) fn boundaries(root: &mut Table<'_>) -> Vec<BoundaryCase> {
 fn boundary_load(table: &mut Table<'_>) -> Option<LoadCase> {
     if let Some(pressure) = table.take("pressure") {
         pressure.unavailable("`pressure` on a boundary", "`displacement` or `traction`", "prescribe one of these");
-        // The others are known all the same.
+        // These keys are valid, so they are not reported as unknown.
         table.take("displacement");
         table.take("traction");
         return None;
@@ -46,7 +46,7 @@ fn boundary_load(table: &mut Table<'_>) -> Option<LoadCase> {
     }
 }
 
-/// `{ x, y, z }` with one component at least.
+/// Reads `{ x, y, z }` with at least one component.
 fn displacement_of(value: &Value<'_>) -> Option<[Option<f64>; 3]> {
     let mut table = value.table()?;
     let present = AXES.map(|axis| table.has(axis));
@@ -61,7 +61,7 @@ fn displacement_of(value: &Value<'_>) -> Option<[Option<f64>; 3]> {
 }
 
 impl LoadCase {
-    /// The components that this load decides: displacements, and tractions other than 0.
+    /// Returns which components this load prescribes: given displacements, and tractions other than 0.
     fn held(&self) -> [bool; 3] {
         match self {
             Self::Displacement(components) => components.map(|component| component.is_some()),
@@ -70,8 +70,8 @@ impl LoadCase {
     }
 }
 
-/// Which line prescribes each component of the places named so far. Of several entries for one component each is held
-/// against the first alone, so that a thousand of them make a thousand errors and not half a million.
+/// For every place read so far, the line that first prescribed each component. Later duplicates are compared only with
+/// that first line, so that 1000 duplicates give about 1000 errors, not half a million.
 struct Holders<K>(HashMap<K, [Option<usize>; 3]>);
 
 impl<K> Default for Holders<K> {
@@ -81,8 +81,8 @@ impl<K> Default for Holders<K> {
 }
 
 impl<K: Eq + Hash> Holders<K> {
-    /// Adds the components that the entry of a line prescribes at a place, and reports those that another line prescribes
-    /// already.
+    /// Adds the components that the entry at `line` prescribes at a place, and reports components that an earlier line
+    /// already prescribes.
     fn add(&mut self, problems: &Problems<'_>, key: K, place: impl Fn() -> String, line: usize, held: [bool; 3]) {
         let holders = self.0.entry(key).or_default();
         let mut shared: BTreeMap<usize, Vec<&str>> = BTreeMap::new();
@@ -103,7 +103,7 @@ impl<K: Eq + Hash> Holders<K> {
     }
 }
 
-/// A node's place as a key: positions that compare equal have equal bits once -0 is 0.
+/// Converts the specification of a node to a hash key: positions that compare equal have equal bits once -0 becomes 0.
 fn key_of(place: &PointPlace) -> Result<[u64; 3], usize> {
     match place {
         PointPlace::At(at) => Ok(at.map(|x| (x + 0.0).to_bits())),
@@ -111,7 +111,7 @@ fn key_of(place: &PointPlace) -> Result<[u64; 3], usize> {
     }
 }
 
-/// All points.
+/// Reads all points and reports components of a node that are prescribed twice.
 pub(super) fn points(root: &mut Table<'_>) -> Vec<PointCase> {
     let mut points: Vec<PointCase> = Vec::new();
     let mut holders = Holders::default();
@@ -135,7 +135,7 @@ pub(super) fn points(root: &mut Table<'_>) -> Vec<PointCase> {
     points
 }
 
-/// All body forces; those of one region add up.
+/// Reads all body forces; those of one region add up.
 pub(super) fn body_forces(root: &mut Table<'_>) -> Vec<BodyForceCase> {
     let expected = "the name of a physical volume, or \"*\" for all of the body";
     let mut forces = Vec::new();
@@ -153,7 +153,7 @@ pub(super) fn body_forces(root: &mut Table<'_>) -> Vec<BodyForceCase> {
     forces
 }
 
-/// The course over pseudo-time: a ramp where none is given.
+/// Reads the load curve; a ramp is the default.
 fn curve(table: &mut Table<'_>) -> CurveCase {
     table.take("curve").and_then(|value| curve_of(&value)).unwrap_or(CurveCase::Ramp)
 }

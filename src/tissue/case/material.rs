@@ -1,4 +1,4 @@
-//! Regions and their materials.
+//! Reading regions and their materials.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -31,7 +31,7 @@ const MODELS: [(&str, Model); 5] = [
 
 const NAMED_REGION: &str = "the name of a physical volume, or \"*\" for every volume not named";
 
-/// All regions; their names are unique.
+/// Reads all regions and reports duplicate names.
 pub(super) fn regions(root: &mut Table<'_>, base: &Path) -> Vec<RegionCase> {
     let mut regions = Vec::new();
     let mut names: HashMap<&str, usize> = HashMap::new();
@@ -69,7 +69,7 @@ fn read(mut table: Table<'_>, base: &Path) -> Option<MaterialCase> {
     material
 }
 
-/// The model of a material, among those allowed in its place.
+/// Reads the model of a material; only models for which `allowed` returns true are valid.
 fn model(table: &mut Table<'_>, allowed: impl Fn(Model) -> bool) -> Option<Model> {
     let allowed: Vec<_> = MODELS.into_iter().filter(|&(_, model)| allowed(model)).collect();
     let ready = allowed.iter().filter(|(_, model)| *model != Model::Later).map(|&(name, _)| name);
@@ -97,7 +97,7 @@ fn fiber_rve(table: &mut Table<'_>, base: &Path) -> Option<FiberRveCase> {
         }
         Some(files)
     });
-    // Without fibers the RVE is its matrix alone: the single-scale material asked through the micro scale.
+    // Without fibers the RVE is its matrix alone: the single-scale material, evaluated by the micro scale.
     let bare = networks.as_ref().is_some_and(Vec::is_empty);
     let choose = table.choice("choose", &[("random", Choose::Random), ("cycle", Choose::Cycle)]);
     let seed = table.whole("seed", 0..=i64::MAX.unsigned_abs());
@@ -122,7 +122,8 @@ fn fiber_rve(table: &mut Table<'_>, base: &Path) -> Option<FiberRveCase> {
     })
 }
 
-/// When RVEs come, sleep and go. What stands in for one without its network needs a matrix.
+/// Reads when RVEs are created, sleep and are deleted. Reports an error if the matrix must replace the network but
+/// `has_matrix` is false.
 fn life(mut table: Table<'_>, has_matrix: bool) -> LifeCase {
     let default = LifeCase::default();
     let strain = Range::above(0.0, "");
@@ -146,7 +147,7 @@ fn life(mut table: Table<'_>, has_matrix: bool) -> LifeCase {
     life
 }
 
-/// The matrix in parallel, a neo-Hookean one.
+/// Reads the parallel matrix, which must be neo-Hookean.
 fn matrix(mut table: Table<'_>) -> Option<FormulaCase> {
     let constants = match model(&mut table, |model| model == Model::Formula(FormulaModel::NeoHookean))? {
         Model::Formula(model) => elastic::constants(&mut table, model),

@@ -1,14 +1,14 @@
-//! A case: everything a simulation needs, read from one TOML file and checked.
+//! A case: the complete input of a simulation, read from one TOML file and checked.
 //!
-//! [`Case::read`] reads a file, [`Case::parse`] a text. Both answer with the case and with warnings, or with everything
-//! that is wrong in the file: each error with its line, what stands there, what was expected (with range and unit) and
-//! the cure. [`Case::check_names`] compares the names in a case with those of its mesh, and [`Case::to_toml`] writes a
-//! case back with all defaults filled in.
+//! [`Case::read`] reads a file, [`Case::parse`] a text. Both return the case with warnings, or all errors in the file,
+//! each with its line, the value found, the value expected (with range and unit) and the cure. [`Case::check_names`]
+//! compares the names in a case with those of its mesh, and [`Case::to_toml`] writes a case with all defaults filled
+//! in.
 //!
-//! # An example
+//! # Example
 //!
-//! A block pulled along x, with every section that a case may have. Lengths of the mesh are in mesh units, `[mesh] scale`
-//! meters each; everything else is in SI units. Whole numbers serve where numbers are expected.
+//! A block pulled along x, with every section that a case may have. Lengths of the mesh are in mesh units of
+//! `[mesh] scale` meters; everything else is in SI units. Integers are accepted where numbers are expected.
 //!
 //! ```
 //! let text = r#"
@@ -95,8 +95,8 @@
 //! ```toml
 //! [region.material]
 //! model = "fiber-rve"
-//! networks = ["networks/*.txt"]            # files or patterns, relative to the case file; files that end in .params or
-//!                                          # .toml are passed over where a pattern matches them
+//! networks = ["networks/*.txt"]            # files or patterns, relative to the case file; patterns skip files that
+//!                                          # end in .params or .toml
 //! choose = "random"                        # default, by seed and element; or "cycle", by element
 //! seed = 1                                 # default
 //! fiber_volume_fraction = 0.003            # or: scale = "raw"
@@ -105,39 +105,41 @@
 //! ```
 //!
 //! ```toml
-//! life = { created_at = 0.02, before = "linear", asleep_below = 1e-4, deleted_at = 0.8 }   # beside the keys above
+//! life = { created_at = 0.02, before = "linear", asleep_below = 1e-4, deleted_at = 0.8 }   # with the keys above
 //! ```
 //!
-//! `life` says when RVEs are created, sleep and are deleted; without it each is there and awake all the time. An RVE is
-//! created once the strain of its element (the norm of the Green-Lagrange strain) exceeds `created_at`; before that,
-//! `linear` (the response of its network at rest) or `matrix` stands in for it. It falls asleep at the end of a step in which
-//! no component of the deformation gradient changed by `asleep_below`, and wakes once one has changed by more since: meanwhile
-//! its last tangent serves. It is deleted once the strain exceeds `deleted_at`, and the matrix is left alone.
+//! `life` defines when RVEs are created, sleep and are deleted; without it, every RVE exists and is awake throughout.
+//! An RVE is created once the strain of its element (the norm of the Green-Lagrange strain) exceeds `created_at`;
+//! before that, `linear` (the response of its network at rest) or `matrix` replaces it. It falls asleep at the end of a
+//! step in which every component of the deformation gradient changed by less than `asleep_below`, and wakes once a
+//! component has changed by more since; while it sleeps, its last tangent extrapolates the stress. It is deleted once
+//! the strain exceeds `deleted_at`; the matrix then remains alone.
 //!
-//! Whenever RVEs are created, woken or deleted, the body is brought to balance again at the same load, until no strain demands
+//! Whenever RVEs are created, woken or deleted, the body is solved again at the same load until no strain requires
 //! another change; only then has the step converged. Of the RVEs to be deleted, the most strained tenth goes first
-//! (elements with equal strains together), so that the others go only if they are still strained as much without it.
+//! (elements with equal strains together); the others are deleted only if their strain still exceeds the limit
+//! afterwards.
 //!
 //! `law` is `linear` (`youngs_modulus`, `radius`), `exponential` (also `nonlinearity`), `exponential-stretch` (also
-//! `transition`) or `table`; without it the files beside each network count, where fibers may be of several types.
-//! `matrix` is optional. `networks = []` beside a `matrix` leaves that alone at every point, asked through the micro
-//! scale, for comparison with the same formula as a material; `biotissue check` counts these points as RVEs, and warns. A
-//! table has a CSV file, relative to the case file, or points, stretch and nominal stress in Pa,
-//! with one at stretch 1 and stress 0:
+//! `transition`) or `table`; without it, the parameter files beside each network define the law, and fibers may be of
+//! several types. `matrix` is optional. `networks = []` with a `matrix` uses the matrix alone at every point, evaluated
+//! by the micro scale, for comparison with the same formula as a material; `biotissue check` counts these points as
+//! RVEs, and warns. A table is a CSV file, relative to the case file, or a list of points (stretch and nominal stress
+//! in Pa), one of them at stretch 1 and stress 0:
 //!
 //! ```toml
 //! law = { name = "table", radius = 5.0e-8, file = "curve.csv" }
 //! law = { name = "table", radius = 5.0e-8, points = [[0.9, -1.0e5], [1.0, 0.0], [1.1, 2.0e6], [1.2, 9.0e6]] }
 //! ```
 //!
-//! Fibers of any law give way in compression with one of these beside its other keys:
+//! Either of these keys, added to any law, makes its fibers buckle in compression:
 //!
 //! ```toml
-//! compression = 1e-3                       # what is left of the stiffness at rest; the default beside the other
-//! buckling_strain = 0.01                   # the shortening within which it falls; the default beside the other
+//! compression = 1e-3                       # residual fraction of the stiffness at rest; default beside the other key
+//! buckling_strain = 0.01                   # shortening over which it drops; default beside the other key
 //! ```
 //!
-//! The formulas stand in [`crate::fiber::law`].
+//! [`crate::fiber::law`] documents the formulas.
 //!
 //! # Iterative solvers
 //!
@@ -146,21 +148,21 @@
 //! solver = { method = "gmres", restart = 50, preconditioner = "ilut", drop_tolerance = 1e-4, fill = 50, tolerance = 1e-12, max_iterations = 1000 }
 //! ```
 //!
-//! `method` is `direct`, `cg`, `bicgstab` or `gmres` (which alone has a `restart`), `preconditioner` is `ilut` (which alone has
-//! `drop_tolerance` and `fill`, see [`Preconditioner::Ilut`](crate::las::Preconditioner::Ilut)), `diagonal`, `none` or, on
-//! backends that have it, `multigrid`. `tolerance` is that of every linear system, its residual over its right-hand side;
-//! the tangents of RVEs are only as exact as it. The numbers above are the defaults; without a `preconditioner`, `cg` takes the
-//! diagonal and the others `ilut`. An incomplete factorization is not symmetric: where much is dropped, `cg` may fail with it
-//! and `gmres` or `bicgstab` serve.
+//! `method` is `direct`, `cg`, `bicgstab` or `gmres` (the only one with a `restart`), `preconditioner` is `ilut` (the
+//! only one with `drop_tolerance` and `fill`, see [`Preconditioner::Ilut`](crate::las::Preconditioner::Ilut)),
+//! `diagonal`, `none` or, on backends that have it, `multigrid`. `tolerance` applies to every linear system: the norm
+//! of its residual over that of its right-hand side; it limits the accuracy of the RVE tangents. The numbers above are
+//! the defaults; without a `preconditioner`, `cg` uses `diagonal` and the others `ilut`. An incomplete LU factorization
+//! is not symmetric: if it drops many entries, `cg` may fail with it; use `gmres` or `bicgstab` then.
 //!
-//! # What a case must keep
+//! # Restrictions
 //!
-//! * A surface may stand in several boundaries and a node in several points, but each component is prescribed once: by
-//!   a displacement or by a traction other than 0. Body forces of one region add up.
-//! * Names of regions are unique. The region `*` serves every region of the mesh that no other names, so that no
-//!   region has two materials.
-//! * `pressure` on a boundary, `[[constraint]]` and the models `transversely-isotropic` and `holmes-mow` are known and
-//!   refused: they are not available in this version.
+//! * A surface may appear in several boundaries and a node in several points, but each component is prescribed once: by
+//!   a displacement or by a nonzero traction. Body forces of one region add up.
+//! * Names of regions are unique. The region `*` covers every region of the mesh that no other `[[region]]` names, so
+//!   that no region has two materials.
+//! * `pressure` on a boundary, `[[constraint]]` and the models `transversely-isotropic` and `holmes-mow` are recognized
+//!   and rejected: they are not available in this version.
 
 mod curve;
 mod data;

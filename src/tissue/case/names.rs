@@ -1,22 +1,22 @@
-//! The names in a case against those of its mesh.
+//! Comparison of the names in a case with those of its mesh.
 
 use crate::input::{InputError, InputErrors, excerpt};
 
 use super::data::{Case, MaterialCase, MeshSource};
 use super::problems::{alternatives, nearest};
 
-/// The region that stands for all that is not named.
+/// Name of the region that covers all regions without a `[[region]]` of their own.
 const REST: &str = "*";
 
 impl Case {
-    /// The number of the `[[region]]` that a region of the mesh belongs to: that of its name, or else of `*`.
+    /// Returns the index of the `[[region]]` for a region of the mesh: the one with its name, or else `*`.
     #[must_use]
     pub fn region_of(&self, region: &str) -> Option<usize> {
         let named = |name: &str| self.regions.iter().position(|each| each.name == name);
         named(region).or_else(|| named(REST))
     }
 
-    /// The material of a region of the mesh.
+    /// Returns the material of a region of the mesh.
     #[must_use]
     pub fn material_of(&self, region: &str) -> Option<&MaterialCase> {
         self.region_of(region).map(|number| &self.regions[number].material)
@@ -25,8 +25,8 @@ impl Case {
     /// Checks the names in the case against the regions and surfaces of its mesh.
     ///
     /// # Errors
-    /// All names of the case that the mesh does not have, with their lines, and all regions of the mesh that have no
-    /// material.
+    /// Returns every name in the case that the mesh does not have, with its line, and every region of the mesh without
+    /// a material.
     pub fn check_names(&self, regions: &[String], surfaces: &[String]) -> Result<(), InputErrors> {
         let mut errors = Vec::new();
         let bodies = self.regions.iter().map(|each| (&each.name, each.line));
@@ -73,7 +73,7 @@ impl Case {
         InputError::at_line(&self.file, line, what, expected, cure)
     }
 
-    /// The file of the mesh, with a blank before it; nothing where it is made here.
+    /// Returns the path of the mesh file with a leading space, or an empty string for a generated mesh.
     fn mesh_file(&self) -> String {
         match &self.mesh {
             MeshSource::File(file) => format!(" {}", file.display()),

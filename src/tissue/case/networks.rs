@@ -1,17 +1,17 @@
-//! From paths and patterns to the network files of a library.
+//! Resolving paths and patterns to the network files of a library.
 
 use std::path::{Path, PathBuf};
 
 use super::problems::nearest;
 use super::value::Value;
 
-/// Files beside a network, never networks themselves.
+/// Extensions of the parameter files beside a network; they are never networks themselves.
 const COMPANIONS: [&str; 2] = ["params", "toml"];
 
 pub(super) const EXPECTED: &str = "network files: paths or patterns with * ? [...], relative to the case file";
 
-/// The files that `networks` names, a string or a list of them: sorted, each once. `None` where something is wrong or
-/// missing, all of it reported. An empty list is empty.
+/// Returns the files that `networks` (a string or a list of strings) names, sorted and without duplicates; an empty
+/// list gives an empty vector. Reports every error and then returns `None`.
 pub(super) fn resolve(networks: &Value<'_>, base: &Path) -> Option<Vec<PathBuf>> {
     let patterns = if networks.inner.is_str() {
         vec![networks.clone()]
@@ -31,7 +31,7 @@ pub(super) fn resolve(networks: &Value<'_>, base: &Path) -> Option<Vec<PathBuf>>
     complete.then_some(files)
 }
 
-/// The files of one path or pattern. A file of exactly that name counts before the name is read as a pattern.
+/// Returns the files of one path or pattern. An existing file with exactly this name takes precedence over the pattern.
 fn matches(value: &Value<'_>, text: &str, base: &Path) -> Option<Vec<PathBuf>> {
     let literal = base.join(text);
     if literal.is_file() {
@@ -74,7 +74,7 @@ fn matches(value: &Value<'_>, text: &str, base: &Path) -> Option<Vec<PathBuf>> {
     Some(found)
 }
 
-/// The cure for a pattern without matches, with the folder that was searched.
+/// Returns the cure for a pattern without matches, with the folder that was searched.
 fn nothing_found(pattern: &Path, companions: usize) -> String {
     let folder: PathBuf = pattern
         .parent()
@@ -91,7 +91,7 @@ fn nothing_found(pattern: &Path, companions: usize) -> String {
     format!("no file in {} matches: put networks there or correct the pattern", folder.display())
 }
 
-/// The cure for a file that is not there: the nearest name in its folder.
+/// Returns the cure for a missing file: the most similar name in its folder.
 pub(super) fn missing_file(file: &Path) -> String {
     let (Some(folder), Some(name)) = (file.parent(), file.file_name().and_then(|name| name.to_str())) else {
         return "name a file".into();

@@ -1,4 +1,4 @@
-//! The errors and warnings that gather while a case is read, with their lines.
+//! The errors and warnings collected while a case is read, with their lines.
 
 use std::cell::RefCell;
 use std::path::Path;
@@ -7,12 +7,12 @@ use strsim::damerau_levenshtein;
 
 use crate::input::{InputError, InputErrors};
 
-/// The longest word, in bytes, for which a like one is looked for.
+/// Maximum length, in bytes, of a word for which [`nearest`] searches a similar one.
 const LONGEST_WORD: usize = 200;
-/// The most words that a message lists.
+/// Maximum number of words that a message lists.
 const MOST_WORDS: usize = 20;
 
-/// What is wrong so far. Shared by every table under reading, hence the cells.
+/// The errors and warnings so far. All tables being read share it, hence the `RefCell`s.
 pub(super) struct Problems<'d> {
     file: &'d Path,
     /// Byte offsets at which lines start.
@@ -27,7 +27,7 @@ impl<'d> Problems<'d> {
         Self { file, line_starts, errors: RefCell::default(), warnings: RefCell::default() }
     }
 
-    /// The line, from 1, of a byte offset.
+    /// Returns the line, from 1, of a byte offset.
     pub(super) fn line_of(&self, offset: usize) -> usize {
         self.line_starts.partition_point(|&start| start <= offset).max(1)
     }
@@ -50,7 +50,7 @@ impl<'d> Problems<'d> {
         self.warnings.borrow_mut().push(format!("{}:{line}: {text}", self.file.display()));
     }
 
-    /// The warnings, or all errors in the order of their lines.
+    /// Returns the warnings, or all errors in the order of their lines.
     pub(super) fn finish(self) -> Result<Vec<String>, InputErrors> {
         let mut errors = self.errors.into_inner();
         if errors.is_empty() {
@@ -61,10 +61,10 @@ impl<'d> Problems<'d> {
     }
 }
 
-/// The known word most like `word`, if any is like enough to be what was meant: by a few slips of the finger, or because
-/// one begins with the other.
+/// Returns the known word most similar to `word`, if one is similar enough to be a misspelling: it differs by a few
+/// typing errors, or one of the words begins with the other.
 pub(super) fn nearest<'k>(word: &str, known: impl IntoIterator<Item = &'k str>) -> Option<&'k str> {
-    // A word that long is no slip of the finger, and comparing it takes the square of its length.
+    // A word this long is no misspelling, and the comparison takes time quadratic in its length.
     if word.len() > LONGEST_WORD {
         return None;
     }
@@ -85,7 +85,7 @@ pub(super) fn nearest<'k>(word: &str, known: impl IntoIterator<Item = &'k str>) 
         .map(|(_, candidate)| candidate)
 }
 
-/// `a, b or c`, each between `quote`s; of very many the first.
+/// Formats `a, b or c`, each word between `quote`s; a long list is cut after [`MOST_WORDS`] words.
 pub(super) fn alternatives<'k>(words: impl IntoIterator<Item = &'k str>, quote: char) -> String {
     let mut words = words.into_iter();
     let quoted: Vec<String> = words.by_ref().take(MOST_WORDS).map(|word| format!("{quote}{word}{quote}")).collect();

@@ -1,4 +1,4 @@
-//! The range a number must lie in, and how to say it.
+//! The admissible range of a number, and its description in messages.
 
 /// A range of finite numbers with its unit.
 #[derive(Clone, Copy, Debug)]
@@ -21,12 +21,12 @@ impl Range {
         Self { low: Some(low), ..Self::any(unit) }
     }
 
-    /// Between the two, the bounds left out.
+    /// Every number between `low` and `high`, both excluded.
     pub(super) const fn between(low: f64, high: f64) -> Self {
         Self { high: Some(high), ..Self::above(low, "") }
     }
 
-    /// From the one to the other, both included.
+    /// Every number from `low` to `high`, both included.
     pub(super) const fn from_to(low: f64, high: f64) -> Self {
         Self { low_belongs: true, high_belongs: true, ..Self::between(low, high) }
     }
@@ -37,7 +37,7 @@ impl Range {
             && self.high.is_none_or(|high| value < high || self.high_belongs && value == high)
     }
 
-    /// `above 0 and below 1, in Pa`: what follows "a number" or "three numbers".
+    /// Describes the range, such as ` above 0 and below 1, in Pa`, to follow "a number" or "three numbers".
     pub(super) fn describe(&self) -> String {
         let mut text = String::new();
         if let Some(low) = self.low {

@@ -1,4 +1,4 @@
-//! Reading a case: the TOML document, then section by section.
+//! Reading a case: first the TOML document, then section by section.
 
 use std::path::{Path, PathBuf};
 
@@ -11,12 +11,12 @@ use super::problems::Problems;
 use super::table::Table;
 use super::{load, material, section};
 
-/// A case that was read, with what should be said about it.
+/// A case that was read, with its warnings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CaseFile {
     /// The case.
     pub case: Case,
-    /// What is allowed but may surprise: a line of text each, with file and line.
+    /// Valid but possibly unintended settings: one line of text each, with file and line.
     pub warnings: Vec<String>,
 }
 
@@ -24,7 +24,7 @@ impl Case {
     /// Reads a case file.
     ///
     /// # Errors
-    /// Everything wrong in it, in the order of its lines; or the one reason why it could not be read at all.
+    /// Returns all errors in the file, in the order of its lines, or the one reason why it could not be read at all.
     pub fn read(path: &Path) -> Result<CaseFile, InputErrors> {
         let bytes = std::fs::read(path).map_err(|error| InputError::unreadable(path, &error))?;
         let text = String::from_utf8(bytes).map_err(|error| {
@@ -38,11 +38,11 @@ impl Case {
         Self::parse(&text, path)
     }
 
-    /// Reads a case from the text of a file at `path`. The file itself is not opened, but what it names is looked up
-    /// beside it.
+    /// Reads a case from the text of a file at `path`. The file itself is not opened, but relative paths in it are
+    /// resolved against its folder.
     ///
     /// # Errors
-    /// As [`Case::read`].
+    /// See [`Case::read`].
     pub fn parse(text: &str, path: &Path) -> Result<CaseFile, InputErrors> {
         let text = text.strip_prefix('\u{feff}').unwrap_or(text);
         let problems = Problems::new(path, text);
@@ -52,7 +52,7 @@ impl Case {
         let case = read(&mut root, path, &base);
         root.finish();
         let warnings = problems.finish()?;
-        // Whatever keeps a part from being read was reported above.
+        // `problems` already reported every reason why a part was not read.
         let case = case.ok_or_else(|| InputErrors(Vec::new()))?;
         Ok(CaseFile { case, warnings })
     }
@@ -94,7 +94,7 @@ fn read(root: &mut Table<'_>, path: &Path, base: &Path) -> Option<Case> {
     })
 }
 
-/// The absolute folder of the case file.
+/// Returns the absolute path of the folder of the case file.
 fn folder_of(path: &Path) -> Result<PathBuf, InputError> {
     let folder = path.parent().unwrap_or(Path::new(""));
     if folder.as_os_str().is_empty() {
@@ -103,7 +103,7 @@ fn folder_of(path: &Path) -> Result<PathBuf, InputError> {
     std::path::absolute(folder).map_err(|error| InputError::unreadable(path, &error))
 }
 
-/// What TOML itself objects to, with the text of the line.
+/// Converts a TOML syntax error to an input error that shows the text of the line.
 fn syntax_error(problems: &Problems<'_>, path: &Path, text: &str, error: &toml::de::Error) -> InputError {
     let line = problems.line_of(error.span().map_or(0, |span| span.start));
     let content = excerpt(text.lines().nth(line - 1).unwrap_or_default());

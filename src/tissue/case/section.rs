@@ -1,4 +1,4 @@
-//! The mesh and the sections that say how to run: steps, newton, micro, scales, output.
+//! Reading `[mesh]` and the sections that control a run: steps, newton, micro, scales, output.
 
 use std::path::Path;
 
@@ -12,16 +12,16 @@ use super::solver;
 use super::table::{Either, Table};
 use super::value::{Value, did_you_mean};
 
-/// Meshes number nodes and elements by 32 bits.
+/// Maximum number of elements: meshes number nodes and elements with 32 bits.
 const MOST_ELEMENTS: usize = u32::MAX as usize;
 const TOLERANCE: Range = Range::between(0.0, 1.0);
 
 /// The section `[mesh]`.
 pub(super) struct MeshSection {
     pub(super) source: MeshSource,
-    /// The line of `file` or `generate`.
+    /// Line of `file` or `generate`.
     pub(super) line: usize,
-    /// Meters of one mesh unit.
+    /// Length of one mesh unit, m.
     pub(super) scale: f64,
 }
 
@@ -73,7 +73,7 @@ fn generated(mut table: Table<'_>) -> Option<MeshSource> {
     source
 }
 
-/// Cells of a box; each becomes six elements.
+/// Reads the numbers of cells of a box and reports an error if six elements per cell are too many.
 fn cells_of(value: &Value<'_>) -> Option<[usize; 3]> {
     let cells = value.whole_vector(&(1..=1_000_000))?;
     let elements = cells.iter().try_fold(6_usize, |product, &count| product.checked_mul(count));
@@ -85,7 +85,7 @@ fn cells_of(value: &Value<'_>) -> Option<[usize; 3]> {
     Some(cells)
 }
 
-/// Load steps.
+/// Reads the load steps.
 pub(super) fn steps(root: &mut Table<'_>) -> StepsCase {
     let default = StepsCase::default();
     let Some(mut table) = root.table("steps") else { return default };
@@ -97,7 +97,7 @@ pub(super) fn steps(root: &mut Table<'_>) -> StepsCase {
     steps
 }
 
-/// Newton at the macro scale.
+/// Reads the settings of Newton's method at the macro scale.
 pub(super) fn newton(root: &mut Table<'_>) -> NewtonCase {
     let default = NewtonCase::default();
     let Some(mut table) = root.table("newton") else { return default };
@@ -113,7 +113,7 @@ pub(super) fn newton(root: &mut Table<'_>) -> NewtonCase {
     newton
 }
 
-/// Newton at the micro scale.
+/// Reads the settings of Newton's method at the micro scale.
 pub(super) fn micro(root: &mut Table<'_>) -> MicroCase {
     let default = MicroCase::default();
     let Some(mut table) = root.table("micro") else { return default };
@@ -129,7 +129,7 @@ pub(super) fn micro(root: &mut Table<'_>) -> MicroCase {
     micro
 }
 
-/// At least one stage of the ladder.
+/// Reads the list of solution stages, which must not be empty.
 fn stages(value: &Value<'_>) -> Option<Stages> {
     let words = Stage::ALL.map(|stage| (stage.name(), stage));
     let expected = format!("a list of stages: {}", alternatives(Stage::ALL.map(Stage::name).into_iter(), '"'));
@@ -143,7 +143,7 @@ fn stages(value: &Value<'_>) -> Option<Stages> {
     Some(Stages::of(&stages.into_iter().collect::<Option<Vec<Stage>>>()?))
 }
 
-/// Ranks.
+/// Reads the numbers of ranks.
 pub(super) fn scales(root: &mut Table<'_>) -> ScalesCase {
     let default = ScalesCase::default();
     let Some(mut table) = root.table("scales") else { return default };
@@ -156,7 +156,7 @@ pub(super) fn scales(root: &mut Table<'_>) -> ScalesCase {
     scales
 }
 
-/// What is written where; networks asked for where no region has any draw a warning.
+/// Reads the output settings. Warns if networks are requested but no region has any.
 pub(super) fn output(root: &mut Table<'_>, base: &Path, any_network: bool) -> OutputCase {
     let default = OutputCase { directory: base.join("results"), every: 1, rve: RveOutput::None };
     let Some(mut table) = root.table("output") else { return default };

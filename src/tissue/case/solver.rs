@@ -1,4 +1,4 @@
-//! `solver = { ... }`: how the linear systems of a scale are solved.
+//! `solver = { ... }`: the linear solver of a scale.
 
 use std::fmt::Write;
 
@@ -6,11 +6,11 @@ use super::range::Range;
 use super::table::Table;
 use crate::las::{Iterative, Krylov, Method, Preconditioner};
 
-/// A part, and what may be dropped of an incomplete factorization.
+/// Ranges of the solver tolerance (`PART`) and of the drop tolerance of an incomplete factorization (`DROPPED`).
 const PART: Range = Range::between(0.0, 1.0);
 const DROPPED: Range = Range::from_to(0.0, 1.0);
 
-/// The defaults of the keys.
+/// Default values of the keys.
 const RESTART: usize = 50;
 const TOLERANCE: f64 = 1e-12;
 const DROP_TOLERANCE: f64 = 1e-4;
@@ -32,7 +32,7 @@ enum Inverse {
     Multigrid,
 }
 
-/// The method named in the table `solver` of a section; direct where there is none.
+/// Reads the method from the table `solver` of a section; the default is direct.
 pub(super) fn method(section: &mut Table<'_>) -> Method {
     let Some(mut table) = section.table("solver") else { return Method::Direct };
     let names = [("direct", Name::Direct), ("cg", Name::Cg), ("bicgstab", Name::BiCgStab), ("gmres", Name::Gmres)];
@@ -56,7 +56,7 @@ pub(super) fn method(section: &mut Table<'_>) -> Method {
             Name::Gmres => Krylov::Gmres { restart: table.whole("restart", 1..=10_000).unwrap_or(RESTART) },
             Name::Direct | Name::BiCgStab => Krylov::BiCgStab,
         };
-        // Conjugate gradients need an inverse that is symmetric and positive, which an incomplete LU is not.
+        // Conjugate gradients need a symmetric positive definite preconditioner, which an incomplete LU is not.
         let asks_for_ilut = table.has("drop_tolerance") || table.has("fill");
         let suited = if name == Name::Cg && !asks_for_ilut { Inverse::Diagonal } else { Inverse::Ilut };
         let preconditioner = match table.choice("preconditioner", &inverses).unwrap_or(suited) {
@@ -79,11 +79,11 @@ pub(super) fn method(section: &mut Table<'_>) -> Method {
     method
 }
 
-/// The line that [`method`] reads back.
+/// Writes the line that [`method`] reads back.
 pub(super) fn line(method: &Method) -> String {
     let Method::Iterative(iterative) = method else { return "solver = { method = \"direct\" }".into() };
     let mut text = String::from("solver = { method = ");
-    // Writing into a string does not fail.
+    // Writing to a string does not fail.
     let _ = match iterative.krylov {
         Krylov::Cg => write!(text, "\"cg\""),
         Krylov::BiCgStab => write!(text, "\"bicgstab\""),

@@ -1,4 +1,4 @@
-//! One table of a case file, read key by key; what was never asked for is unknown.
+//! One table of a case file, read key by key; keys that the reader never requested are reported as unknown.
 
 use std::fmt::Display;
 use std::ops::RangeInclusive;
@@ -10,11 +10,11 @@ use super::range::Range;
 use super::value::Value;
 use crate::input::excerpt;
 
-/// The tables at the top of a case, for keys that slipped below another header.
+/// The top-level tables of a case, used to recognize one that was written below another header.
 const SECTIONS: [&str; 11] =
     ["mesh", "region", "boundary", "point", "body_force", "constraint", "steps", "newton", "micro", "scales", "output"];
 
-/// What is often written for a key that spells its quantity out.
+/// Common symbols and the keys that a case uses instead.
 const SYMBOLS: [(&str, &str); 9] = [
     ("E", "youngs_modulus"),
     ("nu", "poisson_ratio"),
@@ -27,16 +27,16 @@ const SYMBOLS: [(&str, &str); 9] = [
     ("force", "traction"),
 ];
 
-/// Which of two alternatives a table holds.
+/// Which of two alternative keys a table has.
 pub(super) enum Either<'d> {
     First(Value<'d>),
     Second(Value<'d>),
 }
 
-/// A table with its place.
+/// A table with its path and line.
 pub(super) struct Table<'d> {
     pub(super) problems: &'d Problems<'d>,
-    /// The keys that lead here, such as `region.material`; empty at the top.
+    /// The path of keys to this table, such as `region.material`; empty at the top level.
     path: String,
     pub(super) line: usize,
     entries: &'d DeTable<'d>,
@@ -48,7 +48,7 @@ impl<'d> Table<'d> {
         Self { problems, path, line, entries, known: Vec::new() }
     }
 
-    /// What errors call it.
+    /// Returns the name of the table in error messages.
     fn name(&self) -> String {
         if self.path.is_empty() { "the case".into() } else { format!("`{}`", self.path) }
     }
@@ -57,7 +57,7 @@ impl<'d> Table<'d> {
         if self.path.is_empty() { key.into() } else { format!("{}.{key}", self.path) }
     }
 
-    /// Reports something about the table as a whole: at its line, or of the file where it is the file.
+    /// Reports an error of the table as a whole: at its line, or for the whole file at the top level.
     pub(super) fn report(&self, what: &str, expected: impl Into<String>, cure: impl Into<String>) {
         let what = format!("{} {what}", self.name());
         if self.path.is_empty() {
@@ -67,7 +67,7 @@ impl<'d> Table<'d> {
         }
     }
 
-    /// The value of a key, which is known from here on.
+    /// Returns the value of a key if present, and marks the key as known.
     pub(super) fn take(&mut self, key: &'static str) -> Option<Value<'d>> {
         self.known.push(key);
         let (name, value) = self.entries.get_key_value(key)?;
@@ -75,7 +75,7 @@ impl<'d> Table<'d> {
         Some(Value { problems: self.problems, path: self.path_of(key), line, inner: value.get_ref() })
     }
 
-    /// The value of a key that must be there.
+    /// Returns the value of a required key.
     pub(super) fn require(&mut self, key: &'static str, expected: &str) -> Option<Value<'d>> {
         let value = self.take(key);
         if value.is_none() {
@@ -84,7 +84,7 @@ impl<'d> Table<'d> {
         value
     }
 
-    /// Exactly one of two keys.
+    /// Returns the value of one of two keys, exactly one of which is required.
     pub(super) fn either(&mut self, first: &'static str, second: &'static str) -> Option<Either<'d>> {
         let expected = format!("exactly one of `{first}` and `{second}`");
         match (self.take(first), self.take(second)) {
@@ -103,17 +103,17 @@ impl<'d> Table<'d> {
         }
     }
 
-    /// A number, where the key is there.
+    /// Reads an optional number.
     pub(super) fn number(&mut self, key: &'static str, range: Range) -> Option<f64> {
         self.take(key)?.number(range)
     }
 
-    /// A number that must be there.
+    /// Reads a required number.
     pub(super) fn required_number(&mut self, key: &'static str, range: Range) -> Option<f64> {
         self.require(key, &format!("a number{}", range.describe()))?.number(range)
     }
 
-    /// A whole number, where the key is there.
+    /// Reads an optional integer.
     pub(super) fn whole<T>(&mut self, key: &'static str, range: RangeInclusive<T>) -> Option<T>
     where
         T: TryFrom<i128> + PartialOrd + Display,
@@ -121,17 +121,17 @@ impl<'d> Table<'d> {
         self.take(key)?.whole(&range)
     }
 
-    /// One of some words, where the key is there.
+    /// Reads an optional keyword out of `words`.
     pub(super) fn choice<T: Copy>(&mut self, key: &'static str, words: &[(&'static str, T)]) -> Option<T> {
         self.take(key)?.choice(words)
     }
 
-    /// A table below, where the key is there.
+    /// Reads an optional subtable.
     pub(super) fn table(&mut self, key: &'static str) -> Option<Table<'d>> {
         self.take(key)?.table()
     }
 
-    /// A table below that must be there.
+    /// Reads a required subtable.
     pub(super) fn required_table(&mut self, key: &'static str, expected: &str) -> Option<Table<'d>> {
         let value = self.take(key);
         if value.is_none() {
@@ -141,7 +141,7 @@ impl<'d> Table<'d> {
         value?.table()
     }
 
-    /// The tables written `[[key]]`, in the order of the file.
+    /// Returns the tables written as `[[key]]`, in the order of the file.
     pub(super) fn tables(&mut self, key: &'static str) -> Vec<Table<'d>> {
         let Some(value) = self.take(key) else { return Vec::new() };
         let form = format!("[[{key}]] instead of [{key}]");
@@ -153,12 +153,12 @@ impl<'d> Table<'d> {
         elements.into_iter().map(unnumbered).filter_map(|element| element.table()).collect()
     }
 
-    /// Whether a key is there, read or not.
+    /// Returns true if the table has this key, read or not.
     pub(super) fn has(&self, key: &str) -> bool {
         self.entries.contains_key(key)
     }
 
-    /// Reports every key that was never asked for.
+    /// Reports every key that was never requested.
     pub(super) fn finish(self) {
         let mut known = self.known.clone();
         known.sort_unstable();

@@ -1,4 +1,4 @@
-//! One value of a case file, read as what it should be or reported with its line.
+//! One value of a case file: converted to the expected type, or reported with its line.
 
 use std::fmt::Display;
 use std::ops::RangeInclusive;
@@ -10,33 +10,33 @@ use super::range::Range;
 use super::table::Table;
 use crate::input::excerpt;
 
-/// A value with its place. Every reader gives `None` when it has reported an error.
+/// A value with its path and line. Every reader reports its error and then returns `None`.
 #[derive(Clone)]
 pub(super) struct Value<'d> {
     pub(super) problems: &'d Problems<'d>,
-    /// The key with the tables above it, such as `region.material.law`.
+    /// The path of keys to this value, such as `region.material.law`.
     pub(super) path: String,
     pub(super) line: usize,
     pub(super) inner: &'d DeValue<'d>,
 }
 
 impl<'d> Value<'d> {
-    /// Reports this value; `complaint` follows its path.
+    /// Reports an error of this value; the message is its path followed by `complaint`.
     pub(super) fn object(&self, complaint: &str, expected: impl Into<String>, cure: impl Into<String>) {
         self.problems.report(self.line, format!("`{}` {complaint}", self.path), expected, cure);
     }
 
-    /// Reports this value with what it is.
+    /// Reports this value as invalid and shows it.
     pub(super) fn reject(&self, expected: impl Into<String>, cure: impl Into<String>) {
         self.object(&format!("is {}", shown(self.inner)), expected, cure);
     }
 
-    /// Reports a key of a later version of the program.
+    /// Reports a feature that only a later version of the program provides.
     pub(super) fn unavailable(&self, what: &str, instead: &str, cure: &str) {
         self.problems.report(self.line, format!("{what} is not available in this version"), instead, cure);
     }
 
-    /// Reports a value of the wrong type, with a cure for quotes that should not be there.
+    /// Reports a value of the wrong type; for a quoted number the cure is to remove the quotes.
     fn wrong_type(&self, expected: impl Into<String>, form: &str) {
         let cure = match self.inner {
             DeValue::String(text) if text.trim().parse::<f64>().is_ok() && form.contains("number") => {
@@ -47,7 +47,7 @@ impl<'d> Value<'d> {
         self.reject(expected, cure);
     }
 
-    /// A finite number in a range; whole numbers count.
+    /// Reads a finite number in a range; integers are accepted.
     pub(super) fn number(&self, range: Range) -> Option<f64> {
         let expected = format!("a number{}", range.describe());
         let value = match self.inner {
@@ -69,7 +69,7 @@ impl<'d> Value<'d> {
         None
     }
 
-    /// A whole number in a range.
+    /// Reads an integer in a range.
     pub(super) fn whole<T: TryFrom<i128> + PartialOrd + Display>(&self, range: &RangeInclusive<T>) -> Option<T> {
         let expected = format!("a whole number from {} to {}", range.start(), range.end());
         match self.inner {
@@ -100,7 +100,7 @@ impl<'d> Value<'d> {
         None
     }
 
-    /// A string that is not empty.
+    /// Reads a string that is not blank.
     pub(super) fn text(&self, expected: &str) -> Option<&'d str> {
         match self.inner {
             DeValue::String(text) if !text.trim().is_empty() => return Some(text),
@@ -110,7 +110,7 @@ impl<'d> Value<'d> {
         None
     }
 
-    /// One of some words.
+    /// Reads one of the given keywords.
     pub(super) fn choice<T: Copy>(&self, words: &[(&'static str, T)]) -> Option<T> {
         let names: Vec<&str> = words.iter().map(|&(name, _)| name).collect();
         let expected = alternatives(names.iter().copied(), '"');
@@ -128,7 +128,7 @@ impl<'d> Value<'d> {
         found
     }
 
-    /// The elements of a list.
+    /// Returns the elements of a list.
     pub(super) fn list(&self, expected: &str, form: &str) -> Option<Vec<Self>> {
         let DeValue::Array(elements) = self.inner else {
             self.wrong_type(expected, form);
@@ -146,7 +146,7 @@ impl<'d> Value<'d> {
         }
     }
 
-    /// The elements of a list of exactly `N`; `expected` says all of it.
+    /// Returns the elements of a list of exactly `N`; `expected` describes the whole list.
     fn exactly<const N: usize>(&self, expected: &str, form: &str) -> Option<[Self; N]> {
         let elements = self.list(expected, form)?;
         let count = elements.len();
@@ -158,7 +158,7 @@ impl<'d> Value<'d> {
         exact
     }
 
-    /// Three numbers, x, y, z.
+    /// Reads three numbers: x, y, z.
     pub(super) fn vector(&self, range: Range) -> Option<[f64; 3]> {
         let expected = format!("three numbers{}: x, y, z", range.describe());
         let components = self.exactly::<3>(&expected, "three numbers in brackets, such as [0.0, 0.0, 1.0]")?;
@@ -166,7 +166,7 @@ impl<'d> Value<'d> {
         Some([x?, y?, z?])
     }
 
-    /// Three whole numbers, along x, y, z.
+    /// Reads three integers: along x, y, z.
     pub(super) fn whole_vector(&self, range: &RangeInclusive<usize>) -> Option<[usize; 3]> {
         let expected = format!("three whole numbers from {} to {}: along x, y, z", range.start(), range.end());
         let components = self.exactly::<3>(&expected, "three whole numbers in brackets, such as [4, 4, 4]")?;
@@ -174,14 +174,14 @@ impl<'d> Value<'d> {
         Some([x?, y?, z?])
     }
 
-    /// Two numbers, each in its range.
+    /// Reads two numbers, each in its range.
     pub(super) fn pair(&self, ranges: [Range; 2], expected: &str) -> Option<[f64; 2]> {
         let [first, second] = self.exactly::<2>(expected, "two numbers in brackets, such as [0.5, 1.0]")?;
         let (first, second) = (first.number(ranges[0]), second.number(ranges[1]));
         Some([first?, second?])
     }
 
-    /// The table that this is.
+    /// Reads this value as a table.
     pub(super) fn table(&self) -> Option<Table<'d>> {
         let DeValue::Table(entries) = self.inner else {
             let name = self.path.rsplit('.').next().unwrap_or_default();
@@ -203,7 +203,7 @@ impl<'d> Value<'d> {
     }
 }
 
-/// What is offered for a word that is not known.
+/// Returns the cure for an unknown keyword.
 pub(super) fn did_you_mean(word: &str, known: &[&str]) -> String {
     match (nearest(word, known.iter().copied()), known) {
         (Some(near), _) => format!("did you mean \"{near}\"?"),
@@ -216,7 +216,7 @@ fn integer(whole: &DeInteger<'_>) -> Option<i128> {
     i128::from_str_radix(whole.as_str(), whole.radix()).ok()
 }
 
-/// A value as an error shows it: numbers and short strings as they stand, longer things by their kind.
+/// Formats a value for an error message: numbers and short strings as written, other values by their type.
 pub(super) fn shown(value: &DeValue<'_>) -> String {
     const LONGEST: usize = 60;
     match value {

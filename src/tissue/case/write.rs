@@ -1,4 +1,4 @@
-//! A case written back as TOML, with everything that defaults filled in.
+//! Writing a case as TOML, with all defaults filled in.
 
 use std::fmt::{self, Write};
 use std::path::Path;
@@ -13,9 +13,9 @@ use super::data::{
 use super::solver;
 
 impl Case {
-    /// The case as run: all defaults filled in, elastic constants reduced, networks listed, paths absolute, so that it can
-    /// be read again from any folder. Reading it gives an equal case but for the file and the lines (a path that is not
-    /// Unicode, which no case file can hold, is written with replacement characters).
+    /// Returns the case as run: defaults filled in, elastic constants converted, networks listed, paths absolute, so
+    /// that it can be read from any folder. Reading it gives an equal case except for the file and the line numbers (a
+    /// path that is not Unicode, which no case file can contain, is written with replacement characters).
     #[must_use]
     pub fn to_toml(&self) -> String {
         let mut text = String::new();
@@ -131,7 +131,7 @@ fn write_fiber_rve(out: &mut String, rve: &FiberRveCase) -> fmt::Result {
     Ok(())
 }
 
-/// Those that are not the defaults: zero and infinity are no values that a file can give.
+/// Formats the entries of `life` that differ from the defaults; the defaults zero and infinity are not valid in a file.
 fn life_entries(life: &LifeCase) -> String {
     let before = match life.before {
         Before::Linear => "linear",
@@ -164,8 +164,8 @@ fn law_entries(material: &FiberMaterial) -> String {
     format!("name = {}, {}", quoted(material.law.name()), entries.join(", "))
 }
 
-/// The parameters of a law. A table is written with its points, wherever they came from; a law that no case file can name
-/// with all that it depends on.
+/// Formats the parameters of a law. A table is written as points, even if it came from a file; a custom law, which no
+/// case file can name, with all its parameters.
 fn parameters(law: &Law) -> Vec<String> {
     let of = |name: &str, value: f64| format!("{name} = {value:?}");
     match law {

@@ -1,4 +1,4 @@
-//! Charts as SVG text, drawn by plotters: lines over a number, iterations beside an extension, stacked bars.
+//! Charts as SVG text, drawn with plotters: lines, extension with iteration counts, stacked bars.
 
 use plotters::coord::ranged1d::ValueFormatter;
 use plotters::coord::types::RangedCoordf64;
@@ -7,7 +7,7 @@ use plotters::prelude::*;
 use super::ReportError;
 use super::units::{round_step, significant};
 
-/// Okabe and Ito's colors, told apart by color-blind eyes.
+/// Okabe and Ito's colors, distinguishable for color-blind readers.
 const COLORS: [RGBColor; 7] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
@@ -25,20 +25,20 @@ const FONT: &str = "sans-serif";
 /// A named line.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Line {
-    /// What it is.
+    /// Name in the legend.
     pub name: String,
-    /// Its points, in order.
+    /// The points of the line, in order.
     pub points: Vec<(f64, f64)>,
 }
 
-/// What a chart is called and what stands along its axes.
+/// The name of a chart and the labels of its axes.
 #[derive(Clone, Copy, Debug)]
 pub struct Labels<'a> {
-    /// In error messages and for readers that cannot see.
+    /// Name of the chart, for error messages and screen readers.
     pub chart: &'static str,
-    /// Below.
+    /// Label of the horizontal axis.
     pub x: &'a str,
-    /// At the left.
+    /// Label of the left vertical axis.
     pub y: &'a str,
 }
 
@@ -53,12 +53,13 @@ fn svg(labels: Labels, draw: impl FnOnce(&Area) -> Drawn) -> Result<String, Repo
         area.fill(&WHITE).and_then(|()| draw(&area)).and_then(|()| area.present())
     };
     drawn.map_err(|error| ReportError::Chart { chart: labels.chart, reason: error.to_string() })?;
-    // A page scales its charts, and says what they are.
+    // The page scales its charts; the label names the chart for screen readers.
     let head = format!("<svg role=\"img\" aria-label=\"{}\" ", labels.chart);
     Ok(text.replacen("<svg ", &head, 1))
 }
 
-/// The range of an axis that holds all values, rounded outwards; from zero where the values do not stay far from it.
+/// Returns an axis range that contains all values, rounded outward. It includes zero if the smallest magnitude is less
+/// than half of the largest.
 fn range(values: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
     let finite = values.filter(|value| value.is_finite());
     let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), value| (a.min(value), b.max(value)));
@@ -72,14 +73,14 @@ fn range(values: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
         let margin = if low == 0.0 { 1.0 } else { 0.1 * low.abs() };
         return low - margin..high + margin;
     }
-    // A hair of room, so that a line along the rim is seen whole.
+    // A small margin, so that a line along the upper edge is fully visible.
     ((low / step + 1e-9).floor() * step)..((high / step - 1e-9).ceil() * step + 0.05 * step)
 }
 
-/// Lines over a number.
+/// Draws lines over linear axes.
 ///
 /// # Errors
-/// [`ReportError::Chart`].
+/// Returns [`ReportError::Chart`] if the chart cannot be drawn.
 pub fn lines(labels: Labels, lines: &[Line]) -> Result<String, ReportError> {
     let points = || lines.iter().flat_map(|line| line.points.iter().copied());
     let (x, y) = (range(points().map(|(x, _)| x)), range(points().map(|(_, y)| y)));
@@ -95,7 +96,7 @@ pub fn lines(labels: Labels, lines: &[Line]) -> Result<String, ReportError> {
     })
 }
 
-/// The corner, about as large as a legend, that the fewest points of the lines lie in.
+/// Returns the corner, about as large as a legend, that contains the fewest points of the lines.
 fn emptiest_corner(lines: &[Line], axes: (&std::ops::Range<f64>, &std::ops::Range<f64>)) -> SeriesLabelPosition {
     use SeriesLabelPosition::{LowerLeft, LowerRight, UpperLeft, UpperRight};
     const WIDE: f64 = 0.35;
@@ -112,10 +113,10 @@ fn emptiest_corner(lines: &[Line], axes: (&std::ops::Range<f64>, &std::ops::Rang
     emptiest.map_or(UpperLeft, |(corner, ..)| corner)
 }
 
-/// Lines over a number, with a logarithmic vertical axis; what is not positive is left out.
+/// Draws lines with a logarithmic vertical axis; values that are not positive are omitted.
 ///
 /// # Errors
-/// [`ReportError::Chart`].
+/// Returns [`ReportError::Chart`] if the chart cannot be drawn.
 pub fn logarithmic(labels: Labels, lines: &[Line]) -> Result<String, ReportError> {
     let lines: Vec<Line> = lines
         .iter()
@@ -175,7 +176,7 @@ fn axes(chart: &mut Chart, labels: Labels) -> Drawn {
         .draw()
 }
 
-/// A tick: without the digits that rounding left behind.
+/// Formats a tick without the digits caused by rounding errors.
 fn label(value: &f64) -> String {
     let text = RangedCoordf64::format(value);
     let text = text.strip_suffix(".0").unwrap_or(&text);
@@ -204,11 +205,11 @@ fn legend<'a, 'b: 'a>(chart: &mut Chart<'a, 'b>, corner: SeriesLabelPosition) ->
         .draw()
 }
 
-/// The extension of every increment as a line (left axis) and its Newton iterations as bars (right axis), over the
-/// number of the increment, from 1.
+/// Draws the extension of every increment as a line (left axis) and its Newton iterations as bars (right axis), over
+/// the number of the increment, from 1.
 ///
 /// # Errors
-/// [`ReportError::Chart`].
+/// Returns [`ReportError::Chart`] if the chart cannot be drawn.
 pub fn extension_and_iterations(
     labels: Labels,
     extension: &[(f64, f64)],
@@ -216,7 +217,7 @@ pub fn extension_and_iterations(
 ) -> Result<String, ReportError> {
     let last = extension.iter().chain(iterations).map(|&(x, _)| x).fold(1.0, f64::max);
     let left = range(extension.iter().map(|&(_, y)| y).chain([0.0]));
-    // Bars stay in the lower half, below the line.
+    // The scale of the right axis keeps the bars in the lower part of the chart, below the line.
     let most = iterations.iter().map(|&(_, y)| y).fold(1.0, f64::max);
     svg(labels, |area| {
         let mut chart = ChartBuilder::on(area)
@@ -262,15 +263,15 @@ fn whole(value: f64) -> String {
     if (value - value.round()).abs() < 1e-6 { format!("{value:.0}") } else { String::new() }
 }
 
-/// Bars over the number of the increment, from 1: one layer a line, in their order from below.
+/// Draws stacked bars over the number of the increment, from 1: one layer per line, in order from the bottom.
 ///
 /// # Errors
-/// [`ReportError::Chart`].
+/// Returns [`ReportError::Chart`] if the chart cannot be drawn.
 pub fn stacked_bars(labels: Labels, layers: &[Line]) -> Result<String, ReportError> {
     let increments = layers.iter().map(|layer| layer.points.len()).max().unwrap_or(0);
     let height = |k: usize| layers.iter().filter_map(|layer| layer.points.get(k)).map(|&(_, y)| y).sum::<f64>();
     let top = range((0..increments).map(height).chain([0.0]));
-    // Room above the bars for the legend, a line a layer.
+    // Space above the bars for the legend, one row per layer.
     let room = 1.0 / (1.0 - (0.075 * layers.len() as f64).min(0.6));
     let last = layers.iter().flat_map(|layer| &layer.points).map(|&(x, _)| x).fold(1.0, f64::max);
     svg(labels, |area| {

@@ -1,4 +1,4 @@
-//! What a result directory holds, read once for everything that is drawn from it.
+//! The content of a result directory, read once for all figures.
 
 use std::path::{Path, PathBuf};
 
@@ -12,15 +12,15 @@ use crate::tissue::results::{Collection, Event, FIELDS_FILE, Fields, LOADS_FILE,
 /// A result directory. Parts that a run did not write are absent or empty.
 #[derive(Clone, Debug)]
 pub struct Directory {
-    /// Where it is.
+    /// Path of the directory.
     pub path: PathBuf,
-    /// The head of the log.
+    /// The last start event of the log.
     pub start: Option<Start>,
-    /// The converged increments of the log, as they came.
+    /// The converged increments of the log, in the order of the file.
     pub steps: Vec<Step>,
-    /// The attempts that failed.
+    /// The failed attempts.
     pub cuts: Vec<Cut>,
-    /// The end of the log; absent while the run goes on.
+    /// The end event of the log; `None` during the run.
     pub end: Option<End>,
     /// The table of loads.
     pub loads: Option<Loads>,
@@ -28,24 +28,25 @@ pub struct Directory {
     pub fields: Vec<Entry>,
 }
 
-/// One converged load increment: what the log and the table of loads say about it.
+/// One converged load increment, with its data from the log and from the table of loads.
 #[derive(Clone, Copy, Debug)]
 pub struct Increment<'a> {
     /// The load step.
     pub step: usize,
     /// Pseudo-time at its end.
     pub t: f64,
-    /// From the log.
+    /// The event in the log.
     pub log: Option<&'a Step>,
-    /// From the table of loads.
+    /// The row in the table of loads.
     pub row: Option<&'a LoadRow>,
 }
 
 impl Directory {
-    /// Reads what is there.
+    /// Reads the files that exist.
     ///
     /// # Errors
-    /// [`ReportError::NoResults`] where nothing is; [`ReportError::Results`] where a file is damaged.
+    /// Returns [`ReportError::NoResults`] if there is no result file, or [`ReportError::Results`] if a file cannot be
+    /// read or is damaged.
     pub fn open(path: &Path) -> Result<Self, ReportError> {
         let file = |name: &str| Some(path.join(name)).filter(|file| file.is_file());
         let (log, loads, fields) = (file(LOG_FILE), file(LOADS_FILE), file(FIELDS_FILE));
@@ -67,7 +68,7 @@ impl Directory {
 
     fn take(&mut self, event: Event) {
         match event {
-            // A run that was resumed starts again: its end is still to come.
+            // A resumed run starts again; its end is still to come.
             Event::Start(start) => (self.start, self.end) = (Some(start), None),
             Event::Step(step) => self.steps.push(step),
             Event::Cut(cut) => self.cuts.push(cut),
@@ -76,7 +77,7 @@ impl Directory {
         }
     }
 
-    /// What the run is called: from the log, or else the name of the directory.
+    /// Returns the title of the run from the log, or else the name of the directory.
     #[must_use]
     pub fn title(&self) -> String {
         let named = self.start.as_ref().map(|start| start.title.trim()).filter(|title| !title.is_empty());
@@ -86,8 +87,8 @@ impl Directory {
         })
     }
 
-    /// The converged increments in the order of time. Of an increment that a resumed run computed again, the last
-    /// counts.
+    /// Returns the converged increments in the order of time. If a resumed run computed an increment again, the last
+    /// result is used.
     #[must_use]
     pub fn increments(&self) -> Vec<Increment<'_>> {
         let mut increments: Vec<Increment> = Vec::new();
@@ -109,10 +110,10 @@ impl Directory {
         increments
     }
 
-    /// The field file of a step, or the last one.
+    /// Returns the field file of a step, or the last one if `step` is `None`.
     ///
     /// # Errors
-    /// [`ReportError::NoFields`], [`ReportError::NoStep`].
+    /// Returns [`ReportError::NoFields`] if there are no fields, or [`ReportError::NoStep`] if the step has none.
     pub fn field_file(&self, step: Option<usize>) -> Result<&Entry, ReportError> {
         let last = self.fields.last().ok_or_else(|| ReportError::NoFields { dir: self.path.clone() })?;
         let Some(step) = step else { return Ok(last) };
@@ -127,14 +128,15 @@ impl Directory {
     /// Reads a field file.
     ///
     /// # Errors
-    /// [`ReportError::Results`] where it is missing or damaged, [`ReportError::EmptyMesh`].
+    /// Returns [`ReportError::Results`] if it is missing or damaged, or [`ReportError::EmptyMesh`] if it has no
+    /// element.
     pub fn read_fields(&self, entry: &Entry) -> Result<Fields, ReportError> {
         let file = self.path.join(&entry.file);
         let fields = read_fields(&file)?;
         if fields.elements.is_empty() { Err(ReportError::EmptyMesh { file }) } else { Ok(fields) }
     }
 
-    /// How far the body is extended in these fields, as a fraction: from the loads of that time, or else from the
+    /// Returns the extension of the body in these fields, as a fraction: from the loads at that time, or else from the
     /// bounding box of the body.
     #[must_use]
     pub fn extension_at(&self, entry: &Entry, fields: &Fields) -> Option<f64> {

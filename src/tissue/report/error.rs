@@ -1,4 +1,4 @@
-//! Why a report or a picture cannot be made.
+//! Errors of reports and pictures.
 
 use std::path::PathBuf;
 
@@ -6,13 +6,13 @@ use thiserror::Error;
 
 use crate::tissue::results::ResultsError;
 
-/// Why a report or a picture cannot be made.
+/// The reason why a report or a picture cannot be made.
 #[derive(Debug, Error)]
 pub enum ReportError {
     /// A file of the directory cannot be read, or the page cannot be written.
     #[error(transparent)]
     Results(#[from] ResultsError),
-    /// The directory holds none of the files of a run.
+    /// The directory has none of the files of a run.
     #[error("{}: is no result directory: it holds neither `log.jsonl` nor `loads.csv` nor `fields.pvd`", dir.display())]
     NoResults {
         /// The directory.
@@ -30,28 +30,28 @@ pub enum ReportError {
         /// The field file.
         file: PathBuf,
     },
-    /// Fields of that step were not written.
+    /// There are no fields of the requested step.
     #[error("no fields of step {step}; there are those of {}", list(available))]
     NoStep {
-        /// The step asked for.
+        /// The requested step.
         step: usize,
-        /// The steps that can be had.
+        /// The steps that have fields.
         available: Vec<usize>,
     },
-    /// There is no field under that name that has one number an element.
+    /// There is no field with the requested name and one value per element.
     #[error("no field `{field}` to color by; there are {}", list(available))]
     NoField {
-        /// The field asked for.
+        /// The requested field.
         field: String,
-        /// The fields that can be had.
+        /// The available fields.
         available: Vec<String>,
     },
     /// A chart could not be drawn.
     #[error("the chart of {chart} cannot be drawn: {reason}")]
     Chart {
-        /// What it shows.
+        /// The name of the chart.
         chart: &'static str,
-        /// The answer of the drawing library.
+        /// The error message of the drawing library.
         reason: String,
     },
 }

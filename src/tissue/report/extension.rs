@@ -1,29 +1,30 @@
-//! How far a body is pulled: one number a load increment, from the displacements of its surfaces.
+//! The extension of a pulled body: one number per load increment, from the displacements of its surfaces.
 //!
-//! The pull is the axis and the two surfaces whose mean displacements differ most in the last row of `loads.csv`; the
-//! elongation is that difference, positive where the body becomes longer, and the extension is the elongation over the
-//! reference length of the body (the edge of its bounding box along that axis). For a bar held and pulled at its ends
-//! this is the engineering strain. Where there are no surfaces to compare, the change of the bounding box along its
-//! longest edge serves instead.
+//! The direction of the pull is the axis and the two surfaces whose mean displacements differ most in the last row of
+//! `loads.csv`; the elongation is that difference, positive if the body becomes longer, and the extension is the
+//! elongation divided by the reference length of the body (the edge of its bounding box along that axis). For a bar
+//! held and pulled at its ends this is the engineering strain. Without such surfaces, the change of the bounding box
+//! along its longest edge is used instead.
 
 use crate::tissue::results::loads::LoadRow;
 use crate::tissue::results::{Fields, Loads};
 
-/// The pull on a body.
+/// The direction of the pull, and the reference length.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Extension {
     /// 0, 1, 2 for x, y, z.
     pub axis: usize,
-    /// The two surfaces, as they are numbered in the table of loads.
+    /// The two surfaces, as indices into the surfaces of the table of loads.
     pub surfaces: [usize; 2],
-    /// Reference length of the body along the axis, m, where fields tell it.
+    /// Reference length of the body along the axis, m, if fields are available.
     pub length: Option<f64>,
-    /// 1 or -1: makes a body that becomes longer count positive.
+    /// 1 or -1, so that the elongation is positive if the body becomes longer.
     sign: f64,
 }
 
 impl Extension {
-    /// Finds the pull. Fields, with their time, give the length of the body and tell pulling from pushing.
+    /// Determines the direction of the pull. The fields, with their time, give the length of the body and distinguish
+    /// pulling from pushing.
     #[must_use]
     pub fn find(loads: &Loads, fields: Option<(&Fields, f64)>) -> Option<Self> {
         let last = loads.rows.last()?;
@@ -55,7 +56,7 @@ impl Extension {
         Some(extension)
     }
 
-    /// The elongation in a row, m.
+    /// Returns the elongation in a row, m.
     #[must_use]
     pub fn elongation(&self, row: &LoadRow) -> f64 {
         let [from, to] =
@@ -63,20 +64,20 @@ impl Extension {
         self.sign * (to - from)
     }
 
-    /// The extension in a row, where the length of the body is known.
+    /// Returns the extension in a row, if the length of the body is known.
     #[must_use]
     pub fn fraction(&self, row: &LoadRow) -> Option<f64> {
         self.length.map(|length| self.elongation(row) / length)
     }
 }
 
-/// The row of a time, the last one where there are several.
+/// Returns the row at a time; the last one if there are several.
 pub(super) fn row_at(loads: &Loads, time: f64) -> Option<&LoadRow> {
     loads.rows.iter().rev().find(|row| (row.t - time).abs() < 1e-12)
 }
 
-/// The change of the bounding box along its longest reference edge, over that edge. Of edges that differ by less than a
-/// tenth (a cube), the one that changes most.
+/// Returns the relative change of the bounding box along its longest reference edge. Among edges that are less than a
+/// tenth shorter (a cube), the one with the largest change is used.
 #[must_use]
 pub fn box_extension(fields: &Fields) -> Option<f64> {
     let (reference, current) = (edges(fields.points.iter().copied()), edges(deformed(fields)));
@@ -86,7 +87,7 @@ pub fn box_extension(fields: &Fields) -> Option<f64> {
     changes.max_by(|a, b| a.abs().total_cmp(&b.abs()))
 }
 
-/// Current positions; the reference positions where no displacement was written.
+/// Returns the current positions, or the reference positions if there is no displacement field.
 pub(super) fn deformed(fields: &Fields) -> impl Iterator<Item = [f64; 3]> + '_ {
     let displacement = fields.point_vector("displacement").unwrap_or_default();
     fields.points.iter().enumerate().map(move |(k, point)| {
@@ -95,7 +96,7 @@ pub(super) fn deformed(fields: &Fields) -> impl Iterator<Item = [f64; 3]> + '_ {
     })
 }
 
-/// Edge lengths of the bounding box.
+/// Returns the edge lengths of the bounding box.
 fn edges(points: impl Iterator<Item = [f64; 3]>) -> [f64; 3] {
     let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     for point in points {

@@ -1,7 +1,7 @@
-//! Pictures and the report page, made from a result directory alone: of a finished run, or of one that goes on.
+//! Pictures and the report page, made only from a result directory, during or after the run.
 //!
-//! [`picture::draw`] draws the deformed body with its fiber directions, [`page::write()`](fn@page::write) one
-//! self-contained HTML page with that picture, charts and a table. What a directory does not hold is left out.
+//! [`picture::draw`] draws the deformed body with its fiber directions, [`page::write()`](fn@page::write) writes one
+//! self-contained HTML page with that picture, charts and a table. Parts without data are omitted.
 
 pub mod charts;
 pub mod directory;

@@ -1,6 +1,6 @@
-//! Numbers as people read them: few digits, a prefix before the unit, round ticks.
+//! Formatting numbers for readers: few digits, unit prefixes, round ticks.
 
-/// A power of ten that makes numbers up to `largest` readable, and its prefix: `(1e3, "k")` for 25 000.
+/// Returns the power of ten that makes numbers up to `largest` readable, and its prefix: `(1e3, "k")` for 25 000.
 pub(super) fn prefix(largest: f64) -> (f64, &'static str) {
     const PREFIXES: [(f64, &str); 8] =
         [(1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "\u{b5}"), (1e-9, "n"), (1e-12, "p")];
@@ -11,7 +11,7 @@ pub(super) fn prefix(largest: f64) -> (f64, &'static str) {
     PREFIXES.into_iter().find(|&(power, _)| size >= 0.9995 * power).unwrap_or((1e-12, "p"))
 }
 
-/// Three significant digits and the unit with its prefix: `25.3 kPa`. A number without unit has no prefix.
+/// Formats three significant digits and the unit with its prefix: `25.3 kPa`. A number without unit gets no prefix.
 pub(super) fn quantity(value: f64, unit: &str) -> String {
     if unit.is_empty() {
         return significant(value);
@@ -20,7 +20,7 @@ pub(super) fn quantity(value: f64, unit: &str) -> String {
     format!("{}\u{a0}{prefix}{unit}", significant(value / power))
 }
 
-/// Three significant digits, without an exponent where that stays short.
+/// Formats three significant digits, without an exponent for magnitudes from 1e-4 to 1e6.
 pub(super) fn significant(value: f64) -> String {
     let size = value.abs();
     if value == 0.0 {
@@ -38,18 +38,18 @@ pub(super) fn significant(value: f64) -> String {
     }
 }
 
-/// Round numbers (1, 2 or 5 times a power of ten apart) inside `[low, high]`, about `count` of them.
+/// Returns about `count` round ticks inside `[low, high]`, spaced by 1, 2 or 5 times a power of ten.
 pub(super) fn ticks(low: f64, high: f64, count: usize) -> Vec<f64> {
     let step = round_step((high - low) / count.max(1) as f64);
     if step == 0.0 || !step.is_finite() {
         return vec![low];
     }
-    // A last tick that rounding puts a hair outside still belongs.
+    // A last tick that rounding errors put slightly outside is kept.
     let (first, last) = ((low / step - 1e-9).ceil() as i64, (high / step + 1e-9).floor() as i64);
     (first..=last).map(|k| k as f64 * step).collect()
 }
 
-/// A tick in as many decimals as the distance of the ticks needs.
+/// Formats a tick with as many decimals as the spacing of the ticks needs.
 pub(super) fn tick_label(tick: f64, ticks: &[f64]) -> String {
     let step = match ticks {
         [first, second, ..] => second - first,
@@ -64,7 +64,7 @@ pub(super) fn tick_label(tick: f64, ticks: &[f64]) -> String {
     }
 }
 
-/// The nearest of 1, 2, 5 times a power of ten that is not below `wanted`.
+/// Returns the smallest of 1, 2, 5 times a power of ten that is not below `wanted`.
 pub(super) fn round_step(wanted: f64) -> f64 {
     if wanted.is_nan() || wanted <= 0.0 {
         return 0.0;
@@ -74,7 +74,7 @@ pub(super) fn round_step(wanted: f64) -> f64 {
     digit.unwrap_or(10.0) * power
 }
 
-/// A text inside XML or HTML.
+/// Escapes a text for XML or HTML.
 pub(super) fn escape(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for letter in text.chars() {

@@ -1,4 +1,4 @@
-//! Removing what an earlier run has left.
+//! Removing the files of an earlier run.
 
 use std::fs;
 use std::io::ErrorKind;
@@ -12,12 +12,13 @@ use super::{CASE_FILE, FIELDS_FILE, LOADS_FILE, LOG_FILE, NETWORKS_FOLDER, REPOR
 use crate::output::final_name;
 use crate::tissue::replay::{LOST_FOLDER, lost_file};
 
-/// Removes the loads, the log, the fields, the networks and the page of figures of an earlier run from a result directory,
-/// finished or not. Files of other names, and checkpoints, stay; so does a page of figures that comes from elsewhere. That
-/// the others come from a run is for [`check_origin`](super::check_origin) to say, before.
+/// Removes the loads, log, fields, networks and report page of an earlier run, finished or not, from a result
+/// directory. Files with other names, checkpoints, and a report page that this program did not write stay. The caller
+/// must first check with [`check_origin`](super::check_origin) that the files were written by a run.
 ///
 /// # Errors
-/// [`ResultsError::Write`]; [`ResultsError::Read`].
+/// Returns [`ResultsError::Write`] if a file cannot be removed, or [`ResultsError::Read`] if the report page cannot be
+/// read.
 pub fn clear(dir: &Path) -> Result<(), ResultsError> {
     let single = [FIELDS_FILE, LOADS_FILE, LOG_FILE];
     remove(dir, |name| single.contains(&name) || is_of_step(name))?;
@@ -30,11 +31,11 @@ pub fn clear(dir: &Path) -> Result<(), ResultsError> {
     Ok(())
 }
 
-/// Removes what an interrupted run has left unfinished: the fields and networks of a state within a step, since a run that
-/// is resumed takes the step again, and files that were being written.
+/// Removes the unfinished output of an interrupted run: the fields and networks of a state within a step, since a
+/// resumed run repeats that step, and temporary files that were being written.
 ///
 /// # Errors
-/// [`ResultsError::Write`].
+/// Returns [`ResultsError::Write`] if a file cannot be removed.
 pub fn clear_unfinished(dir: &Path) -> Result<(), ResultsError> {
     let single = [CASE_FILE, FIELDS_FILE, LOADS_FILE, LOG_FILE, REPORT_FILE];
     remove_as(dir, |name, unfinished| is_partial(name) || unfinished && (single.contains(&name) || is_of_step(name)))?;
@@ -44,28 +45,28 @@ pub fn clear_unfinished(dir: &Path) -> Result<(), ResultsError> {
     remove_as(&dir.join(LOST_FOLDER), |name, unfinished| unfinished && is_lost(name))
 }
 
-/// Whether this is a file of the fields of a step, or of a state within one.
+/// Returns true for a field file of a step, or of a state within one.
 fn is_of_step(name: &str) -> bool {
     is_field(name) || is_index(name) || is_part(name) || is_partial(name)
 }
 
-/// Whether this is a file of the fields of a body.
+/// Returns true for the field file of an undivided body.
 pub(super) fn is_field(name: &str) -> bool {
     numbers(name, ["fields-", ".vtu"]).is_some_and(|[step]| name == field_file(step))
 }
 
-/// Whether this names the pieces of the fields of a body in several parts.
+/// Returns true for an index file, which names the field pieces of a divided body.
 pub(super) fn is_index(name: &str) -> bool {
     numbers(name, ["fields-", ".pvtu"]).is_some_and(|[step]| name == index_file(step))
 }
 
-/// Whether this is a piece of the fields of a body in several parts.
+/// Returns true for a field piece of a divided body.
 pub(super) fn is_part(name: &str) -> bool {
     let numbers = numbers(name, ["fields-", "-part-", ".vtu"]);
     numbers.is_some_and(|[step, part]| name == part_file(&index_file(step), part))
 }
 
-/// The element and the step whose network this file holds.
+/// Returns the element and the step of a network file.
 pub(super) fn element_and_step(name: &str) -> Option<(usize, usize)> {
     let [element, step] = numbers(name, ["element-", "-step-", ".vtp"])?;
     (name == network_file(element, step)).then_some((element, step))
@@ -75,12 +76,12 @@ pub(super) fn is_network(name: &str) -> bool {
     element_and_step(name).is_some()
 }
 
-/// Whether this is the collection of the networks of an element.
+/// Returns true for the collection of the networks of an element.
 pub(super) fn is_collection(name: &str) -> bool {
     element_of_collection(name).is_some()
 }
 
-/// The element whose networks this collection lists.
+/// Returns the element of a network collection.
 pub(super) fn element_of_collection(name: &str) -> Option<usize> {
     let [element] = numbers(name, ["element-", ".pvd"])?;
     (name == network_collection(element)).then_some(element)
@@ -93,7 +94,7 @@ pub(super) fn is_lost(name: &str) -> bool {
     })
 }
 
-/// Whether this is a file of a state within a step.
+/// Returns true for a file of a state within a step.
 pub(super) fn is_partial(name: &str) -> bool {
     let whole = name.replacen("-partial.", ".", 1);
     let numbers = numbers(name, ["fields-", "-partial-part-", ".vtu"]);
@@ -101,7 +102,7 @@ pub(super) fn is_partial(name: &str) -> bool {
         || name == partial(&whole) && (is_field(&whole) || is_index(&whole) || is_network(&whole))
 }
 
-/// The step whose fields or network this file holds.
+/// Returns the step of a field or network file.
 pub(super) fn step_of_name(name: &str) -> Option<usize> {
     let step = match name {
         _ if is_field(name) => numbers(name, ["fields-", ".vtu"]).map(|[step]| step),
@@ -112,7 +113,7 @@ pub(super) fn step_of_name(name: &str) -> Option<usize> {
     step.or_else(|| numbers(name, ["fields-", "-part-", ".vtu"]).filter(|_| is_part(name)).map(|[step, _]| step))
 }
 
-/// The numbers between these pieces of a name, one less than there are pieces.
+/// Returns the `N - 1` numbers between the `N` given pieces of a name.
 fn numbers<const N: usize, const M: usize>(name: &str, pieces: [&str; N]) -> Option<[usize; M]> {
     let mut rest = name.strip_prefix(pieces[0])?;
     let mut numbers = [0; M];
@@ -127,7 +128,8 @@ fn remove(folder: &Path, ours: impl Fn(&str) -> bool) -> Result<(), ResultsError
     remove_as(folder, |name, _| ours(name))
 }
 
-/// `unwanted` is given the final name of a file, and whether the file was being written.
+/// Removes the files for which `unwanted` returns true. Its arguments are the final name of the file, and whether the
+/// file is still a temporary one.
 fn remove_as(folder: &Path, unwanted: impl Fn(&str, bool) -> bool) -> Result<(), ResultsError> {
     let entries = match fs::read_dir(folder) {
         Ok(entries) => entries,

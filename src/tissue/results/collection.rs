@@ -1,5 +1,5 @@
-//! `fields.pvd`: which field file belongs to which time, in the form that ParaView opens; and the same for the networks
-//! of one element.
+//! The ParaView collection `fields.pvd`, which maps times to field files, and the collections of the networks of single
+//! elements.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -15,12 +15,12 @@ use super::{FIELDS_FILE, ResultsError};
 pub struct Entry {
     /// Pseudo-time.
     pub time: f64,
-    /// The file, relative to the folder of the collection.
+    /// Path of the file, relative to the folder of the collection.
     pub file: String,
 }
 
 impl Entry {
-    /// The step of a file named by [`field_file`] or [`index_file`]: the digits at the end of its name.
+    /// Returns the step of a file named by [`field_file`] or [`index_file`]: the digits at the end of its name.
     #[must_use]
     pub fn step(&self) -> Option<usize> {
         let stem = Path::new(&self.file).file_stem()?.to_str()?;
@@ -28,19 +28,19 @@ impl Entry {
     }
 }
 
-/// The name of the field file of a step.
+/// Returns the name of the field file of a step.
 #[must_use]
 pub fn field_file(step: usize) -> String {
     format!("fields-{step:05}.vtu")
 }
 
-/// The name of the file of a step that names the pieces of a body in several parts.
+/// Returns the name of the index file of a step, which names the pieces of a divided body.
 #[must_use]
 pub fn index_file(step: usize) -> String {
     format!("fields-{step:05}.pvtu")
 }
 
-/// The name of a file of a step for a state within the step after it: what a run that failed there has left.
+/// Returns the file name of a state within the step after the step of `file`, as left by a failed run.
 #[must_use]
 pub fn partial(file: &str) -> String {
     match file.rsplit_once('.') {
@@ -57,23 +57,25 @@ pub struct Collection {
 }
 
 impl Collection {
-    /// An empty collection in this directory. Nothing is written before the first [`add`](Self::add).
+    /// Creates an empty collection for this directory. Nothing is written before the first [`add`](Self::add).
     #[must_use]
     pub fn new(dir: &Path) -> Self {
         Self::at(dir.join(FIELDS_FILE))
     }
 
-    /// An empty collection in a file of another name, which should end in `.pvd`.
+    /// Creates an empty collection for a file with another name, which should end in `.pvd`.
     #[must_use]
     pub fn at(path: PathBuf) -> Self {
         Self { path, entries: Vec::new() }
     }
 
-    /// The collection in `path` of a run that is resumed: what is there up to and including `time`, and all of `known`, which
-    /// the run had written until then. One that is missing or damaged is restored from what is known.
+    /// Restores the collection in `path` for a resumed run: all entries of `known`, which the run had written before,
+    /// and the other entries listed there up to and including `time`. A missing or damaged collection is restored from
+    /// `known`.
     ///
     /// # Errors
-    /// [`ResultsError::Read`] where the system refuses, [`ResultsError::Write`].
+    /// Returns [`ResultsError::Read`] if the file exists but cannot be read, or [`ResultsError::Write`] if it cannot be
+    /// written.
     pub fn resume(path: PathBuf, time: f64, known: &[Entry]) -> Result<Self, ResultsError> {
         let listed = Self::listed(&path)?;
         let mut collection = Self::at(path);
@@ -88,7 +90,7 @@ impl Collection {
         Ok(collection)
     }
 
-    /// What a collection lists, nothing if it is damaged; `None` where there is none.
+    /// Returns the entries of a collection; empty if the file is damaged, `None` if it does not exist.
     pub(super) fn listed(path: &Path) -> Result<Option<Vec<Entry>>, ResultsError> {
         match Self::read_at(path.to_owned()) {
             Ok(read) => Ok(Some(read.entries)),
@@ -98,24 +100,24 @@ impl Collection {
         }
     }
 
-    /// Reads `fields.pvd` of a directory.
+    /// Reads `fields.pvd` from a directory.
     ///
     /// # Errors
-    /// [`ResultsError::Read`] where there is none, [`ResultsError::Damaged`] where it is no collection.
+    /// Returns [`ResultsError::Read`] if it cannot be read, or [`ResultsError::Damaged`] if it is not a collection.
     pub fn read(dir: &Path) -> Result<Self, ResultsError> {
         Self::read_at(dir.join(FIELDS_FILE))
     }
 
-    /// [`read`](Self::read) of a file of another name.
+    /// Reads a collection with another name.
     ///
     /// # Errors
-    /// As [`read`](Self::read).
+    /// See [`read`](Self::read).
     pub fn read_at(path: PathBuf) -> Result<Self, ResultsError> {
         let text = fs::read_to_string(&path).map_err(ResultsError::read(&path))?;
         Self::parse(path, &text)
     }
 
-    /// The collection that this text is, of a file at `path`.
+    /// Parses the text of the collection at `path`.
     pub(super) fn parse(path: PathBuf, text: &str) -> Result<Self, ResultsError> {
         let damaged =
             |what: String| ResultsError::damaged(&path, None, what, "a ParaView collection of files and times");
@@ -134,16 +136,16 @@ impl Collection {
         if ended { Ok(Self { path, entries }) } else { Err(damaged("does not end with `</VTKFile>`".into())) }
     }
 
-    /// The files and their times.
+    /// Returns the files with their times.
     #[must_use]
     pub fn entries(&self) -> &[Entry] {
         &self.entries
     }
 
-    /// Adds a file (relative to the folder of the collection) and rewrites the collection, which is whole at any moment.
+    /// Adds a file (relative to the folder of the collection) and replaces the collection on disk atomically.
     ///
     /// # Errors
-    /// [`ResultsError::Write`].
+    /// Returns [`ResultsError::Write`] if the collection cannot be written.
     pub fn add(&mut self, time: f64, file: &str) -> Result<(), ResultsError> {
         self.entries.push(Entry { time, file: file.into() });
         self.write()

@@ -1,4 +1,4 @@
-//! What can go wrong with the files of a result directory.
+//! Errors of reading and writing the files of a result directory.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -8,94 +8,95 @@ use thiserror::Error;
 /// A result file could not be written or read.
 #[derive(Debug, Error)]
 pub enum ResultsError {
-    /// The operating system refused to write.
+    /// A file or directory cannot be written.
     #[error("{}: cannot be written: {source}", path.display())]
     Write {
         /// The file.
         path: PathBuf,
-        /// Its answer.
+        /// The error of the operating system.
         source: io::Error,
     },
-    /// Another process of the run could not write.
+    /// Another process of the run failed to write its results.
     #[error("{reason}")]
     Elsewhere {
         /// The result directory.
         path: PathBuf,
-        /// Its words.
+        /// The error message of that process.
         reason: String,
     },
-    /// A file would be replaced or removed that no run has written. Nothing was touched.
+    /// A file that would be replaced or removed was not written by a run. Nothing was changed.
     #[error("{}: {what}", path.display())]
     Foreign {
         /// The file.
         path: PathBuf,
-        /// How that is known.
+        /// The property that shows this.
         what: &'static str,
     },
-    /// Another run writes its results into the same directory.
+    /// Another run writes its results to the same directory.
     #[error("{}: in use by another run: {holder}", path.display())]
     Locked {
         /// The result directory.
         path: PathBuf,
-        /// The process, and its machine, as far as they are known.
+        /// The process that holds the lock, and its machine, as far as known.
         holder: String,
     },
-    /// The operating system refused to read.
+    /// A file or directory cannot be read.
     #[error("{}: cannot be read: {source}", path.display())]
     Read {
         /// The file.
         path: PathBuf,
-        /// Its answer.
+        /// The error of the operating system.
         source: io::Error,
     },
-    /// A VTK file could not be put together.
+    /// The data cannot be encoded as a VTK file.
     #[error("{}: cannot be put into VTK form: {source}", path.display())]
     Encode {
         /// The file.
         path: PathBuf,
-        /// The writer's answer.
+        /// The error of the VTK library.
         source: vtkio::Error,
     },
-    /// The text of a file is not what was written there.
+    /// A file is missing or does not have the content that a run writes.
     #[error("{}{}: {what}; expected {expected}", path.display(), line.map(|l| format!(":{l}")).unwrap_or_default())]
     Damaged {
         /// The file.
         path: PathBuf,
-        /// Line, from 1, where there is one.
+        /// Line, from 1, if the error has one.
         line: Option<usize>,
-        /// What is wrong.
+        /// The defect found.
         what: String,
-        /// What should stand there.
+        /// The expected content.
         expected: &'static str,
     },
-    /// A field has another number of values than the mesh has points or elements, or a row other columns than the file.
+    /// A field does not have one value per point or element of the mesh, or a row does not have the columns of its
+    /// file.
     #[error("{}: `{name}` has {found} values where {expected} belong", path.display())]
     Length {
         /// The file that was to be written.
         path: PathBuf,
-        /// The field, or the kind of columns.
+        /// The name of the field, or the kind of columns.
         name: String,
-        /// How many values were given.
+        /// Number of values given.
         found: usize,
-        /// How many there must be.
+        /// Number of values required.
         expected: usize,
     },
-    /// An element names a node that does not exist.
+    /// An element refers to a node that does not exist.
     #[error("{}: element {element} names node {node}, but there are {nodes} nodes (from 0)", path.display())]
     ElementNode {
         /// The file.
         path: PathBuf,
         /// The element, from 0.
         element: usize,
-        /// The node it names.
+        /// The invalid node.
         node: u64,
-        /// How many nodes there are.
+        /// Number of nodes.
         nodes: usize,
     },
 }
 
 impl ResultsError {
-    /// The file concerned.
+    /// Returns the file or directory that caused the error.
     #[must_use]
     pub fn path(&self) -> &Path {
         match self {
@@ -111,7 +112,7 @@ impl ResultsError {
         }
     }
 
-    /// Whether the file to be read is not there.
+    /// Returns true if the file to be read does not exist.
     pub(super) fn is_not_found(&self) -> bool {
         matches!(self, Self::Read { source, .. } if source.kind() == io::ErrorKind::NotFound)
     }

@@ -1,7 +1,7 @@
 //! Fields on a mesh of tetrahedra, as a VTK file (`.vtu`) that ParaView, python-vtk and meshio open.
 //!
-//! Numbers are stored as they are in memory (64 bits, little endian, base64 inside XML), so that what is read back is
-//! bitwise what was written. Tensors carry all nine components, row-major.
+//! Numbers are stored in binary (64 bits, little endian, base64 in XML), so that reading a file returns bitwise the
+//! values written. Tensors have all nine components, row-major.
 
 use std::path::Path;
 
@@ -14,18 +14,18 @@ use super::ResultsError;
 pub use super::fields_read::{read_fields, read_vtu};
 use super::replace::replace;
 
-/// A mesh and its fields, borrowed for writing. Names are unique among the fields of points and among those of cells.
+/// A mesh and its fields, borrowed for writing. Names of point fields are unique, and so are names of cell fields.
 #[derive(Clone, Debug, Default)]
 pub struct FieldSet<'a> {
     /// Reference positions, m.
     pub points: &'a [[f64; 3]],
-    /// Four points an element, from 0, in VTK's order (the determinant of the edges from the first point is positive).
+    /// Four points per element, from 0, in VTK's order (the determinant of the edges from the first point is positive).
     pub elements: &'a [[u32; 4]],
     /// Vectors at the points.
     pub point_vectors: Vec<(&'a str, &'a [[f64; 3]])>,
-    /// Numbers in the elements.
+    /// Scalars in the elements.
     pub cell_scalars: Vec<(&'a str, &'a [f64])>,
-    /// Whole numbers in the elements.
+    /// Integers in the elements.
     pub cell_integers: Vec<(&'a str, &'a [i64])>,
     /// Vectors in the elements.
     pub cell_vectors: Vec<(&'a str, &'a [[f64; 3]])>,
@@ -33,18 +33,18 @@ pub struct FieldSet<'a> {
     pub cell_tensors: Vec<(&'a str, &'a [[f64; 9]])>,
 }
 
-/// A mesh and its fields, read from a file: [`FieldSet`] with its own memory.
+/// A mesh and its fields, read from a file: the owned counterpart of [`FieldSet`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Fields {
     /// Reference positions, m.
     pub points: Vec<[f64; 3]>,
-    /// Four points an element, each below the number of points.
+    /// Four points per element, each below the number of points.
     pub elements: Vec<[u32; 4]>,
     /// Vectors at the points.
     pub point_vectors: Vec<(String, Vec<[f64; 3]>)>,
-    /// Numbers in the elements.
+    /// Scalars in the elements.
     pub cell_scalars: Vec<(String, Vec<f64>)>,
-    /// Whole numbers in the elements.
+    /// Integers in the elements.
     pub cell_integers: Vec<(String, Vec<i64>)>,
     /// Vectors in the elements.
     pub cell_vectors: Vec<(String, Vec<[f64; 3]>)>,
@@ -53,31 +53,31 @@ pub struct Fields {
 }
 
 impl Fields {
-    /// The vectors at the points under this name.
+    /// Returns the point vectors with this name.
     #[must_use]
     pub fn point_vector(&self, name: &str) -> Option<&[[f64; 3]]> {
         named(&self.point_vectors, name)
     }
 
-    /// The numbers in the elements under this name.
+    /// Returns the element scalars with this name.
     #[must_use]
     pub fn cell_scalar(&self, name: &str) -> Option<&[f64]> {
         named(&self.cell_scalars, name)
     }
 
-    /// The whole numbers in the elements under this name.
+    /// Returns the element integers with this name.
     #[must_use]
     pub fn cell_integer(&self, name: &str) -> Option<&[i64]> {
         named(&self.cell_integers, name)
     }
 
-    /// The vectors in the elements under this name.
+    /// Returns the element vectors with this name.
     #[must_use]
     pub fn cell_vector(&self, name: &str) -> Option<&[[f64; 3]]> {
         named(&self.cell_vectors, name)
     }
 
-    /// The tensors in the elements under this name, row-major.
+    /// Returns the element tensors with this name, row-major.
     #[must_use]
     pub fn cell_tensor(&self, name: &str) -> Option<&[[f64; 9]]> {
         named(&self.cell_tensors, name)
@@ -88,12 +88,12 @@ fn named<'a, T>(fields: &'a [(String, Vec<T>)], name: &str) -> Option<&'a [T]> {
     fields.iter().find(|(other, _)| other == name).map(|(_, values)| values.as_slice())
 }
 
-/// Writes a mesh and its fields to `path`, which should end in `.vtu`. A file that is there already stays whole until
-/// the new one is.
+/// Writes a mesh and its fields to `path`, which should end in `.vtu`. An existing file is replaced atomically.
 ///
 /// # Errors
-/// [`ResultsError::Length`] or [`ResultsError::ElementNode`] where the fields do not fit the mesh (nothing is written),
-/// [`ResultsError::Write`] where the disk refuses.
+/// Returns [`ResultsError::Length`] or [`ResultsError::ElementNode`] if the fields do not fit the mesh (nothing is
+/// written), [`ResultsError::Encode`] if the data cannot be encoded, or [`ResultsError::Write`] if the file cannot be
+/// written.
 pub fn write_vtu(path: &Path, fields: &FieldSet) -> Result<(), ResultsError> {
     check(path, fields)?;
     let encode = |source| ResultsError::Encode { path: path.into(), source };
@@ -105,8 +105,8 @@ pub fn write_vtu(path: &Path, fields: &FieldSet) -> Result<(), ResultsError> {
     replace(path, &bytes)
 }
 
-/// Declares an array of the cells signed, as VTK's own files have it: the bits are the same, but numpy, and with it
-/// meshio, turns a difference of unsigned and signed numbers into floating-point ones.
+/// Declares an array of the cells as signed, as VTK's own files do. The bits are the same, but numpy, and therefore
+/// meshio, converts a difference of unsigned and signed integers to floating point.
 pub(super) fn sign(bytes: &mut Vec<u8>, array: &str) {
     let (unsigned, signed) = (format!("type=\"UInt64\" Name=\"{array}\""), format!("type=\"Int64\" Name=\"{array}\""));
     if let Some(at) = bytes.windows(unsigned.len()).position(|window| window == unsigned.as_bytes()) {
@@ -114,7 +114,7 @@ pub(super) fn sign(bytes: &mut Vec<u8>, array: &str) {
     }
 }
 
-/// Every field has one value a point or an element, and every element names points that exist.
+/// Checks that every field has one value per point or element, and that every element refers to existing points.
 fn check(path: &Path, fields: &FieldSet) -> Result<(), ResultsError> {
     let (points, elements) = (fields.points.len(), fields.elements.len());
     let lengths = (fields.point_vectors.iter().map(|(name, values)| (*name, values.len(), points)))

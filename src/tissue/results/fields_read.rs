@@ -1,4 +1,4 @@
-//! Reading a `.vtu` file back.
+//! Reading `.vtu` files.
 
 use std::collections::HashMap;
 use std::fs;
@@ -10,11 +10,11 @@ use vtkio::model::{Attribute, CellType, DataSet, Piece, UnstructuredGridPiece, V
 
 use super::{Fields, ResultsError};
 
-/// Reads a file that [`write_vtu`](super::write_vtu) wrote. Arrays of other kinds than it writes are left out.
+/// Reads a file written by [`write_vtu`](super::write_vtu). Arrays of other types are ignored.
 ///
 /// # Errors
-/// [`ResultsError::Read`] where the file cannot be read; [`ResultsError::Damaged`] or [`ResultsError::ElementNode`]
-/// where it holds something else than a mesh of tetrahedra.
+/// Returns [`ResultsError::Read`] if the file cannot be read; [`ResultsError::Damaged`] or
+/// [`ResultsError::ElementNode`] if it does not hold a valid mesh of tetrahedra.
 pub fn read_vtu(path: &Path) -> Result<Fields, ResultsError> {
     let text = fs::read(path).map_err(ResultsError::read(path))?;
     check_arrays(path, &text)?;
@@ -29,11 +29,12 @@ pub fn read_vtu(path: &Path) -> Result<Fields, ResultsError> {
     mesh_and_fields(path, *piece)
 }
 
-/// Reads a file of fields: one of a whole body (`.vtu`), or one that names the pieces of a body in parts (`.pvtu`), which
-/// follow one another; points between parts come once.
+/// Reads the fields of a whole body (`.vtu`), or of the pieces of a divided body that an index file names (`.pvtu`),
+/// concatenated in order; points shared by several pieces are merged.
 ///
 /// # Errors
-/// As for [`read_vtu`], of every piece.
+/// Returns the errors of [`read_vtu`] for every piece, or [`ResultsError::Damaged`] if the index is invalid or the
+/// pieces have different fields.
 pub fn read_fields(path: &Path) -> Result<Fields, ResultsError> {
     if path.extension().is_none_or(|extension| extension != "pvtu") {
         return read_vtu(path);
@@ -47,7 +48,7 @@ pub fn read_fields(path: &Path) -> Result<Fields, ResultsError> {
     Ok(whole)
 }
 
-/// The files that an index of pieces names.
+/// Returns the files that an index file names.
 pub(super) fn sources(path: &Path, text: &str) -> Result<Vec<String>, ResultsError> {
     let damaged = |what: String| ResultsError::damaged(path, None, what, "a .pvtu file that names its pieces");
     let mut reader = quick_xml::Reader::from_str(text);
@@ -67,11 +68,11 @@ pub(super) fn sources(path: &Path, text: &str) -> Result<Vec<String>, ResultsErr
     }
 }
 
-/// What a point is known by: the bits of its position and of its vectors.
+/// The identity of a point: the bits of its position and of its vectors.
 type Mark = Vec<u64>;
 
-/// Puts a piece behind those that are there. A point that a piece before had, at the same place with the same values, is that
-/// one: otherwise the body would come apart where its pieces meet.
+/// Appends a piece. A point with the same position and values as a point of an earlier piece is merged with it;
+/// otherwise the body would have a gap where its pieces meet.
 fn append(whole: &mut Fields, piece: Fields, met: &mut HashMap<Mark, u32>, path: &Path) -> Result<(), ResultsError> {
     let marks: Vec<Mark> = (0..piece.points.len()).map(|point| mark(&piece, point)).collect();
     let is_new: Vec<bool> = marks.iter().map(|mark| !met.contains_key(mark)).collect();
@@ -116,7 +117,7 @@ fn keep<T>(values: &mut Vec<T>, which: &[bool]) {
     values.retain(|_| which.next().copied().unwrap_or(true));
 }
 
-/// Whether both have the same fields, which are then one behind the other.
+/// Appends the fields of `piece` to those of `whole` and returns true if both have the same field names.
 fn extend<T>(whole: &mut [(String, Vec<T>)], piece: Vec<(String, Vec<T>)>) -> bool {
     let same = whole.len() == piece.len() && whole.iter().zip(&piece).all(|((a, _), (b, _))| a == b);
     for ((_, whole), (_, piece)) in whole.iter_mut().zip(piece) {
@@ -125,8 +126,8 @@ fn extend<T>(whole: &mut [(String, Vec<T>)], piece: Vec<(String, Vec<T>)>) -> bo
     same
 }
 
-/// The reader behind takes for granted that there are points and that every array holds at least its own length
-/// (a header of eight bytes): check it, so that a damaged file is an error.
+/// Checks that the file has points and that every array has at least the header with its length (eight bytes), because
+/// the VTK reader assumes both; a damaged file then gives an error instead of a panic.
 pub(super) fn check_arrays(path: &Path, text: &[u8]) -> Result<(), ResultsError> {
     let damaged = |what: String| {
         ResultsError::damaged(path, None, what, "VTK's XML form with the arrays in base64, as this program writes it")
@@ -149,7 +150,7 @@ pub(super) fn check_arrays(path: &Path, text: &[u8]) -> Result<(), ResultsError>
                     *digits += text.chars().filter(|letter| !letter.is_whitespace() && *letter != '=').count();
                 }
             }
-            // Eight bytes are eleven digits of six bits.
+            // Eight bytes take eleven base64 digits of six bits.
             XmlEvent::End(tag)
                 if tag.name().as_ref() == "DataArray" && array.take().is_some_and(|digits| digits < 11) =>
             {

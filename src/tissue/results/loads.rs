@@ -1,9 +1,9 @@
-//! `loads.csv`: the forces on the body and the displacements that go with them, a row a converged step.
+//! `loads.csv`: forces and displacements of the body, one row per converged step.
 //!
 //! Columns: `step,t`, then for every surface `NAME.area` (current, m^2), `NAME.fx`, `.fy`, `.fz` (the force exerted on
 //! the body through it, N), `NAME.ux`, `.uy`, `.uz` (mean displacement, m), then for every held point
-//! `NAME.fx`, `.fy`, `.fz` (N), then for every region `NAME.volume` (current, m^3). Numbers have 17 digits, so that they
-//! are read back exactly.
+//! `NAME.fx`, `.fy`, `.fz` (N), then for every region `NAME.volume` (current, m^3). Numbers have 17 significant digits,
+//! so that reading them is exact.
 
 use std::fs::{File, OpenOptions};
 use std::io::Write;
@@ -18,33 +18,33 @@ use crate::checksum::sum_of;
 const SURFACE_COLUMNS: [&str; 7] = ["area", "fx", "fy", "fz", "ux", "uy", "uz"];
 const POINT_COLUMNS: [&str; 3] = ["fx", "fy", "fz"];
 
-/// What happens on a surface at one time.
+/// The state of a surface at one time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SurfaceRow {
     /// Current area, m^2.
     pub area: f64,
-    /// Force exerted on the body through the surface (reaction plus applied load), N.
+    /// Force exerted on the body through the surface (reaction force plus applied load), N.
     pub force: [f64; 3],
     /// Mean displacement, m.
     pub displacement: [f64; 3],
 }
 
-/// A row: one converged step.
+/// The row of one converged step.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LoadRow {
     /// The load step.
     pub step: usize,
     /// Pseudo-time.
     pub t: f64,
-    /// Surface by surface.
+    /// The states of all surfaces.
     pub surfaces: Vec<SurfaceRow>,
-    /// The force at every held point, N.
+    /// The reaction force at every held point, N.
     pub points: Vec<[f64; 3]>,
     /// The current volume of every region, m^3.
     pub volumes: Vec<f64>,
 }
 
-/// The whole table, read back.
+/// The whole table, as read from a file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Loads {
     /// Names of the surfaces.
@@ -53,11 +53,11 @@ pub struct Loads {
     pub points: Vec<String>,
     /// Names of the regions.
     pub regions: Vec<String>,
-    /// The rows, as they were written.
+    /// The rows, in the order of the file.
     pub rows: Vec<LoadRow>,
 }
 
-/// A line of the table as it was written, the header or a row: how many bytes, and their hash.
+/// Length and hash of a line of the table as written (the header or a row).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LineMark {
     bytes: u64,
@@ -70,33 +70,34 @@ impl LineMark {
     }
 }
 
-/// Writes the table while the run goes on.
+/// Appends rows to the table during a run.
 #[derive(Debug)]
 pub struct LoadsWriter {
     path: PathBuf,
     file: File,
     counts: [usize; 3],
-    /// Of the header, then of every row.
+    /// The mark of the header, then of every row.
     marks: Vec<LineMark>,
 }
 
 impl LoadsWriter {
-    /// Starts a new table; one that is there is replaced. Held points have no names of their own: call them
-    /// `point0`, `point1`, ...
+    /// Creates a new table and replaces an existing one. Held points have no names of their own: call them `point0`,
+    /// `point1`, ...
     ///
     /// # Errors
-    /// [`ResultsError::Write`].
+    /// Returns [`ResultsError::Write`] if the file cannot be written.
     pub fn create(path: &Path, surfaces: &[&str], points: &[&str], regions: &[&str]) -> Result<Self, ResultsError> {
         let header = line(path, header(surfaces, points, regions))?;
         replace(path, &header)?;
         Self::open(path, [surfaces.len(), points.len(), regions.len()], vec![LineMark::of(&header)])
     }
 
-    /// Goes on with the table of an interrupted run after step `done`: the steps from 1 to it must be there, each once and in
-    /// order. What comes after them is removed, for it will be computed again.
+    /// Continues the table of an interrupted run after step `done`: the steps from 1 to `done` must be there, each once
+    /// and in order. Later rows are removed, because the run computes them again.
     ///
     /// # Errors
-    /// [`ResultsError::Damaged`] where the table is not there, has other columns, or lacks a step; [`ResultsError::Write`].
+    /// Returns [`ResultsError::Damaged`] if the table is missing, has other columns, or lacks a step;
+    /// [`ResultsError::Read`] or [`ResultsError::Write`] if the file cannot be read or written.
     pub fn resume(
         path: &Path,
         surfaces: &[&str],
@@ -119,24 +120,25 @@ impl LoadsWriter {
         Ok(Self { path: path.into(), file, counts, marks })
     }
 
-    /// The header and all rows, as they were written.
+    /// Returns the marks of the header and of all rows.
     #[must_use]
     pub fn marks(&self) -> &[LineMark] {
         &self.marks
     }
 
-    /// Brings all rows to the disk.
+    /// Flushes all rows to the disk.
     ///
     /// # Errors
-    /// [`ResultsError::Write`].
+    /// Returns [`ResultsError::Write`] if the file cannot be flushed.
     pub fn sync(&self) -> Result<(), ResultsError> {
         self.file.sync_data().map_err(ResultsError::write(&self.path))
     }
 
-    /// Appends one row; it is with the operating system when this returns.
+    /// Appends one row and passes it to the operating system before returning.
     ///
     /// # Errors
-    /// [`ResultsError::Length`] where the row has other columns than the table; [`ResultsError::Write`].
+    /// Returns [`ResultsError::Length`] if the row does not have the columns of the table, or [`ResultsError::Write`]
+    /// if it cannot be written.
     pub fn row(
         &mut self,
         step: usize,
@@ -191,19 +193,21 @@ fn line(path: &Path, fields: Vec<String>) -> Result<Vec<u8>, ResultsError> {
 }
 
 impl Loads {
-    /// Reads a table back. A last row that was not finished is left out.
+    /// Reads a table. An unfinished last row is ignored.
     ///
     /// # Errors
-    /// [`ResultsError::Read`]; [`ResultsError::Damaged`] with the line where the text is no such table.
+    /// Returns [`ResultsError::Read`] if the file cannot be read, or [`ResultsError::Damaged`] with the line if the
+    /// text is not such a table.
     pub fn read(path: &Path) -> Result<Self, ResultsError> {
         Self::parse_rows(path, &whole_lines(path)?, None).map(|(loads, _)| loads)
     }
 
-    /// The steps from 1 to `done`, which must be there, each once and in order, with the text of the header and of each row.
-    /// What follows them is not looked at.
+    /// Reads the steps from 1 to `done`, which must be there, each once and in order, with the text of the header and
+    /// of each row. Later rows are not read.
     ///
     /// # Errors
-    /// [`ResultsError::Damaged`] with the first line that is not as it should be; [`ResultsError::Read`].
+    /// Returns [`ResultsError::Damaged`] with the first invalid line, or [`ResultsError::Read`] if the file cannot be
+    /// read.
     pub fn up_to(path: &Path, done: usize) -> Result<(Self, Vec<Vec<u8>>), ResultsError> {
         if !path.exists() {
             return Err(ResultsError::damaged(path, None, "is missing", "the rows of all load steps that converged"));
@@ -220,10 +224,10 @@ impl Loads {
         Ok((loads, lines))
     }
 
-    /// That the table begins with these lines, as they were written.
+    /// Checks that the table begins with the lines that these marks describe.
     ///
     /// # Errors
-    /// As for [`Loads::up_to`].
+    /// See [`Loads::up_to`]; also returns [`ResultsError::Damaged`] for a line that was changed.
     pub(super) fn check(path: &Path, marks: &[LineMark]) -> Result<(), ResultsError> {
         let (_, lines) = Self::up_to(path, marks.len().saturating_sub(1))?;
         let mut number = 1;
@@ -237,8 +241,8 @@ impl Loads {
         Ok(())
     }
 
-    /// The table, and where its header and each of its rows end: all rows as they come, or only those of the steps from 1 to
-    /// `steps`, in order.
+    /// Parses the table and returns it with the end offsets of its header and rows: all rows in the order of the file,
+    /// or only those of the steps from 1 to `steps`, which must be in order.
     fn parse_rows(path: &Path, text: &str, steps: Option<usize>) -> Result<(Self, Vec<usize>), ResultsError> {
         let mut reader = csv::Reader::from_reader(text.as_bytes());
         let damaged = |error: csv::Error| {
@@ -272,7 +276,7 @@ impl Loads {
         Ok((loads, ends))
     }
 
-    /// Whether a text begins with the header of such a table.
+    /// Returns true if a text begins with the header of such a table.
     pub(super) fn is_header(text: &[u8]) -> bool {
         let mut reader = csv::Reader::from_reader(text);
         reader.headers().is_ok_and(|header| {
@@ -281,7 +285,7 @@ impl Loads {
         })
     }
 
-    /// The names, from the header; or the column that does not fit and what should stand there.
+    /// Parses the names in the header; the error is the first invalid column and the expected one.
     fn of_header(header: &csv::StringRecord) -> Result<Self, (String, &'static str)> {
         let columns: Vec<&str> = header.iter().collect();
         let mut loads = Self::default();
@@ -312,7 +316,7 @@ impl Loads {
         Ok(loads)
     }
 
-    /// One row; or the field that is no number.
+    /// Parses one row; the error is the field that is not a number.
     fn parse(&self, record: &csv::StringRecord) -> Result<LoadRow, String> {
         let mut fields = record.iter();
         let step = fields.next().unwrap_or_default();

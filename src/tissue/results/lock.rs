@@ -1,4 +1,4 @@
-//! One run at a time writes into a result directory.
+//! The lock that lets only one run at a time write to a result directory.
 
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, Read, Write};
@@ -6,14 +6,14 @@ use std::path::{Path, PathBuf};
 
 use super::{LOCK_FILE, ResultsError};
 
-/// What a lock file begins with.
+/// The first word of a lock file.
 const BEGIN: &str = "process ";
 
-/// A result directory that is this run's own until this is dropped.
+/// Exclusive use of a result directory by this run until the lock is dropped.
 ///
-/// The lock is one of the operating system's, which ends with the process however that ends: the file that a killed run
-/// leaves behind stops no other. Readers need none. On a network file system it holds as far as that locks files: NFS
-/// since version 4 and of Linux does, between machines too.
+/// The operating system releases the lock when the process ends, for whatever reason: a file left by a killed run does
+/// not block other runs. Readers need no lock. On a network file system the lock works as far as the file system
+/// supports it: NFS since version 4, and NFS of Linux, also between machines.
 #[derive(Debug)]
 pub struct DirectoryLock {
     path: PathBuf,
@@ -21,12 +21,11 @@ pub struct DirectoryLock {
 }
 
 impl DirectoryLock {
-    /// Takes a directory, which is made where there is none. Where its file system cannot lock files, there is a warning
-    /// instead.
+    /// Locks a directory and creates it if necessary. If its file system cannot lock files, returns a warning instead.
     ///
     /// # Errors
-    /// [`ResultsError::Locked`] where another run has it; [`ResultsError::Foreign`] where the name of the lock file is taken;
-    /// [`ResultsError::Write`].
+    /// Returns [`ResultsError::Locked`] if another run holds the lock, [`ResultsError::Foreign`] if another file has
+    /// the name of the lock file, or [`ResultsError::Write`] if the directory or the lock file cannot be written.
     pub fn take(dir: &Path) -> Result<(Self, Option<String>), ResultsError> {
         fs::create_dir_all(dir).map_err(ResultsError::write(dir))?;
         let path = dir.join(LOCK_FILE);
@@ -58,7 +57,7 @@ impl DirectoryLock {
                     return Ok((Self { path, file: None }, Some(warning)));
                 }
             }
-            // The run before may have removed the file between its opening and its locking here.
+            // The previous run may have removed the file after this process opened it and before it was locked.
             if is_at(&file, &path) {
                 let mut old = String::new();
                 let _ = (&mut file).take(1000).read_to_string(&mut old);
@@ -75,7 +74,7 @@ impl DirectoryLock {
 fn name_holder(file: &mut File) -> io::Result<()> {
     use std::io::Seek as _;
 
-    // Linux; elsewhere the number of the process has to do.
+    // Only Linux has this file; elsewhere the process id has to suffice.
     let host = fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
     let on = if host.trim().is_empty() { String::new() } else { format!(" on {}", host.trim()) };
     file.set_len(0)?;
@@ -83,7 +82,7 @@ fn name_holder(file: &mut File) -> io::Result<()> {
     file.write_all(format!("{BEGIN}{}{on}\n", std::process::id()).as_bytes())
 }
 
-/// Whether the file at `path` is this one.
+/// Returns true if `path` still refers to the open file `file`.
 #[cfg(unix)]
 fn is_at(file: &File, path: &Path) -> bool {
     use std::os::unix::fs::MetadataExt as _;
@@ -92,7 +91,7 @@ fn is_at(file: &File, path: &Path) -> bool {
     place(file.metadata()) == place(fs::metadata(path))
 }
 
-/// A file that is open is not removed.
+/// Always returns true: these systems do not remove an open file.
 #[cfg(not(unix))]
 fn is_at(_: &File, _: &Path) -> bool {
     true
@@ -100,8 +99,9 @@ fn is_at(_: &File, _: &Path) -> bool {
 
 impl Drop for DirectoryLock {
     fn drop(&mut self) {
-        // While it is locked, so that no other run loses a file that it has locked. Left behind, it does no harm.
-        // The folder may have another name by now, and another run a lock of this one.
+        // The file is removed while still locked, so that no other run loses a file that it has just locked. Leaving it
+        // behind would do no harm. If the folder was renamed meanwhile, another run may hold a new lock file at this
+        // path.
         if cfg!(unix) && self.file.as_ref().is_some_and(|file| is_at(file, &self.path)) {
             let _ = fs::remove_file(&self.path);
         }
@@ -122,7 +122,7 @@ mod tests {
         assert!(said.contains(&format!("in use by another run: process {}", std::process::id())), "{said}");
         drop(own);
         assert!(cfg!(not(unix)) || fs::read_dir(&dir).unwrap().count() == 0);
-        // What a killed run leaves.
+        // The file that a killed run leaves.
         fs::write(dir.join(LOCK_FILE), "process 1 on elsewhere\n").unwrap();
         let _own = DirectoryLock::take(&dir).unwrap();
         let holder = fs::read_to_string(dir.join(LOCK_FILE)).unwrap();

@@ -1,4 +1,4 @@
-//! `log.jsonl`: what happened in a run, an object a line; `event` says what kind it is.
+//! `log.jsonl`: the events of a run, one JSON object per line; `event` is the kind of event.
 
 use std::fs::{File, OpenOptions};
 use std::io::Write;
@@ -13,46 +13,46 @@ use super::replace::{replace, whole_lines};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "event", rename_all = "snake_case")]
 pub enum Event {
-    /// The run begins; a run that is resumed begins again.
+    /// The run starts; a resumed run writes this event again.
     Start(Start),
-    /// A step (or a part of one, after cuts) converged.
+    /// A step, or a substep after cuts, converged.
     Step(Step),
-    /// A step did not converge and is tried again with a smaller increment.
+    /// A step did not converge and is repeated with a smaller increment.
     Cut(Cut),
-    /// Where the time of every rank went while the points were asked once; of runs on ranks.
+    /// How each rank spent its time in one evaluation of the integration points; only in runs on several ranks.
     Ranks(Ranks),
-    /// The run is over.
+    /// The run ended.
     End(End),
-    /// Something that a later version writes.
+    /// An event that only a later version writes.
     #[serde(other, skip_serializing)]
     Unknown,
 }
 
-/// What is about to be solved.
+/// The size of the problem.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Start {
-    /// What the run is called.
+    /// The title of the run.
     pub title: String,
     /// The linear-algebra backend.
     pub backend: String,
-    /// Elements of the mesh.
+    /// Number of elements of the mesh.
     pub elements: usize,
-    /// Nodes of the mesh.
+    /// Number of nodes of the mesh.
     pub nodes: usize,
-    /// Free unknowns of the macro scale.
+    /// Number of free unknowns of the macro scale.
     pub unknowns: usize,
-    /// Fiber RVEs.
+    /// Number of fiber RVEs.
     pub rves: usize,
-    /// Different networks among them.
+    /// Number of different networks among them.
     pub networks: usize,
-    /// Worker threads.
+    /// Number of worker threads.
     pub threads: usize,
-    /// Ranks of the macro scale and of the RVEs; 1 and 0 in one process.
+    /// Numbers of ranks of the macro and the micro scale; 1 and 0 if one process computes both.
     pub ranks: [usize; 2],
     /// Version of this program.
     pub version: String,
-    /// The converged step that a resumed run goes on from; 0 for a run from the beginning.
+    /// The last converged step before a resumed run; 0 for a run from the beginning.
     pub resumed_from: usize,
 }
 
@@ -63,29 +63,29 @@ pub struct Step {
     pub step: usize,
     /// Pseudo-time reached.
     pub t: f64,
-    /// How often this step was cut before.
+    /// Number of times that this step was cut before it converged.
     #[serde(default)]
     pub cuts: u32,
-    /// How often the body was brought to balance again because RVEs were created, woken or deleted.
+    /// Number of times that the body was solved again because RVEs were created, woken or deleted.
     #[serde(default)]
     pub rounds: usize,
-    /// Newton at the macro scale.
+    /// Newton's method at the macro scale.
     pub newton: NewtonLog,
-    /// The RVEs, where there are any.
+    /// Statistics of the RVEs, if there are any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rve: Option<RveLog>,
-    /// Whether forces balance.
+    /// The balance of forces.
     #[serde(default)]
     pub balance: Balance,
 }
 
-/// The balance of forces on the body. With body forces, their resultant is what is left.
+/// The balance of forces on the body. With body forces, the sum is not zero but balances their resultant.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Balance {
     /// The sum of the forces through all surfaces and held points, N.
     pub force: [f64; 3],
-    /// Its norm over that of the largest of them.
+    /// The norm of this sum divided by that of the largest single force.
     pub relative: f64,
 }
 
@@ -94,95 +94,95 @@ pub struct Balance {
 pub struct Cut {
     /// The load step, from 1.
     pub step: usize,
-    /// Pseudo-time aimed at.
+    /// Pseudo-time at the end of the attempted step.
     pub t: f64,
-    /// Why it failed.
+    /// The reason for the failure.
     pub reason: String,
-    /// The file, relative to this directory, that repeats the failure of the RVE that caused it.
+    /// The file, relative to this directory, that reproduces the failure of the RVE that caused the cut.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lost_rve: Option<PathBuf>,
-    /// As far as Newton came.
+    /// Newton's method at the macro scale up to the failure.
     #[serde(default)]
     pub newton: NewtonLog,
 }
 
-/// One trial state of Newton or its line search, rank by rank.
+/// One evaluation of a trial state by Newton's method or its line search, rank by rank.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Ranks {
     /// The load step, from 1.
     pub step: usize,
-    /// The trial state of the step, from 1.
+    /// Number of the trial state within the step, from 1.
     pub iteration: usize,
-    /// Where their time went.
+    /// The times of the ranks.
     pub ranks: Vec<RankSeconds>,
 }
 
-/// Where the time of a rank went since it was last asked, s.
+/// How a rank spent its time since its previous report, s.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct RankSeconds {
-    /// Its number among all ranks.
+    /// Number of the rank among all ranks.
     pub rank: usize,
-    /// It worked.
+    /// Time spent computing.
     pub busy: f64,
-    /// It waited for messages that had not come.
+    /// Time spent waiting for messages.
     pub idle: f64,
-    /// It packed, sent, received and took apart what it exchanged.
+    /// Time spent packing, sending, receiving and unpacking messages.
     pub exchanging: f64,
 }
 
-/// How the run ended.
+/// The outcome of the run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct End {
     /// Whether all steps converged.
     pub converged: bool,
-    /// Why not.
+    /// The reason why not all steps converged.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
-    /// Converged steps.
+    /// Number of converged steps.
     pub steps: usize,
     /// Wall time, s.
     pub seconds: f64,
 }
 
-/// Newton at the macro scale. Residuals that are no finite number are `null` in the file and NaN when read.
+/// Newton's method at the macro scale. Residuals that are not finite are `null` in the file and NaN when read.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct NewtonLog {
-    /// Linear solves.
+    /// Number of linear solves.
     pub iterations: usize,
-    /// Norm of the residual at the end, N.
+    /// Norm of the final residual, N.
     #[serde(deserialize_with = "null_is_nan_one")]
     pub residual: f64,
     /// Norm of the residual before every iteration and at the end, N.
     #[serde(deserialize_with = "null_is_nan")]
     pub residuals: Vec<f64>,
-    /// The same over the norm that the stop rule compares with.
+    /// The same norms divided by the residual scale of the convergence test.
     #[serde(deserialize_with = "null_is_nan")]
     pub relative: Vec<f64>,
-    /// How often the line search halved a step.
+    /// Number of times that the line search halved a step.
     pub line_search_cuts: usize,
-    /// Which factorizations were used.
+    /// The factorizations used.
     #[serde(alias = "factorisations")]
     pub factorizations: Factorizations,
-    /// Iterations of an iterative linear solver, in all.
+    /// Total number of iterations of an iterative linear solver.
     pub linear_iterations: usize,
-    /// Where the time went.
+    /// Wall time of the phases.
     pub seconds: NewtonSeconds,
 }
 
-/// Numbers of factorizations.
+/// Number of factorizations of each kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Factorizations {
-    /// Of a positive definite matrix.
+    /// Cholesky factorizations of positive definite matrices.
     pub cholesky: usize,
-    /// Of a symmetric one.
+    /// LDL^T factorizations of symmetric matrices.
     pub ldlt: usize,
-    /// Of an unsymmetric one.
+    /// LU factorizations of unsymmetric matrices.
     pub lu: usize,
-    /// None: approximate inverses for an iterative method.
+    /// Preconditioners of an iterative solver, set up in place of a factorization.
     pub approximate: usize,
 }
 
@@ -190,60 +190,60 @@ pub struct Factorizations {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct NewtonSeconds {
-    /// Stress and tangent at the integration points: the RVEs.
+    /// Evaluation of stress and tangent at the integration points, including the RVEs.
     pub point_field: f64,
     /// Assembly.
     pub assembly: f64,
     /// Factorization.
     pub factor: f64,
-    /// Solution.
+    /// Solution with the factors.
     pub solve: f64,
     /// The whole step.
     pub total: f64,
 }
 
-/// All RVE equilibria of a step.
+/// Statistics of all RVE equilibria of a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct RveLog {
-    /// RVEs brought to equilibrium, once for every Newton iteration of the macro scale.
+    /// Number of RVE solves, one per RVE and Newton iteration of the macro scale.
     pub solves: u64,
-    /// Newton iterations of all of them.
+    /// Total number of Newton iterations.
     pub iterations_total: u64,
-    /// Of the slowest.
+    /// Largest number of iterations of one solve.
     pub iterations_max: u64,
-    /// On average.
+    /// Mean number of iterations per solve.
     pub iterations_mean: f64,
-    /// Increments that were halved.
+    /// Number of increments that were halved.
     pub cuts: u64,
-    /// Factorizations of a matrix that was not positive definite.
+    /// Number of factorizations of matrices that were not positive definite.
     pub indefinite: u64,
-    /// Steps that the line search halved.
+    /// Number of steps that the line search halved.
     pub line_search_cuts: u64,
-    /// Equilibria that started from a first-order prediction.
+    /// Number of equilibria that started from a first-order prediction.
     pub predicted: u64,
-    /// Equilibria that plain Newton missed and cut increments reached.
+    /// Number of equilibria reached by cut increments after the earlier stages failed.
     pub by_cuts: u64,
-    /// Equilibria that those missed and regularized Newton reached.
+    /// Number of equilibria reached by regularized Newton after plain Newton failed.
     #[serde(alias = "by_regularised")]
     pub by_regularized: u64,
-    /// Equilibria that all those missed and dynamic relaxation reached.
+    /// Number of equilibria reached by dynamic relaxation after all other stages failed.
     pub by_relaxation: u64,
-    /// Steps of dynamic relaxation.
+    /// Number of steps of dynamic relaxation.
     pub relaxation_steps: u64,
-    /// Equilibria shown to continue those of the last converged step, without solving for them again.
+    /// Number of equilibria verified, without another solve, to continue the equilibrium of the last converged step.
     pub verified: u64,
-    /// Equilibria solved for again from the last converged step, because that could not be shown.
+    /// Number of equilibria solved again from the last converged step because that verification failed.
     pub replaced: u64,
-    /// RVEs whose last equilibrium still served.
+    /// Number of evaluations that reused the last equilibrium because the deformation gradient had not changed.
     pub reused: u64,
-    /// Processor time, s, over all workers.
+    /// Processor time of all workers, s.
     pub seconds_cpu: f64,
-    /// RVEs that sleep after the step.
+    /// Number of RVEs that sleep after the step.
     pub asleep: u64,
-    /// RVEs that are not created yet.
+    /// Number of RVEs that are not created yet.
     pub waiting: u64,
-    /// RVEs that were deleted.
+    /// Number of deleted RVEs.
     pub deleted: u64,
 }
 
@@ -256,7 +256,7 @@ fn null_is_nan<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Vec<
     Ok(values.into_iter().map(|value| value.unwrap_or(f64::NAN)).collect())
 }
 
-/// Writes the log while the run goes on.
+/// Appends events to the log during a run.
 #[derive(Debug)]
 pub struct LogWriter {
     path: PathBuf,
@@ -264,20 +264,21 @@ pub struct LogWriter {
 }
 
 impl LogWriter {
-    /// Starts a new log; one that is there is replaced.
+    /// Creates a new log and replaces an existing one.
     ///
     /// # Errors
-    /// [`ResultsError::Write`].
+    /// Returns [`ResultsError::Write`] if the file cannot be written.
     pub fn create(path: &Path) -> Result<Self, ResultsError> {
         let file = File::create(path).map_err(ResultsError::write(path))?;
         Ok(Self { path: path.into(), file })
     }
 
-    /// Goes on with the log of an interrupted run, after its last whole line; starts one where there is none. What the
-    /// interrupted run did after its last checkpoint stays in the log.
+    /// Continues the log of an interrupted run after its last whole line; creates the log if it does not exist. Events
+    /// after the last checkpoint of the interrupted run stay in the log.
     ///
     /// # Errors
-    /// [`ResultsError::Read`], [`ResultsError::Write`].
+    /// Returns [`ResultsError::Read`] or [`ResultsError::Damaged`] if the log cannot be read, [`ResultsError::Write`]
+    /// if it cannot be written.
     pub fn resume(path: &Path) -> Result<Self, ResultsError> {
         if path.exists() {
             replace(path, whole_lines(path)?.as_bytes())?;
@@ -286,29 +287,30 @@ impl LogWriter {
         Ok(Self { path: path.into(), file })
     }
 
-    /// Appends one event; it is with the operating system when this returns.
+    /// Appends one event and passes it to the operating system before returning.
     ///
     /// # Errors
-    /// [`ResultsError::Write`].
+    /// Returns [`ResultsError::Write`] if the event cannot be written.
     pub fn write(&mut self, event: &Event) -> Result<(), ResultsError> {
         let line = serde_json::to_string(event).map_err(std::io::Error::from);
         let written = line.and_then(|line| self.file.write_all(format!("{line}\n").as_bytes()));
         written.map_err(ResultsError::write(&self.path))
     }
 
-    /// Brings all events to the disk.
+    /// Flushes all events to the disk.
     ///
     /// # Errors
-    /// [`ResultsError::Write`].
+    /// Returns [`ResultsError::Write`] if the file cannot be flushed.
     pub fn sync(&self) -> Result<(), ResultsError> {
         self.file.sync_data().map_err(ResultsError::write(&self.path))
     }
 }
 
-/// Reads a log back. A last line that was not finished is left out.
+/// Reads a log. An unfinished last line is ignored.
 ///
 /// # Errors
-/// [`ResultsError::Read`]; [`ResultsError::Damaged`] with the line that is no event.
+/// Returns [`ResultsError::Read`] if the file cannot be read, or [`ResultsError::Damaged`] with the first line that is
+/// not an event.
 pub fn read(path: &Path) -> Result<Vec<Event>, ResultsError> {
     let text = whole_lines(path)?;
     let mut events = Vec::new();

@@ -1,24 +1,24 @@
-//! The result directory of a run: what is written while it goes on, and how it is read back.
+//! The result directory of a run: the files written during the run, and their readers.
 //!
 //! | file | module | written |
 //! |---|---|---|
-//! | `fields.pvd` and the `.vtu` files it names | [`collection`], [`fields`] | whenever fields are due |
-//! | instead, of a body in several parts: `.pvtu` files and the `.vtu` pieces they name | [`pieces`] | whenever fields are due |
-//! | `loads.csv` | [`loads`] | a row a converged step |
-//! | `log.jsonl` | [`log`] | a line an event |
-//! | `rve/element-NNNNN.pvd` and the `.vtp` files it names | [`collection`], [`networks`] | with the fields, for the elements asked for |
+//! | `fields.pvd` and the `.vtu` files it names | [`collection`], [`fields`] | at every output step |
+//! | for a divided body: `.pvtu` files and the `.vtu` pieces they name | [`pieces`] | at every output step |
+//! | `loads.csv` | [`loads`] | one row per converged step |
+//! | `log.jsonl` | [`log`] | one line per event |
+//! | `rve/element-NNNNN.pvd` and the `.vtp` files it names | [`collection`], [`networks`] | with the fields, if requested |
 //! | `checkpoint/step-NNNNN.bin`, the last two | [`super::checkpoint`] | at every converged step |
 //! | `case.toml` | [`super::case`] | at the beginning: the case as run, defaults filled in |
 //!
-//! A run that fails within a step also writes the state it had reached there, under the name of the last full step with
-//! `-partial`.
+//! A run that fails within a step also writes the last state it reached there, under the name of the last full step
+//! with `-partial`.
 //!
-//! Every file is readable at any time while the run goes on, and after the run was killed: fields, networks, their
-//! collections and checkpoints replace their predecessors atomically, and readers leave out a last line that was not
-//! finished. A run that starts from the beginning removes all of these that an earlier one has left ([`clear`]), and the
-//! `report.html` drawn from them. A file of one of these names that no run has written, or a symbolic link, is neither
-//! replaced nor removed: the run is refused ([`check_origin`]). Two runs cannot write into one directory: each holds
-//! `.biotissue.lock` locked ([`DirectoryLock`]) and removes it at its end.
+//! Every file is readable at any time during the run, and after the run was killed: fields, networks, their collections
+//! and checkpoints are replaced atomically, and readers ignore an unfinished last line. A run that starts from the
+//! beginning removes all of these files of an earlier run ([`clear`]), and the `report.html` drawn from them. A run
+//! does not replace or remove a file with one of these names that no run has written, or a symbolic link; it refuses to
+//! start instead ([`check_origin`]). Two runs cannot write to one directory: each holds a lock on `.biotissue.lock`
+//! ([`DirectoryLock`]) and removes the file at its end.
 
 mod clear;
 pub mod collection;
@@ -60,7 +60,7 @@ pub const NETWORKS_FOLDER: &str = "rve";
 pub const CHECKPOINT_FOLDER: &str = "checkpoint";
 /// Name of the page of figures in a result directory.
 pub const REPORT_FILE: &str = "report.html";
-/// Name of the file in a result directory that a run holds locked while it writes there.
+/// Name of the file in a result directory that a run keeps locked while it writes there.
 pub const LOCK_FILE: &str = ".biotissue.lock";
 /// Name of the case as run in a result directory.
 pub const CASE_FILE: &str = "case.toml";

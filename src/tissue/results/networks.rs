@@ -1,4 +1,4 @@
-//! A deformed fiber network as a VTK file (`.vtp`, PolyData): a line a fiber, numbers as in [`super::fields`].
+//! A deformed fiber network as a VTK file (`.vtp`, PolyData): one line per fiber, numbers as in [`super::fields`].
 
 use std::path::Path;
 
@@ -12,54 +12,55 @@ use super::fields::{array, sign};
 use super::fields_read::{check_arrays, groups};
 use crate::output;
 
-/// A network, borrowed for writing; one entry a fiber.
+/// A network, borrowed for writing; the fiber arrays have one entry per fiber.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct NetworkSet<'a> {
-    /// Positions of the nodes, unit-cube units.
+    /// Positions of the nodes, in units of the unit cube.
     pub points: &'a [[f64; 3]],
     /// The two nodes of every fiber, from 0.
     pub fibers: &'a [[u32; 2]],
-    /// Current over reference length.
+    /// Current length divided by reference length.
     pub stretch: &'a [f64],
     /// Axial force, N, positive in tension.
     pub force: &'a [f64],
-    /// Which material of the network's file the fiber is of, from 0.
+    /// Index of the fiber's material in the network file, from 0.
     pub kind: &'a [i64],
 }
 
-/// A network read from a file: [`NetworkSet`] with its own memory.
+/// A network read from a file: the owned counterpart of [`NetworkSet`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Networks {
-    /// Positions of the nodes, unit-cube units.
+    /// Positions of the nodes, in units of the unit cube.
     pub points: Vec<[f64; 3]>,
     /// The two nodes of every fiber, each below the number of points.
     pub fibers: Vec<[u32; 2]>,
-    /// Current over reference length.
+    /// Current length divided by reference length.
     pub stretch: Vec<f64>,
     /// Axial force, N, positive in tension.
     pub force: Vec<f64>,
-    /// Which material of the network's file the fiber is of, from 0.
+    /// Index of the fiber's material in the network file, from 0.
     pub kind: Vec<i64>,
 }
 
-/// The name of the file of an element and a step, in the folder of networks.
+/// Returns the name of the file of an element and a step, in the folder of networks.
 #[must_use]
 pub fn network_file(element: usize, step: usize) -> String {
     format!("element-{element:05}-step-{step:05}.vtp")
 }
 
-/// The name of the collection of the files of an element, in the folder of networks.
+/// Returns the name of the collection of an element, in the folder of networks.
 #[must_use]
 pub fn network_collection(element: usize) -> String {
     format!("element-{element:05}.pvd")
 }
 
-/// Writes a network to `path`, which should end in `.vtp`. A file that is there already stays whole until the new one
-/// is; symbolic links, devices and pipes are treated as [`output::write`] does.
+/// Writes a network to `path`, which should end in `.vtp`. An existing file is replaced atomically; symbolic links,
+/// devices and pipes are treated as in [`output::write`].
 ///
 /// # Errors
-/// [`ResultsError::Length`] or [`ResultsError::ElementNode`] (of a fiber) where the parts do not fit each other (nothing
-/// is written), [`ResultsError::Write`] where the disk refuses.
+/// Returns [`ResultsError::Length`] or [`ResultsError::ElementNode`] (of a fiber) if the arrays do not match (nothing
+/// is written), [`ResultsError::Encode`] if the data cannot be encoded, or [`ResultsError::Write`] if the file cannot
+/// be written.
 pub fn write_vtp(path: &Path, network: &NetworkSet) -> Result<(), ResultsError> {
     let expected = network.fibers.len();
     let lengths = [("stretch", network.stretch.len()), ("force", network.force.len()), ("type", network.kind.len())];
@@ -107,11 +108,11 @@ fn vtk(network: &NetworkSet) -> Vtk {
     }
 }
 
-/// Reads a file that [`write_vtp`] wrote.
+/// Reads a file written by [`write_vtp`].
 ///
 /// # Errors
-/// [`ResultsError::Read`] where the file cannot be read; [`ResultsError::Damaged`], [`ResultsError::Length`] or
-/// [`ResultsError::ElementNode`] (of a fiber) where it holds something else than a network.
+/// Returns [`ResultsError::Read`] if the file cannot be read; [`ResultsError::Damaged`], [`ResultsError::Length`] or
+/// [`ResultsError::ElementNode`] (of a fiber) if it does not hold a valid network.
 pub fn read_vtp(path: &Path) -> Result<Networks, ResultsError> {
     let text = std::fs::read(path).map_err(ResultsError::read(path))?;
     check_arrays(path, &text)?;

@@ -1,7 +1,8 @@
-//! Which files of a result directory a run has written: no other is replaced or removed.
+//! Checks which files of a result directory were written by a run; no other file is replaced or removed.
 //!
-//! A file is told by its name and by how it begins; the copy of the case also by its checksum, so that one that was edited
-//! counts as its editor's. Copies of versions that wrote no checksum count as long as they are in the form that a run writes.
+//! A file is recognized by its name and its first bytes; the copy of the case also by its checksum, so that a file
+//! edited by the user is not recognized. Copies by versions without a checksum are recognized if they have the form
+//! that a run writes.
 
 use std::fs::{self, File};
 use std::io::{ErrorKind, Read};
@@ -18,20 +19,21 @@ use crate::tissue::case::Case;
 use crate::tissue::checkpoint;
 use crate::tissue::replay::LOST_FOLDER;
 
-/// Enough of a file to tell what it is.
+/// Number of bytes from which a file is recognized.
 const HEAD: u64 = 4096;
 
-/// What the copy of a case says in its first line below the checksum, but for the version.
+/// Beginning of the first line below the checksum in the copy of a case; the version follows.
 const CASE_LINE: &str = "# The case as run by biotissue ";
 
-/// What is read of a file.
+/// The bytes read from a file.
 type Bytes<'a> = &'a [u8];
 
-/// Checks that everything in the result directory `dir` that a run would replace or remove was written by a run. A directory
-/// that is not there passes. Nothing is touched.
+/// Checks that everything in the result directory `dir` that a run would replace or remove was written by a run. A
+/// missing directory passes. Nothing is changed.
 ///
 /// # Errors
-/// [`ResultsError::Foreign`] for a file that was not, or a symbolic link; [`ResultsError::Read`].
+/// Returns [`ResultsError::Foreign`] for a file that no run has written or for a symbolic link; [`ResultsError::Read`]
+/// if a file cannot be read.
 pub fn check_origin(dir: &Path) -> Result<(), ResultsError> {
     check_folder(dir, |name| {
         let kind: fn(Bytes, &Path) -> bool = match name {
@@ -68,7 +70,7 @@ pub fn check_origin(dir: &Path) -> Result<(), ResultsError> {
     })
 }
 
-/// A folder of a result directory. A link could lead to anything.
+/// Returns a folder of a result directory; rejects a symbolic link, which could lead anywhere.
 fn folder(dir: &Path, name: &str) -> Result<PathBuf, ResultsError> {
     let path = dir.join(name);
     match fs::symlink_metadata(&path) {
@@ -83,14 +85,15 @@ fn folder(dir: &Path, name: &str) -> Result<PathBuf, ResultsError> {
 const LINK: &str = "is a symbolic link, which no run has made";
 const FOREIGN: &str = "does not come from an earlier run, or was changed since; a run would replace or remove it";
 
-/// `kind_of` gives, for a name of ours, what tells whether the content is too.
+/// Checks all files of a folder. For a name that a run may write, `kind_of` returns the function that recognizes the
+/// content.
 fn check_folder<K: Fn(Bytes, &Path) -> bool>(
     folder: &Path,
     kind_of: impl Fn(&str) -> Option<K>,
 ) -> Result<(), ResultsError> {
     let entries = match fs::read_dir(folder) {
         Ok(entries) => entries,
-        // Writing there will say that this is no folder.
+        // If this is not a folder, writing to it will report that.
         Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => return Ok(()),
         Err(error) => return Err(ResultsError::read(folder)(error)),
     };
@@ -103,7 +106,7 @@ fn check_folder<K: Fn(Bytes, &Path) -> bool>(
         let Some(is_ours) = kind_of(name) else { continue };
         let there = match fs::symlink_metadata(&path) {
             Ok(there) => there,
-            // Another run may just have replaced it.
+            // Another run may just have replaced the file.
             Err(error) if error.kind() == ErrorKind::NotFound => continue,
             Err(error) => return Err(ResultsError::read(&path)(error)),
         };
@@ -113,7 +116,7 @@ fn check_folder<K: Fn(Bytes, &Path) -> bool>(
         if !there.is_file() {
             return Err(ResultsError::Foreign { path, what: "is no regular file" });
         }
-        // What was being written when its run was killed may end anywhere; an empty file holds nothing to lose.
+        // A file that a killed run was writing may end anywhere, and an empty file has nothing to lose.
         if is_unfinished || there.len() == 0 {
             continue;
         }
@@ -125,7 +128,7 @@ fn check_folder<K: Fn(Bytes, &Path) -> bool>(
     Ok(())
 }
 
-/// The beginning of a file, or all of a case or a collection; `None` where it has just gone.
+/// Reads the beginning of a file, or all of a case or a collection; `None` if the file no longer exists.
 fn begin_of(path: &Path, name: &str) -> Result<Option<Vec<u8>>, ResultsError> {
     let limit = if name == CASE_FILE || name.ends_with(".pvd") { u64::MAX } else { HEAD };
     let mut bytes = Vec::new();
@@ -146,7 +149,7 @@ fn has(bytes: Bytes, first: &str, then: &str) -> bool {
     text.split_once(first).is_some_and(|(_, rest)| rest.contains(then))
 }
 
-/// The text of the file `case.toml` in a result directory.
+/// Returns the text of the file `case.toml` in a result directory.
 pub(in crate::tissue) fn case_copy(case: &Case) -> String {
     signed(&case.to_toml())
 }
@@ -156,7 +159,7 @@ fn is_case_copy(bytes: Bytes, path: &Path) -> bool {
     if let Some((below, is_as_written)) = below_signature(text) {
         return is_as_written && below.starts_with(CASE_LINE);
     }
-    // The form may have gained keys since, but an older copy has no other lines than it has.
+    // Newer versions may write additional keys, but every line of an older copy still occurs, in the same order.
     let Some(lines) = text.strip_prefix(CASE_LINE).map(|text| text.lines().skip(1)) else { return false };
     let Ok(read) = Case::parse(text, path) else { return false };
     let written = read.case.to_toml();
@@ -167,7 +170,7 @@ fn is_case_copy(bytes: Bytes, path: &Path) -> bool {
 fn is_loads(bytes: Bytes) -> bool {
     let text = String::from_utf8_lossy(bytes);
     let whole_header = text.contains('\n').then(|| Loads::is_header(text.as_bytes()));
-    // A body of very many surfaces.
+    // The header is longer than the bytes read: a body with very many surfaces.
     whole_header.unwrap_or_else(|| text.starts_with("step,t,"))
 }
 
@@ -175,7 +178,7 @@ fn is_log(bytes: Bytes) -> bool {
     let text = String::from_utf8_lossy(bytes);
     match text.split_once('\n') {
         Some((first, _)) => serde_json::from_str(first).is_ok_and(|event| !matches!(event, Event::Unknown)),
-        // Its run was killed within the first line.
+        // The run was killed while it wrote the first line.
         None => begins(bytes, "{\"event\":\"start\",\"title\":\""),
     }
 }
@@ -185,24 +188,24 @@ fn is_collection_of(bytes: Bytes, is_member: impl Fn(&str) -> bool) -> bool {
     read.is_ok_and(|read| read.entries().iter().all(|entry| is_member(&entry.file)))
 }
 
-/// Whether a page of figures is one of ours, from how it begins.
+/// Returns true if the beginning of a report page shows that this program wrote it.
 pub(in crate::tissue) fn is_report(path: &Path) -> Result<bool, ResultsError> {
     if !fs::symlink_metadata(path).is_ok_and(|there| there.is_file()) {
         return Ok(false);
     }
     let Some(bytes) = begin_of(path, "")? else { return Ok(false) };
     let text = String::from_utf8_lossy(&bytes);
-    // The second is that of versions without the first.
+    // Versions without the generator tag wrote the second text.
     let is_ours = text.contains("<meta name=\"generator\" content=\"biotissue")
         || text.contains("<style>body{margin:0;background:#f3f5f7;");
     Ok(bytes.is_empty() || text.starts_with("<!DOCTYPE html>") && is_ours)
 }
 
-/// What shows that `dir`, which has no checkpoint, holds results all the same: a file and what is in it. A run that was
-/// interrupted within its first step leaves none: it takes that step again.
+/// Returns the evidence that `dir`, which has no checkpoint, holds results nevertheless: a file and its content. A run
+/// that was interrupted within its first step leaves no such evidence: resuming repeats that step.
 ///
 /// # Errors
-/// [`ResultsError::Read`]; [`ResultsError::Damaged`].
+/// Returns [`ResultsError::Read`] or [`ResultsError::Damaged`] if the loads, the log or a folder cannot be read.
 pub(in crate::tissue) fn results_without_checkpoint(
     dir: &Path,
     case: &Case,

@@ -1,8 +1,8 @@
-//! Fields of a body in several parts: a parallel VTK file (`.pvtu`) and a `.vtu` piece for each part, which ParaView
-//! opens as one grid.
+//! Fields of a divided body: a parallel VTK file (`.pvtu`) and one `.vtu` piece per part, which ParaView opens as one
+//! grid.
 //!
-//! An element is in the piece of its part, a point in the pieces of all its elements: points between parts are written
-//! once a part. No element is in two pieces. A part without elements has no piece.
+//! Each element is in exactly one piece, that of its part. A point is in the pieces of all its elements, so that points
+//! between parts are written once per part. A part without elements has no piece.
 
 use std::ffi::OsStr;
 use std::io;
@@ -14,7 +14,7 @@ use quick_xml::events::{BytesDecl, Event as XmlEvent};
 use super::replace::replace;
 use super::{FieldSet, ResultsError, write_vtu};
 
-/// The name of the piece of a part, beside the file that names all pieces: `fields-00003.pvtu` has
+/// Returns the name of the piece of a part, beside the index file that names all pieces: `fields-00003.pvtu` has
 /// `fields-00003-part-0002.vtu`.
 #[must_use]
 pub fn part_file(index_name: &str, part: usize) -> String {
@@ -22,11 +22,11 @@ pub fn part_file(index_name: &str, part: usize) -> String {
     format!("{stem}-part-{part:04}.vtu")
 }
 
-/// A body divided into pieces, one a part.
+/// A body divided into pieces, one per part.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pieces {
     pieces: Vec<Piece>,
-    /// How many elements the body has.
+    /// Number of elements of the body.
     elements: usize,
 }
 
@@ -37,7 +37,7 @@ struct Piece {
     elements: Vec<u32>,
     /// The points of its elements, ascending.
     points: Vec<u32>,
-    /// Of each of its elements the four points, as places in `points`.
+    /// The four points of each of its elements, as indices into `points`.
     corners: Vec<[u32; 4]>,
 }
 
@@ -53,25 +53,25 @@ impl Pieces {
         Self { pieces, elements: elements.len() }
     }
 
-    /// How many parts there are, those without elements among them.
+    /// Returns the number of parts, including those without elements.
     #[must_use]
     pub fn len(&self) -> usize {
         self.pieces.len()
     }
 
-    /// Whether there is no part.
+    /// Returns true if there is no part.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.pieces.is_empty()
     }
 
-    /// Writes the piece of one part, under the name that [`part_file`] gives it, beside `path`: the file that
-    /// [`write_index`](Self::write_index) writes. `fields` are those of the whole body. Of a part without elements
-    /// nothing is written.
+    /// Writes the piece of one part beside the index file `path` (see [`write_index`](Self::write_index)), under the
+    /// name given by [`part_file`]. `fields` are the fields of the whole body. A part without elements is not written.
     ///
     /// # Errors
-    /// [`ResultsError::Length`] or [`ResultsError::ElementNode`] where the fields are not those of the body that was
-    /// divided (nothing is written), [`ResultsError::Write`] where the disk refuses.
+    /// Returns [`ResultsError::Length`] or [`ResultsError::ElementNode`] if the fields do not belong to the divided
+    /// body (nothing is written), [`ResultsError::Encode`] if the data cannot be encoded, or [`ResultsError::Write`] if
+    /// the file cannot be written.
     pub fn write_part(&self, part: usize, path: &Path, fields: &FieldSet) -> Result<(), ResultsError> {
         let Some(piece) = self.pieces.get(part).filter(|piece| !piece.elements.is_empty()) else {
             return Ok(());
@@ -81,11 +81,11 @@ impl Pieces {
         piece.write(&path, fields)
     }
 
-    /// Writes the file that names all pieces to `path`, which should end in `.pvtu`. It is for readers to open, so it
-    /// comes after the pieces. Of `fields` the names and kinds count, not the values.
+    /// Writes the index file that names all pieces to `path`, which should end in `.pvtu`. Write it after the pieces,
+    /// because readers open it first. Only the names and types of `fields` are used, not the values.
     ///
     /// # Errors
-    /// [`ResultsError::Write`] where the disk refuses or the name of the file is not UTF-8.
+    /// Returns [`ResultsError::Write`] if the file cannot be written or its name is not UTF-8.
     pub fn write_index(&self, path: &Path, fields: &FieldSet) -> Result<(), ResultsError> {
         let bytes = self.index(file_name(path)?, fields).map_err(ResultsError::write(path))?;
         replace(path, &bytes)
@@ -122,7 +122,7 @@ impl Pieces {
 }
 
 impl Piece {
-    /// The piece with these elements, ascending, of a body with all of `body`.
+    /// Creates the piece with these elements, ascending; `body` has the points of all elements.
     fn new(elements: Vec<u32>, body: &[[u32; 4]]) -> Self {
         let mut points: Vec<u32> = elements.iter().flat_map(|&element| body[element as usize]).collect();
         points.sort_unstable();
@@ -132,7 +132,7 @@ impl Piece {
         Self { elements, points, corners }
     }
 
-    /// Writes what belongs to this piece of fields that have one value an element or a point of the body.
+    /// Writes the part of `fields` that belongs to this piece; `fields` has one value per element or point of the body.
     fn write(&self, path: &Path, fields: &FieldSet) -> Result<(), ResultsError> {
         let (points, elements) = (fields.points.len(), fields.elements.len());
         self.check_points(path, points)?;
@@ -154,7 +154,7 @@ impl Piece {
         write_vtu(path, &own)
     }
 
-    /// Every point of the piece is one of the `nodes` of the body.
+    /// Checks that every point of the piece is one of the `nodes` of the body.
     fn check_points(&self, path: &Path, nodes: usize) -> Result<(), ResultsError> {
         for (&element, corners) in self.elements.iter().zip(&self.corners) {
             let points = corners.map(|place| self.points[place as usize]);
@@ -167,7 +167,7 @@ impl Piece {
     }
 }
 
-/// The values at these places of every field, which has `expected` values.
+/// Selects the values at `places` from every field, which must have `expected` values.
 fn cut<'a, T: Copy>(
     path: &Path,
     fields: &[(&'a str, &[T])],
@@ -203,11 +203,11 @@ fn file_name(path: &Path) -> Result<&str, ResultsError> {
     })
 }
 
-/// Lengths of arrays are 64 bits wide, which is version 1.0 of the format.
+/// Attributes of the root element. Version 1.0 of the format has array lengths of 64 bits.
 const FILE: [(&str, &str); 4] =
     [("type", "PUnstructuredGrid"), ("version", "1.0"), ("byte_order", "LittleEndian"), ("header_type", "UInt64")];
 
-/// An array as it is declared: its name, its type and its number of components.
+/// The declaration of an array: its name, its type and its number of components.
 type Array<'a> = (&'a str, &'a str, &'a str);
 
 /// The arrays of the elements, in the order in which [`write_vtu`] writes them.
@@ -219,7 +219,7 @@ fn arrays_of_cells<'a>(fields: &FieldSet<'a>) -> Vec<Array<'a>> {
     scalars.chain(integers).chain(vectors).chain(tensors).collect()
 }
 
-/// The first of some fields is the active one of its kind, as in the pieces.
+/// Makes the first field the active one of its kind, as in the pieces.
 fn first<'a, T>(kind: &'a str, fields: &[(&'a str, T)]) -> Option<(&'a str, &'a str)> {
     fields.first().map(|(name, _)| (kind, *name))
 }
@@ -260,7 +260,7 @@ mod tests {
         Pieces::new(&ELEMENTS, &PART_OF, PARTS)
     }
 
-    /// Numbers that tell points and elements apart.
+    /// Values that differ for every point and element.
     struct Values {
         points: Vec<[f64; 3]>,
         displacement: Vec<[f64; 3]>,
@@ -352,7 +352,7 @@ mod tests {
         let met: BTreeSet<u32> = ELEMENTS.into_iter().flatten().collect();
         assert_eq!(read.points.len(), met.len(), "points between the pieces are there once");
         assert_eq!(read.point_vector("displacement").unwrap().len(), met.len());
-        // Piece by piece: the elements of part 0, then those of part 2.
+        // The elements are in the order of the pieces: those of part 0, then those of part 2.
         for (nodes, element) in read.elements.iter().zip([1, 3, 0, 2]) {
             let expected = ELEMENTS[element].map(|node| values.points[node as usize]);
             assert_eq!(nodes.map(|node| read.points[node as usize]), expected);

@@ -1,4 +1,4 @@
-//! Writing the files of a result directory, and reading those that grow.
+//! Writing the files of a result directory, and reading files that grow during a run.
 
 use std::fs::{self, File};
 use std::io::{self, Write};
@@ -7,12 +7,12 @@ use std::path::Path;
 use super::ResultsError;
 use crate::output;
 
-/// Replaces the file at `path` by `bytes`: see [`output::replace_by`].
+/// Replaces the file at `path` by `bytes`; see [`output::replace_by`].
 pub(in crate::tissue) fn replace(path: &Path, bytes: &[u8]) -> Result<(), ResultsError> {
     replace_by(path, |file| file.write_all(bytes))
 }
 
-/// Replaces the file at `path` by what `write` writes, in the same way.
+/// Replaces the file at `path` by the output of `write`, in the same way.
 pub(in crate::tissue) fn replace_by(
     path: &Path,
     write: impl FnOnce(&mut File) -> io::Result<()>,
@@ -20,7 +20,7 @@ pub(in crate::tissue) fn replace_by(
     output::replace_by(path, write).map_err(ResultsError::write(path))
 }
 
-/// The text of a file up to its last newline: what follows was being written when the run was interrupted.
+/// Returns the text of a file up to its last newline; an interrupted run may leave an unfinished line after it.
 pub(super) fn whole_lines(path: &Path) -> Result<String, ResultsError> {
     let mut bytes = fs::read(path).map_err(ResultsError::read(path))?;
     bytes.truncate(bytes.iter().rposition(|&byte| byte == b'\n').map_or(0, |last| last + 1));

@@ -1,5 +1,5 @@
-//! What a checkpoint knows of the results that were written before it: a run that goes on from there finds them as they
-//! were, or says which file is not.
+//! The record in a checkpoint of the results written before it: a resumed run finds these files unchanged, or reports
+//! the file that is not.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -15,17 +15,17 @@ use super::loads::LineMark;
 use super::networks::network_collection;
 use super::{Collection, FIELDS_FILE, LOADS_FILE, Loads, NETWORKS_FOLDER, ResultsError};
 
-/// How far a run has come: so many load steps of all.
+/// The progress of a run.
 #[derive(Clone, Copy, Debug)]
 pub struct Done {
-    /// Those that have converged.
+    /// Number of converged load steps.
     pub steps: usize,
-    /// All.
+    /// Number of all load steps.
     pub of: usize,
 }
 
 impl Done {
-    /// Pseudo-time after the last of them.
+    /// Returns the pseudo-time after the last converged step.
     #[must_use]
     pub fn t(self) -> f64 {
         self.t_of(self.steps)
@@ -39,7 +39,7 @@ impl Done {
 /// The results of a run up to a converged step.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Written {
-    /// The header of the loads, then the row of every step.
+    /// The mark of the header of the loads, then of the row of every step.
     pub loads: Vec<LineMark>,
     /// The field files, in ascending time.
     pub fields: Vec<FieldFile>,
@@ -50,24 +50,24 @@ pub struct Written {
 pub struct FieldFile {
     /// Pseudo-time.
     pub time: f64,
-    /// Its name, relative to the result directory.
+    /// Name of the file, relative to the result directory.
     pub file: String,
-    /// How long it is.
+    /// Length of the file in bytes.
     pub bytes: u64,
 }
 
 impl FieldFile {
-    /// A file of the result directory `dir` that was just written.
+    /// Records a file of the result directory `dir` that was just written.
     ///
     /// # Errors
-    /// [`ResultsError::Read`].
+    /// Returns [`ResultsError::Read`] if the length of the file cannot be read.
     pub fn new(dir: &Path, time: f64, file: &str) -> Result<Self, ResultsError> {
         let path = dir.join(file);
         let bytes = fs::metadata(&path).map_err(ResultsError::read(&path))?.len();
         Ok(Self { time, file: file.into(), bytes })
     }
 
-    /// What the collection says of it.
+    /// Returns the entry of this file in the collection.
     #[must_use]
     pub fn entry(&self) -> Entry {
         Entry { time: self.time, file: self.file.clone() }
@@ -75,10 +75,12 @@ impl FieldFile {
 }
 
 impl Written {
-    /// Compares the files in `dir` with what was written until then; returns what will be restored. Nothing is touched.
+    /// Compares the files in `dir` with this record; returns messages about the entries that will be restored. Nothing
+    /// is changed.
     ///
     /// # Errors
-    /// [`ResultsError::Damaged`] for the first file that is missing or not as it was; [`ResultsError::Read`].
+    /// Returns [`ResultsError::Damaged`] for the first file that is missing or changed; [`ResultsError::Read`] if a
+    /// file cannot be read.
     pub fn check(&self, dir: &Path, done: Done) -> Result<Vec<String>, ResultsError> {
         Loads::check(&dir.join(LOADS_FILE), &self.loads)?;
         let t = done.t();
@@ -95,7 +97,7 @@ impl Written {
                 return Err(ResultsError::damaged(&path, None, what, EXPECTED));
             }
         }
-        // Those of a state after the checkpoint are written anew.
+        // Files of states after the checkpoint will be written again.
         for entry in listed.iter().filter(|entry| entry.time <= t) {
             let path = dir.join(&entry.file);
             whole(&path)?;
@@ -120,7 +122,7 @@ impl Written {
     }
 }
 
-/// What is said of a collection that does not list so many files.
+/// Returns the message about a collection from which `count` files are missing.
 fn entered_again(collection: &Path, count: usize, one: &str, several: &str) -> Option<String> {
     let files = if count == 1 { one.to_owned() } else { format!("{count} {several}") };
     let collection = collection.display();
@@ -131,13 +133,13 @@ fn entered_again(collection: &Path, count: usize, one: &str, several: &str) -> O
 pub struct NetworkSeries {
     /// The element.
     pub element: usize,
-    /// Those that are in the folder, up to the last step done, in ascending time.
+    /// The files in the folder up to the last converged step, in ascending time.
     pub files: Vec<Entry>,
 }
 
 const EXPECTED: &str = "every file of fields and networks that the run has written, as it was";
 
-/// How long a regular file is.
+/// Returns the length of a regular file.
 fn whole(path: &Path) -> Result<u64, ResultsError> {
     match fs::symlink_metadata(path) {
         Ok(there) if there.is_file() => Ok(there.len()),
@@ -145,10 +147,10 @@ fn whole(path: &Path) -> Result<u64, ResultsError> {
     }
 }
 
-/// All elements that have a collection of networks in `folder`, or networks of the steps done, ascending.
+/// Returns all elements that have a collection of networks in `folder`, or networks of converged steps, ascending.
 ///
 /// # Errors
-/// [`ResultsError::Read`].
+/// Returns [`ResultsError::Read`] if the folder cannot be read.
 pub fn network_series(folder: &Path, done: Done) -> Result<Vec<NetworkSeries>, ResultsError> {
     let entries = match fs::read_dir(folder) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),

@@ -41,7 +41,7 @@ pub struct CheckArguments {
     json: bool,
 }
 
-/// Checks one file after another. What is wrong in some of them is told at the end, all together.
+/// Checks one file after another. Errors in the files are reported together at the end.
 pub fn run(arguments: &CheckArguments) -> Result<(), Failure> {
     check_length(arguments.shorter_than)?;
     if arguments.files.len() > 1 && arguments.output.is_some() {
@@ -70,7 +70,7 @@ fn check(file: &Path, arguments: &CheckArguments) -> Result<(), Failure> {
         let cleaned = cleaned.as_ref().map_err(|error| nothing_left(file, error))?;
         write_cleaned(output, &read, cleaned)?;
     }
-    // A network of which nothing would be left is examined all the same.
+    // A network that cleaning would remove completely is examined all the same.
     let cleaned = cleaned.ok();
     let removable = cleaned.as_ref().map(|cleaned| cleaned.removed);
     let after = cleaned.filter(|_| arguments.clean).map(|cleaned| cleaned.network);
@@ -101,7 +101,7 @@ fn check(file: &Path, arguments: &CheckArguments) -> Result<(), Failure> {
     output::print(&text)
 }
 
-/// The rigidity; `None` where there is no backend to examine it with.
+/// Returns the rigidity; `None` if no backend is compiled in or named.
 fn examined(network: &Network, arguments: &CheckArguments) -> Result<Option<Rigidity>, Failure> {
     if arguments.backend.is_none() && backends::compiled().is_empty() {
         return Ok(None);
@@ -109,7 +109,7 @@ fn examined(network: &Network, arguments: &CheckArguments) -> Result<Option<Rigi
     dispatch(arguments.backend.as_deref(), Examine { network }).map(Some)
 }
 
-/// Examines the rigidity.
+/// The job that examines the rigidity of a network.
 struct Examine<'a> {
     network: &'a Network,
 }
@@ -127,7 +127,7 @@ impl Job for Examine<'_> {
 }
 
 fn write_cleaned(output: &Path, read: &NetworkFile, cleaned: &Cleaned) -> Result<(), Failure> {
-    // A cleaned network is no longer what its generator made, so that part of the sidecar does not go with it.
+    // A cleaned network differs from the generated one, so the sidecar omits the generator data.
     let generated = read.sidecar.as_ref().and_then(|sidecar| sidecar.generated.clone());
     let generated = generated.filter(|_| cleaned.removed.is_nothing());
     let sidecar = Sidecar { generated, length_unit: Some("edge of the cube".into()), ..laws_of(&cleaned.network) };
@@ -146,7 +146,7 @@ fn nothing_left(path: &Path, error: &NetworkError) -> Failure {
     )
 }
 
-/// What is wrong with the network, and what was or could be done about it.
+/// Describes the defects of the network and what cleaning removed or would remove.
 fn findings(report: &NetworkReport, removed: Option<Removed>, arguments: &CheckArguments) -> String {
     let mut text = String::new();
     if report.maxwell_count < 0 {

@@ -66,7 +66,7 @@ enum Color {
     Plain,
 }
 
-/// What becomes of a file name.
+/// The file format, determined by the extension of the file name.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Format {
     Svg,
@@ -112,7 +112,7 @@ fn format(output: &Path) -> Result<Format, Failure> {
     }
 }
 
-/// Refuses options that contradict each other and numbers out of range.
+/// Rejects options that contradict each other and numbers out of range.
 fn check(arguments: &DrawArguments) -> Result<(), Failure> {
     let deforms = arguments.gradient.is_some();
     if arguments.law.is_given() && !deforms {
@@ -137,7 +137,7 @@ fn check(arguments: &DrawArguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// A network as it is drawn; one entry a fiber, in the network's own order.
+/// The state of the network to be drawn; the fiber arrays have one entry per fiber, in the order of the network.
 struct State {
     positions: Vec<[f64; 3]>,
     stretches: Vec<f64>,
@@ -151,7 +151,7 @@ impl State {
     }
 }
 
-/// Brings the network to equilibrium.
+/// The job that brings the network to equilibrium.
 struct Deform<'a> {
     path: &'a Path,
     network: &'a Arc<Network>,
@@ -214,7 +214,7 @@ fn picture(arguments: &DrawArguments, network: &Network, state: &State, gradient
     })
 }
 
-/// The rows of a matrix in a line; only the diagonal where there is nothing beside it.
+/// Formats the rows of a matrix on one line; only the diagonal if all other entries are zero.
 fn in_words(f: &Matrix3<f64>) -> String {
     let number = |x: f64| {
         let text = format!("{:.4}", unsigned_zero(x));

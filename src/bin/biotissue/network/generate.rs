@@ -62,7 +62,7 @@ pub struct GenerateArguments {
     json: bool,
 }
 
-/// The size that is asked for.
+/// The requested size of the network.
 #[derive(Clone, Copy)]
 enum Size {
     Points(usize),
@@ -96,7 +96,7 @@ pub fn run(arguments: &GenerateArguments) -> Result<(), Failure> {
     tell(arguments, &recipe, &made, &generated)
 }
 
-/// Prints what was made.
+/// Prints a summary of the generated network.
 fn tell(arguments: &GenerateArguments, recipe: &Recipe, made: &Made, generated: &Generated) -> Result<(), Failure> {
     let report = examine(&made.network);
     let axis = recipe.alignment.map(|alignment| alignment.axis());

@@ -14,7 +14,7 @@ use crate::dispatch::{Job, dispatch};
 use crate::failure::Failure;
 use crate::output;
 
-/// Of networks with more unknowns, zero modes are not counted in passing: it would take more than some seconds.
+/// Networks with more unknowns are not checked for zero modes, because that would take more than a few seconds.
 const MOST_UNKNOWNS: usize = 60_000;
 
 #[derive(Args)]
@@ -43,7 +43,7 @@ pub fn run(arguments: &InfoArguments) -> Result<(), Failure> {
     output::print(&format!("{}\n{}{rigidity}", report.name, words::figures(&report, &read.network, &read.cube, None)))
 }
 
-/// Counts the zero modes.
+/// The job that counts the zero modes.
 struct Count<'a> {
     network: &'a Network,
 }

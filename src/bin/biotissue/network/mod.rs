@@ -42,7 +42,7 @@ pub fn run(command: NetworkCommand) -> Result<(), Failure> {
     }
 }
 
-/// The laws of a network as its sidecar holds them.
+/// Returns the sidecar data for the laws of a network.
 fn laws_of(network: &Network) -> Sidecar {
     let one_law = match network.materials() {
         [material] => Some(material.clone()),
@@ -51,7 +51,7 @@ fn laws_of(network: &Network) -> Sidecar {
     Sidecar { material: one_law, fiber_types: FiberTypes::of(network), ..Sidecar::default() }
 }
 
-/// Writes a network with what goes beside it: first the network, then its materials, then where it comes from.
+/// Writes a network and the files beside it: first the network, then its materials, then its origin.
 fn write(path: &Path, network: &Network, sidecar: &Sidecar) -> Result<(), Failure> {
     output::make_folder_of(path)?;
     if biotissue::output::is_stream(path) {
@@ -74,7 +74,7 @@ fn read(path: &Path) -> Result<NetworkFile, Failure> {
     Ok(read)
 }
 
-/// Refuses a length that is no part of the cube's edge.
+/// Rejects a length that is not a fraction of the edge of the cube.
 fn check_length(shorter_than: Option<f64>) -> Result<(), Failure> {
     match shorter_than {
         Some(length) if !(length > 0.0 && length < 1.0) => Err(Failure::arguments(
@@ -86,7 +86,7 @@ fn check_length(shorter_than: Option<f64>) -> Result<(), Failure> {
     }
 }
 
-/// What every subcommand says of a network in JSON.
+/// Returns the JSON properties of a network that all subcommands print.
 fn json_of_network(report: &NetworkReport, network: &Network) -> serde_json::Value {
     let mut object = json!(report);
     object["density"] = json!(report.total_length);
@@ -95,7 +95,7 @@ fn json_of_network(report: &NetworkReport, network: &Network) -> serde_json::Val
     object
 }
 
-/// The same with what the file says beyond the network.
+/// Returns the same properties and those of the file.
 fn json_of_file(report: &NetworkReport, read: &NetworkFile) -> serde_json::Value {
     let mut object = json_of_network(report, &read.network);
     object["cube"] = json!({ "lower": read.cube.lower, "edges": read.cube.edges });
@@ -104,7 +104,7 @@ fn json_of_file(report: &NetworkReport, read: &NetworkFile) -> serde_json::Value
     object
 }
 
-/// Zero modes that could not be counted.
+/// Returns the failure for zero modes that could not be counted.
 fn not_counted<F: std::error::Error>(name: &str, error: &RigidityError<F>) -> Failure {
     Failure::library(format!("{name}: {error}"))
 }

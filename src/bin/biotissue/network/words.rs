@@ -1,4 +1,4 @@
-//! What is known of a network, in words. Writing to a string cannot fail.
+//! Text descriptions of a network. Writing to a string cannot fail, so these results are ignored.
 
 use std::fmt::Write as _;
 
@@ -6,7 +6,7 @@ use biotissue::fiber::network::check::{NetworkReport, Rigidity};
 use biotissue::fiber::network::file::sidecar::NamedLaw;
 use biotissue::fiber::network::{Cube, Network};
 
-/// The figures of a network. The order parameter is given about `axis`, or about the principal direction.
+/// Describes the properties of a network. The order parameter refers to `axis`, or else to the principal direction.
 pub fn figures(report: &NetworkReport, network: &Network, cube: &Cube, axis: Option<[f64; 3]>) -> String {
     let mut text = String::new();
     let _ = writeln!(
@@ -39,12 +39,12 @@ pub fn figures(report: &NetworkReport, network: &Network, cube: &Cube, axis: Opt
     text
 }
 
-/// To ten digits: what is computed may end in the noise of rounding.
+/// Rounds to ten digits, to hide the rounding errors of a computed value.
 fn short(x: f64) -> f64 {
     format!("{x:.9e}").parse().unwrap_or(x)
 }
 
-/// What four decimals show as zero, without a sign.
+/// Replaces values that four decimals show as zero by a zero without sign.
 pub fn unsigned_zero(x: f64) -> f64 {
     if x.abs() < 0.5e-4 { 0.0 } else { x }
 }
@@ -103,7 +103,7 @@ fn orientation(text: &mut String, report: &NetworkReport, axis: Option<[f64; 3]>
     );
 }
 
-/// Whether a network is rigid, in one line.
+/// Describes in one line whether a network is rigid.
 pub fn rigid_or_floppy(zero_modes: usize, unknowns: usize) -> String {
     if zero_modes == 0 {
         return "  rigidity         rigid: at rest the network resists every motion of its interior nodes\n".into();
@@ -111,7 +111,7 @@ pub fn rigid_or_floppy(zero_modes: usize, unknowns: usize) -> String {
     format!("  rigidity         floppy: at rest the network does not resist {zero_modes} of {unknowns} motions\n")
 }
 
-/// Where a network is floppy and why.
+/// Describes where a network is floppy and why.
 pub fn rigidity(found: &Rigidity) -> String {
     let mut text = rigid_or_floppy(found.zero_modes, found.unknowns);
     let _ = writeln!(text, "    self stresses  {} independent ones", found.self_stresses);

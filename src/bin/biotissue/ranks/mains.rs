@@ -1,4 +1,4 @@
-//! The main functions of the scales of a body, on one rank.
+//! The main functions of the two scales of a body, on one rank.
 
 use std::sync::OnceLock;
 
@@ -16,19 +16,20 @@ use crate::failure::Failure;
 use crate::output;
 use crate::run::take_steps;
 
-/// The backend of RVEs that have a rank of their own, where that of the body is none for one rank.
+/// The backend of RVEs on ranks of their own unless the dense one is requested; it runs on a single rank, also if the
+/// body uses PETSc.
 #[cfg(feature = "sparse")]
 type Micro = biotissue::backends::sparse::Sparse;
 #[cfg(all(feature = "dense", not(feature = "sparse")))]
 type Micro = biotissue::backends::dense::Dense;
 
-/// The backend that is asked for by this name.
+/// Returns true if `name` is the dense backend.
 #[cfg(feature = "dense")]
 fn is_dense(name: Option<&str>) -> bool {
     name == Some(biotissue::backends::BackendName::Dense.as_str())
 }
 
-/// The main function of the scale that this rank belongs to.
+/// Runs the main function of the scale that this rank belongs to.
 pub(super) fn on_scale<C: Ranks>(
     world: &C,
     scales: &Scales<C>,
@@ -53,7 +54,7 @@ pub(super) fn on_scale<C: Ranks>(
     }
 }
 
-/// All ranks of the macro scale solve for the body together, on PETSc; the first says how it ended.
+/// Runs the macro scale on all its ranks together, with PETSc; only the first rank returns the outcome.
 #[cfg(feature = "petsc")]
 fn in_step<C: Ranks>(world: &C, scales: &Scales<C>, shared: &Shared<'_>) -> Result<Option<Outcome>, Failure> {
     let context = scales.comm().petsc()?;
@@ -68,7 +69,7 @@ where
     M::Reduced: Scalar,
 {
     let read = Library::<M>::read((), &shared.case);
-    // The macro scale reads the same files, and says what is wrong with them.
+    // The macro scale reads the same files and reports their errors.
     let read = read.map_err(|error| ranks_failed(&error));
     if let Ok((library, _)) = agreed(world, read)? {
         two_scale::run_micro(scales, &shared.case, library).map_err(|error| ranks_failed(&error))?;
@@ -84,7 +85,7 @@ fn follow<C: Ranks>(world: &C, scales: &Scales<C>, shared: &Shared<'_>) -> Resul
     Ok(None)
 }
 
-/// A rank that solves for the body.
+/// A rank of the macro scale that solves for the body.
 struct Leader<'a, C: Comm> {
     world: &'a C,
     scales: &'a Scales<C>,
@@ -109,7 +110,7 @@ impl<C: Ranks> Job for Leader<'_, C> {
 }
 
 impl<C: Ranks> Leader<'_, C> {
-    /// With the body on backend `B` and the RVEs on `M`. An error is one that the others do not know of.
+    /// Runs with the body on backend `B` and the RVEs on `M`. An outer error is one unknown to the other ranks.
     fn run_with<B, M>(self, context: B::Context) -> Result<Outcome, Failure>
     where
         B: Backend<Scalar = f64, Context: Clone>,
@@ -140,14 +141,14 @@ impl<C: Ranks> Leader<'_, C> {
         let writers: &dyn Writers = if lead == Lead::All { &first } else { &() };
         let outcome = or_broken(&broken, take_steps(&mut simulation, writers, shared.dir, shared.resume));
         if outcome.is_err() {
-            // What ranks free together, such as a factor of MUMPS, would wait for those that are lost.
+            // Collective destructors, such as that of a MUMPS factorization, would wait for ranks that are lost.
             std::mem::forget(simulation);
         }
         outcome
     }
 }
 
-/// Ranks that have lost each other are ended, whatever they wait for.
+/// Returns a broken connection between ranks as an outer error, which ends all ranks, including those that wait.
 fn or_broken(broken: &OnceLock<String>, outcome: Outcome) -> Result<Outcome, Failure> {
     match broken.get() {
         Some(reason) if outcome.is_err() => Err(ranks_failed(reason)),

@@ -16,9 +16,9 @@ use biotissue::tissue::two_scale::{MACRO, MICRO};
 use crate::failure::Failure;
 use crate::run::Summary;
 
-/// Ranks that a backend may spread a linear system over.
+/// A communicator whose ranks a backend can distribute a linear system over.
 pub trait Ranks: Comm {
-    /// What PETSc needs of these ranks.
+    /// Returns the PETSc context of these ranks.
     #[cfg(feature = "petsc")]
     fn petsc(&self) -> Result<biotissue::backends::petsc::Context, Failure>;
 }
@@ -48,36 +48,38 @@ impl Ranks for biotissue::backends::comm::mpi::MpiComm {
     }
 }
 
-/// What the ranks of the body have come to together.
+/// The common outcome of the ranks of the body.
 type Outcome = Result<Summary, Failure>;
 
-/// A run that several ranks share.
+/// The data of a run that all its ranks share.
 pub struct Shared<'a> {
     pub case: Case,
     pub dir: &'a Path,
     pub resume: bool,
     pub backend: Option<&'a str>,
-    /// Which ranks each scale gets, where a configuration file says so, and that file.
+    /// The assignment of ranks to scales from a configuration file, and that file.
     pub plan: Option<(Plan, PathBuf)>,
-    /// How long ranks wait for each other.
+    /// Maximum time that ranks wait for each other.
     pub time_out: Option<Duration>,
 }
 
-/// How many processes `mpirun` started; `None` where it did not start this one.
+/// Returns the number of processes that `mpirun` started; `None` if it did not start this one.
 pub fn started_by_mpirun() -> Option<usize> {
     let of = |name: &str| std::env::var(name).ok()?.parse().ok();
-    // The last is that of `srun`, whatever it speaks with the processes.
+    // The last variable is set by `srun`, for any process management interface.
     ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "MV2_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS"].into_iter().find_map(of)
 }
 
-/// The ranks of a run in this process: those asked for, or those that the case names; `None` for a run without any.
+/// Returns the number of ranks of a run in this process: `asked`, or the number in the case; `None` for a run without
+/// ranks.
 pub fn of_threads(asked: Option<usize>, scales: ScalesCase, plan: Option<&Plan>) -> Option<usize> {
     let planned = plan.map_or(scales.least(), Plan::least);
-    // Where more are named than asked for, the scales say so.
+    // If the case names more ranks than `asked`, `Scales` reports the error.
     (planned > 1 || asked.is_some_and(|asked| asked > 1)).then_some(asked.unwrap_or(planned))
 }
 
-/// A configuration file is of any scales, and of any that produce for others; those of a body are two, each for the other.
+/// Checks the scales of a configuration file, which may name any scales and relations: a body has exactly two scales,
+/// each with relations to the other.
 pub fn check_scales(config: &Config, file: &Path) -> Result<(), Failure> {
     let mut names: Vec<&str> = config.plan.scales.iter().map(|(name, _)| name.as_str()).collect();
     names.sort_unstable();
@@ -99,7 +101,8 @@ pub fn check_scales(config: &Config, file: &Path) -> Result<(), Failure> {
     }
 }
 
-/// Which ranks each scale gets: those that the case names, or one for the macro scale and all others for the RVEs.
+/// Returns the number of ranks of each scale: as given in the case, or by default one for the macro scale and all
+/// others for the RVEs.
 fn plan(scales: ScalesCase, ranks: usize) -> Plan {
     let (above, below) = match scales.micro_ranks {
         0 => (scales.macro_ranks, ranks.saturating_sub(scales.macro_ranks).max(1)),
@@ -108,7 +111,7 @@ fn plan(scales: ScalesCase, ranks: usize) -> Plan {
     Plan::default().with(MACRO, Share::Count(above)).with(MICRO, Share::Count(below))
 }
 
-/// The plan with ranks near each other, where the case asks for that and the plan adds up.
+/// Places ranks near each other if the case requests it and the plan is valid for this number of ranks.
 #[cfg(feature = "hwloc")]
 fn near<C: Comm>(world: &C, plan: Plan, scales: ScalesCase) -> Result<Result<Plan, Failure>, Failure> {
     use biotissue::coupling::topology;
@@ -134,7 +137,7 @@ fn near<C: Comm>(_: &C, plan: Plan, scales: ScalesCase) -> Result<Result<Plan, F
     Ok(check_near(scales).map(|()| plan))
 }
 
-/// Whether this build can put ranks near each other, where the case asks for that.
+/// Returns an error if the case requests `near` but this build has no `hwloc`.
 pub fn check_near(scales: ScalesCase) -> Result<(), Failure> {
     if cfg!(feature = "hwloc") || !scales.near {
         return Ok(());
@@ -146,9 +149,9 @@ pub fn check_near(scales: ScalesCase) -> Result<(), Failure> {
     ))
 }
 
-/// Runs on as many threads.
+/// Runs on `ranks` threads of this process.
 pub fn on_threads(ranks: usize, shared: &Shared<'_>) -> Result<Summary, Failure> {
-    // What fails first ends the others: it is what the user must know.
+    // The first failure ends the other ranks, so it is the one to report.
     let first = Mutex::new(None);
     let outcome = thread::run(ranks, |world| {
         rank(&world, shared).map_err(|failure| {
@@ -166,7 +169,7 @@ pub fn on_threads(ranks: usize, shared: &Shared<'_>) -> Result<Summary, Failure>
     }
 }
 
-/// Runs on the processes that `mpirun` started: one of them knows how it ended.
+/// Runs on the processes that `mpirun` started; only one of them returns the outcome.
 #[cfg(feature = "mpi")]
 pub fn on_processes(
     world: &biotissue::backends::comm::mpi::MpiComm,
@@ -187,8 +190,8 @@ fn ranks_failed(error: &impl std::fmt::Display) -> Failure {
     }
 }
 
-/// One rank: the main function of its scale. What the first rank of the macro scale finds is how the run ended, an
-/// orderly failure included; an error is one that the others do not know of.
+/// Runs the main function of the scale of this rank. The first rank of the macro scale returns the outcome of the run,
+/// including an orderly failure; an outer error is one that the other ranks do not know of.
 fn rank<C: Ranks>(world: &C, shared: &Shared<'_>) -> Result<Option<Outcome>, Failure> {
     let plan = match &shared.plan {
         Some((plan, _)) => plan.clone(),
@@ -199,12 +202,12 @@ fn rank<C: Ranks>(world: &C, shared: &Shared<'_>) -> Result<Option<Outcome>, Fai
     };
     let scales = match Scales::with_time_out(world, &plan, shared.time_out) {
         Ok(scales) => scales,
-        // This rank alone knows.
+        // Only this rank knows of this error.
         Err(error @ ScaleError::Plan(PlanError::Differs { .. })) => return Err(ranks_failed(&error)),
         Err(error @ ScaleError::Plan(_)) => return no_scales(world.rank(), shared, &error),
         Err(error) => return Err(ranks_failed(&error)),
     };
-    // PETSc starts and ends on all processes together, whoever uses it.
+    // Initializing and finalizing PETSc is collective over all processes, including those that do not use it.
     #[cfg(feature = "petsc")]
     let session = match shared.backend {
         Some(name) if name == biotissue::backends::BackendName::Petsc.as_str() => Some(world.petsc()?),
@@ -220,13 +223,13 @@ fn rank<C: Ranks>(world: &C, shared: &Shared<'_>) -> Result<Option<Outcome>, Fai
     ));
     #[cfg(feature = "petsc")]
     if outcome.is_err() {
-        // Its end would wait for ranks that are lost.
+        // Finalizing would wait for ranks that are lost.
         std::mem::forget(session);
     }
     outcome
 }
 
-/// All ranks find the same mistake; the first says it.
+/// Reports an error that all ranks find; only the first one returns it.
 fn no_scales(rank: usize, shared: &Shared<'_>, error: &ScaleError) -> Result<Option<Outcome>, Failure> {
     if rank > 0 {
         return Ok(None);
@@ -248,7 +251,8 @@ fn no_scales(rank: usize, shared: &Shared<'_>, error: &ScaleError) -> Result<Opt
     ))))
 }
 
-/// The same outcome on all ranks: where one could not read something, the first says so.
+/// Makes all ranks fail if one of them failed: a failed rank returns its own failure, the others that of the first
+/// failed rank. Collective.
 pub fn agreed<C: Comm, T>(world: &C, outcome: Result<T, Failure>) -> Result<Result<T, Failure>, Failure> {
     match world.agree(outcome) {
         Ok(found) => Ok(Ok(found)),

@@ -1,4 +1,4 @@
-//! What is known of an RVE: the JSON object of the contract, and the text that a person reads.
+//! The result for an RVE, as the documented JSON object and as text.
 
 use std::fmt::Write;
 
@@ -15,16 +15,16 @@ use serde::Serialize;
 pub struct Answer {
     pub converged: bool,
     pub iterations: usize,
-    /// Norm of the residual, and that over the norm of all nodal forces.
+    /// Norm of the residual, and the same divided by the norm of all nodal forces.
     pub residuals: Vec<[f64; 2]>,
     #[serde(rename = "J")]
     pub determinant: f64,
     pub network: NetworkFacts,
     pub scale: f64,
-    /// Absent where there is no equilibrium.
+    /// `None` if there is no equilibrium.
     #[serde(flatten)]
     pub state: Option<State>,
-    /// Absent where no stage found an equilibrium, stable or not.
+    /// `None` if no stage found an equilibrium, stable or not.
     #[serde(flatten)]
     pub stability: Option<Stability>,
     pub ladder: Ladder,
@@ -40,7 +40,7 @@ pub struct NetworkFacts {
     total_length: f64,
 }
 
-/// What is known of an RVE in equilibrium; stresses and tangent in Pa, row by row.
+/// The state of an RVE in equilibrium; stresses and tangent in Pa, row-major.
 #[derive(Serialize)]
 pub struct State {
     pub pk1: [[f64; 3]; 3],
@@ -51,14 +51,15 @@ pub struct State {
     pub orientation: Orientation,
 }
 
-/// Whether the equilibrium that was found is a minimum of the energy.
+/// Whether the equilibrium is a minimum of the energy.
 #[derive(Clone, Copy, Serialize)]
 pub struct Stability {
-    /// True for a neutral state too.
+    /// True also for a neutral state.
     stable: bool,
-    /// Whether there are motions that nothing resists.
+    /// Whether there are motions without stiffness.
     neutral: bool,
-    /// Of the stiffness by LDL^T, beyond rounding; null where the backend does not count them.
+    /// Number of negative pivots of the LDL^T factorization of the stiffness, beyond rounding errors; null if the
+    /// backend does not count them.
     negative_pivots: Option<usize>,
 }
 
@@ -74,7 +75,7 @@ pub struct Orientation {
     pub current: [[f64; 3]; 3],
 }
 
-/// What beyond full Newton steps it took.
+/// The work beyond full Newton steps.
 #[derive(Default, Serialize)]
 pub struct Ladder {
     stage: Option<&'static str>,
@@ -85,9 +86,9 @@ pub struct Ladder {
     singular: usize,
     regularized_iterations: usize,
     relaxation_steps: usize,
-    /// Saddle points of the energy that were reached, and left for a minimum.
+    /// Number of saddle points of the energy that were reached and left for a minimum.
     saddles: usize,
-    /// Whether the residual is above the tolerance, as small as rounding lets it become.
+    /// Whether the residual stays above the tolerance but is as small as rounding errors permit.
     at_rounding: bool,
 }
 
@@ -112,7 +113,7 @@ impl NetworkFacts {
 }
 
 impl Stability {
-    /// Of the equilibrium found, or of the last unstable one that was refused.
+    /// Returns the stability of the equilibrium found, or of the last unstable one that was rejected.
     pub fn of<F: std::error::Error>(outcome: Result<&EquilibriumReport, &RveError<F>>) -> Option<Self> {
         let failures = match outcome {
             Ok(&EquilibriumReport { neutral, negative_pivots, .. }) => {
@@ -129,7 +130,7 @@ impl Stability {
 }
 
 impl Ladder {
-    /// What an equilibrium of this tolerance took.
+    /// Extracts the counts from the report of an equilibrium that was solved with `tolerance`.
     pub fn of(report: &EquilibriumReport, tolerance: f64) -> Self {
         let EquilibriumReport { stage, predicted, cuts, line_search_cuts, indefinite, singular, .. } = *report;
         Self {
@@ -147,18 +148,18 @@ impl Ladder {
     }
 }
 
-/// A tensor row by row.
+/// Returns a tensor as its rows.
 pub fn rows(m: &Matrix3<f64>) -> [[f64; 3]; 3] {
     [0, 1, 2].map(|i| [0, 1, 2].map(|j| m[(i, j)]))
 }
 
-/// A tangent row by row.
+/// Returns a tangent as its rows.
 pub fn tangent_rows(tangent: &Tangent) -> Vec<[f64; 9]> {
     (0..9).map(|row| std::array::from_fn(|column| tangent[(row, column)])).collect()
 }
 
 impl Answer {
-    /// What a person reads. Writing to a string cannot fail.
+    /// Formats the result for the terminal. Writing to a string cannot fail.
     pub fn text(&self) -> String {
         let mut out = String::new();
         let n = &self.network;

@@ -1,4 +1,4 @@
-//! `biotissue rve`: one RVE brought to equilibrium.
+//! `biotissue rve`: brings one RVE to equilibrium.
 
 mod answer;
 mod solve;
@@ -61,7 +61,7 @@ pub struct RveCommand {
     json: bool,
 }
 
-/// Runs the command. Without an equilibrium there is still the JSON object that says so.
+/// Runs the command. With `--json`, the object is printed even if there is no equilibrium.
 pub fn run(command: RveCommand) -> Result<(), Failure> {
     let json = command.json;
     let backend = command.backend.clone();
@@ -81,7 +81,7 @@ fn check(command: RveCommand) -> Result<RveJob, Failure> {
         return Ok(RveJob::replay(RveDump::read(file)?, stages, command.dump));
     }
     let (Some(path), Some(gradient)) = (command.network, command.gradient) else {
-        // The argument parser has seen to it that both are there.
+        // The argument parser ensures that both are present.
         return Err(Failure::arguments("no network to solve", "a network and --F", "or --replay FILE"));
     };
     let gradient = parse_gradient(&gradient)?;
@@ -117,7 +117,7 @@ fn parse_stages(names: &[String]) -> Result<Stages, Failure> {
     Ok(Stages::of(&stages?))
 }
 
-/// The nine numbers of `--F`, with a positive determinant.
+/// Parses the nine numbers of `--F`, whose determinant must be positive.
 pub fn parse_gradient(text: &str) -> Result<Matrix3<f64>, Failure> {
     let numbers: Result<Vec<f64>, _> =
         text.split(|c: char| c.is_whitespace() || c == ',').filter(|t| !t.is_empty()).map(str::parse).collect();

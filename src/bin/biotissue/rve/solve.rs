@@ -1,4 +1,4 @@
-//! An RVE brought to equilibrium on one backend.
+//! Solving for the equilibrium of an RVE on one backend.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -25,9 +25,9 @@ use crate::increments::{Increments, unusable};
 
 /// The checked arguments.
 pub struct RveJob {
-    /// The RVE, for messages.
+    /// Name of the RVE in messages.
     pub place: String,
-    /// The network's file, where it has one.
+    /// File of the network, if it has one.
     pub file: Option<PathBuf>,
     pub network: Arc<Network>,
     pub start: Rve,
@@ -36,7 +36,7 @@ pub struct RveJob {
     pub scale: StressScale,
     pub steps: usize,
     pub params: EquilibriumParams,
-    /// Where the last increment is to be written.
+    /// The file for the last increment, if requested.
     pub dump: Option<PathBuf>,
 }
 
@@ -101,7 +101,7 @@ fn not_written(file: &Path, error: &ResultsError) -> Failure {
 }
 
 impl RveJob {
-    /// What a file of [`RveDump`] holds, by other stages where they are given.
+    /// Creates the job from the content of an [`RveDump`] file; `stages`, if given, replace those of the file.
     pub fn replay(dump: RveDump, stages: Option<Stages>, again: Option<PathBuf>) -> Self {
         let RveDump { origin, network, scale, start, target, params } = dump;
         let params = params.with_stages(stages.unwrap_or(params.stages));
@@ -140,7 +140,7 @@ impl RveJob {
         B: Backend<Scalar = f64>,
         B::Reduced: Scalar,
     {
-        // It is in equilibrium: no stage has anything to do.
+        // The RVE is already in equilibrium, so no stage has any work to do.
         let (gradient, params) = (*rve.gradient(), self.params.with_stages(Stages::default()));
         let mut solved = equilibrate(model, rve, &gradient, &params, workspace)?;
         let (pk1, tangent, energy) = (solved.pk1(), solved.tangent()?, solved.energy());

@@ -1,8 +1,8 @@
-//! Broken files and the exact words a user gets: every entry of `broken.txt`.
+//! Invalid files and the exact messages they produce: every entry of `broken.txt`.
 //!
-//! An entry is a header `=== KIND: what is wrong`, the text, a line `---`, and all errors, with the folder of the case
-//! left out. `KIND` says where the text goes: it is the `whole` file, or stands after the smallest case (`more`), or is
-//! the line below `[mesh]` there (`mesh`), or the entries of its material (`material`).
+//! An entry is a header `=== KIND: description`, the text, a line `---`, and all errors without the folder of the case.
+//! `KIND` is where the text goes: it is the `whole` file, is appended to the smallest case (`more`), replaces the line
+//! below `[mesh]` there (`mesh`), or replaces the entries of its material (`material`).
 
 use super::{Folder, SMALL};
 

@@ -1,9 +1,9 @@
-//! Files cut short or with a byte changed: an error or a case, never a panic.
+//! Truncated files and files with a changed byte give an error or a case, but never a panic.
 
 use super::{FULL, Folder};
 
-/// Reads the damaged text. Where it is refused, the refusal says something, in the order of the lines and with lines
-/// that exist.
+/// Reads the damaged text. If it is rejected, there is at least one error, and the errors are in the order of existing
+/// lines.
 fn endure(folder: &Folder, bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     if let Err(errors) = folder.parse(text) {

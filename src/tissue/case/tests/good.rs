@@ -1,4 +1,4 @@
-//! What a good case becomes.
+//! The cases that valid files give.
 
 use super::super::*;
 use super::{FULL, Folder, SMALL};
@@ -155,7 +155,7 @@ fn folder_with_pattern_characters_in_its_name_is_taken_as_it_is() {
     assert_eq!(rve.networks, [odd.join("n.txt")]);
 }
 
-/// `mu` and `lambda` of a material with the given entries.
+/// Returns `mu` and `lambda` of a material with the given entries.
 fn constants(entries: &str) -> (f64, f64) {
     let text = SMALL.replace("shear_modulus = 1.0e5, lame_lambda = 2.0e5", entries);
     match Folder::new().parse(&text).unwrap().case.regions[0].material {
@@ -166,7 +166,7 @@ fn constants(entries: &str) -> (f64, f64) {
 
 #[test]
 fn any_two_elastic_constants_give_the_same_material() {
-    // E = 2.5 and nu = 0.25 make mu = lambda = 1; E = 0.9, nu = -0.25 make mu = 0.6, lambda = -0.2.
+    // E = 2.5 and nu = 0.25 give mu = lambda = 1; E = 0.9 and nu = -0.25 give mu = 0.6, lambda = -0.2.
     for (e, nu, mu, lambda) in [(2.5, 0.25, 1.0, 1.0), (0.9, -0.25, 0.6, -0.2), (2.999, 0.4995, 1.0, 999.0)] {
         let e = format!("youngs_modulus = {e}");
         let nu = format!("poisson_ratio = {nu}");

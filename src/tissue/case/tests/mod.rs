@@ -1,4 +1,4 @@
-//! Tests of the whole reader: good files, broken files, files written back, files damaged.
+//! Tests of the whole reader: valid files, invalid files, written files, damaged files.
 
 mod broken;
 mod damaged;
@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use super::{Case, CaseFile};
 use crate::input::InputErrors;
 
-/// A folder with a mesh and a library of networks beside the case file.
+/// A folder with a mesh and a network library beside the case file.
 pub(super) struct Folder(tempfile::TempDir);
 
 impl Folder {
@@ -36,7 +36,7 @@ impl Folder {
         Case::parse(text, &self.case())
     }
 
-    /// All errors as a user reads them, with the folder's name left out.
+    /// Returns all errors as shown to the user, without the name of the folder.
     pub(super) fn errors(&self, text: &str) -> String {
         let errors = self.parse(text).expect_err("a broken case was accepted").to_string();
         errors.replace(&format!("{}/", self.path().display()), "").replace(&self.path().display().to_string(), "FOLDER")

@@ -1,4 +1,4 @@
-//! Names against those of a mesh.
+//! Comparison of names with those of a mesh.
 
 use super::super::*;
 use super::{FULL, Folder, SMALL};

@@ -1,9 +1,9 @@
-//! A case written back and read again.
+//! Writing a case and reading it again.
 
 use super::super::*;
 use super::{FULL, Folder, SMALL};
 
-/// The case without the file it came from and without lines.
+/// Returns the case without its file and line numbers.
 fn placeless(mut case: Case) -> Case {
     case.file.clear();
     case.mesh_line = 0;

@@ -1,20 +1,20 @@
-//! Which charts a page has: those for which the directory holds numbers.
+//! The charts of a page: those for which the directory has data.
 
 use super::Run;
 use super::charts::{Labels, Line, extension_and_iterations, lines, logarithmic, stacked_bars};
 use crate::tissue::report::ReportError;
 use crate::tissue::results::log::{NewtonSeconds, RveLog};
 
-/// A caption and the chart.
+/// The caption and the SVG text of a chart.
 type Figure = (String, String);
 
-/// All charts, captions first.
+/// Draws all charts.
 pub(super) fn all(run: &Run) -> Result<Vec<Figure>, ReportError> {
     let figures = [force(run)?, extension(run)?, seconds(run)?, rves(run)?, convergence(run)?];
     Ok(figures.into_iter().flatten().collect())
 }
 
-/// The numbers of the increments, from 1, with something that not all of them have.
+/// Pairs the numbers of the increments, from 1, with `value`, and omits increments without it.
 fn over_increments(run: &Run, value: impl Fn(&super::Increment) -> Option<f64>) -> Vec<(f64, f64)> {
     let numbered = run.increments.iter().enumerate();
     numbered.filter_map(|(k, increment)| Some(((k + 1) as f64, value(increment)?))).collect()
@@ -27,7 +27,7 @@ fn force(run: &Run) -> Result<Option<Figure>, ReportError> {
     }
     let of_surface = |surface: usize| Line {
         name: run.surface_name(surface).to_owned(),
-        // The unloaded body is where every curve begins.
+        // Every curve starts at the undeformed body.
         points: std::iter::once((0.0, 0.0))
             .chain(
                 run.increments

@@ -1,4 +1,4 @@
-//! The report: one HTML page with everything inside it, readable without a network for as long as there are browsers.
+//! The report: one self-contained HTML page that needs no network access.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -15,11 +15,12 @@ mod figures;
 
 pub use crate::tissue::results::REPORT_FILE;
 
-/// Writes the page of a result directory to `file`, as [`output::write`] does, or to `report.html` in it, and returns where
-/// it is.
+/// Writes the page of a result directory to `file`, with [`output::write`], or to `report.html` in that directory, and
+/// returns its path.
 ///
 /// # Errors
-/// [`ReportError`]; [`ResultsError::Foreign`] for a `report.html` that this command has not written.
+/// Returns [`ResultsError::Foreign`] for a `report.html` that this program has not written, [`ResultsError::Write`] if
+/// the page cannot be written, and the errors of [`page()`].
 pub fn write(dir: &Path, file: Option<&Path>, options: &PictureOptions) -> Result<PathBuf, ReportError> {
     let file = match file {
         Some(file) => file.to_path_buf(),
@@ -36,10 +37,11 @@ pub fn write(dir: &Path, file: Option<&Path>, options: &PictureOptions) -> Resul
     Ok(file)
 }
 
-/// The page as text.
+/// Returns the text of the page. Missing files are omitted.
 ///
 /// # Errors
-/// [`ReportError`] where the directory is none of results or a file in it is damaged; what is merely absent is left out.
+/// Returns [`ReportError`] if the directory is not a result directory, a file in it is damaged, or a requested step or
+/// field does not exist.
 pub fn page(dir: &Path, options: &PictureOptions) -> Result<String, ReportError> {
     let directory = Directory::open(dir)?;
     let run = Run::of(&directory)?;
@@ -50,7 +52,7 @@ pub fn page(dir: &Path, options: &PictureOptions) -> Result<String, ReportError>
     push(&mut html, &outcome(&directory, &run));
     match draw_from(&directory, options) {
         Ok(picture) => push(&mut html, &format!("<figure class=\"wide\">{picture}</figure>\n")),
-        // Without fields there is no picture; a step or a field that was asked for must be there.
+        // Without fields there is no picture, but a requested step or field must exist.
         Err(ReportError::NoFields { .. }) => {}
         Err(error) => return Err(error),
     }
@@ -91,7 +93,7 @@ fn push(html: &mut String, part: &str) {
     html.push_str(part);
 }
 
-/// What the charts, the facts and the table share.
+/// The data shared by the charts, the facts and the table.
 struct Run<'a> {
     directory: &'a Directory,
     increments: Vec<Increment<'a>>,
@@ -108,7 +110,7 @@ impl<'a> Run<'a> {
         Ok(Self { directory, increments: directory.increments(), extension, last_fields })
     }
 
-    /// The extension in per cent where the length of the body is known, and otherwise the elongation in mm.
+    /// Returns the extension in percent if the length of the body is known, otherwise the elongation in mm.
     fn extension_of(&self, increment: &Increment) -> Option<f64> {
         let (extension, row) = (self.extension.as_ref()?, increment.row?);
         Some(extension.fraction(row).map_or_else(|| 1e3 * extension.elongation(row), |fraction| 100.0 * fraction))
@@ -122,17 +124,17 @@ impl<'a> Run<'a> {
         if self.extension_unit() == "%" { "extension" } else { "elongation" }
     }
 
-    /// The axis of the pull; x where nothing is pulled.
+    /// Returns the axis of the pull; x if there is no pull.
     fn axis(&self) -> usize {
         self.extension.map_or(0, |extension| extension.axis)
     }
 
-    /// The force through a surface along the pull, N.
+    /// Returns the force through a surface along the axis of the pull, N.
     fn force_of(&self, increment: &Increment, surface: usize) -> Option<f64> {
         Some(increment.row?.surfaces.get(surface)?.force[self.axis()])
     }
 
-    /// The surfaces that carry a force along the pull: more than a thousandth of the largest.
+    /// Returns the surfaces whose force along the pull exceeds one thousandth of the largest force.
     fn loaded_surfaces(&self) -> Vec<usize> {
         let surfaces = self.directory.loads.as_ref().map_or(0, |loads| loads.surfaces.len());
         let most = |surface: usize| {
@@ -165,7 +167,7 @@ fn outcome(directory: &Directory, run: &Run) -> String {
     format!("<p class=\"{class}\">{}</p>\n", escape(&words))
 }
 
-/// `1 h 02 min`, `3 min 20 s`, `4.20 s`
+/// Formats a duration: `1 h 02 min`, `3 min 20 s`, `4.20 s`.
 fn duration(seconds: f64) -> String {
     if !(60.0..1e9).contains(&seconds) {
         return format!("{}\u{a0}s", significant(seconds));

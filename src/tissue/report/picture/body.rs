@@ -1,4 +1,5 @@
-//! The body itself: its faces in color, its creases, where it was before, and the fibers near its visible side.
+//! Drawing the body: colored faces, creases, the outline of the undeformed body, and the fibers near the visible
+//! surface.
 
 use std::collections::HashMap;
 
@@ -10,14 +11,14 @@ use super::svg::{Svg, hex};
 use super::view::View;
 use super::{Colors, Scene};
 
-/// Faces that meet at more than this angle make a crease (its cosine: 35 degrees).
+/// Cosine of the crease angle (35 degrees): faces that meet at a larger angle form a crease.
 const CREASE: f64 = 0.82;
-/// Faces less high than so many pixels have no edges.
+/// Height, in pixels, below which faces are drawn without light edges.
 const SMALL: f64 = 5.0;
-/// At most one fiber direction in a square of so many pixels.
+/// Size, in pixels, of the squares that contain at most one fiber line each.
 const FIBER_SPACING: f64 = 9.0;
 
-/// The elements behind the faces that the eye sees, without repetition.
+/// Returns the elements behind the visible faces, without repetition.
 pub(super) fn visible_elements(scene: &Scene) -> Vec<usize> {
     let mut elements: Vec<usize> = visible(&scene.skin, &scene.current, &scene.view)
         .iter()
@@ -34,7 +35,7 @@ fn visible(skin: &Skin, points: &[Vector3<f64>], view: &View) -> Vec<bool> {
     skin.faces.iter().map(|face| normal(face, points).dot(&view.toward) > 0.0).collect()
 }
 
-/// Draws the faces from back to front, each with the creases on its rim, so that what lies in front covers them.
+/// Draws the visible faces from back to front, each with the creases on its edges, so that near faces cover far ones.
 pub(super) fn faces(svg: &mut Svg, scene: &Scene, colors: Option<&Colors>) {
     let Scene { skin, current, view, frame, .. } = scene;
     let visible = visible(skin, current, view);
@@ -55,7 +56,7 @@ pub(super) fn faces(svg: &mut Svg, scene: &Scene, colors: Option<&Colors>) {
         let plain = colors.map_or([176, 190, 197], |colors| colors.of(face.element));
         let color = hex(lit(plain, view.light(&normal(face, current))));
         let corners = face.points.map(|point| place(&point));
-        // Where faces are too small for their light edges, those would wash the colors out.
+        // The light edges of very small faces would wash out the colors.
         let rim =
             if height(corners) < SMALL { format!(" stroke=\"{color}\" stroke-opacity=\"1\"") } else { String::new() };
         svg.path(&corners, true, &format!("fill=\"{color}\"{rim}"));
@@ -67,7 +68,7 @@ pub(super) fn faces(svg: &mut Svg, scene: &Scene, colors: Option<&Colors>) {
     svg.close();
 }
 
-/// The least height of a triangle.
+/// Returns the smallest height of a triangle.
 fn height([a, b, c]: [[f64; 2]; 3]) -> f64 {
     let edge = |from: [f64; 2], to: [f64; 2]| [to[0] - from[0], to[1] - from[1]];
     let (ab, ac, bc) = (edge(a, b), edge(a, c), edge(b, c));
@@ -75,7 +76,7 @@ fn height([a, b, c]: [[f64; 2]; 3]) -> f64 {
     (ab[0] * ac[1] - ab[1] * ac[0]).abs() / longest
 }
 
-/// The edges to be drawn with each face: where the body turns away from the eye, and where it bends sharply.
+/// Returns the edges to be drawn with each face: silhouette edges and creases.
 fn creases(skin: &Skin, points: &[Vector3<f64>], visible: &[bool]) -> HashMap<usize, Vec<[u32; 2]>> {
     let mut creases: HashMap<usize, Vec<[u32; 2]>> = HashMap::new();
     for edge in &skin.edges {
@@ -93,7 +94,7 @@ fn creases(skin: &Skin, points: &[Vector3<f64>], visible: &[bool]) -> HashMap<us
     creases
 }
 
-/// Draws the rim of the undeformed body as the eye would see it.
+/// Draws the silhouette of the undeformed body.
 pub(super) fn outline(svg: &mut Svg, scene: &Scene) {
     let Scene { skin, reference, view, frame, .. } = scene;
     let visible = visible(skin, reference, view);
@@ -111,11 +112,11 @@ pub(super) fn outline(svg: &mut Svg, scene: &Scene) {
     svg.close();
 }
 
-/// How the undeformed outline is drawn, here and in the legend.
+/// Attributes of the undeformed outline, also in the legend.
 pub(super) const OUTLINE: &str = "fill=\"none\" stroke=\"#37474f\" stroke-width=\".9\" stroke-opacity=\".8\" \
                                   stroke-dasharray=\"5 3\" stroke-linejoin=\"round\"";
 
-/// The directions of the fibers in some elements, as lines on the page around the middle of each.
+/// Returns the fiber directions of `elements` as lines on the page, centered at each element.
 pub(super) fn fiber_lines(
     scene: &Scene,
     elements: &[usize],
@@ -152,7 +153,7 @@ pub(super) fn fiber_lines(
     drawn
 }
 
-/// The length of the longest fiber line: about the distance of the middles of neighboring faces.
+/// Returns the length of the longest fiber line: about the distance between the centers of neighboring faces.
 fn fiber_length(scene: &Scene) -> f64 {
     let mut edges: Vec<f64> = scene
         .skin
@@ -167,7 +168,7 @@ fn fiber_length(scene: &Scene) -> f64 {
     edges.get(edges.len() / 2).map_or(12.0, |&edge| (0.85 * edge).clamp(7.0, 26.0))
 }
 
-/// Draws fiber lines: light on a dark rim, so that they are seen on any color.
+/// Draws fiber lines, light with a dark rim, so that they are visible on any color.
 pub(super) fn fibers(svg: &mut Svg, segments: &[[[f64; 2]; 2]]) {
     svg.open("fill=\"none\" stroke-linecap=\"round\"");
     svg.segments(segments, "stroke=\"#101820\" stroke-opacity=\".5\" stroke-width=\"2.6\"");

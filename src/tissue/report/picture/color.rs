@@ -1,6 +1,7 @@
-//! Colors for numbers: a map that stays ordered in gray and for color-blind eyes.
+//! Color maps that stay ordered in grayscale and for color-blind readers.
 
-/// Control points of the map viridis (Smith and van der Walt, matplotlib; public domain), equally spaced in `[0, 1]`.
+/// Control points of the color map viridis (Smith and van der Walt, matplotlib; public domain), equally spaced in `[0,
+/// 1]`.
 const VIRIDIS: [[u8; 3]; 11] = [
     [68, 1, 84],
     [72, 36, 117],
@@ -15,7 +16,7 @@ const VIRIDIS: [[u8; 3]; 11] = [
     [253, 231, 37],
 ];
 
-/// The color of a number in `[0, 1]`; what lies outside has the color of the nearer end.
+/// Returns the viridis color of a number in `[0, 1]`; numbers outside are clamped, NaN gives the color of 0.
 pub(crate) fn viridis(place: f64) -> [u8; 3] {
     let last = VIRIDIS.len() - 1;
     let place = if place.is_nan() { 0.0 } else { place.clamp(0.0, 1.0) * last as f64 };
@@ -23,11 +24,11 @@ pub(crate) fn viridis(place: f64) -> [u8; 3] {
     mix(VIRIDIS[lower], VIRIDIS[lower + 1], place - lower as f64)
 }
 
-/// The colors of the axes x, y and z, which color-blind eyes tell apart as well (Okabe and Ito, Color universal design).
+/// The colors of the axes x, y and z, distinguishable for color-blind readers (Okabe and Ito, Color universal design).
 pub(crate) const AXES: [[u8; 3]; 3] = [[213, 94, 0], [0, 158, 115], [0, 114, 178]];
 
-/// From blue (-1) through gray (0) to red (1); the ends are those of the map RdBu (Harrower and Brewer, ColorBrewer), the
-/// middle is dark enough for thin lines on white.
+/// Maps -1 to blue, 0 to gray and 1 to red; the ends are those of the map RdBu (Harrower and Brewer, ColorBrewer), and
+/// the gray is dark enough for thin lines on white.
 pub(crate) fn about_rest(place: f64) -> [u8; 3] {
     const BELOW: [[u8; 3]; 4] = [[176, 182, 188], [103, 169, 207], [33, 102, 172], [5, 48, 97]];
     const ABOVE: [[u8; 3]; 4] = [[176, 182, 188], [239, 138, 98], [190, 30, 45], [103, 0, 31]];
@@ -37,7 +38,7 @@ pub(crate) fn about_rest(place: f64) -> [u8; 3] {
     mix(side[lower], side[lower + 1], place - lower as f64)
 }
 
-/// `part` 0 is the first color, 1 the second.
+/// Interpolates from `first` (`part = 0`) to `second` (`part = 1`).
 pub(crate) fn mix(first: [u8; 3], second: [u8; 3], part: f64) -> [u8; 3] {
     std::array::from_fn(|c| {
         let (from, to) = (f64::from(first[c]), f64::from(second[c]));
@@ -45,13 +46,13 @@ pub(crate) fn mix(first: [u8; 3], second: [u8; 3], part: f64) -> [u8; 3] {
     })
 }
 
-/// The color in the light: `light` 1 leaves it, less darkens it.
+/// Darkens a color; `light = 1` leaves it unchanged.
 pub(super) fn lit(color: [u8; 3], light: f64) -> [u8; 3] {
     color.map(|part| (f64::from(part) * light).round().clamp(0.0, 255.0) as u8)
 }
 
-/// The numbers that get the ends of the map: all of them, but where a few outliers would leave the rest in one color,
-/// the range without one per cent at either end.
+/// Returns the numbers at the ends of the color map: the range of all finite values, or, if a few outliers would leave
+/// the others with one color, the range from the 1st to the 99th percentile.
 pub(super) fn range(values: &[f64]) -> (f64, f64) {
     let mut sorted: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
     sorted.sort_by(f64::total_cmp);
@@ -60,7 +61,7 @@ pub(super) fn range(values: &[f64]) -> (f64, f64) {
     let (inner_low, inner_high) = (at(0.01), at(0.99));
     let outliers = inner_high > inner_low && high - low > 1.5 * (inner_high - inner_low);
     let (low, high) = if outliers { (inner_low, inner_high) } else { (low, high) };
-    // A uniform field: a range around it, so that it has a color and a bar.
+    // A uniform field gets a range around its value, so that it has a color and a color bar.
     if high > low { (low, high) } else { (low - 0.5 * low.abs().max(1e-300), high + 0.5 * high.abs().max(1e-300)) }
 }
 

@@ -1,4 +1,4 @@
-//! What stands around the body: title, color bar, scale bar, axes, and what the lines mean.
+//! Annotations around the body: title, color bar, scale bar, axes, and the legend of the lines.
 
 use super::body::{OUTLINE, fibers};
 use super::color::AXES;
@@ -10,13 +10,13 @@ use crate::tissue::report::units::{prefix, quantity, round_step, tick_label, tic
 pub(super) const INK: &str = "fill=\"#1b2733\"";
 pub(super) const SOFT: &str = "fill=\"#546e7a\"";
 
-/// Title and, under it, step, time and extension.
+/// Draws the title and, below it, the line with step, time and extension.
 pub(super) fn title(svg: &mut Svg, title: &str, state: &str) {
     svg.heading([28.0, 38.0], 21.0, &format!("{INK} font-weight=\"600\""), title);
     svg.heading([28.0, 60.0], 14.0, SOFT, state);
 }
 
-/// The color bar with its numbers, its right end at `right`.
+/// Draws the color bar with its ticks; its right end is at `right`.
 pub(super) fn color_bar(svg: &mut Svg, colors: &Colors, [right, top]: [f64; 2]) {
     const WIDTH: f64 = 320.0;
     const HEIGHT: f64 = 12.0;
@@ -49,7 +49,7 @@ pub(super) fn color_bar(svg: &mut Svg, colors: &Colors, [right, top]: [f64; 2]) 
     }
 }
 
-/// A bar of a round length; returns where it ends.
+/// Draws a scale bar of a round length and returns the position of its right end.
 pub(super) fn scale_bar(svg: &mut Svg, scene: &Scene, [left, baseline]: [f64; 2]) -> f64 {
     let length = round_step(80.0 / scene.frame.scale);
     let width = length * scene.frame.scale;
@@ -62,7 +62,7 @@ pub(super) fn scale_bar(svg: &mut Svg, scene: &Scene, [left, baseline]: [f64; 2]
     right
 }
 
-/// The directions of x, y and z.
+/// Draws the directions of x, y and z.
 pub(super) fn axes(svg: &mut Svg, view: &View, [x, y]: [f64; 2]) {
     const LENGTH: f64 = 26.0;
     let mut arms: Vec<(usize, [f64; 3])> =
@@ -78,7 +78,7 @@ pub(super) fn axes(svg: &mut Svg, view: &View, [x, y]: [f64; 2]) {
     }
 }
 
-/// What the lines on the body mean.
+/// Draws the legend of the outline and the fiber lines.
 pub(super) fn lines(svg: &mut Svg, [left, baseline]: [f64; 2], with_fibers: Option<&str>) {
     let sample = |row: f64| [[left, baseline - 4.0 - row], [left + 26.0, baseline - 4.0 - row]];
     let words = |row: f64| [left + 34.0, baseline - row];

@@ -1,9 +1,9 @@
-//! The picture of a body: deformed as it is (never exaggerated), colored by a field, with the directions of its fibers
-//! and the outline it had before; as one SVG without outside references.
+//! The picture of a body: its deformed shape (never exaggerated) colored by a field, with its fiber directions and the
+//! outline of the undeformed shape; one self-contained SVG.
 //!
-//! The body is seen in parallel projection, its longest axis across the page, from a little above and aside. Faces
-//! turned to the eye are drawn from back to front. Each fiber line is the direction of an element that lies behind a
-//! visible face, foreshortened like the body itself.
+//! The view is a parallel projection slightly from above and from the side, with the longest axis of the body across
+//! the page. Visible faces are drawn from back to front. Each fiber line shows the direction of an element behind a
+//! visible face, with the same foreshortening as the body.
 
 mod body;
 pub(crate) mod color;
@@ -31,18 +31,18 @@ use super::units::significant;
 use crate::tissue::results::Fields;
 use crate::tissue::results::collection::Entry;
 
-/// What is drawn, and how large.
+/// The content and the size of a picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PictureOptions {
-    /// The load step; the last one written where none is named.
+    /// The load step; if `None`, the last one with fields.
     pub step: Option<usize>,
-    /// The field for the color; von Mises stress or what there is where none is named.
+    /// The field that defines the color; if `None`, von Mises stress or the first available field.
     pub field: Option<String>,
-    /// The axis to look along: 0, 1, 2 for x, y, z; the shortest edge of the body where none is named.
+    /// The viewing axis: 0, 1, 2 for x, y, z; if `None`, the shortest edge of the body.
     pub axis: Option<usize>,
     /// Width, pixels.
     pub width: u32,
-    /// Height, pixels; less where the body does not need it.
+    /// Maximum height, pixels; reduced if the body needs less.
     pub height: u32,
 }
 
@@ -52,7 +52,7 @@ impl Default for PictureOptions {
     }
 }
 
-/// The body in space and on the page.
+/// The body in space and its projection to the page.
 #[derive(Clone, Debug)]
 struct Scene {
     skin: Skin,
@@ -62,25 +62,25 @@ struct Scene {
     frame: Frame,
 }
 
-/// Which number has which color.
+/// The assignment of colors to values.
 #[derive(Clone, Debug)]
 struct Colors {
     quantity: Quantity,
-    /// The numbers at the ends of the map.
+    /// The values at the ends of the color map.
     range: (f64, f64),
-    /// The least and the largest number that is drawn.
+    /// The smallest and the largest value drawn.
     extremes: (f64, f64),
     map: Map,
 }
 
-/// The colors of a range of numbers.
+/// The color map for a range of values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Map {
     /// For faces: viridis.
     Faces,
     /// For lines on white: viridis without its light end.
     Lines,
-    /// For lines of a number that has a rest value: gray there, red above, blue below, as strong on both sides.
+    /// For lines of a quantity with a rest value: gray at that value, red above, blue below, symmetric about it.
     About(f64),
 }
 
@@ -96,7 +96,7 @@ impl Colors {
         self.at(self.quantity.values.get(element).copied().unwrap_or(f64::NAN))
     }
 
-    /// The color of a number.
+    /// Returns the color of a value.
     fn at(&self, value: f64) -> [u8; 3] {
         let (low, high) = self.range;
         match self.map {
@@ -110,15 +110,15 @@ impl Colors {
 /// Draws the body of a result directory as SVG.
 ///
 /// # Errors
-/// [`ReportError`] where the directory holds no fields, not those of the step, or not the field asked for.
+/// Returns [`ReportError`] if the directory has no fields, no fields of the requested step, or not the requested field.
 pub fn draw(dir: &Path, options: &PictureOptions) -> Result<String, ReportError> {
     draw_from(&Directory::open(dir)?, options)
 }
 
-/// [`draw`] from a directory that was read before.
+/// Draws the body of a directory that was already read; see [`draw`].
 ///
 /// # Errors
-/// As [`draw`].
+/// See [`draw`].
 pub fn draw_from(directory: &Directory, options: &PictureOptions) -> Result<String, ReportError> {
     let entry = directory.field_file(options.step)?;
     let fields = directory.read_fields(entry)?;
@@ -127,7 +127,7 @@ pub fn draw_from(directory: &Directory, options: &PictureOptions) -> Result<Stri
     Ok(compose(&directory.title(), &state(entry, extension), &fields, quantity, options))
 }
 
-/// `step 3 · t = 0.3 · extension 12.5 %`
+/// Formats the state: `step 3 · t = 0.3 · extension 12.5 %`.
 fn state(entry: &Entry, extension: Option<f64>) -> String {
     let step = entry.step().map(|step| format!("step {step}"));
     let extension = extension.map(|extension| {
@@ -185,9 +185,9 @@ fn scene(fields: &Fields, axis: Option<usize>) -> Scene {
 }
 
 impl Scene {
-    /// Fits the body, as it is and as it was, into a rectangle of the page (left, top, width, height).
+    /// Fits the deformed and the undeformed body into a rectangle of the page (left, top, width, height).
     fn fit(&mut self, room: [f64; 4]) {
-        // Only points of the boundary: a mesh file may hold points that no element uses.
+        // Only boundary points: a mesh file may have points that no element uses.
         let rim = self.skin.faces.iter().flat_map(|face| face.points).map(|point| point as usize);
         let both = rim.flat_map(|point| [&self.reference[point], &self.current[point]]);
         self.frame = Frame::fit(both.map(|point| self.view.project(point)), room);
@@ -198,7 +198,7 @@ impl Scene {
 mod tests {
     use super::*;
 
-    /// A unit cube of eight small ones, sheared by a quarter.
+    /// A unit cube made of eight small ones, sheared by a quarter.
     fn cube() -> Fields {
         let node = |i: usize, j: usize, k: usize| (i + 3 * (j + 3 * k)) as u32;
         let half = |k: usize| k as f64 / 2.0;

@@ -1,8 +1,8 @@
-//! The picture of a fiber network: its fibers in the cube, or in what a deformation has made of it, as one SVG.
+//! The picture of a fiber network: its fibers in the reference or deformed cube, as one SVG.
 //!
-//! The eye looks from where it looks at bodies, always the same way, so that pictures of one network can be compared.
-//! Three things tell near from far: near fibers are drawn over far ones, with a light rim; they are wider; and far ones
-//! fade toward the paper. A long fiber is drawn in pieces, each at its own depth.
+//! The viewpoint is the one used for bodies and always the same, so that pictures of one network can be compared. Depth
+//! is shown in three ways: near fibers are drawn over far ones, with a light rim; they are wider; and far fibers fade
+//! toward the paper. A long fiber is drawn in pieces, each at its own depth.
 
 use std::collections::BTreeMap;
 
@@ -16,50 +16,50 @@ use super::svg::{Anchor, Svg, hex};
 use super::view::{Frame, View};
 use super::{Colors, Map};
 
-/// Layers of depth, each drawn over those behind it.
+/// Number of depth layers; each is drawn over those behind it.
 const LAYERS: usize = 24;
-/// How much the farthest fibers fade.
+/// Fraction by which the farthest fibers fade.
 const FADE: f64 = 0.55;
 const PAPER: [u8; 3] = [255; 3];
 
-/// What the color of a fiber says.
+/// The property of a fiber that its color shows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum FiberColor<'a> {
-    /// Nothing.
+    /// One color for all fibers.
     Plain,
-    /// Its direction: the colors of the axes x, y and z, mixed by the squares of its components.
+    /// The direction: the colors of the axes x, y and z, mixed by the squares of its components.
     Direction,
-    /// A number of its own.
+    /// A scalar quantity of the fiber.
     Values {
-        /// What the number is, in words.
+        /// The name of the quantity.
         label: &'a str,
-        /// Its unit without prefix; empty where it has none.
+        /// The unit without prefix; empty for a dimensionless quantity.
         unit: &'static str,
-        /// One for every fiber.
+        /// One value per fiber.
         values: &'a [f64],
-        /// The number at rest, which is gray, where it has one: 1 for a stretch, 0 for a force.
+        /// The value at rest, drawn in gray, if the quantity has one: 1 for a stretch, 0 for a force.
         rest: Option<f64>,
     },
 }
 
-/// What is drawn.
+/// The content and the size of a network picture.
 #[derive(Clone, Copy, Debug)]
 pub struct NetworkPicture<'a> {
-    /// Above the picture.
+    /// Title above the picture.
     pub title: &'a str,
-    /// Under the title.
+    /// Text below the title.
     pub subtitle: &'a str,
-    /// Positions of all nodes, unit-cube units.
+    /// Positions of all nodes, in units of the unit cube.
     pub positions: &'a [[f64; 3]],
-    /// The two nodes of every fiber; one that names a node that is not there is left out.
+    /// The two nodes of every fiber; a fiber with a node that does not exist is omitted.
     pub fibers: &'a [[u32; 2]],
-    /// What the colors say.
+    /// The meaning of the colors.
     pub color: FiberColor<'a>,
     /// The deformation gradient of the cube around the network: the identity for a network at rest.
     pub gradient: Matrix3<f64>,
-    /// The axis to look along: 0, 1, 2 for x, y, z; 2 where none is named.
+    /// The viewing axis: 0, 1, 2 for x, y, z; 2 if `None`.
     pub axis: Option<usize>,
-    /// Width, pixels; the height follows from it.
+    /// Width, pixels; it determines the height.
     pub width: u32,
 }
 
@@ -125,7 +125,7 @@ pub fn draw_network(picture: &NetworkPicture) -> String {
     svg.finish()
 }
 
-/// The colors of numbers.
+/// Assigns colors to the values of the fibers.
 fn colors(color: FiberColor) -> Option<Colors> {
     let FiberColor::Values { label, unit, values, rest } = color else { return None };
     let all: Vec<usize> = (0..values.len()).collect();
@@ -135,15 +135,15 @@ fn colors(color: FiberColor) -> Option<Colors> {
         let (low, high) = colors.range;
         let span = (high - rest).max(rest - low);
         colors.map = Map::About(rest);
-        // Without any difference from rest there still is a bar.
+        // If all values equal the rest value, the color bar still needs a range.
         colors.range = if span > 0.0 { (low.min(rest), high.max(rest)) } else { (rest - 0.1, rest + 0.1) };
     }
     Some(colors)
 }
 
-/// The edges of a cube, by their corners.
+/// The edges of a cube, as pairs of corners.
 struct Edges {
-    /// Those that meet at the corner farthest from the eye.
+    /// The edges that meet at the corner farthest from the viewer.
     hidden: Vec<[usize; 2]>,
     visible: Vec<[usize; 2]>,
 }
@@ -185,7 +185,7 @@ fn fibers(
         svg.segments(&rims, &format!("stroke=\"#fff\" stroke-width=\"{:.2}\"", 1.9 * width + 0.3));
         let mut by_color: BTreeMap<[u8; 3], Vec<[[f64; 2]; 2]>> = BTreeMap::new();
         for piece in pieces {
-            // Steps of four are not seen, and keep the file small.
+            // Rounding to multiples of four is invisible and keeps the file small.
             let color = mix(piece.color, PAPER, FADE * (1.0 - near)).map(|part| part & !3);
             by_color.entry(color).or_default().push(piece.ends);
         }
@@ -200,7 +200,7 @@ fn fibers(
     svg.close();
 }
 
-/// The fibers cut into pieces of which each lies in one layer of depth.
+/// Cuts the fibers into pieces, each within one depth layer.
 fn pieces(
     picture: &NetworkPicture,
     nodes: &[Vector3<f64>],
@@ -230,13 +230,13 @@ fn pieces(
     pieces
 }
 
-/// The colors of the axes mixed by the squares of the components of the direction, which add up to 1.
+/// Mixes the colors of the axes by the squares of the components of the direction, which add up to 1.
 fn direction_color(direction: Vector3<f64>) -> [u8; 3] {
     let squares = direction.component_mul(&direction) / direction.norm_squared().max(f64::MIN_POSITIVE);
     std::array::from_fn(|c| (0..3).map(|k| squares[k] * f64::from(AXES[k][c])).sum::<f64>().round() as u8)
 }
 
-/// The width of a line at mean depth: a part of the mean fiber length, so that dense networks have thin lines.
+/// Returns the line width at mean depth: proportional to the mean fiber length, so that dense networks have thin lines.
 fn line_width(picture: &NetworkPicture, nodes: &[Vector3<f64>], scale: f64) -> f64 {
     let length = |ends: &[u32; 2]| {
         let [a, b] = ends.map(|node| nodes.get(node as usize).copied().unwrap_or_default());

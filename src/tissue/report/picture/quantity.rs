@@ -1,25 +1,25 @@
-//! The number by which an element is colored.
+//! The quantity that determines the color of an element.
 
 use crate::tissue::report::ReportError;
 use crate::tissue::results::Fields;
 
-/// What is taken where no field is asked for: the first of these that is there.
+/// Preferred fields if none is requested, in this order.
 const PREFERRED: [&str; 3] = ["von_mises_stress", "energy_density", "fiber_alignment"];
 
-/// One number an element, and what it is.
+/// One value per element, with its name and unit.
 #[derive(Clone, Debug)]
 pub(super) struct Quantity {
-    /// In words.
+    /// The name of the quantity.
     pub(super) label: String,
-    /// Without prefix; empty where there is none.
+    /// The unit without prefix; empty for a dimensionless quantity.
     pub(super) unit: &'static str,
-    /// Element by element.
+    /// The values of all elements.
     pub(super) values: Vec<f64>,
 }
 
 impl Quantity {
-    /// The field asked for, or the preferred one, or the size of the displacement: scalars as they are, vectors by their
-    /// length. `None` where nothing is asked for and nothing is there.
+    /// Returns the requested field, or the first preferred one, or the magnitude of the displacement; vectors give
+    /// their length. Returns `None` if no field is requested and none of these exists.
     pub(super) fn find(fields: &Fields, name: Option<&str>) -> Result<Option<Self>, ReportError> {
         if let Some(name) = name {
             return Self::named(fields, name)

@@ -1,4 +1,4 @@
-//! The boundary of a mesh of tetrahedra: its faces, their neighbors, and edges joined to lines.
+//! The boundary of a mesh of tetrahedra: faces, their neighbors, and edges joined to polylines.
 
 use std::collections::HashMap;
 
@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 /// A boundary face.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Face {
-    /// Its points, counter-clockwise seen from outside.
+    /// Its points, counterclockwise when seen from outside.
     pub(super) points: [u32; 3],
     /// The element behind it.
     pub(super) element: usize,
@@ -16,7 +16,7 @@ pub(super) struct Face {
 /// An edge of the boundary and the faces on its two sides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Edge {
-    /// Its ends.
+    /// Its end points.
     pub(super) points: [u32; 2],
     /// The faces that share it.
     pub(super) faces: [usize; 2],
@@ -30,7 +30,7 @@ pub(super) struct Skin {
 }
 
 impl Skin {
-    /// The faces that belong to one element only.
+    /// Finds the faces that belong to only one element.
     pub(super) fn of(elements: &[[u32; 4]]) -> Self {
         let mut owners: HashMap<[u32; 3], (usize, Face)> = HashMap::new();
         for (element, &[a, b, c, d]) in elements.iter().enumerate() {
@@ -42,7 +42,7 @@ impl Skin {
         }
         let mut faces: Vec<Face> =
             owners.into_values().filter(|(count, _)| *count == 1).map(|(_, face)| face).collect();
-        // The map has no order, the picture must: the same results give the same file.
+        // A hash map has no defined order, but the same results must give the same file.
         faces.sort_unstable_by_key(|face| (face.element, face.points));
         let edges = edges(&faces);
         Self { faces, edges }
@@ -66,13 +66,13 @@ fn edges(faces: &[Face]) -> Vec<Edge> {
     edges
 }
 
-/// The outward normal of a face times twice its area.
+/// Returns the outward normal of a face, scaled by twice its area.
 pub(super) fn normal(face: &Face, points: &[Vector3<f64>]) -> Vector3<f64> {
     let [a, b, c] = face.points.map(|point| points[point as usize]);
     (b - a).cross(&(c - a))
 }
 
-/// Joins edges that meet into lines, so that they are drawn in one stroke.
+/// Joins edges that meet into polylines, each drawn in one stroke.
 pub(super) fn lines(edges: &[[u32; 2]]) -> Vec<Vec<u32>> {
     let mut at: HashMap<u32, Vec<usize>> = HashMap::new();
     for (k, edge) in edges.iter().enumerate() {
@@ -82,7 +82,7 @@ pub(super) fn lines(edges: &[[u32; 2]]) -> Vec<Vec<u32>> {
     }
     let mut used = vec![false; edges.len()];
     let mut lines = Vec::new();
-    // Open ends and branches first, then what is left: closed loops.
+    // First lines from open ends and branches, then the remaining closed loops.
     let ends = (0..edges.len()).filter(|&k| edges[k].iter().any(|point| at[point].len() != 2));
     for start in ends.chain(0..edges.len()).collect::<Vec<_>>() {
         if used[start] {

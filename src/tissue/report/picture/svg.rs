@@ -1,10 +1,10 @@
-//! A small writer of SVG: what the picture needs, in few bytes.
+//! A small SVG writer with compact output.
 
 use std::fmt::Write;
 
 use crate::tissue::report::units::escape;
 
-/// Where a text stands relative to its place.
+/// Horizontal alignment of a text relative to its position.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Anchor {
     Start,
@@ -12,16 +12,16 @@ pub(super) enum Anchor {
     End,
 }
 
-/// An SVG document that grows.
+/// An SVG document under construction.
 #[derive(Debug)]
 pub(super) struct Svg {
     text: String,
     width: f64,
 }
 
-// Writing to a String cannot fail: the results of `write!` carry nothing.
+// Writing to a String cannot fail, so the results of `write!` are ignored.
 impl Svg {
-    /// Begins a document. `label` says in words what it shows.
+    /// Starts a document. `label` describes the picture for screen readers.
     pub(super) fn new(width: f64, height: f64, label: &str) -> Self {
         let (w, h, label) = (number(width), number(height), escape(label));
         let text = format!(
@@ -32,7 +32,7 @@ impl Svg {
         Self { text, width }
     }
 
-    /// A group whose members share these attributes; ends with [`close`](Self::close).
+    /// Opens a group whose members share these attributes; [`close`](Self::close) ends it.
     pub(super) fn open(&mut self, attributes: &str) {
         let _ = writeln!(self.text, "<g {attributes}>");
     }
@@ -41,7 +41,7 @@ impl Svg {
         self.text.push_str("</g>\n");
     }
 
-    /// A line through points, closed to a polygon where `closed`.
+    /// Writes a line through points; a polygon if `closed`.
     pub(super) fn path(&mut self, points: &[[f64; 2]], closed: bool, attributes: &str) {
         let place = |[x, y]: [f64; 2]| format!("{} {}", number(x), number(y));
         let places: Vec<String> = points.iter().copied().map(place).collect();
@@ -50,7 +50,7 @@ impl Svg {
         let _ = writeln!(self.text, "<path d=\"M{}{end}\"{space}{attributes}/>", places.join("L"));
     }
 
-    /// Many separate lines in one path.
+    /// Writes many separate lines as one path.
     pub(super) fn segments(&mut self, segments: &[[[f64; 2]; 2]], attributes: &str) {
         if segments.is_empty() {
             return;
@@ -67,7 +67,7 @@ impl Svg {
         let _ = writeln!(self.text, "<rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" {attributes}/>");
     }
 
-    /// A gradient from left to right through equally spaced colors, to be filled with by its name.
+    /// Defines a gradient from left to right through equally spaced colors; fills refer to it by its name.
     pub(super) fn gradient(&mut self, name: &str, colors: impl ExactSizeIterator<Item = [u8; 3]>) {
         let last = colors.len().saturating_sub(1).max(1);
         let _ = write!(self.text, "<linearGradient id=\"{name}\">");
@@ -78,7 +78,7 @@ impl Svg {
         self.text.push_str("</linearGradient>\n");
     }
 
-    /// A line of text whose baseline goes through the place.
+    /// Writes a line of text with its baseline at the given position.
     pub(super) fn words(&mut self, [x, y]: [f64; 2], size: f64, anchor: Anchor, attributes: &str, words: &str) {
         let anchor = match anchor {
             Anchor::Start => "",
@@ -90,9 +90,9 @@ impl Svg {
             writeln!(self.text, "<text x=\"{x}\" y=\"{y}\" font-size=\"{size}\"{anchor} {attributes}>{words}</text>");
     }
 
-    /// The same from the left margin, shortened where it would reach the right one.
+    /// Writes a line of text from the left margin, shortened if it would reach the right one.
     pub(super) fn heading(&mut self, [x, y]: [f64; 2], size: f64, attributes: &str, words: &str) {
-        /// Of a letter, over the size of the font: more than the mean of any sans-serif font.
+        /// Width of a letter divided by the font size: more than the mean of any sans-serif font.
         const WIDTH: f64 = 0.6;
         let most = ((self.width - 2.0 * x) / (WIDTH * size)).max(1.0) as usize;
         if words.chars().count() <= most {
@@ -108,7 +108,7 @@ impl Svg {
     }
 }
 
-/// A color in the notation of SVG, short where that is exact.
+/// Formats a color for SVG, in the short notation if that is exact.
 pub(super) fn hex([r, g, b]: [u8; 3]) -> String {
     if [r, g, b].iter().all(|part| part % 17 == 0) {
         format!("#{:x}{:x}{:x}", r / 17, g / 17, b / 17)
@@ -117,7 +117,7 @@ pub(super) fn hex([r, g, b]: [u8; 3]) -> String {
     }
 }
 
-/// A tenth of a pixel is enough.
+/// Formats a coordinate with one decimal: a tenth of a pixel is enough.
 fn number(value: f64) -> String {
     let text = format!("{value:.1}");
     let text = text.strip_suffix(".0").unwrap_or(&text);

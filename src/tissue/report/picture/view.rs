@@ -1,32 +1,33 @@
-//! Where the eye is: an orthographic view of the body, its longest axis across the page, a little from above.
+//! The viewpoint: an orthographic view of the body, with its longest axis across the page, from slightly above.
 
 use nalgebra::Vector3;
 
-/// Lift of the eye over the horizon.
+/// Elevation angle of the viewpoint, radians.
 const LIFT: f64 = 0.46;
 
-/// Turn of the body around the vertical axis of the page: the longer it is, the less, or it would run down the page.
+/// Returns the rotation of the body about the vertical axis of the page, radians. It decreases with the slenderness;
+/// otherwise a long body would run down the page.
 fn turn(longest: f64, second: f64) -> f64 {
     let slenderness = if second > 0.0 { (longest / second).max(1.0) } else { 1.0 };
     0.06 + 0.45 / slenderness
 }
 
-/// The directions of the page in the space of the body.
+/// The axes of the page as directions in space.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct View {
     /// To the right.
     pub(super) right: Vector3<f64>,
     /// Up.
     pub(super) up: Vector3<f64>,
-    /// Out of the page, toward the eye.
+    /// Out of the page, toward the viewer.
     pub(super) toward: Vector3<f64>,
 }
 
 impl View {
-    /// The view for a body with a bounding box of these edges, or along `axis` (0, 1, 2) where one is chosen: the
-    /// longest edge lies across the page, and the eye looks along the axis or along the shortest edge.
+    /// Returns the view for a body with a bounding box of these edges: the longest edge lies across the page, and the
+    /// viewer looks along `axis` (0, 1, 2) if given, otherwise along the shortest edge.
     pub(super) fn of(edges: Vector3<f64>, axis: Option<usize>) -> Self {
-        // Edges that differ by less than a tenth count as equal: a cube keeps its view while it is pulled.
+        // Edges that differ by less than a tenth count as equal, so that a pulled cube keeps its view.
         let mut order = [0, 1, 2];
         order.sort_by(|&a, &b| {
             let (a, b) = (edges[a], edges[b]);
@@ -46,13 +47,13 @@ impl View {
         Self { right, up: toward.cross(&right), toward }
     }
 
-    /// Across, up (both on the page) and depth (toward the eye) of a point of space.
+    /// Returns the coordinates of a point on the page (right, up) and its depth (toward the viewer).
     pub(super) fn project(&self, point: &Vector3<f64>) -> [f64; 3] {
         [self.right.dot(point), self.up.dot(point), self.toward.dot(point)]
     }
 
-    /// How bright a face with this normal is, up to 1. The light comes from in front, so that the broad side keeps the
-    /// colors of the bar.
+    /// Returns the brightness of a face with this normal, at most 1. The light comes from the front, so that the broad
+    /// side keeps the colors of the color bar.
     pub(super) fn light(&self, normal: &Vector3<f64>) -> f64 {
         let source = (self.toward * 0.9 - self.up * 0.3).normalize();
         let cosine = normal.try_normalize(0.0).map_or(1.0, |normal| normal.dot(&source).max(0.0));
@@ -60,12 +61,12 @@ impl View {
     }
 }
 
-/// The place on the page: meters to pixels, with y downward.
+/// The map from projected coordinates to the page: meters to pixels, with y downward.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Frame {
-    /// Pixels a meter.
+    /// Pixels per meter.
     pub(super) scale: f64,
-    /// How much of the height of the rectangle the points leave free, pixels.
+    /// Height of the rectangle that the points leave free, pixels.
     pub(super) spare: f64,
     offset: [f64; 2],
 }
@@ -88,7 +89,7 @@ impl Frame {
         Self { scale, spare: (height - scale * span[1]).max(0.0), offset }
     }
 
-    /// Pixels of a projected point.
+    /// Returns the pixel coordinates of a projected point.
     pub(super) fn place(&self, [across, up, _]: [f64; 3]) -> [f64; 2] {
         [self.offset[0] + self.scale * across, self.offset[1] - self.scale * up]
     }
