@@ -1,5 +1,5 @@
-//! Couplings: units that one scale, the producer, has and another, the consumer, gets. They are made, changed and reconciled
-//! by both scales together, each rank exchanging lists with its neighbors alone.
+//! Couplings: units that one scale, the producer, sends to another, the consumer. Both scales create, change and
+//! reconcile a coupling collectively; each rank exchanges lists of units with its neighbors only.
 
 use std::collections::HashSet;
 
@@ -11,12 +11,12 @@ use super::pattern::Spread;
 use super::scale::Scales;
 use crate::las::{Comm, CommError, Message, Tag};
 
-/// What a message of a coupling is about.
+/// The kind of a message within a coupling; part of its tag.
 #[derive(Clone, Copy)]
 pub(super) enum About {
     /// Lists of units.
     Lists,
-    /// What the first ranks of two scales tell each other.
+    /// Messages between the first ranks of the two scales.
     First,
     /// Values of units.
     Values,
@@ -24,120 +24,120 @@ pub(super) enum About {
     Layouts,
 }
 
-/// Why scales are not coupled.
+/// The reason why an operation on a coupling failed.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum CouplingError {
-    /// The ranks could not exchange something.
+    /// The communication failed.
     #[error("coupling {producer} to {consumer}: {error}")]
     Comm {
-        /// The one side.
+        /// The producer scale.
         producer: String,
-        /// The other.
+        /// The consumer scale.
         consumer: String,
-        /// What happened.
+        /// The communication error.
         error: CommError,
     },
-    /// A rank calls what the other side is to call.
+    /// A rank called a function of the other side.
     #[error("scale {scale} is not the {role} of this coupling")]
     Role {
-        /// The scale of the rank.
+        /// The scale of the calling rank.
         scale: String,
-        /// What it is not.
+        /// The role that this scale does not have.
         role: &'static str,
     },
-    /// There is no such scale.
+    /// No scale has this name.
     #[error("there is no scale {0}")]
     Scale(String),
-    /// A scale on both sides.
+    /// The producer and the consumer are the same scale.
     #[error("scale {0} is to be coupled with itself; a coupling is of two scales")]
     Itself(String),
-    /// A unit was added that is there, or removed that is not.
+    /// A unit was added that already exists, or removed that does not exist.
     #[error("unit {unit} {what}")]
     Unit {
-        /// Its number.
+        /// Number of the unit.
         unit: UnitId,
-        /// What is wrong with it.
+        /// Description of the error.
         what: &'static str,
     },
-    /// The spread is not one of these units over these ranks.
+    /// The distribution algorithm returned a wrong number of ranks, or a rank that does not exist.
     #[error("{units} units were spread to {found} places, the last of rank {last} among {ranks}")]
     Spread {
         /// Units of this rank.
         units: usize,
-        /// Places that the algorithm gave.
+        /// Number of ranks returned by the algorithm.
         found: usize,
-        /// The largest rank among them.
+        /// The largest of these ranks.
         last: usize,
-        /// Ranks of the consumer.
+        /// Number of ranks of the consumer.
         ranks: usize,
     },
-    /// Data are not one value a unit.
+    /// The number of values differs from the number of units.
     #[error("{found} values for {units} units")]
     Values {
-        /// Values given.
+        /// Number of values given.
         found: usize,
-        /// Units of this rank.
+        /// Number of units of this rank.
         units: usize,
     },
-    /// Receiving was started for other units than it is finished for.
+    /// The units have changed between the start and the end of a receive.
     #[error("receiving from {producer} on {consumer} was started before units came or went: finish it before they do")]
     Changed {
-        /// Where the values come from.
+        /// The scale that sends the values.
         producer: String,
-        /// Where they go to.
+        /// The scale that receives them.
         consumer: String,
     },
-    /// The two sides state different layouts.
+    /// The layouts of the values differ between the two sides.
     #[error("{producer} and {consumer} exchange different data: here {here}, there {there}")]
     Layout {
-        /// The one side.
+        /// The producer scale.
         producer: String,
-        /// The other.
+        /// The consumer scale.
         consumer: String,
         /// The layout on this side.
         here: String,
-        /// The layout on the other.
+        /// The layout on the other side.
         there: String,
     },
 }
 
-/// The side of a coupling that a rank is on.
+/// The side of a coupling.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
-    /// It has the units.
+    /// The side that owns the units.
     Producer,
-    /// It gets them.
+    /// The side that receives them.
     Consumer,
 }
 
-/// Units that a producer has and a consumer gets.
+/// A directed coupling: the units that a producer sends to a consumer.
 #[derive(Clone, Debug)]
 pub struct Coupling<C: Comm> {
-    /// All ranks of the program.
+    /// The communicator of all ranks of the program.
     pub(super) comm: C,
-    /// What tells its messages from those of other couplings of the two scales.
+    /// Distinguishes the messages of this coupling from those of other couplings of the two scales.
     number: u32,
-    /// The ranks of this side.
+    /// The communicator of this side.
     own: C,
     pub(super) role: Role,
     /// Names of the producer and the consumer.
     names: [String; 2],
-    /// The ranks in `comm` of this side and of the other.
+    /// The world ranks of this side and of the other side.
     pub(super) here: Vec<usize>,
     pub(super) there: Vec<usize>,
     pub(super) links: Links,
 }
 
-/// What came to a coupling: the new units alone, in the order in which they stand behind the old ones.
+/// The part of a coupling that was added last: only the new units, in the order in which they follow the old ones.
 pub type Delta<C> = Coupling<C>;
 
 impl<C: Comm> Coupling<C> {
-    /// Couples two scales. Called by all ranks of both together, with the same names in the same order, and of no other; a rank
-    /// of the producer gives its units and what they weigh (nothing for 1 each), a rank of the consumer gives none. Several
-    /// couplings of two scales are made in the same order on both.
+    /// Couples two scales. Collective over both scales: all their ranks pass the same names in the same order. A
+    /// producer rank passes its units and their weights (none for a weight of 1 each), a consumer rank passes none.
+    /// Create several couplings of the same two scales in the same order on both.
     ///
     /// # Errors
-    /// [`CouplingError`].
+    /// Returns [`CouplingError`] if the arguments are invalid or the communication fails.
     pub fn new(
         scales: &Scales<C>,
         producer: &str,
@@ -173,25 +173,26 @@ impl<C: Comm> Coupling<C> {
         Ok(Self { comm, number, own: scales.comm().clone(), role, names, here, there, links: Links::default() })
     }
 
-    /// The side that this rank is on.
+    /// Returns the side of this rank.
     #[must_use]
     pub fn role(&self) -> Role {
         self.role
     }
 
-    /// The units of this rank, in the order of its data.
+    /// Returns the units of this rank, in the order of its data.
     #[must_use]
     pub fn units(&self) -> &[UnitId] {
         &self.links.units
     }
 
-    /// The ranks of the other scale, by their rank in it, that this rank exchanges with, and how many units with each.
+    /// Returns the neighbors of this rank, as ranks of the other scale, and the number of units exchanged with each.
     pub fn neighbors(&self) -> impl Iterator<Item = (usize, usize)> {
         self.links.neighbors.iter().map(|neighbor| (neighbor.rank, neighbor.places.len()))
     }
 
-    /// The coupling the other way: its producer is the consumer of this one, and its consumer the producer; every unit goes
-    /// back to where it came from. A copy of now, which needs no other rank and does not follow what is added or removed later.
+    /// Returns the coupling in the opposite direction: producer and consumer are exchanged, and every unit goes back to
+    /// its origin. The result is a copy, made without communication; it does not change with later additions and
+    /// removals.
     #[must_use]
     pub fn inverse(&self) -> Self {
         let role = match self.role {
@@ -202,17 +203,19 @@ impl<C: Comm> Coupling<C> {
         Self { role, names: [consumer, producer], ..self.clone() }
     }
 
-    /// Adds units, on the producer; all its ranks call this together, those without new units too, and those of the consumer
-    /// [`reconcile`](Self::reconcile). Gives a coupling of the new units alone, for what only they need. The weights are one a
-    /// unit, or none, which is 1 for each. Units that are there stay where they are. A coupling that was made by
-    /// [`inverse`](Self::inverse) before is of the units of then: take it anew.
+    /// Adds units on the producer and returns a coupling of the new units only, for data that only they need.
+    /// Collective: all producer ranks call it, with or without new units, while the consumer ranks call
+    /// [`reconcile`](Self::reconcile). Pass one weight per unit, or none for a weight of 1 each. Units already
+    /// distributed do not move. Recreate a coupling made by [`inverse`](Self::inverse) before this call, because it
+    /// contains only the old units.
     ///
-    /// An error is of one rank, and leaves the others waiting for it: it is to end the run.
+    /// An error occurs on one rank while the others wait for it, so that the caller must end the run.
     ///
-    /// That no other rank adds the same unit is the caller's part: it is found only where both come to one consumer.
+    /// The caller ensures that no other rank adds the same unit; a duplicate is detected only if both units go to the
+    /// same consumer rank.
     ///
     /// # Errors
-    /// [`CouplingError`].
+    /// Returns [`CouplingError`] if the arguments or the distribution are invalid, or the communication fails.
     pub fn add(&mut self, units: &[UnitId], weights: &[f64], spread: &impl Spread) -> Result<Delta<C>, CouplingError> {
         self.must_be(Role::Producer)?;
         let mut known: HashSet<UnitId> = self.links.units.iter().copied().collect();
@@ -237,7 +240,7 @@ impl<C: Comm> Coupling<C> {
         Ok(Self { links: new, ..self.clone() })
     }
 
-    /// The units of each rank of the consumer: the same on all of the producer.
+    /// Returns the number of units on each consumer rank; the result is the same on all producer ranks.
     fn held(&self) -> Result<Vec<usize>, CommError> {
         let mut held = vec![0.0; self.there.len()];
         self.neighbors().for_each(|(rank, count)| held[rank] = count as f64);
@@ -245,7 +248,7 @@ impl<C: Comm> Coupling<C> {
         Ok(held.into_iter().map(|count| count as usize).collect())
     }
 
-    /// Tells the consumer who will send how much to whom, and then each neighbor its units.
+    /// Sends the table of new units by pair of ranks to the consumer, and then the list of units to each neighbor.
     fn announce(&self, new: &Links) -> Result<(), CommError> {
         let rows: Vec<[u64; 3]> = new
             .neighbors
@@ -264,10 +267,11 @@ impl<C: Comm> Coupling<C> {
         Ok(())
     }
 
-    /// Takes in what the producer [`add`](Self::add)s, on the consumer. Gives a coupling of the new units alone.
+    /// Receives on the consumer the units that the producer [`add`](Self::add)s; returns a coupling of the new units
+    /// only.
     ///
     /// # Errors
-    /// [`CouplingError`].
+    /// Returns [`CouplingError`] if a unit exists already or the communication fails.
     pub fn reconcile(&mut self) -> Result<Delta<C>, CouplingError> {
         self.must_be(Role::Consumer)?;
         let (units, ranks) = self.announced().map_err(|error| self.failed(error))?;
@@ -279,7 +283,7 @@ impl<C: Comm> Coupling<C> {
         Ok(Self { links: Links::new(&units, &ranks), ..self.clone() })
     }
 
-    /// New units, by rank of the producer, and these ranks.
+    /// Receives the new units, ordered by producer rank, and the producer rank of each.
     fn announced(&self) -> Result<(Vec<UnitId>, Vec<usize>), CommError> {
         let table = match self.own.rank() {
             0 => self.comm.receive(self.there[0], self.tag(About::First))?,
@@ -300,13 +304,13 @@ impl<C: Comm> Coupling<C> {
         Ok((units, ranks))
     }
 
-    /// Removes units of this rank, on the producer; all its ranks call this together, and those of the consumer
-    /// [`forget`](Self::forget). The other units keep their order. Gives for each of them its index in the data of before, so
-    /// that these can follow: `kept.iter().map(|&place| old[place as usize])`. Where units are also added, both sides do both
-    /// in the same order.
+    /// Removes units of this rank on the producer. Collective: all producer ranks call it while the consumer ranks call
+    /// [`forget`](Self::forget). The other units keep their order. Returns the previous index of each, with which the
+    /// caller reorders its data: `kept.iter().map(|&place| old[place as usize])`. If units are also added, both sides
+    /// perform additions and removals in the same order.
     ///
     /// # Errors
-    /// [`CouplingError`].
+    /// Returns [`CouplingError`] if a unit does not exist or the communication fails.
     pub fn remove(&mut self, units: &[UnitId]) -> Result<Vec<u32>, CouplingError> {
         self.must_be(Role::Producer)?;
         let gone: HashSet<UnitId> = units.iter().copied().collect();
@@ -322,11 +326,11 @@ impl<C: Comm> Coupling<C> {
         Ok(self.links.remove(&gone))
     }
 
-    /// Gives up what the producer [`remove`](Self::remove)s, on the consumer. Gives for each unit that stays its index in the
-    /// data of before.
+    /// Removes on the consumer the units that the producer [`remove`](Self::remove)s. Returns the previous index of
+    /// each remaining unit.
     ///
     /// # Errors
-    /// [`CouplingError`].
+    /// Returns [`CouplingError`] if the communication fails.
     pub fn forget(&mut self) -> Result<Vec<u32>, CouplingError> {
         self.must_be(Role::Consumer)?;
         let mut gone = HashSet::new();
@@ -340,11 +344,12 @@ impl<C: Comm> Coupling<C> {
         Ok(self.links.remove(&gone))
     }
 
-    /// The units between each pair of ranks: a row a rank of the producer, a column a rank of the consumer. The same on all
-    /// ranks of this side, which call this together; each side makes it of what it knows itself.
+    /// Returns the number of units between each pair of ranks: one row per producer rank, one column per consumer rank.
+    /// Collective over this side; each side computes the table from its own data, and all its ranks get the same
+    /// result.
     ///
     /// # Errors
-    /// [`CouplingError`].
+    /// Returns [`CouplingError`] if the communication fails.
     pub fn table(&self) -> Result<Vec<Vec<usize>>, CouplingError> {
         let own: Vec<u64> = self.neighbors().flat_map(|(rank, count)| [rank as u64, count as u64]).collect();
         let all = self.own.gather_all(Message::of(&own)).map_err(|error| self.failed(error))?;
@@ -365,7 +370,7 @@ impl<C: Comm> Coupling<C> {
     }
 
     pub(super) fn tag(&self, about: About) -> Tag {
-        /// Tags below are of scales.
+        /// Smaller tags are reserved for messages between scales.
         const FIRST: u32 = 16;
         Tag(FIRST + 4 * self.number + about as u32)
     }
@@ -382,7 +387,7 @@ impl<C: Comm> Coupling<C> {
         if self.role == role { Ok(()) } else { Err(CouplingError::Role { scale: own.clone(), role: name }) }
     }
 
-    /// Names the scales in an error.
+    /// Adds the names of the scales to a communication error.
     pub(super) fn failed(&self, error: CommError) -> CouplingError {
         let [producer, consumer] = self.names.clone();
         CouplingError::Comm { producer, consumer, error }

@@ -1,26 +1,26 @@
-//! Coupling data: the units that a scale offers to others, and where they are.
+//! Coupling data: the units of a scale and their distribution over its ranks.
 
 use crate::las::{Comm, CommError, Message};
 
-/// The number of a unit: the same on all ranks for as long as the unit lives, wherever it is.
+/// The number of a unit: the same on all ranks during the lifetime of the unit, regardless of its location.
 pub type UnitId = u64;
 
-/// How many units each rank of a scale holds, and what they weigh.
+/// The number of units on each rank of a scale, and their weights.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Distribution {
-    /// By rank of the scale.
+    /// Number of units, by rank of the scale.
     pub counts: Vec<usize>,
-    /// The weights of all units by rank; every unit weighs 1 where nothing was said.
+    /// Weights of the units, by rank; 1 for every unit if the caller gave none.
     pub weights: Vec<Vec<f64>>,
-    /// How many other units each rank of the consumer has of the coupling that these are for; empty where it has none.
+    /// Number of units that each rank of the consumer already holds in this coupling; empty if it holds none.
     pub held: Vec<usize>,
 }
 
 impl Distribution {
-    /// Assembles what the ranks of a scale hold. Called by all of them together.
+    /// Gathers the weights of all units of a scale. Collective over the scale.
     ///
     /// # Errors
-    /// [`CommError`].
+    /// Returns [`CommError`] if the communication fails.
     pub fn assemble<C: Comm>(scale: &C, weights: &[f64]) -> Result<Self, CommError> {
         let all = scale.gather_all(Message::of(weights))?;
         let weights: Vec<Vec<f64>> =
@@ -28,19 +28,19 @@ impl Distribution {
         Ok(Self { counts: weights.iter().map(Vec::len).collect(), weights, held: Vec::new() })
     }
 
-    /// How many units there are.
+    /// Returns the total number of units.
     #[must_use]
     pub fn units(&self) -> usize {
         self.counts.iter().sum()
     }
 
-    /// What all of them weigh.
+    /// Returns the total weight of all units.
     #[must_use]
     pub fn weight(&self) -> f64 {
         self.weights.iter().flatten().sum()
     }
 
-    /// How many units are on the ranks before this one.
+    /// Returns the number of units on all ranks below `rank`.
     #[must_use]
     pub fn before(&self, rank: usize) -> usize {
         self.counts[..rank].iter().sum()

@@ -1,4 +1,4 @@
-//! Exchange: values of units from the ranks that have them to those that get them, between neighbors only.
+//! Exchange of unit values between producer and consumer ranks, between neighbors only.
 
 use std::marker::PhantomData;
 use std::time::{Duration, Instant};
@@ -7,38 +7,38 @@ use super::couple::{About, Coupling, CouplingError, Role};
 use super::links::Neighbor;
 use crate::las::{Comm, CommError, Message, Payload, Receiving, Sending, Tag};
 
-/// Carries values of one kind over couplings of two scales: the one that it was made for, its inverse, its deltas and what it
-/// becomes later. Keeps the memory of its messages.
+/// Transfers values of one type over couplings of two scales: the coupling that it was created for, its inverse, its
+/// deltas and its later states. Reuses the buffers of its messages.
 #[derive(Debug)]
 pub struct Channel<T> {
     spare: Vec<Message>,
-    /// Bytes that were sent so far.
+    /// Number of bytes sent so far.
     sent: u64,
     waited: Duration,
     of: PhantomData<fn() -> T>,
 }
 
-/// Values on their way.
+/// A pending send of unit values.
 #[must_use = "values are on their way until `finish`"]
 #[derive(Debug)]
 pub struct Underway<C: Comm> {
     sendings: Vec<C::Sending>,
 }
 
-/// Values that are to come.
+/// A pending receive of unit values.
 #[must_use = "values are not there until `finish_receive`"]
 #[derive(Debug)]
 pub struct Arriving<C: Comm> {
     receivings: Vec<C::Receiving>,
-    /// How often units had come or gone when they were started.
+    /// The number of changes of the coupling when the receive was started.
     changes: u64,
 }
 
 impl<T: Payload> Channel<T> {
-    /// Checks that both sides of a coupling mean the same. Called by all ranks of both together.
+    /// Creates a channel and checks that both sides use the same layout. Collective over both scales.
     ///
     /// # Errors
-    /// [`CouplingError::Layout`] on all ranks where they do not.
+    /// Returns [`CouplingError::Layout`] on all ranks if the layouts differ.
     pub fn new<C: Comm>(coupling: &Coupling<C>) -> Result<Self, CouplingError> {
         let here = T::layout().to_string();
         let there = coupling.other_side(About::Layouts, Message::text(&here))?.to_text();
@@ -49,23 +49,23 @@ impl<T: Payload> Channel<T> {
         Ok(Self { spare: Vec::new(), sent: 0, waited: Duration::ZERO, of: PhantomData })
     }
 
-    /// Bytes of values that were sent so far.
+    /// Returns the number of bytes of values sent so far.
     #[must_use]
     pub fn sent(&self) -> u64 {
         self.sent
     }
 
-    /// How long receiving has waited so far for messages that had not come: the rest of its time is copying.
+    /// Returns the total time that receives have waited for messages to arrive; the rest of their time is copying.
     #[must_use]
     pub fn waited(&self) -> Duration {
         self.waited
     }
 
-    /// Starts to send the values of all units of this rank, in their order, on the producer. Work goes on beside it: the
-    /// values are copied and may change at once, and more may be started before this is finished.
+    /// Starts to send the values of all units of this producer rank, in their order, and returns immediately. The
+    /// values are copied, so that the caller may change them, and may start further sends before this one is finished.
     ///
     /// # Errors
-    /// [`CouplingError`].
+    /// Returns [`CouplingError`] if the arguments are invalid or the communication fails.
     pub fn start<C: Comm>(&mut self, coupling: &Coupling<C>, values: &[T]) -> Result<Underway<C>, CouplingError> {
         coupling.must_have(Role::Producer, values.len())?;
         let mut sendings = Vec::with_capacity(coupling.links.neighbors.len());
@@ -79,13 +79,13 @@ impl<T: Payload> Channel<T> {
         Ok(Underway { sendings })
     }
 
-    /// The values at some places.
+    /// Copies the values at some indices into a message.
     fn gather(&mut self, places: &[u32], values: &[T]) -> Message {
         let mut message = self.spare.pop().unwrap_or_default();
         message.resize(size_of::<T>() * places.len());
         match message.values_mut::<T>() {
             Some(out) => out.iter_mut().zip(places).for_each(|(out, &place)| *out = values[place as usize]),
-            // A type that asks for more than words of eight bytes.
+            // The alignment of `T` exceeds eight bytes.
             None => {
                 let gathered: Vec<T> = places.iter().map(|&place| values[place as usize]).collect();
                 message.bytes_mut().copy_from_slice(bytemuck::cast_slice(&gathered));
@@ -94,10 +94,10 @@ impl<T: Payload> Channel<T> {
         message
     }
 
-    /// Waits until all values are out of this rank's hands.
+    /// Waits until all sends are complete.
     ///
     /// # Errors
-    /// [`CouplingError`].
+    /// Returns [`CouplingError`] if the communication fails.
     pub fn finish<C: Comm>(&mut self, coupling: &Coupling<C>, underway: Underway<C>) -> Result<(), CouplingError> {
         for sending in underway.sendings {
             self.spare.extend(sending.wait().map_err(|error| coupling.failed(error))?);
@@ -105,11 +105,11 @@ impl<T: Payload> Channel<T> {
         Ok(())
     }
 
-    /// Sends the values of all units of this rank, in their order, on the producer. Between processes, values that go to one
-    /// rank and lie one behind the other are sent from where they are, without a copy, unless there is a time-out.
+    /// Sends the values of all units of this producer rank, in their order. Between processes, contiguous values for
+    /// one rank are sent in place, without a copy, unless there is a time-out.
     ///
     /// # Errors
-    /// [`CouplingError`].
+    /// Returns [`CouplingError`] if the arguments are invalid or the communication fails.
     pub fn send<C: Comm>(&mut self, coupling: &Coupling<C>, values: &[T]) -> Result<(), CouplingError> {
         coupling.must_have(Role::Producer, values.len())?;
         let neighbors = &coupling.links.neighbors;
@@ -130,10 +130,10 @@ impl<T: Payload> Channel<T> {
         sent.map_err(|error| coupling.failed(error))
     }
 
-    /// Gets the values of all units of this rank, in their order, on the consumer.
+    /// Receives the values of all units of this consumer rank, in their order.
     ///
     /// # Errors
-    /// [`CouplingError`].
+    /// Returns [`CouplingError`] if the arguments are invalid or the communication fails.
     pub fn receive<C: Comm>(&mut self, coupling: &Coupling<C>, values: &mut [T]) -> Result<(), CouplingError> {
         coupling.must_have(Role::Consumer, values.len())?;
         for neighbor in &coupling.links.neighbors {
@@ -150,7 +150,7 @@ impl<T: Payload> Channel<T> {
         Ok(())
     }
 
-    /// Gets values whose places are not one behind the other.
+    /// Receives values whose indices are not contiguous.
     fn scatter<C: Comm>(
         &mut self,
         coupling: &Coupling<C>,
@@ -163,7 +163,7 @@ impl<T: Payload> Channel<T> {
         self.put(message, from, places, values)
     }
 
-    /// Puts the values of a message where they belong, and keeps its memory.
+    /// Scatters the values of a message to their indices, and keeps its buffer.
     fn put(&mut self, message: Message, from: usize, places: &[u32], values: &mut [T]) -> Result<(), CommError> {
         let expected = size_of::<T>() * places.len();
         if message.len() != expected {
@@ -182,12 +182,13 @@ impl<T: Payload> Channel<T> {
         Ok(())
     }
 
-    /// Gets ready for the values of all units of this rank, on the consumer: they come in while it works. More may be started
-    /// before this is finished; what was started first is to be finished first, before anything else is received, and before
-    /// units come or go: between processes, MPI ends the program where a message is longer than what was waited for.
+    /// Starts to receive the values of all units of this consumer rank, and returns immediately. The caller may start
+    /// further receives before this one is finished. Finish receives in the order in which they were started, before
+    /// any other receive, and before units are added or removed: otherwise MPI aborts the program when a message is
+    /// longer than the buffer.
     ///
     /// # Errors
-    /// [`CouplingError`].
+    /// Returns [`CouplingError`] if this rank is not on the consumer or the communication fails.
     pub fn start_receive<C: Comm>(&mut self, coupling: &Coupling<C>) -> Result<Arriving<C>, CouplingError> {
         coupling.must_have(Role::Consumer, coupling.units().len())?;
         let mut receivings = Vec::with_capacity(coupling.links.neighbors.len());
@@ -200,11 +201,12 @@ impl<T: Payload> Channel<T> {
         Ok(Arriving { receivings, changes: coupling.links.changes })
     }
 
-    /// Waits until all values are there, and puts them in the order of the units.
+    /// Waits until all values have arrived, and stores them in the order of the units.
     ///
     /// # Errors
-    /// [`CouplingError`]; [`CouplingError::Changed`] where units have come or gone since this was started, or where it was
-    /// started for another coupling that has other neighbors.
+    /// Returns [`CouplingError`] if the arguments are invalid or the communication fails; [`CouplingError::Changed`] if
+    /// units were added or removed since the start, or if the receive was started for another coupling with other
+    /// neighbors.
     pub fn finish_receive<C: Comm>(
         &mut self,
         coupling: &Coupling<C>,
@@ -241,7 +243,7 @@ impl<C: Comm> Coupling<C> {
         if values == units { Ok(()) } else { Err(CouplingError::Values { found: values, units }) }
     }
 
-    /// What the other side says, while this one says something to it.
+    /// Exchanges a message with the other side: the first ranks swap messages and broadcast the one received.
     fn other_side(&self, about: About, message: Message) -> Result<Message, CouplingError> {
         self.trade(self.tag(about), message).map_err(|error| self.failed(error))
     }

@@ -1,46 +1,47 @@
-//! Which units go between this rank and each rank of the other scale: the pattern of a coupling as one rank knows it.
+//! The communication pattern of a coupling on one rank: the units exchanged with each rank of the other scale.
 
 use std::collections::HashSet;
 use std::ops::Range;
 
 use super::data::UnitId;
 
-/// A rank of the other scale, and the units that this rank exchanges with it.
+/// A rank of the other scale, and the units exchanged with it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Neighbor {
-    /// Its rank in the other scale.
+    /// Rank in the other scale.
     pub rank: usize,
-    /// Where the units lie in this rank's data, in the order in which they are exchanged: the same on both sides.
+    /// Indices of the units in this rank's data, in the order of the exchange, which is the same on both sides.
     pub places: Vec<u32>,
 }
 
 impl Neighbor {
-    /// Where its units lie one behind the other in this rank's data, if they do: such values need not be gathered.
+    /// Returns the range of indices if the units are contiguous in this rank's data, so that their values need not be
+    /// gathered.
     pub(super) fn run(&self) -> Option<Range<usize>> {
-        // Places ascend.
+        // The indices are ascending.
         let (first, last) = (*self.places.first()? as usize, *self.places.last()? as usize);
         (last - first + 1 == self.places.len()).then_some(first..last + 1)
     }
 }
 
-/// The units of this rank, in the order of its data, and its neighbors by rank.
+/// The units of this rank, in the order of its data, and its neighbors, ordered by rank.
 #[derive(Clone, Debug, Default)]
 pub struct Links {
     pub(super) units: Vec<UnitId>,
     pub(super) neighbors: Vec<Neighbor>,
-    /// How often units have come or gone.
+    /// Number of changes by addition or removal of units.
     pub(super) changes: u64,
 }
 
 impl Links {
-    /// Each unit with the rank that it is exchanged with.
+    /// Creates links for units and the ranks that they are exchanged with.
     pub(super) fn new(units: &[UnitId], ranks: &[usize]) -> Self {
         let mut links = Self::default();
         links.append(units, ranks);
         links
     }
 
-    /// More units behind those that are there.
+    /// Appends units.
     pub(super) fn append(&mut self, units: &[UnitId], ranks: &[usize]) {
         let first = self.units.len();
         self.units.extend_from_slice(units);
@@ -61,7 +62,7 @@ impl Links {
         &mut self.neighbors[at]
     }
 
-    /// Without some units. The others keep their order; where they were before is what comes back.
+    /// Removes units. The others keep their order; returns their previous indices.
     pub(super) fn remove(&mut self, gone: &HashSet<UnitId>) -> Vec<u32> {
         let kept: Vec<u32> =
             (0..self.units.len() as u32).filter(|&place| !gone.contains(&self.units[place as usize])).collect();
@@ -78,7 +79,7 @@ impl Links {
         kept
     }
 
-    /// The units that are exchanged with a neighbor, in order.
+    /// Returns the units exchanged with a neighbor, in order.
     pub(super) fn units_of<'a>(&'a self, neighbor: &'a Neighbor) -> impl Iterator<Item = UnitId> + 'a {
         neighbor.places.iter().map(|&place| self.units[place as usize])
     }

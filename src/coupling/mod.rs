@@ -1,11 +1,11 @@
-//! AMSI: separate single-scale codes, each on its own ranks, coupled.
+//! AMSI: couplings between separate single-scale codes, each on its own ranks.
 //!
-//! A *scale* is a code on some of the ranks; it gets a communicator of its own and needs to know of no other. A *coupling* is
-//! directed: it knows which *units* of one scale's data, the producer's, go to which ranks of another's, the consumer's.
-//! A *channel* takes values of the units over it, point to point, between neighbors only. Units have numbers of their own,
-//! so that results need not depend on where they are; they can be added and removed while scales run.
+//! A *scale* is a code that runs on some of the ranks, on a communicator of its own; it needs no knowledge of the other
+//! scales. A *coupling* is directed: it records which *units* of the producer scale's data go to which ranks of the
+//! consumer scale. A *channel* transfers values of the units point to point, between neighbors only. Units have numbers
+//! of their own, so that results need not depend on their distribution; they can be added and removed at run time.
 //!
-//! # Units that come and go
+//! # Adding and removing units
 //!
 //! ```
 //! use biotissue::backends::comm::thread;
@@ -71,6 +71,6 @@ pub use pattern::{ByWeight, Even, Spread};
 pub use plan::{Plan, PlanError, Share};
 pub use scale::{Main, ScaleError, Scales};
 
-// What ranks exchange is a matter of `las`; here for those who couple, and for `payload!`.
+// Ranks exchange the payloads of `las`; re-exported here for users of couplings and for `payload!`.
 pub use crate::las::{Layout, Payload};
 pub use bytemuck;

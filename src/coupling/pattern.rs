@@ -1,18 +1,18 @@
-//! Which consumer each unit goes to.
+//! Distribution of units over the ranks of the consumer.
 
 use super::data::Distribution;
 
-/// How units are spread over the ranks of the consumer.
+/// An algorithm that distributes units over the ranks of the consumer.
 ///
-/// Units keep their order: those of a rank of the producer go to consecutive ranks of the consumer, so that each has few
+/// It keeps the order of units: those of one producer rank go to consecutive consumer ranks, so that each rank has few
 /// neighbors.
 pub trait Spread {
-    /// The ranks of the consumer, of `consumers`, for the units of rank `rank` of the producer, in their order.
+    /// Returns the consumer rank, below `consumers`, of each unit of producer rank `rank`, in the order of the units.
     fn spread(&self, distribution: &Distribution, rank: usize, consumers: usize) -> Vec<usize>;
 }
 
-/// As many units to each rank, up to one, those that it has already included: the first ranks have one more where they do not
-/// divide evenly. Units that are there stay where they are.
+/// Distributes units such that the numbers of units on all ranks, including those already held, differ by at most one
+/// if possible. The first ranks receive the remainder. Units already distributed do not move.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Even;
 
@@ -25,10 +25,10 @@ impl Spread for Even {
     }
 }
 
-/// How many of so many units each rank gets, so that all come as near to one level as they can.
+/// Returns the number of units for each rank such that the totals are as equal as possible.
 fn fill(held: &[usize], units: usize) -> Vec<usize> {
     let below = |level: usize| held.iter().map(|&held| level.saturating_sub(held)).sum::<usize>();
-    // The highest level to which the units suffice.
+    // Bisection for the highest level that the units can fill.
     let (mut level, mut beyond) = (0, held.iter().max().unwrap_or(&0) + units + 1);
     while beyond - level > 1 {
         let middle = level + (beyond - level) / 2;
@@ -43,8 +43,8 @@ fn fill(held: &[usize], units: usize) -> Vec<usize> {
     held.iter().map(share).collect()
 }
 
-/// About as much weight to each rank: all weights are laid one behind the other and cut into pieces of equal length, one a rank;
-/// a unit goes where its middle lies. What ranks have already does not count.
+/// Distributes units by weight: cuts the sequence of all weights into one interval of equal length per rank, and
+/// assigns each unit to the interval that contains its midpoint. Units already held are not taken into account.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ByWeight;
 
@@ -54,7 +54,7 @@ impl Spread for ByWeight {
         if all <= 0.0 || !all.is_finite() {
             return Even.spread(distribution, rank, consumers);
         }
-        // In the order of the ranks, so that every rank finds the same sums.
+        // Adds in the order of the ranks, so that every rank computes the same sums.
         let mut before: f64 = distribution.weights[..rank].iter().flatten().sum();
         let place = |&weight: &f64| {
             let middle = before + 0.5 * weight;
@@ -65,7 +65,7 @@ impl Spread for ByWeight {
     }
 }
 
-/// A user's own.
+/// A user-defined distribution.
 impl<F: Fn(&Distribution, usize, usize) -> Vec<usize>> Spread for F {
     fn spread(&self, distribution: &Distribution, rank: usize, consumers: usize) -> Vec<usize> {
         self(distribution, rank, consumers)
@@ -81,7 +81,7 @@ mod tests {
         Distribution { counts: counts.to_vec(), weights, held: Vec::new() }
     }
 
-    /// Units by rank of the consumer.
+    /// Returns the number of units for each consumer rank.
     fn row(spread: &impl Spread, distribution: &Distribution, rank: usize, consumers: usize) -> Vec<usize> {
         let mut row = vec![0; consumers];
         spread.spread(distribution, rank, consumers).into_iter().for_each(|to| row[to] += 1);

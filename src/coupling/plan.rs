@@ -1,92 +1,93 @@
-//! Which ranks each scale gets.
+//! Distribution of the ranks over the scales.
 
 use thiserror::Error;
 
-/// The part of the ranks that a scale gets.
+/// The ranks that a scale gets.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Share {
-    /// These, in this order.
+    /// These ranks, in this order.
     Ranks(Vec<usize>),
-    /// So many, the next that are free.
+    /// A number of ranks, the next free ones.
     Count(usize),
-    /// A part of what explicit ranks and counts leave, in proportion to those of other scales.
+    /// A fraction of the ranks left by [`Share::Ranks`] and [`Share::Count`], in proportion to the ratios of the other
+    /// scales.
     Ratio(f64),
 }
 
-/// Scales by name, with their shares, in order.
+/// The scales with their shares of the ranks, in order.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Plan {
-    /// Names and shares.
+    /// Name and share of each scale.
     pub scales: Vec<(String, Share)>,
 }
 
-/// Why a plan does not fit the ranks that were started.
+/// The reason why a plan cannot be applied to the ranks of the program.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum PlanError {
-    /// The sum is another one.
+    /// The total number of planned ranks differs from the number of started ranks.
     #[error("{sum} = {planned} ranks, but {started} were started")]
     Sum {
-        /// `macro 16 + micro 240`.
+        /// The sum as text: `macro 16 + micro 240`.
         sum: String,
-        /// What it comes to.
+        /// Its value.
         planned: usize,
-        /// Ranks that there are.
+        /// Number of ranks started.
         started: usize,
     },
-    /// Two scales have one name.
+    /// Two scales have the same name.
     #[error("there are two scales {0}")]
     Name(String),
-    /// A rank is named twice, or is not there.
+    /// A rank appears twice, or does not exist.
     #[error("scale {scale}: rank {rank} {what}")]
     Rank {
         /// The scale.
         scale: String,
         /// The rank.
         rank: usize,
-        /// What is wrong with it.
+        /// Description of the error.
         what: &'static str,
     },
-    /// Of two scales that share all ranks one gets none.
+    /// One of two scales that share all ranks would get none.
     #[error("{above} of {started} ranks are for one of two scales; each needs at least one")]
     Two {
-        /// Ranks of the first.
+        /// Ranks of the first scale.
         above: usize,
-        /// Ranks that there are.
+        /// Number of ranks started.
         started: usize,
     },
     /// A scale gets no rank.
     #[error("scale {0} gets no rank")]
     Empty(String),
-    /// A ratio is no positive number.
+    /// A ratio is not a positive finite number.
     #[error("scale {scale}: {ratio} is no ratio; it must be positive")]
     Ratio {
         /// The scale.
         scale: String,
-        /// What stands there.
+        /// The invalid ratio.
         ratio: f64,
     },
-    /// There is no scale at all.
+    /// The plan contains no scale.
     #[error("there is no scale")]
     None,
-    /// The ranks do not mean the same.
+    /// The ranks were given different plans.
     #[error("this rank was given the plan {here}, and rank 0 the plan {there}; all must have the same")]
     Differs {
-        /// That of this rank.
+        /// The plan of this rank.
         here: String,
-        /// That of rank 0.
+        /// The plan of rank 0.
         there: String,
     },
 }
 
 impl Plan {
-    /// One more scale.
+    /// Appends a scale.
     #[must_use]
     pub fn with(mut self, name: &str, share: Share) -> Self {
         self.scales.push((name.to_owned(), share));
         self
     }
 
-    /// The fewest ranks that it can be meant for: those named and counted, and one a ratio.
+    /// Returns the smallest possible number of ranks: the explicit ranks, the counts, and one for each ratio.
     #[must_use]
     pub fn least(&self) -> usize {
         let of = |share: &Share| match share {
@@ -97,10 +98,10 @@ impl Plan {
         self.scales.iter().map(|(_, share)| of(share)).sum()
     }
 
-    /// The ranks of every scale, of `started` in all; each rank is of exactly one.
+    /// Returns the ranks of every scale, for `started` ranks; each rank belongs to exactly one scale.
     ///
     /// # Errors
-    /// [`PlanError`].
+    /// Returns [`PlanError`] if the plan does not fit.
     pub fn assign(&self, started: usize) -> Result<Vec<Vec<usize>>, PlanError> {
         self.check_names()?;
         let mut free = vec![true; started];
@@ -147,7 +148,7 @@ impl Plan {
         Ok(())
     }
 
-    /// How many of the ranks that explicit ones leave each scale gets: ratios by the largest remainders.
+    /// Distributes the ranks that are not assigned explicitly; ratios are rounded by the largest-remainder method.
     fn counts(&self, left: usize) -> Result<Vec<usize>, PlanError> {
         let counted = |share: &Share| if let Share::Count(count) = share { *count } else { 0 };
         let mut counts: Vec<usize> = self.scales.iter().map(|(_, share)| counted(share)).collect();

@@ -1,4 +1,4 @@
-//! Scales: codes that run side by side, each on its own ranks.
+//! Scales: codes that run concurrently, each on its own ranks.
 
 use std::cell::RefCell;
 use std::collections::HashMap;
@@ -10,60 +10,60 @@ use thiserror::Error;
 use super::plan::{Plan, PlanError};
 use crate::las::{Comm, CommError, Message, Tag};
 
-/// What one scale tells another.
+/// The tag of broadcasts between scales.
 const BROADCAST: Tag = Tag(1);
 
-/// The scales of a program, as one rank sees them.
+/// The scales of a program, as seen by one rank.
 #[derive(Debug)]
 pub struct Scales<C: Comm> {
     world: C,
-    /// The ranks of the own scale.
+    /// The communicator of this rank's scale.
     comm: C,
     names: Vec<String>,
     ranks: Vec<Vec<usize>>,
     own: usize,
-    /// How many couplings there are of each pair of scales.
+    /// Number of couplings created so far for each pair of scales.
     couplings: RefCell<HashMap<[usize; 2], u32>>,
 }
 
-/// The main function of a scale, which finds its ranks in [`Scales::comm`].
+/// The main function of a scale; its communicator is [`Scales::comm`].
 pub type Main<'a, C, R, E> = &'a dyn Fn(&Scales<C>) -> Result<R, E>;
 
-/// Why there are no scales.
+/// The reason why scales cannot be created or cannot communicate.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum ScaleError {
-    /// They do not fit the ranks.
+    /// The plan does not fit the ranks.
     #[error(transparent)]
     Plan(#[from] PlanError),
-    /// The ranks could not exchange something.
+    /// The communication failed.
     #[error(transparent)]
     Comm(#[from] CommError),
-    /// A scale told nothing in time.
+    /// No message from a scale arrived before the time-out.
     #[error("scale {scale} told scale {own} nothing in {} s", .waited.as_secs_f64())]
     ReceiveTimeout {
-        /// Who should have.
+        /// The scale that did not send.
         scale: String,
-        /// Who waited.
+        /// The scale that waited.
         own: String,
-        /// How long.
+        /// The waiting time.
         waited: Duration,
     },
-    /// A scale took nothing in time.
+    /// A scale took no message before the time-out.
     #[error("scale {scale} has taken nothing from scale {own} for {} s", .waited.as_secs_f64())]
     SendTimeout {
-        /// Who should have.
+        /// The scale that did not receive.
         scale: String,
-        /// Who waited.
+        /// The scale that waited.
         own: String,
-        /// How long.
+        /// The waiting time.
         waited: Duration,
     },
-    /// There is no scale of that number.
+    /// No scale has this number.
     #[error("there is no scale {number} among {scales}")]
     Number {
         /// The number, from 0.
         number: usize,
-        /// How many there are.
+        /// Number of scales.
         scales: usize,
     },
     /// A scale has no main function.
@@ -72,19 +72,19 @@ pub enum ScaleError {
 }
 
 impl<C: Comm> Scales<C> {
-    /// Gives every scale its ranks. Called by all ranks together, with the same plan.
+    /// Assigns the ranks to the scales. Collective over `world`; all ranks pass the same plan.
     ///
     /// # Errors
-    /// [`ScaleError`].
+    /// Returns [`ScaleError`] if the plan does not fit or the communication fails.
     pub fn new(world: &C, plan: &Plan) -> Result<Self, ScaleError> {
         Self::with_time_out(world, plan, None)
     }
 
-    /// The same, with scales that wait for each other as long as `time_out` says: the one that does not answer by then is named
-    /// in an error. `None` waits for ever.
+    /// Assigns the ranks to the scales as [`new`](Self::new) does, with a time-out for communication between scales;
+    /// the error names the scale that did not respond. `None` waits indefinitely.
     ///
     /// # Errors
-    /// [`ScaleError`].
+    /// Returns [`ScaleError`] if the plan does not fit or the communication fails.
     pub fn with_time_out(world: &C, plan: &Plan, time_out: Option<Duration>) -> Result<Self, ScaleError> {
         let (here, there) =
             (format!("{:?}", plan.scales), world.broadcast(0, Message::text(&format!("{:?}", plan.scales)))?);
@@ -95,61 +95,61 @@ impl<C: Comm> Scales<C> {
         let ranks = plan.assign(world.size())?;
         let names = plan.scales.iter().map(|(name, _)| name.clone()).collect();
         let own = ranks.iter().position(|ranks| ranks.contains(&world.rank())).ok_or(PlanError::None)?;
-        // Every rank has a scale, and so a color; the ranks of a scale are in the order of the plan.
+        // Every rank belongs to a scale, its color; the ranks of a scale are ordered as in the plan.
         let place = ranks[own].iter().position(|&rank| rank == world.rank()).ok_or(PlanError::None)?;
-        // Within a scale nobody's patience ends: who waits there waits for one that waits for another scale, which is to blame.
+        // No time-out inside a scale: a stall there is always caused by another scale, which is the one reported.
         let comm = world.split(Some(own), place)?.ok_or(PlanError::None)?;
         let world = world.duplicate(time_out)?;
         Ok(Self { world, comm, names, ranks, own, couplings: RefCell::default() })
     }
 
-    /// All ranks of the program.
+    /// Returns the communicator of all ranks of the program.
     pub fn world(&self) -> &C {
         &self.world
     }
 
-    /// The ranks of this rank's scale.
+    /// Returns the communicator of this rank's scale.
     pub fn comm(&self) -> &C {
         &self.comm
     }
 
-    /// The number of this rank's scale.
+    /// Returns the number of this rank's scale.
     #[must_use]
     pub fn own(&self) -> usize {
         self.own
     }
 
-    /// The number of a scale.
+    /// Returns the number of the scale with this name.
     #[must_use]
     pub fn find(&self, name: &str) -> Option<usize> {
         self.names.iter().position(|other| other == name)
     }
 
-    /// The name of a scale.
+    /// Returns the name of a scale.
     #[must_use]
     pub fn name(&self, scale: usize) -> &str {
         &self.names[scale]
     }
 
-    /// The names of all scales.
+    /// Returns the names of all scales.
     #[must_use]
     pub fn names(&self) -> &[String] {
         &self.names
     }
 
-    /// The ranks of a scale in the world, by their rank in the scale.
+    /// Returns the world ranks of a scale, ordered by their rank in the scale.
     #[must_use]
     pub fn ranks(&self, scale: usize) -> &[usize] {
         &self.ranks[scale]
     }
 
-    /// The rank in its scale of a rank of the world.
+    /// Returns the rank in a scale of a world rank, or `None` if it belongs to another scale.
     #[must_use]
     pub fn rank_in(&self, scale: usize, rank: usize) -> Option<usize> {
         self.ranks[scale].iter().position(|&other| other == rank)
     }
 
-    /// The number of a new coupling of two scales, which both sides count alike.
+    /// Returns the number of a new coupling of two scales; both sides count equally.
     pub(super) fn next_coupling(&self, a: usize, b: usize) -> u32 {
         let mut couplings = self.couplings.borrow_mut();
         let count = couplings.entry([a.min(b), a.max(b)]).or_default();
@@ -157,11 +157,11 @@ impl<C: Comm> Scales<C> {
         *count - 1
     }
 
-    /// Sends the message of the first rank of this scale to all ranks of scale `to`, which call [`receive`](Self::receive).
-    /// Collective over this scale.
+    /// Sends the message of the first rank of this scale to all ranks of scale `to`, which call
+    /// [`receive`](Self::receive). Collective over this scale.
     ///
     /// # Errors
-    /// [`ScaleError`].
+    /// Returns [`ScaleError`] if the send fails or times out.
     pub fn broadcast(&self, to: usize, message: Message) -> Result<(), ScaleError> {
         let first = self.first_of(to)?;
         if self.comm.rank() > 0 {
@@ -173,7 +173,7 @@ impl<C: Comm> Scales<C> {
     /// Receives what scale `from` [`broadcast`](Self::broadcast)s, on all ranks of this scale. Collective over this scale.
     ///
     /// # Errors
-    /// [`ScaleError`].
+    /// Returns [`ScaleError`] if the receive fails or times out.
     pub fn receive(&self, from: usize) -> Result<Message, ScaleError> {
         let first = self.first_of(from)?;
         let receive = || {
@@ -186,7 +186,7 @@ impl<C: Comm> Scales<C> {
     /// Receives what scale `from` broadcasts on the first rank of this scale only; the other ranks do not wait.
     ///
     /// # Errors
-    /// [`ScaleError`].
+    /// Returns [`ScaleError`] if the receive fails or times out.
     pub fn receive_on_root(&self, from: usize) -> Result<Message, ScaleError> {
         self.world.receive(self.first_of(from)?, BROADCAST).map_err(|error| self.timeout_of(from, error))
     }
@@ -195,18 +195,18 @@ impl<C: Comm> Scales<C> {
     /// [`receive_on_root`](Self::receive_on_root) then takes it.
     ///
     /// # Errors
-    /// [`ScaleError`].
+    /// Returns [`ScaleError`] if the receive fails or times out.
     pub fn wait_for(&self, from: usize) -> Result<(), ScaleError> {
         self.world.wait_for(self.first_of(from)?, BROADCAST).map_err(|error| self.timeout_of(from, error))
     }
 
-    /// The first rank of a scale in the world.
+    /// Returns the world rank of the first rank of a scale.
     fn first_of(&self, scale: usize) -> Result<usize, ScaleError> {
         let ranks = self.ranks.get(scale).ok_or(ScaleError::Number { number: scale, scales: self.ranks.len() })?;
         ranks.first().copied().ok_or(ScaleError::Plan(PlanError::None))
     }
 
-    /// Attributes a timeout to the other scale.
+    /// Attributes a time-out to the other scale.
     fn timeout_of(&self, other: usize, error: CommError) -> ScaleError {
         let (scale, own) = (self.names[other].clone(), self.names[self.own].clone());
         match error {
@@ -219,7 +219,7 @@ impl<C: Comm> Scales<C> {
     /// Runs the main function of this rank's scale.
     ///
     /// # Errors
-    /// [`ScaleError::NoMain`] where there is none, or what it says.
+    /// Returns [`ScaleError::NoMain`] if the scale has no main function, or the error of that function.
     pub fn run<R, E: From<ScaleError>>(&self, mains: &[(&str, Main<'_, C, R, E>)]) -> Result<R, E> {
         let own = self.name(self.own);
         let main = mains.iter().find(|(name, _)| *name == own);

@@ -1,33 +1,34 @@
-//! Scales on ranks that lie near each other.
+//! Scales on ranks that are close to each other in hardware.
 //!
-//! A message between two cores of one package stays in its caches or its memory; one between machines goes over the
-//! network. Where each rank of one scale has some ranks of another that work for it, [`near`] puts these beside it. With
-//! the feature `hwloc`, `here` says where a rank runs.
+//! A message between two cores of one package stays in its caches or its memory; a message between machines crosses the
+//! network. If each rank of one scale exchanges data with a group of ranks of another scale, [`near`] places this group
+//! next to it. With the feature `hwloc`, `here` returns the hardware location of a rank.
 
 use super::plan::{Plan, PlanError, Share};
 use crate::las::{Comm, CommError, Message};
 
-/// Where a rank runs.
+/// The hardware location of a rank.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct HardwareLocation {
-    /// The machine, by name.
+    /// Name of the machine.
     pub machine: String,
-    /// The part of the machine that shares memory and caches (package, NUMA node), from 0.
+    /// Number of the package, a part of the machine that shares memory and caches, from 0.
     pub package: u32,
-    /// The core, from 0.
+    /// Number of the core, from 0.
     pub core: u32,
 }
 
-/// The ranks of two scales, `above` of them for the first, so that those of the second lie near one of the first.
+/// Chooses the ranks of two scales, `above` of them for the first, so that those of the second are close to one of the
+/// first.
 ///
-/// `places` are those of all ranks, by rank. The ranks are put in order by machine, package and core, and by number where
-/// these are the same. This order is cut into `above` groups whose sizes differ by one at most; the first rank of each
-/// group is of the first scale, and all others of it are of the second. So a group is on one machine and one package where
-/// groups fill these evenly; no cut is moved to the end of a package. Both lists are in the order of
-/// the groups, and so are the ranks of the scales: spread evenly, units stay in their group where groups are of one size.
+/// `places` are the locations of all ranks. The function sorts the ranks by machine, package and core, and by rank if
+/// these are equal, and cuts this sequence into `above` groups whose sizes differ by at most one. The first rank of
+/// each group belongs to the first scale, all others to the second. A group thus lies on one machine and one package if
+/// groups fill these evenly; cuts are not moved to package boundaries. Both lists are in the order of the groups. With
+/// an even distribution and groups of equal size, all units therefore stay within their group.
 ///
 /// # Errors
-/// [`PlanError::Two`]: one of the two would get no rank.
+/// Returns [`PlanError::Two`] if one of the two scales would get no rank.
 pub fn near(places: &[HardwareLocation], above: usize) -> Result<[Vec<usize>; 2], PlanError> {
     let groups = groups(places, above)?;
     let first = groups.iter().filter_map(|group| group.first()).copied().collect();
@@ -35,19 +36,19 @@ pub fn near(places: &[HardwareLocation], above: usize) -> Result<[Vec<usize>; 2]
     Ok([first, second])
 }
 
-/// A plan of two scales with ranks as [`near`] finds them, `above` for the first.
+/// Creates a plan of two scales with the ranks chosen by [`near`], `above` of them for the first.
 ///
 /// # Errors
-/// As for [`near`].
+/// Returns the error of [`near`].
 pub fn plan(names: [&str; 2], places: &[HardwareLocation], above: usize) -> Result<Plan, PlanError> {
     let [first, second] = near(places, above)?;
     Ok(Plan::default().with(names[0], Share::Ranks(first)).with(names[1], Share::Ranks(second)))
 }
 
-/// The places of all ranks, by rank. Called by all ranks together, each with its own.
+/// Gathers the locations of all ranks, ordered by rank. Collective over `world`.
 ///
 /// # Errors
-/// [`CommError`].
+/// Returns [`CommError`] if the communication fails.
 pub fn gather<C: Comm>(world: &C, own: &HardwareLocation) -> Result<Vec<HardwareLocation>, CommError> {
     let messages = world.gather_all(Message::text(&write(own)))?;
     let place = |(rank, message): (usize, &Message)| {
@@ -58,20 +59,20 @@ pub fn gather<C: Comm>(world: &C, own: &HardwareLocation) -> Result<Vec<Hardware
     messages.iter().enumerate().map(place).collect()
 }
 
-/// The groups of ranks that lie near each other, in order.
+/// Returns the groups of ranks that are close to each other, in order.
 fn groups(places: &[HardwareLocation], above: usize) -> Result<Vec<Vec<usize>>, PlanError> {
     let started = places.len();
     if above == 0 || above >= started {
         return Err(PlanError::Two { above, started });
     }
     let mut order: Vec<usize> = (0..started).collect();
-    // Stable: ranks at one place keep their order.
+    // The sort is stable: ranks at the same location keep their order.
     order.sort_by_key(|&rank| &places[rank]);
     let begin = |group: usize| group * started / above;
     Ok((0..above).map(|group| order[begin(group)..begin(group + 1)].to_vec()).collect())
 }
 
-/// The name of the machine comes last, since it may be any text.
+/// Encodes a location as text. The name of the machine is last because it may contain blanks.
 fn write(place: &HardwareLocation) -> String {
     format!("{} {} {}", place.package, place.core, place.machine)
 }
@@ -84,7 +85,7 @@ fn read(text: &str) -> Option<HardwareLocation> {
 
 #[cfg(feature = "hwloc")]
 mod hwloc {
-    //! What hwloc knows of this process.
+    //! The hardware location of this process, determined by hwloc.
 
     use hwlocality::cpu::binding::CpuBindingFlags;
     use hwlocality::cpu::cpuset::CpuSet;
@@ -94,11 +95,11 @@ mod hwloc {
 
     use super::HardwareLocation;
 
-    /// Where the calling thread runs: the package and the core to which it is bound, or, where it is bound to no single
-    /// one, those on which it ran last. Needs the feature `hwloc`.
+    /// Returns the hardware location of the calling thread: the package and the core to which it is bound, or on which
+    /// it ran last if it is not bound to a single one. Needs the feature `hwloc`.
     ///
     /// # Errors
-    /// In words: hwloc fails, or does not know the machine or the core.
+    /// Returns a message if hwloc fails, or cannot determine the machine or the core.
     pub fn here() -> Result<HardwareLocation, String> {
         let topology =
             Topology::new().map_err(|error| format!("hwloc does not find the parts of this machine: {error}"))?;
@@ -107,13 +108,13 @@ mod hwloc {
         let known: Vec<CpuSet> = bound.into_iter().chain(last).filter(|set| !set.is_empty()).collect();
         let core = number(&topology, ObjectType::Core, &known).or_else(|| number(&topology, ObjectType::PU, &known));
         let core = core.ok_or("hwloc does not know on which core this process runs")?;
-        // A machine that shows no packages counts as one.
+        // A machine that reports no packages is treated as a single package.
         let package = number(&topology, ObjectType::Package, &known).unwrap_or(0);
         Ok(HardwareLocation { machine: machine(&topology)?, package, core })
     }
 
-    /// The number, in the whole machine, of the object of a kind that has all processors of a set; for the first set for
-    /// which there is one.
+    /// Returns the logical index of the first object of a kind that contains all processors of a set; uses the first
+    /// set for which such an object exists.
     fn number(topology: &Topology, kind: ObjectType, sets: &[CpuSet]) -> Option<u32> {
         let holder = |set: &CpuSet| {
             let has_all = |object: &&TopologyObject| object.cpuset().is_some_and(|own| own.includes(set));
@@ -149,7 +150,7 @@ mod tests {
     use super::*;
     use crate::backends::comm::thread::run;
 
-    /// Two machines of two packages of four cores; neighboring ranks are far from each other.
+    /// Two machines with two packages of four cores; consecutive ranks are far apart.
     fn places() -> Vec<HardwareLocation> {
         let place = |rank: u32| {
             let slot = rank * 7 % 16;
@@ -158,7 +159,7 @@ mod tests {
         (0..16).map(place).collect()
     }
 
-    /// Every rank is in one group, and the sizes differ by one at most.
+    /// Checks that every rank is in exactly one group, and that the sizes differ by at most one.
     fn check(groups: &[Vec<usize>], started: usize) {
         let mut ranks = groups.concat();
         ranks.sort_unstable();
@@ -177,7 +178,7 @@ mod tests {
             assert!(group.iter().all(|rank| package(rank) == package(&group[0])), "{group:?}");
         }
         let [first, second] = near(&places, 4).unwrap();
-        // Slots 0, 4, 8 and 12: rank 7 slot, modulo 16.
+        // Slots 0, 4, 8 and 12; the slot of a rank is 7 rank modulo 16, so that the rank is 7 slot modulo 16.
         assert_eq!(first, [0, 12, 8, 4]);
         assert_eq!(second, [7, 14, 5, 3, 10, 1, 15, 6, 13, 11, 2, 9]);
     }

@@ -1,16 +1,16 @@
-//! What a linear-algebra backend is: one bound, `B: Backend`, that all physics of this crate is generic over.
+//! The trait of a linear-algebra backend. All physics of this crate is generic over `B: Backend`.
 
 use std::fmt::Debug;
 use std::sync::Arc;
 
 use super::{Entries, Index, MatMat, MatVec, MatrixOps, SolveError, Solver, SolverParams, Sparsity, Value, VectorOps};
 
-/// A linear-algebra backend: a zero-sized marker that names its types and makes them.
+/// A linear-algebra backend: a zero-sized marker type that names the backend's types and constructs them.
 ///
-/// A backend is chosen at compile time. Code that assembles and solves is written once, `fn assemble<B: Backend>(..)`,
-/// and the verbs of [`VectorOps`] and [`MatrixOps`] inline into what a direct call of the backend compiles to, instruction by
-/// instruction; where that is a call of PETSc, they work on the memory of its objects and execute no more than the call does.
-/// `docs/overhead.md` counts both.
+/// The backend is chosen at compile time. Assembly and solution code is written once, `fn assemble<B: Backend>(..)`.
+/// The methods of [`VectorOps`] and [`MatrixOps`] inline to the same instructions as a direct call of the backend. With
+/// PETSc they work on the memory of the PETSc objects and execute no more instructions than the PETSc call.
+/// `docs/overhead.md` reports the instruction counts of both cases.
 ///
 /// ```
 /// use std::sync::Arc;
@@ -36,55 +36,55 @@ use super::{Entries, Index, MatMat, MatVec, MatrixOps, SolveError, Solver, Solve
 /// # assert!((two_by_two::<biotissue::backends::sparse::Sparse>(&()).unwrap()[0] - 1.0).abs() < 1e-15);
 /// ```
 pub trait Backend: Copy + Default + Debug + Send + Sync + 'static {
-    /// The name of the backend, as its cargo feature and the program's `--backend` spell it.
+    /// The name of the backend, spelled as in its cargo feature and in the program's `--backend` option.
     const NAME: &'static str;
 
-    /// What matrices and vectors hold.
+    /// The type of the entries of matrices and vectors.
     type Scalar: Value;
-    /// How rows and columns are addressed.
+    /// The type of row and column indices.
     type Index: Index;
-    /// What `norm` and `dot` return: the scalar, or one scalar a lane.
+    /// The return type of `norm` and `dot`: the scalar, or one scalar per lane.
     type Reduced: Value;
-    /// What the backend needs at run time (communicator, device, lanes); `()` if nothing.
+    /// Run-time data of the backend (communicator, device, lanes); `()` if there are none.
     type Context: Send + Sync;
-    /// How a verb can fail; [`std::convert::Infallible`] for a backend that cannot.
+    /// The error type of vector and matrix operations; [`std::convert::Infallible`] for a backend that cannot fail.
     type Fault: std::error::Error + Send + Sync + 'static;
-    /// A position in a matrix, located once and written to many times (see [`MatrixOps::locate`]).
+    /// A position in a matrix, located once and reused for repeated writes (see [`MatrixOps::locate`]).
     type Slot: Copy + Debug + Send + Sync + 'static;
-    /// A vector.
+    /// The vector type.
     type Vector: VectorOps<Self> + Send;
-    /// A matrix with a fixed pattern.
+    /// The matrix type; the sparsity pattern of a matrix is fixed.
     type Matrix: MatrixOps<Self> + MatVec<Self> + MatMat<Self> + Entries<Self> + Send;
-    /// The symbolic part of a factorization: depends on the pattern alone and is shared by every solver of it.
+    /// The symbolic factorization: depends only on the pattern and is shared by all solvers of that pattern.
     type Symbolic: Send + Sync;
-    /// The numeric part: one a matrix that is factored.
+    /// The numeric solver: one for each matrix that is factored.
     type Solver: Solver<Self>;
 
-    /// A vector of `len` zeros.
+    /// Creates a vector of `len` zeros.
     ///
     /// # Errors
-    /// What the backend reports when it cannot make one.
+    /// Returns the backend's error if it cannot create the vector.
     fn vector(context: &Self::Context, len: usize) -> Result<Self::Vector, Self::Fault>;
 
-    /// A matrix of zeros with the given pattern.
+    /// Creates a matrix of zeros with the given pattern.
     ///
     /// # Errors
-    /// What the backend reports when it cannot make one.
+    /// Returns the backend's error if it cannot create the matrix.
     fn matrix(context: &Self::Context, pattern: &Arc<Sparsity>) -> Result<Self::Matrix, Self::Fault>;
 
-    /// Orders and analyses a square pattern, once for all matrices and solvers that share it.
+    /// Computes the symbolic factorization of a square pattern, once for all matrices and solvers that share it.
     ///
     /// # Errors
-    /// [`SolveError::NotSquare`], or what the backend's own analysis reports.
+    /// Returns [`SolveError::NotSquare`] for a rectangular pattern, or the error of the backend's own analysis.
     fn analyze(
         context: &Self::Context,
         pattern: &Arc<Sparsity>,
         params: &SolverParams,
     ) -> Result<Arc<Self::Symbolic>, SolveError<Self::Fault>>;
 
-    /// A solver with all storage that its first factorization needs.
+    /// Creates a solver and allocates all storage that its first factorization needs.
     ///
     /// # Errors
-    /// What the backend reports when it cannot make one.
+    /// Returns the backend's error if it cannot create the solver.
     fn solver(symbolic: &Arc<Self::Symbolic>) -> Result<Self::Solver, SolveError<Self::Fault>>;
 }

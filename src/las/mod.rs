@@ -1,20 +1,21 @@
-//! LAS, the linear-algebra abstraction: the traits of a backend, and what is written on top of them once for all backends
-//! (Newton, Krylov methods, Matrix Market files, copies from one backend to another, the suite that every backend passes).
+//! LAS, the linear-algebra abstraction: the traits that every backend implements, and the algorithms that use only
+//! these traits (Newton's method, Krylov methods, Matrix Market files, transfers between backends, and the conformance
+//! test suite).
 //!
-//! This module names no library of linear algebra. A [`Backend`] is a zero-sized marker with a vector, a matrix and a solver;
-//! the verbs that assembly loops call ([`VectorOps`], [`MatrixOps`]) inline away, the operations that are amortized ([`Solver`],
-//! [`MatVec`]) do not need to. After chapter 5 of W. R. Tobin, *The Adaptive Multiscale Simulation Infrastructure*
-//! (PhD thesis, Rensselaer Polytechnic Institute, 2018).
+//! This module depends on no linear-algebra library. A [`Backend`] is a zero-sized marker type with a vector, a matrix
+//! and a solver type. The operations in assembly loops ([`VectorOps`], [`MatrixOps`]) are inlined; the amortized
+//! operations ([`Solver`], [`MatVec`]) need not be. After chapter 5 of W. R. Tobin, *The Adaptive Multiscale Simulation
+//! Infrastructure* (PhD thesis, Rensselaer Polytechnic Institute, 2018).
 //!
-//! # Who solves how
-//! | backend | directly | CG, BiCGSTAB, GMRES with |
+//! # Solvers by backend
+//! | backend | direct | preconditioners of CG, BiCGSTAB and GMRES |
 //! |---|---|---|
-//! | `sparse` | Cholesky, LDL^T, LU | nothing, the diagonal, ILUT |
-//! | `dense` | Cholesky, LDL^T, LU | nothing, the diagonal |
-//! | `petsc` | MUMPS, SuperLU_DIST or PETSc's own | nothing, the diagonal, multigrid; more by its options |
-//! | `batched` | no | no |
+//! | `sparse` | Cholesky, LDL^T, LU | none, diagonal, ILUT |
+//! | `dense` | Cholesky, LDL^T, LU | none, diagonal |
+//! | `petsc` | MUMPS, SuperLU_DIST or PETSc's own | none, diagonal, multigrid; others through PETSc options |
+//! | `batched` | no | no iterative methods |
 //!
-//! What a backend cannot do is [`SolveError::Unsupported`], said before anything is solved.
+//! A backend returns [`SolveError::Unsupported`] before it solves if it lacks the requested method.
 
 mod backend;
 mod comm;

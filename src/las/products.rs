@@ -1,75 +1,78 @@
-//! Amortized operations on matrices (table 5.2 of the thesis and what its users needed beside it): products, sums,
-//! diagonals, and reading all entries. Like solving they are deliberately not zero-overhead.
+//! Amortized matrix operations (table 5.2 of the thesis, with additions): products, sums, diagonals, and iteration over
+//! all entries. Like the solvers, they are deliberately not zero-overhead.
 
 use std::sync::Arc;
 
 use super::{Backend, SolveError, Sparsity};
 
-/// Matrix and vector.
+/// Matrix-vector products and diagonals.
 pub trait MatVec<B: Backend> {
     /// `y = A x`.
     ///
     /// # Errors
-    /// [`SolveError::Size`].
+    /// Returns [`SolveError::Size`] if a vector does not fit the matrix.
     fn mul(&self, x: &B::Vector, y: &mut B::Vector) -> Result<(), SolveError<B::Fault>>;
 
     /// `y = A^T x`.
     ///
     /// # Errors
-    /// [`SolveError::Size`].
+    /// Returns [`SolveError::Size`] if a vector does not fit the matrix.
     fn mul_transpose(&self, x: &B::Vector, y: &mut B::Vector) -> Result<(), SolveError<B::Fault>>;
 
-    /// `d[i] = A[i, i]`; zero where the pattern has no such entry. Of a rectangular matrix as many as its shorter side has.
+    /// `d[i] = A[i, i]`; zero if the pattern has no such entry. `d` has `min(rows, cols)` entries.
     ///
     /// # Errors
-    /// [`SolveError::Size`].
+    /// Returns [`SolveError::Size`] if `d` has another length.
     fn diagonal(&self, d: &mut B::Vector) -> Result<(), SolveError<B::Fault>>;
 
     /// `d[i] = 1 / A[i, i]`.
     ///
     /// # Errors
-    /// [`SolveError::ZeroDiagonal`] where an entry (of any lane) is zero; [`SolveError::Size`].
+    /// Returns [`SolveError::ZeroDiagonal`] if a diagonal entry (of any lane) is zero, [`SolveError::Size`] if `d` has
+    /// another length.
     fn inverse_diagonal(&self, d: &mut B::Vector) -> Result<(), SolveError<B::Fault>>;
 }
 
-/// Matrix and matrix. Patterns follow from patterns alone: an entry that cancels stays, with the value zero.
+/// Matrix-matrix operations. The pattern of a result depends only on the patterns of the operands: an entry that
+/// cancels is stored as an explicit zero.
 pub trait MatMat<B: Backend>: Sized {
     /// `A *= factor`.
     ///
     /// # Errors
-    /// The backend's fault.
+    /// Returns the backend's fault.
     fn scale(&mut self, factor: B::Scalar) -> Result<(), B::Fault>;
 
     /// `a A + b B`, with the union of both patterns.
     ///
     /// # Errors
-    /// [`SolveError::Size`], [`SolveError::TooLarge`].
+    /// Returns [`SolveError::Size`] if the shapes differ, [`SolveError::TooLarge`] if the result has too many entries.
     fn sum(&self, a: B::Scalar, other: &Self, b: B::Scalar) -> Result<Self, SolveError<B::Fault>>;
 
-    /// `A B`; rectangular matrices too.
+    /// `A B`; the matrices may be rectangular.
     ///
     /// # Errors
-    /// [`SolveError::Size`], [`SolveError::TooLarge`].
+    /// Returns [`SolveError::Size`] if the shapes do not match, [`SolveError::TooLarge`] if the result has too many
+    /// entries.
     fn product(&self, other: &Self) -> Result<Self, SolveError<B::Fault>>;
 
     /// `A^T`.
     ///
     /// # Errors
-    /// [`SolveError::TooLarge`].
+    /// Returns [`SolveError::TooLarge`] if the result cannot be addressed.
     fn transpose(&self) -> Result<Self, SolveError<B::Fault>>;
 }
 
-/// All entries of a matrix: what moving it to another backend or into a file needs.
+/// Access to all entries of a matrix, for transferring it to another backend or writing it to a file.
 pub trait Entries<B: Backend> {
-    /// The entries that the matrix has (of this rank, on a distributed backend), zeros among them.
+    /// The pattern of the stored entries (of this rank, on a distributed backend), explicit zeros included.
     ///
     /// # Errors
-    /// The backend's fault.
+    /// Returns the backend's fault.
     fn pattern(&self) -> Result<Arc<Sparsity>, B::Fault>;
 
-    /// Calls `visit(row, column, value)` for each of them, row after row, columns ascending.
+    /// Calls `visit(row, column, value)` for each stored entry, row by row, in ascending order of columns.
     ///
     /// # Errors
-    /// The backend's fault.
+    /// Returns the backend's fault.
     fn for_each(&self, visit: impl FnMut(usize, usize, B::Scalar)) -> Result<(), B::Fault>;
 }

@@ -1,4 +1,4 @@
-//! The number types a backend can compute with: `f64`, `f32`, and several of them side by side.
+//! The number types a backend can compute with: `f64`, `f32`, and lanes of several numbers.
 
 use std::fmt::{Debug, Display, LowerExp};
 use std::iter::Sum;
@@ -6,43 +6,42 @@ use std::ops::Neg;
 
 use num_traits::{Float, NumAssign};
 
-/// What an entry of a vector or matrix is: a number, or one number a lane.
+/// An entry of a vector or matrix: one number, or one number per lane.
 ///
-/// Hot verbs and products need no more than this arithmetic. Whoever compares or takes roots asks for a [`Scalar`].
+/// Vector and matrix operations and products need only this arithmetic. Code that compares numbers or takes square
+/// roots requires [`Scalar`].
 pub trait Value: NumAssign + Neg<Output = Self> + Copy + Default + Debug + Send + Sync + 'static {
-    /// One number: itself, or what stands in a lane.
+    /// The type of a single number: `Self`, or the number in a lane.
     type Real: Scalar;
 
-    /// How many numbers there are.
+    /// The number of lanes.
     const LANES: usize;
 
-    /// The same number in every lane.
+    /// Returns a value with the same number in every lane.
     fn splat(value: Self::Real) -> Self;
 
-    /// The number nearest to `value`, the same in every lane.
+    /// Returns the number nearest to `value` in every lane.
     #[inline(always)]
     fn every(value: f64) -> Self {
         Self::splat(Scalar::of(value))
     }
 
-    /// The number that `of` gives for each lane.
+    /// Returns the value whose lane `k` is `of(k)`.
     fn from_lanes(of: impl FnMut(usize) -> Self::Real) -> Self;
 
-    /// The number in a lane.
+    /// Returns the number in one lane.
     ///
     /// # Panics
-    /// Where there is no such lane.
+    /// Panics if `lane` is not below [`Value::LANES`]; `f64` and `f32` check this only in debug builds.
     fn lane(&self, lane: usize) -> Self::Real;
 }
 
-/// A real floating-point number that vectors and matrices are made of.
-///
-/// `f64` and `f32` implement it; nothing else needs to.
+/// A real floating-point number: `f64` or `f32`.
 pub trait Scalar: Float + Value<Real = Self> + Sum + Display + LowerExp {
-    /// The number nearest to `value`.
+    /// Returns the number nearest to `value`.
     fn of(value: f64) -> Self;
 
-    /// This number in double precision, exactly.
+    /// Returns this number in double precision, exactly.
     fn as_f64(self) -> f64;
 }
 
@@ -86,21 +85,21 @@ macro_rules! one_lane {
 
 one_lane!(f64, f32);
 
-/// The signed integer a backend addresses rows and columns with.
+/// The signed integer type of row and column indices.
 ///
-/// Signed, because a negative index is part of every verb's meaning: it stands for a constrained unknown, whose
-/// writes are dropped and whose reads leave the caller's buffer alone.
+/// The type is signed because a negative index denotes a constrained unknown: writes to it are dropped, and reads leave
+/// the caller's buffer unchanged.
 pub trait Index: Copy + Ord + Debug + Display + Send + Sync + 'static {
     /// The index of a constrained unknown.
     const CONSTRAINED: Self;
 
-    /// `position` as an index.
+    /// Converts `position` to an index.
     ///
     /// # Panics
-    /// In debug builds, where `position` does not fit the type.
+    /// Panics in debug builds if `position` does not fit the type.
     fn of(position: usize) -> Self;
 
-    /// The position meant, or `None` for a constrained unknown.
+    /// Returns the position, or `None` for a constrained unknown.
     fn position(self) -> Option<usize>;
 }
 

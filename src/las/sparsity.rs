@@ -1,10 +1,10 @@
-//! A checked sparsity pattern.
+//! A validated sparsity pattern.
 
 use thiserror::Error;
 
-/// Which entries of a matrix can be other than zero: compressed rows, columns of a row strictly ascending.
+/// The sparsity pattern of a matrix in compressed row storage; the columns of each row are strictly ascending.
 ///
-/// The invariant is checked where a pattern is made and relied on everywhere else.
+/// The constructors check this invariant; all other code relies on it.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct Sparsity {
     cols: usize,
@@ -12,15 +12,15 @@ pub struct Sparsity {
     columns: Box<[u32]>,
 }
 
-/// Why arrays are no sparsity pattern.
+/// The reason why arrays do not form a sparsity pattern.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum SparsityError {
-    /// Row starts do not begin at 0, decrease, or do not end at the number of entries given.
+    /// Row offsets do not start at 0, decrease, or do not end at the number of entries.
     #[error("row starts must rise from 0 to {entries}; entry {row} is {found}")]
     RowStart {
-        /// Where.
+        /// Position of the wrong offset.
         row: usize,
-        /// What stands there.
+        /// The value of that offset.
         found: usize,
         /// Number of column indices.
         entries: usize,
@@ -47,14 +47,14 @@ pub enum SparsityError {
 }
 
 impl Sparsity {
-    /// The pattern of a square matrix assembled from elements that each couple all of their unknowns.
+    /// Builds the pattern of a square matrix assembled from elements, each of which couples all of its unknowns.
     ///
-    /// `elements` yields the unknowns of one element after another; negative ones (constrained) are left out. The
-    /// diagonal is always part of the pattern.
+    /// `elements` yields the unknowns of each element; negative unknowns (constrained) are skipped. The diagonal is
+    /// always part of the pattern.
     ///
     /// # Errors
-    /// [`SparsityError::Column`] for an unknown that is not below `unknowns` (`row` counts elements then), or
-    /// [`SparsityError::TooLarge`].
+    /// Returns [`SparsityError::Column`] if an unknown is not below `unknowns` (its `row` is then the element number),
+    /// or [`SparsityError::TooLarge`].
     pub fn from_elements<E, I>(unknowns: usize, elements: E) -> Result<Self, SparsityError>
     where
         E: IntoIterator<Item = I>,
@@ -81,10 +81,10 @@ impl Sparsity {
         })
     }
 
-    /// A pattern from compressed rows, checked.
+    /// Builds a pattern from compressed rows and checks the invariant.
     ///
     /// # Errors
-    /// The first way in which the arrays break the invariant.
+    /// Returns the first violation of the invariant.
     pub fn from_rows(cols: usize, row_offsets: Vec<u32>, columns: Vec<u32>) -> Result<Self, SparsityError> {
         check_size(cols)?;
         check_size(columns.len())?;
@@ -101,10 +101,10 @@ impl Sparsity {
         Ok(Self { cols, row_offsets: row_offsets.into(), columns: columns.into() })
     }
 
-    /// Every position of a rectangle; one that 32-bit indices can address.
+    /// Builds the full pattern of a dense matrix.
     ///
     /// # Panics
-    /// Where it is larger.
+    /// Panics if the pattern exceeds the range of 32-bit indices.
     #[must_use]
     pub fn full(rows: usize, cols: usize) -> Self {
         let fits = rows.checked_mul(cols).is_some_and(|entries| check_size(entries).is_ok());
@@ -113,13 +113,13 @@ impl Sparsity {
         Self { cols, row_offsets, columns: (0..rows).flat_map(|_| 0..cols as u32).collect() }
     }
 
-    /// The pattern of a sum of two matrices of one shape.
+    /// The pattern of the sum of two matrices of the same shape.
     ///
     /// # Errors
-    /// [`SparsityError::TooLarge`].
+    /// Returns [`SparsityError::TooLarge`] if the union has too many entries.
     ///
     /// # Panics
-    /// Where the shapes differ in debug builds.
+    /// Panics in debug builds if the shapes differ.
     pub fn union(&self, other: &Self) -> Result<Self, SparsityError> {
         debug_assert_eq!((self.rows(), self.cols), (other.rows(), other.cols), "two patterns of one shape");
         Self::by_rows(self.cols, self.rows(), |row, columns| {
@@ -128,13 +128,13 @@ impl Sparsity {
         })
     }
 
-    /// The pattern of a product of a matrix of this pattern with one of the `other`.
+    /// The pattern of the product of a matrix with this pattern and a matrix with the pattern `other`.
     ///
     /// # Errors
-    /// [`SparsityError::TooLarge`].
+    /// Returns [`SparsityError::TooLarge`] if the product has too many entries.
     ///
     /// # Panics
-    /// Where this one has other columns than the other has rows.
+    /// Panics if an entry of this pattern has a column that is not a row of `other`.
     pub fn product(&self, other: &Self) -> Result<Self, SparsityError> {
         Self::by_rows(other.cols, self.rows(), |row, columns| {
             for &k in self.row(row) {
@@ -165,7 +165,7 @@ impl Sparsity {
         Self { cols: self.rows(), row_offsets: row_offsets.into(), columns: columns.into() }
     }
 
-    /// From rows whose columns come in any order and repeatedly.
+    /// Builds a pattern row by row; `fill` may append the columns of a row unsorted and repeatedly.
     fn by_rows(cols: usize, rows: usize, mut fill: impl FnMut(usize, &mut Vec<u32>)) -> Result<Self, SparsityError> {
         let mut row_offsets = Vec::with_capacity(rows + 1);
         row_offsets.push(0);
@@ -203,14 +203,14 @@ impl Sparsity {
         self.columns.len()
     }
 
-    /// Where each row starts among the entries; one more than there are rows.
+    /// The offset of the first entry of each row, followed by the number of entries.
     #[inline(always)]
     #[must_use]
     pub fn row_offsets(&self) -> &[u32] {
         &self.row_offsets
     }
 
-    /// The column of every entry, row after row.
+    /// The column of every entry, row by row.
     #[inline(always)]
     #[must_use]
     pub fn columns(&self) -> &[u32] {
@@ -220,14 +220,14 @@ impl Sparsity {
     /// The columns of one row.
     ///
     /// # Panics
-    /// Where there is no such row.
+    /// Panics if the pattern has no such row.
     #[inline(always)]
     #[must_use]
     pub fn row(&self, row: usize) -> &[u32] {
         &self.columns[self.row_offsets[row] as usize..self.row_offsets[row + 1] as usize]
     }
 
-    /// The position of `(row, column)` among the entries, or `None` where the pattern has none.
+    /// The position of `(row, column)` among the entries, or `None` if it is not in the pattern.
     #[inline(always)]
     #[must_use]
     pub fn find(&self, row: usize, column: usize) -> Option<usize> {
@@ -236,13 +236,13 @@ impl Sparsity {
         self.columns[start..end].binary_search(&(column as u32)).ok().map(|k| start + k)
     }
 
-    /// Whether with every entry its mirror is in the pattern.
+    /// Returns true if the pattern is square and contains `(j, i)` for every entry `(i, j)`.
     #[must_use]
     pub fn is_symmetric(&self) -> bool {
         self.rows() == self.cols && self.without_mirror().is_none()
     }
 
-    /// The first entry, as row and column, whose mirror is not in the pattern.
+    /// The first entry `(row, column)` whose transpose `(column, row)` is not in the pattern.
     #[must_use]
     pub fn without_mirror(&self) -> Option<(usize, usize)> {
         let columns = |row: usize| self.row(row).iter().map(|&column| column as usize);
@@ -251,7 +251,8 @@ impl Sparsity {
     }
 }
 
-/// For every row where the elements start that have it, and their numbers.
+/// For each row, lists the numbers of the elements that contain it; returns the offset of each row's list and the
+/// concatenated lists.
 fn elements_of_rows<'a>(rows: usize, elements: usize, element: impl Fn(usize) -> &'a [u32]) -> (Vec<usize>, Vec<u32>) {
     let mut first = vec![0; rows + 1];
     for &row in (0..elements).flat_map(&element) {

@@ -1,4 +1,4 @@
-//! Moving vectors and matrices from one backend to another.
+//! Copies of vectors and matrices from one backend to another.
 //!
 //! ```
 //! # #[cfg(all(feature = "sparse", feature = "dense"))] {
@@ -20,29 +20,29 @@ use thiserror::Error;
 
 use super::{Backend, Entries, Index, MatrixOps, Scalar, Value, VectorOps};
 
-/// Why something was not moved.
+/// The reason why a transfer failed.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum TransferError<F, G> {
-    /// The backend that it comes from failed.
+    /// The source backend failed.
     #[error("reading failed: {0}")]
     From(F),
-    /// The backend that it goes to failed.
+    /// The target backend failed.
     #[error("writing failed: {0}")]
     To(G),
-    /// The vector to copy into has another length.
+    /// The target vector has another length.
     #[error("a vector of {from} entries does not fit into one of {to}")]
     Size {
-        /// Entries of the one.
+        /// Entries of the source.
         from: usize,
-        /// Entries of the other.
+        /// Entries of the target.
         to: usize,
     },
 }
 
-/// A copy of a vector on backend `B`, rounded to its scalar, the same in every lane.
+/// Copies a vector to backend `B`: rounds it to the scalar of `B` and repeats it in every lane.
 ///
 /// # Errors
-/// A fault of either backend.
+/// Returns the fault of the backend that failed.
 pub fn vector<A: Backend, B: Backend>(
     from: &A::Vector,
     context: &B::Context,
@@ -55,10 +55,10 @@ where
     Ok(to)
 }
 
-/// The same into a vector that is there: what moves in every step of a time loop needs no new memory.
+/// Copies a vector into an existing vector of backend `B`, without allocation of a vector.
 ///
 /// # Errors
-/// [`TransferError::Size`], or a fault of either backend.
+/// Returns [`TransferError::Size`] if the lengths differ, or the fault of the backend that failed.
 pub fn vector_into<A: Backend, B: Backend>(
     from: &A::Vector,
     to: &mut B::Vector,
@@ -80,10 +80,10 @@ where
     to.finish().map_err(TransferError::To)
 }
 
-/// A copy of a matrix on backend `B`, rounded to its scalar, the same in every lane.
+/// Copies a matrix to backend `B`: rounds it to the scalar of `B` and repeats it in every lane.
 ///
 /// # Errors
-/// A fault of either backend.
+/// Returns the fault of the backend that failed.
 pub fn matrix<A: Backend, B: Backend>(
     from: &A::Matrix,
     context: &B::Context,
@@ -116,7 +116,7 @@ where
     B::Scalar::every(value.as_f64())
 }
 
-/// A row on its way into a matrix.
+/// A buffer for the entries of one row.
 struct Row<B: Backend> {
     number: usize,
     columns: Vec<B::Index>,
@@ -130,7 +130,7 @@ impl<B: Backend> Default for Row<B> {
 }
 
 impl<B: Backend> Row<B> {
-    /// Writes what was gathered and forgets it.
+    /// Writes the buffered entries to the matrix and clears the buffer.
     fn set(&mut self, to: &mut B::Matrix) -> Result<(), B::Fault> {
         to.set(&[B::Index::of(self.number)], &self.columns, &self.values)?;
         self.columns.clear();

@@ -1,4 +1,5 @@
-//! The configuration file of the original AMSI: which scales there are, on how many ranks, and who produces for whom.
+//! The configuration file of the original AMSI: the scales, their numbers of ranks, and their producer-consumer
+//! relations.
 //!
 //! ```text
 //! @scales
@@ -11,10 +12,10 @@
 //! results $RESULTS_DIR
 //! ```
 //!
-//! A section begins with `@` and its name, and may come back later in the file; an entry is words on one line, with
-//! blanks between them. A word that begins with `#` or `//` begins a comment. Beside a count of ranks (`micro 240`) a
-//! scale may have ranks by number (`macro ranks 0 1 5-7`) or a part of those that are left (`micro ratio 1.5`). Of
-//! `@analysis` nothing has an effect here; each of its lines is a warning.
+//! A section begins with `@` and its name, and may appear more than once; an entry is a line of words separated by
+//! blanks. A word that starts with `#` or `//` starts a comment. Instead of a number of ranks (`micro 240`), a scale
+//! may list its ranks (`macro ranks 0 1 5-7`) or request a fraction of the remaining ranks (`micro ratio 1.5`). The
+//! entries of `@analysis` have no effect; each of them produces a warning.
 //!
 //! After listing 2.3 of W. R. Tobin, *The Adaptive Multiscale Simulation Infrastructure* (RPI 2018).
 
@@ -26,42 +27,42 @@ use self::share::share;
 use super::plan::Plan;
 use crate::input::{InputError, InputErrors};
 
-/// What the file says.
+/// The content of a configuration file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Config {
     /// The scales, in the order of the file, with their shares of the ranks.
     pub plan: Plan,
-    /// Who produces data for whom, in the order of the file.
+    /// The relations between producers and consumers, in the order of the file.
     pub relations: Vec<Relation>,
-    /// The folder of the results; a relative one is put behind the folder of the file.
+    /// The results directory; a relative path is relative to the directory of the file.
     pub results: Option<PathBuf>,
-    /// Lines without an effect, with their place and the reason.
+    /// Warnings about lines without effect, with line number and reason.
     pub warnings: Vec<String>,
 }
 
-/// Data that go from one scale to another.
+/// A directed relation between two scales.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Relation {
-    /// The scale that has them.
+    /// The scale that provides the data.
     pub producer: String,
-    /// The scale that gets them.
+    /// The scale that receives the data.
     pub consumer: String,
 }
 
 impl Config {
-    /// Reads a file, with the environment variables of the process.
+    /// Reads a file; uses the environment variables of the process.
     ///
     /// # Errors
-    /// [`InputErrors`]: the file cannot be read, or everything that is wrong in it.
+    /// Returns [`InputErrors`] if the file cannot be read, or with all errors in the file.
     pub fn read(path: &Path) -> Result<Self, InputErrors> {
         let text = std::fs::read_to_string(path).map_err(|error| InputError::unreadable(path, &error))?;
         Self::parse(&text, path, |name| std::env::var(name).ok())
     }
 
-    /// Reads the text of a file; `variable` gives the environment variables.
+    /// Parses the content of a file; `variable` returns the value of an environment variable.
     ///
     /// # Errors
-    /// [`InputErrors`]: everything that is wrong in the file, in the order of its lines.
+    /// Returns [`InputErrors`] with all errors in the file, in the order of the lines.
     pub fn parse(text: &str, file: &Path, variable: impl Fn(&str) -> Option<String>) -> Result<Self, InputErrors> {
         let text = text.strip_prefix('\u{feff}').unwrap_or(text);
         let mut reader = Reader::new(file, &variable);
@@ -78,7 +79,7 @@ impl Config {
     }
 }
 
-/// The words of a line up to a comment.
+/// Splits a line into words and drops the comment.
 fn words(line: &str) -> Vec<&str> {
     line.split_whitespace().take_while(|word| !word.starts_with('#') && !word.starts_with("//")).collect()
 }
@@ -89,23 +90,23 @@ enum Section {
     Relations,
     Util,
     Analysis,
-    /// One that there is not: what stands in it is passed over, since its name is the mistake.
+    /// An unknown section: reported once by its name; its entries are skipped.
     Unknown,
 }
 
-/// What was read up to a line.
+/// The state of the parser.
 struct Reader<'a> {
     file: &'a Path,
     variable: &'a dyn Fn(&str) -> Option<String>,
-    /// From 1.
+    /// Current line, from 1.
     line: usize,
     section: Option<Section>,
     config: Config,
-    /// Names of scales, those with a wrong share too, and the lines where they stand.
+    /// Names and line numbers of the scales, including those with an invalid share.
     names: Vec<(String, usize)>,
-    /// The lines of the relations.
+    /// Line numbers of the relations.
     relation_lines: Vec<usize>,
-    /// The line of the folder of results.
+    /// Line number of the results directory.
     results_line: Option<usize>,
     errors: Vec<InputError>,
 }
@@ -125,7 +126,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// An error at the line under reading.
+    /// Records an error in the current line.
     fn report(&mut self, what: impl Into<String>, expected: impl Into<String>, cure: impl Into<String>) {
         self.errors.push(InputError::at_line(self.file, self.line, what, expected, cure));
     }
@@ -220,7 +221,8 @@ impl<'a> Reader<'a> {
         self.config.results = expanded.map(|path| folder.join(path));
     }
 
-    /// A path with the values of the environment variables in it; `None` where one has none, which is reported.
+    /// Substitutes environment variables in a path. Reports a variable that is not set or is empty, and then returns
+    /// `None`.
     fn expand(&mut self, path: &str) -> Option<String> {
         let (mut expanded, mut rest, mut complete) = (String::new(), path, true);
         while let Some((before, behind)) = rest.split_once('$') {
@@ -247,7 +249,7 @@ impl<'a> Reader<'a> {
         complete.then_some(expanded)
     }
 
-    /// Nothing of it has an effect; a key belongs to the package that its first word names.
+    /// Records a warning, because the section has no effect; the first part of the key names the package.
     fn analysis(&mut self, key: &str, behind: &[&str]) {
         let package = key.split_once('_').map_or(key, |(package, _)| package);
         let reason = match package {
@@ -259,7 +261,8 @@ impl<'a> Reader<'a> {
         self.config.warnings.push(warning);
     }
 
-    /// The relations against the scales, wherever these stand in the file; then all, or all errors.
+    /// Checks the relations against the scales, which may follow them in the file; returns the configuration or all
+    /// errors.
     fn finish(mut self) -> Result<Config, InputErrors> {
         let relations = std::mem::take(&mut self.config.relations);
         for (k, relation) in relations.iter().enumerate() {
@@ -297,12 +300,12 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// The words of an entry, one blank between them.
+/// Joins the words of an entry with single blanks.
 fn sentence(head: &str, behind: &[&str]) -> String {
     [&[head][..], behind].concat().join(" ")
 }
 
-/// The name of a variable, `NAME` or `{NAME}`, at the beginning of a text, and what is behind it.
+/// Splits off the name of a variable, `NAME` or `{NAME}`, at the start of a text; returns the name and the rest.
 fn name_ahead(text: &str) -> (&str, &str) {
     if let Some(braced) = text.strip_prefix('{').and_then(|behind| behind.split_once('}')) {
         return braced;

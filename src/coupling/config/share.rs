@@ -1,15 +1,15 @@
-//! The ranks of a scale, as an entry of the configuration file gives them.
+//! Parser of the share of ranks of a scale.
 
 use super::sentence;
 use crate::coupling::plan::Share;
 
-/// The most ranks that a file can ask for: more than there are on any machine, and few enough to list.
+/// Limit for numbers of ranks in a file: more than on any machine, and small enough to list them.
 const MOST_RANKS: usize = 1 << 24;
 
-/// What is wrong, what was expected, and the cure.
+/// Problem, expected input, and remedy.
 pub(super) type Wrong = (String, &'static str, &'static str);
 
-/// The ranks of a scale, by what stands behind its name.
+/// Parses the words that follow the name of a scale.
 pub(super) fn share(name: &str, behind: &[&str]) -> Result<Share, Wrong> {
     match behind {
         ["ranks", spans @ ..] if !spans.is_empty() => {
@@ -37,7 +37,7 @@ pub(super) fn share(name: &str, behind: &[&str]) -> Result<Share, Wrong> {
     }
 }
 
-/// A rank, or all from one to another: `5` or `5-7`.
+/// Parses a rank or an inclusive range of ranks: `5` or `5-7`.
 fn ranks(span: &str) -> Result<Vec<usize>, Wrong> {
     let rank = |word: &str| word.parse().ok().filter(|&rank: &usize| rank < MOST_RANKS);
     let (first, last) = span.split_once('-').unwrap_or((span, span));

@@ -76,12 +76,12 @@ micro 3
     assert_eq!(config.warnings, [""; 0]);
 }
 
-/// What is wrong with the text, without the name of the file.
+/// Returns the errors in a text, without the name of the file.
 fn errors(text: &str) -> String {
     parse(text).unwrap_err().to_string().replace("case/amsi.cfg:", "")
 }
 
-/// How an error goes on.
+/// The continuation of an error message after its first line.
 fn hint(expected: &str, cure: &str) -> String {
     format!("\n  expected: {expected}\n  cure: {cure}")
 }

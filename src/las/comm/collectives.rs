@@ -1,11 +1,11 @@
-//! What all ranks do together, by messages from one to one: along binary trees, whose depth grows with the logarithm of the
-//! number of ranks.
+//! Collectives built from point-to-point messages along binary trees, whose depth grows logarithmically with the number
+//! of ranks.
 
 use std::fmt::Display;
 
 use super::{Comm, CommError, Disagreement, Message, Tag};
 
-/// The rank above this one in the tree whose top is `root`, and those below it.
+/// Returns the parent of this rank in the binary tree with root `root`, and its children.
 fn family<C: Comm>(comm: &C, root: usize) -> (Option<usize>, impl Iterator<Item = usize>) {
     let (size, place) = (comm.size(), (comm.rank() + comm.size() - root) % comm.size());
     let rank = move |place: usize| (place + root) % size;
@@ -26,7 +26,7 @@ pub(super) fn broadcast<C: Comm>(comm: &C, root: usize, message: Message) -> Res
     Ok(message)
 }
 
-/// By a tree too: a rank hands on what those below it have, behind its own, with the ranks they come from.
+/// Gathers along the tree: each rank forwards its own message and those of its subtree, labeled with their ranks.
 pub(super) fn gather<C: Comm>(comm: &C, root: usize, message: Message) -> Result<Option<Vec<Message>>, CommError> {
     check(comm, root)?;
     let (above, below) = family(comm, root);
@@ -58,7 +58,7 @@ pub(super) fn barrier<C: Comm>(comm: &C) -> Result<(), CommError> {
     broadcast(comm, 0, Message::new()).map(drop)
 }
 
-/// In the order of the ranks: every rank finds the same.
+/// Reduces in the order of the ranks on rank 0 and broadcasts the result, so that all ranks get the same values.
 pub(super) fn reduce<C: Comm>(
     comm: &C,
     values: &mut [f64],
@@ -80,7 +80,7 @@ pub(super) fn reduce<C: Comm>(
 }
 
 pub(super) fn agree<C: Comm, T, E: Display>(comm: &C, outcome: Result<T, E>) -> Result<T, Disagreement<E>> {
-    // A word ahead tells an empty reason from none.
+    // The prefix distinguishes an empty error message from success.
     let own = match &outcome {
         Ok(_) => Message::new(),
         Err(error) => Message::text(&format!("!{error}")),
@@ -101,7 +101,7 @@ fn check<C: Comm>(comm: &C, rank: usize) -> Result<(), CommError> {
     if rank < size { Ok(()) } else { Err(CommError::Rank { rank, size }) }
 }
 
-/// Messages and where they come from, one behind the other: for each its rank, its length and its words.
+/// Concatenates labeled messages: for each its rank, its length and its content, padded to eight bytes.
 fn pack(parcels: &[(usize, Message)]) -> Message {
     let words: usize = parcels.iter().map(|(_, message)| 2 + message.len().div_ceil(8)).sum();
     let mut packed = Message::zeros(8 * words);

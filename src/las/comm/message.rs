@@ -1,32 +1,32 @@
-//! Messages: plain data in memory that fits every number of eight bytes.
+//! Messages: plain data in memory aligned to eight bytes.
 
 use bytemuck::{AnyBitPattern, NoUninit};
 
-/// Plain data, owned. Kept in words of eight bytes, so that it can be looked at as any type that asks for no more than that,
-/// without copying it.
+/// An owned buffer of plain data. It is stored in words of eight bytes, so that it can be viewed without a copy as any
+/// type whose alignment is at most eight bytes.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Message {
     words: Vec<u64>,
-    /// In bytes.
+    /// Length in bytes.
     len: usize,
 }
 
 const WORD: usize = size_of::<u64>();
 
 impl Message {
-    /// Nothing.
+    /// Creates an empty message.
     #[must_use]
     pub const fn new() -> Self {
         Self { words: Vec::new(), len: 0 }
     }
 
-    /// `len` bytes, all zero.
+    /// Creates a message of `len` zero bytes.
     #[must_use]
     pub fn zeros(len: usize) -> Self {
         Self { words: vec![0; len.div_ceil(WORD)], len }
     }
 
-    /// A copy of values.
+    /// Copies `values` into a message.
     #[must_use]
     pub fn of<T: NoUninit>(values: &[T]) -> Self {
         let bytes: &[u8] = bytemuck::cast_slice(values);
@@ -35,17 +35,17 @@ impl Message {
         message
     }
 
-    /// A text.
+    /// Copies a text into a message.
     #[must_use]
     pub fn text(text: &str) -> Self {
         Self::of(text.as_bytes())
     }
 
-    /// Messages in one, which [`split`](Self::split) takes apart. The first keeps its memory if there is room: a long message
-    /// that is joined with no others is not copied.
+    /// Joins messages into one, which [`split`](Self::split) separates again. The first message keeps its buffer if the
+    /// capacity suffices, so that a single long message is not copied.
     #[must_use]
     pub fn join(parts: Vec<Self>) -> Self {
-        // Behind the messages, so that the first one need not move.
+        // The lengths follow the messages, so that the first message need not move.
         let trailer = parts.iter().map(|part| part.len as u64).chain([parts.len() as u64]).collect::<Vec<_>>();
         let mut parts = parts.into_iter();
         let mut words = parts.next().unwrap_or_default().words;
@@ -54,7 +54,8 @@ impl Message {
         Self { len: WORD * words.len(), words }
     }
 
-    /// What [`join`](Self::join) joined, without copies; `None` where this is no such message.
+    /// Returns the parts of a message made by [`join`](Self::join), without copies; `None` if the message does not have
+    /// that form.
     #[must_use]
     pub fn split(&self) -> Option<Vec<&[u8]>> {
         let (&count, rest) = self.values::<u64>()?.split_last()?;
@@ -70,52 +71,54 @@ impl Message {
         rest.is_empty().then_some(parts)
     }
 
-    /// How many bytes it has.
+    /// Returns the length in bytes.
     #[must_use]
     pub fn len(&self) -> usize {
         self.len
     }
 
-    /// Whether it has none.
+    /// Returns true if the message is empty.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len == 0
     }
 
-    /// Gives it another length; what is new is zero. Keeps its memory.
+    /// Changes the length and fills new bytes with zeros. Keeps the buffer if its capacity suffices.
     pub fn resize(&mut self, len: usize) {
         self.words.resize(len.div_ceil(WORD), 0);
         let kept = self.len.min(len);
-        // What stood behind the bytes that stay, in the same word.
+        // Clears the bytes behind the remaining ones in the last word kept.
         bytemuck::cast_slice_mut::<_, u8>(&mut self.words)[kept..kept.next_multiple_of(WORD)].fill(0);
         self.len = len;
     }
 
-    /// Its bytes.
+    /// Returns the bytes.
     #[must_use]
     pub fn bytes(&self) -> &[u8] {
         &bytemuck::cast_slice(&self.words)[..self.len]
     }
 
-    /// Its bytes, for writing.
+    /// Returns the bytes for modification.
     #[must_use]
     pub fn bytes_mut(&mut self) -> &mut [u8] {
         &mut bytemuck::cast_slice_mut(&mut self.words)[..self.len]
     }
 
-    /// Its values; `None` where its length is no whole number of them, or they ask for more than words of eight bytes.
+    /// Returns the content as values of type `T`; `None` if the length is not a multiple of the size of `T`, or if `T`
+    /// needs an alignment of more than eight bytes.
     #[must_use]
     pub fn values<T: AnyBitPattern>(&self) -> Option<&[T]> {
         bytemuck::try_cast_slice(self.bytes()).ok()
     }
 
-    /// Its values, for writing.
+    /// Returns the content as values of type `T` for modification; `None` in the same cases as
+    /// [`values`](Self::values).
     #[must_use]
     pub fn values_mut<T: AnyBitPattern + NoUninit>(&mut self) -> Option<&mut [T]> {
         bytemuck::try_cast_slice_mut(self.bytes_mut()).ok()
     }
 
-    /// Its text, what is no text replaced.
+    /// Returns the content as text; invalid UTF-8 is replaced.
     #[must_use]
     pub fn to_text(&self) -> String {
         String::from_utf8_lossy(self.bytes()).into_owned()

@@ -1,11 +1,11 @@
-//! Ranks: programs, or threads of one, that run side by side, each with its own data, and exchange messages.
+//! Ranks: processes, or threads of one process, that run concurrently on separate data and exchange messages.
 //!
-//! [`Comm`] is what a backend of ranks gives: point-to-point messages and a way to split. What all ranks of a communicator do
-//! together (`barrier`, `broadcast`, `gather`, `sum`, `agree`) is written on top of that, once. Sums are taken in the order of
-//! the ranks, so that they are the same in every run, bit for bit.
+//! A communication backend implements point-to-point messages and `split` of [`Comm`]. The collectives (`barrier`,
+//! `broadcast`, `gather`, `sum`, `agree`) are implemented on top of them. Sums are taken in the order of the ranks, so
+//! that they are bitwise reproducible.
 //!
-//! A rank that fails ends all others: where ranks are threads, their calls return [`CommError::Ended`] with its number and its
-//! words; processes are ended as they are.
+//! If a rank fails, all other ranks end too: if the ranks are threads, their calls return [`CommError::Ended`] with the
+//! number and the error message of the failed rank; processes are aborted.
 
 mod collectives;
 mod message;
@@ -18,181 +18,183 @@ use thiserror::Error;
 pub use message::Message;
 pub use payload::{Layout, Payload};
 
-/// What a message is about: messages of one tag from one rank arrive in the order in which they were sent.
+/// The tag of a message. Messages with the same tag from the same rank arrive in the order in which they were sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Tag(pub(crate) u32);
 
 impl Tag {
-    /// What all ranks do together.
+    /// The tag of the collectives.
     pub(crate) const TOGETHER: Self = Self(0);
-    /// A tag of a user, who has a communicator of his own ([`Comm::duplicate`]).
+    /// A user tag, for use on a communicator of the user's own ([`Comm::duplicate`]).
     #[must_use]
     pub const fn of(number: u16) -> Self {
         Self(1 + number as u32)
     }
 }
 
-/// Why ranks could not exchange something.
+/// The reason why a communication failed.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum CommError {
-    /// Another rank failed, and all end with it.
+    /// Another rank failed, and all ranks end.
     #[error("rank {rank} failed: {reason}")]
     Ended {
-        /// Its number among all ranks of the program.
+        /// The failed rank, among all ranks of the program.
         rank: usize,
-        /// What it said.
+        /// Its error message.
         reason: String,
     },
-    /// Nobody answered in time.
+    /// No message arrived before the time-out.
     #[error("no message from rank {from} in {} s", .waited.as_secs_f64())]
     TimeOut {
-        /// Who should have.
+        /// The rank whose message is missing.
         from: usize,
-        /// How long was waited.
+        /// The waiting time.
         waited: Duration,
     },
-    /// Nobody took a message in time.
+    /// The receiver took no message before the time-out.
     #[error("rank {to} has taken no message for {} s", .waited.as_secs_f64())]
     NotTaken {
-        /// Who should have.
+        /// The rank that should have received it.
         to: usize,
-        /// How long was waited.
+        /// The waiting time.
         waited: Duration,
     },
-    /// A message is not what was waited for.
+    /// The message has another size than expected.
     #[error("a message of {found} bytes from rank {from}, where {expected} were to come")]
     Size {
-        /// Who sent it.
+        /// The sender.
         from: usize,
-        /// Its bytes.
+        /// Size of the message in bytes.
         found: usize,
-        /// Those that were to come.
+        /// Expected size in bytes.
         expected: usize,
     },
-    /// There is no such rank.
+    /// The rank does not exist.
     #[error("there is no rank {rank} among {size}")]
     Rank {
-        /// The number.
+        /// The rank requested.
         rank: usize,
-        /// How many there are.
+        /// Number of ranks of the communicator.
         size: usize,
     },
-    /// What the library of the ranks reports.
+    /// The communication library reported an error.
     #[error("{0}")]
     Library(String),
 }
 
-/// A message on its way.
+/// A pending send.
 pub trait Sending {
-    /// Waits until the message is out of this rank's hands, and gives back its memory if it is here.
+    /// Waits until the send is complete and the buffer is free; returns the buffer if it is still on this rank.
     ///
     /// # Errors
-    /// [`CommError`].
+    /// Returns [`CommError`] if the send fails.
     fn wait(self) -> Result<Option<Message>, CommError>;
 }
 
-/// A message that is to come.
+/// A pending receive.
 pub trait Receiving {
-    /// Waits until it is there.
+    /// Waits until the message has arrived.
     ///
     /// # Errors
-    /// [`CommError`]; [`CommError::Size`] where it is longer or shorter than was said.
+    /// Returns [`CommError`] if the receive fails; [`CommError::Size`] if the message does not have the announced
+    /// length.
     fn wait(self) -> Result<Message, CommError>;
 }
 
-/// A group of ranks.
+/// A communicator: a group of ranks that exchange messages.
 ///
-/// Cheap to clone; the clone is the same group.
+/// Cloning is inexpensive; the clone denotes the same communicator.
 pub trait Comm: Clone + Send + 'static {
-    /// A message on its way.
+    /// A pending send.
     type Sending: Sending;
-    /// A message that is to come.
+    /// A pending receive.
     type Receiving: Receiving;
 
-    /// The number of this rank, from 0.
+    /// Returns the rank of the caller, from 0.
     fn rank(&self) -> usize;
 
-    /// How many ranks there are.
+    /// Returns the number of ranks.
     fn size(&self) -> usize;
 
-    /// Hands a message over to be sent, and returns at once.
+    /// Starts a send and returns immediately.
     ///
     /// # Errors
-    /// [`CommError::Rank`], [`CommError::Ended`].
+    /// Returns [`CommError::Rank`] if the rank does not exist, [`CommError::Ended`] if another rank failed.
     fn start_send(&self, to: usize, tag: Tag, message: Message) -> Result<Self::Sending, CommError>;
 
-    /// Waits for the next message of a rank.
+    /// Receives the next message from a rank; blocks until it arrives.
     ///
     /// # Errors
-    /// [`CommError::Rank`], [`CommError::Ended`], [`CommError::TimeOut`].
+    /// Returns [`CommError::Rank`], [`CommError::Ended`], [`CommError::TimeOut`].
     fn receive(&self, from: usize, tag: Tag) -> Result<Message, CommError>;
 
-    /// Waits until the next message of a rank has come, and leaves it where it is: who waits before receiving knows how much
-    /// of the time was waiting.
+    /// Waits until the next message from a rank has arrived, without receiving it. A caller can thus measure the
+    /// waiting time separately.
     ///
     /// # Errors
-    /// As for [`receive`](Self::receive).
+    /// Returns the errors of [`receive`](Self::receive).
     fn wait_for(&self, from: usize, tag: Tag) -> Result<(), CommError>;
 
-    /// As [`receive`](Self::receive), into memory that the caller has left where that helps.
+    /// Receives as [`receive`](Self::receive) does; may reuse the buffer `memory`.
     ///
     /// # Errors
-    /// As for [`receive`](Self::receive).
+    /// Returns the errors of [`receive`](Self::receive).
     fn receive_into(&self, from: usize, tag: Tag, memory: Message) -> Result<Message, CommError> {
         drop(memory);
         self.receive(from, tag)
     }
 
-    /// Gets ready for the next message of a rank, of `len` bytes, and returns at once: it comes in while this rank works, into
-    /// memory that the caller has left where that helps. What was started first is to be waited for first, and before anything
-    /// else of that rank and tag is received.
+    /// Starts the receive of the next message from a rank, of `len` bytes, and returns immediately; may reuse the
+    /// buffer `memory`. Complete pending receives in the order in which they were started, and before any other receive
+    /// from the same rank with the same tag.
     ///
     /// # Errors
-    /// [`CommError::Rank`].
+    /// Returns [`CommError::Rank`] if the rank does not exist.
     fn start_receive(&self, from: usize, tag: Tag, len: usize, memory: Message) -> Result<Self::Receiving, CommError>;
 
-    /// Whether a message of a rank has come.
+    /// Returns true if a message from a rank has arrived.
     ///
     /// # Errors
-    /// [`CommError::Rank`], [`CommError::Ended`].
+    /// Returns [`CommError::Rank`], [`CommError::Ended`].
     fn is_there(&self, from: usize, tag: Tag) -> Result<bool, CommError>;
 
-    /// Splits the ranks by color; no color, no group. Those of a group are numbered in the order of their `place`s, and as
-    /// before where these are the same. Called by all ranks together.
+    /// Splits the communicator into one per color; a rank without a color gets `None`. The ranks of a new communicator
+    /// are ordered by `place`, and by their previous rank if these are equal. Collective.
     ///
     /// # Errors
-    /// [`CommError`].
+    /// Returns [`CommError`] if the communication fails.
     fn split(&self, color: Option<usize>, place: usize) -> Result<Option<Self>, CommError>;
 
-    /// The same ranks, with messages apart from those of this group, which wait as long as `time_out` says; `None` for ever.
-    /// Called by all ranks together.
+    /// Creates a communicator of the same ranks whose messages are separate from those of this one. Its calls wait at
+    /// most `time_out`, or indefinitely if it is `None`. Collective.
     ///
     /// # Errors
-    /// [`CommError`].
+    /// Returns [`CommError`] if the communication fails.
     fn duplicate(&self, time_out: Option<Duration>) -> Result<Self, CommError>;
 
-    /// Sends, and waits until the message is out of this rank's hands.
+    /// Sends a message and waits until the send is complete.
     ///
     /// # Errors
-    /// As for [`start_send`](Self::start_send).
+    /// Returns the errors of [`start_send`](Self::start_send) and [`Sending::wait`].
     fn send(&self, to: usize, tag: Tag, message: Message) -> Result<(), CommError> {
         self.start_send(to, tag, message)?.wait().map(drop)
     }
 
-    /// Sends bytes from where they lie, each to its rank, and waits until all are out of this rank's hands.
+    /// Sends byte slices in place, each to its rank, and waits until all sends are complete.
     ///
     /// # Errors
-    /// As for [`start_send`](Self::start_send).
+    /// Returns the errors of [`start_send`](Self::start_send) and [`Sending::wait`].
     fn send_bytes(&self, tag: Tag, parcels: &[(usize, &[u8])]) -> Result<(), CommError> {
         let start = |&(to, bytes): &(usize, &[u8])| self.start_send(to, tag, Message::of(bytes));
         let sendings: Vec<Self::Sending> = parcels.iter().map(start).collect::<Result<_, _>>()?;
         sendings.into_iter().try_for_each(|sending| sending.wait().map(drop))
     }
 
-    /// Waits for the next message of a rank, which is to fill `bytes`.
+    /// Receives the next message from a rank into `bytes`.
     ///
     /// # Errors
-    /// As for [`receive`](Self::receive); [`CommError::Size`] where the message is longer or shorter.
+    /// Returns the errors of [`receive`](Self::receive), and [`CommError::Size`] if the message does not have the
+    /// length of `bytes`.
     fn receive_bytes(&self, from: usize, tag: Tag, bytes: &mut [u8]) -> Result<(), CommError> {
         let message = self.receive(from, tag)?;
         if message.len() != bytes.len() {
@@ -202,50 +204,50 @@ pub trait Comm: Clone + Send + 'static {
         Ok(())
     }
 
-    /// Waits for all ranks.
+    /// Waits until all ranks have called this function. Collective.
     ///
     /// # Errors
-    /// [`CommError`].
+    /// Returns [`CommError`] if the communication fails.
     fn barrier(&self) -> Result<(), CommError> {
         collectives::barrier(self)
     }
 
-    /// Everybody gets the message of `root`.
+    /// Returns the message of `root` on all ranks. Collective.
     ///
     /// # Errors
-    /// [`CommError`].
+    /// Returns [`CommError`] if the communication fails.
     fn broadcast(&self, root: usize, message: Message) -> Result<Message, CommError> {
         collectives::broadcast(self, root, message)
     }
 
-    /// `root` gets the messages of all ranks in their order; the others get nothing.
+    /// Returns the messages of all ranks on `root`, ordered by rank, and `None` on the other ranks. Collective.
     ///
     /// # Errors
-    /// [`CommError`].
+    /// Returns [`CommError`] if the communication fails.
     fn gather(&self, root: usize, message: Message) -> Result<Option<Vec<Message>>, CommError> {
         collectives::gather(self, root, message)
     }
 
-    /// Everybody gets the messages of all ranks in their order.
+    /// Returns the messages of all ranks, ordered by rank, on all ranks. Collective.
     ///
     /// # Errors
-    /// [`CommError`].
+    /// Returns [`CommError`] if the communication fails.
     fn gather_all(&self, message: Message) -> Result<Vec<Message>, CommError> {
         collectives::gather_all(self, message)
     }
 
-    /// The sum over all ranks, entry by entry, in the order of the ranks.
+    /// Replaces each entry by its sum over all ranks, added in the order of the ranks. Collective.
     ///
     /// # Errors
-    /// [`CommError`].
+    /// Returns [`CommError`] if the communication fails.
     fn sum(&self, values: &mut [f64]) -> Result<(), CommError> {
         collectives::reduce(self, values, |sum, value| *sum += value)
     }
 
-    /// The largest over all ranks, entry by entry; NaN where one has NaN.
+    /// Replaces each entry by its maximum over all ranks; NaN if any rank has NaN. Collective.
     ///
     /// # Errors
-    /// [`CommError`].
+    /// Returns [`CommError`] if the communication fails.
     fn max(&self, values: &mut [f64]) -> Result<(), CommError> {
         collectives::reduce(self, values, |largest, value| {
             if value > *largest || value.is_nan() {
@@ -254,31 +256,33 @@ pub trait Comm: Clone + Send + 'static {
         })
     }
 
-    /// The same outcome for all ranks: what was found where all succeeded, else the first rank's failure in its words. To be
-    /// called by all before any of them returns with an error that the others do not see.
+    /// Exchanges the outcomes of all ranks: returns the value of this rank if all ranks succeeded, and an error on
+    /// every rank otherwise. Call it on all ranks before one of them returns an error that the others do not know.
+    /// Collective.
     ///
     /// # Errors
-    /// [`Disagreement::Failed`] on all ranks where one failed.
+    /// Returns [`Disagreement::Own`] on the ranks that failed and [`Disagreement::Failed`] on the others;
+    /// [`Disagreement::Comm`] if the communication fails.
     fn agree<T, E: std::fmt::Display>(&self, outcome: Result<T, E>) -> Result<T, Disagreement<E>> {
         collectives::agree(self, outcome)
     }
 }
 
-/// Why ranks do not go on together.
+/// The reason why ranks do not continue together.
 #[derive(Debug, Error)]
 pub enum Disagreement<E> {
-    /// This rank failed; the others know.
+    /// This rank failed; the other ranks know of the failure.
     #[error("{0}")]
     Own(E),
     /// Another rank failed.
     #[error("rank {rank} failed: {reason}")]
     Failed {
-        /// The first that did.
+        /// The first rank that failed.
         rank: usize,
-        /// Its words.
+        /// Its error message.
         reason: String,
     },
-    /// They could not even exchange that.
+    /// The outcomes could not be exchanged.
     #[error(transparent)]
     Comm(#[from] CommError),
 }

@@ -1,24 +1,25 @@
-//! What ranks of two codes exchange: plain data of a fixed layout, which both sides state and compare.
+//! Data that the ranks of two codes exchange: plain data with a fixed layout, which both sides compare before.
 
 use std::fmt;
 
 use bytemuck::Pod;
 
-/// Plain data that can be exchanged: no pointers, no bytes between its fields that mean nothing.
+/// Plain data that can be exchanged: it contains neither pointers nor padding bytes.
 ///
 /// Numbers and arrays of them are payloads, and so are the local values of the vectors of each backend
-/// ([`VectorOps::with_local`](crate::las::VectorOps::with_local)); [`payload!`](crate::payload) makes one of a structure.
+/// ([`VectorOps::with_local`](crate::las::VectorOps::with_local)); [`payload!`](crate::payload) defines a structure
+/// that is a payload.
 pub trait Payload: Pod + Send {
-    /// Its layout.
+    /// Returns the memory layout of the type.
     fn layout() -> Layout;
 }
 
-/// How a payload lies in memory: what two codes that exchange it must agree on.
+/// The memory layout of a payload, which two codes that exchange it must agree on.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Layout {
-    /// Its fields with their types, in order.
+    /// The fields with their types, in order.
     pub fields: String,
-    /// Its bytes.
+    /// Size in bytes.
     pub size: usize,
 }
 
@@ -47,7 +48,7 @@ impl<T: Payload, const N: usize> Payload for [T; N] {
     }
 }
 
-/// Makes a structure that can be exchanged.
+/// Defines a structure that implements `Payload`.
 ///
 /// ```
 /// biotissue::payload! {

@@ -1,13 +1,13 @@
-//! Products, sums, diagonals, transposes, and all entries.
+//! Tests of products, sums, diagonals, transposes, and iteration over all entries.
 
 use super::verbs::{all_are, drawn};
 use super::{Oracle, Random, done, first_indices, is, scalars, splat};
 use crate::las::{Backend, Entries, MatMat, MatVec, MatrixOps, SolveError, VectorOps};
 
-/// Products of a matrix and a vector, and diagonals.
+/// Tests matrix-vector products and diagonals.
 ///
 /// # Panics
-/// Where the backend does not keep a promise of [`MatVec`].
+/// Panics if the backend violates the specification of [`MatVec`].
 pub fn products<B: Backend>(context: &B::Context) {
     for seed in 0..60 {
         let mut random = Random::new(2000 + seed);
@@ -47,7 +47,7 @@ fn diagonals<B: Backend>(context: &B::Context, a: &B::Matrix, expected: &Oracle,
             let mut values = scalars::<B>(&vec![0.0; diagonal.len()]);
             done(d.get(&first_indices::<B>(diagonal.len()), &mut values));
             for (found, d) in values.into_iter().zip(&diagonal) {
-                // Times the entry it is one again, but for rounding: small integers are far from its limit.
+                // The product with the entry is one up to rounding.
                 let rounded = (found * scalars::<B>(&[*d])[0] - splat::<B>(1.0)) * splat::<B>(1e4);
                 let small =
                     |lane: usize| crate::las::Scalar::as_f64(crate::las::Value::lane(&rounded, lane)).abs() < 0.1;
@@ -59,10 +59,10 @@ fn diagonals<B: Backend>(context: &B::Context, a: &B::Matrix, expected: &Oracle,
     }
 }
 
-/// Matrices of matrices.
+/// Tests matrix-matrix operations.
 ///
 /// # Panics
-/// Where the backend does not keep a promise of [`MatMat`] or [`Entries`].
+/// Panics if the backend violates the specification of [`MatMat`] or [`Entries`].
 pub fn algebra<B: Backend>(context: &B::Context) {
     for seed in 0..60 {
         let mut random = Random::new(2500 + seed);
@@ -108,7 +108,7 @@ fn assert_values<B: Backend>(y: &B::Vector, expected: &[f64], power: i32, seed: 
     assert!(y.len() == expected.len() && all_are(&values, expected, power), "{values:?}: {expected:?}, seed {seed}");
 }
 
-/// All entries, in order and each once; what the pattern does not have is zero.
+/// Checks all entries: each is visited once and in order, and entries outside the pattern are zero.
 fn assert_entries<B: Backend>(a: &B::Matrix, expected: &Oracle, power: i32, seed: u64) {
     assert_eq!(a.shape(), (expected.rows, expected.cols), "shape, seed {seed}");
     let pattern = done(a.pattern());

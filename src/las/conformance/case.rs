@@ -1,4 +1,4 @@
-//! A system under test: factored, solved, and compared with the oracle.
+//! A linear system under test: it is factored, solved and compared with the oracle.
 
 use std::sync::Arc;
 
@@ -8,7 +8,7 @@ use crate::las::{
     Symmetry, VectorOps,
 };
 
-/// A solver and what it works on.
+/// A solver with its pattern and symbolic factorization.
 pub(super) struct Case<'a, B: Backend<Scalar: Scalar>> {
     pub(super) context: &'a B::Context,
     pub(super) pattern: Arc<Sparsity>,
@@ -18,7 +18,7 @@ pub(super) struct Case<'a, B: Backend<Scalar: Scalar>> {
 
 impl<'a, B: Backend<Scalar: Scalar>> Case<'a, B> {
     pub(super) fn new(context: &'a B::Context, pattern: &Arc<Sparsity>, symmetry: Symmetry) -> Self {
-        // Wide enough that rounding in a singular matrix stays below it.
+        // A limit above the rounding errors in the pivots of a singular matrix.
         let mut params = SolverParams::new(symmetry);
         params.singular_below = Some(1e3 * epsilon::<B>());
         let symbolic = done(B::analyze(context, pattern, &params));
@@ -55,7 +55,7 @@ impl<'a, B: Backend<Scalar: Scalar>> Case<'a, B> {
         self.solver.factor_definite(&matrix)
     }
 
-    /// Solves for `b` and checks that the residual is one of rounding.
+    /// Solves for `b` and checks that the residual is at the level of rounding errors.
     pub(super) fn solve(&mut self, a: &Oracle, b: &[f64]) -> Vec<f64> {
         let (b, mut x) = (self.vector(b), self.vector(&vec![UNSOLVED; b.len()]));
         let report = done(self.solver.solve(&b, &mut x));
@@ -86,8 +86,8 @@ impl<'a, B: Backend<Scalar: Scalar>> Case<'a, B> {
         report
     }
 
-    /// Checks that the matrix is found singular because of one of `unknowns`, and that the solver is then without a
-    /// factorization, but not broken.
+    /// Checks that the matrix is reported as singular with one of `unknowns`, that the solver then has no
+    /// factorization, and that it can factor the next matrix.
     pub(super) fn check_singular(&mut self, a: &Oracle, unknowns: &[usize], regular: &Oracle) {
         match self.factor(a) {
             Err(SolveError::Singular { unknown, ratio, limit }) => {
@@ -109,7 +109,7 @@ impl<'a, B: Backend<Scalar: Scalar>> Case<'a, B> {
     }
 }
 
-/// What a solution holds before it is there.
+/// The value of all entries of a solution vector before the solve.
 const UNSOLVED: f64 = -55.0;
 
 fn read<B: Backend<Scalar: Scalar>>(x: &B::Vector) -> Vec<f64> {

@@ -1,16 +1,16 @@
-//! One test suite that every backend runs.
+//! The conformance test suite for all backends.
 //!
-//! A backend's tests are one call, `conformance::all::<MyBackend>(&context)`. Verbs and solvers are compared with a naive
-//! dense matrix in double precision ([`Oracle`]), over many patterns drawn by a generator with fixed seeds, so that a
-//! failure repeats.
+//! A backend runs it with one call, `conformance::all::<MyBackend>(&context)`. The suite compares operations and
+//! solvers with a naive dense matrix in double precision ([`Oracle`]) on many random patterns. The seeds are fixed, so
+//! that a failure is reproducible.
 //!
 //! # Panics
-//! All functions of this module report by panicking, as tests do: on the first thing that is not as the traits of
-//! [`las`](crate::las) promise. They are not meant for programs.
+//! All functions of this module panic, as tests do, at the first violation of the specification of the
+//! [`las`](crate::las) traits. They are not meant for programs.
 //!
 //! # Limits
-//! The suite is for backends whose vectors lie whole in every process. Those with several numbers an entry run all but
-//! [`solvers`].
+//! The suite requires that every process stores whole vectors. Backends with more than one lane run all functions
+//! except [`solvers`].
 #![allow(clippy::panic, reason = "a test suite reports by panicking")]
 
 mod algebra;
@@ -26,10 +26,10 @@ pub use verbs::{matrices, vectors};
 
 use super::{Backend, Index, Scalar, Value};
 
-/// Everything: [`vectors`], [`matrices`], [`products`], [`algebra`] and [`solvers`].
+/// Runs [`vectors`], [`matrices`], [`products`], [`algebra`] and [`solvers`].
 ///
 /// # Panics
-/// Where the backend does not keep a promise of the traits.
+/// Panics if the backend violates the specification of the traits.
 pub fn all<B>(context: &B::Context)
 where
     B: Backend<Reduced = <B as Backend>::Scalar>,
@@ -42,39 +42,39 @@ where
     solvers::<B>(context);
 }
 
-/// `count` indices from 0.
+/// The indices from 0 to `count - 1`.
 fn first_indices<B: Backend>(count: usize) -> Vec<B::Index> {
     (0..count).map(B::Index::of).collect()
 }
 
-/// Indices, `None` for a constrained one.
+/// Converts positions to indices; `None` denotes a constrained unknown.
 fn indices<B: Backend>(positions: &[Option<usize>]) -> Vec<B::Index> {
     positions.iter().map(|position| position.map_or(B::Index::CONSTRAINED, B::Index::of)).collect()
 }
 
-/// What every number is multiplied with in a lane: so that lanes differ and results are known.
+/// The factor of all numbers in a lane: makes lanes differ in a known way.
 fn weight(lane: usize) -> f64 {
     lane as f64 + 1.0
 }
 
-/// Numbers as scalars of the backend, times the weight of each lane.
+/// Converts numbers to scalars of the backend, multiplied by the weight of each lane.
 fn scalars<B: Backend>(values: &[f64]) -> Vec<B::Scalar> {
     values.iter().map(|&value| B::Scalar::from_lanes(|lane| Real::<B>::of(value * weight(lane)))).collect()
 }
 
-/// The same number in every lane.
+/// A scalar with the same number in every lane.
 fn splat<B: Backend>(value: f64) -> B::Scalar {
     B::Scalar::every(value)
 }
 
-/// Whether every lane holds the number times that power of its weight.
+/// Returns true if every lane holds `expected` times this power of its weight.
 fn is<V: Value>(value: &V, expected: f64, power: i32) -> bool {
     (0..V::LANES).all(|lane| value.lane(lane).as_f64() == expected * weight(lane).powi(power))
 }
 
 type Real<B> = <<B as Backend>::Scalar as Value>::Real;
 
-/// What a verb returned.
+/// Unwraps the result of an operation.
 #[track_caller]
 fn done<R, E: std::error::Error>(result: Result<R, E>) -> R {
     match result {

@@ -1,23 +1,23 @@
-//! The naive reference: a dense matrix in double precision, and the numbers and patterns that tests draw.
+//! The reference: a naive dense matrix in double precision, and random numbers and patterns.
 
 use std::sync::Arc;
 
 use crate::las::Sparsity;
 
-/// SplitMix64: a generator of a few lines whose sequence never changes.
+/// SplitMix64: a short random number generator with a fixed sequence for each seed.
 ///
 /// Reference: G. L. Steele, D. Lea, C. H. Flood, *Fast splittable pseudorandom number generators*, OOPSLA 2014.
 #[derive(Clone, Debug)]
 pub struct Random(u64);
 
 impl Random {
-    /// The sequence of a seed.
+    /// Starts the sequence of a seed.
     #[must_use]
     pub fn new(seed: u64) -> Self {
         Self(seed)
     }
 
-    /// 64 bits.
+    /// Returns 64 random bits.
     pub fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut z = self.0;
@@ -26,41 +26,41 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    /// An integer from 0 to `end - 1`.
+    /// Returns an integer from 0 to `end - 1`.
     pub fn below(&mut self, end: usize) -> usize {
         (self.bits() % end as u64) as usize
     }
 
-    /// A real number from -1 to 1 whose digits fit every scalar.
+    /// Returns a real number from -1 to 1 that every scalar type represents exactly.
     pub fn signed(&mut self) -> f64 {
         (self.below(2049) as f64 - 1024.0) / 1024.0
     }
 
-    /// A small integer, so that sums of many are exact in every scalar.
+    /// Returns a small integer, so that sums of many are exact in every scalar type.
     pub fn integer(&mut self) -> f64 {
         self.below(17) as f64 - 8.0
     }
 
-    /// `count` small integers.
+    /// Returns `count` small integers.
     pub fn integers(&mut self, count: usize) -> Vec<f64> {
         (0..count).map(|_| self.integer()).collect()
     }
 
-    /// Up to `most` positions below `end`, repeated ones and constrained ones (`None`) among them.
+    /// Returns up to `most` positions below `end`, some of them repeated or constrained (`None`).
     pub fn positions(&mut self, most: usize, end: usize) -> Vec<Option<usize>> {
         let count = self.below(most + 1);
         (0..count).map(|_| if end == 0 || self.below(5) == 0 { None } else { Some(self.below(end)) }).collect()
     }
 
-    /// The pattern of elements of two to five unknowns each, enough of them to tie most of the unknowns together.
+    /// Returns the pattern of elements of two to five unknowns, numerous enough to connect most unknowns.
     pub fn elements(&mut self, unknowns: usize) -> Arc<Sparsity> {
         let elements: Vec<Vec<i32>> =
             (0..2 * unknowns).map(|_| (0..2 + self.below(4)).map(|_| self.below(unknowns) as i32).collect()).collect();
         Arc::new(Sparsity::from_elements(unknowns, elements).unwrap_or_else(|error| panic!("{error}")))
     }
 
-    /// The pattern of a truss: full blocks of three unknowns a node, and about `bars` bars a node between nodes that mostly
-    /// lie near each other in their numbering; some nodes may have none.
+    /// Returns the pattern of a truss: a full block of three unknowns for each node, and about `bars` bars per node,
+    /// mostly between nodes with close numbers. Some nodes may have no bar.
     pub fn truss(&mut self, nodes: usize, bars: usize) -> Arc<Sparsity> {
         let three = |node: usize| [0, 1, 2].map(|k| (3 * node + k) as i32);
         let mut elements: Vec<Vec<i32>> = (0..nodes).map(|node| three(node).to_vec()).collect();
@@ -73,28 +73,28 @@ impl Random {
     }
 }
 
-/// A dense matrix, row after row.
+/// A dense matrix, stored row by row.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Oracle {
-    /// Rows.
+    /// Number of rows.
     pub rows: usize,
-    /// Columns.
+    /// Number of columns.
     pub cols: usize,
-    /// Values.
+    /// Entries, row by row.
     pub values: Vec<f64>,
 }
 
 impl Oracle {
-    /// Zeros.
+    /// Creates a matrix of zeros.
     #[must_use]
     pub fn zeros(rows: usize, cols: usize) -> Self {
         Self { rows, cols, values: vec![0.0; rows * cols] }
     }
 
-    /// One entry.
+    /// Returns an entry for modification.
     ///
     /// # Panics
-    /// Where there is none.
+    /// Panics if the entry does not exist.
     pub fn at(&mut self, row: usize, column: usize) -> &mut f64 {
         assert!(column < self.cols, "column {column} of {}", self.cols);
         &mut self.values[row * self.cols + column]
@@ -131,16 +131,16 @@ impl Oracle {
         transposed
     }
 
-    /// Largest sum of absolute values of a row.
+    /// The largest absolute row sum (infinity norm).
     #[must_use]
     pub fn norm(&self) -> f64 {
         let sums = (0..self.rows).map(|i| self.values[i * self.cols..][..self.cols].iter().map(|v| v.abs()).sum());
         sums.fold(0.0, f64::max)
     }
 
-    /// Values drawn for the upper triangle of a symmetric pattern and mirrored; the diagonal exceeds the rest of its row
-    /// by a half, with the sign that `sign` gives. Such a matrix is well-conditioned, and whatever the order of
-    /// elimination, every pivot has the sign of its diagonal entry.
+    /// A symmetric matrix with random off-diagonal entries. Each diagonal entry exceeds the absolute sum of the rest of
+    /// its row by one half and has the sign `sign(row)`. Such a matrix is well-conditioned, and for every elimination
+    /// order, each pivot has the sign of its diagonal entry.
     #[must_use]
     pub fn dominant(random: &mut Random, pattern: &Sparsity, sign: impl Fn(usize) -> f64) -> Self {
         let n = pattern.rows();

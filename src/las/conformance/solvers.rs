@@ -1,4 +1,4 @@
-//! The solvers.
+//! Tests of the solvers.
 
 use std::sync::Arc;
 
@@ -8,10 +8,10 @@ use crate::las::{Backend, Factorization, Scalar, SolveError, Solver, SolverParam
 
 const SYMMETRIES: [Symmetry; 3] = [Symmetry::Definite, Symmetry::Symmetric, Symmetry::None];
 
-/// The factorizations and solutions of the backend.
+/// Tests the factorizations and solves of the backend.
 ///
 /// # Panics
-/// Where the backend does not keep a promise of [`Solver`].
+/// Panics if the backend violates the specification of [`Solver`].
 pub fn solvers<B: Backend<Scalar: Scalar>>(context: &B::Context) {
     for (seed, unknowns) in (3000..).zip([1, 2, 3, 5, 8, 13, 21, 40, 70, 150, 450]) {
         let mut random = Random::new(seed);
@@ -54,7 +54,7 @@ fn definite<B: Backend<Scalar: Scalar>>(context: &B::Context, random: &mut Rando
     }
 }
 
-/// With one negative diagonal entry, the pivot that Cholesky gives up at is known, and with several it is one of them.
+/// A matrix with one negative diagonal entry makes Cholesky fail at that unknown, one with several at one of them.
 fn indefinite<B: Backend<Scalar: Scalar>>(context: &B::Context, random: &mut Random, pattern: &Arc<Sparsity>) {
     let n = pattern.rows();
     let at = random.below(n);
@@ -85,7 +85,7 @@ fn unsymmetric<B: Backend<Scalar: Scalar>>(context: &B::Context, random: &mut Ra
     assert!(matches!(case.factor_definite(&a), Err(SolveError::Unsupported { .. })), "LU does not tell");
 }
 
-/// An unknown whose row and column are zero.
+/// A matrix with a zero row and column.
 fn isolated_unknown<B: Backend<Scalar: Scalar>>(context: &B::Context, random: &mut Random, pattern: &Arc<Sparsity>) {
     let n = pattern.rows();
     let unknown = random.below(n);
@@ -100,7 +100,8 @@ fn isolated_unknown<B: Backend<Scalar: Scalar>>(context: &B::Context, random: &m
     }
 }
 
-/// A singular matrix without negative eigenvalues: not definite, or only just, and definite with a shift of its diagonal.
+/// A singular matrix without negative eigenvalues: not definite up to rounding, and definite with a shift of its
+/// diagonal.
 fn semidefinite<B: Backend<Scalar: Scalar>>(context: &B::Context, pattern: &Arc<Sparsity>, a: &Oracle) {
     const SHIFT: f64 = 1e-2;
     let shifted = |by: f64| {
@@ -124,7 +125,7 @@ fn semidefinite<B: Backend<Scalar: Scalar>>(context: &B::Context, pattern: &Arc<
     }
 }
 
-/// A part that hangs together but not with anything fixed: its translation is free, and rounding hides it.
+/// A connected part without any support: its translation is a null vector, which rounding perturbs.
 fn floating_part<B: Backend<Scalar: Scalar>>(context: &B::Context, random: &mut Random) {
     let n = 30;
     let pattern = random.elements(n);
@@ -143,7 +144,7 @@ fn floating_part<B: Backend<Scalar: Scalar>>(context: &B::Context, random: &mut 
             *a.at(i, i) += 1.0;
         }
     }
-    // The even unknowns may fall into several such parts; each of them is singular, none of the odd ones is.
+    // The even unknowns may form several such parts, each of them singular; the odd unknowns are regular.
     let part: Vec<usize> = (0..n).filter(|&i| inside(i)).collect();
     for symmetry in SYMMETRIES {
         Case::<B>::new(context, &pattern, symmetry).check_singular(&a, &part, &regular);
@@ -151,7 +152,7 @@ fn floating_part<B: Backend<Scalar: Scalar>>(context: &B::Context, random: &mut 
     semidefinite::<B>(context, &pattern, &a);
 }
 
-/// Constraints by multipliers: `[[K, G^T], [G, 0]]`, whose pivots may vanish in some orders but not in all.
+/// Constraints with Lagrange multipliers, `[[K, G^T], [G, 0]]`: in some elimination orders a pivot is zero.
 fn saddle_point<B: Backend<Scalar: Scalar>>(context: &B::Context, random: &mut Random) {
     let (free, constraints) = (24, 6);
     let n = free + constraints;
@@ -166,7 +167,7 @@ fn saddle_point<B: Backend<Scalar: Scalar>>(context: &B::Context, random: &mut R
         }
     }
     for c in 0..constraints {
-        // Each constrains unknowns of its own, so that they do not contradict each other.
+        // The constraints act on different unknowns, so that they are independent.
         for i in [4 * c, 4 * c + 1, 4 * c + 2] {
             let value = 1.0 + random.signed().abs();
             *a.at(free + c, i) = value;
@@ -184,7 +185,7 @@ fn saddle_point<B: Backend<Scalar: Scalar>>(context: &B::Context, random: &mut R
     }
 }
 
-/// `1 1^T` with a smaller diagonal: after the first pivot nothing is left beside the diagonal, exactly.
+/// `1 1^T` with smaller diagonal entries: after the first pivot all off-diagonal entries vanish exactly.
 fn exact_cancellation<B: Backend<Scalar: Scalar>>(context: &B::Context) {
     let n = 100;
     let pattern = Arc::new(done(Sparsity::from_elements(n, [(0..n as i32).collect::<Vec<_>>()])));
@@ -197,7 +198,7 @@ fn exact_cancellation<B: Backend<Scalar: Scalar>>(context: &B::Context) {
     }
 }
 
-/// A factorization whose pivots come in pairs must leave nothing behind for one whose pivots do not.
+/// A factorization with 2x2 pivots must not affect the next one with 1x1 pivots.
 fn pairs_then_singles<B: Backend<Scalar: Scalar>>(context: &B::Context) {
     let pattern = Arc::new(done(Sparsity::from_elements(2, [[0, 1]])));
     let square = |values: [f64; 4]| Oracle { rows: 2, cols: 2, values: values.into() };
@@ -209,7 +210,7 @@ fn pairs_then_singles<B: Backend<Scalar: Scalar>>(context: &B::Context) {
     }
 }
 
-/// A cyclic shift: regular, with a zero diagonal, and only exchanges of rows find its pivots.
+/// A cyclic permutation: regular, with a zero diagonal, so that LU needs row exchanges.
 fn row_exchanges<B: Backend<Scalar: Scalar>>(context: &B::Context) {
     let n = 9;
     let elements = (0..n as i32).map(|i| [i, (i + 1) % n as i32]);
@@ -235,7 +236,7 @@ fn not_finite<B: Backend<Scalar: Scalar>>(context: &B::Context, random: &mut Ran
     }
 }
 
-/// One solver for a sequence of matrices, and two solvers that share an analysis.
+/// Reuse: one solver for a sequence of matrices, and two solvers with a common symbolic factorization.
 fn reuse<B: Backend<Scalar: Scalar>>(context: &B::Context, random: &mut Random, pattern: &Arc<Sparsity>) {
     for symmetry in SYMMETRIES {
         let mut first = Case::<B>::new(context, pattern, symmetry);
@@ -259,7 +260,7 @@ fn reuse<B: Backend<Scalar: Scalar>>(context: &B::Context, random: &mut Random, 
     }
 }
 
-/// Systems that are not square, vectors and matrices of other sizes, and solving too early.
+/// Error conditions: rectangular systems, vectors and matrices of wrong size, and `solve` before `factor`.
 fn refusals<B: Backend<Scalar: Scalar>>(context: &B::Context) {
     let flat = Arc::new(done(Sparsity::from_rows(3, vec![0, 1, 2], vec![0, 1])));
     let params = SolverParams::default();

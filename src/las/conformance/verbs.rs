@@ -1,17 +1,17 @@
-//! The hot verbs and the product with a vector.
+//! Tests of the operations of vectors and matrices.
 
 use std::sync::Arc;
 
 use super::{Oracle, Random, done, epsilon, first_indices, indices, is, scalars, splat, weight};
 use crate::las::{Backend, Index, MatrixOps, Scalar, Sparsity, Value, VectorOps};
 
-/// What a buffer holds before a read that must leave part of it alone.
+/// The initial value of a buffer, to detect entries that a read leaves unchanged.
 const UNTOUCHED: f64 = 77.0;
 
-/// The verbs of vectors.
+/// Tests the operations of vectors.
 ///
 /// # Panics
-/// Where the backend does not keep a promise of [`VectorOps`].
+/// Panics if the backend violates the specification of [`VectorOps`].
 pub fn vectors<B: Backend>(context: &B::Context) {
     for seed in 0..60 {
         let mut random = Random::new(seed);
@@ -58,7 +58,7 @@ fn vector_arithmetic<B: Backend>(
         *y -= 3.0 * x;
     }
     assert_vector::<B>(&y, &expected, seed);
-    // Sums of squares of small integers are exact; their root is rounded once.
+    // Sums of squares of small integers are exact; only their square root is rounded.
     let dot: f64 = expected.iter().zip(&other).map(|(y, x)| y * x).sum();
     let found = done(y.dot(&x));
     assert!(is(&found, dot, 2), "dot {found:?} instead of {dot}, seed {seed}");
@@ -72,7 +72,7 @@ fn vector_arithmetic<B: Backend>(
     assert_vector::<B>(&y, &vec![0.0; expected.len()], seed);
 }
 
-/// Whether values are those expected, times that power of the weight of each lane.
+/// Returns true if all values equal the expected ones times this power of the weight of each lane.
 pub(super) fn all_are<V: Value>(values: &[V], expected: &[f64], power: i32) -> bool {
     values.iter().zip(expected).all(|(value, &expected)| is(value, expected, power))
 }
@@ -91,7 +91,7 @@ fn assert_vector_read<B: Backend>(y: &B::Vector, expected: &[f64], rows: &[Optio
     }
 }
 
-/// Only where debug assertions are off: they would, rightly, stop here.
+/// Runs only without debug assertions, which such writes violate.
 fn writes_out_of_range_are_dropped<B: Backend>(context: &B::Context) {
     if cfg!(debug_assertions) {
         return;
@@ -113,7 +113,7 @@ fn writes_out_of_range_are_dropped<B: Backend>(context: &B::Context) {
     assert_matrix::<B>(&a, &Oracle::zeros(3, 3), 0);
 }
 
-/// A block: rows and columns of a matrix, constrained and repeated ones among them.
+/// The rows and columns of a block, some of them constrained or repeated.
 struct Block {
     rows: Vec<Option<usize>>,
     cols: Vec<Option<usize>>,
@@ -129,7 +129,7 @@ impl Block {
     }
 }
 
-/// Blocks drawn for a matrix, and the pattern they need.
+/// Returns random blocks of a matrix and the pattern that contains them.
 fn blocks(random: &mut Random, rows: usize, cols: usize) -> (Vec<Block>, Arc<Sparsity>) {
     let blocks: Vec<Block> =
         (0..6).map(|_| Block { rows: random.positions(5, rows), cols: random.positions(5, cols) }).collect();
@@ -150,10 +150,10 @@ fn blocks(random: &mut Random, rows: usize, cols: usize) -> (Vec<Block>, Arc<Spa
     (blocks, Arc::new(pattern))
 }
 
-/// The verbs of matrices, rectangular ones included.
+/// Tests the operations of matrices, also for rectangular ones.
 ///
 /// # Panics
-/// Where the backend does not keep a promise of [`MatrixOps`].
+/// Panics if the backend violates the specification of [`MatrixOps`].
 pub fn matrices<B: Backend>(context: &B::Context) {
     for seed in 0..120 {
         let mut random = Random::new(1000 + seed);
@@ -177,7 +177,7 @@ pub fn matrices<B: Backend>(context: &B::Context) {
     }
 }
 
-/// One verb, on the matrix and on the oracle.
+/// Applies one random operation to the matrix and to the oracle.
 fn matrix_step<B: Backend>(random: &mut Random, a: &mut B::Matrix, expected: &mut Oracle, block: &Block) {
     let values = random.integers(block.len());
     let (rows, cols) = (indices::<B>(&block.rows), indices::<B>(&block.cols));
@@ -208,7 +208,7 @@ fn matrix_step<B: Backend>(random: &mut Random, a: &mut B::Matrix, expected: &mu
     }
 }
 
-/// Slots of one matrix serve another of the same pattern, and are appended in the order of the calls.
+/// Tests that slots are valid for every matrix of the same pattern, and that calls append them in order.
 fn slots<B: Backend>(context: &B::Context, random: &mut Random, blocks: &[Block], pattern: &Arc<Sparsity>, seed: u64) {
     let mut slots = Vec::new();
     let first = done(B::matrix(context, pattern));
@@ -231,7 +231,7 @@ fn slots<B: Backend>(context: &B::Context, random: &mut Random, blocks: &[Block]
     assert_matrix::<B>(&second, &expected, seed);
 }
 
-/// Every position, those outside the pattern included: they read as zero.
+/// Checks every position; positions outside the pattern read as zero.
 fn assert_matrix<B: Backend>(a: &B::Matrix, expected: &Oracle, seed: u64) {
     let mut values = scalars::<B>(&vec![UNTOUCHED; expected.values.len()]);
     done(a.get(&first_indices::<B>(expected.rows), &first_indices::<B>(expected.cols), &mut values));
@@ -251,7 +251,7 @@ fn assert_block_read<B: Backend>(a: &B::Matrix, expected: &mut Oracle, block: &B
     }
 }
 
-/// A matrix with a pattern and small integers drawn for it, and what it must be.
+/// Returns a random matrix of small integers and its expected values.
 pub(super) fn drawn<B: Backend>(
     context: &B::Context,
     random: &mut Random,

@@ -1,4 +1,4 @@
-//! Stabilized biconjugate gradients, preconditioned from the right.
+//! Stabilized biconjugate gradients with right preconditioning.
 
 use num_traits::{Float, One, Zero};
 
@@ -8,7 +8,7 @@ use crate::las::{Backend, Scalar, SolveError};
 /// Residual, product, shadow residual, direction, preconditioned vector, second product.
 pub(super) const VECTORS: usize = 6;
 
-/// From the residual in `vectors[0]` on.
+/// Iterates from the residual in `vectors[0]`.
 pub(super) fn run<B>(
     run: &mut Run<'_, B>,
     x: &mut B::Vector,
@@ -60,7 +60,7 @@ where
     Ok(Ended::Look)
 }
 
-/// After some steps a new shadow residual may still go on.
+/// A breakdown after at least one step allows a restart with a new shadow residual.
 fn broken(moved: bool) -> Ended {
     if moved { Ended::Look } else { Ended::Breakdown }
 }

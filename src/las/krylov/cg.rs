@@ -1,4 +1,4 @@
-//! Conjugate gradients with a preconditioner.
+//! Preconditioned conjugate gradients.
 
 use num_traits::{Float, Zero};
 
@@ -8,7 +8,7 @@ use crate::las::{Backend, Scalar, SolveError};
 /// Residual, product, direction, preconditioned residual.
 pub(super) const VECTORS: usize = 4;
 
-/// From the residual in `vectors[0]` on.
+/// Iterates from the residual in `vectors[0]`.
 pub(super) fn run<B>(
     run: &mut Run<'_, B>,
     x: &mut B::Vector,
@@ -25,7 +25,7 @@ where
     while run.iterations < run.most {
         (run.a)(p, q)?;
         let curvature = dot::<B>(p, q)?;
-        // A direction in which the matrix is not positive: this is no system for conjugate gradients.
+        // The matrix is not positive definite along this direction, so that conjugate gradients do not apply.
         if !(curvature > B::Scalar::zero() && rz.is_finite()) {
             return Ok(Ended::Breakdown);
         }

@@ -1,23 +1,23 @@
-//! Generalized minimal residuals with restarts, preconditioned from the right, so that the residual it minimizes is the
-//! true one. Modified Gram-Schmidt, Givens rotations.
+//! Generalized minimal residuals with restarts (modified Gram-Schmidt, Givens rotations). Right preconditioning, so
+//! that the method minimizes the true residual.
 
 use num_traits::{Float, One, Zero};
 
 use super::{Ended, Run, axpy, combine, dot, norm};
 use crate::las::{Backend, Scalar, SolveError, VectorOps};
 
-/// The basis, with one vector to spare for products and one for preconditioned ones.
+/// Number of vectors: the basis of `restart + 1` vectors, one for products and one for preconditioned vectors.
 pub(super) fn vectors(restart: usize) -> usize {
     restart.max(1) + 3
 }
 
-/// A triangle of coefficients column by column, rotations, right-hand side.
+/// Number of coefficients: the Hessenberg matrix by columns, the rotations, and the right-hand side.
 pub(super) fn numbers(restart: usize) -> usize {
     let m = restart.max(1);
     (m + 1) * m + 2 * m + m + 1
 }
 
-/// `restart` steps from the residual in `vectors[0]` on.
+/// Performs up to `restart` steps from the residual in `vectors[0]`.
 pub(super) fn run<B>(
     run: &mut Run<'_, B>,
     x: &mut B::Vector,
@@ -58,7 +58,7 @@ where
             broke_down = true;
             break;
         }
-        // The space is exhausted: the solution lies in it.
+        // The Krylov space is invariant and contains the solution.
         let exhausted = length <= before * B::Scalar::epsilon();
         if g[k + 1].abs() <= run.target || exhausted {
             break;
@@ -82,7 +82,8 @@ where
     v.with_local_mut(|v| v.iter_mut().for_each(|v| *v /= length)).map_err(SolveError::Fault)
 }
 
-/// Makes column `k` upper triangular: the rotations so far, and a new one that takes its last entry away.
+/// Makes column `k` upper triangular: applies the previous rotations and appends one that eliminates the subdiagonal
+/// entry.
 fn rotate<T: Scalar>(column: &mut [T], rotations: &mut [T], g: &mut [T], k: usize) {
     for i in 0..k {
         let (c, s) = (rotations[2 * i], rotations[2 * i + 1]);
@@ -95,7 +96,7 @@ fn rotate<T: Scalar>(column: &mut [T], rotations: &mut [T], g: &mut [T], k: usiz
     (g[k], g[k + 1]) = (c * g[k], -s * g[k]);
 }
 
-/// Solves the triangle for the coefficients of the basis, in place of the right-hand side.
+/// Solves the triangular system for the coefficients of the basis; overwrites the right-hand side.
 fn back_substitute<T: Scalar>(h: &[T], g: &mut [T], m: usize, steps: usize) {
     for k in (0..steps).rev() {
         let column = &h[k * (m + 1)..(k + 1) * (m + 1)];

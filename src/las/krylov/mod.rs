@@ -1,10 +1,10 @@
-//! Krylov methods, written once in the verbs of the abstraction: they run on every backend whose `norm` and `dot` are one
-//! number.
+//! Krylov methods, written with the operations of the abstraction: they run on every backend whose `norm` and `dot`
+//! return a single number.
 //!
-//! All start from zero, stop by the norm of the true residual over that of the right-hand side, and compute that residual
-//! anew before they say so: the recurrences of these methods drift away from it. A backend's solver hands its matrix and
-//! its preconditioner over as functions and keeps the vectors in a [`KrylovSpace`], so that solving allocates nothing after
-//! the first time.
+//! All methods start from zero and stop by the relative norm of the true residual. They recompute that residual before
+//! they report convergence, because the residual of the recurrence drifts away from it. A backend's solver passes its
+//! matrix and its preconditioner as functions and keeps the work vectors in a [`KrylovSpace`], so that only the first
+//! solve allocates memory.
 
 mod bicgstab;
 mod cg;
@@ -16,33 +16,33 @@ use num_traits::{Float, One, Zero};
 
 use super::{Backend, Iterative, Krylov, Scalar, SolveError, SolveReport, StopReason, VectorOps};
 
-/// `y = f(x)`: a product with the matrix, or with an approximate inverse of it.
+/// `y = f(x)`: the product with the matrix or with the preconditioner.
 pub type Apply<'a, B> = &'a mut dyn FnMut(&Vector<B>, &mut Vector<B>) -> Result<(), SolveError<Fault<B>>>;
 
 type Vector<B> = <B as Backend>::Vector;
 type Fault<B> = <B as Backend>::Fault;
 
-/// The vectors that a method works in.
+/// The work vectors of a Krylov method.
 pub struct KrylovSpace<B: Backend> {
     method: Iterative,
     vectors: Vec<B::Vector>,
-    /// Coefficients of GMRES.
+    /// Coefficients of GMRES (Hessenberg matrix, rotations, right-hand side).
     numbers: Vec<B::Scalar>,
 }
 
-/// How an inner loop ended.
+/// The reason why an inner loop ended.
 enum Ended {
-    /// By its own account the residual is small enough, or it is time to begin again.
+    /// The recurrence residual is small enough, or a restart is due: the true residual has to be computed.
     Look,
-    /// The next step does not exist.
+    /// The next step is undefined.
     Breakdown,
 }
 
-/// What an inner loop is given and reports through.
+/// Input of an inner loop, and its iteration count.
 struct Run<'a, B: Backend> {
     a: Apply<'a, B>,
     m: Apply<'a, B>,
-    /// The residual at which to stop.
+    /// The residual norm at which to stop.
     target: B::Scalar,
     iterations: usize,
     most: usize,
@@ -53,10 +53,10 @@ where
     B: Backend<Reduced = <B as Backend>::Scalar>,
     B::Scalar: Scalar,
 {
-    /// Room for systems of `len` unknowns (of this rank, on a distributed backend).
+    /// Allocates the work vectors for systems of `len` unknowns (of this rank, on a distributed backend).
     ///
     /// # Errors
-    /// The backend's fault.
+    /// Returns the backend's fault.
     pub fn new(context: &B::Context, len: usize, method: Iterative) -> Result<Self, B::Fault> {
         let (vectors, numbers) = match method.krylov {
             Krylov::Cg => (cg::VECTORS, 0),
@@ -67,10 +67,10 @@ where
         Ok(Self { method, vectors, numbers: vec![B::Scalar::default(); numbers] })
     }
 
-    /// `A x = b` with the matrix `a` and the approximate inverse `m`.
+    /// Solves `A x = b` with the matrix `a` and the preconditioner `m`.
     ///
     /// # Errors
-    /// [`SolveError::NotConverged`], [`SolveError::RhsNotFinite`], and what `a` and `m` say.
+    /// Returns [`SolveError::NotConverged`], [`SolveError::RhsNotFinite`], and the errors of `a` and `m`.
     pub fn solve(
         &mut self,
         a: Apply<'_, B>,
@@ -91,14 +91,14 @@ where
         let mut run = Run::<B> { a, m, target, iterations: 0, most: max_iterations };
         let mut best = B::Scalar::infinity();
         loop {
-            // The first vector of every method is the residual.
+            // In every method the first vector is the residual.
             run.residual(b, x, &mut self.vectors)?;
             let residual = self.vectors[0].norm().map_err(SolveError::Fault)?;
             let report = SolveReport { iterations: run.iterations, residual: (residual / size).as_f64() };
             if residual <= target {
                 return Ok(report);
             }
-            // Begun again without getting nearer: rounding allows no better.
+            // The last restart reduced the residual by less than 10%: rounding errors dominate.
             let stuck = residual > best * B::Scalar::of(0.9) && !matches!(krylov, Krylov::Gmres { .. });
             if residual.is_nan() {
                 return Err(self.failure(report, StopReason::Breakdown));
@@ -156,13 +156,13 @@ where
     }
 }
 
-/// The first vector and the others; every method has at least two.
+/// Splits off the first vector; every method has at least two.
 fn parts<V>(vectors: &mut [V]) -> (&mut V, &mut [V]) {
     let (first, rest) = vectors.split_at_mut(1);
     (&mut first[0], rest)
 }
 
-/// `y = a y + b x`, `x` even where `a` is zero and `y` not finite.
+/// `y = a y + b x`; if `a` is zero, `y` is overwritten even if it is not finite.
 fn combine<B: Backend>(y: &mut B::Vector, a: B::Scalar, b: B::Scalar, x: &B::Vector) -> Result<(), SolveError<B::Fault>>
 where
     B::Scalar: Scalar,

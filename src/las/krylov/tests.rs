@@ -1,4 +1,4 @@
-//! The methods on the backends that are compiled in.
+//! Tests of the Krylov methods on the compiled backends.
 #![cfg(any(feature = "sparse", feature = "dense"))]
 
 use std::sync::Arc;
@@ -10,7 +10,7 @@ use crate::las::{
 
 const METHODS: [Krylov; 3] = [Krylov::Cg, Krylov::BiCgStab, Krylov::Gmres { restart: 20 }];
 
-/// The five-point Laplacian on a square of `side` cells, with a drift that makes it unsymmetric.
+/// The five-point Laplacian on a square of `side` by `side` cells, with a convection term that makes it unsymmetric.
 fn laplacian<B: Backend<Scalar = f64, Index = i32, Context = ()>>(side: i32, drift: f64) -> (Arc<Sparsity>, B::Matrix) {
     let at = |i: i32, j: i32| i * side + j;
     let pairs = (0..side).flat_map(|i| {
@@ -126,7 +126,7 @@ mod sparse {
             panic!("{error}")
         };
         assert!(residual > 1e-10 && residual < 1.0, "{residual}");
-        // Conjugate gradients notice that a matrix is not positive.
+        // Conjugate gradients detect a matrix that is not positive definite.
         let mut random = Random::new(7);
         let pattern = random.elements(30);
         let oracle = Oracle::dominant(&mut random, &pattern, |i| if i == 5 { -1.0 } else { 1.0 });

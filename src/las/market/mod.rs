@@ -1,9 +1,9 @@
-//! Matrix Market files, read into and written from any backend.
+//! Matrix Market files, for all backends.
 //!
-//! `coordinate` and `array`; `real`, `integer` and `pattern` (ones); `general`, `symmetric` and `skew-symmetric`, as R. F.
-//! Boisvert, R. Pozo and K. A. Remington describe them (*The Matrix Market exchange formats*, NISTIR 5935, 1996). Entries
-//! that a file names repeatedly add up. Files are written as `coordinate real general`, with as many digits as bring the
-//! same numbers back.
+//! The reader supports `coordinate` and `array`; `real`, `integer` and `pattern` (entries of one); `general`,
+//! `symmetric` and `skew-symmetric`, as defined by R. F. Boisvert, R. Pozo and K. A. Remington (*The Matrix Market
+//! exchange formats*, NISTIR 5935, 1996). Repeated entries are added. The writer produces `coordinate real general`
+//! with enough digits to recover the values exactly.
 
 mod read;
 #[cfg(test)]
@@ -19,10 +19,10 @@ use super::{Backend, Entries, Index, MatrixOps, Scalar, Sparsity, SparsityError}
 use crate::input::InputError;
 use read::Triplets;
 
-/// Why a file was not read or written.
+/// The reason why a file was not read or written.
 #[derive(Debug, Error)]
 pub enum MarketError<F: std::error::Error> {
-    /// Something is wrong in the file.
+    /// The file cannot be read, or its content is invalid.
     #[error("{0}")]
     Input(#[from] InputError),
     /// The matrix is larger than 32-bit indices can address.
@@ -31,9 +31,9 @@ pub enum MarketError<F: std::error::Error> {
     /// The file cannot be written.
     #[error("{file} cannot be written: {reason}", file = file.display())]
     Write {
-        /// Which file.
+        /// Path of the file.
         file: std::path::PathBuf,
-        /// Why.
+        /// The error of the operating system.
         reason: std::io::Error,
     },
     /// The backend failed.
@@ -41,10 +41,10 @@ pub enum MarketError<F: std::error::Error> {
     Fault(F),
 }
 
-/// Reads a file into a matrix on backend `B`.
+/// Reads a file into a matrix of backend `B`.
 ///
 /// # Errors
-/// [`MarketError`]: what is wrong, with file, line and cure.
+/// Returns [`MarketError`]; errors in the file state line, problem and remedy.
 pub fn read<B: Backend>(file: &Path, context: &B::Context) -> Result<B::Matrix, MarketError<B::Fault>>
 where
     B::Scalar: Scalar,
@@ -76,10 +76,10 @@ fn pattern(rows: usize, cols: usize, entries: &[(u32, u32, f64)]) -> Result<Spar
     Sparsity::from_rows(cols, row_offsets, columns)
 }
 
-/// Writes a matrix (this rank's entries, on a distributed backend).
+/// Writes a matrix to a file (the entries of this rank, on a distributed backend).
 ///
 /// # Errors
-/// [`MarketError::Write`], [`MarketError::Fault`].
+/// Returns [`MarketError::Write`] if the file cannot be written, [`MarketError::Fault`] if the backend fails.
 pub fn write<B: Backend>(file: &Path, a: &B::Matrix) -> Result<(), MarketError<B::Fault>>
 where
     B::Scalar: Scalar,

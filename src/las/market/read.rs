@@ -1,11 +1,12 @@
-//! The file as a list of entries.
+//! Parser of Matrix Market files.
 
 use std::path::Path;
 use std::str::FromStr;
 
 use crate::input::{InputError, without_byte_order_mark};
 
-/// Shape and entries; each position as often as the file names it, mirrored ones included.
+/// Shape and entries of a matrix. A position appears as often as the file lists it; entries implied by symmetry are
+/// included.
 #[derive(Debug, PartialEq)]
 pub(super) struct Triplets {
     pub rows: usize,
@@ -28,7 +29,7 @@ struct Header {
     symmetry: Symmetry,
 }
 
-/// The lines that are neither empty nor comments, with their numbers.
+/// The lines that are neither empty nor comments, with their line numbers.
 struct Lines<'a> {
     file: &'a Path,
     lines: std::iter::Enumerate<std::str::Lines<'a>>,
@@ -59,7 +60,7 @@ impl Line<'_> {
         InputError::at_line(self.file, self.number, format!("`{}`", self.text.trim()), expected, cure)
     }
 
-    /// Exactly `N` numbers, and nothing else.
+    /// Parses exactly `N` numbers.
     fn numbers<T: FromStr + Copy, const N: usize>(&self, expected: &str) -> Result<[T; N], InputError> {
         let words = || self.text.split_whitespace();
         let numbers: Vec<T> = words().map_while(|word| word.parse().ok()).collect();
@@ -68,7 +69,7 @@ impl Line<'_> {
     }
 }
 
-/// Reads a whole file.
+/// Parses the content of a file.
 pub(super) fn triplets(file: &Path, bytes: &[u8]) -> Result<Triplets, InputError> {
     let text = std::str::from_utf8(without_byte_order_mark(bytes)).map_err(|_| {
         InputError::in_file(file, "is not text", "a Matrix Market file", "unpack it first if it is compressed")
@@ -107,7 +108,7 @@ fn header(file: &Path, text: &str) -> Result<Header, InputError> {
     Ok(Header { array, pattern, symmetry })
 }
 
-/// Rows and columns, checked.
+/// Checks the numbers of rows and columns.
 fn shape(line: &Line, header: &Header, rows: usize, cols: usize) -> Result<(), InputError> {
     if header.symmetry != Symmetry::General && rows != cols {
         return Err(line.error("as many rows as columns in a symmetric matrix", "correct the counts or the banner"));
@@ -164,7 +165,7 @@ fn array(header: &Header, lines: &mut Lines) -> Result<Triplets, InputError> {
     Ok(Triplets { rows, cols, entries })
 }
 
-/// An entry and, where there is symmetry, its mirror.
+/// Appends an entry and, for symmetric matrices, its transpose.
 fn put(
     header: &Header,
     line: &Line,

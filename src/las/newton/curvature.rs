@@ -1,9 +1,10 @@
-//! Whether a stationary point is a minimum of the potential, and the way off one that is not.
+//! Classification of stationary points, and departure from saddle points.
 //!
-//! Newton solves `r = 0` and does not ask of what kind the solution is. Where `r` is the gradient of a potential, the
-//! stable solutions are its minima, where the Hessian `K` is positive semi-definite; at any other stationary point `K`
-//! has a direction `p` of negative curvature, `p . K p < 0`, along which the potential falls to both sides (Nocedal and
-//! Wright, *Numerical Optimization*, 2nd ed., 2006, sections 2.1 and 3.4). A Cholesky factorization tells the two apart.
+//! Newton's method solves `r = 0` without regard to the kind of solution. If `r` is the gradient of a potential, the
+//! stable solutions are its minima, where the Hessian `K` is positive semi-definite. At any other stationary point `K`
+//! has a direction `p` of negative curvature, `p . K p < 0`, and the potential decreases along both `p` and `-p`
+//! (Nocedal and Wright, *Numerical Optimization*, 2nd ed., 2006, sections 2.1 and 3.4). A Cholesky factorization
+//! distinguishes the two cases.
 
 use super::{
     Backend, MatrixOps, NewtonError, NewtonReport, NewtonSystem, NonlinearProblem, Potential, Scalar, SolveError,
@@ -11,53 +12,55 @@ use super::{
 };
 use crate::las::{Factorization, Value};
 
-/// Eigenvalues above minus this part of the largest diagonal entry count as zero: what is left of a residual (relative to
-/// all forces) leaves forces in motions that nothing resists, and so a curvature of either sign.
+/// An eigenvalue above `-neutral(tolerance)` times the largest diagonal entry is treated as zero: the remaining
+/// residual (relative to all forces) leaves forces in motions without stiffness, which cause a curvature of either
+/// sign.
 ///
-/// With the usual tolerance of 1e-10 it is 1e-9: far above rounding, far below the stiffness of anything that resists.
+/// For the usual tolerance of 1e-10 the limit is 1e-9: far above rounding errors, far below the stiffness of any
+/// elastic motion.
 fn neutral(tolerance: f64) -> f64 {
     (10.0 * tolerance).clamp(1e-9, 1e-3)
 }
 
-/// A Cholesky factor with a pivot below this part of the largest is one of a matrix that is singular but for rounding.
+/// A Cholesky factor with a pivot ratio below this value belongs to a matrix that is singular up to rounding.
 const ROUNDING: f64 = 1e-12;
 
-/// The Hessian of a potential at a stationary point, as far as its factorization shows it.
+/// The definiteness of the Hessian at a stationary point, as determined by its factorization.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Curvature {
-    /// It is positive definite, so that the point is a minimum. The solver holds its factor.
+    /// The Hessian is positive definite, so that the point is a minimum. The solver holds its factorization.
     Definite,
-    /// It is positive definite only with ten times the tolerance of the residual (and at least 1e-9) of its largest
-    /// diagonal entry added to the diagonal: there are motions that nothing resists.
+    /// The Hessian is positive definite only after its diagonal is shifted by ten times the tolerance of the residual
+    /// (and at least 1e-9) relative to its largest diagonal entry: some motions have no stiffness.
     Neutral,
-    /// It is indefinite: the point is a saddle point or a maximum.
+    /// The Hessian is indefinite: the point is a saddle point or a maximum.
     Indefinite {
-        /// How many of its eigenvalues are negative even with that added, counted by the negative pivots of LDL^T; `None`
-        /// where the solver does not count them.
+        /// Number of negative eigenvalues of the shifted Hessian, counted by the negative pivots of LDL^T; `None` if
+        /// the solver does not count them.
         negative_pivots: Option<usize>,
     },
-    /// The solver cannot tell: it factors by LU alone.
+    /// The definiteness is undetermined: the solver supports only LU.
     Unknown,
 }
 
-/// What came of an attempt to leave a saddle point.
+/// The result of an attempt to leave a saddle point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Departure {
-    /// The potential is lower than it was, and the residual is above its limit: a descent can begin.
+    /// The potential has decreased, and the residual is above its limit: a minimization can start.
     Downhill,
-    /// The residual stays within its limit, or the potential does not fall, as far as the curvature is negative: the point
-    /// cannot be told from one at which motions are free.
+    /// The residual stays within its limit, or the potential does not decrease along the direction: the point is
+    /// numerically indistinguishable from one with motions without stiffness.
     AtRest,
 }
 
-/// A point on the way down from a saddle point.
+/// A trial point on the path away from a saddle point.
 struct Step {
     length: f64,
     potential: f64,
     norm: f64,
 }
 
-/// Two shifts of the Hessian, of which the larger makes it positive definite and the smaller does not.
+/// Two shifts of the Hessian: `most` makes it positive definite, `least` does not.
 struct Bracket {
     least: f64,
     most: f64,
@@ -67,14 +70,15 @@ impl<B: Backend> NewtonSystem<B>
 where
     B::Reduced: Scalar,
 {
-    /// What the Hessian is like at the state that was evaluated last, where the residual is within `tolerance` of its scale.
-    /// The solver then holds the factor of the Hessian
-    /// where that is [`Curvature::Definite`], and no factor that is of use where it is not.
+    /// Classifies the Hessian at the state of the last evaluation, where the residual is within `tolerance` of its
+    /// scale. Afterwards the solver holds the factorization of the Hessian if it is [`Curvature::Definite`], and no
+    /// usable factorization otherwise.
     ///
-    /// An iterative solver shows no more than its preconditioner does ([`Solver::factor_definite`]).
+    /// An iterative solver detects only what its preconditioner reveals ([`Solver::factor_definite`]).
     ///
     /// # Errors
-    /// [`NewtonError::Problem`], and [`NewtonError::Solve`] for failures that say nothing of the Hessian.
+    /// Returns [`NewtonError::Problem`] if the Jacobian is undefined, and [`NewtonError::Solve`] for failures of the
+    /// solver that are not due to the Hessian.
     pub fn curvature<P: NonlinearProblem<B>>(
         &mut self,
         problem: &mut P,
@@ -109,13 +113,13 @@ where
         Ok(Curvature::Indefinite { negative_pivots })
     }
 
-    /// Moves the state off a saddle point along a direction of negative curvature, as far as the potential falls.
+    /// Moves the state off a saddle point along a direction of negative curvature, as far as the potential decreases.
     ///
-    /// The direction comes from inverse iteration with the Hessian shifted until it is just positive definite, from a
-    /// start that is the same every time: where a symmetry leaves the choice between two sides, it is the same side.
+    /// Inverse iteration computes the direction with the Hessian shifted until it is just positive definite. It starts
+    /// from a fixed vector, so that the choice between the two sides of a symmetric saddle point is reproducible.
     ///
     /// # Errors
-    /// As for [`NewtonSystem::curvature`].
+    /// Returns the errors of [`NewtonSystem::curvature`], and [`NewtonError::Problem`] if a state cannot be evaluated.
     pub fn leave_saddle<P: Potential<B>>(
         &mut self,
         problem: &mut P,
@@ -135,8 +139,8 @@ where
         Ok(Departure::AtRest)
     }
 
-    /// The longest of a growing sequence of steps along the direction up to which the potential falls. `first` is the
-    /// step at which the residual of a quadratic potential reaches its limit.
+    /// Takes the longest of a growing sequence of steps along the direction over which the potential decreases. `first`
+    /// is the step at which the residual of a quadratic potential reaches its limit.
     fn walk<P: Potential<B>>(
         &mut self,
         problem: &mut P,
@@ -145,7 +149,7 @@ where
         first: f64,
         report: &mut NewtonReport,
     ) -> Result<Step, NewtonError<P::Error, B::Fault>> {
-        /// From rounding to the size of anything.
+        /// Enough steps to cover the range from rounding errors to any length scale.
         const MOST_STEPS: u32 = 60;
         const GROWTH: f64 = 4.0;
         let mut reached = Step { ..*start };
@@ -156,7 +160,7 @@ where
                 Ok((norm, _)) => {
                     let slope = side * self.residual.dot(&self.direction).map_err(fault)?.as_f64();
                     let step = Step { length, potential: problem.potential(), norm };
-                    // Short steps change the potential by less than its rounding; the slope tells more.
+                    // A short step changes the potential by less than its rounding errors; the slope is more accurate.
                     (slope < 0.0 && step.potential <= reached.potential + 1e-12 * reached.potential.abs())
                         .then_some(step)
                 }
@@ -175,8 +179,8 @@ where
         Ok(reached)
     }
 
-    /// A direction of unit length along which the Hessian has this negative curvature, in `direction`; `None` where the
-    /// Hessian has none that its factorizations show.
+    /// Computes a unit vector of negative curvature of the Hessian, stores it in `direction` and returns the curvature;
+    /// `None` if the factorizations find no negative curvature.
     fn negative_curvature<P: NonlinearProblem<B>>(
         &mut self,
         problem: &mut P,
@@ -184,7 +188,7 @@ where
     ) -> Result<Option<f64>, NewtonError<P::Error, B::Fault>> {
         const MOST_ITERATIONS: u32 = 100;
         let Some(Bracket { least, most: shift }) = self.bracket(problem, tolerance)? else { return Ok(None) };
-        // Without any symmetry that the Hessian may have.
+        // A start vector without any symmetry that the Hessian may have.
         let spread = |x: &mut [B::Scalar]| {
             x.iter_mut().enumerate().for_each(|(k, x)| *x = B::Scalar::every((k as f64 + 1.0).sqrt().fract() - 0.3));
         };
@@ -195,7 +199,8 @@ where
             self.residual.zero().map_err(fault)?;
             self.residual.axpy(B::Scalar::every(1.0 / length), &self.direction).map_err(fault)?;
             self.solver.solve(&self.residual, &mut self.direction).map_err(NewtonError::Solve)?;
-            // The Rayleigh quotient of the solution, whose product with the shifted Hessian is the unit vector solved for.
+            // Rayleigh quotient of the solution; its product with the shifted Hessian is the unit vector on the
+            // right-hand side.
             let length = self.direction.norm().map_err(fault)?.as_f64();
             let quotient = self.residual.dot(&self.direction).map_err(fault)?.as_f64() / (length * length) - shift;
             if quotient <= -0.5 * least {
@@ -208,8 +213,9 @@ where
         Ok(None)
     }
 
-    /// Two numbers not far from each other with minus the lowest eigenvalue between them; the solver then holds the factor
-    /// of the Hessian shifted by the larger one.
+    /// Brackets minus the lowest eigenvalue between two shifts of the same magnitude. The solver then holds the
+    /// factorization of the Hessian shifted by the larger one. Returns `None` if no shift below 1e9 times the largest
+    /// diagonal entry makes the Hessian positive definite.
     fn bracket<P: NonlinearProblem<B>>(
         &mut self,
         problem: &mut P,
@@ -231,7 +237,7 @@ where
         Ok(self.is_definite(problem, most)?.then_some(Bracket { least, most }))
     }
 
-    /// The largest diagonal entry of the Hessian, by absolute value.
+    /// Returns the largest diagonal entry of the Hessian, by absolute value.
     fn stiffest<P: NonlinearProblem<B>>(&mut self, problem: &mut P) -> Result<f64, NewtonError<P::Error, B::Fault>> {
         self.assemble(problem)?;
         let stiffest = self.shift_diagonal(0.0).map_err(NewtonError::Solve)?;
@@ -239,7 +245,7 @@ where
         Ok(stiffest)
     }
 
-    /// Whether the Hessian with its diagonal shifted has a Cholesky factor, or would have but for rounding.
+    /// Returns true if the Hessian with its diagonal shifted is positive definite, or singular up to rounding.
     fn is_definite<P: NonlinearProblem<B>>(
         &mut self,
         problem: &mut P,
@@ -260,7 +266,7 @@ where
     }
 }
 
-/// Lets those outcomes of a factorization pass that are of the matrix.
+/// Ignores failures of a factorization that are due to the matrix; returns all other errors.
 fn refused<T, E, F>(outcome: Result<T, SolveError<F>>) -> Result<(), NewtonError<E, F>> {
     match outcome {
         Ok(_) | Err(SolveError::Indefinite { .. } | SolveError::Singular { .. } | SolveError::Inaccurate { .. }) => {

@@ -1,11 +1,11 @@
-//! Regularized Newton: a minimizer for problems that have a potential, where plain Newton finds no way.
+//! Regularized Newton: a minimizer for problems with a potential, for cases in which Newton's method fails.
 //!
 //! The Hessian `K` is shifted, `(K + s I) d = r`, by the smallest `s` of a growing sequence that makes it positive
-//! definite, so that `-d` descends whether `K` is indefinite, singular or both. The ratio of the actual reduction of the
-//! potential to the one that the quadratic model predicts decides whether a step is accepted, and whether the next shift is
-//! larger or smaller (Nocedal and
-//! Wright, *Numerical Optimization*, 2nd ed., 2006, sections 3.4 and 10.3). Near a regular minimum the shift falls to
-//! zero and the convergence is Newton's own.
+//! definite, so that `-d` is a descent direction even if `K` is indefinite or singular. The ratio of the actual
+//! reduction of the potential to the reduction predicted by the quadratic model decides whether a step is accepted, and
+//! whether the next shift is larger or smaller (Nocedal and Wright, *Numerical Optimization*, 2nd ed., 2006, sections
+//! 3.4 and 10.3). Near a regular minimum the shift falls to zero, and the convergence is quadratic as in Newton's
+//! method.
 
 use super::{
     Backend, MatrixOps, NewtonError, NewtonFailure, NewtonReport, NewtonSystem, NonlinearProblem, ResidualScale,
@@ -15,19 +15,19 @@ use crate::las::{Index, MatVec, Value};
 
 /// A nonlinear problem whose residual is the gradient of a potential.
 pub trait Potential<B: Backend>: NonlinearProblem<B> {
-    /// The potential at the state of the last [`NonlinearProblem::residual`], up to a constant.
+    /// Returns the potential at the state of the last [`NonlinearProblem::residual`], up to a constant.
     fn potential(&mut self) -> f64;
 }
 
-/// What a regularized Newton may cost.
+/// The parameters of regularized Newton.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct RegularizedParams {
-    /// Steps taken. Default 300.
+    /// Maximum number of accepted steps. Default 300.
     pub max_iterations: usize,
-    /// The smallest shift other than zero, over the largest diagonal entry of the Hessian. Default `1e-9`.
+    /// Smallest nonzero shift relative to the largest diagonal entry of the Hessian. Default `1e-9`.
     pub least_shift: f64,
-    /// The shift at which the search is given up, over the same. Default `1e12`.
+    /// Shift at which the iteration fails, relative to the same entry. Default `1e12`.
     pub most_shift: f64,
     /// A step is accepted if it reduces the potential by at least this fraction of the predicted reduction. Default `1e-4`.
     pub accept: f64,
@@ -39,7 +39,7 @@ impl Default for RegularizedParams {
     }
 }
 
-/// The shift of the Hessian's diagonal and the size it is measured by.
+/// The shift of the Hessian's diagonal.
 #[derive(Default)]
 struct Shift {
     value: f64,
@@ -53,9 +53,9 @@ impl Shift {
         self.value = (8.0 * self.value).max(params.least_shift * self.diagonal);
     }
 
-    /// Adapts the shift after an accepted step. `reduction_ratio` is the actual over the predicted reduction of the potential,
-    /// `residual_ratio` the residual norm after the step over that before. The shift falls at least as fast as the residual,
-    /// which makes the convergence quadratic.
+    /// Adapts the shift after an accepted step. `reduction_ratio` is the actual over the predicted reduction of the
+    /// potential, `residual_ratio` the residual norm after the step over the norm before. After a successful step the
+    /// shift falls at least as fast as the residual, which makes the convergence quadratic.
     fn adapt(&mut self, reduction_ratio: f64, residual_ratio: f64, params: &RegularizedParams) {
         if reduction_ratio > 0.75 {
             self.value *= residual_ratio.min(0.125);
@@ -69,7 +69,7 @@ impl Shift {
 
     fn is_too_large(&self, params: &RegularizedParams) -> bool {
         let most = params.most_shift * self.diagonal;
-        // A Hessian of zeros has no measure for a shift.
+        // If the Hessian is zero, no shift can be scaled.
         self.value.is_nan() || most.is_nan() || self.value > most || most == 0.0
     }
 }
@@ -85,11 +85,11 @@ impl<B: Backend> NewtonSystem<B>
 where
     B::Reduced: Scalar,
 {
-    /// Descends in the potential of `problem` until its residual is below `tolerance` times the scale (or below the
-    /// floor), as [`NewtonSystem::solve`] measures it.
+    /// Minimizes the potential of `problem` until the residual norm is below `tolerance` times the scale (or below the
+    /// floor), as in [`NewtonSystem::solve`].
     ///
     /// # Errors
-    /// [`NewtonFailure`]; the problem is restored to the state it came with.
+    /// Returns [`NewtonFailure`] if the iteration fails; the problem is restored to its initial state.
     pub fn minimize<P: Potential<B>>(
         &mut self,
         problem: &mut P,
@@ -143,7 +143,7 @@ where
         params: &RegularizedParams,
         report: &mut NewtonReport,
     ) -> Result<Iterate, NewtonError<P::Error, B::Fault>> {
-        /// A reduction below this fraction of the potential is not resolved by its rounding.
+        /// Relative to the potential, a predicted reduction below this value is lost in rounding errors.
         const ROUNDING: f64 = 1e-9;
         loop {
             self.factor_shifted(problem, here, shift, params, report)?;
@@ -157,7 +157,7 @@ where
                     let reduction = if predicted_reduction > ROUNDING * here.potential.abs() {
                         here.potential - potential
                     } else {
-                        // The trapezoidal rule along the step.
+                        // Trapezoidal rule along the step.
                         0.5 * (slope + self.residual.dot(&self.direction).map_err(fault)?.as_f64())
                     };
                     if reduction > params.accept * predicted_reduction || norm <= limit {
@@ -179,7 +179,7 @@ where
         }
     }
 
-    /// The direction of the shifted Hessian, the shift raised until a Cholesky factor exists.
+    /// Factors the shifted Hessian, raising the shift until it is positive definite, and computes the direction.
     fn factor_shifted<P: Potential<B>>(
         &mut self,
         problem: &mut P,
@@ -213,11 +213,11 @@ where
         Ok(())
     }
 
-    /// Adds `shift` to every diagonal entry of the matrix; returns the largest, by absolute value,
-    /// that there was before. The direction serves as scratch: all ranks read the diagonal together, once.
+    /// Adds `shift` to every diagonal entry of the matrix and returns the largest previous diagonal entry, by absolute
+    /// value. Overwrites the direction. All ranks read the diagonal in one collective call.
     ///
     /// # Errors
-    /// What the backend reports.
+    /// Returns the backend's error.
     pub fn shift_diagonal(&mut self, shift: f64) -> Result<f64, SolveError<B::Fault>> {
         let Self { matrix, direction, .. } = self;
         matrix.finish().map_err(SolveError::Fault)?;

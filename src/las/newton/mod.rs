@@ -17,18 +17,18 @@ pub use report::{NewtonError, NewtonFailure, NewtonParams, NewtonReport, NewtonS
 
 use super::{Backend, MatrixOps, Scalar, SolveError, Solver, Sparsity, VectorOps};
 
-/// The linear system that Newton works in: made once, used for every problem of the same pattern.
+/// The linear system of a Newton iteration, created once and reused for all problems with the same sparsity pattern.
 ///
-/// After a convergence the solver holds the last factorization, for whoever can use it again.
+/// After convergence the solver still holds the last factorization, which callers may reuse.
 #[derive(Debug)]
 pub struct NewtonSystem<B: Backend> {
-    /// `r`.
+    /// The residual `r`.
     pub residual: B::Vector,
-    /// `K^-1 r`.
+    /// The Newton direction `K^-1 r`.
     pub direction: B::Vector,
-    /// `K`.
+    /// The Jacobian `K`.
     pub matrix: B::Matrix,
-    /// The factors of `K`.
+    /// The factorization of `K`.
     pub solver: B::Solver,
 }
 
@@ -36,10 +36,10 @@ impl<B: Backend> NewtonSystem<B>
 where
     B::Reduced: Scalar,
 {
-    /// Vectors, matrix and solver for the pattern that `symbolic` was made from.
+    /// Creates vectors, matrix and solver for the pattern that `symbolic` was computed from.
     ///
     /// # Errors
-    /// What the backend reports when it cannot make one of them.
+    /// Returns the backend's error if it cannot create one of them.
     pub fn new(
         context: &B::Context,
         pattern: &Arc<Sparsity>,
@@ -54,10 +54,10 @@ where
         })
     }
 
-    /// Drives the residual of `problem` below its limit.
+    /// Iterates until the residual norm of `problem` is below its limit.
     ///
     /// # Errors
-    /// [`NewtonFailure`]; the problem is restored to the state it came with.
+    /// Returns [`NewtonFailure`] if the iteration fails; the problem is restored to its initial state.
     pub fn solve<P: NonlinearProblem<B>>(
         &mut self,
         problem: &mut P,
@@ -97,7 +97,7 @@ where
         }
     }
 
-    /// The Newton direction at the current state.
+    /// Computes the Newton direction at the current state.
     fn factor_and_solve<P: NonlinearProblem<B>>(
         &mut self,
         problem: &mut P,
@@ -119,7 +119,7 @@ where
         Ok(())
     }
 
-    /// Moves along the direction by the first step that lessens the residual enough.
+    /// Takes the first step along the direction that reduces the residual sufficiently (backtracking line search).
     fn step<P: NonlinearProblem<B>>(
         &mut self,
         problem: &mut P,
@@ -164,7 +164,7 @@ where
         let residual_scale = problem.residual(&mut self.residual).map_err(Trial::Undefined)?;
         let norm = self.residual.norm().map_err(Trial::Fault)?.as_f64();
         report.seconds.residual += start.elapsed().as_secs_f64();
-        // Against an infinite scale every residual would count as none.
+        // With an infinite scale every residual would count as converged.
         if norm.is_finite() && residual_scale.scale.is_finite() {
             Ok((norm, residual_scale))
         } else {
@@ -173,7 +173,7 @@ where
     }
 }
 
-/// Why a trial state has no residual norm.
+/// The reason why a trial state has no finite residual norm.
 enum Trial<E, F> {
     Undefined(E),
     NotFinite,
@@ -194,8 +194,8 @@ fn fault<E, F>(error: F) -> NewtonError<E, F> {
     NewtonError::Solve(SolveError::Fault(error))
 }
 
-/// The factor that takes a rejected step to the minimum of the parabola through `|r|^2` at 0 and at the step, whose slope
-/// at 0 is `-2 |r|^2` along an exact Newton direction; kept between 0.1 and 0.5.
+/// The factor that reduces a rejected step to the minimizer of the parabola that interpolates `|r|^2` at 0 and at the
+/// step, with the slope `-2 |r|^2` at 0 of an exact Newton direction; limited to [0.1, 0.5].
 fn shortening(step: f64, before: f64, after: f64) -> f64 {
     let (before, after) = (before * before, after * after);
     let curvature = after - before + 2.0 * before * step;

@@ -1,25 +1,25 @@
-//! What Newton may do, what it did, and why it stopped short.
+//! Parameters, reports and errors of Newton's method.
 
 use thiserror::Error;
 
 use super::ResidualScale;
 use crate::las::{FactorReport, Factorization, SolveError};
 
-/// When Newton stops and what it may try.
+/// The parameters of Newton's method.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct NewtonParams {
-    /// Residual relative to [`ResidualScale::scale`]. Default `1e-10`.
+    /// Residual norm relative to [`ResidualScale::scale`] at convergence. Default `1e-10`.
     pub tolerance: f64,
-    /// Iterations, each one factorization. Default 50.
+    /// Maximum number of iterations, each with one factorization. Default 50.
     pub max_iterations: usize,
-    /// How often a step may be shortened; 0 always takes the full step. Default 10.
+    /// Maximum number of step reductions per line search; 0 always takes the full step. Default 10.
     pub max_line_search_cuts: u32,
-    /// A step `a` is taken if `|r_new| <= (1 - decrease a) max |r|` over the last [`NewtonParams::memory`] residuals.
-    /// Default `1e-4`.
+    /// A step `a` is accepted if `|r_new| <= (1 - decrease a) max |r|` over the last [`NewtonParams::memory`]
+    /// residuals. Default `1e-4`.
     pub decrease: f64,
-    /// How many residuals a step is compared with; 1 asks for a decrease in every step. Default 6: near a singular
-    /// Jacobian, where the residual has local minima that are no solutions, it must be allowed to rise for a while
+    /// Number of previous residuals in the acceptance test; 1 requires a decrease in every step. The default 6 lets the
+    /// residual rise temporarily: near a singular Jacobian, the residual norm has local minima that are not solutions
     /// (Grippo, Lampariello and Lucidi, SIAM J. Numer. Anal. 23 (1986) 707).
     pub memory: usize,
 }
@@ -30,54 +30,54 @@ impl Default for NewtonParams {
     }
 }
 
-/// What Newton did.
+/// The result of a Newton iteration.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct NewtonReport {
-    /// Steps taken.
+    /// Number of iterations.
     pub iterations: usize,
-    /// `|r|` before every step and at the end: one more than there are steps.
+    /// `|r|` at the initial state and after every step.
     pub residuals: Vec<f64>,
-    /// The same over [`ResidualScale::scale`]; 0 where the scale is 0.
+    /// The same residuals divided by [`ResidualScale::scale`]; 0 if the scale is 0.
     pub relative: Vec<f64>,
-    /// Steps that were shortened, counted once a shortening.
+    /// Number of rejected trial steps: each shortens the step (line search) or raises the shift (regularized Newton).
     pub line_search_cuts: usize,
-    /// Factorizations by Cholesky.
+    /// Number of Cholesky factorizations.
     pub cholesky: usize,
-    /// Factorizations by LDL^T: the Jacobian was not positive definite there.
+    /// Number of LDL^T factorizations.
     pub ldlt: usize,
-    /// Factorizations by LU.
+    /// Number of LU factorizations.
     pub lu: usize,
-    /// Approximate inverses made for an iterative method.
+    /// Number of preconditioner setups of an iterative solver.
     pub approximate: usize,
-    /// Iterations of that method.
+    /// Total number of iterations of that solver.
     pub linear_iterations: usize,
-    /// Factorizations, by whichever method served in the end, of a Jacobian that was stated to be definite and was not.
+    /// Number of factorizations that found a Jacobian declared positive definite to be indefinite.
     pub indefinite: usize,
-    /// Jacobians that no factorization served.
+    /// Number of singular Jacobians (regularized Newton).
     pub singular: usize,
-    /// Factorizations made again with a larger shift of the diagonal (regularized Newton).
+    /// Number of factorizations repeated with a larger shift of the diagonal (regularized Newton).
     pub shifts: usize,
-    /// Where the time went, in seconds.
+    /// Computation time by phase.
     pub seconds: NewtonSeconds,
 }
 
-/// Seconds by phase.
+/// Computation time by phase, in seconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct NewtonSeconds {
-    /// Residuals, those of the line search included.
+    /// Residual evaluations, including those of the line search.
     pub residual: f64,
-    /// Jacobians.
+    /// Assembly of Jacobians.
     pub jacobian: f64,
     /// Factorizations.
     pub factor: f64,
-    /// Solves.
+    /// Triangular or iterative solves.
     pub solve: f64,
 }
 
 impl NewtonReport {
-    /// One with room for the history of that many iterations, so that they need not allocate.
+    /// Creates a report with capacity for `iterations`, so that recording does not allocate.
     pub(super) fn with_room(iterations: usize) -> Self {
-        /// Longer histories are rare, and grow.
+        /// Limit of the initial capacity; longer histories are rare and reallocate.
         const MOST: usize = 64;
         let room = (iterations + 1).min(MOST);
         Self { residuals: Vec::with_capacity(room), relative: Vec::with_capacity(room), ..Self::default() }
@@ -99,51 +99,51 @@ impl NewtonReport {
     }
 }
 
-/// Why Newton stopped short; the state is the one it started from.
+/// The reason why Newton failed; the problem is restored to its initial state.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum NewtonError<E, F> {
-    /// The problem has no residual or Jacobian at a state, and shorter steps did not help.
+    /// The residual or the Jacobian is undefined at a state, and shorter steps did not help.
     #[error("{0}")]
     Problem(E),
-    /// The residual of the initial state is a NaN or an infinity.
+    /// The residual of the initial state contains a NaN or an infinity.
     #[error("the residual of the initial state is not finite")]
     NotFinite,
-    /// Out of iterations.
+    /// The iteration limit was reached.
     #[error("no convergence in {iterations} iterations: |r| = {residual:.3e}, limit {limit:.3e}")]
     TooManyIterations {
-        /// How many were taken.
+        /// Number of iterations performed.
         iterations: usize,
-        /// `|r|` at the end.
+        /// The final `|r|`.
         residual: f64,
-        /// What it should have fallen to.
+        /// The limit that `|r|` did not reach.
         limit: f64,
     },
-    /// No step along the Newton direction lessens the residual.
+    /// The line search found no step along the Newton direction that reduces the residual sufficiently.
     #[error(
         "the line search found no decrease of |r| = {residual:.3e} in iteration {iteration} down to a step of {step:.1e}"
     )]
     LineSearch {
         /// The iteration, from 1.
         iteration: usize,
-        /// `|r|` before it.
+        /// `|r|` before this iteration.
         residual: f64,
         /// The shortest step tried.
         step: f64,
     },
-    /// However large the shift of the Hessian, no step lessens the potential.
+    /// No shift of the Hessian gives a step that reduces the potential.
     #[error("no step lessens the potential in iteration {iteration}: |r| = {residual:.3e}")]
     NoDescent {
         /// The iteration, from 1.
         iteration: usize,
-        /// `|r|` before it.
+        /// `|r|` before this iteration.
         residual: f64,
     },
-    /// The linear system was not solved.
+    /// The linear solver failed.
     #[error("{0}")]
     Solve(SolveError<F>),
 }
 
-/// A failed attempt: why, and what was done until then.
+/// A failed Newton iteration.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[error("{reason}")]
 pub struct NewtonFailure<E, F>
@@ -151,8 +151,8 @@ where
     E: std::fmt::Display,
     F: std::fmt::Display,
 {
-    /// Why.
+    /// The reason of the failure.
     pub reason: NewtonError<E, F>,
-    /// What was done until then.
+    /// The report up to the failure.
     pub report: Box<NewtonReport>,
 }

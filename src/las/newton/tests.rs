@@ -142,7 +142,7 @@ fn a_descent_goes_down_where_newton_climbs() {
         let report = system().minimize(&mut falling, 1e-12, &RegularizedParams::default()).unwrap();
         assert!((falling.x.abs() - 1.0).abs() < 1e-12, "from {start} to {}", falling.x);
         assert!(report.iterations < 40, "{report:?}");
-        // Without a shift near the end: quadratic.
+        // Without a shift near the minimum, the convergence is quadratic.
         let r = &report.residuals;
         let [before, last] = [r[r.len() - 2], r[r.len() - 1]];
         assert!(last < 1e2 * before * before + 1e-15, "{r:?}");
@@ -161,14 +161,15 @@ fn a_descent_that_runs_out_restores_the_state() {
     assert_eq!(problem.x, 0.1);
 }
 
-/// Two wells whose residual another process computes, which ends after so many evaluations.
+/// The double-well problem with its residual computed by another process, which ends after a given number of
+/// evaluations.
 struct Remote {
     wells: Wells,
     evaluations: usize,
     last: usize,
 }
 
-/// Why there is no residual.
+/// The reason why the residual is unavailable.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 enum Lost {
     #[error("too far out")]
@@ -226,7 +227,7 @@ fn a_descent_shortens_a_step_that_goes_too_far_and_ends_where_no_step_can_help()
     let report = system().minimize(&mut near, 1e-12, &RegularizedParams::default()).unwrap();
     assert!(report.line_search_cuts > 0 && (near.wells.x - 1.0).abs() < 1e-12, "{report:?}");
 
-    // The process has ended before one of the trials: to ask again cannot help.
+    // The process has ended before one of the trial steps: another evaluation cannot succeed.
     for last in 1..4 {
         let mut gone = remote(last);
         let failure = system().minimize(&mut gone, 1e-12, &RegularizedParams::default()).unwrap_err();
@@ -247,7 +248,7 @@ fn the_curvature_tells_a_minimum_from_a_hilltop_and_from_a_plain() {
         let mut plain = Scalar1 { x: 0.0, saved: 0.0, r: |_| 0.0, dr: slope };
         system().curvature(&mut plain, 1e-12).unwrap()
     };
-    // One unknown: its only pivot is the largest.
+    // With one unknown, the only pivot is also the largest.
     assert_eq!(plain(|_| 0.0), Curvature::Neutral);
 }
 
@@ -264,7 +265,7 @@ fn a_hilltop_is_left_to_the_same_side_every_time() {
         sides.push(wells.x);
     }
     assert_eq!(sides[0], sides[1]);
-    // A minimum has no direction to leave in, and is not moved.
+    // At a minimum there is no descent direction, and the state does not change.
     let mut minimum = Wells { x: 1.0, saved: 0.0 };
     let left = system().leave_saddle(&mut minimum, 1e-12, &mut NewtonReport::default()).unwrap();
     assert_eq!((left, minimum.x), (Departure::AtRest, 1.0));
@@ -339,7 +340,7 @@ fn a_saddle_point_is_left_along_its_negative_curvature() {
         let symbolic = Dense::<f64>::analyze(&(), &pattern, &SolverParams::new(Symmetry::Definite)).unwrap();
         NewtonSystem::new(&(), &pattern, &symbolic).unwrap()
     };
-    // With a stiffness that is zero but for rounding of either sign, and with another negative one.
+    // A stiffness that is zero up to rounding, of either sign, or large, or a second negative one.
     for (stiffness, negative) in [(1e-14, 1), (-1e-14, 1), (1e6, 1), (-0.5, 2)] {
         let mut saddle = Saddle { stiffness, ..Saddle::default() };
         let mut system = system();

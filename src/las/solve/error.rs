@@ -1,4 +1,4 @@
-//! Why there is no solution.
+//! Errors of linear solvers.
 
 use thiserror::Error;
 
@@ -6,10 +6,10 @@ use crate::las::SparsityError;
 
 use super::params::InvalidParameter;
 
-/// Why a system was not solved.
+/// The reason why a system was not solved.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum SolveError<F> {
-    /// Only square systems are solved.
+    /// The matrix is not square.
     #[error("the matrix has {rows} rows and {cols} columns; a system to solve is square")]
     NotSquare {
         /// Rows.
@@ -17,20 +17,20 @@ pub enum SolveError<F> {
         /// Columns.
         cols: usize,
     },
-    /// A vector or matrix of another size than the others have.
+    /// The size of a vector or matrix does not match the others.
     #[error("{what} has size {found} where {expected} is needed")]
     Size {
-        /// Which argument.
+        /// Name of the argument.
         what: &'static str,
         /// Its size.
         found: usize,
         /// The size that fits.
         expected: usize,
     },
-    /// A matrix of the right size whose entries stand in other places than those analyzed.
+    /// The matrix has the right size, but its sparsity pattern differs from the analyzed one.
     #[error("the entries of the matrix are not where the analyzed pattern has them")]
     Pattern,
-    /// A matrix that was stated to be symmetric has an entry without its mirror image: perhaps one triangle alone was stored.
+    /// A matrix declared symmetric has an entry without its transpose; perhaps only one triangle was stored.
     #[error(
         "the matrix was stated to be symmetric, but ({row}, {column}) is in its pattern and ({column}, {row}) is not: store \
          both triangles, or state no symmetry"
@@ -41,104 +41,105 @@ pub enum SolveError<F> {
         /// Its column.
         column: usize,
     },
-    /// `solve` before `factor`, or after one that failed.
+    /// `solve` was called before `factor`, or after a factorization that failed.
     #[error("there is no factorization to solve with: call factor first, and only solve if it succeeds")]
     NotFactored,
-    /// A pivot vanished, or the matrix does not resist some vector.
+    /// A pivot is zero or too small, or the matrix maps a vector almost to zero.
     #[error(
         "the matrix is singular: unknown {unknown} meets {ratio:.1e} of the resistance of others (limit {limit:.1e})"
     )]
     Singular {
-        /// The unknown of the smallest pivot, or the one that moves most in the vector.
+        /// The unknown of the smallest pivot, or of the largest component of that vector.
         unknown: usize,
-        /// The pivot over the largest; or what the matrix, scaled to rows and columns of size one, makes of the vector, over its
-        /// length.
+        /// The smallest over the largest pivot; or `|A v| / |v|` of that vector `v`, where `A` is the matrix scaled to
+        /// rows and columns of unit size.
         ratio: f64,
-        /// The limit that it fell below.
+        /// The smallest ratio accepted.
         limit: f64,
     },
-    /// The matrix is not positive definite, and nothing else was asked for.
+    /// The matrix is not positive definite, and only a definite matrix was accepted.
     #[error("the matrix is not positive definite{}", at_pivot(*.unknown))]
     Indefinite {
-        /// The unknown of a pivot that is not positive, where one is known.
+        /// The unknown of a pivot that is not positive, if known.
         unknown: Option<usize>,
     },
-    /// The matrix holds a NaN or an infinity.
+    /// The matrix contains a NaN or an infinity.
     #[error("the matrix holds a value that is not finite in row {row}")]
     NotFinite {
-        /// The first such row.
+        /// The first such row, from 0.
         row: usize,
     },
-    /// The right-hand side of an iterative method holds a NaN or an infinity.
+    /// The right-hand side of an iterative method contains a NaN or an infinity.
     #[error("the right-hand side holds a value that is not finite")]
     RhsNotFinite,
-    /// Numbers that no iterative method can work with.
+    /// A parameter of the iterative method is out of range.
     #[error("{0}")]
     Parameter(#[from] InvalidParameter),
-    /// Even a factorization of the matrix itself leaves a residual.
+    /// The matrix is too ill-conditioned: even a direct solution leaves a large residual.
     #[error("the matrix is too ill-conditioned: solving leaves a relative residual of {residual:.1e}")]
     Inaccurate {
         /// Norm of the residual over that of the right-hand side.
         residual: f64,
     },
-    /// The factorization library failed for a reason of its own.
+    /// The factorization library reported an error of its own.
     #[error("{library} failed: {reason}")]
     Library {
-        /// Which one.
+        /// Name of the library.
         library: &'static str,
-        /// What it said.
+        /// Error message of the library.
         reason: String,
     },
-    /// A Krylov method came to no solution.
+    /// A Krylov method did not converge.
     #[error(
         "{method} left a relative residual of {residual:.1e} after {iterations} iterations (tolerance {tolerance:.1e}): {stop_reason}"
     )]
     NotConverged {
-        /// Which one.
+        /// Name of the method.
         method: &'static str,
-        /// How many it took.
+        /// Number of iterations performed.
         iterations: usize,
         /// Norm of the residual over that of the right-hand side.
         residual: f64,
-        /// What it should have fallen to.
+        /// The relative residual required.
         tolerance: f64,
-        /// Why it stopped.
+        /// The reason why the iteration stopped.
         stop_reason: StopReason,
     },
-    /// The diagonal has no inverse.
+    /// The diagonal cannot be inverted because an entry is zero.
     #[error("the diagonal entry of row {row} is zero")]
     ZeroDiagonal {
-        /// The first such row.
+        /// The first such row, from 0.
         row: usize,
     },
-    /// The result has more entries than can be addressed.
+    /// The result has more entries than 32-bit indices can address.
     #[error("the result is too large: {0}")]
     TooLarge(SparsityError),
-    /// The backend has no such method.
+    /// The backend does not support the requested method.
     #[error("the backend `{backend}` has no {what}: {cure}")]
     Unsupported {
-        /// Which backend.
+        /// Name of the backend.
         backend: &'static str,
-        /// What was asked for.
+        /// The requested method.
         what: &'static str,
-        /// What there is instead.
+        /// A supported alternative.
         cure: &'static str,
     },
-    /// A verb of the backend failed.
+    /// A vector or matrix operation of the backend failed.
     #[error("{0}")]
     Fault(F),
 }
 
-/// Why a Krylov method stopped short of its tolerance.
+/// The reason why a Krylov method did not reach its tolerance.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
 pub enum StopReason {
-    /// The iterations allowed are used up.
+    /// The iteration limit was reached.
     #[error("allow more iterations, or give it a better preconditioner")]
     MaxIterations,
-    /// Begun again from where it was, it came no nearer: rounding allows no better.
+    /// A restart hardly reduced the residual: it is at the level of rounding errors.
     #[error("it comes no nearer; rounding allows no less with this matrix: raise the tolerance, or solve directly")]
     Stagnated,
-    /// Its next step does not exist; for conjugate gradients because the matrix or the preconditioner is not positive.
+    /// The next iterate is undefined; in conjugate gradients because the matrix or the preconditioner is not positive
+    /// definite.
     #[error(
         "it broke down: conjugate gradients need a positive definite matrix and preconditioner; take another method or preconditioner"
     )]

@@ -1,6 +1,6 @@
-//! Solving (table 5.2 of the thesis), deliberately not zero-overhead.
+//! Linear solvers (table 5.2 of the thesis), deliberately not zero-overhead.
 //!
-//! A call here costs microseconds to seconds, so a function call on top does not matter: [`Solver`] and
+//! A call takes microseconds to seconds, so the cost of a virtual call is negligible: [`Solver`] and
 //! [`MatVec`](super::MatVec) are object-safe.
 
 mod error;
@@ -13,38 +13,39 @@ pub use report::{FactorReport, Factorization, SolveReport};
 
 use super::Backend;
 
-/// Factors matrices of one pattern and solves with them.
+/// Factors matrices of one sparsity pattern and solves linear systems with them.
 ///
-/// Cholesky and LDL^T factorizations and solves allocate nothing after their first time.
+/// Cholesky and LDL^T factorizations and solves allocate memory only in their first call.
 pub trait Solver<B: Backend>: Send {
-    /// Factors `a`, or makes what an iterative method needs; whatever was factored before is forgotten.
+    /// Factors `a`, or sets up the preconditioner of an iterative method, and discards the previous factorization.
     ///
     /// # Errors
-    /// [`SolveError::Singular`], [`SolveError::NotFinite`], [`SolveError::Size`], [`SolveError::Pattern`].
+    /// Returns [`SolveError::Singular`], [`SolveError::NotFinite`], [`SolveError::Size`], [`SolveError::Pattern`].
     fn factor(&mut self, a: &B::Matrix) -> Result<FactorReport, SolveError<B::Fault>>;
 
-    /// Factors `a` if it is positive definite, and wastes no time on it if not: for those who would rather change such a
-    /// matrix than solve with it.
+    /// Factors `a` if it is positive definite, and stops early otherwise: for callers that modify an indefinite matrix
+    /// rather than solve with it.
     ///
-    /// An iterative method knows of definiteness what its preconditioner shows: the signs of the diagonal, or of the pivots
-    /// of an incomplete factorization. It refuses what these show, and without a preconditioner nothing.
+    /// An iterative method detects indefiniteness only through its preconditioner: by the signs of the diagonal, or of
+    /// the pivots of an incomplete factorization. Without a preconditioner it accepts every matrix.
     ///
     /// # Errors
-    /// [`SolveError::Indefinite`], and what [`Solver::factor`] says; nothing is factored then. [`SolveError::Unsupported`]
-    /// where the matrix is stated to be [`Symmetry::None`]: the pivots of LU do not tell.
+    /// Returns [`SolveError::Indefinite`] if `a` is not positive definite, and the errors of [`Solver::factor`]; no
+    /// factorization is available then. Returns [`SolveError::Unsupported`] if the matrix is declared
+    /// [`Symmetry::None`], because the signs of LU pivots do not determine definiteness.
     fn factor_definite(&mut self, a: &B::Matrix) -> Result<FactorReport, SolveError<B::Fault>>;
 
-    /// `A x = b`. What `x` held does not matter: iterative methods begin at zero.
+    /// Solves `A x = b`. The previous values of `x` are ignored: iterative methods start from zero.
     ///
     /// # Errors
-    /// [`SolveError::NotFactored`], [`SolveError::Size`]; of an iterative method [`SolveError::NotConverged`] and
-    /// [`SolveError::RhsNotFinite`].
+    /// Returns [`SolveError::NotFactored`], [`SolveError::Size`]; an iterative method also returns
+    /// [`SolveError::NotConverged`] and [`SolveError::RhsNotFinite`].
     fn solve(&mut self, b: &B::Vector, x: &mut B::Vector) -> Result<SolveReport, SolveError<B::Fault>>;
 
-    /// `A x_k = b_k` for several right-hand sides at once.
+    /// Solves `A x_k = b_k` for several right-hand sides.
     ///
     /// # Errors
-    /// As for [`Solver::solve`]; solutions before the one that failed stand.
+    /// Returns the errors of [`Solver::solve`]; the solutions computed before the failure are kept.
     fn solve_many(&mut self, b: &[B::Vector], x: &mut [B::Vector]) -> Result<SolveReport, SolveError<B::Fault>>;
 }
 
@@ -53,7 +54,7 @@ mod tests {
     use super::*;
     use crate::las::MatVec;
 
-    /// A compile-time fact: both traits can stand behind `dyn`.
+    /// Compiles only if both traits are object-safe.
     #[allow(dead_code, reason = "that it compiles is the test")]
     fn object_safe<B: Backend>(_: &dyn Solver<B>, _: &dyn MatVec<B>) {}
 }

@@ -1,13 +1,13 @@
-//! What is known of a system, and how it is to be solved.
+//! Parameters of a linear solver and properties of its matrix.
 
 use thiserror::Error;
 
-/// What the assembler knows of its matrix and states when it asks for a solver.
+/// The symmetry of a matrix, declared by the assembler when it creates a solver.
 ///
-/// A Cholesky or LDL^T reads one triangle and never notices that the other differs; only the assembler can tell.
+/// Cholesky and LDL^T factorizations read only one triangle, so that they cannot detect an unsymmetric matrix.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Symmetry {
-    /// Symmetric and, in ordinary states, positive definite: Cholesky, with LDL^T where it turns out not to be.
+    /// Symmetric and usually positive definite: Cholesky, and LDL^T if Cholesky fails.
     #[default]
     Definite,
     /// Symmetric: LDL^T.
@@ -16,55 +16,55 @@ pub enum Symmetry {
     None,
 }
 
-/// The order in which a sparse direct solver eliminates the unknowns of a symmetric matrix.
+/// The fill-reducing ordering of a sparse direct solver for symmetric matrices.
 ///
-/// It decides how much the factor fills in. An unsymmetric matrix is ordered by its columns, whatever is asked for.
+/// The ordering determines the fill-in of the factor. For unsymmetric matrices a column ordering is always used.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Ordering {
-    /// Of those compiled in, the one that predicts the fewest operations.
+    /// Of the available orderings, the one with the fewest predicted operations.
     #[default]
     Auto,
     /// Approximate minimum degree.
     MinimumDegree,
     /// Nested dissection.
     NestedDissection,
-    /// Nested dissection by the library METIS, where it is compiled in (cargo feature `metis`).
+    /// Nested dissection by the METIS library, if compiled in (cargo feature `metis`).
     Metis,
 }
 
 /// A Krylov method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Krylov {
-    /// Conjugate gradients, for definite matrices (Hestenes and Stiefel 1952).
+    /// Conjugate gradients, for positive definite matrices (Hestenes and Stiefel 1952).
     Cg,
-    /// Stabilized biconjugate gradients, for any (van der Vorst 1992).
+    /// Stabilized biconjugate gradients, for any matrix (van der Vorst 1992).
     BiCgStab,
-    /// Generalized minimal residuals, for any, begun again after `restart` steps (Saad and Schultz 1986).
+    /// Generalized minimal residuals, for any matrix, restarted after `restart` steps (Saad and Schultz 1986).
     Gmres {
-        /// Steps, and vectors kept, between restarts.
+        /// Number of steps, and of stored basis vectors, between restarts.
         restart: usize,
     },
 }
 
-/// An approximate inverse that a Krylov method works with.
+/// The preconditioner of a Krylov method.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Preconditioner {
-    /// None.
+    /// No preconditioner.
     None,
-    /// The inverse of the diagonal.
+    /// The inverse of the diagonal (Jacobi).
     Diagonal,
-    /// An incomplete LU factorization with a threshold (Saad 1994).
+    /// Incomplete LU factorization with a drop tolerance, ILUT (Saad 1994).
     Ilut {
-        /// Entries below this part of the mean absolute value of their row are dropped.
+        /// Entries below this fraction of the mean absolute value of their row are dropped.
         drop_tolerance: f64,
-        /// How many entries a row of either factor keeps beside the diagonal, the largest; `usize::MAX` for all.
+        /// Number of off-diagonal entries kept in each row of either factor, the largest ones; `usize::MAX` keeps all.
         fill: usize,
     },
     /// Algebraic multigrid of the backend's library.
     Multigrid,
 }
 
-/// An iterative method and when it stops.
+/// An iterative method and its stopping criteria.
 ///
 /// ```
 /// use biotissue::las::{Iterative, Krylov, SolverParams, Symmetry};
@@ -77,26 +77,26 @@ pub enum Preconditioner {
 pub struct Iterative {
     /// The method.
     pub krylov: Krylov,
-    /// What it works with.
+    /// The preconditioner.
     pub preconditioner: Preconditioner,
-    /// Residual over right-hand side, both by their Euclidean norm, at which it stops.
+    /// The relative residual `|b - A x| / |b|` (Euclidean norms) at which the iteration stops.
     pub tolerance: f64,
-    /// Iterations after which it gives up.
+    /// Maximum number of iterations.
     pub max_iterations: usize,
 }
 
 impl Default for Iterative {
-    /// BiCGSTAB with ILUT(1e-3, 20) to 1e-10 within 1000 iterations.
+    /// BiCGSTAB with ILUT(1e-3, 20), tolerance 1e-10, at most 1000 iterations.
     fn default() -> Self {
         Self::new(Krylov::BiCgStab)
     }
 }
 
 impl Iterative {
-    /// A method to 1e-10 within 1000 iterations, with the preconditioner that suits it: conjugate gradients need one that is
-    /// symmetric and positive, the inverse of the diagonal; the others take ILUT(1e-3, 20), which is neither.
+    /// A method with tolerance 1e-10, at most 1000 iterations, and a default preconditioner: the diagonal for conjugate
+    /// gradients, which need a symmetric positive definite preconditioner; ILUT(1e-3, 20) for the others.
     ///
-    /// The backend `petsc` has no ILUT: state another there.
+    /// The backend `petsc` does not support ILUT: choose another preconditioner there.
     #[must_use]
     pub fn new(krylov: Krylov) -> Self {
         let preconditioner = match krylov {
@@ -106,10 +106,10 @@ impl Iterative {
         Self { krylov, preconditioner, tolerance: 1e-10, max_iterations: 1000 }
     }
 
-    /// Refuses numbers that no iteration can work with; [`Backend::analyze`](crate::las::Backend::analyze) calls it.
+    /// Checks that all parameters are in range; [`Backend::analyze`](crate::las::Backend::analyze) calls it.
     ///
     /// # Errors
-    /// The first number that is out of its range.
+    /// Returns the first parameter that is out of range.
     pub fn check(&self) -> Result<(), InvalidParameter> {
         let positive = |name: &'static str, value: usize| match value {
             0 => Err(InvalidParameter { name, found: "0".into(), allowed: "at least 1" }),
@@ -133,43 +133,44 @@ impl Iterative {
     }
 }
 
-/// A number of [`Iterative`] that is out of its range.
+/// A parameter of [`Iterative`] that is out of range.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 #[error("`{name}` is {found}; it must be {allowed}")]
 pub struct InvalidParameter {
-    /// Which one.
+    /// Name of the parameter.
     pub name: &'static str,
-    /// What it is.
+    /// Its value.
     pub found: String,
-    /// What it may be.
+    /// The allowed range.
     pub allowed: &'static str,
 }
 
-/// How a system is solved.
+/// Direct or iterative solution.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Method {
-    /// By a factorization.
+    /// Solution by a factorization.
     #[default]
     Direct,
-    /// By a Krylov method.
+    /// Solution by a Krylov method.
     Iterative(Iterative),
 }
 
-/// How a system is to be solved, and what is known of it.
+/// The parameters of a linear solver.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct SolverParams {
-    /// What the assembler states.
+    /// The declared symmetry of the matrix.
     pub symmetry: Symmetry,
-    /// A factor counts as singular when its smallest pivot is below this fraction of its largest.
+    /// A factorization is reported as singular if its smallest pivot is below this fraction of the largest pivot.
     ///
-    /// `None`, the default: where a pivot is below the root of the machine epsilon times the largest, the matrix counts as
-    /// singular if, scaled to rows and columns of size one, it resists some vector by less than `32 + 2 sqrt(unknowns)` machine
-    /// epsilons times its length. However unlike the units of its unknowns are, a regular matrix is not refused.
+    /// With `None`, the default, a smallest pivot below the square root of the machine epsilon times the largest
+    /// triggers a second test: with `A` scaled to rows and columns of unit size, the matrix is singular if
+    /// `|A v| < (32 + 2 sqrt(unknowns)) epsilon |v|` for some vector `v`. This test does not reject a regular matrix
+    /// because its unknowns have different units.
     pub singular_below: Option<f64>,
-    /// The order of elimination; a backend without a choice ignores it.
+    /// The fill-reducing ordering; ignored by a backend that offers no choice.
     pub ordering: Ordering,
-    /// By a factorization or by iterations.
+    /// Direct or iterative solution.
     pub method: Method,
 }
 
@@ -180,16 +181,16 @@ impl Default for SolverParams {
 }
 
 impl SolverParams {
-    /// The defaults for a matrix of the stated symmetry.
+    /// The default parameters for a matrix of the given symmetry.
     #[must_use]
     pub fn new(symmetry: Symmetry) -> Self {
         Self { symmetry, singular_below: None, ordering: Ordering::Auto, method: Method::Direct }
     }
 
-    /// Refuses numbers that nothing can work with.
+    /// Checks that all parameters are in range.
     ///
     /// # Errors
-    /// As for [`Iterative::check`].
+    /// Returns the error of [`Iterative::check`].
     pub fn check(&self) -> Result<(), InvalidParameter> {
         match &self.method {
             Method::Direct => Ok(()),
@@ -197,7 +198,7 @@ impl SolverParams {
         }
     }
 
-    /// The same, by iterations.
+    /// Replaces the method by an iterative one.
     #[must_use]
     pub fn iterative(mut self, iterative: Iterative) -> Self {
         self.method = Method::Iterative(iterative);

@@ -1,48 +1,49 @@
-//! What a factorization and a solution did.
+//! Reports of factorizations and solves.
 
-/// The factorization that served.
+/// The kind of factorization computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Factorization {
     /// `L L^T`.
     Cholesky,
-    /// `L D L^T` with pivoting in blocks: the matrix is symmetric but not (numerically) definite.
+    /// `L D L^T` with 1x1 and 2x2 pivots: the matrix is symmetric but not (numerically) positive definite.
     Ldlt,
     /// `L U` with pivoting.
     Lu,
-    /// None: an approximate inverse was made for an iterative method.
+    /// No exact factorization: an iterative method set up its preconditioner.
     Approximate,
 }
 
-/// What a factorization found.
+/// The result of a factorization.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FactorReport {
-    /// The one that served.
+    /// The kind of factorization computed.
     pub kind: Factorization,
-    /// The unknown at whose pivot Cholesky gave up, where LDL^T had to take over.
+    /// The unknown whose pivot made Cholesky fail, so that LDL^T was used instead.
     pub indefinite_at: Option<usize>,
-    /// Smallest over largest pivot, by absolute value: a cheap sign of how near to singular the matrix is. An estimate of
-    /// the reciprocal condition number where a library does not show its pivots (large sparse LU); 1 where nothing was
+    /// Smallest over largest pivot, by absolute value: an inexpensive indicator of near singularity. For a library that
+    /// does not expose its pivots (large sparse LU), an estimate of the reciprocal condition number; 1 if nothing was
     /// factored.
     pub pivot_ratio: f64,
-    /// How many pivots are negative, 2x2 blocks counted by their eigenvalues: as many as the matrix has negative
-    /// eigenvalues, by Sylvester's law of inertia. 0 for Cholesky; `None` for LU, whose pivots say nothing about that, and for iterative methods.
+    /// Number of negative pivots, with 2x2 blocks counted by their eigenvalues; by Sylvester's law of inertia, the
+    /// number of negative eigenvalues of the matrix. 0 for Cholesky; `None` for LU, whose pivots do not determine it,
+    /// and for iterative methods.
     pub negative_pivots: Option<usize>,
 }
 
-/// What a solve did.
+/// The result of a solve.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SolveReport {
-    /// Iterations of an iterative method, of all right-hand sides together; 0 for a direct one.
+    /// Total number of iterations over all right-hand sides; 0 for a direct method.
     pub iterations: usize,
-    /// The largest residual over its right-hand side that an iterative method left; 0 for a direct one, which does not look.
+    /// Largest relative residual over all right-hand sides; 0 for a direct method, which does not compute it.
     pub residual: f64,
 }
 
 impl SolveReport {
-    /// That of a direct method.
+    /// The report of a direct solve.
     pub const DIRECT: Self = Self { iterations: 0, residual: 0.0 };
 
-    /// Both together.
+    /// Combines two reports: adds the iterations and takes the larger residual.
     #[must_use]
     pub fn and(self, other: Self) -> Self {
         Self { iterations: self.iterations + other.iterations, residual: self.residual.max(other.residual) }
