@@ -1,4 +1,4 @@
-//! The macro scale of a tissue: a case in the terms of [`crate::fem`].
+//! The macro scale of a tissue: translates a case to the types of [`crate::fem`].
 
 use thiserror::Error;
 
@@ -12,27 +12,27 @@ use crate::fem::stepping::{StepParams, StepStart};
 use crate::input::{InputError, InputErrors};
 use crate::tissue::case::{self, Case, CurveCase, LoadCase, MeshSource, PointPlace};
 
-/// Why the mesh or the conditions of a case cannot be had.
+/// The reason why the mesh or the boundary conditions of a case cannot be created.
 #[derive(Debug, Error)]
 pub enum MacroScaleError {
-    /// The mesh file, or names in the case that the mesh does not know.
+    /// The mesh file has errors, or the case uses names that the mesh does not have.
     #[error("{0}")]
     Input(#[from] InputErrors),
-    /// A load curve.
+    /// A load curve is invalid.
     #[error("the load curve in line {line}: {reason}")]
     Curve {
         /// Line in the case file.
         line: usize,
-        /// What is wrong with it.
+        /// The error in the curve.
         reason: CurveError,
     },
 }
 
-/// Reads or makes the mesh of a case, in meters, and holds the names in the case against it. Also returns the warnings
-/// of the reader.
+/// Reads or generates the mesh of a case, in meters, and checks the names in the case against it. Also returns the
+/// warnings of the reader.
 ///
 /// # Errors
-/// [`MacroScaleError`].
+/// Returns [`MacroScaleError::Input`] if the mesh cannot be read, generated or scaled, or lacks a name in the case.
 pub fn mesh(case: &Case) -> Result<(Mesh, Vec<String>), MacroScaleError> {
     let (mesh, warnings) = match &case.mesh {
         MeshSource::File(path) => {
@@ -60,7 +60,7 @@ pub fn mesh(case: &Case) -> Result<(Mesh, Vec<String>), MacroScaleError> {
     Ok((mesh, warnings))
 }
 
-/// A built-in shape that cannot be made of the lengths given.
+/// The error for a built-in shape that cannot be generated from the given lengths.
 fn not_made(case: &Case, error: &ShapeError) -> InputErrors {
     let (expected, cure) = match error {
         ShapeError::TooManyElements { .. } => (
@@ -75,10 +75,10 @@ fn not_made(case: &Case, error: &ShapeError) -> InputErrors {
     InputError::at_line(&case.file, case.mesh_line, error.to_string(), expected, cure).into()
 }
 
-/// The conditions of a case laid on its mesh.
+/// Applies the boundary conditions of a case to its mesh.
 ///
 /// # Errors
-/// [`MacroScaleError::Input`] where they do not fit it or each other, with the line of the condition.
+/// Returns [`MacroScaleError::Input`] if a condition contradicts the mesh or another condition, with its line.
 pub fn boundary(case: &Case, mesh: &Mesh, conditions: &Conditions) -> Result<Boundary, MacroScaleError> {
     Boundary::new(mesh, conditions).map_err(|error| {
         let (line, expected, cure) = match &error {
@@ -109,7 +109,7 @@ pub fn boundary(case: &Case, mesh: &Mesh, conditions: &Conditions) -> Result<Bou
     })
 }
 
-/// The line of a condition, by what errors of the boundary call it.
+/// Returns the line of a condition, given its description in a [`BoundaryError`].
 fn line_of(case: &Case, place: &str) -> Option<usize> {
     let number = |prefix: &str| place.strip_prefix(prefix)?.parse::<usize>().ok()?.checked_sub(1);
     if let Some(point) = number("point condition ") {
@@ -122,10 +122,10 @@ fn line_of(case: &Case, place: &str) -> Option<usize> {
     case.boundaries.iter().rfind(|boundary| boundary.surface == name).map(|boundary| boundary.line)
 }
 
-/// What a case prescribes, in meters and newtons.
+/// Returns the boundary conditions of a case, in meters and newtons.
 ///
 /// # Errors
-/// [`MacroScaleError::Curve`].
+/// Returns [`MacroScaleError::Curve`] if a load curve is invalid.
 pub fn conditions(case: &Case) -> Result<Conditions, MacroScaleError> {
     let surfaces = case.boundaries.iter().map(|boundary| {
         Ok(SurfaceCondition {
@@ -165,7 +165,7 @@ fn curve(case: &CurveCase, line: usize) -> Result<LoadCurve, MacroScaleError> {
     }
 }
 
-/// How a case is to be stepped through.
+/// Returns the parameters of load stepping of a case.
 #[must_use]
 pub fn step_params(case: &Case) -> StepParams {
     let mut params = StepParams {

@@ -1,42 +1,44 @@
-//! Whether loads, stiffnesses and lengths of a case go together: a wrong unit shows here, before anything is solved.
+//! Plausibility check of the loads, stiffnesses and lengths of a case, which finds wrong units before the solve.
 //!
-//! Each load is turned into the strain that it would cause in a uniform body: a displacement over the longest edge of the
-//! body, a traction over the stiffness of the softest region, a body force times that edge over the same. These are
-//! orders of magnitude, good enough to find a modulus in MPa or a mesh in mm, and nothing else is done with them.
+//! Each load is converted to the strain that it would cause in a uniform body: a displacement divided by the longest
+//! edge of the body, a traction divided by the stiffness of the softest region, a body force times that edge divided by
+//! the same stiffness. These are orders of magnitude, sufficient to find a modulus in MPa or a mesh in mm, and not used
+//! otherwise.
 
 use crate::fem::mesh::Mesh;
 use crate::las::Backend;
 use crate::tissue::case::{Case, CurveCase, FormulaCase, LoadCase, MaterialCase};
 use crate::tissue::micro_scale::Library;
 
-/// No tissue is strained beyond this.
+/// Strain above which a load is implausible for tissue.
 const LARGEST_STRAIN: f64 = 3.0;
-/// If every load of a case causes less strain than this, one of its units is doubtful.
+/// If every load of a case causes less strain than this, one of its units is probably wrong.
 const SMALLEST_STRAIN: f64 = 1e-9;
-/// Beyond this ratio the softer of two materials side by side, or in parallel, takes no part.
+/// Above this ratio, the softer of two materials, in different regions or in parallel, contributes nothing.
 const LARGEST_RATIO: f64 = 1e6;
-/// Edges of the body, m, outside of which its unit is doubtful.
+/// Range of the longest edge of the body, m, outside of which its unit is probably wrong.
 const SENSIBLE_EDGES: std::ops::RangeInclusive<f64> = 1e-5..=5.0;
 
-/// How stiff a region of the case is at rest, Pa.
+/// The stiffness of a region of the case at rest, Pa.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Stiffness {
-    /// The number of the region in the case.
+    /// Index of the region in the case.
     region: usize,
     /// Young's modulus of the formula, or of the matrix.
     formula: Option<f64>,
-    /// `kappa sum E A L` of the least and of the greatest network: what fibers would give if all lay along the load.
+    /// `kappa sum E A L` of the softest and of the stiffest network: the stiffness if all fibers were parallel to the
+    /// load.
     fibers: Option<[f64; 2]>,
 }
 
 impl Stiffness {
-    /// What resists a load: an RVE and its matrix are in parallel.
+    /// The stiffness that resists a load: RVE and matrix in parallel.
     fn total(&self) -> f64 {
         self.formula.unwrap_or(0.0) + self.fibers.map_or(0.0, |[least, _]| least)
     }
 }
 
-/// What to say of a case whose numbers do not go together, one line each, with the place in the case file.
+/// Returns the warnings for a case with implausible numbers, one line each, with the place in the case file.
 pub(super) fn warnings<B: Backend<Scalar = f64>>(case: &Case, mesh: &Mesh, library: &Library<B>) -> Vec<String> {
     let mut regions: Vec<usize> = mesh.regions().iter().filter_map(|name| case.region_of(name)).collect();
     regions.sort_unstable();
@@ -90,7 +92,7 @@ fn of_magnitudes(case: &Case, mesh: &Mesh, stiffnesses: &[Stiffness]) -> Vec<Str
     warnings
 }
 
-/// Materials beside and within each other.
+/// Compares the materials of different regions, and fibers and matrix in parallel.
 fn of_stiffnesses<'a>(case: &'a Case, stiffnesses: &'a [Stiffness]) -> impl Iterator<Item = String> + 'a {
     let within = stiffnesses.iter().filter_map(|stiffness| {
         let (matrix, [least, most]) = (stiffness.formula?, stiffness.fibers?);
@@ -125,11 +127,11 @@ fn of_stiffnesses<'a>(case: &'a Case, stiffnesses: &'a [Stiffness]) -> impl Iter
     within.chain(beside)
 }
 
-/// A load by the strain that it would cause.
+/// A load and the strain that it would cause.
 struct Load {
     line: usize,
     strain: f64,
-    /// What to say where that is too much.
+    /// The warning if the strain is too large.
     told: String,
 }
 
@@ -177,7 +179,7 @@ fn loads(case: &Case, edge: f64, softest: Option<&Stiffness>) -> Vec<Load> {
     boundaries.chain(points).chain(forces).collect()
 }
 
-/// The greatest factor of a curve, without its sign.
+/// The largest absolute factor of a curve.
 fn peak(curve: &CurveCase) -> f64 {
     match curve {
         CurveCase::Ramp => 1.0,
@@ -185,7 +187,7 @@ fn peak(curve: &CurveCase) -> f64 {
     }
 }
 
-/// The longest edge of the box around the body, m.
+/// The longest edge of the bounding box of the body, m.
 fn longest_edge(mesh: &Mesh) -> f64 {
     let edge = |axis: usize| {
         let coordinates = || mesh.nodes().iter().map(|node| node[axis]);
@@ -194,7 +196,7 @@ fn longest_edge(mesh: &Mesh) -> f64 {
     (0..3).map(edge).fold(0.0, f64::max)
 }
 
-/// Two digits: more would pretend to know more.
+/// Formats a number with two decimals, or else two significant digits, since only its order of magnitude is meaningful.
 fn short(x: f64) -> String {
     if (0.01..1e4).contains(&x) { format!("{}", (x * 100.0).round() / 100.0) } else { format!("{x:.1e}") }
 }
@@ -229,7 +231,7 @@ displacement = { x = 0.1 }
 "#;
     const PULLED: &str = "displacement = { x = 0.1 }";
 
-    /// The warnings of a case on a box of this edge, without the name of the file.
+    /// Returns the warnings of a case on a box of this edge, without the name of the file.
     fn told(text: &str, edge: f64, fibers: Option<[f64; 2]>) -> Vec<String> {
         let case = Case::parse(text, Path::new("case.toml")).unwrap_or_else(|errors| panic!("{errors}")).case;
         let mesh = cuboid([1, 1, 1], [edge, 0.5 * edge, 0.5 * edge]).unwrap();
@@ -247,7 +249,7 @@ displacement = { x = 0.1 }
         for load in ["traction = [4e2, 0, 0]", "traction = [0, -1e-3, 0]", "displacement = { x = 0.0 }"] {
             assert_eq!(told(&CASE.replace(PULLED, load), 1.0, None), [""; 0], "{load}");
         }
-        // A small load beside another one is meant to be small.
+        // A load may be small if another one is not.
         let force = "[[body_force]]\nregion = \"*\"\nvalue = [0, 0, 1e-12]\n";
         assert_eq!(told(&format!("{CASE}{force}"), 1.0, Some([1e2, 1e8])), [""; 0]);
     }

@@ -1,12 +1,13 @@
-//! The soft-tissue application: the macro scale and the fiber RVEs put together.
+//! The soft-tissue application: couples the macro scale with the fiber RVEs.
 //!
 //! ```text
 //! case file ─► case::Case ─► macro_scale (mesh, loads) ──┐
 //!                       └──► micro_scale (networks) ─────┴─► run::Simulation ─► results (directory) ─► report
 //! ```
 //!
-//! [`micro_scale::TissueField`] answers the seam [`crate::fem::point_field`] with a formula or a network at every
-//! element, networks on all cores; [`run::Simulation`] takes the load steps and writes the result directory.
+//! [`micro_scale::TissueField`] implements the interface [`crate::fem::point_field`] with a formula or a network in
+//! every element, where all threads solve the networks; [`run::Simulation`] takes the load steps and writes the result
+//! directory.
 
 pub mod case;
 pub mod checkpoint;

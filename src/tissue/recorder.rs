@@ -1,4 +1,4 @@
-//! Writes the result directory while a run goes on.
+//! Writes the result directory during a run.
 
 use std::path::{Path, PathBuf};
 
@@ -25,27 +25,27 @@ use crate::fem::stepping::{ConvergedStep, FailedAttempt, StepReport};
 use crate::las::NewtonReport;
 use crate::output;
 
-/// Who wants to know how far a run is.
+/// An observer of the progress of a run.
 pub trait Progress {
-    /// A load step has converged.
+    /// Called after a load step has converged.
     fn converged(&mut self, step: &Step);
 
-    /// An attempt has failed and will be tried with half the increment, if there are halvings left.
+    /// Called after an attempt has failed; the increment is then halved, if there are halvings left.
     fn failed(&mut self, cut: &Cut);
 }
 
-/// Nobody.
+/// Ignores progress.
 impl Progress for () {
     fn converged(&mut self, _: &Step) {}
 
     fn failed(&mut self, _: &Cut) {}
 }
 
-/// Where a run goes on that was taken up again.
+/// The state from which a resumed run continues.
 pub(super) struct GoingOn {
-    /// The full steps.
+    /// The completed steps.
     pub done: Done,
-    /// What the run had written until then.
+    /// The results that the run had written until then.
     pub written: Written,
 }
 
@@ -64,13 +64,13 @@ pub(super) struct Recorder<'a> {
     written: Vec<FieldFile>,
     progress: &'a mut dyn Progress,
     started: std::time::Instant,
-    /// The file of the RVE that made the last attempt fail, if one did.
+    /// The dump of the RVE that made the last attempt fail, if one did.
     lost: Option<PathBuf>,
 }
 
 impl<'a> Recorder<'a> {
-    /// Makes the directory and its files. Of a run from the beginning, what an earlier run left there is removed; one that
-    /// goes on keeps it up to there. `elements` are those whose networks are written.
+    /// Creates the directory and its files. A run from the beginning removes the results of an earlier run; a resumed
+    /// one keeps those up to the step that it continues from. `elements` are those whose networks are written.
     pub fn open(
         dir: &Path,
         case: &Case,
@@ -81,10 +81,10 @@ impl<'a> Recorder<'a> {
     ) -> Result<Self, ResultsError> {
         std::fs::create_dir_all(dir).map_err(ResultsError::write(dir))?;
         match resumed {
-            // Its run may have been killed before it had removed those that are too old.
+            // The run may have been killed before it removed the oldest checkpoints.
             Some(on) => checkpoint::keep_last(dir, on.done.steps)?,
             None => {
-                // Checkpoints first: none may outlive the results that belong to it.
+                // Checkpoints first: no checkpoint may exist without its results.
                 checkpoint::clear(dir)?;
                 results::clear(dir)?;
             }
@@ -129,11 +129,11 @@ impl<'a> Recorder<'a> {
         })
     }
 
-    /// Brings to the disk what was written so far, so that a checkpoint may stand for it, and says what that is.
+    /// Flushes the results to disk, so that a checkpoint may refer to them, and returns their description.
     pub fn settle(&self) -> Result<Written, ResultsError> {
         self.loads.sync()?;
         self.log.sync()?;
-        // Files are on the disk before they get their names; their names are in the folders.
+        // The content of a file is flushed before it is renamed; this flushes the names in the folders.
         output::sync_folder(&self.dir).map_err(ResultsError::write(&self.dir))?;
         if let Some(folder) = self.networks.folder() {
             output::sync_folder(folder).map_err(ResultsError::write(folder))?;
@@ -160,7 +160,7 @@ impl<'a> Recorder<'a> {
         self.loads.row(step.step, step.t, &surfaces, &points, &volumes)
     }
 
-    /// Writes the fields and the networks of a state: that of a whole step, or one on the way from it to the next.
+    /// Writes the fields and the networks of a state: that of a full step, or of a substep after it.
     fn write_fields<M: TissueMaterial>(
         &mut self,
         (step, whole): (usize, bool),
@@ -209,7 +209,7 @@ impl<'a> Recorder<'a> {
         self.networks.write((step, whole), state.t, field)
     }
 
-    /// Writes where the time of ranks went, trial state by trial state.
+    /// Writes the times of all ranks, one entry per trial state.
     fn write_seconds(&mut self, step: usize, iterations: &[Vec<RankSeconds>]) -> Result<(), ResultsError> {
         for (iteration, ranks) in (1..).zip(iterations) {
             self.log.write(&Event::Ranks(Ranks { step, iteration, ranks: ranks.clone() }))?;
@@ -217,7 +217,7 @@ impl<'a> Recorder<'a> {
         Ok(())
     }
 
-    /// Writes what repeats the failure of an RVE; gives the file, relative to the directory.
+    /// Writes the dump of a failed RVE; returns the file, relative to the directory.
     fn write_lost(&self, step: usize, halvings: u32, mut lost: LostRve) -> Result<PathBuf, ResultsError> {
         let file = lost_file(step, halvings, lost.element);
         lost.dump.origin = format!("element {} in load step {step}", lost.element);
@@ -225,13 +225,13 @@ impl<'a> Recorder<'a> {
         Ok(file)
     }
 
-    /// The file that repeats the failure of the RVE that made the last attempt fail, if one did.
+    /// Returns the dump of the RVE that made the last attempt fail, if one did.
     pub fn lost(&self) -> Option<&Path> {
         self.lost.as_deref()
     }
 
-    /// Writes the fields of the last state that converged, where they are not written yet: of a run that ends early
-    /// between two outputs, or within a step that was cut. `step` is the last full step.
+    /// Writes the fields of the last converged state if they are not written yet, for a run that fails between two
+    /// outputs or within a step that was halved. `step` is the last full step.
     pub fn write_last<M: TissueMaterial>(
         &mut self,
         step: usize,
@@ -248,7 +248,7 @@ impl<'a> Recorder<'a> {
     }
 }
 
-/// What [`StepObserver`](crate::fem::stepping::StepObserver) is told.
+/// The callbacks of [`StepObserver`](crate::fem::stepping::StepObserver).
 impl Recorder<'_> {
     pub fn converged<M: TissueMaterial>(&mut self, step: &ConvergedStep<'_, M>) -> Result<(), ResultsError> {
         self.write_loads(step)?;
@@ -291,14 +291,14 @@ impl Recorder<'_> {
     }
 }
 
-/// One file a part of the body, and the one that names them.
+/// Writes one file per part of the body, and the index file that lists them.
 fn write_parts(path: &Path, fields: &FieldSet<'_>, part_of: &[u32], parts: usize) -> Result<(), ResultsError> {
     let pieces = Pieces::new(fields.elements, part_of, parts);
     (0..parts).try_for_each(|part| pieces.write_part(part, path, fields))?;
     pieces.write_index(path, fields)
 }
 
-/// The sum of all surface and point forces, and that over the largest of them.
+/// The sum of all surface and point forces, and its norm divided by the largest of their norms.
 fn balance(forces: &BoundaryForces) -> Balance {
     let norm = |force: &[f64; 3]| force.iter().map(|f| f * f).sum::<f64>().sqrt();
     let all = forces.surfaces.iter().map(|s| &s.force).chain(forces.points.iter().map(|p| &p.force));
@@ -332,7 +332,7 @@ fn newton_log(report: &NewtonReport) -> NewtonLog {
     }
 }
 
-/// All sub-steps of a step together; residuals one history after another.
+/// Sums the counts of all substeps of a step and concatenates their residual histories.
 fn newton_of_step(report: &StepReport, started: std::time::Instant) -> NewtonLog {
     let mut sum = NewtonLog::default();
     for part in &report.substeps {
@@ -386,7 +386,7 @@ fn rve_log(stats: &SweepStats, field: &impl TissueMaterial) -> RveLog {
     }
 }
 
-/// Fields of the elements, gathered for the writer.
+/// The element fields, collected for the writer.
 #[derive(Default)]
 struct CellFields {
     cauchy: Vec<[f64; 9]>,
@@ -416,7 +416,7 @@ impl CellFields {
             cells.von_mises.push(von_mises(&cauchy));
             cells.cauchy.push(row_major(&cauchy));
             cells.gradient.push(row_major(f));
-            // Elements without fibers have no direction, and -1 where a number would be.
+            // Elements without fibers have 0 in the fiber fields, and -1 in `iterations` and `network`.
             let s = summary.as_ref();
             cells.orientation.push(s.map_or([0.0; 9], |s| row_major(&s.orientation)));
             cells.direction.push(s.map_or([0.0; 3], |s| s.direction.into()));

@@ -1,9 +1,9 @@
-//! One equilibrium of one RVE, with everything that it depends on, in a file: `biotissue rve --dump`, `--replay`, and what
-//! a run leaves of an RVE that it lost.
+//! A file with one equilibrium problem of one RVE. `biotissue rve --dump` writes it, and so does a run for an RVE
+//! without an equilibrium; `biotissue rve --replay` solves it.
 //!
-//! A JSON object: the network with the materials of its fibers, the stress scale, the state that the RVE started from,
-//! the deformation gradient asked for, and the parameters. Numbers have all their digits, so that the same program
-//! repeats the equilibrium bit for bit.
+//! The file is a JSON object: the network with the materials of its fibers, the stress scale, the start state, the
+//! requested deformation gradient, and the parameters. Numbers have all digits, so that the same program reproduces the
+//! equilibrium bit for bit.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -21,27 +21,27 @@ use crate::input::InputError;
 use crate::las::Backend;
 use crate::output;
 
-/// The folder of a result directory for RVEs that were lost.
+/// The folder of a result directory for RVEs that found no equilibrium.
 pub const LOST_FOLDER: &str = "lost-rve";
 
-/// An equilibrium to be computed.
+/// An equilibrium problem of one RVE.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RveDump {
-    /// Where the RVE comes from, in words.
+    /// The origin of the RVE as text.
     pub origin: String,
     /// The network, with the materials of its fibers.
     pub network: Arc<Network>,
-    /// How forces become stresses.
+    /// The conversion of forces to stresses.
     pub scale: StressScale,
-    /// The state to start from.
+    /// The start state.
     pub start: Rve,
-    /// The deformation gradient asked for.
+    /// The requested deformation gradient.
     pub target: Matrix3<f64>,
-    /// How it is to be solved.
+    /// The solver parameters.
     pub params: EquilibriumParams,
 }
 
-/// The file as it stands; tensors row by row.
+/// The content of the file; tensors row by row.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Document {
@@ -49,14 +49,14 @@ struct Document {
     origin: String,
     network: NetworkDocument,
     materials: Vec<NamedLaw>,
-    /// Absent for forces as they are.
+    /// Absent for [`StressScale::Raw`].
     fiber_volume_fraction: Option<f64>,
     start: StateDocument,
     target: [[f64; 3]; 3],
     solver: SolverDocument,
 }
 
-/// In unit-cube units.
+/// Lengths in units of the unit cube.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct NetworkDocument {
@@ -85,7 +85,7 @@ struct SolverDocument {
 }
 
 impl RveDump {
-    /// An equilibrium of a model.
+    /// Creates the problem of a model from its start state and the requested deformation gradient.
     #[must_use]
     pub fn new(
         origin: String,
@@ -101,10 +101,10 @@ impl RveDump {
         Self { origin, network, scale, start: start.clone(), target: *target, params: *params }
     }
 
-    /// Writes the file as [`output::write`] does, and the folder it lies in where there is none.
+    /// Writes the file as [`output::write`] does, and creates its folder if it does not exist.
     ///
     /// # Errors
-    /// [`ResultsError::Write`].
+    /// Returns [`ResultsError::Write`] if the file or its folder cannot be written.
     pub fn write(&self, path: &Path) -> Result<(), ResultsError> {
         if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
             std::fs::create_dir_all(folder).map_err(ResultsError::write(folder))?;
@@ -145,10 +145,11 @@ impl RveDump {
         }
     }
 
-    /// Reads a file that [`RveDump::write`] has written.
+    /// Reads a file written by [`RveDump::write`].
     ///
     /// # Errors
-    /// What is wrong, with the line where there is one.
+    /// Returns [`InputError`], with the line if there is one, if the file cannot be read or its content is
+    /// inconsistent.
     pub fn read(path: &Path) -> Result<Self, InputError> {
         let text = std::fs::read_to_string(path).map_err(|error| InputError::unreadable(path, &error))?;
         let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
@@ -159,7 +160,7 @@ impl RveDump {
         Self::of(document, folder).map_err(|what| InputError::in_file(path, what, EXPECTED, CURE))
     }
 
-    /// The content of a file, or what does not fit in it.
+    /// Converts the content of a file, or returns the inconsistency.
     fn of(document: Document, folder: &Path) -> Result<Self, String> {
         let Document { origin, network, materials, fiber_volume_fraction, start, target, solver, .. } = document;
         let NetworkDocument { name, nodes, fibers, material_of } = network;
@@ -191,7 +192,7 @@ impl RveDump {
 const EXPECTED: &str = "a file that `biotissue rve --dump` or a run that lost an RVE has written";
 const CURE: &str = "write it again with this version of the program";
 
-/// The file, within a result directory, of an RVE that was lost in a load step.
+/// Returns the path, within a result directory, of the dump of an RVE that failed in a load step.
 #[must_use]
 pub fn lost_file(step: usize, halvings: u32, element: usize) -> PathBuf {
     Path::new(LOST_FOLDER).join(format!("step-{step:05}-cut-{halvings:02}-element-{element}.json"))

@@ -1,4 +1,4 @@
-//! The deformed networks of the elements that a case asks for: `rve/` in the result directory.
+//! The deformed networks of the elements that a case requests: `rve/` in the result directory.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -14,10 +14,10 @@ use super::results::{
 };
 use crate::input::{InputError, InputErrors};
 
-/// The elements whose networks a case wants written, ascending.
+/// Returns the elements whose networks a case requests, ascending.
 ///
 /// # Errors
-/// All elements that do not exist, and all that have no fibers.
+/// Returns [`InputErrors`] that list all requested elements that do not exist or have no fibers.
 pub(super) fn elements(case: &Case, count: usize, field: &impl TissueMaterial) -> Result<Vec<usize>, InputErrors> {
     let ids = match &case.output.rve {
         RveOutput::None => return Ok(Vec::new()),
@@ -43,15 +43,15 @@ pub(super) fn elements(case: &Case, count: usize, field: &impl TissueMaterial) -
     if errors.is_empty() { Ok(ids.clone()) } else { Err(InputErrors(errors)) }
 }
 
-/// The files of these elements while a run goes on.
+/// The network files of a run in progress.
 pub(super) struct NetworkFiles {
     folder: PathBuf,
     series: Vec<(usize, Collection)>,
 }
 
 impl NetworkFiles {
-    /// Of a run from the beginning, or of one that goes on. Then the networks of all elements, asked for or not, are listed up
-    /// to there.
+    /// Opens the files of a run. For a resumed run, the collections of all elements in the folder, also those that are
+    /// not requested, are restored to the completed steps.
     pub fn open(dir: &Path, elements: &[usize], resumed: Option<Done>) -> Result<Self, ResultsError> {
         let folder = dir.join(NETWORKS_FOLDER);
         if !elements.is_empty() {
@@ -69,12 +69,12 @@ impl NetworkFiles {
         Ok(Self { series: series.into_iter().collect(), folder })
     }
 
-    /// The folder of the files, where there are any.
+    /// Returns the folder of the files; `None` if no networks are written.
     pub fn folder(&self) -> Option<&Path> {
         (!self.series.is_empty()).then_some(self.folder.as_path())
     }
 
-    /// Writes all networks as they are after a converged step.
+    /// Writes all networks after a converged step or substep.
     pub fn write<M: TissueMaterial>(
         &mut self,
         (step, whole): (usize, bool),

@@ -1,17 +1,17 @@
-//! The stress that the fields show.
+//! The stress in the field files.
 
 use nalgebra::Matrix3;
 
 use super::case::{Case, FormulaModel, MaterialCase};
 use crate::fem::mesh::Mesh;
 
-/// The Cauchy stress of every element, by the theory that its material belongs to.
+/// The Cauchy stress of every element, by finite or small-strain theory as its material requires.
 ///
-/// `sigma = P F^T / J` of finite strain does not hold for the small-strain material `linear-elastic`, whose `P` is the stress
-/// of the undeformed body as well as of the deformed one: `P F^T / J` of it is not even symmetric. There `sigma = P`.
+/// In finite strain, `sigma = P F^T / J`. The small-strain material `linear-elastic` does not distinguish the deformed
+/// from the undeformed configuration: its `sigma` is `P`, and `P F^T / J` would not even be symmetric.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct CauchyStress {
-    /// Whether each region of the mesh is of a small-strain material.
+    /// Per region of the mesh: true for a small-strain material.
     is_small_strain: Vec<bool>,
 }
 
@@ -24,7 +24,8 @@ impl CauchyStress {
         Self { is_small_strain: mesh.regions().iter().map(is_small_strain).collect() }
     }
 
-    /// `sigma`, Pa, of an element of a region at the deformation gradient `f` and the first Piola-Kirchhoff stress `pk1`.
+    /// Returns `sigma`, Pa, of an element of a region at the deformation gradient `f` and first Piola-Kirchhoff stress
+    /// `pk1`.
     pub(super) fn of(&self, region: u32, f: &Matrix3<f64>, pk1: &Matrix3<f64>) -> Matrix3<f64> {
         match self.is_small_strain.get(region as usize) {
             Some(true) => *pk1,

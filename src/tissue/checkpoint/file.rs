@@ -1,6 +1,7 @@
-//! One checkpoint file: eight letters, the version of the format, the content by `postcard`, and a hash of all before.
+//! A checkpoint file: eight letters, the version of the format, the content encoded by `postcard`, and a hash of all
+//! these.
 //!
-//! Every version of the format begins and ends like this, so that damage can be told from another version.
+//! The beginning and the end are the same in every version, so that damage can be distinguished from another version.
 
 use std::fs;
 use std::io::{self, BufWriter, Write};
@@ -14,17 +15,17 @@ use crate::checksum::Fnv;
 use crate::tissue::results::{ResultsError, replace_by};
 
 const MAGIC: &[u8; 8] = b"BIOTISSU";
-/// Counts up whenever the content changes its form.
+/// The version of the format, incremented whenever the content changes.
 const VERSION: u32 = 4;
 const HEAD: usize = MAGIC.len() + size_of::<u32>();
 const TAIL: usize = size_of::<u64>();
 
-/// Whether a file, which may have been cut short, begins as one of any version does.
+/// Returns true if a file, which may be truncated, begins like a checkpoint of any version.
 pub(super) fn is_begin(bytes: &[u8]) -> bool {
     MAGIC.starts_with(&bytes[..bytes.len().min(MAGIC.len())])
 }
 
-/// Writes a checkpoint; a file that is there already stays whole until the new one is.
+/// Writes a checkpoint; an existing file is replaced only when the new one is complete.
 pub(super) fn write(path: &Path, content: &impl Serialize) -> Result<(), ResultsError> {
     replace_by(path, |file| {
         let mut out = Hashing { to: BufWriter::new(file), hash: Fnv::new(), failed: None };
@@ -39,7 +40,7 @@ pub(super) fn write(path: &Path, content: &impl Serialize) -> Result<(), Results
     })
 }
 
-/// Reads a checkpoint. No more memory is asked for than the file is long, whatever counts it claims.
+/// Reads a checkpoint. The memory allocated is limited by the length of the file, whatever counts it contains.
 pub(super) fn read<T: DeserializeOwned>(path: &Path) -> Result<T, CheckpointError> {
     let bytes = fs::read(path).map_err(|source| CheckpointError::Unreadable { path: path.into(), source })?;
     let damaged = |what: String| CheckpointError::Damaged { path: path.into(), what };
@@ -66,7 +67,7 @@ pub(super) fn read<T: DeserializeOwned>(path: &Path) -> Result<T, CheckpointErro
     }
 }
 
-/// Hashes what goes through it, and keeps the error that the serializer would drop.
+/// A writer that hashes all bytes, and keeps the I/O error, which the serializer would drop.
 struct Hashing<W> {
     to: W,
     hash: Fnv,

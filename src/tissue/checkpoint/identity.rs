@@ -1,4 +1,4 @@
-//! What a checkpoint belongs to: the case, the mesh and the networks of its run.
+//! The case, the mesh and the networks that a checkpoint belongs to.
 
 use std::path::{Path, PathBuf};
 
@@ -12,7 +12,7 @@ use crate::fiber::network::Network;
 use crate::tissue::case::{Case, MaterialCase, MeshSource, OutputCase, RveOutput, ScalesCase};
 use crate::tissue::micro_scale::TissueMaterial;
 
-/// Case, mesh and networks of a run. Where the files lie, what the run is called and what it writes do not count.
+/// The case, mesh and networks of a run, without the location of files, the title and the output settings.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Identity {
     /// Version of the program.
@@ -27,7 +27,7 @@ pub struct Identity {
     networks: u64,
 }
 
-/// Why a run cannot go on from the state of another.
+/// The reason why a run cannot resume from the state of another.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum Mismatch {
     /// The cases differ.
@@ -35,9 +35,9 @@ pub enum Mismatch {
     Case {
         /// The table of the case, such as `[steps]`.
         section: String,
-        /// The line then; empty where there was none.
+        /// The line in the checkpoint; empty if there was none.
         before: String,
-        /// The line now; empty where there is none.
+        /// The line in the current case; empty if there is none.
         now: String,
     },
     /// The meshes differ.
@@ -53,7 +53,7 @@ fn entry(line: &str) -> String {
 }
 
 impl Identity {
-    /// Of a run that is set up.
+    /// Returns the identity of a run.
     #[must_use]
     pub fn new(backend: &str, case: &Case, mesh: &Mesh, field: &impl TissueMaterial) -> Self {
         let mut networks = Fnv::new();
@@ -69,11 +69,11 @@ impl Identity {
         }
     }
 
-    /// Whether a run that is `now` can go on from a state of this one; also returns what may change its numbers a
-    /// little: another version, another backend, other settings of the solvers.
+    /// Checks whether run `now` can resume from a state of this run. Returns differences that may slightly change the
+    /// results: another version, backend, or solver setting.
     ///
     /// # Errors
-    /// [`Mismatch`].
+    /// Returns [`Mismatch`] if the case, the mesh or the networks differ otherwise.
     pub fn check(&self, now: &Self) -> Result<Vec<String>, Mismatch> {
         let mut remarks = Vec::new();
         for (what, before, now) in [("version", &self.program, &now.program), ("backend", &self.backend, &now.backend)]
@@ -99,13 +99,13 @@ impl Identity {
     }
 }
 
-/// The case as TOML, reduced to what the results depend on.
+/// The case as TOML, reduced to the entries that the results depend on.
 fn text_of(case: &Case) -> String {
     let mut case = case.clone();
     case.title.clear();
     case.scales = ScalesCase::default();
     case.output = OutputCase { directory: PathBuf::new(), every: 1, rve: RveOutput::None };
-    // A folder that was moved holds the same run; what is in the files counts by its hash.
+    // A run stays the same if its folder is moved; the content of the files is compared by hash.
     if let MeshSource::File(file) = &mut case.mesh {
         *file = name_of(file);
     }
@@ -129,8 +129,8 @@ struct Difference<'a> {
     now: &'a str,
 }
 
-/// The lines that differ, with the table that they stand in. The settings of the solvers stand at the end and have a
-/// fixed number of lines, so a table more or less elsewhere is found before them.
+/// Compares the cases line by line; returns the lines that differ, with their table. The solver settings are at the end
+/// and have a fixed number of lines, so an additional or missing table elsewhere is found before them.
 fn differences<'a>(before: &'a str, now: &'a str) -> Vec<Difference<'a>> {
     let (mut before, mut now, mut section) = (before.lines(), now.lines(), "the title");
     let mut found = Vec::new();
@@ -148,7 +148,7 @@ fn differences<'a>(before: &'a str, now: &'a str) -> Vec<Difference<'a>> {
     }
 }
 
-/// Whether a line only says how the equations are solved.
+/// Returns true if the line is a solver setting.
 fn is_setting(section: &str, before: &str, now: &str) -> bool {
     let both = |key: &str| [before, now].iter().all(|line| line.starts_with(key));
     matches!(section, "[newton]" | "[micro]") && !before.starts_with('[') && !now.starts_with('[')

@@ -1,13 +1,13 @@
-//! The last converged states of a run, from which it can go on: `checkpoint/` in the result directory.
+//! The last converged states of a run, from which it can resume: `checkpoint/` in the result directory.
 //!
-//! After every converged load step `checkpoint/step-NNNNN.bin` is written, whole or not at all, and all but the last two
-//! are removed. A run that goes on from there gives bit for bit what it would have given without the interruption.
+//! After every converged load step, the run writes `checkpoint/step-NNNNN.bin` atomically and removes all but the last
+//! two checkpoints. The results of a resumed run are bit for bit those of an uninterrupted one.
 //!
 //! | module | holds |
 //! |---|---|
-//! | this one | writing, keeping, finding |
-//! | `file` | the frame: version and hash |
-//! | `record` | the content: displacements, halvings, what of the results was written, the memory of all RVEs |
+//! | this one | writing, removing and finding checkpoints |
+//! | `file` | the frame of the file: version and hash |
+//! | `record` | the content: displacements, halvings, description of the results so far, states of all RVEs |
 //! | `identity` | the case, mesh and networks that the content belongs to |
 
 mod file;
@@ -32,65 +32,65 @@ use crate::fem::stepping::SavedState;
 use crate::output::{self, final_name};
 use record::{Record, RecordRef};
 
-/// How many are kept: the last one, and the one before in case the last is damaged.
+/// Number of checkpoints kept: the last one, and the one before in case the last is damaged.
 const KEPT: usize = 2;
 
-/// A state that a run can go on from.
+/// A state from which a run can resume.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Checkpoint {
     /// The file.
     pub path: PathBuf,
-    /// Where the run stood.
+    /// The state of the body and of load stepping.
     pub state: SavedState,
-    /// Where the RVE of every element was in its life.
+    /// The life state of the RVE of every element.
     pub lives: Vec<Life>,
-    /// What those RVEs remembered that there were.
+    /// The states of the RVEs that exist.
     pub units: Vec<UnitState>,
-    /// What the run had written until then.
+    /// The results that the run had written until then.
     pub written: Written,
 }
 
-/// Why a run cannot go on from the checkpoints that are there.
+/// The reason why a run cannot resume from the checkpoints in its directory.
 #[derive(Debug, Error)]
 pub enum CheckpointError {
-    /// The operating system refused to read.
+    /// The file or folder cannot be read.
     #[error("{}: cannot be read: {source}", path.display())]
     Unreadable {
         /// The file or folder.
         path: PathBuf,
-        /// Its answer.
+        /// The error of the operating system.
         source: io::Error,
     },
-    /// The file is not as it was written.
+    /// The content is not as it was written.
     #[error("{}: damaged: {what}", path.display())]
     Damaged {
         /// The file.
         path: PathBuf,
-        /// In what way.
+        /// The defect.
         what: String,
     },
-    /// Another version of the program has written it.
+    /// The file has another version of the format.
     #[error("{}: has version {found} of the format; this program reads version {expected}", path.display())]
     Version {
         /// The file.
         path: PathBuf,
         /// Its version.
         found: u32,
-        /// Ours.
+        /// The version that this program reads.
         expected: u32,
     },
-    /// It belongs to another run.
+    /// The checkpoint belongs to another run.
     #[error("{}: belongs to another run: {reason}", path.display())]
     OtherRun {
         /// The file.
         path: PathBuf,
-        /// What differs.
+        /// The difference.
         reason: Mismatch,
     },
 }
 
 impl CheckpointError {
-    /// The file or folder concerned.
+    /// Returns the path of the file or folder concerned.
     #[must_use]
     pub fn path(&self) -> &Path {
         match self {
@@ -101,7 +101,7 @@ impl CheckpointError {
         }
     }
 
-    /// What the user can do.
+    /// Returns advice for the user.
     #[must_use]
     pub fn cure(&self) -> &'static str {
         match self {
@@ -118,11 +118,11 @@ impl CheckpointError {
     }
 }
 
-/// Writes the state of a run after a full step into the result directory `dir`, with what was `written` there before and is
-/// on the disk, and removes checkpoints that are no longer among the last.
+/// Writes the state of a run after a full step into the result directory `dir`, with the description of the results
+/// `written` before, which must be on disk, and removes all but the last checkpoints.
 ///
 /// # Errors
-/// [`ResultsError::Write`].
+/// Returns [`ResultsError::Write`] if a file cannot be written or removed.
 pub fn write(
     dir: &Path,
     identity: &Identity,
@@ -137,10 +137,10 @@ pub fn write(
     keep_last(dir, state.completed_steps)
 }
 
-/// Removes the checkpoints of a result directory but for the last ones up to step `done`, and all that were never finished.
+/// Removes all checkpoints of a result directory except the last ones up to step `done`, and all unfinished files.
 ///
 /// # Errors
-/// [`ResultsError::Write`].
+/// Returns [`ResultsError::Write`] if the folder cannot be read or a file cannot be removed.
 pub fn keep_last(dir: &Path, done: usize) -> Result<(), ResultsError> {
     let folder = dir.join(CHECKPOINT_FOLDER);
     let steps = steps_in(&folder).map_err(ResultsError::write(&folder))?;
@@ -151,16 +151,17 @@ pub fn keep_last(dir: &Path, done: usize) -> Result<(), ResultsError> {
 /// Removes all checkpoints of a result directory.
 ///
 /// # Errors
-/// [`ResultsError::Write`].
+/// Returns [`ResultsError::Write`] if the folder cannot be read or a file cannot be removed.
 pub fn clear(dir: &Path) -> Result<(), ResultsError> {
     remove(&dir.join(CHECKPOINT_FOLDER), |_| true)
 }
 
-/// The newest checkpoint of a result directory that is not damaged, if there is one at all, and what is to be said
-/// about it.
+/// Returns the newest checkpoint of a result directory that is not damaged, `None` if there are no checkpoints, and
+/// warnings.
 ///
 /// # Errors
-/// [`CheckpointError`]: all are damaged, or the newest that is not belongs to another run or version.
+/// Returns [`CheckpointError`] if all checkpoints are damaged or unreadable, or if the newest undamaged one belongs to
+/// another run or version.
 pub fn latest(dir: &Path, now: &Identity) -> Result<(Option<Checkpoint>, Vec<String>), CheckpointError> {
     let folder = dir.join(CHECKPOINT_FOLDER);
     let steps = steps_in(&folder).map_err(|source| CheckpointError::Unreadable { path: folder.clone(), source })?;
@@ -205,17 +206,17 @@ fn step_of(name: &str) -> Option<usize> {
     (file_name(step) == name).then_some(step)
 }
 
-/// Whether a file of this name in the folder of checkpoints is one.
+/// Returns true if `name` is the file name of a checkpoint.
 pub(in crate::tissue) fn is_file_name(name: &str) -> bool {
     step_of(name).is_some()
 }
 
-/// Whether a file begins as a checkpoint does; it may have been cut short.
+/// Returns true if a file, which may be truncated, begins like a checkpoint.
 pub(in crate::tissue) fn is_begin(bytes: &[u8]) -> bool {
     file::is_begin(bytes)
 }
 
-/// The steps of which there are checkpoints, newest first; none where there is no folder.
+/// Returns the steps that have a checkpoint, newest first; empty if the folder does not exist.
 fn steps_in(folder: &Path) -> io::Result<Vec<usize>> {
     let mut steps: Vec<usize> = names_in(folder)?.iter().filter_map(|name| step_of(name)).collect();
     steps.sort_unstable_by(|a, b| b.cmp(a));
@@ -232,7 +233,7 @@ fn names_in(folder: &Path) -> io::Result<Vec<String>> {
     }
 }
 
-/// Removes the checkpoints of these steps, and all that were never finished.
+/// Removes the checkpoints of the steps for which `unwanted` returns true, and all unfinished files.
 fn remove(folder: &Path, unwanted: impl Fn(usize) -> bool) -> Result<(), ResultsError> {
     for name in names_in(folder).map_err(ResultsError::write(folder))? {
         let unfinished = final_name(&name) != name;

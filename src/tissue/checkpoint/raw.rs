@@ -1,4 +1,4 @@
-//! Long rows of numbers as one block of bytes, which costs no more than copying them.
+//! Long rows of numbers as one block of bytes, at the cost of a copy.
 
 use std::fmt;
 use std::marker::PhantomData;
@@ -7,11 +7,11 @@ use bytemuck::Pod;
 use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// Numbers of `WORD` bytes each, in rows: stored little-endian, whatever the machine.
+/// Rows of numbers of `WORD` bytes each, stored little-endian on every machine.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Raw<T, const WORD: usize>(pub Vec<T>);
 
-/// To the order of bytes of a file, or from it.
+/// Converts between the byte order of the machine and that of the file.
 fn reorder(bytes: &mut [u8], word: usize) {
     if cfg!(target_endian = "big") {
         bytes.chunks_exact_mut(word).for_each(<[u8]>::reverse);
@@ -66,7 +66,7 @@ mod tests {
         assert_eq!(bytes.len(), 1 + 48);
         assert_eq!(bytes[1..9], 1.0_f64.to_le_bytes());
         assert_eq!(postcard::from_bytes::<Raw<[f64; 3], 8>>(&bytes).unwrap(), rows);
-        // Seven bytes are no row.
+        // Seven bytes are not a row.
         assert!(postcard::from_bytes::<Raw<[f64; 3], 8>>(&[7, 1, 2, 3, 4, 5, 6, 7]).is_err());
     }
 }

@@ -11,20 +11,20 @@ use crate::fiber::rve::{Rve, Sensitivities};
 use crate::tissue::micro_scale::{Life, TissueMaterial, UnitState};
 use crate::tissue::results::Written;
 
-/// What is read.
+/// The content as read.
 #[derive(Deserialize)]
 pub(super) struct Record {
     pub identity: Identity,
     done: u64,
     halvings: u32,
     displacements: Vec<[f64; 3]>,
-    /// What there must be of the results.
+    /// The results that must exist.
     pub written: Written,
     lives: Vec<Life>,
     units: Vec<UnitRecord>,
 }
 
-/// What is written: the fields of [`Record`] in the same order, RVE by RVE.
+/// The content as written: the fields of [`Record`] in the same order, one RVE at a time.
 pub(super) struct RecordRef<'a, M> {
     pub identity: &'a Identity,
     pub state: &'a SavedState,
@@ -70,7 +70,7 @@ impl<M: TissueMaterial> Serialize for RecordRef<'_, M> {
     }
 }
 
-/// Makes one unit at a time: all of them may take as much memory as the body itself.
+/// Serializes one unit at a time, because all of them together may need as much memory as the body itself.
 struct Units<'a, M>(&'a M);
 
 impl<M: TissueMaterial> Serialize for Units<'_, M> {
@@ -80,7 +80,7 @@ impl<M: TissueMaterial> Serialize for Units<'_, M> {
 }
 
 impl Record {
-    /// The states in it; `None` where a count is none of this machine.
+    /// Returns the states; `None` if a count does not fit into `usize`.
     pub fn into_states(self) -> Option<(SavedState, Vec<Life>, Vec<UnitState>)> {
         let Self { done, halvings, displacements, lives, units, .. } = self;
         let state = SavedState { completed_steps: usize::try_from(done).ok()?, halvings, displacements };

@@ -11,7 +11,7 @@ use crate::tissue::macro_scale;
 use crate::tissue::micro_scale::TissueField;
 use crate::tissue::run::{ResumeError, Simulation};
 
-/// One network in every element of a cube, two steps.
+/// A cube with one network in every element, and two load steps.
 const CASE: &str = r#"
 [mesh]
 generate = { shape = "box", cells = [1, 1, 1], size = [1.0, 1.0, 1.0] }
@@ -38,7 +38,7 @@ fn simulation() -> Simulation<Sparse> {
     Simulation::new((), case()).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// A result directory and the bytes of its only checkpoint left, that of step 2.
+/// Returns a result directory with only the checkpoint of step 2, and the bytes of that checkpoint.
 fn directory() -> (tempfile::TempDir, PathBuf, Vec<u8>) {
     let dir = tempfile::tempdir().unwrap();
     simulation().run(dir.path(), &mut ()).unwrap_or_else(|error| panic!("{error}"));
@@ -49,7 +49,7 @@ fn directory() -> (tempfile::TempDir, PathBuf, Vec<u8>) {
     (dir, path, bytes)
 }
 
-/// A file of this content whose hash is right.
+/// Returns the bytes of a file with this content and the correct hash.
 fn sealed(body: &[u8]) -> Vec<u8> {
     let mut hash = Fnv::new();
     hash.bytes(body);
@@ -100,7 +100,7 @@ fn damage_with_a_fitting_hash_is_an_error_at_worst() {
             let mut changed = body.to_vec();
             changed[at] = value;
             outcomes(&changed);
-            // A count that no file could hold.
+            // A count that is too large for any file.
             changed[at..].iter_mut().take(9).for_each(|byte| *byte = 0xff);
             outcomes(&changed);
         }

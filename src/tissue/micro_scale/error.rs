@@ -1,4 +1,4 @@
-//! A point without an answer, in words that can travel from rank to rank.
+//! Errors of points, with the reason as text so that they can be sent between ranks.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -6,51 +6,51 @@ use thiserror::Error;
 use super::unit::UnitError;
 use crate::fem::material::MaterialError;
 
-/// Why there is no answer.
+/// The reason why a field has no response.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum TissueFieldError {
-    /// A point has none.
+    /// A point has no response.
     #[error(transparent)]
     Point(#[from] PointFailure),
-    /// The ranks that share the points could not exchange something.
+    /// Communication between the ranks that share the points failed.
     #[error("{0}")]
     Ranks(String),
 }
 
-/// A point without an answer.
+/// A point without a response.
 #[derive(Clone, Debug, Error, PartialEq, Eq, Serialize, Deserialize)]
 #[error("element {element}{}: {reason}", network.as_ref().map(|n| format!(" (network {n})")).unwrap_or_default())]
 pub struct PointFailure {
     /// The element, from 0.
     pub element: usize,
-    /// The network there, if there is one.
+    /// The network of the RVE, if it has one.
     pub network: Option<String>,
-    /// Why, in words.
+    /// The reason as text.
     pub reason: String,
-    /// What failed.
+    /// The kind of failure.
     pub kind: PointFailureKind,
 }
 
-/// What failed at a point.
+/// The part of a point that failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum PointFailureKind {
     /// A network found no equilibrium.
     Network,
-    /// A linear system of a network was not solved, whatever the step.
+    /// A linear system of a network could not be solved, whatever the step length.
     LinearSystem,
-    /// A formula, or the matrix beside a network, has no stress there.
+    /// A formula, or the matrix in parallel with a network, has no stress there.
     Formula,
-    /// The backend could not make what the network needs.
+    /// The backend could not create a workspace for the network.
     Backend,
 }
 
 impl PointFailure {
-    /// Of a formula.
+    /// Reports the failure of a formula.
     pub(super) fn of_formula(element: usize, reason: &MaterialError) -> Self {
         Self { element, network: None, reason: reason.to_string(), kind: PointFailureKind::Formula }
     }
 
-    /// Of a unit.
+    /// Reports the failure of a unit.
     pub(super) fn of_unit<F: std::error::Error>(
         element: usize,
         network: Option<String>,

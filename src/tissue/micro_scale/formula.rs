@@ -1,4 +1,4 @@
-//! Materials given by a formula, as a case names them.
+//! Materials given by a formula, selected by name in a case.
 
 use nalgebra::Matrix3;
 
@@ -15,10 +15,10 @@ pub enum Formula {
 }
 
 impl Formula {
-    /// Energy, stress and tangent at a deformation gradient.
+    /// Returns energy, stress and tangent at a deformation gradient.
     ///
     /// # Errors
-    /// [`MaterialError::Inverted`] for a determinant that is not positive.
+    /// Returns [`MaterialError::Inverted`] from the neo-Hookean formula if the determinant is not positive.
     pub fn respond(&self, gradient: &Matrix3<f64>) -> Result<Response, MaterialError> {
         match self {
             Self::NeoHookean(material) => material.respond(gradient),

@@ -1,4 +1,4 @@
-//! From a case to materials: the networks are read once, and every element finds what it is made of.
+//! The materials of a case: reads each network once and assigns a material to every element.
 
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -19,18 +19,18 @@ use crate::input::InputErrors;
 use crate::las::{Backend, Scalar, SolverParams};
 use crate::tissue::case::{Case, Choose, FiberRveCase, MaterialCase, ScaleCase};
 
-/// Why the materials of a case cannot be made.
+/// The reason why the materials of a case cannot be set up.
 #[derive(Debug, Error)]
 pub enum LibraryError {
-    /// Something is wrong in a network file.
+    /// A network file has errors.
     #[error("{0}")]
     Network(#[from] InputErrors),
-    /// A network cannot serve as an RVE.
+    /// A network cannot be used as an RVE.
     #[error("{}: {reason}", file.display())]
     Model {
-        /// The network.
+        /// The network file.
         file: PathBuf,
-        /// Why.
+        /// The reason as text.
         reason: String,
     },
     /// A region of the mesh has no material in the case.
@@ -38,21 +38,21 @@ pub enum LibraryError {
     NoMaterial(String),
 }
 
-/// The materials of a case: what all RVEs share. Every rank that solves RVEs has one, and all are the same.
+/// The materials of a case, shared by all RVEs. Every rank that solves RVEs has the same library.
 pub struct Library<B: Backend> {
     pub(super) context: B::Context,
     pub(super) models: Vec<RveModel<B>>,
-    /// By region of the case.
+    /// Indexed by region of the case.
     materials: Vec<Material>,
     pub(super) params: EquilibriumParams,
-    /// Whether RVEs keep what the next equilibrium can start from.
+    /// Whether RVEs keep the sensitivities that predict the start of the next solve.
     pub(super) predict: bool,
 }
 
 /// The material of a region.
 enum Material {
     Formula(Formula),
-    /// The numbers of the models that elements choose from, and what stands beside them.
+    /// The models that elements choose from, and the matrix in parallel.
     Networks {
         case: FiberRveCase,
         models: Vec<usize>,
@@ -60,16 +60,16 @@ enum Material {
     },
 }
 
-/// What an element is made of.
+/// The material of an element.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ElementMaterial {
     /// A formula.
     Formula(Formula),
-    /// An RVE: the number of its model, and the matrix beside it.
+    /// An RVE: its model and the matrix in parallel.
     Rve {
-        /// Among [`Library::models`]; `None` for a matrix alone.
+        /// Index into [`Library::models`]; `None` for a matrix alone.
         model: Option<usize>,
-        /// The formula in parallel.
+        /// The formula of the matrix.
         matrix: Option<Formula>,
     },
 }
@@ -78,7 +78,7 @@ impl<B: Backend<Scalar = f64>> Library<B> {
     /// Reads the networks of a case; also returns the warnings of the reader.
     ///
     /// # Errors
-    /// [`LibraryError`].
+    /// Returns [`LibraryError::Network`] or [`LibraryError::Model`] if a network cannot be read or used.
     pub fn read(context: B::Context, case: &Case) -> Result<(Self, Vec<String>), LibraryError> {
         let mut reader = Reader::<B> {
             context: &context,
@@ -99,13 +99,13 @@ impl<B: Backend<Scalar = f64>> Library<B> {
         Ok((Self { context, models, materials, params, predict: case.micro.predictor }, warnings))
     }
 
-    /// The networks in use, each with its law and scale.
+    /// Returns the models in use: networks, each with its law and scale.
     #[must_use]
     pub fn models(&self) -> &[RveModel<B>] {
         &self.models
     }
 
-    /// The models that the elements of a region of the case choose from; none for a formula or a matrix alone.
+    /// Returns the models that the elements of a region of the case choose from; empty for a formula or a matrix alone.
     #[must_use]
     pub fn choices(&self, region: usize) -> &[usize] {
         match &self.materials[region] {
@@ -114,10 +114,10 @@ impl<B: Backend<Scalar = f64>> Library<B> {
         }
     }
 
-    /// The linear response of a model at rest.
+    /// Returns the linear response of a model at rest.
     ///
     /// # Errors
-    /// [`LibraryError::Model`] where it has none: a floppy network.
+    /// Returns [`LibraryError::Model`] if there is none, as for a neutral network.
     pub fn at_rest(&self, model: usize) -> Result<SaintVenantKirchhoff, LibraryError>
     where
         B::Reduced: Scalar,
@@ -135,13 +135,13 @@ impl<B: Backend<Scalar = f64>> Library<B> {
         Ok(SaintVenantKirchhoff::at_rest(&tangent))
     }
 
-    /// How equilibria are found.
+    /// Returns the parameters of the solver for equilibria.
     #[must_use]
     pub fn params(&self) -> &EquilibriumParams {
         &self.params
     }
 
-    /// What an element in a region of the case is made of.
+    /// Returns the material of an element in a region of the case.
     #[must_use]
     pub fn of_element(&self, region: usize, element: usize) -> ElementMaterial {
         match &self.materials[region] {
@@ -154,24 +154,24 @@ impl<B: Backend<Scalar = f64>> Library<B> {
     }
 }
 
-/// The region of the case that every element of a mesh lies in.
+/// Returns the region of the case for every element of a mesh.
 ///
 /// # Errors
-/// [`LibraryError::NoMaterial`].
+/// Returns [`LibraryError::NoMaterial`] if the case has no material for a region of the mesh.
 pub fn regions_of_mesh(case: &Case, mesh: &Mesh) -> Result<Vec<usize>, LibraryError> {
     let region = |name: &String| case.region_of(name).ok_or_else(|| LibraryError::NoMaterial(name.clone()));
     let regions = mesh.regions().iter().map(region).collect::<Result<Vec<usize>, _>>()?;
     Ok(mesh.region_of().iter().map(|&of| regions[of as usize]).collect())
 }
 
-/// Networks and models read so far: each file once, each combination of network, law and scale once.
+/// The networks and models read so far: each file once, each combination of network, law and scale once.
 struct Reader<'a, B: Backend> {
     context: &'a B::Context,
-    /// How the linear systems of every model are solved.
+    /// The parameters of the linear solver of every model.
     solver: SolverParams,
     networks: HashMap<PathBuf, Arc<Network>>,
     models: Vec<RveModel<B>>,
-    /// What each model was made of.
+    /// The network, law and scale of each model.
     made_of: Vec<(PathBuf, Option<FiberMaterial>, ScaleCase)>,
     warnings: Vec<String>,
 }
@@ -216,7 +216,7 @@ impl<B: Backend<Scalar = f64>> Reader<'_, B> {
     }
 }
 
-/// Which network of `count` an element gets: a function of the seed and the element alone.
+/// Selects one of `count` networks for an element, as a function of the seed and the element alone.
 fn choice(case: &FiberRveCase, element: usize, count: usize) -> usize {
     match case.choose {
         Choose::Cycle => element % count,

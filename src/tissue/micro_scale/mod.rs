@@ -1,13 +1,14 @@
-//! The micro scale of a tissue: a formula or a fiber network at every integration point, networks on all cores.
+//! The micro scale of a tissue: a formula or a fiber network at every integration point; all threads solve the
+//! networks.
 //!
 //! | module | holds |
 //! |---|---|
-//! | `library` | what all RVEs of a case share: its networks, read once |
+//! | `library` | the data that all RVEs of a case share: its networks, each read once |
 //! | `unit`, `worker` | one RVE; the scratch of one thread |
 //! | `units` | the RVEs of one rank, solved on its threads |
-//! | `sites` | what answers at each point: a formula, an RVE, or what stands in for one |
-//! | `saved`, `summary` | what RVEs remember, and what pictures show of them |
-//! | this one | the whole body in one process ([`TissueField`]), and what a run wants of it ([`TissueMaterial`]) |
+//! | `sites` | the material of each point: a formula, an RVE, or the substitute of an RVE that is not awake |
+//! | `saved`, `summary` | the saved state of an RVE, and its values for the result files |
+//! | this one | the body in one process ([`TissueField`]), and the interface to a run ([`TissueMaterial`]) |
 
 mod error;
 mod formula;
@@ -39,64 +40,66 @@ pub use summary::{DeformedNetwork, PointSummary};
 pub use unit::SweepStats;
 pub use units::{LostRve, Units};
 
-/// The material of a body, wherever its RVEs are solved: what a run wants of it beyond stresses and tangents. States are
-/// those of the last commit.
+/// The material of a body, on whichever ranks its RVEs are solved: what a run needs beyond stresses and tangents.
+/// States are those of the last commit.
 pub trait TissueMaterial: PointField<Error = TissueFieldError> {
     /// The backend of the RVEs.
     type Micro: Backend<Scalar = f64>;
 
-    /// What all RVEs share.
+    /// Returns the data that all RVEs share.
     fn library(&self) -> &Library<Self::Micro>;
 
-    /// What answers at each point, and where the RVEs are in their lives.
+    /// Returns the material of each point and the life states of the RVEs.
     fn sites(&self) -> &Sites;
 
-    /// Bytes that all RVEs own in a run: states, last answers, and what the next solves start from.
+    /// Bytes that all RVEs own in a run: states, last responses, and the start values of the next solves.
     fn rve_bytes(&self) -> usize;
 
-    /// What the RVEs have taken since this was last asked.
+    /// Returns the counters of the RVEs since the last call.
     fn take_stats(&self) -> SweepStats;
 
-    /// Where the time of every rank went since this was last asked, trial state by trial state; nothing in one process.
+    /// Returns the times of every rank since the last call, per trial state; empty in one process.
     fn take_seconds(&self) -> Vec<Vec<RankSeconds>> {
         Vec::new()
     }
 
-    /// The RVE that made the last update fail, once.
+    /// Returns the RVE that made the last update fail; a second call returns `None`.
     fn take_lost(&self) -> Option<LostRve>;
 
-    /// The fibers of every element, `None` where there are none.
+    /// Returns the summary of the fibers of every element, `None` for one without fibers.
     fn summaries(&self) -> Vec<Option<PointSummary>>;
 
-    /// The network of an element, `None` where there is none.
+    /// Returns the deformed network of an element, `None` for one without.
     fn deformed_network(&self, element: usize) -> Option<DeformedNetwork>;
 
-    /// Ranks of the macro scale and of the RVEs; 1 and 0 in one process.
+    /// Numbers of ranks of the macro scale and of the micro scale; 1 and 0 in one process.
     fn ranks(&self) -> [usize; 2] {
         [1, 0]
     }
 
-    /// The part of the body that each element lies in, and how many there are, where it is divided among ranks.
+    /// Returns the part of the body that each element belongs to, and the number of parts; `None` if the body is not
+    /// divided among ranks.
     fn parts(&self) -> Option<(&[u32], usize)> {
         None
     }
 
-    /// The order in which the nodes of the body are numbered in its linear system.
+    /// Returns the order in which the nodes of the body are numbered in its linear system.
     fn node_order(&self, mesh: &Mesh) -> Vec<u32> {
         (0..mesh.nodes().len() as u32).collect()
     }
 
-    /// The rank that solves the RVE of an element, or answers for it.
+    /// Returns the rank that solves the RVE of an element, or evaluates its formula.
     fn rank_of(&self, element: usize) -> usize;
 
-    /// The memory of all RVEs that exist, in the order of their elements; right after a commit it is, with
-    /// [`Sites::lives`], all that the next load step depends on.
+    /// Returns the states of all RVEs that exist, in the order of their elements. Right after a commit, these and
+    /// [`Sites::lives`] are all that the next load step depends on.
     fn unit_states(&self) -> impl ExactSizeIterator<Item = UnitState> + '_;
 
-    /// Takes all RVEs back to what [`Sites::lives`] and [`TissueMaterial::unit_states`] gave.
+    /// Restores all RVEs from [`Sites::lives`] and [`TissueMaterial::unit_states`].
     ///
     /// # Errors
-    /// [`FieldRestoreError`]; nothing has changed then.
+    /// Returns [`FieldRestoreError`] if the states do not match the body. RVEs are unchanged then, except if
+    /// communication failed.
     fn restore_units(&mut self, lives: &[Life], states: Vec<UnitState>) -> Result<(), FieldRestoreError>;
 }
 
@@ -104,7 +107,7 @@ pub trait TissueMaterial: PointField<Error = TissueFieldError> {
 pub struct TissueField<B: Backend> {
     sites: Sites,
     units: Units<B>,
-    /// The number of the unit of an element.
+    /// The index of the unit of each element with an RVE.
     unit_of: HashMap<usize, usize>,
 }
 
@@ -116,7 +119,7 @@ where
     /// network reader.
     ///
     /// # Errors
-    /// [`LibraryError`].
+    /// Returns [`LibraryError`] if a network cannot be read or used, or a region of the mesh has no material.
     pub fn new(context: B::Context, case: &Case, mesh: &Mesh) -> Result<(Self, Vec<String>), LibraryError> {
         let (library, warnings) = Library::read(context, case)?;
         let sites = Sites::new(&library, case, mesh)?;
@@ -125,7 +128,7 @@ where
         Ok((field, warnings))
     }
 
-    /// Gives every element whose RVE exists one at rest.
+    /// Replaces all RVEs by new ones at rest, for the elements whose RVE exists.
     fn create_existing(&mut self) {
         let existing: Vec<usize> = self.sites.existing().map(|(element, _)| element).collect();
         self.units.clear();
@@ -133,7 +136,7 @@ where
         self.turn_over(&[], &existing);
     }
 
-    /// Deletes and creates RVEs, by element.
+    /// Deletes and creates the RVEs of these elements.
     fn turn_over(&mut self, gone: &[usize], new: &[usize]) {
         if gone.is_empty() && new.is_empty() {
             return;
@@ -158,7 +161,7 @@ where
     fn update(&mut self, gradients: &[Matrix3<f64>], out: &mut PointResponses) -> Result<(), Self::Error> {
         out.resize(gradients.len());
         let Self { sites, units, .. } = self;
-        // What needs no RVE first: an element that is inside out is found before its RVE is asked.
+        // Points that need no RVE come first: an inverted element there fails before any RVE is solved.
         for (element, f) in gradients.iter().enumerate() {
             if let Some(answer) = sites.respond(element, f)? {
                 write(out, element, &answer);
@@ -189,7 +192,7 @@ where
 
     fn evolve(&mut self) -> Result<bool, Self::Error> {
         let turnover = self.sites.evolve();
-        // What is deleted stays until the commit: the step may still fail.
+        // Deleted RVEs are kept until the commit, because the step may still fail.
         self.turn_over(&[], &turnover.created);
         Ok(!turnover.is_empty())
     }
@@ -271,7 +274,7 @@ where
     }
 }
 
-/// Whether saved RVEs are those of a body.
+/// Checks that saved RVEs match those of a body.
 pub(super) fn check_states<B: Backend<Scalar = f64>>(
     sites: &Sites,
     library: &Library<B>,

@@ -1,4 +1,4 @@
-//! What the RVEs remember from one load step to the next, given out and taken back.
+//! The state of RVEs that passes from one load step to the next, to save and restore.
 
 use nalgebra::Matrix3;
 use thiserror::Error;
@@ -6,22 +6,22 @@ use thiserror::Error;
 use crate::fem::material::Response;
 use crate::fiber::rve::{Rve, RveStateError};
 
-/// The memory of one RVE at the last converged load step.
+/// The state of one RVE at the last converged load step.
 #[derive(Clone, Debug, PartialEq)]
 pub struct UnitState {
     /// The network; `None` for a matrix alone.
     pub rve: Option<Rve>,
-    /// The last answer and the deformation gradient that it belongs to: asked there again, the RVE answers without a
-    /// solve.
+    /// The last deformation gradient and the response there: the RVE returns this response at the same gradient without
+    /// a solve.
     pub answer: Option<(Matrix3<f64>, Response)>,
     /// Newton iterations of that load step.
     pub iterations: usize,
 }
 
-/// Why saved RVEs are not those of a field.
+/// The reason why saved RVEs do not match those of a field.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum FieldRestoreError {
-    /// Another number of RVEs.
+    /// The numbers of RVEs differ.
     #[error("the state has {found} RVEs; this body has {expected}")]
     Units {
         /// RVEs of the state.
@@ -29,7 +29,7 @@ pub enum FieldRestoreError {
         /// RVEs of the field.
         expected: usize,
     },
-    /// Fibers on one side only.
+    /// Only one side has fibers.
     #[error("element {element} has {} here", if *saved { "fibers in the saved state, but none" } else { "no fibers in the saved state, but has some" })]
     Fibers {
         /// The element, from 0.
@@ -37,15 +37,15 @@ pub enum FieldRestoreError {
         /// Whether the saved state has fibers there.
         saved: bool,
     },
-    /// The ranks that share the RVEs could not exchange something.
+    /// Communication between the ranks that share the RVEs failed.
     #[error("{0}")]
     Ranks(String),
-    /// The state of a network does not fit it.
+    /// The saved state does not match the network.
     #[error("element {element}: {reason}")]
     Rve {
         /// The element, from 0.
         element: usize,
-        /// What does not fit.
+        /// The mismatch.
         reason: RveStateError,
     },
 }

@@ -1,7 +1,7 @@
-//! What answers at each integration point: a formula, an RVE, or what stands in for an RVE that is not there or asleep.
+//! The material of each integration point: a formula, an RVE, or the substitute of an RVE that is not awake.
 //!
-//! Which of these it is changes only between two solutions by Newton: after every converged state, RVEs are created, woken
-//! and deleted, and the body is brought to balance again ([`PointField::evolve`](crate::fem::point_field::PointField::evolve)).
+//! The material of a point changes only between two Newton solves: after every converged state, RVEs are created, woken
+//! and deleted, and the body is solved again ([`PointField::evolve`](crate::fem::point_field::PointField::evolve)).
 //! RVEs fall asleep when a step is committed, which changes no stress.
 
 use nalgebra::Matrix3;
@@ -15,37 +15,37 @@ use crate::fem::mesh::Mesh;
 use crate::las::{Backend, Scalar};
 use crate::tissue::case::{Before, Case, LifeCase, MaterialCase};
 
-/// Where an RVE is in its life.
+/// The state of an RVE in its life cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Life {
-    /// Not created yet: its matrix or its response at rest answers.
+    /// Not created yet: its matrix or its linear response at rest gives the stress.
     Waiting,
-    /// It answers.
+    /// It is solved at every trial state.
     Awake,
-    /// It exists; its last stress and tangent answer.
+    /// It exists; its stress is extrapolated from its last response.
     Asleep,
-    /// It was deleted: its matrix answers.
+    /// Deleted: its matrix gives the stress.
     Deleted,
 }
 
-/// All integration points of a body: what answers at each, and where the RVEs are in their lives.
+/// The materials of all integration points of a body, and the life states of the RVEs.
 pub struct Sites {
     sites: Vec<Site>,
-    /// The linear response at rest of each model that somebody waits for.
+    /// The linear response at rest of each model that an RVE not created yet uses.
     at_rest: Vec<Option<SaintVenantKirchhoff>>,
-    /// What has changed since the last commit.
+    /// The changes since the last commit.
     pending: Turnover,
-    /// Lives have just been restored: the next commit puts nothing to sleep, since no step lies behind it.
+    /// True after a restore: the next commit puts no RVE to sleep, since no step lies before it.
     is_restored: bool,
 }
 
-/// Of the RVEs that strain demands to delete, the part that is deleted before the body is brought to balance again. Their
-/// neighbors take over the load of those that are gone, and may need it no more once the worst are: how many RVEs a step
-/// deletes then hardly depends on its length.
+/// Fraction of the RVEs over their deletion strain that one round deletes before the body is solved again. Their
+/// neighbors take over the load of the deleted ones, and the others may not need to be deleted once the most strained
+/// are. The number of RVEs that a step deletes thus hardly depends on the step length.
 const DELETED_A_ROUND: f64 = 0.1;
 
-/// Strains that agree to this part of them are equal: elements that symmetry makes equal are deleted together, and what
-/// Newton leaves of its residual does not choose among them.
+/// Relative tolerance within which strains count as equal: elements that are equal by symmetry are deleted together,
+/// and the remaining residual of Newton does not select among them.
 const EQUAL_STRAINS: f64 = 1e-6;
 
 enum Site {
@@ -58,21 +58,21 @@ struct Point {
     region: usize,
     model: Option<usize>,
     matrix: Option<Formula>,
-    /// `None` for an RVE that is awake from the beginning to the end.
+    /// `None` for an RVE that is always awake.
     course: Option<Box<Course>>,
 }
 
-/// The life of an RVE that comes, sleeps or goes.
+/// The life cycle of an RVE that is created, sleeps or is deleted.
 struct Course {
     rules: LifeCase,
     life: Life,
-    /// That at the last commit.
+    /// The life state at the last commit.
     committed: Life,
-    /// The deformation gradient of the last trial state, and what the RVE answered there, if it did.
+    /// The deformation gradient of the last trial state, and the response of the RVE there if it was solved.
     trial: (Matrix3<f64>, Option<Response>),
-    /// That of the last converged step.
+    /// The deformation gradient of the last converged step.
     converged: Option<Matrix3<f64>>,
-    /// Where it went to sleep, and its answer there.
+    /// The deformation gradient at which it fell asleep, and its response there.
     anchor: Option<(Matrix3<f64>, Response)>,
 }
 
@@ -91,7 +91,7 @@ impl Turnover {
 }
 
 impl Sites {
-    /// What a case makes of the elements of its mesh.
+    /// Assigns the materials of a case to the elements of its mesh.
     pub(in crate::tissue) fn new<B: Backend<Scalar = f64>>(
         library: &Library<B>,
         case: &Case,
@@ -116,13 +116,13 @@ impl Sites {
         Ok(Self { sites, at_rest, pending: Turnover::default(), is_restored: false })
     }
 
-    /// How many elements there are.
+    /// Number of elements.
     #[must_use]
     pub fn len(&self) -> usize {
         self.sites.len()
     }
 
-    /// Whether there are none.
+    /// Returns true if there are no elements.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.sites.is_empty()
@@ -132,37 +132,37 @@ impl Sites {
         self.sites.iter().enumerate().filter_map(|(element, site)| Some((element, site.point()?)))
     }
 
-    /// How many elements have an RVE at some time.
+    /// Number of elements that have an RVE at some time.
     #[must_use]
     pub fn rves(&self) -> usize {
         self.points().count()
     }
 
-    /// Elements whose RVE exists, ascending, with their regions of the case.
+    /// Returns the elements whose RVE exists, ascending, with their regions of the case.
     pub(in crate::tissue) fn existing(&self) -> impl Iterator<Item = (usize, usize)> {
         self.points()
             .filter(|(_, point)| matches!(point.life(), Life::Awake | Life::Asleep))
             .map(|(e, p)| (e, p.region))
     }
 
-    /// What the RVE of an element is made of: its model and its matrix.
+    /// Returns the model and the matrix of the RVE of an element.
     pub(in crate::tissue) fn material(&self, element: usize) -> Option<(Option<usize>, Option<Formula>)> {
         let point = self.sites.get(element)?.point()?;
         Some((point.model, point.matrix))
     }
 
-    /// Whether there are fibers in an element.
+    /// Returns true if the RVE of an element has fibers.
     #[must_use]
     pub fn has_fibers(&self, element: usize) -> bool {
         self.material(element).is_some_and(|(model, _)| model.is_some())
     }
 
-    /// The region of the case that an element with an RVE lies in.
+    /// Returns the region of the case that an element with an RVE belongs to.
     pub(in crate::tissue) fn region(&self, element: usize) -> usize {
         self.sites.get(element).and_then(Site::point).map_or(0, |point| point.region)
     }
 
-    /// For each of so many models the number of elements that use it.
+    /// Returns, for each of `models` models, the number of elements that use it.
     #[must_use]
     pub fn users(&self, models: usize) -> Vec<usize> {
         let mut users = vec![0; models];
@@ -170,7 +170,7 @@ impl Sites {
         users
     }
 
-    /// Where the RVE of an element is in its life; `None` where there is none at any time.
+    /// Returns the life state of the RVE of an element; `None` if the element never has one.
     #[must_use]
     pub fn life(&self, element: usize) -> Option<Life> {
         self.sites.get(element)?.point().map(Point::life)
@@ -180,7 +180,7 @@ impl Sites {
         self.life(element) == Some(Life::Awake)
     }
 
-    /// The answer of an element that no RVE is to be asked for.
+    /// Returns the response of an element without an awake RVE; `None` if its RVE has to be solved.
     pub(in crate::tissue) fn respond(
         &mut self,
         element: usize,
@@ -206,15 +206,15 @@ impl Sites {
         answer.map_err(|reason| PointFailure::of_formula(element, &reason))
     }
 
-    /// What the RVE of an element has answered at the gradient that [`Sites::respond`] was asked for.
+    /// Stores the response of the RVE of an element at the gradient of the last [`Sites::respond`].
     pub(in crate::tissue) fn answered(&mut self, element: usize, answer: &Response) {
         if let Site::Rve(Point { course: Some(course), .. }) = &mut self.sites[element] {
             course.trial.1 = Some(*answer);
         }
     }
 
-    /// Creates, wakes and deletes RVEs as the converged state demands whose gradients were asked for last; of those to be
-    /// deleted the most strained first, a part of them ([`DELETED_A_ROUND`]).
+    /// Creates, wakes and deletes RVEs as the converged state of the last gradients demands; of those over their
+    /// deletion strain, it deletes a fraction ([`DELETED_A_ROUND`]), the most strained first.
     pub(in crate::tissue) fn evolve(&mut self) -> Turnover {
         let mut turnover = Turnover::default();
         let limit = self.overstrain_limit();
@@ -235,7 +235,7 @@ impl Sites {
         turnover
     }
 
-    /// The overstrain from which on RVEs are deleted in this round.
+    /// The least overstrain at which RVEs are deleted in this round.
     fn overstrain_limit(&self) -> f64 {
         let courses = self.points().filter_map(|(_, point)| point.course.as_ref());
         let mut overstrains: Vec<f64> = courses.filter_map(|course| course.overstrain()).collect();
@@ -245,8 +245,8 @@ impl Sites {
         last.map_or(f64::INFINITY, |overstrain| overstrain * (1.0 - EQUAL_STRAINS))
     }
 
-    /// The step is over at the gradients that were asked for last: RVEs that hardly moved in it fall asleep. Returns the
-    /// elements whose RVEs are gone for good.
+    /// Commits the step at the last gradients; RVEs that hardly moved in it fall asleep. Returns the elements whose
+    /// RVEs are deleted for good.
     pub(in crate::tissue) fn commit(&mut self) -> Vec<usize> {
         let is_step = !std::mem::take(&mut self.is_restored);
         for (_, course) in courses(&mut self.sites) {
@@ -259,7 +259,7 @@ impl Sites {
         std::mem::take(&mut self.pending).deleted
     }
 
-    /// The step has failed: all lives are those of the last commit again. Returns the elements whose RVEs were created
+    /// Reverts the step: all life states are those of the last commit. Returns the elements whose RVEs were created
     /// since.
     pub(in crate::tissue) fn revert(&mut self) -> Vec<usize> {
         for (_, course) in courses(&mut self.sites) {
@@ -268,19 +268,19 @@ impl Sites {
         std::mem::take(&mut self.pending).created
     }
 
-    /// What a sleeping RVE answers from.
+    /// The gradient and the response from which a sleeping RVE extrapolates.
     pub(in crate::tissue) fn anchor(&self, element: usize) -> Option<(Matrix3<f64>, Response)> {
         let course = self.sites.get(element)?.point()?.course.as_ref()?;
         course.anchor.filter(|_| course.life == Life::Asleep)
     }
 
-    /// The lives of all elements, [`Life::Awake`] where there is no RVE.
+    /// Returns the life states of all elements, [`Life::Awake`] for one without an RVE.
     #[must_use]
     pub fn lives(&self) -> Vec<Life> {
         (0..self.len()).map(|element| self.life(element).unwrap_or(Life::Awake)).collect()
     }
 
-    /// Takes all lives back; `answer` gives what the RVE of an element answered last.
+    /// Restores all life states; `answer` returns the last gradient of the RVE of an element and its response there.
     pub(in crate::tissue) fn restore(
         &mut self,
         lives: &[Life],
@@ -297,7 +297,7 @@ impl Sites {
     }
 }
 
-/// The lives of RVEs that come, sleep or go, by element.
+/// The life cycles of RVEs that are created, sleep or are deleted, with their elements.
 fn courses(sites: &mut [Site]) -> impl Iterator<Item = (usize, &mut Course)> {
     sites.iter_mut().enumerate().filter_map(|(element, site)| match site {
         Site::Rve(Point { course: Some(course), .. }) => Some((element, &mut **course)),
@@ -332,25 +332,25 @@ impl Course {
         ((f.transpose() * f - Matrix3::identity()) * 0.5).norm()
     }
 
-    /// The strain over that at which the RVE is deleted, where it exceeds it.
+    /// The ratio of strain to deletion strain if it exceeds 1.
     fn overstrain(&self) -> Option<f64> {
         let exists = matches!(self.life, Life::Awake | Life::Asleep);
         let overstrain = self.strain() / self.rules.deleted_at;
         (exists && overstrain > 1.0).then_some(overstrain)
     }
 
-    /// Whether the RVE is to be created.
+    /// Returns true if the RVE has to be created.
     fn is_due(&self) -> bool {
         self.life == Life::Waiting && self.strain() > self.rules.created_at
     }
 
-    /// Whether the RVE sleeps and has to wake.
+    /// Returns true if the RVE sleeps and has to wake.
     fn has_moved_in_sleep(&self) -> bool {
         let moved = |(from, _): &(Matrix3<f64>, Response)| (self.trial.0 - from).amax() > self.rules.asleep_below;
         self.life == Life::Asleep && self.anchor.as_ref().is_none_or(moved)
     }
 
-    /// Falls asleep if it has hardly moved since the last converged step.
+    /// Puts the RVE to sleep if it has hardly moved since the last converged step.
     fn fall_asleep(&mut self) {
         let (f, answer) = self.trial;
         let is_still = self.converged.is_some_and(|before| (f - before).amax() < self.rules.asleep_below);
@@ -374,7 +374,7 @@ fn site<B: Backend<Scalar = f64>>(library: &Library<B>, case: &Case, region: usi
     }
 }
 
-/// Small-strain formulas have an answer at any gradient, but a body that is inside out is none.
+/// Rejects an inverted element: small-strain formulas have a response at any gradient.
 fn upright(f: &Matrix3<f64>) -> Result<(), MaterialError> {
     let determinant = f.determinant();
     if determinant > 0.0 { Ok(()) } else { Err(MaterialError::Inverted { determinant }) }
@@ -385,7 +385,7 @@ fn respond(formula: &Formula, element: usize, f: &Matrix3<f64>) -> Result<Respon
     answer.map_err(|reason| PointFailure::of_formula(element, &reason))
 }
 
-/// A network's response at rest, and the matrix beside it.
+/// The sum of a network's linear response at rest and that of the matrix in parallel.
 fn linear(
     rest: Option<&SaintVenantKirchhoff>,
     matrix: Option<&Formula>,
@@ -403,7 +403,7 @@ fn linear(
     Ok(sum)
 }
 
-/// The answer at `f` to first order from that at `from`: stress by the tangent, and the energy that belongs to it.
+/// Extrapolates the response from `from` to `f`: stress to first order by the tangent, and the matching energy.
 fn extrapolate(from: &Matrix3<f64>, answer: &Response, f: &Matrix3<f64>) -> Response {
     let moved = f - from;
     let by_rows = |m: &Matrix3<f64>| nalgebra::SVector::<f64, 9>::from_fn(|k, _| m[(k / 3, k % 3)]);

@@ -1,4 +1,4 @@
-//! What a picture shows of every point: where the fibers lie, how far they are stretched, what the RVE cost.
+//! Values of every point for the result files: fiber orientation, fiber stretch, and the cost of the RVE.
 
 use std::sync::Arc;
 
@@ -16,9 +16,9 @@ use crate::las::{Backend, Scalar};
 /// The network of one element at the last converged load step; nodes and fibers in the order of the network's file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DeformedNetwork {
-    /// The network as it lies undeformed.
+    /// The undeformed network.
     pub network: Arc<Network>,
-    /// Positions of the nodes, unit-cube units.
+    /// Positions of the nodes, in units of the unit cube.
     pub positions: Vec<[f64; 3]>,
     /// Stretch of every fiber.
     pub stretches: Vec<f64>,
@@ -40,11 +40,11 @@ pub struct PointSummary {
     pub stretch: [f64; 2],
     /// Newton iterations of the last load step.
     pub iterations: usize,
-    /// The number of the network among the models of the field.
+    /// The index of the network among the models of the field.
     pub network: usize,
 }
 
-/// The same in plain numbers; matrices column by column.
+/// [`PointSummary`] as plain numbers for serialization; matrices column by column.
 #[derive(Serialize, Deserialize)]
 struct SummaryRecord {
     orientation: [[f64; 3]; 3],
@@ -73,7 +73,7 @@ impl<B: Backend<Scalar = f64>> Units<B>
 where
     B::Reduced: Scalar,
 {
-    /// The fibers of every unit, `None` where there are none.
+    /// Returns the summary of the fibers of every unit, `None` for one without fibers.
     #[must_use]
     pub fn summaries(&self) -> Vec<Option<PointSummary>> {
         (0..self.len())
@@ -85,7 +85,7 @@ where
             .collect()
     }
 
-    /// The network of a unit, `None` where there is none.
+    /// Returns the deformed network of a unit, `None` for one without.
     #[must_use]
     pub fn deformed_network(&self, number: usize) -> Option<DeformedNetwork> {
         let fibers = self.unit(number)?.fibers.as_ref()?;
@@ -100,7 +100,7 @@ where
             stretches: vec![0.0; states.stretches.len()],
             forces: vec![0.0; states.forces.len()],
         };
-        // The truss has its fibers sorted by law.
+        // The truss sorts its fibers by law.
         for (k, &fiber) in truss.original().iter().enumerate() {
             deformed.stretches[fiber as usize] = states.stretches[k];
             deformed.forces[fiber as usize] = states.forces[k];

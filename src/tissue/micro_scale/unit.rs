@@ -1,4 +1,4 @@
-//! One RVE at one integration point: its states, its last answer, and what it cost.
+//! One RVE at one integration point: its states, its last response, and its cost.
 
 use std::time::Instant;
 
@@ -19,40 +19,40 @@ use thiserror::Error;
 /// The network of an RVE with the states that load stepping needs.
 #[derive(Clone, Debug)]
 pub(super) struct Fibers {
-    /// Which network, by number among the models of the field.
+    /// The index of its network among the models of the field.
     pub model: usize,
-    /// The last equilibrium: where the next solve starts.
+    /// The last equilibrium, from which the next solve starts.
     pub current: Rve,
     /// The equilibrium at the last converged load step.
     pub committed: Rve,
-    /// How `current` came about.
+    /// How `current` was found.
     pub origin: Origin,
 }
 
-/// How an equilibrium came about, which decides whether it has to be verified before it is accepted.
+/// How an equilibrium was found, which decides whether it has to be verified before it is accepted.
 ///
-/// A network may have several equilibria, under compression above all. The one that counts is that which the ladder of
-/// [`equilibrate`] finds from the committed state moved affinely, so that no trial state has a part in it.
+/// A network may have several equilibria, above all under compression. The accepted one is that which the stages of
+/// [`equilibrate`] find from the committed state moved affinely, so that it does not depend on any trial state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Origin {
     /// It is the committed state.
     Committed,
-    /// It continues the committed state: found from there, or verified.
+    /// It continues the committed state: found from there directly, or verified.
     Branch,
-    /// It was found from another trial state, or from a prediction.
+    /// It was found from another trial state or from a prediction.
     Trial,
 }
 
 /// An RVE: fibers, a matrix, or both in parallel.
 ///
-/// Without fibers it is the matrix alone, which must give what the formula gives without an RVE around it.
+/// Without fibers it is the matrix alone, whose response must equal that of the formula without an RVE.
 #[derive(Clone, Debug)]
 pub(super) struct Unit {
     /// The network.
     pub fibers: Option<Fibers>,
-    /// The matrix beside it.
+    /// The matrix in parallel.
     pub matrix: Option<Formula>,
-    /// The last answer and the gradient that asked for it.
+    /// The last deformation gradient, and the response there.
     pub answer: Option<(Matrix3<f64>, Response)>,
     /// Newton iterations since the last converged load step.
     pub iterations: usize,
@@ -60,57 +60,57 @@ pub(super) struct Unit {
     pub committed_iterations: usize,
 }
 
-/// Why a point has no answer.
+/// The reason why a point has no response.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum UnitError<F: std::error::Error + 'static> {
-    /// The network has none.
+    /// The network has no equilibrium.
     #[error("{0}")]
     Rve(#[from] RveError<F>),
-    /// The formula (or the matrix beside the network) has none.
+    /// The formula (or the matrix in parallel with the network) has no response.
     #[error("{0}")]
     Material(#[from] MaterialError),
-    /// The backend cannot make a workspace.
+    /// The backend cannot create a workspace.
     #[error("no workspace: {0}")]
     Workspace(crate::las::SolveError<F>),
 }
 
-/// What the RVEs of one or more updates took.
+/// Counters of the solves of RVEs in one or more updates.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SweepStats {
     /// Equilibria computed.
     pub solves: usize,
-    /// Answers given again because the gradient had not changed.
+    /// Responses reused because the gradient had not changed.
     pub reused: usize,
-    /// Newton iterations in all.
+    /// Newton iterations in total.
     pub iterations: usize,
-    /// The most that one equilibrium took.
+    /// Most Newton iterations of one equilibrium.
     pub most_iterations: usize,
     /// Halvings of an increment.
     pub cuts: usize,
-    /// Newton steps shortened.
+    /// Newton steps shortened by the line search.
     pub line_search_cuts: usize,
-    /// Factorizations that had to be LDL^T.
+    /// LDL^T factorizations, needed if the stiffness is not positive definite.
     pub indefinite: usize,
     /// Equilibria that started from a first-order prediction.
     pub predicted: usize,
-    /// Equilibria reached by cut increments, where the whole one failed.
+    /// Equilibria reached by cut increments after the whole increment failed.
     pub by_cuts: usize,
-    /// Equilibria reached by regularized Newton, where plain Newton failed.
+    /// Equilibria reached by regularized Newton after plain Newton failed.
     pub by_regularized: usize,
-    /// Equilibria reached by dynamic relaxation, where all else failed.
+    /// Equilibria reached by dynamic relaxation after all other stages failed.
     pub by_relaxation: usize,
-    /// Equilibria shown, at the end of a load step, to continue the last converged one.
+    /// Equilibria that were shown, at the end of a load step, to continue the last converged one.
     pub verified: usize,
-    /// Equilibria solved for again from the last converged one, because that could not be shown.
+    /// Equilibria that were solved for again from the last converged one because this could not be shown.
     pub replaced: usize,
-    /// Steps of dynamic relaxation in all.
+    /// Steps of dynamic relaxation in total.
     pub relaxation_steps: usize,
-    /// Seconds of all workers together.
+    /// Solve time summed over all workers, s.
     pub seconds: f64,
 }
 
 impl SweepStats {
-    /// The sum of two.
+    /// Adds two sets of counters.
     #[must_use]
     pub fn and(self, other: Self) -> Self {
         Self {
@@ -148,7 +148,7 @@ impl SweepStats {
 }
 
 impl Unit {
-    /// An RVE at rest.
+    /// Creates an RVE at rest.
     pub fn new<B: Backend<Scalar = f64>>(
         model: Option<usize>,
         models: &[RveModel<B>],
@@ -161,7 +161,7 @@ impl Unit {
         Self { fibers, matrix, answer: None, iterations: 0, committed_iterations: 0 }
     }
 
-    /// Stress and tangent at `gradient`. The same gradient again gives the same answer without a solve.
+    /// Returns stress and tangent at `gradient`. The last response is reused if the gradient has not changed.
     pub fn respond<B: Backend<Scalar = f64>>(
         &mut self,
         gradient: &Matrix3<f64>,
@@ -211,8 +211,8 @@ impl Unit {
         Ok(sum)
     }
 
-    /// Makes the answer, which [`Unit::respond`] has given at the converged gradient, that of an equilibrium which
-    /// continues the committed one. Returns true if the answer was replaced.
+    /// Verifies that the equilibrium found by [`Unit::respond`] at the converged gradient continues the committed one,
+    /// and solves for it again from the committed state if not. Returns true if the response was replaced.
     pub fn verify<B: Backend<Scalar = f64>>(
         &mut self,
         gradient: &Matrix3<f64>,
@@ -233,7 +233,7 @@ impl Unit {
         outcome
     }
 
-    /// Solves from the committed state, unless Newton evidently leads from there to the current one.
+    /// Solves from the committed state, unless Newton evidently leads from there to the current equilibrium.
     fn solve_again<B: Backend<Scalar = f64>>(
         &mut self,
         gradient: &Matrix3<f64>,
@@ -265,8 +265,8 @@ impl Unit {
         Ok(is_another)
     }
 
-    /// Bytes of this unit in a run, what it owns on the heap included. With `predict`, each of its solves leaves room
-    /// for a prediction, which is counted before the first of them too.
+    /// Bytes of this unit in a run, including those on the heap. With `predict`, the count includes the space for the
+    /// prediction even before the first solve.
     pub fn bytes(&self, predict: bool) -> usize {
         let heap = self.fibers.as_ref().map_or(0, |fibers| {
             let to_come =
@@ -276,7 +276,7 @@ impl Unit {
         size_of::<Self>() + heap
     }
 
-    /// The current equilibrium becomes the start of the next load step.
+    /// Makes the current equilibrium the start of the next load step.
     pub fn commit(&mut self) {
         if let Some(fibers) = &mut self.fibers {
             fibers.committed.take_equilibrium(&fibers.current);
@@ -286,7 +286,7 @@ impl Unit {
         self.iterations = 0;
     }
 
-    /// Back to the last converged load step.
+    /// Returns to the last converged load step.
     pub fn revert(&mut self) {
         if let Some(fibers) = &mut self.fibers {
             fibers.current.take_equilibrium(&fibers.committed);
@@ -321,7 +321,7 @@ impl Fibers {
         };
         self.origin = if is_affine { Origin::Branch } else { Origin::Trial };
         stats.count(solved.report());
-        // From there on, load steps would go on for minutes before one fails.
+        // Without this check, load steps would continue for minutes before one fails.
         if let Some(overflow) = solved.overflow() {
             return Err(RveError::Overflow(overflow).into());
         }

@@ -17,17 +17,17 @@ use crate::fem::material::Response;
 use crate::las::{Backend, Scalar};
 use crate::tissue::replay::RveDump;
 
-/// The RVEs of one rank, in the order in which they came, each the material of an element.
+/// The RVEs of one rank in the order of their creation, each the material of one element.
 ///
 /// They are solved on all threads of the current rayon pool. Every RVE starts from its own last equilibrium and writes
-/// its own answer, so results do not depend on the number of threads or on which thread solved what.
+/// its own response, so results do not depend on the number of threads or on the thread that solves an RVE.
 pub struct Units<B: Backend> {
     library: Library<B>,
     units: Vec<Unit>,
     /// The element of every unit.
     elements: Vec<usize>,
     workers: Vec<Mutex<Worker<B>>>,
-    /// Behind a lock, because whoever watches a run only has the units for reading.
+    /// Behind a lock, because observers of a run have only shared access to the units.
     stats: Mutex<SweepStats>,
     /// The last RVE that found no equilibrium.
     lost: Mutex<Option<LostRve>>,
@@ -40,7 +40,7 @@ pub struct LostRve {
     pub element: usize,
     /// The number of its model.
     pub model: usize,
-    /// Everything that repeats the failure.
+    /// The data that reproduces the failure.
     pub dump: RveDump,
 }
 
@@ -48,7 +48,7 @@ impl<B: Backend<Scalar = f64>> Units<B>
 where
     B::Reduced: Scalar,
 {
-    /// None yet.
+    /// Creates an empty set.
     #[must_use]
     pub fn new(library: Library<B>) -> Self {
         let models = library.models.len();
@@ -57,38 +57,38 @@ where
         Self { library, units, elements, workers, stats, lost }
     }
 
-    /// What all of them share.
+    /// Returns the data that all RVEs share.
     #[must_use]
     pub fn library(&self) -> &Library<B> {
         &self.library
     }
 
-    /// One more RVE at rest, behind the others: the material of an element.
+    /// Appends an RVE at rest for an element.
     pub fn add(&mut self, element: usize, model: Option<usize>, matrix: Option<Formula>) {
         self.units.push(Unit::new(model, &self.library.models, matrix));
         self.elements.push(element);
     }
 
-    /// Without those of these elements; the others keep their order.
+    /// Removes the RVEs of these elements; the order of the others does not change.
     pub fn remove(&mut self, elements: &HashSet<usize>) {
         let mut stays = self.elements.iter().map(|element| !elements.contains(element));
         self.units.retain(|_| stays.next().unwrap_or(true));
         self.elements.retain(|element| !elements.contains(element));
     }
 
-    /// How many there are.
+    /// Number of RVEs.
     #[must_use]
     pub fn len(&self) -> usize {
         self.units.len()
     }
 
-    /// Whether there is none.
+    /// Returns true if there are no RVEs.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.units.is_empty()
     }
 
-    /// The elements whose material they are.
+    /// Returns the element of each RVE.
     #[must_use]
     pub fn elements(&self) -> &[usize] {
         &self.elements
@@ -98,13 +98,13 @@ where
         self.units.get(number)
     }
 
-    /// The last answer of each, with the element.
+    /// Returns the element and the last response of each RVE.
     pub fn answers(&self) -> impl Iterator<Item = (usize, Option<&Response>)> {
         let answers = self.units.iter().map(|unit| unit.answer.as_ref().map(|(_, answer)| answer));
         self.elements.iter().copied().zip(answers)
     }
 
-    /// For every model of the library the number of RVEs that use it.
+    /// Returns, for every model of the library, the number of RVEs that use it.
     #[must_use]
     pub fn users(&self) -> Vec<usize> {
         let mut users = vec![0; self.library.models.len()];
@@ -114,28 +114,29 @@ where
         users
     }
 
-    /// Bytes that all RVEs own in a run: states, last answers, and what the next solves start from.
+    /// Bytes that all RVEs own in a run: states, last responses, and the start values of the next solves.
     #[must_use]
     pub fn bytes(&self) -> usize {
         self.units.iter().map(|unit| unit.bytes(self.library.predict)).sum()
     }
 
-    /// What the RVEs have taken since this was last asked.
+    /// Returns the counters of the RVEs since the last call.
     pub fn take_stats(&self) -> SweepStats {
         std::mem::take(&mut self.stats.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// The RVE that made the last solve fail, once.
+    /// Returns the RVE that made the last solve fail; a second call returns `None`.
     pub fn take_lost(&self) -> Option<LostRve> {
         self.lost.lock().unwrap_or_else(PoisonError::into_inner).take()
     }
 
-    /// Brings them to equilibrium, each at the gradient that `gradient` gives for its number and its element; those without
-    /// one stay as they are.
+    /// Brings the RVEs to equilibrium, each at the deformation gradient that `gradient` returns for its index and its
+    /// element; an RVE without a gradient is not changed.
     ///
     /// # Errors
-    /// That of the lowest element which finds none. Elements above it are left out where the failure is known in time, and
-    /// all are back at the last [`Units::commit`], so that nothing depends on which of them were solved.
+    /// Returns the failure of the lowest element that has one. Elements above it are skipped if the failure is known in
+    /// time, and all RVEs are reverted to the last [`Units::commit`], so that nothing depends on which of them were
+    /// solved.
     pub fn solve(
         &mut self,
         gradient: impl Fn(usize, usize) -> Option<Matrix3<f64>> + Sync,
@@ -146,11 +147,12 @@ where
         Ok(())
     }
 
-    /// Makes the equilibria of the last [`Units::solve`], at the same gradients, continue the last committed ones, whatever
-    /// trial states came in between. Returns the numbers of those that were replaced, ascending.
+    /// Verifies that the equilibria of the last [`Units::solve`], at the same gradients, continue the last committed
+    /// ones, whatever the trial states in between, and replaces those that do not. Returns the indices of the replaced
+    /// RVEs, ascending.
     ///
     /// # Errors
-    /// As for [`Units::solve`], for the lowest element without one.
+    /// As for [`Units::solve`].
     pub fn verify(
         &mut self,
         gradient: impl Fn(usize, usize) -> Option<Matrix3<f64>> + Sync,
@@ -158,8 +160,8 @@ where
         self.sweep(gradient, Unit::verify)
     }
 
-    /// Does something to each unit that has a gradient, on all threads; returns the numbers of those for which it gave
-    /// true, ascending.
+    /// Applies `each` to every unit that has a gradient, on all threads; returns the indices of the units for which it
+    /// returned true, ascending.
     fn sweep(
         &mut self,
         gradient: impl Fn(usize, usize) -> Option<Matrix3<f64>> + Sync,
@@ -180,13 +182,13 @@ where
             .enumerate()
             .map(|(number, unit)| {
                 let mut swept = Swept { stats: SweepStats::default(), outcome: Ok(false) };
-                // One failure is enough: an RVE without an equilibrium takes long to show it.
+                // One failure is enough: an RVE without an equilibrium takes long to fail.
                 if elements[number] > lowest.load(Ordering::Relaxed) {
                     return swept;
                 }
                 let Some(gradient) = gradient(number, elements[number]) else { return swept };
                 let slot = rayon::current_thread_index().unwrap_or(0) % workers.len();
-                // A worker is scratch: whatever a panicking thread left in it is overwritten.
+                // A worker is scratch memory: data left by a panicking thread is overwritten.
                 let mut worker = workers[slot].lock().unwrap_or_else(PoisonError::into_inner);
                 swept.outcome = each(unit, &gradient, library, &mut worker, &mut swept.stats).map_err(|reason| {
                     lowest.fetch_min(elements[number], Ordering::Relaxed);
@@ -197,7 +199,7 @@ where
             .collect();
         let (lowest, mut sum) = (lowest.into_inner(), SweepStats::default());
         let (mut chosen, mut failed) = (Vec::new(), None);
-        // What lies behind the failure may or may not have been swept, and counts for nothing.
+        // Elements above the failed one may or may not have been solved and are not counted.
         for (number, swept) in outcomes.into_iter().enumerate().filter(|&(number, _)| elements[number] <= lowest) {
             sum = sum.and(swept.stats);
             match swept.outcome {
@@ -229,25 +231,26 @@ where
         PointFailure::of_unit(element, network, reason)
     }
 
-    /// The current equilibria become the start of the next load step.
+    /// Makes the current equilibria the start of the next load step.
     pub fn commit(&mut self) {
         self.units.par_iter_mut().for_each(Unit::commit);
     }
 
-    /// Back to the last [`Units::commit`].
+    /// Reverts to the last [`Units::commit`].
     pub fn revert(&mut self) {
         self.units.par_iter_mut().for_each(Unit::revert);
     }
 
-    /// The memory of all RVEs in their order; right after a commit it is all that the next load step depends on.
+    /// Returns the states of all RVEs in their order. Right after a commit, these are all that the next load step
+    /// depends on.
     pub fn states(&self) -> impl ExactSizeIterator<Item = UnitState> + '_ {
         (0..self.units.len()).map(|number| self.state(number))
     }
 
-    /// The memory of one RVE.
+    /// Returns the state of one RVE.
     ///
     /// # Panics
-    /// Where there is no such number.
+    /// Panics if there is no RVE `number`.
     #[must_use]
     pub fn state(&self, number: usize) -> UnitState {
         let unit = &self.units[number];
@@ -259,10 +262,10 @@ where
         }
     }
 
-    /// Takes all RVEs back to what [`Units::states`] gave.
+    /// Restores all RVEs from [`Units::states`].
     ///
     /// # Errors
-    /// [`FieldRestoreError`]; nothing has changed then.
+    /// Returns [`FieldRestoreError`] if the states do not match the RVEs, which are then unchanged.
     pub fn restore(&mut self, states: Vec<UnitState>) -> Result<(), FieldRestoreError> {
         let (found, expected) = (states.len(), self.units.len());
         if found != expected {
@@ -292,31 +295,31 @@ where
             (None, None) => None,
             (saved, _) => return Err(FieldRestoreError::Fibers { element, saved: saved.is_some() }),
         };
-        // Committing makes the iterations since the last commit those of the last load step.
+        // `Unit::commit` copies `iterations` to `committed_iterations`, so a commit after the restore keeps the count.
         Ok(Unit { fibers, matrix: unit.matrix, answer, iterations, committed_iterations: iterations })
     }
 
-    /// Without any, as at the beginning.
+    /// Removes all RVEs.
     pub fn clear(&mut self) {
         self.units.clear();
         self.elements.clear();
     }
 
-    /// What the unit of a number was asked last, and answered.
+    /// Returns the last deformation gradient of an RVE and its response there.
     pub fn answer(&self, number: usize) -> Option<(Matrix3<f64>, Response)> {
         self.units.get(number)?.answer
     }
 
-    /// The numbers of the units by their elements.
+    /// Returns the index of the unit of each element.
     #[must_use]
     pub fn by_element(&self) -> HashMap<usize, usize> {
         self.elements.iter().enumerate().map(|(number, &element)| (element, number)).collect()
     }
 }
 
-/// What became of a unit in a sweep.
+/// The outcome for one unit of a sweep.
 struct Swept<E> {
     stats: SweepStats,
-    /// Whether it was chosen; or its number, the gradient and the reason of its failure.
+    /// The return value of `each`; or the index, the gradient and the reason of the failure.
     outcome: Result<bool, (usize, Matrix3<f64>, E)>,
 }

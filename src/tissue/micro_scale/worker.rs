@@ -1,10 +1,10 @@
-//! What each thread keeps for itself.
+//! The scratch memory of one thread.
 
 use super::library::Library;
 use crate::fiber::workspace::Workspace;
 use crate::las::{Backend, Scalar, SolveError};
 
-/// The workspace of one thread: the scratch of every network it has met so far.
+/// The workspaces of one thread: one for every model that it has solved so far.
 pub(super) struct Worker<B: Backend> {
     workspaces: Vec<Option<Workspace<B>>>,
 }
@@ -17,7 +17,7 @@ where
         Self { workspaces: (0..models).map(|_| None).collect() }
     }
 
-    /// The scratch for one network, made when it is first asked for.
+    /// Returns the workspace of a model, which the first call creates.
     pub fn workspace(&mut self, library: &Library<B>, model: usize) -> Result<&mut Workspace<B>, SolveError<B::Fault>> {
         let place = &mut self.workspaces[model];
         match place {

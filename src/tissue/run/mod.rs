@@ -2,11 +2,11 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | `setup` | a case with everything that it names, read and checked |
-//! | `plan` | what is about to be solved |
+//! | `setup` | a case with all its input files, read and checked |
+//! | `plan` | the size of the problem before the solve |
 //! | this one | the run itself ([`Simulation`]) |
-//! | `outcome` | how it ends, and how it is taken up again |
-//! | `writers` | who writes its results |
+//! | `outcome` | the errors and the result of a run, and of resuming it |
+//! | `writers` | which process writes the results |
 
 mod outcome;
 mod plan;
@@ -32,21 +32,21 @@ use crate::fem::mesh::Mesh;
 use crate::fem::stepping::{Stepper, SteppingError};
 use crate::las::{Backend, Scalar};
 
-/// A body and its networks, ready to be stepped through its loads.
+/// A body and its networks, set up to step through the loads.
 ///
-/// `B` is the backend of the body, `M` its material: in one process by default, or on ranks of its own.
+/// `B` is the backend of the body, `M` its material: in one process by default, or on other ranks.
 pub struct Simulation<B: Backend<Scalar = f64>, M = TissueField<B>>
 where
     B::Reduced: Scalar,
 {
     case: Case,
     stepper: Stepper<B, M>,
-    /// The elements whose networks are written.
+    /// The elements whose networks are written to the results.
     networks: Vec<usize>,
     warnings: Vec<String>,
-    /// The result directory that this run has for itself, from when it is taken until the run ends.
+    /// The result directory and its lock, held by this run from [`Simulation::take_directory`] until the run ends.
     own: Option<(PathBuf, DirectoryLock)>,
-    /// The results of the steps that were done before this run, where it was taken up again.
+    /// The results of the steps completed before this run, if it was resumed.
     written: Written,
 }
 
@@ -57,7 +57,8 @@ where
     /// Reads the mesh and the networks of a case and sets up the linear systems of both scales.
     ///
     /// # Errors
-    /// [`SimulationError`].
+    /// Returns [`SimulationError`] if an input file cannot be read or does not match the case, or the first evaluation
+    /// of the body fails.
     pub fn new(context: B::Context, case: Case) -> Result<Self, SimulationError<B::Fault>>
     where
         B::Context: Clone,
@@ -70,36 +71,37 @@ impl<B: Backend<Scalar = f64>, M: TissueMaterial> Simulation<B, M>
 where
     B::Reduced: Scalar,
 {
-    /// What the readers thought worth saying.
+    /// Returns the warnings of the readers.
     #[must_use]
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }
 
-    /// The case.
+    /// Returns the case.
     #[must_use]
     pub fn case(&self) -> &Case {
         &self.case
     }
 
-    /// The mesh, in meters.
+    /// Returns the mesh, in meters.
     #[must_use]
     pub fn mesh(&self) -> &Mesh {
         self.stepper.mesh()
     }
 
-    /// What is about to be solved.
+    /// Returns the size of the problem.
     #[must_use]
     pub fn plan(&self) -> Plan {
         Plan::new(&self.case, self.mesh(), self.stepper.field(), self.stepper.unknowns())
     }
 
-    /// Takes the result directory `dir` for this run alone, until [`Simulation::run`] ends, and checks that a run has written
-    /// what this one would replace there. [`Simulation::resume`] and [`Simulation::run`] do so where it was not done before.
-    /// Returns what the user should know.
+    /// Locks the result directory `dir` for this run until [`Simulation::run`] ends, and checks that the files that
+    /// this run would replace were written by a run. [`Simulation::resume`] and [`Simulation::run`] call it if it was
+    /// not called before. Returns warnings for the user.
     ///
     /// # Errors
-    /// [`ResultsError::Locked`], [`ResultsError::Foreign`]: nothing on the disk is touched. [`ResultsError::Write`].
+    /// Returns [`ResultsError::Locked`] or [`ResultsError::Foreign`] without touching a file, or
+    /// [`ResultsError::Write`] if the directory or its lock cannot be written.
     pub fn take_directory(&mut self, writers: &dyn Writers, dir: &Path) -> Result<Vec<String>, ResultsError> {
         let is_own = self.own.as_ref().is_some_and(|(own, _)| own == dir);
         let taken = match writers.is_writer() && !is_own {
@@ -116,21 +118,22 @@ where
         Ok(warning.into_iter().collect())
     }
 
-    /// Goes back to the last converged step that is kept in the result directory `dir`; [`Simulation::run`] then takes the
-    /// steps that are left and gives bit for bit what it would have given without the interruption. Without a
-    /// checkpoint the run starts from the beginning, unless there are results.
+    /// Restores the last converged step stored in the result directory `dir`; [`Simulation::run`] then takes the
+    /// remaining steps with results that are bit for bit those of an uninterrupted run. Without a checkpoint, the run
+    /// starts from the beginning, unless there are results.
     ///
     /// # Errors
-    /// [`ResumeError`]: checkpoints of another run, or only damaged ones; results without a checkpoint, or that are not those
-    /// that were written before it; another run in the same directory. Nothing on the disk is touched.
+    /// Returns [`ResumeError`] if the checkpoints belong to another run or are all damaged, if there are results
+    /// without a checkpoint or results that differ from those written before it, or if another run uses the directory.
+    /// No result file is changed then.
     pub fn resume(&mut self, dir: &Path) -> Result<Resumed, ResumeError<B::Fault>> {
         self.resume_among(&(), dir)
     }
 
-    /// The same, in step with other processes that go back together.
+    /// Like [`Simulation::resume`], in step with other processes that resume together.
     ///
     /// # Errors
-    /// [`ResumeError`], on all.
+    /// Returns [`ResumeError`] on all processes.
     pub fn resume_among(&mut self, writers: &dyn Writers, dir: &Path) -> Result<Resumed, ResumeError<B::Fault>> {
         let outcome = self.go_back(writers, dir);
         if outcome.is_err() {
@@ -140,13 +143,13 @@ where
     }
 
     fn go_back(&mut self, writers: &dyn Writers, dir: &Path) -> Result<Resumed, ResumeError<B::Fault>> {
-        // There is nothing to take where nothing is.
+        // A directory that does not exist cannot be locked.
         let mut warnings = match dir.exists() {
             true => self.take_directory(writers, dir)?,
             false => writers.agree(Ok(())).map(|()| Vec::new())?,
         };
         let found = checkpoint::latest(dir, &self.identity());
-        // Whoever goes on would wait for those that do not.
+        // A process that continues would wait for those that do not.
         let told = found
             .as_ref()
             .map(|_| ())
@@ -172,12 +175,12 @@ where
         let restored = self.stepper.restore(&state, |field| field.restore_units(&lives, units));
         restored.map_err(|reason| ResumeError::State { path, reason: Box::new(reason) })?;
         self.written = written;
-        // What it took to get there is not part of the next step.
+        // The cost of restoring is not part of the next step.
         let _ = (self.stepper.field().take_stats(), self.stepper.field().take_seconds());
         Ok(Resumed { step: state.completed_steps, warnings })
     }
 
-    /// That a directory without a checkpoint holds no results that starting from the beginning would remove.
+    /// Checks that a directory without a checkpoint holds no results that a start from the beginning would remove.
     fn check_empty(&self, writers: &dyn Writers, dir: &Path) -> Result<(), ResumeError<B::Fault>> {
         let found = match writers.is_writer() {
             true => results::results_without_checkpoint(dir, &self.case),
@@ -202,19 +205,19 @@ where
         Identity::new(B::NAME, &self.case, self.stepper.mesh(), self.stepper.field())
     }
 
-    /// Takes all load steps that are left and writes the result directory `dir` on the way. A run from the beginning
-    /// replaces the results that are there; one that was taken up by [`Simulation::resume`] goes on with them.
+    /// Takes all remaining load steps and writes their results to the directory `dir`. A run from the beginning
+    /// replaces the results in the directory; one resumed by [`Simulation::resume`] appends to them.
     ///
     /// # Errors
-    /// [`RunError`]; what converged before is on disk.
+    /// Returns [`RunError`]; the results of all converged steps are on disk.
     pub fn run(&mut self, dir: &Path, progress: &mut dyn Progress) -> Result<RunSummary, RunError<B::Fault>> {
         self.run_among(&(), dir, progress)
     }
 
-    /// The same, in step with other processes of which one writes.
+    /// Like [`Simulation::run`], in step with other processes of which one writes.
     ///
     /// # Errors
-    /// [`RunError`], the same on all.
+    /// Returns [`RunError`], the same on all processes.
     pub fn run_among(
         &mut self,
         writers: &dyn Writers,
@@ -228,7 +231,7 @@ where
         outcome
     }
 
-    /// The same in a directory that this run has for itself.
+    /// The run in a directory that it has locked.
     fn run_in_own(
         &mut self,
         writers: &dyn Writers,
@@ -264,7 +267,7 @@ where
                 witness.write(|recorder| recorder.write_last(steps, t, mesh, state, field))?;
                 Some(error.to_string())
             }
-            // A disk that refuses results refuses the end of the log too.
+            // If results cannot be written, the end of the log cannot either.
             Err(RunError::Results(_)) => return outcome.map(|iterations| RunSummary { steps, iterations, seconds }),
         };
         let end = Event::End(End { converged: reason.is_none(), reason, steps, seconds });
@@ -289,7 +292,7 @@ where
         }
     }
 
-    /// Takes the steps that are left, with a checkpoint after each; returns the Newton iterations.
+    /// Takes the remaining steps, with a checkpoint after each; returns the number of Newton iterations.
     fn take_steps(&mut self, dir: &Path, witness: &mut Witness<'_, '_>) -> Result<usize, RunError<B::Fault>> {
         let identity = self.identity();
         let count = self.stepper.count();
@@ -303,7 +306,7 @@ where
                     return Err(RunError::NotConverged { step, count, reached, halvings, reason, lost });
                 }
             }
-            // Last, so that a checkpoint never stands for results that are not there.
+            // The checkpoint is written last, so that it never refers to results that do not exist.
             if let Some(state) = self.stepper.saved() {
                 witness.write(|recorder| {
                     let written = recorder.settle()?;

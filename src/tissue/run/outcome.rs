@@ -1,4 +1,4 @@
-//! How a run ends, and how it is taken up again.
+//! The errors and the result of a run, and of resuming it.
 
 use std::path::PathBuf;
 
@@ -9,7 +9,7 @@ use crate::tissue::checkpoint::CheckpointError;
 use crate::tissue::micro_scale::{FieldRestoreError, TissueFieldError};
 use crate::tissue::results::ResultsError;
 
-/// Why a run ended early. Everything that converged is on disk.
+/// The reason why a run ended early. The results of all converged steps are on disk.
 #[derive(Debug, Error)]
 pub enum RunError<F: std::error::Error + 'static> {
     /// A load step did not converge.
@@ -17,15 +17,15 @@ pub enum RunError<F: std::error::Error + 'static> {
     NotConverged {
         /// The step, from 1.
         step: usize,
-        /// How many there are.
+        /// Number of steps of the case.
         count: usize,
         /// The last converged pseudo-time.
         reached: f64,
-        /// How often the step was halved.
+        /// Number of times that the step was halved.
         halvings: u32,
-        /// What stopped the last attempt.
+        /// The reason why the last attempt failed.
         reason: Box<StepFailure<TissueFieldError, F>>,
-        /// The file that repeats the failure of an RVE, where that was the reason.
+        /// The file that reproduces the failure of an RVE, if that was the reason.
         lost: Option<PathBuf>,
     },
     /// A result file could not be written.
@@ -33,51 +33,51 @@ pub enum RunError<F: std::error::Error + 'static> {
     Results(#[from] ResultsError),
 }
 
-/// Why a run cannot go on from where an earlier one stopped.
+/// The reason why a run cannot resume from where an earlier one stopped.
 #[derive(Debug, Error)]
 pub enum ResumeError<F: std::error::Error + 'static> {
     /// No checkpoint can be used.
     #[error("{0}")]
     Checkpoint(#[from] CheckpointError),
-    /// There are results, but no checkpoint.
+    /// There are results but no checkpoint.
     #[error("{}: holds {what}, but there is no checkpoint to go on from", path.display())]
     NoCheckpoint {
-        /// A file of results.
+        /// A result file.
         path: PathBuf,
-        /// What is in it.
+        /// Its content.
         what: String,
     },
-    /// The results are not as they were written before the checkpoint, or cannot be touched.
+    /// The results differ from those written before the checkpoint, or the directory cannot be used.
     #[error("{0}")]
     Results(#[from] ResultsError),
-    /// Another process could not read its checkpoint.
+    /// Another process failed to read its checkpoint or found that of another step.
     #[error("{0}")]
     Elsewhere(ResultsError),
-    /// A checkpoint of this very run does not fit it. The simulation must then be set up anew.
+    /// A checkpoint of this run does not match it. The simulation has to be set up again.
     #[error("{}: {reason}", path.display())]
     State {
         /// The checkpoint.
         path: PathBuf,
-        /// Why.
+        /// The mismatch.
         reason: Box<RestoreError<FieldRestoreError, TissueFieldError, F>>,
     },
 }
 
-/// What [`Simulation::resume`](super::Simulation::resume) has found.
+/// The result of [`Simulation::resume`](super::Simulation::resume).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Resumed {
-    /// The converged step that the run goes on from; 0 where there was no checkpoint and it starts from the beginning.
+    /// The converged step from which the run continues; 0 if there was no checkpoint and it starts from the beginning.
     pub step: usize,
-    /// What the user should know.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
 }
 
-/// A run that reached its end.
+/// The result of a run that took all load steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RunSummary {
-    /// Load steps.
+    /// Load steps of the case.
     pub steps: usize,
-    /// Newton iterations of the macro scale in all.
+    /// Newton iterations of the macro scale in total.
     pub iterations: usize,
     /// Wall time, s.
     pub seconds: f64,

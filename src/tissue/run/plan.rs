@@ -1,10 +1,10 @@
-//! What is about to be solved, before anything is.
+//! The size of a problem before the solve.
 
 use crate::fem::mesh::Mesh;
 use crate::tissue::case::Case;
 use crate::tissue::micro_scale::TissueMaterial;
 
-/// What is about to be solved.
+/// The size of a problem before the solve.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
     /// Elements of the mesh.
@@ -17,9 +17,9 @@ pub struct Plan {
     pub rves: usize,
     /// Networks, each with its unknowns and the RVEs that use it.
     pub networks: Vec<NetworkPlan>,
-    /// Bytes of all RVE states and answers.
+    /// Bytes of all RVE states and responses.
     pub rve_bytes: usize,
-    /// Bytes of the gradients, stresses and tangents that the body holds; the factors of its stiffness come on top.
+    /// Bytes of the gradients, stresses and tangents of the body, without the factors of its stiffness.
     pub body_bytes: usize,
     /// Load steps.
     pub steps: usize,
@@ -29,7 +29,7 @@ pub struct Plan {
     pub ranks: [usize; 2],
 }
 
-/// One network of the library.
+/// A model of the library: a network with its law and scale.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NetworkPlan {
     /// Its name.
@@ -41,7 +41,7 @@ pub struct NetworkPlan {
 }
 
 impl Plan {
-    /// The plan of a case with its mesh and material and the number of free unknowns of the body.
+    /// Collects the sizes from a case, its mesh and material, and the number of free unknowns of the body.
     pub(super) fn new(case: &Case, mesh: &Mesh, field: &impl TissueMaterial, unknowns: usize) -> Self {
         let (models, sites) = (field.library().models(), field.sites());
         let networks = models.iter().zip(sites.users(models.len())).map(|(model, rves)| NetworkPlan {
@@ -49,7 +49,7 @@ impl Plan {
             unknowns: model.unknowns(),
             rves,
         });
-        // Of every point two states are held: the converged one and the trial.
+        // Every point has two states: the converged one and the trial one.
         let point_bytes = 2 * (1 + 9 + 9 + 81) * size_of::<f64>();
         Self {
             elements: mesh.elements().len(),

@@ -1,4 +1,4 @@
-//! A case with everything that it names, read and checked.
+//! A case with all its input files, read and checked.
 
 use std::sync::Arc;
 
@@ -19,24 +19,24 @@ use crate::tissue::micro_scale::{LibraryError, TissueField, TissueFieldError, Ti
 use crate::tissue::results::Written;
 use crate::tissue::rve_files;
 
-/// Why a simulation cannot be set up.
+/// The reason why a simulation cannot be set up.
 #[derive(Debug, Error)]
 pub enum SimulationError<F: std::error::Error + 'static> {
-    /// Mesh or conditions.
+    /// The mesh or the boundary conditions are wrong.
     #[error("{0}")]
     MacroScale(#[from] MacroScaleError),
-    /// Networks.
+    /// The networks or the materials of regions are wrong.
     #[error("{0}")]
     Library(#[from] LibraryError),
-    /// What is to be written of it.
+    /// The requested output does not exist.
     #[error("{0}")]
     Output(#[from] InputErrors),
-    /// Body and conditions do not fit together.
+    /// The body and its boundary conditions do not match.
     #[error("{0}")]
     Setup(#[from] Box<SetupError<TissueFieldError, F>>),
 }
 
-/// A case with everything read and checked that it names, before anything is solved.
+/// A case with all its input files, read and checked before the first solve.
 pub struct Setup<B: Backend<Scalar = f64>, M = TissueField<B>>
 where
     B::Reduced: Scalar,
@@ -56,10 +56,11 @@ where
     B::Reduced: Scalar,
     B::Context: Clone,
 {
-    /// Reads the mesh and the networks of a case and holds them against what it prescribes.
+    /// Reads the mesh and the networks of a case and checks them against the case.
     ///
     /// # Errors
-    /// [`SimulationError`].
+    /// Returns [`SimulationError`] if an input file cannot be read or does not match the case, or if the boundary
+    /// conditions leave a rigid-body mode.
     pub fn new(context: B::Context, case: Case) -> Result<Self, SimulationError<B::Fault>> {
         let of_rves = context.clone();
         Self::with_material(context, case, |case, mesh| TissueField::new(of_rves, case, mesh))
@@ -70,11 +71,11 @@ impl<B: Backend<Scalar = f64>, M: TissueMaterial> Setup<B, M>
 where
     B::Reduced: Scalar,
 {
-    /// Reads the mesh of a case and holds it against what it prescribes; `material` gives its elements their materials, and
+    /// Reads the mesh of a case and checks it against the case; `material` returns the materials of its elements, and
     /// warnings.
     ///
     /// # Errors
-    /// [`SimulationError`].
+    /// As for [`Setup::new`].
     pub fn with_material(
         context: B::Context,
         case: Case,
@@ -94,39 +95,40 @@ where
         Ok(Self { context, case, mesh, conditions, field, networks, unknowns, warnings })
     }
 
-    /// What is about to be solved.
+    /// Returns the size of the problem.
     #[must_use]
     pub fn plan(&self) -> Plan {
         Plan::new(&self.case, &self.mesh, &self.field, self.unknowns)
     }
 
-    /// What the readers thought worth saying.
+    /// Returns the warnings of the readers.
     #[must_use]
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }
 
-    /// The case.
+    /// Returns the case.
     #[must_use]
     pub fn case(&self) -> &Case {
         &self.case
     }
 
-    /// The mesh, in meters.
+    /// Returns the mesh, in meters.
     #[must_use]
     pub fn mesh(&self) -> &Mesh {
         &self.mesh
     }
 
-    /// The material of the body.
+    /// Returns the material of the body.
     pub fn material_mut(&mut self) -> &mut M {
         &mut self.field
     }
 
-    /// Sets up the linear systems of both scales; asks every point for its answer in the undeformed body.
+    /// Sets up the linear systems of both scales and evaluates every point of the undeformed body.
     ///
     /// # Errors
-    /// [`SimulationError::Setup`].
+    /// Returns [`SimulationError::Setup`] if the linear system cannot be set up or a point of the undeformed body has
+    /// no response.
     pub fn simulation(self) -> Result<Simulation<B, M>, SimulationError<B::Fault>> {
         let Self { context, case, mesh, conditions, field, networks, warnings, .. } = self;
         let params = macro_scale::step_params(&case);
@@ -137,7 +139,7 @@ where
     }
 }
 
-/// What to say of regions whose RVEs have no network.
+/// Warnings for regions whose RVEs have no network.
 fn without_networks(case: &Case) -> impl Iterator<Item = String> {
     case.regions.iter().filter_map(|region| match &region.material {
         MaterialCase::FiberRve(rve) if rve.networks.is_empty() => Some(format!(

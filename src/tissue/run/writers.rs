@@ -1,4 +1,4 @@
-//! Who writes the results of a run, alone or in step with other processes.
+//! Which process writes the results of a run, alone or in step with others.
 
 use std::path::{Path, PathBuf};
 
@@ -7,25 +7,25 @@ use crate::tissue::micro_scale::TissueMaterial;
 use crate::tissue::recorder::Recorder;
 use crate::tissue::results::ResultsError;
 
-/// Who writes the results of a run that several processes take in step: one of them, and all go on only if it could.
+/// Processes that take the same steps of a run: one of them writes the results, and all continue only if it succeeded.
 pub trait Writers {
-    /// Whether this process writes.
+    /// Returns true if this process writes.
     fn is_writer(&self) -> bool;
 
-    /// The same outcome on all.
+    /// Returns the same outcome on all processes.
     ///
     /// # Errors
-    /// The own one, or that of the first that has one.
+    /// Returns this process's own error, or else that of the first process that has one.
     fn agree(&self, outcome: Result<(), ResultsError>) -> Result<(), ResultsError>;
 
-    /// That all have found the same number.
+    /// Checks that all processes pass the same number.
     ///
     /// # Errors
-    /// On all, where they have not.
+    /// Returns [`ResultsError`] on all processes if the numbers differ.
     fn agree_on(&self, number: usize) -> Result<(), ResultsError>;
 }
 
-/// One process alone.
+/// A single process.
 impl Writers for () {
     fn is_writer(&self) -> bool {
         true
@@ -40,7 +40,7 @@ impl Writers for () {
     }
 }
 
-/// Records a run where this process writes, and agrees with the others that it could be written.
+/// Records a run if this process writes, and agrees with the other processes on the outcome of each write.
 pub(super) struct Witness<'w, 'r> {
     pub(super) recorder: Option<Recorder<'r>>,
     pub(super) writers: &'w dyn Writers,

@@ -5,9 +5,9 @@ use super::protocol::{Answer, Header, MACRO, MICRO, Strain};
 use crate::coupling::{Channel, Coupling, Even, Scales, UnitId};
 use crate::las::Comm;
 
-/// What goes between a rank and the RVEs that it has or asks.
+/// The couplings and channels between a rank and its RVEs (micro scale) or those of its elements (macro scale).
 pub(super) struct Channels<C: Comm> {
-    /// From the macro scale to the micro scale, and back.
+    /// From the macro scale to the micro scale; `back` is its inverse.
     pub down: Coupling<C>,
     pub back: Coupling<C>,
     pub headers: Channel<Header>,
@@ -16,7 +16,7 @@ pub(super) struct Channels<C: Comm> {
 }
 
 impl<C: Comm> Channels<C> {
-    /// Without RVEs: the first ones come like all others. Called by all ranks of both scales together.
+    /// Couples the scales without RVEs; the initial RVEs are added like all later ones. Collective over both scales.
     pub fn new(scales: &Scales<C>) -> Result<Self, TwoScaleError> {
         let down = Coupling::new(scales, MACRO, MICRO, &[], &[], &Even)?;
         let back = down.inverse();
@@ -26,12 +26,12 @@ impl<C: Comm> Channels<C> {
         Ok(Self { down, back, headers, strains, answers })
     }
 
-    /// The elements with an RVE, in the order of what is exchanged.
+    /// The elements with an RVE, in the order of the exchanged values.
     pub fn units(&self) -> &[UnitId] {
         self.down.units()
     }
 
-    /// The way back after RVEs have come or gone.
+    /// Updates `back` after RVEs were added or removed.
     pub fn turn_back(&mut self) {
         self.back = self.down.inverse();
     }

@@ -1,4 +1,4 @@
-//! The other ranks of the macro scale where the first one solves for the body: each exchanges with the RVEs of its part.
+//! The other ranks of the macro scale if the first one solves for the body: each exchanges with the RVEs of its part.
 
 use std::time::Instant;
 
@@ -14,24 +14,24 @@ use crate::las::{Comm, Message, Tag};
 /// Gradients to the rank of a part, and answers from it.
 pub(super) const GRADIENTS: Tag = Tag::of(0);
 pub(super) const ANSWERS: Tag = Tag::of(1);
-/// Where the time of the rank of a part went.
+/// Busy, idle and exchange times from the rank of a part.
 pub(super) const SECONDS: Tag = Tag::of(2);
 
-/// What the first rank of the macro scale tells the others.
+/// A command of the first rank of the macro scale to the others.
 #[derive(Serialize, Deserialize)]
 pub(super) enum Order {
-    /// RVEs are deleted, and created: elements and regions.
+    /// Delete and create RVEs: elements whose RVEs are deleted; elements with new RVEs and their regions.
     Change(Vec<u64>, Vec<[u64; 2]>),
-    /// Gradients are on their way.
+    /// Receive gradients, exchange with the RVEs, and return the answers.
     Exchange,
-    /// The run is over.
+    /// End of the run.
     End,
 }
 
-/// The main function of the other ranks of the macro scale.
+/// The main function of the other ranks of the macro scale: carries out the commands of the first rank.
 ///
 /// # Errors
-/// [`TwoScaleError`].
+/// Returns [`TwoScaleError`] if communication fails or a message does not follow the protocol.
 pub fn follow<C: Comm>(scales: &Scales<C>, mesh: &Mesh) -> Result<(), TwoScaleError> {
     let comm = scales.comm();
     let shard_of = super::partition::partition(mesh, comm.size());

@@ -1,4 +1,4 @@
-//! The macro scale's side: the material of the body, whose RVEs are on ranks of their own.
+//! The macro scale's side: the material of the body, whose RVEs are on other ranks.
 
 use std::collections::{HashMap, HashSet};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -26,18 +26,18 @@ pub struct ScaleField<'a, C: Comm, B: Backend> {
     micro: MicroProxy<'a, C>,
     library: Library<B>,
     sites: Sites,
-    /// The rank of the program that solves the RVE of an element.
+    /// The rank of the program that solves the RVE of each element.
     rank_of: Vec<u32>,
     heard: Heard,
     lost: Mutex<Option<LostRve>>,
-    /// Why other ranks do not answer or have lost step: nothing is exchanged any more.
+    /// The reason why other ranks do not respond or are out of step; once it is set, nothing is exchanged.
     broken: Arc<OnceLock<String>>,
 }
 
-/// What the micro scale said of the last steps.
+/// The last reports of the micro scale.
 #[derive(Default)]
 struct Heard {
-    /// Element by element.
+    /// One entry per element.
     units: Vec<Option<UnitReport>>,
     stats: Mutex<SweepStats>,
     seconds: Mutex<Vec<Vec<RankSeconds>>>,
@@ -48,10 +48,10 @@ impl<'a, C: Comm, B: Backend<Scalar = f64>> ScaleField<'a, C, B>
 where
     B::Reduced: Scalar,
 {
-    /// The materials of a mesh. Exchanges nothing yet.
+    /// Sets up the materials of a mesh; also returns the warnings of the network reader. Does not communicate.
     ///
     /// # Errors
-    /// [`LibraryError`].
+    /// Returns [`LibraryError`] if a network cannot be read or used, or a region of the mesh has no material.
     pub fn new(
         (scales, lead): (&'a Scales<C>, Lead),
         context: B::Context,
@@ -74,24 +74,25 @@ where
         Ok((field, warnings))
     }
 
-    /// Why other ranks do not answer or have lost step, from which no run recovers: for who holds the run, not the field.
+    /// The reason why other ranks do not respond or are out of step, which ends the run; for callers that do not hold
+    /// the field.
     #[must_use]
     pub fn broken(&self) -> Arc<OnceLock<String>> {
         Arc::clone(&self.broken)
     }
 
-    /// Remembers that ranks do not go on together.
+    /// Records an error in `broken`.
     fn whole<T>(&self, outcome: Result<T, TwoScaleError>) -> Result<T, TwoScaleError> {
         outcome.inspect_err(|error| {
             self.broken.get_or_init(|| error.to_string());
         })
     }
 
-    /// Couples the scales, with the RVEs that there are from the start: from here on the other ranks follow this one, until
-    /// it is dropped.
+    /// Couples the scales and creates the initial RVEs. From then on the other ranks carry out commands of this one,
+    /// until it is dropped.
     ///
     /// # Errors
-    /// [`TwoScaleError`].
+    /// Returns [`TwoScaleError`] if communication fails.
     pub fn couple(&mut self) -> Result<(), TwoScaleError> {
         self.micro.couple()?;
         let new = self.sites.existing().map(|(element, region)| [element as u64, region as u64]);
@@ -99,13 +100,13 @@ where
         self.change(&change)
     }
 
-    /// Deletes and creates RVEs, on both scales.
+    /// Deletes and creates RVEs on both scales.
     fn change(&mut self, change: &Change) -> Result<(), TwoScaleError> {
         change.gone.iter().for_each(|&unit| self.heard.units[unit as usize] = None);
         self.micro.change(change)
     }
 
-    /// Deletes and creates RVEs, by element.
+    /// Deletes and creates the RVEs of these elements, if there are any.
     fn turn_over(&mut self, gone: &[usize], new: &[usize]) -> Result<(), TissueFieldError> {
         if gone.is_empty() && new.is_empty() {
             return Ok(());
@@ -116,7 +117,7 @@ where
         Ok(self.whole(changed)?)
     }
 
-    /// Gives all RVEs that are awake a task, and takes their answers in; returns true if verification replaced any.
+    /// Sends a task to all awake RVEs and stores their responses; returns true if verification replaced any.
     fn ask(
         &mut self,
         task: Task,
@@ -141,7 +142,7 @@ where
         Ok(answers.iter().any(|answer| answer.outcome == Outcome::Replaced as u64))
     }
 
-    /// Why the last trial state has no answer; what repeats it is kept.
+    /// Asks why the last trial state has no response; keeps the data that reproduces the failure.
     fn explain(&mut self) -> Result<PointFailure, TwoScaleError> {
         let Failed { failure, start } = self.micro.explain()?;
         if let Some((model, state, gradient)) = start
@@ -155,7 +156,7 @@ where
         Ok(failure)
     }
 
-    /// Ends a step on the micro scale, and remembers what it says of it.
+    /// Ends a step on the micro scale and stores its reports.
     fn end_step(&mut self, converged: bool) -> Result<(), TwoScaleError> {
         let (reports, iterations) = self.micro.end_step(converged)?;
         let mut stats = SweepStats::default();
@@ -176,11 +177,11 @@ where
     }
 }
 
-/// However a run ends, the other ranks are told, unless this one ends them all by a panic.
+/// Ends the loops of the other ranks however a run ends, except after a broken exchange or in a panic, which ends them.
 impl<C: Comm, B: Backend> Drop for ScaleField<'_, C, B> {
     fn drop(&mut self) {
         if self.micro.is_coupled() && self.broken.get().is_none() && !std::thread::panicking() {
-            // Ranks that cannot be told have ended.
+            // An error here means that the other ranks have ended.
             let _ = self.micro.complete();
         }
     }
@@ -194,7 +195,7 @@ where
 
     fn update(&mut self, gradients: &[Matrix3<f64>], out: &mut PointResponses) -> Result<(), Self::Error> {
         out.resize(gradients.len());
-        // What needs no RVE first: an element that is inside out is found before any RVE is asked.
+        // Points that need no RVE come first: an inverted element there fails before any RVE is solved.
         for (element, f) in gradients.iter().enumerate() {
             if let Some(answer) = self.sites.respond(element, f)? {
                 write(out, element, &answer);
@@ -210,7 +211,7 @@ where
 
     fn evolve(&mut self) -> Result<bool, Self::Error> {
         let turnover = self.sites.evolve();
-        // What is deleted stays until the commit: the step may still fail.
+        // Deleted RVEs are kept until the commit, because the step may still fail.
         self.turn_over(&[], &turnover.created)?;
         Ok(!turnover.is_empty())
     }
@@ -290,7 +291,7 @@ where
         (parts > 1).then_some((&*self.micro.shard_of, parts))
     }
 
-    /// The order of nodes by rank where all ranks solve: the rows of a rank are then about those of its own elements.
+    /// Orders the nodes by rank if all ranks solve: the rows of a rank are then mostly those of its own elements.
     fn node_order(&self, mesh: &Mesh) -> Vec<u32> {
         let mut order: Vec<u32> = (0..mesh.nodes().len() as u32).collect();
         if self.micro.lead == Lead::All {

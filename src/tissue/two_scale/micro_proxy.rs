@@ -1,10 +1,11 @@
 //! The micro scale as seen by the macro scale: sends commands and strains, receives answers.
 //!
-//! Each rank of the macro scale has a part of the elements, whose RVEs it exchanges with. There are two ways to solve for the
-//! body:
-//! - the first rank does ([`Lead::First`]), and the others [`follow`](super::follow): they get the gradients of their part from it and
-//!   hand the answers back;
-//! - all ranks do, in step ([`Lead::All`]), on a backend that spreads the linear system over them; every rank gets all answers.
+//! Each rank of the macro scale has a part of the elements and exchanges with their RVEs. There are two ways to solve
+//! for the body:
+//! - the first rank solves ([`Lead::First`]), and the others [`follow`](super::follow): they receive the gradients of
+//!   their part from it and return the answers;
+//! - all ranks solve, in step ([`Lead::All`]), on a backend that distributes the linear system; every rank receives all
+//!   answers.
 
 use std::collections::HashSet;
 use std::time::{Duration, Instant};
@@ -20,38 +21,38 @@ use crate::las::{Comm, Message};
 use crate::tissue::micro_scale::Sites;
 use crate::tissue::results::log::RankSeconds;
 
-/// Who solves for the body.
+/// The ranks that solve for the body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lead {
     /// The first rank of the macro scale.
     First,
-    /// All its ranks, in step.
+    /// All ranks of the macro scale, in step.
     All,
 }
 
-/// The ranks that solve RVEs, and those that ask them.
+/// Connection of the macro scale to the ranks that solve RVEs.
 pub(super) struct MicroProxy<'a, C: Comm> {
     pub scales: &'a Scales<C>,
-    /// The number of the micro scale.
+    /// Index of the micro scale in `scales`.
     below: usize,
     pub lead: Lead,
-    /// The rank of the macro scale whose part an element is in.
+    /// The rank of the macro scale to whose part each element belongs.
     pub shard_of: Vec<u32>,
-    /// The RVEs of the own part, once the scales are coupled.
+    /// The RVEs of the part of this rank; `None` before the scales are coupled.
     shard: Option<Shard<C>>,
-    /// Elements with RVEs, by rank of the macro scale.
+    /// Elements with RVEs, per rank of the macro scale.
     units: Vec<Vec<u64>>,
     in_step: bool,
-    /// Trial state by trial state, rank by rank of the macro scale.
+    /// Times per trial state and rank of the macro scale.
     iterations: Vec<Vec<Seconds>>,
-    /// The end of the last exchange.
+    /// The time up to which `between` counts.
     since: Instant,
-    /// Where the time between two trial states went, up to there.
+    /// Times since the last trial state, counted at the next one.
     between: Seconds,
 }
 
 impl<'a, C: Comm> MicroProxy<'a, C> {
-    /// Exchanges nothing yet.
+    /// Does not communicate.
     pub fn new(scales: &'a Scales<C>, lead: Lead, shard_of: Vec<u32>) -> Self {
         Self {
             scales,
@@ -82,12 +83,12 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
         self.scales.ranks(self.below)
     }
 
-    /// Starts the clock of the macro scale's own work.
+    /// Restarts the clock of the macro scale's own work.
     pub fn rest(&mut self) {
         self.since = Instant::now();
     }
 
-    /// Ends the loops of the other ranks, and first a step that has not come to its end.
+    /// Ends the loops of the other ranks; rejects a step that is still open first.
     pub fn complete(&self) -> Result<(), TwoScaleError> {
         if self.in_step {
             self.broadcast(&Command::Reject)?;
@@ -97,7 +98,7 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
         self.broadcast(&Command::Complete)
     }
 
-    /// Receives a message of the micro scale.
+    /// Receives a message of the micro scale, on the ranks that solve for the body.
     fn receive(&self) -> Result<Message, TwoScaleError> {
         Ok(match self.lead {
             Lead::First => self.scales.receive_on_root(self.below)?,
@@ -118,7 +119,7 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
         Ok(())
     }
 
-    /// Receives one value from each rank of the micro scale, by rank.
+    /// Gathers one value per rank of the micro scale, in the order of ranks.
     fn gather<T: for<'de> serde::Deserialize<'de>>(&self, seconds: &mut Seconds) -> Result<Vec<T>, TwoScaleError> {
         let start = Instant::now();
         let waits = self.scales.comm().rank() == 0;
@@ -127,7 +128,7 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
         }
         let arrived = Instant::now();
         let message = self.receive()?;
-        // The other macro ranks receive the message from the first one; waiting for it is no exchange with the micro scale.
+        // The other macro ranks receive the message from the first one; that wait is no exchange with the micro scale.
         let received = if waits { arrived } else { Instant::now() };
         let all = message.split().ok_or(TwoScaleError::Protocol)?;
         let all = all.into_iter().map(|bytes| Ok(postcard::from_bytes(bytes)?)).collect();
@@ -136,7 +137,7 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
         all
     }
 
-    /// Deletes and creates RVEs, on both scales.
+    /// Deletes and creates RVEs on both scales.
     pub fn change(&mut self, change: &Change) -> Result<(), TwoScaleError> {
         self.between.busy += self.since.elapsed().as_secs_f64();
         self.rest();
@@ -145,7 +146,7 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
         let own = self.scales.comm().rank() as u32;
         let Self { shard: Some(shard), shard_of, .. } = self else { return Err(TwoScaleError::Protocol) };
         shard.change(change, |element| shard_of[element] == own)?;
-        // As every rank of the scale does with its own.
+        // Keeps the order of the shard of each rank.
         let gone: HashSet<u64> = change.gone.iter().copied().collect();
         for units in &mut self.units {
             units.retain(|unit| !gone.contains(unit));
@@ -158,7 +159,7 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
         Ok(())
     }
 
-    /// Gives all RVEs that are awake a task, those of other parts through their ranks.
+    /// Sends a task to all awake RVEs and returns their answers; those of other parts go through the rank of the part.
     pub fn ask(&mut self, task: Task, gradients: &[Matrix3<f64>], sites: &Sites) -> Result<Vec<Answer>, TwoScaleError> {
         let command = if std::mem::replace(&mut self.in_step, true) { Command::Iterate } else { Command::Step };
         let comm = self.scales.comm().clone();
@@ -188,7 +189,7 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
         };
         let of_parts = match self.lead {
             Lead::First => (1..comm.size()).map(&mut receive).collect::<Result<_, _>>()?,
-            // What they wait for each other in it is little: all have just got their own answers.
+            // The wait in this collective is short, since all ranks have just received their own answers.
             Lead::All if comm.size() > 1 => comm.gather_all(Message::of(&std::mem::take(&mut answers)))?,
             Lead::All => Vec::new(),
         };
@@ -206,15 +207,15 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
         Ok(answers)
     }
 
-    /// Why RVEs found no equilibrium: the failure of the lowest element.
+    /// Asks why RVEs found no equilibrium; returns the failure of the lowest element.
     pub fn explain(&mut self) -> Result<Failed, TwoScaleError> {
         self.broadcast(&Command::Explain)?;
         let failed: Vec<Option<Failed>> = self.gather(&mut Seconds::default())?;
         failed.into_iter().flatten().min_by_key(|failed| failed.failure.element).ok_or(TwoScaleError::Protocol)
     }
 
-    /// Ends a step on the micro scale and receives the report of each of its ranks; also where the time of all ranks went in each trial
-    /// state.
+    /// Ends a step on the micro scale. Returns the report of each of its ranks, and the times of all ranks of both
+    /// scales per trial state.
     pub fn end_step(&mut self, converged: bool) -> Result<(Vec<RankReport>, Vec<Vec<RankSeconds>>), TwoScaleError> {
         self.broadcast(&if converged { Command::Accept } else { Command::Reject })?;
         self.in_step = false;

@@ -1,4 +1,4 @@
-//! The micro scale: RVEs that come and go as the macro scale says, and answer when asked.
+//! The micro scale: creates and deletes RVEs on command of the macro scale, solves them, and sends the answers.
 
 use std::collections::{HashMap, HashSet};
 use std::time::Instant;
@@ -18,7 +18,8 @@ use crate::tissue::micro_scale::{ElementMaterial, Library, PointFailure, PointSu
 /// The main function of the micro scale on one rank.
 ///
 /// # Errors
-/// [`TwoScaleError`].
+/// Returns [`TwoScaleError`] if communication fails, a message does not follow the protocol, or a saved state does not
+/// match its RVE.
 pub fn run<C: Comm, B: Backend<Scalar = f64>>(
     scales: &Scales<C>,
     case: &Case,
@@ -30,19 +31,19 @@ where
     MicroSide::new(scales, case, library)?.run()
 }
 
-/// The RVEs of a rank and what couples them.
+/// The RVEs of a rank and their couplings.
 struct MicroSide<'a, C: Comm, B: Backend> {
     scales: &'a Scales<C>,
-    /// The number of the macro scale.
+    /// Index of the macro scale in `scales`.
     above: usize,
     drawn: RveOutput,
     units: Units<B>,
     channels: Channels<C>,
-    /// What was asked last, in the order of the units.
+    /// The last strains received, in the order of the units.
     asked: Vec<Strain>,
     failed: Option<PointFailure>,
     seconds: Vec<Seconds>,
-    /// Where the time went since the last answer, for the next one.
+    /// Times since the last answers were sent, counted at the next ones.
     between: Seconds,
 }
 
@@ -81,12 +82,13 @@ where
         Ok(())
     }
 
-    /// What the macro scale makes of the answers: `false` where it asks again.
+    /// Carries out commands after the answers; returns false if the macro scale asks for another trial state of the
+    /// step.
     fn hear_of_step(&mut self) -> Result<bool, TwoScaleError> {
         loop {
             match self.command()? {
                 Command::Iterate => return Ok(false),
-                // What strain demands is created, and the body brought to balance again.
+                // The strain demands new RVEs; the macro scale then solves for equilibrium again.
                 Command::Units => {
                     let start = Instant::now();
                     self.update_units()?;
@@ -121,7 +123,7 @@ where
         Ok(unpack(&news)?)
     }
 
-    /// RVEs that are deleted, then those that are new, at rest.
+    /// Deletes RVEs, then creates new ones at rest, as the macro scale commands.
     fn update_units(&mut self) -> Result<(), TwoScaleError> {
         let before = self.channels.units().to_vec();
         let kept = self.channels.down.forget()?;
@@ -143,7 +145,7 @@ where
         Ok(())
     }
 
-    /// Gets a deformation gradient for every RVE, brings all to equilibrium, and sends what they answer.
+    /// Receives a strain for every RVE, brings all RVEs to equilibrium, and sends their answers.
     fn answer_strains(&mut self) -> Result<(), TwoScaleError> {
         self.asked.resize(self.units.len(), Strain { gradient: [0.0; 9], task: Task::Rest as u64 });
         let (start, before) = (Instant::now(), self.channels.strains.waited());
@@ -173,7 +175,7 @@ where
         Ok(())
     }
 
-    /// Tells the macro scale of the first RVE of this scale that failed.
+    /// Sends the macro scale the failure of the lowest element with one on each rank of this scale.
     fn explain(&mut self) -> Result<(), TwoScaleError> {
         let failed = self.failed.take().map(|failure| {
             let start = self.units.take_lost().map(|lost| {
@@ -184,13 +186,14 @@ where
             });
             Failed { failure, start }
         });
-        // As on the rank of the RVE that failed: where the next trial state starts does not depend on ranks.
+        // `Units` reverts on the rank of the failed RVE; the other ranks revert too, so that the start of the next
+        // trial state does not depend on the distribution of RVEs.
         self.units.revert();
         self.to_macro(pack(&failed)?)
     }
 
-    /// Keeps what the step found, or goes back; tells the macro scale what it took, and what became of the RVEs. What
-    /// that takes counts for the next step.
+    /// Commits or reverts the step and sends the report of this rank to the macro scale. The time for that counts for
+    /// the next step.
     fn report(&mut self, converged: bool) -> Result<(), TwoScaleError> {
         let start = Instant::now();
         if converged {
@@ -211,14 +214,14 @@ where
         };
         let report =
             RankReport { stats: self.units.take_stats(), bytes: self.units.bytes(), seconds, units: OneByOne(units) };
-        // About as long as what it tells of.
+        // The size of the RVEs is about that of the report.
         self.to_macro(pack_into(Message::zeros(report.bytes), &report)?)?;
         self.between.busy += (summarized - start).as_secs_f64();
         self.between.exchanging += summarized.elapsed().as_secs_f64();
         Ok(())
     }
 
-    /// The network of a unit, if it is to be drawn.
+    /// The deformed network of a unit, if the case requests it as output.
     fn drawn(&self, number: usize, summary: Option<&PointSummary>) -> Option<Drawn> {
         let element = self.units.elements()[number];
         let is_drawn = match &self.drawn {
@@ -231,7 +234,7 @@ where
         deformed.map(|deformed| Drawn::new(model, deformed))
     }
 
-    /// All ranks of this scale say something; the macro scale hears them in their order.
+    /// Gathers a message of every rank of this scale and sends them to the macro scale, in the order of ranks.
     fn to_macro(&self, message: Message) -> Result<(), TwoScaleError> {
         let all = self.scales.comm().gather(0, message)?;
         Ok(self.scales.broadcast(self.above, Message::join(all.unwrap_or_default()))?)

@@ -1,4 +1,4 @@
-//! The two scales of a tissue, each on ranks of its own, coupled.
+//! Coupling of the two scales of a tissue, each on its own ranks.
 //!
 //! | module | holds |
 //! |---|---|
@@ -20,9 +20,9 @@
 //!   Newton evaluates: Command::Step or Iterate       while not step_complete:
 //!     send strains ---------------------------->       receive strains
 //!     receive answers <-------------------------       solve all RVEs, send answers
-//!   Newton converged: Iterate, Task::Verify --->       make answers continue the last step
+//!   Newton converged: Iterate, Task::Verify --->       verify that answers continue the last step
 //!   strain creates RVEs: Command::Units ------->       update units; Newton evaluates again
-//!   balanced: Command::Accept; else Reject ---->     step_complete
+//!   converged: Command::Accept; else Reject --->     step_complete
 //!   strain deletes RVEs: Command::Units ------->     update units
 //! Command::Complete --------------------------->   complete
 //! ```
@@ -51,28 +51,28 @@ use super::micro_scale::TissueFieldError;
 use crate::coupling::{CouplingError, ScaleError};
 use crate::las::CommError;
 
-/// Why the scales do not go on together.
+/// Errors of the exchange between the scales.
 #[derive(Debug, Error)]
 pub enum TwoScaleError {
-    /// The ranks could not exchange something.
+    /// Communication between ranks failed.
     #[error(transparent)]
     Comm(#[from] CommError),
-    /// Nor the units.
+    /// The coupling of the RVEs failed.
     #[error(transparent)]
     Coupling(#[from] CouplingError),
-    /// The scales do not fit the ranks.
+    /// The ranks cannot be divided among the scales, or a scale did not send or receive in time.
     #[error(transparent)]
     Scales(#[from] ScaleError),
-    /// There is no such scale.
+    /// No scale has this name.
     #[error("there is no scale {0}")]
     Scale(&'static str),
     /// A message cannot be decoded.
     #[error("the scales are out of step: {0}")]
     Message(#[from] postcard::Error),
-    /// A rank received another command or another number of values than the protocol has at this point.
+    /// A message holds another command or another number of values than the protocol expects at this point.
     #[error("the scales are out of step: a message of another kind was expected")]
     Protocol,
-    /// A saved state does not fit.
+    /// A saved state does not match the RVEs of this rank.
     #[error("{0}")]
     State(String),
 }

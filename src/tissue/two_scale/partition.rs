@@ -1,9 +1,10 @@
-//! Which rank of the macro scale has which element.
+//! Assignment of the elements to the ranks of the macro scale.
 
 use crate::fem::mesh::Mesh;
 
-/// The part of every element, of as many parts: about as many elements each, with few faces between them. The same on every
-/// rank. By METIS where it is compiled in (cargo feature `metis`), else by cutting at medians of the element centers.
+/// Returns the part of every element: `parts` parts with about as many elements each and few faces between them, the
+/// same on every rank. METIS partitions if it is compiled in (cargo feature `metis`) and leaves no part empty;
+/// otherwise recursive bisection does, at medians of the element centers.
 #[must_use]
 pub fn partition(mesh: &Mesh, parts: usize) -> Vec<u32> {
     let elements = mesh.elements().len();
@@ -21,7 +22,7 @@ pub fn partition(mesh: &Mesh, parts: usize) -> Vec<u32> {
     shard_of
 }
 
-/// METIS may leave a part empty where there are few elements: then it is not taken.
+/// Partitions by METIS; `None` if METIS fails or leaves a part empty, which happens if there are few elements.
 #[cfg(feature = "metis")]
 fn by_metis(mesh: &Mesh, parts: usize) -> Option<Vec<u32>> {
     let shard_of = crate::backends::metis::parts(&mesh.neighbors(), parts).ok()?;
@@ -38,7 +39,8 @@ fn center(mesh: &Mesh, nodes: &[u32; 4]) -> [f64; 3] {
     center
 }
 
-/// Recursive bisection: elements are cut across their longest extent, in proportion to the parts on either side.
+/// Recursive bisection across the longest extent of the element centers, in proportion to the number of parts on each
+/// side.
 fn cut(centers: &[[f64; 3]], elements: &mut [u32], first: usize, parts: usize, shard_of: &mut [u32]) {
     if parts == 1 {
         elements.iter().for_each(|&element| shard_of[element as usize] = first as u32);
@@ -52,7 +54,7 @@ fn cut(centers: &[[f64; 3]], elements: &mut [u32], first: usize, parts: usize, s
     let axis = (0..3).max_by(|&a, &b| extent(a).total_cmp(&extent(b))).unwrap_or(0);
     let below = parts / 2;
     let at = elements.len() * below / parts;
-    // The number decides between equals, so that every rank finds the same.
+    // Ties are broken by element number, so that every rank finds the same partition.
     elements.sort_unstable_by(|&a, &b| centers[a as usize][axis].total_cmp(&centers[b as usize][axis]).then(a.cmp(&b)));
     let (lower, upper) = elements.split_at_mut(at);
     cut(centers, lower, first, below, shard_of);

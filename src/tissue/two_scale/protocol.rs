@@ -1,4 +1,4 @@
-//! The messages between the scales: values of units over the couplings, and the commands of the loop.
+//! The messages between the scales: values per RVE, sent over the couplings, and commands of the load stepping loop.
 
 use nalgebra::Matrix3;
 use postcard::ser_flavors::Flavor;
@@ -9,33 +9,33 @@ use crate::las::Message;
 use crate::tissue::checkpoint::UnitRecord;
 use crate::tissue::micro_scale::{DeformedNetwork, PointFailure, PointSummary, SweepStats, UnitState};
 
-/// The names of the scales, as `[scales]` of a case has them.
+/// The name of the scale of the body in `[scales]` of a case.
 pub const MACRO: &str = "macro";
-/// The scale of the RVEs.
+/// The name of the scale of the RVEs.
 pub const MICRO: &str = "micro";
 
 crate::payload! {
-    /// What a new RVE is made of.
+    /// The data that creates an RVE.
     pub struct Header {
-        /// The region of the case that its element lies in.
+        /// The region of the case that its element belongs to.
         pub region: u64,
     }
 }
 
 crate::payload! {
-    /// What an RVE is asked.
+    /// The deformation gradient and the task that the macro scale sends to an RVE.
     pub struct Strain {
         /// Deformation gradient, column by column.
         pub gradient: [f64; 9],
-        /// What is to be done there: a [`Task`] as a number.
+        /// A [`Task`] as a number.
         pub task: u64,
     }
 }
 
 crate::payload! {
-    /// What an RVE answers; matrices column by column.
+    /// The response of an RVE; matrices column by column.
     pub struct Answer {
-        /// Its element.
+        /// Its element, from 0.
         pub element: u64,
         /// An [`Outcome`] as a number.
         pub outcome: u64,
@@ -43,35 +43,35 @@ crate::payload! {
         pub energy: f64,
         /// First Piola-Kirchhoff stress, Pa.
         pub pk1: [f64; 9],
-        /// Its derivative by the deformation gradient, Pa.
+        /// Derivative of `pk1` with respect to the deformation gradient, Pa.
         pub tangent: [f64; 81],
     }
 }
 
-/// What an RVE is to do at a gradient.
+/// What an RVE does with a deformation gradient.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Task {
-    /// Nothing: it sleeps, or was deleted.
+    /// Nothing: the RVE sleeps or was deleted.
     Rest = 0,
-    /// Find an equilibrium.
+    /// Finds an equilibrium.
     Solve = 1,
-    /// Make the equilibrium found there continue the last committed one.
+    /// Verifies that the equilibrium found there continues the last committed one, or replaces it by one that does.
     Verify = 2,
 }
 
-/// How an RVE came to its answer.
+/// The result of a [`Task`] of an RVE.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
-    /// As before, or solved for.
+    /// The RVE has a response, newly solved for or unchanged.
     Found = 0,
-    /// There is no equilibrium.
+    /// No equilibrium was found.
     Failed = 1,
-    /// Verification replaced the answer.
+    /// Verification replaced the response.
     Replaced = 2,
 }
 
 impl Strain {
-    /// Of a gradient.
+    /// Packs a deformation gradient and a task.
     #[must_use]
     pub fn new(gradient: &Matrix3<f64>, task: Task) -> Self {
         let mut columns = [0.0; 9];
@@ -79,13 +79,13 @@ impl Strain {
         Self { gradient: columns, task: task as u64 }
     }
 
-    /// The gradient, where there is this to do at it.
+    /// Returns the gradient if its task is `task`.
     #[must_use]
     pub fn for_task(&self, task: Task) -> Option<Matrix3<f64>> {
         (self.task == task as u64).then(|| self.matrix())
     }
 
-    /// The gradient as a matrix.
+    /// Returns the gradient as a matrix.
     #[must_use]
     pub fn matrix(&self) -> Matrix3<f64> {
         Matrix3::from_column_slice(&self.gradient)
@@ -93,7 +93,7 @@ impl Strain {
 }
 
 impl Answer {
-    /// Of an element whose RVE found one, or none.
+    /// Packs the response of the RVE of an element; `None` stands for a failure.
     #[must_use]
     pub fn new(element: usize, response: Option<&Response>, is_replaced: bool) -> Self {
         let outcome = Outcome::Failed as u64;
@@ -107,7 +107,7 @@ impl Answer {
         answer
     }
 
-    /// What it says.
+    /// Unpacks the response.
     #[must_use]
     pub fn response(&self) -> Response {
         Response {
@@ -121,38 +121,38 @@ impl Answer {
 /// A command that the macro scale broadcasts to the micro scale.
 #[derive(Serialize, Deserialize)]
 pub enum Command {
-    /// RVEs are created and deleted.
+    /// Create and delete RVEs.
     Units,
-    /// A load step, or a part of one, begins with a trial state.
+    /// Solve at the first trial state of a load step or substep.
     Step,
-    /// Another trial state of the same step.
+    /// Solve or verify at another trial state of the same step.
     Iterate,
-    /// Why RVEs found no equilibrium.
+    /// Send the reason why an RVE found no equilibrium.
     Explain,
-    /// The step has converged at the last trial state.
+    /// Commit: the step has converged at the last trial state.
     Accept,
-    /// The step has failed: back to the last one.
+    /// Revert to the last committed state: the step has failed.
     Reject,
-    /// All RVEs are to be as they were when they were saved: their elements, ascending, and states.
+    /// Set all RVEs to saved states: their elements, ascending, and states.
     Restore(Vec<(u64, UnitRecord)>),
-    /// All steps are done.
+    /// End: all steps are done.
     Complete,
 }
 
-/// What a rank of the micro scale says of a step that is over.
+/// The report of a rank of the micro scale at the end of a step.
 #[derive(Serialize, Deserialize)]
 pub struct RankReport<U = Vec<UnitReport>> {
-    /// What its RVEs have taken.
+    /// Counters of the work of its RVEs.
     pub stats: SweepStats,
-    /// Bytes that they own.
+    /// Bytes that its RVEs own.
     pub bytes: usize,
-    /// Where its time went, trial state by trial state.
+    /// Its busy, idle and exchange times, one entry per trial state.
     pub seconds: Vec<Seconds>,
-    /// Its RVEs, if the step converged.
+    /// Its RVEs; empty if the step was rejected.
     pub units: U,
 }
 
-/// What is made one by one while it is packed: all RVEs may take as much memory as the body itself.
+/// Serializes the items of an iterator one by one, because all of them together may need as much memory as the RVEs.
 pub struct OneByOne<F>(pub F);
 
 impl<I: Iterator<Item: Serialize>, F: Fn() -> I> Serialize for OneByOne<F> {
@@ -161,20 +161,20 @@ impl<I: Iterator<Item: Serialize>, F: Fn() -> I> Serialize for OneByOne<F> {
     }
 }
 
-/// An RVE after a step.
+/// The state of an RVE after a step.
 #[derive(Serialize, Deserialize)]
 pub struct UnitReport {
-    /// Its element.
+    /// Its element, from 0.
     pub element: u64,
-    /// What pictures show.
+    /// Its fiber orientation and stretches for the result files.
     pub summary: Option<PointSummary>,
-    /// What it remembers.
+    /// Its committed state.
     pub state: UnitRecord,
-    /// Its deformed network, if it is to be drawn: number of the model; positions, stretches, forces.
+    /// Its deformed network, if the case requests it as output.
     pub network: Option<Drawn>,
 }
 
-/// A deformed network without what every rank knows of it.
+/// A deformed network without the parts that every rank knows from the model.
 #[derive(Serialize, Deserialize)]
 pub struct Drawn {
     /// The number of its model.
@@ -188,7 +188,7 @@ pub struct Drawn {
 }
 
 impl Drawn {
-    /// Of a network.
+    /// Takes the node and fiber values of the deformed network of a model.
     #[must_use]
     pub fn new(model: usize, deformed: DeformedNetwork) -> Self {
         let DeformedNetwork { positions, stretches, forces, .. } = deformed;
@@ -202,34 +202,35 @@ impl From<UnitState> for UnitReport {
     }
 }
 
-/// An RVE without an equilibrium, in words, with what repeats it.
+/// An RVE that found no equilibrium.
 #[derive(Serialize, Deserialize)]
 pub struct Failed {
-    /// What it says.
+    /// The error message, with element and network.
     pub failure: PointFailure,
-    /// The number of its model, its state, and the gradient asked for, column by column.
+    /// The number of its model, its start state, and the requested gradient, column by column; `None` if no network
+    /// failed. `None` if the failure is not that of a network.
     pub start: Option<(usize, UnitRecord, [f64; 9])>,
 }
 
-/// Where the time of a rank went, s.
+/// Wall-clock time of a rank by activity, s.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Seconds {
-    /// It worked.
+    /// Computation.
     pub busy: f64,
-    /// It waited for messages that had not come.
+    /// Waiting for messages that had not arrived.
     pub idle: f64,
-    /// It packed, sent, received and took apart what it exchanged.
+    /// Packing, sending, receiving and unpacking messages.
     pub exchanging: f64,
 }
 
 impl Seconds {
-    /// Busy, idle, exchanging.
+    /// Returns the busy, idle and exchange times.
     #[must_use]
     pub fn numbers(self) -> [f64; 3] {
         [self.busy, self.idle, self.exchanging]
     }
 
-    /// What [`numbers`](Self::numbers) gave.
+    /// Restores the times from [`numbers`](Self::numbers); `None` if there are not three.
     #[must_use]
     pub fn of(numbers: &[f64]) -> Option<Self> {
         let &[busy, idle, exchanging] = numbers else { return None };
@@ -237,15 +238,15 @@ impl Seconds {
     }
 }
 
-/// A value in bytes.
+/// Serializes a value into a new message.
 ///
 /// # Errors
-/// None in practice: all values here have such a form.
+/// Never in practice: postcard can encode every type of this module.
 pub fn pack<T: Serialize>(value: &T) -> Result<Message, postcard::Error> {
     pack_into(Message::zeros(64), value)
 }
 
-/// The same, in a message that is as long as it may become; a longer one costs copies.
+/// Serializes a value into `message`, whose length is the capacity to start with; a longer value costs copies.
 ///
 /// # Errors
 /// As for [`pack`].
@@ -253,7 +254,7 @@ pub fn pack_into<T: Serialize>(message: Message, value: &T) -> Result<Message, p
     postcard::serialize_with_flavor(value, Packing { message, packed: 0 })
 }
 
-/// Bytes that are written into a message, behind those that are there.
+/// A postcard flavor that appends bytes to a message, of which the first `packed` are filled.
 struct Packing {
     message: Message,
     packed: usize,
@@ -282,10 +283,10 @@ impl Flavor for Packing {
     }
 }
 
-/// The value of [`pack`].
+/// Deserializes the value from a message of [`pack`].
 ///
 /// # Errors
-/// Where the bytes are of something else.
+/// Returns an error if the bytes do not encode a `T`.
 pub fn unpack<T: for<'de> Deserialize<'de>>(message: &Message) -> Result<T, postcard::Error> {
     postcard::from_bytes(message.bytes())
 }

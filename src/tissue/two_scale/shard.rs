@@ -1,4 +1,4 @@
-//! A rank of the macro scale as the micro scale sees it: the elements of its part, and the couplings of their RVEs.
+//! The elements of one rank of the macro scale, and the couplings of their RVEs.
 
 use std::collections::HashSet;
 use std::time::Instant;
@@ -16,7 +16,8 @@ pub(super) struct Shard<C: Comm> {
     found: Vec<Answer>,
 }
 
-/// What changes of the RVEs of the whole body: elements whose RVEs are deleted, and new ones with their regions.
+/// A change of the RVEs of the whole body: elements whose RVEs are deleted, and elements with new RVEs and their
+/// regions.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Change {
     pub gone: Vec<UnitId>,
@@ -24,17 +25,17 @@ pub(super) struct Change {
 }
 
 impl<C: Comm> Shard<C> {
-    /// Without RVEs. Called by all ranks of both scales together.
+    /// A part without RVEs. Collective over both scales.
     pub fn new(scales: &Scales<C>) -> Result<Self, TwoScaleError> {
         Ok(Self { channels: Channels::new(scales)?, asked: Vec::new(), found: Vec::new() })
     }
 
-    /// The elements with an RVE, in the order in which they are asked.
+    /// The elements with an RVE, in the order of the exchange.
     pub fn elements(&self) -> &[UnitId] {
         self.channels.units()
     }
 
-    /// Deletes and creates RVEs of this part; all ranks of both scales do so together.
+    /// Deletes and creates RVEs of this part. Collective over both scales.
     pub fn change(&mut self, change: &Change, is_own: impl Fn(usize) -> bool) -> Result<(), TwoScaleError> {
         let here: HashSet<UnitId> = self.channels.units().iter().copied().collect();
         let gone: Vec<UnitId> = change.gone.iter().copied().filter(|unit| here.contains(unit)).collect();
@@ -48,8 +49,8 @@ impl<C: Comm> Shard<C> {
         Ok(())
     }
 
-    /// Sends every RVE what it is asked, and waits for the answers. `strain` gives that for the number and the element of each
-    /// of [`Shard::elements`].
+    /// Sends a strain to every RVE and waits for the answers. `strain` returns the strain for an index into
+    /// [`Shard::elements`] and the element there.
     pub fn exchange(
         &mut self,
         strain: impl Fn(usize, UnitId) -> Strain,

@@ -1,4 +1,4 @@
-//! Several ranks of a body that take a run in step: the first writes, and all go on only if it could.
+//! Several ranks that solve for a body in step: the first writes, and all continue only if it succeeded.
 
 use std::path::Path;
 use std::sync::OnceLock;
@@ -7,14 +7,14 @@ use crate::las::{Comm, Disagreement};
 use crate::tissue::results::ResultsError;
 use crate::tissue::run::Writers;
 
-/// The first of several ranks writes.
+/// The [`Writers`] of several ranks: the first one writes.
 pub struct First<'a, C: Comm> {
     /// The ranks of the body.
     pub comm: &'a C,
     /// The result directory.
     pub dir: &'a Path,
-    /// Why ranks have lost each other ([`ScaleField::broken`](super::ScaleField::broken)): some may wait for what this one
-    /// does not send, so that nothing is agreed on any more.
+    /// The reason why ranks are out of step ([`ScaleField::broken`](super::ScaleField::broken)). Once it is set, this
+    /// rank takes part in no agreement, because others may wait for a message that it does not send.
     pub broken: &'a OnceLock<String>,
 }
 
@@ -73,7 +73,7 @@ mod tests {
         assert!(outcome.is_ok(), "{outcome:?}");
     }
 
-    /// Others may wait somewhere else: a rank that knows of it ends with what it knows, and waits for nobody.
+    /// Other ranks may wait for another message: a rank that knows that communication is broken ends without waiting.
     #[test]
     fn a_rank_that_has_lost_others_does_not_wait_for_them() {
         let outcome = thread::run(2, |comm| {

@@ -5,7 +5,7 @@ fn stretched(by: f64) -> Matrix3<f64> {
     Matrix3::from_diagonal(&[1.0 + by, 1.0, 1.0].into())
 }
 
-/// One element whose matrix is all it has, with rules.
+/// One element of matrix alone, with a life cycle.
 fn sites(rules: LifeCase) -> Sites {
     let matrix = Some(Formula::NeoHookean(NeoHookean { mu: 1.0, lambda: 2.0 }));
     let course = Some(Box::new(Course::new(rules)));
@@ -17,7 +17,7 @@ fn sites(rules: LifeCase) -> Sites {
     }
 }
 
-/// Converges at a stretch; the RVE, where it is asked, answers ten times its matrix.
+/// Converges at a stretch; the RVE, where it is solved, has ten times the stiffness of its matrix.
 fn converge(sites: &mut Sites, by: f64) -> (Response, Turnover) {
     let f = stretched(by);
     let answer = match sites.respond(0, &f).unwrap() {
