@@ -1,8 +1,8 @@
-//! Stiffness matrices assembled at positions located once (`add_at`), and by blocks that look their positions up (`add`):
-//! bodies of tetrahedra and fiber networks, on every backend compiled in.
+//! Assembly of stiffness matrices at positions located once (`add_at`), and by blocks whose positions are searched each
+//! time (`add`), for bodies of tetrahedra and fiber networks, on every backend compiled in.
 //!
-//! `cargo bench --features petsc --bench assembly`; `docs/backends.md` has a table of such times. A pass begins on a matrix
-//! of any values and ends with `finish`: zeroing costs both the same.
+//! Run by `cargo bench --features petsc --bench assembly`; `docs/backends.md` lists such times. An assembly starts from
+//! arbitrary matrix values and ends with `finish`; zeroing, which costs the same for both, is not included.
 
 use std::hint::black_box;
 use std::sync::Arc;
@@ -21,7 +21,7 @@ use biotissue::las::{Backend, MatrixOps};
 use criterion::{Criterion, criterion_group, criterion_main};
 use nalgebra::Matrix3;
 
-/// The unit cube in so many cells a side, six neo-Hookean tetrahedra each, sheared a little.
+/// The unit cube with `cells` cells per side, six neo-Hookean tetrahedra each, slightly sheared.
 fn body<B: Backend<Scalar = f64, Index = i32>>(c: &mut Criterion, context: &B::Context, cells: usize) {
     let mesh = shapes::cuboid([cells; 3], [1.0; 3]).expect("a box");
     let clamped: Vec<bool> = mesh.nodes().iter().map(|x| x[0] == 0.0 || x[0] == 1.0).collect();
@@ -65,7 +65,7 @@ fn body<B: Backend<Scalar = f64, Index = i32>>(c: &mut Criterion, context: &B::C
     group.finish();
 }
 
-/// A Delaunay network of so many points, stretched by a tenth.
+/// A Delaunay network of `points` points, stretched by a tenth.
 fn network<B: Backend<Scalar = f64, Index = i32>>(c: &mut Criterion, context: &B::Context, points: usize) {
     let network = Arc::new(generate::delaunay(points, 1).expect("enough points"));
     let law = Law::Exponential { youngs_modulus: 1.0e8, nonlinearity: 1.2 };
@@ -133,7 +133,7 @@ fn network<B: Backend<Scalar = f64, Index = i32>>(c: &mut Criterion, context: &B
     group.finish();
 }
 
-/// The unknowns of an interior node; constrained ones for a node on the boundary.
+/// Returns the unknowns of an interior node; negative numbers, which are ignored, for a node on the boundary.
 fn unknowns_of(node: i32) -> [i32; 3] {
     if node < 0 { [-1; 3] } else { [3 * node, 3 * node + 1, 3 * node + 2] }
 }

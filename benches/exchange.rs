@@ -1,8 +1,8 @@
-//! What coupling costs: a million units of 72 bytes from one rank to another, beside a bare `MPI_Alltoallv` of the same
-//! bytes on the same processes, and between threads; and a micro model that does next to nothing, there and back.
+//! Cost of the coupling: a million units of 72 bytes from one rank to another, compared with a bare `MPI_Alltoallv` of
+//! the same bytes on the same processes, and between threads; and round trips to a micro model with negligible work.
 //!
-//! This program runs itself on two processes; the environment variable `MPIRUN` names a launcher other than `mpirun`.
-//! Without `--bench` it does everything once with few units.
+//! This program starts itself on two processes; the environment variable `MPIRUN` selects a launcher other than
+//! `mpirun`. Without `--bench` everything runs once with few units.
 
 #[path = "../tests/support/launcher.rs"]
 mod launcher;
@@ -20,13 +20,13 @@ use mpi::traits::CommunicatorCollectives;
 
 type Error = Box<dyn std::error::Error>;
 
-/// What a unit has: nine numbers, as a stress or a deformation gradient.
+/// The value of a unit: nine numbers, like a stress or a deformation gradient.
 type Unit = [f64; 9];
 
-/// Tells a process that it is one of two.
+/// The environment variable that marks the two started processes.
 const LAUNCHED: &str = "BIOTISSUE_EXCHANGE_BENCH";
 
-/// How much is measured.
+/// The size of the measurement.
 #[derive(Clone, Copy)]
 struct Extent {
     units: usize,
@@ -50,14 +50,14 @@ fn main() -> ExitCode {
     }
 }
 
-/// Measures between two processes.
+/// Starts the measurement between two processes.
 fn launch() -> Result<(), Error> {
     let mut command = launcher::Launcher::find()?.command(2, 1200)?;
     let status = command.args(std::env::args().skip(1)).env(LAUNCHED, "1").status()?;
     if status.success() { Ok(()) } else { Err(format!("{command:?}: {status}").into()) }
 }
 
-/// Times of one thing that was done many times, in seconds.
+/// The times of repeated runs, ascending, in seconds.
 struct Times(Vec<f64>);
 
 impl Times {
@@ -74,7 +74,7 @@ impl Times {
         self.0[self.0.len() / 2]
     }
 
-    /// A row of a table of bandwidths.
+    /// Prints a row of a table of bandwidths.
     fn print(&self, name: &str, units: usize) {
         let rate = |seconds: f64| (units * size_of::<Unit>()) as f64 / seconds / 1e9;
         let (best, median) = (self.best(), self.median());
@@ -88,7 +88,7 @@ fn print_head(title: &str) {
     println!("|---|---|---|---|---|");
 }
 
-/// Seconds until the last rank has done its part of something that all begin together.
+/// Returns the seconds until the last rank has finished `work`, which all ranks start together. Collective.
 fn seconds<C: Comm>(comm: &C, work: impl FnOnce() -> Result<(), CouplingError>) -> Result<f64, Error> {
     comm.barrier()?;
     let start = Instant::now();
@@ -98,7 +98,7 @@ fn seconds<C: Comm>(comm: &C, work: impl FnOnce() -> Result<(), CouplingError>) 
     Ok(taken[0])
 }
 
-/// A coupling of one producing rank to all others.
+/// Creates a coupling from one producing rank to all others.
 fn couple<C: Comm>(comm: &C, units: usize) -> Result<Coupling<C>, Error> {
     let plan = Plan::default().with("macro", Share::Count(1)).with("micro", Share::Ratio(1.0));
     let scales = Scales::new(comm, &plan)?;
@@ -106,7 +106,7 @@ fn couple<C: Comm>(comm: &C, units: usize) -> Result<Coupling<C>, Error> {
     Ok(Coupling::new(&scales, "macro", "micro", &own, &[], &Even)?)
 }
 
-/// Values from one rank to the other.
+/// A transfer of values from one rank to the other.
 struct OneWay<C: Comm> {
     coupling: Coupling<C>,
     channel: Channel<Unit>,
@@ -136,12 +136,12 @@ impl<C: Comm> OneWay<C> {
     }
 }
 
-/// The same bytes by `MPI_Alltoallv`, from rank 0 to rank 1.
+/// A transfer of the same bytes by `MPI_Alltoallv`, from rank 0 to rank 1.
 struct Bare {
     world: SimpleCommunicator,
     sent: Vec<f64>,
     received: Vec<f64>,
-    /// How many numbers go to rank 0 and rank 1, and how many come from them.
+    /// Count of numbers sent to rank 0 and rank 1, and received from them.
     to: [i32; 2],
     from: [i32; 2],
 }
@@ -173,7 +173,7 @@ impl Bare {
 fn between_processes(comm: &MpiComm, extent: Extent) -> Result<(), Error> {
     let (mut coupled, mut bare) = (OneWay::new(comm, extent.units)?, Bare::new(comm.rank(), extent.units)?);
     let (mut by_carrier, mut by_hand) = (Vec::new(), Vec::new());
-    // In turn, so that both see the same machine; the first of each warms up.
+    // The two transfers alternate, so that both see the same load; the first repetition of each is a warm-up.
     for repetition in 0..=extent.repetitions {
         let carried = seconds(comm, || coupled.exchange())?;
         let handed = seconds(comm, || {
@@ -214,7 +214,7 @@ fn between_threads(extent: Extent) -> Result<(), Error> {
     Ok(())
 }
 
-/// A number of each unit there, and three times of it back.
+/// A round trip: one number per unit is sent, and three times that number is returned.
 struct MicroModel<C: Comm> {
     coupling: Coupling<C>,
     inverse: Coupling<C>,

@@ -1,7 +1,8 @@
-//! What a fiber costs: geometry and law, nodal forces, energy, by law and network.
+//! Cost per fiber of geometry and law, nodal forces and energy, by law and network.
 //!
-//! `cargo bench --bench fiber_pass`, with `BIOTISSUE_NETWORKS` naming the folder of the published networks; without it
-//! only a generated network of 300 nodes is timed. Criterion reports fibers a second; `Gelem/s` inverted are ns a fiber.
+//! Run by `cargo bench --bench fiber_pass`, with `BIOTISSUE_NETWORKS` set to the folder of the published networks;
+//! without it only a generated network of 300 nodes is timed. Criterion reports fibers per second; the inverse of
+//! `Gelem/s` is ns per fiber.
 
 use std::hint::black_box;
 use std::path::PathBuf;
@@ -38,7 +39,7 @@ fn network_law(name: &str) -> Law {
     laws().into_iter().find(|law| law.name() == name).expect("a law of the bench")
 }
 
-/// Positions as in an RVE: stretched by a tenth along x, every node displaced a little of its own.
+/// Positions as in an RVE: stretched by a tenth along x, with a small individual displacement of every node.
 fn deformed(network: &Network) -> Vec<[f64; 3]> {
     let wave = |x: f64| 0.004 * (40.0 * x).sin();
     network.nodes().iter().map(|&[x, y, z]| [1.1 * x + wave(y), 0.96 * y + wave(z), 0.96 * z + wave(x)]).collect()

@@ -1,6 +1,6 @@
-//! What a Newton iteration of a body costs: the unit cube in 20 cells a side (48 000 tetrahedra, neo-Hookean),
-//! stretched by a tenth; clamped at two faces, and on rollers at three, each held in the direction across it, as at the
-//! planes of symmetry of a larger body.
+//! Cost of a Newton iteration of a body: the unit cube with 20 cells per side (48 000 tetrahedra, neo-Hookean),
+//! stretched by a tenth. It is either clamped at two faces, or on rollers at three faces with the normal component
+//! prescribed, as at the planes of symmetry of a larger body.
 
 use std::hint::black_box;
 use std::sync::Arc;
@@ -21,7 +21,7 @@ fn on_rollers(c: &mut Criterion) {
     iteration(c, "box of 48 000 tetrahedra on rollers", |x, direction| x[direction] == 0.0);
 }
 
-/// `fixed` tells which components of the displacement at a place are held.
+/// `fixed` returns whether a displacement component is prescribed at a position.
 fn iteration(c: &mut Criterion, name: &str, fixed: impl Fn([f64; 3], usize) -> bool) {
     let mesh = shapes::cuboid([20; 3], [1.0; 3]).expect("a box");
     let (nodes, elements) = (mesh.nodes().len(), mesh.elements().len());

@@ -1,7 +1,7 @@
 //! One RVE on one core: equilibrium and tangent as a whole, and the phases of a Newton iteration.
 //!
-//! `cargo bench --bench rve`, with `BIOTISSUE_NETWORKS` naming the folder of the published networks; without it only
-//! networks made on the spot and those of the dogbone example are timed. `docs/kernel.md` has a table of such times, beside
+//! Run by `cargo bench --bench rve`, with `BIOTISSUE_NETWORKS` set to the folder of the published networks; without it
+//! only generated networks and those of the dogbone example are timed. `docs/kernel.md` lists such times, compared with
 //! those of other direct solvers.
 
 use std::hint::black_box;
@@ -41,7 +41,7 @@ impl Case {
         Self { model, workspace, params: EquilibriumParams::default() }
     }
 
-    /// From rest to equilibrium; the number of Newton iterations.
+    /// Solves from rest to equilibrium; returns the number of Newton iterations.
     fn solve(&mut self, f: &Matrix3<f64>) -> (Rve, usize) {
         let mut rve = Rve::at_rest(self.model.network());
         let solved = equilibrate(&self.model, &mut rve, f, &self.params, &mut self.workspace);
@@ -56,7 +56,7 @@ impl Case {
         tangent.expect("its stiffness is regular").trace()
     }
 
-    /// Everything that a solve and a tangent consist of, at the equilibrium of `f`.
+    /// Times all phases of a solution and a tangent, at the equilibrium of `f`.
     fn phases(&mut self, group: &mut BenchmarkGroup<'_, WallTime>, f: &Matrix3<f64>) {
         let (_, iterations) = self.solve(f);
         group
@@ -111,7 +111,7 @@ fn collagen() -> FiberMaterial {
     FiberMaterial { law, radius: 5.0e-8, density: None }
 }
 
-/// The deformation at which MuMFiM recorded its times, some 1 %.
+/// The deformation at which MuMFiM recorded its times, about 1 %.
 #[rustfmt::skip]
 fn recorded() -> Matrix3<f64> {
     Matrix3::new(

@@ -1,12 +1,12 @@
-//! How stiff aligned networks are, along and across their axis, against the affine bound.
+//! Stiffness of aligned networks along and across their axis, compared with the affine bound.
 //!
 //! ```text
 //! cargo run --release --example aligned [-- --points 400 --seeds 5 --svg docs/aligned.svg]
 //! ```
 //!
-//! prints the table of `docs/aligned.md` and draws its picture. If every fiber moved with the body, a network at rest would
-//! have the stiffness `phi E <n_i n_j n_k n_l>`, the average weighted by length; interior nodes that find their own
-//! equilibrium can only lower it.
+//! prints the table of `docs/aligned.md` and draws its figure. If all fibers deformed affinely with the body, the
+//! stiffness of a network at rest would be `phi E <n_i n_j n_k n_l>`, with the average weighted by fiber length.
+//! Relaxing the interior nodes to equilibrium can only lower the stiffness.
 
 use std::sync::Arc;
 
@@ -25,11 +25,11 @@ type Error = Box<dyn std::error::Error>;
 
 const MODULUS: f64 = 1.0e8;
 const FRACTION: f64 = 0.003;
-/// The axis of the networks.
+/// Index of the axis of alignment (z).
 const ALONG: usize = 2;
 const STRENGTHS: [f64; 10] = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9];
 
-/// Stiffness of one network and its bound along and across, Pa.
+/// Stiffness of one network and its affine bound, each along and across the axis, Pa.
 struct Stiffness {
     order: f64,
     network: [f64; 2],
@@ -111,7 +111,7 @@ fn measure(points: usize, strength: f64, seed: u64) -> Result<Stiffness, Error> 
     })
 }
 
-/// `<n_k^p>`, weighted by length.
+/// Returns the moment `<n_k^p>` of the fiber directions, weighted by length.
 fn moment(network: &Network, k: usize, power: i32) -> f64 {
     let sum: f64 = network
         .lengths()

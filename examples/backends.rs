@@ -1,15 +1,15 @@
-//! What a Newton iteration costs by backend, solver and size, and how far the answers are apart.
+//! Time of a Newton iteration by backend, solver and size, and the differences between the results.
 //!
 //! ```text
 //! cargo run --release --features petsc --example backends
 //! ```
 //!
-//! prints the tables of `docs/backends.md`; without the feature those lines of PETSc are left out. Under `mpirun` it prints
-//! the lines of PETSc alone, on that many ranks.
+//! prints the tables of `docs/backends.md`; without the feature, the rows of PETSc are omitted. Under `mpirun` it
+//! prints only the rows of PETSc, on that number of ranks.
 //!
-//! Every problem is solved from rest several times, by the whole Newton in one increment. A time is that of all iterations of
-//! one such solution over their number, assembly, factorization, solution and residuals together; what is done once for a
-//! pattern is left out. Given are the smallest and the median of the solutions.
+//! Every problem is solved from rest several times, by Newton's method in one increment. A time is that of one such
+//! solution (assembly, factorization, solution and residuals) divided by its number of iterations; setup that is done
+//! once per sparsity pattern is not included. The tables list the minimum and the median.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -31,12 +31,12 @@ use nalgebra::Matrix3;
 
 type Error = Box<dyn std::error::Error>;
 
-/// About a hundred, a thousand and ten thousand unknowns, and how often each is solved.
+/// Sizes of about a hundred, a thousand and ten thousand unknowns, and the number of timed solutions for each.
 const POINTS: [usize; 3] = [34, 334, 3334];
 const CELLS: [usize; 3] = [3, 7, 15];
 const TIMES: [usize; 3] = [21, 11, 5];
 
-/// What is solved.
+/// The problem to solve.
 enum Subject {
     /// The equilibrium of a network, stretched by a tenth and sheared.
     Network(Arc<Network>),
@@ -44,12 +44,12 @@ enum Subject {
     Body(Arc<Mesh>),
 }
 
-/// A solution.
+/// The result of one solution.
 struct Solution {
     seconds: f64,
     iterations: usize,
     linear_iterations: usize,
-    /// Stresses of a network, displacements of a body.
+    /// Stresses of a network, or displacements of a body.
     answer: Vec<f64>,
 }
 
@@ -96,9 +96,9 @@ fn by(krylov: Krylov, preconditioner: Preconditioner) -> SolverParams {
 
 struct Table {
     subjects: Vec<Subject>,
-    /// Of the first line.
+    /// The results of the first row, by size.
     answers: Vec<Vec<f64>>,
-    /// One rank does.
+    /// True on the one rank that prints.
     speaks: bool,
 }
 
@@ -111,7 +111,7 @@ impl Table {
         }
     }
 
-    /// Times of the first `most` sizes on a backend.
+    /// Prints the times of the first `most` sizes on one backend.
     fn line<B>(&mut self, name: &str, context: &B::Context, params: SolverParams, most: usize) -> Result<(), Error>
     where
         B: Backend<Scalar = f64>,
@@ -145,7 +145,8 @@ impl Table {
     }
 }
 
-/// Milliseconds an iteration, the smallest and the median; in brackets, of a Krylov method, its own iterations in each.
+/// Formats the milliseconds per iteration, minimum and median; in parentheses, the Krylov iterations per Newton
+/// iteration.
 fn cell(solutions: &[Solution]) -> String {
     let of = |solution: &Solution| 1e3 * solution.seconds / solution.iterations as f64;
     let mut times: Vec<f64> = solutions.iter().map(of).collect();
@@ -157,19 +158,19 @@ fn cell(solutions: &[Solution]) -> String {
     }
 }
 
-/// Three digits.
+/// Formats a number with three digits.
 fn digits(x: f64) -> String {
     let after_point = (2.0 - x.log10().floor()).clamp(0.0, 6.0) as usize;
     format!("{x:.after_point$}")
 }
 
-/// The largest difference over the largest entry.
+/// Returns the largest difference relative to the largest entry.
 fn distance(some: &[f64], others: &[f64]) -> f64 {
     let largest = others.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
     some.iter().zip(others).fold(0.0_f64, |most, (x, y)| most.max((x - y).abs())) / largest
 }
 
-/// One solution that is not timed, and `times` that are.
+/// Runs one solution that is not timed, then `times` timed ones.
 fn solutions<B>(
     subject: &Subject,
     context: &B::Context,
@@ -211,7 +212,7 @@ where
     let scale = StressScale::FiberVolumeFraction(0.003);
     let model = RveModel::<B>::with_solver(context, Arc::clone(network), Some(material), scale, params)?;
     let mut workspace = Workspace::new(context, &model)?;
-    // Plain Newton alone: what fails shall be seen to.
+    // Plain Newton is the only stage, so that a failure is visible.
     let params = EquilibriumParams::default().with_stages(Stages::of(&[Stage::Newton]));
     let f = Matrix3::new(1.1, 0.05, 0.0, 0.0, 0.95, 0.02, 0.0, 0.0, 1.0);
     Ok(Box::new(move || {

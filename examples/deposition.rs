@@ -1,14 +1,15 @@
-//! Particles and a grid: deposition and gathering as a matrix and its transpose, on any backend.
+//! Particles and a grid: deposition and gathering as products with a matrix and its transpose, on any backend.
 //!
 //! ```text
 //! cargo run --release --example deposition
 //! ```
 //!
-//! A particle-in-cell code spreads the charge of its particles onto the nodes of a mesh, and reads the field at the nodes
-//! back at the particles. Both are one rectangular matrix `D`, a row a node and a column a particle, holding the shape
-//! functions of each particle's cell: `rho = D q` and `e = D^T E`. It changes whenever particles move, so that its assembly
-//! counts as much as its products. Here the mesh is a square of bilinear cells, and the same code runs on `sparse`, on
-//! `dense`, and for four kinds of particles at once on `batched`.
+//! A particle-in-cell code distributes the charge of its particles to the nodes of a mesh, and interpolates the field
+//! from the nodes to the particles. Both are products with one rectangular matrix `D`, with a row per node and a column
+//! per particle, whose entries are the shape functions of the cell of each particle: `rho = D q` and `e = D^T E`. `D`
+//! changes whenever particles move, so its assembly matters as much as the products. In this example the mesh is a
+//! square of bilinear cells, and the same code runs on `sparse`, on `dense`, and on `batched` for four kinds of
+//! particles at once.
 
 use std::sync::Arc;
 
@@ -18,18 +19,18 @@ use biotissue::las::{Backend, Index, MatVec, MatrixOps, Scalar, Sparsity, Value,
 
 type Error = Box<dyn std::error::Error>;
 
-/// Nodes along a side, and particles.
+/// Number of nodes along a side, and number of particles.
 const SIDE: usize = 17;
 const PARTICLES: usize = 400;
 
-/// Where the particles are, in cells.
+/// Returns random positions of the particles, in units of the cell size.
 fn positions() -> Vec<[f64; 2]> {
     let mut random = Random::new(1);
     let mut coordinate = || 0.5 * (random.signed() + 1.0) * (SIDE - 1) as f64 * (1.0 - 1e-12);
     (0..PARTICLES).map(|_| [coordinate(), coordinate()]).collect()
 }
 
-/// The four nodes of a particle's cell, and the shape functions there; they sum to one.
+/// Returns the four nodes of a particle's cell, and the shape functions at its position; they sum to one.
 fn shape([x, y]: [f64; 2]) -> ([usize; 4], [f64; 4]) {
     let (i, j) = (x as usize, y as usize);
     let (u, v) = (x - i as f64, y - j as f64);
@@ -38,7 +39,7 @@ fn shape([x, y]: [f64; 2]) -> ([usize; 4], [f64; 4]) {
     (nodes, [(1.0 - u) * (1.0 - v), (1.0 - u) * v, u * (1.0 - v), u * v])
 }
 
-/// `D`: the pattern from the cells, the values by the hot verb `add`.
+/// Assembles `D`: the pattern from the cells, the values by the verb `add`.
 fn deposition<B: Backend>(context: &B::Context, positions: &[[f64; 2]]) -> Result<B::Matrix, Error> {
     let mut rows = vec![Vec::new(); SIDE * SIDE];
     for (particle, &position) in positions.iter().enumerate() {
@@ -56,7 +57,7 @@ fn deposition<B: Backend>(context: &B::Context, positions: &[[f64; 2]]) -> Resul
     Ok(d)
 }
 
-/// Deposits charges that are `scale` times as large in each lane, gathers a field, and checks what must hold of both.
+/// Deposits charges that differ by lane, gathers a field, and checks conservation of charge and the adjoint identity.
 fn round_trip<B: Backend>(context: &B::Context) -> Result<(), Error> {
     let positions = positions();
     let d = deposition::<B>(context, &positions)?;
@@ -68,7 +69,7 @@ fn round_trip<B: Backend>(context: &B::Context) -> Result<(), Error> {
         Ok(vector)
     };
     let q = vector(PARTICLES, &|k, lane| (lane + 1) as f64 * (1.0 + (k % 3) as f64))?;
-    // A field that is linear in space, which bilinear cells give back exactly.
+    // A linear field, which bilinear cells interpolate exactly.
     let field = vector(SIDE * SIDE, &|node, _| 0.5 * (node / SIDE) as f64 - 0.25 * (node % SIDE) as f64)?;
     let ones = vector(SIDE * SIDE, &|_, _| 1.0)?;
     let (mut rho, mut gathered) = (B::vector(context, SIDE * SIDE)?, B::vector(context, PARTICLES)?);

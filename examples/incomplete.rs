@@ -1,14 +1,15 @@
-//! Iterations of Krylov methods by how much an incomplete factorization keeps, on two matrices.
+//! Iterations of Krylov methods against the number of entries that an incomplete factorization keeps, for two matrices.
 //!
 //! ```text
 //! cargo run --release --example incomplete [-- FOLDER]
 //! ```
 //!
-//! prints the table of `docs/incomplete.md`; with a folder it also writes the matrices there as Matrix Market files, for
-//! `python3 examples/incomplete.py FOLDER`, which does the same with the incomplete factorization of SciPy.
+//! prints the first table of `docs/incomplete.md`. If a folder is given, the matrices are also written there as Matrix
+//! Market files for `python3 examples/incomplete.py FOLDER`, which repeats the test with the incomplete factorization
+//! of SciPy.
 //!
-//! The matrices: the stiffness of a Delaunay network of 1 000 points at rest (3 000 unknowns, symmetric, definite), and
-//! convection and diffusion on a square of 60 by 60 (3 600 unknowns, unsymmetric).
+//! The matrices are the stiffness of a Delaunay network of 1 000 points at rest (3 000 unknowns, symmetric positive
+//! definite), and convection and diffusion on a square grid of 60 by 60 (3 600 unknowns, unsymmetric).
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -62,7 +63,7 @@ struct Row {
 }
 
 impl Row {
-    /// Iterations to the tolerance for a right-hand side of ones, or why there are none.
+    /// Returns the number of iterations for a right-hand side of ones, or that the method did not converge.
     fn iterations(&mut self, a: &Matrix, krylov: Krylov, preconditioner: Preconditioner) -> Result<String, Error> {
         let method = Iterative { krylov, preconditioner, tolerance: TOLERANCE, max_iterations: 1000 };
         let params = SolverParams::new(Symmetry::None).iterative(method);
@@ -74,7 +75,7 @@ impl Row {
     }
 }
 
-/// The stiffness of a network at rest.
+/// Assembles the stiffness of a network at rest.
 fn network() -> Result<Matrix, Error> {
     let network = Arc::new(Recipe::new(Kind::Delaunay, 1).of_points(1000)?.network);
     let law = Law::Linear { youngs_modulus: 1.0e8 };
@@ -88,7 +89,7 @@ fn network() -> Result<Matrix, Error> {
     Ok(a)
 }
 
-/// `-laplace u + c . grad u` by central differences.
+/// Assembles `-laplace u + c . grad u` by central differences.
 fn convection(side: i32) -> Result<Matrix, Error> {
     let at = |i: i32, j: i32| i * side + j;
     let mut neighbors = Vec::new();

@@ -1,4 +1,4 @@
-//! A network of a hundred thousand fibers, brought to equilibrium on PETSc, on any number of ranks.
+//! Equilibrium of a network of a hundred thousand fibers on PETSc, on any number of ranks.
 //!
 //! ```text
 //! cargo build --release --no-default-features --features petsc,generate --example large_network
@@ -6,9 +6,10 @@
 //! mpirun -n 4 target/release/examples/large_network --against stress.txt
 //! ```
 //!
-//! prints what the parts took, and the stress. `--points N` (15 000) says how large the network is, `--parts N` (2) in how many
-//! increments it is stretched, `--seconds N` (900) what it may take: an increment that has not begun by then is not taken,
-//! and the program fails. `--keep FILE` writes the stress; `--against FILE` fails where it is not the same to 1e-9.
+//! prints the stress and the times of all phases. `--points N` (15 000) sets the size of the network, `--parts N` (2)
+//! the number of increments, `--seconds N` (900) the time limit: the program fails if the limit is exceeded before an
+//! increment starts. `--keep FILE` writes the stress; `--against FILE` fails if the stress differs by 1e-9 or more,
+//! relative to its largest entry.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -83,7 +84,7 @@ fn main() -> Result<(), Error> {
     if let Some(file) = argument("--against") {
         let apart = (pk1 - read(&file)?).amax() / pk1.amax();
         say(format!("apart from {file}: {apart:.1e}"));
-        // Not a number is not the same.
+        // A difference that is not a number is an error, too.
         if apart.is_nan() || apart >= 1e-9 {
             return Err("the stresses are not the same".into());
         }
@@ -91,14 +92,14 @@ fn main() -> Result<(), Error> {
     Ok(())
 }
 
-/// Seconds since then on the first rank: all must decide alike.
+/// Returns the seconds since `start` on rank 0, so that all ranks decide alike. Collective.
 fn seconds_of_all(start: &Instant) -> f64 {
     let mut seconds = start.elapsed().as_secs_f64();
     SimpleCommunicator::world().process_at_rank(0).broadcast_into(&mut seconds);
     seconds
 }
 
-/// What stands behind a flag.
+/// Returns the argument that follows a flag.
 fn argument(flag: &str) -> Option<String> {
     std::env::args().skip_while(|argument| argument != flag).nth(1)
 }

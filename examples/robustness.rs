@@ -1,16 +1,18 @@
-//! How many random networks, deformed at random, come to equilibrium, by which stage of the ladder, and at what cost.
+//! How many random networks reach equilibrium under random deformations, by which stage of the solver, and at what
+//! cost.
 //!
 //! ```text
 //! cargo run --release --example robustness [-- --networks 100 --gradients 20 --seconds 3000]
 //! ```
 //!
-//! prints the tables of `docs/robustness.md`: how many cases come to equilibrium, how many of the equilibria are stable or
-//! neutral (floppy at rest), and how many were found beside a saddle point, each of which is listed. Networks, deformation gradients and answers are the same on every run; a case
-//! that has not begun when the time is up counts as not tried.
+//! prints the tables of `docs/robustness.md`: how many cases are solved, how many of the equilibria are stable or
+//! neutral (floppy at rest), and how many were found after leaving a saddle point; each of the latter is listed.
+//! Networks, deformation gradients and results are the same in every run. A case that has not started within the time
+//! limit is not counted.
 //!
-//! Half of the networks are Delaunay networks, brought to equilibrium by the whole ladder. The other half are Voronoi
-//! networks, which are floppy, and are brought there by dynamic relaxation with its finish by regularized Newton. Both in
-//! three alignments, with 200 to 3 000 nodes.
+//! Half of the networks are Delaunay networks, solved by all stages. The other half are Voronoi networks, which are
+//! floppy; they are solved by dynamic relaxation followed by regularized Newton. Both kinds have three strengths of
+//! alignment and 200 to 3 000 nodes.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -34,7 +36,7 @@ type Error = Box<dyn std::error::Error>;
 
 const STRENGTHS: [f64; 3] = [0.0, 0.4, 0.7];
 
-/// A network to be deformed.
+/// A network with the parameters of its generation.
 struct Subject {
     kind: Kind,
     strength: f64,
@@ -42,7 +44,7 @@ struct Subject {
     network: Arc<Network>,
 }
 
-/// What became of a deformation of it.
+/// The result of one deformation of a network.
 struct Outcome {
     kind: Kind,
     strength: f64,
@@ -51,11 +53,11 @@ struct Outcome {
     gradient: Matrix3<f64>,
     report: EquilibriumReport,
     seconds: f64,
-    /// Whether a stage found an equilibrium that is not stable, and could not go on from there.
+    /// Whether a stage found an unstable equilibrium and could not continue from there.
     refused: bool,
-    /// Why there is no answer.
+    /// The reason for the failure, if the case is not solved.
     cause: Option<String>,
-    /// What the whole ladder makes of it, where a part of it did not find an answer.
+    /// The result of all stages, if only some of them were tried before and failed.
     ladder: Option<String>,
 }
 
@@ -85,7 +87,7 @@ fn main() -> Result<(), Error> {
     Ok(())
 }
 
-/// One list of many.
+/// Concatenates lists.
 trait ConcatAll<T> {
     fn concat_all(self) -> Vec<T>;
 }
@@ -108,7 +110,8 @@ fn uniform(random: &mut ChaCha8Rng) -> f64 {
     (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64
 }
 
-/// The networks by turns of both kinds, of the three alignments, and of sizes spread evenly on a logarithmic scale.
+/// Generates a network. Kind, strength of alignment and size (evenly spaced on a logarithmic scale) vary with the
+/// number.
 fn subject(number: usize) -> Result<Subject, String> {
     let kind = Kind::ALL[number % 2];
     let strength = STRENGTHS[number / 2 % 3];
@@ -124,7 +127,7 @@ fn subject(number: usize) -> Result<Subject, String> {
     Ok(Subject { kind, strength, seed, network: Arc::new(made.network) })
 }
 
-/// Principal stretches between 0.7 and 1.6 along random axes, and a random rotation.
+/// Returns a random gradient: principal stretches between 0.7 and 1.6 along random axes, and a random rotation.
 fn random_gradient(random: &mut ChaCha8Rng) -> Matrix3<f64> {
     let mut rotation = || {
         let [a, b, c] = [(); 3].map(|()| uniform(random) * std::f64::consts::TAU);
@@ -172,8 +175,8 @@ fn solve(
     Outcome { kind, strength, seed, nodes, gradient: *gradient, report, seconds, refused, cause, ladder }
 }
 
-/// From rest to the gradient and its tangent: what it took, why there is no answer where there is none, and whether an
-/// unstable equilibrium was refused.
+/// Solves from rest at the gradient, with the tangent. Returns the report, the reason for a failure, and whether an
+/// unstable equilibrium was rejected.
 fn reached(
     subject: &Subject,
     model: &RveModel<Sparse>,
@@ -235,7 +238,7 @@ fn by_stability(outcomes: &[Outcome]) {
     println!();
 }
 
-/// The cases in which a stage found a saddle point first.
+/// Lists the cases in which a stage found a saddle point first.
 fn saddles(outcomes: &[Outcome]) {
     let left: Vec<&Outcome> = outcomes.iter().filter(|o| o.report.saddles > 0).collect();
     println!("{} cases with saddle points:\n", left.len());

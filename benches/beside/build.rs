@@ -1,8 +1,8 @@
-//! Compiles the few lines of C that fill CHOLMOD's settings, whose layout differs from version to version, and links it.
+//! Compiles the short C file that sets CHOLMOD's parameters, whose layout differs between versions, and links CHOLMOD.
 
 fn main() {
     println!("cargo:rerun-if-changed=src/cholmod.c");
-    // Debian and Fedora keep the headers in a folder of their own.
+    // Debian and Fedora install the headers in a separate folder.
     cc::Build::new().file("src/cholmod.c").include("/usr/include/suitesparse").compile("beside_cholmod");
     println!("cargo:rustc-link-lib=cholmod");
 }

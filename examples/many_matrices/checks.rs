@@ -1,4 +1,4 @@
-//! What must come of the two cases.
+//! Checks of the results of the two cases.
 
 use biotissue::las::{Backend, MatVec, VectorOps};
 
@@ -6,7 +6,7 @@ use crate::operators::{B, BZ, N, NODES, P, V, on_nodes};
 use crate::step::{DT, Outcome, STEPS};
 use crate::{Error, seen_wave_numbers};
 
-/// A number that must be small.
+/// A number with an upper limit.
 pub struct Check {
     pub what: &'static str,
     pub found: f64,
@@ -14,14 +14,14 @@ pub struct Check {
 }
 
 impl Check {
-    /// A number that is not one is not small either.
+    /// Returns whether the number is below its limit; NaN is not.
     pub fn is_met(&self) -> bool {
         self.found < self.limit
     }
 }
 
-/// The velocity of the wave is its first one times a cosine, whose phase grows by an angle in each step that is known:
-/// `tan(angle / 2) = omega dt / 2` with `omega = k . B`.
+/// Checks the standing wave: the velocity is the initial velocity times a cosine, whose phase grows in each step by the
+/// angle given by `tan(angle / 2) = omega dt / 2` with `omega = k . B`.
 pub fn wave<S: Backend>(end: &Outcome<S>) -> Result<Vec<Check>, Error> {
     let omega: f64 = seen_wave_numbers().into_iter().zip(B).map(|(k, b)| k * b).sum();
     let cosine = (STEPS as f64 * 2.0 * (0.5 * omega * DT).atan()).cos();
@@ -41,7 +41,7 @@ pub fn wave<S: Backend>(end: &Outcome<S>) -> Result<Vec<Check>, Error> {
     ])
 }
 
-/// What a puff keeps, and where its energy goes.
+/// Checks the conserved quantities of a pressure pulse, and its energy balance.
 pub fn puff<S: Backend>(end: &Outcome<S>) -> Result<Vec<Check>, Error> {
     let (operators, ones, nodes) = (&end.operators, on_nodes(|_, _| 1.0), NODES as f64);
     let grown = |field: usize| -> Result<f64, Error> {
@@ -63,7 +63,7 @@ pub fn puff<S: Backend>(end: &Outcome<S>) -> Result<Vec<Check>, Error> {
     ])
 }
 
-/// Two results of one case.
+/// Compares two results of one case.
 pub fn same<S: Backend, T: Backend>(a: &Outcome<S>, b: &Outcome<T>) -> Check {
     let (mut apart, mut size) = (0.0_f64, 0.0_f64);
     for (a, b) in a.fields.iter().zip(&b.fields).flat_map(|(a, b)| a.as_slice().iter().zip(b.as_slice())) {

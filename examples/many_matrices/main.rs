@@ -1,16 +1,18 @@
-//! Some two dozen matrices, each on the backend that suits it: waves in a magnetized plasma.
+//! About two dozen matrices, each on the backend that suits it: waves in a magnetized plasma.
 //!
 //! ```text
 //! cargo build --release --features petsc --example many_matrices
 //! mpirun -n 4 target/release/examples/many_matrices
 //! ```
 //!
-//! Codes for fusion plasmas step many coupled fields in time and hold a matrix for every coupling of two of them. Most of
-//! these are only multiplied with, and a few are solved. Here the former live on `sparse`, in the memory of each process,
-//! and the latter are moved to `petsc`, where all processes solve together; vectors go back and forth in every step.
+//! Fusion-plasma codes advance many coupled fields in time and store a matrix for every coupling of two fields. Most of
+//! these matrices are used only in products; a few are used in linear solves. In this example the former are on
+//! `sparse`, in the memory of each process, and the latter are transferred to `petsc`, where all processes solve
+//! together; vectors are transferred in both directions in every step.
 //!
-//! The plasma: small motions `v` around rest in a uniform magnetic field `B`, on a periodic square, with `d/dz = 0`. The
-//! change of the field is given by its flux `psi` and its component `b_z`; `p` and `n` are those of pressure and density:
+//! The model describes small motions `v` of a plasma around rest in a uniform magnetic field `B`, on a periodic square,
+//! with `d/dz = 0`. The perturbation of the field is given by its flux `psi` and its component `b_z`; `p` and `n` are
+//! the perturbations of pressure and density:
 //!
 //! ```text
 //! rho dv/dt = -grad p + j x B                     j = (dy b_z, -dx b_z, -laplace psi)
@@ -18,12 +20,13 @@
 //! dp/dt = -gamma p0 div v                         dn/dt = -div (rho v)
 //! ```
 //!
-//! together `rho dv/dt = F w` and `dw/dt = R v`. A step is semi-implicit, as is usual for tokamaks, so that fast waves do not
-//! limit it: the velocity halfway solves `(rho - dt^2/4 F R) v' = rho v + dt/2 F w`, and then `w` grows by `dt R v'` and `v`
-//! becomes `2 v' - v`. Viscosity, resistivity, conduction of heat along the field and diffusion of particles follow, each by
-//! a solve of its own and the same midpoint rule, so that the energy changes by exactly what these take.
+//! In short, `rho dv/dt = F w` and `dw/dt = R v`. A time step is semi-implicit, as is usual for tokamaks, so that fast
+//! waves do not limit its length: the velocity `v'` at half the step solves `(rho - dt^2/4 F R) v' = rho v + dt/2 F w`;
+//! then `w` increases by `dt R v'`, and `v` becomes `2 v' - v`. Viscosity, resistivity, heat conduction along the field
+//! and diffusion of particles follow, each with its own solve by the same midpoint rule, so that the energy changes by
+//! exactly the dissipated amount.
 //!
-//! `operators.rs` has the matrices, `step.rs` the simulation, `checks.rs` what must come of it.
+//! `operators.rs` contains the matrices, `step.rs` the simulation, `checks.rs` the checks of the results.
 
 mod checks;
 mod operators;
@@ -41,17 +44,17 @@ use operators::{B, H, NODES, P, V, on_nodes};
 use step::{Case, FIELDS, Outcome, STEPS, simulate};
 
 type Error = Box<dyn std::error::Error>;
-/// The backend of what is only multiplied with.
+/// The backend of the matrices that are used only in products.
 type Local = Sparse<f64>;
 
-/// Waves along `x` and `y` on the square, and how fast the phase of a plane wave rises along them, as differences see it.
+/// Wave numbers of the wave along `x` and `y`; `seen_wave_numbers` returns those of central differences.
 const WAVE_NUMBERS: [f64; 2] = [TAU, 2.0 * TAU];
 
 fn seen_wave_numbers() -> [f64; 2] {
     WAVE_NUMBERS.map(|k| (k * H).sin() / H)
 }
 
-/// A standing Alfven wave in a uniform plasma where nothing dissipates: the motion is along `k x B`.
+/// A standing Alfven wave in a uniform plasma without dissipation: the motion is along `k x B`.
 const WAVE: Case = Case {
     density: |_, _| 1.0,
     viscosity: 0.0,
@@ -66,7 +69,7 @@ const WAVE: Case = Case {
     },
 };
 
-/// A puff of pressure in a plasma of uneven density, with all that dissipates.
+/// A pressure pulse in a plasma of nonuniform density, with all dissipative processes.
 const PUFF: Case = Case {
     density: |x, y| 1.0 + 0.5 * (TAU * x).sin() * (TAU * y).cos(),
     viscosity: 2e-3,
@@ -86,7 +89,7 @@ fn main() -> ExitCode {
     };
     let checks = run(&context).unwrap_or_else(|error| {
         eprintln!("error: {error}");
-        // At once: to end PETSc is to wait for the other ranks, which may wait for this one.
+        // Exits without finalizing PETSc, which would wait for the other ranks; they may be waiting for this one.
         std::process::exit(1)
     });
     let failed: Vec<_> = checks.iter().filter(|check| !check.is_met()).map(|check| check.what).collect();
@@ -99,7 +102,7 @@ fn main() -> ExitCode {
     ExitCode::FAILURE
 }
 
-/// Both cases with PETSc, and one of them without; the same on all ranks.
+/// Runs both cases on PETSc, and one of them also without; returns the same checks on all ranks.
 fn run(context: &Context) -> Result<Vec<Check>, Error> {
     let wave = simulate::<Petsc>(context, &WAVE)?;
     let puff = simulate::<Petsc>(context, &PUFF)?;

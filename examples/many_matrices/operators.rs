@@ -1,4 +1,4 @@
-//! The matrices that are only multiplied with, each made from differences on the grid by sums and products.
+//! The matrices that are used only in products, each built from finite differences by sums and products of matrices.
 
 use biotissue::backends::sparse::{Matrix, Vector};
 use biotissue::las::{Backend, Entries, MatMat, MatVec, MatrixOps, Sparsity, VectorOps};
@@ -6,7 +6,7 @@ use biotissue::las::{Backend, Entries, MatMat, MatVec, MatrixOps, Sparsity, Vect
 use crate::step::Case;
 use crate::{Error, Local};
 
-/// Nodes along a side. Odd: central differences then see every field but the constant one.
+/// Nodes along a side. The number is odd, so that central differences vanish only for constant fields.
 const SIDE: usize = 25;
 pub const NODES: usize = SIDE * SIDE;
 pub const H: f64 = 1.0 / SIDE as f64;
@@ -14,35 +14,37 @@ pub const H: f64 = 1.0 / SIDE as f64;
 pub const B: [f64; 3] = [0.6, 0.3, 0.9];
 pub const GAMMA_P: f64 = 0.8;
 
-/// Fields by number: the velocity, then flux, field, pressure and density.
+/// Indices of the fields: the velocity, then flux, magnetic field, pressure and density.
 pub const V: [usize; 3] = [0, 1, 2];
 pub const PSI: usize = 3;
 pub const BZ: usize = 4;
 pub const P: usize = 5;
 pub const N: usize = 6;
 
-/// A matrix that takes one field to another: `to += A from`.
+/// A matrix from one field to another: `to += A from`.
 pub struct Coupling {
     pub to: usize,
     pub from: usize,
     pub a: Matrix,
 }
 
-/// All of them.
+/// All matrices of the model.
 pub struct Operators {
-    /// `R`, what the velocity does to the other fields.
+    /// `R`, the rates of the other fields by the velocity.
     pub rates: Vec<Coupling>,
-    /// `F`, how they push back: `-R^T`, weighted by the energies of the fields.
+    /// `F`, the forces of the other fields: `-R^T`, weighted by the energies of the fields.
     pub forces: Vec<Coupling>,
     pub density: Matrix,
-    /// `-laplace` by central differences twice, as the current has it.
+    /// `-laplace` by applying central differences twice, as in the current.
     pub current: Matrix,
-    /// `-laplace` on neighbors, and `-(B . grad)^2`: what spreads in all directions, and along the field.
+    /// `-laplace` with nearest neighbors, for isotropic diffusion; `along` is `-(B . grad)^2`, for conduction along the
+    /// field.
     pub spreading: Matrix,
     pub along: Matrix,
 }
 
-/// A matrix on the periodic grid that is the same at each node: steps in `x` and `y` to a neighbor, and the value there.
+/// Assembles a matrix on the periodic grid with the same stencil at each node: steps in `x` and `y` to a neighbor, and
+/// the entry.
 pub fn stencil(neighbors: &[(usize, usize, f64)]) -> Result<Matrix, Error> {
     let at = |node: usize, (i, j): (usize, usize)| (node / SIDE + i) % SIDE * SIDE + (node % SIDE + j) % SIDE;
     let to_neighbors = |node| neighbors.iter().map(move |&(i, j, _)| [node as i32, at(node, (i, j)) as i32]);
@@ -56,7 +58,7 @@ pub fn stencil(neighbors: &[(usize, usize, f64)]) -> Result<Matrix, Error> {
     Ok(a)
 }
 
-/// A function of the place, node by node.
+/// Evaluates a function of the position at every node.
 pub fn on_nodes(of: impl Fn(f64, f64) -> f64) -> Vector {
     (0..NODES).map(|node| of((node / SIDE) as f64 * H, (node % SIDE) as f64 * H)).collect::<Vec<_>>().into()
 }
@@ -93,7 +95,7 @@ impl Operators {
             Coupling { to: N, from: V[0], a: scaled(&dx.product(&density)?, -1.0)? },
             Coupling { to: N, from: V[1], a: scaled(&dy.product(&density)?, -1.0)? },
         ];
-        // The density of particles pushes nobody.
+        // The particle density exerts no force.
         let mut forces = Vec::new();
         for Coupling { to, from, a } in rates.iter().filter(|rate| rate.to != N) {
             let transpose = a.transpose()?;
@@ -107,7 +109,7 @@ impl Operators {
         Ok(Self { rates, forces, density, current, spreading, along })
     }
 
-    /// `rho - dt^2/4 F R`, with the three unknowns of a node one after the other.
+    /// Assembles `rho - dt^2/4 F R`, with the three unknowns of a node consecutive.
     pub fn implicit_velocity(&self, dt: f64) -> Result<Matrix, Error> {
         let (mut places, mut values) = (Vec::new(), Vec::new());
         let mut put = |a: &Matrix, to: usize, from: usize, factor: f64| {
@@ -131,7 +133,8 @@ impl Operators {
         Ok(a)
     }
 
-    /// `1/2 (v . rho v + psi . L psi + b_z^2 + p^2 / gamma p0)`, summed over the nodes; `L` is that of the current.
+    /// Returns the energy `1/2 (v . rho v + psi . L psi + b_z^2 + p^2 / gamma p0)`, summed over the nodes, with `L`
+    /// from `current`.
     pub fn energy(&self, fields: &[Vector]) -> Result<f64, Error> {
         let mut energy = fields[BZ].dot(&fields[BZ])? + fields[P].dot(&fields[P])? / GAMMA_P;
         let mut product = on_nodes(|_, _| 0.0);
@@ -142,7 +145,7 @@ impl Operators {
         Ok(0.5 * energy)
     }
 
-    /// What there is for a table: names, how many matrices, how many entries.
+    /// Returns the rows of a table: name, number of matrices, number of entries.
     pub fn groups(&self) -> [(&'static str, usize, usize); 4] {
         let entries = |all: &[&Matrix]| all.iter().map(|a| a.pattern().entries()).sum();
         let of = |couplings: &[Coupling]| entries(&couplings.iter().map(|coupling| &coupling.a).collect::<Vec<_>>());

@@ -1,4 +1,4 @@
-//! Semi-implicit steps in time: products on one backend, solutions on another.
+//! Semi-implicit time steps: products on one backend, solutions on another.
 
 use biotissue::backends::sparse::{Matrix, Vector};
 use biotissue::las::{
@@ -13,29 +13,29 @@ pub const FIELDS: usize = 7;
 pub const STEPS: usize = 60;
 pub const DT: f64 = 0.05;
 
-/// What is to be simulated.
+/// The parameters of a simulation.
 pub struct Case {
-    /// By place.
+    /// Density by position.
     pub density: fn(f64, f64) -> f64,
     pub viscosity: f64,
     pub resistivity: f64,
     pub conduction: f64,
     pub diffusion: f64,
-    /// Fills the fields, which are zero.
+    /// Sets the initial fields, which are zero before the call.
     pub start: fn(&mut [Vector]),
 }
 
-/// What came of it.
+/// The result of a simulation.
 pub struct Outcome<S: Backend> {
     pub operators: Operators,
     pub solved: Vec<Solved<S>>,
     pub start: Vec<Vector>,
     pub fields: Vec<Vector>,
-    /// Energy that the dissipative processes took.
+    /// Energy dissipated by the dissipative processes.
     pub dissipated: f64,
 }
 
-/// A matrix that is solved with, on backend `S`.
+/// A matrix of linear solves, on backend `S`.
 pub struct Solved<S: Backend> {
     pub name: &'static str,
     pub entries: usize,
@@ -47,7 +47,7 @@ pub struct Solved<S: Backend> {
 }
 
 impl<S: Backend<Scalar = f64>> Solved<S> {
-    /// Moves a matrix over and prepares to solve with it.
+    /// Transfers a matrix to `S` and sets up its solver.
     fn new(context: &S::Context, name: &'static str, a: &Matrix, method: Method) -> Result<Self, Error> {
         let a = transfer::matrix::<Local, S>(a, context)?;
         let pattern = a.pattern()?;
@@ -59,7 +59,7 @@ impl<S: Backend<Scalar = f64>> Solved<S> {
         Ok(Self { name, entries: pattern.entries(), solves: 0, iterations: 0, solver, b, x })
     }
 
-    /// `x = A^-1 b`, for vectors of the other backend.
+    /// Computes `x = A^-1 b` for vectors of the other backend.
     fn solve(&mut self, b: &Vector, x: &mut Vector) -> Result<(), Error> {
         transfer::vector_into::<Local, S>(b, &mut self.b)?;
         let report = self.solver.solve(&self.b, &mut self.x)?;
@@ -69,7 +69,7 @@ impl<S: Backend<Scalar = f64>> Solved<S> {
     }
 }
 
-/// A process that spreads some fields: `capacity d/dt = -speed operator`.
+/// A diffusive process of some fields: `capacity d/dt = -speed operator`.
 #[derive(Clone, Copy)]
 struct Spread<'a> {
     name: &'static str,
@@ -79,12 +79,12 @@ struct Spread<'a> {
     fields: &'a [usize],
 }
 
-/// `old = 2 halfway - old`: where a step ends that went through `halfway`.
+/// Computes `old = 2 halfway - old`: the end of a step from its start and midpoint.
 fn go_on<'a>(old: &mut Vector, halfway: impl Iterator<Item = &'a f64>) {
     old.as_mut_slice().iter_mut().zip(halfway).for_each(|(old, halfway)| *old = 2.0 * halfway - *old);
 }
 
-/// Takes a case through all steps; solves on backend `S`.
+/// Runs all steps of a case; solves on backend `S`.
 pub fn simulate<S: Backend<Scalar = f64>>(context: &S::Context, case: &Case) -> Result<Outcome<S>, Error> {
     let operators = Operators::new(case)?;
     let (Operators { density, spreading, along, .. }, one) = (&operators, stencil(&[(0, 0, 1.0)])?);
@@ -135,7 +135,7 @@ fn zeros(len: usize) -> Vector {
     vec![0.0; len].into()
 }
 
-/// The step of everything that waves.
+/// Advances the wave equations by one step.
 fn waves<S: Backend<Scalar = f64>>(
     a: &Operators,
     velocity: &mut Solved<S>,
@@ -160,7 +160,7 @@ fn waves<S: Backend<Scalar = f64>>(
     Ok(())
 }
 
-/// The step of a process that spreads a field; what it takes of `1/2 field . weight capacity field`.
+/// Advances one field by one step of a diffusive process; returns the decrease of `1/2 field . weight capacity field`.
 fn dissipate<S: Backend<Scalar = f64>>(
     spread: &Spread,
     solved: &mut Solved<S>,

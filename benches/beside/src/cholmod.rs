@@ -1,4 +1,4 @@
-//! CHOLMOD of SuiteSparse, through a few lines of C.
+//! CHOLMOD of SuiteSparse, called through a short C file.
 
 use std::ffi::{c_double, c_int, c_void};
 use std::ptr::NonNull;
@@ -14,7 +14,7 @@ unsafe extern "C" {
     fn beside_free(b: *mut c_void);
 }
 
-/// The ordering that CHOLMOD is told to use.
+/// The ordering method that CHOLMOD uses.
 #[derive(Clone, Copy)]
 pub enum Ordering {
     Amd = 2,
@@ -25,7 +25,7 @@ pub enum Ordering {
 pub struct Cholmod {
     handle: NonNull<c_void>,
     name: &'static str,
-    // What the handle points into.
+    // The arrays that the handle points to.
     _start: Vec<c_int>,
     _rows: Vec<c_int>,
     _values: Vec<f64>,
@@ -66,7 +66,7 @@ impl Contender for Cholmod {
 
     fn solve(&mut self, columns: usize, right: &[f64], solution: &mut [f64]) {
         assert!(right.len() >= columns * self.unknowns() && solution.len() >= columns * self.unknowns());
-        // SAFETY: the handle is alive, and both slices hold so many columns; the right-hand sides are only read.
+        // SAFETY: the handle is alive, and both slices have `columns` columns; the right-hand sides are only read.
         let failed = unsafe {
             beside_solve(self.handle.as_ptr(), columns as c_int, right.as_ptr().cast_mut(), solution.as_mut_ptr())
         };

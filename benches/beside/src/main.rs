@@ -1,9 +1,9 @@
-//! Times of one RVE by phase on one core, and beside them those of other direct solvers on the same stiffness, in one
-//! process and interleaved, as a table in Markdown.
+//! Times of one RVE by phase on one core, compared with other direct solvers for the same stiffness. All solvers are
+//! interleaved in one process; the output is a table in Markdown.
 //!
-//! `bash benches/beside/run.sh` builds and runs it with what it needs; arguments are parts of the names of the networks
-//! wanted. Published networks are read from the folder that `BIOTISSUE_NETWORKS` names. Every figure is the smallest of
-//! many repetitions: what else the machine does only ever adds to a time.
+//! `bash benches/beside/run.sh` builds and runs the program with its dependencies; the arguments are parts of the names
+//! of the networks to run. Published networks are read from the folder given by `BIOTISSUE_NETWORKS`. Every time is the
+//! minimum of many repetitions, because other load on the machine can only increase a time.
 
 mod cholmod;
 mod memory;
@@ -23,7 +23,7 @@ use nalgebra::Matrix3;
 
 use system::{Contender, System};
 
-/// Right-hand sides of a tangent.
+/// Number of right-hand sides of a tangent.
 const MODES: usize = 6;
 
 fn main() {
@@ -59,7 +59,7 @@ fn collagen(network: Network) -> RveModel<biotissue::backends::sparse::Sparse> {
     RveModel::new(&(), Arc::new(network), Some(material), StressScale::Raw).expect("a sound material")
 }
 
-/// The deformation at which MuMFiM recorded its times for the network, some 1 %; for the others a larger one.
+/// The deformation at which MuMFiM recorded its times for the network, about 1 %; a larger one for the other networks.
 #[rustfmt::skip]
 fn deformation(name: &str) -> Matrix3<f64> {
     if name == "Network_2_7" {
@@ -103,7 +103,7 @@ fn compare(name: &str, model: RveModel<biotissue::backends::sparse::Sparse>) {
     let mut rounds = 0;
     while rounds < 10 || start.elapsed().as_secs_f64() < 4.0 {
         for (contender, best) in contenders.iter_mut().zip(&mut best) {
-            // Once more before it counts, so that nobody pays for the caches that another one has filled.
+            // One factorization that is not timed, so that no solver starts with the caches filled by another one.
             contender.factor();
             let begin = Instant::now();
             contender.factor();

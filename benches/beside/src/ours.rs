@@ -17,7 +17,7 @@ struct Ours {
     solution: Vec<Vector>,
 }
 
-/// With every way of ordering.
+/// Returns one solver for every ordering.
 pub fn all(system: &System) -> Vec<Box<dyn Contender>> {
     let make = |name: &str, params: &SolverParams| -> Box<dyn Contender> {
         let symbolic = Sparse::<f64>::analyze(&(), &system.pattern, params).expect("an analysis");

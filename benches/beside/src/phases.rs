@@ -13,7 +13,7 @@ use biotissue::las::{Backend, MatrixOps, Solver, SolverParams, Symmetry};
 use crate::memory::measured;
 use crate::system::System;
 
-/// Smallest time of many runs, in ms.
+/// Returns the minimum time of many runs, in ms.
 fn least(mut run: impl FnMut()) -> f64 {
     let (start, mut best, mut runs) = (Instant::now(), f64::INFINITY, 0);
     while runs < 5 || start.elapsed().as_secs_f64() < 0.5 {
@@ -25,7 +25,7 @@ fn least(mut run: impl FnMut()) -> f64 {
     1e3 * best
 }
 
-/// Prints a table of them.
+/// Prints a table of the phases, and the memory.
 pub fn print(system: &mut System) {
     let network = system.model.network();
     let (nodes, fibers, unknowns) = (network.nodes().len(), network.fibers().len(), system.model.unknowns());

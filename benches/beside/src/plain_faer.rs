@@ -1,4 +1,4 @@
-//! faer's supernodal Cholesky as a user of that crate would call it: minimum degree on the unknowns.
+//! faer's supernodal Cholesky as used directly by a user of that crate: minimum degree on the unknowns.
 
 use biotissue::backends::sparse::Sparse;
 use biotissue::las::{Backend, SolverParams, Symmetry};
@@ -23,12 +23,12 @@ pub struct PlainFaer {
 }
 
 impl PlainFaer {
-    /// In its own order.
+    /// Uses faer's own order.
     pub fn new(system: &System, columns: usize) -> Self {
         Self::ordered("faer supernodal LLT, AMD", system, SymmetricOrdering::Amd, columns)
     }
 
-    /// In the order that this crate found, which is postordered.
+    /// Uses the elimination order of this crate, which is postordered.
     pub fn in_our_order(system: &System, columns: usize) -> Self {
         let params = SolverParams::new(Symmetry::Definite);
         let symbolic = Sparse::<f64>::analyze(&(), &system.pattern, &params).expect("an analysis");

@@ -1,4 +1,4 @@
-//! The systems to solve, and what a solver of them is.
+//! The systems to solve, and the trait of the solvers.
 
 use std::sync::Arc;
 
@@ -10,13 +10,13 @@ use biotissue::fiber::workspace::Workspace;
 use biotissue::las::{Backend, Sparsity};
 use nalgebra::Matrix3;
 
-/// Something that factors one matrix again and again and solves with it.
+/// A solver that factors the same matrix repeatedly and solves with it.
 pub trait Contender {
     fn name(&self) -> String;
-    /// What it predicts that a factorization takes.
+    /// Predicted number of operations of a factorization.
     fn operations(&self) -> Option<f64>;
     fn factor(&mut self);
-    /// For so many right-hand sides, column after column.
+    /// Solves for `columns` right-hand sides, stored column by column.
     fn solve(&mut self, columns: usize, right: &[f64], solution: &mut [f64]);
 }
 
@@ -30,7 +30,7 @@ pub struct System {
     pub pattern: Arc<Sparsity>,
     pub slots: StiffnessSlots<Sparse>,
     pub stiffness: Matrix,
-    /// The lower triangle by columns.
+    /// Column offsets, rows and values of the lower triangle by columns.
     pub lower_start: Vec<u32>,
     pub lower_rows: Vec<u32>,
     pub lower_values: Vec<f64>,
@@ -47,7 +47,7 @@ impl System {
         let mut stiffness = Sparse::<f64>::matrix(&(), &pattern).expect("the backend cannot fail");
         slots.assemble(model.truss(), workspace.states(), &mut Vec::new(), &mut stiffness).expect("it cannot fail");
         let (mut lower_start, mut lower_rows, mut lower_values) = (vec![0], Vec::new(), Vec::new());
-        // The upper triangle by rows is the lower one by columns.
+        // The upper triangle by rows equals the lower triangle by columns.
         for row in 0..pattern.rows() {
             let first = pattern.row_offsets()[row] as usize;
             for (k, &column) in (first..).zip(pattern.row(row)).filter(|&(_, &column)| column as usize >= row) {
@@ -72,7 +72,7 @@ impl System {
         }
     }
 
-    /// The largest entry of `K x - b`, over that of `b`.
+    /// Returns the largest entry of `K x - b`, relative to that of `b`.
     pub fn residual(&self, b: &[f64], x: &[f64]) -> f64 {
         let row = |row: usize| -> f64 {
             let first = self.pattern.row_offsets()[row] as usize;

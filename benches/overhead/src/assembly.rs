@@ -1,28 +1,28 @@
-//! The loop that all this is about: blocks of 12 by 12, one a tetrahedron, added to a matrix, in five ways.
+//! The assembly loop: blocks of 12 by 12, one per tetrahedron, added to a matrix, in five ways of calling.
 
 use std::sync::Arc;
 
 use biotissue::las::{Sparsity, SparsityError};
 
-/// The unknowns of one tetrahedron: three a node, negative where fixed.
+/// The unknowns of one tetrahedron: three per node, negative if prescribed.
 pub type Unknowns = [i32; 12];
 
-/// Entries of a block.
+/// Number of entries of a block.
 pub const ENTRIES: usize = 144;
 
-/// A cube of tetrahedra whose bottom is fixed.
+/// A cube of tetrahedra, fixed at the bottom.
 pub struct Cube {
     /// Unknowns of every tetrahedron.
     pub elements: Vec<Unknowns>,
-    /// Their pattern.
+    /// Sparsity pattern of the tetrahedra.
     pub pattern: Arc<Sparsity>,
 }
 
 impl Cube {
-    /// With `side` cells along an edge, six tetrahedra each.
+    /// Creates a cube with `side` cells along an edge, six tetrahedra each.
     ///
     /// # Errors
-    /// It has more unknowns than indices reach.
+    /// Returns [`SparsityError`] if the number of unknowns exceeds the index range.
     pub fn new(side: usize) -> Result<Self, SparsityError> {
         let line = side + 1;
         let node = |corner: [usize; 3]| corner[0] + line * (corner[1] + line * corner[2]);
@@ -33,7 +33,7 @@ impl Cube {
         let mut elements = Vec::with_capacity(6 * side.pow(3));
         for cell in 0..side.pow(3) {
             let origin = [cell % side, cell / side % side, cell / (side * side)];
-            // A path of three edges from a corner to the opposite one, for each order of the axes.
+            // For each order of the axes, a path of three edges from a corner to the opposite corner.
             for order in [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]] {
                 let mut corner = origin;
                 let mut nodes = [node(corner); 4];
@@ -60,7 +60,7 @@ macro_rules! loops {
             use super::{ENTRIES, Unknowns};
             use crate::by_hand::$module as hand;
 
-            /// By hand. The outcome of each call is kept as the caller would keep it: tested where it can be an error.
+            /// By hand. The result of each call is handled as a caller would: tested if it can be an error.
             #[inline(never)]
             pub fn raw(k: &mut hand::Matrix, elements: &[Unknowns], block: &[hand::Scalar; ENTRIES]) -> hand::Outcome<()> {
                 raw_loop!($module, k, elements, block)
@@ -69,7 +69,7 @@ macro_rules! loops {
             /// Through LAS.
             ///
             /// # Errors
-            /// What the backend reports.
+            /// Returns the error of the backend.
             #[inline(never)]
             pub fn las(k: &mut Matrix, elements: &[Unknowns], block: &[Scalar; ENTRIES]) -> Result<(), Fault> {
                 for unknowns in elements {
@@ -81,7 +81,7 @@ macro_rules! loops {
             /// Through a function of another compilation unit.
             ///
             /// # Errors
-            /// What the backend reports.
+            /// Returns the error of the backend.
             #[inline(never)]
             pub fn call(k: &mut Matrix, elements: &[Unknowns], block: &[Scalar; ENTRIES]) -> Result<(), Fault> {
                 for unknowns in elements {
@@ -93,7 +93,7 @@ macro_rules! loops {
             /// Through a table of function pointers.
             ///
             /// # Errors
-            /// What the backend reports.
+            /// Returns the error of the backend.
             #[inline(never)]
             pub fn table(
                 table: &Table,
@@ -110,7 +110,7 @@ macro_rules! loops {
             /// Through a trait object.
             ///
             /// # Errors
-            /// What the backend reports.
+            /// Returns the error of the backend.
             #[inline(never)]
             pub fn object(
                 object: &dyn Operations,
@@ -159,10 +159,10 @@ loops!(
     petsc
 );
 
-/// Runs the loop of one backend `times` times in one way, on a cube of `side` cells; what it took in all.
+/// Runs the loop of one backend `times` times in one way, on a cube of `side` cells; returns the total time.
 ///
 /// # Errors
-/// No such backend or way, or the backend's own.
+/// Returns an error if the backend or the way does not exist, or if the backend fails.
 pub fn run(
     backend: &str,
     way: &str,
@@ -261,7 +261,7 @@ fn with_petsc(cube: &Cube, way: &str, times: usize) -> Result<std::time::Duratio
 
     use crate::by_hand::petsc::Matrix;
 
-    // MPI starts only once in a process.
+    // MPI can be initialized only once per process.
     static CONTEXT: OnceLock<Context> = OnceLock::new();
     let context = match CONTEXT.get() {
         Some(context) => context,

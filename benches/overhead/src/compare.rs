@@ -1,4 +1,4 @@
-//! The five ways of every verb side by side, and what LAS must not have more of than a call by hand.
+//! Comparison of the five ways of calling each verb, and the limits on LAS relative to a call by hand.
 
 use std::error::Error;
 
@@ -6,7 +6,7 @@ use crate::executed::is_call;
 use crate::image::Image;
 use crate::ways::{self, Place};
 
-/// Instructions of one verb: the place of the call and what stands behind it.
+/// Instructions of one verb: those of the calling function and of the functions called.
 pub struct Row {
     /// The backend.
     pub backend: &'static str,
@@ -16,14 +16,14 @@ pub struct Row {
     pub raw: usize,
     /// Through LAS.
     pub las: usize,
-    /// Through a function of another unit, a function pointer, a trait object.
+    /// Through a function of another compilation unit, a function pointer, a trait object.
     pub others: [usize; 3],
-    /// Whether `raw` and `las` are the same but for registers and addresses.
+    /// Whether `raw` and `las` are equal apart from registers and addresses.
     pub is_same: bool,
-    /// What `las` computes with several numbers at once, and with one.
+    /// Number of instructions of `las` that compute with several numbers at once, and with one.
     pub arithmetic: (usize, usize),
-    /// Functions of LAS and its backends that `las` does not inline, though they are no rare case; and how many more calls
-    /// it has than `raw`.
+    /// Functions of LAS and its backends that `las` does not inline, except for rare cases; and the number of calls
+    /// that `las` has more than `raw`.
     pub calls: (Vec<String>, usize),
 }
 
@@ -33,21 +33,21 @@ pub struct Exception {
     pub backend: &'static str,
     /// The verbs.
     pub verbs: &'static [&'static str],
-    /// Why.
+    /// The reason.
     pub reason: &'static str,
 }
 
-/// All of them.
+/// All exceptions.
 pub const EXCEPTIONS: &[Exception] = &[Exception {
     backend: "petsc",
     verbs: &["matrix_finish"],
     reason: "once an assembly, a function: it waits for calls of other threads and learns where the arrays are",
 }];
 
-/// Counts all.
+/// Counts the instructions of all verbs.
 ///
 /// # Errors
-/// The program cannot be read.
+/// Returns an error if the program cannot be read.
 pub fn rows(image: &Image) -> Result<Vec<Row>, Box<dyn Error>> {
     let places = ways::all();
     let all =
@@ -70,19 +70,19 @@ fn row(image: &Image, place: &Place, all: &[*const ()]) -> Result<Row, Box<dyn E
     Ok(Row { backend, verb, raw: raw.len(), las: las.len(), others: sums, is_same, arithmetic, calls })
 }
 
-/// Functions for what hardly ever happens, which are kept out of the way on purpose.
+/// Functions for rare cases, which are deliberately not inlined.
 const RARE: [&str; 4] = ["scaled_norm", "sum_scaled", "dot_by_petsc", "axpy_by_petsc"];
 
 impl Row {
-    /// Why it may have more, if it may.
+    /// Returns the exception that allows more instructions, if there is one.
     #[must_use]
     pub fn exception(&self) -> Option<&'static Exception> {
         EXCEPTIONS.iter().find(|one| one.backend == self.backend && one.verbs.contains(&self.verb))
     }
 }
 
-/// What is wrong: verbs whose call through LAS has more instructions than the one by hand, and lanes that are not computed
-/// with at once. Verbs that by hand are calls of PETSc are compared by what they execute, in [`crate::executed`].
+/// Returns the faults: verbs with more instructions through LAS than by hand, and lanes without packed arithmetic.
+/// Verbs that are calls of PETSc by hand are compared by executed instructions, in [`crate::executed`].
 #[must_use]
 pub fn faults(rows: &[Row]) -> Vec<String> {
     let mut faults = Vec::new();

@@ -1,11 +1,11 @@
-//! Verbs that by hand are calls of PETSc: their instructions lie in PETSc's library, so that what is compared is what is
-//! executed, by valgrind's callgrind.
+//! Verbs that are calls of PETSc by hand: their instructions are in PETSc's library, so this module compares the
+//! executed instructions, counted by valgrind's callgrind.
 
 use std::error::Error;
 use std::fmt::Write;
 use std::process::Command;
 
-/// Instructions that one call executes, with all that it calls.
+/// Instructions executed by one call, including all functions that it calls.
 pub struct Executed {
     /// The verb.
     pub verb: &'static str,
@@ -15,7 +15,7 @@ pub struct Executed {
     pub las: f64,
 }
 
-/// The verbs, how often each is called, and what with.
+/// The verbs, the number of calls of each, and their arguments.
 const VERBS: &[(&str, usize, &str)] = &[
     ("matrix_add", CALLS, "a block of 12 by 12"),
     ("matrix_set", CALLS, "a block of 12 by 12"),
@@ -24,19 +24,19 @@ const VERBS: &[(&str, usize, &str)] = &[
     ("matrix_zero", CALLS, "the whole matrix"),
 ];
 
-/// Tetrahedra of a cube of six cells an edge, those at the fixed bottom left out.
+/// Tetrahedra of a cube with six cells per edge, without those at the fixed bottom.
 const CALLS: usize = 1080;
 
-/// What stands for a verb that by hand is a call of PETSc.
+/// Returns whether a verb is a call of PETSc by hand.
 #[must_use]
 pub fn is_call(backend: &str, verb: &str) -> bool {
     backend == "petsc" && VERBS.iter().any(|&(name, ..)| name == verb)
 }
 
-/// Counts all.
+/// Counts the instructions of all verbs.
 ///
 /// # Errors
-/// There is no valgrind, or it says nothing.
+/// Returns an error if valgrind is missing or gives no output.
 pub fn all() -> Result<Vec<Executed>, Box<dyn Error>> {
     let count = |verb: &str, calls: usize, way: &str| -> Result<f64, Box<dyn Error>> {
         Ok(collected(&["call", verb, way], &format!("*ways*petsc*{way}*{verb}*"))? as f64 / calls as f64)
@@ -47,17 +47,18 @@ pub fn all() -> Result<Vec<Executed>, Box<dyn Error>> {
     VERBS.iter().map(of).collect()
 }
 
-/// Instructions that this program executes within the functions of a pattern when it is started with `words`.
+/// Returns the number of instructions that this program, started with `words`, executes in the functions that match a
+/// pattern.
 ///
 /// # Errors
-/// There is no valgrind, or it says nothing.
+/// Returns an error if valgrind is missing or gives no output.
 pub fn collected(words: &[&str], pattern: &str) -> Result<u64, Box<dyn Error>> {
     let output = Command::new("valgrind")
         .args(["--tool=callgrind", "--callgrind-out-file=/dev/null", "--collect-atstart=no"])
         .arg(format!("--toggle-collect={pattern}"))
         .arg(std::env::current_exe()?)
         .args(words)
-        // No kernels for processors that valgrind does not know.
+        // Excludes kernels for processors that valgrind does not support.
         .envs([("OPENBLAS_CORETYPE", "Haswell"), ("OPENBLAS_NUM_THREADS", "1")])
         .output()
         .map_err(|error| format!("valgrind does not run: {error}\n  cure: install it"))?;
@@ -69,13 +70,13 @@ pub fn collected(words: &[&str], pattern: &str) -> Result<u64, Box<dyn Error>> {
     }
 }
 
-/// Whether valgrind is on the machine.
+/// Returns whether valgrind is installed.
 #[must_use]
 pub fn is_possible() -> bool {
     cfg!(feature = "petsc") && Command::new("valgrind").arg("--version").output().is_ok()
 }
 
-/// What is wrong: calls through LAS that execute more.
+/// Returns the faults: verbs that execute more instructions through LAS than by hand.
 #[must_use]
 pub fn faults(all: &[Executed]) -> Vec<String> {
     let is_more = |one: &&Executed| one.las > one.raw;
@@ -85,7 +86,7 @@ pub fn faults(all: &[Executed]) -> Vec<String> {
     all.iter().filter(is_more).map(say).collect()
 }
 
-/// All of them.
+/// Formats all verbs as a table.
 #[must_use]
 pub fn table(all: &[Executed]) -> String {
     let mut text = String::from("| verb | of | by hand | LAS | LAS over by hand |\n|---|---|---:|---:|---:|\n");
@@ -97,10 +98,10 @@ pub fn table(all: &[Executed]) -> String {
     text
 }
 
-/// Calls a verb as often as callgrind is told.
+/// Calls a verb `CALLS` times, for callgrind.
 ///
 /// # Errors
-/// No such verb or way, or what PETSc reports.
+/// Returns an error if the verb or the way does not exist, or if PETSc fails.
 #[cfg(feature = "petsc")]
 pub fn call(verb: &str, way: &str) -> Result<(), Box<dyn Error>> {
     use biotissue::backends::petsc::{Context, Petsc};
@@ -118,7 +119,7 @@ pub fn call(verb: &str, way: &str) -> Result<(), Box<dyn Error>> {
     let mut by_hand = by_hand.keep_pattern().map_err(code)?;
     let block: [f64; ENTRIES] = std::array::from_fn(|k| k as f64);
     let mut read = [0.0; ENTRIES];
-    // `MatZeroRows` refuses negative rows.
+    // `MatZeroRows` does not accept negative rows.
     let elements: Vec<_> = cube.elements.iter().filter(|rows| rows.iter().all(|&row| row >= 0)).collect();
     assert_eq!(elements.len(), CALLS, "as many as are divided by");
     for rows in elements {
@@ -140,10 +141,10 @@ pub fn call(verb: &str, way: &str) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// There is no PETSc here.
+/// The substitute in a build without PETSc.
 ///
 /// # Errors
-/// Always.
+/// Always returns an error.
 #[cfg(not(feature = "petsc"))]
 pub fn call(_: &str, _: &str) -> Result<(), Box<dyn Error>> {
     Err("this build has no PETSc".into())

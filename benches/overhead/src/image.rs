@@ -1,4 +1,4 @@
-//! The program as it was linked: the instructions of its functions.
+//! The linked program: the instructions of its functions.
 
 use std::collections::HashMap;
 use std::error::Error;
@@ -10,7 +10,7 @@ use object::{Object, ObjectSection, ObjectSymbol, SymbolKind};
 /// The functions of a program, by address.
 pub struct Image {
     functions: HashMap<u64, Function>,
-    /// Where the program lies in memory, less where its file says.
+    /// Difference between the address of the program in memory and the address in its file.
     bias: u64,
 }
 
@@ -19,25 +19,25 @@ struct Function {
     bytes: Vec<u8>,
 }
 
-/// What one function does.
+/// The disassembly of one function.
 pub struct Listing {
-    /// Its instructions, in order; what only fills up lines of memory is left out.
+    /// The instructions in order, without padding.
     pub instructions: Vec<Instruction>,
-    /// Where it leaves for other functions: their names, as far as they are of this program.
+    /// Calls and jumps out of the function: the name of the target, if it is a function of this program.
     pub leaves_for: Vec<Option<String>>,
 }
 
-/// A function that no other is like: where it is tells where the program is.
+/// A unique function, whose address determines the load address of the program.
 #[inline(never)]
 fn anchor() -> &'static str {
     std::hint::black_box("overhead::image::anchor")
 }
 
 impl Image {
-    /// Of the program that runs.
+    /// Reads the running program.
     ///
     /// # Errors
-    /// It cannot be read, or is of a machine that this does not know.
+    /// Returns an error if the program cannot be read, or is not for x86-64.
     pub fn of_this_program() -> Result<Self, Box<dyn Error>> {
         let data = fs::read(std::env::current_exe()?)?;
         let file = object::File::parse(&*data)?;
@@ -62,10 +62,10 @@ impl Image {
         Ok(Self { functions, bias })
     }
 
-    /// The instructions of a function.
+    /// Returns the instructions of a function.
     ///
     /// # Errors
-    /// There is no function.
+    /// Returns an error if there is no function at this address.
     pub fn listing(&self, function: *const ()) -> Result<Listing, Box<dyn Error>> {
         let address = (function as u64).wrapping_sub(self.bias);
         self.at(address).ok_or_else(|| format!("there is no function at {address:#x} in this program").into())
@@ -85,18 +85,18 @@ impl Image {
             FlowControl::IndirectCall | FlowControl::IndirectBranch => Some(None),
             _ => None,
         });
-        // Several conditions may lead to one function.
+        // Several conditional branches may jump to the same function.
         let mut leaves_for: Vec<Option<String>> = leaves.collect();
         leaves_for.sort_unstable();
         leaves_for.dedup_by(|a, b| a.is_some() && a == b);
         Some(Listing { instructions, leaves_for })
     }
 
-    /// The same; where a function does nothing but jump to one of `others`, because the compiler found both to be the same,
-    /// what that does.
+    /// Returns the instructions of a function. If it only jumps to one of `others`, because the compiler found both to
+    /// be identical, returns the instructions of that one.
     ///
     /// # Errors
-    /// There is no function.
+    /// Returns an error if there is no function at this address.
     pub fn followed(&self, function: *const (), others: &[*const ()]) -> Result<Listing, Box<dyn Error>> {
         let listing = self.listing(function)?;
         if let [jump] = listing.instructions[..]
@@ -112,25 +112,25 @@ impl Image {
 }
 
 impl Listing {
-    /// How many instructions.
+    /// Returns the number of instructions.
     #[must_use]
     pub fn len(&self) -> usize {
         self.instructions.len()
     }
 
-    /// Whether there are none.
+    /// Returns whether there are no instructions.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.instructions.is_empty()
     }
 
-    /// The instructions without registers, labels and addresses.
+    /// Returns the instructions without registers, labels and addresses.
     #[must_use]
     pub fn codes(&self) -> Vec<Code> {
         self.instructions.iter().map(Instruction::code).collect()
     }
 
-    /// How many of them compute with several numbers at once, and how many with one.
+    /// Returns the numbers of instructions that compute with several numbers at once, and with one.
     #[must_use]
     pub fn arithmetic(&self) -> (usize, usize) {
         use Mnemonic::{

@@ -1,7 +1,7 @@
-//! What the linear-algebra abstraction LAS costs over calling a backend by hand, beside the other ways of having an
+//! Cost of the linear-algebra abstraction LAS relative to calling a backend by hand, compared with other kinds of
 //! interface: instructions and time.
 //!
-//! `cargo run --release --package overhead` compares the instructions of this very program; see `docs/overhead.md`.
+//! `cargo run --release --package overhead` compares the instructions of this program itself; see `docs/overhead.md`.
 
 pub mod assembly;
 pub mod by_hand;

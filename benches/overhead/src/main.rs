@@ -1,11 +1,11 @@
 //! `cargo run --release --package overhead [--features petsc] [-- COMMAND]`
 //!
-//! * without a command: prints instructions of every verb in five ways, and fails where LAS has more than a call by hand; with
-//!   PETSc and valgrind, what calls of PETSc execute, and fails where LAS executes more;
-//! * `page FILE`: writes the page of the documentation, with the assembly loop under valgrind's callgrind;
-//! * `list BACKEND VERB WAY`: prints the instructions of one place;
-//! * `call VERB WAY`: calls a verb of PETSc (what callgrind looks at);
-//! * `loop BACKEND WAY`: runs the assembly loop once (what callgrind looks at).
+//! * without a command: prints the instructions of every verb in five ways, and fails if LAS has more than a call by
+//!   hand; with PETSc and valgrind, also the instructions executed by calls of PETSc, and fails if LAS executes more;
+//! * `page FILE`: writes the page of the documentation, including the assembly loop under valgrind's callgrind;
+//! * `list BACKEND VERB WAY`: prints the instructions of one calling function;
+//! * `call VERB WAY`: calls a verb on PETSc (for callgrind);
+//! * `loop BACKEND WAY`: runs the assembly loop once (for callgrind).
 
 use std::error::Error;
 use std::process::ExitCode;

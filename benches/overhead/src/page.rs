@@ -1,4 +1,4 @@
-//! The page of the documentation: what the program finds about itself.
+//! The page of the documentation, generated from the results.
 
 use std::error::Error;
 use std::fmt::Write;
@@ -7,7 +7,7 @@ use crate::compare::{EXCEPTIONS, Row};
 use crate::executed::{self, Executed, is_call};
 use crate::ways::BACKENDS;
 
-/// Cells along an edge of the cube that callgrind sees assembled.
+/// Cells along an edge of the cube that is assembled under callgrind.
 pub const SIDE: usize = 6;
 
 /// The five ways.
@@ -17,14 +17,14 @@ pub const WAYS: [&str; 5] = ["raw", "las", "call", "table", "object"];
 pub struct Loop {
     /// The backend.
     pub backend: &'static str,
-    /// Instructions that were executed.
+    /// Number of executed instructions, by way.
     pub executed: [u64; 5],
 }
 
 /// Runs the loop of every backend in every way under callgrind.
 ///
 /// # Errors
-/// There is no valgrind, or it says nothing.
+/// Returns an error if valgrind is missing or gives no output.
 pub fn loops() -> Result<Vec<Loop>, Box<dyn Error>> {
     let of = |&backend: &&'static str| {
         let mut executed = [0; 5];
@@ -40,7 +40,7 @@ fn executed_by(backend: &str, way: &str) -> Result<u64, Box<dyn Error>> {
     executed::collected(&["loop", backend, way], &format!("*assembly*{backend}*{way}*"))
 }
 
-/// The instructions of every verb.
+/// Formats the instructions of every verb as a table.
 #[must_use]
 pub fn table(rows: &[Row]) -> String {
     let mut text = String::from(
@@ -66,7 +66,7 @@ pub fn table(rows: &[Row]) -> String {
     text
 }
 
-/// The whole page.
+/// Formats the whole page.
 #[must_use]
 pub fn page(rows: &[Row], calls: &[Executed], loops: &[Loop]) -> String {
     let (same, compared) = (rows.iter().filter(|row| row.is_same).count(), rows.len());

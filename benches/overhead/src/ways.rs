@@ -1,7 +1,7 @@
-//! The places of calls: every hot verb of every backend in five ways, each a function of its own in the program.
+//! The calls: every verb of every backend in five ways, each in a separate function of the program.
 //!
-//! `raw` calls the backend by hand, `las` through LAS, `call` a function of another compilation unit, `table` a function
-//! pointer and `object` a method of a trait object; the last three reach LAS behind their call.
+//! `raw` calls the backend by hand, `las` through LAS, `call` a function of another compilation unit, `table` a
+//! function pointer and `object` a method of a trait object; the functions that the last three call use LAS.
 
 use overhead_unit::for_each_verb;
 
@@ -136,7 +136,7 @@ macro_rules! backend {
                 for_each_verb!(object);
             }
 
-            /// Where the places of all verbs are, and what stands behind them.
+            /// Returns the addresses of the calling functions of all verbs, and of the functions that they call.
             #[must_use]
             pub fn places() -> Vec<super::Place> {
                 use overhead_unit::$module::{functions, methods};
@@ -170,7 +170,7 @@ backend!(
 pub const BACKENDS: &[&str] =
     if cfg!(feature = "petsc") { &["sparse", "dense", "batched", "petsc"] } else { &["sparse", "dense", "batched"] };
 
-/// Where one verb of one backend is called, and the function and the method behind it.
+/// The addresses of the functions that call one verb of one backend, and of the function and the method called.
 pub struct Place {
     /// The backend.
     pub backend: &'static str,
@@ -180,13 +180,13 @@ pub struct Place {
     pub raw: *const (),
     /// Through LAS.
     pub las: *const (),
-    /// Through a function of another unit, a function pointer, a trait object.
+    /// Through a function of another compilation unit, a function pointer, a trait object.
     pub others: [*const (); 3],
-    /// What stands behind the three.
+    /// The functions called by these three.
     pub behind: [*const (); 3],
 }
 
-/// In the order of [`VERBS`].
+/// Combines the addresses, which are in the order of [`VERBS`].
 fn places(backend: &'static str, addresses: [Vec<*const ()>; 7]) -> Vec<Place> {
     let place = |(k, &verb): (usize, &&'static str)| {
         let [raw, las, call, table, object, function, method] =
@@ -196,7 +196,7 @@ fn places(backend: &'static str, addresses: [Vec<*const ()>; 7]) -> Vec<Place> {
     VERBS.iter().enumerate().map(place).collect()
 }
 
-/// The places of all backends.
+/// Returns the calls of all backends.
 #[must_use]
 pub fn all() -> Vec<Place> {
     let mut all: Vec<Place> = [sparse::places(), dense::places(), batched::places()].into_iter().flatten().collect();

@@ -1,11 +1,11 @@
-//! Collagen with a toe region: crimped fibers straighten with little force before they carry load.
+//! Collagen with a toe region: crimped fibers straighten at low force before they carry load.
 
 use biotissue::fiber::law::FiberLaw;
 
-/// A power law that goes over into a straight line, a common fit of tensile tests of collagen fibers.
+/// A power law that continues as a straight line, a common fit of tensile tests of collagen fibers.
 ///
-/// With the strain `e = lambda - 1`, the toe's end `e_t`, the exponent `n >= 2`, the modulus at rest `E` and the modulus
-/// `H` of the straightened fiber:
+/// With the strain `e = lambda - 1`, the strain `e_t` at the end of the toe region, the exponent `n >= 2`, the modulus
+/// at rest `E` and the modulus `H` of the straightened fiber:
 ///
 /// ```text
 /// s = E e                                               e <= 0
@@ -13,16 +13,16 @@ use biotissue::fiber::law::FiberLaw;
 /// s = E e_t + (H - E) e_t / n + H (e - e_t)             e_t <= e
 /// ```
 ///
-/// Stress and slope are continuous at both ends of the toe.
+/// Stress and slope are continuous at both ends of the toe region.
 #[derive(Clone, Debug)]
 pub struct Toe {
     /// `E`, Pa.
     pub youngs_modulus: f64,
-    /// `H`, Pa, above `E`.
+    /// `H`, Pa, greater than `E`.
     pub straight_modulus: f64,
     /// `e_t`.
     pub toe_strain: f64,
-    /// `n`, at least 2: below that the slope rises vertically at rest.
+    /// `n`, at least 2; for a smaller exponent, the derivative of the slope is infinite at rest.
     pub exponent: f64,
 }
 
@@ -42,7 +42,7 @@ impl FiberLaw for Toe {
 
     fn stress(&self, stretch: f64) -> (f64, f64) {
         let (strain, rise) = (stretch - 1.0, self.straight_modulus - self.youngs_modulus);
-        // Where in the toe, from 0 to 1; beyond it the line goes on.
+        // Position in the toe region, from 0 to 1; the line continues beyond it.
         let along = (strain / self.toe_strain).clamp(0.0, 1.0);
         let beyond = (strain - self.toe_strain).max(0.0);
         let curved = rise * self.toe_strain / self.exponent * along.powf(self.exponent);
@@ -50,8 +50,8 @@ impl FiberLaw for Toe {
         (self.youngs_modulus * strain + curved + rise * beyond, slope)
     }
 
-    /// In closed form. Without this method the library integrates the stress by quadrature, which is as exact and takes
-    /// longer.
+    /// The energy in closed form. Without this method the library integrates the stress by quadrature, which is as
+    /// accurate but slower.
     fn energy(&self, stretch: f64) -> f64 {
         let (strain, rise) = (stretch - 1.0, self.straight_modulus - self.youngs_modulus);
         let along = (strain / self.toe_strain).clamp(0.0, 1.0);
@@ -81,13 +81,14 @@ mod tests {
         })
     }
 
-    /// Stress, slope, energy and batches fit together, and nothing jumps: the library's own check for authors of laws.
+    /// Stress, slope, energy and batched evaluation are consistent, and nothing is discontinuous: the library's own
+    /// check for laws.
     #[test]
     fn the_law_keeps_what_every_law_must() -> Result<(), biotissue::fiber::law::LawFault> {
         laws().try_for_each(|law| check(&law, 0.7..=1.4))
     }
 
-    /// The same for the slope by hand, as central differences.
+    /// Repeats the test of the slope by central differences, without the library's check.
     #[test]
     fn the_slope_is_the_derivative_of_the_stress() {
         for law in laws() {

@@ -1,7 +1,7 @@
-//! A fiber law of one's own in an RVE: write the formula, hand it to `Law::custom`, and solve.
+//! A user-defined fiber law in an RVE: implement the formula, pass it to `Law::custom`, and solve.
 //!
 //! `cargo run --release --manifest-path examples/custom-law/Cargo.toml` stretches a Delaunay network whose fibers have
-//! a toe region and prints its stress; `cargo test` in its place checks the law.
+//! a toe region and prints its stress; `cargo test` with the same manifest path tests the law.
 
 mod law;
 
@@ -19,7 +19,7 @@ use nalgebra::Matrix3;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let toe = Toe { youngs_modulus: 1.0e7, straight_modulus: 4.0e8, toe_strain: 0.06, exponent: 2.0 };
-    // Fibers that give way in compression: the modifiers of the library take any law.
+    // Fibers that buckle in compression: the modifiers of the library apply to every law.
     let law = Law::custom(toe).without_compression(0.05, 0.01);
     let collagen = FiberMaterial { law, radius: 5.0e-8, density: None };
 

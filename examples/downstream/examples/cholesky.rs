@@ -1,12 +1,14 @@
-//! The Cholesky factorization of the backend `sparse` beside that of faer, as a crate that depends on both gets them:
+//! Compares the Cholesky factorization of the backend `sparse` with that of faer, as compiled in a crate that uses
+//! both:
 //!
 //! ```text
 //! cargo run --release --package downstream --example cholesky -- [CELLS ...]
 //! ```
 //!
-//! The matrix is the stiffness of a box of CELLS cells a side, six tetrahedra a cell, clamped at a face or held by rollers
-//! on three. Both factor the same values in the same order into the same memory, by turns; times are the smallest of
-//! many, in ms. A build with cargo's own release profile, whatever the profile of this workspace:
+//! The matrix is the stiffness of a box of CELLS cells per side with six tetrahedra each, clamped at one face or on
+//! rollers at three faces. Both solvers factor the same values in the same order into the same memory, alternately;
+//! times are the minimum of many, in ms. To build with cargo's default release profile instead of the profile of this
+//! workspace:
 //!
 //! ```text
 //! CARGO_PROFILE_RELEASE_LTO=false CARGO_PROFILE_RELEASE_CODEGEN_UNITS=16 cargo run ...
@@ -30,12 +32,12 @@ use faer::{Par, Side, Spec};
 
 type Error = Box<dyn std::error::Error>;
 
-/// How a body is held.
+/// The supports of a body.
 #[derive(Clone, Copy, Debug)]
 enum Supports {
-    /// One face entirely.
+    /// All components prescribed on one face.
     Clamped,
-    /// Three faces, each in the direction across it: the planes of symmetry of a larger body.
+    /// The normal component prescribed on three faces: the planes of symmetry of a larger body.
     Rollers,
 }
 
@@ -48,7 +50,7 @@ impl Supports {
     }
 }
 
-/// The stiffness of the unit cube at rest.
+/// Assembles the stiffness of the unit cube at rest.
 fn stiffness(cells: usize, supports: Supports) -> Result<(Arc<Sparsity>, Matrix), Error> {
     let mesh = shapes::cuboid([cells; 3], [1.0; 3])?;
     let unknowns = Unknowns::new(mesh.nodes().len(), |node, direction| supports.fix(mesh.nodes()[node], direction))?;
@@ -64,7 +66,7 @@ fn stiffness(cells: usize, supports: Supports) -> Result<(Arc<Sparsity>, Matrix)
     Ok((pattern, matrix))
 }
 
-/// faer's supernodal factorization in an order given.
+/// faer's supernodal factorization in a given order.
 struct Faer {
     lower: SymbolicSparseColMat<u32>,
     values: Vec<f64>,
@@ -121,7 +123,7 @@ impl Faer {
     }
 }
 
-/// The smallest of several times, in ms.
+/// Returns the minimum of several times, in ms.
 struct Smallest(f64);
 
 impl Smallest {

@@ -1,4 +1,4 @@
-//! The front of heat that is known in closed form (Zel'dovich and Kompaneets 1950, Barenblatt 1952).
+//! The closed-form solution of the heat front (Zel'dovich and Kompaneets 1950, Barenblatt 1952).
 //!
 //! For `du/dt = div(kappa u grad u)` in the plane, with `s = S0 + kappa t / 2`:
 //!
@@ -6,24 +6,24 @@
 //! u = (C - r^2 / (16 s^1/2)) / s^1/2    where that is positive, else 0
 //! ```
 //!
-//! All of the heat is inside the radius `4 (C s^1/2)^1/2`: ahead of the front nothing has changed at all.
+//! The temperature is zero beyond the radius `4 (C s^1/2)^1/2`, the front.
 
-/// Chosen so that at the start the hottest point has temperature 1 and the front the radius 0.4.
+/// With these values, the maximum initial temperature is 1 and the initial radius of the front is 0.4.
 const S0: f64 = 0.01;
 const C: f64 = 0.1;
 
-/// `s^1/2` after a time.
+/// Returns `s^1/2` at a time.
 fn root(kappa: f64, time: f64) -> f64 {
     (S0 + 0.5 * kappa * time).sqrt()
 }
 
-/// The temperature at a place.
+/// Returns the temperature at a position.
 pub fn temperature(kappa: f64, time: f64, [x, y]: [f64; 2]) -> f64 {
     let root = root(kappa, time);
     ((C - (x * x + y * y) / (16.0 * root)) / root).max(0.0)
 }
 
-/// How far the heat has come.
+/// Returns the radius of the front.
 pub fn front(kappa: f64, time: f64) -> f64 {
     4.0 * (C * root(kappa, time)).sqrt()
 }
@@ -32,7 +32,7 @@ pub fn front(kappa: f64, time: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// The equation itself, by central differences behind the front.
+    /// The differential equation holds inside the front, by central differences.
     #[test]
     fn it_solves_the_equation() {
         let (kappa, time, h) = (3.0, 0.05, 1e-4);

@@ -1,8 +1,8 @@
-//! Heat conduction that is faster where it is hotter, `du/dt = div(kappa u grad u)`, on any backend.
+//! Heat conduction with a conductivity proportional to temperature, `du/dt = div(kappa u grad u)`, on any backend.
 //!
-//! Linear triangles, heat capacities lumped at the nodes, explicit steps in time. The conductivity changes with the
-//! temperature, so that the matrix is assembled anew in every step. With a backend of several lanes an entry, each lane
-//! is a body of its own: same mesh, another `kappa`.
+//! Linear triangles, heat capacities lumped at the nodes, explicit time steps. The conductivity depends on the
+//! temperature, so the matrix is assembled again in every step. On a backend with several lanes per entry, each lane is
+//! a separate body with the same mesh and its own `kappa`.
 
 use std::sync::Arc;
 
@@ -12,28 +12,28 @@ use crate::mesh::Mesh;
 
 pub type Error = Box<dyn std::error::Error>;
 
-/// One body, or one a lane.
+/// One body, or one body per lane.
 pub struct Body<B: Backend> {
     places: Vec<[f64; 2]>,
     elements: Vec<Element<B>>,
-    /// Where the nine entries of each element are in the matrix.
+    /// Positions of the nine entries of each element in the matrix.
     slots: Vec<B::Slot>,
-    /// How fast temperatures change is this matrix times the temperatures.
+    /// This matrix times the temperatures gives their rates of change.
     rates: B::Matrix,
     temperature: B::Vector,
     change: B::Vector,
-    /// The part of the area that belongs to each node.
+    /// The area associated with each node.
     capacity: B::Vector,
 }
 
 struct Element<B: Backend> {
     nodes: [B::Index; 3],
-    /// Rates at its nodes by the temperatures there, for a conductivity of one.
+    /// Matrix from the nodal temperatures to their rates, for a conductivity of one.
     exchange: [B::Scalar; 9],
 }
 
 impl<B: Backend> Body<B> {
-    /// A body that starts with the given temperature, by place and lane.
+    /// Creates a body with an initial temperature that depends on position and lane.
     pub fn new(context: &B::Context, mesh: Mesh, start: impl Fn([f64; 2], usize) -> f64) -> Result<Self, Error> {
         let len = mesh.nodes.len();
         let pattern = Sparsity::from_elements(len, mesh.triangles.iter().map(|triangle| triangle.map(|k| k as i32)))?;
@@ -66,7 +66,7 @@ impl<B: Backend> Body<B> {
         Ok(Self { places: mesh.nodes, elements, slots, rates, temperature, change, capacity })
     }
 
-    /// The matrix for the temperatures of now.
+    /// Assembles the matrix at the current temperatures.
     fn assemble(&mut self, kappa: B::Scalar) -> Result<(), B::Fault> {
         let third = kappa * B::Scalar::every(1.0 / 3.0);
         self.rates.zero()?;
@@ -79,7 +79,7 @@ impl<B: Backend> Body<B> {
         self.rates.finish()
     }
 
-    /// One explicit step in time. It is stable up to a quarter of the square of a cell's side over `kappa u`.
+    /// Takes one explicit time step. It is stable for steps up to a quarter of the squared cell size over `kappa u`.
     pub fn step(&mut self, kappa: B::Scalar, seconds: f64) -> Result<(), Error> {
         self.assemble(kappa)?;
         self.rates.mul(&self.temperature, &mut self.change)?;
@@ -87,22 +87,22 @@ impl<B: Backend> Body<B> {
         Ok(())
     }
 
-    /// The heat of each body.
+    /// Returns the total heat of each body.
     pub fn heat(&self) -> Result<B::Reduced, B::Fault> {
         self.temperature.dot(&self.capacity)
     }
 
-    /// How fast each body changed in the last step, as the root of the mean square over its nodes.
+    /// Returns the rate of change of each body in the last step, as root mean square over its nodes.
     pub fn unrest(&self) -> Result<B::Reduced, B::Fault> {
         Ok(self.change.norm()? / B::Reduced::every((self.places.len() as f64).sqrt()))
     }
 
-    /// The temperatures of the body in a lane, node by node.
+    /// Returns the temperatures of the body in a lane, by node.
     pub fn temperatures(&self, lane: usize) -> Result<Vec<f64>, B::Fault> {
         self.temperature.with_local(|values| values.iter().map(|value| value.lane(lane).as_f64()).collect())
     }
 
-    /// The distance from an exact temperature by place: heat that is in the wrong place, over all heat.
+    /// Returns the difference from an exact temperature field: misplaced heat relative to total heat.
     pub fn error(&self, lane: usize, exact: impl Fn([f64; 2]) -> f64) -> Result<f64, B::Fault> {
         let capacity =
             self.capacity.with_local(|values| values.iter().map(|c| c.lane(lane).as_f64()).collect::<Vec<_>>())?;
@@ -114,7 +114,7 @@ impl<B: Backend> Body<B> {
         Ok(misplaced / all)
     }
 
-    /// How far from the hot corner a body is warm: above a hundredth of its hottest point.
+    /// Returns the largest distance from the origin of a node warmer than a hundredth of the maximum temperature.
     pub fn reach(&self, lane: usize) -> Result<f64, B::Fault> {
         let temperatures = self.temperatures(lane)?;
         let hottest = temperatures.iter().copied().fold(0.0, f64::max);

@@ -1,12 +1,12 @@
-//! A simulation of one's own, written once and run on every backend of `biotissue`.
+//! A user's own simulation, written once and run on every backend of `biotissue`.
 //!
 //! ```text
 //! cargo run --release --package downstream
 //! cargo run --release --package downstream --features petsc
 //! ```
 //!
-//! `heat.rs` is the simulation, generic over `B: Backend`; here a backend is chosen by naming it. `sparse`, `dense` and
-//! `petsc` take one material after the other, `batched` all four at once, one in each lane.
+//! `heat.rs` is the simulation, generic over `B: Backend`; this file selects the backends by type. `sparse`, `dense`
+//! and `petsc` simulate one material after the other, `batched` all four at once, one per lane.
 
 mod exact;
 mod heat;
@@ -20,14 +20,14 @@ use biotissue::las::{Backend, Scalar, Value};
 use heat::{Body, Error};
 use mesh::Mesh;
 
-/// The materials: conductivity over temperature.
+/// The materials: conductivity divided by temperature.
 const KAPPA: [f64; 4] = [0.5, 1.0, 2.0, 4.0];
-/// How long heat spreads.
+/// Simulated time, s.
 const SECONDS: f64 = 0.1;
 
 type Lanes = Batched<f64, 4>;
 
-/// Lets the heat of a hot corner spread; `kappa` by lane.
+/// Simulates the spread of heat from a hot corner; `kappa` by lane.
 fn spread<B: Backend>(context: &B::Context, cells: usize, kappa: impl Fn(usize) -> f64) -> Result<Body<B>, Error> {
     let mut body =
         Body::<B>::new(context, Mesh::square(cells), |place, lane| exact::temperature(kappa(lane), 0.0, place))?;
@@ -40,7 +40,7 @@ fn spread<B: Backend>(context: &B::Context, cells: usize, kappa: impl Fn(usize) 
     Ok(body)
 }
 
-/// The end of all four materials on a backend of one lane, and the seconds that it took.
+/// Returns the final temperatures of all four materials on a backend with one lane, and the elapsed seconds.
 fn one_by_one<B: Backend>(context: &B::Context, cells: usize) -> Result<(Vec<Vec<f64>>, f64), Error> {
     let start = Instant::now();
     let mut ends = Vec::new();
@@ -50,7 +50,7 @@ fn one_by_one<B: Backend>(context: &B::Context, cells: usize) -> Result<(Vec<Vec
     Ok((ends, start.elapsed().as_secs_f64()))
 }
 
-/// The same in four lanes.
+/// Does the same for all materials at once, in four lanes.
 fn all_at_once(cells: usize) -> Result<(Vec<Vec<f64>>, f64), Error> {
     let start = Instant::now();
     let body = spread::<Lanes>(&(), cells, |lane| KAPPA[lane])?;
@@ -58,7 +58,7 @@ fn all_at_once(cells: usize) -> Result<(Vec<Vec<f64>>, f64), Error> {
     Ok((ends, start.elapsed().as_secs_f64()))
 }
 
-/// The largest difference of two results.
+/// Returns the largest difference of two results.
 fn apart(a: &[Vec<f64>], b: &[Vec<f64>]) -> f64 {
     a.iter().flatten().zip(b.iter().flatten()).fold(0.0, |most, (a, b)| most.max((a - b).abs()))
 }
@@ -125,7 +125,7 @@ mod tests {
         Ok(())
     }
 
-    /// In one test, since MPI starts only once in a process.
+    /// A single test, because MPI can be initialized only once per process.
     #[test]
     #[cfg(feature = "petsc")]
     fn petsc_agrees_to_rounding() -> Result<(), Error> {
@@ -136,7 +136,7 @@ mod tests {
         Ok(())
     }
 
-    /// The exact temperature has a kink at the front, and the error there decides.
+    /// The exact temperature has a kink at the front, where the error is largest.
     #[test]
     fn refinement_converges_to_the_exact_front() -> Result<(), Error> {
         let bodies = [8, 16, 32].map(|cells| spread::<Lanes>(&(), cells, |lane| KAPPA[lane]));

@@ -1,6 +1,6 @@
-//! The unit square, cut into right triangles. It knows nothing of matrices.
+//! The unit square, divided into right triangles. This module does not use matrices.
 
-/// Nodes and triangles.
+/// Nodes and triangles of a mesh.
 pub struct Mesh {
     pub nodes: Vec<[f64; 2]>,
     pub triangles: Vec<[usize; 3]>,
@@ -14,7 +14,7 @@ pub struct Shape {
 }
 
 impl Mesh {
-    /// `cells` squares a side, each cut along its rising diagonal.
+    /// Creates a square of `cells` by `cells` squares, each divided along its rising diagonal.
     pub fn square(cells: usize) -> Self {
         let side = cells + 1;
         let place = |k: usize| k as f64 / cells as f64;
@@ -26,7 +26,7 @@ impl Mesh {
 
     pub fn shape(&self, triangle: &[usize; 3]) -> Shape {
         let [a, b, c] = triangle.map(|node| self.nodes[node]);
-        // The edge that lies opposite to each corner; a shape function rises at right angles to it.
+        // The edge opposite to each corner; the gradient of the shape function is perpendicular to it.
         let edges = [[c[0] - b[0], c[1] - b[1]], [a[0] - c[0], a[1] - c[1]], [b[0] - a[0], b[1] - a[1]]];
         let area = 0.5 * (edges[1][1] * edges[2][0] - edges[1][0] * edges[2][1]).abs();
         let entry = |k: usize| {

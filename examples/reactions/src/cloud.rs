@@ -1,8 +1,8 @@
-//! A cloud of cells in each of which a reactant is used up and gives heat.
+//! A cloud of cells, each with a reaction that consumes a reactant and releases heat.
 //!
-//! The reaction is of first order, its rate Arrhenius's: `dc/dt = -k(T) c` with `k(T) = A exp(-T_a / T)`. A cell takes
-//! its temperature as given for the length of a step. Hot, it reacts many times faster than heat moves, so it divides
-//! the step by its own rate.
+//! The reaction is of first order with an Arrhenius rate: `dc/dt = -k(T) c` with `k(T) = A exp(-T_a / T)`. The
+//! temperature of a cell is constant during a step. At high temperature the reaction is many times faster than heat
+//! conduction, so each cell subdivides the step according to its own rate.
 
 /// `A`, 1/s.
 const FREQUENCY: f64 = 1.0e6;
@@ -10,34 +10,35 @@ const FREQUENCY: f64 = 1.0e6;
 const ACTIVATION: f64 = 6000.0;
 /// Heat of reaction, J/mol.
 const HEAT: f64 = 2.0e5;
-/// The longest sub-step, in units of `1 / k`.
+/// The longest substep, in units of `1 / k`.
 const LONGEST: f64 = 0.05;
 
-/// `k`, 1/s, at a temperature in K. Nothing reacts at absolute zero.
+/// Returns `k`, 1/s, at a temperature in K; it is zero at absolute zero.
 pub fn rate(temperature: f64) -> f64 {
     if temperature > 0.0 { FREQUENCY * (-ACTIVATION / temperature).exp() } else { 0.0 }
 }
 
-/// One reaction.
+/// One cell of the cloud.
 #[derive(Clone, Debug)]
 pub struct Cell {
-    /// What is left of the reactant, mol/m^3.
+    /// The remaining reactant, mol/m^3.
     pub reactant: f64,
 }
 
 impl Cell {
-    /// A cell before the reaction. Not all are filled alike; the number says how.
+    /// Creates a cell before the reaction. The initial amount depends on the number of the cell.
     pub fn new(number: u64) -> Self {
         Self { reactant: 800.0 + 200.0 * (number % 4) as f64 }
     }
 
-    /// Reacts for `dt` (s, positive) at a temperature (K). Gives the heat of a volume, W/m^3, the mean over `dt`.
+    /// Advances the reaction by `dt` (s, positive) at a temperature (K). Returns the mean heat per volume over `dt`,
+    /// W/m^3.
     pub fn step(&mut self, temperature: f64, dt: f64) -> f64 {
         let (extent, before) = (rate(temperature) * dt, self.reactant);
         let steps = (extent / LONGEST).ceil().max(1.0);
         let part = extent / steps;
         for _ in 0..steps as usize {
-            // The explicit midpoint rule, of second order.
+            // Explicit midpoint rule, second order.
             let middle = self.reactant - 0.5 * part * self.reactant;
             self.reactant -= part * middle;
         }
@@ -45,7 +46,7 @@ impl Cell {
     }
 }
 
-/// Cells that do not know of each other.
+/// Independent cells.
 #[derive(Clone, Debug)]
 pub struct Cloud {
     /// The cells, in order.
@@ -53,23 +54,23 @@ pub struct Cloud {
 }
 
 impl Cloud {
-    /// The cells of these numbers.
+    /// Creates the cells with these numbers.
     pub fn of(numbers: &[u64]) -> Self {
         Self { cells: numbers.iter().map(|&number| Cell::new(number)).collect() }
     }
 
-    /// All cells react for `dt` (s), each at its temperature (K). Gives the heat of each, W/m^3.
+    /// Advances all cells by `dt` (s), each at its own temperature (K). Returns the heat of each, W/m^3.
     pub fn step(&mut self, temperatures: &[f64], dt: f64) -> Vec<f64> {
         self.cells.iter_mut().zip(temperatures).map(|(cell, &temperature)| cell.step(temperature, dt)).collect()
     }
 
-    /// What is left of each cell's reactant, mol/m^3.
+    /// Returns the remaining reactant of each cell, mol/m^3.
     pub fn left(&self) -> Vec<f64> {
         self.cells.iter().map(|cell| cell.reactant).collect()
     }
 }
 
-/// Runs the cells for so many steps of `dt` (s) at one temperature (K). Gives the heat that each has released, J/m^3.
+/// Runs the cells for `steps` steps of `dt` (s) at one temperature (K). Returns the heat released by each, J/m^3.
 pub fn run(cloud: &mut Cloud, temperature: f64, steps: usize, dt: f64) -> Vec<f64> {
     let temperatures = vec![temperature; cloud.cells.len()];
     let mut released = vec![0.0; cloud.cells.len()];
@@ -84,7 +85,7 @@ pub fn run(cloud: &mut Cloud, temperature: f64, steps: usize, dt: f64) -> Vec<f6
 mod tests {
     use super::*;
 
-    /// By how much of itself the reactant that is left misses the exponential.
+    /// Returns the relative error of the remaining reactant against the exponential.
     fn error(temperature: f64, steps: usize, dt: f64) -> f64 {
         let mut cloud = Cloud::of(&[3]);
         let start = cloud.left()[0];
@@ -93,7 +94,8 @@ mod tests {
         cloud.left()[0] / exact - 1.0
     }
 
-    /// A sub-step `z` of the midpoint rule misses `exp(-z)` by `z^3 / 6`; a fifth more for what follows in the series.
+    /// A substep `z` of the midpoint rule differs from `exp(-z)` by `z^3 / 6`; the limit adds a fifth for the terms
+    /// that follow.
     #[test]
     fn the_reactant_decays_exponentially() {
         for temperature in [350.0, 400.0, 450.0, 500.0] {

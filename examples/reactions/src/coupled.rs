@@ -1,5 +1,6 @@
-//! The rod and the cells coupled. The rod has one rank, the cells any number; each inner node of the rod is a unit, and
-//! its cell is on the rank that the unit goes to. In every step temperatures go to the cells and heat comes back.
+//! The coupled rod and cells. The rod has one rank, the cells any number of ranks. Each inner node of the rod is a
+//! unit, and its cell is on the rank that gets the unit. In every step, temperatures are sent to the cells and heat is
+//! sent back.
 
 use biotissue::backends::comm::thread::{self, Failed, ThreadComm};
 use biotissue::coupling::{Channel, Coupling, Even, Plan, Scales, Share};
@@ -8,15 +9,15 @@ use biotissue::las::Message;
 use crate::cloud::Cloud;
 use crate::heat::{self, Rod};
 
-/// What a rank ends with.
+/// The result of a rank.
 type Outcome = Result<Vec<f64>, Box<dyn std::error::Error>>;
 
-/// Runs the rod for so many steps, with the cells on `ranks` ranks. Gives by rank what each ends with: first the
-/// temperatures of the rod's inner nodes (K), then what is left of the reactant (mol/m^3) in the cells of each rank,
-/// which are in order.
+/// Runs the rod for `steps` steps, with the cells on `ranks` ranks. Returns the results of all ranks: first the
+/// temperatures of the rod's inner nodes (K), then the remaining reactant (mol/m^3) of the cells of each rank, in
+/// order.
 ///
 /// # Errors
-/// The first rank that failed.
+/// Returns the error of the first rank that failed.
 pub fn run(rod: &Rod, steps: usize, ranks: usize) -> Result<Vec<Vec<f64>>, Failed> {
     // The rod is scale 0, the cells are scale 1.
     let plan = Plan::default().with("rod", Share::Count(1)).with("cells", Share::Count(ranks));
@@ -26,7 +27,7 @@ pub fn run(rod: &Rod, steps: usize, ranks: usize) -> Result<Vec<Vec<f64>>, Faile
     })
 }
 
-/// Runs the rod with the cells as its source.
+/// Runs the rod, with the cells as its heat source.
 fn rod_main(scales: &Scales<ThreadComm>, rod: Rod, steps: usize) -> Outcome {
     let there = Coupling::new(scales, "rod", "cells", &rod.nodes(), &[], &Even)?;
     let (back, mut channel) = (there.inverse(), Channel::<f64>::new(&there)?);
@@ -38,12 +39,12 @@ fn rod_main(scales: &Scales<ThreadComm>, rod: Rod, steps: usize) -> Outcome {
         channel.receive(&back, &mut released)?;
         Ok(released)
     })?;
-    // No time step: the end.
+    // A message without a time step ends the cells.
     scales.broadcast(1, Message::new())?;
     Ok(rod.inner)
 }
 
-/// Runs this rank's cells for as long as time steps come.
+/// Runs the cells of this rank until no further time step arrives.
 fn cells_main(scales: &Scales<ThreadComm>) -> Outcome {
     let there = Coupling::new(scales, "rod", "cells", &[], &[], &Even)?;
     let (back, mut channel) = (there.inverse(), Channel::<f64>::new(&there)?);

@@ -1,7 +1,7 @@
-//! A rod that conducts heat: one dimension, the temperatures of its ends fixed.
+//! Heat conduction in a rod: one dimension, prescribed temperatures at both ends.
 //!
-//! Finite differences in space and implicit Euler in time, with `c` the heat capacity of a volume, `k` the
-//! conductivity, `h` the distance of two nodes and `q` the heat that a source gives:
+//! Finite differences in space and implicit Euler in time, with the heat capacity `c` per volume, the conductivity `k`,
+//! the node distance `h` and the heat `q` of a source per volume:
 //!
 //! ```text
 //! c (T_i' - T_i) / dt = k (T_{i-1}' - 2 T_i' + T_{i+1}') / h^2 + q_i
@@ -9,30 +9,30 @@
 
 use std::convert::Infallible;
 
-/// A rod, and its temperatures at one time.
+/// A rod with its current temperatures.
 #[derive(Clone, Debug)]
 pub struct Rod {
     /// `k`, W/(m K).
     pub conductivity: f64,
     /// `c`, J/(m^3 K).
     pub capacity: f64,
-    /// m.
+    /// Length, m.
     pub length: f64,
     /// Temperatures of the two ends, K.
     pub ends: [f64; 2],
-    /// Temperatures of the inner nodes, which divide the rod evenly, K.
+    /// Temperatures of the equidistant inner nodes, K.
     pub inner: Vec<f64>,
     /// Time step, s.
     pub dt: f64,
 }
 
 impl Rod {
-    /// The numbers of the inner nodes; node 0 is an end.
+    /// Returns the numbers of the inner nodes; node 0 is an end.
     pub fn nodes(&self) -> Vec<u64> {
         (1..=self.inner.len() as u64).collect()
     }
 
-    /// Where the inner nodes are, m.
+    /// Returns the positions of the inner nodes, m.
     pub fn places(&self) -> impl Iterator<Item = f64> {
         let spacing = self.spacing();
         (1..=self.inner.len()).map(move |node| node as f64 * spacing)
@@ -42,13 +42,13 @@ impl Rod {
         self.length / (self.inner.len() + 1) as f64
     }
 
-    /// One time step; `heat` is what a source gives at each inner node, W/m^3.
+    /// Takes one time step; `heat` is the source at each inner node, W/m^3.
     pub fn step(&mut self, heat: &[f64]) {
         let r = self.conductivity * self.dt / (self.capacity * self.spacing().powi(2));
         for (temperature, heat) in self.inner.iter_mut().zip(heat) {
             *temperature += self.dt / self.capacity * heat;
         }
-        // What is known of the ends goes to the right-hand side.
+        // The prescribed end temperatures go to the right-hand side.
         if let Some(first) = self.inner.first_mut() {
             *first += r * self.ends[0];
         }
@@ -59,9 +59,9 @@ impl Rod {
     }
 }
 
-/// Solves, in place, the system whose every row is `-r, 1 + 2 r, -r`, by the Thomas algorithm.
+/// Solves in place the tridiagonal system with rows `-r, 1 + 2 r, -r` by the Thomas algorithm.
 fn solve(r: f64, values: &mut [f64]) {
-    // Downward: each value is `value + gain * (the next one)`.
+    // Forward elimination: each value becomes `value + gain * (the next one)`.
     let mut gains = Vec::with_capacity(values.len());
     let (mut gain, mut before) = (0.0, 0.0);
     for value in values.iter_mut() {
@@ -77,11 +77,11 @@ fn solve(r: f64, values: &mut [f64]) {
     }
 }
 
-/// Runs the rod for so many steps. At the start of each, `source` says from the temperatures of the inner nodes (K)
-/// what heat it gives there during the step (W/m^3).
+/// Runs the rod for `steps` steps. At the start of each step, `source` returns the heat during the step (W/m^3) for the
+/// temperatures of the inner nodes (K).
 ///
 /// # Errors
-/// What the source says.
+/// Returns the error of `source`.
 pub fn run<E>(mut rod: Rod, steps: usize, mut source: impl FnMut(&[f64]) -> Result<Vec<f64>, E>) -> Result<Rod, E> {
     for _ in 0..steps {
         let heat = source(&rod.inner)?;
@@ -90,7 +90,7 @@ pub fn run<E>(mut rod: Rod, steps: usize, mut source: impl FnMut(&[f64]) -> Resu
     Ok(rod)
 }
 
-/// A rod alone has no source.
+/// The source of an uncoupled rod: no heat.
 pub fn no_source(temperatures: &[f64]) -> Result<Vec<f64>, Infallible> {
     Ok(vec![0.0; temperatures.len()])
 }
@@ -107,13 +107,13 @@ mod tests {
         Rod { conductivity: 20.0, capacity: 2.0e6, length: 0.05, ends: [300.0, 300.0], inner, dt }
     }
 
-    /// How fast the longest wave decays between ends of one temperature, 1/s.
+    /// Returns the decay rate of the longest wave between ends of equal temperature, 1/s.
     fn decay(rod: &Rod) -> f64 {
         rod.conductivity / rod.capacity * (PI / rod.length).powi(2)
     }
 
-    /// What is left of that wave after as long as it takes to decay to 1/e; an even number of intervals, so that its
-    /// top is a node.
+    /// Returns the remaining amplitude of that wave after the time in which it decays to 1/e; the number of intervals
+    /// is even, so that the maximum is at a node.
     fn wave_left(intervals: usize, steps: usize) -> f64 {
         let mut rod = rod(intervals, 1.0);
         rod.dt = 1.0 / (decay(&rod) * steps as f64);
@@ -123,7 +123,7 @@ mod tests {
         (rod.inner[intervals / 2 - 1] - 300.0) / AMPLITUDE
     }
 
-    /// Differences of second order are exact for a line and for a parabola.
+    /// Second-order differences are exact for a line and for a parabola.
     #[test]
     fn the_steady_state_is_exact() {
         let mut rod = rod(20, 100.0);
@@ -149,7 +149,7 @@ mod tests {
 
     #[test]
     fn a_wave_decays_at_its_rate_to_second_order_in_space() {
-        // Of implicit Euler with this many steps and no error in space.
+        // The result of implicit Euler with this number of steps and without spatial error.
         let exact = (1.0 + 1.0 / 50.0_f64).powi(-50);
         let errors = [10, 20, 40].map(|intervals| wave_left(intervals, 50) - exact);
         assert!(errors[2].abs() < 3e-4, "{errors:?}");

@@ -1,4 +1,4 @@
-//! Two codes of one's own, each of which runs alone, and the two of them coupled.
+//! Two user codes, each of which runs alone, and their coupling.
 //!
 //! ```text
 //! cargo run --package reactions -- heat
@@ -6,10 +6,10 @@
 //! cargo run --package reactions -- coupled 4
 //! ```
 //!
-//! `heat.rs` is a rod that conducts heat. `cloud.rs` is a cloud of cells in each of which a reactant is used up and
-//! gives heat, the faster the hotter it is. Neither knows of the other, nor of ranks. `coupled.rs` puts a cell at each
-//! inner node of the rod, runs the rod on one rank and the cells on ranks of their own, here four: it is the only file
-//! that knows of couplings. Results do not depend on how many ranks there are.
+//! `heat.rs` is a rod that conducts heat. `cloud.rs` is a cloud of cells with a reaction that consumes a reactant and
+//! releases heat, faster at higher temperature. Neither code refers to the other or to ranks. `coupled.rs` assigns a
+//! cell to each inner node of the rod, and runs the rod on one rank and the cells on separate ranks, here four; it is
+//! the only file that uses couplings. Results do not depend on the number of ranks.
 
 mod cloud;
 mod coupled;
@@ -22,19 +22,19 @@ use std::process::ExitCode;
 use cloud::Cloud;
 use heat::Rod;
 
-/// Inner nodes of the rod, and cells.
+/// Number of inner nodes of the rod, and of cells.
 const CELLS: usize = 19;
-/// Time steps between two lines of a table.
+/// Time steps between two rows of a table.
 const STEPS: usize = 20;
-/// Lines of a table.
+/// Rows of a table.
 const LINES: usize = 4;
 
-/// What to run.
+/// The simulation to run.
 #[derive(Debug, PartialEq)]
 enum Way {
     Heat,
     Cloud,
-    /// With so many ranks for the cells.
+    /// Both codes, with this number of ranks for the cells.
     Coupled(usize),
 }
 
@@ -66,19 +66,19 @@ impl Way {
     }
 }
 
-/// A cold rod, one end of which is hot from now on.
+/// Returns a cold rod, one end of which is hot from the start of the simulation.
 fn cold_rod() -> Rod {
     let inner = vec![350.0; CELLS];
     Rod { conductivity: 20.0, capacity: 2.0e6, length: 0.05, ends: [450.0, 350.0], inner, dt: 0.5 }
 }
 
-/// A line of a table, with every third value.
+/// Prints a row of a table, with every third value.
 fn show(name: &str, values: impl Iterator<Item = f64>) {
     let values: Vec<String> = values.step_by(3).map(|value| format!("{value:8.1}")).collect();
     println!("{name:>10} |{}", values.concat());
 }
 
-/// The time after so many steps, as a name of a line.
+/// Returns the time after `steps` steps, as the label of a row.
 fn time(rod: &Rod, steps: usize) -> String {
     format!("{:.0} s", steps as f64 * rod.dt)
 }
@@ -151,7 +151,7 @@ fn main() -> ExitCode {
 mod tests {
     use super::*;
 
-    /// Rod and cells in one loop of one thread: temperatures, and what is left of the reactant.
+    /// Runs rod and cells in one loop on one thread; returns temperatures and remaining reactant.
     fn plain(steps: usize) -> [Vec<f64>; 2] {
         let mut rod = cold_rod();
         let mut cloud = Cloud::of(&rod.nodes());
@@ -189,7 +189,7 @@ mod tests {
         Ok(())
     }
 
-    /// Where heat is released, every node is hotter than without.
+    /// With heat released, every node is hotter than without.
     #[test]
     fn the_reaction_heats_the_rod() -> Result<(), Box<dyn Error>> {
         let alone = heat::run(cold_rod(), STEPS, heat::no_source)?;

@@ -3,21 +3,21 @@
 use std::ops::{AddAssign, Range};
 use std::sync::Arc;
 
-/// Which entries there are: columns ascend in each row.
+/// A sparsity pattern: column indices ascend in each row.
 pub struct Pattern {
     pub cols: usize,
     pub row_offsets: Box<[u32]>,
     pub columns: Box<[u32]>,
 }
 
-/// A matrix; one value more than the pattern has, for what is dropped.
+/// A matrix; it has one value more than the pattern, which receives dropped entries.
 pub struct Csr<T> {
     pub pattern: Arc<Pattern>,
     pub values: Vec<T>,
 }
 
-/// The place of a column in a row: the one after the last found, or by bisection; behind all rows if it is not there, as a
-/// negative one is not.
+/// Returns the position of a column in a row: the position after the last one found, or by bisection. Returns
+/// `usize::MAX` if the column is not in the row, which includes negative columns.
 #[inline(always)]
 fn find(columns: &[u32], next: &mut usize, column: i32) -> usize {
     let column = column as u32;

@@ -1,4 +1,4 @@
-//! Four numbers side by side, in compressed rows.
+//! Four numbers per entry, in compressed rows.
 
 use std::ops::{Add, AddAssign, Mul};
 

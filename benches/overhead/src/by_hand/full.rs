@@ -1,10 +1,10 @@
-//! Full matrices, row after row.
+//! Full matrices, stored by rows.
 
 use std::ops::Range;
 
 use super::slices;
 
-/// A matrix; one value more than it has entries, for what is dropped.
+/// A matrix; it has one value more than entries, which receives dropped entries.
 pub struct Full {
     pub rows: usize,
     pub cols: usize,

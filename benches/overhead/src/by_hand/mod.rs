@@ -1,8 +1,8 @@
-//! What somebody writes who calls the backends by hand: plain arrays and loops, or PETSc's functions. No trait of this crate
-//! and no code of it.
+//! The code of a caller who uses the backends by hand: plain arrays and loops, or PETSc's functions, without any trait
+//! or code of this crate.
 //!
-//! It gives what LAS gives: indices that are negative are dropped, what is not in the pattern is dropped, nothing is read or
-//! written out of range.
+//! It has the same semantics as LAS: negative indices and entries outside the pattern are dropped, and nothing is read
+//! or written out of bounds.
 
 pub mod csr;
 pub mod four;
@@ -16,7 +16,7 @@ pub struct Column<T> {
     pub values: Vec<T>,
 }
 
-/// The verbs of a backend in memory, by the names that the ways have.
+/// The verbs of a backend in memory, with the same names in every way of calling.
 macro_rules! in_memory {
     ($(#[$attribute:meta])* $module:ident, $scalar:ty, $slot:ty, $matrix:ty, $norm:path, $dot:path) => {
         $(#[$attribute])*
@@ -28,7 +28,7 @@ macro_rules! in_memory {
             pub type Slot = $slot;
             pub type Vector = super::Column<$scalar>;
             pub type Matrix = $matrix;
-            /// What a call that cannot fail returns.
+            /// The return type of a call that cannot fail.
             pub type Outcome<T> = T;
 
             #[inline(always)]

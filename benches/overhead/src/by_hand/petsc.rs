@@ -1,4 +1,4 @@
-//! PETSc called by hand: vectors through the array that `VecGetArray` lends, matrices through PETSc's functions, every
+//! PETSc called by hand: vectors through the array of `VecGetArray`, matrices through PETSc's functions, with every
 //! return code tested.
 #![allow(unsafe_code, reason = "calls PETSc by hand, to compare")]
 
@@ -9,7 +9,7 @@ use super::slices;
 pub type Scalar = f64;
 pub type Reduced = f64;
 pub type Slot = u32;
-/// A code that is not zero is an error.
+/// A nonzero return code is an error.
 pub type Outcome<T> = Result<T, i32>;
 
 const INSERT_VALUES: c_int = 1;
@@ -50,14 +50,14 @@ unsafe extern "C" {
     fn MatAssemblyEnd(mat: *mut c_void, kind: c_int) -> c_int;
 }
 
-/// A `Vec`, and what `VecGetArray` lent.
+/// A `Vec`, and the array from `VecGetArray`.
 pub struct Vector {
     pub vec: *mut c_void,
     pub array: *mut f64,
     pub len: usize,
 }
 
-/// A `Mat`, and what `MatSeqAIJGetArray` lent.
+/// A `Mat`, and the array from `MatSeqAIJGetArray`.
 pub struct Matrix {
     pub mat: *mut c_void,
     pub array: *mut f64,
@@ -65,7 +65,7 @@ pub struct Matrix {
 }
 
 impl Matrix {
-    /// The same; entries stay where they are when rows are zeroed, as those of LAS do.
+    /// Sets the option that zeroed rows keep their entries, as in LAS.
     pub fn keep_pattern(self) -> Outcome<Self> {
         /// `MAT_KEEP_NONZERO_PATTERN`.
         const KEEP_PATTERN: c_int = 6;
@@ -85,7 +85,7 @@ impl Vector {
         if self.len == 0 {
             return &[];
         }
-        // SAFETY: `len` numbers that nobody writes to through another way.
+        // SAFETY: `len` numbers that are not written through another pointer.
         unsafe { std::slice::from_raw_parts(self.array, self.len) }
     }
 
@@ -94,12 +94,12 @@ impl Vector {
         if self.len == 0 {
             return &mut [];
         }
-        // SAFETY: as above, and borrowed alone.
+        // SAFETY: as above, and borrowed exclusively.
         unsafe { std::slice::from_raw_parts_mut(self.array, self.len) }
     }
 }
 
-/// PETSc says what is wrong with vectors of two lengths.
+/// Calls PETSc, which reports vectors of different lengths.
 #[cold]
 #[inline(never)]
 fn dot_by_petsc(x: &Vector, y: &Vector) -> Outcome<f64> {
@@ -112,7 +112,7 @@ fn dot_by_petsc(x: &Vector, y: &Vector) -> Outcome<f64> {
 #[cold]
 #[inline(never)]
 fn axpy_by_petsc(y: &mut Vector, a: f64, x: &Vector) -> Outcome<()> {
-    // SAFETY: live vectors, two of them.
+    // SAFETY: two distinct live vectors.
     checked(unsafe { VecAXPY(y.vec, a, x.vec) })
 }
 
@@ -182,14 +182,14 @@ pub fn matrix_zero(k: &mut Matrix) -> Outcome<()> {
 #[inline(always)]
 pub fn matrix_zero_rows(k: &mut Matrix, rows: &[i32]) -> Outcome<()> {
     let null = std::ptr::null_mut();
-    // SAFETY: a live matrix, rows in range; no solution and no right-hand side to go with it.
+    // SAFETY: a live matrix, rows in range; no solution and no right-hand side are passed.
     checked(unsafe { MatZeroRows(k.mat, rows.len() as i32, rows.as_ptr(), 0.0, null, null) })
 }
 
 #[inline(always)]
 pub fn matrix_add(k: &mut Matrix, rows: &[i32], cols: &[i32], block: &[f64]) -> Outcome<()> {
     let (m, n) = (rows.len() as i32, cols.len() as i32);
-    // SAFETY: a live matrix; the caller's word that indices are in range and that there is a value a pair.
+    // SAFETY: a live matrix; the caller guarantees indices in range and one value per pair.
     checked(unsafe { MatSetValues(k.mat, m, rows.as_ptr(), n, cols.as_ptr(), block.as_ptr(), ADD_VALUES) })
 }
 
@@ -212,7 +212,7 @@ pub fn matrix_add_at(k: &mut Matrix, slots: &[u32], block: &[f64]) -> Outcome<()
     let values: &mut [f64] = if k.len == 0 {
         &mut []
     } else {
-        // SAFETY: `len` entries of the matrix, borrowed alone.
+        // SAFETY: `len` entries of the matrix, borrowed exclusively.
         unsafe { std::slice::from_raw_parts_mut(k.array, k.len) }
     };
     for (&slot, &value) in slots.iter().zip(block) {
@@ -227,6 +227,6 @@ pub fn matrix_add_at(k: &mut Matrix, slots: &[u32], block: &[f64]) -> Outcome<()
 pub fn matrix_finish(k: &mut Matrix) -> Outcome<()> {
     // SAFETY: a live matrix.
     checked(unsafe { MatAssemblyBegin(k.mat, FINAL_ASSEMBLY) })?;
-    // SAFETY: begun just now.
+    // SAFETY: the assembly was begun in the call above.
     checked(unsafe { MatAssemblyEnd(k.mat, FINAL_ASSEMBLY) })
 }

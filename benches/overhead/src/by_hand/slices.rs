@@ -1,8 +1,8 @@
-//! Vectors: one array.
+//! Vectors as one array.
 
 use std::ops::{AddAssign, Mul};
 
-/// Chains of partial sums.
+/// Number of independent partial sums.
 const CHAINS: usize = 8;
 
 #[inline(always)]
@@ -63,13 +63,13 @@ pub fn norm(x: &[f64]) -> f64 {
     if is_in_range(squares) { squares.sqrt() } else { scaled_norm(x) }
 }
 
-/// Whether a sum of squares is neither rounded away nor infinite.
+/// Returns whether a sum of squares has neither underflowed nor overflowed.
 #[inline(always)]
 pub fn is_in_range(squares: f64) -> bool {
     (f64::MIN_POSITIVE..=f64::MAX).contains(&squares)
 }
 
-/// Where squares leave the range of numbers.
+/// The norm of vectors whose squares leave the range of floating-point numbers.
 #[cold]
 #[inline(never)]
 pub fn scaled_norm(x: &[f64]) -> f64 {

@@ -1,8 +1,8 @@
-//! The hot verbs of every backend in the three ways that an interface chosen at run time or link time has: functions of
+//! The verbs of every backend in the three ways of an interface that is chosen at run time or link time: functions of
 //! another compilation unit (this crate), a table of function pointers, and a trait object.
 
-/// Hands every hot verb to a macro: its name, its arguments in terms of the types `Vector`, `Matrix`, `Scalar`, `Reduced` and
-/// `Slot` that are in scope there, what it returns, and how it is called through LAS on the backend `B`.
+/// Passes every verb to a macro: its name, its arguments in terms of the types `Vector`, `Matrix`, `Scalar`, `Reduced`
+/// and `Slot` in scope there, its return type, and its call through LAS on the backend `B`.
 #[macro_export]
 macro_rules! for_each_verb {
     ($callback:ident) => {
@@ -38,7 +38,7 @@ macro_rules! ways {
             /// A function of this unit.
             ///
             /// # Errors
-            /// What the backend reports.
+            /// Returns the error of the backend.
             #[inline(never)]
             pub fn $name($($arg: $of),*) -> Result<$out, Fault> {
                 $call
@@ -53,7 +53,7 @@ macro_rules! ways {
             )*
         }
 
-        /// This backend's.
+        /// The verbs of this backend.
         pub static TABLE: Table = Table { $($name),* };
 
         /// The verbs as methods of an object.
@@ -62,12 +62,12 @@ macro_rules! ways {
                 /// The verb.
                 ///
                 /// # Errors
-                /// What the backend reports.
+                /// Returns the error of the backend.
                 fn $name(&self, $($arg: $of),*) -> Result<$out, Fault>;
             )*
         }
 
-        /// This backend's.
+        /// The object of this backend.
         pub struct Object;
 
         impl Operations for Object {
@@ -78,13 +78,13 @@ macro_rules! ways {
             )*
         }
 
-        /// Where the functions of this unit are.
+        /// Returns the addresses of the functions of this unit.
         #[must_use]
         pub fn functions() -> Vec<*const ()> {
             vec![$($name as *const ()),*]
         }
 
-        /// Where the methods are.
+        /// Returns the addresses of the methods.
         #[must_use]
         pub fn methods() -> Vec<*const ()> {
             vec![$(<Object as Operations>::$name as *const ()),*]
@@ -104,13 +104,13 @@ macro_rules! backend {
             pub type Vector = <B as Backend>::Vector;
             /// Its matrices.
             pub type Matrix = <B as Backend>::Matrix;
-            /// What both hold.
+            /// Type of the entries of both.
             pub type Scalar = <B as Backend>::Scalar;
-            /// What products and norms are.
+            /// Type of dot products and norms.
             pub type Reduced = <B as Backend>::Reduced;
             /// Positions in matrices.
             pub type Slot = <B as Backend>::Slot;
-            /// How it fails.
+            /// Type of its errors.
             pub type Fault = <B as Backend>::Fault;
 
             for_each_verb!(ways);
