@@ -83,7 +83,7 @@ mod tests {
 
     /// Stress, slope, energy and batches fit together, and nothing jumps: the library's own check for authors of laws.
     #[test]
-    fn the_law_keeps_what_every_law_must() -> Result<(), biotissue::fiber::law::LawFault> {
+    fn the_law_keeps_what_every_law_must() -> Result<(), biotissue::fiber::law::LawError> {
         laws().try_for_each(|law| check(&law, 0.7..=1.4))
     }
 
