@@ -107,7 +107,7 @@ impl Table {
         if self.speaks {
             let sizes: Vec<_> =
                 self.subjects.iter().map(|subject| format!("{} unknowns", subject.unknowns())).collect();
-            println!("\n| {title}, {ranks} ranks | {} | apart |\n|---|---|---|---|---|", sizes.join(" | "));
+            println!("\n| {title}, {ranks} ranks | {} | difference |\n|---|---|---|---|---|", sizes.join(" | "));
         }
     }
 

@@ -200,7 +200,7 @@ fn reached(
 }
 
 fn by_network(outcomes: &[Outcome]) {
-    println!("| network | strength of alignment | nodes | cases | in equilibrium | |\n|---|---|---|---|---|---|");
+    println!("| network | strength of alignment | nodes | cases | solved | |\n|---|---|---|---|---|---|");
     for kind in Kind::ALL {
         for strength in STRENGTHS {
             let of: Vec<&Outcome> = outcomes.iter().filter(|o| (o.kind, o.strength) == (kind, strength)).collect();
@@ -220,7 +220,7 @@ fn by_network(outcomes: &[Outcome]) {
 }
 
 fn by_stability(outcomes: &[Outcome]) {
-    println!("| network | in equilibrium | stable | neutral | of these from a saddle point | unstable, refused |");
+    println!("| network | solved | stable | neutral | solved after leaving a saddle point | unstable, rejected |");
     println!("|---|---|---|---|---|---|");
     for kind in Kind::ALL {
         let count = |is: &dyn Fn(&Outcome) -> bool| outcomes.iter().filter(|o| o.kind == kind && is(o)).count();
@@ -260,7 +260,7 @@ fn saddles(outcomes: &[Outcome]) {
 
 fn by_stage(outcomes: &[Outcome]) {
     println!(
-        "| network | reached by | cases | iterations: median, 90 %, most | steps of relaxation: median, most | seconds: median, most |"
+        "| network | solved by | cases | iterations: median, 90 %, maximum | steps of relaxation: median, maximum | seconds: median, maximum |"
     );
     println!("|---|---|---|---|---|---|");
     for kind in Kind::ALL {

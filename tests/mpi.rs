@@ -15,7 +15,7 @@ use std::process::{Command, ExitCode};
 use std::time::{Duration, Instant};
 
 use biotissue::backends::comm::mpi::{MpiComm, run};
-use biotissue::las::{Comm, Message, Receiving, Tag};
+use biotissue::las::{Comm, Message, ReceiveRequest, Tag};
 use bytemuck::{cast_slice, cast_slice_mut};
 
 use checks::{Outcome, lives, ranks, scales, units};

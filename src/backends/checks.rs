@@ -15,7 +15,7 @@ pub(super) fn singular_limit<T: Scalar>(params: &SolverParams) -> f64 {
 /// Returns the fraction of the largest pivot below which the smallest makes the matrix singular without a search for a
 /// null vector.
 #[cfg(any(feature = "sparse", feature = "dense"))]
-pub(super) fn at_sight(params: &SolverParams) -> f64 {
+pub(super) fn immediate_singular_limit(params: &SolverParams) -> f64 {
     params.singular_below.unwrap_or(f64::MIN_POSITIVE)
 }
 

@@ -24,7 +24,7 @@ pub(super) struct Pivots {
 
 impl Pivots {
     /// Creates the pivots of an empty matrix.
-    pub(super) fn none() -> Self {
+    pub(super) fn empty() -> Self {
         Self { smallest: f64::INFINITY, position: 0, largest: 0.0, negative: 0 }
     }
 
@@ -33,7 +33,7 @@ impl Pivots {
     /// A pivot that is not finite counts as zero. It can only follow a pivot of exactly zero or result from overflow;
     /// since the first of equal pivots counts, the reported pivot is the one that caused the others.
     #[inline]
-    pub(super) fn see(&mut self, pivot: f64, position: usize) {
+    pub(super) fn record(&mut self, pivot: f64, position: usize) {
         let size = if pivot.is_finite() { pivot.abs() } else { 0.0 };
         if size < self.smallest {
             self.smallest = size;
@@ -45,16 +45,16 @@ impl Pivots {
 
     /// Records the 2x2 pivot block `[[a, b], [b, c]]` at `position` by its eigenvalues.
     #[inline]
-    pub(super) fn see_block(&mut self, a: f64, b: f64, c: f64, position: usize) {
+    pub(super) fn record_block(&mut self, a: f64, b: f64, c: f64, position: usize) {
         let mean = 0.5 * (a + c);
         let radius = (0.5 * (a - c)).hypot(b);
         let large = if mean < 0.0 { mean - radius } else { mean + radius };
         // The smaller eigenvalue follows from the determinant: the difference of mean and radius would lose its digits.
         let small = if large == 0.0 { 0.0 } else { (a / large) * c - (b / large) * b };
-        self.see(large, position);
+        self.record(large, position);
         // Its eigenvector is (b, small - a); the pivot is attributed to the unknown with the larger component.
         let second = (small - a).abs() > b.abs();
-        self.see(small, position + usize::from(second));
+        self.record(small, position + usize::from(second));
     }
 
     /// Creates the pivots of a factorization that provides only an estimate of their ratio.
@@ -66,16 +66,16 @@ impl Pivots {
     /// Creates the pivots of a block-diagonal `D` with 1x1 and 2x2 blocks; a block is 2x2 if its subdiagonal entry is
     /// not zero.
     pub(super) fn of_blocks<T: Scalar>(len: usize, diagonal: impl Fn(usize) -> T, subdiagonal: &[T]) -> Self {
-        let mut pivots = Self::none();
+        let mut pivots = Self::empty();
         let mut position = 0;
         while position < len {
             let coupling = subdiagonal[position];
             if coupling.is_zero() || position + 1 == len {
-                pivots.see(diagonal(position).as_f64(), position);
+                pivots.record(diagonal(position).as_f64(), position);
                 position += 1;
             } else {
                 let (a, c) = (diagonal(position).as_f64(), diagonal(position + 1).as_f64());
-                pivots.see_block(a, coupling.as_f64(), c, position);
+                pivots.record_block(a, coupling.as_f64(), c, position);
                 position += 2;
             }
         }
@@ -100,7 +100,11 @@ impl Pivots {
 
     /// Returns the ratio of the pivots, or [`SolveError::Singular`] if it is below `limit`; `unknown` maps a position
     /// to the caller's numbering.
-    pub(super) fn judge<F>(&self, limit: f64, unknown: impl FnOnce(usize) -> usize) -> Result<f64, SolveError<F>> {
+    pub(super) fn check_singular<F>(
+        &self,
+        limit: f64,
+        unknown: impl FnOnce(usize) -> usize,
+    ) -> Result<f64, SolveError<F>> {
         let ratio = self.ratio();
         if ratio < limit {
             Err(SolveError::Singular { unknown: unknown(self.position), ratio, limit })
@@ -140,26 +144,26 @@ mod tests {
 
     #[test]
     fn blocks_count_by_their_eigenvalues() {
-        let mut pivots = Pivots::none();
-        pivots.see_block(0.0, 2.0, 0.0, 4);
+        let mut pivots = Pivots::empty();
+        pivots.record_block(0.0, 2.0, 0.0, 4);
         assert_eq!(pivots.ratio(), 1.0, "[[0, 2], [2, 0]] has the eigenvalues 2 and -2");
         assert_eq!(pivots.negative(), 1);
-        let mut pivots = Pivots::none();
-        pivots.see_block(1.0, 2.0, 4.0, 4);
+        let mut pivots = Pivots::empty();
+        pivots.record_block(1.0, 2.0, 4.0, 4);
         assert_eq!((pivots.ratio(), pivots.position), (0.0, 4), "(2, -1) spans the kernel of [[1, 2], [2, 4]]");
-        let mut pivots = Pivots::none();
-        pivots.see_block(4.0, 2.0, 1.0, 4);
+        let mut pivots = Pivots::empty();
+        pivots.record_block(4.0, 2.0, 1.0, 4);
         assert_eq!((pivots.ratio(), pivots.position), (0.0, 5), "(1, -2) spans the kernel of [[4, 2], [2, 1]]");
     }
 
     #[test]
     fn the_first_pivot_that_vanishes_is_to_blame() {
-        let mut pivots = Pivots::none();
+        let mut pivots = Pivots::empty();
         for (position, pivot) in [3.0, 0.0, f64::NAN, 0.0, 5.0].into_iter().enumerate() {
-            pivots.see(pivot, position);
+            pivots.record(pivot, position);
         }
-        let error = pivots.judge::<()>(1e-15, |position| 10 * position).unwrap_err();
+        let error = pivots.check_singular::<()>(1e-15, |position| 10 * position).unwrap_err();
         assert_eq!(error, SolveError::Singular { unknown: 10, ratio: 0.0, limit: 1e-15 });
-        assert_eq!(Pivots::none().judge::<()>(1e-15, |p| p), Ok(1.0));
+        assert_eq!(Pivots::empty().check_singular::<()>(1e-15, |p| p), Ok(1.0));
     }
 }

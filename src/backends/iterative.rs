@@ -27,8 +27,8 @@ where
     fn make(&mut self, a: &B::Matrix) -> Result<Option<Pivots>, SolveError<B::Fault>> {
         let Self::Diagonal(d) = self else { return Ok(None) };
         a.inverse_diagonal(d)?;
-        let mut pivots = Pivots::none();
-        let see = |d: &[B::Scalar]| d.iter().enumerate().for_each(|(k, d)| pivots.see(1.0 / d.as_f64(), k));
+        let mut pivots = Pivots::empty();
+        let see = |d: &[B::Scalar]| d.iter().enumerate().for_each(|(k, d)| pivots.record(1.0 / d.as_f64(), k));
         d.with_local(see).map_err(SolveError::Fault)?;
         Ok(Some(pivots))
     }

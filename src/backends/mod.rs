@@ -1,4 +1,4 @@
-//! The linear-algebra backends, one folder each, with the same file names in every folder.
+//! The linear-algebra backends, one folder each.
 //!
 //! | backend | cargo feature | for |
 //! |---|---|---|

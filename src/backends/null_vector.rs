@@ -4,7 +4,7 @@
 //! without exchanges gives the last pivot as `lambda / v_n^2`, where `lambda` is the perturbed zero eigenvalue and
 //! `v_n` the component of the last unknown in the rigid motion: at least `n` times rounding, and much more near an axis
 //! of rotation. A well-held slender body has pivots of that size too, and so has any matrix whose unknowns have units
-//! of very different size. Small pivots therefore only raise doubt ([`in_doubt`]), and [`refuse_null_vector`] decides:
+//! of very different size. Small pivots therefore only raise doubt ([`null_vector_limit`]), and [`check_null_vector`] decides:
 //! inverse iteration finds the vector `w` with the smallest `|H w| / |w|`, and a product with the matrix `H` itself,
 //! scaled to entries of about one ([`Scales`]), gives that ratio.
 
@@ -20,7 +20,7 @@ use crate::las::{Backend, Factorization, MatVec, Scalar, SolveError, SolverParam
 ///
 /// Assembly, factorization, solve and product each cause errors of the rounding unit in sums of independent terms;
 /// their effect on an eigenvalue grows like the square root of the number of terms in a row, which is at most `n`.
-pub(super) fn in_doubt<T: Scalar>(params: &SolverParams, n: usize, ratio: f64) -> Option<f64> {
+pub(super) fn null_vector_limit<T: Scalar>(params: &SolverParams, n: usize, ratio: f64) -> Option<f64> {
     let epsilon = T::epsilon().as_f64();
     let is_doubtful = params.singular_below.is_none() && ratio < epsilon.sqrt();
     is_doubtful.then(|| (32.0 + 2.0 * (n as f64).sqrt()) * epsilon)
@@ -81,7 +81,7 @@ fn power_of_two(x: f64) -> f64 {
 ///
 /// `solve` applies the inverse of `A` by its factors, which are of the given `kind`. For a Cholesky factor, the
 /// function uses the quotient `w . H w / |w|^2`, in which errors of `w` enter only quadratically.
-pub(super) fn refuse_null_vector<B: Backend<Scalar: Scalar>>(
+pub(super) fn check_null_vector<B: Backend<Scalar: Scalar>>(
     context: &B::Context,
     a: &B::Matrix,
     kind: Factorization,

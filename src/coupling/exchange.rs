@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use super::couple::{About, Coupling, CouplingError, Role};
 use super::links::Neighbor;
-use crate::las::{Comm, CommError, Message, Payload, Receiving, Sending, Tag};
+use crate::las::{Comm, CommError, Message, Payload, ReceiveRequest, SendRequest, Tag};
 
 /// Transfers values of one type over couplings of two scales: the coupling that it was created for, its inverse, its
 /// deltas and its later states. Reuses the buffers of its messages.
@@ -21,15 +21,15 @@ pub struct Channel<T> {
 /// A pending send of unit values.
 #[must_use = "values are on their way until `finish`"]
 #[derive(Debug)]
-pub struct Underway<C: Comm> {
-    sendings: Vec<C::Sending>,
+pub struct PendingSend<C: Comm> {
+    sendings: Vec<C::SendRequest>,
 }
 
 /// A pending receive of unit values.
 #[must_use = "values are not there until `finish_receive`"]
 #[derive(Debug)]
-pub struct Arriving<C: Comm> {
-    receivings: Vec<C::Receiving>,
+pub struct PendingReceive<C: Comm> {
+    receivings: Vec<C::ReceiveRequest>,
     /// The number of changes of the coupling when the receive was started.
     changes: u64,
 }
@@ -66,7 +66,7 @@ impl<T: Payload> Channel<T> {
     ///
     /// # Errors
     /// Returns [`CouplingError`] if the arguments are invalid or the communication fails.
-    pub fn start<C: Comm>(&mut self, coupling: &Coupling<C>, values: &[T]) -> Result<Underway<C>, CouplingError> {
+    pub fn start<C: Comm>(&mut self, coupling: &Coupling<C>, values: &[T]) -> Result<PendingSend<C>, CouplingError> {
         coupling.must_have(Role::Producer, values.len())?;
         let mut sendings = Vec::with_capacity(coupling.links.neighbors.len());
         for neighbor in &coupling.links.neighbors {
@@ -76,7 +76,7 @@ impl<T: Payload> Channel<T> {
             let sending = coupling.comm.start_send(to, coupling.tag(About::Values), message);
             sendings.push(sending.map_err(|error| coupling.failed(error))?);
         }
-        Ok(Underway { sendings })
+        Ok(PendingSend { sendings })
     }
 
     /// Copies the values at some indices into a message.
@@ -98,7 +98,7 @@ impl<T: Payload> Channel<T> {
     ///
     /// # Errors
     /// Returns [`CouplingError`] if the communication fails.
-    pub fn finish<C: Comm>(&mut self, coupling: &Coupling<C>, underway: Underway<C>) -> Result<(), CouplingError> {
+    pub fn finish<C: Comm>(&mut self, coupling: &Coupling<C>, underway: PendingSend<C>) -> Result<(), CouplingError> {
         for sending in underway.sendings {
             self.spare.extend(sending.wait().map_err(|error| coupling.failed(error))?);
         }
@@ -189,7 +189,7 @@ impl<T: Payload> Channel<T> {
     ///
     /// # Errors
     /// Returns [`CouplingError`] if this rank is not on the consumer or the communication fails.
-    pub fn start_receive<C: Comm>(&mut self, coupling: &Coupling<C>) -> Result<Arriving<C>, CouplingError> {
+    pub fn start_receive<C: Comm>(&mut self, coupling: &Coupling<C>) -> Result<PendingReceive<C>, CouplingError> {
         coupling.must_have(Role::Consumer, coupling.units().len())?;
         let mut receivings = Vec::with_capacity(coupling.links.neighbors.len());
         for neighbor in &coupling.links.neighbors {
@@ -198,7 +198,7 @@ impl<T: Payload> Channel<T> {
             let receiving = coupling.comm.start_receive(from, coupling.tag(About::Values), len, memory);
             receivings.push(receiving.map_err(|error| coupling.failed(error))?);
         }
-        Ok(Arriving { receivings, changes: coupling.links.changes })
+        Ok(PendingReceive { receivings, changes: coupling.links.changes })
     }
 
     /// Waits until all values have arrived, and stores them in the order of the units.
@@ -210,7 +210,7 @@ impl<T: Payload> Channel<T> {
     pub fn finish_receive<C: Comm>(
         &mut self,
         coupling: &Coupling<C>,
-        arriving: Arriving<C>,
+        arriving: PendingReceive<C>,
         values: &mut [T],
     ) -> Result<(), CouplingError> {
         coupling.must_have(Role::Consumer, values.len())?;

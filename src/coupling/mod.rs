@@ -65,7 +65,7 @@ pub mod topology;
 pub use config::{Config, Relation};
 pub use couple::{Coupling, CouplingError, Delta, Role};
 pub use data::{Distribution, UnitId};
-pub use exchange::{Arriving, Channel, Underway};
+pub use exchange::{Channel, PendingReceive, PendingSend};
 pub use links::{Links, Neighbor};
 pub use pattern::{ByWeight, Even, Spread};
 pub use plan::{Plan, PlanError, Share};

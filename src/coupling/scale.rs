@@ -211,7 +211,7 @@ impl<C: Comm> Scales<C> {
         let (scale, own) = (self.names[other].clone(), self.names[self.own].clone());
         match error {
             CommError::TimeOut { waited, .. } => ScaleError::ReceiveTimeout { scale, own, waited },
-            CommError::NotTaken { waited, .. } => ScaleError::SendTimeout { scale, own, waited },
+            CommError::SendTimeOut { waited, .. } => ScaleError::SendTimeout { scale, own, waited },
             error => error.into(),
         }
     }

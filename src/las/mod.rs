@@ -31,10 +31,10 @@ mod sparsity;
 pub mod transfer;
 
 pub use backend::Backend;
-pub use comm::{Comm, CommError, Disagreement, Layout, Message, Payload, Receiving, Sending, Tag};
+pub use comm::{Comm, CommError, Disagreement, Layout, Message, Payload, ReceiveRequest, SendRequest, Tag};
 pub use newton::{
-    Curvature, Departure, NewtonError, NewtonFailure, NewtonParams, NewtonReport, NewtonSeconds, NewtonSystem,
-    NonlinearProblem, Potential, RegularizedParams, ResidualScale,
+    Curvature, NewtonError, NewtonFailure, NewtonParams, NewtonReport, NewtonSeconds, NewtonSystem, NonlinearProblem,
+    Potential, RegularizedParams, ResidualScale, SaddleExit,
 };
 pub use ops::{MatrixOps, VectorOps};
 pub use products::{Entries, MatMat, MatVec};

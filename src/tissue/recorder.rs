@@ -6,7 +6,7 @@ use nalgebra::Matrix3;
 
 use super::case::Case;
 use super::checkpoint;
-use super::micro_scale::{Life, LostRve, PointSummary, SweepStats, TissueMaterial};
+use super::micro_scale::{FailedRve, Life, PointSummary, RveStats, TissueMaterial};
 use super::replay::lost_file;
 use super::results::collection::{Entry, field_file, index_file, partial};
 use super::results::log::{
@@ -42,7 +42,7 @@ impl Progress for () {
 }
 
 /// The state from which a resumed run continues.
-pub(super) struct GoingOn {
+pub(super) struct ResumePoint {
     /// The completed steps.
     pub done: Done,
     /// The results that the run had written until then.
@@ -76,7 +76,7 @@ impl<'a> Recorder<'a> {
         case: &Case,
         mesh: &Mesh,
         elements: &[usize],
-        resumed: Option<&GoingOn>,
+        resumed: Option<&ResumePoint>,
         progress: &'a mut dyn Progress,
     ) -> Result<Self, ResultsError> {
         std::fs::create_dir_all(dir).map_err(ResultsError::write(dir))?;
@@ -102,7 +102,7 @@ impl<'a> Recorder<'a> {
                 LogWriter::create(&log_file)?,
                 Collection::new(dir),
             ),
-            Some(GoingOn { done, written }) => {
+            Some(ResumePoint { done, written }) => {
                 let known: Vec<Entry> = written.fields.iter().map(FieldFile::entry).collect();
                 (
                     LoadsWriter::resume(&loads_file, &surfaces, &points, &regions, done.steps)?,
@@ -130,7 +130,7 @@ impl<'a> Recorder<'a> {
     }
 
     /// Flushes the results to disk, so that a checkpoint may refer to them, and returns their description.
-    pub fn settle(&self) -> Result<Written, ResultsError> {
+    pub fn flush(&self) -> Result<Written, ResultsError> {
         self.loads.sync()?;
         self.log.sync()?;
         // The content of a file is flushed before it is renamed; this flushes the names in the folders.
@@ -218,7 +218,7 @@ impl<'a> Recorder<'a> {
     }
 
     /// Writes the dump of a failed RVE; returns the file, relative to the directory.
-    fn write_lost(&self, step: usize, halvings: u32, mut lost: LostRve) -> Result<PathBuf, ResultsError> {
+    fn write_lost(&self, step: usize, halvings: u32, mut lost: FailedRve) -> Result<PathBuf, ResultsError> {
         let file = lost_file(step, halvings, lost.element);
         lost.dump.origin = format!("element {} in load step {step}", lost.element);
         lost.dump.write(&self.dir.join(&file))?;
@@ -359,7 +359,7 @@ fn newton_of_step(report: &StepReport, started: std::time::Instant) -> NewtonLog
     sum
 }
 
-fn rve_log(stats: &SweepStats, field: &impl TissueMaterial) -> RveLog {
+fn rve_log(stats: &RveStats, field: &impl TissueMaterial) -> RveLog {
     let sites = field.sites();
     let lives: Vec<Life> = (0..sites.len()).filter_map(|element| sites.life(element)).collect();
     let count = |life: Life| lives.iter().filter(|&&other| other == life).count() as u64;

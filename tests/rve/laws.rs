@@ -32,7 +32,7 @@ fn laws() -> Vec<Law> {
     let plain = support::laws().map(|material| material.law).into_iter();
     let mut laws: Vec<Law> =
         plain.chain([Law::table(Table::new(points.to_vec()).unwrap()), Law::custom(Toe)]).collect();
-    let yielding: Vec<Law> = laws.iter().map(|law| law.clone().without_compression(0.05, 0.04)).collect();
+    let yielding: Vec<Law> = laws.iter().map(|law| law.clone().with_buckling(0.05, 0.04)).collect();
     laws.extend(yielding);
     laws
 }
@@ -119,7 +119,7 @@ fn rotating_the_deformation_rotates_the_stress_for_every_law() {
 fn fibers_that_give_way_weaken_what_is_pressed() {
     let pressed = Matrix3::from_diagonal(&[0.93, 0.97, 0.97].into());
     let plain = laws().swap_remove(1);
-    let [stiff, weak] = [plain.clone(), plain.without_compression(0.05, 0.02)].map(|law| {
+    let [stiff, weak] = [plain.clone(), plain.with_buckling(0.05, 0.02)].map(|law| {
         let mut bench = bench(law);
         let mut rve = bench.at_rest();
         bench.solve(&mut rve, &pressed).unwrap();

@@ -116,7 +116,7 @@ fn compare(name: &str, model: RveModel<biotissue::backends::sparse::Sparse>) {
         }
         rounds += 1;
     }
-    println!("| solver | MFLOP | factor | solve | {MODES} at once |\n|---|---|---|---|---|");
+    println!("| solver | MFLOP | factor | solve | solve, {MODES} right-hand sides |\n|---|---|---|---|---|");
     for (contender, [factor, one, several]) in contenders.iter().zip(best) {
         let operations = contender.operations().map_or_else(String::new, |count| format!("{:.1}", 1e-6 * count));
         let [factor, one, several] = [factor, one, several].map(|seconds| 1e3 * seconds);

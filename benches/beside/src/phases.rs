@@ -55,7 +55,7 @@ pub fn print(system: &mut System) {
     let solve = least(|| {
         solver.solve(black_box(&right), &mut solution).expect("factored");
     });
-    println!("| factor | {factor:.4} |\n| solve | {solve:.4} |\n| analysis, once a network | {analysis:.2} |");
+    println!("| factor | {factor:.4} |\n| solve | {solve:.4} |\n| analysis, once per network | {analysis:.2} |");
     let iterations = system.report.iterations;
     let whole = least(|| {
         let mut rve = Rve::at_rest(system.model.network());
@@ -63,7 +63,7 @@ pub fn print(system: &mut System) {
         equilibrate(&system.model, &mut rve, &system.target, &params, &mut system.workspace).expect("it did before");
     });
     println!(
-        "| equilibrium, {iterations} iterations | {whole:.4} |\n| an iteration of it | {:.4} |",
+        "| equilibrium, {iterations} iterations | {whole:.4} |\n| one iteration of the equilibrium | {:.4} |",
         whole / iterations as f64
     );
     let both = least(|| {
@@ -73,9 +73,9 @@ pub fn print(system: &mut System) {
         black_box(solved.expect("it did before").tangent().expect("regular"));
     });
     let tangent = both - whole;
-    println!("| equilibrium and tangent | {both:.4} |\n| the tangent of it | {tangent:.4} |\n");
+    println!("| equilibrium and tangent | {both:.4} |\n| tangent alone | {tangent:.4} |\n");
     let (symbolic, analysis) = measured(|| Sparse::<f64>::analyze(&(), &system.pattern, &params).expect("an analysis"));
     let (_solver, factor) = measured(|| Sparse::<f64>::solver(&symbolic).expect("a solver"));
     let (_workspace, workspace) = measured(|| Workspace::new(&(), &system.model).expect("a workspace"));
-    println!("Memory, kB: analysis {analysis:.0}, solver {factor:.0}, workspace with its solver {workspace:.0}.\n");
+    println!("Memory, kB: analysis {analysis:.0}, solver {factor:.0}, workspace including its solver {workspace:.0}.\n");
 }

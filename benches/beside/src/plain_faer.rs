@@ -38,7 +38,7 @@ impl PlainFaer {
             inverse[unknown as usize] = position;
         }
         let order = PermRef::new_checked(forward, &inverse, forward.len());
-        Self::ordered("faer supernodal LLT, our order", system, SymmetricOrdering::Custom(order), columns)
+        Self::ordered("faer supernodal LLT, biotissue's order", system, SymmetricOrdering::Custom(order), columns)
     }
 
     fn ordered(name: &'static str, system: &System, order: SymmetricOrdering<'_, u32>, columns: usize) -> Self {

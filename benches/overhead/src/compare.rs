@@ -41,7 +41,7 @@ pub struct Exception {
 pub const EXCEPTIONS: &[Exception] = &[Exception {
     backend: "petsc",
     verbs: &["matrix_finish"],
-    reason: "once an assembly, a function: it waits for calls of other threads and learns where the arrays are",
+    reason: "a function called once per assembly, which waits for calls of other threads and obtains the arrays",
 }];
 
 /// Counts the instructions of all verbs.

@@ -89,7 +89,7 @@ pub fn faults(all: &[Executed]) -> Vec<String> {
 /// Formats all verbs as a table.
 #[must_use]
 pub fn table(all: &[Executed]) -> String {
-    let mut text = String::from("| verb | of | by hand | LAS | LAS over by hand |\n|---|---|---:|---:|---:|\n");
+    let mut text = String::from("| verb | argument | by hand | LAS | ratio |\n|---|---|---:|---:|---:|\n");
     for Executed { verb, raw, las } in all {
         let of = VERBS.iter().find(|(name, ..)| name == verb).map_or("", |&(.., of)| of);
         let verb = verb.replacen('_', " ", 1);

@@ -84,7 +84,7 @@ mod tests {
     /// Stress, slope, energy and batched evaluation are consistent, and nothing is discontinuous: the library's own
     /// check for laws.
     #[test]
-    fn the_law_keeps_what_every_law_must() -> Result<(), biotissue::fiber::law::LawFault> {
+    fn the_law_keeps_what_every_law_must() -> Result<(), biotissue::fiber::law::LawError> {
         laws().try_for_each(|law| check(&law, 0.7..=1.4))
     }
 

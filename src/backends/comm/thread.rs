@@ -9,7 +9,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use crate::las::{Comm, CommError, Message, Receiving, Sending, Tag};
+use crate::las::{Comm, CommError, Message, ReceiveRequest, SendRequest, Tag};
 
 /// A communicator whose ranks are threads.
 #[derive(Clone, Debug)]
@@ -205,7 +205,7 @@ impl ThreadComm {
 #[derive(Clone, Copy, Debug)]
 pub struct Sent;
 
-impl Sending for Sent {
+impl SendRequest for Sent {
     fn wait(self) -> Result<Option<Message>, CommError> {
         Ok(None)
     }
@@ -220,7 +220,7 @@ pub struct Expected {
     len: usize,
 }
 
-impl Receiving for Expected {
+impl ReceiveRequest for Expected {
     fn wait(self) -> Result<Message, CommError> {
         let Self { comm, from, tag, len } = self;
         let message = comm.receive(from, tag)?;
@@ -230,8 +230,8 @@ impl Receiving for Expected {
 }
 
 impl Comm for ThreadComm {
-    type Sending = Sent;
-    type Receiving = Expected;
+    type SendRequest = Sent;
+    type ReceiveRequest = Expected;
 
     fn rank(&self) -> usize {
         self.rank
@@ -270,7 +270,7 @@ impl Comm for ThreadComm {
         Ok(Expected { comm: self.clone(), from, tag, len })
     }
 
-    fn is_there(&self, from: usize, tag: Tag) -> Result<bool, CommError> {
+    fn probe(&self, from: usize, tag: Tag) -> Result<bool, CommError> {
         let address = (self.group, self.in_world(from)?, tag);
         self.world.check()?;
         let messages = locked(&self.world.mailboxes[self.members[self.rank]].messages);

@@ -13,11 +13,11 @@ use faer::traits::RealField;
 use faer::{Conj, MatMut, MatRef, Par, Spec};
 
 use super::{Dense, Matrix, Vector};
-use crate::backends::checks::{at_sight, check_columns, check_size, definite};
+use crate::backends::checks::{check_columns, check_size, definite, immediate_singular_limit};
 use crate::backends::direct::{Pivots, Scratch, ldlt_params};
 use crate::backends::iterative::{IterativeSolver, Simple};
 use crate::backends::local;
-use crate::backends::null_vector::{Scales, in_doubt, refuse_null_vector};
+use crate::backends::null_vector::{Scales, check_null_vector, null_vector_limit};
 use crate::las::{
     Backend, FactorReport, Factorization, MatVec, Method, Preconditioner, Scalar, SolveError, SolveReport,
     SolverParams, Symmetry,
@@ -40,7 +40,7 @@ type ByIterations<T> = IterativeSolver<Dense<T>, Simple<Dense<T>>>;
 pub struct Solver<T: Scalar + RealField = f64> {
     symbolic: Arc<Symbolic>,
     /// The factorization used by solves; `None` if there is no valid one.
-    served: Option<Factorization>,
+    active: Option<Factorization>,
     /// The factors, by columns.
     factor: Vec<T>,
     /// The subdiagonal of the blocks of `D`.
@@ -85,7 +85,7 @@ impl<T: Scalar + RealField> Solver<T> {
             solve_scratch::<T>(n, 1),
         ]);
         Self {
-            served: None,
+            active: None,
             factor: vec![T::zero(); n * n],
             subdiagonal: vec![T::zero(); n],
             forward: vec![0; n],
@@ -120,9 +120,9 @@ impl<T: Scalar + RealField> Solver<T> {
             Spec::default(),
         )
         .map_err(|LltError::NonPositivePivot { index }| index)?;
-        let mut pivots = Pivots::none();
+        let mut pivots = Pivots::empty();
         for (position, root) in self.factor.iter().step_by(n + 1).enumerate() {
-            pivots.see(root.as_f64() * root.as_f64(), position);
+            pivots.record(root.as_f64() * root.as_f64(), position);
         }
         Ok(pivots)
     }
@@ -156,9 +156,9 @@ impl<T: Scalar + RealField> Solver<T> {
             self.scratch.memory(),
             Spec::default(),
         );
-        let mut pivots = Pivots::none();
+        let mut pivots = Pivots::empty();
         for (position, pivot) in self.factor.iter().step_by(n + 1).enumerate() {
-            pivots.see(pivot.as_f64(), position);
+            pivots.record(pivot.as_f64(), position);
         }
         pivots
     }
@@ -190,11 +190,11 @@ impl<T: Scalar + RealField> Solver<T> {
             Factorization::Ldlt => self.forward[position] as usize,
             Factorization::Cholesky | Factorization::Lu | Factorization::Approximate => position,
         };
-        let pivot_ratio = pivots.judge(at_sight(&self.symbolic.params), unknown)?;
-        self.served = Some(kind);
-        let lost = self.resolve_doubt(a, kind, pivots).inspect_err(|_| self.served = None)?;
+        let pivot_ratio = pivots.check_singular(immediate_singular_limit(&self.symbolic.params), unknown)?;
+        self.active = Some(kind);
+        let lost = self.check_near_singular(a, kind, pivots).inspect_err(|_| self.active = None)?;
         if let Some(unknown) = lost {
-            self.served = None;
+            self.active = None;
             return Err(SolveError::Singular { unknown, ratio: pivot_ratio, limit: T::epsilon().as_f64() });
         }
         let negative_pivots = (kind != Factorization::Lu).then(|| pivots.negative());
@@ -203,14 +203,14 @@ impl<T: Scalar + RealField> Solver<T> {
 
     /// Searches for a null vector if a pivot is small, unless the caller set a limit for pivots. Returns an unknown
     /// whose equation the factors do not solve accurately, if there is one.
-    fn resolve_doubt(
+    fn check_near_singular(
         &mut self,
         a: &Matrix<T>,
         kind: Factorization,
         pivots: &Pivots,
     ) -> Result<Option<usize>, SolveError<Infallible>> {
         let n = self.symbolic.unknowns;
-        let Some(limit) = in_doubt::<T>(&self.symbolic.params, n, pivots.ratio()) else { return Ok(None) };
+        let Some(limit) = null_vector_limit::<T>(&self.symbolic.params, n, pivots.ratio()) else { return Ok(None) };
         let scales = if kind == Factorization::Cholesky {
             let mut diagonal = Vector::from(vec![T::zero(); n]);
             a.diagonal(&mut diagonal)?;
@@ -218,7 +218,7 @@ impl<T: Scalar + RealField> Solver<T> {
         } else {
             Scales::equilibrating::<Dense<T>>(a, n).map_err(SolveError::Fault)?
         };
-        refuse_null_vector::<Dense<T>>(&(), a, kind, &scales, limit, |b, x| {
+        check_null_vector::<Dense<T>>(&(), a, kind, &scales, limit, |b, x| {
             self.solve_columns(std::slice::from_ref(b), std::slice::from_mut(x)).map(drop)
         })
     }
@@ -229,7 +229,7 @@ impl<T: Scalar + RealField> Solver<T> {
         }
         let (n, count) = (self.symbolic.unknowns, b.len());
         check_columns(n, b.iter().map(|b| b.values.len()), x.iter().map(|x| x.values.len()))?;
-        let served = self.served.ok_or(SolveError::NotFactored)?;
+        let active = self.active.ok_or(SolveError::NotFactored)?;
         if n == 0 || count == 0 {
             return Ok(SolveReport::DIRECT);
         }
@@ -244,7 +244,7 @@ impl<T: Scalar + RealField> Solver<T> {
         let right = MatMut::from_column_major_slice_mut(columns, n, count);
         let factor = MatRef::from_column_major_slice(&self.factor, n, n);
         let stack = self.scratch.memory();
-        match served {
+        match active {
             Factorization::Cholesky => llt::solve::solve_in_place_with_conj(factor, Conj::No, right, Par::Seq, stack),
             Factorization::Ldlt => {
                 let exchanged = PermRef::new_checked(&self.forward, &self.inverse, n);
@@ -276,7 +276,7 @@ fn solve_scratch<T: RealField>(unknowns: usize, columns: usize) -> StackReq {
 
 impl<T: Scalar + RealField> crate::las::Solver<Dense<T>> for Solver<T> {
     fn factor(&mut self, a: &Matrix<T>) -> Result<FactorReport, SolveError<Infallible>> {
-        self.served = None;
+        self.active = None;
         self.check(a)?;
         if let Some(iterative) = &mut self.iterative {
             return iterative.factor(a);
@@ -292,7 +292,7 @@ impl<T: Scalar + RealField> crate::las::Solver<Dense<T>> for Solver<T> {
             return iterative.factor_definite(a);
         }
         let report = crate::las::Solver::<Dense<T>>::factor(self, a)?;
-        definite(Dense::<T>::NAME, report).inspect_err(|_| self.served = None)
+        definite(Dense::<T>::NAME, report).inspect_err(|_| self.active = None)
     }
 
     fn solve(&mut self, b: &Vector<T>, x: &mut Vector<T>) -> Result<SolveReport, SolveError<Infallible>> {

@@ -9,7 +9,7 @@ use super::iterative::ByIterations;
 use super::{Matrix, Petsc, Vector};
 use crate::backends::checks::{check_columns, check_size, definite, singular_limit};
 use crate::backends::local;
-use crate::backends::null_vector::{Scales, in_doubt, refuse_null_vector};
+use crate::backends::null_vector::{Scales, check_null_vector, null_vector_limit};
 use crate::las::{
     Backend, FactorReport, Factorization, MatVec, Method, Preconditioner, SolveError, SolveReport, SolverParams,
     Sparsity, Symmetry, VectorOps,
@@ -56,7 +56,7 @@ pub struct Solver {
     ldlt: Option<Factor>,
     lu: Option<Factor>,
     iterative: Option<ByIterations>,
-    served: Option<Factorization>,
+    active: Option<Factorization>,
     diagonal: Vector,
 }
 
@@ -75,7 +75,7 @@ impl Solver {
             ldlt: None,
             lu: None,
             iterative,
-            served: None,
+            active: None,
             diagonal: Vector::zeros(context, symbolic.pattern.rows()).map_err(SolveError::Fault)?,
             symbolic: Arc::clone(symbolic),
         })
@@ -83,7 +83,7 @@ impl Solver {
 
     /// Checks a matrix and copies its values.
     fn take(&mut self, a: &Matrix) -> Result<(), Fault> {
-        self.served = None;
+        self.active = None;
         let (found, expected) = (a.pattern(), &self.symbolic.pattern);
         if !Arc::ptr_eq(found, expected) {
             check_size("the matrix to factor (rows)", found.rows(), expected.rows())?;
@@ -160,18 +160,18 @@ impl Solver {
         if found.failure.is_some() {
             return Err(self.singular(kind, &found));
         }
-        self.served = Some(kind);
-        self.resolve_doubt(kind, found.ratio).inspect_err(|_| self.served = None)?;
+        self.active = Some(kind);
+        self.check_near_singular(kind, found.ratio).inspect_err(|_| self.active = None)?;
         let negative_pivots = found.negative;
         Ok(FactorReport { kind, indefinite_at, pivot_ratio: found.ratio, negative_pivots })
     }
 
     /// Searches for a null vector if a pivot is small or the package does not report pivots, unless the caller set a
     /// limit for pivots. If a diagonal entry is not positive, the judgment of the package stands.
-    fn resolve_doubt(&mut self, kind: Factorization, ratio: f64) -> Result<(), Fault> {
+    fn check_near_singular(&mut self, kind: Factorization, ratio: f64) -> Result<(), Fault> {
         let n = self.symbolic.pattern.rows();
         let told = if ratio < 1.0 { ratio } else { 0.0 };
-        let Some(limit) = in_doubt::<f64>(&self.symbolic.params, n, told) else { return Ok(()) };
+        let Some(limit) = null_vector_limit::<f64>(&self.symbolic.params, n, told) else { return Ok(()) };
         if kind == Factorization::Approximate {
             return Ok(());
         }
@@ -183,7 +183,7 @@ impl Solver {
         };
         let scales = Scales::of_diagonal(diagonal.as_slice().iter().copied());
         let solve = |b: &Vector, x: &mut Vector| solve_one(factor, a, b, x).map(drop);
-        match refuse_null_vector::<Petsc>(&symbolic.context, a, kind, &scales, limit, solve)? {
+        match check_null_vector::<Petsc>(&symbolic.context, a, kind, &scales, limit, solve)? {
             Some(unknown) => Err(SolveError::Singular { unknown, ratio, limit: f64::EPSILON }),
             None => Ok(()),
         }
@@ -215,8 +215,8 @@ impl Solver {
             }
             return Ok(None);
         }
-        self.served = Some(kind);
-        self.resolve_doubt(kind, found.ratio).inspect_err(|_| self.served = None)?;
+        self.active = Some(kind);
+        self.check_near_singular(kind, found.ratio).inspect_err(|_| self.active = None)?;
         let negative_pivots = found.negative;
         Ok(Some(FactorReport { kind, indefinite_at: None, pivot_ratio: found.ratio, negative_pivots }))
     }
@@ -245,7 +245,7 @@ impl Solver {
             Symmetry::Symmetric => Factorization::Ldlt,
             Symmetry::Definite => Factorization::Cholesky,
         };
-        self.served = Some(kind);
+        self.active = Some(kind);
         let negative_pivots = (kind != Factorization::Lu).then_some(0);
         FactorReport { kind, indefinite_at: None, pivot_ratio: 1.0, negative_pivots }
     }
@@ -258,14 +258,14 @@ impl Solver {
             iterative.set_up(&self.a)?;
         }
         let kind = Factorization::Approximate;
-        self.served = Some(kind);
+        self.active = Some(kind);
         Ok(FactorReport { kind, indefinite_at: None, pivot_ratio: 1.0, negative_pivots: None })
     }
 
     fn solve_columns(&mut self, b: &[Vector], x: &mut [Vector]) -> Result<SolveReport, Fault> {
         let n = self.symbolic.pattern.rows();
         check_columns(n, b.iter().map(VectorOps::len), x.iter().map(VectorOps::len))?;
-        let served = self.served.ok_or(SolveError::NotFactored)?;
+        let active = self.active.ok_or(SolveError::NotFactored)?;
         let mut sum = SolveReport::DIRECT;
         if n == 0 {
             return Ok(sum);
@@ -277,9 +277,9 @@ impl Solver {
             }
             return Ok(sum);
         }
-        let factor = [&*cholesky, &*ldlt, &*lu].into_iter().flatten().find(|factor| factor.kind == served);
+        let factor = [&*cholesky, &*ldlt, &*lu].into_iter().flatten().find(|factor| factor.kind == active);
         let factor = factor.ok_or(SolveError::NotFactored)?;
-        if b.len() > 1 && !factor.iterates && served != Factorization::Approximate {
+        if b.len() > 1 && !factor.iterates && active != Factorization::Approximate {
             factor.solve_together(a, b, x).map_err(SolveError::Fault)?;
             return Ok(sum);
         }
@@ -329,13 +329,13 @@ impl crate::las::Solver<Petsc> for Solver {
             return match report {
                 Some(report) if self.diagonal.as_slice().get(unknown).is_some_and(|&entry| entry > 0.0) => Ok(report),
                 _ => {
-                    self.served = None;
+                    self.active = None;
                     Err(SolveError::Indefinite { unknown: Some(unknown) })
                 }
             };
         }
         let report = self.factor_taken()?;
-        definite(Petsc::NAME, report).inspect_err(|_| self.served = None)
+        definite(Petsc::NAME, report).inspect_err(|_| self.active = None)
     }
 
     fn solve(&mut self, b: &Vector, x: &mut Vector) -> Result<SolveReport, Fault> {

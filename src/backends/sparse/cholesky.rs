@@ -48,10 +48,10 @@ impl<T: Scalar + RealField> Cholesky<T> {
             Spec::default(),
         )
         .map_err(|LltError::NonPositivePivot { index }| index)?;
-        let mut pivots = Pivots::none();
+        let mut pivots = Pivots::empty();
         for (position, &at) in analysis.diagonal.iter().enumerate() {
             let root = self.values[at as usize].as_f64();
-            pivots.see(root * root, position);
+            pivots.record(root * root, position);
         }
         Ok(pivots)
     }

@@ -93,7 +93,7 @@ impl<T: Scalar> Ilut<T> {
         self.present.resize(n, false);
         self.left.clear();
         self.right.clear();
-        let mut pivots = Pivots::none();
+        let mut pivots = Pivots::empty();
         for i in 0..n {
             let threshold = self.load(a, i);
             if threshold.is_zero() {
@@ -101,7 +101,7 @@ impl<T: Scalar> Ilut<T> {
             }
             self.eliminate(i);
             let pivot = self.store(i, threshold);
-            pivots.see(pivot.as_f64(), i);
+            pivots.record(pivot.as_f64(), i);
         }
         Ok(pivots)
     }

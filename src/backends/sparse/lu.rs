@@ -136,22 +136,22 @@ impl<T: Scalar + RealField> Lu<T> {
             analysis.columnwise.col_perm(),
             stack,
         );
-        let mut pivots = Pivots::none();
+        let mut pivots = Pivots::empty();
         match factored {
-            Ok(()) => self.see_pivots(&mut pivots),
+            Ok(()) => self.record_pivots(&mut pivots),
             // A structurally singular column counts as a zero pivot.
-            Err(LuError::SymbolicSingular { index }) => pivots.see(0.0, index),
+            Err(LuError::SymbolicSingular { index }) => pivots.record(0.0, index),
             Err(error) => return Err(error),
         }
         Ok(pivots)
     }
 
     /// Records the diagonal of `U`, which is the last entry of each of its columns.
-    fn see_pivots(&self, pivots: &mut Pivots) {
+    fn record_pivots(&self, pivots: &mut Pivots) {
         let upper = self.columnwise.u_factor_unsorted();
         for (position, &end) in upper.col_ptr()[1..].iter().enumerate() {
             let pivot = end.checked_sub(1).and_then(|last| upper.val().get(last as usize));
-            pivots.see(pivot.map_or(0.0, |pivot| pivot.as_f64()), position);
+            pivots.record(pivot.map_or(0.0, |pivot| pivot.as_f64()), position);
         }
     }
 

@@ -12,11 +12,11 @@ use super::cholesky::{Cholesky, Ldlt, solve_scratch};
 use super::inverse::Inverse;
 use super::lu::Lu;
 use super::{Matrix, Sparse, Symbolic, Vector};
-use crate::backends::checks::{at_sight, check_columns, check_size, definite, singular_limit};
+use crate::backends::checks::{check_columns, check_size, definite, immediate_singular_limit, singular_limit};
 use crate::backends::direct::{Pivots, Scratch};
 use crate::backends::iterative::IterativeSolver;
 use crate::backends::local;
-use crate::backends::null_vector::{Scales, in_doubt, refuse_null_vector};
+use crate::backends::null_vector::{Scales, check_null_vector, null_vector_limit};
 use crate::las::{Backend, FactorReport, Factorization, MatVec, Method, SolveError, SolveReport, Symmetry};
 
 /// The solver for matrices with one sparsity pattern.
@@ -32,7 +32,7 @@ pub struct Solver<T: BlockScalar = f64> {
     symbolic: Arc<Symbolic>,
     limit: f64,
     /// The factorization used by solves; `None` if there is no valid one.
-    served: Option<Factorization>,
+    active: Option<Factorization>,
     blocks: Option<BlockCholesky<T>>,
     /// Values of the permuted lower triangle, for the factorizations of faer.
     lower: Vec<T>,
@@ -50,7 +50,7 @@ impl<T: BlockScalar> Solver<T> {
     pub(super) fn new(symbolic: &Arc<Symbolic>) -> Result<Self, SolveError<Infallible>> {
         let mut solver = Self {
             limit: singular_limit::<T>(&symbolic.params),
-            served: None,
+            active: None,
             blocks: symbolic.blocks.as_ref().map(BlockCholesky::new),
             lower: Vec::new(),
             cholesky: None,
@@ -178,12 +178,12 @@ impl<T: BlockScalar> Solver<T> {
         if pivots.ratio() > 0.0 {
             // A null vector of the matrix itself proves it singular; small pivots and lost digits do not, so LU
             // decides.
-            self.served = Some(Factorization::Ldlt);
-            let lost = self.resolve_doubt(a, Factorization::Ldlt, &pivots).inspect_err(|_| self.served = None)?;
+            self.active = Some(Factorization::Ldlt);
+            let lost = self.check_near_singular(a, Factorization::Ldlt, &pivots).inspect_err(|_| self.active = None)?;
             if pivots.ratio() >= self.limit && lost.is_none() {
                 return Ok(accepted(Factorization::Ldlt, indefinite_at, &pivots));
             }
-            self.served = None;
+            self.active = None;
         }
         self.factor_lu(a, indefinite_at)
     }
@@ -211,11 +211,11 @@ impl<T: BlockScalar> Solver<T> {
         pivots: &Pivots,
         unknown: impl FnOnce(usize) -> usize,
     ) -> Result<FactorReport, SolveError<Infallible>> {
-        let pivot_ratio = pivots.judge(at_sight(&self.symbolic.params), unknown)?;
-        self.served = Some(kind);
-        let lost = self.resolve_doubt(a, kind, pivots).inspect_err(|_| self.served = None)?;
+        let pivot_ratio = pivots.check_singular(immediate_singular_limit(&self.symbolic.params), unknown)?;
+        self.active = Some(kind);
+        let lost = self.check_near_singular(a, kind, pivots).inspect_err(|_| self.active = None)?;
         if let Some(unknown) = lost {
-            self.served = None;
+            self.active = None;
             return Err(SolveError::Singular { unknown, ratio: pivot_ratio, limit: T::epsilon().as_f64() });
         }
         Ok(accepted(kind, indefinite_at, pivots))
@@ -223,14 +223,14 @@ impl<T: BlockScalar> Solver<T> {
 
     /// Searches for a null vector if a pivot is small, unless the caller set a limit for pivots. Returns an unknown
     /// whose equation the factors do not solve accurately, if there is one.
-    fn resolve_doubt(
+    fn check_near_singular(
         &mut self,
         a: &Matrix<T>,
         kind: Factorization,
         pivots: &Pivots,
     ) -> Result<Option<usize>, SolveError<Infallible>> {
         let n = self.symbolic.unknowns();
-        let Some(limit) = in_doubt::<T>(&self.symbolic.params, n, pivots.ratio()) else { return Ok(None) };
+        let Some(limit) = null_vector_limit::<T>(&self.symbolic.params, n, pivots.ratio()) else { return Ok(None) };
         let scales = if kind == Factorization::Cholesky {
             let mut diagonal = Vector::from(vec![T::zero(); n]);
             a.diagonal(&mut diagonal)?;
@@ -238,7 +238,7 @@ impl<T: BlockScalar> Solver<T> {
         } else {
             Scales::equilibrating::<Sparse<T>>(a, n).map_err(SolveError::Fault)?
         };
-        refuse_null_vector::<Sparse<T>>(&(), a, kind, &scales, limit, |b, x| {
+        check_null_vector::<Sparse<T>>(&(), a, kind, &scales, limit, |b, x| {
             self.solve_columns(std::slice::from_ref(b), std::slice::from_mut(x)).map(drop)
         })
     }
@@ -261,31 +261,31 @@ impl<T: BlockScalar> Solver<T> {
         }
         let n = self.symbolic.unknowns();
         check_columns(n, b.iter().map(|b| b.values.len()), x.iter().map(|x| x.values.len()))?;
-        let served = self.served.ok_or(SolveError::NotFactored)?;
+        let active = self.active.ok_or(SolveError::NotFactored)?;
         if n == 0 || b.is_empty() {
             return Ok(SolveReport::DIRECT);
         }
         if let (Factorization::Cholesky, Some(analysis), Some(blocks)) =
-            (served, &self.symbolic.blocks, &mut self.blocks)
+            (active, &self.symbolic.blocks, &mut self.blocks)
         {
             blocks.reserve(analysis, b.len());
             blocks.solve(analysis, b, x);
             return Ok(SolveReport::DIRECT);
         }
         self.reserve_columns(b.len());
-        self.solve_by_library(served, b, x)
+        self.solve_by_library(active, b, x)
     }
 
     /// Solves for all columns with a factorization of faer, in its elimination order.
     fn solve_by_library(
         &mut self,
-        served: Factorization,
+        active: Factorization,
         b: &[Vector<T>],
         x: &mut [Vector<T>],
     ) -> Result<SolveReport, SolveError<Infallible>> {
         let n = self.symbolic.unknowns();
         let columns = &mut self.columns[..n * b.len()];
-        match (served, &self.cholesky, &self.ldlt, &self.lu) {
+        match (active, &self.cholesky, &self.ldlt, &self.lu) {
             (Factorization::Cholesky, Some(cholesky), ..) => {
                 let analysis = self.symbolic.cholesky()?;
                 gather(columns, b, &analysis.order);
@@ -342,7 +342,7 @@ fn spread<T: Copy>(columns: &[T], x: &mut [Vector<T>], order: &[u32]) {
 
 impl<T: BlockScalar> crate::las::Solver<Sparse<T>> for Solver<T> {
     fn factor(&mut self, a: &Matrix<T>) -> Result<FactorReport, SolveError<Infallible>> {
-        self.served = None;
+        self.active = None;
         self.check(a)?;
         if let Some(iterative) = &mut self.iterative {
             return iterative.factor(a);
@@ -351,7 +351,7 @@ impl<T: BlockScalar> crate::las::Solver<Sparse<T>> for Solver<T> {
     }
 
     fn factor_definite(&mut self, a: &Matrix<T>) -> Result<FactorReport, SolveError<Infallible>> {
-        self.served = None;
+        self.active = None;
         self.check(a)?;
         if let Some(iterative) = &mut self.iterative {
             return iterative.factor_definite(a);
@@ -362,7 +362,7 @@ impl<T: BlockScalar> crate::las::Solver<Sparse<T>> for Solver<T> {
             return Ok(report);
         }
         let report = self.factor_checked(a)?;
-        definite(Sparse::<T>::NAME, report).inspect_err(|_| self.served = None)
+        definite(Sparse::<T>::NAME, report).inspect_err(|_| self.active = None)
     }
 
     fn solve(&mut self, b: &Vector<T>, x: &mut Vector<T>) -> Result<SolveReport, SolveError<Infallible>> {

@@ -123,7 +123,7 @@ pub fn not_resumed<F: std::error::Error + 'static>(error: ResumeError<F>) -> Fai
                     .into(),
             };
         }
-        ResumeError::Elsewhere(error) => {
+        ResumeError::OtherRank(error) => {
             return Failure::Environment {
                 what: error.to_string(),
                 expected: "checkpoints that every rank of the body can read".into(),
@@ -183,7 +183,7 @@ fn cure_of_setup<F: std::error::Error + 'static>(
 ) -> (&'static str, &'static str) {
     match error {
         SetupError::Boundary(_) => ("loads that fit the mesh", "correct the boundary or point that is named"),
-        SetupError::Unheld(_) => (
+        SetupError::Underconstrained(_) => (
             "conditions that hold every connected part of the body against moving and turning as a whole",
             "prescribe displacements on more surfaces or components; [[point]] holds single nodes",
         ),

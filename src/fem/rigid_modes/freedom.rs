@@ -9,7 +9,7 @@ const ZERO: f64 = 1e-6;
 
 /// The free rigid-body modes of a part.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Freedom {
+pub struct FreeModes {
     /// Directions of the free translations, orthonormal.
     pub translations: Vec<[f64; 3]>,
     /// The free rotations, up to free translations.
@@ -29,7 +29,7 @@ pub struct Screw {
     pub pitch: f64,
 }
 
-impl Freedom {
+impl FreeModes {
     /// Analyzes orthonormal modes `(v, w)`, each the motion `v + w x (x - center) / size`.
     pub(super) fn new(center: Vector3<f64>, size: f64, modes: &[Vector6<f64>]) -> Self {
         let half = |at: usize| -> Matrix3xX<f64> {
@@ -125,7 +125,7 @@ fn rounded(position: Vector3<f64>, size: f64) -> [f64; 3] {
     position.map(|x| if x.abs() < 1e-9 * size { 0.0 } else { x }).into()
 }
 
-impl fmt::Display for Freedom {
+impl fmt::Display for FreeModes {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let moves = self.moves();
         let turns = self.turns();
@@ -138,7 +138,7 @@ impl fmt::Display for Freedom {
     }
 }
 
-impl Freedom {
+impl FreeModes {
     fn moves(&self) -> Option<String> {
         match self.translations.len() {
             0 => None,

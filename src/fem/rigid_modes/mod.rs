@@ -12,7 +12,7 @@ mod parts;
 use nalgebra::{DMatrix, Matrix6, Vector3, Vector6};
 use thiserror::Error;
 
-pub use freedom::{Freedom, Screw};
+pub use freedom::{FreeModes, Screw};
 
 use super::mesh::Mesh;
 use parts::{Part, parts};
@@ -25,41 +25,41 @@ const FREE_BELOW: f64 = 1e-8;
 /// A body with a part that has free rigid-body modes.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[error("{}", describe(parts))]
-pub struct UnheldBody {
+pub struct UnderconstrainedBody {
     /// The insufficiently constrained parts, by ascending lowest node.
-    pub parts: Vec<UnheldPart>,
+    pub parts: Vec<UnderconstrainedPart>,
 }
 
 /// A part with free rigid-body modes.
 #[derive(Clone, Debug, PartialEq)]
-pub struct UnheldPart {
+pub struct UnderconstrainedPart {
     /// Regions, position and number of elements of the part; `None` if the mesh is connected.
     pub name: Option<String>,
     /// The free rigid-body modes.
-    pub freedom: Freedom,
+    pub freedom: FreeModes,
 }
 
 /// Checks that the prescribed displacements constrain all six rigid-body modes of every connected part of `mesh`.
 /// `prescribed[node][component]` is true for prescribed components.
 ///
 /// # Errors
-/// Returns [`UnheldBody`] with the free modes of each part.
+/// Returns [`UnderconstrainedBody`] with the free modes of each part.
 ///
 /// # Panics
 /// Panics if `prescribed` has fewer nodes than the mesh.
-pub fn check(mesh: &Mesh, prescribed: &[[bool; 3]]) -> Result<(), UnheldBody> {
+pub fn check(mesh: &Mesh, prescribed: &[[bool; 3]]) -> Result<(), UnderconstrainedBody> {
     let parts = parts(mesh);
     let is_one = parts.len() == 1;
     let unheld = parts.iter().filter_map(|part| {
         let freedom = freedom_of(mesh, part, prescribed)?;
-        Some(UnheldPart { name: (!is_one).then(|| part.name(mesh)), freedom })
+        Some(UnderconstrainedPart { name: (!is_one).then(|| part.name(mesh)), freedom })
     });
-    let parts: Vec<UnheldPart> = unheld.collect();
-    if parts.is_empty() { Ok(()) } else { Err(UnheldBody { parts }) }
+    let parts: Vec<UnderconstrainedPart> = unheld.collect();
+    if parts.is_empty() { Ok(()) } else { Err(UnderconstrainedBody { parts }) }
 }
 
 /// Returns the free modes of a part; `None` if it has none.
-fn freedom_of(mesh: &Mesh, part: &Part, prescribed: &[[bool; 3]]) -> Option<Freedom> {
+fn freedom_of(mesh: &Mesh, part: &Part, prescribed: &[[bool; 3]]) -> Option<FreeModes> {
     let position = |node: u32| Vector3::from(mesh.nodes()[node as usize]);
     let nodes = || part.nodes.iter().copied();
     let center = nodes().map(position).sum::<Vector3<f64>>() / part.nodes.len() as f64;
@@ -73,7 +73,7 @@ fn freedom_of(mesh: &Mesh, part: &Part, prescribed: &[[bool; 3]]) -> Option<Free
     // The threshold exceeds the rounding error of the arms.
     let rounding = 16.0 * f64::EPSILON * center.norm() / size;
     let modes = null_space(&equations, rounding.max(FREE_BELOW));
-    (!modes.is_empty()).then(|| Freedom::new(center, size, &modes))
+    (!modes.is_empty()).then(|| FreeModes::new(center, size, &modes))
 }
 
 /// Returns the coefficients of `v` and `w` in the displacement component `e . (v + w x arm)` of a node at `arm` from the
@@ -101,7 +101,7 @@ fn basis(equations: &[Vector6<f64>]) -> Vec<Vector6<f64>> {
     vectors.row_iter().map(|row| row.transpose()).collect()
 }
 
-fn describe(parts: &[UnheldPart]) -> String {
+fn describe(parts: &[UnderconstrainedPart]) -> String {
     let mut all: Vec<String> = parts.iter().take(LISTED).map(describe_part).collect();
     if parts.len() > LISTED {
         all.push(format!("and {} more", parts.len() - LISTED));
@@ -109,7 +109,7 @@ fn describe(parts: &[UnheldPart]) -> String {
     all.join("; ")
 }
 
-fn describe_part(UnheldPart { name, freedom }: &UnheldPart) -> String {
+fn describe_part(UnderconstrainedPart { name, freedom }: &UnderconstrainedPart) -> String {
     match name {
         Some(name) => format!("{name} is {freedom}"),
         None => format!("the body is {freedom}"),

@@ -92,7 +92,7 @@ fn named_modes_leave_what_is_held_in_place() {
             assert_eq!(rank, 6, "{prescribed:?}");
             continue;
         };
-        let Freedom { translations, rotations, .. } = &unheld.parts[0].freedom;
+        let FreeModes { translations, rotations, .. } = &unheld.parts[0].freedom;
         assert_eq!(translations.len() + rotations.len(), 6 - rank, "{unheld}: {prescribed:?}");
         screws += rotations.iter().filter(|screw| screw.pitch != 0.0).count();
         let zero = |node: usize, motion: Vector3<f64>| held(node).into_iter().all(|i| motion[i].abs() < 1e-9);

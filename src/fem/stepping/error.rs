@@ -5,7 +5,7 @@ use thiserror::Error;
 use crate::fem::assembly::GeometryError;
 use crate::fem::boundary::BoundaryError;
 use crate::fem::equilibrium::EquilibriumError;
-use crate::fem::rigid_modes::UnheldBody;
+use crate::fem::rigid_modes::UnderconstrainedBody;
 use crate::las::{NewtonError, SolveError, SparsityError};
 
 /// The reason why an attempt failed: `E` is the error of the point field, `F` the fault of the backend.
@@ -23,7 +23,7 @@ where
     Boundary(#[from] BoundaryError),
     /// A part of the body has free rigid-body modes.
     #[error(transparent)]
-    Unheld(#[from] UnheldBody),
+    Underconstrained(#[from] UnderconstrainedBody),
     /// An element is degenerate.
     #[error(transparent)]
     Geometry(#[from] GeometryError),

@@ -21,7 +21,7 @@
 //!   tolerance ([`Curvature::Neutral`]). Some motions meet no resistance, as in a floppy network at rest; the state is
 //!   accepted.
 //! * *Unstable*: the state is a saddle point of the energy. The solver leaves it along a direction of negative
-//!   curvature ([`NewtonSystem::leave_saddle`](crate::las::NewtonSystem::leave_saddle)) and minimizes the energy from
+//!   curvature ([`NewtonSystem::escape_saddle`](crate::las::NewtonSystem::escape_saddle)) and minimizes the energy from
 //!   there; the minimum is the equilibrium. If [`Stage::Regularized`] is not among the stages, no minimization is
 //!   available and the stage fails ([`StageError::Unstable`]).
 //!
@@ -52,7 +52,7 @@ use super::dynamic_relaxation::{Relaxation, RelaxationError, RelaxationReport};
 use super::law::Law;
 use super::rve::{Rve, RveModel};
 use super::workspace::Workspace;
-use crate::las::{Backend, Curvature, Departure, NewtonError, NewtonFailure, NewtonReport, Scalar, SolveError};
+use crate::las::{Backend, Curvature, NewtonError, NewtonFailure, NewtonReport, SaddleExit, Scalar, SolveError};
 use problem::Interior;
 
 /// Brings `rve` into a stable equilibrium with its boundary at `x = F X`, where `F` is `target`.
@@ -97,7 +97,7 @@ where
 {
     let report = EquilibriumReport { predicted: usize::from(rve.has_sensitivities()), ..EquilibriumReport::default() };
     let descends = params.stages.has(Stage::Regularized);
-    let mut ladder = Ladder { model, target, params, workspace, report, failures: Vec::new(), descends };
+    let mut ladder = EquilibriumSolver { model, target, params, workspace, report, failures: Vec::new(), descends };
     if params.stages.has(Stage::Newton) && ladder.try_newton(rve) {
         return Ok(ladder.report);
     }
@@ -118,16 +118,16 @@ where
         }
     }
     let start = rve.clone();
-    if ladder.climb(rve) {
+    if ladder.try_remaining_stages(rve) {
         return Ok(ladder.report);
     }
     *rve = Rve { sensitivities, ..start };
-    let Ladder { failures, report, .. } = ladder;
+    let EquilibriumSolver { failures, report, .. } = ladder;
     Err(RveError::NotConverged { failures, report: Box::new(report) })
 }
 
 /// Formats the name of a law with its parameters.
-fn described(law: &Law) -> String {
+fn format_law(law: &Law) -> String {
     let mut text = String::new();
     law.with(&mut |law| {
         let parameters: Vec<String> =
@@ -142,7 +142,7 @@ type NewtonOutcome<B> = Result<NewtonReport, NewtonFailure<<B as Backend>::Fault
 
 /// An equilibrium solve in progress. The method of a stage returns true if the stage reached the target, and otherwise
 /// records its failure and returns false.
-struct Ladder<'a, B: Backend> {
+struct EquilibriumSolver<'a, B: Backend> {
     model: &'a RveModel<B>,
     target: &'a Matrix3<f64>,
     params: &'a EquilibriumParams,
@@ -153,7 +153,7 @@ struct Ladder<'a, B: Backend> {
     descends: bool,
 }
 
-impl<B: Backend<Scalar = f64>> Ladder<'_, B>
+impl<B: Backend<Scalar = f64>> EquilibriumSolver<'_, B>
 where
     B::Reduced: Scalar,
 {
@@ -179,19 +179,19 @@ where
         truss.evaluate_with_forces(positions, states, forces);
         let (law, stretch, multiple) = truss.most_strained(states)?;
         let is_finite = truss.energy(states).is_finite() && forces.iter().flatten().all(|f| f.is_finite());
-        (multiple >= Overflow::FROM || !is_finite).then(|| Overflow { law: described(law), stretch, multiple })
+        (multiple >= Overflow::FROM || !is_finite).then(|| Overflow { law: format_law(law), stretch, multiple })
     }
 
     /// Tries the stages after the first.
-    fn climb(&mut self, rve: &mut Rve) -> bool {
+    fn try_remaining_stages(&mut self, rve: &mut Rve) -> bool {
         let stages = self.params.stages;
         (stages.has(Stage::Regularized) && self.regularized(rve))
-            || (stages.has(Stage::Cuts) && self.params.max_cuts > 0 && self.in_parts(rve))
+            || (stages.has(Stage::Cuts) && self.params.max_cuts > 0 && self.solve_by_substepping(rve))
             || (stages.has(Stage::Relaxation) && self.relaxed(rve))
     }
 
     /// Applies ever smaller increments; `rve` follows the last increment that converged.
-    fn in_parts(&mut self, rve: &mut Rve) -> bool {
+    fn solve_by_substepping(&mut self, rve: &mut Rve) -> bool {
         let path = Path::new(&rve.gradient, self.target);
         let (mut reached, mut part) = (0.0, 1.0);
         loop {
@@ -239,7 +239,7 @@ where
     fn newton(&mut self, rve: &mut Rve, target: &Matrix3<f64>) -> Result<NewtonReport, StageError<B::Fault>> {
         let (mut problem, system) = Interior::of(self.model, self.workspace);
         let outcome = system.solve(&mut problem, &self.params.newton);
-        self.settle(rve, target, outcome)
+        self.accept_if_stable(rve, target, outcome)
     }
 
     /// Solves the whole increment by energy minimization.
@@ -257,7 +257,7 @@ where
     /// Minimizes the energy from the positions in the workspace.
     fn descend(&mut self, rve: &mut Rve, target: &Matrix3<f64>) -> Result<NewtonReport, StageError<B::Fault>> {
         let outcome = self.minimize();
-        self.settle(rve, target, outcome)
+        self.accept_if_stable(rve, target, outcome)
     }
 
     fn minimize(&mut self) -> NewtonOutcome<B> {
@@ -272,7 +272,7 @@ where
     }
 
     /// Stores the converged state in `rve` if it is stable, and otherwise the minimum that follows the saddle point.
-    fn settle(
+    fn accept_if_stable(
         &mut self,
         rve: &mut Rve,
         target: &Matrix3<f64>,
@@ -280,7 +280,7 @@ where
     ) -> Result<NewtonReport, StageError<B::Fault>> {
         let newton = self.count(outcome)?;
         let newton = self.stabilize(newton)?;
-        self.take_over(rve, target);
+        self.store_state(rve, target);
         Ok(newton)
     }
 
@@ -324,8 +324,8 @@ where
             }
             let (mut problem, system) = Interior::of(self.model, self.workspace);
             let mut walked = NewtonReport::default();
-            let departure = system.leave_saddle(&mut problem, self.params.newton.tolerance, &mut walked);
-            if departure.map_err(StageError::Newton)? == Departure::AtRest {
+            let departure = system.escape_saddle(&mut problem, self.params.newton.tolerance, &mut walked);
+            if departure.map_err(StageError::Newton)? == SaddleExit::Stationary {
                 (self.report.neutral, self.report.negative_pivots) = (true, negative_pivots);
                 break;
             }
@@ -336,7 +336,7 @@ where
         Ok(newton)
     }
 
-    fn take_over(&self, rve: &mut Rve, target: &Matrix3<f64>) {
+    fn store_state(&self, rve: &mut Rve, target: &Matrix3<f64>) {
         rve.gradient = *target;
         rve.network = self.model.fingerprint;
         rve.forget_sensitivities();
@@ -376,7 +376,7 @@ where
         match self.stabilize(alone) {
             Ok(newton) => {
                 self.report.newton = newton;
-                self.take_over(rve, self.target);
+                self.store_state(rve, self.target);
                 self.reached(Stage::Relaxation)
             }
             Err(reason) => self.failed(Stage::Relaxation, 0.0, reason),

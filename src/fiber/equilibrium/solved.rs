@@ -4,7 +4,7 @@ use std::fmt;
 
 use nalgebra::Matrix3;
 
-use super::described;
+use super::format_law;
 use super::report::{EquilibriumReport, Overflow, RveError};
 use crate::fiber::homogenize::{self, Tangent};
 use crate::fiber::rve::{Rve, RveModel};
@@ -79,7 +79,7 @@ where
     #[must_use]
     pub fn overflow(&self) -> Option<Overflow> {
         let (law, stretch, multiple) = self.model.truss().most_strained(self.workspace.states())?;
-        (multiple >= Overflow::FROM).then(|| Overflow { law: described(law), stretch, multiple })
+        (multiple >= Overflow::FROM).then(|| Overflow { law: format_law(law), stretch, multiple })
     }
 
     /// First Piola-Kirchhoff stress `P_iJ = kappa sum_b T_b,i X_b,J` over boundary nodes, in Pa (N over unit-cube area

@@ -27,14 +27,14 @@ pub const BUCKLING_STRAIN: f64 = 0.01;
 /// A small `r` keeps slack fibers from making the stiffness of a network singular; `r = 1` is Hooke's law in
 /// compression.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct NoCompression<L> {
+pub struct Buckling<L> {
     law: L,
-    buckling: Buckling,
+    buckling: CompressiveBranch,
 }
 
 /// The behavior below stretch 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Buckling {
+struct CompressiveBranch {
     /// `E`.
     youngs_modulus: f64,
     /// `r`.
@@ -43,16 +43,16 @@ struct Buckling {
     strain: f64,
 }
 
-impl<L: FiberLaw> NoCompression<L> {
+impl<L: FiberLaw> Buckling<L> {
     /// Modifies `law` with residual stiffness `r`, from 0 to 1, and buckling strain `w > 0`.
     #[must_use]
     pub fn new(law: L, residual: f64, buckling_strain: f64) -> Self {
         let youngs_modulus = law.youngs_modulus();
-        Self { law, buckling: Buckling { youngs_modulus, residual, strain: buckling_strain } }
+        Self { law, buckling: CompressiveBranch { youngs_modulus, residual, strain: buckling_strain } }
     }
 }
 
-impl Buckling {
+impl CompressiveBranch {
     /// Returns `min(x, 1)` and `y = max(x - 1, 0)`.
     #[inline(always)]
     fn parts(&self, stretch: f64) -> (f64, f64) {
@@ -62,7 +62,7 @@ impl Buckling {
     }
 }
 
-impl Formula for Buckling {
+impl Formula for CompressiveBranch {
     #[inline(always)]
     fn stress_of<const FUSED: bool>(&self, stretch: f64) -> (f64, f64) {
         let Self { youngs_modulus: e, residual: r, strain: w } = *self;
@@ -74,7 +74,7 @@ impl Formula for Buckling {
     }
 }
 
-impl EnergyFormula for Buckling {
+impl EnergyFormula for CompressiveBranch {
     #[inline(always)]
     fn energy_of<const FUSED: bool>(&self, stretch: f64) -> f64 {
         let Self { youngs_modulus: e, residual: r, strain: w } = *self;
@@ -85,7 +85,7 @@ impl EnergyFormula for Buckling {
     }
 }
 
-impl<L: FiberLaw> FiberLaw for NoCompression<L> {
+impl<L: FiberLaw> FiberLaw for Buckling<L> {
     /// The name of the law in tension.
     fn name(&self) -> &str {
         self.law.name()
@@ -126,7 +126,7 @@ impl<L: FiberLaw> FiberLaw for NoCompression<L> {
 
 /// Replaces stress and slope of the fibers below stretch 1 by those of buckling.
 struct Below<'a> {
-    buckling: &'a Buckling,
+    buckling: &'a CompressiveBranch,
     stretch: &'a [f64],
     stress: &'a mut [f64],
     slope: &'a mut [f64],

@@ -9,7 +9,7 @@ use super::quadrature::gauss;
 
 /// A violated requirement of a law; stresses and slopes in Pa.
 #[derive(Clone, Debug, Error, PartialEq)]
-pub enum LawFault {
+pub enum LawError {
     /// The stress at rest is not 0.
     #[error("the stress at stretch 1 is {stress:e}; an undeformed fiber carries nothing")]
     Rest {
@@ -42,7 +42,7 @@ pub enum LawFault {
     },
     /// The slope is discontinuous.
     #[error("the slope jumps at the stretch {stretch}, from {below:e} to {above:e}")]
-    Kink {
+    SlopeJump {
         /// The stretch.
         stretch: f64,
         /// The slope below it.
@@ -82,15 +82,15 @@ pub enum LawFault {
 /// modulus (or of the slope, if that is larger) counts as a jump.
 ///
 /// # Errors
-/// Returns the first [`LawFault`] found.
-pub fn check(law: &dyn FiberLaw, stretches: RangeInclusive<f64>) -> Result<(), LawFault> {
+/// Returns the first [`LawError`] found.
+pub fn check(law: &dyn FiberLaw, stretches: RangeInclusive<f64>) -> Result<(), LawError> {
     let (stress, slope) = law.stress(1.0);
     if stress != 0.0 {
-        return Err(LawFault::Rest { stress });
+        return Err(LawError::Rest { stress });
     }
     let modulus = law.youngs_modulus();
     if !(slope > 0.0 && (modulus - slope).abs() <= 1e-9 * slope) {
-        return Err(LawFault::Modulus { modulus, slope });
+        return Err(LawError::Modulus { modulus, slope });
     }
     let (first, last) = stretches.into_inner();
     let intervals = 1000;
@@ -99,7 +99,7 @@ pub fn check(law: &dyn FiberLaw, stretches: RangeInclusive<f64>) -> Result<(), L
     for &stretch in &samples {
         let (stress, slope) = law.stress(stretch);
         if !(stress.is_finite() && slope.is_finite() && law.energy(stretch).is_finite()) {
-            return Err(LawFault::NotFinite { stretch });
+            return Err(LawError::NotFinite { stretch });
         }
     }
     batches(law, &samples)?;
@@ -107,14 +107,14 @@ pub fn check(law: &dyn FiberLaw, stretches: RangeInclusive<f64>) -> Result<(), L
         let (a, b) = (at(k), at(k + 1));
         kink(law, a, b, modulus)?;
         differences(a, b, modulus, |l| law.stress(l).0, |l| law.stress(l).1)
-            .map_err(|(stretch, rise, slope)| LawFault::Slope { stretch, rise, slope })?;
+            .map_err(|(stretch, rise, slope)| LawError::Slope { stretch, rise, slope })?;
         differences(a, b, modulus, |l| law.energy(l), |l| law.stress(l).0)
-            .map_err(|(stretch, rise, stress)| LawFault::Energy { stretch, rise, stress })?;
+            .map_err(|(stretch, rise, stress)| LawError::Energy { stretch, rise, stress })?;
     }
     Ok(())
 }
 
-fn batches(law: &dyn FiberLaw, samples: &[f64]) -> Result<(), LawFault> {
+fn batches(law: &dyn FiberLaw, samples: &[f64]) -> Result<(), LawError> {
     let (mut stress, mut slope, mut energy) =
         (vec![0.0; samples.len()], vec![0.0; samples.len()], vec![0.0; samples.len()]);
     law.stresses(samples, &mut stress, &mut slope);
@@ -125,7 +125,7 @@ fn batches(law: &dyn FiberLaw, samples: &[f64]) -> Result<(), LawFault> {
         {
             let same = (batch - single).abs() <= 1e-12 * single.abs();
             if !same {
-                return Err(LawFault::Batch { stretch, batch, single });
+                return Err(LawError::Batch { stretch, batch, single });
             }
         }
     }
@@ -168,7 +168,7 @@ fn differences(
 }
 
 /// Bisects toward the half with the larger change of the slope: a change that remains at the end is a jump.
-fn kink(law: &dyn FiberLaw, mut a: f64, mut b: f64, modulus: f64) -> Result<(), LawFault> {
+fn kink(law: &dyn FiberLaw, mut a: f64, mut b: f64, modulus: f64) -> Result<(), LawError> {
     const JUMP: f64 = 1e-6;
     const SHORTEST: f64 = 1e-10;
     let slope = |stretch: f64| law.stress(stretch).1;
@@ -186,5 +186,5 @@ fn kink(law: &dyn FiberLaw, mut a: f64, mut b: f64, modulus: f64) -> Result<(), 
             (a, below) = (middle, between);
         }
     }
-    if is_small(below, above) { Ok(()) } else { Err(LawFault::Kink { stretch: 0.5 * (a + b), below, above }) }
+    if is_small(below, above) { Ok(()) } else { Err(LawError::SlopeJump { stretch: 0.5 * (a + b), below, above }) }
 }

@@ -10,7 +10,7 @@
 //! | [`Linear`] | `E lambda g` | MuMFiM, reaction 0 |
 //! | [`ExponentialStretch`] | `(E / B) lambda (exp(B g) - 1)` on `[1, lambda_t]`, tangent lines outside | MuMFiM, reaction 1 |
 //! | [`Table`] | monotone cubics through measured points, tangent lines beyond them | Fritsch and Butland 1984 |
-//! | [`NoCompression`] of any law | below stretch 1 the slope falls from `E` to `r E` over the strain `w` | smoothstep |
+//! | [`Buckling`] of any law | below stretch 1 the slope falls from `E` to `r E` over the strain `w` | smoothstep |
 //!
 //! [`Law`] is an enum of these laws with their names in files and commands. [`Law::custom`] adds any other type that
 //! implements [`FiberLaw`]; networks, trusses and RVE models treat it like a built-in law.
@@ -47,7 +47,7 @@
 //! check(&law, 0.5..=2.0)?;
 //! let fiber = FiberMaterial { law: Law::custom(law), radius: 5.0e-8, density: None };
 //! assert_eq!(fiber.check(), Ok(()));
-//! # Ok::<(), biotissue::fiber::law::LawFault>(())
+//! # Ok::<(), biotissue::fiber::law::LawError>(())
 //! ```
 
 mod batch;
@@ -68,8 +68,8 @@ mod tests;
 
 use std::fmt::Debug;
 
-pub use buckling::{BUCKLING_STRAIN, COMPRESSION, NoCompression};
-pub use check::{LawFault, check};
+pub use buckling::{BUCKLING_STRAIN, Buckling, COMPRESSION};
+pub use check::{LawError, check};
 pub use exp::exp_m1;
 pub use exponential::Exponential;
 pub use exponential_stretch::ExponentialStretch;

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::sync::Arc;
 
-use super::{Exponential, ExponentialStretch, FiberLaw, FiberMaterialError, Linear, NoCompression, Table};
+use super::{Buckling, Exponential, ExponentialStretch, FiberLaw, FiberMaterialError, Linear, Table};
 
 /// A fiber law with its parameters; moduli in Pa.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,9 +31,9 @@ pub enum Law {
     },
     /// Monotone cubics through measured points, shared by all materials that use them.
     Table(Arc<Table>),
-    /// Another law with buckling in compression; see [`NoCompression`].
-    NoCompression {
-        /// The law in tension; it is not itself a `NoCompression`.
+    /// Another law with buckling in compression; see [`Buckling`].
+    Buckling {
+        /// The law in tension; it is not itself a `Buckling`.
         law: Box<Law>,
         /// `r`: residual stiffness in compression over `E`, from 0 to 1.
         compression: f64,
@@ -87,11 +87,11 @@ impl Law {
     /// Adds buckling in compression: `residual` is the fraction of the stiffness at rest that remains once a fiber is
     /// shortened by the `buckling_strain`.
     #[must_use]
-    pub fn without_compression(self, residual: f64, buckling_strain: f64) -> Self {
-        Self::NoCompression { law: Box::new(self), compression: residual, buckling_strain }
+    pub fn with_buckling(self, residual: f64, buckling_strain: f64) -> Self {
+        Self::Buckling { law: Box::new(self), compression: residual, buckling_strain }
     }
 
-    /// The name in files and on the command line; [`Law::NoCompression`] has the name of the law in tension.
+    /// The name in files and on the command line; [`Law::Buckling`] has the name of the law in tension.
     #[must_use]
     pub fn name(&self) -> &str {
         match self {
@@ -99,7 +99,7 @@ impl Law {
             Self::Exponential { .. } => "exponential",
             Self::ExponentialStretch { .. } => "exponential-stretch",
             Self::Table(_) => "table",
-            Self::NoCompression { law, .. } => law.name(),
+            Self::Buckling { law, .. } => law.name(),
             Self::Custom(law) => law.law().name(),
         }
     }
@@ -112,7 +112,7 @@ impl Law {
             | Self::Exponential { youngs_modulus, .. }
             | Self::ExponentialStretch { youngs_modulus, .. } => *youngs_modulus,
             Self::Table(table) => table.youngs_modulus(),
-            Self::NoCompression { law, .. } => law.youngs_modulus(),
+            Self::Buckling { law, .. } => law.youngs_modulus(),
             Self::Custom(law) => law.law().youngs_modulus(),
         }
     }
@@ -126,8 +126,8 @@ impl Law {
                 user(&ExponentialStretch { youngs_modulus, nonlinearity, transition });
             }
             Self::Table(table) => user(&**table),
-            Self::NoCompression { law, compression, buckling_strain } => {
-                law.with(&mut |law| user(&NoCompression::new(law, *compression, *buckling_strain)));
+            Self::Buckling { law, compression, buckling_strain } => {
+                law.with(&mut |law| user(&Buckling::new(law, *compression, *buckling_strain)));
             }
             Self::Custom(law) => user(law.law()),
         }
@@ -155,7 +155,7 @@ impl Law {
             }
             // The constructor checks a table.
             Self::Table(_) => Ok(()),
-            Self::NoCompression { law, compression, buckling_strain } => {
+            Self::Buckling { law, compression, buckling_strain } => {
                 if !(0.0..=1.0).contains(compression) {
                     return refuse("stiffness in compression", *compression, "from 0 to 1, over the modulus");
                 }

@@ -17,11 +17,11 @@ pub(super) fn broadcast<C: Comm>(comm: &C, root: usize, message: Message) -> Res
     check(comm, root)?;
     let (above, below) = family(comm, root);
     let message = match above {
-        Some(above) => comm.receive(above, Tag::TOGETHER)?,
+        Some(above) => comm.receive(above, Tag::COLLECTIVE)?,
         None => message,
     };
     for below in below {
-        comm.send(below, Tag::TOGETHER, message.clone())?;
+        comm.send(below, Tag::COLLECTIVE, message.clone())?;
     }
     Ok(message)
 }
@@ -32,11 +32,11 @@ pub(super) fn gather<C: Comm>(comm: &C, root: usize, message: Message) -> Result
     let (above, below) = family(comm, root);
     let mut parcels = vec![(comm.rank(), message)];
     for below in below {
-        parcels.extend(unpack(&comm.receive(below, Tag::TOGETHER)?, below)?);
+        parcels.extend(unpack(&comm.receive(below, Tag::COLLECTIVE)?, below)?);
     }
     match above {
         Some(above) => {
-            comm.send(above, Tag::TOGETHER, pack(&parcels))?;
+            comm.send(above, Tag::COLLECTIVE, pack(&parcels))?;
             Ok(None)
         }
         None => {

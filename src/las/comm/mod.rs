@@ -24,7 +24,7 @@ pub struct Tag(pub(crate) u32);
 
 impl Tag {
     /// The tag of the collectives.
-    pub(crate) const TOGETHER: Self = Self(0);
+    pub(crate) const COLLECTIVE: Self = Self(0);
     /// A user tag, for use on a communicator of the user's own ([`Comm::duplicate`]).
     #[must_use]
     pub const fn of(number: u16) -> Self {
@@ -53,7 +53,7 @@ pub enum CommError {
     },
     /// The receiver took no message before the time-out.
     #[error("rank {to} has taken no message for {} s", .waited.as_secs_f64())]
-    NotTaken {
+    SendTimeOut {
         /// The rank that should have received it.
         to: usize,
         /// The waiting time.
@@ -83,7 +83,7 @@ pub enum CommError {
 }
 
 /// A pending send.
-pub trait Sending {
+pub trait SendRequest {
     /// Waits until the send is complete and the buffer is free; returns the buffer if it is still on this rank.
     ///
     /// # Errors
@@ -92,7 +92,7 @@ pub trait Sending {
 }
 
 /// A pending receive.
-pub trait Receiving {
+pub trait ReceiveRequest {
     /// Waits until the message has arrived.
     ///
     /// # Errors
@@ -106,9 +106,9 @@ pub trait Receiving {
 /// Cloning is inexpensive; the clone denotes the same communicator.
 pub trait Comm: Clone + Send + 'static {
     /// A pending send.
-    type Sending: Sending;
+    type SendRequest: SendRequest;
     /// A pending receive.
-    type Receiving: Receiving;
+    type ReceiveRequest: ReceiveRequest;
 
     /// Returns the rank of the caller, from 0.
     fn rank(&self) -> usize;
@@ -120,7 +120,7 @@ pub trait Comm: Clone + Send + 'static {
     ///
     /// # Errors
     /// Returns [`CommError::Rank`] if the rank does not exist, [`CommError::Ended`] if another rank failed.
-    fn start_send(&self, to: usize, tag: Tag, message: Message) -> Result<Self::Sending, CommError>;
+    fn start_send(&self, to: usize, tag: Tag, message: Message) -> Result<Self::SendRequest, CommError>;
 
     /// Receives the next message from a rank; blocks until it arrives.
     ///
@@ -150,13 +150,19 @@ pub trait Comm: Clone + Send + 'static {
     ///
     /// # Errors
     /// Returns [`CommError::Rank`] if the rank does not exist.
-    fn start_receive(&self, from: usize, tag: Tag, len: usize, memory: Message) -> Result<Self::Receiving, CommError>;
+    fn start_receive(
+        &self,
+        from: usize,
+        tag: Tag,
+        len: usize,
+        memory: Message,
+    ) -> Result<Self::ReceiveRequest, CommError>;
 
     /// Returns true if a message from a rank has arrived.
     ///
     /// # Errors
     /// Returns [`CommError::Rank`], [`CommError::Ended`].
-    fn is_there(&self, from: usize, tag: Tag) -> Result<bool, CommError>;
+    fn probe(&self, from: usize, tag: Tag) -> Result<bool, CommError>;
 
     /// Splits the communicator into one per color; a rank without a color gets `None`. The ranks of a new communicator
     /// are ordered by `place`, and by their previous rank if these are equal. Collective.
@@ -175,7 +181,7 @@ pub trait Comm: Clone + Send + 'static {
     /// Sends a message and waits until the send is complete.
     ///
     /// # Errors
-    /// Returns the errors of [`start_send`](Self::start_send) and [`Sending::wait`].
+    /// Returns the errors of [`start_send`](Self::start_send) and [`SendRequest::wait`].
     fn send(&self, to: usize, tag: Tag, message: Message) -> Result<(), CommError> {
         self.start_send(to, tag, message)?.wait().map(drop)
     }
@@ -183,10 +189,10 @@ pub trait Comm: Clone + Send + 'static {
     /// Sends byte slices in place, each to its rank, and waits until all sends are complete.
     ///
     /// # Errors
-    /// Returns the errors of [`start_send`](Self::start_send) and [`Sending::wait`].
+    /// Returns the errors of [`start_send`](Self::start_send) and [`SendRequest::wait`].
     fn send_bytes(&self, tag: Tag, parcels: &[(usize, &[u8])]) -> Result<(), CommError> {
         let start = |&(to, bytes): &(usize, &[u8])| self.start_send(to, tag, Message::of(bytes));
-        let sendings: Vec<Self::Sending> = parcels.iter().map(start).collect::<Result<_, _>>()?;
+        let sendings: Vec<Self::SendRequest> = parcels.iter().map(start).collect::<Result<_, _>>()?;
         sendings.into_iter().try_for_each(|sending| sending.wait().map(drop))
     }
 

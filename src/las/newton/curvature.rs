@@ -45,12 +45,12 @@ pub enum Curvature {
 
 /// The result of an attempt to leave a saddle point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Departure {
+pub enum SaddleExit {
     /// The potential has decreased, and the residual is above its limit: a minimization can start.
-    Downhill,
+    Descended,
     /// The residual stays within its limit, or the potential does not decrease along the direction: the point is
     /// numerically indistinguishable from one with motions without stiffness.
-    AtRest,
+    Stationary,
 }
 
 /// A trial point on the path away from a saddle point.
@@ -120,23 +120,23 @@ where
     ///
     /// # Errors
     /// Returns the errors of [`NewtonSystem::curvature`], and [`NewtonError::Problem`] if a state cannot be evaluated.
-    pub fn leave_saddle<P: Potential<B>>(
+    pub fn escape_saddle<P: Potential<B>>(
         &mut self,
         problem: &mut P,
         tolerance: f64,
         report: &mut NewtonReport,
-    ) -> Result<Departure, NewtonError<P::Error, B::Fault>> {
-        let Some(curvature) = self.negative_curvature(problem, tolerance)? else { return Ok(Departure::AtRest) };
+    ) -> Result<SaddleExit, NewtonError<P::Error, B::Fault>> {
+        let Some(curvature) = self.negative_curvature(problem, tolerance)? else { return Ok(SaddleExit::Stationary) };
         let (norm, residual_scale) = self.evaluate(problem, report).map_err(Trial::into_error)?;
         let limit = (tolerance * residual_scale.scale).max(residual_scale.floor);
         let start = Step { length: 0.0, potential: problem.potential(), norm };
         for side in [1.0, -1.0] {
             let reached = self.walk(problem, &start, side, limit / curvature.abs(), report)?;
             if reached.length > 0.0 {
-                return Ok(if reached.norm > limit { Departure::Downhill } else { Departure::AtRest });
+                return Ok(if reached.norm > limit { SaddleExit::Descended } else { SaddleExit::Stationary });
             }
         }
-        Ok(Departure::AtRest)
+        Ok(SaddleExit::Stationary)
     }
 
     /// Takes the longest of a growing sequence of steps along the direction over which the potential decreases. `first`

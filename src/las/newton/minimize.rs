@@ -26,16 +26,16 @@ pub struct RegularizedParams {
     /// Maximum number of accepted steps. Default 300.
     pub max_iterations: usize,
     /// Smallest nonzero shift relative to the largest diagonal entry of the Hessian. Default `1e-9`.
-    pub least_shift: f64,
+    pub min_shift: f64,
     /// Shift at which the iteration fails, relative to the same entry. Default `1e12`.
-    pub most_shift: f64,
+    pub max_shift: f64,
     /// A step is accepted if it reduces the potential by at least this fraction of the predicted reduction. Default `1e-4`.
     pub accept: f64,
 }
 
 impl Default for RegularizedParams {
     fn default() -> Self {
-        Self { max_iterations: 300, least_shift: 1e-9, most_shift: 1e12, accept: 1e-4 }
+        Self { max_iterations: 300, min_shift: 1e-9, max_shift: 1e12, accept: 1e-4 }
     }
 }
 
@@ -50,7 +50,7 @@ struct Shift {
 impl Shift {
     /// Raises the shift after a rejected step, or when the Hessian was not positive definite.
     fn raise(&mut self, params: &RegularizedParams) {
-        self.value = (8.0 * self.value).max(params.least_shift * self.diagonal);
+        self.value = (8.0 * self.value).max(params.min_shift * self.diagonal);
     }
 
     /// Adapts the shift after an accepted step. `reduction_ratio` is the actual over the predicted reduction of the
@@ -59,7 +59,7 @@ impl Shift {
     fn adapt(&mut self, reduction_ratio: f64, residual_ratio: f64, params: &RegularizedParams) {
         if reduction_ratio > 0.75 {
             self.value *= residual_ratio.min(0.125);
-            if self.value < params.least_shift * self.diagonal {
+            if self.value < params.min_shift * self.diagonal {
                 self.value = 0.0;
             }
         } else if reduction_ratio < 0.25 {
@@ -68,7 +68,7 @@ impl Shift {
     }
 
     fn is_too_large(&self, params: &RegularizedParams) -> bool {
-        let most = params.most_shift * self.diagonal;
+        let most = params.max_shift * self.diagonal;
         // If the Hessian is zero, no shift can be scaled.
         self.value.is_nan() || most.is_nan() || self.value > most || most == 0.0
     }

@@ -10,7 +10,7 @@ mod tests;
 use std::sync::Arc;
 use std::time::Instant;
 
-pub use curvature::{Curvature, Departure};
+pub use curvature::{Curvature, SaddleExit};
 pub use minimize::{Potential, RegularizedParams};
 pub use problem::{NonlinearProblem, ResidualScale};
 pub use report::{NewtonError, NewtonFailure, NewtonParams, NewtonReport, NewtonSeconds};

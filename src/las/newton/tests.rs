@@ -258,7 +258,7 @@ fn a_hilltop_is_left_to_the_same_side_every_time() {
     for _ in 0..2 {
         let mut wells = Wells { x: 0.0, saved: 0.0 };
         let (mut system, mut report) = (system(), NewtonReport::default());
-        assert_eq!(system.leave_saddle(&mut wells, 1e-12, &mut report).unwrap(), Departure::Downhill);
+        assert_eq!(system.escape_saddle(&mut wells, 1e-12, &mut report).unwrap(), SaddleExit::Descended);
         assert!(wells.potential() < 1.0 && wells.x.abs() < 1.5, "{}", wells.x);
         system.minimize(&mut wells, 1e-12, &RegularizedParams::default()).unwrap();
         assert!((wells.x.abs() - 1.0).abs() < 1e-12, "{}", wells.x);
@@ -267,8 +267,8 @@ fn a_hilltop_is_left_to_the_same_side_every_time() {
     assert_eq!(sides[0], sides[1]);
     // At a minimum there is no descent direction, and the state does not change.
     let mut minimum = Wells { x: 1.0, saved: 0.0 };
-    let left = system().leave_saddle(&mut minimum, 1e-12, &mut NewtonReport::default()).unwrap();
-    assert_eq!((left, minimum.x), (Departure::AtRest, 1.0));
+    let left = system().escape_saddle(&mut minimum, 1e-12, &mut NewtonReport::default()).unwrap();
+    assert_eq!((left, minimum.x), (SaddleExit::Stationary, 1.0));
 }
 
 /// `w = x^2 / 2 + (y^2 - 1)^2 + s z^2 / 2`, rotated so that no axis is a principal one: a saddle point at the origin.
@@ -349,8 +349,8 @@ fn a_saddle_point_is_left_along_its_negative_curvature() {
         if stiffness < -0.1 {
             continue; // There is no minimum to go to.
         }
-        let left = system.leave_saddle(&mut saddle, 1e-12, &mut NewtonReport::default()).unwrap();
-        assert_eq!(left, Departure::Downhill, "{stiffness}");
+        let left = system.escape_saddle(&mut saddle, 1e-12, &mut NewtonReport::default()).unwrap();
+        assert_eq!(left, SaddleExit::Descended, "{stiffness}");
         system.minimize(&mut saddle, 1e-12, &RegularizedParams::default()).unwrap();
         assert!((saddle.along(1).abs() - 1.0).abs() < 1e-10, "{stiffness}: {:?}", saddle.x);
         let expected = if stiffness == 1e6 { Curvature::Definite } else { Curvature::Neutral };

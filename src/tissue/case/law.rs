@@ -40,7 +40,7 @@ pub(super) fn read(mut table: Table<'_>, base: &Path) -> Option<FiberMaterial> {
     table.finish();
     let law = match buckling? {
         None => law?,
-        Some([compression, strain]) => law?.without_compression(compression, strain),
+        Some([compression, strain]) => law?.with_buckling(compression, strain),
     };
     Some(FiberMaterial { law, radius: radius?, density: None })
 }

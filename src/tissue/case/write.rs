@@ -179,7 +179,7 @@ fn parameters(law: &Law) -> Vec<String> {
             of("transition", *transition),
         ],
         Law::Table(table) => vec![format!("points = {:?}", table.points())],
-        Law::NoCompression { law, compression, buckling_strain } => {
+        Law::Buckling { law, compression, buckling_strain } => {
             let mut entries = parameters(law);
             entries.extend([of("compression", *compression), of("buckling_strain", *buckling_strain)]);
             entries

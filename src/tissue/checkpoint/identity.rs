@@ -192,7 +192,7 @@ fn hash_law(law: &Law, hash: &mut Fnv) {
             values(&[3.0, table.points().len() as f64]);
             values(table.points().as_flattened());
         }
-        Law::NoCompression { law, compression, buckling_strain } => {
+        Law::Buckling { law, compression, buckling_strain } => {
             values(&[4.0, *compression, *buckling_strain]);
             hash_law(law, hash);
         }
@@ -243,11 +243,11 @@ mod tests {
             Law::ExponentialStretch { youngs_modulus: 1.0, nonlinearity: 1.0, transition: 1.2 },
             table(1.0),
             table(2.0),
-            linear(1.0).without_compression(0.1, 0.01),
-            linear(1.0).without_compression(0.2, 0.01),
-            linear(1.0).without_compression(0.1, 0.02),
-            exponential(1.0).without_compression(0.1, 0.01),
-            table(1.0).without_compression(0.1, 0.01),
+            linear(1.0).with_buckling(0.1, 0.01),
+            linear(1.0).with_buckling(0.2, 0.01),
+            linear(1.0).with_buckling(0.1, 0.02),
+            exponential(1.0).with_buckling(0.1, 0.01),
+            table(1.0).with_buckling(0.1, 0.01),
             Law::custom(Hooke(1.0)),
             Law::custom(Hooke(2.0)),
         ];

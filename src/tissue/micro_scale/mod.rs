@@ -37,8 +37,8 @@ pub use library::{ElementMaterial, Library, LibraryError, regions_of_mesh};
 pub use saved::{FieldRestoreError, UnitState};
 pub use sites::{Life, Sites};
 pub use summary::{DeformedNetwork, PointSummary};
-pub use unit::SweepStats;
-pub use units::{LostRve, Units};
+pub use unit::RveStats;
+pub use units::{FailedRve, Units};
 
 /// The material of a body, on whichever ranks its RVEs are solved: what a run needs beyond stresses and tangents.
 /// States are those of the last commit.
@@ -56,7 +56,7 @@ pub trait TissueMaterial: PointField<Error = TissueFieldError> {
     fn rve_bytes(&self) -> usize;
 
     /// Returns the counters of the RVEs since the last call.
-    fn take_stats(&self) -> SweepStats;
+    fn take_stats(&self) -> RveStats;
 
     /// Returns the times of every rank since the last call, per trial state; empty in one process.
     fn take_seconds(&self) -> Vec<Vec<RankSeconds>> {
@@ -64,7 +64,7 @@ pub trait TissueMaterial: PointField<Error = TissueFieldError> {
     }
 
     /// Returns the RVE that made the last update fail; a second call returns `None`.
-    fn take_lost(&self) -> Option<LostRve>;
+    fn take_lost(&self) -> Option<FailedRve>;
 
     /// Returns the summary of the fibers of every element, `None` for one without fibers.
     fn summaries(&self) -> Vec<Option<PointSummary>>;
@@ -133,11 +133,11 @@ where
         let existing: Vec<usize> = self.sites.existing().map(|(element, _)| element).collect();
         self.units.clear();
         self.unit_of.clear();
-        self.turn_over(&[], &existing);
+        self.update_rves(&[], &existing);
     }
 
     /// Deletes and creates the RVEs of these elements.
-    fn turn_over(&mut self, gone: &[usize], new: &[usize]) {
+    fn update_rves(&mut self, gone: &[usize], new: &[usize]) {
         if gone.is_empty() && new.is_empty() {
             return;
         }
@@ -193,21 +193,21 @@ where
     fn evolve(&mut self) -> Result<bool, Self::Error> {
         let turnover = self.sites.evolve();
         // Deleted RVEs are kept until the commit, because the step may still fail.
-        self.turn_over(&[], &turnover.created);
+        self.update_rves(&[], &turnover.created);
         Ok(!turnover.is_empty())
     }
 
     fn commit(&mut self) -> Result<(), Self::Error> {
         self.units.commit();
         let gone = self.sites.commit();
-        self.turn_over(&gone, &[]);
+        self.update_rves(&gone, &[]);
         Ok(())
     }
 
     fn revert(&mut self) -> Result<(), Self::Error> {
         self.units.revert();
         let created = self.sites.revert();
-        self.turn_over(&created, &[]);
+        self.update_rves(&created, &[]);
         Ok(())
     }
 }
@@ -230,11 +230,11 @@ where
         self.units.bytes()
     }
 
-    fn take_stats(&self) -> SweepStats {
+    fn take_stats(&self) -> RveStats {
         self.units.take_stats()
     }
 
-    fn take_lost(&self) -> Option<LostRve> {
+    fn take_lost(&self) -> Option<FailedRve> {
         self.units.take_lost()
     }
 

@@ -34,7 +34,7 @@ pub struct Sites {
     /// The linear response at rest of each model that an RVE not created yet uses.
     at_rest: Vec<Option<SaintVenantKirchhoff>>,
     /// The changes since the last commit.
-    pending: Turnover,
+    pending: RveChanges,
     /// True after a restore: the next commit puts no RVE to sleep, since no step lies before it.
     is_restored: bool,
 }
@@ -59,11 +59,11 @@ struct Point {
     model: Option<usize>,
     matrix: Option<Formula>,
     /// `None` for an RVE that is always awake.
-    course: Option<Box<Course>>,
+    course: Option<Box<LifeCycle>>,
 }
 
 /// The life cycle of an RVE that is created, sleeps or is deleted.
-struct Course {
+struct LifeCycle {
     rules: LifeCase,
     life: Life,
     /// The life state at the last commit.
@@ -78,13 +78,13 @@ struct Course {
 
 /// Elements whose RVEs are created, deleted and woken.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(in crate::tissue) struct Turnover {
+pub(in crate::tissue) struct RveChanges {
     pub created: Vec<usize>,
     pub deleted: Vec<usize>,
     pub woken: Vec<usize>,
 }
 
-impl Turnover {
+impl RveChanges {
     pub fn is_empty(&self) -> bool {
         self.created.is_empty() && self.deleted.is_empty() && self.woken.is_empty()
     }
@@ -113,7 +113,7 @@ impl Sites {
                 at_rest[model] = Some(library.at_rest(model)?);
             }
         }
-        Ok(Self { sites, at_rest, pending: Turnover::default(), is_restored: false })
+        Ok(Self { sites, at_rest, pending: RveChanges::default(), is_restored: false })
     }
 
     /// Number of elements.
@@ -215,8 +215,8 @@ impl Sites {
 
     /// Creates, wakes and deletes RVEs as the converged state of the last gradients demands; of those over their
     /// deletion strain, it deletes a fraction ([`DELETED_A_ROUND`]), the most strained first.
-    pub(in crate::tissue) fn evolve(&mut self) -> Turnover {
-        let mut turnover = Turnover::default();
+    pub(in crate::tissue) fn evolve(&mut self) -> RveChanges {
+        let mut turnover = RveChanges::default();
         let limit = self.overstrain_limit();
         for (element, course) in courses(&mut self.sites) {
             if course.overstrain().is_some_and(|overstrain| overstrain >= limit) {
@@ -292,13 +292,13 @@ impl Sites {
             course.anchor = answer(element);
             course.converged = course.anchor.as_ref().map(|(gradient, _)| *gradient);
         }
-        self.pending = Turnover::default();
+        self.pending = RveChanges::default();
         self.is_restored = true;
     }
 }
 
 /// The life cycles of RVEs that are created, sleep or are deleted, with their elements.
-fn courses(sites: &mut [Site]) -> impl Iterator<Item = (usize, &mut Course)> {
+fn courses(sites: &mut [Site]) -> impl Iterator<Item = (usize, &mut LifeCycle)> {
     sites.iter_mut().enumerate().filter_map(|(element, site)| match site {
         Site::Rve(Point { course: Some(course), .. }) => Some((element, &mut **course)),
         _ => None,
@@ -320,7 +320,7 @@ impl Point {
     }
 }
 
-impl Course {
+impl LifeCycle {
     fn new(rules: LifeCase) -> Self {
         let life = if rules.created_at > 0.0 { Life::Waiting } else { Life::Awake };
         Self { rules, life, committed: life, trial: (Matrix3::identity(), None), converged: None, anchor: None }
@@ -368,7 +368,7 @@ fn site<B: Backend<Scalar = f64>>(library: &Library<B>, case: &Case, region: usi
                 MaterialCase::FiberRve(rve) => rve.life,
                 MaterialCase::Formula(_) => LifeCase::default(),
             };
-            let course = (rules != LifeCase::default()).then(|| Box::new(Course::new(rules)));
+            let course = (rules != LifeCase::default()).then(|| Box::new(LifeCycle::new(rules)));
             Site::Rve(Point { region, model, matrix, course })
         }
     }

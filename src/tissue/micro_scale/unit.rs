@@ -76,7 +76,7 @@ pub enum UnitError<F: std::error::Error + 'static> {
 
 /// Counters of the solves of RVEs in one or more updates.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct SweepStats {
+pub struct RveStats {
     /// Equilibria computed.
     pub solves: usize,
     /// Responses reused because the gradient had not changed.
@@ -109,7 +109,7 @@ pub struct SweepStats {
     pub seconds: f64,
 }
 
-impl SweepStats {
+impl RveStats {
     /// Adds two sets of counters.
     #[must_use]
     pub fn and(self, other: Self) -> Self {
@@ -167,7 +167,7 @@ impl Unit {
         gradient: &Matrix3<f64>,
         library: &Library<B>,
         worker: &mut Worker<B>,
-        stats: &mut SweepStats,
+        stats: &mut RveStats,
     ) -> Result<Response, UnitError<B::Fault>>
     where
         B::Reduced: Scalar,
@@ -191,7 +191,7 @@ impl Unit {
         gradient: &Matrix3<f64>,
         library: &Library<B>,
         worker: &mut Worker<B>,
-        stats: &mut SweepStats,
+        stats: &mut RveStats,
     ) -> Result<Response, UnitError<B::Fault>>
     where
         B::Reduced: Scalar,
@@ -218,7 +218,7 @@ impl Unit {
         gradient: &Matrix3<f64>,
         library: &Library<B>,
         worker: &mut Worker<B>,
-        stats: &mut SweepStats,
+        stats: &mut RveStats,
     ) -> Result<bool, UnitError<B::Fault>>
     where
         B::Reduced: Scalar,
@@ -239,7 +239,7 @@ impl Unit {
         gradient: &Matrix3<f64>,
         library: &Library<B>,
         worker: &mut Worker<B>,
-        stats: &mut SweepStats,
+        stats: &mut RveStats,
     ) -> Result<bool, UnitError<B::Fault>>
     where
         B::Reduced: Scalar,
@@ -303,7 +303,7 @@ impl Fibers {
         gradient: &Matrix3<f64>,
         library: &Library<B>,
         workspace: &mut Workspace<B>,
-        stats: &mut SweepStats,
+        stats: &mut RveStats,
     ) -> Result<(Response, usize), UnitError<B::Fault>>
     where
         B::Reduced: Scalar,

@@ -11,7 +11,7 @@ use super::error::PointFailure;
 use super::formula::Formula;
 use super::library::Library;
 use super::saved::{FieldRestoreError, UnitState};
-use super::unit::{Fibers, Origin, SweepStats, Unit, UnitError};
+use super::unit::{Fibers, Origin, RveStats, Unit, UnitError};
 use super::worker::Worker;
 use crate::fem::material::Response;
 use crate::las::{Backend, Scalar};
@@ -28,14 +28,14 @@ pub struct Units<B: Backend> {
     elements: Vec<usize>,
     workers: Vec<Mutex<Worker<B>>>,
     /// Behind a lock, because observers of a run have only shared access to the units.
-    stats: Mutex<SweepStats>,
+    stats: Mutex<RveStats>,
     /// The last RVE that found no equilibrium.
-    lost: Mutex<Option<LostRve>>,
+    lost: Mutex<Option<FailedRve>>,
 }
 
 /// An RVE that found no equilibrium.
 #[derive(Clone, Debug)]
-pub struct LostRve {
+pub struct FailedRve {
     /// Its element, from 0.
     pub element: usize,
     /// The number of its model.
@@ -121,12 +121,12 @@ where
     }
 
     /// Returns the counters of the RVEs since the last call.
-    pub fn take_stats(&self) -> SweepStats {
+    pub fn take_stats(&self) -> RveStats {
         std::mem::take(&mut self.stats.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
     /// Returns the RVE that made the last solve fail; a second call returns `None`.
-    pub fn take_lost(&self) -> Option<LostRve> {
+    pub fn take_lost(&self) -> Option<FailedRve> {
         self.lost.lock().unwrap_or_else(PoisonError::into_inner).take()
     }
 
@@ -170,7 +170,7 @@ where
             &Matrix3<f64>,
             &Library<B>,
             &mut Worker<B>,
-            &mut SweepStats,
+            &mut RveStats,
         ) -> Result<bool, UnitError<B::Fault>>
         + Sync,
     ) -> Result<Vec<usize>, PointFailure> {
@@ -181,7 +181,7 @@ where
             .par_iter_mut()
             .enumerate()
             .map(|(number, unit)| {
-                let mut swept = Swept { stats: SweepStats::default(), outcome: Ok(false) };
+                let mut swept = Swept { stats: RveStats::default(), outcome: Ok(false) };
                 // One failure is enough: an RVE without an equilibrium takes long to fail.
                 if elements[number] > lowest.load(Ordering::Relaxed) {
                     return swept;
@@ -197,7 +197,7 @@ where
                 swept
             })
             .collect();
-        let (lowest, mut sum) = (lowest.into_inner(), SweepStats::default());
+        let (lowest, mut sum) = (lowest.into_inner(), RveStats::default());
         let (mut chosen, mut failed) = (Vec::new(), None);
         // Elements above the failed one may or may not have been solved and are not counted.
         for (number, swept) in outcomes.into_iter().enumerate().filter(|&(number, _)| elements[number] <= lowest) {
@@ -226,7 +226,7 @@ where
             let ends = (&fibers.current, gradient);
             let dump = RveDump::new(origin, &library.models[fibers.model], ends, &library.params);
             *self.lost.get_mut().unwrap_or_else(PoisonError::into_inner) =
-                Some(LostRve { element, model: fibers.model, dump });
+                Some(FailedRve { element, model: fibers.model, dump });
         }
         PointFailure::of_unit(element, network, reason)
     }
@@ -319,7 +319,7 @@ where
 
 /// The outcome for one unit of a sweep.
 struct Swept<E> {
-    stats: SweepStats,
+    stats: RveStats,
     /// The return value of `each`; or the index, the gradient and the reason of the failure.
     outcome: Result<bool, (usize, Matrix3<f64>, E)>,
 }

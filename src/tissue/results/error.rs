@@ -18,7 +18,7 @@ pub enum ResultsError {
     },
     /// Another process of the run failed to write its results.
     #[error("{reason}")]
-    Elsewhere {
+    OtherRank {
         /// The result directory.
         path: PathBuf,
         /// The error message of that process.
@@ -101,7 +101,7 @@ impl ResultsError {
     pub fn path(&self) -> &Path {
         match self {
             Self::Write { path, .. }
-            | Self::Elsewhere { path, .. }
+            | Self::OtherRank { path, .. }
             | Self::Foreign { path, .. }
             | Self::Locked { path, .. }
             | Self::Read { path, .. }

@@ -59,12 +59,12 @@ pub struct Loads {
 
 /// Length and hash of a line of the table as written (the header or a row).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct LineMark {
+pub struct LineChecksum {
     bytes: u64,
     hash: u64,
 }
 
-impl LineMark {
+impl LineChecksum {
     fn of(line: &[u8]) -> Self {
         Self { bytes: line.len() as u64, hash: sum_of(line) }
     }
@@ -77,7 +77,7 @@ pub struct LoadsWriter {
     file: File,
     counts: [usize; 3],
     /// The mark of the header, then of every row.
-    marks: Vec<LineMark>,
+    marks: Vec<LineChecksum>,
 }
 
 impl LoadsWriter {
@@ -89,7 +89,7 @@ impl LoadsWriter {
     pub fn create(path: &Path, surfaces: &[&str], points: &[&str], regions: &[&str]) -> Result<Self, ResultsError> {
         let header = line(path, header(surfaces, points, regions))?;
         replace(path, &header)?;
-        Self::open(path, [surfaces.len(), points.len(), regions.len()], vec![LineMark::of(&header)])
+        Self::open(path, [surfaces.len(), points.len(), regions.len()], vec![LineChecksum::of(&header)])
     }
 
     /// Continues the table of an interrupted run after step `done`: the steps from 1 to `done` must be there, each once
@@ -111,18 +111,18 @@ impl LoadsWriter {
             return Err(ResultsError::damaged(path, Some(1), what, "the surfaces, points and regions of this case"));
         }
         replace(path, &lines.concat())?;
-        let marks = lines.iter().map(|line| LineMark::of(line)).collect();
+        let marks = lines.iter().map(|line| LineChecksum::of(line)).collect();
         Self::open(path, [surfaces.len(), points.len(), regions.len()], marks)
     }
 
-    fn open(path: &Path, counts: [usize; 3], marks: Vec<LineMark>) -> Result<Self, ResultsError> {
+    fn open(path: &Path, counts: [usize; 3], marks: Vec<LineChecksum>) -> Result<Self, ResultsError> {
         let file = OpenOptions::new().append(true).open(path).map_err(ResultsError::write(path))?;
         Ok(Self { path: path.into(), file, counts, marks })
     }
 
     /// Returns the marks of the header and of all rows.
     #[must_use]
-    pub fn marks(&self) -> &[LineMark] {
+    pub fn marks(&self) -> &[LineChecksum] {
         &self.marks
     }
 
@@ -159,7 +159,7 @@ impl LoadsWriter {
         }
         let bytes = line(&self.path, fields(step, t, surfaces, points, volumes))?;
         self.file.write_all(&bytes).map_err(ResultsError::write(&self.path))?;
-        self.marks.push(LineMark::of(&bytes));
+        self.marks.push(LineChecksum::of(&bytes));
         Ok(())
     }
 }
@@ -228,11 +228,11 @@ impl Loads {
     ///
     /// # Errors
     /// See [`Loads::up_to`]; also returns [`ResultsError::Damaged`] for a line that was changed.
-    pub(super) fn check(path: &Path, marks: &[LineMark]) -> Result<(), ResultsError> {
+    pub(super) fn check(path: &Path, marks: &[LineChecksum]) -> Result<(), ResultsError> {
         let (_, lines) = Self::up_to(path, marks.len().saturating_sub(1))?;
         let mut number = 1;
         for (line, mark) in lines.iter().zip(marks) {
-            if LineMark::of(line) != *mark {
+            if LineChecksum::of(line) != *mark {
                 let expected = "the line as it was written";
                 return Err(ResultsError::damaged(path, Some(number), "was changed since the run", expected));
             }

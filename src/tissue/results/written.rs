@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::clear::{element_and_step, element_of_collection};
 use super::collection::Entry;
 use super::fields_read::sources;
-use super::loads::LineMark;
+use super::loads::LineChecksum;
 use super::networks::network_collection;
 use super::{Collection, FIELDS_FILE, LOADS_FILE, Loads, NETWORKS_FOLDER, ResultsError};
 
@@ -40,7 +40,7 @@ impl Done {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Written {
     /// The mark of the header of the loads, then of the row of every step.
-    pub loads: Vec<LineMark>,
+    pub loads: Vec<LineChecksum>,
     /// The field files, in ascending time.
     pub fields: Vec<FieldFile>,
 }

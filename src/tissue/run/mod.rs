@@ -21,11 +21,11 @@ pub use plan::{NetworkPlan, Plan};
 pub use setup::{Setup, SimulationError};
 pub use writers::Writers;
 
-use self::writers::Witness;
+use self::writers::AgreedRecorder;
 use super::case::Case;
 use super::checkpoint::{self, Checkpoint, Identity};
 use super::micro_scale::{TissueField, TissueMaterial};
-use super::recorder::{GoingOn, Progress, Recorder};
+use super::recorder::{Progress, Recorder, ResumePoint};
 use super::results::log::{End, Event, Start};
 use super::results::{self, DirectoryLock, Done, ResultsError, Written};
 use crate::fem::mesh::Mesh;
@@ -153,12 +153,12 @@ where
         let told = found
             .as_ref()
             .map(|_| ())
-            .map_err(|error| ResultsError::Elsewhere { path: dir.to_owned(), reason: error.to_string() });
+            .map_err(|error| ResultsError::OtherRank { path: dir.to_owned(), reason: error.to_string() });
         let agreed = writers.agree(told);
         let (checkpoint, remarks) = found?;
         warnings.extend(remarks);
         let step = checkpoint.as_ref().map_or(0, |checkpoint| checkpoint.state.completed_steps);
-        agreed.and_then(|()| writers.agree_on(step)).map_err(ResumeError::Elsewhere)?;
+        agreed.and_then(|()| writers.agree_on(step)).map_err(ResumeError::OtherRank)?;
         let Some(Checkpoint { path, state, lives, units, written }) = checkpoint else {
             self.check_empty(writers, dir)?;
             warnings.push(format!("{}: no checkpoint: starting from the beginning", dir.display()));
@@ -190,9 +190,9 @@ where
             Ok(None) => Ok(()),
             Ok(Some((path, what))) => {
                 let reason = format!("{}: {what}, but no checkpoint", path.display());
-                Err(ResultsError::Elsewhere { path: path.clone(), reason })
+                Err(ResultsError::OtherRank { path: path.clone(), reason })
             }
-            Err(error) => Err(ResultsError::Elsewhere { path: dir.to_owned(), reason: error.to_string() }),
+            Err(error) => Err(ResultsError::OtherRank { path: dir.to_owned(), reason: error.to_string() }),
         };
         let agreed = writers.agree(told);
         match found? {
@@ -240,7 +240,7 @@ where
         start: Instant,
     ) -> Result<RunSummary, RunError<B::Fault>> {
         let done = self.stepper.completed_steps();
-        let on = (done > 0).then(|| GoingOn {
+        let on = (done > 0).then(|| ResumePoint {
             done: Done { steps: done, of: self.stepper.count() },
             written: std::mem::take(&mut self.written),
         });
@@ -252,7 +252,7 @@ where
             },
         };
         writers.agree(outcome)?;
-        let mut witness = Witness { recorder: opened, writers };
+        let mut witness = AgreedRecorder { recorder: opened, writers };
         let start_of_run = Event::Start(self.start_event(done));
         witness.write(|recorder| recorder.log(&start_of_run))?;
         let outcome = self.take_steps(dir, &mut witness);
@@ -293,7 +293,7 @@ where
     }
 
     /// Takes the remaining steps, with a checkpoint after each; returns the number of Newton iterations.
-    fn take_steps(&mut self, dir: &Path, witness: &mut Witness<'_, '_>) -> Result<usize, RunError<B::Fault>> {
+    fn take_steps(&mut self, dir: &Path, witness: &mut AgreedRecorder<'_, '_>) -> Result<usize, RunError<B::Fault>> {
         let identity = self.identity();
         let count = self.stepper.count();
         let mut iterations = 0;
@@ -309,7 +309,7 @@ where
             // The checkpoint is written last, so that it never refers to results that do not exist.
             if let Some(state) = self.stepper.saved() {
                 witness.write(|recorder| {
-                    let written = recorder.settle()?;
+                    let written = recorder.flush()?;
                     checkpoint::write(dir, &identity, &state, &written, self.stepper.field())
                 })?;
             }

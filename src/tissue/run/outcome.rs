@@ -52,7 +52,7 @@ pub enum ResumeError<F: std::error::Error + 'static> {
     Results(#[from] ResultsError),
     /// Another process failed to read its checkpoint or found that of another step.
     #[error("{0}")]
-    Elsewhere(ResultsError),
+    OtherRank(ResultsError),
     /// A checkpoint of this run does not match it. The simulation has to be set up again.
     #[error("{}: {reason}", path.display())]
     State {

@@ -41,12 +41,12 @@ impl Writers for () {
 }
 
 /// Records a run if this process writes, and agrees with the other processes on the outcome of each write.
-pub(super) struct Witness<'w, 'r> {
+pub(super) struct AgreedRecorder<'w, 'r> {
     pub(super) recorder: Option<Recorder<'r>>,
     pub(super) writers: &'w dyn Writers,
 }
 
-impl<'r> Witness<'_, 'r> {
+impl<'r> AgreedRecorder<'_, 'r> {
     pub(super) fn write(
         &mut self,
         write: impl FnOnce(&mut Recorder<'r>) -> Result<(), ResultsError>,
@@ -60,7 +60,7 @@ impl<'r> Witness<'_, 'r> {
     }
 }
 
-impl<M: TissueMaterial, F: std::error::Error> StepObserver<M, F> for Witness<'_, '_> {
+impl<M: TissueMaterial, F: std::error::Error> StepObserver<M, F> for AgreedRecorder<'_, '_> {
     type Error = ResultsError;
 
     fn converged(&mut self, step: &ConvergedStep<'_, M>) -> Result<(), ResultsError> {

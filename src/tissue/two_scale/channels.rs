@@ -1,7 +1,7 @@
 //! The couplings of the RVEs of one rank, the same on both scales: strains go down, answers come back.
 
 use super::TwoScaleError;
-use super::protocol::{Answer, Header, MACRO, MICRO, Strain};
+use super::protocol::{Answer, MACRO, MICRO, NewRve, Strain};
 use crate::coupling::{Channel, Coupling, Even, Scales, UnitId};
 use crate::las::Comm;
 
@@ -10,7 +10,7 @@ pub(super) struct Channels<C: Comm> {
     /// From the macro scale to the micro scale; `back` is its inverse.
     pub down: Coupling<C>,
     pub back: Coupling<C>,
-    pub headers: Channel<Header>,
+    pub headers: Channel<NewRve>,
     pub strains: Channel<Strain>,
     pub answers: Channel<Answer>,
 }

@@ -15,8 +15,8 @@ use crate::fem::point_field::{PointField, PointResponses};
 use crate::las::{Backend, Comm, Scalar};
 use crate::tissue::case::Case;
 use crate::tissue::micro_scale::{
-    DeformedNetwork, FieldRestoreError, Library, LibraryError, Life, LostRve, PointFailure, PointSummary, Sites,
-    SweepStats, TissueFieldError, TissueMaterial, UnitState, check_states, write,
+    DeformedNetwork, FailedRve, FieldRestoreError, Library, LibraryError, Life, PointFailure, PointSummary, RveStats,
+    Sites, TissueFieldError, TissueMaterial, UnitState, check_states, write,
 };
 use crate::tissue::replay::RveDump;
 use crate::tissue::results::log::RankSeconds;
@@ -28,18 +28,18 @@ pub struct ScaleField<'a, C: Comm, B: Backend> {
     sites: Sites,
     /// The rank of the program that solves the RVE of each element.
     rank_of: Vec<u32>,
-    heard: Heard,
-    lost: Mutex<Option<LostRve>>,
+    reports: Reports,
+    lost: Mutex<Option<FailedRve>>,
     /// The reason why other ranks do not respond or are out of step; once it is set, nothing is exchanged.
     broken: Arc<OnceLock<String>>,
 }
 
 /// The last reports of the micro scale.
 #[derive(Default)]
-struct Heard {
+struct Reports {
     /// One entry per element.
     units: Vec<Option<UnitReport>>,
-    stats: Mutex<SweepStats>,
+    stats: Mutex<RveStats>,
     seconds: Mutex<Vec<Vec<RankSeconds>>>,
     bytes: usize,
 }
@@ -67,7 +67,7 @@ where
             library,
             sites,
             rank_of: vec![scales.world().rank() as u32; elements],
-            heard: Heard { units: (0..elements).map(|_| None).collect(), ..Heard::default() },
+            reports: Reports { units: (0..elements).map(|_| None).collect(), ..Reports::default() },
             lost: Mutex::new(None),
             broken: Arc::default(),
         };
@@ -102,12 +102,12 @@ where
 
     /// Deletes and creates RVEs on both scales.
     fn change(&mut self, change: &Change) -> Result<(), TwoScaleError> {
-        change.gone.iter().for_each(|&unit| self.heard.units[unit as usize] = None);
+        change.gone.iter().for_each(|&unit| self.reports.units[unit as usize] = None);
         self.micro.change(change)
     }
 
     /// Deletes and creates the RVEs of these elements, if there are any.
-    fn turn_over(&mut self, gone: &[usize], new: &[usize]) -> Result<(), TissueFieldError> {
+    fn update_rves(&mut self, gone: &[usize], new: &[usize]) -> Result<(), TissueFieldError> {
         if gone.is_empty() && new.is_empty() {
             return Ok(());
         }
@@ -151,7 +151,7 @@ where
             let (element, gradient) = (failure.element, Matrix3::from_column_slice(&gradient));
             let origin = format!("element {element}");
             let dump = RveDump::new(origin, &self.library.models()[model], (&rve, &gradient), self.library.params());
-            *self.lost.get_mut().unwrap_or_else(PoisonError::into_inner) = Some(LostRve { element, model, dump });
+            *self.lost.get_mut().unwrap_or_else(PoisonError::into_inner) = Some(FailedRve { element, model, dump });
         }
         Ok(failure)
     }
@@ -159,19 +159,19 @@ where
     /// Ends a step on the micro scale and stores its reports.
     fn end_step(&mut self, converged: bool) -> Result<(), TwoScaleError> {
         let (reports, iterations) = self.micro.end_step(converged)?;
-        let mut stats = SweepStats::default();
-        self.heard.bytes = reports.iter().map(|report| report.bytes).sum();
+        let mut stats = RveStats::default();
+        self.reports.bytes = reports.iter().map(|report| report.bytes).sum();
         for (report, &rank) in reports.into_iter().zip(self.micro.ranks()) {
             stats = stats.and(report.stats);
             for unit in report.units {
                 let element = unit.element as usize;
                 self.rank_of[element] = rank as u32;
-                self.heard.units[element] = Some(unit);
+                self.reports.units[element] = Some(unit);
             }
         }
-        let heard = self.heard.stats.get_mut().unwrap_or_else(PoisonError::into_inner);
-        *heard = heard.and(stats);
-        self.heard.seconds.get_mut().unwrap_or_else(PoisonError::into_inner).extend(iterations);
+        let reports = self.reports.stats.get_mut().unwrap_or_else(PoisonError::into_inner);
+        *reports = reports.and(stats);
+        self.reports.seconds.get_mut().unwrap_or_else(PoisonError::into_inner).extend(iterations);
         self.micro.rest();
         Ok(())
     }
@@ -212,7 +212,7 @@ where
     fn evolve(&mut self) -> Result<bool, Self::Error> {
         let turnover = self.sites.evolve();
         // Deleted RVEs are kept until the commit, because the step may still fail.
-        self.turn_over(&[], &turnover.created)?;
+        self.update_rves(&[], &turnover.created)?;
         Ok(!turnover.is_empty())
     }
 
@@ -220,7 +220,7 @@ where
         let ended = self.end_step(true);
         self.whole(ended)?;
         let gone = self.sites.commit();
-        self.turn_over(&gone, &[])
+        self.update_rves(&gone, &[])
     }
 
     fn revert(&mut self) -> Result<(), Self::Error> {
@@ -230,7 +230,7 @@ where
         let ended = self.end_step(false);
         self.whole(ended)?;
         let created = self.sites.revert();
-        self.turn_over(&created, &[])
+        self.update_rves(&created, &[])
     }
 
     fn is_final(error: &Self::Error) -> bool {
@@ -253,27 +253,27 @@ where
     }
 
     fn rve_bytes(&self) -> usize {
-        self.heard.bytes
+        self.reports.bytes
     }
 
-    fn take_stats(&self) -> SweepStats {
-        std::mem::take(&mut self.heard.stats.lock().unwrap_or_else(PoisonError::into_inner))
+    fn take_stats(&self) -> RveStats {
+        std::mem::take(&mut self.reports.stats.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
     fn take_seconds(&self) -> Vec<Vec<RankSeconds>> {
-        std::mem::take(&mut self.heard.seconds.lock().unwrap_or_else(PoisonError::into_inner))
+        std::mem::take(&mut self.reports.seconds.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    fn take_lost(&self) -> Option<LostRve> {
+    fn take_lost(&self) -> Option<FailedRve> {
         self.lost.lock().unwrap_or_else(PoisonError::into_inner).take()
     }
 
     fn summaries(&self) -> Vec<Option<PointSummary>> {
-        self.heard.units.iter().map(|unit| unit.as_ref().and_then(|unit| unit.summary.clone())).collect()
+        self.reports.units.iter().map(|unit| unit.as_ref().and_then(|unit| unit.summary.clone())).collect()
     }
 
     fn deformed_network(&self, element: usize) -> Option<DeformedNetwork> {
-        let drawn = self.heard.units.get(element)?.as_ref()?.network.as_ref()?;
+        let drawn = self.reports.units.get(element)?.as_ref()?.network.as_ref()?;
         Some(DeformedNetwork {
             network: std::sync::Arc::clone(self.library.models()[drawn.model].network()),
             positions: drawn.positions.clone(),
@@ -310,8 +310,9 @@ where
 
     fn unit_states(&self) -> impl ExactSizeIterator<Item = UnitState> + '_ {
         let existing = self.sites.existing();
-        let all: Vec<_> =
-            existing.filter_map(|(e, _)| Some((&self.heard.units[e].as_ref()?.state, self.sites.anchor(e)))).collect();
+        let all: Vec<_> = existing
+            .filter_map(|(e, _)| Some((&self.reports.units[e].as_ref()?.state, self.sites.anchor(e))))
+            .collect();
         all.into_iter().map(|(state, anchor)| {
             let state = UnitState::from(state.clone());
             UnitState { answer: anchor.or(state.answer), ..state }

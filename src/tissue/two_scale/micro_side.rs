@@ -6,8 +6,8 @@ use std::time::Instant;
 use super::TwoScaleError;
 use super::channels::Channels;
 use super::protocol::{
-    Answer, Command, Drawn, Failed, Header, MACRO, OneByOne, RankReport, Seconds, Strain, Task, UnitReport, pack,
-    pack_into, unpack,
+    Answer, Command, Failed, MACRO, NetworkOutput, NewRve, RankReport, Seconds, SerializeIter, Strain, Task,
+    UnitReport, pack, pack_into, unpack,
 };
 use crate::coupling::Scales;
 use crate::las::{Backend, Comm, Message, Scalar};
@@ -72,7 +72,7 @@ where
                     let mut step_complete = false;
                     while !step_complete {
                         self.answer_strains()?;
-                        step_complete = self.hear_of_step()?;
+                        step_complete = self.commands_of_step()?;
                     }
                 }
                 Command::Complete => complete = true,
@@ -84,7 +84,7 @@ where
 
     /// Carries out commands after the answers; returns false if the macro scale asks for another trial state of the
     /// step.
-    fn hear_of_step(&mut self) -> Result<bool, TwoScaleError> {
+    fn commands_of_step(&mut self) -> Result<bool, TwoScaleError> {
         loop {
             match self.command()? {
                 Command::Iterate => return Ok(false),
@@ -131,7 +131,7 @@ where
         let gone = before.into_iter().filter(|unit| !kept.contains(unit)).map(|unit| unit as usize).collect();
         self.units.remove(&gone);
         let delta = self.channels.down.reconcile()?;
-        let mut headers = vec![Header { region: 0 }; delta.units().len()];
+        let mut headers = vec![NewRve { region: 0 }; delta.units().len()];
         self.channels.headers.receive(&delta, &mut headers)?;
         for (&element, header) in delta.units().iter().zip(headers) {
             let element = element as usize;
@@ -189,7 +189,7 @@ where
         // `Units` reverts on the rank of the failed RVE; the other ranks revert too, so that the start of the next
         // trial state does not depend on the distribution of RVEs.
         self.units.revert();
-        self.to_macro(pack(&failed)?)
+        self.gather_to_macro(pack(&failed)?)
     }
 
     /// Commits or reverts the step and sends the report of this rank to the macro scale. The time for that counts for
@@ -212,17 +212,21 @@ where
                 network: self.drawn(number, summary.as_ref()),
             })
         };
-        let report =
-            RankReport { stats: self.units.take_stats(), bytes: self.units.bytes(), seconds, units: OneByOne(units) };
+        let report = RankReport {
+            stats: self.units.take_stats(),
+            bytes: self.units.bytes(),
+            seconds,
+            units: SerializeIter(units),
+        };
         // The size of the RVEs is about that of the report.
-        self.to_macro(pack_into(Message::zeros(report.bytes), &report)?)?;
+        self.gather_to_macro(pack_into(Message::zeros(report.bytes), &report)?)?;
         self.between.busy += (summarized - start).as_secs_f64();
         self.between.exchanging += summarized.elapsed().as_secs_f64();
         Ok(())
     }
 
     /// The deformed network of a unit, if the case requests it as output.
-    fn drawn(&self, number: usize, summary: Option<&PointSummary>) -> Option<Drawn> {
+    fn drawn(&self, number: usize, summary: Option<&PointSummary>) -> Option<NetworkOutput> {
         let element = self.units.elements()[number];
         let is_drawn = match &self.drawn {
             RveOutput::None => false,
@@ -231,11 +235,11 @@ where
         };
         let model = summary.map_or(0, |summary| summary.network);
         let deformed = if is_drawn { self.units.deformed_network(number) } else { None };
-        deformed.map(|deformed| Drawn::new(model, deformed))
+        deformed.map(|deformed| NetworkOutput::new(model, deformed))
     }
 
     /// Gathers a message of every rank of this scale and sends them to the macro scale, in the order of ranks.
-    fn to_macro(&self, message: Message) -> Result<(), TwoScaleError> {
+    fn gather_to_macro(&self, message: Message) -> Result<(), TwoScaleError> {
         let all = self.scales.comm().gather(0, message)?;
         Ok(self.scales.broadcast(self.above, Message::join(all.unwrap_or_default()))?)
     }

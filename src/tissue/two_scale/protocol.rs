@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize, Serializer};
 use crate::fem::material::Response;
 use crate::las::Message;
 use crate::tissue::checkpoint::UnitRecord;
-use crate::tissue::micro_scale::{DeformedNetwork, PointFailure, PointSummary, SweepStats, UnitState};
+use crate::tissue::micro_scale::{DeformedNetwork, PointFailure, PointSummary, RveStats, UnitState};
 
 /// The name of the scale of the body in `[scales]` of a case.
 pub const MACRO: &str = "macro";
@@ -16,7 +16,7 @@ pub const MICRO: &str = "micro";
 
 crate::payload! {
     /// The data that creates an RVE.
-    pub struct Header {
+    pub struct NewRve {
         /// The region of the case that its element belongs to.
         pub region: u64,
     }
@@ -143,7 +143,7 @@ pub enum Command {
 #[derive(Serialize, Deserialize)]
 pub struct RankReport<U = Vec<UnitReport>> {
     /// Counters of the work of its RVEs.
-    pub stats: SweepStats,
+    pub stats: RveStats,
     /// Bytes that its RVEs own.
     pub bytes: usize,
     /// Its busy, idle and exchange times, one entry per trial state.
@@ -153,9 +153,9 @@ pub struct RankReport<U = Vec<UnitReport>> {
 }
 
 /// Serializes the items of an iterator one by one, because all of them together may need as much memory as the RVEs.
-pub struct OneByOne<F>(pub F);
+pub struct SerializeIter<F>(pub F);
 
-impl<I: Iterator<Item: Serialize>, F: Fn() -> I> Serialize for OneByOne<F> {
+impl<I: Iterator<Item: Serialize>, F: Fn() -> I> Serialize for SerializeIter<F> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_seq((self.0)())
     }
@@ -171,12 +171,12 @@ pub struct UnitReport {
     /// Its committed state.
     pub state: UnitRecord,
     /// Its deformed network, if the case requests it as output.
-    pub network: Option<Drawn>,
+    pub network: Option<NetworkOutput>,
 }
 
 /// A deformed network without the parts that every rank knows from the model.
 #[derive(Serialize, Deserialize)]
-pub struct Drawn {
+pub struct NetworkOutput {
     /// The number of its model.
     pub model: usize,
     /// Positions of the nodes.
@@ -187,7 +187,7 @@ pub struct Drawn {
     pub forces: Vec<f64>,
 }
 
-impl Drawn {
+impl NetworkOutput {
     /// Takes the node and fiber values of the deformed network of a model.
     #[must_use]
     pub fn new(model: usize, deformed: DeformedNetwork) -> Self {

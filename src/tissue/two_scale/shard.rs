@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use super::TwoScaleError;
 use super::channels::Channels;
-use super::protocol::{Answer, Header, Seconds, Strain};
+use super::protocol::{Answer, NewRve, Seconds, Strain};
 use crate::coupling::{Even, Scales, UnitId};
 use crate::las::Comm;
 
@@ -43,7 +43,7 @@ impl<C: Comm> Shard<C> {
         let new: Vec<[u64; 2]> = change.new.iter().copied().filter(|&[element, _]| is_own(element as usize)).collect();
         let units: Vec<UnitId> = new.iter().map(|&[element, _]| element).collect();
         let delta = self.channels.down.add(&units, &[], &Even)?;
-        let headers: Vec<Header> = new.iter().map(|&[_, region]| Header { region }).collect();
+        let headers: Vec<NewRve> = new.iter().map(|&[_, region]| NewRve { region }).collect();
         self.channels.headers.send(&delta, &headers)?;
         self.channels.turn_back();
         Ok(())

@@ -20,7 +20,7 @@ pub struct First<'a, C: Comm> {
 
 impl<C: Comm> First<'_, C> {
     fn elsewhere(&self, reason: impl ToString) -> ResultsError {
-        ResultsError::Elsewhere { path: self.dir.to_owned(), reason: reason.to_string() }
+        ResultsError::OtherRank { path: self.dir.to_owned(), reason: reason.to_string() }
     }
 
     fn whole(&self) -> Result<(), ResultsError> {

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use biotissue::las::{Comm, CommError, Disagreement, Message, Sending, Tag};
+use biotissue::las::{Comm, CommError, Disagreement, Message, SendRequest, Tag};
 
 use super::Outcome;
 
@@ -26,7 +26,7 @@ pub fn messages_of_one_tag_arrive_in_order_and_tags_stay_apart<C: Comm>(comm: &C
     for k in 0..10_u64 {
         assert_eq!(comm.receive(last, TAG)?.values(), Some(&[k][..]));
     }
-    assert!(!comm.is_there(last, TAG)?);
+    assert!(!comm.probe(last, TAG)?);
     for sending in sendings {
         sending.wait()?;
     }

@@ -18,9 +18,9 @@ use mpi::ffi;
 use mpi::raw::AsRaw;
 use mpi::topology::{Color, Communicator, SimpleCommunicator};
 
-pub use self::underway::{Arriving, Underway};
 use self::underway::{PART, Requests, check, look};
-use crate::las::{Comm, CommError, Message, Sending, Tag};
+pub use self::underway::{ReceiveInProgress, SendInProgress};
+use crate::las::{Comm, CommError, Message, SendRequest, Tag};
 
 /// A communicator whose ranks are MPI processes. Any thread may use it; MPI must be initialized to allow that.
 #[derive(Clone)]
@@ -227,8 +227,8 @@ fn receive_part(mut handle: ffi::MPI_Message, memory: &mut [u8]) -> Result<(), C
 }
 
 impl Comm for MpiComm {
-    type Sending = Underway;
-    type Receiving = Arriving;
+    type SendRequest = SendInProgress;
+    type ReceiveRequest = ReceiveInProgress;
 
     fn rank(&self) -> usize {
         self.group.rank
@@ -238,11 +238,11 @@ impl Comm for MpiComm {
         self.group.size
     }
 
-    fn start_send(&self, to: usize, tag: Tag, message: Message) -> Result<Underway, CommError> {
+    fn start_send(&self, to: usize, tag: Tag, message: Message) -> Result<SendInProgress, CommError> {
         let rank = self.known(to)?;
-        let mut underway = Underway { message, requests: Requests::default(), to, time_out: self.time_out };
-        let Underway { message, requests, .. } = &mut underway;
-        // SAFETY: the memory of the message stays in place until `Underway` has completed the requests or leaked it.
+        let mut underway = SendInProgress { message, requests: Requests::default(), to, time_out: self.time_out };
+        let SendInProgress { message, requests, .. } = &mut underway;
+        // SAFETY: the memory of the message stays in place until `SendInProgress` has completed the requests or leaked it.
         unsafe { self.start_parts(rank, tag, message.bytes(), requests) }?;
         Ok(underway)
     }
@@ -253,7 +253,7 @@ impl Comm for MpiComm {
         if self.time_out.is_some() {
             // Borrowed bytes cannot outlive this call after a time-out; copies can.
             let start = |&(to, bytes): &(usize, &[u8])| self.start_send(to, tag, Message::of(bytes));
-            let sendings: Vec<Underway> = parcels.iter().map(start).collect::<Result<_, _>>()?;
+            let sendings: Vec<SendInProgress> = parcels.iter().map(start).collect::<Result<_, _>>()?;
             return sendings.into_iter().try_for_each(|sending| sending.wait().map(drop));
         }
         let mut requests = Requests::default();
@@ -269,7 +269,7 @@ impl Comm for MpiComm {
     }
 
     fn wait_for(&self, from: usize, tag: Tag) -> Result<(), CommError> {
-        look(self.known(from)?, self.time_out, || Ok(self.is_there(from, tag)?.then_some(())))
+        look(self.known(from)?, self.time_out, || Ok(self.probe(from, tag)?.then_some(())))
     }
 
     fn receive_into(&self, from: usize, tag: Tag, memory: Message) -> Result<Message, CommError> {
@@ -305,15 +305,22 @@ impl Comm for MpiComm {
         if there == expected { Ok(()) } else { Err(CommError::Size { from, found: there, expected }) }
     }
 
-    fn start_receive(&self, from: usize, tag: Tag, len: usize, memory: Message) -> Result<Arriving, CommError> {
+    fn start_receive(
+        &self,
+        from: usize,
+        tag: Tag,
+        len: usize,
+        memory: Message,
+    ) -> Result<ReceiveInProgress, CommError> {
         let from = self.known(from)?;
-        let mut arriving = Arriving { message: memory, requests: Requests::default(), from, time_out: self.time_out };
+        let mut arriving =
+            ReceiveInProgress { message: memory, requests: Requests::default(), from, time_out: self.time_out };
         arriving.message.resize(len);
-        let Arriving { message, requests, .. } = &mut arriving;
+        let ReceiveInProgress { message, requests, .. } = &mut arriving;
         let bytes = message.bytes_mut();
         let receive = |part: Range<usize>, request| {
             let part = &mut bytes[part];
-            // SAFETY: a live communicator, and the memory of the message, which stays in place until `Arriving` has
+            // SAFETY: a live communicator, and the memory of the message, which stays in place until `ReceiveInProgress` has
             // completed the requests or leaked it.
             unsafe {
                 ffi::MPI_Irecv(
@@ -332,7 +339,7 @@ impl Comm for MpiComm {
         Ok(arriving)
     }
 
-    fn is_there(&self, from: usize, tag: Tag) -> Result<bool, CommError> {
+    fn probe(&self, from: usize, tag: Tag) -> Result<bool, CommError> {
         let (from, mut there) = (self.known(from)?, 0);
         // SAFETY: a live communicator.
         let code =

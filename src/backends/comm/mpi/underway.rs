@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use mpi::ffi;
 
 use super::is_over;
-use crate::las::{CommError, Message, Receiving, Sending};
+use crate::las::{CommError, Message, ReceiveRequest, SendRequest};
 
 /// The largest number of bytes in one MPI message, which counts them in 32 bits; longer messages are sent in parts.
 pub(super) const PART: usize = 1 << 30;
@@ -111,7 +111,7 @@ impl Requests {
             if done != 0 {
                 self.0.pop();
             } else if start.elapsed() > waited {
-                return Err(CommError::NotTaken { to, waited });
+                return Err(CommError::SendTimeOut { to, waited });
             } else {
                 thread::yield_now();
             }
@@ -141,7 +141,7 @@ impl Requests {
 
 /// A message that MPI may still read.
 #[derive(Debug)]
-pub struct Underway {
+pub struct SendInProgress {
     pub(super) message: Message,
     pub(super) requests: Requests,
     pub(super) to: usize,
@@ -149,9 +149,9 @@ pub struct Underway {
 }
 
 // SAFETY: a request is not bound to a thread.
-unsafe impl Send for Underway {}
+unsafe impl Send for SendInProgress {}
 
-impl Drop for Underway {
+impl Drop for SendInProgress {
     fn drop(&mut self) {
         // No caller waits for this message any more. Waiting here could block forever: a rank that fails must reach the
         // point where it ends the others. Memory that MPI may still read is leaked.
@@ -161,7 +161,7 @@ impl Drop for Underway {
     }
 }
 
-impl Sending for Underway {
+impl SendRequest for SendInProgress {
     fn wait(mut self) -> Result<Option<Message>, CommError> {
         match self.time_out {
             None => self.requests.complete()?,
@@ -173,7 +173,7 @@ impl Sending for Underway {
 
 /// A message whose memory MPI may still write.
 #[derive(Debug)]
-pub struct Arriving {
+pub struct ReceiveInProgress {
     pub(super) message: Message,
     /// The requests of the parts that have not arrived yet.
     pub(super) requests: Requests,
@@ -182,23 +182,23 @@ pub struct Arriving {
 }
 
 // SAFETY: a request is not bound to a thread.
-unsafe impl Send for Arriving {}
+unsafe impl Send for ReceiveInProgress {}
 
-impl Drop for Arriving {
+impl Drop for ReceiveInProgress {
     fn drop(&mut self) {
         let pending = if is_over() { &mut [][..] } else { &mut self.requests.0[..] };
         for request in pending {
             // SAFETY: a request that was started and not completed; if its message has arrived, the call has no effect.
             unsafe { ffi::MPI_Cancel(request) };
         }
-        // As for `Underway`: this does not wait, and memory that MPI may still write is leaked.
+        // As for `SendInProgress`: this does not wait, and memory that MPI may still write is leaked.
         if !self.requests.give_up() {
             std::mem::forget(std::mem::take(&mut self.message));
         }
     }
 }
 
-impl Receiving for Arriving {
+impl ReceiveRequest for ReceiveInProgress {
     fn wait(mut self) -> Result<Message, CommError> {
         let (from, expected, mut found) = (self.from, self.message.len(), 0);
         while let Some(request) = self.requests.0.last_mut() {

@@ -2,8 +2,8 @@
 
 use super::lanes::{BlockScalar, Kernel, Lanes, Width};
 use super::products::{load, rows_of, store, subtract_products};
-use super::update::Earlier;
-use super::{BLOCK, Column, Node, Partial, Source, SymbolicBlockCholesky};
+use super::update::DescendantSupernode;
+use super::{BLOCK, BlockSource, Column, Node, PartialBlock, SymbolicBlockCholesky};
 use crate::backends::direct::Pivots;
 use crate::las::Scalar;
 
@@ -65,7 +65,7 @@ impl<T: Scalar> Kernel<T> for Factor<'_, T> {
     fn run<L: Lanes<T>>(self, lanes: L) -> Result<Pivots, usize> {
         let Self { analysis, values, panels, place } = self;
         let supernodes = &analysis.supernodes;
-        let mut pivots = Pivots::none();
+        let mut pivots = Pivots::empty();
         for s in 0..supernodes.count() {
             let (before, rest) = panels.split_at_mut(analysis.panel_start[s]);
             let panel = &mut rest[..analysis.panel_start[s + 1] - analysis.panel_start[s]];
@@ -80,7 +80,7 @@ impl<T: Scalar> Kernel<T> for Factor<'_, T> {
             }
             for update in analysis.updates_of(s) {
                 let from = update.from as usize;
-                let earlier = Earlier {
+                let earlier = DescendantSupernode {
                     width: supernodes.width(from),
                     panel: &before[analysis.panel_start[from]..analysis.panel_start[from + 1]],
                     rows: supernodes.rows(from),
@@ -95,7 +95,7 @@ impl<T: Scalar> Kernel<T> for Factor<'_, T> {
 
 /// Loads the values of the matrix into a panel.
 #[inline(always)]
-fn fill<T: Scalar, L: Lanes<T>>(lanes: L, panel: &mut [Column<T>], sources: &[Source], values: &[T]) {
+fn fill<T: Scalar, L: Lanes<T>>(lanes: L, panel: &mut [Column<T>], sources: &[BlockSource], values: &[T]) {
     panel.fill(Column::default());
     // The fourth value belongs to another block or is the extra one at the end of the matrix. If it is not finite, the
     // fourth lane becomes NaN, which is harmless: no operation mixes lanes and the fourth lane is never read.
@@ -114,8 +114,8 @@ fn fill<T: Scalar, L: Lanes<T>>(lanes: L, panel: &mut [Column<T>], sources: &[So
 
 /// Loads the blocks that have fewer than three rows or columns.
 #[inline(always)]
-fn fill_partial<T: Scalar>(panel: &mut [Column<T>], partial: &[Partial], values: &[T]) {
-    for &Partial { source, rows, columns } in partial {
+fn fill_partial<T: Scalar>(panel: &mut [Column<T>], partial: &[PartialBlock], values: &[T]) {
+    for &PartialBlock { source, rows, columns } in partial {
         for column in 0..columns as usize {
             let at = source.at as usize + column * source.stride as usize;
             let rows = rows as usize;
@@ -254,7 +254,7 @@ fn invert_diagonal<T: Scalar>(
     }
     let mut see = |pivot: T, k: usize| {
         if k < size {
-            pivots.see(pivot.as_f64(), position + k);
+            pivots.record(pivot.as_f64(), position + k);
         }
         if pivot > T::zero() { Ok(T::one() / pivot.sqrt()) } else { Err(position + k) }
     };

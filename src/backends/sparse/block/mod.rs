@@ -48,7 +48,7 @@ type Column<T> = [T; lanes::LANES];
 
 /// The source and destination of one block of the matrix.
 #[derive(Clone, Copy, Debug)]
-struct Source {
+struct BlockSource {
     /// Index of the first value of the block in the matrix.
     at: u32,
     /// Number of values in each of its rows of the matrix, which is the distance between two rows of the block.
@@ -59,8 +59,8 @@ struct Source {
 
 /// A block with fewer than three rows or columns; padding fills the rest of its place in the panel.
 #[derive(Clone, Copy, Debug)]
-struct Partial {
-    source: Source,
+struct PartialBlock {
+    source: BlockSource,
     rows: u8,
     columns: u8,
 }
@@ -95,13 +95,13 @@ pub(super) struct SymbolicBlockCholesky {
     /// The index of the first column of each panel; one entry more than there are supernodes.
     panel_start: Vec<usize>,
     /// The blocks of the matrix that belong to each supernode.
-    sources: Vec<Source>,
+    sources: Vec<BlockSource>,
     source_start: Vec<u32>,
     /// The earlier supernodes that update each supernode.
     updates: Vec<Update>,
     update_start: Vec<u32>,
     /// The blocks with fewer than three rows or columns that belong to each supernode.
-    partial: Vec<Partial>,
+    partial: Vec<PartialBlock>,
     partial_start: Vec<u32>,
     /// The node eliminated at each position.
     nodes: Vec<Node>,
@@ -117,7 +117,7 @@ impl SymbolicBlockCholesky {
         }
         let (updates, update_start) = updates(&supernodes);
         let mut blocks = sources::blocks(pattern, graph, tree, &supernodes);
-        let is_full = |block: &Partial| usize::from(block.rows.min(block.columns)) == BLOCK;
+        let is_full = |block: &PartialBlock| usize::from(block.rows.min(block.columns)) == BLOCK;
         let partial = blocks.extract_if(.., |(_, block)| !is_full(block)).collect::<Vec<_>>();
         let first = graph.first_unknowns();
         let node = |&node: &u32| Node { first: first[node as usize], size: graph.size(node as usize) as u32 };
@@ -166,12 +166,12 @@ impl SymbolicBlockCholesky {
     }
 
     #[inline]
-    fn partial_of(&self, s: usize) -> &[Partial] {
+    fn partial_of(&self, s: usize) -> &[PartialBlock] {
         &self.partial[self.partial_start[s] as usize..self.partial_start[s + 1] as usize]
     }
 
     #[inline]
-    fn sources_of(&self, s: usize) -> &[Source] {
+    fn sources_of(&self, s: usize) -> &[BlockSource] {
         &self.sources[self.source_start[s] as usize..self.source_start[s + 1] as usize]
     }
 

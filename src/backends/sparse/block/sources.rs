@@ -3,15 +3,20 @@
 use std::iter::repeat_n;
 
 use super::supernodes::Supernodes;
-use super::{BLOCK, Partial, Source};
+use super::{BLOCK, BlockSource, PartialBlock};
 use crate::backends::sparse::order::{Graph, Tree};
 use crate::las::Sparsity;
 
 /// Returns the blocks of the matrix at and below the diagonal of the factor, each with its supernode, in panel order.
-pub(super) fn blocks(pattern: &Sparsity, graph: &Graph, tree: &Tree, supernodes: &Supernodes) -> Vec<(u32, Partial)> {
+pub(super) fn blocks(
+    pattern: &Sparsity,
+    graph: &Graph,
+    tree: &Tree,
+    supernodes: &Supernodes,
+) -> Vec<(u32, PartialBlock)> {
     let first = graph.first_unknowns();
     let node_of: Vec<u32> = (0..graph.nodes()).flat_map(|node| repeat_n(node as u32, graph.size(node))).collect();
-    let mut blocks: Vec<(u32, Partial)> = Vec::new();
+    let mut blocks: Vec<(u32, PartialBlock)> = Vec::new();
     for node in 0..graph.nodes() {
         let start = pattern.row_offsets()[first[node] as usize];
         let (row, columns) = (pattern.row(first[node] as usize), graph.size(node));
@@ -31,8 +36,8 @@ pub(super) fn blocks(pattern: &Sparsity, graph: &Graph, tree: &Tree, supernodes:
             let to = BLOCK
                 * (supernodes.width(s as usize) * supernodes.row_of(s as usize, row_of_factor)
                     + supernodes.column_of(s as usize, column));
-            let source = Source { at, stride: row.len() as u32, to: to as u32 };
-            blocks.push((s, Partial { source, rows: graph.size(other) as u8, columns: columns as u8 }));
+            let source = BlockSource { at, stride: row.len() as u32, to: to as u32 };
+            blocks.push((s, PartialBlock { source, rows: graph.size(other) as u8, columns: columns as u8 }));
         }
     }
     blocks.sort_unstable_by_key(|&(s, block)| (s, block.source.to));

@@ -7,13 +7,13 @@ use super::{BLOCK, Column};
 use crate::las::Scalar;
 
 /// A supernode whose columns are final.
-pub(super) struct Earlier<'a, T> {
+pub(super) struct DescendantSupernode<'a, T> {
     pub(super) width: usize,
     pub(super) panel: &'a [Column<T>],
     pub(super) rows: &'a [u32],
 }
 
-impl<T: Scalar> Earlier<'_, T> {
+impl<T: Scalar> DescendantSupernode<'_, T> {
     /// Subtracts the contribution of this supernode from the panel of a later one; `reached` is the range of rows of
     /// this supernode that are columns of the later one.
     #[inline(always)]

@@ -91,7 +91,7 @@ mod tests {
         let laws = [
             Law::Linear { youngs_modulus: 1e8 },
             Law::table(Table::new(vec![[0.9, -1e6 / 3.0], [1.0, 0.0], [1.2, 2e6]]).unwrap()),
-            Law::Exponential { youngs_modulus: 1e7, nonlinearity: 1.2 }.without_compression(0.1, 0.02),
+            Law::Exponential { youngs_modulus: 1e7, nonlinearity: 1.2 }.with_buckling(0.1, 0.02),
         ];
         let materials: Vec<FiberMaterial> = laws.map(|law| FiberMaterial { law, radius: 5e-8, density: None }).into();
         let type_of: Vec<u16> = (0..150).map(|k| k % 3).collect();

@@ -116,7 +116,7 @@ impl NamedLaw {
                 let compression = compression.unwrap_or(COMPRESSION);
                 let fits = (0.0..=1.0).contains(&compression);
                 in_range("compression", compression, fits, "from 0 to 1")?;
-                law.without_compression(compression, above_zero("buckling_strain", strain.unwrap_or(BUCKLING_STRAIN))?)
+                law.with_buckling(compression, above_zero("buckling_strain", strain.unwrap_or(BUCKLING_STRAIN))?)
             }
         };
         let radius = above_zero("radius", self.radius)?;
@@ -173,7 +173,7 @@ impl NamedLaw {
     /// Returns true if the law can be read back; a custom law can be displayed but not read.
     pub(super) fn is_known(law: &Law) -> bool {
         match law {
-            Law::NoCompression { law, .. } => !matches!(**law, Law::NoCompression { .. }) && Self::is_known(law),
+            Law::Buckling { law, .. } => !matches!(**law, Law::Buckling { .. }) && Self::is_known(law),
             Law::Custom(_) => false,
             _ => true,
         }
@@ -203,7 +203,7 @@ impl From<&Law> for NamedLaw {
                 named.transition = Some(*transition);
             }
             Law::Table(table) => named.points = Some(table.points().to_vec()),
-            Law::NoCompression { law, compression, buckling_strain } => {
+            Law::Buckling { law, compression, buckling_strain } => {
                 named = Self::from(&**law);
                 named.compression = Some(*compression);
                 named.buckling_strain = Some(*buckling_strain);

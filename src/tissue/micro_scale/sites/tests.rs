@@ -8,17 +8,17 @@ fn stretched(by: f64) -> Matrix3<f64> {
 /// One element of matrix alone, with a life cycle.
 fn sites(rules: LifeCase) -> Sites {
     let matrix = Some(Formula::NeoHookean(NeoHookean { mu: 1.0, lambda: 2.0 }));
-    let course = Some(Box::new(Course::new(rules)));
+    let course = Some(Box::new(LifeCycle::new(rules)));
     Sites {
         sites: vec![Site::Rve(Point { region: 0, model: None, matrix, course })],
         at_rest: Vec::new(),
-        pending: Turnover::default(),
+        pending: RveChanges::default(),
         is_restored: false,
     }
 }
 
 /// Converges at a stretch; the RVE, where it is solved, has ten times the stiffness of its matrix.
-fn converge(sites: &mut Sites, by: f64) -> (Response, Turnover) {
+fn converge(sites: &mut Sites, by: f64) -> (Response, RveChanges) {
     let f = stretched(by);
     let answer = match sites.respond(0, &f).unwrap() {
         Some(answer) => answer,
@@ -41,7 +41,7 @@ fn an_rve_comes_when_strain_passes_a_threshold_and_goes_when_it_passes_another()
     assert_eq!((sites.life(0), sites.existing().count()), (Some(Life::Waiting), 0));
     let (answer, turnover) = converge(&mut sites, 0.04);
     assert_eq!(answer, NeoHookean { mu: 1.0, lambda: 2.0 }.respond(&stretched(0.04)).unwrap());
-    assert_eq!(turnover, Turnover::default());
+    assert_eq!(turnover, RveChanges::default());
     let (_, turnover) = converge(&mut sites, 0.06);
     assert_eq!((turnover.created, sites.life(0)), (vec![0], Some(Life::Awake)));
     let (answer, _) = converge(&mut sites, 0.1);

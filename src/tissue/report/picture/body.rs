@@ -6,7 +6,7 @@ use std::collections::HashMap;
 use nalgebra::Vector3;
 
 use super::color::lit;
-use super::skin::{Skin, lines, normal};
+use super::skin::{BoundaryMesh, lines, normal};
 use super::svg::{Svg, hex};
 use super::view::View;
 use super::{Colors, Scene};
@@ -31,7 +31,7 @@ pub(super) fn visible_elements(scene: &Scene) -> Vec<usize> {
     elements
 }
 
-fn visible(skin: &Skin, points: &[Vector3<f64>], view: &View) -> Vec<bool> {
+fn visible(skin: &BoundaryMesh, points: &[Vector3<f64>], view: &View) -> Vec<bool> {
     skin.faces.iter().map(|face| normal(face, points).dot(&view.toward) > 0.0).collect()
 }
 
@@ -77,7 +77,7 @@ fn height([a, b, c]: [[f64; 2]; 3]) -> f64 {
 }
 
 /// Returns the edges to be drawn with each face: silhouette edges and creases.
-fn creases(skin: &Skin, points: &[Vector3<f64>], visible: &[bool]) -> HashMap<usize, Vec<[u32; 2]>> {
+fn creases(skin: &BoundaryMesh, points: &[Vector3<f64>], visible: &[bool]) -> HashMap<usize, Vec<[u32; 2]>> {
     let mut creases: HashMap<usize, Vec<[u32; 2]>> = HashMap::new();
     for edge in &skin.edges {
         let [a, b] = edge.faces;

@@ -21,7 +21,7 @@ use std::path::Path;
 use nalgebra::Vector3;
 
 use self::quantity::Quantity;
-use self::skin::Skin;
+use self::skin::BoundaryMesh;
 use self::svg::Svg;
 use self::view::{Frame, View};
 use super::ReportError;
@@ -55,7 +55,7 @@ impl Default for PictureOptions {
 /// The body in space and its projection to the page.
 #[derive(Clone, Debug)]
 struct Scene {
-    skin: Skin,
+    skin: BoundaryMesh,
     reference: Vec<Vector3<f64>>,
     current: Vec<Vector3<f64>>,
     view: View,
@@ -177,7 +177,7 @@ fn compose(title: &str, state: &str, fields: &Fields, quantity: Option<Quantity>
 fn scene(fields: &Fields, axis: Option<usize>) -> Scene {
     let reference: Vec<Vector3<f64>> = fields.points.iter().map(|&point| point.into()).collect();
     let current: Vec<Vector3<f64>> = deformed(fields).map(Vector3::from).collect();
-    let skin = Skin::of(&fields.elements);
+    let skin = BoundaryMesh::of(&fields.elements);
     let first = reference.first().copied().unwrap_or_default();
     let (low, high) = reference.iter().fold((first, first), |(low, high), point| (low.inf(point), high.sup(point)));
     let view = View::of(high - low, axis);

@@ -24,12 +24,12 @@ pub(super) struct Edge {
 
 /// The boundary of a body.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Skin {
+pub(super) struct BoundaryMesh {
     pub(super) faces: Vec<Face>,
     pub(super) edges: Vec<Edge>,
 }
 
-impl Skin {
+impl BoundaryMesh {
     /// Finds the faces that belong to only one element.
     pub(super) fn of(elements: &[[u32; 4]]) -> Self {
         let mut owners: HashMap<[u32; 3], (usize, Face)> = HashMap::new();
@@ -115,7 +115,7 @@ mod tests {
     #[test]
     fn the_skin_of_a_cube_is_closed_and_faces_outward() {
         let (points, elements) = cube();
-        let skin = Skin::of(&elements);
+        let skin = BoundaryMesh::of(&elements);
         assert_eq!((skin.faces.len(), skin.edges.len()), (12, 18));
         let mut total = Vector3::zeros();
         for face in &skin.faces {
