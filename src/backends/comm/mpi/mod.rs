@@ -158,7 +158,7 @@ impl MpiComm {
     }
 
     /// Probes for a message; returns its handle and its length in bytes.
-    fn probe(&self, from: i32, tag: Tag) -> Result<Option<(ffi::MPI_Message, usize)>, CommError> {
+    fn matched_probe(&self, from: i32, tag: Tag) -> Result<Option<(ffi::MPI_Message, usize)>, CommError> {
         let (mut there, mut message, mut status) = (0, MaybeUninit::uninit(), MaybeUninit::uninit());
         // SAFETY: a live communicator; all three are written if a message has arrived.
         let code = unsafe {
@@ -184,7 +184,7 @@ impl MpiComm {
 
     /// Waits for a message and returns its handle and its length in bytes (matched probe).
     fn matched(&self, from: i32, tag: Tag) -> Result<(ffi::MPI_Message, usize), CommError> {
-        look(from, self.time_out, || self.probe(from, tag))
+        look(from, self.time_out, || self.matched_probe(from, tag))
     }
 
     /// Starts to send bytes in parts. A part of full length indicates that another part follows, which may be empty.
