@@ -41,11 +41,27 @@ impl Scales {
         Self { columns: rows.clone(), rows }
     }
 
+    /// Returns the scales of a matrix with `n` rows, all on this rank, for factors of this kind: by its diagonal for
+    /// Cholesky, by equilibration for others.
+    #[cfg(any(feature = "sparse", feature = "dense"))]
+    pub(super) fn of_matrix<B>(a: &B::Matrix, kind: Factorization, n: usize) -> Result<Self, SolveError<B::Fault>>
+    where
+        B: Backend<Scalar: Scalar, Context = ()>,
+    {
+        if kind != Factorization::Cholesky {
+            return Self::equilibrating::<B>(a, n).map_err(SolveError::Fault);
+        }
+        let mut diagonal = B::vector(&(), n).map_err(SolveError::Fault)?;
+        a.diagonal(&mut diagonal)?;
+        let scales = |entries: &[B::Scalar]| Self::of_diagonal(entries.iter().map(|entry| entry.as_f64()));
+        diagonal.with_local(scales).map_err(SolveError::Fault)
+    }
+
     /// Equilibrates any matrix whose entries are all on this rank, by repeated division by the square roots of the
     /// largest entries (Ruiz, A scaling algorithm to equilibrate both rows and columns norms in matrices,
     /// RAL-TR-2001-034). The row and column scales of a symmetric matrix are equal.
     #[cfg(any(feature = "sparse", feature = "dense"))]
-    pub(super) fn equilibrating<B: Backend<Scalar: Scalar>>(a: &B::Matrix, n: usize) -> Result<Self, B::Fault> {
+    fn equilibrating<B: Backend<Scalar: Scalar>>(a: &B::Matrix, n: usize) -> Result<Self, B::Fault> {
         /// Each pass halves the number of digits by which the scales are off, which is at most 308.
         const PASSES: usize = 12;
         let mut scales = Self { rows: vec![1.0; n], columns: vec![1.0; n] };

@@ -19,8 +19,8 @@ use crate::backends::iterative::{IterativeSolver, Simple};
 use crate::backends::local;
 use crate::backends::null_vector::{Scales, check_null_vector, null_vector_limit};
 use crate::las::{
-    Backend, FactorReport, Factorization, MatVec, Method, Preconditioner, Scalar, SolveError, SolveReport,
-    SolverParams, Symmetry,
+    Backend, FactorReport, Factorization, Method, Preconditioner, Scalar, SolveError, SolveReport, SolverParams,
+    Symmetry,
 };
 
 /// The size of a dense system and the solver parameters.
@@ -211,13 +211,7 @@ impl<T: Scalar + RealField> Solver<T> {
     ) -> Result<Option<usize>, SolveError<Infallible>> {
         let n = self.symbolic.unknowns;
         let Some(limit) = null_vector_limit::<T>(&self.symbolic.params, n, pivots.ratio()) else { return Ok(None) };
-        let scales = if kind == Factorization::Cholesky {
-            let mut diagonal = Vector::from(vec![T::zero(); n]);
-            a.diagonal(&mut diagonal)?;
-            Scales::of_diagonal(diagonal.values.iter().map(|entry| entry.as_f64()))
-        } else {
-            Scales::equilibrating::<Dense<T>>(a, n).map_err(SolveError::Fault)?
-        };
+        let scales = Scales::of_matrix::<Dense<T>>(a, kind, n)?;
         check_null_vector::<Dense<T>>(&(), a, kind, &scales, limit, |b, x| {
             self.solve_columns(std::slice::from_ref(b), std::slice::from_mut(x)).map(drop)
         })

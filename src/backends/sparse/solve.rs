@@ -17,7 +17,7 @@ use crate::backends::direct::{Pivots, Scratch};
 use crate::backends::iterative::IterativeSolver;
 use crate::backends::local;
 use crate::backends::null_vector::{Scales, check_null_vector, null_vector_limit};
-use crate::las::{Backend, FactorReport, Factorization, MatVec, Method, SolveError, SolveReport, Symmetry};
+use crate::las::{Backend, FactorReport, Factorization, Method, SolveError, SolveReport, Symmetry};
 
 /// The solver for matrices with one sparsity pattern.
 ///
@@ -231,13 +231,7 @@ impl<T: BlockScalar> Solver<T> {
     ) -> Result<Option<usize>, SolveError<Infallible>> {
         let n = self.symbolic.unknowns();
         let Some(limit) = null_vector_limit::<T>(&self.symbolic.params, n, pivots.ratio()) else { return Ok(None) };
-        let scales = if kind == Factorization::Cholesky {
-            let mut diagonal = Vector::from(vec![T::zero(); n]);
-            a.diagonal(&mut diagonal)?;
-            Scales::of_diagonal(diagonal.values.iter().map(|entry| entry.as_f64()))
-        } else {
-            Scales::equilibrating::<Sparse<T>>(a, n).map_err(SolveError::Fault)?
-        };
+        let scales = Scales::of_matrix::<Sparse<T>>(a, kind, n)?;
         check_null_vector::<Sparse<T>>(&(), a, kind, &scales, limit, |b, x| {
             self.solve_columns(std::slice::from_ref(b), std::slice::from_mut(x)).map(drop)
         })
