@@ -10,6 +10,7 @@
 
 use std::sync::Arc;
 
+use biotissue::app::report::charts::{Labels, Line, lines};
 use biotissue::backends::sparse::Sparse;
 use biotissue::fiber::equilibrium::{EquilibriumParams, equilibrate};
 use biotissue::fiber::law::{FiberMaterial, Law};
@@ -17,7 +18,6 @@ use biotissue::fiber::network::Network;
 use biotissue::fiber::network::generate::{Alignment, Kind, Recipe};
 use biotissue::fiber::rve::{Rve, RveModel, StressScale};
 use biotissue::fiber::workspace::Workspace;
-use biotissue::tissue::report::charts::{Labels, Line, lines};
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 

@@ -8,7 +8,7 @@
 //! backend that is chosen at compile time. Modules depend on each other in one direction; an arrow means *uses*:
 //!
 //! ```text
-//! bin -> tissue -> fem, fiber, coupling -> las <- backends
+//! bin -> app -> tissue -> fem, fiber, coupling -> las <- backends
 //! ```
 //!
 //! | module | contents | depends on |
@@ -18,10 +18,11 @@
 //! | [`fem`] | the macro scale: meshes, elements, materials, load steps | [`las`] |
 //! | [`fiber`] | the micro scale: networks, fiber laws, equilibrium, condensed tangent | [`las`] |
 //! | [`coupling`] | scales on separate ranks: the ranks of each scale and the data exchanged between scales | [`las`] |
-//! | `tissue` | the application: cases, the two-scale run, results, pictures | all of them |
+//! | `tissue` | the two-scale problem: the RVEs of all elements, in one process or on ranks of their own | [`fem`], [`fiber`], [`coupling`] |
+//! | `app` | the application: cases, runs, results, pictures | all of them |
 //!
 //! `fem`, `fiber` and `coupling` do not depend on each other. `fem` and `fiber` meet at the interface
-//! [`fem::point_field`], behind which a formula or a fiber network supplies the stress. Only `tissue`, the program,
+//! [`fem::point_field`], behind which a formula or a fiber network supplies the stress. Only `app`, the program,
 //! tests and benches name a concrete backend.
 //!
 //! # Features
@@ -94,6 +95,8 @@
 // Lets `payload!` refer to the crate by the same name inside and outside of it.
 extern crate self as biotissue;
 
+#[cfg(feature = "app")]
+pub mod app;
 pub mod backends;
 #[cfg(feature = "capi")]
 pub mod capi;

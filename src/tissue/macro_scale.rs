@@ -2,6 +2,7 @@
 
 use thiserror::Error;
 
+use crate::app::case::{self, Case, CurveCase, LoadCase, MeshSource, PointPlace};
 use crate::fem::boundary::{
     BodyForce, Boundary, BoundaryError, Conditions, CurveError, LoadCurve, PointCondition, PointLocation,
     SurfaceCondition, SurfaceLoad,
@@ -10,7 +11,6 @@ use crate::fem::mesh::shapes::{self, ShapeError};
 use crate::fem::mesh::{Mesh, gmsh};
 use crate::fem::stepping::{StepParams, StepStart};
 use crate::input::{InputError, InputErrors};
-use crate::tissue::case::{self, Case, CurveCase, LoadCase, MeshSource, PointPlace};
 
 /// The reason why the mesh or the boundary conditions of a case cannot be created.
 #[derive(Debug, Error)]

@@ -11,7 +11,7 @@ use std::sync::Arc;
 use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 
-use super::results::ResultsError;
+use crate::app::results::ResultsError;
 use crate::fiber::equilibrium::{EquilibriumParams, Stage, Stages};
 use crate::fiber::law::FiberMaterial;
 use crate::fiber::network::file::sidecar::NamedLaw;

@@ -4,11 +4,11 @@
 //! figure 3.3 of the thesis, which does not state its load. That they stay the same is what is tested.
 use std::path::Path;
 
+use biotissue::app::case::Case;
+use biotissue::app::results::log::Event;
+use biotissue::app::results::{Collection, LOADS_FILE, LOG_FILE, Loads, log, read_vtu};
+use biotissue::app::run::Simulation;
 use biotissue::backends::sparse::Sparse;
-use biotissue::tissue::case::Case;
-use biotissue::tissue::results::log::Event;
-use biotissue::tissue::results::{Collection, LOADS_FILE, LOG_FILE, Loads, log, read_vtu};
-use biotissue::tissue::run::Simulation;
 
 #[test]
 fn regression_the_dogbone_extends_as_before_with_forces_in_balance() {

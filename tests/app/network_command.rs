@@ -64,7 +64,7 @@ fn a_drawing_is_of_the_equilibrium_that_rve_finds() {
         .output()
         .unwrap();
     let solved: serde_json::Value = serde_json::from_slice(&solved.stdout).unwrap();
-    let drawn = biotissue::tissue::results::read_vtp(&folder.path().join("deep/v.vtp")).unwrap();
+    let drawn = biotissue::app::results::read_vtp(&folder.path().join("deep/v.vtp")).unwrap();
     let along = |&[a, b]: &[u32; 2]| {
         let d = [0, 1, 2].map(|k| drawn.points[b as usize][k] - drawn.points[a as usize][k]);
         d[0] * d[0] / d.iter().map(|x| x * x).sum::<f64>()
@@ -227,7 +227,7 @@ fn a_network_is_drawn_at_rest_and_deformed() {
     assert!(picture("pulled.svg").contains(">fiber force in "));
     // The same state for a viewer: the boundary is where F has moved it, stretches are lengths over lengths at rest.
     run(&format!("draw web.txt -o stretched.vtp {deformed}"));
-    let drawn = biotissue::tissue::results::read_vtp(&folder.path().join("stretched.vtp")).unwrap();
+    let drawn = biotissue::app::results::read_vtp(&folder.path().join("stretched.vtp")).unwrap();
     let network = biotissue::fiber::network::file::read(&folder.path().join("web.txt")).unwrap().network;
     for &node in network.boundary() {
         let ([x, y, z], moved) = (network.nodes()[node as usize], drawn.points[node as usize]);

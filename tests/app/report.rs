@@ -5,9 +5,9 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use biotissue::tissue::report::picture::{PictureOptions, draw};
-use biotissue::tissue::report::{ReportError, page};
-use biotissue::tissue::results::{Collection, FieldSet, write_vtu};
+use biotissue::app::report::picture::{PictureOptions, draw};
+use biotissue::app::report::{ReportError, page};
+use biotissue::app::results::{Collection, FieldSet, write_vtu};
 
 const CELLS: [usize; 3] = [46, 8, 1];
 

@@ -3,10 +3,10 @@
 use std::path::Path;
 use std::process::Command;
 
-use biotissue::tissue::results::collection::{field_file, index_file};
-use biotissue::tissue::results::log::{self, Cut, End, NewtonLog, RveLog, Start, Step};
-use biotissue::tissue::results::networks::network_file;
-use biotissue::tissue::results::{
+use biotissue::app::results::collection::{field_file, index_file};
+use biotissue::app::results::log::{self, Cut, End, NewtonLog, RveLog, Start, Step};
+use biotissue::app::results::networks::network_file;
+use biotissue::app::results::{
     Collection, Event, FIELDS_FILE, FieldSet, Fields, Loads, LoadsWriter, LogWriter, NetworkSet, Networks, Pieces,
     ResultsError, SurfaceRow, read_vtp, read_vtu, write_vtp, write_vtu,
 };

@@ -7,13 +7,13 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use biotissue::app::Progress;
+use biotissue::app::case::Case;
+use biotissue::app::checkpoint::{CheckpointError, Mismatch};
+use biotissue::app::results::log::{self, Cut, Step};
+use biotissue::app::results::{Collection, Event, read_vtp, read_vtu};
+use biotissue::app::run::{ResumeError, Resumed, Simulation, SimulationError};
 use biotissue::backends::sparse::Sparse;
-use biotissue::tissue::Progress;
-use biotissue::tissue::case::Case;
-use biotissue::tissue::checkpoint::{CheckpointError, Mismatch};
-use biotissue::tissue::results::log::{self, Cut, Step};
-use biotissue::tissue::results::{Collection, Event, read_vtp, read_vtu};
-use biotissue::tissue::run::{ResumeError, Resumed, Simulation, SimulationError};
 
 /// A block of 12 elements pulled along x: fibers in a soft matrix.
 const CASE: &str = r#"

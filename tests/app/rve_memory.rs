@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
+use biotissue::app::case::Case;
 use biotissue::backends::sparse::Sparse;
 use biotissue::fem::point_field::{PointField, PointResponses};
-use biotissue::tissue::case::Case;
 use biotissue::tissue::macro_scale;
 use biotissue::tissue::micro_scale::{TissueField, TissueMaterial};
 use nalgebra::Matrix3;

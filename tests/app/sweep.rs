@@ -1,8 +1,8 @@
 //! A sweep over RVEs of which some find no equilibrium.
 
+use biotissue::app::case::Case;
 use biotissue::backends::sparse::Sparse;
 use biotissue::fem::point_field::{PointField, PointResponses};
-use biotissue::tissue::case::Case;
 use biotissue::tissue::macro_scale;
 use biotissue::tissue::micro_scale::{TissueField, TissueMaterial};
 use nalgebra::Matrix3;

@@ -4,14 +4,14 @@ use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use biotissue::app::case::Case;
+use biotissue::app::results::collection::field_file;
+use biotissue::app::results::log::{Event, Step};
+use biotissue::app::results::{LOADS_FILE, LOG_FILE, Loads, log, read_vtu};
+use biotissue::app::run::Simulation;
 use biotissue::backends::{dense::Dense, sparse::Sparse};
 use biotissue::fem::mesh::gmsh;
 use biotissue::las::{Backend, Scalar};
-use biotissue::tissue::case::Case;
-use biotissue::tissue::results::collection::field_file;
-use biotissue::tissue::results::log::{Event, Step};
-use biotissue::tissue::results::{LOADS_FILE, LOG_FILE, Loads, log, read_vtu};
-use biotissue::tissue::run::Simulation;
 
 /// What a run left behind.
 struct Results {

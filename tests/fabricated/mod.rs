@@ -3,9 +3,9 @@
 
 use std::path::Path;
 
-use biotissue::tissue::results::collection::field_file;
-use biotissue::tissue::results::log::{Cut, End, Factorizations, NewtonLog, NewtonSeconds, RveLog, Start, Step};
-use biotissue::tissue::results::{
+use biotissue::app::results::collection::field_file;
+use biotissue::app::results::log::{Cut, End, Factorizations, NewtonLog, NewtonSeconds, RveLog, Start, Step};
+use biotissue::app::results::{
     Collection, Event, FieldSet, LOADS_FILE, LOG_FILE, LoadsWriter, LogWriter, SurfaceRow, write_vtu,
 };
 

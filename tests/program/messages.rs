@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use biotissue::tissue::results::read_vtu;
+use biotissue::app::results::read_vtu;
 
 use crate::run::{PRESSED, fibers, run, write_case};
 use crate::{biotissue, frozen, line};

@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
+use biotissue::app::case::Case;
+use biotissue::app::run::Plan;
 use biotissue::las::{Backend, Scalar};
-use biotissue::tissue::case::Case;
-use biotissue::tissue::run::Plan;
 use clap::Args;
 use serde::Serialize;
 

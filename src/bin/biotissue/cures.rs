@@ -2,16 +2,16 @@
 
 use std::path::Path;
 
+use biotissue::app::case::MicroCase;
+use biotissue::app::checkpoint::CheckpointError;
+use biotissue::app::results::ResultsError;
+use biotissue::app::run::{ResumeError, SimulationError};
 use biotissue::fem::equilibrium::EquilibriumError;
 use biotissue::fem::stepping::{SetupError, StepFailure};
 use biotissue::input::InputError;
 use biotissue::las::{NewtonError, SolveError};
-use biotissue::tissue::case::MicroCase;
-use biotissue::tissue::checkpoint::CheckpointError;
 use biotissue::tissue::macro_scale::MacroScaleError;
 use biotissue::tissue::micro_scale::{LibraryError, PointFailureKind, TissueFieldError};
-use biotissue::tissue::results::ResultsError;
-use biotissue::tissue::run::{ResumeError, SimulationError};
 
 use crate::failure::Failure;
 

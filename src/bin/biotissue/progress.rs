@@ -5,9 +5,9 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use biotissue::tissue::Progress;
-use biotissue::tissue::results::log::{Cut, Step};
-use biotissue::tissue::run::Plan;
+use biotissue::app::Progress;
+use biotissue::app::results::log::{Cut, Step};
+use biotissue::app::run::Plan;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::interrupt::{self, Interrupted};

@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
+use biotissue::app::report::picture::{self, PictureOptions};
+use biotissue::app::report::{ReportError, page};
+use biotissue::app::results::ResultsError;
 use biotissue::input::InputError;
-use biotissue::tissue::report::picture::{self, PictureOptions};
-use biotissue::tissue::report::{ReportError, page};
-use biotissue::tissue::results::ResultsError;
 use clap::{Args, ValueEnum};
 
 use crate::failure::Failure;

@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use biotissue::app::case::{Case, ScalesCase};
+use biotissue::app::results::LOADS_FILE;
+use biotissue::app::run::{RunError, RunSummary, Setup, Simulation, Writers};
 use biotissue::coupling::{Config, Plan};
 use biotissue::las::{Backend, Scalar};
-use biotissue::tissue::case::{Case, ScalesCase};
 use biotissue::tissue::micro_scale::TissueMaterial;
-use biotissue::tissue::results::LOADS_FILE;
-use biotissue::tissue::run::{RunError, RunSummary, Setup, Simulation, Writers};
 use clap::Args;
 use serde::Serialize;
 

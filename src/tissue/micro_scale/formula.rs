@@ -2,8 +2,8 @@
 
 use nalgebra::Matrix3;
 
+use crate::app::case::{FormulaCase, FormulaModel};
 use crate::fem::material::{LinearElastic, Material, MaterialError, NeoHookean, Response};
-use crate::tissue::case::{FormulaCase, FormulaModel};
 
 /// One of the formulas, chosen when the case is read.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -8,6 +8,7 @@ use nalgebra::Matrix3;
 use thiserror::Error;
 
 use super::formula::Formula;
+use crate::app::case::{Case, Choose, FiberRveCase, MaterialCase, ScaleCase};
 use crate::fem::material::SaintVenantKirchhoff;
 use crate::fem::mesh::Mesh;
 use crate::fiber::equilibrium::{EquilibriumParams, equilibrate};
@@ -17,7 +18,6 @@ use crate::fiber::rve::{Rve, RveModel, StressScale};
 use crate::fiber::workspace::Workspace;
 use crate::input::InputErrors;
 use crate::las::{Backend, Scalar, SolverParams};
-use crate::tissue::case::{Case, Choose, FiberRveCase, MaterialCase, ScaleCase};
 
 /// The reason why the materials of a case cannot be set up.
 #[derive(Debug, Error)]

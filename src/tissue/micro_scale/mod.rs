@@ -24,12 +24,12 @@ use std::collections::{HashMap, HashSet};
 
 use nalgebra::Matrix3;
 
+use crate::app::case::Case;
+use crate::app::results::log::RankSeconds;
 use crate::fem::material::Response;
 use crate::fem::mesh::Mesh;
 use crate::fem::point_field::{PointField, PointResponses};
 use crate::las::{Backend, Scalar};
-use crate::tissue::case::Case;
-use crate::tissue::results::log::RankSeconds;
 
 pub use error::{PointFailure, PointFailureKind, TissueFieldError};
 pub use formula::Formula;

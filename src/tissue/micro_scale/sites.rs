@@ -10,10 +10,10 @@ use serde::{Deserialize, Serialize};
 use super::error::PointFailure;
 use super::formula::Formula;
 use super::library::{ElementMaterial, Library, LibraryError, regions_of_mesh};
+use crate::app::case::{Before, Case, LifeCase, MaterialCase};
 use crate::fem::material::{Material, MaterialError, Response, SaintVenantKirchhoff};
 use crate::fem::mesh::Mesh;
 use crate::las::{Backend, Scalar};
-use crate::tissue::case::{Before, Case, LifeCase, MaterialCase};
 
 /// The state of an RVE in its life cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]

@@ -9,17 +9,17 @@ use super::TwoScaleError;
 use super::micro_proxy::{Lead, MicroProxy};
 use super::protocol::{Command, Failed, Outcome, Task, UnitReport};
 use super::shard::Change;
+use crate::app::case::Case;
+use crate::app::results::log::RankSeconds;
 use crate::coupling::Scales;
 use crate::fem::mesh::Mesh;
 use crate::fem::point_field::{PointField, PointResponses};
 use crate::las::{Backend, Comm, Scalar};
-use crate::tissue::case::Case;
 use crate::tissue::micro_scale::{
     DeformedNetwork, FailedRve, FieldRestoreError, Library, LibraryError, Life, PointFailure, PointSummary, RveStats,
     Sites, TissueFieldError, TissueMaterial, UnitState, check_states, write,
 };
 use crate::tissue::replay::RveDump;
-use crate::tissue::results::log::RankSeconds;
 
 /// The material of a body whose RVEs are solved by the micro scale.
 pub struct ScaleField<'a, C: Comm, B: Backend> {

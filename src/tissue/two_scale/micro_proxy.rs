@@ -16,10 +16,10 @@ use super::TwoScaleError;
 use super::follower::{ANSWERS, GRADIENTS, Order, SECONDS};
 use super::protocol::{Answer, Command, Failed, MICRO, RankReport, Seconds, Strain, Task, pack};
 use super::shard::{Change, Shard};
+use crate::app::results::log::RankSeconds;
 use crate::coupling::{Scales, UnitId};
 use crate::las::{Comm, Message};
 use crate::tissue::micro_scale::Sites;
-use crate::tissue::results::log::RankSeconds;
 
 /// The ranks that solve for the body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

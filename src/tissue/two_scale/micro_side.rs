@@ -9,10 +9,10 @@ use super::protocol::{
     Answer, Command, Failed, MACRO, NetworkOutput, NewRve, RankReport, Seconds, SerializeIter, Strain, Task,
     UnitReport, pack, pack_into, unpack,
 };
+use crate::app::case::{Case, RveOutput};
+use crate::app::checkpoint::UnitRecord;
 use crate::coupling::Scales;
 use crate::las::{Backend, Comm, Message, Scalar};
-use crate::tissue::case::{Case, RveOutput};
-use crate::tissue::checkpoint::UnitRecord;
 use crate::tissue::micro_scale::{ElementMaterial, Library, PointFailure, PointSummary, UnitState, Units};
 
 /// The main function of the micro scale on one rank.

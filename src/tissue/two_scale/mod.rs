@@ -8,7 +8,6 @@
 //! | `shard` | the elements of one macro rank and the couplings of their RVEs |
 //! | `channels` | the couplings of the RVEs of one rank, the same on both scales |
 //! | `micro_side` | the micro scale: solves its RVEs and sends the answers |
-//! | `writers` | which macro rank writes results when all of them solve, and how they agree on errors |
 //! | `partition` | assigns elements to macro ranks |
 //!
 //! The first macro rank broadcasts a command; the micro scale carries it out:
@@ -35,7 +34,6 @@ mod micro_side;
 mod partition;
 mod protocol;
 mod shard;
-mod writers;
 
 use thiserror::Error;
 
@@ -45,7 +43,6 @@ pub use micro_proxy::Lead;
 pub use micro_side::run as run_micro;
 pub use partition::partition;
 pub use protocol::{MACRO, MICRO, Seconds};
-pub use writers::First;
 
 use super::micro_scale::TissueFieldError;
 use crate::coupling::{CouplingError, ScaleError};

@@ -4,9 +4,9 @@ use nalgebra::Matrix3;
 use postcard::ser_flavors::Flavor;
 use serde::{Deserialize, Serialize, Serializer};
 
+use crate::app::checkpoint::UnitRecord;
 use crate::fem::material::Response;
 use crate::las::Message;
-use crate::tissue::checkpoint::UnitRecord;
 use crate::tissue::micro_scale::{DeformedNetwork, PointFailure, PointSummary, RveStats, UnitState};
 
 /// The name of the scale of the body in `[scales]` of a case.

@@ -4,10 +4,10 @@ use std::fs;
 use std::path::Path;
 use std::sync::OnceLock;
 
+use biotissue::app::results::{DirectoryLock, ResultsError};
+use biotissue::app::run::First;
+use biotissue::app::run::ResumeError;
 use biotissue::backends::comm::thread;
-use biotissue::tissue::results::{DirectoryLock, ResultsError};
-use biotissue::tissue::run::ResumeError;
-use biotissue::tissue::two_scale::First;
 
 use super::{CASE, Killed, assert_same, contents, copy, resume, simulation, whole_and_killed};
 

@@ -3,14 +3,14 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use biotissue::app::report::picture::{FiberColor, NetworkPicture, draw_network};
+use biotissue::app::results::{NetworkSet, ResultsError, write_vtp};
 use biotissue::fiber::equilibrium::EquilibriumParams;
 use biotissue::fiber::law::FiberMaterial;
 use biotissue::fiber::network::Network;
 use biotissue::fiber::rve::{Rve, RveModel, StressScale};
 use biotissue::fiber::workspace::Workspace;
 use biotissue::las::{Backend, Scalar};
-use biotissue::tissue::report::picture::{FiberColor, NetworkPicture, draw_network};
-use biotissue::tissue::results::{NetworkSet, ResultsError, write_vtp};
 use clap::{Args, ValueEnum};
 use nalgebra::Matrix3;
 

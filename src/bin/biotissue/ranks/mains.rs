@@ -2,12 +2,13 @@
 
 use std::sync::OnceLock;
 
+use biotissue::app::run::First;
+use biotissue::app::run::{Setup, Writers};
 use biotissue::coupling::{ScaleError, Scales};
 use biotissue::las::{Backend, Comm, Scalar};
 use biotissue::tissue::macro_scale;
 use biotissue::tissue::micro_scale::Library;
-use biotissue::tissue::run::{Setup, Writers};
-use biotissue::tissue::two_scale::{self, First, Lead, MACRO, MICRO, ScaleField, TwoScaleError};
+use biotissue::tissue::two_scale::{self, Lead, MACRO, MICRO, ScaleField, TwoScaleError};
 
 use super::{Outcome, Ranks, Shared, agreed, ranks_failed};
 use crate::cures::not_set_up;

@@ -7,10 +7,10 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
+use biotissue::app::case::{Case, ScalesCase};
 use biotissue::backends::comm::thread;
 use biotissue::coupling::{Config, Plan, PlanError, ScaleError, Scales, Share};
 use biotissue::las::{Comm, Disagreement};
-use biotissue::tissue::case::{Case, ScalesCase};
 use biotissue::tissue::two_scale::{MACRO, MICRO};
 
 use crate::failure::Failure;

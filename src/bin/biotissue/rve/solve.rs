@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
+use biotissue::app::results::ResultsError;
 use biotissue::fiber::equilibrium::{EquilibriumParams, EquilibriumReport, RveError, Stages, equilibrate};
 use biotissue::fiber::homogenize;
 use biotissue::fiber::law::FiberMaterial;
@@ -13,7 +14,6 @@ use biotissue::fiber::rve::{Rve, RveModel, StressScale};
 use biotissue::fiber::workspace::Workspace;
 use biotissue::las::{Backend, NewtonReport, Scalar};
 use biotissue::tissue::replay::RveDump;
-use biotissue::tissue::results::ResultsError;
 use nalgebra::Matrix3;
 
 use super::answer::{

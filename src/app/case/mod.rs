@@ -1,0 +1,187 @@
+//! A case: the complete input of a simulation, read from one TOML file and checked.
+//!
+//! [`Case::read`] reads a file, [`Case::parse`] a text. Both return the case with warnings, or all errors in the file,
+//! each with its line, the value found, the value expected (with range and unit) and the cure. [`Case::check_names`]
+//! compares the names in a case with those of its mesh, and [`Case::to_toml`] writes a case with all defaults filled
+//! in.
+//!
+//! # Example
+//!
+//! A block pulled along x, with every section that a case may have. Lengths of the mesh are in mesh units of
+//! `[mesh] scale` meters; everything else is in SI units. Integers are accepted where numbers are expected.
+//!
+//! ```
+//! let text = r#"
+//! title = "Block in tension"               # the name of the file where absent
+//!
+//! [mesh]                                   # a Gmsh file: file = "block.msh"; or a built-in shape: "box", or
+//!                                          ## "dogbone" with an element_size in mesh units
+//! generate = { shape = "box", cells = [4, 2, 2], size = [2.0, 1.0, 1.0] }
+//! scale = 0.001                            # default 1.0: a mesh unit is a meter
+//!
+//! [[region]]
+//! name = "*"                               # a physical volume; "*": all that no other region names
+//! [region.material]
+//! model = "neo-hookean"                    # or "linear-elastic", or "fiber-rve" (below)
+//! youngs_modulus = 1.0e6                   # two of: youngs_modulus, shear_modulus, lame_lambda (Pa),
+//! poisson_ratio = 0.3                      # poisson_ratio
+//!
+//! [[boundary]]
+//! surface = "x0"                           # a physical surface
+//! displacement = { x = 0.0 }               # m; a component not named is free
+//! [[boundary]]
+//! surface = "x1"
+//! traction = [4.0e4, 0.0, 0.0]             # Pa of reference area
+//! curve = [[0.0, 0.0], [0.5, 1.0], [1.0, 0.2]]   # factor over pseudo-time t; default "ramp": the factor is t
+//!
+//! [[point]]
+//! at = [0.0, 0.0, 0.0]                     # the node nearest to it, in mesh units; or: node = 0
+//! displacement = { y = 0.0, z = 0.0 }
+//! [[point]]
+//! at = [0.0, 1.0, 0.0]
+//! displacement = { z = 0.0 }
+//!
+//! [[body_force]]
+//! region = "*"                             # "*": the whole body
+//! value = [0.0, 0.0, -9.81e3]              # N/m^3 of reference volume; takes a curve too
+//!
+//! [steps]
+//! count = 20                               # default 10
+//! max_cuts = 6                             # how often a step that fails is halved; the default
+//!
+//! [newton]                                 # the macro scale, with its defaults
+//! tolerance = 1e-8                         # of the residual, relative to the forces
+//! max_iterations = 25
+//! line_search = true
+//! start = "held"                           # a step starts from the last state; "tangent": from a linear guess
+//! solver = { method = "direct" }           # or an iterative one (below)
+//!
+//! [micro]                                  # every RVE, with its defaults
+//! tolerance = 1e-10
+//! max_iterations = 50
+//! max_cuts = 6
+//! stages = ["newton", "regularised", "cuts", "relaxation"]   # tried in this order, whatever the order here
+//! solver = { method = "direct" }           # or an iterative one (below)
+//! predictor = true                         # start from the last tangent's prediction; 72 bytes an interior node
+//!
+//! [scales]                                 # ranks of each scale; default: one process does both
+//! macro = 1
+//! micro = 0                                # default: all others; or more: those that RVEs have for themselves
+//! near = false                             # or true: by the machines' topology, in a build with the feature `hwloc`
+//!
+//! [output]
+//! directory = "results"                    # default; relative to the case file
+//! every = 1                                # default; steps between two writings of the fields
+//! rve = "none"                             # default; or "all", or ids of elements, such as [0, 17]
+//! "#;
+//! # use std::path::Path;
+//! use biotissue::app::case::{Case, MeshSource};
+//!
+//! let file = Case::parse(text, Path::new("block.toml"))?;
+//! assert!(file.warnings.is_empty());
+//! assert_eq!(file.case.mesh, MeshSource::Box { cells: [4, 2, 2], size: [2.0, 1.0, 1.0] });
+//! assert_eq!(file.case.boundaries[1].curve.factor(0.25), 0.5);
+//!
+//! let names = |list: &[&str]| list.iter().map(|name| name.to_string()).collect::<Vec<_>>();
+//! file.case.check_names(&names(&["body"]), &names(&["x0", "x1", "y0", "y1", "z0", "z1"]))?;
+//!
+//! let errors = Case::parse(&text.replace("count = 20", "cuont = 20"), Path::new("block.toml")).unwrap_err();
+//! assert_eq!(errors.0[0].cure, "did you mean `count`?");
+//! # Ok::<(), biotissue::input::InputErrors>(())
+//! ```
+//!
+//! # Fiber networks as a material
+//!
+//! ```toml
+//! [region.material]
+//! model = "fiber-rve"
+//! networks = ["networks/*.txt"]            # files or patterns, relative to the case file; patterns skip files that
+//!                                          # end in .params or .toml
+//! choose = "random"                        # default, by seed and element; or "cycle", by element
+//! seed = 1                                 # default
+//! fiber_volume_fraction = 0.003            # or: scale = "raw"
+//! law = { name = "exponential", youngs_modulus = 1.0e8, radius = 5.0e-8, nonlinearity = 1.2 }
+//! matrix = { model = "neo-hookean", shear_modulus = 100.0, poisson_ratio = 0.3 }
+//! ```
+//!
+//! ```toml
+//! life = { created_at = 0.02, before = "linear", asleep_below = 1e-4, deleted_at = 0.8 }   # with the keys above
+//! ```
+//!
+//! `life` defines when RVEs are created, sleep and are deleted; without it, every RVE exists and is awake throughout.
+//! An RVE is created once the strain of its element (the norm of the Green-Lagrange strain) exceeds `created_at`;
+//! before that, `linear` (the response of its network at rest) or `matrix` replaces it. It falls asleep at the end of a
+//! step in which every component of the deformation gradient changed by less than `asleep_below`, and wakes once a
+//! component has changed by more since; while it sleeps, its last tangent extrapolates the stress. It is deleted once
+//! the strain exceeds `deleted_at`; the matrix then remains alone.
+//!
+//! Whenever RVEs are created, woken or deleted, the body is solved again at the same load until no strain requires
+//! another change; only then has the step converged. Of the RVEs to be deleted, the most strained tenth goes first
+//! (elements with equal strains together); the others are deleted only if their strain still exceeds the limit
+//! afterwards.
+//!
+//! `law` is `linear` (`youngs_modulus`, `radius`), `exponential` (also `nonlinearity`), `exponential-stretch` (also
+//! `transition`) or `table`; without it, the parameter files beside each network define the law, and fibers may be of
+//! several types. `matrix` is optional. `networks = []` with a `matrix` uses the matrix alone at every point, evaluated
+//! by the micro scale, for comparison with the same formula as a material; `biotissue check` counts these points as
+//! RVEs, and warns. A table is a CSV file, relative to the case file, or a list of points (stretch and nominal stress
+//! in Pa), one of them at stretch 1 and stress 0:
+//!
+//! ```toml
+//! law = { name = "table", radius = 5.0e-8, file = "curve.csv" }
+//! law = { name = "table", radius = 5.0e-8, points = [[0.9, -1.0e5], [1.0, 0.0], [1.1, 2.0e6], [1.2, 9.0e6]] }
+//! ```
+//!
+//! Either of these keys, added to any law, makes its fibers buckle in compression:
+//!
+//! ```toml
+//! compression = 1e-3                       # residual fraction of the stiffness at rest; default beside the other key
+//! buckling_strain = 0.01                   # shortening over which it drops; default beside the other key
+//! ```
+//!
+//! [`crate::fiber::law`] documents the formulas.
+//!
+//! # Iterative solvers
+//!
+//! ```toml
+//! [newton]                                 # or [micro]
+//! solver = { method = "gmres", restart = 50, preconditioner = "ilut", drop_tolerance = 1e-4, fill = 50, tolerance = 1e-12, max_iterations = 1000 }
+//! ```
+//!
+//! `method` is `direct`, `cg`, `bicgstab` or `gmres` (the only one with a `restart`), `preconditioner` is `ilut` (the
+//! only one with `drop_tolerance` and `fill`, see [`Preconditioner::Ilut`](crate::las::Preconditioner::Ilut)),
+//! `diagonal`, `none` or, on backends that have it, `multigrid`. `tolerance` applies to every linear system: the norm
+//! of its residual over that of its right-hand side; it limits the accuracy of the RVE tangents. The numbers above are
+//! the defaults; without a `preconditioner`, `cg` uses `diagonal` and the others `ilut`. An incomplete LU factorization
+//! is not symmetric: if it drops many entries, `cg` may fail with it; use `gmres` or `bicgstab` then.
+//!
+//! # Restrictions
+//!
+//! * A surface may appear in several boundaries and a node in several points, but each component is prescribed once: by
+//!   a displacement or by a nonzero traction. Body forces of one region add up.
+//! * Names of regions are unique. The region `*` covers every region of the mesh that no other `[[region]]` names, so
+//!   that no region has two materials.
+//! * `pressure` on a boundary, `[[constraint]]` and the models `transversely-isotropic` and `holmes-mow` are recognized
+//!   and rejected: they are not available in this version.
+
+mod curve;
+mod data;
+mod elastic;
+mod law;
+mod load;
+mod material;
+mod names;
+mod networks;
+mod problems;
+mod range;
+mod read;
+mod section;
+mod solver;
+mod table;
+#[cfg(test)]
+mod tests;
+mod value;
+mod write;
+
+pub use data::*;
+pub use read::CaseFile;

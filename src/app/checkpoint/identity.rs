@@ -1,0 +1,268 @@
+//! The case, the mesh and the networks that a checkpoint belongs to.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use crate::app::case::{Case, MaterialCase, MeshSource, OutputCase, RveOutput, ScalesCase};
+use crate::checksum::Fnv;
+use crate::fem::mesh::Mesh;
+use crate::fiber::law::{FiberMaterial, Law};
+use crate::fiber::network::Network;
+use crate::tissue::micro_scale::TissueMaterial;
+
+/// The case, mesh and networks of a run, without the location of files, the title and the output settings.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Identity {
+    /// Version of the program.
+    program: String,
+    /// The linear-algebra backend.
+    backend: String,
+    /// The case as text.
+    case: String,
+    /// Hash of the mesh.
+    mesh: u64,
+    /// Hash of the networks.
+    networks: u64,
+}
+
+/// The reason why a run cannot resume from the state of another.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+pub enum Mismatch {
+    /// The cases differ.
+    #[error("the case differs in {section}: {} before, {} now", entry(before), entry(now))]
+    Case {
+        /// The table of the case, such as `[steps]`.
+        section: String,
+        /// The line in the checkpoint; empty if there was none.
+        before: String,
+        /// The line in the current case; empty if there is none.
+        now: String,
+    },
+    /// The meshes differ.
+    #[error("the mesh differs (nodes, elements, regions or surfaces)")]
+    Mesh,
+    /// The networks differ.
+    #[error("the fiber networks differ (nodes, fibers or materials)")]
+    Networks,
+}
+
+fn entry(line: &str) -> String {
+    if line.is_empty() { "nothing".into() } else { format!("`{line}`") }
+}
+
+impl Identity {
+    /// Returns the identity of a run.
+    #[must_use]
+    pub fn new(backend: &str, case: &Case, mesh: &Mesh, field: &impl TissueMaterial) -> Self {
+        let mut networks = Fnv::new();
+        for model in field.library().models() {
+            hash_network(model.network(), &mut networks);
+        }
+        Self {
+            program: env!("CARGO_PKG_VERSION").into(),
+            backend: backend.into(),
+            case: text_of(case),
+            mesh: hash_of_mesh(mesh),
+            networks: networks.sum(),
+        }
+    }
+
+    /// Checks whether run `now` can resume from a state of this run. Returns differences that may slightly change the
+    /// results: another version, backend, or solver setting.
+    ///
+    /// # Errors
+    /// Returns [`Mismatch`] if the case, the mesh or the networks differ otherwise.
+    pub fn check(&self, now: &Self) -> Result<Vec<String>, Mismatch> {
+        let mut remarks = Vec::new();
+        for (what, before, now) in [("version", &self.program, &now.program), ("backend", &self.backend, &now.backend)]
+        {
+            if before != now {
+                remarks.push(format!("{what} {before} before, {now} now"));
+            }
+        }
+        for Difference { section, before, now } in differences(&self.case, &now.case) {
+            if is_setting(section, before, now) {
+                remarks.push(format!("{section} {} before, {} now", entry(before), entry(now)));
+            } else {
+                return Err(Mismatch::Case { section: section.into(), before: before.into(), now: now.into() });
+            }
+        }
+        if self.mesh != now.mesh {
+            return Err(Mismatch::Mesh);
+        }
+        if self.networks != now.networks {
+            return Err(Mismatch::Networks);
+        }
+        Ok(remarks)
+    }
+}
+
+/// The case as TOML, reduced to the entries that the results depend on.
+fn text_of(case: &Case) -> String {
+    let mut case = case.clone();
+    case.title.clear();
+    case.scales = ScalesCase::default();
+    case.output = OutputCase { directory: PathBuf::new(), every: 1, rve: RveOutput::None };
+    // A run stays the same if its folder is moved; the content of the files is compared by hash.
+    if let MeshSource::File(file) = &mut case.mesh {
+        *file = name_of(file);
+    }
+    for region in &mut case.regions {
+        if let MaterialCase::FiberRve(rve) = &mut region.material {
+            rve.networks.iter_mut().for_each(|file| *file = name_of(file));
+        }
+    }
+    let text = case.to_toml();
+    let lines = text.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#'));
+    lines.map(|line| format!("{line}\n")).collect()
+}
+
+fn name_of(file: &Path) -> PathBuf {
+    file.file_name().map_or_else(|| file.into(), PathBuf::from)
+}
+
+struct Difference<'a> {
+    section: &'a str,
+    before: &'a str,
+    now: &'a str,
+}
+
+/// Compares the cases line by line; returns the lines that differ, with their table. The solver settings are at the end
+/// and have a fixed number of lines, so an additional or missing table elsewhere is found before them.
+fn differences<'a>(before: &'a str, now: &'a str) -> Vec<Difference<'a>> {
+    let (mut before, mut now, mut section) = (before.lines(), now.lines(), "the title");
+    let mut found = Vec::new();
+    loop {
+        let (before, now) = match (before.next(), now.next()) {
+            (None, None) => return found,
+            (before, now) => (before.unwrap_or_default(), now.unwrap_or_default()),
+        };
+        if let Some(table) = [now, before].into_iter().find(|line| line.starts_with('[')) {
+            section = table;
+        }
+        if before != now {
+            found.push(Difference { section, before, now });
+        }
+    }
+}
+
+/// Returns true if the line is a solver setting.
+fn is_setting(section: &str, before: &str, now: &str) -> bool {
+    let both = |key: &str| [before, now].iter().all(|line| line.starts_with(key));
+    matches!(section, "[newton]" | "[micro]") && !before.starts_with('[') && !now.starts_with('[')
+        || section == "[steps]" && both("max_cuts = ")
+}
+
+fn hash_of_mesh(mesh: &Mesh) -> u64 {
+    let mut hash = Fnv::new();
+    hash.positions(mesh.nodes());
+    hash.indices(mesh.elements());
+    mesh.region_of().iter().for_each(|&region| hash.number(region.into()));
+    hash.number(mesh.regions().len() as u64);
+    mesh.regions().iter().for_each(|region| hash.text(region));
+    for surface in mesh.surfaces() {
+        hash.text(&surface.name);
+        hash.indices(&surface.triangles);
+    }
+    hash.sum()
+}
+
+fn hash_network(network: &Network, hash: &mut Fnv) {
+    hash.positions(network.nodes());
+    hash.indices(network.fibers());
+    network.reaction_of().iter().for_each(|&reaction| hash.number(reaction.into()));
+    hash.number(network.materials().len() as u64);
+    for FiberMaterial { law, radius, .. } in network.materials() {
+        hash_law(law, hash);
+        hash.value(*radius);
+    }
+}
+
+fn hash_law(law: &Law, hash: &mut Fnv) {
+    let mut values = |values: &[f64]| values.iter().for_each(|&value| hash.value(value));
+    match law {
+        Law::Linear { youngs_modulus } => values(&[0.0, *youngs_modulus, 0.0, 0.0]),
+        Law::Exponential { youngs_modulus, nonlinearity } => values(&[1.0, *youngs_modulus, *nonlinearity, 0.0]),
+        Law::ExponentialStretch { youngs_modulus, nonlinearity, transition } => {
+            values(&[2.0, *youngs_modulus, *nonlinearity, *transition]);
+        }
+        Law::Table(table) => {
+            values(&[3.0, table.points().len() as f64]);
+            values(table.points().as_flattened());
+        }
+        Law::Buckling { law, compression, buckling_strain } => {
+            values(&[4.0, *compression, *buckling_strain]);
+            hash_law(law, hash);
+        }
+        Law::Custom(custom) => {
+            values(&[5.0]);
+            hash.text(custom.law().name());
+            for (name, value) in custom.law().parameters() {
+                hash.text(name);
+                hash.value(value);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fiber::law::{FiberLaw, Table};
+
+    #[derive(Debug)]
+    struct Hooke(f64);
+
+    impl FiberLaw for Hooke {
+        fn name(&self) -> &str {
+            "hooke"
+        }
+
+        fn parameters(&self) -> Vec<(&'static str, f64)> {
+            vec![("youngs_modulus", self.0)]
+        }
+
+        fn stress(&self, stretch: f64) -> (f64, f64) {
+            (self.0 * (stretch - 1.0), self.0)
+        }
+    }
+
+    #[test]
+    fn every_parameter_of_every_law_counts() {
+        let table = |stress: f64| Law::table(Table::new(vec![[0.9, -1.0], [1.0, 0.0], [1.1, stress]]).unwrap());
+        let linear = |youngs_modulus: f64| Law::Linear { youngs_modulus };
+        let exponential = |nonlinearity: f64| Law::Exponential { youngs_modulus: 1.0, nonlinearity };
+        let laws = [
+            linear(1.0),
+            linear(2.0),
+            exponential(1.0),
+            exponential(2.0),
+            Law::ExponentialStretch { youngs_modulus: 1.0, nonlinearity: 1.0, transition: 1.1 },
+            Law::ExponentialStretch { youngs_modulus: 1.0, nonlinearity: 1.0, transition: 1.2 },
+            table(1.0),
+            table(2.0),
+            linear(1.0).with_buckling(0.1, 0.01),
+            linear(1.0).with_buckling(0.2, 0.01),
+            linear(1.0).with_buckling(0.1, 0.02),
+            exponential(1.0).with_buckling(0.1, 0.01),
+            table(1.0).with_buckling(0.1, 0.01),
+            Law::custom(Hooke(1.0)),
+            Law::custom(Hooke(2.0)),
+        ];
+        let sum = |law: &Law| {
+            let mut hash = Fnv::new();
+            hash_law(law, &mut hash);
+            hash.sum()
+        };
+        for (k, law) in laws.iter().enumerate() {
+            assert_eq!(sum(law), sum(&law.clone()));
+            for other in &laws[..k] {
+                assert_ne!(sum(law), sum(other), "{law:?} {other:?}");
+                assert_ne!(law, other);
+            }
+        }
+        assert_eq!(sum(&laws[13]), sum(&Law::custom(Hooke(1.0))));
+    }
+}

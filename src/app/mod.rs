@@ -1,0 +1,20 @@
+//! The application: case files, runs, results, reports and pictures.
+//!
+//! ```text
+//! case file ─► case::Case ─► run::Simulation ─► results (directory) ─► report
+//! ```
+//!
+//! [`crate::tissue`] solves the two scales in memory; this module reads what describes the problem and writes the
+//! result directory.
+
+pub mod case;
+pub mod checkpoint;
+mod magnitudes;
+mod recorder;
+pub mod report;
+pub mod results;
+pub mod run;
+mod rve_files;
+mod stress;
+
+pub use recorder::Progress;

@@ -1,0 +1,124 @@
+//! The charts of a page: those for which the directory has data.
+
+use super::Run;
+use super::charts::{Labels, Line, extension_and_iterations, lines, logarithmic, stacked_bars};
+use crate::app::report::ReportError;
+use crate::app::results::log::{NewtonSeconds, RveLog};
+
+/// The caption and the SVG text of a chart.
+type Figure = (String, String);
+
+/// Draws all charts.
+pub(super) fn all(run: &Run) -> Result<Vec<Figure>, ReportError> {
+    let figures = [force(run)?, extension(run)?, seconds(run)?, rves(run)?, convergence(run)?];
+    Ok(figures.into_iter().flatten().collect())
+}
+
+/// Pairs the numbers of the increments, from 1, with `value`, and omits increments without it.
+fn over_increments(run: &Run, value: impl Fn(&super::Increment) -> Option<f64>) -> Vec<(f64, f64)> {
+    let numbered = run.increments.iter().enumerate();
+    numbered.filter_map(|(k, increment)| Some(((k + 1) as f64, value(increment)?))).collect()
+}
+
+fn force(run: &Run) -> Result<Option<Figure>, ReportError> {
+    let surfaces = run.loaded_surfaces();
+    if surfaces.is_empty() || run.extension.is_none() {
+        return Ok(None);
+    }
+    let of_surface = |surface: usize| Line {
+        name: run.surface_name(surface).to_owned(),
+        // Every curve starts at the undeformed body.
+        points: std::iter::once((0.0, 0.0))
+            .chain(
+                run.increments
+                    .iter()
+                    .filter_map(|increment| Some((run.extension_of(increment)?, run.force_of(increment, surface)?))),
+            )
+            .collect(),
+    };
+    let all: Vec<Line> = surfaces.into_iter().map(of_surface).collect();
+    let axis = ["x", "y", "z"][run.axis()];
+    let labels = Labels {
+        chart: "force against extension",
+        x: &format!("{} in {}", run.extension_name(), run.extension_unit()),
+        y: &format!("force along {axis} in N"),
+    };
+    let measure = match run.extension_unit() {
+        "%" => "of mean surface displacements over the length of the body",
+        _ => "of mean surface displacements",
+    };
+    let [from, to] = run.extension.map_or([0, 0], |extension| extension.surfaces);
+    let caption = format!(
+        "Force on the body through each loaded surface against its {} (difference {measure}, {} to {})",
+        run.extension_name(),
+        run.surface_name(from),
+        run.surface_name(to),
+    );
+    Ok(Some((caption, lines(labels, &all)?)))
+}
+
+fn extension(run: &Run) -> Result<Option<Figure>, ReportError> {
+    let extension = over_increments(run, |increment| run.extension_of(increment));
+    let iterations = over_increments(run, |increment| Some(increment.log?.newton.iterations as f64));
+    if extension.is_empty() && iterations.is_empty() {
+        return Ok(None);
+    }
+    let labels = Labels {
+        chart: "extension and Newton iterations",
+        x: "load increment",
+        y: &format!("{} in {} (line)", run.extension_name(), run.extension_unit()),
+    };
+    let caption = "Macro-scale body extension and Newton iterations per load increment";
+    Ok(Some((caption.into(), extension_and_iterations(labels, &extension, &iterations)?)))
+}
+
+fn seconds(run: &Run) -> Result<Option<Figure>, ReportError> {
+    let layer = |name: &str, of: fn(&NewtonSeconds) -> f64| Line {
+        name: name.into(),
+        points: over_increments(run, |increment| Some(of(&increment.log?.newton.seconds))),
+    };
+    let phases = [
+        layer("stress and tangent at the points", |s| s.point_field),
+        layer("assembly", |s| s.assembly),
+        layer("factorization", |s| s.factor),
+        layer("solution", |s| s.solve),
+        layer("the rest", |s| (s.total - s.point_field - s.assembly - s.factor - s.solve).max(0.0)),
+    ];
+    if phases.iter().flat_map(|phase| &phase.points).all(|&(_, seconds)| seconds == 0.0) {
+        return Ok(None);
+    }
+    let labels = Labels { chart: "wall time by phase", x: "load increment", y: "wall time in s" };
+    Ok(Some(("Wall time by phase per load increment".into(), stacked_bars(labels, &phases)?)))
+}
+
+fn rves(run: &Run) -> Result<Option<Figure>, ReportError> {
+    let line = |name: &str, of: fn(&RveLog) -> f64| Line {
+        name: name.into(),
+        points: over_increments(run, |increment| Some(of(increment.log?.rve.as_ref()?))),
+    };
+    let all = [line("mean", |rve| rve.iterations_mean), line("most", |rve| rve.iterations_max as f64)];
+    if all[0].points.is_empty() {
+        return Ok(None);
+    }
+    let labels = Labels { chart: "RVE iterations", x: "load increment", y: "Newton iterations of an RVE" };
+    let caption = "Micro-scale Newton iterations per RVE equilibrium, by load increment";
+    Ok(Some((caption.into(), lines(labels, &all)?)))
+}
+
+fn convergence(run: &Run) -> Result<Option<Figure>, ReportError> {
+    let all: Vec<Line> = run
+        .increments
+        .iter()
+        .filter_map(|increment| increment.log)
+        .map(|log| Line {
+            name: format!("step {}", log.step),
+            points: log.newton.relative.iter().enumerate().map(|(k, &residual)| (k as f64, residual)).collect(),
+        })
+        .collect();
+    if all.iter().flat_map(|line| &line.points).all(|&(_, residual)| residual.is_nan() || residual <= 0.0) {
+        return Ok(None);
+    }
+    let labels = Labels { chart: "convergence", x: "Newton iteration", y: "relative residual" };
+    let caption = "Convergence of Newton's method, a line a load increment (dark: first, light: last)";
+    Ok(Some((caption.into(), logarithmic(labels, &all)?)))
+}

@@ -1,0 +1,302 @@
+//! The report: one self-contained HTML page that needs no network access.
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use super::directory::{Directory, Increment};
+use super::extension::Extension;
+use super::picture::{PictureOptions, draw_from};
+use super::units::{escape, quantity, significant};
+use super::{ReportError, charts};
+use crate::app::results::{Fields, ResultsError, is_report};
+use crate::output;
+
+mod figures;
+
+pub use crate::app::results::REPORT_FILE;
+
+/// Writes the page of a result directory to `file`, with [`output::write`], or to `report.html` in that directory, and
+/// returns its path.
+///
+/// # Errors
+/// Returns [`ResultsError::Foreign`] for a `report.html` that this program has not written, [`ResultsError::Write`] if
+/// the page cannot be written, and the errors of [`page()`].
+pub fn write(dir: &Path, file: Option<&Path>, options: &PictureOptions) -> Result<PathBuf, ReportError> {
+    let file = match file {
+        Some(file) => file.to_path_buf(),
+        None => {
+            let path = dir.join(REPORT_FILE);
+            if path.symlink_metadata().is_ok() && !is_report(&path)? {
+                return Err(ResultsError::Foreign { path, what: "is no page that this command has written" }.into());
+            }
+            path
+        }
+    };
+    let page = page(dir, options)?;
+    output::write(&file, page.as_bytes()).map_err(|source| ResultsError::Write { path: file.clone(), source })?;
+    Ok(file)
+}
+
+/// Returns the text of the page. Missing files are omitted.
+///
+/// # Errors
+/// Returns [`ReportError`] if the directory is not a result directory, a file in it is damaged, or a requested step or
+/// field does not exist.
+pub fn page(dir: &Path, options: &PictureOptions) -> Result<String, ReportError> {
+    let directory = Directory::open(dir)?;
+    let run = Run::of(&directory)?;
+    let mut html = String::from(HEAD);
+    let title = escape(&directory.title());
+    push(&mut html, &format!("<title>{title}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<main>\n"));
+    push(&mut html, &format!("<h1>{title}</h1>\n"));
+    push(&mut html, &outcome(&directory, &run));
+    match draw_from(&directory, options) {
+        Ok(picture) => push(&mut html, &format!("<figure class=\"wide\">{picture}</figure>\n")),
+        // Without fields there is no picture, but a requested step or field must exist.
+        Err(ReportError::NoFields { .. }) => {}
+        Err(error) => return Err(error),
+    }
+    push(&mut html, &facts(&directory, &run));
+    push(&mut html, "<section class=\"charts\">\n");
+    for (caption, chart) in figures::all(&run)? {
+        push(&mut html, &format!("<figure>{chart}<figcaption>{}</figcaption></figure>\n", escape(&caption)));
+    }
+    push(&mut html, "</section>\n");
+    push(&mut html, &table(&directory, &run));
+    push(&mut html, "</main>\n</body>\n</html>\n");
+    Ok(html)
+}
+
+const HEAD: &str = "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+                    <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+                    <meta name=\"generator\" content=\"biotissue\">\n";
+
+const STYLE: &str = "\
+body{margin:0;background:#f3f5f7;color:#1b2733;font:15px/1.5 system-ui,-apple-system,'Segoe UI',sans-serif}\
+main{max-width:1280px;margin:0 auto;padding:24px}\
+h1{font-size:28px;margin:0 0 4px}h2{font-size:19px;margin:28px 0 8px}\
+.state{margin:0 0 16px;color:#546e7a}.state.failed{color:#b3261e;font-weight:600}\
+figure{margin:0;background:#fff;border:1px solid #dde3e8;border-radius:8px;overflow:hidden}\
+figure svg{display:block;width:100%;height:auto}\
+figcaption{padding:4px 16px 12px;color:#37474f;font-size:14px}\
+.charts{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(460px,100%),1fr));gap:16px;margin-top:16px}\
+dl{display:flex;flex-wrap:wrap;gap:8px;margin:16px 0}\
+dl div{flex:1 1 130px;background:#fff;border:1px solid #dde3e8;border-radius:8px;padding:8px 12px}\
+dt{color:#546e7a;font-size:13px}dd{margin:0;font-size:17px;font-weight:600;overflow-wrap:anywhere}\
+.scroll{overflow-x:auto;background:#fff;border:1px solid #dde3e8;border-radius:8px}\
+table{border-collapse:collapse;width:100%;font-size:14px;font-variant-numeric:tabular-nums}\
+th,td{padding:4px 12px;text-align:right;white-space:nowrap}\
+th{border-bottom:1px solid #dde3e8;color:#546e7a;font-weight:600}tbody tr:nth-child(even){background:#f7f9fa}\
+td.text{text-align:left;white-space:normal}";
+
+fn push(html: &mut String, part: &str) {
+    html.push_str(part);
+}
+
+/// The data shared by the charts, the facts and the table.
+struct Run<'a> {
+    directory: &'a Directory,
+    increments: Vec<Increment<'a>>,
+    extension: Option<Extension>,
+    last_fields: Option<Fields>,
+}
+
+impl<'a> Run<'a> {
+    fn of(directory: &'a Directory) -> Result<Self, ReportError> {
+        let last = directory.fields.last();
+        let last_fields = last.map(|entry| directory.read_fields(entry)).transpose()?;
+        let of_time = last.zip(last_fields.as_ref()).map(|(entry, fields)| (fields, entry.time));
+        let extension = directory.loads.as_ref().and_then(|loads| Extension::find(loads, of_time));
+        Ok(Self { directory, increments: directory.increments(), extension, last_fields })
+    }
+
+    /// Returns the extension in percent if the length of the body is known, otherwise the elongation in mm.
+    fn extension_of(&self, increment: &Increment) -> Option<f64> {
+        let (extension, row) = (self.extension.as_ref()?, increment.row?);
+        Some(extension.fraction(row).map_or_else(|| 1e3 * extension.elongation(row), |fraction| 100.0 * fraction))
+    }
+
+    fn extension_unit(&self) -> &'static str {
+        if self.extension.is_some_and(|extension| extension.length.is_some()) { "%" } else { "mm" }
+    }
+
+    fn extension_name(&self) -> &'static str {
+        if self.extension_unit() == "%" { "extension" } else { "elongation" }
+    }
+
+    /// Returns the axis of the pull; x if there is no pull.
+    fn axis(&self) -> usize {
+        self.extension.map_or(0, |extension| extension.axis)
+    }
+
+    /// Returns the force through a surface along the axis of the pull, N.
+    fn force_of(&self, increment: &Increment, surface: usize) -> Option<f64> {
+        Some(increment.row?.surfaces.get(surface)?.force[self.axis()])
+    }
+
+    /// Returns the surfaces whose force along the pull exceeds one thousandth of the largest force.
+    fn loaded_surfaces(&self) -> Vec<usize> {
+        let surfaces = self.directory.loads.as_ref().map_or(0, |loads| loads.surfaces.len());
+        let most = |surface: usize| {
+            let forces = self.increments.iter().filter_map(|increment| self.force_of(increment, surface));
+            forces.map(f64::abs).fold(0.0, f64::max)
+        };
+        let largest = (0..surfaces).map(most).fold(0.0, f64::max);
+        (0..surfaces).filter(|&surface| largest > 0.0 && most(surface) > 1e-3 * largest).collect()
+    }
+
+    fn surface_name(&self, surface: usize) -> &str {
+        self.directory.loads.as_ref().and_then(|loads| loads.surfaces.get(surface)).map_or("", String::as_str)
+    }
+}
+
+fn outcome(directory: &Directory, run: &Run) -> String {
+    let increments = run.increments.len();
+    let plural = if increments == 1 { "" } else { "s" };
+    let (class, words) = match &directory.end {
+        Some(end) if end.converged => (
+            "state",
+            format!("Converged: {increments} load increment{plural} in {} of wall time.", duration(end.seconds)),
+        ),
+        Some(end) => {
+            let reason = end.reason.as_deref().unwrap_or("no reason was written");
+            ("state failed", format!("Did not converge after {increments} load increment{plural}: {reason}."))
+        }
+        None => ("state", format!("{increments} load increment{plural} so far; the log has no end yet.")),
+    };
+    format!("<p class=\"{class}\">{}</p>\n", escape(&words))
+}
+
+/// Formats a duration: `1 h 02 min`, `3 min 20 s`, `4.20 s`.
+fn duration(seconds: f64) -> String {
+    if !(60.0..1e9).contains(&seconds) {
+        return format!("{}\u{a0}s", significant(seconds));
+    }
+    let whole = seconds.round() as u64;
+    if whole >= 3600 {
+        format!("{}\u{a0}h {:02}\u{a0}min", whole / 3600, whole % 3600 / 60)
+    } else {
+        format!("{}\u{a0}min {:02}\u{a0}s", whole / 60, whole % 60)
+    }
+}
+
+fn facts(directory: &Directory, run: &Run) -> String {
+    let mut facts: Vec<(&str, String)> = Vec::new();
+    if let Some(start) = &directory.start {
+        facts.extend([
+            ("elements", start.elements.to_string()),
+            ("nodes", start.nodes.to_string()),
+            ("unknowns", start.unknowns.to_string()),
+        ]);
+        if start.rves > 0 {
+            facts.extend([("fiber RVEs", start.rves.to_string()), ("networks", start.networks.to_string())]);
+        }
+        facts.extend([("backend", start.backend.clone()), ("threads", start.threads.to_string())]);
+        facts.push(("version", start.version.clone()));
+    } else if let Some(fields) = &run.last_fields {
+        facts.extend([("elements", fields.elements.len().to_string()), ("nodes", fields.points.len().to_string())]);
+    }
+    if let Some(extension) = run.increments.iter().rev().find_map(|increment| run.extension_of(increment)) {
+        facts.push((run.extension_name(), format!("{}\u{a0}{}", significant(extension), run.extension_unit())));
+    }
+    let largest = run.loaded_surfaces().into_iter().flat_map(|surface| {
+        run.increments.iter().filter_map(move |increment| run.force_of(increment, surface)).map(f64::abs)
+    });
+    if let Some(force) = largest.max_by(f64::total_cmp) {
+        facts.push(("largest force", quantity(force, "N")));
+    }
+    let stress = run.last_fields.as_ref().and_then(|fields| fields.cell_scalar("von_mises_stress"));
+    if let Some(stress) = stress.and_then(|stress| stress.iter().copied().max_by(f64::total_cmp)) {
+        facts.push(("largest von Mises stress", quantity(stress, "Pa")));
+    }
+    let iterations: usize = directory.steps.iter().map(|step| step.newton.iterations).sum();
+    if !directory.steps.is_empty() {
+        facts.push(("Newton iterations", iterations.to_string()));
+    }
+    if !directory.cuts.is_empty() {
+        facts.push(("steps cut", directory.cuts.len().to_string()));
+    }
+    let cell = |(name, value): &(&str, String)| format!("<div><dt>{name}</dt><dd>{}</dd></div>", escape(value));
+    format!("<dl>{}</dl>\n", facts.iter().map(cell).collect::<Vec<_>>().join(""))
+}
+
+fn table(directory: &Directory, run: &Run) -> String {
+    if run.increments.is_empty() {
+        return String::new();
+    }
+    let surfaces = run.loaded_surfaces();
+    let with_rves = directory.steps.iter().any(|step| step.rve.is_some());
+    let with_log = !directory.steps.is_empty();
+    let mut head = vec!["step".to_owned(), "t".to_owned()];
+    if run.extension.is_some() {
+        head.push(format!("{}, {}", run.extension_name(), run.extension_unit()));
+    }
+    let axis = ["x", "y", "z"][run.axis()];
+    head.extend(surfaces.iter().map(|&surface| format!("force {axis} on {}, N", run.surface_name(surface))));
+    if with_log {
+        head.extend(["Newton iterations", "relative residual", "cuts", "seconds"].map(str::to_owned));
+    }
+    if with_rves {
+        head.extend(["RVE solves", "iterations, mean", "most"].map(str::to_owned));
+    }
+    let mut html = String::from("<h2>Load increments</h2>\n<div class=\"scroll\"><table><thead><tr>");
+    for column in head {
+        let _ = write!(html, "<th>{}</th>", escape(&column));
+    }
+    html.push_str("</tr></thead>\n<tbody>\n");
+    for increment in &run.increments {
+        let number = |value: Option<f64>| value.map_or_else(String::new, significant);
+        let mut cells = vec![increment.step.to_string(), significant(increment.t)];
+        if run.extension.is_some() {
+            cells.push(number(run.extension_of(increment)));
+        }
+        cells.extend(surfaces.iter().map(|&surface| number(run.force_of(increment, surface))));
+        let newton = increment.log.map(|log| &log.newton);
+        if with_log {
+            cells.push(newton.map_or_else(String::new, |newton| newton.iterations.to_string()));
+            cells.push(
+                newton.and_then(|newton| newton.relative.last()).map_or_else(String::new, |r| format!("{r:.1e}")),
+            );
+            cells.push(increment.log.map_or_else(String::new, |log| log.cuts.to_string()));
+            cells.push(number(newton.map(|newton| newton.seconds.total)));
+        }
+        if with_rves {
+            let rve = increment.log.and_then(|log| log.rve.as_ref());
+            cells.push(rve.map_or_else(String::new, |rve| rve.solves.to_string()));
+            cells.push(number(rve.map(|rve| rve.iterations_mean)));
+            cells.push(rve.map_or_else(String::new, |rve| rve.iterations_max.to_string()));
+        }
+        let _ = writeln!(html, "<tr><td>{}</td></tr>", cells.join("</td><td>"));
+    }
+    html.push_str("</tbody></table></div>\n");
+    html + &cuts(directory)
+}
+
+fn cuts(directory: &Directory) -> String {
+    if directory.cuts.is_empty() {
+        return String::new();
+    }
+    let mut html = String::from(
+        "<h2>Attempts that failed</h2>\n<div class=\"scroll\"><table><thead><tr><th>step</th><th>aimed at t</th>\
+         <th>Newton iterations</th><th>reason</th></tr></thead>\n<tbody>\n",
+    );
+    for cut in &directory.cuts {
+        let (t, reason) = (significant(cut.t), escape(&cut.reason));
+        let (step, iterations) = (cut.step, cut.newton.iterations);
+        let _ =
+            writeln!(html, "<tr><td>{step}</td><td>{t}</td><td>{iterations}</td><td class=\"text\">{reason}</td></tr>");
+    }
+    html + "</tbody></table></div>\n"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::duration;
+
+    #[test]
+    fn durations_read_well() {
+        assert_eq!(duration(4.2), "4.20\u{a0}s");
+        assert_eq!(duration(200.2), "3\u{a0}min 20\u{a0}s");
+        assert_eq!(duration(3725.0), "1\u{a0}h 02\u{a0}min");
+    }
+}

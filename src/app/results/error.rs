@@ -1,0 +1,131 @@
+//! Errors of reading and writing the files of a result directory.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+
+/// A result file could not be written or read.
+#[derive(Debug, Error)]
+pub enum ResultsError {
+    /// A file or directory cannot be written.
+    #[error("{}: cannot be written: {source}", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// The error of the operating system.
+        source: io::Error,
+    },
+    /// Another process of the run failed to write its results.
+    #[error("{reason}")]
+    OtherRank {
+        /// The result directory.
+        path: PathBuf,
+        /// The error message of that process.
+        reason: String,
+    },
+    /// A file that would be replaced or removed was not written by a run. Nothing was changed.
+    #[error("{}: {what}", path.display())]
+    Foreign {
+        /// The file.
+        path: PathBuf,
+        /// The property that shows this.
+        what: &'static str,
+    },
+    /// Another run writes its results to the same directory.
+    #[error("{}: in use by another run: {holder}", path.display())]
+    Locked {
+        /// The result directory.
+        path: PathBuf,
+        /// The process that holds the lock, and its machine, as far as known.
+        holder: String,
+    },
+    /// A file or directory cannot be read.
+    #[error("{}: cannot be read: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The error of the operating system.
+        source: io::Error,
+    },
+    /// The data cannot be encoded as a VTK file.
+    #[error("{}: cannot be put into VTK form: {source}", path.display())]
+    Encode {
+        /// The file.
+        path: PathBuf,
+        /// The error of the VTK library.
+        source: vtkio::Error,
+    },
+    /// A file is missing or does not have the content that a run writes.
+    #[error("{}{}: {what}; expected {expected}", path.display(), line.map(|l| format!(":{l}")).unwrap_or_default())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// Line, from 1, if the error has one.
+        line: Option<usize>,
+        /// The defect found.
+        what: String,
+        /// The expected content.
+        expected: &'static str,
+    },
+    /// A field does not have one value per point or element of the mesh, or a row does not have the columns of its
+    /// file.
+    #[error("{}: `{name}` has {found} values where {expected} belong", path.display())]
+    Length {
+        /// The file that was to be written.
+        path: PathBuf,
+        /// The name of the field, or the kind of columns.
+        name: String,
+        /// Number of values given.
+        found: usize,
+        /// Number of values required.
+        expected: usize,
+    },
+    /// An element refers to a node that does not exist.
+    #[error("{}: element {element} names node {node}, but there are {nodes} nodes (from 0)", path.display())]
+    ElementNode {
+        /// The file.
+        path: PathBuf,
+        /// The element, from 0.
+        element: usize,
+        /// The invalid node.
+        node: u64,
+        /// Number of nodes.
+        nodes: usize,
+    },
+}
+
+impl ResultsError {
+    /// Returns the file or directory that caused the error.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        match self {
+            Self::Write { path, .. }
+            | Self::OtherRank { path, .. }
+            | Self::Foreign { path, .. }
+            | Self::Locked { path, .. }
+            | Self::Read { path, .. }
+            | Self::Encode { path, .. }
+            | Self::Damaged { path, .. }
+            | Self::Length { path, .. }
+            | Self::ElementNode { path, .. } => path,
+        }
+    }
+
+    /// Returns true if the file to be read does not exist.
+    pub(super) fn is_not_found(&self) -> bool {
+        matches!(self, Self::Read { source, .. } if source.kind() == io::ErrorKind::NotFound)
+    }
+
+    pub(crate) fn write(path: &Path) -> impl FnOnce(io::Error) -> Self {
+        move |source| Self::Write { path: path.into(), source }
+    }
+
+    pub(in crate::app) fn read(path: &Path) -> impl FnOnce(io::Error) -> Self {
+        move |source| Self::Read { path: path.into(), source }
+    }
+
+    pub(super) fn damaged(path: &Path, line: Option<usize>, what: impl Into<String>, expected: &'static str) -> Self {
+        Self::Damaged { path: path.into(), line, what: what.into(), expected }
+    }
+}

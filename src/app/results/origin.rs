@@ -1,0 +1,244 @@
+//! Checks which files of a result directory were written by a run; no other file is replaced or removed.
+//!
+//! A file is recognized by its name and its first bytes; the copy of the case also by its checksum, so that a file
+//! edited by the user is not recognized. Copies by versions without a checksum are recognized if they have the form
+//! that a run writes.
+
+use std::fs::{self, File};
+use std::io::{ErrorKind, Read};
+use std::path::{Path, PathBuf};
+
+use super::clear::{is_collection, is_field, is_index, is_lost, is_network, is_part, is_partial, step_of_name};
+use super::log::{self, Event};
+use super::{
+    CASE_FILE, CHECKPOINT_FOLDER, Collection, FIELDS_FILE, LOADS_FILE, LOG_FILE, Loads, NETWORKS_FOLDER, ResultsError,
+};
+use crate::app::case::Case;
+use crate::app::checkpoint;
+use crate::checksum::{below_signature, signed};
+use crate::output::final_name;
+use crate::tissue::replay::LOST_FOLDER;
+
+/// Number of bytes from which a file is recognized.
+const HEAD: u64 = 4096;
+
+/// Beginning of the first line below the checksum in the copy of a case; the version follows.
+const CASE_LINE: &str = "# The case as run by biotissue ";
+
+/// The bytes read from a file.
+type Bytes<'a> = &'a [u8];
+
+/// Checks that everything in the result directory `dir` that a run would replace or remove was written by a run. A
+/// missing directory passes. Nothing is changed.
+///
+/// # Errors
+/// Returns [`ResultsError::Foreign`] for a file that no run has written or for a symbolic link; [`ResultsError::Read`]
+/// if a file cannot be read.
+pub fn check_origin(dir: &Path) -> Result<(), ResultsError> {
+    check_folder(dir, |name| {
+        let kind: fn(Bytes, &Path) -> bool = match name {
+            CASE_FILE => |bytes, path| is_case_copy(bytes, path),
+            LOADS_FILE => |bytes, _| is_loads(bytes),
+            LOG_FILE => |bytes, _| is_log(bytes),
+            FIELDS_FILE => {
+                |bytes, _| is_collection_of(bytes, |name| is_field(name) || is_index(name) || is_partial(name))
+            }
+            _ if is_index(name) => |bytes, _| has(bytes, "<VTKFile type=\"PUnstructuredGrid\"", "\"displacement\""),
+            _ if is_field(name) || is_part(name) || is_partial(name) => |bytes, _| {
+                has(bytes, "<VTKFile type=\"UnstructuredGrid\"", "\"displacement\"")
+                    || has(bytes, "<VTKFile type=\"PUnstructuredGrid\"", "\"displacement\"")
+            },
+            _ => return None,
+        };
+        Some(kind)
+    })?;
+    check_folder(&folder(dir, NETWORKS_FOLDER)?, |name| {
+        let kind: fn(Bytes, &Path) -> bool = match name {
+            _ if is_collection(name) => |bytes, _| is_collection_of(bytes, |name| is_network(name) || is_partial(name)),
+            _ if is_network(name) || is_partial(name) => {
+                |bytes, _| has(bytes, "<VTKFile type=\"PolyData\"", "Name=\"stretch\"")
+            }
+            _ => return None,
+        };
+        Some(kind)
+    })?;
+    check_folder(&folder(dir, LOST_FOLDER)?, |name| {
+        is_lost(name).then_some(|bytes: Bytes, _: &Path| begins(bytes, "{\"program\":\"biotissue "))
+    })?;
+    check_folder(&folder(dir, CHECKPOINT_FOLDER)?, |name| {
+        checkpoint::is_file_name(name).then_some(|bytes: Bytes, _: &Path| checkpoint::is_begin(bytes))
+    })
+}
+
+/// Returns a folder of a result directory; rejects a symbolic link, which could lead anywhere.
+fn folder(dir: &Path, name: &str) -> Result<PathBuf, ResultsError> {
+    let path = dir.join(name);
+    match fs::symlink_metadata(&path) {
+        Ok(there) if there.is_symlink() => Err(ResultsError::Foreign { path, what: LINK }),
+        Ok(there) if !there.is_dir() => {
+            Err(ResultsError::Foreign { path, what: "is no folder, where a run would make one" })
+        }
+        _ => Ok(path),
+    }
+}
+
+const LINK: &str = "is a symbolic link, which no run has made";
+const FOREIGN: &str = "does not come from an earlier run, or was changed since; a run would replace or remove it";
+
+/// Checks all files of a folder. For a name that a run may write, `kind_of` returns the function that recognizes the
+/// content.
+fn check_folder<K: Fn(Bytes, &Path) -> bool>(
+    folder: &Path,
+    kind_of: impl Fn(&str) -> Option<K>,
+) -> Result<(), ResultsError> {
+    let entries = match fs::read_dir(folder) {
+        Ok(entries) => entries,
+        // If this is not a folder, writing to it will report that.
+        Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => return Ok(()),
+        Err(error) => return Err(ResultsError::read(folder)(error)),
+    };
+    let entries: Result<Vec<PathBuf>, _> = entries.map(|entry| entry.map(|entry| entry.path())).collect();
+    let mut paths = entries.map_err(ResultsError::read(folder))?;
+    paths.sort_unstable();
+    for path in paths {
+        let Some(name) = path.file_name().and_then(|name| name.to_str()) else { continue };
+        let (is_unfinished, name) = (final_name(name) != name, final_name(name));
+        let Some(is_ours) = kind_of(name) else { continue };
+        let there = match fs::symlink_metadata(&path) {
+            Ok(there) => there,
+            // Another run may just have replaced the file.
+            Err(error) if error.kind() == ErrorKind::NotFound => continue,
+            Err(error) => return Err(ResultsError::read(&path)(error)),
+        };
+        if there.is_symlink() {
+            return Err(ResultsError::Foreign { path, what: LINK });
+        }
+        if !there.is_file() {
+            return Err(ResultsError::Foreign { path, what: "is no regular file" });
+        }
+        // A file that a killed run was writing may end anywhere, and an empty file has nothing to lose.
+        if is_unfinished || there.len() == 0 {
+            continue;
+        }
+        let Some(bytes) = begin_of(&path, name)? else { continue };
+        if !is_ours(&bytes, &path) {
+            return Err(ResultsError::Foreign { path, what: FOREIGN });
+        }
+    }
+    Ok(())
+}
+
+/// Reads the beginning of a file, or all of a case or a collection; `None` if the file no longer exists.
+fn begin_of(path: &Path, name: &str) -> Result<Option<Vec<u8>>, ResultsError> {
+    let limit = if name == CASE_FILE || name.ends_with(".pvd") { u64::MAX } else { HEAD };
+    let mut bytes = Vec::new();
+    match File::open(path).and_then(|file| file.take(limit).read_to_end(&mut bytes)) {
+        Ok(_) => Ok(Some(bytes)),
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(ResultsError::read(path)(error)),
+    }
+}
+
+fn begins(bytes: Bytes, with: &str) -> bool {
+    let (bytes, with) = (&bytes[..bytes.len().min(with.len())], with.as_bytes());
+    with.starts_with(bytes)
+}
+
+fn has(bytes: Bytes, first: &str, then: &str) -> bool {
+    let text = String::from_utf8_lossy(bytes);
+    text.split_once(first).is_some_and(|(_, rest)| rest.contains(then))
+}
+
+/// Returns the text of the file `case.toml` in a result directory.
+pub(in crate::app) fn case_copy(case: &Case) -> String {
+    signed(&case.to_toml())
+}
+
+fn is_case_copy(bytes: Bytes, path: &Path) -> bool {
+    let Ok(text) = std::str::from_utf8(bytes) else { return false };
+    if let Some((below, is_as_written)) = below_signature(text) {
+        return is_as_written && below.starts_with(CASE_LINE);
+    }
+    // Newer versions may write additional keys, but every line of an older copy still occurs, in the same order.
+    let Some(lines) = text.strip_prefix(CASE_LINE).map(|text| text.lines().skip(1)) else { return false };
+    let Ok(read) = Case::parse(text, path) else { return false };
+    let written = read.case.to_toml();
+    let mut written = written.lines().skip(1);
+    lines.into_iter().all(|line| written.any(|other| other == line))
+}
+
+fn is_loads(bytes: Bytes) -> bool {
+    let text = String::from_utf8_lossy(bytes);
+    let whole_header = text.contains('\n').then(|| Loads::is_header(text.as_bytes()));
+    // The header is longer than the bytes read: a body with very many surfaces.
+    whole_header.unwrap_or_else(|| text.starts_with("step,t,"))
+}
+
+fn is_log(bytes: Bytes) -> bool {
+    let text = String::from_utf8_lossy(bytes);
+    match text.split_once('\n') {
+        Some((first, _)) => serde_json::from_str(first).is_ok_and(|event| !matches!(event, Event::Unknown)),
+        // The run was killed while it wrote the first line.
+        None => begins(bytes, "{\"event\":\"start\",\"title\":\""),
+    }
+}
+
+fn is_collection_of(bytes: Bytes, is_member: impl Fn(&str) -> bool) -> bool {
+    let read = Collection::parse(PathBuf::new(), &String::from_utf8_lossy(bytes));
+    read.is_ok_and(|read| read.entries().iter().all(|entry| is_member(&entry.file)))
+}
+
+/// Returns true if the beginning of a report page shows that this program wrote it.
+pub(in crate::app) fn is_report(path: &Path) -> Result<bool, ResultsError> {
+    if !fs::symlink_metadata(path).is_ok_and(|there| there.is_file()) {
+        return Ok(false);
+    }
+    let Some(bytes) = begin_of(path, "")? else { return Ok(false) };
+    let text = String::from_utf8_lossy(&bytes);
+    // Versions without the generator tag wrote the second text.
+    let is_ours = text.contains("<meta name=\"generator\" content=\"biotissue")
+        || text.contains("<style>body{margin:0;background:#f3f5f7;");
+    Ok(bytes.is_empty() || text.starts_with("<!DOCTYPE html>") && is_ours)
+}
+
+/// Returns the evidence that `dir`, which has no checkpoint, holds results nevertheless: a file and its content. A run
+/// that was interrupted within its first step leaves no such evidence: resuming repeats that step.
+///
+/// # Errors
+/// Returns [`ResultsError::Read`] or [`ResultsError::Damaged`] if the loads, the log or a folder cannot be read.
+pub(in crate::app) fn results_without_checkpoint(
+    dir: &Path,
+    case: &Case,
+) -> Result<Option<(PathBuf, String)>, ResultsError> {
+    let (loads, log) = (dir.join(LOADS_FILE), dir.join(LOG_FILE));
+    let rows = if loads.exists() { Loads::read(&loads)?.rows.len() } else { 0 };
+    let events = if log.exists() { log::read(&log)? } else { Vec::new() };
+    let same_case = || fs::read_to_string(dir.join(CASE_FILE)).is_ok_and(|text| text == case_copy(case));
+    let begun = events.iter().any(|event| matches!(event, Event::Start(_)));
+    if rows > 1 || rows == 1 && !(begun && same_case()) {
+        return Ok(Some((loads, format!("{rows} load step{}", if rows == 1 { "" } else { "s" }))));
+    }
+    let beyond = events.iter().filter_map(|event| match event {
+        Event::Step(step) if step.step > 1 => Some(step.step),
+        Event::End(end) if end.steps > 0 => Some(end.steps),
+        _ => None,
+    });
+    let beyond = beyond.max();
+    if let Some(steps) = beyond {
+        return Ok(Some((log, format!("{steps} load step{}", if steps == 1 { "" } else { "s" }))));
+    }
+    for folder in [dir.to_owned(), dir.join(NETWORKS_FOLDER)] {
+        let entries = match fs::read_dir(&folder) {
+            Err(error) if error.kind() == ErrorKind::NotFound => continue,
+            entries => entries.map_err(ResultsError::read(&folder))?,
+        };
+        for entry in entries {
+            let path = entry.map_err(ResultsError::read(&folder))?.path();
+            let step = path.file_name().and_then(|name| name.to_str()).and_then(step_of_name);
+            if let Some(step) = step.filter(|&step| step > rows) {
+                return Ok(Some((path, format!("the state of load step {step}"))));
+            }
+        }
+    }
+    Ok(None)
+}

@@ -1,0 +1,321 @@
+//! A two-scale simulation from a case to its result directory.
+//!
+//! | module | holds |
+//! |---|---|
+//! | `setup` | a case with all its input files, read and checked |
+//! | `plan` | the size of the problem before the solve |
+//! | this one | the run itself ([`Simulation`]) |
+//! | `outcome` | the errors and the result of a run, and of resuming it |
+//! | `writers` | which process writes the results |
+
+mod outcome;
+mod plan;
+mod rank_writers;
+mod setup;
+mod writers;
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+pub use outcome::{ResumeError, Resumed, RunError, RunSummary};
+pub use plan::{NetworkPlan, Plan};
+pub use rank_writers::First;
+pub use setup::{Setup, SimulationError};
+pub use writers::Writers;
+
+use self::writers::AgreedRecorder;
+use super::case::Case;
+use super::checkpoint::{self, Checkpoint, Identity};
+use super::recorder::{Progress, Recorder, ResumePoint};
+use super::results::log::{End, Event, Start};
+use super::results::{self, DirectoryLock, Done, ResultsError, Written};
+use crate::fem::mesh::Mesh;
+use crate::fem::stepping::{Stepper, SteppingError};
+use crate::las::{Backend, Scalar};
+use crate::tissue::micro_scale::{TissueField, TissueMaterial};
+
+/// A body and its networks, set up to step through the loads.
+///
+/// `B` is the backend of the body, `M` its material: in one process by default, or on other ranks.
+pub struct Simulation<B: Backend<Scalar = f64>, M = TissueField<B>>
+where
+    B::Reduced: Scalar,
+{
+    case: Case,
+    stepper: Stepper<B, M>,
+    /// The elements whose networks are written to the results.
+    networks: Vec<usize>,
+    warnings: Vec<String>,
+    /// The result directory and its lock, held by this run from [`Simulation::take_directory`] until the run ends.
+    own: Option<(PathBuf, DirectoryLock)>,
+    /// The results of the steps completed before this run, if it was resumed.
+    written: Written,
+}
+
+impl<B: Backend<Scalar = f64>> Simulation<B>
+where
+    B::Reduced: Scalar,
+{
+    /// Reads the mesh and the networks of a case and sets up the linear systems of both scales.
+    ///
+    /// # Errors
+    /// Returns [`SimulationError`] if an input file cannot be read or does not match the case, or the first evaluation
+    /// of the body fails.
+    pub fn new(context: B::Context, case: Case) -> Result<Self, SimulationError<B::Fault>>
+    where
+        B::Context: Clone,
+    {
+        Setup::new(context, case)?.simulation()
+    }
+}
+
+impl<B: Backend<Scalar = f64>, M: TissueMaterial> Simulation<B, M>
+where
+    B::Reduced: Scalar,
+{
+    /// Returns the warnings of the readers.
+    #[must_use]
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    /// Returns the case.
+    #[must_use]
+    pub fn case(&self) -> &Case {
+        &self.case
+    }
+
+    /// Returns the mesh, in meters.
+    #[must_use]
+    pub fn mesh(&self) -> &Mesh {
+        self.stepper.mesh()
+    }
+
+    /// Returns the size of the problem.
+    #[must_use]
+    pub fn plan(&self) -> Plan {
+        Plan::new(&self.case, self.mesh(), self.stepper.field(), self.stepper.unknowns())
+    }
+
+    /// Locks the result directory `dir` for this run until [`Simulation::run`] ends, and checks that the files that
+    /// this run would replace were written by a run. [`Simulation::resume`] and [`Simulation::run`] call it if it was
+    /// not called before. Returns warnings for the user.
+    ///
+    /// # Errors
+    /// Returns [`ResultsError::Locked`] or [`ResultsError::Foreign`] without touching a file, or
+    /// [`ResultsError::Write`] if the directory or its lock cannot be written.
+    pub fn take_directory(&mut self, writers: &dyn Writers, dir: &Path) -> Result<Vec<String>, ResultsError> {
+        let is_own = self.own.as_ref().is_some_and(|(own, _)| own == dir);
+        let taken = match writers.is_writer() && !is_own {
+            true => results::check_origin(dir).and_then(|()| DirectoryLock::take(dir)).map(Some),
+            false => Ok(None),
+        };
+        let (taken, outcome) = match taken {
+            Ok(taken) => (taken, Ok(())),
+            Err(error) => (None, Err(error)),
+        };
+        writers.agree(outcome)?;
+        let Some((lock, warning)) = taken else { return Ok(Vec::new()) };
+        self.own = Some((dir.to_owned(), lock));
+        Ok(warning.into_iter().collect())
+    }
+
+    /// Restores the last converged step stored in the result directory `dir`; [`Simulation::run`] then takes the
+    /// remaining steps with results that are bit for bit those of an uninterrupted run. Without a checkpoint, the run
+    /// starts from the beginning, unless there are results.
+    ///
+    /// # Errors
+    /// Returns [`ResumeError`] if the checkpoints belong to another run or are all damaged, if there are results
+    /// without a checkpoint or results that differ from those written before it, or if another run uses the directory.
+    /// No result file is changed then.
+    pub fn resume(&mut self, dir: &Path) -> Result<Resumed, ResumeError<B::Fault>> {
+        self.resume_among(&(), dir)
+    }
+
+    /// Like [`Simulation::resume`], in step with other processes that resume together.
+    ///
+    /// # Errors
+    /// Returns [`ResumeError`] on all processes.
+    pub fn resume_among(&mut self, writers: &dyn Writers, dir: &Path) -> Result<Resumed, ResumeError<B::Fault>> {
+        let outcome = self.go_back(writers, dir);
+        if outcome.is_err() {
+            self.own = None;
+        }
+        outcome
+    }
+
+    fn go_back(&mut self, writers: &dyn Writers, dir: &Path) -> Result<Resumed, ResumeError<B::Fault>> {
+        // A directory that does not exist cannot be locked.
+        let mut warnings = match dir.exists() {
+            true => self.take_directory(writers, dir)?,
+            false => writers.agree(Ok(())).map(|()| Vec::new())?,
+        };
+        let found = checkpoint::latest(dir, &self.identity());
+        // A process that continues would wait for those that do not.
+        let told = found
+            .as_ref()
+            .map(|_| ())
+            .map_err(|error| ResultsError::OtherRank { path: dir.to_owned(), reason: error.to_string() });
+        let agreed = writers.agree(told);
+        let (checkpoint, remarks) = found?;
+        warnings.extend(remarks);
+        let step = checkpoint.as_ref().map_or(0, |checkpoint| checkpoint.state.completed_steps);
+        agreed.and_then(|()| writers.agree_on(step)).map_err(ResumeError::OtherRank)?;
+        let Some(Checkpoint { path, state, lives, units, written }) = checkpoint else {
+            self.check_empty(writers, dir)?;
+            warnings.push(format!("{}: no checkpoint: starting from the beginning", dir.display()));
+            return Ok(Resumed { step: 0, warnings });
+        };
+        let done = Done { steps: state.completed_steps, of: self.stepper.count() };
+        let checked = if writers.is_writer() { written.check(dir, done) } else { Ok(Vec::new()) };
+        let (restored, outcome) = match checked {
+            Ok(restored) => (restored, Ok(())),
+            Err(error) => (Vec::new(), Err(error)),
+        };
+        writers.agree(outcome)?;
+        warnings.extend(restored);
+        let restored = self.stepper.restore(&state, |field| field.restore_units(&lives, units));
+        restored.map_err(|reason| ResumeError::State { path, reason: Box::new(reason) })?;
+        self.written = written;
+        // The cost of restoring is not part of the next step.
+        let _ = (self.stepper.field().take_stats(), self.stepper.field().take_seconds());
+        Ok(Resumed { step: state.completed_steps, warnings })
+    }
+
+    /// Checks that a directory without a checkpoint holds no results that a start from the beginning would remove.
+    fn check_empty(&self, writers: &dyn Writers, dir: &Path) -> Result<(), ResumeError<B::Fault>> {
+        let found = match writers.is_writer() {
+            true => results::results_without_checkpoint(dir, &self.case),
+            false => Ok(None),
+        };
+        let told = match &found {
+            Ok(None) => Ok(()),
+            Ok(Some((path, what))) => {
+                let reason = format!("{}: {what}, but no checkpoint", path.display());
+                Err(ResultsError::OtherRank { path: path.clone(), reason })
+            }
+            Err(error) => Err(ResultsError::OtherRank { path: dir.to_owned(), reason: error.to_string() }),
+        };
+        let agreed = writers.agree(told);
+        match found? {
+            Some((path, what)) => Err(ResumeError::NoCheckpoint { path, what }),
+            None => Ok(agreed?),
+        }
+    }
+
+    fn identity(&self) -> Identity {
+        Identity::new(B::NAME, &self.case, self.stepper.mesh(), self.stepper.field())
+    }
+
+    /// Takes all remaining load steps and writes their results to the directory `dir`. A run from the beginning
+    /// replaces the results in the directory; one resumed by [`Simulation::resume`] appends to them.
+    ///
+    /// # Errors
+    /// Returns [`RunError`]; the results of all converged steps are on disk.
+    pub fn run(&mut self, dir: &Path, progress: &mut dyn Progress) -> Result<RunSummary, RunError<B::Fault>> {
+        self.run_among(&(), dir, progress)
+    }
+
+    /// Like [`Simulation::run`], in step with other processes of which one writes.
+    ///
+    /// # Errors
+    /// Returns [`RunError`], the same on all processes.
+    pub fn run_among(
+        &mut self,
+        writers: &dyn Writers,
+        dir: &Path,
+        progress: &mut dyn Progress,
+    ) -> Result<RunSummary, RunError<B::Fault>> {
+        let start = Instant::now();
+        let outcome = self.take_directory(writers, dir).map_err(RunError::from);
+        let outcome = outcome.and_then(|_| self.run_in_own(writers, dir, progress, start));
+        self.own = None;
+        outcome
+    }
+
+    /// The run in a directory that it has locked.
+    fn run_in_own(
+        &mut self,
+        writers: &dyn Writers,
+        dir: &Path,
+        progress: &mut dyn Progress,
+        start: Instant,
+    ) -> Result<RunSummary, RunError<B::Fault>> {
+        let done = self.stepper.completed_steps();
+        let on = (done > 0).then(|| ResumePoint {
+            done: Done { steps: done, of: self.stepper.count() },
+            written: std::mem::take(&mut self.written),
+        });
+        let (opened, outcome) = match writers.is_writer() {
+            false => (None, Ok(())),
+            true => match Recorder::open(dir, &self.case, self.stepper.mesh(), &self.networks, on.as_ref(), progress) {
+                Ok(recorder) => (Some(recorder), Ok(())),
+                Err(error) => (None, Err(error)),
+            },
+        };
+        writers.agree(outcome)?;
+        let mut witness = AgreedRecorder { recorder: opened, writers };
+        let start_of_run = Event::Start(self.start_event(done));
+        witness.write(|recorder| recorder.log(&start_of_run))?;
+        let outcome = self.take_steps(dir, &mut witness);
+        let seconds = start.elapsed().as_secs_f64();
+        let steps = self.stepper.completed_steps();
+        let reason = match &outcome {
+            Ok(_) => None,
+            Err(error @ RunError::NotConverged { .. }) => {
+                let (state, field) = (self.stepper.state(), self.stepper.field());
+                let t = steps as f64 / self.stepper.count() as f64;
+                let mesh = self.stepper.mesh();
+                witness.write(|recorder| recorder.write_last(steps, t, mesh, state, field))?;
+                Some(error.to_string())
+            }
+            // If results cannot be written, the end of the log cannot either.
+            Err(RunError::Results(_)) => return outcome.map(|iterations| RunSummary { steps, iterations, seconds }),
+        };
+        let end = Event::End(End { converged: reason.is_none(), reason, steps, seconds });
+        witness.write(|recorder| recorder.log(&end))?;
+        outcome.map(|iterations| RunSummary { steps, iterations, seconds })
+    }
+
+    fn start_event(&self, done: usize) -> Start {
+        let plan = self.plan();
+        Start {
+            title: self.case.title.clone(),
+            backend: B::NAME.to_owned(),
+            elements: plan.elements,
+            nodes: plan.nodes,
+            unknowns: plan.unknowns,
+            rves: plan.rves,
+            networks: plan.networks.len(),
+            threads: plan.threads,
+            ranks: plan.ranks,
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            resumed_from: done,
+        }
+    }
+
+    /// Takes the remaining steps, with a checkpoint after each; returns the number of Newton iterations.
+    fn take_steps(&mut self, dir: &Path, witness: &mut AgreedRecorder<'_, '_>) -> Result<usize, RunError<B::Fault>> {
+        let identity = self.identity();
+        let count = self.stepper.count();
+        let mut iterations = 0;
+        while self.stepper.completed_steps() < count {
+            match self.stepper.step(witness) {
+                Ok(report) => iterations += report.iterations(),
+                Err(SteppingError::Stopped { reason, .. }) => return Err(reason.into()),
+                Err(SteppingError::NotConverged { step, reached, halvings, reason, .. }) => {
+                    let (reason, lost) = (Box::new(reason), witness.lost());
+                    return Err(RunError::NotConverged { step, count, reached, halvings, reason, lost });
+                }
+            }
+            // The checkpoint is written last, so that it never refers to results that do not exist.
+            if let Some(state) = self.stepper.saved() {
+                witness.write(|recorder| {
+                    let written = recorder.flush()?;
+                    checkpoint::write(dir, &identity, &state, &written, self.stepper.field())
+                })?;
+            }
+        }
+        Ok(iterations)
+    }
+}

@@ -1,0 +1,67 @@
+//! The size of a problem before the solve.
+
+use crate::app::case::Case;
+use crate::fem::mesh::Mesh;
+use crate::tissue::micro_scale::TissueMaterial;
+
+/// The size of a problem before the solve.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    /// Elements of the mesh.
+    pub elements: usize,
+    /// Nodes of the mesh.
+    pub nodes: usize,
+    /// Free unknowns of the macro scale.
+    pub unknowns: usize,
+    /// RVEs.
+    pub rves: usize,
+    /// Networks, each with its unknowns and the RVEs that use it.
+    pub networks: Vec<NetworkPlan>,
+    /// Bytes of all RVE states and responses.
+    pub rve_bytes: usize,
+    /// Bytes of the gradients, stresses and tangents of the body, without the factors of its stiffness.
+    pub body_bytes: usize,
+    /// Load steps.
+    pub steps: usize,
+    /// Threads that solve RVEs.
+    pub threads: usize,
+    /// Ranks of the macro scale and of the RVEs; 1 and 0 in one process.
+    pub ranks: [usize; 2],
+}
+
+/// A model of the library: a network with its law and scale.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NetworkPlan {
+    /// Its name.
+    pub name: String,
+    /// Unknowns of one RVE.
+    pub unknowns: usize,
+    /// RVEs that use it.
+    pub rves: usize,
+}
+
+impl Plan {
+    /// Collects the sizes from a case, its mesh and material, and the number of free unknowns of the body.
+    pub(super) fn new(case: &Case, mesh: &Mesh, field: &impl TissueMaterial, unknowns: usize) -> Self {
+        let (models, sites) = (field.library().models(), field.sites());
+        let networks = models.iter().zip(sites.users(models.len())).map(|(model, rves)| NetworkPlan {
+            name: model.network().name().to_owned(),
+            unknowns: model.unknowns(),
+            rves,
+        });
+        // Every point has two states: the converged one and the trial one.
+        let point_bytes = 2 * (1 + 9 + 9 + 81) * size_of::<f64>();
+        Self {
+            elements: mesh.elements().len(),
+            nodes: mesh.nodes().len(),
+            unknowns,
+            rves: sites.rves(),
+            networks: networks.collect(),
+            rve_bytes: field.rve_bytes(),
+            body_bytes: point_bytes * mesh.elements().len(),
+            steps: case.steps.count,
+            threads: rayon::current_num_threads(),
+            ranks: field.ranks(),
+        }
+    }
+}

@@ -1,0 +1,89 @@
+//! Several ranks that solve for a body in step: the first writes, and all continue only if it succeeded.
+
+use std::path::Path;
+use std::sync::OnceLock;
+
+use crate::app::results::ResultsError;
+use crate::app::run::Writers;
+use crate::las::{Comm, Disagreement};
+
+/// The [`Writers`] of several ranks: the first one writes.
+pub struct First<'a, C: Comm> {
+    /// The ranks of the body.
+    pub comm: &'a C,
+    /// The result directory.
+    pub dir: &'a Path,
+    /// The reason why ranks are out of step ([`ScaleField::broken`](crate::tissue::two_scale::ScaleField::broken)). Once it is set, this
+    /// rank takes part in no agreement, because others may wait for a message that it does not send.
+    pub broken: &'a OnceLock<String>,
+}
+
+impl<C: Comm> First<'_, C> {
+    fn elsewhere(&self, reason: impl ToString) -> ResultsError {
+        ResultsError::OtherRank { path: self.dir.to_owned(), reason: reason.to_string() }
+    }
+
+    fn whole(&self) -> Result<(), ResultsError> {
+        self.broken.get().map_or(Ok(()), |reason| Err(self.elsewhere(reason)))
+    }
+}
+
+impl<C: Comm> Writers for First<'_, C> {
+    fn is_writer(&self) -> bool {
+        self.comm.rank() == 0
+    }
+
+    fn agree_on(&self, number: usize) -> Result<(), ResultsError> {
+        self.whole()?;
+        let mut span = [number as f64, -(number as f64)];
+        self.comm.max(&mut span).map_err(|error| self.elsewhere(error))?;
+        if span[0] == -span[1] {
+            return Ok(());
+        }
+        Err(self.elsewhere(format!("ranks of the body find checkpoints of steps {} to {}", -span[1], span[0])))
+    }
+
+    fn agree(&self, outcome: Result<(), ResultsError>) -> Result<(), ResultsError> {
+        self.whole()?;
+        self.comm.agree(outcome).map_err(|disagreement| match disagreement {
+            Disagreement::Own(error) => error,
+            other => self.elsewhere(other),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::backends::comm::thread;
+
+    #[test]
+    fn all_go_on_if_the_first_could_write_and_found_the_same_step() {
+        let outcome = thread::run(3, |comm| {
+            let (dir, broken) = (Path::new("out"), OnceLock::new());
+            let ranks = First { comm: &comm, dir, broken: &broken };
+            assert_eq!(ranks.is_writer(), comm.rank() == 0);
+            assert!(ranks.agree(Ok(())).is_ok() && ranks.agree_on(7).is_ok());
+            let own = if comm.rank() == 0 { Err(ranks.elsewhere("the disk is full")) } else { Ok(()) };
+            assert!(ranks.agree(own).is_err_and(|error| error.to_string().contains("the disk is full")));
+            let other = ranks.agree_on(comm.rank());
+            assert!(other.is_err_and(|error| error.to_string().contains("checkpoints of steps 0 to 2")));
+            Ok::<_, ResultsError>(())
+        });
+        assert!(outcome.is_ok(), "{outcome:?}");
+    }
+
+    /// Other ranks may wait for another message: a rank that knows that communication is broken ends without waiting.
+    #[test]
+    fn a_rank_that_has_lost_others_does_not_wait_for_them() {
+        let outcome = thread::run(2, |comm| {
+            let broken = OnceLock::from("scale micro did not answer".to_owned());
+            let ranks = First { comm: &comm, dir: Path::new("out"), broken: &broken };
+            match comm.rank() {
+                0 => ranks.agree(Ok(())).and(ranks.agree_on(1)),
+                _ => comm.receive(0, crate::las::Tag::of(1)).map(drop).map_err(|error| ranks.elsewhere(error)),
+            }
+        });
+        assert!(outcome.is_err_and(|failed| failed.rank == 0 && failed.reason.contains("micro did not answer")));
+    }
+}

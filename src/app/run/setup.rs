@@ -1,0 +1,152 @@
+//! A case with all its input files, read and checked.
+
+use std::sync::Arc;
+
+use thiserror::Error;
+
+use super::Simulation;
+use super::plan::Plan;
+use crate::app::case::{Case, MaterialCase};
+use crate::app::magnitudes;
+use crate::app::results::Written;
+use crate::app::rve_files;
+use crate::fem::boundary::Conditions;
+use crate::fem::mesh::Mesh;
+use crate::fem::rigid_modes;
+use crate::fem::stepping::{SetupError, Stepper};
+use crate::input::InputErrors;
+use crate::las::{Backend, Scalar};
+use crate::tissue::macro_scale::{self, MacroScaleError};
+use crate::tissue::micro_scale::{LibraryError, TissueField, TissueFieldError, TissueMaterial};
+
+/// The reason why a simulation cannot be set up.
+#[derive(Debug, Error)]
+pub enum SimulationError<F: std::error::Error + 'static> {
+    /// The mesh or the boundary conditions are wrong.
+    #[error("{0}")]
+    MacroScale(#[from] MacroScaleError),
+    /// The networks or the materials of regions are wrong.
+    #[error("{0}")]
+    Library(#[from] LibraryError),
+    /// The requested output does not exist.
+    #[error("{0}")]
+    Output(#[from] InputErrors),
+    /// The body and its boundary conditions do not match.
+    #[error("{0}")]
+    Setup(#[from] Box<SetupError<TissueFieldError, F>>),
+}
+
+/// A case with all its input files, read and checked before the first solve.
+pub struct Setup<B: Backend<Scalar = f64>, M = TissueField<B>>
+where
+    B::Reduced: Scalar,
+{
+    context: B::Context,
+    case: Case,
+    mesh: Mesh,
+    conditions: Conditions,
+    field: M,
+    networks: Vec<usize>,
+    unknowns: usize,
+    warnings: Vec<String>,
+}
+
+impl<B: Backend<Scalar = f64>> Setup<B>
+where
+    B::Reduced: Scalar,
+    B::Context: Clone,
+{
+    /// Reads the mesh and the networks of a case and checks them against the case.
+    ///
+    /// # Errors
+    /// Returns [`SimulationError`] if an input file cannot be read or does not match the case, or if the boundary
+    /// conditions leave a rigid-body mode.
+    pub fn new(context: B::Context, case: Case) -> Result<Self, SimulationError<B::Fault>> {
+        let of_rves = context.clone();
+        Self::with_material(context, case, |case, mesh| TissueField::new(of_rves, case, mesh))
+    }
+}
+
+impl<B: Backend<Scalar = f64>, M: TissueMaterial> Setup<B, M>
+where
+    B::Reduced: Scalar,
+{
+    /// Reads the mesh of a case and checks it against the case; `material` returns the materials of its elements, and
+    /// warnings.
+    ///
+    /// # Errors
+    /// As for [`Setup::new`].
+    pub fn with_material(
+        context: B::Context,
+        case: Case,
+        material: impl FnOnce(&Case, &Mesh) -> Result<(M, Vec<String>), LibraryError>,
+    ) -> Result<Self, SimulationError<B::Fault>> {
+        let (mesh, mut warnings) = macro_scale::mesh(&case)?;
+        let conditions = macro_scale::conditions(&case)?;
+        let boundary = macro_scale::boundary(&case, &mesh, &conditions)?;
+        let prescribed = boundary.prescribed(mesh.nodes().len());
+        rigid_modes::check(&mesh, &prescribed).map_err(|error| Box::new(error.into()))?;
+        let unknowns = prescribed.as_flattened().iter().filter(|&&prescribed| !prescribed).count();
+        let (field, network_warnings) = material(&case, &mesh)?;
+        warnings.extend(magnitudes::warnings(&case, &mesh, field.library()));
+        warnings.extend(network_warnings);
+        warnings.extend(without_networks(&case));
+        let networks = rve_files::elements(&case, mesh.elements().len(), &field)?;
+        Ok(Self { context, case, mesh, conditions, field, networks, unknowns, warnings })
+    }
+
+    /// Returns the size of the problem.
+    #[must_use]
+    pub fn plan(&self) -> Plan {
+        Plan::new(&self.case, &self.mesh, &self.field, self.unknowns)
+    }
+
+    /// Returns the warnings of the readers.
+    #[must_use]
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    /// Returns the case.
+    #[must_use]
+    pub fn case(&self) -> &Case {
+        &self.case
+    }
+
+    /// Returns the mesh, in meters.
+    #[must_use]
+    pub fn mesh(&self) -> &Mesh {
+        &self.mesh
+    }
+
+    /// Returns the material of the body.
+    pub fn material_mut(&mut self) -> &mut M {
+        &mut self.field
+    }
+
+    /// Sets up the linear systems of both scales and evaluates every point of the undeformed body.
+    ///
+    /// # Errors
+    /// Returns [`SimulationError::Setup`] if the linear system cannot be set up or a point of the undeformed body has
+    /// no response.
+    pub fn simulation(self) -> Result<Simulation<B, M>, SimulationError<B::Fault>> {
+        let Self { context, case, mesh, conditions, field, networks, warnings, .. } = self;
+        let params = macro_scale::step_params(&case);
+        let order = field.node_order(&mesh);
+        let stepper = Stepper::in_order(&order, &context, Arc::new(mesh), &conditions, field, params);
+        let stepper = stepper.map_err(Box::new)?;
+        Ok(Simulation { case, stepper, networks, warnings, own: None, written: Written::default() })
+    }
+}
+
+/// Warnings for regions whose RVEs have no network.
+fn without_networks(case: &Case) -> impl Iterator<Item = String> {
+    case.regions.iter().filter_map(|region| match &region.material {
+        MaterialCase::FiberRve(rve) if rve.networks.is_empty() => Some(format!(
+            "{}: the region \"{}\" has no networks: its RVEs are the matrix alone",
+            case.file.display(),
+            region.name
+        )),
+        _ => None,
+    })
+}
