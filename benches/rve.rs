@@ -1,6 +1,6 @@
 //! One RVE on one core: equilibrium and tangent as a whole, and the phases of a Newton iteration.
 //!
-//! Run by `cargo bench --bench rve`, with `BIOTISSUE_NETWORKS` set to the folder of the published networks; without it
+//! Run by `cargo bench --package benches --bench rve`, with `BIOTISSUE_NETWORKS` set to the folder of the published networks; without it
 //! only generated networks and those of the dogbone example are timed. `docs/kernel.md` lists such times, compared with
 //! those of other direct solvers.
 
@@ -126,7 +126,7 @@ fn rves(c: &mut Criterion) {
     if let Some(path) = published("Network_2_7.txt") {
         Case::read(&path, None).phases(&mut c.benchmark_group("Network_2_7"), &recorded());
     }
-    let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/dogbone/networks/delaunay_1.txt");
+    let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/dogbone/networks/delaunay_1.txt");
     let mut case = Case::read(&example, Some(collagen()));
     case.phases(&mut c.benchmark_group("delaunay_1 of the dogbone"), &large);
     for points in [300, 1000] {

@@ -1,0 +1,56 @@
+#!/usr/bin/env bash
+# Runs every check that scripts/test.sh does not: format, lints and documentation on sets of features, tests of single
+# backends, C and Fortran programs and PETSc under valgrind, the overhead of the abstraction, and MPI by MPICH.
+#
+# Needs what scripts/test.sh needs, and installs it in the same way.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+source scripts/test-env.sh
+
+# Features of one build each: all that have tests of their own.
+sets=("default" "" "sparse" "dense" "petsc" "default batched capi hwloc metis petsc")
+# Any two features occur together in one of these sets without any third feature that they do not imply, or alone.
+pairs=(
+    "metis sparse dense capi petsc mpi" "app generate batched capi petsc mpi" "app generate metis sparse dense batched"
+    "generate metis sparse batched petsc mpi" "app generate sparse dense capi mpi" "generate dense batched capi"
+    "app generate dense petsc mpi" "metis sparse batched capi mpi" "app generate metis sparse capi"
+    "sparse dense batched petsc mpi" "generate" "app" "app dense" "mpi" "cuda hwloc"
+)
+
+say "format"
+cargo fmt --all --check
+for features in "${sets[@]}"; do
+    say "lints and documentation: ${features:-no features}"
+    cargo clippy --quiet --all-targets --no-default-features --features "$features" -- -D warnings
+    RUSTDOCFLAGS="-D warnings" cargo doc --quiet --no-deps --no-default-features --features "$features"
+done
+say "lints: packages that use the library"
+cargo clippy --quiet --workspace --exclude biotissue --all-targets --features downstream/petsc,overhead/petsc -- -D warnings
+for features in "${pairs[@]}"; do
+    say "lints: $features"
+    cargo clippy --quiet --lib --bins --no-default-features --features "$features" -- -D warnings
+done
+
+for features in "dense" "petsc"; do
+    say "tests: $features alone"
+    cargo test --quiet --no-default-features --features "$features" --lib --tests
+done
+say "tests: packages that use the library, and examples"
+cargo test --quiet --package custom-law --package downstream --package reactions --features downstream/petsc
+cargo run --quiet --example deposition
+cargo build --quiet --features petsc --example many_matrices
+for ranks in 1 2; do
+    mpirun --oversubscribe -n "$ranks" target/debug/examples/many_matrices
+done
+
+say "tests: C and Fortran, under valgrind"
+bash scripts/capi.sh
+say "tests: PETSc without the checks of debug builds, and under valgrind"
+cargo test --quiet --config profile.dev.package.biotissue.debug-assertions=false \
+    --config profile.dev.package.biotissue.overflow-checks=false --no-default-features --features petsc --test petsc
+bash scripts/petsc-memcheck.sh
+say "tests: MPI by MPICH"
+bash scripts/mpich.sh
+say "overhead of the abstraction, in instructions"
+cargo run --quiet --release --package overhead --features petsc --bin overhead
+say "all checks passed"
