@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# Runs the tests of the backend `petsc` under valgrind: all of them on one rank; on two all but those of the solvers, which
-# take long there.
+# Runs the tests of the backend `petsc` under valgrind: all on one rank; on two ranks without those of the solvers, which
+# would take too long.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-# The same build as that of the other tests.
+# The same features and packages as in test.sh, so that nothing is built again.
 build=(--package biotissue --package same-dependencies --no-default-features --features biotissue/petsc --test petsc --no-run)
 cargo test --quiet "${build[@]}"
 program=$(cargo test "${build[@]}" 2>&1 | sed -n 's/.*(\(.*petsc-[0-9a-f]*\))$/\1/p')

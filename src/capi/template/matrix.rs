@@ -9,9 +9,9 @@ pub unsafe extern "C" fn las_create_mat_BACKEND(
 ) -> i32 {
     // SAFETY: as above.
     guarded(|| unsafe {
-        give(mat, "mat", || {
+        store_new(mat, "mat", || {
             let (las, pattern) = (shared(las, "las")?, shared(pattern, "pattern")?);
-            Ok(las_mat_BACKEND(<B as Backend>::matrix(&las.0, &pattern.0).map_err(fault)?))
+            Ok(las_mat_BACKEND(<B as Backend>::matrix(&las.0, &pattern.0).map_err(backend_error)?))
         })
     })
 }
@@ -39,7 +39,7 @@ pub unsafe extern "C" fn las_shape_mat_BACKEND(mat: *const las_mat_BACKEND, rows
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_zero_mat_BACKEND(mat: *mut las_mat_BACKEND) -> i32 {
     // SAFETY: as above.
-    guarded(|| unsafe { MatrixOps::<B>::zero(&mut exclusive(mat, "mat")?.0).map_err(fault) })
+    guarded(|| unsafe { MatrixOps::<B>::zero(&mut exclusive(mat, "mat")?.0).map_err(backend_error) })
 }
 
 /// Sets whole rows to zero; the pattern does not change.
@@ -49,7 +49,7 @@ pub unsafe extern "C" fn las_zero_rows_BACKEND(mat: *mut las_mat_BACKEND, count:
     guarded(|| unsafe {
         let mat = &mut exclusive(mat, "mat")?.0;
         let rows = indices(rows, count, shape(mat).0, "rows")?;
-        MatrixOps::<B>::zero_rows(mat, rows).map_err(fault)
+        MatrixOps::<B>::zero_rows(mat, rows).map_err(backend_error)
     })
 }
 
@@ -69,8 +69,8 @@ pub unsafe extern "C" fn las_add_mat_BACKEND(
         let mat = &mut exclusive(mat, "mat")?.0;
         let rows = indices(rows, rows_count, shape(mat).0, "rows")?;
         let cols = indices(cols, cols_count, shape(mat).1, "cols")?;
-        inside(mat, rows, cols)?;
-        MatrixOps::<B>::add(mat, rows, cols, scalars(block, rows.len() * cols.len(), "block")?).map_err(fault)
+        check_in_pattern(mat, rows, cols)?;
+        MatrixOps::<B>::add(mat, rows, cols, scalars(block, rows.len() * cols.len(), "block")?).map_err(backend_error)
     })
 }
 
@@ -90,8 +90,8 @@ pub unsafe extern "C" fn las_set_mat_BACKEND(
         let mat = &mut exclusive(mat, "mat")?.0;
         let rows = indices(rows, rows_count, shape(mat).0, "rows")?;
         let cols = indices(cols, cols_count, shape(mat).1, "cols")?;
-        inside(mat, rows, cols)?;
-        MatrixOps::<B>::set(mat, rows, cols, scalars(block, rows.len() * cols.len(), "block")?).map_err(fault)
+        check_in_pattern(mat, rows, cols)?;
+        MatrixOps::<B>::set(mat, rows, cols, scalars(block, rows.len() * cols.len(), "block")?).map_err(backend_error)
     })
 }
 
@@ -111,7 +111,8 @@ pub unsafe extern "C" fn las_get_mat_BACKEND(
         let mat = &shared(mat, "mat")?.0;
         let rows = indices(rows, rows_count, shape(mat).0, "rows")?;
         let cols = indices(cols, cols_count, shape(mat).1, "cols")?;
-        MatrixOps::<B>::get(mat, rows, cols, scalars_mut(block, rows.len() * cols.len(), "block")?).map_err(fault)
+        let block = scalars_mut(block, rows.len() * cols.len(), "block")?;
+        MatrixOps::<B>::get(mat, rows, cols, block).map_err(backend_error)
     })
 }
 
@@ -119,7 +120,7 @@ pub unsafe extern "C" fn las_get_mat_BACKEND(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_create_slots_BACKEND(slots: *mut *mut las_slots_BACKEND) -> i32 {
     // SAFETY: as above.
-    guarded(|| unsafe { give(slots, "slots", || Ok(las_slots_BACKEND(Vec::new()))) })
+    guarded(|| unsafe { store_new(slots, "slots", || Ok(las_slots_BACKEND(Vec::new()))) })
 }
 
 /// Frees a list of positions. Null is allowed.
@@ -146,8 +147,8 @@ pub unsafe extern "C" fn las_locate_BACKEND(
         let mat = &shared(mat, "mat")?.0;
         let rows = indices(rows, rows_count, shape(mat).0, "rows")?;
         let cols = indices(cols, cols_count, shape(mat).1, "cols")?;
-        inside(mat, rows, cols)?;
-        MatrixOps::<B>::locate(mat, rows, cols, &mut exclusive(slots, "slots")?.0).map_err(fault)
+        check_in_pattern(mat, rows, cols)?;
+        MatrixOps::<B>::locate(mat, rows, cols, &mut exclusive(slots, "slots")?.0).map_err(backend_error)
     })
 }
 
@@ -163,8 +164,8 @@ pub unsafe extern "C" fn las_add_at_BACKEND(
     // SAFETY: as above.
     guarded(|| unsafe {
         let (mat, slots) = (&mut exclusive(mat, "mat")?.0, &shared(slots, "slots")?.0);
-        let slots = part(slots, first, count)?;
-        MatrixOps::<B>::add_at(mat, slots, scalars(values, slots.len(), "values")?).map_err(fault)
+        let slots = slot_range(slots, first, count)?;
+        MatrixOps::<B>::add_at(mat, slots, scalars(values, slots.len(), "values")?).map_err(backend_error)
     })
 }
 
@@ -172,5 +173,5 @@ pub unsafe extern "C" fn las_add_at_BACKEND(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_finish_mat_BACKEND(mat: *mut las_mat_BACKEND) -> i32 {
     // SAFETY: as above.
-    guarded(|| unsafe { MatrixOps::<B>::finish(&mut exclusive(mat, "mat")?.0).map_err(fault) })
+    guarded(|| unsafe { MatrixOps::<B>::finish(&mut exclusive(mat, "mat")?.0).map_err(backend_error) })
 }

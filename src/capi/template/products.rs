@@ -9,9 +9,9 @@ pub unsafe extern "C" fn las_mul_BACKEND(
 ) -> i32 {
     // SAFETY: as above; the two differ.
     guarded(|| unsafe {
-        apart(x, y, "x and y")?;
+        check_distinct(x, y, "x and y")?;
         let y = &mut exclusive(y, "y")?.0;
-        MatVec::<B>::mul(&shared(mat, "mat")?.0, &shared(x, "x")?.0, y).map_err(unsolved)
+        MatVec::<B>::mul(&shared(mat, "mat")?.0, &shared(x, "x")?.0, y).map_err(solve_error)
     })
 }
 
@@ -24,9 +24,9 @@ pub unsafe extern "C" fn las_mul_transpose_BACKEND(
 ) -> i32 {
     // SAFETY: as above; the two differ.
     guarded(|| unsafe {
-        apart(x, y, "x and y")?;
+        check_distinct(x, y, "x and y")?;
         let y = &mut exclusive(y, "y")?.0;
-        MatVec::<B>::mul_transpose(&shared(mat, "mat")?.0, &shared(x, "x")?.0, y).map_err(unsolved)
+        MatVec::<B>::mul_transpose(&shared(mat, "mat")?.0, &shared(x, "x")?.0, y).map_err(solve_error)
     })
 }
 
@@ -35,7 +35,7 @@ pub unsafe extern "C" fn las_mul_transpose_BACKEND(
 pub unsafe extern "C" fn las_diagonal_BACKEND(mat: *const las_mat_BACKEND, d: *mut las_vec_BACKEND) -> i32 {
     // SAFETY: as above.
     guarded(|| unsafe {
-        MatVec::<B>::diagonal(&shared(mat, "mat")?.0, &mut exclusive(d, "d")?.0).map_err(unsolved)
+        MatVec::<B>::diagonal(&shared(mat, "mat")?.0, &mut exclusive(d, "d")?.0).map_err(solve_error)
     })
 }
 
@@ -44,7 +44,7 @@ pub unsafe extern "C" fn las_diagonal_BACKEND(mat: *const las_mat_BACKEND, d: *m
 pub unsafe extern "C" fn las_inverse_diagonal_BACKEND(mat: *const las_mat_BACKEND, d: *mut las_vec_BACKEND) -> i32 {
     // SAFETY: as above.
     guarded(|| unsafe {
-        MatVec::<B>::inverse_diagonal(&shared(mat, "mat")?.0, &mut exclusive(d, "d")?.0).map_err(unsolved)
+        MatVec::<B>::inverse_diagonal(&shared(mat, "mat")?.0, &mut exclusive(d, "d")?.0).map_err(solve_error)
     })
 }
 
@@ -52,7 +52,7 @@ pub unsafe extern "C" fn las_inverse_diagonal_BACKEND(mat: *const las_mat_BACKEN
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_scale_BACKEND(mat: *mut las_mat_BACKEND, factor: f64) -> i32 {
     // SAFETY: as above.
-    guarded(|| unsafe { MatMat::<B>::scale(&mut exclusive(mat, "mat")?.0, splat(factor)).map_err(fault) })
+    guarded(|| unsafe { MatMat::<B>::scale(&mut exclusive(mat, "mat")?.0, splat(factor)).map_err(backend_error) })
 }
 
 /// Creates the matrix a A + b B.
@@ -66,9 +66,9 @@ pub unsafe extern "C" fn las_sum_BACKEND(
 ) -> i32 {
     // SAFETY: as above.
     guarded(|| unsafe {
-        give(sum, "sum", || {
+        store_new(sum, "sum", || {
             let (first, second) = (&shared(first, "first")?.0, &shared(second, "second")?.0);
-            Ok(las_mat_BACKEND(MatMat::<B>::sum(first, splat(a), second, splat(b)).map_err(unsolved)?))
+            Ok(las_mat_BACKEND(MatMat::<B>::sum(first, splat(a), second, splat(b)).map_err(solve_error)?))
         })
     })
 }
@@ -82,9 +82,9 @@ pub unsafe extern "C" fn las_product_BACKEND(
 ) -> i32 {
     // SAFETY: as above.
     guarded(|| unsafe {
-        give(product, "product", || {
+        store_new(product, "product", || {
             let (first, second) = (&shared(first, "first")?.0, &shared(second, "second")?.0);
-            Ok(las_mat_BACKEND(MatMat::<B>::product(first, second).map_err(unsolved)?))
+            Ok(las_mat_BACKEND(MatMat::<B>::product(first, second).map_err(solve_error)?))
         })
     })
 }
@@ -97,8 +97,8 @@ pub unsafe extern "C" fn las_transpose_BACKEND(
 ) -> i32 {
     // SAFETY: as above.
     guarded(|| unsafe {
-        give(transpose, "transpose", || {
-            Ok(las_mat_BACKEND(MatMat::<B>::transpose(&shared(mat, "mat")?.0).map_err(unsolved)?))
+        store_new(transpose, "transpose", || {
+            Ok(las_mat_BACKEND(MatMat::<B>::transpose(&shared(mat, "mat")?.0).map_err(solve_error)?))
         })
     })
 }
@@ -112,7 +112,7 @@ pub unsafe extern "C" fn las_read_mat_BACKEND(
 ) -> i32 {
     // SAFETY: as above.
     guarded(|| unsafe {
-        give(mat, "mat", || {
+        store_new(mat, "mat", || {
             let (las, file) = (shared(las, "las")?, Path::new(text(file, "file")?));
             Ok(las_mat_BACKEND(<B as Exported>::read(file, &las.0)?))
         })

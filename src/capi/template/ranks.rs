@@ -13,7 +13,7 @@ use crate::backends::petsc::MatrixType;
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_create_on_petsc(comm: i32, las: *mut *mut las_petsc) -> i32 {
     // SAFETY: as above; the communicator is the caller's, and is duplicated.
-    guarded(|| unsafe { give(las, "las", || Ok(las_petsc(super::session::on(comm)?))) })
+    guarded(|| unsafe { store_new(las, "las", || Ok(las_petsc(super::session::context_on(comm)?))) })
 }
 
 /// Writes an option into PETSc's options database: las_set_option_petsc(las, "ksp_type", "gmres"). It affects solvers
@@ -25,7 +25,10 @@ pub unsafe extern "C" fn las_set_option_petsc(
     value: *const c_char,
 ) -> i32 {
     // SAFETY: as above.
-    guarded(|| unsafe { shared(las, "las")?.0.set_option(text(name, "name")?, text(value, "value")?).map_err(fault) })
+    guarded(|| unsafe {
+        let (name, value) = (text(name, "name")?, text(value, "value")?);
+        shared(las, "las")?.0.set_option(name, value).map_err(backend_error)
+    })
 }
 
 /// Sets a prefix of all option names: with "body_", solvers of objects created later read -body_ksp_type instead of
@@ -40,8 +43,8 @@ pub unsafe extern "C" fn las_set_prefix_petsc(las: *mut las_petsc, prefix: *cons
     })
 }
 
-/// Sets the block size (3 by default): ranks own whole blocks, and PETSc is told the block size of a matrix of full
-/// blocks.
+/// Sets the block size (3 by default): ranks own whole blocks, and a matrix of full blocks gets this block size in
+/// PETSc.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_set_block_size_petsc(las: *mut las_petsc, size: i32) -> i32 {
     // SAFETY: as above.

@@ -21,7 +21,7 @@ pub struct las_solver_BACKEND(Solver);
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_create_BACKEND(las: *mut *mut las_BACKEND) -> i32 {
     // SAFETY: the caller promises of the pointers what the header states; likewise below.
-    guarded(|| unsafe { give(las, "las", || Ok(las_BACKEND(<B as Exported>::context()?))) })
+    guarded(|| unsafe { store_new(las, "las", || Ok(las_BACKEND(<B as Exported>::context()?))) })
 }
 
 /// Frees the backend. Null is allowed.
@@ -40,9 +40,9 @@ pub unsafe extern "C" fn las_create_vec_BACKEND(
 ) -> i32 {
     // SAFETY: as above.
     guarded(|| unsafe {
-        give(vec, "vec", || {
+        store_new(vec, "vec", || {
             let (las, len) = (shared(las, "las")?, count(len, "len")?);
-            Ok(las_vec_BACKEND(<B as Backend>::vector(&las.0, len).map_err(fault)?))
+            Ok(las_vec_BACKEND(<B as Backend>::vector(&las.0, len).map_err(backend_error)?))
         })
     })
 }
@@ -68,7 +68,7 @@ pub unsafe extern "C" fn las_len_vec_BACKEND(vec: *const las_vec_BACKEND, len: *
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_zero_vec_BACKEND(vec: *mut las_vec_BACKEND) -> i32 {
     // SAFETY: as above.
-    guarded(|| unsafe { VectorOps::<B>::zero(&mut exclusive(vec, "vec")?.0).map_err(fault) })
+    guarded(|| unsafe { VectorOps::<B>::zero(&mut exclusive(vec, "vec")?.0).map_err(backend_error) })
 }
 
 /// y[rows[i]] += values[i]; negative rows are ignored.
@@ -83,7 +83,7 @@ pub unsafe extern "C" fn las_add_vec_BACKEND(
     guarded(|| unsafe {
         let vec = &mut exclusive(vec, "vec")?.0;
         let rows = indices(rows, count, length(vec), "rows")?;
-        VectorOps::<B>::add(vec, rows, scalars(values, rows.len(), "values")?).map_err(fault)
+        VectorOps::<B>::add(vec, rows, scalars(values, rows.len(), "values")?).map_err(backend_error)
     })
 }
 
@@ -99,7 +99,7 @@ pub unsafe extern "C" fn las_set_vec_BACKEND(
     guarded(|| unsafe {
         let vec = &mut exclusive(vec, "vec")?.0;
         let rows = indices(rows, count, length(vec), "rows")?;
-        VectorOps::<B>::set(vec, rows, scalars(values, rows.len(), "values")?).map_err(fault)
+        VectorOps::<B>::set(vec, rows, scalars(values, rows.len(), "values")?).map_err(backend_error)
     })
 }
 
@@ -115,7 +115,7 @@ pub unsafe extern "C" fn las_get_vec_BACKEND(
     guarded(|| unsafe {
         let vec = &shared(vec, "vec")?.0;
         let rows = indices(rows, count, length(vec), "rows")?;
-        VectorOps::<B>::get(vec, rows, scalars_mut(values, rows.len(), "values")?).map_err(fault)
+        VectorOps::<B>::get(vec, rows, scalars_mut(values, rows.len(), "values")?).map_err(backend_error)
     })
 }
 
@@ -126,7 +126,7 @@ pub unsafe extern "C" fn las_local_vec_BACKEND(vec: *mut las_vec_BACKEND, values
     guarded(|| unsafe {
         let vec = &mut exclusive(vec, "vec")?.0;
         *exclusive(values, "values")? =
-            VectorOps::<B>::with_local_mut(vec, |local| local.as_mut_ptr().cast()).map_err(fault)?;
+            VectorOps::<B>::with_local_mut(vec, |local| local.as_mut_ptr().cast()).map_err(backend_error)?;
         Ok(())
     })
 }
@@ -135,7 +135,10 @@ pub unsafe extern "C" fn las_local_vec_BACKEND(vec: *mut las_vec_BACKEND, values
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_norm_BACKEND(vec: *const las_vec_BACKEND, norm: *mut f64) -> i32 {
     // SAFETY: as above.
-    guarded(|| unsafe { reduced(norm, VectorOps::<B>::norm(&shared(vec, "vec")?.0).map_err(fault)?, "norm") })
+    guarded(|| unsafe {
+        let value = VectorOps::<B>::norm(&shared(vec, "vec")?.0).map_err(backend_error)?;
+        store_lanes(norm, value, "norm")
+    })
 }
 
 /// Returns the sum of x[i] y[i]: one number, or with `batched` one for each of the four lanes.
@@ -148,8 +151,8 @@ pub unsafe extern "C" fn las_dot_BACKEND(
     // SAFETY: as above.
     guarded(|| unsafe {
         let (x, y) = (&shared(x, "x")?.0, &shared(y, "y")?.0);
-        same("the vectors", length(x), length(y))?;
-        reduced(dot, VectorOps::<B>::dot(x, y).map_err(fault)?, "dot")
+        check_equal_sizes("the vectors", length(x), length(y))?;
+        store_lanes(dot, VectorOps::<B>::dot(x, y).map_err(backend_error)?, "dot")
     })
 }
 
@@ -158,10 +161,10 @@ pub unsafe extern "C" fn las_dot_BACKEND(
 pub unsafe extern "C" fn las_axpy_BACKEND(a: f64, x: *const las_vec_BACKEND, y: *mut las_vec_BACKEND) -> i32 {
     // SAFETY: as above; the two differ.
     guarded(|| unsafe {
-        apart(x, y, "x and y")?;
+        check_distinct(x, y, "x and y")?;
         let (x, y) = (&shared(x, "x")?.0, &mut exclusive(y, "y")?.0);
-        same("the vectors", length(x), length(y))?;
-        VectorOps::<B>::axpy(y, splat(a), x).map_err(fault)
+        check_equal_sizes("the vectors", length(x), length(y))?;
+        VectorOps::<B>::axpy(y, splat(a), x).map_err(backend_error)
     })
 }
 
@@ -169,5 +172,5 @@ pub unsafe extern "C" fn las_axpy_BACKEND(a: f64, x: *const las_vec_BACKEND, y: 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_finish_vec_BACKEND(vec: *mut las_vec_BACKEND) -> i32 {
     // SAFETY: as above.
-    guarded(|| unsafe { VectorOps::<B>::finish(&mut exclusive(vec, "vec")?.0).map_err(fault) })
+    guarded(|| unsafe { VectorOps::<B>::finish(&mut exclusive(vec, "vec")?.0).map_err(backend_error) })
 }
