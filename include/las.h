@@ -444,7 +444,7 @@ int32_t las_zero_rows_sparse(struct las_mat_sparse *mat, int32_t count, const in
 
 /**
  * A[rows[i], cols[j]] += block[i * cols_count + j]; negative rows and columns are ignored, and so are entries outside
- * the pattern (a library built with debug assertions returns LAS_INDEX for the latter).
+ * the pattern (a library built with PROFILE=checked returns LAS_INDEX for the latter).
  */
 int32_t las_add_mat_sparse(struct las_mat_sparse *mat,
                            int32_t rows_count,
@@ -455,7 +455,7 @@ int32_t las_add_mat_sparse(struct las_mat_sparse *mat,
 
 /**
  * A[rows[i], cols[j]] = block[i * cols_count + j]; negative rows and columns are ignored, and so are entries outside
- * the pattern (a library built with debug assertions returns LAS_INDEX for the latter).
+ * the pattern (a library built with PROFILE=checked returns LAS_INDEX for the latter).
  */
 int32_t las_set_mat_sparse(struct las_mat_sparse *mat,
                            int32_t rows_count,
@@ -487,7 +487,7 @@ int32_t las_destroy_slots_sparse(struct las_slots_sparse *slots);
 
 /**
  * Appends the positions of a block, row by row, to a list; a negative index or an entry outside the pattern gets a
- * position at which contributions are dropped (a library built with debug assertions returns LAS_INDEX for the
+ * position at which contributions are dropped (a library built with PROFILE=checked returns LAS_INDEX for the
  * latter).
  */
 int32_t las_locate_sparse(const struct las_mat_sparse *mat,
@@ -727,7 +727,7 @@ int32_t las_zero_rows_dense(struct las_mat_dense *mat, int32_t count, const int3
 
 /**
  * A[rows[i], cols[j]] += block[i * cols_count + j]; negative rows and columns are ignored, and so are entries outside
- * the pattern (a library built with debug assertions returns LAS_INDEX for the latter).
+ * the pattern (a library built with PROFILE=checked returns LAS_INDEX for the latter).
  */
 int32_t las_add_mat_dense(struct las_mat_dense *mat,
                           int32_t rows_count,
@@ -738,7 +738,7 @@ int32_t las_add_mat_dense(struct las_mat_dense *mat,
 
 /**
  * A[rows[i], cols[j]] = block[i * cols_count + j]; negative rows and columns are ignored, and so are entries outside
- * the pattern (a library built with debug assertions returns LAS_INDEX for the latter).
+ * the pattern (a library built with PROFILE=checked returns LAS_INDEX for the latter).
  */
 int32_t las_set_mat_dense(struct las_mat_dense *mat,
                           int32_t rows_count,
@@ -770,7 +770,7 @@ int32_t las_destroy_slots_dense(struct las_slots_dense *slots);
 
 /**
  * Appends the positions of a block, row by row, to a list; a negative index or an entry outside the pattern gets a
- * position at which contributions are dropped (a library built with debug assertions returns LAS_INDEX for the
+ * position at which contributions are dropped (a library built with PROFILE=checked returns LAS_INDEX for the
  * latter).
  */
 int32_t las_locate_dense(const struct las_mat_dense *mat,
@@ -1014,7 +1014,7 @@ int32_t las_zero_rows_batched(struct las_mat_batched *mat, int32_t count, const 
 
 /**
  * A[rows[i], cols[j]] += block[i * cols_count + j]; negative rows and columns are ignored, and so are entries outside
- * the pattern (a library built with debug assertions returns LAS_INDEX for the latter).
+ * the pattern (a library built with PROFILE=checked returns LAS_INDEX for the latter).
  */
 int32_t las_add_mat_batched(struct las_mat_batched *mat,
                             int32_t rows_count,
@@ -1025,7 +1025,7 @@ int32_t las_add_mat_batched(struct las_mat_batched *mat,
 
 /**
  * A[rows[i], cols[j]] = block[i * cols_count + j]; negative rows and columns are ignored, and so are entries outside
- * the pattern (a library built with debug assertions returns LAS_INDEX for the latter).
+ * the pattern (a library built with PROFILE=checked returns LAS_INDEX for the latter).
  */
 int32_t las_set_mat_batched(struct las_mat_batched *mat,
                             int32_t rows_count,
@@ -1057,7 +1057,7 @@ int32_t las_destroy_slots_batched(struct las_slots_batched *slots);
 
 /**
  * Appends the positions of a block, row by row, to a list; a negative index or an entry outside the pattern gets a
- * position at which contributions are dropped (a library built with debug assertions returns LAS_INDEX for the
+ * position at which contributions are dropped (a library built with PROFILE=checked returns LAS_INDEX for the
  * latter).
  */
 int32_t las_locate_batched(const struct las_mat_batched *mat,
@@ -1298,7 +1298,7 @@ int32_t las_zero_rows_petsc(struct las_mat_petsc *mat, int32_t count, const int3
 
 /**
  * A[rows[i], cols[j]] += block[i * cols_count + j]; negative rows and columns are ignored, and so are entries outside
- * the pattern (a library built with debug assertions returns LAS_INDEX for the latter).
+ * the pattern (a library built with PROFILE=checked returns LAS_INDEX for the latter).
  */
 int32_t las_add_mat_petsc(struct las_mat_petsc *mat,
                           int32_t rows_count,
@@ -1309,7 +1309,7 @@ int32_t las_add_mat_petsc(struct las_mat_petsc *mat,
 
 /**
  * A[rows[i], cols[j]] = block[i * cols_count + j]; negative rows and columns are ignored, and so are entries outside
- * the pattern (a library built with debug assertions returns LAS_INDEX for the latter).
+ * the pattern (a library built with PROFILE=checked returns LAS_INDEX for the latter).
  */
 int32_t las_set_mat_petsc(struct las_mat_petsc *mat,
                           int32_t rows_count,
@@ -1341,7 +1341,7 @@ int32_t las_destroy_slots_petsc(struct las_slots_petsc *slots);
 
 /**
  * Appends the positions of a block, row by row, to a list; a negative index or an entry outside the pattern gets a
- * position at which contributions are dropped (a library built with debug assertions returns LAS_INDEX for the
+ * position at which contributions are dropped (a library built with PROFILE=checked returns LAS_INDEX for the
  * latter).
  */
 int32_t las_locate_petsc(const struct las_mat_petsc *mat,

@@ -1,4 +1,4 @@
-//! Checks of the caller's pointers: a null pointer is an error; all other properties are promised by the caller.
+//! Checks of the caller's pointers: a null pointer is an error; all other properties are conditions for the caller.
 
 use std::any::Any;
 use std::cell::RefCell;
@@ -59,35 +59,33 @@ fn null(name: &str) -> Failure {
 /// # Safety
 /// The pointer is null, or points to a `T` that no other code writes during the call.
 pub(super) unsafe fn shared<'a, T>(pointer: *const T, name: &str) -> Result<&'a T, Failure> {
-    // SAFETY: the caller's promise is passed on.
+    // SAFETY: the conditions are those of the caller.
     unsafe { pointer.as_ref() }.ok_or_else(|| null(name))
 }
 
 /// # Safety
 /// The pointer is null, or points to a `T` that no other code uses during the call.
 pub(super) unsafe fn exclusive<'a, T>(pointer: *mut T, name: &str) -> Result<&'a mut T, Failure> {
-    // SAFETY: the caller's promise is passed on.
+    // SAFETY: the conditions are those of the caller.
     unsafe { pointer.as_mut() }.ok_or_else(|| null(name))
 }
 
-/// Stores the object that `make` creates in `*place`; stores null if `make` fails.
+/// Stores the object that `make` creates in `*place`, or null if `make` fails. Returns the error code.
 ///
 /// # Safety
 /// As for [`exclusive`].
-pub(super) unsafe fn store_new<T>(
-    place: *mut *mut T,
-    name: &str,
-    make: impl FnOnce() -> Result<T, Failure>,
-) -> Result<(), Failure> {
-    // SAFETY: the caller's promise is passed on.
-    let place = unsafe { exclusive(place, name) }?;
-    *place = std::ptr::null_mut();
-    *place = Box::into_raw(Box::new(make()?));
-    Ok(())
+pub(super) unsafe fn create<T>(place: *mut *mut T, name: &str, make: impl FnOnce() -> Result<T, Failure>) -> i32 {
+    guarded(|| {
+        // SAFETY: the conditions are those of the caller.
+        let place = unsafe { exclusive(place, name) }?;
+        *place = std::ptr::null_mut();
+        *place = Box::into_raw(Box::new(make()?));
+        Ok(())
+    })
 }
 
 /// # Safety
-/// The pointer is null, or was stored by [`store_new`] and not freed before.
+/// The pointer is null, or was stored by [`create`] and not freed before.
 pub(super) unsafe fn free<T>(pointer: *mut T) -> Result<(), Failure> {
     if !pointer.is_null() {
         // SAFETY: the pointer came from Box::into_raw.
@@ -102,7 +100,7 @@ pub(super) unsafe fn array<'a, T>(pointer: *const T, len: usize, name: &str) -> 
     match (pointer.is_null(), len) {
         (_, 0) => Ok(&[]),
         (true, _) => Err(null(name)),
-        // SAFETY: the caller's promise is passed on.
+        // SAFETY: the conditions are those of the caller.
         _ => Ok(unsafe { std::slice::from_raw_parts(pointer, len) }),
     }
 }
@@ -113,7 +111,7 @@ unsafe fn array_mut<'a, T>(pointer: *mut T, len: usize, name: &str) -> Result<&'
     match (pointer.is_null(), len) {
         (_, 0) => Ok(&mut []),
         (true, _) => Err(null(name)),
-        // SAFETY: the caller's promise is passed on.
+        // SAFETY: the conditions are those of the caller.
         _ => Ok(unsafe { std::slice::from_raw_parts_mut(pointer, len) }),
     }
 }
@@ -151,7 +149,7 @@ pub(super) unsafe fn store_lanes<R: Value<Real: Scalar>>(
     value: R,
     name: &str,
 ) -> Result<(), Failure> {
-    // SAFETY: the caller's promise is passed on.
+    // SAFETY: the conditions are those of the caller.
     let lanes = unsafe { array_mut(pointer, R::LANES, name) }?;
     lanes.iter_mut().enumerate().for_each(|(lane, out)| *out = value.lane(lane).as_f64());
     Ok(())
@@ -165,7 +163,7 @@ pub(super) unsafe fn text<'a>(pointer: *const c_char, name: &str) -> Result<&'a 
     if pointer.is_null() {
         return Err(null(name));
     }
-    // SAFETY: the caller's promise is passed on.
+    // SAFETY: the conditions are those of the caller.
     let text = unsafe { CStr::from_ptr(pointer) };
     text.to_str().map_err(|_| Failure::new(LAS_SIZE, format!("`{name}` is not UTF-8")))
 }
@@ -180,7 +178,7 @@ pub(super) fn count(count: i32, name: &str) -> Result<usize, Failure> {
 /// # Safety
 /// As for [`array`] of `len` indices.
 pub(super) unsafe fn indices<'a>(pointer: *const i32, len: i32, end: usize, name: &str) -> Result<&'a [i32], Failure> {
-    // SAFETY: the caller's promise is passed on.
+    // SAFETY: the conditions are those of the caller.
     let indices: &[i32] = unsafe { array(pointer, count(len, &format!("number of {name}"))?, name) }?;
     match indices.iter().position(|&index| index >= 0 && index as usize >= end) {
         None => Ok(indices),

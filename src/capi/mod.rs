@@ -14,8 +14,9 @@
 )]
 #![allow(
     unsafe_code,
+    unsafe_op_in_unsafe_fn,
     clippy::missing_safety_doc,
-    reason = "the foreign interface; the header states the obligations of the caller"
+    reason = "the foreign interface: the header states the conditions on which the functions rely as a whole"
 )]
 
 mod backend;
@@ -28,7 +29,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use backend::exported;
-use handles::{Failure, array, backend_error, count, exclusive, free, guarded, store_new};
+use handles::{Failure, array, backend_error, count, create, exclusive, free, guarded};
 
 use crate::las::{Backend, Iterative, Krylov, Preconditioner, SolverParams, Sparsity, Symmetry, market};
 
@@ -177,8 +178,7 @@ pub extern "C" fn las_version() -> *const c_char {
 /// preconditioner of the method, and ILUT(1e-3, 20) if that is ILUT.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_default_params(params: *mut las_params) -> i32 {
-    // SAFETY: the caller promises of the pointers what the header states; likewise below.
-    guarded(|| unsafe {
+    guarded(|| {
         *exclusive(params, "params")? = las_params {
             symmetry: LAS_DEFINITE,
             method: LAS_DIRECT,
@@ -203,19 +203,15 @@ pub unsafe extern "C" fn las_create_pattern(
     columns: *const i32,
     pattern: *mut *mut las_pattern,
 ) -> i32 {
-    // SAFETY: as above.
-    guarded(|| unsafe {
-        store_new(pattern, "pattern", || {
-            let (rows, cols) = (count(rows, "rows")?, count(cols, "cols")?);
-            let row_offsets: &[i32] = array(row_offsets, rows + 1, "row_offsets")?;
-            let columns: &[i32] = array(columns, count(row_offsets[rows], "row_offsets[rows]")?, "columns")?;
-            let numbers = |numbers: &[i32], name: &str| -> Result<Vec<u32>, Failure> {
-                numbers.iter().map(|&number| Ok(count(number, name)? as u32)).collect()
-            };
-            let sparsity =
-                Sparsity::from_rows(cols, numbers(row_offsets, "row_offsets")?, numbers(columns, "columns")?);
-            Ok(las_pattern(Arc::new(sparsity.map_err(pattern_error)?)))
-        })
+    create(pattern, "pattern", || {
+        let (rows, cols) = (count(rows, "rows")?, count(cols, "cols")?);
+        let row_offsets: &[i32] = array(row_offsets, rows + 1, "row_offsets")?;
+        let columns: &[i32] = array(columns, count(row_offsets[rows], "row_offsets[rows]")?, "columns")?;
+        let numbers = |numbers: &[i32], name: &str| -> Result<Vec<u32>, Failure> {
+            numbers.iter().map(|&number| Ok(count(number, name)? as u32)).collect()
+        };
+        let sparsity = Sparsity::from_rows(cols, numbers(row_offsets, "row_offsets")?, numbers(columns, "columns")?);
+        Ok(las_pattern(Arc::new(sparsity.map_err(pattern_error)?)))
     })
 }
 
@@ -229,28 +225,24 @@ pub unsafe extern "C" fn las_create_pattern_of_elements(
     unknowns: *const i32,
     pattern: *mut *mut las_pattern,
 ) -> i32 {
-    // SAFETY: as above.
-    guarded(|| unsafe {
-        store_new(pattern, "pattern", || {
-            let (len, elements) = (count(size_of_system, "size_of_system")?, count(elements, "elements")?);
-            let starts: &[i32] = array(element_start, elements + 1, "element_start")?;
-            let all: &[i32] = array(unknowns, count(starts[elements], "element_start[elements]")?, "unknowns")?;
-            let list = |pair: &[i32]| {
-                let range = count(pair[0], "element_start")?..count(pair[1], "element_start")?;
-                all.get(range).ok_or_else(|| Failure::new(LAS_SIZE, "`element_start` does not ascend"))
-            };
-            let lists = starts.windows(2).map(list).collect::<Result<Vec<&[i32]>, _>>()?;
-            let sparsity = Sparsity::from_elements(len, lists);
-            Ok(las_pattern(Arc::new(sparsity.map_err(pattern_error)?)))
-        })
+    create(pattern, "pattern", || {
+        let (len, elements) = (count(size_of_system, "size_of_system")?, count(elements, "elements")?);
+        let starts: &[i32] = array(element_start, elements + 1, "element_start")?;
+        let all: &[i32] = array(unknowns, count(starts[elements], "element_start[elements]")?, "unknowns")?;
+        let list = |pair: &[i32]| {
+            let range = count(pair[0], "element_start")?..count(pair[1], "element_start")?;
+            all.get(range).ok_or_else(|| Failure::new(LAS_SIZE, "`element_start` does not ascend"))
+        };
+        let lists = starts.windows(2).map(list).collect::<Result<Vec<&[i32]>, _>>()?;
+        let sparsity = Sparsity::from_elements(len, lists);
+        Ok(las_pattern(Arc::new(sparsity.map_err(pattern_error)?)))
     })
 }
 
 /// Frees a pattern. Null is allowed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_destroy_pattern(pattern: *mut las_pattern) -> i32 {
-    // SAFETY: as above.
-    guarded(|| unsafe { free(pattern) })
+    guarded(|| free(pattern))
 }
 
 fn pattern_error(error: crate::las::SparsityError) -> Failure {

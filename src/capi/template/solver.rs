@@ -8,29 +8,24 @@ pub unsafe extern "C" fn las_create_solver_BACKEND(
     params: *const las_params,
     solver: *mut *mut las_solver_BACKEND,
 ) -> i32 {
-    // SAFETY: as above.
-    guarded(|| unsafe {
-        store_new(solver, "solver", || {
-            let (las, pattern) = (shared(las, "las")?, shared(pattern, "pattern")?);
-            let params = shared(params, "params")?.checked(<B as Backend>::NAME)?;
-            let symbolic = <B as Backend>::analyze(&las.0, &pattern.0, &params).map_err(solve_error)?;
-            Ok(las_solver_BACKEND(<B as Backend>::solver(&symbolic).map_err(solve_error)?))
-        })
+    create(solver, "solver", || {
+        let (las, pattern) = (shared(las, "las")?, shared(pattern, "pattern")?);
+        let params = shared(params, "params")?.checked(<B as Backend>::NAME)?;
+        let symbolic = <B as Backend>::analyze(&las.0, &pattern.0, &params).map_err(solve_error)?;
+        Ok(las_solver_BACKEND(<B as Backend>::solver(&symbolic).map_err(solve_error)?))
     })
 }
 
 /// Frees a solver. Null is allowed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_destroy_solver_BACKEND(solver: *mut las_solver_BACKEND) -> i32 {
-    // SAFETY: as above.
-    guarded(|| unsafe { free(solver) })
+    guarded(|| free(solver))
 }
 
 /// Factors a matrix with the solver's pattern, or computes the preconditioner of an iterative method.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_factor_BACKEND(solver: *mut las_solver_BACKEND, mat: *const las_mat_BACKEND) -> i32 {
-    // SAFETY: as above.
-    guarded(|| unsafe {
+    guarded(|| {
         let solver = &mut exclusive(solver, "solver")?.0;
         las::Solver::<B>::factor(solver, &shared(mat, "mat")?.0).map(drop).map_err(solve_error)
     })
@@ -43,8 +38,7 @@ pub unsafe extern "C" fn las_factor_definite_BACKEND(
     solver: *mut las_solver_BACKEND,
     mat: *const las_mat_BACKEND,
 ) -> i32 {
-    // SAFETY: as above.
-    guarded(|| unsafe {
+    guarded(|| {
         let solver = &mut exclusive(solver, "solver")?.0;
         las::Solver::<B>::factor_definite(solver, &shared(mat, "mat")?.0).map(drop).map_err(solve_error)
     })
@@ -61,8 +55,7 @@ pub unsafe extern "C" fn las_solve_BACKEND(
     iterations: *mut i32,
     residual: *mut f64,
 ) -> i32 {
-    // SAFETY: as above; the two differ.
-    guarded(|| unsafe {
+    guarded(|| {
         check_distinct(b, x, "b and x")?;
         let (solver, x) = (&mut exclusive(solver, "solver")?.0, &mut exclusive(x, "x")?.0);
         let report = las::Solver::<B>::solve(solver, &shared(b, "b")?.0, x).map_err(solve_error)?;
@@ -85,8 +78,7 @@ pub unsafe extern "C" fn las_solve_many_BACKEND(
     b: *const *const las_vec_BACKEND,
     x: *const *mut las_vec_BACKEND,
 ) -> i32 {
-    // SAFETY: as above; no two of x are the same, and none is one of b.
-    guarded(|| unsafe {
+    guarded(|| {
         let solver = &mut exclusive(solver, "solver")?.0;
         let count = count(rhs_count, "rhs_count")?;
         let (b, x) = (array(b, count, "b")?, array(x, count, "x")?);
