@@ -3,11 +3,11 @@
 #
 #     bash scripts/install-capi.sh PREFIX [FEATURES]
 #
-# FEATURES: the backends, by default sparse,dense,batched. Then: cc code.c $(pkg-config --cflags --libs las); for the static
-# library name PREFIX/lib/liblas.a in place of -llas. PROFILE=checked builds with checks and without optimization.
+# FEATURES: the backends, by default sparse,dense,batched. README.md shows how to compile programs. PROFILE=checked builds an
+# unoptimized library that checks more, such as whether added entries are in the pattern of the matrix.
 set -euo pipefail
 
-prefix=${1:?where to: bash scripts/install-capi.sh PREFIX [FEATURES]}
+prefix=${1:?no folder given; usage: bash scripts/install-capi.sh PREFIX [FEATURES]}
 mkdir -p "$prefix"
 prefix=$(cd "$prefix" && pwd)
 cd "$(dirname "$0")/.."
@@ -15,7 +15,7 @@ features=${2:-sparse,dense,batched}
 profile=${PROFILE:-release}
 target=${CARGO_TARGET_DIR:-$PWD/target}
 version=$(sed -n 's/^version = "\(.*\)"/\1/p' Cargo.toml | head -1)
-# A program keeps to the versions that are compatible with the one that it was linked with: before 1.0, of one minor version.
+# The soname contains the minor version, because minor versions before 1.0 are incompatible.
 soname=liblas.so.${version%.*}
 linker=()
 if [ "$(uname)" = Linux ]; then linker=(-C "link-arg=-Wl,-soname,$soname"); fi
@@ -40,7 +40,7 @@ libdir=\${prefix}/lib
 includedir=\${prefix}/include
 
 Name: las
-Description: Linear-algebra abstraction of biotissue; backends: $features
+Description: Linear-algebra interface of biotissue; backends: $features
 Version: $version
 $requires
 Libs: -L\${libdir} -llas

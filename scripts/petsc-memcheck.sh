@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Runs the tests of the backend `petsc` under valgrind: all of them on one rank; on two all but those of the solvers, which
-# take long there.
+# Runs the tests of the backend `petsc` under valgrind: all on one rank; on two ranks without those of the solvers, which
+# would take too long.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 

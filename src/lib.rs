@@ -108,6 +108,9 @@ pub mod fiber;
 pub mod input;
 pub mod las;
 pub mod output;
+#[cfg(test)]
+#[path = "../tests/support/skip.rs"]
+mod skip;
 #[cfg(feature = "app")]
 pub mod tissue;
 

@@ -2,13 +2,17 @@
 
 macro_rules! exported {
     ($module:ident, $backend:ty, $file:literal) => {
-        #[allow(non_camel_case_types, clippy::missing_safety_doc, reason = "names of C; safety stands in the header")]
+        #[allow(
+            non_camel_case_types,
+            clippy::missing_safety_doc,
+            reason = "names of C; the header states the safety conditions"
+        )]
         mod $module {
             use std::ffi::c_char;
             use std::path::Path;
 
             use super::handles::*;
-            use super::{Exported, las_params, las_pattern};
+            use super::{Exported, LAS_INDEX, las_params, las_pattern};
             use crate::las::{self, Backend, Entries, MatMat, MatVec, MatrixOps, VectorOps};
 
             type B = $backend;
@@ -28,16 +32,19 @@ macro_rules! exported {
             }
 
             /// In a build with debug assertions, returns an error if a pair is not in the pattern.
-            fn inside(mat: &Matrix, rows: &[i32], cols: &[i32]) -> Result<(), Failure> {
+            fn check_in_pattern(mat: &Matrix, rows: &[i32], cols: &[i32]) -> Result<(), Failure> {
                 if !cfg!(debug_assertions) {
                     return Ok(());
                 }
-                let pattern = Entries::<B>::pattern(mat).map_err(fault)?;
+                let pattern = Entries::<B>::pattern(mat).map_err(backend_error)?;
                 let mut pairs = rows.iter().flat_map(|&row| cols.iter().map(move |&column| (row, column)));
                 let is_outside = |&(row, column): &(i32, i32)| {
                     row >= 0 && column >= 0 && pattern.find(row as usize, column as usize).is_none()
                 };
-                pairs.find(is_outside).map_or(Ok(()), |(row, column)| Err(outside(row, column)))
+                match pairs.find(is_outside) {
+                    None => Ok(()),
+                    Some(pair) => Err(Failure::new(LAS_INDEX, format!("{pair:?} is not in the pattern of the matrix"))),
+                }
             }
 
             fn splat(value: f64) -> Scalar {

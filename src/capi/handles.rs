@@ -1,4 +1,4 @@
-//! Checks of the caller's pointers: a null pointer is an error; all other properties are promised by the caller.
+//! Checks of the caller's pointers: a null pointer is an error; all other properties are conditions for the caller.
 
 use std::any::Any;
 use std::cell::RefCell;
@@ -36,7 +36,7 @@ pub(super) fn message() -> *const c_char {
 /// Runs a call and returns its error code; a panic becomes LAS_PANIC and does not unwind into the caller.
 pub(super) fn guarded(call: impl FnOnce() -> Result<(), Failure>) -> i32 {
     let outcome = catch_unwind(AssertUnwindSafe(call)).unwrap_or_else(|panic| {
-        Err(Failure::new(LAS_PANIC, format!("a fault of the library: {}", text_of(panic.as_ref()))))
+        Err(Failure::new(LAS_PANIC, format!("internal error of the library: {}", text_of(panic.as_ref()))))
     });
     match outcome {
         Ok(()) => LAS_OK,
@@ -59,35 +59,33 @@ fn null(name: &str) -> Failure {
 /// # Safety
 /// The pointer is null, or points to a `T` that no other code writes during the call.
 pub(super) unsafe fn shared<'a, T>(pointer: *const T, name: &str) -> Result<&'a T, Failure> {
-    // SAFETY: the caller's promise is passed on.
+    // SAFETY: the conditions are those of the caller.
     unsafe { pointer.as_ref() }.ok_or_else(|| null(name))
 }
 
 /// # Safety
 /// The pointer is null, or points to a `T` that no other code uses during the call.
 pub(super) unsafe fn exclusive<'a, T>(pointer: *mut T, name: &str) -> Result<&'a mut T, Failure> {
-    // SAFETY: the caller's promise is passed on.
+    // SAFETY: the conditions are those of the caller.
     unsafe { pointer.as_mut() }.ok_or_else(|| null(name))
 }
 
-/// Stores the object that `make` creates in `*place`; stores null if `make` fails.
+/// Stores the object that `make` creates in `*place`, or null if `make` fails. Returns the error code.
 ///
 /// # Safety
 /// As for [`exclusive`].
-pub(super) unsafe fn give<T>(
-    place: *mut *mut T,
-    name: &str,
-    make: impl FnOnce() -> Result<T, Failure>,
-) -> Result<(), Failure> {
-    // SAFETY: the caller's promise is passed on.
-    let place = unsafe { exclusive(place, name) }?;
-    *place = std::ptr::null_mut();
-    *place = Box::into_raw(Box::new(make()?));
-    Ok(())
+pub(super) unsafe fn create<T>(place: *mut *mut T, name: &str, make: impl FnOnce() -> Result<T, Failure>) -> i32 {
+    guarded(|| {
+        // SAFETY: the conditions are those of the caller.
+        let place = unsafe { exclusive(place, name) }?;
+        *place = std::ptr::null_mut();
+        *place = Box::into_raw(Box::new(make()?));
+        Ok(())
+    })
 }
 
 /// # Safety
-/// The pointer is null, or was stored by [`give`] and not freed before.
+/// The pointer is null, or was stored by [`create`] and not freed before.
 pub(super) unsafe fn free<T>(pointer: *mut T) -> Result<(), Failure> {
     if !pointer.is_null() {
         // SAFETY: the pointer came from Box::into_raw.
@@ -102,7 +100,7 @@ pub(super) unsafe fn array<'a, T>(pointer: *const T, len: usize, name: &str) -> 
     match (pointer.is_null(), len) {
         (_, 0) => Ok(&[]),
         (true, _) => Err(null(name)),
-        // SAFETY: the caller's promise is passed on.
+        // SAFETY: the conditions are those of the caller.
         _ => Ok(unsafe { std::slice::from_raw_parts(pointer, len) }),
     }
 }
@@ -113,7 +111,7 @@ unsafe fn array_mut<'a, T>(pointer: *mut T, len: usize, name: &str) -> Result<&'
     match (pointer.is_null(), len) {
         (_, 0) => Ok(&mut []),
         (true, _) => Err(null(name)),
-        // SAFETY: the caller's promise is passed on.
+        // SAFETY: the conditions are those of the caller.
         _ => Ok(unsafe { std::slice::from_raw_parts_mut(pointer, len) }),
     }
 }
@@ -146,8 +144,12 @@ pub(super) unsafe fn scalars_mut<'a, S: Value<Real = f64>>(
 ///
 /// # Safety
 /// As for [`scalars_mut`] of one entry.
-pub(super) unsafe fn reduced<R: Value<Real: Scalar>>(pointer: *mut f64, value: R, name: &str) -> Result<(), Failure> {
-    // SAFETY: the caller's promise is passed on.
+pub(super) unsafe fn store_lanes<R: Value<Real: Scalar>>(
+    pointer: *mut f64,
+    value: R,
+    name: &str,
+) -> Result<(), Failure> {
+    // SAFETY: the conditions are those of the caller.
     let lanes = unsafe { array_mut(pointer, R::LANES, name) }?;
     lanes.iter_mut().enumerate().for_each(|(lane, out)| *out = value.lane(lane).as_f64());
     Ok(())
@@ -161,7 +163,7 @@ pub(super) unsafe fn text<'a>(pointer: *const c_char, name: &str) -> Result<&'a 
     if pointer.is_null() {
         return Err(null(name));
     }
-    // SAFETY: the caller's promise is passed on.
+    // SAFETY: the conditions are those of the caller.
     let text = unsafe { CStr::from_ptr(pointer) };
     text.to_str().map_err(|_| Failure::new(LAS_SIZE, format!("`{name}` is not UTF-8")))
 }
@@ -176,7 +178,7 @@ pub(super) fn count(count: i32, name: &str) -> Result<usize, Failure> {
 /// # Safety
 /// As for [`array`] of `len` indices.
 pub(super) unsafe fn indices<'a>(pointer: *const i32, len: i32, end: usize, name: &str) -> Result<&'a [i32], Failure> {
-    // SAFETY: the caller's promise is passed on.
+    // SAFETY: the conditions are those of the caller.
     let indices: &[i32] = unsafe { array(pointer, count(len, &format!("number of {name}"))?, name) }?;
     match indices.iter().position(|&index| index >= 0 && index as usize >= end) {
         None => Ok(indices),
@@ -184,25 +186,22 @@ pub(super) unsafe fn indices<'a>(pointer: *const i32, len: i32, end: usize, name
     }
 }
 
-/// Returns a part of a list of positions.
-pub(super) fn part<S>(slots: &[S], first: i32, len: i32) -> Result<&[S], Failure> {
+/// Returns the positions `first..first + len` of a list.
+pub(super) fn slot_range<S>(slots: &[S], first: i32, len: i32) -> Result<&[S], Failure> {
     let (first, len) = (count(first, "first")?, count(len, "count")?);
-    let part = first.checked_add(len).and_then(|end| slots.get(first..end));
-    part.ok_or_else(|| Failure::new(LAS_SIZE, format!("{len} positions from {first}; there are {}", slots.len())))
-}
-
-/// Returns the error that a pair of row and column is not in the pattern.
-pub(super) fn outside(row: i32, column: i32) -> Failure {
-    Failure::new(LAS_INDEX, format!("({row}, {column}) is not in the pattern of the matrix"))
+    let range = first.checked_add(len).and_then(|end| slots.get(first..end));
+    range.ok_or_else(|| {
+        Failure::new(LAS_SIZE, format!("there are {} positions; {first} to {first} + {len} are requested", slots.len()))
+    })
 }
 
 /// Returns an error if two sizes differ.
-pub(super) fn same(what: &str, a: usize, b: usize) -> Result<(), Failure> {
+pub(super) fn check_equal_sizes(what: &str, a: usize, b: usize) -> Result<(), Failure> {
     if a == b { Ok(()) } else { Err(Failure::new(LAS_SIZE, format!("{what} have {a} and {b} entries"))) }
 }
 
 /// Returns an error if two handles are the same.
-pub(super) fn apart<T>(a: *const T, b: *const T, what: &str) -> Result<(), Failure> {
+pub(super) fn check_distinct<T>(a: *const T, b: *const T, what: &str) -> Result<(), Failure> {
     if a.is_null() || !std::ptr::eq(a, b) {
         Ok(())
     } else {
@@ -210,15 +209,14 @@ pub(super) fn apart<T>(a: *const T, b: *const T, what: &str) -> Result<(), Failu
     }
 }
 
-/// Returns an error if a handle that is written occurs twice.
-pub(super) fn all_apart<T>(read: &[*const T], written: &[*mut T]) -> Result<(), Failure> {
+/// Returns an error if a handle in `written` occurs twice, or also in `read`.
+pub(super) fn check_all_distinct<T>(read: &[*const T], written: &[*mut T]) -> Result<(), Failure> {
     // Null handles are reported later, with their name.
-    let mut all: Vec<*const T> =
-        written.iter().map(|&handle| handle.cast_const()).filter(|handle| !handle.is_null()).collect();
-    all.sort_unstable();
-    let twice = all.windows(2).any(|pair| std::ptr::eq(pair[0], pair[1]));
-    if twice || read.iter().any(|handle| all.binary_search(handle).is_ok()) {
-        return Err(Failure::new(LAS_SIZE, "a vector that is written to stands twice"));
+    let is_repeated = |(k, handle): (usize, &*mut T)| {
+        !handle.is_null() && (written[..k].contains(handle) || read.contains(&handle.cast_const()))
+    };
+    if written.iter().enumerate().any(is_repeated) {
+        return Err(Failure::new(LAS_SIZE, "a vector that is written occurs twice"));
     }
     Ok(())
 }
@@ -243,19 +241,19 @@ impl<T> Borrowed<T> {
 
 /// Objects of the caller in one slice for writing: they are moved here, and moved back when this value is dropped, also
 /// during unwinding.
-pub(super) struct Lent<T> {
+pub(super) struct BorrowedMut<T> {
     copies: Vec<ManuallyDrop<T>>,
-    homes: Vec<*mut T>,
+    originals: Vec<*mut T>,
 }
 
-impl<T> Lent<T> {
+impl<T> BorrowedMut<T> {
     /// # Safety
     /// The objects are live and have no other user as long as this value exists; no two are the same.
     pub(super) unsafe fn new(objects: impl Iterator<Item = Result<*mut T, Failure>>) -> Result<Self, Failure> {
-        let homes: Vec<*mut T> = objects.collect::<Result<_, _>>()?;
+        let originals: Vec<*mut T> = objects.collect::<Result<_, _>>()?;
         // SAFETY: the original is overwritten later, not dropped.
-        let copies = homes.iter().map(|home| ManuallyDrop::new(unsafe { home.read() })).collect();
-        Ok(Self { copies, homes })
+        let copies = originals.iter().map(|original| ManuallyDrop::new(unsafe { original.read() })).collect();
+        Ok(Self { copies, originals })
     }
 
     pub(super) fn as_mut_slice(&mut self) -> &mut [T] {
@@ -264,22 +262,22 @@ impl<T> Lent<T> {
     }
 }
 
-impl<T> Drop for Lent<T> {
+impl<T> Drop for BorrowedMut<T> {
     fn drop(&mut self) {
-        for (copy, home) in self.copies.drain(..).zip(&self.homes) {
+        for (copy, original) in self.copies.drain(..).zip(&self.originals) {
             // SAFETY: the place from which the object was read.
-            unsafe { home.write(ManuallyDrop::into_inner(copy)) };
+            unsafe { original.write(ManuallyDrop::into_inner(copy)) };
         }
     }
 }
 
 /// Converts an error of the backend.
-pub(super) fn fault<F: std::error::Error>(error: F) -> Failure {
+pub(super) fn backend_error<F: std::error::Error>(error: F) -> Failure {
     Failure::new(LAS_FAULT, error.to_string())
 }
 
 /// Converts the error of a solve or product.
-pub(super) fn unsolved<F: std::error::Error>(error: SolveError<F>) -> Failure {
+pub(super) fn solve_error<F: std::error::Error>(error: SolveError<F>) -> Failure {
     let code = match &error {
         SolveError::NotSquare { .. }
         | SolveError::Size { .. }

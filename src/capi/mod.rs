@@ -6,16 +6,17 @@
 //! same time.
 #![cfg_attr(
     not(any(feature = "sparse", feature = "dense", feature = "petsc")),
-    allow(dead_code, unused_imports, unused_macros, reason = "what backends share, without one that has files")
+    allow(dead_code, unused_imports, unused_macros, reason = "used by some backends only")
 )]
 #![allow(
     rustdoc::broken_intra_doc_links,
-    reason = "a[k] is an entry in the header of C, which these texts are for too"
+    reason = "these texts are also those of the C header, where a[k] is an entry"
 )]
 #![allow(
     unsafe_code,
+    unsafe_op_in_unsafe_fn,
     clippy::missing_safety_doc,
-    reason = "the foreign interface; the header says what a caller promises"
+    reason = "the foreign interface: the header states the conditions on which the functions rely as a whole"
 )]
 
 mod backend;
@@ -28,7 +29,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use backend::exported;
-use handles::{Failure, array, count, exclusive, fault, free, give, guarded};
+use handles::{Failure, array, backend_error, count, create, exclusive, free, guarded};
 
 use crate::las::{Backend, Iterative, Krylov, Preconditioner, SolverParams, Sparsity, Symmetry, market};
 
@@ -115,39 +116,41 @@ impl las_params {
             LAS_DEFINITE => Symmetry::Definite,
             LAS_SYMMETRIC => Symmetry::Symmetric,
             LAS_UNSYMMETRIC => Symmetry::None,
-            other => return Err(refuse("symmetry", other, "LAS_DEFINITE, LAS_SYMMETRIC or LAS_UNSYMMETRIC")),
+            other => return Err(invalid_argument("symmetry", other, "LAS_DEFINITE, LAS_SYMMETRIC or LAS_UNSYMMETRIC")),
         };
         let params = SolverParams::new(symmetry);
         let krylov = match self.method {
             LAS_DIRECT => return Ok(params),
             LAS_CG => Krylov::Cg,
             LAS_BICGSTAB => Krylov::BiCgStab,
-            LAS_GMRES => Krylov::Gmres { restart: natural(self.restart, "restart")? },
-            other => return Err(refuse("method", other, "LAS_DIRECT, LAS_CG, LAS_BICGSTAB or LAS_GMRES")),
+            LAS_GMRES => Krylov::Gmres { restart: to_count(self.restart, "restart")? },
+            other => return Err(invalid_argument("method", other, "LAS_DIRECT, LAS_CG, LAS_BICGSTAB or LAS_GMRES")),
         };
         let suited = if backend == "petsc" || self.method == LAS_CG { LAS_DIAGONAL } else { LAS_ILUT };
         let preconditioner = match if self.preconditioner == LAS_AUTO { suited } else { self.preconditioner } {
             LAS_NONE => Preconditioner::None,
             LAS_DIAGONAL => Preconditioner::Diagonal,
-            LAS_ILUT => Preconditioner::Ilut { drop_tolerance: self.drop_tolerance, fill: natural(self.fill, "fill")? },
+            LAS_ILUT => {
+                Preconditioner::Ilut { drop_tolerance: self.drop_tolerance, fill: to_count(self.fill, "fill")? }
+            }
             LAS_MULTIGRID => Preconditioner::Multigrid,
             other => {
                 let allowed = "LAS_AUTO, LAS_NONE, LAS_DIAGONAL, LAS_ILUT or LAS_MULTIGRID";
-                return Err(refuse("preconditioner", other, allowed));
+                return Err(invalid_argument("preconditioner", other, allowed));
             }
         };
-        let max_iterations = natural(self.max_iterations, "max_iterations")?;
+        let max_iterations = to_count(self.max_iterations, "max_iterations")?;
         Ok(params.iterative(Iterative { krylov, preconditioner, tolerance: self.tolerance, max_iterations }))
     }
 }
 
-fn refuse(what: &str, value: i32, allowed: &str) -> Failure {
+fn invalid_argument(what: &str, value: i32, allowed: &str) -> Failure {
     Failure::new(LAS_ARGUMENT, format!("`{what}` is {value}; it must be {allowed}"))
 }
 
 /// Converts a parameter that is a count; the check that it is not zero comes with the other checks.
-fn natural(value: i32, what: &str) -> Result<usize, Failure> {
-    usize::try_from(value).map_err(|_| refuse(what, value, "0 or above"))
+fn to_count(value: i32, what: &str) -> Result<usize, Failure> {
+    usize::try_from(value).map_err(|_| invalid_argument(what, value, "0 or above"))
 }
 
 /// A sparsity pattern, shared by all backends.
@@ -175,8 +178,7 @@ pub extern "C" fn las_version() -> *const c_char {
 /// preconditioner of the method, and ILUT(1e-3, 20) if that is ILUT.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_default_params(params: *mut las_params) -> i32 {
-    // SAFETY: the caller promises of the pointers what the header states; likewise below.
-    guarded(|| unsafe {
+    guarded(|| {
         *exclusive(params, "params")? = las_params {
             symmetry: LAS_DEFINITE,
             method: LAS_DIRECT,
@@ -201,19 +203,15 @@ pub unsafe extern "C" fn las_create_pattern(
     columns: *const i32,
     pattern: *mut *mut las_pattern,
 ) -> i32 {
-    // SAFETY: as above.
-    guarded(|| unsafe {
-        give(pattern, "pattern", || {
-            let (rows, cols) = (count(rows, "rows")?, count(cols, "cols")?);
-            let row_offsets: &[i32] = array(row_offsets, rows + 1, "row_offsets")?;
-            let columns: &[i32] = array(columns, count(row_offsets[rows], "row_offsets[rows]")?, "columns")?;
-            let numbers = |numbers: &[i32], name: &str| -> Result<Vec<u32>, Failure> {
-                numbers.iter().map(|&number| Ok(count(number, name)? as u32)).collect()
-            };
-            let sparsity =
-                Sparsity::from_rows(cols, numbers(row_offsets, "row_offsets")?, numbers(columns, "columns")?);
-            Ok(las_pattern(Arc::new(sparsity.map_err(size)?)))
-        })
+    create(pattern, "pattern", || {
+        let (rows, cols) = (count(rows, "rows")?, count(cols, "cols")?);
+        let row_offsets: &[i32] = array(row_offsets, rows + 1, "row_offsets")?;
+        let columns: &[i32] = array(columns, count(row_offsets[rows], "row_offsets[rows]")?, "columns")?;
+        let numbers = |numbers: &[i32], name: &str| -> Result<Vec<u32>, Failure> {
+            numbers.iter().map(|&number| Ok(count(number, name)? as u32)).collect()
+        };
+        let sparsity = Sparsity::from_rows(cols, numbers(row_offsets, "row_offsets")?, numbers(columns, "columns")?);
+        Ok(las_pattern(Arc::new(sparsity.map_err(pattern_error)?)))
     })
 }
 
@@ -227,31 +225,27 @@ pub unsafe extern "C" fn las_create_pattern_of_elements(
     unknowns: *const i32,
     pattern: *mut *mut las_pattern,
 ) -> i32 {
-    // SAFETY: as above.
-    guarded(|| unsafe {
-        give(pattern, "pattern", || {
-            let (len, elements) = (count(size_of_system, "size_of_system")?, count(elements, "elements")?);
-            let starts: &[i32] = array(element_start, elements + 1, "element_start")?;
-            let all: &[i32] = array(unknowns, count(starts[elements], "element_start[elements]")?, "unknowns")?;
-            let list = |pair: &[i32]| {
-                let range = count(pair[0], "element_start")?..count(pair[1], "element_start")?;
-                all.get(range).ok_or_else(|| Failure::new(LAS_SIZE, "`element_start` does not ascend"))
-            };
-            let lists = starts.windows(2).map(list).collect::<Result<Vec<&[i32]>, _>>()?;
-            let sparsity = Sparsity::from_elements(len, lists);
-            Ok(las_pattern(Arc::new(sparsity.map_err(size)?)))
-        })
+    create(pattern, "pattern", || {
+        let (len, elements) = (count(size_of_system, "size_of_system")?, count(elements, "elements")?);
+        let starts: &[i32] = array(element_start, elements + 1, "element_start")?;
+        let all: &[i32] = array(unknowns, count(starts[elements], "element_start[elements]")?, "unknowns")?;
+        let list = |pair: &[i32]| {
+            let range = count(pair[0], "element_start")?..count(pair[1], "element_start")?;
+            all.get(range).ok_or_else(|| Failure::new(LAS_SIZE, "`element_start` does not ascend"))
+        };
+        let lists = starts.windows(2).map(list).collect::<Result<Vec<&[i32]>, _>>()?;
+        let sparsity = Sparsity::from_elements(len, lists);
+        Ok(las_pattern(Arc::new(sparsity.map_err(pattern_error)?)))
     })
 }
 
 /// Frees a pattern. Null is allowed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_destroy_pattern(pattern: *mut las_pattern) -> i32 {
-    // SAFETY: as above.
-    guarded(|| unsafe { free(pattern) })
+    guarded(|| free(pattern))
 }
 
-fn size(error: crate::las::SparsityError) -> Failure {
+fn pattern_error(error: crate::las::SparsityError) -> Failure {
     Failure::new(LAS_SIZE, error.to_string())
 }
 
@@ -267,9 +261,9 @@ trait Exported: Backend {
     fn write(file: &Path, mat: &Self::Matrix) -> Result<(), Failure>;
 }
 
-fn of_file<F: std::error::Error>(error: market::MarketError<F>) -> Failure {
+fn file_error<F: std::error::Error>(error: market::MarketError<F>) -> Failure {
     match error {
-        market::MarketError::Fault(error) => fault(error),
+        market::MarketError::Fault(error) => backend_error(error),
         error => Failure::new(LAS_FILE, error.to_string()),
     }
 }
@@ -282,11 +276,11 @@ macro_rules! with_files {
             }
 
             fn read(file: &Path, context: &Self::Context) -> Result<Self::Matrix, Failure> {
-                market::read::<Self>(file, context).map_err(of_file)
+                market::read::<Self>(file, context).map_err(file_error)
             }
 
             fn write(file: &Path, mat: &Self::Matrix) -> Result<(), Failure> {
-                market::write::<Self>(file, mat).map_err(of_file)
+                market::write::<Self>(file, mat).map_err(file_error)
             }
         }
     };
@@ -303,28 +297,23 @@ with_files!(crate::backends::dense::Dense, Ok(()));
 exported!(dense, crate::backends::dense::Dense, "/las_dense.rs");
 
 #[cfg(feature = "batched")]
-mod lanes {
-    use super::{Exported, Failure, LAS_UNSUPPORTED, Path};
-    use crate::backends::batched::{Batched, Matrix};
+impl Exported for crate::backends::batched::Batched {
+    fn context() -> Result<(), Failure> {
+        Ok(())
+    }
 
-    impl Exported for Batched {
-        fn context() -> Result<(), Failure> {
-            Ok(())
-        }
+    fn read(_: &Path, (): &()) -> Result<Self::Matrix, Failure> {
+        Err(Failure::new(LAS_UNSUPPORTED, "Matrix Market files cannot store the lanes of `batched`"))
+    }
 
-        fn read(_: &Path, (): &()) -> Result<Matrix, Failure> {
-            Err(Failure::new(LAS_UNSUPPORTED, "a Matrix Market file holds one number an entry, `batched` has several"))
-        }
-
-        fn write(_: &Path, _: &Matrix) -> Result<(), Failure> {
-            Err(Failure::new(LAS_UNSUPPORTED, "a Matrix Market file holds one number an entry, `batched` has several"))
-        }
+    fn write(_: &Path, _: &Self::Matrix) -> Result<(), Failure> {
+        Err(Failure::new(LAS_UNSUPPORTED, "Matrix Market files cannot store the lanes of `batched`"))
     }
 }
 #[cfg(feature = "batched")]
 exported!(batched, crate::backends::batched::Batched, "/las_batched.rs");
 
 #[cfg(feature = "petsc")]
-with_files!(crate::backends::petsc::Petsc, session::world());
+with_files!(crate::backends::petsc::Petsc, session::world_context());
 #[cfg(feature = "petsc")]
 exported!(petsc, crate::backends::petsc::Petsc, "/las_petsc.rs");

@@ -10,7 +10,7 @@ use super::{LAS_FAULT, LAS_UNSUPPORTED};
 use crate::backends::petsc::{Context, Session};
 
 /// Creates a context on all MPI ranks; initializes MPI if it is not yet initialized.
-pub(super) fn world() -> Result<Context, Failure> {
+pub(super) fn world_context() -> Result<Context, Failure> {
     let session = session()?;
     Ok(Context::new(&session, &SimpleCommunicator::world()))
 }
@@ -19,7 +19,7 @@ pub(super) fn world() -> Result<Context, Failure> {
 ///
 /// # Safety
 /// The handle belongs to a communicator, and MPI is initialized and not finalized.
-pub(super) unsafe fn on(comm: i32) -> Result<Context, Failure> {
+pub(super) unsafe fn context_on(comm: i32) -> Result<Context, Failure> {
     if !is_initialized() {
         return Err(Failure::new(LAS_UNSUPPORTED, "there is no communicator before MPI_Init"));
     }

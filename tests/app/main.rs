@@ -13,6 +13,8 @@ mod fabricated;
 #[cfg(feature = "sparse")]
 #[path = "../support/networks.rs"]
 mod networks;
+#[path = "../support/skip.rs"]
+mod skip;
 
 #[cfg(feature = "sparse")]
 mod dogbone;

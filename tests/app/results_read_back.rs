@@ -11,6 +11,8 @@ use biotissue::app::results::{
     ResultsError, SurfaceRow, read_vtp, read_vtu, write_vtp, write_vtu,
 };
 
+use crate::skip::skip;
+
 /// Two tetrahedra with numbers that only survive bit for bit: no short decimals, the extremes, both zeros.
 struct Sample {
     points: Vec<[f64; 3]>,
@@ -116,14 +118,14 @@ for cell in range(cells):
     print(" ".join(struct.pack("<d" if isinstance(value, float) else "<q", value).hex() for value in values))
 "#;
 
-/// What a script prints; `None`, with a word about it, where Python lacks the readers.
+/// Returns what a script prints; `None` if Python lacks the readers.
 fn printed(script: &mut Command) -> Option<String> {
     let required = std::env::var("BIOTISSUE_REQUIRE_PYTHON").is_ok_and(|value| value == "1");
     let output = match script.output() {
         Ok(output) if output.status.code() != Some(3) => output,
         missing if required => panic!("python3 with meshio or vtk is required: {missing:?}"),
         _ => {
-            println!("skipped: python3 with meshio or vtk is not installed");
+            skip("needs python3 with meshio or vtk");
             return None;
         }
     };
@@ -215,7 +217,7 @@ fn python_reads_every_number_of_a_field_file() {
     for reader in ["meshio", "vtk"] {
         let mut found: Vec<&str> = read.lines().filter(|line| line.split(' ').next() == Some(reader)).collect();
         if found.is_empty() {
-            println!("skipped: {reader} is not installed");
+            skip(&format!("needs {reader} of Python"));
             continue;
         }
         readers += 1;

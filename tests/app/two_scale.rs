@@ -205,7 +205,7 @@ fn read_by_python(file: &Path) -> Option<Arrays> {
         Ok(output) if output.status.code() != Some(3) => output,
         missing if required => panic!("python3 with meshio or vtk is required: {missing:?}"),
         _ => {
-            println!("skipped: python3 with meshio or vtk is not installed");
+            crate::skip::skip("needs python3 with meshio or vtk");
             return None;
         }
     };

@@ -1,5 +1,5 @@
-/* A chain of springs on PETSc, on the ranks of MPI, and on the sparse backend, in one program. With an argument MPI is left
- * to the library. Ends with 0 where all of it is right. */
+/* Solves a chain of springs on PETSc, on all MPI ranks, and on the sparse backend. With an argument, the library initializes
+ * MPI; without, the program does. The exit code is 0 if all checks pass. */
 #include <math.h>
 #include <mpi.h>
 #include <stdio.h>
@@ -11,8 +11,8 @@
 
 static int failures = 0;
 
-static void check(int right, const char *what, int line) {
-    if (!right) {
+static void check(int passed, const char *what, int line) {
+    if (!passed) {
         printf("line %d: %s (last message: %s)\n", line, what, las_message());
         failures += 1;
     }
@@ -78,20 +78,20 @@ static void compare(const struct las_petsc *petsc, int iterates) {
     OK(las_destroy_sparse(sparse));
 }
 
-/* The library starts MPI and PETSc, and ends them. */
-static void of_the_library(void) {
+/* The library initializes and finalizes MPI and PETSc. */
+static void library_starts_mpi(void) {
     struct las_petsc *petsc = NULL, *again = NULL;
     CHECK(las_create_on_petsc(0, &petsc) == LAS_UNSUPPORTED && petsc == NULL);
     CHECK(strcmp(las_message(), "there is no communicator before MPI_Init") == 0);
     OK(las_create_petsc(&petsc));
-    OK(las_create_petsc(&again)); /* in the same session */
+    OK(las_create_petsc(&again)); /* shares the PETSc session */
     OK(las_destroy_petsc(petsc));
     compare(again, 0);
     OK(las_destroy_petsc(again));
 }
 
-/* The program starts MPI, and lets the library use a communicator of its own. */
-static void of_the_program(void) {
+/* The program initializes MPI and gives the library a communicator. */
+static void program_starts_mpi(void) {
     int rank = 0;
     MPI_Comm half = MPI_COMM_NULL;
     struct las_petsc *world = NULL, *part = NULL;
@@ -101,7 +101,7 @@ static void of_the_program(void) {
     OK(las_create_petsc(&world));
     OK(las_create_on_petsc(MPI_Comm_c2f(half), &part));
     CHECK(las_set_option_petsc(part, NULL, "cg") == LAS_NULL);
-    /* The database has the last word, but only under this prefix. */
+    /* Options of the database override the parameters, but only with this prefix. */
     OK(las_set_prefix_petsc(part, "part_"));
     OK(las_set_option_petsc(part, "ksp_type", "cg"));
     OK(las_set_option_petsc(part, "ksp_rtol", "1e-12"));
@@ -112,17 +112,17 @@ static void of_the_program(void) {
     OK(las_destroy_petsc(part));
     compare(world, 0);
     OK(las_destroy_petsc(world));
-    MPI_Comm_free(&half); /* still the program's */
+    MPI_Comm_free(&half); /* the library has not freed it */
     MPI_Finalize();
 }
 
 int main(int argc, char **argv) {
     (void)argv;
     if (argc > 1) {
-        of_the_library();
+        library_starts_mpi();
     } else {
-        of_the_program();
+        program_starts_mpi();
     }
-    printf(failures ? "%d things are wrong\n" : "all is right\n", failures);
+    printf("%d checks failed\n", failures);
     return failures != 0;
 }

@@ -1,4 +1,5 @@
-! A chain of springs, assembled and solved on two backends in one program. Ends with 0 where all of it is right.
+! Assembles and solves a chain of springs on two backends in one program. The exit code is 0 if all checks pass.
+! examples/fortran/first.f90 is a program to start from.
 program springs
   use biotissue_las
   implicit none
@@ -12,22 +13,22 @@ program springs
     call expect(abs(on_sparse(i) - i) < 1d-10, "the displacements are 1, 2, 3, ...")
     call expect(abs(on_sparse(i) - on_dense(i)) < 1d-10, "the backends agree")
   end do
-  call refusals()
-  print "(a)", "all is right"
+  call errors()
+  print "(a)", "all checks passed"
 
 contains
 
-  subroutine expect(right, what)
-    logical, intent(in) :: right
+  subroutine expect(condition, what)
+    logical, intent(in) :: condition
     character(len=*), intent(in) :: what
-    if (right) return
-    print "(3a)", what, ": no; ", las_text()
+    if (condition) return
+    print "(4a)", "failed: ", what, "; last message: ", las_text()
     error stop 1
   end subroutine
 
-  subroutine ok(outcome)
-    integer(c_int), intent(in) :: outcome
-    call expect(outcome == LAS_OK, "a call succeeds")
+  subroutine ok(code)
+    integer(c_int), intent(in) :: code
+    call expect(code == LAS_OK, "a call succeeds")
   end subroutine
 
   !> Springs between n unknowns in a row, fixed at the left.
@@ -66,7 +67,7 @@ contains
     call ok(las_create_solver_sparse(backend, pattern, params, solver))
     call ok(las_factor_sparse(solver, k))
     call ok(las_solve_sparse(solver, f, x, iterations, residual))
-    call expect(residual < 1d-10, "the residual is told")
+    call expect(residual < 1d-10, "the residual is small")
     call expect(iterations == 1, "a complete factorization needs one iteration")
     u = 0
     call ok(las_get_vec_sparse(x, n, [(i - 1, i = 1, n)], u))
@@ -110,13 +111,13 @@ contains
     call ok(las_destroy_dense(backend))
   end subroutine
 
-  subroutine refusals()
+  subroutine errors()
     type(c_ptr) :: backend, x
     call ok(las_create_sparse(backend))
-    call expect(las_create_vec_sparse(backend, -1, x) == LAS_SIZE, "a negative length is refused")
-    call expect(las_text() == "`len` is -1; it must not be negative", "the message says why")
-    call expect(.not. c_associated(x), "nothing was made")
-    call expect(las_zero_vec_sparse(c_null_ptr) == LAS_NULL, "null is refused")
+    call expect(las_create_vec_sparse(backend, -1, x) == LAS_SIZE, "a negative length is rejected")
+    call expect(las_text() == "`len` is -1; it must not be negative", "the message names the argument")
+    call expect(.not. c_associated(x), "no vector was created")
+    call expect(las_zero_vec_sparse(c_null_ptr) == LAS_NULL, "null is rejected")
     call ok(las_destroy_sparse(backend))
   end subroutine
 end program

@@ -1,5 +1,5 @@
-//! A plausible result directory that no solver wrote: a flat waisted bar, pulled along x, whose fibers turn into the
-//! pull; grips at both ends have no fibers.
+//! A result directory with artificial but plausible values: a flat bar with a narrow middle part, pulled along x, whose
+//! fibers rotate toward x; the grips at both ends have no fibers.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use biotissue::app::results::{
 const LENGTH: f64 = 0.060;
 const STEPS: usize = 10;
 
-/// The mesh: cells cut into six tetrahedra each.
+/// The mesh: cells, each divided into six tetrahedra.
 pub struct Bar {
     pub points: Vec<[f64; 3]>,
     pub elements: Vec<[u32; 4]>,
@@ -20,14 +20,14 @@ pub struct Bar {
 
 impl Bar {
     pub fn new([nx, ny, nz]: [usize; 3]) -> Self {
-        let place = |i: usize, n: usize| i as f64 / n as f64;
+        let fraction = |i: usize, n: usize| i as f64 / n as f64;
         let mut points = Vec::new();
         for k in 0..=nz {
             for j in 0..=ny {
                 for i in 0..=nx {
-                    let x = place(i, nx);
+                    let x = fraction(i, nx);
                     let width = 0.007 + 0.007 * smooth((2.0 * (x - 0.5).abs() - 0.45) / 0.25);
-                    points.push([LENGTH * x, width * (place(j, ny) - 0.5), 0.003 * place(k, nz)]);
+                    points.push([LENGTH * x, width * (fraction(j, ny) - 0.5), 0.003 * fraction(k, nz)]);
                 }
             }
         }
@@ -42,7 +42,7 @@ impl Bar {
         Self { points, elements }
     }
 
-    fn middle(&self, element: usize) -> [f64; 3] {
+    fn center(&self, element: usize) -> [f64; 3] {
         let nodes = self.elements[element].map(|node| self.points[node as usize]);
         std::array::from_fn(|axis| nodes.iter().map(|node| node[axis]).sum::<f64>() / 4.0)
     }
@@ -53,19 +53,19 @@ fn smooth(x: f64) -> f64 {
     x * x * (3.0 - 2.0 * x)
 }
 
-/// A number in `[0, 1)` that looks random and is the same every time.
+/// Returns a pseudo-random number in `[0, 1)`.
 fn noise(seed: usize) -> f64 {
     let x = (seed as f64 * 12.9898).sin() * 43758.5453;
     x - x.floor()
 }
 
-/// How much of the pull happens left of x.
-fn pulled(x: f64) -> f64 {
+/// Returns the fraction of the elongation that occurs left of x.
+fn elongation(x: f64) -> f64 {
     let s = x / LENGTH;
     0.25 * s + 0.75 * smooth((s - 0.15) / 0.7)
 }
 
-fn gauge(x: f64) -> bool {
+fn is_in_gauge(x: f64) -> bool {
     (x / LENGTH - 0.5).abs() < 0.3
 }
 
@@ -73,7 +73,7 @@ fn gauge(x: f64) -> bool {
 pub fn write(dir: &Path, cells: [usize; 3]) {
     let bar = Bar::new(cells);
     let count = bar.elements.len();
-    let rves = (0..count).filter(|&e| gauge(bar.middle(e)[0])).count();
+    let rves = (0..count).filter(|&e| is_in_gauge(bar.center(e)[0])).count();
     let mut log = LogWriter::create(&dir.join(LOG_FILE)).unwrap();
     let title = "Dogbone in tension".to_owned();
     log.write(&Event::Start(Start {
@@ -154,23 +154,23 @@ fn fields(dir: &Path, bar: &Bar, collection: &mut Collection, step: usize, t: f6
     let count = bar.elements.len();
     let stretch = 0.25 * t;
     let moved = |[x, y, z]: [f64; 3]| {
-        let local = stretch * (pulled(x + 1e-4) - pulled(x - 1e-4)) / (2e-4 / LENGTH);
+        let local = stretch * (elongation(x + 1e-4) - elongation(x - 1e-4)) / (2e-4 / LENGTH);
         let thin = (1.0 + local.max(0.0)).powf(-0.6) - 1.0;
-        [stretch * LENGTH * pulled(x), y * thin, (z - 0.0015) * thin]
+        [stretch * LENGTH * elongation(x), y * thin, (z - 0.0015) * thin]
     };
     let displacement: Vec<[f64; 3]> = bar.points.iter().map(|&point| moved(point)).collect();
     let (mut stress, mut direction, mut alignment, mut network) = (vec![], vec![], vec![], vec![]);
     for e in 0..count {
-        let [x, y, _] = bar.middle(e);
+        let [x, y, _] = bar.center(e);
         let angle = (0.9 + 0.8 * (noise(e) - 0.5) + 20.0 * y) * (1.0 - 0.85 * t);
         let wide = 0.007 / (0.007 + 0.007 * smooth((2.0 * (x / LENGTH - 0.5).abs() - 0.45) / 0.25));
         stress.push(1.9e4 * (2.0 * t).exp_m1() * wide * wide * (0.85 + 0.3 * noise(7 * e + 1)));
         let strength = 0.03 + 0.3 * t * (0.6 + 0.4 * noise(3 * e));
         let tilt = 0.5 * (noise(5 * e + 2) - 0.5);
         let own = [angle.cos() * tilt.cos(), angle.sin() * tilt.cos(), tilt.sin()];
-        direction.push(if gauge(x) { own } else { [0.0; 3] });
-        alignment.push(if gauge(x) { strength } else { 0.0 });
-        network.push(if gauge(x) { (12.0 * noise(11 * e)) as i64 } else { -1 });
+        direction.push(if is_in_gauge(x) { own } else { [0.0; 3] });
+        alignment.push(if is_in_gauge(x) { strength } else { 0.0 });
+        network.push(if is_in_gauge(x) { (12.0 * noise(11 * e)) as i64 } else { -1 });
     }
     let tensors: Vec<[f64; 9]> = stress.iter().map(|&s| [s, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]).collect();
     let file = field_file(step);

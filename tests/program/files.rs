@@ -219,7 +219,7 @@ fn a_run_that_was_interrupted_says_how_to_go_on() {
     for (signal, options) in [("INT", ""), ("TERM", ""), ("INT", " --ranks 3")] {
         let (mut child, stderr) = started(folder.path(), &format!("run case.toml --out out{options}"));
         if is_ignored(child.id()) {
-            eprintln!("skipped: the tests were started to ignore Ctrl-C");
+            crate::skip::skip("the tests were started with SIGINT ignored");
             child.kill().unwrap();
             return;
         }
@@ -249,7 +249,7 @@ fn a_signal_that_a_run_was_started_to_ignore_stays_ignored() {
         command.args(["-c", &script, env!("CARGO_BIN_EXE_biotissue")]).current_dir(folder.path());
         let (mut child, stderr) = begun(&mut command);
         if is_ignored(child.id()) && ends == "INT" {
-            eprintln!("skipped: the tests were started to ignore Ctrl-C");
+            crate::skip::skip("the tests were started with SIGINT ignored");
             child.kill().unwrap();
             child.wait().unwrap();
             continue;

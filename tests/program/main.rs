@@ -8,6 +8,8 @@ mod outputs;
 mod ranks;
 mod run;
 mod rve;
+#[path = "../support/skip.rs"]
+mod skip;
 mod states;
 mod streams;
 

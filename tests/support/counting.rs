@@ -1,10 +1,10 @@
-//! The system's allocator, counting what is asked of it by each thread: other tests run beside on threads of their own.
+//! An allocator that counts the allocations of each thread. Other tests, on other threads, do not affect the counts.
 #![allow(dead_code, reason = "every test file uses a part of it")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-/// To be the `#[global_allocator]` of a test program.
+/// The `#[global_allocator]` of a test program.
 pub struct Counting;
 
 thread_local! {
@@ -12,12 +12,12 @@ thread_local! {
     static IN_USE: Cell<isize> = const { Cell::new(0) };
 }
 
-/// Allocations of this thread so far.
+/// Returns the number of allocations of this thread.
 pub fn calls() -> usize {
     CALLS.get()
 }
 
-/// Bytes that this thread has allocated, without those that it has freed.
+/// Returns the number of bytes that this thread has allocated and not freed.
 pub fn in_use() -> isize {
     IN_USE.get()
 }
@@ -27,29 +27,29 @@ fn count(calls: usize, bytes: isize) {
     IN_USE.set(IN_USE.get() + bytes);
 }
 
-// SAFETY: every call goes to the system's allocator as it came.
+// SAFETY: every call is passed to the system's allocator unchanged.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count(1, layout.size() as isize);
-        // SAFETY: the caller's promise is passed on.
+        // SAFETY: the conditions are those of the caller.
         unsafe { System.alloc(layout) }
     }
 
     unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
         count(1, layout.size() as isize);
-        // SAFETY: the caller's promise is passed on.
+        // SAFETY: the conditions are those of the caller.
         unsafe { System.alloc_zeroed(layout) }
     }
 
     unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, new_size: usize) -> *mut u8 {
         count(1, new_size as isize - layout.size() as isize);
-        // SAFETY: the caller's promise is passed on.
+        // SAFETY: the conditions are those of the caller.
         unsafe { System.realloc(pointer, layout, new_size) }
     }
 
     unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
         count(0, -(layout.size() as isize));
-        // SAFETY: the caller's promise is passed on.
+        // SAFETY: the conditions are those of the caller.
         unsafe { System.dealloc(pointer, layout) }
     }
 }

@@ -1,13 +1,13 @@
-//! Starts this program again, as processes of MPI.
+//! Starts the running program again, as MPI processes.
 
 use std::ffi::{OsStr, OsString};
 use std::io;
 use std::process::Command;
 
-/// What starts processes: `mpirun`, or what the environment variable `MPIRUN` names.
+/// The command that starts MPI processes: `mpirun`, or the value of the environment variable `MPIRUN`.
 pub struct Launcher {
     program: OsString,
-    /// Open MPI's takes no more processes than there are cores unless told to.
+    /// Open MPI starts more processes than cores only with an option.
     is_open_mpi: bool,
 }
 
@@ -19,7 +19,7 @@ impl Launcher {
         Ok(Self { program, is_open_mpi })
     }
 
-    /// This program on so many ranks, which are ended after so many seconds.
+    /// Returns the command that runs this program on `ranks` ranks and ends them after `seconds` seconds.
     pub fn command(&self, ranks: usize, seconds: u32) -> io::Result<Command> {
         let mut command = command(&self.program);
         if self.is_open_mpi {
@@ -31,7 +31,7 @@ impl Launcher {
     }
 }
 
-/// A user who may do all is a user too (containers).
+/// Allows the user root, as in containers.
 fn command(program: &OsStr) -> Command {
     let mut command = Command::new(program);
     command.envs([("OMPI_ALLOW_RUN_AS_ROOT", "1"), ("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")]);

@@ -1,8 +1,10 @@
-//! What several test files share.
+//! Networks and a solver of one RVE, shared by several test files.
 #![allow(dead_code, reason = "every test file uses a part of it")]
 
 #[path = "networks.rs"]
 mod networks;
+#[path = "skip.rs"]
+mod skip;
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -18,17 +20,17 @@ use nalgebra::Matrix3;
 
 pub use networks::published_file;
 
-/// A published network; `None` where the environment does not say where it lies (see [`published_file`]).
+/// A published network; `None` if it is not on this machine (see [`published_file`]).
 pub fn published(name: &str) -> Option<Arc<Network>> {
     published_file(name).map(network)
 }
 
-/// The network frozen beside the tests.
+/// The network of the folder `tests/networks`.
 pub fn frozen() -> Arc<Network> {
     network(PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/networks/frozen.txt"))
 }
 
-/// The library of the dogbone example.
+/// The networks of the dogbone example.
 pub fn dogbone_library() -> Vec<Arc<Network>> {
     let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("examples/dogbone/networks");
     (1..=8).map(|k| network(folder.join(format!("delaunay_{k}.txt")))).collect()
@@ -41,7 +43,7 @@ fn network(path: PathBuf) -> Arc<Network> {
     }
 }
 
-/// The three laws, as stiff as each other at rest.
+/// The three laws, with the same stiffness at rest.
 pub fn laws() -> [FiberMaterial; 3] {
     let (youngs_modulus, nonlinearity) = (1.0e8, 1.2);
     [
@@ -58,7 +60,7 @@ pub struct Bench<B: Backend> {
     pub workspace: Workspace<B>,
     pub params: EquilibriumParams,
     /// Stress and energy of the RVE that was solved last.
-    answer: (Matrix3<f64>, f64),
+    solution: (Matrix3<f64>, f64),
 }
 
 impl<B: Backend<Scalar = f64, Context = ()>> Bench<B>
@@ -80,7 +82,7 @@ where
         Self::solved_by(context, network, material, &SolverParams::default())
     }
 
-    /// The same, with its linear systems solved in this way.
+    /// The same, with the parameters of the linear solver.
     pub fn solved_by(
         context: &B::Context,
         network: &Arc<Network>,
@@ -90,7 +92,7 @@ where
         let network = Arc::clone(network);
         let model = RveModel::with_solver(context, network, material, StressScale::Raw, solver).unwrap();
         let workspace = Workspace::new(context, &model).unwrap();
-        Self { model, workspace, params: EquilibriumParams::default(), answer: (Matrix3::zeros(), 0.0) }
+        Self { model, workspace, params: EquilibriumParams::default(), solution: (Matrix3::zeros(), 0.0) }
     }
 
     pub fn at_rest(&self) -> Rve {
@@ -99,29 +101,29 @@ where
 
     pub fn solve(&mut self, rve: &mut Rve, f: &Matrix3<f64>) -> Result<EquilibriumReport, RveError<B::Fault>> {
         let solved = equilibrate(&self.model, rve, f, &self.params, &mut self.workspace)?;
-        self.answer = (solved.pk1(), solved.energy());
+        self.solution = (solved.pk1(), solved.energy());
         Ok(solved.into_report())
     }
 
     pub fn pk1(&self) -> Matrix3<f64> {
-        self.answer.0
+        self.solution.0
     }
 
     pub fn energy(&self) -> f64 {
-        self.answer.1
+        self.solution.1
     }
 
     pub fn tangent(&mut self, rve: &Rve) -> Tangent {
-        self.again(&mut rve.clone()).tangent().unwrap()
+        self.solve_again(&mut rve.clone()).tangent().unwrap()
     }
 
-    /// Lets an RVE in equilibrium keep how its nodes follow a further strain.
+    /// Stores the sensitivities of an RVE in equilibrium.
     pub fn keep_sensitivities(&mut self, rve: &mut Rve) {
-        self.again(rve).keep_sensitivities().unwrap();
+        self.solve_again(rve).keep_sensitivities().unwrap();
     }
 
-    /// An RVE that is in equilibrium already.
-    fn again<'a>(&'a mut self, rve: &'a mut Rve) -> Solved<'a, B> {
+    /// Solves an RVE that is already in equilibrium.
+    fn solve_again<'a>(&'a mut self, rve: &'a mut Rve) -> Solved<'a, B> {
         let gradient = *rve.gradient();
         let solved = equilibrate(&self.model, rve, &gradient, &self.params, &mut self.workspace).unwrap();
         assert_eq!(solved.report().iterations, 0);

@@ -12,8 +12,7 @@ use crate::backends::petsc::MatrixType;
 /// gets a wrong matrix.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_create_on_petsc(comm: i32, las: *mut *mut las_petsc) -> i32 {
-    // SAFETY: as above; the communicator is the caller's, and is duplicated.
-    guarded(|| unsafe { give(las, "las", || Ok(las_petsc(super::session::on(comm)?))) })
+    create(las, "las", || Ok(las_petsc(super::session::context_on(comm)?)))
 }
 
 /// Writes an option into PETSc's options database: las_set_option_petsc(las, "ksp_type", "gmres"). It affects solvers
@@ -24,28 +23,28 @@ pub unsafe extern "C" fn las_set_option_petsc(
     name: *const c_char,
     value: *const c_char,
 ) -> i32 {
-    // SAFETY: as above.
-    guarded(|| unsafe { shared(las, "las")?.0.set_option(text(name, "name")?, text(value, "value")?).map_err(fault) })
+    guarded(|| {
+        let (name, value) = (text(name, "name")?, text(value, "value")?);
+        shared(las, "las")?.0.set_option(name, value).map_err(backend_error)
+    })
 }
 
 /// Sets a prefix of all option names: with "body_", solvers of objects created later read -body_ksp_type instead of
 /// -ksp_type, and las_set_option_petsc writes such names.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_set_prefix_petsc(las: *mut las_petsc, prefix: *const c_char) -> i32 {
-    // SAFETY: as above.
-    guarded(|| unsafe {
+    guarded(|| {
         let (las, prefix) = (exclusive(las, "las")?, text(prefix, "prefix")?);
         las.0 = las.0.clone().with_prefix(prefix);
         Ok(())
     })
 }
 
-/// Sets the block size (3 by default): ranks own whole blocks, and PETSc is told the block size of a matrix of full
-/// blocks.
+/// Sets the block size (3 by default): ranks own whole blocks, and a matrix of full blocks gets this block size in
+/// PETSc.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_set_block_size_petsc(las: *mut las_petsc, size: i32) -> i32 {
-    // SAFETY: as above.
-    guarded(|| unsafe {
+    guarded(|| {
         let (las, size) = (exclusive(las, "las")?, count(size, "size")?);
         las.0 = las.0.clone().with_block_size(size);
         Ok(())
@@ -55,8 +54,7 @@ pub unsafe extern "C" fn las_set_block_size_petsc(las: *mut las_petsc, size: i32
 /// Sets whether matrices created later are stored by blocks (BAIJ) if they consist of full blocks; 0 disables this.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_set_blocked_petsc(las: *mut las_petsc, blocked: i32) -> i32 {
-    // SAFETY: as above.
-    guarded(|| unsafe {
+    guarded(|| {
         let las = exclusive(las, "las")?;
         let kind = if blocked == 0 { MatrixType::Aij } else { MatrixType::Baij };
         las.0 = las.0.clone().with_matrix_type(kind);

@@ -8,31 +8,26 @@ pub unsafe extern "C" fn las_create_solver_BACKEND(
     params: *const las_params,
     solver: *mut *mut las_solver_BACKEND,
 ) -> i32 {
-    // SAFETY: as above.
-    guarded(|| unsafe {
-        give(solver, "solver", || {
-            let (las, pattern) = (shared(las, "las")?, shared(pattern, "pattern")?);
-            let params = shared(params, "params")?.checked(<B as Backend>::NAME)?;
-            let symbolic = <B as Backend>::analyze(&las.0, &pattern.0, &params).map_err(unsolved)?;
-            Ok(las_solver_BACKEND(<B as Backend>::solver(&symbolic).map_err(unsolved)?))
-        })
+    create(solver, "solver", || {
+        let (las, pattern) = (shared(las, "las")?, shared(pattern, "pattern")?);
+        let params = shared(params, "params")?.checked(<B as Backend>::NAME)?;
+        let symbolic = <B as Backend>::analyze(&las.0, &pattern.0, &params).map_err(solve_error)?;
+        Ok(las_solver_BACKEND(<B as Backend>::solver(&symbolic).map_err(solve_error)?))
     })
 }
 
 /// Frees a solver. Null is allowed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_destroy_solver_BACKEND(solver: *mut las_solver_BACKEND) -> i32 {
-    // SAFETY: as above.
-    guarded(|| unsafe { free(solver) })
+    guarded(|| free(solver))
 }
 
 /// Factors a matrix with the solver's pattern, or computes the preconditioner of an iterative method.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_factor_BACKEND(solver: *mut las_solver_BACKEND, mat: *const las_mat_BACKEND) -> i32 {
-    // SAFETY: as above.
-    guarded(|| unsafe {
+    guarded(|| {
         let solver = &mut exclusive(solver, "solver")?.0;
-        las::Solver::<B>::factor(solver, &shared(mat, "mat")?.0).map(drop).map_err(unsolved)
+        las::Solver::<B>::factor(solver, &shared(mat, "mat")?.0).map(drop).map_err(solve_error)
     })
 }
 
@@ -43,10 +38,9 @@ pub unsafe extern "C" fn las_factor_definite_BACKEND(
     solver: *mut las_solver_BACKEND,
     mat: *const las_mat_BACKEND,
 ) -> i32 {
-    // SAFETY: as above.
-    guarded(|| unsafe {
+    guarded(|| {
         let solver = &mut exclusive(solver, "solver")?.0;
-        las::Solver::<B>::factor_definite(solver, &shared(mat, "mat")?.0).map(drop).map_err(unsolved)
+        las::Solver::<B>::factor_definite(solver, &shared(mat, "mat")?.0).map(drop).map_err(solve_error)
     })
 }
 
@@ -61,11 +55,10 @@ pub unsafe extern "C" fn las_solve_BACKEND(
     iterations: *mut i32,
     residual: *mut f64,
 ) -> i32 {
-    // SAFETY: as above; the two differ.
-    guarded(|| unsafe {
-        apart(b, x, "b and x")?;
+    guarded(|| {
+        check_distinct(b, x, "b and x")?;
         let (solver, x) = (&mut exclusive(solver, "solver")?.0, &mut exclusive(x, "x")?.0);
-        let report = las::Solver::<B>::solve(solver, &shared(b, "b")?.0, x).map_err(unsolved)?;
+        let report = las::Solver::<B>::solve(solver, &shared(b, "b")?.0, x).map_err(solve_error)?;
         if let Some(iterations) = iterations.as_mut() {
             *iterations = report.iterations as i32;
         }
@@ -81,18 +74,17 @@ pub unsafe extern "C" fn las_solve_BACKEND(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_solve_many_BACKEND(
     solver: *mut las_solver_BACKEND,
-    count_of_sides: i32,
+    rhs_count: i32,
     b: *const *const las_vec_BACKEND,
     x: *const *mut las_vec_BACKEND,
 ) -> i32 {
-    // SAFETY: as above; no two of x are the same, and none is one of b.
-    guarded(|| unsafe {
+    guarded(|| {
         let solver = &mut exclusive(solver, "solver")?.0;
-        let count = count(count_of_sides, "count_of_sides")?;
+        let count = count(rhs_count, "rhs_count")?;
         let (b, x) = (array(b, count, "b")?, array(x, count, "x")?);
-        all_apart(b, x)?;
+        check_all_distinct(b, x)?;
         let b = Borrowed::new(b.iter().map(|&vec| Ok(&raw const shared(vec, "b[k]")?.0)))?;
-        let mut x = Lent::new(x.iter().map(|&vec| Ok(&raw mut exclusive(vec, "x[k]")?.0)))?;
-        las::Solver::<B>::solve_many(solver, b.as_slice(), x.as_mut_slice()).map(drop).map_err(unsolved)
+        let mut x = BorrowedMut::new(x.iter().map(|&vec| Ok(&raw mut exclusive(vec, "x[k]")?.0)))?;
+        las::Solver::<B>::solve_many(solver, b.as_slice(), x.as_mut_slice()).map(drop).map_err(solve_error)
     })
 }

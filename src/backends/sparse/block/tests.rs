@@ -130,11 +130,11 @@ const WIDTHS: [Width; 3] = [Width::Portable, Width::Avx2, Width::Avx512];
 #[cfg(not(target_arch = "x86_64"))]
 const WIDTHS: [Width; 1] = [Width::Portable];
 
-/// Returns the register widths that this machine has; the test prints the ones that it skips.
+/// Returns the register widths of this machine; records that the tests of the others are skipped.
 fn widths() -> impl Iterator<Item = Width> {
     let (has, has_not) = WIDTHS.into_iter().partition::<Vec<_>, _>(|&width| width <= Width::of_machine());
     if !has_not.is_empty() {
-        eprintln!("skipped, since this machine lacks them: {has_not:?}");
+        crate::skip::skip(&format!("this machine does not support {has_not:?}"));
     }
     has.into_iter()
 }

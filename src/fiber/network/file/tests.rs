@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use self::networks::published_file;
 use super::*;
 use crate::fiber::law::{FiberMaterial, Law};
+use crate::skip;
 
 /// Eight corners and the center of a cube of edge 2, and eight fibers; each test breaks one line.
 const GOOD: &str = "9 8 0\n0 0 0\n2 0 0\n0 2 0\n2 2 0\n0 0 2\n2 0 2\n0 2 2\n2 2 2\n1 1 1\n\

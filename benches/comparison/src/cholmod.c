@@ -8,11 +8,12 @@ typedef struct {
     cholmod_sparse matrix;
     cholmod_factor *factor;
     cholmod_dense *solution, *y, *e;
-} beside;
+} cholmod_solver;
 
-/* Analyses. The arrays stay the caller's and must outlive the result. `ordering` is CHOLMOD_AMD (2) or CHOLMOD_METIS (3). */
-beside *beside_new(int n, int *column_start, int *rows, double *values, int ordering) {
-    beside *b = calloc(1, sizeof(beside));
+/* Creates a solver and analyzes the pattern. The arrays must outlive the solver. `ordering` is CHOLMOD_AMD (2) or
+ * CHOLMOD_METIS (3). */
+cholmod_solver *cholmod_solver_new(int n, int *column_start, int *rows, double *values, int ordering) {
+    cholmod_solver *b = calloc(1, sizeof(cholmod_solver));
     if (!b) return NULL;
     cholmod_start(&b->common);
     b->common.supernodal = CHOLMOD_SUPERNODAL;
@@ -27,13 +28,13 @@ beside *beside_new(int n, int *column_start, int *rows, double *values, int orde
     return b->factor ? b : NULL;
 }
 
-/* Factors the values as they are now; 0 where that succeeds. */
-int beside_factor(beside *b) {
+/* Factors the present values; returns 0 if that succeeds. */
+int cholmod_solver_factor(cholmod_solver *b) {
     return !cholmod_factorize(&b->matrix, b->factor, &b->common) || b->common.status != CHOLMOD_OK;
 }
 
-/* Solves for right-hand sides that lie column after column; 0 where that succeeds. */
-int beside_solve(beside *b, int columns, double *right, double *solution) {
+/* Solves for right-hand sides stored by columns; returns 0 if that succeeds. */
+int cholmod_solver_solve(cholmod_solver *b, int columns, double *right, double *solution) {
     int n = (int)b->matrix.nrow;
     cholmod_dense dense = {.nrow = n, .ncol = columns, .nzmax = (size_t)n * columns, .d = n, .x = right,
                            .xtype = CHOLMOD_REAL, .dtype = CHOLMOD_DOUBLE};
@@ -42,9 +43,9 @@ int beside_solve(beside *b, int columns, double *right, double *solution) {
     return 0;
 }
 
-double beside_operations(beside *b) { return b->common.fl; }
+double cholmod_solver_operations(cholmod_solver *b) { return b->common.fl; }
 
-void beside_free(beside *b) {
+void cholmod_solver_free(cholmod_solver *b) {
     cholmod_free_dense(&b->solution, &b->common);
     cholmod_free_dense(&b->y, &b->common);
     cholmod_free_dense(&b->e, &b->common);

@@ -6,12 +6,12 @@ use std::ptr::NonNull;
 use crate::system::{Contender, System};
 
 unsafe extern "C" {
-    fn beside_new(n: c_int, start: *mut c_int, rows: *mut c_int, values: *mut c_double, ordering: c_int)
+    fn cholmod_solver_new(n: c_int, start: *mut c_int, rows: *mut c_int, values: *mut c_double, ordering: c_int)
     -> *mut c_void;
-    fn beside_factor(b: *mut c_void) -> c_int;
-    fn beside_solve(b: *mut c_void, columns: c_int, right: *mut c_double, solution: *mut c_double) -> c_int;
-    fn beside_operations(b: *mut c_void) -> c_double;
-    fn beside_free(b: *mut c_void);
+    fn cholmod_solver_factor(b: *mut c_void) -> c_int;
+    fn cholmod_solver_solve(b: *mut c_void, columns: c_int, right: *mut c_double, solution: *mut c_double) -> c_int;
+    fn cholmod_solver_operations(b: *mut c_void) -> c_double;
+    fn cholmod_solver_free(b: *mut c_void);
 }
 
 /// The ordering method that CHOLMOD uses.
@@ -40,7 +40,7 @@ impl Cholmod {
         // SAFETY: the arrays are those of a lower triangle by columns, and are kept as long as the handle; their heap
         // blocks do not move with the vectors.
         let handle =
-            unsafe { beside_new(n, start.as_mut_ptr(), rows.as_mut_ptr(), values.as_mut_ptr(), ordering as c_int) };
+            unsafe { cholmod_solver_new(n, start.as_mut_ptr(), rows.as_mut_ptr(), values.as_mut_ptr(), ordering as c_int) };
         let name = match ordering {
             Ordering::Amd => "CHOLMOD, AMD",
             Ordering::Metis => "CHOLMOD, METIS",
@@ -56,19 +56,19 @@ impl Contender for Cholmod {
 
     fn operations(&self) -> Option<f64> {
         // SAFETY: the handle is alive.
-        Some(unsafe { beside_operations(self.handle.as_ptr()) })
+        Some(unsafe { cholmod_solver_operations(self.handle.as_ptr()) })
     }
 
     fn factor(&mut self) {
         // SAFETY: the handle is alive.
-        assert_eq!(unsafe { beside_factor(self.handle.as_ptr()) }, 0, "CHOLMOD factors");
+        assert_eq!(unsafe { cholmod_solver_factor(self.handle.as_ptr()) }, 0, "CHOLMOD factors");
     }
 
     fn solve(&mut self, columns: usize, right: &[f64], solution: &mut [f64]) {
         assert!(right.len() >= columns * self.unknowns() && solution.len() >= columns * self.unknowns());
         // SAFETY: the handle is alive, and both slices have `columns` columns; the right-hand sides are only read.
         let failed = unsafe {
-            beside_solve(self.handle.as_ptr(), columns as c_int, right.as_ptr().cast_mut(), solution.as_mut_ptr())
+            cholmod_solver_solve(self.handle.as_ptr(), columns as c_int, right.as_ptr().cast_mut(), solution.as_mut_ptr())
         };
         assert_eq!(failed, 0, "CHOLMOD solves");
     }
@@ -83,6 +83,6 @@ impl Cholmod {
 impl Drop for Cholmod {
     fn drop(&mut self) {
         // SAFETY: the handle is alive and not used afterward.
-        unsafe { beside_free(self.handle.as_ptr()) }
+        unsafe { cholmod_solver_free(self.handle.as_ptr()) }
     }
 }

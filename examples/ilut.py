@@ -1,7 +1,7 @@
-"""The table of `incomplete.rs` with SciPy's incomplete factorization (SuperLU's ILUTP): as it comes, with an order of columns
-and pivoting of its own, and without both.
+"""The table of `ilut.rs` with SciPy's incomplete factorization (SuperLU's ILUTP): by default, that is with column
+reordering and pivoting, and without both.
 
-    python3 examples/incomplete.py FOLDER
+    python3 examples/ilut.py FOLDER
 """
 
 import sys

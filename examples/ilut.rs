@@ -1,11 +1,11 @@
 //! Iterations of Krylov methods against the number of entries that an incomplete factorization keeps, for two matrices.
 //!
 //! ```text
-//! cargo run --release --example incomplete [-- FOLDER]
+//! cargo run --release --example ilut [-- FOLDER]
 //! ```
 //!
-//! prints the first table of `docs/incomplete.md`. If a folder is given, the matrices are also written there as Matrix
-//! Market files for `python3 examples/incomplete.py FOLDER`, which repeats the test with the incomplete factorization
+//! prints the first table of `docs/ilut.md`. If a folder is given, the matrices are also written there as Matrix
+//! Market files for `python3 examples/ilut.py FOLDER`, which repeats the test with the incomplete factorization
 //! of SciPy.
 //!
 //! The matrices are the stiffness of a Delaunay network of 1 000 points at rest (3 000 unknowns, symmetric positive

@@ -1,10 +1,10 @@
 //! Stiffness of aligned networks along and across their axis, compared with the affine bound.
 //!
 //! ```text
-//! cargo run --release --example aligned [-- --points 400 --seeds 5 --svg docs/aligned.svg]
+//! cargo run --release --example aligned_stiffness [-- --points 400 --seeds 5 --svg docs/aligned_stiffness.svg]
 //! ```
 //!
-//! prints the table of `docs/aligned.md` and draws its figure. If all fibers deformed affinely with the body, the
+//! prints the table of `docs/aligned_stiffness.md` and draws its figure. If all fibers deformed affinely with the body, the
 //! stiffness of a network at rest would be `phi E <n_i n_j n_k n_l>`, with the average weighted by fiber length.
 //! Relaxing the interior nodes to equilibrium can only lower the stiffness.
 

@@ -3,6 +3,6 @@
 fn main() {
     println!("cargo:rerun-if-changed=src/cholmod.c");
     // Debian and Fedora install the headers in a separate folder.
-    cc::Build::new().file("src/cholmod.c").include("/usr/include/suitesparse").compile("beside_cholmod");
+    cc::Build::new().file("src/cholmod.c").include("/usr/include/suitesparse").compile("comparison_cholmod");
     println!("cargo:rustc-link-lib=cholmod");
 }
