@@ -13,9 +13,9 @@ pub(super) enum Encoding {
     Text,
     Binary {
         /// True if the file is big-endian.
-        swapped: bool,
+        big_endian: bool,
         /// True if counts and tags of version 4 have eight bytes, false if four.
-        wide: bool,
+        eight_byte_sizes: bool,
     },
 }
 

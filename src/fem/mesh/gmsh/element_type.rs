@@ -2,7 +2,7 @@
 
 /// The treatment of an element type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum ElementTreatment {
     /// Points and lines, with this number of nodes: skipped.
     Ignored(usize),
     Triangle,
@@ -13,12 +13,12 @@ pub(super) enum Kind {
 ///
 /// # Errors
 /// Returns the name and a cure if the type is not supported.
-pub(super) fn kind(number: i32) -> Result<Kind, (String, &'static str)> {
+pub(super) fn treatment(number: i32) -> Result<ElementTreatment, (String, &'static str)> {
     match number {
-        15 => Ok(Kind::Ignored(1)),
-        1 => Ok(Kind::Ignored(2)),
-        2 => Ok(Kind::Triangle),
-        4 => Ok(Kind::Tetrahedron),
+        15 => Ok(ElementTreatment::Ignored(1)),
+        1 => Ok(ElementTreatment::Ignored(2)),
+        2 => Ok(ElementTreatment::Triangle),
+        4 => Ok(ElementTreatment::Tetrahedron),
         _ => Err(refusal(number)),
     }
 }
@@ -69,9 +69,9 @@ mod tests {
 
     #[test]
     fn only_points_lines_triangles_and_tetrahedra_pass() {
-        let accepted: Vec<i32> = (-5..200).filter(|&number| kind(number).is_ok()).collect();
+        let accepted: Vec<i32> = (-5..200).filter(|&number| treatment(number).is_ok()).collect();
         assert_eq!(accepted, [1, 2, 4, 15]);
-        assert_eq!(kind(11).unwrap_err().0, "10-node tetrahedra (order 2, element type 11)");
-        assert_eq!(kind(77).unwrap_err().0, "elements of type 77");
+        assert_eq!(treatment(11).unwrap_err().0, "10-node tetrahedra (order 2, element type 11)");
+        assert_eq!(treatment(77).unwrap_err().0, "elements of type 77");
     }
 }

@@ -10,12 +10,12 @@ use crate::fem::mesh::MeshError;
 use crate::input::InputError;
 
 /// A parsed file with its path, for error messages.
-pub(super) struct Source<'a> {
+pub(super) struct ParsedFile<'a> {
     pub raw: &'a Raw,
     pub path: &'a Path,
 }
 
-impl Source<'_> {
+impl ParsedFile<'_> {
     /// Creates an error at a line; line 0 means the whole file.
     pub fn fault(&self, line: u32, what: String, expected: &str, cure: &str) -> InputError {
         match line {
@@ -37,8 +37,8 @@ impl Source<'_> {
     /// Translates a mesh error into an error with the tags and lines of the file.
     pub fn explain(&self, error: &MeshError, surfaces: &[(String, Triangles)]) -> InputError {
         let triangle = |surface: &str, index: usize| {
-            let place = surfaces.iter().find(|(name, _)| name == surface).and_then(|(_, group)| group.get(index));
-            place.and_then(|&(_, place)| self.raw.triangles.get(place))
+            let (_, group) = surfaces.iter().find(|(name, _)| name == surface)?;
+            group.get(index).and_then(|&(_, cell)| self.raw.triangles.get(cell))
         };
         let tetrahedron = |index: usize| self.raw.tetrahedra.get(index);
         let told = match error {

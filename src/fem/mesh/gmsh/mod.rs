@@ -126,8 +126,8 @@ fn header(cursor: &mut Cursor<'_>) -> Result<Version, InputError> {
     }
     cursor.end_row()?;
     if binary {
-        let swapped = cursor.byte_order()?;
-        cursor.set_encoding(Encoding::Binary { swapped, wide: width == 8 });
+        let big_endian = cursor.byte_order()?;
+        cursor.set_encoding(Encoding::Binary { big_endian, eight_byte_sizes: width == 8 });
     }
     cursor.end_section()?;
     Ok(version)

@@ -1,8 +1,8 @@
 //! Sections of version 4.1.
 
 use super::cursor::{Cursor, DAMAGED};
-use super::element_type::Kind;
-use super::raw::{Raw, RawNode, element_kind};
+use super::element_type::ElementTreatment;
+use super::raw::{Raw, RawNode, element_treatment};
 use crate::input::InputError;
 
 /// Reads `$Entities`: the physical groups of points, curves, surfaces and volumes of the geometry.
@@ -105,13 +105,13 @@ pub(super) fn elements(cursor: &mut Cursor<'_>, raw: &mut Raw) -> Result<(), Inp
         let dimension = cursor.integer(BLOCK)?;
         let entity = cursor.integer(BLOCK)?;
         let number = cursor.integer(BLOCK)?;
-        let kind = element_kind(cursor, number)?;
+        let treatment = element_treatment(cursor, number)?;
         let here = cursor.size(BLOCK)?;
         cursor.end_row()?;
-        let (own, noun) = match kind {
-            Kind::Tetrahedron => (3, "tetrahedra"),
-            Kind::Triangle => (2, "triangles"),
-            Kind::Ignored(_) => (dimension, ""),
+        let (own, noun) = match treatment {
+            ElementTreatment::Tetrahedron => (3, "tetrahedra"),
+            ElementTreatment::Triangle => (2, "triangles"),
+            ElementTreatment::Ignored(_) => (dimension, ""),
         };
         if dimension != own {
             let what = format!("a block of {noun} lies on an entity of dimension {dimension}");
@@ -120,7 +120,7 @@ pub(super) fn elements(cursor: &mut Cursor<'_>, raw: &mut Raw) -> Result<(), Inp
         for _ in 0..here {
             cursor.begin_row();
             let tag = cursor.size("an element: its tag and its nodes")?;
-            raw.element(cursor, (kind, entity, tag))?;
+            raw.element(cursor, (treatment, entity, tag))?;
             cursor.end_row()?;
             cursor.count_one();
             found += 1;

@@ -3,10 +3,10 @@
 //! Both are grids of hexahedra cut into six tetrahedra each ([`KUHN`]). Adjacent cells cut their common face along the
 //! same diagonal, so the mesh is conforming.
 
+mod axial_grading;
 mod cuboid;
 mod dogbone;
 mod grid;
-mod stations;
 
 pub use cuboid::cuboid;
 pub use dogbone::{DogboneShape, dogbone};
