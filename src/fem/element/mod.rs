@@ -1,4 +1,4 @@
-//! The linear tetrahedron.
+//! The linear tetrahedron: volume, gradients of the shape functions, and deformation gradient.
 
 use nalgebra::{Matrix3, Vector3};
 use thiserror::Error;
