@@ -22,6 +22,7 @@ mod measure;
 pub mod shapes;
 
 pub use check::MeshError;
+pub(super) use measure::longest_edge;
 
 /// A tetrahedral mesh: node positions in meters, elements with their regions, named surfaces.
 ///

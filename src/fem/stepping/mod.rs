@@ -82,7 +82,10 @@ pub struct Stepper<B: Backend, P> {
 pub type RunError<B, P, O> = SteppingError<<P as PointField>::Error, <B as Backend>::Fault, O>;
 
 /// The result of an attempt or of a part of one.
-type Attempt<B, P, T> = Result<T, Box<Failed<<P as PointField>::Error, <B as Backend>::Fault>>>;
+type Attempt<B, P, T> = Result<T, FailedAttemptOf<B, P>>;
+type FailedAttemptOf<B, P> = Box<Failed<<P as PointField>::Error, <B as Backend>::Fault>>;
+type SolveFailure<B, P> =
+    NewtonFailure<EquilibriumError<<P as PointField>::Error, <B as Backend>::Fault>, <B as Backend>::Fault>;
 
 /// The start and the end of an attempt in pseudo-time.
 #[derive(Clone, Copy)]
@@ -234,10 +237,10 @@ where
             let span = Span { step, from: time(position), t: time(position + increment) };
             let mut solves = Vec::new();
             let outcome = match self.attempt(span.t, &mut report, &mut solves) {
-                Ok(()) => self.body.commit().map_err(|error| unrecoverable(error, NewtonReport::default())),
+                Ok(()) => self.body.commit().map_err(|error| Self::unrecoverable(error, NewtonReport::default())),
                 Err(failed) => match self.body.revert() {
                     Ok(()) => Err(failed),
-                    Err(error) => Err(unrecoverable(error, failed.newton)),
+                    Err(error) => Err(Self::unrecoverable(error, failed.newton)),
                 },
             };
             match outcome {
@@ -311,28 +314,28 @@ where
         solves.push(self.start(t, report)?);
         let (mut evolutions, mut replacements) = (0, 0);
         loop {
-            if self.body.verify().map_err(rejected::<B, P>)? {
+            if self.body.verify().map_err(Self::rejected)? {
                 if replacements == MAX_REPLACEMENTS {
-                    return Err(rejected::<B, P>(EquilibriumError::OffBranch { replacements }));
+                    return Err(Self::rejected(EquilibriumError::OffBranch { replacements }));
                 }
                 replacements += 1;
                 report.verification_rounds += 1;
-            } else if self.body.evolve().map_err(rejected::<B, P>)? {
+            } else if self.body.evolve().map_err(Self::rejected)? {
                 if evolutions == self.params.max_evolutions {
-                    return Err(rejected::<B, P>(EquilibriumError::StillChanging { evolutions }));
+                    return Err(Self::rejected(EquilibriumError::StillChanging { evolutions }));
                 }
                 (evolutions, replacements) = (evolutions + 1, 0);
                 report.evolutions += 1;
             } else {
                 break;
             }
-            solves.push(self.system.solve(&mut self.body, &self.params.newton).map_err(failed::<B, P>)?);
+            solves.push(self.system.solve(&mut self.body, &self.params.newton).map_err(Self::failed)?);
         }
-        self.body.check_balance(self.params.newton.tolerance).map_err(rejected::<B, P>)
+        self.body.check_balance(self.params.newton.tolerance).map_err(Self::rejected)
     }
 
-    /// Solves from the committed state to pseudo-time `t` by Newton, starting with prescribed displacements moved or from the
-    /// linearization.
+    /// Solves from the committed state to pseudo-time `t` by Newton, starting from the prescribed displacements
+    /// or from the linearization.
     fn start(&mut self, t: f64, report: &mut StepReport) -> Attempt<B, P, NewtonReport> {
         if self.undeformed || self.params.start == StepStart::Tangent {
             return self.attempt_linearized(t, report);
@@ -342,11 +345,11 @@ where
             Ok(newton) => Ok(newton),
             // The moved boundary has inverted the adjacent elements; the linearized start distributes the motion over
             // the body.
-            Err(failure) if failed_at_first_residual::<B, P>(&failure) => {
-                self.body.revert().map_err(|error| unrecoverable(error, NewtonReport::default()))?;
+            Err(failure) if Self::failed_at_first_residual(&failure) => {
+                self.body.revert().map_err(|error| Self::unrecoverable(error, NewtonReport::default()))?;
                 self.attempt_linearized(t, report)
             }
-            Err(failure) => Err(failed::<B, P>(failure)),
+            Err(failure) => Err(Self::failed(failure)),
         }
     }
 
@@ -360,55 +363,36 @@ where
             })
         })?;
         report.add_linearized(seconds);
-        self.system.solve(&mut self.body, &self.params.newton).map_err(failed::<B, P>)
+        self.system.solve(&mut self.body, &self.params.newton).map_err(Self::failed)
     }
-}
 
-/// Returns true if Newton failed at its first residual for a reason that another start may avoid.
-fn failed_at_first_residual<B: Backend, P: PointField>(
-    failure: &NewtonFailure<EquilibriumError<P::Error, B::Fault>, B::Fault>,
-) -> bool {
-    let not_there = match &failure.reason {
-        NewtonError::Problem(EquilibriumError::PointField(error)) => !P::is_final(error),
-        reason => matches!(reason, NewtonError::NotFinite),
-    };
-    not_there && failure.report.residuals.is_empty()
-}
+    /// Returns true if Newton failed at its first residual for a reason that another start may avoid.
+    fn failed_at_first_residual(failure: &SolveFailure<B, P>) -> bool {
+        let undefined = match &failure.reason {
+            NewtonError::Problem(EquilibriumError::PointField(error)) => !P::is_final(error),
+            reason => matches!(reason, NewtonError::NotFinite),
+        };
+        undefined && failure.report.residuals.is_empty()
+    }
 
-fn failed<B, P>(
-    failure: NewtonFailure<EquilibriumError<P::Error, B::Fault>, B::Fault>,
-) -> Box<Failed<P::Error, B::Fault>>
-where
-    B: Backend<Scalar = f64>,
-    B::Reduced: Scalar,
-    P: PointField,
-{
-    let unrecoverable = match &failure.reason {
-        NewtonError::Solve(SolveError::Fault(_)) => true,
-        NewtonError::Problem(error) => <Equilibrium<B, P> as NonlinearProblem<B>>::is_final(error),
-        _ => false,
-    };
-    Box::new(Failed { reason: failure.reason, newton: *failure.report, unrecoverable })
-}
+    fn failed(NewtonFailure { reason, report }: SolveFailure<B, P>) -> FailedAttemptOf<B, P> {
+        let unrecoverable = match &reason {
+            NewtonError::Solve(SolveError::Fault(_)) => true,
+            NewtonError::Problem(error) => <Equilibrium<B, P> as NonlinearProblem<B>>::is_final(error),
+            _ => false,
+        };
+        Box::new(Failed { reason, newton: *report, unrecoverable })
+    }
 
-/// Converts the error of a converged state that cannot be committed; a smaller increment may help.
-fn rejected<B, P>(error: EquilibriumError<P::Error, B::Fault>) -> Box<Failed<P::Error, B::Fault>>
-where
-    B: Backend<Scalar = f64>,
-    B::Reduced: Scalar,
-    P: PointField,
-{
-    let unrecoverable = <Equilibrium<B, P> as NonlinearProblem<B>>::is_final(&error);
-    Box::new(Failed { reason: NewtonError::Problem(error), newton: NewtonReport::default(), unrecoverable })
-}
+    /// Converts the error of a converged state that cannot be committed; a smaller increment may help.
+    fn rejected(error: EquilibriumError<P::Error, B::Fault>) -> FailedAttemptOf<B, P> {
+        Self::failed(NewtonFailure { reason: NewtonError::Problem(error), report: Box::default() })
+    }
 
-/// Converts an error of commit or revert; no further attempt is possible.
-fn unrecoverable<E, F>(error: EquilibriumError<E, F>, newton: NewtonReport) -> Box<Failed<E, F>>
-where
-    E: std::fmt::Display,
-    F: std::fmt::Display,
-{
-    Box::new(Failed { reason: NewtonError::Problem(error), newton, unrecoverable: true })
+    /// Converts an error of commit or revert; no further attempt is possible.
+    fn unrecoverable(error: EquilibriumError<P::Error, B::Fault>, newton: NewtonReport) -> FailedAttemptOf<B, P> {
+        Box::new(Failed { reason: NewtonError::Problem(error), newton, unrecoverable: true })
+    }
 }
 
 #[cfg(all(test, feature = "sparse"))]

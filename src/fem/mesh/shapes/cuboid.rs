@@ -31,12 +31,7 @@ pub fn cuboid(cells: [usize; 3], size: [f64; 3]) -> Result<Mesh, ShapeError> {
 mod tests {
     use super::*;
     use crate::fem::mesh::MeshError;
-
-    /// Checks that [`Mesh::new`] accepts the parts of the shape without changes.
-    fn checked(mesh: &Mesh) {
-        let Mesh { nodes, elements, region_of, regions, surfaces } = mesh.clone();
-        assert_eq!(Mesh::new(nodes, elements, region_of, regions, surfaces).as_ref(), Ok(mesh));
-    }
+    use crate::fem::mesh::shapes::checked;
 
     #[test]
     fn one_cell_is_cut_as_documented() {

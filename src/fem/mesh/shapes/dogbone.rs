@@ -165,6 +165,7 @@ pub fn dogbone(shape: &DogboneShape, element_size: f64) -> Result<Mesh, ShapeErr
 
 #[cfg(test)]
 mod tests {
+    use super::super::checked;
     use super::*;
     use std::collections::HashSet;
 
@@ -176,12 +177,6 @@ mod tests {
         fillet_radius: 0.0125,
         thickness: 0.0025,
     };
-
-    /// Checks that [`Mesh::new`] accepts the parts of the shape without changes.
-    fn checked(mesh: &Mesh) {
-        let Mesh { nodes, elements, region_of, regions, surfaces } = mesh.clone();
-        assert_eq!(Mesh::new(nodes, elements, region_of, regions, surfaces).as_ref(), Ok(mesh));
-    }
 
     #[test]
     fn default_proportions_are_those_documented() {

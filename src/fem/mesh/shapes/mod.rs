@@ -84,3 +84,10 @@ pub enum ShapeError {
 fn positive(what: &'static str, value: f64) -> Result<(), ShapeError> {
     if value > 0.0 && value.is_finite() { Ok(()) } else { Err(ShapeError::NotPositive { what, value }) }
 }
+
+/// Checks that [`Mesh::new`](super::Mesh::new) accepts the parts of a shape without changes.
+#[cfg(test)]
+fn checked(mesh: &super::Mesh) {
+    let super::Mesh { nodes, elements, region_of, regions, surfaces } = mesh.clone();
+    assert_eq!(super::Mesh::new(nodes, elements, region_of, regions, surfaces).as_ref(), Ok(mesh));
+}
