@@ -100,18 +100,18 @@ impl ParsedFile<'_> {
     fn check_not_empty(&self) -> Result<(), InputError> {
         for section in ["Nodes", "Elements"] {
             if !self.raw.has(section) {
-                let what = format!("${section} is missing");
-                return Err(self.fault(0, what, "a file with $Nodes and $Elements", DAMAGED));
+                let problem = format!("${section} is missing");
+                return Err(self.fault(0, problem, "a file with $Nodes and $Elements", DAMAGED));
             }
         }
         if self.raw.tetrahedra.is_empty() {
-            let what = match self.raw.triangles.len() {
+            let problem = match self.raw.triangles.len() {
                 0 => "the mesh has no tetrahedra".to_owned(),
                 triangles => format!("the mesh has no tetrahedra, only {triangles} triangles"),
             };
             return Err(self.fault(
                 0,
-                what,
+                problem,
                 "a body of tetrahedra",
                 "mesh the volume (in Gmsh: Mesh, 3D), put it in a physical group (Gmsh saves nothing else if there are \
                  any groups), and export again",
@@ -124,8 +124,8 @@ impl ParsedFile<'_> {
     fn numbering(&self) -> Result<Numbering, InputError> {
         let nodes = &self.raw.nodes;
         if u32::try_from(nodes.len()).is_err() {
-            let what = MeshError::TooLarge { count: nodes.len() }.to_string();
-            return Err(self.fault(0, what, "a smaller mesh", "coarsen the mesh"));
+            let problem = MeshError::TooLarge { count: nodes.len() }.to_string();
+            return Err(self.fault(0, problem, "a smaller mesh", "coarsen the mesh"));
         }
         Numbering::new(nodes.iter().map(|node| node.tag)).map_err(|index| {
             let node = &nodes[index];
@@ -148,14 +148,14 @@ impl ParsedFile<'_> {
         let mut nodes = [0; N];
         for (k, (slot, &tag)) in nodes.iter_mut().zip(&cell.nodes).enumerate() {
             *slot = numbering.index(tag).ok_or_else(|| {
-                let what = format!("{noun} {} names node {tag}, which is not in $Nodes", cell.tag);
-                self.fault(cell.line, what, "nodes of this file", DAMAGED)
+                let problem = format!("{noun} {} names node {tag}, which is not in $Nodes", cell.tag);
+                self.fault(cell.line, problem, "nodes of this file", DAMAGED)
             })?;
             if cell.nodes[..k].contains(&tag) {
-                let what = format!("{noun} {} has node {tag} twice", cell.tag);
+                let problem = format!("{noun} {} has node {tag} twice", cell.tag);
                 return Err(self.fault(
                     cell.line,
-                    what,
+                    problem,
                     "different nodes",
                     "remove the collapsed element or mesh again",
                 ));

@@ -12,7 +12,7 @@ pub(super) enum ElementTreatment {
 /// Returns the treatment of an element type number.
 ///
 /// # Errors
-/// Returns the name and a cure if the type is not supported.
+/// Returns the name and a hint if the type is not supported.
 pub(super) fn treatment(number: i32) -> Result<ElementTreatment, (String, &'static str)> {
     match number {
         15 => Ok(ElementTreatment::Ignored(1)),
@@ -28,7 +28,7 @@ fn refusal(number: i32) -> (String, &'static str) {
     const SIMPLICES: &str =
         "mesh the body with tetrahedra only (in Gmsh: no recombination, no transfinite or extruded hexahedra)";
     const UNKNOWN: &str = "the file is damaged or of a newer kind: export it again from Gmsh";
-    let (name, order, cure) = match number {
+    let (name, order, hint) = match number {
         3 => ("4-node quadrangles", 1, SIMPLICES),
         5 => ("8-node hexahedra", 1, SIMPLICES),
         6 => ("6-node prisms", 1, SIMPLICES),
@@ -60,7 +60,7 @@ fn refusal(number: i32) -> (String, &'static str) {
         93 => ("125-node hexahedra", 4, SIMPLICES),
         _ => return (format!("elements of type {number}"), UNKNOWN),
     };
-    (format!("{name} (order {order}, element type {number})"), cure)
+    (format!("{name} (order {order}, element type {number})"), hint)
 }
 
 #[cfg(test)]

@@ -101,13 +101,13 @@ impl Raw {
             let name = quoted.strip_prefix('"').and_then(|rest| rest.strip_suffix('"'));
             let Some(name) = name else {
                 let quoted = excerpt(&quoted);
-                let what = format!("the name of physical group {number} is `{quoted}`: not between double quotes");
-                return Err(cursor.fault(what, ROW, "put the name between double quotes"));
+                let problem = format!("the name of physical group {number} is `{quoted}`: not between double quotes");
+                return Err(cursor.fault(problem, ROW, "put the name between double quotes"));
             };
             if !is_name(name) || name.contains(char::REPLACEMENT_CHARACTER) {
-                let what = format!("physical group {number} is called `{}`", excerpt(name));
+                let problem = format!("physical group {number} is called `{}`", excerpt(name));
                 return Err(cursor.fault(
-                    what,
+                    problem,
                     "a name of printable characters without quotes",
                     "rename the physical group and export the mesh again",
                 ));
@@ -163,11 +163,11 @@ impl Raw {
 
 /// Returns the treatment of the element type just read.
 pub(super) fn element_treatment(cursor: &Cursor<'_>, number: i32) -> Result<ElementTreatment, InputError> {
-    treatment(number).map_err(|(name, cure)| {
+    treatment(number).map_err(|(name, hint)| {
         cursor.fault(
             format!("the mesh has {name}"),
             "4-node tetrahedra and 3-node triangles (points and lines are ignored)",
-            cure,
+            hint,
         )
     })
 }

@@ -73,8 +73,8 @@ pub(super) fn nodes(cursor: &mut Cursor<'_>, raw: &mut Raw) -> Result<(), InputE
         let here = cursor.size(BLOCK)?;
         cursor.end_row()?;
         if !(0..=3).contains(&dimension) || !(0..=1).contains(&parametric) {
-            let what = format!("a block of dimension {dimension} whose parametric flag is {parametric}");
-            return Err(cursor.fault(what, BLOCK, DAMAGED));
+            let problem = format!("a block of dimension {dimension} whose parametric flag is {parametric}");
+            return Err(cursor.fault(problem, BLOCK, DAMAGED));
         }
         let start = raw.nodes.len();
         for _ in 0..here {
@@ -114,8 +114,8 @@ pub(super) fn elements(cursor: &mut Cursor<'_>, raw: &mut Raw) -> Result<(), Inp
             ElementTreatment::Ignored(_) => (dimension, ""),
         };
         if dimension != own {
-            let what = format!("a block of {noun} lies on an entity of dimension {dimension}");
-            return Err(cursor.fault(what, format!("dimension {own}"), DAMAGED));
+            let problem = format!("a block of {noun} lies on an entity of dimension {dimension}");
+            return Err(cursor.fault(problem, format!("dimension {own}"), DAMAGED));
         }
         for _ in 0..here {
             cursor.begin_row();
@@ -153,7 +153,7 @@ impl Blocks {
         if announced == found {
             return Ok(());
         }
-        let what = format!("the blocks hold {found} {noun}, but {announced} are announced");
-        Err(cursor.fault(what, "blocks that add up to the number announced", DAMAGED))
+        let problem = format!("the blocks hold {found} {noun}, but {announced} are announced");
+        Err(cursor.fault(problem, "blocks that add up to the number announced", DAMAGED))
     }
 }
