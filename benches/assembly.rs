@@ -34,7 +34,7 @@ fn body<B: Backend<Scalar = f64, Index = i32>>(c: &mut Criterion, context: &B::C
     let mut responses = PointResponses::zeros(gradients.len());
     let mut field = FormulaField::uniform(NeoHookean { mu: 3846.0, lambda: 5769.0 }, gradients.len());
     field.update(&gradients, &mut responses).expect("not inverted");
-    let number = |node: u32, component: usize| unknowns.numbers()[3 * node as usize + component];
+    let number = |node: u32, component: usize| unknowns.equation_numbers()[3 * node as usize + component];
     let rows: Vec<[i32; 12]> =
         mesh.elements().iter().map(|nodes| std::array::from_fn(|k| number(nodes[k / 3], k % 3))).collect();
 

@@ -16,7 +16,7 @@ use std::time::Instant;
 
 use biotissue::backends::dense::Dense;
 use biotissue::backends::sparse::Sparse;
-use biotissue::fem::boundary::{Conditions, LoadCurve, SurfaceCondition, SurfaceLoad};
+use biotissue::fem::boundary::{Conditions, LoadCurve, SurfaceCondition};
 use biotissue::fem::material::NeoHookean;
 use biotissue::fem::mesh::{Mesh, shapes};
 use biotissue::fem::point_field::FormulaField;
@@ -233,7 +233,7 @@ where
 {
     let side = |surface: &str, x: f64| SurfaceCondition {
         surface: surface.into(),
-        load: SurfaceLoad::Displacement([Some(x), Some(0.0), Some(0.0)]),
+        displacement: [Some(x), Some(0.0), Some(0.0)],
         curve: LoadCurve::Ramp,
     };
     let conditions = Conditions { surfaces: vec![side("x0", 0.0), side("x1", 0.1)], ..Conditions::default() };
@@ -244,9 +244,9 @@ where
         let field = FormulaField::uniform(NeoHookean { mu: 3846.0, lambda: 5769.0 }, mesh.elements().len());
         let mut stepper = Stepper::<B, _>::new(context, Arc::clone(&mesh), &conditions, field, params)?;
         let report = stepper.step(&mut ())?;
-        let seconds = report.substeps.iter().map(|newton| newton.seconds);
+        let seconds = report.solves.iter().map(|newton| newton.seconds);
         let seconds = seconds.map(|part| part.residual + part.jacobian + part.factor + part.solve).sum();
-        let linear_iterations = report.substeps.iter().map(|newton| newton.linear_iterations).sum();
+        let linear_iterations = report.solves.iter().map(|newton| newton.linear_iterations).sum();
         let answer = stepper.state().displacements.as_flattened().to_vec();
         Ok(Solution { seconds, iterations: report.iterations(), linear_iterations, answer })
     })

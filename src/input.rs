@@ -1,4 +1,4 @@
-//! Errors in input files: the position, the problem, the expected content, and the cure.
+//! Errors in input files: the position, the problem, the expected content, and the hint, which the message shows as `cure`.
 
 use std::fmt::{self, Write as _};
 use std::path::{Path, PathBuf};
@@ -64,28 +64,33 @@ pub struct InputError {
     /// Line, from 1; `None` for an error of the whole file.
     pub line: Option<usize>,
     /// The problem, including the offending text or number.
-    pub what: String,
+    pub problem: String,
     /// The expected content.
     pub expected: String,
     /// The action that the user should take.
-    pub cure: String,
+    pub hint: String,
 }
 
 impl InputError {
     /// Creates an error of the file as a whole.
-    pub fn in_file(file: &Path, what: impl Into<String>, expected: impl Into<String>, cure: impl Into<String>) -> Self {
-        Self { file: file.into(), line: None, what: what.into(), expected: expected.into(), cure: cure.into() }
+    pub fn in_file(
+        file: &Path,
+        problem: impl Into<String>,
+        expected: impl Into<String>,
+        hint: impl Into<String>,
+    ) -> Self {
+        Self { file: file.into(), line: None, problem: problem.into(), expected: expected.into(), hint: hint.into() }
     }
 
     /// Creates an error at a line, counted from 1.
     pub fn at_line(
         file: &Path,
         line: usize,
-        what: impl Into<String>,
+        problem: impl Into<String>,
         expected: impl Into<String>,
-        cure: impl Into<String>,
+        hint: impl Into<String>,
     ) -> Self {
-        Self { line: Some(line), ..Self::in_file(file, what, expected, cure) }
+        Self { line: Some(line), ..Self::in_file(file, problem, expected, hint) }
     }
 
     /// Creates the error for a file that cannot be read.
@@ -102,13 +107,13 @@ impl InputError {
 
 impl fmt::Display for InputError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut what = self.file.display().to_string();
+        let mut position = self.file.display().to_string();
         if let Some(line) = self.line {
-            write!(what, ":{line}")?;
+            write!(position, ":{line}")?;
         }
-        write!(f, "{}: {}", clipped(&what, usize::MAX), clipped(&self.what, MOST_IN_LINE))?;
-        let (expected, cure) = (clipped(&self.expected, MOST_IN_LINE), clipped(&self.cure, MOST_IN_LINE));
-        write!(f, "\n  expected: {expected}\n  cure: {cure}")
+        write!(f, "{}: {}", clipped(&position, usize::MAX), clipped(&self.problem, MOST_IN_LINE))?;
+        let (expected, hint) = (clipped(&self.expected, MOST_IN_LINE), clipped(&self.hint, MOST_IN_LINE));
+        write!(f, "\n  expected: {expected}\n  cure: {hint}")
     }
 }
 
@@ -159,8 +164,8 @@ mod tests {
 
     #[test]
     fn control_characters_and_long_lines_do_not_reach_the_terminal() {
-        let what = format!("`\u{1b}[2J\r\u{7}\u{202e}{}` is no number", "x".repeat(1_000_000));
-        let error = InputError::in_file(Path::new("a\u{1b}[1mb.txt"), what, "a\tnumber", "correct it");
+        let problem = format!("`\u{1b}[2J\r\u{7}\u{202e}{}` is no number", "x".repeat(1_000_000));
+        let error = InputError::in_file(Path::new("a\u{1b}[1mb.txt"), problem, "a\tnumber", "correct it");
         let text = error.to_string();
         let begin = r"a\u{1b}[1mb.txt: `\u{1b}[2J\r\u{7}\u{202e}xxx";
         assert!(text.starts_with(begin), "{text}");

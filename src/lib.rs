@@ -21,7 +21,7 @@
 //! | `tissue` | the two-scale problem: the RVEs of all elements, in one process or on ranks of their own | [`fem`], [`fiber`], [`coupling`] |
 //! | `app` | the application: cases, runs, results, pictures | all of them |
 //!
-//! `fem`, `fiber` and `coupling` do not depend on each other. `fem` and `fiber` meet at the interface
+//! All of them may use [`tensor`], [`input`] and [`output`]. `fem`, `fiber` and `coupling` do not depend on each other. `fem` and `fiber` meet at the interface
 //! [`fem::point_field`], behind which a formula or a fiber network supplies the stress. Only `app`, the program,
 //! tests and benches name a concrete backend.
 //!
@@ -111,6 +111,7 @@ pub mod output;
 #[cfg(test)]
 #[path = "../tests/support/skip.rs"]
 mod skip;
+pub mod tensor;
 #[cfg(feature = "app")]
 pub mod tissue;
 

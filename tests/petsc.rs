@@ -17,7 +17,7 @@ use std::time::Instant;
 
 use biotissue::backends::petsc::{Context, MatrixType, Petsc, Session, SessionError};
 use biotissue::fem::assembly::{Assembler, Unknowns, geometry};
-use biotissue::fem::boundary::{Conditions, LoadCurve, PointCondition, PointLocation, SurfaceCondition, SurfaceLoad};
+use biotissue::fem::boundary::{Conditions, LoadCurve, PointCondition, PointLocation, SurfaceCondition};
 use biotissue::fem::material::{Material, NeoHookean};
 use biotissue::fem::mesh::shapes;
 use biotissue::fem::point_field::FormulaField;
@@ -565,7 +565,7 @@ fn stretched_body(context: &Context) {
     let (mu, lambda) = (3846.0, 5769.0);
     let side = |name: &str, x| SurfaceCondition {
         surface: name.into(),
-        load: SurfaceLoad::Displacement([Some(x), None, None]),
+        displacement: [Some(x), None, None],
         curve: LoadCurve::Ramp,
     };
     let point =
@@ -573,7 +573,7 @@ fn stretched_body(context: &Context) {
     let conditions = Conditions {
         surfaces: vec![side("left", 0.0), side("right", 0.5)],
         points: vec![point(6, [Some(0.0); 3]), point(5, [None, None, Some(0.0)])],
-        body_forces: vec![],
+        loads: vec![],
     };
     let mut s: f64 = 1.0;
     for _ in 0..50 {
@@ -619,7 +619,7 @@ fn factored(
     let pattern = Arc::new(unknowns.pattern(&mesh).unwrap());
     let mut matrix = Petsc::matrix(context, &pattern).unwrap();
     let assembler = Assembler::<Petsc>::new(geometry(&mesh).unwrap(), &mesh, &unknowns, &matrix).unwrap();
-    let at_rest = NeoHookean { mu: 3.0, lambda: 5.0 }.respond(&Matrix3::identity()).unwrap().tangent;
+    let at_rest = NeoHookean { mu: 3.0, lambda: 5.0 }.evaluate(&Matrix3::identity()).unwrap().tangent;
     assembler.stiffness(&vec![at_rest; mesh.elements().len()], &mut matrix).unwrap();
     matrix.finish().unwrap();
     let symbolic = Petsc::analyze(context, &pattern, &SolverParams::new(symmetry)).unwrap();

@@ -22,6 +22,7 @@ use crate::fem::reactions::BoundaryForces;
 use crate::fem::stepping::{ConvergedStep, FailedAttempt, StepReport};
 use crate::las::NewtonReport;
 use crate::output;
+use crate::tensor::{row_major, von_mises};
 use crate::tissue::micro_scale::{FailedRve, Life, PointSummary, RveStats, TissueMaterial};
 use crate::tissue::replay::lost_file;
 
@@ -261,7 +262,7 @@ impl Recorder<'_> {
             step: step.step,
             t: step.t,
             cuts: step.report.cuts as u32,
-            rounds: step.report.rounds,
+            rounds: step.report.evolutions,
             newton: newton_of_step(step.report, std::mem::replace(&mut self.started, std::time::Instant::now())),
             rve: (step.field.sites().rves() > 0).then(|| rve_log(&stats, step.field)),
             balance: balance(&step.forces),
@@ -335,7 +336,7 @@ fn newton_log(report: &NewtonReport) -> NewtonLog {
 /// Sums the counts of all substeps of a step and concatenates their residual histories.
 fn newton_of_step(report: &StepReport, started: std::time::Instant) -> NewtonLog {
     let mut sum = NewtonLog::default();
-    for part in &report.substeps {
+    for part in &report.solves {
         let part = newton_log(part);
         sum.iterations += part.iterations;
         sum.residual = part.residual;
@@ -434,14 +435,4 @@ impl CellFields {
         }
         cells
     }
-}
-
-fn row_major(m: &Matrix3<f64>) -> [f64; 9] {
-    std::array::from_fn(|k| m[(k / 3, k % 3)])
-}
-
-/// `sqrt(3/2 s:s)` of the deviator `s`.
-fn von_mises(cauchy: &Matrix3<f64>) -> f64 {
-    let deviator = cauchy - Matrix3::identity() * (cauchy.trace() / 3.0);
-    (1.5 * deviator.norm_squared()).sqrt()
 }

@@ -4,6 +4,7 @@ use nalgebra::Matrix3;
 
 use crate::app::case::{Case, FormulaModel, MaterialCase};
 use crate::fem::mesh::Mesh;
+use crate::tensor::cauchy;
 
 /// The Cauchy stress of every element, by finite or small-strain theory as its material requires.
 ///
@@ -29,7 +30,7 @@ impl CauchyStress {
     pub(super) fn of(&self, region: u32, f: &Matrix3<f64>, pk1: &Matrix3<f64>) -> Matrix3<f64> {
         match self.is_small_strain.get(region as usize) {
             Some(true) => *pk1,
-            _ => pk1 * f.transpose() / f.determinant(),
+            _ => cauchy(pk1, f),
         }
     }
 }
@@ -57,9 +58,9 @@ mod tests {
     #[test]
     fn linear_elasticity_shows_its_small_strain_stress() {
         let f = Matrix3::new(1.2, 0.3, -0.1, 0.05, 0.9, 0.2, -0.2, 0.1, 1.1);
-        let linear = LinearElastic { mu: MU, lambda: LAMBDA }.respond(&f).unwrap().pk1;
+        let linear = LinearElastic { mu: MU, lambda: LAMBDA }.evaluate(&f).unwrap().pk1;
         assert_eq!(of("linear-elastic").of(0, &f, &linear), linear);
-        let finite = NeoHookean { mu: MU, lambda: LAMBDA }.respond(&f).unwrap().pk1;
+        let finite = NeoHookean { mu: MU, lambda: LAMBDA }.evaluate(&f).unwrap().pk1;
         assert_eq!(of("neo-hookean").of(0, &f, &finite), finite * f.transpose() / f.determinant());
     }
 }

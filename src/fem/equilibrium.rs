@@ -17,31 +17,31 @@ use crate::las::{
     Solver, VectorOps,
 };
 
-/// The reason why the body has no residual at a state, or why a state cannot be accepted.
+/// The reason why the body has no residual at a state, or why a state cannot be committed.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum EquilibriumError<E, F> {
     /// The point field failed at a point: `J <= 0`, or an RVE without equilibrium.
     #[error("{0}")]
-    Points(E),
+    PointField(E),
     /// An operation of the backend failed.
     #[error("{0}")]
     Backend(F),
-    /// Equilibrium was restored repeatedly with responses that continue the last accepted state, but each time the new
+    /// Equilibrium was restored repeatedly with responses that continue the committed state, but each time the new
     /// equilibrium has responses that do not continue it.
     #[error(
-        "no state of balance continues the last accepted one: its RVEs still leave their branches of equilibria after they were taken back to them {rounds} times"
+        "no state of balance continues the last accepted one: its RVEs still leave their branches of equilibria after they were taken back to them {replacements} times"
     )]
     OffBranch {
-        /// The number of rounds in which responses were replaced.
-        rounds: usize,
+        /// The number of times that responses were replaced.
+        replacements: usize,
     },
     /// Points kept changing their material after equilibrium was restored repeatedly at the same load.
-    #[error("points still change their material after the body was brought to balance {rounds} times at this load")]
+    #[error("points still change their material after the body was brought to balance {evolutions} times at this load")]
     StillChanging {
         /// The number of times that equilibrium was restored.
-        rounds: usize,
+        evolutions: usize,
     },
-    /// The trial state about to be accepted is out of balance.
+    /// The trial state about to be committed is out of balance.
     #[error("the converged state is out of balance: |r| = {residual:.3e} N, but Newton stops at {limit:.3e} N")]
     OutOfBalance {
         /// Norm of the residual of the free unknowns, N.
@@ -69,7 +69,7 @@ pub struct BodyState {
 }
 
 impl BodyState {
-    fn at_rest(mesh: &Mesh) -> Self {
+    fn undeformed(mesh: &Mesh) -> Self {
         let (nodes, elements) = (mesh.nodes().len(), mesh.elements().len());
         Self {
             t: 0.0,
@@ -84,8 +84,8 @@ impl BodyState {
 
 /// The body: mesh, boundary conditions, point field, and state.
 ///
-/// The body keeps two states: the trial state, which Newton changes, and the state last accepted by
-/// [`Equilibrium::accept`]. Both include stresses and tangents, so the point field is never evaluated twice at one
+/// The body keeps two states: the trial state, which Newton changes, and the state committed by
+/// [`Equilibrium::commit`]. Both include stresses and tangents, so the point field is never evaluated twice at one
 /// state.
 pub struct Equilibrium<B: Backend, P> {
     mesh: Arc<Mesh>,
@@ -93,7 +93,7 @@ pub struct Equilibrium<B: Backend, P> {
     assembler: Assembler<B>,
     field: P,
     trial: BodyState,
-    accepted: BodyState,
+    committed: BodyState,
     /// Displacements to which [`NonlinearProblem::restore`] returns.
     saved: Vec<[f64; 3]>,
     /// Work array for nodal forces or increments that are copied to or from a vector.
@@ -110,17 +110,17 @@ where
     /// of the residual.
     ///
     /// # Errors
-    /// Returns [`EquilibriumError::Points`] if the point field fails at `F = I`.
+    /// Returns [`EquilibriumError::PointField`] if the point field fails at `F = I`.
     pub fn new(
         mesh: Arc<Mesh>,
         boundary: Boundary,
         assembler: Assembler<B>,
         field: P,
     ) -> Result<Self, EquilibriumError<P::Error, B::Fault>> {
-        let trial = BodyState::at_rest(&mesh);
+        let trial = BodyState::undeformed(&mesh);
         let zeros = trial.displacements.clone();
         let mut body = Self {
-            accepted: trial.clone(),
+            committed: trial.clone(),
             saved: zeros.clone(),
             nodal: zeros,
             floor: 0.0,
@@ -130,9 +130,9 @@ where
             field,
             trial,
         };
-        body.respond()?;
-        body.floor = body.assembler.rounding(&body.trial.responses.tangent);
-        body.accept()?;
+        body.evaluate_points()?;
+        body.floor = body.assembler.rounding_error(&body.trial.responses.tangent);
+        body.commit()?;
         Ok(body)
     }
 
@@ -159,50 +159,50 @@ where
         &mut self.field
     }
 
-    /// Returns the last accepted state.
+    /// Returns the committed state.
     #[must_use]
-    pub fn accepted(&self) -> &BodyState {
-        &self.accepted
+    pub fn committed(&self) -> &BodyState {
+        &self.committed
     }
 
-    /// Returns the surface and point forces on the body in the last accepted state.
+    /// Returns the surface and point forces on the body in the committed state.
     #[must_use]
     pub fn forces(&self) -> BoundaryForces {
-        let state = &self.accepted;
+        let state = &self.committed;
         BoundaryForces::new(&self.mesh, &self.boundary, state.t, &state.displacements, &state.internal, &state.external)
     }
 
-    /// Replaces the responses that do not continue the last accepted state by responses that do; see
+    /// Replaces the responses that do not continue the committed state by responses that do; see
     /// [`PointField::verify`]. Returns true if any was replaced; the state may then be out of balance.
     ///
     /// # Errors
-    /// Returns [`EquilibriumError::Points`] if a continuation does not exist.
+    /// Returns [`EquilibriumError::PointField`] if a continuation does not exist.
     pub(super) fn verify(&mut self) -> Result<bool, EquilibriumError<P::Error, B::Fault>> {
         let Self { field, trial, .. } = self;
-        field.verify(&trial.gradients, &mut trial.responses).map_err(EquilibriumError::Points)
+        field.verify(&trial.gradients, &mut trial.responses).map_err(EquilibriumError::PointField)
     }
 
     /// Changes the material of points as the trial state demands; see [`PointField::evolve`]. Returns true if a point
     /// changed; the state is then out of balance.
     ///
     /// # Errors
-    /// Returns [`EquilibriumError::Points`] if other ranks cannot be reached.
+    /// Returns [`EquilibriumError::PointField`] if other ranks cannot be reached.
     pub(super) fn evolve(&mut self) -> Result<bool, EquilibriumError<P::Error, B::Fault>> {
-        self.field.evolve().map_err(EquilibriumError::Points)
+        self.field.evolve().map_err(EquilibriumError::PointField)
     }
 
-    /// Accepts the trial state, at which the residual was evaluated last.
+    /// Commits the trial state, at which the residual was evaluated last.
     ///
     /// # Errors
-    /// Returns [`EquilibriumError::Points`] if the point field cannot commit.
-    pub fn accept(&mut self) -> Result<(), EquilibriumError<P::Error, B::Fault>> {
-        self.field.commit().map_err(EquilibriumError::Points)?;
-        std::mem::swap(&mut self.trial, &mut self.accepted);
-        self.trial.displacements.copy_from_slice(&self.accepted.displacements);
+    /// Returns [`EquilibriumError::PointField`] if the point field cannot commit.
+    pub fn commit(&mut self) -> Result<(), EquilibriumError<P::Error, B::Fault>> {
+        self.field.commit().map_err(EquilibriumError::PointField)?;
+        std::mem::swap(&mut self.trial, &mut self.committed);
+        self.trial.displacements.copy_from_slice(&self.committed.displacements);
         Ok(())
     }
 
-    /// Checks that the forces of the trial state, as they are about to be accepted and written, balance: the norm of
+    /// Checks that the forces of the trial state, as they are about to be committed and written, balance: the norm of
     /// the residual of the free unknowns, which Newton also uses, must not exceed ten times the threshold at which
     /// Newton stops with this tolerance. The internal forces are summed again from the stresses, so the check detects
     /// stresses that changed after Newton converged; the factor allows for iterative solvers and other orders of
@@ -214,7 +214,8 @@ where
         const ROOM: f64 = 10.0;
         self.assembler.internal_forces(&self.trial.responses.pk1, &mut self.trial.internal);
         let forces = self.trial.internal.as_flattened().iter().zip(self.trial.external.as_flattened());
-        let free = self.assembler.rows().iter().zip(forces).filter(|(row, _)| row.position().is_some());
+        let equations = self.assembler.equation_numbers().iter();
+        let free = equations.zip(forces).filter(|(equation, _)| equation.position().is_some());
         let residual = free.map(|(_, (internal, external))| (internal - external).powi(2)).sum::<f64>().sqrt();
         let limit = (tolerance * self.scale()).max(self.floor);
         // A NaN residual also fails.
@@ -226,17 +227,17 @@ where
         norm(&self.trial.internal).max(norm(&self.trial.external))
     }
 
-    /// Resets the trial displacements and the micro states to the accepted ones.
+    /// Resets the trial displacements and the micro states to the committed ones.
     ///
     /// # Errors
-    /// Returns [`EquilibriumError::Points`] if the point field cannot revert.
-    pub fn reject(&mut self) -> Result<(), EquilibriumError<P::Error, B::Fault>> {
-        self.trial.t = self.accepted.t;
-        self.trial.displacements.copy_from_slice(&self.accepted.displacements);
-        self.field.revert().map_err(EquilibriumError::Points)
+    /// Returns [`EquilibriumError::PointField`] if the point field cannot revert.
+    pub fn revert(&mut self) -> Result<(), EquilibriumError<P::Error, B::Fault>> {
+        self.trial.t = self.committed.t;
+        self.trial.displacements.copy_from_slice(&self.committed.displacements);
+        self.field.revert().map_err(EquilibriumError::PointField)
     }
 
-    /// Accepts the state with these displacements at pseudo-time `t`, independently of the previously accepted state.
+    /// Commits the state with these displacements at pseudo-time `t`, independently of the previously committed one.
     pub(super) fn restore_at(
         &mut self,
         t: f64,
@@ -244,50 +245,52 @@ where
     ) -> Result<(), EquilibriumError<P::Error, B::Fault>> {
         self.trial.t = t;
         self.trial.displacements.copy_from_slice(displacements);
-        self.boundary.external_forces(t, &mut self.trial.external);
-        self.respond()?;
-        self.accept()
+        self.evaluate_external_forces();
+        self.evaluate_points()?;
+        self.commit()
     }
 
-    /// Starts a step to pseudo-time `t`: the trial state is the accepted state with the prescribed displacements of
-    /// `t`.
-    pub fn apply_prescribed(&mut self, t: f64) {
-        self.load(t);
-        self.boundary.prescribe(t, &mut self.trial.displacements);
+    /// Starts a step to pseudo-time `t`: the trial state is the committed state with the prescribed displacements and
+    /// the external forces of `t`.
+    pub fn begin_step(&mut self, t: f64) {
+        self.trial.t = t;
+        self.trial.displacements.copy_from_slice(&self.committed.displacements);
+        self.boundary.apply_prescribed(t, &mut self.trial.displacements);
+        self.evaluate_external_forces();
     }
 
-    /// Starts a step to pseudo-time `t` from the linearization of the accepted state: solves
-    /// `K du = f_ext(t) - f_int - K_fc dg` with the tangent stiffness `K` of the accepted state and the increments `dg` of
-    /// the prescribed displacements. From the undeformed body this is the linear-elastic solution.
+    /// Starts a step to pseudo-time `t` from the linearization of the committed state: solves
+    /// `K du = f_ext(t) - f_int - K_fc dg` with the tangent stiffness `K` of the committed state and the increments `dg` of
+    /// the prescribed displacements. From the undeformed body this is the linear-elastic solution. `f_ext` is evaluated
+    /// with `dg` applied, so `K_fc` is the stiffness of the elements alone.
     ///
     /// # Errors
-    /// Returns the [`SolveError`] of the solver; the trial state is then as [`Equilibrium::apply_prescribed`] leaves
-    /// it.
+    /// Returns the [`SolveError`] of the solver; the trial state is then as [`Equilibrium::begin_step`] leaves it.
     pub fn linearize(&mut self, t: f64, system: &mut NewtonSystem<B>) -> Result<NewtonSeconds, SolveError<B::Fault>> {
-        self.apply_prescribed(t);
+        self.begin_step(t);
         if system.residual.is_empty() {
             return Ok(NewtonSeconds::default());
         }
         let start = Instant::now();
-        let tangent = &self.accepted.responses.tangent;
+        let tangent = &self.committed.responses.tangent;
         let increments: Vec<[f64; 3]> =
-            zip_map(&self.trial.displacements, &self.accepted.displacements, |new, old| new - old);
+            zip_map(&self.trial.displacements, &self.committed.displacements, |new, old| new - old);
         self.assembler.linearized_forces(tangent, &increments, &mut self.nodal);
         for ((force, external), internal) in
-            self.nodal.iter_mut().zip(&self.trial.external).zip(&self.accepted.internal)
+            self.nodal.iter_mut().zip(&self.trial.external).zip(&self.committed.internal)
         {
             *force = std::array::from_fn(|i| external[i] - internal[i] - force[i]);
         }
         self.scatter(&mut system.residual).map_err(SolveError::Fault)?;
         let loaded = Instant::now();
         system.matrix.zero().map_err(SolveError::Fault)?;
-        self.assembler.stiffness(&self.accepted.responses.tangent, &mut system.matrix).map_err(SolveError::Fault)?;
+        self.add_tangent(&self.committed, t, &mut system.matrix).map_err(SolveError::Fault)?;
         system.matrix.finish().map_err(SolveError::Fault)?;
         let assembled = Instant::now();
         system.solver.factor(&system.matrix)?;
         let factored = Instant::now();
         system.solver.solve(&system.residual, &mut system.direction)?;
-        self.move_by(1.0, &system.direction).map_err(SolveError::Fault)?;
+        self.advance_displacements(1.0, &system.direction).map_err(SolveError::Fault)?;
         Ok(NewtonSeconds {
             residual: (loaded - start).as_secs_f64(),
             jacobian: (assembled - loaded).as_secs_f64(),
@@ -296,17 +299,23 @@ where
         })
     }
 
-    fn load(&mut self, t: f64) {
-        self.trial.t = t;
-        self.trial.displacements.copy_from_slice(&self.accepted.displacements);
-        self.boundary.external_forces(t, &mut self.trial.external);
+    /// Evaluates the external forces of the trial state.
+    fn evaluate_external_forces(&mut self) {
+        let trial = &mut self.trial;
+        self.boundary.external_forces(trial.t, &trial.displacements, &mut trial.external);
+    }
+
+    /// Adds the tangent stiffness of the points and of the loads at pseudo-time `t` to `k`.
+    fn add_tangent(&self, state: &BodyState, t: f64, k: &mut B::Matrix) -> Result<(), B::Fault> {
+        self.assembler.stiffness(&state.responses.tangent, k)?;
+        self.assembler.load_stiffness(self.boundary.loads(), t, &state.displacements, k)
     }
 
     /// Evaluates stresses, tangents and internal forces of the trial state.
-    fn respond(&mut self) -> Result<(), EquilibriumError<P::Error, B::Fault>> {
+    fn evaluate_points(&mut self) -> Result<(), EquilibriumError<P::Error, B::Fault>> {
         let trial = &mut self.trial;
         self.assembler.deformation_gradients(&trial.displacements, &mut trial.gradients);
-        self.field.update(&trial.gradients, &mut trial.responses).map_err(EquilibriumError::Points)?;
+        self.field.update(&trial.gradients, &mut trial.responses).map_err(EquilibriumError::PointField)?;
         self.assembler.internal_forces(&trial.responses.pk1, &mut trial.internal);
         Ok(())
     }
@@ -318,10 +327,10 @@ where
         r.finish()
     }
 
-    fn move_by(&mut self, a: f64, direction: &B::Vector) -> Result<(), B::Fault> {
+    fn advance_displacements(&mut self, a: f64, direction: &B::Vector) -> Result<(), B::Fault> {
         // `get` does not write prescribed components; they stay at zero.
         self.nodal.fill([0.0; 3]);
-        direction.get(self.assembler.rows(), self.nodal.as_flattened_mut())?;
+        direction.get(self.assembler.equation_numbers(), self.nodal.as_flattened_mut())?;
         let moved = self.trial.displacements.as_flattened_mut().iter_mut();
         for (u, d) in moved.zip(self.nodal.as_flattened()) {
             *u += a * d;
@@ -339,9 +348,13 @@ where
     type Error = EquilibriumError<P::Error, B::Fault>;
 
     /// Evaluates `r = f_int - f_ext` of the free unknowns, N. The scale is the larger norm of the two over all nodes;
-    /// the floor is [`Assembler::rounding`] of the undeformed body.
+    /// the floor is [`Assembler::rounding_error`] of the undeformed body.
     fn residual(&mut self, r: &mut B::Vector) -> Result<ResidualScale, Self::Error> {
-        self.respond()?;
+        self.evaluate_points()?;
+        // The forces of dead loads are those of `begin_step`.
+        if self.boundary.depends_on_displacements() {
+            self.evaluate_external_forces();
+        }
         for ((net, internal), external) in self.nodal.iter_mut().zip(&self.trial.internal).zip(&self.trial.external) {
             *net = std::array::from_fn(|i| internal[i] - external[i]);
         }
@@ -350,16 +363,16 @@ where
     }
 
     fn jacobian(&mut self, k: &mut B::Matrix) -> Result<(), Self::Error> {
-        self.assembler.stiffness(&self.trial.responses.tangent, k).map_err(EquilibriumError::Backend)
+        self.add_tangent(&self.trial, self.trial.t, k).map_err(EquilibriumError::Backend)
     }
 
     fn advance(&mut self, a: f64, d: &B::Vector) -> Result<(), Self::Error> {
-        self.move_by(a, d).map_err(EquilibriumError::Backend)
+        self.advance_displacements(a, d).map_err(EquilibriumError::Backend)
     }
 
     fn is_final(error: &Self::Error) -> bool {
         match error {
-            EquilibriumError::Points(error) => P::is_final(error),
+            EquilibriumError::PointField(error) => P::is_final(error),
             EquilibriumError::Backend(_) => true,
             EquilibriumError::OffBranch { .. }
             | EquilibriumError::StillChanging { .. }

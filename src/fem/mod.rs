@@ -6,7 +6,7 @@
 //!
 //! ```text
 //!  mesh ──────────► assembly::Unknowns ◄──── boundary::Boundary ◄──── boundary::Conditions (names, values, curves)
-//!                         │                        │ held values and nodal loads at pseudo-time t
+//!                         │                        │ prescribed values, loads at pseudo-time t and u
 //!                         ▼                        ▼
 //!  u ─► assembly::Assembler ─ F ─► PointField ─ P, A ─► Assembler ─ r, K ─► equilibrium::Equilibrium
 //!                                  (a formula, or                                │ las::NonlinearProblem
@@ -21,7 +21,8 @@
 //! depends on the library that solves the linear system.
 //!
 //! # Limits
-//! Elements are linear tetrahedra with one integration point. Loads are dead, so every tangent is symmetric.
+//! Elements are linear tetrahedra with one integration point. The tangent of the elements is symmetric, because stresses
+//! derive from an energy; that of a load ([`boundary::Load`]) may be unsymmetric, but couples only nodes of one element.
 
 pub mod assembly;
 pub mod boundary;

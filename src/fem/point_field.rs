@@ -173,7 +173,7 @@ impl PointField for FormulaField {
         let inputs = gradients.iter().zip(&self.region_of);
         for (element, ((f, &region), ((energy, pk1), tangent))) in inputs.zip(outputs).enumerate() {
             let material = &self.materials[region as usize];
-            let response = material.respond(f).map_err(|reason| PointError { element, reason })?;
+            let response = material.evaluate(f).map_err(|reason| PointError { element, reason })?;
             (*energy, *pk1, *tangent) = (response.energy, response.pk1, response.tangent);
         }
         Ok(())
@@ -200,7 +200,7 @@ mod tests {
         let f = Matrix3::new(1.1, 0.1, 0.0, 0.0, 0.9, 0.0, 0.2, 0.0, 1.0);
         let mut out = PointResponses::default();
         field.update(&[f; 3], &mut out).unwrap();
-        let expected = [stiff.respond(&f), soft.respond(&f), stiff.respond(&f)].map(Result::unwrap);
+        let expected = [stiff.evaluate(&f), soft.evaluate(&f), stiff.evaluate(&f)].map(Result::unwrap);
         assert_eq!(out.len(), 3);
         for (e, response) in expected.iter().enumerate() {
             assert_eq!((out.energy[e], out.pk1[e], out.tangent[e]), (response.energy, response.pk1, response.tangent));

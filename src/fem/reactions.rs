@@ -1,8 +1,8 @@
 //! Forces on the body through each surface and each point condition.
 //!
 //! At a prescribed component the support exerts the reaction `f_int - f_ext`. Each reaction is counted once, for the
-//! first condition that prescribes the component. The force through a surface is the sum of its reactions and of its
-//! tractions. Free components satisfy `f_int = f_ext`, and internal forces sum to zero. Hence the forces over all
+//! first condition that prescribes the component. The force through a surface is the sum of its reactions and of the
+//! loads on it. Free components satisfy `f_int = f_ext`, and internal forces sum to zero. Hence the forces over all
 //! surfaces and points sum to minus the body forces, up to the tolerance of Newton.
 
 use super::boundary::{Boundary, Source};
@@ -58,22 +58,18 @@ impl BoundaryForces {
         external: &[[f64; 3]],
     ) -> Self {
         let mut forces = Self {
-            surfaces: mesh
-                .surfaces()
-                .iter()
-                .map(|surface| SurfaceForce::at_rest(mesh, surface, displacements))
-                .collect(),
-            points: boundary.points().iter().map(|&node| PointForce::at_rest(node, displacements)).collect(),
+            surfaces: mesh.surfaces().iter().map(|surface| SurfaceForce::new(mesh, surface, displacements)).collect(),
+            points: boundary.point_nodes().iter().map(|&node| PointForce::new(node, displacements)).collect(),
         };
-        for held in boundary.held() {
-            let (node, component) = (held.node as usize, usize::from(held.component));
-            if let Some(force) = forces.through(held.source) {
+        for prescribed in boundary.prescribed_components() {
+            let (node, component) = (prescribed.node as usize, usize::from(prescribed.component));
+            if let Some(force) = forces.force_mut(prescribed.source) {
                 force[component] += internal[node][component] - external[node][component];
             }
         }
         for load in boundary.loads() {
-            if let Some(force) = forces.through(load.source) {
-                for (sum, part) in force.iter_mut().zip(load.resultant(t)) {
+            if let Some(force) = load.surface().and_then(|surface| forces.force_mut(Source::Surface(surface))) {
+                for (sum, part) in force.iter_mut().zip(load.resultant(t, displacements)) {
                     *sum += part;
                 }
             }
@@ -88,17 +84,16 @@ impl BoundaryForces {
         parts.fold([0.0; 3], |sum, part| std::array::from_fn(|i| sum[i] + part[i]))
     }
 
-    fn through(&mut self, source: Source) -> Option<&mut [f64; 3]> {
+    fn force_mut(&mut self, source: Source) -> Option<&mut [f64; 3]> {
         match source {
             Source::Surface(number) => self.surfaces.get_mut(number).map(|surface| &mut surface.force),
             Source::Point(number) => self.points.get_mut(number).map(|point| &mut point.force),
-            Source::Body(_) => None,
         }
     }
 }
 
 impl SurfaceForce {
-    fn at_rest(mesh: &Mesh, surface: &Surface, displacements: &[[f64; 3]]) -> Self {
+    fn new(mesh: &Mesh, surface: &Surface, displacements: &[[f64; 3]]) -> Self {
         let (mut area, mut reference, mut moment) = (0.0, 0.0, [0.0; 3]);
         for triangle in &surface.triangles {
             let x = triangle.map(|node| mesh.nodes()[node as usize]);
@@ -116,7 +111,7 @@ impl SurfaceForce {
 }
 
 impl PointForce {
-    fn at_rest(node: u32, displacements: &[[f64; 3]]) -> Self {
+    fn new(node: u32, displacements: &[[f64; 3]]) -> Self {
         Self { node, force: [0.0; 3], displacement: displacements[node as usize] }
     }
 }

@@ -28,12 +28,6 @@ pub(super) fn pk1<B: Backend<Scalar = f64>>(model: &RveModel<B>, workspace: &Wor
     sum * model.scale()
 }
 
-/// Cauchy stress `P F^T / J`.
-#[must_use]
-pub fn cauchy(pk1: &Matrix3<f64>, gradient: &Matrix3<f64>) -> Matrix3<f64> {
-    pk1 * gradient.transpose() / gradient.determinant()
-}
-
 /// Implements [`Solved::tangent`](super::equilibrium::Solved::tangent); requires [`solve_modes`].
 pub(super) fn tangent<B: Backend<Scalar = f64>>(
     model: &RveModel<B>,

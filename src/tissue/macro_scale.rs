@@ -1,11 +1,13 @@
 //! The macro scale of a tissue: translates a case to the types of [`crate::fem`].
 
+use std::sync::Arc;
+
 use thiserror::Error;
 
 use crate::app::case::{self, Case, CurveCase, LoadCase, MeshSource, PointPlace};
 use crate::fem::boundary::{
-    BodyForce, Boundary, BoundaryError, Conditions, CurveError, LoadCurve, PointCondition, PointLocation,
-    SurfaceCondition, SurfaceLoad,
+    BodyForce, Boundary, BoundaryError, Conditions, CurveError, LoadCondition, LoadCurve, PointCondition,
+    PointLocation, SurfaceCondition, Traction,
 };
 use crate::fem::mesh::shapes::{self, ShapeError};
 use crate::fem::mesh::{Mesh, gmsh};
@@ -103,6 +105,9 @@ pub fn boundary(case: &Case, mesh: &Mesh, conditions: &Conditions) -> Result<Bou
             BoundaryError::UnknownRegion { .. } => {
                 (None, "a region of the mesh".into(), "choose one of these, or name it in the mesh as a physical group")
             }
+            BoundaryError::NotInOneElement { .. } => {
+                (None, "loads whose nodes belong to one element".into(), "correct the load")
+            }
         };
         let error = InputError { line, ..InputError::in_file(&case.file, error.to_string(), expected, cure) };
         InputErrors::from(error).into()
@@ -115,8 +120,8 @@ fn line_of(case: &Case, place: &str) -> Option<usize> {
     if let Some(point) = number("point condition ") {
         return case.points.get(point).map(|point| point.line);
     }
-    if let Some(force) = number("body force ") {
-        return case.body_forces.get(force).map(|force| force.line);
+    if let Some(region) = place.strip_prefix("the body force on region `").and_then(|rest| rest.strip_suffix('`')) {
+        return case.body_forces.iter().rfind(|force| force.region == region).map(|force| force.line);
     }
     let name = place.strip_prefix("surface `")?.strip_suffix('`')?;
     case.boundaries.iter().rfind(|boundary| boundary.surface == name).map(|boundary| boundary.line)
@@ -127,16 +132,14 @@ fn line_of(case: &Case, place: &str) -> Option<usize> {
 /// # Errors
 /// Returns [`MacroScaleError::Curve`] if a load curve is invalid.
 pub fn conditions(case: &Case) -> Result<Conditions, MacroScaleError> {
-    let surfaces = case.boundaries.iter().map(|boundary| {
-        Ok(SurfaceCondition {
-            surface: boundary.surface.clone(),
-            load: match boundary.load {
-                LoadCase::Displacement(components) => SurfaceLoad::Displacement(components),
-                LoadCase::Traction(traction) => SurfaceLoad::Traction(traction),
-            },
-            curve: curve(&boundary.curve, boundary.line)?,
-        })
-    });
+    let (mut surfaces, mut loads) = (Vec::new(), Vec::<Arc<dyn LoadCondition>>::new());
+    for boundary in &case.boundaries {
+        let (surface, curve) = (boundary.surface.clone(), curve(&boundary.curve, boundary.line)?);
+        match boundary.load {
+            LoadCase::Displacement(displacement) => surfaces.push(SurfaceCondition { surface, displacement, curve }),
+            LoadCase::Traction(value) => loads.push(Arc::new(Traction { surface, value, curve })),
+        }
+    }
     let points = case.points.iter().map(|point| {
         Ok(PointCondition {
             place: match point.place {
@@ -147,15 +150,11 @@ pub fn conditions(case: &Case) -> Result<Conditions, MacroScaleError> {
             curve: curve(&point.curve, point.line)?,
         })
     });
-    let body_forces = case.body_forces.iter().map(|force| {
+    for force in &case.body_forces {
         let curve = curve(&force.curve, force.line)?;
-        Ok(BodyForce { region: force.region.clone(), value: force.value, curve })
-    });
-    Ok(Conditions {
-        surfaces: surfaces.collect::<Result<_, MacroScaleError>>()?,
-        points: points.collect::<Result<_, MacroScaleError>>()?,
-        body_forces: body_forces.collect::<Result<_, MacroScaleError>>()?,
-    })
+        loads.push(Arc::new(BodyForce { region: force.region.clone(), value: force.value, curve }));
+    }
+    Ok(Conditions { surfaces, points: points.collect::<Result<_, MacroScaleError>>()?, loads })
 }
 
 fn curve(case: &CurveCase, line: usize) -> Result<LoadCurve, MacroScaleError> {
@@ -172,7 +171,7 @@ pub fn step_params(case: &Case) -> StepParams {
         count: case.steps.count,
         max_cuts: case.steps.max_cuts,
         start: match case.newton.start {
-            case::StepStart::Held => StepStart::Held,
+            case::StepStart::Held => StepStart::Prescribed,
             case::StepStart::Tangent => StepStart::Tangent,
         },
         ..StepParams::default()

@@ -20,6 +20,7 @@ use crate::fiber::rve::{Rve, RveModel, Sensitivities, StressScale};
 use crate::input::InputError;
 use crate::las::Backend;
 use crate::output;
+use crate::tensor::rows;
 
 /// The folder of a result directory for RVEs that found no equilibrium.
 pub const LOST_FOLDER: &str = "lost-rve";
@@ -196,10 +197,6 @@ const CURE: &str = "write it again with this version of the program";
 #[must_use]
 pub fn lost_file(step: usize, halvings: u32, element: usize) -> PathBuf {
     Path::new(LOST_FOLDER).join(format!("step-{step:05}-cut-{halvings:02}-element-{element}.json"))
-}
-
-fn rows(m: &Matrix3<f64>) -> [[f64; 3]; 3] {
-    [0, 1, 2].map(|i| [0, 1, 2].map(|j| m[(i, j)]))
 }
 
 fn matrix(rows: &[[f64; 3]; 3]) -> Matrix3<f64> {

@@ -21,7 +21,7 @@ fn factored<B: Backend<Scalar = f64, Context = ()>>(
     let pattern = Arc::new(unknowns.pattern(mesh).unwrap());
     let mut matrix = B::matrix(&(), &pattern).unwrap();
     let assembler = Assembler::<B>::new(geometry(mesh).unwrap(), mesh, &unknowns, &matrix).unwrap();
-    let at_rest = NeoHookean { mu: 3.0, lambda: 5.0 }.respond(&Matrix3::identity()).unwrap().tangent;
+    let at_rest = NeoHookean { mu: 3.0, lambda: 5.0 }.evaluate(&Matrix3::identity()).unwrap().tangent;
     let center = |element| {
         let corners = mesh.corners(element);
         std::array::from_fn(|i| corners.iter().map(|corner| corner[i]).sum::<f64>() / 4.0)

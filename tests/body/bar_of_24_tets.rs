@@ -5,9 +5,7 @@ use std::sync::Arc;
 
 use crate::bar_of_24::{NODES, RECORDED, mesh};
 use biotissue::fem::assembly::{self, Assembler, Unknowns};
-use biotissue::fem::boundary::{
-    Boundary, Conditions, LoadCurve, PointCondition, PointLocation, SurfaceCondition, SurfaceLoad,
-};
+use biotissue::fem::boundary::{Boundary, Conditions, LoadCurve, PointCondition, PointLocation, SurfaceCondition};
 use biotissue::fem::material::NeoHookean;
 use biotissue::fem::point_field::{FormulaField, PointField, PointResponses};
 use biotissue::fem::stepping::{ConvergedStep, StepObserver, StepParams, StepStart, Stepper};
@@ -31,7 +29,7 @@ fn material() -> NeoHookean {
 fn conditions() -> Conditions {
     let surface = |name: &str, x| SurfaceCondition {
         surface: name.into(),
-        load: SurfaceLoad::Displacement([Some(x), None, None]),
+        displacement: [Some(x), None, None],
         curve: LoadCurve::Ramp,
     };
     let point =
@@ -39,7 +37,7 @@ fn conditions() -> Conditions {
     Conditions {
         surfaces: vec![surface("left", 0.0), surface("right", 0.5)],
         points: vec![point(6, [Some(0.0); 3]), point(5, [None, None, Some(0.0)])],
-        body_forces: vec![],
+        loads: vec![],
     }
 }
 
@@ -69,7 +67,7 @@ where
     let mut newton = NewtonParams::default();
     newton.tolerance = 1e-10;
     newton.max_line_search_cuts = 0;
-    let params = StepParams { count: 10, max_cuts: 0, start: StepStart::Held, newton, ..StepParams::default() };
+    let params = StepParams { count: 10, max_cuts: 0, start: StepStart::Prescribed, newton, ..StepParams::default() };
     let field = FormulaField::uniform(material(), 24);
     let mut stepper = Stepper::<B, _>::new(&(), Arc::new(mesh()), &conditions(), field, params).unwrap();
     assert_eq!(stepper.unknowns(), 29);
@@ -78,8 +76,8 @@ where
 
     assert_eq!(reports.len(), 10);
     for ((report, (recorded, displacement)), found) in reports.iter().zip(RECORDED).zip(lateral.0) {
-        let residuals = &report.substeps[0].residuals;
-        assert_eq!(report.substeps.len(), 1);
+        let residuals = &report.solves[0].residuals;
+        assert_eq!(report.solves.len(), 1);
         assert_eq!(residuals.len(), recorded.len() + 1, "quadratic: one more is below the tolerance");
         for (k, (&norm, &recorded)) in residuals.iter().zip(recorded).enumerate() {
             // What cancels is of the order of 1e3, so that a residual of 1e-3 has lost six digits more.
@@ -101,7 +99,7 @@ fn stretches_by_an_iterative_solver() {
     let mesh = Arc::new(mesh());
     let mut stepper = Stepper::<Sparse, _>::new(&(), mesh, &conditions(), field, params).unwrap();
     for report in stepper.run(&mut ()).unwrap() {
-        let newton = &report.substeps[0];
+        let newton = &report.solves[0];
         assert!(newton.linear_iterations > 0 && newton.cholesky == 0, "{newton:?}");
     }
     the_end_is_homogeneous(&stepper.state().displacements, 1e-9);
@@ -130,8 +128,8 @@ where
 {
     let mesh = mesh();
     let boundary = Boundary::new(&mesh, &conditions()).unwrap();
-    let held = |node, c| boundary.held().iter().any(|h| (h.node as usize, usize::from(h.component)) == (node, c));
-    let unknowns = Unknowns::new(14, held).unwrap();
+    let prescribed = boundary.prescribed_mask(14);
+    let unknowns = Unknowns::new(14, |node, component| prescribed[node][component]).unwrap();
     let mut matrix = B::matrix(&(), &Arc::new(unknowns.pattern(&mesh).unwrap())).unwrap();
     let assembler = Assembler::<B>::new(assembly::geometry(&mesh).unwrap(), &mesh, &unknowns, &matrix).unwrap();
     let mut responses = PointResponses::zeros(24);
@@ -141,8 +139,12 @@ where
 
     let n = unknowns.free();
     assert_eq!(n, 29);
-    let free: Vec<B::Index> =
-        assembler.rows().iter().copied().filter(|&row| biotissue::las::Index::position(row).is_some()).collect();
+    let free: Vec<B::Index> = assembler
+        .equation_numbers()
+        .iter()
+        .copied()
+        .filter(|&row| biotissue::las::Index::position(row).is_some())
+        .collect();
     let mut entries = vec![0.0; n * n];
     matrix.get(&free, &free, &mut entries).unwrap();
     let k = DMatrix::from_row_slice(n, n, &entries);
@@ -154,7 +156,7 @@ where
     assert_digits(eigenvalues.max(), 41785.645566, 1e-10, "largest eigenvalue");
 
     let (mut moved, mut forces) = (vec![[0.0; 3]; 14], vec![[0.0; 3]; 14]);
-    boundary.prescribe(0.1, &mut moved);
+    boundary.apply_prescribed(0.1, &mut moved);
     assembler.linearized_forces(&responses.tangent, &moved, &mut forces);
     let mut rhs = B::vector(&(), n).unwrap();
     assembler.scatter(&forces, &mut rhs).unwrap();

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use biotissue::backends::sparse::Sparse;
 use biotissue::fem::boundary::{
-    BodyForce, Conditions, LoadCurve, PointCondition, PointLocation, SurfaceCondition, SurfaceLoad,
+    BodyForce, Conditions, LoadCondition, LoadCurve, PointCondition, PointLocation, SurfaceCondition,
 };
 use biotissue::fem::element::Tetrahedron;
 use biotissue::fem::material::{LinearElastic, NeoHookean};
@@ -92,19 +92,17 @@ fn body_force(x: &[f64; 3]) -> [f64; 3] {
 /// L2 norms of the errors of the displacements and of their gradients.
 fn errors(n: usize) -> [f64; 2] {
     let mesh = Arc::new(cube(n, 0.1));
-    let zero = |name: &str| SurfaceCondition {
-        surface: name.into(),
-        load: SurfaceLoad::Displacement([Some(0.0); 3]),
-        curve: LoadCurve::Ramp,
-    };
+    let zero =
+        |name: &str| SurfaceCondition { surface: name.into(), displacement: [Some(0.0); 3], curve: LoadCurve::Ramp };
     let loads = (0..mesh.elements().len()).map(|e| {
         let corners = mesh.corners(e);
         let center = std::array::from_fn(|i| corners.iter().map(|x| x[i]).sum::<f64>() / 4.0);
-        BodyForce { region: format!("e{e}"), value: body_force(&center), curve: LoadCurve::Ramp }
+        let force = BodyForce { region: format!("e{e}"), value: body_force(&center), curve: LoadCurve::Ramp };
+        Arc::new(force) as Arc<dyn LoadCondition>
     });
     let conditions = Conditions {
         surfaces: ["x0", "x1", "y0", "y1", "z0", "z1"].map(zero).to_vec(),
-        body_forces: loads.collect(),
+        loads: loads.collect(),
         ..Conditions::default()
     };
     let field = FormulaField::uniform(MATERIAL, mesh.elements().len());

@@ -3,7 +3,7 @@ use std::sync::Arc;
 
 use biotissue::backends::sparse::Sparse;
 use biotissue::fem::boundary::{
-    BodyForce, Conditions, LoadCurve, PointCondition, PointLocation, SurfaceCondition, SurfaceLoad,
+    BodyForce, Conditions, LoadCondition, LoadCurve, PointCondition, PointLocation, SurfaceCondition, Traction,
 };
 use biotissue::fem::material::{LinearElastic, Material, NeoHookean};
 use biotissue::fem::mesh::{Mesh, shapes};
@@ -14,12 +14,12 @@ use biotissue::las::NewtonParams;
 
 const SOFT: NeoHookean = NeoHookean { mu: 3.0e3, lambda: 5.0e3 };
 
-fn on(surface: &str, load: SurfaceLoad) -> SurfaceCondition {
-    SurfaceCondition { surface: surface.into(), load, curve: LoadCurve::Ramp }
+fn held(surface: &str, displacement: [Option<f64>; 3]) -> SurfaceCondition {
+    SurfaceCondition { surface: surface.into(), displacement, curve: LoadCurve::Ramp }
 }
 
-fn held(surface: &str, displacement: [Option<f64>; 3]) -> SurfaceCondition {
-    on(surface, SurfaceLoad::Displacement(displacement))
+fn pulled(surface: &str, value: [f64; 3]) -> Vec<Arc<dyn LoadCondition>> {
+    vec![Arc::new(Traction { surface: surface.into(), value, curve: LoadCurve::Ramp })]
 }
 
 fn params() -> StepParams {
@@ -52,15 +52,14 @@ fn forces_over_held_surfaces_with_shared_edges_sum_to_zero() {
         surfaces: vec![
             held("x0", [Some(0.0), Some(0.0), None]),
             held("y0", [None, Some(0.0), Some(0.0)]),
-            on("x1", SurfaceLoad::Traction([800.0, 300.0, -200.0])),
             held("y1", [None, None, Some(0.05)]),
         ],
+        loads: pulled("x1", [800.0, 300.0, -200.0]),
         points: vec![PointCondition {
             place: PointLocation::Nearest([0.5, 0.3, 0.5]),
             displacement: [Some(0.1), None, None],
             curve: LoadCurve::Ramp,
         }],
-        ..Conditions::default()
     };
     let forces = run(&mesh, &conditions).forces();
     let size = named(&forces, "x0").force[0].abs();
@@ -76,7 +75,7 @@ fn body_forces_are_carried_by_the_supports() {
     let body_force = BodyForce { region: "body".into(), value: [100.0, -400.0, 50.0], curve: LoadCurve::Ramp };
     let conditions = Conditions {
         surfaces: vec![held("x0", [Some(0.0); 3])],
-        body_forces: vec![body_force],
+        loads: vec![Arc::new(body_force)],
         ..Conditions::default()
     };
     let forces = run(&mesh, &conditions).forces();
@@ -89,19 +88,15 @@ fn a_bar_in_tension_is_known_in_closed_form() {
     let mesh = Arc::new(shapes::cuboid([3, 2, 2], [2.0, 0.5, 0.4]).unwrap());
     let zero = |component: usize| -> [Option<f64>; 3] { std::array::from_fn(|i| (i == component).then_some(0.0)) };
     let conditions = Conditions {
-        surfaces: vec![
-            held("x0", zero(0)),
-            held("y0", zero(1)),
-            held("z0", zero(2)),
-            on("x1", SurfaceLoad::Traction([2.0e3, 0.0, 0.0])),
-        ],
+        surfaces: vec![held("x0", zero(0)), held("y0", zero(1)), held("z0", zero(2))],
+        loads: pulled("x1", [2.0e3, 0.0, 0.0]),
         ..Conditions::default()
     };
     let stepper = run(&mesh, &conditions);
     let f = stepper.state().gradients[0];
     let (stretch, across) = (f[(0, 0)], f[(1, 1)]);
     assert!(stretch > 1.1 && across < 0.99, "{f}");
-    let pk1 = SOFT.respond(&f).unwrap().pk1;
+    let pk1 = SOFT.evaluate(&f).unwrap().pk1;
     assert!((pk1[(0, 0)] - 2.0e3).abs() < 1e-7 && pk1[(1, 1)].abs() < 1e-7 && pk1[(2, 2)].abs() < 1e-7, "{pk1}");
     assert!(stepper.state().gradients.iter().all(|other| (other - f).norm() < 1e-12), "homogeneous");
 
@@ -141,9 +136,10 @@ fn the_order_of_regions_does_not_matter() {
             order.map(String::from).to_vec(),
             plain.surfaces().to_vec(),
         );
+        let force = BodyForce { region: "soft".into(), value: [0.0, 0.0, 90.0], curve: LoadCurve::Ramp };
         let conditions = Conditions {
             surfaces: vec![held("x0", [Some(0.0); 3]), held("x1", [Some(0.2), Some(0.1), None])],
-            body_forces: vec![BodyForce { region: "soft".into(), value: [0.0, 0.0, 90.0], curve: LoadCurve::Ramp }],
+            loads: vec![Arc::new(force)],
             ..Conditions::default()
         };
         let mut stepper =
@@ -164,7 +160,7 @@ fn newton_converges_quadratically() {
     let field = FormulaField::uniform(SOFT, mesh.elements().len());
     let mut stepper = Stepper::<Sparse, _>::new(&(), mesh, &conditions, field, params()).unwrap();
     for report in stepper.run(&mut ()).unwrap() {
-        let r = &report.substeps[0].relative;
+        let r = &report.solves[0].relative;
         assert!(r.len() >= 3, "{r:?}");
         for pair in r.windows(2).filter(|pair| pair[0] < 0.1 && pair[1] > 1e-13) {
             assert!(pair[1] < 10.0 * pair[0] * pair[0], "{r:?}");

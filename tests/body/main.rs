@@ -11,3 +11,5 @@ mod convergence;
 #[cfg(feature = "sparse")]
 mod equilibrium;
 mod gmsh;
+#[cfg(feature = "sparse")]
+mod state_dependent_loads;

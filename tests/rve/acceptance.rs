@@ -6,9 +6,10 @@
 use crate::support;
 use crate::support::Bench;
 use biotissue::backends::{dense::Dense, sparse::Sparse};
-use biotissue::fiber::homogenize::{Tangent, cauchy};
+use biotissue::fiber::homogenize::Tangent;
 use biotissue::fiber::orientation::{Weighting, tensor};
 use biotissue::las::{Backend, Scalar};
+use biotissue::tensor::cauchy;
 use nalgebra::{Matrix3, SMatrix};
 
 type Voigt = SMatrix<f64, 6, 6>;

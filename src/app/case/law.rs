@@ -127,9 +127,9 @@ fn curve(table: &mut Table<'_>, base: &Path) -> Option<Curve> {
                     for error in errors.0 {
                         let place = error.line.map(|line| format!("{text}:{line}")).unwrap_or_else(|| text.into());
                         file.object(
-                            &format!("names a table with an error: {place}: {}", error.what),
+                            &format!("names a table with an error: {place}: {}", error.problem),
                             error.expected,
-                            error.cure,
+                            error.hint,
                         );
                     }
                     None

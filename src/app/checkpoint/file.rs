@@ -35,7 +35,7 @@ pub(super) fn write(path: &Path, content: &impl Serialize) -> Result<(), Results
             return Err(out.failed.take().unwrap_or_else(|| io::Error::other(error)));
         }
         let Hashing { mut to, hash, .. } = out;
-        to.write_all(&hash.sum().to_le_bytes())?;
+        to.write_all(&hash.finish().to_le_bytes())?;
         to.flush()
     })
 }
@@ -51,8 +51,8 @@ pub(super) fn read<T: DeserializeOwned>(path: &Path) -> Result<T, CheckpointErro
         damaged(format!("ends after {} bytes; the shortest checkpoint has {}", bytes.len(), HEAD + TAIL))
     })?;
     let mut hash = Fnv::new();
-    hash.bytes(body);
-    if hash.sum() != u64::from_le_bytes(*tail) {
+    hash.add_bytes(body);
+    if hash.finish() != u64::from_le_bytes(*tail) {
         return Err(damaged(format!("its {} bytes do not add up: cut short, or changed", bytes.len())));
     }
     let (version, content) = body[MAGIC.len()..].split_first_chunk().unwrap_or((&[0; 4], &[]));
@@ -77,7 +77,7 @@ struct Hashing<W> {
 impl<W: Write> Write for Hashing<W> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         match self.to.write_all(bytes) {
-            Ok(()) => self.hash.bytes(bytes),
+            Ok(()) => self.hash.add_bytes(bytes),
             Err(error) => {
                 let kind = error.kind();
                 self.failed = Some(error);

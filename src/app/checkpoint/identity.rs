@@ -65,7 +65,7 @@ impl Identity {
             backend: backend.into(),
             case: text_of(case),
             mesh: hash_of_mesh(mesh),
-            networks: networks.sum(),
+            networks: networks.finish(),
         }
     }
 
@@ -157,31 +157,31 @@ fn is_setting(section: &str, before: &str, now: &str) -> bool {
 
 fn hash_of_mesh(mesh: &Mesh) -> u64 {
     let mut hash = Fnv::new();
-    hash.positions(mesh.nodes());
-    hash.indices(mesh.elements());
-    mesh.region_of().iter().for_each(|&region| hash.number(region.into()));
-    hash.number(mesh.regions().len() as u64);
-    mesh.regions().iter().for_each(|region| hash.text(region));
+    hash.add_positions(mesh.nodes());
+    hash.add_indices(mesh.elements());
+    mesh.region_of().iter().for_each(|&region| hash.add_u64(region.into()));
+    hash.add_u64(mesh.regions().len() as u64);
+    mesh.regions().iter().for_each(|region| hash.add_str(region));
     for surface in mesh.surfaces() {
-        hash.text(&surface.name);
-        hash.indices(&surface.triangles);
+        hash.add_str(&surface.name);
+        hash.add_indices(&surface.triangles);
     }
-    hash.sum()
+    hash.finish()
 }
 
 fn hash_network(network: &Network, hash: &mut Fnv) {
-    hash.positions(network.nodes());
-    hash.indices(network.fibers());
-    network.reaction_of().iter().for_each(|&reaction| hash.number(reaction.into()));
-    hash.number(network.materials().len() as u64);
+    hash.add_positions(network.nodes());
+    hash.add_indices(network.fibers());
+    network.reaction_of().iter().for_each(|&reaction| hash.add_u64(reaction.into()));
+    hash.add_u64(network.materials().len() as u64);
     for FiberMaterial { law, radius, .. } in network.materials() {
         hash_law(law, hash);
-        hash.value(*radius);
+        hash.add_f64(*radius);
     }
 }
 
 fn hash_law(law: &Law, hash: &mut Fnv) {
-    let mut values = |values: &[f64]| values.iter().for_each(|&value| hash.value(value));
+    let mut values = |values: &[f64]| values.iter().for_each(|&value| hash.add_f64(value));
     match law {
         Law::Linear { youngs_modulus } => values(&[0.0, *youngs_modulus, 0.0, 0.0]),
         Law::Exponential { youngs_modulus, nonlinearity } => values(&[1.0, *youngs_modulus, *nonlinearity, 0.0]),
@@ -198,10 +198,10 @@ fn hash_law(law: &Law, hash: &mut Fnv) {
         }
         Law::Custom(custom) => {
             values(&[5.0]);
-            hash.text(custom.law().name());
+            hash.add_str(custom.law().name());
             for (name, value) in custom.law().parameters() {
-                hash.text(name);
-                hash.value(value);
+                hash.add_str(name);
+                hash.add_f64(value);
             }
         }
     }
@@ -254,7 +254,7 @@ mod tests {
         let sum = |law: &Law| {
             let mut hash = Fnv::new();
             hash_law(law, &mut hash);
-            hash.sum()
+            hash.finish()
         };
         for (k, law) in laws.iter().enumerate() {
             assert_eq!(sum(law), sum(&law.clone()));

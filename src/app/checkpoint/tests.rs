@@ -52,8 +52,8 @@ fn directory() -> (tempfile::TempDir, PathBuf, Vec<u8>) {
 /// Returns the bytes of a file with this content and the correct hash.
 fn sealed(body: &[u8]) -> Vec<u8> {
     let mut hash = Fnv::new();
-    hash.bytes(body);
-    [body, &hash.sum().to_le_bytes()].concat()
+    hash.add_bytes(body);
+    [body, &hash.finish().to_le_bytes()].concat()
 }
 
 #[test]

@@ -15,7 +15,7 @@ use super::{
 };
 use crate::app::case::Case;
 use crate::app::checkpoint;
-use crate::checksum::{below_signature, signed};
+use crate::checksum::{below_checksum, with_checksum};
 use crate::output::final_name;
 use crate::tissue::replay::LOST_FOLDER;
 
@@ -151,12 +151,12 @@ fn has(bytes: Bytes, first: &str, then: &str) -> bool {
 
 /// Returns the text of the file `case.toml` in a result directory.
 pub(in crate::app) fn case_copy(case: &Case) -> String {
-    signed(&case.to_toml())
+    with_checksum(&case.to_toml())
 }
 
 fn is_case_copy(bytes: Bytes, path: &Path) -> bool {
     let Ok(text) = std::str::from_utf8(bytes) else { return false };
-    if let Some((below, is_as_written)) = below_signature(text) {
+    if let Some((below, is_as_written)) = below_checksum(text) {
         return is_as_written && below.starts_with(CASE_LINE);
     }
     // Newer versions may write additional keys, but every line of an older copy still occurs, in the same order.

@@ -84,7 +84,7 @@ where
         let (mesh, mut warnings) = macro_scale::mesh(&case)?;
         let conditions = macro_scale::conditions(&case)?;
         let boundary = macro_scale::boundary(&case, &mesh, &conditions)?;
-        let prescribed = boundary.prescribed(mesh.nodes().len());
+        let prescribed = boundary.prescribed_mask(mesh.nodes().len());
         rigid_modes::check(&mesh, &prescribed).map_err(|error| Box::new(error.into()))?;
         let unknowns = prescribed.as_flattened().iter().filter(|&&prescribed| !prescribed).count();
         let (field, network_warnings) = material(&case, &mesh)?;

@@ -73,7 +73,7 @@ pub fn cure_of_step<F: std::error::Error + 'static>(
         NewtonError::Solve(SolveError::Singular { .. }) => {
             "hold the body so that it can neither move nor turn as a whole; if it buckles, take more load steps".into()
         }
-        NewtonError::Problem(EquilibriumError::Points(error)) => cure_of_point(error, micro),
+        NewtonError::Problem(EquilibriumError::PointField(error)) => cure_of_point(error, micro),
         _ => TOO_FAR.into(),
     }
 }
@@ -203,7 +203,7 @@ fn not_at_rest<F: std::error::Error + 'static>(
     error: &SetupError<TissueFieldError, F>,
 ) -> Failure {
     let cure = match error {
-        SetupError::Undeformed(EquilibriumError::Points(error)) => cure_of_point(error, micro),
+        SetupError::Undeformed(EquilibriumError::PointField(error)) => cure_of_point(error, micro),
         _ => "try another --backend".into(),
     };
     Failure::NotConverged {

@@ -182,7 +182,7 @@ fn wrong_folders_are_shown() {
 fn all_errors_of_a_file_are_shown_in_the_order_of_lines() {
     let text = "macro 1\n@relations\nmacro micro\n@scales\nmacro none\n@util\nresults $ONE/$TWO\n@rest\n";
     let found: Vec<(Option<usize>, String)> =
-        parse(text).unwrap_err().0.into_iter().map(|error| (error.line, error.what)).collect();
+        parse(text).unwrap_err().0.into_iter().map(|error| (error.line, error.problem)).collect();
     let expected: [(usize, &str); 6] = [
         (1, "`macro` stands in no section"),
         (3, "there is no scale `micro`"),
@@ -201,7 +201,7 @@ fn a_file_that_cannot_be_read_is_named() {
     let errors = Config::read(&file).unwrap_err();
     assert_eq!(errors.0.len(), 1);
     assert_eq!((&errors.0[0].file, errors.0[0].line), (&file, None));
-    assert!(errors.0[0].what.starts_with("cannot be read: "), "{errors}");
+    assert!(errors.0[0].problem.starts_with("cannot be read: "), "{errors}");
     std::fs::write(&file, "@scales\na 2\n@util\nresults out\n").unwrap();
     assert_eq!(Config::read(&file).unwrap().results, Some(folder.path().join("out")));
 }

@@ -17,10 +17,11 @@
 //! r           = f_int - f_ext                               = 0 for the free components
 //! K[a i, b k] = dr[a i] / du[b k]  (dF_kL / du[b k] = dN_b/dX_L)
 //!             = integral dN_a/dX_J A_iJkL dN_b/dX_L dV      = sum_e V g_a[J] A_iJkL g_b[L]
+//!               - df_ext[a i] / du[b k]
 //! ```
 //!
-//! `A = dP/dF` is the consistent tangent; `f_ext` is a dead load and does not contribute to `K`. The rows and columns
-//! of prescribed components are left out of `r` and `K`; their entries of `f_int - f_ext` are the reaction forces.
+//! `A = dP/dF` is the consistent tangent; the derivative of `f_ext` is zero for dead loads. The rows and columns of
+//! prescribed components are left out of `r` and `K`; their entries of `f_int - f_ext` are the reaction forces.
 //!
 //! # Order
 //! Elements are added in mesh order, their nodes and components in local order, so every run adds the same terms in the
@@ -34,9 +35,11 @@ use thiserror::Error;
 
 pub use unknowns::Unknowns;
 
+use super::boundary::Load;
 use super::element::{ElementError, NODES, Tetrahedron, UNKNOWNS};
 use super::mesh::Mesh;
 use crate::las::{Backend, Index, MatrixOps, VectorOps};
+use crate::tensor::contract;
 
 /// An element of the mesh that is degenerate.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
@@ -51,17 +54,28 @@ pub struct GeometryError {
 /// Geometry and matrix positions of all elements, computed once; integrates and scatters at every state.
 ///
 /// # Symmetry
-/// The stiffness is [`Symmetry::Definite`](crate::las::Symmetry): `A` is symmetric because stresses derive from an
-/// energy, and the loads are dead. [`Assembler::stiffness`] relies on it: only half of the node blocks are integrated.
+/// The stiffness of the elements is [`Symmetry::Definite`](crate::las::Symmetry): `A` is symmetric because stresses
+/// derive from an energy. [`Assembler::stiffness`] relies on it: only half of the node blocks are integrated. The
+/// stiffness of loads may be unsymmetric; see [`Load::symmetry`].
 pub struct Assembler<B: Backend> {
     geometry: Vec<Tetrahedron>,
     nodes: Vec<[u32; NODES]>,
     /// The unknown of each node and component, at `3 * node + component`.
-    rows: Vec<B::Index>,
+    equation_numbers: Vec<B::Index>,
     /// Elements with a row on this rank, ascending; all elements on a serial backend.
-    kept: Vec<u32>,
-    /// 144 matrix positions per kept element, row-major.
-    slots: Vec<B::Slot>,
+    local_elements: Vec<u32>,
+    /// 144 matrix positions per local element, row-major.
+    entry_positions: Vec<B::Slot>,
+    /// The groups of coupled nodes of the loads that have rows on this rank.
+    load_groups: Vec<LoadGroup<B>>,
+}
+
+/// The position in the matrix of one group of [`Load::coupled_nodes`].
+struct LoadGroup<B: Backend> {
+    load: usize,
+    group: usize,
+    /// The square of three times the number of nodes, row-major.
+    entry_positions: Vec<B::Slot>,
 }
 
 impl<B: Backend<Scalar = f64>> Assembler<B> {
@@ -76,20 +90,45 @@ impl<B: Backend<Scalar = f64>> Assembler<B> {
         matrix: &B::Matrix,
     ) -> Result<Self, B::Fault> {
         let index = |&number: &i32| if number < 0 { B::Index::CONSTRAINED } else { B::Index::of(number as usize) };
-        let rows: Vec<B::Index> = unknowns.numbers().iter().map(index).collect();
+        let equation_numbers: Vec<B::Index> = unknowns.equation_numbers().iter().map(index).collect();
         let rows_of = |nodes: &[u32; NODES]| -> [B::Index; UNKNOWNS] {
-            std::array::from_fn(|k| rows[3 * nodes[k / 3] as usize + k % 3])
+            std::array::from_fn(|k| equation_numbers[3 * nodes[k / 3] as usize + k % 3])
         };
         let elements = (0_u32..).zip(mesh.elements());
-        let kept: Vec<u32> =
+        let local_elements: Vec<u32> =
             elements.filter(|(_, nodes)| matrix.owns_any_row(&rows_of(nodes))).map(|(element, _)| element).collect();
-        let mut slots = Vec::with_capacity(kept.len() * UNKNOWNS * UNKNOWNS);
-        for &element in &kept {
-            let of_element = rows_of(&mesh.elements()[element as usize]);
-            matrix.locate(&of_element, &of_element, &mut slots)?;
+        let count = local_elements.len() * UNKNOWNS * UNKNOWNS;
+        let mut entry_positions = Vec::with_capacity(count);
+        for &element in &local_elements {
+            let rows = rows_of(&mesh.elements()[element as usize]);
+            matrix.locate(&rows, &rows, &mut entry_positions)?;
         }
-        debug_assert_eq!(slots.len(), kept.len() * UNKNOWNS * UNKNOWNS, "a slot a pair of unknowns");
-        Ok(Self { geometry, nodes: mesh.elements().to_vec(), rows, kept, slots })
+        debug_assert_eq!(entry_positions.len(), count, "one position per pair of unknowns");
+        let nodes = mesh.elements().to_vec();
+        Ok(Self { geometry, nodes, equation_numbers, local_elements, entry_positions, load_groups: Vec::new() })
+    }
+
+    /// Locates the stiffness of loads in `matrix`, for [`Assembler::load_stiffness`].
+    ///
+    /// # Errors
+    /// Returns the fault of the backend.
+    ///
+    /// # Panics
+    /// Panics if a load couples a node that does not exist.
+    pub fn locate_loads(&mut self, loads: &[Box<dyn Load>], matrix: &B::Matrix) -> Result<(), B::Fault> {
+        self.load_groups.clear();
+        for (load, coupled) in loads.iter().map(|load| load.coupled_nodes()).enumerate() {
+            for (group, nodes) in coupled.groups().enumerate() {
+                let components = nodes.iter().flat_map(|&node| (0..3).map(move |i| 3 * node as usize + i));
+                let rows: Vec<B::Index> = components.map(|k| self.equation_numbers[k]).collect();
+                if matrix.owns_any_row(&rows) {
+                    let mut entry_positions = Vec::new();
+                    matrix.locate(&rows, &rows, &mut entry_positions)?;
+                    self.load_groups.push(LoadGroup { load, group, entry_positions });
+                }
+            }
+        }
+        Ok(())
     }
 
     /// Returns volume and shape-function gradients of each element.
@@ -98,10 +137,11 @@ impl<B: Backend<Scalar = f64>> Assembler<B> {
         &self.geometry
     }
 
-    /// Returns the row of each node and component, at `3 * node + component`; negative for prescribed components.
+    /// Returns the equation number (row) of each node and component, at `3 * node + component`; negative for prescribed
+    /// components.
     #[must_use]
-    pub fn rows(&self) -> &[B::Index] {
-        &self.rows
+    pub fn equation_numbers(&self) -> &[B::Index] {
+        &self.equation_numbers
     }
 
     /// Computes `F` of each element from the displacements of all nodes, in meters.
@@ -133,7 +173,7 @@ impl<B: Backend<Scalar = f64>> Assembler<B> {
     /// # Errors
     /// Returns the fault of the backend.
     pub fn scatter(&self, forces: &[[f64; 3]], r: &mut B::Vector) -> Result<(), B::Fault> {
-        r.add(&self.rows, forces.as_flattened())
+        r.add(&self.equation_numbers, forces.as_flattened())
     }
 
     /// Computes the first-order change `K du` of the internal forces, N, for the displacement `increments` of all
@@ -148,7 +188,7 @@ impl<B: Backend<Scalar = f64>> Assembler<B> {
             if moved == [[0.0; 3]; NODES] {
                 continue;
             }
-            let dp = local::contract(a, &g.displacement_gradient(&moved));
+            let dp = contract(a, &g.displacement_gradient(&moved));
             for (&node, force) in nodes.iter().zip(local::internal_force(g, &dp)) {
                 add(&mut forces[node as usize], force);
             }
@@ -161,9 +201,35 @@ impl<B: Backend<Scalar = f64>> Assembler<B> {
     /// # Errors
     /// Returns the fault of the backend.
     pub fn stiffness(&self, tangent: &[SMatrix<f64, 9, 9>], k: &mut B::Matrix) -> Result<(), B::Fault> {
-        for (&element, slots) in self.kept.iter().zip(self.slots.chunks_exact(UNKNOWNS * UNKNOWNS)) {
+        let positions = self.entry_positions.chunks_exact(UNKNOWNS * UNKNOWNS);
+        for (&element, positions) in self.local_elements.iter().zip(positions) {
             let element = element as usize;
-            k.add_at(slots, &local::stiffness(&self.geometry[element], &tangent[element]))?;
+            k.add_at(positions, &local::stiffness(&self.geometry[element], &tangent[element]))?;
+        }
+        Ok(())
+    }
+
+    /// Adds `-df_ext/du` of the loads given to [`Assembler::locate_loads`], N/m, to `k`, at pseudo-time `t` and the
+    /// displacements of all nodes, m.
+    ///
+    /// # Errors
+    /// Returns the fault of the backend.
+    ///
+    /// # Panics
+    /// Panics if `loads` are fewer than those located.
+    pub fn load_stiffness(
+        &self,
+        loads: &[Box<dyn Load>],
+        t: f64,
+        displacements: &[[f64; 3]],
+        k: &mut B::Matrix,
+    ) -> Result<(), B::Fault> {
+        let mut block = [0.0; UNKNOWNS * UNKNOWNS];
+        for LoadGroup { load, group, entry_positions } in &self.load_groups {
+            let block = &mut block[..entry_positions.len()];
+            block.fill(0.0);
+            loads[*load].add_stiffness(t, displacements, *group, block);
+            k.add_at(entry_positions, block)?;
         }
         Ok(())
     }
@@ -175,7 +241,7 @@ impl<B: Backend<Scalar = f64>> Assembler<B> {
     /// size `V |grad N_a|^2 |A|`. These errors are independent, so their squares add up. With a factor of 8, as at the
     /// micro scale, the estimate is `8 eps sqrt(sum_e sum_a (V |A| |grad N_a|)^2)` in Frobenius norms.
     #[must_use]
-    pub fn rounding(&self, tangent: &[SMatrix<f64, 9, 9>]) -> f64 {
+    pub fn rounding_error(&self, tangent: &[SMatrix<f64, 9, 9>]) -> f64 {
         let squares = self.geometry.iter().zip(tangent).map(|(g, a)| {
             let gradients: f64 = g.gradients.as_flattened().iter().map(|g| g * g).sum();
             g.volume * g.volume * a.norm_squared() * gradients

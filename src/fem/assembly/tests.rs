@@ -27,7 +27,7 @@ impl Bent {
         Self { displacements: displacements.collect(), unknowns, matrix, assembler, field, mesh }
     }
 
-    fn respond(&mut self, displacements: &[[f64; 3]]) -> PointResponses {
+    fn evaluate(&mut self, displacements: &[[f64; 3]]) -> PointResponses {
         let (mut gradients, mut responses) = (Vec::new(), PointResponses::default());
         self.assembler.deformation_gradients(displacements, &mut gradients);
         self.field.update(&gradients, &mut responses).unwrap();
@@ -35,7 +35,7 @@ impl Bent {
     }
 
     fn forces(&mut self, displacements: &[[f64; 3]]) -> Vec<[f64; 3]> {
-        let responses = self.respond(displacements);
+        let responses = self.evaluate(displacements);
         let mut forces = vec![[7.0; 3]; displacements.len()];
         self.assembler.internal_forces(&responses.pk1, &mut forces);
         forces
@@ -45,9 +45,9 @@ impl Bent {
 #[test]
 fn the_stiffness_is_the_slope_of_the_forces() {
     let mut bent = Bent::new();
-    let tangent = bent.respond(&bent.displacements.clone()).tangent;
+    let tangent = bent.evaluate(&bent.displacements.clone()).tangent;
     bent.assembler.stiffness(&tangent, &mut bent.matrix).unwrap();
-    let rows = bent.assembler.rows().to_vec();
+    let rows = bent.assembler.equation_numbers().to_vec();
     let h = 1e-6;
     for (k, &column) in rows.iter().enumerate().filter(|(_, row)| **row >= 0) {
         let mut moved = [bent.displacements.clone(), bent.displacements.clone()];
@@ -69,9 +69,9 @@ fn the_stiffness_is_the_slope_of_the_forces() {
 fn the_linearized_forces_are_the_slope_along_an_increment() {
     let mut bent = Bent::new();
     let at = bent.displacements.clone();
-    let tangent = bent.respond(&at).tangent;
+    let tangent = bent.evaluate(&at).tangent;
     // Only the fixed face moves.
-    let held = |a: usize| bent.unknowns.numbers()[3 * a] < 0;
+    let held = |a: usize| bent.unknowns.equation_numbers()[3 * a] < 0;
     let increments: Vec<[f64; 3]> =
         (0..at.len()).map(|a| if held(a) { [0.3, -0.2, 0.1 * a as f64] } else { [0.0; 3] }).collect();
     let mut linear = vec![[7.0; 3]; at.len()];
@@ -111,8 +111,8 @@ fn rounding_leaves_less_than_the_floor() {
     let mut bent = Bent::new();
     let at_rest = vec![[0.0; 3]; bent.displacements.len()];
     let floor = {
-        let tangent = bent.respond(&at_rest).tangent;
-        bent.assembler.rounding(&tangent)
+        let tangent = bent.evaluate(&at_rest).tangent;
+        bent.assembler.rounding_error(&tangent)
     };
     let turned = nalgebra::Rotation3::from_euler_angles(0.3, -0.2, 0.4).into_inner() - Matrix3::identity();
     let turned: Vec<[f64; 3]> =

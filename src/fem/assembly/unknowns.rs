@@ -1,14 +1,14 @@
-//! Numbering of the free displacement components.
+//! Numbering of the free displacement components, which are the unknowns of the linear system.
 
 use crate::fem::element::UNKNOWNS;
 use crate::fem::mesh::Mesh;
 use crate::las::{Sparsity, SparsityError};
 
-/// The numbers of the free displacement components: ascending by node, in mesh order or another given order, then by
+/// The equation numbers of the free displacement components: ascending by node, in mesh order or another given order, then by
 /// component. Prescribed components have number -1.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Unknowns {
-    numbers: Vec<i32>,
+    equation_numbers: Vec<i32>,
     free: usize,
 }
 
@@ -40,20 +40,20 @@ impl Unknowns {
         if nodes > i32::MAX as usize / 3 {
             return Err(SparsityError::TooLarge(3 * nodes));
         }
-        let (mut numbers, mut free) = (vec![-1; 3 * nodes], 0);
+        let (mut equation_numbers, mut free) = (vec![-1; 3 * nodes], 0);
         for (node, component) in order.flat_map(|node| (0..3).map(move |component| (node, component))) {
             if !prescribed(node, component) {
-                numbers[3 * node + component] = free;
+                equation_numbers[3 * node + component] = free;
                 free += 1;
             }
         }
-        Ok(Self { numbers, free: free as usize })
+        Ok(Self { equation_numbers, free: free as usize })
     }
 
-    /// Returns the number of component `c` of node `a` at `3 * a + c`; -1 if the component is prescribed.
+    /// Returns the equation number of component `c` of node `a` at `3 * a + c`; -1 if the component is prescribed.
     #[must_use]
-    pub fn numbers(&self) -> &[i32] {
-        &self.numbers
+    pub fn equation_numbers(&self) -> &[i32] {
+        &self.equation_numbers
     }
 
     /// Returns the number of free components.
@@ -68,7 +68,7 @@ impl Unknowns {
     /// Returns [`SparsityError::TooLarge`] if the pattern exceeds the range of a 32-bit index.
     pub fn pattern(&self, mesh: &Mesh) -> Result<Sparsity, SparsityError> {
         let of_element = |nodes: &[u32; 4]| -> [i32; UNKNOWNS] {
-            std::array::from_fn(|k| self.numbers[3 * nodes[k / 3] as usize + k % 3])
+            std::array::from_fn(|k| self.equation_numbers[3 * nodes[k / 3] as usize + k % 3])
         };
         Sparsity::from_elements(self.free, mesh.elements().iter().map(of_element))
     }
@@ -81,10 +81,10 @@ mod tests {
     #[test]
     fn free_components_are_numbered_in_order() {
         let unknowns = Unknowns::new(2, |node, component| node == 0 && component != 1).unwrap();
-        assert_eq!(unknowns.numbers(), [-1, 0, -1, 1, 2, 3]);
+        assert_eq!(unknowns.equation_numbers(), [-1, 0, -1, 1, 2, 3]);
         assert_eq!(unknowns.free(), 4);
         let reversed = Unknowns::in_order(&[1, 0], |node, component| node == 0 && component != 1).unwrap();
-        assert_eq!(reversed.numbers(), [-1, 3, -1, 0, 1, 2]);
+        assert_eq!(reversed.equation_numbers(), [-1, 3, -1, 0, 1, 2]);
         assert!(matches!(Unknowns::new(800_000_000, |_, _| true), Err(SparsityError::TooLarge(2_400_000_000))));
     }
 }

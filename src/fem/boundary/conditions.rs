@@ -1,41 +1,45 @@
 //! Boundary conditions by name: surfaces, points and regions with their values and load curves.
 
-use super::LoadCurve;
+use std::sync::Arc;
+
+use super::{LoadCondition, LoadCurve};
 
 /// All boundary conditions of a body.
-#[derive(Clone, Debug, Default, PartialEq)]
+///
+/// ```
+/// use std::sync::Arc;
+/// use biotissue::fem::boundary::{Conditions, LoadCurve, SurfaceCondition, Traction};
+///
+/// let clamp = SurfaceCondition { surface: "x0".into(), displacement: [Some(0.0); 3], curve: LoadCurve::Ramp };
+/// let pull = Traction { surface: "x1".into(), value: [2.0e3, 0.0, 0.0], curve: LoadCurve::Ramp };
+/// let conditions = Conditions { surfaces: vec![clamp], loads: vec![Arc::new(pull)], ..Conditions::default() };
+/// assert!(conditions.points.is_empty());
+/// ```
+#[derive(Clone, Debug, Default)]
 pub struct Conditions {
-    /// Surface conditions. At a shared edge, the first condition gets the reaction (see
+    /// Prescribed displacements of surfaces. At a shared edge, the first condition gets the reaction (see
     /// [`reactions`](crate::fem::reactions)).
     pub surfaces: Vec<SurfaceCondition>,
-    /// Conditions at single nodes.
+    /// Prescribed displacements of single nodes.
     pub points: Vec<PointCondition>,
-    /// Body forces by region.
-    pub body_forces: Vec<BodyForce>,
+    /// Loads, whose forces are added in this order: [`Traction`](super::Traction), [`BodyForce`](super::BodyForce), or
+    /// any other implementation of [`LoadCondition`].
+    pub loads: Vec<Arc<dyn LoadCondition>>,
 }
 
-/// A condition on a surface. A surface may have several, for example a prescribed displacement along x and a traction
-/// along y.
+/// A prescribed displacement of a surface. The surface may also carry loads, for example a traction along y while its
+/// displacement along x is prescribed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SurfaceCondition {
     /// The surface's name.
     pub surface: String,
-    /// The prescribed displacement or traction.
-    pub load: SurfaceLoad,
+    /// Prescribed displacement by component, m; `None` leaves the component free.
+    pub displacement: [Option<f64>; 3],
     /// The factor over pseudo-time.
     pub curve: LoadCurve,
 }
 
-/// The type of a surface condition.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum SurfaceLoad {
-    /// Prescribed displacement by component, m; `None` leaves the component free.
-    Displacement([Option<f64>; 3]),
-    /// Dead traction, Pa of reference area: direction and magnitude do not follow the deformation.
-    Traction([f64; 3]),
-}
-
-/// A prescribed displacement at a node.
+/// A prescribed displacement of a node.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PointCondition {
     /// The node.
@@ -53,15 +57,4 @@ pub enum PointLocation {
     Nearest([f64; 3]),
     /// The node of this index, from 0.
     Node(usize),
-}
-
-/// A dead force per reference volume.
-#[derive(Clone, Debug, PartialEq)]
-pub struct BodyForce {
-    /// The region's name; `*` selects the whole body.
-    pub region: String,
-    /// The force density, N/m^3.
-    pub value: [f64; 3],
-    /// The factor over pseudo-time.
-    pub curve: LoadCurve,
 }

@@ -3,6 +3,13 @@
 use thiserror::Error;
 
 /// A load factor as a function of pseudo-time `t` in `(0, 1]`.
+///
+/// ```
+/// use biotissue::fem::boundary::LoadCurve;
+///
+/// let load_and_unload = LoadCurve::table(&[[0.0, 0.0], [0.5, 1.0], [1.0, 0.0]]).unwrap();
+/// assert_eq!((load_and_unload.factor(0.25), load_and_unload.factor(1.0)), (0.5, 0.0));
+/// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum LoadCurve {
     /// `factor = t`.

@@ -56,6 +56,12 @@ pub enum BoundaryError {
         /// The value of the second condition, m.
         second_value: f64,
     },
+    /// A load couples nodes that do not belong to one element, so that the sparsity pattern has no entries for them.
+    #[error("a load couples the nodes {nodes:?}, which no element contains together")]
+    NotInOneElement {
+        /// The nodes of one group of the load.
+        nodes: Vec<u32>,
+    },
 }
 
 fn list(known: &[String]) -> String {

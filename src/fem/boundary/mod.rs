@@ -1,5 +1,9 @@
 //! Boundary conditions: named [`Conditions`], resolved on a mesh into a [`Boundary`].
 //!
+//! A condition either prescribes displacements or is a [`Load`]. A new load (a follower pressure, an elastic
+//! foundation) is a new file that implements [`LoadCondition`] and [`Load`]; nothing else in [`fem`](crate::fem)
+//! depends on the kind of load.
+//!
 //! # Shared nodes
 //! Two surfaces with prescribed displacements may share a node and prescribe the same component there. Equal values
 //! (with equal curves, unless the value is 0) are allowed; the reaction is then assigned to the first condition,
@@ -8,101 +12,55 @@
 
 mod conditions;
 mod curve;
+mod dead;
 mod error;
+mod load;
+mod prescribed;
 
-use std::collections::BTreeMap;
-use std::sync::Arc;
-
-pub use conditions::{BodyForce, Conditions, PointCondition, PointLocation, SurfaceCondition, SurfaceLoad};
+pub use conditions::{Conditions, PointCondition, PointLocation, SurfaceCondition};
 pub use curve::{CurveError, LoadCurve, LoadTable};
+pub use dead::{BodyForce, Traction};
 pub use error::BoundaryError;
+pub use load::{CoupledNodes, Load, LoadCondition};
+pub use prescribed::{PrescribedComponent, Source};
 
 use super::mesh::{Mesh, Surface};
-
-/// The origin of a prescribed displacement or a load.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Source {
-    /// A surface: index into [`Mesh::surfaces`].
-    Surface(usize),
-    /// A point condition: index into [`Conditions::points`].
-    Point(usize),
-    /// A body force: index into [`Conditions::body_forces`].
-    Body(usize),
-}
-
-/// One prescribed displacement component.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Held {
-    /// The node.
-    pub node: u32,
-    /// 0, 1, 2 for x, y, z.
-    pub component: u8,
-    /// Displacement at a factor of 1, m.
-    pub value: f64,
-    /// The condition that prescribes the component.
-    pub source: Source,
-    curve: Arc<LoadCurve>,
-}
-
-/// A load distributed over nodes: the force on node `a` is `share_a * value * factor(t)`.
-#[derive(Clone, Debug, PartialEq)]
-pub struct NodalLoad {
-    /// The origin of the load.
-    pub source: Source,
-    /// Pa for a traction, N/m^3 for a body force.
-    pub value: [f64; 3],
-    /// Nodes with their shares of the area, m^2, or volume, m^3; ascending by node.
-    pub shares: Vec<(u32, f64)>,
-    curve: Arc<LoadCurve>,
-}
+use crate::las::Symmetry;
+use prescribed::PrescribedCollector;
 
 /// Boundary conditions resolved on a mesh.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Debug)]
 pub struct Boundary {
-    held: Vec<Held>,
-    loads: Vec<NodalLoad>,
-    points: Vec<u32>,
+    prescribed_components: Vec<PrescribedComponent>,
+    loads: Vec<Box<dyn Load>>,
+    point_nodes: Vec<u32>,
 }
 
 impl Boundary {
     /// Resolves the names and distributes the loads to nodes.
     ///
     /// # Errors
-    /// Returns [`BoundaryError`] if a name or node is unknown, a value is not finite, or two conditions conflict.
+    /// Returns [`BoundaryError`] if a name or node is unknown, a value is not finite, two conditions conflict, or a
+    /// load couples nodes that no element contains.
     pub fn new(mesh: &Mesh, conditions: &Conditions) -> Result<Self, BoundaryError> {
-        let mut holding = Holding { held: BTreeMap::new(), mesh };
-        let mut loads = Vec::new();
+        let mut prescribed = PrescribedCollector::new(mesh);
         for condition in &conditions.surfaces {
             let (number, surface) = find_surface(mesh, &condition.surface)?;
-            let source = Source::Surface(number);
-            match &condition.load {
-                SurfaceLoad::Displacement(displacement) => {
-                    holding.hold(&surface.nodes(), displacement, &Arc::new(condition.curve.clone()), source)?;
-                }
-                SurfaceLoad::Traction(value) => {
-                    check_finite(mesh, source, value)?;
-                    loads.push(NodalLoad {
-                        source,
-                        value: *value,
-                        shares: area_shares(mesh, surface),
-                        curve: Arc::new(condition.curve.clone()),
-                    });
-                }
-            }
+            prescribed.add(&surface.nodes(), &condition.displacement, &condition.curve, Source::Surface(number))?;
         }
-        let mut points = Vec::new();
+        let mut point_nodes = Vec::new();
         for (number, point) in conditions.points.iter().enumerate() {
             let node = find_node(mesh, number, point.place)?;
-            points.push(node);
-            holding.hold(&[node], &point.displacement, &Arc::new(point.curve.clone()), Source::Point(number))?;
+            point_nodes.push(node);
+            prescribed.add(&[node], &point.displacement, &point.curve, Source::Point(number))?;
         }
-        for (number, force) in conditions.body_forces.iter().enumerate() {
-            let source = Source::Body(number);
-            check_finite(mesh, source, &force.value)?;
-            let shares = volume_shares(mesh, &force.region)?;
-            loads.push(NodalLoad { source, value: force.value, shares, curve: Arc::new(force.curve.clone()) });
+        let mut loads = Vec::new();
+        for condition in &conditions.loads {
+            let load = condition.resolve(mesh)?;
+            check_coupled_nodes(mesh, load.coupled_nodes())?;
+            loads.push(load);
         }
-        Ok(Self { held: holding.held.into_values().collect(), loads, points })
+        Ok(Self { prescribed_components: prescribed.into_components(), loads, point_nodes })
     }
 
     /// Returns which components of the `nodes` nodes are prescribed by surface or point conditions.
@@ -110,141 +68,102 @@ impl Boundary {
     /// # Panics
     /// Panics if `nodes` is less than the number of nodes of the mesh.
     #[must_use]
-    pub fn prescribed(&self, nodes: usize) -> Vec<[bool; 3]> {
-        let mut prescribed = vec![[false; 3]; nodes];
-        for held in &self.held {
-            prescribed[held.node as usize][usize::from(held.component)] = true;
+    pub fn prescribed_mask(&self, nodes: usize) -> Vec<[bool; 3]> {
+        let mut mask = vec![[false; 3]; nodes];
+        for prescribed in &self.prescribed_components {
+            mask[prescribed.node as usize][usize::from(prescribed.component)] = true;
         }
-        prescribed
+        mask
     }
 
     /// Returns the prescribed components, ascending by node and component.
     #[must_use]
-    pub fn held(&self) -> &[Held] {
-        &self.held
+    pub fn prescribed_components(&self) -> &[PrescribedComponent] {
+        &self.prescribed_components
     }
 
-    /// Returns the loads: tractions, then body forces, in the order of the conditions.
+    /// Returns the loads, in the order of the conditions.
     #[must_use]
-    pub fn loads(&self) -> &[NodalLoad] {
+    pub fn loads(&self) -> &[Box<dyn Load>] {
         &self.loads
+    }
+
+    /// Returns true if the external forces depend on the displacements.
+    #[must_use]
+    pub fn depends_on_displacements(&self) -> bool {
+        self.loads.iter().any(|load| !load.coupled_nodes().is_none())
+    }
+
+    /// Returns the symmetry of the tangent: the weakest of `body` and of the loads that depend on the displacements.
+    #[must_use]
+    pub fn symmetry(&self, body: Symmetry) -> Symmetry {
+        let coupled = self.loads.iter().filter(|load| !load.coupled_nodes().is_none());
+        coupled.fold(body, |weakest, load| match (weakest, load.symmetry()) {
+            (Symmetry::None, _) | (_, Symmetry::None) => Symmetry::None,
+            (Symmetry::Symmetric, _) | (_, Symmetry::Symmetric) => Symmetry::Symmetric,
+            (Symmetry::Definite, Symmetry::Definite) => Symmetry::Definite,
+        })
     }
 
     /// Returns the node of each point condition.
     #[must_use]
-    pub fn points(&self) -> &[u32] {
-        &self.points
+    pub fn point_nodes(&self) -> &[u32] {
+        &self.point_nodes
     }
 
     /// Writes the prescribed displacements of pseudo-time `t`, m; leaves the other components unchanged.
     ///
     /// # Panics
     /// Panics if `displacements` has fewer nodes than the mesh.
-    pub fn prescribe(&self, t: f64, displacements: &mut [[f64; 3]]) {
-        for held in &self.held {
-            displacements[held.node as usize][usize::from(held.component)] = held.value * held.curve.factor(t);
+    pub fn apply_prescribed(&self, t: f64, displacements: &mut [[f64; 3]]) {
+        for prescribed in &self.prescribed_components {
+            displacements[prescribed.node as usize][usize::from(prescribed.component)] = prescribed.displacement(t);
         }
     }
 
-    /// Writes the external forces of pseudo-time `t` on all nodes, N.
+    /// Writes the external forces at pseudo-time `t` and at these displacements (m) on all nodes, N.
     ///
     /// # Panics
     /// Panics if `forces` has fewer nodes than the mesh.
-    pub fn external_forces(&self, t: f64, forces: &mut [[f64; 3]]) {
+    pub fn external_forces(&self, t: f64, displacements: &[[f64; 3]], forces: &mut [[f64; 3]]) {
         forces.fill([0.0; 3]);
         for load in &self.loads {
-            load.add_forces(t, forces);
+            load.add_forces(t, displacements, forces);
         }
     }
 }
 
-impl NodalLoad {
-    fn add_forces(&self, t: f64, forces: &mut [[f64; 3]]) {
-        let force = self.per_share(t);
-        for &(node, share) in &self.shares {
-            for (sum, force) in forces[node as usize].iter_mut().zip(force) {
-                *sum += share * force;
-            }
+/// Checks that the nodes of each group belong to one element, so that the sparsity pattern couples them.
+fn check_coupled_nodes(mesh: &Mesh, coupled: CoupledNodes<'_>) -> Result<(), BoundaryError> {
+    if coupled.is_none() {
+        return Ok(());
+    }
+    let mut elements_of = vec![Vec::new(); mesh.nodes().len()];
+    for nodes in mesh.elements() {
+        nodes.iter().for_each(|&node| elements_of[node as usize].push(nodes));
+    }
+    for group in coupled.groups() {
+        let elements = group.first().and_then(|&node| elements_of.get(node as usize));
+        let contain = |nodes: &&[u32; 4]| group.iter().all(|node| nodes.contains(node));
+        if !elements.is_some_and(|elements| elements.iter().any(contain)) {
+            return Err(BoundaryError::NotInOneElement { nodes: group.to_vec() });
         }
     }
-
-    /// Returns the resultant force at pseudo-time `t`, N.
-    #[must_use]
-    pub fn resultant(&self, t: f64) -> [f64; 3] {
-        let whole: f64 = self.shares.iter().map(|(_, share)| share).sum();
-        self.per_share(t).map(|force| whole * force)
-    }
-
-    fn per_share(&self, t: f64) -> [f64; 3] {
-        let factor = self.curve.factor(t);
-        self.value.map(|value| value * factor)
-    }
+    Ok(())
 }
 
-/// Collects prescribed components and detects conflicting values.
-struct Holding<'m> {
-    held: BTreeMap<(u32, u8), Held>,
-    mesh: &'m Mesh,
-}
-
-impl Holding<'_> {
-    fn hold(
-        &mut self,
-        nodes: &[u32],
-        displacement: &[Option<f64>; 3],
-        curve: &Arc<LoadCurve>,
-        source: Source,
-    ) -> Result<(), BoundaryError> {
-        for (component, value) in (0_u8..).zip(displacement) {
-            let Some(value) = *value else { continue };
-            check_finite(self.mesh, source, &[value])?;
-            for &node in nodes {
-                let held = Held { node, component, value, source, curve: Arc::clone(curve) };
-                self.insert(held)?;
-            }
-        }
-        Ok(())
-    }
-
-    fn insert(&mut self, held: Held) -> Result<(), BoundaryError> {
-        let key = (held.node, held.component);
-        let Some(first) = self.held.get(&key) else {
-            self.held.insert(key, held);
-            return Ok(());
-        };
-        if first.value == held.value && (first.value == 0.0 || first.curve == held.curve) {
-            return Ok(());
-        }
-        Err(BoundaryError::Conflict {
-            node: held.node as usize,
-            component: usize::from(held.component),
-            first: describe(self.mesh, first.source),
-            first_value: first.value,
-            second: describe(self.mesh, held.source),
-            second_value: held.value,
-        })
-    }
-}
-
-fn describe(mesh: &Mesh, source: Source) -> String {
-    match source {
-        Source::Surface(number) => {
-            let name = mesh.surfaces().get(number).map_or("?", |surface| surface.name.as_str());
-            format!("surface `{name}`")
-        }
-        Source::Point(number) => format!("point condition {}", number + 1),
-        Source::Body(number) => format!("body force {}", number + 1),
-    }
-}
-
-fn check_finite(mesh: &Mesh, source: Source, values: &[f64]) -> Result<(), BoundaryError> {
+fn check_finite(place: impl FnOnce() -> String, values: &[f64]) -> Result<(), BoundaryError> {
     match values.iter().find(|value| !value.is_finite()) {
-        Some(&value) => Err(BoundaryError::NotFinite { place: describe(mesh, source), value }),
+        Some(&value) => Err(BoundaryError::NotFinite { place: place(), value }),
         None => Ok(()),
     }
 }
 
-fn find_surface<'m>(mesh: &'m Mesh, name: &str) -> Result<(usize, &'m Surface), BoundaryError> {
+/// Returns the surface of this name and its index in [`Mesh::surfaces`], for implementations of [`LoadCondition`].
+///
+/// # Errors
+/// Returns [`BoundaryError::UnknownSurface`] if the mesh has no such surface.
+pub fn find_surface<'m>(mesh: &'m Mesh, name: &str) -> Result<(usize, &'m Surface), BoundaryError> {
     mesh.surfaces().iter().enumerate().find(|(_, surface)| surface.name == name).ok_or_else(|| {
         BoundaryError::UnknownSurface {
             name: name.to_owned(),
@@ -258,47 +177,11 @@ fn find_node(mesh: &Mesh, number: usize, place: PointLocation) -> Result<u32, Bo
     let node = match place {
         PointLocation::Node(node) => node,
         PointLocation::Nearest(position) => {
-            check_finite(mesh, Source::Point(number), &position)?;
+            check_finite(|| Source::Point(number).describe(mesh), &position)?;
             mesh.nearest_node(position).0
         }
     };
     u32::try_from(node).ok().filter(|_| node < nodes).ok_or(BoundaryError::UnknownNode { node, nodes })
-}
-
-/// Returns the nodal shares of a surface: each node of a triangle gets a third of its reference area, the integral of
-/// the shape function.
-fn area_shares(mesh: &Mesh, surface: &Surface) -> Vec<(u32, f64)> {
-    let mut shares = BTreeMap::new();
-    for &triangle in &surface.triangles {
-        let [x, y, z] = mesh.area_vector(triangle);
-        let share = (x * x + y * y + z * z).sqrt() / 3.0;
-        for node in triangle {
-            *shares.entry(node).or_insert(0.0) += share;
-        }
-    }
-    shares.into_iter().collect()
-}
-
-/// Returns the nodal shares of a region: each node of an element gets a quarter of its volume.
-fn volume_shares(mesh: &Mesh, region: &str) -> Result<Vec<(u32, f64)>, BoundaryError> {
-    let number =
-        match region {
-            "*" => None,
-            name => Some(mesh.region(name).ok_or_else(|| BoundaryError::UnknownRegion {
-                name: name.to_owned(),
-                known: mesh.regions().to_vec(),
-            })?),
-        };
-    let mut shares = BTreeMap::new();
-    for (element, (nodes, &of)) in mesh.elements().iter().zip(mesh.region_of()).enumerate() {
-        if number.is_none_or(|number| number == of) {
-            let share = mesh.element_volume(element) / 4.0;
-            for &node in nodes {
-                *shares.entry(node).or_insert(0.0) += share;
-            }
-        }
-    }
-    Ok(shares.into_iter().collect())
 }
 
 #[cfg(test)]

@@ -1,7 +1,9 @@
-//! The linear tetrahedron.
+//! The linear tetrahedron: volume, gradients of the shape functions, and deformation gradient.
 
 use nalgebra::{Matrix3, Vector3};
 use thiserror::Error;
+
+use super::mesh::longest_edge;
 
 /// Nodes of a linear tetrahedron.
 pub const NODES: usize = 4;
@@ -45,7 +47,7 @@ impl Tetrahedron {
         let x = nodes.map(Vector3::from);
         let edges = Matrix3::from_columns(&[x[1] - x[0], x[2] - x[0], x[3] - x[0]]);
         let volume = edges.determinant() / 6.0;
-        let longest = longest_edge(&x);
+        let longest = longest_edge(*nodes);
         let degenerate = ElementError::Degenerate { volume, longest };
         if !(volume > 1e-14 * longest.powi(3) && volume.is_finite()) {
             return Err(degenerate);
@@ -74,16 +76,6 @@ impl Tetrahedron {
     pub fn deformation_gradient(&self, u: &[[f64; 3]; NODES]) -> Matrix3<f64> {
         self.displacement_gradient(u) + Matrix3::identity()
     }
-}
-
-fn longest_edge(x: &[Vector3<f64>; NODES]) -> f64 {
-    let mut longest = 0.0_f64;
-    for a in 0..NODES {
-        for b in 0..a {
-            longest = longest.max((x[a] - x[b]).norm());
-        }
-    }
-    longest
 }
 
 #[cfg(test)]

@@ -32,7 +32,7 @@ impl LinearElastic {
 }
 
 impl Material for LinearElastic {
-    fn respond(&self, f: &Matrix3<f64>) -> Result<Response, MaterialError> {
+    fn evaluate(&self, f: &Matrix3<f64>) -> Result<Response, MaterialError> {
         let strain = Self::strain(f);
         let pk1 = strain * (2.0 * self.mu) + Matrix3::from_diagonal_element(self.lambda * strain.trace());
         let mut tangent = SMatrix::<f64, 9, 9>::zeros();

@@ -1,4 +1,14 @@
 //! Constitutive formulas: energy, stress and tangent as functions of the deformation gradient.
+//!
+//! ```
+//! use biotissue::fem::material::{Material, NeoHookean};
+//! use nalgebra::Matrix3;
+//!
+//! let material = NeoHookean { mu: 1.0e3, lambda: 2.0e3 }; // Pa
+//! let response = material.evaluate(&Matrix3::from_diagonal(&[1.1, 0.96, 0.96].into())).unwrap();
+//! assert!(response.energy > 0.0 && response.pk1[(0, 0)] > 0.0);
+//! assert!(material.evaluate(&Matrix3::from_diagonal(&[-1.0, 1.0, 1.0].into())).is_err(), "inverted");
+//! ```
 
 mod linear_elastic;
 mod neo_hookean;
@@ -40,12 +50,12 @@ pub trait Material: Send + Sync {
     ///
     /// # Errors
     /// Returns [`MaterialError::Inverted`] if the material is undefined at `f`.
-    fn respond(&self, f: &Matrix3<f64>) -> Result<Response, MaterialError>;
+    fn evaluate(&self, f: &Matrix3<f64>) -> Result<Response, MaterialError>;
 
     /// Evaluates the energy only, J/m^3.
     ///
     /// # Errors
-    /// As for [`Material::respond`].
+    /// As for [`Material::evaluate`].
     fn energy(&self, f: &Matrix3<f64>) -> Result<f64, MaterialError>;
 }
 
@@ -89,7 +99,7 @@ mod tests {
     fn stress_is_the_slope_of_the_energy(material: &dyn Material) {
         let h = 1e-5;
         for f in states() {
-            let pk1 = material.respond(&f).unwrap().pk1;
+            let pk1 = material.evaluate(&f).unwrap().pk1;
             for k in 0..9 {
                 let slope = (material.energy(&moved(&f, k, h)).unwrap() - material.energy(&moved(&f, k, -h)).unwrap())
                     / (2.0 * h);
@@ -102,10 +112,10 @@ mod tests {
     fn tangent_is_the_slope_of_the_stress(material: &dyn Material) {
         let h = 1e-5;
         for f in states() {
-            let tangent = material.respond(&f).unwrap().tangent;
+            let tangent = material.evaluate(&f).unwrap().tangent;
             for c in 0..9 {
-                let up = material.respond(&moved(&f, c, h)).unwrap().pk1;
-                let down = material.respond(&moved(&f, c, -h)).unwrap().pk1;
+                let up = material.evaluate(&moved(&f, c, h)).unwrap().pk1;
+                let down = material.evaluate(&moved(&f, c, -h)).unwrap().pk1;
                 let slope = (up - down) / (2.0 * h);
                 for r in 0..9 {
                     let error = (slope[(r / 3, r % 3)] - tangent[(r, c)]).abs();
@@ -117,7 +127,7 @@ mod tests {
 
     fn tangent_is_symmetric_and_energies_agree(material: &dyn Material) {
         for f in states() {
-            let response = material.respond(&f).unwrap();
+            let response = material.evaluate(&f).unwrap();
             let skew = (response.tangent - response.tangent.transpose()).norm();
             assert!(skew <= 1e-14 * response.tangent.norm(), "{skew:e}");
             assert_eq!(response.energy, material.energy(&f).unwrap());
@@ -126,7 +136,7 @@ mod tests {
 
     /// At `F = I`: no stress, and `A : H = lambda tr(H) I + mu (H + H^T)`.
     fn small_strain_moduli_are_lames(material: &dyn Material) {
-        let at_rest = material.respond(&Matrix3::identity()).unwrap();
+        let at_rest = material.evaluate(&Matrix3::identity()).unwrap();
         assert_eq!(at_rest.pk1, Matrix3::zeros(), "not rounded: exactly zero");
         assert_eq!(at_rest.energy, 0.0);
         for k in 0..9 {
@@ -170,7 +180,7 @@ mod tests {
             small_strain_moduli_are_lames,
         ];
         saint_venant: SaintVenantKirchhoff::at_rest(
-            &NeoHookean { mu: MU, lambda: LAMBDA }.respond(&Matrix3::identity()).unwrap().tangent
+            &NeoHookean { mu: MU, lambda: LAMBDA }.evaluate(&Matrix3::identity()).unwrap().tangent
         ), [
             stress_is_the_slope_of_the_energy,
             tangent_is_the_slope_of_the_stress,
@@ -184,9 +194,9 @@ mod tests {
     fn inverted_and_unreal_states_are_errors() {
         let material = NeoHookean { mu: MU, lambda: LAMBDA };
         let mirrored = Matrix3::from_diagonal(&[1.0, -0.5, 1.0].into());
-        assert_eq!(material.respond(&mirrored).unwrap_err(), MaterialError::Inverted { determinant: -0.5 });
+        assert_eq!(material.evaluate(&mirrored).unwrap_err(), MaterialError::Inverted { determinant: -0.5 });
         assert_eq!(material.energy(&mirrored).unwrap_err(), MaterialError::Inverted { determinant: -0.5 });
-        assert!(material.respond(&Matrix3::zeros()).is_err());
-        assert!(material.respond(&Matrix3::from_element(f64::NAN)).is_err());
+        assert!(material.evaluate(&Matrix3::zeros()).is_err());
+        assert!(material.evaluate(&Matrix3::from_element(f64::NAN)).is_err());
     }
 }

@@ -4,11 +4,13 @@ use nalgebra::{Matrix3, SMatrix};
 
 use super::small_strain::{Dilatation, green_lagrange};
 use super::{Material, MaterialError, Response, checked_determinant};
+use crate::tensor::row_major;
 
 /// The energy is `W = mu/2 (I1 - 3) - mu ln J + lambda/2 (ln J)^2` with `I1 = F : F`.
 ///
 /// # Derivation
-/// With `dJ/dF = J F^-T` and `d(F^-1)_Ji / dF_kL = -F^-1_Jk F^-1_Li`:
+/// With `dJ/dF = J F^-T` and `d(F^-1)_Ji / dF_kL = -F^-1_Jk F^-1_Li`, the first Piola-Kirchhoff stress `P = dW/dF` and
+/// its tangent `A = dP/dF` are
 ///
 /// ```text
 /// P_iJ   = mu (F_iJ - F^-1_Ji) + lambda ln J F^-1_Ji
@@ -16,7 +18,7 @@ use super::{Material, MaterialError, Response, checked_determinant};
 /// ```
 ///
 /// `A` is symmetric under the exchange of `iJ` and `kL`. At `F = I` it is Hooke's law with Lame's constants `mu` and
-/// `lambda`.
+/// `lambda`. `mu - lambda ln J` is `J` times the effective shear modulus of the spatial elasticity tensor.
 ///
 /// # Small strains
 /// In the formulas above, terms of first order (in `W`) and of order zero (in `P`) cancel; at a strain of `1e-8` the
@@ -25,7 +27,7 @@ use super::{Material, MaterialError, Response, checked_determinant};
 ///
 /// ```text
 /// W = mu (e : e - (tr H)^2 / 2 - det H + [(J - 1) - ln J]) + lambda/2 (ln J)^2
-/// P = F^-T (2 mu E + lambda ln J I)
+/// P = F^-T (2 mu E + lambda ln J I)        (2 mu E + lambda ln J I = F^T P is the Mandel stress)
 /// ```
 ///
 /// in which every term is of the order of the result.
@@ -42,6 +44,7 @@ pub struct NeoHookean {
 }
 
 impl NeoHookean {
+    /// Evaluates `W` at `H = F - I`.
     fn energy_at(&self, h: &Matrix3<f64>, dilatation: &Dilatation) -> f64 {
         let strain = (h + h.transpose()) * 0.5;
         let trace = h.trace();
@@ -51,26 +54,26 @@ impl NeoHookean {
 }
 
 impl Material for NeoHookean {
-    fn respond(&self, f: &Matrix3<f64>) -> Result<Response, MaterialError> {
+    fn evaluate(&self, f: &Matrix3<f64>) -> Result<Response, MaterialError> {
         let determinant = checked_determinant(f)?;
         let inverse = f.try_inverse().ok_or(MaterialError::Inverted { determinant })?;
         let displacement_gradient = f - Matrix3::identity();
         let dilatation = Dilatation::of(&displacement_gradient, determinant);
-        let pressure = self.mu - self.lambda * dilatation.ln;
+        let effective_mu = self.mu - self.lambda * dilatation.ln;
         let strain = green_lagrange(&displacement_gradient);
-        let pulled_back = strain * (2.0 * self.mu) + Matrix3::from_diagonal_element(self.lambda * dilatation.ln);
-        let pk1 = inverse.transpose() * pulled_back;
-        // h[3 i + J] = F^-1_Ji
-        let h: [f64; 9] = std::array::from_fn(|k| inverse[(k % 3, k / 3)]);
+        let mandel = strain * (2.0 * self.mu) + Matrix3::from_diagonal_element(self.lambda * dilatation.ln);
+        let pk1 = inverse.transpose() * mandel;
+        // F^-T, row-major: F^-1_Ji is at 3 i + J.
+        let f_inv_t = row_major(&inverse.transpose());
         let mut tangent = SMatrix::<f64, 9, 9>::zeros();
         for k in 0..3 {
             for l in 0..3 {
                 let column = 3 * k + l;
-                let scaled = self.lambda * h[column];
+                let lambda_term = self.lambda * f_inv_t[column];
                 for i in 0..3 {
-                    let crossed = pressure * h[3 * i + l];
+                    let mu_term = effective_mu * f_inv_t[3 * i + l];
                     for j in 0..3 {
-                        tangent[(3 * i + j, column)] = scaled * h[3 * i + j] + crossed * h[3 * k + j];
+                        tangent[(3 * i + j, column)] = lambda_term * f_inv_t[3 * i + j] + mu_term * f_inv_t[3 * k + j];
                     }
                 }
                 tangent[(column, column)] += self.mu;

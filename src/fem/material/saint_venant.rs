@@ -9,7 +9,7 @@ use super::{Material, MaterialError, Response, checked_determinant};
 /// finite rotations, which cause no strain.
 ///
 /// # Derivation
-/// With `S = C : E` and the minor symmetries of `C`:
+/// With the second Piola-Kirchhoff stress `S = C : E` and the minor symmetries of `C`:
 ///
 /// ```text
 /// P_iJ   = F_iM S_MJ
@@ -30,15 +30,15 @@ impl SaintVenantKirchhoff {
     /// Creates the law from the tangent `A = dP/dF` of a body at rest; enforces the symmetries of `C` exactly.
     #[must_use]
     pub fn at_rest(tangent: &SMatrix<f64, 9, 9>) -> Self {
-        let swapped = |k: usize| 3 * (k % 3) + k / 3;
+        let transposed = |k: usize| 3 * (k % 3) + k / 3;
         let mut stiffness = SMatrix::zeros();
         for row in 0..9 {
             for column in 0..9 {
                 let minor = |a: usize, b: usize| {
                     tangent[(a, b)]
-                        + tangent[(swapped(a), b)]
-                        + tangent[(a, swapped(b))]
-                        + tangent[(swapped(a), swapped(b))]
+                        + tangent[(transposed(a), b)]
+                        + tangent[(a, transposed(b))]
+                        + tangent[(transposed(a), transposed(b))]
                 };
                 stiffness[(row, column)] = (minor(row, column) + minor(column, row)) / 8.0;
             }
@@ -46,34 +46,34 @@ impl SaintVenantKirchhoff {
         Self { stiffness }
     }
 
-    /// Returns the Green-Lagrange strain and the second Piola-Kirchhoff stress.
-    fn at(&self, f: &Matrix3<f64>) -> (Matrix3<f64>, Matrix3<f64>) {
+    /// Returns the Green-Lagrange strain `E` and the second Piola-Kirchhoff stress `S`, Pa.
+    fn strain_and_pk2(&self, f: &Matrix3<f64>) -> (Matrix3<f64>, Matrix3<f64>) {
         let strain = green_lagrange(&(f - Matrix3::identity()));
-        let stress = Matrix3::from_fn(|i, j| {
+        let pk2 = Matrix3::from_fn(|i, j| {
             (0..9).map(|column| self.stiffness[(3 * i + j, column)] * strain[(column / 3, column % 3)]).sum()
         });
-        (strain, stress)
+        (strain, pk2)
     }
 }
 
 impl Material for SaintVenantKirchhoff {
-    fn respond(&self, f: &Matrix3<f64>) -> Result<Response, MaterialError> {
+    fn evaluate(&self, f: &Matrix3<f64>) -> Result<Response, MaterialError> {
         checked_determinant(f)?;
-        let (strain, stress) = self.at(f);
+        let (strain, pk2) = self.strain_and_pk2(f);
         let mut tangent = SMatrix::<f64, 9, 9>::zeros();
         for (i, j, k, l) in (0..81).map(|n| (n / 27, n / 9 % 3, n / 3 % 3, n % 3)) {
-            let mut sum = if i == k { stress[(j, l)] } else { 0.0 };
+            let mut sum = if i == k { pk2[(j, l)] } else { 0.0 };
             for (m, p) in (0..9).map(|n| (n / 3, n % 3)) {
                 sum += f[(i, m)] * self.stiffness[(3 * m + j, 3 * l + p)] * f[(k, p)];
             }
             tangent[(3 * i + j, 3 * k + l)] = sum;
         }
-        Ok(Response { energy: 0.5 * strain.dot(&stress), pk1: f * stress, tangent })
+        Ok(Response { energy: 0.5 * strain.dot(&pk2), pk1: f * pk2, tangent })
     }
 
     fn energy(&self, f: &Matrix3<f64>) -> Result<f64, MaterialError> {
         checked_determinant(f)?;
-        let (strain, stress) = self.at(f);
-        Ok(0.5 * strain.dot(&stress))
+        let (strain, pk2) = self.strain_and_pk2(f);
+        Ok(0.5 * strain.dot(&pk2))
     }
 }

@@ -30,6 +30,19 @@ pub(super) fn ascending([mut a, mut b, mut c]: [u32; 3]) -> ([u32; 3], bool) {
     ([a, b, c], even)
 }
 
+/// Returns the faces of these elements, sorted by their nodes.
+fn sorted(elements: &[[u32; 4]]) -> Vec<Face> {
+    let mut faces = Vec::with_capacity(4 * elements.len());
+    for (element, &nodes) in (0_u32..).zip(elements) {
+        for face in outward(nodes) {
+            let (nodes, even) = ascending(face);
+            faces.push(Face { nodes, element, even });
+        }
+    }
+    faces.sort_unstable_by_key(|face| (face.nodes, face.even, face.element));
+    faces
+}
+
 /// All faces of a mesh, sorted by their nodes.
 pub(super) struct Faces(Vec<Face>);
 
@@ -40,14 +53,7 @@ impl Faces {
     /// Returns [`MeshError::Overlap`] if two elements lie on the same side of a face, which includes three elements at
     /// one face and duplicate elements.
     pub fn of(elements: &[[u32; 4]]) -> Result<Self, MeshError> {
-        let mut faces = Vec::with_capacity(4 * elements.len());
-        for (element, &nodes) in (0_u32..).zip(elements) {
-            for face in outward(nodes) {
-                let (nodes, even) = ascending(face);
-                faces.push(Face { nodes, element, even });
-            }
-        }
-        faces.sort_unstable_by_key(|face| (face.nodes, face.even, face.element));
+        let faces = sorted(elements);
         for pair in faces.windows(2) {
             let [first, second] = pair else { continue };
             if first.nodes == second.nodes && first.even == second.even {
@@ -94,18 +100,13 @@ impl Faces {
 
 /// For each element, returns the elements that share a face with it, ascending.
 pub(super) fn neighbors(elements: &[[u32; 4]]) -> Vec<Vec<u32>> {
-    let mut faces: Vec<([u32; 3], u32)> = Vec::with_capacity(4 * elements.len());
-    for (element, &nodes) in (0_u32..).zip(elements) {
-        faces.extend(outward(nodes).map(|face| (ascending(face).0, element)));
-    }
-    faces.sort_unstable();
     let mut near = vec![Vec::new(); elements.len()];
-    for pair in faces.windows(2) {
-        if let [(face, a), (other, b)] = pair
-            && face == other
+    for pair in sorted(elements).windows(2) {
+        if let [a, b] = pair
+            && a.nodes == b.nodes
         {
-            near[*a as usize].push(*b);
-            near[*b as usize].push(*a);
+            near[a.element as usize].push(b.element);
+            near[b.element as usize].push(a.element);
         }
     }
     near.iter_mut().for_each(|near| near.sort_unstable());

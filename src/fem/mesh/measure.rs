@@ -20,7 +20,7 @@ pub(super) fn signed_volume(x: [[f64; 3]; 4]) -> f64 {
 }
 
 /// Returns the length of the longest of the six edges.
-pub(super) fn longest_edge(x: [[f64; 3]; 4]) -> f64 {
+pub(in crate::fem) fn longest_edge(x: [[f64; 3]; 4]) -> f64 {
     let mut longest: f64 = 0.0;
     for (a, &start) in x.iter().enumerate() {
         for &end in &x[a + 1..] {

@@ -5,6 +5,15 @@
 //! | this one | [`Mesh`] with its invariants and queries |
 //! | [`gmsh`] | reading and writing of Gmsh `.msh` files, versions 2.2 and 4.1 |
 //! | [`shapes`] | the built-in box and dogbone |
+//!
+//! ```
+//! use biotissue::fem::mesh::shapes;
+//!
+//! let mesh = shapes::cuboid([4, 2, 2], [2.0, 1.0, 1.0]).unwrap(); // 16 cells of six tetrahedra
+//! assert_eq!((mesh.elements().len(), mesh.regions()), (96, &["body".to_owned()][..]));
+//! let end = mesh.surface("x1").unwrap();
+//! assert!((mesh.surface_area(end) - 1.0).abs() < 1e-14 && (mesh.volume() - 2.0).abs() < 1e-14);
+//! ```
 
 mod check;
 mod faces;
@@ -13,6 +22,7 @@ mod measure;
 pub mod shapes;
 
 pub use check::MeshError;
+pub(super) use measure::longest_edge;
 
 /// A tetrahedral mesh: node positions in meters, elements with their regions, named surfaces.
 ///
@@ -83,7 +93,7 @@ impl Mesh {
 
     /// Creates a mesh of a built-in shape, whose topology is correct by construction (the tests of the shapes verify it
     /// with [`Mesh::new`]). Checks only what depends on the dimensions.
-    fn built(
+    fn from_shape(
         nodes: Vec<[f64; 3]>,
         (elements, region_of): (Vec<[u32; 4]>, Vec<u32>),
         regions: &[&str],

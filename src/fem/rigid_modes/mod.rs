@@ -5,14 +5,24 @@
 //! moves the node at `x` by `v + w x (x - c)`. Every prescribed displacement component is one homogeneous linear
 //! equation in the six components of `v` and `w`; a mode in the null space of these equations is free. Each connected
 //! component ("part") of the mesh must be constrained separately.
+//!
+//! ```
+//! use biotissue::fem::{mesh::shapes, rigid_modes};
+//!
+//! let mesh = shapes::cuboid([1, 1, 1], [1.0; 3]).unwrap();
+//! // The lower side slides in its plane.
+//! let prescribed: Vec<[bool; 3]> = mesh.nodes().iter().map(|x| [false, false, x[2] == 0.0]).collect();
+//! let error = rigid_modes::check(&mesh, &prescribed).unwrap_err();
+//! assert_eq!(error.to_string(), "the body is free to move along x and y and to rotate about z");
+//! ```
 
-mod freedom;
+mod free_modes;
 mod parts;
 
 use nalgebra::{DMatrix, Matrix6, Vector3, Vector6};
 use thiserror::Error;
 
-pub use freedom::{FreeModes, Screw};
+pub use free_modes::{FreeModes, Screw};
 
 use super::mesh::Mesh;
 use parts::{Part, parts};
@@ -36,7 +46,7 @@ pub struct UnderconstrainedPart {
     /// Regions, position and number of elements of the part; `None` if the mesh is connected.
     pub name: Option<String>,
     /// The free rigid-body modes.
-    pub freedom: FreeModes,
+    pub free_modes: FreeModes,
 }
 
 /// Checks that the prescribed displacements constrain all six rigid-body modes of every connected part of `mesh`.
@@ -50,24 +60,24 @@ pub struct UnderconstrainedPart {
 pub fn check(mesh: &Mesh, prescribed: &[[bool; 3]]) -> Result<(), UnderconstrainedBody> {
     let parts = parts(mesh);
     let is_one = parts.len() == 1;
-    let unheld = parts.iter().filter_map(|part| {
-        let freedom = freedom_of(mesh, part, prescribed)?;
-        Some(UnderconstrainedPart { name: (!is_one).then(|| part.name(mesh)), freedom })
+    let underconstrained = parts.iter().filter_map(|part| {
+        let free_modes = free_modes_of(mesh, part, prescribed)?;
+        Some(UnderconstrainedPart { name: (!is_one).then(|| part.name(mesh)), free_modes })
     });
-    let parts: Vec<UnderconstrainedPart> = unheld.collect();
+    let parts: Vec<UnderconstrainedPart> = underconstrained.collect();
     if parts.is_empty() { Ok(()) } else { Err(UnderconstrainedBody { parts }) }
 }
 
 /// Returns the free modes of a part; `None` if it has none.
-fn freedom_of(mesh: &Mesh, part: &Part, prescribed: &[[bool; 3]]) -> Option<FreeModes> {
+fn free_modes_of(mesh: &Mesh, part: &Part, prescribed: &[[bool; 3]]) -> Option<FreeModes> {
     let position = |node: u32| Vector3::from(mesh.nodes()[node as usize]);
     let nodes = || part.nodes.iter().copied();
     let center = nodes().map(position).sum::<Vector3<f64>>() / part.nodes.len() as f64;
     let size = nodes().map(|node| (position(node) - center).norm()).fold(0.0, f64::max);
     let equations = nodes().flat_map(|node| {
         let arm = (position(node) - center) / size;
-        let held = (0..3).filter(move |&component| prescribed[node as usize][component]);
-        held.map(move |component| equation(component, arm))
+        let components = (0..3).filter(move |&component| prescribed[node as usize][component]);
+        components.map(move |component| equation(component, arm))
     });
     let equations: Vec<Vector6<f64>> = equations.collect();
     // The threshold exceeds the rounding error of the arms.
@@ -80,8 +90,8 @@ fn freedom_of(mesh: &Mesh, part: &Part, prescribed: &[[bool; 3]]) -> Option<Free
 /// center.
 fn equation(component: usize, arm: Vector3<f64>) -> Vector6<f64> {
     let direction = Vector3::ith(component, 1.0);
-    let turned = arm.cross(&direction);
-    Vector6::new(direction.x, direction.y, direction.z, turned.x, turned.y, turned.z)
+    let moment = arm.cross(&direction);
+    Vector6::new(direction.x, direction.y, direction.z, moment.x, moment.y, moment.z)
 }
 
 /// Returns orthonormal modes for which every equation is below `zero` in absolute value.
@@ -102,18 +112,15 @@ fn basis(equations: &[Vector6<f64>]) -> Vec<Vector6<f64>> {
 }
 
 fn describe(parts: &[UnderconstrainedPart]) -> String {
-    let mut all: Vec<String> = parts.iter().take(LISTED).map(describe_part).collect();
+    let describe = |UnderconstrainedPart { name, free_modes }: &UnderconstrainedPart| match name {
+        Some(name) => format!("{name} is {free_modes}"),
+        None => format!("the body is {free_modes}"),
+    };
+    let mut all: Vec<String> = parts.iter().take(LISTED).map(describe).collect();
     if parts.len() > LISTED {
         all.push(format!("and {} more", parts.len() - LISTED));
     }
     all.join("; ")
-}
-
-fn describe_part(UnderconstrainedPart { name, freedom }: &UnderconstrainedPart) -> String {
-    match name {
-        Some(name) => format!("{name} is {freedom}"),
-        None => format!("the body is {freedom}"),
-    }
 }
 
 #[cfg(test)]

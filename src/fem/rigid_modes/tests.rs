@@ -9,7 +9,7 @@ fn said(held: impl Fn([f64; 3]) -> [bool; 3]) -> String {
 
 fn said_of(mesh: &Mesh, held: impl Fn([f64; 3]) -> [bool; 3]) -> String {
     let prescribed: Vec<[bool; 3]> = mesh.nodes().iter().map(|&x| held(x)).collect();
-    check(mesh, &prescribed).map_or_else(|unheld| unheld.to_string(), |()| String::new())
+    check(mesh, &prescribed).map_or_else(|error| error.to_string(), |()| String::new())
 }
 
 const ALL: [bool; 3] = [true; 3];
@@ -88,22 +88,22 @@ fn named_modes_leave_what_is_held_in_place() {
         let rows = (0..8).flat_map(|node| held(node).into_iter().map(move |i| (node, i)));
         let rows: Vec<Vector6<f64>> = rows.map(|(node, i)| equation(i, mesh.nodes()[node].into())).collect();
         let rank = if rows.is_empty() { 0 } else { DMatrix::from_fn(rows.len(), 6, |i, j| rows[i][j]).rank(1e-9) };
-        let Err(unheld) = check(&mesh, prescribed) else {
+        let Err(error) = check(&mesh, prescribed) else {
             assert_eq!(rank, 6, "{prescribed:?}");
             continue;
         };
-        let FreeModes { translations, rotations, .. } = &unheld.parts[0].freedom;
-        assert_eq!(translations.len() + rotations.len(), 6 - rank, "{unheld}: {prescribed:?}");
+        let FreeModes { translations, rotations, .. } = &error.parts[0].free_modes;
+        assert_eq!(translations.len() + rotations.len(), 6 - rank, "{error}: {prescribed:?}");
         screws += rotations.iter().filter(|screw| screw.pitch != 0.0).count();
         let zero = |node: usize, motion: Vector3<f64>| held(node).into_iter().all(|i| motion[i].abs() < 1e-9);
         for node in 0..8 {
-            assert!(translations.iter().all(|&t| zero(node, t.into())), "{unheld}: {prescribed:?}");
+            assert!(translations.iter().all(|&t| zero(node, t.into())), "{error}: {prescribed:?}");
         }
         if translations.is_empty() {
             for Screw { axis, point, pitch } in rotations {
                 let (axis, point) = (Vector3::from(*axis), Vector3::from(*point));
                 let motion = |node: usize| axis * *pitch + axis.cross(&(Vector3::from(mesh.nodes()[node]) - point));
-                assert!((0..8).all(|node| zero(node, motion(node))), "{unheld}: {prescribed:?}");
+                assert!((0..8).all(|node| zero(node, motion(node))), "{error}: {prescribed:?}");
             }
         }
     }

@@ -5,9 +5,41 @@
 //! increment doubles again if the position within the step is a multiple of the doubled increment. A converged substep
 //! is committed, but only full steps are reported, so the rows of a result do not depend on the cuts.
 //!
-//! A state is accepted if it is in equilibrium, if every response continues the last accepted state
+//! A state is committed if it is in equilibrium, if every response continues the committed state
 //! ([`PointField::verify`]), and if no point changes its material ([`PointField::evolve`]). Otherwise, equilibrium is
 //! restored at the same pseudo-time.
+//!
+//! # Example
+//! A box is stretched by 10 % in two load steps:
+//!
+//! ```
+//! # #[cfg(feature = "sparse")] {
+//! use std::sync::Arc;
+//! use biotissue::backends::sparse::Sparse;
+//! use biotissue::fem::boundary::{Conditions, LoadCurve, SurfaceCondition};
+//! use biotissue::fem::material::NeoHookean;
+//! use biotissue::fem::mesh::shapes;
+//! use biotissue::fem::point_field::FormulaField;
+//! use biotissue::fem::stepping::{StepParams, Stepper};
+//!
+//! let mesh = Arc::new(shapes::cuboid([2, 2, 2], [1.0; 3]).unwrap());
+//! let clamp = |surface: &str, x| SurfaceCondition {
+//!     surface: surface.into(),
+//!     displacement: [Some(x), Some(0.0), Some(0.0)],
+//!     curve: LoadCurve::Ramp,
+//! };
+//! let conditions = Conditions { surfaces: vec![clamp("x0", 0.0), clamp("x1", 0.1)], ..Conditions::default() };
+//! let field = FormulaField::uniform(NeoHookean { mu: 1.0e3, lambda: 2.0e3 }, mesh.elements().len());
+//! let params = StepParams { count: 2, ..StepParams::default() };
+//! let mut stepper = Stepper::<Sparse, _>::new(&(), mesh, &conditions, field, params).unwrap();
+//! let reports = stepper.run(&mut ()).unwrap();
+//!
+//! assert_eq!((reports.len(), stepper.state().t), (2, 1.0));
+//! let forces = stepper.forces();
+//! assert!(forces.surfaces.iter().any(|surface| surface.name == "x1" && surface.force[0] > 300.0));
+//! assert!(forces.sum().iter().all(|force| force.abs() < 1e-5));
+//! # }
+//! ```
 
 mod error;
 mod observer;
@@ -29,7 +61,8 @@ use super::point_field::PointField;
 use super::reactions::BoundaryForces;
 use super::rigid_modes;
 use crate::las::{
-    Backend, NewtonError, NewtonFailure, NewtonReport, NewtonSystem, NonlinearProblem, Scalar, SolveError, VectorOps,
+    Backend, NewtonError, NewtonFailure, NewtonReport, NewtonSystem, NonlinearProblem, Scalar, SolveError,
+    SolverParams, VectorOps,
 };
 
 /// A body, its linear system, and its position in pseudo-time.
@@ -41,7 +74,7 @@ pub struct Stepper<B: Backend, P> {
     completed_steps: usize,
     /// Number of halvings of the increment at which the next attempt starts.
     halvings: u32,
-    /// True as long as the accepted state is the undeformed one.
+    /// True as long as the committed state is the undeformed one.
     undeformed: bool,
 }
 
@@ -49,7 +82,10 @@ pub struct Stepper<B: Backend, P> {
 pub type RunError<B, P, O> = SteppingError<<P as PointField>::Error, <B as Backend>::Fault, O>;
 
 /// The result of an attempt or of a part of one.
-type Attempt<B, P, T> = Result<T, Box<Failed<<P as PointField>::Error, <B as Backend>::Fault>>>;
+type Attempt<B, P, T> = Result<T, FailedAttemptOf<B, P>>;
+type FailedAttemptOf<B, P> = Box<Failed<<P as PointField>::Error, <B as Backend>::Fault>>;
+type SolveFailure<B, P> =
+    NewtonFailure<EquilibriumError<<P as PointField>::Error, <B as Backend>::Fault>, <B as Backend>::Fault>;
 
 /// The start and the end of an attempt in pseudo-time.
 #[derive(Clone, Copy)]
@@ -104,17 +140,19 @@ where
         field: P,
         params: StepParams,
     ) -> Result<Self, SetupError<P::Error, B::Fault>> {
-        assert_eq!(order.len(), mesh.nodes().len(), "every node has its place");
+        assert_eq!(order.len(), mesh.nodes().len(), "the order has one entry per node");
         let boundary = Boundary::new(&mesh, conditions)?;
         let geometry = assembly::geometry(&mesh)?;
-        let prescribed = boundary.prescribed(mesh.nodes().len());
+        let prescribed = boundary.prescribed_mask(mesh.nodes().len());
         rigid_modes::check(&mesh, &prescribed)?;
         let unknowns = Unknowns::in_order(order, |node, component| prescribed[node][component])?;
         let pattern = Arc::new(unknowns.pattern(&mesh)?);
-        let symbolic = B::analyze(context, &pattern, &params.solver).map_err(SetupError::System)?;
+        let solver = SolverParams { symmetry: boundary.symmetry(params.solver.symmetry), ..params.solver };
+        let symbolic = B::analyze(context, &pattern, &solver).map_err(SetupError::System)?;
         let system = NewtonSystem::new(context, &pattern, &symbolic).map_err(SetupError::System)?;
-        let assembler = Assembler::new(geometry, &mesh, &unknowns, &system.matrix)
-            .map_err(|fault| SetupError::System(SolveError::Fault(fault)))?;
+        let fault = |fault| SetupError::System(SolveError::Fault(fault));
+        let mut assembler = Assembler::new(geometry, &mesh, &unknowns, &system.matrix).map_err(fault)?;
+        assembler.locate_loads(boundary.loads(), &system.matrix).map_err(fault)?;
         let body = Equilibrium::new(mesh, boundary, assembler, field).map_err(SetupError::Undeformed)?;
         Ok(Self { body, system, params, completed_steps: 0, halvings: 0, undeformed: true })
     }
@@ -122,7 +160,7 @@ where
     /// Returns the last converged state.
     #[must_use]
     pub fn state(&self) -> &BodyState {
-        self.body.accepted()
+        self.body.committed()
     }
 
     /// Returns the surface and point forces in the last converged state.
@@ -199,15 +237,15 @@ where
             let span = Span { step, from: time(position), t: time(position + increment) };
             let mut solves = Vec::new();
             let outcome = match self.attempt(span.t, &mut report, &mut solves) {
-                Ok(()) => self.body.accept().map_err(|error| lost(error, NewtonReport::default())),
-                Err(failed) => match self.body.reject() {
+                Ok(()) => self.body.commit().map_err(|error| Self::unrecoverable(error, NewtonReport::default())),
+                Err(failed) => match self.body.revert() {
                     Ok(()) => Err(failed),
-                    Err(error) => Err(lost(error, failed.newton)),
+                    Err(error) => Err(Self::unrecoverable(error, failed.newton)),
                 },
             };
             match outcome {
                 Ok(()) => {
-                    report.substeps.append(&mut solves);
+                    report.solves.append(&mut solves);
                     self.undeformed = false;
                     position += increment;
                     if self.halvings > 0 && position.is_multiple_of(2 * increment) {
@@ -215,7 +253,7 @@ where
                     }
                 }
                 Err(mut failed) => {
-                    // Without residuals, the last solve had converged, but the state could not be accepted.
+                    // Without residuals, the last solve had converged, but the state could not be committed.
                     if failed.newton.residuals.is_empty() {
                         failed.newton = solves.pop().unwrap_or_default();
                     }
@@ -260,57 +298,58 @@ where
             t: report.t,
             report,
             mesh: self.body.mesh(),
-            state: self.body.accepted(),
+            state: self.body.committed(),
             forces: self.body.forces(),
             field: self.body.field(),
         }
     }
 
-    /// Advances from the accepted state to an equilibrium state at pseudo-time `t` in which every response continues
-    /// the accepted state and no point changes its material. `solves` collects the reports of the converged Newton
+    /// Advances from the committed state to an equilibrium state at pseudo-time `t` in which every response continues
+    /// the committed state and no point changes its material. `solves` collects the reports of the converged Newton
     /// solves.
     fn attempt(&mut self, t: f64, report: &mut StepReport, solves: &mut Vec<NewtonReport>) -> Attempt<B, P, ()> {
-        /// If responses still do not continue the accepted state after this many rounds, they alternate between
+        /// If responses still do not continue the committed state after this many rounds, they alternate between
         /// branches, and only a smaller increment helps.
         const MAX_REPLACEMENTS: usize = 5;
         solves.push(self.start(t, report)?);
-        let (mut rounds, mut replacements) = (0, 0);
+        let (mut evolutions, mut replacements) = (0, 0);
         loop {
-            if self.body.verify().map_err(unacceptable::<B, P>)? {
+            if self.body.verify().map_err(Self::rejected)? {
                 if replacements == MAX_REPLACEMENTS {
-                    return Err(unacceptable::<B, P>(EquilibriumError::OffBranch { rounds: replacements }));
+                    return Err(Self::rejected(EquilibriumError::OffBranch { replacements }));
                 }
                 replacements += 1;
-                report.replaced += 1;
-            } else if self.body.evolve().map_err(unacceptable::<B, P>)? {
-                if rounds == self.params.max_rounds {
-                    return Err(unacceptable::<B, P>(EquilibriumError::StillChanging { rounds }));
+                report.verification_rounds += 1;
+            } else if self.body.evolve().map_err(Self::rejected)? {
+                if evolutions == self.params.max_evolutions {
+                    return Err(Self::rejected(EquilibriumError::StillChanging { evolutions }));
                 }
-                (rounds, replacements) = (rounds + 1, 0);
-                report.rounds += 1;
+                (evolutions, replacements) = (evolutions + 1, 0);
+                report.evolutions += 1;
             } else {
                 break;
             }
-            solves.push(self.system.solve(&mut self.body, &self.params.newton).map_err(failed::<B, P>)?);
+            solves.push(self.system.solve(&mut self.body, &self.params.newton).map_err(Self::failed)?);
         }
-        self.body.check_balance(self.params.newton.tolerance).map_err(unacceptable::<B, P>)
+        self.body.check_balance(self.params.newton.tolerance).map_err(Self::rejected)
     }
 
-    /// Solves from the accepted state to pseudo-time `t` by Newton, from a held or a linearized start.
+    /// Solves from the committed state to pseudo-time `t` by Newton, starting from the prescribed displacements
+    /// or from the linearization.
     fn start(&mut self, t: f64, report: &mut StepReport) -> Attempt<B, P, NewtonReport> {
         if self.undeformed || self.params.start == StepStart::Tangent {
             return self.attempt_linearized(t, report);
         }
-        self.body.apply_prescribed(t);
+        self.body.begin_step(t);
         match self.system.solve(&mut self.body, &self.params.newton) {
             Ok(newton) => Ok(newton),
             // The moved boundary has inverted the adjacent elements; the linearized start distributes the motion over
             // the body.
-            Err(failure) if has_no_start::<B, P>(&failure) => {
-                self.body.reject().map_err(|error| lost(error, NewtonReport::default()))?;
+            Err(failure) if Self::failed_at_first_residual(&failure) => {
+                self.body.revert().map_err(|error| Self::unrecoverable(error, NewtonReport::default()))?;
                 self.attempt_linearized(t, report)
             }
-            Err(failure) => Err(failed::<B, P>(failure)),
+            Err(failure) => Err(Self::failed(failure)),
         }
     }
 
@@ -324,55 +363,36 @@ where
             })
         })?;
         report.add_linearized(seconds);
-        self.system.solve(&mut self.body, &self.params.newton).map_err(failed::<B, P>)
+        self.system.solve(&mut self.body, &self.params.newton).map_err(Self::failed)
     }
-}
 
-/// Returns true if Newton failed at its first residual for a reason that another start may avoid.
-fn has_no_start<B: Backend, P: PointField>(
-    failure: &NewtonFailure<EquilibriumError<P::Error, B::Fault>, B::Fault>,
-) -> bool {
-    let not_there = match &failure.reason {
-        NewtonError::Problem(EquilibriumError::Points(error)) => !P::is_final(error),
-        reason => matches!(reason, NewtonError::NotFinite),
-    };
-    not_there && failure.report.residuals.is_empty()
-}
+    /// Returns true if Newton failed at its first residual for a reason that another start may avoid.
+    fn failed_at_first_residual(failure: &SolveFailure<B, P>) -> bool {
+        let undefined = match &failure.reason {
+            NewtonError::Problem(EquilibriumError::PointField(error)) => !P::is_final(error),
+            reason => matches!(reason, NewtonError::NotFinite),
+        };
+        undefined && failure.report.residuals.is_empty()
+    }
 
-fn failed<B, P>(
-    failure: NewtonFailure<EquilibriumError<P::Error, B::Fault>, B::Fault>,
-) -> Box<Failed<P::Error, B::Fault>>
-where
-    B: Backend<Scalar = f64>,
-    B::Reduced: Scalar,
-    P: PointField,
-{
-    let unrecoverable = match &failure.reason {
-        NewtonError::Solve(SolveError::Fault(_)) => true,
-        NewtonError::Problem(error) => <Equilibrium<B, P> as NonlinearProblem<B>>::is_final(error),
-        _ => false,
-    };
-    Box::new(Failed { reason: failure.reason, newton: *failure.report, unrecoverable })
-}
+    fn failed(NewtonFailure { reason, report }: SolveFailure<B, P>) -> FailedAttemptOf<B, P> {
+        let unrecoverable = match &reason {
+            NewtonError::Solve(SolveError::Fault(_)) => true,
+            NewtonError::Problem(error) => <Equilibrium<B, P> as NonlinearProblem<B>>::is_final(error),
+            _ => false,
+        };
+        Box::new(Failed { reason, newton: *report, unrecoverable })
+    }
 
-/// Converts the error of a converged state that cannot be accepted; a smaller increment may help.
-fn unacceptable<B, P>(error: EquilibriumError<P::Error, B::Fault>) -> Box<Failed<P::Error, B::Fault>>
-where
-    B: Backend<Scalar = f64>,
-    B::Reduced: Scalar,
-    P: PointField,
-{
-    let unrecoverable = <Equilibrium<B, P> as NonlinearProblem<B>>::is_final(&error);
-    Box::new(Failed { reason: NewtonError::Problem(error), newton: NewtonReport::default(), unrecoverable })
-}
+    /// Converts the error of a converged state that cannot be committed; a smaller increment may help.
+    fn rejected(error: EquilibriumError<P::Error, B::Fault>) -> FailedAttemptOf<B, P> {
+        Self::failed(NewtonFailure { reason: NewtonError::Problem(error), report: Box::default() })
+    }
 
-/// Converts an error of commit or revert; no further attempt is possible.
-fn lost<E, F>(error: EquilibriumError<E, F>, newton: NewtonReport) -> Box<Failed<E, F>>
-where
-    E: std::fmt::Display,
-    F: std::fmt::Display,
-{
-    Box::new(Failed { reason: NewtonError::Problem(error), newton, unrecoverable: true })
+    /// Converts an error of commit or revert; no further attempt is possible.
+    fn unrecoverable(error: EquilibriumError<P::Error, B::Fault>, newton: NewtonReport) -> FailedAttemptOf<B, P> {
+        Box::new(Failed { reason: NewtonError::Problem(error), newton, unrecoverable: true })
+    }
 }
 
 #[cfg(all(test, feature = "sparse"))]

@@ -77,7 +77,7 @@ pub struct FailedAttempt<'a, P: PointField, F: std::error::Error> {
     pub reason: &'a StepFailure<P::Error, F>,
     /// The point field, reset to the last converged state.
     pub field: &'a P,
-    /// The Newton report of the failure, or of the last converged solve if the state could not be accepted; empty if
+    /// The Newton report of the failure, or of the last converged solve if the state could not be committed; empty if
     /// the linearized start failed.
     pub newton: &'a NewtonReport,
 }

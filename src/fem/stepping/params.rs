@@ -11,8 +11,8 @@ pub struct StepParams {
     pub max_cuts: u32,
     /// Maximum number of times that equilibrium may be restored at the same pseudo-time after points changed their
     /// material; beyond it, the attempt fails. Default 200.
-    pub max_rounds: usize,
-    /// Initial guess of Newton in all steps except the first. Default [`StepStart::Held`].
+    pub max_evolutions: usize,
+    /// Initial guess of Newton in all steps except the first. Default [`StepStart::Prescribed`].
     pub start: StepStart,
     /// Stopping criteria of Newton. Default: a tolerance of `1e-8`, 25 iterations, up to 10 cuts in the line search.
     pub newton: NewtonParams,
@@ -31,7 +31,7 @@ impl Default for StepParams {
         Self {
             count: 10,
             max_cuts: 6,
-            max_rounds: 200,
+            max_evolutions: 200,
             start: StepStart::default(),
             newton,
             solver: SolverParams::default(),
@@ -43,10 +43,10 @@ impl Default for StepParams {
 /// undeformed body.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum StepStart {
-    /// The last accepted state with only the prescribed components moved.
+    /// The committed state with only the prescribed components moved.
     #[default]
-    Held,
-    /// The linearization of the last accepted state: its tangent distributes the increment of loads and prescribed
+    Prescribed,
+    /// The linearization of the committed state: its tangent distributes the increment of loads and prescribed
     /// displacements over the body, at the cost of one more factorization.
     Tangent,
 }
@@ -62,12 +62,12 @@ pub struct StepReport {
     pub cuts: usize,
     /// Newton reports of the converged substeps, in order: one per substep, and one more for every time that
     /// equilibrium was restored.
-    pub substeps: Vec<NewtonReport>,
+    pub solves: Vec<NewtonReport>,
     /// Number of rounds in which points changed their material, including failed attempts.
-    pub rounds: usize,
-    /// Number of rounds in which responses that did not continue the last accepted state were replaced, including
+    pub evolutions: usize,
+    /// Number of rounds in which responses that did not continue the committed state were replaced, including
     /// failed attempts.
-    pub replaced: usize,
+    pub verification_rounds: usize,
     /// Newton reports of the failed attempts, in order.
     pub failures: Vec<NewtonReport>,
     /// Number of linearized starts, each with one factorization and one solve.
@@ -80,7 +80,7 @@ impl StepReport {
     /// Returns the number of Newton iterations of the converged substeps.
     #[must_use]
     pub fn iterations(&self) -> usize {
-        self.substeps.iter().map(|report| report.iterations).sum()
+        self.solves.iter().map(|report| report.iterations).sum()
     }
 
     /// Returns the number of Newton iterations of failed attempts.
@@ -92,13 +92,13 @@ impl StepReport {
     /// Returns the final residual relative to its scale; `None` before a substep has converged.
     #[must_use]
     pub fn relative_residual(&self) -> Option<f64> {
-        self.substeps.last()?.relative.last().copied()
+        self.solves.last()?.relative.last().copied()
     }
 
     /// Returns the seconds by phase, for converged and failed attempts and linearized starts together.
     #[must_use]
     pub fn seconds(&self) -> NewtonSeconds {
-        let attempts = self.substeps.iter().chain(&self.failures).map(|report| report.seconds);
+        let attempts = self.solves.iter().chain(&self.failures).map(|report| report.seconds);
         attempts.fold(self.linearized_seconds, add)
     }
 

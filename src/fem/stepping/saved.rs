@@ -68,11 +68,11 @@ where
     B::Reduced: Scalar,
     P: PointField,
 {
-    /// Returns the state after the last full step; `None` before the first one, and if the last accepted state lies
+    /// Returns the state after the last full step; `None` before the first one, and if the committed state lies
     /// within a step that failed later.
     #[must_use]
     pub fn saved(&self) -> Option<SavedState> {
-        let state = self.body.accepted();
+        let state = self.body.committed();
         let full = self.completed_steps > 0 && state.t == self.time_after(self.completed_steps);
         full.then(|| SavedState {
             completed_steps: self.completed_steps,

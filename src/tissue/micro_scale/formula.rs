@@ -21,8 +21,8 @@ impl Formula {
     /// Returns [`MaterialError::Inverted`] from the neo-Hookean formula if the determinant is not positive.
     pub fn respond(&self, gradient: &Matrix3<f64>) -> Result<Response, MaterialError> {
         match self {
-            Self::NeoHookean(material) => material.respond(gradient),
-            Self::LinearElastic(material) => material.respond(gradient),
+            Self::NeoHookean(material) => material.evaluate(gradient),
+            Self::LinearElastic(material) => material.evaluate(gradient),
         }
     }
 }

@@ -14,6 +14,7 @@ use crate::app::case::{Before, Case, LifeCase, MaterialCase};
 use crate::fem::material::{Material, MaterialError, Response, SaintVenantKirchhoff};
 use crate::fem::mesh::Mesh;
 use crate::las::{Backend, Scalar};
+use crate::tensor::contract;
 
 /// The state of an RVE in its life cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -393,7 +394,7 @@ fn linear(
 ) -> Result<Response, MaterialError> {
     upright(f)?;
     let mut sum = Response { energy: 0.0, pk1: Matrix3::zeros(), tangent: nalgebra::SMatrix::zeros() };
-    let parts = [rest.map(|rest| rest.respond(f)), matrix.map(|matrix| matrix.respond(f))];
+    let parts = [rest.map(|rest| rest.evaluate(f)), matrix.map(|matrix| matrix.respond(f))];
     for part in parts.into_iter().flatten() {
         let part = part?;
         sum.energy += part.energy;
@@ -406,9 +407,7 @@ fn linear(
 /// Extrapolates the response from `from` to `f`: stress to first order by the tangent, and the matching energy.
 fn extrapolate(from: &Matrix3<f64>, answer: &Response, f: &Matrix3<f64>) -> Response {
     let moved = f - from;
-    let by_rows = |m: &Matrix3<f64>| nalgebra::SVector::<f64, 9>::from_fn(|k, _| m[(k / 3, k % 3)]);
-    let change = answer.tangent * by_rows(&moved);
-    let pk1 = answer.pk1 + Matrix3::from_fn(|i, j| change[3 * i + j]);
+    let pk1 = answer.pk1 + contract(&answer.tangent, &moved);
     let energy = answer.energy + 0.5 * (answer.pk1 + pk1).dot(&moved);
     Response { energy, pk1, tangent: answer.tangent }
 }

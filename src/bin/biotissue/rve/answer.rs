@@ -7,7 +7,6 @@ use biotissue::fiber::homogenize::Tangent;
 use biotissue::fiber::network::Network;
 use biotissue::fiber::rve::RveModel;
 use biotissue::las::Backend;
-use nalgebra::Matrix3;
 use serde::Serialize;
 
 /// The object that `--json` prints.
@@ -146,11 +145,6 @@ impl Ladder {
             at_rounding: stage.is_some() && report.newton.relative.last().is_some_and(|&r| r > tolerance),
         }
     }
-}
-
-/// Returns a tensor as its rows.
-pub fn rows(m: &Matrix3<f64>) -> [[f64; 3]; 3] {
-    [0, 1, 2].map(|i| [0, 1, 2].map(|j| m[(i, j)]))
 }
 
 /// Returns a tangent as its rows.

@@ -6,19 +6,17 @@ use std::time::Instant;
 
 use biotissue::app::results::ResultsError;
 use biotissue::fiber::equilibrium::{EquilibriumParams, EquilibriumReport, RveError, Stages, equilibrate};
-use biotissue::fiber::homogenize;
 use biotissue::fiber::law::FiberMaterial;
 use biotissue::fiber::network::Network;
 use biotissue::fiber::orientation::{Weighting, tensor};
 use biotissue::fiber::rve::{Rve, RveModel, StressScale};
 use biotissue::fiber::workspace::Workspace;
 use biotissue::las::{Backend, NewtonReport, Scalar};
+use biotissue::tensor::{cauchy, rows};
 use biotissue::tissue::replay::RveDump;
 use nalgebra::Matrix3;
 
-use super::answer::{
-    Answer, Ladder, NetworkFacts, Orientation, Seconds, Stability, State, Stretch, rows, tangent_rows,
-};
+use super::answer::{Answer, Ladder, NetworkFacts, Orientation, Seconds, Stability, State, Stretch, tangent_rows};
 use crate::dispatch::Job;
 use crate::failure::Failure;
 use crate::increments::{Increments, unusable};
@@ -154,7 +152,7 @@ impl RveJob {
         let reference = rows(&tensor(&workspace.states().directions, lengths, Weighting::Number));
         Ok(State {
             pk1: rows(&pk1),
-            cauchy: rows(&homogenize::cauchy(&pk1, &gradient)),
+            cauchy: rows(&cauchy(&pk1, &gradient)),
             tangent: tangent_rows(&tangent),
             energy,
             stretch,

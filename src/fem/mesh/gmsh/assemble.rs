@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::MeshFile;
 use super::cursor::DAMAGED;
-use super::explain::Source;
+use super::explain::ParsedFile;
 use super::numbering::Numbering;
 use super::raw::{Cell, Raw};
 use crate::fem::mesh::measure::signed_volume;
@@ -15,8 +15,8 @@ use crate::input::InputError;
 /// Assembles the mesh.
 pub(super) fn assemble(mut raw: Raw, path: &Path) -> Result<MeshFile, InputError> {
     let mut warnings = std::mem::take(&mut raw.warnings);
-    let source = Source { raw: &raw, path };
-    source.has_a_body()?;
+    let source = ParsedFile { raw: &raw, path };
+    source.check_not_empty()?;
     let numbering = source.numbering()?;
     let (elements, turned) = source.elements(&numbering)?;
     if turned > 0 {
@@ -63,25 +63,25 @@ impl Parts {
     /// Returns [`MeshError::NotAFace`] if a triangle contains such a node.
     fn drop_unused_nodes(&mut self) -> Result<usize, MeshError> {
         const UNUSED: u32 = u32::MAX;
-        let mut place = vec![UNUSED; self.nodes.len()];
+        let mut index = vec![UNUSED; self.nodes.len()];
         for &node in self.elements.iter().flatten() {
-            place[node as usize] = 0;
+            index[node as usize] = 0;
         }
         for (surface, group) in &self.groups {
-            let loose = |(nodes, _): &([u32; 3], usize)| nodes.iter().any(|&node| place[node as usize] == UNUSED);
+            let loose = |(nodes, _): &([u32; 3], usize)| nodes.iter().any(|&node| index[node as usize] == UNUSED);
             if let Some(triangle) = group.iter().position(loose) {
                 return Err(MeshError::NotAFace { surface: surface.clone(), triangle, nodes: group[triangle].0 });
             }
         }
-        for (place, next) in place.iter_mut().filter(|place| **place != UNUSED).zip(0..) {
-            *place = next;
+        for (index, next) in index.iter_mut().filter(|index| **index != UNUSED).zip(0..) {
+            *index = next;
         }
         let before = self.nodes.len();
-        let mut used = place.iter().map(|&place| place != UNUSED);
+        let mut used = index.iter().map(|&index| index != UNUSED);
         self.nodes.retain(|_| used.next().unwrap_or(true));
         let triangles = self.groups.iter_mut().flat_map(|(_, group)| group.iter_mut().flat_map(|(nodes, _)| nodes));
         for node in self.elements.iter_mut().flatten().chain(triangles) {
-            *node = place[*node as usize];
+            *node = index[*node as usize];
         }
         Ok(before - self.nodes.len())
     }
@@ -95,23 +95,23 @@ fn coincident(nodes: &[[f64; 3]]) -> usize {
     places.windows(2).filter(|pair| pair[0] == pair[1]).count()
 }
 
-impl Source<'_> {
+impl ParsedFile<'_> {
     /// Checks that the file has nodes and tetrahedra.
-    fn has_a_body(&self) -> Result<(), InputError> {
+    fn check_not_empty(&self) -> Result<(), InputError> {
         for section in ["Nodes", "Elements"] {
             if !self.raw.has(section) {
-                let what = format!("${section} is missing");
-                return Err(self.fault(0, what, "a file with $Nodes and $Elements", DAMAGED));
+                let problem = format!("${section} is missing");
+                return Err(self.fault(0, problem, "a file with $Nodes and $Elements", DAMAGED));
             }
         }
         if self.raw.tetrahedra.is_empty() {
-            let what = match self.raw.triangles.len() {
+            let problem = match self.raw.triangles.len() {
                 0 => "the mesh has no tetrahedra".to_owned(),
                 triangles => format!("the mesh has no tetrahedra, only {triangles} triangles"),
             };
             return Err(self.fault(
                 0,
-                what,
+                problem,
                 "a body of tetrahedra",
                 "mesh the volume (in Gmsh: Mesh, 3D), put it in a physical group (Gmsh saves nothing else if there are \
                  any groups), and export again",
@@ -124,8 +124,8 @@ impl Source<'_> {
     fn numbering(&self) -> Result<Numbering, InputError> {
         let nodes = &self.raw.nodes;
         if u32::try_from(nodes.len()).is_err() {
-            let what = MeshError::TooLarge { count: nodes.len() }.to_string();
-            return Err(self.fault(0, what, "a smaller mesh", "coarsen the mesh"));
+            let problem = MeshError::TooLarge { count: nodes.len() }.to_string();
+            return Err(self.fault(0, problem, "a smaller mesh", "coarsen the mesh"));
         }
         Numbering::new(nodes.iter().map(|node| node.tag)).map_err(|index| {
             let node = &nodes[index];
@@ -148,14 +148,14 @@ impl Source<'_> {
         let mut nodes = [0; N];
         for (k, (slot, &tag)) in nodes.iter_mut().zip(&cell.nodes).enumerate() {
             *slot = numbering.index(tag).ok_or_else(|| {
-                let what = format!("{noun} {} names node {tag}, which is not in $Nodes", cell.tag);
-                self.fault(cell.line, what, "nodes of this file", DAMAGED)
+                let problem = format!("{noun} {} names node {tag}, which is not in $Nodes", cell.tag);
+                self.fault(cell.line, problem, "nodes of this file", DAMAGED)
             })?;
             if cell.nodes[..k].contains(&tag) {
-                let what = format!("{noun} {} has node {tag} twice", cell.tag);
+                let problem = format!("{noun} {} has node {tag} twice", cell.tag);
                 return Err(self.fault(
                     cell.line,
-                    what,
+                    problem,
                     "different nodes",
                     "remove the collapsed element or mesh again",
                 ));
@@ -181,7 +181,7 @@ impl Source<'_> {
 
     /// Returns the regions, in the order of their physical numbers, and the region of each element.
     fn regions(&self) -> Result<(Vec<String>, Vec<u32>), InputError> {
-        let mut names = Names::default();
+        let mut names = GroupNames::default();
         let mut of = Vec::with_capacity(self.raw.tetrahedra.len());
         let mut without = 0;
         for cell in &self.raw.tetrahedra {
@@ -221,9 +221,9 @@ impl Source<'_> {
 
     /// Returns the triangles of each physical surface group, in the order of their numbers.
     fn surfaces(&self, numbering: &Numbering) -> Result<Vec<(String, Triangles)>, InputError> {
-        let mut names = Names::default();
+        let mut names = GroupNames::default();
         let mut surfaces: Vec<Triangles> = Vec::new();
-        for (place, cell) in self.raw.triangles.iter().enumerate() {
+        for (index, cell) in self.raw.triangles.iter().enumerate() {
             let groups = self.raw.groups(2, cell);
             if groups.is_empty() {
                 continue;
@@ -233,15 +233,15 @@ impl Source<'_> {
                 let name = names.index(self.raw, 2, group) as usize;
                 surfaces.resize_with(surfaces.len().max(name + 1), Vec::new);
                 // Two groups of the same name form one surface.
-                if surfaces[name].last().is_none_or(|&(_, last)| last != place) {
-                    surfaces[name].push((nodes, place));
+                if surfaces[name].last().is_none_or(|&(_, last)| last != index) {
+                    surfaces[name].push((nodes, index));
                 }
             }
         }
         let (order, names) = names.in_order();
         let mut sorted: Vec<(String, Triangles)> = names.into_iter().map(|name| (name, Vec::new())).collect();
-        for (surface, place) in surfaces.into_iter().zip(order) {
-            sorted[place as usize].1 = surface;
+        for (surface, index) in surfaces.into_iter().zip(order) {
+            sorted[index as usize].1 = surface;
         }
         Ok(sorted)
     }
@@ -264,13 +264,13 @@ impl Source<'_> {
 
 /// Names of groups, indexed in order of appearance.
 #[derive(Default)]
-struct Names {
+struct GroupNames {
     /// The name index of each group found so far.
     groups: BTreeMap<i32, u32>,
     names: Vec<String>,
 }
 
-impl Names {
+impl GroupNames {
     fn index(&mut self, raw: &Raw, dimension: i32, group: i32) -> u32 {
         *self.groups.entry(group).or_insert_with(|| {
             let name = raw.group_name(dimension, group);

@@ -13,9 +13,9 @@ pub(super) enum Encoding {
     Text,
     Binary {
         /// True if the file is big-endian.
-        swapped: bool,
+        big_endian: bool,
         /// True if counts and tags of version 4 have eight bytes, false if four.
-        wide: bool,
+        eight_byte_sizes: bool,
     },
 }
 
@@ -60,10 +60,6 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    pub fn set_encoding(&mut self, encoding: Encoding) {
-        self.encoding = encoding;
-    }
-
     pub fn is_text(&self) -> bool {
         self.encoding == Encoding::Text
     }
@@ -83,12 +79,17 @@ impl<'a> Cursor<'a> {
     // Errors
 
     /// Creates an error at the last token.
-    pub fn fault(&self, what: impl Into<String>, expected: impl Into<String>, cure: impl Into<String>) -> InputError {
+    pub fn fault(
+        &self,
+        problem: impl Into<String>,
+        expected: impl Into<String>,
+        hint: impl Into<String>,
+    ) -> InputError {
         match self.encoding {
-            Encoding::Text => InputError::at_line(self.path, self.token_line, what, expected, cure),
+            Encoding::Text => InputError::at_line(self.path, self.token_line, problem, expected, hint),
             Encoding::Binary { .. } => {
-                let what = format!("at byte {}: {}", self.token_at, what.into());
-                InputError::in_file(self.path, what, expected, cure)
+                let problem = format!("at byte {}: {}", self.token_at, problem.into());
+                InputError::in_file(self.path, problem, expected, hint)
             }
         }
     }
@@ -96,11 +97,11 @@ impl<'a> Cursor<'a> {
     /// Creates an error of the file as a whole.
     pub fn file_fault(
         &self,
-        what: impl Into<String>,
+        problem: impl Into<String>,
         expected: impl Into<String>,
-        cure: impl Into<String>,
+        hint: impl Into<String>,
     ) -> InputError {
-        InputError::in_file(self.path, what, expected, cure)
+        InputError::in_file(self.path, problem, expected, hint)
     }
 
     /// Creates the error for a premature end of the file, or else of the section.
@@ -111,8 +112,8 @@ impl<'a> Cursor<'a> {
             None => String::new(),
         };
         if file {
-            let what = format!("the file ends within ${section}{after}");
-            return self.fault(what, expected, "the file was cut off: export or copy it again");
+            let problem = format!("the file ends within ${section}{after}");
+            return self.fault(problem, expected, "the file was cut off: export or copy it again");
         }
         self.fault(
             format!("${section} ends{}", if after.is_empty() { " too early" } else { &after }),
@@ -183,13 +184,13 @@ impl<'a> Cursor<'a> {
             self.at += word.len();
             return Ok(());
         }
-        let what = match (clipped(word), self.progress) {
+        let problem = match (clipped(word), self.progress) {
             (word, _) if word.is_empty() => format!("`{end}` is missing: the file ends"),
             (word, _) if word.starts_with('$') => format!("`{end}` is missing: `{word}` stands in its place"),
             (word, Some(Progress { noun, of, .. })) => format!("`{word}` follows the {of} {noun} announced"),
             (word, None) => format!("`{word}` stands at the end of ${name}"),
         };
-        Err(self.fault(what, format!("`{end}`"), DAMAGED))
+        Err(self.fault(problem, format!("`{end}`"), DAMAGED))
     }
 
     /// Advances past the end of an ignored section.
@@ -202,9 +203,9 @@ impl<'a> Cursor<'a> {
             window == end.as_bytes() && next.is_none_or(u8::is_ascii_whitespace)
         });
         let Some((at, _)) = found else {
-            let what = format!("the section `${0}` is not closed: no line `$End{0}` follows", self.section);
+            let problem = format!("the section `${0}` is not closed: no line `$End{0}` follows", self.section);
             return Err(self.fault(
-                what,
+                problem,
                 format!("`$End{}`", self.section),
                 "the file was cut off: export or copy it again",
             ));

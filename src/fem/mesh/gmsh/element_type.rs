@@ -2,7 +2,7 @@
 
 /// The treatment of an element type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum ElementTreatment {
     /// Points and lines, with this number of nodes: skipped.
     Ignored(usize),
     Triangle,
@@ -12,13 +12,13 @@ pub(super) enum Kind {
 /// Returns the treatment of an element type number.
 ///
 /// # Errors
-/// Returns the name and a cure if the type is not supported.
-pub(super) fn kind(number: i32) -> Result<Kind, (String, &'static str)> {
+/// Returns the name and a hint if the type is not supported.
+pub(super) fn treatment(number: i32) -> Result<ElementTreatment, (String, &'static str)> {
     match number {
-        15 => Ok(Kind::Ignored(1)),
-        1 => Ok(Kind::Ignored(2)),
-        2 => Ok(Kind::Triangle),
-        4 => Ok(Kind::Tetrahedron),
+        15 => Ok(ElementTreatment::Ignored(1)),
+        1 => Ok(ElementTreatment::Ignored(2)),
+        2 => Ok(ElementTreatment::Triangle),
+        4 => Ok(ElementTreatment::Tetrahedron),
         _ => Err(refusal(number)),
     }
 }
@@ -28,7 +28,7 @@ fn refusal(number: i32) -> (String, &'static str) {
     const SIMPLICES: &str =
         "mesh the body with tetrahedra only (in Gmsh: no recombination, no transfinite or extruded hexahedra)";
     const UNKNOWN: &str = "the file is damaged or of a newer kind: export it again from Gmsh";
-    let (name, order, cure) = match number {
+    let (name, order, hint) = match number {
         3 => ("4-node quadrangles", 1, SIMPLICES),
         5 => ("8-node hexahedra", 1, SIMPLICES),
         6 => ("6-node prisms", 1, SIMPLICES),
@@ -60,7 +60,7 @@ fn refusal(number: i32) -> (String, &'static str) {
         93 => ("125-node hexahedra", 4, SIMPLICES),
         _ => return (format!("elements of type {number}"), UNKNOWN),
     };
-    (format!("{name} (order {order}, element type {number})"), cure)
+    (format!("{name} (order {order}, element type {number})"), hint)
 }
 
 #[cfg(test)]
@@ -69,9 +69,9 @@ mod tests {
 
     #[test]
     fn only_points_lines_triangles_and_tetrahedra_pass() {
-        let accepted: Vec<i32> = (-5..200).filter(|&number| kind(number).is_ok()).collect();
+        let accepted: Vec<i32> = (-5..200).filter(|&number| treatment(number).is_ok()).collect();
         assert_eq!(accepted, [1, 2, 4, 15]);
-        assert_eq!(kind(11).unwrap_err().0, "10-node tetrahedra (order 2, element type 11)");
-        assert_eq!(kind(77).unwrap_err().0, "elements of type 77");
+        assert_eq!(treatment(11).unwrap_err().0, "10-node tetrahedra (order 2, element type 11)");
+        assert_eq!(treatment(77).unwrap_err().0, "elements of type 77");
     }
 }

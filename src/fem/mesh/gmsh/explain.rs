@@ -10,17 +10,17 @@ use crate::fem::mesh::MeshError;
 use crate::input::InputError;
 
 /// A parsed file with its path, for error messages.
-pub(super) struct Source<'a> {
+pub(super) struct ParsedFile<'a> {
     pub raw: &'a Raw,
     pub path: &'a Path,
 }
 
-impl Source<'_> {
+impl ParsedFile<'_> {
     /// Creates an error at a line; line 0 means the whole file.
-    pub fn fault(&self, line: u32, what: String, expected: &str, cure: &str) -> InputError {
+    pub fn fault(&self, line: u32, problem: String, expected: &str, hint: &str) -> InputError {
         match line {
-            0 => InputError::in_file(self.path, what, expected, cure),
-            line => InputError::at_line(self.path, line as usize, what, expected, cure),
+            0 => InputError::in_file(self.path, problem, expected, hint),
+            line => InputError::at_line(self.path, line as usize, problem, expected, hint),
         }
     }
 
@@ -37,19 +37,19 @@ impl Source<'_> {
     /// Translates a mesh error into an error with the tags and lines of the file.
     pub fn explain(&self, error: &MeshError, surfaces: &[(String, Triangles)]) -> InputError {
         let triangle = |surface: &str, index: usize| {
-            let place = surfaces.iter().find(|(name, _)| name == surface).and_then(|(_, group)| group.get(index));
-            place.and_then(|&(_, place)| self.raw.triangles.get(place))
+            let (_, group) = surfaces.iter().find(|(name, _)| name == surface)?;
+            group.get(index).and_then(|&(_, cell)| self.raw.triangles.get(cell))
         };
         let tetrahedron = |index: usize| self.raw.tetrahedra.get(index);
         let told = match error {
             MeshError::Flat { element, volume, longest_edge } => tetrahedron(*element).map(|cell| {
-                let what = format!(
+                let problem = format!(
                     "tetrahedron {} is flat: its volume is {volume:e}, its longest edge {longest_edge:e}",
                     cell.tag
                 );
                 self.fault(
                     cell.line,
-                    what,
+                    problem,
                     "tetrahedra with a volume",
                     "improve the mesh (in Gmsh: Optimize 3D) or mesh again",
                 )
@@ -91,9 +91,9 @@ impl Source<'_> {
             {
                 return self.in_two_groups(second, &one, &other);
             }
-            let what = format!("tetrahedra {} and {} are the same", first.tag, second.tag);
-            let cure = "remove duplicate elements (in Gmsh: Coherence Mesh) and export again";
-            return self.fault(second.line, what, "each tetrahedron once", cure);
+            let problem = format!("tetrahedra {} and {} are the same", first.tag, second.tag);
+            let hint = "remove duplicate elements (in Gmsh: Coherence Mesh) and export again";
+            return self.fault(second.line, problem, "each tetrahedron once", hint);
         }
         self.fault(
             second.line,

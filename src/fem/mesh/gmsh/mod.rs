@@ -3,7 +3,7 @@
 //! Physical groups of volumes become regions and physical groups of surfaces become surfaces; a group without a name is
 //! named by its number. A file without volume groups has one region, `body`. The reader ignores points, lines, and
 //! sections that do not describe the mesh. Other element types, and anything else that would silently change the
-//! results, cause an error with its position and a cure.
+//! results, cause an error with its position and a hint.
 //!
 //! The format is described in the [Gmsh reference manual](https://gmsh.info/doc/texinfo/gmsh.html#MSH-file-format).
 
@@ -87,8 +87,8 @@ fn header(cursor: &mut Cursor<'_>) -> Result<Version, InputError> {
         Some("$NOD") => Some("is a Gmsh file of version 1".to_owned()),
         Some(other) => Some(format!("begins with `{other}`: it is no Gmsh mesh file")),
     };
-    if let Some(what) = found {
-        return Err(cursor.file_fault(what, EXPECTED, "export the mesh as Gmsh `.msh`, version 4.1 or 2.2"));
+    if let Some(problem) = found {
+        return Err(cursor.file_fault(problem, EXPECTED, "export the mesh as Gmsh `.msh`, version 4.1 or 2.2"));
     }
     cursor.next_section()?;
     cursor.begin_row();
@@ -126,8 +126,8 @@ fn header(cursor: &mut Cursor<'_>) -> Result<Version, InputError> {
     }
     cursor.end_row()?;
     if binary {
-        let swapped = cursor.byte_order()?;
-        cursor.set_encoding(Encoding::Binary { swapped, wide: width == 8 });
+        let big_endian = cursor.byte_order()?;
+        cursor.encoding = Encoding::Binary { big_endian, eight_byte_sizes: width == 8 };
     }
     cursor.end_section()?;
     Ok(version)

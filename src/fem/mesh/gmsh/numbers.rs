@@ -9,11 +9,8 @@ impl<'a> Cursor<'a> {
     /// Reads a 32-bit integer.
     pub fn integer(&mut self, expected: &str) -> Result<i32, InputError> {
         match self.encoding {
-            Encoding::Text => self.word_as(expected, "a whole number"),
-            Encoding::Binary { swapped, .. } => {
-                let bytes = self.take(expected)?;
-                Ok(if swapped { i32::from_be_bytes(bytes) } else { i32::from_le_bytes(bytes) })
-            }
+            Encoding::Text => self.text_integer(expected),
+            Encoding::Binary { .. } => self.take(expected).map(i32::from_le_bytes),
         }
     }
 
@@ -21,13 +18,9 @@ impl<'a> Cursor<'a> {
     pub fn size(&mut self, expected: &str) -> Result<u64, InputError> {
         match self.encoding {
             Encoding::Text => self.text_size(expected),
-            Encoding::Binary { swapped, wide: true } => {
-                let bytes = self.take(expected)?;
-                Ok(if swapped { u64::from_be_bytes(bytes) } else { u64::from_le_bytes(bytes) })
-            }
-            Encoding::Binary { swapped, wide: false } => {
-                let bytes = self.take(expected)?;
-                Ok(u64::from(if swapped { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) }))
+            Encoding::Binary { eight_byte_sizes: true, .. } => self.take(expected).map(u64::from_le_bytes),
+            Encoding::Binary { eight_byte_sizes: false, .. } => {
+                self.take(expected).map(|bytes| u32::from_le_bytes(bytes).into())
             }
         }
     }
@@ -61,10 +54,7 @@ impl<'a> Cursor<'a> {
     pub fn number(&mut self, expected: &str) -> Result<f64, InputError> {
         match self.encoding {
             Encoding::Text => self.word_as(expected, "a number"),
-            Encoding::Binary { swapped, .. } => {
-                let bytes = self.take(expected)?;
-                Ok(if swapped { f64::from_be_bytes(bytes) } else { f64::from_le_bytes(bytes) })
-            }
+            Encoding::Binary { .. } => self.take(expected).map(f64::from_le_bytes),
         }
     }
 
@@ -128,14 +118,16 @@ impl<'a> Cursor<'a> {
         }
     }
 
+    /// Reads the bytes of a number in little-endian order.
     fn take<const N: usize>(&mut self, expected: &str) -> Result<[u8; N], InputError> {
         self.mark();
-        match self.bytes[self.at..].first_chunk() {
-            Some(bytes) => {
-                self.at += N;
-                Ok(*bytes)
-            }
-            None => Err(self.ended(true, expected)),
+        let Some(&(mut bytes)) = self.bytes[self.at..].first_chunk() else {
+            return Err(self.ended(true, expected));
+        };
+        self.at += N;
+        if matches!(self.encoding, Encoding::Binary { big_endian: true, .. }) {
+            bytes.reverse();
         }
+        Ok(bytes)
     }
 }

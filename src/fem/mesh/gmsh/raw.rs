@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, HashMap};
 
 use super::Version;
 use super::cursor::Cursor;
-use super::element_type::{Kind, kind};
+use super::element_type::{ElementTreatment, treatment};
 use crate::fem::mesh::check::is_name;
 use crate::input::{InputError, excerpt};
 
@@ -101,13 +101,13 @@ impl Raw {
             let name = quoted.strip_prefix('"').and_then(|rest| rest.strip_suffix('"'));
             let Some(name) = name else {
                 let quoted = excerpt(&quoted);
-                let what = format!("the name of physical group {number} is `{quoted}`: not between double quotes");
-                return Err(cursor.fault(what, ROW, "put the name between double quotes"));
+                let problem = format!("the name of physical group {number} is `{quoted}`: not between double quotes");
+                return Err(cursor.fault(problem, ROW, "put the name between double quotes"));
             };
             if !is_name(name) || name.contains(char::REPLACEMENT_CHARACTER) {
-                let what = format!("physical group {number} is called `{}`", excerpt(name));
+                let problem = format!("physical group {number} is called `{}`", excerpt(name));
                 return Err(cursor.fault(
-                    what,
+                    problem,
                     "a name of printable characters without quotes",
                     "rename the physical group and export the mesh again",
                 ));
@@ -125,27 +125,31 @@ impl Raw {
     }
 
     /// Reads the nodes of an element and stores triangles and tetrahedra.
-    pub fn element(&mut self, cursor: &mut Cursor<'_>, (kind, group, tag): (Kind, i32, u64)) -> Result<(), InputError> {
+    pub fn element(
+        &mut self,
+        cursor: &mut Cursor<'_>,
+        (treatment, group, tag): (ElementTreatment, i32, u64),
+    ) -> Result<(), InputError> {
         let line = cursor.line();
         let version = self.version;
         let node = |cursor: &mut Cursor<'_>, expected| match version {
             Version::V2_2 => cursor.small_size(expected),
             Version::V4_1 => cursor.size(expected),
         };
-        match kind {
-            Kind::Ignored(count) => {
+        match treatment {
+            ElementTreatment::Ignored(count) => {
                 for _ in 0..count {
                     node(cursor, "a node of a point or line")?;
                 }
             }
-            Kind::Triangle => {
+            ElementTreatment::Triangle => {
                 let mut nodes = [0; 3];
                 for slot in &mut nodes {
                     *slot = node(cursor, "the three nodes of a triangle")?;
                 }
                 self.triangles.push(Cell { tag, nodes, group, line });
             }
-            Kind::Tetrahedron => {
+            ElementTreatment::Tetrahedron => {
                 let mut nodes = [0; 4];
                 for slot in &mut nodes {
                     *slot = node(cursor, "the four nodes of a tetrahedron")?;
@@ -158,12 +162,12 @@ impl Raw {
 }
 
 /// Returns the treatment of the element type just read.
-pub(super) fn element_kind(cursor: &Cursor<'_>, number: i32) -> Result<Kind, InputError> {
-    kind(number).map_err(|(name, cure)| {
+pub(super) fn element_treatment(cursor: &Cursor<'_>, number: i32) -> Result<ElementTreatment, InputError> {
+    treatment(number).map_err(|(name, hint)| {
         cursor.fault(
             format!("the mesh has {name}"),
             "4-node tetrahedra and 3-node triangles (points and lines are ignored)",
-            cure,
+            hint,
         )
     })
 }

@@ -1,7 +1,7 @@
 //! Sections of version 2.2.
 
 use super::cursor::Cursor;
-use super::raw::{Raw, RawNode, element_kind};
+use super::raw::{Raw, RawNode, element_treatment};
 use crate::input::InputError;
 
 const NODE: &str = "a node: its number and its x, y and z";
@@ -35,10 +35,10 @@ pub(super) fn elements(cursor: &mut Cursor<'_>, raw: &mut Raw) -> Result<(), Inp
             cursor.begin_row();
             let tag = cursor.small_size(ELEMENT)?;
             let number = cursor.integer(ELEMENT)?;
-            let kind = element_kind(cursor, number)?;
+            let treatment = element_treatment(cursor, number)?;
             let tags = cursor.small_size(ELEMENT)?;
             let group = physical(cursor, tags)?;
-            raw.element(cursor, (kind, group, tag))?;
+            raw.element(cursor, (treatment, group, tag))?;
             cursor.end_row()?;
             cursor.count_one();
         }
@@ -47,7 +47,7 @@ pub(super) fn elements(cursor: &mut Cursor<'_>, raw: &mut Raw) -> Result<(), Inp
     let mut left = count;
     while left > 0 {
         let number = cursor.integer("the type of the elements of a block")?;
-        let kind = element_kind(cursor, number)?;
+        let treatment = element_treatment(cursor, number)?;
         let here = cursor.small_size("the number of elements in a block")?;
         let tags = cursor.small_size("the number of tags an element has")?;
         if here > left {
@@ -60,7 +60,7 @@ pub(super) fn elements(cursor: &mut Cursor<'_>, raw: &mut Raw) -> Result<(), Inp
         for _ in 0..here {
             let tag = cursor.small_size(ELEMENT)?;
             let group = physical(cursor, tags)?;
-            raw.element(cursor, (kind, group, tag))?;
+            raw.element(cursor, (treatment, group, tag))?;
             cursor.count_one();
         }
         left -= here;

@@ -1,8 +1,8 @@
 //! Sections of version 4.1.
 
 use super::cursor::{Cursor, DAMAGED};
-use super::element_type::Kind;
-use super::raw::{Raw, RawNode, element_kind};
+use super::element_type::ElementTreatment;
+use super::raw::{Raw, RawNode, element_treatment};
 use crate::input::InputError;
 
 /// Reads `$Entities`: the physical groups of points, curves, surfaces and volumes of the geometry.
@@ -73,8 +73,8 @@ pub(super) fn nodes(cursor: &mut Cursor<'_>, raw: &mut Raw) -> Result<(), InputE
         let here = cursor.size(BLOCK)?;
         cursor.end_row()?;
         if !(0..=3).contains(&dimension) || !(0..=1).contains(&parametric) {
-            let what = format!("a block of dimension {dimension} whose parametric flag is {parametric}");
-            return Err(cursor.fault(what, BLOCK, DAMAGED));
+            let problem = format!("a block of dimension {dimension} whose parametric flag is {parametric}");
+            return Err(cursor.fault(problem, BLOCK, DAMAGED));
         }
         let start = raw.nodes.len();
         for _ in 0..here {
@@ -105,22 +105,22 @@ pub(super) fn elements(cursor: &mut Cursor<'_>, raw: &mut Raw) -> Result<(), Inp
         let dimension = cursor.integer(BLOCK)?;
         let entity = cursor.integer(BLOCK)?;
         let number = cursor.integer(BLOCK)?;
-        let kind = element_kind(cursor, number)?;
+        let treatment = element_treatment(cursor, number)?;
         let here = cursor.size(BLOCK)?;
         cursor.end_row()?;
-        let (own, noun) = match kind {
-            Kind::Tetrahedron => (3, "tetrahedra"),
-            Kind::Triangle => (2, "triangles"),
-            Kind::Ignored(_) => (dimension, ""),
+        let (own, noun) = match treatment {
+            ElementTreatment::Tetrahedron => (3, "tetrahedra"),
+            ElementTreatment::Triangle => (2, "triangles"),
+            ElementTreatment::Ignored(_) => (dimension, ""),
         };
         if dimension != own {
-            let what = format!("a block of {noun} lies on an entity of dimension {dimension}");
-            return Err(cursor.fault(what, format!("dimension {own}"), DAMAGED));
+            let problem = format!("a block of {noun} lies on an entity of dimension {dimension}");
+            return Err(cursor.fault(problem, format!("dimension {own}"), DAMAGED));
         }
         for _ in 0..here {
             cursor.begin_row();
             let tag = cursor.size("an element: its tag and its nodes")?;
-            raw.element(cursor, (kind, entity, tag))?;
+            raw.element(cursor, (treatment, entity, tag))?;
             cursor.end_row()?;
             cursor.count_one();
             found += 1;
@@ -153,7 +153,7 @@ impl Blocks {
         if announced == found {
             return Ok(());
         }
-        let what = format!("the blocks hold {found} {noun}, but {announced} are announced");
-        Err(cursor.fault(what, "blocks that add up to the number announced", DAMAGED))
+        let problem = format!("the blocks hold {found} {noun}, but {announced} are announced");
+        Err(cursor.fault(problem, "blocks that add up to the number announced", DAMAGED))
     }
 }

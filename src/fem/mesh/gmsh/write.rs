@@ -59,8 +59,8 @@ pub fn to_writer(out: &mut impl Write, mesh: &Mesh, options: WriteOptions) -> io
     // Numbers are signed 32-bit integers in version 2 and in binary entities.
     for count in [mesh.nodes().len(), mesh.elements().len() + triangles, mesh.regions().len(), mesh.surfaces().len()] {
         if i32::try_from(count).is_err() {
-            let what = format!("{count} of a kind are more than Gmsh's 32-bit numbers can tell apart");
-            return Err(io::Error::new(io::ErrorKind::InvalidInput, what));
+            let problem = format!("{count} of a kind are more than Gmsh's 32-bit numbers can tell apart");
+            return Err(io::Error::new(io::ErrorKind::InvalidInput, problem));
         }
     }
     let mut sink = Sink { out, binary: options.binary, row_begun: false };

@@ -24,19 +24,14 @@ pub fn cuboid(cells: [usize; 3], size: [f64; 3]) -> Result<Mesh, ShapeError> {
     let surfaces =
         [("x0", 0, false), ("x1", 0, true), ("y0", 1, false), ("y1", 1, true), ("z0", 2, false), ("z1", 2, true)]
             .map(|(name, axis, upper)| Surface { name: name.into(), triangles: grid.side(axis, upper) });
-    Ok(Mesh::built(nodes, grid.elements(|_| 0), &["body"], surfaces.into())?)
+    Ok(Mesh::from_shape(nodes, grid.elements(|_| 0), &["body"], surfaces.into())?)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::fem::mesh::MeshError;
-
-    /// Checks that [`Mesh::new`] accepts the parts of the shape without changes.
-    fn checked(mesh: &Mesh) {
-        let Mesh { nodes, elements, region_of, regions, surfaces } = mesh.clone();
-        assert_eq!(Mesh::new(nodes, elements, region_of, regions, surfaces).as_ref(), Ok(mesh));
-    }
+    use crate::fem::mesh::shapes::checked;
 
     #[test]
     fn one_cell_is_cut_as_documented() {

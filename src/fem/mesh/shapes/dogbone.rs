@@ -1,7 +1,7 @@
 //! The dogbone mesh: a flat tensile sample with wide grips, circular fillets and a narrow gauge.
 
+use super::axial_grading::{AxialGrading, cells};
 use super::grid::Grid;
-use super::stations::{Stations, cells};
 use super::{ShapeError, positive};
 use crate::fem::mesh::{Mesh, Surface};
 
@@ -139,19 +139,19 @@ pub fn dogbone(shape: &DogboneShape, element_size: f64) -> Result<Mesh, ShapeErr
             return Err(ShapeError::ElementTooLarge { element_size, what, limit });
         }
     }
-    let stations = Stations::new(shape, element_size);
+    let grading = AxialGrading::new(shape, element_size);
     let [across, through] =
         [shape.grip_width, shape.thickness].map(|length| cells(0.5 * length, element_size).saturating_mul(2));
     // With y mirrored in the opposite half, cells in the fillets are cut along their shorter diagonal.
-    let grid = Grid::mirrored([stations.cells(), across, through], [true, false, true])?;
-    let columns = stations.columns(shape);
+    let grid = Grid::mirrored([grading.cells(), across, through], [true, false, true])?;
+    let columns = grading.columns(shape);
     let centered = |step: usize, count: usize| step as f64 / count as f64 - 0.5;
     let nodes = grid.nodes(|i, j, k| {
         let (x, width) = columns[i];
         [x, width * centered(j, across), shape.thickness * centered(k, through)]
     });
     let elements = grid.elements(|[i, _, _]| {
-        let in_grip = i < stations.grip || i >= stations.cells() - stations.grip;
+        let in_grip = i < grading.grip || i >= grading.cells() - grading.grip;
         u32::from(!in_grip)
     });
     let sides = [(1, false), (1, true), (2, false), (2, true)].map(|(axis, upper)| grid.side(axis, upper)).concat();
@@ -160,11 +160,12 @@ pub fn dogbone(shape: &DogboneShape, element_size: f64) -> Result<Mesh, ShapeErr
         Surface { name: "right".into(), triangles: grid.side(0, true) },
         Surface { name: "sides".into(), triangles: sides },
     ];
-    Ok(Mesh::built(nodes, elements, &["grip", "gauge"], surfaces)?)
+    Ok(Mesh::from_shape(nodes, elements, &["grip", "gauge"], surfaces)?)
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::checked;
     use super::*;
     use std::collections::HashSet;
 
@@ -176,12 +177,6 @@ mod tests {
         fillet_radius: 0.0125,
         thickness: 0.0025,
     };
-
-    /// Checks that [`Mesh::new`] accepts the parts of the shape without changes.
-    fn checked(mesh: &Mesh) {
-        let Mesh { nodes, elements, region_of, regions, surfaces } = mesh.clone();
-        assert_eq!(Mesh::new(nodes, elements, region_of, regions, surfaces).as_ref(), Ok(mesh));
-    }
 
     #[test]
     fn default_proportions_are_those_documented() {

@@ -23,10 +23,10 @@ impl Grid {
     }
 
     /// Creates a block whose subdivision is symmetric about its three middle planes: in one half of each axis (the
-    /// upper one if `upper` is true), the cells are mirror images of the Kuhn subdivision. The number of cells along
+    /// upper one if `mirror_upper` is true), the cells are mirror images of the Kuhn subdivision. The number of cells along
     /// each axis must be even for symmetry.
-    pub fn mirrored(cells: [usize; 3], upper: [bool; 3]) -> Result<Self, ShapeError> {
-        Self::checked(cells, Some(upper))
+    pub fn mirrored(cells: [usize; 3], mirror_upper: [bool; 3]) -> Result<Self, ShapeError> {
+        Self::checked(cells, Some(mirror_upper))
     }
 
     fn checked(cells: [usize; 3], mirrored: Option<[bool; 3]>) -> Result<Self, ShapeError> {
@@ -79,7 +79,7 @@ impl Grid {
             for first in 0..self.cells[u] {
                 (cell[u], cell[v]) = (first, second);
                 let faces = self.tetrahedra(cell).into_iter().flat_map(outward);
-                triangles.extend(faces.filter(|face| face.iter().all(|&node| self.place(node)[axis] == plane)));
+                triangles.extend(faces.filter(|face| face.iter().all(|&node| self.grid_indices(node)[axis] == plane)));
             }
         }
         triangles
@@ -89,7 +89,7 @@ impl Grid {
     fn tetrahedra(&self, cell: [usize; 3]) -> [[u32; 4]; 6] {
         let in_upper_half = |axis: usize| 2 * cell[axis] >= self.cells[axis];
         let flip: [bool; 3] = match self.mirrored {
-            Some(upper) => std::array::from_fn(|axis| in_upper_half(axis) == upper[axis]),
+            Some(mirror_upper) => std::array::from_fn(|axis| in_upper_half(axis) == mirror_upper[axis]),
             None => [false; 3],
         };
         let inverted = flip.iter().filter(|&&flip| flip).count() % 2 == 1;
@@ -110,7 +110,7 @@ impl Grid {
     }
 
     /// Returns the grid indices of a node.
-    fn place(&self, node: u32) -> [usize; 3] {
+    fn grid_indices(&self, node: u32) -> [usize; 3] {
         let (row, layer) = (self.cells[0] + 1, self.cells[1] + 1);
         let node = node as usize;
         [node % row, node / row % layer, node / (row * layer)]

@@ -3,10 +3,10 @@
 //! Both are grids of hexahedra cut into six tetrahedra each ([`KUHN`]). Adjacent cells cut their common face along the
 //! same diagonal, so the mesh is conforming.
 
+mod axial_grading;
 mod cuboid;
 mod dogbone;
 mod grid;
-mod stations;
 
 pub use cuboid::cuboid;
 pub use dogbone::{DogboneShape, dogbone};
@@ -83,4 +83,11 @@ pub enum ShapeError {
 /// Returns an error if a length is zero, negative, infinite or NaN.
 fn positive(what: &'static str, value: f64) -> Result<(), ShapeError> {
     if value > 0.0 && value.is_finite() { Ok(()) } else { Err(ShapeError::NotPositive { what, value }) }
+}
+
+/// Checks that [`Mesh::new`](super::Mesh::new) accepts the parts of a shape without changes.
+#[cfg(test)]
+fn checked(mesh: &super::Mesh) {
+    let super::Mesh { nodes, elements, region_of, regions, surfaces } = mesh.clone();
+    assert_eq!(super::Mesh::new(nodes, elements, region_of, regions, surfaces).as_ref(), Ok(mesh));
 }

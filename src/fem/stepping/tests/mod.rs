@@ -7,7 +7,7 @@ use thiserror::Error;
 
 use super::*;
 use crate::backends::sparse::Sparse;
-use crate::fem::boundary::{BodyForce, LoadCurve, SurfaceCondition, SurfaceLoad};
+use crate::fem::boundary::{BodyForce, LoadCurve, SurfaceCondition};
 use crate::fem::material::{MaterialError, NeoHookean};
 use crate::fem::mesh::shapes;
 use crate::fem::point_field::{FormulaField, PointError, PointResponses};
@@ -18,7 +18,7 @@ const MATERIAL: NeoHookean = NeoHookean { mu: 3.0e3, lambda: 5.0e3 };
 fn pushed(by: f64) -> Conditions {
     let held = |surface: &str, displacement| SurfaceCondition {
         surface: surface.into(),
-        load: SurfaceLoad::Displacement(displacement),
+        displacement,
         curve: LoadCurve::Ramp,
     };
     let surfaces = vec![held("x0", [Some(0.0); 3]), held("x1", [Some(by), Some(0.0), Some(0.0)])];
@@ -128,18 +128,18 @@ fn steps_that_fail_are_cut_and_regrown_and_end_where_uncut_ones_do() {
     params.newton.max_line_search_cuts = 0;
     let mut free = stepper(&mesh, &pushed(0.4), formula(&mesh), params);
     let uncut = free.run(&mut ()).unwrap();
-    assert!(uncut.iter().all(|report| report.cuts == 0 && report.substeps.len() == 1 && report.failures.is_empty()));
+    assert!(uncut.iter().all(|report| report.cuts == 0 && report.solves.len() == 1 && report.failures.is_empty()));
 
     let mut log = Log::default();
     let mut slow = stepper(&mesh, &pushed(0.4), Slow::new(&mesh, 0.1), params);
     let cut = slow.run(&mut log).unwrap();
     assert_eq!(log.converged, [(1, 0.5), (2, 1.0)], "only full steps are reported");
     assert_eq!(log.failed.len(), cut.iter().map(|report| report.cuts).sum::<usize>());
-    assert!(cut[0].cuts >= 1 && cut[0].substeps.len() >= 2, "{cut:?}");
+    assert!(cut[0].cuts >= 1 && cut[0].solves.len() >= 2, "{cut:?}");
     assert_eq!(log.failed[0], (1, 0.5, 0));
     assert_eq!(log.failed[1], (1, 0.25, 1), "halved");
 
-    let substeps: usize = cut.iter().map(|report| report.substeps.len()).sum();
+    let substeps: usize = cut.iter().map(|report| report.solves.len()).sum();
     let field = slow.field();
     assert_eq!((field.commits, field.reverts), (1 + substeps, log.failed.len()));
     assert_eq!(field.committed, slow.state().gradients, "the committed micro states are those of the reported state");
@@ -154,8 +154,7 @@ fn no_state_is_evaluated_twice() {
     let params = StepParams { count: 3, start: StepStart::Tangent, ..StepParams::default() };
     let mut stepper = stepper(&mesh, &pushed(0.3), Slow::new(&mesh, 10.0), params);
     let reports = stepper.run(&mut ()).unwrap();
-    let residuals: usize =
-        reports.iter().flat_map(|report| &report.substeps).map(|newton| newton.residuals.len()).sum();
+    let residuals: usize = reports.iter().flat_map(|report| &report.solves).map(|newton| newton.residuals.len()).sum();
     assert_eq!(stepper.field().updates, 1 + residuals, "one at rest, one a residual, none for a tangent");
 }
 
@@ -191,7 +190,9 @@ fn an_inverted_trial_names_its_element() {
         stepper(&mesh, &pushed(-1.2), formula(&mesh), StepParams { count: 1, max_cuts: 0, ..StepParams::default() });
     let error = stepper.run(&mut ()).unwrap_err();
     let SteppingError::NotConverged {
-        reason: NewtonError::Problem(EquilibriumError::Points(point)), reached: 0.0, ..
+        reason: NewtonError::Problem(EquilibriumError::PointField(point)),
+        reached: 0.0,
+        ..
     } = error
     else {
         panic!("{error}");
@@ -208,7 +209,7 @@ fn a_held_start_that_crushes_elements_is_linearized_before_it_is_cut() {
         stepper(&mesh, &pushed(-0.4), formula(&mesh), params).run(&mut ()).unwrap()
     };
     // A cell is 0.125 long and the face moves by 0.2.
-    let held = run(StepStart::Held);
+    let held = run(StepStart::Prescribed);
     assert_eq!(held.iter().map(|report| (report.linearized, report.cuts)).collect::<Vec<_>>(), [(1, 0), (1, 0)]);
     assert_eq!(held[1].iterations(), run(StepStart::Tangent)[1].iterations());
 }
@@ -249,7 +250,7 @@ fn a_restored_run_goes_on_bit_for_bit() {
     let found = other.run(&mut ()).unwrap();
     assert_eq!(other.state(), whole.state());
     let history = |reports: &[StepReport]| -> Vec<_> {
-        let all = reports.iter().flat_map(|report| report.substeps.iter().chain(&report.failures));
+        let all = reports.iter().flat_map(|report| report.solves.iter().chain(&report.failures));
         all.map(|newton| newton.residuals.clone()).collect()
     };
     assert_eq!(history(&found), history(&expected));
@@ -278,7 +279,7 @@ fn a_body_that_nothing_holds_is_not_set_up() {
     conditions.surfaces.remove(0);
     let refused = Stepper::<Sparse, _>::new(&(), mesh.clone(), &conditions, formula(&mesh), StepParams::default());
     assert_eq!(refused.err().map(|error| error.to_string()), None, "the other end is held");
-    conditions.surfaces[0].load = SurfaceLoad::Displacement([None, Some(0.0), Some(0.0)]);
+    conditions.surfaces[0].displacement = [None, Some(0.0), Some(0.0)];
     let refused = Stepper::<Sparse, _>::new(&(), mesh.clone(), &conditions, formula(&mesh), StepParams::default());
     let free = "the body is free to move along x and to rotate about y and z";
     assert_eq!(refused.err().map(|error| error.to_string()).as_deref(), Some(free), "the face lies in the plane x = 1");
@@ -324,7 +325,8 @@ fn what_is_loaded_and_unloaded_comes_back() {
     let mut conditions = pushed(0.0);
     conditions.surfaces.truncate(1);
     let there_and_back = LoadCurve::table(&[[0.0, 0.0], [0.5, 1.0], [1.0, 0.0]]).unwrap();
-    conditions.body_forces.push(BodyForce { region: "*".into(), value: [0.0, 300.0, 0.0], curve: there_and_back });
+    let force = BodyForce { region: "*".into(), value: [0.0, 300.0, 0.0], curve: there_and_back };
+    conditions.loads.push(Arc::new(force));
     let mut largest = Largest::default();
     let mut stepper = stepper(&mesh, &conditions, formula(&mesh), StepParams { count: 4, ..StepParams::default() });
     stepper.run(&mut largest).unwrap();

@@ -1,4 +1,4 @@
-//! Accepted states: in equilibrium after material changes, and independent of the trial states.
+//! Committed states: in equilibrium after material changes, and independent of the trial states.
 
 use super::*;
 
@@ -77,7 +77,7 @@ impl PointField for Brittle {
 
 /// Returns the norm of the residual of all free components relative to that of the internal forces.
 fn imbalance<P: PointField>(stepper: &Stepper<Sparse, P>) -> f64 {
-    let (state, held) = (stepper.state(), stepper.body.boundary().prescribed(stepper.mesh().nodes().len()));
+    let (state, held) = (stepper.state(), stepper.body.boundary().prescribed_mask(stepper.mesh().nodes().len()));
     let mut squares = [0.0; 2];
     for ((internal, external), held) in state.internal.iter().zip(&state.external).zip(held) {
         for i in 0..3 {
@@ -98,8 +98,8 @@ fn a_body_whose_material_changes_is_brought_to_balance_before_a_step_ends() {
     let mut rounds = 0;
     while stepper.completed_steps() < 4 {
         let report = stepper.step(&mut ()).unwrap();
-        assert_eq!(report.substeps.len(), 1 + report.rounds, "Newton again after every change");
-        rounds += report.rounds;
+        assert_eq!(report.solves.len(), 1 + report.evolutions, "Newton again after every change");
+        rounds += report.evolutions;
         assert!(imbalance(&stepper) < 1e-8, "step {}: {:e}", report.step, imbalance(&stepper));
         let field = stepper.field();
         let responses = &stepper.state().responses;
@@ -117,7 +117,7 @@ fn a_body_whose_material_changes_is_brought_to_balance_before_a_step_ends() {
 #[test]
 fn a_failed_attempt_changes_no_material() {
     let mesh = bar(6);
-    let params = StepParams { count: 2, max_cuts: 0, max_rounds: 2, ..StepParams::default() };
+    let params = StepParams { count: 2, max_cuts: 0, max_evolutions: 2, ..StepParams::default() };
     let mut stepper = stepper(&mesh, &pushed(0.4), Brittle::new(&mesh, 0.25, 1), params);
     stepper.step(&mut ()).unwrap();
     let before = stepper.field().broken.clone();
@@ -125,7 +125,7 @@ fn a_failed_attempt_changes_no_material() {
     let SteppingError::NotConverged { reason: NewtonError::Problem(reason), reached, .. } = error else {
         panic!("{error}");
     };
-    assert_eq!((reason, reached), (EquilibriumError::StillChanging { rounds: 2 }, 0.5));
+    assert_eq!((reason, reached), (EquilibriumError::StillChanging { evolutions: 2 }, 0.5));
     assert_eq!(stepper.field().broken, before);
     assert!(imbalance(&stepper) < 1e-8);
 }
@@ -138,7 +138,7 @@ fn an_error_of_what_has_just_changed_cuts_the_step() {
     let mut stepper = stepper(&mesh, &pushed(0.5), field, StepParams { count: 1, ..StepParams::default() });
     let mut log = Log::default();
     let reports = stepper.run(&mut log).unwrap();
-    assert!(reports[0].cuts > 0 && reports[0].rounds > 0, "{:?}", log.failed);
+    assert!(reports[0].cuts > 0 && reports[0].evolutions > 0, "{:?}", log.failed);
     assert!(stepper.field().committed.contains(&true) && imbalance(&stepper) < 1e-8);
 }
 
@@ -146,7 +146,7 @@ fn an_error_of_what_has_just_changed_cuts_the_step() {
 fn a_material_that_never_settles_is_an_error() {
     let mesh = bar(4);
     let field = Brittle { mends: true, ..Brittle::new(&mesh, 0.05, 100) };
-    let params = StepParams { count: 1, max_cuts: 1, max_rounds: 7, ..StepParams::default() };
+    let params = StepParams { count: 1, max_cuts: 1, max_evolutions: 7, ..StepParams::default() };
     let mut stepper = stepper(&mesh, &pushed(0.4), field, params);
     let error = stepper.run(&mut ()).unwrap_err().to_string();
     assert!(error.contains("after the body was brought to balance 7 times"), "{error}");
@@ -199,7 +199,7 @@ impl PointField for Bistable {
 }
 
 #[test]
-fn an_accepted_state_does_not_depend_on_trial_states() {
+fn a_committed_state_does_not_depend_on_trial_states() {
     let mesh = bar(6);
     let run = |start, cuts| {
         let elements = mesh.elements().len();
@@ -216,16 +216,16 @@ fn an_accepted_state_does_not_depend_on_trial_states() {
         let mut stepper = stepper(&mesh, &pushed(-0.15), field, params);
         let reports = stepper.run(&mut ()).unwrap();
         assert!(imbalance(&stepper) < 1e-10, "{:e}", imbalance(&stepper));
-        let replaced: usize = reports.iter().map(|report| report.replaced).sum();
+        let replaced: usize = reports.iter().map(|report| report.verification_rounds).sum();
         let force = stepper.forces().surfaces.iter().find(|surface| surface.name == "x1").unwrap().force[0];
         (force, replaced)
     };
     // A held start moves the whole increment into the last cell.
-    let (held, replaced) = run(StepStart::Held, 10);
+    let (held, replaced) = run(StepStart::Prescribed, 10);
     let (straight, none) = run(StepStart::Tangent, 10);
     assert!(replaced > 0 && none == 0, "{replaced} {none}");
     assert!((held - straight).abs() < 1e-8 * straight.abs(), "{held} {straight}");
-    let (full_steps, _) = run(StepStart::Held, 0);
+    let (full_steps, _) = run(StepStart::Prescribed, 0);
     assert!((full_steps - straight).abs() < 1e-8 * straight.abs(), "{full_steps} {straight}");
 }
 
@@ -254,7 +254,7 @@ impl PointField for Deceptive {
 }
 
 #[test]
-fn a_state_out_of_balance_is_not_accepted() {
+fn a_state_out_of_balance_is_not_committed() {
     let mesh = bar(6);
     let params = StepParams { count: 1, max_cuts: 1, ..StepParams::default() };
     let mut stepper = stepper(&mesh, &pushed(0.4), Deceptive(formula(&mesh)), params);

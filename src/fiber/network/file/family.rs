@@ -8,7 +8,7 @@ use thiserror::Error;
 use super::sidecar::{Sidecar, parse};
 use super::write::{beside, params_text};
 use super::{fits_params, remove_params, write};
-use crate::checksum::{below_signature, signed, sum_of};
+use crate::checksum::{below_checksum, sum_of, with_checksum};
 use crate::fiber::network::Network;
 use crate::output;
 
@@ -86,7 +86,7 @@ fn write_one_by_one(
 /// Returns a signed sidecar with the checksums of acceptable `.params` files.
 fn with_sums(sidecar: &str, params: &[u64]) -> String {
     let lines: String = params.iter().map(|sum| format!("{PARAMS_LINE}{sum:016x}\n")).collect();
-    signed(&format!("{lines}{sidecar}"))
+    with_checksum(&format!("{lines}{sidecar}"))
 }
 
 /// The files beside a network that may be replaced with it.
@@ -143,7 +143,7 @@ fn sidecar_of(file: &Path, text: &str) -> Option<Known> {
             .map_or(0, |fibers| fibers.get("types").and_then(toml::Value::as_array).map_or(0, Vec::len));
         parse(file, text.as_bytes(), fibers).ok()
     };
-    match below_signature(text) {
+    match below_checksum(text) {
         Some((below, true)) => is_sidecar(below).map(|_| without_sums(below)),
         Some((_, false)) => None,
         // A sidecar written by hand has comments, another order, another number format, or no unit.

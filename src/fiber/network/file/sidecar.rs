@@ -113,7 +113,7 @@ impl Sidecar {
     /// Returns [`io::ErrorKind::InvalidInput`] if the seed exceeds `2^63 - 1`, which TOML cannot hold, or a law could
     /// not be read back; otherwise the error of the operating system.
     pub fn write_beside(&self, network: &Path) -> io::Result<()> {
-        output::write(&write::beside(network, ".toml"), checksum::signed(&self.to_toml()?).as_bytes())
+        output::write(&write::beside(network, ".toml"), checksum::with_checksum(&self.to_toml()?).as_bytes())
     }
 
     /// Formats the contents of the file, without its signature.

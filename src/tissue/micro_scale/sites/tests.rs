@@ -23,7 +23,7 @@ fn converge(sites: &mut Sites, by: f64) -> (Response, RveChanges) {
     let answer = match sites.respond(0, &f).unwrap() {
         Some(answer) => answer,
         None => {
-            let answer = NeoHookean { mu: 10.0, lambda: 20.0 }.respond(&f).unwrap();
+            let answer = NeoHookean { mu: 10.0, lambda: 20.0 }.evaluate(&f).unwrap();
             sites.answered(0, &answer);
             answer
         }
@@ -40,16 +40,16 @@ fn an_rve_comes_when_strain_passes_a_threshold_and_goes_when_it_passes_another()
     let mut sites = sites(rules);
     assert_eq!((sites.life(0), sites.existing().count()), (Some(Life::Waiting), 0));
     let (answer, turnover) = converge(&mut sites, 0.04);
-    assert_eq!(answer, NeoHookean { mu: 1.0, lambda: 2.0 }.respond(&stretched(0.04)).unwrap());
+    assert_eq!(answer, NeoHookean { mu: 1.0, lambda: 2.0 }.evaluate(&stretched(0.04)).unwrap());
     assert_eq!(turnover, RveChanges::default());
     let (_, turnover) = converge(&mut sites, 0.06);
     assert_eq!((turnover.created, sites.life(0)), (vec![0], Some(Life::Awake)));
     let (answer, _) = converge(&mut sites, 0.1);
-    assert_eq!(answer, NeoHookean { mu: 10.0, lambda: 20.0 }.respond(&stretched(0.1)).unwrap());
+    assert_eq!(answer, NeoHookean { mu: 10.0, lambda: 20.0 }.evaluate(&stretched(0.1)).unwrap());
     let (_, turnover) = converge(&mut sites, 0.3);
     assert_eq!((turnover.deleted, sites.life(0)), (vec![0], Some(Life::Deleted)));
     let (answer, _) = converge(&mut sites, 0.01);
-    assert_eq!(answer, NeoHookean { mu: 1.0, lambda: 2.0 }.respond(&stretched(0.01)).unwrap());
+    assert_eq!(answer, NeoHookean { mu: 1.0, lambda: 2.0 }.evaluate(&stretched(0.01)).unwrap());
 }
 
 #[test]
@@ -71,7 +71,7 @@ fn an_rve_sleeps_while_little_changes_and_wakes_when_that_adds_up() {
 #[test]
 fn what_a_sleeping_rve_answers_has_an_energy() {
     let from = Matrix3::new(1.1, 0.1, 0.0, 0.0, 0.9, 0.0, 0.2, 0.0, 1.0);
-    let answer = NeoHookean { mu: 3.0, lambda: 5.0 }.respond(&from).unwrap();
+    let answer = NeoHookean { mu: 3.0, lambda: 5.0 }.evaluate(&from).unwrap();
     let f = from + Matrix3::new(0.01, -0.02, 0.03, 0.0, 0.01, 0.0, 0.02, 0.0, -0.01);
     let (h, here) = (1e-5, extrapolate(&from, &answer, &f));
     for k in 0..9 {

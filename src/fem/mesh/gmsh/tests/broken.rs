@@ -4,13 +4,28 @@ use super::super::{Version, WriteOptions, to_writer};
 use super::{TEXT_2, TEXT_4, read, with};
 use crate::fem::mesh::shapes::cuboid;
 
-/// A file; the position and description of its error, the expected content, and the cure.
+// Expected contents and hints.
+pub(super) const DAMAGED: &str = "the file is damaged or was changed by hand: export it again";
+pub(super) const NODE: &str = "a node: its number and its x, y and z";
+pub(super) const LINE_END: &str = "a new line";
+const CUT_OFF: &str = "the file was cut off: export or copy it again";
+const BEGIN: &str = "a Gmsh mesh file: its first line is `$MeshFormat`";
+const EXPORT: &str = "export the mesh as Gmsh `.msh`, version 4.1 or 2.2";
+const VERSIONS: &str = "version 4.1 or 2.2";
+const CONVERT: &str =
+    "open the file in Gmsh and export it as version 4.1 (`gmsh old.msh -save -format msh41 -o new.msh`)";
+const SECTIONS: &str = "a file with $Nodes and $Elements";
+const OPENING: &str = "a line that opens a section, such as `$Nodes`";
+const NAME: &str = "a dimension, a number and a name between double quotes, as in `3 1 \"gauge\"`";
+const QUOTE: &str = "put the name between double quotes";
+
+/// A file; the position and description of its error, the expected content, and the hint.
 pub(super) type Case = (Vec<u8>, &'static str, &'static str, &'static str);
 
 pub(super) fn said(cases: Vec<Case>) {
-    for (bytes, what, expected, cure) in cases {
-        let error = read(&bytes).map(|_| ()).expect_err(what);
-        let said = format!("{what}\n  expected: {expected}\n  cure: {cure}");
+    for (bytes, problem, expected, hint) in cases {
+        let error = read(&bytes).map(|_| ()).expect_err(problem);
+        let said = format!("{problem}\n  expected: {expected}\n  cure: {hint}");
         assert_eq!(error.to_string(), said, "of the file\n{}", String::from_utf8_lossy(&bytes));
     }
 }
@@ -42,48 +57,18 @@ fn find(bytes: &[u8], piece: &[u8]) -> usize {
 #[test]
 fn files_that_do_not_begin_as_they_should() {
     said(vec![
-        (
-            Vec::new(),
-            "a.msh: is empty",
-            "a Gmsh mesh file: its first line is `$MeshFormat`",
-            "export the mesh as Gmsh `.msh`, version 4.1 or 2.2",
-        ),
-        (
-            b" \n ".into(),
-            "a.msh: is empty",
-            "a Gmsh mesh file: its first line is `$MeshFormat`",
-            "export the mesh as Gmsh `.msh`, version 4.1 or 2.2",
-        ),
-        (
-            b"solid cube\n".into(),
-            "a.msh: begins with `solid`: it is no Gmsh mesh file",
-            "a Gmsh mesh file: its first line is `$MeshFormat`",
-            "export the mesh as Gmsh `.msh`, version 4.1 or 2.2",
-        ),
+        (Vec::new(), "a.msh: is empty", BEGIN, EXPORT),
+        (b" \n ".into(), "a.msh: is empty", BEGIN, EXPORT),
+        (b"solid cube\n".into(), "a.msh: begins with `solid`: it is no Gmsh mesh file", BEGIN, EXPORT),
         (
             vec![0x7f, 0xff, 0xfe, 0],
             "a.msh: begins with `bytes that are no text`: it is no Gmsh mesh file",
-            "a Gmsh mesh file: its first line is `$MeshFormat`",
-            "export the mesh as Gmsh `.msh`, version 4.1 or 2.2",
+            BEGIN,
+            EXPORT,
         ),
-        (
-            b"$NOD\n1\n".into(),
-            "a.msh: is a Gmsh file of version 1",
-            "a Gmsh mesh file: its first line is `$MeshFormat`",
-            "export the mesh as Gmsh `.msh`, version 4.1 or 2.2",
-        ),
-        (
-            two("2.2 0 8", "3.0 0 8"),
-            "a.msh:2: Gmsh format 3.0 is not supported",
-            "version 4.1 or 2.2",
-            "open the file in Gmsh and export it as version 4.1 (`gmsh old.msh -save -format msh41 -o new.msh`)",
-        ),
-        (
-            two("2.2 0 8", "4 0 8"),
-            "a.msh:2: Gmsh format 4.0 is not supported",
-            "version 4.1 or 2.2",
-            "open the file in Gmsh and export it as version 4.1 (`gmsh old.msh -save -format msh41 -o new.msh`)",
-        ),
+        (b"$NOD\n1\n".into(), "a.msh: is a Gmsh file of version 1", BEGIN, EXPORT),
+        (two("2.2 0 8", "3.0 0 8"), "a.msh:2: Gmsh format 3.0 is not supported", VERSIONS, CONVERT),
+        (two("2.2 0 8", "4 0 8"), "a.msh:2: Gmsh format 4.0 is not supported", VERSIONS, CONVERT),
         (
             two("2.2 0 8", "2.2 2 8"),
             "a.msh:2: the file type is 2",
@@ -95,19 +80,14 @@ fn files_that_do_not_begin_as_they_should() {
             two("2.2 0 8", "2.2 0"),
             "a.msh:2: the line ends too early",
             "the size of the file's numbers in bytes, 8",
-            "the file is damaged or was changed by hand: export it again",
+            DAMAGED,
         ),
-        (
-            two("2.2 0 8", "2.2 0 8 9"),
-            "a.msh:2: `9` stands where the line should end",
-            "a new line",
-            "the file is damaged or was changed by hand: export it again",
-        ),
+        (two("2.2 0 8", "2.2 0 8 9"), "a.msh:2: `9` stands where the line should end", LINE_END, DAMAGED),
         (
             two("$EndMeshFormat\n", ""),
             "a.msh:3: `$EndMeshFormat` is missing: `$PhysicalNames` stands in its place",
             "`$EndMeshFormat`",
-            "the file is damaged or was changed by hand: export it again",
+            DAMAGED,
         ),
     ]);
 }
@@ -115,30 +95,15 @@ fn files_that_do_not_begin_as_they_should() {
 #[test]
 fn sections_that_are_missing_or_do_not_end() {
     said(vec![
-        (
-            without(TEXT_2, "Nodes"),
-            "a.msh: $Nodes is missing",
-            "a file with $Nodes and $Elements",
-            "the file is damaged or was changed by hand: export it again",
-        ),
-        (
-            without(TEXT_4, "Elements"),
-            "a.msh: $Elements is missing",
-            "a file with $Nodes and $Elements",
-            "the file is damaged or was changed by hand: export it again",
-        ),
+        (without(TEXT_2, "Nodes"), "a.msh: $Nodes is missing", SECTIONS, DAMAGED),
+        (without(TEXT_4, "Elements"), "a.msh: $Elements is missing", SECTIONS, DAMAGED),
         (
             two("$EndNodes\n", ""),
             "a.msh:15: `$EndNodes` is missing: `$Elements` stands in its place",
             "`$EndNodes`",
-            "the file is damaged or was changed by hand: export it again",
+            DAMAGED,
         ),
-        (
-            two("$EndElements\n", ""),
-            "a.msh:20: `$EndElements` is missing: the file ends",
-            "`$EndElements`",
-            "the file is damaged or was changed by hand: export it again",
-        ),
+        (two("$EndElements\n", ""), "a.msh:20: `$EndElements` is missing: the file ends", "`$EndElements`", DAMAGED),
         (
             two("$EndElements\n", "$EndElements\n$Nodes\n0\n$EndNodes\n"),
             "a.msh:21: a second $Nodes",
@@ -149,19 +114,14 @@ fn sections_that_are_missing_or_do_not_end() {
             two("$EndElements\n", "$EndElements\n$Periodic\n0\n"),
             "a.msh:21: the section `$Periodic` is not closed: no line `$EndPeriodic` follows",
             "`$EndPeriodic`",
-            "the file was cut off: export or copy it again",
+            CUT_OFF,
         ),
-        (
-            two("$EndElements\n", "$EndElements\n$\n"),
-            "a.msh:21: a `$` without the name of a section",
-            "a line that opens a section, such as `$Nodes`",
-            "the file is damaged or was changed by hand: export it again",
-        ),
+        (two("$EndElements\n", "$EndElements\n$\n"), "a.msh:21: a `$` without the name of a section", OPENING, DAMAGED),
         (
             two("$EndElements\n", "$EndElements\n$EndElements\n"),
             "a.msh:21: `$EndElements` closes a section that is not open",
-            "a line that opens a section, such as `$Nodes`",
-            "the file is damaged or was changed by hand: export it again",
+            OPENING,
+            DAMAGED,
         ),
         (
             four("$Entities\n", "$PartitionedEntities\n2\n"),
@@ -178,14 +138,14 @@ fn physical_names_that_are_wrong() {
         (
             two("\"tissue\"", "tissue"),
             "a.msh:7: the name of physical group 1 is `tissue`: not between double quotes",
-            "a dimension, a number and a name between double quotes, as in `3 1 \"gauge\"`",
-            "put the name between double quotes",
+            NAME,
+            QUOTE,
         ),
         (
             two("\"tissue\"", "\"tissue"),
             "a.msh:7: the name of physical group 1 is `\"tissue`: not between double quotes",
-            "a dimension, a number and a name between double quotes, as in `3 1 \"gauge\"`",
-            "put the name between double quotes",
+            NAME,
+            QUOTE,
         ),
         (
             two("\"tissue\"", "\"\""),
@@ -199,12 +159,7 @@ fn physical_names_that_are_wrong() {
             "one name a group",
             "remove one of the two lines",
         ),
-        (
-            two("Names\n2\n", "Names\n3\n"),
-            "a.msh:8: $PhysicalNames ends after 2 of 3 physical names",
-            "a dimension, a number and a name between double quotes, as in `3 1 \"gauge\"`",
-            "the file is damaged or was changed by hand: export it again",
-        ),
+        (two("Names\n2\n", "Names\n3\n"), "a.msh:8: $PhysicalNames ends after 2 of 3 physical names", NAME, DAMAGED),
     ]);
 }
 
@@ -227,14 +182,14 @@ fn binary_files_that_are_damaged() {
         (
             cut(Version::V2_2, b"$Nodes", 100),
             "a.msh: at byte 237: the file ends within $Nodes after 3 of 8 nodes",
-            "a node: its number and its x, y and z",
-            "the file was cut off: export or copy it again",
+            NODE,
+            CUT_OFF,
         ),
         (
             cut(Version::V4_1, b"$Elements", 200),
             "a.msh: at byte 1220: the file ends within $Elements after 3 of 18 elements",
             "the three nodes of a triangle",
-            "the file was cut off: export or copy it again",
+            CUT_OFF,
         ),
         (
             order,
@@ -242,11 +197,6 @@ fn binary_files_that_are_damaged() {
             "the number 1 in four bytes, in either byte order",
             "the file is damaged, perhaps copied as text: export it again",
         ),
-        (
-            huge,
-            "a.msh: at byte 1839: the file ends within $Nodes after 0 of 8 nodes",
-            "the tag of a node",
-            "the file was cut off: export or copy it again",
-        ),
+        (huge, "a.msh: at byte 1839: the file ends within $Nodes after 0 of 8 nodes", "the tag of a node", CUT_OFF),
     ]);
 }

@@ -25,7 +25,9 @@ fn cut_off_anywhere() {
                 Ok(file) => {
                     assert!(end == whole_without_break && file == whole, "cut at byte {end} of {}", bytes.len())
                 }
-                Err(error) => assert!(!error.what.is_empty() && !error.expected.is_empty() && !error.cure.is_empty()),
+                Err(error) => {
+                    assert!(!error.problem.is_empty() && !error.expected.is_empty() && !error.hint.is_empty())
+                }
             }
         }
     }

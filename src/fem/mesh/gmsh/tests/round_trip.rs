@@ -59,7 +59,7 @@ fn files_replace_others_and_leave_nothing_beside_them() {
     let error = write(&folder.path().join("missing/box.msh"), &mesh).unwrap_err();
     assert_eq!(error.kind(), std::io::ErrorKind::NotFound);
     let error = read(&folder.path().join("none.msh")).unwrap_err();
-    assert!(error.what.starts_with("cannot be read: "), "{error}");
+    assert!(error.problem.starts_with("cannot be read: "), "{error}");
 }
 
 #[cfg(unix)]

@@ -15,7 +15,7 @@ pub struct FreeModes {
     /// The free rotations, up to free translations.
     pub rotations: Vec<Screw>,
     /// A point that all free rotations leave in place, m, if there is one; not unique if translations are also free.
-    pub center: Option<[f64; 3]>,
+    pub fixed_point: Option<[f64; 3]>,
 }
 
 /// A rotation about an axis, combined with a translation along it if the pitch is not zero.
@@ -36,35 +36,35 @@ impl FreeModes {
             let halves: Vec<Vector3<f64>> = modes.iter().map(|mode| mode.fixed_rows::<3>(at).into_owned()).collect();
             Matrix3xX::from_columns(&halves)
         };
-        let (moved, turned) = (half(0), half(3));
-        let (still, turning) = split(&turned);
-        let translations = aligned(&(&moved * still));
-        // Rotations are determined up to free translations, which are projected out.
-        let aside = translations.iter().fold(Matrix3::identity(), |aside, t| aside - t * t.transpose());
-        let (moved, turned) = (aside * moved * &turning, turned * turning);
-        let common = common_point(&moved, &turned, &aside);
+        let (linear, angular) = (half(0), half(3));
+        let (without_rotation, with_rotation) = split(&angular);
+        let translations = aligned(&(&linear * without_rotation));
+        // Rotations are determined up to free translations, which the projection removes.
+        let projection = translations.iter().fold(Matrix3::identity(), |projection, t| projection - t * t.transpose());
+        let (linear, angular) = (projection * linear * &with_rotation, angular * with_rotation);
+        let common = common_point(&linear, &angular, &projection);
         let at = |arm: Vector3<f64>| rounded(center + size * arm, size);
         let screw = |axis: Vector3<f64>| {
-            let velocity = velocity(&moved, &turned, axis);
+            let velocity = velocity(&linear, &angular, axis);
             let pitch = velocity.dot(&axis);
             let point = at(common.unwrap_or_else(|| axis.cross(&velocity)));
             Screw { axis: axis.into(), point, pitch: if pitch.abs() < ZERO { 0.0 } else { size * pitch } }
         };
         Self {
-            rotations: aligned(&turned).into_iter().map(screw).collect(),
+            rotations: aligned(&angular).into_iter().map(screw).collect(),
             translations: translations.into_iter().map(Into::into).collect(),
-            center: common.map(at),
+            fixed_point: common.map(at),
         }
     }
 }
 
 /// Returns the combinations of the modes without rotation, and the others, as columns.
-fn split(turned: &Matrix3xX<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
-    let eigen = turned.tr_mul(turned).symmetric_eigen();
-    let chosen = |turning: bool| {
-        let columns = (0..turned.ncols()).filter(|&k| (eigen.eigenvalues[k] > ZERO * ZERO) == turning);
+fn split(angular: &Matrix3xX<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
+    let eigen = angular.tr_mul(angular).symmetric_eigen();
+    let chosen = |with_rotation: bool| {
+        let columns = (0..angular.ncols()).filter(|&k| (eigen.eigenvalues[k] > ZERO * ZERO) == with_rotation);
         let columns: Vec<DVector<f64>> = columns.map(|k| eigen.eigenvectors.column(k).into_owned()).collect();
-        if columns.is_empty() { DMatrix::zeros(turned.ncols(), 0) } else { DMatrix::from_columns(&columns) }
+        if columns.is_empty() { DMatrix::zeros(angular.ncols(), 0) } else { DMatrix::from_columns(&columns) }
     };
     (chosen(false), chosen(true))
 }
@@ -96,22 +96,22 @@ fn aligned(columns: &Matrix3xX<f64>) -> Vec<Vector3<f64>> {
 }
 
 /// Returns the velocity of the center in a rotation about an axis at unit rate.
-fn velocity(moved: &Matrix3xX<f64>, turned: &Matrix3xX<f64>, axis: Vector3<f64>) -> Vector3<f64> {
+fn velocity(linear: &Matrix3xX<f64>, angular: &Matrix3xX<f64>, axis: Vector3<f64>) -> Vector3<f64> {
     let axis = DVector::from_column_slice(axis.as_slice());
-    let turned = DMatrix::from_iterator(3, turned.ncols(), turned.iter().copied());
-    let mix = turned.svd(true, true).solve(&axis, 0.1 * ZERO).unwrap_or_else(|_| DVector::zeros(moved.ncols()));
-    moved * mix
+    let angular = DMatrix::from_iterator(3, angular.ncols(), angular.iter().copied());
+    let mix = angular.svd(true, true).solve(&axis, 0.1 * ZERO).unwrap_or_else(|_| DVector::zeros(linear.ncols()));
+    linear * mix
 }
 
 /// Returns the arm `q` with `v + w x q = 0` in all modes, up to free translations, if it exists.
-fn common_point(moved: &Matrix3xX<f64>, turned: &Matrix3xX<f64>, aside: &Matrix3<f64>) -> Option<Vector3<f64>> {
-    let rows = 3 * turned.ncols();
+fn common_point(linear: &Matrix3xX<f64>, angular: &Matrix3xX<f64>, projection: &Matrix3<f64>) -> Option<Vector3<f64>> {
+    let rows = 3 * angular.ncols();
     if rows == 0 {
         return None;
     }
     let (mut matrix, mut right) = (DMatrix::zeros(rows, 3), DVector::zeros(rows));
-    for (k, (v, w)) in moved.column_iter().zip(turned.column_iter()).enumerate() {
-        let turn = aside * w.into_owned().cross_matrix();
+    for (k, (v, w)) in linear.column_iter().zip(angular.column_iter()).enumerate() {
+        let turn = projection * w.into_owned().cross_matrix();
         matrix.view_mut((3 * k, 0), (3, 3)).copy_from(&turn);
         right.rows_mut(3 * k, 3).copy_from(&-v);
     }
@@ -127,19 +127,17 @@ fn rounded(position: Vector3<f64>, size: f64) -> [f64; 3] {
 
 impl fmt::Display for FreeModes {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let moves = self.moves();
-        let turns = self.turns();
-        match (moves, turns) {
-            (Some(moves), Some(turns)) => write!(f, "free to move {moves} and to {turns}"),
-            (Some(moves), None) => write!(f, "free to move {moves}"),
-            (None, Some(turns)) => write!(f, "free to {turns}"),
+        match (self.describe_translations(), self.describe_rotations()) {
+            (Some(translations), Some(rotations)) => write!(f, "free to move {translations} and to {rotations}"),
+            (Some(translations), None) => write!(f, "free to move {translations}"),
+            (None, Some(rotations)) => write!(f, "free to {rotations}"),
             (None, None) => f.write_str("held"),
         }
     }
 }
 
 impl FreeModes {
-    fn moves(&self) -> Option<String> {
+    fn describe_translations(&self) -> Option<String> {
         match self.translations.len() {
             0 => None,
             3 => Some("in every direction".into()),
@@ -147,8 +145,8 @@ impl FreeModes {
         }
     }
 
-    fn turns(&self) -> Option<String> {
-        match (self.rotations.as_slice(), self.center) {
+    fn describe_rotations(&self) -> Option<String> {
+        match (self.rotations.as_slice(), self.fixed_point) {
             ([], _) => None,
             ([_, _, _], Some(_)) if self.translations.len() == 3 => Some("rotate about every axis".into()),
             ([_, _, _], Some(point)) => Some(format!("rotate about every axis through {}", vector(&point))),
@@ -161,13 +159,13 @@ impl FreeModes {
                 let word = if screws.len() == 1 { "the axis" } else { "axes" };
                 Some(format!("rotate about {axes} ({word} through {})", vector(&point)))
             }
-            (screws, None) => Some(joined(screws.iter().map(Screw::words))),
+            (screws, None) => Some(joined(screws.iter().map(Screw::describe))),
         }
     }
 }
 
 impl Screw {
-    fn words(&self) -> String {
+    fn describe(&self) -> String {
         let turn = format!("rotate about the axis through {} along {}", vector(&self.point), direction(&self.axis));
         if self.pitch == 0.0 {
             return turn;

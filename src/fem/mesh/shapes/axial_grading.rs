@@ -8,14 +8,14 @@ pub(super) fn cells(length: f64, size: f64) -> usize {
 }
 
 /// The number of cells along x in one half of the sample.
-pub(super) struct Stations {
+pub(super) struct AxialGrading {
     pub grip: usize,
     fillet: usize,
     half_gauge: usize,
     grading: Grading,
 }
 
-impl Stations {
+impl AxialGrading {
     /// Chooses cells with the local element size, which is proportional to the local width.
     pub fn new(shape: &DogboneShape, element_size: f64) -> Self {
         let grading = Grading::new(shape);

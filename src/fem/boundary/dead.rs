@@ -1,0 +1,110 @@
+//! Dead loads: forces per reference area or volume that do not depend on the displacements.
+
+use std::collections::BTreeMap;
+
+use super::{BoundaryError, Load, LoadCondition, LoadCurve, check_finite, find_surface};
+use crate::fem::mesh::Mesh;
+
+/// A force per reference area of a surface, whose direction and magnitude do not follow the deformation.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Traction {
+    /// The surface's name.
+    pub surface: String,
+    /// The traction at a factor of 1, Pa of reference area.
+    pub value: [f64; 3],
+    /// The factor over pseudo-time.
+    pub curve: LoadCurve,
+}
+
+/// A force per reference volume.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BodyForce {
+    /// The region's name; `*` selects the whole body.
+    pub region: String,
+    /// The force density at a factor of 1, N/m^3.
+    pub value: [f64; 3],
+    /// The factor over pseudo-time.
+    pub curve: LoadCurve,
+}
+
+/// A load distributed over nodes: the force on node `a` is `weight_a * value * factor(t)`.
+#[derive(Clone, Debug, PartialEq)]
+struct NodalLoad {
+    surface: Option<usize>,
+    /// Nodes with their part of the area, m^2, or volume, m^3; ascending by node.
+    weights: Vec<(u32, f64)>,
+    value: [f64; 3],
+    curve: LoadCurve,
+}
+
+impl LoadCondition for Traction {
+    /// Each node of a triangle gets a third of its reference area, the integral of the shape function.
+    fn resolve(&self, mesh: &Mesh) -> Result<Box<dyn Load>, BoundaryError> {
+        let (number, surface) = find_surface(mesh, &self.surface)?;
+        check_finite(|| format!("surface `{}`", self.surface), &self.value)?;
+        let mut weights = BTreeMap::new();
+        for &triangle in &surface.triangles {
+            let [x, y, z] = mesh.area_vector(triangle);
+            add_weight(&mut weights, &triangle, (x * x + y * y + z * z).sqrt() / 3.0);
+        }
+        Ok(Box::new(NodalLoad::new(Some(number), weights, self.value, &self.curve)))
+    }
+}
+
+impl LoadCondition for BodyForce {
+    /// Each node of an element gets a quarter of its volume.
+    fn resolve(&self, mesh: &Mesh) -> Result<Box<dyn Load>, BoundaryError> {
+        check_finite(|| format!("the body force on region `{}`", self.region), &self.value)?;
+        let region = match self.region.as_str() {
+            "*" => None,
+            name => Some(mesh.region(name).ok_or_else(|| BoundaryError::UnknownRegion {
+                name: name.to_owned(),
+                known: mesh.regions().to_vec(),
+            })?),
+        };
+        let mut weights = BTreeMap::new();
+        for (element, (nodes, &of)) in mesh.elements().iter().zip(mesh.region_of()).enumerate() {
+            if region.is_none_or(|region| region == of) {
+                add_weight(&mut weights, nodes, mesh.element_volume(element) / 4.0);
+            }
+        }
+        Ok(Box::new(NodalLoad::new(None, weights, self.value, &self.curve)))
+    }
+}
+
+fn add_weight(weights: &mut BTreeMap<u32, f64>, nodes: &[u32], weight: f64) {
+    for &node in nodes {
+        *weights.entry(node).or_insert(0.0) += weight;
+    }
+}
+
+impl NodalLoad {
+    fn new(surface: Option<usize>, weights: BTreeMap<u32, f64>, value: [f64; 3], curve: &LoadCurve) -> Self {
+        Self { surface, weights: weights.into_iter().collect(), value, curve: curve.clone() }
+    }
+
+    fn force_density(&self, t: f64) -> [f64; 3] {
+        let factor = self.curve.factor(t);
+        self.value.map(|value| value * factor)
+    }
+}
+
+impl Load for NodalLoad {
+    fn add_forces(&self, t: f64, _: &[[f64; 3]], forces: &mut [[f64; 3]]) {
+        let density = self.force_density(t);
+        for &(node, weight) in &self.weights {
+            for (sum, density) in forces[node as usize].iter_mut().zip(density) {
+                *sum += weight * density;
+            }
+        }
+    }
+
+    fn resultant(&self, t: f64, _: &[[f64; 3]]) -> [f64; 3] {
+        let total: f64 = self.weights.iter().map(|(_, weight)| weight).sum();
+        self.force_density(t).map(|density| total * density)
+    }
+
+    fn surface(&self) -> Option<usize> {
+        self.surface
+    }
+}

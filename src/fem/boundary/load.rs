@@ -1,0 +1,91 @@
+//! The interface of loads, which may depend on the displacements of the body.
+
+use std::fmt::Debug;
+
+use super::BoundaryError;
+use crate::fem::mesh::Mesh;
+use crate::las::Symmetry;
+
+/// A load by name, an entry of [`Conditions::loads`](super::Conditions::loads).
+pub trait LoadCondition: Debug + Send + Sync {
+    /// Resolves the names on a mesh and computes everything that depends neither on pseudo-time nor on displacements.
+    ///
+    /// # Errors
+    /// Returns [`BoundaryError`] if a name is unknown or a value is not finite.
+    fn resolve(&self, mesh: &Mesh) -> Result<Box<dyn Load>, BoundaryError>;
+}
+
+/// A load on a mesh: forces on nodes as a function of pseudo-time `t` and of the displacements of all nodes, m. The
+/// factor over pseudo-time is part of the load.
+///
+/// Every rank evaluates the forces of all loads. The tangent of the body contains `-df/du` of every load with
+/// [`Load::coupled_nodes`]. A load does not count as a support: the prescribed displacements alone must prevent
+/// rigid-body motions.
+pub trait Load: Debug + Send + Sync {
+    /// Adds the forces on the nodes, N; `forces` has one entry per node of the mesh.
+    fn add_forces(&self, t: f64, displacements: &[[f64; 3]], forces: &mut [[f64; 3]]);
+
+    /// Returns the sum of the forces, N.
+    fn resultant(&self, t: f64, displacements: &[[f64; 3]]) -> [f64; 3];
+
+    /// Returns the surface through which the load acts, an index into [`Mesh::surfaces`]; `None` for a body force.
+    fn surface(&self) -> Option<usize> {
+        None
+    }
+
+    /// Returns the sparsity of `df/du`: the groups of nodes whose forces depend on the displacements of the same group.
+    /// The default, [`CoupledNodes::None`], is for loads that do not depend on the displacements. Their forces are
+    /// evaluated once per load step; those of other loads with every residual.
+    fn coupled_nodes(&self) -> CoupledNodes<'_> {
+        CoupledNodes::None
+    }
+
+    /// Returns the symmetry of `df/du`. The solver of the body uses the weakest symmetry of the body and of all loads;
+    /// a symmetric load that can make the tangent indefinite returns [`Symmetry::Symmetric`].
+    fn symmetry(&self) -> Symmetry {
+        Symmetry::Definite
+    }
+
+    /// Adds `-df/du` of one group of [`Load::coupled_nodes`] to `block`, N/m: row `3 * a + i` of the row-major square
+    /// block belongs to component `i` of the force on node `a` of the group, column `3 * b + k` to component `k` of the
+    /// displacement of node `b`. `block` is zero before the call.
+    ///
+    /// Called only for loads with coupled nodes.
+    fn add_stiffness(&self, t: f64, displacements: &[[f64; 3]], group: usize, block: &mut [f64]) {
+        let _ = (t, displacements, group, block);
+    }
+}
+
+/// The nodes that the stiffness of a load couples.
+///
+/// The sparsity pattern of the body couples the nodes of each element. A load may only add entries to this pattern, so
+/// a group consists of nodes of one element: a facet, or all nodes of the element. [`Boundary::new`](super::Boundary)
+/// rejects other groups. A load that couples more nodes, such as a pressure that depends on the volume of a cavity, is
+/// not supported.
+#[derive(Clone, Copy, Debug)]
+pub enum CoupledNodes<'a> {
+    /// The load does not depend on the displacements.
+    None,
+    /// Triangles, each a face of an element.
+    Facets(&'a [[u32; 3]]),
+    /// Elements.
+    Elements(&'a [[u32; 4]]),
+}
+
+impl<'a> CoupledNodes<'a> {
+    /// Returns the nodes of each group.
+    pub fn groups(self) -> impl Iterator<Item = &'a [u32]> {
+        let (facets, elements): (&'a [[u32; 3]], &'a [[u32; 4]]) = match self {
+            Self::None => (&[], &[]),
+            Self::Facets(facets) => (facets, &[]),
+            Self::Elements(elements) => (&[], elements),
+        };
+        facets.iter().map(<[u32; 3]>::as_slice).chain(elements.iter().map(<[u32; 4]>::as_slice))
+    }
+
+    /// Returns true for a load that does not depend on the displacements.
+    #[must_use]
+    pub fn is_none(self) -> bool {
+        matches!(self, Self::None)
+    }
+}

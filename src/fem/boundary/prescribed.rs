@@ -1,0 +1,101 @@
+//! Prescribed displacement components.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use super::{BoundaryError, LoadCurve, check_finite};
+use crate::fem::mesh::Mesh;
+
+/// The origin of a prescribed displacement.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Source {
+    /// A surface: index into [`Mesh::surfaces`].
+    Surface(usize),
+    /// A point condition: index into [`Conditions::points`](super::Conditions::points).
+    Point(usize),
+}
+
+/// One prescribed displacement component.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PrescribedComponent {
+    /// The node.
+    pub node: u32,
+    /// 0, 1, 2 for x, y, z.
+    pub component: u8,
+    /// Displacement at a factor of 1, m.
+    pub value: f64,
+    /// The condition that prescribes the component.
+    pub source: Source,
+    curve: Arc<LoadCurve>,
+}
+
+impl PrescribedComponent {
+    /// Returns the displacement at pseudo-time `t`, m.
+    #[must_use]
+    pub fn displacement(&self, t: f64) -> f64 {
+        self.value * self.curve.factor(t)
+    }
+}
+
+/// Collects prescribed components and detects conflicting values.
+pub(super) struct PrescribedCollector<'m> {
+    components: BTreeMap<(u32, u8), PrescribedComponent>,
+    mesh: &'m Mesh,
+}
+
+impl<'m> PrescribedCollector<'m> {
+    pub fn new(mesh: &'m Mesh) -> Self {
+        Self { components: BTreeMap::new(), mesh }
+    }
+
+    /// Adds the components that one condition prescribes at these nodes.
+    pub fn add(
+        &mut self,
+        nodes: &[u32],
+        displacement: &[Option<f64>; 3],
+        curve: &LoadCurve,
+        source: Source,
+    ) -> Result<(), BoundaryError> {
+        let curve = Arc::new(curve.clone());
+        for (component, value) in (0_u8..).zip(displacement) {
+            let Some(value) = *value else { continue };
+            check_finite(|| source.describe(self.mesh), &[value])?;
+            for &node in nodes {
+                self.insert(PrescribedComponent { node, component, value, source, curve: Arc::clone(&curve) })?;
+            }
+        }
+        Ok(())
+    }
+
+    fn insert(&mut self, new: PrescribedComponent) -> Result<(), BoundaryError> {
+        let first = self.components.entry((new.node, new.component)).or_insert_with(|| new.clone());
+        if first.value == new.value && (first.value == 0.0 || first.curve == new.curve) {
+            return Ok(());
+        }
+        Err(BoundaryError::Conflict {
+            node: new.node as usize,
+            component: usize::from(new.component),
+            first: first.source.describe(self.mesh),
+            first_value: first.value,
+            second: new.source.describe(self.mesh),
+            second_value: new.value,
+        })
+    }
+
+    /// Returns the components, ascending by node and component.
+    pub fn into_components(self) -> Vec<PrescribedComponent> {
+        self.components.into_values().collect()
+    }
+}
+
+impl Source {
+    pub(super) fn describe(self, mesh: &Mesh) -> String {
+        match self {
+            Self::Surface(number) => {
+                let name = mesh.surfaces().get(number).map_or("?", |surface| surface.name.as_str());
+                format!("surface `{name}`")
+            }
+            Self::Point(number) => format!("point condition {}", number + 1),
+        }
+    }
+}

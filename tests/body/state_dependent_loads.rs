@@ -1,0 +1,272 @@
+//! Loads that depend on the displacements, implemented outside the crate: an elastic foundation, whose stiffness is
+//! symmetric, and a follower pressure, whose stiffness is not.
+use std::sync::Arc;
+
+use biotissue::backends::sparse::Sparse;
+use biotissue::fem::assembly::{Assembler, Unknowns, geometry};
+use biotissue::fem::boundary::{
+    Boundary, BoundaryError, Conditions, CoupledNodes, Load, LoadCondition, LoadCurve, SurfaceCondition, Traction,
+    find_surface,
+};
+use biotissue::fem::equilibrium::Equilibrium;
+use biotissue::fem::material::NeoHookean;
+use biotissue::fem::mesh::{Mesh, Surface, shapes};
+use biotissue::fem::point_field::FormulaField;
+use biotissue::fem::reactions::SurfaceForce;
+use biotissue::fem::stepping::{StepParams, Stepper};
+use biotissue::las::{Backend, MatrixOps, NonlinearProblem, Symmetry, VectorOps};
+use nalgebra::{Matrix3, Vector3};
+
+const SOFT: NeoHookean = NeoHookean { mu: 3.0e3, lambda: 5.0e3 };
+
+/// Springs on a surface: the force per reference area is `-modulus * factor(t) * u`, Pa for a modulus in Pa/m.
+#[derive(Clone, Debug)]
+struct Foundation {
+    surface: &'static str,
+    modulus: f64,
+    curve: LoadCurve,
+}
+
+/// A pressure on the current area of a surface, Pa.
+#[derive(Clone, Debug)]
+struct Pressure {
+    surface: &'static str,
+    value: f64,
+    curve: LoadCurve,
+}
+
+/// A load `L` on the facets of a surface.
+#[derive(Debug)]
+struct OnFacets<L> {
+    load: L,
+    surface: usize,
+    facets: Vec<[u32; 3]>,
+    positions: Vec<[[f64; 3]; 3]>,
+}
+
+impl<L> OnFacets<L> {
+    fn new(load: L, mesh: &Mesh, name: &str) -> Result<Box<Self>, BoundaryError> {
+        let (surface, Surface { triangles, .. }) = find_surface(mesh, name)?;
+        let positions = triangles.iter().map(|nodes| nodes.map(|node| mesh.nodes()[node as usize])).collect();
+        Ok(Box::new(Self { load, surface, facets: triangles.clone(), positions }))
+    }
+
+    /// Returns the current positions of the nodes of a facet.
+    fn corners(&self, facet: usize, displacements: &[[f64; 3]]) -> [Vector3<f64>; 3] {
+        let u = self.facets[facet].map(|node| Vector3::from(displacements[node as usize]));
+        std::array::from_fn(|a| Vector3::from(self.positions[facet][a]) + u[a])
+    }
+}
+
+/// Forces on the nodes of a facet and minus their derivatives, `blocks[a][b] = -df_a/du_b`.
+trait FacetLoad: std::fmt::Debug + Send + Sync + Sized {
+    const SYMMETRY: Symmetry;
+    fn forces(on: &OnFacets<Self>, t: f64, facet: usize, u: &[[f64; 3]]) -> [Vector3<f64>; 3];
+    fn blocks(on: &OnFacets<Self>, t: f64, facet: usize, u: &[[f64; 3]]) -> [[Matrix3<f64>; 3]; 3];
+}
+
+impl<L: FacetLoad> Load for OnFacets<L> {
+    fn add_forces(&self, t: f64, displacements: &[[f64; 3]], forces: &mut [[f64; 3]]) {
+        for (facet, nodes) in self.facets.iter().enumerate() {
+            for (&node, force) in nodes.iter().zip(L::forces(self, t, facet, displacements)) {
+                (0..3).for_each(|i| forces[node as usize][i] += force[i]);
+            }
+        }
+    }
+
+    fn resultant(&self, t: f64, displacements: &[[f64; 3]]) -> [f64; 3] {
+        let forces = (0..self.facets.len()).flat_map(|facet| L::forces(self, t, facet, displacements));
+        forces.sum::<Vector3<f64>>().into()
+    }
+
+    fn surface(&self) -> Option<usize> {
+        Some(self.surface)
+    }
+
+    fn coupled_nodes(&self) -> CoupledNodes<'_> {
+        CoupledNodes::Facets(&self.facets)
+    }
+
+    fn symmetry(&self) -> Symmetry {
+        L::SYMMETRY
+    }
+
+    fn add_stiffness(&self, t: f64, displacements: &[[f64; 3]], group: usize, block: &mut [f64]) {
+        let blocks = L::blocks(self, t, group, displacements);
+        for (n, entry) in block.iter_mut().enumerate() {
+            let (row, column) = (n / 9, n % 9);
+            *entry += blocks[row / 3][column / 3][(row % 3, column % 3)];
+        }
+    }
+}
+
+impl Foundation {
+    /// The consistent matrix of a linear triangle: `modulus * area / 12 (1 + d_ab)`.
+    fn spring(on: &OnFacets<Self>, t: f64, facet: usize, a: usize, b: usize) -> f64 {
+        let [x, y, z] = on.positions[facet].map(Vector3::from);
+        let area = 0.5 * (y - x).cross(&(z - x)).norm();
+        let modulus = on.load.modulus * on.load.curve.factor(t);
+        modulus * area / if a == b { 6.0 } else { 12.0 }
+    }
+}
+
+impl FacetLoad for Foundation {
+    const SYMMETRY: Symmetry = Symmetry::Definite;
+
+    fn forces(on: &OnFacets<Self>, t: f64, facet: usize, u: &[[f64; 3]]) -> [Vector3<f64>; 3] {
+        let u = on.facets[facet].map(|node| Vector3::from(u[node as usize]));
+        std::array::from_fn(|a| -(0..3).map(|b| u[b] * Self::spring(on, t, facet, a, b)).sum::<Vector3<f64>>())
+    }
+
+    fn blocks(on: &OnFacets<Self>, t: f64, facet: usize, _: &[[f64; 3]]) -> [[Matrix3<f64>; 3]; 3] {
+        let spring = |a, b| Matrix3::from_diagonal_element(Self::spring(on, t, facet, a, b));
+        std::array::from_fn(|a| std::array::from_fn(|b| spring(a, b)))
+    }
+}
+
+impl FacetLoad for Pressure {
+    const SYMMETRY: Symmetry = Symmetry::None;
+
+    /// A third of `-p a` per node, with the current area vector `a = (x1 - x0) x (x2 - x0) / 2`.
+    fn forces(on: &OnFacets<Self>, t: f64, facet: usize, u: &[[f64; 3]]) -> [Vector3<f64>; 3] {
+        let [x, y, z] = on.corners(facet, u);
+        [(y - x).cross(&(z - x)) * (-on.load.value * on.load.curve.factor(t) / 6.0); 3]
+    }
+
+    fn blocks(on: &OnFacets<Self>, t: f64, facet: usize, u: &[[f64; 3]]) -> [[Matrix3<f64>; 3]; 3] {
+        let [x, y, z] = on.corners(facet, u);
+        let factor = on.load.value * on.load.curve.factor(t) / 6.0;
+        let (by_y, by_z) = ((x - z).cross_matrix() * factor, (y - x).cross_matrix() * factor);
+        [[-by_y - by_z, by_y, by_z]; 3]
+    }
+}
+
+impl LoadCondition for Foundation {
+    fn resolve(&self, mesh: &Mesh) -> Result<Box<dyn Load>, BoundaryError> {
+        Ok(OnFacets::new(self.clone(), mesh, self.surface)?)
+    }
+}
+
+impl LoadCondition for Pressure {
+    fn resolve(&self, mesh: &Mesh) -> Result<Box<dyn Load>, BoundaryError> {
+        Ok(OnFacets::new(self.clone(), mesh, self.surface)?)
+    }
+}
+
+fn beam() -> Arc<Mesh> {
+    Arc::new(shapes::cuboid([4, 2, 2], [1.0, 0.4, 0.4]).unwrap())
+}
+
+fn foundation() -> Foundation {
+    // Half of the springs are there from the beginning.
+    let curve = LoadCurve::table(&[[0.0, 0.5], [1.0, 1.0]]).unwrap();
+    Foundation { surface: "z0", modulus: 4.0e3, curve }
+}
+
+/// Clamped at `x = 0`.
+fn loaded(loads: Vec<Arc<dyn LoadCondition>>) -> Conditions {
+    let clamp = SurfaceCondition { surface: "x0".into(), displacement: [Some(0.0); 3], curve: LoadCurve::Ramp };
+    Conditions { surfaces: vec![clamp], loads, ..Conditions::default() }
+}
+
+fn on_springs() -> Conditions {
+    let pull = Traction { surface: "x1".into(), value: [0.0, 60.0, -300.0], curve: LoadCurve::Ramp };
+    loaded(vec![Arc::new(pull), Arc::new(foundation())])
+}
+
+fn under_pressure() -> Conditions {
+    loaded(vec![Arc::new(Pressure { surface: "z1", value: 120.0, curve: LoadCurve::Ramp })])
+}
+
+/// Runs two load steps and checks that Newton converges quadratically in each.
+fn run(conditions: &Conditions) -> Stepper<Sparse, FormulaField> {
+    let mesh = beam();
+    let mut params = StepParams { count: 2, max_cuts: 0, ..StepParams::default() };
+    params.newton.tolerance = 1e-12;
+    let field = FormulaField::uniform(SOFT, mesh.elements().len());
+    let mut stepper = Stepper::<Sparse, _>::new(&(), mesh, conditions, field, params).unwrap();
+    for report in stepper.run(&mut ()).unwrap() {
+        let r = &report.solves[0].relative;
+        assert!(r.len() >= 3, "{r:?}");
+        for pair in r.windows(2).filter(|pair| pair[0] < 1e-3 && pair[1] > 1e-12) {
+            assert!(pair[1] < 100.0 * pair[0] * pair[0], "{r:?}");
+        }
+    }
+    stepper
+}
+
+#[test]
+fn newton_converges_quadratically_with_state_dependent_loads() {
+    let stepper = run(&on_springs());
+    let moved = stepper.state().displacements.iter().fold(0.0_f64, |most, u| most.max(u[2].abs()));
+    assert!(moved > 0.05, "{moved}");
+    let forces = stepper.forces();
+    let named = |name: &str| -> &SurfaceForce { forces.surfaces.iter().find(|s| s.name == name).unwrap() };
+    let size = named("x1").force[2].abs();
+    assert!(forces.sum().iter().all(|f| f.abs() < 1e-9 * size), "{:?}", forces.sum());
+    let springs = named("z0");
+    assert!(springs.force[2] > 0.1 * size, "{springs:?}");
+    for (force, u) in springs.force.iter().zip(springs.displacement) {
+        assert!(
+            (force + 4.0e3 * 0.4 * u).abs() < 1e-9 * size,
+            "the mean displacement times the stiffness: {springs:?}"
+        );
+    }
+
+    let stepper = run(&under_pressure());
+    let forces = stepper.forces();
+    let pressed = forces.surfaces.iter().find(|s| s.name == "z1").unwrap();
+    // The beam bends, so the resultant turns with its upper side.
+    assert!(pressed.force[2] < -30.0 && pressed.force[0].abs() > 1.0, "{pressed:?}");
+    assert!(forces.sum().iter().all(|f| f.abs() < 1e-9 * pressed.force[2].abs()), "{:?}", forces.sum());
+}
+
+#[test]
+fn the_tangent_is_the_slope_of_the_residual() {
+    for conditions in [on_springs(), under_pressure()] {
+        let mesh = beam();
+        let nodes = mesh.nodes().len();
+        let boundary = Boundary::new(&mesh, &conditions).unwrap();
+        let prescribed = boundary.prescribed_mask(nodes);
+        let unknowns = Unknowns::new(nodes, |node, component| prescribed[node][component]).unwrap();
+        let mut k = Sparse::matrix(&(), &Arc::new(unknowns.pattern(&mesh).unwrap())).unwrap();
+        let mut assembler = Assembler::<Sparse>::new(geometry(&mesh).unwrap(), &mesh, &unknowns, &k).unwrap();
+        assembler.locate_loads(boundary.loads(), &k).unwrap();
+        let field = FormulaField::uniform(SOFT, mesh.elements().len());
+        let mut body = Equilibrium::<Sparse, _>::new(mesh, boundary, assembler, field).unwrap();
+        let n = unknowns.free();
+        let rows: Vec<i32> = (0..n as i32).collect();
+        let vector = |values: &dyn Fn(usize) -> f64| {
+            let mut vector = Sparse::vector(&(), n).unwrap();
+            vector.set(&rows, &(0..n).map(values).collect::<Vec<f64>>()).unwrap();
+            vector
+        };
+        let residual = |body: &mut Equilibrium<Sparse, FormulaField>| {
+            let mut r = vector(&|_| 0.0);
+            body.residual(&mut r).unwrap();
+            let mut values = vec![0.0; n];
+            r.get(&rows, &mut values).unwrap();
+            values
+        };
+        body.begin_step(0.7);
+        body.advance(1.0, &vector(&|j| 0.01 * (7.0 * j as f64).sin())).unwrap();
+        residual(&mut body);
+        body.jacobian(&mut k).unwrap();
+        k.finish().unwrap();
+        let h = 1e-6;
+        for column in 0..n {
+            let along = vector(&|j| if j == column { 1.0 } else { 0.0 });
+            body.advance(h, &along).unwrap();
+            let up = residual(&mut body);
+            body.advance(-2.0 * h, &along).unwrap();
+            let down = residual(&mut body);
+            body.advance(h, &along).unwrap();
+            let mut entries = vec![0.0; n];
+            k.get(&rows, &[column as i32], &mut entries).unwrap();
+            for (row, entry) in entries.into_iter().enumerate() {
+                let slope = (up[row] - down[row]) / (2.0 * h);
+                assert!((slope - entry).abs() < 1e-5, "({row}, {column}): {entry}, slope {slope}: {conditions:?}");
+            }
+        }
+    }
+}
