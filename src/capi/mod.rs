@@ -269,7 +269,7 @@ trait Exported: Backend {
 
 fn of_file<F: std::error::Error>(error: market::MarketError<F>) -> Failure {
     match error {
-        market::MarketError::Fault(error) => fault(error),
+        market::MarketError::Backend(error) => fault(error),
         error => Failure::new(LAS_FILE, error.to_string()),
     }
 }

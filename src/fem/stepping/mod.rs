@@ -111,11 +111,10 @@ where
         rigid_modes::check(&mesh, &prescribed)?;
         let unknowns = Unknowns::in_order(order, |node, component| prescribed[node][component])?;
         let pattern = Arc::new(unknowns.pattern(&mesh)?);
-        let symbolic = B::analyze(context, &pattern, &params.solver).map_err(SetupError::System)?;
-        let system = NewtonSystem::new(context, &pattern, &symbolic).map_err(SetupError::System)?;
-        let assembler = Assembler::new(geometry, &mesh, &unknowns, &system.matrix)
-            .map_err(|fault| SetupError::System(SolveError::Fault(fault)))?;
-        let body = Equilibrium::new(mesh, boundary, assembler, field).map_err(SetupError::Undeformed)?;
+        let symbolic = B::analyze(context, &pattern, &params.solver)?;
+        let system = NewtonSystem::new(context, &pattern, &symbolic)?;
+        let assembler = Assembler::new(geometry, &mesh, &unknowns, &system.matrix).map_err(SolveError::Backend)?;
+        let body = Equilibrium::new(mesh, boundary, assembler, field)?;
         Ok(Self { body, system, params, completed_steps: 0, halvings: 0, undeformed: true })
     }
 
@@ -318,7 +317,7 @@ where
         let seconds = self.body.linearize(t, &mut self.system).map_err(|error| {
             Box::new(Failed {
                 // The tangent of the undeformed body does not depend on the increment, so cutting cannot help.
-                unrecoverable: self.undeformed || matches!(error, SolveError::Fault(_)),
+                unrecoverable: self.undeformed || matches!(error, SolveError::Backend(_)),
                 reason: NewtonError::Solve(error),
                 newton: NewtonReport::default(),
             })
@@ -348,7 +347,7 @@ where
     P: PointField,
 {
     let unrecoverable = match &failure.reason {
-        NewtonError::Solve(SolveError::Fault(_)) => true,
+        NewtonError::Solve(SolveError::Backend(_)) => true,
         NewtonError::Problem(error) => <Equilibrium<B, P> as NonlinearProblem<B>>::is_final(error),
         _ => false,
     };

@@ -199,7 +199,7 @@ impl<'a, B: Backend<Scalar = f64>> Stiffness<'a, B> {
         // In a rigid network `K - s I` is positive definite, and Cholesky, the fastest factorization, succeeds.
         let symbolic = B::analyze(context, &pattern, &SolverParams::new(Symmetry::Definite))?;
         let solver = B::solver(&symbolic)?;
-        let matrix = B::matrix(context, &pattern).map_err(SolveError::Fault)?;
+        let matrix = B::matrix(context, &pattern).map_err(SolveError::Backend)?;
         let mut diagonal = vec![0.0; 3 * network.interior().len()];
         for (fiber, ends) in network.fibers().iter().enumerate() {
             let n = network.direction(fiber);
@@ -217,7 +217,7 @@ impl<'a, B: Backend<Scalar = f64>> Stiffness<'a, B> {
 
     /// Factors `K + shift I`.
     fn factor(&mut self, shift: f64) -> Result<FactorReport, RigidityError<B::Fault>> {
-        self.assemble(shift).map_err(SolveError::Fault)?;
+        self.assemble(shift).map_err(SolveError::Backend)?;
         Ok(self.solver.factor(&self.matrix)?)
     }
 
