@@ -52,16 +52,14 @@ where
     let bytes = std::fs::read(file).map_err(|error| InputError::unreadable(file, &error))?;
     let Triplets { rows, cols, entries } = read::triplets(file, &bytes)?;
     let pattern = Arc::new(pattern(rows, cols, &entries)?);
-    let matrix = || -> Result<_, B::Fault> {
-        let mut a = B::matrix(context, &pattern)?;
-        for (row, column, value) in entries {
-            let (row, column) = ([B::Index::of(row as usize)], [B::Index::of(column as usize)]);
-            a.add(&row, &column, &[B::Scalar::of(value)])?;
-        }
-        a.finish()?;
-        Ok(a)
+    let mut a = B::matrix(context, &pattern).map_err(MarketError::Backend)?;
+    let add = |a: &mut B::Matrix| {
+        entries.iter().try_for_each(|&(row, column, value)| {
+            a.add(&[B::Index::of(row as usize)], &[B::Index::of(column as usize)], &[B::Scalar::of(value)])
+        })
     };
-    matrix().map_err(MarketError::Backend)
+    a.assemble(add).map_err(MarketError::Backend)?;
+    Ok(a)
 }
 
 fn pattern(rows: usize, cols: usize, entries: &[(u32, u32, f64)]) -> Result<Sparsity, SparsityError> {

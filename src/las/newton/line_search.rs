@@ -76,3 +76,20 @@ fn backtracking_factor(step: f64, current: f64, trial: f64) -> f64 {
     let (current, trial) = (current * current, trial * trial);
     (current * step / (trial - current + 2.0 * current * step)).clamp(0.1, 0.5)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::backtracking_factor;
+
+    #[test]
+    fn interpolation_finds_the_minimizer_of_a_parabola() {
+        // phi^2 = f (1 - 2 a + c a^2) has its minimum at a = 1 / c.
+        let factor = |step: f64, c: f64| {
+            let square = 1.0 - 2.0 * step + c * step * step;
+            backtracking_factor(step, 3.0, 3.0 * square.sqrt())
+        };
+        assert!((factor(1.0, 4.0) - 0.25).abs() < 1e-14);
+        assert!((factor(0.5, 5.0) - 0.4).abs() < 1e-14);
+        assert_eq!([factor(1.0, 1.5), factor(1.0, 100.0)], [0.5, 0.1]);
+    }
+}

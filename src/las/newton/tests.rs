@@ -84,6 +84,43 @@ fn full_newton_diverges_where_the_line_search_converges() {
 }
 
 #[test]
+fn a_step_is_shortened_until_the_residual_decreases_sufficiently() {
+    // The first full step on the arctangent from 1 leaves 0.66 of the residual.
+    let backtracks = |sufficient_decrease| {
+        let params = NewtonParams { sufficient_decrease, ..NewtonParams::default() };
+        system().solve(&mut arctangent(1.0), &params).unwrap().backtracks
+    };
+    assert_eq!([backtracks(1e-4), backtracks(0.3)], [0, 0]);
+    assert!(backtracks(0.4) > 0);
+}
+
+#[test]
+fn the_residual_may_rise_below_its_maximum_over_the_last_iterates() {
+    // The full steps 2 -> 1 -> -3 -> 0 have the residuals 8, 1, 3 and 0.
+    let problem = || {
+        equation(
+            2.0,
+            |x| if x > 1.5 { 8.0 } else { x },
+            |x| {
+                if x > 1.5 {
+                    8.0
+                } else if x > 0.0 {
+                    0.25
+                } else {
+                    1.0
+                }
+            },
+        )
+    };
+    let backtracks = |nonmonotone_memory| {
+        let params = NewtonParams { nonmonotone_memory, ..NewtonParams::default() };
+        system().solve(&mut problem(), &params).unwrap().backtracks
+    };
+    assert_eq!(backtracks(2), 0);
+    assert!(backtracks(1) > 0);
+}
+
+#[test]
 fn converges_quadratically_near_the_root() {
     let mut problem = equation(1.5, |x| x * x - 2.0, |x| 2.0 * x);
     let report = system().solve(&mut problem, &NewtonParams::default()).unwrap();
