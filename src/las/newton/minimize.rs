@@ -92,8 +92,8 @@ impl<B: Backend> NewtonSystem<B>
 where
     B::Reduced: Scalar,
 {
-    /// Minimizes the potential of `problem` until the residual norm is below `tolerance` times the scale (or below the
-    /// floor), as in [`NewtonSystem::solve`].
+    /// Minimizes the potential of `problem` by regularized Newton, until the residual norm is at most
+    /// [`ResidualScale::limit`](super::ResidualScale::limit) of `tolerance`.
     ///
     /// # Errors
     /// Returns [`NewtonFailure`] if the iteration fails; the problem is restored to its initial state.

@@ -3,7 +3,7 @@
 //! An iteration solves `K d = r` with the Jacobian `K` at the current iterate `x` and takes the step `x <- x - a d` with
 //! the step length `a` of a backtracking line search (J. Nocedal and S. J. Wright, *Numerical Optimization*, 2nd ed., 2006,
 //! section 11.2; J. E. Dennis and R. B. Schnabel, *Numerical Methods for Unconstrained Optimization and Nonlinear
-//! Equations*, 1996, chapter 6). It stops when `|r| <= max(tolerance scale, floor)`, with the scale and the floor of
+//! Equations*, 1996, chapter 6). It stops when `|r| <= max(tolerance * scale, floor)`, with the scale and the floor of
 //! [`ResidualScale`] and Euclidean norms.
 
 mod curvature;
@@ -60,7 +60,8 @@ where
         })
     }
 
-    /// Iterates until the residual norm of `problem` is below its limit.
+    /// Solves `problem` by Newton's method with a line search, until the residual norm is at most
+    /// [`ResidualScale::limit`].
     ///
     /// # Errors
     /// Returns [`NewtonFailure`] if the iteration fails; the problem is restored to its initial state.

@@ -134,7 +134,7 @@ pub enum NewtonError<E, F> {
         iteration: usize,
         /// `|r|` before this iteration.
         residual: f64,
-        /// The shortest step tried.
+        /// The shortest step length tried; 1 is the full step.
         step: f64,
     },
     /// No shift of the Hessian gives a step that reduces the potential.
