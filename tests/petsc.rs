@@ -430,7 +430,7 @@ fn zeros(context: &Context, len: usize) -> <Petsc as Backend>::Vector {
 /// The options database has the last word, under the prefix of the context.
 fn options(context: &Context) {
     let context = context.clone().with_prefix("other_");
-    let factor = |symmetry| -> Result<FactorReport, SolveError<_>> {
+    let factor = |symmetry| -> Result<FactorReport, SolveError<<Petsc as Backend>::Fault>> {
         let pattern = laplacian_pattern(5);
         let mut a = Petsc::matrix(&context, &pattern).unwrap();
         fill_laplacian(&mut a, 5, 0.0);
@@ -451,7 +451,7 @@ fn options(context: &Context) {
         assert_eq!((report.kind, report.negative_pivots), (Factorization::Cholesky, Some(0)));
     }
     context.set_option("pc_factor_mat_solver_type", "nonsense").unwrap();
-    let Err(SolveError::Fault(error)) = factor(Symmetry::None) else { panic!("there is no such package") };
+    let Err(SolveError::Backend(error)) = factor(Symmetry::None) else { panic!("there is no such package") };
     assert!(error.text().contains("nonsense"), "PETSc's own text: {error}");
     assert!(error.function() == "MatGetFactor" && error.code() != 0, "{error}");
     context.clear_option("pc_factor_mat_solver_type").unwrap();

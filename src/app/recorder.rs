@@ -315,7 +315,7 @@ fn newton_log(report: &NewtonReport) -> NewtonLog {
         residual: report.residuals.last().copied().unwrap_or(f64::NAN),
         residuals: report.residuals.clone(),
         relative: report.relative.clone(),
-        line_search_cuts: report.line_search_cuts,
+        line_search_cuts: report.backtracks,
         factorizations: Factorizations {
             cholesky: report.cholesky,
             ldlt: report.ldlt,

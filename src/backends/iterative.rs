@@ -29,7 +29,7 @@ where
         a.inverse_diagonal(d)?;
         let mut pivots = Pivots::empty();
         let see = |d: &[B::Scalar]| d.iter().enumerate().for_each(|(k, d)| pivots.record(1.0 / d.as_f64(), k));
-        d.with_local(see).map_err(SolveError::Fault)?;
+        d.with_local(see)?;
         Ok(Some(pivots))
     }
 
@@ -47,7 +47,7 @@ where
                 }),
             })
         };
-        y.with_local_mut(product).and_then(|done| done).and_then(|done| done).map_err(SolveError::Fault)
+        Ok(y.with_local_mut(product)???)
     }
 }
 
@@ -73,7 +73,7 @@ where
         method: Iterative,
         inverse: M,
     ) -> Result<Self, SolveError<B::Fault>> {
-        let space = KrylovSpace::new(context, unknowns, method).map_err(SolveError::Fault)?;
+        let space = KrylovSpace::new(context, unknowns, method)?;
         Ok(Self { unknowns, a: None, ready: false, inverse, space })
     }
 
@@ -123,7 +123,7 @@ where
         for (b, x) in b.iter().zip(x) {
             let mut product = |x: &B::Vector, y: &mut B::Vector| a.mul(x, y);
             let mut precondition = |x: &B::Vector, y: &mut B::Vector| inverse.apply(x, y);
-            sum = sum.and(space.solve(&mut product, &mut precondition, b, x)?);
+            sum = sum.merge(space.solve(&mut product, &mut precondition, b, x)?);
         }
         Ok(sum)
     }

@@ -49,12 +49,12 @@ impl Scales {
         B: Backend<Scalar: Scalar, Context = ()>,
     {
         if kind != Factorization::Cholesky {
-            return Self::equilibrating::<B>(a, n).map_err(SolveError::Fault);
+            return Ok(Self::equilibrating::<B>(a, n)?);
         }
-        let mut diagonal = B::vector(&(), n).map_err(SolveError::Fault)?;
+        let mut diagonal = B::vector(&(), n)?;
         a.diagonal(&mut diagonal)?;
         let scales = |entries: &[B::Scalar]| Self::of_diagonal(entries.iter().map(|entry| entry.as_f64()));
-        diagonal.with_local(scales).map_err(SolveError::Fault)
+        Ok(diagonal.with_local(scales)?)
     }
 
     /// Equilibrates any matrix whose entries are all on this rank, by repeated division by the square roots of the
@@ -112,10 +112,8 @@ pub(super) fn check_null_vector<B: Backend<Scalar: Scalar>>(
     const ALONG: f64 = 1e-4;
     let n = scales.rows.len();
     let norm = |w: &[f64]| w.iter().map(|w| w * w).sum::<f64>().sqrt();
-    let read =
-        |x: &B::Vector| x.with_local(|x| x.iter().map(|x| x.as_f64()).collect::<Vec<f64>>()).map_err(SolveError::Fault);
-    let vector = || B::vector(context, n).map_err(SolveError::Fault);
-    let (mut right, mut x) = (vector()?, vector()?);
+    let read = |x: &B::Vector| x.with_local(|x| x.iter().map(|x| x.as_f64()).collect::<Vec<f64>>());
+    let (mut right, mut x) = (B::vector(context, n)?, B::vector(context, n)?);
     let mut w = random(n);
     for iteration in 0..ITERATIONS {
         let length = norm(&w);
@@ -150,13 +148,10 @@ pub(super) fn check_null_vector<B: Backend<Scalar: Scalar>>(
     Ok(None)
 }
 
-fn write<B: Backend<Scalar: Scalar>>(
-    x: &mut B::Vector,
-    values: impl Iterator<Item = f64>,
-) -> Result<(), SolveError<B::Fault>> {
+fn write<B: Backend<Scalar: Scalar>>(x: &mut B::Vector, values: impl Iterator<Item = f64>) -> Result<(), B::Fault> {
     let fill =
         |place: &mut [B::Scalar]| place.iter_mut().zip(values).for_each(|(place, value)| *place = B::Scalar::of(value));
-    x.with_local_mut(fill).map_err(SolveError::Fault)
+    x.with_local_mut(fill)
 }
 
 fn position_of_largest(w: &[f64]) -> usize {

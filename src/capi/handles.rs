@@ -282,7 +282,7 @@ pub(super) fn solve_error<F: std::error::Error>(error: SolveError<F>) -> Failure
         SolveError::NotSquare { .. }
         | SolveError::Size { .. }
         | SolveError::Pattern
-        | SolveError::OneTriangle { .. }
+        | SolveError::UnsymmetricPattern { .. }
         | SolveError::TooLarge(_) => LAS_SIZE,
         SolveError::Parameter(_) => LAS_ARGUMENT,
         SolveError::NotFactored => LAS_NOT_FACTORED,
@@ -292,7 +292,7 @@ pub(super) fn solve_error<F: std::error::Error>(error: SolveError<F>) -> Failure
         | SolveError::NotFinite { .. }
         | SolveError::RhsNotFinite => LAS_NOT_CONVERGED,
         SolveError::Unsupported { .. } => LAS_UNSUPPORTED,
-        SolveError::Library { .. } | SolveError::Fault(_) => LAS_FAULT,
+        SolveError::Library { .. } | SolveError::Backend(_) => LAS_FAULT,
     };
     Failure::new(code, error.to_string())
 }

@@ -263,7 +263,7 @@ trait Exported: Backend {
 
 fn file_error<F: std::error::Error>(error: market::MarketError<F>) -> Failure {
     match error {
-        market::MarketError::Fault(error) => backend_error(error),
+        market::MarketError::Backend(error) => backend_error(error),
         error => Failure::new(LAS_FILE, error.to_string()),
     }
 }

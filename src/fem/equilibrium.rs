@@ -21,10 +21,10 @@ use crate::las::{
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum EquilibriumError<E, F> {
     /// The point field failed at a point: `J <= 0`, or an RVE without equilibrium.
-    #[error("{0}")]
-    PointField(E),
+    #[error(transparent)]
+    PointField(#[from] E),
     /// An operation of the backend failed.
-    #[error("{0}")]
+    #[error(transparent)]
     Backend(F),
     /// Equilibrium was restored repeatedly with responses that continue the committed state, but each time the new
     /// equilibrium has responses that do not continue it.
@@ -179,7 +179,7 @@ where
     /// Returns [`EquilibriumError::PointField`] if a continuation does not exist.
     pub(super) fn verify(&mut self) -> Result<bool, EquilibriumError<P::Error, B::Fault>> {
         let Self { field, trial, .. } = self;
-        field.verify(&trial.gradients, &mut trial.responses).map_err(EquilibriumError::PointField)
+        Ok(field.verify(&trial.gradients, &mut trial.responses)?)
     }
 
     /// Changes the material of points as the trial state demands; see [`PointField::evolve`]. Returns true if a point
@@ -188,7 +188,7 @@ where
     /// # Errors
     /// Returns [`EquilibriumError::PointField`] if other ranks cannot be reached.
     pub(super) fn evolve(&mut self) -> Result<bool, EquilibriumError<P::Error, B::Fault>> {
-        self.field.evolve().map_err(EquilibriumError::PointField)
+        Ok(self.field.evolve()?)
     }
 
     /// Commits the trial state, at which the residual was evaluated last.
@@ -196,7 +196,7 @@ where
     /// # Errors
     /// Returns [`EquilibriumError::PointField`] if the point field cannot commit.
     pub fn commit(&mut self) -> Result<(), EquilibriumError<P::Error, B::Fault>> {
-        self.field.commit().map_err(EquilibriumError::PointField)?;
+        self.field.commit()?;
         std::mem::swap(&mut self.trial, &mut self.committed);
         self.trial.displacements.copy_from_slice(&self.committed.displacements);
         Ok(())
@@ -234,7 +234,7 @@ where
     pub fn revert(&mut self) -> Result<(), EquilibriumError<P::Error, B::Fault>> {
         self.trial.t = self.committed.t;
         self.trial.displacements.copy_from_slice(&self.committed.displacements);
-        self.field.revert().map_err(EquilibriumError::PointField)
+        Ok(self.field.revert()?)
     }
 
     /// Commits the state with these displacements at pseudo-time `t`, independently of the previously committed one.
@@ -281,16 +281,14 @@ where
         {
             *force = std::array::from_fn(|i| external[i] - internal[i] - force[i]);
         }
-        self.scatter(&mut system.residual).map_err(SolveError::Fault)?;
+        self.scatter(&mut system.residual)?;
         let loaded = Instant::now();
-        system.matrix.zero().map_err(SolveError::Fault)?;
-        self.add_tangent(&self.committed, t, &mut system.matrix).map_err(SolveError::Fault)?;
-        system.matrix.finish().map_err(SolveError::Fault)?;
+        system.matrix.assemble(|k| self.add_tangent(&self.committed, t, k))?;
         let assembled = Instant::now();
         system.solver.factor(&system.matrix)?;
         let factored = Instant::now();
         system.solver.solve(&system.residual, &mut system.direction)?;
-        self.advance_displacements(1.0, &system.direction).map_err(SolveError::Fault)?;
+        self.advance_displacements(1.0, &system.direction)?;
         Ok(NewtonSeconds {
             residual: (loaded - start).as_secs_f64(),
             jacobian: (assembled - loaded).as_secs_f64(),
@@ -315,7 +313,7 @@ where
     fn evaluate_points(&mut self) -> Result<(), EquilibriumError<P::Error, B::Fault>> {
         let trial = &mut self.trial;
         self.assembler.deformation_gradients(&trial.displacements, &mut trial.gradients);
-        self.field.update(&trial.gradients, &mut trial.responses).map_err(EquilibriumError::PointField)?;
+        self.field.update(&trial.gradients, &mut trial.responses)?;
         self.assembler.internal_forces(&trial.responses.pk1, &mut trial.internal);
         Ok(())
     }

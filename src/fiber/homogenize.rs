@@ -210,12 +210,10 @@ where
     B::Reduced: Scalar,
 {
     let Workspace { system, states, diagonal, factor_is_exact, .. } = workspace;
-    system.matrix.zero().map_err(SolveError::Fault)?;
-    model.slots.assemble(&model.truss, states, diagonal, &mut system.matrix).map_err(SolveError::Fault)?;
+    system.matrix.assemble(|k| model.slots.assemble(&model.truss, states, diagonal, k))?;
     if shift > 0.0 {
         system.shift_diagonal(shift)?;
     }
-    system.matrix.finish().map_err(SolveError::Fault)?;
     system.solver.factor(&system.matrix)?;
     *factor_is_exact = shift == 0.0;
     Ok(())
@@ -263,21 +261,18 @@ fn correct<B: Backend<Scalar = f64>>(
             for (q, &node) in load.chunks_exact_mut(3).zip(interior) {
                 q.copy_from_slice(&force_rates[node as usize][at..at + 3]);
             }
-        })
-        .map_err(SolveError::Fault)?;
-        load.finish().map_err(SolveError::Fault)?;
+        })?;
+        load.finish()?;
     }
     system.solver.solve_many(mode_loads, mode_solutions)?;
     for (mode, solution) in mode_solutions.iter().enumerate() {
         let at = 3 * mode;
-        solution
-            .with_local(|solution| {
-                for (u, &node) in solution.chunks_exact(3).zip(interior) {
-                    let v = &mut sensitivities[node as usize][at..at + 3];
-                    v.iter_mut().zip(u).for_each(|(v, u)| *v -= u);
-                }
-            })
-            .map_err(SolveError::Fault)?;
+        solution.with_local(|solution| {
+            for (u, &node) in solution.chunks_exact(3).zip(interior) {
+                let v = &mut sensitivities[node as usize][at..at + 3];
+                v.iter_mut().zip(u).for_each(|(v, u)| *v -= u);
+            }
+        })?;
     }
     Ok(())
 }

@@ -43,7 +43,7 @@ pub struct RveModel<B: Backend> {
 #[derive(Debug, Error)]
 pub enum RveModelError<F: std::error::Error> {
     /// The fibers have no valid material.
-    #[error("{0}")]
+    #[error(transparent)]
     Truss(#[from] TrussError),
     /// The volume fraction is not between 0 and 1.
     #[error("the fiber volume fraction is {0}; it must lie between 0 and 1")]
@@ -63,7 +63,7 @@ pub enum RveModelError<F: std::error::Error> {
     Pattern(#[from] SparsityError),
     /// The backend cannot analyze the stiffness.
     #[error("the stiffness cannot be analyzed: {0}")]
-    Analysis(SolveError<F>),
+    Analysis(#[from] SolveError<F>),
 }
 
 impl<B: Backend<Scalar = f64>> RveModel<B> {
@@ -103,12 +103,11 @@ impl<B: Backend<Scalar = f64>> RveModel<B> {
             StressScale::FiberVolumeFraction(phi) => return Err(RveModelError::VolumeFraction(phi)),
         };
         let pattern = Arc::new(stiffness::pattern(truss.network())?);
-        let symbolic = B::analyze(context, &pattern, solver).map_err(RveModelError::Analysis)?;
+        let symbolic = B::analyze(context, &pattern, solver)?;
         if !(scale.is_finite() && scale > 0.0) {
             return Err(RveModelError::Scale { scale, volume: truss.volume() });
         }
-        let slots = StiffnessSlots::locate(context, &truss, &pattern)
-            .map_err(|f| RveModelError::Analysis(SolveError::Fault(f)))?;
+        let slots = StiffnessSlots::locate(context, &truss, &pattern).map_err(SolveError::Backend)?;
         Ok(Self {
             rounding_floor: truss.rounding_floor(),
             fingerprint: fingerprint(truss.network()),

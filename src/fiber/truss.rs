@@ -63,7 +63,7 @@ pub enum TrussError {
         network: String,
     },
     /// A material parameter is invalid.
-    #[error("{0}")]
+    #[error(transparent)]
     Material(#[from] FiberMaterialError),
 }
 

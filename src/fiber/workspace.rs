@@ -48,9 +48,7 @@ where
     pub fn new(context: &B::Context, model: &RveModel<B>) -> Result<Self, SolveError<B::Fault>> {
         let nodes = model.network().nodes().len();
         let interior = model.network().interior().len();
-        let vectors = || -> Result<Vec<B::Vector>, SolveError<B::Fault>> {
-            (0..MODES).map(|_| B::vector(context, model.unknowns()).map_err(SolveError::Fault)).collect()
-        };
+        let vectors = || (0..MODES).map(|_| B::vector(context, model.unknowns())).collect::<Result<_, _>>();
         Ok(Self {
             pattern: Arc::clone(&model.pattern),
             system: NewtonSystem::new(context, &model.pattern, &model.symbolic)?,

@@ -94,6 +94,13 @@ pub trait MatrixOps<B: Backend>: Sized {
         true
     }
 
+    /// Sets all entries to zero, adds those of `add` and completes the writes.
+    fn assemble<E: From<B::Fault>>(&mut self, add: impl FnOnce(&mut Self) -> Result<(), E>) -> Result<(), E> {
+        self.zero()?;
+        add(self)?;
+        Ok(self.finish()?)
+    }
+
     /// Completes pending writes.
     fn finish(&mut self) -> Result<(), B::Fault>;
 }

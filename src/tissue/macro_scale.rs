@@ -18,7 +18,7 @@ use crate::input::{InputError, InputErrors};
 #[derive(Debug, Error)]
 pub enum MacroScaleError {
     /// The mesh file has errors, or the case uses names that the mesh does not have.
-    #[error("{0}")]
+    #[error(transparent)]
     Input(#[from] InputErrors),
     /// A load curve is invalid.
     #[error("the load curve in line {line}: {reason}")]
@@ -180,7 +180,7 @@ pub fn step_params(case: &Case) -> StepParams {
     params.newton.tolerance = case.newton.tolerance;
     params.newton.max_iterations = case.newton.max_iterations;
     if !case.newton.line_search {
-        params.newton.max_line_search_cuts = 0;
+        params.newton.max_backtracks = 0;
     }
     params
 }

@@ -66,7 +66,7 @@ where
 {
     let mut newton = NewtonParams::default();
     newton.tolerance = 1e-10;
-    newton.max_line_search_cuts = 0;
+    newton.max_backtracks = 0;
     let params = StepParams { count: 10, max_cuts: 0, start: StepStart::Prescribed, newton, ..StepParams::default() };
     let field = FormulaField::uniform(material(), 24);
     let mut stepper = Stepper::<B, _>::new(&(), Arc::new(mesh()), &conditions(), field, params).unwrap();

@@ -28,7 +28,7 @@ fn the_line_search_saves_an_rve_in_which_full_newton_diverges() {
     // Compressed along x and y, so that fibers slacken and the first full steps overshoot.
     let f = Matrix3::new(0.84, 0.07, 0.13, -0.03, 0.84, 0.19, 0.04, 0.0, 1.08);
     let mut full = bench();
-    full.params.newton.max_line_search_cuts = 0;
+    full.params.newton.max_backtracks = 0;
     full.params.stages = Stages::of(&[Stage::Newton]);
     let mut rve = full.at_rest();
     let before = rve.clone();
@@ -39,7 +39,7 @@ fn the_line_search_saves_an_rve_in_which_full_newton_diverges() {
     let mut searching = bench();
     searching.params.stages = Stages::of(&[Stage::Newton]);
     let report = searching.solve(&mut rve, &f).unwrap();
-    assert!(report.line_search_cuts > 0 && report.cuts == 0, "{report:?}");
+    assert!(report.backtracks > 0 && report.cuts == 0, "{report:?}");
     balanced(&searching, &report);
 }
 

@@ -23,16 +23,16 @@ use crate::tissue::micro_scale::{LibraryError, TissueField, TissueFieldError, Ti
 #[derive(Debug, Error)]
 pub enum SimulationError<F: std::error::Error + 'static> {
     /// The mesh or the boundary conditions are wrong.
-    #[error("{0}")]
+    #[error(transparent)]
     MacroScale(#[from] MacroScaleError),
     /// The networks or the materials of regions are wrong.
-    #[error("{0}")]
+    #[error(transparent)]
     Library(#[from] LibraryError),
     /// The requested output does not exist.
-    #[error("{0}")]
+    #[error(transparent)]
     Output(#[from] InputErrors),
     /// The body and its boundary conditions do not match.
-    #[error("{0}")]
+    #[error(transparent)]
     Setup(#[from] Box<SetupError<TissueFieldError, F>>),
 }
 

@@ -57,7 +57,7 @@ impl<T: Scalar + RealField> Backend for Dense<T> {
         if rows != cols {
             return Err(SolveError::NotSquare { rows, cols });
         }
-        params.check()?;
+        params.check().map_err(SolveError::Parameter)?;
         Ok(Arc::new(Symbolic { unknowns: rows, params: *params }))
     }
 

@@ -90,7 +90,7 @@ impl Factor {
     /// percentage that MUMPS adds to its memory estimate.
     pub(super) fn new(a: &Matrix, kind: Factorization, limit: f64, room: i32) -> Result<Self, SolveError<PetscError>> {
         let (package, kind) = package(kind, a.context.ranks())?;
-        Self::by_package(a, kind, package, limit, room).map_err(SolveError::Fault)
+        Ok(Self::by_package(a, kind, package, limit, room)?)
     }
 
     fn by_package(a: &Matrix, kind: Factorization, package: &CStr, limit: f64, room: i32) -> Result<Self, PetscError> {

@@ -38,21 +38,18 @@ impl ByIterations {
             Krylov::BiCgStab => c"bcgs",
             Krylov::Gmres { .. } => c"gmres",
         };
-        let make = || {
-            let ksp = Ksp::new(a, krylov, preconditioner)?;
-            set(&ksp, &method)?;
-            ksp.listen()?;
-            Ok(Self { ksp, method, product: Vector::zeros(&a.context, a.pattern().rows())? })
-        };
-        make().map_err(SolveError::Fault)
+        let ksp = Ksp::new(a, krylov, preconditioner)?;
+        set(&ksp, &method)?;
+        ksp.listen()?;
+        Ok(Self { ksp, method, product: Vector::zeros(&a.context, a.pattern().rows())? })
     }
 
     /// Computes the preconditioner.
     pub(super) fn set_up(&self, a: &Matrix) -> Result<(), SolveError<PetscError>> {
-        self.ksp.set_up(a).map_err(SolveError::Fault)?;
+        self.ksp.set_up(a)?;
         let (pc, mut reason) = (self.ksp.pc(), 0);
         // SAFETY: a live object.
-        call(|| unsafe { ffi::PCGetFailedReason(pc, &raw mut reason) }).map_err(SolveError::Fault)?;
+        call(|| unsafe { ffi::PCGetFailedReason(pc, &raw mut reason) })?;
         if reason == 0 {
             return Ok(());
         }
@@ -67,7 +64,7 @@ impl ByIterations {
         b: &Vector,
         x: &mut Vector,
     ) -> Result<SolveReport, SolveError<PetscError>> {
-        let size = b.norm().map_err(SolveError::Fault)?;
+        let size = b.norm()?;
         if size == 0.0 {
             x.as_mut_slice().fill(0.0);
             return Ok(SolveReport::DIRECT);
@@ -78,7 +75,7 @@ impl ByIterations {
         let mut report = SolveReport { iterations: 0, residual: 1.0 };
         let mut reason = 0;
         for round in 0..ROUNDS {
-            let ended = self.ksp.solve(a, b, x, round > 0).map_err(SolveError::Fault)?;
+            let ended = self.ksp.solve(a, b, x, round > 0)?;
             report.iterations += ended.iterations;
             reason = ended.reason;
             a.mul(x, &mut self.product)?;
@@ -97,19 +94,13 @@ impl ByIterations {
     fn failure(&self, report: SolveReport, reason: i32) -> SolveError<PetscError> {
         /// `KSP_DIVERGED_ITS`.
         const ITERATIONS: i32 = -3;
-        let method = match self.method.krylov {
-            Krylov::Cg => "CG",
-            Krylov::BiCgStab => "BiCGSTAB",
-            Krylov::Gmres { .. } => "GMRES",
-        };
-        let SolveReport { iterations, residual } = report;
         let stop_reason = match reason {
             ITERATIONS => StopReason::MaxIterations,
             // PETSc reported convergence in every round.
             1.. => StopReason::Stagnated,
             _ => StopReason::Breakdown,
         };
-        SolveError::NotConverged { method, iterations, residual, tolerance: self.method.tolerance, stop_reason }
+        self.method.not_converged(report, stop_reason)
     }
 }
 

@@ -93,14 +93,14 @@ impl MatVec<Petsc> for Matrix {
         let (rows, cols) = self.shape();
         check_size("the vector to multiply", x.len(), cols)?;
         check_size("the product", y.len(), rows)?;
-        self.multiply(x, y, false).map_err(SolveError::Fault)
+        Ok(self.multiply(x, y, false)?)
     }
 
     fn mul_transpose(&self, x: &Vector, y: &mut Vector) -> Result<(), Failure> {
         let (rows, cols) = self.shape();
         check_size("the vector to multiply", x.len(), rows)?;
         check_size("the product", y.len(), cols)?;
-        self.multiply(x, y, true).map_err(SolveError::Fault)
+        Ok(self.multiply(x, y, true)?)
     }
 
     fn diagonal(&self, d: &mut Vector) -> Result<(), Failure> {
@@ -133,35 +133,32 @@ impl MatMat<Petsc> for Matrix {
         check_size("the other matrix (rows)", other.shape().0, self.shape().0)?;
         check_size("the other matrix (columns)", other.shape().1, self.shape().1)?;
         let union = self.pattern().union(other.pattern()).map_err(SolveError::TooLarge)?;
-        let sum = || {
-            let mut sum = Self::zeros_aij(&self.context, &Arc::new(union))?;
-            for (matrix, factor) in [(self, a), (other, b)] {
-                if matrix.pattern().entries() > 0 {
-                    let copy = matrix.to_aij()?;
-                    sum.add_scaled(factor, copy.as_ref().unwrap_or(matrix).raw())?;
-                }
+        let mut sum = Self::zeros_aij(&self.context, &Arc::new(union))?;
+        for (matrix, factor) in [(self, a), (other, b)] {
+            if matrix.pattern().entries() > 0 {
+                let copy = matrix.to_aij()?;
+                sum.add_scaled(factor, copy.as_ref().unwrap_or(matrix).raw())?;
             }
-            sum.stored()
-        };
-        sum().map_err(SolveError::Fault)
+        }
+        Ok(sum.stored()?)
     }
 
     fn product(&self, other: &Self) -> Result<Self, Failure> {
         check_size("the other matrix (rows)", other.shape().0, self.shape().1)?;
         let pattern = self.pattern().product(other.pattern()).map_err(SolveError::TooLarge)?;
-        let copies = (self.to_aij().map_err(SolveError::Fault)?, other.to_aij().map_err(SolveError::Fault)?);
+        let copies = (self.to_aij()?, other.to_aij()?);
         let (a, b) = (copies.0.as_ref().unwrap_or(self).raw(), copies.1.as_ref().unwrap_or(other).raw());
         // SAFETY: live matrices whose shapes fit.
         let make = |out| unsafe { ffi::MatMatMult(a, b, ffi::MAT_INITIAL_MATRIX, ffi::DEFAULT_REAL, out) };
-        self.in_pattern(pattern, make).map_err(SolveError::Fault)
+        Ok(self.in_pattern(pattern, make)?)
     }
 
     fn transpose(&self) -> Result<Self, Failure> {
-        let copy = self.to_aij().map_err(SolveError::Fault)?;
+        let copy = self.to_aij()?;
         let a = copy.as_ref().unwrap_or(self).raw();
         // SAFETY: a live matrix.
         let make = |out| unsafe { ffi::MatTranspose(a, ffi::MAT_INITIAL_MATRIX, out) };
-        self.in_pattern(self.pattern().transpose(), make).map_err(SolveError::Fault)
+        Ok(self.in_pattern(self.pattern().transpose(), make)?)
     }
 }
 

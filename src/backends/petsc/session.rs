@@ -40,7 +40,7 @@ pub enum SessionError {
     #[error("MPI was finalized in this process, and starts only once: keep the session, or initialize MPI yourself")]
     Ended,
     /// PETSc did not start, or rejects the communicator.
-    #[error("{0}")]
+    #[error(transparent)]
     Petsc(#[from] PetscError),
 }
 

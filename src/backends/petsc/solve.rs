@@ -32,7 +32,7 @@ impl Symbolic {
         if rows != cols {
             return Err(SolveError::NotSquare { rows, cols });
         }
-        params.check()?;
+        params.check().map_err(SolveError::Parameter)?;
         Ok(Self { context: context.clone(), pattern: Arc::clone(pattern), params: *params })
     }
 }
@@ -63,7 +63,7 @@ pub struct Solver {
 impl Solver {
     pub(super) fn new(symbolic: &Arc<Symbolic>) -> Result<Self, Fault> {
         let context = &symbolic.context;
-        let a = Matrix::zeros_aij(context, &symbolic.pattern).map_err(SolveError::Fault)?;
+        let a = Matrix::zeros_aij(context, &symbolic.pattern)?;
         let iterative = match symbolic.params.method {
             Method::Direct => None,
             Method::Iterative(method) => Some(ByIterations::new(&a, method)?),
@@ -76,7 +76,7 @@ impl Solver {
             lu: None,
             iterative,
             active: None,
-            diagonal: Vector::zeros(context, symbolic.pattern.rows()).map_err(SolveError::Fault)?,
+            diagonal: Vector::zeros(context, symbolic.pattern.rows())?,
             symbolic: Arc::clone(symbolic),
         })
     }
@@ -101,7 +101,7 @@ impl Solver {
         if expected.entries() == 0 && expected.rows() > 0 {
             return Err(SolveError::Singular { unknown: 0, ratio: 0.0, limit: self.limit });
         }
-        self.a.copy_values(a).map_err(SolveError::Fault)
+        Ok(self.a.copy_values(a)?)
     }
 
     fn first_bad(&self, a: &Matrix) -> usize {
@@ -134,7 +134,7 @@ impl Solver {
                 Some(factor) => factor,
                 None => Factor::new(a, kind, *limit, room)?,
             };
-            let now = factor.factor(a).map_err(SolveError::Fault)?;
+            let now = factor.factor(a)?;
             found = Some((factor.kind, now));
             match now.failure {
                 // A failed factorization cannot be used again.
@@ -198,7 +198,7 @@ impl Solver {
         };
         let limit = *limit;
         let unknown = match factor.take().map(|factor| factor.loose_unknown(a, found, diagonal)) {
-            Some(Err(fault)) => return SolveError::Fault(fault),
+            Some(Err(fault)) => return SolveError::Backend(fault),
             Some(Ok(Some(unknown))) => unknown,
             _ => 0,
         };
@@ -273,25 +273,25 @@ impl Solver {
         let Self { a, cholesky, ldlt, lu, iterative, .. } = self;
         if let Some(iterative) = iterative {
             for (b, x) in b.iter().zip(x) {
-                sum = sum.and(iterative.solve(a, b, x)?);
+                sum = sum.merge(iterative.solve(a, b, x)?);
             }
             return Ok(sum);
         }
         let factor = [&*cholesky, &*ldlt, &*lu].into_iter().flatten().find(|factor| factor.kind == active);
         let factor = factor.ok_or(SolveError::NotFactored)?;
         if b.len() > 1 && !factor.iterates && active != Factorization::Approximate {
-            factor.solve_together(a, b, x).map_err(SolveError::Fault)?;
+            factor.solve_together(a, b, x)?;
             return Ok(sum);
         }
         for (b, x) in b.iter().zip(x) {
-            sum = sum.and(solve_one(factor, a, b, x)?);
+            sum = sum.merge(solve_one(factor, a, b, x)?);
         }
         Ok(sum)
     }
 }
 
 fn solve_one(factor: &Factor, a: &Matrix, b: &Vector, x: &mut Vector) -> Result<SolveReport, Fault> {
-    let ended = factor.solve(a, b, x).map_err(SolveError::Fault)?;
+    let ended = factor.solve(a, b, x)?;
     if ended.reason < 0 {
         return Err(SolveError::Library { library: "PETSc", reason: format!("KSPConvergedReason {}", ended.reason) });
     }

@@ -49,7 +49,7 @@ impl Symbolic {
         if rows != cols {
             return Err(SolveError::NotSquare { rows, cols });
         }
-        params.check()?;
+        params.check().map_err(SolveError::Parameter)?;
         let mut symbolic = Self {
             pattern: Arc::clone(pattern),
             params: *params,
@@ -72,7 +72,7 @@ impl Symbolic {
     fn analyze_symmetric(&mut self) -> Result<(), SolveError<Infallible>> {
         let pattern = &*self.pattern;
         if let Some((row, column)) = pattern.without_mirror() {
-            return Err(SolveError::OneTriangle { row, column });
+            return Err(SolveError::UnsymmetricPattern { row, column });
         }
         let graph = Graph::new(pattern);
         let tree = order::eliminate(&graph, self.params.ordering)?;

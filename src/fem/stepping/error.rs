@@ -32,10 +32,10 @@ where
     Sparsity(#[from] SparsityError),
     /// The backend could not create its vectors, matrix or solver.
     #[error("the linear system cannot be set up: {0}")]
-    System(SolveError<F>),
+    System(#[from] SolveError<F>),
     /// The point field failed in the undeformed body.
     #[error("the undeformed body: {0}")]
-    Undeformed(EquilibriumError<E, F>),
+    Undeformed(#[from] EquilibriumError<E, F>),
 }
 
 /// The reason why a run stopped. The state is the last converged one; steps already reported to the observer remain

@@ -148,12 +148,11 @@ where
         let unknowns = Unknowns::in_order(order, |node, component| prescribed[node][component])?;
         let pattern = Arc::new(unknowns.pattern(&mesh)?);
         let solver = SolverParams { symmetry: boundary.symmetry(params.solver.symmetry), ..params.solver };
-        let symbolic = B::analyze(context, &pattern, &solver).map_err(SetupError::System)?;
-        let system = NewtonSystem::new(context, &pattern, &symbolic).map_err(SetupError::System)?;
-        let fault = |fault| SetupError::System(SolveError::Fault(fault));
-        let mut assembler = Assembler::new(geometry, &mesh, &unknowns, &system.matrix).map_err(fault)?;
-        assembler.locate_loads(boundary.loads(), &system.matrix).map_err(fault)?;
-        let body = Equilibrium::new(mesh, boundary, assembler, field).map_err(SetupError::Undeformed)?;
+        let symbolic = B::analyze(context, &pattern, &solver)?;
+        let system = NewtonSystem::new(context, &pattern, &symbolic)?;
+        let mut assembler = Assembler::new(geometry, &mesh, &unknowns, &system.matrix).map_err(SolveError::Backend)?;
+        assembler.locate_loads(boundary.loads(), &system.matrix).map_err(SolveError::Backend)?;
+        let body = Equilibrium::new(mesh, boundary, assembler, field)?;
         Ok(Self { body, system, params, completed_steps: 0, halvings: 0, undeformed: true })
     }
 
@@ -357,7 +356,7 @@ where
         let seconds = self.body.linearize(t, &mut self.system).map_err(|error| {
             Box::new(Failed {
                 // The tangent of the undeformed body does not depend on the increment, so cutting cannot help.
-                unrecoverable: self.undeformed || matches!(error, SolveError::Fault(_)),
+                unrecoverable: self.undeformed || matches!(error, SolveError::Backend(_)),
                 reason: NewtonError::Solve(error),
                 newton: NewtonReport::default(),
             })
@@ -377,7 +376,7 @@ where
 
     fn failed(NewtonFailure { reason, report }: SolveFailure<B, P>) -> FailedAttemptOf<B, P> {
         let unrecoverable = match &reason {
-            NewtonError::Solve(SolveError::Fault(_)) => true,
+            NewtonError::Solve(SolveError::Backend(_)) => true,
             NewtonError::Problem(error) => <Equilibrium<B, P> as NonlinearProblem<B>>::is_final(error),
             _ => false,
         };

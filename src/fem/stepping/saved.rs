@@ -56,7 +56,7 @@ where
     /// The point field cannot be evaluated or committed at the saved state. The stepper is then invalid and must be
     /// created anew.
     #[error("the saved state: {0}")]
-    Points(EquilibriumError<E, F>),
+    Points(#[from] EquilibriumError<E, F>),
 }
 
 /// The [`RestoreError`] of a run on backend `B` with point field `P`, whose restoration has error `R`.

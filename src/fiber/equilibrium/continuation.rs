@@ -54,20 +54,18 @@ where
     if distance <= SAME {
         return Ok(true);
     }
-    problem.residual(&mut system.residual).map_err(SolveError::Fault)?;
-    let mut norm = system.residual.norm().map_err(SolveError::Fault)?.as_f64();
+    problem.residual(&mut system.residual)?;
+    let mut norm = system.residual.norm()?.as_f64();
     for _ in 0..STEPS {
-        system.matrix.zero().map_err(SolveError::Fault)?;
-        problem.jacobian(&mut system.matrix).map_err(SolveError::Fault)?;
-        system.matrix.finish().map_err(SolveError::Fault)?;
+        system.matrix.assemble(|k| problem.jacobian(k))?;
         system.solver.factor_definite(&system.matrix)?;
         system.solver.solve(&system.residual, &mut system.direction)?;
-        problem.advance(-1.0, &system.direction).map_err(SolveError::Fault)?;
+        problem.advance(-1.0, &system.direction)?;
         let (distance_before, norm_before) = (distance, norm);
         distance = problem.distance(reached);
-        problem.residual(&mut system.residual).map_err(SolveError::Fault)?;
-        norm = system.residual.norm().map_err(SolveError::Fault)?.as_f64();
-        let is_taken = norm <= (1.0 - params.decrease) * norm_before;
+        problem.residual(&mut system.residual)?;
+        norm = system.residual.norm()?.as_f64();
+        let is_taken = norm <= (1.0 - params.sufficient_decrease) * norm_before;
         if !is_taken || distance.is_nan() {
             return Ok(false);
         }

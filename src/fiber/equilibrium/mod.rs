@@ -79,7 +79,7 @@ where
     if !workspace.is_of(model) {
         return Err(RveError::Workspace);
     }
-    rve.belongs_to(model).map_err(RveError::State)?;
+    rve.belongs_to(model)?;
     let report = find(model, rve, target, params, workspace)?;
     Ok(Solved::new(model, rve, workspace, report))
 }
@@ -307,7 +307,7 @@ where
         const MOST_SADDLES: usize = 10;
         for round in 0.. {
             let (mut problem, system) = Interior::of(self.model, self.workspace);
-            let curvature = system.curvature(&mut problem, self.params.newton.tolerance).map_err(StageError::Newton)?;
+            let curvature = system.curvature(&mut problem, self.params.newton.tolerance)?;
             self.workspace.factor_is_exact = curvature == Curvature::Definite;
             self.report.neutral = curvature == Curvature::Neutral;
             self.report.negative_pivots = Some(0);
@@ -325,7 +325,7 @@ where
             let (mut problem, system) = Interior::of(self.model, self.workspace);
             let mut walked = NewtonReport::default();
             let departure = system.escape_saddle(&mut problem, self.params.newton.tolerance, &mut walked);
-            if departure.map_err(StageError::Newton)? == SaddleExit::Stationary {
+            if departure? == SaddleExit::Stationary {
                 (self.report.neutral, self.report.negative_pivots) = (true, negative_pivots);
                 break;
             }

@@ -24,7 +24,7 @@ pub struct EquilibriumReport {
     /// Number of times that the increment was halved.
     pub cuts: u32,
     /// Total number of step reductions by the line search.
-    pub line_search_cuts: usize,
+    pub backtracks: usize,
     /// Total factorizations of a stiffness that was not positive definite.
     pub indefinite: usize,
     /// Total factorizations of a singular stiffness.
@@ -47,7 +47,7 @@ impl EquilibriumReport {
     /// Adds the counts of one Newton solve, plain or regularized.
     pub(super) fn add(&mut self, newton: &NewtonReport) {
         self.iterations += newton.iterations;
-        self.line_search_cuts += newton.line_search_cuts;
+        self.backtracks += newton.backtracks;
         self.indefinite += newton.indefinite;
         self.singular += newton.singular;
     }
@@ -62,7 +62,7 @@ impl EquilibriumReport {
             newton: next.newton,
             predicted: self.predicted + next.predicted,
             cuts: self.cuts + next.cuts,
-            line_search_cuts: self.line_search_cuts + next.line_search_cuts,
+            backtracks: self.backtracks + next.backtracks,
             indefinite: self.indefinite + next.indefinite,
             singular: self.singular + next.singular,
             regularized: self.regularized + next.regularized,
@@ -82,10 +82,10 @@ impl EquilibriumReport {
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum StageError<F: std::error::Error + 'static> {
     /// Newton, plain or regularized, failed.
-    #[error("{0}")]
-    Newton(NewtonError<F, F>),
+    #[error(transparent)]
+    Newton(#[from] NewtonError<F, F>),
     /// Dynamic relaxation failed.
-    #[error("{0}")]
+    #[error(transparent)]
     Relaxation(#[from] RelaxationError),
     /// The stage found an unstable equilibrium, a saddle point of the energy. Either regularized Newton, which would
     /// continue to a minimum, is not among the stages, or one saddle point followed another.
@@ -149,13 +149,13 @@ pub enum RveError<F: std::error::Error + 'static> {
     Workspace,
     /// The state does not belong to the network of the model.
     #[error("the RVE is not one of this model: {0}")]
-    State(RveStateError),
+    State(#[from] RveStateError),
     /// The affine motion gives fiber forces so large that an equilibrium cannot be distinguished from rounding.
-    #[error("{0}")]
+    #[error(transparent)]
     Overflow(Overflow),
     /// The tangent could not be condensed.
     #[error("the condensed tangent could not be computed: {0}")]
-    Tangent(SolveError<F>),
+    Tangent(#[from] SolveError<F>),
 }
 
 /// A fiber whose force is too large for the solver.
@@ -205,12 +205,13 @@ impl<F: std::error::Error + 'static> RveError<F> {
     pub fn is_fault(&self) -> bool {
         match self {
             Self::Inverted { .. } | Self::Workspace | Self::State(_) | Self::Overflow(_) => false,
-            Self::Tangent(error) => matches!(error, SolveError::Fault(_) | SolveError::Library { .. }),
+            Self::Tangent(error) => matches!(error, SolveError::Backend(_) | SolveError::Library { .. }),
             Self::NotConverged { failures, .. } => failures.last().is_some_and(|failure| {
                 matches!(
                     failure.reason,
                     StageError::Newton(
-                        NewtonError::Problem(_) | NewtonError::Solve(SolveError::Fault(_) | SolveError::Library { .. })
+                        NewtonError::Problem(_)
+                            | NewtonError::Solve(SolveError::Backend(_) | SolveError::Library { .. })
                     )
                 )
             }),

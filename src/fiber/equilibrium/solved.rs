@@ -126,7 +126,7 @@ where
 
     fn solve_modes(&mut self) -> Result<(), RveError<B::Fault>> {
         if !self.has_modes {
-            homogenize::solve_modes(self.model, self.workspace).map_err(RveError::Tangent)?;
+            homogenize::solve_modes(self.model, self.workspace)?;
             self.has_modes = true;
         }
         Ok(())

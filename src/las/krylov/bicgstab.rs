@@ -2,8 +2,8 @@
 
 use num_traits::{Float, One, Zero};
 
-use super::{Ended, Run, axpy, combine, dot, norm};
-use crate::las::{Backend, Scalar, SolveError};
+use super::{Ended, Run, combine};
+use crate::las::{Backend, Scalar, SolveError, VectorOps};
 
 /// Residual, product, shadow residual, direction, preconditioned vector, second product.
 pub(super) const VECTORS: usize = 6;
@@ -22,45 +22,45 @@ where
     let [r, v, shadow, p, z, t] = vectors else { return Ok(Ended::Breakdown) };
     combine::<B>(shadow, B::Scalar::zero(), one, r)?;
     combine::<B>(p, B::Scalar::zero(), one, r)?;
-    let mut rho = dot::<B>(shadow, r)?;
-    let begun = run.iterations;
-    while run.iterations < run.most {
+    let mut rho = shadow.dot(r)?;
+    let start = run.iterations;
+    while run.iterations < run.max_iterations {
         (run.m)(p, z)?;
         (run.a)(z, v)?;
-        let alpha = rho / dot::<B>(shadow, v)?;
+        let alpha = rho / shadow.dot(v)?;
         if !alpha.is_finite() {
-            return Ok(broken(run.iterations > begun));
+            return Ok(on_breakdown(run.iterations > start));
         }
-        axpy::<B>(x, alpha, z)?;
-        axpy::<B>(r, -alpha, v)?;
+        x.axpy(alpha, z)?;
+        r.axpy(-alpha, v)?;
         run.iterations += 1;
-        if norm::<B>(r)? <= run.target {
-            return Ok(Ended::Look);
+        if r.norm()? <= run.target {
+            return Ok(Ended::CheckResidual);
         }
         (run.m)(r, z)?;
         (run.a)(z, t)?;
-        let omega = dot::<B>(t, r)? / dot::<B>(t, t)?;
+        let omega = t.dot(r)? / t.dot(t)?;
         if !omega.is_finite() {
-            return Ok(broken(run.iterations > begun));
+            return Ok(on_breakdown(run.iterations > start));
         }
-        axpy::<B>(x, omega, z)?;
-        axpy::<B>(r, -omega, t)?;
-        if norm::<B>(r)? <= run.target {
-            return Ok(Ended::Look);
+        x.axpy(omega, z)?;
+        r.axpy(-omega, t)?;
+        if r.norm()? <= run.target {
+            return Ok(Ended::CheckResidual);
         }
-        let before = std::mem::replace(&mut rho, dot::<B>(shadow, r)?);
+        let before = std::mem::replace(&mut rho, shadow.dot(r)?);
         let beta = (rho / before) * (alpha / omega);
         if !beta.is_finite() || rho.is_zero() {
-            return Ok(broken(true));
+            return Ok(on_breakdown(true));
         }
         // p = r + beta (p - omega v)
-        axpy::<B>(p, -omega, v)?;
+        p.axpy(-omega, v)?;
         combine::<B>(p, beta, one, r)?;
     }
-    Ok(Ended::Look)
+    Ok(Ended::CheckResidual)
 }
 
 /// A breakdown after at least one step allows a restart with a new shadow residual.
-fn broken(moved: bool) -> Ended {
-    if moved { Ended::Look } else { Ended::Breakdown }
+fn on_breakdown(moved: bool) -> Ended {
+    if moved { Ended::CheckResidual } else { Ended::Breakdown }
 }

@@ -3,7 +3,7 @@
 
 use num_traits::{Float, One, Zero};
 
-use super::{Ended, Run, axpy, combine, dot, norm};
+use super::{Ended, Run, combine};
 use crate::las::{Backend, Scalar, SolveError, VectorOps};
 
 /// Number of vectors: the basis of `restart + 1` vectors, one for products and one for preconditioned vectors.
@@ -12,7 +12,7 @@ pub(super) fn vectors(restart: usize) -> usize {
 }
 
 /// Number of coefficients: the Hessenberg matrix by columns, the rotations, and the right-hand side.
-pub(super) fn numbers(restart: usize) -> usize {
+pub(super) fn coefficients(restart: usize) -> usize {
     let m = restart.max(1);
     (m + 1) * m + 2 * m + m + 1
 }
@@ -22,7 +22,7 @@ pub(super) fn run<B>(
     run: &mut Run<'_, B>,
     x: &mut B::Vector,
     vectors: &mut [B::Vector],
-    numbers: &mut [B::Scalar],
+    coefficients: &mut [B::Scalar],
     restart: usize,
 ) -> Result<Ended, SolveError<B::Fault>>
 where
@@ -31,24 +31,25 @@ where
 {
     let m = restart.max(1);
     let (basis, [product, z]) = vectors.split_at_mut(m + 1) else { return Ok(Ended::Breakdown) };
-    let (h, rest) = numbers.split_at_mut((m + 1) * m);
+    let (h, rest) = coefficients.split_at_mut((m + 1) * m);
     let (rotations, g) = rest.split_at_mut(2 * m);
     g.fill(B::Scalar::zero());
-    g[0] = norm::<B>(&basis[0])?;
-    normalize::<B>(&mut basis[0], g[0])?;
+    g[0] = basis[0].norm()?;
+    let length = g[0];
+    basis[0].with_local_mut(|v| v.iter_mut().for_each(|v| *v /= length))?;
     let mut steps = 0;
     let mut broke_down = false;
-    while steps < m && run.iterations < run.most {
+    while steps < m && run.iterations < run.max_iterations {
         let k = steps;
         let column = &mut h[k * (m + 1)..(k + 1) * (m + 1)];
         (run.m)(&basis[k], z)?;
         (run.a)(z, product)?;
-        let before = norm::<B>(product)?;
+        let before = product.norm()?;
         for (i, v) in basis[..=k].iter().enumerate() {
-            column[i] = dot::<B>(v, product)?;
-            axpy::<B>(product, -column[i], v)?;
+            column[i] = v.dot(product)?;
+            product.axpy(-column[i], v)?;
         }
-        column[k + 1] = norm::<B>(product)?;
+        column[k + 1] = product.norm()?;
         run.iterations += 1;
         steps += 1;
         let length = column[k + 1];
@@ -66,20 +67,13 @@ where
         combine::<B>(&mut basis[k + 1], B::Scalar::zero(), B::Scalar::one() / length, product)?;
     }
     back_substitute(h, g, m, steps);
-    VectorOps::zero(product).map_err(SolveError::Fault)?;
+    VectorOps::zero(product)?;
     for (v, &y) in basis.iter().zip(&g[..steps]) {
-        axpy::<B>(product, y, v)?;
+        product.axpy(y, v)?;
     }
     (run.m)(product, z)?;
-    axpy::<B>(x, B::Scalar::one(), z)?;
-    Ok(if broke_down || steps == 0 { Ended::Breakdown } else { Ended::Look })
-}
-
-fn normalize<B: Backend>(v: &mut B::Vector, length: B::Scalar) -> Result<(), SolveError<B::Fault>>
-where
-    B::Scalar: Scalar,
-{
-    v.with_local_mut(|v| v.iter_mut().for_each(|v| *v /= length)).map_err(SolveError::Fault)
+    x.axpy(B::Scalar::one(), z)?;
+    Ok(if broke_down || steps == 0 { Ended::Breakdown } else { Ended::CheckResidual })
 }
 
 /// Makes column `k` upper triangular: applies the previous rotations and appends one that eliminates the subdiagonal

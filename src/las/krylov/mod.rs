@@ -27,13 +27,13 @@ pub struct KrylovSpace<B: Backend> {
     method: Iterative,
     vectors: Vec<B::Vector>,
     /// Coefficients of GMRES (Hessenberg matrix, rotations, right-hand side).
-    numbers: Vec<B::Scalar>,
+    coefficients: Vec<B::Scalar>,
 }
 
 /// The reason why an inner loop ended.
 enum Ended {
     /// The recurrence residual is small enough, or a restart is due: the true residual has to be computed.
-    Look,
+    CheckResidual,
     /// The next step is undefined.
     Breakdown,
 }
@@ -45,7 +45,7 @@ struct Run<'a, B: Backend> {
     /// The residual norm at which to stop.
     target: B::Scalar,
     iterations: usize,
-    most: usize,
+    max_iterations: usize,
 }
 
 impl<B> KrylovSpace<B>
@@ -58,13 +58,13 @@ where
     /// # Errors
     /// Returns the backend's fault.
     pub fn new(context: &B::Context, len: usize, method: Iterative) -> Result<Self, B::Fault> {
-        let (vectors, numbers) = match method.krylov {
+        let (vectors, coefficients) = match method.krylov {
             Krylov::Cg => (cg::VECTORS, 0),
             Krylov::BiCgStab => (bicgstab::VECTORS, 0),
-            Krylov::Gmres { restart } => (gmres::vectors(restart), gmres::numbers(restart)),
+            Krylov::Gmres { restart } => (gmres::vectors(restart), gmres::coefficients(restart)),
         };
         let vectors = (0..vectors).map(|_| B::vector(context, len)).collect::<Result<_, _>>()?;
-        Ok(Self { method, vectors, numbers: vec![B::Scalar::default(); numbers] })
+        Ok(Self { method, vectors, coefficients: vec![B::Scalar::default(); coefficients] })
     }
 
     /// Solves `A x = b` with the matrix `a` and the preconditioner `m`.
@@ -79,61 +79,47 @@ where
         x: &mut B::Vector,
     ) -> Result<SolveReport, SolveError<B::Fault>> {
         let Iterative { krylov, tolerance, max_iterations, .. } = self.method;
-        VectorOps::zero(x).map_err(SolveError::Fault)?;
-        let size = b.norm().map_err(SolveError::Fault)?;
-        if size.is_zero() {
+        VectorOps::zero(x)?;
+        let rhs_norm = b.norm()?;
+        if rhs_norm.is_zero() {
             return Ok(SolveReport::DIRECT);
         }
-        if !size.is_finite() {
+        if !rhs_norm.is_finite() {
             return Err(SolveError::RhsNotFinite);
         }
-        let target = size * B::Scalar::of(tolerance);
-        let mut run = Run::<B> { a, m, target, iterations: 0, most: max_iterations };
+        let target = rhs_norm * B::Scalar::of(tolerance);
+        let mut run = Run::<B> { a, m, target, iterations: 0, max_iterations };
         let mut best = B::Scalar::infinity();
+        let mut ended = Ended::CheckResidual;
         loop {
             // In every method the first vector is the residual.
             run.residual(b, x, &mut self.vectors)?;
-            let residual = self.vectors[0].norm().map_err(SolveError::Fault)?;
-            let report = SolveReport { iterations: run.iterations, residual: (residual / size).as_f64() };
+            let residual = self.vectors[0].norm()?;
+            let report = SolveReport { iterations: run.iterations, residual: (residual / rhs_norm).as_f64() };
             if residual <= target {
                 return Ok(report);
             }
             // The last restart reduced the residual by less than 10%: rounding errors dominate.
-            let stuck = residual > best * B::Scalar::of(0.9) && !matches!(krylov, Krylov::Gmres { .. });
-            if residual.is_nan() {
-                return Err(self.failure(report, StopReason::Breakdown));
-            }
-            if run.iterations >= max_iterations {
-                return Err(self.failure(report, StopReason::MaxIterations));
-            }
-            if stuck {
-                return Err(self.failure(report, StopReason::Stagnated));
+            let stagnated = residual > best * B::Scalar::of(0.9) && !matches!(krylov, Krylov::Gmres { .. });
+            let stop_reason = if residual.is_nan() || matches!(ended, Ended::Breakdown) {
+                Some(StopReason::Breakdown)
+            } else if run.iterations >= max_iterations {
+                Some(StopReason::MaxIterations)
+            } else {
+                stagnated.then_some(StopReason::Stagnated)
+            };
+            if let Some(stop_reason) = stop_reason {
+                return Err(self.method.not_converged(report, stop_reason));
             }
             best = best.min(residual);
-            let ended = match krylov {
+            ended = match krylov {
                 Krylov::Cg => cg::run(&mut run, x, &mut self.vectors)?,
                 Krylov::BiCgStab => bicgstab::run(&mut run, x, &mut self.vectors)?,
-                Krylov::Gmres { restart } => gmres::run(&mut run, x, &mut self.vectors, &mut self.numbers, restart)?,
-            };
-            if matches!(ended, Ended::Breakdown) {
-                run.residual(b, x, &mut self.vectors)?;
-                let residual = self.vectors[0].norm().map_err(SolveError::Fault)?;
-                if residual > target {
-                    let report = SolveReport { iterations: run.iterations, residual: (residual / size).as_f64() };
-                    return Err(self.failure(report, StopReason::Breakdown));
+                Krylov::Gmres { restart } => {
+                    gmres::run(&mut run, x, &mut self.vectors, &mut self.coefficients, restart)?
                 }
-            }
+            };
         }
-    }
-
-    fn failure(&self, report: SolveReport, stop_reason: StopReason) -> SolveError<B::Fault> {
-        let method = match self.method.krylov {
-            Krylov::Cg => "CG",
-            Krylov::BiCgStab => "BiCGSTAB",
-            Krylov::Gmres { .. } => "GMRES",
-        };
-        let SolveReport { iterations, residual } = report;
-        SolveError::NotConverged { method, iterations, residual, tolerance: self.method.tolerance, stop_reason }
     }
 }
 
@@ -149,21 +135,21 @@ where
         x: &B::Vector,
         vectors: &mut [B::Vector],
     ) -> Result<(), SolveError<B::Fault>> {
-        let (r, rest) = parts(vectors);
+        let (r, rest) = split_first_vector(vectors);
         (self.a)(x, &mut rest[0])?;
         combine::<B>(r, B::Scalar::zero(), B::Scalar::one(), b)?;
-        axpy::<B>(r, -B::Scalar::one(), &rest[0])
+        Ok(r.axpy(-B::Scalar::one(), &rest[0])?)
     }
 }
 
 /// Splits off the first vector; every method has at least two.
-fn parts<V>(vectors: &mut [V]) -> (&mut V, &mut [V]) {
+fn split_first_vector<V>(vectors: &mut [V]) -> (&mut V, &mut [V]) {
     let (first, rest) = vectors.split_at_mut(1);
     (&mut first[0], rest)
 }
 
 /// `y = a y + b x`; if `a` is zero, `y` is overwritten even if it is not finite.
-fn combine<B: Backend>(y: &mut B::Vector, a: B::Scalar, b: B::Scalar, x: &B::Vector) -> Result<(), SolveError<B::Fault>>
+fn combine<B: Backend>(y: &mut B::Vector, a: B::Scalar, b: B::Scalar, x: &B::Vector) -> Result<(), B::Fault>
 where
     B::Scalar: Scalar,
 {
@@ -174,17 +160,5 @@ where
             }
         })
     };
-    y.with_local_mut(write).and_then(|done| done).map_err(SolveError::Fault)
-}
-
-fn axpy<B: Backend>(y: &mut B::Vector, a: B::Scalar, x: &B::Vector) -> Result<(), SolveError<B::Fault>> {
-    y.axpy(a, x).map_err(SolveError::Fault)
-}
-
-fn dot<B: Backend>(x: &B::Vector, y: &B::Vector) -> Result<B::Reduced, SolveError<B::Fault>> {
-    x.dot(y).map_err(SolveError::Fault)
-}
-
-fn norm<B: Backend>(x: &B::Vector) -> Result<B::Reduced, SolveError<B::Fault>> {
-    x.norm().map_err(SolveError::Fault)
+    y.with_local_mut(write)?
 }

@@ -23,10 +23,10 @@ use read::Triplets;
 #[derive(Debug, Error)]
 pub enum MarketError<F: std::error::Error> {
     /// The file cannot be read, or its content is invalid.
-    #[error("{0}")]
+    #[error(transparent)]
     Input(#[from] InputError),
     /// The matrix is larger than 32-bit indices can address.
-    #[error("{0}")]
+    #[error(transparent)]
     TooLarge(#[from] SparsityError),
     /// The file cannot be written.
     #[error("{file} cannot be written: {reason}", file = file.display())]
@@ -37,8 +37,8 @@ pub enum MarketError<F: std::error::Error> {
         reason: std::io::Error,
     },
     /// The backend failed.
-    #[error("{0}")]
-    Fault(F),
+    #[error(transparent)]
+    Backend(F),
 }
 
 /// Reads a file into a matrix of backend `B`.
@@ -52,12 +52,13 @@ where
     let bytes = std::fs::read(file).map_err(|error| InputError::unreadable(file, &error))?;
     let Triplets { rows, cols, entries } = read::triplets(file, &bytes)?;
     let pattern = Arc::new(pattern(rows, cols, &entries)?);
-    let mut a = B::matrix(context, &pattern).map_err(MarketError::Fault)?;
-    for (row, column, value) in entries {
-        let (row, column) = ([B::Index::of(row as usize)], [B::Index::of(column as usize)]);
-        a.add(&row, &column, &[B::Scalar::of(value)]).map_err(MarketError::Fault)?;
-    }
-    a.finish().map_err(MarketError::Fault)?;
+    let mut a = B::matrix(context, &pattern).map_err(MarketError::Backend)?;
+    let add = |a: &mut B::Matrix| {
+        entries.iter().try_for_each(|&(row, column, value)| {
+            a.add(&[B::Index::of(row as usize)], &[B::Index::of(column as usize)], &[B::Scalar::of(value)])
+        })
+    };
+    a.assemble(add).map_err(MarketError::Backend)?;
     Ok(a)
 }
 
@@ -79,13 +80,13 @@ fn pattern(rows: usize, cols: usize, entries: &[(u32, u32, f64)]) -> Result<Spar
 /// Writes a matrix to a file (the entries of this rank, on a distributed backend).
 ///
 /// # Errors
-/// Returns [`MarketError::Write`] if the file cannot be written, [`MarketError::Fault`] if the backend fails.
+/// Returns [`MarketError::Write`] if the file cannot be written, [`MarketError::Backend`] if the backend fails.
 pub fn write<B: Backend>(file: &Path, a: &B::Matrix) -> Result<(), MarketError<B::Fault>>
 where
     B::Scalar: Scalar,
 {
     let (rows, cols) = a.shape();
-    let entries = a.pattern().map_err(MarketError::Fault)?.entries();
+    let entries = a.pattern().map_err(MarketError::Backend)?.entries();
     let failed = |reason| MarketError::Write { file: file.to_path_buf(), reason };
     let mut out = BufWriter::new(std::fs::File::create(file).map_err(failed)?);
     let mut written = writeln!(out, "%%MatrixMarket matrix coordinate real general\n{rows} {cols} {entries}");
@@ -94,6 +95,6 @@ where
             written = writeln!(out, "{} {} {:e}", row + 1, column + 1, value);
         }
     };
-    a.for_each(line).map_err(MarketError::Fault)?;
+    a.for_each(line).map_err(MarketError::Backend)?;
     written.and_then(|()| out.flush()).map_err(failed)
 }

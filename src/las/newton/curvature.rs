@@ -8,17 +8,17 @@
 
 use super::{
     Backend, MatrixOps, NewtonError, NewtonReport, NewtonSystem, NonlinearProblem, Potential, Scalar, SolveError,
-    Solver, Trial, VectorOps, fault,
+    Solver, VectorOps, is_recoverable,
 };
 use crate::las::{Factorization, Value};
 
-/// An eigenvalue above `-neutral(tolerance)` times the largest diagonal entry is treated as zero: the remaining
+/// An eigenvalue above `-neutral_limit(tolerance)` times the largest diagonal entry is treated as zero: the remaining
 /// residual (relative to all forces) leaves forces in motions without stiffness, which cause a curvature of either
 /// sign.
 ///
 /// For the usual tolerance of 1e-10 the limit is 1e-9: far above rounding errors, far below the stiffness of any
 /// elastic motion.
-fn neutral(tolerance: f64) -> f64 {
+fn neutral_limit(tolerance: f64) -> f64 {
     (10.0 * tolerance).clamp(1e-9, 1e-3)
 }
 
@@ -60,10 +60,11 @@ struct Step {
     norm: f64,
 }
 
-/// Two shifts of the Hessian: `most` makes it positive definite, `least` does not.
+/// Two shifts of the Hessian: `upper` makes it positive definite, `lower` does not, so that `-upper <= lambda < -lower`
+/// for the lowest eigenvalue `lambda`.
 struct Bracket {
-    least: f64,
-    most: f64,
+    lower: f64,
+    upper: f64,
 }
 
 impl<B: Backend> NewtonSystem<B>
@@ -88,7 +89,6 @@ where
             return Ok(Curvature::Definite);
         }
         self.assemble(problem)?;
-        self.matrix.finish().map_err(fault)?;
         match self.solver.factor_definite(&self.matrix) {
             Ok(factor) if factor.kind == Factorization::Lu && factor.negative_pivots.is_none() => {
                 return Ok(Curvature::Unknown);
@@ -97,16 +97,16 @@ where
                 return Ok(Curvature::Definite);
             }
             Err(SolveError::Unsupported { .. }) => return Ok(Curvature::Unknown),
-            outcome => refused(outcome)?,
+            outcome => ignore_matrix_failure(outcome)?,
         };
-        let stiffest = self.stiffest(problem)?;
-        if self.is_definite(problem, neutral(tolerance) * stiffest)? {
+        let max_diagonal = self.shift_diagonal(0.0)?;
+        if self.is_definite(problem, neutral_limit(tolerance) * max_diagonal)? {
             return Ok(Curvature::Neutral);
         }
         let negative_pivots = match self.solver.factor(&self.matrix) {
             Ok(factor) => factor.negative_pivots,
             outcome => {
-                refused(outcome)?;
+                ignore_matrix_failure(outcome)?;
                 None
             }
         };
@@ -127,11 +127,11 @@ where
         report: &mut NewtonReport,
     ) -> Result<SaddleExit, NewtonError<P::Error, B::Fault>> {
         let Some(curvature) = self.negative_curvature(problem, tolerance)? else { return Ok(SaddleExit::Stationary) };
-        let (norm, residual_scale) = self.evaluate(problem, report).map_err(Trial::into_error)?;
-        let limit = (tolerance * residual_scale.scale).max(residual_scale.floor);
-        let start = Step { length: 0.0, potential: problem.potential(), norm };
+        let iterate = self.evaluate(problem, report)?;
+        let limit = iterate.residual_scale.limit(tolerance);
+        let start = Step { length: 0.0, potential: problem.potential(), norm: iterate.norm };
         for side in [1.0, -1.0] {
-            let reached = self.walk(problem, &start, side, limit / curvature.abs(), report)?;
+            let reached = self.step_along(problem, &start, side, limit / curvature.abs(), report)?;
             if reached.length > 0.0 {
                 return Ok(if reached.norm > limit { SaddleExit::Descended } else { SaddleExit::Stationary });
             }
@@ -141,7 +141,7 @@ where
 
     /// Takes the longest of a growing sequence of steps along the direction over which the potential decreases. `first`
     /// is the step at which the residual of a quadratic potential reaches its limit.
-    fn walk<P: Potential<B>>(
+    fn step_along<P: Potential<B>>(
         &mut self,
         problem: &mut P,
         start: &Step,
@@ -150,27 +150,26 @@ where
         report: &mut NewtonReport,
     ) -> Result<Step, NewtonError<P::Error, B::Fault>> {
         /// Enough steps to cover the range from rounding errors to any length scale.
-        const MOST_STEPS: u32 = 60;
+        const MAX_STEPS: u32 = 60;
         const GROWTH: f64 = 4.0;
         let mut reached = Step { ..*start };
         let mut length = if first > 0.0 && first.is_finite() { 10.0 * first } else { f64::EPSILON };
-        for _ in 0..MOST_STEPS {
-            problem.advance(side * (length - reached.length), &self.direction).map_err(NewtonError::Problem)?;
-            let falls = match self.evaluate(problem, report) {
-                Ok((norm, _)) => {
-                    let slope = side * self.residual.dot(&self.direction).map_err(fault)?.as_f64();
-                    let step = Step { length, potential: problem.potential(), norm };
+        for _ in 0..MAX_STEPS {
+            self.advance(problem, side * (length - reached.length))?;
+            let step = match self.evaluate(problem, report) {
+                Ok(trial) => {
+                    let slope = side * self.residual_dot_direction()?;
+                    let step = Step { length, potential: problem.potential(), norm: trial.norm };
                     // A short step changes the potential by less than its rounding errors; the slope is more accurate.
                     (slope < 0.0 && step.potential <= reached.potential + 1e-12 * reached.potential.abs())
                         .then_some(step)
                 }
-                Err(Trial::NotFinite) => None,
-                Err(Trial::Undefined(error)) if !P::is_final(&error) => None,
-                Err(error) => return Err(error.into_error()),
+                Err(error) if is_recoverable::<B, P>(&error) => None,
+                Err(error) => return Err(error),
             };
-            let Some(step) = falls else {
-                problem.advance(side * (reached.length - length), &self.direction).map_err(NewtonError::Problem)?;
-                self.evaluate(problem, report).map_err(Trial::into_error)?;
+            let Some(step) = step else {
+                self.advance(problem, side * (reached.length - length))?;
+                self.evaluate(problem, report)?;
                 break;
             };
             reached = step;
@@ -179,33 +178,32 @@ where
         Ok(reached)
     }
 
-    /// Computes a unit vector of negative curvature of the Hessian, stores it in `direction` and returns the curvature;
-    /// `None` if the factorizations find no negative curvature.
+    /// Computes a unit vector of negative curvature of the Hessian by inverse iteration (G. H. Golub and C. F. Van Loan,
+    /// *Matrix Computations*, 4th ed., 2013, section 8.2.2), stores it in `direction` and returns the curvature; `None` if
+    /// the factorizations find no negative curvature.
     fn negative_curvature<P: NonlinearProblem<B>>(
         &mut self,
         problem: &mut P,
         tolerance: f64,
     ) -> Result<Option<f64>, NewtonError<P::Error, B::Fault>> {
-        const MOST_ITERATIONS: u32 = 100;
-        let Some(Bracket { least, most: shift }) = self.bracket(problem, tolerance)? else { return Ok(None) };
+        const MAX_ITERATIONS: u32 = 100;
+        let Some(Bracket { lower, upper: shift }) = self.bracket(problem, tolerance)? else { return Ok(None) };
         // A start vector without any symmetry that the Hessian may have.
-        let spread = |x: &mut [B::Scalar]| {
+        let start = |x: &mut [B::Scalar]| {
             x.iter_mut().enumerate().for_each(|(k, x)| *x = B::Scalar::every((k as f64 + 1.0).sqrt().fract() - 0.3));
         };
-        self.direction.with_local_mut(spread).map_err(fault)?;
-        self.direction.finish().map_err(fault)?;
-        for _ in 0..MOST_ITERATIONS {
-            let length = self.direction.norm().map_err(fault)?.as_f64();
-            self.residual.zero().map_err(fault)?;
-            self.residual.axpy(B::Scalar::every(1.0 / length), &self.direction).map_err(fault)?;
-            self.solver.solve(&self.residual, &mut self.direction).map_err(NewtonError::Solve)?;
-            // Rayleigh quotient of the solution; its product with the shifted Hessian is the unit vector on the
-            // right-hand side.
-            let length = self.direction.norm().map_err(fault)?.as_f64();
-            let quotient = self.residual.dot(&self.direction).map_err(fault)?.as_f64() / (length * length) - shift;
-            if quotient <= -0.5 * least {
-                self.residual.zero().map_err(fault)?;
-                self.residual.axpy(B::Scalar::every(1.0 / length), &self.direction).map_err(fault)?;
+        self.direction.with_local_mut(start)?;
+        self.direction.finish()?;
+        for _ in 0..MAX_ITERATIONS {
+            let length = self.direction.norm()?.as_f64();
+            self.normalize_into_residual(length)?;
+            self.solver.solve(&self.residual, &mut self.direction)?;
+            // Rayleigh quotient `x . H x / |x|^2` of the solution `x` of `(H + shift I) x = u`, where `u` is the unit vector
+            // on the right-hand side.
+            let length = self.direction.norm()?.as_f64();
+            let quotient = self.residual_dot_direction()? / (length * length) - shift;
+            if quotient <= -0.5 * lower {
+                self.normalize_into_residual(length)?;
                 std::mem::swap(&mut self.residual, &mut self.direction);
                 return Ok(Some(quotient));
             }
@@ -213,7 +211,14 @@ where
         Ok(None)
     }
 
-    /// Brackets minus the lowest eigenvalue between two shifts of the same magnitude. The solver then holds the
+    /// Stores the direction, divided by its length, in `residual`.
+    fn normalize_into_residual(&mut self, length: f64) -> Result<(), B::Fault> {
+        self.residual.zero()?;
+        self.residual.axpy(B::Scalar::every(1.0 / length), &self.direction)
+    }
+
+    /// Brackets minus the lowest eigenvalue between two shifts that differ by a factor of `8^(1/8)`: multiplies a shift by
+    /// eight until it makes the Hessian positive definite, and bisects three times. The solver then holds the
     /// factorization of the Hessian shifted by the larger one. Returns `None` if no shift below 1e9 times the largest
     /// diagonal entry makes the Hessian positive definite.
     fn bracket<P: NonlinearProblem<B>>(
@@ -221,28 +226,20 @@ where
         problem: &mut P,
         tolerance: f64,
     ) -> Result<Option<Bracket>, NewtonError<P::Error, B::Fault>> {
-        let stiffest = self.stiffest(problem)?;
-        let mut least = neutral(tolerance) * stiffest;
-        let mut most = 8.0 * least;
-        while !self.is_definite(problem, most)? {
-            (least, most) = (most, 8.0 * most);
-            if most.is_nan() || most >= 1e9 * stiffest {
+        let max_diagonal = self.assemble_shifted(problem, 0.0)?;
+        let mut lower = neutral_limit(tolerance) * max_diagonal;
+        let mut upper = 8.0 * lower;
+        while !self.is_definite(problem, upper)? {
+            (lower, upper) = (upper, 8.0 * upper);
+            if upper.is_nan() || upper >= 1e9 * max_diagonal {
                 return Ok(None);
             }
         }
         for _ in 0..3 {
-            let middle = (least * most).sqrt();
-            *(if self.is_definite(problem, middle)? { &mut most } else { &mut least }) = middle;
+            let middle = (lower * upper).sqrt();
+            *(if self.is_definite(problem, middle)? { &mut upper } else { &mut lower }) = middle;
         }
-        Ok(self.is_definite(problem, most)?.then_some(Bracket { least, most }))
-    }
-
-    /// Returns the largest diagonal entry of the Hessian, by absolute value.
-    fn stiffest<P: NonlinearProblem<B>>(&mut self, problem: &mut P) -> Result<f64, NewtonError<P::Error, B::Fault>> {
-        self.assemble(problem)?;
-        let stiffest = self.shift_diagonal(0.0).map_err(NewtonError::Solve)?;
-        self.matrix.finish().map_err(fault)?;
-        Ok(stiffest)
+        Ok(self.is_definite(problem, upper)?.then_some(Bracket { lower, upper }))
     }
 
     /// Returns true if the Hessian with its diagonal shifted is positive definite, or singular up to rounding.
@@ -251,27 +248,20 @@ where
         problem: &mut P,
         shift: f64,
     ) -> Result<bool, NewtonError<P::Error, B::Fault>> {
-        self.assemble(problem)?;
-        self.shift_diagonal(shift).map_err(NewtonError::Solve)?;
-        self.matrix.finish().map_err(fault)?;
+        self.assemble_shifted(problem, shift)?;
         match self.solver.factor_definite(&self.matrix) {
             Ok(_) | Err(SolveError::Singular { .. }) => Ok(true),
-            outcome => refused(outcome).map(|()| false),
+            outcome => Ok(ignore_matrix_failure(outcome).map(|()| false)?),
         }
-    }
-
-    fn assemble<P: NonlinearProblem<B>>(&mut self, problem: &mut P) -> Result<(), NewtonError<P::Error, B::Fault>> {
-        self.matrix.zero().map_err(fault)?;
-        problem.jacobian(&mut self.matrix).map_err(NewtonError::Problem)
     }
 }
 
 /// Ignores failures of a factorization that are due to the matrix; returns all other errors.
-fn refused<T, E, F>(outcome: Result<T, SolveError<F>>) -> Result<(), NewtonError<E, F>> {
+fn ignore_matrix_failure<T, F>(outcome: Result<T, SolveError<F>>) -> Result<(), SolveError<F>> {
     match outcome {
         Ok(_) | Err(SolveError::Indefinite { .. } | SolveError::Singular { .. } | SolveError::Inaccurate { .. }) => {
             Ok(())
         }
-        Err(error) => Err(NewtonError::Solve(error)),
+        Err(error) => Err(error),
     }
 }

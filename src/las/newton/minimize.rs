@@ -1,15 +1,22 @@
 //! Regularized Newton: a minimizer for problems with a potential, for cases in which Newton's method fails.
 //!
 //! The Hessian `K` is shifted, `(K + s I) d = r`, by the smallest `s` of a growing sequence that makes it positive
-//! definite, so that `-d` is a descent direction even if `K` is indefinite or singular. The ratio of the actual
-//! reduction of the potential to the reduction predicted by the quadratic model decides whether a step is accepted, and
-//! whether the next shift is larger or smaller (Nocedal and Wright, *Numerical Optimization*, 2nd ed., 2006, sections
-//! 3.4 and 10.3). Near a regular minimum the shift falls to zero, and the convergence is quadratic as in Newton's
-//! method.
+//! definite, so that `-d` is a descent direction even if `K` is indefinite or singular (J. Nocedal and S. J. Wright,
+//! *Numerical Optimization*, 2nd ed., 2006, section 3.4, algorithm 3.3). The quadratic model predicts that the step `-d`
+//! reduces the potential `W` by
+//!
+//! ```text
+//! m(0) - m(-d) = r . d - d . K d / 2 = (r . d + s |d|^2) / 2
+//! ```
+//!
+//! The reduction ratio, `(W(x) - W(x - d)) / (m(0) - m(-d))`, decides as in a trust-region method whether a step is
+//! accepted and whether the next shift is larger or smaller (equation 4.4 and algorithm 4.1; section 10.3 for the shift
+//! in place of the radius). Near a regular minimum the shift falls to zero, and the convergence is
+//! quadratic as in Newton's method.
 
 use super::{
-    Backend, MatrixOps, NewtonError, NewtonFailure, NewtonReport, NewtonSystem, NonlinearProblem, ResidualScale,
-    Scalar, SolveError, Solver, Trial, VectorOps, fault,
+    Backend, Evaluation, MatrixOps, NewtonError, NewtonFailure, NewtonReport, NewtonSystem, NonlinearProblem, Scalar,
+    SolveError, Solver, VectorOps, is_recoverable,
 };
 use crate::las::{Index, MatVec, Value};
 
@@ -29,64 +36,64 @@ pub struct RegularizedParams {
     pub min_shift: f64,
     /// Shift at which the iteration fails, relative to the same entry. Default `1e12`.
     pub max_shift: f64,
-    /// A step is accepted if it reduces the potential by at least this fraction of the predicted reduction. Default `1e-4`.
-    pub accept: f64,
+    /// Reduction ratio above which a step is accepted. Default `1e-4`.
+    pub min_reduction_ratio: f64,
 }
 
 impl Default for RegularizedParams {
     fn default() -> Self {
-        Self { max_iterations: 300, min_shift: 1e-9, max_shift: 1e12, accept: 1e-4 }
+        Self { max_iterations: 300, min_shift: 1e-9, max_shift: 1e12, min_reduction_ratio: 1e-4 }
     }
 }
 
-/// The shift of the Hessian's diagonal.
-#[derive(Default)]
-struct Shift {
-    value: f64,
+/// The state of a minimization between two steps.
+struct Descent<'a> {
+    params: &'a RegularizedParams,
+    /// The shift of the Hessian's diagonal.
+    shift: f64,
     /// The largest diagonal entry of the last Hessian, by absolute value.
-    diagonal: f64,
+    max_diagonal: f64,
+    /// The potential at the iterate; `None` before the first step.
+    potential: Option<f64>,
 }
 
-impl Shift {
-    /// Raises the shift after a rejected step, or when the Hessian was not positive definite.
-    fn raise(&mut self, params: &RegularizedParams) {
-        self.value = (8.0 * self.value).max(params.min_shift * self.diagonal);
+impl Descent<'_> {
+    fn larger_shift(&self) -> f64 {
+        (8.0 * self.shift).max(self.params.min_shift * self.max_diagonal)
     }
 
-    /// Adapts the shift after an accepted step. `reduction_ratio` is the actual over the predicted reduction of the
-    /// potential, `residual_ratio` the residual norm after the step over the norm before. After a successful step the
-    /// shift falls at least as fast as the residual, which makes the convergence quadratic.
-    fn adapt(&mut self, reduction_ratio: f64, residual_ratio: f64, params: &RegularizedParams) {
+    /// Raises the shift after a rejected step, or when the Hessian was not positive definite.
+    ///
+    /// # Errors
+    /// Returns [`NewtonError::NoDescent`] if the shift is then too large.
+    fn raise<E, F>(&mut self, iteration: usize, residual: f64) -> Result<(), NewtonError<E, F>> {
+        self.shift = self.larger_shift();
+        let limit = self.params.max_shift * self.max_diagonal;
+        // If the Hessian is zero, no shift can be scaled. A NaN also fails.
+        if self.shift <= limit && limit != 0.0 { Ok(()) } else { Err(NewtonError::NoDescent { iteration, residual }) }
+    }
+
+    /// Adapts the shift after an accepted step. `residual_ratio` is the residual norm after the step over the norm
+    /// before. After a successful step the shift falls at least as fast as the residual, which makes the convergence
+    /// quadratic (D.-H. Li, M. Fukushima, L. Qi and N. Yamashita, Comput. Optim. Appl. 28 (2004) 131).
+    fn adapt(&mut self, reduction_ratio: f64, residual_ratio: f64) {
         if reduction_ratio > 0.75 {
-            self.value *= residual_ratio.min(0.125);
-            if self.value < params.min_shift * self.diagonal {
-                self.value = 0.0;
+            self.shift *= residual_ratio.min(0.125);
+            if self.shift < self.params.min_shift * self.max_diagonal {
+                self.shift = 0.0;
             }
         } else if reduction_ratio < 0.25 {
-            self.raise(params);
+            self.shift = self.larger_shift();
         }
     }
-
-    fn is_too_large(&self, params: &RegularizedParams) -> bool {
-        let most = params.max_shift * self.diagonal;
-        // If the Hessian is zero, no shift can be scaled.
-        self.value.is_nan() || most.is_nan() || self.value > most || most == 0.0
-    }
-}
-
-/// The current iterate.
-struct Iterate {
-    norm: f64,
-    residual_scale: ResidualScale,
-    potential: f64,
 }
 
 impl<B: Backend> NewtonSystem<B>
 where
     B::Reduced: Scalar,
 {
-    /// Minimizes the potential of `problem` until the residual norm is below `tolerance` times the scale (or below the
-    /// floor), as in [`NewtonSystem::solve`].
+    /// Minimizes the potential of `problem` by regularized Newton, until the residual norm is at most
+    /// [`ResidualScale::limit`](super::ResidualScale::limit) of `tolerance`.
     ///
     /// # Errors
     /// Returns [`NewtonFailure`] if the iteration fails; the problem is restored to its initial state.
@@ -96,140 +103,109 @@ where
         tolerance: f64,
         params: &RegularizedParams,
     ) -> Result<NewtonReport, NewtonFailure<P::Error, B::Fault>> {
-        let mut report = NewtonReport::with_room(params.max_iterations);
-        problem.save();
-        match self.descend(problem, tolerance, params, &mut report) {
-            Ok(()) => Ok(report),
-            Err(reason) => {
-                problem.restore();
-                Err(NewtonFailure { reason, report: Box::new(report) })
-            }
-        }
+        let mut descent = Descent { params, shift: 0.0, max_diagonal: 0.0, potential: None };
+        self.iterate(problem, tolerance, params.max_iterations, |system, problem, iterate, limit, report| {
+            system.regularized_step(problem, iterate.norm, limit, &mut descent, report)
+        })
     }
 
-    fn descend<P: Potential<B>>(
-        &mut self,
-        problem: &mut P,
-        tolerance: f64,
-        params: &RegularizedParams,
-        report: &mut NewtonReport,
-    ) -> Result<(), NewtonError<P::Error, B::Fault>> {
-        let (norm, residual_scale) = self.evaluate(problem, report).map_err(Trial::into_error)?;
-        let mut iterate = Iterate { norm, residual_scale, potential: problem.potential() };
-        let mut shift = Shift::default();
-        report.record(norm, residual_scale);
-        loop {
-            let limit = (tolerance * iterate.residual_scale.scale).max(iterate.residual_scale.floor);
-            if iterate.norm <= limit {
-                return Ok(());
-            }
-            if report.iterations == params.max_iterations {
-                let iterations = report.iterations;
-                return Err(NewtonError::TooManyIterations { iterations, residual: iterate.norm, limit });
-            }
-            report.iterations += 1;
-            iterate = self.regularized_step(problem, &iterate, limit, &mut shift, params, report)?;
-            report.record(iterate.norm, iterate.residual_scale);
-        }
-    }
-
-    /// Takes one accepted step; rejected trial steps only raise the shift.
+    /// Takes one accepted step from the iterate with this residual norm; rejected trial steps only raise the shift.
     fn regularized_step<P: Potential<B>>(
         &mut self,
         problem: &mut P,
-        here: &Iterate,
+        current_norm: f64,
         limit: f64,
-        shift: &mut Shift,
-        params: &RegularizedParams,
+        descent: &mut Descent<'_>,
         report: &mut NewtonReport,
-    ) -> Result<Iterate, NewtonError<P::Error, B::Fault>> {
+    ) -> Evaluation<B, P> {
         /// Relative to the potential, a predicted reduction below this value is lost in rounding errors.
         const ROUNDING: f64 = 1e-9;
+        let current_potential = descent.potential.unwrap_or_else(|| problem.potential());
         loop {
-            self.factor_shifted(problem, here, shift, params, report)?;
-            let slope = self.residual.dot(&self.direction).map_err(fault)?.as_f64();
-            let length = self.direction.norm().map_err(fault)?.as_f64();
-            let predicted_reduction = 0.5 * (slope + shift.value * length * length);
-            problem.advance(-1.0, &self.direction).map_err(NewtonError::Problem)?;
+            self.factor_shifted(problem, current_norm, descent, report)?;
+            report.linear_iterations += self.solver.solve(&self.residual, &mut self.direction)?.iterations;
+            let slope = self.residual_dot_direction()?;
+            let length = self.direction.norm()?.as_f64();
+            let predicted_reduction = 0.5 * (slope + descent.shift * length * length);
+            self.advance(problem, -1.0)?;
             match self.evaluate(problem, report) {
-                Ok((norm, residual_scale)) => {
+                Ok(trial) => {
                     let potential = problem.potential();
-                    let reduction = if predicted_reduction > ROUNDING * here.potential.abs() {
-                        here.potential - potential
+                    let reduction = if predicted_reduction > ROUNDING * current_potential.abs() {
+                        current_potential - potential
                     } else {
-                        // Trapezoidal rule along the step.
-                        0.5 * (slope + self.residual.dot(&self.direction).map_err(fault)?.as_f64())
+                        // The slopes at both ends are more accurate (trapezoidal rule).
+                        0.5 * (slope + self.residual_dot_direction()?)
                     };
-                    if reduction > params.accept * predicted_reduction || norm <= limit {
-                        shift.adapt(reduction / predicted_reduction, norm / here.norm, params);
-                        return Ok(Iterate { norm, residual_scale, potential });
+                    if reduction > descent.params.min_reduction_ratio * predicted_reduction || trial.norm <= limit {
+                        descent.adapt(reduction / predicted_reduction, trial.norm / current_norm);
+                        descent.potential = Some(potential);
+                        return Ok(trial);
                     }
                 }
-                Err(Trial::NotFinite) => {}
-                Err(Trial::Undefined(error)) if !P::is_final(&error) => {}
-                Err(error) => return Err(error.into_error()),
+                Err(error) if is_recoverable::<B, P>(&error) => {}
+                Err(error) => return Err(error),
             }
-            report.line_search_cuts += 1;
-            problem.advance(1.0, &self.direction).map_err(NewtonError::Problem)?;
-            self.evaluate(problem, report).map_err(Trial::into_error)?;
-            shift.raise(params);
-            if shift.is_too_large(params) {
-                return Err(NewtonError::NoDescent { iteration: report.iterations, residual: here.norm });
-            }
+            report.backtracks += 1;
+            self.advance(problem, 1.0)?;
+            self.evaluate(problem, report)?;
+            descent.raise(report.iterations, current_norm)?;
         }
     }
 
-    /// Factors the shifted Hessian, raising the shift until it is positive definite, and computes the direction.
+    /// Factors the shifted Hessian, raising the shift until it is positive definite.
     fn factor_shifted<P: Potential<B>>(
         &mut self,
         problem: &mut P,
-        here: &Iterate,
-        shift: &mut Shift,
-        params: &RegularizedParams,
+        current_norm: f64,
+        descent: &mut Descent<'_>,
         report: &mut NewtonReport,
     ) -> Result<(), NewtonError<P::Error, B::Fault>> {
         loop {
-            self.matrix.zero().map_err(fault)?;
-            problem.jacobian(&mut self.matrix).map_err(NewtonError::Problem)?;
-            shift.diagonal = self.shift_diagonal(shift.value).map_err(NewtonError::Solve)?;
-            self.matrix.finish().map_err(fault)?;
+            descent.max_diagonal = self.assemble_shifted(problem, descent.shift)?;
             match self.solver.factor_definite(&self.matrix) {
                 Ok(factor) => {
                     report.count(&factor);
-                    break;
+                    return Ok(());
                 }
                 Err(SolveError::Indefinite { .. }) => report.indefinite += 1,
                 Err(SolveError::Singular { .. } | SolveError::Inaccurate { .. }) => report.singular += 1,
-                Err(error) => return Err(NewtonError::Solve(error)),
+                Err(error) => return Err(error.into()),
             }
-            shift.raise(params);
-            if shift.is_too_large(params) {
-                return Err(NewtonError::NoDescent { iteration: report.iterations, residual: here.norm });
-            }
+            descent.raise(report.iterations, current_norm)?;
             report.shifts += 1;
         }
-        let solved = self.solver.solve(&self.residual, &mut self.direction).map_err(NewtonError::Solve)?;
-        report.linear_iterations += solved.iterations;
-        Ok(())
     }
 
-    /// Adds `shift` to every diagonal entry of the matrix and returns the largest previous diagonal entry, by absolute
-    /// value. Overwrites the direction. All ranks read the diagonal in one collective call.
+    /// Assembles the Jacobian at the current state with `shift` added to its diagonal. Returns the largest diagonal entry
+    /// of the Jacobian itself, by absolute value. Overwrites the direction.
+    pub(super) fn assemble_shifted<P: NonlinearProblem<B>>(
+        &mut self,
+        problem: &mut P,
+        shift: f64,
+    ) -> Result<f64, NewtonError<P::Error, B::Fault>> {
+        self.assemble(problem)?;
+        Ok(self.shift_diagonal(shift)?)
+    }
+
+    /// Adds `shift` to every diagonal entry of the matrix, which must be finished, and finishes it again. Returns the
+    /// largest previous diagonal entry, by absolute value. Overwrites the direction. All ranks read the diagonal in one
+    /// collective call.
     ///
     /// # Errors
     /// Returns the backend's error.
     pub fn shift_diagonal(&mut self, shift: f64) -> Result<f64, SolveError<B::Fault>> {
         let Self { matrix, direction, .. } = self;
-        matrix.finish().map_err(SolveError::Fault)?;
         matrix.diagonal(direction)?;
         let largest =
             |entries: &[B::Scalar]| entries.iter().map(|entry| entry.lane(0).as_f64().abs()).fold(0.0_f64, f64::max);
-        let largest = direction.with_local(largest).map_err(SolveError::Fault)?;
+        let largest = direction.with_local(largest)?;
         if shift > 0.0 {
             for unknown in 0..matrix.shape().0 {
                 let unknown = [B::Index::of(unknown)];
-                matrix.add(&unknown, &unknown, &[B::Scalar::every(shift)]).map_err(SolveError::Fault)?;
+                matrix.add(&unknown, &unknown, &[B::Scalar::every(shift)])?;
             }
+            matrix.finish()?;
         }
         Ok(largest)
     }

@@ -1,6 +1,13 @@
 //! Newton's method with a line search, generic over the problem and the backend.
+//!
+//! An iteration solves `K d = r` with the Jacobian `K` at the current iterate `x` and takes the step `x <- x - a d` with
+//! the step length `a` of a backtracking line search (J. Nocedal and S. J. Wright, *Numerical Optimization*, 2nd ed., 2006,
+//! section 11.2; J. E. Dennis and R. B. Schnabel, *Numerical Methods for Unconstrained Optimization and Nonlinear
+//! Equations*, 1996, chapter 6). It stops when `|r| <= max(tolerance * scale, floor)`, with the scale and the floor of
+//! [`ResidualScale`] and Euclidean norms.
 
 mod curvature;
+mod line_search;
 mod minimize;
 mod problem;
 mod report;
@@ -45,16 +52,16 @@ where
         pattern: &Arc<Sparsity>,
         symbolic: &Arc<B::Symbolic>,
     ) -> Result<Self, SolveError<B::Fault>> {
-        let vector = || B::vector(context, pattern.rows()).map_err(SolveError::Fault);
         Ok(Self {
-            residual: vector()?,
-            direction: vector()?,
-            matrix: B::matrix(context, pattern).map_err(SolveError::Fault)?,
+            residual: B::vector(context, pattern.rows())?,
+            direction: B::vector(context, pattern.rows())?,
+            matrix: B::matrix(context, pattern)?,
             solver: B::solver(symbolic)?,
         })
     }
 
-    /// Iterates until the residual norm of `problem` is below its limit.
+    /// Solves `problem` by Newton's method with a line search, until the residual norm is at most
+    /// [`ResidualScale::limit`].
     ///
     /// # Errors
     /// Returns [`NewtonFailure`] if the iteration fails; the problem is restored to its initial state.
@@ -63,9 +70,40 @@ where
         problem: &mut P,
         params: &NewtonParams,
     ) -> Result<NewtonReport, NewtonFailure<P::Error, B::Fault>> {
-        let mut report = NewtonReport::with_room(params.max_iterations);
+        self.iterate(problem, params.tolerance, params.max_iterations, |system, problem, _, limit, report| {
+            system.compute_direction(problem, report)?;
+            system.line_search(problem, params, limit, report)
+        })
+    }
+
+    /// Repeats `step` until the iterate that it returns has converged. `step` gets the current iterate and the limit of
+    /// its residual norm.
+    fn iterate<P: NonlinearProblem<B>>(
+        &mut self,
+        problem: &mut P,
+        tolerance: f64,
+        max_iterations: usize,
+        mut step: impl FnMut(&mut Self, &mut P, &Iterate, f64, &mut NewtonReport) -> Evaluation<B, P>,
+    ) -> Result<NewtonReport, NewtonFailure<P::Error, B::Fault>> {
+        let mut report = NewtonReport::with_capacity(max_iterations);
         problem.save();
-        match self.iterate(problem, params, &mut report) {
+        let outcome: Result<(), NewtonError<P::Error, B::Fault>> = (|| {
+            let mut iterate = self.evaluate(problem, &mut report)?;
+            loop {
+                report.record(&iterate);
+                let (iterations, residual) = (report.iterations, iterate.norm);
+                let limit = iterate.residual_scale.limit(tolerance);
+                if residual <= limit {
+                    return Ok(());
+                }
+                if iterations == max_iterations {
+                    return Err(NewtonError::TooManyIterations { iterations, residual, limit });
+                }
+                report.iterations += 1;
+                iterate = step(self, problem, &iterate, limit, &mut report)?;
+            }
+        })();
+        match outcome {
             Ok(()) => Ok(report),
             Err(reason) => {
                 problem.restore();
@@ -74,130 +112,67 @@ where
         }
     }
 
-    fn iterate<P: NonlinearProblem<B>>(
-        &mut self,
-        problem: &mut P,
-        params: &NewtonParams,
-        report: &mut NewtonReport,
-    ) -> Result<(), NewtonError<P::Error, B::Fault>> {
-        let (mut norm, mut residual_scale) = self.evaluate(problem, report).map_err(Trial::into_error)?;
-        report.record(norm, residual_scale);
-        loop {
-            let limit = (params.tolerance * residual_scale.scale).max(residual_scale.floor);
-            if norm <= limit {
-                return Ok(());
-            }
-            if report.iterations == params.max_iterations {
-                return Err(NewtonError::TooManyIterations { iterations: report.iterations, residual: norm, limit });
-            }
-            report.iterations += 1;
-            self.factor_and_solve(problem, report)?;
-            (norm, residual_scale) = self.step(problem, params, limit, report)?;
-            report.record(norm, residual_scale);
-        }
-    }
-
-    /// Computes the Newton direction at the current state.
-    fn factor_and_solve<P: NonlinearProblem<B>>(
+    /// Computes the Newton direction `d = K^-1 r` at the current iterate.
+    fn compute_direction<P: NonlinearProblem<B>>(
         &mut self,
         problem: &mut P,
         report: &mut NewtonReport,
     ) -> Result<(), NewtonError<P::Error, B::Fault>> {
         let start = Instant::now();
-        self.matrix.zero().map_err(fault)?;
-        problem.jacobian(&mut self.matrix).map_err(NewtonError::Problem)?;
-        self.matrix.finish().map_err(fault)?;
+        self.assemble(problem)?;
         let assembled = Instant::now();
-        let factor = self.solver.factor(&self.matrix).map_err(NewtonError::Solve)?;
-        report.count(&factor);
+        report.count(&self.solver.factor(&self.matrix)?);
         let factored = Instant::now();
-        let solved = self.solver.solve(&self.residual, &mut self.direction).map_err(NewtonError::Solve)?;
-        report.linear_iterations += solved.iterations;
+        report.linear_iterations += self.solver.solve(&self.residual, &mut self.direction)?.iterations;
         report.seconds.jacobian += (assembled - start).as_secs_f64();
         report.seconds.factor += (factored - assembled).as_secs_f64();
         report.seconds.solve += factored.elapsed().as_secs_f64();
         Ok(())
     }
 
-    /// Takes the first step along the direction that reduces the residual sufficiently (backtracking line search).
-    fn step<P: NonlinearProblem<B>>(
-        &mut self,
-        problem: &mut P,
-        params: &NewtonParams,
-        limit: f64,
-        report: &mut NewtonReport,
-    ) -> Result<(f64, ResidualScale), NewtonError<P::Error, B::Fault>> {
-        let recent = &report.residuals[report.residuals.len().saturating_sub(params.memory.max(1))..];
-        let (before, ceiling) = recent.iter().fold((0.0, 0.0_f64), |(_, most), &norm| (norm, most.max(norm)));
-        let mut step = 1.0;
-        let mut taken = 0.0;
-        for cut in 0..=params.max_line_search_cuts {
-            problem.advance(taken - step, &self.direction).map_err(NewtonError::Problem)?;
-            taken = step;
-            let trial = self.evaluate(problem, report);
-            let last = cut == params.max_line_search_cuts;
-            match trial {
-                Ok((norm, residual_scale))
-                    if norm <= ((1.0 - params.decrease * step) * ceiling).max(limit)
-                        || params.max_line_search_cuts == 0 =>
-                {
-                    return Ok((norm, residual_scale));
-                }
-                Ok((norm, _)) if !last => step *= shortening(step, before, norm),
-                Ok(_) => break,
-                Err(Trial::Undefined(error)) if !last && !P::is_final(&error) => step *= 0.5,
-                Err(Trial::NotFinite) if !last => step *= 0.5,
-                Err(Trial::NotFinite) => break,
-                Err(error) => return Err(error.into_error()),
-            }
-            report.line_search_cuts += 1;
-        }
-        Err(NewtonError::LineSearch { iteration: report.iterations, residual: before, step: taken })
+    /// Assembles the Jacobian at the current state.
+    fn assemble<P: NonlinearProblem<B>>(&mut self, problem: &mut P) -> Result<(), NewtonError<P::Error, B::Fault>> {
+        self.matrix.assemble(|k| problem.jacobian(k).map_err(NewtonError::Problem))
     }
 
-    fn evaluate<P: NonlinearProblem<B>>(
-        &mut self,
-        problem: &mut P,
-        report: &mut NewtonReport,
-    ) -> Result<(f64, ResidualScale), Trial<P::Error, B::Fault>> {
+    /// Evaluates the residual and its norm at the current state.
+    fn evaluate<P: NonlinearProblem<B>>(&mut self, problem: &mut P, report: &mut NewtonReport) -> Evaluation<B, P> {
         let start = Instant::now();
-        let residual_scale = problem.residual(&mut self.residual).map_err(Trial::Undefined)?;
-        let norm = self.residual.norm().map_err(Trial::Fault)?.as_f64();
+        let residual_scale = problem.residual(&mut self.residual).map_err(NewtonError::Problem)?;
+        let norm = self.residual.norm()?.as_f64();
         report.seconds.residual += start.elapsed().as_secs_f64();
         // With an infinite scale every residual would count as converged.
         if norm.is_finite() && residual_scale.scale.is_finite() {
-            Ok((norm, residual_scale))
+            Ok(Iterate { norm, residual_scale })
         } else {
-            Err(Trial::NotFinite)
+            Err(NewtonError::NotFinite)
         }
+    }
+
+    /// Moves the state by `a` times the direction.
+    fn advance<P: NonlinearProblem<B>>(&self, problem: &mut P, a: f64) -> Result<(), NewtonError<P::Error, B::Fault>> {
+        problem.advance(a, &self.direction).map_err(NewtonError::Problem)
+    }
+
+    /// The product `r . d` of residual and direction.
+    fn residual_dot_direction(&self) -> Result<f64, B::Fault> {
+        Ok(self.residual.dot(&self.direction)?.as_f64())
     }
 }
 
-/// The reason why a trial state has no finite residual norm.
-enum Trial<E, F> {
-    Undefined(E),
-    NotFinite,
-    Fault(F),
+/// A state with a finite residual norm.
+struct Iterate {
+    norm: f64,
+    residual_scale: ResidualScale,
 }
 
-impl<E, F> Trial<E, F> {
-    fn into_error(self) -> NewtonError<E, F> {
-        match self {
-            Self::Undefined(error) => NewtonError::Problem(error),
-            Self::NotFinite => NewtonError::NotFinite,
-            Self::Fault(error) => fault(error),
-        }
+type Evaluation<B, P> = Result<Iterate, NewtonError<<P as NonlinearProblem<B>>::Error, <B as Backend>::Fault>>;
+
+/// Returns true if a state cannot be evaluated for a reason that a shorter step may avoid.
+fn is_recoverable<B: Backend, P: NonlinearProblem<B>>(error: &NewtonError<P::Error, B::Fault>) -> bool {
+    match error {
+        NewtonError::NotFinite => true,
+        NewtonError::Problem(error) => !P::is_final(error),
+        _ => false,
     }
-}
-
-fn fault<E, F>(error: F) -> NewtonError<E, F> {
-    NewtonError::Solve(SolveError::Fault(error))
-}
-
-/// The factor that reduces a rejected step to the minimizer of the parabola that interpolates `|r|^2` at 0 and at the
-/// step, with the slope `-2 |r|^2` at 0 of an exact Newton direction; limited to [0.1, 0.5].
-fn shortening(step: f64, before: f64, after: f64) -> f64 {
-    let (before, after) = (before * before, after * after);
-    let curvature = after - before + 2.0 * before * step;
-    (before * step / curvature).clamp(0.1, 0.5)
 }

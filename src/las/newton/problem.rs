@@ -40,7 +40,7 @@ pub trait NonlinearProblem<B: Backend> {
     fn restore(&mut self);
 }
 
-/// The scale of a residual. The iteration has converged if `|r| <= max(tolerance * scale, floor)`.
+/// The scale of a residual. The iteration has converged if `|r|` is not above [`ResidualScale::limit`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ResidualScale {
     /// The size of the terms that cancel in the residual, for example the norm of all nodal forces.
@@ -50,6 +50,12 @@ pub struct ResidualScale {
 }
 
 impl ResidualScale {
+    /// The residual norm at which the iteration has converged: `max(tolerance * scale, floor)`.
+    #[must_use]
+    pub fn limit(self, tolerance: f64) -> f64 {
+        (tolerance * self.scale).max(self.floor)
+    }
+
     pub(super) fn relative(self, norm: f64) -> f64 {
         if self.scale > 0.0 { norm / self.scale } else { 0.0 }
     }

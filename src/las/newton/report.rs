@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-use super::ResidualScale;
+use super::Iterate;
 use crate::las::{FactorReport, Factorization, SolveError};
 
 /// The parameters of Newton's method.
@@ -13,20 +13,27 @@ pub struct NewtonParams {
     pub tolerance: f64,
     /// Maximum number of iterations, each with one factorization. Default 50.
     pub max_iterations: usize,
-    /// Maximum number of step reductions per line search; 0 always takes the full step. Default 10.
-    pub max_line_search_cuts: u32,
-    /// A step `a` is accepted if `|r_new| <= (1 - decrease a) max |r|` over the last [`NewtonParams::memory`]
-    /// residuals. Default `1e-4`.
-    pub decrease: f64,
-    /// Number of previous residuals in the acceptance test; 1 requires a decrease in every step. The default 6 lets the
-    /// residual rise temporarily: near a singular Jacobian, the residual norm has local minima that are not solutions
-    /// (Grippo, Lampariello and Lucidi, SIAM J. Numer. Anal. 23 (1986) 707).
-    pub memory: usize,
+    /// Maximum number of reductions of the step length per line search; 0 always takes the full step. Default 10.
+    pub max_backtracks: u32,
+    /// The constant `c` of the sufficient-decrease (Armijo) condition: a step length `a` is accepted if
+    /// `|r_new| <= (1 - c a) max |r|`, with the maximum over the last [`NewtonParams::nonmonotone_memory`] iterates
+    /// (Nocedal and Wright, *Numerical Optimization*, 2nd ed., 2006, section 3.1). Default `1e-4`.
+    pub sufficient_decrease: f64,
+    /// Number of iterates in the sufficient-decrease condition; 1 requires a decrease in every step. The default 6 lets
+    /// the residual rise temporarily: near a singular Jacobian, the residual norm has local minima that are not
+    /// solutions (Grippo, Lampariello and Lucidi, SIAM J. Numer. Anal. 23 (1986) 707).
+    pub nonmonotone_memory: usize,
 }
 
 impl Default for NewtonParams {
     fn default() -> Self {
-        Self { tolerance: 1e-10, max_iterations: 50, max_line_search_cuts: 10, decrease: 1e-4, memory: 6 }
+        Self {
+            tolerance: 1e-10,
+            max_iterations: 50,
+            max_backtracks: 10,
+            sufficient_decrease: 1e-4,
+            nonmonotone_memory: 6,
+        }
     }
 }
 
@@ -40,7 +47,7 @@ pub struct NewtonReport {
     /// The same residuals divided by [`ResidualScale::scale`]; 0 if the scale is 0.
     pub relative: Vec<f64>,
     /// Number of rejected trial steps: each shortens the step (line search) or raises the shift (regularized Newton).
-    pub line_search_cuts: usize,
+    pub backtracks: usize,
     /// Number of Cholesky factorizations.
     pub cholesky: usize,
     /// Number of LDL^T factorizations.
@@ -76,16 +83,16 @@ pub struct NewtonSeconds {
 
 impl NewtonReport {
     /// Creates a report with capacity for `iterations`, so that recording does not allocate.
-    pub(super) fn with_room(iterations: usize) -> Self {
+    pub(super) fn with_capacity(iterations: usize) -> Self {
         /// Limit of the initial capacity; longer histories are rare and reallocate.
-        const MOST: usize = 64;
-        let room = (iterations + 1).min(MOST);
-        Self { residuals: Vec::with_capacity(room), relative: Vec::with_capacity(room), ..Self::default() }
+        const MAX: usize = 64;
+        let capacity = (iterations + 1).min(MAX);
+        Self { residuals: Vec::with_capacity(capacity), relative: Vec::with_capacity(capacity), ..Self::default() }
     }
 
-    pub(super) fn record(&mut self, norm: f64, residual_scale: ResidualScale) {
-        self.residuals.push(norm);
-        self.relative.push(residual_scale.relative(norm));
+    pub(super) fn record(&mut self, iterate: &Iterate) {
+        self.residuals.push(iterate.norm);
+        self.relative.push(iterate.residual_scale.relative(iterate.norm));
     }
 
     pub(super) fn count(&mut self, factor: &FactorReport) {
@@ -103,7 +110,7 @@ impl NewtonReport {
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum NewtonError<E, F> {
     /// The residual or the Jacobian is undefined at a state, and shorter steps did not help.
-    #[error("{0}")]
+    #[error(transparent)]
     Problem(E),
     /// The residual of the initial state contains a NaN or an infinity.
     #[error("the residual of the initial state is not finite")]
@@ -127,11 +134,11 @@ pub enum NewtonError<E, F> {
         iteration: usize,
         /// `|r|` before this iteration.
         residual: f64,
-        /// The shortest step tried.
+        /// The shortest step length tried; 1 is the full step.
         step: f64,
     },
     /// No shift of the Hessian gives a step that reduces the potential.
-    #[error("no step lessens the potential in iteration {iteration}: |r| = {residual:.3e}")]
+    #[error("no step reduces the potential in iteration {iteration}: |r| = {residual:.3e}")]
     NoDescent {
         /// The iteration, from 1.
         iteration: usize,
@@ -139,8 +146,14 @@ pub enum NewtonError<E, F> {
         residual: f64,
     },
     /// The linear solver failed.
-    #[error("{0}")]
-    Solve(SolveError<F>),
+    #[error(transparent)]
+    Solve(#[from] SolveError<F>),
+}
+
+impl<E, F> From<F> for NewtonError<E, F> {
+    fn from(error: F) -> Self {
+        Self::Solve(SolveError::Backend(error))
+    }
 }
 
 /// A failed Newton iteration.

@@ -5,15 +5,16 @@ use super::*;
 use crate::backends::dense::Dense;
 use crate::las::{Backend, SolverParams, Sparsity, Symmetry};
 
-/// One scalar equation.
-struct Scalar1 {
+/// The equation `r(x) = 0`, with the derivative `dr` and the potential `w`.
+struct OneUnknown {
     x: f64,
     saved: f64,
     r: fn(f64) -> f64,
     dr: fn(f64) -> f64,
+    w: fn(f64) -> f64,
 }
 
-impl NonlinearProblem<Dense> for Scalar1 {
+impl NonlinearProblem<Dense> for OneUnknown {
     type Error = Infallible;
 
     fn residual(&mut self, r: &mut <Dense as Backend>::Vector) -> Result<ResidualScale, Infallible> {
@@ -41,8 +42,23 @@ impl NonlinearProblem<Dense> for Scalar1 {
     }
 }
 
-fn arctangent(x: f64) -> Scalar1 {
-    Scalar1 { x, saved: 0.0, r: f64::atan, dr: |x| 1.0 / (1.0 + x * x) }
+impl Potential<Dense> for OneUnknown {
+    fn potential(&mut self) -> f64 {
+        (self.w)(self.x)
+    }
+}
+
+fn equation(x: f64, r: fn(f64) -> f64, dr: fn(f64) -> f64) -> OneUnknown {
+    OneUnknown { x, saved: 0.0, r, dr, w: |_| f64::NAN }
+}
+
+fn arctangent(x: f64) -> OneUnknown {
+    equation(x, f64::atan, |x| 1.0 / (1.0 + x * x))
+}
+
+/// `w = (x^2 - 1)^2`, a potential with two wells and a hill between them.
+fn wells(x: f64) -> OneUnknown {
+    OneUnknown { w: |x| (x * x - 1.0).powi(2), ..equation(x, |x| 4.0 * x * (x * x - 1.0), |x| 12.0 * x * x - 4.0) }
 }
 
 fn system() -> NewtonSystem<Dense> {
@@ -54,22 +70,59 @@ fn system() -> NewtonSystem<Dense> {
 #[test]
 fn full_newton_diverges_where_the_line_search_converges() {
     // |x| > 1.3917 makes Newton on the arctangent diverge.
-    let full = NewtonParams { max_line_search_cuts: 0, max_iterations: 20, ..NewtonParams::default() };
+    let full = NewtonParams { max_backtracks: 0, max_iterations: 20, ..NewtonParams::default() };
     let mut problem = arctangent(3.0);
     let failure = system().solve(&mut problem, &full).unwrap_err();
     assert_eq!(problem.x, 3.0, "the state is restored");
     assert!(!failure.report.residuals.is_empty());
 
     let report = system().solve(&mut problem, &NewtonParams::default()).unwrap();
-    assert!(report.line_search_cuts > 0);
+    assert!(report.backtracks > 0);
     assert!(problem.x.abs() < 1e-9);
     assert_eq!(report.residuals.len(), report.iterations + 1);
     assert_eq!(report.cholesky, report.iterations);
 }
 
 #[test]
+fn a_step_is_shortened_until_the_residual_decreases_sufficiently() {
+    // The first full step on the arctangent from 1 leaves 0.66 of the residual.
+    let backtracks = |sufficient_decrease| {
+        let params = NewtonParams { sufficient_decrease, ..NewtonParams::default() };
+        system().solve(&mut arctangent(1.0), &params).unwrap().backtracks
+    };
+    assert_eq!([backtracks(1e-4), backtracks(0.3)], [0, 0]);
+    assert!(backtracks(0.4) > 0);
+}
+
+#[test]
+fn the_residual_may_rise_below_its_maximum_over_the_last_iterates() {
+    // The full steps 2 -> 1 -> -3 -> 0 have the residuals 8, 1, 3 and 0.
+    let problem = || {
+        equation(
+            2.0,
+            |x| if x > 1.5 { 8.0 } else { x },
+            |x| {
+                if x > 1.5 {
+                    8.0
+                } else if x > 0.0 {
+                    0.25
+                } else {
+                    1.0
+                }
+            },
+        )
+    };
+    let backtracks = |nonmonotone_memory| {
+        let params = NewtonParams { nonmonotone_memory, ..NewtonParams::default() };
+        system().solve(&mut problem(), &params).unwrap().backtracks
+    };
+    assert_eq!(backtracks(2), 0);
+    assert!(backtracks(1) > 0);
+}
+
+#[test]
 fn converges_quadratically_near_the_root() {
-    let mut problem = Scalar1 { x: 1.5, saved: 0.0, r: |x| x * x - 2.0, dr: |x| 2.0 * x };
+    let mut problem = equation(1.5, |x| x * x - 2.0, |x| 2.0 * x);
     let report = system().solve(&mut problem, &NewtonParams::default()).unwrap();
     assert!((problem.x - 2.0_f64.sqrt()).abs() < 1e-10);
     assert!(report.iterations <= 4);
@@ -80,7 +133,7 @@ fn converges_quadratically_near_the_root() {
 #[test]
 fn out_of_iterations_says_how_far_it_came() {
     let params = NewtonParams { max_iterations: 1, ..NewtonParams::default() };
-    let mut problem = Scalar1 { x: 1.5, saved: 0.0, r: |x| x * x - 2.0, dr: |x| 2.0 * x };
+    let mut problem = equation(1.5, |x| x * x - 2.0, |x| 2.0 * x);
     let failure = system().solve(&mut problem, &params).unwrap_err();
     match failure.reason {
         NewtonError::TooManyIterations { iterations: 1, residual, limit } => {
@@ -91,54 +144,14 @@ fn out_of_iterations_says_how_far_it_came() {
     assert_eq!(problem.x, 1.5);
 }
 
-/// `w = (x^2 - 1)^2`, a potential with two wells and a hill between them.
-struct Wells {
-    x: f64,
-    saved: f64,
-}
-
-impl NonlinearProblem<Dense> for Wells {
-    type Error = Infallible;
-
-    fn residual(&mut self, r: &mut <Dense as Backend>::Vector) -> Result<ResidualScale, Infallible> {
-        r.set(&[0], &[4.0 * self.x * (self.x * self.x - 1.0)])?;
-        Ok(ResidualScale { scale: 1.0, floor: 0.0 })
-    }
-
-    fn jacobian(&mut self, k: &mut <Dense as Backend>::Matrix) -> Result<(), Infallible> {
-        k.add(&[0], &[0], &[12.0 * self.x * self.x - 4.0])
-    }
-
-    fn advance(&mut self, a: f64, d: &<Dense as Backend>::Vector) -> Result<(), Infallible> {
-        let mut value = [0.0];
-        d.get(&[0], &mut value)?;
-        self.x += a * value[0];
-        Ok(())
-    }
-
-    fn save(&mut self) {
-        self.saved = self.x;
-    }
-
-    fn restore(&mut self) {
-        self.x = self.saved;
-    }
-}
-
-impl Potential<Dense> for Wells {
-    fn potential(&mut self) -> f64 {
-        (self.x * self.x - 1.0).powi(2)
-    }
-}
-
 #[test]
 fn a_descent_goes_down_where_newton_climbs() {
-    let mut climbing = Wells { x: 0.1, saved: 0.0 };
+    let mut climbing = wells(0.1);
     system().solve(&mut climbing, &NewtonParams::default()).unwrap();
     assert!(climbing.x.abs() < 1e-9, "plain Newton goes to the nearest stationary point, a hilltop");
 
     for start in [0.1, -0.3, 0.57735, 40.0] {
-        let mut falling = Wells { x: start, saved: 0.0 };
+        let mut falling = wells(start);
         let report = system().minimize(&mut falling, 1e-12, &RegularizedParams::default()).unwrap();
         assert!((falling.x.abs() - 1.0).abs() < 1e-12, "from {start} to {}", falling.x);
         assert!(report.iterations < 40, "{report:?}");
@@ -147,15 +160,13 @@ fn a_descent_goes_down_where_newton_climbs() {
         let [before, last] = [r[r.len() - 2], r[r.len() - 1]];
         assert!(last < 1e2 * before * before + 1e-15, "{r:?}");
     }
-    assert!(
-        system().minimize(&mut Wells { x: 0.1, saved: 0.0 }, 1e-12, &RegularizedParams::default()).unwrap().shifts > 0
-    );
+    assert!(system().minimize(&mut wells(0.1), 1e-12, &RegularizedParams::default()).unwrap().shifts > 0);
 }
 
 #[test]
 fn a_descent_that_runs_out_restores_the_state() {
     let params = RegularizedParams { max_iterations: 1, ..RegularizedParams::default() };
-    let mut problem = Wells { x: 0.1, saved: 0.0 };
+    let mut problem = wells(0.1);
     let failure = system().minimize(&mut problem, 1e-12, &params).unwrap_err();
     assert!(matches!(failure.reason, NewtonError::TooManyIterations { iterations: 1, .. }), "{failure}");
     assert_eq!(problem.x, 0.1);
@@ -164,7 +175,7 @@ fn a_descent_that_runs_out_restores_the_state() {
 /// The double-well problem with its residual computed by another process, which ends after a given number of
 /// evaluations.
 struct Remote {
-    wells: Wells,
+    wells: OneUnknown,
     evaluations: usize,
     last: usize,
 }
@@ -222,10 +233,10 @@ impl Potential<Dense> for Remote {
 #[test]
 fn a_descent_shortens_a_step_that_goes_too_far_and_ends_where_no_step_can_help() {
     // The first full step from just outside the inflection point goes beyond 2.
-    let remote = |last| Remote { wells: Wells { x: 0.6, saved: 0.0 }, evaluations: 0, last };
+    let remote = |last| Remote { wells: wells(0.6), evaluations: 0, last };
     let mut near = remote(usize::MAX);
     let report = system().minimize(&mut near, 1e-12, &RegularizedParams::default()).unwrap();
-    assert!(report.line_search_cuts > 0 && (near.wells.x - 1.0).abs() < 1e-12, "{report:?}");
+    assert!(report.backtracks > 0 && (near.wells.x - 1.0).abs() < 1e-12, "{report:?}");
 
     // The process has ended before one of the trial steps: another evaluation cannot succeed.
     for last in 1..4 {
@@ -238,14 +249,11 @@ fn a_descent_shortens_a_step_that_goes_too_far_and_ends_where_no_step_can_help()
 
 #[test]
 fn the_curvature_tells_a_minimum_from_a_hilltop_and_from_a_plain() {
-    let at = |x: f64| {
-        let mut wells = Wells { x, saved: 0.0 };
-        system().curvature(&mut wells, 1e-12).unwrap()
-    };
+    let at = |x: f64| system().curvature(&mut wells(x), 1e-12).unwrap();
     assert_eq!(at(1.0), Curvature::Definite);
     assert_eq!(at(0.0), Curvature::Indefinite { negative_pivots: Some(1) });
     let plain = |slope: fn(f64) -> f64| {
-        let mut plain = Scalar1 { x: 0.0, saved: 0.0, r: |_| 0.0, dr: slope };
+        let mut plain = equation(0.0, |_| 0.0, slope);
         system().curvature(&mut plain, 1e-12).unwrap()
     };
     // With one unknown, the only pivot is also the largest.
@@ -256,17 +264,17 @@ fn the_curvature_tells_a_minimum_from_a_hilltop_and_from_a_plain() {
 fn a_hilltop_is_left_to_the_same_side_every_time() {
     let mut sides = Vec::new();
     for _ in 0..2 {
-        let mut wells = Wells { x: 0.0, saved: 0.0 };
+        let mut hilltop = wells(0.0);
         let (mut system, mut report) = (system(), NewtonReport::default());
-        assert_eq!(system.escape_saddle(&mut wells, 1e-12, &mut report).unwrap(), SaddleExit::Descended);
-        assert!(wells.potential() < 1.0 && wells.x.abs() < 1.5, "{}", wells.x);
-        system.minimize(&mut wells, 1e-12, &RegularizedParams::default()).unwrap();
-        assert!((wells.x.abs() - 1.0).abs() < 1e-12, "{}", wells.x);
-        sides.push(wells.x);
+        assert_eq!(system.escape_saddle(&mut hilltop, 1e-12, &mut report).unwrap(), SaddleExit::Descended);
+        assert!(hilltop.potential() < 1.0 && hilltop.x.abs() < 1.5, "{}", hilltop.x);
+        system.minimize(&mut hilltop, 1e-12, &RegularizedParams::default()).unwrap();
+        assert!((hilltop.x.abs() - 1.0).abs() < 1e-12, "{}", hilltop.x);
+        sides.push(hilltop.x);
     }
     assert_eq!(sides[0], sides[1]);
     // At a minimum there is no descent direction, and the state does not change.
-    let mut minimum = Wells { x: 1.0, saved: 0.0 };
+    let mut minimum = wells(1.0);
     let left = system().escape_saddle(&mut minimum, 1e-12, &mut NewtonReport::default()).unwrap();
     assert_eq!((left, minimum.x), (SaddleExit::Stationary, 1.0));
 }

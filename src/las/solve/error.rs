@@ -35,7 +35,7 @@ pub enum SolveError<F> {
         "the matrix was stated to be symmetric, but ({row}, {column}) is in its pattern and ({column}, {row}) is not: store \
          both triangles, or state no symmetry"
     )]
-    OneTriangle {
+    UnsymmetricPattern {
         /// Row of the entry.
         row: usize,
         /// Its column.
@@ -73,8 +73,8 @@ pub enum SolveError<F> {
     #[error("the right-hand side holds a value that is not finite")]
     RhsNotFinite,
     /// A parameter of the iterative method is out of range.
-    #[error("{0}")]
-    Parameter(#[from] InvalidParameter),
+    #[error(transparent)]
+    Parameter(InvalidParameter),
     /// The matrix is too ill-conditioned: even a direct solution leaves a large residual.
     #[error("the matrix is too ill-conditioned: solving leaves a relative residual of {residual:.1e}")]
     Inaccurate {
@@ -125,8 +125,8 @@ pub enum SolveError<F> {
         cure: &'static str,
     },
     /// A vector or matrix operation of the backend failed.
-    #[error("{0}")]
-    Fault(F),
+    #[error(transparent)]
+    Backend(#[from] F),
 }
 
 /// The reason why a Krylov method did not reach its tolerance.

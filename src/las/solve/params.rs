@@ -2,6 +2,8 @@
 
 use thiserror::Error;
 
+use super::{SolveError, SolveReport, StopReason};
+
 /// The symmetry of a matrix, declared by the assembler when it creates a solver.
 ///
 /// Cholesky and LDL^T factorizations read only one triangle, so that they cannot detect an unsymmetric matrix.
@@ -130,6 +132,17 @@ impl Iterative {
             }
             _ => Ok(()),
         }
+    }
+
+    /// The error of a solve that ended with this report before it reached the tolerance.
+    pub(crate) fn not_converged<F>(&self, report: SolveReport, stop_reason: StopReason) -> SolveError<F> {
+        let method = match self.krylov {
+            Krylov::Cg => "CG",
+            Krylov::BiCgStab => "BiCGSTAB",
+            Krylov::Gmres { .. } => "GMRES",
+        };
+        let SolveReport { iterations, residual } = report;
+        SolveError::NotConverged { method, iterations, residual, tolerance: self.tolerance, stop_reason }
     }
 }
 

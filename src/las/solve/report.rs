@@ -45,7 +45,7 @@ impl SolveReport {
 
     /// Combines two reports: adds the iterations and takes the larger residual.
     #[must_use]
-    pub fn and(self, other: Self) -> Self {
+    pub fn merge(self, other: Self) -> Self {
         Self { iterations: self.iterations + other.iterations, residual: self.residual.max(other.residual) }
     }
 }

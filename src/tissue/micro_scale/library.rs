@@ -23,7 +23,7 @@ use crate::las::{Backend, Scalar, SolverParams};
 #[derive(Debug, Error)]
 pub enum LibraryError {
     /// A network file has errors.
-    #[error("{0}")]
+    #[error(transparent)]
     Network(#[from] InputErrors),
     /// A network cannot be used as an RVE.
     #[error("{}: {reason}", file.display())]

@@ -64,14 +64,14 @@ pub(super) struct Unit {
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum UnitError<F: std::error::Error + 'static> {
     /// The network has no equilibrium.
-    #[error("{0}")]
+    #[error(transparent)]
     Rve(#[from] RveError<F>),
     /// The formula (or the matrix in parallel with the network) has no response.
-    #[error("{0}")]
+    #[error(transparent)]
     Material(#[from] MaterialError),
     /// The backend cannot create a workspace.
     #[error("no workspace: {0}")]
-    Workspace(crate::las::SolveError<F>),
+    Workspace(#[from] crate::las::SolveError<F>),
 }
 
 /// Counters of the solves of RVEs in one or more updates.
@@ -137,7 +137,7 @@ impl RveStats {
         self.iterations += report.iterations;
         self.most_iterations = self.most_iterations.max(report.iterations);
         self.cuts += report.cuts as usize;
-        self.line_search_cuts += report.line_search_cuts;
+        self.line_search_cuts += report.backtracks;
         self.indefinite += report.indefinite;
         self.predicted += report.predicted;
         self.by_cuts += usize::from(report.stage == Some(Stage::Cuts));
@@ -201,7 +201,7 @@ impl Unit {
             None => Response { energy: 0.0, pk1: Matrix3::zeros(), tangent: Tangent::zeros() },
         };
         if let Some(fibers) = &mut self.fibers {
-            let workspace = worker.workspace(library, fibers.model).map_err(UnitError::Workspace)?;
+            let workspace = worker.workspace(library, fibers.model)?;
             let (network, iterations) = fibers.solve(gradient, library, workspace, stats)?;
             self.iterations += iterations;
             sum.energy += network.energy;
@@ -245,7 +245,7 @@ impl Unit {
         B::Reduced: Scalar,
     {
         let Some(fibers) = &mut self.fibers else { return Ok(false) };
-        let workspace = worker.workspace(library, fibers.model).map_err(UnitError::Workspace)?;
+        let workspace = worker.workspace(library, fibers.model)?;
         let model = &library.models[fibers.model];
         if continues(model, &fibers.committed, &fibers.current, &library.params.newton, workspace) {
             fibers.origin = Origin::Branch;

@@ -131,12 +131,12 @@ impl Stability {
 impl Ladder {
     /// Extracts the counts from the report of an equilibrium that was solved with `tolerance`.
     pub fn of(report: &EquilibriumReport, tolerance: f64) -> Self {
-        let EquilibriumReport { stage, predicted, cuts, line_search_cuts, indefinite, singular, .. } = *report;
+        let EquilibriumReport { stage, predicted, cuts, backtracks, indefinite, singular, .. } = *report;
         Self {
             stage: stage.map(Stage::name),
             predicted,
             cuts,
-            line_search_cuts,
+            line_search_cuts: backtracks,
             indefinite,
             singular,
             regularized_iterations: report.regularized,

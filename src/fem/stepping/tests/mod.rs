@@ -125,7 +125,7 @@ impl PointField for Slow {
 fn steps_that_fail_are_cut_and_regrown_and_end_where_uncut_ones_do() {
     let mesh = bar(4);
     let mut params = StepParams { count: 2, start: StepStart::Tangent, ..StepParams::default() };
-    params.newton.max_line_search_cuts = 0;
+    params.newton.max_backtracks = 0;
     let mut free = stepper(&mesh, &pushed(0.4), formula(&mesh), params);
     let uncut = free.run(&mut ()).unwrap();
     assert!(uncut.iter().all(|report| report.cuts == 0 && report.solves.len() == 1 && report.failures.is_empty()));

@@ -212,7 +212,7 @@ fn a_committed_state_does_not_depend_on_trial_states() {
         };
         let mut params = StepParams { count: 2, max_cuts: 0, start, ..StepParams::default() };
         params.newton.tolerance = 1e-11;
-        params.newton.max_line_search_cuts = cuts;
+        params.newton.max_backtracks = cuts;
         let mut stepper = stepper(&mesh, &pushed(-0.15), field, params);
         let reports = stepper.run(&mut ()).unwrap();
         assert!(imbalance(&stepper) < 1e-10, "{:e}", imbalance(&stepper));

@@ -199,7 +199,7 @@ impl<'a, B: Backend<Scalar = f64>> Stiffness<'a, B> {
         // In a rigid network `K - s I` is positive definite, and Cholesky, the fastest factorization, succeeds.
         let symbolic = B::analyze(context, &pattern, &SolverParams::new(Symmetry::Definite))?;
         let solver = B::solver(&symbolic)?;
-        let matrix = B::matrix(context, &pattern).map_err(SolveError::Fault)?;
+        let matrix = B::matrix(context, &pattern).map_err(SolveError::Backend)?;
         let mut diagonal = vec![0.0; 3 * network.interior().len()];
         for (fiber, ends) in network.fibers().iter().enumerate() {
             let n = network.direction(fiber);
@@ -216,32 +216,10 @@ impl<'a, B: Backend<Scalar = f64>> Stiffness<'a, B> {
     }
 
     /// Factors `K + shift I`.
-    fn factor(&mut self, shift: f64) -> Result<FactorReport, RigidityError<B::Fault>> {
-        self.assemble(shift).map_err(SolveError::Fault)?;
-        Ok(self.solver.factor(&self.matrix)?)
-    }
-
-    fn assemble(&mut self, shift: f64) -> Result<(), B::Fault> {
-        let number = self.network.interior_number();
-        self.matrix.zero()?;
-        for (fiber, ends) in self.network.fibers().iter().enumerate() {
-            let rows = [0, 1, 2, 3, 4, 5].map(|i: usize| match number[ends[i / 3] as usize] {
-                interior if interior < 0 => B::Index::CONSTRAINED,
-                interior => B::Index::of(3 * interior as usize + i % 3),
-            });
-            let n = self.network.direction(fiber);
-            let signed = [-n[0], -n[1], -n[2], n[0], n[1], n[2]];
-            let mut block = [0.0; 36];
-            for (k, value) in block.iter_mut().enumerate() {
-                *value = signed[k / 6] * signed[k % 6];
-            }
-            self.matrix.add(&rows, &rows, &block)?;
-        }
-        for row in 0..3 * self.network.interior().len() {
-            let row = [B::Index::of(row)];
-            self.matrix.add(&row, &row, &[shift])?;
-        }
-        self.matrix.finish()
+    fn factor(&mut self, shift: f64) -> Result<FactorReport, SolveError<B::Fault>> {
+        let Self { network, matrix, solver, .. } = self;
+        matrix.assemble(|matrix| add_stiffness::<B>(network, shift, matrix))?;
+        solver.factor(matrix)
     }
 
     /// Counts the negative pivots of `K - s I`.
@@ -251,10 +229,34 @@ impl<'a, B: Backend<Scalar = f64>> Stiffness<'a, B> {
             let shift = SHIFT * self.scale * std::f64::consts::SQRT_2.powi(attempt);
             match self.factor(-shift) {
                 Ok(FactorReport { negative_pivots: Some(count), .. }) => return Ok(count),
-                Ok(_) | Err(RigidityError::Solve(SolveError::Singular { .. })) => {}
-                Err(error) => return Err(error),
+                Ok(_) | Err(SolveError::Singular { .. }) => {}
+                Err(error) => return Err(error.into()),
             }
         }
         Err(RigidityError::Undecided)
     }
+}
+
+/// Adds `K + shift I` to the matrix.
+fn add_stiffness<B: Backend<Scalar = f64>>(
+    network: &Network,
+    shift: f64,
+    matrix: &mut B::Matrix,
+) -> Result<(), B::Fault> {
+    let number = network.interior_number();
+    for (fiber, ends) in network.fibers().iter().enumerate() {
+        let rows = [0, 1, 2, 3, 4, 5].map(|i: usize| match number[ends[i / 3] as usize] {
+            interior if interior < 0 => B::Index::CONSTRAINED,
+            interior => B::Index::of(3 * interior as usize + i % 3),
+        });
+        let n = network.direction(fiber);
+        let signed = [-n[0], -n[1], -n[2], n[0], n[1], n[2]];
+        let block: [f64; 36] = std::array::from_fn(|k| signed[k / 6] * signed[k % 6]);
+        matrix.add(&rows, &rows, &block)?;
+    }
+    for row in 0..3 * network.interior().len() {
+        let row = [B::Index::of(row)];
+        matrix.add(&row, &row, &[shift])?;
+    }
+    Ok(())
 }

@@ -62,9 +62,7 @@ struct Room<B: Backend> {
 
 impl<B: Backend<Scalar = f64>> Room<B> {
     fn new(context: &B::Context, unknowns: usize) -> Result<Self, SolveError<B::Fault>> {
-        let vectors = || -> Result<Vec<B::Vector>, SolveError<B::Fault>> {
-            (0..BATCH).map(|_| B::vector(context, unknowns).map_err(SolveError::Fault)).collect()
-        };
+        let vectors = || (0..BATCH).map(|_| B::vector(context, unknowns)).collect::<Result<_, _>>();
         Ok(Self { right: vectors()?, left: vectors()? })
     }
 
@@ -79,13 +77,13 @@ impl<B: Backend<Scalar = f64>> Room<B> {
         for batch in columns.as_mut_slice().chunks_mut(BATCH * unknowns) {
             let count = batch.len() / unknowns;
             for (right, column) in self.right.iter_mut().zip(batch.chunks_exact(unknowns)) {
-                right.with_local_mut(|right| right.copy_from_slice(column)).map_err(SolveError::Fault)?;
-                right.finish().map_err(SolveError::Fault)?;
+                right.with_local_mut(|right| right.copy_from_slice(column))?;
+                right.finish()?;
             }
             solver.solve_many(&self.right[..count], &mut self.left[..count])?;
             for (left, column) in self.left.iter().zip(batch.chunks_exact_mut(unknowns)) {
                 let scale = |left: &[f64]| column.iter_mut().zip(left).for_each(|(x, y)| *x = shift * y);
-                left.with_local(scale).map_err(SolveError::Fault)?;
+                left.with_local(scale)?;
             }
         }
         Ok(())
