@@ -183,7 +183,7 @@ impl Truss {
     ) {
         states.resize(self.ends.len());
         for (law, range) in &self.laws {
-            law.with(&mut |law| {
+            law.dispatch(&mut |law| {
                 for start in range.clone().step_by(BATCH) {
                     let batch = start..range.end.min(start + BATCH);
                     self.evaluate_batch(law, batch.clone(), positions, states);

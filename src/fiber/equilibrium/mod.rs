@@ -129,7 +129,7 @@ where
 /// Formats the name of a law with its parameters.
 fn format_law(law: &Law) -> String {
     let mut text = String::new();
-    law.with(&mut |law| {
+    law.dispatch(&mut |law| {
         let parameters: Vec<String> =
             law.parameters().iter().map(|(name, value)| format!("{name} = {value:?}")).collect();
         text = format!("{} ({})", law.name(), parameters.join(", "));

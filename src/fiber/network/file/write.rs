@@ -99,7 +99,8 @@ pub(super) fn reaction(material: &FiberMaterial) -> Option<String> {
         Law::ExponentialStretch { youngs_modulus, nonlinearity, transition } => {
             Some(format!("1 {radius:e} {youngs_modulus:e} {nonlinearity} {transition} {density}"))
         }
-        Law::Exponential { .. } | Law::Table(_) | Law::Buckling { .. } | Law::Custom(_) => None,
+        // The format has these two laws only.
+        _ => None,
     }
 }
 
