@@ -23,6 +23,9 @@ pub struct Generated {
     /// Nodes joined by a fiber shorter than this fraction of the mean spacing were merged.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub merge: Option<f64>,
+    /// The minimum distance between two points over the mean spacing, if it is not the default of [`Recipe::new`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub min_distance: Option<f64>,
     /// Fibers shorter than this fraction of the cube's edge were removed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shorter_than: Option<f64>,
@@ -35,23 +38,34 @@ impl Generated {
     #[must_use]
     pub fn new(kind: &str, points: usize, seed: u64) -> Self {
         let program = concat!("biotissue ", env!("CARGO_PKG_VERSION")).into();
-        Self { kind: kind.into(), points, seed, align: None, strength: None, merge: None, shorter_than: None, program }
+        Self {
+            kind: kind.into(),
+            points,
+            seed,
+            align: None,
+            strength: None,
+            merge: None,
+            min_distance: None,
+            shorter_than: None,
+            program,
+        }
     }
 
     /// Parameters for this version of the program, from a recipe.
     #[must_use]
     pub fn by(recipe: &Recipe, points: usize) -> Self {
+        let plain = Recipe::new(recipe.kind, recipe.seed);
         Self {
             align: recipe.alignment.map(|alignment| alignment.direction()),
             strength: recipe.alignment.map(|alignment| alignment.strength()),
             merge: (recipe.merge > 0.0).then_some(recipe.merge),
+            min_distance: (recipe.apart != plain.apart).then_some(recipe.apart),
             shorter_than: recipe.shorter_than,
             ..Self::new(recipe.kind.name(), points, recipe.seed)
         }
     }
 
-    /// Returns the recipe; `None` if the kind is unknown. It gives the same network for the same number of points,
-    /// provided that [`Recipe::apart`] had its default, since the sidecar does not store it.
+    /// Returns the recipe; `None` if the kind is unknown. It gives the same network for the same number of points.
     ///
     /// # Errors
     /// Returns [`GenerateError`] if the direction or the strength is out of range.
@@ -59,7 +73,9 @@ impl Generated {
         let Some(kind) = Kind::ALL.into_iter().find(|kind| kind.name() == self.kind) else { return Ok(None) };
         let alignment = self.align.map(|align| Alignment::new(align, self.strength.unwrap_or(0.0))).transpose()?;
         let (merge, shorter_than) = (self.merge.unwrap_or(0.0), self.shorter_than);
-        Ok(Some(Recipe { merge, alignment, shorter_than, ..Recipe::new(kind, self.seed) }))
+        let plain = Recipe::new(kind, self.seed);
+        let apart = self.min_distance.unwrap_or(plain.apart);
+        Ok(Some(Recipe { apart, merge, alignment, shorter_than, ..plain }))
     }
 }
 
@@ -72,7 +88,8 @@ mod tests {
         let alignment = Some(Alignment::new([1.0, 0.1, -0.2], 0.3).unwrap());
         let plain = Recipe::new(Kind::Delaunay, 7);
         let special = Recipe { alignment, shorter_than: Some(0.02), ..Recipe::new(Kind::Voronoi, 3) };
-        for recipe in [plain, special, Recipe { merge: 0.0, ..special }] {
+        let near = Recipe { apart: 0.05, ..plain };
+        for recipe in [plain, special, Recipe { merge: 0.0, ..special }, near, Recipe { apart: 0.0, ..plain }] {
             let text = toml::to_string(&Generated::by(&recipe, 20)).unwrap();
             let read: Generated = toml::from_str(&text).unwrap();
             let again = read.recipe().unwrap().unwrap();

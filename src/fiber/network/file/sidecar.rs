@@ -8,6 +8,7 @@
 //! merge = 0.05                         # nodes closer than this fraction of the mean spacing were merged
 //! align = [1.0, 0.0, 0.0]              # only if the fibers have a preferred direction, with
 //! strength = 0.4                       # the requested order parameter P2
+//! min_distance = 0.1                   # only if it is not 0.2: of the points, as a fraction of the mean spacing
 //! shorter_than = 0.01                  # only if fibers shorter than this fraction of the edge were removed
 //! program = "biotissue 0.1.0"
 //!
@@ -334,7 +335,7 @@ mod tests {
         let cases = [
             (
                 "[generated]\nkind = \"delaunay\"\npoints = 3\nseed = 1\nprogram = \"p\"\nsede = 1\n",
-                "n.toml:6: unknown field `sede`, expected one of `kind`, `points`, `seed`, `align`, `strength`, `merge`, `shorter_than`, `program`",
+                "n.toml:6: unknown field `sede`, expected one of `kind`, `points`, `seed`, `align`, `strength`, `merge`, `min_distance`, `shorter_than`, `program`",
             ),
             ("[law]\nname = \"linear\"\nradius = 1\n", "n.toml:1: the law `linear` needs a youngs_modulus"),
             (
