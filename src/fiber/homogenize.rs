@@ -1,22 +1,22 @@
 //! Homogenization of a network in equilibrium: stress and condensed tangent.
 //!
-//! Two steps lead from the stiffness `K = dT/dx` of all nodes to the tangent `A = dP/dF` of the macro scale (C. Miehe and
-//! A. Koch, *Computational micro-to-macro transitions of discretized microstructures undergoing small strains*, Archive of
-//! Applied Mechanics 72 (2002) 300-317). `i` denotes the interior nodes, `b` those on the boundary, `v` the velocities and
-//! `q = K v` the force rates.
+//! Two steps lead from the stiffness `K = dT/dx` of all nodes to the tangent `A = dP/dF` of the macro scale (C. Miehe
+//! and A. Koch, *Computational micro-to-macro transitions of discretized microstructures undergoing small strains*,
+//! Archive of Applied Mechanics 72 (2002) 300-317). `i` denotes the interior nodes, `b` those on the boundary, `v` the
+//! velocities and `q = K v` the force rates.
 //!
-//! 1. *Static condensation* of the interior (Guyan 1965). In equilibrium, `T_i = 0` at every strain, so the force rates of
-//!    the interior vanish:
+//! 1. *Static condensation* of the interior (Guyan 1965). In equilibrium, `T_i = 0` at every strain, so the force rates
+//!    of the interior vanish:
 //!
 //!    ```text
 //!    [ K_ii  K_ib ] [ v_i ]   [  0  ]          v_i = -K_ii^-1 K_ib v_b
 //!    [ K_bi  K_bb ] [ v_b ] = [ q_b ]   =>     q_b = (K_bb - K_bi K_ii^-1 K_ib) v_b
 //!    ```
 //!
-//!    The matrix in parentheses is the Schur complement of `K_ii`. It is never formed: its products with the few boundary
-//!    motions of step 2 suffice, and each takes one solve with the factor of `K_ii`.
-//! 2. *From boundary forces to stress and tangent.* The boundary follows the macro scale, `x_b = F X_b`. The work of both
-//!    scales is equal (Hill 1963), `P : dF = kappa sum_b T_b . dF X_b` for every `dF`, with `kappa` from
+//!    The matrix in parentheses is the Schur complement of `K_ii`. It is never formed: its products with the few
+//!    boundary motions of step 2 suffice, and each takes one solve with the factor of `K_ii`.
+//! 2. *From boundary forces to stress and tangent.* The boundary follows the macro scale, `x_b = F X_b`. The work of
+//!    both scales is equal (Hill 1963), `P : dF = kappa sum_b T_b . dF X_b` for every `dF`, with `kappa` from
 //!    [`RveModel::scale`]. Hence `P` and its derivative, with `v_b(dF) = dF X_b`, are
 //!
 //!    ```text
@@ -24,13 +24,13 @@
 //!    dF : A : dG = kappa v_b(dF) . q_b(dG) = kappa v(dF) . K v(dG)
 //!    ```
 //!
-//!    The last product runs over all nodes, to which the interior contributes nothing because `q_i = 0`. It is stationary
-//!    in `v_i`, so an error of the solve enters squared.
+//!    The last product runs over all nodes, to which the interior contributes nothing because `q_i = 0`. It is
+//!    stationary in `v_i`, so an error of the solve enters squared.
 //!
-//! Nine rates `dF = D F` span all `dF`. For the six symmetric unit rates `D = S_k`, the *strain modes*, the boundary moves
-//! with `v_b = S_k x_b`; they need the solves of step 1. For the three skew ones, `D = W`, the network rotates rigidly:
-//! `P(R F) = R P(F)` gives `A : (W F) = W P` without a solve. The matrix `C` of the coefficients of `dF F^-1` in these
-//! nine rates transforms the form `D_k F : A : D_l F` to the components of `A`, `C^T form C`.
+//! Nine rates `dF = D F` span all `dF`. For the six symmetric unit rates `D = S_k`, the *strain modes*, the boundary
+//! moves with `v_b = S_k x_b`; they need the solves of step 1. For the three skew ones, `D = W`, the network rotates
+//! rigidly: `P(R F) = R P(F)` gives `A : (W F) = W P` without a solve. The matrix `C` of the coefficients of `dF F^-1`
+//! in these nine rates transforms the form `D_k F : A : D_l F` to the components of `A`, `C^T form C`.
 //!
 //! The public interface is [`EquilibriumState`](super::equilibrium::EquilibriumState), which
 //! [`super::equilibrium::equilibrate`] returns; the functions here read the workspace that it borrows.
@@ -45,7 +45,7 @@ use crate::las::{Backend, MatrixOps, Scalar, SolveError, Solver, VectorOps};
 /// `dP/dF`, with row or column index `3 i + J` for `P_iJ` or `F_iJ`.
 pub type Tangent = SMatrix<f64, 9, 9>;
 
-/// Implements [`Solved::pk1`](super::equilibrium::Solved::pk1).
+/// Implements [`EquilibriumState::pk1`](super::equilibrium::EquilibriumState::pk1).
 pub(super) fn pk1<B: Backend<Scalar = f64>>(model: &RveModel<B>, workspace: &Workspace<B>) -> Matrix3<f64> {
     let network = model.network();
     let mut sum = Matrix3::zeros();
@@ -66,7 +66,7 @@ pub fn cauchy(pk1: &Matrix3<f64>, gradient: &Matrix3<f64>) -> Matrix3<f64> {
     pk1 * gradient.transpose() / gradient.determinant()
 }
 
-/// Implements [`Solved::tangent`](super::equilibrium::Solved::tangent); requires [`solve_modes`].
+/// Implements [`EquilibriumState::tangent`](super::equilibrium::EquilibriumState::tangent); requires [`solve_modes`].
 pub(super) fn tangent<B: Backend<Scalar = f64>>(
     model: &RveModel<B>,
     f: &Matrix3<f64>,

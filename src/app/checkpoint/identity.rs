@@ -172,7 +172,7 @@ fn hash_of_mesh(mesh: &Mesh) -> u64 {
 fn hash_network(network: &Network, hash: &mut Fnv) {
     hash.positions(network.nodes());
     hash.indices(network.fibers());
-    network.reaction_of().iter().for_each(|&reaction| hash.number(reaction.into()));
+    network.material_of().iter().for_each(|&reaction| hash.number(reaction.into()));
     hash.number(network.materials().len() as u64);
     for FiberMaterial { law, radius, .. } in network.materials() {
         hash_law(law, hash);

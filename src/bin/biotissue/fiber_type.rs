@@ -17,11 +17,11 @@ pub struct FiberTypeArgument {
 }
 
 /// The keys, in the order of the error for an unknown one.
-fn keys() -> Vec<String> {
-    let parameters = formula_parameters().into_iter().map(|parameter| parameter.name);
-    let buckling = BUCKLING.iter().map(|parameter| parameter.name);
+fn keys() -> Vec<&'static str> {
+    let parameters = formula_parameters().into_iter().map(|parameter| parameter.option);
+    let buckling = BUCKLING.iter().map(|parameter| parameter.option);
     let keys = ["fraction", "law", "radius"].into_iter().chain(parameters).chain(["table"]).chain(buckling);
-    keys.chain(["density"]).map(|key| key.replace('_', "-")).collect()
+    keys.chain(["density"]).collect()
 }
 
 impl FromStr for FiberTypeArgument {
@@ -46,7 +46,7 @@ impl FromStr for FiberTypeArgument {
                 "radius" => radius = Some(number()?),
                 "table" => law.file = Some(value.into()),
                 "density" => law.density = Some(number()?),
-                _ => match parameters.iter().find(|parameter| parameter.name.replace('_', "-") == key) {
+                _ => match parameters.iter().find(|parameter| parameter.option == key) {
                     Some(parameter) => law.set(parameter, number()?),
                     None => return Err(format!("there is no key `{key}`; known are {}", keys().join(", "))),
                 },

@@ -20,11 +20,20 @@ pub struct LawArguments {
 impl Args for LawArguments {
     fn augment_args(command: Command) -> Command {
         let names: Vec<_> = LawName::all().map(LawName::as_str).collect();
-        let law = option("law", "NAME", "Law of all fibers").value_parser(PossibleValuesParser::new(names));
+        let law = Arg::new("law")
+            .long("law")
+            .value_name("NAME")
+            .help("Law of all fibers")
+            .value_parser(PossibleValuesParser::new(names));
         let mut parameters: Vec<Arg> = formula_parameters().into_iter().map(number).collect();
         parameters.insert(1, number(&RADIUS));
         let table = "CSV file of the law table: stretch and nominal stress in Pa, (1, 0) among them";
-        let table = option("table", "FILE", table).value_parser(value_parser!(PathBuf)).requires("law");
+        let table = Arg::new("table")
+            .long("table")
+            .value_name("FILE")
+            .help(table)
+            .value_parser(value_parser!(PathBuf))
+            .requires("law");
         command
             .arg(law.requires(RADIUS.name))
             .args(parameters)
@@ -37,12 +46,8 @@ impl Args for LawArguments {
     }
 }
 
-fn option(name: &'static str, value: &str, help: &'static str) -> Arg {
-    Arg::new(name).long(name.replace('_', "-")).value_name(value.to_owned()).help(help)
-}
-
 fn number(parameter: &'static Parameter) -> Arg {
-    let option = option(parameter.name, &parameter.symbol.to_uppercase(), parameter.help);
+    let option = Arg::new(parameter.name).long(parameter.option).value_name(parameter.symbol).help(parameter.help);
     let option = option.value_parser(real).requires("law").allow_hyphen_values(true);
     if parameter != &YOUNGS_MODULUS {
         return option;
@@ -58,7 +63,8 @@ impl FromArgMatches for LawArguments {
         let (Some(name), Some(radius)) = (matches.get_one::<String>("law"), number(&RADIUS)) else {
             return Ok(Self { law: None });
         };
-        let mut law = NamedLaw { file: matches.get_one("table").cloned(), ..NamedLaw::new(name, radius) };
+        let mut law = NamedLaw::new(name, radius);
+        law.file = matches.get_one("table").cloned();
         for parameter in formula_parameters().into_iter().chain(&BUCKLING) {
             if let Some(value) = number(parameter) {
                 law.set(parameter, value);

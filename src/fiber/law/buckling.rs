@@ -1,7 +1,7 @@
 //! Buckling in compression: a modifier of any law.
 
-use super::{BUCKLING_STRAIN, COMPRESSION, FiberLaw};
 use super::batch::{EnergyFormula, Formula};
+use super::{BUCKLING_STRAIN, COMPRESSION, FiberLaw};
 use crate::fiber::simd::{Kernel, vectorized};
 
 /// A law whose fibers buckle: that of `law` in tension, and below stretch 1 a slope that falls from `E` to `r E`.

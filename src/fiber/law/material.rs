@@ -43,7 +43,11 @@ impl FiberMaterial {
         if let Some(density) = self.density
             && (density.is_nan() || density < 0.0)
         {
-            return Err(FiberMaterialError { parameter: "density", value: density, expected: "zero or positive".into() });
+            return Err(FiberMaterialError {
+                parameter: "density",
+                value: density,
+                expected: "zero or positive".into(),
+            });
         }
         self.law.check()
     }

@@ -1,8 +1,8 @@
 //! Fiber laws: the axial force of a fiber as a function of its stretch.
 //!
-//! A law gives the nominal stress `s(lambda)` of a fiber, in Pa: the force over the reference area, positive in tension.
-//! The force is `f = A s`, its slope with respect to the current length `df/dl = A s'(lambda) / L`, and the energy of
-//! the fiber `A L integral_1^lambda s`. With the Green strain `g = (lambda^2 - 1) / 2`, the laws are:
+//! A law gives the nominal stress `s(lambda)` of a fiber, in Pa: the force over the reference area, positive in
+//! tension. The force is `f = A s`, its slope with respect to the current length `df/dl = A s'(lambda) / L`, and the
+//! energy of the fiber `A L integral_1^lambda s`. With the Green strain `g = (lambda^2 - 1) / 2`, the laws are:
 //!
 //! | law | `s` | source |
 //! |---|---|---|
@@ -12,10 +12,10 @@
 //! | [`Table`] | monotone cubics through measured points, tangent lines beyond them | Fritsch and Butland 1984 |
 //! | [`Buckling`] of any law | below stretch 1 the slope falls from `E` to `r E` over the strain `w` | smoothstep |
 //!
-//! [`Law`] is an enum of these laws. The table at the end of the imports below gives their names and parameters in files
-//! and on the command line; [`FormulaLaw`] is its run-time form. A new law of this crate is a file like `linear.rs` and an
-//! entry of that table. [`Law::custom`] adds any other type that implements [`FiberLaw`]; networks, trusses and RVE models
-//! treat it like a built-in law.
+//! [`Law`] is an enum of these laws. The table `laws!` below gives their names and parameters in
+//! files and on the command line; [`FormulaLaw`] is its run-time form. A new law of this crate is a file like
+//! `linear.rs` and an entry of that table. [`Law::custom`] adds any other type that implements [`FiberLaw`]; networks,
+//! trusses and RVE models treat it like a built-in law.
 //!
 //! # A custom law
 //!

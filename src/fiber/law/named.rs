@@ -126,9 +126,8 @@ impl CustomLaw {
     /// Checks stress and slope at rest.
     fn check(&self) -> Result<(), FiberMaterialError> {
         let (stress, slope) = self.0.stress(1.0);
-        let refuse = |parameter, value, expected: &str| {
-            Err(FiberMaterialError { parameter, value, expected: expected.into() })
-        };
+        let refuse =
+            |parameter, value, expected: &str| Err(FiberMaterialError { parameter, value, expected: expected.into() });
         if stress != 0.0 {
             return refuse("stress at stretch 1", stress, "0");
         }

@@ -10,11 +10,13 @@ use super::FiberMaterialError;
 /// ranges and defaults of these descriptions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parameter {
-    /// The key in files; on the command line, hyphens replace the underscores.
+    /// The key in files.
     pub name: &'static str,
+    /// The name on the command line, without the leading hyphens.
+    pub option: &'static str,
     /// The name in the errors of [`Law::check`](super::Law::check).
     pub label: &'static str,
-    /// The name in summaries and, in capitals, in the help of the command line.
+    /// The short name in summaries and in the help of the command line.
     pub symbol: &'static str,
     /// The unit; empty for a number without dimension.
     pub unit: &'static str,
@@ -79,6 +81,7 @@ impl Parameter {
 /// `E`, the slope of the nominal stress at rest.
 pub const YOUNGS_MODULUS: Parameter = Parameter {
     name: "youngs_modulus",
+    option: "youngs-modulus",
     label: "Young's modulus",
     symbol: "E",
     unit: "Pa",
@@ -90,6 +93,7 @@ pub const YOUNGS_MODULUS: Parameter = Parameter {
 /// `B`, the factor of the Green strain in the exponent of the exponential laws.
 pub const NONLINEARITY: Parameter = Parameter {
     name: "nonlinearity",
+    option: "nonlinearity",
     label: "nonlinearity",
     symbol: "B",
     unit: "",
@@ -101,6 +105,7 @@ pub const NONLINEARITY: Parameter = Parameter {
 /// `lambda_t`, the stretch above which [`ExponentialStretch`](super::ExponentialStretch) continues as a straight line.
 pub const TRANSITION: Parameter = Parameter {
     name: "transition",
+    option: "transition",
     label: "transition stretch",
     symbol: "transition",
     unit: "",
@@ -112,6 +117,7 @@ pub const TRANSITION: Parameter = Parameter {
 /// `r`, the residual stiffness in compression over `E`, of [`Buckling`](super::Buckling).
 pub const COMPRESSION: Parameter = Parameter {
     name: "compression",
+    option: "compression",
     label: "stiffness in compression",
     symbol: "R",
     unit: "",
@@ -123,6 +129,7 @@ pub const COMPRESSION: Parameter = Parameter {
 /// `w`, the compressive strain over which the stiffness of [`Buckling`](super::Buckling) falls to its residual.
 pub const BUCKLING_STRAIN: Parameter = Parameter {
     name: "buckling_strain",
+    option: "buckling-strain",
     label: "buckling strain",
     symbol: "W",
     unit: "",
@@ -137,6 +144,7 @@ pub const BUCKLING: [Parameter; 2] = [COMPRESSION, BUCKLING_STRAIN];
 /// The radius of the circular cross-section, of every material.
 pub const RADIUS: Parameter = Parameter {
     name: "radius",
+    option: "radius",
     label: "radius",
     symbol: "R",
     unit: "m",

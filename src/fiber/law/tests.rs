@@ -67,9 +67,10 @@ fn laws() -> Vec<Law> {
     ];
     let in_table = FormulaLaw::ALL.iter().map(|law| law.law(|parameter| Ok::<_, ()>(example(parameter))).unwrap());
     let plain: Vec<Law> = plain.into_iter().chain(in_table).collect();
-    let yielding = plain.clone().into_iter().flat_map(|law| {
-        [(1e-3, 0.01), (0.0, 0.2), (1.0, 0.05)].map(|(r, w)| law.clone().with_buckling(r, w))
-    });
+    let yielding = plain
+        .clone()
+        .into_iter()
+        .flat_map(|law| [(1e-3, 0.01), (0.0, 0.2), (1.0, 0.05)].map(|(r, w)| law.clone().with_buckling(r, w)));
     plain.iter().cloned().chain(yielding).collect()
 }
 

@@ -62,7 +62,7 @@ fn laws(text: &mut String, network: &Network) {
         let _ = law.get(&COMPRESSION).map_or(Ok(()), |part| write!(text, ", {part} of E in compression"));
         let _ = law.get(&BUCKLING_STRAIN).map_or(Ok(()), |strain| write!(text, " beyond {strain}"));
         if network.materials().len() > 1 {
-            let fibers = network.reaction_of().iter().filter(|&&of| of == number).count();
+            let fibers = network.material_of().iter().filter(|&&of| of == number).count();
             let _ = write!(text, ", {fibers} fibers");
         }
         text.push('\n');

@@ -275,7 +275,9 @@ mod tests {
 
     fn table() -> NamedLaw {
         let points = vec![[0.9, -1e6 / 3.0], [1.0, 0.0], [1.0 + 1.0 / 3.0, 2e6]];
-        NamedLaw { points: Some(points), ..NamedLaw::new("table", 5e-8) }
+        let mut law = NamedLaw::new("table", 5e-8);
+        law.points = Some(points);
+        law
     }
 
     /// A valid value of a parameter.

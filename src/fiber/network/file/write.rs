@@ -65,7 +65,7 @@ pub(super) fn params_text(network: &Network) -> io::Result<String> {
         text.push_str(&line);
         text.push('\n');
     }
-    for reaction in network.reaction_of() {
+    for reaction in network.material_of() {
         let _ = writeln!(text, "{reaction}");
     }
     Ok(text)

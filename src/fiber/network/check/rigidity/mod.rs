@@ -34,7 +34,7 @@ const ATTEMPTS: i32 = 5;
 /// Mobility above which a node takes part in zero modes.
 const MOBILE: f64 = 1e-6;
 /// Maximum number of most mobile nodes in the report.
-const MOST_MOBILE: usize = 10;
+const MAX_MOBILE_NODES: usize = 10;
 
 /// The zero modes of a network at rest with its boundary nodes fixed.
 #[derive(Clone, Debug, PartialEq)]
@@ -131,7 +131,7 @@ pub fn rigidity<B: Backend<Scalar = f64>>(
         .collect();
     nodes.sort_by(|a, b| b.mobility.total_cmp(&a.mobility).then(a.node.cmp(&b.node)));
     let mobile_nodes = nodes.len();
-    nodes.truncate(MOST_MOBILE);
+    nodes.truncate(MAX_MOBILE_NODES);
     Ok(Rigidity {
         unknowns,
         zero_modes,
