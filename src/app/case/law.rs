@@ -22,7 +22,7 @@ pub(super) fn read(mut table: Table<'_>, base: &Path) -> Option<FiberMaterial> {
     let law = match name {
         Some(LawName::Formula(formula)) => formula_law(&mut table, formula),
         Some(LawName::Table) => {
-            remove_foreign(&mut table, LawName::Table);
+            scalars(&mut table, LawName::Table);
             curve(&mut table, base).map(Law::table)
         }
         None => {
@@ -78,25 +78,25 @@ fn value(table: &mut Table<'_>, parameter: &Parameter) -> Option<f64> {
 }
 
 fn formula_law(table: &mut Table<'_>, formula: FormulaLaw) -> Option<Law> {
-    remove_foreign(table, LawName::Formula(formula));
-    // All values are read before the first invalid one ends the law, so that each of them is reported.
-    let values: Vec<_> = formula.parameters().iter().map(|parameter| value(table, parameter)).collect();
-    let mut values = values.into_iter().flatten();
-    formula.law(|_| values.next().ok_or(())).ok()
+    for key in ["file", "points"] {
+        report_foreign(table, key, LawName::Table, LawName::Formula(formula));
+    }
+    let values = scalars(table, LawName::Formula(formula));
+    let value_of = |parameter| values.iter().find(|(other, _)| *other == parameter).and_then(|&(_, value)| value);
+    formula.law(|parameter| value_of(parameter).ok_or(())).ok()
 }
 
-/// Reports the parameters that do not belong to the chosen law.
-fn remove_foreign(table: &mut Table<'_>, law: LawName) {
-    if law != LawName::Table {
-        for key in ["file", "points"] {
-            report_foreign(table, key, LawName::Table, law);
-        }
-    }
-    for parameter in formula_parameters().into_iter().filter(|parameter| !law.parameters().contains(parameter)) {
-        if let Some(owner) = LawName::all().find(|owner| owner.parameters().contains(parameter)) {
+/// Reads the scalar parameters of a law, `None` for an invalid value, and reports those of other laws.
+fn scalars(table: &mut Table<'_>, law: LawName) -> Vec<(&'static Parameter, Option<f64>)> {
+    let mut values = Vec::new();
+    for parameter in formula_parameters() {
+        if law.parameters().contains(parameter) {
+            values.push((parameter, value(table, parameter)));
+        } else if let Some(owner) = LawName::all().find(|owner| owner.parameters().contains(parameter)) {
             report_foreign(table, parameter.name, owner, law);
         }
     }
+    values
 }
 
 /// Reports a key of the law `owner` that has no meaning for `law`.

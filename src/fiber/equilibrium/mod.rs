@@ -250,13 +250,8 @@ where
     /// Solves the whole increment by energy minimization.
     fn regularized(&mut self, rve: &mut Rve) -> bool {
         self.workspace.set_initial_guess(self.model, rve, self.target);
-        match self.descend(rve, self.target) {
-            Ok(newton) => {
-                self.report.newton = newton;
-                self.record_success(Stage::Regularized)
-            }
-            Err(reason) => self.record_failure(Stage::Regularized, 0.0, reason),
-        }
+        let outcome = self.descend(rve, self.target);
+        self.record(Stage::Regularized, outcome)
     }
 
     /// Minimizes the energy from the positions in the workspace.
@@ -366,9 +361,8 @@ where
                 Stage::Newton => self.newton(rve, self.target),
                 _ => self.descend(rve, self.target),
             };
-            if let Ok(newton) = finished {
-                self.report.newton = newton;
-                return self.record_success(Stage::Relaxation);
+            if finished.is_ok() {
+                return self.record(Stage::Relaxation, finished);
             }
             self.workspace.positions = before;
             // The boundary is already at the target: the second relaxation applies no load.
@@ -379,14 +373,11 @@ where
         }
         let RelaxationReport { residual, relative, .. } = self.report.relaxation;
         let alone = NewtonReport { residuals: vec![residual], relative: vec![relative], ..NewtonReport::default() };
-        match self.stabilize(alone) {
-            Ok(newton) => {
-                self.report.newton = newton;
-                self.store_state(rve, self.target);
-                self.record_success(Stage::Relaxation)
-            }
-            Err(reason) => self.record_failure(Stage::Relaxation, 0.0, reason),
+        let outcome = self.stabilize(alone);
+        if outcome.is_ok() {
+            self.store_state(rve, self.target);
         }
+        self.record(Stage::Relaxation, outcome)
     }
 
     fn relax(&mut self, path: &DeformationPath, tolerance: f64) -> Result<(), RelaxationError> {
@@ -398,6 +389,17 @@ where
         (sum.steps, sum.repeats) = (sum.steps + report.steps, sum.repeats + report.repeats);
         (sum.residual, sum.relative, sum.energies) = (report.residual, report.relative, report.energies);
         error.map_or(Ok(()), Err)
+    }
+
+    /// Records the outcome of a stage that solves the whole increment.
+    fn record(&mut self, stage: Stage, outcome: Result<NewtonReport, StageError<B::Fault>>) -> bool {
+        match outcome {
+            Ok(newton) => {
+                self.report.newton = newton;
+                self.record_success(stage)
+            }
+            Err(reason) => self.record_failure(stage, 0.0, reason),
+        }
     }
 
     fn record_success(&mut self, stage: Stage) -> bool {

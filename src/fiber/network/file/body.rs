@@ -81,13 +81,7 @@ fn divide<'l, 't>(parser: &mut Parser<'_>, lines: &'l [Line<'t>]) -> Result<Sect
             rest.len(),
             rest.len() - three,
         );
-        let cure = if announced > rest.len() as u128 { "was the file cut short?" } else { "are there lines too many?" };
-        return Err(parser.error(
-            header.number,
-            what,
-            "one line for each thing counted",
-            format!("correct it; {cure}"),
-        ));
+        return Err(parser.wrong_line_count(header, what, announced, rest.len()));
     }
     // The counts sum to the number of lines in memory, so they fit in `usize`.
     let (nodes, rest) = rest.split_at(counts[0] as usize);

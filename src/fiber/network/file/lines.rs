@@ -50,6 +50,19 @@ impl<'a> Parser<'a> {
         InputError::at_line(self.file, line, what, expected, cure)
     }
 
+    /// Makes the error of a header that announces another number of lines than the `following` ones.
+    pub(super) fn wrong_line_count(
+        &self,
+        header: Line<'_>,
+        what: String,
+        announced: u128,
+        following: usize,
+    ) -> InputError {
+        let missing = announced > following as u128;
+        let cure = if missing { "was the file cut short?" } else { "are there lines too many?" };
+        self.error(header.number, what, "one line for each thing counted", format!("correct it; {cure}"))
+    }
+
     /// Records an error; returns an `Err`, which ends the parser, when there are too many.
     pub(super) fn record(&mut self, error: InputError) -> Result<(), InputErrors> {
         self.errors.push(error);

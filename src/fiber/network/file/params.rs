@@ -64,13 +64,7 @@ fn divide<'l, 't>(
              lines follow",
             rest.len()
         );
-        let cure = if announced > rest.len() as u128 { "was the file cut short?" } else { "are there lines too many?" };
-        return Err(parser.error(
-            header.number,
-            what,
-            "one line for each thing counted",
-            format!("correct it; {cure}"),
-        ));
+        return Err(parser.wrong_line_count(header, what, announced, rest.len()));
     }
     Ok(rest.split_at(reactions as usize))
 }
