@@ -15,7 +15,7 @@ use biotissue::backends::sparse::Sparse;
 use biotissue::fiber::equilibrium::{EquilibriumParams, equilibrate};
 use biotissue::fiber::law::{FiberMaterial, Law};
 use biotissue::fiber::network::Network;
-use biotissue::fiber::network::generate::{Alignment, Kind, Recipe};
+use biotissue::fiber::network::generate::{Alignment, GeneratorParams, Kind};
 use biotissue::fiber::rve::{Rve, RveModel, StressScale};
 use biotissue::fiber::workspace::Workspace;
 use nalgebra::Matrix3;
@@ -87,7 +87,7 @@ fn argument(name: &str) -> Option<String> {
 }
 
 fn measure(points: usize, strength: f64, seed: u64) -> Result<Stiffness, Error> {
-    let mut recipe = Recipe::new(Kind::Delaunay, seed);
+    let mut recipe = GeneratorParams::new(Kind::Delaunay, seed);
     if strength > 0.0 {
         let mut direction = [0.0; 3];
         direction[ALONG] = 1.0;

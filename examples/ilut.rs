@@ -16,7 +16,7 @@ use std::sync::Arc;
 
 use biotissue::backends::sparse::{Matrix, Sparse};
 use biotissue::fiber::law::{FiberMaterial, Law};
-use biotissue::fiber::network::generate::{Kind, Recipe};
+use biotissue::fiber::network::generate::{GeneratorParams, Kind};
 use biotissue::fiber::stiffness::{self, StiffnessSlots};
 use biotissue::fiber::truss::{FiberStates, Truss};
 use biotissue::las::{
@@ -77,7 +77,7 @@ impl Row {
 
 /// Assembles the stiffness of a network at rest.
 fn network() -> Result<Matrix, Error> {
-    let network = Arc::new(Recipe::new(Kind::Delaunay, 1).of_points(1000)?.network);
+    let network = Arc::new(GeneratorParams::new(Kind::Delaunay, 1).of_points(1000)?.network);
     let law = Law::Linear { youngs_modulus: 1.0e8 };
     let material = FiberMaterial { law, radius: 5.0e-8, density: None };
     let truss = Truss::new(Arc::clone(&network), Some(material))?;

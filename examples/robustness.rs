@@ -24,7 +24,7 @@ use biotissue::fiber::equilibrium::{
 };
 use biotissue::fiber::law::{FiberMaterial, Law};
 use biotissue::fiber::network::Network;
-use biotissue::fiber::network::generate::{Alignment, Kind, Recipe};
+use biotissue::fiber::network::generate::{Alignment, GeneratorParams, Kind};
 use biotissue::fiber::rve::{Rve, RveModel, StressScale};
 use biotissue::fiber::workspace::Workspace;
 use nalgebra::{Matrix3, Rotation3};
@@ -117,7 +117,7 @@ fn subject(number: usize) -> Result<Subject, String> {
     let strength = STRENGTHS[number / 2 % 3];
     let seed = number as u64 + 1;
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let mut recipe = Recipe::new(kind, seed);
+    let mut recipe = GeneratorParams::new(kind, seed);
     if strength > 0.0 {
         let direction = [(); 3].map(|()| uniform(&mut random) - 0.5);
         recipe.alignment = Some(Alignment::new(direction, strength).map_err(|error| error.to_string())?);

@@ -86,7 +86,7 @@ impl NetworkFiles {
         series.par_iter_mut().zip(deformed).try_for_each(|((element, collection), deformed)| {
             let Some(deformed) = deformed else { return Ok(()) };
             let DeformedNetwork { network, positions, stretches, forces } = &deformed;
-            let kind: Vec<i64> = network.reaction_of().iter().map(|&reaction| reaction.into()).collect();
+            let kind: Vec<i64> = network.material_of().iter().map(|&reaction| reaction.into()).collect();
             let set = NetworkSet {
                 points: positions,
                 fibers: network.fibers(),

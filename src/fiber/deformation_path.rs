@@ -1,4 +1,13 @@
 //! Interpolation between two deformation gradients.
+//!
+//! ```
+//! use biotissue::fiber::deformation_path::between;
+//! use nalgebra::Matrix3;
+//!
+//! let stretched = Matrix3::from_diagonal(&[1.2, 1.0, 1.0].into());
+//! let half = between(&Matrix3::identity(), &stretched, 0.5);
+//! assert!((half[(0, 0)] - 1.1).abs() < 1e-14);
+//! ```
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
@@ -8,21 +17,21 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 /// interpolated in its angle. The determinant therefore stays positive along the path, even for a rotation by 180
 /// degrees, where linear interpolation of the matrices would become singular.
 #[derive(Clone, Debug)]
-pub struct Path {
+pub struct DeformationPath {
     start: Matrix3<f64>,
     target: Matrix3<f64>,
     /// Stretch and rotation of the increment; `None` if it cannot be split.
     increment: Option<(Matrix3<f64>, UnitQuaternion<f64>)>,
 }
 
-impl Path {
+impl DeformationPath {
     /// Makes the path from `start` to `target`.
     #[must_use]
     pub fn new(start: &Matrix3<f64>, target: &Matrix3<f64>) -> Self {
         Self {
             start: *start,
             target: *target,
-            increment: start.try_inverse().and_then(|inverse| split(target * inverse)),
+            increment: start.try_inverse().and_then(|inverse| polar_decomposition(target * inverse)),
         }
     }
 
@@ -38,7 +47,7 @@ impl Path {
 }
 
 /// Returns the symmetric stretch `U` and the rotation `R` of `F = R U`.
-pub(super) fn split(f: Matrix3<f64>) -> Option<(Matrix3<f64>, UnitQuaternion<f64>)> {
+pub(super) fn polar_decomposition(f: Matrix3<f64>) -> Option<(Matrix3<f64>, UnitQuaternion<f64>)> {
     let svd = f.svd(true, true);
     let (u, v_t) = (svd.u?, svd.v_t?);
     let stretch = v_t.transpose() * Matrix3::from_diagonal(&svd.singular_values) * v_t;
@@ -46,10 +55,11 @@ pub(super) fn split(f: Matrix3<f64>) -> Option<(Matrix3<f64>, UnitQuaternion<f64
     Some((stretch, UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(u * v_t))))
 }
 
-/// Returns the deformation gradient at the fraction `part` (0 to 1) of the path from `start` to `target`; see [`Path`].
+/// Returns the deformation gradient at the fraction `part` (0 to 1) of the path from `start` to `target`; see
+/// [`DeformationPath`].
 #[must_use]
 pub fn between(start: &Matrix3<f64>, target: &Matrix3<f64>, part: f64) -> Matrix3<f64> {
-    Path::new(start, target).at(part)
+    DeformationPath::new(start, target).at(part)
 }
 
 #[cfg(test)]

@@ -1,7 +1,39 @@
 //! Homogenization of a network in equilibrium: stress and condensed tangent.
 //!
-//! The public interface is [`Solved`](super::equilibrium::Solved), which [`super::equilibrium::equilibrate`] returns;
-//! the functions here read the workspace that it borrows.
+//! Two steps lead from the stiffness `K = dT/dx` of all nodes to the tangent `A = dP/dF` of the macro scale (C. Miehe
+//! and A. Koch, *Computational micro-to-macro transitions of discretized microstructures undergoing small strains*,
+//! Archive of Applied Mechanics 72 (2002) 300-317). `i` denotes the interior nodes, `b` those on the boundary, `v` the
+//! velocities and `q = K v` the force rates.
+//!
+//! 1. *Static condensation* of the interior (Guyan 1965). In equilibrium, `T_i = 0` at every strain, so the force rates
+//!    of the interior vanish:
+//!
+//!    ```text
+//!    [ K_ii  K_ib ] [ v_i ]   [  0  ]          v_i = -K_ii^-1 K_ib v_b
+//!    [ K_bi  K_bb ] [ v_b ] = [ q_b ]   =>     q_b = (K_bb - K_bi K_ii^-1 K_ib) v_b
+//!    ```
+//!
+//!    The matrix in parentheses is the Schur complement of `K_ii`. It is never formed: its products with the few
+//!    boundary motions of step 2 suffice, and each takes one solve with the factor of `K_ii`.
+//! 2. *From boundary forces to stress and tangent.* The boundary follows the macro scale, `x_b = F X_b`. The work of
+//!    both scales is equal (Hill 1963), `P : dF = kappa sum_b T_b . dF X_b` for every `dF`, with `kappa` from
+//!    [`RveModel::scale`]. Hence `P` and its derivative, with `v_b(dF) = dF X_b`, are
+//!
+//!    ```text
+//!    P = kappa sum_b T_b (x) X_b
+//!    dF : A : dG = kappa v_b(dF) . q_b(dG) = kappa v(dF) . K v(dG)
+//!    ```
+//!
+//!    The last product runs over all nodes, to which the interior contributes nothing because `q_i = 0`. It is
+//!    stationary in `v_i`, so an error of the solve enters squared.
+//!
+//! Nine rates `dF = D F` span all `dF`. For the six symmetric unit rates `D = S_k`, the *strain modes*, the boundary
+//! moves with `v_b = S_k x_b`; they need the solves of step 1. For the three skew ones, `D = W`, the network rotates
+//! rigidly: `P(R F) = R P(F)` gives `A : (W F) = W P` without a solve. The matrix `C` of the coefficients of `dF F^-1`
+//! in these nine rates transforms the form `D_k F : A : D_l F` to the components of `A`, `C^T form C`.
+//!
+//! The public interface is [`EquilibriumState`](super::equilibrium::EquilibriumState), which
+//! [`super::equilibrium::equilibrate`] returns; the functions here read the workspace that it borrows.
 
 use nalgebra::{Matrix3, SMatrix};
 
@@ -13,7 +45,7 @@ use crate::las::{Backend, MatrixOps, Scalar, SolveError, Solver, VectorOps};
 /// `dP/dF`, with row or column index `3 i + J` for `P_iJ` or `F_iJ`.
 pub type Tangent = SMatrix<f64, 9, 9>;
 
-/// Implements [`Solved::pk1`](super::equilibrium::Solved::pk1).
+/// Implements [`EquilibriumState::pk1`](super::equilibrium::EquilibriumState::pk1).
 pub(super) fn pk1<B: Backend<Scalar = f64>>(model: &RveModel<B>, workspace: &Workspace<B>) -> Matrix3<f64> {
     let network = model.network();
     let mut sum = Matrix3::zeros();
@@ -28,7 +60,7 @@ pub(super) fn pk1<B: Backend<Scalar = f64>>(model: &RveModel<B>, workspace: &Wor
     sum * model.scale()
 }
 
-/// Implements [`Solved::tangent`](super::equilibrium::Solved::tangent); requires [`solve_modes`].
+/// Implements [`EquilibriumState::tangent`](super::equilibrium::EquilibriumState::tangent); requires [`solve_modes`].
 pub(super) fn tangent<B: Backend<Scalar = f64>>(
     model: &RveModel<B>,
     f: &Matrix3<f64>,
@@ -104,11 +136,11 @@ where
     B::Reduced: Scalar,
 {
     /// Tolerance of the interior force rates, relative to those at all nodes: they enter the tangent squared.
-    const NONE: f64 = 1e-8;
+    const TOLERANCE: f64 = 1e-8;
     /// Interior force rates that are accepted if the matrix is singular to working precision.
-    const LOST: f64 = 1e-4;
+    const SINGULAR_TOLERANCE: f64 = 1e-4;
 
-    carry_affinely(workspace);
+    set_affine_velocities(workspace);
     force_rates(model, workspace);
     if model.unknowns() == 0 {
         return Ok(());
@@ -116,30 +148,30 @@ where
     let mut factor = if workspace.factor_is_exact { Factor::Exact } else { factor_or_shift(model, workspace)? };
     let mut before = f64::INFINITY;
     loop {
-        let unbalanced = unbalanced(model, workspace);
-        if unbalanced <= NONE {
+        let imbalance = relative_imbalance(model, workspace);
+        if imbalance <= TOLERANCE {
             return Ok(());
         }
-        if unbalanced <= factor.gain() * before {
-            before = unbalanced;
+        if imbalance <= factor.max_reduction_ratio() * before {
+            before = imbalance;
         } else {
             factor = match factor {
-                _ if unbalanced < LOST => return Ok(()),
+                _ if imbalance < SINGULAR_TOLERANCE => return Ok(()),
                 Factor::Exact => factor_shifted(model, workspace)?,
-                Factor::Shifted => return Err(SolveError::Inaccurate { residual: unbalanced }),
+                Factor::Shifted => return Err(SolveError::Inaccurate { residual: imbalance }),
             };
             // The inaccurate factor may have added large motions in the (nearly) null space.
-            carry_affinely(workspace);
+            set_affine_velocities(workspace);
             force_rates(model, workspace);
             before = f64::INFINITY;
         }
-        correct(model, workspace)?;
+        correct_modes(model, workspace)?;
         force_rates(model, workspace);
     }
 }
 
 /// Sets `v = S x` for all nodes and modes.
-fn carry_affinely<B: Backend>(workspace: &mut Workspace<B>) {
+fn set_affine_velocities<B: Backend>(workspace: &mut Workspace<B>) {
     let strains: [Matrix3<f64>; MODES] = std::array::from_fn(strain);
     for (velocity, x) in workspace.sensitivities.iter_mut().zip(&workspace.positions) {
         for (v, s) in velocity.chunks_exact_mut(3).zip(&strains) {
@@ -158,9 +190,9 @@ enum Factor {
 }
 
 impl Factor {
-    /// Largest accepted ratio of the unbalanced force rates after and before a correction; a larger ratio means that
+    /// Largest accepted ratio of the interior force rates after and before a correction; a larger ratio means that
     /// the factor is too inaccurate.
-    fn gain(self) -> f64 {
+    fn max_reduction_ratio(self) -> f64 {
         match self {
             Self::Exact => 0.05,
             Self::Shifted => 0.5,
@@ -240,7 +272,7 @@ fn force_rates<B: Backend<Scalar = f64>>(model: &RveModel<B>, workspace: &mut Wo
 }
 
 /// The norm of the force rates at interior nodes over that at all nodes.
-fn unbalanced<B: Backend<Scalar = f64>>(model: &RveModel<B>, workspace: &Workspace<B>) -> f64 {
+fn relative_imbalance<B: Backend<Scalar = f64>>(model: &RveModel<B>, workspace: &Workspace<B>) -> f64 {
     let square = |rates: &[f64; 3 * MODES]| rates.iter().map(|q| q * q).sum::<f64>();
     let all: f64 = workspace.force_rates.iter().map(square).sum();
     let interior: f64 =
@@ -249,7 +281,7 @@ fn unbalanced<B: Backend<Scalar = f64>>(model: &RveModel<B>, workspace: &Workspa
 }
 
 /// Applies `v_i -= K_ii^-1 q_i`, all modes in one solve.
-fn correct<B: Backend<Scalar = f64>>(
+fn correct_modes<B: Backend<Scalar = f64>>(
     model: &RveModel<B>,
     workspace: &mut Workspace<B>,
 ) -> Result<(), SolveError<B::Fault>> {

@@ -6,7 +6,7 @@
 //!
 //! ```text
 //! Network -> Truss -> RveModel --+
-//!                      Rve ------+--> equilibrium::equilibrate --> equilibrium::Solved: pk1, tangent, energy
+//!                      Rve ------+--> equilibrium::equilibrate --> equilibrium::EquilibriumState: pk1, tangent, energy
 //!                      Workspace-+
 //! ```
 

@@ -1,4 +1,12 @@
 //! Orientation of fibers: tensors and principal directions.
+//!
+//! ```
+//! use biotissue::fiber::orientation::{Weighting, tensor};
+//!
+//! let (directions, lengths) = ([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [3.0, 1.0]);
+//! assert_eq!(tensor(&directions, &lengths, Weighting::Number)[(0, 0)], 0.5);
+//! assert_eq!(tensor(&directions, &lengths, Weighting::Length)[(0, 0)], 0.75);
+//! ```
 
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 

@@ -175,7 +175,7 @@ impl<B: Backend<Scalar = f64>> RveModel<B> {
 fn lumped_masses(network: &Network, material: Option<&FiberMaterial>) -> Vec<f64> {
     const WATER: f64 = 1000.0;
     let mut masses = vec![0.0; network.nodes().len()];
-    let fibers = network.fibers().iter().zip(network.lengths()).zip(network.reaction_of());
+    let fibers = network.fibers().iter().zip(network.lengths()).zip(network.material_of());
     for ((ends, length), &reaction) in fibers {
         let material = material.or_else(|| network.materials().get(usize::from(reaction)));
         let Some(material) = material else { continue };
@@ -330,14 +330,14 @@ impl Rve {
     /// Returns true if both states are the same equilibrium within the accuracy of a converged Newton solve: no
     /// coordinate of an interior node differs by more than `1e-6` of the cube's edge.
     #[must_use]
-    pub fn is_near(&self, other: &Self) -> bool {
+    pub fn is_same_equilibrium(&self, other: &Self) -> bool {
         const NEAR: f64 = 1e-6;
         let pairs = self.interior.as_flattened().iter().zip(other.interior.as_flattened());
         self.interior.len() == other.interior.len() && pairs.into_iter().all(|(a, b)| (a - b).abs() <= NEAR)
     }
 
     /// Copies the equilibrium of another state of the same network and discards the sensitivities of this one.
-    pub fn take_equilibrium(&mut self, other: &Self) {
+    pub fn copy_equilibrium_from(&mut self, other: &Self) {
         self.gradient = other.gradient;
         self.interior.clone_from(&other.interior);
         self.sensitivities = None;
@@ -361,7 +361,7 @@ impl Rve {
     }
 
     /// Discards the sensitivities: the next equilibrium starts from an affine motion.
-    pub fn forget_sensitivities(&mut self) {
+    pub fn clear_sensitivities(&mut self) {
         self.sensitivities = None;
     }
 
@@ -388,7 +388,7 @@ impl Rve {
     }
 
     /// Sensitivities of the interior nodes to a further strain, if
-    /// [`Solved::keep_sensitivities`](super::equilibrium::Solved::keep_sensitivities) stored them.
+    /// [`EquilibriumState::keep_sensitivities`](super::equilibrium::EquilibriumState::keep_sensitivities) stored them.
     #[must_use]
     pub fn sensitivities(&self) -> Option<&[Sensitivities]> {
         self.sensitivities.as_deref()

@@ -33,7 +33,7 @@ pub struct Truss {
     /// The laws, each with the range of fibers that follow it.
     laws: Vec<(Law, Range<usize>)>,
     /// Number of every fiber in the network.
-    original: Vec<u32>,
+    fiber_numbers: Vec<u32>,
 }
 
 /// Fiber states at given node positions, one entry per fiber; allocated once and overwritten by every evaluation.
@@ -82,29 +82,29 @@ impl Truss {
         for material in &materials {
             material.check()?;
         }
-        let material_of = |fiber: u32| if of_one { 0 } else { usize::from(network.reaction_of()[fiber as usize]) };
-        let mut original: Vec<u32> = (0..network.fibers().len() as u32).collect();
-        original.sort_by_key(|&fiber| material_of(fiber));
+        let material_of = |fiber: u32| if of_one { 0 } else { usize::from(network.material_of()[fiber as usize]) };
+        let mut fiber_numbers: Vec<u32> = (0..network.fibers().len() as u32).collect();
+        fiber_numbers.sort_by_key(|&fiber| material_of(fiber));
 
-        let areas: Vec<f64> = original.iter().map(|&f| materials[material_of(f)].area()).collect();
-        let lengths: Vec<f64> = original.iter().map(|&f| network.lengths()[f as usize]).collect();
+        let areas: Vec<f64> = fiber_numbers.iter().map(|&f| materials[material_of(f)].area()).collect();
+        let lengths: Vec<f64> = fiber_numbers.iter().map(|&f| network.lengths()[f as usize]).collect();
         let mut laws: Vec<(Law, Range<usize>)> = Vec::new();
         let mut start = 0;
         for (number, material) in materials.into_iter().enumerate() {
-            let count = original[start..].iter().take_while(|&&f| material_of(f) == number).count();
+            let count = fiber_numbers[start..].iter().take_while(|&&f| material_of(f) == number).count();
             if count > 0 {
                 laws.push((material.law, start..start + count));
             }
             start += count;
         }
         Ok(Self {
-            ends: original.iter().map(|&f| network.fibers()[f as usize]).collect(),
+            ends: fiber_numbers.iter().map(|&f| network.fibers()[f as usize]).collect(),
             area_per_length: areas.iter().zip(&lengths).map(|(a, l)| a / l).collect(),
             volumes: areas.iter().zip(&lengths).map(|(a, l)| a * l).collect(),
             areas,
             lengths,
             laws,
-            original,
+            fiber_numbers,
             network,
         })
     }
@@ -123,8 +123,8 @@ impl Truss {
 
     /// The number in the network of every fiber of this truss.
     #[must_use]
-    pub fn original(&self) -> &[u32] {
-        &self.original
+    pub fn fiber_numbers(&self) -> &[u32] {
+        &self.fiber_numbers
     }
 
     /// Reference lengths in the order of this truss, unit-cube units.
@@ -164,18 +164,18 @@ impl Truss {
 
     /// Computes stretches, forces and stiffness of all fibers at the given node positions.
     pub fn evaluate(&self, positions: &[[f64; 3]], states: &mut FiberStates) {
-        self.pass(positions, states, &mut |_, _| ());
+        self.evaluate_batches(positions, states, &mut |_, _| ());
     }
 
     /// Like [`Truss::evaluate`], and also computes the internal force `sum_f T` at every node, in N. This single pass
     /// gives bitwise the same result as [`Truss::evaluate`] followed by [`Truss::nodal_forces`].
     pub fn evaluate_with_forces(&self, positions: &[[f64; 3]], states: &mut FiberStates, forces: &mut [[f64; 3]]) {
         forces.fill([0.0; 3]);
-        self.pass(positions, states, &mut |batch, states| self.add_forces(batch, states, forces));
+        self.evaluate_batches(positions, states, &mut |batch, states| self.add_forces(batch, states, forces));
     }
 
     /// Evaluates batch by batch geometry, law, force and stiffness, and calls `after` for each batch.
-    fn pass(
+    fn evaluate_batches(
         &self,
         positions: &[[f64; 3]],
         states: &mut FiberStates,
@@ -183,7 +183,7 @@ impl Truss {
     ) {
         states.resize(self.ends.len());
         for (law, range) in &self.laws {
-            law.with(&mut |law| {
+            law.dispatch(&mut |law| {
                 for start in range.clone().step_by(BATCH) {
                     let batch = start..range.end.min(start + BATCH);
                     self.evaluate_batch(law, batch.clone(), positions, states);
@@ -235,17 +235,17 @@ impl Truss {
     /// Returns the law and the stretch of the fiber with the largest force relative to its stiffness at rest,
     /// `|f| / (E A)`, and that ratio, which is infinite if the force is not a number.
     #[must_use]
-    pub fn most_strained(&self, states: &FiberStates) -> Option<(&Law, f64, f64)> {
+    pub fn max_relative_force(&self, states: &FiberStates) -> Option<(&Law, f64, f64)> {
         let of_law = |(law, range): &'_ (Law, Range<usize>)| {
             let stress = |fiber: usize| {
-                let multiple = (states.forces[fiber] / (law.youngs_modulus() * self.areas[fiber])).abs();
-                (fiber, if multiple.is_nan() { f64::INFINITY } else { multiple })
+                let force_ratio = (states.forces[fiber] / (law.youngs_modulus() * self.areas[fiber])).abs();
+                (fiber, if force_ratio.is_nan() { f64::INFINITY } else { force_ratio })
             };
             range.clone().map(stress).max_by(|a, b| a.1.total_cmp(&b.1))
         };
         let worst = self.laws.iter().filter_map(|laws| of_law(laws).map(|worst| (&laws.0, worst)));
-        let (law, (fiber, multiple)) = worst.max_by(|a, b| a.1.1.total_cmp(&b.1.1))?;
-        Some((law, states.stretches[fiber], multiple))
+        let (law, (fiber, force_ratio)) = worst.max_by(|a, b| a.1.1.total_cmp(&b.1.1))?;
+        Some((law, states.stretches[fiber], force_ratio))
     }
 
     /// Computes the internal force at every node, `sum_f T`, in N.

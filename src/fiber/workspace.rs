@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::deformation_path::split;
+use super::deformation_path::polar_decomposition;
 use super::rve::{Rve, RveModel, Sensitivities, transform};
 use super::truss::FiberStates;
 use crate::las::{Backend, NewtonSystem, Scalar, SolveError, Sparsity};
@@ -72,8 +72,8 @@ where
 
     /// Moves the boundary to `target` and the interior of `rve` affinely, plus the first-order prediction if `rve` has
     /// sensitivities.
-    pub(super) fn place(&mut self, model: &RveModel<B>, rve: &Rve, target: &Matrix3<f64>) {
-        let Some(increment) = self.place_affinely(model, rve, target) else { return };
+    pub(super) fn set_initial_guess(&mut self, model: &RveModel<B>, rve: &Rve, target: &Matrix3<f64>) {
+        let Some(increment) = self.set_affine_guess(model, rve, target) else { return };
         if let Some(sensitivities) = &rve.sensitivities {
             self.predict(model, &increment, sensitivities);
         }
@@ -81,7 +81,7 @@ where
 
     /// Moves the boundary to `target` and the interior of `rve` by the same affine increment. Returns the increment, or
     /// `None` if the interior stays in place.
-    pub(super) fn place_affinely(
+    pub(super) fn set_affine_guess(
         &mut self,
         model: &RveModel<B>,
         rve: &Rve,
@@ -93,7 +93,7 @@ where
         }
         let inverse = if target == &rve.gradient { None } else { rve.gradient.try_inverse() };
         let Some(inverse) = inverse else {
-            self.hold(model, rve);
+            self.copy_interior(model, rve);
             return None;
         };
         // Applying the increment to the current positions is exact for rotations and keeps a relaxed network relaxed.
@@ -105,7 +105,7 @@ where
     }
 
     /// Copies the interior positions of `rve` unchanged.
-    fn hold(&mut self, model: &RveModel<B>, rve: &Rve) {
+    fn copy_interior(&mut self, model: &RveModel<B>, rve: &Rve) {
         for (&node, x) in model.network().interior().iter().zip(&rve.interior) {
             self.positions[node as usize] = *x;
         }
@@ -114,7 +114,7 @@ where
     /// Adds the first-order prediction to an affine motion by `F = R U`: `R sum_k (U - I)_k v_k`, with `v_k` the
     /// non-affine part of the velocity.
     fn predict(&mut self, model: &RveModel<B>, increment: &Matrix3<f64>, sensitivities: &[Sensitivities]) {
-        let Some((stretch, rotation)) = split(*increment) else { return };
+        let Some((stretch, rotation)) = polar_decomposition(*increment) else { return };
         let rotation = rotation.to_rotation_matrix();
         let e = [
             stretch[(0, 0)] - 1.0,
@@ -136,19 +136,19 @@ where
     }
 
     /// Loads an RVE without a solve: computes positions, fiber states and forces at its last equilibrium.
-    pub fn show(&mut self, model: &RveModel<B>, rve: &Rve) {
-        self.place(model, rve, &rve.gradient);
+    pub fn load_state(&mut self, model: &RveModel<B>, rve: &Rve) {
+        self.set_initial_guess(model, rve, &rve.gradient);
         model.truss.evaluate_with_forces(&self.positions, &mut self.states, &mut self.forces);
         self.factor_is_exact = false;
     }
 
-    /// Positions of all nodes of the last RVE solved or shown, unit-cube units.
+    /// Positions of all nodes of the last RVE solved or loaded, unit-cube units.
     #[must_use]
     pub fn positions(&self) -> &[[f64; 3]] {
         &self.positions
     }
 
-    /// Fiber states of the last RVE solved or shown.
+    /// Fiber states of the last RVE solved or loaded.
     #[must_use]
     pub fn states(&self) -> &FiberStates {
         &self.states

@@ -124,7 +124,7 @@ impl RveDump {
                 name: network.name().into(),
                 nodes: network.nodes().to_vec(),
                 fibers: network.fibers().to_vec(),
-                material_of: network.reaction_of().to_vec(),
+                material_of: network.material_of().to_vec(),
             },
             materials: network.materials().iter().map(NamedLaw::from).collect(),
             fiber_volume_fraction: match self.scale {

@@ -289,7 +289,7 @@ fn networks_asked_for_are_written_and_belong_to_the_fields() {
         biotissue::fiber::network::file::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/networks/frozen.txt"));
     let reference = reference.unwrap().network;
     assert_eq!(network.fibers, reference.fibers());
-    assert_eq!(network.kind, reference.reaction_of().iter().map(|&kind| i64::from(kind)).collect::<Vec<_>>());
+    assert_eq!(network.kind, reference.material_of().iter().map(|&kind| i64::from(kind)).collect::<Vec<_>>());
     for &node in reference.boundary() {
         let x = reference.nodes()[node as usize];
         let moved: [f64; 3] = std::array::from_fn(|i| f[3 * i] * x[0] + f[3 * i + 1] * x[1] + f[3 * i + 2] * x[2]);

@@ -138,7 +138,7 @@ fn the_reference_orientation_is_the_published_one() {
     let Some(network) = support::published("Network_2_7.txt") else { return };
     let mut bench = Bench::<Sparse>::new(&network, None);
     let rve = bench.at_rest();
-    bench.workspace.show(&bench.model, &rve);
+    bench.workspace.load_state(&bench.model, &rve);
     let omega = tensor(&bench.workspace.states().directions, bench.model.truss().lengths(), Weighting::Number);
     let recorded =
         Matrix3::new(0.363266, -0.001198, 0.002267, -0.001198, 0.350693, 0.002419, 0.002267, 0.002419, 0.286041);

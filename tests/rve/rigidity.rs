@@ -92,12 +92,14 @@ fn the_frozen_network_is_as_rigid_as_its_eigenvalues_say() {
 #[cfg(feature = "generate")]
 #[test]
 fn voronoi_networks_are_floppy_and_delaunay_networks_rigid() {
-    use biotissue::fiber::network::generate::{Alignment, Kind, Recipe, delaunay, voronoi};
+    use biotissue::fiber::network::generate::{Alignment, GeneratorParams, Kind, delaunay, voronoi};
     let found = assert_as_by_eigenvectors(&voronoi(25, 1).unwrap(), 1e-6);
     assert!(found.zero_modes > 20 && !found.estimated && found.single_node_modes == 0, "{found:?}");
     let alignment = Some(Alignment::new([1.0, 0.5, 0.0], 0.6).unwrap());
-    for merge in [0.0, 0.2] {
-        let aligned = Recipe { alignment, merge, ..Recipe::new(Kind::Voronoi, 2) }.of_points(25).unwrap();
+    for merge_length in [0.0, 0.2] {
+        let aligned = GeneratorParams { alignment, merge_length, ..GeneratorParams::new(Kind::Voronoi, 2) }
+            .of_points(25)
+            .unwrap();
         assert_as_by_eigenvectors(&aligned.network, 1e-6);
     }
     let network = delaunay(60, 1).unwrap();

@@ -7,7 +7,7 @@ use biotissue::backends::sparse::Sparse;
 use biotissue::fiber::equilibrium::{EquilibriumParams, RveError, Stage, StageError, Stages, equilibrate};
 use biotissue::fiber::law::FiberMaterial;
 use biotissue::fiber::network::Network;
-use biotissue::fiber::network::generate::{Alignment, Kind, Recipe};
+use biotissue::fiber::network::generate::{Alignment, GeneratorParams, Kind};
 use biotissue::fiber::rve::{Rve, RveStateError};
 use nalgebra::{DMatrix, Matrix3};
 use rand_chacha::ChaCha8Rng;
@@ -103,14 +103,15 @@ fn uniform(random: &mut ChaCha8Rng) -> f64 {
     (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64
 }
 
-/// One of the random networks of `examples/robustness.rs`, at a random deformation at which Newton finds a saddle point.
+/// One of the random networks of `examples/robustness.rs`, at a random deformation at which Newton finds a saddle
+/// point.
 #[test]
 fn newton_finds_a_saddle_point_of_a_random_network_and_the_ladder_a_minimum() {
     let seed = 5;
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let mut recipe = Recipe::new(Kind::Delaunay, seed);
-    recipe.alignment = Some(Alignment::new([(); 3].map(|()| uniform(&mut random) - 0.5), 0.7).unwrap());
-    let network = Arc::new(recipe.of_nodes(200).unwrap().network);
+    let mut params = GeneratorParams::new(Kind::Delaunay, seed);
+    params.alignment = Some(Alignment::new([(); 3].map(|()| uniform(&mut random) - 0.5), 0.7).unwrap());
+    let network = Arc::new(params.of_nodes(200).unwrap().network);
     let material = FiberMaterial { radius: 5.0e-8, ..support::laws()[1].clone() };
     let f = Matrix3::new(
         -0.15970220668209478,
@@ -213,8 +214,8 @@ fn forces_out_of_all_proportion_end_the_ladder_at_once() {
         // No stage but the first is to be reached.
         bench.params.newton.max_iterations = 1;
         let error = bench.solve(&mut rve, &Matrix3::from_diagonal(&[stretch, 1.0, 1.0].into())).unwrap_err();
-        let RveError::Overflow(overflow) = &error else { panic!("{error}") };
-        assert!(overflow.multiple >= 1e12 && overflow.stretch > 0.5 * stretch, "{error}");
+        let RveError::ExcessiveForce(force) = &error else { panic!("{error}") };
+        assert!(force.force_ratio >= 1e12 && force.stretch > 0.5 * stretch, "{error}");
         let said = "the law exponential (youngs_modulus = 100000000.0, nonlinearity = 1.2) pulls with ";
         assert!(
             error.to_string().contains(said) && error.to_string().contains("check the units of lengths"),

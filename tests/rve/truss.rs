@@ -34,10 +34,10 @@ fn every_fiber_gets_what_its_own_law_says() {
     let (positions, mut states) = (moved(&network), FiberStates::default());
     truss.evaluate(&positions, &mut states);
     let mut energy = 0.0;
-    for (k, &fiber) in truss.original().iter().enumerate() {
+    for (k, &fiber) in truss.fiber_numbers().iter().enumerate() {
         let [a, b] = network.fibers()[fiber as usize].map(|node| positions[node as usize]);
         assert_eq!(truss.ends()[k], network.fibers()[fiber as usize]);
-        let material = &network.materials()[usize::from(network.reaction_of()[fiber as usize])];
+        let material = &network.materials()[usize::from(network.material_of()[fiber as usize])];
         let d = [b[0] - a[0], b[1] - a[1], b[2] - a[2]];
         let (length, rest) = (d.iter().map(|x| x * x).sum::<f64>().sqrt(), network.lengths()[fiber as usize]);
         let (stress, slope) = material.law.stress(length / rest);

@@ -9,7 +9,7 @@ mod skip;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use biotissue::fiber::equilibrium::{EquilibriumParams, EquilibriumReport, RveError, Solved, equilibrate};
+use biotissue::fiber::equilibrium::{EquilibriumParams, EquilibriumReport, EquilibriumState, RveError, equilibrate};
 use biotissue::fiber::homogenize::Tangent;
 use biotissue::fiber::law::{FiberMaterial, Law};
 use biotissue::fiber::network::{Network, file};
@@ -123,7 +123,7 @@ where
     }
 
     /// Solves an RVE that is already in equilibrium.
-    fn solve_again<'a>(&'a mut self, rve: &'a mut Rve) -> Solved<'a, B> {
+    fn solve_again<'a>(&'a mut self, rve: &'a mut Rve) -> EquilibriumState<'a, B> {
         let gradient = *rve.gradient();
         let solved = equilibrate(&self.model, rve, &gradient, &self.params, &mut self.workspace).unwrap();
         assert_eq!(solved.report().iterations, 0);

@@ -2,40 +2,33 @@
 
 use std::path::Path;
 
-use crate::fiber::law::{BUCKLING_STRAIN, COMPRESSION, FiberMaterial, Law, Table as Curve};
+use crate::fiber::law::{
+    BUCKLING, BUCKLING_STRAIN, COMPRESSION, FiberMaterial, FormulaLaw, Law, LawName, Parameter, ParameterRange, RADIUS,
+    Table as Curve, formula_parameters,
+};
 
 use super::networks::missing_file;
 use super::problems::alternatives;
 use super::range::Range;
 use super::table::{Either, Table};
-use super::value::Value;
-
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum LawName {
-    Linear,
-    Exponential,
-    ExponentialStretch,
-    Table,
-}
-
-const LAWS: [(&str, LawName); 4] = [
-    ("linear", LawName::Linear),
-    ("exponential", LawName::Exponential),
-    ("exponential-stretch", LawName::ExponentialStretch),
-    ("table", LawName::Table),
-];
-
-const POSITIVE: Range = Range::above(0.0, "");
 
 /// Reads the law of all fibers. The path of a table file is relative to `base`, the folder of the case.
 pub(super) fn read(mut table: Table<'_>, base: &Path) -> Option<FiberMaterial> {
-    let names = alternatives(LAWS.iter().map(|&(name, _)| name), '"');
-    let name = table.require("name", &names).and_then(|value| value.choice(&LAWS));
-    let radius = table.required_number("radius", Range::above(0.0, "m"));
+    let names: Vec<_> = LawName::all().map(|law| (law.as_str(), law)).collect();
+    let expected = alternatives(names.iter().map(|&(name, _)| name), '"');
+    let name = table.require("name", &expected).and_then(|value| value.choice(&names));
+    let radius = table.required_number(RADIUS.name, range(&RADIUS));
     let buckling = buckling(&mut table);
     let law = match name {
-        Some(name) => law(&mut table, name, base),
-        None => judge_values(&mut table),
+        Some(LawName::Formula(formula)) => formula_law(&mut table, formula),
+        Some(LawName::Table) => {
+            scalars(&mut table, LawName::Table);
+            curve(&mut table, base).map(Law::table)
+        }
+        None => {
+            judge_values(&mut table);
+            None
+        }
     };
     table.finish();
     let law = match buckling? {
@@ -45,68 +38,76 @@ pub(super) fn read(mut table: Table<'_>, base: &Path) -> Option<FiberMaterial> {
     Some(FiberMaterial { law, radius: radius?, density: None })
 }
 
+fn range(parameter: &Parameter) -> Range {
+    match parameter.range {
+        ParameterRange::Above(low) => Range::above(low, parameter.unit),
+        ParameterRange::AtLeast(low) => Range::at_least(low, parameter.unit),
+        ParameterRange::FromTo(low, high) => Range::from_to(low, high),
+    }
+}
+
 /// Checks only the ranges of the parameters, because an unknown law name leaves open which parameters belong to it.
-fn judge_values(table: &mut Table<'_>) -> Option<Law> {
-    table.number("youngs_modulus", Range::above(0.0, "Pa"));
-    table.number("nonlinearity", POSITIVE);
-    table.number("transition", Range::above(1.0, ""));
+fn judge_values(table: &mut Table<'_>) {
+    for parameter in formula_parameters() {
+        table.number(parameter.name, range(parameter));
+    }
     table.take("file");
     table.take("points");
-    None
 }
 
 /// Returns residual stiffness and buckling strain if the table has one of them; the outer `None` means that a value was
 /// invalid.
 fn buckling(table: &mut Table<'_>) -> Option<Option<[f64; 2]>> {
-    let (compression, strain) = (table.take("compression"), table.take("buckling_strain"));
-    if compression.is_none() && strain.is_none() {
+    if !BUCKLING.iter().any(|parameter| table.has(parameter.name)) {
+        BUCKLING.iter().for_each(|parameter| drop(table.take(parameter.name)));
         return Some(None);
     }
-    let compression = compression.map_or(Some(COMPRESSION), |value| value.number(Range::from_to(0.0, 1.0)));
-    let strain = strain.map_or(Some(BUCKLING_STRAIN), |value| value.number(POSITIVE));
+    let (compression, strain) = (value(table, &COMPRESSION), value(table, &BUCKLING_STRAIN));
     Some(Some([compression?, strain?]))
 }
 
-fn law(table: &mut Table<'_>, name: LawName, base: &Path) -> Option<Law> {
-    if name == LawName::Table {
-        for (key, owner) in [("youngs_modulus", "linear"), ("nonlinearity", "exponential")] {
-            unused(table.take(key), owner, "table");
+/// Reads a parameter; an absent one has its default, or is reported if it has none.
+fn value(table: &mut Table<'_>, parameter: &Parameter) -> Option<f64> {
+    match parameter.default {
+        Some(default) if !table.has(parameter.name) => {
+            table.take(parameter.name);
+            Some(default)
         }
-        unused(table.take("transition"), "exponential-stretch", "table");
-        return curve(table, base).map(Law::table);
+        _ => table.required_number(parameter.name, range(parameter)),
     }
-    let own = LAWS.iter().find(|(_, law)| *law == name).map_or("", |&(name, _)| name);
-    for key in ["file", "points"] {
-        unused(table.take(key), "table", own);
-    }
-    let youngs_modulus = table.required_number("youngs_modulus", Range::above(0.0, "Pa"));
-    let nonlinearity = match name {
-        LawName::Linear => unused(table.take("nonlinearity"), "exponential", own),
-        _ => table.required_number("nonlinearity", POSITIVE),
-    };
-    let transition = match name {
-        LawName::ExponentialStretch => table.required_number("transition", Range::above(1.0, "")),
-        _ => unused(table.take("transition"), "exponential-stretch", own),
-    };
-    let youngs_modulus = youngs_modulus?;
-    Some(match name {
-        LawName::ExponentialStretch => {
-            Law::ExponentialStretch { youngs_modulus, nonlinearity: nonlinearity?, transition: transition? }
-        }
-        LawName::Exponential => Law::Exponential { youngs_modulus, nonlinearity: nonlinearity? },
-        _ => Law::Linear { youngs_modulus },
-    })
 }
 
-/// Reports a parameter that does not belong to the chosen law.
-fn unused(value: Option<Value<'_>>, owner: &str, law: &str) -> Option<f64> {
-    let value = value?;
+fn formula_law(table: &mut Table<'_>, formula: FormulaLaw) -> Option<Law> {
+    for key in ["file", "points"] {
+        report_foreign(table, key, LawName::Table, LawName::Formula(formula));
+    }
+    let values = scalars(table, LawName::Formula(formula));
+    let value_of = |parameter| values.iter().find(|(other, _)| *other == parameter).and_then(|&(_, value)| value);
+    formula.law(|parameter| value_of(parameter).ok_or(())).ok()
+}
+
+/// Reads the scalar parameters of a law, `None` for an invalid value, and reports those of other laws.
+fn scalars(table: &mut Table<'_>, law: LawName) -> Vec<(&'static Parameter, Option<f64>)> {
+    let mut values = Vec::new();
+    for parameter in formula_parameters() {
+        if law.parameters().contains(parameter) {
+            values.push((parameter, value(table, parameter)));
+        } else if let Some(owner) = LawName::all().find(|owner| owner.parameters().contains(parameter)) {
+            report_foreign(table, parameter.name, owner, law);
+        }
+    }
+    values
+}
+
+/// Reports a key of the law `owner` that has no meaning for `law`.
+fn report_foreign(table: &mut Table<'_>, key: &'static str, owner: LawName, law: LawName) {
+    let Some(value) = table.take(key) else { return };
+    let (owner, law) = (owner.as_str(), law.as_str());
     value.object(
         &format!("has no meaning for the law \"{law}\""),
         format!("only the parameters of \"{law}\""),
         format!("remove it, or choose the law \"{owner}\""),
     );
-    None
 }
 
 /// Reads the curve of a tabulated law from its CSV file or from points in the case.

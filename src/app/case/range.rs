@@ -21,6 +21,11 @@ impl Range {
         Self { low: Some(low), ..Self::any(unit) }
     }
 
+    /// Every finite number from `low`.
+    pub(super) const fn at_least(low: f64, unit: &'static str) -> Self {
+        Self { low_belongs: true, ..Self::above(low, unit) }
+    }
+
     /// Every number between `low` and `high`, both excluded.
     pub(super) const fn between(low: f64, high: f64) -> Self {
         Self { high: Some(high), ..Self::above(low, "") }

@@ -4,7 +4,7 @@ use std::fmt::{self, Write};
 use std::path::Path;
 
 use crate::fiber::equilibrium::Stage;
-use crate::fiber::law::{FiberMaterial, Law};
+use crate::fiber::law::{BUCKLING, FiberLaw, FiberMaterial, Law};
 
 use super::data::{
     Before, Case, Choose, CurveCase, FiberRveCase, FormulaCase, FormulaModel, LifeCase, LoadCase, MaterialCase,
@@ -167,24 +167,14 @@ fn law_entries(material: &FiberMaterial) -> String {
 /// Formats the parameters of a law. A table is written as points, even if it came from a file; a custom law, which no
 /// case file can name, with all its parameters.
 fn parameters(law: &Law) -> Vec<String> {
-    let of = |name: &str, value: f64| format!("{name} = {value:?}");
     match law {
-        Law::Linear { youngs_modulus } => vec![of("youngs_modulus", *youngs_modulus)],
-        Law::Exponential { youngs_modulus, nonlinearity } => {
-            vec![of("youngs_modulus", *youngs_modulus), of("nonlinearity", *nonlinearity)]
-        }
-        Law::ExponentialStretch { youngs_modulus, nonlinearity, transition } => vec![
-            of("youngs_modulus", *youngs_modulus),
-            of("nonlinearity", *nonlinearity),
-            of("transition", *transition),
-        ],
         Law::Table(table) => vec![format!("points = {:?}", table.points())],
         Law::Buckling { law, compression, buckling_strain } => {
-            let mut entries = parameters(law);
-            entries.extend([of("compression", *compression), of("buckling_strain", *buckling_strain)]);
-            entries
+            let buckling = BUCKLING.iter().zip([compression, buckling_strain]);
+            let entries = buckling.map(|(parameter, value)| format!("{} = {value:?}", parameter.name));
+            parameters(law).into_iter().chain(entries).collect()
         }
-        Law::Custom(law) => law.law().parameters().iter().map(|(name, value)| of(name, *value)).collect(),
+        law => law.parameters().iter().map(|(name, value)| format!("{name} = {value:?}")).collect(),
     }
 }
 

@@ -8,7 +8,7 @@ use thiserror::Error;
 use crate::app::case::{Case, MaterialCase, MeshSource, OutputCase, RveOutput, ScalesCase};
 use crate::checksum::Fnv;
 use crate::fem::mesh::Mesh;
-use crate::fiber::law::{FiberMaterial, Law};
+use crate::fiber::law::{FiberLaw, FiberMaterial, Law};
 use crate::fiber::network::Network;
 use crate::tissue::micro_scale::TissueMaterial;
 
@@ -172,7 +172,7 @@ fn hash_of_mesh(mesh: &Mesh) -> u64 {
 fn hash_network(network: &Network, hash: &mut Fnv) {
     hash.add_positions(network.nodes());
     hash.add_indices(network.fibers());
-    network.reaction_of().iter().for_each(|&reaction| hash.add_u64(reaction.into()));
+    network.material_of().iter().for_each(|&reaction| hash.add_u64(reaction.into()));
     hash.add_u64(network.materials().len() as u64);
     for FiberMaterial { law, radius, .. } in network.materials() {
         hash_law(law, hash);
@@ -180,14 +180,20 @@ fn hash_network(network: &Network, hash: &mut Fnv) {
     }
 }
 
+/// The laws that the first version knew. Their hash begins with their position in this list, followed by three
+/// parameters; that of all later laws, with their name.
+const NUMBERED: [&str; 3] = ["linear", "exponential", "exponential-stretch"];
+
 fn hash_law(law: &Law, hash: &mut Fnv) {
     let mut values = |values: &[f64]| values.iter().for_each(|&value| hash.add_f64(value));
+    if let Some((formula, parameters)) = law.formula()
+        && let Some(number) = NUMBERED.iter().position(|&name| name == formula.name())
+    {
+        values(&[number as f64]);
+        values(&parameters);
+        return values(&[0.0; 3][parameters.len().min(3)..]);
+    }
     match law {
-        Law::Linear { youngs_modulus } => values(&[0.0, *youngs_modulus, 0.0, 0.0]),
-        Law::Exponential { youngs_modulus, nonlinearity } => values(&[1.0, *youngs_modulus, *nonlinearity, 0.0]),
-        Law::ExponentialStretch { youngs_modulus, nonlinearity, transition } => {
-            values(&[2.0, *youngs_modulus, *nonlinearity, *transition]);
-        }
         Law::Table(table) => {
             values(&[3.0, table.points().len() as f64]);
             values(table.points().as_flattened());
@@ -196,10 +202,10 @@ fn hash_law(law: &Law, hash: &mut Fnv) {
             values(&[4.0, *compression, *buckling_strain]);
             hash_law(law, hash);
         }
-        Law::Custom(custom) => {
+        law => {
             values(&[5.0]);
-            hash.add_str(custom.law().name());
-            for (name, value) in custom.law().parameters() {
+            hash.add_str(law.name());
+            for (name, value) in law.parameters() {
                 hash.add_str(name);
                 hash.add_f64(value);
             }
@@ -210,7 +216,7 @@ fn hash_law(law: &Law, hash: &mut Fnv) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fiber::law::{FiberLaw, Table};
+    use crate::fiber::law::Table;
 
     #[derive(Debug)]
     struct Hooke(f64);

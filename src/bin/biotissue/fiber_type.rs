@@ -2,7 +2,7 @@
 
 use std::str::FromStr;
 
-use biotissue::fiber::law::FiberMaterial;
+use biotissue::fiber::law::{BUCKLING, FiberMaterial, formula_parameters};
 use biotissue::fiber::network::file::sidecar::NamedLaw;
 
 use crate::failure::Failure;
@@ -16,8 +16,13 @@ pub struct FiberTypeArgument {
     law: NamedLaw,
 }
 
-const KEYS: &str = "fraction, law, radius, youngs-modulus, nonlinearity, transition, table, compression, \
-                    buckling-strain, density";
+/// The keys, in the order of the error for an unknown one.
+fn keys() -> Vec<&'static str> {
+    let parameters = formula_parameters().into_iter().map(|parameter| parameter.option);
+    let buckling = BUCKLING.iter().map(|parameter| parameter.option);
+    let keys = ["fraction", "law", "radius"].into_iter().chain(parameters).chain(["table"]).chain(buckling);
+    keys.chain(["density"]).collect()
+}
 
 impl FromStr for FiberTypeArgument {
     type Err = String;
@@ -25,6 +30,7 @@ impl FromStr for FiberTypeArgument {
     fn from_str(text: &str) -> Result<Self, String> {
         let (mut fraction, mut radius) = (None, None);
         let mut law = NamedLaw::default();
+        let parameters: Vec<_> = formula_parameters().into_iter().chain(&BUCKLING).collect();
         let mut known: Vec<&str> = Vec::new();
         for entry in text.split(',').map(str::trim).filter(|entry| !entry.is_empty()) {
             let (key, value) = entry.split_once('=').ok_or_else(|| format!("`{entry}` is not KEY=VALUE"))?;
@@ -33,19 +39,17 @@ impl FromStr for FiberTypeArgument {
                 return Err(format!("`{key}` stands there twice"));
             }
             known.push(key);
-            let number = || real(value).map(Some).map_err(|error| format!("{key}: {error}"));
+            let number = || real(value).map_err(|error| format!("{key}: {error}"));
             match key {
-                "fraction" => fraction = number()?,
+                "fraction" => fraction = Some(number()?),
                 "law" => law.name = value.into(),
-                "radius" => radius = number()?,
-                "youngs-modulus" => law.youngs_modulus = number()?,
-                "nonlinearity" => law.nonlinearity = number()?,
-                "transition" => law.transition = number()?,
+                "radius" => radius = Some(number()?),
                 "table" => law.file = Some(value.into()),
-                "compression" => law.compression = number()?,
-                "buckling-strain" => law.buckling_strain = number()?,
-                "density" => law.density = number()?,
-                _ => return Err(format!("there is no key `{key}`; known are {KEYS}")),
+                "density" => law.density = Some(number()?),
+                _ => match parameters.iter().find(|parameter| parameter.option == key) {
+                    Some(parameter) => law.set(parameter, number()?),
+                    None => return Err(format!("there is no key `{key}`; known are {}", keys().join(", "))),
+                },
             }
         }
         let missing = |key: &str| format!("there is no `{key}=`");

@@ -106,7 +106,7 @@ impl Increments<'_> {
             *last = (rve.clone(), target);
             let solved = equilibrate(model, rve, &target, self.params, workspace);
             let mut solved = solved.map_err(|error| Lost { error, step })?;
-            sum = sum.then(solved.report().clone());
+            sum = sum.accumulate(solved.report().clone());
             if step < self.steps {
                 // Without a tangent the next increment starts from an affine motion.
                 let _ = solved.keep_sensitivities();
@@ -148,7 +148,7 @@ impl Increments<'_> {
             }
             false => format!("take more --steps (now {}), or an F nearer to the undeformed state", self.steps),
         };
-        let (expected, cure) = if let RveError::Overflow(_) = error {
+        let (expected, cure) = if let RveError::ExcessiveForce(_) = error {
             let units = "moduli and stresses are in Pa, radii in m, F has no unit";
             ("forces that numbers can hold", format!("check the law and F ({units}); else {farther}"))
         } else if error.is_linear() {

@@ -2,59 +2,80 @@
 
 use std::path::{Path, PathBuf};
 
-use biotissue::fiber::law::FiberMaterial;
+use biotissue::fiber::law::{
+    BUCKLING, FiberMaterial, FormulaLaw, LawName, Parameter, RADIUS, YOUNGS_MODULUS, formula_parameters,
+};
 use biotissue::fiber::network::file::sidecar::{NamedLaw, NamedLawError};
-use clap::{Args, ValueEnum};
+use clap::builder::PossibleValuesParser;
+use clap::{Arg, ArgMatches, Args, Command, FromArgMatches, value_parser};
 
 use crate::failure::Failure;
 use crate::number::real;
 
-/// A fiber law with its parameters; all of them together or none.
-#[derive(Args)]
+/// A fiber law with its parameters; all of them together or none. The library's table of laws gives the options.
 pub struct LawArguments {
-    /// Law of all fibers
-    #[arg(long, value_name = "NAME", value_enum, requires = "radius")]
-    law: Option<LawName>,
-    /// Young's modulus E of the fibers, Pa
-    #[arg(long, value_name = "E", value_parser = real, requires = "law", allow_hyphen_values = true)]
-    #[arg(required_if_eq_any([("law", "linear"), ("law", "exponential"), ("law", "exponential-stretch")]))]
-    youngs_modulus: Option<f64>,
-    /// Radius of the fibers, m
-    #[arg(long, value_name = "R", value_parser = real, requires = "law", allow_hyphen_values = true)]
-    radius: Option<f64>,
-    /// B of the exponential laws
-    #[arg(long, value_name = "B", value_parser = real, requires = "law", allow_hyphen_values = true)]
-    nonlinearity: Option<f64>,
-    /// Stretch above which exponential-stretch goes on along its tangent line
-    #[arg(long, value_name = "L", value_parser = real, requires = "law", allow_hyphen_values = true)]
-    transition: Option<f64>,
-    /// CSV file of the law table: stretch and nominal stress in Pa, (1, 0) among them
-    #[arg(long, value_name = "FILE", requires = "law", required_if_eq("law", "table"))]
-    table: Option<PathBuf>,
-    /// Fibers give way in compression: the part of the stiffness that is left, 0.001 where only --buckling-strain is given
-    #[arg(long, value_name = "R", value_parser = real, requires = "law", allow_hyphen_values = true)]
-    compression: Option<f64>,
-    /// Compressive strain within which the stiffness falls, 0.01 where only --compression is given
-    #[arg(long, value_name = "W", value_parser = real, requires = "law", allow_hyphen_values = true)]
-    buckling_strain: Option<f64>,
+    law: Option<NamedLaw>,
 }
 
-#[derive(Clone, Copy, ValueEnum)]
-enum LawName {
-    Linear,
-    Exponential,
-    ExponentialStretch,
-    Table,
+impl Args for LawArguments {
+    fn augment_args(command: Command) -> Command {
+        let names: Vec<_> = LawName::all().map(LawName::as_str).collect();
+        let law = Arg::new("law")
+            .long("law")
+            .value_name("NAME")
+            .help("Law of all fibers")
+            .value_parser(PossibleValuesParser::new(names));
+        let mut parameters: Vec<Arg> = formula_parameters().into_iter().map(number).collect();
+        parameters.insert(1, number(&RADIUS));
+        let table = "CSV file of the law table: stretch and nominal stress in Pa, (1, 0) among them";
+        let table = Arg::new("table")
+            .long("table")
+            .value_name("FILE")
+            .help(table)
+            .value_parser(value_parser!(PathBuf))
+            .requires("law");
+        command
+            .arg(law.requires(RADIUS.name))
+            .args(parameters)
+            .arg(table.required_if_eq("law", LawName::Table.as_str()))
+            .args(BUCKLING.iter().map(number))
+    }
+
+    fn augment_args_for_update(command: Command) -> Command {
+        Self::augment_args(command)
+    }
 }
 
-impl LawName {
-    fn as_str(self) -> &'static str {
-        match self {
-            Self::Linear => "linear",
-            Self::Exponential => "exponential",
-            Self::ExponentialStretch => "exponential-stretch",
-            Self::Table => "table",
+fn number(parameter: &'static Parameter) -> Arg {
+    let option = Arg::new(parameter.name).long(parameter.option).value_name(parameter.symbol).help(parameter.help);
+    let option = option.value_parser(real).requires("law").allow_hyphen_values(true);
+    if parameter != &YOUNGS_MODULUS {
+        return option;
+    }
+    let laws = FormulaLaw::ALL.iter().filter(|law| law.parameters().contains(parameter));
+    option.required_if_eq_any(laws.map(|law| ("law", law.name())))
+}
+
+impl FromArgMatches for LawArguments {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        let number = |parameter: &Parameter| matches.get_one::<f64>(parameter.name).copied();
+        // The argument parser ensures that there is a radius, and without a law no other option of it.
+        let (Some(name), Some(radius)) = (matches.get_one::<String>("law"), number(&RADIUS)) else {
+            return Ok(Self { law: None });
+        };
+        let mut law = NamedLaw::new(name, radius);
+        law.file = matches.get_one("table").cloned();
+        for parameter in formula_parameters().into_iter().chain(&BUCKLING) {
+            if let Some(value) = number(parameter) {
+                law.set(parameter, value);
+            }
         }
+        Ok(Self { law: Some(law) })
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
     }
 }
 
@@ -66,22 +87,8 @@ impl LawArguments {
 
     /// Returns the law with its parameters checked; `None` if no law is named.
     pub fn material(&self) -> Result<Option<FiberMaterial>, Failure> {
-        let (Some(name), Some(radius)) = (self.law, self.radius) else {
-            return Ok(None); // The argument parser ensures that no other law option is present.
-        };
-        let law = NamedLaw {
-            name: name.as_str().into(),
-            youngs_modulus: self.youngs_modulus,
-            radius,
-            nonlinearity: self.nonlinearity,
-            transition: self.transition,
-            file: self.table.clone(),
-            points: None,
-            compression: self.compression,
-            buckling_strain: self.buckling_strain,
-            density: None,
-        };
-        checked(&law, &|parameter| format!("--{parameter}"), "--law").map(Some)
+        let law = self.law.as_ref();
+        law.map(|law| checked(law, &|parameter| format!("--{parameter}"), "--law")).transpose()
     }
 }
 
@@ -107,8 +114,8 @@ fn refused(error: NamedLawError, spelled: &dyn Fn(&str) -> String, name: &str) -
         NamedLawError::Needless { parameter, .. } => {
             ("only parameters that the law has".into(), format!("leave out {}", spelled(parameter)))
         }
-        NamedLawError::Range { parameter, bound, .. } => {
-            (format!("a finite number {bound}"), format!("correct {}", spelled(parameter)))
+        NamedLawError::Range { parameter, range, .. } => {
+            (format!("a finite number {range}"), format!("correct {}", spelled(parameter)))
         }
         NamedLawError::Name { .. } => ("a law that is known".into(), "choose one of them".into()),
         NamedLawError::TwoTables => ("a file or points".into(), "leave out one of the two".into()),

@@ -26,7 +26,7 @@ use motion::Motion;
 pub use params::{Masses, RelaxationParams};
 pub use report::{Energies, RelaxationError, RelaxationReport};
 
-use super::deformation_path::Path;
+use super::deformation_path::DeformationPath;
 use super::rve::transform;
 use super::truss::{FiberStates, Truss};
 
@@ -51,7 +51,7 @@ impl Relaxation<'_> {
     /// `|r| <= max(tolerance |f|, floor)`. After an error, the positions are those of the last step.
     pub fn run(
         &mut self,
-        path: &Path,
+        path: &DeformationPath,
         tolerance: f64,
         params: &RelaxationParams,
     ) -> (RelaxationReport, Option<RelaxationError>) {
@@ -70,7 +70,7 @@ impl Relaxation<'_> {
 
     fn integrate(
         &mut self,
-        path: &Path,
+        path: &DeformationPath,
         tolerance: f64,
         params: &RelaxationParams,
         report: &mut RelaxationReport,

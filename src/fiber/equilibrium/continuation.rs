@@ -24,7 +24,7 @@ const SAME: f64 = 1e-10;
 /// and that contract toward `reached`. It costs one or two factorizations and solves, and no tangent. False is
 /// inconclusive: only [`equilibrate`](super::equilibrate) from `from` decides then. Afterward the workspace no longer
 /// describes an equilibrium.
-pub fn continues<B: Backend<Scalar = f64>>(
+pub fn converges_to<B: Backend<Scalar = f64>>(
     model: &RveModel<B>,
     from: &Rve,
     reached: &Rve,
@@ -34,14 +34,14 @@ pub fn continues<B: Backend<Scalar = f64>>(
 where
     B::Reduced: Scalar,
 {
-    workspace.place_affinely(model, from, &reached.gradient);
+    workspace.set_affine_guess(model, from, &reached.gradient);
     workspace.factor_is_exact = false;
     let (problem, system) = Interior::of(model, workspace);
     // A failed factorization and a state without a residual are inconclusive.
-    contracts(problem, system, reached, params).unwrap_or(false)
+    newton_contracts(problem, system, reached, params).unwrap_or(false)
 }
 
-fn contracts<B: Backend<Scalar = f64>>(
+fn newton_contracts<B: Backend<Scalar = f64>>(
     mut problem: Interior<'_, B>,
     system: &mut NewtonSystem<B>,
     reached: &Rve,

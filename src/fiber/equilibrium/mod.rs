@@ -4,8 +4,8 @@
 //! the stages; each of them can also be used alone:
 //!
 //! 1. [`Stage::Newton`]: Newton with line search for the whole increment from the last equilibrium. The initial guess
-//!    is a first-order prediction if the RVE has sensitivities ([`Solved::keep_sensitivities`]), and the affine motion
-//!    if it has none or if Newton fails from the prediction;
+//!    is a first-order prediction if the RVE has sensitivities ([`EquilibriumState::keep_sensitivities`]), and the
+//!    affine motion if it has none or if Newton fails from the prediction;
 //! 2. [`Stage::Regularized`]: energy minimization for the whole increment
 //!    ([`NewtonSystem::minimize`](crate::las::NewtonSystem::minimize)), which tolerates indefinite and singular
 //!    stiffness matrices and ends in a stable equilibrium;
@@ -26,9 +26,9 @@
 //!   available and the stage fails ([`StageError::Unstable`]).
 //!
 //! If Newton fails for the whole increment and the affine motion, even of half the increment, gives a fiber force that
-//! is not finite or at least [`Overflow::FROM`] times the stiffness of the fiber at rest, no further stage is tried
-//! ([`RveError::Overflow`]): the other stages start from the same state, and the caller has to choose a smaller
-//! increment.
+//! is not finite or at least [`ExcessiveForce::THRESHOLD`] times the stiffness of the fiber at rest, no further stage
+//! is tried ([`RveError::ExcessiveForce`]): the other stages start from the same state, and the caller has to choose a
+//! smaller increment.
 //!
 //! Energy minimization precedes the cuts because it takes a tenth of their iterations: for strongly compressed networks
 //! where plain Newton fails, its smaller increments mostly fail too. [`RveError::NotConverged`] lists the failure of
@@ -38,16 +38,16 @@ mod continuation;
 mod params;
 mod problem;
 mod report;
-mod solved;
+mod state;
 
 use nalgebra::Matrix3;
 
-pub use continuation::continues;
-pub use params::{EquilibriumParams, Handover, Stage, Stages};
-pub use report::{EquilibriumReport, Overflow, RveError, StageError, StageFailure};
-pub use solved::Solved;
+pub use continuation::converges_to;
+pub use params::{EquilibriumParams, RelaxationSwitch, Stage, Stages};
+pub use report::{EquilibriumReport, ExcessiveForce, RveError, StageError, StageFailure};
+pub use state::EquilibriumState;
 
-use super::deformation_path::Path;
+use super::deformation_path::DeformationPath;
 use super::dynamic_relaxation::{Relaxation, RelaxationError, RelaxationReport};
 use super::law::Law;
 use super::rve::{Rve, RveModel};
@@ -57,7 +57,8 @@ use problem::Interior;
 
 /// Brings `rve` into a stable equilibrium with its boundary at `x = F X`, where `F` is `target`.
 ///
-/// The returned [`Solved`] gives stress, tangent and energy; it borrows `rve` and the workspace until it is dropped.
+/// The returned [`EquilibriumState`] gives stress, tangent and energy; it borrows `rve` and the workspace until it is
+/// dropped.
 ///
 /// # Errors
 /// Returns [`RveError`] if `det F <= 0`, if `rve` or the workspace belongs to another model, if fiber forces overflow,
@@ -68,7 +69,7 @@ pub fn equilibrate<'a, B: Backend<Scalar = f64>>(
     target: &Matrix3<f64>,
     params: &EquilibriumParams,
     workspace: &'a mut Workspace<B>,
-) -> Result<Solved<'a, B>, RveError<B::Fault>>
+) -> Result<EquilibriumState<'a, B>, RveError<B::Fault>>
 where
     B::Reduced: Scalar,
 {
@@ -81,7 +82,7 @@ where
     }
     rve.belongs_to(model)?;
     let report = find(model, rve, target, params, workspace)?;
-    Ok(Solved::new(model, rve, workspace, report))
+    Ok(EquilibriumState::new(model, rve, workspace, report))
 }
 
 /// Tries the stages in order.
@@ -96,40 +97,40 @@ where
     B::Reduced: Scalar,
 {
     let report = EquilibriumReport { predicted: usize::from(rve.has_sensitivities()), ..EquilibriumReport::default() };
-    let descends = params.stages.has(Stage::Regularized);
-    let mut ladder = EquilibriumSolver { model, target, params, workspace, report, failures: Vec::new(), descends };
-    if params.stages.has(Stage::Newton) && ladder.try_newton(rve) {
-        return Ok(ladder.report);
+    let may_minimize = params.stages.has(Stage::Regularized);
+    let mut solver = EquilibriumSolver { model, target, params, workspace, report, failures: Vec::new(), may_minimize };
+    if params.stages.has(Stage::Newton) && solver.try_newton(rve) {
+        return Ok(solver.report);
     }
     // Newton may still succeed from the affine motion where it failed from the prediction.
     let sensitivities = rve.sensitivities.take();
     if sensitivities.is_some() && params.stages.has(Stage::Newton) {
-        ladder.failures.clear();
-        if ladder.try_newton(rve) {
-            return Ok(ladder.report);
+        solver.failures.clear();
+        if solver.try_newton(rve) {
+            return Ok(solver.report);
         }
     }
-    if let Some(overflow) = ladder.overflow(rve, target) {
+    if let Some(force) = solver.excessive_force(rve, target) {
         // The stages that cut the increment may still succeed if half of it does not overflow.
-        let half = Path::new(&rve.gradient, target).at(0.5);
-        if ladder.overflow(rve, &half).is_some() {
+        let half = DeformationPath::new(&rve.gradient, target).at(0.5);
+        if solver.excessive_force(rve, &half).is_some() {
             rve.sensitivities = sensitivities;
-            return Err(RveError::Overflow(overflow));
+            return Err(RveError::ExcessiveForce(force));
         }
     }
     let start = rve.clone();
-    if ladder.try_remaining_stages(rve) {
-        return Ok(ladder.report);
+    if solver.try_remaining_stages(rve) {
+        return Ok(solver.report);
     }
     *rve = Rve { sensitivities, ..start };
-    let EquilibriumSolver { failures, report, .. } = ladder;
+    let EquilibriumSolver { failures, report, .. } = solver;
     Err(RveError::NotConverged { failures, report: Box::new(report) })
 }
 
 /// Formats the name of a law with its parameters.
 fn format_law(law: &Law) -> String {
     let mut text = String::new();
-    law.with(&mut |law| {
+    law.dispatch(&mut |law| {
         let parameters: Vec<String> =
             law.parameters().iter().map(|(name, value)| format!("{name} = {value:?}")).collect();
         text = format!("{} ({})", law.name(), parameters.join(", "));
@@ -150,7 +151,7 @@ struct EquilibriumSolver<'a, B: Backend> {
     report: EquilibriumReport,
     failures: Vec<StageFailure<B::Fault>>,
     /// Whether regularized Newton may be used to leave a saddle point.
-    descends: bool,
+    may_minimize: bool,
 }
 
 impl<B: Backend<Scalar = f64>> EquilibriumSolver<'_, B>
@@ -163,23 +164,27 @@ where
             Ok(newton) => {
                 self.report.newton = newton;
                 // Newton converged to a saddle point, and energy minimization continued from there.
-                self.reached(if self.report.saddles > saddles { Stage::Regularized } else { Stage::Newton })
+                self.record_success(if self.report.saddles > saddles { Stage::Regularized } else { Stage::Newton })
             }
-            Err(reason) => self.failed(Stage::Newton, 0.0, reason),
+            Err(reason) => self.record_failure(Stage::Newton, 0.0, reason),
         }
     }
 
-    /// Returns the overflow if the affine motion to `target` gives fiber forces that are too large for any stage. If
+    /// Returns the largest fiber force if the affine motion to `target` makes it too large for any stage. If
     /// half of the increment overflows too, either the increment or a unit of the input is wrong; the later stages
     /// would only take seconds to fail.
-    fn overflow(&mut self, rve: &Rve, target: &Matrix3<f64>) -> Option<Overflow> {
-        self.workspace.place(self.model, rve, target);
+    fn excessive_force(&mut self, rve: &Rve, target: &Matrix3<f64>) -> Option<ExcessiveForce> {
+        self.workspace.set_initial_guess(self.model, rve, target);
         let truss = self.model.truss();
         let Workspace { positions, states, forces, .. } = &mut *self.workspace;
         truss.evaluate_with_forces(positions, states, forces);
-        let (law, stretch, multiple) = truss.most_strained(states)?;
+        let (law, stretch, force_ratio) = truss.max_relative_force(states)?;
         let is_finite = truss.energy(states).is_finite() && forces.iter().flatten().all(|f| f.is_finite());
-        (multiple >= Overflow::FROM || !is_finite).then(|| Overflow { law: format_law(law), stretch, multiple })
+        (force_ratio >= ExcessiveForce::THRESHOLD || !is_finite).then(|| ExcessiveForce {
+            law: format_law(law),
+            stretch,
+            force_ratio,
+        })
     }
 
     /// Tries the stages after the first.
@@ -187,12 +192,12 @@ where
         let stages = self.params.stages;
         (stages.has(Stage::Regularized) && self.regularized(rve))
             || (stages.has(Stage::Cuts) && self.params.max_cuts > 0 && self.solve_by_substepping(rve))
-            || (stages.has(Stage::Relaxation) && self.relaxed(rve))
+            || (stages.has(Stage::Relaxation) && self.solve_by_relaxation(rve))
     }
 
     /// Applies ever smaller increments; `rve` follows the last increment that converged.
     fn solve_by_substepping(&mut self, rve: &mut Rve) -> bool {
-        let path = Path::new(&rve.gradient, self.target);
+        let path = DeformationPath::new(&rve.gradient, self.target);
         let (mut reached, mut part) = (0.0, 1.0);
         loop {
             self.report.cuts += 1;
@@ -201,7 +206,7 @@ where
             let stopped = loop {
                 let goal = reached + part;
                 let gradient = if goal >= 1.0 { *self.target } else { path.at(goal) };
-                match self.part(rve, &gradient) {
+                match self.solve_substep(rve, &gradient) {
                     Ok(newton) => {
                         self.report.newton = newton;
                         reached = goal;
@@ -209,20 +214,20 @@ where
                     Err(reason) => break reason,
                 }
                 if reached >= 1.0 {
-                    return self.reached(Stage::Cuts);
+                    return self.record_success(Stage::Cuts);
                 }
             };
             if self.report.cuts >= self.params.max_cuts {
-                return self.failed(Stage::Cuts, reached, stopped);
+                return self.record_failure(Stage::Cuts, reached, stopped);
             }
         }
     }
 
     /// Solves one increment by Newton and, if that fails, by energy minimization.
-    fn part(&mut self, rve: &mut Rve, target: &Matrix3<f64>) -> Result<NewtonReport, StageError<B::Fault>> {
+    fn solve_substep(&mut self, rve: &mut Rve, target: &Matrix3<f64>) -> Result<NewtonReport, StageError<B::Fault>> {
         match self.increment(rve, target) {
             Err(_) if self.params.stages.has(Stage::Regularized) => {
-                self.workspace.place(self.model, rve, target);
+                self.workspace.set_initial_guess(self.model, rve, target);
                 self.descend(rve, target)
             }
             outcome => outcome,
@@ -231,7 +236,7 @@ where
 
     /// Solves one increment by Newton; `rve` is updated only on convergence.
     fn increment(&mut self, rve: &mut Rve, target: &Matrix3<f64>) -> Result<NewtonReport, StageError<B::Fault>> {
-        self.workspace.place(self.model, rve, target);
+        self.workspace.set_initial_guess(self.model, rve, target);
         self.newton(rve, target)
     }
 
@@ -244,14 +249,9 @@ where
 
     /// Solves the whole increment by energy minimization.
     fn regularized(&mut self, rve: &mut Rve) -> bool {
-        self.workspace.place(self.model, rve, self.target);
-        match self.descend(rve, self.target) {
-            Ok(newton) => {
-                self.report.newton = newton;
-                self.reached(Stage::Regularized)
-            }
-            Err(reason) => self.failed(Stage::Regularized, 0.0, reason),
-        }
+        self.workspace.set_initial_guess(self.model, rve, self.target);
+        let outcome = self.descend(rve, self.target);
+        self.record(Stage::Regularized, outcome)
     }
 
     /// Minimizes the energy from the positions in the workspace.
@@ -304,7 +304,7 @@ where
     /// there. On return the solver holds the factor of the stiffness if that is positive definite.
     fn stabilize(&mut self, mut newton: NewtonReport) -> Result<NewtonReport, StageError<B::Fault>> {
         /// A single minimization usually ends in a minimum.
-        const MOST_SADDLES: usize = 10;
+        const MAX_SADDLES: usize = 10;
         for round in 0.. {
             let (mut problem, system) = Interior::of(self.model, self.workspace);
             let curvature = system.curvature(&mut problem, self.params.newton.tolerance)?;
@@ -319,7 +319,7 @@ where
                 }
                 Curvature::Indefinite { negative_pivots } => negative_pivots,
             };
-            if round == MOST_SADDLES || !self.descends {
+            if round == MAX_SADDLES || !self.may_minimize {
                 return Err(StageError::Unstable { negative_pivots });
             }
             let (mut problem, system) = Interior::of(self.model, self.workspace);
@@ -339,51 +339,48 @@ where
     fn store_state(&self, rve: &mut Rve, target: &Matrix3<f64>) {
         rve.gradient = *target;
         rve.network = self.model.fingerprint;
-        rve.forget_sensitivities();
+        rve.clear_sensitivities();
         for (x, &node) in rve.interior.iter_mut().zip(self.model.network().interior()) {
             *x = self.workspace.positions[node as usize];
         }
     }
 
-    /// Solves the rest of the increment by dynamic relaxation, and the last digits by the stage given in the handover.
-    fn relaxed(&mut self, rve: &mut Rve) -> bool {
+    /// Solves the rest of the increment by dynamic relaxation, and the last digits by the stage of the
+    /// [`RelaxationSwitch`].
+    fn solve_by_relaxation(&mut self, rve: &mut Rve) -> bool {
         let tolerance = self.params.newton.tolerance;
-        self.descends |= self.params.handover.is_some_and(|handover| handover.to == Stage::Regularized);
-        let mut path = Path::new(&rve.gradient, self.target);
-        self.workspace.place(self.model, rve, &rve.gradient);
-        if let Some(handover) = self.params.handover {
-            if let Err(reason) = self.relax(&path, handover.residual.max(tolerance)) {
-                return self.failed(Stage::Relaxation, 0.0, reason.into());
+        self.may_minimize |= self.params.relaxation_switch.is_some_and(|switch| switch.to == Stage::Regularized);
+        let mut path = DeformationPath::new(&rve.gradient, self.target);
+        self.workspace.set_initial_guess(self.model, rve, &rve.gradient);
+        if let Some(switch) = self.params.relaxation_switch {
+            if let Err(reason) = self.relax(&path, switch.residual.max(tolerance)) {
+                return self.record_failure(Stage::Relaxation, 0.0, reason.into());
             }
             let before = self.workspace.positions.clone();
-            let finished = match handover.to {
+            let finished = match switch.to {
                 Stage::Newton => self.newton(rve, self.target),
                 _ => self.descend(rve, self.target),
             };
-            if let Ok(newton) = finished {
-                self.report.newton = newton;
-                return self.reached(Stage::Relaxation);
+            if finished.is_ok() {
+                return self.record(Stage::Relaxation, finished);
             }
             self.workspace.positions = before;
             // The boundary is already at the target: the second relaxation applies no load.
-            path = Path::new(self.target, self.target);
+            path = DeformationPath::new(self.target, self.target);
         }
         if let Err(reason) = self.relax(&path, tolerance) {
-            return self.failed(Stage::Relaxation, 0.0, reason.into());
+            return self.record_failure(Stage::Relaxation, 0.0, reason.into());
         }
         let RelaxationReport { residual, relative, .. } = self.report.relaxation;
         let alone = NewtonReport { residuals: vec![residual], relative: vec![relative], ..NewtonReport::default() };
-        match self.stabilize(alone) {
-            Ok(newton) => {
-                self.report.newton = newton;
-                self.store_state(rve, self.target);
-                self.reached(Stage::Relaxation)
-            }
-            Err(reason) => self.failed(Stage::Relaxation, 0.0, reason),
+        let outcome = self.stabilize(alone);
+        if outcome.is_ok() {
+            self.store_state(rve, self.target);
         }
+        self.record(Stage::Relaxation, outcome)
     }
 
-    fn relax(&mut self, path: &Path, tolerance: f64) -> Result<(), RelaxationError> {
+    fn relax(&mut self, path: &DeformationPath, tolerance: f64) -> Result<(), RelaxationError> {
         let Workspace { positions, forces, states, .. } = &mut *self.workspace;
         let (truss, floor, masses) = (self.model.truss(), self.model.rounding_floor(), self.model.masses());
         let mut relaxation = Relaxation { truss, masses, floor, positions, forces, states };
@@ -394,12 +391,23 @@ where
         error.map_or(Ok(()), Err)
     }
 
-    fn reached(&mut self, stage: Stage) -> bool {
+    /// Records the outcome of a stage that solves the whole increment.
+    fn record(&mut self, stage: Stage, outcome: Result<NewtonReport, StageError<B::Fault>>) -> bool {
+        match outcome {
+            Ok(newton) => {
+                self.report.newton = newton;
+                self.record_success(stage)
+            }
+            Err(reason) => self.record_failure(stage, 0.0, reason),
+        }
+    }
+
+    fn record_success(&mut self, stage: Stage) -> bool {
         self.report.stage = Some(stage);
         true
     }
 
-    fn failed(&mut self, stage: Stage, progress: f64, reason: StageError<B::Fault>) -> bool {
+    fn record_failure(&mut self, stage: Stage, progress: f64, reason: StageError<B::Fault>) -> bool {
         self.failures.push(StageFailure { stage, cuts: self.report.cuts, progress, reason });
         false
     }

@@ -93,21 +93,21 @@ pub struct EquilibriumParams {
     /// Parameters of dynamic relaxation.
     pub relaxation: RelaxationParams,
     /// The stage that computes the last digits after dynamic relaxation; `None` if the relaxation computes them itself.
-    pub handover: Option<Handover>,
+    pub relaxation_switch: Option<RelaxationSwitch>,
     /// The stages to try. Default all of them.
     pub stages: Stages,
 }
 
 /// Residual at which dynamic relaxation stops, and the stage that continues from there.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Handover {
+pub struct RelaxationSwitch {
     /// Residual at which the relaxation stops, relative to the forces of all nodes. Default `1e-3`.
     pub residual: f64,
     /// The stage that continues: [`Stage::Regularized`] (the default) or [`Stage::Newton`].
     pub to: Stage,
 }
 
-impl Default for Handover {
+impl Default for RelaxationSwitch {
     fn default() -> Self {
         Self { residual: 1e-3, to: Stage::Regularized }
     }
@@ -119,8 +119,8 @@ impl EquilibriumParams {
     #[must_use]
     pub fn with_stages(self, stages: Stages) -> Self {
         let to = [Stage::Regularized, Stage::Newton].into_iter().find(|&stage| stages.has(stage));
-        let residual = self.handover.unwrap_or_default().residual;
-        Self { stages, handover: to.map(|to| Handover { residual, to }), ..self }
+        let residual = self.relaxation_switch.unwrap_or_default().residual;
+        Self { stages, relaxation_switch: to.map(|to| RelaxationSwitch { residual, to }), ..self }
     }
 }
 
@@ -131,7 +131,7 @@ impl Default for EquilibriumParams {
             max_cuts: 6,
             regularized: RegularizedParams::default(),
             relaxation: RelaxationParams::default(),
-            handover: Some(Handover::default()),
+            relaxation_switch: Some(RelaxationSwitch::default()),
             stages: Stages::default(),
         }
     }

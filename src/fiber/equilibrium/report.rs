@@ -55,7 +55,7 @@ impl EquilibriumReport {
     /// Adds the counts of two consecutive equilibrium solves; the residual history, the stage and the stability are
     /// those of `next`.
     #[must_use]
-    pub fn then(self, next: Self) -> Self {
+    pub fn accumulate(self, next: Self) -> Self {
         Self {
             stage: next.stage,
             iterations: self.iterations + next.iterations,
@@ -89,14 +89,14 @@ pub enum StageError<F: std::error::Error + 'static> {
     Relaxation(#[from] RelaxationError),
     /// The stage found an unstable equilibrium, a saddle point of the energy. Either regularized Newton, which would
     /// continue to a minimum, is not among the stages, or one saddle point followed another.
-    #[error("the equilibrium found is unstable{}", counted(*.negative_pivots))]
+    #[error("the equilibrium found is unstable{}", format_negative_pivots(*.negative_pivots))]
     Unstable {
         /// Negative pivots of the stiffness, if the backend counts them.
         negative_pivots: Option<usize>,
     },
 }
 
-fn counted(negative_pivots: Option<usize>) -> String {
+fn format_negative_pivots(negative_pivots: Option<usize>) -> String {
     match negative_pivots {
         None => String::new(),
         Some(1) => ": its stiffness has 1 negative pivot".into(),
@@ -137,7 +137,7 @@ pub enum RveError<F: std::error::Error + 'static> {
         determinant: f64,
     },
     /// All stages failed.
-    #[error("no equilibrium; {}", told(failures))]
+    #[error("no equilibrium; {}", format_failures(failures))]
     NotConverged {
         /// The failures of the stages, in the order in which they were tried.
         failures: Vec<StageFailure<F>>,
@@ -152,7 +152,7 @@ pub enum RveError<F: std::error::Error + 'static> {
     State(#[from] RveStateError),
     /// The affine motion gives fiber forces so large that an equilibrium cannot be distinguished from rounding.
     #[error(transparent)]
-    Overflow(Overflow),
+    ExcessiveForce(ExcessiveForce),
     /// The tangent could not be condensed.
     #[error("the condensed tangent could not be computed: {0}")]
     Tangent(#[from] SolveError<F>),
@@ -161,25 +161,25 @@ pub enum RveError<F: std::error::Error + 'static> {
 /// A fiber whose force is too large for the solver.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[error(
-    "the forces of the fibers overflow: at stretch {stretch:.4} the law {law} pulls with {multiple:.1e} times the stiffness \
+    "the forces of the fibers overflow: at stretch {stretch:.4} the law {law} pulls with {force_ratio:.1e} times the stiffness \
      of the fiber at rest; check the units of lengths, loads and moduli"
 )]
-pub struct Overflow {
+pub struct ExcessiveForce {
     /// The law of the fiber with its parameters.
     pub law: String,
     /// The stretch of the fiber.
     pub stretch: f64,
     /// Force over stiffness at rest, `|f| / (E A)`; infinite if that is not a number.
-    pub multiple: f64,
+    pub force_ratio: f64,
 }
 
-impl Overflow {
-    /// Smallest `multiple` that is an overflow: the forces of fibers near rest then vanish within the tolerance of the
-    /// residual, which is relative to the norm of all forces.
-    pub const FROM: f64 = 1e12;
+impl ExcessiveForce {
+    /// Smallest `force_ratio` that is excessive: the forces of fibers near rest then vanish within the tolerance of
+    /// the residual, which is relative to the norm of all forces.
+    pub const THRESHOLD: f64 = 1e12;
 }
 
-fn told<F: std::error::Error + 'static>(failures: &[StageFailure<F>]) -> String {
+fn format_failures<F: std::error::Error + 'static>(failures: &[StageFailure<F>]) -> String {
     if failures.is_empty() {
         return "no stage was to be tried".into();
     }
@@ -192,7 +192,7 @@ impl<F: std::error::Error + 'static> RveError<F> {
     #[must_use]
     pub fn is_linear(&self) -> bool {
         match self {
-            Self::Inverted { .. } | Self::Workspace | Self::State(_) | Self::Overflow(_) => false,
+            Self::Inverted { .. } | Self::Workspace | Self::State(_) | Self::ExcessiveForce(_) => false,
             Self::Tangent(_) => true,
             Self::NotConverged { failures, .. } => failures
                 .last()
@@ -204,7 +204,7 @@ impl<F: std::error::Error + 'static> RveError<F> {
     #[must_use]
     pub fn is_fault(&self) -> bool {
         match self {
-            Self::Inverted { .. } | Self::Workspace | Self::State(_) | Self::Overflow(_) => false,
+            Self::Inverted { .. } | Self::Workspace | Self::State(_) | Self::ExcessiveForce(_) => false,
             Self::Tangent(error) => matches!(error, SolveError::Backend(_) | SolveError::Library { .. }),
             Self::NotConverged { failures, .. } => failures.last().is_some_and(|failure| {
                 matches!(

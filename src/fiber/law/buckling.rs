@@ -1,13 +1,8 @@
 //! Buckling in compression: a modifier of any law.
 
-use super::FiberLaw;
 use super::batch::{EnergyFormula, Formula};
+use super::{BUCKLING_STRAIN, COMPRESSION, FiberLaw};
 use crate::fiber::simd::{Kernel, vectorized};
-
-/// The default of the residual stiffness `r` if only a buckling strain is given.
-pub const COMPRESSION: f64 = 1e-3;
-/// The default of the buckling strain `w` if only a residual stiffness is given.
-pub const BUCKLING_STRAIN: f64 = 0.01;
 
 /// A law whose fibers buckle: that of `law` in tension, and below stretch 1 a slope that falls from `E` to `r E`.
 ///
@@ -93,7 +88,8 @@ impl<L: FiberLaw> FiberLaw for Buckling<L> {
 
     fn parameters(&self) -> Vec<(&'static str, f64)> {
         let mut parameters = self.law.parameters();
-        parameters.extend([("compression", self.buckling.residual), ("buckling_strain", self.buckling.strain)]);
+        let CompressiveBranch { residual, strain, .. } = self.buckling;
+        parameters.extend([(COMPRESSION.name, residual), (BUCKLING_STRAIN.name, strain)]);
         parameters
     }
 

@@ -2,8 +2,7 @@
 
 use thiserror::Error;
 
-use super::Law;
-use super::named::positive;
+use super::{Law, RADIUS};
 
 /// The material of a fiber: law, radius and density.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,7 +24,7 @@ pub struct FiberMaterialError {
     /// Its value.
     pub value: f64,
     /// The valid range.
-    pub expected: &'static str,
+    pub expected: String,
 }
 
 impl FiberMaterial {
@@ -40,11 +39,15 @@ impl FiberMaterial {
     /// # Errors
     /// Returns the first invalid parameter.
     pub fn check(&self) -> Result<(), FiberMaterialError> {
-        positive("radius", self.radius)?;
+        RADIUS.check(self.radius)?;
         if let Some(density) = self.density
             && (density.is_nan() || density < 0.0)
         {
-            return Err(FiberMaterialError { parameter: "density", value: density, expected: "zero or positive" });
+            return Err(FiberMaterialError {
+                parameter: "density",
+                value: density,
+                expected: "zero or positive".into(),
+            });
         }
         self.law.check()
     }

@@ -1,8 +1,8 @@
 //! Fiber laws: the axial force of a fiber as a function of its stretch.
 //!
-//! A law gives the nominal stress `s(lambda)` of a fiber, in Pa: the force over the reference area, positive in tension.
-//! The force is `f = A s`, its slope with respect to the current length `df/dl = A s'(lambda) / L`, and the energy of
-//! the fiber `A L integral_1^lambda s`. With the Green strain `g = (lambda^2 - 1) / 2`, the laws are:
+//! A law gives the nominal stress `s(lambda)` of a fiber, in Pa: the force over the reference area, positive in
+//! tension. The force is `f = A s`, its slope with respect to the current length `df/dl = A s'(lambda) / L`, and the
+//! energy of the fiber `A L integral_1^lambda s`. With the Green strain `g = (lambda^2 - 1) / 2`, the laws are:
 //!
 //! | law | `s` | source |
 //! |---|---|---|
@@ -12,8 +12,10 @@
 //! | [`Table`] | monotone cubics through measured points, tangent lines beyond them | Fritsch and Butland 1984 |
 //! | [`Buckling`] of any law | below stretch 1 the slope falls from `E` to `r E` over the strain `w` | smoothstep |
 //!
-//! [`Law`] is an enum of these laws with their names in files and commands. [`Law::custom`] adds any other type that
-//! implements [`FiberLaw`]; networks, trusses and RVE models treat it like a built-in law.
+//! [`Law`] is an enum of these laws. The table `laws!` below gives their names and parameters in
+//! files and on the command line; [`FormulaLaw`] is its run-time form. A new law of this crate is a file like
+//! `linear.rs` and an entry of that table. [`Law::custom`] adds any other type that implements [`FiberLaw`]; networks,
+//! trusses and RVE models treat it like a built-in law.
 //!
 //! # A custom law
 //!
@@ -59,6 +61,7 @@ mod exponential_stretch;
 mod linear;
 mod material;
 mod named;
+mod parameter;
 mod quadrature;
 mod table;
 #[cfg(feature = "app")]
@@ -67,16 +70,31 @@ mod table_file;
 mod tests;
 
 use std::fmt::Debug;
+use std::sync::Arc;
 
-pub use buckling::{BUCKLING_STRAIN, Buckling, COMPRESSION};
+pub use buckling::Buckling;
 pub use check::{LawError, check};
 pub use exp::exp_m1;
 pub use exponential::Exponential;
 pub use exponential_stretch::ExponentialStretch;
 pub use linear::Linear;
 pub use material::{FiberMaterial, FiberMaterialError};
-pub use named::{CustomLaw, Law};
+pub use named::{CustomLaw, LawName, formula_parameters};
+pub use parameter::{
+    BUCKLING, BUCKLING_STRAIN, COMPRESSION, NONLINEARITY, Parameter, ParameterRange, RADIUS, TRANSITION, YOUNGS_MODULUS,
+};
 pub use table::{Table, TableError};
+
+// The table of all laws with scalar parameters: type, name in files and on the command line, parameters.
+named::laws! {
+    /// `s = E lambda g`.
+    Linear, "linear", { youngs_modulus: YOUNGS_MODULUS };
+    /// `s = (E / B) (exp(B g) - 1)`.
+    Exponential, "exponential", { youngs_modulus: YOUNGS_MODULUS, nonlinearity: NONLINEARITY };
+    /// `s = (E / B) lambda (exp(B g) - 1)` on `[1, lambda_t]`, its tangent lines outside.
+    ExponentialStretch, "exponential-stretch",
+        { youngs_modulus: YOUNGS_MODULUS, nonlinearity: NONLINEARITY, transition: TRANSITION };
+}
 
 /// The axial behavior of a fiber: nominal stress, slope and energy as functions of the stretch. The stress is C1 for
 /// all `lambda > 0`, vanishes at stretch 1 and has a positive slope there.

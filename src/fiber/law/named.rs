@@ -1,48 +1,116 @@
-//! The laws by their names in files and commands.
+//! The enum of all laws, generated from the table in [`super`].
 
 use std::fmt;
 use std::sync::Arc;
 
-use super::{Buckling, Exponential, ExponentialStretch, FiberLaw, FiberMaterialError, Linear, Table};
+use super::{
+    BUCKLING_STRAIN, COMPRESSION, FiberLaw, FiberMaterialError, FormulaLaw, Law, Parameter, Table, YOUNGS_MODULUS,
+};
 
-/// A fiber law with its parameters; moduli in Pa.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Law {
-    /// `s = E lambda g`.
-    Linear {
-        /// `E`.
-        youngs_modulus: f64,
-    },
-    /// `s = (E / B) (exp(B g) - 1)`.
-    Exponential {
-        /// `E`.
-        youngs_modulus: f64,
-        /// `B`.
-        nonlinearity: f64,
-    },
-    /// `s = (E / B) lambda (exp(B g) - 1)` on `[1, lambda_t]`, its tangent lines outside.
-    ExponentialStretch {
-        /// `E`.
-        youngs_modulus: f64,
-        /// `B`.
-        nonlinearity: f64,
-        /// `lambda_t`.
-        transition: f64,
-    },
-    /// Monotone cubics through measured points, shared by all materials that use them.
-    Table(Arc<Table>),
-    /// Another law with buckling in compression; see [`Buckling`].
-    Buckling {
-        /// The law in tension; it is not itself a `Buckling`.
-        law: Box<Law>,
-        /// `r`: residual stiffness in compression over `E`, from 0 to 1.
-        compression: f64,
-        /// `w`: the compressive strain over which the stiffness falls to its residual.
-        buckling_strain: f64,
-    },
-    /// A law implemented outside this crate.
-    Custom(CustomLaw),
+/// Generates [`Law`] and [`FormulaLaw`] from the table of the laws. An entry is the type that implements the law, its
+/// name in files and on the command line, and its fields with the parameters that they hold.
+macro_rules! laws {
+    ($($(#[$doc:meta])* $law:ident, $name:literal, { $($field:ident: $parameter:ident),+ };)+) => {
+        /// A fiber law with its parameters.
+        #[derive(Clone, Debug, PartialEq)]
+        pub enum Law {
+            $(
+                $(#[$doc])*
+                $law {
+                    $(
+                        #[doc = concat!("See [`", stringify!($parameter), "`].")]
+                        $field: f64,
+                    )+
+                },
+            )+
+            /// Monotone cubics through measured points, shared by all materials that use them.
+            Table(Arc<Table>),
+            /// Another law with buckling in compression; see [`Buckling`].
+            Buckling {
+                /// The law in tension; it is not itself a `Buckling`.
+                law: Box<Law>,
+                /// See [`COMPRESSION`].
+                compression: f64,
+                /// See [`BUCKLING_STRAIN`].
+                buckling_strain: f64,
+            },
+            /// A law implemented outside this crate.
+            Custom(CustomLaw),
+        }
+
+        impl Law {
+            /// The name in files and on the command line; [`Law::Buckling`] has the name of the law in tension.
+            #[must_use]
+            pub fn name(&self) -> &str {
+                match self {
+                    $(Self::$law { .. } => $name,)+
+                    Self::Table(_) => LawName::Table.as_str(),
+                    Self::Buckling { law, .. } => law.name(),
+                    Self::Custom(law) => law.law().name(),
+                }
+            }
+
+            /// Calls `user` once with the formula, so that all batches that `user` evaluates bypass the dispatch.
+            pub fn dispatch(&self, user: &mut dyn FnMut(&dyn FiberLaw)) {
+                match self {
+                    $(&Self::$law { $($field),+ } => user(&$law { $($field),+ }),)+
+                    Self::Table(table) => user(&**table),
+                    Self::Buckling { law, compression, buckling_strain } => {
+                        law.dispatch(&mut |law| user(&Buckling::new(law, *compression, *buckling_strain)));
+                    }
+                    Self::Custom(law) => user(law.law()),
+                }
+            }
+
+            /// Returns the law of the table with the values of its parameters; `None` for the other variants.
+            #[must_use]
+            pub fn formula(&self) -> Option<(FormulaLaw, Vec<f64>)> {
+                match self {
+                    $(&Self::$law { $($field),+ } => Some((FormulaLaw::$law, vec![$($field),+])),)+
+                    Self::Table(_) | Self::Buckling { .. } | Self::Custom(_) => None,
+                }
+            }
+        }
+
+        /// A law that a formula with scalar parameters defines.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum FormulaLaw {
+            $($(#[$doc])* $law,)+
+        }
+
+        impl FormulaLaw {
+            /// All these laws.
+            pub const ALL: &'static [Self] = &[$(Self::$law),+];
+
+            /// The name in files and on the command line.
+            #[must_use]
+            pub const fn name(self) -> &'static str {
+                match self {
+                    $(Self::$law => $name,)+
+                }
+            }
+
+            /// The parameters, in the order in which files list them.
+            #[must_use]
+            pub const fn parameters(self) -> &'static [Parameter] {
+                match self {
+                    $(Self::$law => &[$($parameter),+],)+
+                }
+            }
+
+            /// Makes the law from the values that `value` returns for its parameters.
+            ///
+            /// # Errors
+            /// Returns the first error of `value`. The values are not checked; see [`Law::check`].
+            pub fn law<E>(self, mut value: impl FnMut(&'static Parameter) -> Result<f64, E>) -> Result<Law, E> {
+                Ok(match self {
+                    $(Self::$law => Law::$law { $($field: value(&$parameter)?),+ },)+
+                })
+            }
+        }
+    };
 }
+pub(super) use laws;
 
 /// Any [`FiberLaw`], shared. Two custom laws are equal if they have the same name and bitwise the same parameters.
 #[derive(Clone)]
@@ -53,6 +121,22 @@ impl CustomLaw {
     #[must_use]
     pub fn law(&self) -> &dyn FiberLaw {
         &*self.0
+    }
+
+    /// Checks stress and slope at rest.
+    fn check(&self) -> Result<(), FiberMaterialError> {
+        let (stress, slope) = self.0.stress(1.0);
+        let refuse =
+            |parameter, value, expected: &str| Err(FiberMaterialError { parameter, value, expected: expected.into() });
+        if stress != 0.0 {
+            return refuse("stress at stretch 1", stress, "0");
+        }
+        Parameter { label: "slope at stretch 1", ..YOUNGS_MODULUS }.check(slope)?;
+        let modulus = self.0.youngs_modulus();
+        if (modulus - slope).abs() <= 1e-9 * slope {
+            return Ok(());
+        }
+        refuse("Young's modulus", modulus, "the slope of the stress at stretch 1")
     }
 }
 
@@ -91,46 +175,12 @@ impl Law {
         Self::Buckling { law: Box::new(self), compression: residual, buckling_strain }
     }
 
-    /// The name in files and on the command line; [`Law::Buckling`] has the name of the law in tension.
-    #[must_use]
-    pub fn name(&self) -> &str {
-        match self {
-            Self::Linear { .. } => "linear",
-            Self::Exponential { .. } => "exponential",
-            Self::ExponentialStretch { .. } => "exponential-stretch",
-            Self::Table(_) => "table",
-            Self::Buckling { law, .. } => law.name(),
-            Self::Custom(law) => law.law().name(),
-        }
-    }
-
     /// `E`, the slope of the nominal stress at rest, in Pa.
     #[must_use]
     pub fn youngs_modulus(&self) -> f64 {
-        match self {
-            Self::Linear { youngs_modulus }
-            | Self::Exponential { youngs_modulus, .. }
-            | Self::ExponentialStretch { youngs_modulus, .. } => *youngs_modulus,
-            Self::Table(table) => table.youngs_modulus(),
-            Self::Buckling { law, .. } => law.youngs_modulus(),
-            Self::Custom(law) => law.law().youngs_modulus(),
-        }
-    }
-
-    /// Calls `user` once with the formula, so that all batches that `user` evaluates bypass the dispatch.
-    pub fn with(&self, user: &mut dyn FnMut(&dyn FiberLaw)) {
-        match self {
-            &Self::Linear { youngs_modulus } => user(&Linear { youngs_modulus }),
-            &Self::Exponential { youngs_modulus, nonlinearity } => user(&Exponential { youngs_modulus, nonlinearity }),
-            &Self::ExponentialStretch { youngs_modulus, nonlinearity, transition } => {
-                user(&ExponentialStretch { youngs_modulus, nonlinearity, transition });
-            }
-            Self::Table(table) => user(&**table),
-            Self::Buckling { law, compression, buckling_strain } => {
-                law.with(&mut |law| user(&Buckling::new(law, *compression, *buckling_strain)));
-            }
-            Self::Custom(law) => user(law.law()),
-        }
+        let mut modulus = 0.0;
+        self.dispatch(&mut |law| modulus = law.youngs_modulus());
+        modulus
     }
 
     /// Checks that every parameter is physically valid.
@@ -138,52 +188,19 @@ impl Law {
     /// # Errors
     /// Returns the first invalid parameter. For a custom law the stress and the slope at rest are checked.
     pub fn check(&self) -> Result<(), FiberMaterialError> {
-        let refuse = |parameter, value, expected| Err(FiberMaterialError { parameter, value, expected });
+        if let Some((formula, values)) = self.formula() {
+            return formula.parameters().iter().zip(values).try_for_each(|(parameter, value)| parameter.check(value));
+        }
         match self {
-            Self::Linear { youngs_modulus } => positive("Young's modulus", *youngs_modulus),
-            Self::Exponential { youngs_modulus, nonlinearity } => {
-                positive("Young's modulus", *youngs_modulus)?;
-                positive("nonlinearity", *nonlinearity)
-            }
-            Self::ExponentialStretch { youngs_modulus, nonlinearity, transition } => {
-                positive("Young's modulus", *youngs_modulus)?;
-                positive("nonlinearity", *nonlinearity)?;
-                if *transition >= 1.0 && transition.is_finite() {
-                    return Ok(());
-                }
-                refuse("transition stretch", *transition, "at least 1 and finite")
-            }
-            // The constructor checks a table.
-            Self::Table(_) => Ok(()),
             Self::Buckling { law, compression, buckling_strain } => {
-                if !(0.0..=1.0).contains(compression) {
-                    return refuse("stiffness in compression", *compression, "from 0 to 1, over the modulus");
-                }
-                positive("buckling strain", *buckling_strain)?;
+                COMPRESSION.check(*compression)?;
+                BUCKLING_STRAIN.check(*buckling_strain)?;
                 law.check()
             }
-            Self::Custom(law) => {
-                let (stress, slope) = law.law().stress(1.0);
-                if stress != 0.0 {
-                    return refuse("stress at stretch 1", stress, "0");
-                }
-                positive("slope at stretch 1", slope)?;
-                let modulus = law.law().youngs_modulus();
-                if (modulus - slope).abs() <= 1e-9 * slope {
-                    return Ok(());
-                }
-                refuse("Young's modulus", modulus, "the slope of the stress at stretch 1")
-            }
+            Self::Custom(law) => law.check(),
+            // The constructor of a table checks it.
+            _ => Ok(()),
         }
-    }
-}
-
-/// Returns an error unless `value` is positive and finite.
-pub(super) fn positive(parameter: &'static str, value: f64) -> Result<(), FiberMaterialError> {
-    if value > 0.0 && value.is_finite() {
-        Ok(())
-    } else {
-        Err(FiberMaterialError { parameter, value, expected: "positive and finite" })
     }
 }
 
@@ -195,19 +212,19 @@ impl FiberLaw for Law {
 
     fn parameters(&self) -> Vec<(&'static str, f64)> {
         let mut parameters = Vec::new();
-        self.with(&mut |law| parameters = law.parameters());
+        self.dispatch(&mut |law| parameters = law.parameters());
         parameters
     }
 
     fn stress(&self, stretch: f64) -> (f64, f64) {
         let mut stress = (0.0, 0.0);
-        self.with(&mut |law| stress = law.stress(stretch));
+        self.dispatch(&mut |law| stress = law.stress(stretch));
         stress
     }
 
     fn energy(&self, stretch: f64) -> f64 {
         let mut energy = 0.0;
-        self.with(&mut |law| energy = law.energy(stretch));
+        self.dispatch(&mut |law| energy = law.energy(stretch));
         energy
     }
 
@@ -216,16 +233,68 @@ impl FiberLaw for Law {
     }
 
     fn stresses(&self, stretch: &[f64], stress: &mut [f64], slope: &mut [f64]) {
-        self.with(&mut |law| law.stresses(stretch, stress, slope));
+        self.dispatch(&mut |law| law.stresses(stretch, stress, slope));
     }
 
     fn energies(&self, stretch: &[f64], energy: &mut [f64]) {
-        self.with(&mut |law| law.energies(stretch, energy));
+        self.dispatch(&mut |law| law.energies(stretch, energy));
     }
 
     fn total_energy(&self, stretch: &[f64], volume: &[f64]) -> f64 {
         let mut sum = 0.0;
-        self.with(&mut |law| sum = law.total_energy(stretch, volume));
+        self.dispatch(&mut |law| sum = law.total_energy(stretch, volume));
         sum
     }
+}
+
+/// A law that files and the command line can name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LawName {
+    /// A law with scalar parameters.
+    Formula(FormulaLaw),
+    /// A curve through points; see [`Table`].
+    Table,
+}
+
+impl LawName {
+    /// All names.
+    pub fn all() -> impl Iterator<Item = Self> {
+        FormulaLaw::ALL.iter().copied().map(Self::Formula).chain([Self::Table])
+    }
+
+    /// Returns the law with this [`LawName::as_str`].
+    #[must_use]
+    pub fn find(name: &str) -> Option<Self> {
+        Self::all().find(|law| law.as_str() == name)
+    }
+
+    /// The name in files and on the command line.
+    #[must_use]
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Self::Formula(law) => law.name(),
+            Self::Table => "table",
+        }
+    }
+
+    /// The scalar parameters, in the order in which files list them.
+    #[must_use]
+    pub const fn parameters(self) -> &'static [Parameter] {
+        match self {
+            Self::Formula(law) => law.parameters(),
+            Self::Table => &[],
+        }
+    }
+}
+
+/// The parameters of all laws, each once.
+#[must_use]
+pub fn formula_parameters() -> Vec<&'static Parameter> {
+    let mut parameters: Vec<&Parameter> = Vec::new();
+    for parameter in FormulaLaw::ALL.iter().flat_map(|law| law.parameters()) {
+        if !parameters.contains(&parameter) {
+            parameters.push(parameter);
+        }
+    }
+    parameters
 }

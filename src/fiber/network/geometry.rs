@@ -16,9 +16,9 @@ pub const SAME_PLACE: f64 = 1e-12;
 /// A box within this distance of `[-1/2, 1/2]^3` is the unit cube, and its nodes are not moved.
 const IDENTITY_TOLERANCE: f64 = 1e-12;
 /// Maximum number of problems reported for a network.
-const MOST_PROBLEMS: usize = 20;
+const MAX_PROBLEMS: usize = 20;
 /// Maximum number of nodes whose unknowns can be numbered in signed 32-bit integers.
-const MOST_NODES: usize = (i32::MAX / 3) as usize;
+const MAX_NODES: usize = (i32::MAX / 3) as usize;
 
 /// The cube that a network fills, in the units of its nodes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -116,7 +116,7 @@ impl Network {
         let lengths = fibers.iter().map(|&[a, b]| distance(nodes[a as usize], nodes[b as usize])).collect();
         Ok(Self {
             name: name.into(),
-            reaction_of: vec![0; fibers.len()],
+            material_of: vec![0; fibers.len()],
             materials: Vec::new(),
             nodes,
             fibers,
@@ -140,7 +140,7 @@ impl Network {
             let (material, materials) = (material_of[fiber], materials.len());
             return Err(NetworkError::NoSuchMaterial { fiber, material, materials });
         }
-        Ok(Self { materials, reaction_of: material_of, ..self })
+        Ok(Self { materials, material_of, ..self })
     }
 
     /// Returns the fibers, ascending, that join the same two nodes as an earlier fiber, in either direction. They
@@ -153,14 +153,14 @@ impl Network {
     /// Replaces the materials by one material for all fibers.
     #[must_use]
     pub fn of_one_material(self, material: FiberMaterial) -> Self {
-        Self { materials: vec![material], reaction_of: vec![0; self.fibers.len()], ..self }
+        Self { materials: vec![material], material_of: vec![0; self.fibers.len()], ..self }
     }
 }
 
 /// Checks the node count and the coordinates, before the bounding box is computed.
 fn check_values(nodes: &[[f64; 3]]) -> Result<(), NetworkError> {
-    if nodes.len() > MOST_NODES {
-        return Err(NetworkError::TooMany { what: "nodes", count: nodes.len(), most: MOST_NODES });
+    if nodes.len() > MAX_NODES {
+        return Err(NetworkError::TooMany { what: "nodes", count: nodes.len(), most: MAX_NODES });
     }
     for (node, position) in nodes.iter().enumerate() {
         if let Some(&value) = position.iter().find(|x| !x.is_finite()) {
@@ -176,7 +176,7 @@ pub(super) fn doubled(fibers: &[[u32; 2]]) -> Vec<u32> {
     (0u32..).zip(fibers).filter(|(_, [a, b])| !seen.insert([a.min(b), a.max(b)])).map(|(fiber, _)| fiber).collect()
 }
 
-/// Returns up to [`MOST_PROBLEMS`] problems of nodes (finite) and fibers in their cube, fibers first.
+/// Returns up to [`MAX_PROBLEMS`] problems of nodes (finite) and fibers in their cube, fibers first.
 pub(super) fn problems(cube: Cube, nodes: &[[f64; 3]], fibers: &[[u32; 2]]) -> Vec<NetworkError> {
     if fibers.is_empty() {
         return vec![NetworkError::NoFibers];
@@ -185,9 +185,9 @@ pub(super) fn problems(cube: Cube, nodes: &[[f64; 3]], fibers: &[[u32; 2]]) -> V
         return vec![NetworkError::TooMany { what: "fibers", count: fibers.len(), most: u32::MAX as usize }];
     }
     let unit: Vec<[f64; 3]> = nodes.iter().map(|&x| cube.to_unit(x)).collect();
-    let mut found: Vec<NetworkError> = bad_fibers(&unit, fibers).take(MOST_PROBLEMS).collect();
-    found.extend(bad_nodes(&unit, nodes, &found).into_iter().take(MOST_PROBLEMS));
-    found.truncate(MOST_PROBLEMS);
+    let mut found: Vec<NetworkError> = bad_fibers(&unit, fibers).take(MAX_PROBLEMS).collect();
+    found.extend(bad_nodes(&unit, nodes, &found).into_iter().take(MAX_PROBLEMS));
+    found.truncate(MAX_PROBLEMS);
     found
 }
 
@@ -223,7 +223,7 @@ fn bad_nodes(unit: &[[f64; 3]], nodes: &[[f64; 3]], known: &[NetworkError]) -> V
             }
         }
         places.insert(node, position);
-        if found.len() >= MOST_PROBLEMS {
+        if found.len() >= MAX_PROBLEMS {
             break;
         }
     }
@@ -325,6 +325,6 @@ mod tests {
         assert_eq!(few.unwrap_err(), NetworkError::MaterialCount { given: 7, fibers: 8 });
         let absent = network.clone().with_materials(vec![material.clone()], vec![0, 0, 0, 1, 0, 0, 0, 0]);
         assert_eq!(absent.unwrap_err(), NetworkError::NoSuchMaterial { fiber: 3, material: 1, materials: 1 });
-        assert_eq!(network.of_one_material(material).reaction_of(), [0; 8]);
+        assert_eq!(network.of_one_material(material).material_of(), [0; 8]);
     }
 }

@@ -1,8 +1,20 @@
 //! Fiber networks: immutable geometry in the unit cube, shared by every RVE that uses it.
 //!
-//! A [`Network`] comes from a file ([`file::read`]), from a generator (`generate::Recipe`, with the feature `generate`)
-//! or from given nodes and fibers ([`Network::new`]); each of these checks its geometry. [`check`] reports the
-//! properties of a network and its rigidity, and removes the parts that carry no load.
+//! A [`Network`] comes from a file ([`file::read`]), from a generator (`generate::GeneratorParams`, with the feature
+//! `generate`) or from given nodes and fibers ([`Network::new`]); each of these checks its geometry. [`check`] reports
+//! the properties of a network and its rigidity, and removes the parts that carry no load.
+//!
+//! ```
+//! use biotissue::fiber::network::{Network, check::examine};
+//!
+//! // Eight fibers from the center of a cube to its corners.
+//! let mut nodes: Vec<_> = (0..8).map(|c: u32| [0, 1, 2].map(|k| f64::from(c >> k & 1))).collect();
+//! nodes.push([0.5; 3]);
+//! let network = Network::new("star", nodes, (0..8).map(|corner| [8, corner]).collect())?;
+//! assert_eq!((network.boundary().len(), network.interior()), (8, &[8][..]));
+//! assert_eq!(examine(&network).maxwell_count, 8 - 3);
+//! # Ok::<(), biotissue::fiber::network::NetworkError>(())
+//! ```
 
 pub mod check;
 mod error;
@@ -29,7 +41,7 @@ pub struct Network {
     nodes: Vec<[f64; 3]>,
     fibers: Vec<[u32; 2]>,
     lengths: Vec<f64>,
-    reaction_of: Vec<u16>,
+    material_of: Vec<u16>,
     materials: Vec<FiberMaterial>,
     boundary: Vec<u32>,
     interior: Vec<u32>,
@@ -74,8 +86,8 @@ impl Network {
 
     /// Index into [`Network::materials`] of every fiber; 0 for all if the network has no materials.
     #[must_use]
-    pub fn reaction_of(&self) -> &[u16] {
-        &self.reaction_of
+    pub fn material_of(&self) -> &[u16] {
+        &self.material_of
     }
 
     /// The materials from the network's own files; empty if there are none.

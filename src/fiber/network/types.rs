@@ -62,9 +62,9 @@ impl Network {
         }
         let counts = counts(&fractions, self.fibers.len());
         let types = (0u16..).zip(counts);
-        let mut type_of: Vec<u16> = types.flat_map(|(number, count)| std::iter::repeat_n(number, count)).collect();
-        shuffle(&mut type_of, seed);
-        Ok(Self { materials, reaction_of: type_of, ..self })
+        let mut material_of: Vec<u16> = types.flat_map(|(number, count)| std::iter::repeat_n(number, count)).collect();
+        shuffle(&mut material_of, seed);
+        Ok(Self { materials, material_of, ..self })
     }
 }
 
@@ -129,11 +129,11 @@ mod tests {
         let fibers = network.fibers().len();
         let types = || vec![(0.7, material(1.0)), (0.3, material(2.0))];
         let one = network.clone().with_random_types(types(), 1).unwrap();
-        let stiff = one.reaction_of().iter().filter(|&&of| of == 1).count();
+        let stiff = one.material_of().iter().filter(|&&of| of == 1).count();
         assert_eq!(stiff, (0.3 * fibers as f64).round() as usize);
         assert_eq!(one.fibers(), network.fibers());
         assert_eq!(network.clone().with_random_types(types(), 1).unwrap(), one);
-        assert_ne!(network.with_random_types(types(), 2).unwrap().reaction_of(), one.reaction_of());
+        assert_ne!(network.with_random_types(types(), 2).unwrap().material_of(), one.material_of());
     }
 
     /// Reference values of ChaCha, which no library release may change.

@@ -101,7 +101,7 @@ where
             forces: vec![0.0; states.forces.len()],
         };
         // The truss sorts its fibers by law.
-        for (k, &fiber) in truss.original().iter().enumerate() {
+        for (k, &fiber) in truss.fiber_numbers().iter().enumerate() {
             deformed.stretches[fiber as usize] = states.stretches[k];
             deformed.forces[fiber as usize] = states.forces[k];
         }

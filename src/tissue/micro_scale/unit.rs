@@ -8,7 +8,7 @@ use super::formula::Formula;
 use super::library::Library;
 use super::worker::Worker;
 use crate::fem::material::{MaterialError, Response};
-use crate::fiber::equilibrium::{EquilibriumReport, RveError, Stage, continues, equilibrate};
+use crate::fiber::equilibrium::{EquilibriumReport, RveError, Stage, converges_to, equilibrate};
 use crate::fiber::homogenize::Tangent;
 use crate::fiber::rve::{Rve, RveModel, Sensitivities};
 use crate::fiber::workspace::Workspace;
@@ -247,7 +247,7 @@ impl Unit {
         let Some(fibers) = &mut self.fibers else { return Ok(false) };
         let workspace = worker.workspace(library, fibers.model)?;
         let model = &library.models[fibers.model];
-        if continues(model, &fibers.committed, &fibers.current, &library.params.newton, workspace) {
+        if converges_to(model, &fibers.committed, &fibers.current, &library.params.newton, workspace) {
             fibers.origin = Origin::Branch;
             stats.verified += 1;
             return Ok(false);
@@ -256,7 +256,7 @@ impl Unit {
         let trial = std::mem::replace(&mut fibers.current, fibers.committed.clone());
         fibers.origin = Origin::Committed;
         let answer = self.solve(gradient, library, worker, stats)?;
-        let is_another = self.fibers.as_ref().is_none_or(|fibers| !fibers.current.is_near(&trial));
+        let is_another = self.fibers.as_ref().is_none_or(|fibers| !fibers.current.is_same_equilibrium(&trial));
         if is_another {
             self.answer = Some((*gradient, answer));
         } else if let Some(fibers) = &mut self.fibers {
@@ -279,7 +279,7 @@ impl Unit {
     /// Makes the current equilibrium the start of the next load step.
     pub fn commit(&mut self) {
         if let Some(fibers) = &mut self.fibers {
-            fibers.committed.take_equilibrium(&fibers.current);
+            fibers.committed.copy_equilibrium_from(&fibers.current);
             fibers.origin = Origin::Committed;
         }
         self.committed_iterations = self.iterations;
@@ -289,7 +289,7 @@ impl Unit {
     /// Returns to the last converged load step.
     pub fn revert(&mut self) {
         if let Some(fibers) = &mut self.fibers {
-            fibers.current.take_equilibrium(&fibers.committed);
+            fibers.current.copy_equilibrium_from(&fibers.committed);
             fibers.origin = Origin::Committed;
         }
         self.answer = None;
@@ -322,8 +322,8 @@ impl Fibers {
         self.origin = if is_affine { Origin::Branch } else { Origin::Trial };
         stats.count(solved.report());
         // Without this check, load steps would continue for minutes before one fails.
-        if let Some(overflow) = solved.overflow() {
-            return Err(RveError::Overflow(overflow).into());
+        if let Some(force) = solved.excessive_force() {
+            return Err(RveError::ExcessiveForce(force).into());
         }
         let response = Response { energy: solved.energy(), pk1: solved.pk1(), tangent: solved.tangent()? };
         if library.predict {

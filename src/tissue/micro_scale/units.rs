@@ -289,7 +289,7 @@ where
                     .check(self.library.models[*model].network())
                     .map_err(|reason| FieldRestoreError::Rve { element, reason })?;
                 let mut committed = committed.clone();
-                committed.take_equilibrium(&current);
+                committed.copy_equilibrium_from(&current);
                 Some(Fibers { model: *model, current, committed, origin: Origin::Committed })
             }
             (None, None) => None,

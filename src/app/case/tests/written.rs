@@ -2,6 +2,7 @@
 
 use super::super::*;
 use super::{FULL, Folder, SMALL};
+use crate::fiber::law::{FormulaLaw, Parameter, ParameterRange};
 
 /// Returns the case without its file and line numbers.
 fn placeless(mut case: Case) -> Case {
@@ -40,7 +41,20 @@ fn written_case_reads_the_same_from_another_folder() {
         FULL.replace("\"Dogbone in tension\"", r#""a \"b\" \\ \n \u0001 é ' '''""#),
         FULL.replace("seed = 7", "seed = 9223372036854775807").replace("every = 5", "every = 0x10"),
     ];
-    for text in &cases {
+    // Every law with scalar parameters, at the lower bounds that belong to their ranges.
+    let formulas = FormulaLaw::ALL.iter().map(|formula| {
+        let value = |parameter: &Parameter| match parameter.range {
+            ParameterRange::Above(low) => low + 1.5,
+            ParameterRange::AtLeast(low) | ParameterRange::FromTo(low, _) => low,
+        };
+        let entries: String = formula
+            .parameters()
+            .iter()
+            .map(|parameter| format!(", {} = {:?}", parameter.name, value(parameter)))
+            .collect();
+        law(&format!("law = {{ name = \"{}\", radius = 1{entries} }}", formula.name()))
+    });
+    for text in &cases.into_iter().chain(formulas).collect::<Vec<_>>() {
         let case = folder.parse(text).unwrap_or_else(|errors| panic!("{errors}\n{text}")).case;
         let written = case.to_toml();
         let again = Case::parse(&written, &elsewhere.path().join("case.toml"));

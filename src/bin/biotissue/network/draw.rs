@@ -182,7 +182,7 @@ impl Job for Deform<'_> {
         outcome.map_err(|lost| increments.lost(&lost))?;
         let (truss, states) = (model.truss(), workspace.states());
         let mut state = State { positions: workspace.positions().to_vec(), ..State::at_rest(network) };
-        for (fiber, &original) in truss.original().iter().enumerate() {
+        for (fiber, &original) in truss.fiber_numbers().iter().enumerate() {
             state.stretches[original as usize] = states.stretches[fiber];
             state.forces[original as usize] = states.forces[fiber];
         }
@@ -229,7 +229,7 @@ fn in_words(f: &Matrix3<f64>) -> String {
 }
 
 fn vtp(path: &Path, network: &Network, state: &State) -> Result<(), Failure> {
-    let kind: Vec<i64> = network.reaction_of().iter().map(|&reaction| reaction.into()).collect();
+    let kind: Vec<i64> = network.material_of().iter().map(|&reaction| reaction.into()).collect();
     let set = NetworkSet {
         points: &state.positions,
         fibers: network.fibers(),

@@ -5,7 +5,9 @@ use std::path::PathBuf;
 use biotissue::fiber::network::Cube;
 use biotissue::fiber::network::check::{Removed, examine};
 use biotissue::fiber::network::file::sidecar::{Generated, Sidecar};
-use biotissue::fiber::network::generate::{Alignment, GREATEST_STRENGTH, GenerateError, Kind, Made, Recipe};
+use biotissue::fiber::network::generate::{
+    Alignment, GenerateError, GeneratedNetwork, GeneratorParams, Kind, MAX_STRENGTH,
+};
 use clap::Args;
 use serde_json::json;
 
@@ -52,9 +54,9 @@ pub struct GenerateArguments {
     #[command(flatten)]
     law: LawArguments,
     /// Instead of --law, a part of the fibers and its law, drawn by the seed; repeat until the fractions sum to 1:
-    /// "fraction=0.7,law=exponential,youngs-modulus=1e8,radius=5e-8,nonlinearity=1.2". Keys: fraction (of the fibers, by
-    /// number); law, radius, youngs-modulus, nonlinearity, transition, table, compression and buckling-strain as the
-    /// options of these names; density (of the fiber material, kg/m^3)
+    /// "fraction=0.7,law=exponential,youngs-modulus=1e8,radius=5e-8,nonlinearity=1.2". Keys: fraction (of the fibers,
+    /// by number); law, its parameters, radius, table, compression and buckling-strain as the options of these names;
+    /// density (of the fiber material, kg/m^3)
     #[arg(long = "fiber", value_name = "KEY=VALUE,...", conflicts_with = "law")]
     fibers: Vec<FiberTypeArgument>,
     /// Print one JSON object
@@ -71,14 +73,14 @@ enum Size {
 }
 
 pub fn run(arguments: &GenerateArguments) -> Result<(), Failure> {
-    let recipe = recipe(arguments)?;
+    let params = generator_params(arguments)?;
     let size = size(arguments)?;
     let material = arguments.law.material()?;
     let types: Vec<_> = arguments.fibers.iter().map(FiberTypeArgument::material).collect::<Result<_, _>>()?;
     let made = match size {
-        Size::Points(points) => recipe.of_points(points),
-        Size::Nodes(nodes) => recipe.of_nodes(nodes),
-        Size::Density(density) => recipe.of_density(density),
+        Size::Points(points) => params.of_points(points),
+        Size::Nodes(nodes) => params.of_nodes(nodes),
+        Size::Density(density) => params.of_density(density),
     };
     let mut made = made.map_err(|error| not_generated(&error))?;
     if let Some(material) = material {
@@ -89,17 +91,22 @@ pub fn run(arguments: &GenerateArguments) -> Result<(), Failure> {
             Failure::arguments(error.to_string(), "fractions that sum to 1", cure)
         })?;
     }
-    let generated = Generated::by(&recipe, made.points);
+    let generated = Generated::by(&params, made.points);
     let length_unit = Some("edge of the cube".into());
     let sidecar = Sidecar { generated: Some(generated.clone()), length_unit, ..laws_of(&made.network) };
     write(&arguments.output, &made.network, &sidecar)?;
-    tell(arguments, &recipe, &made, &generated)
+    tell(arguments, &params, &made, &generated)
 }
 
 /// Prints a summary of the generated network.
-fn tell(arguments: &GenerateArguments, recipe: &Recipe, made: &Made, generated: &Generated) -> Result<(), Failure> {
+fn tell(
+    arguments: &GenerateArguments,
+    params: &GeneratorParams,
+    made: &GeneratedNetwork,
+    generated: &Generated,
+) -> Result<(), Failure> {
     let report = examine(&made.network);
-    let axis = recipe.alignment.map(|alignment| alignment.axis());
+    let axis = params.alignment.map(|alignment| alignment.axis());
     if arguments.json {
         let mut object = json_of_network(&report, &made.network);
         object["file"] = json!(arguments.output);
@@ -111,9 +118,9 @@ fn tell(arguments: &GenerateArguments, recipe: &Recipe, made: &Made, generated: 
     let mut text = format!(
         "{}: {}, {} points, seed {}\n",
         arguments.output.display(),
-        recipe.kind.name(),
+        params.kind.name(),
         made.points,
-        recipe.seed
+        params.seed
     );
     text.push_str(&words::figures(&report, &made.network, &Cube::UNIT, axis));
     let Removed { short_fibers, dangling_fibers, untied_fibers, nodes } = made.removed;
@@ -126,7 +133,7 @@ fn tell(arguments: &GenerateArguments, recipe: &Recipe, made: &Made, generated: 
     output::print(&text)
 }
 
-fn recipe(arguments: &GenerateArguments) -> Result<Recipe, Failure> {
+fn generator_params(arguments: &GenerateArguments) -> Result<GeneratorParams, Failure> {
     let kinds = || Kind::ALL.map(Kind::name).join(" or ");
     let Some(kind) = Kind::ALL.into_iter().find(|kind| kind.name() == arguments.kind) else {
         return Err(Failure::arguments(
@@ -136,11 +143,11 @@ fn recipe(arguments: &GenerateArguments) -> Result<Recipe, Failure> {
         ));
     };
     check_length(arguments.shorter_than)?;
-    let plain = Recipe::new(kind, arguments.seed);
-    Ok(Recipe {
-        merge: arguments.merge.unwrap_or(plain.merge),
+    let plain = GeneratorParams::new(kind, arguments.seed);
+    Ok(GeneratorParams {
+        merge_length: arguments.merge.unwrap_or(plain.merge_length),
         alignment: alignment(arguments)?,
-        shorter_than: arguments.shorter_than,
+        min_length: arguments.shorter_than,
         ..plain
     })
 }
@@ -193,7 +200,7 @@ fn not_generated(error: &GenerateError) -> Failure {
             ("a direction that is not zero: --align \"1 0 0\"", "correct --align".into())
         }
         GenerateError::Strength { .. } => {
-            ("--strength in that range", format!("0.3 is noticeable, {GREATEST_STRENGTH} nearly parallel"))
+            ("--strength in that range", format!("0.3 is noticeable, {MAX_STRENGTH} nearly parallel"))
         }
         GenerateError::Merge { .. } => {
             ("--merge in that range", "leave --merge out for a value that suits the kind".into())

@@ -15,7 +15,7 @@ use crate::failure::Failure;
 use crate::output;
 
 /// Networks with more unknowns are not checked for zero modes, because that would take more than a few seconds.
-const MOST_UNKNOWNS: usize = 60_000;
+const MAX_UNKNOWNS: usize = 60_000;
 
 #[derive(Args)]
 pub struct InfoArguments {
@@ -29,7 +29,7 @@ pub struct InfoArguments {
 pub fn run(arguments: &InfoArguments) -> Result<(), Failure> {
     let read = read(&arguments.file)?;
     let report = examine(&read.network);
-    let counted = report.free_dofs <= MOST_UNKNOWNS && !backends::compiled().is_empty();
+    let counted = report.free_dofs <= MAX_UNKNOWNS && !backends::compiled().is_empty();
     let zero_modes = if counted { Some(dispatch(None, Count { network: &read.network })?) } else { None };
     if arguments.json {
         let mut object = json_of_file(&report, &read);

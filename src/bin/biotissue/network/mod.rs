@@ -9,7 +9,7 @@ mod words;
 use std::path::Path;
 
 use biotissue::fiber::network::check::RigidityError;
-use biotissue::fiber::network::file::family::{FamilyError, write_family};
+use biotissue::fiber::network::file::file_set::{FileSetError, write_file_set};
 use biotissue::fiber::network::file::sidecar::{FiberTypes, NamedLaw, Sidecar};
 use biotissue::fiber::network::file::{self, NetworkFile};
 use biotissue::fiber::network::{Network, check::NetworkReport};
@@ -58,9 +58,9 @@ fn write(path: &Path, network: &Network, sidecar: &Sidecar) -> Result<(), Failur
         let what = format!("{}: no regular file: the network goes there without its materials", path.display());
         output::warn(&[what]);
     }
-    write_family(path, network, sidecar).map_err(|error| match &error {
-        FamilyError::Write { path, source } => Failure::unwritable(path, source),
-        FamilyError::Foreign { .. } => Failure::arguments(
+    write_file_set(path, network, sidecar).map_err(|error| match &error {
+        FileSetError::Write { path, source } => Failure::unwritable(path, source),
+        FileSetError::Foreign { .. } => Failure::arguments(
             format!("{error}; nothing is written"),
             "no such file, or one that `biotissue network` has written with a network and that is as it was",
             "move or rename that file, or give the network another name",

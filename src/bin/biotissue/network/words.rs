@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use biotissue::fiber::law::{BUCKLING_STRAIN, COMPRESSION, YOUNGS_MODULUS, formula_parameters};
 use biotissue::fiber::network::check::{NetworkReport, Rigidity};
 use biotissue::fiber::network::file::sidecar::NamedLaw;
 use biotissue::fiber::network::{Cube, Network};
@@ -54,13 +55,14 @@ fn laws(text: &mut String, network: &Network) {
         let law = NamedLaw::from(material);
         let modulus = material.law.youngs_modulus();
         let _ = write!(text, "  law              {}, E {:e} Pa, radius {:e} m", law.name, short(modulus), law.radius);
-        let _ = law.nonlinearity.map_or(Ok(()), |b| write!(text, ", B {b}"));
-        let _ = law.transition.map_or(Ok(()), |stretch| write!(text, ", transition {stretch}"));
-        let _ = law.points.map_or(Ok(()), |points| write!(text, ", {} points", points.len()));
-        let _ = law.compression.map_or(Ok(()), |part| write!(text, ", {part} of E in compression"));
-        let _ = law.buckling_strain.map_or(Ok(()), |strain| write!(text, " beyond {strain}"));
+        for parameter in formula_parameters().into_iter().filter(|&parameter| parameter != &YOUNGS_MODULUS) {
+            let _ = law.get(parameter).map_or(Ok(()), |value| write!(text, ", {} {value}", parameter.symbol));
+        }
+        let _ = law.points.as_ref().map_or(Ok(()), |points| write!(text, ", {} points", points.len()));
+        let _ = law.get(&COMPRESSION).map_or(Ok(()), |part| write!(text, ", {part} of E in compression"));
+        let _ = law.get(&BUCKLING_STRAIN).map_or(Ok(()), |strain| write!(text, " beyond {strain}"));
         if network.materials().len() > 1 {
-            let fibers = network.reaction_of().iter().filter(|&&of| of == number).count();
+            let fibers = network.material_of().iter().filter(|&&of| of == number).count();
             let _ = write!(text, ", {fibers} fibers");
         }
         text.push('\n');

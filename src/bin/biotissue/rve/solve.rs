@@ -148,7 +148,7 @@ impl RveJob {
         });
         let lengths = model.truss().lengths();
         let current = rows(&tensor(&states.directions, lengths, Weighting::Number));
-        workspace.show(model, &Rve::at_rest(model.network()));
+        workspace.load_state(model, &Rve::at_rest(model.network()));
         let reference = rows(&tensor(&workspace.states().directions, lengths, Weighting::Number));
         Ok(State {
             pk1: rows(&pk1),

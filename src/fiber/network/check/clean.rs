@@ -41,18 +41,18 @@ impl Removed {
     }
 }
 
-/// Removes, in this order, fibers shorter than `shorter_than` (in unit-cube units), dangling fibers until none is left,
+/// Removes, in this order, fibers shorter than `min_length` (in unit-cube units), dangling fibers until none is left,
 /// components not tied to the boundary, and nodes without fibers. If a face would lose its last node, its first one is
 /// kept, so that the bounding box does not change.
 ///
 /// # Errors
 /// Returns [`NetworkError::NoFibers`] if no fiber would be left.
-pub fn clean(network: &Network, shorter_than: Option<f64>) -> Result<Cleaned, NetworkError> {
+pub fn clean(network: &Network, min_length: Option<f64>) -> Result<Cleaned, NetworkError> {
     let mut removed = Removed::default();
     let mut keep = vec![true; network.fibers().len()];
-    if let Some(least) = shorter_than {
+    if let Some(min_length) = min_length {
         for (keep, &length) in keep.iter_mut().zip(network.lengths()) {
-            *keep = length >= least;
+            *keep = length >= min_length;
         }
         removed.short_fibers = keep.iter().filter(|&&keep| !keep).count();
     }
@@ -102,10 +102,11 @@ fn drop_dangling(network: &Network, keep: &mut [bool]) -> usize {
             degree[node as usize] += usize::from(is_new);
         }
     }
-    let held = |node: u32| network.interior_number()[node as usize] < 0;
-    let mut loose: Vec<u32> = network.interior().iter().copied().filter(|&node| degree[node as usize] == 1).collect();
+    let is_boundary = |node: u32| network.interior_number()[node as usize] < 0;
+    let mut dangling: Vec<u32> =
+        network.interior().iter().copied().filter(|&node| degree[node as usize] == 1).collect();
     let mut dropped = 0;
-    while let Some(node) = loose.pop() {
+    while let Some(node) = dangling.pop() {
         for &fiber in &fibers_at[node as usize] {
             // The fiber may already have been removed from its other end.
             if !std::mem::replace(&mut keep[fiber as usize], false) {
@@ -118,8 +119,8 @@ fn drop_dangling(network: &Network, keep: &mut [bool]) -> usize {
             }
             for end in [a, b] {
                 degree[end as usize] -= 1;
-                if degree[end as usize] == 1 && !held(end) {
-                    loose.push(end);
+                if degree[end as usize] == 1 && !is_boundary(end) {
+                    dangling.push(end);
                 }
             }
         }
@@ -157,6 +158,6 @@ fn restrict(network: &Network, nodes: &[u32], fibers: &[u32]) -> Result<Network,
     if network.materials().is_empty() {
         return Ok(restricted);
     }
-    let material_of = fibers.iter().map(|&fiber| network.reaction_of()[fiber as usize]).collect();
+    let material_of = fibers.iter().map(|&fiber| network.material_of()[fiber as usize]).collect();
     restricted.with_materials(network.materials().to_vec(), material_of)
 }

@@ -7,7 +7,7 @@ mod rigidity;
 
 pub use clean::{Cleaned, Removed, clean};
 pub use components::Component;
-pub use report::{NetworkReport, Spread, examine};
+pub use report::{NetworkReport, SummaryStatistics, examine};
 pub use rigidity::{MobileNode, Rigidity, RigidityError, rigidity, zero_modes};
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ use crate::fiber::orientation::{Weighting, principal, second_order_parameter, te
 /// Minimum, mean, maximum and standard deviation of a sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "app", derive(serde::Serialize))]
-pub struct Spread {
+pub struct SummaryStatistics {
     /// The minimum.
     pub min: f64,
     /// The mean.
@@ -20,7 +20,7 @@ pub struct Spread {
     pub deviation: f64,
 }
 
-impl Spread {
+impl SummaryStatistics {
     /// Returns `None` for an empty sample.
     fn of(values: &[f64]) -> Option<Self> {
         let count = values.len() as f64;
@@ -60,12 +60,12 @@ pub struct NetworkReport {
     /// Fibers with both ends on the boundary: they deform affinely and do not interact with the interior.
     pub boundary_fibers: usize,
     /// Length of the fibers.
-    pub length: Spread,
+    pub length: SummaryStatistics,
     /// Sum of the lengths. Since the volume of the cube is 1, this is also the density: fiber length per volume in
     /// 1/edge^2.
     pub total_length: f64,
     /// Number of fibers at an interior node; `None` if there is no interior node.
-    pub coordination: Option<Spread>,
+    pub coordination: Option<SummaryStatistics>,
     /// Number of interior nodes with 0, 1, 2, ... fibers.
     pub coordination_counts: Vec<usize>,
     /// `1/N sum n (x) n` over the fibers' directions.
@@ -114,8 +114,8 @@ pub fn examine(network: &Network) -> NetworkReport {
     for degree in interior_degrees() {
         coordination_counts[degree] += 1;
     }
-    let held = |node: u32| network.interior_number()[node as usize] < 0;
-    let boundary_fibers = fibers.iter().filter(|&&[a, b]| held(a) && held(b)).count();
+    let is_boundary = |node: u32| network.interior_number()[node as usize] < 0;
+    let boundary_fibers = fibers.iter().filter(|&&[a, b]| is_boundary(a) && is_boundary(b)).count();
     let free_dofs = 3 * network.interior().len();
     let roots = roots(network.nodes().len(), fibers.iter().copied());
     let [orientation, orientation_by_length] = orientations(network);
@@ -133,9 +133,9 @@ pub fn examine(network: &Network) -> NetworkReport {
         dangling_nodes: network.interior().iter().copied().filter(|&node| neighbors[node as usize] == 1).collect(),
         doubled_fibers: doubled.len(),
         boundary_fibers,
-        length: Spread::of(network.lengths()).unwrap_or_default(),
+        length: SummaryStatistics::of(network.lengths()).unwrap_or_default(),
         total_length: network.total_length(),
-        coordination: Spread::of(&coordination),
+        coordination: SummaryStatistics::of(&coordination),
         coordination_counts,
         orientation: rows(&orientation),
         orientation_by_length: rows(&orientation_by_length),

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::lines::{COMPARE, Line, Reading};
+use super::lines::{COMPARE, Line, Parser};
 use crate::fiber::network::geometry::{doubled, problems};
 use crate::fiber::network::{Cube, NetworkError};
 use crate::input::{InputError, InputErrors};
@@ -26,25 +26,25 @@ struct Sections<'l, 't> {
 }
 
 pub(super) fn parse(file: &Path, bytes: &[u8]) -> Result<Body, InputErrors> {
-    let mut reading = Reading::new(file);
-    let lines = reading.lines(bytes)?;
-    let sections = divide(&mut reading, &lines)?;
+    let mut parser = Parser::new(file);
+    let lines = parser.lines(bytes)?;
+    let sections = divide(&mut parser, &lines)?;
     let mut nodes = Vec::with_capacity(sections.nodes.len());
     for &line in sections.nodes {
-        let node = node(&mut reading, line);
-        nodes.extend(reading.keep(node)?);
+        let node = node(&mut parser, line);
+        nodes.extend(parser.ok_or_record(node)?);
     }
-    let fibers = pairs(&mut reading, sections.fibers, "the two nodes of a fiber: i j", 0, sections.nodes.len())?;
+    let fibers = pairs(&mut parser, sections.fibers, "the two nodes of a fiber: i j", 0, sections.nodes.len())?;
     let expected = "two paired nodes: a b, counted from 1";
-    let periodic = pairs(&mut reading, sections.periodic, expected, 1, sections.nodes.len())?;
-    reading.outcome()?;
-    let cube = cube(&reading, &nodes)?;
+    let periodic = pairs(&mut parser, sections.periodic, expected, 1, sections.nodes.len())?;
+    parser.outcome()?;
+    let cube = cube(&parser, &nodes)?;
     for problem in problems(cube, &nodes, &fibers) {
-        let error = explain(&reading, &sections, &problem);
-        reading.note(error)?;
+        let error = explain(&parser, &sections, &problem);
+        parser.record(error)?;
     }
-    reading.outcome()?;
-    let mut warnings = reading.warnings();
+    parser.outcome()?;
+    let mut warnings = parser.warnings();
     if !periodic.is_empty() {
         let (file, pairs) = (file.display(), periodic.len());
         warnings.push(format!("{file}: {pairs} periodic pairs are read but not used: the boundary moves affinely"));
@@ -61,15 +61,15 @@ pub(super) fn parse(file: &Path, bytes: &[u8]) -> Result<Body, InputErrors> {
 }
 
 /// Reads the header and compares it with the number of lines, before memory is allocated from its counts.
-fn divide<'l, 't>(reading: &mut Reading<'_>, lines: &'l [Line<'t>]) -> Result<Sections<'l, 't>, InputError> {
+fn divide<'l, 't>(parser: &mut Parser<'_>, lines: &'l [Line<'t>]) -> Result<Sections<'l, 't>, InputError> {
     let expected = "three counts: NODES FIBERS PERIODIC";
     let Some((&header, rest)) = lines.split_first() else {
-        return Err(InputError::in_file(reading.file, "the file is empty", expected, COMPARE));
+        return Err(InputError::in_file(parser.file, "the file is empty", expected, COMPARE));
     };
-    let words: [&str; 3] = reading.words(header, expected)?;
+    let words: [&str; 3] = parser.words(header, expected)?;
     let mut counts = [0; 3];
     for (count, word) in counts.iter_mut().zip(words) {
-        *count = reading.count(header, word)?;
+        *count = parser.count(header, word)?;
     }
     let announced = counts.iter().map(|&count| u128::from(count)).sum::<u128>();
     if announced != rest.len() as u128 {
@@ -81,13 +81,7 @@ fn divide<'l, 't>(reading: &mut Reading<'_>, lines: &'l [Line<'t>]) -> Result<Se
             rest.len(),
             rest.len() - three,
         );
-        let cure = if announced > rest.len() as u128 { "was the file cut short?" } else { "are there lines too many?" };
-        return Err(reading.error(
-            header.number,
-            what,
-            "one line for each thing counted",
-            format!("correct it; {cure}"),
-        ));
+        return Err(parser.wrong_line_count(header, what, announced, rest.len()));
     }
     // The counts sum to the number of lines in memory, so they fit in `usize`.
     let (nodes, rest) = rest.split_at(counts[0] as usize);
@@ -95,18 +89,18 @@ fn divide<'l, 't>(reading: &mut Reading<'_>, lines: &'l [Line<'t>]) -> Result<Se
     Ok(Sections { nodes, fibers, periodic })
 }
 
-fn node(reading: &mut Reading<'_>, line: Line<'_>) -> Result<[f64; 3], InputError> {
-    let words: [&str; 3] = reading.words(line, "the position of a node: x y z")?;
+fn node(parser: &mut Parser<'_>, line: Line<'_>) -> Result<[f64; 3], InputError> {
+    let words: [&str; 3] = parser.words(line, "the position of a node: x y z")?;
     let mut position = [0.0; 3];
     for (x, word) in position.iter_mut().zip(words) {
-        *x = reading.real(line, word)?;
+        *x = parser.real(line, word)?;
     }
     Ok(position)
 }
 
 /// Reads pairs of node numbers, counted from `base` in the file; returns them counted from 0.
 fn pairs(
-    reading: &mut Reading<'_>,
+    parser: &mut Parser<'_>,
     lines: &[Line<'_>],
     expected: &str,
     base: i64,
@@ -114,10 +108,10 @@ fn pairs(
 ) -> Result<Vec<[u32; 2]>, InputErrors> {
     let mut read: Vec<(Line<'_>, [i64; 2])> = Vec::with_capacity(lines.len());
     for &line in lines {
-        let words = reading.words(line, expected);
-        let Some([a, b]) = reading.keep(words)? else { continue };
-        let (a, b) = (reading.whole(line, a), reading.whole(line, b));
-        if let (Some(a), Some(b)) = (reading.keep(a)?, reading.keep(b)?) {
+        let words = parser.words(line, expected);
+        let Some([a, b]) = parser.ok_or_record(words)? else { continue };
+        let (a, b) = (parser.whole(line, a), parser.whole(line, b));
+        if let (Some(a), Some(b)) = (parser.ok_or_record(a)?, parser.ok_or_record(b)?) {
             read.push((line, [a, b]));
         }
     }
@@ -131,32 +125,32 @@ fn pairs(
             Some(&index) if from_one => {
                 let what = format!("node {index} of {nodes}: the whole file counts its nodes from 1");
                 let cure = "subtract 1 from every node number of the fibers";
-                reading.note(reading.error(line.number, what, "node numbers from 0", cure))?;
+                parser.record(parser.error(line.number, what, "node numbers from 0", cure))?;
                 break;
             }
             Some(&index) => {
                 let what = format!("there is no node {index}");
                 let cure = "correct the number, or the counts in the first line";
-                reading.note(reading.error(line.number, what, format!("nodes {base} to {last}"), cure))?;
+                parser.record(parser.error(line.number, what, format!("nodes {base} to {last}"), cure))?;
             }
         }
     }
     Ok(pairs)
 }
 
-fn cube(reading: &Reading<'_>, nodes: &[[f64; 3]]) -> Result<Cube, InputError> {
+fn cube(parser: &Parser<'_>, nodes: &[[f64; 3]]) -> Result<Cube, InputError> {
     Cube::around(nodes).map_err(|error| {
         let cure = "give a network that fills a cube; stretched boxes cannot be centered and scaled to the unit cube";
-        InputError::in_file(reading.file, error.to_string(), "edges alike within 1e-6 of the longest", cure)
+        InputError::in_file(parser.file, error.to_string(), "edges alike within 1e-6 of the longest", cure)
     })
 }
 
 /// Describes a problem of the geometry, with the lines that cause it.
-fn explain(reading: &Reading<'_>, sections: &Sections<'_, '_>, problem: &NetworkError) -> InputError {
+fn explain(parser: &Parser<'_>, sections: &Sections<'_, '_>, problem: &NetworkError) -> InputError {
     let node_line = |node: usize| sections.nodes.get(node).map_or(1, |line| line.number);
     let fiber_line = |fiber: usize| sections.fibers.get(fiber).map_or(1, |line| line.number);
     match *problem {
-        NetworkError::Loop { fiber, .. } => reading.error(
+        NetworkError::Loop { fiber, .. } => parser.error(
             fiber_line(fiber),
             problem.to_string(),
             "two different nodes",
@@ -165,15 +159,15 @@ fn explain(reading: &Reading<'_>, sections: &Sections<'_, '_>, problem: &Network
         NetworkError::ZeroLength { fiber, ends: [a, b], .. } => {
             let (first, second) = (node_line(a as usize), node_line(b as usize));
             let cure = format!("merge the two nodes, lines {first} and {second}, or move one");
-            reading.error(fiber_line(fiber), problem.to_string(), "a fiber of some length", cure)
+            parser.error(fiber_line(fiber), problem.to_string(), "a fiber of some length", cure)
         }
         NetworkError::SamePlace { first, second, .. } => {
             let cure = format!("merge the two, or move one; the other is on line {}", node_line(first));
-            reading.error(node_line(second), problem.to_string(), "every node at a place of its own", cure)
+            parser.error(node_line(second), problem.to_string(), "every node at a place of its own", cure)
         }
         NetworkError::NoFibers => {
-            reading.error(1, problem.to_string(), "at least one fiber", "generate the network again, with more points")
+            parser.error(1, problem.to_string(), "at least one fiber", "generate the network again, with more points")
         }
-        _ => InputError::in_file(reading.file, problem.to_string(), "a network in a cube", COMPARE),
+        _ => InputError::in_file(parser.file, problem.to_string(), "a network in a cube", COMPARE),
     }
 }

@@ -17,15 +17,15 @@ pub struct FiberTypes {
     /// The materials.
     pub materials: Vec<FiberMaterial>,
     /// Index into `materials` for every fiber of the network file.
-    pub type_of: Vec<u16>,
+    pub material_of: Vec<u16>,
 }
 
 impl FiberTypes {
     /// Returns the fiber types of a network; `None` if it has at most one material.
     #[must_use]
     pub fn of(network: &Network) -> Option<Self> {
-        let (materials, type_of) = (network.materials(), network.reaction_of());
-        (materials.len() > 1).then(|| Self { materials: materials.to_vec(), type_of: type_of.to_vec() })
+        let (materials, material_of) = (network.materials(), network.material_of());
+        (materials.len() > 1).then(|| Self { materials: materials.to_vec(), material_of: material_of.to_vec() })
     }
 
     /// Checks the list against the numbers of fibers and materials.
@@ -43,10 +43,10 @@ impl FiberTypes {
                 (format!("{} types of fibers", types.len()), format!("{fibers}, one for each fiber"));
             return Err(InputError::at_line(file, line, what, expected, "give the .toml file of this network"));
         }
-        let mut type_of = Vec::with_capacity(types.len());
+        let mut material_of = Vec::with_capacity(types.len());
         for number in &types {
             match u16::try_from(*number.get_ref()) {
-                Ok(small) if usize::from(small) < materials.len() => type_of.push(small),
+                Ok(small) if usize::from(small) < materials.len() => material_of.push(small),
                 _ => {
                     let (line, last) = (line_of(bytes, number.span().start), materials.len() - 1);
                     let what = format!("there is no fiber type {}", number.get_ref());
@@ -56,13 +56,13 @@ impl FiberTypes {
                 }
             }
         }
-        Ok(Self { materials, type_of })
+        Ok(Self { materials, material_of })
     }
 
     /// Appends the list to the text of the file, in rows.
     pub(super) fn list(&self, text: &mut String) {
         text.push_str("\n[fibers]\ntypes = [\n");
-        for row in self.type_of.chunks(40) {
+        for row in self.material_of.chunks(40) {
             let row: Vec<String> = row.iter().map(u16::to_string).collect();
             // Writing to a string cannot fail.
             let _ = writeln!(text, "    {},", row.join(", "));
@@ -94,8 +94,8 @@ mod tests {
             Law::Exponential { youngs_modulus: 1e7, nonlinearity: 1.2 }.with_buckling(0.1, 0.02),
         ];
         let materials: Vec<FiberMaterial> = laws.map(|law| FiberMaterial { law, radius: 5e-8, density: None }).into();
-        let type_of: Vec<u16> = (0..150).map(|k| k % 3).collect();
-        let types = FiberTypes { materials, type_of };
+        let material_of: Vec<u16> = (0..150).map(|k| k % 3).collect();
+        let types = FiberTypes { materials, material_of };
         let sidecar = Sidecar { fiber_types: Some(types), length_unit: Some("m".into()), ..Sidecar::default() };
         sidecar.write_beside(&network).unwrap();
         assert_eq!(read_beside(&network, 150).unwrap(), Some(sidecar.clone()));

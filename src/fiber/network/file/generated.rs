@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::fiber::network::generate::{Alignment, GenerateError, Kind, Recipe};
+use crate::fiber::network::generate::{Alignment, GenerateError, GeneratorParams, Kind};
 
 /// The parameters of the generator. An absent parameter was not requested.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -23,6 +23,10 @@ pub struct Generated {
     /// Nodes joined by a fiber shorter than this fraction of the mean spacing were merged.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub merge: Option<f64>,
+    /// The minimum distance between two points over the mean spacing, if it is not the default of
+    /// [`GeneratorParams::new`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub min_distance: Option<f64>,
     /// Fibers shorter than this fraction of the cube's edge were removed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shorter_than: Option<f64>,
@@ -35,31 +39,45 @@ impl Generated {
     #[must_use]
     pub fn new(kind: &str, points: usize, seed: u64) -> Self {
         let program = concat!("biotissue ", env!("CARGO_PKG_VERSION")).into();
-        Self { kind: kind.into(), points, seed, align: None, strength: None, merge: None, shorter_than: None, program }
-    }
-
-    /// Parameters for this version of the program, from a recipe.
-    #[must_use]
-    pub fn by(recipe: &Recipe, points: usize) -> Self {
         Self {
-            align: recipe.alignment.map(|alignment| alignment.direction()),
-            strength: recipe.alignment.map(|alignment| alignment.strength()),
-            merge: (recipe.merge > 0.0).then_some(recipe.merge),
-            shorter_than: recipe.shorter_than,
-            ..Self::new(recipe.kind.name(), points, recipe.seed)
+            kind: kind.into(),
+            points,
+            seed,
+            align: None,
+            strength: None,
+            merge: None,
+            min_distance: None,
+            shorter_than: None,
+            program,
         }
     }
 
-    /// Returns the recipe; `None` if the kind is unknown. It gives the same network for the same number of points,
-    /// provided that [`Recipe::apart`] had its default, since the sidecar does not store it.
+    /// Parameters for this version of the program, from those of the generator.
+    #[must_use]
+    pub fn by(params: &GeneratorParams, points: usize) -> Self {
+        let plain = GeneratorParams::new(params.kind, params.seed);
+        Self {
+            align: params.alignment.map(|alignment| alignment.direction()),
+            strength: params.alignment.map(|alignment| alignment.strength()),
+            merge: (params.merge_length > 0.0).then_some(params.merge_length),
+            min_distance: (params.min_distance != plain.min_distance).then_some(params.min_distance),
+            shorter_than: params.min_length,
+            ..Self::new(params.kind.name(), points, params.seed)
+        }
+    }
+
+    /// Returns the parameters of the generator; `None` if the kind is unknown. They give the same network for the same
+    /// number of points.
     ///
     /// # Errors
     /// Returns [`GenerateError`] if the direction or the strength is out of range.
-    pub fn recipe(&self) -> Result<Option<Recipe>, GenerateError> {
+    pub fn params(&self) -> Result<Option<GeneratorParams>, GenerateError> {
         let Some(kind) = Kind::ALL.into_iter().find(|kind| kind.name() == self.kind) else { return Ok(None) };
         let alignment = self.align.map(|align| Alignment::new(align, self.strength.unwrap_or(0.0))).transpose()?;
-        let (merge, shorter_than) = (self.merge.unwrap_or(0.0), self.shorter_than);
-        Ok(Some(Recipe { merge, alignment, shorter_than, ..Recipe::new(kind, self.seed) }))
+        let (merge_length, min_length) = (self.merge.unwrap_or(0.0), self.shorter_than);
+        let plain = GeneratorParams::new(kind, self.seed);
+        let min_distance = self.min_distance.unwrap_or(plain.min_distance);
+        Ok(Some(GeneratorParams { min_distance, merge_length, alignment, min_length, ..plain }))
     }
 }
 
@@ -70,16 +88,23 @@ mod tests {
     #[test]
     fn what_is_written_makes_the_network_again() {
         let alignment = Some(Alignment::new([1.0, 0.1, -0.2], 0.3).unwrap());
-        let plain = Recipe::new(Kind::Delaunay, 7);
-        let special = Recipe { alignment, shorter_than: Some(0.02), ..Recipe::new(Kind::Voronoi, 3) };
-        for recipe in [plain, special, Recipe { merge: 0.0, ..special }] {
-            let text = toml::to_string(&Generated::by(&recipe, 20)).unwrap();
+        let plain = GeneratorParams::new(Kind::Delaunay, 7);
+        let special = GeneratorParams { alignment, min_length: Some(0.02), ..GeneratorParams::new(Kind::Voronoi, 3) };
+        let near = GeneratorParams { min_distance: 0.05, ..plain };
+        for params in [
+            plain,
+            special,
+            GeneratorParams { merge_length: 0.0, ..special },
+            near,
+            GeneratorParams { min_distance: 0.0, ..plain },
+        ] {
+            let text = toml::to_string(&Generated::by(&params, 20)).unwrap();
             let read: Generated = toml::from_str(&text).unwrap();
-            let again = read.recipe().unwrap().unwrap();
-            assert_eq!(again, recipe);
-            assert_eq!(again.of_points(read.points).unwrap(), recipe.of_points(20).unwrap());
+            let again = read.params().unwrap().unwrap();
+            assert_eq!(again, params);
+            assert_eq!(again.of_points(read.points).unwrap(), params.of_points(20).unwrap());
         }
-        assert_eq!(Generated::new("gel", 1, 1).recipe().unwrap(), None);
-        assert!(Generated { align: Some([0.0; 3]), ..Generated::new("voronoi", 1, 1) }.recipe().is_err());
+        assert_eq!(Generated::new("gel", 1, 1).params().unwrap(), None);
+        assert!(Generated { align: Some([0.0; 3]), ..Generated::new("voronoi", 1, 1) }.params().is_err());
     }
 }

@@ -1,4 +1,4 @@
-//! Reading of text files of whitespace-separated numbers: nonblank lines, and errors with their lines.
+//! Parser of text files of whitespace-separated numbers: nonblank lines, and errors with their lines.
 
 use std::path::Path;
 
@@ -14,14 +14,14 @@ pub(super) struct Line<'a> {
 
 /// A file being read, with the errors and warnings found so far.
 #[derive(Debug)]
-pub(super) struct Reading<'a> {
+pub(super) struct Parser<'a> {
     pub(super) file: &'a Path,
     errors: Vec<InputError>,
     /// Number of lines with extra numbers, and the first of these lines.
     trailing: Option<(usize, usize)>,
 }
 
-impl<'a> Reading<'a> {
+impl<'a> Parser<'a> {
     pub(super) fn new(file: &'a Path) -> Self {
         Self { file, errors: Vec::new(), trailing: None }
     }
@@ -50,17 +50,30 @@ impl<'a> Reading<'a> {
         InputError::at_line(self.file, line, what, expected, cure)
     }
 
-    /// Records an error; returns an `Err`, which ends the reading, when there are too many.
-    pub(super) fn note(&mut self, error: InputError) -> Result<(), InputErrors> {
+    /// Makes the error of a header that announces another number of lines than the `following` ones.
+    pub(super) fn wrong_line_count(
+        &self,
+        header: Line<'_>,
+        what: String,
+        announced: u128,
+        following: usize,
+    ) -> InputError {
+        let missing = announced > following as u128;
+        let cure = if missing { "was the file cut short?" } else { "are there lines too many?" };
+        self.error(header.number, what, "one line for each thing counted", format!("correct it; {cure}"))
+    }
+
+    /// Records an error; returns an `Err`, which ends the parser, when there are too many.
+    pub(super) fn record(&mut self, error: InputError) -> Result<(), InputErrors> {
         self.errors.push(error);
         if self.errors.len() < MOST_SHOWN { Ok(()) } else { self.outcome() }
     }
 
     /// Returns the value, or `None` after recording the error.
-    pub(super) fn keep<T>(&mut self, value: Result<T, InputError>) -> Result<Option<T>, InputErrors> {
+    pub(super) fn ok_or_record<T>(&mut self, value: Result<T, InputError>) -> Result<Option<T>, InputErrors> {
         match value {
             Ok(value) => Ok(Some(value)),
-            Err(error) => self.note(error).map(|()| None),
+            Err(error) => self.record(error).map(|()| None),
         }
     }
 
@@ -69,7 +82,7 @@ impl<'a> Reading<'a> {
         if self.errors.is_empty() { Ok(()) } else { Err(InputErrors(std::mem::take(&mut self.errors))) }
     }
 
-    /// Returns the irregularities that did not prevent reading.
+    /// Returns the irregularities that did not prevent parser.
     pub(super) fn warnings(&self) -> Vec<String> {
         let text = self.trailing.map(|(lines, first)| {
             let (file, those) = (self.file.display(), if lines == 1 { "line has" } else { "lines have" });

@@ -2,9 +2,9 @@
 
 mod body;
 #[cfg(feature = "app")]
-pub mod family;
-#[cfg(feature = "app")]
 mod fiber_types;
+#[cfg(feature = "app")]
+pub mod file_set;
 #[cfg(feature = "app")]
 mod generated;
 mod lines;
@@ -84,7 +84,7 @@ pub fn read(path: &Path) -> Result<NetworkFile, InputErrors> {
         let params = params::parse(&params_file, &bytes, network.fibers().len())?;
         warnings.extend(params.warnings);
         network = network
-            .with_materials(params.materials, params.reaction_of)
+            .with_materials(params.materials, params.material_of)
             .map_err(|error| InputError::in_file(&params_file, error.to_string(), "materials", lines::COMPARE))?;
     }
     #[cfg(feature = "app")]
@@ -111,21 +111,21 @@ fn take_laws(
     path: &Path,
     warnings: &mut Vec<String>,
 ) -> Result<Network, InputError> {
-    let (materials, type_of) = match (&sidecar.fiber_types, &sidecar.material) {
-        (Some(types), _) => (types.materials.clone(), types.type_of.clone()),
+    let (materials, material_of) = match (&sidecar.fiber_types, &sidecar.material) {
+        (Some(types), _) => (types.materials.clone(), types.material_of.clone()),
         (None, Some(material)) => (vec![material.clone()], vec![0; network.fibers().len()]),
         (None, None) => return Ok(network),
     };
     if network.materials().is_empty() {
         let file = write::beside(path, ".toml");
         return network
-            .with_materials(materials, type_of)
+            .with_materials(materials, material_of)
             .map_err(|error| InputError::in_file(&file, error.to_string(), "materials", lines::COMPARE));
     }
     let same = |(a, b): (&FiberMaterial, &FiberMaterial)| a.law == b.law && a.radius == b.radius;
     let alike = network.materials().len() == materials.len()
         && network.materials().iter().zip(&materials).all(same)
-        && network.reaction_of() == type_of;
+        && network.material_of() == material_of;
     if !alike {
         let file = path.display();
         warnings.push(format!("{file}.toml: its law differs from that of {file}.params, which counts"));

@@ -1,51 +1,115 @@
 //! A fiber law by name with its parameters, as given in a sidecar or on a command line.
 
+use std::collections::BTreeMap;
+use std::fmt;
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 
-use serde::{Deserialize, Serialize};
+use serde::de::{Error as _, MapAccess, Visitor};
+use serde::ser::SerializeMap;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use crate::fiber::law::{BUCKLING_STRAIN, COMPRESSION, FiberMaterial, Law, Table, TableError};
+use crate::fiber::law::{
+    BUCKLING, BUCKLING_STRAIN, COMPRESSION, FiberMaterial, Law, LawName, Parameter, ParameterRange, RADIUS, Table,
+    TableError, YOUNGS_MODULUS, formula_parameters,
+};
 use crate::input::InputErrors;
 
-/// A fiber law by name with its parameters, as given in a sidecar or on a command line.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+/// A fiber law by name with its parameters, as given in a sidecar or on a command line; not yet checked.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct NamedLaw {
-    /// `linear`, `exponential`, `exponential-stretch` or `table`.
+    /// One of the names of [`LawName`].
     pub name: String,
-    /// `E` in Pa, for all laws except `table`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub youngs_modulus: Option<f64>,
     /// Radius of the circular cross-section in m.
     pub radius: f64,
-    /// `B`, for the exponential laws.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub nonlinearity: Option<f64>,
-    /// `lambda_t`, for `exponential-stretch`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub transition: Option<f64>,
+    /// The values of the parameters of the law and of [`BUCKLING`], by their names.
+    values: BTreeMap<&'static str, f64>,
     /// The CSV file of a `table`.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub file: Option<PathBuf>,
     /// The points of a `table`, as an alternative to a file: stretch and nominal stress in Pa.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub points: Option<Vec<[f64; 2]>>,
-    /// Residual stiffness in compression over `E`, for any law.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub compression: Option<f64>,
-    /// The compressive strain over which the stiffness falls to its residual, for any law.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub buckling_strain: Option<f64>,
     /// Mass density in kg/m^3.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub density: Option<f64>,
+}
+
+/// The keys of the table of a law, in the order in which they are written.
+static KEYS: LazyLock<Vec<&'static str>> = LazyLock::new(|| {
+    let mut keys: Vec<_> = formula_parameters().iter().map(|parameter| parameter.name).collect();
+    keys.insert(1, RADIUS.name);
+    keys.insert(0, "name");
+    keys.extend(["file", "points"]);
+    keys.extend(BUCKLING.iter().map(|parameter| parameter.name));
+    keys.push("density");
+    keys
+});
+
+/// A key of the table of a law.
+struct Key(&'static str);
+
+impl<'de> Deserialize<'de> for Key {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let text = String::deserialize(deserializer)?;
+        let key = KEYS.iter().find(|&&key| key == text);
+        key.copied().map(Self).ok_or_else(|| D::Error::unknown_field(&text, &KEYS))
+    }
+}
+
+impl<'de> Deserialize<'de> for NamedLaw {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_map(LawVisitor)
+    }
+}
+
+struct LawVisitor;
+
+impl<'de> Visitor<'de> for LawVisitor {
+    type Value = NamedLaw;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a fiber law")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<NamedLaw, A::Error> {
+        let (mut name, mut radius, mut law) = (None, None, NamedLaw::default());
+        while let Some(Key(key)) = map.next_key()? {
+            match key {
+                "name" => name = Some(map.next_value()?),
+                "radius" => radius = Some(map.next_value()?),
+                "file" => law.file = map.next_value()?,
+                "points" => law.points = map.next_value()?,
+                "density" => law.density = map.next_value()?,
+                key => law.values.extend(map.next_value::<Option<f64>>()?.map(|value| (key, value))),
+            }
+        }
+        law.name = name.ok_or_else(|| A::Error::missing_field("name"))?;
+        law.radius = radius.ok_or_else(|| A::Error::missing_field("radius"))?;
+        Ok(law)
+    }
+}
+
+impl Serialize for NamedLaw {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(None)?;
+        for &key in &*KEYS {
+            match (key, &self.file, &self.points, self.density, self.values.get(key)) {
+                ("name", ..) => map.serialize_entry(key, &self.name)?,
+                ("radius", ..) => map.serialize_entry(key, &self.radius)?,
+                ("file", Some(file), ..) => map.serialize_entry(key, file)?,
+                ("points", _, Some(points), ..) => map.serialize_entry(key, points)?,
+                ("density", .., Some(density), _) => map.serialize_entry(key, &density)?,
+                (.., Some(value)) => map.serialize_entry(key, value)?,
+                _ => {}
+            }
+        }
+        map.end()
+    }
 }
 
 /// The reason why named parameters do not define a fiber law.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum NamedLawError {
     /// There is no law with this name.
-    #[error("there is no law `{name}`; known are linear, exponential, exponential-stretch and table")]
+    #[error("there is no law `{name}`; known are {}", known_laws())]
     Name {
         /// The name given.
         name: String,
@@ -67,14 +131,14 @@ pub enum NamedLawError {
         parameter: &'static str,
     },
     /// A parameter is out of range.
-    #[error("the {parameter} is {value}, but must be finite and {bound}")]
+    #[error("the {parameter} is {value}, but must be finite and {range}")]
     Range {
         /// The parameter.
         parameter: &'static str,
         /// Its value.
         value: f64,
-        /// The valid range, such as `above 0` or `at least 1`.
-        bound: &'static str,
+        /// The admissible values.
+        range: ParameterRange,
     },
     /// A table has both a file and points.
     #[error("the law `table` has both a file and points")]
@@ -102,62 +166,67 @@ impl NamedLawError {
     }
 }
 
+/// Formats the names of the laws: `a, b and c`.
+fn known_laws() -> String {
+    let names: Vec<_> = LawName::all().map(LawName::as_str).collect();
+    names.split_last().map_or_else(String::new, |(last, others)| format!("{} and {last}", others.join(", ")))
+}
+
 impl NamedLaw {
+    /// Makes a law without parameters.
+    #[must_use]
+    pub fn new(name: &str, radius: f64) -> Self {
+        Self { name: name.into(), radius, ..Self::default() }
+    }
+
+    /// Sets the value of a parameter.
+    pub fn set(&mut self, parameter: &Parameter, value: f64) {
+        self.values.insert(parameter.name, value);
+    }
+
+    /// Returns the law with this value of a parameter.
+    #[must_use]
+    pub fn with(mut self, parameter: &Parameter, value: f64) -> Self {
+        self.set(parameter, value);
+        self
+    }
+
+    /// Returns the value of a parameter, if it is given.
+    #[must_use]
+    pub fn get(&self, parameter: &Parameter) -> Option<f64> {
+        self.values.get(parameter.name).copied()
+    }
+
     /// Returns the material with checked parameters; the file of a table is relative to the folder `base`.
     ///
     /// # Errors
     /// Returns [`NamedLawError`] if the name is unknown, a parameter is missing, needless or out of range, or the table
     /// is invalid.
     pub fn material(&self, base: &Path) -> Result<FiberMaterial, NamedLawError> {
-        let law = self.law(base)?;
-        let law = match (self.compression, self.buckling_strain) {
-            (None, None) => law,
-            (compression, strain) => {
-                let compression = compression.unwrap_or(COMPRESSION);
-                let fits = (0.0..=1.0).contains(&compression);
-                in_range("compression", compression, fits, "from 0 to 1")?;
-                law.with_buckling(compression, above_zero("buckling_strain", strain.unwrap_or(BUCKLING_STRAIN))?)
-            }
-        };
-        let radius = above_zero("radius", self.radius)?;
+        let name = LawName::find(&self.name).ok_or_else(|| NamedLawError::Name { name: self.name.clone() })?;
+        let mut law = self.law(name, base)?;
+        if BUCKLING.iter().any(|parameter| self.get(parameter).is_some()) {
+            law = law.with_buckling(self.value(name, &COMPRESSION)?, self.value(name, &BUCKLING_STRAIN)?);
+        }
+        let radius = in_range("radius", self.radius, RADIUS.range)?;
         if let Some(density) = self.density {
-            in_range("density", density, density >= 0.0, "at least 0")?;
+            in_range("density", density, ParameterRange::AtLeast(0.0))?;
         }
         Ok(FiberMaterial { law, radius, density: self.density })
     }
 
-    fn law(&self, base: &Path) -> Result<Law, NamedLawError> {
-        let modulus = |law| {
-            absent(law, "file", self.file.is_some())?;
-            absent(law, "points", self.points.is_some())?;
-            above_zero("youngs_modulus", present(law, "youngs_modulus", self.youngs_modulus)?)
-        };
-        let nonlinearity = |law| above_zero("nonlinearity", present(law, "nonlinearity", self.nonlinearity)?);
-        match self.name.as_str() {
-            "linear" => {
-                absent("linear", "nonlinearity", self.nonlinearity.is_some())?;
-                absent("linear", "transition", self.transition.is_some())?;
-                Ok(Law::Linear { youngs_modulus: modulus("linear")? })
+    fn law(&self, name: LawName, base: &Path) -> Result<Law, NamedLawError> {
+        let needless = |parameter| Err(NamedLawError::Needless { law: name.as_str(), parameter });
+        for parameter in formula_parameters() {
+            if self.get(parameter).is_some() && !name.parameters().contains(parameter) {
+                return needless(parameter.name);
             }
-            "exponential" => {
-                absent("exponential", "transition", self.transition.is_some())?;
-                let youngs_modulus = modulus("exponential")?;
-                Ok(Law::Exponential { youngs_modulus, nonlinearity: nonlinearity("exponential")? })
-            }
-            "exponential-stretch" => {
-                let youngs_modulus = modulus("exponential-stretch")?;
-                let nonlinearity = nonlinearity("exponential-stretch")?;
-                let transition = present("exponential-stretch", "transition", self.transition)?;
-                let transition = in_range("transition", transition, transition >= 1.0, "at least 1")?;
-                Ok(Law::ExponentialStretch { youngs_modulus, nonlinearity, transition })
-            }
-            "table" => {
-                absent("table", "youngs_modulus", self.youngs_modulus.is_some())?;
-                absent("table", "nonlinearity", self.nonlinearity.is_some())?;
-                absent("table", "transition", self.transition.is_some())?;
-                self.table(base).map(Law::table)
-            }
-            name => Err(NamedLawError::Name { name: name.into() }),
+        }
+        match name {
+            LawName::Formula(_) if self.file.is_some() => needless("file"),
+            LawName::Formula(_) if self.points.is_some() => needless("points"),
+            LawName::Formula(formula) => formula.law(|parameter| self.value(name, parameter)),
+            LawName::Table => self.table(base).map(Law::table),
         }
     }
 
@@ -168,6 +237,12 @@ impl NamedLaw {
             (Some(_), Some(_)) => Err(NamedLawError::TwoTables),
             (None, None) => Err(NamedLawError::Missing { law: "table", parameter: "file" }),
         }
+    }
+
+    /// Returns the checked value of a parameter, or its default.
+    fn value(&self, law: LawName, parameter: &'static Parameter) -> Result<f64, NamedLawError> {
+        let missing = || NamedLawError::Missing { law: law.as_str(), parameter: parameter.name };
+        in_range(parameter.name, self.get(parameter).or(parameter.default).ok_or_else(missing)?, parameter.range)
     }
 
     /// Returns true if the law can be read back; a custom law can be displayed but not read.
@@ -190,42 +265,20 @@ impl From<&FiberMaterial> for NamedLaw {
 impl From<&Law> for NamedLaw {
     /// Leaves the radius at 0, since it is not part of the law.
     fn from(law: &Law) -> Self {
-        let mut named = Self { name: law.name().into(), ..Self::default() };
-        match law {
-            Law::Linear { youngs_modulus } => named.youngs_modulus = Some(*youngs_modulus),
-            Law::Exponential { youngs_modulus, nonlinearity } => {
-                named.youngs_modulus = Some(*youngs_modulus);
-                named.nonlinearity = Some(*nonlinearity);
-            }
-            Law::ExponentialStretch { youngs_modulus, nonlinearity, transition } => {
-                named.youngs_modulus = Some(*youngs_modulus);
-                named.nonlinearity = Some(*nonlinearity);
-                named.transition = Some(*transition);
-            }
-            Law::Table(table) => named.points = Some(table.points().to_vec()),
-            Law::Buckling { law, compression, buckling_strain } => {
-                named = Self::from(&**law);
-                named.compression = Some(*compression);
-                named.buckling_strain = Some(*buckling_strain);
-            }
-            Law::Custom(law) => named.youngs_modulus = Some(law.law().youngs_modulus()),
+        let named = Self::new(law.name(), 0.0);
+        if let Some((formula, values)) = law.formula() {
+            return formula.parameters().iter().zip(values).fold(named, |named, (p, value)| named.with(p, value));
         }
-        named
+        match law {
+            Law::Table(table) => Self { points: Some(table.points().to_vec()), ..named },
+            Law::Buckling { law, compression, buckling_strain } => {
+                Self::from(&**law).with(&COMPRESSION, *compression).with(&BUCKLING_STRAIN, *buckling_strain)
+            }
+            law => named.with(&YOUNGS_MODULUS, law.youngs_modulus()),
+        }
     }
 }
 
-fn in_range(parameter: &'static str, value: f64, holds: bool, bound: &'static str) -> Result<f64, NamedLawError> {
-    if holds && value.is_finite() { Ok(value) } else { Err(NamedLawError::Range { parameter, value, bound }) }
-}
-
-fn above_zero(parameter: &'static str, value: f64) -> Result<f64, NamedLawError> {
-    in_range(parameter, value, value > 0.0, "above 0")
-}
-
-fn present(law: &'static str, parameter: &'static str, value: Option<f64>) -> Result<f64, NamedLawError> {
-    value.ok_or(NamedLawError::Missing { law, parameter })
-}
-
-fn absent(law: &'static str, parameter: &'static str, given: bool) -> Result<(), NamedLawError> {
-    if given { Err(NamedLawError::Needless { law, parameter }) } else { Ok(()) }
+fn in_range(parameter: &'static str, value: f64, range: ParameterRange) -> Result<f64, NamedLawError> {
+    if range.contains(value) { Ok(value) } else { Err(NamedLawError::Range { parameter, value, range }) }
 }

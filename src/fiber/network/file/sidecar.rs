@@ -8,6 +8,7 @@
 //! merge = 0.05                         # nodes closer than this fraction of the mean spacing were merged
 //! align = [1.0, 0.0, 0.0]              # only if the fibers have a preferred direction, with
 //! strength = 0.4                       # the requested order parameter P2
+//! min_distance = 0.1                   # only if it is not 0.2: of the points, as a fraction of the mean spacing
 //! shorter_than = 0.01                  # only if fibers shorter than this fraction of the edge were removed
 //! program = "biotissue 0.1.0"
 //!
@@ -270,30 +271,39 @@ pub(super) fn parse(file: &Path, bytes: &[u8], fibers: usize) -> Result<Sidecar,
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn law(name: &str, nonlinearity: Option<f64>, transition: Option<f64>) -> NamedLaw {
-        let youngs_modulus = Some(1e8);
-        NamedLaw { name: name.into(), youngs_modulus, radius: 5e-8, nonlinearity, transition, ..NamedLaw::default() }
-    }
+    use crate::fiber::law::{BUCKLING_STRAIN, COMPRESSION, FormulaLaw, Parameter, ParameterRange};
 
     fn table() -> NamedLaw {
         let points = vec![[0.9, -1e6 / 3.0], [1.0, 0.0], [1.0 + 1.0 / 3.0, 2e6]];
-        NamedLaw { name: "table".into(), radius: 5e-8, points: Some(points), ..NamedLaw::default() }
+        let mut law = NamedLaw::new("table", 5e-8);
+        law.points = Some(points);
+        law
+    }
+
+    /// A valid value of a parameter.
+    fn example(parameter: &Parameter) -> f64 {
+        match parameter.range {
+            ParameterRange::Above(low) | ParameterRange::AtLeast(low) => low + 1.2,
+            ParameterRange::FromTo(low, high) => 0.5 * (low + high),
+        }
     }
 
     #[test]
     fn what_is_written_reads_back_the_same() {
         let folder = tempfile::tempdir().unwrap();
         let network = folder.path().join("net.txt");
-        for law in [
-            law("linear", None, None),
-            law("exponential", Some(1.2), None),
-            law("exponential-stretch", Some(0.1), Some(1.4)),
-            NamedLaw { compression: Some(0.0), ..law("exponential", Some(0.1), None) },
-            NamedLaw { compression: Some(0.1), buckling_strain: Some(0.3), ..law("linear", None, None) },
-            table(),
-            NamedLaw { buckling_strain: Some(1e-3), ..table() },
-        ] {
+        let formulas = FormulaLaw::ALL.iter().map(|formula| {
+            let law = NamedLaw::new(formula.name(), 5e-8);
+            formula.parameters().iter().fold(law, |law, parameter| law.with(parameter, example(parameter)))
+        });
+        for law in formulas.chain([table()]).flat_map(|law| {
+            let buckling = [
+                law.clone().with(&COMPRESSION, 0.0),
+                law.clone().with(&BUCKLING_STRAIN, 1e-3),
+                law.clone().with(&COMPRESSION, 0.1).with(&BUCKLING_STRAIN, 0.3),
+            ];
+            [law].into_iter().chain(buckling)
+        }) {
             let sidecar = Sidecar {
                 generated: Some(Generated { seed: i64::MAX as u64, ..Generated::new("delaunay", 60, 1) }),
                 length_unit: Some("edge of the cube".into()),
@@ -327,7 +337,7 @@ mod tests {
         let cases = [
             (
                 "[generated]\nkind = \"delaunay\"\npoints = 3\nseed = 1\nprogram = \"p\"\nsede = 1\n",
-                "n.toml:6: unknown field `sede`, expected one of `kind`, `points`, `seed`, `align`, `strength`, `merge`, `shorter_than`, `program`",
+                "n.toml:6: unknown field `sede`, expected one of `kind`, `points`, `seed`, `align`, `strength`, `merge`, `min_distance`, `shorter_than`, `program`",
             ),
             ("[law]\nname = \"linear\"\nradius = 1\n", "n.toml:1: the law `linear` needs a youngs_modulus"),
             (

@@ -304,7 +304,7 @@ fn a_network_comes_with_the_materials_beside_it() {
     assert!(bare.network.materials().is_empty());
     std::fs::write(folder.path().join("net.txt.params"), GOOD_PARAMS).unwrap();
     let full = read(&path).unwrap();
-    assert_eq!(full.network.reaction_of(), [0, 1, 0, 1, 0, 1, 0, 1]);
+    assert_eq!(full.network.material_of(), [0, 1, 0, 1, 0, 1, 0, 1]);
     let law = Law::ExponentialStretch { youngs_modulus: 1e8, nonlinearity: 1.2, transition: 1.4 };
     assert_eq!(full.network.materials()[1], FiberMaterial { law, radius: 5e-8, density: Some(1000.0) });
     // Writing and reading again gives the same materials.
@@ -313,7 +313,7 @@ fn a_network_comes_with_the_materials_beside_it() {
     write_params(&copy, &full.network).unwrap();
     let again = read(&copy).unwrap();
     assert_eq!(again.network.materials(), full.network.materials());
-    assert_eq!(again.network.reaction_of(), full.network.reaction_of());
+    assert_eq!(again.network.material_of(), full.network.material_of());
     assert_eq!(again.network.nodes(), full.network.nodes());
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 4, "a temporary file was left behind");
 }

@@ -15,7 +15,7 @@ use super::GenerateError;
 use super::portable::{atan, cbrt};
 
 /// The maximum strength: at 0.95 the network is stretched 47 times more along the axis than across it.
-pub const GREATEST_STRENGTH: f64 = 0.95;
+pub const MAX_STRENGTH: f64 = 0.95;
 
 /// A preferred direction of fibers.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,8 +36,8 @@ impl Alignment {
         if !(longest > 0.0 && direction.iter().all(|x| x.is_finite())) {
             return Err(GenerateError::Direction { direction });
         }
-        if !(0.0..=GREATEST_STRENGTH).contains(&strength) {
-            return Err(GenerateError::Strength { strength, most: GREATEST_STRENGTH });
+        if !(0.0..=MAX_STRENGTH).contains(&strength) {
+            return Err(GenerateError::Strength { strength, most: MAX_STRENGTH });
         }
         Ok(Self { direction, strength })
     }

@@ -18,12 +18,12 @@ pub(super) struct Clipped {
     pub(super) nodes: Vec<[f64; 3]>,
     /// The fibers.
     pub(super) fibers: Vec<[u32; 2]>,
-    /// Whether a node is a cut, that is, lies on a face.
-    pub(super) cut: Vec<bool>,
+    /// Whether a node is a boundary node: on a face.
+    pub(super) on_face: Vec<bool>,
 }
 
 impl Graph {
-    /// Clips the edges at the faces of the unit cube; the inner nodes come first, then the cuts.
+    /// Clips the edges at the faces of the unit cube; the inner nodes come first, then those on the faces.
     pub(super) fn clip(&self) -> Clipped {
         let mut nodes: Vec<[f64; 3]> = self.places[..self.inner].to_vec();
         let mut fibers = Vec::with_capacity(self.edges.len());
@@ -36,8 +36,8 @@ impl Graph {
             };
             fibers.push([a as u32, end as u32]);
         }
-        let cut = (0..nodes.len()).map(|node| node >= self.inner).collect();
-        Clipped { nodes, fibers, cut }
+        let on_face = (0..nodes.len()).map(|node| node >= self.inner).collect();
+        Clipped { nodes, fibers, on_face }
     }
 }
 

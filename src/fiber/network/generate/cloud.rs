@@ -5,7 +5,7 @@ use rand_chacha::rand_core::{RngCore, SeedableRng};
 
 use super::alignment::Stretch;
 use super::portable::cbrt;
-use super::{GenerateError, Recipe};
+use super::{GenerateError, GeneratorParams};
 use crate::fiber::network::proximity::Proximity;
 
 /// Thickness of the layer of points around the cube, in mean spacings. Points beyond the layer would change an edge of
@@ -32,20 +32,21 @@ pub(super) struct Cloud {
 impl Cloud {
     /// Places `points` points in the cube and points of the same density in the layer, whose thickness is that of the
     /// stretched image of a ball of [`MARGIN`] spacings.
-    pub(super) fn place(recipe: &Recipe, points: usize) -> Result<Self, GenerateError> {
+    pub(super) fn place(params: &GeneratorParams, points: usize) -> Result<Self, GenerateError> {
         let spacing = cbrt(points as f64).recip();
-        let apart = recipe.apart * spacing;
-        let stretch = Stretch::of(recipe.alignment.as_ref());
+        let min_distance = params.min_distance * spacing;
+        let stretch = Stretch::of(params.alignment.as_ref());
         let reach = stretch.reach();
         let half = reach.map(|reach| 0.5 + MARGIN * spacing * reach); // half edges of cube and layer
         let around = points as f64 * ((2.0 * half[0]) * (2.0 * half[1]) * (2.0 * half[2]) - 1.0);
         let total = points + around.round() as usize;
         // Distances across the axis shrink, so that fibers may end closer to a face.
-        let gap = reach.map(|reach| apart * reach.min(1.0));
-        let mut random = ChaCha8Rng::seed_from_u64(recipe.seed);
+        let gap = reach.map(|reach| min_distance * reach.min(1.0));
+        let mut random = ChaCha8Rng::seed_from_u64(params.seed);
         let mut cloud = Self { points: Vec::new(), places: Vec::new(), inner: points, spacing, stretch };
-        // A positive radius is needed even for `apart = 0`: two points at the same position cannot be triangulated.
-        let mut taken = Proximity::new(apart.max(1e-9));
+        // A positive radius is needed even for `min_distance = 0`: two points at the same position cannot be
+        // triangulated.
+        let mut taken = Proximity::new(min_distance.max(1e-9));
         let mut attempts = 0;
         while cloud.places.len() < total {
             let inside = cloud.places.len() < points;
@@ -56,12 +57,12 @@ impl Cloud {
             attempts += 1;
             if attempts > ATTEMPTS * total {
                 let (placed, points) = (cloud.places.len(), total);
-                return Err(GenerateError::NoRoom { placed, points, apart: recipe.apart });
+                return Err(GenerateError::NoRoom { placed, points, min_distance: params.min_distance });
             }
             let in_its_part = if inside {
                 (0..3).all(|k| place[k].abs() < 0.5 - gap[k])
             } else {
-                place.iter().any(|x| x.abs() > 0.5) && distance_to_cube(place, reach) >= apart
+                place.iter().any(|x| x.abs() > 0.5) && distance_to_cube(place, reach) >= min_distance
             };
             let point = stretch.to_isotropic(place);
             if in_its_part && taken.near(point).is_none() {

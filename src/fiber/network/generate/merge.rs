@@ -9,14 +9,14 @@ use super::clip::Clipped;
 
 impl Clipped {
     /// Merges the ends of all fibers shorter than `shortest`, measured in the isotropic space, shortest first, until
-    /// none is left. A cluster without a cut becomes a node at the mean position of its nodes; a cluster with a cut
-    /// becomes that cut, which may then have several fibers. No cluster has two cuts. Fibers between two cuts are
-    /// dropped: they would deform affinely and not interact with the interior.
-    pub(super) fn merge(self, shortest: f64, stretch: Stretch) -> Self {
+    /// none is left. A cluster without a boundary node becomes a node at the mean position of its nodes; a cluster with
+    /// one becomes that node, which may then have several fibers. No cluster has two boundary nodes. Fibers between two
+    /// boundary nodes are dropped: they would deform affinely and not interact with the interior.
+    pub(super) fn merge_short_fibers(self, shortest: f64, stretch: Stretch) -> Self {
         let mut weights = vec![1.0; self.nodes.len()];
         let mut network = self;
         loop {
-            let short = network.shorter_than(shortest, stretch);
+            let short = network.fibers_shorter_than(shortest, stretch);
             if short.is_empty() {
                 return network;
             }
@@ -26,7 +26,7 @@ impl Clipped {
     }
 
     /// Returns the fibers shorter than `shortest`, ordered by length.
-    fn shorter_than(&self, shortest: f64, stretch: Stretch) -> Vec<usize> {
+    fn fibers_shorter_than(&self, shortest: f64, stretch: Stretch) -> Vec<usize> {
         let length = |fiber: usize| {
             let [a, b] = self.fibers[fiber].map(|node| self.nodes[node as usize]);
             stretch.distance(a, b)
@@ -42,7 +42,7 @@ impl Clipped {
     /// Returns for every node the lowest node of its cluster.
     fn clusters(&self, short: &[usize]) -> Vec<u32> {
         let mut parent: Vec<u32> = (0..self.nodes.len() as u32).collect();
-        let mut cut = self.cut.clone();
+        let mut on_face = self.on_face.clone();
         let root = |parent: &[u32], mut node: u32| {
             while parent[node as usize] != node {
                 node = parent[node as usize];
@@ -51,10 +51,10 @@ impl Clipped {
         };
         for &fiber in short {
             let [a, b] = self.fibers[fiber].map(|node| root(&parent, node));
-            if a != b && !(cut[a as usize] && cut[b as usize]) {
+            if a != b && !(on_face[a as usize] && on_face[b as usize]) {
                 let (low, high) = (a.min(b), a.max(b));
                 parent[high as usize] = low;
-                cut[low as usize] |= cut[high as usize];
+                on_face[low as usize] |= on_face[high as usize];
             }
         }
         (0..self.nodes.len() as u32).map(|node| root(&parent, node)).collect()
@@ -63,13 +63,13 @@ impl Clipped {
     /// Contracts each cluster to one node; `weights` holds the number of original nodes of each node.
     fn contract(self, roots: &[u32], weights: &mut Vec<f64>) -> Self {
         let mut number = vec![u32::MAX; self.nodes.len()];
-        let mut merged = Self { nodes: Vec::new(), fibers: Vec::new(), cut: Vec::new() };
+        let mut merged = Self { nodes: Vec::new(), fibers: Vec::new(), on_face: Vec::new() };
         let mut sums: Vec<([f64; 3], f64)> = Vec::new();
         for (node, &root) in roots.iter().enumerate() {
             if root as usize == node {
                 number[node] = sums.len() as u32;
                 sums.push(([0.0; 3], 0.0));
-                merged.cut.push(false);
+                merged.on_face.push(false);
                 merged.nodes.push([0.0; 3]);
             }
             let cluster = number[root as usize] as usize;
@@ -78,10 +78,10 @@ impl Clipped {
             let (sum, total) = &mut sums[cluster];
             *total += weight;
             (0..3).for_each(|k| sum[k] += weight * self.nodes[node][k]);
-            if self.cut[node] {
-                merged.cut[cluster] = true;
+            if self.on_face[node] {
+                merged.on_face[cluster] = true;
                 merged.nodes[cluster] = self.nodes[node];
-            } else if !merged.cut[cluster] {
+            } else if !merged.on_face[cluster] {
                 // A node that is not merged keeps its position bitwise.
                 let alone = weight == *total;
                 merged.nodes[cluster] = if alone { self.nodes[node] } else { sum.map(|x| x / *total) };
@@ -91,25 +91,25 @@ impl Clipped {
         let mut seen = std::collections::HashSet::with_capacity(self.fibers.len());
         for ends in self.fibers {
             let [a, b] = ends.map(|node| number[node as usize]);
-            let between_cuts = merged.cut[a as usize] && merged.cut[b as usize];
-            if a != b && !between_cuts && seen.insert([a.min(b), a.max(b)]) {
+            let between_faces = merged.on_face[a as usize] && merged.on_face[b as usize];
+            if a != b && !between_faces && seen.insert([a.min(b), a.max(b)]) {
                 merged.fibers.push([a, b]);
             }
         }
-        merged.without_loose_nodes(weights)
+        merged.without_unused_nodes(weights)
     }
 
     /// Drops nodes without fibers.
-    fn without_loose_nodes(self, weights: &mut Vec<f64>) -> Self {
+    fn without_unused_nodes(self, weights: &mut Vec<f64>) -> Self {
         let mut used = vec![false; self.nodes.len()];
         self.fibers.iter().flatten().for_each(|&node| used[node as usize] = true);
         let mut number = vec![0; self.nodes.len()];
-        let mut kept = Self { nodes: Vec::new(), fibers: self.fibers, cut: Vec::new() };
+        let mut kept = Self { nodes: Vec::new(), fibers: self.fibers, on_face: Vec::new() };
         let mut kept_weights = Vec::new();
         for node in (0..used.len()).filter(|&node| used[node]) {
             number[node] = kept.nodes.len() as u32;
             kept.nodes.push(self.nodes[node]);
-            kept.cut.push(self.cut[node]);
+            kept.on_face.push(self.on_face[node]);
             kept_weights.push(weights[node]);
         }
         kept.fibers.iter_mut().flatten().for_each(|node| *node = number[*node as usize]);
@@ -124,7 +124,7 @@ mod tests {
 
     const NONE: Option<&super::super::Alignment> = None;
 
-    /// Cuts 0 and 1; a short fiber 2-3 with a common neighbor 4; a node 5 close to cut 1.
+    /// Boundary nodes 0 and 1; a short fiber 2-3 with a common neighbor 4; a node 5 close to node 1.
     fn network() -> Clipped {
         Clipped {
             nodes: vec![
@@ -136,31 +136,32 @@ mod tests {
                 [0.49, 0.0, 0.0],
             ],
             fibers: vec![[0, 2], [2, 3], [2, 4], [3, 4], [3, 5], [5, 1], [4, 5], [5, 0]],
-            cut: vec![true, true, false, false, false, false],
+            on_face: vec![true, true, false, false, false, false],
         }
     }
 
     #[test]
     fn short_fibers_become_nodes() {
-        let merged = network().merge(0.05, Stretch::of(NONE));
-        // 2 and 3 merge halfway; 5 merges into cut 1, and its fiber to cut 0 is dropped.
+        let merged = network().merge_short_fibers(0.05, Stretch::of(NONE));
+        // 2 and 3 merge halfway; 5 merges into node 1, and its fiber to node 0 is dropped.
         assert_eq!(merged.nodes, [[-0.5, 0.0, 0.0], [0.5, 0.0, 0.0], [0.01, 0.0, 0.0], [0.0, 0.3, 0.0]]);
-        assert_eq!(merged.cut, [true, true, false, false]);
+        assert_eq!(merged.on_face, [true, true, false, false]);
         assert_eq!(merged.fibers, [[0, 2], [2, 3], [2, 1], [3, 1]]);
     }
 
     #[test]
     fn nothing_short_changes_nothing() {
-        let (before, after) = (network(), network().merge(0.005, Stretch::of(NONE)));
-        assert_eq!((after.nodes, after.fibers, after.cut), (before.nodes, before.fibers, before.cut));
+        let (before, after) = (network(), network().merge_short_fibers(0.005, Stretch::of(NONE)));
+        assert_eq!((after.nodes, after.fibers, after.on_face), (before.nodes, before.fibers, before.on_face));
     }
 
     #[test]
-    fn two_cuts_never_merge() {
+    fn two_boundary_nodes_never_merge() {
         let nodes = vec![[-0.5, 0.49, 0.0], [-0.49, 0.5, 0.0], [-0.49, 0.49, 0.0], [0.0; 3], [0.0, 0.0, 0.5]];
         let fibers = vec![[0, 2], [1, 2], [2, 3], [3, 4]];
-        let merged = Clipped { nodes, fibers, cut: vec![true, true, false, false, true] }.merge(0.1, Stretch::of(NONE));
-        // The node merges into the first cut; the second cut, then joined to that cut only, is dropped.
+        let merged = Clipped { nodes, fibers, on_face: vec![true, true, false, false, true] }
+            .merge_short_fibers(0.1, Stretch::of(NONE));
+        // The node merges into the first boundary node; the second one, then joined to that node only, is dropped.
         assert_eq!(merged.nodes, [[-0.5, 0.49, 0.0], [0.0; 3], [0.0, 0.0, 0.5]]);
         assert_eq!(merged.fibers, [[0, 1], [1, 2]]);
     }

@@ -1,13 +1,14 @@
 //! Generators of networks, reproducible from the seed on every machine.
 //!
-//! A [`Recipe`] gives the kind of network ([`Kind`]), the alignment ([`Alignment`]) and the seed; the size is a number
-//! of points ([`Recipe::of_points`]), of nodes ([`Recipe::of_nodes`]) or a density ([`Recipe::of_density`]).
+//! A [`GeneratorParams`] gives the kind of network ([`Kind`]), the alignment ([`Alignment`]) and the seed; the size is
+//! a number of points ([`GeneratorParams::of_points`]), of nodes ([`GeneratorParams::of_nodes`]) or a density
+//! ([`GeneratorParams::of_density`]).
 //!
 //! ```
-//! use biotissue::fiber::network::generate::{Alignment, Kind, Recipe};
+//! use biotissue::fiber::network::generate::{Alignment, Kind, GeneratorParams};
 //!
 //! let alignment = Some(Alignment::new([1.0, 0.0, 0.0], 0.4)?);
-//! let made = Recipe { alignment, ..Recipe::new(Kind::Voronoi, 1) }.of_points(50)?;
+//! let made = GeneratorParams { alignment, ..GeneratorParams::new(Kind::Voronoi, 1) }.of_points(50)?;
 //! assert!(made.network.nodes().len() > 300);
 //! # Ok::<(), biotissue::fiber::network::generate::GenerateError>(())
 //! ```
@@ -17,13 +18,13 @@ mod clip;
 mod cloud;
 mod delaunay;
 mod merge;
+mod params;
 mod portable;
-mod recipe;
 mod size;
 mod voronoi;
 
-pub use alignment::{Alignment, GREATEST_STRENGTH};
-pub use recipe::{Kind, Made, Recipe};
+pub use alignment::{Alignment, MAX_STRENGTH};
+pub use params::{GeneratedNetwork, GeneratorParams, Kind};
 pub use size::{delaunay, delaunay_of_nodes, voronoi};
 
 use super::NetworkError;
@@ -74,20 +75,22 @@ pub enum GenerateError {
         most: f64,
     },
     /// The merge length is out of range.
-    #[error("nodes nearer than {merge} of the mean spacing are to be merged; it must be from 0 up to and without 1")]
+    #[error(
+        "nodes nearer than {merge_length} of the mean spacing are to be merged; it must be from 0 up to and without 1"
+    )]
     Merge {
         /// The length, relative to the mean spacing.
-        merge: f64,
+        merge_length: f64,
     },
     /// The minimum distance leaves no room for the points.
-    #[error("{placed} of {points} points could be placed with {apart} of the mean spacing between any two")]
+    #[error("{placed} of {points} points could be placed with {min_distance} of the mean spacing between any two")]
     NoRoom {
         /// Number of points placed.
         placed: usize,
         /// Number of points requested.
         points: usize,
         /// The requested distance, relative to the mean spacing.
-        apart: f64,
+        min_distance: f64,
     },
     /// No fiber crosses one of the faces, so that the network does not fill its cube.
     #[error("no fiber crosses the face {axis} = {side} of the cube")]

@@ -1,33 +1,33 @@
 //! Generation of networks with a given number of nodes or density, by a search for the number of points.
 
-use super::recipe::{Made, Recipe};
+use super::params::{GeneratedNetwork, GeneratorParams};
 use super::{GenerateError, Kind};
 
 /// The minimum and the maximum number of nodes that can be requested.
 const NODES: [usize; 2] = [40, 100_000];
 /// Maximum number of points in the search for a density.
-const MOST_POINTS: usize = 100_000;
+const MAX_POINTS: usize = 100_000;
 /// Number of points of the network from which a density is extrapolated.
 const SAMPLE: usize = 100;
 /// Relative error above which a density is unreachable.
 const MISSED: f64 = 0.1;
 
-impl Recipe {
+impl GeneratorParams {
     /// Generates the network whose number of nodes, including the boundary, is closest to `nodes` (with fewer points if
     /// two are equally close). The number of points is found by bisection and a search around the result, since the
     /// number of nodes does not grow at every step.
     ///
     /// # Errors
     /// Returns [`GenerateError::Nodes`] for less than 40 or more than 100 000 nodes; otherwise as for
-    /// [`Recipe::of_points`].
-    pub fn of_nodes(&self, nodes: usize) -> Result<Made, GenerateError> {
+    /// [`GeneratorParams::of_points`].
+    pub fn of_nodes(&self, nodes: usize) -> Result<GeneratedNetwork, GenerateError> {
         let [fewest, most] = NODES;
         if !(fewest..=most).contains(&nodes) {
             return Err(GenerateError::Nodes { nodes, fewest, most });
         }
         let (fewer, _) = self.bisect([1, nodes], |made| made.network.nodes().len() < nodes)?;
         let candidates = fewer.saturating_sub(2).max(1)..=fewer + 3;
-        let off = |made: &Made| made.network.nodes().len().abs_diff(nodes) as f64;
+        let off = |made: &GeneratedNetwork| made.network.nodes().len().abs_diff(nodes) as f64;
         let made = self.closest(candidates.clone(), off)?;
         made.ok_or_else(|| self.open_face(candidates).unwrap_or(GenerateError::Nodes { nodes, fewest, most }))
     }
@@ -38,20 +38,20 @@ impl Recipe {
     ///
     /// # Errors
     /// Returns [`GenerateError::Density`] if no number of points from 1 to 100 000 comes within 10 %; otherwise as for
-    /// [`Recipe::of_points`].
-    pub fn of_density(&self, density: f64) -> Result<Made, GenerateError> {
-        let length = |made: &Made| made.network.total_length();
+    /// [`GeneratorParams::of_points`].
+    pub fn of_density(&self, density: f64) -> Result<GeneratedNetwork, GenerateError> {
+        let length = |made: &GeneratedNetwork| made.network.total_length();
         let unreachable = |nearest, points| GenerateError::Density { density, nearest, points };
         // Lengths scale with the spacing and the number of fibers with the points, so that the density scales with
         // `points^(2/3)`.
         let sample = length(&self.of_points(SAMPLE)?);
         let exponent = 2.0 / 3.0;
         let estimate = SAMPLE as f64 * (density / sample).max(0.0).powf(1.0 / exponent);
-        if estimate.is_nan() || estimate > MOST_POINTS as f64 {
-            let nearest = sample * (MOST_POINTS as f64 / SAMPLE as f64).powf(exponent);
-            return Err(unreachable(nearest, MOST_POINTS));
+        if estimate.is_nan() || estimate > MAX_POINTS as f64 {
+            let nearest = sample * (MAX_POINTS as f64 / SAMPLE as f64).powf(exponent);
+            return Err(unreachable(nearest, MAX_POINTS));
         }
-        let most = ((1.5 * estimate) as usize + 8).min(MOST_POINTS);
+        let most = ((1.5 * estimate) as usize + 8).min(MAX_POINTS);
         let (fewer, _) = self.bisect([1, most], |made| length(made) < density)?;
         let candidates = fewer.saturating_sub(5).max(1)..=fewer + 6;
         let made = self.closest(candidates.clone(), |made| (length(made) - density).abs())?;
@@ -77,7 +77,7 @@ impl Recipe {
     fn bisect(
         &self,
         [mut fewer, mut more]: [usize; 2],
-        too_small: impl Fn(&Made) -> bool,
+        too_small: impl Fn(&GeneratedNetwork) -> bool,
     ) -> Result<(usize, usize), GenerateError> {
         while more - fewer > 1 {
             let middle = fewer + (more - fewer) / 2;
@@ -93,9 +93,9 @@ impl Recipe {
     fn closest(
         &self,
         candidates: impl Iterator<Item = usize>,
-        off: impl Fn(&Made) -> f64,
-    ) -> Result<Option<Made>, GenerateError> {
-        let mut best: Option<Made> = None;
+        off: impl Fn(&GeneratedNetwork) -> f64,
+    ) -> Result<Option<GeneratedNetwork>, GenerateError> {
+        let mut best: Option<GeneratedNetwork> = None;
         for points in candidates {
             if let Some(made) = self.attempt(points)?
                 && best.as_ref().is_none_or(|best| off(&made) < off(best))
@@ -107,7 +107,7 @@ impl Recipe {
     }
 
     /// Generates the network with this number of points; `None` if they are too few.
-    fn attempt(&self, points: usize) -> Result<Option<Made>, GenerateError> {
+    fn attempt(&self, points: usize) -> Result<Option<GeneratedNetwork>, GenerateError> {
         match self.of_points(points) {
             Ok(made) => Ok(Some(made)),
             Err(GenerateError::OpenFace { .. } | GenerateError::Network(_)) => Ok(None),
@@ -116,10 +116,10 @@ impl Recipe {
     }
 }
 
-/// Generates a Delaunay network with `points` interior nodes; see [`Recipe`].
+/// Generates a Delaunay network with `points` interior nodes; see [`GeneratorParams`].
 ///
 /// # Errors
-/// As for [`Recipe::of_points`].
+/// As for [`GeneratorParams::of_points`].
 ///
 /// ```
 /// let network = biotissue::fiber::network::generate::delaunay(20, 1)?;
@@ -127,21 +127,22 @@ impl Recipe {
 /// # Ok::<(), biotissue::fiber::network::generate::GenerateError>(())
 /// ```
 pub fn delaunay(points: usize, seed: u64) -> Result<crate::fiber::network::Network, GenerateError> {
-    Ok(Recipe::new(Kind::Delaunay, seed).of_points(points)?.network)
+    Ok(GeneratorParams::new(Kind::Delaunay, seed).of_points(points)?.network)
 }
 
-/// Generates a Voronoi network from the cells of `points` points; see [`Recipe`].
+/// Generates a Voronoi network from the cells of `points` points; see [`GeneratorParams`].
 ///
 /// # Errors
-/// As for [`Recipe::of_points`].
+/// As for [`GeneratorParams::of_points`].
 pub fn voronoi(points: usize, seed: u64) -> Result<crate::fiber::network::Network, GenerateError> {
-    Ok(Recipe::new(Kind::Voronoi, seed).of_points(points)?.network)
+    Ok(GeneratorParams::new(Kind::Voronoi, seed).of_points(points)?.network)
 }
 
-/// Generates the Delaunay network of this seed whose number of nodes is closest to `nodes`; see [`Recipe::of_nodes`].
+/// Generates the Delaunay network of this seed whose number of nodes is closest to `nodes`; see
+/// [`GeneratorParams::of_nodes`].
 ///
 /// # Errors
-/// As for [`Recipe::of_nodes`].
+/// As for [`GeneratorParams::of_nodes`].
 pub fn delaunay_of_nodes(nodes: usize, seed: u64) -> Result<crate::fiber::network::Network, GenerateError> {
-    Ok(Recipe::new(Kind::Delaunay, seed).of_nodes(nodes)?.network)
+    Ok(GeneratorParams::new(Kind::Delaunay, seed).of_nodes(nodes)?.network)
 }

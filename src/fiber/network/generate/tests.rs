@@ -8,9 +8,9 @@ use rand_chacha::rand_core::SeedableRng;
 use super::clip::crossing;
 use super::cloud::{Cloud, uniform};
 use super::delaunay::edges;
-use super::recipe::MOST_POINTS;
+use super::params::MAX_POINTS;
 use super::voronoi::circumcenter;
-use super::{Alignment, GenerateError, Kind, Recipe, delaunay, delaunay_of_nodes, voronoi};
+use super::{Alignment, GenerateError, GeneratorParams, Kind, delaunay, delaunay_of_nodes, voronoi};
 use crate::fiber::network::check::{clean, examine};
 use crate::fiber::network::{Network, file};
 
@@ -107,22 +107,22 @@ fn a_number_of_nodes_can_be_asked_for() {
 
 #[test]
 fn what_cannot_be_placed_is_an_error() {
-    let most = MOST_POINTS;
+    let most = MAX_POINTS;
     assert_eq!(delaunay(0, 1).unwrap_err(), GenerateError::Points { points: 0, most });
     assert_eq!(delaunay(most + 1, 1).unwrap_err(), GenerateError::Points { points: most + 1, most });
     assert!(matches!(delaunay_of_nodes(3, 1).unwrap_err(), GenerateError::Nodes { nodes: 3, .. }));
-    let crowded = Recipe { apart: 2.0, ..Recipe::new(Kind::Delaunay, 1) };
+    let crowded = GeneratorParams { min_distance: 2.0, ..GeneratorParams::new(Kind::Delaunay, 1) };
     assert!(matches!(crowded.of_points(30).unwrap_err(), GenerateError::NoRoom { .. }));
-    let recipe = Recipe::new(Kind::Voronoi, 1);
+    let params = GeneratorParams::new(Kind::Voronoi, 1);
     for density in [0.0, -3.0, 0.5, 1e9, f64::NAN, f64::INFINITY] {
-        let error = recipe.of_density(density).unwrap_err();
+        let error = params.of_density(density).unwrap_err();
         assert!(matches!(error, GenerateError::Density { .. }), "{density}: {error}");
     }
-    for merge in [-0.1, 1.0, f64::NAN] {
-        let error = Recipe { merge, ..recipe }.of_points(9).unwrap_err();
+    for merge_length in [-0.1, 1.0, f64::NAN] {
+        let error = GeneratorParams { merge_length, ..params }.of_points(9).unwrap_err();
         assert!(matches!(error, GenerateError::Merge { .. }), "{error}");
     }
-    let stubs = Recipe { shorter_than: Some(0.9), ..recipe };
+    let stubs = GeneratorParams { min_length: Some(0.9), ..params };
     assert!(matches!(stubs.of_points(40).unwrap_err(), GenerateError::Network(_) | GenerateError::OpenFace { .. }));
 }
 
@@ -139,8 +139,11 @@ fn edges_are_cut_exactly_on_the_first_face_they_meet() {
 #[test]
 fn voronoi_vertices_are_centers_of_empty_spheres() {
     let alignment = Some(Alignment::new([1.0, 1.0, 0.0], 0.3).unwrap());
-    for recipe in [Recipe::new(Kind::Voronoi, 5), Recipe { alignment, ..Recipe::new(Kind::Voronoi, 6) }] {
-        let cloud = Cloud::place(&recipe, 30).unwrap();
+    for params in [
+        GeneratorParams::new(Kind::Voronoi, 5),
+        GeneratorParams { alignment, ..GeneratorParams::new(Kind::Voronoi, 6) },
+    ] {
+        let cloud = Cloud::place(&params, 30).unwrap();
         let graph = super::voronoi::graph(&cloud);
         assert!(graph.inner > 150, "{}", graph.inner);
         for &place in &graph.places[..graph.inner] {
@@ -161,9 +164,9 @@ fn voronoi_vertices_are_centers_of_empty_spheres() {
 /// in the unit cube. With a minimum distance of the points the cells are slightly rounder.
 #[test]
 fn voronoi_networks_are_as_dense_as_theory_says() {
-    let recipe = Recipe { apart: 0.0, merge: 0.0, ..Recipe::new(Kind::Voronoi, 3) };
+    let params = GeneratorParams { min_distance: 0.0, merge_length: 0.0, ..GeneratorParams::new(Kind::Voronoi, 3) };
     let points = 3000;
-    let network = recipe.of_points(points).unwrap().network;
+    let network = params.of_points(points).unwrap().network;
     let coefficient = network.total_length() / (points as f64).powf(2.0 / 3.0);
     assert!((coefficient / 5.832 - 1.0).abs() < 0.01, "{coefficient}");
     let vertices = network.interior().len() as f64 / points as f64;
@@ -173,7 +176,9 @@ fn voronoi_networks_are_as_dense_as_theory_says() {
 #[test]
 fn voronoi_networks_are_well_made() {
     for (points, seed) in [(12, 3), (60, 4), (300, 5)] {
-        let plain = Recipe { merge: 0.0, ..Recipe::new(Kind::Voronoi, seed) }.of_points(points).unwrap();
+        let plain = GeneratorParams { merge_length: 0.0, ..GeneratorParams::new(Kind::Voronoi, seed) }
+            .of_points(points)
+            .unwrap();
         let report = examine(&plain.network);
         let coordination = report.coordination.unwrap();
         assert_eq!((coordination.min, coordination.max), (4.0, 4.0));
@@ -200,19 +205,21 @@ fn fingerprint(network: &Network) -> u64 {
 
 #[test]
 fn recipes_give_the_bits_they_always_gave() {
-    let aligned =
-        |kind| Recipe { alignment: Some(Alignment::new([1.0, 2.0, 3.0], 0.5).unwrap()), ..Recipe::new(kind, 9) };
-    let fingerprints = [Recipe::new(Kind::Voronoi, 9), aligned(Kind::Voronoi), aligned(Kind::Delaunay)]
-        .map(|recipe| fingerprint(&recipe.of_points(50).unwrap().network));
+    let aligned = |kind| GeneratorParams {
+        alignment: Some(Alignment::new([1.0, 2.0, 3.0], 0.5).unwrap()),
+        ..GeneratorParams::new(kind, 9)
+    };
+    let fingerprints = [GeneratorParams::new(Kind::Voronoi, 9), aligned(Kind::Voronoi), aligned(Kind::Delaunay)]
+        .map(|params| fingerprint(&params.of_points(50).unwrap().network));
     assert_eq!(fingerprints, [15_232_947_016_528_114_425, 11_747_062_243_976_168_669, 4_256_549_998_530_621_710]);
 }
 
 #[test]
 fn no_strength_is_no_alignment() {
     for kind in Kind::ALL {
-        let recipe = Recipe::new(kind, 4);
+        let params = GeneratorParams::new(kind, 4);
         let alignment = Some(Alignment::new([0.3, -0.2, 0.9], 0.0).unwrap());
-        assert_eq!(Recipe { alignment, ..recipe }.of_points(25).unwrap(), recipe.of_points(25).unwrap());
+        assert_eq!(GeneratorParams { alignment, ..params }.of_points(25).unwrap(), params.of_points(25).unwrap());
     }
 }
 
@@ -236,8 +243,8 @@ fn aligned_networks_have_the_order_asked_for() {
     for kind in Kind::ALL {
         for (direction, strength) in [([1.0, 0.0, 0.0], 0.3), ([1.0, 1.0, 1.0], 0.6), ([0.0, -1.0, 0.5], 0.8)] {
             let alignment = Alignment::new(direction, strength).unwrap();
-            let recipe = Recipe { alignment: Some(alignment), ..Recipe::new(kind, 2) };
-            let network = recipe.of_points(1500).unwrap().network;
+            let params = GeneratorParams { alignment: Some(alignment), ..GeneratorParams::new(kind, 2) };
+            let network = params.of_points(1500).unwrap().network;
             let order = order_without_surface(&network, alignment.axis());
             assert!((order - strength).abs() < 0.015, "{kind:?} {direction:?}: {order} for {strength}");
             assert_eq!(examine(&network).untied().count(), 0);
@@ -248,18 +255,18 @@ fn aligned_networks_have_the_order_asked_for() {
 #[test]
 fn a_density_can_be_asked_for() {
     for (kind, density) in [(Kind::Delaunay, 200.0), (Kind::Voronoi, 150.0), (Kind::Voronoi, 60.0)] {
-        let made = Recipe::new(kind, 3).of_density(density).unwrap();
+        let made = GeneratorParams::new(kind, 3).of_density(density).unwrap();
         let found = made.network.total_length();
         assert!((found / density - 1.0).abs() < 0.02, "{kind:?}: {found} for {density}");
     }
-    let made = Recipe::new(Kind::Voronoi, 3).of_nodes(700).unwrap();
+    let made = GeneratorParams::new(Kind::Voronoi, 3).of_nodes(700).unwrap();
     assert!(made.network.nodes().len().abs_diff(700) <= 10, "{}", made.network.nodes().len());
 }
 
 #[test]
 fn trimming_takes_out_short_fibers_and_what_then_hangs_loose() {
-    let recipe = Recipe { shorter_than: Some(0.08), ..Recipe::new(Kind::Voronoi, 2) };
-    let made = recipe.of_points(60).unwrap();
+    let params = GeneratorParams { min_length: Some(0.08), ..GeneratorParams::new(Kind::Voronoi, 2) };
+    let made = params.of_points(60).unwrap();
     assert!(made.removed.short_fibers > 0, "{:?}", made.removed);
     let report = examine(&made.network);
     assert!(report.length.min >= 0.08 && report.dangling_nodes.is_empty() && report.untied().count() == 0);

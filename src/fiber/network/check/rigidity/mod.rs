@@ -23,9 +23,8 @@ use thiserror::Error;
 
 use self::null_space::mobilities;
 use crate::fiber::network::Network;
-use crate::las::{
-    Backend, FactorReport, Index, MatrixOps, SolveError, Solver, SolverParams, Sparsity, SparsityError, Symmetry,
-};
+use crate::fiber::stiffness::pattern;
+use crate::las::{Backend, FactorReport, Index, MatrixOps, SolveError, Solver, SolverParams, SparsityError, Symmetry};
 
 /// The shift `s`, relative to the largest diagonal entry of the stiffness.
 const SHIFT: f64 = 1e-9;
@@ -34,7 +33,7 @@ const ATTEMPTS: i32 = 5;
 /// Mobility above which a node takes part in zero modes.
 const MOBILE: f64 = 1e-6;
 /// Maximum number of most mobile nodes in the report.
-const MOST_MOBILE: usize = 10;
+const MAX_MOBILE_NODES: usize = 10;
 
 /// The zero modes of a network at rest with its boundary nodes fixed.
 #[derive(Clone, Debug, PartialEq)]
@@ -131,7 +130,7 @@ pub fn rigidity<B: Backend<Scalar = f64>>(
         .collect();
     nodes.sort_by(|a, b| b.mobility.total_cmp(&a.mobility).then(a.node.cmp(&b.node)));
     let mobile_nodes = nodes.len();
-    nodes.truncate(MOST_MOBILE);
+    nodes.truncate(MAX_MOBILE_NODES);
     Ok(Rigidity {
         unknowns,
         zero_modes,
@@ -191,11 +190,7 @@ struct Stiffness<'a, B: Backend> {
 impl<'a, B: Backend<Scalar = f64>> Stiffness<'a, B> {
     fn new(context: &B::Context, network: &'a Network) -> Result<Self, RigidityError<B::Fault>> {
         let number = network.interior_number();
-        let elements = network.fibers().iter().map(|ends| {
-            let first = ends.map(|node| 3 * number[node as usize]);
-            [0, 1, 2, 3, 4, 5].map(|i: usize| if first[i / 3] < 0 { -1 } else { first[i / 3] + (i % 3) as i32 })
-        });
-        let pattern = Arc::new(Sparsity::from_elements(3 * network.interior().len(), elements)?);
+        let pattern = Arc::new(pattern(network)?);
         // In a rigid network `K - s I` is positive definite, and Cholesky, the fastest factorization, succeeds.
         let symbolic = B::analyze(context, &pattern, &SolverParams::new(Symmetry::Definite))?;
         let solver = B::solver(&symbolic)?;

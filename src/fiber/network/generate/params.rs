@@ -7,7 +7,7 @@ use crate::fiber::network::check::{Removed, clean};
 use crate::fiber::network::{Cube, Network};
 
 /// Maximum number of points inside the cube: the triangulation then takes some gigabytes.
-pub(super) const MOST_POINTS: usize = 1_000_000;
+pub(super) const MAX_POINTS: usize = 1_000_000;
 
 /// The construction of a network from points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,8 +34,8 @@ impl Kind {
         }
     }
 
-    /// The default of [`Recipe::merge`]: 0 for Delaunay networks, whose minimum distance of the points makes merging
-    /// unnecessary, and 0.05 for Voronoi networks.
+    /// The default of [`GeneratorParams::merge_length`]: 0 for Delaunay networks, whose minimum distance of the points
+    /// makes merging unnecessary, and 0.05 for Voronoi networks.
     ///
     /// Of the 42 623 fibers of a Voronoi network of 3000 points, the shortest is 53 000 times shorter than the mean,
     /// and as a truss stiffer by that factor. Merging at 0.05 removes 11 % of the fibers; the factor is then 9 (6 in
@@ -43,7 +43,7 @@ impl Kind {
     /// then carry 0.4 to 1.4 % less stress, and Newton to a stretch of 1.05 takes on average 28 instead of 42
     /// iterations. At 0.1, stresses would be up to 6 % lower, with 4.4 fibers per node.
     #[must_use]
-    pub fn default_merge(self) -> f64 {
+    pub fn default_merge_length(self) -> f64 {
         match self {
             Self::Delaunay => 0.0,
             Self::Voronoi => 0.05,
@@ -59,9 +59,9 @@ impl Kind {
 /// interior. An edge that passes through a corner of the cube with both ends outside is dropped: it would only deform
 /// affinely. Networks published for this family of models are made in the same way.
 ///
-/// The same recipe gives bitwise the same network on every machine and with any number of threads.
+/// The same params gives bitwise the same network on every machine and with any number of threads.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Recipe {
+pub struct GeneratorParams {
     /// The construction of the network from points.
     pub kind: Kind,
     /// The seed of the random numbers.
@@ -71,22 +71,22 @@ pub struct Recipe {
     /// above. From 0 to about 0.5. Of twelve Delaunay networks of 60 points stretched to 1.8 at constant volume, some
     /// snapped through on the way at 0.05, none at 0.1 or more. In an aligned network, distances are those before the
     /// stretch.
-    pub apart: f64,
+    pub min_distance: f64,
     /// Nodes joined by a fiber shorter than this fraction of the mean spacing of the points are merged; 0 merges
     /// nothing. In an aligned network, lengths are those before the stretch. Above 0.5 little is left of a network.
-    pub merge: f64,
+    pub merge_length: f64,
     /// The preferred direction of the fibers. The strength is that of the network that extends beyond the cube; fibers
     /// along the axis are cut at the faces more often, so that by number the strength of a network of few points is
     /// larger by some hundredths.
     pub alignment: Option<Alignment>,
     /// Fibers shorter than this fraction of the cube's edge are removed, together with fibers that dangle or are untied
     /// as a result.
-    pub shorter_than: Option<f64>,
+    pub min_length: Option<f64>,
 }
 
 /// A generated network.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Made {
+pub struct GeneratedNetwork {
     /// The network, with the name `KIND-POINTS-SEED`.
     pub network: Network,
     /// Number of points in the cube.
@@ -95,11 +95,18 @@ pub struct Made {
     pub removed: Removed,
 }
 
-impl Recipe {
-    /// The default recipe of a kind of network: isotropic, with a minimum distance of a fifth of the mean spacing.
+impl GeneratorParams {
+    /// The default params of a kind of network: isotropic, with a minimum distance of a fifth of the mean spacing.
     #[must_use]
     pub fn new(kind: Kind, seed: u64) -> Self {
-        Self { kind, seed, apart: 0.2, merge: kind.default_merge(), alignment: None, shorter_than: None }
+        Self {
+            kind,
+            seed,
+            min_distance: 0.2,
+            merge_length: kind.default_merge_length(),
+            alignment: None,
+            min_length: None,
+        }
     }
 
     /// Generates the network with this number of points in the cube.
@@ -107,27 +114,27 @@ impl Recipe {
     /// # Errors
     /// Returns [`GenerateError`] if a parameter is out of range, the points do not fit, or the network is invalid; with
     /// very few points a face may have no fibers.
-    pub fn of_points(&self, points: usize) -> Result<Made, GenerateError> {
-        if !(1..=MOST_POINTS).contains(&points) {
-            return Err(GenerateError::Points { points, most: MOST_POINTS });
+    pub fn of_points(&self, points: usize) -> Result<GeneratedNetwork, GenerateError> {
+        if !(1..=MAX_POINTS).contains(&points) {
+            return Err(GenerateError::Points { points, most: MAX_POINTS });
         }
-        if !(0.0..1.0).contains(&self.merge) {
-            return Err(GenerateError::Merge { merge: self.merge });
+        if !(0.0..1.0).contains(&self.merge_length) {
+            return Err(GenerateError::Merge { merge_length: self.merge_length });
         }
         let cloud = Cloud::place(self, points)?;
         let graph = match self.kind {
             Kind::Delaunay => delaunay::graph(&cloud),
             Kind::Voronoi => voronoi::graph(&cloud),
         };
-        let clipped = graph.clip().merge(self.merge * cloud.spacing, cloud.stretch);
+        let clipped = graph.clip().merge_short_fibers(self.merge_length * cloud.spacing, cloud.stretch);
         // Checked first, because with an open face the construction of the network itself may fail.
         check_faces(&clipped.nodes, &clipped.fibers)?;
         let name = format!("{}-{points}-{}", self.kind.name(), self.seed);
         let network = Network::in_cube(name, Cube::UNIT, clipped.nodes, clipped.fibers)?;
-        let cleaned = clean(&network, self.shorter_than)?;
+        let cleaned = clean(&network, self.min_length)?;
         let network = if cleaned.removed.is_nothing() { network } else { cleaned.network };
         check_faces(network.nodes(), network.fibers())?;
-        Ok(Made { network, points, removed: cleaned.removed })
+        Ok(GeneratedNetwork { network, points, removed: cleaned.removed })
     }
 }
 

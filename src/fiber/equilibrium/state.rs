@@ -5,7 +5,7 @@ use std::fmt;
 use nalgebra::Matrix3;
 
 use super::format_law;
-use super::report::{EquilibriumReport, Overflow, RveError};
+use super::report::{EquilibriumReport, ExcessiveForce, RveError};
 use crate::fiber::homogenize::{self, Tangent};
 use crate::fiber::rve::{Rve, RveModel};
 use crate::fiber::truss::FiberStates;
@@ -28,7 +28,7 @@ use crate::las::{Backend, Scalar};
 /// first.tangent().unwrap();
 /// # }
 /// ```
-pub struct Solved<'a, B: Backend> {
+pub struct EquilibriumState<'a, B: Backend> {
     model: &'a RveModel<B>,
     rve: &'a mut Rve,
     workspace: &'a mut Workspace<B>,
@@ -37,13 +37,13 @@ pub struct Solved<'a, B: Backend> {
     has_modes: bool,
 }
 
-impl<B: Backend> fmt::Debug for Solved<'_, B> {
+impl<B: Backend> fmt::Debug for EquilibriumState<'_, B> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Solved").field("report", &self.report).finish_non_exhaustive()
+        f.debug_struct("EquilibriumState").field("report", &self.report).finish_non_exhaustive()
     }
 }
 
-impl<'a, B: Backend<Scalar = f64>> Solved<'a, B>
+impl<'a, B: Backend<Scalar = f64>> EquilibriumState<'a, B>
 where
     B::Reduced: Scalar,
 {
@@ -74,12 +74,16 @@ where
         self.rve
     }
 
-    /// Returns the fiber with the largest relative force if that is an [`Overflow`]. No fiber withstands such a force;
-    /// it indicates a deformation or a modulus in a wrong unit.
+    /// Returns the fiber with the largest relative force if that is an [`ExcessiveForce`]. No fiber withstands such a
+    /// force; it indicates a deformation or a modulus in a wrong unit.
     #[must_use]
-    pub fn overflow(&self) -> Option<Overflow> {
-        let (law, stretch, multiple) = self.model.truss().most_strained(self.workspace.states())?;
-        (multiple >= Overflow::FROM).then(|| Overflow { law: format_law(law), stretch, multiple })
+    pub fn excessive_force(&self) -> Option<ExcessiveForce> {
+        let (law, stretch, force_ratio) = self.model.truss().max_relative_force(self.workspace.states())?;
+        (force_ratio >= ExcessiveForce::THRESHOLD).then(|| ExcessiveForce {
+            law: format_law(law),
+            stretch,
+            force_ratio,
+        })
     }
 
     /// First Piola-Kirchhoff stress `P_iJ = kappa sum_b T_b,i X_b,J` over boundary nodes, in Pa (N over unit-cube area
@@ -114,10 +118,10 @@ where
 
     /// Stores in the RVE the sensitivities of its interior nodes to a further strain: the next equilibrium starts from
     /// a first-order prediction instead of an affine motion. Takes 72 bytes per interior node, and almost no time after
-    /// [`Solved::tangent`].
+    /// [`EquilibriumState::tangent`].
     ///
     /// # Errors
-    /// As for [`Solved::tangent`].
+    /// As for [`EquilibriumState::tangent`].
     pub fn keep_sensitivities(&mut self) -> Result<(), RveError<B::Fault>> {
         self.solve_modes()?;
         self.rve.keep_sensitivities(self.model, self.workspace);

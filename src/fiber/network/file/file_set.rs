@@ -17,7 +17,7 @@ const PARAMS_LINE: &str = "# Checksum of the .params file: ";
 
 /// Error in the writing of a network and its files.
 #[derive(Debug, Error)]
-pub enum FamilyError {
+pub enum FileSetError {
     /// The operating system reported an error.
     #[error("{}: cannot be written: {source}", path.display())]
     Write {
@@ -41,22 +41,22 @@ pub enum FamilyError {
 /// written them and they have not been changed since. A device or a pipe receives the network only.
 ///
 /// # Errors
-/// Returns [`FamilyError::Write`] if a file cannot be written, and [`FamilyError::Foreign`] if a file from another
+/// Returns [`FileSetError::Write`] if a file cannot be written, and [`FileSetError::Foreign`] if a file from another
 /// source would be replaced.
-pub fn write_family(path: &Path, network: &Network, sidecar: &Sidecar) -> Result<(), FamilyError> {
+pub fn write_file_set(path: &Path, network: &Network, sidecar: &Sidecar) -> Result<(), FileSetError> {
     write_one_by_one(path, network, sidecar, || Ok(()))
 }
 
-/// Implements [`write_family`]; calls `go_on` before each file.
+/// Implements [`write_file_set`]; calls `go_on` before each file.
 fn write_one_by_one(
     path: &Path,
     network: &Network,
     sidecar: &Sidecar,
     mut go_on: impl FnMut() -> io::Result<()>,
-) -> Result<(), FamilyError> {
+) -> Result<(), FileSetError> {
     let failed = |path: &Path| {
         let path = path.to_owned();
-        move |source| FamilyError::Write { path, source }
+        move |source| FileSetError::Write { path, source }
     };
     if output::is_stream(path) {
         return write(path, network).map_err(failed(path));
@@ -98,18 +98,18 @@ struct Found {
 }
 
 /// Returns an error if a file beside the network was not written with a network.
-fn check(path: &Path) -> Result<Found, FamilyError> {
-    let target = output::end_of_links(path).map_err(|source| FamilyError::Write { path: path.to_owned(), source })?;
+fn check(path: &Path) -> Result<Found, FileSetError> {
+    let target = output::end_of_links(path).map_err(|source| FileSetError::Write { path: path.to_owned(), source })?;
     let [toml, params] = [".toml", ".params"].map(|suffix| beside(path, suffix));
     if target != path {
         // The files beside the target of the link describe the network that would be overwritten.
         if let Some(path) = [".toml", ".params"].map(|suffix| beside(&target, suffix)).into_iter().find(|f| f.exists())
         {
             let what = "belongs to the network that the symbolic link leads to, and would no longer fit it";
-            return Err(FamilyError::Foreign { path, what });
+            return Err(FileSetError::Foreign { path, what });
         }
     }
-    let foreign = |path: &Path, what| Err(FamilyError::Foreign { path: path.to_owned(), what });
+    let foreign = |path: &Path, what| Err(FileSetError::Foreign { path: path.to_owned(), what });
     let sidecar = text_of(&toml)?.map(|text| sidecar_of(&toml, &text).ok_or(())).transpose();
     let Ok(sidecar) = sidecar else {
         return foreign(&toml, "was not written with a network, or was changed since");
@@ -168,18 +168,18 @@ fn without_sums(mut text: &str) -> Known {
 }
 
 /// Reads the text of a regular file, or of one that a link leads to; `None` if there is none.
-fn text_of(path: &Path) -> Result<Option<String>, FamilyError> {
+fn text_of(path: &Path) -> Result<Option<String>, FileSetError> {
     let what = match std::fs::metadata(path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-        Err(source) => return Err(FamilyError::Write { path: path.to_owned(), source }),
+        Err(source) => return Err(FileSetError::Write { path: path.to_owned(), source }),
         Ok(there) if !there.is_file() => "is no regular file",
         Ok(_) => match std::fs::read(path).map(String::from_utf8) {
             Ok(Ok(text)) => return Ok(Some(text)),
             Ok(Err(_)) => "is no text, so it was not written with a network",
-            Err(source) => return Err(FamilyError::Write { path: path.to_owned(), source }),
+            Err(source) => return Err(FileSetError::Write { path: path.to_owned(), source }),
         },
     };
-    Err(FamilyError::Foreign { path: path.to_owned(), what })
+    Err(FileSetError::Foreign { path: path.to_owned(), what })
 }
 
 #[cfg(test)]
@@ -214,7 +214,7 @@ mod tests {
             for files in 0.. {
                 let path = folder.path().join(format!("net-{number}-{files}.txt"));
                 if let Some((network, sidecar)) = before {
-                    write_family(&path, network, sidecar).unwrap();
+                    write_file_set(&path, network, sidecar).unwrap();
                 }
                 let mut left: usize = files;
                 let go_on = || {
@@ -226,7 +226,7 @@ mod tests {
                     break;
                 }
                 for (network, sidecar) in [after, &soft] {
-                    write_family(&path, network, sidecar)
+                    write_file_set(&path, network, sidecar)
                         .unwrap_or_else(|error| panic!("after {files} files: {error}"));
                     let law = read(&path).unwrap().network.materials()[0].law.clone();
                     assert_eq!(law, network.materials()[0].law, "after {files} files");
@@ -240,9 +240,9 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let [soft, stiff] = [1e6, 1e8].map(|youngs_modulus| network(folder.path(), Law::Linear { youngs_modulus }));
         let path = folder.path().join("net.txt");
-        write_family(&path, &soft.0, &soft.1).unwrap();
+        write_file_set(&path, &soft.0, &soft.1).unwrap();
         write_params(&path, &stiff.0).unwrap();
-        let error = write_family(&path, &stiff.0, &stiff.1).unwrap_err().to_string();
+        let error = write_file_set(&path, &stiff.0, &stiff.1).unwrap_err().to_string();
         assert!(error.contains("net.txt.params: was not written with the network"), "{error}");
     }
 }
