@@ -45,7 +45,7 @@ pub use networks::{NetworkSet, Networks, read_vtp, write_vtp};
 pub use origin::check_origin;
 pub(in crate::app) use origin::{case_copy, is_report, results_without_checkpoint};
 pub use pieces::Pieces;
-pub(in crate::app) use replace::{replace, replace_by};
+pub(in crate::app) use replace::replace;
 pub use written::{Done, FieldFile, NetworkSeries, Written, network_series};
 
 /// Name of the collection of field files in a result directory.
