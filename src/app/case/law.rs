@@ -37,7 +37,7 @@ pub(super) fn read(mut table: Table<'_>, base: &Path) -> Option<FiberMaterial> {
         Some(name) => law(&mut table, name, base),
         None => judge_values(&mut table),
     };
-    table.finish();
+    table.report_unknown_keys();
     let law = match buckling? {
         None => law?,
         Some([compression, strain]) => law?.with_buckling(compression, strain),
@@ -50,15 +50,15 @@ fn judge_values(table: &mut Table<'_>) -> Option<Law> {
     table.number("youngs_modulus", Range::above(0.0, "Pa"));
     table.number("nonlinearity", POSITIVE);
     table.number("transition", Range::above(1.0, ""));
-    table.take("file");
-    table.take("points");
+    table.get("file");
+    table.get("points");
     None
 }
 
 /// Returns residual stiffness and buckling strain if the table has one of them; the outer `None` means that a value was
 /// invalid.
 fn buckling(table: &mut Table<'_>) -> Option<Option<[f64; 2]>> {
-    let (compression, strain) = (table.take("compression"), table.take("buckling_strain"));
+    let (compression, strain) = (table.get("compression"), table.get("buckling_strain"));
     if compression.is_none() && strain.is_none() {
         return Some(None);
     }
@@ -70,23 +70,23 @@ fn buckling(table: &mut Table<'_>) -> Option<Option<[f64; 2]>> {
 fn law(table: &mut Table<'_>, name: LawName, base: &Path) -> Option<Law> {
     if name == LawName::Table {
         for (key, owner) in [("youngs_modulus", "linear"), ("nonlinearity", "exponential")] {
-            unused(table.take(key), owner, "table");
+            unused(table.get(key), owner, "table");
         }
-        unused(table.take("transition"), "exponential-stretch", "table");
+        unused(table.get("transition"), "exponential-stretch", "table");
         return curve(table, base).map(Law::table);
     }
     let own = LAWS.iter().find(|(_, law)| *law == name).map_or("", |&(name, _)| name);
     for key in ["file", "points"] {
-        unused(table.take(key), "table", own);
+        unused(table.get(key), "table", own);
     }
     let youngs_modulus = table.required_number("youngs_modulus", Range::above(0.0, "Pa"));
     let nonlinearity = match name {
-        LawName::Linear => unused(table.take("nonlinearity"), "exponential", own),
+        LawName::Linear => unused(table.get("nonlinearity"), "exponential", own),
         _ => table.required_number("nonlinearity", POSITIVE),
     };
     let transition = match name {
         LawName::ExponentialStretch => table.required_number("transition", Range::above(1.0, "")),
-        _ => unused(table.take("transition"), "exponential-stretch", own),
+        _ => unused(table.get("transition"), "exponential-stretch", own),
     };
     let youngs_modulus = youngs_modulus?;
     Some(match name {
@@ -101,7 +101,7 @@ fn law(table: &mut Table<'_>, name: LawName, base: &Path) -> Option<Law> {
 /// Reports a parameter that does not belong to the chosen law.
 fn unused(value: Option<Value<'_>>, owner: &str, law: &str) -> Option<f64> {
     let value = value?;
-    value.object(
+    value.report_error(
         &format!("has no meaning for the law \"{law}\""),
         format!("only the parameters of \"{law}\""),
         format!("remove it, or choose the law \"{owner}\""),
@@ -117,7 +117,7 @@ fn curve(table: &mut Table<'_>, base: &Path) -> Option<Curve> {
             let text = file.text(expected)?;
             let path = base.join(text);
             if !path.is_file() {
-                file.object(&format!("names {text:?}, which is no file"), expected, missing_file(&path));
+                file.report_error(&format!("names {text:?}, which is no file"), expected, missing_file(&path));
                 return None;
             }
             match Curve::read(&path) {
@@ -126,7 +126,7 @@ fn curve(table: &mut Table<'_>, base: &Path) -> Option<Curve> {
                     // Reported at the line of the case, so that all errors stay in the order of its lines.
                     for error in errors.0 {
                         let place = error.line.map(|line| format!("{text}:{line}")).unwrap_or_else(|| text.into());
-                        file.object(
+                        file.report_error(
                             &format!("names a table with an error: {place}: {}", error.what),
                             error.expected,
                             error.cure,
@@ -145,7 +145,7 @@ fn curve(table: &mut Table<'_>, base: &Path) -> Option<Curve> {
             Curve::new(read)
                 .map_err(|error| {
                     let place = error.point().and_then(|point| points.get(point)).unwrap_or(&list);
-                    place.object(&format!("makes no law: {error}"), error.expected(), error.cure());
+                    place.report_error(&format!("makes no law: {error}"), error.expected(), error.cure());
                 })
                 .ok()
         }
