@@ -81,8 +81,8 @@ pub(crate) fn resolve_links(path: &Path) -> io::Result<PathBuf> {
 
 /// Replaces the file at `path`: `write` fills a temporary file in the same directory, which is then synced and renamed
 /// (a caller that needs the name on disk too calls `sync_folder`). If an error or a panic ends `write`, the temporary
-/// file is removed; if a signal ends the process, it stays, and `final_name` recognizes it. If `path` is a symbolic link,
-/// the link itself is replaced.
+/// file is removed; if a signal ends the process, it stays, and `final_name` recognizes it. If `path` is a symbolic
+/// link, the link itself is replaced.
 pub(crate) fn replace_by(path: &Path, write: impl FnOnce(&mut File) -> io::Result<()>) -> io::Result<()> {
     let (Some(folder), Some(name)) = (path.parent(), path.file_name()) else {
         return Err(io::Error::new(io::ErrorKind::InvalidInput, "this is no file name"));

@@ -65,7 +65,7 @@ fn failure(dir: &Path, error: ReportError) -> Failure {
     match &error {
         ReportError::Results(ResultsError::Write { path, source }) => Failure::unwritable(path, source),
         ReportError::Results(ResultsError::Read { path, source }) => InputError::unreadable(path, source).into(),
-        ReportError::Results(ResultsError::Foreign { .. }) => arguments(
+        ReportError::Results(ResultsError::UnknownOrigin { .. }) => arguments(
             "no file of that name, or a page of an earlier report",
             "name another file with -o, or move that one",
         ),

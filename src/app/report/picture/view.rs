@@ -5,8 +5,8 @@ use nalgebra::Vector3;
 /// Elevation angle of the viewpoint, radians.
 const ELEVATION: f64 = 0.46;
 
-/// Returns the azimuth of the viewpoint (the rotation of the body about the vertical axis of the page), radians. It decreases with the slenderness;
-/// otherwise a long body would run down the page.
+/// Returns the azimuth of the viewpoint (the rotation of the body about the vertical axis of the page), radians. It
+/// decreases with the slenderness; otherwise a long body would run down the page.
 fn azimuth(longest: f64, second: f64) -> f64 {
     let slenderness = if second > 0.0 { (longest / second).max(1.0) } else { 1.0 };
     0.06 + 0.45 / slenderness
