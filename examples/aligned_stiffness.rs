@@ -76,7 +76,7 @@ fn main() -> Result<(), Error> {
             y: "stiffness over affine bound",
         };
         let curves = curves.map(|(name, points)| Line { name: name.into(), points });
-        std::fs::write(file, lines(labels, &curves)?)?;
+        std::fs::write(file, lines(labels, &curves))?;
     }
     Ok(())
 }

@@ -9,12 +9,14 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
+use tempfile::Builder;
+
 /// The number of symbolic links that Linux follows.
 const MAX_LINKS: usize = 40;
 
-/// The kind of target that a path named by a user resolves to.
+/// The kind of file that a path named by a user resolves to.
 #[derive(Debug, PartialEq, Eq)]
-enum Target {
+enum OutputKind {
     /// A regular file, replaced as a whole or created; the path is the end of all symbolic links.
     Regular(PathBuf),
     /// A device, a pipe, or an open file of this process such as `/dev/stdout`.
@@ -36,9 +38,9 @@ pub fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
 /// # Errors
 /// Returns the error of the operating system or of `write`.
 pub fn write_by(path: &Path, write: impl FnOnce(&mut File) -> io::Result<()>) -> io::Result<()> {
-    match target(path)? {
-        Target::Regular(file) => replace_by(&file, write),
-        Target::Stream => {
+    match kind_of(path)? {
+        OutputKind::Regular(file) => replace_by(&file, write),
+        OutputKind::Stream => {
             // Appends: standard output may be redirected to a regular file that other processes also write to.
             let mut file = OpenOptions::new().append(true).open(path)?;
             write(&mut file)
@@ -49,22 +51,22 @@ pub fn write_by(path: &Path, write: impl FnOnce(&mut File) -> io::Result<()>) ->
 /// Returns true if `path` is a device or a pipe; no file can be written beside it.
 #[must_use]
 pub fn is_stream(path: &Path) -> bool {
-    matches!(target(path), Ok(Target::Stream))
+    matches!(kind_of(path), Ok(OutputKind::Stream))
 }
 
-fn target(path: &Path) -> io::Result<Target> {
+fn kind_of(path: &Path) -> io::Result<OutputKind> {
     match fs::metadata(path) {
         Ok(there) if there.is_dir() => return Err(io::ErrorKind::IsADirectory.into()),
-        Ok(there) if !there.is_file() => return Ok(Target::Stream),
+        Ok(there) if !there.is_file() => return Ok(OutputKind::Stream),
         _ => {}
     }
-    let end = end_of_links(path)?;
+    let end = resolve_links(path)?;
     // The open files of a process have no name other than these links.
-    if end.is_symlink() { Ok(Target::Stream) } else { Ok(Target::Regular(end)) }
+    if end.is_symlink() { Ok(OutputKind::Stream) } else { Ok(OutputKind::Regular(end)) }
 }
 
 /// Follows the symbolic links at the end of `path`, except those of open files in `/proc` and `/dev`.
-pub(crate) fn end_of_links(path: &Path) -> io::Result<PathBuf> {
+pub(crate) fn resolve_links(path: &Path) -> io::Result<PathBuf> {
     let mut path = path.to_path_buf();
     for _ in 0..MAX_LINKS {
         match fs::read_link(&path) {
@@ -77,44 +79,28 @@ pub(crate) fn end_of_links(path: &Path) -> io::Result<PathBuf> {
     Err(io::Error::new(io::ErrorKind::InvalidInput, "too many levels of symbolic links"))
 }
 
-/// Replaces the file at `path`: `write` fills a temporary file in the same directory, which is then synced and renamed.
-/// If `path` is a symbolic link, the link itself is replaced.
+/// Replaces the file at `path`: `write` fills a temporary file in the same directory, which is then synced and renamed
+/// (a caller that needs the name on disk too calls `sync_folder`). If an error or a panic ends `write`, the temporary
+/// file is removed; if a signal ends the process, it stays, and `final_name` recognizes it. If `path` is a symbolic
+/// link, the link itself is replaced.
 pub(crate) fn replace_by(path: &Path, write: impl FnOnce(&mut File) -> io::Result<()>) -> io::Result<()> {
-    let name = path.file_name().ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "this is no file name"))?;
-    let part = path.with_file_name(part_name(name));
-    let written = create(&part).and_then(|mut file| {
-        write(&mut file)?;
-        file.sync_data()?;
-        if let Ok(there) = fs::metadata(path) {
-            // The new file keeps the permissions of the old one; the error is ignored because some file systems have no
-            // permissions.
-            let _ = file.set_permissions(there.permissions());
-        }
-        fs::rename(&part, path)
-    });
-    written.inspect_err(|_| {
-        // The error is returned in either case, so a failure to remove the temporary file is ignored.
-        let _ = fs::remove_file(&part);
-    })
-}
-
-fn part_name(name: &std::ffi::OsStr) -> OsString {
-    let mut part = OsString::from(".");
-    part.push(name);
-    part.push(format!(".{}.part", std::process::id()));
-    part
-}
-
-/// Creates the temporary file. An existing file of that name was left by an earlier process with the same process id.
-fn create(part: &Path) -> io::Result<File> {
-    let create = || OpenOptions::new().write(true).create_new(true).open(part);
-    match create() {
-        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
-            fs::remove_file(part)?;
-            create()
-        }
-        outcome => outcome,
+    let (Some(folder), Some(name)) = (path.parent(), path.file_name()) else {
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, "this is no file name"));
+    };
+    let mut prefix = OsString::from(".");
+    prefix.push(name);
+    prefix.push(".");
+    // `tempfile_in` would make a file for its owner only, and its errors would show the name of the temporary file.
+    let mut part = Builder::new().prefix(&prefix).suffix(".part").make_in(folder, |part| File::create_new(part))?;
+    write(part.as_file_mut())?;
+    part.as_file().sync_data()?;
+    if let Ok(old) = fs::metadata(path) {
+        // The new file keeps the permissions of the old one; the error is ignored because some file systems have no
+        // permissions.
+        let _ = part.as_file().set_permissions(old.permissions());
     }
+    part.persist(path)?;
+    Ok(())
 }
 
 /// Syncs the directory entries of `folder` to the disk. Does nothing on systems such as Windows, which cannot open
@@ -128,7 +114,7 @@ pub(crate) fn sync_folder(folder: &Path) -> io::Result<()> {
 #[cfg(feature = "app")]
 pub(crate) fn final_name(name: &str) -> &str {
     let parts = name.strip_prefix('.').and_then(|name| name.strip_suffix(".part"));
-    parts.and_then(|name| name.rsplit_once('.')).map_or(name, |(name, _process)| name)
+    parts.and_then(|name| name.rsplit_once('.')).map_or(name, |(name, _random)| name)
 }
 
 #[cfg(test)]
@@ -150,8 +136,6 @@ mod tests {
         let failed = write_by(&path, |file| file.write_all(b"new").and(Err(io::Error::other("full"))));
         assert_eq!(failed.unwrap_err().to_string(), "full");
         assert_eq!(fs::read(&path).unwrap(), b"old");
-        // Left by an earlier process with the same process id.
-        fs::write(folder.path().join(part_name("file".as_ref())), "half").unwrap();
         write(&path, b"new").unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"new");
         assert_eq!(names(folder.path()), ["file"]);
@@ -183,6 +167,32 @@ mod tests {
     }
 
     #[test]
+    fn a_process_killed_while_it_writes_leaves_the_old_file() {
+        const KILLED: &str = "BIOTISSUE_TEST_KILLED_WRITER";
+        if let Some(path) = std::env::var_os(KILLED) {
+            let _ = write_by(path.as_ref(), |file| {
+                file.write_all(b"new")?;
+                std::process::abort();
+            });
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("file");
+        write(&path, b"old").unwrap();
+        let mut killed = std::process::Command::new(std::env::current_exe().unwrap());
+        let test = "output::tests::a_process_killed_while_it_writes_leaves_the_old_file";
+        let outcome = killed.args(["--exact", test]).env(KILLED, &path).output().unwrap();
+        assert!(!outcome.status.success());
+        assert_eq!(fs::read(&path).unwrap(), b"old");
+        let names = names(folder.path());
+        assert!(names.len() == 2 && names[1] == "file" && names[0].ends_with(".part"), "{names:?}");
+        #[cfg(feature = "app")]
+        assert_eq!(
+            (final_name(&names[0]), final_name(".a.b.1234.part"), final_name(".part")),
+            ("file", "a.b", ".part")
+        );
+    }
+
+    #[test]
     #[cfg(unix)]
     fn what_the_owner_allowed_stays() {
         use std::os::unix::fs::PermissionsExt;
@@ -192,6 +202,12 @@ mod tests {
         fs::write(&path, "").unwrap();
         fs::set_permissions(&path, fs::Permissions::from_mode(0o600)).unwrap();
         write(&path, b"new").unwrap();
-        assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o600);
+        let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode() & 0o777;
+        assert_eq!(mode(&path), 0o600);
+        // A new file has the permissions that the user's mask leaves.
+        let (plain, new) = (folder.path().join("plain"), folder.path().join("new"));
+        fs::write(&plain, "").unwrap();
+        write(&new, b"").unwrap();
+        assert_eq!(mode(&new), mode(&plain));
     }
 }

@@ -12,7 +12,7 @@ use super::results::log::{
 };
 use super::results::{
     self, CASE_FILE, Collection, Done, FIELDS_FILE, FieldFile, FieldSet, LOADS_FILE, LOG_FILE, LoadsWriter, Pieces,
-    ResultsError, SurfaceRow, Written, write_vtu,
+    ResultsError, ResultsRecord, SurfaceRow, write_vtu,
 };
 use super::rve_files::NetworkFiles;
 use crate::app::stress::CauchyStress;
@@ -47,7 +47,7 @@ pub(super) struct ResumePoint {
     /// The completed steps.
     pub done: Done,
     /// The results that the run had written until then.
-    pub written: Written,
+    pub written: ResultsRecord,
 }
 
 /// The result directory of a run in progress.
@@ -131,7 +131,7 @@ impl<'a> Recorder<'a> {
     }
 
     /// Flushes the results to disk, so that a checkpoint may refer to them, and returns their description.
-    pub fn flush(&self) -> Result<Written, ResultsError> {
+    pub fn flush(&self) -> Result<ResultsRecord, ResultsError> {
         self.loads.sync()?;
         self.log.sync()?;
         // The content of a file is flushed before it is renamed; this flushes the names in the folders.
@@ -139,7 +139,7 @@ impl<'a> Recorder<'a> {
         if let Some(folder) = self.networks.folder() {
             output::sync_folder(folder).map_err(ResultsError::write(folder))?;
         }
-        Ok(Written { loads: self.loads.marks().to_vec(), fields: self.written.clone() })
+        Ok(ResultsRecord { loads: self.loads.marks().to_vec(), fields: self.written.clone() })
     }
 
     pub fn log(&mut self, event: &Event) -> Result<(), ResultsError> {

@@ -30,7 +30,7 @@ pub(super) fn read(mut table: Table<'_>, base: &Path) -> Option<FiberMaterial> {
             None
         }
     };
-    table.finish();
+    table.report_unknown_keys();
     let law = match buckling? {
         None => law?,
         Some([compression, strain]) => law?.with_buckling(compression, strain),
@@ -51,15 +51,15 @@ fn judge_values(table: &mut Table<'_>) {
     for parameter in formula_parameters() {
         table.number(parameter.name, range(parameter));
     }
-    table.take("file");
-    table.take("points");
+    table.get("file");
+    table.get("points");
 }
 
 /// Returns residual stiffness and buckling strain if the table has one of them; the outer `None` means that a value was
 /// invalid.
 fn buckling(table: &mut Table<'_>) -> Option<Option<[f64; 2]>> {
     if !BUCKLING.iter().any(|parameter| table.has(parameter.name)) {
-        BUCKLING.iter().for_each(|parameter| drop(table.take(parameter.name)));
+        BUCKLING.iter().for_each(|parameter| drop(table.get(parameter.name)));
         return Some(None);
     }
     let (compression, strain) = (value(table, &COMPRESSION), value(table, &BUCKLING_STRAIN));
@@ -70,7 +70,7 @@ fn buckling(table: &mut Table<'_>) -> Option<Option<[f64; 2]>> {
 fn value(table: &mut Table<'_>, parameter: &Parameter) -> Option<f64> {
     match parameter.default {
         Some(default) if !table.has(parameter.name) => {
-            table.take(parameter.name);
+            table.get(parameter.name);
             Some(default)
         }
         _ => table.required_number(parameter.name, range(parameter)),
@@ -101,9 +101,9 @@ fn scalars(table: &mut Table<'_>, law: LawName) -> Vec<(&'static Parameter, Opti
 
 /// Reports a key of the law `owner` that has no meaning for `law`.
 fn report_foreign(table: &mut Table<'_>, key: &'static str, owner: LawName, law: LawName) {
-    let Some(value) = table.take(key) else { return };
+    let Some(value) = table.get(key) else { return };
     let (owner, law) = (owner.as_str(), law.as_str());
-    value.object(
+    value.report_error(
         &format!("has no meaning for the law \"{law}\""),
         format!("only the parameters of \"{law}\""),
         format!("remove it, or choose the law \"{owner}\""),
@@ -118,7 +118,7 @@ fn curve(table: &mut Table<'_>, base: &Path) -> Option<Curve> {
             let text = file.text(expected)?;
             let path = base.join(text);
             if !path.is_file() {
-                file.object(&format!("names {text:?}, which is no file"), expected, missing_file(&path));
+                file.report_error(&format!("names {text:?}, which is no file"), expected, missing_file(&path));
                 return None;
             }
             match Curve::read(&path) {
@@ -127,7 +127,7 @@ fn curve(table: &mut Table<'_>, base: &Path) -> Option<Curve> {
                     // Reported at the line of the case, so that all errors stay in the order of its lines.
                     for error in errors.0 {
                         let place = error.line.map(|line| format!("{text}:{line}")).unwrap_or_else(|| text.into());
-                        file.object(
+                        file.report_error(
                             &format!("names a table with an error: {place}: {}", error.problem),
                             error.expected,
                             error.hint,
@@ -146,7 +146,7 @@ fn curve(table: &mut Table<'_>, base: &Path) -> Option<Curve> {
             Curve::new(read)
                 .map_err(|error| {
                     let place = error.point().and_then(|point| points.get(point)).unwrap_or(&list);
-                    place.object(&format!("makes no law: {error}"), error.expected(), error.cure());
+                    place.report_error(&format!("makes no law: {error}"), error.expected(), error.cure());
                 })
                 .ok()
         }

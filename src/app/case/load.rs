@@ -10,34 +10,34 @@ use super::table::{Either, Table};
 use super::value::{Value, did_you_mean};
 use crate::input::excerpt;
 
-const AXES: [&str; 3] = ["x", "y", "z"];
+pub(super) const AXES: [&str; 3] = ["x", "y", "z"];
 const NAMED_SURFACE: &str = "the name of a physical surface";
 
 /// Reads all boundaries and reports components of a surface that are prescribed twice.
 pub(super) fn boundaries(root: &mut Table<'_>) -> Vec<BoundaryCase> {
     let mut boundaries: Vec<BoundaryCase> = Vec::new();
-    let mut holders = Holders::default();
+    let mut prescribed = PrescribedComponents::default();
     for mut table in root.tables("boundary") {
-        let surface = table.require("surface", NAMED_SURFACE).and_then(|value| value.text(NAMED_SURFACE));
+        let surface = table.required_text("surface", NAMED_SURFACE);
         let load = boundary_load(&mut table);
         let curve = curve(&mut table);
         if let (Some(surface), Some(load)) = (surface, load) {
             let new = BoundaryCase { surface: surface.to_string(), line: table.line, load, curve };
             let place = || format!("surface \"{}\"", excerpt(surface));
-            holders.add(table.problems, surface, place, new.line, new.load.held());
+            prescribed.add(table.problems, surface, place, new.line, new.load.held());
             boundaries.push(new);
         }
-        table.finish();
+        table.report_unknown_keys();
     }
     boundaries
 }
 
 fn boundary_load(table: &mut Table<'_>) -> Option<LoadCase> {
-    if let Some(pressure) = table.take("pressure") {
+    if let Some(pressure) = table.get("pressure") {
         pressure.unavailable("`pressure` on a boundary", "`displacement` or `traction`", "prescribe one of these");
         // These keys are valid, so they are not reported as unknown.
-        table.take("displacement");
-        table.take("traction");
+        table.get("displacement");
+        table.get("traction");
         return None;
     }
     match table.either("displacement", "traction")? {
@@ -54,7 +54,7 @@ fn displacement_of(value: &Value<'_>) -> Option<[Option<f64>; 3]> {
     if !present.contains(&true) {
         table.report("holds no component", "at least one of `x`, `y` and `z`, in m", "add one, such as { x = 0.0 }");
     }
-    table.finish();
+    table.report_unknown_keys();
     let complete =
         present.contains(&true) && components.iter().zip(present).all(|(read, there)| read.is_some() == there);
     complete.then_some(components)
@@ -72,15 +72,15 @@ impl LoadCase {
 
 /// For every place read so far, the line that first prescribed each component. Later duplicates are compared only with
 /// that first line, so that 1000 duplicates give about 1000 errors, not half a million.
-struct Holders<K>(HashMap<K, [Option<usize>; 3]>);
+struct PrescribedComponents<K>(HashMap<K, [Option<usize>; 3]>);
 
-impl<K> Default for Holders<K> {
+impl<K> Default for PrescribedComponents<K> {
     fn default() -> Self {
         Self(HashMap::new())
     }
 }
 
-impl<K: Eq + Hash> Holders<K> {
+impl<K: Eq + Hash> PrescribedComponents<K> {
     /// Adds the components that the entry at `line` prescribes at a place, and reports components that an earlier line
     /// already prescribes.
     fn add(&mut self, problems: &Problems<'_>, key: K, place: impl Fn() -> String, line: usize, held: [bool; 3]) {
@@ -114,11 +114,11 @@ fn key_of(place: &PointPlace) -> Result<[u64; 3], usize> {
 /// Reads all points and reports components of a node that are prescribed twice.
 pub(super) fn points(root: &mut Table<'_>) -> Vec<PointCase> {
     let mut points: Vec<PointCase> = Vec::new();
-    let mut holders = Holders::default();
+    let mut prescribed = PrescribedComponents::default();
     for mut table in root.tables("point") {
         let place = match table.either("at", "node") {
             Some(Either::First(at)) => at.vector(Range::any("mesh units")).map(PointPlace::At),
-            Some(Either::Second(node)) => node.whole(&(0..=u32::MAX as usize)).map(PointPlace::Node),
+            Some(Either::Second(node)) => node.integer(&(0..=u32::MAX as usize)).map(PointPlace::Node),
             None => None,
         };
         let displacement = table
@@ -127,10 +127,10 @@ pub(super) fn points(root: &mut Table<'_>) -> Vec<PointCase> {
         let curve = curve(&mut table);
         if let (Some(place), Some(displacement)) = (place, displacement) {
             let held = displacement.map(|component| component.is_some());
-            holders.add(table.problems, key_of(&place), || "this node".into(), table.line, held);
+            prescribed.add(table.problems, key_of(&place), || "this node".into(), table.line, held);
             points.push(PointCase { place, line: table.line, displacement, curve });
         }
-        table.finish();
+        table.report_unknown_keys();
     }
     points
 }
@@ -140,7 +140,7 @@ pub(super) fn body_forces(root: &mut Table<'_>) -> Vec<BodyForceCase> {
     let expected = "the name of a physical volume, or \"*\" for all of the body";
     let mut forces = Vec::new();
     for mut table in root.tables("body_force") {
-        let region = table.require("region", expected).and_then(|value| value.text(expected));
+        let region = table.required_text("region", expected);
         let range = Range::any("N/m^3");
         let form = format!("three numbers{}: x, y, z", range.describe());
         let value = table.require("value", &form).and_then(|value| value.vector(range));
@@ -148,14 +148,14 @@ pub(super) fn body_forces(root: &mut Table<'_>) -> Vec<BodyForceCase> {
         if let (Some(region), Some(value)) = (region, value) {
             forces.push(BodyForceCase { region: region.to_string(), line: table.line, value, curve });
         }
-        table.finish();
+        table.report_unknown_keys();
     }
     forces
 }
 
 /// Reads the load curve; a ramp is the default.
 fn curve(table: &mut Table<'_>) -> CurveCase {
-    table.take("curve").and_then(|value| curve_of(&value)).unwrap_or(CurveCase::Ramp)
+    table.get("curve").and_then(|value| curve_of(&value)).unwrap_or(CurveCase::Ramp)
 }
 
 fn curve_of(value: &Value<'_>) -> Option<CurveCase> {
@@ -163,14 +163,14 @@ fn curve_of(value: &Value<'_>) -> Option<CurveCase> {
     const PAIR: &str = "[t, factor]: a t from 0 to 1 and a number";
     if let Some(name) = value.inner.as_str() {
         if name != "ramp" {
-            value.reject(EXPECTED, did_you_mean(name, &["ramp"]));
+            value.report_invalid(EXPECTED, did_you_mean(name, &["ramp"]));
             return None;
         }
         return Some(CurveCase::Ramp);
     }
     let rows = value.list(EXPECTED, "\"ramp\" or such as [[0.0, 0.0], [1.0, 1.0]]")?;
     if rows.is_empty() {
-        value.reject(EXPECTED, "write \"ramp\" or such as [[0.0, 0.0], [1.0, 1.0]]");
+        value.report_invalid(EXPECTED, "write \"ramp\" or such as [[0.0, 0.0], [1.0, 1.0]]");
         return None;
     }
     let mut points: Vec<[f64; 2]> = Vec::with_capacity(rows.len());
@@ -182,7 +182,7 @@ fn curve_of(value: &Value<'_>) -> Option<CurveCase> {
         };
         if let Some(before) = points.last().filter(|before| point[0] <= before[0]) {
             let complaint = format!("has t = {} after t = {}", point[0], before[0]);
-            row.object(&complaint, EXPECTED, "sort the points by t and give each t once");
+            row.report_error(&complaint, EXPECTED, "sort the points by t and give each t once");
             complete = false;
         }
         points.push(point);

@@ -18,15 +18,16 @@ use super::value::did_you_mean;
 enum Model {
     Formula(FormulaModel),
     FiberRve,
-    Later,
+    /// Recognized, but only a later version has it.
+    Unsupported,
 }
 
 const MODELS: [(&str, Model); 5] = [
     ("neo-hookean", Model::Formula(FormulaModel::NeoHookean)),
     ("linear-elastic", Model::Formula(FormulaModel::LinearElastic)),
     ("fiber-rve", Model::FiberRve),
-    ("transversely-isotropic", Model::Later),
-    ("holmes-mow", Model::Later),
+    ("transversely-isotropic", Model::Unsupported),
+    ("holmes-mow", Model::Unsupported),
 ];
 
 const NAMED_REGION: &str = "the name of a physical volume, or \"*\" for every volume not named";
@@ -46,7 +47,7 @@ pub(super) fn regions(root: &mut Table<'_>, base: &Path) -> Vec<RegionCase> {
         let twin = name.and_then(|name| names.get(name));
         if let (Some(value), Some(before)) = (value, twin) {
             let complaint = format!("is the name of the region at line {before} too");
-            value.object(&complaint, "one [[region]] for each name", "remove or rename one of them");
+            value.report_error(&complaint, "one [[region]] for each name", "remove or rename one of them");
         }
         if let Some(name) = name {
             names.entry(name).or_insert(line);
@@ -54,7 +55,7 @@ pub(super) fn regions(root: &mut Table<'_>, base: &Path) -> Vec<RegionCase> {
         let material = table.required_table("material", "a table with its `model`");
         let material = material.and_then(|material| read(material, base));
         regions.extend(name.zip(material).map(|(name, material)| RegionCase { name: name.into(), line, material }));
-        table.finish();
+        table.report_unknown_keys();
     }
     regions
 }
@@ -63,24 +64,25 @@ fn read(mut table: Table<'_>, base: &Path) -> Option<MaterialCase> {
     let material = match model(&mut table, |_| true)? {
         Model::Formula(model) => elastic::constants(&mut table, model).map(MaterialCase::Formula),
         Model::FiberRve => fiber_rve(&mut table, base).map(MaterialCase::FiberRve),
-        Model::Later => return None,
+        Model::Unsupported => return None,
     };
-    table.finish();
+    table.report_unknown_keys();
     material
 }
 
 /// Reads the model of a material; only models for which `allowed` returns true are valid.
 fn model(table: &mut Table<'_>, allowed: impl Fn(Model) -> bool) -> Option<Model> {
     let allowed: Vec<_> = MODELS.into_iter().filter(|&(_, model)| allowed(model)).collect();
-    let ready = allowed.iter().filter(|(_, model)| *model != Model::Later).map(|&(name, _)| name);
+    let ready = allowed.iter().filter(|(_, model)| *model != Model::Unsupported).map(|&(name, _)| name);
     let expected = alternatives(ready, '"');
     let value = table.require("model", &expected)?;
     let text = value.text(&expected)?;
     let Some(&(name, model)) = allowed.iter().find(|(name, _)| *name == text) else {
-        value.reject(&*expected, did_you_mean(text, &allowed.iter().map(|&(name, _)| name).collect::<Vec<_>>()));
+        value
+            .report_invalid(&*expected, did_you_mean(text, &allowed.iter().map(|&(name, _)| name).collect::<Vec<_>>()));
         return None;
     };
-    if model == Model::Later {
+    if model == Model::Unsupported {
         value.unavailable(&format!("the material model \"{name}\""), &expected, "choose one of these");
         return None;
     }
@@ -92,7 +94,10 @@ fn fiber_rve(table: &mut Table<'_>, base: &Path) -> Option<FiberRveCase> {
     let networks = listed.and_then(|value| {
         let files = networks::resolve(&value, base)?;
         if files.is_empty() && !table.has("matrix") {
-            value.reject(networks::EXPECTED, "name at least one network file, or give a `matrix` to stand alone");
+            value.report_invalid(
+                networks::EXPECTED,
+                "name at least one network file, or give a `matrix` to stand alone",
+            );
             return None;
         }
         Some(files)
@@ -100,7 +105,7 @@ fn fiber_rve(table: &mut Table<'_>, base: &Path) -> Option<FiberRveCase> {
     // Without fibers the RVE is its matrix alone: the single-scale material, evaluated by the micro scale.
     let bare = networks.as_ref().is_some_and(Vec::is_empty);
     let choose = table.choice("choose", &[("random", Choose::Random), ("cycle", Choose::Cycle)]);
-    let seed = table.whole("seed", 0..=i64::MAX.unsigned_abs());
+    let seed = table.integer("seed", 0..=i64::MAX.unsigned_abs());
     let scaled = table.has("fiber_volume_fraction") || table.has("scale");
     let scale = match (!bare || scaled).then(|| table.either("fiber_volume_fraction", "scale")).flatten() {
         Some(Either::First(fraction)) => fraction.number(Range::between(0.0, 1.0)).map(ScaleCase::FiberVolumeFraction),
@@ -143,7 +148,7 @@ fn life(mut table: Table<'_>, has_matrix: bool) -> LifeCase {
     if life.deleted_at <= life.created_at {
         table.report("deletes RVEs before it creates them", "`deleted_at` above `created_at`", "correct one of them");
     }
-    table.finish();
+    table.report_unknown_keys();
     life
 }
 
@@ -151,8 +156,8 @@ fn life(mut table: Table<'_>, has_matrix: bool) -> LifeCase {
 fn matrix(mut table: Table<'_>) -> Option<FormulaCase> {
     let constants = match model(&mut table, |model| model == Model::Formula(FormulaModel::NeoHookean))? {
         Model::Formula(model) => elastic::constants(&mut table, model),
-        Model::FiberRve | Model::Later => None,
+        Model::FiberRve | Model::Unsupported => None,
     };
-    table.finish();
+    table.report_unknown_keys();
     constants
 }

@@ -39,11 +39,11 @@ fn matches(value: &Value<'_>, text: &str, base: &Path) -> Option<Vec<PathBuf>> {
     }
     if literal.is_dir() {
         let cure = format!("write \"{}/*.txt\"", text.trim_end_matches('/'));
-        value.object(&format!("names {text:?}, which is a folder"), EXPECTED, cure);
+        value.report_error(&format!("names {text:?}, which is a folder"), EXPECTED, cure);
         return None;
     }
     if !text.contains(['*', '?', '[']) {
-        value.object(&format!("names {text:?}, which is no file"), EXPECTED, missing_file(&literal));
+        value.report_error(&format!("names {text:?}, which is no file"), EXPECTED, missing_file(&literal));
         return None;
     }
     let whole = if Path::new(text).is_absolute() {
@@ -54,7 +54,11 @@ fn matches(value: &Value<'_>, text: &str, base: &Path) -> Option<Vec<PathBuf>> {
     let paths = match glob::glob(&whole) {
         Ok(paths) => paths,
         Err(error) => {
-            value.object(&format!("has {text:?}, which is no pattern: {}", error.msg), EXPECTED, "correct the pattern");
+            value.report_error(
+                &format!("has {text:?}, which is no pattern: {}", error.msg),
+                EXPECTED,
+                "correct the pattern",
+            );
             return None;
         }
     };
@@ -68,7 +72,11 @@ fn matches(value: &Value<'_>, text: &str, base: &Path) -> Option<Vec<PathBuf>> {
         }
     }
     if found.is_empty() {
-        value.object(&format!("has {text:?}, which matches no network"), EXPECTED, nothing_found(&literal, companions));
+        value.report_error(
+            &format!("has {text:?}, which matches no network"),
+            EXPECTED,
+            nothing_found(&literal, companions),
+        );
         return None;
     }
     Some(found)

@@ -42,7 +42,7 @@ impl<'d> Problems<'d> {
         self.errors.borrow_mut().push(InputError::at_line(self.file, line, what, expected, cure));
     }
 
-    pub(super) fn report_whole(&self, what: impl Into<String>, expected: impl Into<String>, cure: impl Into<String>) {
+    pub(super) fn report_file(&self, what: impl Into<String>, expected: impl Into<String>, cure: impl Into<String>) {
         self.errors.borrow_mut().push(InputError::in_file(self.file, what, expected, cure));
     }
 

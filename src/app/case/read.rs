@@ -50,7 +50,7 @@ impl Case {
         let document = DeTable::parse(text).map_err(|error| syntax_error(&problems, path, text, &error))?;
         let mut root = Table::new(&problems, String::new(), 1, document.get_ref());
         let case = read(&mut root, path, &base);
-        root.finish();
+        root.report_unknown_keys();
         let warnings = problems.finish()?;
         // `problems` already reported every reason why a part was not read.
         let case = case.ok_or_else(|| InputErrors(Vec::new()))?;
@@ -59,13 +59,13 @@ impl Case {
 }
 
 fn read(root: &mut Table<'_>, path: &Path, base: &Path) -> Option<Case> {
-    let title = root.take("title").and_then(|value| value.text("what the run is called"));
+    let title = root.get("title").and_then(|value| value.text("what the run is called"));
     let mesh = section::mesh(root, base);
     let regions = material::regions(root, base);
     let boundaries = load::boundaries(root);
     let points = load::points(root);
     let body_forces = load::body_forces(root);
-    if let Some(constraint) = root.take("constraint") {
+    if let Some(constraint) = root.get("constraint") {
         constraint.unavailable("[[constraint]]", "boundaries, points and body forces", "remove it");
     }
     let steps = section::steps(root);

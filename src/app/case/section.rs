@@ -33,7 +33,7 @@ pub(super) fn mesh(root: &mut Table<'_>, base: &Path) -> Option<MeshSection> {
         Some(Either::Second(generate)) => (generate.table().and_then(generated), generate.line),
         None => (None, table.line),
     };
-    table.finish();
+    table.report_unknown_keys();
     Some(MeshSection { source: source?, line, scale })
 }
 
@@ -45,7 +45,7 @@ fn mesh_file(value: &Value<'_>, base: &Path) -> Option<MeshSource> {
         return Some(MeshSource::File(file));
     }
     let cure = if file.is_dir() { "this is a folder: name a file in it".into() } else { missing_file(&file) };
-    value.object(&format!("names {text:?}, which is no file"), expected, cure);
+    value.report_error(&format!("names {text:?}, which is no file"), expected, cure);
     None
 }
 
@@ -69,17 +69,17 @@ fn generated(mut table: Table<'_>) -> Option<MeshSource> {
             .required_number("element_size", Range::above(0.0, "mesh units"))
             .map(|element_size| MeshSource::Dogbone { element_size }),
     };
-    table.finish();
+    table.report_unknown_keys();
     source
 }
 
 /// Reads the numbers of cells of a box and reports an error if six elements per cell are too many.
 fn cells_of(value: &Value<'_>) -> Option<[usize; 3]> {
-    let cells = value.whole_vector(&(1..=1_000_000))?;
+    let cells = value.integer_vector(&(1..=1_000_000))?;
     let elements = cells.iter().try_fold(6_usize, |product, &count| product.checked_mul(count));
     if elements.is_none_or(|elements| elements > MOST_ELEMENTS) {
         let complaint = format!("asks for 6 * {} * {} * {} elements", cells[0], cells[1], cells[2]);
-        value.object(&complaint, format!("at most {MOST_ELEMENTS} elements"), "choose fewer cells");
+        value.report_error(&complaint, format!("at most {MOST_ELEMENTS} elements"), "choose fewer cells");
         return None;
     }
     Some(cells)
@@ -88,45 +88,39 @@ fn cells_of(value: &Value<'_>) -> Option<[usize; 3]> {
 /// Reads the load steps.
 pub(super) fn steps(root: &mut Table<'_>) -> StepsCase {
     let default = StepsCase::default();
-    let Some(mut table) = root.table("steps") else { return default };
-    let steps = StepsCase {
-        count: table.whole("count", 1..=1_000_000).unwrap_or(default.count),
-        max_cuts: table.whole("max_cuts", 0..=30).unwrap_or(default.max_cuts),
-    };
-    table.finish();
-    steps
+    let steps = root.section("steps", |table| StepsCase {
+        count: table.integer("count", 1..=1_000_000).unwrap_or(default.count),
+        max_cuts: table.integer("max_cuts", 0..=30).unwrap_or(default.max_cuts),
+    });
+    steps.unwrap_or(default)
 }
 
 /// Reads the settings of Newton's method at the macro scale.
 pub(super) fn newton(root: &mut Table<'_>) -> NewtonCase {
     let default = NewtonCase::default();
-    let Some(mut table) = root.table("newton") else { return default };
     let starts = [("held", StepStart::Held), ("tangent", StepStart::Tangent)];
-    let newton = NewtonCase {
+    let newton = root.section("newton", |table| NewtonCase {
         tolerance: table.number("tolerance", TOLERANCE).unwrap_or(default.tolerance),
-        max_iterations: table.whole("max_iterations", 1..=10_000).unwrap_or(default.max_iterations),
-        line_search: table.take("line_search").and_then(|value| value.boolean()).unwrap_or(default.line_search),
+        max_iterations: table.integer("max_iterations", 1..=10_000).unwrap_or(default.max_iterations),
+        line_search: table.boolean("line_search").unwrap_or(default.line_search),
         start: table.choice("start", &starts).unwrap_or(default.start),
-        solver: solver::method(&mut table),
-    };
-    table.finish();
-    newton
+        solver: solver::method(table),
+    });
+    newton.unwrap_or(default)
 }
 
 /// Reads the settings of Newton's method at the micro scale.
 pub(super) fn micro(root: &mut Table<'_>) -> MicroCase {
     let default = MicroCase::default();
-    let Some(mut table) = root.table("micro") else { return default };
-    let micro = MicroCase {
+    let micro = root.section("micro", |table| MicroCase {
         tolerance: table.number("tolerance", TOLERANCE).unwrap_or(default.tolerance),
-        max_iterations: table.whole("max_iterations", 1..=10_000).unwrap_or(default.max_iterations),
-        max_cuts: table.whole("max_cuts", 0..=30).unwrap_or(default.max_cuts),
-        stages: table.take("stages").and_then(|value| stages(&value)).unwrap_or(default.stages),
-        predictor: table.take("predictor").and_then(|value| value.boolean()).unwrap_or(default.predictor),
-        solver: solver::method(&mut table),
-    };
-    table.finish();
-    micro
+        max_iterations: table.integer("max_iterations", 1..=10_000).unwrap_or(default.max_iterations),
+        max_cuts: table.integer("max_cuts", 0..=30).unwrap_or(default.max_cuts),
+        stages: table.get("stages").and_then(|value| stages(&value)).unwrap_or(default.stages),
+        predictor: table.boolean("predictor").unwrap_or(default.predictor),
+        solver: solver::method(table),
+    });
+    micro.unwrap_or(default)
 }
 
 /// Reads the list of solution stages, which must not be empty.
@@ -136,7 +130,7 @@ fn stages(value: &Value<'_>) -> Option<Stages> {
     let form = "such as [\"newton\", \"cuts\"]";
     let elements = value.list(&expected, form)?;
     if elements.is_empty() {
-        value.reject(&*expected, "name at least one, or leave `stages` out for all of them");
+        value.report_invalid(&*expected, "name at least one, or leave `stages` out for all of them");
         return None;
     }
     let stages: Vec<Option<Stage>> = elements.iter().map(|element| element.choice(&words)).collect();
@@ -146,30 +140,26 @@ fn stages(value: &Value<'_>) -> Option<Stages> {
 /// Reads the numbers of ranks.
 pub(super) fn scales(root: &mut Table<'_>) -> ScalesCase {
     let default = ScalesCase::default();
-    let Some(mut table) = root.table("scales") else { return default };
-    let scales = ScalesCase {
-        macro_ranks: table.whole("macro", 1..=1_000_000).unwrap_or(default.macro_ranks),
-        micro_ranks: table.whole("micro", 0..=1_000_000).unwrap_or(default.micro_ranks),
-        near: table.take("near").and_then(|value| value.boolean()).unwrap_or(default.near),
-    };
-    table.finish();
-    scales
+    let scales = root.section("scales", |table| ScalesCase {
+        macro_ranks: table.integer("macro", 1..=1_000_000).unwrap_or(default.macro_ranks),
+        micro_ranks: table.integer("micro", 0..=1_000_000).unwrap_or(default.micro_ranks),
+        near: table.boolean("near").unwrap_or(default.near),
+    });
+    scales.unwrap_or(default)
 }
 
 /// Reads the output settings. Warns if networks are requested but no region has any.
 pub(super) fn output(root: &mut Table<'_>, base: &Path, any_network: bool) -> OutputCase {
-    let default = OutputCase { directory: base.join("results"), every: 1, rve: RveOutput::None };
-    let Some(mut table) = root.table("output") else { return default };
-    let directory = table.take("directory").and_then(|value| value.text("a folder, relative to the case file"));
-    let output = OutputCase {
-        directory: directory.map_or(default.directory, |directory| base.join(directory)),
-        every: table.whole("every", 1..=1_000_000).unwrap_or(default.every),
-        rve: table.take("rve").and_then(|value| rve_output(&value)).unwrap_or(default.rve),
-    };
-    if output.rve != RveOutput::None && !any_network {
-        table.problems.warn(table.line, "`output.rve` has no effect: no region has the model \"fiber-rve\"");
-    }
-    table.finish();
+    let mut output = OutputCase { directory: base.join("results"), every: 1, rve: RveOutput::None };
+    root.section("output", |table| {
+        let directory = table.get("directory").and_then(|value| value.text("a folder, relative to the case file"));
+        output.directory = directory.map_or_else(|| output.directory.clone(), |directory| base.join(directory));
+        output.every = table.integer("every", 1..=1_000_000).unwrap_or(1);
+        output.rve = table.get("rve").and_then(|value| rve_output(&value)).unwrap_or(RveOutput::None);
+        if output.rve != RveOutput::None && !any_network {
+            table.problems.warn(table.line, "`output.rve` has no effect: no region has the model \"fiber-rve\"");
+        }
+    });
     output
 }
 
@@ -179,17 +169,17 @@ fn rve_output(value: &Value<'_>) -> Option<RveOutput> {
         Some("none") => return Some(RveOutput::None),
         Some("all") => return Some(RveOutput::All),
         Some(word) => {
-            value.reject(EXPECTED, did_you_mean(word, &["none", "all"]));
+            value.report_invalid(EXPECTED, did_you_mean(word, &["none", "all"]));
             return None;
         }
         None => {}
     }
     let elements = value.list(EXPECTED, "\"none\", \"all\" or such as [0, 17]")?;
     if elements.is_empty() {
-        value.reject(EXPECTED, "write \"none\" or name elements");
+        value.report_invalid(EXPECTED, "write \"none\" or name elements");
         return None;
     }
-    let read: Vec<Option<usize>> = elements.iter().map(|element| element.whole(&(0..=MOST_ELEMENTS))).collect();
+    let read: Vec<Option<usize>> = elements.iter().map(|element| element.integer(&(0..=MOST_ELEMENTS))).collect();
     let mut ids = read.into_iter().collect::<Option<Vec<usize>>>()?;
     ids.sort_unstable();
     ids.dedup();

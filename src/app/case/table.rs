@@ -61,14 +61,14 @@ impl<'d> Table<'d> {
     pub(super) fn report(&self, what: &str, expected: impl Into<String>, cure: impl Into<String>) {
         let what = format!("{} {what}", self.name());
         if self.path.is_empty() {
-            self.problems.report_whole(what, expected, cure);
+            self.problems.report_file(what, expected, cure);
         } else {
             self.problems.report(self.line, what, expected, cure);
         }
     }
 
     /// Returns the value of a key if present, and marks the key as known.
-    pub(super) fn take(&mut self, key: &'static str) -> Option<Value<'d>> {
+    pub(super) fn get(&mut self, key: &'static str) -> Option<Value<'d>> {
         self.known.push(key);
         let (name, value) = self.entries.get_key_value(key)?;
         let line = self.problems.line_of(name.span().start);
@@ -77,7 +77,7 @@ impl<'d> Table<'d> {
 
     /// Returns the value of a required key.
     pub(super) fn require(&mut self, key: &'static str, expected: &str) -> Option<Value<'d>> {
-        let value = self.take(key);
+        let value = self.get(key);
         if value.is_none() {
             self.report(&format!("has no `{key}`"), expected, format!("add `{key} = ...`"));
         }
@@ -87,7 +87,7 @@ impl<'d> Table<'d> {
     /// Returns the value of one of two keys, exactly one of which is required.
     pub(super) fn either(&mut self, first: &'static str, second: &'static str) -> Option<Either<'d>> {
         let expected = format!("exactly one of `{first}` and `{second}`");
-        match (self.take(first), self.take(second)) {
+        match (self.get(first), self.get(second)) {
             (Some(value), None) => Some(Either::First(value)),
             (None, Some(value)) => Some(Either::Second(value)),
             (Some(one), Some(other)) => {
@@ -105,7 +105,7 @@ impl<'d> Table<'d> {
 
     /// Reads an optional number.
     pub(super) fn number(&mut self, key: &'static str, range: Range) -> Option<f64> {
-        self.take(key)?.number(range)
+        self.get(key)?.number(range)
     }
 
     /// Reads a required number.
@@ -114,26 +114,44 @@ impl<'d> Table<'d> {
     }
 
     /// Reads an optional integer.
-    pub(super) fn whole<T>(&mut self, key: &'static str, range: RangeInclusive<T>) -> Option<T>
+    pub(super) fn integer<T>(&mut self, key: &'static str, range: RangeInclusive<T>) -> Option<T>
     where
         T: TryFrom<i128> + PartialOrd + Display,
     {
-        self.take(key)?.whole(&range)
+        self.get(key)?.integer(&range)
+    }
+
+    /// Reads an optional truth value.
+    pub(super) fn boolean(&mut self, key: &'static str) -> Option<bool> {
+        self.get(key)?.boolean()
+    }
+
+    /// Reads a required string that is not blank.
+    pub(super) fn required_text(&mut self, key: &'static str, expected: &str) -> Option<&'d str> {
+        self.require(key, expected)?.text(expected)
     }
 
     /// Reads an optional keyword out of `words`.
     pub(super) fn choice<T: Copy>(&mut self, key: &'static str, words: &[(&'static str, T)]) -> Option<T> {
-        self.take(key)?.choice(words)
+        self.get(key)?.choice(words)
     }
 
     /// Reads an optional subtable.
     pub(super) fn table(&mut self, key: &'static str) -> Option<Table<'d>> {
-        self.take(key)?.table()
+        self.get(key)?.table()
+    }
+
+    /// Reads an optional subtable by `read`, and reports the keys that `read` did not request.
+    pub(super) fn section<T>(&mut self, key: &'static str, read: impl FnOnce(&mut Self) -> T) -> Option<T> {
+        let mut table = self.table(key)?;
+        let section = read(&mut table);
+        table.report_unknown_keys();
+        Some(section)
     }
 
     /// Reads a required subtable.
     pub(super) fn required_table(&mut self, key: &'static str, expected: &str) -> Option<Table<'d>> {
-        let value = self.take(key);
+        let value = self.get(key);
         if value.is_none() {
             let form = if self.path.is_empty() { format!("[{key}]") } else { format!("`{key} = {{ ... }}`") };
             self.report(&format!("has no `{key}`"), expected, format!("add {form}"));
@@ -143,11 +161,11 @@ impl<'d> Table<'d> {
 
     /// Returns the tables written as `[[key]]`, in the order of the file.
     pub(super) fn tables(&mut self, key: &'static str) -> Vec<Table<'d>> {
-        let Some(value) = self.take(key) else { return Vec::new() };
+        let Some(value) = self.get(key) else { return Vec::new() };
         let form = format!("[[{key}]] instead of [{key}]");
         let elements = value.list("a list of tables", &form).unwrap_or_default();
         if value.inner.as_array().is_some_and(|elements| elements.is_empty()) {
-            value.reject("a list of tables", format!("write [[{key}]], or remove the key"));
+            value.report_invalid("a list of tables", format!("write [[{key}]], or remove the key"));
         }
         let unnumbered = |element| Value { path: value.path.clone(), ..element };
         elements.into_iter().map(unnumbered).filter_map(|element| element.table()).collect()
@@ -159,7 +177,7 @@ impl<'d> Table<'d> {
     }
 
     /// Reports every key that was never requested.
-    pub(super) fn finish(self) {
+    pub(super) fn report_unknown_keys(self) {
         let mut known = self.known.clone();
         known.sort_unstable();
         known.dedup();

@@ -22,13 +22,13 @@ pub(super) struct Value<'d> {
 
 impl<'d> Value<'d> {
     /// Reports an error of this value; the message is its path followed by `complaint`.
-    pub(super) fn object(&self, complaint: &str, expected: impl Into<String>, cure: impl Into<String>) {
+    pub(super) fn report_error(&self, complaint: &str, expected: impl Into<String>, cure: impl Into<String>) {
         self.problems.report(self.line, format!("`{}` {complaint}", self.path), expected, cure);
     }
 
     /// Reports this value as invalid and shows it.
-    pub(super) fn reject(&self, expected: impl Into<String>, cure: impl Into<String>) {
-        self.object(&format!("is {}", shown(self.inner)), expected, cure);
+    pub(super) fn report_invalid(&self, expected: impl Into<String>, cure: impl Into<String>) {
+        self.report_error(&format!("is {}", shown(self.inner)), expected, cure);
     }
 
     /// Reports a feature that only a later version of the program provides.
@@ -44,7 +44,7 @@ impl<'d> Value<'d> {
             }
             _ => format!("write {form}"),
         };
-        self.reject(expected, cure);
+        self.report_invalid(expected, cure);
     }
 
     /// Reads a finite number in a range; integers are accepted.
@@ -65,24 +65,27 @@ impl<'d> Value<'d> {
         if range.contains(value) {
             return Some(value);
         }
-        self.reject(expected, if value.is_finite() { "choose a value in that range" } else { "write a finite number" });
+        self.report_invalid(
+            expected,
+            if value.is_finite() { "choose a value in that range" } else { "write a finite number" },
+        );
         None
     }
 
     /// Reads an integer in a range.
-    pub(super) fn whole<T: TryFrom<i128> + PartialOrd + Display>(&self, range: &RangeInclusive<T>) -> Option<T> {
+    pub(super) fn integer<T: TryFrom<i128> + PartialOrd + Display>(&self, range: &RangeInclusive<T>) -> Option<T> {
         let expected = format!("a whole number from {} to {}", range.start(), range.end());
         match self.inner {
             DeValue::Integer(whole) => {
                 let value =
                     integer(whole).and_then(|whole| T::try_from(whole).ok()).filter(|value| range.contains(value));
                 if value.is_none() {
-                    self.reject(expected, "choose a value in that range");
+                    self.report_invalid(expected, "choose a value in that range");
                 }
                 value
             }
             DeValue::Float(float) if float.as_str().parse::<f64>().is_ok_and(|value| value.fract() == 0.0) => {
-                self.reject(expected, "write it without decimal point and exponent");
+                self.report_invalid(expected, "write it without decimal point and exponent");
                 None
             }
             _ => {
@@ -104,7 +107,9 @@ impl<'d> Value<'d> {
     pub(super) fn text(&self, expected: &str) -> Option<&'d str> {
         match self.inner {
             DeValue::String(text) if !text.trim().is_empty() => return Some(text),
-            DeValue::String(_) => self.reject(expected, "write something between the quotes, or remove the key"),
+            DeValue::String(_) => {
+                self.report_invalid(expected, "write something between the quotes, or remove the key")
+            }
             _ => self.wrong_type(expected, "a string in quotes"),
         }
         None
@@ -115,7 +120,7 @@ impl<'d> Value<'d> {
         let names: Vec<&str> = words.iter().map(|&(name, _)| name).collect();
         let expected = alternatives(names.iter().copied(), '"');
         let DeValue::String(text) = self.inner else {
-            self.reject(
+            self.report_invalid(
                 &*expected,
                 if words.len() == 1 { "write this, in quotes" } else { "write one of these, in quotes" },
             );
@@ -123,7 +128,7 @@ impl<'d> Value<'d> {
         };
         let found = words.iter().find(|(name, _)| name == text).map(|&(_, meaning)| meaning);
         if found.is_none() {
-            self.reject(&*expected, did_you_mean(text, &names));
+            self.report_invalid(&*expected, did_you_mean(text, &names));
         }
         found
     }
@@ -153,7 +158,7 @@ impl<'d> Value<'d> {
         let exact = <[Self; N]>::try_from(elements).ok();
         if exact.is_none() {
             let complaint = format!("has {count} value{}", if count == 1 { "" } else { "s" });
-            self.object(&complaint, expected, format!("write {form}"));
+            self.report_error(&complaint, expected, format!("write {form}"));
         }
         exact
     }
@@ -167,10 +172,10 @@ impl<'d> Value<'d> {
     }
 
     /// Reads three integers: along x, y, z.
-    pub(super) fn whole_vector(&self, range: &RangeInclusive<usize>) -> Option<[usize; 3]> {
+    pub(super) fn integer_vector(&self, range: &RangeInclusive<usize>) -> Option<[usize; 3]> {
         let expected = format!("three whole numbers from {} to {}: along x, y, z", range.start(), range.end());
         let components = self.exactly::<3>(&expected, "three whole numbers in brackets, such as [4, 4, 4]")?;
-        let [x, y, z] = components.map(|component| component.whole(range));
+        let [x, y, z] = components.map(|component| component.integer(range));
         Some([x?, y?, z?])
     }
 
@@ -192,7 +197,7 @@ impl<'d> Value<'d> {
             } else {
                 format!("write {name} = {{ ... }} with its keys in the braces")
             };
-            self.reject("a table", cure);
+            self.report_invalid("a table", cure);
             return None;
         };
         Some(self.table_of(entries))

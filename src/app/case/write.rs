@@ -1,16 +1,23 @@
 //! Writing a case as TOML, with all defaults filled in.
+//!
+//! `serde` and `toml` are not used: they write numbers without exponent (5e-8 as 0.00000005, 1e300 with 301 digits) and
+//! every table that is a value as a section of its own, while checkpoints compare the case line by line.
 
-use std::fmt::{self, Write};
+use std::fmt::Debug;
 use std::path::Path;
 
 use crate::fiber::equilibrium::Stage;
-use crate::fiber::law::{BUCKLING, FiberLaw, FiberMaterial, Law};
+use crate::fiber::law::{FiberLaw, FiberMaterial, Law};
 
 use super::data::{
     Before, Case, Choose, CurveCase, FiberRveCase, FormulaCase, FormulaModel, LifeCase, LoadCase, MaterialCase,
     MeshSource, PointPlace, RveOutput, ScaleCase, StepStart,
 };
+use super::load::AXES;
 use super::solver;
+
+/// A key and its value as TOML.
+pub(super) type Entry<'a> = (&'a str, String);
 
 impl Case {
     /// Returns the case as run: defaults filled in, elastic constants converted, networks listed, paths absolute, so
@@ -18,183 +25,184 @@ impl Case {
     /// path that is not Unicode, which no case file can contain, is written with replacement characters).
     #[must_use]
     pub fn to_toml(&self) -> String {
-        let mut text = String::new();
-        // Writing to a string cannot fail.
-        let _ = self.write(&mut text);
-        text
-    }
-
-    fn write(&self, out: &mut String) -> fmt::Result {
-        writeln!(out, "# The case as run by biotissue {}, defaults filled in.", env!("CARGO_PKG_VERSION"))?;
-        writeln!(out, "title = {}", quoted(&self.title))?;
-        self.write_mesh(out)?;
+        let Self { steps, newton, micro, scales, output, .. } = self;
+        let mut out = format!("# The case as run by biotissue {}, defaults filled in.\n", env!("CARGO_PKG_VERSION"));
+        write(&mut out, [text("title", &self.title)]);
+        section(&mut out, "[mesh]", [mesh(&self.mesh), entry("scale", self.mesh_scale)]);
         for region in &self.regions {
-            writeln!(out, "\n[[region]]\nname = {}\n[region.material]", quoted(&region.name))?;
+            section(&mut out, "[[region]]", [text("name", &region.name)]);
+            out.push_str("[region.material]\n");
             match &region.material {
-                MaterialCase::Formula(formula) => {
-                    for entry in formula_entries(formula) {
-                        writeln!(out, "{entry}")?;
-                    }
-                }
-                MaterialCase::FiberRve(rve) => write_fiber_rve(out, rve)?,
+                MaterialCase::Formula(material) => write(&mut out, formula(material)),
+                MaterialCase::FiberRve(rve) => write(&mut out, fiber_rve(rve)),
             }
         }
-        self.write_loads(out)?;
-        self.write_sections(out)
-    }
-
-    fn write_mesh(&self, out: &mut String) -> fmt::Result {
-        writeln!(out, "\n[mesh]")?;
-        match &self.mesh {
-            MeshSource::File(file) => writeln!(out, "file = {}", path(file))?,
-            MeshSource::Box { cells, size } => {
-                writeln!(out, "generate = {{ shape = \"box\", cells = {cells:?}, size = {size:?} }}")?;
-            }
-            MeshSource::Dogbone { element_size } => {
-                writeln!(out, "generate = {{ shape = \"dogbone\", element_size = {element_size:?} }}")?;
-            }
-        }
-        writeln!(out, "scale = {:?}", self.mesh_scale)
-    }
-
-    fn write_loads(&self, out: &mut String) -> fmt::Result {
         for boundary in &self.boundaries {
-            writeln!(out, "\n[[boundary]]\nsurface = {}", quoted(&boundary.surface))?;
-            match &boundary.load {
-                LoadCase::Displacement(components) => writeln!(out, "displacement = {}", displacement(components))?,
-                LoadCase::Traction(traction) => writeln!(out, "traction = {traction:?}")?,
-            }
-            writeln!(out, "curve = {}", curve(&boundary.curve))?;
+            let load = match &boundary.load {
+                LoadCase::Displacement(components) => displacement(components),
+                LoadCase::Traction(traction) => entry("traction", traction),
+            };
+            section(&mut out, "[[boundary]]", [text("surface", &boundary.surface), load, curve(&boundary.curve)]);
         }
         for point in &self.points {
-            match &point.place {
-                PointPlace::At(at) => writeln!(out, "\n[[point]]\nat = {at:?}")?,
-                PointPlace::Node(node) => writeln!(out, "\n[[point]]\nnode = {node}")?,
-            }
-            writeln!(out, "displacement = {}\ncurve = {}", displacement(&point.displacement), curve(&point.curve))?;
+            let place = match &point.place {
+                PointPlace::At(at) => entry("at", at),
+                PointPlace::Node(node) => entry("node", node),
+            };
+            section(&mut out, "[[point]]", [place, displacement(&point.displacement), curve(&point.curve)]);
         }
         for force in &self.body_forces {
-            writeln!(out, "\n[[body_force]]\nregion = {}\nvalue = {:?}", quoted(&force.region), force.value)?;
-            writeln!(out, "curve = {}", curve(&force.curve))?;
+            let entries = [text("region", &force.region), entry("value", force.value), curve(&force.curve)];
+            section(&mut out, "[[body_force]]", entries);
         }
-        Ok(())
-    }
-
-    fn write_sections(&self, out: &mut String) -> fmt::Result {
-        let Self { steps, newton, micro, scales, output, .. } = self;
-        writeln!(out, "\n[steps]\ncount = {}\nmax_cuts = {}", steps.count, steps.max_cuts)?;
+        section(&mut out, "[steps]", [entry("count", steps.count), entry("max_cuts", steps.max_cuts)]);
         let start = match newton.start {
             StepStart::Held => "held",
             StepStart::Tangent => "tangent",
         };
-        writeln!(out, "\n[newton]\ntolerance = {:?}\nmax_iterations = {}", newton.tolerance, newton.max_iterations)?;
-        writeln!(out, "line_search = {}\nstart = \"{start}\"", newton.line_search)?;
-        writeln!(out, "{}", solver::line(&newton.solver))?;
-        writeln!(out, "\n[micro]\ntolerance = {:?}\nmax_iterations = {}", micro.tolerance, micro.max_iterations)?;
-        let stages: Vec<&str> = micro.stages.iter().map(Stage::name).collect();
-        writeln!(out, "max_cuts = {}\nstages = {stages:?}\npredictor = {}", micro.max_cuts, micro.predictor)?;
-        writeln!(out, "{}", solver::line(&micro.solver))?;
-        writeln!(out, "\n[scales]\nmacro = {}\nmicro = {}", scales.macro_ranks, scales.micro_ranks)?;
-        writeln!(out, "near = {}", scales.near)?;
+        let entries = [
+            entry("tolerance", newton.tolerance),
+            entry("max_iterations", newton.max_iterations),
+            entry("line_search", newton.line_search),
+            entry("start", start),
+            table("solver", solver::entries(&newton.solver)),
+        ];
+        section(&mut out, "[newton]", entries);
+        let entries = [
+            entry("tolerance", micro.tolerance),
+            entry("max_iterations", micro.max_iterations),
+            entry("max_cuts", micro.max_cuts),
+            entry("stages", micro.stages.iter().map(Stage::name).collect::<Vec<_>>()),
+            entry("predictor", micro.predictor),
+            table("solver", solver::entries(&micro.solver)),
+        ];
+        section(&mut out, "[micro]", entries);
+        let entries =
+            [entry("macro", scales.macro_ranks), entry("micro", scales.micro_ranks), entry("near", scales.near)];
+        section(&mut out, "[scales]", entries);
         let rve = match &output.rve {
-            RveOutput::None => "\"none\"".into(),
-            RveOutput::All => "\"all\"".into(),
-            RveOutput::Elements(ids) => format!("{ids:?}"),
+            RveOutput::None => entry("rve", "none"),
+            RveOutput::All => entry("rve", "all"),
+            RveOutput::Elements(ids) => entry("rve", ids),
         };
-        writeln!(out, "\n[output]\ndirectory = {}\nevery = {}\nrve = {rve}", path(&output.directory), output.every)
+        section(&mut out, "[output]", [path("directory", &output.directory), entry("every", output.every), rve]);
+        out
     }
 }
 
-fn write_fiber_rve(out: &mut String, rve: &FiberRveCase) -> fmt::Result {
-    writeln!(out, "model = \"fiber-rve\"\nnetworks = [")?;
-    for network in &rve.networks {
-        writeln!(out, "    {},", path(network))?;
-    }
-    let choose = match rve.choose {
-        Choose::Random => "random",
-        Choose::Cycle => "cycle",
-    };
-    writeln!(out, "]\nchoose = \"{choose}\"\nseed = {}", rve.seed)?;
-    match rve.scale {
-        ScaleCase::Raw => writeln!(out, "scale = \"raw\"")?,
-        ScaleCase::FiberVolumeFraction(fraction) => writeln!(out, "fiber_volume_fraction = {fraction:?}")?,
-    }
-    if let Some(material) = &rve.law {
-        writeln!(out, "law = {{ {} }}", law_entries(material))?;
-    }
-    if let Some(matrix) = &rve.matrix {
-        writeln!(out, "matrix = {{ {} }}", formula_entries(matrix).join(", "))?;
-    }
-    if rve.life != LifeCase::default() {
-        writeln!(out, "life = {{ {} }}", life_entries(&rve.life))?;
-    }
-    Ok(())
+fn section<'a>(out: &mut String, header: &str, entries: impl IntoIterator<Item = Entry<'a>>) {
+    *out += &format!("\n{header}\n");
+    write(out, entries);
 }
 
-/// Formats the entries of `life` that differ from the defaults; the defaults zero and infinity are not valid in a file.
-fn life_entries(life: &LifeCase) -> String {
-    let before = match life.before {
-        Before::Linear => "linear",
-        Before::Matrix => "matrix",
-    };
-    let numbers = [
-        ("created_at", life.created_at, life.created_at > 0.0),
-        ("asleep_below", life.asleep_below, life.asleep_below > 0.0),
-        ("deleted_at", life.deleted_at, life.deleted_at.is_finite()),
-    ];
-    let given = numbers.iter().filter(|(_, _, is_given)| *is_given).map(|(key, value, _)| format!("{key} = {value:?}"));
-    given.chain([format!("before = \"{before}\"")]).collect::<Vec<_>>().join(", ")
-}
-
-fn formula_entries(formula: &FormulaCase) -> [String; 3] {
-    let model = match formula.model {
-        FormulaModel::NeoHookean => "neo-hookean",
-        FormulaModel::LinearElastic => "linear-elastic",
-    };
-    [
-        format!("model = \"{model}\""),
-        format!("shear_modulus = {:?}", formula.shear_modulus),
-        format!("lame_lambda = {:?}", formula.lame_lambda),
-    ]
-}
-
-fn law_entries(material: &FiberMaterial) -> String {
-    let mut entries = parameters(&material.law);
-    entries.insert(entries.len().min(1), format!("radius = {:?}", material.radius));
-    format!("name = {}, {}", quoted(material.law.name()), entries.join(", "))
-}
-
-/// Formats the parameters of a law. A table is written as points, even if it came from a file; a custom law, which no
-/// case file can name, with all its parameters.
-fn parameters(law: &Law) -> Vec<String> {
-    match law {
-        Law::Table(table) => vec![format!("points = {:?}", table.points())],
-        Law::Buckling { law, compression, buckling_strain } => {
-            let buckling = BUCKLING.iter().zip([compression, buckling_strain]);
-            let entries = buckling.map(|(parameter, value)| format!("{} = {value:?}", parameter.name));
-            parameters(law).into_iter().chain(entries).collect()
-        }
-        law => law.parameters().iter().map(|(name, value)| format!("{name} = {value:?}")).collect(),
+fn write<'a>(out: &mut String, entries: impl IntoIterator<Item = Entry<'a>>) {
+    for (key, value) in entries {
+        *out += &format!("{key} = {value}\n");
     }
 }
 
-fn displacement(components: &[Option<f64>; 3]) -> String {
-    let named = ["x", "y", "z"].into_iter().zip(components);
-    let written: Vec<String> = named.filter_map(|(axis, value)| value.map(|u| format!("{axis} = {u:?}"))).collect();
-    format!("{{ {} }}", written.join(", "))
-}
-
-fn curve(curve: &CurveCase) -> String {
-    match curve {
-        CurveCase::Ramp => "\"ramp\"".into(),
-        CurveCase::Table(points) => format!("{points:?}"),
-    }
+/// Formats a number, a truth value, a keyword, or a list of these: TOML and Rust write them in the same way.
+pub(super) fn entry(key: &str, value: impl Debug) -> Entry<'_> {
+    (key, format!("{value:?}"))
 }
 
 fn quoted(text: &str) -> String {
     toml::Value::String(text.into()).to_string()
 }
 
-fn path(path: &Path) -> String {
-    quoted(&path.to_string_lossy())
+fn text<'a>(key: &'a str, text: &str) -> Entry<'a> {
+    (key, quoted(text))
+}
+
+fn path<'a>(key: &'a str, path: &Path) -> Entry<'a> {
+    text(key, &path.to_string_lossy())
+}
+
+/// Formats a table on one line.
+fn table<'a, 'b>(key: &'a str, entries: impl IntoIterator<Item = Entry<'b>>) -> Entry<'a> {
+    let entries: Vec<String> = entries.into_iter().map(|(key, value)| format!("{key} = {value}")).collect();
+    (key, format!("{{ {} }}", entries.join(", ")))
+}
+
+fn mesh(source: &MeshSource) -> Entry<'static> {
+    match source {
+        MeshSource::File(file) => path("file", file),
+        MeshSource::Box { cells, size } => {
+            table("generate", [entry("shape", "box"), entry("cells", cells), entry("size", size)])
+        }
+        MeshSource::Dogbone { element_size } => {
+            table("generate", [entry("shape", "dogbone"), entry("element_size", element_size)])
+        }
+    }
+}
+
+fn fiber_rve(rve: &FiberRveCase) -> Vec<Entry<'static>> {
+    let networks: String =
+        rve.networks.iter().map(|file| format!("    {},\n", quoted(&file.to_string_lossy()))).collect();
+    let choose = match rve.choose {
+        Choose::Random => "random",
+        Choose::Cycle => "cycle",
+    };
+    let mut entries = vec![
+        entry("model", "fiber-rve"),
+        ("networks", format!("[\n{networks}]")),
+        entry("choose", choose),
+        entry("seed", rve.seed),
+        match rve.scale {
+            ScaleCase::Raw => entry("scale", "raw"),
+            ScaleCase::FiberVolumeFraction(fraction) => entry("fiber_volume_fraction", fraction),
+        },
+    ];
+    entries.extend(rve.law.as_ref().map(|material| table("law", law(material))));
+    entries.extend(rve.matrix.as_ref().map(|matrix| table("matrix", formula(matrix))));
+    entries.extend((rve.life != LifeCase::default()).then(|| table("life", life(&rve.life))));
+    entries
+}
+
+/// Formats the entries of `life` that differ from the defaults; the defaults zero and infinity are not valid in a file.
+fn life(life: &LifeCase) -> Vec<Entry<'static>> {
+    let before = match life.before {
+        Before::Linear => "linear",
+        Before::Matrix => "matrix",
+    };
+    let numbers =
+        [("created_at", life.created_at), ("asleep_below", life.asleep_below), ("deleted_at", life.deleted_at)];
+    let given = numbers.into_iter().filter(|(_, value)| *value > 0.0 && value.is_finite());
+    given.map(|(key, value)| entry(key, value)).chain([entry("before", before)]).collect()
+}
+
+fn formula(formula: &FormulaCase) -> [Entry<'static>; 3] {
+    let model = match formula.model {
+        FormulaModel::NeoHookean => "neo-hookean",
+        FormulaModel::LinearElastic => "linear-elastic",
+    };
+    [entry("model", model), entry("shear_modulus", formula.shear_modulus), entry("lame_lambda", formula.lame_lambda)]
+}
+
+/// Formats a law. A table is written as points, even if it came from a file; a custom law, which no case file can name,
+/// with all its parameters.
+fn law(FiberMaterial { law, radius, .. }: &FiberMaterial) -> Vec<Entry<'static>> {
+    let in_tension = if let Law::Buckling { law, .. } = law { law } else { law };
+    let mut entries = match in_tension {
+        Law::Table(table) => vec![entry("points", table.points())],
+        law => law.parameters().into_iter().map(|(name, value)| entry(name, value)).collect(),
+    };
+    entries.insert(entries.len().min(1), entry("radius", radius));
+    entries.insert(0, text("name", law.name()));
+    if let Law::Buckling { compression, buckling_strain, .. } = law {
+        entries.extend([entry("compression", compression), entry("buckling_strain", buckling_strain)]);
+    }
+    entries
+}
+
+fn displacement(components: &[Option<f64>; 3]) -> Entry<'static> {
+    let named = AXES.into_iter().zip(components);
+    table("displacement", named.filter_map(|(axis, component)| component.map(|value| entry(axis, value))))
+}
+
+fn curve(curve: &CurveCase) -> Entry<'static> {
+    match curve {
+        CurveCase::Ramp => entry("curve", "ramp"),
+        CurveCase::Table(points) => entry("curve", points),
+    }
 }

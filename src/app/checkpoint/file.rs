@@ -11,8 +11,9 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::CheckpointError;
-use crate::app::results::{ResultsError, replace_by};
+use crate::app::results::ResultsError;
 use crate::checksum::Fnv;
+use crate::output;
 
 const MAGIC: &[u8; 8] = b"BIOTISSU";
 /// The version of the format, incremented whenever the content changes.
@@ -27,7 +28,7 @@ pub(super) fn is_begin(bytes: &[u8]) -> bool {
 
 /// Writes a checkpoint; an existing file is replaced only when the new one is complete.
 pub(super) fn write(path: &Path, content: &impl Serialize) -> Result<(), ResultsError> {
-    replace_by(path, |file| {
+    let written = output::replace_by(path, |file| {
         let mut out = Hashing { to: BufWriter::new(file), hash: Fnv::new(), failed: None };
         out.write_all(MAGIC)?;
         out.write_all(&VERSION.to_le_bytes())?;
@@ -37,7 +38,8 @@ pub(super) fn write(path: &Path, content: &impl Serialize) -> Result<(), Results
         let Hashing { mut to, hash, .. } = out;
         to.write_all(&hash.finish().to_le_bytes())?;
         to.flush()
-    })
+    });
+    written.map_err(ResultsError::write(path))
 }
 
 /// Reads a checkpoint. The memory allocated is limited by the length of the file, whatever counts it contains.

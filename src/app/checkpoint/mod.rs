@@ -26,7 +26,7 @@ use thiserror::Error;
 pub use identity::{Identity, Mismatch};
 pub(crate) use record::UnitRecord;
 
-use super::results::{CHECKPOINT_FOLDER, ResultsError, Written};
+use super::results::{CHECKPOINT_FOLDER, ResultsError, ResultsRecord};
 use crate::fem::stepping::SavedState;
 use crate::output::{self, final_name};
 use crate::tissue::micro_scale::{Life, TissueMaterial, UnitState};
@@ -47,7 +47,7 @@ pub struct Checkpoint {
     /// The states of the RVEs that exist.
     pub units: Vec<UnitState>,
     /// The results that the run had written until then.
-    pub written: Written,
+    pub written: ResultsRecord,
 }
 
 /// The reason why a run cannot resume from the checkpoints in its directory.
@@ -127,7 +127,7 @@ pub fn write(
     dir: &Path,
     identity: &Identity,
     state: &SavedState,
-    written: &Written,
+    written: &ResultsRecord,
     field: &impl TissueMaterial,
 ) -> Result<(), ResultsError> {
     let folder = dir.join(CHECKPOINT_FOLDER);

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize, Serializer};
 
 use super::identity::Identity;
 use super::raw::Raw;
-use crate::app::results::Written;
+use crate::app::results::ResultsRecord;
 use crate::fem::material::Response;
 use crate::fem::stepping::SavedState;
 use crate::fiber::rve::{Rve, Sensitivities};
@@ -19,7 +19,7 @@ pub(super) struct Record {
     halvings: u32,
     displacements: Vec<[f64; 3]>,
     /// The results that must exist.
-    pub written: Written,
+    pub written: ResultsRecord,
     lives: Vec<Life>,
     units: Vec<UnitRecord>,
 }
@@ -28,7 +28,7 @@ pub(super) struct Record {
 pub(super) struct RecordRef<'a, M> {
     pub identity: &'a Identity,
     pub state: &'a SavedState,
-    pub written: &'a Written,
+    pub written: &'a ResultsRecord,
     pub field: &'a M,
 }
 

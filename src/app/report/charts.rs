@@ -1,26 +1,34 @@
-//! Charts as SVG text, drawn with plotters: lines, extension with iteration counts, stacked bars.
+//! Charts as SVG text: lines, extension with iteration counts, stacked bars.
+//!
+//! Charts and pictures share one SVG writer. A chart library would be a second one, and cannot draw the pictures: the
+//! backends of plotters round coordinates to whole pixels, write one element per segment (a picture of a network has
+//! 10 000), and have no groups, gradients, dashes or round ends of lines.
 
-use plotters::coord::ranged1d::ValueFormatter;
-use plotters::coord::types::RangedCoordf64;
-use plotters::prelude::*;
+use std::ops::Range;
 
-use super::ReportError;
-use super::units::{round_step, significant};
+use super::picture::color::viridis;
+use super::svg::{Anchor, Svg, hex, text_width};
+use super::units::{multiples, round_step, significant, tick_label};
 
 /// Okabe and Ito's colors, distinguishable for color-blind readers.
-const COLORS: [RGBColor; 7] = [
-    RGBColor(0, 114, 178),
-    RGBColor(213, 94, 0),
-    RGBColor(0, 158, 115),
-    RGBColor(204, 121, 167),
-    RGBColor(230, 159, 0),
-    RGBColor(86, 180, 233),
-    RGBColor(60, 60, 60),
-];
-const INK: RGBColor = RGBColor(27, 39, 51);
-const GRID: RGBColor = RGBColor(222, 228, 232);
-const PALE: RGBColor = RGBColor(190, 208, 220);
-const FONT: &str = "sans-serif";
+const COLORS: [&str; 7] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#3c3c3c"];
+const PALE: &str = "fill=\"#bed0dc\"";
+const INK: &str = "fill=\"#1b2733\"";
+const AXIS: &str = "fill=\"none\" stroke=\"#1b2733\"";
+const GRID: &str = "stroke=\"#dee4e8\"";
+
+/// Size of a chart, pixels.
+const SIZE: [f64; 2] = [620.0, 340.0];
+/// Ends of the horizontal axis on the page, and its right end beside a second vertical axis.
+const LEFT: f64 = 80.0;
+const RIGHT: f64 = 608.0;
+const RIGHT_OF_TWO: f64 = 558.0;
+/// Ends of the vertical axes on the page, from bottom to top.
+const HEIGHT: [f64; 2] = [286.0, 12.0];
+/// Font size of ticks and legend, pixels.
+const SMALL: f64 = 11.3;
+/// Font size of the labels of the axes, pixels.
+const LARGE: f64 = 12.1;
 
 /// A named line.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,7 +42,7 @@ pub struct Line {
 /// The name of a chart and the labels of its axes.
 #[derive(Clone, Copy, Debug)]
 pub struct Labels<'a> {
-    /// Name of the chart, for error messages and screen readers.
+    /// Name of the chart, for screen readers.
     pub chart: &'static str,
     /// Label of the horizontal axis.
     pub x: &'a str,
@@ -42,25 +50,129 @@ pub struct Labels<'a> {
     pub y: &'a str,
 }
 
-type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
-type Drawn = Result<(), DrawingAreaErrorKind<std::io::Error>>;
+/// An axis: the numbers and the pixels at its ends, and its ticks with their labels.
+struct Axis {
+    range: Range<f64>,
+    pixels: [f64; 2],
+    ticks: Vec<(f64, String)>,
+}
 
-fn svg(labels: Labels, draw: impl FnOnce(&Area) -> Drawn) -> Result<String, ReportError> {
-    const SIZE: (u32, u32) = (620, 340);
-    let mut text = String::new();
-    let drawn = {
-        let area = SVGBackend::with_string(&mut text, SIZE).into_drawing_area();
-        area.fill(&WHITE).and_then(|()| draw(&area)).and_then(|()| area.present())
-    };
-    drawn.map_err(|error| ReportError::Chart { chart: labels.chart, reason: error.to_string() })?;
-    // The page scales its charts; the label names the chart for screen readers.
-    let head = format!("<svg role=\"img\" aria-label=\"{}\" ", labels.chart);
-    Ok(text.replacen("<svg ", &head, 1))
+impl Axis {
+    /// Creates an axis with at most `most` ticks, which are at least `least_step` apart.
+    fn new(range: Range<f64>, pixels: [f64; 2], most: usize, least_step: f64) -> Self {
+        let step = round_step((range.end - range.start) / (most + 1) as f64).max(least_step);
+        let mut ticks = multiples(step, range.start, range.end);
+        if ticks.len() > most {
+            ticks = multiples(round_step(1.01 * step), range.start, range.end);
+        }
+        let label = |tick: f64| Some(tick_label(tick, &ticks)).filter(|label| label.len() <= 6);
+        let labeled = ticks.iter().map(|&tick| (tick, label(tick).unwrap_or_else(|| significant(tick)))).collect();
+        Self { range, pixels, ticks: labeled }
+    }
+
+    /// Creates the axis of the numbers of increments up to `last`, with space for bars on both sides.
+    fn of_increments(last: f64, right: f64) -> Self {
+        Self::new(0.4..last + 0.6, [LEFT, right], 10, 1.0)
+    }
+
+    fn place(&self, value: f64) -> f64 {
+        let [from, to] = self.pixels;
+        from + (value - self.range.start) / (self.range.end - self.range.start) * (to - from)
+    }
+
+    /// Draws a vertical axis at `x`, with its ticks and labels to the left (`side = -1`) or to the right (`side = 1`).
+    fn draw_vertical(&self, svg: &mut Svg, x: f64, side: f64, label: &str) {
+        let [bottom, top] = self.pixels;
+        svg.path(&[[x, top], [x, bottom]], false, AXIS);
+        let anchor = if side < 0.0 { Anchor::End } else { Anchor::Start };
+        for (tick, label) in self.ticks.iter().filter(|(_, label)| !label.is_empty()) {
+            let y = self.place(*tick);
+            svg.path(&[[x, y], [x + 5.0 * side, y]], false, AXIS);
+            svg.text([x + 10.0 * side, y + 4.0], SMALL, anchor, INK, label);
+        }
+        let [x, y] = [if side < 0.0 { 21.0 } else { SIZE[0] - 21.0 }, (bottom + top) / 2.0];
+        let turned = format!("{INK} transform=\"rotate({} {x} {y})\"", 90.0 * side);
+        svg.text([x, y], LARGE, Anchor::Middle, &turned, label);
+    }
+}
+
+/// A chart under construction.
+struct Chart {
+    svg: Svg,
+    x: Axis,
+    y: Axis,
+}
+
+impl Chart {
+    /// Draws the axes and the grid.
+    fn new(labels: Labels, x: Axis, y: Axis, with_columns: bool) -> Self {
+        let mut svg = Svg::new(SIZE[0], SIZE[1], labels.chart);
+        let ([left, right], [bottom, top]) = (x.pixels, y.pixels);
+        let mut grid: Vec<[[f64; 2]; 2]> =
+            y.ticks.iter().map(|(tick, _)| y.place(*tick)).map(|at| [[left, at], [right, at]]).collect();
+        if with_columns {
+            grid.extend(x.ticks.iter().map(|(tick, _)| x.place(*tick)).map(|at| [[at, bottom], [at, top]]));
+        }
+        svg.segments(&grid, GRID);
+        y.draw_vertical(&mut svg, left, -1.0, labels.y);
+        svg.path(&[[left, bottom], [right, bottom]], false, AXIS);
+        for (tick, label) in &x.ticks {
+            let at = x.place(*tick);
+            svg.path(&[[at, bottom], [at, bottom + 5.0]], false, AXIS);
+            svg.text([at, bottom + 19.0], SMALL, Anchor::Middle, INK, label);
+        }
+        svg.text([(left + right) / 2.0, SIZE[1] - 15.0], LARGE, Anchor::Middle, INK, labels.x);
+        Self { svg, x, y }
+    }
+
+    /// Draws a line and its points; points with a number that is not finite are omitted.
+    fn line(&mut self, points: impl IntoIterator<Item = (f64, f64)>, color: &str, width: f64) {
+        let finite = points.into_iter().filter(|(x, y)| x.is_finite() && y.is_finite());
+        let places: Vec<[f64; 2]> = finite.map(|(x, y)| [self.x.place(x), self.y.place(y)]).collect();
+        if places.len() > 1 {
+            self.svg.path(&places, false, &format!("fill=\"none\" stroke=\"{color}\" stroke-width=\"{width}\""));
+        }
+        self.svg.circles(&places, width + 1.0, &format!("fill=\"{color}\""));
+    }
+
+    /// Draws bars of the half width `half` around `x`, from `bottom` to `top` along the vertical axis `y`.
+    fn bars(&mut self, bars: impl Iterator<Item = (f64, [f64; 2])>, y: Option<&Axis>, half: f64, fill: &str) {
+        let y = y.unwrap_or(&self.y);
+        for (x, ends) in bars.filter(|(_, ends)| ends[1] > ends[0]) {
+            let [left, right] = [self.x.place(x - half), self.x.place(x + half)];
+            let [bottom, top] = ends.map(|end| y.place(end));
+            self.svg.rectangle([left, top, right - left, bottom - top], fill);
+        }
+    }
+
+    /// Draws the legend into a corner, unless there is only one line.
+    fn legend(&mut self, lines: &[Line], [right, upper]: [bool; 2], with_bars: bool) {
+        const ROW: f64 = 17.6;
+        if lines.len() < 2 {
+            return;
+        }
+        let widest = lines.iter().map(|line| text_width(&line.name, SMALL)).fold(0.0, f64::max);
+        let (width, height) = (widest + 48.0, ROW * lines.len() as f64 + 13.0);
+        let ([from, to], [bottom, top]) = (self.x.pixels, self.y.pixels);
+        let x = if right { to - 5.0 - width } else { from + 5.0 };
+        let y = if upper { top + 5.0 } else { bottom - 5.0 - height };
+        self.svg.rectangle([x, y, width, height], &format!("fill=\"#fff\" fill-opacity=\".85\" {GRID}"));
+        for (k, (line, color)) in lines.iter().zip(COLORS.iter().cycle()).enumerate() {
+            let middle = y + 15.0 + ROW * k as f64;
+            if with_bars {
+                self.svg.rectangle([x + 12.0, middle - 5.0, 12.0, 10.0], &format!("fill=\"{color}\""));
+            } else {
+                let sample = [[x + 10.0, middle], [x + 28.0, middle]];
+                self.svg.path(&sample, false, &format!("stroke=\"{color}\" stroke-width=\"2\""));
+            }
+            self.svg.text([x + 40.0, middle + 4.0], SMALL, Anchor::Start, INK, &line.name);
+        }
+    }
 }
 
 /// Returns an axis range that contains all values, rounded outward. It includes zero if the smallest magnitude is less
 /// than half of the largest.
-fn range(values: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
+fn range(values: impl Iterator<Item = f64>) -> Range<f64> {
     let finite = values.filter(|value| value.is_finite());
     let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), value| (a.min(value), b.max(value)));
     if low > high {
@@ -78,237 +190,96 @@ fn range(values: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
 }
 
 /// Draws lines over linear axes.
-///
-/// # Errors
-/// Returns [`ReportError::Chart`] if the chart cannot be drawn.
-pub fn lines(labels: Labels, lines: &[Line]) -> Result<String, ReportError> {
+#[must_use]
+pub fn lines(labels: Labels, lines: &[Line]) -> String {
     let points = || lines.iter().flat_map(|line| line.points.iter().copied());
-    let (x, y) = (range(points().map(|(x, _)| x)), range(points().map(|(_, y)| y)));
-    svg(labels, |area| {
-        let mut chart = ChartBuilder::on(area)
-            .margin(12)
-            .x_label_area_size(42)
-            .y_label_area_size(68)
-            .build_cartesian_2d(x.clone(), y.clone())?;
-        axes(&mut chart, labels)?;
-        draw_lines(&mut chart, lines)?;
-        if lines.len() > 1 { legend(&mut chart, emptiest_corner(lines, (&x, &y))) } else { Ok(()) }
-    })
+    let x = Axis::new(range(points().map(|(x, _)| x)), [LEFT, RIGHT], 8, 0.0);
+    let y = Axis::new(range(points().map(|(_, y)| y)), HEIGHT, 6, 0.0);
+    let corner = emptiest_corner(lines, &x.range, &y.range);
+    let mut chart = Chart::new(labels, x, y, true);
+    for (line, color) in lines.iter().zip(COLORS.iter().cycle()) {
+        chart.line(line.points.iter().copied(), color, 2.0);
+    }
+    chart.legend(lines, corner, false);
+    chart.svg.finish()
 }
 
-/// Returns the corner, about as large as a legend, that contains the fewest points of the lines.
-fn emptiest_corner(lines: &[Line], axes: (&std::ops::Range<f64>, &std::ops::Range<f64>)) -> SeriesLabelPosition {
-    use SeriesLabelPosition::{LowerLeft, LowerRight, UpperLeft, UpperRight};
+/// Returns the corner (right, upper), about as large as a legend, that contains the fewest points of the lines.
+fn emptiest_corner(lines: &[Line], x: &Range<f64>, y: &Range<f64>) -> [bool; 2] {
     const WIDE: f64 = 0.35;
     const HIGH: f64 = 0.3;
-    let part = |value: f64, axis: &std::ops::Range<f64>| (value - axis.start) / (axis.end - axis.start);
-    let points = || lines.iter().flat_map(|line| &line.points).map(|&(x, y)| (part(x, axes.0), part(y, axes.1)));
-    let inside = |right: bool, upper: bool| {
-        let near = |at: f64, far_end: bool, size: f64| if far_end { at > 1.0 - size } else { at < size };
-        points().filter(|&(x, y)| near(x, right, WIDE) && near(y, upper, HIGH)).count()
+    let near = |value: f64, axis: &Range<f64>, far_end: bool, size: f64| {
+        let part = (value - axis.start) / (axis.end - axis.start);
+        if far_end { part > 1.0 - size } else { part < size }
     };
-    let corners =
-        [(UpperLeft, false, true), (UpperRight, true, true), (LowerRight, true, false), (LowerLeft, false, false)];
-    let emptiest = corners.into_iter().min_by_key(|&(_, right, upper)| inside(right, upper));
-    emptiest.map_or(UpperLeft, |(corner, ..)| corner)
+    let points = || lines.iter().flat_map(|line| &line.points);
+    let inside = |&[right, upper]: &[bool; 2]| {
+        points().filter(|(px, py)| near(*px, x, right, WIDE) && near(*py, y, upper, HIGH)).count()
+    };
+    let corners = [[false, true], [true, true], [true, false], [false, false]];
+    corners.into_iter().min_by_key(inside).unwrap_or([false, true])
 }
 
 /// Draws lines with a logarithmic vertical axis; values that are not positive are omitted.
-///
-/// # Errors
-/// Returns [`ReportError::Chart`] if the chart cannot be drawn.
-pub fn logarithmic(labels: Labels, lines: &[Line]) -> Result<String, ReportError> {
-    let lines: Vec<Line> = lines
-        .iter()
-        .map(|line| Line {
-            name: line.name.clone(),
-            points: line.points.iter().copied().filter(|&(_, y)| y > 0.0 && y.is_finite()).collect(),
-        })
-        .collect();
-    let points = || lines.iter().flat_map(|line| line.points.iter().copied());
-    let x = 0.0..points().map(|(x, _)| x).fold(1.0, f64::max) + 0.2;
-    let exponents = range(points().map(|(_, y)| y.log10()));
-    let y = (10f64.powf(exponents.start.floor())..10f64.powf(exponents.end.ceil())).log_scale();
-    svg(labels, |area| {
-        let mut chart =
-            ChartBuilder::on(area).margin(12).x_label_area_size(42).y_label_area_size(68).build_cartesian_2d(x, y)?;
-        chart
-            .configure_mesh()
-            .disable_x_mesh()
-            .light_line_style(TRANSPARENT)
-            .bold_line_style(GRID)
-            .axis_style(INK)
-            .label_style((FONT, 14, &INK))
-            .axis_desc_style((FONT, 15, &INK))
-            .x_desc(labels.x)
-            .y_desc(labels.y)
-            .x_labels(8)
-            .x_label_formatter(&|x| whole(*x))
-            .y_label_formatter(&|y| format!("1e{:.0}", y.log10()))
-            .draw()?;
-        let last = lines.len().saturating_sub(1).max(1) as f64;
-        for (k, line) in lines.iter().enumerate() {
-            let [r, g, b] = super::picture::color::viridis(0.9 * k as f64 / last);
-            let color = RGBColor(r, g, b);
-            chart.draw_series(LineSeries::new(line.points.iter().copied(), color.stroke_width(1)))?;
-            chart.draw_series(line.points.iter().map(|&point| Circle::new(point, 2, color.filled())))?;
-        }
-        Ok(())
-    })
-}
-
-type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
-
-fn axes(chart: &mut Chart, labels: Labels) -> Drawn {
-    chart
-        .configure_mesh()
-        .light_line_style(TRANSPARENT)
-        .bold_line_style(GRID)
-        .axis_style(INK)
-        .label_style((FONT, 14, &INK))
-        .axis_desc_style((FONT, 15, &INK))
-        .x_desc(labels.x)
-        .y_desc(labels.y)
-        .x_labels(8)
-        .y_labels(6)
-        .x_label_formatter(&label)
-        .y_label_formatter(&label)
-        .draw()
-}
-
-/// Formats a tick without the digits caused by rounding errors.
-fn label(value: &f64) -> String {
-    let text = RangedCoordf64::format(value);
-    let text = text.strip_suffix(".0").unwrap_or(&text);
-    if text.len() <= 6 { text.to_owned() } else { significant(*value) }
-}
-
-fn draw_lines(chart: &mut Chart, lines: &[Line]) -> Drawn {
-    for (line, color) in lines.iter().zip(COLORS.into_iter().cycle()) {
-        let points = || line.points.iter().copied().filter(|(x, y)| x.is_finite() && y.is_finite());
-        chart
-            .draw_series(LineSeries::new(points(), color.stroke_width(2)))?
-            .label(&line.name)
-            .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], color.stroke_width(2)));
-        chart.draw_series(points().map(|point| Circle::new(point, 3, color.filled())))?;
+#[must_use]
+pub fn logarithmic(labels: Labels, lines: &[Line]) -> String {
+    // The logarithm of a number that is not positive is not finite.
+    let points = |line: &Line| line.points.iter().map(|&(x, y)| (x, y.log10())).collect::<Vec<_>>();
+    let lines: Vec<Vec<(f64, f64)>> = lines.iter().map(points).collect();
+    let drawn = || lines.iter().flatten().filter(|(_, y)| y.is_finite());
+    let last = drawn().map(|&(x, _)| x).fold(1.0, f64::max);
+    let exponents = range(drawn().map(|&(_, y)| y));
+    let x = Axis::new(0.0..last + 0.2, [LEFT, RIGHT], 8, 1.0);
+    let mut y = Axis::new(exponents.start.floor()..exponents.end.ceil(), HEIGHT, 13, 1.0);
+    y.ticks.iter_mut().for_each(|(tick, label)| *label = format!("1e{tick}"));
+    let mut chart = Chart::new(labels, x, y, false);
+    let last = lines.len().saturating_sub(1).max(1) as f64;
+    for (k, line) in lines.into_iter().enumerate() {
+        chart.line(line, &hex(viridis(0.9 * k as f64 / last)), 1.0);
     }
-    Ok(())
-}
-
-fn legend<'a, 'b: 'a>(chart: &mut Chart<'a, 'b>, corner: SeriesLabelPosition) -> Drawn {
-    chart
-        .configure_series_labels()
-        .position(corner)
-        .label_font((FONT, 14, &INK))
-        .background_style(WHITE.mix(0.85))
-        .border_style(GRID)
-        .draw()
+    chart.svg.finish()
 }
 
 /// Draws the extension of every increment as a line (left axis) and its Newton iterations as bars (right axis), over
 /// the number of the increment, from 1.
-///
-/// # Errors
-/// Returns [`ReportError::Chart`] if the chart cannot be drawn.
-pub fn extension_and_iterations(
-    labels: Labels,
-    extension: &[(f64, f64)],
-    iterations: &[(f64, f64)],
-) -> Result<String, ReportError> {
+#[must_use]
+pub fn extension_and_iterations(labels: Labels, extension: &[(f64, f64)], iterations: &[(f64, f64)]) -> String {
     let last = extension.iter().chain(iterations).map(|&(x, _)| x).fold(1.0, f64::max);
     let left = range(extension.iter().map(|&(_, y)| y).chain([0.0]));
     // The scale of the right axis keeps the bars in the lower part of the chart, below the line.
     let most = iterations.iter().map(|&(_, y)| y).fold(1.0, f64::max);
-    svg(labels, |area| {
-        let mut chart = ChartBuilder::on(area)
-            .margin(12)
-            .x_label_area_size(42)
-            .y_label_area_size(68)
-            .right_y_label_area_size(50)
-            .build_cartesian_2d(0.4..last + 0.6, left)?
-            .set_secondary_coord(0.4..last + 0.6, 0.0..1.8 * most);
-        chart
-            .configure_mesh()
-            .disable_x_mesh()
-            .light_line_style(TRANSPARENT)
-            .bold_line_style(GRID)
-            .axis_style(INK)
-            .label_style((FONT, 14, &INK))
-            .axis_desc_style((FONT, 15, &INK))
-            .x_desc(labels.x)
-            .y_desc(labels.y)
-            .x_labels(10)
-            .x_label_formatter(&|x| whole(*x))
-            .y_label_formatter(&label)
-            .draw()?;
-        chart
-            .configure_secondary_axes()
-            .axis_style(INK)
-            .label_style((FONT, 14, &INK))
-            .axis_desc_style((FONT, 15, &INK))
-            .y_desc("Newton iterations (bars)")
-            .y_labels(6)
-            .y_label_formatter(&|y: &f64| if *y <= most + 0.5 { whole(*y) } else { String::new() })
-            .draw()?;
-        chart.draw_secondary_series(
-            iterations.iter().map(|&(x, y)| Rectangle::new([(x - 0.32, 0.0), (x + 0.32, y)], PALE.filled())),
-        )?;
-        chart.draw_series(LineSeries::new(extension.iter().copied(), COLORS[0].stroke_width(2)))?;
-        chart.draw_series(extension.iter().map(|&point| Circle::new(point, 3, COLORS[0].filled())))?;
-        Ok(())
-    })
-}
-
-fn whole(value: f64) -> String {
-    if (value - value.round()).abs() < 1e-6 { format!("{value:.0}") } else { String::new() }
+    let mut right = Axis::new(0.0..1.8 * most, HEIGHT, 6, 1.0);
+    right.ticks.retain(|&(tick, _)| tick <= most + 0.5);
+    let x = Axis::of_increments(last, RIGHT_OF_TWO);
+    let mut chart = Chart::new(labels, x, Axis::new(left, HEIGHT, 10, 0.0), false);
+    right.draw_vertical(&mut chart.svg, RIGHT_OF_TWO, 1.0, "Newton iterations (bars)");
+    chart.bars(iterations.iter().map(|&(x, y)| (x, [0.0, y])), Some(&right), 0.32, PALE);
+    chart.line(extension.iter().copied(), COLORS[0], 2.0);
+    chart.svg.finish()
 }
 
 /// Draws stacked bars over the number of the increment, from 1: one layer per line, in order from the bottom.
-///
-/// # Errors
-/// Returns [`ReportError::Chart`] if the chart cannot be drawn.
-pub fn stacked_bars(labels: Labels, layers: &[Line]) -> Result<String, ReportError> {
+#[must_use]
+pub fn stacked_bars(labels: Labels, layers: &[Line]) -> String {
     let increments = layers.iter().map(|layer| layer.points.len()).max().unwrap_or(0);
     let height = |k: usize| layers.iter().filter_map(|layer| layer.points.get(k)).map(|&(_, y)| y).sum::<f64>();
-    let top = range((0..increments).map(height).chain([0.0]));
+    let top = range((0..increments).map(height).chain([0.0])).end.max(f64::MIN_POSITIVE);
     // Space above the bars for the legend, one row per layer.
     let room = 1.0 / (1.0 - (0.075 * layers.len() as f64).min(0.6));
     let last = layers.iter().flat_map(|layer| &layer.points).map(|&(x, _)| x).fold(1.0, f64::max);
-    svg(labels, |area| {
-        let mut chart = ChartBuilder::on(area)
-            .margin(12)
-            .x_label_area_size(42)
-            .y_label_area_size(68)
-            .build_cartesian_2d(0.4..last + 0.6, 0.0..room * top.end.max(f64::MIN_POSITIVE))?;
-        chart
-            .configure_mesh()
-            .disable_x_mesh()
-            .light_line_style(TRANSPARENT)
-            .bold_line_style(GRID)
-            .axis_style(INK)
-            .label_style((FONT, 14, &INK))
-            .axis_desc_style((FONT, 15, &INK))
-            .x_desc(labels.x)
-            .y_desc(labels.y)
-            .x_labels(10)
-            .y_labels(6)
-            .x_label_formatter(&|x| whole(*x))
-            .y_label_formatter(&label)
-            .draw()?;
-        let mut base = vec![0.0; increments];
-        for (layer, color) in layers.iter().zip(COLORS.into_iter().cycle()) {
-            let bars = layer.points.iter().zip(&mut base).map(|(&(x, y), base)| {
-                let bottom = *base;
-                *base += y;
-                Rectangle::new([(x - 0.36, bottom), (x + 0.36, bottom + y)], color.filled())
-            });
-            chart
-                .draw_series(bars)?
-                .label(&layer.name)
-                .legend(move |(x, y)| Rectangle::new([(x + 2, y - 5), (x + 14, y + 5)], color.filled()));
-        }
-        if layers.len() > 1 { legend(&mut chart, SeriesLabelPosition::UpperLeft) } else { Ok(()) }
-    })
+    let y = Axis::new(0.0..room * top, HEIGHT, 6, 0.0);
+    let mut chart = Chart::new(labels, Axis::of_increments(last, RIGHT), y, false);
+    let mut bases = vec![0.0; increments];
+    for (layer, color) in layers.iter().zip(COLORS.iter().cycle()) {
+        let bars = layer.points.iter().zip(&mut bases).map(|(&(x, y), base)| {
+            let bottom = *base;
+            *base += y;
+            (x, [bottom, *base])
+        });
+        chart.bars(bars, None, 0.36, &format!("fill=\"{color}\""));
+    }
+    chart.legend(layers, [false, true], true);
+    chart.svg.finish()
 }
 
 #[cfg(test)]
@@ -328,6 +299,38 @@ mod tests {
     }
 
     #[test]
+    fn ticks_are_few_and_lie_at_their_numbers() {
+        for (range, count) in [(0.0..6.05, 7), (-6.0..6.05, 3), (0.0..25.2, 6), (0.0..30.1, 4), (1e-9..2e-9, 6)] {
+            let axis = Axis::new(range.clone(), HEIGHT, if count == 7 { 8 } else { 6 }, 0.0);
+            assert_eq!(axis.ticks.len(), count, "{range:?}: {:?}", axis.ticks);
+            assert_eq!((axis.place(range.start), axis.place(range.end)), (HEIGHT[0], HEIGHT[1]));
+        }
+        let axis = Axis::new(0.0..2e-12, HEIGHT, 3, 0.0);
+        assert_eq!(
+            axis.ticks.iter().map(|(_, label)| label.as_str()).collect::<Vec<_>>(),
+            ["0", "1.00e-12", "2.00e-12"]
+        );
+    }
+
+    #[test]
+    fn layers_lie_on_each_other() {
+        let layer = |name: &str, y: f64| Line { name: name.into(), points: vec![(1.0, y), (2.0, 0.0)] };
+        let labels = Labels { chart: "layers", x: "x", y: "y" };
+        let svg = stacked_bars(labels, &[layer("a", 1.0), layer("b", 3.0)]);
+        let number = |line: &str, key: &str| -> f64 {
+            let (_, rest) = line.split_once(&format!(" {key}=\"")).unwrap();
+            rest.split('"').next().unwrap().parse().unwrap()
+        };
+        // The samples in the legend are small, and its background has a border.
+        let is_bar =
+            |line: &&str| line.starts_with("<rect x") && !line.contains("stroke") && number(line, "width") > 20.0;
+        let bars: Vec<&str> = svg.lines().filter(is_bar).collect();
+        let [lower, upper] = bars[..] else { panic!("{svg}") };
+        assert!((number(upper, "y") + number(upper, "height") - number(lower, "y")).abs() < 0.11, "{svg}");
+        assert!((number(upper, "height") / number(lower, "height") - 3.0).abs() < 0.01, "{svg}");
+    }
+
+    #[test]
     fn nothing_to_draw_is_an_empty_chart() {
         let labels = Labels { chart: "nothing", x: "x", y: "y" };
         let one = [Line { name: "a".into(), points: vec![(1.0, f64::NAN)] }];
@@ -338,7 +341,7 @@ mod tests {
             stacked_bars(labels, &[]),
             extension_and_iterations(labels, &[], &[]),
         ] {
-            assert!(chart.unwrap().ends_with("</svg>\n"));
+            assert!(chart.ends_with("</svg>\n") && !chart.contains("NaN") && !chart.contains("inf"), "{chart}");
         }
     }
 }

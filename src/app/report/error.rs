@@ -46,14 +46,6 @@ pub enum ReportError {
         /// The available fields.
         available: Vec<String>,
     },
-    /// A chart could not be drawn.
-    #[error("the chart of {chart} cannot be drawn: {reason}")]
-    Chart {
-        /// The name of the chart.
-        chart: &'static str,
-        /// The error message of the drawing library.
-        reason: String,
-    },
 }
 
 fn list<T: ToString>(items: &[T]) -> String {

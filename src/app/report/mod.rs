@@ -9,6 +9,7 @@ mod error;
 pub mod extension;
 pub mod page;
 pub mod picture;
+mod svg;
 mod units;
 
 pub use error::ReportError;

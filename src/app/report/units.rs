@@ -40,7 +40,11 @@ pub(super) fn significant(value: f64) -> String {
 
 /// Returns about `count` round ticks inside `[low, high]`, spaced by 1, 2 or 5 times a power of ten.
 pub(super) fn ticks(low: f64, high: f64, count: usize) -> Vec<f64> {
-    let step = round_step((high - low) / count.max(1) as f64);
+    multiples(round_step((high - low) / count.max(1) as f64), low, high)
+}
+
+/// Returns the multiples of `step` inside `[low, high]`; `low` if `step` is zero.
+pub(super) fn multiples(step: f64, low: f64, high: f64) -> Vec<f64> {
     if step == 0.0 || !step.is_finite() {
         return vec![low];
     }

@@ -4,10 +4,8 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::Path;
 
-use super::collection::{field_file, index_file, partial};
-use super::networks::{network_collection, network_file};
+use super::names::{FileName, numbers};
 use super::origin::is_report;
-use super::pieces::part_file;
 use super::{CASE_FILE, FIELDS_FILE, LOADS_FILE, LOG_FILE, NETWORKS_FOLDER, REPORT_FILE, ResultsError};
 use crate::output::final_name;
 use crate::tissue::replay::{LOST_FOLDER, lost_file};
@@ -21,8 +19,8 @@ use crate::tissue::replay::{LOST_FOLDER, lost_file};
 /// read.
 pub fn clear(dir: &Path) -> Result<(), ResultsError> {
     let single = [FIELDS_FILE, LOADS_FILE, LOG_FILE];
-    remove(dir, |name| single.contains(&name) || is_of_step(name))?;
-    remove(&dir.join(NETWORKS_FOLDER), |name| is_network(name) || is_partial(name) || is_collection(name))?;
+    remove(dir, |name| single.contains(&name) || is_fields(name))?;
+    remove(&dir.join(NETWORKS_FOLDER), is_networks)?;
     remove(&dir.join(LOST_FOLDER), is_lost)?;
     let report = dir.join(REPORT_FILE);
     if is_report(&report)? {
@@ -38,53 +36,23 @@ pub fn clear(dir: &Path) -> Result<(), ResultsError> {
 /// Returns [`ResultsError::Write`] if a file cannot be removed.
 pub fn clear_unfinished(dir: &Path) -> Result<(), ResultsError> {
     let single = [CASE_FILE, FIELDS_FILE, LOADS_FILE, LOG_FILE, REPORT_FILE];
-    remove_as(dir, |name, unfinished| is_partial(name) || unfinished && (single.contains(&name) || is_of_step(name)))?;
-    remove_as(&dir.join(NETWORKS_FOLDER), |name, unfinished| {
-        is_partial(name) || unfinished && (is_network(name) || is_collection(name))
-    })?;
+    remove_as(dir, |name, unfinished| is_partial(name) || unfinished && (single.contains(&name) || is_fields(name)))?;
+    remove_as(&dir.join(NETWORKS_FOLDER), |name, unfinished| is_partial(name) || unfinished && is_networks(name))?;
     remove_as(&dir.join(LOST_FOLDER), |name, unfinished| unfinished && is_lost(name))
 }
 
-/// Returns true for a field file of a step, or of a state within one.
-fn is_of_step(name: &str) -> bool {
-    is_field(name) || is_index(name) || is_part(name) || is_partial(name)
+/// Returns true for a file of fields.
+fn is_fields(name: &str) -> bool {
+    FileName::parse(name).is_some_and(FileName::is_fields)
 }
 
-/// Returns true for the field file of an undivided body.
-pub(super) fn is_field(name: &str) -> bool {
-    numbers(name, ["fields-", ".vtu"]).is_some_and(|[step]| name == field_file(step))
+/// Returns true for a network or a collection of networks.
+fn is_networks(name: &str) -> bool {
+    FileName::parse(name).is_some_and(FileName::is_networks)
 }
 
-/// Returns true for an index file, which names the field pieces of a divided body.
-pub(super) fn is_index(name: &str) -> bool {
-    numbers(name, ["fields-", ".pvtu"]).is_some_and(|[step]| name == index_file(step))
-}
-
-/// Returns true for a field piece of a divided body.
-pub(super) fn is_part(name: &str) -> bool {
-    let numbers = numbers(name, ["fields-", "-part-", ".vtu"]);
-    numbers.is_some_and(|[step, part]| name == part_file(&index_file(step), part))
-}
-
-/// Returns the element and the step of a network file.
-pub(super) fn element_and_step(name: &str) -> Option<(usize, usize)> {
-    let [element, step] = numbers(name, ["element-", "-step-", ".vtp"])?;
-    (name == network_file(element, step)).then_some((element, step))
-}
-
-pub(super) fn is_network(name: &str) -> bool {
-    element_and_step(name).is_some()
-}
-
-/// Returns true for the collection of the networks of an element.
-pub(super) fn is_collection(name: &str) -> bool {
-    element_of_collection(name).is_some()
-}
-
-/// Returns the element of a network collection.
-pub(super) fn element_of_collection(name: &str) -> Option<usize> {
-    let [element] = numbers(name, ["element-", ".pvd"])?;
-    (name == network_collection(element)).then_some(element)
+fn is_partial(name: &str) -> bool {
+    FileName::parse(name) == Some(FileName::Partial)
 }
 
 pub(super) fn is_lost(name: &str) -> bool {
@@ -92,36 +60,6 @@ pub(super) fn is_lost(name: &str) -> bool {
     numbers.is_some_and(|[step, cut, element]| {
         u32::try_from(cut).is_ok_and(|cut| lost_file(step, cut, element) == Path::new(LOST_FOLDER).join(name))
     })
-}
-
-/// Returns true for a file of a state within a step.
-pub(super) fn is_partial(name: &str) -> bool {
-    let whole = name.replacen("-partial.", ".", 1);
-    let numbers = numbers(name, ["fields-", "-partial-part-", ".vtu"]);
-    numbers.is_some_and(|[step, part]| name == part_file(&partial(&index_file(step)), part))
-        || name == partial(&whole) && (is_field(&whole) || is_index(&whole) || is_network(&whole))
-}
-
-/// Returns the step of a field or network file.
-pub(super) fn step_of_name(name: &str) -> Option<usize> {
-    let step = match name {
-        _ if is_field(name) => numbers(name, ["fields-", ".vtu"]).map(|[step]| step),
-        _ if is_index(name) => numbers(name, ["fields-", ".pvtu"]).map(|[step]| step),
-        _ if is_network(name) => element_and_step(name).map(|(_, step)| step),
-        _ => None,
-    };
-    step.or_else(|| numbers(name, ["fields-", "-part-", ".vtu"]).filter(|_| is_part(name)).map(|[step, _]| step))
-}
-
-/// Returns the `N - 1` numbers between the `N` given pieces of a name.
-fn numbers<const N: usize, const M: usize>(name: &str, pieces: [&str; N]) -> Option<[usize; M]> {
-    let mut rest = name.strip_prefix(pieces[0])?;
-    let mut numbers = [0; M];
-    for (number, piece) in numbers.iter_mut().zip(&pieces[1..]) {
-        let (digits, after) = rest.split_once(piece)?;
-        (*number, rest) = (digits.parse().ok()?, after);
-    }
-    rest.is_empty().then_some(numbers)
 }
 
 fn remove(folder: &Path, ours: impl Fn(&str) -> bool) -> Result<(), ResultsError> {

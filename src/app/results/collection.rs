@@ -4,10 +4,10 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use quick_xml::Writer;
-use quick_xml::events::{BytesDecl, BytesEnd, BytesStart, Event as XmlEvent};
+use quick_xml::events::BytesStart;
 
 use super::replace::replace;
+use super::vtk::{attribute, visit_elements, write_text};
 use super::{FIELDS_FILE, ResultsError};
 
 /// One field file and its time.
@@ -119,21 +119,15 @@ impl Collection {
 
     /// Parses the text of the collection at `path`.
     pub(super) fn parse(path: PathBuf, text: &str) -> Result<Self, ResultsError> {
-        let damaged =
-            |what: String| ResultsError::damaged(&path, None, what, "a ParaView collection of files and times");
-        let mut reader = quick_xml::Reader::from_str(text);
-        let (mut entries, mut ended) = (Vec::new(), false);
-        loop {
-            match reader.read_event().map_err(|error| damaged(error.to_string()))? {
-                XmlEvent::Empty(tag) | XmlEvent::Start(tag) if tag.name().as_ref() == "DataSet" => {
-                    entries.push(entry(&tag).map_err(damaged)?);
-                }
-                XmlEvent::End(tag) => ended |= tag.name().as_ref() == "VTKFile",
-                XmlEvent::Eof => break,
-                _ => {}
-            }
-        }
-        if ended { Ok(Self { path, entries }) } else { Err(damaged("does not end with `</VTKFile>`".into())) }
+        let mut entries = Vec::new();
+        let visited = visit_elements(text, "DataSet", |tag| {
+            entries.push(entry(tag)?);
+            Ok(())
+        });
+        let ended = visited.and_then(|ended| ended.then_some(()).ok_or("does not end with `</VTKFile>`".into()));
+        let expected = "a ParaView collection of files and times";
+        ended.map_err(|what| ResultsError::damaged(&path, None, what, expected))?;
+        Ok(Self { path, entries })
     }
 
     /// Returns the files with their times.
@@ -152,36 +146,24 @@ impl Collection {
     }
 
     fn write(&self) -> Result<(), ResultsError> {
-        let bytes = self.encode().map_err(ResultsError::write(&self.path))?;
-        replace(&self.path, &bytes)
-    }
-
-    fn encode(&self) -> std::io::Result<Vec<u8>> {
-        let mut writer = Writer::new_with_indent(Vec::new(), b' ', 2);
-        writer.write_event(XmlEvent::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
         let file = [("type", "Collection"), ("version", "0.1"), ("byte_order", "LittleEndian")];
-        writer.write_event(XmlEvent::Start(BytesStart::new("VTKFile").with_attributes(file)))?;
-        writer.write_event(XmlEvent::Start(BytesStart::new("Collection")))?;
-        for Entry { time, file } in &self.entries {
-            let time = time.to_string();
-            let set = [("timestep", time.as_str()), ("group", ""), ("part", "0"), ("file", file.as_str())];
-            writer.write_event(XmlEvent::Empty(BytesStart::new("DataSet").with_attributes(set)))?;
-        }
-        writer.write_event(XmlEvent::End(BytesEnd::new("Collection")))?;
-        writer.write_event(XmlEvent::End(BytesEnd::new("VTKFile")))?;
-        let mut bytes = writer.into_inner();
-        bytes.push(b'\n');
-        Ok(bytes)
+        let text = write_text(&file, |writer| {
+            writer.create_element("Collection").write_inner_content(|writer| {
+                for Entry { time, file } in &self.entries {
+                    let time = time.to_string();
+                    let set = [("timestep", time.as_str()), ("group", ""), ("part", "0"), ("file", file.as_str())];
+                    writer.create_element("DataSet").with_attributes(set).write_empty()?;
+                }
+                Ok(())
+            })?;
+            Ok(())
+        });
+        replace(&self.path, &text.map_err(ResultsError::write(&self.path))?)
     }
 }
 
 fn entry(tag: &BytesStart) -> Result<Entry, String> {
-    let value = |name: &str| -> Result<String, String> {
-        let attribute = tag.try_get_attribute(name).map_err(|error| error.to_string())?;
-        let attribute = attribute.ok_or_else(|| format!("a `DataSet` has no `{name}`"))?;
-        let value = attribute.normalized_value(quick_xml::XmlVersion::Implicit1_0);
-        value.map(std::borrow::Cow::into_owned).map_err(|error| error.to_string())
-    };
+    let value = |name: &str| attribute(tag, name)?.ok_or_else(|| format!("a `DataSet` has no `{name}`"));
     let time = value("timestep")?;
     let time = time.parse().map_err(|_| format!("`timestep` is `{time}`, which is no number"))?;
     Ok(Entry { time, file: value("file")? })

@@ -26,7 +26,7 @@ pub enum ResultsError {
     },
     /// A file that would be replaced or removed was not written by a run. Nothing was changed.
     #[error("{}: {what}", path.display())]
-    Foreign {
+    UnknownOrigin {
         /// The file.
         path: PathBuf,
         /// The property that shows this.
@@ -102,13 +102,22 @@ impl ResultsError {
         match self {
             Self::Write { path, .. }
             | Self::OtherRank { path, .. }
-            | Self::Foreign { path, .. }
+            | Self::UnknownOrigin { path, .. }
             | Self::Locked { path, .. }
             | Self::Read { path, .. }
             | Self::Encode { path, .. }
             | Self::Damaged { path, .. }
             | Self::Length { path, .. }
             | Self::ElementNode { path, .. } => path,
+        }
+    }
+
+    /// Checks the number of values of a field.
+    pub(super) fn check_length(path: &Path, name: &str, found: usize, expected: usize) -> Result<(), Self> {
+        if found == expected {
+            Ok(())
+        } else {
+            Err(Self::Length { path: path.into(), name: name.into(), found, expected })
         }
     }
 

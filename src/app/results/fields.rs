@@ -5,14 +5,12 @@
 
 use std::path::Path;
 
-use vtkio::model::{
-    Attribute, Attributes, ByteOrder, CellType, Cells, DataArray, DataSet, UnstructuredGridPiece, Version,
-    VertexNumbers, Vtk,
-};
+use vtkio::model::{Attribute, Attributes, CellType, Cells, DataArray, DataSet, UnstructuredGridPiece, VertexNumbers};
 
 use super::ResultsError;
 pub use super::fields_read::{read_fields, read_vtu};
 use super::replace::replace;
+use super::vtk::{array, check_points, encode};
 
 /// A mesh and its fields, borrowed for writing. Names of point fields are unique, and so are names of cell fields.
 #[derive(Clone, Debug, Default)]
@@ -96,22 +94,7 @@ fn named<'a, T>(fields: &'a [(String, Vec<T>)], name: &str) -> Option<&'a [T]> {
 /// written.
 pub fn write_vtu(path: &Path, fields: &FieldSet) -> Result<(), ResultsError> {
     check(path, fields)?;
-    let encode = |source| ResultsError::Encode { path: path.into(), source };
-    let mut bytes = Vec::new();
-    vtk(fields).write_xml(&mut bytes).map_err(encode)?;
-    for array in ["connectivity", "offsets"] {
-        sign(&mut bytes, array);
-    }
-    replace(path, &bytes)
-}
-
-/// Declares an array of the cells as signed, as VTK's own files do. The bits are the same, but numpy, and therefore
-/// meshio, converts a difference of unsigned and signed integers to floating point.
-pub(super) fn sign(bytes: &mut Vec<u8>, array: &str) {
-    let (unsigned, signed) = (format!("type=\"UInt64\" Name=\"{array}\""), format!("type=\"Int64\" Name=\"{array}\""));
-    if let Some(at) = bytes.windows(unsigned.len()).position(|window| window == unsigned.as_bytes()) {
-        bytes.splice(at..at + unsigned.len(), signed.into_bytes());
-    }
+    replace(path, &encode(path, data_set(fields))?)
 }
 
 /// Checks that every field has one value per point or element, and that every element refers to existing points.
@@ -123,55 +106,35 @@ fn check(path: &Path, fields: &FieldSet) -> Result<(), ResultsError> {
         .chain(fields.cell_vectors.iter().map(|(name, values)| (*name, values.len(), elements)))
         .chain(fields.cell_tensors.iter().map(|(name, values)| (*name, values.len(), elements)));
     for (name, found, expected) in lengths {
-        if found != expected {
-            return Err(ResultsError::Length { path: path.into(), name: name.into(), found, expected });
-        }
+        ResultsError::check_length(path, name, found, expected)?;
     }
-    for (element, nodes) in fields.elements.iter().enumerate() {
-        if let Some(&node) = nodes.iter().find(|&&node| node as usize >= points) {
-            return Err(ResultsError::ElementNode { path: path.into(), element, node: node.into(), nodes: points });
-        }
-    }
-    Ok(())
+    check_points(path, fields.elements.iter().copied(), points)
 }
 
-fn vtk(fields: &FieldSet) -> Vtk {
+fn data_set(fields: &FieldSet) -> DataSet {
     let elements = fields.elements.len();
     let point = fields.point_vectors.iter().map(|(name, values)| vectors(name, values)).collect();
-    let scalars = fields.cell_scalars.iter().map(|(name, values)| array(DataArray::new(*name, 1), values.to_vec()));
-    let integers = fields.cell_integers.iter().map(|(name, values)| array(DataArray::new(*name, 1), values.to_vec()));
-    let tensors = fields
-        .cell_tensors
-        .iter()
-        .map(|(name, values)| array(DataArray::tensors(*name), values.as_flattened().to_vec()));
+    let scalars = fields.cell_scalars.iter().map(|(name, values)| array(DataArray::new(*name, 1), values));
+    let integers = fields.cell_integers.iter().map(|(name, values)| array(DataArray::new(*name, 1), values));
+    let tensors = fields.cell_tensors.iter();
     let cell = scalars
         .chain(integers)
         .chain(fields.cell_vectors.iter().map(|(name, values)| vectors(name, values)))
-        .chain(tensors)
+        .chain(tensors.map(|(name, values)| array(DataArray::tensors(*name), values.as_flattened())))
         .collect();
-    Vtk {
-        version: Version::XML { major: 1, minor: 0 },
-        title: String::new(),
-        byte_order: ByteOrder::LittleEndian,
-        file_path: None,
-        data: DataSet::inline(UnstructuredGridPiece {
-            points: fields.points.as_flattened().to_vec().into(),
-            cells: Cells {
-                cell_verts: VertexNumbers::XML {
-                    connectivity: fields.elements.as_flattened().iter().map(|&node| node.into()).collect(),
-                    offsets: (1..=elements as u64).map(|element| 4 * element).collect(),
-                },
-                types: vec![CellType::Tetra; elements],
+    DataSet::inline(UnstructuredGridPiece {
+        points: fields.points.as_flattened().to_vec().into(),
+        cells: Cells {
+            cell_verts: VertexNumbers::XML {
+                connectivity: fields.elements.as_flattened().iter().map(|&node| node.into()).collect(),
+                offsets: (1..=elements as u64).map(|element| 4 * element).collect(),
             },
-            data: Attributes { point, cell },
-        }),
-    }
+            types: vec![CellType::Tetra; elements],
+        },
+        data: Attributes { point, cell },
+    })
 }
 
 fn vectors(name: &str, values: &[[f64; 3]]) -> Attribute {
-    array(DataArray::vectors(name), values.as_flattened().to_vec())
-}
-
-pub(super) fn array<T: num_traits::ToPrimitive + 'static>(head: DataArray, values: Vec<T>) -> Attribute {
-    Attribute::DataArray(head.with_vec(values))
+    array(DataArray::vectors(name), values.as_flattened())
 }

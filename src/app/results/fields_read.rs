@@ -1,13 +1,12 @@
 //! Reading `.vtu` files.
 
 use std::collections::HashMap;
-use std::fs;
 use std::path::Path;
 
-use quick_xml::events::Event as XmlEvent;
 use vtkio::IOBuffer;
-use vtkio::model::{Attribute, CellType, DataSet, Piece, UnstructuredGridPiece, VertexNumbers, Vtk};
+use vtkio::model::{Attribute, CellType, DataSet, Piece, UnstructuredGridPiece, VertexNumbers};
 
+use super::vtk::{attribute, cells, groups, read, visit_elements};
 use super::{Fields, ResultsError};
 
 /// Reads a file written by [`write_vtu`](super::write_vtu). Arrays of other types are ignored.
@@ -16,15 +15,13 @@ use super::{Fields, ResultsError};
 /// Returns [`ResultsError::Read`] if the file cannot be read; [`ResultsError::Damaged`] or
 /// [`ResultsError::ElementNode`] if it does not hold a valid mesh of tetrahedra.
 pub fn read_vtu(path: &Path) -> Result<Fields, ResultsError> {
-    let text = fs::read(path).map_err(ResultsError::read(path))?;
-    check_arrays(path, &text)?;
-    let damaged = |what: String| ResultsError::damaged(path, None, what, "an unstructured grid in VTK's XML form");
-    let vtk = Vtk::parse_xml(text.as_slice()).map_err(|error| damaged(error.to_string()))?;
-    let DataSet::UnstructuredGrid { pieces, .. } = vtk.data else {
-        return Err(damaged("holds another kind of data set".into()));
+    const EXPECTED: &str = "an unstructured grid in VTK's XML form";
+    let damaged = |what: &str| ResultsError::damaged(path, None, what, EXPECTED);
+    let DataSet::UnstructuredGrid { pieces, .. } = read(path, EXPECTED)? else {
+        return Err(damaged("holds another kind of data set"));
     };
     let Some(Piece::Inline(piece)) = pieces.into_iter().next() else {
-        return Err(damaged("holds no piece of a grid".into()));
+        return Err(damaged("holds no piece of a grid"));
     };
     mesh_and_fields(path, *piece)
 }
@@ -50,22 +47,13 @@ pub fn read_fields(path: &Path) -> Result<Fields, ResultsError> {
 
 /// Returns the files that an index file names.
 pub(super) fn sources(path: &Path, text: &str) -> Result<Vec<String>, ResultsError> {
-    let damaged = |what: String| ResultsError::damaged(path, None, what, "a .pvtu file that names its pieces");
-    let mut reader = quick_xml::Reader::from_str(text);
     let mut sources = Vec::new();
-    loop {
-        match reader.read_event().map_err(|error| damaged(error.to_string()))? {
-            XmlEvent::Empty(tag) | XmlEvent::Start(tag) if tag.name().as_ref() == "Piece" => {
-                let source = tag.try_get_attribute("Source").ok().flatten();
-                let source = source.ok_or_else(|| damaged("a piece without a file".into()))?;
-                let source = source.normalized_value(quick_xml::XmlVersion::Implicit1_0);
-                sources.push(source.map_err(|error| damaged(error.to_string()))?.into_owned());
-            }
-            XmlEvent::Eof if sources.is_empty() => return Err(damaged("names no piece".into())),
-            XmlEvent::Eof => return Ok(sources),
-            _ => {}
-        }
-    }
+    let visited = visit_elements(text, "Piece", |tag| {
+        sources.push(attribute(tag, "Source")?.ok_or("a piece without a file")?);
+        Ok(())
+    });
+    let names = visited.and_then(|_| if sources.is_empty() { Err("names no piece".into()) } else { Ok(sources) });
+    names.map_err(|what| ResultsError::damaged(path, None, what, "a .pvtu file that names its pieces"))
 }
 
 /// The identity of a point: the bits of its position and of its vectors.
@@ -126,47 +114,6 @@ fn extend<T>(whole: &mut [(String, Vec<T>)], piece: Vec<(String, Vec<T>)>) -> bo
     same
 }
 
-/// Checks that the file has points and that every array has at least the header with its length (eight bytes), because
-/// the VTK reader assumes both; a damaged file then gives an error instead of a panic.
-pub(super) fn check_arrays(path: &Path, text: &[u8]) -> Result<(), ResultsError> {
-    let damaged = |what: String| {
-        ResultsError::damaged(path, None, what, "VTK's XML form with the arrays in base64, as this program writes it")
-    };
-    let mut reader = quick_xml::Reader::from_reader(text);
-    let mut buffer = Vec::new();
-    let (mut points, mut array) = (false, None::<usize>);
-    loop {
-        match reader.read_event_into(&mut buffer).map_err(|error| damaged(error.to_string()))? {
-            XmlEvent::Start(tag) if tag.name().as_ref() == "DataArray" => {
-                let format = tag.try_get_attribute("format").ok().flatten().map(|format| format.value.into_owned());
-                if format.as_deref() != Some("binary") {
-                    return Err(damaged("an array is not in base64".into()));
-                }
-                array = Some(0);
-            }
-            XmlEvent::Start(tag) => points |= tag.name().as_ref() == "Points",
-            XmlEvent::Text(text) => {
-                if let Some(digits) = &mut array {
-                    *digits += text.chars().filter(|letter| !letter.is_whitespace() && *letter != '=').count();
-                }
-            }
-            // Eight bytes take eleven base64 digits of six bits.
-            XmlEvent::End(tag)
-                if tag.name().as_ref() == "DataArray" && array.take().is_some_and(|digits| digits < 11) =>
-            {
-                return Err(damaged("an array is empty".into()));
-            }
-            XmlEvent::Empty(tag) if tag.name().as_ref() == "DataArray" => {
-                return Err(damaged("an array is empty".into()));
-            }
-            XmlEvent::Eof => break,
-            _ => {}
-        }
-        buffer.clear();
-    }
-    if points { Ok(()) } else { Err(damaged("holds no points".into())) }
-}
-
 fn mesh_and_fields(path: &Path, piece: UnstructuredGridPiece) -> Result<Fields, ResultsError> {
     let damaged = |what: &str| ResultsError::damaged(path, None, what, "a mesh of tetrahedra");
     if piece.cells.types.iter().any(|&kind| kind != CellType::Tetra) {
@@ -179,17 +126,7 @@ fn mesh_and_fields(path: &Path, piece: UnstructuredGridPiece) -> Result<Fields, 
     let VertexNumbers::XML { connectivity, .. } = piece.cells.cell_verts else {
         return Err(damaged("cells are in another form"));
     };
-    let mut elements = Vec::with_capacity(connectivity.len() / 4);
-    for (element, nodes) in connectivity.chunks_exact(4).enumerate() {
-        let mut own = [0; 4];
-        for (own, &node) in own.iter_mut().zip(nodes) {
-            *own = u32::try_from(node)
-                .ok()
-                .filter(|&node| (node as usize) < points.len())
-                .ok_or_else(|| ResultsError::ElementNode { path: path.into(), element, node, nodes: points.len() })?;
-        }
-        elements.push(own);
-    }
+    let elements = cells(path, &connectivity, points.len())?;
     let mut fields = Fields { points, elements, ..Fields::default() };
     for attribute in piece.data.point {
         if let Attribute::DataArray(array) = attribute
@@ -210,8 +147,4 @@ fn mesh_and_fields(path: &Path, piece: UnstructuredGridPiece) -> Result<Fields, 
         }
     }
     Ok(fields)
-}
-
-pub(super) fn groups<const N: usize>(values: &[f64]) -> Vec<[f64; N]> {
-    values.as_chunks::<N>().0.to_vec()
 }

@@ -153,9 +153,7 @@ impl LoadsWriter {
             ("points", points.len(), of_points),
             ("regions", volumes.len(), of_regions),
         ] {
-            if found != expected {
-                return Err(ResultsError::Length { path: self.path.clone(), name: name.into(), found, expected });
-            }
+            ResultsError::check_length(&self.path, name, found, expected)?;
         }
         let bytes = line(&self.path, fields(step, t, surfaces, points, volumes))?;
         self.file.write_all(&bytes).map_err(ResultsError::write(&self.path))?;

@@ -24,15 +24,18 @@ impl DirectoryLock {
     /// Locks a directory and creates it if necessary. If its file system cannot lock files, returns a warning instead.
     ///
     /// # Errors
-    /// Returns [`ResultsError::Locked`] if another run holds the lock, [`ResultsError::Foreign`] if another file has
-    /// the name of the lock file, or [`ResultsError::Write`] if the directory or the lock file cannot be written.
-    pub fn take(dir: &Path) -> Result<(Self, Option<String>), ResultsError> {
+    /// Returns [`ResultsError::Locked`] if another run holds the lock, [`ResultsError::UnknownOrigin`] if another file
+    /// has the name of the lock file, or [`ResultsError::Write`] if the directory or the lock file cannot be written.
+    pub fn acquire(dir: &Path) -> Result<(Self, Option<String>), ResultsError> {
         fs::create_dir_all(dir).map_err(ResultsError::write(dir))?;
         let path = dir.join(LOCK_FILE);
         loop {
             match fs::symlink_metadata(&path) {
                 Ok(there) if !there.is_file() => {
-                    return Err(ResultsError::Foreign { path, what: "is no regular file, where a run keeps its lock" });
+                    return Err(ResultsError::UnknownOrigin {
+                        path,
+                        what: "is no regular file, where a run keeps its lock",
+                    });
                 }
                 _ => {}
             }
@@ -62,7 +65,7 @@ impl DirectoryLock {
                 let mut old = String::new();
                 let _ = (&mut file).take(1000).read_to_string(&mut old);
                 if !old.is_empty() && !old.starts_with(BEGIN) {
-                    return Err(ResultsError::Foreign { path, what: "is not the lock of a run" });
+                    return Err(ResultsError::UnknownOrigin { path, what: "is not the lock of a run" });
                 }
                 name_holder(&mut file).map_err(ResultsError::write(&path))?;
                 return Ok((Self { path, file: Some(file) }, None));
@@ -116,15 +119,15 @@ mod tests {
     fn a_directory_has_one_owner_at_a_time() {
         let root = tempfile::tempdir().unwrap();
         let dir = root.path().join("results");
-        let (own, warning) = DirectoryLock::take(&dir).unwrap();
+        let (own, warning) = DirectoryLock::acquire(&dir).unwrap();
         assert_eq!(warning, None);
-        let said = DirectoryLock::take(&dir).unwrap_err().to_string();
+        let said = DirectoryLock::acquire(&dir).unwrap_err().to_string();
         assert!(said.contains(&format!("in use by another run: process {}", std::process::id())), "{said}");
         drop(own);
         assert!(cfg!(not(unix)) || fs::read_dir(&dir).unwrap().count() == 0);
         // The file that a killed run leaves.
         fs::write(dir.join(LOCK_FILE), "process 1 on elsewhere\n").unwrap();
-        let _own = DirectoryLock::take(&dir).unwrap();
+        let _own = DirectoryLock::acquire(&dir).unwrap();
         let holder = fs::read_to_string(dir.join(LOCK_FILE)).unwrap();
         assert!(holder.starts_with(&format!("process {}", std::process::id())) && holder.lines().count() == 1);
     }
@@ -133,7 +136,7 @@ mod tests {
     fn a_file_of_that_name_from_elsewhere_stays() {
         let dir = tempfile::tempdir().unwrap();
         fs::write(dir.path().join(LOCK_FILE), "mine").unwrap();
-        assert!(matches!(DirectoryLock::take(dir.path()), Err(ResultsError::Foreign { .. })));
+        assert!(matches!(DirectoryLock::acquire(dir.path()), Err(ResultsError::UnknownOrigin { .. })));
         assert_eq!(fs::read_to_string(dir.path().join(LOCK_FILE)).unwrap(), "mine");
     }
 }

@@ -28,11 +28,13 @@ mod fields_read;
 pub mod loads;
 mod lock;
 pub mod log;
+mod names;
 pub mod networks;
 mod origin;
 pub mod pieces;
+mod record;
 mod replace;
-mod written;
+mod vtk;
 
 pub use clear::{clear, clear_unfinished};
 pub use collection::Collection;
@@ -45,8 +47,8 @@ pub use networks::{NetworkSet, Networks, read_vtp, write_vtp};
 pub use origin::check_origin;
 pub(in crate::app) use origin::{case_copy, is_report, results_without_checkpoint};
 pub use pieces::Pieces;
-pub(in crate::app) use replace::{replace, replace_by};
-pub use written::{Done, FieldFile, NetworkSeries, Written, network_series};
+pub use record::{Done, FieldFile, NetworkSeries, ResultsRecord, network_series};
+pub(in crate::app) use replace::replace;
 
 /// Name of the collection of field files in a result directory.
 pub const FIELDS_FILE: &str = "fields.pvd";

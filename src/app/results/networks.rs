@@ -3,13 +3,10 @@
 use std::path::Path;
 
 use vtkio::IOBuffer;
-use vtkio::model::{
-    Attribute, Attributes, ByteOrder, DataArray, DataSet, Piece, PolyDataPiece, Version, VertexNumbers, Vtk,
-};
+use vtkio::model::{Attribute, Attributes, DataArray, DataSet, Piece, PolyDataPiece, VertexNumbers};
 
 use super::ResultsError;
-use super::fields::{array, sign};
-use super::fields_read::{check_arrays, groups};
+use super::vtk::{array, cells, check_points, encode, groups, read};
 use crate::output;
 
 /// A network, borrowed for writing; the fiber arrays have one entry per fiber.
@@ -62,50 +59,31 @@ pub fn network_collection(element: usize) -> String {
 /// is written), [`ResultsError::Encode`] if the data cannot be encoded, or [`ResultsError::Write`] if the file cannot
 /// be written.
 pub fn write_vtp(path: &Path, network: &NetworkSet) -> Result<(), ResultsError> {
-    let expected = network.fibers.len();
     let lengths = [("stretch", network.stretch.len()), ("force", network.force.len()), ("type", network.kind.len())];
     for (name, found) in lengths {
-        if found != expected {
-            return Err(ResultsError::Length { path: path.into(), name: name.into(), found, expected });
-        }
+        ResultsError::check_length(path, name, found, network.fibers.len())?;
     }
-    let nodes = network.points.len();
-    for (element, ends) in network.fibers.iter().enumerate() {
-        if let Some(&node) = ends.iter().find(|&&node| node as usize >= nodes) {
-            return Err(ResultsError::ElementNode { path: path.into(), element, node: node.into(), nodes });
-        }
-    }
-    let encode = |source| ResultsError::Encode { path: path.into(), source };
-    let mut bytes = Vec::new();
-    vtk(network).write_xml(&mut bytes).map_err(encode)?;
-    for array in ["connectivity", "offsets"] {
-        sign(&mut bytes, array);
-    }
+    check_points(path, network.fibers.iter().copied(), network.points.len())?;
+    let bytes = encode(path, data_set(network))?;
     output::write(path, &bytes).map_err(ResultsError::write(path))
 }
 
-fn vtk(network: &NetworkSet) -> Vtk {
+fn data_set(network: &NetworkSet) -> DataSet {
     let lines = VertexNumbers::XML {
         connectivity: network.fibers.as_flattened().iter().map(|&node| node.into()).collect(),
         offsets: (1..=network.fibers.len() as u64).map(|fiber| 2 * fiber).collect(),
     };
     let cell = vec![
-        array(DataArray::new("stretch", 1), network.stretch.to_vec()),
-        array(DataArray::new("force", 1), network.force.to_vec()),
-        array(DataArray::new("type", 1), network.kind.to_vec()),
+        array(DataArray::new("stretch", 1), network.stretch),
+        array(DataArray::new("force", 1), network.force),
+        array(DataArray::new("type", 1), network.kind),
     ];
-    Vtk {
-        version: Version::XML { major: 1, minor: 0 },
-        title: String::new(),
-        byte_order: ByteOrder::LittleEndian,
-        file_path: None,
-        data: DataSet::inline(PolyDataPiece {
-            points: network.points.as_flattened().to_vec().into(),
-            lines: Some(lines),
-            data: Attributes { point: Vec::new(), cell },
-            ..PolyDataPiece::default()
-        }),
-    }
+    DataSet::inline(PolyDataPiece {
+        points: network.points.as_flattened().to_vec().into(),
+        lines: Some(lines),
+        data: Attributes { point: Vec::new(), cell },
+        ..PolyDataPiece::default()
+    })
 }
 
 /// Reads a file written by [`write_vtp`].
@@ -114,34 +92,26 @@ fn vtk(network: &NetworkSet) -> Vtk {
 /// Returns [`ResultsError::Read`] if the file cannot be read; [`ResultsError::Damaged`], [`ResultsError::Length`] or
 /// [`ResultsError::ElementNode`] (of a fiber) if it does not hold a valid network.
 pub fn read_vtp(path: &Path) -> Result<Networks, ResultsError> {
-    let text = std::fs::read(path).map_err(ResultsError::read(path))?;
-    check_arrays(path, &text)?;
-    let damaged = |what: String| ResultsError::damaged(path, None, what, "a fiber network in VTK's XML form");
-    let vtk = Vtk::parse_xml(text.as_slice()).map_err(|error| damaged(error.to_string()))?;
-    let DataSet::PolyData { pieces, .. } = vtk.data else {
-        return Err(damaged("holds another kind of data set".into()));
+    const EXPECTED: &str = "a fiber network in VTK's XML form";
+    let damaged = |what: &str| ResultsError::damaged(path, None, what, EXPECTED);
+    let DataSet::PolyData { pieces, .. } = read(path, EXPECTED)? else {
+        return Err(damaged("holds another kind of data set"));
     };
     let Some(Piece::Inline(piece)) = pieces.into_iter().next() else {
-        return Err(damaged("holds no piece of a network".into()));
+        return Err(damaged("holds no piece of a network"));
     };
     let IOBuffer::F64(points) = piece.points else {
-        return Err(damaged("positions are no 64-bit numbers".into()));
+        return Err(damaged("positions are no 64-bit numbers"));
     };
     let Some(VertexNumbers::XML { connectivity, offsets }) = piece.lines else {
-        return Err(damaged("holds no lines".into()));
+        return Err(damaged("holds no lines"));
     };
     if offsets.iter().zip(1..).any(|(&offset, fiber)| offset != 2 * fiber) {
-        return Err(damaged("holds other lines than fibers of two nodes".into()));
+        return Err(damaged("holds other lines than fibers of two nodes"));
     }
-    let mut network = Networks { points: groups(&points), ..Networks::default() };
-    let nodes = network.points.len();
-    for (element, ends) in connectivity.as_chunks::<2>().0.iter().enumerate() {
-        let beyond = |&node: &u64| usize::try_from(node).map_or(true, |node| node >= nodes);
-        if let Some(&node) = ends.iter().find(|node| beyond(node)) {
-            return Err(ResultsError::ElementNode { path: path.into(), element, node, nodes });
-        }
-        network.fibers.push(ends.map(|node| node as u32));
-    }
+    let points: Vec<[f64; 3]> = groups(&points);
+    let fibers = cells(path, &connectivity, points.len())?;
+    let mut network = Networks { points, fibers, ..Networks::default() };
     for attribute in piece.data.cell {
         let Attribute::DataArray(array) = attribute else { continue };
         match (array.name.as_str(), array.data) {
@@ -151,10 +121,9 @@ pub fn read_vtp(path: &Path) -> Result<Networks, ResultsError> {
             _ => {}
         }
     }
-    let expected = network.fibers.len();
     let lengths = [("stretch", network.stretch.len()), ("force", network.force.len()), ("type", network.kind.len())];
-    match lengths.into_iter().find(|(_, found)| *found != expected) {
-        Some((name, found)) => Err(ResultsError::Length { path: path.into(), name: name.into(), found, expected }),
-        None => Ok(network),
+    for (name, found) in lengths {
+        ResultsError::check_length(path, name, found, network.fibers.len())?;
     }
+    Ok(network)
 }

@@ -8,8 +8,9 @@ use std::fs::{self, File};
 use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
-use super::clear::{is_collection, is_field, is_index, is_lost, is_network, is_part, is_partial, step_of_name};
+use super::clear::is_lost;
 use super::log::{self, Event};
+use super::names::FileName;
 use super::{
     CASE_FILE, CHECKPOINT_FOLDER, Collection, FIELDS_FILE, LOADS_FILE, LOG_FILE, Loads, NETWORKS_FOLDER, ResultsError,
 };
@@ -25,6 +26,10 @@ const HEAD: u64 = 4096;
 /// Beginning of the first line below the checksum in the copy of a case; the version follows.
 const CASE_LINE: &str = "# The case as run by biotissue ";
 
+const GRID: &str = "<VTKFile type=\"UnstructuredGrid\"";
+const DIVIDED_GRID: &str = "<VTKFile type=\"PUnstructuredGrid\"";
+const NETWORK: &str = "<VTKFile type=\"PolyData\"";
+
 /// The bytes read from a file.
 type Bytes<'a> = &'a [u8];
 
@@ -32,32 +37,33 @@ type Bytes<'a> = &'a [u8];
 /// missing directory passes. Nothing is changed.
 ///
 /// # Errors
-/// Returns [`ResultsError::Foreign`] for a file that no run has written or for a symbolic link; [`ResultsError::Read`]
-/// if a file cannot be read.
+/// Returns [`ResultsError::UnknownOrigin`] for a file that no run has written or for a symbolic link;
+/// [`ResultsError::Read`] if a file cannot be read.
 pub fn check_origin(dir: &Path) -> Result<(), ResultsError> {
     check_folder(dir, |name| {
         let kind: fn(Bytes, &Path) -> bool = match name {
-            CASE_FILE => |bytes, path| is_case_copy(bytes, path),
+            CASE_FILE => is_case_copy,
             LOADS_FILE => |bytes, _| is_loads(bytes),
             LOG_FILE => |bytes, _| is_log(bytes),
             FIELDS_FILE => {
-                |bytes, _| is_collection_of(bytes, |name| is_field(name) || is_index(name) || is_partial(name))
+                |bytes, _| is_collection_of(bytes, |name| name.is_fields() && !matches!(name, FileName::Part { .. }))
             }
-            _ if is_index(name) => |bytes, _| has(bytes, "<VTKFile type=\"PUnstructuredGrid\"", "\"displacement\""),
-            _ if is_field(name) || is_part(name) || is_partial(name) => |bytes, _| {
-                has(bytes, "<VTKFile type=\"UnstructuredGrid\"", "\"displacement\"")
-                    || has(bytes, "<VTKFile type=\"PUnstructuredGrid\"", "\"displacement\"")
+            _ => match FileName::parse(name)? {
+                FileName::Index { .. } => |bytes, _| has(bytes, DIVIDED_GRID, "\"displacement\""),
+                name if name.is_fields() => {
+                    |bytes, _| [GRID, DIVIDED_GRID].iter().any(|grid| has(bytes, grid, "\"displacement\""))
+                }
+                _ => return None,
             },
-            _ => return None,
         };
         Some(kind)
     })?;
     check_folder(&folder(dir, NETWORKS_FOLDER)?, |name| {
-        let kind: fn(Bytes, &Path) -> bool = match name {
-            _ if is_collection(name) => |bytes, _| is_collection_of(bytes, |name| is_network(name) || is_partial(name)),
-            _ if is_network(name) || is_partial(name) => {
-                |bytes, _| has(bytes, "<VTKFile type=\"PolyData\"", "Name=\"stretch\"")
+        let kind: fn(Bytes, &Path) -> bool = match FileName::parse(name)? {
+            FileName::Collection { .. } => {
+                |bytes, _| is_collection_of(bytes, |name| matches!(name, FileName::Network { .. } | FileName::Partial))
             }
+            FileName::Network { .. } | FileName::Partial => |bytes, _| has(bytes, NETWORK, "Name=\"stretch\""),
             _ => return None,
         };
         Some(kind)
@@ -74,9 +80,9 @@ pub fn check_origin(dir: &Path) -> Result<(), ResultsError> {
 fn folder(dir: &Path, name: &str) -> Result<PathBuf, ResultsError> {
     let path = dir.join(name);
     match fs::symlink_metadata(&path) {
-        Ok(there) if there.is_symlink() => Err(ResultsError::Foreign { path, what: LINK }),
+        Ok(there) if there.is_symlink() => Err(ResultsError::UnknownOrigin { path, what: LINK }),
         Ok(there) if !there.is_dir() => {
-            Err(ResultsError::Foreign { path, what: "is no folder, where a run would make one" })
+            Err(ResultsError::UnknownOrigin { path, what: "is no folder, where a run would make one" })
         }
         _ => Ok(path),
     }
@@ -111,10 +117,10 @@ fn check_folder<K: Fn(Bytes, &Path) -> bool>(
             Err(error) => return Err(ResultsError::read(&path)(error)),
         };
         if there.is_symlink() {
-            return Err(ResultsError::Foreign { path, what: LINK });
+            return Err(ResultsError::UnknownOrigin { path, what: LINK });
         }
         if !there.is_file() {
-            return Err(ResultsError::Foreign { path, what: "is no regular file" });
+            return Err(ResultsError::UnknownOrigin { path, what: "is no regular file" });
         }
         // A file that a killed run was writing may end anywhere, and an empty file has nothing to lose.
         if is_unfinished || there.len() == 0 {
@@ -122,7 +128,7 @@ fn check_folder<K: Fn(Bytes, &Path) -> bool>(
         }
         let Some(bytes) = begin_of(&path, name)? else { continue };
         if !is_ours(&bytes, &path) {
-            return Err(ResultsError::Foreign { path, what: FOREIGN });
+            return Err(ResultsError::UnknownOrigin { path, what: FOREIGN });
         }
     }
     Ok(())
@@ -183,9 +189,9 @@ fn is_log(bytes: Bytes) -> bool {
     }
 }
 
-fn is_collection_of(bytes: Bytes, is_member: impl Fn(&str) -> bool) -> bool {
+fn is_collection_of(bytes: Bytes, is_member: impl Fn(FileName) -> bool) -> bool {
     let read = Collection::parse(PathBuf::new(), &String::from_utf8_lossy(bytes));
-    read.is_ok_and(|read| read.entries().iter().all(|entry| is_member(&entry.file)))
+    read.is_ok_and(|read| read.entries().iter().all(|entry| FileName::parse(&entry.file).is_some_and(&is_member)))
 }
 
 /// Returns true if the beginning of a report page shows that this program wrote it.
@@ -234,8 +240,8 @@ pub(in crate::app) fn results_without_checkpoint(
         };
         for entry in entries {
             let path = entry.map_err(ResultsError::read(&folder))?.path();
-            let step = path.file_name().and_then(|name| name.to_str()).and_then(step_of_name);
-            if let Some(step) = step.filter(|&step| step > rows) {
+            let name = path.file_name().and_then(|name| name.to_str()).and_then(FileName::parse);
+            if let Some(step) = name.and_then(FileName::step).filter(|&step| step > rows) {
                 return Ok(Some((path, format!("the state of load step {step}"))));
             }
         }

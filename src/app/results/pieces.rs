@@ -9,9 +9,9 @@ use std::io;
 use std::path::Path;
 
 use quick_xml::Writer;
-use quick_xml::events::{BytesDecl, Event as XmlEvent};
 
 use super::replace::replace;
+use super::vtk::write_text;
 use super::{FieldSet, ResultsError, write_vtu};
 
 /// Returns the name of the piece of a part, beside the index file that names all pieces: `fields-00003.pvtu` has
@@ -77,7 +77,7 @@ impl Pieces {
             return Ok(());
         };
         let path = path.with_file_name(part_file(file_name(path)?, part));
-        same_length(&path, "elements", fields.elements.len(), self.elements)?;
+        ResultsError::check_length(&path, "elements", fields.elements.len(), self.elements)?;
         piece.write(&path, fields)
     }
 
@@ -92,16 +92,11 @@ impl Pieces {
     }
 
     fn index(&self, name: &str, fields: &FieldSet) -> io::Result<Vec<u8>> {
-        let mut writer = Writer::new_with_indent(Vec::new(), b' ', 2);
-        writer.write_event(XmlEvent::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
-        writer.create_element("VTKFile").with_attributes(FILE).write_inner_content(|writer| {
+        write_text(&FILE, |writer| {
             let grid = writer.create_element("PUnstructuredGrid").with_attribute(("GhostLevel", "0"));
             grid.write_inner_content(|writer| self.arrays_and_sources(writer, name, fields))?;
             Ok(())
-        })?;
-        let mut bytes = writer.into_inner();
-        bytes.push(b'\n');
-        Ok(bytes)
+        })
     }
 
     fn arrays_and_sources(&self, writer: &mut Writer<Vec<u8>>, name: &str, fields: &FieldSet) -> io::Result<()> {
@@ -176,7 +171,7 @@ fn cut<'a, T: Copy>(
 ) -> Result<Vec<(&'a str, Vec<T>)>, ResultsError> {
     let mut own = Vec::with_capacity(fields.len());
     for &(name, values) in fields {
-        same_length(path, name, values.len(), expected)?;
+        ResultsError::check_length(path, name, values.len(), expected)?;
         own.push((name, gather(values, places)));
     }
     Ok(own)
@@ -188,13 +183,6 @@ fn gather<T: Copy>(values: &[T], places: &[u32]) -> Vec<T> {
 
 fn borrow<'a, T>(fields: &'a [(&'a str, Vec<T>)]) -> Vec<(&'a str, &'a [T])> {
     fields.iter().map(|(name, values)| (*name, values.as_slice())).collect()
-}
-
-fn same_length(path: &Path, name: &str, found: usize, expected: usize) -> Result<(), ResultsError> {
-    if found == expected {
-        return Ok(());
-    }
-    Err(ResultsError::Length { path: path.into(), name: name.into(), found, expected })
 }
 
 fn file_name(path: &Path) -> Result<&str, ResultsError> {

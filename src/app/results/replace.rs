@@ -1,7 +1,7 @@
 //! Writing the files of a result directory, and reading files that grow during a run.
 
-use std::fs::{self, File};
-use std::io::{self, Write};
+use std::fs;
+use std::io::Write;
 use std::path::Path;
 
 use super::ResultsError;
@@ -9,15 +9,7 @@ use crate::output;
 
 /// Replaces the file at `path` by `bytes`; see [`output::replace_by`].
 pub(in crate::app) fn replace(path: &Path, bytes: &[u8]) -> Result<(), ResultsError> {
-    replace_by(path, |file| file.write_all(bytes))
-}
-
-/// Replaces the file at `path` by the output of `write`, in the same way.
-pub(in crate::app) fn replace_by(
-    path: &Path,
-    write: impl FnOnce(&mut File) -> io::Result<()>,
-) -> Result<(), ResultsError> {
-    output::replace_by(path, write).map_err(ResultsError::write(path))
+    output::replace_by(path, |file| file.write_all(bytes)).map_err(ResultsError::write(path))
 }
 
 /// Returns the text of a file up to its last newline; an interrupted run may leave an unfinished line after it.

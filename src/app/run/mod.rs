@@ -28,7 +28,7 @@ use super::case::Case;
 use super::checkpoint::{self, Checkpoint, Identity};
 use super::recorder::{Progress, Recorder, ResumePoint};
 use super::results::log::{End, Event, Start};
-use super::results::{self, DirectoryLock, Done, ResultsError, Written};
+use super::results::{self, DirectoryLock, Done, ResultsError, ResultsRecord};
 use crate::fem::mesh::Mesh;
 use crate::fem::stepping::{Stepper, SteppingError};
 use crate::las::{Backend, Scalar};
@@ -49,7 +49,7 @@ where
     /// The result directory and its lock, held by this run from [`Simulation::take_directory`] until the run ends.
     own: Option<(PathBuf, DirectoryLock)>,
     /// The results of the steps completed before this run, if it was resumed.
-    written: Written,
+    written: ResultsRecord,
 }
 
 impl<B: Backend<Scalar = f64>> Simulation<B>
@@ -102,12 +102,12 @@ where
     /// not called before. Returns warnings for the user.
     ///
     /// # Errors
-    /// Returns [`ResultsError::Locked`] or [`ResultsError::Foreign`] without touching a file, or
+    /// Returns [`ResultsError::Locked`] or [`ResultsError::UnknownOrigin`] without touching a file, or
     /// [`ResultsError::Write`] if the directory or its lock cannot be written.
     pub fn take_directory(&mut self, writers: &dyn Writers, dir: &Path) -> Result<Vec<String>, ResultsError> {
         let is_own = self.own.as_ref().is_some_and(|(own, _)| own == dir);
         let taken = match writers.is_writer() && !is_own {
-            true => results::check_origin(dir).and_then(|()| DirectoryLock::take(dir)).map(Some),
+            true => results::check_origin(dir).and_then(|()| DirectoryLock::acquire(dir)).map(Some),
             false => Ok(None),
         };
         let (taken, outcome) = match taken {

@@ -8,7 +8,7 @@ use super::Simulation;
 use super::plan::Plan;
 use crate::app::case::{Case, MaterialCase};
 use crate::app::magnitudes;
-use crate::app::results::Written;
+use crate::app::results::ResultsRecord;
 use crate::app::rve_files;
 use crate::fem::boundary::Conditions;
 use crate::fem::mesh::Mesh;
@@ -135,7 +135,7 @@ where
         let order = field.node_order(&mesh);
         let stepper = Stepper::in_order(&order, &context, Arc::new(mesh), &conditions, field, params);
         let stepper = stepper.map_err(Box::new)?;
-        Ok(Simulation { case, stepper, networks, warnings, own: None, written: Written::default() })
+        Ok(Simulation { case, stepper, networks, warnings, own: None, written: ResultsRecord::default() })
     }
 }
 

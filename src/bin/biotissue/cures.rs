@@ -23,7 +23,7 @@ pub fn not_written(error: ResultsError) -> Failure {
             expected: "a result directory that no other run writes to".into(),
             cure: "wait for that run to end, or end it, or name another directory with --out".into(),
         },
-        ResultsError::Foreign { .. } => Failure::Arguments {
+        ResultsError::UnknownOrigin { .. } => Failure::Arguments {
             what: format!("{error}; nothing was touched"),
             expected: "a directory that is empty, or that holds the results of an earlier run as they were written"
                 .into(),

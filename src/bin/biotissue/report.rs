@@ -65,7 +65,7 @@ fn failure(dir: &Path, error: ReportError) -> Failure {
     match &error {
         ReportError::Results(ResultsError::Write { path, source }) => Failure::unwritable(path, source),
         ReportError::Results(ResultsError::Read { path, source }) => InputError::unreadable(path, source).into(),
-        ReportError::Results(ResultsError::Foreign { .. }) => arguments(
+        ReportError::Results(ResultsError::UnknownOrigin { .. }) => arguments(
             "no file of that name, or a page of an earlier report",
             "name another file with -o, or move that one",
         ),
@@ -82,10 +82,5 @@ fn failure(dir: &Path, error: ReportError) -> Failure {
         }
         ReportError::NoStep { .. } => arguments("a step with fields", "leave out --step for the last one"),
         ReportError::NoField { .. } => arguments("a field of the elements", "leave out --field for the stress"),
-        ReportError::Chart { .. } => Failure::Environment {
-            what: error.to_string(),
-            expected: "results that can be drawn".into(),
-            cure: "draw the picture alone with --picture, and report the results that led here".into(),
-        },
     }
 }

@@ -144,7 +144,7 @@ fn what_was_being_written_is_removed() {
 fn ranks_of_a_body_learn_alike_that_a_directory_is_in_use() {
     let root = tempfile::tempdir().unwrap();
     let dir = root.path().join("results");
-    let (lock, _) = DirectoryLock::take(&dir).unwrap();
+    let (lock, _) = DirectoryLock::acquire(&dir).unwrap();
     let outcome = thread::run(2, |comm| {
         let broken = OnceLock::new();
         let ranks = First { comm: &comm, dir: &dir, broken: &broken };

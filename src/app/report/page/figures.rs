@@ -2,16 +2,14 @@
 
 use super::Run;
 use super::charts::{Labels, Line, extension_and_iterations, lines, logarithmic, stacked_bars};
-use crate::app::report::ReportError;
 use crate::app::results::log::{NewtonSeconds, RveLog};
 
 /// The caption and the SVG text of a chart.
 type Figure = (String, String);
 
 /// Draws all charts.
-pub(super) fn all(run: &Run) -> Result<Vec<Figure>, ReportError> {
-    let figures = [force(run)?, extension(run)?, seconds(run)?, rves(run)?, convergence(run)?];
-    Ok(figures.into_iter().flatten().collect())
+pub(super) fn all(run: &Run) -> impl Iterator<Item = Figure> {
+    [force(run), extension(run), seconds(run), rves(run), convergence(run)].into_iter().flatten()
 }
 
 /// Pairs the numbers of the increments, from 1, with `value`, and omits increments without it.
@@ -20,10 +18,10 @@ fn over_increments(run: &Run, value: impl Fn(&super::Increment) -> Option<f64>) 
     numbered.filter_map(|(k, increment)| Some(((k + 1) as f64, value(increment)?))).collect()
 }
 
-fn force(run: &Run) -> Result<Option<Figure>, ReportError> {
+fn force(run: &Run) -> Option<Figure> {
     let surfaces = run.loaded_surfaces();
     if surfaces.is_empty() || run.extension.is_none() {
-        return Ok(None);
+        return None;
     }
     let of_surface = |surface: usize| Line {
         name: run.surface_name(surface).to_owned(),
@@ -54,14 +52,14 @@ fn force(run: &Run) -> Result<Option<Figure>, ReportError> {
         run.surface_name(from),
         run.surface_name(to),
     );
-    Ok(Some((caption, lines(labels, &all)?)))
+    Some((caption, lines(labels, &all)))
 }
 
-fn extension(run: &Run) -> Result<Option<Figure>, ReportError> {
+fn extension(run: &Run) -> Option<Figure> {
     let extension = over_increments(run, |increment| run.extension_of(increment));
     let iterations = over_increments(run, |increment| Some(increment.log?.newton.iterations as f64));
     if extension.is_empty() && iterations.is_empty() {
-        return Ok(None);
+        return None;
     }
     let labels = Labels {
         chart: "extension and Newton iterations",
@@ -69,10 +67,10 @@ fn extension(run: &Run) -> Result<Option<Figure>, ReportError> {
         y: &format!("{} in {} (line)", run.extension_name(), run.extension_unit()),
     };
     let caption = "Macro-scale body extension and Newton iterations per load increment";
-    Ok(Some((caption.into(), extension_and_iterations(labels, &extension, &iterations)?)))
+    Some((caption.into(), extension_and_iterations(labels, &extension, &iterations)))
 }
 
-fn seconds(run: &Run) -> Result<Option<Figure>, ReportError> {
+fn seconds(run: &Run) -> Option<Figure> {
     let layer = |name: &str, of: fn(&NewtonSeconds) -> f64| Line {
         name: name.into(),
         points: over_increments(run, |increment| Some(of(&increment.log?.newton.seconds))),
@@ -85,27 +83,27 @@ fn seconds(run: &Run) -> Result<Option<Figure>, ReportError> {
         layer("the rest", |s| (s.total - s.point_field - s.assembly - s.factor - s.solve).max(0.0)),
     ];
     if phases.iter().flat_map(|phase| &phase.points).all(|&(_, seconds)| seconds == 0.0) {
-        return Ok(None);
+        return None;
     }
     let labels = Labels { chart: "wall time by phase", x: "load increment", y: "wall time in s" };
-    Ok(Some(("Wall time by phase per load increment".into(), stacked_bars(labels, &phases)?)))
+    Some(("Wall time by phase per load increment".into(), stacked_bars(labels, &phases)))
 }
 
-fn rves(run: &Run) -> Result<Option<Figure>, ReportError> {
+fn rves(run: &Run) -> Option<Figure> {
     let line = |name: &str, of: fn(&RveLog) -> f64| Line {
         name: name.into(),
         points: over_increments(run, |increment| Some(of(increment.log?.rve.as_ref()?))),
     };
     let all = [line("mean", |rve| rve.iterations_mean), line("most", |rve| rve.iterations_max as f64)];
     if all[0].points.is_empty() {
-        return Ok(None);
+        return None;
     }
     let labels = Labels { chart: "RVE iterations", x: "load increment", y: "Newton iterations of an RVE" };
     let caption = "Micro-scale Newton iterations per RVE equilibrium, by load increment";
-    Ok(Some((caption.into(), lines(labels, &all)?)))
+    Some((caption.into(), lines(labels, &all)))
 }
 
-fn convergence(run: &Run) -> Result<Option<Figure>, ReportError> {
+fn convergence(run: &Run) -> Option<Figure> {
     let all: Vec<Line> = run
         .increments
         .iter()
@@ -116,9 +114,9 @@ fn convergence(run: &Run) -> Result<Option<Figure>, ReportError> {
         })
         .collect();
     if all.iter().flat_map(|line| &line.points).all(|&(_, residual)| residual.is_nan() || residual <= 0.0) {
-        return Ok(None);
+        return None;
     }
     let labels = Labels { chart: "convergence", x: "Newton iteration", y: "relative residual" };
     let caption = "Convergence of Newton's method, a line a load increment (dark: first, light: last)";
-    Ok(Some((caption.into(), logarithmic(labels, &all)?)))
+    Some((caption.into(), logarithmic(labels, &all)))
 }

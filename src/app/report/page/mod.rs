@@ -19,15 +19,17 @@ pub use crate::app::results::REPORT_FILE;
 /// returns its path.
 ///
 /// # Errors
-/// Returns [`ResultsError::Foreign`] for a `report.html` that this program has not written, [`ResultsError::Write`] if
-/// the page cannot be written, and the errors of [`page()`].
+/// Returns [`ResultsError::UnknownOrigin`] for a `report.html` that this program has not written,
+/// [`ResultsError::Write`] if the page cannot be written, and the errors of [`page()`].
 pub fn write(dir: &Path, file: Option<&Path>, options: &PictureOptions) -> Result<PathBuf, ReportError> {
     let file = match file {
         Some(file) => file.to_path_buf(),
         None => {
             let path = dir.join(REPORT_FILE);
             if path.symlink_metadata().is_ok() && !is_report(&path)? {
-                return Err(ResultsError::Foreign { path, what: "is no page that this command has written" }.into());
+                return Err(
+                    ResultsError::UnknownOrigin { path, what: "is no page that this command has written" }.into()
+                );
             }
             path
         }
@@ -58,7 +60,7 @@ pub fn page(dir: &Path, options: &PictureOptions) -> Result<String, ReportError>
     }
     push(&mut html, &facts(&directory, &run));
     push(&mut html, "<section class=\"charts\">\n");
-    for (caption, chart) in figures::all(&run)? {
+    for (caption, chart) in figures::all(&run) {
         push(&mut html, &format!("<figure>{chart}<figcaption>{}</figcaption></figure>\n", escape(&caption)));
     }
     push(&mut html, "</section>\n");

@@ -5,11 +5,11 @@ use std::collections::HashMap;
 
 use nalgebra::Vector3;
 
-use super::color::lit;
+use super::color::shade;
 use super::skin::{BoundaryMesh, lines, normal};
-use super::svg::{Svg, hex};
 use super::view::View;
 use super::{Colors, Scene};
+use crate::app::report::svg::{Svg, hex};
 
 /// Cosine of the crease angle (35 degrees): faces that meet at a larger angle form a crease.
 const CREASE: f64 = 0.82;
@@ -47,14 +47,14 @@ pub(super) fn faces(svg: &mut Svg, scene: &Scene, colors: Option<&Colors>) {
         (0..skin.faces.len()).filter(|&face| visible[face]).map(|face| (depth(face), face)).collect();
     order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
 
-    let place = |point: &u32| frame.place(view.project(&current[*point as usize]));
+    let place = |point: &u32| frame.to_page(view.project(&current[*point as usize]));
     svg.open(
         "stroke=\"#fff\" stroke-opacity=\".28\" stroke-width=\".6\" stroke-linejoin=\"round\" stroke-linecap=\"round\"",
     );
     for (_, k) in order {
         let face = &skin.faces[k];
         let plain = colors.map_or([176, 190, 197], |colors| colors.of(face.element));
-        let color = hex(lit(plain, view.light(&normal(face, current))));
+        let color = hex(shade(plain, view.light(&normal(face, current))));
         let corners = face.points.map(|point| place(&point));
         // The light edges of very small faces would wash out the colors.
         let rim =
@@ -106,7 +106,8 @@ pub(super) fn outline(svg: &mut Svg, scene: &Scene) {
         .collect();
     svg.open(OUTLINE);
     for line in lines(&rim) {
-        let places: Vec<_> = line.iter().map(|&point| frame.place(view.project(&reference[point as usize]))).collect();
+        let places: Vec<_> =
+            line.iter().map(|&point| frame.to_page(view.project(&reference[point as usize]))).collect();
         svg.path(&places, false, "");
     }
     svg.close();
@@ -140,7 +141,7 @@ pub(super) fn fiber_lines(
         let (Some(nodes), Some(direction)) = (mesh.get(element), directions.get(element)) else { continue };
         let Some(direction) = Vector3::from(*direction).try_normalize(1e-12) else { continue };
         let middle = nodes.iter().map(|&node| scene.current[node as usize]).sum::<Vector3<f64>>() / 4.0;
-        let [x, y] = scene.frame.place(scene.view.project(&middle));
+        let [x, y] = scene.frame.to_page(scene.view.project(&middle));
         let cell = [x, y].map(|place| (place / FIBER_SPACING).floor() as i64);
         if taken.insert(cell, ()).is_some() {
             continue;

@@ -47,7 +47,7 @@ pub(crate) fn mix(first: [u8; 3], second: [u8; 3], part: f64) -> [u8; 3] {
 }
 
 /// Darkens a color; `light = 1` leaves it unchanged.
-pub(super) fn lit(color: [u8; 3], light: f64) -> [u8; 3] {
+pub(super) fn shade(color: [u8; 3], light: f64) -> [u8; 3] {
     color.map(|part| (f64::from(part) * light).round().clamp(0.0, 255.0) as u8)
 }
 

@@ -2,9 +2,9 @@
 
 use super::body::{OUTLINE, fibers};
 use super::color::AXES;
-use super::svg::{Anchor, Svg, hex};
 use super::view::View;
 use super::{Colors, Scene};
+use crate::app::report::svg::{Anchor, Svg, hex};
 use crate::app::report::units::{prefix, quantity, round_step, tick_label, ticks};
 
 pub(super) const INK: &str = "fill=\"#1b2733\"";
@@ -12,8 +12,8 @@ pub(super) const SOFT: &str = "fill=\"#546e7a\"";
 
 /// Draws the title and, below it, the line with step, time and extension.
 pub(super) fn title(svg: &mut Svg, title: &str, state: &str) {
-    svg.heading([28.0, 38.0], 21.0, &format!("{INK} font-weight=\"600\""), title);
-    svg.heading([28.0, 60.0], 14.0, SOFT, state);
+    svg.title([28.0, 38.0], 21.0, &format!("{INK} font-weight=\"600\""), title);
+    svg.title([28.0, 60.0], 14.0, SOFT, state);
 }
 
 /// Draws the color bar with its ticks; its right end is at `right`.
@@ -29,14 +29,14 @@ pub(super) fn color_bar(svg: &mut Svg, colors: &Colors, [right, top]: [f64; 2]) 
         "" => colors.quantity.label.clone(),
         unit => format!("{} in {unit}", colors.quantity.label),
     };
-    svg.words([left, top - 8.0], 13.0, Anchor::Start, INK, &label);
+    svg.text([left, top - 8.0], 13.0, Anchor::Start, INK, &label);
     svg.gradient("map", (0..=STOPS).map(|k| colors.at(low + f64::from(k) / f64::from(STOPS) * (high - low))));
     svg.rectangle([left, top, WIDTH, HEIGHT], "fill=\"url(#map)\"");
     let ticks = ticks(low / power, high / power, 5);
     for &tick in &ticks {
         let x = left + WIDTH * (tick * power - low) / (high - low);
         svg.path(&[[x, top + HEIGHT], [x, top + HEIGHT + 4.0]], false, "stroke=\"#1b2733\"");
-        svg.words([x, top + HEIGHT + 17.0], 12.0, Anchor::Middle, INK, &tick_label(tick, &ticks));
+        svg.text([x, top + HEIGHT + 17.0], 12.0, Anchor::Middle, INK, &tick_label(tick, &ticks));
     }
     let (least, most) = colors.extremes;
     if least < low || most > high {
@@ -45,7 +45,7 @@ pub(super) fn color_bar(svg: &mut Svg, colors: &Colors, [right, top]: [f64; 2]) 
             quantity(least, colors.quantity.unit),
             quantity(most, colors.quantity.unit)
         );
-        svg.words([right, top + HEIGHT + 32.0], 11.0, Anchor::End, SOFT, &words);
+        svg.text([right, top + HEIGHT + 32.0], 11.0, Anchor::End, SOFT, &words);
     }
 }
 
@@ -58,7 +58,7 @@ pub(super) fn scale_bar(svg: &mut Svg, scene: &Scene, [left, baseline]: [f64; 2]
     svg.path(&bar, false, "fill=\"none\" stroke=\"#1b2733\" stroke-width=\"1.5\"");
     let (power, prefix) = prefix(length);
     let words = format!("{}\u{a0}{prefix}m", (length / power).round());
-    svg.words([left + width / 2.0, y - 9.0], 12.0, Anchor::Middle, INK, &words);
+    svg.text([left + width / 2.0, y - 9.0], 12.0, Anchor::Middle, INK, &words);
     right
 }
 
@@ -74,18 +74,18 @@ pub(super) fn axes(svg: &mut Svg, view: &View, [x, y]: [f64; 2]) {
         svg.path(&[[x, y], end], false, &format!("stroke=\"{color}\" stroke-width=\"2\" stroke-linecap=\"round\""));
         let place = [x + (LENGTH + 8.0) * across, y - (LENGTH + 8.0) * up + 4.0];
         let bold = format!("fill=\"{color}\" font-weight=\"600\"");
-        svg.words(place, 12.0, Anchor::Middle, &bold, ["x", "y", "z"][axis]);
+        svg.text(place, 12.0, Anchor::Middle, &bold, ["x", "y", "z"][axis]);
     }
 }
 
 /// Draws the legend of the outline and the fiber lines.
 pub(super) fn lines(svg: &mut Svg, [left, baseline]: [f64; 2], with_fibers: Option<&str>) {
     let sample = |row: f64| [[left, baseline - 4.0 - row], [left + 26.0, baseline - 4.0 - row]];
-    let words = |row: f64| [left + 34.0, baseline - row];
+    let at = |row: f64| [left + 34.0, baseline - row];
     svg.path(&sample(0.0), false, OUTLINE);
-    svg.words(words(0.0), 12.0, Anchor::Start, INK, "undeformed");
+    svg.text(at(0.0), 12.0, Anchor::Start, INK, "undeformed");
     if let Some(meaning) = with_fibers {
         fibers(svg, &[sample(19.0)]);
-        svg.words(words(19.0), 12.0, Anchor::Start, INK, meaning);
+        svg.text(at(19.0), 12.0, Anchor::Start, INK, meaning);
     }
 }

@@ -11,7 +11,6 @@ mod legend;
 mod network;
 mod quantity;
 mod skin;
-mod svg;
 mod view;
 
 pub use self::network::{FiberColor, NetworkPicture, draw_network};
@@ -22,11 +21,11 @@ use nalgebra::Vector3;
 
 use self::quantity::Quantity;
 use self::skin::BoundaryMesh;
-use self::svg::Svg;
 use self::view::{Frame, View};
 use super::ReportError;
 use super::directory::Directory;
 use super::extension::deformed;
+use super::svg::Svg;
 use super::units::significant;
 use crate::app::results::Fields;
 use crate::app::results::collection::Entry;
@@ -144,7 +143,7 @@ fn compose(title: &str, state: &str, fields: &Fields, quantity: Option<Quantity>
     let mut scene = scene(fields, options.axis);
     scene.fit(room(most));
     // A slender body that fills the width would leave empty bands above and below.
-    let height = most - (scene.frame.spare - 10.0).max(0.0).floor();
+    let height = most - (scene.frame.unused_height - 10.0).max(0.0).floor();
     scene.fit(room(height));
     let seen = body::visible_elements(&scene);
     let colors = quantity.map(|quantity| Colors::new(quantity, &seen));

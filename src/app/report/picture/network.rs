@@ -12,9 +12,9 @@ use super::body::OUTLINE;
 use super::color::{AXES, mix};
 use super::legend::{self, INK};
 use super::quantity::Quantity;
-use super::svg::{Anchor, Svg, hex};
 use super::view::{Frame, View};
 use super::{Colors, Map};
+use crate::app::report::svg::{Anchor, Svg, hex};
 
 /// Number of depth layers; each is drawn over those behind it.
 const LAYERS: usize = 24;
@@ -89,7 +89,7 @@ pub fn draw_network(picture: &NetworkPicture) -> String {
     let mut svg = Svg::new(width, height, &format!("{}: fiber network, {}", picture.title, picture.subtitle));
     legend::title(&mut svg, picture.title, picture.subtitle);
     let lines = Edges::of(&cube, &view);
-    let place = |x: &Vector3<f64>| frame.place(view.project(x));
+    let place = |x: &Vector3<f64>| frame.to_page(view.project(x));
     let segments = |edges: &[[usize; 2]], of: &[Vector3<f64>; 8]| -> Vec<[[f64; 2]; 2]> {
         edges.iter().map(|edge| edge.map(|corner| place(&of[corner]))).collect()
     };
@@ -107,11 +107,11 @@ pub fn draw_network(picture: &NetworkPicture) -> String {
     let mut row = bottom - 4.0;
     if deformed {
         svg.path(&[[112.0, row - 4.0], [138.0, row - 4.0]], false, OUTLINE);
-        svg.words([146.0, row], 12.0, Anchor::Start, INK, "undeformed cube");
+        svg.text([146.0, row], 12.0, Anchor::Start, INK, "undeformed cube");
         row -= 19.0;
     }
     if picture.color == FiberColor::Direction {
-        svg.words(
+        svg.text(
             [112.0, row],
             12.0,
             Anchor::Start,
@@ -224,7 +224,7 @@ fn pieces(
         for piece in 0..count {
             let [from, middle, to] = [0.0, 0.5, 1.0].map(|part| at((piece as f64 + part) / count as f64));
             let layer = (((middle[2] - far) * layers) as usize).min(LAYERS - 1);
-            pieces.push(Piece { layer, ends: [frame.place(from), frame.place(to)], color });
+            pieces.push(Piece { layer, ends: [frame.to_page(from), frame.to_page(to)], color });
         }
     }
     pieces

@@ -3,11 +3,11 @@
 use nalgebra::Vector3;
 
 /// Elevation angle of the viewpoint, radians.
-const LIFT: f64 = 0.46;
+const ELEVATION: f64 = 0.46;
 
-/// Returns the rotation of the body about the vertical axis of the page, radians. It decreases with the slenderness;
-/// otherwise a long body would run down the page.
-fn turn(longest: f64, second: f64) -> f64 {
+/// Returns the azimuth of the viewpoint (the rotation of the body about the vertical axis of the page), radians. It
+/// decreases with the slenderness; otherwise a long body would run down the page.
+fn azimuth(longest: f64, second: f64) -> f64 {
     let slenderness = if second > 0.0 { (longest / second).max(1.0) } else { 1.0 };
     0.06 + 0.45 / slenderness
 }
@@ -39,10 +39,10 @@ impl View {
         let unit = |axis: usize| Vector3::from_fn(|k, _| if k == axis { 1.0 } else { 0.0 });
         let (across, upward) = (unit(order[0]), unit(order[1]));
         let outward = across.cross(&upward);
-        let (sin, cos) = turn(edges[order[0]], edges[order[1]]).sin_cos();
+        let (sin, cos) = azimuth(edges[order[0]], edges[order[1]]).sin_cos();
         let right = across * cos - outward * sin;
         let level = across * sin + outward * cos;
-        let (sin, cos) = LIFT.sin_cos();
+        let (sin, cos) = ELEVATION.sin_cos();
         let toward = level * cos + upward * sin;
         Self { right, up: toward.cross(&right), toward }
     }
@@ -67,7 +67,7 @@ pub(super) struct Frame {
     /// Pixels per meter.
     pub(super) scale: f64,
     /// Height of the rectangle that the points leave free, pixels.
-    pub(super) spare: f64,
+    pub(super) unused_height: f64,
     offset: [f64; 2],
 }
 
@@ -86,11 +86,11 @@ impl Frame {
         let scale = if scale.is_finite() && scale > 0.0 { scale } else { 1.0 };
         let middle = [(low[0] + high[0]) / 2.0, (low[1] + high[1]) / 2.0];
         let offset = [left + width / 2.0 - scale * middle[0], top + height / 2.0 + scale * middle[1]];
-        Self { scale, spare: (height - scale * span[1]).max(0.0), offset }
+        Self { scale, unused_height: (height - scale * span[1]).max(0.0), offset }
     }
 
     /// Returns the pixel coordinates of a projected point.
-    pub(super) fn place(&self, [across, up, _]: [f64; 3]) -> [f64; 2] {
+    pub(super) fn to_page(&self, [across, up, _]: [f64; 3]) -> [f64; 2] {
         [self.offset[0] + self.scale * across, self.offset[1] - self.scale * up]
     }
 }
@@ -116,11 +116,11 @@ mod tests {
     fn what_is_drawn_fits() {
         let points = [[-2.0, 0.0, 9.0], [3.0, 1.0, -9.0], [0.0, 7.0, 0.0]];
         let frame = Frame::fit(points.into_iter(), [10.0, 20.0, 100.0, 50.0]);
-        assert!(frame.spare < 1e-9);
-        for [x, y] in points.map(|point| frame.place(point)) {
+        assert!(frame.unused_height < 1e-9);
+        for [x, y] in points.map(|point| frame.to_page(point)) {
             assert!((10.0..=110.0).contains(&x) && (20.0 - 1e-9..=70.0 + 1e-9).contains(&y));
         }
         let flat = Frame::fit([[1.0; 3]].into_iter(), [0.0, 0.0, 10.0, 10.0]);
-        assert_eq!((flat.place([1.0; 3]), flat.spare), ([5.0, 5.0], 10.0));
+        assert_eq!((flat.to_page([1.0; 3]), flat.unused_height), ([5.0, 5.0], 10.0));
     }
 }

@@ -99,7 +99,7 @@ struct Found {
 
 /// Returns an error if a file beside the network was not written with a network.
 fn check(path: &Path) -> Result<Found, FileSetError> {
-    let target = output::end_of_links(path).map_err(|source| FileSetError::Write { path: path.to_owned(), source })?;
+    let target = output::resolve_links(path).map_err(|source| FileSetError::Write { path: path.to_owned(), source })?;
     let [toml, params] = [".toml", ".params"].map(|suffix| beside(path, suffix));
     if target != path {
         // The files beside the target of the link describe the network that would be overwritten.

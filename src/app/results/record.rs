@@ -8,10 +8,10 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::clear::{element_and_step, element_of_collection};
 use super::collection::Entry;
 use super::fields_read::sources;
 use super::loads::LineChecksum;
+use super::names::FileName;
 use super::networks::network_collection;
 use super::{Collection, FIELDS_FILE, LOADS_FILE, Loads, NETWORKS_FOLDER, ResultsError};
 
@@ -38,7 +38,7 @@ impl Done {
 
 /// The results of a run up to a converged step.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Written {
+pub struct ResultsRecord {
     /// The mark of the header of the loads, then of the row of every step.
     pub loads: Vec<LineChecksum>,
     /// The field files, in ascending time.
@@ -74,7 +74,7 @@ impl FieldFile {
     }
 }
 
-impl Written {
+impl ResultsRecord {
     /// Compares the files in `dir` with this record; returns messages about the entries that will be restored. Nothing
     /// is changed.
     ///
@@ -88,10 +88,10 @@ impl Written {
         let listed = Collection::listed(&collection)?.unwrap_or_default();
         let lost = self.fields.iter().filter(|field| !listed.contains(&field.entry())).count();
         let mut restored: Vec<String> =
-            entered_again(&collection, lost, "a field file", "field files").into_iter().collect();
+            restored_message(&collection, lost, "a field file", "field files").into_iter().collect();
         for field in &self.fields {
             let path = dir.join(&field.file);
-            let bytes = whole(&path)?;
+            let bytes = file_length(&path)?;
             if bytes != field.bytes {
                 let what = format!("has {bytes} bytes where {} were written", field.bytes);
                 return Err(ResultsError::damaged(&path, None, what, EXPECTED));
@@ -100,11 +100,11 @@ impl Written {
         // Files of states after the checkpoint will be written again.
         for entry in listed.iter().filter(|entry| entry.time <= t) {
             let path = dir.join(&entry.file);
-            whole(&path)?;
+            file_length(&path)?;
             if path.extension().is_some_and(|extension| extension == "pvtu") {
                 let text = fs::read_to_string(&path).map_err(ResultsError::read(&path))?;
                 for piece in sources(&path, &text)? {
-                    whole(&path.with_file_name(piece))?;
+                    file_length(&path.with_file_name(piece))?;
                 }
             }
         }
@@ -113,17 +113,17 @@ impl Written {
             let collection = folder.join(network_collection(networks.element));
             let listed = Collection::listed(&collection)?.unwrap_or_default();
             for entry in listed.iter().filter(|entry| entry.time <= t) {
-                whole(&folder.join(&entry.file))?;
+                file_length(&folder.join(&entry.file))?;
             }
             let lost = networks.files.iter().filter(|entry| !listed.contains(entry)).count();
-            restored.extend(entered_again(&collection, lost, "a network", "networks"));
+            restored.extend(restored_message(&collection, lost, "a network", "networks"));
         }
         Ok(restored)
     }
 }
 
 /// Returns the message about a collection from which `count` files are missing.
-fn entered_again(collection: &Path, count: usize, one: &str, several: &str) -> Option<String> {
+fn restored_message(collection: &Path, count: usize, one: &str, several: &str) -> Option<String> {
     let files = if count == 1 { one.to_owned() } else { format!("{count} {several}") };
     let collection = collection.display();
     (count > 0).then(|| format!("{collection}: does not list {files} of the run, which will be listed again"))
@@ -140,7 +140,7 @@ pub struct NetworkSeries {
 const EXPECTED: &str = "every file of fields and networks that the run has written, as it was";
 
 /// Returns the length of a regular file.
-fn whole(path: &Path) -> Result<u64, ResultsError> {
+fn file_length(path: &Path) -> Result<u64, ResultsError> {
     match fs::symlink_metadata(path) {
         Ok(there) if there.is_file() => Ok(there.len()),
         _ => Err(ResultsError::damaged(path, None, "is missing", EXPECTED)),
@@ -159,10 +159,14 @@ pub fn network_series(folder: &Path, done: Done) -> Result<Vec<NetworkSeries>, R
     let mut steps = BTreeMap::<usize, BTreeMap<usize, String>>::new();
     for entry in entries {
         let Ok(name) = entry.map_err(ResultsError::read(folder))?.file_name().into_string() else { continue };
-        if let Some(element) = element_of_collection(&name) {
-            steps.entry(element).or_default();
-        } else if let Some((element, step)) = element_and_step(&name).filter(|&(_, step)| step <= done.steps) {
-            steps.entry(element).or_default().insert(step, name);
+        match FileName::parse(&name) {
+            Some(FileName::Collection { element }) => {
+                steps.entry(element).or_default();
+            }
+            Some(FileName::Network { element, step }) if step <= done.steps => {
+                steps.entry(element).or_default().insert(step, name);
+            }
+            _ => {}
         }
     }
     let series = steps.into_iter().map(|(element, files)| {

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use crate::app::report::units::escape;
+use super::units::escape;
 
 /// Horizontal alignment of a text relative to its position.
 #[derive(Clone, Copy, Debug)]
@@ -15,7 +15,7 @@ pub(super) enum Anchor {
 /// An SVG document under construction.
 #[derive(Debug)]
 pub(super) struct Svg {
-    text: String,
+    document: String,
     width: f64,
 }
 
@@ -24,21 +24,21 @@ impl Svg {
     /// Starts a document. `label` describes the picture for screen readers.
     pub(super) fn new(width: f64, height: f64, label: &str) -> Self {
         let (w, h, label) = (number(width), number(height), escape(label));
-        let text = format!(
+        let document = format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{w}\" height=\"{h}\" viewBox=\"0 0 {w} {h}\" role=\"img\" \
              aria-label=\"{label}\" font-family=\"system-ui, -apple-system, 'Segoe UI', 'Helvetica Neue', Arial, sans-serif\">\n\
              <rect width=\"{w}\" height=\"{h}\" fill=\"#fff\"/>\n"
         );
-        Self { text, width }
+        Self { document, width }
     }
 
     /// Opens a group whose members share these attributes; [`close`](Self::close) ends it.
     pub(super) fn open(&mut self, attributes: &str) {
-        let _ = writeln!(self.text, "<g {attributes}>");
+        let _ = writeln!(self.document, "<g {attributes}>");
     }
 
     pub(super) fn close(&mut self) {
-        self.text.push_str("</g>\n");
+        self.document.push_str("</g>\n");
     }
 
     /// Writes a line through points; a polygon if `closed`.
@@ -47,7 +47,7 @@ impl Svg {
         let places: Vec<String> = points.iter().copied().map(place).collect();
         let end = if closed { "z" } else { "" };
         let space = if attributes.is_empty() { "" } else { " " };
-        let _ = writeln!(self.text, "<path d=\"M{}{end}\"{space}{attributes}/>", places.join("L"));
+        let _ = writeln!(self.document, "<path d=\"M{}{end}\"{space}{attributes}/>", places.join("L"));
     }
 
     /// Writes many separate lines as one path.
@@ -59,53 +59,69 @@ impl Svg {
         for [[ax, ay], [bx, by]] in segments {
             let _ = write!(data, "M{} {}L{} {}", number(*ax), number(*ay), number(*bx), number(*by));
         }
-        let _ = writeln!(self.text, "<path d=\"{data}\" {attributes}/>");
+        let _ = writeln!(self.document, "<path d=\"{data}\" {attributes}/>");
+    }
+
+    /// Draws filled circles of one radius.
+    pub(super) fn circles(&mut self, centers: &[[f64; 2]], radius: f64, attributes: &str) {
+        self.open(attributes);
+        for &[x, y] in centers {
+            let _ = writeln!(self.document, "<circle cx=\"{}\" cy=\"{}\" r=\"{radius}\"/>", number(x), number(y));
+        }
+        self.close();
     }
 
     pub(super) fn rectangle(&mut self, [x, y, width, height]: [f64; 4], attributes: &str) {
         let (x, y, width, height) = (number(x), number(y), number(width), number(height));
-        let _ = writeln!(self.text, "<rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" {attributes}/>");
+        let _ =
+            writeln!(self.document, "<rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" {attributes}/>");
     }
 
     /// Defines a gradient from left to right through equally spaced colors; fills refer to it by its name.
     pub(super) fn gradient(&mut self, name: &str, colors: impl ExactSizeIterator<Item = [u8; 3]>) {
         let last = colors.len().saturating_sub(1).max(1);
-        let _ = write!(self.text, "<linearGradient id=\"{name}\">");
+        let _ = write!(self.document, "<linearGradient id=\"{name}\">");
         for (k, color) in colors.enumerate() {
             let place = number(100.0 * k as f64 / last as f64);
-            let _ = write!(self.text, "<stop offset=\"{place}%\" stop-color=\"{}\"/>", hex(color));
+            let _ = write!(self.document, "<stop offset=\"{place}%\" stop-color=\"{}\"/>", hex(color));
         }
-        self.text.push_str("</linearGradient>\n");
+        self.document.push_str("</linearGradient>\n");
     }
 
     /// Writes a line of text with its baseline at the given position.
-    pub(super) fn words(&mut self, [x, y]: [f64; 2], size: f64, anchor: Anchor, attributes: &str, words: &str) {
+    pub(super) fn text(&mut self, [x, y]: [f64; 2], size: f64, anchor: Anchor, attributes: &str, text: &str) {
         let anchor = match anchor {
             Anchor::Start => "",
             Anchor::Middle => " text-anchor=\"middle\"",
             Anchor::End => " text-anchor=\"end\"",
         };
-        let (x, y, size, words) = (number(x), number(y), number(size), escape(words));
-        let _ =
-            writeln!(self.text, "<text x=\"{x}\" y=\"{y}\" font-size=\"{size}\"{anchor} {attributes}>{words}</text>");
+        let (x, y, size, text) = (number(x), number(y), number(size), escape(text));
+        let _ = writeln!(
+            self.document,
+            "<text x=\"{x}\" y=\"{y}\" font-size=\"{size}\"{anchor} {attributes}>{text}</text>"
+        );
     }
 
     /// Writes a line of text from the left margin, shortened if it would reach the right one.
-    pub(super) fn heading(&mut self, [x, y]: [f64; 2], size: f64, attributes: &str, words: &str) {
-        /// Width of a letter divided by the font size: more than the mean of any sans-serif font.
-        const WIDTH: f64 = 0.6;
-        let most = ((self.width - 2.0 * x) / (WIDTH * size)).max(1.0) as usize;
-        if words.chars().count() <= most {
-            return self.words([x, y], size, Anchor::Start, attributes, words);
+    pub(super) fn title(&mut self, [x, y]: [f64; 2], size: f64, attributes: &str, text: &str) {
+        let most = ((self.width - 2.0 * x) / text_width("n", size)).max(1.0) as usize;
+        if text.chars().count() <= most {
+            return self.text([x, y], size, Anchor::Start, attributes, text);
         }
-        let kept: String = words.chars().take(most - 1).collect();
-        self.words([x, y], size, Anchor::Start, attributes, &format!("{}\u{2026}", kept.trim_end()));
+        let kept: String = text.chars().take(most - 1).collect();
+        self.text([x, y], size, Anchor::Start, attributes, &format!("{}\u{2026}", kept.trim_end()));
     }
 
     pub(super) fn finish(mut self) -> String {
-        self.text.push_str("</svg>\n");
-        self.text
+        self.document.push_str("</svg>\n");
+        self.document
     }
+}
+
+/// Returns an upper estimate of the width of a text: 0.6 of the font size per letter, more than the mean of any
+/// sans-serif font.
+pub(super) fn text_width(text: &str, size: f64) -> f64 {
+    0.6 * size * text.chars().count() as f64
 }
 
 /// Formats a color for SVG, in the short notation if that is exact.
@@ -135,18 +151,18 @@ mod tests {
     }
 
     #[test]
-    fn a_heading_longer_than_the_picture_is_shortened() {
+    fn a_title_longer_than_the_picture_is_shortened() {
         let mut svg = Svg::new(100.0, 10.0, "");
-        svg.heading([10.0, 5.0], 10.0, "", "thirteen<char");
-        svg.heading([10.0, 9.0], 10.0, "", "fourteen chars");
+        svg.title([10.0, 5.0], 10.0, "", "thirteen<char");
+        svg.title([10.0, 9.0], 10.0, "", "fourteen chars");
         let text = svg.finish();
         assert!(text.contains(">thirteen&lt;char</text>") && text.contains(">fourteen cha\u{2026}</text>"), "{text}");
     }
 
     #[test]
-    fn words_cannot_break_out() {
+    fn text_cannot_break_out() {
         let mut svg = Svg::new(10.0, 10.0, "\"><script>");
-        svg.words([0.0, 0.0], 9.0, Anchor::End, "", "a<b");
+        svg.text([0.0, 0.0], 9.0, Anchor::End, "", "a<b");
         let text = svg.finish();
         assert!(!text.contains("<script") && text.contains("a&lt;b"));
     }

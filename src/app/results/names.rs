@@ -1,0 +1,114 @@
+//! The names of the files that a run writes for steps and elements.
+
+use super::collection::{field_file, index_file, partial};
+use super::networks::{network_collection, network_file};
+use super::pieces::part_file;
+
+/// A file of a step or an element, recognized by its name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum FileName {
+    /// The fields of an undivided body.
+    Fields { step: usize },
+    /// The index file of the pieces of a divided body.
+    Index { step: usize },
+    /// The fields of a piece of a divided body.
+    Part { step: usize },
+    /// The network of an element.
+    Network { element: usize, step: usize },
+    /// The collection of the networks of an element.
+    Collection { element: usize },
+    /// Fields or a network of a state within a step.
+    Partial,
+}
+
+impl FileName {
+    /// Parses a name; `None` if no run writes such a name.
+    pub(super) fn parse(name: &str) -> Option<Self> {
+        let of_step = name.replacen("-partial", "", 1);
+        let (kind, whole) = if let Some([step]) = numbers(&of_step, ["fields-", ".vtu"]) {
+            (Self::Fields { step }, field_file(step))
+        } else if let Some([step]) = numbers(&of_step, ["fields-", ".pvtu"]) {
+            (Self::Index { step }, index_file(step))
+        } else if let Some([step, part]) = numbers(&of_step, ["fields-", "-part-", ".vtu"]) {
+            if name == part_file(&partial(&index_file(step)), part) {
+                return Some(Self::Partial);
+            }
+            (Self::Part { step }, part_file(&index_file(step), part))
+        } else if let Some([element, step]) = numbers(&of_step, ["element-", "-step-", ".vtp"]) {
+            (Self::Network { element, step }, network_file(element, step))
+        } else {
+            let [element] = numbers(&of_step, ["element-", ".pvd"])?;
+            (Self::Collection { element }, network_collection(element))
+        };
+        let has_partial = matches!(kind, Self::Fields { .. } | Self::Index { .. } | Self::Network { .. });
+        match name {
+            _ if name == whole => Some(kind),
+            _ if has_partial && name == partial(&whole) => Some(Self::Partial),
+            _ => None,
+        }
+    }
+
+    /// Returns the step of the fields or the network.
+    pub(super) fn step(self) -> Option<usize> {
+        match self {
+            Self::Fields { step } | Self::Index { step } | Self::Part { step } | Self::Network { step, .. } => {
+                Some(step)
+            }
+            Self::Collection { .. } | Self::Partial => None,
+        }
+    }
+
+    /// Returns true for fields, in one file or in pieces.
+    pub(super) fn is_fields(self) -> bool {
+        matches!(self, Self::Fields { .. } | Self::Index { .. } | Self::Part { .. } | Self::Partial)
+    }
+
+    /// Returns true for networks and their collections.
+    pub(super) fn is_networks(self) -> bool {
+        matches!(self, Self::Network { .. } | Self::Collection { .. } | Self::Partial)
+    }
+}
+
+/// Returns the `N - 1` numbers between the `N` given pieces of a name.
+pub(super) fn numbers<const N: usize, const M: usize>(name: &str, pieces: [&str; N]) -> Option<[usize; M]> {
+    let mut rest = name.strip_prefix(pieces[0])?;
+    let mut numbers = [0; M];
+    for (number, piece) in numbers.iter_mut().zip(&pieces[1..]) {
+        let (digits, after) = rest.split_once(piece)?;
+        (*number, rest) = (digits.parse().ok()?, after);
+    }
+    rest.is_empty().then_some(numbers)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_recognized_exactly() {
+        use FileName::{Collection, Fields, Index, Network, Part, Partial};
+        for (name, expected) in [
+            ("fields-00003.vtu", Some(Fields { step: 3 })),
+            ("fields-00003.pvtu", Some(Index { step: 3 })),
+            ("fields-00003-part-0002.vtu", Some(Part { step: 3 })),
+            ("fields-123456-part-12345.vtu", Some(Part { step: 123_456 })),
+            ("element-00017-step-00003.vtp", Some(Network { element: 17, step: 3 })),
+            ("element-00017.pvd", Some(Collection { element: 17 })),
+            ("fields-00003-partial.vtu", Some(Partial)),
+            ("fields-00003-partial.pvtu", Some(Partial)),
+            ("fields-00003-partial-part-0002.vtu", Some(Partial)),
+            ("element-00017-step-00003-partial.vtp", Some(Partial)),
+            ("fields-3.vtu", None),
+            ("fields-+0003.vtu", None),
+            ("fields-00003.vtu.bak", None),
+            ("fields-00003-part-2.vtu", None),
+            ("fields-00003-part-0002.pvtu", None),
+            ("fields-00003-part-0002-partial.vtu", None),
+            ("fields-00003-partial-partial.vtu", None),
+            ("element-00017-partial.pvd", None),
+            ("my-partial.vtu", None),
+        ] {
+            assert_eq!(FileName::parse(name), expected, "{name}");
+        }
+    }
+}
