@@ -1,6 +1,6 @@
-//! The default implementations of the collectives. `broadcast`, `gather`, `gather_all` and `barrier` send messages along
-//! a binary tree, whose depth grows logarithmically with the number of ranks; `reduce` and `agree` use the collectives
-//! of the communicator.
+//! The default implementations of the collectives. `broadcast`, `gather`, `gather_all` and `barrier` send messages
+//! along a binary tree, whose depth grows logarithmically with the number of ranks; `reduce` and `agree` use the
+//! collectives of the communicator.
 
 use std::fmt::Display;
 

@@ -138,8 +138,8 @@ impl MpiComm {
         match threading_support() {
             Threading::Multiple => Ok(Self::of(comm.duplicate())),
             less => Err(CommError::Library(format!(
-                "MPI was started for {less:?} threads, and Multiple (MPI_THREAD_MULTIPLE) is needed: start it so, with an MPI \
-                 that allows it"
+                "MPI was started for {less:?} threads, and Multiple (MPI_THREAD_MULTIPLE) is needed: start it so, with \
+                 an MPI that allows it"
             ))),
         }
     }
@@ -245,11 +245,11 @@ impl Comm for MpiComm {
 
     fn start_send(&self, to: usize, tag: Tag, message: Message) -> Result<MpiSendRequest, CommError> {
         let rank = self.known(to)?;
-        let mut underway = MpiSendRequest { message, requests: Requests::default(), to, time_out: self.time_out };
-        let MpiSendRequest { message, requests, .. } = &mut underway;
-        // SAFETY: the memory of the message stays in place until `MpiSendRequest` has completed the requests or leaked it.
+        let mut sending = MpiSendRequest { message, requests: Requests::default(), to, time_out: self.time_out };
+        let MpiSendRequest { message, requests, .. } = &mut sending;
+        // SAFETY: the memory of the message stays in place until `MpiSendRequest` completes the requests or leaks it.
         unsafe { self.start_parts(rank, tag, message.bytes(), requests) }?;
-        Ok(underway)
+        Ok(sending)
     }
 
     fn send_bytes(&self, tag: Tag, parcels: &[(usize, &[u8])]) -> Result<(), CommError> {
@@ -318,15 +318,15 @@ impl Comm for MpiComm {
         memory: Message,
     ) -> Result<MpiReceiveRequest, CommError> {
         let from = self.known(from)?;
-        let mut arriving =
+        let mut receiving =
             MpiReceiveRequest { message: memory, requests: Requests::default(), from, time_out: self.time_out };
-        arriving.message.resize(len);
-        let MpiReceiveRequest { message, requests, .. } = &mut arriving;
+        receiving.message.resize(len);
+        let MpiReceiveRequest { message, requests, .. } = &mut receiving;
         let bytes = message.bytes_mut();
         let receive = |part: Range<usize>, request| {
             let part = &mut bytes[part];
-            // SAFETY: a live communicator, and the memory of the message, which stays in place until `MpiReceiveRequest` has
-            // completed the requests or leaked it.
+            // SAFETY: a live communicator, and the memory of the message, which stays in place until
+            // `MpiReceiveRequest` completes the requests or leaks it.
             unsafe {
                 ffi::MPI_Irecv(
                     part.as_mut_ptr().cast(),
@@ -341,7 +341,7 @@ impl Comm for MpiComm {
         };
         // SAFETY: the call writes the request if it succeeds.
         unsafe { requests.start(len, receive) }?;
-        Ok(arriving)
+        Ok(receiving)
     }
 
     fn probe(&self, from: usize, tag: Tag) -> Result<bool, CommError> {

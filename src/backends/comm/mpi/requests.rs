@@ -19,8 +19,8 @@ const SPIN_TIME: Duration = Duration::from_millis(20);
 /// The length of one sleep, which is short compared with the time already waited.
 const SLEEP_TIME: Duration = Duration::from_micros(50);
 
-/// Polls for an action of another rank: first at full speed, then yielding the core between polls, and after [`SPIN_TIME`]
-/// sleeping most of the time, so that a waiting rank does not take a core from working ones.
+/// Polls for an action of another rank: first at full speed, then yielding the core between polls, and after
+/// [`SPIN_TIME`] sleeping most of the time, so that a waiting rank does not take a core from working ones.
 pub(super) fn poll<T>(
     from: i32,
     time_out: Option<Duration>,
