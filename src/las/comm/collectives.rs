@@ -61,17 +61,17 @@ pub(super) fn reduce<C: Comm>(
     values: &mut [f64],
     mut combine: impl FnMut(&mut f64, f64),
 ) -> Result<(), CommError> {
-    let len = values.len();
-    let of_length = |message: &Message, from: usize| match message.values::<f64>() {
-        Some(found) if found.len() == len => Ok(found.to_vec()),
-        _ => Err(CommError::Size { from, found: message.len(), expected: size_of::<f64>() * len }),
+    let expected = size_of_val(values);
+    let values_of = |message: &Message, from: usize| match message.values::<f64>() {
+        Some(found) if message.len() == expected => Ok(found.to_vec()),
+        _ => Err(CommError::Size { from, found: message.len(), expected }),
     };
     let all = comm.gather(0, Message::of(values))?;
     let mut reduced = values.to_vec();
     for (from, message) in all.iter().flatten().enumerate().skip(1) {
-        reduced.iter_mut().zip(of_length(message, from)?).for_each(|(reduced, value)| combine(reduced, value));
+        reduced.iter_mut().zip(values_of(message, from)?).for_each(|(reduced, value)| combine(reduced, value));
     }
-    values.copy_from_slice(&of_length(&comm.broadcast(0, Message::of(&reduced))?, 0)?);
+    values.copy_from_slice(&values_of(&comm.broadcast(0, Message::of(&reduced))?, 0)?);
     Ok(())
 }
 
