@@ -12,7 +12,7 @@ use std::time::Instant;
 
 use biotissue::backends::comm::mpi::{self as processes, MpiComm};
 use biotissue::backends::comm::thread::{self, ThreadComm};
-use biotissue::coupling::{Channel, Coupling, CouplingError, Even, Plan, Role, Scales, Share, UnitId};
+use biotissue::coupling::{Channel, Coupling, CouplingError, EvenPartition, Plan, Role, Scales, Share, UnitId};
 use biotissue::las::Comm;
 use mpi::datatype::{Partition, PartitionMut};
 use mpi::topology::SimpleCommunicator;
@@ -103,7 +103,7 @@ fn couple<C: Comm>(comm: &C, units: usize) -> Result<Coupling<C>, Error> {
     let plan = Plan::default().with("macro", Share::Count(1)).with("micro", Share::Ratio(1.0));
     let scales = Scales::new(comm, &plan)?;
     let own: Vec<UnitId> = if scales.own() == 0 { (0..units as UnitId).collect() } else { Vec::new() };
-    Ok(Coupling::new(&scales, "macro", "micro", &own, &[], &Even)?)
+    Ok(Coupling::new(&scales, "macro", "micro", &own, &[], &EvenPartition)?)
 }
 
 /// A transfer of values from one rank to the other.

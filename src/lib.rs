@@ -54,7 +54,7 @@
 //! use biotissue::fiber::network::generate::delaunay;
 //! use biotissue::fiber::rve::{Rve, RveModel, StressScale};
 //! use biotissue::fiber::workspace::Workspace;
-//! use nalgebra::Matrix3;
+//! use biotissue::nalgebra::Matrix3;
 //!
 //! let network = Arc::new(delaunay(20, 1).unwrap());
 //! let law = Law::Exponential { youngs_modulus: 1.0e8, nonlinearity: 1.2 };
@@ -92,7 +92,8 @@
     )
 )]
 
-// Lets `payload!` refer to the crate by the same name inside and outside of it.
+// The attribute of `bytemuck` in `payload!` takes a path as text, where `$crate` has no effect; this makes the path
+// valid inside the crate too.
 extern crate self as biotissue;
 
 #[cfg(feature = "app")]
@@ -114,6 +115,9 @@ mod skip;
 pub mod tensor;
 #[cfg(feature = "app")]
 pub mod tissue;
+
+/// The crate of the small matrices and vectors in public signatures.
+pub use nalgebra;
 
 /// Compiles and runs the Rust example of the README with the tests of the documentation.
 #[cfg(all(doctest, feature = "sparse", feature = "generate"))]

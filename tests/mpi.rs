@@ -35,7 +35,9 @@ const CHECKS: &[Check] = &[
     ("together", ranks::what_all_do_together_is_the_same_for_all),
     ("groups", ranks::groups_do_not_hear_each_other),
     ("agree", ranks::a_failure_of_one_is_agreed_on_by_all),
+    ("sums", ranks::sums_are_in_the_order_of_the_ranks),
     ("time_out", ranks::who_does_not_answer_in_time_is_named),
+    ("time_out_together", ranks::who_does_not_take_part_in_time_is_named),
     ("no_such_rank", ranks::there_is_no_rank_beyond_the_last),
     ("scales", scales::each_rank_is_of_one_scale_and_finds_the_others),
     ("mains", scales::each_scale_runs_its_own_main),
@@ -70,12 +72,13 @@ const CHECKS: &[Check] = &[
 /// Checks that take 9 GiB, and are made where they are asked for by name.
 const ON_REQUEST: &[Check] = &[("longer_than_2_31_bytes", messages_of_more_than_2_31_bytes)];
 
-/// What one process does to the others, its name, and what is printed then.
-type Fault = (&'static str, fn(&MpiComm) -> Outcome, &'static str);
+/// How a process fails, its name, and what is printed then.
+type Failure = (&'static str, fn(&MpiComm) -> Outcome, &'static str);
 
-const FAULTS: &[Fault] = &[
+const FAILURES: &[Failure] = &[
     ("a_rank_that_fails", fail, "the law is broken"),
     ("a_rank_that_fails_with_a_message_underway", fail_with_a_message_underway, "the law is broken"),
+    ("a_rank_that_fails_where_others_wait_together", fail_in_a_collective, "the law is broken"),
     ("a_rank_that_panics", panic_alone, "one too many"),
     ("a_rank_that_is_killed", be_killed, "signal 9"),
 ];
@@ -100,8 +103,8 @@ fn main() -> ExitCode {
     if is_meant("published", &words) {
         all_well &= report("checks on 12 ranks", || check(&launcher, 12, &["published".to_owned()]));
     }
-    for fault in FAULTS.iter().filter(|(name, ..)| is_meant(name, &words)) {
-        all_well &= report(&format!("{} ends all", fault.0), || ends_all(&launcher, fault));
+    for failure in FAILURES.iter().filter(|(name, ..)| is_meant(name, &words)) {
+        all_well &= report(&format!("{} ends all", failure.0), || ends_all(&launcher, failure));
     }
     if all_well { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
@@ -128,8 +131,8 @@ fn check(launcher: &Launcher, ranks: usize, words: &[String]) -> Outcome {
     if status.success() { Ok(()) } else { Err(format!("{status}").into()) }
 }
 
-/// Commits a fault in one of three processes: all are to end, within seconds.
-fn ends_all(launcher: &Launcher, &(name, _, says): &Fault) -> Outcome {
+/// One of three processes fails: all are to end, within seconds.
+fn ends_all(launcher: &Launcher, &(name, _, says): &Failure) -> Outcome {
     const LIMIT: Duration = Duration::from_secs(20);
     let start = Instant::now();
     let output = launcher.command(3, 60)?.env(LAUNCHED, name).output()?;
@@ -162,6 +165,11 @@ fn messages_of_more_than_2_31_bytes(comm: &MpiComm) -> Outcome {
             let arriving = comm.start_receive(0, Tag::of(3), 8 * words, Message::new())?;
             assert!(is_whole(arriving.wait()?.values().unwrap_or_default()), "{words} words, expected");
         }
+        let own = Message::of(if comm.rank() == 0 { &values } else { &[] });
+        assert!(is_whole(comm.broadcast(0, own.clone())?.values().unwrap_or_default()), "{words} words, broadcast");
+        let gathered = comm.gather(1, own)?;
+        assert_eq!(gathered.is_some(), comm.rank() == 1);
+        assert!(gathered.is_none_or(|all| is_whole(all[0].values().unwrap_or_default())), "{words} words, gathered");
     }
     Ok(())
 }
@@ -170,8 +178,8 @@ fn messages_of_more_than_2_31_bytes(comm: &MpiComm) -> Outcome {
 fn take_part(comm: &MpiComm, what: &str, words: &[String]) -> Outcome {
     comm.barrier()?;
     if what != CHECK {
-        let (_, commit, _) = FAULTS.iter().find(|(name, ..)| *name == what).ok_or("there is no such fault")?;
-        return commit(comm);
+        let (_, fail, _) = FAILURES.iter().find(|(name, ..)| *name == what).ok_or("there is no such failure")?;
+        return fail(comm);
     }
     let on_request = ON_REQUEST.iter().filter(|(name, _)| words.iter().any(|word| word == name));
     for (name, check) in CHECKS.iter().filter(|(name, _)| is_meant(name, words)).chain(on_request) {
@@ -218,6 +226,15 @@ fn fail_with_a_message_underway(comm: &MpiComm) -> Outcome {
     }
     let _underway = comm.start_send(0, Tag::of(8), Message::zeros(1 << 26))?;
     Err("the law is broken".into())
+}
+
+fn fail_in_a_collective(comm: &MpiComm) -> Outcome {
+    comm.broadcast(2, Message::text("the last one"))?;
+    if comm.rank() == 1 {
+        return Err("the law is broken".into());
+    }
+    comm.gather_all(Message::new())?;
+    wait_for_ever(comm)
 }
 
 fn panic_alone(comm: &MpiComm) -> Outcome {

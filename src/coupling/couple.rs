@@ -6,18 +6,18 @@ use std::collections::HashSet;
 use thiserror::Error;
 
 use super::data::{Distribution, UnitId};
-use super::links::Links;
-use super::pattern::Spread;
+use super::partition::Partitioner;
 use super::scale::Scales;
+use super::unit_map::UnitMap;
 use crate::las::{Comm, CommError, Message, Tag};
 
 /// The kind of a message within a coupling; part of its tag.
 #[derive(Clone, Copy)]
-pub(super) enum About {
+pub(super) enum MessageKind {
     /// Lists of units.
     Lists,
-    /// Messages between the first ranks of the two scales.
-    First,
+    /// Messages between the roots of the two scales.
+    Roots,
     /// Values of units.
     Values,
     /// Layouts of values.
@@ -60,8 +60,8 @@ pub enum CouplingError {
         what: &'static str,
     },
     /// The distribution algorithm returned a wrong number of ranks, or a rank that does not exist.
-    #[error("{units} units were spread to {found} places, the last of rank {last} among {ranks}")]
-    Spread {
+    #[error("the partition of {units} units has {found} ranks, the largest of them {last} among {ranks}")]
+    Partition {
         /// Units of this rank.
         units: usize,
         /// Number of ranks returned by the algorithm.
@@ -88,16 +88,16 @@ pub enum CouplingError {
         consumer: String,
     },
     /// The layouts of the values differ between the two sides.
-    #[error("{producer} and {consumer} exchange different data: here {here}, there {there}")]
+    #[error("{producer} and {consumer} exchange different data: here {local}, there {remote}")]
     Layout {
         /// The producer scale.
         producer: String,
         /// The consumer scale.
         consumer: String,
         /// The layout on this side.
-        here: String,
+        local: String,
         /// The layout on the other side.
-        there: String,
+        remote: String,
     },
 }
 
@@ -118,14 +118,13 @@ pub struct Coupling<C: Comm> {
     /// Distinguishes the messages of this coupling from those of other couplings of the two scales.
     number: u32,
     /// The communicator of this side.
-    own: C,
+    pub(super) local_comm: C,
     pub(super) role: Role,
     /// Names of the producer and the consumer.
-    names: [String; 2],
-    /// The world ranks of this side and of the other side.
-    pub(super) here: Vec<usize>,
-    pub(super) there: Vec<usize>,
-    pub(super) links: Links,
+    pub(super) names: [String; 2],
+    /// The world ranks of the other side.
+    pub(super) remote_ranks: Vec<usize>,
+    pub(super) map: UnitMap,
 }
 
 /// The part of a coupling that was added last: only the new units, in the order in which they follow the old ones.
@@ -144,12 +143,12 @@ impl<C: Comm> Coupling<C> {
         consumer: &str,
         units: &[UnitId],
         weights: &[f64],
-        spread: &impl Spread,
+        partitioner: &impl Partitioner,
     ) -> Result<Self, CouplingError> {
         let mut coupling = Self::empty(scales, producer, consumer)?;
         match coupling.role {
-            Role::Producer => drop(coupling.add(units, weights, spread)?),
-            Role::Consumer => drop(coupling.reconcile()?),
+            Role::Producer => drop(coupling.add(units, weights, partitioner)?),
+            Role::Consumer => drop(coupling.reconcile_added()?),
         }
         Ok(coupling)
     }
@@ -161,16 +160,16 @@ impl<C: Comm> Coupling<C> {
             return Err(CouplingError::Itself(producer.to_owned()));
         }
         let names = [producer.to_owned(), consumer.to_owned()];
-        let ranks = |scale: usize| scales.ranks(scale).to_vec();
-        let (role, here, there) = match scales.own() {
-            own if own == first => (Role::Producer, ranks(first), ranks(second)),
-            own if own == second => (Role::Consumer, ranks(second), ranks(first)),
+        let (role, remote) = match scales.own() {
+            own if own == first => (Role::Producer, second),
+            own if own == second => (Role::Consumer, first),
             own => {
                 return Err(CouplingError::Role { scale: scales.name(own).to_owned(), role: "producer or consumer" });
             }
         };
         let (comm, number) = (scales.world().clone(), scales.next_coupling(first, second));
-        Ok(Self { comm, number, own: scales.comm().clone(), role, names, here, there, links: Links::default() })
+        let (local_comm, remote_ranks) = (scales.comm().clone(), scales.ranks(remote).to_vec());
+        Ok(Self { comm, number, local_comm, role, names, remote_ranks, map: UnitMap::default() })
     }
 
     /// Returns the side of this rank.
@@ -182,12 +181,12 @@ impl<C: Comm> Coupling<C> {
     /// Returns the units of this rank, in the order of its data.
     #[must_use]
     pub fn units(&self) -> &[UnitId] {
-        &self.links.units
+        &self.map.units
     }
 
     /// Returns the neighbors of this rank, as ranks of the other scale, and the number of units exchanged with each.
     pub fn neighbors(&self) -> impl Iterator<Item = (usize, usize)> {
-        self.links.neighbors.iter().map(|neighbor| (neighbor.rank, neighbor.places.len()))
+        self.map.neighbors.iter().map(|neighbor| (neighbor.rank, neighbor.indices.len()))
     }
 
     /// Returns the coupling in the opposite direction: producer and consumer are exchanged, and every unit goes back to
@@ -205,9 +204,9 @@ impl<C: Comm> Coupling<C> {
 
     /// Adds units on the producer and returns a coupling of the new units only, for data that only they need.
     /// Collective: all producer ranks call it, with or without new units, while the consumer ranks call
-    /// [`reconcile`](Self::reconcile). Pass one weight per unit, or none for a weight of 1 each. Units already
-    /// distributed do not move. Recreate a coupling made by [`inverse`](Self::inverse) before this call, because it
-    /// contains only the old units.
+    /// [`reconcile_added`](Self::reconcile_added). Pass one weight per unit, or none for a weight of 1 each. Units
+    /// already distributed do not move. Recreate a coupling made by [`inverse`](Self::inverse) before this call,
+    /// because it contains only the old units.
     ///
     /// An error occurs on one rank while the others wait for it, so that the caller must end the run.
     ///
@@ -216,9 +215,14 @@ impl<C: Comm> Coupling<C> {
     ///
     /// # Errors
     /// Returns [`CouplingError`] if the arguments or the distribution are invalid, or the communication fails.
-    pub fn add(&mut self, units: &[UnitId], weights: &[f64], spread: &impl Spread) -> Result<Delta<C>, CouplingError> {
+    pub fn add(
+        &mut self,
+        units: &[UnitId],
+        weights: &[f64],
+        partitioner: &impl Partitioner,
+    ) -> Result<Delta<C>, CouplingError> {
         self.must_be(Role::Producer)?;
-        let mut known: HashSet<UnitId> = self.links.units.iter().copied().collect();
+        let mut known: HashSet<UnitId> = self.map.units.iter().copied().collect();
         if let Some(&unit) = units.iter().find(|&&unit| !known.insert(unit)) {
             return Err(CouplingError::Unit { unit, what: "is in this coupling already" });
         }
@@ -227,42 +231,42 @@ impl<C: Comm> Coupling<C> {
         if weights.len() != units.len() {
             return Err(CouplingError::Values { found: weights.len(), units: units.len() });
         }
-        let mut distribution = Distribution::assemble(&self.own, weights).map_err(|error| self.failed(error))?;
+        let mut distribution = Distribution::assemble(&self.local_comm, weights).map_err(|error| self.failed(error))?;
         distribution.held = self.held().map_err(|error| self.failed(error))?;
-        let to = spread.spread(&distribution, self.own.rank(), self.there.len());
-        let (last, ranks) = (to.iter().copied().max().unwrap_or(0), self.there.len());
+        let to = partitioner.partition(&distribution, self.local_comm.rank(), self.remote_ranks.len());
+        let (last, ranks) = (to.iter().copied().max().unwrap_or(0), self.remote_ranks.len());
         if to.len() != units.len() || last >= ranks {
-            return Err(CouplingError::Spread { units: units.len(), found: to.len(), last, ranks });
+            return Err(CouplingError::Partition { units: units.len(), found: to.len(), last, ranks });
         }
-        let new = Links::new(units, &to);
-        self.announce(&new).map_err(|error| self.failed(error))?;
-        self.links.append(units, &to);
-        Ok(Self { links: new, ..self.clone() })
+        let new = UnitMap::new(units, &to);
+        self.send_new_units(&new).map_err(|error| self.failed(error))?;
+        self.map.append(units, &to);
+        Ok(Self { map: new, ..self.clone() })
     }
 
     /// Returns the number of units on each consumer rank; the result is the same on all producer ranks.
     fn held(&self) -> Result<Vec<usize>, CommError> {
-        let mut held = vec![0.0; self.there.len()];
+        let mut held = vec![0.0; self.remote_ranks.len()];
         self.neighbors().for_each(|(rank, count)| held[rank] = count as f64);
-        self.own.sum(&mut held)?;
+        self.local_comm.sum(&mut held)?;
         Ok(held.into_iter().map(|count| count as usize).collect())
     }
 
     /// Sends the table of new units by pair of ranks to the consumer, and then the list of units to each neighbor.
-    fn announce(&self, new: &Links) -> Result<(), CommError> {
+    fn send_new_units(&self, new: &UnitMap) -> Result<(), CommError> {
         let rows: Vec<[u64; 3]> = new
             .neighbors
             .iter()
-            .map(|neighbor| [self.own.rank(), neighbor.rank, neighbor.places.len()].map(|number| number as u64))
+            .map(|neighbor| [self.local_comm.rank(), neighbor.rank, neighbor.indices.len()].map(|number| number as u64))
             .collect();
-        let table = self.own.gather(0, Message::of(bytemuck::cast_slice::<_, u64>(&rows)))?;
+        let table = self.local_comm.gather(0, Message::of(bytemuck::cast_slice::<_, u64>(&rows)))?;
         if let Some(table) = table {
             let all: Vec<u64> = table.iter().filter_map(|row| row.values::<u64>()).flatten().copied().collect();
-            self.comm.send(self.there[0], self.tag(About::First), Message::of(&all))?;
+            self.comm.send(self.remote_ranks[0], self.tag(MessageKind::Roots), Message::of(&all))?;
         }
         for neighbor in &new.neighbors {
             let units: Vec<UnitId> = new.units_of(neighbor).collect();
-            self.comm.send(self.there[neighbor.rank], self.tag(About::Lists), Message::of(&units))?;
+            self.comm.send(self.remote_ranks[neighbor.rank], self.tag(MessageKind::Lists), Message::of(&units))?;
         }
         Ok(())
     }
@@ -272,31 +276,31 @@ impl<C: Comm> Coupling<C> {
     ///
     /// # Errors
     /// Returns [`CouplingError`] if a unit exists already or the communication fails.
-    pub fn reconcile(&mut self) -> Result<Delta<C>, CouplingError> {
+    pub fn reconcile_added(&mut self) -> Result<Delta<C>, CouplingError> {
         self.must_be(Role::Consumer)?;
-        let (units, ranks) = self.announced().map_err(|error| self.failed(error))?;
-        let mut known: HashSet<UnitId> = self.links.units.iter().copied().collect();
+        let (units, ranks) = self.receive_new_units().map_err(|error| self.failed(error))?;
+        let mut known: HashSet<UnitId> = self.map.units.iter().copied().collect();
         if let Some(&unit) = units.iter().find(|&&unit| !known.insert(unit)) {
             return Err(CouplingError::Unit { unit, what: "came twice" });
         }
-        self.links.append(&units, &ranks);
-        Ok(Self { links: Links::new(&units, &ranks), ..self.clone() })
+        self.map.append(&units, &ranks);
+        Ok(Self { map: UnitMap::new(&units, &ranks), ..self.clone() })
     }
 
     /// Receives the new units, ordered by producer rank, and the producer rank of each.
-    fn announced(&self) -> Result<(Vec<UnitId>, Vec<usize>), CommError> {
-        let table = match self.own.rank() {
-            0 => self.comm.receive(self.there[0], self.tag(About::First))?,
+    fn receive_new_units(&self) -> Result<(Vec<UnitId>, Vec<usize>), CommError> {
+        let table = match self.local_comm.rank() {
+            0 => self.comm.receive(self.remote_ranks[0], self.tag(MessageKind::Roots))?,
             _ => Message::new(),
         };
-        let table = self.own.broadcast(0, table)?;
-        let mine = self.own.rank() as u64;
+        let table = self.local_comm.broadcast(0, table)?;
+        let mine = self.local_comm.rank() as u64;
         let rows = table.values::<[u64; 3]>().unwrap_or_default();
         let (mut units, mut ranks) = (Vec::new(), Vec::new());
         for &[from, _, count] in rows.iter().filter(|&&[_, to, _]| to == mine) {
             let (from, count) = (from as usize, count as usize);
-            let list = self.comm.receive(self.there[from], self.tag(About::Lists))?;
-            let size = CommError::Size { from: self.there[from], found: list.len(), expected: 8 * count };
+            let list = self.comm.receive(self.remote_ranks[from], self.tag(MessageKind::Lists))?;
+            let size = CommError::Size { from: self.remote_ranks[from], found: list.len(), expected: 8 * count };
             let list = list.values::<UnitId>().filter(|list| list.len() == count).ok_or(size)?;
             units.extend_from_slice(list);
             ranks.resize(units.len(), from);
@@ -305,25 +309,26 @@ impl<C: Comm> Coupling<C> {
     }
 
     /// Removes units of this rank on the producer. Collective: all producer ranks call it while the consumer ranks call
-    /// [`forget`](Self::forget). The other units keep their order. Returns the previous index of each, with which the
-    /// caller reorders its data: `kept.iter().map(|&place| old[place as usize])`. If units are also added, both sides
-    /// perform additions and removals in the same order.
+    /// [`reconcile_removed`](Self::reconcile_removed). The other units keep their order. Returns the previous index of
+    /// each, with which the caller reorders its data: `kept.iter().map(|&index| old[index as usize])`. If units are
+    /// also added, both sides perform additions and removals in the same order.
     ///
     /// # Errors
     /// Returns [`CouplingError`] if a unit does not exist or the communication fails.
     pub fn remove(&mut self, units: &[UnitId]) -> Result<Vec<u32>, CouplingError> {
         self.must_be(Role::Producer)?;
         let gone: HashSet<UnitId> = units.iter().copied().collect();
-        let known: HashSet<UnitId> = self.links.units.iter().copied().collect();
+        let known: HashSet<UnitId> = self.map.units.iter().copied().collect();
         if let Some(&unit) = units.iter().find(|unit| !known.contains(unit)) {
             return Err(CouplingError::Unit { unit, what: "is not in this coupling" });
         }
-        for neighbor in &self.links.neighbors {
-            let list: Vec<UnitId> = self.links.units_of(neighbor).filter(|unit| gone.contains(unit)).collect();
-            let sent = self.comm.send(self.there[neighbor.rank], self.tag(About::Lists), Message::of(&list));
+        for neighbor in &self.map.neighbors {
+            let list: Vec<UnitId> = self.map.units_of(neighbor).filter(|unit| gone.contains(unit)).collect();
+            let sent =
+                self.comm.send(self.remote_ranks[neighbor.rank], self.tag(MessageKind::Lists), Message::of(&list));
             sent.map_err(|error| self.failed(error))?;
         }
-        Ok(self.links.remove(&gone))
+        Ok(self.map.remove(&gone))
     }
 
     /// Removes on the consumer the units that the producer [`remove`](Self::remove)s. Returns the previous index of
@@ -331,17 +336,14 @@ impl<C: Comm> Coupling<C> {
     ///
     /// # Errors
     /// Returns [`CouplingError`] if the communication fails.
-    pub fn forget(&mut self) -> Result<Vec<u32>, CouplingError> {
+    pub fn reconcile_removed(&mut self) -> Result<Vec<u32>, CouplingError> {
         self.must_be(Role::Consumer)?;
         let mut gone = HashSet::new();
-        for neighbor in &self.links.neighbors {
-            let list = self
-                .comm
-                .receive(self.there[neighbor.rank], self.tag(About::Lists))
-                .map_err(|error| self.failed(error))?;
-            gone.extend(list.values::<UnitId>().unwrap_or_default());
+        for neighbor in &self.map.neighbors {
+            let list = self.comm.receive(self.remote_ranks[neighbor.rank], self.tag(MessageKind::Lists));
+            gone.extend(list.map_err(|error| self.failed(error))?.values::<UnitId>().unwrap_or_default());
         }
-        Ok(self.links.remove(&gone))
+        Ok(self.map.remove(&gone))
     }
 
     /// Returns the number of units between each pair of ranks: one row per producer rank, one column per consumer rank.
@@ -352,31 +354,25 @@ impl<C: Comm> Coupling<C> {
     /// Returns [`CouplingError`] if the communication fails.
     pub fn table(&self) -> Result<Vec<Vec<usize>>, CouplingError> {
         let own: Vec<u64> = self.neighbors().flat_map(|(rank, count)| [rank as u64, count as u64]).collect();
-        let all = self.own.gather_all(Message::of(&own)).map_err(|error| self.failed(error))?;
-        let (producers, consumers) = match self.role {
-            Role::Producer => (self.here.len(), self.there.len()),
-            Role::Consumer => (self.there.len(), self.here.len()),
-        };
+        let all = self.local_comm.gather_all(Message::of(&own)).map_err(|error| self.failed(error))?;
+        let (local, remote) = (self.local_comm.size(), self.remote_ranks.len());
+        let (producers, consumers) = if self.role == Role::Producer { (local, remote) } else { (remote, local) };
         let mut table = vec![vec![0; consumers]; producers];
-        for (here, row) in all.iter().enumerate() {
-            for &[there, count] in row.values::<[u64; 2]>().unwrap_or_default() {
+        for (local, row) in all.iter().enumerate() {
+            for &[remote, count] in row.values::<[u64; 2]>().unwrap_or_default() {
                 match self.role {
-                    Role::Producer => table[here][there as usize] = count as usize,
-                    Role::Consumer => table[there as usize][here] = count as usize,
+                    Role::Producer => table[local][remote as usize] = count as usize,
+                    Role::Consumer => table[remote as usize][local] = count as usize,
                 }
             }
         }
         Ok(table)
     }
 
-    pub(super) fn tag(&self, about: About) -> Tag {
+    pub(super) fn tag(&self, kind: MessageKind) -> Tag {
         /// Smaller tags are reserved for messages between scales.
         const FIRST: u32 = 16;
-        Tag(FIRST + 4 * self.number + about as u32)
-    }
-
-    pub(super) fn own_side(&self) -> &C {
-        &self.own
+        Tag(FIRST + 4 * self.number + kind as u32)
     }
 
     fn must_be(&self, role: Role) -> Result<(), CouplingError> {
@@ -391,9 +387,5 @@ impl<C: Comm> Coupling<C> {
     pub(super) fn failed(&self, error: CommError) -> CouplingError {
         let [producer, consumer] = self.names.clone();
         CouplingError::Comm { producer, consumer, error }
-    }
-
-    pub(super) fn names(&self) -> [String; 2] {
-        self.names.clone()
     }
 }

@@ -42,7 +42,7 @@ impl Distribution {
 
     /// Returns the number of units on all ranks below `rank`.
     #[must_use]
-    pub fn before(&self, rank: usize) -> usize {
+    pub fn offset(&self, rank: usize) -> usize {
         self.counts[..rank].iter().sum()
     }
 }

@@ -3,9 +3,9 @@
 use std::marker::PhantomData;
 use std::time::{Duration, Instant};
 
-use super::couple::{About, Coupling, CouplingError, Role};
-use super::links::Neighbor;
-use crate::las::{Comm, CommError, Message, Payload, ReceiveRequest, SendRequest, Tag};
+use super::couple::{Coupling, CouplingError, MessageKind, Role};
+use super::unit_map::Neighbor;
+use crate::las::{Comm, CommError, Message, Payload, ReceiveRequest, SendRequest};
 
 /// Transfers values of one type over couplings of two scales: the coupling that it was created for, its inverse, its
 /// deltas and its later states. Reuses the buffers of its messages.
@@ -40,11 +40,12 @@ impl<T: Payload> Channel<T> {
     /// # Errors
     /// Returns [`CouplingError::Layout`] on all ranks if the layouts differ.
     pub fn new<C: Comm>(coupling: &Coupling<C>) -> Result<Self, CouplingError> {
-        let here = T::layout().to_string();
-        let there = coupling.other_side(About::Layouts, Message::text(&here))?.to_text();
-        if here != there {
-            let [producer, consumer] = coupling.names();
-            return Err(CouplingError::Layout { producer, consumer, here, there });
+        let local = T::layout().to_string();
+        let received = coupling.exchange_roots(MessageKind::Layouts, Message::text(&local));
+        let remote = received.map_err(|error| coupling.failed(error))?.to_text();
+        if local != remote {
+            let [producer, consumer] = coupling.names.clone();
+            return Err(CouplingError::Layout { producer, consumer, local, remote });
         }
         Ok(Self { spare: Vec::new(), sent: 0, waited: Duration::ZERO, of: PhantomData })
     }
@@ -68,26 +69,26 @@ impl<T: Payload> Channel<T> {
     /// Returns [`CouplingError`] if the arguments are invalid or the communication fails.
     pub fn start<C: Comm>(&mut self, coupling: &Coupling<C>, values: &[T]) -> Result<PendingSend<C>, CouplingError> {
         coupling.must_have(Role::Producer, values.len())?;
-        let mut sendings = Vec::with_capacity(coupling.links.neighbors.len());
-        for neighbor in &coupling.links.neighbors {
-            let message = self.gather(&neighbor.places, values);
+        let mut sendings = Vec::with_capacity(coupling.map.neighbors.len());
+        for neighbor in &coupling.map.neighbors {
+            let message = self.gather(&neighbor.indices, values);
             self.sent += message.len() as u64;
-            let to = coupling.there[neighbor.rank];
-            let sending = coupling.comm.start_send(to, coupling.tag(About::Values), message);
+            let to = coupling.remote_ranks[neighbor.rank];
+            let sending = coupling.comm.start_send(to, coupling.tag(MessageKind::Values), message);
             sendings.push(sending.map_err(|error| coupling.failed(error))?);
         }
         Ok(PendingSend { sendings })
     }
 
     /// Copies the values at some indices into a message.
-    fn gather(&mut self, places: &[u32], values: &[T]) -> Message {
+    fn gather(&mut self, indices: &[u32], values: &[T]) -> Message {
         let mut message = self.spare.pop().unwrap_or_default();
-        message.resize(size_of::<T>() * places.len());
+        message.resize(size_of::<T>() * indices.len());
         match message.values_mut::<T>() {
-            Some(out) => out.iter_mut().zip(places).for_each(|(out, &place)| *out = values[place as usize]),
+            Some(out) => out.iter_mut().zip(indices).for_each(|(out, &index)| *out = values[index as usize]),
             // The alignment of `T` exceeds eight bytes.
             None => {
-                let gathered: Vec<T> = places.iter().map(|&place| values[place as usize]).collect();
+                let gathered: Vec<T> = indices.iter().map(|&index| values[index as usize]).collect();
                 message.bytes_mut().copy_from_slice(bytemuck::cast_slice(&gathered));
             }
         }
@@ -98,8 +99,8 @@ impl<T: Payload> Channel<T> {
     ///
     /// # Errors
     /// Returns [`CouplingError`] if the communication fails.
-    pub fn finish<C: Comm>(&mut self, coupling: &Coupling<C>, underway: PendingSend<C>) -> Result<(), CouplingError> {
-        for sending in underway.sendings {
+    pub fn finish<C: Comm>(&mut self, coupling: &Coupling<C>, pending: PendingSend<C>) -> Result<(), CouplingError> {
+        for sending in pending.sendings {
             self.spare.extend(sending.wait().map_err(|error| coupling.failed(error))?);
         }
         Ok(())
@@ -112,20 +113,20 @@ impl<T: Payload> Channel<T> {
     /// Returns [`CouplingError`] if the arguments are invalid or the communication fails.
     pub fn send<C: Comm>(&mut self, coupling: &Coupling<C>, values: &[T]) -> Result<(), CouplingError> {
         coupling.must_have(Role::Producer, values.len())?;
-        let neighbors = &coupling.links.neighbors;
-        let scattered = neighbors.iter().filter(|neighbor| neighbor.run().is_none());
-        let messages: Vec<Message> = scattered.map(|neighbor| self.gather(&neighbor.places, values)).collect();
+        let neighbors = &coupling.map.neighbors;
+        let scattered = neighbors.iter().filter(|neighbor| neighbor.contiguous_range().is_none());
+        let messages: Vec<Message> = scattered.map(|neighbor| self.gather(&neighbor.indices, values)).collect();
         let mut gathered = messages.iter();
         let parcel = |neighbor: &Neighbor| {
-            let bytes = match neighbor.run() {
-                Some(run) => bytemuck::cast_slice(&values[run]),
+            let bytes = match neighbor.contiguous_range() {
+                Some(range) => bytemuck::cast_slice(&values[range]),
                 None => gathered.next().map_or(&[][..], Message::bytes),
             };
-            (coupling.there[neighbor.rank], bytes)
+            (coupling.remote_ranks[neighbor.rank], bytes)
         };
         let parcels: Vec<(usize, &[u8])> = neighbors.iter().map(parcel).collect();
         self.sent += parcels.iter().map(|(_, bytes)| bytes.len() as u64).sum::<u64>();
-        let sent = coupling.comm.send_bytes(coupling.tag(About::Values), &parcels);
+        let sent = coupling.comm.send_bytes(coupling.tag(MessageKind::Values), &parcels);
         self.spare.extend(messages);
         sent.map_err(|error| coupling.failed(error))
     }
@@ -136,14 +137,14 @@ impl<T: Payload> Channel<T> {
     /// Returns [`CouplingError`] if the arguments are invalid or the communication fails.
     pub fn receive<C: Comm>(&mut self, coupling: &Coupling<C>, values: &mut [T]) -> Result<(), CouplingError> {
         coupling.must_have(Role::Consumer, values.len())?;
-        for neighbor in &coupling.links.neighbors {
-            let (from, tag) = (coupling.there[neighbor.rank], coupling.tag(About::Values));
+        for neighbor in &coupling.map.neighbors {
+            let (from, tag) = (coupling.remote_ranks[neighbor.rank], coupling.tag(MessageKind::Values));
             let start = Instant::now();
             coupling.comm.wait_for(from, tag).map_err(|error| coupling.failed(error))?;
             self.waited += start.elapsed();
-            match neighbor.run() {
-                Some(run) => coupling.comm.receive_bytes(from, tag, bytemuck::cast_slice_mut(&mut values[run])),
-                None => self.scatter(coupling, neighbor, values),
+            match neighbor.contiguous_range() {
+                Some(range) => coupling.comm.receive_bytes(from, tag, bytemuck::cast_slice_mut(&mut values[range])),
+                None => self.receive_scattered(coupling, neighbor, values),
             }
             .map_err(|error| coupling.failed(error))?;
         }
@@ -151,30 +152,36 @@ impl<T: Payload> Channel<T> {
     }
 
     /// Receives values whose indices are not contiguous.
-    fn scatter<C: Comm>(
+    fn receive_scattered<C: Comm>(
         &mut self,
         coupling: &Coupling<C>,
-        Neighbor { rank, places }: &Neighbor,
+        Neighbor { rank, indices }: &Neighbor,
         values: &mut [T],
     ) -> Result<(), CommError> {
-        let from = coupling.there[*rank];
+        let from = coupling.remote_ranks[*rank];
         let memory = self.spare.pop().unwrap_or_default();
-        let message = coupling.comm.receive_into(from, coupling.tag(About::Values), memory)?;
-        self.put(message, from, places, values)
+        let message = coupling.comm.receive_into(from, coupling.tag(MessageKind::Values), memory)?;
+        self.scatter_message(message, from, indices, values)
     }
 
     /// Scatters the values of a message to their indices, and keeps its buffer.
-    fn put(&mut self, message: Message, from: usize, places: &[u32], values: &mut [T]) -> Result<(), CommError> {
-        let expected = size_of::<T>() * places.len();
+    fn scatter_message(
+        &mut self,
+        message: Message,
+        from: usize,
+        indices: &[u32],
+        values: &mut [T],
+    ) -> Result<(), CommError> {
+        let expected = size_of::<T>() * indices.len();
         if message.len() != expected {
             return Err(CommError::Size { from, found: message.len(), expected });
         }
         match message.values::<T>() {
-            Some(found) => found.iter().zip(places).for_each(|(&found, &place)| values[place as usize] = found),
+            Some(found) => found.iter().zip(indices).for_each(|(&found, &index)| values[index as usize] = found),
             None => {
                 let bytes = message.bytes().chunks_exact(size_of::<T>().max(1));
-                bytes.zip(places).for_each(|(bytes, &place)| {
-                    values[place as usize] = bytemuck::pod_read_unaligned(bytes);
+                bytes.zip(indices).for_each(|(bytes, &index)| {
+                    values[index as usize] = bytemuck::pod_read_unaligned(bytes);
                 });
             }
         }
@@ -191,14 +198,14 @@ impl<T: Payload> Channel<T> {
     /// Returns [`CouplingError`] if this rank is not on the consumer or the communication fails.
     pub fn start_receive<C: Comm>(&mut self, coupling: &Coupling<C>) -> Result<PendingReceive<C>, CouplingError> {
         coupling.must_have(Role::Consumer, coupling.units().len())?;
-        let mut receivings = Vec::with_capacity(coupling.links.neighbors.len());
-        for neighbor in &coupling.links.neighbors {
-            let (from, len) = (coupling.there[neighbor.rank], size_of::<T>() * neighbor.places.len());
+        let mut receivings = Vec::with_capacity(coupling.map.neighbors.len());
+        for neighbor in &coupling.map.neighbors {
+            let (from, len) = (coupling.remote_ranks[neighbor.rank], size_of::<T>() * neighbor.indices.len());
             let memory = self.spare.pop().unwrap_or_default();
-            let receiving = coupling.comm.start_receive(from, coupling.tag(About::Values), len, memory);
+            let receiving = coupling.comm.start_receive(from, coupling.tag(MessageKind::Values), len, memory);
             receivings.push(receiving.map_err(|error| coupling.failed(error))?);
         }
-        Ok(PendingReceive { receivings, changes: coupling.links.changes })
+        Ok(PendingReceive { receivings, changes: coupling.map.changes })
     }
 
     /// Waits until all values have arrived, and stores them in the order of the units.
@@ -210,21 +217,21 @@ impl<T: Payload> Channel<T> {
     pub fn finish_receive<C: Comm>(
         &mut self,
         coupling: &Coupling<C>,
-        arriving: PendingReceive<C>,
+        pending: PendingReceive<C>,
         values: &mut [T],
     ) -> Result<(), CouplingError> {
         coupling.must_have(Role::Consumer, values.len())?;
-        let neighbors = &coupling.links.neighbors;
-        if arriving.changes != coupling.links.changes || arriving.receivings.len() != neighbors.len() {
-            let [producer, consumer] = coupling.names();
+        let neighbors = &coupling.map.neighbors;
+        if pending.changes != coupling.map.changes || pending.receivings.len() != neighbors.len() {
+            let [producer, consumer] = coupling.names.clone();
             return Err(CouplingError::Changed { producer, consumer });
         }
-        for (neighbor, receiving) in neighbors.iter().zip(arriving.receivings) {
+        for (neighbor, receiving) in neighbors.iter().zip(pending.receivings) {
             let start = Instant::now();
             let message = receiving.wait().map_err(|error| coupling.failed(error))?;
             self.waited += start.elapsed();
-            let put = self.put(message, coupling.there[neighbor.rank], &neighbor.places, values);
-            put.map_err(|error| coupling.failed(error))?;
+            let stored = self.scatter_message(message, coupling.remote_ranks[neighbor.rank], &neighbor.indices, values);
+            stored.map_err(|error| coupling.failed(error))?;
         }
         Ok(())
     }
@@ -234,7 +241,7 @@ impl<C: Comm> Coupling<C> {
     fn must_have(&self, role: Role, values: usize) -> Result<(), CouplingError> {
         let units = self.units().len();
         if self.role != role {
-            let [producer, consumer] = self.names();
+            let [producer, consumer] = self.names.clone();
             return Err(match role {
                 Role::Producer => CouplingError::Role { scale: consumer, role: "producer" },
                 Role::Consumer => CouplingError::Role { scale: producer, role: "consumer" },
@@ -243,21 +250,15 @@ impl<C: Comm> Coupling<C> {
         if values == units { Ok(()) } else { Err(CouplingError::Values { found: values, units }) }
     }
 
-    /// Exchanges a message with the other side: the first ranks swap messages and broadcast the one received.
-    fn other_side(&self, about: About, message: Message) -> Result<Message, CouplingError> {
-        self.trade(self.tag(about), message).map_err(|error| self.failed(error))
-    }
-
-    fn trade(&self, tag: Tag, message: Message) -> Result<Message, CommError> {
-        let is_first = self.comm.rank() == self.here[0];
-        let found = if is_first {
-            let sending = self.comm.start_send(self.there[0], tag, message)?;
-            let found = self.comm.receive(self.there[0], tag)?;
-            sending.wait()?;
-            found
-        } else {
-            Message::new()
-        };
-        self.own_side().broadcast(0, found)
+    /// Exchanges a message with the other side: the roots swap messages and broadcast the one received.
+    fn exchange_roots(&self, kind: MessageKind, message: Message) -> Result<Message, CommError> {
+        if self.local_comm.rank() > 0 {
+            return self.local_comm.broadcast(0, Message::new());
+        }
+        let (root, tag) = (self.remote_ranks[0], self.tag(kind));
+        let sending = self.comm.start_send(root, tag, message)?;
+        let received = self.comm.receive(root, tag)?;
+        sending.wait()?;
+        self.local_comm.broadcast(0, received)
     }
 }

@@ -5,27 +5,26 @@
 //! consumer scale. A *channel* transfers values of the units point to point, between neighbors only. Units have numbers
 //! of their own, so that results need not depend on their distribution; they can be added and removed at run time.
 //!
-//! # Adding and removing units
+//! # Example: two scales on threads, with units that are added and removed
 //!
 //! ```
-//! use biotissue::backends::comm::thread;
-//! use biotissue::coupling::{Channel, Coupling, Even, Plan, Role, Scales, Share};
+//! use biotissue::coupling::{Channel, Coupling, EvenPartition, Plan, Role, Scales, Share, thread};
 //!
 //! // One rank has units, two get them.
 //! let plan = Plan::default().with("body", Share::Count(1)).with("cells", Share::Ratio(1.0));
 //! thread::run(3, |comm| -> Result<(), Box<dyn std::error::Error>> {
 //!     let scales = Scales::new(&comm, &plan)?;
 //!     let units: &[u64] = if scales.own() == 0 { &[10, 11, 12] } else { &[] };
-//!     let mut coupling = Coupling::new(&scales, "body", "cells", units, &[], &Even)?;
+//!     let mut coupling = Coupling::new(&scales, "body", "cells", units, &[], &EvenPartition)?;
 //!     let mut channel = Channel::<f64>::new(&coupling)?;
 //!     match coupling.role() {
 //!         Role::Producer => {
 //!             coupling.remove(&[11])?;
-//!             let new = coupling.add(&[20], &[], &Even)?;
+//!             let new = coupling.add(&[20], &[], &EvenPartition)?;
 //!             channel.send(&new, &[293.0])?; // of the new unit alone
-//!             let underway = channel.start(&coupling, &[300.0, 301.0, 302.0])?; // of 10, 12, 20
+//!             let pending = channel.start(&coupling, &[300.0, 301.0, 302.0])?; // of 10, 12, 20
 //!             // Work goes on here.
-//!             channel.finish(&coupling, underway)?;
+//!             channel.finish(&coupling, pending)?;
 //!             let mut back = [0.0; 3];
 //!             channel.receive(&coupling.inverse(), &mut back)?;
 //!             assert_eq!(back, [600.0, 602.0, 604.0]);
@@ -33,14 +32,14 @@
 //!         Role::Consumer => {
 //!             let mut state = vec![273.0; coupling.units().len()];
 //!             // The state follows the units that stay, and gets what came with the new ones.
-//!             state = coupling.forget()?.iter().map(|&place| state[place as usize]).collect();
-//!             let new = coupling.reconcile()?;
+//!             state = coupling.reconcile_removed()?.iter().map(|&index| state[index as usize]).collect();
+//!             let new = coupling.reconcile_added()?;
 //!             let mut first = vec![0.0; new.units().len()];
 //!             channel.receive(&new, &mut first)?;
 //!             state.extend(first);
-//!             let arriving = channel.start_receive(&coupling)?;
+//!             let pending = channel.start_receive(&coupling)?;
 //!             // Work goes on here too.
-//!             channel.finish_receive(&coupling, arriving, &mut state)?;
+//!             channel.finish_receive(&coupling, pending, &mut state)?;
 //!             let answers: Vec<f64> = state.iter().map(|value| 2.0 * value).collect();
 //!             channel.send(&coupling.inverse(), &answers)?;
 //!         }
@@ -56,21 +55,20 @@ mod config;
 mod couple;
 mod data;
 mod exchange;
-mod links;
-mod pattern;
+mod partition;
 mod plan;
 mod scale;
 pub mod topology;
+mod unit_map;
 
 pub use config::{Config, Relation};
 pub use couple::{Coupling, CouplingError, Delta, Role};
 pub use data::{Distribution, UnitId};
 pub use exchange::{Channel, PendingReceive, PendingSend};
-pub use links::{Links, Neighbor};
-pub use pattern::{ByWeight, Even, Spread};
+pub use partition::{EvenPartition, Partitioner, WeightedPartition};
 pub use plan::{Plan, PlanError, Share};
 pub use scale::{Main, ScaleError, Scales};
 
-// Ranks exchange the payloads of `las`; re-exported here for users of couplings and for `payload!`.
-pub use crate::las::{Layout, Payload};
-pub use bytemuck;
+// The ranks and their messages, so that users of couplings need no other module.
+pub use crate::backends::comm::thread;
+pub use crate::las::{Comm, CommError, Layout, Message, Payload, bytemuck};

@@ -48,10 +48,10 @@ pub enum PlanError {
         what: &'static str,
     },
     /// One of two scales that share all ranks would get none.
-    #[error("{above} of {started} ranks are for one of two scales; each needs at least one")]
-    Two {
+    #[error("{first_ranks} of {started} ranks are for one of two scales; each needs at least one")]
+    EmptyHalf {
         /// Ranks of the first scale.
-        above: usize,
+        first_ranks: usize,
         /// Number of ranks started.
         started: usize,
     },
@@ -68,14 +68,14 @@ pub enum PlanError {
     },
     /// The plan contains no scale.
     #[error("there is no scale")]
-    None,
+    NoScales,
     /// The ranks were given different plans.
-    #[error("this rank was given the plan {here}, and rank 0 the plan {there}; all must have the same")]
-    Differs {
+    #[error("this rank was given the plan {local}, and rank 0 the plan {root}; all must have the same")]
+    Mismatch {
         /// The plan of this rank.
-        here: String,
+        local: String,
         /// The plan of rank 0.
-        there: String,
+        root: String,
     },
 }
 
@@ -89,7 +89,7 @@ impl Plan {
 
     /// Returns the smallest possible number of ranks: the explicit ranks, the counts, and one for each ratio.
     #[must_use]
-    pub fn least(&self) -> usize {
+    pub fn min_ranks(&self) -> usize {
         let of = |share: &Share| match share {
             Share::Ranks(ranks) => ranks.len(),
             Share::Count(count) => *count,
@@ -133,7 +133,7 @@ impl Plan {
 
     fn check_names(&self) -> Result<(), PlanError> {
         if self.scales.is_empty() {
-            return Err(PlanError::None);
+            return Err(PlanError::NoScales);
         }
         for (k, (name, share)) in self.scales.iter().enumerate() {
             if self.scales[..k].iter().any(|(other, _)| other == name) {

@@ -86,19 +86,18 @@ impl<C: Comm> Scales<C> {
     /// # Errors
     /// Returns [`ScaleError`] if the plan does not fit or the communication fails.
     pub fn with_time_out(world: &C, plan: &Plan, time_out: Option<Duration>) -> Result<Self, ScaleError> {
-        let (here, there) =
-            (format!("{:?}", plan.scales), world.broadcast(0, Message::text(&format!("{:?}", plan.scales)))?);
-        let there = there.to_text();
-        if here != there {
-            return Err(PlanError::Differs { here, there }.into());
+        let local = format!("{:?}", plan.scales);
+        let root = world.broadcast(0, Message::text(&local))?.to_text();
+        if local != root {
+            return Err(PlanError::Mismatch { local, root }.into());
         }
         let ranks = plan.assign(world.size())?;
         let names = plan.scales.iter().map(|(name, _)| name.clone()).collect();
-        let own = ranks.iter().position(|ranks| ranks.contains(&world.rank())).ok_or(PlanError::None)?;
+        let own = ranks.iter().position(|ranks| ranks.contains(&world.rank())).ok_or(PlanError::NoScales)?;
         // Every rank belongs to a scale, its color; the ranks of a scale are ordered as in the plan.
-        let place = ranks[own].iter().position(|&rank| rank == world.rank()).ok_or(PlanError::None)?;
+        let key = ranks[own].iter().position(|&rank| rank == world.rank()).ok_or(PlanError::NoScales)?;
         // No time-out inside a scale: a stall there is always caused by another scale, which is the one reported.
-        let comm = world.split(Some(own), place)?.ok_or(PlanError::None)?;
+        let comm = world.split(Some(own), key)?.ok_or(PlanError::NoScales)?;
         let world = world.duplicate(time_out)?;
         Ok(Self { world, comm, names, ranks, own, couplings: RefCell::default() })
     }
@@ -170,7 +169,8 @@ impl<C: Comm> Scales<C> {
         self.world.send(first, BROADCAST, message).map_err(|error| self.timeout_of(to, error))
     }
 
-    /// Receives what scale `from` [`broadcast`](Self::broadcast)s, on all ranks of this scale. Collective over this scale.
+    /// Receives what scale `from` [`broadcast`](Self::broadcast)s, on all ranks of this scale. Collective over this
+    /// scale.
     ///
     /// # Errors
     /// Returns [`ScaleError`] if the receive fails or times out.
@@ -203,7 +203,7 @@ impl<C: Comm> Scales<C> {
     /// Returns the world rank of the first rank of a scale.
     fn first_of(&self, scale: usize) -> Result<usize, ScaleError> {
         let ranks = self.ranks.get(scale).ok_or(ScaleError::Number { number: scale, scales: self.ranks.len() })?;
-        ranks.first().copied().ok_or(ScaleError::Plan(PlanError::None))
+        ranks.first().copied().ok_or(ScaleError::Plan(PlanError::NoScales))
     }
 
     /// Attributes a time-out to the other scale.

@@ -1,8 +1,8 @@
 //! Scales on ranks that are close to each other in hardware.
 //!
 //! A message between two cores of one package stays in its caches or its memory; a message between machines crosses the
-//! network. If each rank of one scale exchanges data with a group of ranks of another scale, [`near`] places this group
-//! next to it. With the feature `hwloc`, `here` returns the hardware location of a rank.
+//! network. If each rank of one scale exchanges data with a group of ranks of another scale, [`place_nearby`] places
+//! this group next to it. With the feature `hwloc`, `current_location` returns the hardware location of a rank.
 
 use super::plan::{Plan, PlanError, Share};
 use crate::las::{Comm, CommError, Message};
@@ -18,30 +18,30 @@ pub struct HardwareLocation {
     pub core: u32,
 }
 
-/// Chooses the ranks of two scales, `above` of them for the first, so that those of the second are close to one of the
-/// first.
+/// Chooses the ranks of two scales, `first_ranks` of them for the first, so that those of the second are close to one
+/// of the first.
 ///
-/// `places` are the locations of all ranks. The function sorts the ranks by machine, package and core, and by rank if
-/// these are equal, and cuts this sequence into `above` groups whose sizes differ by at most one. The first rank of
+/// `locations` are those of all ranks. The function sorts the ranks by machine, package and core, and by rank if these
+/// are equal, and cuts this sequence into `first_ranks` groups whose sizes differ by at most one. The first rank of
 /// each group belongs to the first scale, all others to the second. A group thus lies on one machine and one package if
 /// groups fill these evenly; cuts are not moved to package boundaries. Both lists are in the order of the groups. With
 /// an even distribution and groups of equal size, all units therefore stay within their group.
 ///
 /// # Errors
-/// Returns [`PlanError::Two`] if one of the two scales would get no rank.
-pub fn near(places: &[HardwareLocation], above: usize) -> Result<[Vec<usize>; 2], PlanError> {
-    let groups = groups(places, above)?;
+/// Returns [`PlanError::EmptyHalf`] if one of the two scales would get no rank.
+pub fn place_nearby(locations: &[HardwareLocation], first_ranks: usize) -> Result<[Vec<usize>; 2], PlanError> {
+    let groups = groups(locations, first_ranks)?;
     let first = groups.iter().filter_map(|group| group.first()).copied().collect();
     let second = groups.iter().flat_map(|group| group.iter().skip(1)).copied().collect();
     Ok([first, second])
 }
 
-/// Creates a plan of two scales with the ranks chosen by [`near`], `above` of them for the first.
+/// Creates a plan of two scales with the ranks chosen by [`place_nearby`], `first_ranks` of them for the first.
 ///
 /// # Errors
-/// Returns the error of [`near`].
-pub fn plan(names: [&str; 2], places: &[HardwareLocation], above: usize) -> Result<Plan, PlanError> {
-    let [first, second] = near(places, above)?;
+/// Returns the error of [`place_nearby`].
+pub fn plan(names: [&str; 2], locations: &[HardwareLocation], first_ranks: usize) -> Result<Plan, PlanError> {
+    let [first, second] = place_nearby(locations, first_ranks)?;
     Ok(Plan::default().with(names[0], Share::Ranks(first)).with(names[1], Share::Ranks(second)))
 }
 
@@ -51,30 +51,30 @@ pub fn plan(names: [&str; 2], places: &[HardwareLocation], above: usize) -> Resu
 /// Returns [`CommError`] if the communication fails.
 pub fn gather<C: Comm>(world: &C, own: &HardwareLocation) -> Result<Vec<HardwareLocation>, CommError> {
     let messages = world.gather_all(Message::text(&write(own)))?;
-    let place = |(rank, message): (usize, &Message)| {
+    let location = |(rank, message): (usize, &Message)| {
         let text = message.to_text();
         read(&text)
-            .ok_or_else(|| CommError::Library(format!("rank {rank} says it runs at `{text}`, which is no place")))
+            .ok_or_else(|| CommError::Library(format!("rank {rank} says it runs at `{text}`, which is no location")))
     };
-    messages.iter().enumerate().map(place).collect()
+    messages.iter().enumerate().map(location).collect()
 }
 
 /// Returns the groups of ranks that are close to each other, in order.
-fn groups(places: &[HardwareLocation], above: usize) -> Result<Vec<Vec<usize>>, PlanError> {
-    let started = places.len();
-    if above == 0 || above >= started {
-        return Err(PlanError::Two { above, started });
+fn groups(locations: &[HardwareLocation], first_ranks: usize) -> Result<Vec<Vec<usize>>, PlanError> {
+    let started = locations.len();
+    if first_ranks == 0 || first_ranks >= started {
+        return Err(PlanError::EmptyHalf { first_ranks, started });
     }
     let mut order: Vec<usize> = (0..started).collect();
     // The sort is stable: ranks at the same location keep their order.
-    order.sort_by_key(|&rank| &places[rank]);
-    let begin = |group: usize| group * started / above;
-    Ok((0..above).map(|group| order[begin(group)..begin(group + 1)].to_vec()).collect())
+    order.sort_by_key(|&rank| &locations[rank]);
+    let begin = |group: usize| group * started / first_ranks;
+    Ok((0..first_ranks).map(|group| order[begin(group)..begin(group + 1)].to_vec()).collect())
 }
 
 /// Encodes a location as text. The name of the machine is last because it may contain blanks.
-fn write(place: &HardwareLocation) -> String {
-    format!("{} {} {}", place.package, place.core, place.machine)
+fn write(location: &HardwareLocation) -> String {
+    format!("{} {} {}", location.package, location.core, location.machine)
 }
 
 fn read(text: &str) -> Option<HardwareLocation> {
@@ -100,7 +100,7 @@ mod hwloc {
     ///
     /// # Errors
     /// Returns a message if hwloc fails, or cannot determine the machine or the core.
-    pub fn here() -> Result<HardwareLocation, String> {
+    pub fn current_location() -> Result<HardwareLocation, String> {
         let topology =
             Topology::new().map_err(|error| format!("hwloc does not find the parts of this machine: {error}"))?;
         let bound = topology.cpu_binding(CpuBindingFlags::THREAD);
@@ -136,14 +136,14 @@ mod hwloc {
 
         #[test]
         fn this_process_runs_somewhere() {
-            let place = here().unwrap();
+            let place = current_location().unwrap();
             assert!(!place.machine.is_empty(), "{place:?}");
         }
     }
 }
 
 #[cfg(feature = "hwloc")]
-pub use hwloc::here;
+pub use hwloc::current_location;
 
 #[cfg(test)]
 mod tests {
@@ -151,7 +151,7 @@ mod tests {
     use crate::backends::comm::thread::run;
 
     /// Two machines with two packages of four cores; consecutive ranks are far apart.
-    fn places() -> Vec<HardwareLocation> {
+    fn locations() -> Vec<HardwareLocation> {
         let place = |rank: u32| {
             let slot = rank * 7 % 16;
             HardwareLocation { machine: format!("node{}", slot / 8), package: slot / 4 % 2, core: slot % 8 }
@@ -170,14 +170,14 @@ mod tests {
 
     #[test]
     fn each_group_is_on_one_package() {
-        let places = places();
-        let groups = groups(&places, 4).unwrap();
+        let locations = locations();
+        let groups = groups(&locations, 4).unwrap();
         check(&groups, 16);
         for group in &groups {
-            let package = |&rank: &usize| (&places[rank].machine, places[rank].package);
+            let package = |&rank: &usize| (&locations[rank].machine, locations[rank].package);
             assert!(group.iter().all(|rank| package(rank) == package(&group[0])), "{group:?}");
         }
-        let [first, second] = near(&places, 4).unwrap();
+        let [first, second] = place_nearby(&locations, 4).unwrap();
         // Slots 0, 4, 8 and 12; the slot of a rank is 7 rank modulo 16, so that the rank is 7 slot modulo 16.
         assert_eq!(first, [0, 12, 8, 4]);
         assert_eq!(second, [7, 14, 5, 3, 10, 1, 15, 6, 13, 11, 2, 9]);
@@ -185,48 +185,48 @@ mod tests {
 
     #[test]
     fn one_rank_has_all_others_below() {
-        let [first, second] = near(&places(), 1).unwrap();
+        let [first, second] = place_nearby(&locations(), 1).unwrap();
         assert_eq!((first, second.len()), (vec![0], 15));
     }
 
     #[test]
     fn groups_need_not_be_of_one_size() {
-        for above in 1..16 {
-            let groups = groups(&places(), above).unwrap();
-            assert_eq!(groups.len(), above);
+        for first_ranks in 1..16 {
+            let groups = groups(&locations(), first_ranks).unwrap();
+            assert_eq!(groups.len(), first_ranks);
             check(&groups, 16);
         }
-        let [first, second] = near(&places()[..5], 2).unwrap();
+        let [first, second] = place_nearby(&locations()[..5], 2).unwrap();
         assert_eq!((first.len(), second.len()), (2, 3));
     }
 
     #[test]
     fn ranks_at_one_place_keep_their_order() {
         let place = HardwareLocation { machine: "node0".to_owned(), package: 0, core: 0 };
-        assert_eq!(near(&vec![place; 6], 2), Ok([vec![0, 3], vec![1, 2, 4, 5]]));
+        assert_eq!(place_nearby(&vec![place; 6], 2), Ok([vec![0, 3], vec![1, 2, 4, 5]]));
     }
 
     #[test]
     fn both_scales_need_a_rank() {
-        for above in [0, 16, 17] {
-            assert_eq!(near(&places(), above), Err(PlanError::Two { above, started: 16 }));
+        for first_ranks in [0, 16, 17] {
+            assert_eq!(place_nearby(&locations(), first_ranks), Err(PlanError::EmptyHalf { first_ranks, started: 16 }));
         }
-        let error = plan(["macro", "micro"], &places()[..2], 2).map_err(|error| error.to_string());
+        let error = plan(["macro", "micro"], &locations()[..2], 2).map_err(|error| error.to_string());
         assert_eq!(error, Err("2 of 2 ranks are for one of two scales; each needs at least one".to_owned()));
     }
 
     #[test]
     fn a_plan_has_the_ranks_by_number() {
-        let plan = plan(["macro", "micro"], &places(), 4).unwrap();
+        let plan = plan(["macro", "micro"], &locations(), 4).unwrap();
         assert_eq!(plan.scales[0], ("macro".to_owned(), Share::Ranks(vec![0, 12, 8, 4])));
         assert_eq!(plan.assign(16).map(|ranks| ranks[1].len()), Ok(12));
     }
 
     #[test]
     fn all_ranks_find_all_places() {
-        let places = places();
-        let found = run(16, |world| gather(&world, &places[world.rank()])).unwrap();
-        assert!(found.iter().all(|found| *found == places), "{found:?}");
+        let locations = locations();
+        let found = run(16, |world| gather(&world, &locations[world.rank()])).unwrap();
+        assert!(found.iter().all(|found| *found == locations), "{found:?}");
         let odd = HardwareLocation { machine: "a machine ".to_owned(), package: u32::MAX, core: 0 };
         assert_eq!(read(&write(&odd)), Some(odd));
         assert_eq!(read("0 one node0"), None);

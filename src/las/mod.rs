@@ -18,7 +18,7 @@
 //! A backend returns [`SolveError::Unsupported`] before it solves if it lacks the requested method.
 
 mod backend;
-mod comm;
+pub(crate) mod comm;
 pub mod conformance;
 pub mod krylov;
 pub mod market;
@@ -31,6 +31,8 @@ mod sparsity;
 pub mod transfer;
 
 pub use backend::Backend;
+/// Casts between plain data and bytes, for [`payload!`](crate::payload).
+pub use bytemuck;
 pub use comm::{Comm, CommError, Disagreement, Layout, Message, Payload, ReceiveRequest, SendRequest, Tag};
 pub use newton::{
     Curvature, NewtonError, NewtonFailure, NewtonParams, NewtonReport, NewtonSeconds, NewtonSystem, NonlinearProblem,

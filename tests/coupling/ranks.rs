@@ -42,6 +42,16 @@ fn who_does_not_answer_in_time_is_named() {
 }
 
 #[test]
+fn sums_are_in_the_order_of_the_ranks() {
+    on_all(ranks::sums_are_in_the_order_of_the_ranks);
+}
+
+#[test]
+fn who_does_not_take_part_in_time_is_named() {
+    on_all(ranks::who_does_not_take_part_in_time_is_named);
+}
+
+#[test]
 fn there_is_no_rank_beyond_the_last() {
     on_all(ranks::there_is_no_rank_beyond_the_last);
 }

@@ -2,9 +2,8 @@
 //! unit, and its cell is on the rank that gets the unit. In every step, temperatures are sent to the cells and heat is
 //! sent back.
 
-use biotissue::backends::comm::thread::{self, Failed, ThreadComm};
-use biotissue::coupling::{Channel, Coupling, Even, Plan, Scales, Share};
-use biotissue::las::Message;
+use biotissue::coupling::thread::{self, Failed, ThreadComm};
+use biotissue::coupling::{Channel, Coupling, EvenPartition, Message, Plan, Scales, Share};
 
 use crate::cloud::Cloud;
 use crate::heat::{self, Rod};
@@ -29,7 +28,7 @@ pub fn run(rod: &Rod, steps: usize, ranks: usize) -> Result<Vec<Vec<f64>>, Faile
 
 /// Runs the rod, with the cells as its heat source.
 fn rod_main(scales: &Scales<ThreadComm>, rod: Rod, steps: usize) -> Outcome {
-    let there = Coupling::new(scales, "rod", "cells", &rod.nodes(), &[], &Even)?;
+    let there = Coupling::new(scales, "rod", "cells", &rod.nodes(), &[], &EvenPartition)?;
     let (back, mut channel) = (there.inverse(), Channel::<f64>::new(&there)?);
     let dt = Message::of(&[rod.dt]);
     let rod = heat::run(rod, steps, |temperatures| -> Outcome {
@@ -46,7 +45,7 @@ fn rod_main(scales: &Scales<ThreadComm>, rod: Rod, steps: usize) -> Outcome {
 
 /// Runs the cells of this rank until no further time step arrives.
 fn cells_main(scales: &Scales<ThreadComm>) -> Outcome {
-    let there = Coupling::new(scales, "rod", "cells", &[], &[], &Even)?;
+    let there = Coupling::new(scales, "rod", "cells", &[], &[], &EvenPartition)?;
     let (back, mut channel) = (there.inverse(), Channel::<f64>::new(&there)?);
     let mut cloud = Cloud::of(there.units());
     let mut temperatures = vec![0.0; there.units().len()];

@@ -72,7 +72,7 @@ impl From<Failed> for CommError {
 }
 
 /// Locks a mutex and ignores poisoning: every value locked here is consistent at any time.
-fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+fn lock_ignoring_poison<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
@@ -104,7 +104,9 @@ pub fn run<R: Send, E: Display>(
                     Some(found)
                 }
                 Ok(Err(error)) => world.fail(Failed { rank, reason: error.to_string(), has_panicked: false }),
-                Err(panic) => world.fail(Failed { rank, reason: super::words_of(panic.as_ref()), has_panicked: true }),
+                Err(panic) => {
+                    world.fail(Failed { rank, reason: super::panic_message(panic.as_ref()), has_panicked: true })
+                }
             };
             let started = thread::Builder::new().spawn_scoped(scope, run);
             // The ranks that already run wait for this one.
@@ -115,7 +117,7 @@ pub fn run<R: Send, E: Display>(
         let threads: Vec<_> = (0..ranks).map_while(start).collect();
         threads.into_iter().map(|thread| thread.join().unwrap_or(None)).collect()
     });
-    match locked(&world.failed).take() {
+    match lock_ignoring_poison(&world.failed).take() {
         Some(failed) => Err(failed),
         None => Ok(outcomes.into_iter().flatten().collect()),
     }
@@ -124,7 +126,7 @@ pub fn run<R: Send, E: Display>(
 impl World {
     /// Records a failure, unless another rank failed before, and ends all ranks.
     fn fail<R>(&self, failed: Failed) -> Option<R> {
-        locked(&self.failed).get_or_insert(failed);
+        lock_ignoring_poison(&self.failed).get_or_insert(failed);
         self.wake();
         None
     }
@@ -133,13 +135,13 @@ impl World {
     fn wake(&self) {
         for mailbox in &self.mailboxes {
             // The lock ensures that no rank starts to wait between its check and this notification.
-            let _messages = locked(&mailbox.messages);
+            let _messages = lock_ignoring_poison(&mailbox.messages);
             mailbox.arrived.notify_all();
         }
     }
 
     fn check(&self) -> Result<(), CommError> {
-        locked(&self.failed).clone().map_or(Ok(()), |failed| Err(failed.into()))
+        lock_ignoring_poison(&self.failed).clone().map_or(Ok(()), |failed| Err(failed.into()))
     }
 }
 
@@ -170,12 +172,12 @@ impl ThreadComm {
     }
 
     /// Waits until a message from a rank has arrived. Returns the locked mailbox and the address of the message.
-    fn arrived(&self, from: usize, tag: Tag) -> Result<(MutexGuard<'_, Messages>, Address), CommError> {
+    fn wait_for_message(&self, from: usize, tag: Tag) -> Result<(MutexGuard<'_, Messages>, Address), CommError> {
         let sender = self.in_world(from)?;
         let address = (self.group, sender, tag);
         let mailbox = &self.world.mailboxes[self.members[self.rank]];
         let end = self.time_out.and_then(|time_out| Some((Instant::now().checked_add(time_out)?, time_out)));
-        let mut messages = locked(&mailbox.messages);
+        let mut messages = lock_ignoring_poison(&mailbox.messages);
         loop {
             // Read before the queue: the messages that a rank sends before it ends are then already in the mailbox.
             let has_ended = self.world.ended[sender].load(Ordering::Acquire);
@@ -203,9 +205,9 @@ impl ThreadComm {
 
 /// A send that is complete: the message is in the mailbox of the receiver.
 #[derive(Clone, Copy, Debug)]
-pub struct Sent;
+pub struct CompletedSend;
 
-impl SendRequest for Sent {
+impl SendRequest for CompletedSend {
     fn wait(self) -> Result<Option<Message>, CommError> {
         Ok(None)
     }
@@ -213,14 +215,14 @@ impl SendRequest for Sent {
 
 /// A receive whose message has yet to arrive in the mailbox of this rank.
 #[derive(Clone, Debug)]
-pub struct Expected {
+pub struct PendingReceive {
     comm: ThreadComm,
     from: usize,
     tag: Tag,
     len: usize,
 }
 
-impl ReceiveRequest for Expected {
+impl ReceiveRequest for PendingReceive {
     fn wait(self) -> Result<Message, CommError> {
         let Self { comm, from, tag, len } = self;
         let message = comm.receive(from, tag)?;
@@ -230,8 +232,8 @@ impl ReceiveRequest for Expected {
 }
 
 impl Comm for ThreadComm {
-    type SendRequest = Sent;
-    type ReceiveRequest = Expected;
+    type SendRequest = CompletedSend;
+    type ReceiveRequest = PendingReceive;
 
     fn rank(&self) -> usize {
         self.rank
@@ -241,17 +243,17 @@ impl Comm for ThreadComm {
         self.members.len()
     }
 
-    fn start_send(&self, to: usize, tag: Tag, message: Message) -> Result<Sent, CommError> {
+    fn start_send(&self, to: usize, tag: Tag, message: Message) -> Result<CompletedSend, CommError> {
         self.world.check()?;
         let mailbox = &self.world.mailboxes[self.in_world(to)?];
         let address = (self.group, self.members[self.rank], tag);
-        locked(&mailbox.messages).entry(address).or_default().push_back(message);
+        lock_ignoring_poison(&mailbox.messages).entry(address).or_default().push_back(message);
         mailbox.arrived.notify_all();
-        Ok(Sent)
+        Ok(CompletedSend)
     }
 
     fn receive(&self, from: usize, tag: Tag) -> Result<Message, CommError> {
-        let (mut messages, address) = self.arrived(from, tag)?;
+        let (mut messages, address) = self.wait_for_message(from, tag)?;
         let Entry::Occupied(mut queue) = messages.entry(address) else { return Ok(Message::new()) };
         let message = queue.get_mut().pop_front().unwrap_or_default();
         // Remove the queue, because no rank may ever write to this address again.
@@ -262,26 +264,26 @@ impl Comm for ThreadComm {
     }
 
     fn wait_for(&self, from: usize, tag: Tag) -> Result<(), CommError> {
-        self.arrived(from, tag).map(drop)
+        self.wait_for_message(from, tag).map(drop)
     }
 
-    fn start_receive(&self, from: usize, tag: Tag, len: usize, _: Message) -> Result<Expected, CommError> {
+    fn start_receive(&self, from: usize, tag: Tag, len: usize, _: Message) -> Result<PendingReceive, CommError> {
         self.in_world(from)?;
-        Ok(Expected { comm: self.clone(), from, tag, len })
+        Ok(PendingReceive { comm: self.clone(), from, tag, len })
     }
 
     fn probe(&self, from: usize, tag: Tag) -> Result<bool, CommError> {
         let address = (self.group, self.in_world(from)?, tag);
         self.world.check()?;
-        let messages = locked(&self.world.mailboxes[self.members[self.rank]].messages);
+        let messages = lock_ignoring_poison(&self.world.mailboxes[self.members[self.rank]].messages);
         Ok(messages.get(&address).is_some_and(|queue| !queue.is_empty()))
     }
 
-    fn split(&self, color: Option<usize>, place: usize) -> Result<Option<Self>, CommError> {
+    fn split(&self, color: Option<usize>, key: usize) -> Result<Option<Self>, CommError> {
         let own = color.map_or(u64::MAX, |color| color as u64);
-        let all = self.gather_all(Message::of(&[own, place as u64]))?;
+        let all = self.gather_all(Message::of(&[own, key as u64]))?;
         let all = all.iter().enumerate().filter_map(|(rank, message)| match *message.values::<u64>()? {
-            [color, place] if color == own => Some((place, rank)),
+            [color, key] if color == own => Some((key, rank)),
             _ => None,
         });
         let mut members: Vec<(u64, usize)> = all.collect();

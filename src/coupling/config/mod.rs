@@ -1,23 +1,4 @@
-//! The configuration file of the original AMSI: the scales, their numbers of ranks, and their producer-consumer
-//! relations.
-//!
-//! ```text
-//! @scales
-//! macro 16
-//! micro 240
-//! @relations
-//! macro micro
-//! micro macro
-//! @util
-//! results $RESULTS_DIR
-//! ```
-//!
-//! A section begins with `@` and its name, and may appear more than once; an entry is a line of words separated by
-//! blanks. A word that starts with `#` or `//` starts a comment. Instead of a number of ranks (`micro 240`), a scale
-//! may list its ranks (`macro ranks 0 1 5-7`) or request a fraction of the remaining ranks (`micro ratio 1.5`). The
-//! entries of `@analysis` have no effect; each of them produces a warning.
-//!
-//! After listing 2.3 of W. R. Tobin, *The Adaptive Multiscale Simulation Infrastructure* (RPI 2018).
+//! Parser of the configuration file of the original AMSI.
 
 mod share;
 
@@ -27,7 +8,33 @@ use self::share::share;
 use super::plan::Plan;
 use crate::input::{InputError, InputErrors};
 
-/// The content of a configuration file.
+/// A configuration file of the original AMSI: the scales, their shares of the ranks, and their producer-consumer
+/// relations.
+///
+/// ```text
+/// @scales
+/// macro 16
+/// micro 240
+/// @relations
+/// macro micro
+/// micro macro
+/// @util
+/// results $RESULTS_DIR
+/// ```
+///
+/// A section begins with `@` and its name, and may appear more than once; an entry is a line of words separated by
+/// blanks. A word that starts with `#` or `//` starts a comment.
+///
+/// | section | entry | meaning |
+/// |---|---|---|
+/// | `@scales` | `micro 240` | a scale that gets this number of ranks |
+/// | | `macro ranks 0 1 5-7` | a scale that gets these ranks |
+/// | | `micro ratio 1.5` | a scale that gets a fraction of the remaining ranks, in proportion to the ratios of others |
+/// | `@relations` | `macro micro` | the producer, and the consumer of its data |
+/// | `@util` | `results PATH` | the results directory; `$NAME` and `${NAME}` are environment variables |
+/// | `@analysis` | any | no effect; each entry produces a warning |
+///
+/// After listing 2.3 of W. R. Tobin, *The Adaptive Multiscale Simulation Infrastructure* (RPI 2018).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Config {
     /// The scales, in the order of the file, with their shares of the ranks.
@@ -69,10 +76,10 @@ impl Config {
         for (k, line) in text.lines().enumerate() {
             reader.line = k + 1;
             let entry = words(line);
-            let Some((&head, behind)) = entry.split_first() else { continue };
+            let Some((&head, rest)) = entry.split_first() else { continue };
             match head.strip_prefix('@') {
-                Some(name) => reader.begin(name, behind),
-                None => reader.entry(head, behind),
+                Some(name) => reader.begin(name, rest),
+                None => reader.entry(head, rest),
             }
         }
         reader.finish()
@@ -131,7 +138,7 @@ impl<'a> Reader<'a> {
         self.errors.push(InputError::at_line(self.file, self.line, what, expected, cure));
     }
 
-    fn begin(&mut self, name: &str, behind: &[&str]) {
+    fn begin(&mut self, name: &str, rest: &[&str]) {
         let section = match name {
             "scales" => Section::Scales,
             "relations" => Section::Relations,
@@ -144,18 +151,18 @@ impl<'a> Reader<'a> {
             let known = "`@scales`, `@relations`, `@util` or `@analysis`";
             self.report(format!("there is no section `@{name}`"), known, "correct its name, or remove the section");
         }
-        if let Some(extra) = behind.first() {
+        if let Some(extra) = rest.first() {
             let what = format!("`{extra}` stands behind `@{name}`");
             self.report(what, "the name of the section alone", "put what belongs to it on lines of their own");
         }
     }
 
-    fn entry(&mut self, head: &str, behind: &[&str]) {
+    fn entry(&mut self, head: &str, rest: &[&str]) {
         match self.section {
-            Some(Section::Scales) => self.scale(head, behind),
-            Some(Section::Relations) => self.relation(head, behind),
-            Some(Section::Util) => self.util(head, behind),
-            Some(Section::Analysis) => self.analysis(head, behind),
+            Some(Section::Scales) => self.scale(head, rest),
+            Some(Section::Relations) => self.relation(head, rest),
+            Some(Section::Util) => self.util(head, rest),
+            Some(Section::Analysis) => self.analysis(head, rest),
             Some(Section::Unknown) => {}
             None => self.report(
                 format!("`{head}` stands in no section"),
@@ -165,7 +172,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    fn scale(&mut self, name: &str, behind: &[&str]) {
+    fn scale(&mut self, name: &str, rest: &[&str]) {
         if let Some(&(_, first)) = self.names.iter().find(|(other, _)| other == name) {
             self.report(
                 format!("there are two scales `{name}`; the first is on line {first}"),
@@ -175,31 +182,31 @@ impl<'a> Reader<'a> {
         } else {
             self.names.push((name.to_owned(), self.line));
         }
-        match share(name, behind) {
+        match share(name, rest) {
             Ok(share) => self.config.plan.scales.push((name.to_owned(), share)),
             Err((what, expected, cure)) => self.report(what, expected, cure),
         }
     }
 
-    fn relation(&mut self, producer: &str, behind: &[&str]) {
-        if let [consumer] = behind {
+    fn relation(&mut self, producer: &str, rest: &[&str]) {
+        if let [consumer] = rest {
             let relation = Relation { producer: producer.to_owned(), consumer: (*consumer).to_owned() };
             self.config.relations.push(relation);
             self.relation_lines.push(self.line);
         } else {
             self.report(
-                format!("`{}` is no relation", sentence(producer, behind)),
+                format!("`{}` is no relation", sentence(producer, rest)),
                 "two scales: `PRODUCER CONSUMER`",
                 "name the scale that has the data, then the one that gets them",
             );
         }
     }
 
-    fn util(&mut self, key: &str, behind: &[&str]) {
-        match (key, behind) {
+    fn util(&mut self, key: &str, rest: &[&str]) {
+        match (key, rest) {
             ("results", [path]) => self.results(path),
             ("results", _) => self.report(
-                format!("`{}` does not name one folder", sentence(key, behind)),
+                format!("`{}` does not name one folder", sentence(key, rest)),
                 "`results PATH`, with a path without blanks",
                 "name one folder",
             ),
@@ -225,9 +232,9 @@ impl<'a> Reader<'a> {
     /// `None`.
     fn expand(&mut self, path: &str) -> Option<String> {
         let (mut expanded, mut rest, mut complete) = (String::new(), path, true);
-        while let Some((before, behind)) = rest.split_once('$') {
+        while let Some((before, tail)) = rest.split_once('$') {
             expanded.push_str(before);
-            let (name, after) = name_ahead(behind);
+            let (name, after) = name_ahead(tail);
             rest = after;
             let value = if name.is_empty() { None } else { (self.variable)(name).filter(|value| !value.is_empty()) };
             complete &= value.is_some();
@@ -250,13 +257,13 @@ impl<'a> Reader<'a> {
     }
 
     /// Records a warning, because the section has no effect; the first part of the key names the package.
-    fn analysis(&mut self, key: &str, behind: &[&str]) {
+    fn analysis(&mut self, key: &str, rest: &[&str]) {
         let package = key.split_once('_').map_or(key, |(package, _)| package);
         let reason = match package {
             "petsc" => "options are given to the backend `petsc` by PETSC_OPTIONS".to_owned(),
             _ => format!("this program uses no {package}"),
         };
-        let line = sentence(key, behind);
+        let line = sentence(key, rest);
         let warning = format!("{}:{}: `{line}` has no effect: {reason}", self.file.display(), self.line);
         self.config.warnings.push(warning);
     }
@@ -301,13 +308,13 @@ impl<'a> Reader<'a> {
 }
 
 /// Joins the words of an entry with single blanks.
-fn sentence(head: &str, behind: &[&str]) -> String {
-    [&[head][..], behind].concat().join(" ")
+fn sentence(head: &str, rest: &[&str]) -> String {
+    [&[head][..], rest].concat().join(" ")
 }
 
 /// Splits off the name of a variable, `NAME` or `{NAME}`, at the start of a text; returns the name and the rest.
 fn name_ahead(text: &str) -> (&str, &str) {
-    if let Some(braced) = text.strip_prefix('{').and_then(|behind| behind.split_once('}')) {
+    if let Some(braced) = text.strip_prefix('{').and_then(|rest| rest.split_once('}')) {
         return braced;
     }
     let end = text.find(|c: char| !(c.is_ascii_alphanumeric() || c == '_')).unwrap_or(text.len());

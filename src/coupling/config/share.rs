@@ -4,33 +4,33 @@ use super::sentence;
 use crate::coupling::plan::Share;
 
 /// Limit for numbers of ranks in a file: more than on any machine, and small enough to list them.
-const MOST_RANKS: usize = 1 << 24;
+const MAX_RANKS: usize = 1 << 24;
 
 /// Problem, expected input, and remedy.
-pub(super) type Wrong = (String, &'static str, &'static str);
+pub(super) type Problem = (String, &'static str, &'static str);
 
 /// Parses the words that follow the name of a scale.
-pub(super) fn share(name: &str, behind: &[&str]) -> Result<Share, Wrong> {
-    match behind {
+pub(super) fn share(name: &str, rest: &[&str]) -> Result<Share, Problem> {
+    match rest {
         ["ranks", spans @ ..] if !spans.is_empty() => {
             let ranks = spans.iter().map(|span| ranks(span)).collect::<Result<Vec<_>, _>>()?;
             Ok(Share::Ranks(ranks.concat()))
         }
         ["ratio", ratio] => {
             let positive = ratio.parse().ok().filter(|ratio: &f64| *ratio > 0.0 && ratio.is_finite());
-            let wrong = || (format!("`{ratio}` is no ratio"), "a positive number", "write one, such as `1.5`");
-            positive.map(Share::Ratio).ok_or_else(wrong)
+            let invalid = || (format!("`{ratio}` is no ratio"), "a positive number", "write one, such as `1.5`");
+            positive.map(Share::Ratio).ok_or_else(invalid)
         }
         [count] if !["ranks", "ratio"].contains(count) => {
-            let positive = count.parse().ok().filter(|count: &usize| (1..=MOST_RANKS).contains(count));
-            let wrong = || {
+            let positive = count.parse().ok().filter(|count: &usize| (1..=MAX_RANKS).contains(count));
+            let invalid = || {
                 let what = format!("`{count}` is no number of ranks");
                 (what, "a whole number from 1 to 16777216", "write how many ranks the scale gets")
             };
-            positive.map(Share::Count).ok_or_else(wrong)
+            positive.map(Share::Count).ok_or_else(invalid)
         }
         _ => Err((
-            format!("`{}` does not say what ranks the scale gets", sentence(name, behind)),
+            format!("`{}` does not say what ranks the scale gets", sentence(name, rest)),
             "`NAME COUNT`, `NAME ranks 0 1 5-7` or `NAME ratio 1.5`",
             "write one of these",
         )),
@@ -38,8 +38,8 @@ pub(super) fn share(name: &str, behind: &[&str]) -> Result<Share, Wrong> {
 }
 
 /// Parses a rank or an inclusive range of ranks: `5` or `5-7`.
-fn ranks(span: &str) -> Result<Vec<usize>, Wrong> {
-    let rank = |word: &str| word.parse().ok().filter(|&rank: &usize| rank < MOST_RANKS);
+fn ranks(span: &str) -> Result<Vec<usize>, Problem> {
+    let rank = |word: &str| word.parse().ok().filter(|&rank: &usize| rank < MAX_RANKS);
     let (first, last) = span.split_once('-').unwrap_or((span, span));
     match (rank(first), rank(last)) {
         (Some(first), Some(last)) if first <= last => Ok((first..=last).collect()),

@@ -1,59 +1,56 @@
-//! Collectives built from point-to-point messages along binary trees, whose depth grows logarithmically with the number
-//! of ranks.
+//! The default implementations of the collectives. `broadcast`, `gather`, `gather_all` and `barrier` send messages
+//! along a binary tree, whose depth grows logarithmically with the number of ranks; `reduce` and `agree` use the
+//! collectives of the communicator.
 
 use std::fmt::Display;
 
 use super::{Comm, CommError, Disagreement, Message, Tag};
 
 /// Returns the parent of this rank in the binary tree with root `root`, and its children.
-fn family<C: Comm>(comm: &C, root: usize) -> (Option<usize>, impl Iterator<Item = usize>) {
-    let (size, place) = (comm.size(), (comm.rank() + comm.size() - root) % comm.size());
-    let rank = move |place: usize| (place + root) % size;
-    let above = (place > 0).then(|| rank((place - 1) / 2));
-    (above, [2 * place + 1, 2 * place + 2].into_iter().filter(move |&below| below < size).map(rank))
+fn tree_neighbors<C: Comm>(comm: &C, root: usize) -> (Option<usize>, impl Iterator<Item = usize>) {
+    let (size, position) = (comm.size(), (comm.rank() + comm.size() - root) % comm.size());
+    let rank = move |position: usize| (position + root) % size;
+    let parent = (position > 0).then(|| rank((position - 1) / 2));
+    (parent, [2 * position + 1, 2 * position + 2].into_iter().filter(move |&child| child < size).map(rank))
 }
 
-pub(super) fn broadcast<C: Comm>(comm: &C, root: usize, message: Message) -> Result<Message, CommError> {
+pub(crate) fn broadcast<C: Comm>(comm: &C, root: usize, message: Message) -> Result<Message, CommError> {
     check(comm, root)?;
-    let (above, below) = family(comm, root);
-    let message = match above {
-        Some(above) => comm.receive(above, Tag::COLLECTIVE)?,
+    let (parent, children) = tree_neighbors(comm, root);
+    let message = match parent {
+        Some(parent) => comm.receive(parent, Tag::COLLECTIVE)?,
         None => message,
     };
-    for below in below {
-        comm.send(below, Tag::COLLECTIVE, message.clone())?;
+    for child in children {
+        comm.send(child, Tag::COLLECTIVE, message.clone())?;
     }
     Ok(message)
 }
 
 /// Gathers along the tree: each rank forwards its own message and those of its subtree, labeled with their ranks.
-pub(super) fn gather<C: Comm>(comm: &C, root: usize, message: Message) -> Result<Option<Vec<Message>>, CommError> {
+pub(crate) fn gather<C: Comm>(comm: &C, root: usize, message: Message) -> Result<Option<Vec<Message>>, CommError> {
     check(comm, root)?;
-    let (above, below) = family(comm, root);
-    let mut parcels = vec![(comm.rank(), message)];
-    for below in below {
-        parcels.extend(unpack(&comm.receive(below, Tag::COLLECTIVE)?, below)?);
+    let (parent, children) = tree_neighbors(comm, root);
+    let mut labeled = vec![(comm.rank() as u64, message)];
+    for child in children {
+        labeled.extend(unpack(&comm.receive(child, Tag::COLLECTIVE)?, child)?);
     }
-    match above {
-        Some(above) => {
-            comm.send(above, Tag::COLLECTIVE, pack(&parcels))?;
-            Ok(None)
-        }
-        None => {
-            parcels.sort_unstable_by_key(|&(rank, _)| rank);
-            Ok(Some(parcels.into_iter().map(|(_, message)| message).collect()))
-        }
+    if let Some(parent) = parent {
+        comm.send(parent, Tag::COLLECTIVE, pack(labeled))?;
+        return Ok(None);
     }
+    labeled.sort_unstable_by_key(|&(rank, _)| rank);
+    Ok(Some(labeled.into_iter().map(|(_, message)| message).collect()))
 }
 
-pub(super) fn gather_all<C: Comm>(comm: &C, message: Message) -> Result<Vec<Message>, CommError> {
+pub(crate) fn gather_all<C: Comm>(comm: &C, message: Message) -> Result<Vec<Message>, CommError> {
     let all = gather(comm, 0, message)?;
-    let packed = all.map_or_else(Message::new, |all| pack(&all.into_iter().enumerate().collect::<Vec<_>>()));
-    let packed = broadcast(comm, 0, packed)?;
-    Ok(unpack(&packed, 0)?.into_iter().map(|(_, message)| message).collect())
+    let joined = broadcast(comm, 0, all.map_or_else(Message::new, Message::join))?;
+    let parts = joined.split().ok_or(CommError::Size { from: 0, found: joined.len(), expected: 0 })?;
+    Ok(parts.into_iter().map(Message::of).collect())
 }
 
-pub(super) fn barrier<C: Comm>(comm: &C) -> Result<(), CommError> {
+pub(crate) fn barrier<C: Comm>(comm: &C) -> Result<(), CommError> {
     gather(comm, 0, Message::new())?;
     broadcast(comm, 0, Message::new()).map(drop)
 }
@@ -64,18 +61,17 @@ pub(super) fn reduce<C: Comm>(
     values: &mut [f64],
     mut combine: impl FnMut(&mut f64, f64),
 ) -> Result<(), CommError> {
-    let all = gather(comm, 0, Message::of(values))?;
-    let mut reduced = Message::of(values);
-    if let (Some(all), Some(reduced)) = (all, reduced.values_mut::<f64>()) {
-        for (from, message) in all.iter().enumerate().skip(1) {
-            let size = CommError::Size { from, found: message.len(), expected: size_of_val(values) };
-            let found = message.values::<f64>().filter(|found| found.len() == values.len()).ok_or(size)?;
-            reduced.iter_mut().zip(found).for_each(|(reduced, &value)| combine(reduced, value));
-        }
+    let expected = size_of_val(values);
+    let values_of = |message: &Message, from: usize| match message.values::<f64>() {
+        Some(found) if message.len() == expected => Ok(found.to_vec()),
+        _ => Err(CommError::Size { from, found: message.len(), expected }),
+    };
+    let all = comm.gather(0, Message::of(values))?;
+    let mut reduced = values.to_vec();
+    for (from, message) in all.iter().flatten().enumerate().skip(1) {
+        reduced.iter_mut().zip(values_of(message, from)?).for_each(|(reduced, value)| combine(reduced, value));
     }
-    let reduced = broadcast(comm, 0, reduced)?;
-    let size = CommError::Size { from: 0, found: reduced.len(), expected: size_of_val(values) };
-    values.copy_from_slice(reduced.values::<f64>().filter(|found| found.len() == values.len()).ok_or(size)?);
+    values.copy_from_slice(&values_of(&comm.broadcast(0, Message::of(&reduced))?, 0)?);
     Ok(())
 }
 
@@ -85,7 +81,7 @@ pub(super) fn agree<C: Comm, T, E: Display>(comm: &C, outcome: Result<T, E>) -> 
         Ok(_) => Message::new(),
         Err(error) => Message::text(&format!("!{error}")),
     };
-    let all = gather_all(comm, own)?;
+    let all = comm.gather_all(own)?;
     let failed = all.iter().enumerate().find(|(_, message)| !message.is_empty());
     match (outcome, failed) {
         (Err(error), _) => Err(Disagreement::Own(error)),
@@ -101,31 +97,17 @@ fn check<C: Comm>(comm: &C, rank: usize) -> Result<(), CommError> {
     if rank < size { Ok(()) } else { Err(CommError::Rank { rank, size }) }
 }
 
-/// Concatenates labeled messages: for each its rank, its length and its content, padded to eight bytes.
-fn pack(parcels: &[(usize, Message)]) -> Message {
-    let words: usize = parcels.iter().map(|(_, message)| 2 + message.len().div_ceil(8)).sum();
-    let mut packed = Message::zeros(8 * words);
-    let bytes = packed.bytes_mut();
-    let mut at = 0;
-    for (rank, message) in parcels {
-        bytes[at..at + 8].copy_from_slice(&(*rank as u64).to_ne_bytes());
-        bytes[at + 8..at + 16].copy_from_slice(&(message.len() as u64).to_ne_bytes());
-        bytes[at + 16..at + 16 + message.len()].copy_from_slice(message.bytes());
-        at += 16 + 8 * message.len().div_ceil(8);
-    }
-    packed
+/// Joins labeled messages into one; the labels are its last part.
+fn pack(labeled: Vec<(u64, Message)>) -> Message {
+    let (labels, mut messages): (Vec<u64>, Vec<Message>) = labeled.into_iter().unzip();
+    messages.push(Message::of(&labels));
+    Message::join(messages)
 }
 
-fn unpack(packed: &Message, from: usize) -> Result<Vec<(usize, Message)>, CommError> {
-    let broken = || CommError::Size { from, found: packed.len(), expected: 0 };
-    let mut rest = packed.bytes();
-    let mut parcels = Vec::new();
-    while !rest.is_empty() {
-        let (rank, behind) = rest.split_first_chunk().ok_or_else(broken)?;
-        let (len, behind) = behind.split_first_chunk().ok_or_else(broken)?;
-        let (rank, len) = (u64::from_ne_bytes(*rank) as usize, u64::from_ne_bytes(*len) as usize);
-        parcels.push((rank, Message::of(behind.get(..len).ok_or_else(broken)?)));
-        rest = behind.get(8 * len.div_ceil(8)..).ok_or_else(broken)?;
-    }
-    Ok(parcels)
+fn unpack(packed: &Message, from: usize) -> Result<Vec<(u64, Message)>, CommError> {
+    let invalid = || CommError::Size { from, found: packed.len(), expected: 0 };
+    let mut messages = packed.split().ok_or_else(invalid)?;
+    let labels =
+        messages.pop().and_then(|labels| bytemuck::try_cast_slice::<_, u64>(labels).ok()).ok_or_else(invalid)?;
+    Ok(labels.iter().copied().zip(messages.into_iter().map(Message::of)).collect())
 }

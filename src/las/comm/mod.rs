@@ -1,13 +1,13 @@
 //! Ranks: processes, or threads of one process, that run concurrently on separate data and exchange messages.
 //!
 //! A communication backend implements point-to-point messages and `split` of [`Comm`]. The collectives (`barrier`,
-//! `broadcast`, `gather`, `sum`, `agree`) are implemented on top of them. Sums are taken in the order of the ranks, so
-//! that they are bitwise reproducible.
+//! `broadcast`, `gather`, `gather_all`) have default implementations on top of them, which a backend overrides if its
+//! library has its own. Sums are taken in the order of the ranks, so that they are bitwise reproducible.
 //!
 //! If a rank fails, all other ranks end too: if the ranks are threads, their calls return [`CommError::Ended`] with the
 //! number and the error message of the failed rank; processes are aborted.
 
-mod collectives;
+pub(crate) mod collectives;
 mod message;
 mod payload;
 
@@ -165,11 +165,11 @@ pub trait Comm: Clone + Send + 'static {
     fn probe(&self, from: usize, tag: Tag) -> Result<bool, CommError>;
 
     /// Splits the communicator into one per color; a rank without a color gets `None`. The ranks of a new communicator
-    /// are ordered by `place`, and by their previous rank if these are equal. Collective.
+    /// are ordered by `key`, and by their previous rank if these are equal. Collective.
     ///
     /// # Errors
     /// Returns [`CommError`] if the communication fails.
-    fn split(&self, color: Option<usize>, place: usize) -> Result<Option<Self>, CommError>;
+    fn split(&self, color: Option<usize>, key: usize) -> Result<Option<Self>, CommError>;
 
     /// Creates a communicator of the same ranks whose messages are separate from those of this one. Its calls wait at
     /// most `time_out`, or indefinitely if it is `None`. Collective.

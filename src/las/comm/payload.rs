@@ -60,7 +60,7 @@ impl<T: Payload, const N: usize> Payload for [T; N] {
 ///         pub iterations: u64,
 ///     }
 /// }
-/// use biotissue::coupling::Payload;
+/// use biotissue::las::Payload;
 /// assert_eq!(Response::layout().to_string(), "{ stress: [f64; 9], iterations: u64 } (80 bytes)");
 /// ```
 #[macro_export]
@@ -69,18 +69,18 @@ macro_rules! payload {
         $($(#[$field_attribute:meta])* $field_visible:vis $field:ident: $of:ty),* $(,)?
     }) => {
         $(#[$attribute])*
-        #[derive(Clone, Copy, Debug, PartialEq, $crate::coupling::bytemuck::Zeroable, $crate::coupling::bytemuck::Pod)]
-        #[bytemuck(crate = "::biotissue::coupling::bytemuck")]
+        #[derive(Clone, Copy, Debug, PartialEq, $crate::las::bytemuck::Zeroable, $crate::las::bytemuck::Pod)]
+        #[bytemuck(crate = "::biotissue::las::bytemuck")]
         #[repr(C)]
         $visible struct $name {
             $($(#[$field_attribute])* $field_visible $field: $of),*
         }
 
-        impl $crate::coupling::Payload for $name {
-            fn layout() -> $crate::coupling::Layout {
-                let fields = [$((stringify!($field), <$of as $crate::coupling::Payload>::layout().fields)),*];
+        impl $crate::las::Payload for $name {
+            fn layout() -> $crate::las::Layout {
+                let fields = [$((stringify!($field), <$of as $crate::las::Payload>::layout().fields)),*];
                 let fields = fields.map(|(name, of)| format!("{name}: {of}")).join(", ");
-                $crate::coupling::Layout { fields: format!("{{ {fields} }}"), size: size_of::<$name>() }
+                $crate::las::Layout { fields: format!("{{ {fields} }}"), size: size_of::<$name>() }
             }
         }
     };

@@ -2,7 +2,7 @@
 
 use super::TwoScaleError;
 use super::protocol::{Answer, MACRO, MICRO, NewRve, Strain};
-use crate::coupling::{Channel, Coupling, Even, Scales, UnitId};
+use crate::coupling::{Channel, Coupling, EvenPartition, Scales, UnitId};
 use crate::las::Comm;
 
 /// The couplings and channels between a rank and its RVEs (micro scale) or those of its elements (macro scale).
@@ -18,7 +18,7 @@ pub(super) struct Channels<C: Comm> {
 impl<C: Comm> Channels<C> {
     /// Couples the scales without RVEs; the initial RVEs are added like all later ones. Collective over both scales.
     pub fn new(scales: &Scales<C>) -> Result<Self, TwoScaleError> {
-        let down = Coupling::new(scales, MACRO, MICRO, &[], &[], &Even)?;
+        let down = Coupling::new(scales, MACRO, MICRO, &[], &[], &EvenPartition)?;
         let back = down.inverse();
         let headers = Channel::new(&down)?;
         let strains = Channel::new(&down)?;

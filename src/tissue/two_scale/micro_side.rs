@@ -126,11 +126,11 @@ where
     /// Deletes RVEs, then creates new ones at rest, as the macro scale commands.
     fn update_units(&mut self) -> Result<(), TwoScaleError> {
         let before = self.channels.units().to_vec();
-        let kept = self.channels.down.forget()?;
+        let kept = self.channels.down.reconcile_removed()?;
         let kept: HashSet<u64> = kept.into_iter().map(|place| before[place as usize]).collect();
         let gone = before.into_iter().filter(|unit| !kept.contains(unit)).map(|unit| unit as usize).collect();
         self.units.remove(&gone);
-        let delta = self.channels.down.reconcile()?;
+        let delta = self.channels.down.reconcile_added()?;
         let mut headers = vec![NewRve { region: 0 }; delta.units().len()];
         self.channels.headers.receive(&delta, &mut headers)?;
         for (&element, header) in delta.units().iter().zip(headers) {

@@ -6,7 +6,7 @@ use std::time::Instant;
 use super::TwoScaleError;
 use super::channels::Channels;
 use super::protocol::{Answer, NewRve, Seconds, Strain};
-use crate::coupling::{Even, Scales, UnitId};
+use crate::coupling::{EvenPartition, Scales, UnitId};
 use crate::las::Comm;
 
 /// The RVEs of one part of the body.
@@ -42,7 +42,7 @@ impl<C: Comm> Shard<C> {
         self.channels.down.remove(&gone)?;
         let new: Vec<[u64; 2]> = change.new.iter().copied().filter(|&[element, _]| is_own(element as usize)).collect();
         let units: Vec<UnitId> = new.iter().map(|&[element, _]| element).collect();
-        let delta = self.channels.down.add(&units, &[], &Even)?;
+        let delta = self.channels.down.add(&units, &[], &EvenPartition)?;
         let headers: Vec<NewRve> = new.iter().map(|&[_, region]| NewRve { region }).collect();
         self.channels.headers.send(&delta, &headers)?;
         self.channels.turn_back();

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, HashSet};
 use std::ops::Range;
 
 use biotissue::coupling::{
-    ByWeight, Channel, Coupling, CouplingError, Distribution, Even, Plan, Role, Scales, Share, UnitId,
+    Channel, Coupling, CouplingError, Distribution, EvenPartition, Plan, Role, Scales, Share, UnitId, WeightedPartition,
 };
 use biotissue::las::conformance::Random;
 use biotissue::las::{Comm, Message};
@@ -168,8 +168,8 @@ impl<C: Comm> Side<C> {
         let weights: Vec<f64> = units.iter().map(|unit| (1 + unit % 5) as f64).collect();
         let by_hand = |_: &Distribution, rank: usize, consumers: usize| vec![rank % consumers; units.len()];
         let coupling = match how {
-            0 => Coupling::new(scales, from, to, units, &[], &Even)?,
-            1 => Coupling::new(scales, from, to, units, &weights, &ByWeight)?,
+            0 => Coupling::new(scales, from, to, units, &[], &EvenPartition)?,
+            1 => Coupling::new(scales, from, to, units, &weights, &WeightedPartition)?,
             _ => Coupling::new(scales, from, to, units, &[], &by_hand)?,
         };
         let (there, back) = (Channel::new(&coupling)?, Channel::new(&coupling.inverse())?);
@@ -179,8 +179,8 @@ impl<C: Comm> Side<C> {
     fn grow(&mut self, new: &[Vec<UnitId>]) -> Result<(), CouplingError> {
         let before = self.there.sent();
         let delta = match self.coupling.role() {
-            Role::Producer => self.coupling.add(&new[self.rank], &[], &Even)?,
-            Role::Consumer => self.coupling.reconcile()?,
+            Role::Producer => self.coupling.add(&new[self.rank], &[], &EvenPartition)?,
+            Role::Consumer => self.coupling.reconcile_added()?,
         };
         exchange(&delta, &mut self.there, &mut self.back)?;
         if self.coupling.role() == Role::Producer {
@@ -197,9 +197,9 @@ impl<C: Comm> Side<C> {
                 let own: Vec<UnitId> = before.iter().copied().filter(|unit| gone.contains(unit)).collect();
                 self.coupling.remove(&own)?
             }
-            Role::Consumer => self.coupling.forget()?,
+            Role::Consumer => self.coupling.reconcile_removed()?,
         };
-        let kept: Vec<UnitId> = kept.into_iter().map(|place| before[place as usize]).collect();
+        let kept: Vec<UnitId> = kept.into_iter().map(|index| before[index as usize]).collect();
         assert_eq!(kept, self.coupling.units());
         Ok(())
     }

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use biotissue::las::{Comm, CommError, Disagreement, Message, SendRequest, Tag};
 
-use super::Outcome;
+use super::{Outcome, first};
 
 const TAG: Tag = Tag::of(3);
 
@@ -47,18 +47,16 @@ pub fn messages_of_any_length_arrive_whole<C: Comm>(comm: &C) -> Outcome {
 
 pub fn what_all_do_together_is_the_same_for_all<C: Comm>(comm: &C) -> Outcome {
     let (rank, size) = (comm.rank(), comm.size());
-    for root in 0..size {
-        let own = Message::of(&vec![rank as u64; rank]);
-        let found = comm.broadcast(root, own.clone())?;
-        assert_eq!(found, Message::of(&vec![root as u64; root]));
-        let all = comm.gather(root, own)?;
-        assert_eq!(all.is_some(), rank == root);
-        for (from, message) in all.into_iter().flatten().enumerate() {
-            assert_eq!(message, Message::of(&vec![from as u64; from]));
+    // Rank 0 has an empty message, and the lengths are no multiples of eight bytes.
+    for unit in [1, 10_001] {
+        let of_rank = |rank: usize| Message::of(&vec![rank as u8; unit * rank]);
+        let of_all: Vec<Message> = (0..size).map(of_rank).collect();
+        for root in 0..size {
+            assert!(comm.broadcast(root, of_rank(rank))? == of_rank(root), "root {root}");
+            assert!(comm.gather(root, of_rank(rank))? == (rank == root).then(|| of_all.clone()), "root {root}");
         }
+        assert!(comm.gather_all(of_rank(rank))? == of_all);
     }
-    let all = comm.gather_all(Message::text(&"x".repeat(rank)))?;
-    assert_eq!(all.iter().map(Message::len).collect::<Vec<_>>(), (0..size).collect::<Vec<_>>());
     let mut values = [rank as f64, 1.0, -(rank as f64)];
     comm.sum(&mut values[..2])?;
     comm.max(&mut values[2..])?;
@@ -103,11 +101,37 @@ pub fn a_failure_of_one_is_agreed_on_by_all<C: Comm>(comm: &C) -> Outcome {
     Ok(())
 }
 
+/// Sums of numbers that differ in size depend on the order of the additions.
+pub fn sums_are_in_the_order_of_the_ranks<C: Comm>(comm: &C) -> Outcome {
+    let value = |rank: usize, k: usize| 10.0_f64.powi((7 * rank + 5 * k) as i32 % 31 - 15) / 3.0;
+    let mut values: Vec<f64> = (0..100).map(|k| value(comm.rank(), k)).collect();
+    comm.sum(&mut values)?;
+    for (k, sum) in values.into_iter().enumerate() {
+        let expected = (1..comm.size()).fold(value(0, k), |sum, rank| sum + value(rank, k));
+        assert_eq!(sum.to_bits(), expected.to_bits(), "entry {k}");
+    }
+    Ok(())
+}
+
 pub fn who_does_not_answer_in_time_is_named<C: Comm>(comm: &C) -> Outcome {
     let waited = Duration::from_millis(50);
     let (from, _) = neighbors(comm);
     let error = comm.duplicate(Some(waited))?.receive(from, TAG).map(drop);
     assert_eq!(error, Err(CommError::TimeOut { from, waited }));
+    comm.barrier()?;
+    Ok(())
+}
+
+/// The others take part, one of them without a time-out of its own.
+pub fn who_does_not_take_part_in_time_is_named<C: Comm>(comm: &C) -> Outcome {
+    let waited = Duration::from_millis(50);
+    let Some(comm) = first(comm, 3)? else { return Ok(()) };
+    let timed = comm.duplicate((comm.rank() != 2).then_some(waited))?;
+    if comm.rank() == 0 {
+        assert_eq!(timed.gather(0, Message::new()), Err(CommError::TimeOut { from: 1, waited }));
+    } else if comm.rank() == 2 {
+        assert_eq!(timed.gather(0, Message::new()), Ok(None));
+    }
     comm.barrier()?;
     Ok(())
 }

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use biotissue::coupling::{Channel, Coupling, Even, Plan, ScaleError, Scales, Share, UnitId};
+use biotissue::coupling::{Channel, Coupling, EvenPartition, Plan, ScaleError, Scales, Share, UnitId};
 use biotissue::las::{Comm, Message};
 
 use super::{Outcome, first};
@@ -79,7 +79,7 @@ pub fn a_scale_that_does_not_answer_is_named<C: Comm>(comm: &C) -> Outcome {
     let plan = Plan::default().with("asks", Share::Count(1)).with("sleeps", Share::Count(1));
     let scales = Scales::with_time_out(&comm, &plan, Some(Duration::from_millis(200)))?;
     let units: &[UnitId] = if scales.own() == 0 { &[7] } else { &[] };
-    let coupling = Coupling::new(&scales, "asks", "sleeps", units, &[], &Even)?;
+    let coupling = Coupling::new(&scales, "asks", "sleeps", units, &[], &EvenPartition)?;
     let back = coupling.inverse();
     let mut channel = Channel::<f64>::new(&back)?;
     if scales.own() == 0 {

@@ -1,7 +1,8 @@
 //! Units of couplings: which rank gets which, and what is refused.
 
 use biotissue::coupling::{
-    ByWeight, Channel, Coupling, CouplingError, Distribution, Even, Plan, Role, ScaleError, Scales, Share, UnitId,
+    Channel, Coupling, CouplingError, Distribution, EvenPartition, Plan, Role, ScaleError, Scales, Share, UnitId,
+    WeightedPartition,
 };
 use biotissue::las::{Backend, Comm, Payload, Scalar, Value, VectorOps};
 
@@ -37,7 +38,7 @@ pub fn tables_are_those_published<C: Comm>(comm: &C) -> Outcome {
         0 => (0..counts[scales.comm().rank()]).map(|k| 1000 * comm.rank() as u64 + k).collect(),
         _ => Vec::new(),
     };
-    let table = Coupling::new(&scales, "a", "b", &units, &[], &Even)?.table()?;
+    let table = Coupling::new(&scales, "a", "b", &units, &[], &EvenPartition)?.table()?;
     let expected: [Vec<usize>; 4] = [
         vec![64, 61, 0, 0, 0, 0, 0, 0],
         vec![0, 3, 64, 55, 0, 0, 0, 0],
@@ -54,7 +55,7 @@ pub fn another_layout_on_the_other_side_is_refused_by_both<C: Comm>(comm: &C) ->
     }
     let producers = comm.size() / 2;
     let scales = scales(comm, producers, comm.size() - producers)?;
-    let coupling = Coupling::new(&scales, "a", "b", &[], &[], &Even)?;
+    let coupling = Coupling::new(&scales, "a", "b", &[], &[], &EvenPartition)?;
     let layouts = match coupling.role() {
         Role::Producer => Channel::<Load>::new(&coupling).map(drop),
         Role::Consumer => Channel::<Other>::new(&coupling).map(drop),
@@ -73,23 +74,23 @@ pub fn wrong_calls_say_what_is_wrong<C: Comm>(comm: &C) -> Outcome {
     let Some(comm) = first(comm, 2)? else { return Ok(()) };
     let scales = scales(&comm, 1, 1)?;
     let units: &[UnitId] = if comm.rank() == 0 { &[1, 2] } else { &[] };
-    let absent = Coupling::new(&scales, "a", "c", units, &[], &Even).map(drop);
+    let absent = Coupling::new(&scales, "a", "c", units, &[], &EvenPartition).map(drop);
     assert_eq!(absent, Err(CouplingError::Scale("c".into())));
-    let itself = Coupling::new(&scales, "a", "a", units, &[], &Even).map(drop);
+    let itself = Coupling::new(&scales, "a", "a", units, &[], &EvenPartition).map(drop);
     assert_eq!(itself, Err(CouplingError::Itself("a".into())));
-    let mut coupling = Coupling::new(&scales, "a", "b", units, &[], &Even)?;
+    let mut coupling = Coupling::new(&scales, "a", "b", units, &[], &EvenPartition)?;
     let mut channel = Channel::<f64>::new(&coupling)?;
     match coupling.role() {
         Role::Producer => {
             assert!(matches!(channel.send(&coupling, &[1.0]), Err(CouplingError::Values { found: 1, units: 2 })));
-            assert!(matches!(coupling.forget(), Err(CouplingError::Role { .. })));
+            assert!(matches!(coupling.reconcile_removed(), Err(CouplingError::Role { .. })));
             assert!(matches!(coupling.remove(&[5]), Err(CouplingError::Unit { unit: 5, .. })));
-            assert!(matches!(coupling.add(&[2], &[], &Even), Err(CouplingError::Unit { unit: 2, .. })));
-            assert!(matches!(coupling.add(&[5, 5], &[], &Even), Err(CouplingError::Unit { unit: 5, .. })));
+            assert!(matches!(coupling.add(&[2], &[], &EvenPartition), Err(CouplingError::Unit { unit: 2, .. })));
+            assert!(matches!(coupling.add(&[5, 5], &[], &EvenPartition), Err(CouplingError::Unit { unit: 5, .. })));
         }
         Role::Consumer => {
             assert!(matches!(channel.send(&coupling, &[1.0, 2.0]), Err(CouplingError::Role { .. })));
-            assert!(matches!(coupling.add(&[9], &[], &Even), Err(CouplingError::Role { .. })));
+            assert!(matches!(coupling.add(&[9], &[], &EvenPartition), Err(CouplingError::Role { .. })));
         }
     }
     Ok(())
@@ -98,14 +99,14 @@ pub fn wrong_calls_say_what_is_wrong<C: Comm>(comm: &C) -> Outcome {
 pub fn units_that_come_one_by_one_are_spread_evenly<C: Comm>(comm: &C) -> Outcome {
     let Some(comm) = first(comm, 5)? else { return Ok(()) };
     let scales = scales(&comm, 2, 3)?;
-    let mut coupling = Coupling::new(&scales, "a", "b", &[], &[], &Even)?;
+    let mut coupling = Coupling::new(&scales, "a", "b", &[], &[], &EvenPartition)?;
     for unit in 0..9 {
         match coupling.role() {
             Role::Producer => {
                 let own: &[UnitId] = if unit as usize % 2 == comm.rank() { &[unit] } else { &[] };
-                coupling.add(own, &[], &Even)?;
+                coupling.add(own, &[], &EvenPartition)?;
             }
-            Role::Consumer => drop(coupling.reconcile()?),
+            Role::Consumer => drop(coupling.reconcile_added()?),
         }
     }
     let table = coupling.table()?;
@@ -124,7 +125,7 @@ pub fn three_scales_are_coupled_in_a_ring<C: Comm>(comm: &C) -> Outcome {
         }
         let units: Vec<UnitId> =
             if own == from { (0..5).map(|k| 10 * comm.rank() as u64 + k).collect() } else { Vec::new() };
-        let coupling = Coupling::new(&scales, from, to, &units, &[], &ByWeight)?;
+        let coupling = Coupling::new(&scales, from, to, &units, &[], &WeightedPartition)?;
         let mut channel = Channel::<u64>::new(&coupling)?;
         match coupling.role() {
             Role::Producer => {
@@ -150,7 +151,7 @@ pub fn values_come_in_while_a_rank_works<C: Comm>(comm: &C) -> Outcome {
     let scales = scales(comm, producers, comm.size() - producers)?;
     let first = 100_000 * comm.rank() as u64;
     let units: Vec<UnitId> = if scales.own() == 0 { (first..first + 30_000).collect() } else { Vec::new() };
-    let coupling = Coupling::new(&scales, "a", "b", &units, &[], &Even)?;
+    let coupling = Coupling::new(&scales, "a", "b", &units, &[], &EvenPartition)?;
     let mut channel = Channel::<[u64; 2]>::new(&coupling)?;
     let values = |round: u64| coupling.units().iter().map(|&unit| [round, unit]).collect::<Vec<_>>();
     match coupling.role() {
@@ -196,7 +197,7 @@ pub fn receiving_for_units_of_before_is_refused<C: Comm>(comm: &C) -> Outcome {
     }
     let had = coupling.units().len();
     let arriving = channel.start_receive(&coupling)?;
-    coupling.reconcile()?;
+    coupling.reconcile_added()?;
     let mut found = vec![u64::MAX; coupling.units().len()];
     let refused = channel.finish_receive(&coupling, arriving, &mut found);
     if found.len() == had {
@@ -220,7 +221,7 @@ pub fn local_values_go_from_vector_to_vector<B: Backend<Scalar: Payload>, C: Com
     let scales = scales(comm, producers, comm.size() - producers)?;
     let first = 100 * comm.rank() as u64;
     let units: Vec<UnitId> = if scales.own() == 0 { (first..first + 20).collect() } else { Vec::new() };
-    let coupling = Coupling::new(&scales, "a", "b", &units, &[], &Even)?;
+    let coupling = Coupling::new(&scales, "a", "b", &units, &[], &EvenPartition)?;
     let back = coupling.inverse();
     let mut channel = Channel::<B::Scalar>::new(&coupling)?;
     let value = |unit: UnitId| B::Scalar::from_lanes(|lane| Scalar::of((unit + 10_000 * lane as u64) as f64));

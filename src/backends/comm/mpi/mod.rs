@@ -1,7 +1,8 @@
 //! Ranks as MPI processes.
 #![allow(unsafe_code, reason = "the interface to a C library")]
 
-mod underway;
+mod collectives;
+mod requests;
 
 use std::fmt;
 use std::fmt::Display;
@@ -18,8 +19,8 @@ use mpi::ffi;
 use mpi::raw::AsRaw;
 use mpi::topology::{Color, Communicator, SimpleCommunicator};
 
-use self::underway::{PART, Requests, check, look};
-pub use self::underway::{ReceiveInProgress, SendInProgress};
+use self::requests::{MAX_PART_BYTES, Requests, check, poll};
+pub use self::requests::{MpiReceiveRequest, MpiSendRequest};
 use crate::las::{Comm, CommError, Message, SendRequest, Tag};
 
 /// A communicator whose ranks are MPI processes. Any thread may use it; MPI must be initialized to allow that.
@@ -27,6 +28,8 @@ use crate::las::{Comm, CommError, Message, SendRequest, Tag};
 pub struct MpiComm {
     group: Arc<Group>,
     time_out: Option<Duration>,
+    /// Whether any rank of the group has a time-out; the same on all ranks.
+    has_time_out: bool,
 }
 
 /// A duplicated communicator, freed with the last `MpiComm` that holds it.
@@ -97,7 +100,7 @@ pub fn run<R, E: Display>(main: impl FnOnce(MpiComm) -> Result<R, E>, code: impl
     // The hook runs before any unwinding, because destructors of libraries may wait for other ranks.
     panic::set_hook(Box::new(move |info| {
         hook(info);
-        end_all(&super::words_of(info.payload()), PANICKED);
+        end_all(&super::panic_message(info.payload()), PANICKED);
     }));
     let outcome = main(comm);
     panic::set_hook(Box::new(move |info| before(info)));
@@ -133,17 +136,19 @@ impl MpiComm {
     /// Returns [`CommError::Library`] if MPI was initialized without `MPI_THREAD_MULTIPLE`.
     pub fn new(comm: &impl Communicator) -> Result<Self, CommError> {
         match threading_support() {
-            Threading::Multiple => Ok(Self::of(comm.duplicate(), None)),
+            Threading::Multiple => Ok(Self::of(comm.duplicate())),
             less => Err(CommError::Library(format!(
-                "MPI was started for {less:?} threads, and Multiple (MPI_THREAD_MULTIPLE) is needed: start it so, with an MPI \
-                 that allows it"
+                "MPI was started for {less:?} threads, and Multiple (MPI_THREAD_MULTIPLE) is needed: start it so, with \
+                 an MPI that allows it"
             ))),
         }
     }
 
-    fn of(comm: SimpleCommunicator, time_out: Option<Duration>) -> Self {
+    /// Creates an [`MpiComm`] without a time-out.
+    fn of(comm: SimpleCommunicator) -> Self {
         let (raw, rank, size) = (comm.as_raw(), comm.rank() as usize, comm.size() as usize);
-        Self { group: Arc::new(Group { comm: ManuallyDrop::new(comm), raw, rank, size }), time_out }
+        let group = Arc::new(Group { comm: ManuallyDrop::new(comm), raw, rank, size });
+        Self { group, time_out: None, has_time_out: false }
     }
 
     /// Returns the communicator, for libraries that use MPI themselves.
@@ -184,7 +189,7 @@ impl MpiComm {
 
     /// Waits for a message and returns its handle and its length in bytes (matched probe).
     fn matched(&self, from: i32, tag: Tag) -> Result<(ffi::MPI_Message, usize), CommError> {
-        look(from, self.time_out, || self.matched_probe(from, tag))
+        poll(from, self.time_out, || self.matched_probe(from, tag))
     }
 
     /// Starts to send bytes in parts. A part of full length indicates that another part follows, which may be empty.
@@ -227,8 +232,8 @@ fn receive_part(mut handle: ffi::MPI_Message, memory: &mut [u8]) -> Result<(), C
 }
 
 impl Comm for MpiComm {
-    type SendRequest = SendInProgress;
-    type ReceiveRequest = ReceiveInProgress;
+    type SendRequest = MpiSendRequest;
+    type ReceiveRequest = MpiReceiveRequest;
 
     fn rank(&self) -> usize {
         self.group.rank
@@ -238,13 +243,13 @@ impl Comm for MpiComm {
         self.group.size
     }
 
-    fn start_send(&self, to: usize, tag: Tag, message: Message) -> Result<SendInProgress, CommError> {
+    fn start_send(&self, to: usize, tag: Tag, message: Message) -> Result<MpiSendRequest, CommError> {
         let rank = self.known(to)?;
-        let mut underway = SendInProgress { message, requests: Requests::default(), to, time_out: self.time_out };
-        let SendInProgress { message, requests, .. } = &mut underway;
-        // SAFETY: the memory of the message stays in place until `SendInProgress` has completed the requests or leaked it.
+        let mut sending = MpiSendRequest { message, requests: Requests::default(), to, time_out: self.time_out };
+        let MpiSendRequest { message, requests, .. } = &mut sending;
+        // SAFETY: the memory of the message stays in place until `MpiSendRequest` completes the requests or leaks it.
         unsafe { self.start_parts(rank, tag, message.bytes(), requests) }?;
-        Ok(underway)
+        Ok(sending)
     }
 
     fn send_bytes(&self, tag: Tag, parcels: &[(usize, &[u8])]) -> Result<(), CommError> {
@@ -253,7 +258,7 @@ impl Comm for MpiComm {
         if self.time_out.is_some() {
             // Borrowed bytes cannot outlive this call after a time-out; copies can.
             let start = |&(to, bytes): &(usize, &[u8])| self.start_send(to, tag, Message::of(bytes));
-            let sendings: Vec<SendInProgress> = parcels.iter().map(start).collect::<Result<_, _>>()?;
+            let sendings: Vec<MpiSendRequest> = parcels.iter().map(start).collect::<Result<_, _>>()?;
             return sendings.into_iter().try_for_each(|sending| sending.wait().map(drop));
         }
         let mut requests = Requests::default();
@@ -269,7 +274,7 @@ impl Comm for MpiComm {
     }
 
     fn wait_for(&self, from: usize, tag: Tag) -> Result<(), CommError> {
-        look(self.known(from)?, self.time_out, || Ok(self.probe(from, tag)?.then_some(())))
+        poll(self.known(from)?, self.time_out, || Ok(self.probe(from, tag)?.then_some(())))
     }
 
     fn receive_into(&self, from: usize, tag: Tag, memory: Message) -> Result<Message, CommError> {
@@ -280,7 +285,7 @@ impl Comm for MpiComm {
             message.resize(there + count);
             receive_part(handle, &mut message.bytes_mut()[there..])?;
             there += count;
-            if count < PART {
+            if count < MAX_PART_BYTES {
                 return Ok(message);
             }
         }
@@ -297,7 +302,7 @@ impl Comm for MpiComm {
                 None => receive_part(handle, &mut vec![0; count])?,
             }
             there += count;
-            if count < PART {
+            if count < MAX_PART_BYTES {
                 break;
             }
         }
@@ -311,17 +316,17 @@ impl Comm for MpiComm {
         tag: Tag,
         len: usize,
         memory: Message,
-    ) -> Result<ReceiveInProgress, CommError> {
+    ) -> Result<MpiReceiveRequest, CommError> {
         let from = self.known(from)?;
-        let mut arriving =
-            ReceiveInProgress { message: memory, requests: Requests::default(), from, time_out: self.time_out };
-        arriving.message.resize(len);
-        let ReceiveInProgress { message, requests, .. } = &mut arriving;
+        let mut receiving =
+            MpiReceiveRequest { message: memory, requests: Requests::default(), from, time_out: self.time_out };
+        receiving.message.resize(len);
+        let MpiReceiveRequest { message, requests, .. } = &mut receiving;
         let bytes = message.bytes_mut();
         let receive = |part: Range<usize>, request| {
             let part = &mut bytes[part];
-            // SAFETY: a live communicator, and the memory of the message, which stays in place until `ReceiveInProgress` has
-            // completed the requests or leaked it.
+            // SAFETY: a live communicator, and the memory of the message, which stays in place until
+            // `MpiReceiveRequest` completes the requests or leaks it.
             unsafe {
                 ffi::MPI_Irecv(
                     part.as_mut_ptr().cast(),
@@ -336,7 +341,7 @@ impl Comm for MpiComm {
         };
         // SAFETY: the call writes the request if it succeeds.
         unsafe { requests.start(len, receive) }?;
-        Ok(arriving)
+        Ok(receiving)
     }
 
     fn probe(&self, from: usize, tag: Tag) -> Result<bool, CommError> {
@@ -348,20 +353,40 @@ impl Comm for MpiComm {
         Ok(there != 0)
     }
 
-    fn split(&self, color: Option<usize>, place: usize) -> Result<Option<Self>, CommError> {
+    fn split(&self, color: Option<usize>, key: usize) -> Result<Option<Self>, CommError> {
         let number = |number| {
             i32::try_from(number)
-                .map_err(|_| CommError::Library(format!("{number} is too large a color or place for MPI")))
+                .map_err(|_| CommError::Library(format!("{number} is too large a color or key for MPI")))
         };
         let color = match color {
             Some(color) => Color::with_value(number(color)?),
             None => Color::undefined(),
         };
-        let comm = self.group.comm.split_by_color_with_key(color, number(place)?);
-        Ok(comm.map(|comm| Self::of(comm, self.time_out)))
+        let comm = self.group.comm.split_by_color_with_key(color, number(key)?);
+        Ok(comm.map(|comm| Self { time_out: self.time_out, has_time_out: self.has_time_out, ..Self::of(comm) }))
     }
 
     fn duplicate(&self, time_out: Option<Duration>) -> Result<Self, CommError> {
-        Ok(Self::of(self.group.comm.duplicate(), time_out))
+        let comm = Self::of(self.group.comm.duplicate());
+        // All ranks have to use the same collectives.
+        let mut has_time_out = [f64::from(u8::from(time_out.is_some()))];
+        comm.max(&mut has_time_out)?;
+        Ok(Self { time_out, has_time_out: has_time_out[0] > 0.0, ..comm })
+    }
+
+    fn barrier(&self) -> Result<(), CommError> {
+        collectives::barrier(self)
+    }
+
+    fn broadcast(&self, root: usize, message: Message) -> Result<Message, CommError> {
+        collectives::broadcast(self, root, message)
+    }
+
+    fn gather(&self, root: usize, message: Message) -> Result<Option<Vec<Message>>, CommError> {
+        collectives::gather(self, root, message)
+    }
+
+    fn gather_all(&self, message: Message) -> Result<Vec<Message>, CommError> {
+        collectives::gather_all(self, message)
     }
 }

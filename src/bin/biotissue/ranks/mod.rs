@@ -73,7 +73,7 @@ pub fn started_by_mpirun() -> Option<usize> {
 /// Returns the number of ranks of a run in this process: `asked`, or the number in the case; `None` for a run without
 /// ranks.
 pub fn of_threads(asked: Option<usize>, scales: ScalesCase, plan: Option<&Plan>) -> Option<usize> {
-    let planned = plan.map_or(scales.least(), Plan::least);
+    let planned = plan.map_or(scales.least(), Plan::min_ranks);
     // If the case names more ranks than `asked`, `Scales` reports the error.
     (planned > 1 || asked.is_some_and(|asked| asked > 1)).then_some(asked.unwrap_or(planned))
 }
@@ -119,7 +119,7 @@ fn near<C: Comm>(world: &C, plan: Plan, scales: ScalesCase) -> Result<Result<Pla
     if !scales.near || plan.assign(world.size()).is_err() {
         return Ok(Ok(plan));
     }
-    let here = topology::here().map_err(|what| Failure::Environment {
+    let here = topology::current_location().map_err(|what| Failure::Environment {
         what,
         expected: "hwloc to know where each rank runs, for `near` in [scales]".into(),
         cure: "leave `near` out".into(),
@@ -203,7 +203,7 @@ fn rank<C: Ranks>(world: &C, shared: &Shared<'_>) -> Result<Option<Outcome>, Fai
     let scales = match Scales::with_time_out(world, &plan, shared.time_out) {
         Ok(scales) => scales,
         // Only this rank knows of this error.
-        Err(error @ ScaleError::Plan(PlanError::Differs { .. })) => return Err(ranks_failed(&error)),
+        Err(error @ ScaleError::Plan(PlanError::Mismatch { .. })) => return Err(ranks_failed(&error)),
         Err(error @ ScaleError::Plan(_)) => return no_scales(world.rank(), shared, &error),
         Err(error) => return Err(ranks_failed(&error)),
     };

@@ -12,28 +12,28 @@ use super::is_over;
 use crate::las::{CommError, Message, ReceiveRequest, SendRequest};
 
 /// The largest number of bytes in one MPI message, which counts them in 32 bits; longer messages are sent in parts.
-pub(super) const PART: usize = 1 << 30;
+pub(super) const MAX_PART_BYTES: usize = 1 << 30;
 
 /// The time for which a rank polls without sleeping.
-const AWAKE: Duration = Duration::from_millis(20);
+const SPIN_TIME: Duration = Duration::from_millis(20);
 /// The length of one sleep, which is short compared with the time already waited.
-const NAP: Duration = Duration::from_micros(50);
+const SLEEP_TIME: Duration = Duration::from_micros(50);
 
-/// Polls for an action of another rank: first at full speed, then yielding the core between polls, and after [`AWAKE`]
-/// sleeping most of the time, so that a waiting rank does not take a core from working ones.
-pub(super) fn look<T>(
+/// Polls for an action of another rank: first at full speed, then yielding the core between polls, and after
+/// [`SPIN_TIME`] sleeping most of the time, so that a waiting rank does not take a core from working ones.
+pub(super) fn poll<T>(
     from: i32,
     time_out: Option<Duration>,
     mut find: impl FnMut() -> Result<Option<T>, CommError>,
 ) -> Result<T, CommError> {
     let start = Instant::now();
-    let mut looks = 0_u64;
+    let mut polls = 0_u64;
     loop {
         if let Some(found) = find()? {
             return Ok(found);
         }
-        looks += 1;
-        if looks < 1000 {
+        polls += 1;
+        if polls < 1000 {
             continue;
         }
         let elapsed = start.elapsed();
@@ -42,7 +42,7 @@ pub(super) fn look<T>(
         {
             return Err(CommError::TimeOut { from: from as usize, waited });
         }
-        if elapsed > AWAKE { thread::sleep(NAP) } else { thread::yield_now() }
+        if elapsed > SPIN_TIME { thread::sleep(SLEEP_TIME) } else { thread::yield_now() }
     }
 }
 
@@ -81,9 +81,9 @@ impl Requests {
         len: usize,
         mut start: impl FnMut(Range<usize>, *mut ffi::MPI_Request) -> c_int,
     ) -> Result<(), CommError> {
-        for k in 0..=len / PART {
+        for k in 0..=len / MAX_PART_BYTES {
             let mut request = MaybeUninit::uninit();
-            check(start(k * PART..len.min((k + 1) * PART), request.as_mut_ptr()))?;
+            check(start(k * MAX_PART_BYTES..len.min((k + 1) * MAX_PART_BYTES), request.as_mut_ptr()))?;
             // SAFETY: written by the call, as the caller promises.
             self.0.push(unsafe { request.assume_init() });
         }
@@ -120,7 +120,7 @@ impl Requests {
     }
 
     /// Abandons all requests without waiting. Returns false if MPI may continue to read or write their memory.
-    fn give_up(&mut self) -> bool {
+    fn abandon(&mut self) -> bool {
         if is_over() {
             self.0.clear();
         }
@@ -141,7 +141,7 @@ impl Requests {
 
 /// A message that MPI may still read.
 #[derive(Debug)]
-pub struct SendInProgress {
+pub struct MpiSendRequest {
     pub(super) message: Message,
     pub(super) requests: Requests,
     pub(super) to: usize,
@@ -149,19 +149,19 @@ pub struct SendInProgress {
 }
 
 // SAFETY: a request is not bound to a thread.
-unsafe impl Send for SendInProgress {}
+unsafe impl Send for MpiSendRequest {}
 
-impl Drop for SendInProgress {
+impl Drop for MpiSendRequest {
     fn drop(&mut self) {
         // No caller waits for this message any more. Waiting here could block forever: a rank that fails must reach the
         // point where it ends the others. Memory that MPI may still read is leaked.
-        if !self.requests.give_up() {
+        if !self.requests.abandon() {
             std::mem::forget(std::mem::take(&mut self.message));
         }
     }
 }
 
-impl SendRequest for SendInProgress {
+impl SendRequest for MpiSendRequest {
     fn wait(mut self) -> Result<Option<Message>, CommError> {
         match self.time_out {
             None => self.requests.complete()?,
@@ -173,7 +173,7 @@ impl SendRequest for SendInProgress {
 
 /// A message whose memory MPI may still write.
 #[derive(Debug)]
-pub struct ReceiveInProgress {
+pub struct MpiReceiveRequest {
     pub(super) message: Message,
     /// The requests of the parts that have not arrived yet.
     pub(super) requests: Requests,
@@ -182,27 +182,27 @@ pub struct ReceiveInProgress {
 }
 
 // SAFETY: a request is not bound to a thread.
-unsafe impl Send for ReceiveInProgress {}
+unsafe impl Send for MpiReceiveRequest {}
 
-impl Drop for ReceiveInProgress {
+impl Drop for MpiReceiveRequest {
     fn drop(&mut self) {
         let pending = if is_over() { &mut [][..] } else { &mut self.requests.0[..] };
         for request in pending {
             // SAFETY: a request that was started and not completed; if its message has arrived, the call has no effect.
             unsafe { ffi::MPI_Cancel(request) };
         }
-        // As for `SendInProgress`: this does not wait, and memory that MPI may still write is leaked.
-        if !self.requests.give_up() {
+        // As for `MpiSendRequest`: this does not wait, and memory that MPI may still write is leaked.
+        if !self.requests.abandon() {
             std::mem::forget(std::mem::take(&mut self.message));
         }
     }
 }
 
-impl ReceiveRequest for ReceiveInProgress {
+impl ReceiveRequest for MpiReceiveRequest {
     fn wait(mut self) -> Result<Message, CommError> {
         let (from, expected, mut found) = (self.from, self.message.len(), 0);
         while let Some(request) = self.requests.0.last_mut() {
-            found += look(from, self.time_out, || received(request))?;
+            found += poll(from, self.time_out, || received(request))?;
             self.requests.0.pop();
         }
         if found == expected {

@@ -2,26 +2,26 @@
 
 use super::data::Distribution;
 
-/// An algorithm that distributes units over the ranks of the consumer.
+/// An algorithm that partitions units over the ranks of the consumer.
 ///
 /// It keeps the order of units: those of one producer rank go to consecutive consumer ranks, so that each rank has few
 /// neighbors.
-pub trait Spread {
+pub trait Partitioner {
     /// Returns the consumer rank, below `consumers`, of each unit of producer rank `rank`, in the order of the units.
-    fn spread(&self, distribution: &Distribution, rank: usize, consumers: usize) -> Vec<usize>;
+    fn partition(&self, distribution: &Distribution, rank: usize, consumers: usize) -> Vec<usize>;
 }
 
 /// Distributes units such that the numbers of units on all ranks, including those already held, differ by at most one
 /// if possible. The first ranks receive the remainder. Units already distributed do not move.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Even;
+pub struct EvenPartition;
 
-impl Spread for Even {
-    fn spread(&self, distribution: &Distribution, rank: usize, consumers: usize) -> Vec<usize> {
+impl Partitioner for EvenPartition {
+    fn partition(&self, distribution: &Distribution, rank: usize, consumers: usize) -> Vec<usize> {
         let held: Vec<usize> = (0..consumers).map(|rank| distribution.held.get(rank).copied().unwrap_or(0)).collect();
         let shares = fill(&held, distribution.units());
         let to = shares.iter().enumerate().flat_map(|(rank, &share)| std::iter::repeat_n(rank, share));
-        to.skip(distribution.before(rank)).take(distribution.counts[rank]).collect()
+        to.skip(distribution.offset(rank)).take(distribution.counts[rank]).collect()
     }
 }
 
@@ -46,13 +46,13 @@ fn fill(held: &[usize], units: usize) -> Vec<usize> {
 /// Distributes units by weight: cuts the sequence of all weights into one interval of equal length per rank, and
 /// assigns each unit to the interval that contains its midpoint. Units already held are not taken into account.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct ByWeight;
+pub struct WeightedPartition;
 
-impl Spread for ByWeight {
-    fn spread(&self, distribution: &Distribution, rank: usize, consumers: usize) -> Vec<usize> {
+impl Partitioner for WeightedPartition {
+    fn partition(&self, distribution: &Distribution, rank: usize, consumers: usize) -> Vec<usize> {
         let all = distribution.weight();
         if all <= 0.0 || !all.is_finite() {
-            return Even.spread(distribution, rank, consumers);
+            return EvenPartition.partition(distribution, rank, consumers);
         }
         // Adds in the order of the ranks, so that every rank computes the same sums.
         let mut before: f64 = distribution.weights[..rank].iter().flatten().sum();
@@ -66,8 +66,8 @@ impl Spread for ByWeight {
 }
 
 /// A user-defined distribution.
-impl<F: Fn(&Distribution, usize, usize) -> Vec<usize>> Spread for F {
-    fn spread(&self, distribution: &Distribution, rank: usize, consumers: usize) -> Vec<usize> {
+impl<F: Fn(&Distribution, usize, usize) -> Vec<usize>> Partitioner for F {
+    fn partition(&self, distribution: &Distribution, rank: usize, consumers: usize) -> Vec<usize> {
         self(distribution, rank, consumers)
     }
 }
@@ -82,17 +82,17 @@ mod tests {
     }
 
     /// Returns the number of units for each consumer rank.
-    fn row(spread: &impl Spread, distribution: &Distribution, rank: usize, consumers: usize) -> Vec<usize> {
+    fn row(partitioner: &impl Partitioner, distribution: &Distribution, rank: usize, consumers: usize) -> Vec<usize> {
         let mut row = vec![0; consumers];
-        spread.spread(distribution, rank, consumers).into_iter().for_each(|to| row[to] += 1);
+        partitioner.partition(distribution, rank, consumers).into_iter().for_each(|to| row[to] += 1);
         row
     }
 
     /// Table 4.2 of the thesis.
     #[test]
-    fn spreads_507_units_as_published() {
+    fn partitions_507_units_as_published() {
         let distribution = distribution(&[125, 122, 128, 132]);
-        let rows: Vec<Vec<usize>> = (0..4).map(|rank| row(&Even, &distribution, rank, 8)).collect();
+        let rows: Vec<Vec<usize>> = (0..4).map(|rank| row(&EvenPartition, &distribution, rank, 8)).collect();
         assert_eq!(rows[0], [64, 61, 0, 0, 0, 0, 0, 0]);
         assert_eq!(rows[1], [0, 3, 64, 55, 0, 0, 0, 0]);
         assert_eq!(rows[2], [0, 0, 0, 8, 63, 57, 0, 0]);
@@ -102,7 +102,7 @@ mod tests {
     #[test]
     fn more_ranks_than_units_leave_some_without() {
         let distribution = distribution(&[2, 0, 1]);
-        let rows: Vec<Vec<usize>> = (0..3).map(|rank| row(&Even, &distribution, rank, 5)).collect();
+        let rows: Vec<Vec<usize>> = (0..3).map(|rank| row(&EvenPartition, &distribution, rank, 5)).collect();
         assert_eq!(rows, [vec![1, 1, 0, 0, 0], vec![0; 5], vec![0, 0, 1, 0, 0]]);
     }
 
@@ -110,7 +110,7 @@ mod tests {
     fn new_units_go_where_there_are_few() {
         let with = |held: &[usize], counts: &[usize]| {
             let distribution = Distribution { held: held.to_vec(), ..distribution(counts) };
-            (0..counts.len()).map(|rank| row(&Even, &distribution, rank, held.len())).collect::<Vec<_>>()
+            (0..counts.len()).map(|rank| row(&EvenPartition, &distribution, rank, held.len())).collect::<Vec<_>>()
         };
         assert_eq!(with(&[6, 0], &[1, 0]), [[0, 1], [0, 0]]);
         assert_eq!(with(&[3, 1, 2], &[2, 2]), [[1, 1, 0], [0, 1, 1]]);
@@ -122,9 +122,9 @@ mod tests {
     fn weights_are_halved_where_half_of_them_is() {
         let weights = vec![vec![1.0, 1.0, 1.0], vec![3.0]];
         let distribution = Distribution { counts: vec![3, 1], weights, held: Vec::new() };
-        assert_eq!(ByWeight.spread(&distribution, 0, 2), [0, 0, 0]);
-        assert_eq!(ByWeight.spread(&distribution, 1, 2), [1]);
+        assert_eq!(WeightedPartition.partition(&distribution, 0, 2), [0, 0, 0]);
+        assert_eq!(WeightedPartition.partition(&distribution, 1, 2), [1]);
         let nothing = Distribution { counts: vec![4], weights: vec![vec![0.0; 4]], held: Vec::new() };
-        assert_eq!(ByWeight.spread(&nothing, 0, 2), [0, 0, 1, 1]);
+        assert_eq!(WeightedPartition.partition(&nothing, 0, 2), [0, 0, 1, 1]);
     }
 }
