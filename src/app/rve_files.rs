@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use super::case::{Case, RveOutput};
+use super::case::{Case, ElementSelection};
 use super::results::collection::partial;
 use super::results::networks::{network_collection, network_file};
 use super::results::{
@@ -20,9 +20,9 @@ use crate::tissue::micro_scale::{DeformedNetwork, TissueMaterial};
 /// Returns [`InputErrors`] that list all requested elements that do not exist or have no fibers.
 pub(super) fn elements(case: &Case, count: usize, field: &impl TissueMaterial) -> Result<Vec<usize>, InputErrors> {
     let ids = match &case.output.rve {
-        RveOutput::None => return Ok(Vec::new()),
-        RveOutput::All => return Ok((0..count).filter(|&element| field.sites().has_fibers(element)).collect()),
-        RveOutput::Elements(ids) => ids,
+        ElementSelection::None => return Ok(Vec::new()),
+        ElementSelection::All => return Ok((0..count).filter(|&element| field.sites().has_fibers(element)).collect()),
+        ElementSelection::Elements(ids) => ids,
     };
     let error = |&element: &usize| {
         let (what, cure) = match element {

@@ -2,9 +2,11 @@
 
 use std::path::Path;
 
+use crate::fem::stepping::StepStart;
 use crate::fiber::equilibrium::{Stage, Stages};
+use crate::tissue::materials::{ElementSelection, RveParams};
 
-use super::data::{MeshSource, MicroCase, NewtonCase, OutputCase, RveOutput, ScalesCase, StepStart, StepsCase};
+use super::data::{MeshSource, NewtonCase, OutputCase, ScalesCase, StepsCase};
 use super::networks::missing_file;
 use super::problems::alternatives;
 use super::range::Range;
@@ -113,11 +115,11 @@ pub(super) fn newton(root: &mut Table<'_>) -> NewtonCase {
     newton
 }
 
-/// Reads the settings of Newton's method at the micro scale.
-pub(super) fn micro(root: &mut Table<'_>) -> MicroCase {
-    let default = MicroCase::default();
+/// Reads the solver settings of the RVEs.
+pub(super) fn micro(root: &mut Table<'_>) -> RveParams {
+    let default = RveParams::default();
     let Some(mut table) = root.table("micro") else { return default };
-    let micro = MicroCase {
+    let micro = RveParams {
         tolerance: table.number("tolerance", TOLERANCE).unwrap_or(default.tolerance),
         max_iterations: table.whole("max_iterations", 1..=10_000).unwrap_or(default.max_iterations),
         max_cuts: table.whole("max_cuts", 0..=30).unwrap_or(default.max_cuts),
@@ -158,7 +160,7 @@ pub(super) fn scales(root: &mut Table<'_>) -> ScalesCase {
 
 /// Reads the output settings. Warns if networks are requested but no region has any.
 pub(super) fn output(root: &mut Table<'_>, base: &Path, any_network: bool) -> OutputCase {
-    let default = OutputCase { directory: base.join("results"), every: 1, rve: RveOutput::None };
+    let default = OutputCase { directory: base.join("results"), every: 1, rve: ElementSelection::None };
     let Some(mut table) = root.table("output") else { return default };
     let directory = table.take("directory").and_then(|value| value.text("a folder, relative to the case file"));
     let output = OutputCase {
@@ -166,18 +168,18 @@ pub(super) fn output(root: &mut Table<'_>, base: &Path, any_network: bool) -> Ou
         every: table.whole("every", 1..=1_000_000).unwrap_or(default.every),
         rve: table.take("rve").and_then(|value| rve_output(&value)).unwrap_or(default.rve),
     };
-    if output.rve != RveOutput::None && !any_network {
+    if output.rve != ElementSelection::None && !any_network {
         table.problems.warn(table.line, "`output.rve` has no effect: no region has the model \"fiber-rve\"");
     }
     table.finish();
     output
 }
 
-fn rve_output(value: &Value<'_>) -> Option<RveOutput> {
+fn rve_output(value: &Value<'_>) -> Option<ElementSelection> {
     const EXPECTED: &str = "\"none\", \"all\", or a list of element ids, such as [0, 17]";
     match value.inner.as_str() {
-        Some("none") => return Some(RveOutput::None),
-        Some("all") => return Some(RveOutput::All),
+        Some("none") => return Some(ElementSelection::None),
+        Some("all") => return Some(ElementSelection::All),
         Some(word) => {
             value.reject(EXPECTED, did_you_mean(word, &["none", "all"]));
             return None;
@@ -193,5 +195,5 @@ fn rve_output(value: &Value<'_>) -> Option<RveOutput> {
     let mut ids = read.into_iter().collect::<Option<Vec<usize>>>()?;
     ids.sort_unstable();
     ids.dedup();
-    Some(RveOutput::Elements(ids))
+    Some(ElementSelection::Elements(ids))
 }

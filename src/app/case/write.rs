@@ -3,13 +3,16 @@
 use std::fmt::{self, Write};
 use std::path::Path;
 
+use crate::fem::boundary::{LoadCurve, SurfaceLoad};
+use crate::fem::stepping::StepStart;
 use crate::fiber::equilibrium::Stage;
 use crate::fiber::law::{FiberMaterial, Law};
-
-use super::data::{
-    Before, Case, Choose, CurveCase, FiberRveCase, FormulaCase, FormulaModel, LifeCase, LoadCase, MaterialCase,
-    MeshSource, PointPlace, RveOutput, ScaleCase, StepStart,
+use crate::fiber::rve::StressScale;
+use crate::tissue::materials::{
+    BeforeCreation, ElementSelection, FiberRve, Formula, NetworkAssignment, RegionMaterial, RveLifecycle,
 };
+
+use super::data::{Case, MeshSource, PointPlace};
 use super::solver;
 
 impl Case {
@@ -31,12 +34,12 @@ impl Case {
         for region in &self.regions {
             writeln!(out, "\n[[region]]\nname = {}\n[region.material]", quoted(&region.name))?;
             match &region.material {
-                MaterialCase::Formula(formula) => {
+                RegionMaterial::Formula(formula) => {
                     for entry in formula_entries(formula) {
                         writeln!(out, "{entry}")?;
                     }
                 }
-                MaterialCase::FiberRve(rve) => write_fiber_rve(out, rve)?,
+                RegionMaterial::FiberRve(rve) => write_fiber_rve(out, rve)?,
             }
         }
         self.write_loads(out)?;
@@ -61,8 +64,8 @@ impl Case {
         for boundary in &self.boundaries {
             writeln!(out, "\n[[boundary]]\nsurface = {}", quoted(&boundary.surface))?;
             match &boundary.load {
-                LoadCase::Displacement(components) => writeln!(out, "displacement = {}", displacement(components))?,
-                LoadCase::Traction(traction) => writeln!(out, "traction = {traction:?}")?,
+                SurfaceLoad::Displacement(components) => writeln!(out, "displacement = {}", displacement(components))?,
+                SurfaceLoad::Traction(traction) => writeln!(out, "traction = {traction:?}")?,
             }
             writeln!(out, "curve = {}", curve(&boundary.curve))?;
         }
@@ -97,27 +100,27 @@ impl Case {
         writeln!(out, "\n[scales]\nmacro = {}\nmicro = {}", scales.macro_ranks, scales.micro_ranks)?;
         writeln!(out, "near = {}", scales.near)?;
         let rve = match &output.rve {
-            RveOutput::None => "\"none\"".into(),
-            RveOutput::All => "\"all\"".into(),
-            RveOutput::Elements(ids) => format!("{ids:?}"),
+            ElementSelection::None => "\"none\"".into(),
+            ElementSelection::All => "\"all\"".into(),
+            ElementSelection::Elements(ids) => format!("{ids:?}"),
         };
         writeln!(out, "\n[output]\ndirectory = {}\nevery = {}\nrve = {rve}", path(&output.directory), output.every)
     }
 }
 
-fn write_fiber_rve(out: &mut String, rve: &FiberRveCase) -> fmt::Result {
+fn write_fiber_rve(out: &mut String, rve: &FiberRve) -> fmt::Result {
     writeln!(out, "model = \"fiber-rve\"\nnetworks = [")?;
     for network in &rve.networks {
         writeln!(out, "    {},", path(network))?;
     }
-    let choose = match rve.choose {
-        Choose::Random => "random",
-        Choose::Cycle => "cycle",
+    let assignment = match rve.assignment {
+        NetworkAssignment::Random => "random",
+        NetworkAssignment::Cycle => "cycle",
     };
-    writeln!(out, "]\nchoose = \"{choose}\"\nseed = {}", rve.seed)?;
+    writeln!(out, "]\nchoose = \"{assignment}\"\nseed = {}", rve.seed)?;
     match rve.scale {
-        ScaleCase::Raw => writeln!(out, "scale = \"raw\"")?,
-        ScaleCase::FiberVolumeFraction(fraction) => writeln!(out, "fiber_volume_fraction = {fraction:?}")?,
+        StressScale::Raw => writeln!(out, "scale = \"raw\"")?,
+        StressScale::FiberVolumeFraction(fraction) => writeln!(out, "fiber_volume_fraction = {fraction:?}")?,
     }
     if let Some(material) = &rve.law {
         writeln!(out, "law = {{ {} }}", law_entries(material))?;
@@ -125,37 +128,34 @@ fn write_fiber_rve(out: &mut String, rve: &FiberRveCase) -> fmt::Result {
     if let Some(matrix) = &rve.matrix {
         writeln!(out, "matrix = {{ {} }}", formula_entries(matrix).join(", "))?;
     }
-    if rve.life != LifeCase::default() {
-        writeln!(out, "life = {{ {} }}", life_entries(&rve.life))?;
+    if rve.lifecycle != RveLifecycle::default() {
+        writeln!(out, "life = {{ {} }}", lifecycle_entries(&rve.lifecycle))?;
     }
     Ok(())
 }
 
 /// Formats the entries of `life` that differ from the defaults; the defaults zero and infinity are not valid in a file.
-fn life_entries(life: &LifeCase) -> String {
-    let before = match life.before {
-        Before::Linear => "linear",
-        Before::Matrix => "matrix",
+fn lifecycle_entries(lifecycle: &RveLifecycle) -> String {
+    let before = match lifecycle.before {
+        BeforeCreation::Linear => "linear",
+        BeforeCreation::Matrix => "matrix",
     };
     let numbers = [
-        ("created_at", life.created_at, life.created_at > 0.0),
-        ("asleep_below", life.asleep_below, life.asleep_below > 0.0),
-        ("deleted_at", life.deleted_at, life.deleted_at.is_finite()),
+        ("created_at", lifecycle.created_at, lifecycle.created_at > 0.0),
+        ("asleep_below", lifecycle.asleep_below, lifecycle.asleep_below > 0.0),
+        ("deleted_at", lifecycle.deleted_at, lifecycle.deleted_at.is_finite()),
     ];
     let given = numbers.iter().filter(|(_, _, is_given)| *is_given).map(|(key, value, _)| format!("{key} = {value:?}"));
     given.chain([format!("before = \"{before}\"")]).collect::<Vec<_>>().join(", ")
 }
 
-fn formula_entries(formula: &FormulaCase) -> [String; 3] {
-    let model = match formula.model {
-        FormulaModel::NeoHookean => "neo-hookean",
-        FormulaModel::LinearElastic => "linear-elastic",
+fn formula_entries(formula: &Formula) -> [String; 3] {
+    let model = match formula {
+        Formula::NeoHookean(_) => "neo-hookean",
+        Formula::LinearElastic(_) => "linear-elastic",
     };
-    [
-        format!("model = \"{model}\""),
-        format!("shear_modulus = {:?}", formula.shear_modulus),
-        format!("lame_lambda = {:?}", formula.lame_lambda),
-    ]
+    let [mu, lambda] = formula.lame_constants();
+    [format!("model = \"{model}\""), format!("shear_modulus = {mu:?}"), format!("lame_lambda = {lambda:?}")]
 }
 
 fn law_entries(material: &FiberMaterial) -> String {
@@ -194,10 +194,10 @@ fn displacement(components: &[Option<f64>; 3]) -> String {
     format!("{{ {} }}", written.join(", "))
 }
 
-fn curve(curve: &CurveCase) -> String {
+fn curve(curve: &LoadCurve) -> String {
     match curve {
-        CurveCase::Ramp => "\"ramp\"".into(),
-        CurveCase::Table(points) => format!("{points:?}"),
+        LoadCurve::Ramp => "\"ramp\"".into(),
+        LoadCurve::Table(table) => format!("{:?}", table.points()),
     }
 }
 

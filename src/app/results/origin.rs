@@ -11,13 +11,13 @@ use std::path::{Path, PathBuf};
 use super::clear::{is_collection, is_field, is_index, is_lost, is_network, is_part, is_partial, step_of_name};
 use super::log::{self, Event};
 use super::{
-    CASE_FILE, CHECKPOINT_FOLDER, Collection, FIELDS_FILE, LOADS_FILE, LOG_FILE, Loads, NETWORKS_FOLDER, ResultsError,
+    CASE_FILE, CHECKPOINT_FOLDER, Collection, FAILED_RVE_FOLDER, FIELDS_FILE, LOADS_FILE, LOG_FILE, Loads,
+    NETWORKS_FOLDER, ResultsError,
 };
 use crate::app::case::Case;
 use crate::app::checkpoint;
 use crate::checksum::{below_signature, signed};
 use crate::output::final_name;
-use crate::tissue::replay::LOST_FOLDER;
 
 /// Number of bytes from which a file is recognized.
 const HEAD: u64 = 4096;
@@ -62,7 +62,7 @@ pub fn check_origin(dir: &Path) -> Result<(), ResultsError> {
         };
         Some(kind)
     })?;
-    check_folder(&folder(dir, LOST_FOLDER)?, |name| {
+    check_folder(&folder(dir, FAILED_RVE_FOLDER)?, |name| {
         is_lost(name).then_some(|bytes: Bytes, _: &Path| begins(bytes, "{\"program\":\"biotissue "))
     })?;
     check_folder(&folder(dir, CHECKPOINT_FOLDER)?, |name| {

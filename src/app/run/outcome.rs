@@ -26,10 +26,10 @@ pub enum RunError<F: std::error::Error + 'static> {
         /// The reason why the last attempt failed.
         reason: Box<StepFailure<TissueFieldError, F>>,
         /// The file that reproduces the failure of an RVE, if that was the reason.
-        lost: Option<PathBuf>,
+        failed_rve: Option<PathBuf>,
     },
     /// A result file could not be written.
-    #[error("{0}")]
+    #[error(transparent)]
     Results(#[from] ResultsError),
 }
 
@@ -37,7 +37,7 @@ pub enum RunError<F: std::error::Error + 'static> {
 #[derive(Debug, Error)]
 pub enum ResumeError<F: std::error::Error + 'static> {
     /// No checkpoint can be used.
-    #[error("{0}")]
+    #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
     /// There are results but no checkpoint.
     #[error("{}: holds {what}, but there is no checkpoint to go on from", path.display())]
@@ -48,10 +48,10 @@ pub enum ResumeError<F: std::error::Error + 'static> {
         what: String,
     },
     /// The results differ from those written before the checkpoint, or the directory cannot be used.
-    #[error("{0}")]
+    #[error(transparent)]
     Results(#[from] ResultsError),
     /// Another process failed to read its checkpoint or found that of another step.
-    #[error("{0}")]
+    #[error(transparent)]
     OtherRank(ResultsError),
     /// A checkpoint of this run does not match it. The simulation has to be set up again.
     #[error("{}: {reason}", path.display())]

@@ -82,10 +82,10 @@ fn failure(dir: &Path, error: ReportError) -> Failure {
         }
         ReportError::NoStep { .. } => arguments("a step with fields", "leave out --step for the last one"),
         ReportError::NoField { .. } => arguments("a field of the elements", "leave out --field for the stress"),
-        ReportError::Chart { .. } => Failure::Environment {
-            what: error.to_string(),
-            expected: "results that can be drawn".into(),
-            cure: "draw the picture alone with --picture, and report the results that led here".into(),
-        },
+        ReportError::Chart { .. } => Failure::environment(
+            error.to_string(),
+            "results that can be drawn",
+            "draw the picture alone with --picture, and report the results that led here",
+        ),
     }
 }

@@ -69,10 +69,7 @@ impl From<SummaryRecord> for PointSummary {
     }
 }
 
-impl<B: Backend<Scalar = f64>> Units<B>
-where
-    B::Reduced: Scalar,
-{
+impl<B: Backend<Scalar = f64, Reduced: Scalar>> Units<B> {
     /// Returns the summary of the fibers of every unit, `None` for one without fibers.
     #[must_use]
     pub fn summaries(&self) -> Vec<Option<PointSummary>> {

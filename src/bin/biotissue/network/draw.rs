@@ -10,13 +10,13 @@ use biotissue::fiber::law::FiberMaterial;
 use biotissue::fiber::network::Network;
 use biotissue::fiber::rve::{Rve, RveModel, StressScale};
 use biotissue::fiber::workspace::Workspace;
-use biotissue::las::{Backend, Scalar};
+
 use clap::{Args, ValueEnum};
 use nalgebra::Matrix3;
 
 use super::read;
-use super::words::unsigned_zero;
-use crate::dispatch::{Job, dispatch};
+use super::text::unsigned_zero;
+use crate::dispatch::{Job, ProgramBackend, dispatch};
 use crate::failure::Failure;
 use crate::increments::{Increments, check_steps, unusable};
 use crate::law::LawArguments;
@@ -163,11 +163,7 @@ struct Deform<'a> {
 impl Job for Deform<'_> {
     type Output = State;
 
-    fn run<B>(self, context: B::Context) -> Result<State, Failure>
-    where
-        B: Backend<Scalar = f64, Context: Clone>,
-        B::Reduced: Scalar,
-    {
+    fn run<B: ProgramBackend>(self, context: B::Context) -> Result<State, Failure> {
         let Self { path, network, gradient, material, steps } = self;
         let place = path.display().to_string();
         let model = RveModel::<B>::new(&context, Arc::clone(network), material, StressScale::Raw)
@@ -179,7 +175,7 @@ impl Job for Deform<'_> {
         let mut rve = Rve::at_rest(network);
         let mut last = (rve.clone(), gradient);
         let outcome = increments.take(&model, &mut rve, &mut workspace, &mut last);
-        outcome.map_err(|lost| increments.lost(&lost))?;
+        outcome.map_err(|failed| increments.increment_failure(&failed))?;
         let (truss, states) = (model.truss(), workspace.states());
         let mut state = State { positions: workspace.positions().to_vec(), ..State::at_rest(network) };
         for (fiber, &original) in truss.original().iter().enumerate() {

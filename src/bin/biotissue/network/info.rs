@@ -5,12 +5,12 @@ use std::path::PathBuf;
 use biotissue::backends;
 use biotissue::fiber::network::Network;
 use biotissue::fiber::network::check::{examine, zero_modes};
-use biotissue::las::{Backend, Scalar};
+
 use clap::Args;
 use serde_json::json;
 
-use super::{json_of_file, not_counted, read, words};
-use crate::dispatch::{Job, dispatch};
+use super::{json_of_file, not_counted, read, text};
+use crate::dispatch::{Job, ProgramBackend, dispatch};
 use crate::failure::Failure;
 use crate::output;
 
@@ -38,9 +38,9 @@ pub fn run(arguments: &InfoArguments) -> Result<(), Failure> {
     }
     let rigidity = zero_modes.map_or_else(
         || "  rigidity         not examined; `biotissue network check` does\n".to_owned(),
-        |zero_modes| words::rigid_or_floppy(zero_modes, report.free_dofs),
+        |zero_modes| text::rigid_or_floppy(zero_modes, report.free_dofs),
     );
-    output::print(&format!("{}\n{}{rigidity}", report.name, words::figures(&report, &read.network, &read.cube, None)))
+    output::print(&format!("{}\n{}{rigidity}", report.name, text::figures(&report, &read.network, &read.cube, None)))
 }
 
 /// The job that counts the zero modes.
@@ -51,11 +51,7 @@ struct Count<'a> {
 impl Job for Count<'_> {
     type Output = usize;
 
-    fn run<B>(self, context: B::Context) -> Result<usize, Failure>
-    where
-        B: Backend<Scalar = f64, Context: Clone>,
-        B::Reduced: Scalar,
-    {
+    fn run<B: ProgramBackend>(self, context: B::Context) -> Result<usize, Failure> {
         zero_modes::<B>(&context, self.network).map_err(|error| not_counted(self.network.name(), &error))
     }
 }

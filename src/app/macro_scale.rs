@@ -1,50 +1,28 @@
-//! The macro scale of a tissue: translates a case to the types of [`crate::fem`].
+//! The macro scale of a case: its mesh, boundary conditions and load steps as types of [`crate::fem`].
 
-use thiserror::Error;
-
-use crate::app::case::{self, Case, CurveCase, LoadCase, MeshSource, PointPlace};
+use super::case::{Case, MeshSource, PointPlace};
 use crate::fem::boundary::{
-    BodyForce, Boundary, BoundaryError, Conditions, CurveError, LoadCurve, PointCondition, PointLocation,
-    SurfaceCondition, SurfaceLoad,
+    BodyForce, Boundary, BoundaryError, Conditions, PointCondition, PointLocation, SurfaceCondition,
 };
 use crate::fem::mesh::shapes::{self, ShapeError};
 use crate::fem::mesh::{Mesh, gmsh};
-use crate::fem::stepping::{StepParams, StepStart};
+use crate::fem::stepping::StepParams;
 use crate::input::{InputError, InputErrors};
-
-/// The reason why the mesh or the boundary conditions of a case cannot be created.
-#[derive(Debug, Error)]
-pub enum MacroScaleError {
-    /// The mesh file has errors, or the case uses names that the mesh does not have.
-    #[error("{0}")]
-    Input(#[from] InputErrors),
-    /// A load curve is invalid.
-    #[error("the load curve in line {line}: {reason}")]
-    Curve {
-        /// Line in the case file.
-        line: usize,
-        /// The error in the curve.
-        reason: CurveError,
-    },
-}
 
 /// Reads or generates the mesh of a case, in meters, and checks the names in the case against it. Also returns the
 /// warnings of the reader.
 ///
 /// # Errors
-/// Returns [`MacroScaleError::Input`] if the mesh cannot be read, generated or scaled, or lacks a name in the case.
-pub fn mesh(case: &Case) -> Result<(Mesh, Vec<String>), MacroScaleError> {
+/// Returns [`InputErrors`] if the mesh cannot be read, generated or scaled, or lacks a name in the case.
+pub fn mesh(case: &Case) -> Result<(Mesh, Vec<String>), InputErrors> {
     let (mesh, warnings) = match &case.mesh {
         MeshSource::File(path) => {
-            let read = gmsh::read(path).map_err(InputErrors::from)?;
+            let read = gmsh::read(path)?;
             (read.mesh, read.warnings)
         }
-        MeshSource::Box { cells, size } => {
-            (shapes::cuboid(*cells, *size).map_err(|error| not_made(case, &error))?, Vec::new())
-        }
+        MeshSource::Box { cells, size } => (generated(case, shapes::cuboid(*cells, *size))?, Vec::new()),
         MeshSource::Dogbone { element_size } => {
-            let shape = shapes::DogboneShape::default();
-            (shapes::dogbone(&shape, *element_size).map_err(|error| not_made(case, &error))?, Vec::new())
+            (generated(case, shapes::dogbone(&shapes::DogboneShape::default(), *element_size))?, Vec::new())
         }
     };
     let mesh = match case.mesh_scale {
@@ -60,9 +38,13 @@ pub fn mesh(case: &Case) -> Result<(Mesh, Vec<String>), MacroScaleError> {
     Ok((mesh, warnings))
 }
 
-/// The error for a built-in shape that cannot be generated from the given lengths.
-fn not_made(case: &Case, error: &ShapeError) -> InputErrors {
-    let (expected, cure) = match error {
+/// Reports, at its line, a built-in shape that cannot be generated from the given lengths.
+fn generated(case: &Case, mesh: Result<Mesh, ShapeError>) -> Result<Mesh, InputError> {
+    let error = match mesh {
+        Ok(mesh) => return Ok(mesh),
+        Err(error) => error,
+    };
+    let (expected, cure) = match &error {
         ShapeError::TooManyElements { .. } => (
             format!("at most {} elements", shapes::MAX_ELEMENTS),
             "choose fewer `cells`, or a greater `element_size`: it is in mesh units",
@@ -72,14 +54,14 @@ fn not_made(case: &Case, error: &ShapeError) -> InputErrors {
         }
         _ => ("lengths that make a body".into(), "correct the lengths of `generate`: they are in mesh units"),
     };
-    InputError::at_line(&case.file, case.mesh_line, error.to_string(), expected, cure).into()
+    Err(InputError::at_line(&case.file, case.mesh_line, error.to_string(), expected, cure))
 }
 
 /// Applies the boundary conditions of a case to its mesh.
 ///
 /// # Errors
-/// Returns [`MacroScaleError::Input`] if a condition contradicts the mesh or another condition, with its line.
-pub fn boundary(case: &Case, mesh: &Mesh, conditions: &Conditions) -> Result<Boundary, MacroScaleError> {
+/// Returns [`InputErrors`] if a condition contradicts the mesh or another condition, with its line.
+pub fn boundary(case: &Case, mesh: &Mesh, conditions: &Conditions) -> Result<Boundary, InputErrors> {
     Boundary::new(mesh, conditions).map_err(|error| {
         let (line, expected, cure) = match &error {
             BoundaryError::UnknownNode { node, nodes } => {
@@ -105,7 +87,7 @@ pub fn boundary(case: &Case, mesh: &Mesh, conditions: &Conditions) -> Result<Bou
             }
         };
         let error = InputError { line, ..InputError::in_file(&case.file, error.to_string(), expected, cure) };
-        InputErrors::from(error).into()
+        error.into()
     })
 }
 
@@ -123,46 +105,27 @@ fn line_of(case: &Case, place: &str) -> Option<usize> {
 }
 
 /// Returns the boundary conditions of a case, in meters and newtons.
-///
-/// # Errors
-/// Returns [`MacroScaleError::Curve`] if a load curve is invalid.
-pub fn conditions(case: &Case) -> Result<Conditions, MacroScaleError> {
-    let surfaces = case.boundaries.iter().map(|boundary| {
-        Ok(SurfaceCondition {
-            surface: boundary.surface.clone(),
-            load: match boundary.load {
-                LoadCase::Displacement(components) => SurfaceLoad::Displacement(components),
-                LoadCase::Traction(traction) => SurfaceLoad::Traction(traction),
-            },
-            curve: curve(&boundary.curve, boundary.line)?,
-        })
+#[must_use]
+pub fn conditions(case: &Case) -> Conditions {
+    let surfaces = case.boundaries.iter().map(|boundary| SurfaceCondition {
+        surface: boundary.surface.clone(),
+        load: boundary.load,
+        curve: boundary.curve.clone(),
     });
-    let points = case.points.iter().map(|point| {
-        Ok(PointCondition {
-            place: match point.place {
-                PointPlace::At(position) => PointLocation::Nearest(position.map(|x| x * case.mesh_scale)),
-                PointPlace::Node(node) => PointLocation::Node(node),
-            },
-            displacement: point.displacement,
-            curve: curve(&point.curve, point.line)?,
-        })
+    let points = case.points.iter().map(|point| PointCondition {
+        place: match point.place {
+            PointPlace::At(position) => PointLocation::Nearest(position.map(|x| x * case.mesh_scale)),
+            PointPlace::Node(node) => PointLocation::Node(node),
+        },
+        displacement: point.displacement,
+        curve: point.curve.clone(),
     });
-    let body_forces = case.body_forces.iter().map(|force| {
-        let curve = curve(&force.curve, force.line)?;
-        Ok(BodyForce { region: force.region.clone(), value: force.value, curve })
+    let body_forces = case.body_forces.iter().map(|force| BodyForce {
+        region: force.region.clone(),
+        value: force.value,
+        curve: force.curve.clone(),
     });
-    Ok(Conditions {
-        surfaces: surfaces.collect::<Result<_, MacroScaleError>>()?,
-        points: points.collect::<Result<_, MacroScaleError>>()?,
-        body_forces: body_forces.collect::<Result<_, MacroScaleError>>()?,
-    })
-}
-
-fn curve(case: &CurveCase, line: usize) -> Result<LoadCurve, MacroScaleError> {
-    match case {
-        CurveCase::Ramp => Ok(LoadCurve::Ramp),
-        CurveCase::Table(points) => LoadCurve::table(points).map_err(|reason| MacroScaleError::Curve { line, reason }),
-    }
+    Conditions { surfaces: surfaces.collect(), points: points.collect(), body_forces: body_forces.collect() }
 }
 
 /// Returns the parameters of load stepping of a case.
@@ -171,10 +134,7 @@ pub fn step_params(case: &Case) -> StepParams {
     let mut params = StepParams {
         count: case.steps.count,
         max_cuts: case.steps.max_cuts,
-        start: match case.newton.start {
-            case::StepStart::Held => StepStart::Held,
-            case::StepStart::Tangent => StepStart::Tangent,
-        },
+        start: case.newton.start,
         ..StepParams::default()
     };
     params.solver.method = case.newton.solver;
