@@ -37,8 +37,8 @@ impl CellFields {
             cells.gradient.push(row_major(f));
             // Elements without fibers have 0 in the fiber fields, and -1 in `iterations` and `network`.
             let s = summary.as_ref();
-            cells.orientation.push(s.map_or([0.0; 9], |s| row_major(&s.orientation)));
-            cells.direction.push(s.map_or([0.0; 3], |s| s.direction.into()));
+            cells.orientation.push(s.map_or([0.0; 9], |s| row_major(&s.orientation.into())));
+            cells.direction.push(s.map_or([0.0; 3], |s| s.direction));
             cells.alignment.push(s.map_or(0.0, |s| s.alignment));
             cells.stretch_min.push(s.map_or(0.0, |s| s.stretch[0]));
             cells.stretch_max.push(s.map_or(0.0, |s| s.stretch[1]));

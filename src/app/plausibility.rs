@@ -34,7 +34,7 @@ struct Stiffness {
 impl Stiffness {
     /// The stiffness that resists a load: RVE and matrix in parallel.
     fn total(&self) -> f64 {
-        self.formula.unwrap_or(0.0) + self.fibers.map_or(0.0, |[least, _]| least)
+        self.formula.unwrap_or(0.0) + self.fibers.map_or(0.0, |[softest, _]| softest)
     }
 }
 
@@ -59,7 +59,7 @@ pub(super) fn warnings<B: Backend<Scalar = f64, Reduced: Scalar>>(
                 model.scale() * model.truss().volume_of_moduli()
             });
             let fibers = networks.fold(None, |range: Option<[f64; 2]>, stiffness| {
-                Some(range.map_or([stiffness; 2], |[least, most]| [least.min(stiffness), most.max(stiffness)]))
+                Some(range.map_or([stiffness; 2], |[min, max]| [min.min(stiffness), max.max(stiffness)]))
             });
             Stiffness { region, formula: formula.map(youngs_modulus), fibers }
         })
@@ -197,11 +197,8 @@ fn peak(curve: &LoadCurve) -> f64 {
 
 /// The longest edge of the bounding box of the body, m.
 fn longest_edge(mesh: &Mesh) -> f64 {
-    let edge = |axis: usize| {
-        let coordinates = || mesh.nodes().iter().map(|node| node[axis]);
-        coordinates().fold(f64::NEG_INFINITY, f64::max) - coordinates().fold(f64::INFINITY, f64::min)
-    };
-    (0..3).map(edge).fold(0.0, f64::max)
+    let [low, high] = mesh.bounding_box();
+    (0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f64::max)
 }
 
 /// Formats a number with two decimals, or else two significant digits, since only its order of magnitude is meaningful.

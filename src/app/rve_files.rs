@@ -82,10 +82,12 @@ impl NetworkFiles {
         field: &M,
     ) -> Result<(), ResultsError> {
         let Self { folder, series } = self;
+        let networks: Vec<_> = field.library().models().iter().map(|model| model.network()).collect();
         let deformed: Vec<_> = series.iter().map(|(element, _)| field.deformed_network(*element)).collect();
         series.par_iter_mut().zip(deformed).try_for_each(|((element, collection), deformed)| {
             let Some(deformed) = deformed else { return Ok(()) };
-            let DeformedNetwork { network, positions, stretches, forces } = &deformed;
+            let DeformedNetwork { model, positions, stretches, forces } = &deformed;
+            let network = &networks[*model];
             let kind: Vec<i64> = network.reaction_of().iter().map(|&reaction| reaction.into()).collect();
             let set = NetworkSet {
                 points: positions,

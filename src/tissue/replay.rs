@@ -125,11 +125,11 @@ impl RveDump {
                 StressScale::FiberVolumeFraction(phi) => Some(phi),
             },
             start: StateDocument {
-                gradient: rows(self.start.gradient()),
+                gradient: self.start.gradient().transpose().into(),
                 interior: self.start.interior().to_vec(),
                 sensitivities: self.start.sensitivities().map(<[Sensitivities]>::to_vec),
             },
-            target: rows(&self.target),
+            target: self.target.transpose().into(),
             solver: SolverDocument {
                 tolerance: self.params.newton.tolerance,
                 max_iterations: self.params.newton.max_iterations,
@@ -163,7 +163,7 @@ impl RveDump {
         let network = Network::in_cube(name, Cube::UNIT, nodes, fibers)
             .and_then(|network| network.with_materials(materials, material_of))
             .map_err(|error| error.to_string())?;
-        let start = Rve::restored(matrix(&start.gradient), start.interior, start.sensitivities);
+        let start = Rve::restored(Matrix3::from(start.gradient).transpose(), start.interior, start.sensitivities);
         start.check(&network).map_err(|error| error.to_string())?;
         let stages: Option<Vec<Stage>> = solver.stages.iter().map(|name| Stage::named(name)).collect();
         let stages = stages.ok_or_else(|| format!("knows other stages than this program: {:?}", solver.stages))?;
@@ -177,7 +177,7 @@ impl RveDump {
             network: Arc::new(network),
             scale: fiber_volume_fraction.map_or(StressScale::Raw, StressScale::FiberVolumeFraction),
             start,
-            target: matrix(&target),
+            target: Matrix3::from(target).transpose(),
             params,
         })
     }
@@ -185,11 +185,3 @@ impl RveDump {
 
 const EXPECTED: &str = "a file that `biotissue rve --dump` or a run that lost an RVE has written";
 const CURE: &str = "write it again with this version of the program";
-
-fn rows(m: &Matrix3<f64>) -> [[f64; 3]; 3] {
-    [0, 1, 2].map(|i| [0, 1, 2].map(|j| m[(i, j)]))
-}
-
-fn matrix(rows: &[[f64; 3]; 3]) -> Matrix3<f64> {
-    Matrix3::from_fn(|i, j| rows[i][j])
-}

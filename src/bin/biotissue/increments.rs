@@ -61,7 +61,7 @@ pub struct FailedIncrement<F: std::error::Error + 'static> {
 impl Increments<'_> {
     /// Applies all increments, each from a first-order prediction if the previous one has a tangent. If one of several
     /// increments fails, tries to reach the target in a single increment and warns about it.
-    pub fn take<B: ProgramBackend>(
+    pub fn apply<B: ProgramBackend>(
         &self,
         model: &RveModel<B>,
         rve: &mut Rve,
@@ -69,12 +69,12 @@ impl Increments<'_> {
         last: &mut LastIncrement,
     ) -> Result<EquilibriumReport, FailedIncrement<B::Fault>> {
         let start = rve.clone();
-        let failed = match self.one_by_one(model, rve, workspace, last) {
+        let failed = match self.apply_each(model, rve, workspace, last) {
             Err(failed) if self.steps > 1 => failed,
             outcome => return outcome,
         };
-        let mut whole = start.clone();
-        let Ok(solved) = equilibrate(model, &mut whole, self.target, self.params, workspace) else {
+        let mut single = start.clone();
+        let Ok(solved) = equilibrate(model, &mut single, self.target, self.params, workspace) else {
             return Err(failed);
         };
         let report = solved.into_report();
@@ -82,11 +82,11 @@ impl Increments<'_> {
         let steps = self.steps;
         output::warn(&[format!("step {step} of {steps} of {}: {error}; one increment reached F instead", self.place)]);
         *last = (start, *self.target);
-        *rve = whole;
+        *rve = single;
         Ok(report)
     }
 
-    fn one_by_one<B: ProgramBackend>(
+    fn apply_each<B: ProgramBackend>(
         &self,
         model: &RveModel<B>,
         rve: &mut Rve,
@@ -113,7 +113,7 @@ impl Increments<'_> {
     /// Returns the failure for an increment that was not solved.
     pub fn increment_failure<F: std::error::Error + 'static>(&self, failed: &FailedIncrement<F>) -> Failure {
         let at = match self.steps {
-            1 => self.whole(),
+            1 => self.place_of_rve(),
             steps => format!("step {} of {steps} of {}", failed.step, self.place),
         };
         self.failure(&failed.error, at)
@@ -121,10 +121,10 @@ impl Increments<'_> {
 
     /// Returns the failure for an equilibrium whose stress or tangent cannot be computed.
     pub fn response_failure<F: std::error::Error + 'static>(&self, error: &RveError<F>) -> Failure {
-        self.failure(error, self.whole())
+        self.failure(error, self.place_of_rve())
     }
 
-    fn whole(&self) -> String {
+    fn place_of_rve(&self) -> String {
         format!("the RVE of {}", self.place)
     }
 
@@ -133,7 +133,7 @@ impl Increments<'_> {
             return Failure::library(error);
         }
         let restricted = self.params.stages != EquilibriumParams::default().stages;
-        let farther = match self.replayed {
+        let advice = match self.replayed {
             true if restricted => {
                 "leave --stages out, or try all of them: --stages newton,regularised,cuts,relaxation".to_owned()
             }
@@ -145,18 +145,18 @@ impl Increments<'_> {
         };
         let (expected, cure) = if let RveError::Overflow(_) = error {
             let units = "moduli and stresses are in Pa, radii in m, F has no unit";
-            ("forces that numbers can hold", format!("check the law and F ({units}); else {farther}"))
+            ("forces that numbers can hold", format!("check the law and F ({units}); else {advice}"))
         } else if error.is_linear() {
             let cure = match self.file {
                 Some(file) => {
                     let file = file.display();
-                    format!("`biotissue network check {file}` tells where it is floppy; if it is not, {farther}")
+                    format!("`biotissue network check {file}` tells where it is floppy; if it is not, {advice}")
                 }
-                None => format!("{farther}; or take another network, or a cleaned one"),
+                None => format!("{advice}; or take another network, or a cleaned one"),
             };
             ("a network that resists every motion of its interior nodes", cure)
         } else {
-            ("an equilibrium of the network with its boundary at x = F X", farther)
+            ("an equilibrium of the network with its boundary at x = F X", advice)
         };
         Failure::NotConverged { what: error.to_string(), place: at, expected: expected.into(), cure }
     }

@@ -200,7 +200,7 @@ fn too_many_ranks(count: usize) -> Failure {
     Failure::arguments(format!("{count} ranks"), expected, "start them with mpirun, in a build with the feature `mpi`")
 }
 
-/// Runs on every process; the first one reports input errors, and the one that knows the outcome reports it.
+/// Runs on every process; the root reports input errors, and the one that knows the outcome reports it.
 #[cfg(feature = "mpi")]
 fn run_on_processes(processes: usize, command: RunCommand) -> Result<(), Failure> {
     use biotissue::backends::comm::mpi;
@@ -215,7 +215,7 @@ fn run_on_processes(processes: usize, command: RunCommand) -> Result<(), Failure
         _ => Ok(()),
     };
     let on_rank = |world: mpi::MpiComm| {
-        let is_first = world.rank() == 0;
+        let is_root = world.rank() == 0;
         let read = || {
             started()?;
             // Processes share the cores of a machine: one thread each by default.
@@ -224,13 +224,13 @@ fn run_on_processes(processes: usize, command: RunCommand) -> Result<(), Failure
         };
         let (config, time_out, case) = match ranks::agreed(&world, read())? {
             Ok((config, time_out, read)) => {
-                if is_first {
+                if is_root {
                     output::warn(&read.warnings);
                     output::warn(&config.warnings_for(&read.case));
                 }
                 (config, time_out, read.case)
             }
-            Err(failure) => return Ok(if is_first { Err(failure) } else { Ok(()) }),
+            Err(failure) => return Ok(if is_root { Err(failure) } else { Ok(()) }),
         };
         let dir = command.dir(&case, &config);
         let (backend, resume, plan) = (command.common.backend(), command.resume, config.plan);

@@ -39,7 +39,8 @@ pub use saved::{FieldRestoreError, SerializeIter, UnitState};
 pub use sites::Sites;
 pub use summary::{DeformedNetwork, PointSummary};
 pub use unit::RveStats;
-pub use units::{FailedRve, Units};
+pub use units::FailedRve;
+pub(super) use units::Units;
 
 /// The material of a body, on whichever ranks its RVEs are solved: what a run needs beyond stresses and tangents.
 /// States are those of the last commit.
@@ -89,8 +90,10 @@ pub trait TissueMaterial: PointField<Error = TissueFieldError> {
         (0..mesh.nodes().len() as u32).collect()
     }
 
-    /// Returns the rank that solves the RVE of an element, or evaluates its formula.
-    fn rank_of(&self, element: usize) -> usize;
+    /// Returns the rank that solves the RVE of an element, or evaluates its formula; 0 in one process.
+    fn rank_of(&self, _element: usize) -> usize {
+        0
+    }
 
     /// Returns the states of all RVEs that exist, in the order of their elements. Right after a commit, these and
     /// [`Sites::statuses`] are all that the next load step depends on.
@@ -235,10 +238,6 @@ impl<B: Backend<Scalar = f64, Reduced: Scalar>> TissueMaterial for TissueField<B
         self.units.deformed_network(*self.unit_of.get(&element)?)
     }
 
-    fn rank_of(&self, _: usize) -> usize {
-        0
-    }
-
     fn unit_states(&self) -> impl ExactSizeIterator<Item = UnitState> + '_ {
         let existing = self.sites.existing();
         let all: Vec<_> =
@@ -276,13 +275,7 @@ pub(super) fn check_states<B: Backend<Scalar = f64, Reduced: Scalar>>(
     }
     for (&element, state) in elements.iter().zip(states) {
         let model = sites.material(element).and_then(|(model, _)| model);
-        match (model, &state.rve) {
-            (Some(model), Some(rve)) => rve
-                .check(library.models()[model].network())
-                .map_err(|reason| FieldRestoreError::Rve { element, reason })?,
-            (None, None) => {}
-            (_, saved) => return Err(FieldRestoreError::Fibers { element, saved: saved.is_some() }),
-        }
+        state.check(element, model.map(|model| &**library.models()[model].network()))?;
     }
     Ok(())
 }

@@ -6,6 +6,7 @@ use thiserror::Error;
 
 use super::raw::Raw;
 use crate::fem::material::Response;
+use crate::fiber::network::Network;
 use crate::fiber::rve::{Rve, RveStateError, Sensitivities};
 
 /// The state of one RVE at the last converged load step.
@@ -19,6 +20,19 @@ pub struct UnitState {
     pub response: Option<(Matrix3<f64>, Response)>,
     /// Newton iterations of that load step.
     pub iterations: usize,
+}
+
+impl UnitState {
+    /// Checks that the state matches the RVE of an element, which has this network or none.
+    pub(super) fn check(&self, element: usize, network: Option<&Network>) -> Result<(), FieldRestoreError> {
+        match (&self.rve, network) {
+            (Some(rve), Some(network)) => {
+                rve.check(network).map_err(|reason| FieldRestoreError::Rve { element, reason })
+            }
+            (None, None) => Ok(()),
+            (saved, _) => Err(FieldRestoreError::Fibers { element, saved: saved.is_some() }),
+        }
+    }
 }
 
 /// [`UnitState`] in the form that is stored and sent; matrices column by column.

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::error::PointFailure;
 use super::library::Library;
 use super::saved::{FieldRestoreError, UnitState};
-use super::unit::{Fibers, Origin, RveStats, Unit, UnitError};
+use super::unit::{Origin, RveStats, Unit, UnitError};
 use super::worker::Worker;
 use crate::fem::material::Response;
 use crate::fiber::rve::Rve;
@@ -22,7 +22,7 @@ use crate::tissue::replay::RveDump;
 ///
 /// They are solved on all threads of the current rayon pool. Every RVE starts from its own last equilibrium and writes
 /// its own response, so results do not depend on the number of threads or on the thread that solves an RVE.
-pub struct Units<B: Backend> {
+pub(in crate::tissue) struct Units<B: Backend> {
     library: Library<B>,
     units: Vec<Unit>,
     /// The element of every unit.
@@ -61,7 +61,6 @@ impl FailedRve {
 
 impl<B: Backend<Scalar = f64, Reduced: Scalar>> Units<B> {
     /// Creates an empty set.
-    #[must_use]
     pub fn new(library: Library<B>) -> Self {
         let models = library.models.len();
         let workers = (0..rayon::current_num_threads()).map(|_| Mutex::new(Worker::new(models))).collect();
@@ -70,7 +69,6 @@ impl<B: Backend<Scalar = f64, Reduced: Scalar>> Units<B> {
     }
 
     /// Returns the data that all RVEs share.
-    #[must_use]
     pub fn library(&self) -> &Library<B> {
         &self.library
     }
@@ -89,19 +87,11 @@ impl<B: Backend<Scalar = f64, Reduced: Scalar>> Units<B> {
     }
 
     /// Number of RVEs.
-    #[must_use]
     pub fn len(&self) -> usize {
         self.units.len()
     }
 
-    /// Returns true if there are no RVEs.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.units.is_empty()
-    }
-
     /// Returns the element of each RVE.
-    #[must_use]
     pub fn elements(&self) -> &[usize] {
         &self.elements
     }
@@ -116,18 +106,7 @@ impl<B: Backend<Scalar = f64, Reduced: Scalar>> Units<B> {
         self.elements.iter().copied().zip(responses)
     }
 
-    /// Returns, for every model of the library, the number of RVEs that use it.
-    #[must_use]
-    pub fn rves_per_model(&self) -> Vec<usize> {
-        let mut rves = vec![0; self.library.models.len()];
-        for fibers in self.units.iter().filter_map(|unit| unit.fibers.as_ref()) {
-            rves[fibers.model] += 1;
-        }
-        rves
-    }
-
     /// Bytes that all RVEs own in a run: states, last responses, and the start values of the next solves.
-    #[must_use]
     pub fn bytes(&self) -> usize {
         self.units.iter().map(|unit| unit.bytes(self.library.predict)).sum()
     }
@@ -253,17 +232,8 @@ impl<B: Backend<Scalar = f64, Reduced: Scalar>> Units<B> {
         self.units.par_iter_mut().for_each(Unit::revert);
     }
 
-    /// Returns the states of all RVEs in their order. Right after a commit, these are all that the next load step
+    /// Returns the state of one RVE. Right after a commit, the states of all RVEs are all that the next load step
     /// depends on.
-    pub fn states(&self) -> impl ExactSizeIterator<Item = UnitState> + '_ {
-        (0..self.units.len()).map(|number| self.state(number))
-    }
-
-    /// Returns the state of one RVE.
-    ///
-    /// # Panics
-    /// Panics if there is no RVE `number`.
-    #[must_use]
     pub fn state(&self, number: usize) -> UnitState {
         let unit = &self.units[number];
         UnitState {
@@ -274,7 +244,7 @@ impl<B: Backend<Scalar = f64, Reduced: Scalar>> Units<B> {
         }
     }
 
-    /// Restores all RVEs from [`Units::states`].
+    /// Restores all RVEs from their states.
     ///
     /// # Errors
     /// Returns [`FieldRestoreError`] if the states do not match the RVEs, which are then unchanged.
@@ -283,32 +253,19 @@ impl<B: Backend<Scalar = f64, Reduced: Scalar>> Units<B> {
         if found != expected {
             return Err(FieldRestoreError::Units { found, expected });
         }
-        let places = self.units.iter().zip(&self.elements);
-        let units = states
-            .into_iter()
-            .zip(places)
-            .map(|(state, (unit, &element))| self.restored(state, unit, element))
-            .collect::<Result<Vec<Unit>, _>>()?;
-        self.units = units;
-        Ok(())
-    }
-
-    fn restored(&self, state: UnitState, unit: &Unit, element: usize) -> Result<Unit, FieldRestoreError> {
-        let UnitState { rve, response, iterations } = state;
-        let fibers = match (rve, &unit.fibers) {
-            (Some(current), Some(Fibers { model, committed, .. })) => {
-                current
-                    .check(self.library.models[*model].network())
-                    .map_err(|reason| FieldRestoreError::Rve { element, reason })?;
-                let mut committed = committed.clone();
-                committed.take_equilibrium(&current);
-                Some(Fibers { model: *model, current, committed, origin: Origin::Committed })
+        for ((state, unit), &element) in states.iter().zip(&self.units).zip(&self.elements) {
+            let network = unit.fibers.as_ref().map(|fibers| &**self.library.models[fibers.model].network());
+            state.check(element, network)?;
+        }
+        for (UnitState { rve, response, iterations }, unit) in states.into_iter().zip(&mut self.units) {
+            if let Some((current, fibers)) = rve.zip(unit.fibers.as_mut()) {
+                fibers.committed.take_equilibrium(&current);
+                (fibers.current, fibers.origin) = (current, Origin::Committed);
             }
-            (None, None) => None,
-            (saved, _) => return Err(FieldRestoreError::Fibers { element, saved: saved.is_some() }),
-        };
-        // `Unit::commit` copies `iterations` to `committed_iterations`, so a commit after the restore keeps the count.
-        Ok(Unit { fibers, matrix: unit.matrix, response, iterations, committed_iterations: iterations })
+            // `Unit::commit` copies `iterations` to `committed_iterations`: a commit after the restore keeps the count.
+            (unit.response, unit.iterations, unit.committed_iterations) = (response, iterations, iterations);
+        }
+        Ok(())
     }
 
     /// Removes all RVEs.
@@ -323,7 +280,6 @@ impl<B: Backend<Scalar = f64, Reduced: Scalar>> Units<B> {
     }
 
     /// Returns the index of the unit of each element.
-    #[must_use]
     pub fn by_element(&self) -> HashMap<usize, usize> {
         self.elements.iter().enumerate().map(|(number, &element)| (element, number)).collect()
     }

@@ -254,13 +254,7 @@ impl<C: Comm, B: Backend<Scalar = f64, Reduced: Scalar>> TissueMaterial for Scal
     }
 
     fn deformed_network(&self, element: usize) -> Option<DeformedNetwork> {
-        let output = self.reports.units.get(element)?.as_ref()?.network.as_ref()?;
-        Some(DeformedNetwork {
-            network: Arc::clone(self.library.models()[output.model].network()),
-            positions: output.positions.clone(),
-            stretches: output.stretches.clone(),
-            forces: output.forces.clone(),
-        })
+        self.reports.units.get(element)?.as_ref()?.network.clone()
     }
 
     fn ranks(&self) -> [usize; 2] {

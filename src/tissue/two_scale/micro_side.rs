@@ -6,14 +6,14 @@ use std::time::Instant;
 use super::TwoScaleError;
 use super::channels::Channels;
 use super::protocol::{
-    Command, MACRO, NetworkOutput, NewRve, RankReport, RankTimes, RveFailure, RveResponse, RveTask, Task, UnitReport,
-    pack, pack_into, unpack,
+    Command, MACRO, NewRve, RankReport, RankTimes, RveFailure, RveResponse, RveTask, Task, UnitReport, pack, pack_into,
+    unpack,
 };
 use crate::coupling::Scales;
 use crate::las::{Backend, Comm, Message, Scalar};
 use crate::tissue::materials::ElementSelection;
 use crate::tissue::micro_scale::{
-    ElementMaterial, Library, PointFailure, PointSummary, SerializeIter, UnitState, Units,
+    DeformedNetwork, ElementMaterial, Library, PointFailure, SerializeIter, UnitState, Units,
 };
 
 /// The main function of the micro scale on one rank; the macro scale receives the deformed networks of the elements in
@@ -193,7 +193,7 @@ impl<C: Comm, B: Backend<Scalar = f64, Reduced: Scalar>> MicroSide<'_, C, B> {
                 element: self.units.elements()[number] as u64,
                 summary: summary.clone(),
                 state: self.units.state(number),
-                network: self.network_output(number, summary.as_ref()),
+                network: self.network_output(number),
             })
         };
         let report = RankReport {
@@ -210,12 +210,9 @@ impl<C: Comm, B: Backend<Scalar = f64, Reduced: Scalar>> MicroSide<'_, C, B> {
     }
 
     /// The deformed network of a unit, if it is part of the output.
-    fn network_output(&self, number: usize, summary: Option<&PointSummary>) -> Option<NetworkOutput> {
-        if !self.output.contains(self.units.elements()[number]) {
-            return None;
-        }
-        let model = summary.map_or(0, |summary| summary.network);
-        self.units.deformed_network(number).map(|deformed| NetworkOutput::new(model, deformed))
+    fn network_output(&self, number: usize) -> Option<DeformedNetwork> {
+        let is_output = self.output.contains(self.units.elements()[number]);
+        is_output.then(|| self.units.deformed_network(number)).flatten()
     }
 
     /// Gathers a message of every rank of this scale and sends them to the macro scale, in the order of ranks.

@@ -157,29 +157,7 @@ pub struct UnitReport {
     /// Its committed state.
     pub state: UnitState,
     /// Its deformed network, if it is part of the output.
-    pub network: Option<NetworkOutput>,
-}
-
-/// A deformed network without the parts that every rank knows from the model.
-#[derive(Serialize, Deserialize)]
-pub struct NetworkOutput {
-    /// The number of its model.
-    pub model: usize,
-    /// Positions of the nodes.
-    pub positions: Vec<[f64; 3]>,
-    /// Stretch of every fiber.
-    pub stretches: Vec<f64>,
-    /// Force of every fiber, N.
-    pub forces: Vec<f64>,
-}
-
-impl NetworkOutput {
-    /// Takes the node and fiber values of the deformed network of a model.
-    #[must_use]
-    pub fn new(model: usize, deformed: DeformedNetwork) -> Self {
-        let DeformedNetwork { positions, stretches, forces, .. } = deformed;
-        Self { model, positions, stretches, forces }
-    }
+    pub network: Option<DeformedNetwork>,
 }
 
 /// An RVE that found no equilibrium.

@@ -106,15 +106,15 @@ fn rigidity_of(network: &Network, arguments: &CheckArguments) -> Result<Option<R
     if arguments.backend.is_none() && backends::compiled().is_empty() {
         return Ok(None);
     }
-    dispatch(arguments.backend.as_deref(), Examine { network }).map(Some)
+    dispatch(arguments.backend.as_deref(), RigidityJob { network }).map(Some)
 }
 
 /// The job that examines the rigidity of a network.
-struct Examine<'a> {
+struct RigidityJob<'a> {
     network: &'a Network,
 }
 
-impl Job for Examine<'_> {
+impl Job for RigidityJob<'_> {
     type Output = Rigidity;
 
     fn run<B: ProgramBackend>(self, context: B::Context) -> Result<Rigidity, Failure> {

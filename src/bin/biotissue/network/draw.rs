@@ -84,7 +84,7 @@ pub fn run(arguments: &DrawArguments) -> Result<(), Failure> {
         None => State::at_rest(&network),
         Some(gradient) => {
             let steps = arguments.steps.unwrap_or(1);
-            let job = Deform { path: &arguments.file, network: &network, gradient, material, steps };
+            let job = DeformJob { path: &arguments.file, network: &network, gradient, material, steps };
             dispatch(arguments.backend.as_deref(), job)?
         }
     };
@@ -152,7 +152,7 @@ impl State {
 }
 
 /// The job that brings the network to equilibrium.
-struct Deform<'a> {
+struct DeformJob<'a> {
     path: &'a Path,
     network: &'a Arc<Network>,
     gradient: Matrix3<f64>,
@@ -160,7 +160,7 @@ struct Deform<'a> {
     steps: usize,
 }
 
-impl Job for Deform<'_> {
+impl Job for DeformJob<'_> {
     type Output = State;
 
     fn run<B: ProgramBackend>(self, context: B::Context) -> Result<State, Failure> {
@@ -174,7 +174,7 @@ impl Job for Deform<'_> {
             Increments { target: &gradient, steps, params: &params, place: &place, file: Some(path), replayed: false };
         let mut rve = Rve::at_rest(network);
         let mut last = (rve.clone(), gradient);
-        let outcome = increments.take(&model, &mut rve, &mut workspace, &mut last);
+        let outcome = increments.apply(&model, &mut rve, &mut workspace, &mut last);
         outcome.map_err(|failed| increments.increment_failure(&failed))?;
         let (truss, states) = (model.truss(), workspace.states());
         let mut state = State { positions: workspace.positions().to_vec(), ..State::at_rest(network) };

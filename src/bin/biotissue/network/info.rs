@@ -30,7 +30,7 @@ pub fn run(arguments: &InfoArguments) -> Result<(), Failure> {
     let read = read(&arguments.file)?;
     let report = examine(&read.network);
     let counted = report.free_dofs <= MOST_UNKNOWNS && !backends::compiled().is_empty();
-    let zero_modes = if counted { Some(dispatch(None, Count { network: &read.network })?) } else { None };
+    let zero_modes = if counted { Some(dispatch(None, ZeroModesJob { network: &read.network })?) } else { None };
     if arguments.json {
         let mut object = json_of_file(&report, &read);
         object["rigidity"] = zero_modes.map_or(json!(null), |zero_modes| json!({ "zero_modes": zero_modes }));
@@ -44,11 +44,11 @@ pub fn run(arguments: &InfoArguments) -> Result<(), Failure> {
 }
 
 /// The job that counts the zero modes.
-struct Count<'a> {
+struct ZeroModesJob<'a> {
     network: &'a Network,
 }
 
-impl Job for Count<'_> {
+impl Job for ZeroModesJob<'_> {
     type Output = usize;
 
     fn run<B: ProgramBackend>(self, context: B::Context) -> Result<usize, Failure> {

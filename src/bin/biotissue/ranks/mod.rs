@@ -70,8 +70,8 @@ pub fn started_by_mpirun() -> Option<usize> {
     ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "MV2_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS"].into_iter().find_map(of)
 }
 
-/// Returns the number of ranks of a run in this process: `requested`, or the number in the case; `None` for a run without
-/// ranks.
+/// Returns the number of ranks of a run in this process: `requested`, or the number in the case; `None` for a run
+/// without ranks.
 pub fn of_threads(requested: Option<usize>, scales: ScalesCase, plan: Option<&Plan>) -> Option<usize> {
     let planned = plan.map_or(scales.least(), Plan::least);
     // If the case names more ranks than `requested`, `Scales` reports the error.
@@ -188,7 +188,7 @@ fn ranks_failed(error: &impl std::fmt::Display) -> Failure {
     )
 }
 
-/// Runs the main function of the scale of this rank. The first rank of the macro scale returns the outcome of the run,
+/// Runs the main function of the scale of this rank. The root of the macro scale returns the outcome of the run,
 /// including an orderly failure; an outer error is one that the other ranks do not know of.
 fn rank<C: Ranks>(world: &C, run: &RunContext<'_>) -> Result<Option<Outcome>, Failure> {
     let plan = match &run.plan {
@@ -202,7 +202,7 @@ fn rank<C: Ranks>(world: &C, run: &RunContext<'_>) -> Result<Option<Outcome>, Fa
         Ok(scales) => scales,
         // Only this rank knows of this error.
         Err(error @ ScaleError::Plan(PlanError::Differs { .. })) => return Err(ranks_failed(&error)),
-        Err(error @ ScaleError::Plan(_)) => return no_scales(world.rank(), run, &error),
+        Err(error @ ScaleError::Plan(_)) => return scales_failure(world.rank(), run, &error),
         Err(error) => return Err(ranks_failed(&error)),
     };
     // Initializing and finalizing PETSc is collective over all processes, including those that do not use it.
@@ -227,8 +227,8 @@ fn rank<C: Ranks>(world: &C, run: &RunContext<'_>) -> Result<Option<Outcome>, Fa
     outcome
 }
 
-/// Reports an error that all ranks find; only the first one returns it.
-fn no_scales(rank: usize, run: &RunContext<'_>, error: &ScaleError) -> Result<Option<Outcome>, Failure> {
+/// Reports an error that all ranks find; only the root returns it.
+fn scales_failure(rank: usize, run: &RunContext<'_>, error: &ScaleError) -> Result<Option<Outcome>, Failure> {
     if rank > 0 {
         return Ok(None);
     }

@@ -152,7 +152,7 @@ impl StageReport {
 
 /// Returns a tensor as its rows.
 pub fn rows(m: &Matrix3<f64>) -> [[f64; 3]; 3] {
-    [0, 1, 2].map(|i| [0, 1, 2].map(|j| m[(i, j)]))
+    m.transpose().into()
 }
 
 /// Returns a tangent as its rows.

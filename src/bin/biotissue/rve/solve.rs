@@ -52,7 +52,7 @@ impl Job for RveJob {
         let start = Instant::now();
         let mut rve = self.start.clone();
         let mut last = (rve.clone(), self.gradient);
-        let outcome = self.increments().take(&model, &mut rve, &mut workspace, &mut last);
+        let outcome = self.increments().apply(&model, &mut rve, &mut workspace, &mut last);
         seconds.solve = start.elapsed().as_secs_f64();
         if let Some(file) = &self.dump {
             let dump = RveDump::new(self.place.clone(), &model, (&last.0, &last.1), &self.params);
