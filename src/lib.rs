@@ -18,12 +18,13 @@
 //! | [`fem`] | the macro scale: meshes, elements, materials, load steps | [`las`] |
 //! | [`fiber`] | the micro scale: networks, fiber laws, equilibrium, condensed tangent | [`las`] |
 //! | [`coupling`] | scales on separate ranks: the ranks of each scale and the data exchanged between scales | [`las`] |
-//! | `tissue` | the two-scale problem: the RVEs of all elements, in one process or on ranks of their own | [`fem`], [`fiber`], [`coupling`] |
-//! | `app` | the application: cases, runs, results, pictures | all of them |
+//! | `tissue` | the two-scale problem in memory: materials, and the RVEs of all elements, in one process or on ranks of their own | [`fem`], [`fiber`], [`coupling`] |
+//! | `app` | the application: cases, runs, checkpoints, results, pictures | all of them |
 //!
-//! All of them may use [`tensor`], [`input`] and [`output`]. `fem`, `fiber` and `coupling` do not depend on each other. `fem` and `fiber` meet at the interface
-//! [`fem::point_field`], behind which a formula or a fiber network supplies the stress. Only `app`, the program,
-//! tests and benches name a concrete backend.
+//! All of them may use [`tensor`], [`input`] and [`output`].
+//! `fem`, `fiber` and `coupling` do not depend on each other. `fem` and `fiber` meet at the interface
+//! [`fem::point_field`], behind which a formula or a fiber network supplies the stress. Only the program, tests, benches
+//! and examples name a concrete backend.
 //!
 //! # Features
 //!
@@ -39,7 +40,7 @@
 //! | `hwloc` | the position of a rank in the machine, for [`coupling::topology`] | hwloc 2 with its headers |
 //! | `capi` | the C interface of the backends, which Fortran also uses | nothing |
 //! | `generate` | generated fiber networks: Delaunay and Voronoi, isotropic and aligned | nothing |
-//! | `app` (default, implies `generate`) | cases, results, pictures, the program `biotissue` | nothing |
+//! | `app` (default, implies `generate`) | `tissue` and `app`: the two-scale problem, cases, results, pictures, the program `biotissue` | nothing |
 //!
 //! To use the numerics alone, set `default-features = false, features = ["sparse"]`.
 //!

@@ -1,15 +1,17 @@
 //! The application: case files, runs, results, reports and pictures.
 //!
 //! ```text
-//! case file ─► case::Case ─► run::Simulation ─► results (directory) ─► report
+//! case file ─► case::Case ─► macro_scale (mesh, loads) ─► run::Simulation ─► results (directory) ─► report
 //! ```
 //!
 //! [`crate::tissue`] solves the two scales in memory; this module reads what describes the problem and writes the
 //! result directory.
 
 pub mod case;
+mod cell_fields;
 pub mod checkpoint;
-mod magnitudes;
+pub mod macro_scale;
+mod plausibility;
 mod recorder;
 pub mod report;
 pub mod results;

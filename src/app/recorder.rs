@@ -2,29 +2,26 @@
 
 use std::path::{Path, PathBuf};
 
-use nalgebra::Matrix3;
-
 use super::case::Case;
+use super::cell_fields::CellFields;
 use super::checkpoint;
 use super::results::collection::{Entry, field_file, index_file, partial};
 use super::results::log::{
-    Balance, Cut, Event, Factorizations, LogWriter, NewtonLog, NewtonSeconds, RankSeconds, Ranks, RveLog, Step,
+    Balance, Cut, Event, Factorizations, LogWriter, NewtonLog, NewtonSeconds, RankTimes, Ranks, RveLog, Step,
 };
 use super::results::{
     self, CASE_FILE, Collection, Done, FIELDS_FILE, FieldFile, FieldSet, LOADS_FILE, LOG_FILE, LoadsWriter, Pieces,
-    ResultsError, ResultsRecord, SurfaceRow, write_vtu,
+    ResultsError, ResultsRecord, SurfaceRow, failed_rve_file, write_vtu,
 };
 use super::rve_files::NetworkFiles;
 use crate::app::stress::CauchyStress;
 use crate::fem::equilibrium::BodyState;
 use crate::fem::mesh::Mesh;
 use crate::fem::reactions::BoundaryForces;
-use crate::fem::stepping::{ConvergedStep, FailedAttempt, StepReport};
-use crate::las::NewtonReport;
+use crate::fem::stepping::{ConvergedStep, FailedAttempt};
+use crate::las::{self, NewtonReport};
 use crate::output;
-use crate::tensor::{row_major, von_mises};
-use crate::tissue::micro_scale::{FailedRve, Life, PointSummary, RveStats, TissueMaterial};
-use crate::tissue::replay::lost_file;
+use crate::tissue::micro_scale::{FailedRve, RveStats, RveStatus, TissueMaterial};
 
 /// An observer of the progress of a run.
 pub trait Progress {
@@ -66,7 +63,7 @@ pub(super) struct Recorder<'a> {
     progress: &'a mut dyn Progress,
     started: std::time::Instant,
     /// The dump of the RVE that made the last attempt fail, if one did.
-    lost: Option<PathBuf>,
+    failed_rve: Option<PathBuf>,
 }
 
 impl<'a> Recorder<'a> {
@@ -125,7 +122,7 @@ impl<'a> Recorder<'a> {
             stress: CauchyStress::new(case, mesh),
             progress,
             started: std::time::Instant::now(),
-            lost: None,
+            failed_rve: None,
             written,
         })
     }
@@ -170,7 +167,7 @@ impl<'a> Recorder<'a> {
         field: &M,
     ) -> Result<(), ResultsError> {
         let stress = |element: usize, f: &_, pk1: &_| self.stress.of(mesh.region_of()[element], f, pk1);
-        let cells = CellFields::new(state, stress, &field.summaries(), |element| field.sites().life(element));
+        let cells = CellFields::new(state, stress, &field.summaries(), |element| field.sites().status(element));
         let region: Vec<i64> = mesh.region_of().iter().map(|&region| region.into()).collect();
         let rank: Vec<i64> = (0..region.len()).map(|element| field.rank_of(element) as i64).collect();
         let fields = FieldSet {
@@ -198,12 +195,12 @@ impl<'a> Recorder<'a> {
                 ("fiber_orientation", &cells.orientation),
             ],
         };
-        let of_step = if field.parts().is_some() { index_file(step) } else { field_file(step) };
+        let of_step = if field.shards().is_some() { index_file(step) } else { field_file(step) };
         let file = if whole { of_step } else { partial(&of_step) };
         let path = self.dir.join(&file);
-        match field.parts() {
+        match field.shards() {
             None => write_vtu(&path, &fields)?,
-            Some((part_of, parts)) => write_parts(&path, &fields, part_of, parts)?,
+            Some((shard_of, shards)) => write_pieces(&path, &fields, shard_of, shards)?,
         }
         self.fields.add(state.t, &file)?;
         self.written.push(FieldFile::new(&self.dir, state.t, &file)?);
@@ -211,7 +208,7 @@ impl<'a> Recorder<'a> {
     }
 
     /// Writes the times of all ranks, one entry per trial state.
-    fn write_seconds(&mut self, step: usize, iterations: &[Vec<RankSeconds>]) -> Result<(), ResultsError> {
+    fn write_times(&mut self, step: usize, iterations: &[Vec<RankTimes>]) -> Result<(), ResultsError> {
         for (iteration, ranks) in (1..).zip(iterations) {
             self.log.write(&Event::Ranks(Ranks { step, iteration, ranks: ranks.clone() }))?;
         }
@@ -219,16 +216,17 @@ impl<'a> Recorder<'a> {
     }
 
     /// Writes the dump of a failed RVE; returns the file, relative to the directory.
-    fn write_lost(&self, step: usize, halvings: u32, mut lost: FailedRve) -> Result<PathBuf, ResultsError> {
-        let file = lost_file(step, halvings, lost.element);
-        lost.dump.origin = format!("element {} in load step {step}", lost.element);
-        lost.dump.write(&self.dir.join(&file))?;
+    fn write_failed_rve(&self, step: usize, halvings: u32, mut failed: FailedRve) -> Result<PathBuf, ResultsError> {
+        let file = failed_rve_file(step, halvings, failed.element);
+        failed.dump.origin = format!("element {} in load step {step}", failed.element);
+        let path = self.dir.join(&file);
+        failed.dump.write(&path).map_err(ResultsError::write(&path))?;
         Ok(file)
     }
 
     /// Returns the dump of the RVE that made the last attempt fail, if one did.
-    pub fn lost(&self) -> Option<&Path> {
-        self.lost.as_deref()
+    pub fn failed_rve(&self) -> Option<&Path> {
+        self.failed_rve.as_deref()
     }
 
     /// Writes the fields of the last converged state if they are not written yet, for a run that fails between two
@@ -256,18 +254,19 @@ impl Recorder<'_> {
         if step.step.is_multiple_of(self.every) || step.step == step.count {
             self.write_fields((step.step, true), step.mesh, step.state, step.field)?;
         }
-        self.write_seconds(step.step, &step.field.take_seconds())?;
+        self.write_times(step.step, &step.field.take_times())?;
         let stats = step.field.take_stats();
+        let total = std::mem::replace(&mut self.started, std::time::Instant::now()).elapsed().as_secs_f64();
         let line = Step {
             step: step.step,
             t: step.t,
             cuts: step.report.cuts as u32,
             rounds: step.report.evolutions,
-            newton: newton_of_step(step.report, std::mem::replace(&mut self.started, std::time::Instant::now())),
+            newton: newton_log(&step.report.solves, step.report.seconds(), total),
             rve: (step.field.sites().rves() > 0).then(|| rve_log(&stats, step.field)),
             balance: balance(&step.forces),
         };
-        self.lost = None;
+        self.failed_rve = None;
         self.progress.converged(&line);
         self.log.write(&Event::Step(line))
     }
@@ -276,26 +275,28 @@ impl Recorder<'_> {
         &mut self,
         attempt: &FailedAttempt<'_, M, F>,
     ) -> Result<(), ResultsError> {
-        self.write_seconds(attempt.step, &attempt.field.take_seconds())?;
-        let lost = attempt.field.take_lost();
-        let lost_rve = lost.map(|lost| self.write_lost(attempt.step, attempt.halvings, lost)).transpose()?;
-        self.lost = lost_rve.as_ref().map(|file| self.dir.join(file));
+        self.write_times(attempt.step, &attempt.field.take_times())?;
+        let failed = attempt.field.take_failed_rve();
+        let lost_rve = failed.map(|rve| self.write_failed_rve(attempt.step, attempt.halvings, rve)).transpose()?;
+        self.failed_rve = lost_rve.as_ref().map(|file| self.dir.join(file));
+        let seconds = attempt.newton.seconds;
+        let total = seconds.residual + seconds.jacobian + seconds.factor + seconds.solve;
         let cut = Cut {
             step: attempt.step,
             t: attempt.t,
             reason: attempt.reason.to_string(),
             lost_rve,
-            newton: newton_log(attempt.newton),
+            newton: newton_log(std::slice::from_ref(attempt.newton), seconds, total),
         };
         self.progress.failed(&cut);
         self.log.write(&Event::Cut(cut))
     }
 }
 
-/// Writes one file per part of the body, and the index file that lists them.
-fn write_parts(path: &Path, fields: &FieldSet<'_>, part_of: &[u32], parts: usize) -> Result<(), ResultsError> {
-    let pieces = Pieces::new(fields.elements, part_of, parts);
-    (0..parts).try_for_each(|part| pieces.write_part(part, path, fields))?;
+/// Writes one file per shard of the body, and the index file that lists them.
+fn write_pieces(path: &Path, fields: &FieldSet<'_>, shard_of: &[u32], shards: usize) -> Result<(), ResultsError> {
+    let pieces = Pieces::new(fields.elements, shard_of, shards);
+    (0..shards).try_for_each(|shard| pieces.write_part(shard, path, fields))?;
     pieces.write_index(path, fields)
 }
 
@@ -308,62 +309,36 @@ fn balance(forces: &BoundaryForces) -> Balance {
     Balance { force, relative: if largest > 0.0 { norm(&force) / largest } else { 0.0 } }
 }
 
-fn newton_log(report: &NewtonReport) -> NewtonLog {
-    let seconds = report.seconds;
+/// Sums the counts of the solves of a step and concatenates their residual histories; `total` is the wall time, s.
+fn newton_log(reports: &[NewtonReport], seconds: las::NewtonSeconds, total: f64) -> NewtonLog {
+    let sum = |count: fn(&NewtonReport) -> usize| reports.iter().map(count).sum();
     NewtonLog {
-        iterations: report.iterations,
-        residual: report.residuals.last().copied().unwrap_or(f64::NAN),
-        residuals: report.residuals.clone(),
-        relative: report.relative.clone(),
-        line_search_cuts: report.backtracks,
+        iterations: sum(|report| report.iterations),
+        residual: reports.last().map_or(0.0, |last| last.residuals.last().copied().unwrap_or(f64::NAN)),
+        residuals: reports.iter().flat_map(|report| &report.residuals).copied().collect(),
+        relative: reports.iter().flat_map(|report| &report.relative).copied().collect(),
+        line_search_cuts: sum(|report| report.backtracks),
         factorizations: Factorizations {
-            cholesky: report.cholesky,
-            ldlt: report.ldlt,
-            lu: report.lu,
-            approximate: report.approximate,
+            cholesky: sum(|report| report.cholesky),
+            ldlt: sum(|report| report.ldlt),
+            lu: sum(|report| report.lu),
+            approximate: sum(|report| report.approximate),
         },
-        linear_iterations: report.linear_iterations,
+        linear_iterations: sum(|report| report.linear_iterations),
         seconds: NewtonSeconds {
             point_field: seconds.residual,
             assembly: seconds.jacobian,
             factor: seconds.factor,
             solve: seconds.solve,
-            total: seconds.residual + seconds.jacobian + seconds.factor + seconds.solve,
+            total,
         },
     }
 }
 
-/// Sums the counts of all substeps of a step and concatenates their residual histories.
-fn newton_of_step(report: &StepReport, started: std::time::Instant) -> NewtonLog {
-    let mut sum = NewtonLog::default();
-    for part in &report.solves {
-        let part = newton_log(part);
-        sum.iterations += part.iterations;
-        sum.residual = part.residual;
-        sum.residuals.extend(part.residuals);
-        sum.relative.extend(part.relative);
-        sum.line_search_cuts += part.line_search_cuts;
-        sum.factorizations.cholesky += part.factorizations.cholesky;
-        sum.factorizations.ldlt += part.factorizations.ldlt;
-        sum.factorizations.lu += part.factorizations.lu;
-        sum.factorizations.approximate += part.factorizations.approximate;
-        sum.linear_iterations += part.linear_iterations;
-    }
-    let seconds = report.seconds();
-    sum.seconds = NewtonSeconds {
-        point_field: seconds.residual,
-        assembly: seconds.jacobian,
-        factor: seconds.factor,
-        solve: seconds.solve,
-        total: started.elapsed().as_secs_f64(),
-    };
-    sum
-}
-
 fn rve_log(stats: &RveStats, field: &impl TissueMaterial) -> RveLog {
     let sites = field.sites();
-    let lives: Vec<Life> = (0..sites.len()).filter_map(|element| sites.life(element)).collect();
-    let count = |life: Life| lives.iter().filter(|&&other| other == life).count() as u64;
+    let statuses: Vec<RveStatus> = (0..sites.len()).filter_map(|element| sites.status(element)).collect();
+    let count = |status: RveStatus| statuses.iter().filter(|&&other| other == status).count() as u64;
     RveLog {
         solves: stats.solves as u64,
         iterations_total: stats.iterations as u64,
@@ -381,58 +356,8 @@ fn rve_log(stats: &RveStats, field: &impl TissueMaterial) -> RveLog {
         replaced: stats.replaced as u64,
         reused: stats.reused as u64,
         seconds_cpu: stats.seconds,
-        asleep: count(Life::Asleep),
-        waiting: count(Life::Waiting),
-        deleted: count(Life::Deleted),
-    }
-}
-
-/// The element fields, collected for the writer.
-#[derive(Default)]
-struct CellFields {
-    cauchy: Vec<[f64; 9]>,
-    gradient: Vec<[f64; 9]>,
-    von_mises: Vec<f64>,
-    orientation: Vec<[f64; 9]>,
-    direction: Vec<[f64; 3]>,
-    alignment: Vec<f64>,
-    stretch_min: Vec<f64>,
-    stretch_max: Vec<f64>,
-    iterations: Vec<i64>,
-    status: Vec<i64>,
-    network: Vec<i64>,
-}
-
-impl CellFields {
-    fn new(
-        state: &BodyState,
-        stress: impl Fn(usize, &Matrix3<f64>, &Matrix3<f64>) -> Matrix3<f64>,
-        summaries: &[Option<PointSummary>],
-        life: impl Fn(usize) -> Option<Life>,
-    ) -> Self {
-        let mut cells = Self::default();
-        let states = state.gradients.iter().zip(&state.responses.pk1);
-        for (element, ((f, pk1), summary)) in states.zip(summaries).enumerate() {
-            let cauchy = stress(element, f, pk1);
-            cells.von_mises.push(von_mises(&cauchy));
-            cells.cauchy.push(row_major(&cauchy));
-            cells.gradient.push(row_major(f));
-            // Elements without fibers have 0 in the fiber fields, and -1 in `iterations` and `network`.
-            let s = summary.as_ref();
-            cells.orientation.push(s.map_or([0.0; 9], |s| row_major(&s.orientation)));
-            cells.direction.push(s.map_or([0.0; 3], |s| s.direction.into()));
-            cells.alignment.push(s.map_or(0.0, |s| s.alignment));
-            cells.stretch_min.push(s.map_or(0.0, |s| s.stretch[0]));
-            cells.stretch_max.push(s.map_or(0.0, |s| s.stretch[1]));
-            cells.iterations.push(s.map_or(-1, |s| s.iterations as i64));
-            cells.status.push(life(element).map_or(-1, |life| match life {
-                Life::Awake => 0,
-                Life::Asleep => 1,
-                Life::Waiting => 2,
-                Life::Deleted => 3,
-            }));
-            cells.network.push(s.map_or(-1, |s| s.network as i64));
-        }
-        cells
+        asleep: count(RveStatus::Asleep),
+        waiting: count(RveStatus::Waiting),
+        deleted: count(RveStatus::Deleted),
     }
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use super::case::{Case, RveOutput};
+use super::case::{Case, ElementSelection};
 use super::results::collection::partial;
 use super::results::networks::{network_collection, network_file};
 use super::results::{
@@ -20,9 +20,9 @@ use crate::tissue::micro_scale::{DeformedNetwork, TissueMaterial};
 /// Returns [`InputErrors`] that list all requested elements that do not exist or have no fibers.
 pub(super) fn elements(case: &Case, count: usize, field: &impl TissueMaterial) -> Result<Vec<usize>, InputErrors> {
     let ids = match &case.output.rve {
-        RveOutput::None => return Ok(Vec::new()),
-        RveOutput::All => return Ok((0..count).filter(|&element| field.sites().has_fibers(element)).collect()),
-        RveOutput::Elements(ids) => ids,
+        ElementSelection::None => return Ok(Vec::new()),
+        ElementSelection::All => return Ok((0..count).filter(|&element| field.sites().has_fibers(element)).collect()),
+        ElementSelection::Elements(ids) => ids,
     };
     let error = |&element: &usize| {
         let (what, cure) = match element {
@@ -82,10 +82,12 @@ impl NetworkFiles {
         field: &M,
     ) -> Result<(), ResultsError> {
         let Self { folder, series } = self;
+        let networks: Vec<_> = field.library().models().iter().map(|model| model.network()).collect();
         let deformed: Vec<_> = series.iter().map(|(element, _)| field.deformed_network(*element)).collect();
         series.par_iter_mut().zip(deformed).try_for_each(|((element, collection), deformed)| {
             let Some(deformed) = deformed else { return Ok(()) };
-            let DeformedNetwork { network, positions, stretches, forces } = &deformed;
+            let DeformedNetwork { model, positions, stretches, forces } = &deformed;
+            let network = &networks[*model];
             let kind: Vec<i64> = network.material_of().iter().map(|&reaction| reaction.into()).collect();
             let set = NetworkSet {
                 points: positions,

@@ -1,15 +1,13 @@
-//! The two-scale problem: couples the macro scale with the fiber RVEs.
+//! The two-scale problem in memory: a body whose material is a fiber network at every integration point.
 //!
 //! ```text
-//! Case ─┬─► macro_scale (mesh, loads) ─────────┬─► fem::stepping
-//!       └─► micro_scale (networks, two_scale) ─┘
+//! Materials ─► Library (networks) ─► TissueField or ScaleField ─► fem::stepping
 //! ```
 //!
-//! [`micro_scale::TissueField`] implements the interface [`crate::fem::point_field`] with a formula or a network in
+//! [`materials`] describes the material of every region. [`micro_scale::TissueField`] implements the interface [`crate::fem::point_field`] with a formula or a network in
 //! every element, where all threads solve the networks; [`two_scale::ScaleField`] does so with networks on other ranks.
 
-pub mod macro_scale;
+pub mod materials;
 pub mod micro_scale;
 pub mod replay;
-
 pub mod two_scale;

@@ -5,13 +5,12 @@
 //! requested deformation gradient, and the parameters. Numbers have all digits, so that the same program reproduces the
 //! equilibrium bit for bit.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 
-use crate::app::results::ResultsError;
 use crate::fiber::equilibrium::{EquilibriumParams, Stage, Stages};
 use crate::fiber::law::FiberMaterial;
 use crate::fiber::network::file::sidecar::NamedLaw;
@@ -20,10 +19,6 @@ use crate::fiber::rve::{Rve, RveModel, Sensitivities, StressScale};
 use crate::input::InputError;
 use crate::las::Backend;
 use crate::output;
-use crate::tensor::rows;
-
-/// The folder of a result directory for RVEs that found no equilibrium.
-pub const LOST_FOLDER: &str = "lost-rve";
 
 /// An equilibrium problem of one RVE.
 #[derive(Clone, Debug, PartialEq)]
@@ -105,14 +100,12 @@ impl RveDump {
     /// Writes the file as [`output::write`] does, and creates its folder if it does not exist.
     ///
     /// # Errors
-    /// Returns [`ResultsError::Write`] if the file or its folder cannot be written.
-    pub fn write(&self, path: &Path) -> Result<(), ResultsError> {
+    /// Returns an error if the file or its folder cannot be written.
+    pub fn write(&self, path: &Path) -> std::io::Result<()> {
         if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
-            std::fs::create_dir_all(folder).map_err(ResultsError::write(folder))?;
+            std::fs::create_dir_all(folder)?;
         }
-        let text = serde_json::to_string(&self.document())
-            .map_err(|error| ResultsError::write(path)(std::io::Error::other(error)))?;
-        output::write(path, text.as_bytes()).map_err(ResultsError::write(path))
+        output::write(path, serde_json::to_string(&self.document())?.as_bytes())
     }
 
     fn document(&self) -> Document {
@@ -132,11 +125,11 @@ impl RveDump {
                 StressScale::FiberVolumeFraction(phi) => Some(phi),
             },
             start: StateDocument {
-                gradient: rows(self.start.gradient()),
+                gradient: self.start.gradient().transpose().into(),
                 interior: self.start.interior().to_vec(),
                 sensitivities: self.start.sensitivities().map(<[Sensitivities]>::to_vec),
             },
-            target: rows(&self.target),
+            target: self.target.transpose().into(),
             solver: SolverDocument {
                 tolerance: self.params.newton.tolerance,
                 max_iterations: self.params.newton.max_iterations,
@@ -170,7 +163,7 @@ impl RveDump {
         let network = Network::in_cube(name, Cube::UNIT, nodes, fibers)
             .and_then(|network| network.with_materials(materials, material_of))
             .map_err(|error| error.to_string())?;
-        let start = Rve::restored(matrix(&start.gradient), start.interior, start.sensitivities);
+        let start = Rve::restored(Matrix3::from(start.gradient).transpose(), start.interior, start.sensitivities);
         start.check(&network).map_err(|error| error.to_string())?;
         let stages: Option<Vec<Stage>> = solver.stages.iter().map(|name| Stage::named(name)).collect();
         let stages = stages.ok_or_else(|| format!("knows other stages than this program: {:?}", solver.stages))?;
@@ -184,7 +177,7 @@ impl RveDump {
             network: Arc::new(network),
             scale: fiber_volume_fraction.map_or(StressScale::Raw, StressScale::FiberVolumeFraction),
             start,
-            target: matrix(&target),
+            target: Matrix3::from(target).transpose(),
             params,
         })
     }
@@ -192,13 +185,3 @@ impl RveDump {
 
 const EXPECTED: &str = "a file that `biotissue rve --dump` or a run that lost an RVE has written";
 const CURE: &str = "write it again with this version of the program";
-
-/// Returns the path, within a result directory, of the dump of an RVE that failed in a load step.
-#[must_use]
-pub fn lost_file(step: usize, halvings: u32, element: usize) -> PathBuf {
-    Path::new(LOST_FOLDER).join(format!("step-{step:05}-cut-{halvings:02}-element-{element}.json"))
-}
-
-fn matrix(rows: &[[f64; 3]; 3]) -> Matrix3<f64> {
-    Matrix3::from_fn(|i, j| rows[i][j])
-}

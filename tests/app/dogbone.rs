@@ -17,10 +17,10 @@ fn regression_the_dogbone_extends_as_before_with_forces_in_balance() {
     let dir = tempfile::tempdir().unwrap();
     let mut simulation = Simulation::<Sparse>::new((), case).unwrap_or_else(|error| panic!("{error}"));
 
-    let plan = simulation.plan();
-    assert!(plan.elements >= 2000 && plan.rves == plan.elements);
-    assert_eq!(plan.networks.len(), 8);
-    assert_eq!(plan.networks.iter().map(|network| network.rves).sum::<usize>(), plan.rves);
+    let size = simulation.problem_size();
+    assert!(size.elements >= 2000 && size.rves == size.elements);
+    assert_eq!(size.networks.len(), 8);
+    assert_eq!(size.networks.iter().map(|network| network.rves).sum::<usize>(), size.rves);
     let [lower, upper] = simulation.mesh().bounding_box();
     let length = upper[0] - lower[0];
     simulation.run(dir.path(), &mut ()).unwrap_or_else(|error| panic!("{error}"));

@@ -323,7 +323,7 @@ fn networks_asked_for_are_written_and_belong_to_the_fields() {
 #[test]
 fn elements_without_a_network_to_write_are_named() {
     let text = CASE.replace("[0, 7]", "[3, 12, 99]");
-    let Err(SimulationError::Output(errors)) = Simulation::<Sparse>::new((), case(&text)) else { panic!("accepted") };
+    let Err(SimulationError::Input(errors)) = Simulation::<Sparse>::new((), case(&text)) else { panic!("accepted") };
     let what: Vec<&str> = errors.0.iter().map(|error| error.problem.as_str()).collect();
     let said = |element| format!("`output.rve` names element {element}; the mesh has 12 elements");
     assert_eq!(what, [said(12), said(99)]);
@@ -332,7 +332,7 @@ fn elements_without_a_network_to_write_are_named() {
     let (start, end) = (CASE.find("[region.material]").unwrap(), CASE.find("[[boundary]]").unwrap());
     let plain = "[region.material]\nmodel = \"neo-hookean\"\nyoungs_modulus = 1.0e3\npoisson_ratio = 0.3\n";
     let text = format!("{}{plain}{}", &CASE[..start], &CASE[end..]);
-    let Err(SimulationError::Output(errors)) = Simulation::<Sparse>::new((), case(&text)) else { panic!("accepted") };
+    let Err(SimulationError::Input(errors)) = Simulation::<Sparse>::new((), case(&text)) else { panic!("accepted") };
     assert_eq!(errors.0[0].problem, "`output.rve` names element 0, which has no fibers");
     // A body without fibers has checkpoints too.
     let text = text.replace("[0, 7]", "\"all\"");

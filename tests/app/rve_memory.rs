@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use biotissue::app::case::Case;
+use biotissue::app::macro_scale;
 use biotissue::backends::sparse::Sparse;
 use biotissue::fem::point_field::{PointField, PointResponses};
-use biotissue::tissue::macro_scale;
 use biotissue::tissue::micro_scale::{TissueField, TissueMaterial};
 use nalgebra::Matrix3;
 
@@ -42,7 +42,8 @@ fn field(network: &Path, cells: usize) -> (f64, f64, f64) {
     let case = Case::read(&file).unwrap_or_else(|errors| panic!("{errors}")).case;
     let (mesh, _) = macro_scale::mesh(&case).unwrap();
     let before = counting::in_use();
-    let (mut field, _) = TissueField::<Sparse>::new((), &case, &mesh).unwrap_or_else(|error| panic!("{error}"));
+    let (mut field, _) =
+        TissueField::<Sparse>::new((), case.materials(), &mesh).unwrap_or_else(|error| panic!("{error}"));
     let planned = field.rve_bytes();
     let mut out = PointResponses::default();
     for k in 0..2 {

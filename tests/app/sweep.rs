@@ -1,9 +1,9 @@
 //! A sweep over RVEs of which some find no equilibrium.
 
 use biotissue::app::case::Case;
+use biotissue::app::macro_scale;
 use biotissue::backends::sparse::Sparse;
 use biotissue::fem::point_field::{PointField, PointResponses};
-use biotissue::tissue::macro_scale;
 use biotissue::tissue::micro_scale::{TissueField, TissueMaterial};
 use nalgebra::Matrix3;
 use rayon::ThreadPoolBuilder;
@@ -35,7 +35,8 @@ fn after_a_failure(threads: usize) -> (PointResponses, String) {
     let (mesh, _) = macro_scale::mesh(&case).unwrap();
     let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     pool.install(|| {
-        let (mut field, _) = TissueField::<Sparse>::new((), &case, &mesh).unwrap_or_else(|error| panic!("{error}"));
+        let (mut field, _) =
+            TissueField::<Sparse>::new((), case.materials(), &mesh).unwrap_or_else(|error| panic!("{error}"));
         let mut out = PointResponses::default();
         let stretched = |by: f64| Matrix3::new(by, 0.01, 0.0, 0.0, 0.98, 0.0, 0.02, 0.0, 1.01);
         let mut gradients: Vec<Matrix3<f64>> =

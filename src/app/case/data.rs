@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
-use crate::fiber::equilibrium::Stages;
-use crate::fiber::law::FiberMaterial;
+use crate::fem::boundary::LoadCurve;
+use crate::fem::stepping::StepStart;
 use crate::las::Method;
+use crate::tissue::materials::{ElementSelection, Materials, Region, RegionMaterial, RveParams};
 
 /// A checked case. Paths are absolute, resolved against the folder of the case file.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,12 +32,21 @@ pub struct Case {
     pub steps: StepsCase,
     /// Newton's method at the macro scale.
     pub newton: NewtonCase,
-    /// Newton's method at the micro scale.
-    pub micro: MicroCase,
+    /// The solver of the RVEs.
+    pub micro: RveParams,
     /// Numbers of ranks.
     pub scales: ScalesCase,
     /// The result directory and the output written to it.
     pub output: OutputCase,
+}
+
+impl Case {
+    /// Returns the materials of the regions and the solver of the RVEs.
+    #[must_use]
+    pub fn materials(&self) -> Materials {
+        let region = |region: &RegionCase| Region { name: region.name.clone(), material: region.material.clone() };
+        Materials { regions: self.regions.iter().map(region).collect(), rve: self.micro }
+    }
 }
 
 /// The source of a mesh.
@@ -66,104 +76,7 @@ pub struct RegionCase {
     /// Line of the case file, for errors found once the mesh is read.
     pub line: usize,
     /// The material.
-    pub material: MaterialCase,
-}
-
-/// A material of the macro scale.
-#[derive(Clone, Debug, PartialEq)]
-pub enum MaterialCase {
-    /// A formula.
-    Formula(FormulaCase),
-    /// A fiber network at every integration point.
-    FiberRve(FiberRveCase),
-}
-
-/// A material given by a formula. Every pair of elastic constants is converted to `mu` and `lambda`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FormulaCase {
-    /// The formula.
-    pub model: FormulaModel,
-    /// Shear modulus `mu`, Pa.
-    pub shear_modulus: f64,
-    /// Lame's first constant `lambda`, Pa.
-    pub lame_lambda: f64,
-}
-
-/// The available formulas.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum FormulaModel {
-    /// `mu/2 (I1 - 3) - mu ln J + lambda/2 (ln J)^2`.
-    NeoHookean,
-    /// Linear elasticity at small strain.
-    LinearElastic,
-}
-
-/// A fiber network at every integration point.
-#[derive(Clone, Debug, PartialEq)]
-pub struct FiberRveCase {
-    /// The network files, sorted, with glob patterns expanded. If empty, the material is its matrix alone, which must
-    /// exist.
-    pub networks: Vec<PathBuf>,
-    /// The rule that assigns a network to each element.
-    pub choose: Choose,
-    /// Seed of the random assignment.
-    pub seed: u64,
-    /// The scaling of the stress.
-    pub scale: ScaleCase,
-    /// The law of all fibers; if `None`, the parameter files beside each network define it.
-    pub law: Option<FiberMaterial>,
-    /// A matrix in parallel with the network.
-    pub matrix: Option<FormulaCase>,
-    /// The conditions under which RVEs are created, sleep, and are deleted.
-    pub life: LifeCase,
-}
-
-/// The conditions under which the RVE of an element is created, sleeps, and is deleted. By default it exists and is
-/// awake throughout the run.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LifeCase {
-    /// The RVE is created once the strain of its element, `|E|` with `E = (F^T F - I) / 2`, exceeds this value.
-    pub created_at: f64,
-    /// The response before creation.
-    pub before: Before,
-    /// The RVE falls asleep after a step in which every component of `F` changes by less than this value, and wakes
-    /// once a component has changed by more since.
-    pub asleep_below: f64,
-    /// The RVE is deleted once the strain exceeds this value; from then on its matrix alone responds.
-    pub deleted_at: f64,
-}
-
-impl Default for LifeCase {
-    fn default() -> Self {
-        Self { created_at: 0.0, before: Before::Linear, asleep_below: 0.0, deleted_at: f64::INFINITY }
-    }
-}
-
-/// The response that replaces an RVE before it is created.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Before {
-    /// The linear response of its network at rest, plus its matrix if it has one.
-    Linear,
-    /// Its matrix alone.
-    Matrix,
-}
-
-/// The rule that assigns a network of the library to each element.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Choose {
-    /// By a hash of seed and element number.
-    Random,
-    /// By the element number modulo the number of networks.
-    Cycle,
-}
-
-/// The factor `kappa` that converts network forces to stresses.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum ScaleCase {
-    /// `kappa = 1`.
-    Raw,
-    /// `kappa = phi / sum(A L)`, where `phi` is this fiber volume fraction.
-    FiberVolumeFraction(f64),
+    pub material: RegionMaterial,
 }
 
 /// A boundary condition on a surface.
@@ -174,27 +87,18 @@ pub struct BoundaryCase {
     /// Line of the case file.
     pub line: usize,
     /// The prescribed displacement or traction.
-    pub load: LoadCase,
+    pub load: SurfaceLoad,
     /// The load curve over pseudo-time.
-    pub curve: CurveCase,
+    pub curve: LoadCurve,
 }
 
-/// The displacement or traction that a boundary prescribes.
-#[derive(Clone, Debug, PartialEq)]
-pub enum LoadCase {
+/// A load on a surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SurfaceLoad {
     /// Displacement by component, m; a component that is `None` is free.
     Displacement([Option<f64>; 3]),
-    /// Dead traction, Pa of reference area.
+    /// Traction: force per reference area, Pa.
     Traction([f64; 3]),
-}
-
-/// A load factor as a function of pseudo-time `t` in `(0, 1]`.
-#[derive(Clone, Debug, PartialEq)]
-pub enum CurveCase {
-    /// `factor = t`.
-    Ramp,
-    /// Linear between `(t, factor)` points with ascending `t`, constant before the first and after the last.
-    Table(Vec<[f64; 2]>),
 }
 
 /// A prescribed displacement at a node.
@@ -207,7 +111,7 @@ pub struct PointCase {
     /// Displacement by component, m; a component that is `None` is free.
     pub displacement: [Option<f64>; 3],
     /// The load curve over pseudo-time.
-    pub curve: CurveCase,
+    pub curve: LoadCurve,
 }
 
 /// The specification of a node.
@@ -229,7 +133,7 @@ pub struct BodyForceCase {
     /// The force, N/m^3.
     pub value: [f64; 3],
     /// The load curve over pseudo-time.
-    pub curve: CurveCase,
+    pub curve: LoadCurve,
 }
 
 /// The load steps; by default 10 steps and at most 6 cuts.
@@ -265,44 +169,11 @@ pub struct NewtonCase {
 
 impl Default for NewtonCase {
     fn default() -> Self {
-        Self { tolerance: 1e-8, max_iterations: 25, line_search: true, start: StepStart::Held, solver: Method::Direct }
-    }
-}
-
-/// The initial guess of a step that follows a converged one.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum StepStart {
-    /// The converged state with only the prescribed displacements updated.
-    Held,
-    /// The converged state plus the increment of all displacements that its last tangent gives for the prescribed ones.
-    Tangent,
-}
-
-/// Equilibrium at the micro scale; by default tolerance 1e-10, at most 50 iterations, at most 6 cuts, all stages.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MicroCase {
-    /// Tolerance of the relative residual.
-    pub tolerance: f64,
-    /// Maximum number of iterations per RVE.
-    pub max_iterations: usize,
-    /// Maximum number of times that a failed increment is halved.
-    pub max_cuts: u32,
-    /// The solution stages that are allowed.
-    pub stages: Stages,
-    /// Whether each RVE stores the sensitivity of its node positions to the strain and starts from that prediction.
-    pub predictor: bool,
-    /// The linear solver.
-    pub solver: Method,
-}
-
-impl Default for MicroCase {
-    fn default() -> Self {
         Self {
-            tolerance: 1e-10,
-            max_iterations: 50,
-            max_cuts: 6,
-            stages: Stages::default(),
-            predictor: true,
+            tolerance: 1e-8,
+            max_iterations: 25,
+            line_search: true,
+            start: StepStart::default(),
             solver: Method::Direct,
         }
     }
@@ -326,7 +197,7 @@ impl ScalesCase {
     pub fn least(&self) -> usize {
         match (self.macro_ranks, self.micro_ranks) {
             (1, 0) => 1,
-            (above, below) => above + below.max(1),
+            (macro_ranks, micro_ranks) => macro_ranks + micro_ranks.max(1),
         }
     }
 }
@@ -345,16 +216,5 @@ pub struct OutputCase {
     /// Number of steps between two outputs of the fields; the last step is always written.
     pub every: usize,
     /// The elements whose deformed networks are written too.
-    pub rve: RveOutput,
-}
-
-/// The elements whose deformed networks are written beside the fields.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum RveOutput {
-    /// No element.
-    None,
-    /// All elements that have a network.
-    All,
-    /// The elements with these indices in the mesh, from 0; ascending, without repeats.
-    Elements(Vec<usize>),
+    pub rve: ElementSelection,
 }

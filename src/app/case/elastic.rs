@@ -1,6 +1,5 @@
 //! Elastic constants: any two of four, converted to the Lame constants.
 
-use super::data::{FormulaCase, FormulaModel};
 use super::range::Range;
 use super::table::Table;
 
@@ -11,9 +10,9 @@ const KEYS: [(&str, Range); 4] = [
     ("lame_lambda", Range::any("Pa")),
 ];
 
-/// Reads exactly two constants from `table`, converts them, and reports an error unless shear modulus and bulk modulus
+/// Reads exactly two constants from `table`, converts them to `[mu, lambda]` in Pa, and reports an error unless shear modulus and bulk modulus
 /// are positive and finite.
-pub(super) fn constants(table: &mut Table<'_>, model: FormulaModel) -> Option<FormulaCase> {
+pub(super) fn lame_constants(table: &mut Table<'_>) -> Option<[f64; 2]> {
     let present = KEYS.map(|(key, _)| table.has(key));
     let given = KEYS.map(|(key, range)| table.number(key, range));
     let names: Vec<&str> = KEYS.iter().zip(present).filter(|(_, there)| *there).map(|((key, _), _)| *key).collect();
@@ -38,7 +37,7 @@ pub(super) fn constants(table: &mut Table<'_>, model: FormulaModel) -> Option<Fo
         );
         return None;
     }
-    Some(FormulaCase { model, shear_modulus, lame_lambda })
+    Some([shear_modulus, lame_lambda])
 }
 
 fn values(names: &[&str], given: [Option<f64>; 4]) -> String {

@@ -3,11 +3,12 @@
 use std::collections::{BTreeMap, HashMap};
 use std::hash::Hash;
 
-use super::data::{BodyForceCase, BoundaryCase, CurveCase, LoadCase, PointCase, PointPlace};
+use super::data::{BodyForceCase, BoundaryCase, PointCase, PointPlace, SurfaceLoad};
 use super::problems::Problems;
 use super::range::Range;
 use super::table::{Either, Table};
 use super::value::{Value, did_you_mean};
+use crate::fem::boundary::LoadCurve;
 use crate::input::excerpt;
 
 pub(super) const AXES: [&str; 3] = ["x", "y", "z"];
@@ -24,7 +25,7 @@ pub(super) fn boundaries(root: &mut Table<'_>) -> Vec<BoundaryCase> {
         if let (Some(surface), Some(load)) = (surface, load) {
             let new = BoundaryCase { surface: surface.to_string(), line: table.line, load, curve };
             let place = || format!("surface \"{}\"", excerpt(surface));
-            prescribed.add(table.problems, surface, place, new.line, new.load.held());
+            prescribed.add(table.problems, surface, place, new.line, prescribed_components(&new.load));
             boundaries.push(new);
         }
         table.report_unknown_keys();
@@ -32,7 +33,7 @@ pub(super) fn boundaries(root: &mut Table<'_>) -> Vec<BoundaryCase> {
     boundaries
 }
 
-fn boundary_load(table: &mut Table<'_>) -> Option<LoadCase> {
+fn boundary_load(table: &mut Table<'_>) -> Option<SurfaceLoad> {
     if let Some(pressure) = table.get("pressure") {
         pressure.unavailable("`pressure` on a boundary", "`displacement` or `traction`", "prescribe one of these");
         // These keys are valid, so they are not reported as unknown.
@@ -41,8 +42,8 @@ fn boundary_load(table: &mut Table<'_>) -> Option<LoadCase> {
         return None;
     }
     match table.either("displacement", "traction")? {
-        Either::First(displacement) => displacement_of(&displacement).map(LoadCase::Displacement),
-        Either::Second(traction) => traction.vector(Range::any("Pa")).map(LoadCase::Traction),
+        Either::First(displacement) => displacement_of(&displacement).map(SurfaceLoad::Displacement),
+        Either::Second(traction) => traction.vector(Range::any("Pa")).map(SurfaceLoad::Traction),
     }
 }
 
@@ -60,13 +61,11 @@ fn displacement_of(value: &Value<'_>) -> Option<[Option<f64>; 3]> {
     complete.then_some(components)
 }
 
-impl LoadCase {
-    /// Returns which components this load prescribes: given displacements, and tractions other than 0.
-    fn held(&self) -> [bool; 3] {
-        match self {
-            Self::Displacement(components) => components.map(|component| component.is_some()),
-            Self::Traction(components) => components.map(|component| component != 0.0),
-        }
+/// Returns which components a load prescribes: given displacements, and tractions other than 0.
+fn prescribed_components(load: &SurfaceLoad) -> [bool; 3] {
+    match load {
+        SurfaceLoad::Displacement(components) => components.map(|component| component.is_some()),
+        SurfaceLoad::Traction(components) => components.map(|component| component != 0.0),
     }
 }
 
@@ -154,11 +153,11 @@ pub(super) fn body_forces(root: &mut Table<'_>) -> Vec<BodyForceCase> {
 }
 
 /// Reads the load curve; a ramp is the default.
-fn curve(table: &mut Table<'_>) -> CurveCase {
-    table.get("curve").and_then(|value| curve_of(&value)).unwrap_or(CurveCase::Ramp)
+fn curve(table: &mut Table<'_>) -> LoadCurve {
+    table.get("curve").and_then(|value| curve_of(&value)).unwrap_or(LoadCurve::Ramp)
 }
 
-fn curve_of(value: &Value<'_>) -> Option<CurveCase> {
+fn curve_of(value: &Value<'_>) -> Option<LoadCurve> {
     const EXPECTED: &str = "\"ramp\", or a list of [t, factor] with t ascending from 0 to 1";
     const PAIR: &str = "[t, factor]: a t from 0 to 1 and a number";
     if let Some(name) = value.inner.as_str() {
@@ -166,7 +165,7 @@ fn curve_of(value: &Value<'_>) -> Option<CurveCase> {
             value.report_invalid(EXPECTED, did_you_mean(name, &["ramp"]));
             return None;
         }
-        return Some(CurveCase::Ramp);
+        return Some(LoadCurve::Ramp);
     }
     let rows = value.list(EXPECTED, "\"ramp\" or such as [[0.0, 0.0], [1.0, 1.0]]")?;
     if rows.is_empty() {
@@ -187,5 +186,6 @@ fn curve_of(value: &Value<'_>) -> Option<CurveCase> {
         }
         points.push(point);
     }
-    complete.then_some(CurveCase::Table(points))
+    // The checks above are those of `LoadCurve::table`.
+    LoadCurve::table(&points).ok().filter(|_| complete)
 }

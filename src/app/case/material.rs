@@ -3,9 +3,7 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use super::data::{
-    Before, Choose, FiberRveCase, FormulaCase, FormulaModel, LifeCase, MaterialCase, RegionCase, ScaleCase,
-};
+use super::data::RegionCase;
 use super::elastic;
 use super::law;
 use super::networks;
@@ -13,18 +11,22 @@ use super::problems::alternatives;
 use super::range::Range;
 use super::table::{Either, Table};
 use super::value::did_you_mean;
+use crate::fem::material::{LinearElastic, NeoHookean};
+use crate::fiber::rve::StressScale;
+use crate::tissue::materials::{BeforeCreation, FiberRve, Formula, NetworkAssignment, RegionMaterial, RveLifecycle};
 
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Model {
-    Formula(FormulaModel),
+    NeoHookean,
+    LinearElastic,
     FiberRve,
     /// Recognized, but only a later version has it.
     Unsupported,
 }
 
 const MODELS: [(&str, Model); 5] = [
-    ("neo-hookean", Model::Formula(FormulaModel::NeoHookean)),
-    ("linear-elastic", Model::Formula(FormulaModel::LinearElastic)),
+    ("neo-hookean", Model::NeoHookean),
+    ("linear-elastic", Model::LinearElastic),
     ("fiber-rve", Model::FiberRve),
     ("transversely-isotropic", Model::Unsupported),
     ("holmes-mow", Model::Unsupported),
@@ -60,14 +62,20 @@ pub(super) fn regions(root: &mut Table<'_>, base: &Path) -> Vec<RegionCase> {
     regions
 }
 
-fn read(mut table: Table<'_>, base: &Path) -> Option<MaterialCase> {
+fn read(mut table: Table<'_>, base: &Path) -> Option<RegionMaterial> {
     let material = match model(&mut table, |_| true)? {
-        Model::Formula(model) => elastic::constants(&mut table, model).map(MaterialCase::Formula),
-        Model::FiberRve => fiber_rve(&mut table, base).map(MaterialCase::FiberRve),
+        Model::NeoHookean => neo_hookean(&mut table).map(RegionMaterial::Formula),
+        Model::LinearElastic => elastic::lame_constants(&mut table)
+            .map(|[mu, lambda]| RegionMaterial::Formula(Formula::LinearElastic(LinearElastic { mu, lambda }))),
+        Model::FiberRve => fiber_rve(&mut table, base).map(RegionMaterial::FiberRve),
         Model::Unsupported => return None,
     };
     table.report_unknown_keys();
     material
+}
+
+fn neo_hookean(table: &mut Table<'_>) -> Option<Formula> {
+    elastic::lame_constants(table).map(|[mu, lambda]| Formula::NeoHookean(NeoHookean { mu, lambda }))
 }
 
 /// Reads the model of a material; only models for which `allowed` returns true are valid.
@@ -89,7 +97,7 @@ fn model(table: &mut Table<'_>, allowed: impl Fn(Model) -> bool) -> Option<Model
     Some(model)
 }
 
-fn fiber_rve(table: &mut Table<'_>, base: &Path) -> Option<FiberRveCase> {
+fn fiber_rve(table: &mut Table<'_>, base: &Path) -> Option<FiberRve> {
     let listed = table.require("networks", "network files, such as [\"networks/*.txt\"]");
     let networks = listed.and_then(|value| {
         let files = networks::resolve(&value, base)?;
@@ -104,60 +112,64 @@ fn fiber_rve(table: &mut Table<'_>, base: &Path) -> Option<FiberRveCase> {
     });
     // Without fibers the RVE is its matrix alone: the single-scale material, evaluated by the micro scale.
     let bare = networks.as_ref().is_some_and(Vec::is_empty);
-    let choose = table.choice("choose", &[("random", Choose::Random), ("cycle", Choose::Cycle)]);
+    let assignment =
+        table.choice("choose", &[("random", NetworkAssignment::Random), ("cycle", NetworkAssignment::Cycle)]);
     let seed = table.integer("seed", 0..=i64::MAX.unsigned_abs());
     let scaled = table.has("fiber_volume_fraction") || table.has("scale");
     let scale = match (!bare || scaled).then(|| table.either("fiber_volume_fraction", "scale")).flatten() {
-        Some(Either::First(fraction)) => fraction.number(Range::between(0.0, 1.0)).map(ScaleCase::FiberVolumeFraction),
-        Some(Either::Second(scale)) => scale.choice(&[("raw", ScaleCase::Raw)]),
-        None => bare.then_some(ScaleCase::Raw),
+        Some(Either::First(fraction)) => {
+            fraction.number(Range::between(0.0, 1.0)).map(StressScale::FiberVolumeFraction)
+        }
+        Some(Either::Second(scale)) => scale.choice(&[("raw", StressScale::Raw)]),
+        None => bare.then_some(StressScale::Raw),
     };
     let law = table.table("law").map(|table| law::read(table, base));
     let has_matrix = table.has("matrix");
     let matrix = table.table("matrix").map(matrix);
-    let life = table.table("life").map(|table| life(table, has_matrix)).unwrap_or_default();
-    Some(FiberRveCase {
+    let lifecycle = table.table("life").map(|table| lifecycle(table, has_matrix)).unwrap_or_default();
+    Some(FiberRve {
         networks: networks?,
-        choose: choose.unwrap_or(Choose::Random),
+        assignment: assignment.unwrap_or(NetworkAssignment::Random),
         seed: seed.unwrap_or(1),
         scale: scale?,
         law: law.flatten(),
         matrix: matrix.flatten(),
-        life,
+        lifecycle,
     })
 }
 
 /// Reads when RVEs are created, sleep and are deleted. Reports an error if the matrix must replace the network but
 /// `has_matrix` is false.
-fn life(mut table: Table<'_>, has_matrix: bool) -> LifeCase {
-    let default = LifeCase::default();
+fn lifecycle(mut table: Table<'_>, has_matrix: bool) -> RveLifecycle {
+    let default = RveLifecycle::default();
     let strain = Range::above(0.0, "");
-    let life = LifeCase {
+    let lifecycle = RveLifecycle {
         created_at: table.number("created_at", strain).unwrap_or(default.created_at),
         before: table
-            .choice("before", &[("linear", Before::Linear), ("matrix", Before::Matrix)])
+            .choice("before", &[("linear", BeforeCreation::Linear), ("matrix", BeforeCreation::Matrix)])
             .unwrap_or(default.before),
         asleep_below: table.number("asleep_below", strain).unwrap_or(default.asleep_below),
         deleted_at: table.number("deleted_at", strain).unwrap_or(default.deleted_at),
     };
-    let needs = [("before = \"matrix\"", life.before == Before::Matrix), ("deleted_at", life.deleted_at.is_finite())];
+    let needs = [
+        ("before = \"matrix\"", lifecycle.before == BeforeCreation::Matrix),
+        ("deleted_at", lifecycle.deleted_at.is_finite()),
+    ];
     for (key, _) in needs.iter().filter(|(_, is_given)| *is_given && !has_matrix) {
         let complaint = format!("has `{key}`, but its region has no `matrix` to answer without the network");
         table.report(&complaint, "a matrix in parallel", "give the material a `matrix`, or leave that out");
     }
-    if life.deleted_at <= life.created_at {
+    if lifecycle.deleted_at <= lifecycle.created_at {
         table.report("deletes RVEs before it creates them", "`deleted_at` above `created_at`", "correct one of them");
     }
     table.report_unknown_keys();
-    life
+    lifecycle
 }
 
 /// Reads the parallel matrix, which must be neo-Hookean.
-fn matrix(mut table: Table<'_>) -> Option<FormulaCase> {
-    let constants = match model(&mut table, |model| model == Model::Formula(FormulaModel::NeoHookean))? {
-        Model::Formula(model) => elastic::constants(&mut table, model),
-        Model::FiberRve | Model::Unsupported => None,
-    };
+fn matrix(mut table: Table<'_>) -> Option<Formula> {
+    model(&mut table, |model| model == Model::NeoHookean)?;
+    let formula = neo_hookean(&mut table);
     table.report_unknown_keys();
-    constants
+    formula
 }

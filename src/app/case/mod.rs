@@ -164,7 +164,6 @@
 //! * `pressure` on a boundary, `[[constraint]]` and the models `transversely-isotropic` and `holmes-mow` are recognized
 //!   and rejected: they are not available in this version.
 
-mod curve;
 mod data;
 mod elastic;
 mod law;
@@ -183,5 +182,11 @@ mod tests;
 mod value;
 mod write;
 
+pub use crate::fem::boundary::LoadCurve;
+pub use crate::fem::stepping::StepStart;
+pub use crate::fiber::rve::StressScale;
+pub use crate::tissue::materials::{
+    BeforeCreation, ElementSelection, FiberRve, Formula, NetworkAssignment, RegionMaterial, RveLifecycle, RveParams,
+};
 pub use data::*;
 pub use read::CaseFile;

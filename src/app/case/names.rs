@@ -2,23 +2,20 @@
 
 use crate::input::{InputError, InputErrors, excerpt};
 
-use super::data::{Case, MaterialCase, MeshSource};
+use super::data::{Case, MeshSource};
 use super::problems::{alternatives, nearest};
-
-/// Name of the region that covers all regions without a `[[region]]` of their own.
-const REST: &str = "*";
+use crate::tissue::materials::{OTHER_REGIONS, RegionMaterial, find_region};
 
 impl Case {
     /// Returns the index of the `[[region]]` for a region of the mesh: the one with its name, or else `*`.
     #[must_use]
     pub fn region_of(&self, region: &str) -> Option<usize> {
-        let named = |name: &str| self.regions.iter().position(|each| each.name == name);
-        named(region).or_else(|| named(REST))
+        find_region(self.regions.iter().map(|each| each.name.as_str()), region)
     }
 
     /// Returns the material of a region of the mesh.
     #[must_use]
-    pub fn material_of(&self, region: &str) -> Option<&MaterialCase> {
+    pub fn material_of(&self, region: &str) -> Option<&RegionMaterial> {
         self.region_of(region).map(|number| &self.regions[number].material)
     }
 
@@ -31,7 +28,7 @@ impl Case {
         let mut errors = Vec::new();
         let bodies = self.regions.iter().map(|each| (&each.name, each.line));
         let forces = self.body_forces.iter().map(|each| (&each.region, each.line));
-        for (name, line) in bodies.chain(forces).filter(|(name, _)| *name != REST && !regions.contains(name)) {
+        for (name, line) in bodies.chain(forces).filter(|(name, _)| *name != OTHER_REGIONS && !regions.contains(name)) {
             errors.push(self.unknown("region", (name, line), regions, ("surface", surfaces)));
         }
         let loads = self.boundaries.iter().map(|each| (&each.surface, each.line));

@@ -6,10 +6,11 @@ use toml::de::DeTable;
 
 use crate::input::{InputError, InputErrors, excerpt};
 
-use super::data::{Case, MaterialCase};
+use super::data::Case;
 use super::problems::Problems;
 use super::table::Table;
 use super::{load, material, section};
+use crate::tissue::materials::RegionMaterial;
 
 /// A case that was read, with its warnings.
 #[derive(Clone, Debug, PartialEq)]
@@ -72,7 +73,7 @@ fn read(root: &mut Table<'_>, path: &Path, base: &Path) -> Option<Case> {
     let newton = section::newton(root);
     let micro = section::micro(root);
     let scales = section::scales(root);
-    let any_network = regions.iter().any(|region| matches!(region.material, MaterialCase::FiberRve(_)));
+    let any_network = regions.iter().any(|region| matches!(region.material, RegionMaterial::FiberRve(_)));
     let output = section::output(root, base, any_network);
     let section::MeshSection { source: mesh, line: mesh_line, scale: mesh_scale } = mesh?;
     let stem = || path.file_stem().map_or_else(|| "case".into(), |stem| stem.to_string_lossy().into_owned());

@@ -2,9 +2,11 @@
 
 use std::path::Path;
 
+use crate::fem::stepping::StepStart;
 use crate::fiber::equilibrium::{Stage, Stages};
+use crate::tissue::materials::{ElementSelection, RveParams};
 
-use super::data::{MeshSource, MicroCase, NewtonCase, OutputCase, RveOutput, ScalesCase, StepStart, StepsCase};
+use super::data::{MeshSource, NewtonCase, OutputCase, ScalesCase, StepsCase};
 use super::networks::missing_file;
 use super::problems::alternatives;
 use super::range::Range;
@@ -98,7 +100,7 @@ pub(super) fn steps(root: &mut Table<'_>) -> StepsCase {
 /// Reads the settings of Newton's method at the macro scale.
 pub(super) fn newton(root: &mut Table<'_>) -> NewtonCase {
     let default = NewtonCase::default();
-    let starts = [("held", StepStart::Held), ("tangent", StepStart::Tangent)];
+    let starts = [("held", StepStart::Prescribed), ("tangent", StepStart::Tangent)];
     let newton = root.section("newton", |table| NewtonCase {
         tolerance: table.number("tolerance", TOLERANCE).unwrap_or(default.tolerance),
         max_iterations: table.integer("max_iterations", 1..=10_000).unwrap_or(default.max_iterations),
@@ -109,10 +111,10 @@ pub(super) fn newton(root: &mut Table<'_>) -> NewtonCase {
     newton.unwrap_or(default)
 }
 
-/// Reads the settings of Newton's method at the micro scale.
-pub(super) fn micro(root: &mut Table<'_>) -> MicroCase {
-    let default = MicroCase::default();
-    let micro = root.section("micro", |table| MicroCase {
+/// Reads the solver settings of the RVEs.
+pub(super) fn micro(root: &mut Table<'_>) -> RveParams {
+    let default = RveParams::default();
+    let micro = root.section("micro", |table| RveParams {
         tolerance: table.number("tolerance", TOLERANCE).unwrap_or(default.tolerance),
         max_iterations: table.integer("max_iterations", 1..=10_000).unwrap_or(default.max_iterations),
         max_cuts: table.integer("max_cuts", 0..=30).unwrap_or(default.max_cuts),
@@ -150,24 +152,24 @@ pub(super) fn scales(root: &mut Table<'_>) -> ScalesCase {
 
 /// Reads the output settings. Warns if networks are requested but no region has any.
 pub(super) fn output(root: &mut Table<'_>, base: &Path, any_network: bool) -> OutputCase {
-    let mut output = OutputCase { directory: base.join("results"), every: 1, rve: RveOutput::None };
+    let mut output = OutputCase { directory: base.join("results"), every: 1, rve: ElementSelection::None };
     root.section("output", |table| {
         let directory = table.get("directory").and_then(|value| value.text("a folder, relative to the case file"));
         output.directory = directory.map_or_else(|| output.directory.clone(), |directory| base.join(directory));
         output.every = table.integer("every", 1..=1_000_000).unwrap_or(1);
-        output.rve = table.get("rve").and_then(|value| rve_output(&value)).unwrap_or(RveOutput::None);
-        if output.rve != RveOutput::None && !any_network {
+        output.rve = table.get("rve").and_then(|value| rve_output(&value)).unwrap_or(ElementSelection::None);
+        if output.rve != ElementSelection::None && !any_network {
             table.problems.warn(table.line, "`output.rve` has no effect: no region has the model \"fiber-rve\"");
         }
     });
     output
 }
 
-fn rve_output(value: &Value<'_>) -> Option<RveOutput> {
+fn rve_output(value: &Value<'_>) -> Option<ElementSelection> {
     const EXPECTED: &str = "\"none\", \"all\", or a list of element ids, such as [0, 17]";
     match value.inner.as_str() {
-        Some("none") => return Some(RveOutput::None),
-        Some("all") => return Some(RveOutput::All),
+        Some("none") => return Some(ElementSelection::None),
+        Some("all") => return Some(ElementSelection::All),
         Some(word) => {
             value.report_invalid(EXPECTED, did_you_mean(word, &["none", "all"]));
             return None;
@@ -183,5 +185,5 @@ fn rve_output(value: &Value<'_>) -> Option<RveOutput> {
     let mut ids = read.into_iter().collect::<Option<Vec<usize>>>()?;
     ids.sort_unstable();
     ids.dedup();
-    Some(RveOutput::Elements(ids))
+    Some(ElementSelection::Elements(ids))
 }

@@ -6,13 +6,16 @@
 use std::fmt::Debug;
 use std::path::Path;
 
+use crate::fem::boundary::LoadCurve;
+use crate::fem::stepping::StepStart;
 use crate::fiber::equilibrium::Stage;
 use crate::fiber::law::{FiberLaw, FiberMaterial, Law};
-
-use super::data::{
-    Before, Case, Choose, CurveCase, FiberRveCase, FormulaCase, FormulaModel, LifeCase, LoadCase, MaterialCase,
-    MeshSource, PointPlace, RveOutput, ScaleCase, StepStart,
+use crate::fiber::rve::StressScale;
+use crate::tissue::materials::{
+    BeforeCreation, ElementSelection, FiberRve, Formula, NetworkAssignment, RegionMaterial, RveLifecycle,
 };
+
+use super::data::{Case, MeshSource, PointPlace, SurfaceLoad};
 use super::load::AXES;
 use super::solver;
 
@@ -33,14 +36,14 @@ impl Case {
             section(&mut out, "[[region]]", [text("name", &region.name)]);
             out.push_str("[region.material]\n");
             match &region.material {
-                MaterialCase::Formula(material) => write(&mut out, formula(material)),
-                MaterialCase::FiberRve(rve) => write(&mut out, fiber_rve(rve)),
+                RegionMaterial::Formula(material) => write(&mut out, formula(material)),
+                RegionMaterial::FiberRve(rve) => write(&mut out, fiber_rve(rve)),
             }
         }
         for boundary in &self.boundaries {
             let load = match &boundary.load {
-                LoadCase::Displacement(components) => displacement(components),
-                LoadCase::Traction(traction) => entry("traction", traction),
+                SurfaceLoad::Displacement(components) => displacement(components),
+                SurfaceLoad::Traction(traction) => entry("traction", traction),
             };
             section(&mut out, "[[boundary]]", [text("surface", &boundary.surface), load, curve(&boundary.curve)]);
         }
@@ -57,7 +60,7 @@ impl Case {
         }
         section(&mut out, "[steps]", [entry("count", steps.count), entry("max_cuts", steps.max_cuts)]);
         let start = match newton.start {
-            StepStart::Held => "held",
+            StepStart::Prescribed => "held",
             StepStart::Tangent => "tangent",
         };
         let entries = [
@@ -81,9 +84,9 @@ impl Case {
             [entry("macro", scales.macro_ranks), entry("micro", scales.micro_ranks), entry("near", scales.near)];
         section(&mut out, "[scales]", entries);
         let rve = match &output.rve {
-            RveOutput::None => entry("rve", "none"),
-            RveOutput::All => entry("rve", "all"),
-            RveOutput::Elements(ids) => entry("rve", ids),
+            ElementSelection::None => entry("rve", "none"),
+            ElementSelection::All => entry("rve", "all"),
+            ElementSelection::Elements(ids) => entry("rve", ids),
         };
         section(&mut out, "[output]", [path("directory", &output.directory), entry("every", output.every), rve]);
         out
@@ -136,47 +139,51 @@ fn mesh(source: &MeshSource) -> Entry<'static> {
     }
 }
 
-fn fiber_rve(rve: &FiberRveCase) -> Vec<Entry<'static>> {
+fn fiber_rve(rve: &FiberRve) -> Vec<Entry<'static>> {
     let networks: String =
         rve.networks.iter().map(|file| format!("    {},\n", quoted(&file.to_string_lossy()))).collect();
-    let choose = match rve.choose {
-        Choose::Random => "random",
-        Choose::Cycle => "cycle",
+    let assignment = match rve.assignment {
+        NetworkAssignment::Random => "random",
+        NetworkAssignment::Cycle => "cycle",
     };
     let mut entries = vec![
         entry("model", "fiber-rve"),
         ("networks", format!("[\n{networks}]")),
-        entry("choose", choose),
+        entry("choose", assignment),
         entry("seed", rve.seed),
         match rve.scale {
-            ScaleCase::Raw => entry("scale", "raw"),
-            ScaleCase::FiberVolumeFraction(fraction) => entry("fiber_volume_fraction", fraction),
+            StressScale::Raw => entry("scale", "raw"),
+            StressScale::FiberVolumeFraction(fraction) => entry("fiber_volume_fraction", fraction),
         },
     ];
     entries.extend(rve.law.as_ref().map(|material| table("law", law(material))));
     entries.extend(rve.matrix.as_ref().map(|matrix| table("matrix", formula(matrix))));
-    entries.extend((rve.life != LifeCase::default()).then(|| table("life", life(&rve.life))));
+    entries.extend((rve.lifecycle != RveLifecycle::default()).then(|| table("life", lifecycle(&rve.lifecycle))));
     entries
 }
 
 /// Formats the entries of `life` that differ from the defaults; the defaults zero and infinity are not valid in a file.
-fn life(life: &LifeCase) -> Vec<Entry<'static>> {
-    let before = match life.before {
-        Before::Linear => "linear",
-        Before::Matrix => "matrix",
+fn lifecycle(lifecycle: &RveLifecycle) -> Vec<Entry<'static>> {
+    let before = match lifecycle.before {
+        BeforeCreation::Linear => "linear",
+        BeforeCreation::Matrix => "matrix",
     };
-    let numbers =
-        [("created_at", life.created_at), ("asleep_below", life.asleep_below), ("deleted_at", life.deleted_at)];
+    let numbers = [
+        ("created_at", lifecycle.created_at),
+        ("asleep_below", lifecycle.asleep_below),
+        ("deleted_at", lifecycle.deleted_at),
+    ];
     let given = numbers.into_iter().filter(|(_, value)| *value > 0.0 && value.is_finite());
     given.map(|(key, value)| entry(key, value)).chain([entry("before", before)]).collect()
 }
 
-fn formula(formula: &FormulaCase) -> [Entry<'static>; 3] {
-    let model = match formula.model {
-        FormulaModel::NeoHookean => "neo-hookean",
-        FormulaModel::LinearElastic => "linear-elastic",
+fn formula(formula: &Formula) -> [Entry<'static>; 3] {
+    let model = match formula {
+        Formula::NeoHookean(_) => "neo-hookean",
+        Formula::LinearElastic(_) => "linear-elastic",
     };
-    [entry("model", model), entry("shear_modulus", formula.shear_modulus), entry("lame_lambda", formula.lame_lambda)]
+    let [mu, lambda] = formula.lame_constants();
+    [entry("model", model), entry("shear_modulus", mu), entry("lame_lambda", lambda)]
 }
 
 /// Formats a law. A table is written as points, even if it came from a file; a custom law, which no case file can name,
@@ -200,9 +207,9 @@ fn displacement(components: &[Option<f64>; 3]) -> Entry<'static> {
     table("displacement", named.filter_map(|(axis, component)| component.map(|value| entry(axis, value))))
 }
 
-fn curve(curve: &CurveCase) -> Entry<'static> {
+fn curve(curve: &LoadCurve) -> Entry<'static> {
     match curve {
-        CurveCase::Ramp => entry("curve", "ramp"),
-        CurveCase::Table(points) => entry("curve", points),
+        LoadCurve::Ramp => entry("curve", "ramp"),
+        LoadCurve::Table(table) => entry("curve", table.points()),
     }
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::app::case::{Case, MaterialCase, MeshSource, OutputCase, RveOutput, ScalesCase};
+use crate::app::case::{Case, ElementSelection, MeshSource, OutputCase, RegionMaterial, ScalesCase};
 use crate::checksum::Fnv;
 use crate::fem::mesh::Mesh;
 use crate::fiber::law::{FiberLaw, FiberMaterial, Law};
@@ -104,13 +104,13 @@ fn text_of(case: &Case) -> String {
     let mut case = case.clone();
     case.title.clear();
     case.scales = ScalesCase::default();
-    case.output = OutputCase { directory: PathBuf::new(), every: 1, rve: RveOutput::None };
+    case.output = OutputCase { directory: PathBuf::new(), every: 1, rve: ElementSelection::None };
     // A run stays the same if its folder is moved; the content of the files is compared by hash.
     if let MeshSource::File(file) = &mut case.mesh {
         *file = name_of(file);
     }
     for region in &mut case.regions {
-        if let MaterialCase::FiberRve(rve) = &mut region.material {
+        if let RegionMaterial::FiberRve(rve) = &mut region.material {
             rve.networks.iter_mut().for_each(|file| *file = name_of(file));
         }
     }

@@ -12,7 +12,6 @@
 
 mod file;
 mod identity;
-mod raw;
 mod record;
 #[cfg(all(test, feature = "sparse"))]
 mod tests;
@@ -24,16 +23,15 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 pub use identity::{Identity, Mismatch};
-pub(crate) use record::UnitRecord;
 
 use super::results::{CHECKPOINT_FOLDER, ResultsError, ResultsRecord};
 use crate::fem::stepping::SavedState;
 use crate::output::{self, final_name};
-use crate::tissue::micro_scale::{Life, TissueMaterial, UnitState};
-use record::{Record, RecordRef};
+use crate::tissue::micro_scale::{RveStatus, TissueMaterial, UnitState};
+use record::{Record, record};
 
 /// Number of checkpoints kept: the last one, and the one before in case the last is damaged.
-const KEPT: usize = 2;
+const CHECKPOINTS_KEPT: usize = 2;
 
 /// A state from which a run can resume.
 #[derive(Clone, Debug, PartialEq)]
@@ -42,8 +40,8 @@ pub struct Checkpoint {
     pub path: PathBuf,
     /// The state of the body and of load stepping.
     pub state: SavedState,
-    /// The life state of the RVE of every element.
-    pub lives: Vec<Life>,
+    /// The status of the RVE of every element.
+    pub statuses: Vec<RveStatus>,
     /// The states of the RVEs that exist.
     pub units: Vec<UnitState>,
     /// The results that the run had written until then.
@@ -132,7 +130,7 @@ pub fn write(
 ) -> Result<(), ResultsError> {
     let folder = dir.join(CHECKPOINT_FOLDER);
     fs::create_dir_all(&folder).map_err(ResultsError::write(&folder))?;
-    file::write(&folder.join(file_name(state.completed_steps)), &RecordRef { identity, state, written, field })?;
+    file::write(&folder.join(file_name(state.completed_steps)), &record(identity, state, written, field))?;
     output::sync_folder(&folder).map_err(ResultsError::write(&folder))?;
     keep_last(dir, state.completed_steps)
 }
@@ -144,7 +142,7 @@ pub fn write(
 pub fn keep_last(dir: &Path, done: usize) -> Result<(), ResultsError> {
     let folder = dir.join(CHECKPOINT_FOLDER);
     let steps = steps_in(&folder).map_err(ResultsError::write(&folder))?;
-    let oldest_kept = steps.iter().copied().filter(|&step| step <= done).nth(KEPT - 1).unwrap_or(0);
+    let oldest_kept = steps.iter().copied().filter(|&step| step <= done).nth(CHECKPOINTS_KEPT - 1).unwrap_or(0);
     remove(&folder, |step| step < oldest_kept || step > done)
 }
 
@@ -190,11 +188,11 @@ fn read(path: &Path, now: &Identity) -> Result<(Checkpoint, Vec<String>), Checkp
     let remarks = record.identity.check(now);
     let remarks = remarks.map_err(|reason| CheckpointError::OtherRun { path: path.into(), reason })?;
     let written = record.written.clone();
-    let (state, lives, units) = record.into_states().ok_or_else(|| CheckpointError::Damaged {
+    let (state, statuses, units) = record.into_states().ok_or_else(|| CheckpointError::Damaged {
         path: path.into(),
         what: "it counts more steps than this machine can".into(),
     })?;
-    Ok((Checkpoint { path: path.into(), state, lives, units, written }, remarks))
+    Ok((Checkpoint { path: path.into(), state, statuses, units, written }, remarks))
 }
 
 fn file_name(step: usize) -> String {

@@ -4,11 +4,11 @@ use nalgebra::Matrix3;
 
 use super::*;
 use crate::app::case::Case;
+use crate::app::macro_scale;
 use crate::app::run::{ResumeError, Simulation};
 use crate::backends::sparse::Sparse;
 use crate::checksum::Fnv;
 use crate::fiber::rve::Rve;
-use crate::tissue::macro_scale;
 use crate::tissue::micro_scale::TissueField;
 
 /// A cube with one network in every element, and two load steps.
@@ -127,9 +127,9 @@ fn a_state_that_does_not_fit_changes_nothing() {
     let (dir, _, _) = directory();
     let case = case();
     let (mesh, _) = macro_scale::mesh(&case).unwrap();
-    let (mut field, _) = TissueField::<Sparse>::new((), &case, &mesh).unwrap();
+    let (mut field, _) = TissueField::<Sparse>::new((), case.materials(), &mesh).unwrap();
     let (found, _) = latest(dir.path(), &Identity::new("sparse", &case, &mesh, &field)).unwrap();
-    let Checkpoint { state, lives, units, .. } = found.unwrap();
+    let Checkpoint { state, statuses, units, .. } = found.unwrap();
     assert_eq!((state.completed_steps, units.len()), (2, 6));
     let before: Vec<UnitState> = field.unit_states().collect();
 
@@ -148,19 +148,19 @@ fn a_state_that_does_not_fit_changes_nothing() {
     let short = changed(5, |_, interior| interior.truncate(2));
     let lost = changed(1, |_, interior| interior[3][2] = f64::NAN);
     let inverted = changed(2, |gradient, _| *gradient *= -1.0);
-    let said = [
+    let cases = [
         (fewer, "the state has 5 RVEs; this body has 6"),
         (bare, "element 4 has no fibers in the saved state, but has some here"),
         (short, "element 5: the state has positions of"),
         (lost, "element 1: the position of interior node 3 is no finite number"),
         (inverted, "element 2: the deformation gradient has determinant -"),
     ];
-    for (units, said) in said {
-        let error = field.restore_units(&lives, units).unwrap_err().to_string();
-        assert!(error.starts_with(said), "{error}");
+    for (units, expected) in cases {
+        let error = field.restore_units(&statuses, units).unwrap_err().to_string();
+        assert!(error.starts_with(expected), "{error}");
         assert!(field.unit_states().eq(before.iter().cloned()));
     }
-    field.restore_units(&lives, units.clone()).unwrap();
+    field.restore_units(&statuses, units.clone()).unwrap();
     let after: Vec<UnitState> = field.unit_states().collect();
-    assert!(after.iter().zip(&units).all(|(a, b)| a.rve == b.rve && a.answer == b.answer));
+    assert!(after.iter().zip(&units).all(|(a, b)| a.rve == b.rve && a.response == b.response));
 }

@@ -2,13 +2,14 @@
 
 use std::fs;
 use std::io::ErrorKind;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::names::{FileName, numbers};
 use super::origin::is_report;
-use super::{CASE_FILE, FIELDS_FILE, LOADS_FILE, LOG_FILE, NETWORKS_FOLDER, REPORT_FILE, ResultsError};
+use super::{
+    CASE_FILE, FAILED_RVE_FOLDER, FIELDS_FILE, LOADS_FILE, LOG_FILE, NETWORKS_FOLDER, REPORT_FILE, ResultsError,
+};
 use crate::output::final_name;
-use crate::tissue::replay::{LOST_FOLDER, lost_file};
 
 /// Removes the loads, log, fields, networks and report page of an earlier run, finished or not, from a result
 /// directory. Files with other names, checkpoints, and a report page that this program did not write stay. The caller
@@ -21,7 +22,7 @@ pub fn clear(dir: &Path) -> Result<(), ResultsError> {
     let single = [FIELDS_FILE, LOADS_FILE, LOG_FILE];
     remove(dir, |name| single.contains(&name) || is_fields(name))?;
     remove(&dir.join(NETWORKS_FOLDER), is_networks)?;
-    remove(&dir.join(LOST_FOLDER), is_lost)?;
+    remove(&dir.join(FAILED_RVE_FOLDER), is_lost)?;
     let report = dir.join(REPORT_FILE);
     if is_report(&report)? {
         fs::remove_file(&report).map_err(ResultsError::write(&report))?;
@@ -38,7 +39,7 @@ pub fn clear_unfinished(dir: &Path) -> Result<(), ResultsError> {
     let single = [CASE_FILE, FIELDS_FILE, LOADS_FILE, LOG_FILE, REPORT_FILE];
     remove_as(dir, |name, unfinished| is_partial(name) || unfinished && (single.contains(&name) || is_fields(name)))?;
     remove_as(&dir.join(NETWORKS_FOLDER), |name, unfinished| is_partial(name) || unfinished && is_networks(name))?;
-    remove_as(&dir.join(LOST_FOLDER), |name, unfinished| unfinished && is_lost(name))
+    remove_as(&dir.join(FAILED_RVE_FOLDER), |name, unfinished| unfinished && is_lost(name))
 }
 
 /// Returns true for a file of fields.
@@ -55,10 +56,16 @@ fn is_partial(name: &str) -> bool {
     FileName::parse(name) == Some(FileName::Partial)
 }
 
+/// Returns the path, within a result directory, of the dump of an RVE that failed in a load step.
+pub(in crate::app) fn failed_rve_file(step: usize, halvings: u32, element: usize) -> PathBuf {
+    Path::new(FAILED_RVE_FOLDER).join(format!("step-{step:05}-cut-{halvings:02}-element-{element}.json"))
+}
+
 pub(super) fn is_lost(name: &str) -> bool {
     let numbers = numbers(name, ["step-", "-cut-", "-element-", ".json"]);
     numbers.is_some_and(|[step, cut, element]| {
-        u32::try_from(cut).is_ok_and(|cut| lost_file(step, cut, element) == Path::new(LOST_FOLDER).join(name))
+        u32::try_from(cut)
+            .is_ok_and(|cut| failed_rve_file(step, cut, element) == Path::new(FAILED_RVE_FOLDER).join(name))
     })
 }
 

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::ResultsError;
 use super::replace::{replace, whole_lines};
+pub use crate::tissue::two_scale::RankTimes;
 
 /// One line of the log.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -115,21 +116,7 @@ pub struct Ranks {
     /// Number of the trial state within the step, from 1.
     pub iteration: usize,
     /// The times of the ranks.
-    pub ranks: Vec<RankSeconds>,
-}
-
-/// How a rank spent its time since its previous report, s.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
-pub struct RankSeconds {
-    /// Number of the rank among all ranks.
-    pub rank: usize,
-    /// Time spent computing.
-    pub busy: f64,
-    /// Time spent waiting for messages.
-    pub idle: f64,
-    /// Time spent packing, sending, receiving and unpacking messages.
-    pub exchanging: f64,
+    pub ranks: Vec<RankTimes>,
 }
 
 /// The outcome of the run.

@@ -36,6 +36,7 @@ mod record;
 mod replace;
 mod vtk;
 
+pub(in crate::app) use clear::failed_rve_file;
 pub use clear::{clear, clear_unfinished};
 pub use collection::Collection;
 pub use error::ResultsError;
@@ -58,6 +59,8 @@ pub const LOADS_FILE: &str = "loads.csv";
 pub const LOG_FILE: &str = "log.jsonl";
 /// Name of the folder of deformed networks in a result directory.
 pub const NETWORKS_FOLDER: &str = "rve";
+/// Name of the folder, in a result directory, of RVEs that found no equilibrium.
+pub const FAILED_RVE_FOLDER: &str = "lost-rve";
 /// Name of the folder of checkpoints in a result directory.
 pub const CHECKPOINT_FOLDER: &str = "checkpoint";
 /// Name of the page of figures in a result directory.

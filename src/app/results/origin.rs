@@ -12,13 +12,13 @@ use super::clear::is_lost;
 use super::log::{self, Event};
 use super::names::FileName;
 use super::{
-    CASE_FILE, CHECKPOINT_FOLDER, Collection, FIELDS_FILE, LOADS_FILE, LOG_FILE, Loads, NETWORKS_FOLDER, ResultsError,
+    CASE_FILE, CHECKPOINT_FOLDER, Collection, FAILED_RVE_FOLDER, FIELDS_FILE, LOADS_FILE, LOG_FILE, Loads,
+    NETWORKS_FOLDER, ResultsError,
 };
 use crate::app::case::Case;
 use crate::app::checkpoint;
 use crate::checksum::{below_checksum, with_checksum};
 use crate::output::final_name;
-use crate::tissue::replay::LOST_FOLDER;
 
 /// Number of bytes from which a file is recognized.
 const HEAD: u64 = 4096;
@@ -68,7 +68,7 @@ pub fn check_origin(dir: &Path) -> Result<(), ResultsError> {
         };
         Some(kind)
     })?;
-    check_folder(&folder(dir, LOST_FOLDER)?, |name| {
+    check_folder(&folder(dir, FAILED_RVE_FOLDER)?, |name| {
         is_lost(name).then_some(|bytes: Bytes, _: &Path| begins(bytes, "{\"program\":\"biotissue "))
     })?;
     check_folder(&folder(dir, CHECKPOINT_FOLDER)?, |name| {

@@ -3,13 +3,13 @@
 //! | module | holds |
 //! |---|---|
 //! | `setup` | a case with all its input files, read and checked |
-//! | `plan` | the size of the problem before the solve |
+//! | `problem_size` | the size of the problem before the solve |
 //! | this one | the run itself ([`Simulation`]) |
 //! | `outcome` | the errors and the result of a run, and of resuming it |
 //! | `writers` | which process writes the results |
 
 mod outcome;
-mod plan;
+mod problem_size;
 mod rank_writers;
 mod setup;
 mod writers;
@@ -18,10 +18,10 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 pub use outcome::{ResumeError, Resumed, RunError, RunSummary};
-pub use plan::{NetworkPlan, Plan};
-pub use rank_writers::First;
+pub use problem_size::{NetworkSize, ProblemSize};
+pub use rank_writers::RootWriter;
 pub use setup::{Setup, SimulationError};
-pub use writers::Writers;
+pub use writers::WriterGroup;
 
 use self::writers::AgreedRecorder;
 use super::case::Case;
@@ -37,25 +37,19 @@ use crate::tissue::micro_scale::{TissueField, TissueMaterial};
 /// A body and its networks, set up to step through the loads.
 ///
 /// `B` is the backend of the body, `M` its material: in one process by default, or on other ranks.
-pub struct Simulation<B: Backend<Scalar = f64>, M = TissueField<B>>
-where
-    B::Reduced: Scalar,
-{
+pub struct Simulation<B: Backend<Scalar = f64, Reduced: Scalar>, M = TissueField<B>> {
     case: Case,
     stepper: Stepper<B, M>,
     /// The elements whose networks are written to the results.
     networks: Vec<usize>,
     warnings: Vec<String>,
-    /// The result directory and its lock, held by this run from [`Simulation::take_directory`] until the run ends.
-    own: Option<(PathBuf, DirectoryLock)>,
+    /// The result directory and its lock, held from [`Simulation::take_directory`] until the run ends.
+    lock: Option<(PathBuf, DirectoryLock)>,
     /// The results of the steps completed before this run, if it was resumed.
     written: ResultsRecord,
 }
 
-impl<B: Backend<Scalar = f64>> Simulation<B>
-where
-    B::Reduced: Scalar,
-{
+impl<B: Backend<Scalar = f64, Reduced: Scalar>> Simulation<B> {
     /// Reads the mesh and the networks of a case and sets up the linear systems of both scales.
     ///
     /// # Errors
@@ -69,10 +63,7 @@ where
     }
 }
 
-impl<B: Backend<Scalar = f64>, M: TissueMaterial> Simulation<B, M>
-where
-    B::Reduced: Scalar,
-{
+impl<B: Backend<Scalar = f64, Reduced: Scalar>, M: TissueMaterial> Simulation<B, M> {
     /// Returns the warnings of the readers.
     #[must_use]
     pub fn warnings(&self) -> &[String] {
@@ -93,8 +84,8 @@ where
 
     /// Returns the size of the problem.
     #[must_use]
-    pub fn plan(&self) -> Plan {
-        Plan::new(&self.case, self.mesh(), self.stepper.field(), self.stepper.unknowns())
+    pub fn problem_size(&self) -> ProblemSize {
+        ProblemSize::new(&self.case, self.mesh(), self.stepper.field(), self.stepper.unknowns())
     }
 
     /// Locks the result directory `dir` for this run until [`Simulation::run`] ends, and checks that the files that
@@ -104,19 +95,12 @@ where
     /// # Errors
     /// Returns [`ResultsError::Locked`] or [`ResultsError::UnknownOrigin`] without touching a file, or
     /// [`ResultsError::Write`] if the directory or its lock cannot be written.
-    pub fn take_directory(&mut self, writers: &dyn Writers, dir: &Path) -> Result<Vec<String>, ResultsError> {
-        let is_own = self.own.as_ref().is_some_and(|(own, _)| own == dir);
-        let taken = match writers.is_writer() && !is_own {
-            true => results::check_origin(dir).and_then(|()| DirectoryLock::acquire(dir)).map(Some),
-            false => Ok(None),
-        };
-        let (taken, outcome) = match taken {
-            Ok(taken) => (taken, Ok(())),
-            Err(error) => (None, Err(error)),
-        };
-        writers.agree(outcome)?;
+    pub fn take_directory(&mut self, writers: &dyn WriterGroup, dir: &Path) -> Result<Vec<String>, ResultsError> {
+        let is_locked = self.lock.as_ref().is_some_and(|(locked, _)| locked == dir);
+        let lock = || results::check_origin(dir).and_then(|()| DirectoryLock::acquire(dir)).map(Some);
+        let taken = writers.on_writer(|| if is_locked { Ok(None) } else { lock() })?;
         let Some((lock, warning)) = taken else { return Ok(Vec::new()) };
-        self.own = Some((dir.to_owned(), lock));
+        self.lock = Some((dir.to_owned(), lock));
         Ok(warning.into_iter().collect())
     }
 
@@ -136,15 +120,15 @@ where
     ///
     /// # Errors
     /// Returns [`ResumeError`] on all processes.
-    pub fn resume_among(&mut self, writers: &dyn Writers, dir: &Path) -> Result<Resumed, ResumeError<B::Fault>> {
-        let outcome = self.go_back(writers, dir);
+    pub fn resume_among(&mut self, writers: &dyn WriterGroup, dir: &Path) -> Result<Resumed, ResumeError<B::Fault>> {
+        let outcome = self.restore(writers, dir);
         if outcome.is_err() {
-            self.own = None;
+            self.lock = None;
         }
         outcome
     }
 
-    fn go_back(&mut self, writers: &dyn Writers, dir: &Path) -> Result<Resumed, ResumeError<B::Fault>> {
+    fn restore(&mut self, writers: &dyn WriterGroup, dir: &Path) -> Result<Resumed, ResumeError<B::Fault>> {
         // A directory that does not exist cannot be locked.
         let mut warnings = match dir.exists() {
             true => self.take_directory(writers, dir)?,
@@ -152,51 +136,37 @@ where
         };
         let found = checkpoint::latest(dir, &self.identity());
         // A process that continues would wait for those that do not.
-        let told = found
-            .as_ref()
-            .map(|_| ())
-            .map_err(|error| ResultsError::OtherRank { path: dir.to_owned(), reason: error.to_string() });
-        let agreed = writers.agree(told);
+        let agreed = writers.agree(found.as_ref().map(|_| ()).map_err(|error| other_rank(dir, error)));
         let (checkpoint, remarks) = found?;
         warnings.extend(remarks);
         let step = checkpoint.as_ref().map_or(0, |checkpoint| checkpoint.state.completed_steps);
         agreed.and_then(|()| writers.agree_on(step)).map_err(ResumeError::OtherRank)?;
-        let Some(Checkpoint { path, state, lives, units, written }) = checkpoint else {
+        let Some(Checkpoint { path, state, statuses, units, written }) = checkpoint else {
             self.check_empty(writers, dir)?;
             warnings.push(format!("{}: no checkpoint: starting from the beginning", dir.display()));
             return Ok(Resumed { step: 0, warnings });
         };
         let done = Done { steps: state.completed_steps, of: self.stepper.count() };
-        let checked = if writers.is_writer() { written.check(dir, done) } else { Ok(Vec::new()) };
-        let (restored, outcome) = match checked {
-            Ok(restored) => (restored, Ok(())),
-            Err(error) => (Vec::new(), Err(error)),
-        };
-        writers.agree(outcome)?;
-        warnings.extend(restored);
-        let restored = self.stepper.restore(&state, |field| field.restore_units(&lives, units));
+        warnings.extend(writers.on_writer(|| written.check(dir, done))?);
+        let restored = self.stepper.restore(&state, |field| field.restore_units(&statuses, units));
         restored.map_err(|reason| ResumeError::State { path, reason: Box::new(reason) })?;
         self.written = written;
         // The cost of restoring is not part of the next step.
-        let _ = (self.stepper.field().take_stats(), self.stepper.field().take_seconds());
+        let _ = (self.stepper.field().take_stats(), self.stepper.field().take_times());
         Ok(Resumed { step: state.completed_steps, warnings })
     }
 
     /// Checks that a directory without a checkpoint holds no results that a start from the beginning would remove.
-    fn check_empty(&self, writers: &dyn Writers, dir: &Path) -> Result<(), ResumeError<B::Fault>> {
+    fn check_empty(&self, writers: &dyn WriterGroup, dir: &Path) -> Result<(), ResumeError<B::Fault>> {
         let found = match writers.is_writer() {
             true => results::results_without_checkpoint(dir, &self.case),
             false => Ok(None),
         };
-        let told = match &found {
+        let agreed = writers.agree(match &found {
             Ok(None) => Ok(()),
-            Ok(Some((path, what))) => {
-                let reason = format!("{}: {what}, but no checkpoint", path.display());
-                Err(ResultsError::OtherRank { path: path.clone(), reason })
-            }
-            Err(error) => Err(ResultsError::OtherRank { path: dir.to_owned(), reason: error.to_string() }),
-        };
-        let agreed = writers.agree(told);
+            Ok(Some((path, what))) => Err(other_rank(path, format!("{}: {what}, but no checkpoint", path.display()))),
+            Err(error) => Err(other_rank(dir, error)),
+        });
         match found? {
             Some((path, what)) => Err(ResumeError::NoCheckpoint { path, what }),
             None => Ok(agreed?),
@@ -222,42 +192,37 @@ where
     /// Returns [`RunError`], the same on all processes.
     pub fn run_among(
         &mut self,
-        writers: &dyn Writers,
+        writers: &dyn WriterGroup,
         dir: &Path,
         progress: &mut dyn Progress,
     ) -> Result<RunSummary, RunError<B::Fault>> {
         let start = Instant::now();
         let outcome = self.take_directory(writers, dir).map_err(RunError::from);
-        let outcome = outcome.and_then(|_| self.run_in_own(writers, dir, progress, start));
-        self.own = None;
+        let outcome = outcome.and_then(|_| self.run_locked(writers, dir, progress, start));
+        self.lock = None;
         outcome
     }
 
     /// The run in a directory that it has locked.
-    fn run_in_own(
+    fn run_locked(
         &mut self,
-        writers: &dyn Writers,
+        writers: &dyn WriterGroup,
         dir: &Path,
         progress: &mut dyn Progress,
         start: Instant,
     ) -> Result<RunSummary, RunError<B::Fault>> {
         let done = self.stepper.completed_steps();
-        let on = (done > 0).then(|| ResumePoint {
+        let resumed = (done > 0).then(|| ResumePoint {
             done: Done { steps: done, of: self.stepper.count() },
             written: std::mem::take(&mut self.written),
         });
-        let (opened, outcome) = match writers.is_writer() {
-            false => (None, Ok(())),
-            true => match Recorder::open(dir, &self.case, self.stepper.mesh(), &self.networks, on.as_ref(), progress) {
-                Ok(recorder) => (Some(recorder), Ok(())),
-                Err(error) => (None, Err(error)),
-            },
-        };
-        writers.agree(outcome)?;
-        let mut witness = AgreedRecorder { recorder: opened, writers };
+        let (case, mesh) = (&self.case, self.stepper.mesh());
+        let opened = writers
+            .on_writer(|| Recorder::open(dir, case, mesh, &self.networks, resumed.as_ref(), progress).map(Some))?;
+        let mut recorder = AgreedRecorder { recorder: opened, writers };
         let start_of_run = Event::Start(self.start_event(done));
-        witness.write(|recorder| recorder.log(&start_of_run))?;
-        let outcome = self.take_steps(dir, &mut witness);
+        recorder.write(|recorder| recorder.log(&start_of_run))?;
+        let outcome = self.take_steps(dir, &mut recorder);
         let seconds = start.elapsed().as_secs_f64();
         let steps = self.stepper.completed_steps();
         let reason = match &outcome {
@@ -266,51 +231,51 @@ where
                 let (state, field) = (self.stepper.state(), self.stepper.field());
                 let t = steps as f64 / self.stepper.count() as f64;
                 let mesh = self.stepper.mesh();
-                witness.write(|recorder| recorder.write_last(steps, t, mesh, state, field))?;
+                recorder.write(|recorder| recorder.write_last(steps, t, mesh, state, field))?;
                 Some(error.to_string())
             }
             // If results cannot be written, the end of the log cannot either.
             Err(RunError::Results(_)) => return outcome.map(|iterations| RunSummary { steps, iterations, seconds }),
         };
         let end = Event::End(End { converged: reason.is_none(), reason, steps, seconds });
-        witness.write(|recorder| recorder.log(&end))?;
+        recorder.write(|recorder| recorder.log(&end))?;
         outcome.map(|iterations| RunSummary { steps, iterations, seconds })
     }
 
     fn start_event(&self, done: usize) -> Start {
-        let plan = self.plan();
+        let size = self.problem_size();
         Start {
             title: self.case.title.clone(),
             backend: B::NAME.to_owned(),
-            elements: plan.elements,
-            nodes: plan.nodes,
-            unknowns: plan.unknowns,
-            rves: plan.rves,
-            networks: plan.networks.len(),
-            threads: plan.threads,
-            ranks: plan.ranks,
+            elements: size.elements,
+            nodes: size.nodes,
+            unknowns: size.unknowns,
+            rves: size.rves,
+            networks: size.networks.len(),
+            threads: size.threads,
+            ranks: size.ranks,
             version: env!("CARGO_PKG_VERSION").to_owned(),
             resumed_from: done,
         }
     }
 
     /// Takes the remaining steps, with a checkpoint after each; returns the number of Newton iterations.
-    fn take_steps(&mut self, dir: &Path, witness: &mut AgreedRecorder<'_, '_>) -> Result<usize, RunError<B::Fault>> {
+    fn take_steps(&mut self, dir: &Path, recorder: &mut AgreedRecorder<'_, '_>) -> Result<usize, RunError<B::Fault>> {
         let identity = self.identity();
         let count = self.stepper.count();
         let mut iterations = 0;
         while self.stepper.completed_steps() < count {
-            match self.stepper.step(witness) {
+            match self.stepper.step(recorder) {
                 Ok(report) => iterations += report.iterations(),
                 Err(SteppingError::Stopped { reason, .. }) => return Err(reason.into()),
                 Err(SteppingError::NotConverged { step, reached, halvings, reason, .. }) => {
-                    let (reason, lost) = (Box::new(reason), witness.lost());
-                    return Err(RunError::NotConverged { step, count, reached, halvings, reason, lost });
+                    let (reason, failed_rve) = (Box::new(reason), recorder.failed_rve());
+                    return Err(RunError::NotConverged { step, count, reached, halvings, reason, failed_rve });
                 }
             }
             // The checkpoint is written last, so that it never refers to results that do not exist.
             if let Some(state) = self.stepper.saved() {
-                witness.write(|recorder| {
+                recorder.write(|recorder| {
                     let written = recorder.flush()?;
                     checkpoint::write(dir, &identity, &state, &written, self.stepper.field())
                 })?;
@@ -318,4 +283,8 @@ where
         }
         Ok(iterations)
     }
+}
+
+fn other_rank(path: &Path, reason: impl ToString) -> ResultsError {
+    ResultsError::OtherRank { path: path.to_owned(), reason: reason.to_string() }
 }

@@ -26,7 +26,7 @@ pub enum RunError<F: std::error::Error + 'static> {
         /// The reason why the last attempt failed.
         reason: Box<StepFailure<TissueFieldError, F>>,
         /// The file that reproduces the failure of an RVE, if that was the reason.
-        lost: Option<PathBuf>,
+        failed_rve: Option<PathBuf>,
     },
     /// A result file could not be written.
     #[error(transparent)]

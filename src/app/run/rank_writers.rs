@@ -1,14 +1,14 @@
-//! Several ranks that solve for a body in step: the first writes, and all continue only if it succeeded.
+//! Several ranks that solve for a body in step: the root writes, and all continue only if it succeeded.
 
 use std::path::Path;
 use std::sync::OnceLock;
 
 use crate::app::results::ResultsError;
-use crate::app::run::Writers;
+use crate::app::run::WriterGroup;
 use crate::las::{Comm, Disagreement};
 
-/// The [`Writers`] of several ranks: the first one writes.
-pub struct First<'a, C: Comm> {
+/// The [`WriterGroup`] of several ranks: the root writes.
+pub struct RootWriter<'a, C: Comm> {
     /// The ranks of the body.
     pub comm: &'a C,
     /// The result directory.
@@ -18,36 +18,36 @@ pub struct First<'a, C: Comm> {
     pub broken: &'a OnceLock<String>,
 }
 
-impl<C: Comm> First<'_, C> {
-    fn elsewhere(&self, reason: impl ToString) -> ResultsError {
+impl<C: Comm> RootWriter<'_, C> {
+    fn other_rank(&self, reason: impl ToString) -> ResultsError {
         ResultsError::OtherRank { path: self.dir.to_owned(), reason: reason.to_string() }
     }
 
-    fn whole(&self) -> Result<(), ResultsError> {
-        self.broken.get().map_or(Ok(()), |reason| Err(self.elsewhere(reason)))
+    fn check_connected(&self) -> Result<(), ResultsError> {
+        self.broken.get().map_or(Ok(()), |reason| Err(self.other_rank(reason)))
     }
 }
 
-impl<C: Comm> Writers for First<'_, C> {
+impl<C: Comm> WriterGroup for RootWriter<'_, C> {
     fn is_writer(&self) -> bool {
         self.comm.rank() == 0
     }
 
     fn agree_on(&self, number: usize) -> Result<(), ResultsError> {
-        self.whole()?;
+        self.check_connected()?;
         let mut span = [number as f64, -(number as f64)];
-        self.comm.max(&mut span).map_err(|error| self.elsewhere(error))?;
+        self.comm.max(&mut span).map_err(|error| self.other_rank(error))?;
         if span[0] == -span[1] {
             return Ok(());
         }
-        Err(self.elsewhere(format!("ranks of the body find checkpoints of steps {} to {}", -span[1], span[0])))
+        Err(self.other_rank(format!("ranks of the body find checkpoints of steps {} to {}", -span[1], span[0])))
     }
 
     fn agree(&self, outcome: Result<(), ResultsError>) -> Result<(), ResultsError> {
-        self.whole()?;
+        self.check_connected()?;
         self.comm.agree(outcome).map_err(|disagreement| match disagreement {
             Disagreement::Own(error) => error,
-            other => self.elsewhere(other),
+            other => self.other_rank(other),
         })
     }
 }
@@ -61,10 +61,10 @@ mod tests {
     fn all_go_on_if_the_first_could_write_and_found_the_same_step() {
         let outcome = thread::run(3, |comm| {
             let (dir, broken) = (Path::new("out"), OnceLock::new());
-            let ranks = First { comm: &comm, dir, broken: &broken };
+            let ranks = RootWriter { comm: &comm, dir, broken: &broken };
             assert_eq!(ranks.is_writer(), comm.rank() == 0);
             assert!(ranks.agree(Ok(())).is_ok() && ranks.agree_on(7).is_ok());
-            let own = if comm.rank() == 0 { Err(ranks.elsewhere("the disk is full")) } else { Ok(()) };
+            let own = if comm.rank() == 0 { Err(ranks.other_rank("the disk is full")) } else { Ok(()) };
             assert!(ranks.agree(own).is_err_and(|error| error.to_string().contains("the disk is full")));
             let other = ranks.agree_on(comm.rank());
             assert!(other.is_err_and(|error| error.to_string().contains("checkpoints of steps 0 to 2")));
@@ -78,10 +78,10 @@ mod tests {
     fn a_rank_that_has_lost_others_does_not_wait_for_them() {
         let outcome = thread::run(2, |comm| {
             let broken = OnceLock::from("scale micro did not answer".to_owned());
-            let ranks = First { comm: &comm, dir: Path::new("out"), broken: &broken };
+            let ranks = RootWriter { comm: &comm, dir: Path::new("out"), broken: &broken };
             match comm.rank() {
                 0 => ranks.agree(Ok(())).and(ranks.agree_on(1)),
-                _ => comm.receive(0, crate::las::Tag::of(1)).map(drop).map_err(|error| ranks.elsewhere(error)),
+                _ => comm.receive(0, crate::las::Tag::of(1)).map(drop).map_err(|error| ranks.other_rank(error)),
             }
         });
         assert!(outcome.is_err_and(|failed| failed.rank == 0 && failed.reason.contains("micro did not answer")));

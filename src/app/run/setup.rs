@@ -5,9 +5,10 @@ use std::sync::Arc;
 use thiserror::Error;
 
 use super::Simulation;
-use super::plan::Plan;
-use crate::app::case::{Case, MaterialCase};
-use crate::app::magnitudes;
+use super::problem_size::ProblemSize;
+use crate::app::case::{Case, RegionMaterial};
+use crate::app::macro_scale;
+use crate::app::plausibility;
 use crate::app::results::ResultsRecord;
 use crate::app::rve_files;
 use crate::fem::boundary::Conditions;
@@ -16,31 +17,24 @@ use crate::fem::rigid_modes;
 use crate::fem::stepping::{SetupError, Stepper};
 use crate::input::InputErrors;
 use crate::las::{Backend, Scalar};
-use crate::tissue::macro_scale::{self, MacroScaleError};
 use crate::tissue::micro_scale::{LibraryError, TissueField, TissueFieldError, TissueMaterial};
 
 /// The reason why a simulation cannot be set up.
 #[derive(Debug, Error)]
 pub enum SimulationError<F: std::error::Error + 'static> {
-    /// The mesh or the boundary conditions are wrong.
+    /// The mesh, the boundary conditions or the requested output are wrong.
     #[error(transparent)]
-    MacroScale(#[from] MacroScaleError),
+    Input(#[from] InputErrors),
     /// The networks or the materials of regions are wrong.
     #[error(transparent)]
     Library(#[from] LibraryError),
-    /// The requested output does not exist.
-    #[error(transparent)]
-    Output(#[from] InputErrors),
     /// The body and its boundary conditions do not match.
     #[error(transparent)]
     Setup(#[from] Box<SetupError<TissueFieldError, F>>),
 }
 
 /// A case with all its input files, read and checked before the first solve.
-pub struct Setup<B: Backend<Scalar = f64>, M = TissueField<B>>
-where
-    B::Reduced: Scalar,
-{
+pub struct Setup<B: Backend<Scalar = f64, Reduced: Scalar>, M = TissueField<B>> {
     context: B::Context,
     case: Case,
     mesh: Mesh,
@@ -51,9 +45,8 @@ where
     warnings: Vec<String>,
 }
 
-impl<B: Backend<Scalar = f64>> Setup<B>
+impl<B: Backend<Scalar = f64, Reduced: Scalar>> Setup<B>
 where
-    B::Reduced: Scalar,
     B::Context: Clone,
 {
     /// Reads the mesh and the networks of a case and checks them against the case.
@@ -63,14 +56,11 @@ where
     /// conditions leave a rigid-body mode.
     pub fn new(context: B::Context, case: Case) -> Result<Self, SimulationError<B::Fault>> {
         let of_rves = context.clone();
-        Self::with_material(context, case, |case, mesh| TissueField::new(of_rves, case, mesh))
+        Self::with_material(context, case, |case, mesh| TissueField::new(of_rves, case.materials(), mesh))
     }
 }
 
-impl<B: Backend<Scalar = f64>, M: TissueMaterial> Setup<B, M>
-where
-    B::Reduced: Scalar,
-{
+impl<B: Backend<Scalar = f64, Reduced: Scalar>, M: TissueMaterial> Setup<B, M> {
     /// Reads the mesh of a case and checks it against the case; `material` returns the materials of its elements, and
     /// warnings.
     ///
@@ -82,13 +72,13 @@ where
         material: impl FnOnce(&Case, &Mesh) -> Result<(M, Vec<String>), LibraryError>,
     ) -> Result<Self, SimulationError<B::Fault>> {
         let (mesh, mut warnings) = macro_scale::mesh(&case)?;
-        let conditions = macro_scale::conditions(&case)?;
+        let conditions = macro_scale::conditions(&case);
         let boundary = macro_scale::boundary(&case, &mesh, &conditions)?;
         let prescribed = boundary.prescribed_mask(mesh.nodes().len());
         rigid_modes::check(&mesh, &prescribed).map_err(|error| Box::new(error.into()))?;
         let unknowns = prescribed.as_flattened().iter().filter(|&&prescribed| !prescribed).count();
         let (field, network_warnings) = material(&case, &mesh)?;
-        warnings.extend(magnitudes::warnings(&case, &mesh, field.library()));
+        warnings.extend(plausibility::warnings(&case, &mesh, field.library()));
         warnings.extend(network_warnings);
         warnings.extend(without_networks(&case));
         let networks = rve_files::elements(&case, mesh.elements().len(), &field)?;
@@ -97,8 +87,8 @@ where
 
     /// Returns the size of the problem.
     #[must_use]
-    pub fn plan(&self) -> Plan {
-        Plan::new(&self.case, &self.mesh, &self.field, self.unknowns)
+    pub fn problem_size(&self) -> ProblemSize {
+        ProblemSize::new(&self.case, &self.mesh, &self.field, self.unknowns)
     }
 
     /// Returns the warnings of the readers.
@@ -135,14 +125,14 @@ where
         let order = field.node_order(&mesh);
         let stepper = Stepper::in_order(&order, &context, Arc::new(mesh), &conditions, field, params);
         let stepper = stepper.map_err(Box::new)?;
-        Ok(Simulation { case, stepper, networks, warnings, own: None, written: ResultsRecord::default() })
+        Ok(Simulation { case, stepper, networks, warnings, lock: None, written: ResultsRecord::default() })
     }
 }
 
 /// Warnings for regions whose RVEs have no network.
 fn without_networks(case: &Case) -> impl Iterator<Item = String> {
     case.regions.iter().filter_map(|region| match &region.material {
-        MaterialCase::FiberRve(rve) if rve.networks.is_empty() => Some(format!(
+        RegionMaterial::FiberRve(rve) if rve.networks.is_empty() => Some(format!(
             "{}: the region \"{}\" has no networks: its RVEs are the matrix alone",
             case.file.display(),
             region.name

@@ -8,7 +8,7 @@ use crate::fem::stepping::{ConvergedStep, FailedAttempt, StepObserver};
 use crate::tissue::micro_scale::TissueMaterial;
 
 /// Processes that take the same steps of a run: one of them writes the results, and all continue only if it succeeded.
-pub trait Writers {
+pub trait WriterGroup {
     /// Returns true if this process writes.
     fn is_writer(&self) -> bool;
 
@@ -25,8 +25,24 @@ pub trait Writers {
     fn agree_on(&self, number: usize) -> Result<(), ResultsError>;
 }
 
+impl dyn WriterGroup + '_ {
+    /// Calls `write` on the process that writes; the others return a default value if it succeeds.
+    ///
+    /// # Errors
+    /// Returns the error of `write` on all processes.
+    pub(super) fn on_writer<T: Default>(
+        &self,
+        write: impl FnOnce() -> Result<T, ResultsError>,
+    ) -> Result<T, ResultsError> {
+        let outcome = if self.is_writer() { write() } else { Ok(T::default()) };
+        let (value, outcome) = outcome.map_or_else(|error| (None, Err(error)), |value| (Some(value), Ok(())));
+        self.agree(outcome)?;
+        Ok(value.unwrap_or_default())
+    }
+}
+
 /// A single process.
-impl Writers for () {
+impl WriterGroup for () {
     fn is_writer(&self) -> bool {
         true
     }
@@ -43,7 +59,7 @@ impl Writers for () {
 /// Records a run if this process writes, and agrees with the other processes on the outcome of each write.
 pub(super) struct AgreedRecorder<'w, 'r> {
     pub(super) recorder: Option<Recorder<'r>>,
-    pub(super) writers: &'w dyn Writers,
+    pub(super) writers: &'w dyn WriterGroup,
 }
 
 impl<'r> AgreedRecorder<'_, 'r> {
@@ -55,8 +71,8 @@ impl<'r> AgreedRecorder<'_, 'r> {
         self.writers.agree(outcome)
     }
 
-    pub(super) fn lost(&self) -> Option<PathBuf> {
-        self.recorder.as_ref().and_then(Recorder::lost).map(Path::to_owned)
+    pub(super) fn failed_rve(&self) -> Option<PathBuf> {
+        self.recorder.as_ref().and_then(Recorder::failed_rve).map(Path::to_owned)
     }
 }
 

@@ -3,12 +3,12 @@
 use std::path::PathBuf;
 
 use biotissue::app::case::Case;
-use biotissue::app::run::Plan;
-use biotissue::las::{Backend, Scalar};
+use biotissue::app::run::{NetworkSize, ProblemSize};
+
 use clap::Args;
 use serde::Serialize;
 
-use crate::dispatch::{Job, dispatch};
+use crate::dispatch::{Job, ProgramBackend, dispatch};
 use crate::failure::Failure;
 use crate::output;
 use crate::ranks::check_near;
@@ -41,7 +41,7 @@ struct CheckJob {
 
 /// The output of `biotissue check`.
 #[derive(Serialize)]
-struct PlanText {
+struct Plan {
     title: String,
     backend: &'static str,
     elements: usize,
@@ -50,7 +50,7 @@ struct PlanText {
     rves: usize,
     rve_bytes: usize,
     body_bytes: usize,
-    networks: Vec<NetworkText>,
+    networks: Vec<NetworkSize>,
     surfaces: Vec<String>,
     regions: Vec<String>,
     steps: usize,
@@ -59,26 +59,14 @@ struct PlanText {
     directory: PathBuf,
 }
 
-#[derive(Serialize)]
-struct NetworkText {
-    name: String,
-    unknowns: usize,
-    rves: usize,
-}
-
 impl Job for CheckJob {
-    type Output = PlanText;
+    type Output = Plan;
 
-    fn run<B>(self, context: B::Context) -> Result<PlanText, Failure>
-    where
-        B: Backend<Scalar = f64, Context: Clone>,
-        B::Reduced: Scalar,
-    {
+    fn run<B: ProgramBackend>(self, context: B::Context) -> Result<Plan, Failure> {
         let setup = setup::<B>(context, self.case)?;
-        let Plan { elements, nodes, unknowns, rves, networks, rve_bytes, body_bytes, steps, threads, .. } =
-            setup.plan();
-        let networks = networks.into_iter().map(|n| NetworkText { name: n.name, unknowns: n.unknowns, rves: n.rves });
-        Ok(PlanText {
+        let ProblemSize { elements, nodes, unknowns, rves, networks, rve_bytes, body_bytes, steps, threads, .. } =
+            setup.problem_size();
+        Ok(Plan {
             title: setup.case().title.clone(),
             backend: B::NAME,
             elements,
@@ -87,7 +75,7 @@ impl Job for CheckJob {
             rves,
             rve_bytes,
             body_bytes,
-            networks: networks.collect(),
+            networks,
             surfaces: setup.mesh().surface_names().map(str::to_owned).collect(),
             regions: setup.mesh().regions().to_vec(),
             steps,
@@ -98,7 +86,7 @@ impl Job for CheckJob {
     }
 }
 
-impl PlanText {
+impl Plan {
     fn text(&self) -> String {
         let mut lines = vec![
             format!("title      {}", self.title),

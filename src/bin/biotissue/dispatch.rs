@@ -6,16 +6,18 @@ use biotissue::las::{Backend, Scalar};
 
 use crate::failure::Failure;
 
+/// A backend that the program can run on.
+pub trait ProgramBackend: Backend<Scalar = f64, Reduced: Scalar, Context: Clone> {}
+
+impl<B: Backend<Scalar = f64, Reduced: Scalar, Context: Clone>> ProgramBackend for B {}
+
 /// A computation that is generic over the backend.
 pub trait Job {
     /// The result.
     type Output;
 
     /// Runs the computation on backend `B` with the given context.
-    fn run<B>(self, context: B::Context) -> Result<Self::Output, Failure>
-    where
-        B: Backend<Scalar = f64, Context: Clone>,
-        B::Reduced: Scalar;
+    fn run<B: ProgramBackend>(self, context: B::Context) -> Result<Self::Output, Failure>;
 }
 
 /// Runs `job` on the named backend, or on the first one compiled in.

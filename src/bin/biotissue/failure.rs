@@ -42,22 +42,27 @@ impl Failure {
         Self::Arguments { what: what.into(), expected: expected.into(), cure: cure.into() }
     }
 
+    /// Creates an error of the environment.
+    pub fn environment(what: impl Into<String>, expected: impl Into<String>, cure: impl Into<String>) -> Self {
+        Self::Environment { what: what.into(), expected: expected.into(), cure: cure.into() }
+    }
+
     /// Creates the error for a file that cannot be written.
     pub fn unwritable(file: &Path, error: &std::io::Error) -> Self {
-        Self::Environment {
-            what: format!("{}: cannot be written: {error}", file.display()),
-            expected: "a place that may be written and has space left".into(),
-            cure: "check the name, that its folder can be made, its permissions and the space on the disk".into(),
-        }
+        Self::environment(
+            format!("{}: cannot be written: {error}", file.display()),
+            "a place that may be written and has space left",
+            "check the name, that its folder can be made, its permissions and the space on the disk",
+        )
     }
 
     /// Creates the error for a failure of a linear-algebra library.
     pub fn library(error: impl fmt::Display) -> Self {
-        Self::Environment {
-            what: error.to_string(),
-            expected: "a linear-algebra library that works".into(),
-            cure: "try another --backend; `biotissue info` lists them".into(),
-        }
+        Self::environment(
+            error.to_string(),
+            "a linear-algebra library that works",
+            "try another --backend; `biotissue info` lists them",
+        )
     }
 }
 

@@ -6,9 +6,10 @@ use biotissue::fiber::deformation_path::between;
 use biotissue::fiber::equilibrium::{EquilibriumParams, EquilibriumReport, RveError, equilibrate};
 use biotissue::fiber::rve::{Rve, RveModel, RveModelError};
 use biotissue::fiber::workspace::Workspace;
-use biotissue::las::{Backend, Scalar};
+
 use nalgebra::Matrix3;
 
+use crate::dispatch::ProgramBackend;
 use crate::failure::Failure;
 use crate::output;
 
@@ -48,10 +49,10 @@ pub struct Increments<'a> {
 }
 
 /// The last increment: the state before it and its target.
-pub type Last = (Rve, Matrix3<f64>);
+pub type LastIncrement = (Rve, Matrix3<f64>);
 
 /// An increment that failed.
-pub struct Lost<F: std::error::Error + 'static> {
+pub struct FailedIncrement<F: std::error::Error + 'static> {
     pub error: RveError<F>,
     /// Number of the increment, from 1.
     step: usize,
@@ -60,44 +61,38 @@ pub struct Lost<F: std::error::Error + 'static> {
 impl Increments<'_> {
     /// Applies all increments, each from a first-order prediction if the previous one has a tangent. If one of several
     /// increments fails, tries to reach the target in a single increment and warns about it.
-    pub fn take<B>(
+    pub fn apply<B: ProgramBackend>(
         &self,
         model: &RveModel<B>,
         rve: &mut Rve,
         workspace: &mut Workspace<B>,
-        last: &mut Last,
-    ) -> Result<EquilibriumReport, Lost<B::Fault>>
-    where
-        B: Backend<Scalar = f64>,
-        B::Reduced: Scalar,
-    {
+        last: &mut LastIncrement,
+    ) -> Result<EquilibriumReport, FailedIncrement<B::Fault>> {
         let start = rve.clone();
-        let lost = match self.one_by_one(model, rve, workspace, last) {
-            Err(lost) if self.steps > 1 => lost,
+        let failed = match self.apply_each(model, rve, workspace, last) {
+            Err(failed) if self.steps > 1 => failed,
             outcome => return outcome,
         };
-        let mut whole = start.clone();
-        let Ok(solved) = equilibrate(model, &mut whole, self.target, self.params, workspace) else { return Err(lost) };
+        let mut single = start.clone();
+        let Ok(solved) = equilibrate(model, &mut single, self.target, self.params, workspace) else {
+            return Err(failed);
+        };
         let report = solved.into_report();
-        let Lost { step, error } = lost;
+        let FailedIncrement { step, error } = failed;
         let steps = self.steps;
         output::warn(&[format!("step {step} of {steps} of {}: {error}; one increment reached F instead", self.place)]);
         *last = (start, *self.target);
-        *rve = whole;
+        *rve = single;
         Ok(report)
     }
 
-    fn one_by_one<B>(
+    fn apply_each<B: ProgramBackend>(
         &self,
         model: &RveModel<B>,
         rve: &mut Rve,
         workspace: &mut Workspace<B>,
-        last: &mut Last,
-    ) -> Result<EquilibriumReport, Lost<B::Fault>>
-    where
-        B: Backend<Scalar = f64>,
-        B::Reduced: Scalar,
-    {
+        last: &mut LastIncrement,
+    ) -> Result<EquilibriumReport, FailedIncrement<B::Fault>> {
         let start = *rve.gradient();
         let mut sum = EquilibriumReport::default();
         for step in 1..=self.steps {
@@ -105,7 +100,7 @@ impl Increments<'_> {
             let target = if step == self.steps { *self.target } else { between(&start, self.target, part) };
             *last = (rve.clone(), target);
             let solved = equilibrate(model, rve, &target, self.params, workspace);
-            let mut solved = solved.map_err(|error| Lost { error, step })?;
+            let mut solved = solved.map_err(|error| FailedIncrement { error, step })?;
             sum = sum.accumulate(solved.report().clone());
             if step < self.steps {
                 // Without a tangent the next increment starts from an affine motion.
@@ -116,20 +111,20 @@ impl Increments<'_> {
     }
 
     /// Returns the failure for an increment that was not solved.
-    pub fn lost<F: std::error::Error + 'static>(&self, lost: &Lost<F>) -> Failure {
+    pub fn increment_failure<F: std::error::Error + 'static>(&self, failed: &FailedIncrement<F>) -> Failure {
         let at = match self.steps {
-            1 => self.whole(),
-            steps => format!("step {} of {steps} of {}", lost.step, self.place),
+            1 => self.place_of_rve(),
+            steps => format!("step {} of {steps} of {}", failed.step, self.place),
         };
-        self.failure(&lost.error, at)
+        self.failure(&failed.error, at)
     }
 
     /// Returns the failure for an equilibrium whose stress or tangent cannot be computed.
-    pub fn untold<F: std::error::Error + 'static>(&self, error: &RveError<F>) -> Failure {
-        self.failure(error, self.whole())
+    pub fn response_failure<F: std::error::Error + 'static>(&self, error: &RveError<F>) -> Failure {
+        self.failure(error, self.place_of_rve())
     }
 
-    fn whole(&self) -> String {
+    fn place_of_rve(&self) -> String {
         format!("the RVE of {}", self.place)
     }
 
@@ -138,7 +133,7 @@ impl Increments<'_> {
             return Failure::library(error);
         }
         let restricted = self.params.stages != EquilibriumParams::default().stages;
-        let farther = match self.replayed {
+        let advice = match self.replayed {
             true if restricted => {
                 "leave --stages out, or try all of them: --stages newton,regularised,cuts,relaxation".to_owned()
             }
@@ -150,18 +145,18 @@ impl Increments<'_> {
         };
         let (expected, cure) = if let RveError::ExcessiveForce(_) = error {
             let units = "moduli and stresses are in Pa, radii in m, F has no unit";
-            ("forces that numbers can hold", format!("check the law and F ({units}); else {farther}"))
+            ("forces that numbers can hold", format!("check the law and F ({units}); else {advice}"))
         } else if error.is_linear() {
             let cure = match self.file {
                 Some(file) => {
                     let file = file.display();
-                    format!("`biotissue network check {file}` tells where it is floppy; if it is not, {farther}")
+                    format!("`biotissue network check {file}` tells where it is floppy; if it is not, {advice}")
                 }
-                None => format!("{farther}; or take another network, or a cleaned one"),
+                None => format!("{advice}; or take another network, or a cleaned one"),
             };
             ("a network that resists every motion of its interior nodes", cure)
         } else {
-            ("an equilibrium of the network with its boundary at x = F X", farther)
+            ("an equilibrium of the network with its boundary at x = F X", advice)
         };
         Failure::NotConverged { what: error.to_string(), place: at, expected: expected.into(), cure }
     }

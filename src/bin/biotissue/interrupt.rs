@@ -71,7 +71,7 @@ impl Interrupted {
             let _ = stderr.write_all(b"\x1b[?25h");
         }
         let dir = self.dir.display();
-        output::say(&match self.done.load(Ordering::Relaxed) {
+        output::message(&match self.done.load(Ordering::Relaxed) {
             0 => "interrupted: no load step has converged yet".to_owned(),
             _ => format!(
                 "interrupted: the converged load steps are in {dir}; the same command with --resume goes on after them"

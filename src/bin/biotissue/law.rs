@@ -95,14 +95,14 @@ impl LawArguments {
 /// Checks the parameters of a law. `spelled` converts a parameter to the form the user typed; `name` is the option that
 /// names the law. The path of a table file is relative to the working directory.
 pub fn checked(law: &NamedLaw, spelled: &dyn Fn(&str) -> String, name: &str) -> Result<FiberMaterial, Failure> {
-    let material = law.material(Path::new("")).map_err(|error| refused(error, spelled, name))?;
+    let material = law.material(Path::new("")).map_err(|error| law_failure(error, spelled, name))?;
     material.check().map_err(|error| {
         Failure::arguments(error.to_string(), format!("a number {}", error.expected), "correct that parameter")
     })?;
     Ok(material)
 }
 
-fn refused(error: NamedLawError, spelled: &dyn Fn(&str) -> String, name: &str) -> Failure {
+fn law_failure(error: NamedLawError, spelled: &dyn Fn(&str) -> String, name: &str) -> Failure {
     let spelled = |parameter: &str| match parameter {
         "file" => spelled("table"),
         _ => spelled(&parameter.replace('_', "-")),

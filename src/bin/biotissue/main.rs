@@ -17,8 +17,8 @@
 )]
 
 mod check;
-mod cures;
 mod dispatch;
+mod error_hints;
 mod failure;
 mod fiber_type;
 mod increments;
@@ -67,7 +67,7 @@ enum Command {
 fn main() -> ExitCode {
     let arguments = match Arguments::try_parse() {
         Ok(arguments) => arguments,
-        Err(error) => return told(&error),
+        Err(error) => return print_argument_error(&error),
     };
     let outcome: Result<(), Failure> = match arguments.command {
         Command::Run(command) => run::run(command),
@@ -81,19 +81,19 @@ fn main() -> ExitCode {
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            output::say(&failure.to_string());
+            output::message(&failure.to_string());
             failure.exit_code()
         }
     }
 }
 
 /// Prints the help, the version, or an argument error with non-printable characters escaped, and returns the exit code.
-fn told(error: &clap::Error) -> ExitCode {
+fn print_argument_error(error: &clap::Error) -> ExitCode {
     let text = error.render().to_string();
     let shown = printable(&text);
     if shown == text {
         error.exit();
     }
-    output::say(shown.trim_end());
+    output::message(shown.trim_end());
     u8::try_from(error.exit_code()).map_or(ExitCode::FAILURE, ExitCode::from)
 }

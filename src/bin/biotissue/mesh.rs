@@ -113,7 +113,7 @@ pub fn run(command: MeshCommand) -> Result<(), Failure> {
         MeshCommand::Box { cells, size, output } => (shapes::cuboid(cells, size), output),
         MeshCommand::Dogbone { element_size, shape, output } => (shapes::dogbone(&shape.shape(), element_size), output),
     };
-    let mesh = mesh.map_err(|error| refused(&error))?;
+    let mesh = mesh.map_err(|error| shape_failure(&error))?;
     let version = match output.format {
         Format::V2_2 => Version::V2_2,
         Format::V4_1 => Version::V4_1,
@@ -125,7 +125,7 @@ pub fn run(command: MeshCommand) -> Result<(), Failure> {
 }
 
 /// Returns the failure for arguments that do not define a valid shape.
-fn refused(error: &ShapeError) -> Failure {
+fn shape_failure(error: &ShapeError) -> Failure {
     let (expected, cure) = match error {
         ShapeError::NoCells { .. } => ("one cell at least along each axis".to_owned(), "raise --cells"),
         ShapeError::NotPositive { .. } => ("a positive, finite length in meters".to_owned(), "correct it"),

@@ -22,10 +22,12 @@ pub fn print(text: &str) -> Result<(), Failure> {
 
 /// Prints a result as one JSON object on one line.
 pub fn print_json(value: &impl Serialize) -> Result<(), Failure> {
-    let text = serde_json::to_string(value).map_err(|error| Failure::Environment {
-        what: format!("the answer cannot be written as JSON: {error}"),
-        expected: "an answer of text and numbers".into(),
-        cure: "leave out --json, and report this as a bug with the command".into(),
+    let text = serde_json::to_string(value).map_err(|error| {
+        Failure::environment(
+            format!("the answer cannot be written as JSON: {error}"),
+            "an answer of text and numbers",
+            "leave out --json, and report this as a bug with the command",
+        )
     })?;
     print(&text)
 }
@@ -37,15 +39,15 @@ pub fn make_folder_of(file: &Path) -> Result<(), Failure> {
 }
 
 /// Prints a message to stderr. Errors are ignored, because a closed stderr must not stop a run.
-pub fn say(text: &str) {
+pub fn message(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
 /// Prints the warnings of the file readers: the first twenty, and the number of the others.
 pub fn warn(warnings: &[String]) {
     let (warnings, more) = warnings.split_at(warnings.len().min(MOST_SHOWN));
-    warnings.iter().for_each(|warning| say(&printable(&format!("warning: {warning}"))));
+    warnings.iter().for_each(|warning| message(&printable(&format!("warning: {warning}"))));
     if !more.is_empty() {
-        say(&format!("warning: and {} more", more.len()));
+        message(&format!("warning: and {} more", more.len()));
     }
 }

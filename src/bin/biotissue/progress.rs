@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use biotissue::app::Progress;
 use biotissue::app::results::log::{Cut, Step};
-use biotissue::app::run::Plan;
+use biotissue::app::run::ProblemSize;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::interrupt::{self, Interrupted};
@@ -21,20 +21,20 @@ pub struct Reporter {
 }
 
 impl Reporter {
-    /// Starts the report of a run with this plan and the result directory `dir`, after `done` converged steps.
-    pub fn new(plan: &Plan, dir: &Path, done: usize) -> Self {
-        let Plan { elements, unknowns, rves, threads, ranks: [above, below], .. } = plan;
-        let workers = match below {
+    /// Starts the report of a run of this size with the result directory `dir`, after `done` converged steps.
+    pub fn new(size: &ProblemSize, dir: &Path, done: usize) -> Self {
+        let ProblemSize { elements, unknowns, rves, threads, ranks: [macro_ranks, micro_ranks], .. } = size;
+        let workers = match micro_ranks {
             0 => format!("{threads} threads"),
-            _ => format!("{above} + {below} ranks"),
+            _ => format!("{macro_ranks} + {micro_ranks} ranks"),
         };
-        let rves = match plan.networks.len() {
+        let rves = match size.networks.len() {
             0 => String::new(),
             networks => format!("{rves} RVEs of {networks} network{}, ", if networks == 1 { "" } else { "s" }),
         };
-        output::say(&format!("{elements} elements, {unknowns} unknowns, {rves}{workers}"));
+        output::message(&format!("{elements} elements, {unknowns} unknowns, {rves}{workers}"));
         let bar = std::io::stderr().is_terminal().then(|| {
-            let bar = ProgressBar::new(plan.steps as u64);
+            let bar = ProgressBar::new(size.steps as u64);
             // The duration cannot be estimated before the first step.
             set_style(&bar, "{bar:32} step {pos}/{len} {elapsed}");
             bar.enable_steady_tick(std::time::Duration::from_millis(200));
@@ -42,13 +42,13 @@ impl Reporter {
         });
         let done = Arc::new(AtomicUsize::new(done));
         interrupt::watch(Interrupted { dir: dir.to_owned(), done: Arc::clone(&done), bar: bar.clone() });
-        Self { bar, count: plan.steps, done }
+        Self { bar, count: size.steps, done }
     }
 
-    fn say(&self, line: &str) {
+    fn message(&self, line: &str) {
         match &self.bar {
             Some(bar) => bar.println(line),
-            None => output::say(line),
+            None => output::message(line),
         }
     }
 
@@ -86,12 +86,12 @@ impl Progress for Reporter {
                 bar.set_position(step.step as u64);
                 bar.set_message(format!("{} iterations", newton.iterations));
             }
-            None => output::say(&line),
+            None => output::message(&line),
         }
     }
 
     fn failed(&mut self, cut: &Cut) {
-        self.say(&format!("step {}/{} to t = {:.4} failed: {}", cut.step, self.count, cut.t, cut.reason));
+        self.message(&format!("step {}/{} to t = {:.4} failed: {}", cut.step, self.count, cut.t, cut.reason));
     }
 }
 

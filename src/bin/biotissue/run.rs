@@ -5,20 +5,20 @@ use std::time::Duration;
 
 use biotissue::app::case::{Case, ScalesCase};
 use biotissue::app::results::LOADS_FILE;
-use biotissue::app::run::{RunError, RunSummary, Setup, Simulation, Writers};
+use biotissue::app::run::{RunError, RunSummary, Setup, Simulation, WriterGroup};
 use biotissue::coupling::{Config, Plan};
-use biotissue::las::{Backend, Scalar};
+
 use biotissue::tissue::micro_scale::TissueMaterial;
 use clap::Args;
 use serde::Serialize;
 
-use crate::cures::{cure_of_step, not_resumed, not_set_up, not_written, on_disk, repeated_by};
-use crate::dispatch::{Job, dispatch};
+use crate::dispatch::{Job, ProgramBackend, dispatch};
+use crate::error_hints::{cure_of_step, not_resumed, not_set_up, not_written, on_disk, replay_hint};
 use crate::failure::Failure;
 use crate::number::count;
 use crate::output;
 use crate::progress::Reporter;
-use crate::ranks::{self, Shared};
+use crate::ranks::{self, RunContext};
 
 /// Maximum number of threads, above the number of cores of any supported machine.
 const MAX_THREADS: usize = 4096;
@@ -78,18 +78,18 @@ pub fn run(command: RunCommand) -> Result<(), Failure> {
     let config = command.config()?;
     let time_out = command.time_out()?;
     let case = read(&command.case)?;
-    output::warn(&config.warnings_beside(&case));
+    output::warn(&config.warnings_for(&case));
     let dir = command.dir(&case, &config);
     command.common.start_threads()?;
     let (backend, resume, plan) = (command.common.backend(), command.resume, config.plan);
     // A single process started by mpirun is one rank.
-    let asked = command.ranks.or_else(ranks::started_by_mpirun);
-    let summary = match ranks::of_threads(asked, case.scales, plan.as_ref().map(|(plan, _)| plan)) {
+    let requested = command.ranks.or_else(ranks::started_by_mpirun);
+    let summary = match ranks::of_threads(requested, case.scales, plan.as_ref().map(|(plan, _)| plan)) {
         None => dispatch(backend, RunJob { case, dir: &dir, resume })?,
         Some(count) if count > MAX_THREADS => return Err(too_many_ranks(count)),
-        Some(count) => ranks::on_threads(count, &Shared { case, dir: &dir, resume, backend, plan, time_out })?,
+        Some(count) => ranks::on_threads(count, &RunContext { case, dir: &dir, resume, backend, plan, time_out })?,
     };
-    print(&summary, &dir, command.json)
+    print_summary(&summary, &dir, command.json)
 }
 
 impl RunCommand {
@@ -141,19 +141,19 @@ struct Configuration {
 
 impl Configuration {
     /// Returns the warnings of the file, and a warning if it overrides [scales] of the case.
-    fn warnings_beside(&self, case: &Case) -> Vec<String> {
-        let overruled = self.plan.iter().filter(|_| case.scales != ScalesCase::default()).map(|(_, file)| {
+    fn warnings_for(&self, case: &Case) -> Vec<String> {
+        let overridden = self.plan.iter().filter(|_| case.scales != ScalesCase::default()).map(|(_, file)| {
             format!(
                 "{}: [scales] has no effect: {} says which ranks each scale gets",
                 case.file.display(),
                 file.display()
             )
         });
-        self.warnings.iter().cloned().chain(overruled).collect()
+        self.warnings.iter().cloned().chain(overridden).collect()
     }
 }
 
-fn print(summary: &Summary, dir: &Path, json: bool) -> Result<(), Failure> {
+fn print_summary(summary: &Summary, dir: &Path, json: bool) -> Result<(), Failure> {
     let Summary { steps, iterations, seconds, .. } = summary;
     if json {
         return output::print_json(summary);
@@ -185,10 +185,12 @@ impl Common {
             let cure = "leave --threads out to use all cores";
             return Err(Failure::arguments(format!("--threads {count}"), expected, cure));
         }
-        rayon::ThreadPoolBuilder::new().num_threads(count).build_global().map_err(|error| Failure::Environment {
-            what: format!("{count} threads cannot be started: {error}"),
-            expected: "a system that allows that many threads".into(),
-            cure: "ask for fewer --threads, or leave it out to use all cores".into(),
+        rayon::ThreadPoolBuilder::new().num_threads(count).build_global().map_err(|error| {
+            Failure::environment(
+                format!("{count} threads cannot be started: {error}"),
+                "a system that allows that many threads",
+                "ask for fewer --threads, or leave it out to use all cores",
+            )
         })
     }
 }
@@ -198,7 +200,7 @@ fn too_many_ranks(count: usize) -> Failure {
     Failure::arguments(format!("{count} ranks"), expected, "start them with mpirun, in a build with the feature `mpi`")
 }
 
-/// Runs on every process; the first one reports input errors, and the one that knows the outcome reports it.
+/// Runs on every process; the root reports input errors, and the one that knows the outcome reports it.
 #[cfg(feature = "mpi")]
 fn run_on_processes(processes: usize, command: RunCommand) -> Result<(), Failure> {
     use biotissue::backends::comm::mpi;
@@ -213,7 +215,7 @@ fn run_on_processes(processes: usize, command: RunCommand) -> Result<(), Failure
         _ => Ok(()),
     };
     let on_rank = |world: mpi::MpiComm| {
-        let is_first = world.rank() == 0;
+        let is_root = world.rank() == 0;
         let read = || {
             started()?;
             // Processes share the cores of a machine: one thread each by default.
@@ -222,19 +224,19 @@ fn run_on_processes(processes: usize, command: RunCommand) -> Result<(), Failure
         };
         let (config, time_out, case) = match ranks::agreed(&world, read())? {
             Ok((config, time_out, read)) => {
-                if is_first {
+                if is_root {
                     output::warn(&read.warnings);
-                    output::warn(&config.warnings_beside(&read.case));
+                    output::warn(&config.warnings_for(&read.case));
                 }
                 (config, time_out, read.case)
             }
-            Err(failure) => return Ok(if is_first { Err(failure) } else { Ok(()) }),
+            Err(failure) => return Ok(if is_root { Err(failure) } else { Ok(()) }),
         };
         let dir = command.dir(&case, &config);
         let (backend, resume, plan) = (command.common.backend(), command.resume, config.plan);
-        let shared = Shared { case, dir: &dir, resume, backend, plan, time_out };
-        Ok(match ranks::on_processes(&world, &shared)? {
-            Some(outcome) => outcome.and_then(|summary| print(&summary, &dir, command.json)),
+        let run = RunContext { case, dir: &dir, resume, backend, plan, time_out };
+        Ok(match ranks::on_processes(&world, &run)? {
+            Some(outcome) => outcome.and_then(|summary| print_summary(&summary, &dir, command.json)),
             None => Ok(()),
         })
     };
@@ -269,25 +271,18 @@ pub struct Summary {
 impl Job for RunJob<'_> {
     type Output = Summary;
 
-    fn run<B>(self, context: B::Context) -> Result<Summary, Failure>
-    where
-        B: Backend<Scalar = f64, Context: Clone>,
-        B::Reduced: Scalar,
-    {
+    fn run<B: ProgramBackend>(self, context: B::Context) -> Result<Summary, Failure> {
         take_steps(&mut simulation::<B>(context, self.case)?, &(), self.dir, self.resume)
     }
 }
 
 /// Runs the steps of a simulation, from the beginning or from the last step of an earlier run.
-pub fn take_steps<B: Backend<Scalar = f64>, M: TissueMaterial>(
+pub fn take_steps<B: ProgramBackend, M: TissueMaterial>(
     simulation: &mut Simulation<B, M>,
-    writers: &dyn Writers,
+    writers: &dyn WriterGroup,
     dir: &Path,
     resume: bool,
-) -> Result<Summary, Failure>
-where
-    B::Reduced: Scalar,
-{
+) -> Result<Summary, Failure> {
     let micro = simulation.case().micro;
     let mut done = 0;
     if !resume {
@@ -298,14 +293,14 @@ where
         output::warn(if writers.is_writer() { &resumed.warnings } else { &[] });
         done = resumed.step;
         if resumed.step > 0 && writers.is_writer() {
-            output::say(&format!("going on after step {} of {}", resumed.step, simulation.case().steps.count));
+            output::message(&format!("going on after step {} of {}", resumed.step, simulation.case().steps.count));
         }
     }
     if !resume && writers.is_writer() && dir.join(LOADS_FILE).exists() {
-        output::say(&format!("replacing the results in {}; --resume would go on with them", dir.display()));
+        output::message(&format!("replacing the results in {}; --resume would go on with them", dir.display()));
     }
     // Only the rank that writes reports progress.
-    let mut progress = writers.is_writer().then(|| Reporter::new(&simulation.plan(), dir, done));
+    let mut progress = writers.is_writer().then(|| Reporter::new(&simulation.problem_size(), dir, done));
     let outcome = match &mut progress {
         Some(reporter) => simulation.run_among(writers, dir, reporter),
         None => simulation.run_among(writers, dir, &mut ()),
@@ -317,22 +312,20 @@ where
         Ok(RunSummary { steps, iterations, seconds }) => {
             Ok(Summary { converged: true, steps, iterations, seconds, directory: dir.to_owned() })
         }
-        Err(RunError::NotConverged { step, count, reached, halvings, reason, lost }) => Err(Failure::NotConverged {
-            what: format!("load step {step} of {count} does not converge, halved {halvings} times: {reason}"),
-            place: format!("t = {reached}; {}{}", on_disk(step - 1, dir), repeated_by(lost.as_deref())),
-            expected: "equilibrium with det F > 0 everywhere".into(),
-            cure: cure_of_step(&reason, &micro),
-        }),
+        Err(RunError::NotConverged { step, count, reached, halvings, reason, failed_rve }) => {
+            Err(Failure::NotConverged {
+                what: format!("load step {step} of {count} does not converge, halved {halvings} times: {reason}"),
+                place: format!("t = {reached}; {}{}", on_disk(step - 1, dir), replay_hint(failed_rve.as_deref())),
+                expected: "equilibrium with det F > 0 everywhere".into(),
+                cure: cure_of_step(&reason, &micro),
+            })
+        }
         Err(RunError::Results(error)) => Err(not_written(error)),
     }
 }
 
 /// Reads all files that a case names; the warnings of the mesh and network readers go to stderr.
-pub fn setup<B>(context: B::Context, case: Case) -> Result<Setup<B>, Failure>
-where
-    B: Backend<Scalar = f64, Context: Clone>,
-    B::Reduced: Scalar,
-{
+pub fn setup<B: ProgramBackend>(context: B::Context, case: Case) -> Result<Setup<B>, Failure> {
     let (file, micro) = (case.file.clone(), case.micro);
     let setup = Setup::<B>::new(context, case).map_err(|error| not_set_up(&file, &micro, error))?;
     output::warn(setup.warnings());
@@ -340,11 +333,7 @@ where
 }
 
 /// Sets up the simulation of a case.
-fn simulation<B>(context: B::Context, case: Case) -> Result<Simulation<B>, Failure>
-where
-    B: Backend<Scalar = f64, Context: Clone>,
-    B::Reduced: Scalar,
-{
+fn simulation<B: ProgramBackend>(context: B::Context, case: Case) -> Result<Simulation<B>, Failure> {
     let (file, micro) = (case.file.clone(), case.micro);
     setup::<B>(context, case)?.simulation().map_err(|error| not_set_up(&file, &micro, error))
 }

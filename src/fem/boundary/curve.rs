@@ -85,6 +85,12 @@ impl LoadCurve {
 }
 
 impl LoadTable {
+    /// Returns the `(t, factor)` points.
+    #[must_use]
+    pub fn points(&self) -> &[[f64; 2]] {
+        &self.points
+    }
+
     fn factor(&self, t: f64) -> f64 {
         let after = self.points.partition_point(|point| point[0] < t);
         match (after.checked_sub(1).and_then(|before| self.points.get(before)), self.points.get(after)) {

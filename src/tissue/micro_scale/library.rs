@@ -1,4 +1,4 @@
-//! The materials of a case: reads each network once and assigns a material to every element.
+//! The materials of a body with their networks: reads each network once and assigns a material to every element.
 
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -7,8 +7,6 @@ use std::sync::Arc;
 use nalgebra::Matrix3;
 use thiserror::Error;
 
-use super::formula::Formula;
-use crate::app::case::{Case, Choose, FiberRveCase, MaterialCase, ScaleCase};
 use crate::fem::material::SaintVenantKirchhoff;
 use crate::fem::mesh::Mesh;
 use crate::fiber::equilibrium::{EquilibriumParams, equilibrate};
@@ -18,8 +16,11 @@ use crate::fiber::rve::{Rve, RveModel, StressScale};
 use crate::fiber::workspace::Workspace;
 use crate::input::InputErrors;
 use crate::las::{Backend, Scalar, SolverParams};
+use crate::tissue::materials::{
+    FiberRve, Formula, Materials, NetworkAssignment, Region, RegionMaterial, RveLifecycle, find_region,
+};
 
-/// The reason why the materials of a case cannot be set up.
+/// The reason why the materials of a body cannot be set up.
 #[derive(Debug, Error)]
 pub enum LibraryError {
     /// A network file has errors.
@@ -33,31 +34,20 @@ pub enum LibraryError {
         /// The reason as text.
         reason: String,
     },
-    /// A region of the mesh has no material in the case.
+    /// A region of the mesh has no material.
     #[error("no material for the region {0}")]
     NoMaterial(String),
 }
 
-/// The materials of a case, shared by all RVEs. Every rank that solves RVEs has the same library.
+/// The materials of a body, shared by all RVEs. Every rank that solves RVEs has the same library.
 pub struct Library<B: Backend> {
     pub(super) context: B::Context,
     pub(super) models: Vec<RveModel<B>>,
-    /// Indexed by region of the case.
-    materials: Vec<Material>,
+    /// Every region with the models that its elements choose from.
+    regions: Vec<(Region, Vec<usize>)>,
     pub(super) params: EquilibriumParams,
     /// Whether RVEs keep the sensitivities that predict the start of the next solve.
     pub(super) predict: bool,
-}
-
-/// The material of a region.
-enum Material {
-    Formula(Formula),
-    /// The models that elements choose from, and the matrix in parallel.
-    Networks {
-        case: FiberRveCase,
-        models: Vec<usize>,
-        matrix: Option<Formula>,
-    },
 }
 
 /// The material of an element.
@@ -71,32 +61,35 @@ pub enum ElementMaterial {
         model: Option<usize>,
         /// The formula of the matrix.
         matrix: Option<Formula>,
+        /// When the RVE is created, sleeps, and is deleted.
+        lifecycle: RveLifecycle,
     },
 }
 
-impl<B: Backend<Scalar = f64>> Library<B> {
-    /// Reads the networks of a case; also returns the warnings of the reader.
+impl<B: Backend<Scalar = f64, Reduced: Scalar>> Library<B> {
+    /// Reads the networks of the materials; also returns the warnings of the reader.
     ///
     /// # Errors
     /// Returns [`LibraryError::Network`] or [`LibraryError::Model`] if a network cannot be read or used.
-    pub fn read(context: B::Context, case: &Case) -> Result<(Self, Vec<String>), LibraryError> {
+    pub fn read(context: B::Context, materials: Materials) -> Result<(Self, Vec<String>), LibraryError> {
+        let Materials { regions, rve } = materials;
         let mut reader = Reader::<B> {
             context: &context,
-            solver: SolverParams { method: case.micro.solver, ..SolverParams::default() },
+            solver: SolverParams { method: rve.solver, ..SolverParams::default() },
             networks: HashMap::new(),
             models: Vec::new(),
-            made_of: Vec::new(),
+            sources: Vec::new(),
             warnings: Vec::new(),
         };
-        let materials =
-            case.regions.iter().map(|region| reader.material(&region.material)).collect::<Result<_, _>>()?;
+        let with_models = |region: Region| reader.models_of(&region.material).map(|models| (region, models));
+        let regions = regions.into_iter().map(with_models).collect::<Result<_, _>>()?;
         let Reader { models, warnings, .. } = reader;
         let mut params = EquilibriumParams::default();
-        params.newton.tolerance = case.micro.tolerance;
-        params.newton.max_iterations = case.micro.max_iterations;
-        params.max_cuts = case.micro.max_cuts;
-        let params = params.with_stages(case.micro.stages);
-        Ok((Self { context, models, materials, params, predict: case.micro.predictor }, warnings))
+        params.newton.tolerance = rve.tolerance;
+        params.newton.max_iterations = rve.max_iterations;
+        params.max_cuts = rve.max_cuts;
+        let params = params.with_stages(rve.stages);
+        Ok((Self { context, models, regions, params, predict: rve.predictor }, warnings))
     }
 
     /// Returns the models in use: networks, each with its law and scale.
@@ -105,23 +98,17 @@ impl<B: Backend<Scalar = f64>> Library<B> {
         &self.models
     }
 
-    /// Returns the models that the elements of a region of the case choose from; empty for a formula or a matrix alone.
+    /// Returns the models that the elements of a region choose from; empty for a formula or a matrix alone.
     #[must_use]
-    pub fn choices(&self, region: usize) -> &[usize] {
-        match &self.materials[region] {
-            Material::Formula(_) => &[],
-            Material::Networks { models, .. } => models,
-        }
+    pub fn models_of_region(&self, region: usize) -> &[usize] {
+        &self.regions[region].1
     }
 
     /// Returns the linear response of a model at rest.
     ///
     /// # Errors
     /// Returns [`LibraryError::Model`] if there is none, as for a neutral network.
-    pub fn at_rest(&self, model: usize) -> Result<SaintVenantKirchhoff, LibraryError>
-    where
-        B::Reduced: Scalar,
-    {
+    pub fn at_rest(&self, model: usize) -> Result<SaintVenantKirchhoff, LibraryError> {
         let of = &self.models[model];
         let none = |reason: String| LibraryError::Model {
             file: of.network().name().into(),
@@ -141,27 +128,27 @@ impl<B: Backend<Scalar = f64>> Library<B> {
         &self.params
     }
 
-    /// Returns the material of an element in a region of the case.
+    /// Returns the material of an element of a region.
     #[must_use]
     pub fn of_element(&self, region: usize, element: usize) -> ElementMaterial {
-        match &self.materials[region] {
-            Material::Formula(formula) => ElementMaterial::Formula(*formula),
-            Material::Networks { case, models, matrix } => {
-                let model = (!models.is_empty()).then(|| models[choice(case, element, models.len())]);
-                ElementMaterial::Rve { model, matrix: *matrix }
+        let (Region { material, .. }, models) = &self.regions[region];
+        match material {
+            RegionMaterial::Formula(formula) => ElementMaterial::Formula(*formula),
+            RegionMaterial::FiberRve(rve) => {
+                let model = (!models.is_empty()).then(|| models[assigned(rve, element, models.len())]);
+                ElementMaterial::Rve { model, matrix: rve.matrix, lifecycle: rve.lifecycle }
             }
         }
     }
-}
 
-/// Returns the region of the case for every element of a mesh.
-///
-/// # Errors
-/// Returns [`LibraryError::NoMaterial`] if the case has no material for a region of the mesh.
-pub fn regions_of_mesh(case: &Case, mesh: &Mesh) -> Result<Vec<usize>, LibraryError> {
-    let region = |name: &String| case.region_of(name).ok_or_else(|| LibraryError::NoMaterial(name.clone()));
-    let regions = mesh.regions().iter().map(region).collect::<Result<Vec<usize>, _>>()?;
-    Ok(mesh.region_of().iter().map(|&of| regions[of as usize]).collect())
+    /// Returns the region of every element of a mesh.
+    pub(super) fn regions_of_mesh(&self, mesh: &Mesh) -> Result<Vec<usize>, LibraryError> {
+        let names = self.regions.iter().map(|(region, _)| region.name.as_str());
+        let region =
+            |name: &String| find_region(names.clone(), name).ok_or_else(|| LibraryError::NoMaterial(name.clone()));
+        let regions = mesh.regions().iter().map(region).collect::<Result<Vec<usize>, _>>()?;
+        Ok(mesh.region_of().iter().map(|&of| regions[of as usize]).collect())
+    }
 }
 
 /// The networks and models read so far: each file once, each combination of network, law and scale once.
@@ -172,35 +159,29 @@ struct Reader<'a, B: Backend> {
     networks: HashMap<PathBuf, Arc<Network>>,
     models: Vec<RveModel<B>>,
     /// The network, law and scale of each model.
-    made_of: Vec<(PathBuf, Option<FiberMaterial>, ScaleCase)>,
+    sources: Vec<(PathBuf, Option<FiberMaterial>, StressScale)>,
     warnings: Vec<String>,
 }
 
-impl<B: Backend<Scalar = f64>> Reader<'_, B> {
-    fn material(&mut self, material: &MaterialCase) -> Result<Material, LibraryError> {
+impl<B: Backend<Scalar = f64, Reduced: Scalar>> Reader<'_, B> {
+    /// Returns the models that the elements with this material choose from.
+    fn models_of(&mut self, material: &RegionMaterial) -> Result<Vec<usize>, LibraryError> {
         match material {
-            MaterialCase::Formula(formula) => Ok(Material::Formula((*formula).into())),
-            MaterialCase::FiberRve(case) => {
-                let models = case.networks.iter().map(|path| self.model(path, case)).collect::<Result<_, _>>()?;
-                Ok(Material::Networks { case: case.clone(), models, matrix: case.matrix.map(Into::into) })
-            }
+            RegionMaterial::Formula(_) => Ok(Vec::new()),
+            RegionMaterial::FiberRve(rve) => rve.networks.iter().map(|path| self.model(path, rve)).collect(),
         }
     }
 
-    fn model(&mut self, path: &PathBuf, case: &FiberRveCase) -> Result<usize, LibraryError> {
-        let recipe = (path.clone(), case.law.clone(), case.scale);
-        if let Some(known) = self.made_of.iter().position(|made| *made == recipe) {
+    fn model(&mut self, path: &PathBuf, rve: &FiberRve) -> Result<usize, LibraryError> {
+        let source = (path.clone(), rve.law.clone(), rve.scale);
+        if let Some(known) = self.sources.iter().position(|known| *known == source) {
             return Ok(known);
         }
         let network = self.network(path)?;
-        let scale = match case.scale {
-            ScaleCase::Raw => StressScale::Raw,
-            ScaleCase::FiberVolumeFraction(phi) => StressScale::FiberVolumeFraction(phi),
-        };
-        let model = RveModel::with_solver(self.context, network, case.law.clone(), scale, &self.solver)
+        let model = RveModel::with_solver(self.context, network, rve.law.clone(), rve.scale, &self.solver)
             .map_err(|reason| LibraryError::Model { file: path.clone(), reason: reason.to_string() })?;
         self.models.push(model);
-        self.made_of.push(recipe);
+        self.sources.push(source);
         Ok(self.models.len() - 1)
     }
 
@@ -216,12 +197,12 @@ impl<B: Backend<Scalar = f64>> Reader<'_, B> {
     }
 }
 
-/// Selects one of `count` networks for an element, as a function of the seed and the element alone.
-fn choice(case: &FiberRveCase, element: usize, count: usize) -> usize {
-    match case.choose {
-        Choose::Cycle => element % count,
+/// Assigns one of `count` networks to an element, as a function of the seed and the element alone.
+fn assigned(rve: &FiberRve, element: usize, count: usize) -> usize {
+    match rve.assignment {
+        NetworkAssignment::Cycle => element % count,
         // The remainder's bias is below count / 2^64.
-        Choose::Random => (scramble(case.seed ^ scramble(element as u64)) % count as u64) as usize,
+        NetworkAssignment::Random => (scramble(rve.seed ^ scramble(element as u64)) % count as u64) as usize,
     }
 }
 

@@ -1,21 +1,104 @@
 //! The state of RVEs that passes from one load step to the next, to save and restore.
 
 use nalgebra::Matrix3;
+use serde::{Deserialize, Serialize, Serializer};
 use thiserror::Error;
 
+use super::raw::Raw;
 use crate::fem::material::Response;
-use crate::fiber::rve::{Rve, RveStateError};
+use crate::fiber::network::Network;
+use crate::fiber::rve::{Rve, RveStateError, Sensitivities};
 
 /// The state of one RVE at the last converged load step.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(from = "UnitRecord", into = "UnitRecord")]
 pub struct UnitState {
     /// The network; `None` for a matrix alone.
     pub rve: Option<Rve>,
     /// The last deformation gradient and the response there: the RVE returns this response at the same gradient without
     /// a solve.
-    pub answer: Option<(Matrix3<f64>, Response)>,
+    pub response: Option<(Matrix3<f64>, Response)>,
     /// Newton iterations of that load step.
     pub iterations: usize,
+}
+
+impl UnitState {
+    /// Checks that the state matches the RVE of an element, which has this network or none.
+    pub(super) fn check(&self, element: usize, network: Option<&Network>) -> Result<(), FieldRestoreError> {
+        match (&self.rve, network) {
+            (Some(rve), Some(network)) => {
+                rve.check(network).map_err(|reason| FieldRestoreError::Rve { element, reason })
+            }
+            (None, None) => Ok(()),
+            (saved, _) => Err(FieldRestoreError::Fibers { element, saved: saved.is_some() }),
+        }
+    }
+}
+
+/// [`UnitState`] in the form that is stored and sent; matrices column by column.
+#[derive(Serialize, Deserialize)]
+struct UnitRecord {
+    rve: Option<RveRecord>,
+    response: Option<ResponseRecord>,
+    iterations: u64,
+}
+
+#[derive(Serialize, Deserialize)]
+struct RveRecord {
+    gradient: [[f64; 3]; 3],
+    interior: Raw<[f64; 3], 8>,
+    sensitivities: Option<Raw<Sensitivities, 4>>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct ResponseRecord {
+    gradient: [[f64; 3]; 3],
+    energy: f64,
+    pk1: [[f64; 3]; 3],
+    tangent: [[f64; 9]; 9],
+}
+
+impl From<UnitState> for UnitRecord {
+    fn from(state: UnitState) -> Self {
+        Self {
+            rve: state.rve.map(|rve| {
+                let (gradient, interior, sensitivities) = rve.into_parts();
+                RveRecord { gradient: gradient.into(), interior: Raw(interior), sensitivities: sensitivities.map(Raw) }
+            }),
+            response: state.response.map(|(gradient, Response { energy, pk1, tangent })| ResponseRecord {
+                gradient: gradient.into(),
+                energy,
+                pk1: pk1.into(),
+                tangent: tangent.into(),
+            }),
+            iterations: state.iterations as u64,
+        }
+    }
+}
+
+impl From<UnitRecord> for UnitState {
+    fn from(record: UnitRecord) -> Self {
+        Self {
+            rve: record.rve.map(|rve| {
+                let RveRecord { gradient, interior, sensitivities } = rve;
+                Rve::restored(gradient.into(), interior.0, sensitivities.map(|sensitivities| sensitivities.0))
+            }),
+            response: record.response.map(|response| {
+                let ResponseRecord { gradient, energy, pk1, tangent } = response;
+                (gradient.into(), Response { energy, pk1: pk1.into(), tangent: tangent.into() })
+            }),
+            iterations: usize::try_from(record.iterations).unwrap_or(usize::MAX),
+        }
+    }
+}
+
+/// Serializes the items of an iterator one by one, because all of them together may need as much memory as the RVEs.
+pub struct SerializeIter<F>(pub F);
+
+impl<I: Iterator<Item: Serialize>, F: Fn() -> I> Serialize for SerializeIter<F> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq((self.0)())
+    }
 }
 
 /// The reason why saved RVEs do not match those of a field.

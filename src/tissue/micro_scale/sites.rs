@@ -5,31 +5,17 @@
 //! RVEs fall asleep when a step is committed, which changes no stress.
 
 use nalgebra::Matrix3;
-use serde::{Deserialize, Serialize};
 
 use super::error::PointFailure;
-use super::formula::Formula;
-use super::library::{ElementMaterial, Library, LibraryError, regions_of_mesh};
-use crate::app::case::{Before, Case, LifeCase, MaterialCase};
+use super::library::{ElementMaterial, Library, LibraryError};
+use super::lifecycle::{LifecycleState, RveStatus, extrapolate};
 use crate::fem::material::{Material, MaterialError, Response, SaintVenantKirchhoff};
 use crate::fem::mesh::Mesh;
+use crate::fem::point_field::PointResponses;
 use crate::las::{Backend, Scalar};
-use crate::tensor::contract;
+use crate::tissue::materials::{BeforeCreation, Formula, RveLifecycle};
 
-/// The state of an RVE in its life cycle.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-pub enum Life {
-    /// Not created yet: its matrix or its linear response at rest gives the stress.
-    Waiting,
-    /// It is solved at every trial state.
-    Awake,
-    /// It exists; its stress is extrapolated from its last response.
-    Asleep,
-    /// Deleted: its matrix gives the stress.
-    Deleted,
-}
-
-/// The materials of all integration points of a body, and the life states of the RVEs.
+/// The materials of all integration points of a body, and the statuses of the RVEs.
 pub struct Sites {
     sites: Vec<Site>,
     /// The linear response at rest of each model that an RVE not created yet uses.
@@ -43,7 +29,7 @@ pub struct Sites {
 /// Fraction of the RVEs over their deletion strain that one round deletes before the body is solved again. Their
 /// neighbors take over the load of the deleted ones, and the others may not need to be deleted once the most strained
 /// are. The number of RVEs that a step deletes thus hardly depends on the step length.
-const DELETED_A_ROUND: f64 = 0.1;
+const DELETED_FRACTION: f64 = 0.1;
 
 /// Relative tolerance within which strains count as equal: elements that are equal by symmetry are deleted together,
 /// and the remaining residual of Newton does not select among them.
@@ -60,21 +46,7 @@ struct Point {
     model: Option<usize>,
     matrix: Option<Formula>,
     /// `None` for an RVE that is always awake.
-    course: Option<Box<LifeCycle>>,
-}
-
-/// The life cycle of an RVE that is created, sleeps or is deleted.
-struct LifeCycle {
-    rules: LifeCase,
-    life: Life,
-    /// The life state at the last commit.
-    committed: Life,
-    /// The deformation gradient of the last trial state, and the response of the RVE there if it was solved.
-    trial: (Matrix3<f64>, Option<Response>),
-    /// The deformation gradient of the last converged step.
-    converged: Option<Matrix3<f64>>,
-    /// The deformation gradient at which it fell asleep, and its response there.
-    anchor: Option<(Matrix3<f64>, Response)>,
+    lifecycle: Option<Box<LifecycleState>>,
 }
 
 /// Elements whose RVEs are created, deleted and woken.
@@ -92,23 +64,19 @@ impl RveChanges {
 }
 
 impl Sites {
-    /// Assigns the materials of a case to the elements of its mesh.
-    pub(in crate::tissue) fn new<B: Backend<Scalar = f64>>(
+    /// Assigns the materials of a library to the elements of a mesh.
+    pub(in crate::tissue) fn new<B: Backend<Scalar = f64, Reduced: Scalar>>(
         library: &Library<B>,
-        case: &Case,
         mesh: &Mesh,
-    ) -> Result<Self, LibraryError>
-    where
-        B::Reduced: Scalar,
-    {
-        let regions = regions_of_mesh(case, mesh)?;
-        let sites: Vec<Site> =
-            regions.iter().enumerate().map(|(element, &region)| site(library, case, region, element)).collect();
+    ) -> Result<Self, LibraryError> {
+        let regions = library.regions_of_mesh(mesh)?;
+        let site = |(element, region)| Site::new(region, library.of_element(region, element));
+        let sites: Vec<Site> = regions.into_iter().enumerate().map(site).collect();
         let mut at_rest = vec![None; library.models().len()];
         for point in sites.iter().filter_map(Site::point) {
-            if let (Some(model), Some(course)) = (point.model, &point.course)
-                && course.life == Life::Waiting
-                && course.rules.before == Before::Linear
+            if let (Some(model), Some(lifecycle)) = (point.model, &point.lifecycle)
+                && lifecycle.status == RveStatus::Waiting
+                && lifecycle.rules.before == BeforeCreation::Linear
                 && at_rest[model].is_none()
             {
                 at_rest[model] = Some(library.at_rest(model)?);
@@ -139,11 +107,9 @@ impl Sites {
         self.points().count()
     }
 
-    /// Returns the elements whose RVE exists, ascending, with their regions of the case.
+    /// Returns the elements whose RVE exists, ascending, with their regions.
     pub(in crate::tissue) fn existing(&self) -> impl Iterator<Item = (usize, usize)> {
-        self.points()
-            .filter(|(_, point)| matches!(point.life(), Life::Awake | Life::Asleep))
-            .map(|(e, p)| (e, p.region))
+        self.points().filter(|(_, point)| point.status().exists()).map(|(e, p)| (e, p.region))
     }
 
     /// Returns the model and the matrix of the RVE of an element.
@@ -158,90 +124,111 @@ impl Sites {
         self.material(element).is_some_and(|(model, _)| model.is_some())
     }
 
-    /// Returns the region of the case that an element with an RVE belongs to.
+    /// Returns the region that an element with an RVE belongs to.
     pub(in crate::tissue) fn region(&self, element: usize) -> usize {
         self.sites.get(element).and_then(Site::point).map_or(0, |point| point.region)
     }
 
     /// Returns, for each of `models` models, the number of elements that use it.
     #[must_use]
-    pub fn users(&self, models: usize) -> Vec<usize> {
-        let mut users = vec![0; models];
-        self.points().filter_map(|(_, point)| point.model).for_each(|model| users[model] += 1);
-        users
+    pub fn rves_per_model(&self, models: usize) -> Vec<usize> {
+        let mut rves = vec![0; models];
+        self.points().filter_map(|(_, point)| point.model).for_each(|model| rves[model] += 1);
+        rves
     }
 
-    /// Returns the life state of the RVE of an element; `None` if the element never has one.
+    /// Returns the status of the RVE of an element; `None` if the element never has one.
     #[must_use]
-    pub fn life(&self, element: usize) -> Option<Life> {
-        self.sites.get(element)?.point().map(Point::life)
+    pub fn status(&self, element: usize) -> Option<RveStatus> {
+        self.sites.get(element)?.point().map(Point::status)
     }
 
     pub(in crate::tissue) fn is_awake(&self, element: usize) -> bool {
-        self.life(element) == Some(Life::Awake)
+        self.status(element) == Some(RveStatus::Awake)
+    }
+
+    /// Writes the responses of all elements without an awake RVE to `out`.
+    pub(in crate::tissue) fn evaluate(
+        &mut self,
+        gradients: &[Matrix3<f64>],
+        out: &mut PointResponses,
+    ) -> Result<(), PointFailure> {
+        out.resize(gradients.len());
+        for (element, f) in gradients.iter().enumerate() {
+            let response = self.respond(element, f).map_err(|reason| PointFailure::of_formula(element, &reason))?;
+            if let Some(response) = response {
+                write(out, element, &response);
+            }
+        }
+        Ok(())
     }
 
     /// Returns the response of an element without an awake RVE; `None` if its RVE has to be solved.
-    pub(in crate::tissue) fn respond(
-        &mut self,
-        element: usize,
-        f: &Matrix3<f64>,
-    ) -> Result<Option<Response>, PointFailure> {
+    fn respond(&mut self, element: usize, f: &Matrix3<f64>) -> Result<Option<Response>, MaterialError> {
         let point = match &mut self.sites[element] {
-            Site::Formula(formula) => return respond(formula, element, f).map(Some),
+            Site::Formula(formula) => return check_orientation(f).and_then(|()| formula.respond(f)).map(Some),
             Site::Rve(point) => point,
         };
-        let Some(course) = &mut point.course else { return Ok(None) };
-        course.trial = (*f, None);
+        let Some(lifecycle) = &mut point.lifecycle else { return Ok(None) };
+        lifecycle.trial = (*f, None);
         let rest = point.model.and_then(|model| self.at_rest[model].as_ref());
-        let answer = match course.life {
-            Life::Awake => return Ok(None),
-            Life::Asleep => {
-                upright(f).map(|()| course.anchor.as_ref().map(|(from, answer)| extrapolate(from, answer, f)))
+        if lifecycle.status == RveStatus::Awake {
+            return Ok(None);
+        }
+        check_orientation(f)?;
+        match lifecycle.status {
+            RveStatus::Awake => Ok(None),
+            RveStatus::Asleep => {
+                Ok(lifecycle.extrapolation_point.as_ref().map(|(from, response)| extrapolate(from, response, f)))
             }
-            Life::Waiting if course.rules.before == Before::Linear => linear(rest, point.matrix.as_ref(), f).map(Some),
-            Life::Waiting | Life::Deleted => {
-                point.matrix.map(|matrix| upright(f).and_then(|()| matrix.respond(f))).transpose()
+            RveStatus::Waiting if lifecycle.rules.before == BeforeCreation::Linear => {
+                linear(rest, point.matrix.as_ref(), f).map(Some)
             }
-        };
-        answer.map_err(|reason| PointFailure::of_formula(element, &reason))
+            RveStatus::Waiting | RveStatus::Deleted => point.matrix.map(|matrix| matrix.respond(f)).transpose(),
+        }
     }
 
-    /// Stores the response of the RVE of an element at the gradient of the last [`Sites::respond`].
-    pub(in crate::tissue) fn answered(&mut self, element: usize, answer: &Response) {
-        if let Site::Rve(Point { course: Some(course), .. }) = &mut self.sites[element] {
-            course.trial.1 = Some(*answer);
+    /// Writes the response of the RVE of an element to `out`, and stores it: it belongs to the gradient of the last
+    /// [`Sites::evaluate`].
+    pub(in crate::tissue) fn set_response(&mut self, element: usize, response: &Response, out: &mut PointResponses) {
+        write(out, element, response);
+        self.store_response(element, response);
+    }
+
+    fn store_response(&mut self, element: usize, response: &Response) {
+        if let Site::Rve(Point { lifecycle: Some(lifecycle), .. }) = &mut self.sites[element] {
+            lifecycle.trial.1 = Some(*response);
         }
     }
 
     /// Creates, wakes and deletes RVEs as the converged state of the last gradients demands; of those over their
-    /// deletion strain, it deletes a fraction ([`DELETED_A_ROUND`]), the most strained first.
+    /// deletion strain, it deletes a fraction ([`DELETED_FRACTION`]), the most strained first.
     pub(in crate::tissue) fn evolve(&mut self) -> RveChanges {
-        let mut turnover = RveChanges::default();
+        let mut changes = RveChanges::default();
         let limit = self.overstrain_limit();
-        for (element, course) in courses(&mut self.sites) {
-            if course.overstrain().is_some_and(|overstrain| overstrain >= limit) {
-                course.life = Life::Deleted;
-                turnover.deleted.push(element);
-            } else if course.is_due() {
-                course.life = Life::Awake;
-                turnover.created.push(element);
-            } else if course.has_moved_in_sleep() {
-                course.life = Life::Awake;
-                turnover.woken.push(element);
+        for (element, lifecycle) in lifecycles(&mut self.sites) {
+            if lifecycle.overstrain().is_some_and(|overstrain| overstrain >= limit) {
+                lifecycle.status = RveStatus::Deleted;
+                changes.deleted.push(element);
+            } else if lifecycle.must_be_created() {
+                lifecycle.status = RveStatus::Awake;
+                changes.created.push(element);
+            } else if lifecycle.has_moved_in_sleep() {
+                lifecycle.status = RveStatus::Awake;
+                changes.woken.push(element);
             }
         }
-        self.pending.created.extend(&turnover.created);
-        self.pending.deleted.extend(&turnover.deleted);
-        turnover
+        self.pending.created.extend(&changes.created);
+        self.pending.deleted.extend(&changes.deleted);
+        changes
     }
 
     /// The least overstrain at which RVEs are deleted in this round.
     fn overstrain_limit(&self) -> f64 {
-        let courses = self.points().filter_map(|(_, point)| point.course.as_ref());
-        let mut overstrains: Vec<f64> = courses.filter_map(|course| course.overstrain()).collect();
+        let lifecycles = self.points().filter_map(|(_, point)| point.lifecycle.as_ref());
+        let mut overstrains: Vec<f64> = lifecycles.filter_map(|lifecycle| lifecycle.overstrain()).collect();
         overstrains.sort_by(|a, b| b.total_cmp(a));
-        let part = (DELETED_A_ROUND * overstrains.len() as f64).ceil() as usize;
+        let part = (DELETED_FRACTION * overstrains.len() as f64).ceil() as usize;
         let last = part.checked_sub(1).and_then(|last| overstrains.get(last));
         last.map_or(f64::INFINITY, |overstrain| overstrain * (1.0 - EQUAL_STRAINS))
     }
@@ -250,48 +237,48 @@ impl Sites {
     /// RVEs are deleted for good.
     pub(in crate::tissue) fn commit(&mut self) -> Vec<usize> {
         let is_step = !std::mem::take(&mut self.is_restored);
-        for (_, course) in courses(&mut self.sites) {
+        for (_, lifecycle) in lifecycles(&mut self.sites) {
             if is_step {
-                course.fall_asleep();
+                lifecycle.fall_asleep();
             }
-            course.converged = Some(course.trial.0);
-            course.committed = course.life;
+            lifecycle.converged = Some(lifecycle.trial.0);
+            lifecycle.committed = lifecycle.status;
         }
         std::mem::take(&mut self.pending).deleted
     }
 
-    /// Reverts the step: all life states are those of the last commit. Returns the elements whose RVEs were created
+    /// Reverts the step: all statuses are those of the last commit. Returns the elements whose RVEs were created
     /// since.
     pub(in crate::tissue) fn revert(&mut self) -> Vec<usize> {
-        for (_, course) in courses(&mut self.sites) {
-            course.life = course.committed;
+        for (_, lifecycle) in lifecycles(&mut self.sites) {
+            lifecycle.status = lifecycle.committed;
         }
         std::mem::take(&mut self.pending).created
     }
 
     /// The gradient and the response from which a sleeping RVE extrapolates.
-    pub(in crate::tissue) fn anchor(&self, element: usize) -> Option<(Matrix3<f64>, Response)> {
-        let course = self.sites.get(element)?.point()?.course.as_ref()?;
-        course.anchor.filter(|_| course.life == Life::Asleep)
+    pub(in crate::tissue) fn extrapolation_point(&self, element: usize) -> Option<(Matrix3<f64>, Response)> {
+        let lifecycle = self.sites.get(element)?.point()?.lifecycle.as_ref()?;
+        lifecycle.extrapolation_point.filter(|_| lifecycle.status == RveStatus::Asleep)
     }
 
-    /// Returns the life states of all elements, [`Life::Awake`] for one without an RVE.
+    /// Returns the statuses of all elements, [`RveStatus::Awake`] for one without an RVE.
     #[must_use]
-    pub fn lives(&self) -> Vec<Life> {
-        (0..self.len()).map(|element| self.life(element).unwrap_or(Life::Awake)).collect()
+    pub fn statuses(&self) -> Vec<RveStatus> {
+        (0..self.len()).map(|element| self.status(element).unwrap_or(RveStatus::Awake)).collect()
     }
 
-    /// Restores all life states; `answer` returns the last gradient of the RVE of an element and its response there.
+    /// Restores all statuses; `response` returns the last gradient of the RVE of an element and its response there.
     pub(in crate::tissue) fn restore(
         &mut self,
-        lives: &[Life],
-        answer: impl Fn(usize) -> Option<(Matrix3<f64>, Response)>,
+        statuses: &[RveStatus],
+        response: impl Fn(usize) -> Option<(Matrix3<f64>, Response)>,
     ) {
-        for (element, (site, &life)) in self.sites.iter_mut().zip(lives).enumerate() {
-            let Site::Rve(Point { course: Some(course), .. }) = site else { continue };
-            (course.life, course.committed) = (life, life);
-            course.anchor = answer(element);
-            course.converged = course.anchor.as_ref().map(|(gradient, _)| *gradient);
+        for (element, (site, &status)) in self.sites.iter_mut().zip(statuses).enumerate() {
+            let Site::Rve(Point { lifecycle: Some(lifecycle), .. }) = site else { continue };
+            (lifecycle.status, lifecycle.committed) = (status, status);
+            lifecycle.extrapolation_point = response(element);
+            lifecycle.converged = lifecycle.extrapolation_point.as_ref().map(|(gradient, _)| *gradient);
         }
         self.pending = RveChanges::default();
         self.is_restored = true;
@@ -299,14 +286,24 @@ impl Sites {
 }
 
 /// The life cycles of RVEs that are created, sleep or are deleted, with their elements.
-fn courses(sites: &mut [Site]) -> impl Iterator<Item = (usize, &mut LifeCycle)> {
+fn lifecycles(sites: &mut [Site]) -> impl Iterator<Item = (usize, &mut LifecycleState)> {
     sites.iter_mut().enumerate().filter_map(|(element, site)| match site {
-        Site::Rve(Point { course: Some(course), .. }) => Some((element, &mut **course)),
+        Site::Rve(Point { lifecycle: Some(lifecycle), .. }) => Some((element, &mut **lifecycle)),
         _ => None,
     })
 }
 
 impl Site {
+    fn new(region: usize, material: ElementMaterial) -> Self {
+        match material {
+            ElementMaterial::Formula(formula) => Self::Formula(formula),
+            ElementMaterial::Rve { model, matrix, lifecycle: rules } => {
+                let lifecycle = (rules != RveLifecycle::default()).then(|| Box::new(LifecycleState::new(rules)));
+                Self::Rve(Point { region, model, matrix, lifecycle })
+            }
+        }
+    }
+
     fn point(&self) -> Option<&Point> {
         match self {
             Self::Formula(_) => None,
@@ -316,74 +313,21 @@ impl Site {
 }
 
 impl Point {
-    fn life(&self) -> Life {
-        self.course.as_ref().map_or(Life::Awake, |course| course.life)
-    }
-}
-
-impl LifeCycle {
-    fn new(rules: LifeCase) -> Self {
-        let life = if rules.created_at > 0.0 { Life::Waiting } else { Life::Awake };
-        Self { rules, life, committed: life, trial: (Matrix3::identity(), None), converged: None, anchor: None }
-    }
-
-    /// The norm of the Green-Lagrange strain.
-    fn strain(&self) -> f64 {
-        let f = &self.trial.0;
-        ((f.transpose() * f - Matrix3::identity()) * 0.5).norm()
-    }
-
-    /// The ratio of strain to deletion strain if it exceeds 1.
-    fn overstrain(&self) -> Option<f64> {
-        let exists = matches!(self.life, Life::Awake | Life::Asleep);
-        let overstrain = self.strain() / self.rules.deleted_at;
-        (exists && overstrain > 1.0).then_some(overstrain)
-    }
-
-    /// Returns true if the RVE has to be created.
-    fn is_due(&self) -> bool {
-        self.life == Life::Waiting && self.strain() > self.rules.created_at
-    }
-
-    /// Returns true if the RVE sleeps and has to wake.
-    fn has_moved_in_sleep(&self) -> bool {
-        let moved = |(from, _): &(Matrix3<f64>, Response)| (self.trial.0 - from).amax() > self.rules.asleep_below;
-        self.life == Life::Asleep && self.anchor.as_ref().is_none_or(moved)
-    }
-
-    /// Puts the RVE to sleep if it has hardly moved since the last converged step.
-    fn fall_asleep(&mut self) {
-        let (f, answer) = self.trial;
-        let is_still = self.converged.is_some_and(|before| (f - before).amax() < self.rules.asleep_below);
-        if let (Life::Awake, true, Some(answer)) = (self.life, is_still, answer) {
-            (self.life, self.anchor) = (Life::Asleep, Some((f, answer)));
-        }
-    }
-}
-
-fn site<B: Backend<Scalar = f64>>(library: &Library<B>, case: &Case, region: usize, element: usize) -> Site {
-    match library.of_element(region, element) {
-        ElementMaterial::Formula(formula) => Site::Formula(formula),
-        ElementMaterial::Rve { model, matrix } => {
-            let rules = match &case.regions[region].material {
-                MaterialCase::FiberRve(rve) => rve.life,
-                MaterialCase::Formula(_) => LifeCase::default(),
-            };
-            let course = (rules != LifeCase::default()).then(|| Box::new(LifeCycle::new(rules)));
-            Site::Rve(Point { region, model, matrix, course })
-        }
+    fn status(&self) -> RveStatus {
+        self.lifecycle.as_ref().map_or(RveStatus::Awake, |lifecycle| lifecycle.status)
     }
 }
 
 /// Rejects an inverted element: small-strain formulas have a response at any gradient.
-fn upright(f: &Matrix3<f64>) -> Result<(), MaterialError> {
+fn check_orientation(f: &Matrix3<f64>) -> Result<(), MaterialError> {
     let determinant = f.determinant();
     if determinant > 0.0 { Ok(()) } else { Err(MaterialError::Inverted { determinant }) }
 }
 
-fn respond(formula: &Formula, element: usize, f: &Matrix3<f64>) -> Result<Response, PointFailure> {
-    let answer = upright(f).and_then(|()| formula.respond(f));
-    answer.map_err(|reason| PointFailure::of_formula(element, &reason))
+fn write(out: &mut PointResponses, element: usize, response: &Response) {
+    out.energy[element] = response.energy;
+    out.pk1[element] = response.pk1;
+    out.tangent[element] = response.tangent;
 }
 
 /// The sum of a network's linear response at rest and that of the matrix in parallel.
@@ -392,7 +336,6 @@ fn linear(
     matrix: Option<&Formula>,
     f: &Matrix3<f64>,
 ) -> Result<Response, MaterialError> {
-    upright(f)?;
     let mut sum = Response { energy: 0.0, pk1: Matrix3::zeros(), tangent: nalgebra::SMatrix::zeros() };
     let parts = [rest.map(|rest| rest.evaluate(f)), matrix.map(|matrix| matrix.respond(f))];
     for part in parts.into_iter().flatten() {
@@ -402,14 +345,6 @@ fn linear(
         sum.tangent += part.tangent;
     }
     Ok(sum)
-}
-
-/// Extrapolates the response from `from` to `f`: stress to first order by the tangent, and the matching energy.
-fn extrapolate(from: &Matrix3<f64>, answer: &Response, f: &Matrix3<f64>) -> Response {
-    let moved = f - from;
-    let pk1 = answer.pk1 + contract(&answer.tangent, &moved);
-    let energy = answer.energy + 0.5 * (answer.pk1 + pk1).dot(&moved);
-    Response { energy, pk1, tangent: answer.tangent }
 }
 
 #[cfg(test)]

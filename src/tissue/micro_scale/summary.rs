@@ -1,23 +1,19 @@
 //! Values of every point for the result files: fiber orientation, fiber stretch, and the cost of the RVE.
 
-use std::sync::Arc;
-
-use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::unit::Fibers;
 use super::units::Units;
-use crate::fiber::network::Network;
 use crate::fiber::orientation::{Weighting, principal, tensor};
 use crate::fiber::truss::FiberStates;
 use crate::las::{Backend, Scalar};
 
 /// The network of one element at the last converged load step; nodes and fibers in the order of the network's file.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DeformedNetwork {
-    /// The undeformed network.
-    pub network: Arc<Network>,
+    /// The index of the undeformed network among the models of the field.
+    pub model: usize,
     /// Positions of the nodes, in units of the unit cube.
     pub positions: Vec<[f64; 3]>,
     /// Stretch of every fiber.
@@ -28,12 +24,11 @@ pub struct DeformedNetwork {
 
 /// The fibers of one point at the last converged load step.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(from = "SummaryRecord", into = "SummaryRecord")]
 pub struct PointSummary {
-    /// Orientation tensor of the deformed fibers, each counted once; trace 1.
-    pub orientation: Matrix3<f64>,
+    /// Orientation tensor of the deformed fibers, each counted once, column by column; trace 1.
+    pub orientation: [[f64; 3]; 3],
     /// Its principal direction.
-    pub direction: Vector3<f64>,
+    pub direction: [f64; 3],
     /// Its largest eigenvalue minus 1/3: 0 for fibers in all directions, 2/3 for fibers along one.
     pub alignment: f64,
     /// Smallest and largest fiber stretch.
@@ -44,37 +39,8 @@ pub struct PointSummary {
     pub network: usize,
 }
 
-/// [`PointSummary`] as plain numbers for serialization; matrices column by column.
-#[derive(Serialize, Deserialize)]
-struct SummaryRecord {
-    orientation: [[f64; 3]; 3],
-    direction: [f64; 3],
-    alignment: f64,
-    stretch: [f64; 2],
-    iterations: usize,
-    network: usize,
-}
-
-impl From<PointSummary> for SummaryRecord {
-    fn from(summary: PointSummary) -> Self {
-        let PointSummary { orientation, direction, alignment, stretch, iterations, network } = summary;
-        Self { orientation: orientation.into(), direction: direction.into(), alignment, stretch, iterations, network }
-    }
-}
-
-impl From<SummaryRecord> for PointSummary {
-    fn from(record: SummaryRecord) -> Self {
-        let SummaryRecord { orientation, direction, alignment, stretch, iterations, network } = record;
-        Self { orientation: orientation.into(), direction: direction.into(), alignment, stretch, iterations, network }
-    }
-}
-
-impl<B: Backend<Scalar = f64>> Units<B>
-where
-    B::Reduced: Scalar,
-{
+impl<B: Backend<Scalar = f64, Reduced: Scalar>> Units<B> {
     /// Returns the summary of the fibers of every unit, `None` for one without fibers.
-    #[must_use]
     pub fn summaries(&self) -> Vec<Option<PointSummary>> {
         (0..self.len())
             .into_par_iter()
@@ -86,16 +52,14 @@ where
     }
 
     /// Returns the deformed network of a unit, `None` for one without.
-    #[must_use]
     pub fn deformed_network(&self, number: usize) -> Option<DeformedNetwork> {
         let fibers = self.unit(number)?.fibers.as_ref()?;
         let truss = self.library().models()[fibers.model].truss();
-        let network = Arc::clone(truss.network());
-        let positions = fibers.committed.positions(&network);
+        let positions = fibers.committed.positions(truss.network());
         let mut states = FiberStates::default();
         truss.evaluate(&positions, &mut states);
         let mut deformed = DeformedNetwork {
-            network,
+            model: fibers.model,
             positions,
             stretches: vec![0.0; states.stretches.len()],
             forces: vec![0.0; states.forces.len()],
@@ -117,6 +81,7 @@ where
         let (direction, largest) = principal(&orientation);
         let stretch = states.stretches.iter().fold([f64::INFINITY, 0.0_f64], |[a, b], &s| [a.min(s), b.max(s)]);
         let alignment = largest - 1.0 / 3.0;
+        let (orientation, direction) = (orientation.into(), direction.into());
         PointSummary { orientation, direction, alignment, stretch, iterations, network: fibers.model }
     }
 }

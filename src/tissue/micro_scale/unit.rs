@@ -4,7 +4,6 @@ use std::time::Instant;
 
 use nalgebra::Matrix3;
 
-use super::formula::Formula;
 use super::library::Library;
 use super::worker::Worker;
 use crate::fem::material::{MaterialError, Response};
@@ -13,6 +12,7 @@ use crate::fiber::homogenize::Tangent;
 use crate::fiber::rve::{Rve, RveModel, Sensitivities};
 use crate::fiber::workspace::Workspace;
 use crate::las::{Backend, Scalar};
+use crate::tissue::materials::Formula;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -53,7 +53,7 @@ pub(super) struct Unit {
     /// The matrix in parallel.
     pub matrix: Option<Formula>,
     /// The last deformation gradient, and the response there.
-    pub answer: Option<(Matrix3<f64>, Response)>,
+    pub response: Option<(Matrix3<f64>, Response)>,
     /// Newton iterations since the last converged load step.
     pub iterations: usize,
     /// Newton iterations of the last converged load step, for the output.
@@ -112,7 +112,7 @@ pub struct RveStats {
 impl RveStats {
     /// Adds two sets of counters.
     #[must_use]
-    pub fn and(self, other: Self) -> Self {
+    pub fn merge(self, other: Self) -> Self {
         Self {
             solves: self.solves + other.solves,
             reused: self.reused + other.reused,
@@ -149,7 +149,7 @@ impl RveStats {
 
 impl Unit {
     /// Creates an RVE at rest.
-    pub fn new<B: Backend<Scalar = f64>>(
+    pub fn new<B: Backend<Scalar = f64, Reduced: Scalar>>(
         model: Option<usize>,
         models: &[RveModel<B>],
         matrix: Option<Formula>,
@@ -158,44 +158,38 @@ impl Unit {
             let rest = Rve::at_rest(models[model].network());
             Fibers { model, committed: rest.clone(), current: rest, origin: Origin::Committed }
         });
-        Self { fibers, matrix, answer: None, iterations: 0, committed_iterations: 0 }
+        Self { fibers, matrix, response: None, iterations: 0, committed_iterations: 0 }
     }
 
     /// Returns stress and tangent at `gradient`. The last response is reused if the gradient has not changed.
-    pub fn respond<B: Backend<Scalar = f64>>(
+    pub fn respond<B: Backend<Scalar = f64, Reduced: Scalar>>(
         &mut self,
         gradient: &Matrix3<f64>,
         library: &Library<B>,
         worker: &mut Worker<B>,
         stats: &mut RveStats,
-    ) -> Result<Response, UnitError<B::Fault>>
-    where
-        B::Reduced: Scalar,
-    {
-        if let Some((asked, answer)) = &self.answer
-            && asked == gradient
+    ) -> Result<Response, UnitError<B::Fault>> {
+        if let Some((last, response)) = &self.response
+            && last == gradient
         {
             stats.reused += 1;
-            return Ok(*answer);
+            return Ok(*response);
         }
         let start = Instant::now();
         let outcome = self.solve(gradient, library, worker, stats);
         stats.seconds += start.elapsed().as_secs_f64();
-        let answer = outcome?;
-        self.answer = Some((*gradient, answer));
-        Ok(answer)
+        let response = outcome?;
+        self.response = Some((*gradient, response));
+        Ok(response)
     }
 
-    fn solve<B: Backend<Scalar = f64>>(
+    fn solve<B: Backend<Scalar = f64, Reduced: Scalar>>(
         &mut self,
         gradient: &Matrix3<f64>,
         library: &Library<B>,
         worker: &mut Worker<B>,
         stats: &mut RveStats,
-    ) -> Result<Response, UnitError<B::Fault>>
-    where
-        B::Reduced: Scalar,
-    {
+    ) -> Result<Response, UnitError<B::Fault>> {
         let mut sum = match &self.matrix {
             Some(formula) => formula.respond(gradient)?,
             None => Response { energy: 0.0, pk1: Matrix3::zeros(), tangent: Tangent::zeros() },
@@ -213,16 +207,13 @@ impl Unit {
 
     /// Verifies that the equilibrium found by [`Unit::respond`] at the converged gradient continues the committed one,
     /// and solves for it again from the committed state if not. Returns true if the response was replaced.
-    pub fn verify<B: Backend<Scalar = f64>>(
+    pub fn verify<B: Backend<Scalar = f64, Reduced: Scalar>>(
         &mut self,
         gradient: &Matrix3<f64>,
         library: &Library<B>,
         worker: &mut Worker<B>,
         stats: &mut RveStats,
-    ) -> Result<bool, UnitError<B::Fault>>
-    where
-        B::Reduced: Scalar,
-    {
+    ) -> Result<bool, UnitError<B::Fault>> {
         let Some(fibers) = &mut self.fibers else { return Ok(false) };
         if fibers.origin != Origin::Trial {
             return Ok(false);
@@ -234,16 +225,13 @@ impl Unit {
     }
 
     /// Solves from the committed state, unless Newton evidently leads from there to the current equilibrium.
-    fn solve_again<B: Backend<Scalar = f64>>(
+    fn solve_again<B: Backend<Scalar = f64, Reduced: Scalar>>(
         &mut self,
         gradient: &Matrix3<f64>,
         library: &Library<B>,
         worker: &mut Worker<B>,
         stats: &mut RveStats,
-    ) -> Result<bool, UnitError<B::Fault>>
-    where
-        B::Reduced: Scalar,
-    {
+    ) -> Result<bool, UnitError<B::Fault>> {
         let Some(fibers) = &mut self.fibers else { return Ok(false) };
         let workspace = worker.workspace(library, fibers.model)?;
         let model = &library.models[fibers.model];
@@ -255,10 +243,10 @@ impl Unit {
         stats.replaced += 1;
         let trial = std::mem::replace(&mut fibers.current, fibers.committed.clone());
         fibers.origin = Origin::Committed;
-        let answer = self.solve(gradient, library, worker, stats)?;
+        let response = self.solve(gradient, library, worker, stats)?;
         let is_another = self.fibers.as_ref().is_none_or(|fibers| !fibers.current.is_same_equilibrium(&trial));
         if is_another {
-            self.answer = Some((*gradient, answer));
+            self.response = Some((*gradient, response));
         } else if let Some(fibers) = &mut self.fibers {
             fibers.current = trial;
         }
@@ -292,22 +280,19 @@ impl Unit {
             fibers.current.copy_equilibrium_from(&fibers.committed);
             fibers.origin = Origin::Committed;
         }
-        self.answer = None;
+        self.response = None;
         self.iterations = 0;
     }
 }
 
 impl Fibers {
-    fn solve<B: Backend<Scalar = f64>>(
+    fn solve<B: Backend<Scalar = f64, Reduced: Scalar>>(
         &mut self,
         gradient: &Matrix3<f64>,
         library: &Library<B>,
         workspace: &mut Workspace<B>,
         stats: &mut RveStats,
-    ) -> Result<(Response, usize), UnitError<B::Fault>>
-    where
-        B::Reduced: Scalar,
-    {
+    ) -> Result<(Response, usize), UnitError<B::Fault>> {
         let model = &library.models[self.model];
         let is_affine = self.origin == Origin::Committed && !self.current.has_sensitivities();
         let mut solved = match equilibrate(model, &mut self.current, gradient, &library.params, workspace) {

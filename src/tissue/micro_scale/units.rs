@@ -8,20 +8,21 @@ use nalgebra::Matrix3;
 use rayon::prelude::*;
 
 use super::error::PointFailure;
-use super::formula::Formula;
 use super::library::Library;
 use super::saved::{FieldRestoreError, UnitState};
-use super::unit::{Fibers, Origin, RveStats, Unit, UnitError};
+use super::unit::{Origin, RveStats, Unit, UnitError};
 use super::worker::Worker;
 use crate::fem::material::Response;
+use crate::fiber::rve::Rve;
 use crate::las::{Backend, Scalar};
+use crate::tissue::materials::Formula;
 use crate::tissue::replay::RveDump;
 
 /// The RVEs of one rank in the order of their creation, each the material of one element.
 ///
 /// They are solved on all threads of the current rayon pool. Every RVE starts from its own last equilibrium and writes
 /// its own response, so results do not depend on the number of threads or on the thread that solves an RVE.
-pub struct Units<B: Backend> {
+pub(in crate::tissue) struct Units<B: Backend> {
     library: Library<B>,
     units: Vec<Unit>,
     /// The element of every unit.
@@ -30,7 +31,7 @@ pub struct Units<B: Backend> {
     /// Behind a lock, because observers of a run have only shared access to the units.
     stats: Mutex<RveStats>,
     /// The last RVE that found no equilibrium.
-    lost: Mutex<Option<FailedRve>>,
+    failed_rve: Mutex<Option<FailedRve>>,
 }
 
 /// An RVE that found no equilibrium.
@@ -44,21 +45,30 @@ pub struct FailedRve {
     pub dump: RveDump,
 }
 
-impl<B: Backend<Scalar = f64>> Units<B>
-where
-    B::Reduced: Scalar,
-{
+impl FailedRve {
+    /// Collects the data of the RVE of an element that failed between `start` and `gradient`.
+    pub(in crate::tissue) fn new<B: Backend<Scalar = f64, Reduced: Scalar>>(
+        library: &Library<B>,
+        (element, model): (usize, usize),
+        start: &Rve,
+        gradient: &Matrix3<f64>,
+    ) -> Self {
+        let origin = format!("element {element}");
+        let dump = RveDump::new(origin, &library.models()[model], (start, gradient), library.params());
+        Self { element, model, dump }
+    }
+}
+
+impl<B: Backend<Scalar = f64, Reduced: Scalar>> Units<B> {
     /// Creates an empty set.
-    #[must_use]
     pub fn new(library: Library<B>) -> Self {
         let models = library.models.len();
         let workers = (0..rayon::current_num_threads()).map(|_| Mutex::new(Worker::new(models))).collect();
-        let (units, elements, stats, lost) = Default::default();
-        Self { library, units, elements, workers, stats, lost }
+        let (units, elements, stats, failed_rve) = Default::default();
+        Self { library, units, elements, workers, stats, failed_rve }
     }
 
     /// Returns the data that all RVEs share.
-    #[must_use]
     pub fn library(&self) -> &Library<B> {
         &self.library
     }
@@ -77,19 +87,11 @@ where
     }
 
     /// Number of RVEs.
-    #[must_use]
     pub fn len(&self) -> usize {
         self.units.len()
     }
 
-    /// Returns true if there are no RVEs.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.units.is_empty()
-    }
-
     /// Returns the element of each RVE.
-    #[must_use]
     pub fn elements(&self) -> &[usize] {
         &self.elements
     }
@@ -99,23 +101,12 @@ where
     }
 
     /// Returns the element and the last response of each RVE.
-    pub fn answers(&self) -> impl Iterator<Item = (usize, Option<&Response>)> {
-        let answers = self.units.iter().map(|unit| unit.answer.as_ref().map(|(_, answer)| answer));
-        self.elements.iter().copied().zip(answers)
-    }
-
-    /// Returns, for every model of the library, the number of RVEs that use it.
-    #[must_use]
-    pub fn users(&self) -> Vec<usize> {
-        let mut users = vec![0; self.library.models.len()];
-        for fibers in self.units.iter().filter_map(|unit| unit.fibers.as_ref()) {
-            users[fibers.model] += 1;
-        }
-        users
+    pub fn responses(&self) -> impl Iterator<Item = (usize, Option<&Response>)> {
+        let responses = self.units.iter().map(|unit| unit.response.as_ref().map(|(_, response)| response));
+        self.elements.iter().copied().zip(responses)
     }
 
     /// Bytes that all RVEs own in a run: states, last responses, and the start values of the next solves.
-    #[must_use]
     pub fn bytes(&self) -> usize {
         self.units.iter().map(|unit| unit.bytes(self.library.predict)).sum()
     }
@@ -126,8 +117,8 @@ where
     }
 
     /// Returns the RVE that made the last solve fail; a second call returns `None`.
-    pub fn take_lost(&self) -> Option<FailedRve> {
-        self.lost.lock().unwrap_or_else(PoisonError::into_inner).take()
+    pub fn take_failed_rve(&self) -> Option<FailedRve> {
+        self.failed_rve.lock().unwrap_or_else(PoisonError::into_inner).take()
     }
 
     /// Brings the RVEs to equilibrium, each at the deformation gradient that `gradient` returns for its index and its
@@ -141,7 +132,7 @@ where
         &mut self,
         gradient: impl Fn(usize, usize) -> Option<Matrix3<f64>> + Sync,
     ) -> Result<(), PointFailure> {
-        self.sweep(gradient, |unit, gradient, library, worker, stats| {
+        self.for_each_unit(gradient, |unit, gradient, library, worker, stats| {
             unit.respond(gradient, library, worker, stats).map(|_| false)
         })?;
         Ok(())
@@ -157,15 +148,15 @@ where
         &mut self,
         gradient: impl Fn(usize, usize) -> Option<Matrix3<f64>> + Sync,
     ) -> Result<Vec<usize>, PointFailure> {
-        self.sweep(gradient, Unit::verify)
+        self.for_each_unit(gradient, Unit::verify)
     }
 
-    /// Applies `each` to every unit that has a gradient, on all threads; returns the indices of the units for which it
-    /// returned true, ascending.
-    fn sweep(
+    /// Applies `action` to every unit that has a gradient, on all threads; returns the indices of the units for which
+    /// it returned true, ascending.
+    fn for_each_unit(
         &mut self,
         gradient: impl Fn(usize, usize) -> Option<Matrix3<f64>> + Sync,
-        each: impl Fn(
+        action: impl Fn(
             &mut Unit,
             &Matrix3<f64>,
             &Library<B>,
@@ -179,30 +170,33 @@ where
         let lowest = AtomicUsize::new(usize::MAX);
         let outcomes: Vec<_> = units
             .par_iter_mut()
+            .zip(elements)
             .enumerate()
-            .map(|(number, unit)| {
-                let mut swept = Swept { stats: RveStats::default(), outcome: Ok(false) };
+            .map(|(number, (unit, &element))| {
+                let mut stats = RveStats::default();
                 // One failure is enough: an RVE without an equilibrium takes long to fail.
-                if elements[number] > lowest.load(Ordering::Relaxed) {
-                    return swept;
+                if element > lowest.load(Ordering::Relaxed) {
+                    return (stats, Ok(false));
                 }
-                let Some(gradient) = gradient(number, elements[number]) else { return swept };
+                let Some(gradient) = gradient(number, element) else { return (stats, Ok(false)) };
                 let slot = rayon::current_thread_index().unwrap_or(0) % workers.len();
                 // A worker is scratch memory: data left by a panicking thread is overwritten.
                 let mut worker = workers[slot].lock().unwrap_or_else(PoisonError::into_inner);
-                swept.outcome = each(unit, &gradient, library, &mut worker, &mut swept.stats).map_err(|reason| {
-                    lowest.fetch_min(elements[number], Ordering::Relaxed);
+                let outcome = action(unit, &gradient, library, &mut worker, &mut stats).map_err(|reason| {
+                    lowest.fetch_min(element, Ordering::Relaxed);
                     (number, gradient, reason)
                 });
-                swept
+                (stats, outcome)
             })
             .collect();
         let (lowest, mut sum) = (lowest.into_inner(), RveStats::default());
         let (mut chosen, mut failed) = (Vec::new(), None);
         // Elements above the failed one may or may not have been solved and are not counted.
-        for (number, swept) in outcomes.into_iter().enumerate().filter(|&(number, _)| elements[number] <= lowest) {
-            sum = sum.and(swept.stats);
-            match swept.outcome {
+        for (number, (stats, outcome)) in
+            outcomes.into_iter().enumerate().filter(|&(number, _)| elements[number] <= lowest)
+        {
+            sum = sum.merge(stats);
+            match outcome {
                 Ok(true) => chosen.push(number),
                 Ok(false) => {}
                 Err(failure) if elements[number] == lowest => failed = Some(failure),
@@ -210,7 +204,7 @@ where
             }
         }
         let all = self.stats.get_mut().unwrap_or_else(PoisonError::into_inner);
-        *all = all.and(sum);
+        *all = all.merge(sum);
         let Some((number, gradient, reason)) = failed else { return Ok(chosen) };
         let failure = self.failure(number, &gradient, &reason);
         self.revert();
@@ -222,11 +216,8 @@ where
         let fibers = self.units[number].fibers.as_ref();
         let network = fibers.map(|f| library.models[f.model].network().name().to_owned());
         if let (UnitError::Rve(_), Some(fibers)) = (reason, fibers) {
-            let origin = format!("element {element}");
-            let ends = (&fibers.current, gradient);
-            let dump = RveDump::new(origin, &library.models[fibers.model], ends, &library.params);
-            *self.lost.get_mut().unwrap_or_else(PoisonError::into_inner) =
-                Some(FailedRve { element, model: fibers.model, dump });
+            *self.failed_rve.get_mut().unwrap_or_else(PoisonError::into_inner) =
+                Some(FailedRve::new(library, (element, fibers.model), &fibers.current, gradient));
         }
         PointFailure::of_unit(element, network, reason)
     }
@@ -241,28 +232,19 @@ where
         self.units.par_iter_mut().for_each(Unit::revert);
     }
 
-    /// Returns the states of all RVEs in their order. Right after a commit, these are all that the next load step
+    /// Returns the state of one RVE. Right after a commit, the states of all RVEs are all that the next load step
     /// depends on.
-    pub fn states(&self) -> impl ExactSizeIterator<Item = UnitState> + '_ {
-        (0..self.units.len()).map(|number| self.state(number))
-    }
-
-    /// Returns the state of one RVE.
-    ///
-    /// # Panics
-    /// Panics if there is no RVE `number`.
-    #[must_use]
     pub fn state(&self, number: usize) -> UnitState {
         let unit = &self.units[number];
         UnitState {
             // Right after a commit this is the committed state, with the prediction that goes with it.
             rve: unit.fibers.as_ref().map(|f| f.current.clone()),
-            answer: unit.answer,
+            response: unit.response,
             iterations: unit.committed_iterations,
         }
     }
 
-    /// Restores all RVEs from [`Units::states`].
+    /// Restores all RVEs from their states.
     ///
     /// # Errors
     /// Returns [`FieldRestoreError`] if the states do not match the RVEs, which are then unchanged.
@@ -271,32 +253,19 @@ where
         if found != expected {
             return Err(FieldRestoreError::Units { found, expected });
         }
-        let places = self.units.iter().zip(&self.elements);
-        let units = states
-            .into_iter()
-            .zip(places)
-            .map(|(state, (unit, &element))| self.restored(state, unit, element))
-            .collect::<Result<Vec<Unit>, _>>()?;
-        self.units = units;
-        Ok(())
-    }
-
-    fn restored(&self, state: UnitState, unit: &Unit, element: usize) -> Result<Unit, FieldRestoreError> {
-        let UnitState { rve, answer, iterations } = state;
-        let fibers = match (rve, &unit.fibers) {
-            (Some(current), Some(Fibers { model, committed, .. })) => {
-                current
-                    .check(self.library.models[*model].network())
-                    .map_err(|reason| FieldRestoreError::Rve { element, reason })?;
-                let mut committed = committed.clone();
-                committed.copy_equilibrium_from(&current);
-                Some(Fibers { model: *model, current, committed, origin: Origin::Committed })
+        for ((state, unit), &element) in states.iter().zip(&self.units).zip(&self.elements) {
+            let network = unit.fibers.as_ref().map(|fibers| &**self.library.models[fibers.model].network());
+            state.check(element, network)?;
+        }
+        for (UnitState { rve, response, iterations }, unit) in states.into_iter().zip(&mut self.units) {
+            if let Some((current, fibers)) = rve.zip(unit.fibers.as_mut()) {
+                fibers.committed.copy_equilibrium_from(&current);
+                (fibers.current, fibers.origin) = (current, Origin::Committed);
             }
-            (None, None) => None,
-            (saved, _) => return Err(FieldRestoreError::Fibers { element, saved: saved.is_some() }),
-        };
-        // `Unit::commit` copies `iterations` to `committed_iterations`, so a commit after the restore keeps the count.
-        Ok(Unit { fibers, matrix: unit.matrix, answer, iterations, committed_iterations: iterations })
+            // `Unit::commit` copies `iterations` to `committed_iterations`: a commit after the restore keeps the count.
+            (unit.response, unit.iterations, unit.committed_iterations) = (response, iterations, iterations);
+        }
+        Ok(())
     }
 
     /// Removes all RVEs.
@@ -306,20 +275,12 @@ where
     }
 
     /// Returns the last deformation gradient of an RVE and its response there.
-    pub fn answer(&self, number: usize) -> Option<(Matrix3<f64>, Response)> {
-        self.units.get(number)?.answer
+    pub fn response(&self, number: usize) -> Option<(Matrix3<f64>, Response)> {
+        self.units.get(number)?.response
     }
 
     /// Returns the index of the unit of each element.
-    #[must_use]
     pub fn by_element(&self) -> HashMap<usize, usize> {
         self.elements.iter().enumerate().map(|(number, &element)| (element, number)).collect()
     }
-}
-
-/// The outcome for one unit of a sweep.
-struct Swept<E> {
-    stats: RveStats,
-    /// The return value of `each`; or the index, the gradient and the reason of the failure.
-    outcome: Result<bool, (usize, Matrix3<f64>, E)>,
 }

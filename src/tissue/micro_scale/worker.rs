@@ -9,10 +9,7 @@ pub(super) struct Worker<B: Backend> {
     workspaces: Vec<Option<Workspace<B>>>,
 }
 
-impl<B: Backend<Scalar = f64>> Worker<B>
-where
-    B::Reduced: Scalar,
-{
+impl<B: Backend<Scalar = f64, Reduced: Scalar>> Worker<B> {
     pub fn new(models: usize) -> Self {
         Self { workspaces: (0..models).map(|_| None).collect() }
     }

@@ -1,38 +1,38 @@
-//! The couplings of the RVEs of one rank, the same on both scales: strains go down, answers come back.
+//! The couplings of the RVEs of one rank, the same on both scales: tasks go to the micro scale, responses come back.
 
 use super::TwoScaleError;
-use super::protocol::{Answer, MACRO, MICRO, NewRve, Strain};
+use super::protocol::{MACRO, MICRO, NewRve, RveResponse, RveTask};
 use crate::coupling::{Channel, Coupling, EvenPartition, Scales, UnitId};
 use crate::las::Comm;
 
 /// The couplings and channels between a rank and its RVEs (micro scale) or those of its elements (macro scale).
 pub(super) struct Channels<C: Comm> {
-    /// From the macro scale to the micro scale; `back` is its inverse.
-    pub down: Coupling<C>,
-    pub back: Coupling<C>,
-    pub headers: Channel<NewRve>,
-    pub strains: Channel<Strain>,
-    pub answers: Channel<Answer>,
+    pub to_micro: Coupling<C>,
+    /// The inverse of `to_micro`.
+    pub to_macro: Coupling<C>,
+    pub new_rves: Channel<NewRve>,
+    pub tasks: Channel<RveTask>,
+    pub responses: Channel<RveResponse>,
 }
 
 impl<C: Comm> Channels<C> {
     /// Couples the scales without RVEs; the initial RVEs are added like all later ones. Collective over both scales.
     pub fn new(scales: &Scales<C>) -> Result<Self, TwoScaleError> {
-        let down = Coupling::new(scales, MACRO, MICRO, &[], &[], &EvenPartition)?;
-        let back = down.inverse();
-        let headers = Channel::new(&down)?;
-        let strains = Channel::new(&down)?;
-        let answers = Channel::new(&back)?;
-        Ok(Self { down, back, headers, strains, answers })
+        let to_micro = Coupling::new(scales, MACRO, MICRO, &[], &[], &EvenPartition)?;
+        let to_macro = to_micro.inverse();
+        let new_rves = Channel::new(&to_micro)?;
+        let tasks = Channel::new(&to_micro)?;
+        let responses = Channel::new(&to_macro)?;
+        Ok(Self { to_micro, to_macro, new_rves, tasks, responses })
     }
 
     /// The elements with an RVE, in the order of the exchanged values.
     pub fn units(&self) -> &[UnitId] {
-        self.down.units()
+        self.to_micro.units()
     }
 
-    /// Updates `back` after RVEs were added or removed.
-    pub fn turn_back(&mut self) {
-        self.back = self.down.inverse();
+    /// Updates `to_macro` after RVEs were added or removed.
+    pub fn update_inverse(&mut self) {
+        self.to_macro = self.to_micro.inverse();
     }
 }

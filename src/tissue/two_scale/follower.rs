@@ -1,34 +1,34 @@
-//! The other ranks of the macro scale if the first one solves for the body: each exchanges with the RVEs of its part.
+//! The other ranks of the macro scale if its root solves for the body: each exchanges with the RVEs of its shard.
 
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
 use super::TwoScaleError;
-use super::protocol::{Seconds, Strain, unpack};
-use super::shard::{Change, Shard};
+use super::protocol::{RankTimes, RveTask, pack, unpack};
+use super::shard::{RveUpdate, Shard};
 use crate::coupling::Scales;
 use crate::fem::mesh::Mesh;
 use crate::las::{Comm, Message, Tag};
 
-/// Gradients to the rank of a part, and answers from it.
-pub(super) const GRADIENTS: Tag = Tag::of(0);
-pub(super) const ANSWERS: Tag = Tag::of(1);
-/// Busy, idle and exchange times from the rank of a part.
-pub(super) const SECONDS: Tag = Tag::of(2);
+/// Tasks to the rank of a shard, and responses from it.
+pub(super) const TASKS: Tag = Tag::of(0);
+pub(super) const RESPONSES: Tag = Tag::of(1);
+/// The times of the rank of a shard.
+pub(super) const TIMES: Tag = Tag::of(2);
 
-/// A command of the first rank of the macro scale to the others.
+/// A command of the root of the macro scale to the others.
 #[derive(Serialize, Deserialize)]
-pub(super) enum Order {
-    /// Delete and create RVEs: elements whose RVEs are deleted; elements with new RVEs and their regions.
-    Change(Vec<u64>, Vec<[u64; 2]>),
-    /// Receive gradients, exchange with the RVEs, and return the answers.
+pub(super) enum FollowerCommand {
+    /// Delete and create RVEs.
+    UpdateRves(RveUpdate),
+    /// Receive tasks, exchange with the RVEs, and return the responses.
     Exchange,
     /// End of the run.
     End,
 }
 
-/// The main function of the other ranks of the macro scale: carries out the commands of the first rank.
+/// The main function of the other ranks of the macro scale: carries out the commands of the root.
 ///
 /// # Errors
 /// Returns [`TwoScaleError`] if communication fails or a message does not follow the protocol.
@@ -36,34 +36,34 @@ pub fn follow<C: Comm>(scales: &Scales<C>, mesh: &Mesh) -> Result<(), TwoScaleEr
     let comm = scales.comm();
     let shard_of = super::partition::partition(mesh, comm.size());
     let own = comm.rank() as u32;
-    let mut part = Shard::new(scales)?;
-    let mut seconds = Seconds::default();
+    let mut shard = Shard::new(scales)?;
+    let mut times = RankTimes::of_rank(scales.world().rank());
     loop {
         let waiting = Instant::now();
         match unpack(&comm.broadcast(0, Message::new())?)? {
-            Order::Change(gone, new) => {
-                seconds.idle += waiting.elapsed().as_secs_f64();
+            FollowerCommand::UpdateRves(update) => {
+                times.idle += waiting.elapsed().as_secs_f64();
                 let start = Instant::now();
-                part.change(&Change { gone, new }, |element| shard_of[element] == own)?;
-                seconds.exchanging += start.elapsed().as_secs_f64();
+                shard.update_rves(&update, |element| shard_of[element] == own)?;
+                times.add_communication(start);
             }
-            Order::Exchange => {
-                comm.wait_for(0, GRADIENTS)?;
-                seconds.idle += waiting.elapsed().as_secs_f64();
+            FollowerCommand::Exchange => {
+                comm.wait_for(0, TASKS)?;
+                times.idle += waiting.elapsed().as_secs_f64();
                 let start = Instant::now();
-                let gradients = comm.receive(0, GRADIENTS)?;
-                seconds.exchanging += start.elapsed().as_secs_f64();
-                let gradients = gradients.values::<Strain>().ok_or(TwoScaleError::Protocol)?;
-                if gradients.len() != part.elements().len() {
+                let tasks = comm.receive(0, TASKS)?;
+                times.add_communication(start);
+                let tasks = tasks.values::<RveTask>().ok_or(TwoScaleError::Protocol)?;
+                if tasks.len() != shard.elements().len() {
                     return Err(TwoScaleError::Protocol);
                 }
-                let answers = part.exchange(|number, _| gradients[number], &mut seconds)?;
+                let responses = shard.exchange(|number, _| tasks[number], &mut times)?;
                 let start = Instant::now();
-                comm.send(0, ANSWERS, Message::of(answers))?;
-                seconds.exchanging += start.elapsed().as_secs_f64();
-                comm.send(0, SECONDS, Message::of(&std::mem::take(&mut seconds).numbers()))?;
+                comm.send(0, RESPONSES, Message::of(responses))?;
+                times.add_communication(start);
+                comm.send(0, TIMES, pack(&times.take())?)?;
             }
-            Order::End => return Ok(()),
+            FollowerCommand::End => return Ok(()),
         }
     }
 }

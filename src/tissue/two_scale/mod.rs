@@ -4,22 +4,22 @@
 //! |---|---|
 //! | `protocol` | the messages between the scales |
 //! | `macro_side` | the macro scale: a material that gets its stress from RVEs on other ranks |
-//! | `micro_proxy` | the micro scale as seen by the macro scale: sends commands and strains, receives answers |
+//! | `micro_proxy` | the micro scale as seen by the macro scale: sends commands and tasks, receives responses |
 //! | `shard` | the elements of one macro rank and the couplings of their RVEs |
 //! | `channels` | the couplings of the RVEs of one rank, the same on both scales |
-//! | `micro_side` | the micro scale: solves its RVEs and sends the answers |
+//! | `micro_side` | the micro scale: solves its RVEs and sends the responses |
 //! | `partition` | assigns elements to macro ranks |
 //!
-//! The first macro rank broadcasts a command; the micro scale carries it out:
+//! The root of the macro scale broadcasts a command; the micro scale carries it out:
 //!
 //! ```text
 //! macro scale                                      micro scale
 //! -----------                                      -----------
 //! until all steps are complete:                    while not complete:
 //!   Newton evaluates: Command::Step or Iterate       while not step_complete:
-//!     send strains ---------------------------->       receive strains
-//!     receive answers <-------------------------       solve all RVEs, send answers
-//!   Newton converged: Iterate, Task::Verify --->       verify that answers continue the last step
+//!     send tasks ------------------------------>       receive tasks
+//!     receive responses <-----------------------       solve all RVEs, send responses
+//!   Newton converged: Iterate, Task::Verify --->       verify that responses continue the last step
 //!   strain creates RVEs: Command::Units ------->       update units; Newton evaluates again
 //!   converged: Command::Accept; else Reject --->     step_complete
 //!   strain deletes RVEs: Command::Units ------->     update units
@@ -39,10 +39,10 @@ use thiserror::Error;
 
 pub use follower::follow;
 pub use macro_side::ScaleField;
-pub use micro_proxy::Lead;
+pub use micro_proxy::BodySolve;
 pub use micro_side::run as run_micro;
 pub use partition::partition;
-pub use protocol::{MACRO, MICRO, Seconds};
+pub use protocol::{MACRO, MICRO, RankTimes};
 
 use super::micro_scale::TissueFieldError;
 use crate::coupling::{CouplingError, ScaleError};

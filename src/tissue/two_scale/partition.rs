@@ -2,32 +2,32 @@
 
 use crate::fem::mesh::Mesh;
 
-/// Returns the part of every element: `parts` parts with about as many elements each and few faces between them, the
-/// same on every rank. METIS partitions if it is compiled in (cargo feature `metis`) and leaves no part empty;
+/// Returns the shard of every element: `shards` shards with about as many elements each and few faces between them, the
+/// same on every rank. METIS partitions if it is compiled in (cargo feature `metis`) and leaves no shard empty;
 /// otherwise recursive bisection does, at medians of the element centers.
 #[must_use]
-pub fn partition(mesh: &Mesh, parts: usize) -> Vec<u32> {
+pub fn partition(mesh: &Mesh, shards: usize) -> Vec<u32> {
     let elements = mesh.elements().len();
-    if parts <= 1 {
+    if shards <= 1 {
         return vec![0; elements];
     }
     #[cfg(feature = "metis")]
-    if let Some(parts) = by_metis(mesh, parts) {
-        return parts;
+    if let Some(shard_of) = by_metis(mesh, shards) {
+        return shard_of;
     }
     let centers: Vec<[f64; 3]> = mesh.elements().iter().map(|nodes| center(mesh, nodes)).collect();
     let mut shard_of = vec![0; elements];
     let mut all: Vec<u32> = (0..elements as u32).collect();
-    cut(&centers, &mut all, 0, parts, &mut shard_of);
+    bisect(&centers, &mut all, 0, shards, &mut shard_of);
     shard_of
 }
 
-/// Partitions by METIS; `None` if METIS fails or leaves a part empty, which happens if there are few elements.
+/// Partitions by METIS; `None` if METIS fails or leaves a shard empty, which happens if there are few elements.
 #[cfg(feature = "metis")]
-fn by_metis(mesh: &Mesh, parts: usize) -> Option<Vec<u32>> {
-    let shard_of = crate::backends::metis::parts(&mesh.neighbors(), parts).ok()?;
-    let mut counts = vec![0; parts];
-    shard_of.iter().for_each(|&part| counts[part as usize] += 1);
+fn by_metis(mesh: &Mesh, shards: usize) -> Option<Vec<u32>> {
+    let shard_of = crate::backends::metis::parts(&mesh.neighbors(), shards).ok()?;
+    let mut counts = vec![0; shards];
+    shard_of.iter().for_each(|&shard| counts[shard as usize] += 1);
     counts.iter().all(|&count| count > 0).then_some(shard_of)
 }
 
@@ -39,26 +39,26 @@ fn center(mesh: &Mesh, nodes: &[u32; 4]) -> [f64; 3] {
     center
 }
 
-/// Recursive bisection across the longest extent of the element centers, in proportion to the number of parts on each
+/// Recursive bisection across the longest extent of the element centers, in proportion to the number of shards on each
 /// side.
-fn cut(centers: &[[f64; 3]], elements: &mut [u32], first: usize, parts: usize, shard_of: &mut [u32]) {
-    if parts == 1 {
+fn bisect(centers: &[[f64; 3]], elements: &mut [u32], first: usize, shards: usize, shard_of: &mut [u32]) {
+    if shards == 1 {
         elements.iter().for_each(|&element| shard_of[element as usize] = first as u32);
         return;
     }
     let extent = |axis: usize| {
         let along = elements.iter().map(|&element| centers[element as usize][axis]);
-        let (least, most) = along.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
-        most - least
+        let (min, max) = along.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
+        max - min
     };
     let axis = (0..3).max_by(|&a, &b| extent(a).total_cmp(&extent(b))).unwrap_or(0);
-    let below = parts / 2;
-    let at = elements.len() * below / parts;
+    let lower_count = shards / 2;
+    let at = elements.len() * lower_count / shards;
     // Ties are broken by element number, so that every rank finds the same partition.
     elements.sort_unstable_by(|&a, &b| centers[a as usize][axis].total_cmp(&centers[b as usize][axis]).then(a.cmp(&b)));
     let (lower, upper) = elements.split_at_mut(at);
-    cut(centers, lower, first, below, shard_of);
-    cut(centers, upper, first + below, parts - below, shard_of);
+    bisect(centers, lower, first, lower_count, shard_of);
+    bisect(centers, upper, first + lower_count, shards - lower_count, shard_of);
 }
 
 #[cfg(test)]
@@ -67,14 +67,14 @@ mod tests {
     use crate::fem::mesh::shapes::cuboid;
 
     #[test]
-    fn every_part_has_about_as_many_elements() {
+    fn every_shard_has_about_as_many_elements() {
         let mesh = cuboid([6, 3, 2], [6.0, 1.0, 1.0]).unwrap();
-        for parts in [1, 2, 3, 4, 7] {
-            let shard_of = partition(&mesh, parts);
-            assert_eq!(shard_of, partition(&mesh, parts), "the same again");
-            let mut counts = vec![0; parts];
-            shard_of.iter().for_each(|&part| counts[part as usize] += 1);
-            let even = mesh.elements().len() / parts;
+        for shards in [1, 2, 3, 4, 7] {
+            let shard_of = partition(&mesh, shards);
+            assert_eq!(shard_of, partition(&mesh, shards), "the same again");
+            let mut counts = vec![0; shards];
+            shard_of.iter().for_each(|&shard| counts[shard as usize] += 1);
+            let even = mesh.elements().len() / shards;
             assert!(counts.iter().all(|&count| count + 3 >= even && count <= even + 3), "{counts:?}");
         }
     }
@@ -88,6 +88,6 @@ mod tests {
             let shard_of = &shard_of;
             near.iter().filter(move |&&other| shard_of[other as usize] != shard_of[element])
         });
-        assert!(between.count() <= 2 * 4, "few faces lie between the parts");
+        assert!(between.count() <= 2 * 4, "few faces lie between the shards");
     }
 }

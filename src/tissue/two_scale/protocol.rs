@@ -1,10 +1,11 @@
 //! The messages between the scales: values per RVE, sent over the couplings, and commands of the load stepping loop.
 
+use std::time::Instant;
+
 use nalgebra::Matrix3;
 use postcard::ser_flavors::Flavor;
-use serde::{Deserialize, Serialize, Serializer};
+use serde::{Deserialize, Serialize};
 
-use crate::app::checkpoint::UnitRecord;
 use crate::fem::material::Response;
 use crate::las::Message;
 use crate::tissue::micro_scale::{DeformedNetwork, PointFailure, PointSummary, RveStats, UnitState};
@@ -24,7 +25,7 @@ crate::payload! {
 
 crate::payload! {
     /// The deformation gradient and the task that the macro scale sends to an RVE.
-    pub struct Strain {
+    pub struct RveTask {
         /// Deformation gradient, column by column.
         pub gradient: [f64; 9],
         /// A [`Task`] as a number.
@@ -34,7 +35,7 @@ crate::payload! {
 
 crate::payload! {
     /// The response of an RVE; matrices column by column.
-    pub struct Answer {
+    pub struct RveResponse {
         /// Its element, from 0.
         pub element: u64,
         /// An [`Outcome`] as a number.
@@ -52,7 +53,7 @@ crate::payload! {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Task {
     /// Nothing: the RVE sleeps or was deleted.
-    Rest = 0,
+    None = 0,
     /// Finds an equilibrium.
     Solve = 1,
     /// Verifies that the equilibrium found there continues the last committed one, or replaces it by one that does.
@@ -63,14 +64,14 @@ pub enum Task {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
     /// The RVE has a response, newly solved for or unchanged.
-    Found = 0,
+    Solved = 0,
     /// No equilibrium was found.
     Failed = 1,
     /// Verification replaced the response.
     Replaced = 2,
 }
 
-impl Strain {
+impl RveTask {
     /// Packs a deformation gradient and a task.
     #[must_use]
     pub fn new(gradient: &Matrix3<f64>, task: Task) -> Self {
@@ -82,29 +83,23 @@ impl Strain {
     /// Returns the gradient if its task is `task`.
     #[must_use]
     pub fn for_task(&self, task: Task) -> Option<Matrix3<f64>> {
-        (self.task == task as u64).then(|| self.matrix())
-    }
-
-    /// Returns the gradient as a matrix.
-    #[must_use]
-    pub fn matrix(&self) -> Matrix3<f64> {
-        Matrix3::from_column_slice(&self.gradient)
+        (self.task == task as u64).then(|| Matrix3::from_column_slice(&self.gradient))
     }
 }
 
-impl Answer {
+impl RveResponse {
     /// Packs the response of the RVE of an element; `None` stands for a failure.
     #[must_use]
     pub fn new(element: usize, response: Option<&Response>, is_replaced: bool) -> Self {
         let outcome = Outcome::Failed as u64;
-        let mut answer = Self { element: element as u64, outcome, energy: 0.0, pk1: [0.0; 9], tangent: [0.0; 81] };
+        let mut packed = Self { element: element as u64, outcome, energy: 0.0, pk1: [0.0; 9], tangent: [0.0; 81] };
         if let Some(response) = response {
-            answer.outcome = if is_replaced { Outcome::Replaced } else { Outcome::Found } as u64;
-            answer.energy = response.energy;
-            answer.pk1.copy_from_slice(response.pk1.as_slice());
-            answer.tangent.copy_from_slice(response.tangent.as_slice());
+            packed.outcome = if is_replaced { Outcome::Replaced } else { Outcome::Solved } as u64;
+            packed.energy = response.energy;
+            packed.pk1.copy_from_slice(response.pk1.as_slice());
+            packed.tangent.copy_from_slice(response.tangent.as_slice());
         }
-        answer
+        packed
     }
 
     /// Unpacks the response.
@@ -134,7 +129,7 @@ pub enum Command {
     /// Revert to the last committed state: the step has failed.
     Reject,
     /// Set all RVEs to saved states: their elements, ascending, and states.
-    Restore(Vec<(u64, UnitRecord)>),
+    Restore(Vec<(u64, UnitState)>),
     /// End: all steps are done.
     Complete,
 }
@@ -146,19 +141,10 @@ pub struct RankReport<U = Vec<UnitReport>> {
     pub stats: RveStats,
     /// Bytes that its RVEs own.
     pub bytes: usize,
-    /// Its busy, idle and exchange times, one entry per trial state.
-    pub seconds: Vec<Seconds>,
+    /// Its times, one entry per trial state.
+    pub times: Vec<RankTimes>,
     /// Its RVEs; empty if the step was rejected.
     pub units: U,
-}
-
-/// Serializes the items of an iterator one by one, because all of them together may need as much memory as the RVEs.
-pub struct SerializeIter<F>(pub F);
-
-impl<I: Iterator<Item: Serialize>, F: Fn() -> I> Serialize for SerializeIter<F> {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_seq((self.0)())
-    }
 }
 
 /// The state of an RVE after a step.
@@ -169,72 +155,50 @@ pub struct UnitReport {
     /// Its fiber orientation and stretches for the result files.
     pub summary: Option<PointSummary>,
     /// Its committed state.
-    pub state: UnitRecord,
-    /// Its deformed network, if the case requests it as output.
-    pub network: Option<NetworkOutput>,
-}
-
-/// A deformed network without the parts that every rank knows from the model.
-#[derive(Serialize, Deserialize)]
-pub struct NetworkOutput {
-    /// The number of its model.
-    pub model: usize,
-    /// Positions of the nodes.
-    pub positions: Vec<[f64; 3]>,
-    /// Stretch of every fiber.
-    pub stretches: Vec<f64>,
-    /// Force of every fiber, N.
-    pub forces: Vec<f64>,
-}
-
-impl NetworkOutput {
-    /// Takes the node and fiber values of the deformed network of a model.
-    #[must_use]
-    pub fn new(model: usize, deformed: DeformedNetwork) -> Self {
-        let DeformedNetwork { positions, stretches, forces, .. } = deformed;
-        Self { model, positions, stretches, forces }
-    }
-}
-
-impl From<UnitState> for UnitReport {
-    fn from(state: UnitState) -> Self {
-        Self { element: 0, summary: None, state: state.into(), network: None }
-    }
+    pub state: UnitState,
+    /// Its deformed network, if it is part of the output.
+    pub network: Option<DeformedNetwork>,
 }
 
 /// An RVE that found no equilibrium.
 #[derive(Serialize, Deserialize)]
-pub struct Failed {
+pub struct RveFailure {
     /// The error message, with element and network.
     pub failure: PointFailure,
     /// The number of its model, its start state, and the requested gradient, column by column; `None` if no network
-    /// failed. `None` if the failure is not that of a network.
-    pub start: Option<(usize, UnitRecord, [f64; 9])>,
+    /// failed.
+    pub start: Option<(usize, UnitState, [f64; 9])>,
 }
 
-/// Wall-clock time of a rank by activity, s.
+/// How a rank spent its time since its previous report, s.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Seconds {
-    /// Computation.
+#[serde(default)]
+pub struct RankTimes {
+    /// Number of the rank among all ranks.
+    pub rank: usize,
+    /// Time spent computing.
     pub busy: f64,
-    /// Waiting for messages that had not arrived.
+    /// Time spent waiting for messages that had not arrived.
     pub idle: f64,
-    /// Packing, sending, receiving and unpacking messages.
-    pub exchanging: f64,
+    /// Time spent packing, sending, receiving and unpacking messages.
+    #[serde(rename = "exchanging")]
+    pub communication: f64,
 }
 
-impl Seconds {
-    /// Returns the busy, idle and exchange times.
-    #[must_use]
-    pub fn numbers(self) -> [f64; 3] {
-        [self.busy, self.idle, self.exchanging]
+impl RankTimes {
+    /// Returns times of zero.
+    pub(super) fn of_rank(rank: usize) -> Self {
+        Self { rank, ..Self::default() }
     }
 
-    /// Restores the times from [`numbers`](Self::numbers); `None` if there are not three.
-    #[must_use]
-    pub fn of(numbers: &[f64]) -> Option<Self> {
-        let &[busy, idle, exchanging] = numbers else { return None };
-        Some(Self { busy, idle, exchanging })
+    /// Returns the times and resets them to zero.
+    pub(super) fn take(&mut self) -> Self {
+        std::mem::replace(self, Self::of_rank(self.rank))
+    }
+
+    /// Adds the time since `start` to the communication.
+    pub(super) fn add_communication(&mut self, start: Instant) {
+        self.communication += start.elapsed().as_secs_f64();
     }
 }
 

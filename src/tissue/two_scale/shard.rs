@@ -3,31 +3,34 @@
 use std::collections::HashSet;
 use std::time::Instant;
 
+use serde::{Deserialize, Serialize};
+
 use super::TwoScaleError;
 use super::channels::Channels;
-use super::protocol::{Answer, NewRve, Seconds, Strain};
+use super::protocol::{NewRve, RankTimes, RveResponse, RveTask};
 use crate::coupling::{EvenPartition, Scales, UnitId};
 use crate::las::Comm;
 
-/// The RVEs of one part of the body.
+/// The RVEs of one shard of the body.
 pub(super) struct Shard<C: Comm> {
     channels: Channels<C>,
-    asked: Vec<Strain>,
-    found: Vec<Answer>,
+    tasks: Vec<RveTask>,
+    responses: Vec<RveResponse>,
 }
 
-/// A change of the RVEs of the whole body: elements whose RVEs are deleted, and elements with new RVEs and their
-/// regions.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Change {
-    pub gone: Vec<UnitId>,
-    pub new: Vec<[u64; 2]>,
+/// Changes of the RVEs of the whole body.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(super) struct RveUpdate {
+    /// The elements whose RVEs are deleted.
+    pub deleted: Vec<UnitId>,
+    /// The elements with new RVEs, and their regions.
+    pub created: Vec<[u64; 2]>,
 }
 
 impl<C: Comm> Shard<C> {
-    /// A part without RVEs. Collective over both scales.
+    /// A shard without RVEs. Collective over both scales.
     pub fn new(scales: &Scales<C>) -> Result<Self, TwoScaleError> {
-        Ok(Self { channels: Channels::new(scales)?, asked: Vec::new(), found: Vec::new() })
+        Ok(Self { channels: Channels::new(scales)?, tasks: Vec::new(), responses: Vec::new() })
     }
 
     /// The elements with an RVE, in the order of the exchange.
@@ -35,38 +38,38 @@ impl<C: Comm> Shard<C> {
         self.channels.units()
     }
 
-    /// Deletes and creates RVEs of this part. Collective over both scales.
-    pub fn change(&mut self, change: &Change, is_own: impl Fn(usize) -> bool) -> Result<(), TwoScaleError> {
-        let here: HashSet<UnitId> = self.channels.units().iter().copied().collect();
-        let gone: Vec<UnitId> = change.gone.iter().copied().filter(|unit| here.contains(unit)).collect();
-        self.channels.down.remove(&gone)?;
-        let new: Vec<[u64; 2]> = change.new.iter().copied().filter(|&[element, _]| is_own(element as usize)).collect();
-        let units: Vec<UnitId> = new.iter().map(|&[element, _]| element).collect();
-        let delta = self.channels.down.add(&units, &[], &EvenPartition)?;
-        let headers: Vec<NewRve> = new.iter().map(|&[_, region]| NewRve { region }).collect();
-        self.channels.headers.send(&delta, &headers)?;
-        self.channels.turn_back();
+    /// Deletes and creates RVEs of this shard. Collective over both scales.
+    pub fn update_rves(&mut self, update: &RveUpdate, is_own: impl Fn(usize) -> bool) -> Result<(), TwoScaleError> {
+        let existing: HashSet<UnitId> = self.channels.units().iter().copied().collect();
+        let deleted: Vec<UnitId> = update.deleted.iter().copied().filter(|unit| existing.contains(unit)).collect();
+        self.channels.to_micro.remove(&deleted)?;
+        let created = update.created.iter().filter(|[element, _]| is_own(*element as usize));
+        let (units, new_rves): (Vec<UnitId>, Vec<NewRve>) =
+            created.map(|&[element, region]| (element, NewRve { region })).unzip();
+        let delta = self.channels.to_micro.add(&units, &[], &EvenPartition)?;
+        self.channels.new_rves.send(&delta, &new_rves)?;
+        self.channels.update_inverse();
         Ok(())
     }
 
-    /// Sends a strain to every RVE and waits for the answers. `strain` returns the strain for an index into
+    /// Sends a task to every RVE and waits for the responses. `task` returns the task for an index into
     /// [`Shard::elements`] and the element there.
     pub fn exchange(
         &mut self,
-        strain: impl Fn(usize, UnitId) -> Strain,
-        seconds: &mut Seconds,
-    ) -> Result<&[Answer], TwoScaleError> {
+        task: impl Fn(usize, UnitId) -> RveTask,
+        times: &mut RankTimes,
+    ) -> Result<&[RveResponse], TwoScaleError> {
         let start = Instant::now();
         let units = self.channels.units();
-        self.asked.clear();
-        self.asked.extend(units.iter().enumerate().map(|(number, &element)| strain(number, element)));
-        self.found.resize(units.len(), Answer::new(0, None, false));
-        self.channels.strains.send(&self.channels.down, &self.asked)?;
-        let before = self.channels.answers.waited();
-        self.channels.answers.receive(&self.channels.back, &mut self.found)?;
-        let waited = self.channels.answers.waited() - before;
-        seconds.idle += waited.as_secs_f64();
-        seconds.exchanging += (start.elapsed() - waited).as_secs_f64();
-        Ok(&self.found)
+        self.tasks.clear();
+        self.tasks.extend(units.iter().enumerate().map(|(number, &element)| task(number, element)));
+        self.responses.resize(units.len(), RveResponse::new(0, None, false));
+        self.channels.tasks.send(&self.channels.to_micro, &self.tasks)?;
+        let before = self.channels.responses.waited();
+        self.channels.responses.receive(&self.channels.to_macro, &mut self.responses)?;
+        let waited = self.channels.responses.waited() - before;
+        times.idle += waited.as_secs_f64();
+        times.communication += (start.elapsed() - waited).as_secs_f64();
+        Ok(&self.responses)
     }
 }

@@ -5,8 +5,8 @@ use std::path::Path;
 use std::sync::OnceLock;
 
 use biotissue::app::results::{DirectoryLock, ResultsError};
-use biotissue::app::run::First;
 use biotissue::app::run::ResumeError;
+use biotissue::app::run::RootWriter;
 use biotissue::backends::comm::thread;
 
 use super::{CASE, Killed, assert_same, contents, copy, resume, simulation, whole_and_killed};
@@ -147,7 +147,7 @@ fn ranks_of_a_body_learn_alike_that_a_directory_is_in_use() {
     let (lock, _) = DirectoryLock::acquire(&dir).unwrap();
     let outcome = thread::run(2, |comm| {
         let broken = OnceLock::new();
-        let ranks = First { comm: &comm, dir: &dir, broken: &broken };
+        let ranks = RootWriter { comm: &comm, dir: &dir, broken: &broken };
         let mut simulation = simulation(CASE);
         let said = [
             simulation.take_directory(&ranks, &dir).unwrap_err().to_string(),

@@ -2,6 +2,7 @@
 
 use super::super::*;
 use super::{FULL, Folder, SMALL};
+use crate::fem::material::NeoHookean;
 use crate::fiber::equilibrium::{Stage, Stages};
 use crate::fiber::law::{FiberMaterial, Law};
 use crate::las::{Iterative, Krylov, Method, Preconditioner};
@@ -15,23 +16,25 @@ fn every_entry_arrives() {
     assert_eq!(case.mesh_scale, 0.001);
     let lines: Vec<_> = case.regions.iter().map(|region| (region.name.as_str(), region.line)).collect();
     assert_eq!(lines, [("gauge", 7), ("*", 18)]);
-    let MaterialCase::FiberRve(rve) = &case.regions[0].material else { panic!("not a fiber RVE") };
+    let RegionMaterial::FiberRve(rve) = &case.regions[0].material else { panic!("not a fiber RVE") };
     let networks = ["networks/a.txt", "networks/b.txt"].map(|name| folder.path().join(name));
     assert_eq!(rve.networks, networks);
-    assert_eq!((rve.choose, rve.seed, rve.scale), (Choose::Cycle, 7, ScaleCase::FiberVolumeFraction(0.003)));
+    assert_eq!(
+        (rve.assignment, rve.seed, rve.scale),
+        (NetworkAssignment::Cycle, 7, StressScale::FiberVolumeFraction(0.003))
+    );
     let law = Law::ExponentialStretch { youngs_modulus: 1.0e8, nonlinearity: 1.2, transition: 1.4 };
     assert_eq!(rve.law, Some(FiberMaterial { law, radius: 5.0e-8, density: None }));
-    let matrix = rve.matrix.unwrap();
-    assert_eq!((matrix.model, matrix.shear_modulus, matrix.lame_lambda), (FormulaModel::NeoHookean, 100.0, 150.0));
+    assert_eq!(rve.matrix, Some(Formula::NeoHookean(NeoHookean { mu: 100.0, lambda: 150.0 })));
 
-    let table = CurveCase::Table(vec![[0.0, 0.0], [0.5, 1.0], [1.0, 0.25]]);
+    let table = LoadCurve::table(&[[0.0, 0.0], [0.5, 1.0], [1.0, 0.25]]).unwrap();
     let boundary = |surface: &str, line, load, curve| BoundaryCase { surface: surface.into(), line, load, curve };
     assert_eq!(
         case.boundaries,
         [
-            boundary("left", 22, LoadCase::Displacement([Some(0.0); 3]), CurveCase::Ramp),
-            boundary("right", 25, LoadCase::Traction([4.0e4, 0.0, 0.0]), table),
-            boundary("right", 29, LoadCase::Displacement([None, Some(0.0), None]), CurveCase::Ramp),
+            boundary("left", 22, SurfaceLoad::Displacement([Some(0.0); 3]), LoadCurve::Ramp),
+            boundary("right", 25, SurfaceLoad::Traction([4.0e4, 0.0, 0.0]), table),
+            boundary("right", 29, SurfaceLoad::Displacement([None, Some(0.0), None]), LoadCurve::Ramp),
         ]
     );
     assert_eq!(case.points[0].place, PointPlace::At([0.0, 0.0, 0.5]));
@@ -57,7 +60,7 @@ fn every_entry_arrives() {
     assert_eq!(case.newton, newton);
     assert_eq!(
         case.micro,
-        MicroCase {
+        RveParams {
             tolerance: 1e-11,
             max_iterations: 60,
             max_cuts: 5,
@@ -68,7 +71,7 @@ fn every_entry_arrives() {
     );
     assert_eq!(case.scales, ScalesCase { macro_ranks: 1, micro_ranks: 3, near: true });
     assert_eq!(case.output.directory, folder.path().join("out/pull"));
-    assert_eq!((case.output.every, case.output.rve), (5, RveOutput::Elements(vec![0, 17])));
+    assert_eq!((case.output.every, case.output.rve), (5, ElementSelection::Elements(vec![0, 17])));
 
     assert!(warnings.is_empty(), "{warnings:?}");
 }
@@ -85,13 +88,13 @@ fn defaults_fill_in() {
         tolerance: 1e-8,
         max_iterations: 25,
         line_search: true,
-        start: StepStart::Held,
+        start: StepStart::Prescribed,
         solver: Method::Direct,
     };
     assert_eq!(case.newton, newton);
     assert_eq!(
         case.micro,
-        MicroCase {
+        RveParams {
             tolerance: 1e-10,
             max_iterations: 50,
             max_cuts: 6,
@@ -102,7 +105,7 @@ fn defaults_fill_in() {
     );
     assert_eq!(case.scales, ScalesCase { macro_ranks: 1, micro_ranks: 0, near: false });
     let directory = folder.path().join("results");
-    assert_eq!(case.output, OutputCase { directory, every: 1, rve: RveOutput::None });
+    assert_eq!(case.output, OutputCase { directory, every: 1, rve: ElementSelection::None });
 }
 
 #[test]
@@ -133,9 +136,9 @@ fn networks_are_found_sorted_and_each_once() {
             &format!("model = \"fiber-rve\", scale = \"raw\", networks = {networks}"),
         );
         let case = folder.parse(&text).unwrap_or_else(|errors| panic!("{errors}")).case;
-        let MaterialCase::FiberRve(rve) = &case.regions[0].material else { panic!("not a fiber RVE") };
+        let RegionMaterial::FiberRve(rve) = &case.regions[0].material else { panic!("not a fiber RVE") };
         assert_eq!(rve.networks.iter().collect::<Vec<_>>(), expected, "{networks}");
-        assert_eq!((rve.choose, rve.seed, rve.scale), (Choose::Random, 1, ScaleCase::Raw));
+        assert_eq!((rve.assignment, rve.seed, rve.scale), (NetworkAssignment::Random, 1, StressScale::Raw));
         assert_eq!(rve.law, None);
     }
 }
@@ -151,7 +154,7 @@ fn folder_with_pattern_characters_in_its_name_is_taken_as_it_is() {
         "model = \"fiber-rve\", scale = \"raw\", networks = \"*.txt\"",
     );
     let case = Case::parse(&text, &odd.join("case.toml")).unwrap().case;
-    let MaterialCase::FiberRve(rve) = &case.regions[0].material else { panic!("not a fiber RVE") };
+    let RegionMaterial::FiberRve(rve) = &case.regions[0].material else { panic!("not a fiber RVE") };
     assert_eq!(rve.networks, [odd.join("n.txt")]);
 }
 
@@ -159,8 +162,8 @@ fn folder_with_pattern_characters_in_its_name_is_taken_as_it_is() {
 fn constants(entries: &str) -> (f64, f64) {
     let text = SMALL.replace("shear_modulus = 1.0e5, lame_lambda = 2.0e5", entries);
     match Folder::new().parse(&text).unwrap().case.regions[0].material {
-        MaterialCase::Formula(formula) => (formula.shear_modulus, formula.lame_lambda),
-        MaterialCase::FiberRve(_) => panic!("not a formula"),
+        RegionMaterial::Formula(formula) => formula.lame_constants().into(),
+        RegionMaterial::FiberRve(_) => panic!("not a formula"),
     }
 }
 

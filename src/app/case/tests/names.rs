@@ -11,8 +11,8 @@ fn names(list: &[&str]) -> Vec<String> {
 fn known_names_pass_and_the_star_serves_the_rest() {
     let case = Folder::new().parse(FULL).unwrap().case;
     case.check_names(&names(&["grip", "gauge"]), &names(&["left", "right", "sides"])).unwrap();
-    assert!(matches!(case.material_of("gauge"), Some(MaterialCase::FiberRve(_))));
-    assert!(matches!(case.material_of("grip"), Some(MaterialCase::Formula(_))));
+    assert!(matches!(case.material_of("gauge"), Some(RegionMaterial::FiberRve(_))));
+    assert!(matches!(case.material_of("grip"), Some(RegionMaterial::Formula(_))));
 }
 
 #[test]

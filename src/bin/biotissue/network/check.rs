@@ -9,12 +9,12 @@ use biotissue::fiber::network::file::NetworkFile;
 use biotissue::fiber::network::file::sidecar::Sidecar;
 use biotissue::fiber::network::{Cube, Network, NetworkError};
 use biotissue::input::{InputError, InputErrors};
-use biotissue::las::{Backend, Scalar};
+
 use clap::Args;
 use serde_json::json;
 
-use super::{check_length, json_of_file, json_of_network, laws_of, not_counted, read, words, write};
-use crate::dispatch::{Job, dispatch};
+use super::{check_length, json_of_file, json_of_network, laws_of, not_counted, read, text, write};
+use crate::dispatch::{Job, ProgramBackend, dispatch};
 use crate::failure::Failure;
 use crate::number::real;
 use crate::output;
@@ -64,10 +64,10 @@ pub fn run(arguments: &CheckArguments) -> Result<(), Failure> {
 fn check(file: &Path, arguments: &CheckArguments) -> Result<(), Failure> {
     let read = read(file)?;
     let report = examine(&read.network);
-    let rigidity = examined(&read.network, arguments)?;
+    let rigidity = rigidity_of(&read.network, arguments)?;
     let cleaned = clean(&read.network, arguments.shorter_than);
     if let Some(output) = &arguments.output {
-        let cleaned = cleaned.as_ref().map_err(|error| nothing_left(file, error))?;
+        let cleaned = cleaned.as_ref().map_err(|error| no_network_left(file, error))?;
         write_cleaned(output, &read, cleaned)?;
     }
     // A network that cleaning would remove completely is examined all the same.
@@ -75,7 +75,7 @@ fn check(file: &Path, arguments: &CheckArguments) -> Result<(), Failure> {
     let removable = cleaned.as_ref().map(|cleaned| cleaned.removed);
     let after = cleaned.filter(|_| arguments.clean).map(|cleaned| cleaned.network);
     let after = after.map(|network| -> Result<_, Failure> {
-        let rigidity = examined(&network, arguments)?;
+        let rigidity = rigidity_of(&network, arguments)?;
         Ok((examine(&network), rigidity, network))
     });
     let after = after.transpose()?;
@@ -91,37 +91,33 @@ fn check(file: &Path, arguments: &CheckArguments) -> Result<(), Failure> {
         });
         return output::print_json(&object);
     }
-    let mut text = format!("{}\n{}", report.name, words::figures(&report, &read.network, &read.cube, None));
-    text.push_str(&rigidity.as_ref().map_or_else(String::new, words::rigidity));
-    text.push_str(&findings(&report, removable, arguments));
+    let mut out = format!("{}\n{}", report.name, text::figures(&report, &read.network, &read.cube, None));
+    out.push_str(&rigidity.as_ref().map_or_else(String::new, text::rigidity));
+    out.push_str(&findings(&report, removable, arguments));
     if let Some((report, rigidity, network)) = &after {
-        let _ = write!(text, "after cleaning\n{}", words::figures(report, network, &Cube::UNIT, None));
-        text.push_str(&rigidity.as_ref().map_or_else(String::new, words::rigidity));
+        let _ = write!(out, "after cleaning\n{}", text::figures(report, network, &Cube::UNIT, None));
+        out.push_str(&rigidity.as_ref().map_or_else(String::new, text::rigidity));
     }
-    output::print(&text)
+    output::print(&out)
 }
 
 /// Returns the rigidity; `None` if no backend is compiled in or named.
-fn examined(network: &Network, arguments: &CheckArguments) -> Result<Option<Rigidity>, Failure> {
+fn rigidity_of(network: &Network, arguments: &CheckArguments) -> Result<Option<Rigidity>, Failure> {
     if arguments.backend.is_none() && backends::compiled().is_empty() {
         return Ok(None);
     }
-    dispatch(arguments.backend.as_deref(), Examine { network }).map(Some)
+    dispatch(arguments.backend.as_deref(), RigidityJob { network }).map(Some)
 }
 
 /// The job that examines the rigidity of a network.
-struct Examine<'a> {
+struct RigidityJob<'a> {
     network: &'a Network,
 }
 
-impl Job for Examine<'_> {
+impl Job for RigidityJob<'_> {
     type Output = Rigidity;
 
-    fn run<B>(self, context: B::Context) -> Result<Rigidity, Failure>
-    where
-        B: Backend<Scalar = f64, Context: Clone>,
-        B::Reduced: Scalar,
-    {
+    fn run<B: ProgramBackend>(self, context: B::Context) -> Result<Rigidity, Failure> {
         rigidity::<B>(&context, self.network).map_err(|error| not_counted(self.network.name(), &error))
     }
 }
@@ -134,7 +130,7 @@ fn write_cleaned(output: &Path, read: &NetworkFile, cleaned: &Cleaned) -> Result
     write(output, &cleaned.network, &sidecar)
 }
 
-fn nothing_left(path: &Path, error: &NetworkError) -> Failure {
+fn no_network_left(path: &Path, error: &NetworkError) -> Failure {
     Failure::Input(
         InputError::in_file(
             path,

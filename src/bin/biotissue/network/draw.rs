@@ -10,13 +10,13 @@ use biotissue::fiber::law::FiberMaterial;
 use biotissue::fiber::network::Network;
 use biotissue::fiber::rve::{Rve, RveModel, StressScale};
 use biotissue::fiber::workspace::Workspace;
-use biotissue::las::{Backend, Scalar};
+
 use clap::{Args, ValueEnum};
 use nalgebra::Matrix3;
 
 use super::read;
-use super::words::unsigned_zero;
-use crate::dispatch::{Job, dispatch};
+use super::text::unsigned_zero;
+use crate::dispatch::{Job, ProgramBackend, dispatch};
 use crate::failure::Failure;
 use crate::increments::{Increments, check_steps, unusable};
 use crate::law::LawArguments;
@@ -84,7 +84,7 @@ pub fn run(arguments: &DrawArguments) -> Result<(), Failure> {
         None => State::at_rest(&network),
         Some(gradient) => {
             let steps = arguments.steps.unwrap_or(1);
-            let job = Deform { path: &arguments.file, network: &network, gradient, material, steps };
+            let job = DeformJob { path: &arguments.file, network: &network, gradient, material, steps };
             dispatch(arguments.backend.as_deref(), job)?
         }
     };
@@ -152,7 +152,7 @@ impl State {
 }
 
 /// The job that brings the network to equilibrium.
-struct Deform<'a> {
+struct DeformJob<'a> {
     path: &'a Path,
     network: &'a Arc<Network>,
     gradient: Matrix3<f64>,
@@ -160,14 +160,10 @@ struct Deform<'a> {
     steps: usize,
 }
 
-impl Job for Deform<'_> {
+impl Job for DeformJob<'_> {
     type Output = State;
 
-    fn run<B>(self, context: B::Context) -> Result<State, Failure>
-    where
-        B: Backend<Scalar = f64, Context: Clone>,
-        B::Reduced: Scalar,
-    {
+    fn run<B: ProgramBackend>(self, context: B::Context) -> Result<State, Failure> {
         let Self { path, network, gradient, material, steps } = self;
         let place = path.display().to_string();
         let model = RveModel::<B>::new(&context, Arc::clone(network), material, StressScale::Raw)
@@ -178,8 +174,8 @@ impl Job for Deform<'_> {
             Increments { target: &gradient, steps, params: &params, place: &place, file: Some(path), replayed: false };
         let mut rve = Rve::at_rest(network);
         let mut last = (rve.clone(), gradient);
-        let outcome = increments.take(&model, &mut rve, &mut workspace, &mut last);
-        outcome.map_err(|lost| increments.lost(&lost))?;
+        let outcome = increments.apply(&model, &mut rve, &mut workspace, &mut last);
+        outcome.map_err(|failed| increments.increment_failure(&failed))?;
         let (truss, states) = (model.truss(), workspace.states());
         let mut state = State { positions: workspace.positions().to_vec(), ..State::at_rest(network) };
         for (fiber, &original) in truss.fiber_numbers().iter().enumerate() {

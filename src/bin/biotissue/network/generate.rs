@@ -11,7 +11,7 @@ use biotissue::fiber::network::generate::{
 use clap::Args;
 use serde_json::json;
 
-use super::{check_length, json_of_network, laws_of, words, write};
+use super::{check_length, json_of_network, laws_of, text, write};
 use crate::failure::Failure;
 use crate::fiber_type::FiberTypeArgument;
 use crate::law::LawArguments;
@@ -122,7 +122,7 @@ fn tell(
         made.points,
         params.seed
     );
-    text.push_str(&words::figures(&report, &made.network, &Cube::UNIT, axis));
+    text.push_str(&text::figures(&report, &made.network, &Cube::UNIT, axis));
     let Removed { short_fibers, dangling_fibers, untied_fibers, nodes } = made.removed;
     if !made.removed.is_nothing() {
         text.push_str(&format!(

@@ -4,7 +4,7 @@ mod check;
 mod draw;
 mod generate;
 mod info;
-mod words;
+mod text;
 
 use std::path::Path;
 

@@ -2,17 +2,16 @@
 
 use std::sync::OnceLock;
 
-use biotissue::app::run::First;
-use biotissue::app::run::{Setup, Writers};
+use biotissue::app::macro_scale;
+use biotissue::app::run::{RootWriter, Setup, WriterGroup};
 use biotissue::coupling::{ScaleError, Scales};
 use biotissue::las::{Backend, Comm, Scalar};
-use biotissue::tissue::macro_scale;
 use biotissue::tissue::micro_scale::Library;
-use biotissue::tissue::two_scale::{self, Lead, MACRO, MICRO, ScaleField, TwoScaleError};
+use biotissue::tissue::two_scale::{self, BodySolve, MACRO, MICRO, ScaleField, TwoScaleError};
 
-use super::{Outcome, Ranks, Shared, agreed, ranks_failed};
-use crate::cures::not_set_up;
-use crate::dispatch::{Job, dispatch};
+use super::{Outcome, Ranks, RunContext, agreed, ranks_failed};
+use crate::dispatch::{Job, ProgramBackend, dispatch};
+use crate::error_hints::not_set_up;
 use crate::failure::Failure;
 use crate::output;
 use crate::run::take_steps;
@@ -34,52 +33,52 @@ fn is_dense(name: Option<&str>) -> bool {
 pub(super) fn on_scale<C: Ranks>(
     world: &C,
     scales: &Scales<C>,
-    shared: &Shared<'_>,
+    run: &RunContext<'_>,
 ) -> Result<Option<Outcome>, Failure> {
     match scales.name(scales.own()) {
         #[cfg(feature = "dense")]
-        MICRO if is_dense(shared.backend) => {
-            return micro::<biotissue::backends::dense::Dense, C>(world, scales, shared);
+        MICRO if is_dense(run.backend) => {
+            return run_micro::<biotissue::backends::dense::Dense, C>(world, scales, run);
         }
-        MICRO => return micro::<Micro, C>(world, scales, shared),
+        MICRO => return run_micro::<Micro, C>(world, scales, run),
         MACRO => {}
         other => return Err(ranks_failed(&ScaleError::NoMain(other.to_owned()))),
     }
     #[cfg(feature = "petsc")]
-    if shared.backend == Some(biotissue::backends::BackendName::Petsc.as_str()) {
-        return in_step(world, scales, shared);
+    if run.backend == Some(biotissue::backends::BackendName::Petsc.as_str()) {
+        return run_distributed(world, scales, run);
     }
     match scales.comm().rank() {
-        0 => dispatch(shared.backend, Leader { world, scales, shared, lead: Lead::First }).map(Some),
-        _ => follow(world, scales, shared),
+        0 => dispatch(run.backend, MacroRank { world, scales, run, body_solve: BodySolve::Root }).map(Some),
+        _ => run_follower(world, scales, run),
     }
 }
 
-/// Runs the macro scale on all its ranks together, with PETSc; only the first rank returns the outcome.
+/// Runs the macro scale on all its ranks with PETSc; only the root returns the outcome.
 #[cfg(feature = "petsc")]
-fn in_step<C: Ranks>(world: &C, scales: &Scales<C>, shared: &Shared<'_>) -> Result<Option<Outcome>, Failure> {
+fn run_distributed<C: Ranks>(world: &C, scales: &Scales<C>, run: &RunContext<'_>) -> Result<Option<Outcome>, Failure> {
     let context = scales.comm().petsc()?;
-    let leader = Leader { world, scales, shared, lead: Lead::All };
-    let outcome = leader.run::<biotissue::backends::petsc::Petsc>(context)?;
+    let rank = MacroRank { world, scales, run, body_solve: BodySolve::Distributed };
+    let outcome = rank.run::<biotissue::backends::petsc::Petsc>(context)?;
     Ok((scales.comm().rank() == 0).then_some(outcome))
 }
 
-fn micro<M, C: Ranks>(world: &C, scales: &Scales<C>, shared: &Shared<'_>) -> Result<Option<Outcome>, Failure>
-where
-    M: Backend<Scalar = f64, Context = ()>,
-    M::Reduced: Scalar,
-{
-    let read = Library::<M>::read((), &shared.case);
+fn run_micro<M: Backend<Scalar = f64, Reduced: Scalar, Context = ()>, C: Ranks>(
+    world: &C,
+    scales: &Scales<C>,
+    run: &RunContext<'_>,
+) -> Result<Option<Outcome>, Failure> {
+    let read = Library::<M>::read((), run.case.materials());
     // The macro scale reads the same files and reports their errors.
     let read = read.map_err(|error| ranks_failed(&error));
     if let Ok((library, _)) = agreed(world, read)? {
-        two_scale::run_micro(scales, &shared.case, library).map_err(|error| ranks_failed(&error))?;
+        two_scale::run_micro(scales, library, run.case.output.rve.clone()).map_err(|error| ranks_failed(&error))?;
     }
     Ok(None)
 }
 
-fn follow<C: Ranks>(world: &C, scales: &Scales<C>, shared: &Shared<'_>) -> Result<Option<Outcome>, Failure> {
-    let mesh = macro_scale::mesh(&shared.case).map_err(|error| ranks_failed(&error));
+fn run_follower<C: Ranks>(world: &C, scales: &Scales<C>, run: &RunContext<'_>) -> Result<Option<Outcome>, Failure> {
+    let mesh = macro_scale::mesh(&run.case).map_err(|error| ranks_failed(&error));
     if let Ok((mesh, _)) = agreed(world, mesh)? {
         two_scale::follow(scales, &mesh).map_err(|error| ranks_failed(&error))?;
     }
@@ -87,21 +86,17 @@ fn follow<C: Ranks>(world: &C, scales: &Scales<C>, shared: &Shared<'_>) -> Resul
 }
 
 /// A rank of the macro scale that solves for the body.
-struct Leader<'a, C: Comm> {
+struct MacroRank<'a, C: Comm> {
     world: &'a C,
     scales: &'a Scales<C>,
-    shared: &'a Shared<'a>,
-    lead: Lead,
+    run: &'a RunContext<'a>,
+    body_solve: BodySolve,
 }
 
-impl<C: Ranks> Job for Leader<'_, C> {
+impl<C: Ranks> Job for MacroRank<'_, C> {
     type Output = Outcome;
 
-    fn run<B>(self, context: B::Context) -> Result<Self::Output, Failure>
-    where
-        B: Backend<Scalar = f64, Context: Clone>,
-        B::Reduced: Scalar,
-    {
+    fn run<B: ProgramBackend>(self, context: B::Context) -> Result<Self::Output, Failure> {
         #[cfg(feature = "dense")]
         if is_dense(Some(B::NAME)) {
             return self.run_with::<B, biotissue::backends::dense::Dense>(context);
@@ -110,37 +105,34 @@ impl<C: Ranks> Job for Leader<'_, C> {
     }
 }
 
-impl<C: Ranks> Leader<'_, C> {
+impl<C: Ranks> MacroRank<'_, C> {
     /// Runs with the body on backend `B` and the RVEs on `M`. An outer error is one unknown to the other ranks.
-    fn run_with<B, M>(self, context: B::Context) -> Result<Outcome, Failure>
-    where
-        B: Backend<Scalar = f64, Context: Clone>,
-        B::Reduced: Scalar,
-        M: Backend<Scalar = f64, Context = ()>,
-        M::Reduced: Scalar,
-    {
-        let Self { world, scales, shared, lead } = self;
-        let case = shared.case.clone();
+    fn run_with<B: ProgramBackend, M: Backend<Scalar = f64, Reduced: Scalar, Context = ()>>(
+        self,
+        context: B::Context,
+    ) -> Result<Outcome, Failure> {
+        let Self { world, scales, run, body_solve } = self;
+        let case = run.case.clone();
         let (file, micro) = (case.file.clone(), case.micro);
         let setup = Setup::<B, ScaleField<'_, C, M>>::with_material(context, case, |case, mesh| {
-            ScaleField::new((scales, lead), (), case, mesh)
+            ScaleField::new((scales, body_solve), (), case.materials(), mesh)
         });
         let setup = setup.map_err(|error| not_set_up(&file, &micro, error));
         let mut setup = match agreed(world, setup)? {
             Ok(setup) => setup,
             Err(failure) => return Ok(Err(failure)),
         };
-        let is_first = scales.comm().rank() == 0;
-        output::warn(if is_first { setup.warnings() } else { &[] });
+        let is_root = scales.comm().rank() == 0;
+        output::warn(if is_root { setup.warnings() } else { &[] });
         setup.material_mut().couple().map_err(|error: TwoScaleError| ranks_failed(&error))?;
         let broken = setup.material_mut().broken();
         let mut simulation = match setup.simulation() {
             Ok(simulation) => simulation,
             Err(error) => return or_broken(&broken, Err(not_set_up(&file, &micro, error))),
         };
-        let first = First { comm: scales.comm(), dir: shared.dir, broken: &broken };
-        let writers: &dyn Writers = if lead == Lead::All { &first } else { &() };
-        let outcome = or_broken(&broken, take_steps(&mut simulation, writers, shared.dir, shared.resume));
+        let root = RootWriter { comm: scales.comm(), dir: run.dir, broken: &broken };
+        let writers: &dyn WriterGroup = if body_solve == BodySolve::Distributed { &root } else { &() };
+        let outcome = or_broken(&broken, take_steps(&mut simulation, writers, run.dir, run.resume));
         if outcome.is_err() {
             // Collective destructors, such as that of a MUMPS factorization, would wait for ranks that are lost.
             std::mem::forget(simulation);

@@ -52,7 +52,7 @@ impl Ranks for biotissue::backends::comm::mpi::MpiComm {
 type Outcome = Result<Summary, Failure>;
 
 /// The data of a run that all its ranks share.
-pub struct Shared<'a> {
+pub struct RunContext<'a> {
     pub case: Case,
     pub dir: &'a Path,
     pub resume: bool,
@@ -70,12 +70,12 @@ pub fn started_by_mpirun() -> Option<usize> {
     ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "MV2_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS"].into_iter().find_map(of)
 }
 
-/// Returns the number of ranks of a run in this process: `asked`, or the number in the case; `None` for a run without
-/// ranks.
-pub fn of_threads(asked: Option<usize>, scales: ScalesCase, plan: Option<&Plan>) -> Option<usize> {
+/// Returns the number of ranks of a run in this process: `requested`, or the number in the case; `None` for a run
+/// without ranks.
+pub fn of_threads(requested: Option<usize>, scales: ScalesCase, plan: Option<&Plan>) -> Option<usize> {
     let planned = plan.map_or(scales.least(), Plan::min_ranks);
-    // If the case names more ranks than `asked`, `Scales` reports the error.
-    (planned > 1 || asked.is_some_and(|asked| asked > 1)).then_some(asked.unwrap_or(planned))
+    // If the case names more ranks than `requested`, `Scales` reports the error.
+    (planned > 1 || requested.is_some_and(|requested| requested > 1)).then_some(requested.unwrap_or(planned))
 }
 
 /// Checks the scales of a configuration file, which may name any scales and relations: a body has exactly two scales,
@@ -104,11 +104,11 @@ pub fn check_scales(config: &Config, file: &Path) -> Result<(), Failure> {
 /// Returns the number of ranks of each scale: as given in the case, or by default one for the macro scale and all
 /// others for the RVEs.
 fn plan(scales: ScalesCase, ranks: usize) -> Plan {
-    let (above, below) = match scales.micro_ranks {
+    let (macro_ranks, micro_ranks) = match scales.micro_ranks {
         0 => (scales.macro_ranks, ranks.saturating_sub(scales.macro_ranks).max(1)),
         micro => (scales.macro_ranks, micro),
     };
-    Plan::default().with(MACRO, Share::Count(above)).with(MICRO, Share::Count(below))
+    Plan::default().with(MACRO, Share::Count(macro_ranks)).with(MICRO, Share::Count(micro_ranks))
 }
 
 /// Places ranks near each other if the case requests it and the plan is valid for this number of ranks.
@@ -119,10 +119,8 @@ fn near<C: Comm>(world: &C, plan: Plan, scales: ScalesCase) -> Result<Result<Pla
     if !scales.near || plan.assign(world.size()).is_err() {
         return Ok(Ok(plan));
     }
-    let here = topology::current_location().map_err(|what| Failure::Environment {
-        what,
-        expected: "hwloc to know where each rank runs, for `near` in [scales]".into(),
-        cure: "leave `near` out".into(),
+    let here = topology::current_location().map_err(|what| {
+        Failure::environment(what, "hwloc to know where each rank runs, for `near` in [scales]", "leave `near` out")
     });
     let here = match agreed(world, here)? {
         Ok(here) => here,
@@ -150,18 +148,18 @@ pub fn check_near(scales: ScalesCase) -> Result<(), Failure> {
 }
 
 /// Runs on `ranks` threads of this process.
-pub fn on_threads(ranks: usize, shared: &Shared<'_>) -> Result<Summary, Failure> {
+pub fn on_threads(ranks: usize, run: &RunContext<'_>) -> Result<Summary, Failure> {
     // The first failure ends the other ranks, so it is the one to report.
     let first = Mutex::new(None);
     let outcome = thread::run(ranks, |world| {
-        rank(&world, shared).map_err(|failure| {
-            let words = failure.to_string();
+        rank(&world, run).map_err(|failure| {
+            let text = failure.to_string();
             first.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(failure);
-            words
+            text
         })
     });
     match outcome {
-        Ok(all) => all.into_iter().flatten().next().unwrap_or_else(|| Err(no_answer())),
+        Ok(all) => all.into_iter().flatten().next().unwrap_or_else(|| Err(no_outcome())),
         Err(failed) if failed.has_panicked => Err(Failure::Panicked(failed.to_string())),
         Err(failed) => {
             Err(first.into_inner().unwrap_or_else(PoisonError::into_inner).unwrap_or_else(|| ranks_failed(&failed)))
@@ -173,48 +171,48 @@ pub fn on_threads(ranks: usize, shared: &Shared<'_>) -> Result<Summary, Failure>
 #[cfg(feature = "mpi")]
 pub fn on_processes(
     world: &biotissue::backends::comm::mpi::MpiComm,
-    shared: &Shared<'_>,
+    run: &RunContext<'_>,
 ) -> Result<Option<Outcome>, Failure> {
-    rank(world, shared)
+    rank(world, run)
 }
 
-fn no_answer() -> Failure {
+fn no_outcome() -> Failure {
     ranks_failed(&"no rank says how the run ended")
 }
 
 fn ranks_failed(error: &impl std::fmt::Display) -> Failure {
-    Failure::Environment {
-        what: error.to_string(),
-        expected: "ranks that all go on to the end".into(),
-        cure: "see what that rank says; what converged before is on disk".into(),
-    }
+    Failure::environment(
+        error.to_string(),
+        "ranks that all go on to the end",
+        "see what that rank says; what converged before is on disk",
+    )
 }
 
-/// Runs the main function of the scale of this rank. The first rank of the macro scale returns the outcome of the run,
+/// Runs the main function of the scale of this rank. The root of the macro scale returns the outcome of the run,
 /// including an orderly failure; an outer error is one that the other ranks do not know of.
-fn rank<C: Ranks>(world: &C, shared: &Shared<'_>) -> Result<Option<Outcome>, Failure> {
-    let plan = match &shared.plan {
+fn rank<C: Ranks>(world: &C, run: &RunContext<'_>) -> Result<Option<Outcome>, Failure> {
+    let plan = match &run.plan {
         Some((plan, _)) => plan.clone(),
-        None => match near(world, plan(shared.case.scales, world.size()), shared.case.scales)? {
+        None => match near(world, plan(run.case.scales, world.size()), run.case.scales)? {
             Ok(plan) => plan,
             Err(failure) => return Ok((world.rank() == 0).then_some(Err(failure))),
         },
     };
-    let scales = match Scales::with_time_out(world, &plan, shared.time_out) {
+    let scales = match Scales::with_time_out(world, &plan, run.time_out) {
         Ok(scales) => scales,
         // Only this rank knows of this error.
         Err(error @ ScaleError::Plan(PlanError::Mismatch { .. })) => return Err(ranks_failed(&error)),
-        Err(error @ ScaleError::Plan(_)) => return no_scales(world.rank(), shared, &error),
+        Err(error @ ScaleError::Plan(_)) => return scales_failure(world.rank(), run, &error),
         Err(error) => return Err(ranks_failed(&error)),
     };
     // Initializing and finalizing PETSc is collective over all processes, including those that do not use it.
     #[cfg(feature = "petsc")]
-    let session = match shared.backend {
+    let session = match run.backend {
         Some(name) if name == biotissue::backends::BackendName::Petsc.as_str() => Some(world.petsc()?),
         _ => None,
     };
     #[cfg(any(feature = "sparse", feature = "dense"))]
-    let outcome = mains::on_scale(world, &scales, shared);
+    let outcome = mains::on_scale(world, &scales, run);
     #[cfg(not(any(feature = "sparse", feature = "dense")))]
     let outcome = Err(Failure::arguments(
         "ranks, in a build without a backend for RVEs on their own",
@@ -229,14 +227,14 @@ fn rank<C: Ranks>(world: &C, shared: &Shared<'_>) -> Result<Option<Outcome>, Fai
     outcome
 }
 
-/// Reports an error that all ranks find; only the first one returns it.
-fn no_scales(rank: usize, shared: &Shared<'_>, error: &ScaleError) -> Result<Option<Outcome>, Failure> {
+/// Reports an error that all ranks find; only the root returns it.
+fn scales_failure(rank: usize, run: &RunContext<'_>, error: &ScaleError) -> Result<Option<Outcome>, Failure> {
     if rank > 0 {
         return Ok(None);
     }
-    let (scales, file) = match &shared.plan {
+    let (scales, file) = match &run.plan {
         Some((_, file)) => ("@scales", file),
-        None => ("[scales]", &shared.case.file),
+        None => ("[scales]", &run.case.file),
     };
     let cure = match error {
         ScaleError::Plan(PlanError::Sum { planned, .. }) => format!("start {planned} ranks, or change"),

@@ -1,6 +1,6 @@
 //! `biotissue rve`: brings one RVE to equilibrium.
 
-mod answer;
+mod result;
 mod solve;
 
 use std::path::PathBuf;
@@ -66,11 +66,11 @@ pub fn run(command: RveCommand) -> Result<(), Failure> {
     let json = command.json;
     let backend = command.backend.clone();
     let job = check(command)?;
-    let (answer, failure) = dispatch(backend.as_deref(), job)?;
+    let (result, failure) = dispatch(backend.as_deref(), job)?;
     if json {
-        output::print_json(&answer)?;
+        output::print_json(&result)?;
     } else if failure.is_none() {
-        output::print(&answer.text())?;
+        output::print(&result.text())?;
     }
     failure.map_or(Ok(()), Err)
 }

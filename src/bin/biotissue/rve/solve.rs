@@ -1,23 +1,24 @@
 //! Solving for the equilibrium of an RVE on one backend.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
-use biotissue::app::results::ResultsError;
 use biotissue::fiber::equilibrium::{EquilibriumParams, EquilibriumReport, RveError, Stages, equilibrate};
 use biotissue::fiber::law::FiberMaterial;
 use biotissue::fiber::network::Network;
 use biotissue::fiber::orientation::{Weighting, tensor};
 use biotissue::fiber::rve::{Rve, RveModel, StressScale};
 use biotissue::fiber::workspace::Workspace;
-use biotissue::las::{Backend, NewtonReport, Scalar};
+use biotissue::las::NewtonReport;
 use biotissue::tensor::{cauchy, rows};
 use biotissue::tissue::replay::RveDump;
 use nalgebra::Matrix3;
 
-use super::answer::{Answer, Ladder, NetworkFacts, Orientation, Seconds, Stability, State, Stretch, tangent_rows};
-use crate::dispatch::Job;
+use super::result::{
+    NetworkSize, Orientation, RveResult, Seconds, Stability, StageReport, State, Stretch, tangent_rows,
+};
+use crate::dispatch::{Job, ProgramBackend};
 use crate::failure::Failure;
 use crate::increments::{Increments, unusable};
 
@@ -39,13 +40,9 @@ pub struct RveJob {
 }
 
 impl Job for RveJob {
-    type Output = (Answer, Option<Failure>);
+    type Output = (RveResult, Option<Failure>);
 
-    fn run<B>(self, context: B::Context) -> Result<Self::Output, Failure>
-    where
-        B: Backend<Scalar = f64, Context: Clone>,
-        B::Reduced: Scalar,
-    {
+    fn run<B: ProgramBackend>(self, context: B::Context) -> Result<Self::Output, Failure> {
         let start = Instant::now();
         let model = RveModel::<B>::new(&context, Arc::clone(&self.network), self.material.clone(), self.scale)
             .map_err(|error| unusable(&self.place, &error))?;
@@ -55,27 +52,26 @@ impl Job for RveJob {
         let start = Instant::now();
         let mut rve = self.start.clone();
         let mut last = (rve.clone(), self.gradient);
-        let outcome = self.increments().take(&model, &mut rve, &mut workspace, &mut last);
+        let outcome = self.increments().apply(&model, &mut rve, &mut workspace, &mut last);
         seconds.solve = start.elapsed().as_secs_f64();
         if let Some(file) = &self.dump {
             let dump = RveDump::new(self.place.clone(), &model, (&last.0, &last.1), &self.params);
-            dump.write(file).map_err(|error| not_written(file, &error))?;
+            dump.write(file).map_err(|error| Failure::unwritable(file, &error))?;
         }
 
         let start = Instant::now();
-        let stability = Stability::of(outcome.as_ref().map_err(|lost| &lost.error));
+        let stability = Stability::of(outcome.as_ref().map_err(|failed| &failed.error));
         let (report, state) = match outcome {
             Ok(report) => {
                 let state = self.state(&model, &mut rve, &mut workspace);
-                (report, state.map_err(|error| self.increments().untold(&error)))
+                (report, state.map_err(|error| self.increments().response_failure(&error)))
             }
-            Err(lost) => {
-                let report = if let RveError::NotConverged { report, .. } = &lost.error {
-                    (**report).clone()
-                } else {
-                    EquilibriumReport::default()
+            Err(failed) => {
+                let report = match &failed.error {
+                    RveError::NotConverged { report, .. } => (**report).clone(),
+                    _ => EquilibriumReport::default(),
                 };
-                (report, Err(self.increments().lost(&lost)))
+                (report, Err(self.increments().increment_failure(&failed)))
             }
         };
         seconds.tangent = start.elapsed().as_secs_f64();
@@ -83,18 +79,7 @@ impl Job for RveJob {
             Ok(state) => (Some(state), None),
             Err(failure) => (None, Some(failure)),
         };
-        Ok((self.answer(&model, &report, state, stability, seconds), failure))
-    }
-}
-
-fn not_written(file: &Path, error: &ResultsError) -> Failure {
-    match error {
-        ResultsError::Write { path, source } => Failure::unwritable(path, source),
-        error => Failure::Environment {
-            what: error.to_string(),
-            expected: "an RVE that can be put into a file".into(),
-            cure: format!("report this as a bug, with what {} should have held", file.display()),
-        },
+        Ok((self.result(&model, &report, state, stability, seconds), failure))
     }
 }
 
@@ -128,16 +113,12 @@ impl RveJob {
         }
     }
 
-    fn state<B>(
+    fn state<B: ProgramBackend>(
         &self,
         model: &RveModel<B>,
         rve: &mut Rve,
         workspace: &mut Workspace<B>,
-    ) -> Result<State, RveError<B::Fault>>
-    where
-        B: Backend<Scalar = f64>,
-        B::Reduced: Scalar,
-    {
+    ) -> Result<State, RveError<B::Fault>> {
         // The RVE is already in equilibrium, so no stage has any work to do.
         let (gradient, params) = (*rve.gradient(), self.params.with_stages(Stages::default()));
         let mut solved = equilibrate(model, rve, &gradient, &params, workspace)?;
@@ -160,28 +141,25 @@ impl RveJob {
         })
     }
 
-    fn answer<B>(
+    fn result<B: ProgramBackend>(
         &self,
         model: &RveModel<B>,
         report: &EquilibriumReport,
         state: Option<State>,
         stability: Option<Stability>,
         seconds: Seconds,
-    ) -> Answer
-    where
-        B: Backend<Scalar = f64>,
-    {
+    ) -> RveResult {
         let NewtonReport { residuals, relative, .. } = &report.newton;
-        Answer {
+        RveResult {
             converged: state.is_some(),
             iterations: report.iterations,
             residuals: residuals.iter().zip(relative).map(|(&norm, &relative)| [norm, relative]).collect(),
             determinant: self.gradient.determinant(),
-            network: NetworkFacts::of(&self.network, model),
+            network: NetworkSize::of(&self.network, model),
             scale: model.scale(),
             state,
             stability,
-            ladder: Ladder::of(report, self.params.newton.tolerance),
+            stages: StageReport::of(report, self.params.newton.tolerance),
             seconds,
         }
     }

@@ -5,6 +5,7 @@ use nalgebra::Matrix3;
 use super::components::{Component, components, roots};
 use crate::fiber::network::Network;
 use crate::fiber::orientation::{Weighting, principal, second_order_parameter, tensor};
+use crate::tensor::rows;
 
 /// Minimum, mean, maximum and standard deviation of a sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -159,8 +160,4 @@ fn degrees(network: &Network) -> Vec<usize> {
 fn orientations(network: &Network) -> [Matrix3<f64>; 2] {
     let directions: Vec<[f64; 3]> = (0..network.fibers().len()).map(|fiber| network.direction(fiber)).collect();
     [Weighting::Number, Weighting::Length].map(|weighting| tensor(&directions, network.lengths(), weighting))
-}
-
-fn rows(matrix: &Matrix3<f64>) -> [[f64; 3]; 3] {
-    [0, 1, 2].map(|i| [0, 1, 2].map(|j| matrix[(i, j)]))
 }

@@ -2,15 +2,13 @@
 
 use std::path::Path;
 
-use biotissue::app::case::MicroCase;
+use biotissue::app::case::RveParams;
 use biotissue::app::checkpoint::CheckpointError;
 use biotissue::app::results::ResultsError;
 use biotissue::app::run::{ResumeError, SimulationError};
 use biotissue::fem::equilibrium::EquilibriumError;
 use biotissue::fem::stepping::{SetupError, StepFailure};
-use biotissue::input::InputError;
 use biotissue::las::{NewtonError, SolveError};
-use biotissue::tissue::macro_scale::MacroScaleError;
 use biotissue::tissue::micro_scale::{LibraryError, PointFailureKind, TissueFieldError};
 
 use crate::failure::Failure;
@@ -18,32 +16,31 @@ use crate::failure::Failure;
 pub fn not_written(error: ResultsError) -> Failure {
     match error {
         ResultsError::Write { path, source } => Failure::unwritable(&path, &source),
-        ResultsError::Locked { .. } => Failure::Environment {
-            what: error.to_string(),
-            expected: "a result directory that no other run writes to".into(),
-            cure: "wait for that run to end, or end it, or name another directory with --out".into(),
-        },
-        ResultsError::UnknownOrigin { .. } => Failure::Arguments {
-            what: format!("{error}; nothing was touched"),
-            expected: "a directory that is empty, or that holds the results of an earlier run as they were written"
-                .into(),
-            cure: "name another directory with --out, or move or rename that file".into(),
-        },
-        ResultsError::Read { .. } => Failure::Environment {
-            what: error.to_string(),
-            expected: "a result directory whose files can be read".into(),
-            cure: "check its permissions, or name another directory with --out".into(),
-        },
-        ResultsError::Damaged { .. } => Failure::Arguments {
-            what: error.to_string(),
-            expected: "the results of the interrupted run".into(),
-            cure: "leave --resume out to start again: that replaces the results".into(),
-        },
-        error => Failure::Environment {
-            what: error.to_string(),
-            expected: "results that can be put into files".into(),
-            cure: "report this as a bug, with the case".into(),
-        },
+        ResultsError::Locked { .. } => Failure::environment(
+            error.to_string(),
+            "a result directory that no other run writes to",
+            "wait for that run to end, or end it, or name another directory with --out",
+        ),
+        ResultsError::UnknownOrigin { .. } => Failure::arguments(
+            format!("{error}; nothing was touched"),
+            "a directory that is empty, or that holds the results of an earlier run as they were written",
+            "name another directory with --out, or move or rename that file",
+        ),
+        ResultsError::Read { .. } => Failure::environment(
+            error.to_string(),
+            "a result directory whose files can be read",
+            "check its permissions, or name another directory with --out",
+        ),
+        ResultsError::Damaged { .. } => Failure::arguments(
+            error.to_string(),
+            "the results of the interrupted run",
+            "leave --resume out to start again: that replaces the results",
+        ),
+        error => Failure::environment(
+            error.to_string(),
+            "results that can be put into files",
+            "report this as a bug, with the case",
+        ),
     }
 }
 
@@ -56,8 +53,8 @@ pub fn on_disk(steps: usize, dir: &Path) -> String {
 }
 
 /// Formats the hint on how to reproduce the failure of an RVE.
-pub fn repeated_by(lost: Option<&Path>) -> String {
-    lost.map_or_else(String::new, |file| format!("; `biotissue rve --replay {}` repeats the RVE", file.display()))
+pub fn replay_hint(failed_rve: Option<&Path>) -> String {
+    failed_rve.map_or_else(String::new, |file| format!("; `biotissue rve --replay {}` repeats the RVE", file.display()))
 }
 
 /// The cure if the only known fact is that a step was too large.
@@ -67,7 +64,7 @@ const TOO_FAR: &str = "from the start: check that the body is held, and the size
 /// Returns the suggested cure for a failed load step.
 pub fn cure_of_step<F: std::error::Error + 'static>(
     reason: &StepFailure<TissueFieldError, F>,
-    micro: &MicroCase,
+    micro: &RveParams,
 ) -> String {
     match reason {
         NewtonError::Solve(SolveError::Singular { .. }) => {
@@ -78,9 +75,9 @@ pub fn cure_of_step<F: std::error::Error + 'static>(
     }
 }
 
-fn cure_of_point(error: &TissueFieldError, micro: &MicroCase) -> String {
+fn cure_of_point(error: &TissueFieldError, micro: &RveParams) -> String {
     let TissueFieldError::Point(point) = error else { return "see what that rank says".into() };
-    let default = MicroCase::default();
+    let default = RveParams::default();
     let restricted = [
         ("`stages`", micro.stages != default.stages),
         ("`max_iterations`", micro.max_iterations < default.max_iterations),
@@ -102,65 +99,46 @@ fn cure_of_point(error: &TissueFieldError, micro: &MicroCase) -> String {
 }
 
 pub fn not_resumed<F: std::error::Error + 'static>(error: ResumeError<F>) -> Failure {
-    let error = match error {
-        ResumeError::Results(error) if !matches!(error, ResultsError::Damaged { .. }) => return not_written(error),
-        error => error,
-    };
-    let cure = match &error {
-        ResumeError::Results(ResultsError::Damaged { .. }) => {
-            return Failure::Arguments {
-                what: error.to_string(),
-                expected: "the results of the interrupted run, as they were written".into(),
-                cure: "put that file back as it was, or start again without --resume: that replaces the results".into(),
-            };
-        }
-        ResumeError::NoCheckpoint { .. } => {
-            return Failure::Arguments {
-                what: error.to_string(),
-                expected: "the checkpoint of the last converged step, in the folder `checkpoint`".into(),
-                cure: "put the checkpoint back, or start again without --resume: that replaces the results; or name another \
-                       directory with --out"
-                    .into(),
-            };
-        }
-        ResumeError::OtherRank(error) => {
-            return Failure::Environment {
-                what: error.to_string(),
-                expected: "checkpoints that every rank of the body can read".into(),
-                cure: "put the result directory where all machines see it".into(),
-            };
-        }
+    let what = error.to_string();
+    match error {
+        ResumeError::Results(ResultsError::Damaged { .. }) => Failure::arguments(
+            what,
+            "the results of the interrupted run, as they were written",
+            "put that file back as it was, or start again without --resume: that replaces the results",
+        ),
+        ResumeError::Results(error) => not_written(error),
+        ResumeError::NoCheckpoint { .. } => Failure::arguments(
+            what,
+            "the checkpoint of the last converged step, in the folder `checkpoint`",
+            "put the checkpoint back, or start again without --resume: that replaces the results; or name another \
+             directory with --out",
+        ),
+        ResumeError::OtherRank(_) => Failure::environment(
+            what,
+            "checkpoints that every rank of the body can read",
+            "put the result directory where all machines see it",
+        ),
         ResumeError::Checkpoint(error @ CheckpointError::Unreadable { .. }) => {
-            return Failure::Environment {
-                what: error.to_string(),
-                expected: "checkpoints that can be read".into(),
-                cure: error.cure().into(),
-            };
+            Failure::environment(what, "checkpoints that can be read", error.cure())
         }
-        ResumeError::Checkpoint(error) => error.cure(),
-        ResumeError::State { .. } | ResumeError::Results(_) => {
-            "start again without resuming: that replaces the results"
-        }
-    };
-    Failure::Arguments {
-        what: error.to_string(),
-        expected: "a checkpoint of the run that this case describes".into(),
-        cure: format!("{cure} (leave --resume out)"),
+        ResumeError::Checkpoint(error) => other_checkpoint(what, error.cure()),
+        ResumeError::State { .. } => other_checkpoint(what, "start again without resuming: that replaces the results"),
     }
+}
+
+fn other_checkpoint(what: String, cure: &str) -> Failure {
+    let expected = "a checkpoint of the run that this case describes";
+    Failure::arguments(what, expected, format!("{cure} (leave --resume out)"))
 }
 
 pub fn not_set_up<F: std::error::Error + 'static>(
     file: &Path,
-    micro: &MicroCase,
+    micro: &RveParams,
     error: SimulationError<F>,
 ) -> Failure {
     let (expected, cure) = match &error {
-        SimulationError::MacroScale(MacroScaleError::Input(errors))
-        | SimulationError::Library(LibraryError::Network(errors))
-        | SimulationError::Output(errors) => return errors.clone().into(),
-        SimulationError::MacroScale(MacroScaleError::Curve { line, reason }) => {
-            let (expected, cure) = ("a curve over pseudo-time from 0 to 1", "correct its points");
-            return InputError::at_line(file, *line, format!("the load curve: {reason}"), expected, cure).into();
+        SimulationError::Input(errors) | SimulationError::Library(LibraryError::Network(errors)) => {
+            return errors.clone().into();
         }
         SimulationError::Setup(setup) if matches!(**setup, SetupError::Undeformed(_)) => {
             return not_at_rest(file, micro, setup);
@@ -199,7 +177,7 @@ fn cure_of_setup<F: std::error::Error + 'static>(
 /// Reports an undeformed body without a solvable stiffness: an RVE is singular before any load.
 fn not_at_rest<F: std::error::Error + 'static>(
     file: &Path,
-    micro: &MicroCase,
+    micro: &RveParams,
     error: &SetupError<TissueFieldError, F>,
 ) -> Failure {
     let cure = match error {

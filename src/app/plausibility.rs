@@ -5,9 +5,9 @@
 //! the same stiffness. These are orders of magnitude, sufficient to find a modulus in MPa or a mesh in mm, and not used
 //! otherwise.
 
-use crate::app::case::{Case, CurveCase, FormulaCase, LoadCase, MaterialCase};
+use crate::app::case::{Case, Formula, LoadCurve, RegionMaterial, SurfaceLoad};
 use crate::fem::mesh::Mesh;
-use crate::las::Backend;
+use crate::las::{Backend, Scalar};
 use crate::tissue::micro_scale::Library;
 
 /// Strain above which a load is implausible for tissue.
@@ -34,12 +34,16 @@ struct Stiffness {
 impl Stiffness {
     /// The stiffness that resists a load: RVE and matrix in parallel.
     fn total(&self) -> f64 {
-        self.formula.unwrap_or(0.0) + self.fibers.map_or(0.0, |[least, _]| least)
+        self.formula.unwrap_or(0.0) + self.fibers.map_or(0.0, |[softest, _]| softest)
     }
 }
 
 /// Returns the warnings for a case with implausible numbers, one line each, with the place in the case file.
-pub(super) fn warnings<B: Backend<Scalar = f64>>(case: &Case, mesh: &Mesh, library: &Library<B>) -> Vec<String> {
+pub(super) fn warnings<B: Backend<Scalar = f64, Reduced: Scalar>>(
+    case: &Case,
+    mesh: &Mesh,
+    library: &Library<B>,
+) -> Vec<String> {
     let mut regions: Vec<usize> = mesh.regions().iter().filter_map(|name| case.region_of(name)).collect();
     regions.sort_unstable();
     regions.dedup();
@@ -47,39 +51,40 @@ pub(super) fn warnings<B: Backend<Scalar = f64>>(case: &Case, mesh: &Mesh, libra
         .into_iter()
         .map(|region| {
             let formula = match &case.regions[region].material {
-                MaterialCase::Formula(formula) => Some(*formula),
-                MaterialCase::FiberRve(rve) => rve.matrix,
+                RegionMaterial::Formula(formula) => Some(*formula),
+                RegionMaterial::FiberRve(rve) => rve.matrix,
             };
-            let networks = library.choices(region).iter().map(|&model| {
+            let networks = library.models_of_region(region).iter().map(|&model| {
                 let model = &library.models()[model];
                 model.scale() * model.truss().volume_of_moduli()
             });
             let fibers = networks.fold(None, |range: Option<[f64; 2]>, stiffness| {
-                Some(range.map_or([stiffness; 2], |[least, most]| [least.min(stiffness), most.max(stiffness)]))
+                Some(range.map_or([stiffness; 2], |[min, max]| [min.min(stiffness), max.max(stiffness)]))
             });
             Stiffness { region, formula: formula.map(youngs_modulus), fibers }
         })
         .collect();
-    of_magnitudes(case, mesh, &stiffnesses)
+    check_magnitudes(case, mesh, &stiffnesses)
 }
 
-fn youngs_modulus(formula: FormulaCase) -> f64 {
-    let FormulaCase { shear_modulus: mu, lame_lambda: lambda, .. } = formula;
+fn youngs_modulus(formula: Formula) -> f64 {
+    let [mu, lambda] = formula.lame_constants();
     mu * (3.0 * lambda + 2.0 * mu) / (lambda + mu)
 }
 
-fn of_magnitudes(case: &Case, mesh: &Mesh, stiffnesses: &[Stiffness]) -> Vec<String> {
+fn check_magnitudes(case: &Case, mesh: &Mesh, stiffnesses: &[Stiffness]) -> Vec<String> {
     let edge = longest_edge(mesh);
     let mut warnings = Vec::new();
     if !SENSIBLE_EDGES.contains(&edge) {
         let cure = "`scale` of [mesh] is the length of a mesh unit in m: 0.001 for a mesh in mm";
         warnings.push(at(case, case.mesh_line, &format!("the longest edge of the body is {} m: {cure}", short(edge))));
     }
-    warnings.extend(of_stiffnesses(case, stiffnesses));
+    warnings.extend(check_stiffnesses(case, stiffnesses));
     let softest = stiffnesses.iter().min_by(|a, b| a.total().total_cmp(&b.total()));
     let loads = loads(case, edge, softest);
-    warnings
-        .extend(loads.iter().filter(|load| load.strain > LARGEST_STRAIN).map(|load| at(case, load.line, &load.told)));
+    warnings.extend(
+        loads.iter().filter(|load| load.strain > LARGEST_STRAIN).map(|load| at(case, load.line, &load.message)),
+    );
     let greatest = loads.iter().map(|load| load.strain).fold(0.0, f64::max);
     if greatest > 0.0 && greatest < SMALLEST_STRAIN {
         warnings.push(format!(
@@ -93,38 +98,38 @@ fn of_magnitudes(case: &Case, mesh: &Mesh, stiffnesses: &[Stiffness]) -> Vec<Str
 }
 
 /// Compares the materials of different regions, and fibers and matrix in parallel.
-fn of_stiffnesses<'a>(case: &'a Case, stiffnesses: &'a [Stiffness]) -> impl Iterator<Item = String> + 'a {
+fn check_stiffnesses<'a>(case: &'a Case, stiffnesses: &'a [Stiffness]) -> impl Iterator<Item = String> + 'a {
     let within = stiffnesses.iter().filter_map(|stiffness| {
         let (matrix, [least, most]) = (stiffness.formula?, stiffness.fibers?);
         let fibers = if matrix > most { least } else { most };
         let ratio = (matrix / fibers).max(fibers / matrix);
         (ratio > LARGEST_RATIO).then(|| {
-            let told = format!(
+            let message = format!(
                 "the fibers give about {} Pa and the matrix {} Pa, {} times as much or as little: are both moduli in Pa and \
                  the radius in m?",
                 short(fibers),
                 short(matrix),
                 short(ratio)
             );
-            in_region(case, stiffness.region, &told)
+            in_region(case, stiffness.region, &message)
         })
     });
     let by_total = |a: &&Stiffness, b: &&Stiffness| a.total().total_cmp(&b.total());
     let (softest, stiffest) = (stiffnesses.iter().min_by(by_total), stiffnesses.iter().max_by(by_total));
-    let beside = softest.zip(stiffest).and_then(|(soft, stiff)| {
+    let between_regions = softest.zip(stiffest).and_then(|(soft, stiff)| {
         let ratio = stiff.total() / soft.total();
         (ratio > LARGEST_RATIO).then(|| {
-            let told = format!(
+            let message = format!(
                 "about {} Pa, {} times stiffer than the region \"{}\" with {} Pa: are all moduli in Pa?",
                 short(stiff.total()),
                 short(ratio),
                 case.regions[soft.region].name,
                 short(soft.total())
             );
-            in_region(case, stiff.region, &told)
+            in_region(case, stiff.region, &message)
         })
     });
-    within.chain(beside)
+    within.chain(between_regions)
 }
 
 /// A load and the strain that it would cause.
@@ -132,68 +137,68 @@ struct Load {
     line: usize,
     strain: f64,
     /// The warning if the strain is too large.
-    told: String,
+    message: String,
 }
 
 fn loads(case: &Case, edge: f64, softest: Option<&Stiffness>) -> Vec<Load> {
-    let moved = |line: usize, place: &str, components: &[Option<f64>; 3], curve: &CurveCase| {
+    let displacement = |line: usize, place: &str, components: &[Option<f64>; 3], curve: &LoadCurve| {
         let most = peak(curve) * components.iter().flatten().fold(0.0, |most: f64, u| most.max(u.abs()));
-        let told = format!(
+        let message = format!(
             "the displacement of {place} is {} m, and the longest edge of the body {} m: are both in m? `scale` of [mesh] is \
              the length of a mesh unit in m",
             short(most),
             short(edge)
         );
-        Load { line, strain: most / edge, told }
+        Load { line, strain: most / edge, message }
     };
-    let pushed = |line: usize, what: &str, value: &[f64; 3], length: Option<f64>, curve: &CurveCase| {
+    let force = |line: usize, what: &str, value: &[f64; 3], length: Option<f64>, curve: &LoadCurve| {
         let soft = softest?;
         let most = peak(curve) * value.iter().fold(0.0, |most: f64, p| most.max(p.abs()));
         let stress = most * length.unwrap_or(1.0);
         let unit = if length.is_some() { "N/m^3" } else { "Pa" };
         let strain = stress / soft.total();
         let over = length.map_or(String::new(), |edge| format!(" over {} m", short(edge)));
-        let told = format!(
+        let message = format!(
             "{what} is {} {unit}{over}, {} times the stiffness of the region \"{}\", about {} Pa: are both in Pa?",
             short(most),
             short(strain),
             case.regions[soft.region].name,
             short(soft.total())
         );
-        Some(Load { line, strain, told })
+        Some(Load { line, strain, message })
     };
     let boundaries = case.boundaries.iter().filter_map(|boundary| {
         let place = format!("surface \"{}\"", boundary.surface);
         match &boundary.load {
-            LoadCase::Displacement(components) => Some(moved(boundary.line, &place, components, &boundary.curve)),
-            LoadCase::Traction(value) => {
-                pushed(boundary.line, &format!("the traction on {place}"), value, None, &boundary.curve)
+            SurfaceLoad::Displacement(components) => {
+                Some(displacement(boundary.line, &place, components, &boundary.curve))
+            }
+            SurfaceLoad::Traction(value) => {
+                force(boundary.line, &format!("the traction on {place}"), value, None, &boundary.curve)
             }
         }
     });
-    let points = case.points.iter().map(|point| moved(point.line, "this point", &point.displacement, &point.curve));
+    let points =
+        case.points.iter().map(|point| displacement(point.line, "this point", &point.displacement, &point.curve));
     let forces = case
         .body_forces
         .iter()
-        .filter_map(|force| pushed(force.line, "the body force", &force.value, Some(edge), &force.curve));
+        .filter_map(|body| force(body.line, "the body force", &body.value, Some(edge), &body.curve));
     boundaries.chain(points).chain(forces).collect()
 }
 
 /// The largest absolute factor of a curve.
-fn peak(curve: &CurveCase) -> f64 {
+fn peak(curve: &LoadCurve) -> f64 {
     match curve {
-        CurveCase::Ramp => 1.0,
-        CurveCase::Table(points) => points.iter().fold(0.0, |most: f64, [_, factor]| most.max(factor.abs())),
+        LoadCurve::Ramp => 1.0,
+        LoadCurve::Table(table) => table.points().iter().fold(0.0, |most: f64, [_, factor]| most.max(factor.abs())),
     }
 }
 
 /// The longest edge of the bounding box of the body, m.
 fn longest_edge(mesh: &Mesh) -> f64 {
-    let edge = |axis: usize| {
-        let coordinates = || mesh.nodes().iter().map(|node| node[axis]);
-        coordinates().fold(f64::NEG_INFINITY, f64::max) - coordinates().fold(f64::INFINITY, f64::min)
-    };
-    (0..3).map(edge).fold(0.0, f64::max)
+    let [low, high] = mesh.bounding_box();
+    (0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f64::max)
 }
 
 /// Formats a number with two decimals, or else two significant digits, since only its order of magnitude is meaningful.
@@ -201,13 +206,13 @@ fn short(x: f64) -> String {
     if (0.01..1e4).contains(&x) { format!("{}", (x * 100.0).round() / 100.0) } else { format!("{x:.1e}") }
 }
 
-fn at(case: &Case, line: usize, told: &str) -> String {
-    format!("{}:{line}: {told}", case.file.display())
+fn at(case: &Case, line: usize, message: &str) -> String {
+    format!("{}:{line}: {message}", case.file.display())
 }
 
-fn in_region(case: &Case, region: usize, told: &str) -> String {
+fn in_region(case: &Case, region: usize, message: &str) -> String {
     let region = &case.regions[region];
-    at(case, region.line, &format!("region \"{}\": {told}", region.name))
+    at(case, region.line, &format!("region \"{}\": {message}", region.name))
 }
 
 #[cfg(test)]
@@ -232,64 +237,64 @@ displacement = { x = 0.1 }
     const PULLED: &str = "displacement = { x = 0.1 }";
 
     /// Returns the warnings of a case on a box of this edge, without the name of the file.
-    fn told(text: &str, edge: f64, fibers: Option<[f64; 2]>) -> Vec<String> {
+    fn warnings_of(text: &str, edge: f64, fibers: Option<[f64; 2]>) -> Vec<String> {
         let case = Case::parse(text, Path::new("case.toml")).unwrap_or_else(|errors| panic!("{errors}")).case;
         let mesh = cuboid([1, 1, 1], [edge, 0.5 * edge, 0.5 * edge]).unwrap();
         let formula = match &case.regions[0].material {
-            MaterialCase::Formula(formula) => Some(youngs_modulus(*formula)),
-            MaterialCase::FiberRve(_) => None,
+            RegionMaterial::Formula(formula) => Some(youngs_modulus(*formula)),
+            RegionMaterial::FiberRve(_) => None,
         };
-        let warnings = of_magnitudes(&case, &mesh, &[Stiffness { region: 0, formula, fibers }]);
+        let warnings = check_magnitudes(&case, &mesh, &[Stiffness { region: 0, formula, fibers }]);
         warnings.into_iter().map(|warning| warning.strip_prefix("case.toml:").unwrap().to_owned()).collect()
     }
 
     #[test]
     fn what_goes_together_draws_no_warning() {
-        assert_eq!(told(CASE, 1.0, None), [""; 0]);
+        assert_eq!(warnings_of(CASE, 1.0, None), [""; 0]);
         for load in ["traction = [4e2, 0, 0]", "traction = [0, -1e-3, 0]", "displacement = { x = 0.0 }"] {
-            assert_eq!(told(&CASE.replace(PULLED, load), 1.0, None), [""; 0], "{load}");
+            assert_eq!(warnings_of(&CASE.replace(PULLED, load), 1.0, None), [""; 0], "{load}");
         }
         // A load may be small if another one is not.
         let force = "[[body_force]]\nregion = \"*\"\nvalue = [0, 0, 1e-12]\n";
-        assert_eq!(told(&format!("{CASE}{force}"), 1.0, Some([1e2, 1e8])), [""; 0]);
+        assert_eq!(warnings_of(&format!("{CASE}{force}"), 1.0, Some([1e2, 1e8])), [""; 0]);
     }
 
     #[test]
     fn a_mesh_in_millimeters_is_found() {
         let edge = "2: the longest edge of the body is 50 m: `scale` of [mesh] is the length of a mesh unit in m: 0.001 for a \
                     mesh in mm";
-        assert_eq!(told(CASE, 50.0, None), [edge]);
+        assert_eq!(warnings_of(CASE, 50.0, None), [edge]);
         let long = CASE.replace("x = 0.1", "x = -5.0");
         let displacement = "9: the displacement of surface \"x1\" is 5 m, and the longest edge of the body 0.1 m: are both in \
                             m? `scale` of [mesh] is the length of a mesh unit in m";
-        assert_eq!(told(&long, 0.1, None), [displacement]);
+        assert_eq!(warnings_of(&long, 0.1, None), [displacement]);
         let curved = CASE.replace(PULLED, "displacement = { x = 1.0 }\ncurve = [[0, 0], [0.5, -5], [1, 0]]");
-        assert_eq!(told(&curved, 0.1, None).len(), 1);
+        assert_eq!(warnings_of(&curved, 0.1, None).len(), 1);
     }
 
     #[test]
     fn loads_and_moduli_in_other_units_are_found() {
         // E = 2.5 mu.
         let traction = CASE.replace(PULLED, "traction = [4e6, 0, 0]");
-        let told_of_traction = "9: the traction on surface \"x1\" is 4.0e6 Pa, 1600 times the stiffness of the region \"*\", about \
+        let expected = "9: the traction on surface \"x1\" is 4.0e6 Pa, 1600 times the stiffness of the region \"*\", about \
                                 2500 Pa: are both in Pa?";
-        assert_eq!(told(&traction, 1.0, None), [told_of_traction]);
+        assert_eq!(warnings_of(&traction, 1.0, None), [expected]);
         let force = format!("{CASE}[[body_force]]\nregion = \"*\"\nvalue = [0, 0, -1e7]\n");
-        let told_of_force = "12: the body force is 1.0e7 N/m^3 over 0.5 m, 2000 times the stiffness of the region \"*\", about 2500 \
+        let expected = "12: the body force is 1.0e7 N/m^3 over 0.5 m, 2000 times the stiffness of the region \"*\", about 2500 \
                              Pa: are both in Pa?";
-        assert_eq!(told(&force, 0.5, None), [told_of_force]);
+        assert_eq!(warnings_of(&force, 0.5, None), [expected]);
         let small = CASE.replace(PULLED, "traction = [2.5e-9, 0, 0]");
-        let told_of_small = " the loads strain the body by no more than some 1.0e-12: are displacements in m, forces and moduli \
+        let expected = " the loads strain the body by no more than some 1.0e-12: are displacements in m, forces and moduli \
                              in Pa, and is the `scale` of [mesh] right?";
-        assert_eq!(told(&small, 1.0, None), [told_of_small]);
+        assert_eq!(warnings_of(&small, 1.0, None), [expected]);
     }
 
     #[test]
     fn fibers_and_matrix_far_apart_are_found() {
         let apart = "3: region \"*\": the fibers give about 1.0e10 Pa and the matrix 2500 Pa, 4.0e6 times as much or as little: \
                      are both moduli in Pa and the radius in m?";
-        assert_eq!(told(CASE, 1.0, Some([5e9, 1e10])), [apart]);
-        assert_eq!(told(CASE, 1.0, Some([1e-4, 1.0])).len(), 1);
+        assert_eq!(warnings_of(CASE, 1.0, Some([5e9, 1e10])), [apart]);
+        assert_eq!(warnings_of(CASE, 1.0, Some([1e-4, 1.0])).len(), 1);
     }
 
     #[test]
@@ -298,10 +303,10 @@ displacement = { x = 0.1 }
         let text = CASE.replace("[[boundary]]\nsurface = \"x0\"", &format!("{grip}[[boundary]]\nsurface = \"x0\""));
         let case = Case::parse(&text, Path::new("case.toml")).unwrap().case;
         let stiffness = |region, modulus| Stiffness { region, formula: Some(modulus), fibers: None };
-        let found: Vec<String> = of_stiffnesses(&case, &[stiffness(0, 2500.0), stiffness(1, 2.5e12)]).collect();
+        let found: Vec<String> = check_stiffnesses(&case, &[stiffness(0, 2500.0), stiffness(1, 2.5e12)]).collect();
         let expected = "case.toml:6: region \"grip\": about 2.5e12 Pa, 1.0e9 times stiffer than the region \"*\" with 2500 Pa: are \
                         all moduli in Pa?";
         assert_eq!(found, [expected]);
-        assert_eq!(of_stiffnesses(&case, &[stiffness(0, 1e3), stiffness(1, 1e8)]).count(), 0);
+        assert_eq!(check_stiffnesses(&case, &[stiffness(0, 1e3), stiffness(1, 1e8)]).count(), 0);
     }
 }

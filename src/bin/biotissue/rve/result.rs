@@ -6,19 +6,20 @@ use biotissue::fiber::equilibrium::{EquilibriumReport, RveError, Stage, StageErr
 use biotissue::fiber::homogenize::Tangent;
 use biotissue::fiber::network::Network;
 use biotissue::fiber::rve::RveModel;
-use biotissue::las::Backend;
 use serde::Serialize;
+
+use crate::dispatch::ProgramBackend;
 
 /// The object that `--json` prints.
 #[derive(Serialize)]
-pub struct Answer {
+pub struct RveResult {
     pub converged: bool,
     pub iterations: usize,
     /// Norm of the residual, and the same divided by the norm of all nodal forces.
     pub residuals: Vec<[f64; 2]>,
     #[serde(rename = "J")]
     pub determinant: f64,
-    pub network: NetworkFacts,
+    pub network: NetworkSize,
     pub scale: f64,
     /// `None` if there is no equilibrium.
     #[serde(flatten)]
@@ -26,12 +27,13 @@ pub struct Answer {
     /// `None` if no stage found an equilibrium, stable or not.
     #[serde(flatten)]
     pub stability: Option<Stability>,
-    pub ladder: Ladder,
+    #[serde(rename = "ladder")]
+    pub stages: StageReport,
     pub seconds: Seconds,
 }
 
 #[derive(Serialize)]
-pub struct NetworkFacts {
+pub struct NetworkSize {
     nodes: usize,
     fibers: usize,
     boundary_nodes: usize,
@@ -76,7 +78,7 @@ pub struct Orientation {
 
 /// The work beyond full Newton steps.
 #[derive(Default, Serialize)]
-pub struct Ladder {
+pub struct StageReport {
     stage: Option<&'static str>,
     predicted: usize,
     cuts: u32,
@@ -99,8 +101,8 @@ pub struct Seconds {
     pub tangent: f64,
 }
 
-impl NetworkFacts {
-    pub fn of<B: Backend<Scalar = f64>>(network: &Network, model: &RveModel<B>) -> Self {
+impl NetworkSize {
+    pub fn of(network: &Network, model: &RveModel<impl ProgramBackend>) -> Self {
         Self {
             nodes: network.nodes().len(),
             fibers: network.fibers().len(),
@@ -128,7 +130,7 @@ impl Stability {
     }
 }
 
-impl Ladder {
+impl StageReport {
     /// Extracts the counts from the report of an equilibrium that was solved with `tolerance`.
     pub fn of(report: &EquilibriumReport, tolerance: f64) -> Self {
         let EquilibriumReport { stage, predicted, cuts, backtracks, indefinite, singular, .. } = *report;
@@ -152,7 +154,7 @@ pub fn tangent_rows(tangent: &Tangent) -> Vec<[f64; 9]> {
     (0..9).map(|row| std::array::from_fn(|column| tangent[(row, column)])).collect()
 }
 
-impl Answer {
+impl RveResult {
     /// Formats the result for the terminal. Writing to a string cannot fail.
     pub fn text(&self) -> String {
         let mut out = String::new();
@@ -163,7 +165,7 @@ impl Answer {
             n.nodes, n.fibers, n.boundary_nodes, n.free_dofs
         );
         let [norm, relative] = self.residuals.last().copied().unwrap_or_default();
-        let Ladder { stage, relaxation_steps, at_rounding, .. } = self.ladder;
+        let StageReport { stage, relaxation_steps, at_rounding, .. } = self.stages;
         let relaxation = match relaxation_steps {
             0 => String::new(),
             steps => format!(" and {steps} steps of relaxation"),
@@ -177,7 +179,7 @@ impl Answer {
         );
         if let Some(stability) = self.stability {
             let neutral = if stability.neutral { ", but for motions that nothing resists" } else { "" };
-            let saddles = match self.ladder.saddles {
+            let saddles = match self.stages.saddles {
                 0 => String::new(),
                 1 => "; 1 saddle point was left".into(),
                 count => format!("; {count} saddle points were left"),

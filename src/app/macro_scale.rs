@@ -1,52 +1,31 @@
-//! The macro scale of a tissue: translates a case to the types of [`crate::fem`].
+//! The macro scale of a case: its mesh, boundary conditions and load steps as types of [`crate::fem`].
 
 use std::sync::Arc;
 
-use thiserror::Error;
-
-use crate::app::case::{self, Case, CurveCase, LoadCase, MeshSource, PointPlace};
+use super::case::{BodyForceCase, BoundaryCase, Case, MeshSource, PointPlace, SurfaceLoad};
 use crate::fem::boundary::{
-    BodyForce, Boundary, BoundaryError, Conditions, CurveError, LoadCondition, LoadCurve, PointCondition,
-    PointLocation, SurfaceCondition, Traction,
+    BodyForce, Boundary, BoundaryError, Conditions, LoadCondition, PointCondition, PointLocation, SurfaceCondition,
+    Traction,
 };
 use crate::fem::mesh::shapes::{self, ShapeError};
 use crate::fem::mesh::{Mesh, gmsh};
-use crate::fem::stepping::{StepParams, StepStart};
+use crate::fem::stepping::StepParams;
 use crate::input::{InputError, InputErrors};
-
-/// The reason why the mesh or the boundary conditions of a case cannot be created.
-#[derive(Debug, Error)]
-pub enum MacroScaleError {
-    /// The mesh file has errors, or the case uses names that the mesh does not have.
-    #[error(transparent)]
-    Input(#[from] InputErrors),
-    /// A load curve is invalid.
-    #[error("the load curve in line {line}: {reason}")]
-    Curve {
-        /// Line in the case file.
-        line: usize,
-        /// The error in the curve.
-        reason: CurveError,
-    },
-}
 
 /// Reads or generates the mesh of a case, in meters, and checks the names in the case against it. Also returns the
 /// warnings of the reader.
 ///
 /// # Errors
-/// Returns [`MacroScaleError::Input`] if the mesh cannot be read, generated or scaled, or lacks a name in the case.
-pub fn mesh(case: &Case) -> Result<(Mesh, Vec<String>), MacroScaleError> {
+/// Returns [`InputErrors`] if the mesh cannot be read, generated or scaled, or lacks a name in the case.
+pub fn mesh(case: &Case) -> Result<(Mesh, Vec<String>), InputErrors> {
     let (mesh, warnings) = match &case.mesh {
         MeshSource::File(path) => {
-            let read = gmsh::read(path).map_err(InputErrors::from)?;
+            let read = gmsh::read(path)?;
             (read.mesh, read.warnings)
         }
-        MeshSource::Box { cells, size } => {
-            (shapes::cuboid(*cells, *size).map_err(|error| not_made(case, &error))?, Vec::new())
-        }
+        MeshSource::Box { cells, size } => (generated(case, shapes::cuboid(*cells, *size))?, Vec::new()),
         MeshSource::Dogbone { element_size } => {
-            let shape = shapes::DogboneShape::default();
-            (shapes::dogbone(&shape, *element_size).map_err(|error| not_made(case, &error))?, Vec::new())
+            (generated(case, shapes::dogbone(&shapes::DogboneShape::default(), *element_size))?, Vec::new())
         }
     };
     let mesh = match case.mesh_scale {
@@ -62,9 +41,13 @@ pub fn mesh(case: &Case) -> Result<(Mesh, Vec<String>), MacroScaleError> {
     Ok((mesh, warnings))
 }
 
-/// The error for a built-in shape that cannot be generated from the given lengths.
-fn not_made(case: &Case, error: &ShapeError) -> InputErrors {
-    let (expected, cure) = match error {
+/// Reports, at its line, a built-in shape that cannot be generated from the given lengths.
+fn generated(case: &Case, mesh: Result<Mesh, ShapeError>) -> Result<Mesh, InputError> {
+    let error = match mesh {
+        Ok(mesh) => return Ok(mesh),
+        Err(error) => error,
+    };
+    let (expected, cure) = match &error {
         ShapeError::TooManyElements { .. } => (
             format!("at most {} elements", shapes::MAX_ELEMENTS),
             "choose fewer `cells`, or a greater `element_size`: it is in mesh units",
@@ -74,14 +57,14 @@ fn not_made(case: &Case, error: &ShapeError) -> InputErrors {
         }
         _ => ("lengths that make a body".into(), "correct the lengths of `generate`: they are in mesh units"),
     };
-    InputError::at_line(&case.file, case.mesh_line, error.to_string(), expected, cure).into()
+    Err(InputError::at_line(&case.file, case.mesh_line, error.to_string(), expected, cure))
 }
 
 /// Applies the boundary conditions of a case to its mesh.
 ///
 /// # Errors
-/// Returns [`MacroScaleError::Input`] if a condition contradicts the mesh or another condition, with its line.
-pub fn boundary(case: &Case, mesh: &Mesh, conditions: &Conditions) -> Result<Boundary, MacroScaleError> {
+/// Returns [`InputErrors`] if a condition contradicts the mesh or another condition, with its line.
+pub fn boundary(case: &Case, mesh: &Mesh, conditions: &Conditions) -> Result<Boundary, InputErrors> {
     Boundary::new(mesh, conditions).map_err(|error| {
         let (line, expected, cure) = match &error {
             BoundaryError::UnknownNode { node, nodes } => {
@@ -110,7 +93,7 @@ pub fn boundary(case: &Case, mesh: &Mesh, conditions: &Conditions) -> Result<Bou
             }
         };
         let error = InputError { line, ..InputError::in_file(&case.file, error.to_string(), expected, cure) };
-        InputErrors::from(error).into()
+        error.into()
     })
 }
 
@@ -128,40 +111,28 @@ fn line_of(case: &Case, place: &str) -> Option<usize> {
 }
 
 /// Returns the boundary conditions of a case, in meters and newtons.
-///
-/// # Errors
-/// Returns [`MacroScaleError::Curve`] if a load curve is invalid.
-pub fn conditions(case: &Case) -> Result<Conditions, MacroScaleError> {
+#[must_use]
+pub fn conditions(case: &Case) -> Conditions {
     let (mut surfaces, mut loads) = (Vec::new(), Vec::<Arc<dyn LoadCondition>>::new());
-    for boundary in &case.boundaries {
-        let (surface, curve) = (boundary.surface.clone(), curve(&boundary.curve, boundary.line)?);
-        match boundary.load {
-            LoadCase::Displacement(displacement) => surfaces.push(SurfaceCondition { surface, displacement, curve }),
-            LoadCase::Traction(value) => loads.push(Arc::new(Traction { surface, value, curve })),
+    for BoundaryCase { surface, load, curve, .. } in &case.boundaries {
+        let (surface, curve) = (surface.clone(), curve.clone());
+        match *load {
+            SurfaceLoad::Displacement(displacement) => surfaces.push(SurfaceCondition { surface, displacement, curve }),
+            SurfaceLoad::Traction(value) => loads.push(Arc::new(Traction { surface, value, curve })),
         }
     }
-    let points = case.points.iter().map(|point| {
-        Ok(PointCondition {
-            place: match point.place {
-                PointPlace::At(position) => PointLocation::Nearest(position.map(|x| x * case.mesh_scale)),
-                PointPlace::Node(node) => PointLocation::Node(node),
-            },
-            displacement: point.displacement,
-            curve: curve(&point.curve, point.line)?,
-        })
+    let points = case.points.iter().map(|point| PointCondition {
+        place: match point.place {
+            PointPlace::At(position) => PointLocation::Nearest(position.map(|x| x * case.mesh_scale)),
+            PointPlace::Node(node) => PointLocation::Node(node),
+        },
+        displacement: point.displacement,
+        curve: point.curve.clone(),
     });
-    for force in &case.body_forces {
-        let curve = curve(&force.curve, force.line)?;
-        loads.push(Arc::new(BodyForce { region: force.region.clone(), value: force.value, curve }));
+    for BodyForceCase { region, value, curve, .. } in &case.body_forces {
+        loads.push(Arc::new(BodyForce { region: region.clone(), value: *value, curve: curve.clone() }));
     }
-    Ok(Conditions { surfaces, points: points.collect::<Result<_, MacroScaleError>>()?, loads })
-}
-
-fn curve(case: &CurveCase, line: usize) -> Result<LoadCurve, MacroScaleError> {
-    match case {
-        CurveCase::Ramp => Ok(LoadCurve::Ramp),
-        CurveCase::Table(points) => LoadCurve::table(points).map_err(|reason| MacroScaleError::Curve { line, reason }),
-    }
+    Conditions { surfaces, points: points.collect(), loads }
 }
 
 /// Returns the parameters of load stepping of a case.
@@ -170,10 +141,7 @@ pub fn step_params(case: &Case) -> StepParams {
     let mut params = StepParams {
         count: case.steps.count,
         max_cuts: case.steps.max_cuts,
-        start: match case.newton.start {
-            case::StepStart::Held => StepStart::Prescribed,
-            case::StepStart::Tangent => StepStart::Tangent,
-        },
+        start: case.newton.start,
         ..StepParams::default()
     };
     params.solver.method = case.newton.solver;

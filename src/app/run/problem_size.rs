@@ -1,12 +1,14 @@
 //! The size of a problem before the solve.
 
+use serde::Serialize;
+
 use crate::app::case::Case;
 use crate::fem::mesh::Mesh;
 use crate::tissue::micro_scale::TissueMaterial;
 
-/// The size of a problem before the solve.
+/// The size of a problem, known before the solve.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Plan {
+pub struct ProblemSize {
     /// Elements of the mesh.
     pub elements: usize,
     /// Nodes of the mesh.
@@ -16,7 +18,7 @@ pub struct Plan {
     /// RVEs.
     pub rves: usize,
     /// Networks, each with its unknowns and the RVEs that use it.
-    pub networks: Vec<NetworkPlan>,
+    pub networks: Vec<NetworkSize>,
     /// Bytes of all RVE states and responses.
     pub rve_bytes: usize,
     /// Bytes of the gradients, stresses and tangents of the body, without the factors of its stiffness.
@@ -30,8 +32,8 @@ pub struct Plan {
 }
 
 /// A model of the library: a network with its law and scale.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct NetworkPlan {
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct NetworkSize {
     /// Its name.
     pub name: String,
     /// Unknowns of one RVE.
@@ -40,11 +42,11 @@ pub struct NetworkPlan {
     pub rves: usize,
 }
 
-impl Plan {
+impl ProblemSize {
     /// Collects the sizes from a case, its mesh and material, and the number of free unknowns of the body.
     pub(super) fn new(case: &Case, mesh: &Mesh, field: &impl TissueMaterial, unknowns: usize) -> Self {
         let (models, sites) = (field.library().models(), field.sites());
-        let networks = models.iter().zip(sites.users(models.len())).map(|(model, rves)| NetworkPlan {
+        let networks = models.iter().zip(sites.rves_per_model(models.len())).map(|(model, rves)| NetworkSize {
             name: model.network().name().to_owned(),
             unknowns: model.unknowns(),
             rves,
