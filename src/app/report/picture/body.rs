@@ -47,7 +47,7 @@ pub(super) fn faces(svg: &mut Svg, scene: &Scene, colors: Option<&Colors>) {
         (0..skin.faces.len()).filter(|&face| visible[face]).map(|face| (depth(face), face)).collect();
     order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
 
-    let place = |point: &u32| frame.to_page(view.project(&current[*point as usize]));
+    let place = |point: &u32| frame.page_position(view.project(&current[*point as usize]));
     svg.open(
         "stroke=\"#fff\" stroke-opacity=\".28\" stroke-width=\".6\" stroke-linejoin=\"round\" stroke-linecap=\"round\"",
     );
@@ -107,7 +107,7 @@ pub(super) fn outline(svg: &mut Svg, scene: &Scene) {
     svg.open(OUTLINE);
     for line in lines(&rim) {
         let places: Vec<_> =
-            line.iter().map(|&point| frame.to_page(view.project(&reference[point as usize]))).collect();
+            line.iter().map(|&point| frame.page_position(view.project(&reference[point as usize]))).collect();
         svg.path(&places, false, "");
     }
     svg.close();
@@ -141,7 +141,7 @@ pub(super) fn fiber_lines(
         let (Some(nodes), Some(direction)) = (mesh.get(element), directions.get(element)) else { continue };
         let Some(direction) = Vector3::from(*direction).try_normalize(1e-12) else { continue };
         let middle = nodes.iter().map(|&node| scene.current[node as usize]).sum::<Vector3<f64>>() / 4.0;
-        let [x, y] = scene.frame.to_page(scene.view.project(&middle));
+        let [x, y] = scene.frame.page_position(scene.view.project(&middle));
         let cell = [x, y].map(|place| (place / FIBER_SPACING).floor() as i64);
         if taken.insert(cell, ()).is_some() {
             continue;

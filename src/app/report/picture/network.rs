@@ -89,7 +89,7 @@ pub fn draw_network(picture: &NetworkPicture) -> String {
     let mut svg = Svg::new(width, height, &format!("{}: fiber network, {}", picture.title, picture.subtitle));
     legend::title(&mut svg, picture.title, picture.subtitle);
     let lines = Edges::of(&cube, &view);
-    let place = |x: &Vector3<f64>| frame.to_page(view.project(x));
+    let place = |x: &Vector3<f64>| frame.page_position(view.project(x));
     let segments = |edges: &[[usize; 2]], of: &[Vector3<f64>; 8]| -> Vec<[[f64; 2]; 2]> {
         edges.iter().map(|edge| edge.map(|corner| place(&of[corner]))).collect()
     };
@@ -224,7 +224,7 @@ fn pieces(
         for piece in 0..count {
             let [from, middle, to] = [0.0, 0.5, 1.0].map(|part| at((piece as f64 + part) / count as f64));
             let layer = (((middle[2] - far) * layers) as usize).min(LAYERS - 1);
-            pieces.push(Piece { layer, ends: [frame.to_page(from), frame.to_page(to)], color });
+            pieces.push(Piece { layer, ends: [frame.page_position(from), frame.page_position(to)], color });
         }
     }
     pieces

@@ -90,7 +90,7 @@ impl Frame {
     }
 
     /// Returns the pixel coordinates of a projected point.
-    pub(super) fn to_page(&self, [across, up, _]: [f64; 3]) -> [f64; 2] {
+    pub(super) fn page_position(&self, [across, up, _]: [f64; 3]) -> [f64; 2] {
         [self.offset[0] + self.scale * across, self.offset[1] - self.scale * up]
     }
 }
@@ -117,10 +117,10 @@ mod tests {
         let points = [[-2.0, 0.0, 9.0], [3.0, 1.0, -9.0], [0.0, 7.0, 0.0]];
         let frame = Frame::fit(points.into_iter(), [10.0, 20.0, 100.0, 50.0]);
         assert!(frame.unused_height < 1e-9);
-        for [x, y] in points.map(|point| frame.to_page(point)) {
+        for [x, y] in points.map(|point| frame.page_position(point)) {
             assert!((10.0..=110.0).contains(&x) && (20.0 - 1e-9..=70.0 + 1e-9).contains(&y));
         }
         let flat = Frame::fit([[1.0; 3]].into_iter(), [0.0, 0.0, 10.0, 10.0]);
-        assert_eq!((flat.to_page([1.0; 3]), flat.unused_height), ([5.0, 5.0], 10.0));
+        assert_eq!((flat.page_position([1.0; 3]), flat.unused_height), ([5.0, 5.0], 10.0));
     }
 }
