@@ -46,7 +46,7 @@ impl Scales {
     #[cfg(any(feature = "sparse", feature = "dense"))]
     pub(super) fn of_matrix<B>(a: &B::Matrix, kind: Factorization, n: usize) -> Result<Self, SolveError<B::Fault>>
     where
-        B: Backend<Scalar: Scalar, Context = ()>,
+        B: Backend<Scalar: Scalar, Context = (), Matrix: Entries<B>>,
     {
         if kind != Factorization::Cholesky {
             return Self::equilibrating::<B>(a, n).map_err(SolveError::Fault);
@@ -61,7 +61,10 @@ impl Scales {
     /// largest entries (Ruiz, A scaling algorithm to equilibrate both rows and columns norms in matrices,
     /// RAL-TR-2001-034). The row and column scales of a symmetric matrix are equal.
     #[cfg(any(feature = "sparse", feature = "dense"))]
-    fn equilibrating<B: Backend<Scalar: Scalar>>(a: &B::Matrix, n: usize) -> Result<Self, B::Fault> {
+    fn equilibrating<B: Backend<Scalar: Scalar, Matrix: Entries<B>>>(
+        a: &B::Matrix,
+        n: usize,
+    ) -> Result<Self, B::Fault> {
         /// Each pass halves the number of digits by which the scales are off, which is at most 308.
         const PASSES: usize = 12;
         let mut scales = Self { rows: vec![1.0; n], columns: vec![1.0; n] };

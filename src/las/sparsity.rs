@@ -166,7 +166,11 @@ impl Sparsity {
     }
 
     /// Builds a pattern row by row; `fill` may append the columns of a row unsorted and repeatedly.
-    fn by_rows(cols: usize, rows: usize, mut fill: impl FnMut(usize, &mut Vec<u32>)) -> Result<Self, SparsityError> {
+    pub(super) fn by_rows(
+        cols: usize,
+        rows: usize,
+        mut fill: impl FnMut(usize, &mut Vec<u32>),
+    ) -> Result<Self, SparsityError> {
         let mut row_offsets = Vec::with_capacity(rows + 1);
         row_offsets.push(0);
         let (mut columns, mut one) = (Vec::new(), Vec::new());

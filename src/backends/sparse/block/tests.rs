@@ -6,7 +6,7 @@ use super::lanes::Width;
 use super::*;
 use crate::backends::sparse::order::eliminate;
 use crate::backends::sparse::{Matrix, Solver, Sparse, Symbolic, Vector};
-use crate::las::conformance::{Oracle, Random};
+use crate::las::conformance::{DenseReference, Random};
 use crate::las::{Backend, Factorization, MatVec, Ordering, Scalar, SolveError, Solver as _, SolverParams, Symmetry};
 
 const ORDERINGS: [Ordering; 3] = [Ordering::Auto, Ordering::MinimumDegree, Ordering::NestedDissection];
@@ -68,7 +68,7 @@ fn patterns(random: &mut Random) -> Vec<Arc<Sparsity>> {
     patterns
 }
 
-fn matrix<T: BlockScalar>(pattern: &Arc<Sparsity>, a: &Oracle) -> Matrix<T> {
+fn matrix<T: BlockScalar>(pattern: &Arc<Sparsity>, a: &DenseReference) -> Matrix<T> {
     let mut matrix = Matrix::zeros(pattern);
     let entries =
         (0..a.rows).flat_map(|row| pattern.row(row).iter().map(move |&column| row * a.cols + column as usize));
@@ -80,7 +80,7 @@ fn matrix<T: BlockScalar>(pattern: &Arc<Sparsity>, a: &Oracle) -> Matrix<T> {
 
 /// Returns `L` by rows of the matrix permuted to the given order, with rows of the identity at padding positions; the
 /// error is the position of the first pivot that is not positive.
-fn dense_cholesky(a: &Oracle, order: &[Option<usize>]) -> Result<Vec<Vec<f64>>, usize> {
+fn dense_cholesky(a: &DenseReference, order: &[Option<usize>]) -> Result<Vec<Vec<f64>>, usize> {
     let value = |i: usize, j: usize| match (order[i], order[j]) {
         (Some(row), Some(column)) => a.values[row * a.cols + column],
         _ => f64::from(u8::from(i == j)),
@@ -161,7 +161,7 @@ fn factors_of_padded_nodes_are_those_of_a_dense_factorization() {
 }
 
 fn check_factors(random: &mut Random, pattern: &Arc<Sparsity>) {
-    let a = Oracle::dominant(random, pattern, |_| 1.0);
+    let a = DenseReference::dominant(random, pattern, |_| 1.0);
     let values = matrix::<f64>(pattern, &a).values;
     for ordering in ORDERINGS {
         let Analyzed { analysis, order } = analyze(pattern, ordering);
@@ -219,7 +219,7 @@ fn widths_agree<T: BlockScalar>() {
         let (nodes, bars) = (1 + random.below(90), 1 + random.below(6));
         let pattern = held_truss(&mut random, nodes, bars, 4);
         let indefinite_at = random.below(2 * pattern.rows());
-        let dense = Oracle::dominant(&mut random, &pattern, |i| if i == indefinite_at { -1.0 } else { 1.0 });
+        let dense = DenseReference::dominant(&mut random, &pattern, |i| if i == indefinite_at { -1.0 } else { 1.0 });
         let values = matrix::<T>(&pattern, &dense).values;
         let Analyzed { analysis, .. } = analyze(&pattern, Ordering::Auto);
         let [mut reference, mut other] = [(); 2].map(|()| BlockCholesky::<T>::new(&analysis));
@@ -292,7 +292,7 @@ fn check_solutions<T: BlockScalar>(a: &Matrix<T>, b: &[Vector<T>], x: &[Vector<T
 fn solves<T: BlockScalar>() {
     let mut random = Random::new(2);
     for pattern in patterns(&mut random) {
-        let a = matrix::<T>(&pattern, &Oracle::dominant(&mut random, &pattern, |_| 1.0));
+        let a = matrix::<T>(&pattern, &DenseReference::dominant(&mut random, &pattern, |_| 1.0));
         let (_, mut solver) = solver::<T>(&pattern, Ordering::Auto);
         assert_eq!(solver.factor(&a).unwrap().kind, Factorization::Cholesky);
         for count in [1, 9, 2, 4, 5, 6, 8, 17, 3] {
@@ -316,8 +316,8 @@ fn an_indefinite_matrix_goes_to_ldlt_and_back() {
     let mut random = Random::new(3);
     for pattern in patterns(&mut random).into_iter().filter(|pattern| pattern.rows() > 0) {
         let at = random.below(pattern.rows());
-        let definite = matrix::<f64>(&pattern, &Oracle::dominant(&mut random, &pattern, |_| 1.0));
-        let dense = Oracle::dominant(&mut random, &pattern, |i| if i == at { -1.0 } else { 1.0 });
+        let definite = matrix::<f64>(&pattern, &DenseReference::dominant(&mut random, &pattern, |_| 1.0));
+        let dense = DenseReference::dominant(&mut random, &pattern, |i| if i == at { -1.0 } else { 1.0 });
         let indefinite = matrix::<f64>(&pattern, &dense);
         let Analyzed { analysis, order } = analyze(&pattern, Ordering::Auto);
         let position = BlockCholesky::new(&analysis).factor(&analysis, &indefinite.values).unwrap_err();
@@ -340,7 +340,7 @@ fn an_indefinite_matrix_goes_to_ldlt_and_back() {
 /// `held`.
 fn chain(nodes: usize, held: f64) -> (Arc<Sparsity>, Matrix<f64>) {
     let pattern = blocks(nodes, &(1..nodes).map(|k| vec![k - 1, k]).collect::<Vec<_>>());
-    let mut a = Oracle::zeros(3 * nodes, 3 * nodes);
+    let mut a = DenseReference::zeros(3 * nodes, 3 * nodes);
     for k in 0..3 {
         *a.at(k, k) += held;
         for node in 1..nodes {
@@ -384,7 +384,7 @@ fn results_repeat_bit_for_bit_on_any_number_of_threads() {
     let mut random = Random::new(4);
     let pattern = random.truss(120, 5);
     let systems = [1.0, -1.0].map(|last| {
-        let a = Oracle::dominant(&mut random, &pattern, |i| if i == 100 { last } else { 1.0 });
+        let a = DenseReference::dominant(&mut random, &pattern, |i| if i == 100 { last } else { 1.0 });
         matrix::<f64>(&pattern, &a)
     });
     let (symbolic, _) = solver::<f64>(&pattern, Ordering::Auto);
