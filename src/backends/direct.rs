@@ -59,13 +59,13 @@ impl Pivots {
 
     /// Creates the pivots of a factorization that provides only an estimate of their ratio.
     #[cfg(feature = "sparse")]
-    pub(super) fn of_ratio(ratio: f64) -> Self {
+    pub(super) fn from_ratio(ratio: f64) -> Self {
         Self { smallest: ratio, position: 0, largest: 1.0, negative: 0 }
     }
 
     /// Creates the pivots of a block-diagonal `D` with 1x1 and 2x2 blocks; a block is 2x2 if its subdiagonal entry is
     /// not zero.
-    pub(super) fn of_blocks<T: Scalar>(len: usize, diagonal: impl Fn(usize) -> T, subdiagonal: &[T]) -> Self {
+    pub(super) fn from_blocks<T: Scalar>(len: usize, diagonal: impl Fn(usize) -> T, subdiagonal: &[T]) -> Self {
         let mut pivots = Self::empty();
         let mut position = 0;
         while position < len {

@@ -1,7 +1,7 @@
 //! Macros that implement the traits of a backend with compressed rows by the functions that all such backends share.
 
 /// Implements the vector and matrix operations of assembly; `norm` and `dot` are functions of slices.
-macro_rules! hot_verbs {
+macro_rules! impl_assembly_ops {
     ([$($generics:tt)*] $backend:ty, $value:ty, $reduced:ty, norm: $norm:path, dot: $dot:path) => {
         impl<$($generics)*> $crate::las::VectorOps<$backend> for $crate::backends::csr::Vector<$value> {
             #[inline(always)]
@@ -145,7 +145,7 @@ macro_rules! hot_verbs {
 }
 
 /// Implements products, sums, diagonals and the traversal of all entries; `invert` inverts the entries of a slice.
-macro_rules! amortized {
+macro_rules! impl_matrix_ops {
     ([$($generics:tt)*] $backend:ty, $value:ty, invert: $invert:path) => {
         type Failure = $crate::las::SolveError<::std::convert::Infallible>;
 
@@ -215,4 +215,4 @@ macro_rules! amortized {
     };
 }
 
-pub(in crate::backends) use {amortized, hot_verbs};
+pub(in crate::backends) use {impl_assembly_ops, impl_matrix_ops};

@@ -1,7 +1,7 @@
 //! The functions behind the vector and matrix operations of assembly.
 
 use super::Matrix;
-use crate::backends::local::{self, NOWHERE, find};
+use crate::backends::local::{self, NOT_FOUND, find};
 use crate::las::Value;
 
 impl<T: Value> Matrix<T> {
@@ -69,7 +69,7 @@ impl<T: Value> Matrix<T> {
             let range = Self::row_range(&self.pattern, row);
             let (columns, mut next) = (&self.pattern.columns()[range.clone()], 0);
             slots.extend(cols.iter().map(|&column| match find(columns, &mut next, column) {
-                NOWHERE => {
+                NOT_FOUND => {
                     debug_assert!(row < 0 || column < 0, "({row}, {column}) is not in the pattern");
                     dropped
                 }

@@ -15,7 +15,7 @@ use faer::{Conj, MatMut, MatRef, Par, Spec};
 use super::{Dense, Matrix, Vector};
 use crate::backends::checks::{check_columns, check_size, definite, immediate_singular_limit};
 use crate::backends::direct::{Pivots, Scratch, ldlt_params};
-use crate::backends::iterative::{IterativeSolver, Simple};
+use crate::backends::iterative::{IterativeSolver, SimplePreconditioner};
 use crate::backends::local;
 use crate::backends::null_vector::{Scales, check_null_vector, null_vector_limit};
 use crate::las::{
@@ -30,7 +30,7 @@ pub struct Symbolic {
     pub(super) params: SolverParams,
 }
 
-type ByIterations<T> = IterativeSolver<Dense<T>, Simple<Dense<T>>>;
+type ByIterations<T> = IterativeSolver<Dense<T>, SimplePreconditioner<Dense<T>>>;
 
 /// The solver for matrices of one size: direct, or a Krylov method without preconditioner or with the diagonal.
 ///
@@ -62,8 +62,8 @@ impl<T: Scalar + RealField> Solver<T> {
         };
         let unknowns = symbolic.unknowns;
         let inverse = match method.preconditioner {
-            Preconditioner::None => Simple::None,
-            Preconditioner::Diagonal => Simple::Diagonal(Vector::from(vec![T::zero(); unknowns])),
+            Preconditioner::None => SimplePreconditioner::None,
+            Preconditioner::Diagonal => SimplePreconditioner::Diagonal(Vector::from(vec![T::zero(); unknowns])),
             Preconditioner::Ilut { .. } | Preconditioner::Multigrid => {
                 return Err(SolveError::Unsupported {
                     backend: Dense::<T>::NAME,
@@ -141,7 +141,7 @@ impl<T: Scalar + RealField> Solver<T> {
             self.scratch.memory(),
             ldlt_params::<T>(),
         );
-        Pivots::of_blocks(n, |position| self.factor[position * (n + 1)], &self.subdiagonal)
+        Pivots::from_blocks(n, |position| self.factor[position * (n + 1)], &self.subdiagonal)
     }
 
     fn factor_lu(&mut self, a: &Matrix<T>) -> Pivots {

@@ -41,7 +41,7 @@ impl ByIterations {
         let make = || {
             let ksp = Ksp::new(a, krylov, preconditioner)?;
             set(&ksp, &method)?;
-            ksp.listen()?;
+            ksp.set_from_options()?;
             Ok(Self { ksp, method, product: Vector::zeros(&a.context, a.pattern().rows())? })
         };
         make().map_err(SolveError::Fault)

@@ -9,7 +9,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::Context;
-use crate::backends::local::{NOWHERE, find};
+use crate::backends::local::{NOT_FOUND, find};
 use crate::las::Sparsity;
 
 /// A pattern and the part of it that this rank owns.
@@ -84,7 +84,7 @@ impl Row<'_> {
     #[inline(always)]
     pub(super) fn find_after(&self, next: &mut usize, column: i32) -> Option<usize> {
         match find(self.columns, next, column) {
-            NOWHERE => None,
+            NOT_FOUND => None,
             position => Some(self.at(position)),
         }
     }
@@ -92,7 +92,7 @@ impl Row<'_> {
 
 impl Layout {
     pub(super) fn new(context: &Context, pattern: &Arc<Sparsity>) -> Self {
-        let (rows, cols) = (context.own(pattern.rows()), context.own(pattern.cols()));
+        let (rows, cols) = (context.own_range(pattern.rows()), context.own_range(pattern.cols()));
         let mut layout = Self {
             pattern: Arc::clone(pattern),
             rows,
@@ -101,7 +101,7 @@ impl Layout {
             block: 1,
             splits: Vec::new(),
         };
-        if !context.is_alone() {
+        if !context.is_single_rank() {
             layout.split();
         }
         layout

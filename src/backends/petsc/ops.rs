@@ -207,7 +207,7 @@ impl MatrixOps<Petsc> for Matrix {
     #[inline(always)]
     fn get(&self, rows: &[i32], cols: &[i32], block: &mut [f64]) -> Result<(), PetscError> {
         debug_assert_eq!(rows.len() * cols.len(), block.len(), "one value a pair of row and column");
-        if self.context.is_alone() {
+        if self.context.is_single_rank() {
             self.read(rows, cols, block);
         } else {
             self.read_together(&self.context, rows, cols, block);

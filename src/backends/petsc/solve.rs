@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::context::Context;
-use super::direct::{Factor, Failure, Found};
+use super::direct::{Factor, Failure, Outcome};
 use super::error::PetscError;
 use super::iterative::ByIterations;
 use super::{Matrix, Petsc, Vector};
@@ -82,7 +82,7 @@ impl Solver {
     }
 
     /// Checks a matrix and copies its values.
-    fn take(&mut self, a: &Matrix) -> Result<(), Fault> {
+    fn copy_matrix(&mut self, a: &Matrix) -> Result<(), Fault> {
         self.active = None;
         let (found, expected) = (a.pattern(), &self.symbolic.pattern);
         if !Arc::ptr_eq(found, expected) {
@@ -92,8 +92,9 @@ impl Solver {
                 return Err(SolveError::Pattern);
             }
         }
-        let row = if a.values.slices().into_iter().all(local::all_finite) { usize::MAX } else { self.first_bad(a) };
-        let row = self.symbolic.context.least(row);
+        let row =
+            if a.values.slices().into_iter().all(local::all_finite) { usize::MAX } else { self.first_not_finite(a) };
+        let row = self.symbolic.context.min(row);
         if row != usize::MAX {
             return Err(SolveError::NotFinite { row });
         }
@@ -104,7 +105,7 @@ impl Solver {
         self.a.copy_values(a).map_err(SolveError::Fault)
     }
 
-    fn first_bad(&self, a: &Matrix) -> usize {
+    fn first_not_finite(&self, a: &Matrix) -> usize {
         let is_bad = |&row: &usize| {
             let own = a.layout.row(row as i32);
             own.is_some_and(|own| (0..own.columns.len()).any(|k| !a.values.get(own.at(k)).is_finite()))
@@ -120,7 +121,7 @@ impl Solver {
     }
 
     /// Factors the copied matrix, with more memory if the package requests it.
-    fn attempt(&mut self, kind: Factorization) -> Result<(Factorization, Found), Fault> {
+    fn attempt(&mut self, kind: Factorization) -> Result<(Factorization, Outcome), Fault> {
         let Self { a, limit, cholesky, ldlt, lu, .. } = self;
         let place = match kind {
             Factorization::Cholesky => cholesky,
@@ -129,16 +130,16 @@ impl Solver {
         };
         let mut found = None;
         // In percent; delayed pivots increase the memory needed.
-        for room in [30, 100, 400, 1600] {
+        for extra_memory in [30, 100, 400, 1600] {
             let factor = match place.take() {
                 Some(factor) => factor,
-                None => Factor::new(a, kind, *limit, room)?,
+                None => Factor::new(a, kind, *limit, extra_memory)?,
             };
             let now = factor.factor(a).map_err(SolveError::Fault)?;
             found = Some((factor.kind, now));
             match now.failure {
                 // A failed factorization cannot be used again.
-                Some(Failure::Room) => {}
+                Some(Failure::OutOfMemory) => {}
                 Some(failure @ Failure::Other(_)) if kind != Factorization::Cholesky => {
                     return Err(failure.error(factor.package()));
                 }
@@ -149,7 +150,7 @@ impl Solver {
             }
         }
         match found {
-            Some((_, Found { failure: Some(failure @ Failure::Room), .. })) => Err(failure.error("mumps")),
+            Some((_, Outcome { failure: Some(failure @ Failure::OutOfMemory), .. })) => Err(failure.error("mumps")),
             Some(found) => Ok(found),
             None => Err(SolveError::NotFactored),
         }
@@ -170,8 +171,8 @@ impl Solver {
     /// limit for pivots. If a diagonal entry is not positive, the judgment of the package stands.
     fn check_near_singular(&mut self, kind: Factorization, ratio: f64) -> Result<(), Fault> {
         let n = self.symbolic.pattern.rows();
-        let told = if ratio < 1.0 { ratio } else { 0.0 };
-        let Some(limit) = null_vector_limit::<f64>(&self.symbolic.params, n, told) else { return Ok(()) };
+        let reported = if ratio < 1.0 { ratio } else { 0.0 };
+        let Some(limit) = null_vector_limit::<f64>(&self.symbolic.params, n, reported) else { return Ok(()) };
         if kind == Factorization::Approximate {
             return Ok(());
         }
@@ -189,7 +190,7 @@ impl Solver {
         }
     }
 
-    fn singular(&mut self, kind: Factorization, found: &Found) -> Fault {
+    fn singular(&mut self, kind: Factorization, found: &Outcome) -> Fault {
         let Self { a, cholesky, ldlt, lu, diagonal, limit, .. } = self;
         let factor = match kind {
             Factorization::Cholesky => cholesky,
@@ -197,7 +198,7 @@ impl Solver {
             _ => lu,
         };
         let limit = *limit;
-        let unknown = match factor.take().map(|factor| factor.loose_unknown(a, found, diagonal)) {
+        let unknown = match factor.take().map(|factor| factor.null_space_unknown(a, found, diagonal)) {
             Some(Err(fault)) => return SolveError::Fault(fault),
             Some(Ok(Some(unknown))) => unknown,
             _ => 0,
@@ -210,7 +211,7 @@ impl Solver {
         let (kind, found) = self.attempt(Factorization::Cholesky)?;
         let is_definite = found.failure.is_none() && found.negative.is_none_or(|negative| negative == 0);
         if !is_definite {
-            if found.spent {
+            if found.aborted {
                 self.cholesky = None;
             }
             return Ok(None);
@@ -280,7 +281,7 @@ impl Solver {
         let factor = [&*cholesky, &*ldlt, &*lu].into_iter().flatten().find(|factor| factor.kind == active);
         let factor = factor.ok_or(SolveError::NotFactored)?;
         if b.len() > 1 && !factor.iterates && active != Factorization::Approximate {
-            factor.solve_together(a, b, x).map_err(SolveError::Fault)?;
+            factor.solve_many(a, b, x).map_err(SolveError::Fault)?;
             return Ok(sum);
         }
         for (b, x) in b.iter().zip(x) {
@@ -301,7 +302,7 @@ fn solve_one(factor: &Factor, a: &Matrix, b: &Vector, x: &mut Vector) -> Result<
 
 impl crate::las::Solver<Petsc> for Solver {
     fn factor(&mut self, a: &Matrix) -> Result<FactorReport, Fault> {
-        self.take(a)?;
+        self.copy_matrix(a)?;
         match self.symbolic.params.method {
             Method::Iterative(method) => self.prepare_iterations(method.preconditioner),
             Method::Direct => self.factor_taken(),
@@ -311,7 +312,7 @@ impl crate::las::Solver<Petsc> for Solver {
     /// With an iterative method, returns [`SolveError::Indefinite`] if a diagonal entry is not positive; no more is
     /// known.
     fn factor_definite(&mut self, a: &Matrix) -> Result<FactorReport, Fault> {
-        self.take(a)?;
+        self.copy_matrix(a)?;
         if let Method::Iterative(method) = self.symbolic.params.method {
             let unknown = self.smallest_diagonal()?;
             if self.diagonal.as_slice().get(unknown).is_some_and(|&entry| entry <= 0.0) {

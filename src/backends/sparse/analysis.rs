@@ -8,7 +8,7 @@ use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::sparse::linalg::cholesky::{simplicial, supernodal};
 use faer::sparse::{FaerError, SymbolicSparseColMat, SymbolicSparseColMatRef};
 
-use super::block::{SymbolicBlockCholesky, Width};
+use super::block::{SimdLevel, SymbolicBlockCholesky};
 use super::lu::LuAnalysis;
 use super::order::{self, Graph};
 use crate::las::{Method, SolveError, SolverParams, Sparsity, Symmetry};
@@ -16,10 +16,10 @@ use crate::las::{Method, SolveError, SolverParams, Sparsity, Symmetry};
 /// The number of floating-point operations, padding included, from which faer's supernodal factorization replaces the
 /// one by 3x3 blocks: for such large matrices, cache blocking matters more than small overheads. faer gains more from
 /// AVX-512 than the block factorization does. `docs/kernel.md` has the measurements.
-fn supernodes_from(width: Width) -> f64 {
-    match width {
+fn supernodes_from(level: SimdLevel) -> f64 {
+    match level {
         #[cfg(target_arch = "x86_64")]
-        Width::Avx512 => 2.5e9,
+        SimdLevel::Avx512 => 2.5e9,
         _ => 4e9,
     }
 }
@@ -82,7 +82,7 @@ impl Symbolic {
         self.operations = Some(operations);
         let padded = tree.padded_operations();
         let by_blocks = self.params.symmetry == Symmetry::Definite
-            && padded < supernodes_from(Width::of_machine())
+            && padded < supernodes_from(SimdLevel::of_machine())
             && padded <= MOST_PADDING * operations;
         if by_blocks {
             self.blocks = Some(SymbolicBlockCholesky::new(pattern, &graph, &tree));

@@ -112,7 +112,7 @@ impl<T: Scalar + RealField> Ldlt<T> {
             *unknown = analysis.order[position as usize];
         }
         let diagonal = |position: usize| self.values[analysis.diagonal[position] as usize];
-        Pivots::of_blocks(self.order.len(), diagonal, &self.subdiagonal)
+        Pivots::from_blocks(self.order.len(), diagonal, &self.subdiagonal)
     }
 
     /// Solves in place for right-hand sides whose rows are in the elimination order [`Ldlt::order`].

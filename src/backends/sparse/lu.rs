@@ -120,7 +120,7 @@ impl<T: Scalar + RealField> Lu<T> {
             let ratio = self.factor_supernodes(analysis, symbolic, stack)?;
             if ratio >= limit {
                 self.by_supernodes = true;
-                return Ok(Pivots::of_ratio(ratio));
+                return Ok(Pivots::from_ratio(ratio));
             }
         }
         self.by_supernodes = false;

@@ -25,7 +25,7 @@ pub fn partition(mesh: &Mesh, parts: usize) -> Vec<u32> {
 /// Partitions by METIS; `None` if METIS fails or leaves a part empty, which happens if there are few elements.
 #[cfg(feature = "metis")]
 fn by_metis(mesh: &Mesh, parts: usize) -> Option<Vec<u32>> {
-    let shard_of = crate::backends::metis::parts(&mesh.neighbors(), parts).ok()?;
+    let shard_of = crate::backends::metis::partition(&mesh.neighbors(), parts).ok()?;
     let mut counts = vec![0; parts];
     shard_of.iter().for_each(|&part| counts[part as usize] += 1);
     counts.iter().all(|&count| count > 0).then_some(shard_of)

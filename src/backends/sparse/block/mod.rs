@@ -25,8 +25,8 @@
 )]
 
 mod factor;
-mod lanes;
 mod products;
+mod simd;
 mod solve;
 mod sources;
 mod supernodes;
@@ -37,14 +37,14 @@ mod update;
 mod x86;
 
 pub(super) use factor::BlockCholesky;
-pub use lanes::{BlockScalar, Width};
+pub use simd::{BlockScalar, SimdLevel};
 
 use super::order::{BLOCK, Graph, Tree};
 use crate::las::Sparsity;
 use supernodes::Supernodes;
 
 /// A column of a block: three rows and a zero lane.
-type Column<T> = [T; lanes::LANES];
+type Column<T> = [T; simd::QUAD_LEN];
 
 /// The source and destination of one block of the matrix.
 #[derive(Clone, Copy, Debug)]

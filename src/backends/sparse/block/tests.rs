@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::lanes::Width;
+use super::simd::SimdLevel;
 use super::*;
 use crate::backends::sparse::order::eliminate;
 use crate::backends::sparse::{Matrix, Solver, Sparse, Symbolic, Vector};
@@ -126,13 +126,13 @@ fn analyze(pattern: &Sparsity, ordering: Ordering) -> Analyzed {
 }
 
 #[cfg(target_arch = "x86_64")]
-const WIDTHS: [Width; 3] = [Width::Portable, Width::Avx2, Width::Avx512];
+const LEVELS: [SimdLevel; 3] = [SimdLevel::Portable, SimdLevel::Avx2, SimdLevel::Avx512];
 #[cfg(not(target_arch = "x86_64"))]
-const WIDTHS: [Width; 1] = [Width::Portable];
+const LEVELS: [SimdLevel; 1] = [SimdLevel::Portable];
 
 /// Returns the register widths that this machine has; the test prints the ones that it skips.
-fn widths() -> impl Iterator<Item = Width> {
-    let (has, has_not) = WIDTHS.into_iter().partition::<Vec<_>, _>(|&width| width <= Width::of_machine());
+fn levels() -> impl Iterator<Item = SimdLevel> {
+    let (has, has_not) = LEVELS.into_iter().partition::<Vec<_>, _>(|&level| level <= SimdLevel::of_machine());
     if !has_not.is_empty() {
         eprintln!("skipped, since this machine lacks them: {has_not:?}");
     }
@@ -168,9 +168,9 @@ fn check_factors(random: &mut Random, pattern: &Arc<Sparsity>) {
         let l = dense_cholesky(&a, &order).unwrap();
         let pivots = || (0..l.len()).filter(|&k| order[k].is_some()).map(|k| l[k][k] * l[k][k]);
         let expected = pivots().fold(f64::INFINITY, f64::min) / pivots().fold(0.0, f64::max);
-        for width in widths() {
+        for level in levels() {
             let mut factor = BlockCholesky::new(&analysis);
-            let ratio = factor.factor_with(width, &analysis, &values).unwrap().ratio();
+            let ratio = factor.factor_with(level, &analysis, &values).unwrap().ratio();
             assert!(l.is_empty() || (ratio - expected).abs() < 1e-10, "{ratio} instead of {expected}");
             check_panels(&analysis, &factor.panels, &l, &order);
         }
@@ -213,7 +213,7 @@ fn lower<T: Scalar>(analysis: &SymbolicBlockCholesky, panels: &[Column<T>]) -> V
 
 /// All register widths agree up to rounding, in both precisions, also in the position where a matrix is not definite;
 /// widths with fused multiply-add agree bitwise.
-fn widths_agree<T: BlockScalar>() {
+fn levels_agree<T: BlockScalar>() {
     for seed in 0..40 {
         let mut random = Random::new(seed);
         let (nodes, bars) = (1 + random.below(90), 1 + random.below(6));
@@ -223,21 +223,21 @@ fn widths_agree<T: BlockScalar>() {
         let values = matrix::<T>(&pattern, &dense).values;
         let Analyzed { analysis, .. } = analyze(&pattern, Ordering::Auto);
         let [mut reference, mut other] = [(); 2].map(|()| BlockCholesky::<T>::new(&analysis));
-        let outcome = reference.factor_with(Width::Portable, &analysis, &values).map(|pivots| pivots.negative());
+        let outcome = reference.factor_with(SimdLevel::Portable, &analysis, &values).map(|pivots| pivots.negative());
         assert_eq!(outcome.is_err(), indefinite_at < pattern.rows());
         let mut fused = None;
-        for width in widths() {
-            let again = other.factor_with(width, &analysis, &values).map(|pivots| pivots.negative());
-            assert_eq!(again, outcome, "{width:?}");
+        for level in levels() {
+            let again = other.factor_with(level, &analysis, &values).map(|pivots| pivots.negative());
+            assert_eq!(again, outcome, "{level:?}");
             if outcome.is_err() {
                 continue;
             }
             let both = lower(&analysis, &reference.panels).into_iter().zip(lower(&analysis, &other.panels));
             let apart = both.map(|(a, b)| (a - b).abs().as_f64()).fold(0.0, f64::max);
-            assert!(apart < 50.0 * T::epsilon().as_f64(), "{width:?}: {apart:e}");
-            if width > Width::Portable {
+            assert!(apart < 50.0 * T::epsilon().as_f64(), "{level:?}: {apart:e}");
+            if level > SimdLevel::Portable {
                 let bits = lower(&analysis, &other.panels);
-                assert_eq!(*fused.get_or_insert_with(|| bits.clone()), bits, "{width:?}, bit for bit");
+                assert_eq!(*fused.get_or_insert_with(|| bits.clone()), bits, "{level:?}, bit for bit");
             }
         }
     }
@@ -245,8 +245,8 @@ fn widths_agree<T: BlockScalar>() {
 
 #[test]
 fn factors_do_not_depend_on_the_registers() {
-    widths_agree::<f64>();
-    widths_agree::<f32>();
+    levels_agree::<f64>();
+    levels_agree::<f32>();
 }
 
 /// Matrices use the block factorization if all but a few nodes have three unknowns, and only then.
