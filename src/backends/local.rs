@@ -157,6 +157,85 @@ pub(super) fn all_finite<T: Scalar>(values: &[T]) -> bool {
     sums.into_iter().sum::<T>().is_zero()
 }
 
+/// Implements the operations of a vector that has its entries in the field `values`; `norm` and `dot` are functions of
+/// slices.
+#[cfg(any(feature = "sparse", feature = "dense", feature = "batched"))]
+macro_rules! impl_vector_ops {
+    ([$($generics:tt)*] $backend:ty, $vector:ty, $value:ty, $reduced:ty, norm: $norm:path, dot: $dot:path) => {
+        const _: () = {
+            use std::convert::Infallible;
+
+            use $crate::backends::local as slices;
+            use $crate::las::VectorOps;
+
+            impl<$($generics)*> VectorOps<$backend> for $vector {
+                #[inline(always)]
+                fn len(&self) -> usize {
+                    self.values.len()
+                }
+
+                #[inline(always)]
+                fn zero(&mut self) -> Result<(), Infallible> {
+                    slices::zero(&mut self.values);
+                    Ok(())
+                }
+
+                #[inline(always)]
+                fn add(&mut self, rows: &[i32], values: &[$value]) -> Result<(), Infallible> {
+                    slices::add(&mut self.values, rows, values);
+                    Ok(())
+                }
+
+                #[inline(always)]
+                fn set(&mut self, rows: &[i32], values: &[$value]) -> Result<(), Infallible> {
+                    slices::set(&mut self.values, rows, values);
+                    Ok(())
+                }
+
+                #[inline(always)]
+                fn get(&self, rows: &[i32], values: &mut [$value]) -> Result<(), Infallible> {
+                    slices::get(&self.values, rows, values);
+                    Ok(())
+                }
+
+                #[inline(always)]
+                fn norm(&self) -> Result<$reduced, Infallible> {
+                    Ok($norm(&self.values))
+                }
+
+                #[inline(always)]
+                fn dot(&self, y: &Self) -> Result<$reduced, Infallible> {
+                    Ok($dot(&self.values, &y.values))
+                }
+
+                #[inline(always)]
+                fn axpy(&mut self, a: $value, x: &Self) -> Result<(), Infallible> {
+                    slices::axpy(a, &x.values, &mut self.values);
+                    Ok(())
+                }
+
+                #[inline(always)]
+                fn with_local<R>(&self, read: impl FnOnce(&[$value]) -> R) -> Result<R, Infallible> {
+                    Ok(read(&self.values))
+                }
+
+                #[inline(always)]
+                fn with_local_mut<R>(&mut self, write: impl FnOnce(&mut [$value]) -> R) -> Result<R, Infallible> {
+                    Ok(write(&mut self.values))
+                }
+
+                #[inline(always)]
+                fn finish(&mut self) -> Result<(), Infallible> {
+                    Ok(())
+                }
+            }
+        };
+    };
+}
+
+#[cfg(any(feature = "sparse", feature = "dense", feature = "batched"))]
+pub(super) use impl_vector_ops;
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -27,7 +27,7 @@
 //! | [`VectorOps`] for `Backend::Vector` | ten operations; the rules of negative indices and of `finish` are stated there |
 //! | [`MatrixOps`] for `Backend::Matrix` | nine operations; the rules of writes outside the pattern are stated there |
 //! | [`MatVec`] for `Backend::Matrix` | two products and two diagonals |
-//! | [`Solver`] for `Backend::Solver` | two kinds of factorization and two kinds of solves; methods that the backend lacks return [`SolveError::Unsupported`] |
+//! | [`Solver`] for `Backend::Solver` | two kinds of factorization, and solves; methods that the backend lacks return [`SolveError::Unsupported`] |
 //!
 //! Two extensions are optional, because no simulation needs them: [`Entries`] (for [`transfer::matrix`], Matrix Market
 //! files and the C interface) and [`MatMat`] (sums and products of matrices, for the C interface). [`krylov`] provides
@@ -59,4 +59,5 @@ pub use solve::{
     FactorReport, Factorization, InvalidParameter, Iterative, Krylov, Method, Ordering, Preconditioner, SolveError,
     SolveReport, Solver, SolverParams, StopReason, Symmetry,
 };
+pub(crate) use sparsity::offsets;
 pub use sparsity::{Sparsity, SparsityError};

@@ -146,13 +146,7 @@ impl Sparsity {
     /// The pattern of the transpose.
     #[must_use]
     pub fn transpose(&self) -> Self {
-        let mut row_offsets = vec![0_u32; self.cols + 1];
-        for &column in &self.columns {
-            row_offsets[column as usize + 1] += 1;
-        }
-        for k in 0..self.cols {
-            row_offsets[k + 1] += row_offsets[k];
-        }
+        let row_offsets = offsets(self.cols, self.columns.iter().map(|&column| column as usize));
         let mut next = row_offsets.clone();
         let mut columns = vec![0; self.entries()];
         for row in 0..self.rows() {
@@ -253,6 +247,19 @@ impl Sparsity {
         let alone = |row: usize| columns(row).find(|&column| self.find(column, row).is_none());
         (0..self.rows()).find_map(|row| alone(row).map(|column| (row, column)))
     }
+}
+
+/// Returns the index of the first item of each of `count` groups, followed by the number of items, given the group of
+/// every item.
+pub(crate) fn offsets(count: usize, groups: impl Iterator<Item = usize>) -> Vec<u32> {
+    let mut offsets = vec![0; count + 1];
+    for group in groups {
+        offsets[group + 1] += 1;
+    }
+    for group in 0..count {
+        offsets[group + 1] += offsets[group];
+    }
+    offsets
 }
 
 /// For each row, lists the numbers of the elements that contain it; returns the offset of each row's list and the

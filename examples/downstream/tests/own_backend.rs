@@ -317,6 +317,23 @@ impl OwnSolver {
         let pivot_ratio = if n == 0 { 1.0 } else { smallest / largest };
         Ok(FactorReport { kind, indefinite_at: None, pivot_ratio, negative_pivots })
     }
+
+    fn solve_one(&self, b: &Vector, x: &mut Vector) -> Result<(), Error> {
+        let n = self.symbolic.unknowns;
+        check_size("the right-hand side", b.len(), n)?;
+        check_size("the solution", x.len(), n)?;
+        let (factors, order) = self.factors.as_ref().ok_or(SolveError::NotFactored)?;
+        let product = |row: usize, range: std::ops::Range<usize>, x: &[f64]| -> f64 {
+            factors.row(row)[range.clone()].iter().zip(&x[range]).map(|(a, x)| a * x).sum()
+        };
+        for row in 0..n {
+            x.0[row] = b.0[order[row]] - product(row, 0..row, &x.0);
+        }
+        for row in (0..n).rev() {
+            x.0[row] = (x.0[row] - product(row, row + 1..n, &x.0)) / factors.row(row)[row];
+        }
+        Ok(())
+    }
 }
 
 impl Solver<Own> for OwnSolver {
@@ -335,29 +352,12 @@ impl Solver<Own> for OwnSolver {
         self.eliminate(a, Factorization::Cholesky)
     }
 
-    fn solve(&mut self, b: &Vector, x: &mut Vector) -> Result<SolveReport, Error> {
-        let n = self.symbolic.unknowns;
-        check_size("the right-hand side", b.len(), n)?;
-        check_size("the solution", x.len(), n)?;
-        let (factors, order) = self.factors.as_ref().ok_or(SolveError::NotFactored)?;
-        let product = |row: usize, range: std::ops::Range<usize>, x: &[f64]| -> f64 {
-            factors.row(row)[range.clone()].iter().zip(&x[range]).map(|(a, x)| a * x).sum()
-        };
-        for row in 0..n {
-            x.0[row] = b.0[order[row]] - product(row, 0..row, &x.0);
-        }
-        for row in (0..n).rev() {
-            x.0[row] = (x.0[row] - product(row, row + 1..n, &x.0)) / factors.row(row)[row];
-        }
-        Ok(SolveReport::DIRECT)
-    }
-
     fn solve_many(&mut self, b: &[Vector], x: &mut [Vector]) -> Result<SolveReport, Error> {
         check_size("the list of solutions", x.len(), b.len())?;
         if self.factors.is_none() {
             return Err(SolveError::NotFactored);
         }
-        b.iter().zip(x).try_for_each(|(b, x)| self.solve(b, x).map(drop))?;
+        b.iter().zip(x).try_for_each(|(b, x)| self.solve_one(b, x))?;
         Ok(SolveReport::DIRECT)
     }
 }

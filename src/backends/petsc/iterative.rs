@@ -4,6 +4,7 @@ use super::error::PetscError;
 use super::ksp::Ksp;
 use super::session::call;
 use super::{Matrix, Petsc, Vector, ffi};
+use crate::las::krylov::not_converged;
 use crate::las::{Backend, Iterative, Krylov, MatVec, Preconditioner, SolveError, SolveReport, StopReason, VectorOps};
 
 /// A Krylov method with its preconditioner, on one matrix.
@@ -17,6 +18,9 @@ pub(super) struct ByIterations {
 
 /// The largest number of runs of a method that reports convergence although the true residual is too large.
 const ROUNDS: usize = 4;
+
+/// The code of a method that reached its iteration limit.
+const KSP_DIVERGED_ITS: i32 = -3;
 
 impl ByIterations {
     pub(super) fn new(a: &Matrix, method: Iterative) -> Result<Self, SolveError<PetscError>> {
@@ -91,25 +95,13 @@ impl ByIterations {
                 break;
             }
         }
-        Err(self.failure(report, reason))
-    }
-
-    fn failure(&self, report: SolveReport, reason: i32) -> SolveError<PetscError> {
-        /// `KSP_DIVERGED_ITS`.
-        const ITERATIONS: i32 = -3;
-        let method = match self.method.krylov {
-            Krylov::Cg => "CG",
-            Krylov::BiCgStab => "BiCGSTAB",
-            Krylov::Gmres { .. } => "GMRES",
-        };
-        let SolveReport { iterations, residual } = report;
         let stop_reason = match reason {
-            ITERATIONS => StopReason::MaxIterations,
+            KSP_DIVERGED_ITS => StopReason::MaxIterations,
             // PETSc reported convergence in every round.
             1.. => StopReason::Stagnated,
             _ => StopReason::Breakdown,
         };
-        SolveError::NotConverged { method, iterations, residual, tolerance: self.method.tolerance, stop_reason }
+        Err(not_converged(&self.method, report, stop_reason))
     }
 }
 

@@ -7,7 +7,7 @@ use super::direct::{Factor, Failure, Outcome};
 use super::error::PetscError;
 use super::iterative::ByIterations;
 use super::{Matrix, Petsc, Vector};
-use crate::backends::checks::{check_columns, check_size, definite, singular_limit};
+use crate::backends::checks::{check_analyzable, check_columns, check_pattern, definite, singular_limit};
 use crate::backends::local;
 use crate::backends::null_vector::{Scales, check_null_vector, null_vector_limit};
 use crate::las::{
@@ -28,11 +28,7 @@ pub struct Symbolic {
 
 impl Symbolic {
     pub(super) fn new(context: &Context, pattern: &Arc<Sparsity>, params: &SolverParams) -> Result<Self, Fault> {
-        let (rows, cols) = (pattern.rows(), pattern.cols());
-        if rows != cols {
-            return Err(SolveError::NotSquare { rows, cols });
-        }
-        params.check()?;
+        check_analyzable(pattern, params)?;
         Ok(Self { context: context.clone(), pattern: Arc::clone(pattern), params: *params })
     }
 }
@@ -52,9 +48,8 @@ pub struct Solver {
     limit: f64,
     /// A copy of the matrix, because its owner may change it.
     a: Matrix,
-    cholesky: Option<Factor>,
-    ldlt: Option<Factor>,
-    lu: Option<Factor>,
+    /// The factors by Cholesky, LDL^T and LU (see [`index`]).
+    factors: [Option<Factor>; 3],
     iterative: Option<ByIterations>,
     active: Option<Factorization>,
     diagonal: Vector,
@@ -71,9 +66,7 @@ impl Solver {
         Ok(Self {
             limit: singular_limit::<f64>(&symbolic.params),
             a,
-            cholesky: None,
-            ldlt: None,
-            lu: None,
+            factors: [None, None, None],
             iterative,
             active: None,
             diagonal: Vector::zeros(context, symbolic.pattern.rows()).map_err(SolveError::Fault)?,
@@ -85,13 +78,7 @@ impl Solver {
     fn copy_matrix(&mut self, a: &Matrix) -> Result<(), Fault> {
         self.active = None;
         let (found, expected) = (a.pattern(), &self.symbolic.pattern);
-        if !Arc::ptr_eq(found, expected) {
-            check_size("the matrix to factor (rows)", found.rows(), expected.rows())?;
-            check_size("the matrix to factor (entries)", found.entries(), expected.entries())?;
-            if found != expected {
-                return Err(SolveError::Pattern);
-            }
-        }
+        check_pattern(found, expected)?;
         let row =
             if a.values.slices().into_iter().all(local::all_finite) { usize::MAX } else { self.first_not_finite(a) };
         let row = self.symbolic.context.min(row);
@@ -122,16 +109,12 @@ impl Solver {
 
     /// Factors the copied matrix, with more memory if the package requests it.
     fn attempt(&mut self, kind: Factorization) -> Result<(Factorization, Outcome), Fault> {
-        let Self { a, limit, cholesky, ldlt, lu, .. } = self;
-        let place = match kind {
-            Factorization::Cholesky => cholesky,
-            Factorization::Ldlt => ldlt,
-            _ => lu,
-        };
+        let Self { a, limit, factors, .. } = self;
+        let stored = &mut factors[index(kind)];
         let mut found = None;
         // In percent; delayed pivots increase the memory needed.
         for extra_memory in [30, 100, 400, 1600] {
-            let factor = match place.take() {
+            let factor = match stored.take() {
                 Some(factor) => factor,
                 None => Factor::new(a, kind, *limit, extra_memory)?,
             };
@@ -144,7 +127,7 @@ impl Solver {
                     return Err(failure.error(factor.package()));
                 }
                 _ => {
-                    *place = Some(factor);
+                    *stored = Some(factor);
                     break;
                 }
             }
@@ -177,8 +160,8 @@ impl Solver {
             return Ok(());
         }
         self.a.diagonal(&mut self.diagonal)?;
-        let Self { symbolic, a, cholesky, ldlt, lu, diagonal, .. } = self;
-        let factor = [&*cholesky, &*ldlt, &*lu].into_iter().flatten().find(|factor| factor.kind == kind);
+        let Self { symbolic, a, factors, diagonal, .. } = self;
+        let factor = factors.iter().flatten().find(|factor| factor.kind == kind);
         let Some(factor) = factor.filter(|_| diagonal.as_slice().iter().all(|&entry| entry > 0.0)) else {
             return Ok(());
         };
@@ -191,14 +174,9 @@ impl Solver {
     }
 
     fn singular(&mut self, kind: Factorization, found: &Outcome) -> Fault {
-        let Self { a, cholesky, ldlt, lu, diagonal, limit, .. } = self;
-        let factor = match kind {
-            Factorization::Cholesky => cholesky,
-            Factorization::Ldlt => ldlt,
-            _ => lu,
-        };
+        let Self { a, factors, diagonal, limit, .. } = self;
         let limit = *limit;
-        let unknown = match factor.take().map(|factor| factor.null_space_unknown(a, found, diagonal)) {
+        let unknown = match factors[index(kind)].take().map(|factor| factor.null_space_unknown(a, found, diagonal)) {
             Some(Err(fault)) => return SolveError::Fault(fault),
             Some(Ok(Some(unknown))) => unknown,
             _ => 0,
@@ -212,7 +190,7 @@ impl Solver {
         let is_definite = found.failure.is_none() && found.negative.is_none_or(|negative| negative == 0);
         if !is_definite {
             if found.aborted {
-                self.cholesky = None;
+                self.factors[index(Factorization::Cholesky)] = None;
             }
             return Ok(None);
         }
@@ -271,14 +249,14 @@ impl Solver {
         if n == 0 {
             return Ok(sum);
         }
-        let Self { a, cholesky, ldlt, lu, iterative, .. } = self;
+        let Self { a, factors, iterative, .. } = self;
         if let Some(iterative) = iterative {
             for (b, x) in b.iter().zip(x) {
                 sum = sum.and(iterative.solve(a, b, x)?);
             }
             return Ok(sum);
         }
-        let factor = [&*cholesky, &*ldlt, &*lu].into_iter().flatten().find(|factor| factor.kind == active);
+        let factor = factors.iter().flatten().find(|factor| factor.kind == active);
         let factor = factor.ok_or(SolveError::NotFactored)?;
         if b.len() > 1 && !factor.iterates && active != Factorization::Approximate {
             factor.solve_many(a, b, x).map_err(SolveError::Fault)?;
@@ -288,6 +266,15 @@ impl Solver {
             sum = sum.and(solve_one(factor, a, b, x)?);
         }
         Ok(sum)
+    }
+}
+
+/// Returns the index of the factor of this kind in [`Solver::factors`].
+fn index(kind: Factorization) -> usize {
+    match kind {
+        Factorization::Cholesky => 0,
+        Factorization::Ldlt => 1,
+        Factorization::Lu | Factorization::Approximate => 2,
     }
 }
 
@@ -337,10 +324,6 @@ impl crate::las::Solver<Petsc> for Solver {
         }
         let report = self.factor_taken()?;
         definite(Petsc::NAME, report).inspect_err(|_| self.active = None)
-    }
-
-    fn solve(&mut self, b: &Vector, x: &mut Vector) -> Result<SolveReport, Fault> {
-        self.solve_columns(std::slice::from_ref(b), std::slice::from_mut(x))
     }
 
     fn solve_many(&mut self, b: &[Vector], x: &mut [Vector]) -> Result<SolveReport, Fault> {

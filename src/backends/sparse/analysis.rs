@@ -11,7 +11,8 @@ use faer::sparse::{FaerError, SymbolicSparseColMat, SymbolicSparseColMatRef};
 use super::block::{SimdLevel, SymbolicBlockCholesky};
 use super::lu::LuAnalysis;
 use super::order::{self, Graph};
-use crate::las::{Method, SolveError, SolverParams, Sparsity, Symmetry};
+use crate::backends::checks::check_analyzable;
+use crate::las::{Method, SolveError, SolverParams, Sparsity, Symmetry, offsets};
 
 /// The number of floating-point operations, padding included, from which faer's supernodal factorization replaces the
 /// one by 3x3 blocks: for such large matrices, cache blocking matters more than small overheads. faer gains more from
@@ -45,11 +46,7 @@ pub struct Symbolic {
 
 impl Symbolic {
     pub(super) fn new(pattern: &Arc<Sparsity>, params: &SolverParams) -> Result<Self, SolveError<Infallible>> {
-        let (rows, cols) = (pattern.rows(), pattern.cols());
-        if rows != cols {
-            return Err(SolveError::NotSquare { rows, cols });
-        }
-        params.check()?;
+        check_analyzable(pattern, params)?;
         let mut symbolic = Self {
             pattern: Arc::clone(pattern),
             params: *params,
@@ -191,13 +188,7 @@ fn permuted_lower_triangle(pattern: &Sparsity, position: &[u32]) -> (SymbolicSpa
         }
     }
     entries.sort_unstable();
-    let mut col_offsets = vec![0_u32; n + 1];
-    for &(column, ..) in &entries {
-        col_offsets[column as usize + 1] += 1;
-    }
-    for column in 0..n {
-        col_offsets[column + 1] += col_offsets[column];
-    }
+    let col_offsets = offsets(n, entries.iter().map(|&(column, ..)| column as usize));
     let rows = entries.iter().map(|&(_, row, _)| row).collect();
     let source = entries.iter().map(|&(.., k)| k).collect();
     (SymbolicSparseColMat::new_checked(n, n, col_offsets, None, rows), source)

@@ -24,7 +24,7 @@ where
     combine::<B>(p, B::Scalar::zero(), one, r)?;
     let mut rho = dot::<B>(shadow, r)?;
     let begun = run.iterations;
-    while run.iterations < run.most {
+    while run.iterations < run.max_iterations {
         (run.m)(p, z)?;
         (run.a)(z, v)?;
         let alpha = rho / dot::<B>(shadow, v)?;
@@ -35,7 +35,7 @@ where
         axpy::<B>(r, -alpha, v)?;
         run.iterations += 1;
         if norm::<B>(r)? <= run.target {
-            return Ok(Ended::Look);
+            return Ok(Ended::CheckResidual);
         }
         (run.m)(r, z)?;
         (run.a)(z, t)?;
@@ -46,7 +46,7 @@ where
         axpy::<B>(x, omega, z)?;
         axpy::<B>(r, -omega, t)?;
         if norm::<B>(r)? <= run.target {
-            return Ok(Ended::Look);
+            return Ok(Ended::CheckResidual);
         }
         let before = std::mem::replace(&mut rho, dot::<B>(shadow, r)?);
         let beta = (rho / before) * (alpha / omega);
@@ -57,10 +57,10 @@ where
         axpy::<B>(p, -omega, v)?;
         combine::<B>(p, beta, one, r)?;
     }
-    Ok(Ended::Look)
+    Ok(Ended::CheckResidual)
 }
 
 /// A breakdown after at least one step allows a restart with a new shadow residual.
 fn broken(moved: bool) -> Ended {
-    if moved { Ended::Look } else { Ended::Breakdown }
+    if moved { Ended::CheckResidual } else { Ended::Breakdown }
 }

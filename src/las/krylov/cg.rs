@@ -22,7 +22,7 @@ where
     (run.m)(r, z)?;
     combine::<B>(p, B::Scalar::zero(), num_traits::One::one(), z)?;
     let mut rz = dot::<B>(r, z)?;
-    while run.iterations < run.most {
+    while run.iterations < run.max_iterations {
         (run.a)(p, q)?;
         let curvature = dot::<B>(p, q)?;
         // The matrix is not positive definite along this direction, so that conjugate gradients do not apply.
@@ -34,11 +34,11 @@ where
         axpy::<B>(r, -step, q)?;
         run.iterations += 1;
         if norm::<B>(r)? <= run.target {
-            return Ok(Ended::Look);
+            return Ok(Ended::CheckResidual);
         }
         (run.m)(r, z)?;
         let before = std::mem::replace(&mut rz, dot::<B>(r, z)?);
         combine::<B>(p, rz / before, num_traits::One::one(), z)?;
     }
-    Ok(Ended::Look)
+    Ok(Ended::CheckResidual)
 }

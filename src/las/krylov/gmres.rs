@@ -12,7 +12,7 @@ pub(super) fn vectors(restart: usize) -> usize {
 }
 
 /// Number of coefficients: the Hessenberg matrix by columns, the rotations, and the right-hand side.
-pub(super) fn numbers(restart: usize) -> usize {
+pub(super) fn coefficients(restart: usize) -> usize {
     let m = restart.max(1);
     (m + 1) * m + 2 * m + m + 1
 }
@@ -22,7 +22,7 @@ pub(super) fn run<B>(
     run: &mut Run<'_, B>,
     x: &mut B::Vector,
     vectors: &mut [B::Vector],
-    numbers: &mut [B::Scalar],
+    coefficients: &mut [B::Scalar],
     restart: usize,
 ) -> Result<Ended, SolveError<B::Fault>>
 where
@@ -31,14 +31,14 @@ where
 {
     let m = restart.max(1);
     let (basis, [product, z]) = vectors.split_at_mut(m + 1) else { return Ok(Ended::Breakdown) };
-    let (h, rest) = numbers.split_at_mut((m + 1) * m);
+    let (h, rest) = coefficients.split_at_mut((m + 1) * m);
     let (rotations, g) = rest.split_at_mut(2 * m);
     g.fill(B::Scalar::zero());
     g[0] = norm::<B>(&basis[0])?;
     normalize::<B>(&mut basis[0], g[0])?;
     let mut steps = 0;
     let mut broke_down = false;
-    while steps < m && run.iterations < run.most {
+    while steps < m && run.iterations < run.max_iterations {
         let k = steps;
         let column = &mut h[k * (m + 1)..(k + 1) * (m + 1)];
         (run.m)(&basis[k], z)?;
@@ -72,7 +72,7 @@ where
     }
     (run.m)(product, z)?;
     axpy::<B>(x, B::Scalar::one(), z)?;
-    Ok(if broke_down || steps == 0 { Ended::Breakdown } else { Ended::Look })
+    Ok(if broke_down || steps == 0 { Ended::Breakdown } else { Ended::CheckResidual })
 }
 
 fn normalize<B: Backend>(v: &mut B::Vector, length: B::Scalar) -> Result<(), SolveError<B::Fault>>

@@ -27,13 +27,13 @@ pub struct KrylovSpace<B: Backend> {
     method: Iterative,
     vectors: Vec<B::Vector>,
     /// Coefficients of GMRES (Hessenberg matrix, rotations, right-hand side).
-    numbers: Vec<B::Scalar>,
+    coefficients: Vec<B::Scalar>,
 }
 
 /// The reason why an inner loop ended.
 enum Ended {
     /// The recurrence residual is small enough, or a restart is due: the true residual has to be computed.
-    Look,
+    CheckResidual,
     /// The next step is undefined.
     Breakdown,
 }
@@ -45,7 +45,7 @@ struct Run<'a, B: Backend> {
     /// The residual norm at which to stop.
     target: B::Scalar,
     iterations: usize,
-    most: usize,
+    max_iterations: usize,
 }
 
 impl<B> KrylovSpace<B>
@@ -58,13 +58,13 @@ where
     /// # Errors
     /// Returns the backend's fault.
     pub fn new(context: &B::Context, len: usize, method: Iterative) -> Result<Self, B::Fault> {
-        let (vectors, numbers) = match method.krylov {
+        let (vectors, coefficients) = match method.krylov {
             Krylov::Cg => (cg::VECTORS, 0),
             Krylov::BiCgStab => (bicgstab::VECTORS, 0),
-            Krylov::Gmres { restart } => (gmres::vectors(restart), gmres::numbers(restart)),
+            Krylov::Gmres { restart } => (gmres::vectors(restart), gmres::coefficients(restart)),
         };
         let vectors = (0..vectors).map(|_| B::vector(context, len)).collect::<Result<_, _>>()?;
-        Ok(Self { method, vectors, numbers: vec![B::Scalar::default(); numbers] })
+        Ok(Self { method, vectors, coefficients: vec![B::Scalar::default(); coefficients] })
     }
 
     /// Solves `A x = b` with the matrix `a` and the preconditioner `m`.
@@ -88,7 +88,7 @@ where
             return Err(SolveError::RhsNotFinite);
         }
         let target = size * B::Scalar::of(tolerance);
-        let mut run = Run::<B> { a, m, target, iterations: 0, most: max_iterations };
+        let mut run = Run::<B> { a, m, target, iterations: 0, max_iterations };
         let mut best = B::Scalar::infinity();
         loop {
             // In every method the first vector is the residual.
@@ -101,40 +101,43 @@ where
             // The last restart reduced the residual by less than 10%: rounding errors dominate.
             let stuck = residual > best * B::Scalar::of(0.9) && !matches!(krylov, Krylov::Gmres { .. });
             if residual.is_nan() {
-                return Err(self.failure(report, StopReason::Breakdown));
+                return Err(not_converged(&self.method, report, StopReason::Breakdown));
             }
             if run.iterations >= max_iterations {
-                return Err(self.failure(report, StopReason::MaxIterations));
+                return Err(not_converged(&self.method, report, StopReason::MaxIterations));
             }
             if stuck {
-                return Err(self.failure(report, StopReason::Stagnated));
+                return Err(not_converged(&self.method, report, StopReason::Stagnated));
             }
             best = best.min(residual);
             let ended = match krylov {
                 Krylov::Cg => cg::run(&mut run, x, &mut self.vectors)?,
                 Krylov::BiCgStab => bicgstab::run(&mut run, x, &mut self.vectors)?,
-                Krylov::Gmres { restart } => gmres::run(&mut run, x, &mut self.vectors, &mut self.numbers, restart)?,
+                Krylov::Gmres { restart } => {
+                    gmres::run(&mut run, x, &mut self.vectors, &mut self.coefficients, restart)?
+                }
             };
             if matches!(ended, Ended::Breakdown) {
                 run.residual(b, x, &mut self.vectors)?;
                 let residual = self.vectors[0].norm().map_err(SolveError::Fault)?;
                 if residual > target {
                     let report = SolveReport { iterations: run.iterations, residual: (residual / size).as_f64() };
-                    return Err(self.failure(report, StopReason::Breakdown));
+                    return Err(not_converged(&self.method, report, StopReason::Breakdown));
                 }
             }
         }
     }
+}
 
-    fn failure(&self, report: SolveReport, stop_reason: StopReason) -> SolveError<B::Fault> {
-        let method = match self.method.krylov {
-            Krylov::Cg => "CG",
-            Krylov::BiCgStab => "BiCGSTAB",
-            Krylov::Gmres { .. } => "GMRES",
-        };
-        let SolveReport { iterations, residual } = report;
-        SolveError::NotConverged { method, iterations, residual, tolerance: self.method.tolerance, stop_reason }
-    }
+/// Returns the error of a method that stopped before it reached its tolerance.
+pub(crate) fn not_converged<F>(method: &Iterative, report: SolveReport, stop_reason: StopReason) -> SolveError<F> {
+    let name = match method.krylov {
+        Krylov::Cg => "CG",
+        Krylov::BiCgStab => "BiCGSTAB",
+        Krylov::Gmres { .. } => "GMRES",
+    };
+    let SolveReport { iterations, residual } = report;
+    SolveError::NotConverged { method: name, iterations, residual, tolerance: method.tolerance, stop_reason }
 }
 
 impl<B> Run<'_, B>
@@ -149,7 +152,7 @@ where
         x: &B::Vector,
         vectors: &mut [B::Vector],
     ) -> Result<(), SolveError<B::Fault>> {
-        let (r, rest) = parts(vectors);
+        let (r, rest) = split_first_vector(vectors);
         (self.a)(x, &mut rest[0])?;
         combine::<B>(r, B::Scalar::zero(), B::Scalar::one(), b)?;
         axpy::<B>(r, -B::Scalar::one(), &rest[0])
@@ -157,7 +160,7 @@ where
 }
 
 /// Splits off the first vector; every method has at least two.
-fn parts<V>(vectors: &mut [V]) -> (&mut V, &mut [V]) {
+fn split_first_vector<V>(vectors: &mut [V]) -> (&mut V, &mut [V]) {
     let (first, rest) = vectors.split_at_mut(1);
     (&mut first[0], rest)
 }

@@ -1,10 +1,10 @@
 //! The numeric block Cholesky factorization.
 
 use super::products::{load, rows_of, store, subtract_products};
-use super::simd::{BlockScalar, Kernel, Simd, SimdLevel};
+use super::simd::{BlockScalar, Simd, SimdLevel, WithSimd};
 use super::update::DescendantSupernode;
 use super::{BLOCK, BlockSource, Column, Node, PartialBlock, SymbolicBlockCholesky};
-use crate::backends::direct::Pivots;
+use crate::backends::direct::{NotPositiveDefinite, Pivots};
 use crate::las::Scalar;
 
 /// A block: three columns.
@@ -29,13 +29,13 @@ impl<T: BlockScalar> BlockCholesky<T> {
         }
     }
 
-    /// Factors the matrix with these values, reading one of two mirrored values. Returns the position of the first
-    /// pivot that is not positive as the error; there are three positions per node.
+    /// Factors the matrix with these values, reading one of two mirrored values. There are three positions of pivots
+    /// per node.
     pub(in crate::backends::sparse) fn factor(
         &mut self,
         analysis: &SymbolicBlockCholesky,
         values: &[T],
-    ) -> Result<Pivots, usize> {
+    ) -> Result<Pivots, NotPositiveDefinite> {
         self.factor_with(SimdLevel::of_machine(), analysis, values)
     }
 
@@ -45,7 +45,7 @@ impl<T: BlockScalar> BlockCholesky<T> {
         level: SimdLevel,
         analysis: &SymbolicBlockCholesky,
         values: &[T],
-    ) -> Result<Pivots, usize> {
+    ) -> Result<Pivots, NotPositiveDefinite> {
         T::dispatch(
             level,
             Factor { analysis, values, panels: &mut self.panels, relative_rows: &mut self.relative_rows },
@@ -61,11 +61,11 @@ pub(super) struct Factor<'a, T> {
     pub(super) relative_rows: &'a mut [u32],
 }
 
-impl<T: Scalar> Kernel<T> for Factor<'_, T> {
-    type Output = Result<Pivots, usize>;
+impl<T: Scalar> WithSimd<T> for Factor<'_, T> {
+    type Output = Result<Pivots, NotPositiveDefinite>;
 
     #[inline(always)]
-    fn run<S: Simd<T>>(self, simd: S) -> Result<Pivots, usize> {
+    fn with_simd<S: Simd<T>>(self, simd: S) -> Result<Pivots, NotPositiveDefinite> {
         let Self { analysis, values, panels, relative_rows } = self;
         let supernodes = &analysis.supernodes;
         let mut pivots = Pivots::empty();
@@ -136,7 +136,7 @@ fn factor_panel<T: Scalar, S: Simd<T>>(
     nodes: &[Node],
     position: usize,
     pivots: &mut Pivots,
-) -> Result<(), usize> {
+) -> Result<(), NotPositiveDefinite> {
     let width = nodes.len();
     let (blocks, _) = panel.as_chunks_mut::<BLOCK>();
     let mut row = 0;
@@ -170,7 +170,7 @@ fn factor_rows<T: Scalar, S: Simd<T>, const R: usize>(
     nodes: &[Node],
     position: usize,
     pivots: &mut Pivots,
-) -> Result<usize, usize> {
+) -> Result<usize, NotPositiveDefinite> {
     let width = nodes.len();
     let before = above.len() / width;
     eliminate::<T, S, R>(simd, rows, above, width, before);
@@ -248,25 +248,29 @@ fn invert_diagonal<T: Scalar>(
     size: usize,
     position: usize,
     pivots: &mut Pivots,
-) -> Result<(), usize> {
+) -> Result<(), NotPositiveDefinite> {
     for k in size..BLOCK {
         for column in &mut block[..k] {
             column[k] = T::zero();
         }
         block[k][k] = T::one();
     }
-    let mut see = |pivot: T, k: usize| {
+    let mut record = |pivot: T, k: usize| {
         if k < size {
             pivots.record(pivot.as_f64(), position + k);
         }
-        if pivot > T::zero() { Ok(T::one() / pivot.sqrt()) } else { Err(position + k) }
+        if pivot > T::zero() {
+            Ok(T::one() / pivot.sqrt())
+        } else {
+            Err(NotPositiveDefinite { position: position + k })
+        }
     };
     let [[a00, a10, a20, _], [_, a11, a21, _], [_, _, a22, _]] = *block;
-    let i00 = see(a00, 0)?;
+    let i00 = record(a00, 0)?;
     let (l10, l20) = (a10 * i00, a20 * i00);
-    let i11 = see(a11 - l10 * l10, 1)?;
+    let i11 = record(a11 - l10 * l10, 1)?;
     let l21 = (a21 - l20 * l10) * i11;
-    let i22 = see(a22 - l20 * l20 - l21 * l21, 2)?;
+    let i22 = record(a22 - l20 * l20 - l21 * l21, 2)?;
     let i10 = -l10 * i00 * i11;
     let i21 = -l21 * i11 * i22;
     let i20 = -(l20 * i00 + l21 * i10) * i22;

@@ -46,13 +46,13 @@ pub trait Simd<T>: Copy {
 }
 
 /// A computation that runs with any implementation of [`Simd`].
-pub trait Kernel<T> {
+pub trait WithSimd<T> {
     /// The result of the computation.
     type Output;
 
     /// Runs the computation. Implementations and all functions that they call must be `#[inline(always)]`: the compiler
     /// generates vector instructions only inside the function that checked for them.
-    fn run<S: Simd<T>>(self, simd: S) -> Self::Output;
+    fn with_simd<S: Simd<T>>(self, simd: S) -> Self::Output;
 }
 
 /// The widest registers that a kernel may use.
@@ -86,7 +86,7 @@ impl SimdLevel {
 /// A scalar type for 3x3 blocks: `f64` or `f32`.
 pub trait BlockScalar: Scalar + RealField {
     /// Runs a kernel with registers of the given width, or the next narrower ones that this machine has.
-    fn dispatch<K: Kernel<Self>>(level: SimdLevel, kernel: K) -> K::Output;
+    fn dispatch<K: WithSimd<Self>>(level: SimdLevel, kernel: K) -> K::Output;
 }
 
 /// [`Simd`] without explicit vector instructions; the compiler uses the instructions that every machine of the target
@@ -150,19 +150,19 @@ impl<T: Scalar> Simd<T> for Portable {
 
 #[cfg(not(target_arch = "x86_64"))]
 mod elsewhere {
-    use super::{BlockScalar, Kernel, Portable, SimdLevel};
+    use super::{BlockScalar, Portable, SimdLevel, WithSimd};
 
     impl BlockScalar for f64 {
         #[inline]
-        fn dispatch<K: Kernel<f64>>(_: SimdLevel, kernel: K) -> K::Output {
-            kernel.run(Portable)
+        fn dispatch<K: WithSimd<f64>>(_: SimdLevel, kernel: K) -> K::Output {
+            kernel.with_simd(Portable)
         }
     }
 
     impl BlockScalar for f32 {
         #[inline]
-        fn dispatch<K: Kernel<f32>>(_: SimdLevel, kernel: K) -> K::Output {
-            kernel.run(Portable)
+        fn dispatch<K: WithSimd<f32>>(_: SimdLevel, kernel: K) -> K::Output {
+            kernel.with_simd(Portable)
         }
     }
 }

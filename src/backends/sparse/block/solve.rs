@@ -1,7 +1,7 @@
 //! The triangular solves with the block Cholesky factor.
 
 use super::factor::{Block, BlockCholesky};
-use super::simd::{BlockScalar, Kernel, QUAD_LEN, Simd, SimdLevel};
+use super::simd::{BlockScalar, QUAD_LEN, Simd, SimdLevel, WithSimd};
 use super::{BLOCK, Column, SymbolicBlockCholesky};
 use crate::backends::sparse::Vector;
 use crate::las::Scalar;
@@ -112,11 +112,11 @@ struct SolveOne<'a, T> {
     x: &'a mut [Column<T>],
 }
 
-impl<T: Scalar> Kernel<T> for SolveOne<'_, T> {
+impl<T: Scalar> WithSimd<T> for SolveOne<'_, T> {
     type Output = ();
 
     #[inline(always)]
-    fn run<S: Simd<T>>(self, simd: S) {
+    fn with_simd<S: Simd<T>>(self, simd: S) {
         let Self { analysis, panels, x } = self;
         for s in 0..analysis.supernodes.count() {
             forward_one(simd, &analysis.panel(panels, s), x);
@@ -214,11 +214,11 @@ struct SolveSeveral<'a, T, const Q: usize> {
     x: &'a mut [Rows<T, Q>],
 }
 
-impl<T: Scalar, const Q: usize> Kernel<T> for SolveSeveral<'_, T, Q> {
+impl<T: Scalar, const Q: usize> WithSimd<T> for SolveSeveral<'_, T, Q> {
     type Output = ();
 
     #[inline(always)]
-    fn run<S: Simd<T>>(self, simd: S) {
+    fn with_simd<S: Simd<T>>(self, simd: S) {
         let Self { analysis, panels, x } = self;
         for s in 0..analysis.supernodes.count() {
             forward_several(simd, &analysis.panel(panels, s), x);

@@ -320,8 +320,8 @@ fn an_indefinite_matrix_goes_to_ldlt_and_back() {
         let dense = DenseReference::dominant(&mut random, &pattern, |i| if i == at { -1.0 } else { 1.0 });
         let indefinite = matrix::<f64>(&pattern, &dense);
         let Analyzed { analysis, order } = analyze(&pattern, Ordering::Auto);
-        let position = BlockCholesky::new(&analysis).factor(&analysis, &indefinite.values).unwrap_err();
-        assert_eq!(Err(position), dense_cholesky(&dense, &order).map(drop));
+        let error = BlockCholesky::new(&analysis).factor(&analysis, &indefinite.values).unwrap_err();
+        assert_eq!(Err(error.position), dense_cholesky(&dense, &order).map(drop));
         let (_, mut solver) = solver::<f64>(&pattern, Ordering::Auto);
         for a in [&definite, &indefinite, &definite, &indefinite] {
             let report = solver.factor(a).unwrap();

@@ -10,7 +10,7 @@ use std::marker::PhantomData;
 use pulp::x86::{V3, V4};
 use pulp::{NullaryFnOnce, cast, f32x4, f64x4};
 
-use super::simd::{BlockScalar, Kernel, Portable, QUAD_LEN, Simd, SimdLevel};
+use super::simd::{BlockScalar, Portable, QUAD_LEN, Simd, SimdLevel, WithSimd};
 
 /// A kernel for scalars `T`, and the proof `S` that this machine supports the registers.
 struct With<S, K, T> {
@@ -19,12 +19,12 @@ struct With<S, K, T> {
     scalar: PhantomData<T>,
 }
 
-impl<T, S: Simd<T>, K: Kernel<T>> NullaryFnOnce for With<S, K, T> {
+impl<T, S: Simd<T>, K: WithSimd<T>> NullaryFnOnce for With<S, K, T> {
     type Output = K::Output;
 
     #[inline(always)]
     fn call(self) -> K::Output {
-        self.kernel.run(self.simd)
+        self.kernel.with_simd(self.simd)
     }
 }
 
@@ -92,7 +92,7 @@ macro_rules! scalar {
 
         impl BlockScalar for $scalar {
             #[inline]
-            fn dispatch<K: Kernel<$scalar>>(level: SimdLevel, kernel: K) -> K::Output {
+            fn dispatch<K: WithSimd<$scalar>>(level: SimdLevel, kernel: K) -> K::Output {
                 if level >= SimdLevel::Avx512
                     && let Some(simd) = V4::try_new()
                 {
@@ -103,7 +103,7 @@ macro_rules! scalar {
                 {
                     return simd.vectorize(With { simd, kernel, scalar: PhantomData::<$scalar> });
                 }
-                kernel.run(Portable)
+                kernel.with_simd(Portable)
             }
         }
     };
