@@ -1,9 +1,11 @@
 //! Semi-implicit time steps: products on one backend, solutions on another.
 
+use std::sync::Arc;
+
 use biotissue::backends::sparse::{Matrix, Vector};
 use biotissue::las::{
-    Backend, Entries, Iterative, Krylov, MatMat, MatVec, Method, Preconditioner, Solver, SolverParams, Symmetry,
-    VectorOps, transfer,
+    Backend, Iterative, Krylov, MatMat, MatVec, Method, Preconditioner, Solver, SolverParams, Symmetry, VectorOps,
+    transfer,
 };
 
 use crate::operators::{BZ, Coupling, GAMMA_P, N, NODES, Operators, P, PSI, V, stencil};
@@ -49,8 +51,8 @@ pub struct Solved<S: Backend> {
 impl<S: Backend<Scalar = f64>> Solved<S> {
     /// Transfers a matrix to `S` and sets up its solver.
     fn new(context: &S::Context, name: &'static str, a: &Matrix, method: Method) -> Result<Self, Error> {
+        let pattern = Arc::clone(a.pattern());
         let a = transfer::matrix::<Local, S>(a, context)?;
-        let pattern = a.pattern()?;
         let mut params = SolverParams::new(Symmetry::Definite);
         params.method = method;
         let mut solver = S::solver(&S::analyze(context, &pattern, &params)?)?;

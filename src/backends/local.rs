@@ -157,83 +157,92 @@ pub(super) fn all_finite<T: Scalar>(values: &[T]) -> bool {
     sums.into_iter().sum::<T>().is_zero()
 }
 
-/// Implements the operations of a vector that has its entries in the field `values`; `norm` and `dot` are functions of
-/// slices.
-#[cfg(any(feature = "sparse", feature = "dense", feature = "batched"))]
+/// Implements the operations of a vector by its methods `as_slice` and `as_mut_slice`. The short form is for backends
+/// that cannot fail; `norm` and `dot` are functions of slices. The long form has the bodies of three operations.
 macro_rules! impl_vector_ops {
     ([$($generics:tt)*] $backend:ty, $vector:ty, $value:ty, $reduced:ty, norm: $norm:path, dot: $dot:path) => {
-        const _: () = {
-            use std::convert::Infallible;
-
-            use $crate::backends::local as slices;
-            use $crate::las::VectorOps;
-
-            impl<$($generics)*> VectorOps<$backend> for $vector {
-                #[inline(always)]
-                fn len(&self) -> usize {
-                    self.values.len()
-                }
-
-                #[inline(always)]
-                fn zero(&mut self) -> Result<(), Infallible> {
-                    slices::zero(&mut self.values);
-                    Ok(())
-                }
-
-                #[inline(always)]
-                fn add(&mut self, rows: &[i32], values: &[$value]) -> Result<(), Infallible> {
-                    slices::add(&mut self.values, rows, values);
-                    Ok(())
-                }
-
-                #[inline(always)]
-                fn set(&mut self, rows: &[i32], values: &[$value]) -> Result<(), Infallible> {
-                    slices::set(&mut self.values, rows, values);
-                    Ok(())
-                }
-
-                #[inline(always)]
-                fn get(&self, rows: &[i32], values: &mut [$value]) -> Result<(), Infallible> {
-                    slices::get(&self.values, rows, values);
-                    Ok(())
-                }
-
-                #[inline(always)]
-                fn norm(&self) -> Result<$reduced, Infallible> {
-                    Ok($norm(&self.values))
-                }
-
-                #[inline(always)]
-                fn dot(&self, y: &Self) -> Result<$reduced, Infallible> {
-                    Ok($dot(&self.values, &y.values))
-                }
-
-                #[inline(always)]
-                fn axpy(&mut self, a: $value, x: &Self) -> Result<(), Infallible> {
-                    slices::axpy(a, &x.values, &mut self.values);
-                    Ok(())
-                }
-
-                #[inline(always)]
-                fn with_local<R>(&self, read: impl FnOnce(&[$value]) -> R) -> Result<R, Infallible> {
-                    Ok(read(&self.values))
-                }
-
-                #[inline(always)]
-                fn with_local_mut<R>(&mut self, write: impl FnOnce(&mut [$value]) -> R) -> Result<R, Infallible> {
-                    Ok(write(&mut self.values))
-                }
-
-                #[inline(always)]
-                fn finish(&mut self) -> Result<(), Infallible> {
-                    Ok(())
-                }
+        $crate::backends::local::impl_vector_ops!(
+            [$($generics)*] $backend, $vector, $value, $reduced, ::std::convert::Infallible,
+            norm(x): Ok($norm(x.as_slice())),
+            dot(x, y): Ok($dot(x.as_slice(), y.as_slice())),
+            axpy(a, x, y): {
+                $crate::backends::local::axpy(a, x.as_slice(), y.as_mut_slice());
+                Ok(())
             }
-        };
+        );
+    };
+    (
+        [$($generics:tt)*] $backend:ty, $vector:ty, $value:ty, $reduced:ty, $fault:ty,
+        norm($norm_x:ident): $norm:expr,
+        dot($dot_x:ident, $dot_y:ident): $dot:expr,
+        axpy($axpy_a:ident, $axpy_x:ident, $axpy_y:ident): $axpy:expr
+    ) => {
+        impl<$($generics)*> $crate::las::VectorOps<$backend> for $vector {
+            #[inline(always)]
+            fn len(&self) -> usize {
+                self.as_slice().len()
+            }
+
+            #[inline(always)]
+            fn zero(&mut self) -> Result<(), $fault> {
+                $crate::backends::local::zero(self.as_mut_slice());
+                Ok(())
+            }
+
+            #[inline(always)]
+            fn add(&mut self, rows: &[i32], values: &[$value]) -> Result<(), $fault> {
+                $crate::backends::local::add(self.as_mut_slice(), rows, values);
+                Ok(())
+            }
+
+            #[inline(always)]
+            fn set(&mut self, rows: &[i32], values: &[$value]) -> Result<(), $fault> {
+                $crate::backends::local::set(self.as_mut_slice(), rows, values);
+                Ok(())
+            }
+
+            #[inline(always)]
+            fn get(&self, rows: &[i32], values: &mut [$value]) -> Result<(), $fault> {
+                $crate::backends::local::get(self.as_slice(), rows, values);
+                Ok(())
+            }
+
+            #[inline(always)]
+            fn norm(&self) -> Result<$reduced, $fault> {
+                let $norm_x = self;
+                $norm
+            }
+
+            #[inline(always)]
+            fn dot(&self, $dot_y: &Self) -> Result<$reduced, $fault> {
+                let $dot_x = self;
+                $dot
+            }
+
+            #[inline(always)]
+            fn axpy(&mut self, $axpy_a: $value, $axpy_x: &Self) -> Result<(), $fault> {
+                let $axpy_y = self;
+                $axpy
+            }
+
+            #[inline(always)]
+            fn with_local<R>(&self, read: impl FnOnce(&[$value]) -> R) -> Result<R, $fault> {
+                Ok(read(self.as_slice()))
+            }
+
+            #[inline(always)]
+            fn with_local_mut<R>(&mut self, write: impl FnOnce(&mut [$value]) -> R) -> Result<R, $fault> {
+                Ok(write(self.as_mut_slice()))
+            }
+
+            #[inline(always)]
+            fn finish(&mut self) -> Result<(), $fault> {
+                Ok(())
+            }
+        }
     };
 }
 
-#[cfg(any(feature = "sparse", feature = "dense", feature = "batched"))]
 pub(super) use impl_vector_ops;
 
 #[cfg(test)]

@@ -70,12 +70,6 @@ impl Vector {
         call(|| unsafe { ffi::VecAXPY(y, a, x) })
     }
 
-    /// Returns the number of entries.
-    #[inline(always)]
-    pub(super) fn size(&self) -> usize {
-        self.len
-    }
-
     /// Returns the entries.
     #[inline(always)]
     #[must_use]
