@@ -58,7 +58,7 @@ impl<S: Backend<Scalar = f64>> Solved<S> {
         let mut solver = S::solver(&S::analyze(context, &pattern, &params)?)?;
         solver.factor(&a)?;
         let (b, x) = (S::vector(context, pattern.rows())?, S::vector(context, pattern.rows())?);
-        Ok(Self { name, entries: pattern.entries(), solves: 0, iterations: 0, solver, b, x })
+        Ok(Self { name, entries: pattern.nnz(), solves: 0, iterations: 0, solver, b, x })
     }
 
     /// Computes `x = A^-1 b` for vectors of the other backend.

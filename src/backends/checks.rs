@@ -58,7 +58,7 @@ pub(super) fn check_pattern<F>(found: &Arc<Sparsity>, expected: &Arc<Sparsity>) 
         return Ok(());
     }
     check_size("the matrix to factor (rows)", found.rows(), expected.rows())?;
-    check_size("the matrix to factor (entries)", found.entries(), expected.entries())?;
+    check_size("the matrix to factor (entries)", found.nnz(), expected.nnz())?;
     if found == expected { Ok(()) } else { Err(SolveError::Pattern) }
 }
 

@@ -148,7 +148,7 @@ impl Sparsity {
     pub fn transpose(&self) -> Self {
         let row_offsets = offsets(self.cols, self.columns.iter().map(|&column| column as usize));
         let mut next = row_offsets.clone();
-        let mut columns = vec![0; self.entries()];
+        let mut columns = vec![0; self.nnz()];
         for row in 0..self.rows() {
             for &column in self.row(row) {
                 let at = &mut next[column as usize];
@@ -194,10 +194,10 @@ impl Sparsity {
         self.cols
     }
 
-    /// Number of entries.
+    /// Number of entries (structural nonzeros).
     #[inline(always)]
     #[must_use]
-    pub fn entries(&self) -> usize {
+    pub fn nnz(&self) -> usize {
         self.columns.len()
     }
 
@@ -211,7 +211,7 @@ impl Sparsity {
     /// The column of every entry, row by row.
     #[inline(always)]
     #[must_use]
-    pub fn columns(&self) -> &[u32] {
+    pub fn col_indices(&self) -> &[u32] {
         &self.columns
     }
 
@@ -237,12 +237,12 @@ impl Sparsity {
     /// Returns true if the pattern is square and contains `(j, i)` for every entry `(i, j)`.
     #[must_use]
     pub fn is_symmetric(&self) -> bool {
-        self.rows() == self.cols && self.without_mirror().is_none()
+        self.rows() == self.cols && self.first_unsymmetric_entry().is_none()
     }
 
     /// The first entry `(row, column)` whose transpose `(column, row)` is not in the pattern.
     #[must_use]
-    pub fn without_mirror(&self) -> Option<(usize, usize)> {
+    pub fn first_unsymmetric_entry(&self) -> Option<(usize, usize)> {
         let columns = |row: usize| self.row(row).iter().map(|&column| column as usize);
         let alone = |row: usize| columns(row).find(|&column| self.find(column, row).is_none());
         (0..self.rows()).find_map(|row| alone(row).map(|column| (row, column)))

@@ -182,7 +182,7 @@ impl Matrix {
                 own.extend((0..row.columns.len()).map(|position| self.values.get(row.at(position))));
             }
         }
-        let mut whole = vec![0.0; layout.pattern.entries()];
+        let mut whole = vec![0.0; layout.pattern.nnz()];
         let start = |row: usize| layout.pattern.row_offsets()[row] as usize;
         self.context.gather(&own, layout.pattern.rows(), start, &mut whole);
         whole

@@ -80,7 +80,7 @@ impl Matrix {
     /// Copies the matrix that PETSc computes into a pattern that depends only on the patterns of its factors.
     fn in_pattern(&self, pattern: Sparsity, make: impl FnOnce(*mut ffi::Mat) -> ffi::Code) -> Result<Self, PetscError> {
         let mut result = Self::zeros_aij(&self.context, &Arc::new(pattern))?;
-        if result.pattern().entries() > 0 {
+        if result.pattern().nnz() > 0 {
             let made = Handle::new(self.context.session(), make)?;
             result.add_scaled(1.0, made.raw())?;
         }
@@ -136,7 +136,7 @@ impl MatMat<Petsc> for Matrix {
         let sum = || {
             let mut sum = Self::zeros_aij(&self.context, &Arc::new(union))?;
             for (matrix, factor) in [(self, a), (other, b)] {
-                if matrix.pattern().entries() > 0 {
+                if matrix.pattern().nnz() > 0 {
                     let copy = matrix.to_aij()?;
                     sum.add_scaled(factor, copy.as_ref().unwrap_or(matrix).raw())?;
                 }

@@ -86,7 +86,7 @@ impl Solver {
             return Err(SolveError::NotFinite { row });
         }
         // No package accepts a matrix without entries.
-        if expected.entries() == 0 && expected.rows() > 0 {
+        if expected.nnz() == 0 && expected.rows() > 0 {
             return Err(SolveError::Singular { unknown: 0, ratio: 0.0, limit: self.limit });
         }
         self.a.copy_values(a).map_err(SolveError::Fault)

@@ -68,7 +68,7 @@ impl Symbolic {
 
     fn analyze_symmetric(&mut self) -> Result<(), SolveError<Infallible>> {
         let pattern = &*self.pattern;
-        if let Some((row, column)) = pattern.without_mirror() {
+        if let Some((row, column)) = pattern.first_unsymmetric_entry() {
             return Err(SolveError::OneTriangle { row, column });
         }
         let graph = Graph::new(pattern);
@@ -179,7 +179,7 @@ impl CholeskyAnalysis {
 /// which are those of the upper triangle.
 fn permuted_lower_triangle(pattern: &Sparsity, position: &[u32]) -> (SymbolicSparseColMat<u32>, Vec<u32>) {
     let n = pattern.rows();
-    let mut entries = Vec::with_capacity(pattern.entries().div_ceil(2) + n);
+    let mut entries = Vec::with_capacity(pattern.nnz().div_ceil(2) + n);
     for row in 0..n {
         let start = pattern.row_offsets()[row];
         for (k, &column) in (start..).zip(pattern.row(row)).filter(|&(_, &column)| column as usize >= row) {

@@ -78,7 +78,7 @@ where
     B::Scalar: Scalar,
 {
     let (rows, cols) = a.shape();
-    let entries = a.pattern().map_err(MarketError::Fault)?.entries();
+    let entries = a.pattern().map_err(MarketError::Fault)?.nnz();
     let failed = |reason| MarketError::Write { file: file.to_path_buf(), reason };
     let mut out = BufWriter::new(std::fs::File::create(file).map_err(failed)?);
     let mut written = writeln!(out, "%%MatrixMarket matrix coordinate real general\n{rows} {cols} {entries}");
