@@ -59,5 +59,6 @@ pub use solve::{
     FactorReport, Factorization, InvalidParameter, Iterative, Krylov, Method, Ordering, Preconditioner, SolveError,
     SolveReport, Solver, SolverParams, StopReason, Symmetry,
 };
+#[cfg(feature = "sparse")]
 pub(crate) use sparsity::offsets;
 pub use sparsity::{Sparsity, SparsityError};

@@ -11,10 +11,9 @@
 //! use biotissue::backends::sparse::Sparse;
 //! use biotissue::las::conformance::{self, Capabilities, Trials};
 //!
-//! # let trials = Trials { count: 3, ..Trials::default() };
-//! # conformance::vectors::<Sparse>(&(), trials);
+//! let trials = Trials { count: 20, ..Trials::default() };
 //! # if false {
-//! conformance::all::<Sparse>(&(), Trials::default(), Capabilities::ALL);
+//! conformance::all::<Sparse>(&(), trials, Capabilities::ALL);
 //! # }
 //! // The extensions `Entries` and `MatMat`, which `Sparse` implements:
 //! conformance::entries::<Sparse>(&(), trials);
@@ -48,9 +47,9 @@ use std::fmt::{Debug, Display};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 pub use reference::{DenseReference, Random};
-pub use solvers::{Capabilities, solvers};
+pub use solvers::solvers;
 
-use super::{Backend, Entries, MatMat, Scalar, Value};
+use super::{Backend, Entries, MatMat, Scalar, Symmetry, Value};
 use cases::Case;
 
 /// The random cases of a test.
@@ -103,6 +102,32 @@ impl Trials {
             }
             panic!("{what}, seed {seed}: {problem}\nin {case:?}");
         }
+    }
+}
+
+/// What the solvers of a backend can do beyond Cholesky and LU. The suite does not require what is `false`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Capabilities {
+    /// The backend factors symmetric indefinite matrices by LDL^T and counts their negative pivots.
+    ///
+    /// Without it, the suite factors only matrices declared [`Symmetry::Definite`] or [`Symmetry::None`]. It requires
+    /// that `factor_definite` returns `SolveError::Indefinite` for an indefinite matrix. A matrix that is singular up to
+    /// rounding may be reported as indefinite.
+    pub ldlt: bool,
+    /// Reports and errors name the unknown at which a factorization failed.
+    ///
+    /// Without it, `indefinite_at` of [`FactorReport`](super::FactorReport) and `unknown` of
+    /// [`SolveError`](super::SolveError) may have any value.
+    pub names_unknown: bool,
+}
+
+impl Capabilities {
+    /// All of them, as the in-memory backends of this crate have.
+    pub const ALL: Self = Self { ldlt: true, names_unknown: true };
+
+    fn symmetries(self) -> &'static [Symmetry] {
+        const ALL: [Symmetry; 3] = [Symmetry::Definite, Symmetry::None, Symmetry::Symmetric];
+        if self.ldlt { &ALL } else { &ALL[..2] }
     }
 }
 
