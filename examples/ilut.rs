@@ -49,7 +49,7 @@ fn main() -> Result<(), Error> {
             println!(
                 "| {name} | {}, {} | {drop_tolerance:e}, {kept} | {} | {bicgstab} | {gmres} | {cg} |",
                 a.pattern().rows(),
-                a.pattern().entries(),
+                a.pattern().nnz(),
                 row.entries
             );
         }

@@ -6,7 +6,6 @@
 
 #[allow(dead_code, reason = "recorded numbers are held against another backend")]
 mod bar_of_24;
-mod properties;
 mod support;
 
 use std::ffi::{c_int, c_void};
@@ -24,7 +23,8 @@ use biotissue::fem::point_field::FormulaField;
 use biotissue::fem::stepping::{StepParams, Stepper};
 use biotissue::las::{
     Backend, Entries, FactorReport, Factorization, Iterative, Krylov, MatMat, MatVec, MatrixOps, NewtonSystem,
-    Preconditioner, SolveError, Solver, SolverParams, Sparsity, StopReason, Symmetry, VectorOps, conformance,
+    Preconditioner, SolveError, Solver, SolverParams, Sparsity, StopReason, Symmetry, VectorOps,
+    conformance::{self, Capabilities, Trials},
 };
 use mpi::collective::SystemOperation;
 use mpi::ffi::{MPI_Comm, MPI_Datatype, MPI_Op, PMPI_Allreduce};
@@ -38,13 +38,10 @@ const LAUNCHED: &str = "BIOTISSUE_PETSC_TEST";
 type Check = (&'static str, fn(&Context));
 
 const CHECKS: &[Check] = &[
-    ("vectors", conformance::vectors::<Petsc>),
-    ("matrices", conformance::matrices::<Petsc>),
-    ("products", conformance::products::<Petsc>),
-    ("algebra", conformance::algebra::<Petsc>),
-    ("solvers", conformance::solvers::<Petsc>),
-    ("conformance_in_blocks_of_two", conformance_in_blocks_of_two),
-    ("properties", properties_of_petsc),
+    ("vectors", |context| conformance::vectors::<Petsc>(context, trials(200, 1))),
+    ("matrices", |context| check_matrices(context, trials(200, 1))),
+    ("solvers", |context| conformance::solvers::<Petsc>(context, Capabilities::ALL)),
+    ("conformance_in_blocks", conformance_in_blocks),
     ("blocks", blocks),
     ("verbs_that_mix", verbs_that_mix),
     ("verbs_on_threads", verbs_on_threads),
@@ -167,25 +164,29 @@ fn sessions(context: Context) {
     assert_eq!(Session::new().err(), Some(SessionError::Ended));
 }
 
-fn conformance_in_blocks_of_two(context: &Context) {
-    let context = context.clone().with_block_size(2);
-    conformance::matrices::<Petsc>(&context);
-    conformance::products::<Petsc>(&context);
-    conformance::algebra::<Petsc>(&context);
+/// All ranks draw the same cases, and reduce none of them.
+fn trials(count: u32, block_size: usize) -> Trials {
+    Trials { count, block_size, reduce: false, ..Trials::default() }
 }
 
-/// All ranks draw the same cases. None is made smaller: a rank that alone saw a failure would be alone with the smaller ones.
-fn properties_of_petsc(context: &Context) {
-    let trials = |cases| properties::Trials { cases, shrink: false };
-    properties::all::<Petsc>(context, trials(150));
-    properties::of_matrices::<Petsc>(&context.clone().with_block_size(2), trials(50), 2);
-    properties::of_matrices::<Petsc>(&context.clone().with_matrix_type(MatrixType::Baij), trials(50), 3);
+fn check_matrices(context: &Context, trials: Trials) {
+    conformance::matrices::<Petsc>(context, trials);
+    conformance::products::<Petsc>(context, trials);
+    conformance::entries::<Petsc>(context, trials);
+    conformance::algebra::<Petsc>(context, trials);
+}
+
+fn conformance_in_blocks(context: &Context) {
+    let of_two = context.clone().with_block_size(2);
+    check_matrices(&of_two, trials(60, 1));
+    check_matrices(&of_two, trials(60, 2));
+    check_matrices(&context.clone().with_matrix_type(MatrixType::Baij), trials(60, 3));
 }
 
 /// The pattern of a truss is one of 3x3 blocks: BAIJ holds what AIJ holds, and both give the same.
 fn blocks(context: &Context) {
     let baij = context.clone().with_matrix_type(MatrixType::Baij);
-    conformance::matrices::<Petsc>(&baij);
+    conformance::matrices::<Petsc>(&baij, trials(60, 1));
     for (seed, nodes) in (1..).zip([1, 3, 8, 20]) {
         let mut random = conformance::Random::new(seed);
         let pattern = random.truss(nodes, 2);
@@ -193,7 +194,7 @@ fn blocks(context: &Context) {
         let [mut a, mut b] = [context, &baij].map(|context| Petsc::matrix(context, &pattern).unwrap());
         assert_eq!((a.matrix_type(), b.matrix_type()), (MatrixType::Aij, MatrixType::Baij));
         let mut slots = [Vec::new(), Vec::new()];
-        let oracle = conformance::Oracle::dominant(&mut random, &pattern, |_| 1.0);
+        let oracle = conformance::DenseReference::dominant(&mut random, &pattern, |_| 1.0);
         for row in 0..n as i32 {
             let cols: Vec<i32> = pattern.row(row as usize).iter().map(|&c| c as i32).chain([-1]).collect();
             let of_row = |&c: &i32| if c < 0 { 9.0 } else { oracle.values[row as usize * n + c as usize] };

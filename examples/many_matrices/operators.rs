@@ -147,7 +147,7 @@ impl Operators {
 
     /// Returns the rows of a table: name, number of matrices, number of entries.
     pub fn groups(&self) -> [(&'static str, usize, usize); 4] {
-        let entries = |all: &[&Matrix]| all.iter().map(|a| a.pattern().entries()).sum();
+        let entries = |all: &[&Matrix]| all.iter().map(|a| a.pattern().nnz()).sum();
         let of = |couplings: &[Coupling]| entries(&couplings.iter().map(|coupling| &coupling.a).collect::<Vec<_>>());
         [
             ("what motion does to fields", self.rates.len(), of(&self.rates)),

@@ -1,9 +1,11 @@
 //! Semi-implicit time steps: products on one backend, solutions on another.
 
+use std::sync::Arc;
+
 use biotissue::backends::sparse::{Matrix, Vector};
 use biotissue::las::{
-    Backend, Entries, Iterative, Krylov, MatMat, MatVec, Method, Preconditioner, Solver, SolverParams, Symmetry,
-    VectorOps, transfer,
+    Backend, Iterative, Krylov, MatMat, MatVec, Method, Preconditioner, Solver, SolverParams, Symmetry, VectorOps,
+    transfer,
 };
 
 use crate::operators::{BZ, Coupling, GAMMA_P, N, NODES, Operators, P, PSI, V, stencil};
@@ -49,14 +51,14 @@ pub struct Solved<S: Backend> {
 impl<S: Backend<Scalar = f64>> Solved<S> {
     /// Transfers a matrix to `S` and sets up its solver.
     fn new(context: &S::Context, name: &'static str, a: &Matrix, method: Method) -> Result<Self, Error> {
+        let pattern = Arc::clone(a.pattern());
         let a = transfer::matrix::<Local, S>(a, context)?;
-        let pattern = a.pattern()?;
         let mut params = SolverParams::new(Symmetry::Definite);
         params.method = method;
         let mut solver = S::solver(&S::analyze(context, &pattern, &params)?)?;
         solver.factor(&a)?;
         let (b, x) = (S::vector(context, pattern.rows())?, S::vector(context, pattern.rows())?);
-        Ok(Self { name, entries: pattern.entries(), solves: 0, iterations: 0, solver, b, x })
+        Ok(Self { name, entries: pattern.nnz(), solves: 0, iterations: 0, solver, b, x })
     }
 
     /// Computes `x = A^-1 b` for vectors of the other backend.

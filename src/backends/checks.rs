@@ -1,10 +1,13 @@
 //! Checks shared by all solvers: sizes, definiteness, and the limit below which a pivot counts as zero.
 
 #[cfg(any(feature = "sparse", feature = "petsc"))]
+use std::sync::Arc;
+
+#[cfg(any(feature = "sparse", feature = "petsc"))]
 use crate::las::Scalar;
 use crate::las::SolveError;
 #[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
-use crate::las::{FactorReport, SolverParams};
+use crate::las::{FactorReport, SolverParams, Sparsity};
 
 /// Returns the fraction of the largest pivot below which the smallest counts as zero if only pivots are examined.
 #[cfg(any(feature = "sparse", feature = "petsc"))]
@@ -36,6 +39,27 @@ pub(super) fn definite<F>(backend: &'static str, report: FactorReport) -> Result
 /// Returns [`SolveError::Size`] if the size of an argument differs from the expected one.
 pub(super) fn check_size<F>(what: &'static str, found: usize, expected: usize) -> Result<(), SolveError<F>> {
     if found == expected { Ok(()) } else { Err(SolveError::Size { what, found, expected }) }
+}
+
+/// Returns an error if no solver can be made for these matrices.
+#[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
+pub(super) fn check_analyzable<F>(pattern: &Sparsity, params: &SolverParams) -> Result<(), SolveError<F>> {
+    let (rows, cols) = (pattern.rows(), pattern.cols());
+    if rows != cols {
+        return Err(SolveError::NotSquare { rows, cols });
+    }
+    params.check().map_err(SolveError::Parameter)
+}
+
+/// Returns an error if the pattern of a matrix to factor differs from the analyzed one.
+#[cfg(any(feature = "sparse", feature = "petsc"))]
+pub(super) fn check_pattern<F>(found: &Arc<Sparsity>, expected: &Arc<Sparsity>) -> Result<(), SolveError<F>> {
+    if Arc::ptr_eq(found, expected) {
+        return Ok(());
+    }
+    check_size("the matrix to factor (rows)", found.rows(), expected.rows())?;
+    check_size("the matrix to factor (entries)", found.nnz(), expected.nnz())?;
+    if found == expected { Ok(()) } else { Err(SolveError::Pattern) }
 }
 
 /// Returns [`SolveError::Size`] if the right-hand sides or solutions do not fit the system.

@@ -2,6 +2,7 @@
 
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::linalg::cholesky::lblt::factor::LbltParams;
+use faer::linalg::cholesky::llt::factor::LltError;
 use faer::traits::RealField;
 use faer::{Auto, Spec};
 
@@ -59,13 +60,13 @@ impl Pivots {
 
     /// Creates the pivots of a factorization that provides only an estimate of their ratio.
     #[cfg(feature = "sparse")]
-    pub(super) fn of_ratio(ratio: f64) -> Self {
+    pub(super) fn from_ratio(ratio: f64) -> Self {
         Self { smallest: ratio, position: 0, largest: 1.0, negative: 0 }
     }
 
     /// Creates the pivots of a block-diagonal `D` with 1x1 and 2x2 blocks; a block is 2x2 if its subdiagonal entry is
     /// not zero.
-    pub(super) fn of_blocks<T: Scalar>(len: usize, diagonal: impl Fn(usize) -> T, subdiagonal: &[T]) -> Self {
+    pub(super) fn from_blocks<T: Scalar>(len: usize, diagonal: impl Fn(usize) -> T, subdiagonal: &[T]) -> Self {
         let mut pivots = Self::empty();
         let mut position = 0;
         while position < len {
@@ -98,19 +99,28 @@ impl Pivots {
         self.negative
     }
 
-    /// Returns the ratio of the pivots, or [`SolveError::Singular`] if it is below `limit`; `unknown` maps a position
-    /// to the caller's numbering.
+    /// Returns [`SolveError::Singular`] if the ratio of the pivots is below `limit`; `unknown` maps a position to the
+    /// caller's numbering.
     pub(super) fn check_singular<F>(
         &self,
         limit: f64,
         unknown: impl FnOnce(usize) -> usize,
-    ) -> Result<f64, SolveError<F>> {
+    ) -> Result<(), SolveError<F>> {
         let ratio = self.ratio();
-        if ratio < limit {
-            Err(SolveError::Singular { unknown: unknown(self.position), ratio, limit })
-        } else {
-            Ok(ratio)
-        }
+        if ratio < limit { Err(SolveError::Singular { unknown: unknown(self.position), ratio, limit }) } else { Ok(()) }
+    }
+}
+
+/// The reason why a Cholesky factorization stopped: a pivot that is not positive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct NotPositiveDefinite {
+    /// The position of the pivot in the elimination order.
+    pub(super) position: usize,
+}
+
+impl From<LltError> for NotPositiveDefinite {
+    fn from(LltError::NonPositivePivot { index: position }: LltError) -> Self {
+        Self { position }
     }
 }
 
@@ -164,6 +174,6 @@ mod tests {
         }
         let error = pivots.check_singular::<()>(1e-15, |position| 10 * position).unwrap_err();
         assert_eq!(error, SolveError::Singular { unknown: 10, ratio: 0.0, limit: 1e-15 });
-        assert_eq!(Pivots::empty().check_singular::<()>(1e-15, |p| p), Ok(1.0));
+        assert_eq!(Pivots::empty().check_singular::<()>(1e-15, |p| p), Ok(()));
     }
 }

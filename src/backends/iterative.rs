@@ -8,28 +8,28 @@ use crate::las::{Backend, FactorReport, Factorization, Iterative, MatVec, Scalar
 /// A preconditioner that a backend provides for a Krylov method.
 pub(super) trait ApproximateInverse<B: Backend>: Send {
     /// Computes the preconditioner of `a`; returns its pivots if it has any.
-    fn make(&mut self, a: &B::Matrix) -> Result<Option<Pivots>, SolveError<B::Fault>>;
+    fn compute(&mut self, a: &B::Matrix) -> Result<Option<Pivots>, SolveError<B::Fault>>;
 
     /// Computes `y`, an approximation of `A^-1 x`.
     fn apply(&self, x: &B::Vector, y: &mut B::Vector) -> Result<(), SolveError<B::Fault>>;
 }
 
 /// No preconditioner, or the inverse diagonal.
-pub(super) enum Simple<B: Backend> {
+pub(super) enum SimplePreconditioner<B: Backend> {
     None,
     Diagonal(B::Vector),
 }
 
-impl<B: Backend> ApproximateInverse<B> for Simple<B>
+impl<B: Backend> ApproximateInverse<B> for SimplePreconditioner<B>
 where
     B::Scalar: Scalar,
 {
-    fn make(&mut self, a: &B::Matrix) -> Result<Option<Pivots>, SolveError<B::Fault>> {
+    fn compute(&mut self, a: &B::Matrix) -> Result<Option<Pivots>, SolveError<B::Fault>> {
         let Self::Diagonal(d) = self else { return Ok(None) };
         a.inverse_diagonal(d)?;
         let mut pivots = Pivots::empty();
-        let see = |d: &[B::Scalar]| d.iter().enumerate().for_each(|(k, d)| pivots.record(1.0 / d.as_f64(), k));
-        d.with_local(see)?;
+        let record = |d: &[B::Scalar]| d.iter().enumerate().for_each(|(k, d)| pivots.record(1.0 / d.as_f64(), k));
+        d.with_local(record)?;
         Ok(Some(pivots))
     }
 
@@ -90,7 +90,7 @@ where
 
     fn factor_with_pivots(&mut self, a: &B::Matrix) -> Result<(FactorReport, Option<Pivots>), SolveError<B::Fault>> {
         self.ready = false;
-        let pivots = self.inverse.make(a)?;
+        let pivots = self.inverse.compute(a)?;
         match &mut self.a {
             Some(kept) => kept.clone_from(a),
             None => self.a = Some(a.clone()),

@@ -9,7 +9,7 @@ use crate::las::SolveError;
 use crate::las::{Scalar, Value};
 
 /// The number of partial sums: independent chains that the compiler can keep in one or two vector registers.
-const LANES: usize = 8;
+const PARTIAL_SUMS: usize = 8;
 
 /// Sets `y = 0`. It avoids `fill`, which the standard library turns into a memset only for types known to be trivial.
 #[inline(always)]
@@ -59,23 +59,23 @@ pub(super) fn get<T: Value>(y: &[T], rows: &[i32], values: &mut [T]) {
 #[inline(always)]
 pub(super) fn dot<T: Scalar>(x: &[T], y: &[T]) -> T {
     debug_assert_eq!(x.len(), y.len(), "vectors of one length");
-    let mut sums = [T::zero(); LANES];
-    let (x_body, x_tail) = x.as_chunks::<LANES>();
-    let (y_body, y_tail) = y.as_chunks::<LANES>();
+    let mut sums = [T::zero(); PARTIAL_SUMS];
+    let (x_body, x_tail) = x.as_chunks::<PARTIAL_SUMS>();
+    let (y_body, y_tail) = y.as_chunks::<PARTIAL_SUMS>();
     for (x, y) in x_body.iter().zip(y_body) {
-        for lane in 0..LANES {
-            sums[lane] += x[lane] * y[lane];
+        for k in 0..PARTIAL_SUMS {
+            sums[k] += x[k] * y[k];
         }
     }
-    for (lane, (&x, &y)) in x_tail.iter().zip(y_tail).enumerate() {
-        sums[lane] += x * y;
+    for (k, (&x, &y)) in x_tail.iter().zip(y_tail).enumerate() {
+        sums[k] += x * y;
     }
     sums.into_iter().sum()
 }
 
 /// The position that denotes a column not contained in the row; it is beyond the end of every row.
 #[cfg(any(feature = "sparse", feature = "batched", feature = "petsc"))]
-pub(super) const NOWHERE: usize = usize::MAX;
+pub(super) const NOT_FOUND: usize = usize::MAX;
 
 /// Returns the position of a column in a row. A negative column is larger than any column as a `u32` and therefore not
 /// found.
@@ -90,7 +90,7 @@ pub(super) fn find(columns: &[u32], next: &mut usize, column: i32) -> usize {
     if columns.get(position) != Some(&column) {
         match columns.binary_search(&column) {
             Ok(found) => position = found,
-            Err(_) => return NOWHERE,
+            Err(_) => return NOT_FOUND,
         }
     }
     *next = position + 1;
@@ -144,11 +144,11 @@ pub(super) fn invert<T: Scalar, F>(d: &mut [T]) -> Result<(), SolveError<F>> {
 #[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
 pub(super) fn all_finite<T: Scalar>(values: &[T]) -> bool {
     // Zero times a value that is not finite is NaN, and remains NaN in a sum.
-    let mut sums = [T::zero(); LANES];
-    let (body, tail) = values.as_chunks::<LANES>();
+    let mut sums = [T::zero(); PARTIAL_SUMS];
+    let (body, tail) = values.as_chunks::<PARTIAL_SUMS>();
     for values in body {
-        for lane in 0..LANES {
-            sums[lane] += T::zero() * values[lane];
+        for k in 0..PARTIAL_SUMS {
+            sums[k] += T::zero() * values[k];
         }
     }
     for (sum, &value) in sums.iter_mut().zip(tail) {
@@ -156,6 +156,94 @@ pub(super) fn all_finite<T: Scalar>(values: &[T]) -> bool {
     }
     sums.into_iter().sum::<T>().is_zero()
 }
+
+/// Implements the operations of a vector by its methods `as_slice` and `as_mut_slice`. The short form is for backends
+/// that cannot fail; `norm` and `dot` are functions of slices. The long form has the bodies of three operations.
+macro_rules! impl_vector_ops {
+    ([$($generics:tt)*] $backend:ty, $vector:ty, $value:ty, $reduced:ty, norm: $norm:path, dot: $dot:path) => {
+        $crate::backends::local::impl_vector_ops!(
+            [$($generics)*] $backend, $vector, $value, $reduced, ::std::convert::Infallible,
+            norm(x): Ok($norm(x.as_slice())),
+            dot(x, y): Ok($dot(x.as_slice(), y.as_slice())),
+            axpy(a, x, y): {
+                $crate::backends::local::axpy(a, x.as_slice(), y.as_mut_slice());
+                Ok(())
+            }
+        );
+    };
+    (
+        [$($generics:tt)*] $backend:ty, $vector:ty, $value:ty, $reduced:ty, $fault:ty,
+        norm($norm_x:ident): $norm:expr,
+        dot($dot_x:ident, $dot_y:ident): $dot:expr,
+        axpy($axpy_a:ident, $axpy_x:ident, $axpy_y:ident): $axpy:expr
+    ) => {
+        impl<$($generics)*> $crate::las::VectorOps<$backend> for $vector {
+            #[inline(always)]
+            fn len(&self) -> usize {
+                self.as_slice().len()
+            }
+
+            #[inline(always)]
+            fn zero(&mut self) -> Result<(), $fault> {
+                $crate::backends::local::zero(self.as_mut_slice());
+                Ok(())
+            }
+
+            #[inline(always)]
+            fn add(&mut self, rows: &[i32], values: &[$value]) -> Result<(), $fault> {
+                $crate::backends::local::add(self.as_mut_slice(), rows, values);
+                Ok(())
+            }
+
+            #[inline(always)]
+            fn set(&mut self, rows: &[i32], values: &[$value]) -> Result<(), $fault> {
+                $crate::backends::local::set(self.as_mut_slice(), rows, values);
+                Ok(())
+            }
+
+            #[inline(always)]
+            fn get(&self, rows: &[i32], values: &mut [$value]) -> Result<(), $fault> {
+                $crate::backends::local::get(self.as_slice(), rows, values);
+                Ok(())
+            }
+
+            #[inline(always)]
+            fn norm(&self) -> Result<$reduced, $fault> {
+                let $norm_x = self;
+                $norm
+            }
+
+            #[inline(always)]
+            fn dot(&self, $dot_y: &Self) -> Result<$reduced, $fault> {
+                let $dot_x = self;
+                $dot
+            }
+
+            #[inline(always)]
+            fn axpy(&mut self, $axpy_a: $value, $axpy_x: &Self) -> Result<(), $fault> {
+                let $axpy_y = self;
+                $axpy
+            }
+
+            #[inline(always)]
+            fn with_local<R>(&self, read: impl FnOnce(&[$value]) -> R) -> Result<R, $fault> {
+                Ok(read(self.as_slice()))
+            }
+
+            #[inline(always)]
+            fn with_local_mut<R>(&mut self, write: impl FnOnce(&mut [$value]) -> R) -> Result<R, $fault> {
+                Ok(write(self.as_mut_slice()))
+            }
+
+            #[inline(always)]
+            fn finish(&mut self) -> Result<(), $fault> {
+                Ok(())
+            }
+        }
+    };
+}
+
+pub(super) use impl_vector_ops;
 
 #[cfg(test)]
 mod tests {

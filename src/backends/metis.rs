@@ -18,7 +18,7 @@ pub(super) static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 ///
 /// # Errors
 /// Returns a message if a neighbor is out of range or METIS fails (with its status).
-pub fn parts(near: &[Vec<u32>], parts: usize) -> Result<Vec<u32>, String> {
+pub fn partition(near: &[Vec<u32>], parts: usize) -> Result<Vec<u32>, String> {
     if near.iter().flatten().any(|&node| node as usize >= near.len()) {
         return Err(format!("a neighbor beyond the last of {} nodes", near.len()));
     }
@@ -69,8 +69,8 @@ mod tests {
     #[test]
     fn a_ring_falls_into_arcs() {
         let near: Vec<Vec<u32>> = (0..60_u32).map(|k| vec![(k + 59) % 60, (k + 1) % 60]).collect();
-        let part_of = parts(&near, 3).unwrap();
-        assert_eq!(part_of, parts(&near, 3).unwrap(), "the same again");
+        let part_of = partition(&near, 3).unwrap();
+        assert_eq!(part_of, partition(&near, 3).unwrap(), "the same again");
         let between = (0..60).filter(|&k| part_of[k] != part_of[(k + 1) % 60]).count();
         assert_eq!(between, 3);
         assert!((0..3).all(|part| part_of.iter().filter(|&&p| p == part).count() >= 17), "{part_of:?}");
@@ -78,7 +78,7 @@ mod tests {
 
     #[test]
     fn graphs_without_edges_and_wrong_ones_are_no_trouble() {
-        assert_eq!(parts(&[vec![], vec![], vec![], vec![]], 2), Ok(vec![0, 0, 1, 1]));
-        assert!(parts(&[vec![1]], 2).is_err());
+        assert_eq!(partition(&[vec![], vec![], vec![], vec![]], 2), Ok(vec![0, 0, 1, 1]));
+        assert!(partition(&[vec![1]], 2).is_err());
     }
 }

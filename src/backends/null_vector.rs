@@ -11,8 +11,10 @@
 use num_traits::Float;
 
 #[cfg(any(feature = "sparse", feature = "dense"))]
-use crate::las::Entries;
+use crate::backends::direct::Pivots;
 use crate::las::{Backend, Factorization, MatVec, Scalar, SolveError, SolverParams, VectorOps};
+#[cfg(any(feature = "sparse", feature = "dense"))]
+use crate::las::{Entries, FactorReport, MatrixOps};
 
 /// Decides whether a matrix of `n` unknowns may be singular although no pivot is zero, given the ratio of the smallest
 /// to the largest pivot. If so, returns the limit of `|H w| / |w|` above which the scaled matrix `H` counts as regular.
@@ -46,7 +48,7 @@ impl Scales {
     #[cfg(any(feature = "sparse", feature = "dense"))]
     pub(super) fn of_matrix<B>(a: &B::Matrix, kind: Factorization, n: usize) -> Result<Self, SolveError<B::Fault>>
     where
-        B: Backend<Scalar: Scalar, Context = ()>,
+        B: Backend<Scalar: Scalar, Context = (), Matrix: Entries<B>>,
     {
         if kind != Factorization::Cholesky {
             return Ok(Self::equilibrating::<B>(a, n)?);
@@ -61,7 +63,10 @@ impl Scales {
     /// largest entries (Ruiz, A scaling algorithm to equilibrate both rows and columns norms in matrices,
     /// RAL-TR-2001-034). The row and column scales of a symmetric matrix are equal.
     #[cfg(any(feature = "sparse", feature = "dense"))]
-    fn equilibrating<B: Backend<Scalar: Scalar>>(a: &B::Matrix, n: usize) -> Result<Self, B::Fault> {
+    fn equilibrating<B: Backend<Scalar: Scalar, Matrix: Entries<B>>>(
+        a: &B::Matrix,
+        n: usize,
+    ) -> Result<Self, B::Fault> {
         /// Each pass halves the number of digits by which the scales are off, which is at most 308.
         const PASSES: usize = 12;
         let mut scales = Self { rows: vec![1.0; n], columns: vec![1.0; n] };
@@ -148,10 +153,72 @@ pub(super) fn check_null_vector<B: Backend<Scalar: Scalar>>(
     Ok(None)
 }
 
-fn write<B: Backend<Scalar: Scalar>>(x: &mut B::Vector, values: impl Iterator<Item = f64>) -> Result<(), B::Fault> {
+/// Searches for a null vector of a matrix in memory if a pivot is small, unless the caller set a limit for pivots;
+/// `solve` solves with the factors. Returns an unknown whose equation the factors do not solve accurately, if there is
+/// one.
+#[cfg(any(feature = "sparse", feature = "dense"))]
+pub(super) fn check_near_singular<B>(
+    a: &B::Matrix,
+    kind: Factorization,
+    pivots: &Pivots,
+    params: &SolverParams,
+    solve: impl FnMut(&B::Vector, &mut B::Vector) -> Result<(), SolveError<B::Fault>>,
+) -> Result<Option<usize>, SolveError<B::Fault>>
+where
+    B: Backend<Scalar: Scalar, Context = (), Matrix: Entries<B>>,
+{
+    let (n, _) = a.shape();
+    let Some(limit) = null_vector_limit::<B::Scalar>(params, n, pivots.ratio()) else { return Ok(None) };
+    let scales = Scales::of_matrix::<B>(a, kind, n)?;
+    check_null_vector::<B>(&(), a, kind, &scales, limit, solve)
+}
+
+/// Returns the report of a factorization without zero pivots, or [`SolveError::Singular`] if the matrix has a null
+/// vector; `solve` solves with the factors.
+#[cfg(any(feature = "sparse", feature = "dense"))]
+pub(super) fn checked_report<B>(
+    a: &B::Matrix,
+    report: Unchecked<'_>,
+    params: &SolverParams,
+    solve: impl FnMut(&B::Vector, &mut B::Vector) -> Result<(), SolveError<B::Fault>>,
+) -> Result<FactorReport, SolveError<B::Fault>>
+where
+    B: Backend<Scalar: Scalar, Context = (), Matrix: Entries<B>>,
+{
+    match check_near_singular::<B>(a, report.kind, report.pivots, params, solve)? {
+        Some(unknown) => {
+            let (ratio, limit) = (report.pivots.ratio(), B::Scalar::epsilon().as_f64());
+            Err(SolveError::Singular { unknown, ratio, limit })
+        }
+        None => Ok(report.accept()),
+    }
+}
+
+/// A factorization that may be singular.
+#[cfg(any(feature = "sparse", feature = "dense"))]
+pub(super) struct Unchecked<'a> {
+    pub(super) kind: Factorization,
+    pub(super) indefinite_at: Option<usize>,
+    pub(super) pivots: &'a Pivots,
+}
+
+#[cfg(any(feature = "sparse", feature = "dense"))]
+impl Unchecked<'_> {
+    /// Returns the report without a check.
+    pub(super) fn accept(&self) -> FactorReport {
+        let Self { kind, indefinite_at, pivots } = *self;
+        let negative_pivots = (kind != Factorization::Lu).then(|| pivots.negative());
+        FactorReport { kind, indefinite_at, pivot_ratio: pivots.ratio(), negative_pivots }
+    }
+}
+
+fn write<B: Backend<Scalar: Scalar>>(
+    x: &mut B::Vector,
+    values: impl Iterator<Item = f64>,
+) -> Result<(), SolveError<B::Fault>> {
     let fill =
         |place: &mut [B::Scalar]| place.iter_mut().zip(values).for_each(|(place, value)| *place = B::Scalar::of(value));
-    x.with_local_mut(fill)
+    Ok(x.with_local_mut(fill)?)
 }
 
 fn position_of_largest(w: &[f64]) -> usize {

@@ -3,7 +3,7 @@
 use std::fmt::Debug;
 use std::sync::Arc;
 
-use super::{Entries, Index, MatMat, MatVec, MatrixOps, SolveError, Solver, SolverParams, Sparsity, Value, VectorOps};
+use super::{Index, MatVec, MatrixOps, SolveError, Solver, SolverParams, Sparsity, Value, VectorOps};
 
 /// A linear-algebra backend: a zero-sized marker type that names the backend's types and constructs them.
 ///
@@ -53,8 +53,9 @@ pub trait Backend: Copy + Default + Debug + Send + Sync + 'static {
     type Slot: Copy + Debug + Send + Sync + 'static;
     /// The vector type.
     type Vector: VectorOps<Self> + Send;
-    /// The matrix type; the sparsity pattern of a matrix is fixed.
-    type Matrix: MatrixOps<Self> + MatVec<Self> + MatMat<Self> + Entries<Self> + Send;
+    /// The matrix type; the sparsity pattern of a matrix is fixed. It may also implement [`Entries`](super::Entries) and
+    /// [`MatMat`](super::MatMat).
+    type Matrix: MatrixOps<Self> + MatVec<Self> + Send;
     /// The symbolic factorization: depends only on the pattern and is shared by all solvers of that pattern.
     type Symbolic: Send + Sync;
     /// The numeric solver: one for each matrix that is factored.

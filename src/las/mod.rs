@@ -17,6 +17,22 @@
 //!
 //! A backend returns [`SolveError::Unsupported`] before it solves if it lacks the requested method.
 
+//!
+//! # Writing a backend
+//! All simulation code of this crate runs on a backend of another crate if it implements:
+//!
+//! | item | contents |
+//! |---|---|
+//! | [`Backend`] | a marker type: ten associated types, its name, and four constructors |
+//! | [`VectorOps`] for `Backend::Vector` | ten operations; the rules of negative indices and of `finish` are stated there |
+//! | [`MatrixOps`] for `Backend::Matrix` | nine operations; the rules of writes outside the pattern are stated there |
+//! | [`MatVec`] for `Backend::Matrix` | two products and two diagonals |
+//! | [`Solver`] for `Backend::Solver` | two kinds of factorization, and solves; methods that the backend lacks return [`SolveError::Unsupported`] |
+//!
+//! Two extensions are optional, because no simulation needs them: [`Entries`] (for [`transfer::matrix`], Matrix Market
+//! files and the C interface) and [`MatMat`] (sums and products of matrices, for the C interface). [`krylov`] provides
+//! iterative solvers for every backend. The [`conformance`] suite tests a backend, also one with limited solvers.
+
 mod backend;
 pub(crate) mod comm;
 pub mod conformance;
@@ -45,4 +61,6 @@ pub use solve::{
     FactorReport, Factorization, InvalidParameter, Iterative, Krylov, Method, Ordering, Preconditioner, SolveError,
     SolveReport, Solver, SolverParams, StopReason, Symmetry,
 };
+#[cfg(feature = "sparse")]
+pub(crate) use sparsity::offsets;
 pub use sparsity::{Sparsity, SparsityError};

@@ -1,24 +1,25 @@
-//! Vector and matrix operations for hot loops (table 5.1 of the thesis), which assembly loops call millions of times.
-//!
-//! Every implementation is `#[inline(always)]`. Three rules hold for every backend:
-//!
-//! * A **negative index** denotes a constrained unknown: writes to it are dropped, and reads leave the caller's buffer
-//!   unchanged.
-//! * A **write outside the pattern** is a programming error: a `debug_assert!` fails in debug builds, and release
-//!   builds drop the value (except `dense`, which stores every entry). A read outside the pattern returns zero. An
-//!   index past the end and a block whose size does not match its indices are programming errors too; PETSc reports
-//!   both as errors.
-//! * Call [`VectorOps::finish`] or [`MatrixOps::finish`] between writing and reading, and between `add` and `set`.
-//!   Serial backends do not need this, distributed backends do.
-//!
-//! # Errors
-//! Every operation returns `Result<_, B::Fault>`. A backend that cannot fail has an uninhabited fault type, so that `?`
-//! compiles to nothing. A backend that can fail (PETSc) returns its error code, which a direct call would have to check
-//! as well.
+//! Vector and matrix operations for hot loops (table 5.1 of the thesis).
 
 use super::Backend;
 
-/// The operations of a vector.
+/// The operations of a vector in assembly loops, which call them millions of times; every implementation should be
+/// `#[inline(always)]`.
+///
+/// # Rules
+/// They also hold for [`MatrixOps`]; the [conformance suite](super::conformance) tests them.
+///
+/// * A **negative index** denotes a constrained unknown: a write to it is dropped, and a read leaves the caller's
+///   buffer unchanged.
+/// * An **index past the end**, and arguments whose lengths do not match, are programming errors: a `debug_assert!`
+///   fails in debug builds, and release builds drop the value. PETSc returns an error instead.
+/// * Call [`VectorOps::finish`] or [`MatrixOps::finish`] between writing and reading, and between `add` and `set`: a
+///   distributed backend exchanges the values of other ranks there. A serial backend does nothing.
+///   [`VectorOps::with_local_mut`] both reads and writes.
+///
+/// # Errors
+/// Every operation returns `Result<_, B::Fault>`. A backend that cannot fail has an uninhabited fault type
+/// ([`std::convert::Infallible`]), so that `?` compiles to nothing. A backend that can fail (PETSc) returns its error
+/// code, which a direct call would have to check as well.
 pub trait VectorOps<B: Backend>: Sized {
     /// Number of entries (of this rank, on a distributed backend).
     fn len(&self) -> usize;
@@ -29,7 +30,7 @@ pub trait VectorOps<B: Backend>: Sized {
         self.len() == 0
     }
 
-    /// `y = 0`.
+    /// `y = 0`; pending writes are discarded.
     fn zero(&mut self) -> Result<(), B::Fault>;
 
     /// `y[rows[i]] += values[i]`; repeated rows accumulate.
@@ -38,7 +39,7 @@ pub trait VectorOps<B: Backend>: Sized {
     /// `y[rows[i]] = values[i]`; if a row is repeated, the last value is stored.
     fn set(&mut self, rows: &[B::Index], values: &[B::Scalar]) -> Result<(), B::Fault>;
 
-    /// `values[i] = y[rows[i]]`.
+    /// `values[i] = y[rows[i]]`; entries of `values` at negative rows do not change.
     fn get(&self, rows: &[B::Index], values: &mut [B::Scalar]) -> Result<(), B::Fault>;
 
     /// Euclidean norm.
@@ -60,15 +61,29 @@ pub trait VectorOps<B: Backend>: Sized {
     fn finish(&mut self) -> Result<(), B::Fault>;
 }
 
-/// The operations of a matrix. Blocks are row-major: `block[i * cols.len() + j]` belongs to `(rows[i], cols[j])`.
+/// The operations of a matrix in assembly loops, which call them millions of times; every implementation should be
+/// `#[inline(always)]`.
+///
+/// Blocks are row-major: `block[i * cols.len() + j]` belongs to `(rows[i], cols[j])`.
+///
+/// # Rules
+/// Those of [`VectorOps`], and:
+///
+/// * The pattern never changes: `zero` and `zero_rows` leave explicit zeros, and no operation adds an entry.
+/// * A **write outside the pattern** is a programming error: a `debug_assert!` fails in debug builds, and release
+///   builds drop the value (except `dense`, which stores every entry). A **read outside the pattern** returns zero.
+/// * `get` and `finish` are collective on a distributed backend: all ranks call them.
+///
+/// # Errors
+/// As in [`VectorOps`].
 pub trait MatrixOps<B: Backend>: Sized {
     /// Returns the number of rows and the number of columns.
     fn shape(&self) -> (usize, usize);
 
-    /// `A = 0`; the pattern does not change.
+    /// `A = 0`, without change of the pattern; pending writes are discarded.
     fn zero(&mut self) -> Result<(), B::Fault>;
 
-    /// Sets whole rows to zero; the pattern does not change.
+    /// Sets whole rows to zero, without change of the pattern; negative rows are skipped.
     fn zero_rows(&mut self, rows: &[B::Index]) -> Result<(), B::Fault>;
 
     /// `A[rows[i], cols[j]] += block[i, j]`; repeated indices accumulate.
@@ -77,11 +92,11 @@ pub trait MatrixOps<B: Backend>: Sized {
     /// `A[rows[i], cols[j]] = block[i, j]`; if a position is repeated, the last value is stored.
     fn set(&mut self, rows: &[B::Index], cols: &[B::Index], block: &[B::Scalar]) -> Result<(), B::Fault>;
 
-    /// `block[i, j] = A[rows[i], cols[j]]`.
+    /// `block[i, j] = A[rows[i], cols[j]]`: zero outside the pattern; entries of `block` at negative indices do not change.
     fn get(&self, rows: &[B::Index], cols: &[B::Index], block: &mut [B::Scalar]) -> Result<(), B::Fault>;
 
     /// Appends the positions of a block to `slots`, row by row, for [`MatrixOps::add_at`]. Repeated assembly with fixed
-    /// connectivity then searches the pattern only once.
+    /// connectivity then searches the pattern only once. Every pair of a row and a column yields one slot, also at negative indices.
     fn locate(&self, rows: &[B::Index], cols: &[B::Index], slots: &mut Vec<B::Slot>) -> Result<(), B::Fault>;
 
     /// `A[slots[k]] += block[k]`; the slots come from [`MatrixOps::locate`] of this matrix or of one with the same

@@ -33,9 +33,12 @@ pub trait MatVec<B: Backend> {
     fn inverse_diagonal(&self, d: &mut B::Vector) -> Result<(), SolveError<B::Fault>>;
 }
 
-/// Matrix-matrix operations. The pattern of a result depends only on the patterns of the operands: an entry that
-/// cancels is stored as an explicit zero.
-pub trait MatMat<B: Backend>: Sized {
+/// Matrix-matrix operations: an extension that a backend may implement. Generic code that needs it states
+/// `B: Backend<Matrix: MatMat<B>>`.
+///
+/// The pattern of a result depends only on the patterns of the operands: an entry that cancels is stored as an explicit
+/// zero. Since the backend chooses that pattern, this trait requires [`Entries`], which returns it.
+pub trait MatMat<B: Backend>: Entries<B> + Sized {
     /// `A *= factor`.
     ///
     /// # Errors
@@ -62,7 +65,8 @@ pub trait MatMat<B: Backend>: Sized {
     fn transpose(&self) -> Result<Self, SolveError<B::Fault>>;
 }
 
-/// Access to all entries of a matrix, for transferring it to another backend or writing it to a file.
+/// Access to all entries of a matrix, for transferring it to another backend or writing it to a file: an extension that
+/// a backend may implement. Generic code that needs it states `B: Backend<Matrix: Entries<B>>`.
 pub trait Entries<B: Backend> {
     /// The pattern of the stored entries (of this rank, on a distributed backend), explicit zeros included.
     ///

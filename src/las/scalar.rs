@@ -88,8 +88,8 @@ one_lane!(f64, f32);
 /// The signed integer type of row and column indices.
 ///
 /// The type is signed because a negative index denotes a constrained unknown: writes to it are dropped, and reads leave
-/// the caller's buffer unchanged.
-pub trait Index: Copy + Ord + Debug + Display + Send + Sync + 'static {
+/// the caller's buffer unchanged. Every index type holds the unknowns of elements, which are `i32`.
+pub trait Index: From<i32> + Copy + Ord + Debug + Display + Send + Sync + 'static {
     /// The index of a constrained unknown.
     const CONSTRAINED: Self;
 

@@ -146,15 +146,9 @@ impl Sparsity {
     /// The pattern of the transpose.
     #[must_use]
     pub fn transpose(&self) -> Self {
-        let mut row_offsets = vec![0_u32; self.cols + 1];
-        for &column in &self.columns {
-            row_offsets[column as usize + 1] += 1;
-        }
-        for k in 0..self.cols {
-            row_offsets[k + 1] += row_offsets[k];
-        }
+        let row_offsets = offsets(self.cols, self.columns.iter().map(|&column| column as usize));
         let mut next = row_offsets.clone();
-        let mut columns = vec![0; self.entries()];
+        let mut columns = vec![0; self.nnz()];
         for row in 0..self.rows() {
             for &column in self.row(row) {
                 let at = &mut next[column as usize];
@@ -166,7 +160,11 @@ impl Sparsity {
     }
 
     /// Builds a pattern row by row; `fill` may append the columns of a row unsorted and repeatedly.
-    fn by_rows(cols: usize, rows: usize, mut fill: impl FnMut(usize, &mut Vec<u32>)) -> Result<Self, SparsityError> {
+    pub(super) fn by_rows(
+        cols: usize,
+        rows: usize,
+        mut fill: impl FnMut(usize, &mut Vec<u32>),
+    ) -> Result<Self, SparsityError> {
         let mut row_offsets = Vec::with_capacity(rows + 1);
         row_offsets.push(0);
         let (mut columns, mut one) = (Vec::new(), Vec::new());
@@ -196,10 +194,10 @@ impl Sparsity {
         self.cols
     }
 
-    /// Number of entries.
+    /// Number of entries (structural nonzeros).
     #[inline(always)]
     #[must_use]
-    pub fn entries(&self) -> usize {
+    pub fn nnz(&self) -> usize {
         self.columns.len()
     }
 
@@ -213,7 +211,7 @@ impl Sparsity {
     /// The column of every entry, row by row.
     #[inline(always)]
     #[must_use]
-    pub fn columns(&self) -> &[u32] {
+    pub fn col_indices(&self) -> &[u32] {
         &self.columns
     }
 
@@ -239,16 +237,29 @@ impl Sparsity {
     /// Returns true if the pattern is square and contains `(j, i)` for every entry `(i, j)`.
     #[must_use]
     pub fn is_symmetric(&self) -> bool {
-        self.rows() == self.cols && self.without_mirror().is_none()
+        self.rows() == self.cols && self.first_unsymmetric_entry().is_none()
     }
 
     /// The first entry `(row, column)` whose transpose `(column, row)` is not in the pattern.
     #[must_use]
-    pub fn without_mirror(&self) -> Option<(usize, usize)> {
+    pub fn first_unsymmetric_entry(&self) -> Option<(usize, usize)> {
         let columns = |row: usize| self.row(row).iter().map(|&column| column as usize);
         let alone = |row: usize| columns(row).find(|&column| self.find(column, row).is_none());
         (0..self.rows()).find_map(|row| alone(row).map(|column| (row, column)))
     }
+}
+
+/// Returns the index of the first item of each of `count` groups, followed by the number of items, given the group of
+/// every item.
+pub(crate) fn offsets(count: usize, groups: impl Iterator<Item = usize>) -> Vec<u32> {
+    let mut offsets = vec![0; count + 1];
+    for group in groups {
+        offsets[group + 1] += 1;
+    }
+    for group in 0..count {
+        offsets[group + 1] += offsets[group];
+    }
+    offsets
 }
 
 /// For each row, lists the numbers of the elements that contain it; returns the offset of each row's list and the

@@ -84,7 +84,7 @@ where
 ///
 /// # Errors
 /// Returns the fault of the backend that failed.
-pub fn matrix<A: Backend, B: Backend>(
+pub fn matrix<A: Backend<Matrix: Entries<A>>, B: Backend>(
     from: &A::Matrix,
     context: &B::Context,
 ) -> Result<B::Matrix, TransferError<A::Fault, B::Fault>>

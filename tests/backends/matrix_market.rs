@@ -8,7 +8,7 @@ use biotissue::las::market::{self, MarketError};
 use biotissue::las::{Backend, Entries, MatrixOps, Scalar, transfer};
 
 /// Entries that are not zero.
-fn entries<B: Backend<Scalar: Scalar>>(a: &B::Matrix) -> Vec<(usize, usize, f64)> {
+fn entries<B: Backend<Scalar: Scalar, Matrix: Entries<B>>>(a: &B::Matrix) -> Vec<(usize, usize, f64)> {
     let mut entries = Vec::new();
     a.for_each(|row, column, value| entries.push((row, column, value.as_f64()))).unwrap();
     entries.retain(|&(.., value)| value != 0.0);

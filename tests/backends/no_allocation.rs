@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use biotissue::las::conformance::{Oracle, Random};
+use biotissue::las::conformance::{DenseReference, Random};
 use biotissue::las::{Backend, Factorization, MatrixOps, Solver, SolverParams, Sparsity, VectorOps};
 
 use crate::counting;
@@ -23,7 +23,7 @@ struct Work<B: Backend> {
 impl<B: Backend<Scalar = f64, Index = i32, Context = ()>> Work<B> {
     fn new(mut random: Random, pattern: &Arc<Sparsity>) -> Self {
         let unknowns = pattern.rows();
-        let a = Oracle::dominant(&mut random, pattern, |_| 1.0);
+        let a = DenseReference::dominant(&mut random, pattern, |_| 1.0);
         let elements: Vec<(Vec<i32>, Vec<f64>)> = (0..unknowns)
             .map(|row| {
                 let columns = pattern.row(row).iter().map(|&c| c as i32);

@@ -228,9 +228,9 @@ mod in_memory {
     }
 
     fn csr<T: Copy + Default>(cube: &Cube) -> Csr<T> {
-        let (row_offsets, columns) = (cube.pattern.row_offsets().into(), cube.pattern.columns().into());
+        let (row_offsets, columns) = (cube.pattern.row_offsets().into(), cube.pattern.col_indices().into());
         let pattern = Arc::new(Pattern { cols: cube.pattern.cols(), row_offsets, columns });
-        Csr { pattern, values: vec![T::default(); cube.pattern.entries() + 1] }
+        Csr { pattern, values: vec![T::default(); cube.pattern.nnz() + 1] }
     }
 
     pub fn sparse(cube: &Cube, way: &str, times: usize) -> Outcome {

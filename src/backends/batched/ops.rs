@@ -3,11 +3,11 @@
 use num_traits::Zero;
 
 use super::{Batched, Lanes};
-use crate::backends::csr::hot_verbs;
+use crate::backends::csr::impl_assembly_ops;
 use crate::backends::local;
 use crate::las::Scalar;
 
-hot_verbs!([T: Scalar, const N: usize] Batched<T, N>, Lanes<T, N>, Lanes<T, N>, norm: norm, dot: dot);
+impl_assembly_ops!([T: Scalar, const N: usize] Batched<T, N>, Lanes<T, N>, Lanes<T, N>, norm: norm, dot: dot);
 
 /// Returns `sum_i x[i] y[i]` for every lane.
 #[inline(always)]

@@ -31,10 +31,6 @@ impl<T: Scalar, const N: usize> crate::las::Solver<Batched<T, N>> for Solver {
         match *self {}
     }
 
-    fn solve(&mut self, _: &Vector<T, N>, _: &mut Vector<T, N>) -> Result<SolveReport, SolveError<Infallible>> {
-        match *self {}
-    }
-
     fn solve_many(
         &mut self,
         _: &[Vector<T, N>],

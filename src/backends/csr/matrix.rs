@@ -29,7 +29,7 @@ impl<T: Value> Matrix<T> {
     /// Creates a zero matrix.
     #[must_use]
     pub fn zeros(pattern: &Arc<Sparsity>) -> Self {
-        Self { pattern: Arc::clone(pattern), values: vec![T::zero(); pattern.entries() + 1] }
+        Self { pattern: Arc::clone(pattern), values: vec![T::zero(); pattern.nnz() + 1] }
     }
 
     /// Returns the sparsity pattern.
@@ -43,14 +43,14 @@ impl<T: Value> Matrix<T> {
     #[inline(always)]
     #[must_use]
     pub fn values(&self) -> &[T] {
-        &self.values[..self.pattern.entries()]
+        &self.values[..self.pattern.nnz()]
     }
 
     /// Returns the value of every entry of the pattern, by rows, mutably.
     #[inline(always)]
     #[must_use]
     pub fn values_mut(&mut self) -> &mut [T] {
-        &mut self.values[..self.pattern.entries()]
+        &mut self.values[..self.pattern.nnz()]
     }
 
     /// Returns the index range of the values of a row; empty for a constrained row and for a row out of range.

@@ -1,7 +1,7 @@
 //! The functions behind the vector and matrix operations of assembly.
 
 use super::Matrix;
-use crate::backends::local::{self, NOWHERE, find};
+use crate::backends::local::{self, NOT_FOUND, find};
 use crate::las::Value;
 
 impl<T: Value> Matrix<T> {
@@ -17,7 +17,7 @@ impl<T: Value> Matrix<T> {
         debug_assert_eq!(rows.len() * cols.len(), block.len(), "one value a pair of row and column");
         for (&row, values) in rows.iter().zip(block.chunks_exact(cols.len().max(1))) {
             let range = Self::row_range(&self.pattern, row);
-            let (columns, mut next) = (&self.pattern.columns()[range.clone()], 0);
+            let (columns, mut next) = (&self.pattern.col_indices()[range.clone()], 0);
             let entries = &mut self.values[range];
             for (&column, &value) in cols.iter().zip(values) {
                 match entries.get_mut(find(columns, &mut next, column)) {
@@ -50,7 +50,7 @@ impl<T: Value> Matrix<T> {
                 Some(&[start, end]) => start as usize..end as usize,
                 None => 0..0,
             };
-            let (columns, mut next) = (&self.pattern.columns()[range.clone()], 0);
+            let (columns, mut next) = (&self.pattern.col_indices()[range.clone()], 0);
             let entries = &self.values[range];
             for (&column, value) in cols.iter().zip(values) {
                 if column >= 0 {
@@ -63,13 +63,13 @@ impl<T: Value> Matrix<T> {
     /// Appends the positions of a block; dropped entries get the position after the last one.
     #[inline(always)]
     pub(in crate::backends) fn positions(&self, rows: &[i32], cols: &[i32], slots: &mut Vec<u32>) {
-        let dropped = self.pattern.entries() as u32;
+        let dropped = self.pattern.nnz() as u32;
         slots.reserve(rows.len() * cols.len());
         for &row in rows {
             let range = Self::row_range(&self.pattern, row);
-            let (columns, mut next) = (&self.pattern.columns()[range.clone()], 0);
+            let (columns, mut next) = (&self.pattern.col_indices()[range.clone()], 0);
             slots.extend(cols.iter().map(|&column| match find(columns, &mut next, column) {
-                NOWHERE => {
+                NOT_FOUND => {
                     debug_assert!(row < 0 || column < 0, "({row}, {column}) is not in the pattern");
                     dropped
                 }

@@ -14,7 +14,7 @@ impl<T: Value> Matrix<T> {
         let mut start = 0;
         for (y, &end) in y.iter_mut().zip(&self.pattern.row_offsets()[1..]) {
             let range = start..end as usize;
-            let entries = self.pattern.columns()[range.clone()].iter().zip(&self.values[range]);
+            let entries = self.pattern.col_indices()[range.clone()].iter().zip(&self.values[range]);
             *y = entries.fold(T::zero(), |sum, (&column, &value)| sum + value * x[column as usize]);
             start = end as usize;
         }
@@ -58,7 +58,7 @@ impl<T: Value> Matrix<T> {
                 let mut at = pattern.row_offsets()[row] as usize;
                 for (column, value) in matrix.row(row) {
                     // Columns ascend in both patterns.
-                    while (pattern.columns()[at] as usize) < column {
+                    while (pattern.col_indices()[at] as usize) < column {
                         at += 1;
                     }
                     sum.values[at] += factor * value;
@@ -83,7 +83,7 @@ impl<T: Value> Matrix<T> {
             }
             let range = pattern.row_offsets()[row] as usize..pattern.row_offsets()[row + 1] as usize;
             for at in range {
-                product.values[at] = std::mem::take(&mut row_sums[pattern.columns()[at] as usize]);
+                product.values[at] = std::mem::take(&mut row_sums[pattern.col_indices()[at] as usize]);
             }
         }
         Ok(product)
@@ -106,7 +106,7 @@ impl<T: Value> Matrix<T> {
     /// Returns the columns and values of a row.
     pub(in crate::backends) fn row(&self, row: usize) -> impl Iterator<Item = (usize, T)> {
         let range = self.pattern.row_offsets()[row] as usize..self.pattern.row_offsets()[row + 1] as usize;
-        let columns = self.pattern.columns()[range.clone()].iter().map(|&column| column as usize);
+        let columns = self.pattern.col_indices()[range.clone()].iter().map(|&column| column as usize);
         columns.zip(self.values[range].iter().copied())
     }
 }

@@ -20,6 +20,7 @@ pub use matrix::Matrix;
 pub use solve::{Solver, Symbolic};
 pub use vector::Vector;
 
+use crate::backends::checks::check_analyzable;
 use crate::las::{Backend, Scalar, SolveError, SolverParams, Sparsity};
 
 /// The backend of dense matrices; `T` is `f64` or `f32`.
@@ -53,12 +54,8 @@ impl<T: Scalar + RealField> Backend for Dense<T> {
         pattern: &Arc<Sparsity>,
         params: &SolverParams,
     ) -> Result<Arc<Symbolic>, SolveError<Infallible>> {
-        let (rows, cols) = (pattern.rows(), pattern.cols());
-        if rows != cols {
-            return Err(SolveError::NotSquare { rows, cols });
-        }
-        params.check().map_err(SolveError::Parameter)?;
-        Ok(Arc::new(Symbolic { unknowns: rows, params: *params }))
+        check_analyzable(pattern, params)?;
+        Ok(Arc::new(Symbolic { unknowns: pattern.rows(), params: *params }))
     }
 
     fn solver(symbolic: &Arc<Symbolic>) -> Result<Solver<T>, SolveError<Infallible>> {

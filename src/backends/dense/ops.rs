@@ -6,69 +6,9 @@ use faer::traits::RealField;
 
 use super::{Dense, Matrix, Vector};
 use crate::backends::local;
-use crate::las::{MatrixOps, Scalar, VectorOps};
+use crate::las::{MatrixOps, Scalar};
 
-impl<T: Scalar + RealField> VectorOps<Dense<T>> for Vector<T> {
-    #[inline(always)]
-    fn len(&self) -> usize {
-        self.values.len()
-    }
-
-    #[inline(always)]
-    fn zero(&mut self) -> Result<(), Infallible> {
-        local::zero(&mut self.values);
-        Ok(())
-    }
-
-    #[inline(always)]
-    fn add(&mut self, rows: &[i32], values: &[T]) -> Result<(), Infallible> {
-        local::add(&mut self.values, rows, values);
-        Ok(())
-    }
-
-    #[inline(always)]
-    fn set(&mut self, rows: &[i32], values: &[T]) -> Result<(), Infallible> {
-        local::set(&mut self.values, rows, values);
-        Ok(())
-    }
-
-    #[inline(always)]
-    fn get(&self, rows: &[i32], values: &mut [T]) -> Result<(), Infallible> {
-        local::get(&self.values, rows, values);
-        Ok(())
-    }
-
-    #[inline(always)]
-    fn norm(&self) -> Result<T, Infallible> {
-        Ok(local::norm(&self.values))
-    }
-
-    #[inline(always)]
-    fn dot(&self, y: &Self) -> Result<T, Infallible> {
-        Ok(local::dot(&self.values, &y.values))
-    }
-
-    #[inline(always)]
-    fn axpy(&mut self, a: T, x: &Self) -> Result<(), Infallible> {
-        local::axpy(a, &x.values, &mut self.values);
-        Ok(())
-    }
-
-    #[inline(always)]
-    fn with_local<R>(&self, read: impl FnOnce(&[T]) -> R) -> Result<R, Infallible> {
-        Ok(read(&self.values))
-    }
-
-    #[inline(always)]
-    fn with_local_mut<R>(&mut self, write: impl FnOnce(&mut [T]) -> R) -> Result<R, Infallible> {
-        Ok(write(&mut self.values))
-    }
-
-    #[inline(always)]
-    fn finish(&mut self) -> Result<(), Infallible> {
-        Ok(())
-    }
-}
+local::impl_vector_ops!([T: Scalar + RealField] Dense<T>, Vector<T>, T, T, norm: local::norm, dot: local::dot);
 
 impl<T: Scalar + RealField> Matrix<T> {
     /// Calls `visit(entry, value of the block)` for every pair of indices of a block that is inside the matrix.

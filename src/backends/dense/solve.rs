@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use faer::diag::{DiagMut, DiagRef};
 use faer::dyn_stack::StackReq;
-use faer::linalg::cholesky::llt::factor::{LltError, LltRegularization};
+use faer::linalg::cholesky::llt::factor::LltRegularization;
 use faer::linalg::cholesky::{lblt, llt};
 use faer::linalg::lu::partial_pivoting as lu;
 use faer::perm::PermRef;
@@ -14,10 +14,10 @@ use faer::{Conj, MatMut, MatRef, Par, Spec};
 
 use super::{Dense, Matrix, Vector};
 use crate::backends::checks::{check_columns, check_size, definite, immediate_singular_limit};
-use crate::backends::direct::{Pivots, Scratch, ldlt_params};
-use crate::backends::iterative::{IterativeSolver, Simple};
+use crate::backends::direct::{NotPositiveDefinite, Pivots, Scratch, ldlt_params};
+use crate::backends::iterative::{IterativeSolver, SimplePreconditioner};
 use crate::backends::local;
-use crate::backends::null_vector::{Scales, check_null_vector, null_vector_limit};
+use crate::backends::null_vector::{Unchecked, checked_report};
 use crate::las::{
     Backend, FactorReport, Factorization, Method, Preconditioner, Scalar, SolveError, SolveReport, SolverParams,
     Symmetry,
@@ -30,7 +30,7 @@ pub struct Symbolic {
     pub(super) params: SolverParams,
 }
 
-type ByIterations<T> = IterativeSolver<Dense<T>, Simple<Dense<T>>>;
+type ByIterations<T> = IterativeSolver<Dense<T>, SimplePreconditioner<Dense<T>>>;
 
 /// The solver for matrices of one size: direct, or a Krylov method without preconditioner or with the diagonal.
 ///
@@ -62,8 +62,8 @@ impl<T: Scalar + RealField> Solver<T> {
         };
         let unknowns = symbolic.unknowns;
         let inverse = match method.preconditioner {
-            Preconditioner::None => Simple::None,
-            Preconditioner::Diagonal => Simple::Diagonal(Vector::from(vec![T::zero(); unknowns])),
+            Preconditioner::None => SimplePreconditioner::None,
+            Preconditioner::Diagonal => SimplePreconditioner::Diagonal(Vector::from(vec![T::zero(); unknowns])),
             Preconditioner::Ilut { .. } | Preconditioner::Multigrid => {
                 return Err(SolveError::Unsupported {
                     backend: Dense::<T>::NAME,
@@ -107,8 +107,8 @@ impl<T: Scalar + RealField> Solver<T> {
         Err(SolveError::NotFinite { row: bad / a.cols })
     }
 
-    /// Factors by Cholesky. Returns the position of the first pivot that is not positive as the error.
-    fn factor_cholesky(&mut self, a: &Matrix<T>) -> Result<Pivots, usize> {
+    /// Factors by Cholesky.
+    fn factor_cholesky(&mut self, a: &Matrix<T>) -> Result<Pivots, NotPositiveDefinite> {
         let n = self.symbolic.unknowns;
         // The rows of the matrix become the columns of the factor; the matrix is symmetric.
         self.factor.copy_from_slice(a.values());
@@ -118,8 +118,7 @@ impl<T: Scalar + RealField> Solver<T> {
             Par::Seq,
             self.scratch.memory(),
             Spec::default(),
-        )
-        .map_err(|LltError::NonPositivePivot { index }| index)?;
+        )?;
         let mut pivots = Pivots::empty();
         for (position, root) in self.factor.iter().step_by(n + 1).enumerate() {
             pivots.record(root.as_f64() * root.as_f64(), position);
@@ -141,7 +140,7 @@ impl<T: Scalar + RealField> Solver<T> {
             self.scratch.memory(),
             ldlt_params::<T>(),
         );
-        Pivots::of_blocks(n, |position| self.factor[position * (n + 1)], &self.subdiagonal)
+        Pivots::from_blocks(n, |position| self.factor[position * (n + 1)], &self.subdiagonal)
     }
 
     fn factor_lu(&mut self, a: &Matrix<T>) -> Pivots {
@@ -168,7 +167,7 @@ impl<T: Scalar + RealField> Solver<T> {
         if self.symbolic.params.symmetry == Symmetry::Definite {
             match self.factor_cholesky(a) {
                 Ok(pivots) => return self.report(a, Factorization::Cholesky, None, &pivots),
-                Err(position) => indefinite_at = Some(position),
+                Err(NotPositiveDefinite { position }) => indefinite_at = Some(position),
             }
         }
         if self.symbolic.params.symmetry == Symmetry::None {
@@ -190,31 +189,14 @@ impl<T: Scalar + RealField> Solver<T> {
             Factorization::Ldlt => self.forward[position] as usize,
             Factorization::Cholesky | Factorization::Lu | Factorization::Approximate => position,
         };
-        let pivot_ratio = pivots.check_singular(immediate_singular_limit(&self.symbolic.params), unknown)?;
+        let params = self.symbolic.params;
+        pivots.check_singular(immediate_singular_limit(&params), unknown)?;
         self.active = Some(kind);
-        let lost = self.check_near_singular(a, kind, pivots).inspect_err(|_| self.active = None)?;
-        if let Some(unknown) = lost {
-            self.active = None;
-            return Err(SolveError::Singular { unknown, ratio: pivot_ratio, limit: T::epsilon().as_f64() });
-        }
-        let negative_pivots = (kind != Factorization::Lu).then(|| pivots.negative());
-        Ok(FactorReport { kind, indefinite_at, pivot_ratio, negative_pivots })
-    }
-
-    /// Searches for a null vector if a pivot is small, unless the caller set a limit for pivots. Returns an unknown
-    /// whose equation the factors do not solve accurately, if there is one.
-    fn check_near_singular(
-        &mut self,
-        a: &Matrix<T>,
-        kind: Factorization,
-        pivots: &Pivots,
-    ) -> Result<Option<usize>, SolveError<Infallible>> {
-        let n = self.symbolic.unknowns;
-        let Some(limit) = null_vector_limit::<T>(&self.symbolic.params, n, pivots.ratio()) else { return Ok(None) };
-        let scales = Scales::of_matrix::<Dense<T>>(a, kind, n)?;
-        check_null_vector::<Dense<T>>(&(), a, kind, &scales, limit, |b, x| {
+        let report = Unchecked { kind, indefinite_at, pivots };
+        checked_report::<Dense<T>>(a, report, &params, |b, x| {
             self.solve_columns(std::slice::from_ref(b), std::slice::from_mut(x)).map(drop)
         })
+        .inspect_err(|_| self.active = None)
     }
 
     fn solve_columns(&mut self, b: &[Vector<T>], x: &mut [Vector<T>]) -> Result<SolveReport, SolveError<Infallible>> {
@@ -287,10 +269,6 @@ impl<T: Scalar + RealField> crate::las::Solver<Dense<T>> for Solver<T> {
         }
         let report = crate::las::Solver::<Dense<T>>::factor(self, a)?;
         definite(Dense::<T>::NAME, report).inspect_err(|_| self.active = None)
-    }
-
-    fn solve(&mut self, b: &Vector<T>, x: &mut Vector<T>) -> Result<SolveReport, SolveError<Infallible>> {
-        self.solve_columns(std::slice::from_ref(b), std::slice::from_mut(x))
     }
 
     fn solve_many(&mut self, b: &[Vector<T>], x: &mut [Vector<T>]) -> Result<SolveReport, SolveError<Infallible>> {

@@ -44,7 +44,7 @@ pub enum MatrixType {
 /// A context is cheap to clone. Creating a context, reading or multiplying matrices, and solving are collective.
 #[derive(Clone, Debug)]
 pub struct Context {
-    team: Arc<Team>,
+    comm: Arc<OwnedComm>,
     prefix: Arc<str>,
     block: usize,
     kind: MatrixType,
@@ -52,9 +52,9 @@ pub struct Context {
 }
 
 /// A duplicated communicator.
-struct Team {
+struct OwnedComm {
     /// `None` only during `drop`.
-    comm: Option<SimpleCommunicator>,
+    mpi: Option<SimpleCommunicator>,
     raw: MPI_Comm,
     rank: usize,
     ranks: usize,
@@ -62,9 +62,9 @@ struct Team {
 }
 
 // SAFETY: a communicator is not bound to a thread, and every call on it waits for all others (`session::lock`).
-unsafe impl Send for Team {}
+unsafe impl Send for OwnedComm {}
 // SAFETY: as above; its fields never change.
-unsafe impl Sync for Team {}
+unsafe impl Sync for OwnedComm {}
 
 impl Context {
     /// Creates a context on all ranks, in its own session, which ends when the context and all objects made in it are
@@ -84,9 +84,9 @@ impl Context {
         let comm = comm.duplicate();
         let (raw, rank, ranks) = (comm.as_raw(), comm.rank() as usize, comm.size() as usize);
         drop(alone);
-        let team = Team { comm: Some(comm), raw, rank, ranks, session: session.clone() };
+        let comm = OwnedComm { mpi: Some(comm), raw, rank, ranks, session: session.clone() };
         Self {
-            team: Arc::new(team),
+            comm: Arc::new(comm),
             prefix: "".into(),
             block: 3,
             kind: MatrixType::Aij,
@@ -141,13 +141,13 @@ impl Context {
     /// Returns the number of this rank.
     #[must_use]
     pub fn rank(&self) -> usize {
-        self.team.rank
+        self.comm.rank
     }
 
     /// Returns the number of ranks.
     #[must_use]
     pub fn ranks(&self) -> usize {
-        self.team.ranks
+        self.comm.ranks
     }
 
     /// Returns the prefix of options.
@@ -165,7 +165,7 @@ impl Context {
     /// Returns the session.
     #[must_use]
     pub fn session(&self) -> &Session {
-        &self.team.session
+        &self.comm.session
     }
 
     /// Returns the storage format of matrices.
@@ -180,34 +180,34 @@ impl Context {
     }
 
     pub(super) fn comm(&self) -> MPI_Comm {
-        self.team.raw
+        self.comm.raw
     }
 
     /// Returns true if the communicator has a single rank.
-    pub(super) fn is_alone(&self) -> bool {
-        self.team.ranks == 1
+    pub(super) fn is_single_rank(&self) -> bool {
+        self.comm.ranks == 1
     }
 
     /// Returns the range of rows, out of `len`, that this rank owns.
-    pub(super) fn own(&self, len: usize) -> Range<usize> {
-        self.part(len, self.team.rank)
+    pub(super) fn own_range(&self, len: usize) -> Range<usize> {
+        self.range_of_rank(len, self.comm.rank)
     }
 
     /// Returns the range of rows, out of `len`, that a rank owns: contiguous, and whole blocks if `len` is a multiple
     /// of the block size.
-    fn part(&self, len: usize, rank: usize) -> Range<usize> {
+    fn range_of_rank(&self, len: usize, rank: usize) -> Range<usize> {
         let unit = if len.is_multiple_of(self.block) { self.block } else { 1 };
-        let bound = |rank: usize| unit * (len / unit * rank / self.team.ranks);
+        let bound = |rank: usize| unit * (len / unit * rank / self.comm.ranks);
         bound(rank)..bound(rank + 1)
     }
 
     /// Gathers the parts of all ranks on every rank: `own` is the part of this rank, and `bound(row)` entries precede
     /// each row at which a rank begins.
     pub(super) fn gather(&self, own: &[f64], rows: usize, bound: impl Fn(usize) -> usize, whole: &mut [f64]) {
-        let Some(comm) = self.team.comm.as_ref().filter(|_| !self.is_alone()) else {
+        let Some(comm) = self.comm.mpi.as_ref().filter(|_| !self.is_single_rank()) else {
             return whole.copy_from_slice(own);
         };
-        let parts: Vec<_> = (0..self.team.ranks).map(|rank| self.part(rows, rank)).collect();
+        let parts: Vec<_> = (0..self.comm.ranks).map(|rank| self.range_of_rank(rows, rank)).collect();
         let starts: Vec<i32> = parts.iter().map(|part| bound(part.start) as i32).collect();
         let counts: Vec<i32> = parts.iter().map(|part| (bound(part.end) - bound(part.start)) as i32).collect();
         let _alone = lock();
@@ -216,7 +216,7 @@ impl Context {
 
     /// Sums over all ranks, entry by entry.
     pub(super) fn sum(&self, values: &mut [f64]) {
-        if let Some(comm) = self.team.comm.as_ref().filter(|_| !self.is_alone()) {
+        if let Some(comm) = self.comm.mpi.as_ref().filter(|_| !self.is_single_rank()) {
             let own = values.to_vec();
             let _alone = lock();
             comm.all_reduce_into(&own[..], values, SystemOperation::sum());
@@ -224,8 +224,8 @@ impl Context {
     }
 
     /// Returns the minimum over all ranks.
-    pub(super) fn least(&self, value: usize) -> usize {
-        let Some(comm) = self.team.comm.as_ref().filter(|_| !self.is_alone()) else { return value };
+    pub(super) fn min(&self, value: usize) -> usize {
+        let Some(comm) = self.comm.mpi.as_ref().filter(|_| !self.is_single_rank()) else { return value };
         let mut least = value as u64;
         let _alone = lock();
         comm.all_reduce_into(&(value as u64), &mut least, SystemOperation::min());
@@ -233,15 +233,15 @@ impl Context {
     }
 }
 
-impl fmt::Debug for Team {
+impl fmt::Debug for OwnedComm {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "rank {} of {}", self.rank, self.ranks)
     }
 }
 
-impl Drop for Team {
+impl Drop for OwnedComm {
     fn drop(&mut self) {
-        let comm = self.comm.take();
+        let comm = self.mpi.take();
         if is_finalized() {
             // MPI is finalized, so the communicator can no longer be freed.
             std::mem::forget(comm);

@@ -2,8 +2,8 @@
 
 use std::ffi::CStr;
 
-use super::error::{PetscError, owned};
-use super::ksp::{Ended, Ksp};
+use super::error::{PetscError, copy_c_string};
+use super::ksp::{Ksp, SolveOutcome};
 use super::session::call;
 use super::{Matrix, Petsc, Vector, ffi};
 use crate::las::{Backend, Factorization, SolveError};
@@ -28,11 +28,11 @@ unsafe impl Send for Factor {}
 
 /// The outcome of a factorization.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Found {
+pub(super) struct Outcome {
     /// The reason why the factor cannot be used, if any.
     pub(super) failure: Option<Failure>,
     /// True if the package aborted, so that it cannot continue with this factor.
-    pub(super) spent: bool,
+    pub(super) aborted: bool,
     /// The number of negative pivots, if the package counts them.
     pub(super) negative: Option<usize>,
     /// The ratio of the smallest to the largest pivot; 1 if the package does not report it.
@@ -45,7 +45,7 @@ pub(super) enum Failure {
     /// Some pivots count as zero.
     Singular,
     /// The package needs more memory than it was given.
-    Room,
+    OutOfMemory,
     /// Another failure: the error code of the package and its second code.
     Other([i32; 2]),
 }
@@ -86,14 +86,25 @@ fn package(kind: Factorization, ranks: usize) -> Result<(&'static CStr, Factoriz
 }
 
 impl Factor {
-    /// Creates a factorization. Pivots below `limit`, relative to the (scaled) matrix, count as zero; `room` is the
+    /// Creates a factorization. Pivots below `limit`, relative to the (scaled) matrix, count as zero; `extra_memory` is the
     /// percentage that MUMPS adds to its memory estimate.
-    pub(super) fn new(a: &Matrix, kind: Factorization, limit: f64, room: i32) -> Result<Self, SolveError<PetscError>> {
+    pub(super) fn new(
+        a: &Matrix,
+        kind: Factorization,
+        limit: f64,
+        extra_memory: i32,
+    ) -> Result<Self, SolveError<PetscError>> {
         let (package, kind) = package(kind, a.context.ranks())?;
-        Ok(Self::by_package(a, kind, package, limit, room)?)
+        Ok(Self::by_package(a, kind, package, limit, extra_memory)?)
     }
 
-    fn by_package(a: &Matrix, kind: Factorization, package: &CStr, limit: f64, room: i32) -> Result<Self, PetscError> {
+    fn by_package(
+        a: &Matrix,
+        kind: Factorization,
+        package: &CStr,
+        limit: f64,
+        extra_memory: i32,
+    ) -> Result<Self, PetscError> {
         let raw = a.raw();
         let [definite, symmetric] = [kind == Factorization::Cholesky, kind != Factorization::Lu].map(ffi::Bool::from);
         // MUMPS factors matrices declared definite without pivoting.
@@ -104,7 +115,7 @@ impl Factor {
         let pc = ksp.pc();
         // SAFETY: a live object and a C string.
         call(|| unsafe { ffi::PCFactorSetMatSolverType(pc, package.as_ptr()) })?;
-        ksp.listen()?;
+        ksp.set_from_options()?;
         let [method, preconditioner] = ksp.types()?;
         let kind = match preconditioner.as_str() {
             "cholesky" => kind,
@@ -115,7 +126,7 @@ impl Factor {
         let mut factor = Self { ksp, kind, iterates, matrix, package: String::new(), limit };
         if kind != Factorization::Approximate {
             factor.find_matrix()?;
-            factor.set_parameters(room)?;
+            factor.set_parameters(extra_memory)?;
         }
         Ok(factor)
     }
@@ -128,7 +139,7 @@ impl Factor {
         call(|| unsafe { ffi::MatFactorGetSolverType(matrix, &raw mut package) })?;
         self.matrix = matrix;
         // SAFETY: as above.
-        self.package = unsafe { owned(package) };
+        self.package = unsafe { copy_c_string(package) };
         Ok(())
     }
 
@@ -138,7 +149,7 @@ impl Factor {
     }
 
     #[cfg(petsc_has = "mumps")]
-    fn set_parameters(&self, room: i32) -> Result<(), PetscError> {
+    fn set_parameters(&self, extra_memory: i32) -> Result<(), PetscError> {
         if self.package != "mumps" {
             return Ok(());
         }
@@ -148,7 +159,7 @@ impl Factor {
         // matrices depend on the pattern alone, so that the result of a solver does not depend on earlier
         // factorizations.
         let by_pattern = if self.kind == Factorization::Lu { &[][..] } else { &[(6, 0), (12, 1)] };
-        for &(number, value) in [(24, 1), (13, 1), (14, room)].iter().chain(by_pattern) {
+        for &(number, value) in [(24, 1), (13, 1), (14, extra_memory)].iter().chain(by_pattern) {
             // SAFETY: a live factor of MUMPS.
             call(|| unsafe { ffi::MatMumpsSetIcntl(factor, number, value) })?;
         }
@@ -167,15 +178,15 @@ impl Factor {
     }
 
     /// Factors the matrix with its current values.
-    pub(super) fn factor(&self, a: &Matrix) -> Result<Found, PetscError> {
+    pub(super) fn factor(&self, a: &Matrix) -> Result<Outcome, PetscError> {
         self.ksp.set_up(a)?;
-        let mut found = Found { failure: None, spent: false, negative: None, ratio: 1.0 };
+        let mut found = Outcome { failure: None, aborted: false, negative: None, ratio: 1.0 };
         if self.matrix.is_null() {
             let (pc, mut reason) = (self.ksp.pc(), 0);
             // SAFETY: a live object.
             call(|| unsafe { ffi::PCGetFailedReason(pc, &raw mut reason) })?;
             found.failure = (reason != 0).then_some(Failure::Other([reason, 0]));
-            found.spent = reason != 0;
+            found.aborted = reason != 0;
             return Ok(found);
         }
         let (factor, mut error) = (self.matrix, 0);
@@ -183,13 +194,13 @@ impl Factor {
         call(|| unsafe { ffi::MatFactorGetError(factor, &raw mut error) })?;
         found.failure = match error {
             ffi::MAT_FACTOR_NOERROR => None,
-            ffi::MAT_FACTOR_OUTMEMORY => Some(Failure::Room),
+            ffi::MAT_FACTOR_OUTMEMORY => Some(Failure::OutOfMemory),
             1 | 2 => Some(Failure::Singular),
             error => Some(Failure::Other(self.codes()?.unwrap_or([error, 0]))),
         };
-        found.spent = found.failure.is_some();
+        found.aborted = found.failure.is_some();
         match (found.failure, self.kind, self.package.as_str()) {
-            (None, kind, "mumps") => self.look(kind, self.limit, &mut found)?,
+            (None, kind, "mumps") => self.read_pivot_info(kind, self.limit, &mut found)?,
             (None, Factorization::Cholesky | Factorization::Ldlt, "petsc") => {
                 let (mut negative, mut zero, mut positive) = (0, 0, 0);
                 // SAFETY: a live factor of PETSc's own Cholesky, which counts them.
@@ -215,7 +226,7 @@ impl Factor {
 
     /// Reads the information of MUMPS on its pivots.
     #[cfg(petsc_has = "mumps")]
-    fn look(&self, kind: Factorization, limit: f64, found: &mut Found) -> Result<(), PetscError> {
+    fn read_pivot_info(&self, kind: Factorization, limit: f64, found: &mut Outcome) -> Result<(), PetscError> {
         if kind != Factorization::Lu {
             found.negative = Some(self.infog(12)? as usize);
         }
@@ -231,7 +242,7 @@ impl Factor {
     }
 
     #[cfg(not(petsc_has = "mumps"))]
-    fn look(&self, _: Factorization, _: f64, _: &mut Found) -> Result<(), PetscError> {
+    fn read_pivot_info(&self, _: Factorization, _: f64, _: &mut Outcome) -> Result<(), PetscError> {
         Ok(())
     }
 
@@ -253,8 +264,13 @@ impl Factor {
 
     /// Returns the unknown with the largest component in a vector of the null space. The factor cannot be used
     /// afterward.
-    pub(super) fn loose_unknown(&self, a: &Matrix, found: &Found, x: &mut Vector) -> Result<Option<usize>, PetscError> {
-        if found.spent {
+    pub(super) fn null_space_unknown(
+        &self,
+        a: &Matrix,
+        found: &Outcome,
+        x: &mut Vector,
+    ) -> Result<Option<usize>, PetscError> {
+        if found.aborted {
             return Ok(self.zero_pivot(a));
         }
         // For almost any right-hand side, the solution of a nearly singular system is close to the null space.
@@ -276,12 +292,12 @@ impl Factor {
         code.ok().and(row)
     }
 
-    pub(super) fn solve(&self, a: &Matrix, b: &Vector, x: &mut Vector) -> Result<Ended, PetscError> {
+    pub(super) fn solve(&self, a: &Matrix, b: &Vector, x: &mut Vector) -> Result<SolveOutcome, PetscError> {
         self.ksp.solve(a, b, x, false)
     }
 
     /// Solves `A x_k = b_k` for all `k` at once; requires that solves do not iterate.
-    pub(super) fn solve_together(&self, a: &Matrix, b: &[Vector], x: &mut [Vector]) -> Result<(), PetscError> {
-        self.ksp.solve_together(a, b, x)
+    pub(super) fn solve_many(&self, a: &Matrix, b: &[Vector], x: &mut [Vector]) -> Result<(), PetscError> {
+        self.ksp.solve_many(a, b, x)
     }
 }

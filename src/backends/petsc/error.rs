@@ -87,7 +87,7 @@ pub(super) fn c_string(text: &str) -> Result<CString, PetscError> {
 ///
 /// # Safety
 /// `text` is null or a C string.
-pub(super) unsafe fn owned(text: *const c_char) -> String {
+pub(super) unsafe fn copy_c_string(text: *const c_char) -> String {
     if text.is_null() {
         return String::new();
     }
@@ -101,7 +101,7 @@ fn general_text(code: c_int) -> String {
     // SAFETY: writes one pointer to a constant string; reads a table and nothing else. The third argument may be null.
     unsafe {
         ffi::PetscErrorMessage(code, &raw mut text, std::ptr::null_mut());
-        owned(text)
+        copy_c_string(text)
     }
 }
 
@@ -111,7 +111,7 @@ thread_local! {
 }
 
 /// The error handler: stores the message that PETSc would print.
-pub(super) extern "C" fn keep(
+pub(super) extern "C" fn error_handler(
     _: MPI_Comm,
     _: c_int,
     function: *const c_char,
@@ -123,7 +123,7 @@ pub(super) extern "C" fn keep(
 ) -> ffi::Code {
     if kind == ffi::ERROR_INITIAL {
         // SAFETY: PETSc passes null or C strings.
-        let found = unsafe { (owned(function), owned(text).trim().to_owned()) };
+        let found = unsafe { (copy_c_string(function), copy_c_string(text).trim().to_owned()) };
         // This code must not unwind into C: on a thread that is ending, or for an error within an error, it stores
         // nothing.
         let _ = LAST.try_with(|last| last.try_borrow_mut().map(|mut last| *last = Some(found)));

@@ -18,6 +18,9 @@ pub(super) struct ByIterations {
 /// The largest number of runs of a method that reports convergence although the true residual is too large.
 const ROUNDS: usize = 4;
 
+/// The code of a method that reached its iteration limit.
+const KSP_DIVERGED_ITS: i32 = -3;
+
 impl ByIterations {
     pub(super) fn new(a: &Matrix, method: Iterative) -> Result<Self, SolveError<PetscError>> {
         let preconditioner = match method.preconditioner {
@@ -40,7 +43,7 @@ impl ByIterations {
         };
         let ksp = Ksp::new(a, krylov, preconditioner)?;
         set(&ksp, &method)?;
-        ksp.listen()?;
+        ksp.set_from_options()?;
         Ok(Self { ksp, method, product: Vector::zeros(&a.context, a.pattern().rows())? })
     }
 
@@ -88,19 +91,13 @@ impl ByIterations {
                 break;
             }
         }
-        Err(self.failure(report, reason))
-    }
-
-    fn failure(&self, report: SolveReport, reason: i32) -> SolveError<PetscError> {
-        /// `KSP_DIVERGED_ITS`.
-        const ITERATIONS: i32 = -3;
         let stop_reason = match reason {
-            ITERATIONS => StopReason::MaxIterations,
+            KSP_DIVERGED_ITS => StopReason::MaxIterations,
             // PETSc reported convergence in every round.
             1.. => StopReason::Stagnated,
             _ => StopReason::Breakdown,
         };
-        self.method.not_converged(report, stop_reason)
+        Err(self.method.not_converged(report, stop_reason))
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::ffi::CStr;
 
-use super::error::{PetscError, c_string, owned};
+use super::error::{PetscError, c_string, copy_c_string};
 use super::handle::Handle;
 use super::products::scatter;
 use super::session::call;
@@ -21,7 +21,7 @@ unsafe impl Send for Ksp {}
 
 /// The outcome of a solve.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Ended {
+pub(super) struct SolveOutcome {
     pub(super) iterations: usize,
     /// `KSPConvergedReason`: negative if the method did not converge.
     pub(super) reason: i32,
@@ -53,7 +53,7 @@ impl Ksp {
     }
 
     /// Applies the options database.
-    pub(super) fn listen(&self) -> Result<(), PetscError> {
+    pub(super) fn set_from_options(&self) -> Result<(), PetscError> {
         let ksp = self.raw();
         // SAFETY: a live object.
         call(|| unsafe { ffi::KSPSetFromOptions(ksp) })
@@ -66,7 +66,7 @@ impl Ksp {
         call(|| unsafe { ffi::KSPGetType(ksp, &raw mut method) })?;
         call(|| unsafe { ffi::PCGetType(pc, &raw mut preconditioner) })?;
         // SAFETY: null or C strings, as above.
-        Ok(unsafe { [owned(method), owned(preconditioner)] })
+        Ok(unsafe { [copy_c_string(method), copy_c_string(preconditioner)] })
     }
 
     /// Computes the preconditioner for the current values of the matrix, and keeps it when they change.
@@ -80,16 +80,22 @@ impl Ksp {
     }
 
     /// Solves `A x = b`, starting from `x` if `go_on` is true, else from zero.
-    pub(super) fn solve(&self, a: &Matrix, b: &Vector, x: &mut Vector, go_on: bool) -> Result<Ended, PetscError> {
+    pub(super) fn solve(
+        &self,
+        a: &Matrix,
+        b: &Vector,
+        x: &mut Vector,
+        go_on: bool,
+    ) -> Result<SolveOutcome, PetscError> {
         let ksp = self.raw();
         // SAFETY: a live object.
         call(|| unsafe { ffi::KSPSetInitialGuessNonzero(ksp, ffi::Bool::from(go_on)) })?;
-        if a.context.is_alone() {
+        if a.context.is_single_rank() {
             let (b, x) = (b.raw()?, x.raw()?);
             // SAFETY: live objects of the sizes that were analyzed; two vectors.
             call(|| unsafe { ffi::KSPSolve(ksp, b, x) })?;
         } else {
-            let [right, left] = a.parts()?;
+            let [right, left] = a.distributed_vectors()?;
             scatter(b.as_slice(), a.layout.rows.clone(), left)?;
             if go_on {
                 scatter(x.as_slice(), a.layout.rows.clone(), right)?;
@@ -103,12 +109,12 @@ impl Ksp {
         // SAFETY: a live object.
         call(|| unsafe { ffi::KSPGetIterationNumber(ksp, &raw mut iterations) })?;
         call(|| unsafe { ffi::KSPGetConvergedReason(ksp, &raw mut reason) })?;
-        Ok(Ended { iterations: iterations as usize, reason })
+        Ok(SolveOutcome { iterations: iterations as usize, reason })
     }
 
     /// Solves `A x_k = b_k` for all `k` at once by a factorization. It does not check convergence, because a
     /// factorization either solves or reports an error.
-    pub(super) fn solve_together(&self, a: &Matrix, b: &[Vector], x: &mut [Vector]) -> Result<(), PetscError> {
+    pub(super) fn solve_many(&self, a: &Matrix, b: &[Vector], x: &mut [Vector]) -> Result<(), PetscError> {
         let (own, rows, ksp) = (a.layout.rows.clone(), a.pattern().rows(), self.raw());
         let mut columns = vec![0.0; own.len() * b.len()];
         let mut solutions = columns.clone();

@@ -9,7 +9,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::Context;
-use crate::backends::local::{NOWHERE, find};
+use crate::backends::local::{NOT_FOUND, find};
 use crate::las::Sparsity;
 
 /// A pattern and the part of it that this rank owns.
@@ -84,7 +84,7 @@ impl Row<'_> {
     #[inline(always)]
     pub(super) fn find_after(&self, next: &mut usize, column: i32) -> Option<usize> {
         match find(self.columns, next, column) {
-            NOWHERE => None,
+            NOT_FOUND => None,
             position => Some(self.at(position)),
         }
     }
@@ -92,16 +92,10 @@ impl Row<'_> {
 
 impl Layout {
     pub(super) fn new(context: &Context, pattern: &Arc<Sparsity>) -> Self {
-        let (rows, cols) = (context.own(pattern.rows()), context.own(pattern.cols()));
-        let mut layout = Self {
-            pattern: Arc::clone(pattern),
-            rows,
-            cols,
-            diagonal: pattern.entries(),
-            block: 1,
-            splits: Vec::new(),
-        };
-        if !context.is_alone() {
+        let (rows, cols) = (context.own_range(pattern.rows()), context.own_range(pattern.cols()));
+        let mut layout =
+            Self { pattern: Arc::clone(pattern), rows, cols, diagonal: pattern.nnz(), block: 1, splits: Vec::new() };
+        if !context.is_single_rank() {
             layout.split();
         }
         layout
@@ -136,7 +130,7 @@ impl Layout {
         }
         let starts = self.pattern.row_offsets();
         let (begin, end) = (starts[row] as usize, starts[row + 1] as usize);
-        let columns = &self.pattern.columns()[begin..end];
+        let columns = &self.pattern.col_indices()[begin..end];
         let first = starts[self.rows.start] as usize;
         let split = match self.splits.get(own) {
             None => Split { start: begin as u32, left: 0, len: columns.len() as u32 },
@@ -162,7 +156,7 @@ impl Layout {
         }
         let starts = &self.pattern.row_offsets()[self.rows.start..=self.rows.end];
         let (first, last) = (starts[0], starts[starts.len() - 1]);
-        let columns = &self.pattern.columns()[first as usize..last as usize];
+        let columns = &self.pattern.col_indices()[first as usize..last as usize];
         (starts.iter().map(|&start| (start - first) as i32).collect(), columns.iter().map(|&c| c as i32).collect())
     }
 

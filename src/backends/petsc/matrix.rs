@@ -21,7 +21,7 @@ pub struct Matrix {
     pub(super) context: Context,
     pub(super) handle: Handle<ffi::_p_Mat>,
     pub(super) values: Values,
-    parts: OnceCell<[Part; 2]>,
+    parts: OnceCell<[DistributedVector; 2]>,
 }
 
 /// The arrays of the diagonal and the off-diagonal part on this rank.
@@ -44,7 +44,7 @@ struct Array {
 unsafe impl Send for Values {}
 
 /// A distributed vector, of which each rank stores its part.
-pub(super) type Part = Handle<ffi::_p_Vec>;
+pub(super) type DistributedVector = Handle<ffi::_p_Vec>;
 
 const AIJ: &CStr = c"aij";
 const BAIJ: &CStr = c"baij";
@@ -126,7 +126,7 @@ impl Matrix {
         call(|| unsafe { ffi::MatAssemblyBegin(raw, kind) })?;
         // SAFETY: begun just now.
         call(|| unsafe { ffi::MatAssemblyEnd(raw, kind) })?;
-        self.values.touch()
+        self.values.invalidate_values()
     }
 
     /// Copies the values of a matrix with the same pattern.
@@ -161,7 +161,7 @@ impl Matrix {
     }
 
     /// Returns two distributed vectors: one for the columns (a factor of the product), one for the rows (the product).
-    pub(super) fn parts(&self) -> Result<&[Part; 2], PetscError> {
+    pub(super) fn distributed_vectors(&self) -> Result<&[DistributedVector; 2], PetscError> {
         if let Some(parts) = self.parts.get() {
             return Ok(parts);
         }
@@ -182,7 +182,7 @@ impl Matrix {
                 own.extend((0..row.columns.len()).map(|position| self.values.get(row.at(position))));
             }
         }
-        let mut whole = vec![0.0; layout.pattern.entries()];
+        let mut whole = vec![0.0; layout.pattern.nnz()];
         let start = |row: usize| layout.pattern.row_offsets()[row] as usize;
         self.context.gather(&own, layout.pattern.rows(), start, &mut whole);
         whole
@@ -193,7 +193,7 @@ impl Values {
     fn of(raw: ffi::Mat, layout: &Layout, context: &Context) -> Result<Self, PetscError> {
         let (mut diagonal, mut off, mut columns) = (raw, std::ptr::null_mut(), std::ptr::null());
         let (blocked, inside) = (layout.block > 1, layout.diagonal);
-        if !context.is_alone() {
+        if !context.is_single_rank() {
             let get = if blocked { ffi::MatMPIBAIJGetSeqBAIJ } else { ffi::MatMPIAIJGetSeqAIJ };
             // SAFETY: a live matrix of type mpiaij or mpibaij; both blocks belong to it.
             call(|| unsafe { get(raw, &raw mut diagonal, &raw mut off, &raw mut columns) })?;
@@ -201,12 +201,12 @@ impl Values {
         let array = |block, len| Array { block, values: std::ptr::null_mut(), len };
         let (diagonal, off) = (array(diagonal, inside), array(off, layout.entries() - inside));
         let mut values = Self { diagonal, off, blocked };
-        values.touch()?;
+        values.invalidate_values()?;
         Ok(values)
     }
 
     /// Informs PETSc that values may have changed, and locates the arrays.
-    fn touch(&mut self) -> Result<(), PetscError> {
+    fn invalidate_values(&mut self) -> Result<(), PetscError> {
         let (get, restore) = if self.blocked {
             (ffi::MatSeqBAIJGetArray as ffi::Array, ffi::MatSeqBAIJRestoreArray as ffi::Array)
         } else {

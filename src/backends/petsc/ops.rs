@@ -9,78 +9,22 @@ use super::context::Context;
 use super::error::PetscError;
 use super::{Matrix, Petsc, Vector, ffi};
 use crate::backends::local;
-use crate::las::{MatrixOps, VectorOps};
+use crate::las::MatrixOps;
 
 /// The slot of a dropped contribution.
 const DROPPED: u32 = u32::MAX;
 
-impl VectorOps<Petsc> for Vector {
-    #[inline(always)]
-    fn len(&self) -> usize {
-        self.size()
-    }
-
-    #[inline(always)]
-    fn zero(&mut self) -> Result<(), PetscError> {
-        local::zero(self.as_mut_slice());
+local::impl_vector_ops!(
+    [] Petsc, Vector, f64, f64, PetscError,
+    norm(x): Ok(local::norm(x.as_slice())),
+    dot(x, y): if x.len() == y.len() { Ok(local::dot(x.as_slice(), y.as_slice())) } else { x.dot_by_petsc(y) },
+    axpy(a, x, y): if x.len() == y.len() {
+        local::axpy(a, x.as_slice(), y.as_mut_slice());
         Ok(())
+    } else {
+        y.axpy_by_petsc(a, x)
     }
-
-    #[inline(always)]
-    fn add(&mut self, rows: &[i32], values: &[f64]) -> Result<(), PetscError> {
-        local::add(self.as_mut_slice(), rows, values);
-        Ok(())
-    }
-
-    #[inline(always)]
-    fn set(&mut self, rows: &[i32], values: &[f64]) -> Result<(), PetscError> {
-        local::set(self.as_mut_slice(), rows, values);
-        Ok(())
-    }
-
-    #[inline(always)]
-    fn get(&self, rows: &[i32], values: &mut [f64]) -> Result<(), PetscError> {
-        local::get(self.as_slice(), rows, values);
-        Ok(())
-    }
-
-    #[inline(always)]
-    fn norm(&self) -> Result<f64, PetscError> {
-        Ok(local::norm(self.as_slice()))
-    }
-
-    #[inline(always)]
-    fn dot(&self, y: &Self) -> Result<f64, PetscError> {
-        if self.size() != y.size() {
-            return self.dot_by_petsc(y);
-        }
-        Ok(local::dot(self.as_slice(), y.as_slice()))
-    }
-
-    #[inline(always)]
-    fn axpy(&mut self, a: f64, x: &Self) -> Result<(), PetscError> {
-        if self.size() != x.size() {
-            return self.axpy_by_petsc(a, x);
-        }
-        local::axpy(a, x.as_slice(), self.as_mut_slice());
-        Ok(())
-    }
-
-    #[inline(always)]
-    fn with_local<R>(&self, read: impl FnOnce(&[f64]) -> R) -> Result<R, PetscError> {
-        Ok(read(self.as_slice()))
-    }
-
-    #[inline(always)]
-    fn with_local_mut<R>(&mut self, write: impl FnOnce(&mut [f64]) -> R) -> Result<R, PetscError> {
-        Ok(write(self.as_mut_slice()))
-    }
-
-    #[inline(always)]
-    fn finish(&mut self) -> Result<(), PetscError> {
-        Ok(())
-    }
-}
+);
 
 impl Matrix {
     /// Calls `visit(entry, value of the block)` for every pair of indices of a block whose entry this rank stores.
@@ -207,7 +151,7 @@ impl MatrixOps<Petsc> for Matrix {
     #[inline(always)]
     fn get(&self, rows: &[i32], cols: &[i32], block: &mut [f64]) -> Result<(), PetscError> {
         debug_assert_eq!(rows.len() * cols.len(), block.len(), "one value a pair of row and column");
-        if self.context.is_alone() {
+        if self.context.is_single_rank() {
             self.read(rows, cols, block);
         } else {
             self.read_together(&self.context, rows, cols, block);

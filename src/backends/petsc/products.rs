@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::context::MatrixType;
 use super::error::PetscError;
 use super::handle::Handle;
-use super::matrix::Part;
+use super::matrix::DistributedVector;
 use super::session::call;
 use super::{Matrix, Petsc, Vector, ffi};
 use crate::backends::checks::check_size;
@@ -15,7 +15,7 @@ use crate::las::{Entries, MatMat, MatVec, MatrixOps, SolveError, Sparsity, Vecto
 type Failure = SolveError<PetscError>;
 
 /// Copies the part of this rank from a whole vector to a distributed vector.
-pub(super) fn scatter(whole: &[f64], own: std::ops::Range<usize>, part: &Part) -> Result<(), PetscError> {
+pub(super) fn scatter(whole: &[f64], own: std::ops::Range<usize>, part: &DistributedVector) -> Result<(), PetscError> {
     let (raw, mut values) = (part.raw(), std::ptr::null_mut());
     // SAFETY: a live vector.
     call(|| unsafe { ffi::VecGetArray(raw, &raw mut values) })?;
@@ -29,10 +29,10 @@ pub(super) fn scatter(whole: &[f64], own: std::ops::Range<usize>, part: &Part) -
 
 impl Matrix {
     /// Gathers the parts of all ranks into a whole vector.
-    pub(super) fn gather(&self, part: &Part, whole: &mut Vector) -> Result<(), PetscError> {
+    pub(super) fn gather(&self, part: &DistributedVector, whole: &mut Vector) -> Result<(), PetscError> {
         let (raw, mut values) = (part.raw(), std::ptr::null());
         let len = whole.as_slice().len();
-        let own = self.context.own(len).len();
+        let own = self.context.own_range(len).len();
         // SAFETY: a live vector.
         call(|| unsafe { ffi::VecGetArrayRead(raw, &raw mut values) })?;
         // SAFETY: a vector of the layout of which this rank owns that many entries; read before it is given back.
@@ -49,12 +49,12 @@ impl Matrix {
             // SAFETY: live objects whose sizes were checked; two vectors.
             call(|| unsafe { if transposed { ffi::MatMultTranspose(a, x, y) } else { ffi::MatMult(a, x, y) } })
         };
-        if self.context.is_alone() {
+        if self.context.is_single_rank() {
             return product(x.raw()?, y.raw()?);
         }
-        let [right, left] = self.parts()?;
+        let [right, left] = self.distributed_vectors()?;
         let (from, to) = if transposed { (left, right) } else { (right, left) };
-        scatter(x.as_slice(), self.context.own(x.len()), from)?;
+        scatter(x.as_slice(), self.context.own_range(x.len()), from)?;
         product(from.raw(), to.raw())?;
         self.gather(to, y)
     }
@@ -68,7 +68,7 @@ impl Matrix {
     }
 
     /// Converts the matrix to the type that the context requests.
-    fn stored(self) -> Result<Self, PetscError> {
+    fn to_context_type(self) -> Result<Self, PetscError> {
         if self.context.matrix_type() == MatrixType::Aij {
             return Ok(self);
         }
@@ -80,11 +80,11 @@ impl Matrix {
     /// Copies the matrix that PETSc computes into a pattern that depends only on the patterns of its factors.
     fn in_pattern(&self, pattern: Sparsity, make: impl FnOnce(*mut ffi::Mat) -> ffi::Code) -> Result<Self, PetscError> {
         let mut result = Self::zeros_aij(&self.context, &Arc::new(pattern))?;
-        if result.pattern().entries() > 0 {
+        if result.pattern().nnz() > 0 {
             let made = Handle::new(self.context.session(), make)?;
             result.add_scaled(1.0, made.raw())?;
         }
-        result.stored()
+        result.to_context_type()
     }
 }
 
@@ -135,12 +135,12 @@ impl MatMat<Petsc> for Matrix {
         let union = self.pattern().union(other.pattern()).map_err(SolveError::TooLarge)?;
         let mut sum = Self::zeros_aij(&self.context, &Arc::new(union))?;
         for (matrix, factor) in [(self, a), (other, b)] {
-            if matrix.pattern().entries() > 0 {
+            if matrix.pattern().nnz() > 0 {
                 let copy = matrix.to_aij()?;
                 sum.add_scaled(factor, copy.as_ref().unwrap_or(matrix).raw())?;
             }
         }
-        Ok(sum.stored()?)
+        Ok(sum.to_context_type()?)
     }
 
     fn product(&self, other: &Self) -> Result<Self, Failure> {

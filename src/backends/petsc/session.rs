@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use mpi::environment::{Threading, Universe, initialize_with_threading, is_finalized};
 use thiserror::Error;
 
-use super::error::{PetscError, check, keep};
+use super::error::{PetscError, check, error_handler};
 use super::ffi;
 
 /// An initialized PETSc, with MPI initialized too if the program had not done so.
@@ -144,7 +144,7 @@ fn start() -> Result<(), PetscError> {
                 code => return code,
             }
             match ffi::PetscInitializeNoArguments() {
-                0 => ffi::PetscPushErrorHandler(Some(keep), std::ptr::null_mut()),
+                0 => ffi::PetscPushErrorHandler(Some(error_handler), std::ptr::null_mut()),
                 code => code,
             }
         }

@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use super::context::Context;
-use super::direct::{Factor, Failure, Found};
+use super::direct::{Factor, Failure, Outcome};
 use super::error::PetscError;
 use super::iterative::ByIterations;
 use super::{Matrix, Petsc, Vector};
-use crate::backends::checks::{check_columns, check_size, definite, singular_limit};
+use crate::backends::checks::{check_analyzable, check_columns, check_pattern, definite, singular_limit};
 use crate::backends::local;
 use crate::backends::null_vector::{Scales, check_null_vector, null_vector_limit};
 use crate::las::{
@@ -28,11 +28,7 @@ pub struct Symbolic {
 
 impl Symbolic {
     pub(super) fn new(context: &Context, pattern: &Arc<Sparsity>, params: &SolverParams) -> Result<Self, Fault> {
-        let (rows, cols) = (pattern.rows(), pattern.cols());
-        if rows != cols {
-            return Err(SolveError::NotSquare { rows, cols });
-        }
-        params.check().map_err(SolveError::Parameter)?;
+        check_analyzable(pattern, params)?;
         Ok(Self { context: context.clone(), pattern: Arc::clone(pattern), params: *params })
     }
 }
@@ -52,9 +48,8 @@ pub struct Solver {
     limit: f64,
     /// A copy of the matrix, because its owner may change it.
     a: Matrix,
-    cholesky: Option<Factor>,
-    ldlt: Option<Factor>,
-    lu: Option<Factor>,
+    /// The factors by Cholesky, LDL^T and LU (see [`index`]).
+    factors: [Option<Factor>; 3],
     iterative: Option<ByIterations>,
     active: Option<Factorization>,
     diagonal: Vector,
@@ -71,9 +66,7 @@ impl Solver {
         Ok(Self {
             limit: singular_limit::<f64>(&symbolic.params),
             a,
-            cholesky: None,
-            ldlt: None,
-            lu: None,
+            factors: [None, None, None],
             iterative,
             active: None,
             diagonal: Vector::zeros(context, symbolic.pattern.rows())?,
@@ -82,29 +75,24 @@ impl Solver {
     }
 
     /// Checks a matrix and copies its values.
-    fn take(&mut self, a: &Matrix) -> Result<(), Fault> {
+    fn copy_matrix(&mut self, a: &Matrix) -> Result<(), Fault> {
         self.active = None;
         let (found, expected) = (a.pattern(), &self.symbolic.pattern);
-        if !Arc::ptr_eq(found, expected) {
-            check_size("the matrix to factor (rows)", found.rows(), expected.rows())?;
-            check_size("the matrix to factor (entries)", found.entries(), expected.entries())?;
-            if found != expected {
-                return Err(SolveError::Pattern);
-            }
-        }
-        let row = if a.values.slices().into_iter().all(local::all_finite) { usize::MAX } else { self.first_bad(a) };
-        let row = self.symbolic.context.least(row);
+        check_pattern(found, expected)?;
+        let row =
+            if a.values.slices().into_iter().all(local::all_finite) { usize::MAX } else { self.first_not_finite(a) };
+        let row = self.symbolic.context.min(row);
         if row != usize::MAX {
             return Err(SolveError::NotFinite { row });
         }
         // No package accepts a matrix without entries.
-        if expected.entries() == 0 && expected.rows() > 0 {
+        if expected.nnz() == 0 && expected.rows() > 0 {
             return Err(SolveError::Singular { unknown: 0, ratio: 0.0, limit: self.limit });
         }
         Ok(self.a.copy_values(a)?)
     }
 
-    fn first_bad(&self, a: &Matrix) -> usize {
+    fn first_not_finite(&self, a: &Matrix) -> usize {
         let is_bad = |&row: &usize| {
             let own = a.layout.row(row as i32);
             own.is_some_and(|own| (0..own.columns.len()).any(|k| !a.values.get(own.at(k)).is_finite()))
@@ -120,36 +108,32 @@ impl Solver {
     }
 
     /// Factors the copied matrix, with more memory if the package requests it.
-    fn attempt(&mut self, kind: Factorization) -> Result<(Factorization, Found), Fault> {
-        let Self { a, limit, cholesky, ldlt, lu, .. } = self;
-        let place = match kind {
-            Factorization::Cholesky => cholesky,
-            Factorization::Ldlt => ldlt,
-            _ => lu,
-        };
+    fn attempt(&mut self, kind: Factorization) -> Result<(Factorization, Outcome), Fault> {
+        let Self { a, limit, factors, .. } = self;
+        let stored = &mut factors[index(kind)];
         let mut found = None;
         // In percent; delayed pivots increase the memory needed.
-        for room in [30, 100, 400, 1600] {
-            let factor = match place.take() {
+        for extra_memory in [30, 100, 400, 1600] {
+            let factor = match stored.take() {
                 Some(factor) => factor,
-                None => Factor::new(a, kind, *limit, room)?,
+                None => Factor::new(a, kind, *limit, extra_memory)?,
             };
             let now = factor.factor(a)?;
             found = Some((factor.kind, now));
             match now.failure {
                 // A failed factorization cannot be used again.
-                Some(Failure::Room) => {}
+                Some(Failure::OutOfMemory) => {}
                 Some(failure @ Failure::Other(_)) if kind != Factorization::Cholesky => {
                     return Err(failure.error(factor.package()));
                 }
                 _ => {
-                    *place = Some(factor);
+                    *stored = Some(factor);
                     break;
                 }
             }
         }
         match found {
-            Some((_, Found { failure: Some(failure @ Failure::Room), .. })) => Err(failure.error("mumps")),
+            Some((_, Outcome { failure: Some(failure @ Failure::OutOfMemory), .. })) => Err(failure.error("mumps")),
             Some(found) => Ok(found),
             None => Err(SolveError::NotFactored),
         }
@@ -170,14 +154,14 @@ impl Solver {
     /// limit for pivots. If a diagonal entry is not positive, the judgment of the package stands.
     fn check_near_singular(&mut self, kind: Factorization, ratio: f64) -> Result<(), Fault> {
         let n = self.symbolic.pattern.rows();
-        let told = if ratio < 1.0 { ratio } else { 0.0 };
-        let Some(limit) = null_vector_limit::<f64>(&self.symbolic.params, n, told) else { return Ok(()) };
+        let reported = if ratio < 1.0 { ratio } else { 0.0 };
+        let Some(limit) = null_vector_limit::<f64>(&self.symbolic.params, n, reported) else { return Ok(()) };
         if kind == Factorization::Approximate {
             return Ok(());
         }
         self.a.diagonal(&mut self.diagonal)?;
-        let Self { symbolic, a, cholesky, ldlt, lu, diagonal, .. } = self;
-        let factor = [&*cholesky, &*ldlt, &*lu].into_iter().flatten().find(|factor| factor.kind == kind);
+        let Self { symbolic, a, factors, diagonal, .. } = self;
+        let factor = factors.iter().flatten().find(|factor| factor.kind == kind);
         let Some(factor) = factor.filter(|_| diagonal.as_slice().iter().all(|&entry| entry > 0.0)) else {
             return Ok(());
         };
@@ -189,15 +173,10 @@ impl Solver {
         }
     }
 
-    fn singular(&mut self, kind: Factorization, found: &Found) -> Fault {
-        let Self { a, cholesky, ldlt, lu, diagonal, limit, .. } = self;
-        let factor = match kind {
-            Factorization::Cholesky => cholesky,
-            Factorization::Ldlt => ldlt,
-            _ => lu,
-        };
+    fn singular(&mut self, kind: Factorization, found: &Outcome) -> Fault {
+        let Self { a, factors, diagonal, limit, .. } = self;
         let limit = *limit;
-        let unknown = match factor.take().map(|factor| factor.loose_unknown(a, found, diagonal)) {
+        let unknown = match factors[index(kind)].take().map(|factor| factor.null_space_unknown(a, found, diagonal)) {
             Some(Err(fault)) => return SolveError::Backend(fault),
             Some(Ok(Some(unknown))) => unknown,
             _ => 0,
@@ -210,8 +189,8 @@ impl Solver {
         let (kind, found) = self.attempt(Factorization::Cholesky)?;
         let is_definite = found.failure.is_none() && found.negative.is_none_or(|negative| negative == 0);
         if !is_definite {
-            if found.spent {
-                self.cholesky = None;
+            if found.aborted {
+                self.factors[index(Factorization::Cholesky)] = None;
             }
             return Ok(None);
         }
@@ -270,23 +249,32 @@ impl Solver {
         if n == 0 {
             return Ok(sum);
         }
-        let Self { a, cholesky, ldlt, lu, iterative, .. } = self;
+        let Self { a, factors, iterative, .. } = self;
         if let Some(iterative) = iterative {
             for (b, x) in b.iter().zip(x) {
                 sum = sum.merge(iterative.solve(a, b, x)?);
             }
             return Ok(sum);
         }
-        let factor = [&*cholesky, &*ldlt, &*lu].into_iter().flatten().find(|factor| factor.kind == active);
+        let factor = factors.iter().flatten().find(|factor| factor.kind == active);
         let factor = factor.ok_or(SolveError::NotFactored)?;
         if b.len() > 1 && !factor.iterates && active != Factorization::Approximate {
-            factor.solve_together(a, b, x)?;
+            factor.solve_many(a, b, x)?;
             return Ok(sum);
         }
         for (b, x) in b.iter().zip(x) {
             sum = sum.merge(solve_one(factor, a, b, x)?);
         }
         Ok(sum)
+    }
+}
+
+/// Returns the index of the factor of this kind in [`Solver::factors`].
+fn index(kind: Factorization) -> usize {
+    match kind {
+        Factorization::Cholesky => 0,
+        Factorization::Ldlt => 1,
+        Factorization::Lu | Factorization::Approximate => 2,
     }
 }
 
@@ -301,7 +289,7 @@ fn solve_one(factor: &Factor, a: &Matrix, b: &Vector, x: &mut Vector) -> Result<
 
 impl crate::las::Solver<Petsc> for Solver {
     fn factor(&mut self, a: &Matrix) -> Result<FactorReport, Fault> {
-        self.take(a)?;
+        self.copy_matrix(a)?;
         match self.symbolic.params.method {
             Method::Iterative(method) => self.prepare_iterations(method.preconditioner),
             Method::Direct => self.factor_taken(),
@@ -311,7 +299,7 @@ impl crate::las::Solver<Petsc> for Solver {
     /// With an iterative method, returns [`SolveError::Indefinite`] if a diagonal entry is not positive; no more is
     /// known.
     fn factor_definite(&mut self, a: &Matrix) -> Result<FactorReport, Fault> {
-        self.take(a)?;
+        self.copy_matrix(a)?;
         if let Method::Iterative(method) = self.symbolic.params.method {
             let unknown = self.smallest_diagonal()?;
             if self.diagonal.as_slice().get(unknown).is_some_and(|&entry| entry <= 0.0) {
@@ -336,10 +324,6 @@ impl crate::las::Solver<Petsc> for Solver {
         }
         let report = self.factor_taken()?;
         definite(Petsc::NAME, report).inspect_err(|_| self.active = None)
-    }
-
-    fn solve(&mut self, b: &Vector, x: &mut Vector) -> Result<SolveReport, Fault> {
-        self.solve_columns(std::slice::from_ref(b), std::slice::from_mut(x))
     }
 
     fn solve_many(&mut self, b: &[Vector], x: &mut [Vector]) -> Result<SolveReport, Fault> {

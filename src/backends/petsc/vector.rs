@@ -25,7 +25,7 @@ impl Vector {
         // SAFETY: a single communicator, which exists for the whole session.
         let alone = unsafe { mpi::ffi::RSMPI_COMM_SELF };
         // Vectors and matrices in one operation must share a communicator.
-        let comm = if context.is_alone() { context.comm() } else { alone };
+        let comm = if context.is_single_rank() { context.comm() } else { alone };
         let count = count(len)?;
         // SAFETY: PETSc is initialized; the communicator is live and of one rank.
         let handle = Handle::new(context.session(), |out| unsafe { ffi::VecCreateSeq(comm, count, out) })?;
@@ -68,12 +68,6 @@ impl Vector {
         let (x, y) = (x.raw()?, self.raw()?);
         // SAFETY: live vectors, two of them.
         call(|| unsafe { ffi::VecAXPY(y, a, x) })
-    }
-
-    /// Returns the number of entries.
-    #[inline(always)]
-    pub(super) fn size(&self) -> usize {
-        self.len
     }
 
     /// Returns the entries.

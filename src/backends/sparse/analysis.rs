@@ -8,18 +8,19 @@ use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::sparse::linalg::cholesky::{simplicial, supernodal};
 use faer::sparse::{FaerError, SymbolicSparseColMat, SymbolicSparseColMatRef};
 
-use super::block::{SymbolicBlockCholesky, Width};
+use super::block::{SimdLevel, SymbolicBlockCholesky};
 use super::lu::LuAnalysis;
 use super::order::{self, Graph};
-use crate::las::{Method, SolveError, SolverParams, Sparsity, Symmetry};
+use crate::backends::checks::check_analyzable;
+use crate::las::{Method, SolveError, SolverParams, Sparsity, Symmetry, offsets};
 
 /// The number of floating-point operations, padding included, from which faer's supernodal factorization replaces the
 /// one by 3x3 blocks: for such large matrices, cache blocking matters more than small overheads. faer gains more from
 /// AVX-512 than the block factorization does. `docs/kernel.md` has the measurements.
-fn supernodes_from(width: Width) -> f64 {
-    match width {
+fn supernodes_from(level: SimdLevel) -> f64 {
+    match level {
         #[cfg(target_arch = "x86_64")]
-        Width::Avx512 => 2.5e9,
+        SimdLevel::Avx512 => 2.5e9,
         _ => 4e9,
     }
 }
@@ -45,11 +46,7 @@ pub struct Symbolic {
 
 impl Symbolic {
     pub(super) fn new(pattern: &Arc<Sparsity>, params: &SolverParams) -> Result<Self, SolveError<Infallible>> {
-        let (rows, cols) = (pattern.rows(), pattern.cols());
-        if rows != cols {
-            return Err(SolveError::NotSquare { rows, cols });
-        }
-        params.check().map_err(SolveError::Parameter)?;
+        check_analyzable(pattern, params)?;
         let mut symbolic = Self {
             pattern: Arc::clone(pattern),
             params: *params,
@@ -71,7 +68,7 @@ impl Symbolic {
 
     fn analyze_symmetric(&mut self) -> Result<(), SolveError<Infallible>> {
         let pattern = &*self.pattern;
-        if let Some((row, column)) = pattern.without_mirror() {
+        if let Some((row, column)) = pattern.first_unsymmetric_entry() {
             return Err(SolveError::UnsymmetricPattern { row, column });
         }
         let graph = Graph::new(pattern);
@@ -82,7 +79,7 @@ impl Symbolic {
         self.operations = Some(operations);
         let padded = tree.padded_operations();
         let by_blocks = self.params.symmetry == Symmetry::Definite
-            && padded < supernodes_from(Width::of_machine())
+            && padded < supernodes_from(SimdLevel::of_machine())
             && padded <= MOST_PADDING * operations;
         if by_blocks {
             self.blocks = Some(SymbolicBlockCholesky::new(pattern, &graph, &tree));
@@ -182,7 +179,7 @@ impl CholeskyAnalysis {
 /// which are those of the upper triangle.
 fn permuted_lower_triangle(pattern: &Sparsity, position: &[u32]) -> (SymbolicSparseColMat<u32>, Vec<u32>) {
     let n = pattern.rows();
-    let mut entries = Vec::with_capacity(pattern.entries().div_ceil(2) + n);
+    let mut entries = Vec::with_capacity(pattern.nnz().div_ceil(2) + n);
     for row in 0..n {
         let start = pattern.row_offsets()[row];
         for (k, &column) in (start..).zip(pattern.row(row)).filter(|&(_, &column)| column as usize >= row) {
@@ -191,13 +188,7 @@ fn permuted_lower_triangle(pattern: &Sparsity, position: &[u32]) -> (SymbolicSpa
         }
     }
     entries.sort_unstable();
-    let mut col_offsets = vec![0_u32; n + 1];
-    for &(column, ..) in &entries {
-        col_offsets[column as usize + 1] += 1;
-    }
-    for column in 0..n {
-        col_offsets[column + 1] += col_offsets[column];
-    }
+    let col_offsets = offsets(n, entries.iter().map(|&(column, ..)| column as usize));
     let rows = entries.iter().map(|&(_, row, _)| row).collect();
     let source = entries.iter().map(|&(.., k)| k).collect();
     (SymbolicSparseColMat::new_checked(n, n, col_offsets, None, rows), source)

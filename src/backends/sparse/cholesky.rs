@@ -1,7 +1,7 @@
 //! The numeric factorization `L L^T`, and `L D L^T` for matrices that are not positive definite.
 
 use faer::dyn_stack::{MemStack, StackReq};
-use faer::linalg::cholesky::llt::factor::{LltError, LltRegularization};
+use faer::linalg::cholesky::llt::factor::LltRegularization;
 use faer::perm::PermRef;
 use faer::sparse::SparseColMatRef;
 use faer::sparse::linalg::cholesky::supernodal;
@@ -9,7 +9,7 @@ use faer::traits::RealField;
 use faer::{Conj, MatMut, Par, Spec};
 
 use super::analysis::CholeskyAnalysis;
-use crate::backends::direct::{Pivots, ldlt_params};
+use crate::backends::direct::{NotPositiveDefinite, Pivots, ldlt_params};
 use crate::las::Scalar;
 
 /// Returns the working memory for solves with `columns` right-hand sides, for both factorizations.
@@ -31,13 +31,13 @@ impl<T: Scalar + RealField> Cholesky<T> {
         supernodal::factorize_supernodal_numeric_llt_scratch::<u32, T>(&analysis.supernodes, Par::Seq, Spec::default())
     }
 
-    /// Factors the permuted lower triangle. Returns the position of the first pivot that is not positive as the error.
+    /// Factors the permuted lower triangle.
     pub(super) fn factor(
         &mut self,
         analysis: &CholeskyAnalysis,
         lower: &[T],
         stack: &mut MemStack,
-    ) -> Result<Pivots, usize> {
+    ) -> Result<Pivots, NotPositiveDefinite> {
         supernodal::factorize_supernodal_numeric_llt(
             &mut self.values,
             SparseColMatRef::new(analysis.lower.as_ref(), lower),
@@ -46,8 +46,7 @@ impl<T: Scalar + RealField> Cholesky<T> {
             Par::Seq,
             stack,
             Spec::default(),
-        )
-        .map_err(|LltError::NonPositivePivot { index }| index)?;
+        )?;
         let mut pivots = Pivots::empty();
         for (position, &at) in analysis.diagonal.iter().enumerate() {
             let root = self.values[at as usize].as_f64();
@@ -112,7 +111,7 @@ impl<T: Scalar + RealField> Ldlt<T> {
             *unknown = analysis.order[position as usize];
         }
         let diagonal = |position: usize| self.values[analysis.diagonal[position] as usize];
-        Pivots::of_blocks(self.order.len(), diagonal, &self.subdiagonal)
+        Pivots::from_blocks(self.order.len(), diagonal, &self.subdiagonal)
     }
 
     /// Solves in place for right-hand sides whose rows are in the elimination order [`Ldlt::order`].

@@ -95,32 +95,32 @@ impl<T: Scalar> Ilut<T> {
         self.right.clear();
         let mut pivots = Pivots::empty();
         for i in 0..n {
-            let threshold = self.load(a, i);
+            let threshold = self.scatter_row(a, i);
             if threshold.is_zero() {
                 return Err(SolveError::Singular { unknown: i, ratio: 0.0, limit: 0.0 });
             }
             self.eliminate(i);
-            let pivot = self.store(i, threshold);
+            let pivot = self.store_row(i, threshold);
             pivots.record(pivot.as_f64(), i);
         }
         Ok(pivots)
     }
 
     /// Scatters row `i` into the work arrays; returns its mean absolute value.
-    fn load(&mut self, a: &Matrix<T>, i: usize) -> T {
+    fn scatter_row(&mut self, a: &Matrix<T>, i: usize) -> T {
         let range = a.pattern().row_offsets()[i] as usize..a.pattern().row_offsets()[i + 1] as usize;
-        let (columns, values) = (&a.pattern().columns()[range.clone()], &a.values()[range]);
+        let (columns, values) = (&a.pattern().col_indices()[range.clone()], &a.values()[range]);
         self.present[i] = true;
         for (&column, &value) in columns.iter().zip(values) {
             self.row[column as usize] = value;
-            self.meet(i, column);
+            self.mark_column(i, column);
         }
         let sum: T = values.iter().map(|value| value.abs()).sum();
         sum / T::of(values.len().max(1) as f64)
     }
 
     /// Marks a column as present in the row.
-    fn meet(&mut self, i: usize, column: u32) {
+    fn mark_column(&mut self, i: usize, column: u32) {
         let at = column as usize;
         if !std::mem::replace(&mut self.present[at], true) {
             if at < i { self.left.push(Reverse(column)) } else { self.right.push(column) }
@@ -141,13 +141,13 @@ impl<T: Scalar> Ilut<T> {
             for at in self.upper.start[k]..self.upper.start[k + 1] {
                 let (column, value) = (self.upper.columns[at], self.upper.values[at]);
                 self.row[column as usize] -= multiplier * value;
-                self.meet(i, column);
+                self.mark_column(i, column);
             }
         }
     }
 
     /// Stores the largest entries of row `i` in both factors and clears the row; returns the pivot.
-    fn store(&mut self, i: usize, mean: T) -> T {
+    fn store_row(&mut self, i: usize, mean: T) -> T {
         let threshold = self.drop_tolerance * mean;
         largest(&mut self.multipliers, self.fill);
         for &(column, value) in &self.multipliers {

@@ -6,20 +6,22 @@ use super::block::BlockScalar;
 use super::ilut::Ilut;
 use super::{Matrix, Sparse, Vector};
 use crate::backends::direct::Pivots;
-use crate::backends::iterative::{ApproximateInverse, Simple};
+use crate::backends::iterative::{ApproximateInverse, SimplePreconditioner};
 use crate::las::{Backend, Preconditioner, SolveError};
 
 /// No preconditioner, the diagonal, or an incomplete factorization.
 pub(super) enum Inverse<T: BlockScalar> {
-    Simple(Simple<Sparse<T>>),
+    Simple(SimplePreconditioner<Sparse<T>>),
     Ilut(Box<Ilut<T>>),
 }
 
 impl<T: BlockScalar> Inverse<T> {
     pub(super) fn new(unknowns: usize, preconditioner: Preconditioner) -> Result<Self, SolveError<Infallible>> {
         match preconditioner {
-            Preconditioner::None => Ok(Self::Simple(Simple::None)),
-            Preconditioner::Diagonal => Ok(Self::Simple(Simple::Diagonal(Vector::from(vec![T::zero(); unknowns])))),
+            Preconditioner::None => Ok(Self::Simple(SimplePreconditioner::None)),
+            Preconditioner::Diagonal => {
+                Ok(Self::Simple(SimplePreconditioner::Diagonal(Vector::from(vec![T::zero(); unknowns]))))
+            }
             Preconditioner::Ilut { drop_tolerance, fill } => Ok(Self::Ilut(Box::new(Ilut::new(drop_tolerance, fill)))),
             Preconditioner::Multigrid => Err(SolveError::Unsupported {
                 backend: Sparse::<T>::NAME,
@@ -39,9 +41,9 @@ impl<T: BlockScalar> Inverse<T> {
 }
 
 impl<T: BlockScalar> ApproximateInverse<Sparse<T>> for Inverse<T> {
-    fn make(&mut self, a: &Matrix<T>) -> Result<Option<Pivots>, SolveError<Infallible>> {
+    fn compute(&mut self, a: &Matrix<T>) -> Result<Option<Pivots>, SolveError<Infallible>> {
         match self {
-            Self::Simple(simple) => simple.make(a),
+            Self::Simple(simple) => simple.compute(a),
             Self::Ilut(ilut) => ilut.factor(a).map(Some),
         }
     }

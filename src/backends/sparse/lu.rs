@@ -33,7 +33,7 @@ pub(super) struct LuAnalysis {
 impl LuAnalysis {
     pub(super) fn new(pattern: &Sparsity) -> Result<Self, FaerError> {
         let n = pattern.rows();
-        let mut entries = Vec::with_capacity(pattern.entries());
+        let mut entries = Vec::with_capacity(pattern.nnz());
         for row in 0..n {
             let start = pattern.row_offsets()[row];
             entries.extend((start..).zip(pattern.row(row)).map(|(k, &column)| (column, row as u32, k)));
@@ -120,7 +120,7 @@ impl<T: Scalar + RealField> Lu<T> {
             let ratio = self.factor_supernodes(analysis, symbolic, stack)?;
             if ratio >= limit {
                 self.by_supernodes = true;
-                return Ok(Pivots::of_ratio(ratio));
+                return Ok(Pivots::from_ratio(ratio));
             }
         }
         self.by_supernodes = false;

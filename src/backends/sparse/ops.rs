@@ -2,7 +2,7 @@
 
 use super::Sparse;
 use super::block::BlockScalar;
-use crate::backends::csr::hot_verbs;
+use crate::backends::csr::impl_assembly_ops;
 use crate::backends::local;
 
-hot_verbs!([T: BlockScalar] Sparse<T>, T, T, norm: local::norm, dot: local::dot);
+impl_assembly_ops!([T: BlockScalar] Sparse<T>, T, T, norm: local::norm, dot: local::dot);

@@ -12,11 +12,11 @@ use super::cholesky::{Cholesky, Ldlt, solve_scratch};
 use super::inverse::Inverse;
 use super::lu::Lu;
 use super::{Matrix, Sparse, Symbolic, Vector};
-use crate::backends::checks::{check_columns, check_size, definite, immediate_singular_limit, singular_limit};
-use crate::backends::direct::{Pivots, Scratch};
+use crate::backends::checks::{check_columns, check_pattern, definite, immediate_singular_limit, singular_limit};
+use crate::backends::direct::{NotPositiveDefinite, Pivots, Scratch};
 use crate::backends::iterative::IterativeSolver;
 use crate::backends::local;
-use crate::backends::null_vector::{Scales, check_null_vector, null_vector_limit};
+use crate::backends::null_vector::{Unchecked, check_near_singular, checked_report};
 use crate::las::{Backend, FactorReport, Factorization, Method, SolveError, SolveReport, Symmetry};
 
 /// The solver for matrices with one sparsity pattern.
@@ -101,13 +101,7 @@ impl<T: BlockScalar> Solver<T> {
 
     fn check(&self, a: &Matrix<T>) -> Result<(), SolveError<Infallible>> {
         let expected = &self.symbolic.pattern;
-        if !Arc::ptr_eq(a.pattern(), expected) {
-            check_size("the matrix to factor (rows)", a.pattern().rows(), expected.rows())?;
-            check_size("the matrix to factor (entries)", a.pattern().entries(), expected.entries())?;
-            if a.pattern() != expected {
-                return Err(SolveError::Pattern);
-            }
-        }
+        check_pattern(a.pattern(), expected)?;
         if local::all_finite(a.values()) {
             return Ok(());
         }
@@ -138,7 +132,9 @@ impl<T: BlockScalar> Solver<T> {
                     let unknown = |p| analysis.unknown(p);
                     return self.report(a, Factorization::Cholesky, None, &pivots, unknown).map(Some);
                 }
-                Err(position) => return Err(SolveError::Indefinite { unknown: Some(analysis.unknown(position)) }),
+                Err(NotPositiveDefinite { position }) => {
+                    return Err(SolveError::Indefinite { unknown: Some(analysis.unknown(position)) });
+                }
             }
         }
         if self.cholesky.is_none() {
@@ -152,7 +148,9 @@ impl<T: BlockScalar> Solver<T> {
                 let unknown = |p: usize| analysis.order[p] as usize;
                 self.report(a, Factorization::Cholesky, None, &pivots, unknown).map(Some)
             }
-            Err(position) => Err(SolveError::Indefinite { unknown: Some(analysis.order[position] as usize) }),
+            Err(NotPositiveDefinite { position }) => {
+                Err(SolveError::Indefinite { unknown: Some(analysis.order[position] as usize) })
+            }
         }
     }
 
@@ -179,9 +177,13 @@ impl<T: BlockScalar> Solver<T> {
             // A null vector of the matrix itself proves it singular; small pivots and lost digits do not, so LU
             // decides.
             self.active = Some(Factorization::Ldlt);
-            let lost = self.check_near_singular(a, Factorization::Ldlt, &pivots).inspect_err(|_| self.active = None)?;
+            let kind = Factorization::Ldlt;
+            let lost = check_near_singular::<Sparse<T>>(a, kind, &pivots, &symbolic.params, |b, x| {
+                self.solve_columns(std::slice::from_ref(b), std::slice::from_mut(x)).map(drop)
+            })
+            .inspect_err(|_| self.active = None)?;
             if pivots.ratio() >= self.limit && lost.is_none() {
-                return Ok(accepted(Factorization::Ldlt, indefinite_at, &pivots));
+                return Ok(Unchecked { kind, indefinite_at, pivots: &pivots }.accept());
             }
             self.active = None;
         }
@@ -211,30 +213,14 @@ impl<T: BlockScalar> Solver<T> {
         pivots: &Pivots,
         unknown: impl FnOnce(usize) -> usize,
     ) -> Result<FactorReport, SolveError<Infallible>> {
-        let pivot_ratio = pivots.check_singular(immediate_singular_limit(&self.symbolic.params), unknown)?;
+        let params = self.symbolic.params;
+        pivots.check_singular(immediate_singular_limit(&params), unknown)?;
         self.active = Some(kind);
-        let lost = self.check_near_singular(a, kind, pivots).inspect_err(|_| self.active = None)?;
-        if let Some(unknown) = lost {
-            self.active = None;
-            return Err(SolveError::Singular { unknown, ratio: pivot_ratio, limit: T::epsilon().as_f64() });
-        }
-        Ok(accepted(kind, indefinite_at, pivots))
-    }
-
-    /// Searches for a null vector if a pivot is small, unless the caller set a limit for pivots. Returns an unknown
-    /// whose equation the factors do not solve accurately, if there is one.
-    fn check_near_singular(
-        &mut self,
-        a: &Matrix<T>,
-        kind: Factorization,
-        pivots: &Pivots,
-    ) -> Result<Option<usize>, SolveError<Infallible>> {
-        let n = self.symbolic.unknowns();
-        let Some(limit) = null_vector_limit::<T>(&self.symbolic.params, n, pivots.ratio()) else { return Ok(None) };
-        let scales = Scales::of_matrix::<Sparse<T>>(a, kind, n)?;
-        check_null_vector::<Sparse<T>>(&(), a, kind, &scales, limit, |b, x| {
+        let report = Unchecked { kind, indefinite_at, pivots };
+        checked_report::<Sparse<T>>(a, report, &params, |b, x| {
             self.solve_columns(std::slice::from_ref(b), std::slice::from_mut(x)).map(drop)
         })
+        .inspect_err(|_| self.active = None)
     }
 
     /// Allocates room for `count` right-hand sides, for the factorizations of faer.
@@ -311,11 +297,6 @@ impl<T: BlockScalar> Solver<T> {
     }
 }
 
-fn accepted(kind: Factorization, indefinite_at: Option<usize>, pivots: &Pivots) -> FactorReport {
-    let negative_pivots = (kind != Factorization::Lu).then(|| pivots.negative());
-    FactorReport { kind, indefinite_at, pivot_ratio: pivots.ratio(), negative_pivots }
-}
-
 /// Gathers `columns[k][position] = b[k][order[position]]`.
 fn gather<T: Copy>(columns: &mut [T], b: &[Vector<T>], order: &[u32]) {
     for (column, b) in columns.chunks_exact_mut(order.len()).zip(b) {
@@ -357,10 +338,6 @@ impl<T: BlockScalar> crate::las::Solver<Sparse<T>> for Solver<T> {
         }
         let report = self.factor_checked(a)?;
         definite(Sparse::<T>::NAME, report).inspect_err(|_| self.active = None)
-    }
-
-    fn solve(&mut self, b: &Vector<T>, x: &mut Vector<T>) -> Result<SolveReport, SolveError<Infallible>> {
-        self.solve_columns(std::slice::from_ref(b), std::slice::from_mut(x))
     }
 
     fn solve_many(&mut self, b: &[Vector<T>], x: &mut [Vector<T>]) -> Result<SolveReport, SolveError<Infallible>> {

@@ -1,89 +1,269 @@
 //! The conformance test suite for all backends.
 //!
-//! A backend runs it with one call, `conformance::all::<MyBackend>(&context)`. The suite compares operations and
-//! solvers with a naive dense matrix in double precision ([`Oracle`]) on many random patterns. The seeds are fixed, so
-//! that a failure is reproducible.
+//! The suite compares a backend with a naive dense matrix in double precision ([`DenseReference`]) on random cases:
+//! sequences of vector and matrix operations, products, and linear systems. All cases follow from a seed, so that a
+//! failure is reproducible; a failing case is reduced and printed.
+//!
+//! A backend with one number per entry runs its required part with one call:
+//!
+//! ```
+//! # #[cfg(feature = "sparse")] {
+//! use biotissue::backends::sparse::Sparse;
+//! use biotissue::las::conformance::{self, Capabilities, Trials};
+//!
+//! let trials = Trials { count: 20, ..Trials::default() };
+//! # if false {
+//! conformance::all::<Sparse>(&(), trials, Capabilities::ALL);
+//! # }
+//! // The extensions `Entries` and `MatMat`, which `Sparse` implements:
+//! conformance::entries::<Sparse>(&(), trials);
+//! conformance::algebra::<Sparse>(&(), trials);
+//! # }
+//! ```
+//!
+//! | function | tests | for |
+//! |---|---|---|
+//! | [`vectors`], [`matrices`], [`products`] | [`VectorOps`](super::VectorOps), [`MatrixOps`](super::MatrixOps), [`MatVec`](super::MatVec) | every backend, with any number of lanes |
+//! | [`solvers`] | [`Solver`](super::Solver) | backends with one lane; [`Capabilities`] states what the solvers lack |
+//! | [`entries`], [`algebra`] | [`Entries`], [`MatMat`] | backends that implement these extensions |
 //!
 //! # Panics
 //! All functions of this module panic, as tests do, at the first violation of the specification of the
 //! [`las`](crate::las) traits. They are not meant for programs.
 //!
 //! # Limits
-//! The suite requires that every process stores whole vectors. Backends with more than one lane run all functions
-//! except [`solvers`].
+//! The suite requires that every process stores whole vectors.
 #![allow(clippy::panic, reason = "a test suite reports by panicking")]
 
-mod algebra;
-mod case;
-mod oracle;
+mod cases;
+mod matrices;
+mod products;
+mod reference;
 mod solvers;
-mod verbs;
+mod system;
+mod vectors;
 
-pub use algebra::{algebra, products};
-pub use oracle::{Oracle, Random};
+use std::fmt::{Debug, Display};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+pub use reference::{DenseReference, Random};
 pub use solvers::solvers;
-pub use verbs::{matrices, vectors};
 
-use super::{Backend, Index, Scalar, Value};
+use super::{Backend, Entries, MatMat, Scalar, Symmetry, Value};
+use cases::Case;
 
-/// Runs [`vectors`], [`matrices`], [`products`], [`algebra`] and [`solvers`].
+/// The random cases of a test.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Trials {
+    /// The number of cases.
+    pub count: u32,
+    /// The seed of the first case; each case has the seed after that of the case before it.
+    pub seed: u64,
+    /// Sparsity patterns consist of full blocks of so many rows and columns.
+    pub block_size: usize,
+    /// Whether a failing case is reduced before it is printed. On several ranks it must not be: a rank that alone
+    /// detects a failure would repeat collective operations alone.
+    pub reduce: bool,
+}
+
+impl Default for Trials {
+    fn default() -> Self {
+        Self { count: 500, seed: 1, block_size: 1, reduce: true }
+    }
+}
+
+impl Trials {
+    /// Replaces count and seed by the environment variables `CONFORMANCE_COUNT` and `CONFORMANCE_SEED`, where they are
+    /// set, for a longer search without recompilation.
+    #[must_use]
+    pub fn or_from_environment(self) -> Self {
+        let number = |name: &str| std::env::var(name).ok()?.parse::<u64>().ok();
+        Self {
+            count: number("CONFORMANCE_COUNT").map_or(self.count, |count| count as u32),
+            seed: number("CONFORMANCE_SEED").unwrap_or(self.seed),
+            ..self
+        }
+    }
+
+    /// Draws and checks all cases; panics with the first one that fails.
+    fn run<C: Case>(self, what: &str, check: impl Fn(&C) -> Outcome) {
+        let check = |case: &C| {
+            // The message of a panic has already been printed.
+            catch_unwind(AssertUnwindSafe(|| check(case))).unwrap_or_else(|_| Err("the backend panicked".to_owned()))
+        };
+        for seed in (self.seed..).take(self.count as usize) {
+            let mut case = C::draw(&mut Random::new(seed), self.block_size);
+            let Err(mut problem) = check(&case) else { continue };
+            let fails = |case: C| check(&case).err().map(|problem| (case, problem));
+            while self.reduce
+                && let Some(smaller) = case.smaller().into_iter().find_map(fails)
+            {
+                (case, problem) = smaller;
+            }
+            panic!("{what}, seed {seed}: {problem}\nin {case:?}");
+        }
+    }
+}
+
+/// What the solvers of a backend can do beyond Cholesky and LU. The suite does not require what is `false`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Capabilities {
+    /// The backend factors symmetric indefinite matrices by LDL^T and counts their negative pivots.
+    ///
+    /// Without it, the suite factors only matrices declared [`Symmetry::Definite`] or [`Symmetry::None`]. It requires
+    /// that `factor_definite` returns `SolveError::Indefinite` for an indefinite matrix. A matrix that is singular up to
+    /// rounding may be reported as indefinite.
+    pub ldlt: bool,
+    /// Reports and errors name the unknown at which a factorization failed.
+    ///
+    /// Without it, `indefinite_at` of [`FactorReport`](super::FactorReport) and `unknown` of
+    /// [`SolveError`](super::SolveError) may have any value.
+    pub names_unknown: bool,
+}
+
+impl Capabilities {
+    /// All of them, as the in-memory backends of this crate have.
+    pub const ALL: Self = Self { ldlt: true, names_unknown: true };
+
+    fn symmetries(self) -> &'static [Symmetry] {
+        const ALL: [Symmetry; 3] = [Symmetry::Definite, Symmetry::None, Symmetry::Symmetric];
+        if self.ldlt { &ALL } else { &ALL[..2] }
+    }
+}
+
+/// Runs [`vectors`], [`matrices`], [`products`] and [`solvers`]: all that is required of a backend with one lane.
 ///
 /// # Panics
 /// Panics if the backend violates the specification of the traits.
-pub fn all<B>(context: &B::Context)
+pub fn all<B>(context: &B::Context, trials: Trials, capabilities: Capabilities)
 where
     B: Backend<Reduced = <B as Backend>::Scalar>,
     B::Scalar: Scalar,
 {
-    vectors::<B>(context);
-    matrices::<B>(context);
-    products::<B>(context);
-    algebra::<B>(context);
-    solvers::<B>(context);
+    vectors::<B>(context, trials);
+    matrices::<B>(context, trials);
+    products::<B>(context, trials);
+    solvers::<B>(context, capabilities);
 }
 
-/// The indices from 0 to `count - 1`.
-fn first_indices<B: Backend>(count: usize) -> Vec<B::Index> {
-    (0..count).map(B::Index::of).collect()
+/// Tests the operations of vectors.
+///
+/// # Panics
+/// Panics if the backend violates the specification of [`VectorOps`](super::VectorOps).
+pub fn vectors<B: Backend>(context: &B::Context, trials: Trials) {
+    trials.run("operations of vectors", |case| vectors::check::<B>(context, case));
 }
 
-/// Converts positions to indices; `None` denotes a constrained unknown.
-fn indices<B: Backend>(positions: &[Option<usize>]) -> Vec<B::Index> {
-    positions.iter().map(|position| position.map_or(B::Index::CONSTRAINED, B::Index::of)).collect()
+/// Tests the operations of matrices, also of rectangular ones.
+///
+/// # Panics
+/// Panics if the backend violates the specification of [`MatrixOps`](super::MatrixOps).
+pub fn matrices<B: Backend>(context: &B::Context, trials: Trials) {
+    trials.run("operations of matrices", |case| matrices::check::<B>(context, case));
 }
 
-/// The factor of all numbers in a lane: makes lanes differ in a known way.
-fn weight(lane: usize) -> f64 {
-    lane as f64 + 1.0
+/// Tests matrix-vector products and diagonals.
+///
+/// # Panics
+/// Panics if the backend violates the specification of [`MatVec`](super::MatVec).
+pub fn products<B: Backend>(context: &B::Context, trials: Trials) {
+    trials.run("matrix-vector products", |case| products::check_products::<B>(context, case));
 }
 
-/// Converts numbers to scalars of the backend, multiplied by the weight of each lane.
-fn scalars<B: Backend>(values: &[f64]) -> Vec<B::Scalar> {
-    values.iter().map(|&value| B::Scalar::from_lanes(|lane| Real::<B>::of(value * weight(lane)))).collect()
+/// Tests the iteration over all entries of a matrix.
+///
+/// # Panics
+/// Panics if the backend violates the specification of [`Entries`].
+pub fn entries<B: Backend<Matrix: Entries<B>>>(context: &B::Context, trials: Trials) {
+    trials.run("entries of matrices", |case| products::check_entries::<B>(context, case));
 }
 
-/// A scalar with the same number in every lane.
-fn splat<B: Backend>(value: f64) -> B::Scalar {
-    B::Scalar::every(value)
+/// Tests sums, products and transposes of matrices.
+///
+/// # Panics
+/// Panics if the backend violates the specification of [`MatMat`].
+pub fn algebra<B: Backend<Matrix: MatMat<B>>>(context: &B::Context, trials: Trials) {
+    trials.run("sums and products of matrices", |case| products::check_algebra::<B>(context, case));
 }
 
-/// Returns true if every lane holds `expected` times this power of its weight.
-fn is<V: Value>(value: &V, expected: f64, power: i32) -> bool {
-    (0..V::LANES).all(|lane| value.lane(lane).as_f64() == expected * weight(lane).powi(power))
-}
+/// The result of a check: the violation, if there is one.
+type Outcome = Result<(), String>;
+
+/// The value of a buffer before a read that must leave a part of it unchanged.
+const UNTOUCHED: f64 = 99.0;
 
 type Real<B> = <<B as Backend>::Scalar as Value>::Real;
 
-/// Unwraps the result of an operation.
-#[track_caller]
-fn done<R, E: std::error::Error>(result: Result<R, E>) -> R {
-    match result {
-        Ok(value) => value,
-        Err(error) => panic!("a verb failed: {error}"),
-    }
+fn lanes<B: Backend>() -> usize {
+    <B::Scalar as Value>::LANES
 }
 
 /// Machine epsilon of the backend's scalar.
 fn epsilon<B: Backend>() -> f64 {
     <Real<B> as num_traits::Float>::epsilon().as_f64()
+}
+
+/// Returns what a lane holds for a number of the case: lanes are not multiples of each other.
+fn number_in_lane(value: f64, lane: usize) -> f64 {
+    value + lane as f64
+}
+
+/// Returns the sign of a factor in a lane. Factors differ only in their sign, so that single precision stays exact.
+fn sign_in_lane(lane: usize) -> f64 {
+    if lane.is_multiple_of(2) { 1.0 } else { -1.0 }
+}
+
+fn scalar<B: Backend>(in_lane: impl Fn(usize) -> f64) -> B::Scalar {
+    B::Scalar::from_lanes(|lane| Real::<B>::of(in_lane(lane)))
+}
+
+/// Converts numbers of a case to scalars of the backend.
+fn scalars<B: Backend>(values: &[f64]) -> Vec<B::Scalar> {
+    values.iter().map(|&value| scalar::<B>(|lane| number_in_lane(value, lane))).collect()
+}
+
+fn untouched<B: Backend>(len: usize) -> Vec<B::Scalar> {
+    scalars::<B>(&vec![UNTOUCHED; len])
+}
+
+fn indices<B: Backend>(indices: &[i32]) -> Vec<B::Index> {
+    indices.iter().map(|&index| B::Index::from(index)).collect()
+}
+
+/// Converts the error of an operation.
+fn tried<R, E: Display>(result: Result<R, E>) -> Result<R, String> {
+    result.map_err(|error| format!("an operation failed: {error}"))
+}
+
+/// Unwraps the result of an operation.
+#[track_caller]
+fn done<R, E: Display>(result: Result<R, E>) -> R {
+    tried(result).unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn equal<T: PartialEq + Debug>(what: &str, found: T, expected: T) -> Outcome {
+    if found == expected { Ok(()) } else { Err(format!("{what} is {found:?} instead of {expected:?}")) }
+}
+
+/// Checks a value in every lane.
+fn same<V: Value>(what: impl Display, found: &V, expected: impl Fn(usize) -> f64) -> Outcome {
+    within(what, found, expected, |_| 0.0)
+}
+
+/// Checks a value in every lane up to an error.
+fn within<V: Value>(
+    what: impl Display,
+    found: &V,
+    expected: impl Fn(usize) -> f64,
+    error: impl Fn(usize) -> f64,
+) -> Outcome {
+    for lane in 0..V::LANES {
+        let (found, expected) = (found.lane(lane).as_f64(), expected(lane));
+        // False for NaN.
+        let is_near = (found - expected).abs() <= error(lane);
+        if !is_near {
+            return Err(format!("{what} is {found} instead of {expected} in lane {lane}"));
+        }
+    }
+    Ok(())
 }

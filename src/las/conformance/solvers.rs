@@ -2,317 +2,350 @@
 
 use std::sync::Arc;
 
-use super::case::Case;
-use super::{Oracle, Random, done};
+use super::system::LinearSystem;
+use super::{Capabilities, DenseReference, Random, done};
 use crate::las::{Backend, Factorization, Scalar, SolveError, Solver, SolverParams, Sparsity, Symmetry};
 
-const SYMMETRIES: [Symmetry; 3] = [Symmetry::Definite, Symmetry::Symmetric, Symmetry::None];
-
-/// Tests the factorizations and solves of the backend.
+/// Tests the factorizations and solves of a backend with one lane.
 ///
 /// # Panics
-/// Panics if the backend violates the specification of [`Solver`].
-pub fn solvers<B: Backend<Scalar: Scalar>>(context: &B::Context) {
+/// Panics if the backend violates the specification of [`Solver`], as far as it has these capabilities.
+pub fn solvers<B: Backend<Scalar: Scalar>>(context: &B::Context, capabilities: Capabilities) {
+    let suite = Suite::<B> { context, capabilities };
     for (seed, unknowns) in (3000..).zip([1, 2, 3, 5, 8, 13, 21, 40, 70, 150, 450]) {
         let mut random = Random::new(seed);
         let pattern = random.elements(unknowns);
-        definite::<B>(context, &mut random, &pattern);
-        indefinite::<B>(context, &mut random, &pattern);
-        unsymmetric::<B>(context, &mut random, &pattern);
-        isolated_unknown::<B>(context, &mut random, &pattern);
-        not_finite::<B>(context, &mut random, &pattern);
-        reuse::<B>(context, &mut random, &pattern);
+        suite.one_pattern(&mut random, &pattern);
+        suite.unsymmetric(&mut random, &pattern);
     }
     for (seed, nodes) in (3500..).zip([1, 2, 4, 9, 20, 45, 90]) {
         let mut random = Random::new(seed);
         let pattern = random.truss(nodes, 2);
-        definite::<B>(context, &mut random, &pattern);
-        indefinite::<B>(context, &mut random, &pattern);
-        isolated_unknown::<B>(context, &mut random, &pattern);
-        not_finite::<B>(context, &mut random, &pattern);
-        reuse::<B>(context, &mut random, &pattern);
+        suite.one_pattern(&mut random, &pattern);
     }
     for seed in 4000..4020 {
-        floating_part::<B>(context, &mut Random::new(seed));
-        saddle_point::<B>(context, &mut Random::new(seed));
-    }
-    exact_cancellation::<B>(context);
-    pairs_then_singles::<B>(context);
-    row_exchanges::<B>(context);
-    refusals::<B>(context);
-    empty_and_single::<B>(context);
-}
-
-fn definite<B: Backend<Scalar: Scalar>>(context: &B::Context, random: &mut Random, pattern: &Arc<Sparsity>) {
-    let a = Oracle::dominant(random, pattern, |_| 1.0);
-    for (symmetry, kind) in
-        SYMMETRIES.into_iter().zip([Factorization::Cholesky, Factorization::Ldlt, Factorization::Lu])
-    {
-        let report = Case::<B>::new(context, pattern, symmetry).check(random, &a, &[kind]);
-        assert_eq!(report.indefinite_at, None);
-        assert_eq!(report.negative_pivots, (kind != Factorization::Lu).then_some(0));
-    }
-}
-
-/// A matrix with one negative diagonal entry makes Cholesky fail at that unknown, one with several at one of them.
-fn indefinite<B: Backend<Scalar: Scalar>>(context: &B::Context, random: &mut Random, pattern: &Arc<Sparsity>) {
-    let n = pattern.rows();
-    let at = random.below(n);
-    let one = Oracle::dominant(random, pattern, |i| if i == at { -1.0 } else { 1.0 });
-    let mut case = Case::<B>::new(context, pattern, Symmetry::Definite);
-    let report = case.check(random, &one, &[Factorization::Ldlt]);
-    assert_eq!(report.indefinite_at, Some(at), "the unknown whose pivot is negative, of {n}");
-    assert_eq!(report.negative_pivots, Some(1));
-    let refused = case.factor_definite(&one);
-    assert!(matches!(refused, Err(SolveError::Indefinite { unknown: Some(unknown) }) if unknown == at), "{refused:?}");
-    let many = Oracle::dominant(random, pattern, |i| if i % 3 == at % 3 { -1.0 } else { 1.0 });
-    let report = case.check(random, &many, &[Factorization::Ldlt]);
-    assert!(report.indefinite_at.is_some_and(|i| i % 3 == at % 3), "{:?}", report.indefinite_at);
-    let report = Case::<B>::new(context, pattern, Symmetry::Symmetric).check(random, &many, &[Factorization::Ldlt]);
-    assert_eq!(report.indefinite_at, None, "nobody tried Cholesky");
-    assert_eq!(report.negative_pivots, Some((0..n).filter(|i| i % 3 == at % 3).count()));
-}
-
-fn unsymmetric<B: Backend<Scalar: Scalar>>(context: &B::Context, random: &mut Random, pattern: &Arc<Sparsity>) {
-    let mut a = Oracle::dominant(random, pattern, |i| if i % 2 == 0 { 1.0 } else { -1.0 });
-    for i in 0..a.rows {
-        for &j in pattern.row(i).iter().filter(|&&j| (j as usize) < i) {
-            *a.at(i, j as usize) *= 0.25;
+        suite.floating_part(&mut Random::new(seed));
+        if capabilities.ldlt {
+            suite.saddle_point(&mut Random::new(seed));
         }
     }
-    let mut case = Case::<B>::new(context, pattern, Symmetry::None);
-    case.check(random, &a, &[Factorization::Lu]);
-    assert!(matches!(case.factor_definite(&a), Err(SolveError::Unsupported { .. })), "LU does not tell");
+    if capabilities.ldlt {
+        suite.exact_cancellation();
+        suite.pairs_then_singles();
+    }
+    suite.row_exchanges();
+    suite.refusals();
+    suite.empty_and_single();
 }
 
-/// A matrix with a zero row and column.
-fn isolated_unknown<B: Backend<Scalar: Scalar>>(context: &B::Context, random: &mut Random, pattern: &Arc<Sparsity>) {
-    let n = pattern.rows();
-    let unknown = random.below(n);
-    let regular = Oracle::dominant(random, pattern, |_| 1.0);
-    let mut a = regular.clone();
-    for i in 0..n {
-        *a.at(i, unknown) = 0.0;
-        *a.at(unknown, i) = 0.0;
-    }
-    for symmetry in SYMMETRIES {
-        Case::<B>::new(context, pattern, symmetry).check_singular(&a, &[unknown], &regular);
-    }
+/// The backend under test.
+struct Suite<'a, B: Backend> {
+    context: &'a B::Context,
+    capabilities: Capabilities,
 }
 
-/// A singular matrix without negative eigenvalues: not definite up to rounding, and definite with a shift of its
-/// diagonal.
-fn semidefinite<B: Backend<Scalar: Scalar>>(context: &B::Context, pattern: &Arc<Sparsity>, a: &Oracle) {
-    const SHIFT: f64 = 1e-2;
-    let shifted = |by: f64| {
-        let mut shifted = a.clone();
-        (0..a.rows).for_each(|i| *shifted.at(i, i) += by);
-        shifted
-    };
-    for symmetry in [Symmetry::Definite, Symmetry::Symmetric] {
-        let mut case = Case::<B>::new(context, pattern, symmetry);
-        let refused = case.factor_definite(a);
-        assert!(matches!(refused, Err(SolveError::Singular { .. } | SolveError::Indefinite { .. })), "{refused:?}");
+impl<B: Backend<Scalar: Scalar>> Suite<'_, B> {
+    fn system(&self, pattern: &Arc<Sparsity>, symmetry: Symmetry) -> LinearSystem<'_, B> {
+        LinearSystem::new(self.context, self.capabilities, pattern, symmetry)
+    }
+
+    /// Returns true if an unknown is the expected one, or if the backend need not know it.
+    fn is_named(&self, unknown: Option<usize>, is_expected: impl Fn(usize) -> bool) -> bool {
+        !self.capabilities.names_unknown || unknown.is_some_and(is_expected)
+    }
+
+    fn one_pattern(&self, random: &mut Random, pattern: &Arc<Sparsity>) {
+        self.definite(random, pattern);
+        self.indefinite(random, pattern);
+        self.isolated_unknown(random, pattern);
+        self.not_finite(random, pattern);
+        self.reuse(random, pattern);
+    }
+
+    fn definite(&self, random: &mut Random, pattern: &Arc<Sparsity>) {
+        let a = DenseReference::dominant(random, pattern, |_| 1.0);
+        for &symmetry in self.capabilities.symmetries() {
+            let kind = match symmetry {
+                Symmetry::Definite => Factorization::Cholesky,
+                Symmetry::Symmetric => Factorization::Ldlt,
+                Symmetry::None => Factorization::Lu,
+            };
+            let report = self.system(pattern, symmetry).check(random, &a, &[kind]);
+            assert_eq!(report.indefinite_at, None);
+            assert_eq!(report.negative_pivots, (kind != Factorization::Lu).then_some(0));
+        }
+    }
+
+    /// A matrix with one negative diagonal entry makes Cholesky fail at that unknown, one with several at one of them.
+    fn indefinite(&self, random: &mut Random, pattern: &Arc<Sparsity>) {
+        let n = pattern.rows();
+        let at = random.below(n);
+        let one = DenseReference::dominant(random, pattern, |i| if i == at { -1.0 } else { 1.0 });
+        let mut case = self.system(pattern, Symmetry::Definite);
+        let refused = case.factor_definite(&one);
+        let Err(SolveError::Indefinite { unknown }) = refused else { panic!("an indefinite matrix: {refused:?}") };
+        assert!(self.is_named(unknown, |unknown| unknown == at), "{unknown:?} instead of {at}, of {n}");
         case.check_not_factored();
-        let report = done(case.factor_definite(&shifted(SHIFT)));
-        assert_eq!(report.negative_pivots, Some(0), "{symmetry:?}");
-        case.solve(&shifted(SHIFT), &vec![1.0; a.rows]);
-        let refused = case.factor_definite(&shifted(-SHIFT));
-        assert!(matches!(refused, Err(SolveError::Indefinite { .. })), "{refused:?}");
-        case.check_not_factored();
-        let report = done(case.factor(&shifted(-SHIFT)));
-        assert!(report.negative_pivots.is_some_and(|negative| negative > 0), "{report:?}");
-    }
-}
-
-/// A connected part without any support: its translation is a null vector, which rounding perturbs.
-fn floating_part<B: Backend<Scalar: Scalar>>(context: &B::Context, random: &mut Random) {
-    let n = 30;
-    let pattern = random.elements(n);
-    let regular = Oracle::dominant(random, &pattern, |_| 1.0);
-    let mut a = Oracle::zeros(n, n);
-    let inside = |i: usize| i.is_multiple_of(2);
-    for i in 0..n {
-        for j in pattern.row(i).iter().map(|&j| j as usize).filter(|&j| j > i && inside(i) == inside(j)) {
-            let stiffness = 0.5 + random.signed().abs();
-            *a.at(i, j) -= stiffness;
-            *a.at(j, i) -= stiffness;
-            *a.at(i, i) += stiffness;
-            *a.at(j, j) += stiffness;
+        if !self.capabilities.ldlt {
+            return;
         }
-        if !inside(i) {
-            *a.at(i, i) += 1.0;
+        let report = case.check(random, &one, &[Factorization::Ldlt]);
+        assert!(self.is_named(report.indefinite_at, |unknown| unknown == at), "{report:?} instead of {at}, of {n}");
+        assert_eq!(report.negative_pivots, Some(1));
+        let many = DenseReference::dominant(random, pattern, |i| if i % 3 == at % 3 { -1.0 } else { 1.0 });
+        let report = case.check(random, &many, &[Factorization::Ldlt]);
+        assert!(self.is_named(report.indefinite_at, |unknown| unknown % 3 == at % 3), "{report:?}");
+        let report = self.system(pattern, Symmetry::Symmetric).check(random, &many, &[Factorization::Ldlt]);
+        assert_eq!(report.indefinite_at, None, "the backend did not try Cholesky");
+        assert_eq!(report.negative_pivots, Some((0..n).filter(|i| i % 3 == at % 3).count()));
+    }
+
+    fn unsymmetric(&self, random: &mut Random, pattern: &Arc<Sparsity>) {
+        let mut a = DenseReference::dominant(random, pattern, |i| if i % 2 == 0 { 1.0 } else { -1.0 });
+        for i in 0..a.rows {
+            for &j in pattern.row(i).iter().filter(|&&j| (j as usize) < i) {
+                *a.at(i, j as usize) *= 0.25;
+            }
         }
+        let mut case = self.system(pattern, Symmetry::None);
+        case.check(random, &a, &[Factorization::Lu]);
+        assert!(
+            matches!(case.factor_definite(&a), Err(SolveError::Unsupported { .. })),
+            "LU pivots do not determine definiteness"
+        );
     }
-    // The even unknowns may form several such parts, each of them singular; the odd unknowns are regular.
-    let part: Vec<usize> = (0..n).filter(|&i| inside(i)).collect();
-    for symmetry in SYMMETRIES {
-        Case::<B>::new(context, &pattern, symmetry).check_singular(&a, &part, &regular);
-    }
-    semidefinite::<B>(context, &pattern, &a);
-}
 
-/// Constraints with Lagrange multipliers, `[[K, G^T], [G, 0]]`: in some elimination orders a pivot is zero.
-fn saddle_point<B: Backend<Scalar: Scalar>>(context: &B::Context, random: &mut Random) {
-    let (free, constraints) = (24, 6);
-    let n = free + constraints;
-    let stiff = random.elements(free);
-    let k = Oracle::dominant(random, &stiff, |_| 1.0);
-    let mut a = Oracle::zeros(n, n);
-    let mut elements: Vec<Vec<i32>> = Vec::new();
-    for i in 0..free {
-        for &j in stiff.row(i) {
-            *a.at(i, j as usize) = k.values[i * free + j as usize];
-            elements.push(vec![i as i32, j as i32]);
-        }
-    }
-    for c in 0..constraints {
-        // The constraints act on different unknowns, so that they are independent.
-        for i in [4 * c, 4 * c + 1, 4 * c + 2] {
-            let value = 1.0 + random.signed().abs();
-            *a.at(free + c, i) = value;
-            *a.at(i, free + c) = value;
-            elements.push(vec![i as i32, (free + c) as i32]);
-        }
-    }
-    let pattern = Arc::new(done(Sparsity::from_elements(n, elements)));
-    for symmetry in [Symmetry::Definite, Symmetry::Symmetric] {
-        let mut case = Case::<B>::new(context, &pattern, symmetry);
-        let report = case.check(random, &a, &[Factorization::Ldlt, Factorization::Lu]);
-        assert_eq!(report.indefinite_at.is_some(), symmetry == Symmetry::Definite);
-        let negative = (report.kind == Factorization::Ldlt).then_some(constraints);
-        assert_eq!(report.negative_pivots, negative, "every constraint makes one eigenvalue negative");
-    }
-}
-
-/// `1 1^T` with smaller diagonal entries: after the first pivot all off-diagonal entries vanish exactly.
-fn exact_cancellation<B: Backend<Scalar: Scalar>>(context: &B::Context) {
-    let n = 100;
-    let pattern = Arc::new(done(Sparsity::from_elements(n, [(0..n as i32).collect::<Vec<_>>()])));
-    let mut a = Oracle { rows: n, cols: n, values: vec![1.0; n * n] };
-    for i in 1..n {
-        *a.at(i, i) = if i % 2 == 0 { -0.5 } else { 0.25 };
-    }
-    for symmetry in [Symmetry::Definite, Symmetry::Symmetric] {
-        Case::<B>::new(context, &pattern, symmetry).check(&mut Random::new(5000), &a, &[Factorization::Ldlt]);
-    }
-}
-
-/// A factorization with 2x2 pivots must not affect the next one with 1x1 pivots.
-fn pairs_then_singles<B: Backend<Scalar: Scalar>>(context: &B::Context) {
-    let pattern = Arc::new(done(Sparsity::from_elements(2, [[0, 1]])));
-    let square = |values: [f64; 4]| Oracle { rows: 2, cols: 2, values: values.into() };
-    for symmetry in [Symmetry::Definite, Symmetry::Symmetric] {
-        let mut case = Case::<B>::new(context, &pattern, symmetry);
-        for a in [square([0.0, 1.0, 1.0, 0.0]), square([2.0, 0.0, 0.0, -3.0])] {
-            case.check(&mut Random::new(5500), &a, &[Factorization::Ldlt]);
-        }
-    }
-}
-
-/// A cyclic permutation: regular, with a zero diagonal, so that LU needs row exchanges.
-fn row_exchanges<B: Backend<Scalar: Scalar>>(context: &B::Context) {
-    let n = 9;
-    let elements = (0..n as i32).map(|i| [i, (i + 1) % n as i32]);
-    let pattern = Arc::new(done(Sparsity::from_elements(n, elements)));
-    let mut a = Oracle::zeros(n, n);
-    for i in 0..n {
-        *a.at(i, (i + 1) % n) = 1.0 + i as f64;
-    }
-    Case::<B>::new(context, &pattern, Symmetry::None).check(&mut Random::new(6000), &a, &[Factorization::Lu]);
-}
-
-fn not_finite<B: Backend<Scalar: Scalar>>(context: &B::Context, random: &mut Random, pattern: &Arc<Sparsity>) {
-    let regular = Oracle::dominant(random, pattern, |_| 1.0);
-    for (symmetry, bad) in SYMMETRIES.into_iter().zip([f64::NAN, f64::INFINITY, f64::NEG_INFINITY]) {
+    /// A matrix with a zero row and column.
+    fn isolated_unknown(&self, random: &mut Random, pattern: &Arc<Sparsity>) {
+        let n = pattern.rows();
+        let unknown = random.below(n);
+        let regular = DenseReference::dominant(random, pattern, |_| 1.0);
         let mut a = regular.clone();
-        let row = random.below(a.rows);
-        let column = pattern.row(row)[random.below(pattern.row(row).len())];
-        *a.at(row, column as usize) = bad;
-        let mut case = Case::<B>::new(context, pattern, symmetry);
-        done(case.factor(&regular));
-        assert!(matches!(case.factor(&a), Err(SolveError::NotFinite { row: found }) if found == row));
-        case.check_not_factored();
-    }
-}
-
-/// Reuse: one solver for a sequence of matrices, and two solvers with a common symbolic factorization.
-fn reuse<B: Backend<Scalar: Scalar>>(context: &B::Context, random: &mut Random, pattern: &Arc<Sparsity>) {
-    for symmetry in SYMMETRIES {
-        let mut first = Case::<B>::new(context, pattern, symmetry);
-        let mut second = Case::<B> {
-            context,
-            pattern: Arc::clone(pattern),
-            symbolic: Arc::clone(&first.symbolic),
-            solver: done(B::solver(&first.symbolic)),
-        };
-        let matrices: Vec<_> = [1.0, -1.0, 1.0].map(|sign| Oracle::dominant(random, pattern, |_| sign)).into();
-        let b = random.integers(pattern.rows());
-        done(first.factor(&matrices[0]));
-        done(second.factor(&matrices[1]));
-        first.solve(&matrices[0], &b);
-        second.solve(&matrices[1], &b);
-        done(first.factor(&matrices[1]));
-        first.solve(&matrices[1], &b);
-        done(first.factor(&matrices[2]));
-        first.solve(&matrices[2], &b);
-        second.solve(&matrices[1], &b);
-    }
-}
-
-/// Error conditions: rectangular systems, vectors and matrices of wrong size, and `solve` before `factor`.
-fn refusals<B: Backend<Scalar: Scalar>>(context: &B::Context) {
-    let flat = Arc::new(done(Sparsity::from_rows(3, vec![0, 1, 2], vec![0, 1])));
-    let params = SolverParams::default();
-    let refused = B::analyze(context, &flat, &params);
-    assert!(matches!(refused, Err(SolveError::NotSquare { rows: 2, cols: 3 })));
-    let mut random = Random::new(7000);
-    let (pattern, larger) = (random.elements(6), random.elements(7));
-    let a = Oracle::dominant(&mut random, &pattern, |_| 1.0);
-    for symmetry in SYMMETRIES {
-        let mut case = Case::<B>::new(context, &pattern, symmetry);
-        case.check_not_factored();
-        let other = done(B::matrix(context, &larger));
-        assert!(matches!(case.solver.factor(&other), Err(SolveError::Size { found: 7, expected: 6, .. })));
-        done(case.factor(&a));
-        let (mut six, mut seven) = (case.vector(&[1.0; 6]), case.vector(&[1.0; 7]));
-        let size = |result: Result<_, SolveError<B::Fault>>| {
-            matches!(result, Err(SolveError::Size { found: 7, expected: 6, .. }))
-        };
-        assert!(size(case.solver.solve(&seven, &mut six)));
-        assert!(size(case.solver.solve(&six, &mut seven)));
-        assert!(size(case.solver.solve_many(&[case_vector(&case)], &mut [seven])));
-        let too_few = case.solver.solve_many(&[case_vector(&case), case_vector(&case)], &mut [six]);
-        assert!(matches!(too_few, Err(SolveError::Size { found: 1, expected: 2, .. })));
-        case.solve(&a, &[1.0; 6]);
-    }
-}
-
-fn case_vector<B: Backend<Scalar: Scalar>>(case: &Case<'_, B>) -> B::Vector {
-    case.vector(&vec![1.0; case.pattern.rows()])
-}
-
-fn empty_and_single<B: Backend<Scalar: Scalar>>(context: &B::Context) {
-    let empty = Arc::new(done(Sparsity::from_rows(0, vec![0], vec![])));
-    let single = Arc::new(done(Sparsity::from_elements(1, [[0]])));
-    let without_entries = Arc::new(done(Sparsity::from_rows(2, vec![0, 0, 0], vec![])));
-    for symmetry in SYMMETRIES {
-        let mut case = Case::<B>::new(context, &empty, symmetry);
-        case.check_not_factored();
-        let report = done(case.factor(&Oracle::zeros(0, 0)));
-        assert_eq!(report.pivot_ratio, 1.0, "of no pivots");
-        case.solve(&Oracle::zeros(0, 0), &[]);
-        let mut case = Case::<B>::new(context, &single, symmetry);
-        let one = |value: f64| Oracle { rows: 1, cols: 1, values: vec![value] };
-        for value in [4.0, -3.0, 1e-30, 1e30] {
-            let report = done(case.factor(&one(value)));
-            assert_eq!(report.pivot_ratio, 1.0, "of a single pivot");
-            assert_eq!(report.indefinite_at.is_some(), symmetry == Symmetry::Definite && value < 0.0);
-            case.solve(&one(value), &[2.0]);
+        for i in 0..n {
+            *a.at(i, unknown) = 0.0;
+            *a.at(unknown, i) = 0.0;
         }
-        case.check_singular(&one(0.0), &[0], &one(1.0));
-        let mut case = Case::<B>::new(context, &without_entries, symmetry);
-        let zero = case.factor(&Oracle::zeros(2, 2));
-        assert!(matches!(zero, Err(SolveError::Singular { unknown: 0 | 1, .. })), "{zero:?}");
+        for &symmetry in self.capabilities.symmetries() {
+            self.system(pattern, symmetry).check_singular(&a, &[unknown], &regular);
+        }
+    }
+
+    /// A singular matrix without negative eigenvalues: not definite up to rounding, and definite with a shift of its
+    /// diagonal.
+    fn semidefinite(&self, pattern: &Arc<Sparsity>, a: &DenseReference) {
+        const SHIFT: f64 = 1e-2;
+        let shifted = |by: f64| {
+            let mut shifted = a.clone();
+            (0..a.rows).for_each(|i| *shifted.at(i, i) += by);
+            shifted
+        };
+        for &symmetry in self.capabilities.symmetries().iter().filter(|&&symmetry| symmetry != Symmetry::None) {
+            let mut case = self.system(pattern, symmetry);
+            let refused = case.factor_definite(a);
+            assert!(matches!(refused, Err(SolveError::Singular { .. } | SolveError::Indefinite { .. })), "{refused:?}");
+            case.check_not_factored();
+            let report = done(case.factor_definite(&shifted(SHIFT)));
+            assert_eq!(report.negative_pivots, Some(0), "{symmetry:?}");
+            case.solve(&shifted(SHIFT), &vec![1.0; a.rows]);
+            let refused = case.factor_definite(&shifted(-SHIFT));
+            assert!(matches!(refused, Err(SolveError::Indefinite { .. })), "{refused:?}");
+            case.check_not_factored();
+            if self.capabilities.ldlt {
+                let report = done(case.factor(&shifted(-SHIFT)));
+                assert!(report.negative_pivots.is_some_and(|negative| negative > 0), "{report:?}");
+            }
+        }
+    }
+
+    /// A connected part without any support: its translation is a null vector, which rounding perturbs.
+    fn floating_part(&self, random: &mut Random) {
+        let n = 30;
+        let pattern = random.elements(n);
+        let regular = DenseReference::dominant(random, &pattern, |_| 1.0);
+        let mut a = DenseReference::zeros(n, n);
+        let inside = |i: usize| i.is_multiple_of(2);
+        for i in 0..n {
+            for j in pattern.row(i).iter().map(|&j| j as usize).filter(|&j| j > i && inside(i) == inside(j)) {
+                let stiffness = 0.5 + random.signed().abs();
+                *a.at(i, j) -= stiffness;
+                *a.at(j, i) -= stiffness;
+                *a.at(i, i) += stiffness;
+                *a.at(j, j) += stiffness;
+            }
+            if !inside(i) {
+                *a.at(i, i) += 1.0;
+            }
+        }
+        // The even unknowns may form several such parts, each of them singular; the odd unknowns are regular.
+        let part: Vec<usize> = (0..n).filter(|&i| inside(i)).collect();
+        for &symmetry in self.capabilities.symmetries() {
+            self.system(&pattern, symmetry).check_singular(&a, &part, &regular);
+        }
+        self.semidefinite(&pattern, &a);
+    }
+
+    /// Constraints with Lagrange multipliers, `[[K, G^T], [G, 0]]`: in some elimination orders a pivot is zero.
+    fn saddle_point(&self, random: &mut Random) {
+        let (free, constraints) = (24, 6);
+        let n = free + constraints;
+        let stiff = random.elements(free);
+        let k = DenseReference::dominant(random, &stiff, |_| 1.0);
+        let mut a = DenseReference::zeros(n, n);
+        let mut elements: Vec<Vec<i32>> = Vec::new();
+        for i in 0..free {
+            for &j in stiff.row(i) {
+                *a.at(i, j as usize) = k.values[i * free + j as usize];
+                elements.push(vec![i as i32, j as i32]);
+            }
+        }
+        for c in 0..constraints {
+            // The constraints act on different unknowns, so that they are independent.
+            for i in [4 * c, 4 * c + 1, 4 * c + 2] {
+                let value = 1.0 + random.signed().abs();
+                *a.at(free + c, i) = value;
+                *a.at(i, free + c) = value;
+                elements.push(vec![i as i32, (free + c) as i32]);
+            }
+        }
+        let pattern = Arc::new(done(Sparsity::from_elements(n, elements)));
+        for symmetry in [Symmetry::Definite, Symmetry::Symmetric] {
+            let mut case = self.system(&pattern, symmetry);
+            let report = case.check(random, &a, &[Factorization::Ldlt, Factorization::Lu]);
+            let is_expected = report.indefinite_at.is_some() == (symmetry == Symmetry::Definite);
+            assert!(is_expected || !self.capabilities.names_unknown, "{report:?}");
+            let negative = (report.kind == Factorization::Ldlt).then_some(constraints);
+            assert_eq!(report.negative_pivots, negative, "every constraint makes one eigenvalue negative");
+        }
+    }
+
+    /// `1 1^T` with smaller diagonal entries: after the first pivot all off-diagonal entries vanish exactly.
+    fn exact_cancellation(&self) {
+        let n = 100;
+        let pattern = Arc::new(done(Sparsity::from_elements(n, [(0..n as i32).collect::<Vec<_>>()])));
+        let mut a = DenseReference { rows: n, cols: n, values: vec![1.0; n * n] };
+        for i in 1..n {
+            *a.at(i, i) = if i % 2 == 0 { -0.5 } else { 0.25 };
+        }
+        for symmetry in [Symmetry::Definite, Symmetry::Symmetric] {
+            self.system(&pattern, symmetry).check(&mut Random::new(5000), &a, &[Factorization::Ldlt]);
+        }
+    }
+
+    /// A factorization with 2x2 pivots must not affect the next one with 1x1 pivots.
+    fn pairs_then_singles(&self) {
+        let pattern = Arc::new(done(Sparsity::from_elements(2, [[0, 1]])));
+        let square = |values: [f64; 4]| DenseReference { rows: 2, cols: 2, values: values.into() };
+        for symmetry in [Symmetry::Definite, Symmetry::Symmetric] {
+            let mut case = self.system(&pattern, symmetry);
+            for a in [square([0.0, 1.0, 1.0, 0.0]), square([2.0, 0.0, 0.0, -3.0])] {
+                case.check(&mut Random::new(5500), &a, &[Factorization::Ldlt]);
+            }
+        }
+    }
+
+    /// A cyclic permutation: regular, with a zero diagonal, so that LU needs row exchanges.
+    fn row_exchanges(&self) {
+        let n = 9;
+        let elements = (0..n as i32).map(|i| [i, (i + 1) % n as i32]);
+        let pattern = Arc::new(done(Sparsity::from_elements(n, elements)));
+        let mut a = DenseReference::zeros(n, n);
+        for i in 0..n {
+            *a.at(i, (i + 1) % n) = 1.0 + i as f64;
+        }
+        self.system(&pattern, Symmetry::None).check(&mut Random::new(6000), &a, &[Factorization::Lu]);
+    }
+
+    fn not_finite(&self, random: &mut Random, pattern: &Arc<Sparsity>) {
+        let regular = DenseReference::dominant(random, pattern, |_| 1.0);
+        for (&symmetry, bad) in self.capabilities.symmetries().iter().zip([f64::NAN, f64::INFINITY, f64::NEG_INFINITY])
+        {
+            let mut a = regular.clone();
+            let row = random.below(a.rows);
+            let column = pattern.row(row)[random.below(pattern.row(row).len())];
+            *a.at(row, column as usize) = bad;
+            let mut case = self.system(pattern, symmetry);
+            done(case.factor(&regular));
+            assert!(matches!(case.factor(&a), Err(SolveError::NotFinite { row: found }) if found == row));
+            case.check_not_factored();
+        }
+    }
+
+    /// Reuse: one solver for a sequence of matrices, and two solvers with a common symbolic factorization.
+    fn reuse(&self, random: &mut Random, pattern: &Arc<Sparsity>) {
+        for &symmetry in self.capabilities.symmetries() {
+            let mut first = self.system(pattern, symmetry);
+            let mut second = first.twin();
+            // Positive and negative definite, if the backend solves with the latter.
+            let other = if self.capabilities.ldlt { -1.0 } else { 2.0 };
+            let matrices = [1.0, other, 1.0].map(|sign| DenseReference::dominant(random, pattern, |_| sign));
+            let b = random.integers(pattern.rows());
+            done(first.factor(&matrices[0]));
+            done(second.factor(&matrices[1]));
+            first.solve(&matrices[0], &b);
+            second.solve(&matrices[1], &b);
+            done(first.factor(&matrices[1]));
+            first.solve(&matrices[1], &b);
+            done(first.factor(&matrices[2]));
+            first.solve(&matrices[2], &b);
+            second.solve(&matrices[1], &b);
+        }
+    }
+
+    /// Error conditions: rectangular systems, vectors and matrices of wrong size, and `solve` before `factor`.
+    fn refusals(&self) {
+        let flat = Arc::new(done(Sparsity::from_rows(3, vec![0, 1, 2], vec![0, 1])));
+        let params = SolverParams::default();
+        let refused = B::analyze(self.context, &flat, &params);
+        assert!(matches!(refused, Err(SolveError::NotSquare { rows: 2, cols: 3 })));
+        let mut random = Random::new(7000);
+        let (pattern, larger) = (random.elements(6), random.elements(7));
+        let a = DenseReference::dominant(&mut random, &pattern, |_| 1.0);
+        for &symmetry in self.capabilities.symmetries() {
+            let mut case = self.system(&pattern, symmetry);
+            case.check_not_factored();
+            let other = done(B::matrix(self.context, &larger));
+            assert!(matches!(case.solver.factor(&other), Err(SolveError::Size { found: 7, expected: 6, .. })));
+            done(case.factor(&a));
+            let (mut six, mut seven) = (case.vector(&[1.0; 6]), case.vector(&[1.0; 7]));
+            let size = |result: Result<_, SolveError<B::Fault>>| {
+                matches!(result, Err(SolveError::Size { found: 7, expected: 6, .. }))
+            };
+            assert!(size(case.solver.solve(&seven, &mut six)));
+            assert!(size(case.solver.solve(&six, &mut seven)));
+            assert!(size(case.solver.solve_many(&[case.vector(&[1.0; 6])], &mut [seven])));
+            let too_few = case.solver.solve_many(&[case.vector(&[1.0; 6]), case.vector(&[1.0; 6])], &mut [six]);
+            assert!(matches!(too_few, Err(SolveError::Size { found: 1, expected: 2, .. })));
+            case.solve(&a, &[1.0; 6]);
+        }
+    }
+
+    fn empty_and_single(&self) {
+        let empty = Arc::new(done(Sparsity::from_rows(0, vec![0], vec![])));
+        let single = Arc::new(done(Sparsity::from_elements(1, [[0]])));
+        let without_entries = Arc::new(done(Sparsity::from_rows(2, vec![0, 0, 0], vec![])));
+        for &symmetry in self.capabilities.symmetries() {
+            let mut case = self.system(&empty, symmetry);
+            case.check_not_factored();
+            let report = done(case.factor(&DenseReference::zeros(0, 0)));
+            assert_eq!(report.pivot_ratio, 1.0, "of no pivots");
+            case.solve(&DenseReference::zeros(0, 0), &[]);
+            let mut case = self.system(&single, symmetry);
+            let one = |value: f64| DenseReference { rows: 1, cols: 1, values: vec![value] };
+            for value in [4.0, -3.0, 1e-30, 1e30] {
+                if value < 0.0 && symmetry != Symmetry::None && !self.capabilities.ldlt {
+                    continue;
+                }
+                let report = done(case.factor(&one(value)));
+                assert_eq!(report.pivot_ratio, 1.0, "of a single pivot");
+                let expected = (symmetry == Symmetry::Definite && value < 0.0).then_some(0);
+                assert!(report.indefinite_at == expected || !self.capabilities.names_unknown, "{report:?}");
+                case.solve(&one(value), &[2.0]);
+            }
+            case.check_singular(&one(0.0), &[0], &one(1.0));
+            let mut case = self.system(&without_entries, symmetry);
+            let zero = case.factor(&DenseReference::zeros(2, 2));
+            let Err(SolveError::Singular { unknown, .. }) = zero else { panic!("a zero matrix: {zero:?}") };
+            assert!(self.is_named(Some(unknown), |unknown| unknown < 2), "{unknown}");
+        }
     }
 }

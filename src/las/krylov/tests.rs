@@ -77,7 +77,7 @@ mod sparse {
     use super::*;
     use crate::backends::sparse::Sparse;
     use crate::las::StopReason;
-    use crate::las::conformance::{Oracle, Random};
+    use crate::las::conformance::{DenseReference, Random};
 
     const COMPLETE: Preconditioner = Preconditioner::Ilut { drop_tolerance: 0.0, fill: usize::MAX };
 
@@ -129,7 +129,7 @@ mod sparse {
         // Conjugate gradients detect a matrix that is not positive definite.
         let mut random = Random::new(7);
         let pattern = random.elements(30);
-        let oracle = Oracle::dominant(&mut random, &pattern, |i| if i == 5 { -1.0 } else { 1.0 });
+        let oracle = DenseReference::dominant(&mut random, &pattern, |i| if i == 5 { -1.0 } else { 1.0 });
         let mut a = Sparse::<f64>::matrix(&(), &pattern).unwrap();
         for row in 0..30 {
             for &c in pattern.row(row) {

@@ -67,26 +67,19 @@ fn pattern(rows: usize, cols: usize, entries: &[(u32, u32, f64)]) -> Result<Spar
     for &(row, column, _) in entries {
         lists[row as usize].push(column);
     }
-    let (mut row_offsets, mut columns) = (vec![0], Vec::with_capacity(entries.len()));
-    for list in &mut lists {
-        list.sort_unstable();
-        list.dedup();
-        columns.append(list);
-        row_offsets.push(columns.len() as u32);
-    }
-    Sparsity::from_rows(cols, row_offsets, columns)
+    Sparsity::by_rows(cols, rows, |row, columns| columns.append(&mut lists[row]))
 }
 
 /// Writes a matrix to a file (the entries of this rank, on a distributed backend).
 ///
 /// # Errors
 /// Returns [`MarketError::Write`] if the file cannot be written, [`MarketError::Backend`] if the backend fails.
-pub fn write<B: Backend>(file: &Path, a: &B::Matrix) -> Result<(), MarketError<B::Fault>>
+pub fn write<B: Backend<Matrix: Entries<B>>>(file: &Path, a: &B::Matrix) -> Result<(), MarketError<B::Fault>>
 where
     B::Scalar: Scalar,
 {
     let (rows, cols) = a.shape();
-    let entries = a.pattern().map_err(MarketError::Backend)?.entries();
+    let entries = a.pattern().map_err(MarketError::Backend)?.nnz();
     let failed = |reason| MarketError::Write { file: file.to_path_buf(), reason };
     let mut out = BufWriter::new(std::fs::File::create(file).map_err(failed)?);
     let mut written = writeln!(out, "%%MatrixMarket matrix coordinate real general\n{rows} {cols} {entries}");

@@ -40,7 +40,9 @@ pub trait Solver<B: Backend>: Send {
     /// # Errors
     /// Returns [`SolveError::NotFactored`], [`SolveError::Size`]; an iterative method also returns
     /// [`SolveError::NotConverged`] and [`SolveError::RhsNotFinite`].
-    fn solve(&mut self, b: &B::Vector, x: &mut B::Vector) -> Result<SolveReport, SolveError<B::Fault>>;
+    fn solve(&mut self, b: &B::Vector, x: &mut B::Vector) -> Result<SolveReport, SolveError<B::Fault>> {
+        self.solve_many(std::slice::from_ref(b), std::slice::from_mut(x))
+    }
 
     /// Solves `A x_k = b_k` for several right-hand sides.
     ///

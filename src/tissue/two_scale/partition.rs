@@ -25,7 +25,7 @@ pub fn partition(mesh: &Mesh, shards: usize) -> Vec<u32> {
 /// Partitions by METIS; `None` if METIS fails or leaves a shard empty, which happens if there are few elements.
 #[cfg(feature = "metis")]
 fn by_metis(mesh: &Mesh, shards: usize) -> Option<Vec<u32>> {
-    let shard_of = crate::backends::metis::parts(&mesh.neighbors(), shards).ok()?;
+    let shard_of = crate::backends::metis::partition(&mesh.neighbors(), shards).ok()?;
     let mut counts = vec![0; shards];
     shard_of.iter().for_each(|&shard| counts[shard as usize] += 1);
     counts.iter().all(|&count| count > 0).then_some(shard_of)

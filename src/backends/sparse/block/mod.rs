@@ -25,8 +25,8 @@
 )]
 
 mod factor;
-mod lanes;
 mod products;
+mod simd;
 mod solve;
 mod sources;
 mod supernodes;
@@ -37,14 +37,14 @@ mod update;
 mod x86;
 
 pub(super) use factor::BlockCholesky;
-pub use lanes::{BlockScalar, Width};
+pub use simd::{BlockScalar, SimdLevel};
 
 use super::order::{BLOCK, Graph, Tree};
-use crate::las::Sparsity;
+use crate::las::{Sparsity, offsets};
 use supernodes::Supernodes;
 
 /// A column of a block: three rows and a zero lane.
-type Column<T> = [T; lanes::LANES];
+type Column<T> = [T; simd::QUAD_LEN];
 
 /// The source and destination of one block of the matrix.
 #[derive(Clone, Copy, Debug)]
@@ -123,9 +123,9 @@ impl SymbolicBlockCholesky {
         let node = |&node: &u32| Node { first: first[node as usize], size: graph.size(node as usize) as u32 };
         Self {
             panel_start,
-            source_start: starts(supernodes.count(), blocks.iter().map(|&(s, _)| s as usize)),
+            source_start: offsets(supernodes.count(), blocks.iter().map(|&(s, _)| s as usize)),
             sources: blocks.into_iter().map(|(_, block)| block.source).collect(),
-            partial_start: starts(supernodes.count(), partial.iter().map(|&(s, _)| s as usize)),
+            partial_start: offsets(supernodes.count(), partial.iter().map(|&(s, _)| s as usize)),
             partial: partial.into_iter().map(|(_, block)| block).collect(),
             updates,
             update_start,
@@ -196,18 +196,6 @@ fn updates(supernodes: &Supernodes) -> (Vec<Update>, Vec<u32>) {
         }
     }
     updates.sort_by_key(|&(target, _)| target);
-    let start = starts(supernodes.count(), updates.iter().map(|&(target, _)| target as usize));
+    let start = offsets(supernodes.count(), updates.iter().map(|&(target, _)| target as usize));
     (updates.into_iter().map(|(_, update)| update).collect(), start)
-}
-
-/// Returns the index of the first item of each of `count` owners, given the owner of every item in ascending order.
-fn starts(count: usize, owners: impl Iterator<Item = usize>) -> Vec<u32> {
-    let mut start = vec![0; count + 1];
-    for owner in owners {
-        start[owner + 1] += 1;
-    }
-    for owner in 0..count {
-        start[owner + 1] += start[owner];
-    }
-    start
 }

@@ -3,7 +3,7 @@
 
 use super::BLOCK;
 use super::factor::Block;
-use super::lanes::Lanes;
+use super::simd::Simd;
 use crate::las::Scalar;
 
 /// The blocks of `R` rows.
@@ -27,37 +27,37 @@ pub(super) fn rows_of<T, const R: usize>(
 
 /// Loads a block from memory.
 #[inline(always)]
-pub(super) fn load<T: Scalar, L: Lanes<T>>(lanes: L, block: &Block<T>) -> [L::Quad; BLOCK] {
-    [lanes.load(&block[0]), lanes.load(&block[1]), lanes.load(&block[2])]
+pub(super) fn load<T: Scalar, S: Simd<T>>(simd: S, block: &Block<T>) -> [S::Quad; BLOCK] {
+    [simd.load(&block[0]), simd.load(&block[1]), simd.load(&block[2])]
 }
 
 /// Stores a block to memory.
 #[inline(always)]
-pub(super) fn store<T: Scalar, L: Lanes<T>>(lanes: L, quads: [L::Quad; BLOCK], to: &mut Block<T>) {
+pub(super) fn store<T: Scalar, S: Simd<T>>(simd: S, quads: [S::Quad; BLOCK], to: &mut Block<T>) {
     for (column, quad) in to.iter_mut().zip(quads) {
-        lanes.store(quad, column);
+        simd.store(quad, column);
     }
 }
 
 /// Returns `sums[i] - sum_k a_i[k] b[k]^T`, where `k` runs over the blocks.
 #[inline(always)]
-pub(super) fn subtract_products<T: Scalar, L: Lanes<T>, const R: usize>(
-    lanes: L,
-    mut sums: [[L::Quad; BLOCK]; R],
+pub(super) fn subtract_products<T: Scalar, S: Simd<T>, const R: usize>(
+    simd: S,
+    mut sums: [[S::Quad; BLOCK]; R],
     mut a: Rows<'_, T, R>,
     b: &[Block<T>],
-) -> [[L::Quad; BLOCK]; R] {
+) -> [[S::Quad; BLOCK]; R] {
     for row in &mut a {
         *row = &row[..b.len()];
     }
     for (k, b) in b.iter().enumerate() {
         for inner in 0..BLOCK {
             let [x, y, z, _] = b[inner];
-            let b = [lanes.splat(x), lanes.splat(y), lanes.splat(z)];
+            let b = [simd.splat(x), simd.splat(y), simd.splat(z)];
             for i in 0..R {
-                let a = lanes.load(&a[i][k][inner]);
+                let a = simd.load(&a[i][k][inner]);
                 for column in 0..BLOCK {
-                    sums[i][column] = lanes.sub_mul(sums[i][column], a, b[column]);
+                    sums[i][column] = simd.sub_mul(sums[i][column], a, b[column]);
                 }
             }
         }

@@ -1,7 +1,7 @@
 //! The triangular solves with the block Cholesky factor.
 
 use super::factor::{Block, BlockCholesky};
-use super::lanes::{BlockScalar, Kernel, LANES, Lanes, Width};
+use super::simd::{BlockScalar, QUAD_LEN, Simd, SimdLevel, WithSimd};
 use super::{BLOCK, Column, SymbolicBlockCholesky};
 use crate::backends::sparse::Vector;
 use crate::las::Scalar;
@@ -12,7 +12,7 @@ const MOST_QUADS: usize = 2;
 impl<T: BlockScalar> BlockCholesky<T> {
     /// Allocates room for `count` right-hand sides.
     pub(in crate::backends::sparse) fn reserve(&mut self, analysis: &SymbolicBlockCholesky, count: usize) {
-        let quads = if count < 2 { 0 } else { count.div_ceil(LANES).min(MOST_QUADS) };
+        let quads = if count < 2 { 0 } else { count.div_ceil(QUAD_LEN).min(MOST_QUADS) };
         let len = analysis.nodes() * (BLOCK * quads).max(1);
         if self.right.len() < len {
             self.right.resize(len, Column::default());
@@ -26,11 +26,11 @@ impl<T: BlockScalar> BlockCholesky<T> {
         b: &[Vector<T>],
         x: &mut [Vector<T>],
     ) {
-        let most = MOST_QUADS * LANES;
+        let most = MOST_QUADS * QUAD_LEN;
         for (b, x) in b.chunks(most).zip(x.chunks_mut(most)) {
             match (b, &mut *x) {
                 ([b], [x]) => self.solve_one(analysis, b, x),
-                _ if b.len() <= LANES => self.solve_several::<1>(analysis, b, x),
+                _ if b.len() <= QUAD_LEN => self.solve_several::<1>(analysis, b, x),
                 _ => self.solve_several::<MOST_QUADS>(analysis, b, x),
             }
         }
@@ -44,10 +44,10 @@ impl<T: BlockScalar> BlockCholesky<T> {
                 [u, v, w] => [u, v, w, zero],
                 [u, v] => [u, v, zero, zero],
                 [u] => [u, zero, zero, zero],
-                _ => [zero; LANES],
+                _ => [zero; QUAD_LEN],
             };
         }
-        T::dispatch(Width::of_machine(), SolveOne { analysis, panels: &self.panels, x: right });
+        T::dispatch(SimdLevel::of_machine(), SolveOne { analysis, panels: &self.panels, x: right });
         for (&[u, v, w, _], node) in right.iter().zip(&analysis.nodes) {
             match &mut x.values[node.unknowns()] {
                 [x, y, z] => (*x, *y, *z) = (u, v, w),
@@ -70,15 +70,15 @@ impl<T: BlockScalar> BlockCholesky<T> {
         for (k, b) in b.iter().enumerate() {
             for (right, node) in right.iter_mut().zip(&analysis.nodes) {
                 for (right, &value) in right.iter_mut().zip(&b.values[node.unknowns()]) {
-                    right[k / LANES][k % LANES] = value;
+                    right[k / QUAD_LEN][k % QUAD_LEN] = value;
                 }
             }
         }
-        T::dispatch(Width::of_machine(), SolveSeveral { analysis, panels: &self.panels, x: right });
+        T::dispatch(SimdLevel::of_machine(), SolveSeveral { analysis, panels: &self.panels, x: right });
         for (k, x) in x.iter_mut().enumerate() {
             for (right, node) in right.iter().zip(&analysis.nodes) {
                 for (x, right) in x.values[node.unknowns()].iter_mut().zip(right) {
-                    *x = right[k / LANES][k % LANES];
+                    *x = right[k / QUAD_LEN][k % QUAD_LEN];
                 }
             }
         }
@@ -112,85 +112,85 @@ struct SolveOne<'a, T> {
     x: &'a mut [Column<T>],
 }
 
-impl<T: Scalar> Kernel<T> for SolveOne<'_, T> {
+impl<T: Scalar> WithSimd<T> for SolveOne<'_, T> {
     type Output = ();
 
     #[inline(always)]
-    fn run<L: Lanes<T>>(self, lanes: L) {
+    fn with_simd<S: Simd<T>>(self, simd: S) {
         let Self { analysis, panels, x } = self;
         for s in 0..analysis.supernodes.count() {
-            forward_one(lanes, &analysis.panel(panels, s), x);
+            forward_one(simd, &analysis.panel(panels, s), x);
         }
         for s in (0..analysis.supernodes.count()).rev() {
-            backward_one(lanes, &analysis.panel(panels, s), x);
+            backward_one(simd, &analysis.panel(panels, s), x);
         }
     }
 }
 
 /// Computes `x_row -= sum_k l_row,k x_k` over the columns `k` of a row.
 #[inline(always)]
-fn subtract_row<T: Scalar, L: Lanes<T>>(lanes: L, row: &[Block<T>], known: &[Column<T>], x: &mut Column<T>) {
+fn subtract_row<T: Scalar, S: Simd<T>>(simd: S, row: &[Block<T>], known: &[Column<T>], x: &mut Column<T>) {
     // Two independent sums shorten the dependency chain of the additions.
-    let (mut even, mut odd) = (lanes.load(x), lanes.splat(T::zero()));
+    let (mut even, mut odd) = (simd.load(x), simd.splat(T::zero()));
     for (block, known) in row.iter().zip(known) {
-        even = lanes.sub_mul(even, lanes.load(&block[0]), lanes.splat(known[0]));
-        odd = lanes.sub_mul(odd, lanes.load(&block[1]), lanes.splat(known[1]));
-        even = lanes.sub_mul(even, lanes.load(&block[2]), lanes.splat(known[2]));
+        even = simd.sub_mul(even, simd.load(&block[0]), simd.splat(known[0]));
+        odd = simd.sub_mul(odd, simd.load(&block[1]), simd.splat(known[1]));
+        even = simd.sub_mul(even, simd.load(&block[2]), simd.splat(known[2]));
     }
-    lanes.store(lanes.add(even, odd), x);
+    simd.store(simd.add(even, odd), x);
 }
 
 #[inline(always)]
-fn forward_one<T: Scalar, L: Lanes<T>>(lanes: L, panel: &Panel<'_, T>, x: &mut [Column<T>]) {
+fn forward_one<T: Scalar, S: Simd<T>>(simd: S, panel: &Panel<'_, T>, x: &mut [Column<T>]) {
     let width = panel.width;
     let mut rows = panel.blocks.chunks_exact(width);
     for (node, row) in rows.by_ref().take(width).enumerate() {
         let (known, rest) = x[panel.first..].split_at_mut(node);
-        subtract_row(lanes, &row[..node], known, &mut rest[0]);
+        subtract_row(simd, &row[..node], known, &mut rest[0]);
         let ([u, v, w, _], inverse) = (rest[0], &row[node]);
-        let product = lanes.mul(lanes.load(&inverse[0]), lanes.splat(u));
-        let product = lanes.add_mul(product, lanes.load(&inverse[1]), lanes.splat(v));
-        let product = lanes.add_mul(product, lanes.load(&inverse[2]), lanes.splat(w));
-        lanes.store(product, &mut rest[0]);
+        let product = simd.mul(simd.load(&inverse[0]), simd.splat(u));
+        let product = simd.add_mul(product, simd.load(&inverse[1]), simd.splat(v));
+        let product = simd.add_mul(product, simd.load(&inverse[2]), simd.splat(w));
+        simd.store(product, &mut rest[0]);
     }
     let (known, rest) = x[panel.first..].split_at_mut(width);
     for (row, &position) in rows.zip(panel.below) {
-        subtract_row(lanes, row, known, &mut rest[position as usize - panel.first - width]);
+        subtract_row(simd, row, known, &mut rest[position as usize - panel.first - width]);
     }
 }
 
 /// Returns `sums_k + l_k x`, lane by lane; the sum over the lanes of the increment is `sum_i l_ik x_i`.
 #[inline(always)]
-fn add_transposed<T: Scalar, L: Lanes<T>>(
-    lanes: L,
-    mut sums: [L::Quad; BLOCK],
+fn add_transposed<T: Scalar, S: Simd<T>>(
+    simd: S,
+    mut sums: [S::Quad; BLOCK],
     block: &Block<T>,
     known: &Column<T>,
-) -> [L::Quad; BLOCK] {
-    let known = lanes.load(known);
+) -> [S::Quad; BLOCK] {
+    let known = simd.load(known);
     for k in 0..BLOCK {
-        sums[k] = lanes.add_mul(sums[k], lanes.load(&block[k]), known);
+        sums[k] = simd.add_mul(sums[k], simd.load(&block[k]), known);
     }
     sums
 }
 
 #[inline(always)]
-fn backward_one<T: Scalar, L: Lanes<T>>(lanes: L, panel: &Panel<'_, T>, x: &mut [Column<T>]) {
+fn backward_one<T: Scalar, S: Simd<T>>(simd: S, panel: &Panel<'_, T>, x: &mut [Column<T>]) {
     let width = panel.width;
     let (own, below) = panel.blocks.split_at(width * width);
     for node in (0..width).rev() {
-        let mut sums = [lanes.splat(T::zero()); BLOCK];
+        let mut sums = [simd.splat(T::zero()); BLOCK];
         for (row, &position) in below.chunks_exact(width).zip(panel.below) {
-            sums = add_transposed(lanes, sums, &row[node], &x[position as usize]);
+            sums = add_transposed(simd, sums, &row[node], &x[position as usize]);
         }
         for (row, known) in own.chunks_exact(width).zip(&x[panel.first..]).skip(node + 1) {
-            sums = add_transposed(lanes, sums, &row[node], known);
+            sums = add_transposed(simd, sums, &row[node], known);
         }
         let at = &mut x[panel.first + node];
         let mut right = [T::zero(); BLOCK];
         for (k, sum) in sums.into_iter().enumerate() {
             let mut lanes_of = Column::default();
-            lanes.store(sum, &mut lanes_of);
+            simd.store(sum, &mut lanes_of);
             let [u, v, w, _] = lanes_of;
             right[k] = at[k] - (u + v + w);
         }
@@ -205,7 +205,7 @@ fn backward_one<T: Scalar, L: Lanes<T>>(lanes: L, panel: &Panel<'_, T>, x: &mut 
 type Rows<T, const Q: usize> = [[Column<T>; Q]; BLOCK];
 
 /// The same in registers.
-type Sums<L, T, const Q: usize> = [[<L as Lanes<T>>::Quad; Q]; BLOCK];
+type Sums<S, T, const Q: usize> = [[<S as Simd<T>>::Quad; Q]; BLOCK];
 
 /// The kernel for several right-hand sides.
 struct SolveSeveral<'a, T, const Q: usize> {
@@ -214,63 +214,63 @@ struct SolveSeveral<'a, T, const Q: usize> {
     x: &'a mut [Rows<T, Q>],
 }
 
-impl<T: Scalar, const Q: usize> Kernel<T> for SolveSeveral<'_, T, Q> {
+impl<T: Scalar, const Q: usize> WithSimd<T> for SolveSeveral<'_, T, Q> {
     type Output = ();
 
     #[inline(always)]
-    fn run<L: Lanes<T>>(self, lanes: L) {
+    fn with_simd<S: Simd<T>>(self, simd: S) {
         let Self { analysis, panels, x } = self;
         for s in 0..analysis.supernodes.count() {
-            forward_several(lanes, &analysis.panel(panels, s), x);
+            forward_several(simd, &analysis.panel(panels, s), x);
         }
         for s in (0..analysis.supernodes.count()).rev() {
-            backward_several(lanes, &analysis.panel(panels, s), x);
+            backward_several(simd, &analysis.panel(panels, s), x);
         }
     }
 }
 
 /// Loads the right-hand sides of one unknown.
 #[inline(always)]
-fn load_row<T: Scalar, L: Lanes<T>, const Q: usize>(lanes: L, row: &[Column<T>; Q]) -> [L::Quad; Q] {
-    let mut quads = [lanes.splat(T::zero()); Q];
+fn load_row<T: Scalar, S: Simd<T>, const Q: usize>(simd: S, row: &[Column<T>; Q]) -> [S::Quad; Q] {
+    let mut quads = [simd.splat(T::zero()); Q];
     for q in 0..Q {
-        quads[q] = lanes.load(&row[q]);
+        quads[q] = simd.load(&row[q]);
     }
     quads
 }
 
 #[inline(always)]
-fn load<T: Scalar, L: Lanes<T>, const Q: usize>(lanes: L, rows: &Rows<T, Q>) -> Sums<L, T, Q> {
-    let mut sums = [[lanes.splat(T::zero()); Q]; BLOCK];
+fn load<T: Scalar, S: Simd<T>, const Q: usize>(simd: S, rows: &Rows<T, Q>) -> Sums<S, T, Q> {
+    let mut sums = [[simd.splat(T::zero()); Q]; BLOCK];
     for i in 0..BLOCK {
-        sums[i] = load_row(lanes, &rows[i]);
+        sums[i] = load_row(simd, &rows[i]);
     }
     sums
 }
 
 #[inline(always)]
-fn store<T: Scalar, L: Lanes<T>, const Q: usize>(lanes: L, sums: Sums<L, T, Q>, rows: &mut Rows<T, Q>) {
+fn store<T: Scalar, S: Simd<T>, const Q: usize>(simd: S, sums: Sums<S, T, Q>, rows: &mut Rows<T, Q>) {
     for (row, sums) in rows.iter_mut().zip(sums) {
         for (quad, sum) in row.iter_mut().zip(sums) {
-            lanes.store(sum, quad);
+            simd.store(sum, quad);
         }
     }
 }
 
 /// Computes `sums_i -= sum_k l_ik x_k`.
 #[inline(always)]
-fn subtract_block<T: Scalar, L: Lanes<T>, const Q: usize>(
-    lanes: L,
-    mut sums: Sums<L, T, Q>,
+fn subtract_block<T: Scalar, S: Simd<T>, const Q: usize>(
+    simd: S,
+    mut sums: Sums<S, T, Q>,
     block: &Block<T>,
     x: &Rows<T, Q>,
-) -> Sums<L, T, Q> {
+) -> Sums<S, T, Q> {
     for k in 0..BLOCK {
-        let known = load_row(lanes, &x[k]);
+        let known = load_row(simd, &x[k]);
         for i in 0..BLOCK {
-            let l = lanes.splat(block[k][i]);
+            let l = simd.splat(block[k][i]);
             for q in 0..Q {
-                sums[i][q] = lanes.sub_mul(sums[i][q], l, known[q]);
+                sums[i][q] = simd.sub_mul(sums[i][q], l, known[q]);
             }
         }
     }
@@ -279,18 +279,18 @@ fn subtract_block<T: Scalar, L: Lanes<T>, const Q: usize>(
 
 /// Computes `sums_k -= sum_i l_ik x_i`.
 #[inline(always)]
-fn subtract_transposed<T: Scalar, L: Lanes<T>, const Q: usize>(
-    lanes: L,
-    mut sums: Sums<L, T, Q>,
+fn subtract_transposed<T: Scalar, S: Simd<T>, const Q: usize>(
+    simd: S,
+    mut sums: Sums<S, T, Q>,
     block: &Block<T>,
     x: &Rows<T, Q>,
-) -> Sums<L, T, Q> {
+) -> Sums<S, T, Q> {
     for i in 0..BLOCK {
-        let known = load_row(lanes, &x[i]);
+        let known = load_row(simd, &x[i]);
         for k in 0..BLOCK {
-            let l = lanes.splat(block[k][i]);
+            let l = simd.splat(block[k][i]);
             for q in 0..Q {
-                sums[k][q] = lanes.sub_mul(sums[k][q], l, known[q]);
+                sums[k][q] = simd.sub_mul(sums[k][q], l, known[q]);
             }
         }
     }
@@ -298,60 +298,60 @@ fn subtract_transposed<T: Scalar, L: Lanes<T>, const Q: usize>(
 }
 
 #[inline(always)]
-fn forward_several<T: Scalar, L: Lanes<T>, const Q: usize>(lanes: L, panel: &Panel<'_, T>, x: &mut [Rows<T, Q>]) {
+fn forward_several<T: Scalar, S: Simd<T>, const Q: usize>(simd: S, panel: &Panel<'_, T>, x: &mut [Rows<T, Q>]) {
     let width = panel.width;
     let mut rows = panel.blocks.chunks_exact(width);
     for (node, row) in rows.by_ref().take(width).enumerate() {
         let (known, rest) = x[panel.first..].split_at_mut(node);
-        let mut sums = load(lanes, &rest[0]);
+        let mut sums = load(simd, &rest[0]);
         for (block, known) in row.iter().zip(&*known) {
-            sums = subtract_block(lanes, sums, block, known);
+            sums = subtract_block(simd, sums, block, known);
         }
         // x = inverse * sums, where the inverse is lower triangular.
         let mut scaled = sums;
         for i in 0..BLOCK {
             for q in 0..Q {
-                scaled[i][q] = lanes.mul(sums[0][q], lanes.splat(row[node][0][i]));
+                scaled[i][q] = simd.mul(sums[0][q], simd.splat(row[node][0][i]));
                 for k in 1..=i {
-                    scaled[i][q] = lanes.add_mul(scaled[i][q], sums[k][q], lanes.splat(row[node][k][i]));
+                    scaled[i][q] = simd.add_mul(scaled[i][q], sums[k][q], simd.splat(row[node][k][i]));
                 }
             }
         }
-        store(lanes, scaled, &mut rest[0]);
+        store(simd, scaled, &mut rest[0]);
     }
     let (known, rest) = x[panel.first..].split_at_mut(width);
     for (row, &position) in rows.zip(panel.below) {
         let at = &mut rest[position as usize - panel.first - width];
-        let mut sums = load(lanes, at);
+        let mut sums = load(simd, at);
         for (block, known) in row.iter().zip(&*known) {
-            sums = subtract_block(lanes, sums, block, known);
+            sums = subtract_block(simd, sums, block, known);
         }
-        store(lanes, sums, at);
+        store(simd, sums, at);
     }
 }
 
 #[inline(always)]
-fn backward_several<T: Scalar, L: Lanes<T>, const Q: usize>(lanes: L, panel: &Panel<'_, T>, x: &mut [Rows<T, Q>]) {
+fn backward_several<T: Scalar, S: Simd<T>, const Q: usize>(simd: S, panel: &Panel<'_, T>, x: &mut [Rows<T, Q>]) {
     let width = panel.width;
     let (own, below) = panel.blocks.split_at(width * width);
     for node in (0..width).rev() {
-        let mut sums = load(lanes, &x[panel.first + node]);
+        let mut sums = load(simd, &x[panel.first + node]);
         for (row, &position) in below.chunks_exact(width).zip(panel.below) {
-            sums = subtract_transposed(lanes, sums, &row[node], &x[position as usize]);
+            sums = subtract_transposed(simd, sums, &row[node], &x[position as usize]);
         }
         for (row, known) in own.chunks_exact(width).zip(&x[panel.first..]).skip(node + 1) {
-            sums = subtract_transposed(lanes, sums, &row[node], known);
+            sums = subtract_transposed(simd, sums, &row[node], known);
         }
         let inverse = &own[width * node + node];
         let mut scaled = sums;
         for k in 0..BLOCK {
             for q in 0..Q {
-                scaled[k][q] = lanes.mul(sums[2][q], lanes.splat(inverse[k][2]));
+                scaled[k][q] = simd.mul(sums[2][q], simd.splat(inverse[k][2]));
                 for i in k..2 {
-                    scaled[k][q] = lanes.add_mul(scaled[k][q], sums[i][q], lanes.splat(inverse[k][i]));
+                    scaled[k][q] = simd.add_mul(scaled[k][q], sums[i][q], simd.splat(inverse[k][i]));
                 }
             }
         }
-        store(lanes, scaled, &mut x[panel.first + node]);
+        store(simd, scaled, &mut x[panel.first + node]);
     }
 }

@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use super::lanes::Width;
+use super::simd::SimdLevel;
 use super::*;
 use crate::backends::sparse::order::eliminate;
 use crate::backends::sparse::{Matrix, Solver, Sparse, Symbolic, Vector};
-use crate::las::conformance::{Oracle, Random};
+use crate::las::conformance::{DenseReference, Random};
 use crate::las::{Backend, Factorization, MatVec, Ordering, Scalar, SolveError, Solver as _, SolverParams, Symmetry};
 
 const ORDERINGS: [Ordering; 3] = [Ordering::Auto, Ordering::MinimumDegree, Ordering::NestedDissection];
@@ -68,7 +68,7 @@ fn patterns(random: &mut Random) -> Vec<Arc<Sparsity>> {
     patterns
 }
 
-fn matrix<T: BlockScalar>(pattern: &Arc<Sparsity>, a: &Oracle) -> Matrix<T> {
+fn matrix<T: BlockScalar>(pattern: &Arc<Sparsity>, a: &DenseReference) -> Matrix<T> {
     let mut matrix = Matrix::zeros(pattern);
     let entries =
         (0..a.rows).flat_map(|row| pattern.row(row).iter().map(move |&column| row * a.cols + column as usize));
@@ -80,7 +80,7 @@ fn matrix<T: BlockScalar>(pattern: &Arc<Sparsity>, a: &Oracle) -> Matrix<T> {
 
 /// Returns `L` by rows of the matrix permuted to the given order, with rows of the identity at padding positions; the
 /// error is the position of the first pivot that is not positive.
-fn dense_cholesky(a: &Oracle, order: &[Option<usize>]) -> Result<Vec<Vec<f64>>, usize> {
+fn dense_cholesky(a: &DenseReference, order: &[Option<usize>]) -> Result<Vec<Vec<f64>>, usize> {
     let value = |i: usize, j: usize| match (order[i], order[j]) {
         (Some(row), Some(column)) => a.values[row * a.cols + column],
         _ => f64::from(u8::from(i == j)),
@@ -126,13 +126,13 @@ fn analyze(pattern: &Sparsity, ordering: Ordering) -> Analyzed {
 }
 
 #[cfg(target_arch = "x86_64")]
-const WIDTHS: [Width; 3] = [Width::Portable, Width::Avx2, Width::Avx512];
+const LEVELS: [SimdLevel; 3] = [SimdLevel::Portable, SimdLevel::Avx2, SimdLevel::Avx512];
 #[cfg(not(target_arch = "x86_64"))]
-const WIDTHS: [Width; 1] = [Width::Portable];
+const LEVELS: [SimdLevel; 1] = [SimdLevel::Portable];
 
 /// Returns the register widths of this machine; records that the tests of the others are skipped.
-fn widths() -> impl Iterator<Item = Width> {
-    let (has, has_not) = WIDTHS.into_iter().partition::<Vec<_>, _>(|&width| width <= Width::of_machine());
+fn levels() -> impl Iterator<Item = SimdLevel> {
+    let (has, has_not) = LEVELS.into_iter().partition::<Vec<_>, _>(|&level| level <= SimdLevel::of_machine());
     if !has_not.is_empty() {
         crate::skip::skip(&format!("this machine does not support {has_not:?}"));
     }
@@ -161,16 +161,16 @@ fn factors_of_padded_nodes_are_those_of_a_dense_factorization() {
 }
 
 fn check_factors(random: &mut Random, pattern: &Arc<Sparsity>) {
-    let a = Oracle::dominant(random, pattern, |_| 1.0);
+    let a = DenseReference::dominant(random, pattern, |_| 1.0);
     let values = matrix::<f64>(pattern, &a).values;
     for ordering in ORDERINGS {
         let Analyzed { analysis, order } = analyze(pattern, ordering);
         let l = dense_cholesky(&a, &order).unwrap();
         let pivots = || (0..l.len()).filter(|&k| order[k].is_some()).map(|k| l[k][k] * l[k][k]);
         let expected = pivots().fold(f64::INFINITY, f64::min) / pivots().fold(0.0, f64::max);
-        for width in widths() {
+        for level in levels() {
             let mut factor = BlockCholesky::new(&analysis);
-            let ratio = factor.factor_with(width, &analysis, &values).unwrap().ratio();
+            let ratio = factor.factor_with(level, &analysis, &values).unwrap().ratio();
             assert!(l.is_empty() || (ratio - expected).abs() < 1e-10, "{ratio} instead of {expected}");
             check_panels(&analysis, &factor.panels, &l, &order);
         }
@@ -213,31 +213,31 @@ fn lower<T: Scalar>(analysis: &SymbolicBlockCholesky, panels: &[Column<T>]) -> V
 
 /// All register widths agree up to rounding, in both precisions, also in the position where a matrix is not definite;
 /// widths with fused multiply-add agree bitwise.
-fn widths_agree<T: BlockScalar>() {
+fn levels_agree<T: BlockScalar>() {
     for seed in 0..40 {
         let mut random = Random::new(seed);
         let (nodes, bars) = (1 + random.below(90), 1 + random.below(6));
         let pattern = held_truss(&mut random, nodes, bars, 4);
         let indefinite_at = random.below(2 * pattern.rows());
-        let dense = Oracle::dominant(&mut random, &pattern, |i| if i == indefinite_at { -1.0 } else { 1.0 });
+        let dense = DenseReference::dominant(&mut random, &pattern, |i| if i == indefinite_at { -1.0 } else { 1.0 });
         let values = matrix::<T>(&pattern, &dense).values;
         let Analyzed { analysis, .. } = analyze(&pattern, Ordering::Auto);
         let [mut reference, mut other] = [(); 2].map(|()| BlockCholesky::<T>::new(&analysis));
-        let outcome = reference.factor_with(Width::Portable, &analysis, &values).map(|pivots| pivots.negative());
+        let outcome = reference.factor_with(SimdLevel::Portable, &analysis, &values).map(|pivots| pivots.negative());
         assert_eq!(outcome.is_err(), indefinite_at < pattern.rows());
         let mut fused = None;
-        for width in widths() {
-            let again = other.factor_with(width, &analysis, &values).map(|pivots| pivots.negative());
-            assert_eq!(again, outcome, "{width:?}");
+        for level in levels() {
+            let again = other.factor_with(level, &analysis, &values).map(|pivots| pivots.negative());
+            assert_eq!(again, outcome, "{level:?}");
             if outcome.is_err() {
                 continue;
             }
             let both = lower(&analysis, &reference.panels).into_iter().zip(lower(&analysis, &other.panels));
             let apart = both.map(|(a, b)| (a - b).abs().as_f64()).fold(0.0, f64::max);
-            assert!(apart < 50.0 * T::epsilon().as_f64(), "{width:?}: {apart:e}");
-            if width > Width::Portable {
+            assert!(apart < 50.0 * T::epsilon().as_f64(), "{level:?}: {apart:e}");
+            if level > SimdLevel::Portable {
                 let bits = lower(&analysis, &other.panels);
-                assert_eq!(*fused.get_or_insert_with(|| bits.clone()), bits, "{width:?}, bit for bit");
+                assert_eq!(*fused.get_or_insert_with(|| bits.clone()), bits, "{level:?}, bit for bit");
             }
         }
     }
@@ -245,8 +245,8 @@ fn widths_agree<T: BlockScalar>() {
 
 #[test]
 fn factors_do_not_depend_on_the_registers() {
-    widths_agree::<f64>();
-    widths_agree::<f32>();
+    levels_agree::<f64>();
+    levels_agree::<f32>();
 }
 
 /// Matrices use the block factorization if all but a few nodes have three unknowns, and only then.
@@ -292,7 +292,7 @@ fn check_solutions<T: BlockScalar>(a: &Matrix<T>, b: &[Vector<T>], x: &[Vector<T
 fn solves<T: BlockScalar>() {
     let mut random = Random::new(2);
     for pattern in patterns(&mut random) {
-        let a = matrix::<T>(&pattern, &Oracle::dominant(&mut random, &pattern, |_| 1.0));
+        let a = matrix::<T>(&pattern, &DenseReference::dominant(&mut random, &pattern, |_| 1.0));
         let (_, mut solver) = solver::<T>(&pattern, Ordering::Auto);
         assert_eq!(solver.factor(&a).unwrap().kind, Factorization::Cholesky);
         for count in [1, 9, 2, 4, 5, 6, 8, 17, 3] {
@@ -316,12 +316,12 @@ fn an_indefinite_matrix_goes_to_ldlt_and_back() {
     let mut random = Random::new(3);
     for pattern in patterns(&mut random).into_iter().filter(|pattern| pattern.rows() > 0) {
         let at = random.below(pattern.rows());
-        let definite = matrix::<f64>(&pattern, &Oracle::dominant(&mut random, &pattern, |_| 1.0));
-        let dense = Oracle::dominant(&mut random, &pattern, |i| if i == at { -1.0 } else { 1.0 });
+        let definite = matrix::<f64>(&pattern, &DenseReference::dominant(&mut random, &pattern, |_| 1.0));
+        let dense = DenseReference::dominant(&mut random, &pattern, |i| if i == at { -1.0 } else { 1.0 });
         let indefinite = matrix::<f64>(&pattern, &dense);
         let Analyzed { analysis, order } = analyze(&pattern, Ordering::Auto);
-        let position = BlockCholesky::new(&analysis).factor(&analysis, &indefinite.values).unwrap_err();
-        assert_eq!(Err(position), dense_cholesky(&dense, &order).map(drop));
+        let error = BlockCholesky::new(&analysis).factor(&analysis, &indefinite.values).unwrap_err();
+        assert_eq!(Err(error.position), dense_cholesky(&dense, &order).map(drop));
         let (_, mut solver) = solver::<f64>(&pattern, Ordering::Auto);
         for a in [&definite, &indefinite, &definite, &indefinite] {
             let report = solver.factor(a).unwrap();
@@ -340,7 +340,7 @@ fn an_indefinite_matrix_goes_to_ldlt_and_back() {
 /// `held`.
 fn chain(nodes: usize, held: f64) -> (Arc<Sparsity>, Matrix<f64>) {
     let pattern = blocks(nodes, &(1..nodes).map(|k| vec![k - 1, k]).collect::<Vec<_>>());
-    let mut a = Oracle::zeros(3 * nodes, 3 * nodes);
+    let mut a = DenseReference::zeros(3 * nodes, 3 * nodes);
     for k in 0..3 {
         *a.at(k, k) += held;
         for node in 1..nodes {
@@ -384,7 +384,7 @@ fn results_repeat_bit_for_bit_on_any_number_of_threads() {
     let mut random = Random::new(4);
     let pattern = random.truss(120, 5);
     let systems = [1.0, -1.0].map(|last| {
-        let a = Oracle::dominant(&mut random, &pattern, |i| if i == 100 { last } else { 1.0 });
+        let a = DenseReference::dominant(&mut random, &pattern, |i| if i == 100 { last } else { 1.0 });
         matrix::<f64>(&pattern, &a)
     });
     let (symbolic, _) = solver::<f64>(&pattern, Ordering::Auto);

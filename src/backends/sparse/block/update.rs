@@ -1,8 +1,8 @@
 //! The update of a supernode by an earlier one whose columns are final.
 
 use super::factor::Block;
-use super::lanes::Lanes;
 use super::products::{load, rows_of, store, subtract_products};
+use super::simd::Simd;
 use super::{BLOCK, Column};
 use crate::las::Scalar;
 
@@ -17,11 +17,11 @@ impl<T: Scalar> DescendantSupernode<'_, T> {
     /// Subtracts the contribution of this supernode from the panel of a later one; `reached` is the range of rows of
     /// this supernode that are columns of the later one.
     #[inline(always)]
-    pub(super) fn subtract<L: Lanes<T>>(
+    pub(super) fn subtract<S: Simd<T>>(
         &self,
-        lanes: L,
+        simd: S,
         reached: std::ops::Range<usize>,
-        place: &[u32],
+        relative_rows: &[u32],
         target: &mut [Column<T>],
         target_width: usize,
     ) {
@@ -31,8 +31,8 @@ impl<T: Scalar> DescendantSupernode<'_, T> {
         let columns = reached.len();
         let mut row = 0;
         while row < rows.len() {
-            let group = Group { lanes, width: self.width, blocks, rows, place, row };
-            row += match (rows.len() - row).min(L::MOST_ROWS) {
+            let group = Group { simd, width: self.width, blocks, rows, relative_rows, row };
+            row += match (rows.len() - row).min(S::MOST_ROWS) {
                 1 => group.subtract::<1>(columns, target, target_width),
                 2 => group.subtract::<2>(columns, target, target_width),
                 6 => group.subtract::<6>(columns, target, target_width),
@@ -43,37 +43,37 @@ impl<T: Scalar> DescendantSupernode<'_, T> {
 }
 
 /// Rows of an earlier panel, starting at `row`.
-struct Group<'a, T, L> {
-    lanes: L,
+struct Group<'a, T, S> {
+    simd: S,
     width: usize,
     /// The panel, starting at the first row that is a column of the target.
     blocks: &'a [Block<T>],
     rows: &'a [u32],
-    place: &'a [u32],
+    relative_rows: &'a [u32],
     row: usize,
 }
 
-impl<T: Scalar, L: Lanes<T>> Group<'_, T, L> {
+impl<T: Scalar, S: Simd<T>> Group<'_, T, S> {
     /// Subtracts the products of `R` rows with the rows that are columns of the target, as far as they lie at or below
     /// its diagonal; some blocks above the diagonal are computed as well. Returns `R`.
     #[inline(always)]
     fn subtract<const R: usize>(&self, columns: usize, target: &mut [Column<T>], target_width: usize) -> usize {
-        let Self { lanes, width, blocks, rows, place, row } = *self;
+        let Self { simd, width, blocks, rows, relative_rows, row } = *self;
         let mine = rows_of::<T, R>(&blocks[width * row..], width, 0, width);
         let mut to = [0; R];
         for (to, &position) in to.iter_mut().zip(&rows[row..row + R]) {
-            *to = target_width * place[position as usize] as usize;
+            *to = target_width * relative_rows[position as usize] as usize;
         }
         let (target, _) = target.as_chunks_mut::<BLOCK>();
         for (column, other) in blocks.chunks_exact(width).enumerate().take(columns.min(row + R)) {
-            let place = place[rows[column] as usize] as usize;
-            let mut sums = [[lanes.splat(T::zero()); BLOCK]; R];
+            let column = relative_rows[rows[column] as usize] as usize;
+            let mut sums = [[simd.splat(T::zero()); BLOCK]; R];
             for i in 0..R {
-                sums[i] = load(lanes, &target[to[i] + place]);
+                sums[i] = load(simd, &target[to[i] + column]);
             }
-            let sums = subtract_products(lanes, sums, mine, other);
+            let sums = subtract_products(simd, sums, mine, other);
             for i in 0..R {
-                store(lanes, sums[i], &mut target[to[i] + place]);
+                store(simd, sums[i], &mut target[to[i] + column]);
             }
         }
         R

@@ -1,4 +1,4 @@
-//! [`Lanes`] for AVX2 and AVX-512.
+//! [`Simd`] for AVX2 and AVX-512.
 //!
 //! Both store a column of a block in a register of four lanes. AVX-512 has twice as many registers, enough for the sums
 //! of six rows instead of three. Both perform the same operations on each number in the same order and therefore give
@@ -10,39 +10,39 @@ use std::marker::PhantomData;
 use pulp::x86::{V3, V4};
 use pulp::{NullaryFnOnce, cast, f32x4, f64x4};
 
-use super::lanes::{BlockScalar, Kernel, LANES, Lanes, Portable, Width};
+use super::simd::{BlockScalar, Portable, QUAD_LEN, Simd, SimdLevel, WithSimd};
 
-/// A kernel for scalars `T`, and the proof `L` that this machine supports the registers.
-struct With<L, K, T> {
-    lanes: L,
+/// A kernel for scalars `T`, and the proof `S` that this machine supports the registers.
+struct With<S, K, T> {
+    simd: S,
     kernel: K,
     scalar: PhantomData<T>,
 }
 
-impl<T, L: Lanes<T>, K: Kernel<T>> NullaryFnOnce for With<L, K, T> {
+impl<T, S: Simd<T>, K: WithSimd<T>> NullaryFnOnce for With<S, K, T> {
     type Output = K::Output;
 
     #[inline(always)]
     fn call(self) -> K::Output {
-        self.kernel.run(self.lanes)
+        self.kernel.with_simd(self.simd)
     }
 }
 
 #[inline]
-pub(super) fn width_of_machine() -> Width {
+pub(super) fn level_of_machine() -> SimdLevel {
     if V4::is_available() {
-        Width::Avx512
+        SimdLevel::Avx512
     } else if V3::is_available() {
-        Width::Avx2
+        SimdLevel::Avx2
     } else {
-        Width::Portable
+        SimdLevel::Portable
     }
 }
 
 macro_rules! quads {
-    ($lanes:ty, $most_rows:literal, $scalar:ty, $quad:ty,
+    ($simd:ty, $most_rows:literal, $scalar:ty, $quad:ty,
      $splat:ident, $add:ident, $mul:ident, $mul_add:ident, $negate_mul_add:ident) => {
-        impl Lanes<$scalar> for $lanes {
+        impl Simd<$scalar> for $simd {
             type Quad = $quad;
 
             const MOST_ROWS: usize = $most_rows;
@@ -53,12 +53,12 @@ macro_rules! quads {
             }
 
             #[inline(always)]
-            fn load(self, from: &[$scalar; LANES]) -> $quad {
+            fn load(self, from: &[$scalar; QUAD_LEN]) -> $quad {
                 cast(*from)
             }
 
             #[inline(always)]
-            fn store(self, quad: $quad, to: &mut [$scalar; LANES]) {
+            fn store(self, quad: $quad, to: &mut [$scalar; QUAD_LEN]) {
                 *to = cast(quad);
             }
 
@@ -92,18 +92,18 @@ macro_rules! scalar {
 
         impl BlockScalar for $scalar {
             #[inline]
-            fn dispatch<K: Kernel<$scalar>>(width: Width, kernel: K) -> K::Output {
-                if width >= Width::Avx512
-                    && let Some(lanes) = V4::try_new()
+            fn dispatch<K: WithSimd<$scalar>>(level: SimdLevel, kernel: K) -> K::Output {
+                if level >= SimdLevel::Avx512
+                    && let Some(simd) = V4::try_new()
                 {
-                    return lanes.vectorize(With { lanes, kernel, scalar: PhantomData::<$scalar> });
+                    return simd.vectorize(With { simd, kernel, scalar: PhantomData::<$scalar> });
                 }
-                if width >= Width::Avx2
-                    && let Some(lanes) = V3::try_new()
+                if level >= SimdLevel::Avx2
+                    && let Some(simd) = V3::try_new()
                 {
-                    return lanes.vectorize(With { lanes, kernel, scalar: PhantomData::<$scalar> });
+                    return simd.vectorize(With { simd, kernel, scalar: PhantomData::<$scalar> });
                 }
-                kernel.run(Portable)
+                kernel.with_simd(Portable)
             }
         }
     };

@@ -50,24 +50,24 @@ impl Weighted {
             pairs.push([node, mate]);
         }
         let mut coarse = Self { start: vec![0], neighbors: Vec::new(), weights: Vec::new(), total: self.total };
-        let mut place = vec![NONE; pairs.len()];
+        let mut edge_to = vec![NONE; pairs.len()];
         for (number, &[node, mate]) in pairs.iter().enumerate() {
             let first = coarse.neighbors.len();
             let members = if node == mate { &[node][..] } else { &[node, mate] };
             for &member in members {
                 for &(other, edge) in self.neighbors(member as usize) {
                     let other = parent[other as usize];
-                    match coarse.neighbors.get_mut(place[other as usize] as usize) {
+                    match coarse.neighbors.get_mut(edge_to[other as usize] as usize) {
                         _ if other as usize == number => {}
                         Some((_, sum)) => *sum += edge,
                         None => {
-                            place[other as usize] = coarse.neighbors.len() as u32;
+                            edge_to[other as usize] = coarse.neighbors.len() as u32;
                             coarse.neighbors.push((other, edge));
                         }
                     }
                 }
             }
-            coarse.neighbors[first..].iter().for_each(|&(other, _)| place[other as usize] = NONE);
+            coarse.neighbors[first..].iter().for_each(|&(other, _)| edge_to[other as usize] = NONE);
             coarse.start.push(coarse.neighbors.len() as u32);
             coarse.weights.push(members.iter().map(|&member| self.weights[member as usize]).sum());
         }

@@ -7,7 +7,7 @@
 use faer::sparse::FaerError;
 
 use super::graph::Graph;
-use super::partition::Side;
+use super::partition::Region;
 use super::separator::separate;
 use super::{NONE, minimum_degree};
 
@@ -42,15 +42,15 @@ impl Dissection {
             }
             return members.iter().try_for_each(|members| self.descend(part, names, members));
         }
-        let Some(places) = separate(part) else {
+        let Some(regions) = separate(part) else {
             return self.finish(part, names);
         };
-        let at = |place: Side| -> Vec<u32> {
-            (0..part.nodes() as u32).filter(|&node| places[node as usize] == place).collect()
+        let at = |region: Region| -> Vec<u32> {
+            (0..part.nodes() as u32).filter(|&node| regions[node as usize] == region).collect()
         };
-        self.descend(part, names, &at(Side::Left))?;
-        self.descend(part, names, &at(Side::Right))?;
-        let separator = at(Side::Separator);
+        self.descend(part, names, &at(Region::Left))?;
+        self.descend(part, names, &at(Region::Right))?;
+        let separator = at(Region::Separator);
         let graph = part.part(&separator, &mut self.number);
         self.finish(&graph, &name(&separator, names))
     }

@@ -27,14 +27,14 @@ pub(super) use tree::{Tree, inverse};
 pub(super) const NONE: u32 = u32::MAX;
 
 /// The size of the parts that nested dissection orders by minimum degree.
-const LEAF: usize = 12;
+const LEAF_SIZE: usize = 12;
 
 /// The ratio of operations below which an order is preferred to minimum degree, whose long chains give better
 /// supernodes.
-const WORTH_IT: f64 = 0.95;
+const PREFERENCE_RATIO: f64 = 0.95;
 
 /// The number of nodes up to which only minimum degree is tried, because no other order is noticeably better.
-const SMALL: usize = 40;
+const SMALL_GRAPH: usize = 40;
 
 /// Returns the elimination tree of the graph in the requested order.
 ///
@@ -42,14 +42,14 @@ const SMALL: usize = 40;
 /// Returns [`SolveError::Library`] if the order is not compiled in or the library that computes it fails.
 pub(super) fn eliminate(graph: &Graph, ordering: Ordering) -> Result<Tree, SolveError<Infallible>> {
     let by_degree = || Ok(Tree::new(graph, minimum_degree(graph).map_err(failed)?));
-    let by_dissection = || Ok(Tree::new(graph, dissection::nested_dissection(graph, LEAF).map_err(failed)?));
+    let by_dissection = || Ok(Tree::new(graph, dissection::nested_dissection(graph, LEAF_SIZE).map_err(failed)?));
     match ordering {
         Ordering::MinimumDegree => by_degree(),
         Ordering::NestedDissection => by_dissection(),
         Ordering::Metis => Ok(Tree::new(graph, metis(graph)?)),
         Ordering::Auto => {
             let first = by_degree()?;
-            if graph.nodes() <= SMALL {
+            if graph.nodes() <= SMALL_GRAPH {
                 return Ok(first);
             }
             let mut best = by_dissection()?;
@@ -57,7 +57,7 @@ pub(super) fn eliminate(graph: &Graph, ordering: Ordering) -> Result<Tree, Solve
                 let other = Tree::new(graph, metis(graph)?);
                 best = if other.operations() < best.operations() { other } else { best };
             }
-            Ok(if best.operations() < WORTH_IT * first.operations() { best } else { first })
+            Ok(if best.operations() < PREFERENCE_RATIO * first.operations() { best } else { first })
         }
     }
 }

@@ -16,7 +16,7 @@
 use super::NONE;
 use super::coarse::Weighted;
 use super::graph::Graph;
-use super::partition::{Partition, Side};
+use super::partition::{Partition, Region};
 
 /// The number of averaging sweeps.
 const SWEEPS: usize = 12;
@@ -34,7 +34,7 @@ const COARSEST: usize = 200;
 const LEAST_COARSENING: f64 = 0.9;
 
 /// Returns the best separator found in a connected graph; `None` if no separator leaves two parts.
-pub(super) fn separate(graph: &Graph) -> Option<Vec<Side>> {
+pub(super) fn separate(graph: &Graph) -> Option<Vec<Region>> {
     let finest = Weighted::new(graph);
     let mut coarser: Vec<Weighted> = Vec::new();
     let mut parents: Vec<Vec<u32>> = Vec::new();
@@ -54,19 +54,20 @@ pub(super) fn separate(graph: &Graph) -> Option<Vec<Side>> {
     candidates.truncate(CANDIDATES);
     for (level, parent) in parents.iter().enumerate().rev() {
         let graph = if level == 0 { &finest } else { &coarser[level - 1] };
-        for (_, places) in &mut candidates {
-            let fine = parent.iter().map(|&coarse| places[coarse as usize]).collect();
+        for (_, regions) in &mut candidates {
+            let fine = parent.iter().map(|&coarse| regions[coarse as usize]).collect();
             let mut partition = Partition::new(graph, fine);
             partition.refine();
-            *places = partition.places;
+            *regions = partition.regions;
         }
     }
-    let proper = candidates.into_iter().map(|(_, places)| Partition::new(&finest, places)).filter(Partition::is_proper);
-    proper.min_by(|a, b| a.cost().total_cmp(&b.cost())).map(|partition| partition.places)
+    let proper =
+        candidates.into_iter().map(|(_, regions)| Partition::new(&finest, regions)).filter(Partition::is_proper);
+    proper.min_by(|a, b| a.cost().total_cmp(&b.cost())).map(|partition| partition.regions)
 }
 
 /// Returns separators of the coarsest graph by the median of several fields, the best first, each with its cost.
-fn first_guesses(graph: &Weighted) -> Vec<(f64, Vec<Side>)> {
+fn first_guesses(graph: &Weighted) -> Vec<(f64, Vec<Region>)> {
     let mut guesses = Vec::new();
     let mut nearest = vec![NONE; graph.nodes()];
     let mut start = farthest(&graph.distances(0));
@@ -79,7 +80,7 @@ fn first_guesses(graph: &Weighted) -> Vec<(f64, Vec<Side>)> {
         let mut partition = Partition::new(graph, halves(graph, &field));
         partition.refine();
         if partition.is_proper() {
-            guesses.push((partition.cost(), partition.places));
+            guesses.push((partition.cost(), partition.regions));
         }
         // The next direction starts far from the end nodes of the previous ones.
         for (nearest, distances) in nearest.iter_mut().zip(from.iter().zip(&to)) {
@@ -93,23 +94,23 @@ fn first_guesses(graph: &Weighted) -> Vec<(f64, Vec<Side>)> {
 
 /// Splits the nodes at the median of a field, by weight; nodes of the upper half adjacent to the lower half form the
 /// separator.
-fn halves(graph: &Weighted, field: &[f64]) -> Vec<Side> {
+fn halves(graph: &Weighted, field: &[f64]) -> Vec<Region> {
     let mut sorted: Vec<u32> = (0..graph.nodes() as u32).collect();
     sorted.sort_by(|&a, &b| field[a as usize].total_cmp(&field[b as usize]));
-    let mut places = vec![Side::Right; graph.nodes()];
+    let mut regions = vec![Region::Right; graph.nodes()];
     let mut weight = 0;
     for &node in &sorted {
         weight += graph.weights[node as usize];
         if 2 * weight > graph.total {
             break;
         }
-        places[node as usize] = Side::Left;
+        regions[node as usize] = Region::Left;
     }
-    let touches = |node: usize| graph.neighbors(node).iter().any(|&(o, _)| places[o as usize] == Side::Left);
-    let between = |node: usize| places[node] == Side::Right && touches(node);
+    let touches = |node: usize| graph.neighbors(node).iter().any(|&(o, _)| regions[o as usize] == Region::Left);
+    let between = |node: usize| regions[node] == Region::Right && touches(node);
     let separator: Vec<usize> = (0..graph.nodes()).filter(|&node| between(node)).collect();
-    separator.into_iter().for_each(|node| places[node] = Side::Separator);
-    places
+    separator.into_iter().for_each(|node| regions[node] = Region::Separator);
+    regions
 }
 
 /// Returns the first node with the largest distance.
@@ -131,14 +132,14 @@ mod tests {
             (0..6).flat_map(move |y| [[at(x, y), at((x + 1).min(49), y)], [at(x, y), at(x, (y + 1).min(5))]])
         });
         let graph = Graph::new(&Sparsity::from_elements(300, bars).unwrap());
-        let places = separate(&graph).unwrap();
-        let count = |place| places.iter().filter(|&&p| p == place).count();
-        assert_eq!(count(Side::Separator), 6);
-        assert!(count(Side::Left).min(count(Side::Right)) > 100);
+        let regions = separate(&graph).unwrap();
+        let count = |region| regions.iter().filter(|&&p| p == region).count();
+        assert_eq!(count(Region::Separator), 6);
+        assert!(count(Region::Left).min(count(Region::Right)) > 100);
         for node in 0..300 {
-            let opposite = places[node].other_side();
-            let crosses = |&other: &u32| places[other as usize] == opposite;
-            assert!(places[node] == Side::Separator || !graph.neighbors(node).iter().any(crosses));
+            let opposite = regions[node].opposite();
+            let crosses = |&other: &u32| regions[other as usize] == opposite;
+            assert!(regions[node] == Region::Separator || !graph.neighbors(node).iter().any(crosses));
         }
     }
 

@@ -31,22 +31,22 @@ impl Tree {
         let sizes: Vec<u32> = order.iter().map(|&node| graph.size(node as usize) as u32).collect();
         let (position, heights) = (inverse(&order), sizes.clone());
         let mut tree = Self { position, order, parent: vec![NONE; n], counts: vec![1; n], heights, sizes };
-        tree.grow(graph);
+        tree.compute_parents_and_counts(graph);
         let sequence = tree.postorder();
-        let place = inverse(&sequence);
+        let new_position = inverse(&sequence);
         let reorder = |values: &[u32]| sequence.iter().map(|&p| values[p as usize]).collect();
         tree.order = reorder(&tree.order);
         tree.counts = reorder(&tree.counts);
         tree.heights = reorder(&tree.heights);
         tree.sizes = reorder(&tree.sizes);
-        let moved = |parent: u32| if parent == NONE { NONE } else { place[parent as usize] };
+        let moved = |parent: u32| if parent == NONE { NONE } else { new_position[parent as usize] };
         tree.parent = sequence.iter().map(|&p| moved(tree.parent[p as usize])).collect();
         tree.position = inverse(&tree.order);
         tree
     }
 
     /// Computes parents and counts, row by row of the factor.
-    fn grow(&mut self, graph: &Graph) {
+    fn compute_parents_and_counts(&mut self, graph: &Graph) {
         let mut seen = vec![NONE; self.order.len()];
         for row in 0..self.order.len() {
             seen[row] = row as u32;

@@ -12,11 +12,11 @@ use faer::traits::RealField;
 
 use crate::las::Scalar;
 
-/// The number of scalars in a [`Lanes::Quad`].
-pub(in crate::backends::sparse) const LANES: usize = 4;
+/// The number of scalars in a [`Simd::Quad`].
+pub(in crate::backends::sparse) const QUAD_LEN: usize = 4;
 
 /// One implementation of arithmetic on four numbers at once.
-pub trait Lanes<T>: Copy {
+pub trait Simd<T>: Copy {
     /// Four numbers.
     type Quad: Copy;
 
@@ -27,10 +27,10 @@ pub trait Lanes<T>: Copy {
     fn splat(self, value: T) -> Self::Quad;
 
     /// Loads four numbers from memory.
-    fn load(self, from: &[T; LANES]) -> Self::Quad;
+    fn load(self, from: &[T; QUAD_LEN]) -> Self::Quad;
 
     /// Stores four numbers to memory.
-    fn store(self, quad: Self::Quad, to: &mut [T; LANES]);
+    fn store(self, quad: Self::Quad, to: &mut [T; QUAD_LEN]);
 
     /// Returns `a + b`.
     fn add(self, a: Self::Quad, b: Self::Quad) -> Self::Quad;
@@ -45,19 +45,19 @@ pub trait Lanes<T>: Copy {
     fn sub_mul(self, c: Self::Quad, a: Self::Quad, b: Self::Quad) -> Self::Quad;
 }
 
-/// A computation that runs with any implementation of [`Lanes`].
-pub trait Kernel<T> {
+/// A computation that runs with any implementation of [`Simd`].
+pub trait WithSimd<T> {
     /// The result of the computation.
     type Output;
 
     /// Runs the computation. Implementations and all functions that they call must be `#[inline(always)]`: the compiler
     /// generates vector instructions only inside the function that checked for them.
-    fn run<L: Lanes<T>>(self, lanes: L) -> Self::Output;
+    fn with_simd<S: Simd<T>>(self, simd: S) -> Self::Output;
 }
 
 /// The widest registers that a kernel may use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Width {
+pub enum SimdLevel {
     /// The registers that every machine of the target has.
     Portable,
     /// AVX2 with fused multiply-add.
@@ -68,13 +68,13 @@ pub enum Width {
     Avx512,
 }
 
-impl Width {
+impl SimdLevel {
     /// Returns the widest registers of this machine.
     #[inline]
     pub(in crate::backends::sparse) fn of_machine() -> Self {
         #[cfg(target_arch = "x86_64")]
         {
-            super::x86::width_of_machine()
+            super::x86::level_of_machine()
         }
         #[cfg(not(target_arch = "x86_64"))]
         {
@@ -86,62 +86,62 @@ impl Width {
 /// A scalar type for 3x3 blocks: `f64` or `f32`.
 pub trait BlockScalar: Scalar + RealField {
     /// Runs a kernel with registers of the given width, or the next narrower ones that this machine has.
-    fn dispatch<K: Kernel<Self>>(width: Width, kernel: K) -> K::Output;
+    fn dispatch<K: WithSimd<Self>>(level: SimdLevel, kernel: K) -> K::Output;
 }
 
-/// [`Lanes`] without explicit vector instructions; the compiler uses the instructions that every machine of the target
+/// [`Simd`] without explicit vector instructions; the compiler uses the instructions that every machine of the target
 /// has. Product and sum remain two operations, because a fused one would call the mathematical library on machines
 /// without such an instruction.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Portable;
 
-impl<T: Scalar> Lanes<T> for Portable {
-    type Quad = [T; LANES];
+impl<T: Scalar> Simd<T> for Portable {
+    type Quad = [T; QUAD_LEN];
 
     const MOST_ROWS: usize = 3;
 
     #[inline(always)]
-    fn splat(self, value: T) -> [T; LANES] {
-        [value; LANES]
+    fn splat(self, value: T) -> [T; QUAD_LEN] {
+        [value; QUAD_LEN]
     }
 
     #[inline(always)]
-    fn load(self, from: &[T; LANES]) -> [T; LANES] {
+    fn load(self, from: &[T; QUAD_LEN]) -> [T; QUAD_LEN] {
         *from
     }
 
     #[inline(always)]
-    fn store(self, quad: [T; LANES], to: &mut [T; LANES]) {
+    fn store(self, quad: [T; QUAD_LEN], to: &mut [T; QUAD_LEN]) {
         *to = quad;
     }
 
     #[inline(always)]
-    fn add(self, mut a: [T; LANES], b: [T; LANES]) -> [T; LANES] {
-        for k in 0..LANES {
+    fn add(self, mut a: [T; QUAD_LEN], b: [T; QUAD_LEN]) -> [T; QUAD_LEN] {
+        for k in 0..QUAD_LEN {
             a[k] += b[k];
         }
         a
     }
 
     #[inline(always)]
-    fn mul(self, mut a: [T; LANES], b: [T; LANES]) -> [T; LANES] {
-        for k in 0..LANES {
+    fn mul(self, mut a: [T; QUAD_LEN], b: [T; QUAD_LEN]) -> [T; QUAD_LEN] {
+        for k in 0..QUAD_LEN {
             a[k] *= b[k];
         }
         a
     }
 
     #[inline(always)]
-    fn add_mul(self, mut c: [T; LANES], a: [T; LANES], b: [T; LANES]) -> [T; LANES] {
-        for k in 0..LANES {
+    fn add_mul(self, mut c: [T; QUAD_LEN], a: [T; QUAD_LEN], b: [T; QUAD_LEN]) -> [T; QUAD_LEN] {
+        for k in 0..QUAD_LEN {
             c[k] += a[k] * b[k];
         }
         c
     }
 
     #[inline(always)]
-    fn sub_mul(self, mut c: [T; LANES], a: [T; LANES], b: [T; LANES]) -> [T; LANES] {
-        for k in 0..LANES {
+    fn sub_mul(self, mut c: [T; QUAD_LEN], a: [T; QUAD_LEN], b: [T; QUAD_LEN]) -> [T; QUAD_LEN] {
+        for k in 0..QUAD_LEN {
             c[k] -= a[k] * b[k];
         }
         c
@@ -150,19 +150,19 @@ impl<T: Scalar> Lanes<T> for Portable {
 
 #[cfg(not(target_arch = "x86_64"))]
 mod elsewhere {
-    use super::{BlockScalar, Kernel, Portable, Width};
+    use super::{BlockScalar, Portable, SimdLevel, WithSimd};
 
     impl BlockScalar for f64 {
         #[inline]
-        fn dispatch<K: Kernel<f64>>(_: Width, kernel: K) -> K::Output {
-            kernel.run(Portable)
+        fn dispatch<K: WithSimd<f64>>(_: SimdLevel, kernel: K) -> K::Output {
+            kernel.with_simd(Portable)
         }
     }
 
     impl BlockScalar for f32 {
         #[inline]
-        fn dispatch<K: Kernel<f32>>(_: Width, kernel: K) -> K::Output {
-            kernel.run(Portable)
+        fn dispatch<K: WithSimd<f32>>(_: SimdLevel, kernel: K) -> K::Output {
+            kernel.with_simd(Portable)
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::done;
 use crate::las::Sparsity;
 
 /// SplitMix64: a short random number generator with a fixed sequence for each seed.
@@ -46,17 +47,23 @@ impl Random {
         (0..count).map(|_| self.integer()).collect()
     }
 
-    /// Returns up to `most` positions below `end`, some of them repeated or constrained (`None`).
-    pub fn positions(&mut self, most: usize, end: usize) -> Vec<Option<usize>> {
-        let count = self.below(most + 1);
-        (0..count).map(|_| if end == 0 || self.below(5) == 0 { None } else { Some(self.below(end)) }).collect()
+    /// Returns up to five indices below `end`, some of them repeated and a fifth of them negative (constrained).
+    pub fn indices(&mut self, end: usize) -> Vec<i32> {
+        let index = |random: &mut Self| match random.below(15) {
+            0 => i32::MIN,
+            1 => -2 - random.below(50) as i32,
+            2 => -1,
+            _ if end == 0 => -1,
+            _ => random.below(end) as i32,
+        };
+        (0..self.below(6)).map(|_| index(self)).collect()
     }
 
     /// Returns the pattern of elements of two to five unknowns, numerous enough to connect most unknowns.
     pub fn elements(&mut self, unknowns: usize) -> Arc<Sparsity> {
         let elements: Vec<Vec<i32>> =
             (0..2 * unknowns).map(|_| (0..2 + self.below(4)).map(|_| self.below(unknowns) as i32).collect()).collect();
-        Arc::new(Sparsity::from_elements(unknowns, elements).unwrap_or_else(|error| panic!("{error}")))
+        Arc::new(done(Sparsity::from_elements(unknowns, elements)))
     }
 
     /// Returns the pattern of a truss: a full block of three unknowns for each node, and about `bars` bars per node,
@@ -69,13 +76,13 @@ impl Random {
             let second = if self.below(4) == 0 { self.below(nodes) } else { (first + self.below(5)) % nodes };
             elements.push([three(first), three(second)].concat());
         }
-        Arc::new(Sparsity::from_elements(3 * nodes, elements).unwrap_or_else(|error| panic!("{error}")))
+        Arc::new(done(Sparsity::from_elements(3 * nodes, elements)))
     }
 }
 
 /// A dense matrix, stored row by row.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Oracle {
+pub struct DenseReference {
     /// Number of rows.
     pub rows: usize,
     /// Number of columns.
@@ -84,11 +91,21 @@ pub struct Oracle {
     pub values: Vec<f64>,
 }
 
-impl Oracle {
+impl DenseReference {
     /// Creates a matrix of zeros.
     #[must_use]
     pub fn zeros(rows: usize, cols: usize) -> Self {
         Self { rows, cols, values: vec![0.0; rows * cols] }
+    }
+
+    /// Returns an entry.
+    ///
+    /// # Panics
+    /// Panics if the entry does not exist.
+    #[must_use]
+    pub fn get(&self, row: usize, column: usize) -> f64 {
+        assert!(column < self.cols, "column {column} of {}", self.cols);
+        self.values[row * self.cols + column]
     }
 
     /// Returns an entry for modification.
@@ -103,7 +120,7 @@ impl Oracle {
     /// `A x`.
     #[must_use]
     pub fn times(&self, x: &[f64]) -> Vec<f64> {
-        (0..self.rows).map(|i| (0..self.cols).map(|j| self.values[i * self.cols + j] * x[j]).sum()).collect()
+        (0..self.rows).map(|i| (0..self.cols).map(|j| self.get(i, j) * x[j]).sum()).collect()
     }
 
     /// `A B`.
@@ -112,8 +129,7 @@ impl Oracle {
         let mut product = Self::zeros(self.rows, b.cols);
         for i in 0..self.rows {
             for j in 0..b.cols {
-                *product.at(i, j) =
-                    (0..self.cols).map(|k| self.values[i * self.cols + k] * b.values[k * b.cols + j]).sum();
+                *product.at(i, j) = (0..self.cols).map(|k| self.get(i, k) * b.get(k, j)).sum();
             }
         }
         product
@@ -125,7 +141,7 @@ impl Oracle {
         let mut transposed = Self::zeros(self.cols, self.rows);
         for i in 0..self.rows {
             for j in 0..self.cols {
-                *transposed.at(j, i) = self.values[i * self.cols + j];
+                *transposed.at(j, i) = self.get(i, j);
             }
         }
         transposed
