@@ -17,12 +17,12 @@ use biotissue::fiber::law::{FiberMaterial, Law};
 use biotissue::fiber::network::generate;
 use biotissue::fiber::stiffness::{self, StiffnessSlots};
 use biotissue::fiber::truss::{FiberStates, Truss};
-use biotissue::las::{Backend, MatrixOps};
+use biotissue::las::{MatrixOps, RealBackend};
 use criterion::{Criterion, criterion_group, criterion_main};
 use nalgebra::Matrix3;
 
 /// The unit cube with `cells` cells per side, six neo-Hookean tetrahedra each, slightly sheared.
-fn body<B: Backend<Scalar = f64, Index = i32>>(c: &mut Criterion, context: &B::Context, cells: usize) {
+fn body<B: RealBackend<Index = i32>>(c: &mut Criterion, context: &B::Context, cells: usize) {
     let mesh = shapes::cuboid([cells; 3], [1.0; 3]).expect("a box");
     let clamped: Vec<bool> = mesh.nodes().iter().map(|x| x[0] == 0.0 || x[0] == 1.0).collect();
     let unknowns = Unknowns::new(clamped.len(), |node, _| clamped[node]).expect("few unknowns");
@@ -66,7 +66,7 @@ fn body<B: Backend<Scalar = f64, Index = i32>>(c: &mut Criterion, context: &B::C
 }
 
 /// A Delaunay network of `points` points, stretched by a tenth.
-fn network<B: Backend<Scalar = f64, Index = i32>>(c: &mut Criterion, context: &B::Context, points: usize) {
+fn network<B: RealBackend<Index = i32>>(c: &mut Criterion, context: &B::Context, points: usize) {
     let network = Arc::new(generate::delaunay(points, 1).expect("enough points"));
     let law = Law::Exponential { youngs_modulus: 1.0e8, nonlinearity: 1.2 };
     let material = FiberMaterial { law, radius: 5.0e-8, density: None };

@@ -26,7 +26,7 @@ use biotissue::fiber::law::{FiberMaterial, Law};
 use biotissue::fiber::network::{Network, generate};
 use biotissue::fiber::rve::{Rve, RveModel, StressScale};
 use biotissue::fiber::workspace::Workspace;
-use biotissue::las::{Backend, Iterative, Krylov, Preconditioner, Scalar, SolverParams};
+use biotissue::las::{Iterative, Krylov, Preconditioner, RealBackend, SolverParams};
 use nalgebra::Matrix3;
 
 type Error = Box<dyn std::error::Error>;
@@ -114,8 +114,7 @@ impl Table {
     /// Prints the times of the first `most` sizes on one backend.
     fn line<B>(&mut self, name: &str, context: &B::Context, params: SolverParams, most: usize) -> Result<(), Error>
     where
-        B: Backend<Scalar = f64>,
-        B::Reduced: Scalar,
+        B: RealBackend,
     {
         let (mut cells, mut apart) = (Vec::new(), 0.0_f64);
         for (size, subject) in self.subjects.iter().enumerate() {
@@ -178,8 +177,7 @@ fn solutions<B>(
     times: usize,
 ) -> Result<Vec<Solution>, Error>
 where
-    B: Backend<Scalar = f64>,
-    B::Reduced: Scalar,
+    B: RealBackend,
 {
     let mut solve = match subject {
         Subject::Network(network) => equilibrium::<B>(network, context, params)?,
@@ -204,8 +202,7 @@ fn equilibrium<'a, B>(
     params: &SolverParams,
 ) -> Result<Solve<'a>, Error>
 where
-    B: Backend<Scalar = f64>,
-    B::Reduced: Scalar,
+    B: RealBackend,
 {
     let law = Law::Exponential { youngs_modulus: 1.0e8, nonlinearity: 1.2 };
     let material = FiberMaterial { law, radius: 5.0e-8, density: None };
@@ -228,8 +225,7 @@ where
 
 fn stretching<'a, B>(mesh: &Arc<Mesh>, context: &'a B::Context, params: &SolverParams) -> Solve<'a>
 where
-    B: Backend<Scalar = f64>,
-    B::Reduced: Scalar,
+    B: RealBackend,
 {
     let side = |surface: &str, x: f64| SurfaceCondition {
         surface: surface.into(),

@@ -23,7 +23,7 @@ use biotissue::fem::point_field::FormulaField;
 use biotissue::fem::stepping::{StepParams, Stepper};
 use biotissue::las::{
     Backend, Entries, FactorReport, Factorization, Iterative, Krylov, MatMat, MatVec, MatrixOps, NewtonSystem,
-    Preconditioner, SolveError, Solver, SolverParams, Sparsity, StopReason, Symmetry, VectorOps,
+    Preconditioner, RealBackend, SolveError, Solver, SolverParams, Sparsity, StopReason, Symmetry, VectorOps,
     conformance::{self, Capabilities, Trials},
 };
 use mpi::collective::SystemOperation;
@@ -431,7 +431,7 @@ fn zeros(context: &Context, len: usize) -> <Petsc as Backend>::Vector {
 /// The options database has the last word, under the prefix of the context.
 fn options(context: &Context) {
     let context = context.clone().with_prefix("other_");
-    let factor = |symmetry| -> Result<FactorReport, SolveError<<Petsc as Backend>::Fault>> {
+    let factor = |symmetry| -> Result<FactorReport, SolveError<<Petsc as Backend>::Error>> {
         let pattern = laplacian_pattern(5);
         let mut a = Petsc::matrix(&context, &pattern).unwrap();
         fill_laplacian(&mut a, 5, 0.0);
@@ -533,7 +533,7 @@ fn frozen_rve(context: &Context) {
 #[cfg(any(feature = "sparse", feature = "dense"))]
 fn same_tangent<B>(tangent: &biotissue::fiber::homogenize::Tangent, f: &Matrix3<f64>)
 where
-    B: Backend<Scalar = f64, Context = ()>,
+    B: RealBackend<Context = ()>,
     B::Reduced: biotissue::las::Scalar,
 {
     let mut bench = support::Bench::<B>::new(&support::frozen(), None);
@@ -614,7 +614,7 @@ fn factored(
     cells: [usize; 3],
     symmetry: Symmetry,
     held: impl Fn([f64; 3]) -> bool,
-) -> Result<FactorReport, SolveError<<Petsc as Backend>::Fault>> {
+) -> Result<FactorReport, SolveError<<Petsc as Backend>::Error>> {
     let mesh = shapes::cuboid(cells, cells.map(|count| count as f64)).unwrap();
     let unknowns = Unknowns::new(mesh.nodes().len(), |node, _| held(mesh.nodes()[node])).unwrap();
     let pattern = Arc::new(unknowns.pattern(&mesh).unwrap());

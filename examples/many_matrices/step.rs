@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use biotissue::backends::sparse::{Matrix, Vector};
 use biotissue::las::{
-    Backend, Iterative, Krylov, MatMat, MatVec, Method, Preconditioner, Solver, SolverParams, Symmetry, VectorOps,
-    transfer,
+    Backend, Iterative, Krylov, MatMat, MatVec, Method, Preconditioner, RealBackend, Solver, SolverParams, Symmetry,
+    VectorOps, transfer,
 };
 
 use crate::operators::{BZ, Coupling, GAMMA_P, N, NODES, Operators, P, PSI, V, stencil};
@@ -48,7 +48,7 @@ pub struct Solved<S: Backend> {
     x: S::Vector,
 }
 
-impl<S: Backend<Scalar = f64>> Solved<S> {
+impl<S: RealBackend> Solved<S> {
     /// Transfers a matrix to `S` and sets up its solver.
     fn new(context: &S::Context, name: &'static str, a: &Matrix, method: Method) -> Result<Self, Error> {
         let pattern = Arc::clone(a.pattern());
@@ -87,7 +87,7 @@ fn go_on<'a>(old: &mut Vector, halfway: impl Iterator<Item = &'a f64>) {
 }
 
 /// Runs all steps of a case; solves on backend `S`.
-pub fn simulate<S: Backend<Scalar = f64>>(context: &S::Context, case: &Case) -> Result<Outcome<S>, Error> {
+pub fn simulate<S: RealBackend>(context: &S::Context, case: &Case) -> Result<Outcome<S>, Error> {
     let operators = Operators::new(case)?;
     let (Operators { density, spreading, along, .. }, one) = (&operators, stencil(&[(0, 0, 1.0)])?);
     let spread = |name, capacity, operator, speed, fields| Spread { name, capacity, operator, speed, fields };
@@ -138,11 +138,7 @@ fn zeros(len: usize) -> Vector {
 }
 
 /// Advances the wave equations by one step.
-fn waves<S: Backend<Scalar = f64>>(
-    a: &Operators,
-    velocity: &mut Solved<S>,
-    fields: &mut [Vector],
-) -> Result<(), Error> {
+fn waves<S: RealBackend>(a: &Operators, velocity: &mut Solved<S>, fields: &mut [Vector]) -> Result<(), Error> {
     let (mut product, mut push, mut halfway) = (zeros(NODES), zeros(3 * NODES), zeros(3 * NODES));
     let inertia = V.map(|v| (v, v, &a.density, 1.0));
     let forces = a.forces.iter().map(|Coupling { to, from, a }| (*to, *from, a, 0.5 * DT));
@@ -163,7 +159,7 @@ fn waves<S: Backend<Scalar = f64>>(
 }
 
 /// Advances one field by one step of a diffusive process; returns the decrease of `1/2 field . weight capacity field`.
-fn dissipate<S: Backend<Scalar = f64>>(
+fn dissipate<S: RealBackend>(
     spread: &Spread,
     solved: &mut Solved<S>,
     field: &mut Vector,

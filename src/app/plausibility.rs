@@ -7,7 +7,7 @@
 
 use crate::app::case::{Case, Formula, LoadCurve, RegionMaterial, SurfaceLoad};
 use crate::fem::mesh::Mesh;
-use crate::las::{Backend, Scalar};
+use crate::las::RealBackend;
 use crate::tissue::micro_scale::Library;
 
 /// Strain above which a load is implausible for tissue.
@@ -39,11 +39,7 @@ impl Stiffness {
 }
 
 /// Returns the warnings for a case with implausible numbers, one line each, with the place in the case file.
-pub(super) fn warnings<B: Backend<Scalar = f64, Reduced: Scalar>>(
-    case: &Case,
-    mesh: &Mesh,
-    library: &Library<B>,
-) -> Vec<String> {
+pub(super) fn warnings<B: RealBackend>(case: &Case, mesh: &Mesh, library: &Library<B>) -> Vec<String> {
     let mut regions: Vec<usize> = mesh.regions().iter().filter_map(|name| case.region_of(name)).collect();
     regions.sort_unstable();
     regions.dedup();

@@ -8,10 +8,10 @@ use crate::las::{Backend, FactorReport, Factorization, Iterative, MatVec, Scalar
 /// A preconditioner that a backend provides for a Krylov method.
 pub(super) trait ApproximateInverse<B: Backend>: Send {
     /// Computes the preconditioner of `a`; returns its pivots if it has any.
-    fn compute(&mut self, a: &B::Matrix) -> Result<Option<Pivots>, SolveError<B::Fault>>;
+    fn compute(&mut self, a: &B::Matrix) -> Result<Option<Pivots>, SolveError<B::Error>>;
 
     /// Computes `y`, an approximation of `A^-1 x`.
-    fn apply(&self, x: &B::Vector, y: &mut B::Vector) -> Result<(), SolveError<B::Fault>>;
+    fn apply(&self, x: &B::Vector, y: &mut B::Vector) -> Result<(), SolveError<B::Error>>;
 }
 
 /// No preconditioner, or the inverse diagonal.
@@ -24,7 +24,7 @@ impl<B: Backend> ApproximateInverse<B> for SimplePreconditioner<B>
 where
     B::Scalar: Scalar,
 {
-    fn compute(&mut self, a: &B::Matrix) -> Result<Option<Pivots>, SolveError<B::Fault>> {
+    fn compute(&mut self, a: &B::Matrix) -> Result<Option<Pivots>, SolveError<B::Error>> {
         let Self::Diagonal(d) = self else { return Ok(None) };
         a.inverse_diagonal(d)?;
         let mut pivots = Pivots::empty();
@@ -33,7 +33,7 @@ where
         Ok(Some(pivots))
     }
 
-    fn apply(&self, x: &B::Vector, y: &mut B::Vector) -> Result<(), SolveError<B::Fault>> {
+    fn apply(&self, x: &B::Vector, y: &mut B::Vector) -> Result<(), SolveError<B::Error>> {
         let product = |y: &mut [B::Scalar]| {
             x.with_local(|x| match self {
                 Self::None => {
@@ -72,7 +72,7 @@ where
         unknowns: usize,
         method: Iterative,
         inverse: M,
-    ) -> Result<Self, SolveError<B::Fault>> {
+    ) -> Result<Self, SolveError<B::Error>> {
         let space = KrylovSpace::new(context, unknowns, method)?;
         Ok(Self { unknowns, a: None, ready: false, inverse, space })
     }
@@ -84,11 +84,11 @@ where
     }
 
     /// Copies the matrix and computes its preconditioner; the caller has checked its size.
-    pub(super) fn factor(&mut self, a: &B::Matrix) -> Result<FactorReport, SolveError<B::Fault>> {
+    pub(super) fn factor(&mut self, a: &B::Matrix) -> Result<FactorReport, SolveError<B::Error>> {
         self.factor_with_pivots(a).map(|(report, _)| report)
     }
 
-    fn factor_with_pivots(&mut self, a: &B::Matrix) -> Result<(FactorReport, Option<Pivots>), SolveError<B::Fault>> {
+    fn factor_with_pivots(&mut self, a: &B::Matrix) -> Result<(FactorReport, Option<Pivots>), SolveError<B::Error>> {
         self.ready = false;
         let pivots = self.inverse.compute(a)?;
         match &mut self.a {
@@ -103,7 +103,7 @@ where
 
     /// The same, but returns [`SolveError::Indefinite`] if a pivot of the preconditioner is negative. The pivots of
     /// ILUT without dropping have the signs of the eigenvalues, and with little dropping they nearly always do.
-    pub(super) fn factor_definite(&mut self, a: &B::Matrix) -> Result<FactorReport, SolveError<B::Fault>> {
+    pub(super) fn factor_definite(&mut self, a: &B::Matrix) -> Result<FactorReport, SolveError<B::Error>> {
         let (report, pivots) = self.factor_with_pivots(a)?;
         if pivots.is_some_and(|pivots| pivots.negative() > 0) {
             self.ready = false;
@@ -116,7 +116,7 @@ where
         &mut self,
         b: &[B::Vector],
         x: &mut [B::Vector],
-    ) -> Result<SolveReport, SolveError<B::Fault>> {
+    ) -> Result<SolveReport, SolveError<B::Error>> {
         check_columns(self.unknowns, b.iter().map(VectorOps::len), x.iter().map(VectorOps::len))?;
         let Self { a: Some(a), ready: true, inverse, space, .. } = self else { return Err(SolveError::NotFactored) };
         let mut sum = SolveReport::DIRECT;

@@ -46,7 +46,7 @@ impl Scales {
     /// Returns the scales of a matrix with `n` rows, all on this rank, for factors of this kind: by its diagonal for
     /// Cholesky, by equilibration for others.
     #[cfg(any(feature = "sparse", feature = "dense"))]
-    pub(super) fn of_matrix<B>(a: &B::Matrix, kind: Factorization, n: usize) -> Result<Self, SolveError<B::Fault>>
+    pub(super) fn of_matrix<B>(a: &B::Matrix, kind: Factorization, n: usize) -> Result<Self, SolveError<B::Error>>
     where
         B: Backend<Scalar: Scalar, Context = (), Matrix: Entries<B>>,
     {
@@ -66,7 +66,7 @@ impl Scales {
     fn equilibrating<B: Backend<Scalar: Scalar, Matrix: Entries<B>>>(
         a: &B::Matrix,
         n: usize,
-    ) -> Result<Self, B::Fault> {
+    ) -> Result<Self, B::Error> {
         /// Each pass halves the number of digits by which the scales are off, which is at most 308.
         const PASSES: usize = 12;
         let mut scales = Self { rows: vec![1.0; n], columns: vec![1.0; n] };
@@ -108,8 +108,8 @@ pub(super) fn check_null_vector<B: Backend<Scalar: Scalar>>(
     kind: Factorization,
     scales: &Scales,
     limit: f64,
-    mut solve: impl FnMut(&B::Vector, &mut B::Vector) -> Result<(), SolveError<B::Fault>>,
-) -> Result<Option<usize>, SolveError<B::Fault>> {
+    mut solve: impl FnMut(&B::Vector, &mut B::Vector) -> Result<(), SolveError<B::Error>>,
+) -> Result<Option<usize>, SolveError<B::Error>> {
     /// Each iteration reduces the other components of the vector by the ratio of the two smallest eigenvalues.
     const ITERATIONS: usize = 3;
     /// The component of a random vector along another vector is at least this fraction of its length, divided by the
@@ -162,8 +162,8 @@ pub(super) fn check_near_singular<B>(
     kind: Factorization,
     pivots: &Pivots,
     params: &SolverParams,
-    solve: impl FnMut(&B::Vector, &mut B::Vector) -> Result<(), SolveError<B::Fault>>,
-) -> Result<Option<usize>, SolveError<B::Fault>>
+    solve: impl FnMut(&B::Vector, &mut B::Vector) -> Result<(), SolveError<B::Error>>,
+) -> Result<Option<usize>, SolveError<B::Error>>
 where
     B: Backend<Scalar: Scalar, Context = (), Matrix: Entries<B>>,
 {
@@ -180,8 +180,8 @@ pub(super) fn checked_report<B>(
     a: &B::Matrix,
     report: Unchecked<'_>,
     params: &SolverParams,
-    solve: impl FnMut(&B::Vector, &mut B::Vector) -> Result<(), SolveError<B::Fault>>,
-) -> Result<FactorReport, SolveError<B::Fault>>
+    solve: impl FnMut(&B::Vector, &mut B::Vector) -> Result<(), SolveError<B::Error>>,
+) -> Result<FactorReport, SolveError<B::Error>>
 where
     B: Backend<Scalar: Scalar, Context = (), Matrix: Entries<B>>,
 {
@@ -215,7 +215,7 @@ impl Unchecked<'_> {
 fn write<B: Backend<Scalar: Scalar>>(
     x: &mut B::Vector,
     values: impl Iterator<Item = f64>,
-) -> Result<(), SolveError<B::Fault>> {
+) -> Result<(), SolveError<B::Error>> {
     let fill =
         |place: &mut [B::Scalar]| place.iter_mut().zip(values).for_each(|(place, value)| *place = B::Scalar::of(value));
     Ok(x.with_local_mut(fill)?)

@@ -13,7 +13,7 @@ use super::mesh::Mesh;
 use super::point_field::{PointField, PointResponses};
 use super::reactions::BoundaryForces;
 use crate::las::{
-    Backend, Index, MatrixOps, NewtonSeconds, NewtonSystem, NonlinearProblem, ResidualScale, Scalar, SolveError,
+    Backend, Index, MatrixOps, NewtonSeconds, NewtonSystem, NonlinearProblem, RealBackend, ResidualScale, SolveError,
     Solver, VectorOps,
 };
 
@@ -103,7 +103,7 @@ pub struct Equilibrium<B: Backend, P> {
 
 impl<B, P> Equilibrium<B, P>
 where
-    B: Backend<Scalar = f64>,
+    B: RealBackend,
     P: PointField,
 {
     /// Creates the undeformed body at `t = 0`. Its tangent gives the linearized start of the first step and the floor
@@ -116,7 +116,7 @@ where
         boundary: Boundary,
         assembler: Assembler<B>,
         field: P,
-    ) -> Result<Self, EquilibriumError<P::Error, B::Fault>> {
+    ) -> Result<Self, EquilibriumError<P::Error, B::Error>> {
         let trial = BodyState::undeformed(&mesh);
         let zeros = trial.displacements.clone();
         let mut body = Self {
@@ -177,7 +177,7 @@ where
     ///
     /// # Errors
     /// Returns [`EquilibriumError::PointField`] if a continuation does not exist.
-    pub(super) fn verify(&mut self) -> Result<bool, EquilibriumError<P::Error, B::Fault>> {
+    pub(super) fn verify(&mut self) -> Result<bool, EquilibriumError<P::Error, B::Error>> {
         let Self { field, trial, .. } = self;
         Ok(field.verify(&trial.gradients, &mut trial.responses)?)
     }
@@ -187,7 +187,7 @@ where
     ///
     /// # Errors
     /// Returns [`EquilibriumError::PointField`] if other ranks cannot be reached.
-    pub(super) fn evolve(&mut self) -> Result<bool, EquilibriumError<P::Error, B::Fault>> {
+    pub(super) fn evolve(&mut self) -> Result<bool, EquilibriumError<P::Error, B::Error>> {
         Ok(self.field.evolve()?)
     }
 
@@ -195,7 +195,7 @@ where
     ///
     /// # Errors
     /// Returns [`EquilibriumError::PointField`] if the point field cannot commit.
-    pub fn commit(&mut self) -> Result<(), EquilibriumError<P::Error, B::Fault>> {
+    pub fn commit(&mut self) -> Result<(), EquilibriumError<P::Error, B::Error>> {
         self.field.commit()?;
         std::mem::swap(&mut self.trial, &mut self.committed);
         self.trial.displacements.copy_from_slice(&self.committed.displacements);
@@ -210,7 +210,7 @@ where
     ///
     /// # Errors
     /// Returns [`EquilibriumError::OutOfBalance`] if the residual is too large.
-    pub(super) fn check_balance(&mut self, tolerance: f64) -> Result<(), EquilibriumError<P::Error, B::Fault>> {
+    pub(super) fn check_balance(&mut self, tolerance: f64) -> Result<(), EquilibriumError<P::Error, B::Error>> {
         const ROOM: f64 = 10.0;
         self.assembler.internal_forces(&self.trial.responses.pk1, &mut self.trial.internal);
         let forces = self.trial.internal.as_flattened().iter().zip(self.trial.external.as_flattened());
@@ -231,7 +231,7 @@ where
     ///
     /// # Errors
     /// Returns [`EquilibriumError::PointField`] if the point field cannot revert.
-    pub fn revert(&mut self) -> Result<(), EquilibriumError<P::Error, B::Fault>> {
+    pub fn revert(&mut self) -> Result<(), EquilibriumError<P::Error, B::Error>> {
         self.trial.t = self.committed.t;
         self.trial.displacements.copy_from_slice(&self.committed.displacements);
         Ok(self.field.revert()?)
@@ -242,7 +242,7 @@ where
         &mut self,
         t: f64,
         displacements: &[[f64; 3]],
-    ) -> Result<(), EquilibriumError<P::Error, B::Fault>> {
+    ) -> Result<(), EquilibriumError<P::Error, B::Error>> {
         self.trial.t = t;
         self.trial.displacements.copy_from_slice(displacements);
         self.evaluate_external_forces();
@@ -266,7 +266,7 @@ where
     ///
     /// # Errors
     /// Returns the [`SolveError`] of the solver; the trial state is then as [`Equilibrium::begin_step`] leaves it.
-    pub fn linearize(&mut self, t: f64, system: &mut NewtonSystem<B>) -> Result<NewtonSeconds, SolveError<B::Fault>> {
+    pub fn linearize(&mut self, t: f64, system: &mut NewtonSystem<B>) -> Result<NewtonSeconds, SolveError<B::Error>> {
         self.begin_step(t);
         if system.residual.is_empty() {
             return Ok(NewtonSeconds::default());
@@ -304,13 +304,13 @@ where
     }
 
     /// Adds the tangent stiffness of the points and of the loads at pseudo-time `t` to `k`.
-    fn add_tangent(&self, state: &BodyState, t: f64, k: &mut B::Matrix) -> Result<(), B::Fault> {
+    fn add_tangent(&self, state: &BodyState, t: f64, k: &mut B::Matrix) -> Result<(), B::Error> {
         self.assembler.stiffness(&state.responses.tangent, k)?;
         self.assembler.load_stiffness(self.boundary.loads(), t, &state.displacements, k)
     }
 
     /// Evaluates stresses, tangents and internal forces of the trial state.
-    fn evaluate_points(&mut self) -> Result<(), EquilibriumError<P::Error, B::Fault>> {
+    fn evaluate_points(&mut self) -> Result<(), EquilibriumError<P::Error, B::Error>> {
         let trial = &mut self.trial;
         self.assembler.deformation_gradients(&trial.displacements, &mut trial.gradients);
         self.field.update(&trial.gradients, &mut trial.responses)?;
@@ -319,13 +319,13 @@ where
     }
 
     /// Writes the nodal forces of the free unknowns into `r`.
-    fn scatter(&self, r: &mut B::Vector) -> Result<(), B::Fault> {
+    fn scatter(&self, r: &mut B::Vector) -> Result<(), B::Error> {
         r.zero()?;
         self.assembler.scatter(&self.nodal, r)?;
         r.finish()
     }
 
-    fn advance_displacements(&mut self, a: f64, direction: &B::Vector) -> Result<(), B::Fault> {
+    fn advance_displacements(&mut self, a: f64, direction: &B::Vector) -> Result<(), B::Error> {
         // `get` does not write prescribed components; they stay at zero.
         self.nodal.fill([0.0; 3]);
         direction.get(self.assembler.equation_numbers(), self.nodal.as_flattened_mut())?;
@@ -339,11 +339,10 @@ where
 
 impl<B, P> NonlinearProblem<B> for Equilibrium<B, P>
 where
-    B: Backend<Scalar = f64>,
-    B::Reduced: Scalar,
+    B: RealBackend,
     P: PointField,
 {
-    type Error = EquilibriumError<P::Error, B::Fault>;
+    type Error = EquilibriumError<P::Error, B::Error>;
 
     /// Evaluates `r = f_int - f_ext` of the free unknowns, N. The scale is the larger norm of the two over all nodes;
     /// the floor is [`Assembler::rounding_error`] of the undeformed body.

@@ -40,13 +40,13 @@ use nalgebra::{Matrix3, SMatrix};
 use super::equilibrium::RveError;
 use super::rve::{RveModel, transform};
 use super::workspace::{MODES, Workspace};
-use crate::las::{Backend, MatrixOps, Scalar, SolveError, Solver, VectorOps};
+use crate::las::{Backend, MatrixOps, RealBackend, SolveError, Solver, VectorOps};
 
 /// `dP/dF`, with row or column index `3 i + J` for `P_iJ` or `F_iJ`.
 pub type Tangent = SMatrix<f64, 9, 9>;
 
 /// Implements [`EquilibriumState::pk1`](super::equilibrium::EquilibriumState::pk1).
-pub(super) fn pk1<B: Backend<Scalar = f64>>(model: &RveModel<B>, workspace: &Workspace<B>) -> Matrix3<f64> {
+pub(super) fn pk1<B: RealBackend>(model: &RveModel<B>, workspace: &Workspace<B>) -> Matrix3<f64> {
     let network = model.network();
     let mut sum = Matrix3::zeros();
     for &node in network.boundary() {
@@ -61,12 +61,12 @@ pub(super) fn pk1<B: Backend<Scalar = f64>>(model: &RveModel<B>, workspace: &Wor
 }
 
 /// Implements [`EquilibriumState::tangent`](super::equilibrium::EquilibriumState::tangent); requires [`solve_modes`].
-pub(super) fn tangent<B: Backend<Scalar = f64>>(
+pub(super) fn tangent<B: RealBackend>(
     model: &RveModel<B>,
     f: &Matrix3<f64>,
     pk1: &Matrix3<f64>,
     workspace: &Workspace<B>,
-) -> Result<Tangent, RveError<B::Fault>> {
+) -> Result<Tangent, RveError<B::Error>> {
     let mut form = Tangent::zeros();
     // The columns of the strains, in the rows of strains and spins, follow from the force rates; the columns of the
     // spins follow from the stress. The two mixed blocks are not assumed to be transposes of each other: they are to
@@ -128,13 +128,10 @@ fn rate_coefficients(f: &Matrix3<f64>) -> Option<Tangent> {
 }
 
 /// Computes the velocities of all nodes in every mode for which the force rates at interior nodes vanish.
-pub(super) fn solve_modes<B: Backend<Scalar = f64>>(
+pub(super) fn solve_modes<B: RealBackend>(
     model: &RveModel<B>,
     workspace: &mut Workspace<B>,
-) -> Result<(), SolveError<B::Fault>>
-where
-    B::Reduced: Scalar,
-{
+) -> Result<(), SolveError<B::Error>> {
     /// Tolerance of the interior force rates, relative to those at all nodes: they enter the tangent squared.
     const TOLERANCE: f64 = 1e-8;
     /// Interior force rates that are accepted if the matrix is singular to working precision.
@@ -201,13 +198,10 @@ impl Factor {
 }
 
 /// Factors the stiffness at the state in the workspace, with a small shift of the diagonal if it is singular.
-fn factor_or_shift<B: Backend<Scalar = f64>>(
+fn factor_or_shift<B: RealBackend>(
     model: &RveModel<B>,
     workspace: &mut Workspace<B>,
-) -> Result<Factor, SolveError<B::Fault>>
-where
-    B::Reduced: Scalar,
-{
+) -> Result<Factor, SolveError<B::Error>> {
     match factor_here(model, workspace, 0.0) {
         Err(SolveError::Singular { .. }) => factor_shifted(model, workspace),
         outcome => outcome.map(|()| Factor::Exact),
@@ -219,13 +213,10 @@ where
 /// A floppy network at rest has motions that no fiber resists, and no force acts on them: `K v = q` has solutions. With
 /// `K + s I` in place of `K` every correction removes the fraction `lambda / (lambda + s)` of the error, and leaves the
 /// motions with `lambda = 0` unchanged.
-fn factor_shifted<B: Backend<Scalar = f64>>(
+fn factor_shifted<B: RealBackend>(
     model: &RveModel<B>,
     workspace: &mut Workspace<B>,
-) -> Result<Factor, SolveError<B::Fault>>
-where
-    B::Reduced: Scalar,
-{
+) -> Result<Factor, SolveError<B::Error>> {
     /// Relative shift: far above rounding, far below the stiffness of a fiber.
     const SHIFT: f64 = 1e-9;
     let stiffest = workspace.diagonal.iter().map(|block| block[0].max(block[4]).max(block[8])).fold(0.0, f64::max);
@@ -233,14 +224,11 @@ where
 }
 
 /// Factors the stiffness at the state in the workspace, with `shift` added to its diagonal.
-fn factor_here<B: Backend<Scalar = f64>>(
+fn factor_here<B: RealBackend>(
     model: &RveModel<B>,
     workspace: &mut Workspace<B>,
     shift: f64,
-) -> Result<(), SolveError<B::Fault>>
-where
-    B::Reduced: Scalar,
-{
+) -> Result<(), SolveError<B::Error>> {
     let Workspace { system, states, diagonal, factor_is_exact, .. } = workspace;
     system.matrix.assemble(|k| model.slots.assemble(&model.truss, states, diagonal, k))?;
     if shift > 0.0 {
@@ -252,7 +240,7 @@ where
 }
 
 /// Computes `q = K v` at all nodes, fiber by fiber.
-fn force_rates<B: Backend<Scalar = f64>>(model: &RveModel<B>, workspace: &mut Workspace<B>) {
+fn force_rates<B: RealBackend>(model: &RveModel<B>, workspace: &mut Workspace<B>) {
     let Workspace { states, sensitivities, force_rates, .. } = workspace;
     force_rates.fill([0.0; 3 * MODES]);
     for (fiber, &[a, b]) in model.truss.ends().iter().enumerate() {
@@ -272,7 +260,7 @@ fn force_rates<B: Backend<Scalar = f64>>(model: &RveModel<B>, workspace: &mut Wo
 }
 
 /// The norm of the force rates at interior nodes over that at all nodes.
-fn relative_imbalance<B: Backend<Scalar = f64>>(model: &RveModel<B>, workspace: &Workspace<B>) -> f64 {
+fn relative_imbalance<B: RealBackend>(model: &RveModel<B>, workspace: &Workspace<B>) -> f64 {
     let square = |rates: &[f64; 3 * MODES]| rates.iter().map(|q| q * q).sum::<f64>();
     let all: f64 = workspace.force_rates.iter().map(square).sum();
     let interior: f64 =
@@ -281,10 +269,10 @@ fn relative_imbalance<B: Backend<Scalar = f64>>(model: &RveModel<B>, workspace: 
 }
 
 /// Applies `v_i -= K_ii^-1 q_i`, all modes in one solve.
-fn correct_modes<B: Backend<Scalar = f64>>(
+fn correct_modes<B: RealBackend>(
     model: &RveModel<B>,
     workspace: &mut Workspace<B>,
-) -> Result<(), SolveError<B::Fault>> {
+) -> Result<(), SolveError<B::Error>> {
     let interior = model.network().interior();
     let Workspace { system, mode_loads, mode_solutions, sensitivities, force_rates, .. } = workspace;
     for (mode, load) in mode_loads.iter_mut().enumerate() {

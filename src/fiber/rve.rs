@@ -12,7 +12,7 @@ use super::network::Network;
 use super::stiffness::{self, StiffnessSlots};
 use super::truss::{Truss, TrussError};
 use super::workspace::{MODES, Workspace};
-use crate::las::{Backend, SolveError, SolverParams, Sparsity, SparsityError, Symmetry};
+use crate::las::{Backend, RealBackend, SolveError, SolverParams, Sparsity, SparsityError, Symmetry};
 
 /// The factor `kappa` that converts forces of the unit-cube network to stresses.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -66,7 +66,7 @@ pub enum RveModelError<F: std::error::Error> {
     Analysis(#[from] SolveError<F>),
 }
 
-impl<B: Backend<Scalar = f64>> RveModel<B> {
+impl<B: RealBackend> RveModel<B> {
     /// Makes the model of a network whose fibers all have one `material`, or the materials of the network's own files
     /// if `material` is `None`.
     ///
@@ -78,7 +78,7 @@ impl<B: Backend<Scalar = f64>> RveModel<B> {
         network: Arc<Network>,
         material: Option<FiberMaterial>,
         scale: StressScale,
-    ) -> Result<Self, RveModelError<B::Fault>> {
+    ) -> Result<Self, RveModelError<B::Error>> {
         Self::with_solver(context, network, material, scale, &SolverParams::new(Symmetry::Definite))
     }
 
@@ -93,7 +93,7 @@ impl<B: Backend<Scalar = f64>> RveModel<B> {
         material: Option<FiberMaterial>,
         scale: StressScale,
         solver: &SolverParams,
-    ) -> Result<Self, RveModelError<B::Fault>> {
+    ) -> Result<Self, RveModelError<B::Error>> {
         let masses = lumped_masses(&network, material.as_ref());
         let truss = Truss::new(network, material.clone())?;
         let stress_scale = scale;

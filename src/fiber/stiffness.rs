@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::network::Network;
 use super::truss::{FiberStates, Truss};
-use crate::las::{Backend, Index, MatrixOps, Sparsity, SparsityError};
+use crate::las::{Backend, Index, MatrixOps, RealBackend, Sparsity, SparsityError};
 
 /// Returns the sparsity pattern of the interior stiffness: three unknowns per interior node, in the order of
 /// [`Network::interior`], coupled in full blocks.
@@ -37,12 +37,12 @@ pub struct StiffnessSlots<B: Backend> {
     pairs: Vec<B::Slot>,
 }
 
-impl<B: Backend<Scalar = f64>> StiffnessSlots<B> {
+impl<B: RealBackend> StiffnessSlots<B> {
     /// Locates all blocks in a matrix of the given pattern.
     ///
     /// # Errors
     /// Returns the error of the backend if it cannot make or index the matrix.
-    pub fn locate(context: &B::Context, truss: &Truss, pattern: &Arc<Sparsity>) -> Result<Self, B::Fault> {
+    pub fn locate(context: &B::Context, truss: &Truss, pattern: &Arc<Sparsity>) -> Result<Self, B::Error> {
         let matrix = B::matrix(context, pattern)?;
         let number = truss.network().interior_number();
         let interior = truss.network().interior().len();
@@ -73,7 +73,7 @@ impl<B: Backend<Scalar = f64>> StiffnessSlots<B> {
         states: &FiberStates,
         diagonal: &mut Vec<[f64; 9]>,
         matrix: &mut B::Matrix,
-    ) -> Result<(), B::Fault> {
+    ) -> Result<(), B::Error> {
         let interior = truss.network().interior().len();
         // An unused last block collects the contributions to boundary nodes, which avoids a test for each fiber end.
         diagonal.clear();

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::deformation_path::polar_decomposition;
 use super::rve::{Rve, RveModel, Sensitivities, transform};
 use super::truss::FiberStates;
-use crate::las::{Backend, NewtonSystem, Scalar, SolveError, Sparsity};
+use crate::las::{Backend, NewtonSystem, RealBackend, SolveError, Sparsity};
 use nalgebra::Matrix3;
 
 /// Number of strain modes of the condensed tangent: the six symmetric unit strains.
@@ -37,15 +37,12 @@ pub struct Workspace<B: Backend> {
     pub(super) force_rates: Vec<[f64; 3 * MODES]>,
 }
 
-impl<B: Backend<Scalar = f64>> Workspace<B>
-where
-    B::Reduced: Scalar,
-{
+impl<B: RealBackend> Workspace<B> {
     /// Allocates a workspace for RVEs of this model.
     ///
     /// # Errors
     /// Returns [`SolveError`] if the backend cannot make a vector, a matrix or a solver.
-    pub fn new(context: &B::Context, model: &RveModel<B>) -> Result<Self, SolveError<B::Fault>> {
+    pub fn new(context: &B::Context, model: &RveModel<B>) -> Result<Self, SolveError<B::Error>> {
         let nodes = model.network().nodes().len();
         let interior = model.network().interior().len();
         let vectors = || (0..MODES).map(|_| B::vector(context, model.unknowns())).collect::<Result<_, _>>();

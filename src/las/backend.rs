@@ -14,10 +14,10 @@ use super::{Index, MatVec, MatrixOps, SolveError, Solver, SolverParams, Sparsity
 ///
 /// ```
 /// use std::sync::Arc;
-/// use biotissue::las::{Backend, MatrixOps, Solver, SolverParams, Sparsity, VectorOps};
+/// use biotissue::las::{Backend, MatrixOps, RealBackend, Solver, SolverParams, Sparsity, VectorOps};
 ///
 /// /// Solves the 2x2 system [[2, 1], [1, 3]] x = [3, 4]; the solution is [1, 1].
-/// fn two_by_two<B: Backend<Scalar = f64, Index = i32>>(context: &B::Context) -> Result<[f64; 2], Box<dyn std::error::Error>> {
+/// fn two_by_two<B: RealBackend<Index = i32>>(context: &B::Context) -> Result<[f64; 2], Box<dyn std::error::Error>> {
 ///     let pattern = Arc::new(Sparsity::from_elements(2, [[0, 1]])?);
 ///     let mut a = B::matrix(context, &pattern)?;
 ///     a.add(&[0, 1], &[0, 1], &[2.0, 1.0, 1.0, 3.0])?;
@@ -48,7 +48,7 @@ pub trait Backend: Copy + Default + Debug + Send + Sync + 'static {
     /// Run-time data of the backend (communicator, device, lanes); `()` if there are none.
     type Context: Send + Sync;
     /// The error type of vector and matrix operations; [`std::convert::Infallible`] for a backend that cannot fail.
-    type Fault: std::error::Error + Send + Sync + 'static;
+    type Error: std::error::Error + Send + Sync + 'static;
     /// A position in a matrix, located once and reused for repeated writes (see [`MatrixOps::locate`]).
     type Slot: Copy + Debug + Send + Sync + 'static;
     /// The vector type.
@@ -65,13 +65,13 @@ pub trait Backend: Copy + Default + Debug + Send + Sync + 'static {
     ///
     /// # Errors
     /// Returns the backend's error if it cannot create the vector.
-    fn vector(context: &Self::Context, len: usize) -> Result<Self::Vector, Self::Fault>;
+    fn vector(context: &Self::Context, len: usize) -> Result<Self::Vector, Self::Error>;
 
     /// Creates a matrix of zeros with the given pattern.
     ///
     /// # Errors
     /// Returns the backend's error if it cannot create the matrix.
-    fn matrix(context: &Self::Context, pattern: &Arc<Sparsity>) -> Result<Self::Matrix, Self::Fault>;
+    fn matrix(context: &Self::Context, pattern: &Arc<Sparsity>) -> Result<Self::Matrix, Self::Error>;
 
     /// Computes the symbolic factorization of a square pattern, once for all matrices and solvers that share it.
     ///
@@ -81,11 +81,17 @@ pub trait Backend: Copy + Default + Debug + Send + Sync + 'static {
         context: &Self::Context,
         pattern: &Arc<Sparsity>,
         params: &SolverParams,
-    ) -> Result<Arc<Self::Symbolic>, SolveError<Self::Fault>>;
+    ) -> Result<Arc<Self::Symbolic>, SolveError<Self::Error>>;
 
     /// Creates a solver and allocates all storage that its first factorization needs.
     ///
     /// # Errors
     /// Returns the backend's error if it cannot create the solver.
-    fn solver(symbolic: &Arc<Self::Symbolic>) -> Result<Self::Solver, SolveError<Self::Fault>>;
+    fn solver(symbolic: &Arc<Self::Symbolic>) -> Result<Self::Solver, SolveError<Self::Error>>;
 }
+
+/// A backend of real numbers in double precision whose `norm` and `dot` are numbers, not lanes: the bound of the
+/// physics. Every such backend implements it.
+pub trait RealBackend: Backend<Scalar = f64, Reduced = f64> {}
+
+impl<B: Backend<Scalar = f64, Reduced = f64>> RealBackend for B {}

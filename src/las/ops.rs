@@ -17,7 +17,7 @@ use super::Backend;
 ///   [`VectorOps::with_local_mut`] both reads and writes.
 ///
 /// # Errors
-/// Every operation returns `Result<_, B::Fault>`. A backend that cannot fail has an uninhabited fault type
+/// Every operation returns `Result<_, B::Error>`. A backend that cannot fail has an uninhabited fault type
 /// ([`std::convert::Infallible`]), so that `?` compiles to nothing. A backend that can fail (PETSc) returns its error
 /// code, which a direct call would have to check as well.
 pub trait VectorOps<B: Backend>: Sized {
@@ -31,34 +31,34 @@ pub trait VectorOps<B: Backend>: Sized {
     }
 
     /// `y = 0`; pending writes are discarded.
-    fn zero(&mut self) -> Result<(), B::Fault>;
+    fn zero(&mut self) -> Result<(), B::Error>;
 
     /// `y[rows[i]] += values[i]`; repeated rows accumulate.
-    fn add(&mut self, rows: &[B::Index], values: &[B::Scalar]) -> Result<(), B::Fault>;
+    fn add(&mut self, rows: &[B::Index], values: &[B::Scalar]) -> Result<(), B::Error>;
 
     /// `y[rows[i]] = values[i]`; if a row is repeated, the last value is stored.
-    fn set(&mut self, rows: &[B::Index], values: &[B::Scalar]) -> Result<(), B::Fault>;
+    fn set(&mut self, rows: &[B::Index], values: &[B::Scalar]) -> Result<(), B::Error>;
 
     /// `values[i] = y[rows[i]]`; entries of `values` at negative rows do not change.
-    fn get(&self, rows: &[B::Index], values: &mut [B::Scalar]) -> Result<(), B::Fault>;
+    fn get(&self, rows: &[B::Index], values: &mut [B::Scalar]) -> Result<(), B::Error>;
 
     /// Euclidean norm.
-    fn norm(&self) -> Result<B::Reduced, B::Fault>;
+    fn norm(&self) -> Result<B::Reduced, B::Error>;
 
     /// `sum_i x[i] y[i]`.
-    fn dot(&self, y: &Self) -> Result<B::Reduced, B::Fault>;
+    fn dot(&self, y: &Self) -> Result<B::Reduced, B::Error>;
 
     /// `y += a x`.
-    fn axpy(&mut self, a: B::Scalar, x: &Self) -> Result<(), B::Fault>;
+    fn axpy(&mut self, a: B::Scalar, x: &Self) -> Result<(), B::Error>;
 
     /// Passes the local entries to `read`. The closure guarantees that the entries are restored afterwards.
-    fn with_local<R>(&self, read: impl FnOnce(&[B::Scalar]) -> R) -> Result<R, B::Fault>;
+    fn with_local<R>(&self, read: impl FnOnce(&[B::Scalar]) -> R) -> Result<R, B::Error>;
 
     /// Passes the local entries to `write` for modification.
-    fn with_local_mut<R>(&mut self, write: impl FnOnce(&mut [B::Scalar]) -> R) -> Result<R, B::Fault>;
+    fn with_local_mut<R>(&mut self, write: impl FnOnce(&mut [B::Scalar]) -> R) -> Result<R, B::Error>;
 
     /// Completes pending writes.
-    fn finish(&mut self) -> Result<(), B::Fault>;
+    fn finish(&mut self) -> Result<(), B::Error>;
 }
 
 /// The operations of a matrix in assembly loops, which call them millions of times; every implementation should be
@@ -81,27 +81,27 @@ pub trait MatrixOps<B: Backend>: Sized {
     fn shape(&self) -> (usize, usize);
 
     /// `A = 0`, without change of the pattern; pending writes are discarded.
-    fn zero(&mut self) -> Result<(), B::Fault>;
+    fn zero(&mut self) -> Result<(), B::Error>;
 
     /// Sets whole rows to zero, without change of the pattern; negative rows are skipped.
-    fn zero_rows(&mut self, rows: &[B::Index]) -> Result<(), B::Fault>;
+    fn zero_rows(&mut self, rows: &[B::Index]) -> Result<(), B::Error>;
 
     /// `A[rows[i], cols[j]] += block[i, j]`; repeated indices accumulate.
-    fn add(&mut self, rows: &[B::Index], cols: &[B::Index], block: &[B::Scalar]) -> Result<(), B::Fault>;
+    fn add(&mut self, rows: &[B::Index], cols: &[B::Index], block: &[B::Scalar]) -> Result<(), B::Error>;
 
     /// `A[rows[i], cols[j]] = block[i, j]`; if a position is repeated, the last value is stored.
-    fn set(&mut self, rows: &[B::Index], cols: &[B::Index], block: &[B::Scalar]) -> Result<(), B::Fault>;
+    fn set(&mut self, rows: &[B::Index], cols: &[B::Index], block: &[B::Scalar]) -> Result<(), B::Error>;
 
     /// `block[i, j] = A[rows[i], cols[j]]`: zero outside the pattern; entries of `block` at negative indices do not change.
-    fn get(&self, rows: &[B::Index], cols: &[B::Index], block: &mut [B::Scalar]) -> Result<(), B::Fault>;
+    fn get(&self, rows: &[B::Index], cols: &[B::Index], block: &mut [B::Scalar]) -> Result<(), B::Error>;
 
     /// Appends the positions of a block to `slots`, row by row, for [`MatrixOps::add_at`]. Repeated assembly with fixed
     /// connectivity then searches the pattern only once. Every pair of a row and a column yields one slot, also at negative indices.
-    fn locate(&self, rows: &[B::Index], cols: &[B::Index], slots: &mut Vec<B::Slot>) -> Result<(), B::Fault>;
+    fn locate(&self, rows: &[B::Index], cols: &[B::Index], slots: &mut Vec<B::Slot>) -> Result<(), B::Error>;
 
     /// `A[slots[k]] += block[k]`; the slots come from [`MatrixOps::locate`] of this matrix or of one with the same
     /// pattern.
-    fn add_at(&mut self, slots: &[B::Slot], block: &[B::Scalar]) -> Result<(), B::Fault>;
+    fn add_at(&mut self, slots: &[B::Slot], block: &[B::Scalar]) -> Result<(), B::Error>;
 
     /// Returns true if this rank stores at least one of these rows. Writes to blocks without such a row are dropped, so
     /// that the assembly need not integrate them. Serial backends store all rows.
@@ -110,12 +110,12 @@ pub trait MatrixOps<B: Backend>: Sized {
     }
 
     /// Sets all entries to zero, adds those of `add` and completes the writes.
-    fn assemble<E: From<B::Fault>>(&mut self, add: impl FnOnce(&mut Self) -> Result<(), E>) -> Result<(), E> {
+    fn assemble<E: From<B::Error>>(&mut self, add: impl FnOnce(&mut Self) -> Result<(), E>) -> Result<(), E> {
         self.zero()?;
         add(self)?;
         Ok(self.finish()?)
     }
 
     /// Completes pending writes.
-    fn finish(&mut self) -> Result<(), B::Fault>;
+    fn finish(&mut self) -> Result<(), B::Error>;
 }

@@ -11,26 +11,26 @@ pub trait MatVec<B: Backend> {
     ///
     /// # Errors
     /// Returns [`SolveError::Size`] if a vector does not fit the matrix.
-    fn mul(&self, x: &B::Vector, y: &mut B::Vector) -> Result<(), SolveError<B::Fault>>;
+    fn mul(&self, x: &B::Vector, y: &mut B::Vector) -> Result<(), SolveError<B::Error>>;
 
     /// `y = A^T x`.
     ///
     /// # Errors
     /// Returns [`SolveError::Size`] if a vector does not fit the matrix.
-    fn mul_transpose(&self, x: &B::Vector, y: &mut B::Vector) -> Result<(), SolveError<B::Fault>>;
+    fn mul_transpose(&self, x: &B::Vector, y: &mut B::Vector) -> Result<(), SolveError<B::Error>>;
 
     /// `d[i] = A[i, i]`; zero if the pattern has no such entry. `d` has `min(rows, cols)` entries.
     ///
     /// # Errors
     /// Returns [`SolveError::Size`] if `d` has another length.
-    fn diagonal(&self, d: &mut B::Vector) -> Result<(), SolveError<B::Fault>>;
+    fn diagonal(&self, d: &mut B::Vector) -> Result<(), SolveError<B::Error>>;
 
     /// `d[i] = 1 / A[i, i]`.
     ///
     /// # Errors
     /// Returns [`SolveError::ZeroDiagonal`] if a diagonal entry (of any lane) is zero, [`SolveError::Size`] if `d` has
     /// another length.
-    fn inverse_diagonal(&self, d: &mut B::Vector) -> Result<(), SolveError<B::Fault>>;
+    fn inverse_diagonal(&self, d: &mut B::Vector) -> Result<(), SolveError<B::Error>>;
 }
 
 /// Matrix-matrix operations: an extension that a backend may implement. Generic code that needs it states
@@ -43,26 +43,26 @@ pub trait MatMat<B: Backend>: Entries<B> + Sized {
     ///
     /// # Errors
     /// Returns the backend's fault.
-    fn scale(&mut self, factor: B::Scalar) -> Result<(), B::Fault>;
+    fn scale(&mut self, factor: B::Scalar) -> Result<(), B::Error>;
 
     /// `a A + b B`, with the union of both patterns.
     ///
     /// # Errors
     /// Returns [`SolveError::Size`] if the shapes differ, [`SolveError::TooLarge`] if the result has too many entries.
-    fn sum(&self, a: B::Scalar, other: &Self, b: B::Scalar) -> Result<Self, SolveError<B::Fault>>;
+    fn sum(&self, a: B::Scalar, other: &Self, b: B::Scalar) -> Result<Self, SolveError<B::Error>>;
 
     /// `A B`; the matrices may be rectangular.
     ///
     /// # Errors
     /// Returns [`SolveError::Size`] if the shapes do not match, [`SolveError::TooLarge`] if the result has too many
     /// entries.
-    fn product(&self, other: &Self) -> Result<Self, SolveError<B::Fault>>;
+    fn product(&self, other: &Self) -> Result<Self, SolveError<B::Error>>;
 
     /// `A^T`.
     ///
     /// # Errors
     /// Returns [`SolveError::TooLarge`] if the result cannot be addressed.
-    fn transpose(&self) -> Result<Self, SolveError<B::Fault>>;
+    fn transpose(&self) -> Result<Self, SolveError<B::Error>>;
 }
 
 /// Access to all entries of a matrix, for transferring it to another backend or writing it to a file: an extension that
@@ -72,11 +72,11 @@ pub trait Entries<B: Backend> {
     ///
     /// # Errors
     /// Returns the backend's fault.
-    fn pattern(&self) -> Result<Arc<Sparsity>, B::Fault>;
+    fn pattern(&self) -> Result<Arc<Sparsity>, B::Error>;
 
     /// Calls `visit(row, column, value)` for each stored entry, row by row, in ascending order of columns.
     ///
     /// # Errors
     /// Returns the backend's fault.
-    fn for_each(&self, visit: impl FnMut(usize, usize, B::Scalar)) -> Result<(), B::Fault>;
+    fn for_each(&self, visit: impl FnMut(usize, usize, B::Scalar)) -> Result<(), B::Error>;
 }

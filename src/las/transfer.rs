@@ -46,7 +46,7 @@ pub enum TransferError<F, G> {
 pub fn vector<A: Backend, B: Backend>(
     from: &A::Vector,
     context: &B::Context,
-) -> Result<B::Vector, TransferError<A::Fault, B::Fault>>
+) -> Result<B::Vector, TransferError<A::Error, B::Error>>
 where
     A::Scalar: Scalar,
 {
@@ -62,7 +62,7 @@ where
 pub fn vector_into<A: Backend, B: Backend>(
     from: &A::Vector,
     to: &mut B::Vector,
-) -> Result<(), TransferError<A::Fault, B::Fault>>
+) -> Result<(), TransferError<A::Error, B::Error>>
 where
     A::Scalar: Scalar,
 {
@@ -87,7 +87,7 @@ where
 pub fn matrix<A: Backend<Matrix: Entries<A>>, B: Backend>(
     from: &A::Matrix,
     context: &B::Context,
-) -> Result<B::Matrix, TransferError<A::Fault, B::Fault>>
+) -> Result<B::Matrix, TransferError<A::Error, B::Error>>
 where
     A::Scalar: Scalar,
 {
@@ -131,7 +131,7 @@ impl<B: Backend> Default for Row<B> {
 
 impl<B: Backend> Row<B> {
     /// Writes the buffered entries to the matrix and clears the buffer.
-    fn set(&mut self, to: &mut B::Matrix) -> Result<(), B::Fault> {
+    fn set(&mut self, to: &mut B::Matrix) -> Result<(), B::Error> {
         to.set(&[B::Index::of(self.number)], &self.columns, &self.values)?;
         self.columns.clear();
         self.values.clear();

@@ -17,7 +17,7 @@ use crate::fiber::network::file::sidecar::NamedLaw;
 use crate::fiber::network::{Cube, Network};
 use crate::fiber::rve::{Rve, RveModel, Sensitivities, StressScale};
 use crate::input::InputError;
-use crate::las::Backend;
+use crate::las::RealBackend;
 use crate::output;
 
 /// An equilibrium problem of one RVE.
@@ -85,7 +85,7 @@ impl RveDump {
     #[must_use]
     pub fn new(
         origin: String,
-        model: &RveModel<impl Backend<Scalar = f64>>,
+        model: &RveModel<impl RealBackend>,
         (start, target): (&Rve, &Matrix3<f64>),
         params: &EquilibriumParams,
     ) -> Self {

@@ -11,7 +11,7 @@ use biotissue::app::results::{LOADS_FILE, LOG_FILE, Loads, log, read_vtu};
 use biotissue::app::run::Simulation;
 use biotissue::backends::{dense::Dense, sparse::Sparse};
 use biotissue::fem::mesh::gmsh;
-use biotissue::las::{Backend, Scalar};
+use biotissue::las::RealBackend;
 
 /// What a run left behind.
 struct Results {
@@ -27,8 +27,7 @@ fn frozen() -> PathBuf {
 /// Runs the case in `text` as a file in a folder of its own, after `prepare` has put there what the case names.
 fn run<B>(text: &str, prepare: impl FnOnce(&Path)) -> Results
 where
-    B: Backend<Scalar = f64, Context = ()>,
-    B::Reduced: Scalar,
+    B: RealBackend<Context = ()>,
 {
     let dir = tempfile::tempdir().unwrap();
     prepare(dir.path());

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use biotissue::las::conformance::{DenseReference, Random};
-use biotissue::las::{Backend, Factorization, MatrixOps, Solver, SolverParams, Sparsity, VectorOps};
+use biotissue::las::{Backend, Factorization, MatrixOps, RealBackend, Solver, SolverParams, Sparsity, VectorOps};
 
 use crate::counting;
 
@@ -20,7 +20,7 @@ struct Work<B: Backend> {
     solutions: Vec<B::Vector>,
 }
 
-impl<B: Backend<Scalar = f64, Index = i32, Context = ()>> Work<B> {
+impl<B: RealBackend<Index = i32, Context = ()>> Work<B> {
     fn new(mut random: Random, pattern: &Arc<Sparsity>) -> Self {
         let unknowns = pattern.rows();
         let a = DenseReference::dominant(&mut random, pattern, |_| 1.0);
@@ -69,7 +69,7 @@ impl<B: Backend<Scalar = f64, Index = i32, Context = ()>> Work<B> {
     }
 }
 
-fn allocates_only_at_first<B: Backend<Scalar = f64, Index = i32, Context = ()>>() {
+fn allocates_only_at_first<B: RealBackend<Index = i32, Context = ()>>() {
     for size in [10, 40, 120, 300] {
         for blocks in [false, true] {
             let mut random = Random::new(size);

@@ -7,16 +7,16 @@ use biotissue::backends::sparse::Sparse;
 use biotissue::fem::assembly::{Assembler, Unknowns, geometry};
 use biotissue::fem::material::{Material, NeoHookean};
 use biotissue::fem::mesh::{Mesh, shapes};
-use biotissue::las::{Backend, FactorReport, MatrixOps, SolveError, Solver, SolverParams, Sparsity, Symmetry};
+use biotissue::las::{FactorReport, MatrixOps, RealBackend, SolveError, Solver, SolverParams, Sparsity, Symmetry};
 use nalgebra::Matrix3;
 
 /// Factors the stiffness of a body at rest, whose elements are as stiff as `stiffness` says of their centers.
-fn factored<B: Backend<Scalar = f64, Context = ()>>(
+fn factored<B: RealBackend<Context = ()>>(
     mesh: &Mesh,
     stiffness: impl Fn([f64; 3]) -> f64,
     held: impl Fn([f64; 3]) -> [bool; 3],
     symmetry: Symmetry,
-) -> Result<FactorReport, SolveError<B::Fault>> {
+) -> Result<FactorReport, SolveError<B::Error>> {
     let unknowns = Unknowns::new(mesh.nodes().len(), |node, component| held(mesh.nodes()[node])[component]).unwrap();
     let pattern = Arc::new(unknowns.pattern(mesh).unwrap());
     let mut matrix = B::matrix(&(), &pattern).unwrap();
@@ -35,7 +35,7 @@ fn factored<B: Backend<Scalar = f64, Context = ()>>(
 
 const BOTH: [Symmetry; 2] = [Symmetry::Definite, Symmetry::Symmetric];
 
-fn assert_singular<B: Backend<Scalar = f64, Context = ()>>(
+fn assert_singular<B: RealBackend<Context = ()>>(
     what: &str,
     mesh: &Mesh,
     stiffness: impl Fn([f64; 3]) -> f64,
@@ -48,7 +48,7 @@ fn assert_singular<B: Backend<Scalar = f64, Context = ()>>(
     }
 }
 
-fn assert_regular<B: Backend<Scalar = f64, Context = ()>>(
+fn assert_regular<B: RealBackend<Context = ()>>(
     what: &str,
     mesh: &Mesh,
     stiffness: impl Fn([f64; 3]) -> f64,
@@ -60,7 +60,7 @@ fn assert_regular<B: Backend<Scalar = f64, Context = ()>>(
     }
 }
 
-fn free_bodies<B: Backend<Scalar = f64, Context = ()>>(sizes: &[usize]) {
+fn free_bodies<B: RealBackend<Context = ()>>(sizes: &[usize]) {
     for &side in sizes {
         let mesh = shapes::cuboid([side; 3], [1.0, 0.7, 1.3]).unwrap();
         let one = |_| 1.0;
@@ -82,7 +82,7 @@ fn bodies_that_float_are_singular() {
     free_bodies::<Dense>(&[1, 3]);
 }
 
-fn well_posed_bodies<B: Backend<Scalar = f64, Context = ()>>(lengths: &[usize]) {
+fn well_posed_bodies<B: RealBackend<Context = ()>>(lengths: &[usize]) {
     let clamped = |x: [f64; 3]| [x[0] == 0.0; 3];
     for &length in lengths {
         let mesh = shapes::cuboid([length, 1, 1], [length as f64, 1.0, 1.0]).unwrap();
@@ -110,12 +110,12 @@ fn bodies_that_are_held_are_regular_however_slender_or_soft() {
 }
 
 /// A chain of springs whose unknowns have units of their own, on a body or, with `last` of 1, free.
-fn scaled_chain<B: Backend<Scalar = f64, Context = (), Index = i32>>(
+fn scaled_chain<B: RealBackend<Context = (), Index = i32>>(
     rows: [f64; 4],
     columns: [f64; 4],
     last: f64,
     symmetry: Symmetry,
-) -> Result<FactorReport, SolveError<B::Fault>> {
+) -> Result<FactorReport, SolveError<B::Error>> {
     let pattern = Arc::new(Sparsity::from_elements(4, [[0, 1], [1, 2], [2, 3]]).unwrap());
     let mut a = B::matrix(&(), &pattern).unwrap();
     for i in 0..4_usize {
@@ -134,7 +134,7 @@ const UNITS: [f64; 4] = [1.0 / (1_u64 << 60) as f64, 1.0, (1_u64 << 60) as f64, 
 
 #[test]
 fn scales_do_not_make_a_matrix_singular() {
-    fn check<B: Backend<Scalar = f64, Context = (), Index = i32>>() {
+    fn check<B: RealBackend<Context = (), Index = i32>>() {
         for symmetry in [Symmetry::Definite, Symmetry::Symmetric, Symmetry::None] {
             let found = scaled_chain::<B>(UNITS, UNITS, 2.0, symmetry);
             assert!(found.is_ok(), "{} {symmetry:?}: {found:?}", B::NAME);
@@ -151,7 +151,7 @@ fn scales_do_not_make_a_matrix_singular() {
 
 #[test]
 fn scales_do_not_hide_a_singular_matrix() {
-    fn check<B: Backend<Scalar = f64, Context = (), Index = i32>>() {
+    fn check<B: RealBackend<Context = (), Index = i32>>() {
         let one = [1.0; 4];
         for symmetry in [Symmetry::Definite, Symmetry::Symmetric, Symmetry::None] {
             for (rows, columns) in [(UNITS, UNITS), (UNITS, one), (one, UNITS)] {
@@ -171,7 +171,7 @@ fn scales_do_not_hide_a_singular_matrix() {
 /// another one.
 #[test]
 fn factors_that_lost_a_row_are_not_used() {
-    fn check<B: Backend<Scalar = f64, Context = (), Index = i32>>() {
+    fn check<B: RealBackend<Context = (), Index = i32>>() {
         let pattern = Arc::new(Sparsity::from_elements(2, [[0, 1]]).unwrap());
         let mut a = B::matrix(&(), &pattern).unwrap();
         a.set(&[0, 1], &[0, 1], &[10.0, 1e30, 1.0, 1.0]).unwrap();

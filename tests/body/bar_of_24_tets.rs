@@ -9,7 +9,7 @@ use biotissue::fem::boundary::{Boundary, Conditions, LoadCurve, PointCondition, 
 use biotissue::fem::material::NeoHookean;
 use biotissue::fem::point_field::{FormulaField, PointField, PointResponses};
 use biotissue::fem::stepping::{ConvergedStep, StepObserver, StepParams, StepStart, Stepper};
-use biotissue::las::{Backend, MatrixOps, NewtonParams, Scalar, VectorOps};
+use biotissue::las::{MatrixOps, NewtonParams, RealBackend, VectorOps};
 #[cfg(feature = "sparse")]
 use biotissue::{
     backends::sparse::Sparse,
@@ -60,9 +60,8 @@ impl<P: PointField, F: std::error::Error> StepObserver<P, F> for Lateral {
 
 fn stretches_as_recorded<B>()
 where
-    B: Backend<Scalar = f64, Context = ()>,
-    B::Reduced: Scalar,
-    B::Fault: Debug,
+    B: RealBackend<Context = ()>,
+    B::Error: Debug,
 {
     let mut newton = NewtonParams::default();
     newton.tolerance = 1e-10;
@@ -123,8 +122,8 @@ fn the_end_is_homogeneous(displacements: &[[f64; 3]], tolerance: f64) {
 
 fn linear_stiffness_is_as_recorded<B>()
 where
-    B: Backend<Scalar = f64, Context = ()>,
-    B::Fault: Debug,
+    B: RealBackend<Context = ()>,
+    B::Error: Debug,
 {
     let mesh = mesh();
     let boundary = Boundary::new(&mesh, &conditions()).unwrap();

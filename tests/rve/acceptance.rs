@@ -8,7 +8,7 @@ use crate::support::Bench;
 use biotissue::backends::{dense::Dense, sparse::Sparse};
 use biotissue::fiber::homogenize::Tangent;
 use biotissue::fiber::orientation::{Weighting, tensor};
-use biotissue::las::{Backend, Scalar};
+use biotissue::las::RealBackend;
 use biotissue::tensor::cauchy;
 use nalgebra::{Matrix3, SMatrix};
 
@@ -52,10 +52,7 @@ fn corotational(c: &Voigt, tau: &Matrix3<f64>) -> Voigt {
     })
 }
 
-fn reproduces_the_published_rve<B: Backend<Scalar = f64, Context = ()>>() -> Option<(Matrix3<f64>, Tangent)>
-where
-    B::Reduced: Scalar,
-{
+fn reproduces_the_published_rve<B: RealBackend<Context = ()>>() -> Option<(Matrix3<f64>, Tangent)> {
     let network = support::published("Network_2_7.txt")?;
     assert_eq!((network.nodes().len(), network.fibers().len(), network.boundary().len()), (336, 635, 261));
     assert!((network.total_length() - 170.214_164).abs() < 1e-6);

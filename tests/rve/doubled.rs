@@ -6,7 +6,7 @@ use biotissue::backends::{dense::Dense, sparse::Sparse};
 use biotissue::fiber::law::FiberMaterial;
 use biotissue::fiber::network::check::{examine, rigidity};
 use biotissue::fiber::network::{Network, file};
-use biotissue::las::{Backend, Scalar};
+use biotissue::las::RealBackend;
 use nalgebra::Matrix3;
 
 use crate::support::{self, Bench, frozen, laws};
@@ -28,10 +28,7 @@ fn doubled_and_thick(material: &FiberMaterial) -> (Arc<Network>, Arc<Network>) {
     (Arc::new(doubled), Arc::new(of_twice_the_area.unwrap()))
 }
 
-fn is_as_stiff_as_one_of_twice_the_area<B: Backend<Scalar = f64, Context = ()>>()
-where
-    B::Reduced: Scalar,
-{
+fn is_as_stiff_as_one_of_twice_the_area<B: RealBackend<Context = ()>>() {
     let f = Matrix3::new(1.1, 0.05, 0.0, -0.02, 0.97, 0.03, 0.0, 0.01, 1.02);
     for material in laws() {
         let (doubled, thick) = doubled_and_thick(&material);

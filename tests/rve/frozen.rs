@@ -6,7 +6,7 @@ use biotissue::backends::{dense::Dense, sparse::Sparse};
 use biotissue::fiber::homogenize::Tangent;
 use biotissue::fiber::orientation::{Weighting, tensor};
 use biotissue::fiber::rve::Rve;
-use biotissue::las::{Backend, Iterative, Scalar, SolverParams};
+use biotissue::las::{Iterative, RealBackend, SolverParams};
 use nalgebra::Matrix3;
 
 const RESIDUALS: [f64; 4] =
@@ -66,10 +66,7 @@ const TANGENT_DIAGONAL: [(usize, [f64; 9]); 3] = [
     ),
 ];
 
-fn keeps_its_numbers<B: Backend<Scalar = f64, Context = ()>>() -> (Matrix3<f64>, Tangent)
-where
-    B::Reduced: Scalar,
-{
+fn keeps_its_numbers<B: RealBackend<Context = ()>>() -> (Matrix3<f64>, Tangent) {
     let network = support::frozen();
     assert_eq!((network.nodes().len(), network.fibers().len(), network.boundary().len()), (127, 151, 115));
     assert!((network.total_length() - 54.194_076_548_916_55).abs() < 1e-12);
@@ -87,13 +84,7 @@ fn gradient() -> Matrix3<f64> {
     Matrix3::new(1.08, 0.03, 0.0, 0.01, 0.97, 0.02, 0.0, -0.02, 1.01)
 }
 
-fn end_has_its_numbers<B: Backend<Scalar = f64, Context = ()>>(
-    bench: &mut Bench<B>,
-    rve: &Rve,
-) -> (Matrix3<f64>, Tangent)
-where
-    B::Reduced: Scalar,
-{
+fn end_has_its_numbers<B: RealBackend<Context = ()>>(bench: &mut Bench<B>, rve: &Rve) -> (Matrix3<f64>, Tangent) {
     let pk1 = bench.pk1();
     assert!((pk1 - Matrix3::from_row_slice(&PK1)).amax() < 1e-9 * pk1.amax(), "{pk1}");
     assert!((bench.energy() - ENERGY).abs() < 1e-9 * ENERGY, "{}", bench.energy());

@@ -8,7 +8,7 @@ use biotissue::fiber::homogenize::Tangent;
 use biotissue::fiber::law::FiberMaterial;
 use biotissue::fiber::network::Network;
 use biotissue::fiber::rve::Rve;
-use biotissue::las::{Backend, Scalar};
+use biotissue::las::RealBackend;
 use nalgebra::{DMatrix, Matrix3, Rotation3, Vector3};
 
 /// 1 % and 15 % of a general strain, and the latter turned by 90 degrees.
@@ -20,19 +20,13 @@ fn states() -> [(&'static str, Matrix3<f64>); 3] {
 }
 
 /// Equilibrium from rest, by way of half the deformation where it is turned.
-fn bench<B: Backend<Scalar = f64, Context = ()>>(network: &Arc<Network>, material: FiberMaterial) -> Bench<B>
-where
-    B::Reduced: Scalar,
-{
+fn bench<B: RealBackend<Context = ()>>(network: &Arc<Network>, material: FiberMaterial) -> Bench<B> {
     let mut bench = Bench::<B>::new(network, Some(material));
     bench.params.newton.tolerance = 1e-13;
     bench
 }
 
-fn central_differences<B: Backend<Scalar = f64, Context = ()>>(bench: &mut Bench<B>, rve: &Rve) -> Tangent
-where
-    B::Reduced: Scalar,
-{
+fn central_differences<B: RealBackend<Context = ()>>(bench: &mut Bench<B>, rve: &Rve) -> Tangent {
     let h = 1e-5;
     let mut differences = Tangent::zeros();
     for column in 0..9 {

@@ -15,7 +15,7 @@ use biotissue::fiber::law::{FiberMaterial, Law};
 use biotissue::fiber::network::{Network, file};
 use biotissue::fiber::rve::{Rve, RveModel, StressScale};
 use biotissue::fiber::workspace::Workspace;
-use biotissue::las::{Backend, Scalar, SolverParams};
+use biotissue::las::{Backend, RealBackend, SolverParams};
 use nalgebra::Matrix3;
 
 pub use networks::published_file;
@@ -63,20 +63,14 @@ pub struct Bench<B: Backend> {
     solution: (Matrix3<f64>, f64),
 }
 
-impl<B: Backend<Scalar = f64, Context = ()>> Bench<B>
-where
-    B::Reduced: Scalar,
-{
+impl<B: RealBackend<Context = ()>> Bench<B> {
     /// With `material`, or with that of the network's file; unscaled.
     pub fn new(network: &Arc<Network>, material: Option<FiberMaterial>) -> Self {
         Self::within(&(), network, material)
     }
 }
 
-impl<B: Backend<Scalar = f64>> Bench<B>
-where
-    B::Reduced: Scalar,
-{
+impl<B: RealBackend> Bench<B> {
     /// The same, in a context.
     pub fn within(context: &B::Context, network: &Arc<Network>, material: Option<FiberMaterial>) -> Self {
         Self::solved_by(context, network, material, &SolverParams::default())
@@ -99,7 +93,7 @@ where
         Rve::at_rest(self.model.network())
     }
 
-    pub fn solve(&mut self, rve: &mut Rve, f: &Matrix3<f64>) -> Result<EquilibriumReport, RveError<B::Fault>> {
+    pub fn solve(&mut self, rve: &mut Rve, f: &Matrix3<f64>) -> Result<EquilibriumReport, RveError<B::Error>> {
         let solved = equilibrate(&self.model, rve, f, &self.params, &mut self.workspace)?;
         self.solution = (solved.pk1(), solved.energy());
         Ok(solved.into_report())

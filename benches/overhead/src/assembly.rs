@@ -55,7 +55,7 @@ macro_rules! loops {
         $(#[$attribute])*
         pub mod $module {
             use biotissue::las::MatrixOps;
-            use overhead_unit::$module::{self as unit, B, Fault, Matrix, Operations, Scalar, Table};
+            use overhead_unit::$module::{self as unit, B, Error, Matrix, Operations, Scalar, Table};
 
             use super::{ENTRIES, Unknowns};
             use crate::by_hand::$module as hand;
@@ -71,7 +71,7 @@ macro_rules! loops {
             /// # Errors
             /// Returns the error of the backend.
             #[inline(never)]
-            pub fn las(k: &mut Matrix, elements: &[Unknowns], block: &[Scalar; ENTRIES]) -> Result<(), Fault> {
+            pub fn las(k: &mut Matrix, elements: &[Unknowns], block: &[Scalar; ENTRIES]) -> Result<(), Error> {
                 for unknowns in elements {
                     MatrixOps::<B>::add(k, unknowns, unknowns, block)?;
                 }
@@ -83,7 +83,7 @@ macro_rules! loops {
             /// # Errors
             /// Returns the error of the backend.
             #[inline(never)]
-            pub fn call(k: &mut Matrix, elements: &[Unknowns], block: &[Scalar; ENTRIES]) -> Result<(), Fault> {
+            pub fn call(k: &mut Matrix, elements: &[Unknowns], block: &[Scalar; ENTRIES]) -> Result<(), Error> {
                 for unknowns in elements {
                     unit::matrix_add(k, unknowns, unknowns, block)?;
                 }
@@ -100,7 +100,7 @@ macro_rules! loops {
                 k: &mut Matrix,
                 elements: &[Unknowns],
                 block: &[Scalar; ENTRIES],
-            ) -> Result<(), Fault> {
+            ) -> Result<(), Error> {
                 for unknowns in elements {
                     (table.matrix_add)(k, unknowns, unknowns, block)?;
                 }
@@ -117,7 +117,7 @@ macro_rules! loops {
                 k: &mut Matrix,
                 elements: &[Unknowns],
                 block: &[Scalar; ENTRIES],
-            ) -> Result<(), Fault> {
+            ) -> Result<(), Error> {
                 for unknowns in elements {
                     object.matrix_add(k, unknowns, unknowns, block)?;
                 }

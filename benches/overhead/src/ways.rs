@@ -24,7 +24,7 @@ macro_rules! las {
     ($($name:ident($($arg:ident: $of:ty),*) -> $out:ty = $call:expr;)*) => {
         $(
             #[inline(never)]
-            pub fn $name($($arg: $of),*) -> Result<$out, Fault> {
+            pub fn $name($($arg: $of),*) -> Result<$out, Error> {
                 $call
             }
         )*
@@ -39,7 +39,7 @@ macro_rules! call {
     ($($name:ident($($arg:ident: $of:ty),*) -> $out:ty = $call:expr;)*) => {
         $(
             #[inline(never)]
-            pub fn $name($($arg: $of),*) -> Result<$out, Fault> {
+            pub fn $name($($arg: $of),*) -> Result<$out, Error> {
                 unit::$name($($arg),*)
             }
         )*
@@ -54,7 +54,7 @@ macro_rules! table {
     ($($name:ident($($arg:ident: $of:ty),*) -> $out:ty = $call:expr;)*) => {
         $(
             #[inline(never)]
-            pub fn $name(table: &Table, $($arg: $of),*) -> Result<$out, Fault> {
+            pub fn $name(table: &Table, $($arg: $of),*) -> Result<$out, Error> {
                 (table.$name)($($arg),*)
             }
         )*
@@ -69,7 +69,7 @@ macro_rules! object {
     ($($name:ident($($arg:ident: $of:ty),*) -> $out:ty = $call:expr;)*) => {
         $(
             #[inline(never)]
-            pub fn $name(object: &dyn Operations, $($arg: $of),*) -> Result<$out, Fault> {
+            pub fn $name(object: &dyn Operations, $($arg: $of),*) -> Result<$out, Error> {
                 object.$name($($arg),*)
             }
         )*
@@ -107,7 +107,7 @@ macro_rules! backend {
             pub mod las {
                 use biotissue::las::{MatrixOps, VectorOps};
                 use overhead_unit::for_each_verb;
-                use overhead_unit::$module::{B, Fault, Matrix, Reduced, Scalar, Slot, Vector};
+                use overhead_unit::$module::{B, Error, Matrix, Reduced, Scalar, Slot, Vector};
 
                 for_each_verb!(las);
             }
@@ -115,7 +115,7 @@ macro_rules! backend {
             /// Through a function of another compilation unit.
             pub mod call {
                 use overhead_unit::for_each_verb;
-                use overhead_unit::$module::{self as unit, Fault, Matrix, Reduced, Scalar, Slot, Vector};
+                use overhead_unit::$module::{self as unit, Error, Matrix, Reduced, Scalar, Slot, Vector};
 
                 for_each_verb!(call);
             }
@@ -123,7 +123,7 @@ macro_rules! backend {
             /// Through a table of function pointers.
             pub mod table {
                 use overhead_unit::for_each_verb;
-                use overhead_unit::$module::{Fault, Matrix, Reduced, Scalar, Slot, Table, Vector};
+                use overhead_unit::$module::{Error, Matrix, Reduced, Scalar, Slot, Table, Vector};
 
                 for_each_verb!(table);
             }
@@ -131,7 +131,7 @@ macro_rules! backend {
             /// Through a trait object.
             pub mod object {
                 use overhead_unit::for_each_verb;
-                use overhead_unit::$module::{Fault, Matrix, Operations, Reduced, Scalar, Slot, Vector};
+                use overhead_unit::$module::{Error, Matrix, Operations, Reduced, Scalar, Slot, Vector};
 
                 for_each_verb!(object);
             }

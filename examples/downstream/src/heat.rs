@@ -67,7 +67,7 @@ impl<B: Backend> Body<B> {
     }
 
     /// Assembles the matrix at the current temperatures.
-    fn assemble(&mut self, kappa: B::Scalar) -> Result<(), B::Fault> {
+    fn assemble(&mut self, kappa: B::Scalar) -> Result<(), B::Error> {
         let third = kappa * B::Scalar::every(1.0 / 3.0);
         self.rates.zero()?;
         for (element, slots) in self.elements.iter().zip(self.slots.chunks_exact(9)) {
@@ -88,22 +88,22 @@ impl<B: Backend> Body<B> {
     }
 
     /// Returns the total heat of each body.
-    pub fn heat(&self) -> Result<B::Reduced, B::Fault> {
+    pub fn heat(&self) -> Result<B::Reduced, B::Error> {
         self.temperature.dot(&self.capacity)
     }
 
     /// Returns the rate of change of each body in the last step, as root mean square over its nodes.
-    pub fn unrest(&self) -> Result<B::Reduced, B::Fault> {
+    pub fn unrest(&self) -> Result<B::Reduced, B::Error> {
         Ok(self.change.norm()? / B::Reduced::every((self.places.len() as f64).sqrt()))
     }
 
     /// Returns the temperatures of the body in a lane, by node.
-    pub fn temperatures(&self, lane: usize) -> Result<Vec<f64>, B::Fault> {
+    pub fn temperatures(&self, lane: usize) -> Result<Vec<f64>, B::Error> {
         self.temperature.with_local(|values| values.iter().map(|value| value.lane(lane).as_f64()).collect())
     }
 
     /// Returns the difference from an exact temperature field: misplaced heat relative to total heat.
-    pub fn error(&self, lane: usize, exact: impl Fn([f64; 2]) -> f64) -> Result<f64, B::Fault> {
+    pub fn error(&self, lane: usize, exact: impl Fn([f64; 2]) -> f64) -> Result<f64, B::Error> {
         let capacity =
             self.capacity.with_local(|values| values.iter().map(|c| c.lane(lane).as_f64()).collect::<Vec<_>>())?;
         let (mut misplaced, mut all) = (0.0, 0.0);
@@ -115,7 +115,7 @@ impl<B: Backend> Body<B> {
     }
 
     /// Returns the largest distance from the origin of a node warmer than a hundredth of the maximum temperature.
-    pub fn reach(&self, lane: usize) -> Result<f64, B::Fault> {
+    pub fn reach(&self, lane: usize) -> Result<f64, B::Error> {
         let temperatures = self.temperatures(lane)?;
         let hottest = temperatures.iter().copied().fold(0.0, f64::max);
         let warm = self.places.iter().zip(temperatures).filter(|&(_, u)| u > 0.01 * hottest);

@@ -47,7 +47,7 @@ impl Backend for Own {
     type Index = i64;
     type Reduced = f64;
     type Context = ();
-    type Fault = Infallible;
+    type Error = Infallible;
     /// A position, or `None` for a dropped value.
     type Slot = Option<usize>;
     type Vector = Vector;

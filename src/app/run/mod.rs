@@ -31,13 +31,13 @@ use super::results::log::{End, Event, Start};
 use super::results::{self, DirectoryLock, Done, ResultsError, ResultsRecord};
 use crate::fem::mesh::Mesh;
 use crate::fem::stepping::{Stepper, SteppingError};
-use crate::las::{Backend, Scalar};
+use crate::las::RealBackend;
 use crate::tissue::micro_scale::{TissueField, TissueMaterial};
 
 /// A body and its networks, set up to step through the loads.
 ///
 /// `B` is the backend of the body, `M` its material: in one process by default, or on other ranks.
-pub struct Simulation<B: Backend<Scalar = f64, Reduced: Scalar>, M = TissueField<B>> {
+pub struct Simulation<B: RealBackend, M = TissueField<B>> {
     case: Case,
     stepper: Stepper<B, M>,
     /// The elements whose networks are written to the results.
@@ -49,13 +49,13 @@ pub struct Simulation<B: Backend<Scalar = f64, Reduced: Scalar>, M = TissueField
     written: ResultsRecord,
 }
 
-impl<B: Backend<Scalar = f64, Reduced: Scalar>> Simulation<B> {
+impl<B: RealBackend> Simulation<B> {
     /// Reads the mesh and the networks of a case and sets up the linear systems of both scales.
     ///
     /// # Errors
     /// Returns [`SimulationError`] if an input file cannot be read or does not match the case, or the first evaluation
     /// of the body fails.
-    pub fn new(context: B::Context, case: Case) -> Result<Self, SimulationError<B::Fault>>
+    pub fn new(context: B::Context, case: Case) -> Result<Self, SimulationError<B::Error>>
     where
         B::Context: Clone,
     {
@@ -63,7 +63,7 @@ impl<B: Backend<Scalar = f64, Reduced: Scalar>> Simulation<B> {
     }
 }
 
-impl<B: Backend<Scalar = f64, Reduced: Scalar>, M: TissueMaterial> Simulation<B, M> {
+impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
     /// Returns the warnings of the readers.
     #[must_use]
     pub fn warnings(&self) -> &[String] {
@@ -112,7 +112,7 @@ impl<B: Backend<Scalar = f64, Reduced: Scalar>, M: TissueMaterial> Simulation<B,
     /// Returns [`ResumeError`] if the checkpoints belong to another run or are all damaged, if there are results
     /// without a checkpoint or results that differ from those written before it, or if another run uses the directory.
     /// No result file is changed then.
-    pub fn resume(&mut self, dir: &Path) -> Result<Resumed, ResumeError<B::Fault>> {
+    pub fn resume(&mut self, dir: &Path) -> Result<Resumed, ResumeError<B::Error>> {
         self.resume_among(&(), dir)
     }
 
@@ -120,7 +120,7 @@ impl<B: Backend<Scalar = f64, Reduced: Scalar>, M: TissueMaterial> Simulation<B,
     ///
     /// # Errors
     /// Returns [`ResumeError`] on all processes.
-    pub fn resume_among(&mut self, writers: &dyn WriterGroup, dir: &Path) -> Result<Resumed, ResumeError<B::Fault>> {
+    pub fn resume_among(&mut self, writers: &dyn WriterGroup, dir: &Path) -> Result<Resumed, ResumeError<B::Error>> {
         let outcome = self.restore(writers, dir);
         if outcome.is_err() {
             self.lock = None;
@@ -128,7 +128,7 @@ impl<B: Backend<Scalar = f64, Reduced: Scalar>, M: TissueMaterial> Simulation<B,
         outcome
     }
 
-    fn restore(&mut self, writers: &dyn WriterGroup, dir: &Path) -> Result<Resumed, ResumeError<B::Fault>> {
+    fn restore(&mut self, writers: &dyn WriterGroup, dir: &Path) -> Result<Resumed, ResumeError<B::Error>> {
         // A directory that does not exist cannot be locked.
         let mut warnings = match dir.exists() {
             true => self.take_directory(writers, dir)?,
@@ -157,7 +157,7 @@ impl<B: Backend<Scalar = f64, Reduced: Scalar>, M: TissueMaterial> Simulation<B,
     }
 
     /// Checks that a directory without a checkpoint holds no results that a start from the beginning would remove.
-    fn check_empty(&self, writers: &dyn WriterGroup, dir: &Path) -> Result<(), ResumeError<B::Fault>> {
+    fn check_empty(&self, writers: &dyn WriterGroup, dir: &Path) -> Result<(), ResumeError<B::Error>> {
         let found = match writers.is_writer() {
             true => results::results_without_checkpoint(dir, &self.case),
             false => Ok(None),
@@ -182,7 +182,7 @@ impl<B: Backend<Scalar = f64, Reduced: Scalar>, M: TissueMaterial> Simulation<B,
     ///
     /// # Errors
     /// Returns [`RunError`]; the results of all converged steps are on disk.
-    pub fn run(&mut self, dir: &Path, progress: &mut dyn Progress) -> Result<RunSummary, RunError<B::Fault>> {
+    pub fn run(&mut self, dir: &Path, progress: &mut dyn Progress) -> Result<RunSummary, RunError<B::Error>> {
         self.run_among(&(), dir, progress)
     }
 
@@ -195,7 +195,7 @@ impl<B: Backend<Scalar = f64, Reduced: Scalar>, M: TissueMaterial> Simulation<B,
         writers: &dyn WriterGroup,
         dir: &Path,
         progress: &mut dyn Progress,
-    ) -> Result<RunSummary, RunError<B::Fault>> {
+    ) -> Result<RunSummary, RunError<B::Error>> {
         let start = Instant::now();
         let outcome = self.take_directory(writers, dir).map_err(RunError::from);
         let outcome = outcome.and_then(|_| self.run_locked(writers, dir, progress, start));
@@ -210,7 +210,7 @@ impl<B: Backend<Scalar = f64, Reduced: Scalar>, M: TissueMaterial> Simulation<B,
         dir: &Path,
         progress: &mut dyn Progress,
         start: Instant,
-    ) -> Result<RunSummary, RunError<B::Fault>> {
+    ) -> Result<RunSummary, RunError<B::Error>> {
         let done = self.stepper.completed_steps();
         let resumed = (done > 0).then(|| ResumePoint {
             done: Done { steps: done, of: self.stepper.count() },
@@ -260,7 +260,7 @@ impl<B: Backend<Scalar = f64, Reduced: Scalar>, M: TissueMaterial> Simulation<B,
     }
 
     /// Takes the remaining steps, with a checkpoint after each; returns the number of Newton iterations.
-    fn take_steps(&mut self, dir: &Path, recorder: &mut AgreedRecorder<'_, '_>) -> Result<usize, RunError<B::Fault>> {
+    fn take_steps(&mut self, dir: &Path, recorder: &mut AgreedRecorder<'_, '_>) -> Result<usize, RunError<B::Error>> {
         let identity = self.identity();
         let count = self.stepper.count();
         let mut iterations = 0;

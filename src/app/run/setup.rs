@@ -16,7 +16,7 @@ use crate::fem::mesh::Mesh;
 use crate::fem::rigid_modes;
 use crate::fem::stepping::{SetupError, Stepper};
 use crate::input::InputErrors;
-use crate::las::{Backend, Scalar};
+use crate::las::RealBackend;
 use crate::tissue::micro_scale::{LibraryError, TissueField, TissueFieldError, TissueMaterial};
 
 /// The reason why a simulation cannot be set up.
@@ -34,7 +34,7 @@ pub enum SimulationError<F: std::error::Error + 'static> {
 }
 
 /// A case with all its input files, read and checked before the first solve.
-pub struct Setup<B: Backend<Scalar = f64, Reduced: Scalar>, M = TissueField<B>> {
+pub struct Setup<B: RealBackend, M = TissueField<B>> {
     context: B::Context,
     case: Case,
     mesh: Mesh,
@@ -45,7 +45,7 @@ pub struct Setup<B: Backend<Scalar = f64, Reduced: Scalar>, M = TissueField<B>> 
     warnings: Vec<String>,
 }
 
-impl<B: Backend<Scalar = f64, Reduced: Scalar>> Setup<B>
+impl<B: RealBackend> Setup<B>
 where
     B::Context: Clone,
 {
@@ -54,13 +54,13 @@ where
     /// # Errors
     /// Returns [`SimulationError`] if an input file cannot be read or does not match the case, or if the boundary
     /// conditions leave a rigid-body mode.
-    pub fn new(context: B::Context, case: Case) -> Result<Self, SimulationError<B::Fault>> {
+    pub fn new(context: B::Context, case: Case) -> Result<Self, SimulationError<B::Error>> {
         let of_rves = context.clone();
         Self::with_material(context, case, |case, mesh| TissueField::new(of_rves, case.materials(), mesh))
     }
 }
 
-impl<B: Backend<Scalar = f64, Reduced: Scalar>, M: TissueMaterial> Setup<B, M> {
+impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
     /// Reads the mesh of a case and checks it against the case; `material` returns the materials of its elements, and
     /// warnings.
     ///
@@ -70,7 +70,7 @@ impl<B: Backend<Scalar = f64, Reduced: Scalar>, M: TissueMaterial> Setup<B, M> {
         context: B::Context,
         case: Case,
         material: impl FnOnce(&Case, &Mesh) -> Result<(M, Vec<String>), LibraryError>,
-    ) -> Result<Self, SimulationError<B::Fault>> {
+    ) -> Result<Self, SimulationError<B::Error>> {
         let (mesh, mut warnings) = macro_scale::mesh(&case)?;
         let conditions = macro_scale::conditions(&case);
         let boundary = macro_scale::boundary(&case, &mesh, &conditions)?;
@@ -119,7 +119,7 @@ impl<B: Backend<Scalar = f64, Reduced: Scalar>, M: TissueMaterial> Setup<B, M> {
     /// # Errors
     /// Returns [`SimulationError::Setup`] if the linear system cannot be set up or a point of the undeformed body has
     /// no response.
-    pub fn simulation(self) -> Result<Simulation<B, M>, SimulationError<B::Fault>> {
+    pub fn simulation(self) -> Result<Simulation<B, M>, SimulationError<B::Error>> {
         let Self { context, case, mesh, conditions, field, networks, warnings, .. } = self;
         let params = macro_scale::step_params(&case);
         let order = field.node_order(&mesh);

@@ -53,7 +53,7 @@ impl<T: Scalar, const N: usize> Backend for Batched<T, N> {
     type Index = i32;
     type Reduced = Lanes<T, N>;
     type Context = ();
-    type Fault = Infallible;
+    type Error = Infallible;
     type Slot = u32;
     type Vector = Vector<T, N>;
     type Matrix = Matrix<T, N>;

@@ -34,7 +34,7 @@ impl<T: Scalar + RealField> Backend for Dense<T> {
     type Index = i32;
     type Reduced = T;
     type Context = ();
-    type Fault = Infallible;
+    type Error = Infallible;
     type Slot = usize;
     type Vector = Vector<T>;
     type Matrix = Matrix<T>;

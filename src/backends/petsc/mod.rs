@@ -72,7 +72,7 @@ impl Backend for Petsc {
     type Index = i32;
     type Reduced = f64;
     type Context = Context;
-    type Fault = PetscError;
+    type Error = PetscError;
     type Slot = u32;
     type Vector = Vector;
     type Matrix = Matrix;

@@ -15,7 +15,7 @@ use crate::las::{
     Sparsity, Symmetry, VectorOps,
 };
 
-type Fault = SolveError<PetscError>;
+type PetscSolveError = SolveError<PetscError>;
 
 /// The context, the sparsity pattern and the solver parameters. PETSc's own symbolic analyses belong to the individual
 /// factorizations and are made with the first one of every solver.
@@ -27,7 +27,11 @@ pub struct Symbolic {
 }
 
 impl Symbolic {
-    pub(super) fn new(context: &Context, pattern: &Arc<Sparsity>, params: &SolverParams) -> Result<Self, Fault> {
+    pub(super) fn new(
+        context: &Context,
+        pattern: &Arc<Sparsity>,
+        params: &SolverParams,
+    ) -> Result<Self, PetscSolveError> {
         check_analyzable(pattern, params)?;
         Ok(Self { context: context.clone(), pattern: Arc::clone(pattern), params: *params })
     }
@@ -56,7 +60,7 @@ pub struct Solver {
 }
 
 impl Solver {
-    pub(super) fn new(symbolic: &Arc<Symbolic>) -> Result<Self, Fault> {
+    pub(super) fn new(symbolic: &Arc<Symbolic>) -> Result<Self, PetscSolveError> {
         let context = &symbolic.context;
         let a = Matrix::zeros_aij(context, &symbolic.pattern)?;
         let iterative = match symbolic.params.method {
@@ -75,7 +79,7 @@ impl Solver {
     }
 
     /// Checks a matrix and copies its values.
-    fn copy_matrix(&mut self, a: &Matrix) -> Result<(), Fault> {
+    fn copy_matrix(&mut self, a: &Matrix) -> Result<(), PetscSolveError> {
         self.active = None;
         let (found, expected) = (a.pattern(), &self.symbolic.pattern);
         check_pattern(found, expected)?;
@@ -101,14 +105,14 @@ impl Solver {
     }
 
     /// Returns the unknown with the smallest diagonal entry.
-    fn smallest_diagonal(&mut self) -> Result<usize, Fault> {
+    fn smallest_diagonal(&mut self) -> Result<usize, PetscSolveError> {
         self.a.diagonal(&mut self.diagonal)?;
         let entries = self.diagonal.as_slice().iter().enumerate();
         Ok(entries.min_by(|a, b| a.1.total_cmp(b.1)).map_or(0, |(unknown, _)| unknown))
     }
 
     /// Factors the copied matrix, with more memory if the package requests it.
-    fn attempt(&mut self, kind: Factorization) -> Result<(Factorization, Outcome), Fault> {
+    fn attempt(&mut self, kind: Factorization) -> Result<(Factorization, Outcome), PetscSolveError> {
         let Self { a, limit, factors, .. } = self;
         let stored = &mut factors[index(kind)];
         let mut found = None;
@@ -139,7 +143,11 @@ impl Solver {
         }
     }
 
-    fn factor_by(&mut self, kind: Factorization, indefinite_at: Option<usize>) -> Result<FactorReport, Fault> {
+    fn factor_by(
+        &mut self,
+        kind: Factorization,
+        indefinite_at: Option<usize>,
+    ) -> Result<FactorReport, PetscSolveError> {
         let (kind, found) = self.attempt(kind)?;
         if found.failure.is_some() {
             return Err(self.singular(kind, &found));
@@ -152,7 +160,7 @@ impl Solver {
 
     /// Searches for a null vector if a pivot is small or the package does not report pivots, unless the caller set a
     /// limit for pivots. If a diagonal entry is not positive, the judgment of the package stands.
-    fn check_near_singular(&mut self, kind: Factorization, ratio: f64) -> Result<(), Fault> {
+    fn check_near_singular(&mut self, kind: Factorization, ratio: f64) -> Result<(), PetscSolveError> {
         let n = self.symbolic.pattern.rows();
         let reported = if ratio < 1.0 { ratio } else { 0.0 };
         let Some(limit) = null_vector_limit::<f64>(&self.symbolic.params, n, reported) else { return Ok(()) };
@@ -173,7 +181,7 @@ impl Solver {
         }
     }
 
-    fn singular(&mut self, kind: Factorization, found: &Outcome) -> Fault {
+    fn singular(&mut self, kind: Factorization, found: &Outcome) -> PetscSolveError {
         let Self { a, factors, diagonal, limit, .. } = self;
         let limit = *limit;
         let unknown = match factors[index(kind)].take().map(|factor| factor.null_space_unknown(a, found, diagonal)) {
@@ -185,7 +193,7 @@ impl Solver {
     }
 
     /// Factors by Cholesky; returns `None` if the matrix is not positive definite.
-    fn factor_by_cholesky(&mut self) -> Result<Option<FactorReport>, Fault> {
+    fn factor_by_cholesky(&mut self) -> Result<Option<FactorReport>, PetscSolveError> {
         let (kind, found) = self.attempt(Factorization::Cholesky)?;
         let is_definite = found.failure.is_none() && found.negative.is_none_or(|negative| negative == 0);
         if !is_definite {
@@ -200,7 +208,7 @@ impl Solver {
         Ok(Some(FactorReport { kind, indefinite_at: None, pivot_ratio: found.ratio, negative_pivots }))
     }
 
-    fn factor_taken(&mut self) -> Result<FactorReport, Fault> {
+    fn factor_taken(&mut self) -> Result<FactorReport, PetscSolveError> {
         if self.symbolic.pattern.rows() == 0 {
             return Ok(self.report_nothing());
         }
@@ -229,7 +237,7 @@ impl Solver {
         FactorReport { kind, indefinite_at: None, pivot_ratio: 1.0, negative_pivots }
     }
 
-    fn prepare_iterations(&mut self, method: Preconditioner) -> Result<FactorReport, Fault> {
+    fn prepare_iterations(&mut self, method: Preconditioner) -> Result<FactorReport, PetscSolveError> {
         if method == Preconditioner::Diagonal {
             self.a.inverse_diagonal(&mut self.diagonal)?;
         }
@@ -241,7 +249,7 @@ impl Solver {
         Ok(FactorReport { kind, indefinite_at: None, pivot_ratio: 1.0, negative_pivots: None })
     }
 
-    fn solve_columns(&mut self, b: &[Vector], x: &mut [Vector]) -> Result<SolveReport, Fault> {
+    fn solve_columns(&mut self, b: &[Vector], x: &mut [Vector]) -> Result<SolveReport, PetscSolveError> {
         let n = self.symbolic.pattern.rows();
         check_columns(n, b.iter().map(VectorOps::len), x.iter().map(VectorOps::len))?;
         let active = self.active.ok_or(SolveError::NotFactored)?;
@@ -278,7 +286,7 @@ fn index(kind: Factorization) -> usize {
     }
 }
 
-fn solve_one(factor: &Factor, a: &Matrix, b: &Vector, x: &mut Vector) -> Result<SolveReport, Fault> {
+fn solve_one(factor: &Factor, a: &Matrix, b: &Vector, x: &mut Vector) -> Result<SolveReport, PetscSolveError> {
     let ended = factor.solve(a, b, x)?;
     if ended.reason < 0 {
         return Err(SolveError::Library { library: "PETSc", reason: format!("KSPConvergedReason {}", ended.reason) });
@@ -288,7 +296,7 @@ fn solve_one(factor: &Factor, a: &Matrix, b: &Vector, x: &mut Vector) -> Result<
 }
 
 impl crate::las::Solver<Petsc> for Solver {
-    fn factor(&mut self, a: &Matrix) -> Result<FactorReport, Fault> {
+    fn factor(&mut self, a: &Matrix) -> Result<FactorReport, PetscSolveError> {
         self.copy_matrix(a)?;
         match self.symbolic.params.method {
             Method::Iterative(method) => self.prepare_iterations(method.preconditioner),
@@ -298,7 +306,7 @@ impl crate::las::Solver<Petsc> for Solver {
 
     /// With an iterative method, returns [`SolveError::Indefinite`] if a diagonal entry is not positive; no more is
     /// known.
-    fn factor_definite(&mut self, a: &Matrix) -> Result<FactorReport, Fault> {
+    fn factor_definite(&mut self, a: &Matrix) -> Result<FactorReport, PetscSolveError> {
         self.copy_matrix(a)?;
         if let Method::Iterative(method) = self.symbolic.params.method {
             let unknown = self.smallest_diagonal()?;
@@ -326,7 +334,7 @@ impl crate::las::Solver<Petsc> for Solver {
         definite(Petsc::NAME, report).inspect_err(|_| self.active = None)
     }
 
-    fn solve_many(&mut self, b: &[Vector], x: &mut [Vector]) -> Result<SolveReport, Fault> {
+    fn solve_many(&mut self, b: &[Vector], x: &mut [Vector]) -> Result<SolveReport, PetscSolveError> {
         self.solve_columns(b, x)
     }
 }

@@ -61,7 +61,7 @@ impl<T: BlockScalar> Backend for Sparse<T> {
     type Index = i32;
     type Reduced = T;
     type Context = ();
-    type Fault = Infallible;
+    type Error = Infallible;
     type Slot = u32;
     type Vector = Vector<T>;
     type Matrix = Matrix<T>;

@@ -2,14 +2,14 @@
 //! own.)
 
 use biotissue::backends::{self, BackendName};
-use biotissue::las::{Backend, Scalar};
+use biotissue::las::RealBackend;
 
 use crate::failure::Failure;
 
 /// A backend that the program can run on.
-pub trait ProgramBackend: Backend<Scalar = f64, Reduced: Scalar, Context: Clone> {}
+pub trait ProgramBackend: RealBackend<Context: Clone> {}
 
-impl<B: Backend<Scalar = f64, Reduced: Scalar, Context: Clone>> ProgramBackend for B {}
+impl<B: RealBackend<Context: Clone>> ProgramBackend for B {}
 
 /// A computation that is generic over the backend.
 pub trait Job {

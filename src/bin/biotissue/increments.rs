@@ -67,7 +67,7 @@ impl Increments<'_> {
         rve: &mut Rve,
         workspace: &mut Workspace<B>,
         last: &mut LastIncrement,
-    ) -> Result<EquilibriumReport, FailedIncrement<B::Fault>> {
+    ) -> Result<EquilibriumReport, FailedIncrement<B::Error>> {
         let start = rve.clone();
         let failed = match self.apply_each(model, rve, workspace, last) {
             Err(failed) if self.steps > 1 => failed,
@@ -92,7 +92,7 @@ impl Increments<'_> {
         rve: &mut Rve,
         workspace: &mut Workspace<B>,
         last: &mut LastIncrement,
-    ) -> Result<EquilibriumReport, FailedIncrement<B::Fault>> {
+    ) -> Result<EquilibriumReport, FailedIncrement<B::Error>> {
         let start = *rve.gradient();
         let mut sum = EquilibriumReport::default();
         for step in 1..=self.steps {

@@ -38,7 +38,7 @@ pub use unknowns::Unknowns;
 use super::boundary::Load;
 use super::element::{ElementError, NODES, Tetrahedron, UNKNOWNS};
 use super::mesh::Mesh;
-use crate::las::{Backend, Index, MatrixOps, VectorOps};
+use crate::las::{Backend, Index, MatrixOps, RealBackend, VectorOps};
 use crate::tensor::contract;
 
 /// An element of the mesh that is degenerate.
@@ -78,7 +78,7 @@ struct LoadGroup<B: Backend> {
     entry_positions: Vec<B::Slot>,
 }
 
-impl<B: Backend<Scalar = f64>> Assembler<B> {
+impl<B: RealBackend> Assembler<B> {
     /// Locates all elements of `mesh` in `matrix`, whose sparsity pattern is [`Unknowns::pattern`].
     ///
     /// # Errors
@@ -88,7 +88,7 @@ impl<B: Backend<Scalar = f64>> Assembler<B> {
         mesh: &Mesh,
         unknowns: &Unknowns,
         matrix: &B::Matrix,
-    ) -> Result<Self, B::Fault> {
+    ) -> Result<Self, B::Error> {
         let index = |&number: &i32| if number < 0 { B::Index::CONSTRAINED } else { B::Index::of(number as usize) };
         let equation_numbers: Vec<B::Index> = unknowns.equation_numbers().iter().map(index).collect();
         let rows_of = |nodes: &[u32; NODES]| -> [B::Index; UNKNOWNS] {
@@ -115,7 +115,7 @@ impl<B: Backend<Scalar = f64>> Assembler<B> {
     ///
     /// # Panics
     /// Panics if a load couples a node that does not exist.
-    pub fn locate_loads(&mut self, loads: &[Box<dyn Load>], matrix: &B::Matrix) -> Result<(), B::Fault> {
+    pub fn locate_loads(&mut self, loads: &[Box<dyn Load>], matrix: &B::Matrix) -> Result<(), B::Error> {
         self.load_groups.clear();
         for (load, coupled) in loads.iter().map(|load| load.coupled_nodes()).enumerate() {
             for (group, nodes) in coupled.groups().enumerate() {
@@ -172,7 +172,7 @@ impl<B: Backend<Scalar = f64>> Assembler<B> {
     ///
     /// # Errors
     /// Returns the fault of the backend.
-    pub fn scatter(&self, forces: &[[f64; 3]], r: &mut B::Vector) -> Result<(), B::Fault> {
+    pub fn scatter(&self, forces: &[[f64; 3]], r: &mut B::Vector) -> Result<(), B::Error> {
         r.add(&self.equation_numbers, forces.as_flattened())
     }
 
@@ -200,7 +200,7 @@ impl<B: Backend<Scalar = f64>> Assembler<B> {
     ///
     /// # Errors
     /// Returns the fault of the backend.
-    pub fn stiffness(&self, tangent: &[SMatrix<f64, 9, 9>], k: &mut B::Matrix) -> Result<(), B::Fault> {
+    pub fn stiffness(&self, tangent: &[SMatrix<f64, 9, 9>], k: &mut B::Matrix) -> Result<(), B::Error> {
         let positions = self.entry_positions.chunks_exact(UNKNOWNS * UNKNOWNS);
         for (&element, positions) in self.local_elements.iter().zip(positions) {
             let element = element as usize;
@@ -223,7 +223,7 @@ impl<B: Backend<Scalar = f64>> Assembler<B> {
         t: f64,
         displacements: &[[f64; 3]],
         k: &mut B::Matrix,
-    ) -> Result<(), B::Fault> {
+    ) -> Result<(), B::Error> {
         let mut block = [0.0; UNKNOWNS * UNKNOWNS];
         for LoadGroup { load, group, entry_positions } in &self.load_groups {
             let block = &mut block[..entry_positions.len()];

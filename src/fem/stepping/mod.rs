@@ -61,7 +61,7 @@ use super::point_field::PointField;
 use super::reactions::BoundaryForces;
 use super::rigid_modes;
 use crate::las::{
-    Backend, NewtonError, NewtonFailure, NewtonReport, NewtonSystem, NonlinearProblem, Scalar, SolveError,
+    Backend, NewtonError, NewtonFailure, NewtonReport, NewtonSystem, NonlinearProblem, RealBackend, SolveError,
     SolverParams, VectorOps,
 };
 
@@ -79,13 +79,13 @@ pub struct Stepper<B: Backend, P> {
 }
 
 /// The [`SteppingError`] of a run on backend `B` with point field `P` and an observer with error `O`.
-pub type RunError<B, P, O> = SteppingError<<P as PointField>::Error, <B as Backend>::Fault, O>;
+pub type RunError<B, P, O> = SteppingError<<P as PointField>::Error, <B as Backend>::Error, O>;
 
 /// The result of an attempt or of a part of one.
 type Attempt<B, P, T> = Result<T, FailedAttemptOf<B, P>>;
-type FailedAttemptOf<B, P> = Box<Failed<<P as PointField>::Error, <B as Backend>::Fault>>;
+type FailedAttemptOf<B, P> = Box<Failed<<P as PointField>::Error, <B as Backend>::Error>>;
 type SolveFailure<B, P> =
-    NewtonFailure<EquilibriumError<<P as PointField>::Error, <B as Backend>::Fault>, <B as Backend>::Fault>;
+    NewtonFailure<EquilibriumError<<P as PointField>::Error, <B as Backend>::Error>, <B as Backend>::Error>;
 
 /// The start and the end of an attempt in pseudo-time.
 #[derive(Clone, Copy)]
@@ -105,8 +105,7 @@ struct Failed<E, F> {
 
 impl<B, P> Stepper<B, P>
 where
-    B: Backend<Scalar = f64>,
-    B::Reduced: Scalar,
+    B: RealBackend,
     P: PointField,
 {
     /// Creates a stepper with the undeformed body at `t = 0`.
@@ -119,7 +118,7 @@ where
         conditions: &Conditions,
         field: P,
         params: StepParams,
-    ) -> Result<Self, SetupError<P::Error, B::Fault>> {
+    ) -> Result<Self, SetupError<P::Error, B::Error>> {
         let order: Vec<u32> = (0..mesh.nodes().len() as u32).collect();
         Self::in_order(&order, context, mesh, conditions, field, params)
     }
@@ -139,7 +138,7 @@ where
         conditions: &Conditions,
         field: P,
         params: StepParams,
-    ) -> Result<Self, SetupError<P::Error, B::Fault>> {
+    ) -> Result<Self, SetupError<P::Error, B::Error>> {
         assert_eq!(order.len(), mesh.nodes().len(), "the order has one entry per node");
         let boundary = Boundary::new(&mesh, conditions)?;
         let geometry = assembly::geometry(&mesh)?;
@@ -202,7 +201,7 @@ where
     ///
     /// # Errors
     /// Returns [`SteppingError`]; the state is then the last converged one.
-    pub fn run<O: StepObserver<P, B::Fault>>(
+    pub fn run<O: StepObserver<P, B::Error>>(
         &mut self,
         observer: &mut O,
     ) -> Result<Vec<StepReport>, RunError<B, P, O::Error>> {
@@ -217,7 +216,7 @@ where
     ///
     /// # Errors
     /// Returns [`SteppingError`]; the state is then the last converged one, which may lie within the step.
-    pub fn step<O: StepObserver<P, B::Fault>>(
+    pub fn step<O: StepObserver<P, B::Error>>(
         &mut self,
         observer: &mut O,
     ) -> Result<StepReport, RunError<B, P, O::Error>> {
@@ -273,10 +272,10 @@ where
     }
 
     /// Reports a failed attempt to the observer and halves the increment, unless that cannot help.
-    fn cut<O: StepObserver<P, B::Fault>>(
+    fn cut<O: StepObserver<P, B::Error>>(
         &mut self,
         Span { step, from, t }: Span,
-        Failed { reason, newton, unrecoverable }: Failed<P::Error, B::Fault>,
+        Failed { reason, newton, unrecoverable }: Failed<P::Error, B::Error>,
         max_cuts: u32,
         observer: &mut O,
     ) -> Result<(), RunError<B, P, O::Error>> {
@@ -384,12 +383,12 @@ where
     }
 
     /// Converts the error of a converged state that cannot be committed; a smaller increment may help.
-    fn rejected(error: EquilibriumError<P::Error, B::Fault>) -> FailedAttemptOf<B, P> {
+    fn rejected(error: EquilibriumError<P::Error, B::Error>) -> FailedAttemptOf<B, P> {
         Self::failed(NewtonFailure { reason: NewtonError::Problem(error), report: Box::default() })
     }
 
     /// Converts an error of commit or revert; no further attempt is possible.
-    fn unrecoverable(error: EquilibriumError<P::Error, B::Fault>, newton: NewtonReport) -> FailedAttemptOf<B, P> {
+    fn unrecoverable(error: EquilibriumError<P::Error, B::Error>, newton: NewtonReport) -> FailedAttemptOf<B, P> {
         Box::new(Failed { reason: NewtonError::Problem(error), newton, unrecoverable: true })
     }
 }

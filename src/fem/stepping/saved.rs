@@ -5,7 +5,7 @@ use thiserror::Error;
 use super::{StepParams, Stepper};
 use crate::fem::equilibrium::EquilibriumError;
 use crate::fem::point_field::PointField;
-use crate::las::{Backend, Scalar};
+use crate::las::{Backend, RealBackend};
 
 /// The state of a run after a full step, except the memory of its point field. Loads, deformation gradients and nodal
 /// forces follow from it.
@@ -60,12 +60,11 @@ where
 }
 
 /// The [`RestoreError`] of a run on backend `B` with point field `P`, whose restoration has error `R`.
-pub type StepperRestoreError<B, P, R> = RestoreError<R, <P as PointField>::Error, <B as Backend>::Fault>;
+pub type StepperRestoreError<B, P, R> = RestoreError<R, <P as PointField>::Error, <B as Backend>::Error>;
 
 impl<B, P> Stepper<B, P>
 where
-    B: Backend<Scalar = f64>,
-    B::Reduced: Scalar,
+    B: RealBackend,
     P: PointField,
 {
     /// Returns the state after the last full step; `None` before the first one, and if the committed state lies

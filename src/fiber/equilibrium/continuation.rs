@@ -3,9 +3,7 @@
 use super::problem::Interior;
 use crate::fiber::rve::{Rve, RveModel};
 use crate::fiber::workspace::Workspace;
-use crate::las::{
-    Backend, MatrixOps, NewtonParams, NewtonSystem, NonlinearProblem, Scalar, SolveError, Solver, VectorOps,
-};
+use crate::las::{MatrixOps, NewtonParams, NewtonSystem, NonlinearProblem, RealBackend, SolveError, Solver, VectorOps};
 
 /// Maximum number of Newton steps before the test gives up.
 const STEPS: usize = 3;
@@ -24,16 +22,13 @@ const SAME: f64 = 1e-10;
 /// and that contract toward `reached`. It costs one or two factorizations and solves, and no tangent. False is
 /// inconclusive: only [`equilibrate`](super::equilibrate) from `from` decides then. Afterward the workspace no longer
 /// describes an equilibrium.
-pub fn converges_to<B: Backend<Scalar = f64>>(
+pub fn converges_to<B: RealBackend>(
     model: &RveModel<B>,
     from: &Rve,
     reached: &Rve,
     params: &NewtonParams,
     workspace: &mut Workspace<B>,
-) -> bool
-where
-    B::Reduced: Scalar,
-{
+) -> bool {
     workspace.set_affine_guess(model, from, &reached.gradient);
     workspace.factor_is_exact = false;
     let (problem, system) = Interior::of(model, workspace);
@@ -41,21 +36,18 @@ where
     newton_contracts(problem, system, reached, params).unwrap_or(false)
 }
 
-fn newton_contracts<B: Backend<Scalar = f64>>(
+fn newton_contracts<B: RealBackend>(
     mut problem: Interior<'_, B>,
     system: &mut NewtonSystem<B>,
     reached: &Rve,
     params: &NewtonParams,
-) -> Result<bool, SolveError<B::Fault>>
-where
-    B::Reduced: Scalar,
-{
+) -> Result<bool, SolveError<B::Error>> {
     let mut distance = problem.distance(reached);
     if distance <= SAME {
         return Ok(true);
     }
     problem.residual(&mut system.residual)?;
-    let mut norm = system.residual.norm()?.as_f64();
+    let mut norm = system.residual.norm()?;
     for _ in 0..STEPS {
         system.matrix.assemble(|k| problem.jacobian(k))?;
         system.solver.factor_definite(&system.matrix)?;
@@ -64,7 +56,7 @@ where
         let (distance_before, norm_before) = (distance, norm);
         distance = problem.distance(reached);
         problem.residual(&mut system.residual)?;
-        norm = system.residual.norm()?.as_f64();
+        norm = system.residual.norm()?;
         let is_taken = norm <= (1.0 - params.sufficient_decrease) * norm_before;
         if !is_taken || distance.is_nan() {
             return Ok(false);

@@ -52,7 +52,7 @@ use super::dynamic_relaxation::{Relaxation, RelaxationError, RelaxationReport};
 use super::law::Law;
 use super::rve::{Rve, RveModel};
 use super::workspace::Workspace;
-use crate::las::{Backend, Curvature, NewtonError, NewtonFailure, NewtonReport, SaddleExit, Scalar, SolveError};
+use crate::las::{Backend, Curvature, NewtonError, NewtonFailure, NewtonReport, RealBackend, SaddleExit, SolveError};
 use problem::Interior;
 
 /// Brings `rve` into a stable equilibrium with its boundary at `x = F X`, where `F` is `target`.
@@ -63,16 +63,13 @@ use problem::Interior;
 /// # Errors
 /// Returns [`RveError`] if `det F <= 0`, if `rve` or the workspace belongs to another model, if fiber forces overflow,
 /// or if no stage reaches an equilibrium; `rve` is then unchanged.
-pub fn equilibrate<'a, B: Backend<Scalar = f64>>(
+pub fn equilibrate<'a, B: RealBackend>(
     model: &'a RveModel<B>,
     rve: &'a mut Rve,
     target: &Matrix3<f64>,
     params: &EquilibriumParams,
     workspace: &'a mut Workspace<B>,
-) -> Result<EquilibriumState<'a, B>, RveError<B::Fault>>
-where
-    B::Reduced: Scalar,
-{
+) -> Result<EquilibriumState<'a, B>, RveError<B::Error>> {
     let determinant = target.determinant();
     if determinant.is_nan() || determinant <= 0.0 {
         return Err(RveError::Inverted { determinant });
@@ -86,16 +83,13 @@ where
 }
 
 /// Tries the stages in order.
-fn find<B: Backend<Scalar = f64>>(
+fn find<B: RealBackend>(
     model: &RveModel<B>,
     rve: &mut Rve,
     target: &Matrix3<f64>,
     params: &EquilibriumParams,
     workspace: &mut Workspace<B>,
-) -> Result<EquilibriumReport, RveError<B::Fault>>
-where
-    B::Reduced: Scalar,
-{
+) -> Result<EquilibriumReport, RveError<B::Error>> {
     let report = EquilibriumReport { predicted: usize::from(rve.has_sensitivities()), ..EquilibriumReport::default() };
     let may_minimize = params.stages.has(Stage::Regularized);
     let mut solver = EquilibriumSolver { model, target, params, workspace, report, failures: Vec::new(), may_minimize };
@@ -139,7 +133,7 @@ fn format_law(law: &Law) -> String {
 }
 
 /// The outcome of Newton, plain or regularized.
-type NewtonOutcome<B> = Result<NewtonReport, NewtonFailure<<B as Backend>::Fault, <B as Backend>::Fault>>;
+type NewtonOutcome<B> = Result<NewtonReport, NewtonFailure<<B as Backend>::Error, <B as Backend>::Error>>;
 
 /// An equilibrium solve in progress. The method of a stage returns true if the stage reached the target, and otherwise
 /// records its failure and returns false.
@@ -149,15 +143,12 @@ struct EquilibriumSolver<'a, B: Backend> {
     params: &'a EquilibriumParams,
     workspace: &'a mut Workspace<B>,
     report: EquilibriumReport,
-    failures: Vec<StageFailure<B::Fault>>,
+    failures: Vec<StageFailure<B::Error>>,
     /// Whether regularized Newton may be used to leave a saddle point.
     may_minimize: bool,
 }
 
-impl<B: Backend<Scalar = f64>> EquilibriumSolver<'_, B>
-where
-    B::Reduced: Scalar,
-{
+impl<B: RealBackend> EquilibriumSolver<'_, B> {
     fn try_newton(&mut self, rve: &mut Rve) -> bool {
         let saddles = self.report.saddles;
         match self.increment(rve, self.target) {
@@ -224,7 +215,7 @@ where
     }
 
     /// Solves one increment by Newton and, if that fails, by energy minimization.
-    fn solve_substep(&mut self, rve: &mut Rve, target: &Matrix3<f64>) -> Result<NewtonReport, StageError<B::Fault>> {
+    fn solve_substep(&mut self, rve: &mut Rve, target: &Matrix3<f64>) -> Result<NewtonReport, StageError<B::Error>> {
         match self.increment(rve, target) {
             Err(_) if self.params.stages.has(Stage::Regularized) => {
                 self.workspace.set_initial_guess(self.model, rve, target);
@@ -235,13 +226,13 @@ where
     }
 
     /// Solves one increment by Newton; `rve` is updated only on convergence.
-    fn increment(&mut self, rve: &mut Rve, target: &Matrix3<f64>) -> Result<NewtonReport, StageError<B::Fault>> {
+    fn increment(&mut self, rve: &mut Rve, target: &Matrix3<f64>) -> Result<NewtonReport, StageError<B::Error>> {
         self.workspace.set_initial_guess(self.model, rve, target);
         self.newton(rve, target)
     }
 
     /// Runs Newton from the positions in the workspace.
-    fn newton(&mut self, rve: &mut Rve, target: &Matrix3<f64>) -> Result<NewtonReport, StageError<B::Fault>> {
+    fn newton(&mut self, rve: &mut Rve, target: &Matrix3<f64>) -> Result<NewtonReport, StageError<B::Error>> {
         let (mut problem, system) = Interior::of(self.model, self.workspace);
         let outcome = system.solve(&mut problem, &self.params.newton);
         self.accept_if_stable(rve, target, outcome)
@@ -255,7 +246,7 @@ where
     }
 
     /// Minimizes the energy from the positions in the workspace.
-    fn descend(&mut self, rve: &mut Rve, target: &Matrix3<f64>) -> Result<NewtonReport, StageError<B::Fault>> {
+    fn descend(&mut self, rve: &mut Rve, target: &Matrix3<f64>) -> Result<NewtonReport, StageError<B::Error>> {
         let outcome = self.minimize();
         self.accept_if_stable(rve, target, outcome)
     }
@@ -277,14 +268,14 @@ where
         rve: &mut Rve,
         target: &Matrix3<f64>,
         outcome: NewtonOutcome<B>,
-    ) -> Result<NewtonReport, StageError<B::Fault>> {
+    ) -> Result<NewtonReport, StageError<B::Error>> {
         let newton = self.count(outcome)?;
         let newton = self.stabilize(newton)?;
         self.store_state(rve, target);
         Ok(newton)
     }
 
-    fn count(&mut self, outcome: NewtonOutcome<B>) -> Result<NewtonReport, StageError<B::Fault>> {
+    fn count(&mut self, outcome: NewtonOutcome<B>) -> Result<NewtonReport, StageError<B::Error>> {
         match outcome {
             Ok(newton) => {
                 self.report.add(&newton);
@@ -302,7 +293,7 @@ where
 
     /// Ensures that the converged state in the workspace is stable: leaves saddle points and minimizes the energy from
     /// there. On return the solver holds the factor of the stiffness if that is positive definite.
-    fn stabilize(&mut self, mut newton: NewtonReport) -> Result<NewtonReport, StageError<B::Fault>> {
+    fn stabilize(&mut self, mut newton: NewtonReport) -> Result<NewtonReport, StageError<B::Error>> {
         /// A single minimization usually ends in a minimum.
         const MAX_SADDLES: usize = 10;
         for round in 0.. {
@@ -392,7 +383,7 @@ where
     }
 
     /// Records the outcome of a stage that solves the whole increment.
-    fn record(&mut self, stage: Stage, outcome: Result<NewtonReport, StageError<B::Fault>>) -> bool {
+    fn record(&mut self, stage: Stage, outcome: Result<NewtonReport, StageError<B::Error>>) -> bool {
         match outcome {
             Ok(newton) => {
                 self.report.newton = newton;
@@ -407,7 +398,7 @@ where
         true
     }
 
-    fn record_failure(&mut self, stage: Stage, progress: f64, reason: StageError<B::Fault>) -> bool {
+    fn record_failure(&mut self, stage: Stage, progress: f64, reason: StageError<B::Error>) -> bool {
         self.failures.push(StageFailure { stage, cuts: self.report.cuts, progress, reason });
         false
     }

@@ -3,7 +3,7 @@
 use crate::fiber::rve::{Rve, RveModel};
 use crate::fiber::truss::FiberStates;
 use crate::fiber::workspace::Workspace;
-use crate::las::{Backend, NewtonSystem, NonlinearProblem, Potential, ResidualScale, VectorOps};
+use crate::las::{Backend, NewtonSystem, NonlinearProblem, Potential, RealBackend, ResidualScale, VectorOps};
 
 /// The interior positions of an RVE and the quantities computed from them.
 pub(super) struct Interior<'a, B: Backend> {
@@ -23,7 +23,7 @@ impl<'a, B: Backend> Interior<'a, B> {
     }
 }
 
-impl<B: Backend<Scalar = f64>> Interior<'_, B> {
+impl<B: RealBackend> Interior<'_, B> {
     /// Returns the Euclidean distance between the interior positions and those of another state, unit-cube units.
     pub fn distance(&self, other: &Rve) -> f64 {
         let interior = self.model.network().interior().iter().zip(other.interior());
@@ -35,10 +35,10 @@ impl<B: Backend<Scalar = f64>> Interior<'_, B> {
     }
 }
 
-impl<B: Backend<Scalar = f64>> NonlinearProblem<B> for Interior<'_, B> {
-    type Error = B::Fault;
+impl<B: RealBackend> NonlinearProblem<B> for Interior<'_, B> {
+    type Error = B::Error;
 
-    fn residual(&mut self, r: &mut B::Vector) -> Result<ResidualScale, B::Fault> {
+    fn residual(&mut self, r: &mut B::Vector) -> Result<ResidualScale, B::Error> {
         let truss = self.model.truss();
         truss.evaluate_with_forces(self.positions, self.states, self.forces);
         let forces = &*self.forces;
@@ -53,11 +53,11 @@ impl<B: Backend<Scalar = f64>> NonlinearProblem<B> for Interior<'_, B> {
         Ok(ResidualScale { scale: squares.sqrt(), floor: self.model.rounding_floor() })
     }
 
-    fn jacobian(&mut self, k: &mut B::Matrix) -> Result<(), B::Fault> {
+    fn jacobian(&mut self, k: &mut B::Matrix) -> Result<(), B::Error> {
         self.model.slots.assemble(self.model.truss(), self.states, self.diagonal, k)
     }
 
-    fn advance(&mut self, a: f64, d: &B::Vector) -> Result<(), B::Fault> {
+    fn advance(&mut self, a: f64, d: &B::Vector) -> Result<(), B::Error> {
         let interior = self.model.network().interior();
         let positions = &mut *self.positions;
         d.with_local(|d| {
@@ -69,7 +69,7 @@ impl<B: Backend<Scalar = f64>> NonlinearProblem<B> for Interior<'_, B> {
     }
 
     /// Fiber forces exist at every state, so only the backend can fail.
-    fn is_final(_: &B::Fault) -> bool {
+    fn is_final(_: &B::Error) -> bool {
         true
     }
 
@@ -85,7 +85,7 @@ impl<B: Backend<Scalar = f64>> NonlinearProblem<B> for Interior<'_, B> {
     }
 }
 
-impl<B: Backend<Scalar = f64>> Potential<B> for Interior<'_, B> {
+impl<B: RealBackend> Potential<B> for Interior<'_, B> {
     fn potential(&mut self) -> f64 {
         self.model.truss().energy(self.states)
     }

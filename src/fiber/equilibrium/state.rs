@@ -10,7 +10,7 @@ use crate::fiber::homogenize::{self, Tangent};
 use crate::fiber::rve::{Rve, RveModel};
 use crate::fiber::truss::FiberStates;
 use crate::fiber::workspace::Workspace;
-use crate::las::{Backend, Scalar};
+use crate::las::{Backend, RealBackend};
 
 /// An RVE in equilibrium, returned by [`equilibrate`](super::equilibrate).
 ///
@@ -19,9 +19,9 @@ use crate::las::{Backend, Scalar};
 ///
 /// ```compile_fail
 /// # use biotissue::fiber::{equilibrium::*, rve::*, workspace::Workspace};
-/// # use biotissue::las::{Backend, Scalar};
-/// # fn two<B: Backend<Scalar = f64>>(model: &RveModel<B>, a: &mut Rve, b: &mut Rve, workspace: &mut Workspace<B>)
-/// # where B::Reduced: Scalar {
+/// # use biotissue::las::{Backend, RealBackend, Scalar};
+/// # fn two<B: RealBackend>(model: &RveModel<B>, a: &mut Rve, b: &mut Rve, workspace: &mut Workspace<B>)
+/// # {
 /// # let (f, params) = (nalgebra::Matrix3::identity(), EquilibriumParams::default());
 /// let mut first = equilibrate(model, a, &f, &params, workspace).unwrap();
 /// let second = equilibrate(model, b, &f, &params, workspace).unwrap(); // error: `workspace` is still borrowed
@@ -43,10 +43,7 @@ impl<B: Backend> fmt::Debug for EquilibriumState<'_, B> {
     }
 }
 
-impl<'a, B: Backend<Scalar = f64>> EquilibriumState<'a, B>
-where
-    B::Reduced: Scalar,
-{
+impl<'a, B: RealBackend> EquilibriumState<'a, B> {
     pub(super) fn new(
         model: &'a RveModel<B>,
         rve: &'a mut Rve,
@@ -111,7 +108,7 @@ where
     ///
     /// # Errors
     /// Returns [`RveError::Tangent`] if the stiffness is singular and a strain mode loads its null space.
-    pub fn tangent(&mut self) -> Result<Tangent, RveError<B::Fault>> {
+    pub fn tangent(&mut self) -> Result<Tangent, RveError<B::Error>> {
         self.solve_modes()?;
         homogenize::tangent(self.model, self.rve.gradient(), &self.pk1(), self.workspace)
     }
@@ -122,13 +119,13 @@ where
     ///
     /// # Errors
     /// As for [`EquilibriumState::tangent`].
-    pub fn keep_sensitivities(&mut self) -> Result<(), RveError<B::Fault>> {
+    pub fn keep_sensitivities(&mut self) -> Result<(), RveError<B::Error>> {
         self.solve_modes()?;
         self.rve.keep_sensitivities(self.model, self.workspace);
         Ok(())
     }
 
-    fn solve_modes(&mut self) -> Result<(), RveError<B::Fault>> {
+    fn solve_modes(&mut self) -> Result<(), RveError<B::Error>> {
         if !self.has_modes {
             homogenize::solve_modes(self.model, self.workspace)?;
             self.has_modes = true;

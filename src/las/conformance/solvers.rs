@@ -307,7 +307,7 @@ impl<B: Backend<Scalar: Scalar>> Suite<'_, B> {
             assert!(matches!(case.solver.factor(&other), Err(SolveError::Size { found: 7, expected: 6, .. })));
             done(case.factor(&a));
             let (mut six, mut seven) = (case.vector(&[1.0; 6]), case.vector(&[1.0; 7]));
-            let size = |result: Result<_, SolveError<B::Fault>>| {
+            let size = |result: Result<_, SolveError<B::Error>>| {
                 matches!(result, Err(SolveError::Size { found: 7, expected: 6, .. }))
             };
             assert!(size(case.solver.solve(&seven, &mut six)));

@@ -62,12 +62,12 @@ impl<'a, B: Backend<Scalar: Scalar>> LinearSystem<'a, B> {
         vector
     }
 
-    pub(super) fn factor(&mut self, a: &DenseReference) -> Result<FactorReport, SolveError<B::Fault>> {
+    pub(super) fn factor(&mut self, a: &DenseReference) -> Result<FactorReport, SolveError<B::Error>> {
         let matrix = self.matrix(a);
         self.solver.factor(&matrix)
     }
 
-    pub(super) fn factor_definite(&mut self, a: &DenseReference) -> Result<FactorReport, SolveError<B::Fault>> {
+    pub(super) fn factor_definite(&mut self, a: &DenseReference) -> Result<FactorReport, SolveError<B::Error>> {
         let matrix = self.matrix(a);
         self.solver.factor_definite(&matrix)
     }

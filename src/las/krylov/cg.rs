@@ -13,7 +13,7 @@ pub(super) fn run<B>(
     run: &mut Run<'_, B>,
     x: &mut B::Vector,
     vectors: &mut [B::Vector],
-) -> Result<Ended, SolveError<B::Fault>>
+) -> Result<Ended, SolveError<B::Error>>
 where
     B: Backend<Reduced = <B as Backend>::Scalar>,
     B::Scalar: Scalar,

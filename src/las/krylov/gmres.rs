@@ -24,7 +24,7 @@ pub(super) fn run<B>(
     vectors: &mut [B::Vector],
     coefficients: &mut [B::Scalar],
     restart: usize,
-) -> Result<Ended, SolveError<B::Fault>>
+) -> Result<Ended, SolveError<B::Error>>
 where
     B: Backend<Reduced = <B as Backend>::Scalar>,
     B::Scalar: Scalar,

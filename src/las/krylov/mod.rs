@@ -17,10 +17,9 @@ use num_traits::{Float, One, Zero};
 use super::{Backend, Iterative, Krylov, Scalar, SolveError, SolveReport, StopReason, VectorOps};
 
 /// `y = f(x)`: the product with the matrix or with the preconditioner.
-pub type Apply<'a, B> = &'a mut dyn FnMut(&Vector<B>, &mut Vector<B>) -> Result<(), SolveError<Fault<B>>>;
+pub type Apply<'a, B> = &'a mut dyn FnMut(&Vector<B>, &mut Vector<B>) -> Result<(), SolveError<<B as Backend>::Error>>;
 
 type Vector<B> = <B as Backend>::Vector;
-type Fault<B> = <B as Backend>::Fault;
 
 /// The work vectors of a Krylov method.
 pub struct KrylovSpace<B: Backend> {
@@ -57,7 +56,7 @@ where
     ///
     /// # Errors
     /// Returns the backend's fault.
-    pub fn new(context: &B::Context, len: usize, method: Iterative) -> Result<Self, B::Fault> {
+    pub fn new(context: &B::Context, len: usize, method: Iterative) -> Result<Self, B::Error> {
         let (vectors, coefficients) = match method.krylov {
             Krylov::Cg => (cg::VECTORS, 0),
             Krylov::BiCgStab => (bicgstab::VECTORS, 0),
@@ -77,7 +76,7 @@ where
         m: Apply<'_, B>,
         b: &B::Vector,
         x: &mut B::Vector,
-    ) -> Result<SolveReport, SolveError<B::Fault>> {
+    ) -> Result<SolveReport, SolveError<B::Error>> {
         let Iterative { krylov, tolerance, max_iterations, .. } = self.method;
         VectorOps::zero(x)?;
         let rhs_norm = b.norm()?;
@@ -134,7 +133,7 @@ where
         b: &B::Vector,
         x: &B::Vector,
         vectors: &mut [B::Vector],
-    ) -> Result<(), SolveError<B::Fault>> {
+    ) -> Result<(), SolveError<B::Error>> {
         let (r, rest) = split_first_vector(vectors);
         (self.a)(x, &mut rest[0])?;
         combine::<B>(r, B::Scalar::zero(), B::Scalar::one(), b)?;
@@ -149,7 +148,7 @@ fn split_first_vector<V>(vectors: &mut [V]) -> (&mut V, &mut [V]) {
 }
 
 /// `y = a y + b x`; if `a` is zero, `y` is overwritten even if it is not finite.
-fn combine<B: Backend>(y: &mut B::Vector, a: B::Scalar, b: B::Scalar, x: &B::Vector) -> Result<(), B::Fault>
+fn combine<B: Backend>(y: &mut B::Vector, a: B::Scalar, b: B::Scalar, x: &B::Vector) -> Result<(), B::Error>
 where
     B::Scalar: Scalar,
 {

@@ -4,14 +4,14 @@
 use std::sync::Arc;
 
 use crate::las::{
-    Backend, Factorization, Iterative, Krylov, MatrixOps, Preconditioner, SolveError, Solver, SolverParams, Sparsity,
-    Symmetry, VectorOps,
+    Backend, Factorization, Iterative, Krylov, MatrixOps, Preconditioner, RealBackend, SolveError, Solver,
+    SolverParams, Sparsity, Symmetry, VectorOps,
 };
 
 const METHODS: [Krylov; 3] = [Krylov::Cg, Krylov::BiCgStab, Krylov::Gmres { restart: 20 }];
 
 /// The five-point Laplacian on a square of `side` by `side` cells, with a convection term that makes it unsymmetric.
-fn laplacian<B: Backend<Scalar = f64, Index = i32, Context = ()>>(side: i32, drift: f64) -> (Arc<Sparsity>, B::Matrix) {
+fn laplacian<B: RealBackend<Index = i32, Context = ()>>(side: i32, drift: f64) -> (Arc<Sparsity>, B::Matrix) {
     let at = |i: i32, j: i32| i * side + j;
     let pairs = (0..side).flat_map(|i| {
         (0..side).flat_map(move |j| [[at(i, j), at((i + 1) % side, j)], [at(i, j), at(i, (j + 1) % side)]])
@@ -32,10 +32,10 @@ fn laplacian<B: Backend<Scalar = f64, Index = i32, Context = ()>>(side: i32, dri
     (pattern, a)
 }
 
-fn solve<B: Backend<Scalar = f64, Index = i32, Context = ()>>(
+fn solve<B: RealBackend<Index = i32, Context = ()>>(
     (pattern, a): &(Arc<Sparsity>, B::Matrix),
     method: Iterative,
-) -> Result<(usize, Vec<f64>), SolveError<B::Fault>> {
+) -> Result<(usize, Vec<f64>), SolveError<B::Error>> {
     let params = SolverParams::new(Symmetry::None).iterative(method);
     let mut solver = B::solver(&B::analyze(&(), pattern, &params)?)?;
     assert_eq!(solver.factor(a)?.kind, Factorization::Approximate);
@@ -46,7 +46,7 @@ fn solve<B: Backend<Scalar = f64, Index = i32, Context = ()>>(
     Ok((report.iterations, x.with_local(<[f64]>::to_vec).unwrap()))
 }
 
-fn agree_with_the_direct_solver<B: Backend<Scalar = f64, Index = i32, Context = ()>>() {
+fn agree_with_the_direct_solver<B: RealBackend<Index = i32, Context = ()>>() {
     for drift in [0.0, 0.3] {
         let system = laplacian::<B>(12, drift);
         let mut direct = B::solver(&B::analyze(&(), &system.0, &SolverParams::new(Symmetry::None)).unwrap()).unwrap();

@@ -45,7 +45,7 @@ pub enum MarketError<F: std::error::Error> {
 ///
 /// # Errors
 /// Returns [`MarketError`]; errors in the file state line, problem and remedy.
-pub fn read<B: Backend>(file: &Path, context: &B::Context) -> Result<B::Matrix, MarketError<B::Fault>>
+pub fn read<B: Backend>(file: &Path, context: &B::Context) -> Result<B::Matrix, MarketError<B::Error>>
 where
     B::Scalar: Scalar,
 {
@@ -74,7 +74,7 @@ fn pattern(rows: usize, cols: usize, entries: &[(u32, u32, f64)]) -> Result<Spar
 ///
 /// # Errors
 /// Returns [`MarketError::Write`] if the file cannot be written, [`MarketError::Backend`] if the backend fails.
-pub fn write<B: Backend<Matrix: Entries<B>>>(file: &Path, a: &B::Matrix) -> Result<(), MarketError<B::Fault>>
+pub fn write<B: Backend<Matrix: Entries<B>>>(file: &Path, a: &B::Matrix) -> Result<(), MarketError<B::Error>>
 where
     B::Scalar: Scalar,
 {

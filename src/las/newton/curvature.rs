@@ -67,10 +67,7 @@ struct Bracket {
     upper: f64,
 }
 
-impl<B: Backend> NewtonSystem<B>
-where
-    B::Reduced: Scalar,
-{
+impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
     /// Classifies the Hessian at the state of the last evaluation, where the residual is within `tolerance` of its
     /// scale. Afterwards the solver holds the factorization of the Hessian if it is [`Curvature::Definite`], and no
     /// usable factorization otherwise.
@@ -84,7 +81,7 @@ where
         &mut self,
         problem: &mut P,
         tolerance: f64,
-    ) -> Result<Curvature, NewtonError<P::Error, B::Fault>> {
+    ) -> Result<Curvature, NewtonError<P::Error, B::Error>> {
         if self.matrix.shape().0 == 0 {
             return Ok(Curvature::Definite);
         }
@@ -125,7 +122,7 @@ where
         problem: &mut P,
         tolerance: f64,
         report: &mut NewtonReport,
-    ) -> Result<SaddleExit, NewtonError<P::Error, B::Fault>> {
+    ) -> Result<SaddleExit, NewtonError<P::Error, B::Error>> {
         let Some(curvature) = self.negative_curvature(problem, tolerance)? else { return Ok(SaddleExit::Stationary) };
         let iterate = self.evaluate(problem, report)?;
         let limit = iterate.residual_scale.limit(tolerance);
@@ -148,7 +145,7 @@ where
         side: f64,
         first: f64,
         report: &mut NewtonReport,
-    ) -> Result<Step, NewtonError<P::Error, B::Fault>> {
+    ) -> Result<Step, NewtonError<P::Error, B::Error>> {
         /// Enough steps to cover the range from rounding errors to any length scale.
         const MAX_STEPS: u32 = 60;
         const GROWTH: f64 = 4.0;
@@ -185,7 +182,7 @@ where
         &mut self,
         problem: &mut P,
         tolerance: f64,
-    ) -> Result<Option<f64>, NewtonError<P::Error, B::Fault>> {
+    ) -> Result<Option<f64>, NewtonError<P::Error, B::Error>> {
         const MAX_ITERATIONS: u32 = 100;
         let Some(Bracket { lower, upper: shift }) = self.bracket(problem, tolerance)? else { return Ok(None) };
         // A start vector without any symmetry that the Hessian may have.
@@ -212,7 +209,7 @@ where
     }
 
     /// Stores the direction, divided by its length, in `residual`.
-    fn normalize_into_residual(&mut self, length: f64) -> Result<(), B::Fault> {
+    fn normalize_into_residual(&mut self, length: f64) -> Result<(), B::Error> {
         self.residual.zero()?;
         self.residual.axpy(B::Scalar::every(1.0 / length), &self.direction)
     }
@@ -225,7 +222,7 @@ where
         &mut self,
         problem: &mut P,
         tolerance: f64,
-    ) -> Result<Option<Bracket>, NewtonError<P::Error, B::Fault>> {
+    ) -> Result<Option<Bracket>, NewtonError<P::Error, B::Error>> {
         let max_diagonal = self.assemble_shifted(problem, 0.0)?;
         let mut lower = neutral_limit(tolerance) * max_diagonal;
         let mut upper = 8.0 * lower;
@@ -247,7 +244,7 @@ where
         &mut self,
         problem: &mut P,
         shift: f64,
-    ) -> Result<bool, NewtonError<P::Error, B::Fault>> {
+    ) -> Result<bool, NewtonError<P::Error, B::Error>> {
         self.assemble_shifted(problem, shift)?;
         match self.solver.factor_definite(&self.matrix) {
             Ok(_) | Err(SolveError::Singular { .. }) => Ok(true),

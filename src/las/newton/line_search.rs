@@ -24,10 +24,7 @@ use super::{
 };
 use crate::las::Scalar;
 
-impl<B: Backend> NewtonSystem<B>
-where
-    B::Reduced: Scalar,
-{
+impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
     /// Takes the step `-a d` with the first step length of a sequence `1 = a_0 > a_1 > ...` that satisfies the
     /// sufficient-decrease condition, or whose residual norm is within `limit`.
     ///

@@ -88,10 +88,7 @@ impl Descent<'_> {
     }
 }
 
-impl<B: Backend> NewtonSystem<B>
-where
-    B::Reduced: Scalar,
-{
+impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
     /// Minimizes the potential of `problem` by regularized Newton, until the residual norm is at most
     /// [`ResidualScale::limit`](super::ResidualScale::limit) of `tolerance`.
     ///
@@ -102,7 +99,7 @@ where
         problem: &mut P,
         tolerance: f64,
         params: &RegularizedParams,
-    ) -> Result<NewtonReport, NewtonFailure<P::Error, B::Fault>> {
+    ) -> Result<NewtonReport, NewtonFailure<P::Error, B::Error>> {
         let mut descent = Descent { params, shift: 0.0, max_diagonal: 0.0, potential: None };
         self.iterate(problem, tolerance, params.max_iterations, |system, problem, iterate, limit, report| {
             system.regularized_step(problem, iterate.norm, limit, &mut descent, report)
@@ -160,7 +157,7 @@ where
         current_norm: f64,
         descent: &mut Descent<'_>,
         report: &mut NewtonReport,
-    ) -> Result<(), NewtonError<P::Error, B::Fault>> {
+    ) -> Result<(), NewtonError<P::Error, B::Error>> {
         loop {
             descent.max_diagonal = self.assemble_shifted(problem, descent.shift)?;
             match self.solver.factor_definite(&self.matrix) {
@@ -183,7 +180,7 @@ where
         &mut self,
         problem: &mut P,
         shift: f64,
-    ) -> Result<f64, NewtonError<P::Error, B::Fault>> {
+    ) -> Result<f64, NewtonError<P::Error, B::Error>> {
         self.assemble(problem)?;
         Ok(self.shift_diagonal(shift)?)
     }
@@ -194,7 +191,7 @@ where
     ///
     /// # Errors
     /// Returns the backend's error.
-    pub fn shift_diagonal(&mut self, shift: f64) -> Result<f64, SolveError<B::Fault>> {
+    pub fn shift_diagonal(&mut self, shift: f64) -> Result<f64, SolveError<B::Error>> {
         let Self { matrix, direction, .. } = self;
         matrix.diagonal(direction)?;
         let largest =

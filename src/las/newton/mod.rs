@@ -39,10 +39,7 @@ pub struct NewtonSystem<B: Backend> {
     pub solver: B::Solver,
 }
 
-impl<B: Backend> NewtonSystem<B>
-where
-    B::Reduced: Scalar,
-{
+impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
     /// Creates vectors, matrix and solver for the pattern that `symbolic` was computed from.
     ///
     /// # Errors
@@ -51,7 +48,7 @@ where
         context: &B::Context,
         pattern: &Arc<Sparsity>,
         symbolic: &Arc<B::Symbolic>,
-    ) -> Result<Self, SolveError<B::Fault>> {
+    ) -> Result<Self, SolveError<B::Error>> {
         Ok(Self {
             residual: B::vector(context, pattern.rows())?,
             direction: B::vector(context, pattern.rows())?,
@@ -69,7 +66,7 @@ where
         &mut self,
         problem: &mut P,
         params: &NewtonParams,
-    ) -> Result<NewtonReport, NewtonFailure<P::Error, B::Fault>> {
+    ) -> Result<NewtonReport, NewtonFailure<P::Error, B::Error>> {
         self.iterate(problem, params.tolerance, params.max_iterations, |system, problem, _, limit, report| {
             system.compute_direction(problem, report)?;
             system.line_search(problem, params, limit, report)
@@ -84,10 +81,10 @@ where
         tolerance: f64,
         max_iterations: usize,
         mut step: impl FnMut(&mut Self, &mut P, &Iterate, f64, &mut NewtonReport) -> Evaluation<B, P>,
-    ) -> Result<NewtonReport, NewtonFailure<P::Error, B::Fault>> {
+    ) -> Result<NewtonReport, NewtonFailure<P::Error, B::Error>> {
         let mut report = NewtonReport::with_capacity(max_iterations);
         problem.save();
-        let outcome: Result<(), NewtonError<P::Error, B::Fault>> = (|| {
+        let outcome: Result<(), NewtonError<P::Error, B::Error>> = (|| {
             let mut iterate = self.evaluate(problem, &mut report)?;
             loop {
                 report.record(&iterate);
@@ -117,7 +114,7 @@ where
         &mut self,
         problem: &mut P,
         report: &mut NewtonReport,
-    ) -> Result<(), NewtonError<P::Error, B::Fault>> {
+    ) -> Result<(), NewtonError<P::Error, B::Error>> {
         let start = Instant::now();
         self.assemble(problem)?;
         let assembled = Instant::now();
@@ -131,7 +128,7 @@ where
     }
 
     /// Assembles the Jacobian at the current state.
-    fn assemble<P: NonlinearProblem<B>>(&mut self, problem: &mut P) -> Result<(), NewtonError<P::Error, B::Fault>> {
+    fn assemble<P: NonlinearProblem<B>>(&mut self, problem: &mut P) -> Result<(), NewtonError<P::Error, B::Error>> {
         self.matrix.assemble(|k| problem.jacobian(k).map_err(NewtonError::Problem))
     }
 
@@ -150,12 +147,12 @@ where
     }
 
     /// Moves the state by `a` times the direction.
-    fn advance<P: NonlinearProblem<B>>(&self, problem: &mut P, a: f64) -> Result<(), NewtonError<P::Error, B::Fault>> {
+    fn advance<P: NonlinearProblem<B>>(&self, problem: &mut P, a: f64) -> Result<(), NewtonError<P::Error, B::Error>> {
         problem.advance(a, &self.direction).map_err(NewtonError::Problem)
     }
 
     /// The product `r . d` of residual and direction.
-    fn residual_dot_direction(&self) -> Result<f64, B::Fault> {
+    fn residual_dot_direction(&self) -> Result<f64, B::Error> {
         Ok(self.residual.dot(&self.direction)?.as_f64())
     }
 }
@@ -166,10 +163,10 @@ struct Iterate {
     residual_scale: ResidualScale,
 }
 
-type Evaluation<B, P> = Result<Iterate, NewtonError<<P as NonlinearProblem<B>>::Error, <B as Backend>::Fault>>;
+type Evaluation<B, P> = Result<Iterate, NewtonError<<P as NonlinearProblem<B>>::Error, <B as Backend>::Error>>;
 
 /// Returns true if a state cannot be evaluated for a reason that a shorter step may avoid.
-fn is_recoverable<B: Backend, P: NonlinearProblem<B>>(error: &NewtonError<P::Error, B::Fault>) -> bool {
+fn is_recoverable<B: Backend, P: NonlinearProblem<B>>(error: &NewtonError<P::Error, B::Error>) -> bool {
     match error {
         NewtonError::NotFinite => true,
         NewtonError::Problem(error) => !P::is_final(error),

@@ -21,7 +21,7 @@ pub trait Solver<B: Backend>: Send {
     ///
     /// # Errors
     /// Returns [`SolveError::Singular`], [`SolveError::NotFinite`], [`SolveError::Size`], [`SolveError::Pattern`].
-    fn factor(&mut self, a: &B::Matrix) -> Result<FactorReport, SolveError<B::Fault>>;
+    fn factor(&mut self, a: &B::Matrix) -> Result<FactorReport, SolveError<B::Error>>;
 
     /// Factors `a` if it is positive definite, and stops early otherwise: for callers that modify an indefinite matrix
     /// rather than solve with it.
@@ -33,14 +33,14 @@ pub trait Solver<B: Backend>: Send {
     /// Returns [`SolveError::Indefinite`] if `a` is not positive definite, and the errors of [`Solver::factor`]; no
     /// factorization is available then. Returns [`SolveError::Unsupported`] if the matrix is declared
     /// [`Symmetry::None`], because the signs of LU pivots do not determine definiteness.
-    fn factor_definite(&mut self, a: &B::Matrix) -> Result<FactorReport, SolveError<B::Fault>>;
+    fn factor_definite(&mut self, a: &B::Matrix) -> Result<FactorReport, SolveError<B::Error>>;
 
     /// Solves `A x = b`. The previous values of `x` are ignored: iterative methods start from zero.
     ///
     /// # Errors
     /// Returns [`SolveError::NotFactored`], [`SolveError::Size`]; an iterative method also returns
     /// [`SolveError::NotConverged`] and [`SolveError::RhsNotFinite`].
-    fn solve(&mut self, b: &B::Vector, x: &mut B::Vector) -> Result<SolveReport, SolveError<B::Fault>> {
+    fn solve(&mut self, b: &B::Vector, x: &mut B::Vector) -> Result<SolveReport, SolveError<B::Error>> {
         self.solve_many(std::slice::from_ref(b), std::slice::from_mut(x))
     }
 
@@ -48,7 +48,7 @@ pub trait Solver<B: Backend>: Send {
     ///
     /// # Errors
     /// Returns the errors of [`Solver::solve`]; the solutions computed before the failure are kept.
-    fn solve_many(&mut self, b: &[B::Vector], x: &mut [B::Vector]) -> Result<SolveReport, SolveError<B::Fault>>;
+    fn solve_many(&mut self, b: &[B::Vector], x: &mut [B::Vector]) -> Result<SolveReport, SolveError<B::Error>>;
 }
 
 #[cfg(test)]

@@ -15,7 +15,7 @@ use crate::fiber::network::{Network, file};
 use crate::fiber::rve::{Rve, RveModel, StressScale};
 use crate::fiber::workspace::Workspace;
 use crate::input::InputErrors;
-use crate::las::{Backend, Scalar, SolverParams};
+use crate::las::{Backend, RealBackend, SolverParams};
 use crate::tissue::materials::{
     FiberRve, Formula, Materials, NetworkAssignment, Region, RegionMaterial, RveLifecycle, find_region,
 };
@@ -66,7 +66,7 @@ pub enum ElementMaterial {
     },
 }
 
-impl<B: Backend<Scalar = f64, Reduced: Scalar>> Library<B> {
+impl<B: RealBackend> Library<B> {
     /// Reads the networks of the materials; also returns the warnings of the reader.
     ///
     /// # Errors
@@ -163,7 +163,7 @@ struct Reader<'a, B: Backend> {
     warnings: Vec<String>,
 }
 
-impl<B: Backend<Scalar = f64, Reduced: Scalar>> Reader<'_, B> {
+impl<B: RealBackend> Reader<'_, B> {
     /// Returns the models that the elements with this material choose from.
     fn models_of(&mut self, material: &RegionMaterial) -> Result<Vec<usize>, LibraryError> {
         match material {

@@ -28,7 +28,7 @@ use nalgebra::Matrix3;
 
 use crate::fem::mesh::Mesh;
 use crate::fem::point_field::{PointField, PointResponses};
-use crate::las::{Backend, Scalar};
+use crate::las::{Backend, RealBackend};
 use crate::tissue::materials::Materials;
 use crate::tissue::two_scale::RankTimes;
 
@@ -46,7 +46,7 @@ pub(super) use units::Units;
 /// States are those of the last commit.
 pub trait TissueMaterial: PointField<Error = TissueFieldError> {
     /// The backend of the RVEs.
-    type Micro: Backend<Scalar = f64, Reduced: Scalar>;
+    type Micro: RealBackend;
 
     /// Returns the data that all RVEs share.
     fn library(&self) -> &Library<Self::Micro>;
@@ -115,7 +115,7 @@ pub struct TissueField<B: Backend> {
     unit_of: HashMap<usize, usize>,
 }
 
-impl<B: Backend<Scalar = f64, Reduced: Scalar>> TissueField<B> {
+impl<B: RealBackend> TissueField<B> {
     /// Reads the networks of the materials and gives every element of the mesh its material; also returns the warnings
     /// of the network reader.
     ///
@@ -153,7 +153,7 @@ impl<B: Backend<Scalar = f64, Reduced: Scalar>> TissueField<B> {
     }
 }
 
-impl<B: Backend<Scalar = f64, Reduced: Scalar>> PointField for TissueField<B> {
+impl<B: RealBackend> PointField for TissueField<B> {
     type Error = TissueFieldError;
 
     fn update(&mut self, gradients: &[Matrix3<f64>], out: &mut PointResponses) -> Result<(), Self::Error> {
@@ -203,7 +203,7 @@ impl<B: Backend<Scalar = f64, Reduced: Scalar>> PointField for TissueField<B> {
     }
 }
 
-impl<B: Backend<Scalar = f64, Reduced: Scalar>> TissueMaterial for TissueField<B> {
+impl<B: RealBackend> TissueMaterial for TissueField<B> {
     type Micro = B;
 
     fn library(&self) -> &Library<B> {
@@ -260,7 +260,7 @@ impl<B: Backend<Scalar = f64, Reduced: Scalar>> TissueMaterial for TissueField<B
 }
 
 /// Checks that saved RVEs match those of a body.
-pub(super) fn check_states<B: Backend<Scalar = f64, Reduced: Scalar>>(
+pub(super) fn check_states<B: RealBackend>(
     sites: &Sites,
     library: &Library<B>,
     statuses: &[RveStatus],

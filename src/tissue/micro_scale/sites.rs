@@ -12,7 +12,7 @@ use super::lifecycle::{LifecycleState, RveStatus, extrapolate};
 use crate::fem::material::{Material, MaterialError, Response, SaintVenantKirchhoff};
 use crate::fem::mesh::Mesh;
 use crate::fem::point_field::PointResponses;
-use crate::las::{Backend, Scalar};
+use crate::las::RealBackend;
 use crate::tissue::materials::{BeforeCreation, Formula, RveLifecycle};
 
 /// The materials of all integration points of a body, and the statuses of the RVEs.
@@ -65,10 +65,7 @@ impl RveChanges {
 
 impl Sites {
     /// Assigns the materials of a library to the elements of a mesh.
-    pub(in crate::tissue) fn new<B: Backend<Scalar = f64, Reduced: Scalar>>(
-        library: &Library<B>,
-        mesh: &Mesh,
-    ) -> Result<Self, LibraryError> {
+    pub(in crate::tissue) fn new<B: RealBackend>(library: &Library<B>, mesh: &Mesh) -> Result<Self, LibraryError> {
         let regions = library.regions_of_mesh(mesh)?;
         let site = |(element, region)| Site::new(region, library.of_element(region, element));
         let sites: Vec<Site> = regions.into_iter().enumerate().map(site).collect();

@@ -7,7 +7,7 @@ use super::unit::Fibers;
 use super::units::Units;
 use crate::fiber::orientation::{Weighting, principal, tensor};
 use crate::fiber::truss::FiberStates;
-use crate::las::{Backend, Scalar};
+use crate::las::RealBackend;
 
 /// The network of one element at the last converged load step; nodes and fibers in the order of the network's file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -39,7 +39,7 @@ pub struct PointSummary {
     pub network: usize,
 }
 
-impl<B: Backend<Scalar = f64, Reduced: Scalar>> Units<B> {
+impl<B: RealBackend> Units<B> {
     /// Returns the summary of the fibers of every unit, `None` for one without fibers.
     pub fn summaries(&self) -> Vec<Option<PointSummary>> {
         (0..self.len())

@@ -11,7 +11,7 @@ use crate::fiber::equilibrium::{EquilibriumReport, RveError, Stage, converges_to
 use crate::fiber::homogenize::Tangent;
 use crate::fiber::rve::{Rve, RveModel, Sensitivities};
 use crate::fiber::workspace::Workspace;
-use crate::las::{Backend, Scalar};
+use crate::las::RealBackend;
 use crate::tissue::materials::Formula;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -149,11 +149,7 @@ impl RveStats {
 
 impl Unit {
     /// Creates an RVE at rest.
-    pub fn new<B: Backend<Scalar = f64, Reduced: Scalar>>(
-        model: Option<usize>,
-        models: &[RveModel<B>],
-        matrix: Option<Formula>,
-    ) -> Self {
+    pub fn new<B: RealBackend>(model: Option<usize>, models: &[RveModel<B>], matrix: Option<Formula>) -> Self {
         let fibers = model.map(|model| {
             let rest = Rve::at_rest(models[model].network());
             Fibers { model, committed: rest.clone(), current: rest, origin: Origin::Committed }
@@ -162,13 +158,13 @@ impl Unit {
     }
 
     /// Returns stress and tangent at `gradient`. The last response is reused if the gradient has not changed.
-    pub fn respond<B: Backend<Scalar = f64, Reduced: Scalar>>(
+    pub fn respond<B: RealBackend>(
         &mut self,
         gradient: &Matrix3<f64>,
         library: &Library<B>,
         worker: &mut Worker<B>,
         stats: &mut RveStats,
-    ) -> Result<Response, UnitError<B::Fault>> {
+    ) -> Result<Response, UnitError<B::Error>> {
         if let Some((last, response)) = &self.response
             && last == gradient
         {
@@ -183,13 +179,13 @@ impl Unit {
         Ok(response)
     }
 
-    fn solve<B: Backend<Scalar = f64, Reduced: Scalar>>(
+    fn solve<B: RealBackend>(
         &mut self,
         gradient: &Matrix3<f64>,
         library: &Library<B>,
         worker: &mut Worker<B>,
         stats: &mut RveStats,
-    ) -> Result<Response, UnitError<B::Fault>> {
+    ) -> Result<Response, UnitError<B::Error>> {
         let mut sum = match &self.matrix {
             Some(formula) => formula.respond(gradient)?,
             None => Response { energy: 0.0, pk1: Matrix3::zeros(), tangent: Tangent::zeros() },
@@ -207,13 +203,13 @@ impl Unit {
 
     /// Verifies that the equilibrium found by [`Unit::respond`] at the converged gradient continues the committed one,
     /// and solves for it again from the committed state if not. Returns true if the response was replaced.
-    pub fn verify<B: Backend<Scalar = f64, Reduced: Scalar>>(
+    pub fn verify<B: RealBackend>(
         &mut self,
         gradient: &Matrix3<f64>,
         library: &Library<B>,
         worker: &mut Worker<B>,
         stats: &mut RveStats,
-    ) -> Result<bool, UnitError<B::Fault>> {
+    ) -> Result<bool, UnitError<B::Error>> {
         let Some(fibers) = &mut self.fibers else { return Ok(false) };
         if fibers.origin != Origin::Trial {
             return Ok(false);
@@ -225,13 +221,13 @@ impl Unit {
     }
 
     /// Solves from the committed state, unless Newton evidently leads from there to the current equilibrium.
-    fn solve_again<B: Backend<Scalar = f64, Reduced: Scalar>>(
+    fn solve_again<B: RealBackend>(
         &mut self,
         gradient: &Matrix3<f64>,
         library: &Library<B>,
         worker: &mut Worker<B>,
         stats: &mut RveStats,
-    ) -> Result<bool, UnitError<B::Fault>> {
+    ) -> Result<bool, UnitError<B::Error>> {
         let Some(fibers) = &mut self.fibers else { return Ok(false) };
         let workspace = worker.workspace(library, fibers.model)?;
         let model = &library.models[fibers.model];
@@ -286,13 +282,13 @@ impl Unit {
 }
 
 impl Fibers {
-    fn solve<B: Backend<Scalar = f64, Reduced: Scalar>>(
+    fn solve<B: RealBackend>(
         &mut self,
         gradient: &Matrix3<f64>,
         library: &Library<B>,
         workspace: &mut Workspace<B>,
         stats: &mut RveStats,
-    ) -> Result<(Response, usize), UnitError<B::Fault>> {
+    ) -> Result<(Response, usize), UnitError<B::Error>> {
         let model = &library.models[self.model];
         let is_affine = self.origin == Origin::Committed && !self.current.has_sensitivities();
         let mut solved = match equilibrate(model, &mut self.current, gradient, &library.params, workspace) {

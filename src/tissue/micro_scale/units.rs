@@ -14,7 +14,7 @@ use super::unit::{Origin, RveStats, Unit, UnitError};
 use super::worker::Worker;
 use crate::fem::material::Response;
 use crate::fiber::rve::Rve;
-use crate::las::{Backend, Scalar};
+use crate::las::{Backend, RealBackend};
 use crate::tissue::materials::Formula;
 use crate::tissue::replay::RveDump;
 
@@ -47,7 +47,7 @@ pub struct FailedRve {
 
 impl FailedRve {
     /// Collects the data of the RVE of an element that failed between `start` and `gradient`.
-    pub(in crate::tissue) fn new<B: Backend<Scalar = f64, Reduced: Scalar>>(
+    pub(in crate::tissue) fn new<B: RealBackend>(
         library: &Library<B>,
         (element, model): (usize, usize),
         start: &Rve,
@@ -59,7 +59,7 @@ impl FailedRve {
     }
 }
 
-impl<B: Backend<Scalar = f64, Reduced: Scalar>> Units<B> {
+impl<B: RealBackend> Units<B> {
     /// Creates an empty set.
     pub fn new(library: Library<B>) -> Self {
         let models = library.models.len();
@@ -162,7 +162,7 @@ impl<B: Backend<Scalar = f64, Reduced: Scalar>> Units<B> {
             &Library<B>,
             &mut Worker<B>,
             &mut RveStats,
-        ) -> Result<bool, UnitError<B::Fault>>
+        ) -> Result<bool, UnitError<B::Error>>
         + Sync,
     ) -> Result<Vec<usize>, PointFailure> {
         let Self { library, units, elements, workers, .. } = self;
@@ -211,7 +211,7 @@ impl<B: Backend<Scalar = f64, Reduced: Scalar>> Units<B> {
         Err(failure)
     }
 
-    fn failure(&mut self, number: usize, gradient: &Matrix3<f64>, reason: &UnitError<B::Fault>) -> PointFailure {
+    fn failure(&mut self, number: usize, gradient: &Matrix3<f64>, reason: &UnitError<B::Error>) -> PointFailure {
         let (element, library) = (self.elements[number], &self.library);
         let fibers = self.units[number].fibers.as_ref();
         let network = fibers.map(|f| library.models[f.model].network().name().to_owned());

@@ -2,20 +2,20 @@
 
 use super::library::Library;
 use crate::fiber::workspace::Workspace;
-use crate::las::{Backend, Scalar, SolveError};
+use crate::las::{Backend, RealBackend, SolveError};
 
 /// The workspaces of one thread: one for every model that it has solved so far.
 pub(super) struct Worker<B: Backend> {
     workspaces: Vec<Option<Workspace<B>>>,
 }
 
-impl<B: Backend<Scalar = f64, Reduced: Scalar>> Worker<B> {
+impl<B: RealBackend> Worker<B> {
     pub fn new(models: usize) -> Self {
         Self { workspaces: (0..models).map(|_| None).collect() }
     }
 
     /// Returns the workspace of a model, which the first call creates.
-    pub fn workspace(&mut self, library: &Library<B>, model: usize) -> Result<&mut Workspace<B>, SolveError<B::Fault>> {
+    pub fn workspace(&mut self, library: &Library<B>, model: usize) -> Result<&mut Workspace<B>, SolveError<B::Error>> {
         let place = &mut self.workspaces[model];
         match place {
             Some(workspace) => Ok(workspace),

@@ -12,7 +12,7 @@ use super::shard::RveUpdate;
 use crate::coupling::Scales;
 use crate::fem::mesh::Mesh;
 use crate::fem::point_field::{PointField, PointResponses};
-use crate::las::{Backend, Comm, Scalar};
+use crate::las::{Backend, Comm, RealBackend};
 use crate::tissue::materials::Materials;
 use crate::tissue::micro_scale::{
     DeformedNetwork, FailedRve, FieldRestoreError, Library, LibraryError, PointFailure, PointSummary, RveStats,
@@ -42,7 +42,7 @@ struct Reports {
     bytes: usize,
 }
 
-impl<'a, C: Comm, B: Backend<Scalar = f64, Reduced: Scalar>> ScaleField<'a, C, B> {
+impl<'a, C: Comm, B: RealBackend> ScaleField<'a, C, B> {
     /// Sets up the materials of a mesh; also returns the warnings of the network reader. Does not communicate.
     ///
     /// # Errors
@@ -179,7 +179,7 @@ impl<C: Comm, B: Backend> Drop for ScaleField<'_, C, B> {
     }
 }
 
-impl<C: Comm, B: Backend<Scalar = f64, Reduced: Scalar>> PointField for ScaleField<'_, C, B> {
+impl<C: Comm, B: RealBackend> PointField for ScaleField<'_, C, B> {
     type Error = TissueFieldError;
 
     fn update(&mut self, gradients: &[Matrix3<f64>], out: &mut PointResponses) -> Result<(), Self::Error> {
@@ -222,7 +222,7 @@ impl<C: Comm, B: Backend<Scalar = f64, Reduced: Scalar>> PointField for ScaleFie
     }
 }
 
-impl<C: Comm, B: Backend<Scalar = f64, Reduced: Scalar>> TissueMaterial for ScaleField<'_, C, B> {
+impl<C: Comm, B: RealBackend> TissueMaterial for ScaleField<'_, C, B> {
     type Micro = B;
 
     fn library(&self) -> &Library<B> {

@@ -10,7 +10,7 @@ use super::protocol::{
     unpack,
 };
 use crate::coupling::Scales;
-use crate::las::{Backend, Comm, Message, Scalar};
+use crate::las::{Backend, Comm, Message, RealBackend};
 use crate::tissue::materials::ElementSelection;
 use crate::tissue::micro_scale::{
     DeformedNetwork, ElementMaterial, Library, PointFailure, SerializeIter, UnitState, Units,
@@ -22,7 +22,7 @@ use crate::tissue::micro_scale::{
 /// # Errors
 /// Returns [`TwoScaleError`] if communication fails, a message does not follow the protocol, or a saved state does not
 /// match its RVE.
-pub fn run<C: Comm, B: Backend<Scalar = f64, Reduced: Scalar>>(
+pub fn run<C: Comm, B: RealBackend>(
     scales: &Scales<C>,
     library: Library<B>,
     output: ElementSelection,
@@ -51,7 +51,7 @@ struct MicroSide<'a, C: Comm, B: Backend> {
     between: RankTimes,
 }
 
-impl<C: Comm, B: Backend<Scalar = f64, Reduced: Scalar>> MicroSide<'_, C, B> {
+impl<C: Comm, B: RealBackend> MicroSide<'_, C, B> {
     fn run(mut self) -> Result<(), TwoScaleError> {
         let mut complete = false;
         while !complete {

@@ -40,7 +40,7 @@ macro_rules! ways {
             /// # Errors
             /// Returns the error of the backend.
             #[inline(never)]
-            pub fn $name($($arg: $of),*) -> Result<$out, Fault> {
+            pub fn $name($($arg: $of),*) -> Result<$out, Error> {
                 $call
             }
         )*
@@ -49,7 +49,7 @@ macro_rules! ways {
         pub struct Table {
             $(
                 /// The verb.
-                pub $name: fn($($of),*) -> Result<$out, Fault>,
+                pub $name: fn($($of),*) -> Result<$out, Error>,
             )*
         }
 
@@ -63,7 +63,7 @@ macro_rules! ways {
                 ///
                 /// # Errors
                 /// Returns the error of the backend.
-                fn $name(&self, $($arg: $of),*) -> Result<$out, Fault>;
+                fn $name(&self, $($arg: $of),*) -> Result<$out, Error>;
             )*
         }
 
@@ -72,7 +72,7 @@ macro_rules! ways {
 
         impl Operations for Object {
             $(
-                fn $name(&self, $($arg: $of),*) -> Result<$out, Fault> {
+                fn $name(&self, $($arg: $of),*) -> Result<$out, Error> {
                     $call
                 }
             )*
@@ -111,7 +111,7 @@ macro_rules! backend {
             /// Positions in matrices.
             pub type Slot = <B as Backend>::Slot;
             /// Type of its errors.
-            pub type Fault = <B as Backend>::Fault;
+            pub type Error = <B as Backend>::Error;
 
             for_each_verb!(ways);
         }

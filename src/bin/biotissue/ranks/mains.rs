@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use biotissue::app::macro_scale;
 use biotissue::app::run::{RootWriter, Setup, WriterGroup};
 use biotissue::coupling::{ScaleError, Scales};
-use biotissue::las::{Backend, Comm, Scalar};
+use biotissue::las::{Comm, RealBackend};
 use biotissue::tissue::micro_scale::Library;
 use biotissue::tissue::two_scale::{self, BodySolve, MACRO, MICRO, ScaleField, TwoScaleError};
 
@@ -63,7 +63,7 @@ fn run_distributed<C: Ranks>(world: &C, scales: &Scales<C>, run: &RunContext<'_>
     Ok((scales.comm().rank() == 0).then_some(outcome))
 }
 
-fn run_micro<M: Backend<Scalar = f64, Reduced: Scalar, Context = ()>, C: Ranks>(
+fn run_micro<M: RealBackend<Context = ()>, C: Ranks>(
     world: &C,
     scales: &Scales<C>,
     run: &RunContext<'_>,
@@ -107,7 +107,7 @@ impl<C: Ranks> Job for MacroRank<'_, C> {
 
 impl<C: Ranks> MacroRank<'_, C> {
     /// Runs with the body on backend `B` and the RVEs on `M`. An outer error is one unknown to the other ranks.
-    fn run_with<B: ProgramBackend, M: Backend<Scalar = f64, Reduced: Scalar, Context = ()>>(
+    fn run_with<B: ProgramBackend, M: RealBackend<Context = ()>>(
         self,
         context: B::Context,
     ) -> Result<Outcome, Failure> {

@@ -118,7 +118,7 @@ impl RveJob {
         model: &RveModel<B>,
         rve: &mut Rve,
         workspace: &mut Workspace<B>,
-    ) -> Result<State, RveError<B::Fault>> {
+    ) -> Result<State, RveError<B::Error>> {
         // The RVE is already in equilibrium, so no stage has any work to do.
         let (gradient, params) = (*rve.gradient(), self.params.with_stages(Stages::default()));
         let mut solved = equilibrate(model, rve, &gradient, &params, workspace)?;

@@ -24,7 +24,9 @@ use thiserror::Error;
 use self::null_space::mobilities;
 use crate::fiber::network::Network;
 use crate::fiber::stiffness::pattern;
-use crate::las::{Backend, FactorReport, Index, MatrixOps, SolveError, Solver, SolverParams, SparsityError, Symmetry};
+use crate::las::{
+    Backend, FactorReport, Index, MatrixOps, RealBackend, SolveError, Solver, SolverParams, SparsityError, Symmetry,
+};
 
 /// The shift `s`, relative to the largest diagonal entry of the stiffness.
 const SHIFT: f64 = 1e-9;
@@ -92,10 +94,7 @@ pub enum RigidityError<F: std::error::Error> {
 ///
 /// # Errors
 /// Returns [`RigidityError`] if the stiffness has no valid pattern or cannot be factored.
-pub fn zero_modes<B: Backend<Scalar = f64>>(
-    context: &B::Context,
-    network: &Network,
-) -> Result<usize, RigidityError<B::Fault>> {
+pub fn zero_modes<B: RealBackend>(context: &B::Context, network: &Network) -> Result<usize, RigidityError<B::Error>> {
     if network.interior().is_empty() {
         return Ok(0);
     }
@@ -106,10 +105,7 @@ pub fn zero_modes<B: Backend<Scalar = f64>>(
 ///
 /// # Errors
 /// As for [`zero_modes`].
-pub fn rigidity<B: Backend<Scalar = f64>>(
-    context: &B::Context,
-    network: &Network,
-) -> Result<Rigidity, RigidityError<B::Fault>> {
+pub fn rigidity<B: RealBackend>(context: &B::Context, network: &Network) -> Result<Rigidity, RigidityError<B::Error>> {
     let unknowns = 3 * network.interior().len();
     let (mut zero_modes, mut mobility, mut estimated) = (0, Vec::new(), false);
     if unknowns > 0 {
@@ -187,8 +183,8 @@ struct Stiffness<'a, B: Backend> {
     scale: f64,
 }
 
-impl<'a, B: Backend<Scalar = f64>> Stiffness<'a, B> {
-    fn new(context: &B::Context, network: &'a Network) -> Result<Self, RigidityError<B::Fault>> {
+impl<'a, B: RealBackend> Stiffness<'a, B> {
+    fn new(context: &B::Context, network: &'a Network) -> Result<Self, RigidityError<B::Error>> {
         let number = network.interior_number();
         let pattern = Arc::new(pattern(network)?);
         // In a rigid network `K - s I` is positive definite, and Cholesky, the fastest factorization, succeeds.
@@ -211,14 +207,14 @@ impl<'a, B: Backend<Scalar = f64>> Stiffness<'a, B> {
     }
 
     /// Factors `K + shift I`.
-    fn factor(&mut self, shift: f64) -> Result<FactorReport, SolveError<B::Fault>> {
+    fn factor(&mut self, shift: f64) -> Result<FactorReport, SolveError<B::Error>> {
         let Self { network, matrix, solver, .. } = self;
         matrix.assemble(|matrix| add_stiffness::<B>(network, shift, matrix))?;
         solver.factor(matrix)
     }
 
     /// Counts the negative pivots of `K - s I`.
-    fn zero_modes(&mut self) -> Result<usize, RigidityError<B::Fault>> {
+    fn zero_modes(&mut self) -> Result<usize, RigidityError<B::Error>> {
         for attempt in 0..ATTEMPTS {
             // With an irrational ratio, no pivot vanishes at two of these shifts by coincidence.
             let shift = SHIFT * self.scale * std::f64::consts::SQRT_2.powi(attempt);
@@ -233,11 +229,7 @@ impl<'a, B: Backend<Scalar = f64>> Stiffness<'a, B> {
 }
 
 /// Adds `K + shift I` to the matrix.
-fn add_stiffness<B: Backend<Scalar = f64>>(
-    network: &Network,
-    shift: f64,
-    matrix: &mut B::Matrix,
-) -> Result<(), B::Fault> {
+fn add_stiffness<B: RealBackend>(network: &Network, shift: f64, matrix: &mut B::Matrix) -> Result<(), B::Error> {
     let number = network.interior_number();
     for (fiber, ends) in network.fibers().iter().enumerate() {
         let rows = [0, 1, 2, 3, 4, 5].map(|i: usize| match number[ends[i / 3] as usize] {

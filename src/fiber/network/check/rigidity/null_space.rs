@@ -11,7 +11,7 @@
 
 use nalgebra::{Cholesky, DMatrix};
 
-use crate::las::{Backend, SolveError, Solver, VectorOps};
+use crate::las::{Backend, RealBackend, SolveError, Solver, VectorOps};
 
 /// Maximum number of zero modes for which a basis is computed.
 const LARGEST_BASIS: usize = 400;
@@ -24,13 +24,13 @@ const BATCH: usize = 16;
 const ITERATIONS: usize = 4;
 
 /// Returns the mobility of every node, and whether it is an estimate; `solver` holds the factor of `K + shift I`.
-pub(super) fn mobilities<B: Backend<Scalar = f64>>(
+pub(super) fn mobilities<B: RealBackend>(
     context: &B::Context,
     solver: &mut B::Solver,
     unknowns: usize,
     modes: usize,
     shift: f64,
-) -> Result<(Vec<f64>, bool), SolveError<B::Fault>> {
+) -> Result<(Vec<f64>, bool), SolveError<B::Error>> {
     let estimated = modes > LARGEST_BASIS;
     let mut columns = random_signs(unknowns, if estimated { PROBES } else { modes });
     let mut room = Room::<B>::new(context, unknowns)?;
@@ -60,8 +60,8 @@ struct Room<B: Backend> {
     left: Vec<B::Vector>,
 }
 
-impl<B: Backend<Scalar = f64>> Room<B> {
-    fn new(context: &B::Context, unknowns: usize) -> Result<Self, SolveError<B::Fault>> {
+impl<B: RealBackend> Room<B> {
+    fn new(context: &B::Context, unknowns: usize) -> Result<Self, SolveError<B::Error>> {
         let vectors = || (0..BATCH).map(|_| B::vector(context, unknowns)).collect::<Result<_, _>>();
         Ok(Self { right: vectors()?, left: vectors()? })
     }
@@ -72,7 +72,7 @@ impl<B: Backend<Scalar = f64>> Room<B> {
         solver: &mut B::Solver,
         columns: &mut DMatrix<f64>,
         shift: f64,
-    ) -> Result<(), SolveError<B::Fault>> {
+    ) -> Result<(), SolveError<B::Error>> {
         let unknowns = columns.nrows();
         for batch in columns.as_mut_slice().chunks_mut(BATCH * unknowns) {
             let count = batch.len() / unknowns;
