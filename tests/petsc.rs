@@ -23,7 +23,7 @@ use biotissue::fem::point_field::FormulaField;
 use biotissue::fem::stepping::{StepParams, Stepper};
 use biotissue::las::{
     Backend, Entries, FactorReport, Factorization, Iterative, Krylov, MatMat, MatVec, MatrixOps, NewtonSystem,
-    Preconditioner, RealBackend, SolveError, Solver, SolverParams, Sparsity, StopReason, Symmetry, VectorOps,
+    Preconditioner, SolveError, Solver, SolverParams, Sparsity, StopReason, Symmetry, VectorOps,
     conformance::{self, Capabilities, Trials},
 };
 use mpi::collective::SystemOperation;
@@ -533,8 +533,7 @@ fn frozen_rve(context: &Context) {
 #[cfg(any(feature = "sparse", feature = "dense"))]
 fn same_tangent<B>(tangent: &biotissue::fiber::homogenize::Tangent, f: &Matrix3<f64>)
 where
-    B: RealBackend<Context = ()>,
-    B::Reduced: biotissue::las::Scalar,
+    B: biotissue::las::RealBackend<Context = ()>,
 {
     let mut bench = support::Bench::<B>::new(&support::frozen(), None);
     let mut rve = bench.at_rest();

@@ -326,8 +326,8 @@ impl OwnSolver {
         let product = |row: usize, range: std::ops::Range<usize>, x: &[f64]| -> f64 {
             factors.row(row)[range.clone()].iter().zip(&x[range]).map(|(a, x)| a * x).sum()
         };
-        for row in 0..n {
-            x.0[row] = b.0[order[row]] - product(row, 0..row, &x.0);
+        for (row, &source) in order.iter().enumerate() {
+            x.0[row] = b.0[source] - product(row, 0..row, &x.0);
         }
         for row in (0..n).rev() {
             x.0[row] = (x.0[row] - product(row, row + 1..n, &x.0)) / factors.row(row)[row];

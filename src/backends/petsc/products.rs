@@ -68,7 +68,7 @@ impl Matrix {
     }
 
     /// Converts the matrix to the type that the context requests.
-    fn to_context_type(self) -> Result<Self, PetscError> {
+    fn into_context_type(self) -> Result<Self, PetscError> {
         if self.context.matrix_type() == MatrixType::Aij {
             return Ok(self);
         }
@@ -84,7 +84,7 @@ impl Matrix {
             let made = Handle::new(self.context.session(), make)?;
             result.add_scaled(1.0, made.raw())?;
         }
-        result.to_context_type()
+        result.into_context_type()
     }
 }
 
@@ -140,7 +140,7 @@ impl MatMat<Petsc> for Matrix {
                 sum.add_scaled(factor, copy.as_ref().unwrap_or(matrix).raw())?;
             }
         }
-        Ok(sum.to_context_type()?)
+        Ok(sum.into_context_type()?)
     }
 
     fn product(&self, other: &Self) -> Result<Self, Failure> {

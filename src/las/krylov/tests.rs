@@ -4,8 +4,8 @@
 use std::sync::Arc;
 
 use crate::las::{
-    Backend, Factorization, Iterative, Krylov, MatrixOps, Preconditioner, RealBackend, SolveError, Solver,
-    SolverParams, Sparsity, Symmetry, VectorOps,
+    Factorization, Iterative, Krylov, MatrixOps, Preconditioner, RealBackend, SolveError, Solver, SolverParams,
+    Sparsity, Symmetry, VectorOps,
 };
 
 const METHODS: [Krylov; 3] = [Krylov::Cg, Krylov::BiCgStab, Krylov::Gmres { restart: 20 }];
@@ -76,8 +76,8 @@ fn dense_agrees() {
 mod sparse {
     use super::*;
     use crate::backends::sparse::Sparse;
-    use crate::las::StopReason;
     use crate::las::conformance::{DenseReference, Random};
+    use crate::las::{Backend, StopReason};
 
     const COMPLETE: Preconditioner = Preconditioner::Ilut { drop_tolerance: 0.0, fill: usize::MAX };
 

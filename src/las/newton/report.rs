@@ -9,7 +9,7 @@ use crate::las::{FactorReport, Factorization, SolveError};
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct NewtonParams {
-    /// Residual norm relative to [`ResidualScale::scale`] at convergence. Default `1e-10`.
+    /// Residual norm relative to [`ResidualScale::scale`](super::ResidualScale::scale) at convergence. Default `1e-10`.
     pub tolerance: f64,
     /// Maximum number of iterations, each with one factorization. Default 50.
     pub max_iterations: usize,
@@ -44,7 +44,7 @@ pub struct NewtonReport {
     pub iterations: usize,
     /// `|r|` at the initial state and after every step.
     pub residuals: Vec<f64>,
-    /// The same residuals divided by [`ResidualScale::scale`]; 0 if the scale is 0.
+    /// The same residuals divided by [`ResidualScale::scale`](super::ResidualScale::scale); 0 if the scale is 0.
     pub relative: Vec<f64>,
     /// Number of rejected trial steps: each shortens the step (line search) or raises the shift (regularized Newton).
     pub backtracks: usize,
