@@ -39,7 +39,7 @@ pub enum ScaleError {
     #[error(transparent)]
     Comm(#[from] CommError),
     /// No message from a scale arrived before the time-out.
-    #[error("scale {scale} told scale {own} nothing in {} s", .waited.as_secs_f64())]
+    #[error("scale {scale} sent no message to scale {own} within {} s", .waited.as_secs_f64())]
     ReceiveTimeout {
         /// The scale that did not send.
         scale: String,

@@ -54,7 +54,7 @@ pub fn gather<C: Comm>(world: &C, own: &HardwareLocation) -> Result<Vec<Hardware
     let location = |(rank, message): (usize, &Message)| {
         let text = message.to_text();
         read(&text)
-            .ok_or_else(|| CommError::Library(format!("rank {rank} says it runs at `{text}`, which is no location")))
+            .ok_or_else(|| CommError::Library(format!("rank {rank} says it runs at `{text}`, which is not a location")))
     };
     messages.iter().enumerate().map(location).collect()
 }

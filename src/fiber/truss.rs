@@ -56,7 +56,7 @@ pub struct FiberStates {
 pub enum TrussError {
     /// Neither the caller nor the network's files give a fiber material.
     #[error(
-        "the network {network} comes without fiber materials (no .params file, no [law] in its .toml), and none was given"
+        "the network {network} has no fiber materials (no .params file, no [law] in its .toml), and no law was given"
     )]
     NoMaterial {
         /// The name of the network.

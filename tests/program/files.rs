@@ -228,7 +228,7 @@ fn a_run_that_was_interrupted_says_how_to_go_on() {
         let said: Vec<String> = stderr.lines().map(Result::unwrap).collect();
         assert_eq!(child.wait().unwrap().code(), Some(130), "{said:?}");
         let expected =
-            "interrupted: the converged load steps are in out; the same command with --resume goes on after them";
+            "interrupted: the converged load steps are in out; the same command with --resume continues after them";
         assert_eq!(said.last().map(String::as_str), Some(expected));
         line(folder.path(), "run case.toml --out out --resume").done();
         assert!(std::fs::read(folder.path().join("out/loads.csv")).unwrap() == whole);

@@ -315,7 +315,7 @@ fn what_a_case_names_must_be_there() {
         (fibers("absent/*.txt"), "absent/*.txt"),
         (fibers("letters.txt"), "letters.txt:2: "),
         (no_law, "chain.txt"),
-        (mesh, "case.toml:4: `mesh.file` names \"a.msh\", which is no file"),
+        (mesh, "case.toml:4: `mesh.file` names \"a.msh\", but this file does not exist"),
         (PRESSED.replace("cells = [1, 1, 1]", "cells = [9999, 9999, 9999]"), "elements"),
         (String::new(), "case.toml"),
     ] {

@@ -214,7 +214,7 @@ fn a_network_that_cannot_be_used_is_told_with_its_place() {
         ("letters.txt", "error: letters.txt:2: "),
         ("absent.txt", "error: absent.txt: cannot be read: "),
         (".", "error: .: cannot be read: "),
-        ("chain.txt", "error: chain.txt: the network chain.txt comes without fiber materials"),
+        ("chain.txt", "error: chain.txt: the network chain.txt has no fiber materials"),
     ] {
         let failed = of(folder.path(), network, REST, "");
         assert!(failed.failed(2).starts_with(said), "{network}: {}", failed.stderr);

@@ -17,7 +17,7 @@ pub(super) fn lame_constants(table: &mut Table<'_>) -> Option<[f64; 2]> {
     let given = KEYS.map(|(key, range)| table.number(key, range));
     let names: Vec<&str> = KEYS.iter().zip(present).filter(|(_, there)| *there).map(|((key, _), _)| *key).collect();
     if names.len() != 2 {
-        let cure = if names.len() < 2 { "add what is missing" } else { "remove what is too much" };
+        let cure = if names.len() < 2 { "add a constant" } else { "remove the additional constants" };
         let listed = names.iter().map(|name| format!(" `{name}`")).collect::<Vec<_>>().join(",");
         let what = match names.len() {
             0 => "has no elastic constants".to_string(),

@@ -118,7 +118,11 @@ fn curve(table: &mut Table<'_>, base: &Path) -> Option<Curve> {
             let text = file.text(expected)?;
             let path = base.join(text);
             if !path.is_file() {
-                file.report_error(&format!("names {text:?}, which is no file"), expected, missing_file(&path));
+                file.report_error(
+                    &format!("names {text:?}, but this file does not exist"),
+                    expected,
+                    missing_file(&path),
+                );
                 return None;
             }
             match Curve::read(&path) {
@@ -146,7 +150,11 @@ fn curve(table: &mut Table<'_>, base: &Path) -> Option<Curve> {
             Curve::new(read)
                 .map_err(|error| {
                     let place = error.point().and_then(|point| points.get(point)).unwrap_or(&list);
-                    place.report_error(&format!("makes no law: {error}"), error.expected(), error.cure());
+                    place.report_error(
+                        &format!("does not define a valid law: {error}"),
+                        error.expected(),
+                        error.cure(),
+                    );
                 })
                 .ok()
         }

@@ -53,7 +53,7 @@ fn displacement_of(value: &Value<'_>) -> Option<[Option<f64>; 3]> {
     let present = AXES.map(|axis| table.has(axis));
     let components = AXES.map(|axis| table.number(axis, Range::any("m")));
     if !present.contains(&true) {
-        table.report("holds no component", "at least one of `x`, `y` and `z`, in m", "add one, such as { x = 0.0 }");
+        table.report("contains no component", "at least one of `x`, `y` and `z`, in m", "add one, such as { x = 0.0 }");
     }
     table.report_unknown_keys();
     let complete =
@@ -95,7 +95,7 @@ impl<K: Eq + Hash> PrescribedComponents<K> {
             problems.report(
                 line,
                 format!("{} has {} prescribed here and at line {first}", place(), axes.join(", ")),
-                "each component of a place prescribed once, by displacement or by a traction other than 0",
+                "each component of a node or surface prescribed once, by displacement or by a traction other than 0",
                 "remove it from one of the two",
             );
         }

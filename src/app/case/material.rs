@@ -104,7 +104,7 @@ fn fiber_rve(table: &mut Table<'_>, base: &Path) -> Option<FiberRve> {
         if files.is_empty() && !table.has("matrix") {
             value.report_invalid(
                 networks::EXPECTED,
-                "name at least one network file, or give a `matrix` to stand alone",
+                "name at least one network file, or add a `matrix`, which is then the only material",
             );
             return None;
         }
@@ -156,7 +156,7 @@ fn lifecycle(mut table: Table<'_>, has_matrix: bool) -> RveLifecycle {
         ("deleted_at", lifecycle.deleted_at.is_finite()),
     ];
     for (key, _) in needs.iter().filter(|(_, is_given)| *is_given && !has_matrix) {
-        let complaint = format!("has `{key}`, but its region has no `matrix` to answer without the network");
+        let complaint = format!("has `{key}`, but its region has no `matrix` for the stress without the network");
         table.report(&complaint, "a matrix in parallel", "give the material a `matrix`, or leave that out");
     }
     if lifecycle.deleted_at <= lifecycle.created_at {

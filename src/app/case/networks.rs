@@ -43,7 +43,7 @@ fn matches(value: &Value<'_>, text: &str, base: &Path) -> Option<Vec<PathBuf>> {
         return None;
     }
     if !text.contains(['*', '?', '[']) {
-        value.report_error(&format!("names {text:?}, which is no file"), EXPECTED, missing_file(&literal));
+        value.report_error(&format!("names {text:?}, but this file does not exist"), EXPECTED, missing_file(&literal));
         return None;
     }
     let whole = if Path::new(text).is_absolute() {
@@ -55,7 +55,7 @@ fn matches(value: &Value<'_>, text: &str, base: &Path) -> Option<Vec<PathBuf>> {
         Ok(paths) => paths,
         Err(error) => {
             value.report_error(
-                &format!("has {text:?}, which is no pattern: {}", error.msg),
+                &format!("has {text:?}, which is not a pattern: {}", error.msg),
                 EXPECTED,
                 "correct the pattern",
             );
@@ -96,7 +96,7 @@ fn nothing_found(pattern: &Path, companions: usize) -> String {
     if companions > 0 {
         return format!("only .params and .toml files match in {}: correct the pattern", folder.display());
     }
-    format!("no file in {} matches: put networks there or correct the pattern", folder.display())
+    format!("no file in {} matches: add network files there or correct the pattern", folder.display())
 }
 
 /// Returns the cure for a missing file: the most similar name in its folder.

@@ -60,7 +60,7 @@ impl Case {
 }
 
 fn read(root: &mut Table<'_>, path: &Path, base: &Path) -> Option<Case> {
-    let title = root.get("title").and_then(|value| value.text("what the run is called"));
+    let title = root.get("title").and_then(|value| value.text("the title of the run"));
     let mesh = section::mesh(root, base);
     let regions = material::regions(root, base);
     let boundaries = load::boundaries(root);

@@ -47,7 +47,7 @@ fn mesh_file(value: &Value<'_>, base: &Path) -> Option<MeshSource> {
         return Some(MeshSource::File(file));
     }
     let cure = if file.is_dir() { "this is a folder: name a file in it".into() } else { missing_file(&file) };
-    value.report_error(&format!("names {text:?}, which is no file"), expected, cure);
+    value.report_error(&format!("names {text:?}, but this file does not exist"), expected, cure);
     None
 }
 
@@ -80,7 +80,7 @@ fn cells_of(value: &Value<'_>) -> Option<[usize; 3]> {
     let cells = value.integer_vector(&(1..=1_000_000))?;
     let elements = cells.iter().try_fold(6_usize, |product, &count| product.checked_mul(count));
     if elements.is_none_or(|elements| elements > MOST_ELEMENTS) {
-        let complaint = format!("asks for 6 * {} * {} * {} elements", cells[0], cells[1], cells[2]);
+        let complaint = format!("requests 6 * {} * {} * {} elements", cells[0], cells[1], cells[2]);
         value.report_error(&complaint, format!("at most {MOST_ELEMENTS} elements"), "choose fewer cells");
         return None;
     }

@@ -92,7 +92,7 @@ impl<'d> Table<'d> {
             (None, Some(value)) => Some(Either::Second(value)),
             (Some(one), Some(other)) => {
                 let (early, late) = if one.line <= other.line { (one, other) } else { (other, one) };
-                let what = format!("`{}` stands beside `{}` of line {}", late.path, early.path, early.line);
+                let what = format!("`{}` is given in addition to `{}` of line {}", late.path, early.path, early.line);
                 self.problems.report(late.line, what, expected, "keep one of them and remove the other");
                 None
             }

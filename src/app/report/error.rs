@@ -13,7 +13,7 @@ pub enum ReportError {
     #[error(transparent)]
     Results(#[from] ResultsError),
     /// The directory has none of the files of a run.
-    #[error("{}: is no result directory: it holds neither `log.jsonl` nor `loads.csv` nor `fields.pvd`", dir.display())]
+    #[error("{}: is not a result directory: it contains neither `log.jsonl` nor `loads.csv` nor `fields.pvd`", dir.display())]
     NoResults {
         /// The directory.
         dir: PathBuf,

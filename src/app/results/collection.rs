@@ -165,6 +165,6 @@ impl Collection {
 fn entry(tag: &BytesStart) -> Result<Entry, String> {
     let value = |name: &str| attribute(tag, name)?.ok_or_else(|| format!("a `DataSet` has no `{name}`"));
     let time = value("timestep")?;
-    let time = time.parse().map_err(|_| format!("`timestep` is `{time}`, which is no number"))?;
+    let time = time.parse().map_err(|_| format!("`timestep` is `{time}`, which is not a number"))?;
     Ok(Entry { time, file: value("file")? })
 }

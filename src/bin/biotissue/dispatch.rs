@@ -37,7 +37,7 @@ pub fn dispatch<J: Job>(backend: Option<&str>, job: J) -> Result<J::Output, Fail
             Err(Failure::arguments(
                 format!("--backend {name}: {error}"),
                 format!("one of those compiled in: {}", backends::compiled().join(", ")),
-                "choose one of these, or leave --backend out for the first",
+                "choose one of these, or omit --backend to use the first",
             ))
         }
     }

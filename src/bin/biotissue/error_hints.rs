@@ -91,7 +91,7 @@ fn cure_of_point(error: &TissueFieldError, micro: &RveParams) -> String {
     };
     let cure = match point.kind {
         PointFailureKind::LinearSystem => {
-            "`biotissue network check` tells whether that network is floppy or hangs loose: clean it, or take another"
+            "`biotissue network check` tells whether that network is floppy or not connected to the boundary: clean it, or use another"
         }
         _ => TOO_FAR,
     };

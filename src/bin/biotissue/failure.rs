@@ -51,7 +51,7 @@ impl Failure {
     pub fn unwritable(file: &Path, error: &std::io::Error) -> Self {
         Self::environment(
             format!("{}: cannot be written: {error}", file.display()),
-            "a place that may be written and has space left",
+            "a writable path on a disk with free space",
             "check the name, that its folder can be made, its permissions and the space on the disk",
         )
     }

@@ -36,7 +36,7 @@ impl FromStr for FiberTypeArgument {
             let (key, value) = entry.split_once('=').ok_or_else(|| format!("`{entry}` is not KEY=VALUE"))?;
             let (key, value) = (key.trim(), value.trim());
             if known.contains(&key) {
-                return Err(format!("`{key}` stands there twice"));
+                return Err(format!("`{key}` is given twice"));
             }
             known.push(key);
             let number = || real(value).map_err(|error| format!("{key}: {error}"));

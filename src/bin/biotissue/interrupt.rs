@@ -74,7 +74,7 @@ impl Interrupted {
         output::message(&match self.done.load(Ordering::Relaxed) {
             0 => "interrupted: no load step has converged yet".to_owned(),
             _ => format!(
-                "interrupted: the converged load steps are in {dir}; the same command with --resume goes on after them"
+                "interrupted: the converged load steps are in {dir}; the same command with --resume continues after them"
             ),
         });
         exit(INTERRUPTED);

@@ -24,7 +24,7 @@ pub fn print(text: &str) -> Result<(), Failure> {
 pub fn print_json(value: &impl Serialize) -> Result<(), Failure> {
     let text = serde_json::to_string(value).map_err(|error| {
         Failure::environment(
-            format!("the answer cannot be written as JSON: {error}"),
+            format!("the result cannot be written as JSON: {error}"),
             "an answer of text and numbers",
             "leave out --json, and report this as a bug with the command",
         )

@@ -152,7 +152,7 @@ impl<'a> Reader<'a> {
             self.report(format!("there is no section `@{name}`"), known, "correct its name, or remove the section");
         }
         if let Some(extra) = rest.first() {
-            let what = format!("`{extra}` stands behind `@{name}`");
+            let what = format!("`{extra}` follows `@{name}`");
             self.report(what, "the name of the section alone", "put what belongs to it on lines of their own");
         }
     }
@@ -165,7 +165,7 @@ impl<'a> Reader<'a> {
             Some(Section::Analysis) => self.analysis(head, rest),
             Some(Section::Unknown) => {}
             None => self.report(
-                format!("`{head}` stands in no section"),
+                format!("`{head}` is outside all sections"),
                 "a section, such as `@scales`, before the first entry",
                 "put the name of its section on a line above it",
             ),
@@ -219,7 +219,7 @@ impl<'a> Reader<'a> {
 
     fn results(&mut self, path: &str) {
         if let Some(first) = self.results_line {
-            let what = format!("the folder of the results is named again; it stands on line {first} already");
+            let what = format!("the folder of the results was already given on line {first}");
             self.report(what, "one line `results`", "remove one of the two");
         }
         self.results_line = Some(self.results_line.unwrap_or(self.line));
@@ -283,8 +283,7 @@ impl<'a> Reader<'a> {
             }
             if let Some(first) = relations[..k].iter().position(|other| other == relation) {
                 let (Relation { producer, consumer }, first) = (relation, self.relation_lines[first]);
-                let what =
-                    format!("the relation `{producer} {consumer}` is given again; it stands on line {first} already");
+                let what = format!("the relation `{producer} {consumer}` was already given on line {first}");
                 self.report(what, "each relation once", "remove one of the two");
             }
         }

@@ -94,8 +94,8 @@ fn wrong_sections_are_shown() {
     let behind = hint("the name of the section alone", "put what belongs to it on lines of their own");
     let table = [
         ("@scale\nmacro many\n", format!("1: there is no section `@scale`{unknown}")),
-        ("\nmacro 1\n@scales\n", format!("2: `macro` stands in no section{outside}")),
-        ("@scales macro 1\n", format!("1: `macro` stands behind `@scales`{behind}")),
+        ("\nmacro 1\n@scales\n", format!("2: `macro` is outside all sections{outside}")),
+        ("@scales macro 1\n", format!("1: `macro` follows `@scales`{behind}")),
     ];
     for (text, expected) in table {
         assert_eq!(errors(text), expected, "{text}");
@@ -143,7 +143,7 @@ fn wrong_relations_are_shown() {
         ("a b a", format!("5: `a b a` is no relation{pair}")),
         ("a c", format!("5: there is no scale `c`{scale}")),
         ("a a", format!("5: the relation `a a` couples a scale with itself{other}")),
-        ("a b\nb a\na b", format!("7: the relation `a b` is given again; it stands on line 5 already{once}")),
+        ("a b\nb a\na b", format!("7: the relation `a b` was already given on line 5{once}")),
     ];
     for (entry, expected) in table {
         assert_eq!(errors(&format!("@scales\na 1\nb 1\n@relations\n{entry}\n")), expected, "{entry}");
@@ -168,10 +168,7 @@ fn wrong_folders_are_shown() {
         ("results $HERE/x", unset("HERE", "$HERE/x")),
         ("results ${EMPTY}", unset("EMPTY", "${EMPTY}")),
         ("results x$/y", format!("2: a `$` in `x$/y` has no name behind it{name}")),
-        (
-            "results x\nresults y",
-            format!("3: the folder of the results is named again; it stands on line 2 already{line}"),
-        ),
+        ("results x\nresults y", format!("3: the folder of the results was already given on line 2{line}")),
     ];
     for (entry, expected) in table {
         assert_eq!(errors(&format!("@util\n{entry}\n")), expected, "{entry}");
@@ -184,7 +181,7 @@ fn all_errors_of_a_file_are_shown_in_the_order_of_lines() {
     let found: Vec<(Option<usize>, String)> =
         parse(text).unwrap_err().0.into_iter().map(|error| (error.line, error.problem)).collect();
     let expected: [(usize, &str); 6] = [
-        (1, "`macro` stands in no section"),
+        (1, "`macro` is outside all sections"),
         (3, "there is no scale `micro`"),
         (5, "`none` is no number of ranks"),
         (7, "the environment variable ONE in `$ONE/$TWO` is not set, or is empty"),

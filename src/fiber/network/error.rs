@@ -68,7 +68,7 @@ pub enum NetworkError {
         length: f64,
     },
     /// Two nodes that no fiber joins have the same position.
-    #[error("nodes {first} and {second} lie at one place, {position:?}")]
+    #[error("nodes {first} and {second} have the same position, {position:?}")]
     SamePlace {
         /// The lower node.
         first: usize,
@@ -78,7 +78,7 @@ pub enum NetworkError {
         position: [f64; 3],
     },
     /// The bounding box is flat, or its edges differ by more than 1e-6 of the longest.
-    #[error("the box of the nodes has the edges {} x {} x {}, which is no cube", edges[0], edges[1], edges[2])]
+    #[error("the box of the nodes has the edges {} x {} x {}, not a cube", edges[0], edges[1], edges[2])]
     NotACube {
         /// The edges along x, y, z, in the units given.
         edges: [f64; 3],

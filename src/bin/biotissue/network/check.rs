@@ -24,7 +24,7 @@ pub struct CheckArguments {
     /// The network files
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// Take out fibers that dangle and parts that are not tied to the boundary
+    /// Take out fibers that dangle and parts that are not connected to the boundary
     #[arg(long, requires = "output")]
     clean: bool,
     /// Where to write the cleaned network, with its materials
@@ -136,7 +136,7 @@ fn no_network_left(path: &Path, error: &NetworkError) -> Failure {
             path,
             format!("nothing is left after cleaning: {error}"),
             "fibers that tie the faces of the cube together",
-            "is --shorter-than too long, or the network not tied to its boundary?",
+            "is --shorter-than too long, or the network not connected to its boundary?",
         )
         .into(),
     )

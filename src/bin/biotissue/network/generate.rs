@@ -139,7 +139,7 @@ fn generator_params(arguments: &GenerateArguments) -> Result<GeneratorParams, Fa
         return Err(Failure::arguments(
             format!("there is no kind of network called `{}`", arguments.kind),
             format!("--kind {}", kinds()),
-            "take one of these, or bring a network file of your own",
+            "use one of these, or a network file from another source",
         ));
     };
     check_length(arguments.shorter_than)?;
@@ -183,7 +183,7 @@ fn alignment(arguments: &GenerateArguments) -> Result<Option<Alignment>, Failure
     let numbers: Result<Vec<f64>, _> = words.map(str::parse).collect();
     let direction = numbers.ok().and_then(|numbers| <[f64; 3]>::try_from(numbers).ok()).ok_or_else(|| {
         let (what, expected) = (format!("--align \"{text}\""), "three numbers: \"x y z\"");
-        Failure::arguments(what, expected, "fibers along x: --align \"1 0 0\"; mind the quotes")
+        Failure::arguments(what, expected, "fibers along x: --align \"1 0 0\"; the quotes are required")
     })?;
     Alignment::new(direction, strength).map(Some).map_err(|error| not_generated(&error))
 }

@@ -24,7 +24,7 @@ pub fn figures(report: &NetworkReport, network: &Network, cube: &Cube, axis: Opt
         let _ =
             writeln!(text, "  doubled fibers   {} join two nodes that another joins already", report.doubled_fibers);
     }
-    let _ = writeln!(text, "  cube             edge {} in the file; lengths below are parts of it", cube.edges[0]);
+    let _ = writeln!(text, "  cube             edge {} in the file; lengths below are relative to it", cube.edges[0]);
     let length = report.length;
     let _ = writeln!(
         text,
@@ -36,7 +36,7 @@ pub fn figures(report: &NetworkReport, network: &Network, cube: &Cube, axis: Opt
     orientation(&mut text, report, axis);
     laws(&mut text, network);
     let (parts, untied) = (report.components.len(), report.untied().count());
-    let _ = writeln!(text, "  parts            {parts}, {untied} not tied to the boundary");
+    let _ = writeln!(text, "  parts            {parts}, {untied} not connected to the boundary");
     text
 }
 

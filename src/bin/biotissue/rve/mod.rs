@@ -130,13 +130,13 @@ pub fn parse_gradient(text: &str) -> Result<Matrix3<f64>, Failure> {
                 return Ok(f);
             }
             let what = format!("--F has determinant {determinant}");
-            let cure = "a deformation cannot turn the material inside out or press it flat: correct the signs and rows";
+            let cure = "a deformation must have a positive determinant: correct the signs and the rows";
             Err(Failure::arguments(what, "a positive, finite determinant", cure))
         }
         _ => Err(Failure::arguments(
             format!("--F \"{}\"", text.split_whitespace().collect::<Vec<_>>().join(" ")),
             expected,
-            "the undeformed state is \"1 0 0 0 1 0 0 0 1\"; mind the quotes",
+            "the undeformed state is \"1 0 0 0 1 0 0 0 1\"; the quotes are required",
         )),
     }
 }

@@ -186,9 +186,9 @@ impl<'a> Cursor<'a> {
         }
         let problem = match (clipped(word), self.progress) {
             (word, _) if word.is_empty() => format!("`{end}` is missing: the file ends"),
-            (word, _) if word.starts_with('$') => format!("`{end}` is missing: `{word}` stands in its place"),
+            (word, _) if word.starts_with('$') => format!("`{end}` is missing: `{word}` was found instead"),
             (word, Some(Progress { noun, of, .. })) => format!("`{word}` follows the {of} {noun} announced"),
-            (word, None) => format!("`{word}` stands at the end of ${name}"),
+            (word, None) => format!("`{word}` is at the end of ${name}"),
         };
         Err(self.fault(problem, format!("`{end}`"), DAMAGED))
     }
@@ -220,8 +220,8 @@ impl<'a> Cursor<'a> {
     pub fn finish(&self, raw: &mut Raw) {
         if let Some((line, text)) = &self.stray {
             raw.warnings.push(match self.encoding {
-                Encoding::Text => format!("line {line}, `{text}`, stands outside all sections and is ignored"),
-                Encoding::Binary { .. } => format!("`{text}` stands outside all sections and is ignored"),
+                Encoding::Text => format!("line {line}, `{text}`, is outside all sections and is ignored"),
+                Encoding::Binary { .. } => format!("`{text}` is outside all sections and is ignored"),
             });
         }
     }
@@ -266,7 +266,11 @@ impl<'a> Cursor<'a> {
             Some(_) => {
                 self.mark();
                 let word = self.bytes[self.at..].split(|byte| byte.is_ascii_whitespace()).next().unwrap_or_default();
-                Err(self.fault(format!("`{}` stands where the line should end", clipped(word)), "a new line", DAMAGED))
+                Err(self.fault(
+                    format!("`{}` was found where the line should end", clipped(word)),
+                    "a new line",
+                    DAMAGED,
+                ))
             }
         }
     }

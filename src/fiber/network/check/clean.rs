@@ -27,7 +27,7 @@ pub struct Removed {
     /// Dangling fibers: those at an interior node with a single neighbor, including nodes that reach this state when
     /// other fibers are removed.
     pub dangling_fibers: usize,
-    /// Fibers of components that are not tied to the boundary.
+    /// Fibers of components that are not connected to the boundary.
     pub untied_fibers: usize,
     /// Nodes without a remaining fiber.
     pub nodes: usize,
@@ -42,7 +42,7 @@ impl Removed {
 }
 
 /// Removes, in this order, fibers shorter than `min_length` (in unit-cube units), dangling fibers until none is left,
-/// components not tied to the boundary, and nodes without fibers. If a face would lose its last node, its first one is
+/// components not connected to the boundary, and nodes without fibers. If a face would lose its last node, its first one is
 /// kept, so that the bounding box does not change.
 ///
 /// # Errors

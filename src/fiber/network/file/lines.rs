@@ -59,7 +59,7 @@ impl<'a> Parser<'a> {
         following: usize,
     ) -> InputError {
         let missing = announced > following as u128;
-        let cure = if missing { "was the file cut short?" } else { "are there lines too many?" };
+        let cure = if missing { "was the file cut short?" } else { "does the file have too many lines?" };
         self.error(header.number, what, "one line for each thing counted", format!("correct it; {cure}"))
     }
 

@@ -151,7 +151,7 @@ pub fn read_beside(network: &Path, fibers: usize) -> Result<Option<Sidecar>, Inp
 }
 
 const EXPECTED: &str = "what the generator writes beside a network";
-const CURE: &str = "correct it; only [generated], [units], [law], [[fiber_type]] and [fibers] stand in this file";
+const CURE: &str = "correct it; only [generated], [units], [law], [[fiber_type]] and [fibers] are allowed in this file";
 
 /// The line of a byte offset; lines are counted from 1, offsets from 0.
 pub(super) fn line_of(bytes: &[u8], offset: usize) -> usize {
@@ -242,7 +242,7 @@ pub(super) fn parse(file: &Path, bytes: &[u8], fibers: usize) -> Result<Sidecar,
     };
     let both = document.law.as_ref().filter(|_| document.fiber_type.is_some());
     if let Some(law) = both {
-        let (line, what) = (line_of(bytes, law.span().start), "[law] stands beside [[fiber_type]]");
+        let (line, what) = (line_of(bytes, law.span().start), "the file has both [law] and [[fiber_type]]");
         let expected = "one law for all fibers, or several types";
         return Err(InputError::at_line(file, line, what, expected, "remove one of the two").into());
     }
@@ -430,7 +430,7 @@ mod tests {
             (
                 "[law]\nname = \"linear\"\nradius = 1\nyoungs_modulus = 1\n\
                  [[fiber_type]]\nname = \"linear\"\nradius = 1\nyoungs_modulus = 1\n",
-                "n.toml:1: [law] stands beside [[fiber_type]]",
+                "n.toml:1: the file has both [law] and [[fiber_type]]",
             ),
         ];
         for (text, expected) in cases {

@@ -34,7 +34,7 @@ fn params_error_of(text: &str) -> String {
 #[test]
 fn broken_networks_are_refused_in_these_words() {
     let cut = "\n  expected: one line for each thing counted\n  cure: correct it; was the file cut short?";
-    let long = "\n  expected: one line for each thing counted\n  cure: correct it; are there lines too many?";
+    let long = "\n  expected: one line for each thing counted\n  cure: correct it; does the file have too many lines?";
     let compare = "\n  cure: compare with the format of network files; was the file cut or edited by hand?";
     let finite = "\n  expected: a finite number like 0.25 or -1e-3";
     let divided = "\n  cure: find out what the program that wrote it divided by";
@@ -120,7 +120,7 @@ fn broken_networks_are_refused_in_these_words() {
         ),
         (
             GOOD.replacen("2 2 2", "2 2 0", 1).replacen("1 1 1", "1 1 2", 1),
-            "net.txt:9: nodes 3 and 7 lie at one place, [2.0, 2.0, 0.0]\n  expected: every node at a place of its \
+            "net.txt:9: nodes 3 and 7 have the same position, [2.0, 2.0, 0.0]\n  expected: every node at a place of its \
              own\n  cure: merge the two, or move one; the other is on line 5"
                 .into(),
         ),
@@ -130,7 +130,7 @@ fn broken_networks_are_refused_in_these_words() {
             ).replace("2.001 2.001 0", "2 2.001 0").replace("2.001 0 2.001", "2 0 2.001").replace(
                 "2.001 2.001 2.001", "2 2.001 2.001",
             ),
-            "net.txt: the box of the nodes has the edges 2 x 2.001 x 2.001, which is no cube\n  expected: edges alike \
+            "net.txt: the box of the nodes has the edges 2 x 2.001 x 2.001, not a cube\n  expected: edges alike \
              within 1e-6 of the longest\n  cure: give a network that fills a cube; stretched boxes cannot be centered \
              and scaled to the unit cube"
                 .into(),
@@ -143,7 +143,7 @@ fn broken_networks_are_refused_in_these_words() {
         ),
         (
             "0 0 0\n".into(),
-            "net.txt: the box of the nodes has the edges 0 x 0 x 0, which is no cube\n  expected: edges alike within \
+            "net.txt: the box of the nodes has the edges 0 x 0 x 0, not a cube\n  expected: edges alike within \
              1e-6 of the longest\n  cure: give a network that fills a cube; stretched boxes cannot be centered and \
              scaled to the unit cube"
                 .into(),
@@ -189,7 +189,7 @@ fn broken_params_are_refused_in_these_words() {
         (
             format!("{GOOD_PARAMS}0\n"),
             "net.txt.params:1: the header announces 2 reactions and 8 fibers, which is 10 lines, but 11 lines \
-             follow\n  expected: one line for each thing counted\n  cure: correct it; are there lines too many?"
+             follow\n  expected: one line for each thing counted\n  cure: correct it; does the file have too many lines?"
                 .into(),
         ),
         (

@@ -82,10 +82,10 @@ fn files_that_do_not_begin_as_they_should() {
             "the size of the file's numbers in bytes, 8",
             DAMAGED,
         ),
-        (two("2.2 0 8", "2.2 0 8 9"), "a.msh:2: `9` stands where the line should end", LINE_END, DAMAGED),
+        (two("2.2 0 8", "2.2 0 8 9"), "a.msh:2: `9` was found where the line should end", LINE_END, DAMAGED),
         (
             two("$EndMeshFormat\n", ""),
-            "a.msh:3: `$EndMeshFormat` is missing: `$PhysicalNames` stands in its place",
+            "a.msh:3: `$EndMeshFormat` is missing: `$PhysicalNames` was found instead",
             "`$EndMeshFormat`",
             DAMAGED,
         ),
@@ -99,7 +99,7 @@ fn sections_that_are_missing_or_do_not_end() {
         (without(TEXT_4, "Elements"), "a.msh: $Elements is missing", SECTIONS, DAMAGED),
         (
             two("$EndNodes\n", ""),
-            "a.msh:15: `$EndNodes` is missing: `$Elements` stands in its place",
+            "a.msh:15: `$EndNodes` is missing: `$Elements` was found instead",
             "`$EndNodes`",
             DAMAGED,
         ),

@@ -41,7 +41,7 @@ fn nodes_that_are_wrong() {
         (two("2 1 0 0\n", "2 1 NaN 0\n"), "a.msh:12: NaN is not finite", NODE, NOT_FINITE),
         (two("2 1 0 0\n", "2 1 -1e999 0\n"), "a.msh:12: -inf is not finite", NODE, NOT_FINITE),
         (two("2 1 0 0\n", "2 1 0\n"), "a.msh:12: the line ends too early", NODE, DAMAGED),
-        (two("2 1 0 0\n", "2 1 0 0 0\n"), "a.msh:12: `0` stands where the line should end", LINE_END, DAMAGED),
+        (two("2 1 0 0\n", "2 1 0 0 0\n"), "a.msh:12: `0` was found where the line should end", LINE_END, DAMAGED),
         (two("2 1 0 0\n", "-2 1 0 0\n"), "a.msh:12: -2 is negative", NODE, DAMAGED),
         (two("2 1 0 0\n", "1 1 0 0\n"), "a.msh:12: node 1 is defined a second time", ONCE, RENUMBER),
         (four("10\n20\n", "10\n10\n"), "a.msh:18: node 10 is defined a second time", ONCE, RENUMBER),
@@ -95,7 +95,7 @@ fn elements_that_are_wrong() {
             "improve the mesh (in Gmsh: Optimize 3D) or mesh again",
         ),
         (two("1 2 3 4\n", "1 2 3\n"), "a.msh:19: the line ends too early", "the four nodes of a tetrahedron", DAMAGED),
-        (two("1 2 3 4\n", "1 2 3 4 1\n"), "a.msh:19: `1` stands where the line should end", LINE_END, DAMAGED),
+        (two("1 2 3 4\n", "1 2 3 4 1\n"), "a.msh:19: `1` was found where the line should end", LINE_END, DAMAGED),
         (
             two("2 4 2 1 1 1 2 3 4\n", "2 11 2 1 1 1 2 3 4 5 6 7 8 9 10\n"),
             "a.msh:19: the mesh has 10-node tetrahedra (order 2, element type 11)",

@@ -97,7 +97,7 @@ fn other_sections_points_lines_and_blank_lines_are_read_over() {
     assert_eq!(read(&text).unwrap(), read(TEXT_2).unwrap());
     assert_eq!(read(text.replace('\n', "\r\n")).unwrap(), read(TEXT_2).unwrap());
     let text = with(TEXT_2, "$Nodes\n", "made by hand\n$Nodes\n");
-    assert_eq!(warnings(&text), ["line 9, `made by hand`, stands outside all sections and is ignored"]);
+    assert_eq!(warnings(&text), ["line 9, `made by hand`, is outside all sections and is ignored"]);
 }
 
 #[test]
