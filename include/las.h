@@ -80,7 +80,7 @@
 #define LAS_PANIC 10
 
 /**
- * A parameter has none of the allowed values.
+ * A parameter has a value that is not allowed.
  */
 #define LAS_ARGUMENT 11
 

@@ -101,8 +101,9 @@ where
         Ok((FactorReport { kind, indefinite_at: None, pivot_ratio, negative_pivots: None }, pivots))
     }
 
-    /// The same, but returns [`SolveError::Indefinite`] if a pivot of the preconditioner is negative. The pivots of
-    /// ILUT without dropping have the signs of the eigenvalues, and with little dropping they nearly always do.
+    /// Performs the same steps, but returns [`SolveError::Indefinite`] if a pivot of the preconditioner is negative.
+    /// For a symmetric matrix, ILUT without dropping has as many negative pivots as the matrix has negative
+    /// eigenvalues; with little dropping, this nearly always holds.
     pub(super) fn factor_definite(&mut self, a: &B::Matrix) -> Result<FactorReport, SolveError<B::Error>> {
         let (report, pivots) = self.factor_with_pivots(a)?;
         if pivots.is_some_and(|pivots| pivots.negative() > 0) {

@@ -158,7 +158,8 @@ pub(super) fn all_finite<T: Scalar>(values: &[T]) -> bool {
 }
 
 /// Implements the operations of a vector by its methods `as_slice` and `as_mut_slice`. The short form is for backends
-/// that cannot fail; `norm` and `dot` are functions of slices. The long form has the bodies of three operations.
+/// that cannot fail; `norm` and `dot` are functions of slices. The long form takes the error type and the bodies of
+/// three operations.
 macro_rules! impl_vector_ops {
     ([$($generics:tt)*] $backend:ty, $vector:ty, $value:ty, $reduced:ty, norm: $norm:path, dot: $dot:path) => {
         $crate::backends::local::impl_vector_ops!(

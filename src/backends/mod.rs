@@ -5,7 +5,7 @@
 //! | `sparse` | `sparse` (default) | systems of any size in memory: compressed rows, direct solvers |
 //! | `dense` | `dense` (default) | systems of a few hundred unknowns at most, and comparisons |
 //! | `petsc` | `petsc` | large systems, on several processes; solvers chosen at run time |
-//! | `batched` | `batched` | many systems with one pattern at once, one per lane; assembles and multiplies, does not solve yet |
+//! | `batched` | `batched` | many systems with one pattern at once, one per lane; no solver yet |
 //!
 //! The name `cuda` is reserved: no build of this version contains that backend.
 

@@ -3,10 +3,10 @@
 //! The size of a pivot does not reveal whether it is a zero perturbed by rounding. For a floating body, elimination
 //! without exchanges gives the last pivot as `lambda / v_n^2`, where `lambda` is the perturbed zero eigenvalue and
 //! `v_n` the component of the last unknown in the rigid motion: at least `n` times rounding, and much more near an axis
-//! of rotation. A well-held slender body has pivots of that size too, and so has any matrix whose unknowns have units
-//! of very different size. Small pivots therefore only raise doubt ([`null_vector_limit`]), and [`check_null_vector`] decides:
-//! inverse iteration finds the vector `w` with the smallest `|H w| / |w|`, and a product with the matrix `H` itself,
-//! scaled to entries of about one ([`Scales`]), gives that ratio.
+//! of rotation. A well-supported slender body has pivots of that size too, and so has any matrix whose unknowns have
+//! units of very different size. Small pivots therefore only raise doubt ([`null_vector_limit`]), and
+//! [`check_null_vector`] decides: inverse iteration finds the vector `w` with the smallest `|H w| / |w|`, and a product
+//! with the matrix `H` itself, scaled to entries of about one ([`Scales`]), gives that ratio.
 
 use num_traits::Float;
 
@@ -36,8 +36,8 @@ pub(super) struct Scales {
 }
 
 impl Scales {
-    /// Returns the square roots of a positive diagonal, for rows and columns: the best scales for a positive definite
-    /// matrix.
+    /// Returns the square roots of a positive diagonal, for rows and columns: nearly optimal scales for a positive
+    /// definite matrix (van der Sluis 1969).
     pub(super) fn of_diagonal(diagonal: impl Iterator<Item = f64>) -> Self {
         let rows: Vec<f64> = diagonal.map(|entry| power_of_two(if entry > 0.0 { entry.sqrt() } else { 1.0 })).collect();
         Self { columns: rows.clone(), rows }
@@ -194,7 +194,7 @@ where
     }
 }
 
-/// A factorization that may be singular.
+/// The factorization of a matrix that has not been checked for singularity.
 #[cfg(any(feature = "sparse", feature = "dense"))]
 pub(super) struct Unchecked<'a> {
     pub(super) kind: Factorization,

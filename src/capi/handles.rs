@@ -155,10 +155,10 @@ pub(super) unsafe fn store_lanes<R: Value<Real: Scalar>>(
     Ok(())
 }
 
-/// Returns a zero-terminated text.
+/// Returns a null-terminated string.
 ///
 /// # Safety
-/// The pointer is null, or points to a zero-terminated text.
+/// The pointer is null, or points to a null-terminated string.
 pub(super) unsafe fn text<'a>(pointer: *const c_char, name: &str) -> Result<&'a str, Failure> {
     if pointer.is_null() {
         return Err(null(name));

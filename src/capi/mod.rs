@@ -56,7 +56,7 @@ pub const LAS_FILE: i32 = 8;
 pub const LAS_FAULT: i32 = 9;
 /// An internal error of this library.
 pub const LAS_PANIC: i32 = 10;
-/// A parameter has none of the allowed values.
+/// A parameter has a value that is not allowed.
 pub const LAS_ARGUMENT: i32 = 11;
 
 /// The matrix is symmetric, both of its triangles are stored, and it is normally positive definite.

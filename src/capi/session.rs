@@ -1,4 +1,4 @@
-//! The PETSc session of a C program: all its contexts share one, which lasts from the first to the last of them.
+//! The PETSc session of a C program, shared by all its contexts: it starts with the first and ends with the last.
 
 use mpi::environment::is_initialized;
 use mpi::ffi::RSMPI_Comm_f2c;

@@ -208,7 +208,7 @@ impl<C: Comm> Coupling<C> {
     /// already distributed do not move. Recreate a coupling made by [`inverse`](Self::inverse) before this call,
     /// because it contains only the old units.
     ///
-    /// An error occurs on one rank while the others wait for it, so that the caller must end the run.
+    /// If an error occurs on one rank, the others wait for that rank; the caller must therefore end the run.
     ///
     /// The caller ensures that no other rank adds the same unit; a duplicate is detected only if both units go to the
     /// same consumer rank.

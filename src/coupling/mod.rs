@@ -10,7 +10,7 @@
 //! ```
 //! use biotissue::coupling::{Channel, Coupling, EvenPartition, Plan, Role, Scales, Share, thread};
 //!
-//! // One rank has units, two get them.
+//! // One rank owns the units and sends them to two others.
 //! let plan = Plan::default().with("body", Share::Count(1)).with("cells", Share::Ratio(1.0));
 //! thread::run(3, |comm| -> Result<(), Box<dyn std::error::Error>> {
 //!     let scales = Scales::new(&comm, &plan)?;
@@ -31,7 +31,7 @@
 //!         }
 //!         Role::Consumer => {
 //!             let mut state = vec![273.0; coupling.units().len()];
-//!             // The state follows the units that stay, and gets what came with the new ones.
+//!             // Keeps the state of the remaining units and appends the initial values of the new ones.
 //!             state = coupling.reconcile_removed()?.iter().map(|&index| state[index as usize]).collect();
 //!             let new = coupling.reconcile_added()?;
 //!             let mut first = vec![0.0; new.units().len()];
@@ -69,6 +69,6 @@ pub use partition::{EvenPartition, Partitioner, WeightedPartition};
 pub use plan::{Plan, PlanError, Share};
 pub use scale::{Main, ScaleError, Scales};
 
-// The ranks and their messages, so that users of couplings need no other module.
+// Re-exports ranks and messages, so that users of couplings need no other module.
 pub use crate::backends::comm::thread;
 pub use crate::las::{Comm, CommError, Layout, Message, Payload, bytemuck};

@@ -156,7 +156,7 @@ impl<C: Comm> Scales<C> {
         *count - 1
     }
 
-    /// Sends the message of the first rank of this scale to all ranks of scale `to`, which call
+    /// Sends the message of the root (rank 0) of this scale to all ranks of scale `to`, which call
     /// [`receive`](Self::receive). Collective over this scale.
     ///
     /// # Errors
@@ -183,7 +183,7 @@ impl<C: Comm> Scales<C> {
         receive().map_err(|error| self.timeout_of(from, error))
     }
 
-    /// Receives what scale `from` broadcasts on the first rank of this scale only; the other ranks do not wait.
+    /// Receives, on the root of this scale only, what scale `from` broadcasts; the other ranks do not wait.
     ///
     /// # Errors
     /// Returns [`ScaleError`] if the receive fails or times out.
@@ -191,7 +191,7 @@ impl<C: Comm> Scales<C> {
         self.world.receive(self.first_of(from)?, BROADCAST).map_err(|error| self.timeout_of(from, error))
     }
 
-    /// Waits on the first rank of this scale until a message of scale `from` has arrived; [`receive`](Self::receive) or
+    /// Waits on the root of this scale until a message of scale `from` has arrived; [`receive`](Self::receive) or
     /// [`receive_on_root`](Self::receive_on_root) then takes it.
     ///
     /// # Errors
@@ -200,7 +200,7 @@ impl<C: Comm> Scales<C> {
         self.world.wait_for(self.first_of(from)?, BROADCAST).map_err(|error| self.timeout_of(from, error))
     }
 
-    /// Returns the world rank of the first rank of a scale.
+    /// Returns the world rank of the root of a scale.
     fn first_of(&self, scale: usize) -> Result<usize, ScaleError> {
         let ranks = self.ranks.get(scale).ok_or(ScaleError::Number { number: scale, scales: self.ranks.len() })?;
         ranks.first().copied().ok_or(ScaleError::Plan(PlanError::NoScales))

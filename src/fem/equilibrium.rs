@@ -222,7 +222,7 @@ where
         if residual <= ROOM * limit { Ok(()) } else { Err(EquilibriumError::OutOfBalance { residual, limit }) }
     }
 
-    /// Returns the reference force of the residual of the trial state, N.
+    /// Returns the scale of the residual of the trial state, N.
     fn scale(&self) -> f64 {
         norm(&self.trial.internal).max(norm(&self.trial.external))
     }
@@ -260,9 +260,9 @@ where
     }
 
     /// Starts a step to pseudo-time `t` from the linearization of the committed state: solves
-    /// `K du = f_ext(t) - f_int - K_fc dg` with the tangent stiffness `K` of the committed state and the increments `dg` of
-    /// the prescribed displacements. From the undeformed body this is the linear-elastic solution. `f_ext` is evaluated
-    /// with `dg` applied, so `K_fc` is the stiffness of the elements alone.
+    /// `K du = f_ext(t) - f_int - K_fc dg` with the tangent stiffness `K` of the committed state and the increments
+    /// `dg` of the prescribed displacements. From the undeformed body this is the linear-elastic solution. `f_ext` is
+    /// evaluated with `dg` applied, so `K_fc` is the stiffness of the elements alone.
     ///
     /// # Errors
     /// Returns the [`SolveError`] of the solver; the trial state is then as [`Equilibrium::begin_step`] leaves it.

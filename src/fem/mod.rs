@@ -21,8 +21,9 @@
 //! depends on the library that solves the linear system.
 //!
 //! # Limits
-//! Elements are linear tetrahedra with one integration point. The tangent of the elements is symmetric, because stresses
-//! derive from an energy; that of a load ([`boundary::Load`]) may be unsymmetric, but couples only nodes of one element.
+//! Elements are linear tetrahedra with one integration point. The tangent of the elements is symmetric, because
+//! stresses derive from an energy; that of a load ([`boundary::Load`]) may be unsymmetric, but couples only nodes of
+//! one element.
 
 pub mod assembly;
 pub mod boundary;

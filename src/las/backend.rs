@@ -1,4 +1,4 @@
-//! The trait of a linear-algebra backend. All physics of this crate is generic over `B: Backend`.
+//! The trait of a linear-algebra backend. All physics of this crate is generic over `B: RealBackend`.
 
 use std::fmt::Debug;
 use std::sync::Arc;
@@ -53,8 +53,8 @@ pub trait Backend: Copy + Default + Debug + Send + Sync + 'static {
     type Slot: Copy + Debug + Send + Sync + 'static;
     /// The vector type.
     type Vector: VectorOps<Self> + Send;
-    /// The matrix type; the sparsity pattern of a matrix is fixed. It may also implement [`Entries`](super::Entries) and
-    /// [`MatMat`](super::MatMat).
+    /// The matrix type; the sparsity pattern of a matrix is fixed. It may also implement [`Entries`](super::Entries)
+    /// and [`MatMat`](super::MatMat).
     type Matrix: MatrixOps<Self> + MatVec<Self> + Send;
     /// The symbolic factorization: depends only on the pattern and is shared by all solvers of that pattern.
     type Symbolic: Send + Sync;
@@ -90,8 +90,8 @@ pub trait Backend: Copy + Default + Debug + Send + Sync + 'static {
     fn solver(symbolic: &Arc<Self::Symbolic>) -> Result<Self::Solver, SolveError<Self::Error>>;
 }
 
-/// A backend of real numbers in double precision whose `norm` and `dot` are numbers, not lanes: the bound of the
-/// physics. Every such backend implements it.
+/// A backend of real numbers in double precision whose `norm` and `dot` return one number: the bound of all physics
+/// code. Every such backend implements this trait.
 pub trait RealBackend: Backend<Scalar = f64, Reduced = f64> {}
 
 impl<B: Backend<Scalar = f64, Reduced = f64>> RealBackend for B {}

@@ -15,7 +15,7 @@
 //! | `petsc` | MUMPS, SuperLU_DIST or PETSc's own | none, diagonal, multigrid; others through PETSc options |
 //! | `batched` | no | no iterative methods |
 //!
-//! A backend returns [`SolveError::Unsupported`] before it solves if it lacks the requested method.
+//! A backend that lacks the requested method returns [`SolveError::Unsupported`].
 
 //!
 //! # Writing a backend
@@ -24,10 +24,10 @@
 //! | item | contents |
 //! |---|---|
 //! | [`Backend`] | a marker type: ten associated types, its name, and four constructors |
-//! | [`VectorOps`] for `Backend::Vector` | ten operations; the rules of negative indices and of `finish` are stated there |
-//! | [`MatrixOps`] for `Backend::Matrix` | nine operations; the rules of writes outside the pattern are stated there |
+//! | [`VectorOps`] for `Backend::Vector` | eleven methods, with rules for negative indices and for `finish` |
+//! | [`MatrixOps`] for `Backend::Matrix` | nine methods, with rules for writes outside the pattern |
 //! | [`MatVec`] for `Backend::Matrix` | two products and two diagonals |
-//! | [`Solver`] for `Backend::Solver` | two kinds of factorization, and solves; methods that the backend lacks return [`SolveError::Unsupported`] |
+//! | [`Solver`] for `Backend::Solver` | two kinds of factorization, and solves; any of them may be unsupported |
 //!
 //! Two extensions are optional, because no simulation needs them: [`Entries`] (for [`transfer::matrix`], Matrix Market
 //! files and the C interface) and [`MatMat`] (sums and products of matrices, for the C interface). [`krylov`] provides

@@ -17,7 +17,7 @@ use super::Backend;
 ///   [`VectorOps::with_local_mut`] both reads and writes.
 ///
 /// # Errors
-/// Every operation returns `Result<_, B::Error>`. A backend that cannot fail has an uninhabited fault type
+/// Every operation returns `Result<_, B::Error>`. A backend that cannot fail has an uninhabited error type
 /// ([`std::convert::Infallible`]), so that `?` compiles to nothing. A backend that can fail (PETSc) returns its error
 /// code, which a direct call would have to check as well.
 pub trait VectorOps<B: Backend>: Sized {
@@ -51,7 +51,7 @@ pub trait VectorOps<B: Backend>: Sized {
     /// `y += a x`.
     fn axpy(&mut self, a: B::Scalar, x: &Self) -> Result<(), B::Error>;
 
-    /// Passes the local entries to `read`. The closure guarantees that the entries are restored afterwards.
+    /// Passes the local entries to `read`; they are accessible only until `read` returns.
     fn with_local<R>(&self, read: impl FnOnce(&[B::Scalar]) -> R) -> Result<R, B::Error>;
 
     /// Passes the local entries to `write` for modification.
@@ -92,11 +92,13 @@ pub trait MatrixOps<B: Backend>: Sized {
     /// `A[rows[i], cols[j]] = block[i, j]`; if a position is repeated, the last value is stored.
     fn set(&mut self, rows: &[B::Index], cols: &[B::Index], block: &[B::Scalar]) -> Result<(), B::Error>;
 
-    /// `block[i, j] = A[rows[i], cols[j]]`: zero outside the pattern; entries of `block` at negative indices do not change.
+    /// `block[i, j] = A[rows[i], cols[j]]`: zero outside the pattern; entries of `block` at negative indices do not
+    /// change.
     fn get(&self, rows: &[B::Index], cols: &[B::Index], block: &mut [B::Scalar]) -> Result<(), B::Error>;
 
     /// Appends the positions of a block to `slots`, row by row, for [`MatrixOps::add_at`]. Repeated assembly with fixed
-    /// connectivity then searches the pattern only once. Every pair of a row and a column yields one slot, also at negative indices.
+    /// connectivity then searches the pattern only once. Every pair of a row and a column yields one slot, also at
+    /// negative indices.
     fn locate(&self, rows: &[B::Index], cols: &[B::Index], slots: &mut Vec<B::Slot>) -> Result<(), B::Error>;
 
     /// `A[slots[k]] += block[k]`; the slots come from [`MatrixOps::locate`] of this matrix or of one with the same

@@ -42,7 +42,7 @@ pub trait MatMat<B: Backend>: Entries<B> + Sized {
     /// `A *= factor`.
     ///
     /// # Errors
-    /// Returns the backend's fault.
+    /// Returns the backend's error.
     fn scale(&mut self, factor: B::Scalar) -> Result<(), B::Error>;
 
     /// `a A + b B`, with the union of both patterns.
@@ -71,12 +71,12 @@ pub trait Entries<B: Backend> {
     /// The pattern of the stored entries (of this rank, on a distributed backend), explicit zeros included.
     ///
     /// # Errors
-    /// Returns the backend's fault.
+    /// Returns the backend's error.
     fn pattern(&self) -> Result<Arc<Sparsity>, B::Error>;
 
     /// Calls `visit(row, column, value)` for each stored entry, row by row, in ascending order of columns.
     ///
     /// # Errors
-    /// Returns the backend's fault.
+    /// Returns the backend's error.
     fn for_each(&self, visit: impl FnMut(usize, usize, B::Scalar)) -> Result<(), B::Error>;
 }

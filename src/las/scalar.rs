@@ -1,4 +1,4 @@
-//! The number types a backend can compute with: `f64`, `f32`, and lanes of several numbers.
+//! The number types of backends: `f64`, `f32`, and lanes of several numbers.
 
 use std::fmt::{Debug, Display, LowerExp};
 use std::iter::Sum;
@@ -88,7 +88,7 @@ one_lane!(f64, f32);
 /// The signed integer type of row and column indices.
 ///
 /// The type is signed because a negative index denotes a constrained unknown: writes to it are dropped, and reads leave
-/// the caller's buffer unchanged. Every index type holds the unknowns of elements, which are `i32`.
+/// the caller's buffer unchanged. Every index type can represent the unknowns of elements, which are `i32`.
 pub trait Index: From<i32> + Copy + Ord + Debug + Display + Send + Sync + 'static {
     /// The index of a constrained unknown.
     const CONSTRAINED: Self;

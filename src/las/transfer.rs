@@ -42,7 +42,7 @@ pub enum TransferError<F, G> {
 /// Copies a vector to backend `B`: rounds it to the scalar of `B` and repeats it in every lane.
 ///
 /// # Errors
-/// Returns the fault of the backend that failed.
+/// Returns the error of the backend that failed.
 pub fn vector<A: Backend, B: Backend>(
     from: &A::Vector,
     context: &B::Context,
@@ -58,7 +58,7 @@ where
 /// Copies a vector into an existing vector of backend `B`, without allocation of a vector.
 ///
 /// # Errors
-/// Returns [`TransferError::Size`] if the lengths differ, or the fault of the backend that failed.
+/// Returns [`TransferError::Size`] if the lengths differ, or the error of the backend that failed.
 pub fn vector_into<A: Backend, B: Backend>(
     from: &A::Vector,
     to: &mut B::Vector,
@@ -83,7 +83,7 @@ where
 /// Copies a matrix to backend `B`: rounds it to the scalar of `B` and repeats it in every lane.
 ///
 /// # Errors
-/// Returns the fault of the backend that failed.
+/// Returns the error of the backend that failed.
 pub fn matrix<A: Backend<Matrix: Entries<A>>, B: Backend>(
     from: &A::Matrix,
     context: &B::Context,

@@ -9,7 +9,8 @@ use crate::las::{Layout, Payload, Scalar, Value};
 
 /// `N` numbers, one per lane; arithmetic acts on each lane separately.
 ///
-/// The compiler generates vector instructions: four `f64` take one of 32 bytes if the target has them, else two.
+/// The compiler generates vector instructions: four `f64` fill one 32-byte register if the target has such registers,
+/// else two of 16 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(transparent)]
 pub struct Lanes<T, const N: usize>(pub [T; N]);

@@ -1,8 +1,8 @@
 //! `dense`: matrices that store every entry; the backend for small systems and a reference for comparisons.
 //!
 //! A [`Sparsity`] determines only the shape of a matrix: every position within it is stored and can be written. The
-//! factorizations are those of the crate `faer`: Cholesky, LDL^T with Bunch-Kaufman pivoting, and LU with partial
-//! pivoting.
+//! factorizations are those of the crate `faer`: Cholesky, LDL^T with a variant of Bunch-Kaufman pivoting, and LU with
+//! partial pivoting.
 
 mod matrix;
 mod ops;

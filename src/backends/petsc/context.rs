@@ -61,7 +61,7 @@ struct OwnedComm {
     session: Session,
 }
 
-// SAFETY: a communicator is not bound to a thread, and every call on it waits for all others (`session::lock`).
+// SAFETY: a communicator is not bound to a thread, and a lock serializes all calls on it (`session::lock`).
 unsafe impl Send for OwnedComm {}
 // SAFETY: as above; its fields never change.
 unsafe impl Sync for OwnedComm {}

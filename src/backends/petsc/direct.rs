@@ -86,8 +86,8 @@ fn package(kind: Factorization, ranks: usize) -> Result<(&'static CStr, Factoriz
 }
 
 impl Factor {
-    /// Creates a factorization. Pivots below `limit`, relative to the (scaled) matrix, count as zero; `extra_memory` is the
-    /// percentage that MUMPS adds to its memory estimate.
+    /// Creates a factorization. Pivots below `limit`, relative to the (scaled) matrix, count as zero; `extra_memory` is
+    /// the percentage that MUMPS adds to its memory estimate.
     pub(super) fn new(
         a: &Matrix,
         kind: Factorization,
@@ -154,10 +154,9 @@ impl Factor {
             return Ok(());
         }
         let (factor, limit) = (self.matrix, self.limit);
-        // ICNTL(24): detect and count pivots that count as zero. ICNTL(13): do not hand the last front to ScaLAPACK,
-        // which does not count negative pivots. ICNTL(14): memory. ICNTL(6) and (12): make the order of symmetric
-        // matrices depend on the pattern alone, so that the result of a solver does not depend on earlier
-        // factorizations.
+        // ICNTL(24): detect and count null pivots. ICNTL(13): do not hand the last front to ScaLAPACK, which does not
+        // count negative pivots. ICNTL(14): memory. ICNTL(6) and (12): make the order of symmetric matrices depend on
+        // the pattern alone, so that the result of a solver does not depend on earlier factorizations.
         let by_pattern = if self.kind == Factorization::Lu { &[][..] } else { &[(6, 0), (12, 1)] };
         for &(number, value) in [(24, 1), (13, 1), (14, extra_memory)].iter().chain(by_pattern) {
             // SAFETY: a live factor of MUMPS.

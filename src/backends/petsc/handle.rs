@@ -36,7 +36,7 @@ pub(super) struct Handle<T: Object> {
     _session: Session,
 }
 
-// SAFETY: an object is not bound to a thread. All calls of PETSc wait for one another (`session::call`), since each may
+// SAFETY: an object is not bound to a thread. A lock serializes all calls of PETSc (`session::call`), since each may
 // use state shared by all objects, such as the log; entries are read and written without any call, through the memory
 // of an object that no other thread can reach, since a handle is not `Sync`.
 unsafe impl<T: Object> Send for Handle<T> {}

@@ -1,4 +1,4 @@
-//! The vector and matrix operations of assembly, none of which calls PETSc.
+//! The vector and matrix operations of assembly, which bypass the functions of PETSc.
 //!
 //! They access the memory of the vector or matrix directly, at positions given by the pattern. `VecSetValues` and
 //! `MatSetValues` do not check that an index is in range and would write anywhere; if logging is on, both also write to

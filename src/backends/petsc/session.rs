@@ -1,4 +1,4 @@
-//! The time from `PetscInitialize` to `PetscFinalize`.
+//! The session: PETSc from `PetscInitialize` to `PetscFinalize`, and the lock around its calls.
 
 use std::ffi::CStr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
@@ -18,12 +18,11 @@ use super::ffi;
 /// PETSc installs no signal handlers and prints no errors; they are returned as [`PetscError`].
 ///
 /// # Threads
-/// PETSc is not thread-safe: its log, options and communicators are shared by all threads. Therefore all calls of PETSc
-/// (creating, finishing, destroying, multiplying, solving) wait for one another, on whatever threads they run, so that
-/// any thread may use the objects that it owns; the assembly operations call nothing and never wait. On several ranks,
-/// all ranks must make these calls in the same order, which requires that only one thread per rank makes them. A
-/// program that initializes MPI itself and uses PETSc from several threads must request at least
-/// [`Threading::Serialized`].
+/// PETSc is not thread-safe: its log, options and communicators are shared by all threads. Therefore a lock serializes
+/// the calls of PETSc (creating, finishing, destroying, multiplying, solving) from all threads, so that any thread may
+/// use the objects that it owns; the assembly operations neither call PETSc nor wait. On several ranks, all ranks must
+/// make these calls in the same order, which requires that only one thread per rank makes them. A program that
+/// initializes MPI itself and uses PETSc from several threads must request at least [`Threading::Serialized`].
 #[derive(Clone, Debug)]
 pub struct Session(#[allow(dead_code, reason = "held until the last is dropped")] Arc<Running>);
 
@@ -67,7 +66,7 @@ static RUNS: Mutex<bool> = Mutex::new(false);
 /// The running session.
 static CURRENT: Mutex<Weak<Running>> = Mutex::new(Weak::new());
 
-/// Waits for all other calls. A panic under this lock leaves no inconsistent state, so poisoning is ignored.
+/// Locks out all other calls. A panic under this lock leaves no inconsistent state, so poisoning is ignored.
 pub(super) fn lock() -> MutexGuard<'static, ()> {
     CALLS.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -81,8 +80,8 @@ pub(super) fn call(function: impl FnOnce() -> ffi::Code) -> Result<(), PetscErro
 impl Session {
     /// Initializes MPI, if the program has not done so, and PETSc.
     ///
-    /// PETSc reads its options from the environment variable `PETSC_OPTIONS` and from `.petscrc`, not from the arguments of
-    /// the program.
+    /// PETSc reads its options from the environment variable `PETSC_OPTIONS` and from `.petscrc`, not from the
+    /// arguments of the program.
     ///
     /// # Errors
     /// Returns [`SessionError`] if a session is running, if MPI was finalized, if the program initialized PETSc

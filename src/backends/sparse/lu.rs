@@ -193,8 +193,8 @@ impl<T: Scalar + RealField> Lu<T> {
 
 /// Estimates the 1-norm of the inverse from below, usually within a factor of three; NaN if the inverse does not exist.
 ///
-/// Reference: N. J. Higham, *FORTRAN codes for estimating the one-norm of a real or complex matrix*, ACM Transactions on
-/// Mathematical Software 14 (1988), 381-396, after W. W. Hager.
+/// Reference: N. J. Higham, *FORTRAN codes for estimating the one-norm of a real or complex matrix*, ACM Transactions
+/// on Mathematical Software 14 (1988), 381-396, after W. W. Hager.
 fn inverse_norm<T: Scalar + RealField>(factors: LuRef<'_, u32, T>, stack: &mut MemStack) -> f64 {
     let n = factors.symbolic().nrows();
     let mut x = vec![T::one() / T::of(n as f64); n];

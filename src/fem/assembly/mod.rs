@@ -82,7 +82,7 @@ impl<B: RealBackend> Assembler<B> {
     /// Locates all elements of `mesh` in `matrix`, whose sparsity pattern is [`Unknowns::pattern`].
     ///
     /// # Errors
-    /// Returns the fault of the backend.
+    /// Returns the error of the backend.
     pub fn new(
         geometry: Vec<Tetrahedron>,
         mesh: &Mesh,
@@ -111,7 +111,7 @@ impl<B: RealBackend> Assembler<B> {
     /// Locates the stiffness of loads in `matrix`, for [`Assembler::load_stiffness`].
     ///
     /// # Errors
-    /// Returns the fault of the backend.
+    /// Returns the error of the backend.
     ///
     /// # Panics
     /// Panics if a load couples a node that does not exist.
@@ -171,7 +171,7 @@ impl<B: RealBackend> Assembler<B> {
     /// Adds `forces` to `r` at the free unknowns; drops the forces of prescribed components.
     ///
     /// # Errors
-    /// Returns the fault of the backend.
+    /// Returns the error of the backend.
     pub fn scatter(&self, forces: &[[f64; 3]], r: &mut B::Vector) -> Result<(), B::Error> {
         r.add(&self.equation_numbers, forces.as_flattened())
     }
@@ -199,7 +199,7 @@ impl<B: RealBackend> Assembler<B> {
     /// elements that have rows on it.
     ///
     /// # Errors
-    /// Returns the fault of the backend.
+    /// Returns the error of the backend.
     pub fn stiffness(&self, tangent: &[SMatrix<f64, 9, 9>], k: &mut B::Matrix) -> Result<(), B::Error> {
         let positions = self.entry_positions.chunks_exact(UNKNOWNS * UNKNOWNS);
         for (&element, positions) in self.local_elements.iter().zip(positions) {
@@ -213,7 +213,7 @@ impl<B: RealBackend> Assembler<B> {
     /// displacements of all nodes, m.
     ///
     /// # Errors
-    /// Returns the fault of the backend.
+    /// Returns the error of the backend.
     ///
     /// # Panics
     /// Panics if `loads` are fewer than those located.

@@ -4,8 +4,8 @@ use crate::fem::element::UNKNOWNS;
 use crate::fem::mesh::Mesh;
 use crate::las::{Sparsity, SparsityError};
 
-/// The equation numbers of the free displacement components: ascending by node, in mesh order or another given order, then by
-/// component. Prescribed components have number -1.
+/// The equation numbers of the free displacement components: ascending by node, in mesh order or another given order,
+/// then by component. Prescribed components have number -1.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Unknowns {
     equation_numbers: Vec<i32>,

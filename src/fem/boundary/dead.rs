@@ -10,7 +10,7 @@ use crate::fem::mesh::Mesh;
 pub struct Traction {
     /// The surface's name.
     pub surface: String,
-    /// The traction at a factor of 1, Pa of reference area.
+    /// The traction at a factor of 1, Pa (N per reference m^2).
     pub value: [f64; 3],
     /// The factor over pseudo-time.
     pub curve: LoadCurve,

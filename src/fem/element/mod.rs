@@ -38,8 +38,8 @@ impl Tetrahedron {
     /// Computes the geometry from node positions in meters.
     ///
     /// With the edge matrix `D = [X_1 - X_0, X_2 - X_0, X_3 - X_0]` and the natural coordinates `xi` defined by
-    /// `X = X_0 + D xi`, `N_a = xi_a` for `a = 1..3` and `N_0 = 1 - sum xi`. Hence the gradients of nodes 1 to 3 are the
-    /// rows of `D^-1`, and the volume is `det D / 6`.
+    /// `X = X_0 + D xi`, `N_a = xi_a` for `a = 1..3` and `N_0 = 1 - sum xi`. Hence the gradients of nodes 1 to 3 are
+    /// the rows of `D^-1`, and the volume is `det D / 6`.
     ///
     /// # Errors
     /// Returns [`ElementError::Degenerate`] if the volume does not exceed `1e-14` times the cube of the longest edge.

@@ -86,8 +86,8 @@ fn free_modes_of(mesh: &Mesh, part: &Part, prescribed: &[[bool; 3]]) -> Option<F
     (!modes.is_empty()).then(|| FreeModes::new(center, size, &modes))
 }
 
-/// Returns the coefficients of `v` and `w` in the displacement component `e . (v + w x arm)` of a node at `arm` from the
-/// center.
+/// Returns the coefficients of `v` and `w` in the displacement component `e . (v + w x arm)` of a node at `arm` from
+/// the center.
 fn equation(component: usize, arm: Vector3<f64>) -> Vector6<f64> {
     let direction = Vector3::ith(component, 1.0);
     let moment = arm.cross(&direction);

@@ -8,7 +8,7 @@ use crate::fem::equilibrium::EquilibriumError;
 use crate::fem::rigid_modes::UnderconstrainedBody;
 use crate::las::{NewtonError, SolveError, SparsityError};
 
-/// The reason why an attempt failed: `E` is the error of the point field, `F` the fault of the backend.
+/// The reason why an attempt failed: `E` is the error of the point field, `F` the error of the backend.
 pub type StepFailure<E, F> = NewtonError<EquilibriumError<E, F>, F>;
 
 /// The reason why a body cannot be set up.

@@ -11,7 +11,7 @@ use crate::las::NewtonReport;
 
 /// Receives every converged step and every failed attempt; an error (a full disk, for example) stops the run.
 ///
-/// `P` is the point field of the run, `F` the fault of its backend.
+/// `P` is the point field of the run, `F` the error of its backend.
 pub trait StepObserver<P: PointField, F: std::error::Error> {
     /// The reason for stopping the run.
     type Error: std::error::Error;

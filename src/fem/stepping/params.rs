@@ -14,7 +14,8 @@ pub struct StepParams {
     pub max_evolutions: usize,
     /// Initial guess of Newton in all steps except the first. Default [`StepStart::Prescribed`].
     pub start: StepStart,
-    /// Stopping criteria of Newton. Default: a tolerance of `1e-8`, 25 iterations, up to 10 cuts in the line search.
+    /// Stopping criteria of Newton. Default: a tolerance of `1e-8`, 25 iterations, up to 10 reductions of the step
+    /// length in the line search.
     pub newton: NewtonParams,
     /// Solver of the linear systems. Default: a direct solver for positive definite systems.
     pub solver: SolverParams,

@@ -20,7 +20,7 @@ pub struct SavedState {
 }
 
 /// The reason why a saved state cannot be restored. `R` is the error of the callback that restores the point field, `E`
-/// the error of the point field, `F` the fault of the backend.
+/// the error of the point field, `F` the error of the backend.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum RestoreError<R, E, F>
 where

@@ -283,7 +283,7 @@ pub enum Disagreement<E> {
     /// Another rank failed.
     #[error("rank {rank} failed: {reason}")]
     Failed {
-        /// The first rank that failed.
+        /// The lowest of the ranks that failed.
         rank: usize,
         /// Its error message.
         reason: String,

@@ -1,4 +1,5 @@
-//! Data that the ranks of two codes exchange: plain data with a fixed layout, which both sides compare before.
+//! Data that the ranks of two codes exchange: plain data with a fixed layout, which both sides compare before the first
+//! exchange.
 
 use std::fmt;
 
@@ -52,7 +53,7 @@ impl<T: Payload, const N: usize> Payload for [T; N] {
 ///
 /// ```
 /// biotissue::payload! {
-///     /// What an RVE answers.
+///     /// The response of an RVE.
 ///     pub struct Response {
 ///         /// First Piola-Kirchhoff stress, Pa.
 ///         pub stress: [f64; 9],

@@ -1,4 +1,4 @@
-//! Random cases: a case that fails prints itself, and can be made smaller.
+//! Random test cases, which can be printed and reduced if they fail.
 
 use std::fmt::Debug;
 use std::sync::Arc;
@@ -6,14 +6,14 @@ use std::sync::Arc;
 use super::{Random, done};
 use crate::las::Sparsity;
 
-/// The largest length of a vector: more than one and less than two of the vector registers of any machine.
+/// The largest length of a vector: two registers of 16 single-precision numbers (AVX-512) and a remainder.
 const LENGTH: usize = 33;
 /// The largest number of rows or columns of a matrix.
 const SIDE: usize = 12;
 /// The largest number of operations in a case.
 const STEPS: usize = 14;
 
-/// What one trial tests.
+/// A random test case.
 pub(super) trait Case: Clone + Debug {
     /// Draws a case; patterns consist of full blocks of `block_size` rows and columns.
     fn draw(random: &mut Random, block_size: usize) -> Self;

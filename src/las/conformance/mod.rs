@@ -23,7 +23,7 @@
 //!
 //! | function | tests | for |
 //! |---|---|---|
-//! | [`vectors`], [`matrices`], [`products`] | [`VectorOps`](super::VectorOps), [`MatrixOps`](super::MatrixOps), [`MatVec`](super::MatVec) | every backend, with any number of lanes |
+//! | [`vectors`], [`matrices`], [`products`] | [`VectorOps`], [`MatrixOps`], [`MatVec`] | all backends, also with several lanes |
 //! | [`solvers`] | [`Solver`](super::Solver) | backends with one lane; [`Capabilities`] states what the solvers lack |
 //! | [`entries`], [`algebra`] | [`Entries`], [`MatMat`] | backends that implement these extensions |
 //!
@@ -33,6 +33,10 @@
 //!
 //! # Limits
 //! The suite requires that every process stores whole vectors.
+//!
+//! [`VectorOps`]: super::VectorOps
+//! [`MatrixOps`]: super::MatrixOps
+//! [`MatVec`]: super::MatVec
 #![allow(clippy::panic, reason = "a test suite reports by panicking")]
 
 mod cases;
@@ -57,9 +61,9 @@ use cases::Case;
 pub struct Trials {
     /// The number of cases.
     pub count: u32,
-    /// The seed of the first case; each case has the seed after that of the case before it.
+    /// The seed of the first case; it increases by one from case to case.
     pub seed: u64,
-    /// Sparsity patterns consist of full blocks of so many rows and columns.
+    /// Number of rows and columns of the full blocks that sparsity patterns consist of.
     pub block_size: usize,
     /// Whether a failing case is reduced before it is printed. On several ranks it must not be: a rank that alone
     /// detects a failure would repeat collective operations alone.
@@ -111,8 +115,8 @@ pub struct Capabilities {
     /// The backend factors symmetric indefinite matrices by LDL^T and counts their negative pivots.
     ///
     /// Without it, the suite factors only matrices declared [`Symmetry::Definite`] or [`Symmetry::None`]. It requires
-    /// that `factor_definite` returns `SolveError::Indefinite` for an indefinite matrix. A matrix that is singular up to
-    /// rounding may be reported as indefinite.
+    /// that `factor_definite` returns `SolveError::Indefinite` for an indefinite matrix. A matrix that is singular up
+    /// to rounding may be reported as indefinite.
     pub ldlt: bool,
     /// Reports and errors name the unknown at which a factorization failed.
     ///
@@ -203,7 +207,8 @@ fn epsilon<B: Backend>() -> f64 {
     <Real<B> as num_traits::Float>::epsilon().as_f64()
 }
 
-/// Returns what a lane holds for a number of the case: lanes are not multiples of each other.
+/// Returns the number in a lane for a number of the case; the offset ensures that lanes are not multiples of each
+/// other.
 fn number_in_lane(value: f64, lane: usize) -> f64 {
     value + lane as f64
 }
@@ -250,7 +255,7 @@ fn same<V: Value>(what: impl Display, found: &V, expected: impl Fn(usize) -> f64
     within(what, found, expected, |_| 0.0)
 }
 
-/// Checks a value in every lane up to an error.
+/// Checks a value in every lane to within an error bound.
 fn within<V: Value>(
     what: impl Display,
     found: &V,

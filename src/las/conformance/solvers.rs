@@ -130,8 +130,8 @@ impl<B: Backend<Scalar: Scalar>> Suite<'_, B> {
         }
     }
 
-    /// A singular matrix without negative eigenvalues: not definite up to rounding, and definite with a shift of its
-    /// diagonal.
+    /// A singular positive semidefinite matrix: it is not definite up to rounding, but becomes definite if its diagonal
+    /// is shifted.
     fn semidefinite(&self, pattern: &Arc<Sparsity>, a: &DenseReference) {
         const SHIFT: f64 = 1e-2;
         let shifted = |by: f64| {

@@ -55,7 +55,7 @@ where
     /// Allocates the work vectors for systems of `len` unknowns (of this rank, on a distributed backend).
     ///
     /// # Errors
-    /// Returns the backend's fault.
+    /// Returns the backend's error if it cannot create a vector.
     pub fn new(context: &B::Context, len: usize, method: Iterative) -> Result<Self, B::Error> {
         let (vectors, coefficients) = match method.krylov {
             Krylov::Cg => (cg::VECTORS, 0),

@@ -60,8 +60,8 @@ struct Step {
     norm: f64,
 }
 
-/// Two shifts of the Hessian: `upper` makes it positive definite, `lower` does not, so that `-upper <= lambda < -lower`
-/// for the lowest eigenvalue `lambda`.
+/// Two shifts of the Hessian: `upper` makes it positive definite (or singular up to rounding), `lower` does not, so
+/// that `-upper <= lambda < -lower` for the lowest eigenvalue `lambda`.
 struct Bracket {
     lower: f64,
     upper: f64,
@@ -175,9 +175,9 @@ impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
         Ok(reached)
     }
 
-    /// Computes a unit vector of negative curvature of the Hessian by inverse iteration (G. H. Golub and C. F. Van Loan,
-    /// *Matrix Computations*, 4th ed., 2013, section 8.2.2), stores it in `direction` and returns the curvature; `None` if
-    /// the factorizations find no negative curvature.
+    /// Computes a unit vector of negative curvature of the Hessian by inverse iteration (G. H. Golub and C. F. Van
+    /// Loan, *Matrix Computations*, 4th ed., 2013, section 8.2.2), stores it in `direction` and returns the curvature;
+    /// `None` if the factorizations find no negative curvature.
     fn negative_curvature<P: NonlinearProblem<B>>(
         &mut self,
         problem: &mut P,
@@ -195,8 +195,8 @@ impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
             let length = self.direction.norm()?.as_f64();
             self.normalize_into_residual(length)?;
             self.solver.solve(&self.residual, &mut self.direction)?;
-            // Rayleigh quotient `x . H x / |x|^2` of the solution `x` of `(H + shift I) x = u`, where `u` is the unit vector
-            // on the right-hand side.
+            // Rayleigh quotient `x . H x / |x|^2` of the solution `x` of `(H + shift I) x = u`, where `u` is the unit
+            // vector on the right-hand side.
             let length = self.direction.norm()?.as_f64();
             let quotient = self.residual_dot_direction()? / (length * length) - shift;
             if quotient <= -0.5 * lower {
@@ -214,8 +214,8 @@ impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
         self.residual.axpy(B::Scalar::every(1.0 / length), &self.direction)
     }
 
-    /// Brackets minus the lowest eigenvalue between two shifts that differ by a factor of `8^(1/8)`: multiplies a shift by
-    /// eight until it makes the Hessian positive definite, and bisects three times. The solver then holds the
+    /// Brackets minus the lowest eigenvalue between two shifts that differ by a factor of `8^(1/8)`: multiplies a shift
+    /// by eight until it makes the Hessian positive definite, and bisects three times. The solver then holds the
     /// factorization of the Hessian shifted by the larger one. Returns `None` if no shift below 1e9 times the largest
     /// diagonal entry makes the Hessian positive definite.
     fn bracket<P: NonlinearProblem<B>>(

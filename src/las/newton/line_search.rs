@@ -1,7 +1,7 @@
 //! Backtracking line search on the norm of the residual.
 //!
-//! With the Jacobian `K` at the iterate `x` and the Newton direction `d = K^-1 r`, the function `phi(a) = |r(x - a d)|` of
-//! the step length `a` has the slope `phi'(0) = -|r(x)|`. The step length is accepted if it satisfies the
+//! With the Jacobian `K` at the iterate `x` and the Newton direction `d = K^-1 r`, the function `phi(a) = |r(x - a d)|`
+//! of the step length `a` has the slope `phi'(0) = -|r(x)|`. The step length is accepted if it satisfies the
 //! sufficient-decrease (Armijo) condition `phi(a) <= phi(0) + c a phi'(0)`, which here reads
 //!
 //! ```text
@@ -9,8 +9,8 @@
 //! ```
 //!
 //! (J. Nocedal and S. J. Wright, *Numerical Optimization*, 2nd ed., 2006, section 3.1, and section 11.2 for nonlinear
-//! equations), with the constant `c` of [`NewtonParams::sufficient_decrease`]. The nonmonotone variant replaces `|r(x)|`
-//! by the maximum over the last iterates, [`NewtonParams::nonmonotone_memory`] in number:
+//! equations), with the constant `c` of [`NewtonParams::sufficient_decrease`]. The nonmonotone variant replaces
+//! `|r(x)|` by the maximum over the last iterates, [`NewtonParams::nonmonotone_memory`] in number:
 //!
 //! ```text
 //! |r(x_k - a d)| <= (1 - c a) max_j |r(x_(k-j))|,  0 <= j < memory
@@ -67,8 +67,8 @@ impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
 }
 
 /// The factor that reduces a rejected step length `a` to the minimizer of the parabola that interpolates `phi^2` at 0
-/// and `a`, with its slope `-2 phi(0)^2` at 0 (Nocedal and Wright, section 3.5). It is limited to [0.1, 0.5] (Dennis and
-/// Schnabel, *Numerical Methods for Unconstrained Optimization and Nonlinear Equations*, 1996, algorithm A6.3.1).
+/// and `a`, with its slope `-2 phi(0)^2` at 0 (Nocedal and Wright, section 3.5). It is limited to [0.1, 0.5] (Dennis
+/// and Schnabel, *Numerical Methods for Unconstrained Optimization and Nonlinear Equations*, 1996, algorithm A6.3.1).
 fn backtracking_factor(step: f64, current: f64, trial: f64) -> f64 {
     let (current, trial) = (current * current, trial * trial);
     (current * step / (trial - current + 2.0 * current * step)).clamp(0.1, 0.5)

@@ -2,8 +2,8 @@
 //!
 //! The Hessian `K` is shifted, `(K + s I) d = r`, by the smallest `s` of a growing sequence that makes it positive
 //! definite, so that `-d` is a descent direction even if `K` is indefinite or singular (J. Nocedal and S. J. Wright,
-//! *Numerical Optimization*, 2nd ed., 2006, section 3.4, algorithm 3.3). The quadratic model predicts that the step `-d`
-//! reduces the potential `W` by
+//! *Numerical Optimization*, 2nd ed., 2006, section 3.4, algorithm 3.3). The quadratic model predicts that the step
+//! `-d` reduces the potential `W` by
 //!
 //! ```text
 //! m(0) - m(-d) = r . d - d . K d / 2 = (r . d + s |d|^2) / 2
@@ -174,8 +174,8 @@ impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
         }
     }
 
-    /// Assembles the Jacobian at the current state with `shift` added to its diagonal. Returns the largest diagonal entry
-    /// of the Jacobian itself, by absolute value. Overwrites the direction.
+    /// Assembles the Jacobian at the current state with `shift` added to its diagonal. Returns the largest diagonal
+    /// entry of the Jacobian itself, by absolute value. Overwrites the direction.
     pub(super) fn assemble_shifted<P: NonlinearProblem<B>>(
         &mut self,
         problem: &mut P,

@@ -1,10 +1,10 @@
 //! Newton's method with a line search, generic over the problem and the backend.
 //!
-//! An iteration solves `K d = r` with the Jacobian `K` at the current iterate `x` and takes the step `x <- x - a d` with
-//! the step length `a` of a backtracking line search (J. Nocedal and S. J. Wright, *Numerical Optimization*, 2nd ed., 2006,
-//! section 11.2; J. E. Dennis and R. B. Schnabel, *Numerical Methods for Unconstrained Optimization and Nonlinear
-//! Equations*, 1996, chapter 6). It stops when `|r| <= max(tolerance * scale, floor)`, with the scale and the floor of
-//! [`ResidualScale`] and Euclidean norms.
+//! An iteration solves `K d = r` with the Jacobian `K` at the current iterate `x` and takes the step `x <- x - a d`
+//! with the step length `a` of a backtracking line search (J. Nocedal and S. J. Wright, *Numerical Optimization*, 2nd
+//! ed., 2006, section 11.2; J. E. Dennis and R. B. Schnabel, *Numerical Methods for Unconstrained Optimization and
+//! Nonlinear Equations*, 1996, chapter 6). It stops when `|r| <= max(tolerance * scale, floor)`, with the scale and the
+//! floor of [`ResidualScale`] and Euclidean norms.
 
 mod curvature;
 mod line_search;

@@ -5,7 +5,8 @@
 pub enum Factorization {
     /// `L L^T`.
     Cholesky,
-    /// `L D L^T` with 1x1 and 2x2 pivots: the matrix is symmetric but not (numerically) positive definite.
+    /// `L D L^T` with 1x1 and 2x2 pivots, for a symmetric matrix that is not declared positive definite, or for which
+    /// Cholesky failed.
     Ldlt,
     /// `L U` with pivoting.
     Lu,
@@ -18,7 +19,8 @@ pub enum Factorization {
 pub struct FactorReport {
     /// The kind of factorization computed.
     pub kind: Factorization,
-    /// The unknown whose pivot made Cholesky fail, so that LDL^T was used instead.
+    /// The unknown whose pivot made Cholesky fail, so that LDL^T was used instead; `None` if Cholesky succeeded or was
+    /// not tried.
     pub indefinite_at: Option<usize>,
     /// Smallest over largest pivot, by absolute value: an inexpensive indicator of near singularity. For a library that
     /// does not expose its pivots (large sparse LU), an estimate of the reciprocal condition number; 1 if nothing was

@@ -2,8 +2,8 @@
 //! a core from working ranks.
 //!
 //! The default implementations by messages remain in two cases:
-//! * The communicator has a time-out. The error names the rank whose message is missing, which MPI does not tell; and
-//!   MPI can neither cancel nor free a collective that has not completed.
+//! * The communicator has a time-out. The error names the rank whose message is missing, which MPI does not report;
+//!   and MPI can neither cancel nor free a collective that has not completed.
 //! * The data is too long for the 32 bits in which MPI counts bytes.
 //!
 //! Reductions are not left to MPI: it fixes neither the order of a sum nor the maximum of NaN.
@@ -71,8 +71,8 @@ struct Gathered {
 }
 
 impl Gathered {
-    /// Exchanges the lengths of the messages, so that all ranks make the same choice; `None` if MPI is not to gather
-    /// the messages. Allocates the memory if this rank `receives` them.
+    /// Exchanges the lengths of the messages, so that all ranks make the same choice; `None` if the messages must be
+    /// gathered without MPI's collective. Allocates the memory if this rank `receives` them.
     fn new(comm: &MpiComm, message: &Message, receives: bool) -> Result<Option<Self>, CommError> {
         if comm.has_time_out {
             return Ok(None);

@@ -75,8 +75,8 @@ fn metis(_: &Graph) -> Result<Vec<u32>, SolveError<Infallible>> {
 
 /// Returns the approximate minimum degree order, which always eliminates a node of (about) the smallest degree next.
 ///
-/// Reference: P. R. Amestoy, T. A. Davis, I. S. Duff, *An approximate minimum degree ordering algorithm*, SIAM Journal on
-/// Matrix Analysis and Applications 17 (1996), 886-905.
+/// Reference: P. R. Amestoy, T. A. Davis, I. S. Duff, *An approximate minimum degree ordering algorithm*, SIAM Journal
+/// on Matrix Analysis and Applications 17 (1996), 886-905.
 fn minimum_degree(graph: &Graph) -> Result<Vec<u32>, FaerError> {
     let n = graph.nodes();
     let matrix = SymbolicSparseColMatRef::new_checked(n, n, &graph.start, None, &graph.neighbors);

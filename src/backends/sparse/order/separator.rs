@@ -2,16 +2,16 @@
 //!
 //! The graph is coarsened by merging pairs of neighbors until few nodes are left (`coarse.rs`). On the coarsest graph,
 //! two nodes far from each other are selected, and every node is assigned the difference of its distances to them. A
-//! few sweeps of averaging over neighbors smooth this field (they are power iterations toward the second eigenvector of
-//! the graph), and its median splits the nodes; the nodes of one half that are adjacent to the other half form the
-//! separator. The best of several such separators are projected back to the finer graphs one by one and refined on each
-//! by moves of single nodes.
+//! few sweeps of averaging over neighbors smooth this field (they are power iterations toward the eigenvector of the
+//! second-smallest eigenvalue of the graph Laplacian), and its median splits the nodes; the nodes of one half that are
+//! adjacent to the other half form the separator. The best of several such separators are projected back to the finer
+//! graphs one by one and refined on each by moves of single nodes.
 //!
-//! References: G. Karypis, V. Kumar, *A fast and high quality multilevel scheme for partitioning irregular graphs*, SIAM
-//! Journal on Scientific Computing 20 (1998), 359-392; for the moves, C. M. Fiduccia, R. M. Mattheyses, *A linear-time
-//! heuristic for improving network partitions*, 19th Design Automation Conference (1982), 175-181, and for separators of
-//! nodes, C. Ashcraft, J. W. H. Liu, *Applications of the Dulmage-Mendelsohn decomposition and network flow to graph
-//! bisection improvement*, SIAM Journal on Matrix Analysis and Applications 19 (1998), 325-354.
+//! References: G. Karypis, V. Kumar, *A fast and high quality multilevel scheme for partitioning irregular graphs*,
+//! SIAM Journal on Scientific Computing 20 (1998), 359-392; for the moves, C. M. Fiduccia, R. M. Mattheyses, *A
+//! linear-time heuristic for improving network partitions*, 19th Design Automation Conference (1982), 175-181, and for
+//! separators of nodes, C. Ashcraft, J. W. H. Liu, *Applications of the Dulmage-Mendelsohn decomposition and network
+//! flow to graph bisection improvement*, SIAM Journal on Matrix Analysis and Applications 19 (1998), 325-354.
 
 use super::NONE;
 use super::coarse::Weighted;

@@ -5,8 +5,8 @@ use super::graph::{BLOCK, Graph};
 
 /// The elimination tree of an ordered graph, in postorder: the descendants of a node directly precede it.
 ///
-/// Reference: J. W. H. Liu, *The role of elimination trees in sparse factorization*, SIAM Journal on Matrix Analysis and
-/// Applications 11 (1990), 134-172.
+/// Reference: J. W. H. Liu, *The role of elimination trees in sparse factorization*, SIAM Journal on Matrix Analysis
+/// and Applications 11 (1990), 134-172.
 #[derive(Clone, Debug)]
 pub(in crate::backends::sparse) struct Tree {
     /// The node eliminated at each position.

@@ -283,7 +283,7 @@ impl GroupNames {
         })
     }
 
-    /// Returns the rank of each name when sorted by its lowest group number, and the sorted names.
+    /// Sorts the names by their lowest group number; returns the new position of each name, and the sorted names.
     fn in_order(self) -> (Vec<u32>, Vec<String>) {
         let mut order = vec![u32::MAX; self.names.len()];
         let mut sorted = Vec::with_capacity(self.names.len());

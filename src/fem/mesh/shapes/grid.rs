@@ -23,8 +23,8 @@ impl Grid {
     }
 
     /// Creates a block whose subdivision is symmetric about its three middle planes: in one half of each axis (the
-    /// upper one if `mirror_upper` is true), the cells are mirror images of the Kuhn subdivision. The number of cells along
-    /// each axis must be even for symmetry.
+    /// upper one if `mirror_upper` is true), the cells are mirror images of the Kuhn subdivision. The number of cells
+    /// along each axis must be even for symmetry.
     pub fn mirrored(cells: [usize; 3], mirror_upper: [bool; 3]) -> Result<Self, ShapeError> {
         Self::checked(cells, Some(mirror_upper))
     }

@@ -220,7 +220,7 @@ fn a_committed_state_does_not_depend_on_trial_states() {
         let force = stepper.forces().surfaces.iter().find(|surface| surface.name == "x1").unwrap().force[0];
         (force, replaced)
     };
-    // A held start moves the whole increment into the last cell.
+    // A start from the prescribed displacements moves the whole increment into the last cell.
     let (held, replaced) = run(StepStart::Prescribed, 10);
     let (straight, none) = run(StepStart::Tangent, 10);
     assert!(replaced > 0 && none == 0, "{replaced} {none}");
