@@ -145,7 +145,7 @@ fn the_program_writes_page_and_picture() {
 fn what_cannot_be_reported_is_said_clearly() {
     let dir = tempfile::tempdir().unwrap();
     for (arguments, words) in
-        [(&["report", "."][..], "is no result directory"), (&["report", "nowhere"], "there is no such directory")]
+        [(&["report", "."][..], "is not a result directory"), (&["report", "nowhere"], "there is no such directory")]
     {
         let failed = run(arguments, dir.path());
         let message = String::from_utf8_lossy(&failed.stderr);

@@ -65,18 +65,20 @@ impl Interrupted {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
-        let mut stderr = std::io::stderr();
+        // The lock is held until the process ends, so that no line of the run follows.
+        let mut stderr = std::io::stderr().lock();
         if stderr.is_terminal() {
             // Shows the cursor, which the progress bar may have hidden.
             let _ = stderr.write_all(b"\x1b[?25h");
         }
         let dir = self.dir.display();
-        output::message(&match self.done.load(Ordering::Relaxed) {
-            0 => "interrupted: no load step has converged yet".to_owned(),
-            _ => format!(
+        let _ = match self.done.load(Ordering::Relaxed) {
+            0 => writeln!(stderr, "interrupted: no load step has converged yet"),
+            _ => writeln!(
+                stderr,
                 "interrupted: the converged load steps are in {dir}; the same command with --resume continues after them"
             ),
-        });
+        };
         exit(INTERRUPTED);
     }
 }
