@@ -1,8 +1,9 @@
 //! Assembly of stiffness matrices at positions located once (`add_at`), and by blocks whose positions are searched each
 //! time (`add`), for bodies of tetrahedra and fiber networks, on every backend compiled in.
 //!
-//! Run by `cargo bench --package benches --features petsc --bench assembly`; `docs/backends.md` lists such times. An assembly starts from
-//! arbitrary matrix values and ends with `finish`; zeroing, which costs the same for both, is not included.
+//! Run by `cargo bench --package benches --features petsc --bench assembly`; `docs/backends.md` lists such times. An
+//! assembly starts from arbitrary matrix values and ends with `finish`; zeroing, which costs the same for both, is not
+//! included.
 
 use std::hint::black_box;
 use std::sync::Arc;

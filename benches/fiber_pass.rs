@@ -1,8 +1,8 @@
 //! Cost per fiber of geometry and law, nodal forces and energy, by law and network.
 //!
-//! Run by `cargo bench --package benches --bench fiber_pass`, with `BIOTISSUE_NETWORKS` set to the folder of the published networks;
-//! without it only a generated network of 300 nodes is timed. Criterion reports fibers per second; the inverse of
-//! `Gelem/s` is ns per fiber.
+//! Run by `cargo bench --package benches --bench fiber_pass`, with `BIOTISSUE_NETWORKS` set to the folder of the
+//! published networks; without it only a generated network of 300 nodes is timed. Criterion reports fibers per second;
+//! the inverse of `Gelem/s` is ns per fiber.
 
 use std::hint::black_box;
 use std::path::PathBuf;

@@ -4,8 +4,8 @@
 //! cargo run --release --example aligned_stiffness [-- --points 400 --seeds 5 --svg docs/aligned_stiffness.svg]
 //! ```
 //!
-//! prints the table of `docs/aligned_stiffness.md` and draws its figure. If all fibers deformed affinely with the body, the
-//! stiffness of a network at rest would be `phi E <n_i n_j n_k n_l>`, with the average weighted by fiber length.
+//! prints the table of `docs/aligned_stiffness.md` and draws its figure. If all fibers deformed affinely with the body,
+//! the stiffness of a network at rest would be `phi E <n_i n_j n_k n_l>`, with the average weighted by fiber length.
 //! Relaxing the interior nodes to equilibrium can only lower the stiffness.
 
 use std::sync::Arc;

@@ -32,6 +32,6 @@ for name, definite in [("network", True), ("convection", False)]:
                 x, info = method(a, b, M=m, rtol=1e-10, maxiter=1000, callback=lambda _: steps.append(0), **more)
                 counts.append(str(len(steps)) if info == 0 else "none in 1000")
             counts += [""] * (3 - len(counts))
-            # The diagonal of ones counts in neither table.
+            # Neither table counts the unit diagonal of `L`.
             entries = lu.L.nnz + lu.U.nnz - a.shape[0]
             print(f"| {name} | {order} | {drop:g}, {fill} | {entries} | {' | '.join(counts)} |")

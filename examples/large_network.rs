@@ -92,7 +92,7 @@ fn main() -> Result<(), Error> {
     Ok(())
 }
 
-/// Returns the seconds since `start` on rank 0, so that all ranks decide alike. Collective.
+/// Returns the seconds since `start` on rank 0, so that all ranks make the same decision. Collective.
 fn seconds_of_all(start: &Instant) -> f64 {
     let mut seconds = start.elapsed().as_secs_f64();
     SimpleCommunicator::world().process_at_rank(0).broadcast_into(&mut seconds);

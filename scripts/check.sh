@@ -9,7 +9,7 @@ source scripts/test-env.sh
 
 # Features of one build each: all that have tests of their own.
 sets=("default" "" "sparse" "dense" "petsc" "default batched capi hwloc metis petsc")
-# Any two features occur together in one of these sets without any third feature that they do not imply, or alone.
+# For any two features (but cuda and hwloc), and any third that the two do not imply, one set has the two without it.
 pairs=(
     "metis sparse dense capi petsc mpi" "app generate batched capi petsc mpi" "app generate metis sparse dense batched"
     "generate metis sparse batched petsc mpi" "app generate sparse dense capi mpi" "generate dense batched capi"

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Installs what the tests need beside Rust and Python: MPI, PETSc, a Fortran compiler and valgrind, as packages of Debian
-# or Ubuntu. Does nothing where all of them are there. On another system, install them yourself: the names are below.
+# Installs what the tests need in addition to Rust and Python: MPI, PETSc, a Fortran compiler and valgrind, as packages
+# of Debian or Ubuntu. Does nothing if all of them are present. On other systems, install them by hand; the packages are
+# listed below.
 set -euo pipefail
 
 packages=(
@@ -13,12 +14,12 @@ packages=(
     gfortran valgrind           # the C interface and its check
 )
 
-# Each is asked for by what it gives, so that one's own builds count too.
+# Each tool is detected by the command or library that it provides, so that a user's own builds are recognized too.
 all_there() {
     pkg-config --exists PETSc hwloc libudev || return 1
     command -v cc gfortran valgrind mpirun mpicc >/dev/null || return 1
     python3 -c 'import ensurepip' 2>/dev/null || return 1
-    # bindgen finds it where ldconfig or an LLVM of the system has it.
+    # bindgen finds libclang through ldconfig, in the folder of the system's LLVM, or through LIBCLANG_PATH.
     compgen -G '/usr/lib/llvm-*/lib/libclang*.so*' >/dev/null || ldconfig -p | grep libclang >/dev/null || [ -n "${LIBCLANG_PATH:-}" ]
 }
 if all_there; then

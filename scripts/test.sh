@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
 # Runs all tests in one build of the default features, MPI, PETSc and all other backends.
 #
-# Needs Rust and Python; installs MPI, PETSc, a Fortran compiler and valgrind as packages of the system, and meshio and vtk
-# in a folder of its own, where they are missing. Arguments go to `cargo test`, for example: --test rve -- relaxation
+# Needs Rust and Python. Installs missing tools: MPI, PETSc, a Fortran compiler and valgrind as packages of the system,
+# and meshio and vtk in a folder of their own. Arguments go to `cargo test`, for example: --test rve -- relaxation
 #
 # Tests of published networks look for them in the folder that BIOTISSUE_NETWORKS names, or in a folder next to this
-# checkout. Without them these tests are skipped; with BIOTISSUE_REQUIRE_NETWORKS=1 this script fails instead.
+# checkout. Without the networks these tests are skipped; with BIOTISSUE_REQUIRE_NETWORKS=1 this script fails instead.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 source scripts/test-env.sh

@@ -1,4 +1,5 @@
-//! Errors in input files: the position, the problem, the expected content, and the hint, which the message shows as `cure`.
+//! Errors in input files: the position, the problem, the expected content, and the hint, which the message shows as
+//! `cure`.
 
 use std::fmt::{self, Write as _};
 use std::path::{Path, PathBuf};

@@ -21,10 +21,9 @@
 //! | `tissue` | the two-scale problem in memory: materials, and the RVEs of all elements, in one process or on ranks of their own | [`fem`], [`fiber`], [`coupling`] |
 //! | `app` | the application: cases, runs, checkpoints, results, pictures | all of them |
 //!
-//! All of them may use [`tensor`], [`input`] and [`output`].
-//! `fem`, `fiber` and `coupling` do not depend on each other. `fem` and `fiber` meet at the interface
-//! [`fem::point_field`], behind which a formula or a fiber network supplies the stress. Only the program, tests, benches
-//! and examples name a concrete backend.
+//! All of them may use [`tensor`], [`input`] and [`output`]. `fem`, `fiber` and `coupling` do not depend on each other.
+//! `fem` and `fiber` meet at the interface [`fem::point_field`], behind which a formula or a fiber network supplies the
+//! stress. Only the program, tests, benches and examples name a concrete backend.
 //!
 //! # Features
 //!

@@ -1,9 +1,9 @@
-//! Scales and couplings on ranks that are processes of MPI: the checks that run on threads too, and what becomes of all
-//! processes where one fails. This program runs itself under `mpirun`, since MPI starts only once in a process; the
+//! Scales and couplings on ranks that are MPI processes: the same checks as on threads, and the end of all processes if
+//! one fails. This program runs itself under `mpirun`, because MPI can be initialized only once per process; the
 //! environment variable `MPIRUN` names another launcher, such as `mpirun.mpich`.
 //!
-//! `cargo test --features mpi --test mpi -- WORD` runs the checks whose names hold the word; one of messages beyond 2^31 bytes
-//! runs only so, by `longer_than_2_31_bytes`.
+//! `cargo test --features mpi --test mpi -- WORD` runs the checks whose names contain the word. The check of messages
+//! beyond 2^31 bytes runs only if it is named in this way: `longer_than_2_31_bytes`.
 
 #[path = "coupling/checks/mod.rs"]
 mod checks;
@@ -21,10 +21,10 @@ use bytemuck::{cast_slice, cast_slice_mut};
 use checks::{Outcome, lives, ranks, scales, units};
 use launcher::Launcher;
 
-/// Tells a process what it was launched for.
+/// The environment variable that tells a process what to run.
 const LAUNCHED: &str = "BIOTISSUE_MPI_TEST";
 
-/// What a process is launched for that runs checks.
+/// Its value in a process that runs checks.
 const CHECK: &str = "check";
 
 type Check = (&'static str, fn(&MpiComm) -> Outcome);
@@ -69,10 +69,10 @@ const CHECKS: &[Check] = &[
     ("lives_of_three", random_lives_of_three),
 ];
 
-/// Checks that take 9 GiB, and are made where they are asked for by name.
+/// Checks that take 9 GiB of memory and run only if they are named.
 const ON_REQUEST: &[Check] = &[("longer_than_2_31_bytes", messages_of_more_than_2_31_bytes)];
 
-/// How a process fails, its name, and what is printed then.
+/// A failure of a process: its name, the function that fails, and a text that must be printed.
 type Failure = (&'static str, fn(&MpiComm) -> Outcome, &'static str);
 
 const FAILURES: &[Failure] = &[
@@ -113,7 +113,7 @@ fn is_meant(name: &str, words: &[String]) -> bool {
     words.is_empty() || words.iter().any(|word| name.contains(word.as_str()))
 }
 
-/// Prints how something went, and whether it went well.
+/// Prints the outcome of `what` and its duration, and returns true if it succeeded.
 fn report(name: &str, what: impl FnOnce() -> Outcome) -> bool {
     let start = Instant::now();
     let outcome = what();
@@ -125,19 +125,19 @@ fn report(name: &str, what: impl FnOnce() -> Outcome) -> bool {
     outcome.is_ok()
 }
 
-/// Runs the checks in processes of their own.
+/// Runs the checks in new processes.
 fn check(launcher: &Launcher, ranks: usize, words: &[String]) -> Outcome {
     let status = launcher.command(ranks, 1200)?.args(words).env(LAUNCHED, CHECK).status()?;
     if status.success() { Ok(()) } else { Err(format!("{status}").into()) }
 }
 
-/// One of three processes fails: all are to end, within seconds.
+/// Lets one of three processes fail; all must end within seconds.
 fn ends_all(launcher: &Launcher, &(name, _, says): &Failure) -> Outcome {
     const LIMIT: Duration = Duration::from_secs(20);
     let start = Instant::now();
     let output = launcher.command(3, 60)?.env(LAUNCHED, name).output()?;
     let taken = start.elapsed();
-    // What a launcher itself says may come on either.
+    // The launcher may print its own messages to either stream.
     let said = [output.stderr, output.stdout].map(|text| String::from_utf8_lossy(&text).into_owned()).concat();
     if output.status.success() || taken > LIMIT || !said.contains(says) {
         return Err(format!("{} after {:.1} s, saying: {said}", output.status, taken.as_secs_f64()).into());
@@ -145,7 +145,8 @@ fn ends_all(launcher: &Launcher, &(name, _, says): &Failure) -> Outcome {
     Ok(())
 }
 
-/// For two ranks. MPI counts in 32 bits, and messages go in parts of 2^30 bytes: one of whole parts, and one beyond 2^31.
+/// For two ranks: a message of 2^31 bytes and a longer one. MPI counts in 32 bits, so messages are sent in parts of
+/// 2^30 bytes: the first consists of whole parts, the second does not.
 fn messages_of_more_than_2_31_bytes(comm: &MpiComm) -> Outcome {
     let value = |k: usize| (k as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     let is_whole = |found: &[u64]| found.iter().enumerate().all(|(k, &found)| found == value(k));
@@ -174,7 +175,7 @@ fn messages_of_more_than_2_31_bytes(comm: &MpiComm) -> Outcome {
     Ok(())
 }
 
-/// What one process does that was launched.
+/// Runs the checks or the failure that this process was launched for.
 fn take_part(comm: &MpiComm, what: &str, words: &[String]) -> Outcome {
     comm.barrier()?;
     if what != CHECK {
@@ -201,13 +202,13 @@ fn random_lives_of_three(comm: &MpiComm) -> Outcome {
     lives::nothing_is_lost(comm, seeds(comm, 200), 3)
 }
 
-/// Others on each number of ranks, and fewer on more, which are slower.
+/// Returns other seeds for each number of ranks, and fewer for more ranks, which are slower.
 fn seeds(comm: &MpiComm, count: u64) -> Range<u64> {
     let ranks = comm.size() as u64;
     1_000_000 * ranks..1_000_000 * ranks + count / ranks
 }
 
-/// What nobody sends is waited for on the ranks that are well.
+/// The tag of a message that is never sent; the ranks that do not fail wait for it.
 const NEVER: Tag = Tag::of(7);
 
 fn wait_for_ever(comm: &MpiComm) -> Outcome {
@@ -219,7 +220,7 @@ fn fail(comm: &MpiComm) -> Outcome {
     if comm.rank() == 1 { Err("the law is broken".into()) } else { wait_for_ever(comm) }
 }
 
-/// The message is long enough to wait for its receiver, who never asks for it.
+/// The message is so long that it is sent only when received, and it is never received.
 fn fail_with_a_message_underway(comm: &MpiComm) -> Outcome {
     if comm.rank() != 1 {
         return wait_for_ever(comm);

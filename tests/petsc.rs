@@ -1,7 +1,7 @@
-//! The backend `petsc`, on one rank and on several: this program runs itself under `mpirun`, since MPI starts only once in a
-//! process.
+//! The backend `petsc`, on one rank and on several. This program runs itself under `mpirun`, because MPI can be
+//! initialized only once per process.
 //!
-//! `cargo test --test petsc -- WORD` runs the checks whose names hold the word.
+//! `cargo test --test petsc -- WORD` runs the checks whose names contain the word.
 #![allow(unsafe_code, reason = "counts what MPI is asked for")]
 
 #[allow(dead_code, reason = "recorded numbers are held against another backend")]
@@ -32,7 +32,7 @@ use mpi::topology::{Color, Communicator, SimpleCommunicator};
 use mpi::traits::CommunicatorCollectives;
 use nalgebra::Matrix3;
 
-/// Tells a process which of the launches it is.
+/// The environment variable that marks a launched process.
 const LAUNCHED: &str = "BIOTISSUE_PETSC_TEST";
 
 type Check = (&'static str, fn(&Context));
@@ -90,7 +90,7 @@ fn hot_verbs_stay_out_of_the_log() -> bool {
     well
 }
 
-/// Runs the checks in processes of their own; without `mpirun` for no ranks.
+/// Runs the checks in new processes; 0 ranks stands for one process without `mpirun`.
 fn launch(ranks: usize, words: &[String]) -> bool {
     let program = std::env::current_exe().expect("this program has a path");
     let mut command = if ranks == 0 {
@@ -101,7 +101,8 @@ fn launch(ranks: usize, words: &[String]) -> bool {
         command
     };
     command.args(words).env(LAUNCHED, "1");
-    // A user who may do all is a user too (containers); one thread a rank; no kernels of processors that are not there.
+    // Allows the user root, as in containers; one thread per rank; no kernels for instructions that this processor
+    // lacks.
     command.envs([("OMPI_ALLOW_RUN_AS_ROOT", "1"), ("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")]);
     command.envs([("OMP_NUM_THREADS", "1"), ("OPENBLAS_NUM_THREADS", "1")]);
     #[cfg(target_arch = "x86_64")]
@@ -118,9 +119,9 @@ fn launch(ranks: usize, words: &[String]) -> bool {
     }
 }
 
-/// All checks in this process, which may be one of several ranks.
+/// Runs all checks in this process, which may be one of several ranks.
 fn checks(words: &[String]) -> ExitCode {
-    // A rank that stops in a check would leave the others waiting for it: it takes them down.
+    // A panic ends the process, and thereby all ranks; otherwise the others would wait for it.
     let say = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {
         say(panic);
@@ -142,7 +143,7 @@ fn checks(words: &[String]) -> ExitCode {
     ExitCode::SUCCESS
 }
 
-/// One at a time; what was made holds it, and may be dropped in any order.
+/// There is one session at a time; every object made in it keeps it alive, and the objects may be dropped in any order.
 fn sessions(context: Context) {
     assert_eq!(Session::new().err(), Some(SessionError::Running));
     let pattern = laplacian_pattern(4);
@@ -160,11 +161,11 @@ fn sessions(context: Context) {
     drop(b);
     assert!(x.norm().unwrap() > 0.0);
     drop(x);
-    // The session had initialized MPI, which starts only once.
+    // The session initialized MPI, which is possible only once.
     assert_eq!(Session::new().err(), Some(SessionError::Ended));
 }
 
-/// All ranks draw the same cases, and reduce none of them.
+/// All ranks draw the same cases; failing cases are not reduced.
 fn trials(count: u32, block_size: usize) -> Trials {
     Trials { count, block_size, reduce: false, ..Trials::default() }
 }
@@ -183,7 +184,7 @@ fn conformance_in_blocks(context: &Context) {
     check_matrices(&context.clone().with_matrix_type(MatrixType::Baij), trials(60, 3));
 }
 
-/// The pattern of a truss is one of 3x3 blocks: BAIJ holds what AIJ holds, and both give the same.
+/// The pattern of a truss consists of 3x3 blocks: BAIJ stores the same entries as AIJ, and the results are equal.
 fn blocks(context: &Context) {
     let baij = context.clone().with_matrix_type(MatrixType::Baij);
     conformance::matrices::<Petsc>(&baij, trials(60, 1));
@@ -236,7 +237,7 @@ fn same(a: &<Petsc as Backend>::Matrix, b: &<Petsc as Backend>::Matrix) {
     assert_eq!(entries[0], entries[1]);
 }
 
-/// Adding, setting and reading in turn, with and without `finish` between.
+/// Entries are added, set and read in turn, with and without `finish` in between.
 fn verbs_that_mix(context: &Context) {
     let pattern = laplacian_pattern(3);
     let mut a = Petsc::matrix(context, &pattern).unwrap();
@@ -254,7 +255,7 @@ fn verbs_that_mix(context: &Context) {
     let (x, mut y) = (ones(context, 9), ones(context, 9));
     a.mul(&x, &mut y).unwrap();
     assert_eq!(y.as_slice(), [0.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 0.0]);
-    // What PETSc has seen before must not be what it sees now.
+    // A product must use the current values, not those of the previous product.
     for factor in [3.0, 5.0] {
         a.add_at(&slots, &[factor]).unwrap();
         a.finish().unwrap();
@@ -266,9 +267,9 @@ fn verbs_that_mix(context: &Context) {
     assert_eq!(sum, 10.0, "all entries on every rank");
 }
 
-/// Threads that own a matrix each write to them at the same time.
+/// Threads that each own a matrix write to these matrices at the same time.
 fn verbs_on_threads(context: &Context) {
-    // On several ranks all must make their calls in one order.
+    // On several ranks, all ranks must make their collective calls in the same order.
     let threads = if context.ranks() == 1 { 4 } else { 1 };
     let side = 12;
     let matrices: Vec<_> = (0..threads).map(|_| Petsc::matrix(context, &laplacian_pattern(side)).unwrap()).collect();
@@ -285,7 +286,8 @@ fn verbs_on_threads(context: &Context) {
                 a.get(&[0], &[0], &mut entry).unwrap();
                 assert_eq!(entry, [8.0]);
                 a.for_each(|_, _, value| sum += value).unwrap();
-                // 4 a row and 8 in the first, and two pairs of neighbors along x and y, drift left out.
+                // 4 per row and 8 in the first, and -1 twice for every pair of neighbors along x and y; the convection
+                // cancels in the sum.
                 let side = f64::from(side);
                 assert_eq!(sum, 4.0 * side * side + 4.0 - 4.0 * side * (side - 1.0));
             });
@@ -293,13 +295,13 @@ fn verbs_on_threads(context: &Context) {
     });
 }
 
-/// What ranks of a communicator reduce together: the profiling interface of MPI puts this before the library's own.
+/// Counts the reductions: by the profiling interface of MPI, the function below replaces that of the library.
 static REDUCTIONS: AtomicUsize = AtomicUsize::new(0);
 
-/// Counts, and calls the library.
+/// Counts the call and passes it to the library.
 ///
 /// # Safety
-/// As for MPI.
+/// As for `MPI_Allreduce`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn MPI_Allreduce(
     send: *const c_void,
@@ -310,7 +312,7 @@ pub unsafe extern "C" fn MPI_Allreduce(
     comm: MPI_Comm,
 ) -> c_int {
     REDUCTIONS.fetch_add(1, Ordering::Relaxed);
-    // SAFETY: handed through.
+    // SAFETY: the arguments are passed on unchanged.
     unsafe { PMPI_Allreduce(send, receive, count, kind, operation, comm) }
 }
 
@@ -323,7 +325,7 @@ fn shifted_diagonal(context: &Context) {
     fill_laplacian(&mut system.matrix, side, 0.0);
     system.matrix.add(&[40], &[40], &[-9.0]).unwrap();
     system.matrix.finish().unwrap();
-    // What PETSc itself reduces while it assembles is not counted.
+    // The reductions that PETSc itself makes during the assembly are subtracted.
     let before = REDUCTIONS.load(Ordering::Relaxed);
     system.matrix.finish().unwrap();
     let assembly = REDUCTIONS.load(Ordering::Relaxed) - before;
@@ -338,7 +340,7 @@ fn shifted_diagonal(context: &Context) {
     assert!(diagonal.as_slice().iter().enumerate().all(|(unknown, &entry)| entry == expected(unknown)));
 }
 
-/// The negative Laplacian on a square of `side` points a side, with convection.
+/// The pattern of the negative Laplacian with convection on a grid of `side` by `side` points.
 fn laplacian_pattern(side: i32) -> Arc<Sparsity> {
     let at = |i: i32, j: i32| if (0..side).contains(&i) && (0..side).contains(&j) { i * side + j } else { -1 };
     let pairs = (0..side).flat_map(|i| (0..side).flat_map(move |j| [[(i, j), (i + 1, j)], [(i, j), (i, j + 1)]]));
@@ -370,7 +372,7 @@ fn residual(a: &<Petsc as Backend>::Matrix, b: &<Petsc as Backend>::Vector, x: &
     values.iter().zip(b.as_slice()).map(|(ax, b)| (ax - b).powi(2)).sum::<f64>().sqrt() / b.norm().unwrap()
 }
 
-/// Every method and preconditioner solves to its tolerance, also after the matrix has changed under it.
+/// Every method and preconditioner solves to its tolerance, also after the matrix has changed.
 fn iterative_methods(context: &Context) {
     let side = 24;
     let pattern = laplacian_pattern(side);
@@ -392,7 +394,7 @@ fn iterative_methods(context: &Context) {
             let found = residual(&a, &b, &x);
             assert!(found <= 1.001e-10 && report.residual <= 1e-10, "{method:?}: {found:e} {report:?}");
             assert!(report.iterations > 0);
-            // The owner's matrix changes; the solver's does not.
+            // A later change of the matrix does not affect the solver.
             let mut changed = ones(context, len);
             a.scale(2.0).unwrap();
             solver.solve(&b, &mut changed).unwrap();
@@ -428,7 +430,7 @@ fn zeros(context: &Context, len: usize) -> <Petsc as Backend>::Vector {
     Petsc::vector(context, len).unwrap()
 }
 
-/// The options database has the last word, under the prefix of the context.
+/// The options database, under the prefix of the context, overrides the parameters.
 fn options(context: &Context) {
     let context = context.clone().with_prefix("other_");
     let factor = |symmetry| -> Result<FactorReport, SolveError<<Petsc as Backend>::Error>> {
@@ -487,7 +489,7 @@ fn errors(context: &Context) {
     assert!(bad.text().contains("zero"), "{bad}");
 }
 
-/// Halves of the world solve systems of their own.
+/// Each half of the ranks solves a system of its own.
 fn split_communicators(context: &Context) {
     let world = SimpleCommunicator::world();
     let half = world.split_by_color(Color::with_value(world.rank() % 2)).expect("of one color");
@@ -504,7 +506,8 @@ fn split_communicators(context: &Context) {
     assert!(residual(&a, &b, &x) < 1e-13);
 }
 
-/// The network frozen beside the tests: first Piola-Kirchhoff stress and energy, which come from a dense Newton in NumPy.
+/// The frozen network of the tests: first Piola-Kirchhoff stress and energy, computed by a dense Newton method in
+/// NumPy.
 #[rustfmt::skip]
 const PK1: [f64; 9] = [
     6.149991150121224e-07, 1.0954968381666093e-07, 8.768152088715524e-09,
@@ -542,8 +545,8 @@ where
     assert!((tangent - other).amax() < 1e-9 * other.amax(), "{tangent} {other}");
 }
 
-/// Some thousand fibers: on any number of ranks the stress that the sparse backend gives on one, and so the same on all.
-/// `examples/large_network.rs` does it with a hundred thousand.
+/// A network of several thousand fibers: on any number of ranks, the stress agrees with that of the sparse backend in
+/// one process. `examples/large_network.rs` does the same for a hundred thousand fibers.
 #[cfg(all(feature = "sparse", feature = "generate"))]
 fn generated_network(context: &Context) {
     let network = Arc::new(biotissue::fiber::network::generate::delaunay(500, 1).unwrap());
@@ -560,7 +563,8 @@ fn generated_network(context: &Context) {
     assert!((pk1 - expected).amax() < 4e-10 * expected.amax(), "{pk1} {expected}");
 }
 
-/// A block of 24 tetrahedra pulled to a stretch of 1.25: homogeneous, with `mu (s^2 - 1) + lambda ln(1.25 s^2) = 0` across.
+/// A block of 24 tetrahedra pulled to a stretch of 1.25: homogeneous, with `mu (s^2 - 1) + lambda ln(1.25 s^2) = 0`
+/// across.
 fn stretched_body(context: &Context) {
     let (mu, lambda) = (3846.0, 5769.0);
     let side = |name: &str, x| SurfaceCondition {
@@ -591,12 +595,12 @@ fn stretched_body(context: &Context) {
             let exact = [0.25 * (x[0] + 1.0), (s - 1.0) * (x[1] + 1.0), (s - 1.0) * x[2]];
             assert!((0..3).all(|i| (u[i] - exact[i]).abs() < 1e-9), "{x:?}: {u:?}, exact {exact:?}");
         }
-        // Again with unknowns in another order.
+        // Solved again with the unknowns in reverse order.
         order.reverse();
     }
 }
 
-/// Every row is one rank's, and no rank keeps a constrained one.
+/// Each row is owned by exactly one rank, and no rank owns a constrained row.
 fn kept_rows(context: &Context) {
     let a = Petsc::matrix(context, &laplacian_pattern(5)).unwrap();
     let kept: Vec<i32> = (0..25).map(|row| i32::from(a.owns_any_row(&[row]))).collect();
@@ -626,7 +630,8 @@ fn factored(
     Petsc::solver(&symbolic).unwrap().factor(&matrix)
 }
 
-/// Rounding hides from the pivots that a body on a hinge is free to turn; a slender beam is held although its pivots are small.
+/// For a body on a hinge, rounding errors hide the zero mode from the pivots; a slender beam is supported although its
+/// pivots are small.
 fn floating_bodies(context: &Context) {
     for symmetry in [Symmetry::Definite, Symmetry::Symmetric] {
         let hinged = factored(context, [6; 3], symmetry, |x| x[0] == 0.0 && x[1] == 0.0);

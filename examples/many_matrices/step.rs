@@ -71,7 +71,7 @@ impl<S: RealBackend> Solved<S> {
     }
 }
 
-/// A diffusive process of some fields: `capacity d/dt = -speed operator`.
+/// A diffusive process of some fields `u`: `capacity du/dt = -speed operator u`.
 #[derive(Clone, Copy)]
 struct Spread<'a> {
     name: &'static str,

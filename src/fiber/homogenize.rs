@@ -3,7 +3,7 @@
 //! Two steps lead from the stiffness `K = dT/dx` of all nodes to the tangent `A = dP/dF` of the macro scale (C. Miehe
 //! and A. Koch, *Computational micro-to-macro transitions of discretized microstructures undergoing small strains*,
 //! Archive of Applied Mechanics 72 (2002) 300-317). `i` denotes the interior nodes, `b` those on the boundary, `v` the
-//! velocities and `q = K v` the force rates.
+//! velocities (the sensitivities of the node positions to a strain) and `q = K v` the force rates.
 //!
 //! 1. *Static condensation* of the interior (Guyan 1965). In equilibrium, `T_i = 0` at every strain, so the force rates
 //!    of the interior vanish:

@@ -218,8 +218,8 @@ impl PartialEq for Rve {
     }
 }
 
-/// Deviation of the velocity of an interior node from the affine motion, for each of the six unit strains of the
-/// current state. Single precision suffices for an initial guess of Newton.
+/// Sensitivity of the position of an interior node to each of the six unit strains of the current state, minus that of
+/// the affine motion. Single precision suffices for an initial guess of Newton.
 pub type Sensitivities = [f32; 3 * MODES];
 
 /// The reason why a state does not belong to a network.

@@ -1,4 +1,4 @@
-//! A network of trusses: lengths, forces and stiffness of the fibers at given node positions.
+//! A fiber network as a truss: lengths, forces and stiffness of the fibers at given node positions.
 //!
 //! A fiber from node `a` to node `b` with `d = x_b - x_a`, length `l = |d|`, direction `n = d / l` and axial force `f`
 //! has nodal forces `T_b = f n = -T_a` (Tobin 2018, eqs. B.3 to B.5). Its stiffness is the block
@@ -265,7 +265,8 @@ impl Truss {
         }
     }
 
-    /// The energy of all fibers, `sum_f A L integral_1^lambda s`, in J per (unit-cube length times area).
+    /// The energy of all fibers, `sum_f A L integral_1^lambda s`, in J for a cube with an edge of 1 m (areas are in
+    /// m^2, lengths in unit-cube units).
     #[must_use]
     pub fn energy(&self, states: &FiberStates) -> f64 {
         self.laws

@@ -32,7 +32,7 @@ pub struct Workspace<B: Backend> {
     /// Right-hand sides and solutions of the tangent, one per mode.
     pub(super) mode_loads: Vec<B::Vector>,
     pub(super) mode_solutions: Vec<B::Vector>,
-    /// Velocities of all nodes in every mode, and the resulting force rates.
+    /// Sensitivities of the positions of all nodes in every mode, and the resulting force rates.
     pub(super) sensitivities: Vec<[f64; 3 * MODES]>,
     pub(super) force_rates: Vec<[f64; 3 * MODES]>,
 }

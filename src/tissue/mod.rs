@@ -4,8 +4,9 @@
 //! Materials ─► Library (networks) ─► TissueField or ScaleField ─► fem::stepping
 //! ```
 //!
-//! [`materials`] describes the material of every region. [`micro_scale::TissueField`] implements the interface [`crate::fem::point_field`] with a formula or a network in
-//! every element, where all threads solve the networks; [`two_scale::ScaleField`] does so with networks on other ranks.
+//! [`materials`] describes the material of every region. [`micro_scale::TissueField`] implements the interface
+//! [`crate::fem::point_field`] with a formula or a network in every element, where all threads solve the networks;
+//! [`two_scale::ScaleField`] does so with networks on other ranks.
 
 pub mod materials;
 pub mod micro_scale;

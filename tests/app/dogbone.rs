@@ -1,7 +1,7 @@
-//! The example of the README, whole: 20 load steps past 40 % extension, forces in balance in every one.
+//! Runs the example of the README in full: 20 load steps to more than 40 % extension, with balanced forces in each.
 //!
-//! Its extensions are no evidence that the model is right: the traction of the example was chosen such that they are those of
-//! figure 3.3 of the thesis, which does not state its load. That they stay the same is what is tested.
+//! The extensions are no evidence that the model is right: the traction of the example was chosen to give those of
+//! figure 3.3 of the thesis, which does not state its load. The test only detects a change of the extensions.
 use std::path::Path;
 
 use biotissue::app::case::Case;
@@ -36,7 +36,7 @@ fn regression_the_dogbone_extends_as_before_with_forces_in_balance() {
             assert!(sum.abs() < 1e-9 * pull, "step {}: forces sum to {sum:e} N of {pull:e} N", row.step);
         }
     }
-    // What the load was tuned to: approximately 27 % after ten increments, 45 % after twenty.
+    // The traction was chosen to give these extensions: approximately 27 % after ten increments and 45 % after twenty.
     let extension = |step: usize| loads.rows[step - 1].surfaces[right].displacement[0] / length;
     assert!((extension(10) - 0.27).abs() < 0.02, "{}", extension(10));
     assert!((extension(20) - 0.45).abs() < 0.02, "{}", extension(20));

@@ -45,14 +45,14 @@ fn several_types_are_written_read_and_solved() {
     let stress = |answer: &Value| answer["pk1"][0][0].as_f64().unwrap();
     assert!(stress(&mixed) > 1.5 * stress(&soft), "{} {}", stress(&mixed), stress(&soft));
 
-    // What is cleaned keeps the types of the fibers that stay.
+    // Cleaning keeps the types of the remaining fibers.
     let arguments = ["network", "check", "net.txt", "--shorter-than", "0.1", "--clean", "-o", "clean.txt"];
     assert!(biotissue(folder.path(), &arguments).status.success());
     let text = std::fs::read_to_string(folder.path().join("clean.txt.toml")).unwrap();
     assert!(text.contains("[[fiber_type]]") && text.contains("types = ["), "{text}");
     answer(folder.path(), "rve clean.txt");
 
-    // A sidecar of another network.
+    // A sidecar of another network is rejected.
     std::fs::copy(folder.path().join("clean.txt.toml"), folder.path().join("net.txt.toml")).unwrap();
     let refused = biotissue(folder.path(), &["network", "info", "net.txt"]);
     assert_eq!(refused.status.code(), Some(2));
@@ -63,7 +63,7 @@ fn a_table_is_taken_from_its_file() {
     let folder = tempfile::tempdir().unwrap();
     let generate = "network generate --points 30 --seed 1 -o net.txt";
     assert!(biotissue(folder.path(), &generate.split(' ').collect::<Vec<_>>()).status.success());
-    // Hooke's law, once as a table: straight lines are met exactly.
+    // Hooke's law, once as a table: the table reproduces a straight line exactly.
     std::fs::write(folder.path().join("hooke.csv"), "stretch,stress\n0.5,-5e7\n1.0,0\n1.5,5e7\n").unwrap();
     let table = answer(folder.path(), "rve net.txt --law table --table hooke.csv --radius 5e-8");
     let straight = "--law exponential-stretch --youngs-modulus 1e8 --radius 5e-8 --nonlinearity 1 --transition 1";
@@ -71,7 +71,7 @@ fn a_table_is_taken_from_its_file() {
     let (found, expected) = (table["energy"].as_f64().unwrap(), hooke["energy"].as_f64().unwrap());
     assert!((found / expected - 1.0).abs() < 1e-10, "{found} {expected}");
 
-    // The sidecar holds the points: the file may go.
+    // The sidecar contains the points of the table, so the CSV file may be removed.
     let law = "--law table --table hooke.csv --radius 5e-8 --compression 0.1";
     let generate = format!("{generate} {law}");
     assert!(biotissue(folder.path(), &generate.split(' ').collect::<Vec<_>>()).status.success());

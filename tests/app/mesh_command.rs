@@ -1,4 +1,4 @@
-//! `biotissue mesh`: what it writes, what it prints and how it ends.
+//! `biotissue mesh`: the files that it writes, its output and its exit codes.
 use std::path::Path;
 use std::process::{Command, Output};
 

@@ -1,8 +1,8 @@
-//! `biotissue network` as people run it.
+//! `biotissue network`, run as a program.
 use std::path::Path;
 use std::process::{Command, Output};
 
-/// Runs `biotissue network` with arguments in one line; underscores stand for blanks within an argument.
+/// Runs `biotissue network` with arguments in one line; underscores stand for spaces within an argument.
 fn biotissue(folder: &Path, arguments: &str) -> Output {
     Command::new(env!("CARGO_BIN_EXE_biotissue"))
         .current_dir(folder)
@@ -44,12 +44,12 @@ fn generate_check_and_info_go_together() {
     let again: serde_json::Value = serde_json::from_slice(&again.stdout).unwrap();
     assert!(again["fibers"].as_u64().unwrap() <= info["fibers"].as_u64().unwrap() - short);
     assert_eq!((&again["laws"], &again["fibers"]), (&info["laws"], &check["cleaned"]["fibers"]));
-    // A network written over another does not keep the other's laws.
+    // A network that replaces another does not inherit its laws.
     assert!(biotissue(folder.path(), "generate --nodes 300 -o net.txt").status.success());
     assert!(!folder.path().join("net.txt.params").exists());
 }
 
-/// Both take the increments in the same way, and this network has more than one equilibrium.
+/// Both commands apply the increments in the same way; this network has more than one equilibrium.
 #[test]
 fn a_drawing_is_of_the_equilibrium_that_rve_finds() {
     let folder = tempfile::tempdir().unwrap();
@@ -178,7 +178,7 @@ fn what_generate_prints_is_what_info_finds() {
     for line in ["nodes ", "fiber length ", "density ", "coordination ", "orientation ", "by length ", "order "] {
         assert!(text(&words.stdout).contains(&format!("\n  {line}")) || line == "by length ", "{line}");
     }
-    // The same recipe, the same file.
+    // The same parameters give the same file.
     let once = std::fs::read(folder.path().join("gel.txt")).unwrap();
     json("generate --kind voronoi --density 45 --align 1,-1,0 --strength 0.5 --seed 3 -o gel2.txt --json");
     assert_eq!(once, std::fs::read(folder.path().join("gel2.txt")).unwrap());
@@ -200,7 +200,7 @@ fn several_files_are_checked_at_once() {
     let found = &gel["rigidity"];
     assert!(found["zero_modes"].as_u64() > Some(20) && found["most_mobile"][0]["mobility"].as_f64() > Some(0.5));
     assert_eq!(found["unknowns"], gel["free_dofs"]);
-    // What is good is told although another file is broken.
+    // Valid files are reported although another file is broken.
     let with_broken = biotissue(folder.path(), "check broken.txt gel.txt");
     assert_eq!(with_broken.status.code(), Some(2));
     assert!(text(&with_broken.stdout).contains("floppy: at rest the network does not resist"));
@@ -225,7 +225,7 @@ fn a_network_is_drawn_at_rest_and_deformed() {
     assert!(picture("stretched.svg").contains(">fiber stretch</text>"));
     run(&format!("draw web.txt -o pulled.svg {deformed} --color force --axis x --width 600"));
     assert!(picture("pulled.svg").contains(">fiber force in "));
-    // The same state for a viewer: the boundary is where F has moved it, stretches are lengths over lengths at rest.
+    // The same state as a VTK file: `F` maps the boundary nodes, and stretches are current over reference lengths.
     run(&format!("draw web.txt -o stretched.vtp {deformed}"));
     let drawn = biotissue::app::results::read_vtp(&folder.path().join("stretched.vtp")).unwrap();
     let network = biotissue::fiber::network::file::read(&folder.path().join("web.txt")).unwrap().network;

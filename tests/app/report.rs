@@ -21,7 +21,7 @@ fn run(arguments: &[&str], dir: &Path) -> Output {
     Command::new(env!("CARGO_BIN_EXE_biotissue")).args(arguments).current_dir(dir).output().unwrap()
 }
 
-/// Every element is opened and closed in order, attributes included: what a browser demands of XML.
+/// Checks that the text is well-formed XML: every element is closed in order, and attributes are quoted.
 fn assert_well_formed(svg: &str) {
     let mut reader = quick_xml::Reader::from_str(svg);
     let mut depth = 0;
@@ -51,7 +51,7 @@ fn the_picture_shows_the_body_its_fibers_and_what_they_mean() {
     {
         assert!(svg.contains(words), "{words}");
     }
-    // The faces that the eye sees: those of the top and of one long side, at least, and not those behind.
+    // The visible faces: at least those of the top and of one long side, but not those behind.
     let [nx, ny, _] = CELLS;
     let faces = svg.matches("z\" fill=").count();
     assert!(faces >= 2 * nx * ny && faces < 4 * nx * ny, "{faces} faces");

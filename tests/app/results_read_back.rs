@@ -1,4 +1,4 @@
-//! What a run writes is what others read: field files by python-vtk and meshio, everything by this crate.
+//! Results are read back as they were written: field files by python-vtk and meshio, all files by this crate.
 
 use std::path::Path;
 use std::process::Command;
@@ -13,7 +13,8 @@ use biotissue::app::results::{
 
 use crate::skip::skip;
 
-/// Two tetrahedra with numbers that only survive bit for bit: no short decimals, the extremes, both zeros.
+/// Two tetrahedra with numbers that survive only a bitwise exact round trip: no short decimals, the extremes, both
+/// zeros.
 struct Sample {
     points: Vec<[f64; 3]>,
     elements: Vec<[u32; 4]>,
@@ -85,14 +86,15 @@ fn hex(bytes: [u8; 8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// What `read_vtu.py` prints about a file; `None`, with a word about it, where Python lacks the readers.
+/// Returns the output of `read_vtu.py` for a file; `None`, with the test recorded as skipped, if Python lacks the
+/// readers.
 fn read_by_python(path: &Path) -> Option<String> {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/read_vtu.py");
     printed(Command::new("python3").arg(script).arg(path))
 }
 
-/// Prints a line a cell of a `.pvtu` file, every number bit for bit: the positions of its points, their displacements,
-/// and the fields of cells that are named after the file.
+/// Prints one line per cell of a `.pvtu` file with every number bit for bit: the positions of its points, their
+/// displacements, and the cell fields whose names follow the file in the arguments.
 const READ_CELLS: &str = r#"
 import struct, sys
 try:
@@ -118,7 +120,7 @@ for cell in range(cells):
     print(" ".join(struct.pack("<d" if isinstance(value, float) else "<q", value).hex() for value in values))
 "#;
 
-/// Returns what a script prints; `None` if Python lacks the readers.
+/// Returns the output of a script; `None`, with the test recorded as skipped, if Python lacks the readers.
 fn printed(script: &mut Command) -> Option<String> {
     let required = std::env::var("BIOTISSUE_REQUIRE_PYTHON").is_ok_and(|value| value == "1");
     let output = match script.output() {
@@ -133,7 +135,7 @@ fn printed(script: &mut Command) -> Option<String> {
     Some(String::from_utf8(output.stdout).unwrap())
 }
 
-/// Three fibers with numbers that only survive bit for bit.
+/// Three fibers with numbers that survive only a bitwise exact round trip.
 const NETWORK: NetworkSet = NetworkSet {
     points: &[[-0.0, 1e-300, 0.5], [1.0 / 3.0, 0.1, -0.5], [0.7, f64::MIN_POSITIVE, 0.0], [0.25, 0.5, 2.0 / 7.0]],
     fibers: &[[0, 1], [3, 1], [2, 0]],
@@ -327,7 +329,7 @@ fn the_collection_is_whole_after_every_step() {
     let text = std::fs::read_to_string(&pvd).unwrap();
     std::fs::write(&pvd, &text[..text.len() / 2]).unwrap();
     assert!(matches!(Collection::read(dir.path()), Err(ResultsError::Damaged { .. })));
-    // What a run knows that it has written is entered again.
+    // Entries that the run is known to have written are restored.
     let restored = Collection::resume(dir.path().join(FIELDS_FILE), 2.0 / 3.0, resumed.entries()).unwrap();
     assert_eq!((&restored, &Collection::read(dir.path()).unwrap()), (&resumed, &resumed));
 }
@@ -394,7 +396,8 @@ fn interrupted_loads_are_read_and_resumed() {
     assert!(LoadsWriter::resume(&path, &["a"], &names.1, &names.2, 1).is_err());
 }
 
-/// What follows the last step that counts is dropped whatever it is; up to there every row must be there once, in order.
+/// Rows after the last resumed step are dropped whatever they contain; up to there every row must be present once, in
+/// order.
 #[test]
 fn loads_of_other_steps_are_not_resumed() {
     let dir = tempfile::tempdir().unwrap();

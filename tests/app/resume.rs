@@ -1,4 +1,4 @@
-//! A run that was interrupted goes on as if it had not been.
+//! A run that was interrupted and resumed gives the results of an uninterrupted one.
 
 mod left_behind;
 
@@ -64,7 +64,7 @@ fn resume(text: &str, dir: &Path) -> Resumed {
     resumed
 }
 
-/// Copies the results as they are while a step is being recorded: what is left when the run is killed at that moment.
+/// Copies the results while a step is being recorded: the state of the directory if the run is killed at that moment.
 struct Killed<'a> {
     from: &'a Path,
     to: &'a Path,
@@ -90,7 +90,7 @@ fn copy(from: &Path, to: &Path) {
     }
 }
 
-/// The contents of all files but the log, whose times differ, and the lock of a run that was killed.
+/// Returns the contents of all files except the log, whose times differ, and the lock of a killed run.
 fn contents(dir: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut files = BTreeMap::new();
     let mut folders = vec![dir.to_owned()];
@@ -107,7 +107,7 @@ fn contents(dir: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     files
 }
 
-/// Results of an uninterrupted run, and of one that was killed while it recorded its third step.
+/// Returns the results of an uninterrupted run, and of one that was killed while it recorded its third step.
 fn whole_and_killed(root: &Path) -> (PathBuf, PathBuf) {
     let (whole, killed) = (root.join("whole"), root.join("killed"));
     simulation(CASE).run(&whole, &mut Killed { from: &whole, to: &killed, step: 3 }).unwrap();
@@ -152,7 +152,7 @@ fn a_killed_run_goes_on_bit_for_bit() {
     assert_eq!(steps, [1, 2, 3, 4]);
     assert!(matches!(events.last(), Some(Event::End(end)) if end.converged && end.steps == 4));
 
-    // A run that is done has nothing left to do.
+    // A completed run has no steps left.
     assert_eq!(resume(CASE, &killed).step, 4);
     assert_same(&whole, &killed);
 }
@@ -202,13 +202,13 @@ fn a_checkpoint_of_another_run_is_refused() {
     assert!(matches!(refused(&fewer), Mismatch::Case { .. }));
     assert!(contents(&dir) == before, "nothing is touched");
 
-    // Only how the equations are solved may change, and that is said.
+    // Only solver settings may change, and a warning reports them.
     let resumed =
         simulation(&CASE.replace("[output]", "[newton]\nmax_iterations = 40\n[output]")).resume(&dir).unwrap();
     let said = "going on with other settings than the run has had so far: \
                 [newton] `max_iterations = 25` before, `max_iterations = 40` now";
     assert_eq!(resumed, Resumed { step: 4, warnings: vec![said.into()] });
-    // Neither the title nor what is written counts.
+    // The title and the output settings may differ.
     let resumed = simulation(&CASE.replace("rve = [0, 7]", "every = 2").replace("\"pull\"", "\"push\"")).resume(&dir);
     assert_eq!(resumed.unwrap(), Resumed { step: 4, warnings: vec![] });
 }
@@ -227,7 +227,7 @@ fn networks_with_other_contents_are_refused() {
     let dir = root.path().join("results");
     run(&network("a", &text), &dir);
     assert_eq!(simulation(&network("moved", &text)).resume(&dir).unwrap().step, 4, "the folder does not matter");
-    // Without its last fiber.
+    // The network without its last fiber.
     let mut lines: Vec<String> = text.lines().filter(|line| !line.trim().is_empty()).map(str::to_owned).collect();
     lines.pop();
     let counts: Vec<usize> = lines[0].split_whitespace().map(|count| count.parse().unwrap()).collect();
@@ -256,7 +256,7 @@ fn a_run_from_the_beginning_replaces_what_is_there() {
     assert_same(&short, &used);
     assert_eq!(checkpoints(&used), ["step-00001.bin", "step-00002.bin"]);
 
-    // Nothing to go on from: said, and done from the beginning.
+    // Without a checkpoint, the run warns and starts from the beginning.
     let fresh = root.path().join("fresh");
     let resumed = resume(&two_steps, &fresh);
     assert!(
@@ -298,7 +298,7 @@ fn networks_asked_for_are_written_and_belong_to_the_fields() {
     let extreme = |name: &str| fields.cell_scalar(name).unwrap()[7];
     let (least, most) = network.stretch.iter().fold((f64::MAX, 0.0_f64), |(a, b), &s| (a.min(s), b.max(s)));
     assert_eq!((least, most), (extreme("stretch_min"), extreme("stretch_max")));
-    // The law of the case, and equilibrium of the inner nodes.
+    // The law of the case, and equilibrium of the interior nodes.
     let (e, b, area) = (1.0e8, 1.2, std::f64::consts::PI * 5.0e-8 * 5.0e-8);
     let mut sums = vec![[0.0; 3]; network.points.len()];
     let mut largest = 0.0_f64;
@@ -341,7 +341,7 @@ fn elements_without_a_network_to_write_are_named() {
     assert_eq!(simulation(&text).resume(root.path()).unwrap(), Resumed { step: 4, warnings: vec![] });
 }
 
-/// `biotissue run` with these arguments; the exit code and what it says on stderr.
+/// Runs `biotissue run` with these arguments; returns the exit code and the text on stderr.
 fn command(dir: &Path, text: &str, arguments: &[&str]) -> (Option<i32>, String) {
     let network = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/networks/frozen.txt");
     fs::write(dir.join("pull.toml"), text.replace("NETWORK", network.to_str().unwrap())).unwrap();
@@ -354,14 +354,14 @@ fn command(dir: &Path, text: &str, arguments: &[&str]) -> (Option<i32>, String) 
 #[test]
 fn the_program_goes_on_where_it_stopped() {
     let root = tempfile::tempdir().unwrap();
-    // Pressed through itself in the third step.
+    // The prescribed displacement of the third step turns the body inside out.
     let unrecoverable = CASE.replace("x = 0.4 }", "x = 0.4 }\ncurve = [[0.0, 0.0], [0.5, 0.1], [0.75, -9.0]]");
     let (code, said) = command(root.path(), &unrecoverable, &["--resume"]);
     assert_eq!(code, Some(3), "{said}");
     assert!(said.contains("warning: ") && said.contains("no checkpoint: starting from the beginning"), "{said}");
     let loads = fs::read(root.path().join("results/loads.csv")).unwrap();
 
-    // The same end again, without the steps that converged.
+    // The resumed run fails in the same step and does not repeat the converged steps.
     let (code, said) = command(root.path(), &unrecoverable, &["--resume"]);
     assert_eq!(code, Some(3), "{said}");
     assert!(said.contains("going on after step 2 of 4") && !said.contains("step 2/4 t"), "{said}");
@@ -383,7 +383,8 @@ fn the_program_goes_on_where_it_stopped() {
 fn what_a_failed_step_leaves_stands_beside_the_full_steps_and_goes_with_them() {
     let root = tempfile::tempdir().unwrap();
     let (failed, third) = (root.path().join("failed"), root.path().join("third"));
-    // Pressed through itself: three steps of ten converge in full, and a part of the fourth after cuts.
+    // The last displacement turns the body inside out: three steps of ten converge in full, and a part of the fourth
+    // after cuts.
     let pressed = CASE.replace("x = 0.4", "x = -4.0").replace("count = 4", "count = 10");
     let pressed = pressed.replace("networks = [\"NETWORK\"]", "networks = []").replace("rve = [0, 7]", "");
     let fails = |text: &str, dir: &Path, resumed: bool, progress: &mut dyn Progress| {

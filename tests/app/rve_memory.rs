@@ -1,4 +1,4 @@
-//! What an RVE of a run keeps in memory, counted at the allocator.
+//! The memory that an RVE of a run occupies, counted by the allocator.
 
 use std::path::Path;
 
@@ -34,7 +34,8 @@ fn case(network: &Path, cells: usize) -> String {
     )
 }
 
-/// RVEs in a row of cells, and the bytes of their field in the middle of a load step: counted, and as it says itself.
+/// Returns the number of RVEs in a row of cells, and the bytes of their field in the middle of a load step: those
+/// counted by the allocator, and those that the field reports.
 fn field(network: &Path, cells: usize) -> (f64, f64, f64) {
     let dir = tempfile::tempdir().unwrap();
     let file = dir.path().join("case.toml");
@@ -61,7 +62,7 @@ fn field(network: &Path, cells: usize) -> (f64, f64, f64) {
 #[test]
 fn an_rve_of_336_nodes_takes_less_than_12_kb() {
     let Some(network) = published_file("Network_2_7.txt") else { return };
-    // One thread, so that both fields have as many workspaces, and all that they allocate is counted.
+    // One thread, so that both fields have the same number of workspaces and every allocation is counted.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     let [few, many] = [4, 40].map(|cells| pool.install(|| field(&network, cells)));
     let rves = many.0 - few.0;

@@ -25,7 +25,8 @@ const CASE: &str = r#"
     count = 1
 "#;
 
-/// What the field answers after a sweep in which the elements 3, 5 and 40 were stretched out of all proportion.
+/// Returns the responses of the field after an update that failed because elements 3, 5 and 40 were stretched
+/// excessively, and the error of that update.
 fn after_a_failure(threads: usize) -> (PointResponses, String) {
     let dir = tempfile::tempdir().unwrap();
     let file = dir.path().join("case.toml");

@@ -1,4 +1,5 @@
-//! The two scales together: through the seam, through files, quadratically, the same on every backend.
+//! The coupled scales: the interface between them, the result files, quadratic convergence, and agreement of all
+//! backends.
 use crate::bar_of_24;
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -13,7 +14,7 @@ use biotissue::backends::{dense::Dense, sparse::Sparse};
 use biotissue::fem::mesh::gmsh;
 use biotissue::las::RealBackend;
 
-/// What a run left behind.
+/// The results of a run.
 struct Results {
     steps: Vec<Step>,
     loads: Loads,
@@ -24,7 +25,7 @@ fn frozen() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/networks/frozen.txt")
 }
 
-/// Runs the case in `text` as a file in a folder of its own, after `prepare` has put there what the case names.
+/// Runs the case in `text` from a file in its own folder, after `prepare` has written the files that the case names.
 fn run<B>(text: &str, prepare: impl FnOnce(&Path)) -> Results
 where
     B: RealBackend<Context = ()>,
@@ -42,7 +43,7 @@ where
     Results { steps: steps.collect(), loads: Loads::read(&out.join(LOADS_FILE)).unwrap(), dir }
 }
 
-/// 48 tetrahedra pulled to 20 % in two steps, a network at each.
+/// 48 tetrahedra pulled to 20 % in two steps, with a network in each.
 fn box_of_networks() -> String {
     format!(
         r#"
@@ -181,7 +182,8 @@ fn a_neo_hookean_rve_at_every_element_gives_the_recorded_history_of_the_formula(
             let found = &step.newton.residuals;
             assert_eq!(found.len(), recorded.len() + 1, "quadratic: one more is below the tolerance");
             for (found, recorded) in found.iter().zip(recorded) {
-                // What cancels is of the order of 1e3, so that a residual of 1e-3 has lost six digits more.
+                // The terms that cancel in a residual are of the order of 1e3: a residual of 1e-3 has six significant
+                // digits less.
                 let digits = if *recorded > 1e-2 { 1e-10 } else { 1e-8 };
                 assert!((found - recorded).abs() < digits * recorded, "step {}: {found} {recorded}", step.step);
             }
@@ -195,8 +197,8 @@ fn a_neo_hookean_rve_at_every_element_gives_the_recorded_history_of_the_formula(
 /// The bits of every number of an array, by reader and name.
 type Arrays = HashMap<(String, String), Vec<[u8; 8]>>;
 
-/// What `tests/read_vtu.py` prints of a file: the numbers of every array by reader and name, or `None` where Python or
-/// its readers are missing and not required.
+/// Returns the output of `tests/read_vtu.py` for a file: the numbers of every array by reader and name; `None` if
+/// Python or its readers are missing and not required.
 fn read_by_python(file: &Path) -> Option<Arrays> {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/read_vtu.py");
     let required = std::env::var("BIOTISSUE_REQUIRE_PYTHON").is_ok_and(|value| value == "1");

@@ -1,4 +1,4 @@
-//! The conformance suite of all backends in memory; their memory; files and other backends.
+//! The conformance suite of all in-memory backends; their allocations; files, and transfers to other backends.
 
 #[cfg(any(feature = "sparse", feature = "dense"))]
 #[path = "../support/counting.rs"]
@@ -34,7 +34,7 @@ where
     check_operations::<B>();
 }
 
-/// Runs the suite for backends without solvers, and with any number of lanes.
+/// Runs the part of the suite that needs no solver, for entries with any number of lanes.
 #[cfg(any(feature = "sparse", feature = "dense", feature = "batched"))]
 fn check_operations<B: Backend<Context = (), Matrix: MatMat<B>>>() {
     let trials = Trials { count: 4000, ..Trials::default() }.or_from_environment();

@@ -1,4 +1,4 @@
-//! Matrix Market files from and to every backend, and read by another library; matrices moved between backends.
+//! Matrix Market files of every backend, also read by another library; matrices transferred between backends.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use biotissue::las::conformance::Random;
 use biotissue::las::market::{self, MarketError};
 use biotissue::las::{Backend, Entries, MatrixOps, Scalar, transfer};
 
-/// Entries that are not zero.
+/// Returns the nonzero entries.
 fn entries<B: Backend<Scalar: Scalar, Matrix: Entries<B>>>(a: &B::Matrix) -> Vec<(usize, usize, f64)> {
     let mut entries = Vec::new();
     a.for_each(|row, column, value| entries.push((row, column, value.as_f64()))).unwrap();
@@ -15,7 +15,7 @@ fn entries<B: Backend<Scalar: Scalar, Matrix: Entries<B>>>(a: &B::Matrix) -> Vec
     entries
 }
 
-/// Entries whose decimal digits are many.
+/// Returns a matrix whose entries have many decimal digits.
 fn matrix(unknowns: usize) -> biotissue::backends::sparse::Matrix {
     let mut random = Random::new(unknowns as u64);
     let pattern = random.elements(unknowns);

@@ -1,4 +1,4 @@
-//! Assembling, factoring and solving allocate nothing after their first time.
+//! Assembly, factorization and solution allocate no memory after the first pass.
 
 use std::sync::Arc;
 
@@ -9,7 +9,7 @@ use crate::counting;
 
 const RIGHT_SIDES: usize = 9;
 
-/// What is assembled and solved, over and over.
+/// The objects that are assembled and solved repeatedly.
 struct Work<B: Backend> {
     elements: Vec<(Vec<i32>, Vec<f64>)>,
     slots: Vec<B::Slot>,

@@ -1,4 +1,4 @@
-//! Bodies that float, and bodies that only look like it: what factorizations call singular.
+//! Singular stiffness: floating bodies must be reported as singular, supported but ill-conditioned bodies must not.
 
 use std::sync::Arc;
 
@@ -10,7 +10,8 @@ use biotissue::fem::mesh::{Mesh, shapes};
 use biotissue::las::{FactorReport, MatrixOps, RealBackend, SolveError, Solver, SolverParams, Sparsity, Symmetry};
 use nalgebra::Matrix3;
 
-/// Factors the stiffness of a body at rest, whose elements are as stiff as `stiffness` says of their centers.
+/// Factors the stiffness at rest of a body. `stiffness` scales the stiffness of each element as a function of its
+/// center; `held` selects the prescribed components of each node.
 fn factored<B: RealBackend<Context = ()>>(
     mesh: &Mesh,
     stiffness: impl Fn([f64; 3]) -> f64,
@@ -87,7 +88,7 @@ fn well_posed_bodies<B: RealBackend<Context = ()>>(lengths: &[usize]) {
     for &length in lengths {
         let mesh = shapes::cuboid([length, 1, 1], [length as f64, 1.0, 1.0]).unwrap();
         assert_regular::<B>("a slender beam", &mesh, |_| 1.0, clamped);
-        // Stiff, on a soft foot.
+        // A stiff body on a soft foot.
         let foot = |x: [f64; 3]| if x[0] < 2.0 { 1e-3 } else { 1.0 };
         assert_regular::<B>("a soft foot", &mesh, foot, clamped);
         let outer = |x: [f64; 3]| if x[0] > length as f64 - 2.0 { 1e-12 } else { 1.0 };
@@ -109,7 +110,8 @@ fn bodies_that_are_held_are_regular_however_slender_or_soft() {
     well_posed_bodies::<Dense>(&[10, 30]);
 }
 
-/// A chain of springs whose unknowns have units of their own, on a body or, with `last` of 1, free.
+/// Factors the stiffness of a chain of springs whose rows and columns are scaled, as by a choice of units. `last` is
+/// the last diagonal entry: 1 for a free chain, more for a supported one.
 fn scaled_chain<B: RealBackend<Context = (), Index = i32>>(
     rows: [f64; 4],
     columns: [f64; 4],
@@ -129,7 +131,7 @@ fn scaled_chain<B: RealBackend<Context = (), Index = i32>>(
     B::solver(&symbolic).unwrap().factor(&a)
 }
 
-/// Powers of two, so that a free chain is free in any units.
+/// Powers of two, so that the scaling is exact and a free chain stays exactly singular.
 const UNITS: [f64; 4] = [1.0 / (1_u64 << 60) as f64, 1.0, (1_u64 << 60) as f64, 1.0 / (1_u64 << 20) as f64];
 
 #[test]
@@ -167,8 +169,8 @@ fn scales_do_not_hide_a_singular_matrix() {
     check::<Dense>();
 }
 
-/// Elimination by the largest entry of the first column, 10, leaves nothing of the second row: a regular matrix, but factors of
-/// another one.
+/// Elimination with the pivot 10, the largest entry of the first column, loses the second row to rounding: the matrix
+/// is regular, but the computed factors are those of another matrix.
 #[test]
 fn factors_that_lost_a_row_are_not_used() {
     fn check<B: RealBackend<Context = (), Index = i32>>() {

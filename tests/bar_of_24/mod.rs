@@ -1,5 +1,5 @@
-//! A cube of 24 tetrahedra stretched by a quarter, and what MuMFiM recorded of it (its single-scale program, uniaxial
-//! extension). Surfaces `left` (x = -1) and `right` (x = 1), region `body`.
+//! A cube of 24 tetrahedra stretched by a quarter, and the numbers that MuMFiM recorded for it (its single-scale
+//! program, uniaxial extension). Surfaces `left` (x = -1) and `right` (x = 1), region `body`.
 
 use biotissue::fem::mesh::{Mesh, Surface};
 
@@ -43,7 +43,7 @@ pub const RECORDED: [(&[f64], f64); 10] = [
     (&[1053.409693846, 7.474550095319, 0.0009868275428], -0.13287979),
 ];
 
-/// The mesh, elements turned so that their volumes are positive.
+/// Returns the mesh, with the nodes of every element ordered such that its volume is positive.
 pub fn mesh() -> Mesh {
     let elements = TETS.map(|[a, b, c, d]| {
         let x = [a, b, c, d].map(|n| nalgebra::Vector3::from(NODES[n as usize]));

@@ -17,7 +17,7 @@ use biotissue::{
 };
 use nalgebra::{DMatrix, Matrix3};
 
-/// A node of the side that moves across, and the component that does.
+/// A node of the lateral side, and the component of its lateral displacement.
 const LATERAL: (usize, usize) = (1, 1);
 
 fn material() -> NeoHookean {
@@ -79,7 +79,8 @@ where
         assert_eq!(report.solves.len(), 1);
         assert_eq!(residuals.len(), recorded.len() + 1, "quadratic: one more is below the tolerance");
         for (k, (&norm, &recorded)) in residuals.iter().zip(recorded).enumerate() {
-            // What cancels is of the order of 1e3, so that a residual of 1e-3 has lost six digits more.
+            // The terms that cancel in a residual are of the order of 1e3: a residual of 1e-3 has six significant
+            // digits less.
             let relative = if recorded > 1e-2 { 1e-10 } else { 1e-8 };
             assert_digits(norm, recorded, relative, &format!("step {}, residual {k}", report.step));
         }
@@ -88,7 +89,7 @@ where
     the_end_is_homogeneous(&stepper.state().displacements, 1e-12);
 }
 
-/// By BiCGSTAB with an incomplete factorization.
+/// Solves by BiCGSTAB with an incomplete factorization.
 #[test]
 #[cfg(feature = "sparse")]
 fn stretches_by_an_iterative_solver() {

@@ -1,4 +1,4 @@
-//! Known solutions: homogeneous ones exactly, smooth ones at the rates of linear elements.
+//! Exact solutions: homogeneous ones are reproduced exactly, smooth ones at the convergence rates of linear elements.
 use std::f64::consts::PI;
 use std::sync::Arc;
 
@@ -14,7 +14,8 @@ use biotissue::fem::stepping::{StepParams, Stepper};
 use biotissue::las::NewtonParams;
 use nalgebra::{Matrix3, Vector3};
 
-/// The unit cube in `n^3` cells, one region an element, nodes inside moved off the grid by up to `distortion` cells.
+/// The unit cube in `n^3` cells, with one region per element and interior nodes moved off the grid by up to
+/// `distortion` cells.
 fn cube(n: usize, distortion: f64) -> Mesh {
     let regular = shapes::cuboid([n; 3], [1.0; 3]).unwrap();
     let inside = |x: &[f64; 3]| x.iter().all(|&c| c > 1e-9 && c < 1.0 - 1e-9);
@@ -89,7 +90,7 @@ fn body_force(x: &[f64; 3]) -> [f64; 3] {
     })
 }
 
-/// L2 norms of the errors of the displacements and of their gradients.
+/// Returns the L2 norms of the errors of the displacements and of their gradients.
 fn errors(n: usize) -> [f64; 2] {
     let mesh = Arc::new(cube(n, 0.1));
     let zero =

@@ -1,4 +1,5 @@
-//! What must hold of every run: forces balance, order does not matter, Newton converges quadratically.
+//! Properties of every run: forces balance, the order of the conditions does not matter, Newton converges
+//! quadratically.
 use std::sync::Arc;
 
 use biotissue::backends::sparse::Sparse;
@@ -47,7 +48,7 @@ fn assert_near(found: [f64; 3], expected: [f64; 3], within: f64, what: &str) {
 #[test]
 fn forces_over_held_surfaces_with_shared_edges_sum_to_zero() {
     let mesh = Arc::new(shapes::cuboid([4, 3, 3], [1.0, 0.6, 0.5]).unwrap());
-    // x0 and y0 both hold y on the edge they share; x1 is loaded where y0 and y1 hold it.
+    // x0 and y0 both prescribe y on their common edge; x1 is loaded also where y0 and y1 prescribe components.
     let conditions = Conditions {
         surfaces: vec![
             held("x0", [Some(0.0), Some(0.0), None]),
@@ -170,7 +171,8 @@ fn newton_converges_quadratically() {
 
 #[test]
 fn a_nearly_undeformed_body_converges() {
-    // Strains of 1e-12: the residual cannot fall to 1e-12 of the forces, because F holds no such digits.
+    // Strains of 1e-12: the residual cannot fall to 1e-12 of the forces, because F is 1 to within these strains and
+    // holds only a few of their digits.
     let mesh = Arc::new(shapes::cuboid([3, 3, 3], [1.0; 3]).unwrap());
     let conditions = Conditions {
         surfaces: vec![held("x0", [Some(0.0); 3]), held("x1", [Some(1e-12), Some(0.0), None])],

@@ -13,7 +13,7 @@ fn file(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/data/gmsh").join(name)
 }
 
-/// The normals of a named surface, and the coordinates of its triangles' corners.
+/// Returns the normals of a named surface, and the coordinates of its triangles' corners.
 fn triangles(mesh: &Mesh, name: &str) -> Vec<([f64; 3], [[f64; 3]; 3])> {
     let surface = mesh.surface(name).unwrap();
     let corners = |triangle: [u32; 3]| triangle.map(|node| mesh.nodes()[node as usize]);

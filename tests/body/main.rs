@@ -1,4 +1,4 @@
-//! The macro scale: meshes, equilibrium, convergence, published numbers.
+//! The macro scale: meshes, equilibrium, convergence, published results.
 
 #[cfg(any(feature = "sparse", feature = "dense"))]
 #[path = "../bar_of_24/mod.rs"]

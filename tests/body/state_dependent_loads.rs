@@ -58,7 +58,7 @@ impl<L> OnFacets<L> {
     }
 }
 
-/// Forces on the nodes of a facet and minus their derivatives, `blocks[a][b] = -df_a/du_b`.
+/// Forces on the nodes of a facet, and minus their derivatives, `blocks[a][b] = -df_a/du_b`.
 trait FacetLoad: std::fmt::Debug + Send + Sync + Sized {
     const SYMMETRY: Symmetry;
     fn forces(on: &OnFacets<Self>, t: f64, facet: usize, u: &[[f64; 3]]) -> [Vector3<f64>; 3];
@@ -158,12 +158,12 @@ fn beam() -> Arc<Mesh> {
 }
 
 fn foundation() -> Foundation {
-    // Half of the springs are there from the beginning.
+    // Half of the spring stiffness acts from the beginning.
     let curve = LoadCurve::table(&[[0.0, 0.5], [1.0, 1.0]]).unwrap();
     Foundation { surface: "z0", modulus: 4.0e3, curve }
 }
 
-/// Clamped at `x = 0`.
+/// Returns conditions that clamp the body at `x = 0` and apply these loads.
 fn loaded(loads: Vec<Arc<dyn LoadCondition>>) -> Conditions {
     let clamp = SurfaceCondition { surface: "x0".into(), displacement: [Some(0.0); 3], curve: LoadCurve::Ramp };
     Conditions { surfaces: vec![clamp], loads, ..Conditions::default() }

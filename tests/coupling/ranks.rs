@@ -1,4 +1,4 @@
-//! Messages between threads, and what ends them.
+//! Messages between threads, and errors that end all ranks.
 
 use std::time::{Duration, Instant};
 
@@ -97,7 +97,7 @@ fn a_rank_that_others_wait_for_may_not_leave() {
         match comm.rank() {
             0 => comm.send(2, TAG, Message::text("the last word")),
             1 => comm.receive(2, TAG).map(drop),
-            // What was sent before the end arrives.
+            // A message that was sent before its sender ended arrives.
             _ => comm.receive(0, TAG).and_then(|_| comm.receive(0, TAG)).map(drop),
         }
     });

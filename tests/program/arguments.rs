@@ -50,7 +50,7 @@ fn help_is_a_result() {
     }
 }
 
-/// A minus begins a number, never an option that nobody knows.
+/// A leading minus sign begins a number, never an unknown option.
 #[test]
 fn every_numeric_option_takes_a_minus() {
     let folder = tempfile::tempdir().unwrap();
@@ -85,7 +85,7 @@ fn every_numeric_option_takes_a_minus() {
     }
 }
 
-/// Whatever is thrown at it, the program ends with an exit code of its own.
+/// The program ends with one of its own exit codes, whatever its arguments.
 #[test]
 fn nothing_makes_it_panic() {
     let folder = tempfile::tempdir().unwrap();

@@ -8,12 +8,12 @@ use std::process::{Child, Command, Stdio};
 use crate::run::{PRESSED, fibers, run, write_case};
 use crate::{frozen, line, program};
 
-/// Two steps, done in no time.
+/// A case of two steps that takes almost no time.
 fn short() -> String {
     PRESSED.replace("x = -1.5", "x = -0.5").replace("count = 5", "count = 2")
 }
 
-/// All files and links below a folder with what is in them.
+/// Returns all files and links below a folder with their contents.
 fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let (mut found, mut folders) = (BTreeMap::new(), vec![folder.to_owned()]);
     while let Some(folder) = folders.pop() {
@@ -32,7 +32,7 @@ fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     found
 }
 
-/// The command is refused, names the file, and leaves everything as it is.
+/// Checks that the command is rejected with a message that names the file, and that no file changes.
 #[track_caller]
 fn refused(folder: &Path, arguments: &str, file: &str) {
     let before = contents(folder);
@@ -57,7 +57,7 @@ fn a_case_is_not_replaced_by_its_copy() {
         refused(folder.path(), arguments, "deep/case.toml");
     }
     refused(&deep, "run case.toml --out .", "./case.toml");
-    // A case of another name does not stand in the way, nor do meshes and networks.
+    // A case file with another name does not prevent a run, nor do meshes and networks.
     std::fs::rename(deep.join("case.toml"), deep.join("pull.toml")).unwrap();
     for name in ["body.msh", "frozen.txt", "fields.vtu", "fields-1.vtu", "step-00001.bin"] {
         std::fs::write(deep.join(name), "mine").unwrap();
@@ -69,12 +69,12 @@ fn a_case_is_not_replaced_by_its_copy() {
     assert_eq!(first.keys().collect::<Vec<_>>(), contents(&deep).keys().collect::<Vec<_>>());
     assert_eq!(std::fs::read_to_string(deep.join("body.msh")).unwrap(), "mine");
     assert!(std::fs::read_to_string(deep.join("pull.toml")).unwrap().starts_with("# mine\n"));
-    // The copy of a case runs in its own place, as long as it is one.
+    // The copy of a case can be run in its own directory as long as it is unchanged.
     line(&deep, "run case.toml --out .").done();
     let copy = std::fs::read_to_string(deep.join("case.toml")).unwrap();
     std::fs::write(deep.join("case.toml"), copy.replace("count = 2", "count = 3")).unwrap();
     refused(&deep, "run case.toml --out .", "./case.toml");
-    // Versions before this one signed no copy.
+    // Earlier versions wrote the copy without a checksum.
     std::fs::write(deep.join("case.toml"), copy.split_once('\n').unwrap().1).unwrap();
     line(&deep, "run pull.toml --out .").done();
 }
@@ -134,7 +134,7 @@ fn links_in_a_result_directory_are_not_followed() {
         refused(folder.path(), "run pull.toml --out out --resume", &format!("out/{name}"));
         std::fs::remove_file(out.join(name)).unwrap();
     }
-    // The directory itself may be anywhere.
+    // The result directory itself may be a symbolic link.
     symlink("elsewhere", folder.path().join("link")).unwrap();
     line(folder.path(), "run pull.toml --out link --resume").done();
     line(folder.path(), "run pull.toml --out link").done();
@@ -153,7 +153,7 @@ fn a_page_of_figures_goes_with_its_results() {
     assert!(page.exists(), "its results are still there");
     line(folder.path(), "run pull.toml --out out").done();
     assert!(!page.exists());
-    // One of a version that did not name itself in it.
+    // A page from a version that did not write the generator tag.
     std::fs::write(&page, text.replace("<meta name=\"generator\" content=\"biotissue\">\n", "")).unwrap();
     line(folder.path(), "run pull.toml --out out").done();
     assert!(!page.exists());
@@ -165,17 +165,17 @@ fn a_page_of_figures_goes_with_its_results() {
     line(folder.path(), "report out -o page.html").done();
 }
 
-/// Steps that do not end by themselves.
+/// A case with more steps than any test waits for.
 pub fn endless() -> String {
     PRESSED.replace("x = -1.5", "x = -0.5").replace("count = 5", "count = 1000000")
 }
 
-/// A run that has said of its first step that it converged.
+/// Starts a run and returns it once it has reported that its first step converged.
 pub fn started(folder: &Path, arguments: &str) -> (Child, BufReader<std::process::ChildStderr>) {
     begun(program(folder).args(arguments.split_whitespace()))
 }
 
-/// The same of a run of any command.
+/// The same for a run started by any command.
 fn begun(command: &mut Command) -> (Child, BufReader<std::process::ChildStderr>) {
     let mut child = command.stderr(Stdio::piped()).spawn().unwrap();
     let mut stderr = BufReader::new(child.stderr.take().unwrap());
@@ -198,7 +198,7 @@ fn two_runs_do_not_share_a_directory() {
             let said = format!("error: out: in use by another run: process {}", child.id());
             assert!(failed.failed(4).starts_with(&said), "{}", failed.stderr);
         }
-        // Readers are free to read.
+        // Reading the directory needs no lock.
         line(folder.path(), "report out").done();
         child.kill().unwrap();
         child.wait().unwrap();
@@ -236,7 +236,7 @@ fn a_run_that_was_interrupted_says_how_to_go_on() {
     }
 }
 
-/// As under `nohup`, or in the background of a script: the others still end a run with a word.
+/// As under `nohup` or in the background of a script: the other signals still end the run with a message.
 #[test]
 #[cfg(target_os = "linux")]
 fn a_signal_that_a_run_was_started_to_ignore_stays_ignored() {
@@ -244,7 +244,7 @@ fn a_signal_that_a_run_was_started_to_ignore_stays_ignored() {
     write_case(folder.path(), "endless.toml", &endless());
     for (ignored, ends) in [("HUP", "INT"), ("INT", "TERM"), ("TERM", "HUP")] {
         let mut command = Command::new("sh");
-        // A shell cannot take back what it was started to ignore.
+        // A shell cannot reset a signal that was ignored when the shell started.
         let script = format!("trap '' {ignored}; exec \"$0\" run endless.toml --out out");
         command.args(["-c", &script, env!("CARGO_BIN_EXE_biotissue")]).current_dir(folder.path());
         let (mut child, stderr) = begun(&mut command);
@@ -264,7 +264,7 @@ fn a_signal_that_a_run_was_started_to_ignore_stays_ignored() {
     }
 }
 
-/// Whether a process ignores SIGINT, as one does that a script has put into the background.
+/// Returns true if a process ignores SIGINT, as one does that a script has started in the background.
 fn is_ignored(process: u32) -> bool {
     let Ok(status) = std::fs::read_to_string(format!("/proc/{process}/status")) else { return false };
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:")).unwrap_or("0");

@@ -1,4 +1,4 @@
-//! The program `biotissue` as its users meet it: what it prints, what it writes, and how it fails.
+//! The program `biotissue` as a user runs it: its output, its files and its errors.
 #![cfg(feature = "app")]
 
 mod arguments;
@@ -17,21 +17,21 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// What a command left behind.
+/// The exit code and the output of a command.
 struct Outcome {
     code: i32,
     stdout: String,
     stderr: String,
 }
 
-/// The program, to be started in `folder`.
+/// Returns a command that starts the program in `folder`.
 fn program(folder: &Path) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_biotissue"));
     command.current_dir(folder);
     command
 }
 
-/// Runs the program to its end. Whatever it was given, it must not panic.
+/// Runs the program to its end. It must not panic, whatever its arguments.
 fn biotissue<S: AsRef<OsStr>>(folder: &Path, arguments: &[S]) -> Outcome {
     let shown = || arguments.iter().map(|a| a.as_ref().to_string_lossy()).collect::<Vec<_>>().join(" ");
     let output = program(folder).args(arguments).output().unwrap();
@@ -45,25 +45,26 @@ fn biotissue<S: AsRef<OsStr>>(folder: &Path, arguments: &[S]) -> Outcome {
     outcome
 }
 
-/// The same with arguments in one line, which holds no blanks within an argument.
+/// The same with the arguments in one line, split at blanks.
 fn line(folder: &Path, arguments: &str) -> Outcome {
     biotissue(folder, &arguments.split_whitespace().collect::<Vec<_>>())
 }
 
 impl Outcome {
-    /// Stdout of a command that did what was asked.
+    /// Returns the stdout of a command that succeeded.
     fn done(&self) -> &str {
         assert_eq!(self.code, 0, "{}", self.stderr);
         &self.stdout
     }
 
-    /// The JSON object of a command that did what was asked.
+    /// Returns the JSON object that a successful command printed.
     fn object(&self) -> serde_json::Value {
         assert_eq!(self.done().lines().count(), 1, "{}", self.stdout);
         serde_json::from_str(&self.stdout).unwrap()
     }
 
-    /// The one block on stderr of a command that failed with `code` and had no result, progress before it left out.
+    /// Returns the error block on stderr of a command that failed with `code` and printed no result; progress before it
+    /// is omitted.
     fn failed(&self, code: i32) -> &str {
         assert_eq!(self.code, code, "{}", self.stderr);
         assert_eq!(self.stdout, "");
@@ -87,17 +88,18 @@ fn keys(object: &serde_json::Value) -> Vec<&str> {
     keys
 }
 
-/// A file beside the tests.
+/// Returns the path of a file in the folder `tests`.
 fn beside(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests").join(name)
 }
 
-/// The network that comes with the tests: linear fibers.
+/// Returns the path of the frozen network, which has linear fibers.
 fn frozen() -> String {
     beside("networks/frozen.txt").to_str().unwrap().to_owned()
 }
 
-/// Writes `chain.txt`: a straight chain of three fibers along every diagonal of the cube, which nothing holds sideways.
+/// Writes `chain.txt`: a straight chain of three fibers along every diagonal of the cube; no fiber resists lateral
+/// motion.
 fn write_floppy_network(folder: &Path) {
     let corner = |k: usize| [k & 1, k >> 1 & 1, k >> 2].map(|x| x as f64);
     let mut nodes: Vec<[f64; 3]> = (0..8).map(corner).collect();

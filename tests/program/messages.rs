@@ -1,4 +1,5 @@
-//! Errors and warnings as a terminal shows them: how many, how long, of which characters, and whether they name the mistake.
+//! Errors and warnings as a terminal shows them: their number, their length and characters, and whether they name the
+//! mistake.
 
 use std::path::Path;
 
@@ -7,7 +8,7 @@ use biotissue::app::results::read_vtu;
 use crate::run::{PRESSED, fibers, run, write_case};
 use crate::{biotissue, frozen, line};
 
-/// No character that moves a cursor, and no line that fills a screen.
+/// Checks that a text has no character that moves a cursor, and no line that fills a screen.
 fn assert_calm(text: &str) {
     assert!(!text.chars().any(|c| c.is_control() && c != '\n'), "{text:?}");
     assert!(text.lines().all(|line| line.chars().count() < 1000), "{text}");
@@ -27,7 +28,7 @@ fn a_thousand_contradictions_are_twenty_and_a_number() {
     assert!(done.failed(2).ends_with("\nand 979 more\n"), "{}", done.stderr);
 }
 
-/// Text of files and arguments is quoted, not passed on: an escape sequence could clear the screen or fake a success.
+/// Text from files and arguments is escaped: an escape sequence could clear the screen or fake a success.
 #[test]
 fn what_is_quoted_is_short_and_printable() {
     let folder = tempfile::tempdir().unwrap();
@@ -81,7 +82,7 @@ fn with_mesh(file: &str) -> String {
     PRESSED.replace(generated, &format!("file = \"{file}\"")).replace("x = -1.5", "x = -0.1")
 }
 
-/// Some editors put a byte-order mark before a text.
+/// Some editors write a byte-order mark at the beginning of a text.
 #[test]
 fn a_byte_order_mark_is_skipped_in_every_file() {
     let folder = tempfile::tempdir().unwrap();
@@ -103,12 +104,12 @@ fn a_byte_order_mark_is_skipped_in_every_file() {
     let table = "name = \"table\", file = \"curve.csv\"";
     marked("case.toml", &fibers("net.txt").replace("name = \"linear\", youngs_modulus = 1.0e8", table));
     line(folder.path(), "check case.toml").done();
-    // A table without its first point would not be one: the mark was not taken for a header.
+    // The table is valid only with its first point, so the mark was not taken for a header.
     marked("curve.csv", "1,0\n1.1,1e6\n");
     line(folder.path(), "check case.toml").done();
 }
 
-/// The first line of the message, which names the mistake and its place.
+/// Returns the first line of the message, which names the mistake and its place.
 fn first_line(folder: &Path, text: &str) -> String {
     let outcome = run(folder, text, "");
     outcome.failed(2).lines().next().unwrap().to_owned()
@@ -169,7 +170,7 @@ fn check_and_run_warn_of_units_that_do_not_go_together() {
         assert!(outcome.stderr.starts_with(edge), "{}", outcome.stderr);
         assert_eq!(outcome.stderr.matches("warning: ").count(), 1, "{}", outcome.stderr);
     }
-    // 100 MPa where the fibers of the network give some 300 kPa at most.
+    // 100 MPa, although the fibers of the network bear about 300 kPa at most.
     let pulled = fibers(&frozen()).replace("displacement = { x = 0.05 }", "traction = [1.0e8, 0.0, 0.0]");
     write_case(folder.path(), "case.toml", &pulled);
     let checked = line(folder.path(), "check case.toml");
@@ -181,7 +182,7 @@ fn check_and_run_warn_of_units_that_do_not_go_together() {
     assert_eq!(line(folder.path(), "check case.toml").stderr, "");
 }
 
-/// A warning a file, whatever its fibers; and no more than a screen of them for a library.
+/// There is one warning per file, whatever its fibers, and at most a screenful of warnings for a library.
 #[test]
 fn doubled_fibers_draw_one_warning_a_file() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,5 +1,5 @@
-//! The files that `-o`, `--dump` and `--picture` name: links are followed, pipes are written to, and what stands beside a
-//! network is not lost.
+//! The files that `-o`, `--dump` and `--picture` name: links are followed, pipes are written to, and files beside a
+//! network are not lost.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ fn read(folder: &Path, name: &str) -> String {
     std::fs::read_to_string(folder.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
 }
 
-/// Every command that writes a file that it is given the name of, up to that name.
+/// Returns every command that writes a file named by the user, up to that name.
 #[cfg(unix)]
 fn commands(folder: &Path) -> Vec<Vec<String>> {
     use crate::run::{PRESSED, run};
@@ -50,7 +50,7 @@ fn a_pipe_is_written_to() {
     let pipe = folder.path().join("pipe.svg");
     assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
     for command in commands(folder.path()) {
-        // Open for reading and writing, so that this does not wait for ever if a command replaces the pipe.
+        // Open for reading and writing, so that this does not wait forever if a command replaces the pipe.
         let mut reader = std::fs::File::options().read(true).write(true).open(&pipe).unwrap();
         let (sent, received) = std::sync::mpsc::channel();
         std::thread::spawn(move || {
@@ -71,7 +71,7 @@ fn a_pipe_is_written_to() {
             assert!(!folder.path().join(beside).exists(), "{command:?} {beside}");
         }
     }
-    // The null device, now that no command replaces what is no regular file.
+    // The null device; the commands above have shown that they replace only regular files.
     for command in commands(folder.path()).iter().filter(|command| !command.contains(&"draw".to_owned())) {
         written(folder.path(), command, "/dev/null").done();
         assert!(std::fs::symlink_metadata("/dev/null").unwrap().file_type().is_char_device());
@@ -111,7 +111,7 @@ fn what_stands_beside_a_network_is_not_lost() {
         assert_eq!(read(folder.path(), "case.toml"), case);
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "nothing is written");
     }
-    // Laws that a person has given a network.
+    // Laws that the user has given to a network.
     for (name, text) in [
         ("net.toml", "[law]\nname = \"linear\"\nyoungs_modulus = 1e6\nradius = 1e-7\n"),
         ("net.params", "1 2\n0 1e-7 1e6 1\n0\n0\n"),
@@ -122,7 +122,7 @@ fn what_stands_beside_a_network_is_not_lost() {
         assert_eq!(read(folder.path(), name), text);
         std::fs::remove_file(folder.path().join(name)).unwrap();
     }
-    // What was written with a network is replaced with it, whatever its law; what was changed since is not.
+    // Files written with a network are replaced with it, whatever its law; files that were changed since are not.
     line(folder.path(), &format!("{GENERATE} net")).done();
     assert!(folder.path().join("net.params").exists());
     line(folder.path(), &format!("network check {frozen} --clean -o net")).done();
@@ -138,7 +138,7 @@ fn what_stands_beside_a_network_is_not_lost() {
     let soft = GENERATE.replace("linear", "exponential --nonlinearity 1.2");
     line(folder.path(), &format!("{soft} net")).done();
     assert!(!folder.path().join("net.params").exists(), "the law has no place there");
-    // Versions before this one signed nothing.
+    // Earlier versions wrote the sidecar without a checksum.
     line(folder.path(), &format!("{GENERATE} net")).done();
     let unsigned: String =
         sidecar.lines().filter(|line| !line.starts_with('#')).map(|line| format!("{line}\n")).collect();

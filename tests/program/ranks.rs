@@ -1,4 +1,4 @@
-//! Runs that several ranks share: threads of one process here, and processes of MPI in builds that have it.
+//! Runs on several ranks: threads of one process, and MPI processes in builds with MPI.
 
 use std::path::Path;
 use std::process::Command;
@@ -6,10 +6,10 @@ use std::process::Command;
 use crate::run::{PRESSED, events, fibers, run, write_case};
 use crate::{frozen, line};
 
-/// The ranks of the scales in these tests.
+/// The numbers of ranks of the macro and the micro scale in these tests.
 const SHARES: [(usize, usize); 5] = [(1, 1), (1, 3), (2, 2), (3, 1), (4, 4)];
 
-/// The dogbone of the examples, coarser, in three steps, to rounding.
+/// The dogbone of the examples with a coarser mesh and three steps, solved to the rounding limit.
 fn coarse_dogbone() -> String {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/dogbone");
     let text = std::fs::read_to_string(folder.join("dogbone.toml")).unwrap();
@@ -44,7 +44,7 @@ fn the_dogbone_is_the_same_on_any_ranks() {
     for (above, below) in SHARES {
         let out = format!("on-{above}-{below}");
         run(folder.path(), &with_scales(&text, (above, below)), &format!("--out {out}")).done();
-        // Not to 1e-10 only: bit for bit, since the sums are the same wherever the RVEs are.
+        // Equal bit for bit, because the order of all sums is the same wherever the RVEs are.
         assert_eq!(read(folder.path(), &format!("{out}/loads.csv")), alone, "{above} + {below}");
     }
     let done = run(folder.path(), &text, "--ranks 3 --out three");
@@ -53,7 +53,7 @@ fn the_dogbone_is_the_same_on_any_ranks() {
     assert_eq!(read(folder.path(), "three/loads.csv"), alone);
 }
 
-/// A case whose ranks are to be near each other.
+/// A case that requests ranks near each other.
 fn near_each_other() -> String {
     with_scales(&fibers(&frozen()), (1, 2)) + "near = true\n"
 }
@@ -73,7 +73,7 @@ fn ranks_are_near_each_other_where_hwloc_knows() {
     }
 }
 
-/// Where the case names none for RVEs, and nobody says how many there are: one.
+/// If neither the case nor the command gives the number of ranks of the micro scale, there is one.
 #[test]
 fn ranks_of_the_body_alone_leave_one_for_rves() {
     let folder = tempfile::tempdir().unwrap();
@@ -84,7 +84,7 @@ fn ranks_of_the_body_alone_leave_one_for_rves() {
     assert_eq!(line(folder.path(), "check case.toml --json").object()["ranks"], 3);
 }
 
-/// RVEs that have no answer even at rest: the run ends with the same words as in one process.
+/// The solver of the RVEs fails even at rest: the message is the same as in one process.
 #[test]
 fn a_failure_at_rest_is_told_alike() {
     let folder = tempfile::tempdir().unwrap();
@@ -141,7 +141,7 @@ fn an_interrupted_run_goes_on_on_other_ranks() {
     }
 }
 
-/// RVEs that come as the body is strained, sleep where it rests, and go where it is torn.
+/// RVEs that are created as the body is strained, sleep where it is at rest, and are deleted where it is torn.
 fn with_lives() -> String {
     let matrix = "matrix = { model = \"neo-hookean\", shear_modulus = 1000.0, poisson_ratio = 0.3 }";
     let life = "life = { created_at = 0.025, asleep_below = 2e-3, deleted_at = 0.17 }";
@@ -177,7 +177,7 @@ fn rves_come_sleep_and_go_alike_on_any_ranks() {
     }
     run(folder.path(), &with_scales(&text, (3, 2)), "--out shared").done();
     assert_eq!(read(folder.path(), "shared/loads.csv"), loads);
-    // Interrupted when some are gone, and while some sleep.
+    // The run is interrupted after some RVEs were deleted and while some sleep.
     let resting =
         text.replace("[0.5, 0.45], [0.6, 0.452], [0.7, 0.454], [1.0, 1.0]", "[0.7, 0.45], [0.85, 0.452], [1.0, 0.454]");
     for (text, last) in [(&text, 10), (&resting.replace("count = 10", "count = 7"), 7)] {
@@ -212,7 +212,7 @@ fn a_configuration_file_of_the_original_is_understood() {
     assert!(folder.path().join("from-the-file/loads.csv").is_file());
     let failed = line(folder.path(), "run case.toml -a amsi.cfg --ranks 5 --out out");
     assert!(failed.failed(2).contains("RESULTS_DIR"), "{}", failed.stderr);
-    // One that only says where results go.
+    // A configuration file that only names the result directory.
     std::fs::write(folder.path().join("amsi.cfg"), "@util\nresults there\n").unwrap();
     line(folder.path(), "run case.toml -a amsi.cfg").done();
     assert!(folder.path().join("there/loads.csv").is_file());
@@ -222,7 +222,7 @@ fn a_configuration_file_of_the_original_is_understood() {
     std::fs::write(folder.path().join("amsi.cfg"), "@scales\nmacro 1\nmicro 2\n@relations\nmacro micro\n").unwrap();
     let failed = line(folder.path(), "run case.toml -a amsi.cfg");
     assert!(failed.failed(2).contains("`micro macro` for stresses"), "{}", failed.stderr);
-    // What it says counts, not the case; and it must add up.
+    // The scales in the file override those of the case; their ranks must add up to those started.
     std::fs::write(folder.path().join("amsi.cfg"), "@scales\nmacro 1\nmicro 2\n").unwrap();
     write_case(folder.path(), "case.toml", &with_scales(&fibers(&frozen()), (2, 2)));
     let failed = line(folder.path(), "run case.toml -a amsi.cfg --ranks 4");
@@ -244,7 +244,7 @@ fn a_body_of_several_ranks_is_written_in_parts() {
     line(folder.path(), "report parts").done();
 }
 
-/// The failure is the same, and said in the same words, wherever the RVE is.
+/// The failure and its message are the same, whichever rank the RVE is on.
 #[test]
 fn a_step_that_fails_fails_alike() {
     let folder = tempfile::tempdir().unwrap();
@@ -269,7 +269,7 @@ fn mistakes_are_told_once() {
     assert!(failed.stderr.contains("cure: start 5 ranks, or change [scales] in "));
     let failed = run(folder.path(), &with_scales(PRESSED, (1, 3)), "--ranks 1 --out out");
     assert!(failed.failed(2).contains("macro 1 + micro 3 = 4 ranks, but 1 were started"), "{}", failed.stderr);
-    // What RVEs have is what is left, and one rank at least.
+    // The micro scale gets the remaining ranks, but at least one.
     let failed = run(folder.path(), &with_scales(PRESSED, (2, 0)), "--ranks 2 --out out");
     assert!(failed.failed(2).contains("macro 2 + micro 1 = 3 ranks, but 2 were started"), "{}", failed.stderr);
     assert!(failed.stderr.contains("cure: start 3 ranks"), "{}", failed.stderr);
@@ -281,7 +281,7 @@ fn mistakes_are_told_once() {
     assert!(!folder.path().join("out").exists());
 }
 
-/// Without RVEs there is nothing to share, and it works.
+/// Without RVEs, the ranks of the micro scale have no work, and the run succeeds.
 #[test]
 fn a_body_of_a_formula_runs_on_ranks_too() {
     let folder = tempfile::tempdir().unwrap();
@@ -291,7 +291,7 @@ fn a_body_of_a_formula_runs_on_ranks_too() {
     assert_eq!(read(folder.path(), "alone/loads.csv"), read(folder.path(), "shared/loads.csv"));
 }
 
-/// A build without MPI says so where `mpirun` started it: each process would write the same files.
+/// A build without MPI reports an error if `mpirun` started it, because each process would write the same files.
 #[cfg(not(feature = "mpi"))]
 #[test]
 fn processes_need_a_build_with_mpi() {
@@ -317,7 +317,7 @@ mod processes {
 
     use super::*;
 
-    /// One run after the other: more processes than cores only wait for each other.
+    /// Lets the runs of this module follow each other, because more processes than cores only slow each other down.
     fn in_turn() -> MutexGuard<'static, ()> {
         static TURN: Mutex<()> = Mutex::new(());
         TURN.lock().unwrap_or_else(PoisonError::into_inner)
@@ -343,7 +343,7 @@ mod processes {
         assert!(out.status.success(), "{ranks} ranks, {arguments}: {}", String::from_utf8_lossy(&out.stderr));
     }
 
-    /// The process that has a rank in a run in this folder.
+    /// Returns the process that runs this rank in this folder.
     #[cfg(target_os = "linux")]
     fn process_of(folder: &Path, rank: usize) -> Option<String> {
         let variable = format!("OMPI_COMM_WORLD_RANK={rank}");
@@ -357,8 +357,8 @@ mod processes {
         Some(found.file_name()?.to_string_lossy().into_owned())
     }
 
-    /// Starts the case of a folder on so many ranks, and sends one of them a signal once two more steps have converged: the run
-    /// ends, and not well. Gives what it says, and how long it took to end.
+    /// Starts the case of a folder on `ranks` ranks and sends a signal to the process of one rank after two more steps
+    /// have converged; the run must fail. Returns its stderr, and the time from the signal to its end.
     #[cfg(target_os = "linux")]
     fn ended_by(signal: &str, rank: usize, folder: &Path, ranks: usize, options: &str) -> (String, Duration) {
         let steps = || std::fs::read_to_string(folder.join("out/loads.csv")).map_or(1, |text| text.lines().count()) - 1;
@@ -376,14 +376,14 @@ mod processes {
         let sent = Instant::now();
         let ended = run.wait_with_output().unwrap();
         let taken = sent.elapsed();
-        // Where the launcher has not.
+        // The launcher may have left the process running.
         send("-KILL");
         assert!(!ended.status.success());
         assert!(steps() >= before + 2);
         (String::from_utf8_lossy(&ended.stderr).into_owned(), taken)
     }
 
-    /// A run on ranks, given with its scales, one of which stops answering: the run ends in time. Gives what the run says.
+    /// Stops the process of one rank of a run on the ranks of two scales; the run must end in time. Returns its stderr.
     #[cfg(target_os = "linux")]
     fn ended_in_time((above, below): (usize, usize), options: &str, hanging: usize) -> String {
         let _turn = in_turn();
@@ -396,7 +396,8 @@ mod processes {
         said
     }
 
-    /// Whichever rank is killed, the run ends within seconds, and goes on from what is on disk as if nothing had been.
+    /// Whichever rank is killed, the run ends within seconds, and a resumed run gives the results of an uninterrupted
+    /// one.
     #[cfg(target_os = "linux")]
     #[test]
     fn nothing_on_disk_is_lost_with_a_rank_that_is_killed() {
@@ -415,7 +416,7 @@ mod processes {
         assert_eq!(read(folder.path(), "out/loads.csv"), read(folder.path(), "alone/loads.csv"));
     }
 
-    /// The scale of a rank that hangs is named.
+    /// The message names the scale of the rank that hangs.
     #[cfg(target_os = "linux")]
     #[test]
     fn a_scale_that_hangs_is_named_in_time() {
@@ -423,7 +424,7 @@ mod processes {
         assert!(said.contains(" 10 s") && said.contains("micro"), "{said}");
     }
 
-    /// Where the body is on PETSc, nothing waits for the rank that hangs, be it one that solves RVEs or one of the body.
+    /// With the body on PETSc, the run ends in time, whether the rank that hangs solves RVEs or belongs to the body.
     #[cfg(all(feature = "petsc", target_os = "linux"))]
     #[test]
     fn ranks_on_petsc_that_hang_are_missed_in_time() {
@@ -458,7 +459,7 @@ mod processes {
         assert_eq!(read(folder.path(), "shared/loads.csv"), read(folder.path(), "alone/loads.csv"));
     }
 
-    /// Also where the run is taken up again, by other ranks.
+    /// Also if the run is resumed on other numbers of ranks.
     #[test]
     fn rves_come_sleep_and_go_alike_on_processes() {
         let _turn = in_turn();
@@ -498,7 +499,8 @@ mod processes {
         same_to_rounding(&read(folder.path(), "shared/loads.csv"), &alone);
     }
 
-    /// Forces agree to 1e-10 of the largest force of their step, and so do areas, displacements and volumes among themselves.
+    /// Checks that forces agree to 1e-10 of the largest force of their step, and likewise areas, displacements and
+    /// volumes.
     #[cfg(feature = "petsc")]
     fn same_to_rounding(found: &str, expected: &str) {
         let numbers = |line: &str| -> Vec<f64> { line.split(',').map(|value| value.parse().unwrap()).collect() };
@@ -518,7 +520,7 @@ mod processes {
         }
     }
 
-    /// The body's linear systems are spread over its ranks: the same to rounding.
+    /// The linear systems of the body are distributed over its ranks; the results agree to rounding.
     #[cfg(feature = "petsc")]
     #[test]
     fn petsc_solves_for_the_body_on_its_ranks() {

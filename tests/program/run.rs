@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use crate::{Outcome, biotissue, frozen, keys, line, write_floppy_network};
 
-/// A box pressed through itself: flat at `t = 2/3`, so three of the five load steps converge.
+/// A box compressed beyond zero length: it is flat at `t = 2/3`, so three of the five load steps converge.
 pub const PRESSED: &str = r#"
 title = "Pressed through itself"
 [mesh]
@@ -24,7 +24,7 @@ displacement = { x = -1.5, y = 0.0, z = 0.0 }
 count = 5
 "#;
 
-/// A box of one cell pulled by 5 %, a fiber network in every element.
+/// A box of one cell pulled by 5 %, with a fiber network in every element.
 const FIBERS: &str = r#"
 title = "Fibers"
 [mesh]
@@ -46,7 +46,7 @@ displacement = { x = 0.05 }
 count = 2
 "#;
 
-/// Writes a case and gives its name.
+/// Writes a case and returns the name of its file.
 pub fn write_case(folder: &Path, name: &str, text: &str) -> String {
     std::fs::write(folder.join(name), text).unwrap();
     name.to_owned()
@@ -70,7 +70,7 @@ fn steps_in_loads(folder: &Path) -> usize {
     std::fs::read_to_string(folder.join("loads.csv")).unwrap().lines().count() - 1
 }
 
-/// The files that `fields.pvd` names, every one of which is there.
+/// Returns the number of files that `fields.pvd` names, after checking that each exists.
 fn field_files(folder: &Path) -> usize {
     let collection = std::fs::read_to_string(folder.join("fields.pvd")).unwrap();
     let names = collection.split("file=\"").skip(1).map(|rest| rest.split('"').next().unwrap());
@@ -101,7 +101,7 @@ fn a_case_runs_to_its_results() {
     let report = line(folder.path(), "report results");
     assert_eq!(report.done().trim_end(), Path::new("results").join("report.html").to_str().unwrap());
 
-    // The case as run, with its paths made absolute, gives the same elsewhere.
+    // The copy of the case, whose paths are absolute, gives the same results in another folder.
     let again = run(folder.path(), &std::fs::read_to_string(results.join("case.toml")).unwrap(), "--out deep/again");
     assert!(again.done().starts_with("2 load steps, ") && again.done().trim_end().ends_with("results in deep/again"));
     let loads = |folder: &Path| std::fs::read_to_string(folder.join("loads.csv")).unwrap();
@@ -136,7 +136,7 @@ fn what_converged_before_a_failure_is_on_disk() {
     assert!(block.starts_with("error: load step 4 of 5 does not converge, halved 6 times: element "), "{block}");
     assert!(block.contains("det F = -") && block.contains("the 3 load steps before it are in pressed\n"), "{block}");
     let results = folder.path().join("pressed");
-    // The fields of the last state that converged on the way to the fourth come on top.
+    // The fourth field file is that of the last converged substep of the fourth step.
     assert_eq!((steps_in_loads(&results), field_files(&results)), (3, 4));
     let events = events(&results);
     let count = |kind: &str| events.iter().filter(|event| event["event"] == kind).count();
@@ -220,7 +220,7 @@ fn an_rve_that_is_lost_can_be_repeated() {
     assert_eq!(residual(said), residual(block), "the same failure");
     line(folder.path(), &format!("rve --replay {file} --stages regularised")).done();
 
-    // A new run takes the file away, and says so; what does not run replaces nothing.
+    // A new run removes the file and reports it; a run that does not start removes nothing.
     let replacing = "results; --resume would go on with them\n";
     assert!(!run(folder.path(), &fibers(&frozen()), "--backend cuda").stderr.contains("replacing"));
     assert!(!run(folder.path(), &fibers("absent.txt"), "").stderr.contains("replacing"));
@@ -238,7 +238,7 @@ fn a_body_that_is_not_held_is_bad_input() {
         "surface = \"x0\"\ntraction = [1.0, 0.0, 0.0]",
     );
     let slide = hinge.replace("x = -1.5, y = 0.0, z = 0.0", "x = -1.5, z = 0.0");
-    // Two held nodes and nothing else.
+    // Two nodes are prescribed and nothing else.
     let two = hinge.replace("displacement = { x = -1.5, y = 0.0, z = 0.0 }", "traction = [-1.0, 0.0, 0.0]")
         + "[[point]]\nat = [0.0, 0.0, 0.0]\ndisplacement = { x = 0.0, y = 0.0, z = 0.0 }\n\
            [[point]]\nat = [0.0, 0.0, 1.0]\ndisplacement = { x = 0.0, y = 0.0, z = 0.0 }\n";
@@ -255,7 +255,7 @@ fn a_body_that_is_not_held_is_bad_input() {
         }
     }
     assert!(!folder.path().join("results").exists());
-    // A third node holds it.
+    // A third node removes the rigid-body mode.
     let held = two + "[[point]]\nat = [1.0, 0.0, 0.0]\ndisplacement = { y = 0.0 }\n";
     write_case(folder.path(), "case.toml", &held);
     line(folder.path(), "check case.toml").done();
@@ -294,7 +294,7 @@ fn all_mistakes_of_a_case_are_shown_at_once() {
             assert!(block.contains(said), "{said}: {block}");
         }
     }
-    // Names that only the mesh can tell, all at once too.
+    // Names that only the mesh can confirm are also reported together.
     let unknown = PRESSED.replace("\"x0\"", "\"left\"").replace("\"x1\"", "\"right\"");
     let failed = run(folder.path(), &unknown, "");
     let block = failed.failed(2);
@@ -344,7 +344,7 @@ fn wrong_options_are_refused_before_anything_is_read() {
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "only the case");
 }
 
-/// The bodies of both runs are the same to rounding.
+/// The loads of both runs agree to rounding.
 #[test]
 #[cfg(all(feature = "petsc", feature = "sparse"))]
 fn a_run_on_petsc_gives_the_same_loads() {

@@ -10,7 +10,7 @@ const REST: &str = "1 0 0 0 1 0 0 0 1";
 const STRETCH: &str = "1.2 0.05 0 0 0.95 0 0 -0.02 1";
 const FLOPPY_LAW: &str = "--law linear --youngs-modulus 1e8 --radius 5e-8";
 
-/// The frozen network at a deformation gradient, with more options in one line.
+/// Runs `biotissue rve` on the frozen network at a deformation gradient, with more options in one line.
 fn rve(gradient: &str, options: &str) -> Outcome {
     of(Path::new("."), &frozen(), gradient, options)
 }
@@ -135,7 +135,7 @@ fn every_law_has_its_parameters() {
         let other = &stretched[(k + 1) % 3];
         assert!((stretched[k][0][0] - other[0][0]).abs() > 1e-4 * largest(other), "all the same");
     }
-    // The law in the network's own file is this linear one.
+    // The law in the network's own file is the same linear law.
     assert_close(&stretched[0], &matrix(&json(STRETCH, "")["pk1"]), 1e-10);
 }
 
@@ -236,7 +236,8 @@ fn stability(answer: &Value) -> (bool, bool, u64) {
     (is("stable"), is("neutral"), answer["negative_pivots"].as_u64().unwrap())
 }
 
-/// A straight column of two fibers, pressed along them: the straight state balances, and is no minimum of the energy.
+/// A straight column of two fibers, compressed along them: the straight state is in equilibrium, but is no minimum of
+/// the energy.
 #[test]
 fn a_saddle_point_is_left_or_refused() {
     let folder = tempfile::tempdir().unwrap();
@@ -307,7 +308,7 @@ fn increments_that_fail_are_told_or_made_up_for() {
     let block = failed.failed(3);
     assert!(block.contains("\n  at: step 1 of 2 of ") && block.contains("leave --stages out"), "{block}");
 
-    // What is left of `--steps` when the way is lost: the whole of it at once.
+    // If one of the `--steps` fails, the whole deformation is applied in one increment.
     let folder = tempfile::tempdir().unwrap();
     let network = "network generate --kind voronoi --density 60 --strength 0.5 -o va.txt --align 1,0,0";
     line(folder.path(), network).done();
@@ -315,7 +316,7 @@ fn increments_that_fail_are_told_or_made_up_for() {
     let (once, in_steps) = (press("--json --dump once.json").object(), press("--json --steps 10 --dump last.json"));
     let answer: Value = serde_json::from_str(in_steps.done()).unwrap();
     assert_eq!(line(folder.path(), "rve --replay last.json --json").object()["pk1"], answer["pk1"]);
-    // Which of the steps is lost hangs on rounding.
+    // Which step fails depends on rounding.
     if !in_steps.stderr.is_empty() {
         assert!(in_steps.stderr.starts_with("warning: step "), "{}", in_steps.stderr);
         assert!(in_steps.stderr.contains(" of 10 of va.txt: no equilibrium; "), "{}", in_steps.stderr);
@@ -352,7 +353,7 @@ fn a_deformation_out_of_reach_does_not_converge() {
         assert!(block.contains("the forces of the fibers overflow: at stretch "), "{block}");
         assert!(block.contains("units") && block.contains("--steps"), "{block}");
     }
-    // A tangent of numbers too large to square.
+    // The squares of the tangent's entries overflow.
     for gradient in ["1e55 0 0 0 1e55 0 0 0 1e55", "1e60 0 0 0 1e60 0 0 0 1e60"] {
         rve(gradient, "").failed(3);
     }

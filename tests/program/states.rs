@@ -1,4 +1,4 @@
-//! The states that a run accepts: balanced whatever happens to its RVEs, and independent of the iterates on the way.
+//! The states that a run accepts: in equilibrium whatever happens to the RVEs, and independent of earlier trial states.
 
 use std::path::Path;
 
@@ -27,7 +27,7 @@ surface = "x1"
 displacement = { x = MOVED, y = 0.0, z = 0.0 }
 "#;
 
-/// Generated networks `net-SEED.txt`.
+/// Generates the networks `net-SEED.txt`.
 fn networks(folder: &Path, points: usize, seeds: &[usize]) {
     for seed in seeds {
         let options = format!("--kind delaunay --points {points} --seed {seed} -o net-{seed}.txt");
@@ -35,7 +35,7 @@ fn networks(folder: &Path, points: usize, seeds: &[usize]) {
     }
 }
 
-/// The pseudo-times of the rows of `loads.csv`, and the force through `x1` along x.
+/// Returns the pseudo-times of the rows of `loads.csv`, and the force through `x1` along x, N.
 fn pulled(folder: &Path) -> Vec<[f64; 2]> {
     let mut rows = csv::Reader::from_path(folder.join("loads.csv")).unwrap();
     let place = |headers: &csv::StringRecord, name: &str| headers.iter().position(|header| header == name).unwrap();
@@ -45,7 +45,7 @@ fn pulled(folder: &Path) -> Vec<[f64; 2]> {
     rows.map(|row| [t, force].map(|place| row[place].parse().unwrap())).collect()
 }
 
-/// Fails where a step of the log is out of balance.
+/// Checks that every step in the log is in balance.
 fn assert_balance(folder: &Path) {
     for step in events(folder).iter().filter(|event| event["event"] == "step") {
         let (balance, newton) = (&step["balance"], &step["newton"]["relative"]);
@@ -54,8 +54,8 @@ fn assert_balance(folder: &Path) {
     }
 }
 
-/// Where the most strained RVEs are deleted, the others take over their load: the body must balance again before the step
-/// ends, and what is left must not depend on the length of the steps.
+/// Where the most strained RVEs are deleted, the others take over their load: the body must be in equilibrium again
+/// before the step ends, and the remaining RVEs must not depend on the length of the steps.
 #[test]
 fn a_body_that_tears_is_in_balance_and_tears_alike_in_long_steps_and_in_short_ones() {
     let folder = tempfile::tempdir().unwrap();
@@ -89,7 +89,8 @@ fn a_body_that_tears_is_in_balance_and_tears_alike_in_long_steps_and_in_short_on
     assert_eq!(on_ranks, few);
 }
 
-/// Networks under compression have several equilibria. Which one is accepted follows from the last accepted state alone.
+/// Networks under compression have several equilibria. The one that is accepted depends on the last committed state
+/// alone.
 #[test]
 fn what_newton_tried_has_no_part_in_what_is_accepted() {
     let folder = tempfile::tempdir().unwrap();
@@ -123,7 +124,7 @@ fn what_newton_tried_has_no_part_in_what_is_accepted() {
     }
 }
 
-/// Meters where millimeters were meant: the run ends by what the fibers can bear, not by the patience of its user.
+/// Meters were given instead of millimeters: the run ends soon, because the forces of the fibers are excessive.
 #[test]
 fn a_body_that_is_pulled_out_of_all_proportion_ends_with_a_word_on_units() {
     let folder = tempfile::tempdir().unwrap();

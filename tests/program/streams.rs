@@ -1,4 +1,4 @@
-//! Who listens to the program, and what becomes of it when nobody does.
+//! The standard streams of the program: closed pipes, a full disk, and the files of a killed run.
 
 use std::io::{BufRead, BufReader};
 use std::process::Stdio;
@@ -19,7 +19,7 @@ fn whoever_stops_reading_has_read_enough() {
         let said = String::from_utf8_lossy(&output.stderr);
         assert_eq!((output.status.code(), said.as_ref()), (Some(0), ""), "{arguments:?}");
     }
-    // Progress that nobody reads does not stop a run.
+    // A closed stderr does not stop a run.
     let case = write_case(folder.path(), "steps.toml", &PRESSED.replace("x = -1.5", "x = -0.5"));
     let mut child =
         program(folder.path()).args(["run", &case]).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
@@ -37,7 +37,7 @@ fn a_full_disk_is_the_environment() {
     assert!(String::from_utf8(output.stderr).unwrap().starts_with("error: standard output: cannot be written: "));
 }
 
-/// Whenever a run is ended from outside, what converged until then can be read.
+/// Whenever a run is killed, the results of its converged steps can be read.
 #[test]
 fn a_killed_run_leaves_files_that_can_be_read() {
     let folder = tempfile::tempdir().unwrap();

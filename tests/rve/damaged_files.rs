@@ -1,4 +1,4 @@
-//! Files of networks that are damaged, in every byte.
+//! Network files damaged at every byte.
 
 use std::fs::File;
 use std::io::{Seek, Write};
@@ -6,7 +6,7 @@ use std::path::Path;
 
 use biotissue::fiber::network::file;
 
-/// A file that is written over and over: in place, since a new file each time is slow on some disks.
+/// A file that is overwritten in place, because creating a new file each time is slow on some disks.
 struct Rewritten(File);
 
 impl Rewritten {
@@ -14,7 +14,8 @@ impl Rewritten {
         Self(File::options().write(true).open(path).unwrap())
     }
 
-    /// The fibers that the reader finds in a network once this file, its own or one beside it, holds these bytes.
+    /// Overwrites this file, the network's own or one beside it, with `bytes`; returns the fibers that the reader then
+    /// finds.
     fn fibers(&mut self, bytes: &[u8], network: &Path) -> Option<Vec<[u32; 2]>> {
         self.0.rewind().unwrap();
         self.0.write_all(bytes).unwrap();
@@ -23,7 +24,7 @@ impl Rewritten {
     }
 }
 
-/// Any outcome but a panic will do, unless the damage cannot be missed.
+/// Any outcome but a panic is accepted, unless the damage must be detected.
 #[test]
 fn no_damage_makes_the_reader_panic() {
     let frozen = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/networks");
@@ -37,7 +38,7 @@ fn no_damage_makes_the_reader_panic() {
     let whole = rewritten.fibers(&text, &network);
     assert!(whole.is_some());
     for end in 0..text.len() - 1 {
-        // A cut within the last number may leave a network, but not the same one.
+        // A file cut within the last number may be valid, but it is not the same network.
         assert_ne!(rewritten.fibers(&text[..end], &network), whole, "cut at {end}");
     }
     for (at, flip) in (0..text.len()).flat_map(|at| [0x01, 0x10, 0x80].map(|flip| (at, flip))) {

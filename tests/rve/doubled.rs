@@ -1,4 +1,5 @@
-//! Fibers that join the same two nodes: published networks have some. Each counts, like one fiber of their summed area.
+//! Fibers that join the same two nodes, as in some published networks. All contribute, like one fiber of their summed
+//! area.
 
 use std::sync::Arc;
 
@@ -11,8 +12,8 @@ use nalgebra::Matrix3;
 
 use crate::support::{self, Bench, frozen, laws};
 
-/// The frozen network with every seventh fiber laid once more, in the other direction; and with that fiber of twice the area
-/// instead.
+/// Returns the frozen network with every seventh fiber doubled, in the opposite direction, and the network with twice
+/// the area of these fibers instead.
 fn doubled_and_thick(material: &FiberMaterial) -> (Arc<Network>, Arc<Network>) {
     let frozen = frozen();
     let (nodes, mut fibers) = (frozen.nodes().to_vec(), frozen.fibers().to_vec());
@@ -51,7 +52,8 @@ fn a_fiber_laid_twice_is_as_stiff_as_one_of_twice_the_area() {
     is_as_stiff_as_one_of_twice_the_area::<Dense>();
 }
 
-/// A second fiber resists nothing new: no zero mode less, and one self stress more for each that has a free end.
+/// A doubled fiber resists no additional motion: the number of zero modes is unchanged, and every doubled fiber with a
+/// free end adds one state of self stress.
 #[test]
 fn a_fiber_laid_twice_adds_a_self_stress_and_no_rigidity() {
     let (doubled, thick) = doubled_and_thick(&laws()[0]);

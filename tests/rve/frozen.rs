@@ -1,5 +1,5 @@
-//! The network frozen beside the tests, with its numbers: the checks of the published RVE on something that is always
-//! there. The numbers come from a dense Newton in NumPy that shares no code with this crate.
+//! The checks of the published RVE on the frozen network, which is part of the repository. Its reference results come
+//! from a dense Newton method in NumPy that shares no code with this crate.
 use crate::support;
 use crate::support::Bench;
 use biotissue::backends::{dense::Dense, sparse::Sparse};
@@ -112,7 +112,7 @@ fn the_frozen_rve_keeps_its_numbers_on_every_backend() {
     assert!((a_sparse - a_dense).amax() < 1e-10 * a_dense.amax());
 }
 
-/// By BiCGSTAB with an incomplete factorization.
+/// Solves by BiCGSTAB with an incomplete factorization.
 #[test]
 fn the_frozen_rve_keeps_its_numbers_by_an_iterative_solver() {
     let method = Iterative { tolerance: 1e-13, ..Iterative::default() };

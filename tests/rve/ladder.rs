@@ -1,4 +1,4 @@
-//! What saves an RVE where full Newton does not converge, and what it says when nothing does.
+//! The stages that solve an RVE where full Newton does not converge, and the error if all of them fail.
 use crate::support;
 use std::sync::Arc;
 
@@ -17,7 +17,7 @@ fn bench() -> Bench<Sparse> {
     Bench::new(&support::frozen(), Some(support::laws()[1].clone()))
 }
 
-/// The stages that an error tells of.
+/// Returns the stages whose failures an error lists.
 fn stages_of<F: std::error::Error>(error: &RveError<F>) -> Vec<Stage> {
     let RveError::NotConverged { failures, .. } = error else { panic!("{error}") };
     failures.iter().map(|failure| failure.stage).collect()
@@ -53,7 +53,7 @@ fn an_indefinite_stiffness_is_factored_and_counted() {
     balanced(&bench, &report);
 }
 
-/// Equilibrium, told by the stress alone: `P F^T` is symmetric only where moments balance.
+/// Checks equilibrium by the stress alone: `P F^T` is symmetric only if the moments balance.
 fn balanced(bench: &Bench<Sparse>, report: &EquilibriumReport) {
     assert!(report.newton.relative.last().unwrap() <= &1e-10);
     let positions = bench.workspace.positions();
@@ -111,11 +111,11 @@ fn when_nothing_helps_the_error_says_how_far_it_came() {
     }
 }
 
-/// A straight chain across the cube, its two middle nodes free to swing: singular at rest.
+/// A straight chain across the cube; its two middle nodes can move sideways, so the stiffness is singular at rest.
 fn chain() -> Arc<Network> {
     let mut nodes = vec![[-0.5, 0.0, 0.0], [-0.1, 0.0, 0.0], [0.2, 0.0, 0.0], [0.5, 0.0, 0.0]];
     let mut fibers = vec![[0, 1], [1, 2], [2, 3]];
-    // Held fibers on the other faces make the cube.
+    // Fibers with both ends on the boundary make the bounding box a cube.
     for (x, y) in [([0.1, -0.5, 0.1], [0.3, 0.5, 0.1]), ([0.1, 0.1, -0.5], [0.3, 0.1, 0.5])] {
         fibers.push([nodes.len() as u32, nodes.len() as u32 + 1]);
         nodes.extend([x, y]);
@@ -123,21 +123,23 @@ fn chain() -> Arc<Network> {
     Arc::new(Network::new("chain", nodes, fibers).unwrap())
 }
 
-/// The fibers that lie across the cube carry it; the chain in between swings freely, and follows.
+/// Only the axial stiffness of the fibers contributes to the tangent; the lateral motions of the chain do not.
+/// free.
 #[test]
 fn a_floppy_network_has_a_tangent_at_rest() {
     let mut bench = Bench::<Sparse>::new(&chain(), Some(support::laws()[0].clone()));
     let mut rve = bench.at_rest();
     bench.solve(&mut rve, &Matrix3::identity()).unwrap();
     let tangent = bench.tangent(&rve);
-    // Three fibers in a row of total length 1, and two single ones across of direction n and length L: EA n^4 L.
+    // The chain has total length 1; each of the two fibers across, of direction n and length L, contributes EA n_x^4 L.
     let stiffness = 1.0e8 * std::f64::consts::PI * 5.0e-5_f64.powi(2);
     let across = |x: f64| x.powi(4) / (x * x + 1.0).powf(1.5);
     let expected = stiffness * (1.0 + 2.0 * across(0.2));
     assert!((tangent[(0, 0)] / expected - 1.0).abs() < 1e-9, "{} {expected}", tangent[(0, 0)]);
 }
 
-/// Pressed in ten steps, at one of which its stiffness is regular by its pivots, and yet nothing can be solved with it.
+/// Compressed in ten steps. In one of them the pivots show a regular stiffness, but its factor is too inaccurate to
+/// solve with.
 #[test]
 fn a_floppy_network_that_is_pressed_has_tangents_all_the_way() {
     let network = Arc::new(voronoi(40, 1).unwrap());
@@ -147,7 +149,7 @@ fn a_floppy_network_that_is_pressed_has_tangents_all_the_way() {
     for step in 1..=10 {
         let f = if step == 10 { pressed } else { between(&Matrix3::identity(), &pressed, f64::from(step) / 10.0) };
         bench.solve(&mut rve, &f).unwrap();
-        // Says so where it has none.
+        // Panics if there is no tangent.
         let tangent = bench.tangent(&rve);
         let asymmetry = (tangent - tangent.transpose()).amax() / tangent.amax();
         assert!(asymmetry < 1e-9, "step {step}: {asymmetry:.1e}");
@@ -162,7 +164,7 @@ fn a_prediction_that_leads_astray_is_only_a_start() {
     let (mut rve, f) = (bench.at_rest(), Matrix3::from_diagonal(&[1.1, 1.0, 0.95].into()));
     bench.solve(&mut rve, &Matrix3::identity()).unwrap();
     let nodes = rve.interior().len();
-    // Nodes thrown far out of the cube, each another way.
+    // Sensitivities that move every node far out of the cube, each in another direction.
     let rates = (0..nodes).map(|node| [1e3 * (node as f32 + 1.0).sin(); 18]).collect();
     let mut astray = Rve::restored(Matrix3::identity(), rve.interior().to_vec(), Some(rates));
     let (before, params) = (astray.clone(), bench.params);
@@ -179,7 +181,7 @@ fn a_prediction_that_leads_astray_is_only_a_start() {
 
 #[test]
 fn regularized_newton_saves_a_floppy_network() {
-    // Along x nothing happens, so that the chain still swings freely there; along y another one with a bend is pulled.
+    // Nothing is deformed along x, so the chain there stays floppy; a second chain with a bend is pulled along y.
     let straight = chain();
     let (mut nodes, mut fibers) = (straight.nodes().to_vec(), straight.fibers().to_vec());
     let first = nodes.len() as u32;

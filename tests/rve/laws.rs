@@ -1,4 +1,4 @@
-//! Every law in an RVE: the stress is the derivative of the energy, and turns with the deformation.
+//! Every law in an RVE: the stress is the derivative of the energy, and rotates with the deformation.
 use crate::support;
 use crate::support::Bench;
 use biotissue::backends::sparse::Sparse;
@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, Rotation3};
 
 const E: f64 = 1.0e8;
 
-/// A straight toe and a quadratic rise.
+/// A linear toe followed by a quadratic rise.
 #[derive(Debug)]
 struct Toe;
 

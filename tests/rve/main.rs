@@ -1,4 +1,4 @@
-//! Networks, and one RVE of them: files, zero modes, laws, equilibrium, tangent, published numbers.
+//! Networks and single RVEs: files, zero modes, laws, equilibrium, tangent, published results.
 
 #[cfg(feature = "sparse")]
 #[path = "../support/counting.rs"]

@@ -5,7 +5,7 @@ use nalgebra::Matrix3;
 
 use crate::{counting, support};
 
-/// What an equilibrium of an RVE allocates does not depend on how many iterations it takes.
+/// The number of allocations of an equilibrium solve does not depend on its number of iterations.
 #[test]
 fn iterations_of_an_rve() {
     let mut bench = support::Bench::<Sparse>::new(&support::frozen(), Some(support::laws()[1].clone()));
@@ -16,7 +16,7 @@ fn iterations_of_an_rve() {
         let report = bench.solve(&mut rve, &target).unwrap();
         (report.iterations, counting::calls() - before)
     };
-    // The first time makes the room.
+    // The first solve allocates the scratch memory.
     equilibrium(1.3);
     let (few, many) = (equilibrium(1.0 + 1e-4), equilibrium(1.3));
     assert!(few.0 < many.0, "{few:?} against {many:?} iterations and allocations");

@@ -1,10 +1,11 @@
-//! An RVE that has kept how its nodes follow a strain starts the next equilibrium from there: to first order exact.
+//! An RVE with stored sensitivities starts the next solve from a prediction that is exact to first order.
 use crate::support;
 use crate::support::Bench;
 use biotissue::backends::sparse::Sparse;
 use nalgebra::{Matrix3, Rotation3};
 
-/// The residual at the start of an increment of size `h` beyond a deformed state, and the iterations that it takes.
+/// Returns the relative residual at the start of an increment of size `h` beyond a deformed state, and the number of
+/// iterations.
 fn first_residual(h: f64, predict: bool) -> (f64, usize) {
     let mut bench = Bench::<Sparse>::new(&support::frozen(), Some(support::laws()[1].clone()));
     let here = Matrix3::new(1.2, 0.1, 0.0, 0.0, 0.9, 0.05, 0.1, 0.0, 1.05);
@@ -14,7 +15,7 @@ fn first_residual(h: f64, predict: bool) -> (f64, usize) {
     if predict {
         bench.keep_sensitivities(&mut rve);
     }
-    // All six strains and a rotation that is not small: it costs the prediction nothing.
+    // All six strains, and a finite rotation, which does not reduce the accuracy of the prediction.
     let strain = Matrix3::new(0.5, -0.3, 0.2, -0.3, 0.1, 0.4, 0.2, 0.4, -0.6);
     let rotation = Rotation3::from_euler_angles(0.4, -0.2, 1.0);
     let target = rotation * (Matrix3::identity() + strain * h) * here;

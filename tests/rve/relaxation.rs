@@ -1,4 +1,4 @@
-//! Damped dynamic relaxation finds the equilibria that Newton finds, and keeps the books of energy.
+//! Damped dynamic relaxation finds the equilibria that Newton finds, and satisfies the balance of energy.
 use crate::support;
 use std::sync::Arc;
 
@@ -21,7 +21,7 @@ fn stretched() -> Matrix3<f64> {
     Matrix3::new(1.2, 0.05, 0.0, 0.0, 0.95, 0.02, 0.0, 0.0, 1.0)
 }
 
-/// With `--nocapture` it prints what both cost.
+/// Prints the cost of both methods with `--nocapture`.
 #[test]
 fn ten_networks_come_to_rest_where_newton_puts_them() {
     let mut networks = support::dogbone_library();

@@ -24,7 +24,7 @@ fn chains(diagonals: usize) -> Network {
     Network::new("chains", nodes, fibers).unwrap()
 }
 
-/// The stiffness as it is defined, and the mobility of every interior node from its eigenvectors.
+/// Returns the number of zero modes and the mobility of every interior node, from the eigenvectors of the stiffness.
 fn by_eigenvectors(network: &Network) -> (usize, Vec<f64>) {
     let unknowns = 3 * network.interior().len();
     let mut stiffness = DMatrix::<f64>::zeros(unknowns, unknowns);
@@ -62,7 +62,7 @@ fn assert_as_by_eigenvectors(network: &Network, tolerance: f64) -> Rigidity {
 fn a_straight_chain_moves_sideways_everywhere() {
     let network = chains(4);
     let found = assert_as_by_eigenvectors(&network, 1e-6);
-    // Two sideways motions of each of eight nodes; each chain can be tense.
+    // Each of the eight nodes has two lateral motions; each chain has one state of self stress.
     assert_eq!((found.unknowns, found.zero_modes, found.self_stresses), (24, 16, 4));
     assert_eq!((found.single_node_modes, found.few_fibers, found.coplanar_fibers), (16, 8, 0));
     assert_eq!((found.mobile_nodes, found.estimated), (8, false));
@@ -74,7 +74,7 @@ fn a_straight_chain_moves_sideways_everywhere() {
 #[test]
 fn a_node_in_the_plane_of_its_fibers_moves_out_of_it() {
     let mut nodes: Vec<[f64; 3]> = (0..8).map(|k| [k & 1, k >> 1 & 1, k >> 2].map(f64::from)).collect();
-    // A node in the middle of the face of a tetrahedron-like cage: four fibers, all in the plane z = x.
+    // A node with four fibers to corners of the cube, all in the plane z = x.
     nodes.push([0.5, 0.3, 0.5]);
     let network = Network::new("plane", nodes, vec![[8, 0], [8, 2], [8, 5], [8, 7], [0, 1]]).unwrap();
     let found = assert_as_by_eigenvectors(&network, 1e-9);

@@ -13,7 +13,7 @@ use nalgebra::{DMatrix, Matrix3};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{RngCore, SeedableRng};
 
-/// Two fibers in a straight line along x, their common node free, and held fibers on the other faces.
+/// Two fibers in a straight line along x with a free common node, and boundary fibers that reach the other faces.
 fn column() -> Arc<Network> {
     let nodes = vec![
         [-0.5, 0.0, 0.0],
@@ -35,7 +35,7 @@ fn linear() -> FiberMaterial {
     support::laws()[0].clone()
 }
 
-/// The negative pivots of every stage that found an unstable equilibrium.
+/// Returns every stage that found an unstable equilibrium, with the number of negative pivots.
 fn unstable<F: std::error::Error>(error: &RveError<F>) -> Vec<(Stage, Option<usize>)> {
     let RveError::NotConverged { failures, .. } = error else { panic!("{error}") };
     let unstable = failures.iter().filter_map(|failure| match failure.reason {
@@ -45,8 +45,8 @@ fn unstable<F: std::error::Error>(error: &RveError<F>) -> Vec<(Stage, Option<usi
     unstable.collect()
 }
 
-/// The straight column in compression is in equilibrium, and buckles at the slightest touch: to both sides without
-/// resistance, until both fibers have their length at rest.
+/// The straight column in compression is in unstable equilibrium. It buckles in any lateral direction until both fibers
+/// have their reference length.
 #[test]
 fn a_straight_column_in_compression_buckles() {
     for stages in [
@@ -138,7 +138,7 @@ fn newton_finds_a_saddle_point_of_a_random_network_and_the_ladder_a_minimum() {
     assert!(stiffness(&bench).cholesky().is_some(), "its stiffness is positive definite");
 }
 
-/// The stiffness of the interior nodes, all of it, from the fibers in the workspace.
+/// Assembles the whole stiffness of the interior nodes from the fiber states in the workspace.
 fn stiffness(bench: &Bench<Sparse>) -> DMatrix<f64> {
     let (network, states) = (bench.model.network(), bench.workspace.states());
     let number = network.interior_number();
@@ -159,7 +159,7 @@ fn stiffness(bench: &Bench<Sparse>) -> DMatrix<f64> {
     stiffness
 }
 
-/// Of one network with another law, and of another network of the same size and of another size.
+/// The other model has the same network with another law, or another network of the same or another size.
 #[test]
 fn a_workspace_or_an_rve_of_another_network_is_refused() {
     let (f, params) = (Matrix3::identity(), EquilibriumParams::default());
@@ -180,14 +180,14 @@ fn a_workspace_or_an_rve_of_another_network_is_refused() {
     let mut moved = Bench::<Sparse>::new(&moved, Some(linear()));
     let mut rve = own.at_rest();
     assert_eq!(moved.solve(&mut rve, &f).unwrap_err(), RveError::State(RveStateError::Network));
-    // Of a state kept elsewhere it is not known, until it has been solved.
+    // The network of a restored state is unknown until the state has been solved.
     let (gradient, interior, rates) = rve.into_parts();
     let mut kept = Rve::restored(gradient, interior, rates);
     own.solve(&mut kept, &f).unwrap();
     assert_eq!(moved.solve(&mut kept, &f).unwrap_err(), RveError::State(RveStateError::Network));
 }
 
-/// Two RVEs in turns in one workspace, each with the tangent that it has alone.
+/// Two RVEs solved in turn in one workspace have the tangents that they have in separate workspaces.
 #[test]
 fn a_tangent_is_of_the_rve_that_was_solved() {
     let network = support::frozen();
@@ -204,14 +204,14 @@ fn a_tangent_is_of_the_rve_that_was_solved() {
     }
 }
 
-/// The modulus does not matter, the unit of a length does: 1 mm taken for 1 m is a stretch of 1000.
+/// The modulus does not matter, but the unit of lengths does: 1 mm taken for 1 m is a stretch of 1000.
 #[test]
 fn forces_out_of_all_proportion_end_the_ladder_at_once() {
     let mut bench = Bench::<Sparse>::new(&support::frozen(), Some(support::laws()[1].clone()));
     for stretch in [20.0, 40.0, 1e3, 1e60] {
         let mut rve = bench.at_rest();
         let before = rve.clone();
-        // No stage but the first is to be reached.
+        // Newton fails after its single iteration, and no later stage may be tried.
         bench.params.newton.max_iterations = 1;
         let error = bench.solve(&mut rve, &Matrix3::from_diagonal(&[stretch, 1.0, 1.0].into())).unwrap_err();
         let RveError::ExcessiveForce(force) = &error else { panic!("{error}") };

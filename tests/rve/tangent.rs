@@ -11,7 +11,7 @@ use biotissue::fiber::rve::Rve;
 use biotissue::las::RealBackend;
 use nalgebra::{DMatrix, Matrix3, Rotation3, Vector3};
 
-/// 1 % and 15 % of a general strain, and the latter turned by 90 degrees.
+/// Returns a general strain of 1 % and of 15 %, and the latter rotated by 90 degrees.
 fn states() -> [(&'static str, Matrix3<f64>); 3] {
     let strain = Matrix3::new(1.0, 0.4, 0.0, 0.2, -0.5, 0.3, 0.1, 0.0, 0.4);
     let large = Matrix3::identity() + strain * 0.15;
@@ -19,7 +19,7 @@ fn states() -> [(&'static str, Matrix3<f64>); 3] {
     [("1 %", Matrix3::identity() + strain * 0.01), ("15 %", large), ("15 % turned", turn * large)]
 }
 
-/// Equilibrium from rest, by way of half the deformation where it is turned.
+/// Creates a model whose solver has a tolerance tight enough for difference quotients.
 fn bench<B: RealBackend<Context = ()>>(network: &Arc<Network>, material: FiberMaterial) -> Bench<B> {
     let mut bench = Bench::<B>::new(network, Some(material));
     bench.params.newton.tolerance = 1e-13;

@@ -20,17 +20,17 @@ use nalgebra::Matrix3;
 
 pub use networks::published_file;
 
-/// A published network; `None` if it is not on this machine (see [`published_file`]).
+/// Returns a published network; `None` if it is not on this machine (see [`published_file`]).
 pub fn published(name: &str) -> Option<Arc<Network>> {
     published_file(name).map(network)
 }
 
-/// The network of the folder `tests/networks`.
+/// Returns the network in the folder `tests/networks`.
 pub fn frozen() -> Arc<Network> {
     network(PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/networks/frozen.txt"))
 }
 
-/// The networks of the dogbone example.
+/// Returns the networks of the dogbone example.
 pub fn dogbone_library() -> Vec<Arc<Network>> {
     let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("examples/dogbone/networks");
     (1..=8).map(|k| network(folder.join(format!("delaunay_{k}.txt")))).collect()
@@ -43,7 +43,7 @@ fn network(path: PathBuf) -> Arc<Network> {
     }
 }
 
-/// The three laws, with the same stiffness at rest.
+/// Returns the three laws, with the same stiffness at rest.
 pub fn laws() -> [FiberMaterial; 3] {
     let (youngs_modulus, nonlinearity) = (1.0e8, 1.2);
     [
@@ -59,24 +59,24 @@ pub struct Bench<B: Backend> {
     pub model: RveModel<B>,
     pub workspace: Workspace<B>,
     pub params: EquilibriumParams,
-    /// Stress and energy of the RVE that was solved last.
+    /// Stress and energy of the last RVE that was solved.
     solution: (Matrix3<f64>, f64),
 }
 
 impl<B: RealBackend<Context = ()>> Bench<B> {
-    /// With `material`, or with that of the network's file; unscaled.
+    /// Uses `material`, or else the materials of the network's files, and does not scale the stress.
     pub fn new(network: &Arc<Network>, material: Option<FiberMaterial>) -> Self {
         Self::within(&(), network, material)
     }
 }
 
 impl<B: RealBackend> Bench<B> {
-    /// The same, in a context.
+    /// Like [`Bench::new`], in a context.
     pub fn within(context: &B::Context, network: &Arc<Network>, material: Option<FiberMaterial>) -> Self {
         Self::solved_by(context, network, material, &SolverParams::default())
     }
 
-    /// The same, with the parameters of the linear solver.
+    /// Like [`Bench::within`], with the parameters of the linear solver.
     pub fn solved_by(
         context: &B::Context,
         network: &Arc<Network>,

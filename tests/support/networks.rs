@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use super::skip::skip;
 
-/// Returns a file of the folder given by `BIOTISSUE_NETWORKS`. If there is no such file, records that the running test is
-/// skipped and returns `None`; if `BIOTISSUE_REQUIRE_NETWORKS` is set, as in continuous integration, it panics instead.
+/// Returns a file of the folder given by `BIOTISSUE_NETWORKS`. If there is no such file, records that the running test
+/// is skipped and returns `None`; if `BIOTISSUE_REQUIRE_NETWORKS` is set, as in continuous integration, it panics
+/// instead.
 pub fn published_file(name: &str) -> Option<PathBuf> {
     let file = std::env::var_os("BIOTISSUE_NETWORKS").map(|folder| PathBuf::from(folder).join(name));
     let missing = match file {

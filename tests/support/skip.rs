@@ -1,4 +1,4 @@
-//! Tests that cannot run on this machine. The harness of Rust counts them as passed and hides what they print; this module
+//! Tests that cannot run on this machine. The harness of Rust counts them as passed and hides their output; this module
 //! lists them below its summary.
 
 use std::ffi::c_int;

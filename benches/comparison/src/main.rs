@@ -1,9 +1,9 @@
 //! Times of one RVE by phase on one core, compared with other direct solvers for the same stiffness. All solvers are
 //! interleaved in one process; the output is a table in Markdown.
 //!
-//! `bash benches/comparison/run.sh` builds and runs the program with its dependencies; the arguments are parts of the names
-//! of the networks to run. Published networks are read from the folder given by `BIOTISSUE_NETWORKS`. Every time is the
-//! minimum of many repetitions, because other load on the machine can only increase a time.
+//! `bash benches/comparison/run.sh` builds and runs the program with its dependencies; the arguments are parts of the
+//! names of the networks to run. Published networks are read from the folder given by `BIOTISSUE_NETWORKS`. Every time
+//! is the minimum of many repetitions, because other load on the machine can only increase a time.
 
 mod cholmod;
 mod memory;

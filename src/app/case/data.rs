@@ -151,8 +151,8 @@ impl Default for StepsCase {
     }
 }
 
-/// Newton's method at the macro scale; by default tolerance 1e-8, at most 25 iterations, line search, start from
-/// `Held`.
+/// Newton's method at the macro scale; by default tolerance 1e-8, at most 25 iterations, line search, and the initial
+/// guess [`StepStart::Prescribed`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NewtonCase {
     /// Tolerance of the relative residual.

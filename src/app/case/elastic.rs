@@ -10,8 +10,8 @@ const KEYS: [(&str, Range); 4] = [
     ("lame_lambda", Range::any("Pa")),
 ];
 
-/// Reads exactly two constants from `table`, converts them to `[mu, lambda]` in Pa, and reports an error unless shear modulus and bulk modulus
-/// are positive and finite.
+/// Reads exactly two constants from `table`, converts them to `[mu, lambda]` in Pa, and reports an error unless shear
+/// modulus and bulk modulus are positive and finite.
 pub(super) fn lame_constants(table: &mut Table<'_>) -> Option<[f64; 2]> {
     let present = KEYS.map(|(key, _)| table.has(key));
     let given = KEYS.map(|(key, range)| table.number(key, range));

@@ -1,9 +1,9 @@
 //! `loads.csv`: forces and displacements of the body, one row per converged step.
 //!
 //! Columns: `step,t`, then for every surface `NAME.area` (current, m^2), `NAME.fx`, `.fy`, `.fz` (the force exerted on
-//! the body through it, N), `NAME.ux`, `.uy`, `.uz` (mean displacement, m), then for every held point
-//! `NAME.fx`, `.fy`, `.fz` (N), then for every region `NAME.volume` (current, m^3). Numbers have 17 significant digits,
-//! so that reading them is exact.
+//! the body through it, N), `NAME.ux`, `.uy`, `.uz` (mean displacement, m), then for every point with a prescribed
+//! displacement `NAME.fx`, `.fy`, `.fz` (N), then for every region `NAME.volume` (current, m^3). Numbers have 17
+//! significant digits, so that reading them is exact.
 
 use std::fs::{File, OpenOptions};
 use std::io::Write;
@@ -38,7 +38,7 @@ pub struct LoadRow {
     pub t: f64,
     /// The states of all surfaces.
     pub surfaces: Vec<SurfaceRow>,
-    /// The reaction force at every held point, N.
+    /// The reaction force at every point with a prescribed displacement, N.
     pub points: Vec<[f64; 3]>,
     /// The current volume of every region, m^3.
     pub volumes: Vec<f64>,
@@ -49,7 +49,7 @@ pub struct LoadRow {
 pub struct Loads {
     /// Names of the surfaces.
     pub surfaces: Vec<String>,
-    /// Names of the held points.
+    /// Names of the points with a prescribed displacement.
     pub points: Vec<String>,
     /// Names of the regions.
     pub regions: Vec<String>,
@@ -76,13 +76,13 @@ pub struct LoadsWriter {
     path: PathBuf,
     file: File,
     counts: [usize; 3],
-    /// The mark of the header, then of every row.
+    /// The checksum of the header, then of every row.
     marks: Vec<LineChecksum>,
 }
 
 impl LoadsWriter {
-    /// Creates a new table and replaces an existing one. Held points have no names of their own: call them `point0`,
-    /// `point1`, ...
+    /// Creates a new table and replaces an existing one. Points with a prescribed displacement have no names of their
+    /// own: call them `point0`, `point1`, ...
     ///
     /// # Errors
     /// Returns [`ResultsError::Write`] if the file cannot be written.
@@ -120,7 +120,7 @@ impl LoadsWriter {
         Ok(Self { path: path.into(), file, counts, marks })
     }
 
-    /// Returns the marks of the header and of all rows.
+    /// Returns the checksums of the header and of all rows.
     #[must_use]
     pub fn marks(&self) -> &[LineChecksum] {
         &self.marks
@@ -222,7 +222,7 @@ impl Loads {
         Ok((loads, lines))
     }
 
-    /// Checks that the table begins with the lines that these marks describe.
+    /// Checks that the table begins with the lines that have these checksums.
     ///
     /// # Errors
     /// See [`Loads::up_to`]; also returns [`ResultsError::Damaged`] for a line that was changed.

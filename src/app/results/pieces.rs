@@ -1,8 +1,8 @@
 //! Fields of a divided body: a parallel VTK file (`.pvtu`) and one `.vtu` piece per part, which ParaView opens as one
 //! grid.
 //!
-//! Each element is in exactly one piece, that of its part. A point is in the pieces of all its elements, so that points
-//! between parts are written once per part. A part without elements has no piece.
+//! Each element is in exactly one piece, that of its part. A point is in the pieces of all its elements, so a point
+//! shared by several parts is written once per part. A part without elements has no piece.
 
 use std::ffi::OsStr;
 use std::io;

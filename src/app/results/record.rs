@@ -39,7 +39,7 @@ impl Done {
 /// The results of a run up to a converged step.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ResultsRecord {
-    /// The mark of the header of the loads, then of the row of every step.
+    /// The checksum of the header of the loads, then of the row of every step.
     pub loads: Vec<LineChecksum>,
     /// The field files, in ascending time.
     pub fields: Vec<FieldFile>,

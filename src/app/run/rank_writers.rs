@@ -13,8 +13,9 @@ pub struct RootWriter<'a, C: Comm> {
     pub comm: &'a C,
     /// The result directory.
     pub dir: &'a Path,
-    /// The reason why ranks are out of step ([`ScaleField::broken`](crate::tissue::two_scale::ScaleField::broken)). Once it is set, this
-    /// rank takes part in no agreement, because others may wait for a message that it does not send.
+    /// The reason why ranks are out of step ([`ScaleField::broken`](crate::tissue::two_scale::ScaleField::broken)).
+    /// Once it is set, this rank takes part in no agreement, because others may wait for a message that it does not
+    /// send.
     pub broken: &'a OnceLock<String>,
 }
 

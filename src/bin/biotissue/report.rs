@@ -15,7 +15,7 @@ use crate::output;
 /// Turn a result directory into one self-contained page of figures
 #[derive(Args)]
 pub struct ReportCommand {
-    /// The result directory of a run, finished or going on
+    /// The result directory of a run, finished or in progress
     dir: PathBuf,
     /// Write only the picture of the deformed body, as SVG, to this file
     #[arg(long, value_name = "FILE.svg", conflicts_with = "output")]

@@ -28,23 +28,23 @@ const MAX_THREADS: usize = 4096;
 pub struct RunCommand {
     /// The case file
     case: PathBuf,
-    /// Result directory, in place of the one that the case names
+    /// Result directory, instead of the one that the case names
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Go on after the last converged step in the result directory; start from the beginning where there are no results
+    /// Continue after the last converged step in the result directory; without results, start from the beginning
     #[arg(long)]
     resume: bool,
     /// Configuration file of the original AMSI: which ranks each scale gets, and where results go
     #[arg(short = 'a', long = "amsi", value_name = "FILE")]
     amsi: Option<PathBuf>,
-    /// Seconds that ranks wait for each other before the run ends with the name of the one that did not answer [default: for
-    /// ever]
+    /// Seconds that ranks wait for each other before the run ends with an error that names the rank that did not
+    /// respond [default: forever]
     #[arg(long, value_name = "SECONDS", allow_hyphen_values = true)]
     time_out: Option<f64>,
     #[command(flatten)]
     common: Common,
-    /// Ranks that share the work, as threads of this process: one for the body, the others for RVEs, unless [scales] of the
-    /// case says otherwise; not under mpirun, which starts them itself [default: those of [scales], else 1]
+    /// Ranks that share the work, as threads of this process: one for the body, the others for RVEs, unless [scales] of
+    /// the case says otherwise; not under mpirun, which starts them itself [default: those of [scales], else 1]
     #[arg(long, value_name = "N", value_parser = count, allow_hyphen_values = true)]
     ranks: Option<usize>,
     /// Print the summary as one JSON object

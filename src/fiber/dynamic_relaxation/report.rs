@@ -13,7 +13,7 @@ pub struct RelaxationReport {
     pub residual: f64,
     /// `residual` over the norm of all nodal forces; 0 if that is 0.
     pub relative: f64,
-    /// Energies at the end, J in unit-cube lengths.
+    /// Energies at the end, in J for a cube with an edge of 1 m.
     pub energies: Energies,
 }
 

@@ -1,4 +1,4 @@
-//! Equilibrium of an RVE whose boundary is held at `x = F X`.
+//! Equilibrium of an RVE whose boundary nodes have the prescribed positions `x = F X`.
 //!
 //! [`equilibrate`] tries up to four stages in order until one of them succeeds. [`EquilibriumParams::stages`] selects
 //! the stages; each of them can also be used alone:

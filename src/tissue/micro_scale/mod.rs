@@ -4,7 +4,7 @@
 //! | module | holds |
 //! |---|---|
 //! | `library` | the data that all RVEs share: the materials and their networks, each read once |
-//! | `unit`, `worker` | one RVE; the scratch of one thread |
+//! | `unit`, `worker` | one RVE; the scratch memory of one thread |
 //! | `units` | the RVEs of one rank, solved on its threads |
 //! | `sites` | the material of each point: a formula, an RVE, or the substitute of an RVE that is not awake |
 //! | `lifecycle` | when an RVE is created, sleeps, wakes and is deleted |

@@ -86,7 +86,7 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
         self.since = Instant::now();
     }
 
-    /// Ends the loops of the other ranks; rejects a step that is still open first.
+    /// Ends the loops of the other ranks; first reverts a step that is still open.
     pub fn complete(&self) -> Result<(), TwoScaleError> {
         if self.in_step {
             self.broadcast(&Command::Reject)?;

@@ -143,7 +143,7 @@ pub struct RankReport<U = Vec<UnitReport>> {
     pub bytes: usize,
     /// Its times, one entry per trial state.
     pub times: Vec<RankTimes>,
-    /// Its RVEs; empty if the step was rejected.
+    /// Its RVEs; empty if the step was reverted.
     pub units: U,
 }
 

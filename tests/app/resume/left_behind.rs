@@ -1,4 +1,4 @@
-//! What an interrupted run has left, and whether a run may go on from it.
+//! The files that an interrupted run leaves, and whether a run may resume from them.
 
 use std::fs;
 use std::path::Path;
@@ -11,7 +11,7 @@ use biotissue::backends::comm::thread;
 
 use super::{CASE, Killed, assert_same, contents, copy, resume, simulation, whole_and_killed};
 
-/// What a run that goes on must find: everything up to its checkpoint, as it was written.
+/// A resumed run needs all results up to its checkpoint, unchanged.
 #[test]
 fn results_that_were_changed_are_not_gone_on_with() {
     let root = tempfile::tempdir().unwrap();
@@ -48,7 +48,7 @@ fn results_that_were_changed_are_not_gone_on_with() {
     };
     refused(&cut, "fields-00002.vtu: has 2000 bytes where ");
 
-    // What comes after the checkpoint does not count, and a list of files can be written again.
+    // Results after the checkpoint are ignored, and a missing collection is restored.
     fs::write(killed.join("loads.csv"), [header, one, two, "3,nonsense", ""].join("\n")).unwrap();
     fs::remove_file(killed.join("fields.pvd")).unwrap();
     fs::remove_file(killed.join("fields-00003.vtu")).unwrap();
@@ -87,7 +87,7 @@ fn results_without_a_checkpoint_are_not_removed() {
         assert!(matches!(error, ResumeError::NoCheckpoint { .. }) && error.to_string().contains(said), "{error}");
         assert!(contents(dir) == before, "nothing is touched");
     };
-    // Whatever else is missing.
+    // The loads or the log alone show that there are results.
     for (missing, said) in
         [("log.jsonl", "loads.csv: holds 4 load steps"), ("loads.csv", "log.jsonl: holds 4 load steps")]
     {
@@ -103,7 +103,7 @@ fn results_without_a_checkpoint_are_not_removed() {
     fs::copy(whole.join("fields-00003.vtu"), fields.join("fields-00003.vtu")).unwrap();
     refused(CASE, &fields, "fields-00003.vtu: holds the state of load step 3");
 
-    // Killed before its first checkpoint: the step is taken again, but only by the same run.
+    // A run killed before its first checkpoint: the step is repeated, but only by the same run.
     let first = root.path().join("first");
     let unused = root.path().join("unused");
     simulation(CASE).run(&unused, &mut Killed { from: &unused, to: &first, step: 1 }).unwrap();
@@ -128,7 +128,7 @@ fn what_was_being_written_is_removed() {
     assert_eq!(fs::read_to_string(killed.join(".notes.txt.77.part")).unwrap(), "mine");
     fs::remove_file(killed.join(".notes.txt.77.part")).unwrap();
     assert_same(&whole, &killed);
-    // A run that was killed while it removed a checkpoint that was too old, or wrote its first file.
+    // A run that was killed while it removed an old checkpoint, or while it wrote its first file.
     fs::copy(whole.join("checkpoint/step-00003.bin"), killed.join("checkpoint/step-00001.bin")).unwrap();
     resume(CASE, &killed);
     assert_same(&whole, &killed);
@@ -139,7 +139,7 @@ fn what_was_being_written_is_removed() {
     assert_same(&whole, &killed);
 }
 
-/// Only one of them looks at the directory, and none waits for it in vain.
+/// Only the root accesses the directory, and no rank waits for a message that is never sent.
 #[test]
 fn ranks_of_a_body_learn_alike_that_a_directory_is_in_use() {
     let root = tempfile::tempdir().unwrap();
@@ -162,7 +162,7 @@ fn ranks_of_a_body_learn_alike_that_a_directory_is_in_use() {
     assert_eq!(fs::read_dir(&dir).unwrap().count(), 0);
 }
 
-/// Fields are not written at every step, and what is asked for may change on the way.
+/// Fields are not written at every step, so the run may be killed after a step without fields.
 #[test]
 fn a_run_with_fewer_fields_goes_on_too() {
     let root = tempfile::tempdir().unwrap();

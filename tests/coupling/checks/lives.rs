@@ -1,4 +1,5 @@
-//! Random lives of couplings: every unit arrives exactly once and in order, whatever comes and goes.
+//! Random sequences of changes to couplings: every unit arrives exactly once and in order, whichever units are added
+//! and removed.
 
 use std::collections::{BTreeMap, HashSet};
 use std::ops::Range;
@@ -14,7 +15,7 @@ use super::units::Load;
 
 type Error = Box<dyn std::error::Error>;
 
-/// One random life for each seed, of two or three scales.
+/// Runs one random sequence for each seed, between two or three scales.
 pub fn nothing_is_lost<C: Comm>(comm: &C, seeds: Range<u64>, scales: usize) -> Outcome {
     if comm.size() < scales {
         return Ok(());
@@ -50,15 +51,15 @@ fn live<C: Comm>(comm: &C, seed: u64, count: usize) -> Outcome {
     lives.iter().try_for_each(|life| life.end(comm))
 }
 
-/// What all ranks draw alike; which units are a rank's own, its number says.
+/// The random choices, which all ranks draw alike; each rank then takes its own units by its number.
 struct Draw {
     random: Random,
-    /// The last unit that was made.
+    /// The number of the next unit.
     last: UnitId,
 }
 
 impl Draw {
-    /// The scales `a`, `b` and so on, each on one rank at least.
+    /// Draws the numbers of ranks, at least one, of the scales `a`, `b` and so on.
     fn plan(&mut self, ranks: usize, scales: usize) -> Plan {
         let (mut plan, mut left) = (Plan::default(), ranks);
         for (name, more) in ["a", "b", "c"].into_iter().zip((0..scales).rev()) {
@@ -69,7 +70,7 @@ impl Draw {
         plan
     }
 
-    /// Up to `most` new units on each rank of a producer.
+    /// Draws up to `most` new units for each rank of a producer.
     fn units(&mut self, producers: usize, most: usize) -> Vec<Vec<UnitId>> {
         (0..producers)
             .map(|_| {
@@ -81,11 +82,11 @@ impl Draw {
     }
 }
 
-/// A coupling, and what must be in it.
+/// A coupling, and the units that it must have.
 struct Life<C: Comm> {
-    /// Nothing on the ranks of a third scale, which only draw what all draw.
+    /// The side of this rank; `None` on the ranks of a third scale, which only draw the same random numbers.
     side: Option<Side<C>>,
-    /// The units that live, by rank of the producer.
+    /// The current units, by rank of the producer.
     alive: Vec<Vec<UnitId>>,
 }
 
@@ -101,7 +102,7 @@ impl<C: Comm> Life<C> {
         Ok(Self { side, alive })
     }
 
-    /// New units, whose values alone are exchanged.
+    /// Adds units and exchanges the values of these units alone.
     fn grow(&mut self, draw: &mut Draw) -> Result<(), CouplingError> {
         let new = draw.units(self.alive.len(), 4);
         if let Some(side) = &mut self.side {
@@ -111,7 +112,7 @@ impl<C: Comm> Life<C> {
         Ok(())
     }
 
-    /// About a third of the units goes.
+    /// Removes about a third of the units.
     fn shrink(&mut self, draw: &mut Draw) -> Result<(), CouplingError> {
         let all = self.alive.iter().flatten().copied();
         let gone: HashSet<UnitId> = all.filter(|_| draw.random.below(3) == 0).collect();
@@ -130,7 +131,7 @@ impl<C: Comm> Life<C> {
         exchange(&side.coupling, &mut side.there, &mut side.back)
     }
 
-    /// Each unit is once on each side, and both find the same table, each from what it knows.
+    /// Checks that each unit is once on each side, and that both sides compute the same table from their own data.
     fn end(&self, comm: &C) -> Outcome {
         let units = self.side.as_ref().map_or_else(Vec::new, |side| side.coupling.units().to_vec());
         let mut count = BTreeMap::new();
@@ -144,7 +145,7 @@ impl<C: Comm> Life<C> {
         let table = self.side.as_ref().map_or_else(|| Ok(Vec::new()), |side| side.coupling.table())?;
         let table: Vec<u64> = table.into_iter().flatten().map(|count| count as u64).collect();
         let mut tables = comm.gather_all(Message::of(&table))?;
-        // Those of a third scale have none.
+        // The ranks of a third scale have no table.
         tables.retain(|table| !table.is_empty());
         assert!(tables.windows(2).all(|pair| pair[0] == pair[1]), "{tables:?}");
         let sum = tables[0].values::<u64>().unwrap_or_default().iter().sum::<u64>();
@@ -153,10 +154,10 @@ impl<C: Comm> Life<C> {
     }
 }
 
-/// One side of a coupling, with carriers both ways.
+/// One side of a coupling, with channels in both directions.
 struct Side<C: Comm> {
     coupling: Coupling<C>,
-    /// The rank in the own scale.
+    /// The number of this rank within its scale.
     rank: usize,
     there: Channel<Load>,
     back: Channel<f64>,
@@ -184,7 +185,7 @@ impl<C: Comm> Side<C> {
         };
         exchange(&delta, &mut self.there, &mut self.back)?;
         if self.coupling.role() == Role::Producer {
-            // The new units' data, and no more.
+            // Only the data of the new units is sent.
             assert_eq!(self.there.sent() - before, 16 * new[self.rank].len() as u64);
         }
         Ok(())
@@ -205,7 +206,7 @@ impl<C: Comm> Side<C> {
     }
 }
 
-/// Sends every unit its number, and checks what arrives; then back.
+/// Sends the number of every unit and checks the values that arrive; then does the same in the other direction.
 fn exchange<C: Comm>(
     coupling: &Coupling<C>,
     there: &mut Channel<Load>,
@@ -217,7 +218,7 @@ fn exchange<C: Comm>(
     match coupling.role() {
         Role::Producer => {
             let mut answers = vec![f64::NAN; loads.len()];
-            // Whether in one call or in two is for each rank to choose.
+            // Each rank may choose between one call and two.
             if loads.len().is_multiple_of(2) {
                 there.send(coupling, &loads)?;
                 back.receive(&inverse, &mut answers)?;

@@ -1,5 +1,5 @@
-//! What ranks of any kind must do. All ranks of a communicator run a check together; one that needs more of them than
-//! there are does nothing.
+//! Checks for ranks of any kind. All ranks of a communicator run a check; a check that needs more ranks than there are
+//! does nothing.
 
 pub mod lives;
 pub mod ranks;
@@ -10,7 +10,7 @@ use biotissue::las::{Comm, CommError};
 
 pub type Outcome = Result<(), Box<dyn std::error::Error>>;
 
-/// The first `count` ranks as a group of their own; nothing on the others, nor where there are not so many.
+/// Returns the first `count` ranks as a group; `None` on all other ranks, and if there are fewer ranks.
 pub fn first<C: Comm>(comm: &C, count: usize) -> Result<Option<C>, CommError> {
     if comm.size() < count {
         return Ok(None);

@@ -1,4 +1,4 @@
-//! Messages, and what ranks do together.
+//! Messages and collective operations.
 
 use std::time::Duration;
 
@@ -101,7 +101,7 @@ pub fn a_failure_of_one_is_agreed_on_by_all<C: Comm>(comm: &C) -> Outcome {
     Ok(())
 }
 
-/// Sums of numbers that differ in size depend on the order of the additions.
+/// Sums of numbers of different magnitudes depend on the order of the additions.
 pub fn sums_are_in_the_order_of_the_ranks<C: Comm>(comm: &C) -> Outcome {
     let value = |rank: usize, k: usize| 10.0_f64.powi((7 * rank + 5 * k) as i32 % 31 - 15) / 3.0;
     let mut values: Vec<f64> = (0..100).map(|k| value(comm.rank(), k)).collect();
@@ -122,7 +122,7 @@ pub fn who_does_not_answer_in_time_is_named<C: Comm>(comm: &C) -> Outcome {
     Ok(())
 }
 
-/// The others take part, one of them without a time-out of its own.
+/// All ranks but one take part, one of them without a time-out.
 pub fn who_does_not_take_part_in_time_is_named<C: Comm>(comm: &C) -> Outcome {
     let waited = Duration::from_millis(50);
     let Some(comm) = first(comm, 3)? else { return Ok(()) };

@@ -1,4 +1,4 @@
-//! Scales on their own ranks.
+//! Scales, each on its own ranks.
 
 use std::time::Duration;
 
@@ -7,7 +7,7 @@ use biotissue::las::{Comm, Message};
 
 use super::{Outcome, first};
 
-/// For six ranks.
+/// A plan for six ranks.
 fn plan() -> Plan {
     Plan::default()
         .with("organ", Share::Count(2))
@@ -73,7 +73,7 @@ pub fn a_plan_for_other_ranks_is_refused_by_all<C: Comm>(comm: &C) -> Outcome {
     Ok(())
 }
 
-/// A scale that never answers is named, where a time-out is asked for.
+/// A scale that never sends is named in the error, if there is a time-out.
 pub fn a_scale_that_does_not_answer_is_named<C: Comm>(comm: &C) -> Outcome {
     let Some(comm) = first(comm, 2)? else { return Ok(()) };
     let plan = Plan::default().with("asks", Share::Count(1)).with("sleeps", Share::Count(1));

@@ -1,4 +1,4 @@
-//! Units of couplings: which rank gets which, and what is refused.
+//! Units of couplings: their distribution over the ranks, and the calls that are rejected.
 
 use biotissue::coupling::{
     Channel, Coupling, CouplingError, Distribution, EvenPartition, Plan, Role, ScaleError, Scales, Share, UnitId,
@@ -9,7 +9,7 @@ use biotissue::las::{Backend, Comm, Payload, Scalar, Value, VectorOps};
 use super::{Outcome, first};
 
 biotissue::payload! {
-    /// What a unit has in these tests.
+    /// The value of a unit in these tests.
     pub struct Load {
         pub unit: u64,
         pub value: f64,
@@ -17,19 +17,19 @@ biotissue::payload! {
 }
 
 biotissue::payload! {
-    /// The same, said in another order.
+    /// The same fields in another order.
     struct Other {
         value: f64,
         unit: u64,
     }
 }
 
-/// The scales `a` and `b`.
+/// Creates the scales `a` and `b`.
 fn scales<C: Comm>(comm: &C, producers: usize, consumers: usize) -> Result<Scales<C>, ScaleError> {
     Scales::new(comm, &Plan::default().with("a", Share::Count(producers)).with("b", Share::Count(consumers)))
 }
 
-/// Table 4.2 of W. R. Tobin, *The Adaptive Multiscale Simulation Infrastructure* (RPI 2018).
+/// Compares with table 4.2 of W. R. Tobin, *The Adaptive Multiscale Simulation Infrastructure* (RPI 2018).
 pub fn tables_are_those_published<C: Comm>(comm: &C) -> Outcome {
     let Some(comm) = first(comm, 12)? else { return Ok(()) };
     let scales = scales(&comm, 4, 8)?;
@@ -142,7 +142,7 @@ pub fn three_scales_are_coupled_in_a_ring<C: Comm>(comm: &C) -> Outcome {
     Ok(())
 }
 
-/// Twice as many values as one side waits for at a time, some of them too long to be sent before they are asked for.
+/// Two exchanges are pending at once, with some messages too long to be sent before they are received.
 pub fn values_come_in_while_a_rank_works<C: Comm>(comm: &C) -> Outcome {
     if comm.size() < 2 {
         return Ok(());
@@ -172,7 +172,8 @@ pub fn values_come_in_while_a_rank_works<C: Comm>(comm: &C) -> Outcome {
     Ok(())
 }
 
-/// Values of the units of before would not fill those of all that are there now.
+/// A receive that was started for the former units is rejected, because it would not fill an array for all current
+/// units.
 pub fn receiving_for_units_of_before_is_refused<C: Comm>(comm: &C) -> Outcome {
     if comm.size() < 2 {
         return Ok(());
@@ -183,7 +184,7 @@ pub fn receiving_for_units_of_before_is_refused<C: Comm>(comm: &C) -> Outcome {
         let first = 1000 * comm.rank() as u64 + 100 * round;
         if scales.own() == 0 { (first..first + 10).collect() } else { Vec::new() }
     };
-    // New units go to other ranks than those of before.
+    // New units go to other ranks than the former ones.
     let first_and_last = |distribution: &Distribution, rank: usize, consumers: usize| {
         let to = if distribution.held.iter().all(|&held| held == 0) { 0 } else { consumers - 1 };
         vec![to; distribution.counts[rank]]
@@ -208,7 +209,7 @@ pub fn receiving_for_units_of_before_is_refused<C: Comm>(comm: &C) -> Outcome {
     Ok(())
 }
 
-/// What a vector of a backend holds here goes into one on the other scale, and back, in all lanes.
+/// Sends the local values of a backend's vector to a vector on the other scale and back, in all lanes.
 #[allow(dead_code, reason = "it is of backends, and some builds have none")]
 pub fn local_values_go_from_vector_to_vector<B: Backend<Scalar: Payload>, C: Comm>(
     comm: &C,

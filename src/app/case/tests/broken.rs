@@ -1,8 +1,8 @@
 //! Invalid files and the exact messages they produce: every entry of `broken.txt`.
 //!
-//! An entry consists of a header `=== KIND: description`, a text, a line `---`, and all errors without the folder of the
-//! case. `KIND` states where the text goes: it is the `whole` file, is appended to the smallest case (`more`), replaces
-//! the line below `[mesh]` there (`mesh`), or replaces the entries of its material (`material`).
+//! An entry consists of a header `=== KIND: description`, a text, a line `---`, and all errors without the folder of
+//! the case. `KIND` states where the text goes: it is the `whole` file, is appended to the smallest case (`more`),
+//! replaces the line below `[mesh]` there (`mesh`), or replaces the entries of its material (`material`).
 
 use super::{Folder, SMALL};
 

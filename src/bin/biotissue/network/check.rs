@@ -24,19 +24,19 @@ pub struct CheckArguments {
     /// The network files
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// Take out fibers that dangle and parts that are not connected to the boundary
+    /// Remove fibers that dangle and parts that are not connected to the boundary
     #[arg(long, requires = "output")]
     clean: bool,
     /// Where to write the cleaned network, with its materials
     #[arg(short, long, value_name = "FILE", requires = "clean")]
     output: Option<PathBuf>,
-    /// Count fibers shorter than this part of the cube's edge, and take them out with --clean
+    /// Count fibers shorter than this fraction of the cube's edge, and remove them with --clean
     #[arg(long, value_name = "L", value_parser = real, allow_hyphen_values = true)]
     shorter_than: Option<f64>,
     /// Linear-algebra backend that counts the zero modes
     #[arg(long, value_name = "NAME")]
     backend: Option<String>,
-    /// Print one JSON object a file, each on a line
+    /// Print one JSON object per file, each on its own line
     #[arg(long)]
     json: bool,
 }

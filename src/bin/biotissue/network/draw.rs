@@ -43,13 +43,13 @@ pub struct DrawArguments {
     /// Linear-algebra backend
     #[arg(long, value_name = "NAME")]
     backend: Option<String>,
-    /// What the color of a fiber says [default: stretch with --F, otherwise direction]
+    /// Quantity that the color of a fiber shows [default: stretch with --F, otherwise direction]
     #[arg(long, value_enum)]
     color: Option<Color>,
-    /// An oblique view, from above and from the side, in which this axis comes closest to the eye's own [default: z]
+    /// Oblique view along this axis, from slightly above and from the side [default: z]
     #[arg(long, value_enum)]
     axis: Option<Axis>,
-    /// Above the picture [default: the name of the network]
+    /// Title above the picture [default: the name of the network]
     #[arg(long, value_name = "TEXT")]
     title: Option<String>,
     /// Width of the picture in pixels

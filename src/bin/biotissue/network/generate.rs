@@ -20,35 +20,36 @@ use crate::output;
 
 #[derive(Args)]
 pub struct GenerateArguments {
-    /// What kind of network: delaunay (rigid, some 15 fibers at a node) or voronoi (floppy, 4 fibers at a node)
+    /// Kind of network: delaunay (rigid, about 15 fibers per node) or voronoi (floppy, 4 fibers per node)
     #[arg(long, default_value = "delaunay")]
     kind: String,
     /// Size: random points in the cube; each becomes an interior node (delaunay) or a cell (voronoi)
     #[arg(long, value_name = "N", value_parser = count, allow_hyphen_values = true)]
     points: Option<usize>,
-    /// Size: nodes in all, boundary included, to come as close to as can be
+    /// Size: number of nodes, boundary included; the closest possible number is taken
     #[arg(long, value_name = "N", value_parser = count, allow_hyphen_values = true)]
     nodes: Option<usize>,
-    /// Size: total length of the fibers in the unit cube, to come as close to as can be
+    /// Size: total length of the fibers in the unit cube; the closest possible length is taken
     #[arg(long, value_name = "L", value_parser = real, allow_hyphen_values = true)]
     density: Option<f64>,
-    /// The direction that fibers prefer: "x y z"; with --strength
+    /// Preferred direction of the fibers: "x y z"; with --strength
     #[arg(long, value_name = "X Y Z", allow_hyphen_values = true)]
     align: Option<String>,
-    /// How strongly they prefer it: the order parameter P2, from 0 (isotropic) to 0.95
+    /// Strength of the alignment: the order parameter P2, from 0 (isotropic) to 0.95
     #[arg(long, value_name = "S", value_parser = real, allow_hyphen_values = true)]
     strength: Option<f64>,
-    /// Merge nodes joined by a fiber shorter than this part of the mean spacing of the points
-    /// [default: 0.05 for voronoi, 0 for delaunay]
+    /// Merge nodes joined by a fiber shorter than this fraction of the mean spacing of the points [default: 0.05 for
+    /// voronoi, 0 for delaunay]
     #[arg(long, value_name = "M", value_parser = real, allow_hyphen_values = true)]
     merge: Option<f64>,
-    /// Take out fibers shorter than this part of the cube's edge, and what then dangles or hangs loose
+    /// Remove fibers shorter than this fraction of the cube's edge, and fibers that dangle or lose contact with the
+    /// boundary as a result
     #[arg(long, value_name = "L", value_parser = real, allow_hyphen_values = true)]
     shorter_than: Option<f64>,
     /// Seed of the random numbers
     #[arg(long, value_name = "S", value_parser = seed, default_value_t = 1, allow_hyphen_values = true)]
     seed: u64,
-    /// The network file to write; its .toml goes beside it, and a .params if the law has a place there
+    /// The network file to write; a .toml file is written beside it, and a .params file if that format can hold the law
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     #[command(flatten)]

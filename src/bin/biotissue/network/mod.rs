@@ -24,9 +24,9 @@ use crate::output;
 pub enum NetworkCommand {
     /// Make a network from random points; the same seed gives the same network everywhere
     Generate(generate::GenerateArguments),
-    /// Look for what carries no load or resists no motion (exit code 0 whatever is found), clean on request
+    /// Find parts that carry no load and motions without resistance (exit code 0 in any case); clean on request
     Check(check::CheckArguments),
-    /// Print what a network is like
+    /// Print the properties of a network
     Info(info::InfoArguments),
     /// Draw a network, at rest or deformed
     Draw(draw::DrawArguments),

@@ -26,7 +26,7 @@ use solve::RveJob;
 /// Bring one RVE to equilibrium: stress, tangent, energy, orientation
 #[derive(Args)]
 pub struct RveCommand {
-    /// The network file; without --law its own materials count
+    /// The network file; without --law, its own materials apply
     #[arg(required_unless_present = "replay")]
     network: Option<PathBuf>,
     /// Deformation gradient, row by row: "f11 f12 f13 f21 f22 f23 f31 f32 f33"
@@ -34,13 +34,13 @@ pub struct RveCommand {
     gradient: Option<String>,
     #[command(flatten)]
     law: LawArguments,
-    /// "raw" (forces of the unit cube as they are), or the fiber volume fraction
+    /// "raw" (forces of the unit cube, not scaled), or the fiber volume fraction
     #[arg(long, value_name = "raw|PHI", default_value = "raw", allow_hyphen_values = true)]
     scale: String,
     /// Increments from the undeformed state to F
     #[arg(long, value_name = "N", value_parser = count, default_value_t = 1, allow_hyphen_values = true)]
     steps: usize,
-    /// Residual relative to all nodal forces; one as small as rounding lets it become is always enough
+    /// Tolerance of the residual, relative to all nodal forces; a residual at the rounding limit is always accepted
     #[arg(long, value_name = "T", value_parser = real, default_value = "1e-10", allow_hyphen_values = true)]
     tolerance: f64,
     /// The stages that may be tried, separated by commas: newton, regularised, cuts, relaxation; tried in this order,
@@ -50,7 +50,7 @@ pub struct RveCommand {
     /// Write the last increment, with everything that it depends on, to a file
     #[arg(long, value_name = "FILE")]
     dump: Option<PathBuf>,
-    /// Repeat what such a file holds, exactly; runs write one for every RVE that they lose
+    /// Repeat the increment in such a file exactly; runs write one for every RVE that finds no equilibrium
     #[arg(long, value_name = "FILE", conflicts_with_all = ["network", "gradient", "law", "scale", "steps", "tolerance"])]
     replay: Option<PathBuf>,
     /// Linear-algebra backend

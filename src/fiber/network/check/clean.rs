@@ -42,8 +42,8 @@ impl Removed {
 }
 
 /// Removes, in this order, fibers shorter than `min_length` (in unit-cube units), dangling fibers until none is left,
-/// components not connected to the boundary, and nodes without fibers. If a face would lose its last node, its first one is
-/// kept, so that the bounding box does not change.
+/// components not connected to the boundary, and nodes without fibers. If a face would lose its last node, its first
+/// one is kept, so that the bounding box does not change.
 ///
 /// # Errors
 /// Returns [`NetworkError::NoFibers`] if no fiber would be left.

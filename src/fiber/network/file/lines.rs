@@ -63,7 +63,7 @@ impl<'a> Parser<'a> {
         self.error(header.number, what, "one line for each thing counted", format!("correct it; {cure}"))
     }
 
-    /// Records an error; returns an `Err`, which ends the parser, when there are too many.
+    /// Records an error; returns an `Err`, which ends the reading, when there are too many.
     pub(super) fn record(&mut self, error: InputError) -> Result<(), InputErrors> {
         self.errors.push(error);
         if self.errors.len() < MOST_SHOWN { Ok(()) } else { self.outcome() }
@@ -82,7 +82,7 @@ impl<'a> Parser<'a> {
         if self.errors.is_empty() { Ok(()) } else { Err(InputErrors(std::mem::take(&mut self.errors))) }
     }
 
-    /// Returns the irregularities that did not prevent parser.
+    /// Returns the irregularities that did not prevent reading.
     pub(super) fn warnings(&self) -> Vec<String> {
         let text = self.trailing.map(|(lines, first)| {
             let (file, those) = (self.file.display(), if lines == 1 { "line has" } else { "lines have" });

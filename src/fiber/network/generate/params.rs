@@ -59,7 +59,7 @@ impl Kind {
 /// interior. An edge that passes through a corner of the cube with both ends outside is dropped: it would only deform
 /// affinely. Networks published for this family of models are made in the same way.
 ///
-/// The same params gives bitwise the same network on every machine and with any number of threads.
+/// The same parameters give bitwise the same network on every machine and with any number of threads.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GeneratorParams {
     /// The construction of the network from points.
@@ -96,7 +96,7 @@ pub struct GeneratedNetwork {
 }
 
 impl GeneratorParams {
-    /// The default params of a kind of network: isotropic, with a minimum distance of a fifth of the mean spacing.
+    /// The default parameters of a kind of network: isotropic, with a minimum distance of a fifth of the mean spacing.
     #[must_use]
     pub fn new(kind: Kind, seed: u64) -> Self {
         Self {
