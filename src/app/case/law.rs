@@ -119,7 +119,10 @@ fn curve(table: &mut Table<'_>, base: &Path) -> Option<Curve> {
             let path = base.join(text);
             if !path.is_file() {
                 file.report_error(
-                    &format!("names {text:?}, but this file does not exist"),
+                    &format!(
+                        "names {text:?}, {}",
+                        if path.is_dir() { "which is a folder" } else { "but this file does not exist" }
+                    ),
                     expected,
                     missing_file(&path),
                 );

@@ -46,8 +46,12 @@ fn mesh_file(value: &Value<'_>, base: &Path) -> Option<MeshSource> {
     if file.is_file() {
         return Some(MeshSource::File(file));
     }
-    let cure = if file.is_dir() { "this is a folder: name a file in it".into() } else { missing_file(&file) };
-    value.report_error(&format!("names {text:?}, but this file does not exist"), expected, cure);
+    match file.is_dir() {
+        true => value.report_error(&format!("names {text:?}, which is a folder"), expected, "name a file in it"),
+        false => {
+            value.report_error(&format!("names {text:?}, but this file does not exist"), expected, missing_file(&file))
+        }
+    }
     None
 }
 

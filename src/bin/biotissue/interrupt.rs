@@ -13,8 +13,6 @@ use signal_hook::{
     iterator::Signals,
 };
 
-use crate::output;
-
 /// The exit code of an interrupted process, by shell convention.
 const INTERRUPTED: i32 = 130;
 
