@@ -83,7 +83,7 @@ fn what_cannot_be_done_is_told_with_its_exit_code() {
         ("generate -o x.txt", 2, "error: nothing says how large the network is to be"),
         ("generate --points 9 --density 30 -o x.txt", 2, "error: more than one option says how large"),
         ("generate --nodes 300 --points 9 -o x.txt", 2, "error: more than one option says how large"),
-        ("generate --nodes 3 -o x.txt", 2, "error: no network can be generated: 3 nodes asked for"),
+        ("generate --nodes 3 -o x.txt", 2, "error: no network can be generated: 3 nodes requested"),
         ("generate --density 0.5 -o x.txt", 2, "error: no network can be generated: a density of 0.5 asked for"),
         ("generate --density 1e9 -o x.txt", 2, "error: no network can be generated: a density of 1000000000 asked for"),
         ("generate --points 9 --align 1_0_0 -o x.txt", 2, "error: --align without --strength S"),

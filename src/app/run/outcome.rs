@@ -40,7 +40,7 @@ pub enum ResumeError<F: std::error::Error + 'static> {
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
     /// There are results but no checkpoint.
-    #[error("{}: holds {what}, but there is no checkpoint to go on from", path.display())]
+    #[error("{}: holds {what}, but there is no checkpoint to resume from", path.display())]
     NoCheckpoint {
         /// A result file.
         path: PathBuf,

@@ -60,7 +60,7 @@ pub enum CommError {
         waited: Duration,
     },
     /// The message has another size than expected.
-    #[error("a message of {found} bytes from rank {from}, where {expected} were to come")]
+    #[error("a message of {found} bytes from rank {from}, where {expected} were expected")]
     Size {
         /// The sender.
         from: usize,

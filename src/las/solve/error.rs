@@ -45,9 +45,7 @@ pub enum SolveError<F> {
     #[error("there is no factorization to solve with: call factor first, and only solve if it succeeds")]
     NotFactored,
     /// A pivot is zero or too small, or the matrix maps a vector almost to zero.
-    #[error(
-        "the matrix is singular: unknown {unknown} meets {ratio:.1e} of the resistance of others (limit {limit:.1e})"
-    )]
+    #[error("the matrix is singular: relative pivot {ratio:.1e} at unknown {unknown} (limit {limit:.1e})")]
     Singular {
         /// The unknown of the smallest pivot, or of the largest component of that vector.
         unknown: usize,
@@ -136,7 +134,7 @@ pub enum StopReason {
     #[error("allow more iterations, or give it a better preconditioner")]
     MaxIterations,
     /// A restart hardly reduced the residual: it is at the level of rounding errors.
-    #[error("it comes no nearer; rounding allows no less with this matrix: raise the tolerance, or solve directly")]
+    #[error("rounding errors prevent a smaller residual: raise the tolerance, or use a direct solver")]
     Stagnated,
     /// The next iterate is undefined; in conjugate gradients because the matrix or the preconditioner is not positive
     /// definite.

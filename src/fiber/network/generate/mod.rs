@@ -41,7 +41,7 @@ pub enum GenerateError {
         most: usize,
     },
     /// The requested number of nodes is out of range.
-    #[error("{nodes} nodes asked for; networks can be sought that have from {fewest} to {most} of them")]
+    #[error("{nodes} nodes requested; a network can have {fewest} to {most} nodes")]
     Nodes {
         /// The requested number.
         nodes: usize,
@@ -76,7 +76,7 @@ pub enum GenerateError {
     },
     /// The merge length is out of range.
     #[error(
-        "nodes nearer than {merge_length} of the mean spacing are to be merged; it must be from 0 up to and without 1"
+        "nodes nearer than {merge_length} of the mean spacing are to be merged; it must be at least 0 and below 1"
     )]
     Merge {
         /// The length, relative to the mean spacing.
