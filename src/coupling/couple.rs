@@ -80,7 +80,9 @@ pub enum CouplingError {
         units: usize,
     },
     /// The units have changed between the start and the end of a receive.
-    #[error("receiving from {producer} on {consumer} was started before units were added or removed: finish it before that")]
+    #[error(
+        "receiving from {producer} on {consumer} was started before units were added or removed: finish it before that"
+    )]
     Changed {
         /// The scale that sends the values.
         producer: String,

@@ -75,9 +75,7 @@ pub enum GenerateError {
         most: f64,
     },
     /// The merge length is out of range.
-    #[error(
-        "nodes nearer than {merge_length} of the mean spacing are to be merged; it must be at least 0 and below 1"
-    )]
+    #[error("nodes nearer than {merge_length} of the mean spacing are to be merged; it must be at least 0 and below 1")]
     Merge {
         /// The length, relative to the mean spacing.
         merge_length: f64,
