@@ -64,7 +64,7 @@ fn a_rank_that_fails_ends_all() {
             return Err("the law is broken".to_owned());
         }
         let ended = comm.receive(3 - comm.rank(), TAG).map(drop);
-        Err(ended.expect_err("nobody sends").to_string())
+        Err(ended.expect_err("no rank sends").to_string())
     });
     let expected = Failed { rank: 2, reason: "the law is broken".into(), has_panicked: false };
     assert_eq!(failed.map(drop), Err(expected));
@@ -87,7 +87,7 @@ fn a_rank_that_waited_in_vain_ends_all() {
         let patient = comm.duplicate(Some(Duration::from_millis(50)))?;
         if comm.rank() == 0 { patient.receive(1, TAG).map(drop) } else { comm.receive(0, TAG).map(drop) }
     });
-    let failed = failed.map(drop).expect_err("nobody sends");
+    let failed = failed.map(drop).expect_err("no rank sends");
     assert_eq!((failed.rank, failed.reason.as_str()), (0, "no message from rank 1 in 0.05 s"));
 }
 
@@ -101,7 +101,7 @@ fn a_rank_that_others_wait_for_may_not_leave() {
             _ => comm.receive(0, TAG).and_then(|_| comm.receive(0, TAG)).map(drop),
         }
     });
-    let failed = failed.map(drop).expect_err("nobody sends");
+    let failed = failed.map(drop).expect_err("no rank sends");
     assert_eq!(failed.rank, 2);
     assert!(failed.reason.contains("rank 0 failed: it came to its end without sending"), "{}", failed.reason);
 }

@@ -7,7 +7,7 @@ use crate::run::{PRESSED, write_case};
 use crate::{biotissue, frozen, line, program};
 
 #[test]
-fn whoever_stops_reading_has_read_enough() {
+fn closed_pipes_are_not_errors() {
     let folder = tempfile::tempdir().unwrap();
     let network = frozen();
     let rve = ["rve", &network, "--F", "1 0 0 0 1 0 0 0 1"];
