@@ -17,12 +17,18 @@ const DROPPED: u32 = u32::MAX;
 local::impl_vector_ops!(
     [] Petsc, Vector, f64, f64, PetscError,
     norm(x): Ok(local::norm(x.as_slice())),
-    dot(x, y): if x.len() == y.len() { Ok(local::dot(x.as_slice(), y.as_slice())) } else { x.dot_by_petsc(y) },
-    axpy(a, x, y): if x.len() == y.len() {
+    dot(x, y): {
+        if x.size() != y.size() {
+            return x.dot_by_petsc(y);
+        }
+        Ok(local::dot(x.as_slice(), y.as_slice()))
+    },
+    axpy(a, x, y): {
+        if x.size() != y.size() {
+            return y.axpy_by_petsc(a, x);
+        }
         local::axpy(a, x.as_slice(), y.as_mut_slice());
         Ok(())
-    } else {
-        y.axpy_by_petsc(a, x)
     }
 );
 

@@ -70,6 +70,12 @@ impl Vector {
         call(|| unsafe { ffi::VecAXPY(y, a, x) })
     }
 
+    /// Returns the number of entries, without the branch of [`Vector::as_slice`] that empty vectors need.
+    #[inline(always)]
+    pub(super) fn size(&self) -> usize {
+        self.len
+    }
+
     /// Returns the entries.
     #[inline(always)]
     #[must_use]
