@@ -1,7 +1,6 @@
 //! Tests of the Gmsh reader and writer.
 
 mod broken;
-mod broken_mesh;
 mod damaged;
 mod features;
 mod round_trip;
