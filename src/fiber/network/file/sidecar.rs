@@ -332,110 +332,67 @@ mod tests {
         assert!((law.youngs_modulus() - 1e7).abs() < 1e-6 * 1e7);
     }
 
+    fn law(name: &str, rest: &str) -> String {
+        format!("[law]\nname = \"{name}\"\n{rest}\n")
+    }
+
+    /// Cases: a file => line and description of its error.
+    macro_rules! check {
+        ($($text:expr => $expected:literal;)*) => {$(
+            let text = $text;
+            let error = parse(Path::new("n.toml"), text.as_bytes(), 3).unwrap_err().to_string();
+            assert_eq!(error.lines().next(), Some(concat!("n.toml", $expected)), "{text}");
+        )*};
+    }
+
     #[test]
     fn every_mistake_is_told_with_its_line() {
-        let cases = [
-            (
-                "[generated]\nkind = \"delaunay\"\npoints = 3\nseed = 1\nprogram = \"p\"\nsede = 1\n",
-                "n.toml:6: unknown field `sede`, expected one of `kind`, `points`, `seed`, `align`, `strength`, `merge`, `min_distance`, `shorter_than`, `program`",
-            ),
-            ("[law]\nname = \"linear\"\nradius = 1\n", "n.toml:1: the law `linear` needs a youngs_modulus"),
-            (
-                "\n[law]\nname = \"linear\"\nradius = \"1\"\nyoungs_modulus = 1\n",
-                "n.toml:4: `radius` is the string \"1\"",
-            ),
-            (
-                "[generated]\nkind = \"delaunay\"\npoints = 3\nseed = 99999999999999999999\nprogram = \"p\"\n",
-                "n.toml:4: `seed` is the whole number 99999999999999999999",
-            ),
-            (
-                "[generated]\nkind = \"delaunay\"\npoints = -3\nseed = 1\nprogram = \"p\"\n",
-                "n.toml:3: `points` is the whole number -3",
-            ),
-            (
-                "[generated]\nkind = \"delaunay\"\npoints = 3.5\nseed = 1\nprogram = \"p\"\n",
-                "n.toml:3: `points` is the number 3.5",
-            ),
-            (
-                "\u{feff}[fibers]\ntypes = [0,\n 99999999999999999999999999, 0]\n",
-                "n.toml:3: a value is the whole number 99999999999999999999999999",
-            ),
-            ("[law]\nname = [1]\nradius = true\n", "n.toml:2: `name` is a list"),
-            (
-                "\n[law]\nname = \"linnear\"\nradius = 1\nyoungs_modulus = 1\n",
-                "n.toml:3: there is no law `linnear`; known are linear, exponential, exponential-stretch and table",
-            ),
-            (
-                "[law]\nname = \"exponential\"\nradius = 1\nyoungs_modulus = 1\n",
-                "n.toml:1: the law `exponential` needs a nonlinearity",
-            ),
-            (
-                "[law]\nname = \"linear\"\nradius = -1\nyoungs_modulus = 1\n",
-                "n.toml:3: the radius is -1, but must be finite and above 0",
-            ),
-            (
-                "[law]\nname = \"linear\"\nradius = 1\nyoungs_modulus = nan\n",
-                "n.toml:4: the youngs_modulus is NaN, but must be finite and above 0",
-            ),
-            (
-                "[law]\nname = \"linear\"\nradius = 1\nyoungs_modulus = 1\ntransition = 2\n",
-                "n.toml:5: the law `linear` has no transition",
-            ),
-            (
-                "[law]\nname = \"exponential-stretch\"\nradius = 1\nyoungs_modulus = 1\nnonlinearity = 1\ntransition = 0.5\n",
-                "n.toml:6: the transition is 0.5, but must be finite and at least 1",
-            ),
-            (
-                "[law]\nname = \"linear\"\nradius = 1\nyoungs_modulus = 1\ncompression = -0.1\n",
-                "n.toml:5: the compression is -0.1, but must be finite and from 0 to 1",
-            ),
-            (
-                "[law]\nname = \"linear\"\nradius = 1\nyoungs_modulus = 1\nbuckling_strain = 0\n",
-                "n.toml:5: the buckling_strain is 0, but must be finite and above 0",
-            ),
-            ("[law]\nname = \"table\"\nradius = 1\n", "n.toml:1: the law `table` needs a file"),
-            (
-                "law = { name = \"linear\", youngs_modulus = 1,\n radius = -1 }\n",
-                "n.toml:1: the radius is -1, but must be finite and above 0",
-            ),
-            (
-                "[law]\nname = \"table\"\nradius = 1\nyoungs_modulus = 1\n",
-                "n.toml:4: the law `table` has no youngs_modulus",
-            ),
-            (
-                "[law]\nname = \"table\"\nradius = 1\npoints = [[1, 0], [1.2, 1], [1.1, 2]]\n",
-                "n.toml:4: point 3: the stretch 1.1 follows 1.2",
-            ),
-            (
-                "[law]\nname = \"table\"\nradius = 1\nfile = \"a\"\npoints = [[1, 0], [1.2, 1]]\n",
-                "n.toml:5: the law `table` has both a file and points",
-            ),
-            (
-                "[[fiber_type]]\nname = \"linear\"\nradius = 1\nyoungs_modulus = 1\n",
-                "n.toml: [[fiber_type]] without [fibers]",
-            ),
-            ("\n[fibers]\ntypes = [0, 0, 0]\n", "n.toml:2: [fibers] without a [[fiber_type]]"),
-            (
-                "[[fiber_type]]\nname = \"linear\"\nradius = 1\nyoungs_modulus = 1\n[fibers]\ntypes = [0,\n 0, 1]\n",
-                "n.toml:7: there is no fiber type 1",
-            ),
-            (
-                "[[fiber_type]]\nname = \"linear\"\nradius = 1\nyoungs_modulus = 1\n[fibers]\ntypes = [0]\n",
-                "n.toml:5: 1 types of fibers",
-            ),
-            (
-                "[[fiber_type]]\nname = \"linear\"\nradius = 1\n[fibers]\ntypes = [0, 0, 0]\n",
-                "n.toml:1: the law `linear` needs a youngs_modulus",
-            ),
-            (
-                "[law]\nname = \"linear\"\nradius = 1\nyoungs_modulus = 1\n\
-                 [[fiber_type]]\nname = \"linear\"\nradius = 1\nyoungs_modulus = 1\n",
-                "n.toml:1: the file has both [law] and [[fiber_type]]",
-            ),
-        ];
-        for (text, expected) in cases {
-            let error = parse(Path::new("n.toml"), text.as_bytes(), 3).unwrap_err().to_string();
-            assert_eq!(error.lines().next(), Some(expected), "{text}");
+        check! {
+            "[generated]\nkind = \"delaunay\"\npoints = 3\nseed = 1\nprogram = \"p\"\nsede = 1\n" =>
+                ":6: unknown field `sede`, expected one of `kind`, `points`, `seed`, `align`, `strength`, `merge`, `min_distance`, `shorter_than`, `program`";
+            law("linear", "radius = 1") => ":1: the law `linear` needs a youngs_modulus";
+            "\n[law]\nname = \"linear\"\nradius = \"1\"\nyoungs_modulus = 1\n" => ":4: `radius` is the string \"1\"";
+            "[generated]\nkind = \"delaunay\"\npoints = 3\nseed = 99999999999999999999\nprogram = \"p\"\n" =>
+                ":4: `seed` is the whole number 99999999999999999999";
+            "[generated]\nkind = \"delaunay\"\npoints = -3\nseed = 1\nprogram = \"p\"\n" =>
+                ":3: `points` is the whole number -3";
+            "[generated]\nkind = \"delaunay\"\npoints = 3.5\nseed = 1\nprogram = \"p\"\n" =>
+                ":3: `points` is the number 3.5";
+            "\u{feff}[fibers]\ntypes = [0,\n 99999999999999999999999999, 0]\n" =>
+                ":3: a value is the whole number 99999999999999999999999999";
+            "[law]\nname = [1]\nradius = true\n" => ":2: `name` is a list";
+            "\n[law]\nname = \"linnear\"\nradius = 1\nyoungs_modulus = 1\n" =>
+                ":3: there is no law `linnear`; known are linear, exponential, exponential-stretch and table";
+            law("exponential", "radius = 1\nyoungs_modulus = 1") => ":1: the law `exponential` needs a nonlinearity";
+            law("linear", "radius = -1\nyoungs_modulus = 1") => ":3: the radius is -1, but must be finite and above 0";
+            law("linear", "radius = 1\nyoungs_modulus = nan") =>
+                ":4: the youngs_modulus is NaN, but must be finite and above 0";
+            law("linear", "radius = 1\nyoungs_modulus = 1\ntransition = 2") => ":5: the law `linear` has no transition";
+            law("exponential-stretch", "radius = 1\nyoungs_modulus = 1\nnonlinearity = 1\ntransition = 0.5") =>
+                ":6: the transition is 0.5, but must be finite and at least 1";
+            law("linear", "radius = 1\nyoungs_modulus = 1\ncompression = -0.1") =>
+                ":5: the compression is -0.1, but must be finite and from 0 to 1";
+            law("linear", "radius = 1\nyoungs_modulus = 1\nbuckling_strain = 0") =>
+                ":5: the buckling_strain is 0, but must be finite and above 0";
+            law("table", "radius = 1") => ":1: the law `table` needs a file";
+            "law = { name = \"linear\", youngs_modulus = 1,\n radius = -1 }\n" =>
+                ":1: the radius is -1, but must be finite and above 0";
+            law("table", "radius = 1\nyoungs_modulus = 1") => ":4: the law `table` has no youngs_modulus";
+            law("table", "radius = 1\npoints = [[1, 0], [1.2, 1], [1.1, 2]]") =>
+                ":4: point 3: the stretch 1.1 follows 1.2";
+            law("table", "radius = 1\nfile = \"a\"\npoints = [[1, 0], [1.2, 1]]") =>
+                ":5: the law `table` has both a file and points";
+            "[[fiber_type]]\nname = \"linear\"\nradius = 1\nyoungs_modulus = 1\n" =>
+                ": [[fiber_type]] without [fibers]";
+            "\n[fibers]\ntypes = [0, 0, 0]\n" => ":2: [fibers] without a [[fiber_type]]";
+            "[[fiber_type]]\nname = \"linear\"\nradius = 1\nyoungs_modulus = 1\n[fibers]\ntypes = [0,\n 0, 1]\n" =>
+                ":7: there is no fiber type 1";
+            "[[fiber_type]]\nname = \"linear\"\nradius = 1\nyoungs_modulus = 1\n[fibers]\ntypes = [0]\n" =>
+                ":5: 1 types of fibers";
+            "[[fiber_type]]\nname = \"linear\"\nradius = 1\n[fibers]\ntypes = [0, 0, 0]\n" =>
+                ":1: the law `linear` needs a youngs_modulus";
+            law("linear", "radius = 1\nyoungs_modulus = 1") + "[[fiber_type]]\nname = \"linear\"\nradius = 1\n" =>
+                ":1: the file has both [law] and [[fiber_type]]";
         }
         assert!(parse(Path::new("n.toml"), b"[law]\nname = \"\xff\"", 3).is_err());
     }

@@ -31,210 +31,114 @@ fn params_error_of(text: &str) -> String {
     }
 }
 
+// Expected contents and cures.
+const COUNTED: &str = "one line for each thing counted";
+const CUT_SHORT: &str = "correct it; was the file cut short?";
+const TOO_LONG: &str = "correct it; does the file have too many lines?";
+const COMPARE: &str = "compare with the format of network files; was the file cut or edited by hand?";
+const FINITE: &str = "a finite number like 0.25 or -1e-3";
+const DIVIDED: &str = "find out what the program that wrote it divided by";
+const REAL: &str = "give the value of a real fiber";
+const COUNTS: &str = "three counts: NODES FIBERS PERIODIC";
+const NUMBERS: &str = "correct the number, or the counts in the first line";
+const ALIKE: &str = "edges alike within 1e-6 of the longest";
+const CUBE: &str = "give a network that fills a cube; stretched boxes cannot be centered and scaled to the unit cube";
+
+/// Cases: a text => position and description of its error, the expected content, the cure.
+macro_rules! refused {
+    ($error_of:ident, $file:literal; $($text:expr => $problem:literal, $expected:expr, $cure:expr;)*) => {$(
+        let (text, problem) = ($text, concat!($file, $problem));
+        let said = format!("{problem}\n  expected: {}\n  cure: {}", $expected, $cure);
+        assert_eq!($error_of(&text), said, "for\n{text}");
+    )*};
+}
+
+fn good_with(old: &str, new: &str) -> String {
+    GOOD.replacen(old, new, 1)
+}
+
+fn params_with(old: &str, new: &str) -> String {
+    GOOD_PARAMS.replacen(old, new, 1)
+}
+
 #[test]
 fn broken_networks_are_refused_in_these_words() {
-    let cut = "\n  expected: one line for each thing counted\n  cure: correct it; was the file cut short?";
-    let long = "\n  expected: one line for each thing counted\n  cure: correct it; does the file have too many lines?";
-    let compare = "\n  cure: compare with the format of network files; was the file cut or edited by hand?";
-    let finite = "\n  expected: a finite number like 0.25 or -1e-3";
-    let divided = "\n  cure: find out what the program that wrote it divided by";
-    let header = "net.txt:1: the header announces";
-    let cases: Vec<(String, String)> = vec![
-        (String::new(), format!("net.txt: the file is empty\n  expected: three counts: NODES FIBERS PERIODIC{compare}")),
-        (
-            GOOD.replacen("9 8 0", "9 8", 1),
-            format!(
-                "net.txt:1: there are 2 words on this line, `9 8`\n  expected: three counts: NODES FIBERS PERIODIC{compare}"
-            ),
-        ),
-        (
-            GOOD.replacen("9 8 0", "9 -8 0", 1),
-            format!("net.txt:1: `-8` is no count\n  expected: a whole number from 0{compare}"),
-        ),
-        (
-            GOOD.replacen("7 8\n", "", 1),
-            format!(
-                "{header} 9 nodes, 8 fibers and 0 periodic pairs, which is 17 lines, but 16 lines follow: 9 of three \
-                 words or more and 7 of fewer{cut}"
-            ),
-        ),
-        (
-            format!("{GOOD}1 2\n"),
-            format!(
-                "{header} 9 nodes, 8 fibers and 0 periodic pairs, which is 17 lines, but 18 lines follow: 9 of three \
-                 words or more and 9 of fewer{long}"
-            ),
-        ),
-        (
-            GOOD.replacen("9 8 0", "18446744073709551615 18446744073709551615 18446744073709551615", 1),
-            format!(
-                "{header} 18446744073709551615 nodes, 18446744073709551615 fibers and 18446744073709551615 periodic \
-                 pairs, which is 55340232221128654845 lines, but 17 lines follow: 9 of three words or more and 8 of \
-                 fewer{cut}"
-            ),
-        ),
-        (
-            GOOD.replacen("9 8 0", "10 7 0", 1),
-            format!(
-                "net.txt:11: there are 2 words on this line, `0 8`\n  expected: the position of a node: x y z{compare}"
-            ),
-        ),
-        (GOOD.replacen("1 1 1", "1 l 1", 1), format!("net.txt:10: `l` is no number{finite}{compare}")),
-        (GOOD.replacen("1 1 1", "1 NaN 1", 1), format!("net.txt:10: `NaN` is not finite{finite}{divided}")),
-        (GOOD.replacen("1 1 1", "1 1 -inf", 1), format!("net.txt:10: `-inf` is not finite{finite}{divided}")),
-        (GOOD.replacen("1 1 1", "1e999 1 1", 1), format!("net.txt:10: `1e999` is not finite{finite}{divided}")),
-        (GOOD.replacen("1 1 1", "1 1 1 up", 1), format!("net.txt:10: `up` is no number{finite}{compare}")),
-        (
-            GOOD.replacen("\n3 8", "\n3.5 8", 1),
-            format!("net.txt:14: `3.5` is no whole number\n  expected: a whole number like 12{compare}"),
-        ),
-        (
-            GOOD.replacen("\n3 8", "\n3 9", 1),
-            "net.txt:14: there is no node 9\n  expected: nodes 0 to 8\n  cure: correct the number, or the counts in the \
-             first line"
-                .into(),
-        ),
-        (
-            GOOD.replacen("\n3 8", "\n-1 8", 1),
-            "net.txt:14: there is no node -1\n  expected: nodes 0 to 8\n  cure: correct the number, or the counts in \
-             the first line"
-                .into(),
-        ),
-        (
-            GOOD.replacen("0 8\n1 8\n2 8\n3 8\n4 8\n5 8\n6 8\n7 8\n", "1 9\n2 9\n3 9\n4 9\n5 9\n6 9\n7 9\n8 9\n", 1),
-            "net.txt:11: node 9 of 9: the whole file counts its nodes from 1\n  expected: node numbers from 0\n  cure: \
-             subtract 1 from every node number of the fibers"
-                .into(),
-        ),
-        (
-            GOOD.replacen("\n3 8", "\n3 3", 1),
-            "net.txt:14: fiber 3 runs from node 3 to itself\n  expected: two different nodes\n  cure: remove the fiber \
-             or correct it"
-                .into(),
-        ),
-        (
-            GOOD.replacen("1 1 1", "0 0 0", 1),
-            "net.txt:11: fiber 0 between nodes 0 and 8 has the length 0e0 of the cube's edge\n  expected: a fiber of \
-             some length\n  cure: merge the two nodes, lines 2 and 10, or move one"
-                .into(),
-        ),
-        (
-            GOOD.replacen("2 2 2", "2 2 0", 1).replacen("1 1 1", "1 1 2", 1),
-            "net.txt:9: nodes 3 and 7 have the same position, [2.0, 2.0, 0.0]\n  expected: every node at a place of its \
-             own\n  cure: merge the two, or move one; the other is on line 5"
-                .into(),
-        ),
-        (
-            GOOD.replace('2', "2.001").replacen("0 2.001 0", "0 2 0", 1).replace("2.001 0 0", "2 0 0").replace(
-                "2.001 8", "2 8",
-            ).replace("2.001 2.001 0", "2 2.001 0").replace("2.001 0 2.001", "2 0 2.001").replace(
-                "2.001 2.001 2.001", "2 2.001 2.001",
-            ),
-            "net.txt: the box of the nodes has the edges 2 x 2.001 x 2.001, not a cube\n  expected: edges alike \
-             within 1e-6 of the longest\n  cure: give a network that fills a cube; stretched boxes cannot be centered \
-             and scaled to the unit cube"
-                .into(),
-        ),
-        (
-            "2 0 0\n0 0 0\n1 1 1\n".into(),
-            "net.txt:1: the network has no fibers\n  expected: at least one fiber\n  cure: generate the network again, \
-             with more points"
-                .into(),
-        ),
-        (
-            "0 0 0\n".into(),
-            "net.txt: the box of the nodes has the edges 0 x 0 x 0, not a cube\n  expected: edges alike within \
-             1e-6 of the longest\n  cure: give a network that fills a cube; stretched boxes cannot be centered and \
-             scaled to the unit cube"
-                .into(),
-        ),
-        (
-            GOOD.replacen("9 8 0", "9 8 1", 1) + "0 3\n",
-            "net.txt:19: there is no node 0\n  expected: nodes 1 to 9\n  cure: correct the number, or the counts in \
-             the first line"
-                .into(),
-        ),
-    ];
-    for (text, expected) in cases {
-        assert_eq!(error_of(&text), expected, "for\n{text}");
+    refused! { error_of, "net.txt";
+        String::new() => ": the file is empty", COUNTS, COMPARE;
+        good_with("9 8 0", "9 8") => ":1: there are 2 words on this line, `9 8`", COUNTS, COMPARE;
+        good_with("9 8 0", "9 -8 0") => ":1: `-8` is no count", "a whole number from 0", COMPARE;
+        good_with("7 8\n", "") =>
+            ":1: the header announces 9 nodes, 8 fibers and 0 periodic pairs, which is 17 lines, but 16 lines follow: \
+             9 of three words or more and 7 of fewer",
+            COUNTED, CUT_SHORT;
+        format!("{GOOD}1 2\n") =>
+            ":1: the header announces 9 nodes, 8 fibers and 0 periodic pairs, which is 17 lines, but 18 lines follow: \
+             9 of three words or more and 9 of fewer",
+            COUNTED, TOO_LONG;
+        good_with("9 8 0", "18446744073709551615 18446744073709551615 18446744073709551615") =>
+            ":1: the header announces 18446744073709551615 nodes, 18446744073709551615 fibers and \
+             18446744073709551615 periodic pairs, which is 55340232221128654845 lines, but 17 lines follow: 9 of \
+             three words or more and 8 of fewer",
+            COUNTED, CUT_SHORT;
+        good_with("9 8 0", "10 7 0") => ":11: there are 2 words on this line, `0 8`", "the position of a node: x y z",
+            COMPARE;
+        good_with("1 1 1", "1 l 1") => ":10: `l` is no number", FINITE, COMPARE;
+        good_with("1 1 1", "1 NaN 1") => ":10: `NaN` is not finite", FINITE, DIVIDED;
+        good_with("1 1 1", "1 1 -inf") => ":10: `-inf` is not finite", FINITE, DIVIDED;
+        good_with("1 1 1", "1e999 1 1") => ":10: `1e999` is not finite", FINITE, DIVIDED;
+        good_with("1 1 1", "1 1 1 up") => ":10: `up` is no number", FINITE, COMPARE;
+        good_with("\n3 8", "\n3.5 8") => ":14: `3.5` is no whole number", "a whole number like 12", COMPARE;
+        good_with("\n3 8", "\n3 9") => ":14: there is no node 9", "nodes 0 to 8", NUMBERS;
+        good_with("\n3 8", "\n-1 8") => ":14: there is no node -1", "nodes 0 to 8", NUMBERS;
+        good_with("0 8\n1 8\n2 8\n3 8\n4 8\n5 8\n6 8\n7 8\n", "1 9\n2 9\n3 9\n4 9\n5 9\n6 9\n7 9\n8 9\n") =>
+            ":11: node 9 of 9: the whole file counts its nodes from 1", "node numbers from 0",
+            "subtract 1 from every node number of the fibers";
+        good_with("\n3 8", "\n3 3") => ":14: fiber 3 runs from node 3 to itself", "two different nodes",
+            "remove the fiber or correct it";
+        good_with("1 1 1", "0 0 0") => ":11: fiber 0 between nodes 0 and 8 has the length 0e0 of the cube's edge",
+            "a fiber of some length", "merge the two nodes, lines 2 and 10, or move one";
+        good_with("2 2 2", "2 2 0").replacen("1 1 1", "1 1 2", 1) =>
+            ":9: nodes 3 and 7 have the same position, [2.0, 2.0, 0.0]", "every node at a place of its own",
+            "merge the two, or move one; the other is on line 5";
+        GOOD.replace('2', "2.001").replacen("0 2.001 0", "0 2 0", 1).replace("2.001 0 0", "2 0 0")
+            .replace("2.001 8", "2 8").replace("2.001 2.001 0", "2 2.001 0")
+            .replace("2.001 0 2.001", "2 0 2.001").replace("2.001 2.001 2.001", "2 2.001 2.001") =>
+            ": the box of the nodes has the edges 2 x 2.001 x 2.001, not a cube", ALIKE, CUBE;
+        "2 0 0\n0 0 0\n1 1 1\n".to_owned() => ":1: the network has no fibers", "at least one fiber",
+            "generate the network again, with more points";
+        "0 0 0\n".to_owned() => ": the box of the nodes has the edges 0 x 0 x 0, not a cube", ALIKE, CUBE;
+        good_with("9 8 0", "9 8 1") + "0 3\n" => ":19: there is no node 0", "nodes 1 to 9", NUMBERS;
     }
 }
 
 #[test]
 fn broken_params_are_refused_in_these_words() {
-    let compare = "\n  cure: compare with the format of network files; was the file cut or edited by hand?";
-    let real = "\n  cure: give the value of a real fiber";
-    let cases: Vec<(String, String)> = vec![
-        (String::new(), format!("net.txt.params: the file is empty\n  expected: two counts: REACTIONS FIBERS{compare}")),
-        (
-            GOOD_PARAMS.replacen("2 8", "2 7", 1),
-            "net.txt.params:1: the parameters are for 7 fibers\n  expected: 8 fibers, as the network has\n  cure: give \
-             the .params file of this network"
-                .into(),
-        ),
-        (
-            GOOD_PARAMS.replacen("2 8", "0 8", 1),
-            format!("net.txt.params:1: there are 0 reactions\n  expected: from 1 to 65535 reactions{compare}"),
-        ),
-        (
-            GOOD_PARAMS.replacen("2 8", "99999999999 8", 1),
-            format!("net.txt.params:1: there are 99999999999 reactions\n  expected: from 1 to 65535 reactions{compare}"),
-        ),
-        (
-            GOOD_PARAMS.replacen("2 8", "3 8", 1),
-            "net.txt.params:1: the header announces 3 reactions and 8 fibers, which is 11 lines, but 10 lines \
-             follow\n  expected: one line for each thing counted\n  cure: correct it; was the file cut short?"
-                .into(),
-        ),
-        (
-            format!("{GOOD_PARAMS}0\n"),
-            "net.txt.params:1: the header announces 2 reactions and 8 fibers, which is 10 lines, but 11 lines \
-             follow\n  expected: one line for each thing counted\n  cure: correct it; does the file have too many lines?"
-                .into(),
-        ),
-        (
-            GOOD_PARAMS.replacen("\n0 5e-8", "\n2 5e-8", 1),
-            "net.txt.params:2: there is no reaction of type `2`\n  expected: `0 radius E density` (linear) or `1 radius \
-             E B lambda_t density` (exponential-stretch)\n  cure: name other laws in the case or in the .toml file"
-                .into(),
-        ),
-        (
-            GOOD_PARAMS.replacen("0 5e-8 1e8 1000", "0 5e-8 1e8", 1),
-            format!(
-                "net.txt.params:2: there are 3 words on this line, `0 5e-8 1e8`\n  expected: 0 radius E density{compare}"
-            ),
-        ),
-        (
-            GOOD_PARAMS.replacen("0 5e-8", "0 0", 1),
-            format!("net.txt.params:2: the radius is 0\n  expected: a radius above 0{real}"),
-        ),
-        (
-            GOOD_PARAMS.replacen("1e8 1000", "-1 1000", 1),
-            format!("net.txt.params:2: the modulus is -1\n  expected: a modulus above 0{real}"),
-        ),
-        (
-            GOOD_PARAMS.replacen("1e8 1000", "1e8 -1000", 1),
-            format!("net.txt.params:2: the density is -1000\n  expected: a density from 0{real}"),
-        ),
-        (
-            GOOD_PARAMS.replacen("1.2 1.4", "0 1.4", 1),
-            format!("net.txt.params:3: the nonlinearity B is 0\n  expected: a nonlinearity B above 0{real}"),
-        ),
-        (
-            GOOD_PARAMS.replacen("1.2 1.4", "1.2 0.9", 1),
-            "net.txt.params:3: the transition stretch is 0.9\n  expected: a stretch from 1\n  cure: give the stretch \
-             above which the law goes on along its tangent line"
-                .into(),
-        ),
-        (
-            GOOD_PARAMS.replacen("\n0\n1\n", "\n0\n2\n", 1),
-            "net.txt.params:5: there is no reaction 2\n  expected: reactions 0 to 1\n  cure: correct the number of \
-             this fiber's law"
-                .into(),
-        ),
-    ];
-    for (text, expected) in cases {
-        assert_eq!(params_error_of(&text), expected, "for\n{text}");
+    refused! { params_error_of, "net.txt.params";
+        String::new() => ": the file is empty", "two counts: REACTIONS FIBERS", COMPARE;
+        params_with("2 8", "2 7") => ":1: the parameters are for 7 fibers", "8 fibers, as the network has",
+            "give the .params file of this network";
+        params_with("2 8", "0 8") => ":1: there are 0 reactions", "from 1 to 65535 reactions", COMPARE;
+        params_with("2 8", "99999999999 8") => ":1: there are 99999999999 reactions", "from 1 to 65535 reactions",
+            COMPARE;
+        params_with("2 8", "3 8") =>
+            ":1: the header announces 3 reactions and 8 fibers, which is 11 lines, but 10 lines follow", COUNTED,
+            CUT_SHORT;
+        format!("{GOOD_PARAMS}0\n") =>
+            ":1: the header announces 2 reactions and 8 fibers, which is 10 lines, but 11 lines follow", COUNTED,
+            TOO_LONG;
+        params_with("\n0 5e-8", "\n2 5e-8") => ":2: there is no reaction of type `2`",
+            "`0 radius E density` (linear) or `1 radius E B lambda_t density` (exponential-stretch)",
+            "name other laws in the case or in the .toml file";
+        params_with("0 5e-8 1e8 1000", "0 5e-8 1e8") => ":2: there are 3 words on this line, `0 5e-8 1e8`",
+            "0 radius E density", COMPARE;
+        params_with("0 5e-8", "0 0") => ":2: the radius is 0", "a radius above 0", REAL;
+        params_with("1e8 1000", "-1 1000") => ":2: the modulus is -1", "a modulus above 0", REAL;
+        params_with("1e8 1000", "1e8 -1000") => ":2: the density is -1000", "a density from 0", REAL;
+        params_with("1.2 1.4", "0 1.4") => ":3: the nonlinearity B is 0", "a nonlinearity B above 0", REAL;
+        params_with("1.2 1.4", "1.2 0.9") => ":3: the transition stretch is 0.9", "a stretch from 1",
+            "give the stretch above which the law goes on along its tangent line";
+        params_with("\n0\n1\n", "\n0\n2\n") => ":5: there is no reaction 2", "reactions 0 to 1",
+            "correct the number of this fiber's law";
     }
 }
 
