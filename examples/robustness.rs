@@ -192,7 +192,7 @@ fn reached(
         }
         Err(RveError::NotConverged { failures, report }) => {
             let causes: Vec<String> = failures.iter().map(ToString::to_string).collect();
-            let refused = failures.iter().any(|failure| matches!(failure.reason, StageError::Unstable { .. }));
+            let refused = failures.iter().any(|failure| matches!(failure.reason, StageError::Unstable(_)));
             (*report, Some(causes.join("; ")), refused)
         }
         Err(error) => (EquilibriumReport::default(), Some(error.to_string()), false),

@@ -48,7 +48,7 @@ fn generated(case: &Case, mesh: Result<Mesh, ShapeError>) -> Result<Mesh, InputE
         Err(error) => error,
     };
     let (expected, cure) = match &error {
-        ShapeError::TooManyElements { .. } => (
+        ShapeError::TooManyElements(_) => (
             format!("at most {} elements", shapes::MAX_ELEMENTS),
             "choose fewer `cells`, or a greater `element_size`: it is in mesh units",
         ),
@@ -88,7 +88,7 @@ pub fn boundary(case: &Case, mesh: &Mesh, conditions: &Conditions) -> Result<Bou
             BoundaryError::UnknownRegion { .. } => {
                 (None, "a region of the mesh".into(), "choose one of these, or name it in the mesh as a physical group")
             }
-            BoundaryError::NotInOneElement { .. } => {
+            BoundaryError::NotInOneElement(_) => {
                 (None, "loads whose nodes belong to one element".into(), "correct the load")
             }
         };

@@ -212,7 +212,7 @@ mod tests {
         let mut field = FormulaField::uniform(NeoHookean { mu: 1.0, lambda: 2.0 }, 2);
         let mirrored = Matrix3::from_diagonal(&[-1.0, 1.0, 1.0].into());
         let error = field.update(&[Matrix3::identity(), mirrored], &mut PointResponses::zeros(2)).unwrap_err();
-        assert_eq!(error, PointError { element: 1, reason: MaterialError::Inverted { determinant: -1.0 } });
+        assert_eq!(error, PointError { element: 1, reason: MaterialError::Inverted(-1.0) });
         let missing = FormulaField::new(vec![], &[0]).err().unwrap();
         assert_eq!(missing, RegionError { element: 0, region: 0, materials: 0 });
     }

@@ -81,7 +81,7 @@ pub(super) fn tangent<B: RealBackend>(
             form[(MODES + v, MODES + w)] = (spin(v) * f).dot(&turned_stress);
         }
     }
-    let coefficients = rate_coefficients(f).ok_or(RveError::Inverted { determinant: f.determinant() })?;
+    let coefficients = rate_coefficients(f).ok_or(RveError::Inverted(f.determinant()))?;
     Ok(coefficients.transpose() * form * coefficients)
 }
 

@@ -54,14 +54,9 @@ pub struct FiberStates {
 /// Error in the construction of a [`Truss`].
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum TrussError {
-    /// Neither the caller nor the network's files give a fiber material.
-    #[error(
-        "the network {network} has no fiber materials (no .params file, no [law] in its .toml), and no law was given"
-    )]
-    NoMaterial {
-        /// The name of the network.
-        network: String,
-    },
+    /// Neither the caller nor the network's files give a fiber material. Holds the name of the network.
+    #[error("the network {0} has no fiber materials (no .params file, no [law] in its .toml), and no law was given")]
+    NoMaterial(String),
     /// A material parameter is invalid.
     #[error(transparent)]
     Material(#[from] FiberMaterialError),
@@ -77,7 +72,7 @@ impl Truss {
         let of_one = material.is_some();
         let materials = material.map_or_else(|| network.materials().to_vec(), |m| vec![m]);
         if materials.is_empty() {
-            return Err(TrussError::NoMaterial { network: network.name().to_owned() });
+            return Err(TrussError::NoMaterial(network.name().to_owned()));
         }
         for material in &materials {
             material.check()?;

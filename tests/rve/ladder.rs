@@ -230,7 +230,7 @@ fn an_inverted_deformation_is_refused() {
     let mut bench = bench();
     let mut rve = bench.at_rest();
     let error = bench.solve(&mut rve, &Matrix3::from_diagonal(&[1.0, 1.0, -0.5].into())).unwrap_err();
-    assert_eq!(error, RveError::Inverted { determinant: -0.5 });
+    assert_eq!(error, RveError::Inverted(-0.5));
     let error = bench.solve(&mut rve, &Matrix3::from_element(f64::NAN)).unwrap_err();
-    assert!(matches!(error, RveError::Inverted { determinant } if determinant.is_nan()));
+    assert!(matches!(error, RveError::Inverted(determinant) if determinant.is_nan()));
 }

@@ -39,7 +39,7 @@ fn linear() -> FiberMaterial {
 fn unstable<F: std::error::Error>(error: &RveError<F>) -> Vec<(Stage, Option<usize>)> {
     let RveError::NotConverged { failures, .. } = error else { panic!("{error}") };
     let unstable = failures.iter().filter_map(|failure| match failure.reason {
-        StageError::Unstable { negative_pivots } => Some((failure.stage, negative_pivots)),
+        StageError::Unstable(negative_pivots) => Some((failure.stage, negative_pivots)),
         _ => None,
     });
     unstable.collect()

@@ -127,9 +127,9 @@ pub fn run(command: MeshCommand) -> Result<(), Failure> {
 /// Returns the failure for arguments that do not define a valid shape.
 fn shape_failure(error: &ShapeError) -> Failure {
     let (expected, cure) = match error {
-        ShapeError::NoCells { .. } => ("one cell at least along each axis".to_owned(), "raise --cells"),
+        ShapeError::NoCells(_) => ("one cell at least along each axis".to_owned(), "raise --cells"),
         ShapeError::NotPositive { .. } => ("a positive, finite length in meters".to_owned(), "correct it"),
-        ShapeError::TooManyElements { .. } => {
+        ShapeError::TooManyElements(_) => {
             (format!("at most {} elements", shapes::MAX_ELEMENTS), "take fewer cells or larger elements")
         }
         ShapeError::ElementTooLarge { limit, .. } => (format!("at most {limit}"), "lower --element-size"),

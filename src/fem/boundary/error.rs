@@ -57,11 +57,9 @@ pub enum BoundaryError {
         second_value: f64,
     },
     /// A load couples nodes that do not belong to one element, so that the sparsity pattern has no entries for them.
-    #[error("a load couples the nodes {nodes:?}, which no element contains together")]
-    NotInOneElement {
-        /// The nodes of one group of the load.
-        nodes: Vec<u32>,
-    },
+    /// Holds the nodes of one group of the load.
+    #[error("a load couples the nodes {0:?}, which no element contains together")]
+    NotInOneElement(Vec<u32>),
 }
 
 fn list(known: &[String]) -> String {

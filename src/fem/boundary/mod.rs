@@ -146,7 +146,7 @@ fn check_coupled_nodes(mesh: &Mesh, coupled: CoupledNodes<'_>) -> Result<(), Bou
         let elements = group.first().and_then(|&node| elements_of.get(node as usize));
         let contain = |nodes: &&[u32; 4]| group.iter().all(|node| nodes.contains(node));
         if !elements.is_some_and(|elements| elements.iter().any(contain)) {
-            return Err(BoundaryError::NotInOneElement { nodes: group.to_vec() });
+            return Err(BoundaryError::NotInOneElement(group.to_vec()));
         }
     }
     Ok(())

@@ -147,9 +147,9 @@ fn loads_couple_only_nodes_of_one_element_and_weaken_the_symmetry() {
     let mesh = box_2x1x1();
     // Node 0 is at x = 0, node 2 at x = 2, two cells away.
     let far = Boundary::new(&mesh, &with_load(Coupling([[0, 1, 2]], Symmetry::None))).unwrap_err();
-    assert_eq!(far, BoundaryError::NotInOneElement { nodes: vec![0, 1, 2] });
+    assert_eq!(far, BoundaryError::NotInOneElement(vec![0, 1, 2]));
     let none = Boundary::new(&mesh, &with_load(Coupling([[0, 1, 99]], Symmetry::None))).unwrap_err();
-    assert_eq!(none, BoundaryError::NotInOneElement { nodes: vec![0, 1, 99] });
+    assert_eq!(none, BoundaryError::NotInOneElement(vec![0, 1, 99]));
     let facet = mesh.surfaces()[0].triangles[0];
     for symmetry in [Symmetry::None, Symmetry::Symmetric, Symmetry::Definite] {
         let boundary = Boundary::new(&mesh, &with_load(Coupling([facet], symmetry))).unwrap();

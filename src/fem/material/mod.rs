@@ -36,12 +36,9 @@ pub struct Response {
 /// The reason why a material cannot be evaluated.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum MaterialError {
-    /// The deformation inverts or flattens the point, or `det F` is not finite.
-    #[error("the deformation is inverted: det F = {determinant:.6e}, and a body needs det F > 0")]
-    Inverted {
-        /// `J = det F`.
-        determinant: f64,
-    },
+    /// The deformation inverts or flattens the point, or `det F` is not finite. Holds `J = det F`.
+    #[error("the deformation is inverted: det F = {0:.6e}, and a body needs det F > 0")]
+    Inverted(f64),
 }
 
 /// A hyperelastic material without memory.
@@ -65,7 +62,7 @@ fn checked_determinant(f: &Matrix3<f64>) -> Result<f64, MaterialError> {
     if determinant > 0.0 && determinant.is_finite() {
         Ok(determinant)
     } else {
-        Err(MaterialError::Inverted { determinant })
+        Err(MaterialError::Inverted(determinant))
     }
 }
 
@@ -194,8 +191,8 @@ mod tests {
     fn inverted_and_unreal_states_are_errors() {
         let material = NeoHookean { mu: MU, lambda: LAMBDA };
         let mirrored = Matrix3::from_diagonal(&[1.0, -0.5, 1.0].into());
-        assert_eq!(material.evaluate(&mirrored).unwrap_err(), MaterialError::Inverted { determinant: -0.5 });
-        assert_eq!(material.energy(&mirrored).unwrap_err(), MaterialError::Inverted { determinant: -0.5 });
+        assert_eq!(material.evaluate(&mirrored).unwrap_err(), MaterialError::Inverted(-0.5));
+        assert_eq!(material.energy(&mirrored).unwrap_err(), MaterialError::Inverted(-0.5));
         assert!(material.evaluate(&Matrix3::zeros()).is_err());
         assert!(material.evaluate(&Matrix3::from_element(f64::NAN)).is_err());
     }

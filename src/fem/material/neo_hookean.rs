@@ -56,7 +56,7 @@ impl NeoHookean {
 impl Material for NeoHookean {
     fn evaluate(&self, f: &Matrix3<f64>) -> Result<Response, MaterialError> {
         let determinant = checked_determinant(f)?;
-        let inverse = f.try_inverse().ok_or(MaterialError::Inverted { determinant })?;
+        let inverse = f.try_inverse().ok_or(MaterialError::Inverted(determinant))?;
         let displacement_gradient = f - Matrix3::identity();
         let dilatation = Dilatation::of(&displacement_gradient, determinant);
         let effective_mu = self.mu - self.lambda * dilatation.ln;

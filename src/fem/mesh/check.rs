@@ -17,12 +17,9 @@ pub enum MeshError {
     /// The mesh has no elements.
     #[error("the mesh has no elements")]
     NoElements,
-    /// There are more nodes, elements or regions than 32-bit indices can address.
-    #[error("{count} nodes or elements are more than the {} that 32-bit indices can address", u32::MAX)]
-    TooLarge {
-        /// The number of items.
-        count: usize,
-    },
+    /// There are more nodes, elements or regions than 32-bit indices can address. Holds the number of items.
+    #[error("{} nodes or elements are more than the {} that 32-bit indices can address", .0, u32::MAX)]
+    TooLarge(usize),
     /// A coordinate is NaN or infinite.
     #[error("node {node} lies at {position:?}: not finite")]
     NotFinite {
@@ -103,30 +100,18 @@ pub enum MeshError {
         /// The number of regions.
         regions: usize,
     },
-    /// A region has no elements.
-    #[error("region `{name}` has no elements")]
-    EmptyRegion {
-        /// Name of the region.
-        name: String,
-    },
-    /// A surface has no triangles.
-    #[error("surface `{name}` has no triangles")]
-    EmptySurface {
-        /// Name of the surface.
-        name: String,
-    },
-    /// A name cannot be written to mesh files.
-    #[error("the name `{}` is empty or holds a quote or a control character", .name.escape_debug())]
-    Name {
-        /// The name.
-        name: String,
-    },
-    /// Two regions or two surfaces have the same name.
-    #[error("the name `{name}` is given to two regions or to two surfaces")]
-    DuplicateName {
-        /// The name.
-        name: String,
-    },
+    /// The region of this name has no elements.
+    #[error("region `{0}` has no elements")]
+    EmptyRegion(String),
+    /// The surface of this name has no triangles.
+    #[error("surface `{0}` has no triangles")]
+    EmptySurface(String),
+    /// This name cannot be written to mesh files.
+    #[error("the name `{}` is empty or holds a quote or a control character", .0.escape_debug())]
+    Name(String),
+    /// Two regions or two surfaces have this name.
+    #[error("the name `{0}` is given to two regions or to two surfaces")]
+    DuplicateName(String),
     /// A triangle of a surface is not a face of any element.
     #[error("triangle {triangle} of surface `{surface}`, nodes {nodes:?}, is no face of any element")]
     NotAFace {
@@ -148,11 +133,8 @@ pub enum MeshError {
         second: usize,
     },
     /// The mesh cannot be scaled by this factor.
-    #[error("{factor} is no factor to scale a mesh by: it must be positive and finite")]
-    Scale {
-        /// The factor.
-        factor: f64,
-    },
+    #[error("{0} is no factor to scale a mesh by: it must be positive and finite")]
+    Scale(f64),
 }
 
 /// Checks that there are elements, that 32-bit indices suffice, and that each element has one region index.
@@ -162,7 +144,7 @@ pub(super) fn sizes(mesh: &Mesh) -> Result<(), MeshError> {
     }
     for count in [mesh.nodes.len(), mesh.elements.len(), mesh.regions.len()] {
         if u32::try_from(count).is_err() {
-            return Err(MeshError::TooLarge { count });
+            return Err(MeshError::TooLarge(count));
         }
     }
     if mesh.region_of.len() != mesh.elements.len() {
@@ -219,7 +201,7 @@ pub(super) fn regions(mesh: &Mesh) -> Result<(), MeshError> {
         }
     }
     match used.iter().position(|used| !used) {
-        Some(region) => Err(MeshError::EmptyRegion { name: mesh.regions[region].clone() }),
+        Some(region) => Err(MeshError::EmptyRegion(mesh.regions[region].clone())),
         None => Ok(()),
     }
 }
@@ -229,7 +211,7 @@ pub(super) fn names(mesh: &Mesh) -> Result<(), MeshError> {
     distinct(mesh.regions.iter().map(String::as_str))?;
     distinct(mesh.surface_names())?;
     match mesh.surfaces.iter().find(|surface| surface.triangles.is_empty()) {
-        Some(surface) => Err(MeshError::EmptySurface { name: surface.name.clone() }),
+        Some(surface) => Err(MeshError::EmptySurface(surface.name.clone())),
         None => Ok(()),
     }
 }
@@ -238,10 +220,10 @@ fn distinct<'a>(names: impl Iterator<Item = &'a str>) -> Result<(), MeshError> {
     let mut seen = HashSet::new();
     for name in names {
         if !is_name(name) {
-            return Err(MeshError::Name { name: name.into() });
+            return Err(MeshError::Name(name.into()));
         }
         if !seen.insert(name) {
-            return Err(MeshError::DuplicateName { name: name.into() });
+            return Err(MeshError::DuplicateName(name.into()));
         }
     }
     Ok(())

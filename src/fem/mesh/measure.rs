@@ -138,7 +138,7 @@ impl Mesh {
     /// overflow, and [`MeshError::Flat`] if element volumes vanish or overflow.
     pub fn scaled(mut self, factor: f64) -> Result<Self, MeshError> {
         if !(factor > 0.0 && factor.is_finite()) {
-            return Err(MeshError::Scale { factor });
+            return Err(MeshError::Scale(factor));
         }
         for coordinate in self.nodes.iter_mut().flatten() {
             *coordinate *= factor;

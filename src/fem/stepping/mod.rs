@@ -314,13 +314,13 @@ where
         loop {
             if self.body.verify().map_err(Self::rejected)? {
                 if replacements == MAX_REPLACEMENTS {
-                    return Err(Self::rejected(EquilibriumError::OffBranch { replacements }));
+                    return Err(Self::rejected(EquilibriumError::OffBranch(replacements)));
                 }
                 replacements += 1;
                 report.verification_rounds += 1;
             } else if self.body.evolve().map_err(Self::rejected)? {
                 if evolutions == self.params.max_evolutions {
-                    return Err(Self::rejected(EquilibriumError::StillChanging { evolutions }));
+                    return Err(Self::rejected(EquilibriumError::StillChanging(evolutions)));
                 }
                 (evolutions, replacements) = (evolutions + 1, 0);
                 report.evolutions += 1;

@@ -44,12 +44,9 @@ where
         /// Number of nodes of the mesh.
         expected: usize,
     },
-    /// A displacement is not finite.
-    #[error("the displacement of node {node} in the saved state is no finite number")]
-    NotFinite {
-        /// The node, from 0.
-        node: usize,
-    },
+    /// A displacement is not finite. Holds the node, from 0.
+    #[error("the displacement of node {0} in the saved state is no finite number")]
+    NotFinite(usize),
     /// The point field cannot be restored.
     #[error("{0}")]
     Field(R),
@@ -101,7 +98,7 @@ where
             return Err(RestoreError::Nodes { found: state.displacements.len(), expected: nodes });
         }
         if let Some(node) = state.displacements.iter().position(|u| u.iter().any(|u| !u.is_finite())) {
-            return Err(RestoreError::NotFinite { node });
+            return Err(RestoreError::NotFinite(node));
         }
         field(self.body.field_mut()).map_err(RestoreError::Field)?;
         self.body

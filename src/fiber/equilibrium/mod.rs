@@ -72,7 +72,7 @@ pub fn equilibrate<'a, B: RealBackend>(
 ) -> Result<EquilibriumState<'a, B>, RveError<B::Error>> {
     let determinant = target.determinant();
     if determinant.is_nan() || determinant <= 0.0 {
-        return Err(RveError::Inverted { determinant });
+        return Err(RveError::Inverted(determinant));
     }
     if !workspace.is_of(model) {
         return Err(RveError::Workspace);
@@ -311,7 +311,7 @@ impl<B: RealBackend> EquilibriumSolver<'_, B> {
                 Curvature::Indefinite { negative_pivots } => negative_pivots,
             };
             if round == MAX_SADDLES || !self.may_minimize {
-                return Err(StageError::Unstable { negative_pivots });
+                return Err(StageError::Unstable(negative_pivots));
             }
             let (mut problem, system) = Interior::of(self.model, self.workspace);
             let mut walked = NewtonReport::default();

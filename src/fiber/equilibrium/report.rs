@@ -88,12 +88,10 @@ pub enum StageError<F: std::error::Error + 'static> {
     #[error(transparent)]
     Relaxation(#[from] RelaxationError),
     /// The stage found an unstable equilibrium, a saddle point of the energy. Either regularized Newton, which would
-    /// continue to a minimum, is not among the stages, or one saddle point followed another.
-    #[error("the equilibrium found is unstable{}", format_negative_pivots(*.negative_pivots))]
-    Unstable {
-        /// Negative pivots of the stiffness, if the backend counts them.
-        negative_pivots: Option<usize>,
-    },
+    /// continue to a minimum, is not among the stages, or one saddle point followed another. Holds the negative pivots
+    /// of the stiffness, if the backend counts them.
+    #[error("the equilibrium found is unstable{}", format_negative_pivots(*.0))]
+    Unstable(Option<usize>),
 }
 
 fn format_negative_pivots(negative_pivots: Option<usize>) -> String {
@@ -130,12 +128,9 @@ impl<F: std::error::Error + 'static> fmt::Display for StageFailure<F> {
 /// Error of an RVE solve.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum RveError<F: std::error::Error + 'static> {
-    /// The deformation gradient has no positive determinant.
-    #[error("the deformation gradient has determinant {determinant:.3e}; it must be positive")]
-    Inverted {
-        /// `det F`.
-        determinant: f64,
-    },
+    /// The deformation gradient has no positive determinant. Holds `det F`.
+    #[error("the deformation gradient has determinant {0:.3e}; it must be positive")]
+    Inverted(f64),
     /// All stages failed.
     #[error("no equilibrium; {}", format_failures(failures))]
     NotConverged {
@@ -192,7 +187,7 @@ impl<F: std::error::Error + 'static> RveError<F> {
     #[must_use]
     pub fn is_linear(&self) -> bool {
         match self {
-            Self::Inverted { .. } | Self::Workspace | Self::State(_) | Self::ExcessiveForce(_) => false,
+            Self::Inverted(_) | Self::Workspace | Self::State(_) | Self::ExcessiveForce(_) => false,
             Self::Tangent(_) => true,
             Self::NotConverged { failures, .. } => failures
                 .last()
@@ -204,7 +199,7 @@ impl<F: std::error::Error + 'static> RveError<F> {
     #[must_use]
     pub fn is_fault(&self) -> bool {
         match self {
-            Self::Inverted { .. } | Self::Workspace | Self::State(_) | Self::ExcessiveForce(_) => false,
+            Self::Inverted(_) | Self::Workspace | Self::State(_) | Self::ExcessiveForce(_) => false,
             Self::Tangent(error) => matches!(error, SolveError::Backend(_) | SolveError::Library { .. }),
             Self::NotConverged { failures, .. } => failures.last().is_some_and(|failure| {
                 matches!(

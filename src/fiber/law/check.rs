@@ -10,12 +10,9 @@ use super::quadrature::gauss;
 /// A violated requirement of a law; stresses and slopes in Pa.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum LawError {
-    /// The stress at rest is not 0.
-    #[error("the stress at stretch 1 is {stress:e}; an undeformed fiber carries nothing")]
-    Rest {
-        /// The stress at stretch 1.
-        stress: f64,
-    },
+    /// The stress at rest is not 0. Holds the stress.
+    #[error("the stress at stretch 1 is {0:e}; an undeformed fiber carries nothing")]
+    Rest(f64),
     /// The modulus differs from the slope at rest, or the slope is not positive.
     #[error("youngs_modulus() is {modulus:e} and the slope at stretch 1 {slope:e}; both must be one number above 0")]
     Modulus {
@@ -24,12 +21,9 @@ pub enum LawError {
         /// The slope at stretch 1.
         slope: f64,
     },
-    /// Stress, slope or energy is NaN or infinite.
-    #[error("stress, slope or energy is not finite at the stretch {stretch}")]
-    NotFinite {
-        /// The stretch.
-        stretch: f64,
-    },
+    /// Stress, slope or energy is NaN or infinite. Holds the stretch.
+    #[error("stress, slope or energy is not finite at the stretch {0}")]
+    NotFinite(f64),
     /// The slope is not the derivative of the stress, or the stress is discontinuous.
     #[error("next to the stretch {stretch} the stress rises by {rise:e} per stretch, but its slope is {slope:e}")]
     Slope {
@@ -86,7 +80,7 @@ pub enum LawError {
 pub fn check(law: &dyn FiberLaw, stretches: RangeInclusive<f64>) -> Result<(), LawError> {
     let (stress, slope) = law.stress(1.0);
     if stress != 0.0 {
-        return Err(LawError::Rest { stress });
+        return Err(LawError::Rest(stress));
     }
     let modulus = law.youngs_modulus();
     if !(slope > 0.0 && (modulus - slope).abs() <= 1e-9 * slope) {
@@ -99,7 +93,7 @@ pub fn check(law: &dyn FiberLaw, stretches: RangeInclusive<f64>) -> Result<(), L
     for &stretch in &samples {
         let (stress, slope) = law.stress(stretch);
         if !(stress.is_finite() && slope.is_finite() && law.energy(stretch).is_finite()) {
-            return Err(LawError::NotFinite { stretch });
+            return Err(LawError::NotFinite(stretch));
         }
     }
     batches(law, &samples)?;

@@ -30,12 +30,9 @@ struct Piece {
 /// The reason why points do not define a law. Points are counted from 0.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum TableError {
-    /// The table has fewer than two points.
-    #[error("the table has {points} points")]
-    TooFew {
-        /// Number of points.
-        points: usize,
-    },
+    /// The table has fewer than two points. Holds their number.
+    #[error("the table has {0} points")]
+    TooFew(usize),
     /// A stretch or a stress is NaN or infinite.
     #[error("a value of the point ({stretch}, {stress}) is not finite")]
     NotFinite {
@@ -85,12 +82,9 @@ pub enum TableError {
         /// Its stress.
         stress: f64,
     },
-    /// The slope at stretch 1 is not positive.
+    /// The slope at stretch 1 is not positive. Holds the point at stretch 1.
     #[error("the curve has no slope at stretch 1")]
-    NoStiffness {
-        /// The point at stretch 1.
-        point: usize,
-    },
+    NoStiffness(usize),
 }
 
 impl TableError {
@@ -98,13 +92,13 @@ impl TableError {
     #[must_use]
     pub fn point(&self) -> Option<usize> {
         match *self {
-            Self::TooFew { .. } | Self::NoRest => None,
+            Self::TooFew(_) | Self::NoRest => None,
             Self::NotFinite { point, .. }
             | Self::Stretch { point, .. }
             | Self::Order { point, .. }
             | Self::Falls { point, .. }
             | Self::RestStress { point, .. }
-            | Self::NoStiffness { point } => Some(point),
+            | Self::NoStiffness(point) => Some(point),
         }
     }
 
@@ -112,14 +106,14 @@ impl TableError {
     #[must_use]
     pub fn expected(&self) -> &'static str {
         match self {
-            Self::TooFew { .. } => "at least two points: stretch, nominal stress in Pa",
+            Self::TooFew(_) => "at least two points: stretch, nominal stress in Pa",
             Self::NotFinite { .. } => "two finite numbers",
             Self::Stretch { .. } => "a stretch above 0 (1 is undeformed)",
             Self::Order { .. } => "stretches that rise from point to point",
             Self::Falls { .. } => "stresses that never fall as the stretch rises",
             Self::NoRest => "a point at stretch 1 with stress 0",
             Self::RestStress { .. } => "stress 0 at stretch 1: an undeformed fiber carries nothing",
-            Self::NoStiffness { .. } => "a positive slope at stretch 1: Young's modulus",
+            Self::NoStiffness(_) => "a positive slope at stretch 1: Young's modulus",
         }
     }
 
@@ -127,14 +121,14 @@ impl TableError {
     #[must_use]
     pub fn cure(&self) -> &'static str {
         match self {
-            Self::TooFew { .. } => "add points",
+            Self::TooFew(_) => "add points",
             Self::NotFinite { .. } => "correct or remove the point",
             Self::Stretch { .. } => "give lengths over the reference length, not strains",
             Self::Order { .. } => "sort the points and keep one for each stretch",
             Self::Falls { .. } => "smooth the measurement, or end the table before the fiber fails",
             Self::NoRest => "add the point (1, 0); stretches are lengths over the reference length",
             Self::RestStress { .. } => "shift the curve so that it passes through (1, 0)",
-            Self::NoStiffness { .. } => {
+            Self::NoStiffness(_) => {
                 "give the points next to it stresses other than 0; where the table starts or ends at 1, add one beyond"
             }
         }
@@ -152,7 +146,7 @@ impl Table {
         let slopes = slopes(&points);
         let youngs_modulus = slopes[rest];
         if youngs_modulus.is_nan() || youngs_modulus <= 0.0 {
-            return Err(TableError::NoStiffness { point: rest });
+            return Err(TableError::NoStiffness(rest));
         }
         Ok(Self { pieces: pieces(&points, &slopes, rest), points, youngs_modulus })
     }
@@ -174,7 +168,7 @@ impl Table {
 /// Checks the points and returns the index of the point at rest.
 fn check(points: &[[f64; 2]]) -> Result<usize, TableError> {
     if points.len() < 2 {
-        return Err(TableError::TooFew { points: points.len() });
+        return Err(TableError::TooFew(points.len()));
     }
     for (point, &[stretch, stress]) in points.iter().enumerate() {
         if !(stretch.is_finite() && stress.is_finite()) {

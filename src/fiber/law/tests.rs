@@ -300,14 +300,11 @@ fn the_check_for_authors_finds_every_fault() {
     let square = |l: f64| 0.5 * (l - 1.0) * (l - 1.0);
     let fault = |stress: fn(f64) -> (f64, f64), energy: fn(f64) -> f64| check(&Faulty(stress, energy), 0.5..=1.5);
     assert_eq!(fault(|l| (l - 1.0, 1.0), square), Ok(()));
-    assert!(matches!(fault(|l| (l, 1.0), square), Err(LawError::Rest { .. })));
+    assert!(matches!(fault(|l| (l, 1.0), square), Err(LawError::Rest(_))));
     assert!(matches!(fault(|l| (1.0 - l, -1.0), square), Err(LawError::Modulus { .. })));
     assert!(matches!(fault(|l| (l - 1.0, 1.0 + 1e-5 * (l - 1.0)), square), Err(LawError::Slope { .. })));
     assert!(matches!(fault(|l| (l - 1.0, 1.0), |l| 1.0001 * 0.5 * (l - 1.0).powi(2)), Err(LawError::Energy { .. })));
-    assert!(matches!(
-        fault(|l| (if l > 1.4 { f64::NAN } else { l - 1.0 }, 1.0), square),
-        Err(LawError::NotFinite { .. })
-    ));
+    assert!(matches!(fault(|l| (if l > 1.4 { f64::NAN } else { l - 1.0 }, 1.0), square), Err(LawError::NotFinite(_))));
     // A jump of the stress by 1e-6 of the modulus, and of the slope by a hundredth, between samples.
     let jump = fault(|l| (l - 1.0 + if l > 1.234_567_8 { 1e-6 } else { 0.0 }, 1.0), square);
     assert!(matches!(jump, Err(LawError::Slope { stretch, .. }) if (stretch - 1.234_567_8).abs() < 1e-8), "{jump:?}");

@@ -7,12 +7,10 @@ pub enum NetworkError {
     /// The network has no fibers.
     #[error("the network has no fibers")]
     NoFibers,
-    /// No node lies on a face of the cube, so that the deformation gradient cannot be imposed.
-    #[error("none of the {nodes} nodes lies on a face of the cube")]
-    NoBoundary {
-        /// Number of nodes.
-        nodes: usize,
-    },
+    /// No node lies on a face of the cube, so that the deformation gradient cannot be imposed. Holds the number of
+    /// nodes.
+    #[error("none of the {0} nodes lies on a face of the cube")]
+    NoBoundary(usize),
     /// There are more nodes or fibers than 32-bit unknowns can number.
     #[error("{count} {what}, but at most {most} can be numbered")]
     TooMany {
@@ -77,12 +75,10 @@ pub enum NetworkError {
         /// Their position, in the units given.
         position: [f64; 3],
     },
-    /// The bounding box is flat, or its edges differ by more than 1e-6 of the longest.
-    #[error("the box of the nodes has the edges {} x {} x {}, not a cube", edges[0], edges[1], edges[2])]
-    NotACube {
-        /// The edges along x, y, z, in the units given.
-        edges: [f64; 3],
-    },
+    /// The bounding box is flat, or its edges differ by more than 1e-6 of the longest. Holds the edges along x, y, z,
+    /// in the units given.
+    #[error("the box of the nodes has the edges {} x {} x {}, not a cube", .0[0], .0[1], .0[2])]
+    NotACube([f64; 3]),
     /// The list of materials does not have one entry per fiber.
     #[error("{given} material numbers for {fibers} fibers")]
     MaterialCount {

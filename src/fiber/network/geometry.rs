@@ -51,7 +51,7 @@ impl Cube {
         let shortest = edges[0].min(edges[1]).min(edges[2]);
         // Negated, so that an edge of infinity or NaN is rejected too.
         if !(shortest > 0.0 && longest.is_finite() && longest - shortest <= CUBE_TOLERANCE * longest) {
-            return Err(NetworkError::NotACube { edges });
+            return Err(NetworkError::NotACube(edges));
         }
         Ok(Self { lower, edges })
     }
@@ -111,7 +111,7 @@ impl Network {
             }
         }
         if boundary.is_empty() {
-            return Err(NetworkError::NoBoundary { nodes: nodes.len() });
+            return Err(NetworkError::NoBoundary(nodes.len()));
         }
         let lengths = fibers.iter().map(|&[a, b]| distance(nodes[a as usize], nodes[b as usize])).collect();
         Ok(Self {
@@ -274,7 +274,7 @@ mod tests {
         assert_eq!(network.boundary().len(), 8, "every face keeps its nodes");
         let (nodes, fibers) = star([0.0; 3], [1.0, 1.0, 1.0 + 1.1e-6]);
         let error = Network::new("star", nodes, fibers).unwrap_err();
-        assert!(matches!(error, NetworkError::NotACube { .. }), "{error}");
+        assert!(matches!(error, NetworkError::NotACube(_)), "{error}");
     }
 
     #[test]
@@ -299,7 +299,7 @@ mod tests {
         );
         let (nodes, fibers) = star([-0.4; 3], [0.8; 3]);
         let inside = Network::in_cube("star", Cube::UNIT, nodes.clone(), fibers.clone());
-        assert_eq!(inside.unwrap_err(), NetworkError::NoBoundary { nodes: 9 });
+        assert_eq!(inside.unwrap_err(), NetworkError::NoBoundary(9));
         let small = Cube { lower: [-0.3; 3], edges: [0.6; 3] };
         assert!(matches!(
             Network::in_cube("star", small, nodes, fibers).unwrap_err(),

@@ -14,12 +14,9 @@ const STREAM: u64 = 1;
 /// Error in the assignment of fiber types.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FiberTypesError {
-    /// There is no type, or there are more than 65535.
-    #[error("{count} types of fibers; there can be from 1 to 65535")]
-    Count {
-        /// Number of types.
-        count: usize,
-    },
+    /// There is no type, or there are more than 65535. Holds the number of types.
+    #[error("{0} types of fibers; there can be from 1 to 65535")]
+    Count(usize),
     /// A fraction is not positive.
     #[error("the fraction of type {number} is {fraction}")]
     Fraction {
@@ -28,12 +25,9 @@ pub enum FiberTypesError {
         /// Its fraction.
         fraction: f64,
     },
-    /// The fractions do not sum to 1.
-    #[error("the fractions of the fiber types sum to {}", (sum * 1e12).round() / 1e12)]
-    Sum {
-        /// Their sum.
-        sum: f64,
-    },
+    /// The fractions do not sum to 1. Holds their sum.
+    #[error("the fractions of the fiber types sum to {}", (.0 * 1e12).round() / 1e12)]
+    Sum(f64),
 }
 
 impl Network {
@@ -48,7 +42,7 @@ impl Network {
     /// 1e-9.
     pub fn with_random_types(self, types: Vec<(f64, FiberMaterial)>, seed: u64) -> Result<Self, FiberTypesError> {
         if !(1..=usize::from(u16::MAX)).contains(&types.len()) {
-            return Err(FiberTypesError::Count { count: types.len() });
+            return Err(FiberTypesError::Count(types.len()));
         }
         let (fractions, materials): (Vec<f64>, Vec<FiberMaterial>) = types.into_iter().unzip();
         for (number, &fraction) in fractions.iter().enumerate() {
@@ -58,7 +52,7 @@ impl Network {
         }
         let sum: f64 = fractions.iter().sum();
         if (sum - 1.0).abs() > TOLERANCE {
-            return Err(FiberTypesError::Sum { sum });
+            return Err(FiberTypesError::Sum(sum));
         }
         let counts = counts(&fractions, self.fibers.len());
         let types = (0u16..).zip(counts);

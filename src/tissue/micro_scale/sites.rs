@@ -318,7 +318,7 @@ impl Point {
 /// Rejects an inverted element: small-strain formulas have a response at any gradient.
 fn check_orientation(f: &Matrix3<f64>) -> Result<(), MaterialError> {
     let determinant = f.determinant();
-    if determinant > 0.0 { Ok(()) } else { Err(MaterialError::Inverted { determinant }) }
+    if determinant > 0.0 { Ok(()) } else { Err(MaterialError::Inverted(determinant)) }
 }
 
 fn write(out: &mut PointResponses, element: usize, response: &Response) {

@@ -197,13 +197,13 @@ fn not_generated(error: &GenerateError) -> Failure {
             "a --density that some number of points can give",
             format!("ask for one nearer to {nearest:.3}, or try another --kind, --merge or --seed"),
         ),
-        GenerateError::Direction { .. } => {
+        GenerateError::Direction(_) => {
             ("a direction that is not zero: --align \"1 0 0\"", "correct --align".into())
         }
         GenerateError::Strength { .. } => {
             ("--strength in that range", format!("0.3 is noticeable, {MAX_STRENGTH} nearly parallel"))
         }
-        GenerateError::Merge { .. } => {
+        GenerateError::Merge(_) => {
             ("--merge in that range", "leave --merge out for a value that suits the kind".into())
         }
         GenerateError::OpenFace { .. } => (

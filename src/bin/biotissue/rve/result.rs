@@ -124,7 +124,7 @@ impl Stability {
             Err(_) => return None,
         };
         failures.iter().rev().find_map(|failure| match failure.reason {
-            StageError::Unstable { negative_pivots } => Some(Self { stable: false, neutral: false, negative_pivots }),
+            StageError::Unstable(negative_pivots) => Some(Self { stable: false, neutral: false, negative_pivots }),
             _ => None,
         })
     }

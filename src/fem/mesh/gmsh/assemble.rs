@@ -124,7 +124,7 @@ impl ParsedFile<'_> {
     fn numbering(&self) -> Result<Numbering, InputError> {
         let nodes = &self.raw.nodes;
         if u32::try_from(nodes.len()).is_err() {
-            let problem = MeshError::TooLarge { count: nodes.len() }.to_string();
+            let problem = MeshError::TooLarge(nodes.len()).to_string();
             return Err(self.fault(0, problem, "a smaller mesh", "coarsen the mesh"));
         }
         Numbering::new(nodes.iter().map(|node| node.tag)).map_err(|index| {

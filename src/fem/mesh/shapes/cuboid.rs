@@ -72,9 +72,9 @@ mod tests {
     #[test]
     fn boxes_that_cannot_be_made() {
         let unit = [1.0; 3];
-        assert_eq!(cuboid([1, 0, 1], unit), Err(ShapeError::NoCells { cells: [1, 0, 1] }));
-        assert_eq!(cuboid([1000; 3], unit), Err(ShapeError::TooManyElements { elements: 6_000_000_000 }));
-        assert_eq!(cuboid([usize::MAX; 3], unit), Err(ShapeError::TooManyElements { elements: u64::MAX }));
+        assert_eq!(cuboid([1, 0, 1], unit), Err(ShapeError::NoCells([1, 0, 1])));
+        assert_eq!(cuboid([1000; 3], unit), Err(ShapeError::TooManyElements(6_000_000_000)));
+        assert_eq!(cuboid([usize::MAX; 3], unit), Err(ShapeError::TooManyElements(u64::MAX)));
         for bad in [0.0, -1.0, f64::INFINITY, f64::NAN] {
             let error = cuboid([1; 3], [1.0, bad, 1.0]).unwrap_err();
             assert_eq!(error.to_string(), format!("the size along y is {bad}: it must be positive and finite"));

@@ -31,11 +31,11 @@ impl Grid {
 
     fn checked(cells: [usize; 3], mirrored: Option<[bool; 3]>) -> Result<Self, ShapeError> {
         if cells.contains(&0) {
-            return Err(ShapeError::NoCells { cells });
+            return Err(ShapeError::NoCells(cells));
         }
         let elements = cells.iter().fold(6_u64, |product, &n| product.saturating_mul(n as u64));
         if elements > MAX_ELEMENTS {
-            return Err(ShapeError::TooManyElements { elements });
+            return Err(ShapeError::TooManyElements(elements));
         }
         Ok(Self { cells, mirrored })
     }

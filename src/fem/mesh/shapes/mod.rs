@@ -21,12 +21,9 @@ pub const MAX_ELEMENTS: u64 = 50_000_000;
 /// The reason why a shape cannot be meshed.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum ShapeError {
-    /// There are no cells along an axis.
-    #[error("{cells:?} cells along x, y and z: there must be at least one along each")]
-    NoCells {
-        /// Number of cells along each axis.
-        cells: [usize; 3],
-    },
+    /// There are no cells along an axis. Holds the number of cells along each axis.
+    #[error("{0:?} cells along x, y and z: there must be at least one along each")]
+    NoCells([usize; 3]),
     /// A length is zero, negative, infinite or NaN.
     #[error("{what} is {value}: it must be positive and finite")]
     NotPositive {
@@ -35,12 +32,9 @@ pub enum ShapeError {
         /// The given value.
         value: f64,
     },
-    /// The mesh would have more than [`MAX_ELEMENTS`] elements.
-    #[error("{elements} elements are more than the {MAX_ELEMENTS} that are allowed")]
-    TooManyElements {
-        /// The number of elements, at most `u64::MAX`.
-        elements: u64,
-    },
+    /// The mesh would have more than [`MAX_ELEMENTS`] elements. Holds the number of elements, at most `u64::MAX`.
+    #[error("{0} elements are more than the {MAX_ELEMENTS} that are allowed")]
+    TooManyElements(u64),
     /// An element is larger than the sample.
     #[error("elements of {element_size} do not fit into a sample whose {what} is {limit}")]
     ElementTooLarge {

@@ -197,7 +197,7 @@ fn an_inverted_trial_names_its_element() {
     else {
         panic!("{error}");
     };
-    assert!(matches!(point.reason, MaterialError::Inverted { determinant } if determinant <= 0.0));
+    assert!(matches!(point.reason, MaterialError::Inverted(determinant) if determinant <= 0.0));
     assert!(stepper.state().displacements.iter().all(|u| *u == [0.0; 3]));
 }
 

@@ -41,7 +41,7 @@ impl PointField for Brittle {
         self.formula.update(gradients, out)?;
         for element in (0..gradients.len()).filter(|&element| self.broken[element]) {
             if !self.committed[element] && gradients[element][(0, 0)] > self.fails_beyond {
-                return Err(PointError { element, reason: MaterialError::Inverted { determinant: 0.0 } });
+                return Err(PointError { element, reason: MaterialError::Inverted(0.0) });
             }
             out.energy[element] *= 0.2;
             out.pk1[element] *= 0.2;
@@ -125,7 +125,7 @@ fn a_failed_attempt_changes_no_material() {
     let SteppingError::NotConverged { reason: NewtonError::Problem(reason), reached, .. } = error else {
         panic!("{error}");
     };
-    assert_eq!((reason, reached), (EquilibriumError::StillChanging { evolutions: 2 }, 0.5));
+    assert_eq!((reason, reached), (EquilibriumError::StillChanging(2), 0.5));
     assert_eq!(stepper.field().broken, before);
     assert!(imbalance(&stepper) < 1e-8);
 }

@@ -109,11 +109,8 @@ impl Serialize for NamedLaw {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum NamedLawError {
     /// There is no law with this name.
-    #[error("there is no law `{name}`; known are {}", known_laws())]
-    Name {
-        /// The name given.
-        name: String,
-    },
+    #[error("there is no law `{}`; known are {}", .0, known_laws())]
+    Name(String),
     /// A required parameter is missing.
     #[error("the law `{law}` needs a {parameter}")]
     Missing {
@@ -143,12 +140,9 @@ pub enum NamedLawError {
     /// A table has both a file and points.
     #[error("the law `table` has both a file and points")]
     TwoTables,
-    /// The points of a table do not define a law; they are counted from 1.
-    #[error("{}{error}", error.point().map(|point| format!("point {}: ", point + 1)).unwrap_or_default())]
-    Points {
-        /// The reason.
-        error: TableError,
-    },
+    /// The points of a table do not define a law; they are counted from 1. Holds the reason.
+    #[error("{}{}", .0.point().map(|point| format!("point {}: ", point + 1)).unwrap_or_default(), .0)]
+    Points(TableError),
     /// The file of a table cannot be read or does not define a law.
     #[error(transparent)]
     File(#[from] InputErrors),
@@ -158,9 +152,9 @@ impl NamedLawError {
     /// The invalid key, if there is one.
     pub(super) fn key(&self) -> Option<&'static str> {
         match self {
-            Self::Name { .. } => Some("name"),
+            Self::Name(_) => Some("name"),
             Self::Needless { parameter, .. } | Self::Range { parameter, .. } => Some(parameter),
-            Self::TwoTables | Self::Points { .. } => Some("points"),
+            Self::TwoTables | Self::Points(_) => Some("points"),
             Self::Missing { .. } | Self::File(_) => None,
         }
     }
@@ -203,7 +197,7 @@ impl NamedLaw {
     /// Returns [`NamedLawError`] if the name is unknown, a parameter is missing, needless or out of range, or the table
     /// is invalid.
     pub fn material(&self, base: &Path) -> Result<FiberMaterial, NamedLawError> {
-        let name = LawName::find(&self.name).ok_or_else(|| NamedLawError::Name { name: self.name.clone() })?;
+        let name = LawName::find(&self.name).ok_or_else(|| NamedLawError::Name(self.name.clone()))?;
         let mut law = self.law(name, base)?;
         if BUCKLING.iter().any(|parameter| self.get(parameter).is_some()) {
             law = law.with_buckling(self.value(name, &COMPRESSION)?, self.value(name, &BUCKLING_STRAIN)?);
@@ -233,7 +227,7 @@ impl NamedLaw {
     fn table(&self, base: &Path) -> Result<Table, NamedLawError> {
         match (&self.file, &self.points) {
             (Some(file), None) => Ok(Table::read(&base.join(file))?),
-            (None, Some(points)) => Table::new(points.clone()).map_err(|error| NamedLawError::Points { error }),
+            (None, Some(points)) => Table::new(points.clone()).map_err(NamedLawError::Points),
             (Some(_), Some(_)) => Err(NamedLawError::TwoTables),
             (None, None) => Err(NamedLawError::Missing { law: "table", parameter: "file" }),
         }

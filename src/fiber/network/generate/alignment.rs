@@ -34,7 +34,7 @@ impl Alignment {
     pub fn new(direction: [f64; 3], strength: f64) -> Result<Self, GenerateError> {
         let longest = direction.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
         if !(longest > 0.0 && direction.iter().all(|x| x.is_finite())) {
-            return Err(GenerateError::Direction { direction });
+            return Err(GenerateError::Direction(direction));
         }
         if !(0.0..=MAX_STRENGTH).contains(&strength) {
             return Err(GenerateError::Strength { strength, most: MAX_STRENGTH });
@@ -199,7 +199,7 @@ mod tests {
 
     #[test]
     fn directions_and_strengths_out_of_range_are_refused() {
-        assert_eq!(Alignment::new([0.0; 3], 0.5).unwrap_err(), GenerateError::Direction { direction: [0.0; 3] });
+        assert_eq!(Alignment::new([0.0; 3], 0.5).unwrap_err(), GenerateError::Direction([0.0; 3]));
         assert!(Alignment::new([f64::INFINITY, 0.0, 0.0], 0.5).is_err());
         for strength in [-0.1, 0.96, f64::NAN] {
             let error = Alignment::new([1.0, 0.0, 0.0], strength).unwrap_err();

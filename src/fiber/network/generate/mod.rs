@@ -61,11 +61,8 @@ pub enum GenerateError {
         points: usize,
     },
     /// The direction of alignment is zero or not finite.
-    #[error("the direction {direction:?} asked for; it is zero or not finite")]
-    Direction {
-        /// The direction.
-        direction: [f64; 3],
-    },
+    #[error("the direction {0:?} asked for; it is zero or not finite")]
+    Direction([f64; 3]),
     /// The strength of the alignment is out of range.
     #[error("a strength of {strength} asked for; alignment has one from 0 (isotropic) to {most}")]
     Strength {
@@ -74,12 +71,9 @@ pub enum GenerateError {
         /// The limit.
         most: f64,
     },
-    /// The merge length is out of range.
-    #[error("nodes nearer than {merge_length} of the mean spacing are to be merged; it must be at least 0 and below 1")]
-    Merge {
-        /// The length, relative to the mean spacing.
-        merge_length: f64,
-    },
+    /// The merge length is out of range. Holds the length, relative to the mean spacing.
+    #[error("nodes nearer than {0} of the mean spacing are to be merged; it must be at least 0 and below 1")]
+    Merge(f64),
     /// The minimum distance leaves no room for the points.
     #[error("{placed} of {points} points could be placed with {min_distance} of the mean spacing between any two")]
     NoRoom {

@@ -119,7 +119,7 @@ impl GeneratorParams {
             return Err(GenerateError::Points { points, most: MAX_POINTS });
         }
         if !(0.0..1.0).contains(&self.merge_length) {
-            return Err(GenerateError::Merge { merge_length: self.merge_length });
+            return Err(GenerateError::Merge(self.merge_length));
         }
         let cloud = Cloud::place(self, points)?;
         let graph = match self.kind {

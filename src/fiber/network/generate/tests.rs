@@ -120,7 +120,7 @@ fn what_cannot_be_placed_is_an_error() {
     }
     for merge_length in [-0.1, 1.0, f64::NAN] {
         let error = GeneratorParams { merge_length, ..params }.of_points(9).unwrap_err();
-        assert!(matches!(error, GenerateError::Merge { .. }), "{error}");
+        assert!(matches!(error, GenerateError::Merge(_)), "{error}");
     }
     let stubs = GeneratorParams { min_length: Some(0.9), ..params };
     assert!(matches!(stubs.of_points(40).unwrap_err(), GenerateError::Network(_) | GenerateError::OpenFace { .. }));
