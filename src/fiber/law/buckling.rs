@@ -21,14 +21,14 @@ use crate::fiber::simd::{Kernel, vectorized};
 ///
 /// A small `r` keeps slack fibers from making the stiffness of a network singular; `r = 1` is Hooke's law in
 /// compression.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Buckling<L> {
-    law: L,
+#[derive(Clone, Copy, Debug)]
+pub struct Buckling<'a> {
+    law: &'a dyn FiberLaw,
     buckling: CompressiveBranch,
 }
 
 /// The behavior below stretch 1.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug)]
 struct CompressiveBranch {
     /// `E`.
     youngs_modulus: f64,
@@ -38,10 +38,10 @@ struct CompressiveBranch {
     strain: f64,
 }
 
-impl<L: FiberLaw> Buckling<L> {
+impl<'a> Buckling<'a> {
     /// Modifies `law` with residual stiffness `r`, from 0 to 1, and buckling strain `w > 0`.
     #[must_use]
-    pub fn new(law: L, residual: f64, buckling_strain: f64) -> Self {
+    pub fn new(law: &'a dyn FiberLaw, residual: f64, buckling_strain: f64) -> Self {
         let youngs_modulus = law.youngs_modulus();
         Self { law, buckling: CompressiveBranch { youngs_modulus, residual, strain: buckling_strain } }
     }
@@ -80,7 +80,7 @@ impl EnergyFormula for CompressiveBranch {
     }
 }
 
-impl<L: FiberLaw> FiberLaw for Buckling<L> {
+impl FiberLaw for Buckling<'_> {
     /// The name of the law in tension.
     fn name(&self) -> &str {
         self.law.name()

@@ -154,40 +154,6 @@ pub trait FiberLaw: Debug + Send + Sync {
     }
 }
 
-impl<L: FiberLaw + ?Sized> FiberLaw for &L {
-    fn name(&self) -> &str {
-        (**self).name()
-    }
-
-    fn parameters(&self) -> Vec<(&'static str, f64)> {
-        (**self).parameters()
-    }
-
-    fn stress(&self, stretch: f64) -> (f64, f64) {
-        (**self).stress(stretch)
-    }
-
-    fn energy(&self, stretch: f64) -> f64 {
-        (**self).energy(stretch)
-    }
-
-    fn youngs_modulus(&self) -> f64 {
-        (**self).youngs_modulus()
-    }
-
-    fn stresses(&self, stretch: &[f64], stress: &mut [f64], slope: &mut [f64]) {
-        (**self).stresses(stretch, stress, slope);
-    }
-
-    fn energies(&self, stretch: &[f64], energy: &mut [f64]) {
-        (**self).energies(stretch, energy);
-    }
-
-    fn total_energy(&self, stretch: &[f64], volume: &[f64]) -> f64 {
-        (**self).total_energy(stretch, volume)
-    }
-}
-
 /// The parameters common to the exponential laws.
 fn parameters_of(youngs_modulus: f64, nonlinearity: f64) -> Vec<(&'static str, f64)> {
     vec![("youngs_modulus", youngs_modulus), ("nonlinearity", nonlinearity)]
