@@ -5,27 +5,24 @@ use crate::fiber::simd::{Kernel, vectorized};
 /// The formula of a law without branches, so that the compiler can vectorize its loops.
 ///
 /// Implementations must be `#[inline(always)]`.
-pub(super) trait Formula {
+pub(super) trait Formula: Sized {
     /// Nominal stress and slope.
     fn stress_of<const FUSED: bool>(&self, stretch: f64) -> (f64, f64);
-}
 
-/// The energy of a law without branches.
-pub(super) trait EnergyFormula {
     /// Energy per reference volume.
     fn energy_of<const FUSED: bool>(&self, stretch: f64) -> f64;
+
+    /// Computes the energy for all stretches.
+    #[inline]
+    fn energies_of(&self, stretch: &[f64], energy: &mut [f64]) {
+        vectorized(Energies { law: self, stretch, energy });
+    }
 }
 
 /// Computes stress and slope for all stretches.
 #[inline]
 pub(super) fn stresses(law: &impl Formula, stretch: &[f64], stress: &mut [f64], slope: &mut [f64]) {
     vectorized(Stresses { law, stretch, stress, slope });
-}
-
-/// Computes the energy for all stretches.
-#[inline]
-pub(super) fn energies(law: &impl EnergyFormula, stretch: &[f64], energy: &mut [f64]) {
-    vectorized(Energies { law, stretch, energy });
 }
 
 struct Stresses<'a, L> {
@@ -50,7 +47,7 @@ struct Energies<'a, L> {
     energy: &'a mut [f64],
 }
 
-impl<L: EnergyFormula> Kernel for Energies<'_, L> {
+impl<L: Formula> Kernel for Energies<'_, L> {
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
         for (&stretch, energy) in self.stretch.iter().zip(self.energy) {
@@ -59,9 +56,21 @@ impl<L: EnergyFormula> Kernel for Energies<'_, L> {
     }
 }
 
-/// Implements the scalar and the batch methods of [`super::FiberLaw`] by [`Formula`] and [`EnergyFormula`].
+/// Implements the methods of [`super::FiberLaw`] for a law with this name and these fields by its [`Formula`].
 macro_rules! by_formula {
-    () => {
+    ($name:literal, $($field:ident),+) => {
+        fn name(&self) -> &str {
+            $name
+        }
+
+        fn parameters(&self) -> Vec<(&'static str, f64)> {
+            vec![$((stringify!($field), self.$field)),+]
+        }
+
+        fn youngs_modulus(&self) -> f64 {
+            self.youngs_modulus
+        }
+
         #[inline]
         fn stress(&self, stretch: f64) -> (f64, f64) {
             $crate::fiber::law::batch::Formula::stress_of::<false>(self, stretch)
@@ -69,7 +78,7 @@ macro_rules! by_formula {
 
         #[inline]
         fn energy(&self, stretch: f64) -> f64 {
-            $crate::fiber::law::batch::EnergyFormula::energy_of::<false>(self, stretch)
+            $crate::fiber::law::batch::Formula::energy_of::<false>(self, stretch)
         }
 
         fn stresses(&self, stretch: &[f64], stress: &mut [f64], slope: &mut [f64]) {
@@ -77,7 +86,7 @@ macro_rules! by_formula {
         }
 
         fn energies(&self, stretch: &[f64], energy: &mut [f64]) {
-            $crate::fiber::law::batch::energies(self, stretch, energy);
+            $crate::fiber::law::batch::Formula::energies_of(self, stretch, energy);
         }
     };
 }

@@ -1,6 +1,6 @@
 //! Buckling in compression: a modifier of any law.
 
-use super::batch::{EnergyFormula, Formula};
+use super::batch::Formula;
 use super::{BUCKLING_STRAIN, COMPRESSION, FiberLaw};
 use crate::fiber::simd::{Kernel, vectorized};
 
@@ -67,9 +67,7 @@ impl Formula for CompressiveBranch {
         let fallen = x * (1.0 - lost * square * (1.0 - 0.5 * x)) + r * y;
         (-e * w * fallen, e * slope)
     }
-}
 
-impl EnergyFormula for CompressiveBranch {
     #[inline(always)]
     fn energy_of<const FUSED: bool>(&self, stretch: f64) -> f64 {
         let Self { youngs_modulus: e, residual: r, strain: w } = *self;

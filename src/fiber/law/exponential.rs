@@ -1,9 +1,9 @@
 //! The law that is exponential in the Green strain.
 
-use super::batch::{self, Formula};
+use super::FiberLaw;
+use super::batch::{Formula, by_formula};
 use super::exp::exp_m1_of;
 use super::quadrature::{GAUSS, gauss};
-use super::{FiberLaw, parameters_of};
 use crate::fiber::simd::{Kernel, vectorized};
 
 /// `s = (E / B) (exp(B g) - 1)` (Tobin 2018, eqs. B.1 and B.14).
@@ -54,6 +54,20 @@ impl Formula for Exponential {
         let growth = exp_m1_of::<FUSED>(0.5 * b * (stretch - 1.0) * (stretch + 1.0));
         (e / b * growth, e * stretch * (growth + 1.0))
     }
+
+    #[inline(always)]
+    fn energy_of<const FUSED: bool>(&self, stretch: f64) -> f64 {
+        self.energy_by_panels(stretch)
+    }
+
+    fn energies_of(&self, stretch: &[f64], energy: &mut [f64]) {
+        vectorized(OnePanel { law: *self, stretch, energy });
+        for (&stretch, energy) in stretch.iter().zip(energy) {
+            if self.panels(stretch) > 1.0 {
+                *energy = self.energy_by_panels(stretch);
+            }
+        }
+    }
 }
 
 /// Energies by one panel. The Gauss points are the outer loop, so that the inner one is short enough to be vectorized.
@@ -82,39 +96,7 @@ impl Kernel for OnePanel<'_> {
 }
 
 impl FiberLaw for Exponential {
-    fn name(&self) -> &str {
-        "exponential"
-    }
-
-    fn parameters(&self) -> Vec<(&'static str, f64)> {
-        parameters_of(self.youngs_modulus, self.nonlinearity)
-    }
-
-    fn youngs_modulus(&self) -> f64 {
-        self.youngs_modulus
-    }
-
-    #[inline]
-    fn stress(&self, stretch: f64) -> (f64, f64) {
-        self.stress_of::<false>(stretch)
-    }
-
-    fn energy(&self, stretch: f64) -> f64 {
-        self.energy_by_panels(stretch)
-    }
-
-    fn stresses(&self, stretch: &[f64], stress: &mut [f64], slope: &mut [f64]) {
-        batch::stresses(self, stretch, stress, slope);
-    }
-
-    fn energies(&self, stretch: &[f64], energy: &mut [f64]) {
-        vectorized(OnePanel { law: *self, stretch, energy });
-        for (&stretch, energy) in stretch.iter().zip(energy) {
-            if self.panels(stretch) > 1.0 {
-                *energy = self.energy_by_panels(stretch);
-            }
-        }
-    }
+    by_formula!("exponential", youngs_modulus, nonlinearity);
 }
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
 //! The exponential law with an additional factor `lambda`, and tangent lines outside its range.
 
-use super::batch::{EnergyFormula, Formula, by_formula};
+use super::FiberLaw;
+use super::batch::{Formula, by_formula};
 use super::exp::exp_m1_of;
-use super::{FiberLaw, parameters_of};
 use crate::fiber::simd::fma;
 
 /// `s = (E / B) lambda (exp(B g) - 1)` on `[1, lambda_t]`; outside, the tangent lines at the two ends (MuMFiM,
@@ -71,9 +71,7 @@ impl Formula for ExponentialStretch {
         let (stress, slope) = self.curve(nearest, growth);
         (stress + slope * (stretch - nearest), slope)
     }
-}
 
-impl EnergyFormula for ExponentialStretch {
     #[inline(always)]
     fn energy_of<const FUSED: bool>(&self, stretch: f64) -> f64 {
         let (nearest, exponent, growth) = self.on_curve::<FUSED>(stretch);
@@ -85,21 +83,7 @@ impl EnergyFormula for ExponentialStretch {
 }
 
 impl FiberLaw for ExponentialStretch {
-    fn name(&self) -> &str {
-        "exponential-stretch"
-    }
-
-    fn parameters(&self) -> Vec<(&'static str, f64)> {
-        let mut parameters = parameters_of(self.youngs_modulus, self.nonlinearity);
-        parameters.push(("transition", self.transition));
-        parameters
-    }
-
-    fn youngs_modulus(&self) -> f64 {
-        self.youngs_modulus
-    }
-
-    by_formula!();
+    by_formula!("exponential-stretch", youngs_modulus, nonlinearity, transition);
 }
 
 #[cfg(test)]

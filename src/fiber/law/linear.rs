@@ -1,7 +1,7 @@
 //! The law with second Piola-Kirchhoff stress linear in the Green strain.
 
 use super::FiberLaw;
-use super::batch::{EnergyFormula, Formula, by_formula};
+use super::batch::{Formula, by_formula};
 
 /// `s = E lambda g` (MuMFiM, reaction 0); the energy is `E g^2 / 2`, since `d g = lambda d lambda`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,9 +16,7 @@ impl Formula for Linear {
         let green = 0.5 * (stretch - 1.0) * (stretch + 1.0);
         (self.youngs_modulus * stretch * green, self.youngs_modulus * (green + stretch * stretch))
     }
-}
 
-impl EnergyFormula for Linear {
     #[inline(always)]
     fn energy_of<const FUSED: bool>(&self, stretch: f64) -> f64 {
         let green = 0.5 * (stretch - 1.0) * (stretch + 1.0);
@@ -27,17 +25,5 @@ impl EnergyFormula for Linear {
 }
 
 impl FiberLaw for Linear {
-    fn name(&self) -> &str {
-        "linear"
-    }
-
-    fn parameters(&self) -> Vec<(&'static str, f64)> {
-        vec![("youngs_modulus", self.youngs_modulus)]
-    }
-
-    fn youngs_modulus(&self) -> f64 {
-        self.youngs_modulus
-    }
-
-    by_formula!();
+    by_formula!("linear", youngs_modulus);
 }

@@ -153,8 +153,3 @@ pub trait FiberLaw: Debug + Send + Sync {
         sum
     }
 }
-
-/// The parameters common to the exponential laws.
-fn parameters_of(youngs_modulus: f64, nonlinearity: f64) -> Vec<(&'static str, f64)> {
-    vec![("youngs_modulus", youngs_modulus), ("nonlinearity", nonlinearity)]
-}
