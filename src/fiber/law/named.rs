@@ -175,12 +175,17 @@ impl Law {
         Self::Buckling { law: Box::new(self), compression: residual, buckling_strain }
     }
 
+    /// Returns what `user` returns for the formula.
+    fn with<T: Default>(&self, user: impl Fn(&dyn FiberLaw) -> T) -> T {
+        let mut value = T::default();
+        self.dispatch(&mut |law| value = user(law));
+        value
+    }
+
     /// `E`, the slope of the nominal stress at rest, in Pa.
     #[must_use]
     pub fn youngs_modulus(&self) -> f64 {
-        let mut modulus = 0.0;
-        self.dispatch(&mut |law| modulus = law.youngs_modulus());
-        modulus
+        self.with(|law| law.youngs_modulus())
     }
 
     /// Checks that every parameter is physically valid.
@@ -211,21 +216,15 @@ impl FiberLaw for Law {
     }
 
     fn parameters(&self) -> Vec<(&'static str, f64)> {
-        let mut parameters = Vec::new();
-        self.dispatch(&mut |law| parameters = law.parameters());
-        parameters
+        self.with(|law| law.parameters())
     }
 
     fn stress(&self, stretch: f64) -> (f64, f64) {
-        let mut stress = (0.0, 0.0);
-        self.dispatch(&mut |law| stress = law.stress(stretch));
-        stress
+        self.with(|law| law.stress(stretch))
     }
 
     fn energy(&self, stretch: f64) -> f64 {
-        let mut energy = 0.0;
-        self.dispatch(&mut |law| energy = law.energy(stretch));
-        energy
+        self.with(|law| law.energy(stretch))
     }
 
     fn youngs_modulus(&self) -> f64 {
@@ -241,9 +240,7 @@ impl FiberLaw for Law {
     }
 
     fn total_energy(&self, stretch: &[f64], volume: &[f64]) -> f64 {
-        let mut sum = 0.0;
-        self.dispatch(&mut |law| sum = law.total_energy(stretch, volume));
-        sum
+        self.with(|law| law.total_energy(stretch, volume))
     }
 }
 
