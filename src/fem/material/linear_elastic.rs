@@ -21,19 +21,10 @@ pub struct LinearElastic {
     pub lambda: f64,
 }
 
-impl LinearElastic {
-    fn strain(f: &Matrix3<f64>) -> Matrix3<f64> {
-        (f + f.transpose()) * 0.5 - Matrix3::identity()
-    }
-
-    fn energy_of(&self, strain: &Matrix3<f64>) -> f64 {
-        self.mu * strain.norm_squared() + 0.5 * self.lambda * strain.trace().powi(2)
-    }
-}
-
 impl Material for LinearElastic {
     fn evaluate(&self, f: &Matrix3<f64>) -> Result<Response, MaterialError> {
-        let strain = Self::strain(f);
+        let strain = (f + f.transpose()) * 0.5 - Matrix3::identity();
+        let energy = self.mu * strain.norm_squared() + 0.5 * self.lambda * strain.trace().powi(2);
         let pk1 = strain * (2.0 * self.mu) + Matrix3::from_diagonal_element(self.lambda * strain.trace());
         let mut tangent = SMatrix::<f64, 9, 9>::zeros();
         for a in 0..3 {
@@ -43,10 +34,6 @@ impl Material for LinearElastic {
                 tangent[(4 * a, 4 * b)] += self.lambda;
             }
         }
-        Ok(Response { energy: self.energy_of(&strain), pk1, tangent })
-    }
-
-    fn energy(&self, f: &Matrix3<f64>) -> Result<f64, MaterialError> {
-        Ok(self.energy_of(&Self::strain(f)))
+        Ok(Response { energy, pk1, tangent })
     }
 }

@@ -81,10 +81,4 @@ impl Material for NeoHookean {
         }
         Ok(Response { energy: self.energy_at(&displacement_gradient, &dilatation), pk1, tangent })
     }
-
-    fn energy(&self, f: &Matrix3<f64>) -> Result<f64, MaterialError> {
-        let determinant = checked_determinant(f)?;
-        let displacement_gradient = f - Matrix3::identity();
-        Ok(self.energy_at(&displacement_gradient, &Dilatation::of(&displacement_gradient, determinant)))
-    }
 }

@@ -45,21 +45,16 @@ impl SaintVenantKirchhoff {
         }
         Self { stiffness }
     }
-
-    /// Returns the Green-Lagrange strain `E` and the second Piola-Kirchhoff stress `S`, Pa.
-    fn strain_and_pk2(&self, f: &Matrix3<f64>) -> (Matrix3<f64>, Matrix3<f64>) {
-        let strain = green_lagrange(&(f - Matrix3::identity()));
-        let pk2 = Matrix3::from_fn(|i, j| {
-            (0..9).map(|column| self.stiffness[(3 * i + j, column)] * strain[(column / 3, column % 3)]).sum()
-        });
-        (strain, pk2)
-    }
 }
 
 impl Material for SaintVenantKirchhoff {
     fn evaluate(&self, f: &Matrix3<f64>) -> Result<Response, MaterialError> {
         checked_determinant(f)?;
-        let (strain, pk2) = self.strain_and_pk2(f);
+        let strain = green_lagrange(&(f - Matrix3::identity()));
+        // The second Piola-Kirchhoff stress.
+        let pk2: Matrix3<f64> = Matrix3::from_fn(|i, j| {
+            (0..9).map(|column| self.stiffness[(3 * i + j, column)] * strain[(column / 3, column % 3)]).sum()
+        });
         let mut tangent = SMatrix::<f64, 9, 9>::zeros();
         for (i, j, k, l) in (0..81).map(|n| (n / 27, n / 9 % 3, n / 3 % 3, n % 3)) {
             let mut sum = if i == k { pk2[(j, l)] } else { 0.0 };
@@ -69,11 +64,5 @@ impl Material for SaintVenantKirchhoff {
             tangent[(3 * i + j, 3 * k + l)] = sum;
         }
         Ok(Response { energy: 0.5 * strain.dot(&pk2), pk1: f * pk2, tangent })
-    }
-
-    fn energy(&self, f: &Matrix3<f64>) -> Result<f64, MaterialError> {
-        checked_determinant(f)?;
-        let (strain, pk2) = self.strain_and_pk2(f);
-        Ok(0.5 * strain.dot(&pk2))
     }
 }
