@@ -34,7 +34,7 @@ pub(super) struct Cursor<'a> {
     /// Start of the last token.
     token_at: usize,
     token_line: usize,
-    path: &'a Path,
+    pub(super) path: &'a Path,
     pub(super) encoding: Encoding,
     section: String,
     progress: Option<Progress>,
@@ -92,16 +92,6 @@ impl<'a> Cursor<'a> {
                 InputError::in_file(self.path, problem, expected, hint)
             }
         }
-    }
-
-    /// Creates an error of the file as a whole.
-    pub fn file_fault(
-        &self,
-        problem: impl Into<String>,
-        expected: impl Into<String>,
-        hint: impl Into<String>,
-    ) -> InputError {
-        InputError::in_file(self.path, problem, expected, hint)
     }
 
     /// Creates the error for a premature end of the file, or else of the section.

@@ -51,7 +51,7 @@ pub fn read(path: &Path) -> Result<MeshFile, InputError> {
 pub fn parse(bytes: &[u8], path: &Path) -> Result<MeshFile, InputError> {
     let mut cursor = Cursor::new(without_byte_order_mark(bytes), path);
     let version = header(&mut cursor)?;
-    let mut raw = Raw::new(version);
+    let mut raw = Raw { version, ..Raw::default() };
     while let Some(section) = cursor.next_section()? {
         match (section.as_str(), version) {
             ("PhysicalNames", _) => raw.physical_names(&mut cursor)?,
@@ -81,6 +81,7 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<MeshFile, InputError> {
 /// Reads `$MeshFormat` and sets the encoding of the cursor.
 fn header(cursor: &mut Cursor<'_>) -> Result<Version, InputError> {
     const EXPECTED: &str = "a Gmsh mesh file: its first line is `$MeshFormat`";
+    const HINT: &str = "export the mesh as Gmsh `.msh`, version 4.1 or 2.2";
     let found = match cursor.opening() {
         None => Some("is empty".to_owned()),
         Some("$MeshFormat") => None,
@@ -88,7 +89,7 @@ fn header(cursor: &mut Cursor<'_>) -> Result<Version, InputError> {
         Some(other) => Some(format!("begins with `{other}`: it is no Gmsh mesh file")),
     };
     if let Some(problem) = found {
-        return Err(cursor.file_fault(problem, EXPECTED, "export the mesh as Gmsh `.msh`, version 4.1 or 2.2"));
+        return Err(InputError::in_file(cursor.path, problem, EXPECTED, HINT));
     }
     cursor.next_section()?;
     cursor.begin_row();

@@ -73,7 +73,8 @@ impl<'a> Cursor<'a> {
         match (i32::from_le_bytes(bytes), i32::from_be_bytes(bytes)) {
             (1, _) => Ok(false),
             (_, 1) => Ok(true),
-            (found, _) => Err(self.file_fault(
+            (found, _) => Err(InputError::in_file(
+                self.path,
                 format!("the number that tells the byte order is {found}, not 1"),
                 "the number 1 in four bytes, in either byte order",
                 "the file is damaged, perhaps copied as text: export it again",

@@ -27,6 +27,7 @@ pub(super) struct Cell<const N: usize> {
 }
 
 /// All data read from a file.
+#[derive(Default)]
 pub(super) struct Raw {
     pub version: Version,
     pub nodes: Vec<RawNode>,
@@ -37,23 +38,11 @@ pub(super) struct Raw {
     /// The physical groups of an entity, by dimension and tag (version 4).
     pub entities: HashMap<(i32, i32), Vec<i32>>,
     pub warnings: Vec<String>,
-    seen: Vec<&'static str>,
+    /// The sections found so far.
+    pub seen: Vec<&'static str>,
 }
 
 impl Raw {
-    pub fn new(version: Version) -> Self {
-        Self {
-            version,
-            nodes: Vec::new(),
-            tetrahedra: Vec::new(),
-            triangles: Vec::new(),
-            names: BTreeMap::new(),
-            entities: HashMap::new(),
-            warnings: Vec::new(),
-            seen: Vec::new(),
-        }
-    }
-
     /// Records that a section has been found.
     ///
     /// # Errors

@@ -131,23 +131,16 @@ impl<W: Write> Sink<'_, W> {
 
     /// Writes the header of a block of elements of one type in a binary file.
     fn block2(&mut self, kind: i32, count: usize) -> io::Result<()> {
-        if self.binary {
-            self.int(kind)?;
-            self.int(count as i32)?;
-            self.int(2)?;
-        }
-        Ok(())
+        if self.binary { self.ints(&[kind, count as i32, 2]) } else { Ok(()) }
     }
 
     /// Writes an element with its two tags, physical group and entity, which have the same number.
     fn cell2(&mut self, tag: &mut i32, kind: i32, group: i32, nodes: &[u32]) -> io::Result<()> {
         self.int(*tag)?;
         if !self.binary {
-            self.int(kind)?;
-            self.int(2)?;
+            self.ints(&[kind, 2])?;
         }
-        self.int(group)?;
-        self.int(group)?;
+        self.ints(&[group, group])?;
         for &node in nodes {
             self.int(node as i32 + 1)?;
         }
@@ -220,14 +213,12 @@ impl<W: Write> Sink<'_, W> {
         self.end("Entities")
     }
 
-    fn entity4(&mut self, tag: i32, [low, high]: [[f64; 3]; 2]) -> io::Result<()> {
+    fn entity4(&mut self, tag: i32, bounds: [[f64; 3]; 2]) -> io::Result<()> {
         self.int(tag)?;
-        self.numbers(&low)?;
-        self.numbers(&high)?;
+        self.numbers(bounds.as_flattened())?;
         self.size(1)?;
         self.int(tag)?;
-        self.size(0)?;
-        self.end_row()
+        self.sizes(&[0])
     }
 
     // Numbers; in text files, spaces separate the numbers of a row.
