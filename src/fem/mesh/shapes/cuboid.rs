@@ -14,7 +14,7 @@ use crate::fem::mesh::{Mesh, Surface};
 /// Returns [`ShapeError::NoCells`], [`ShapeError::NotPositive`], [`ShapeError::TooManyElements`], or
 /// [`ShapeError::Mesh`] if cells have no volume.
 pub fn cuboid(cells: [usize; 3], size: [f64; 3]) -> Result<Mesh, ShapeError> {
-    let grid = Grid::uniform(cells)?;
+    let grid = Grid::new(cells, None)?;
     for (what, length) in ["the size along x", "the size along y", "the size along z"].into_iter().zip(size) {
         positive(what, length)?;
     }

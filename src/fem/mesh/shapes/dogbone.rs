@@ -143,7 +143,7 @@ pub fn dogbone(shape: &DogboneShape, element_size: f64) -> Result<Mesh, ShapeErr
     let [across, through] =
         [shape.grip_width, shape.thickness].map(|length| cells(0.5 * length, element_size).saturating_mul(2));
     // With y mirrored in the opposite half, cells in the fillets are cut along their shorter diagonal.
-    let grid = Grid::mirrored([grading.cells(), across, through], [true, false, true])?;
+    let grid = Grid::new([grading.cells(), across, through], Some([true, false, true]))?;
     let columns = grading.columns(shape);
     let centered = |step: usize, count: usize| step as f64 / count as f64 - 0.5;
     let nodes = grid.nodes(|i, j, k| {

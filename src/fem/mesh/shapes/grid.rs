@@ -11,25 +11,14 @@ pub const KUHN: [[usize; 4]; 6] = [[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0,
 #[derive(Clone, Copy)]
 pub(super) struct Grid {
     cells: [usize; 3],
-    /// For a block with a symmetric subdivision: the half of each axis (true: the upper one) in which the cells are
-    /// mirror images of the Kuhn subdivision.
+    /// For a block whose subdivision is symmetric about its three middle planes: the half of each axis (true: the upper
+    /// one) in which the cells are mirror images of the Kuhn subdivision. `None`: the same subdivision of every cell.
     mirrored: Option<[bool; 3]>,
 }
 
 impl Grid {
-    /// Creates a block with the same subdivision of every cell.
-    pub fn uniform(cells: [usize; 3]) -> Result<Self, ShapeError> {
-        Self::checked(cells, None)
-    }
-
-    /// Creates a block whose subdivision is symmetric about its three middle planes: in one half of each axis (the
-    /// upper one if `mirror_upper` is true), the cells are mirror images of the Kuhn subdivision. The number of cells
-    /// along each axis must be even for symmetry.
-    pub fn mirrored(cells: [usize; 3], mirror_upper: [bool; 3]) -> Result<Self, ShapeError> {
-        Self::checked(cells, Some(mirror_upper))
-    }
-
-    fn checked(cells: [usize; 3], mirrored: Option<[bool; 3]>) -> Result<Self, ShapeError> {
+    /// Creates a block. With `mirrored`, the number of cells along each axis must be even for symmetry.
+    pub fn new(cells: [usize; 3], mirrored: Option<[bool; 3]>) -> Result<Self, ShapeError> {
         if cells.contains(&0) {
             return Err(ShapeError::NoCells(cells));
         }
