@@ -96,11 +96,7 @@ pub struct Equilibrium<B: Backend, P> {
     floor: f64,
 }
 
-impl<B, P> Equilibrium<B, P>
-where
-    B: RealBackend,
-    P: PointField,
-{
+impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
     /// Creates the undeformed body at `t = 0`. Its tangent gives the linearized start of the first step and the floor
     /// of the residual.
     ///
@@ -332,11 +328,7 @@ where
     }
 }
 
-impl<B, P> NonlinearProblem<B> for Equilibrium<B, P>
-where
-    B: RealBackend,
-    P: PointField,
-{
+impl<B: RealBackend, P: PointField> NonlinearProblem<B> for Equilibrium<B, P> {
     type Error = EquilibriumError<P::Error, B::Error>;
 
     /// Evaluates `r = f_int - f_ext` of the free unknowns, N. The scale is the larger norm of the two over all nodes;

@@ -13,11 +13,7 @@ pub type StepFailure<E, F> = NewtonError<EquilibriumError<E, F>, F>;
 
 /// The reason why a body cannot be set up.
 #[derive(Clone, Debug, Error, PartialEq)]
-pub enum SetupError<E, F>
-where
-    E: std::fmt::Display,
-    F: std::fmt::Display,
-{
+pub enum SetupError<E: std::fmt::Display, F: std::fmt::Display> {
     /// The conditions contradict the mesh or each other.
     #[error(transparent)]
     Boundary(#[from] BoundaryError),
@@ -41,11 +37,7 @@ where
 /// The reason why a run stopped. The state is the last converged one; steps already reported to the observer remain
 /// valid. `O` is the error of the observer.
 #[derive(Clone, Debug, Error, PartialEq)]
-pub enum SteppingError<E, F, O>
-where
-    E: std::fmt::Display,
-    F: std::fmt::Display,
-{
+pub enum SteppingError<E: std::fmt::Display, F: std::fmt::Display, O> {
     /// An attempt failed and could not be repeated with a smaller increment, because the limit of halvings was reached
     /// or a smaller increment cannot help.
     #[error(

@@ -103,11 +103,7 @@ struct Failed<E, F> {
     unrecoverable: bool,
 }
 
-impl<B, P> Stepper<B, P>
-where
-    B: RealBackend,
-    P: PointField,
-{
+impl<B: RealBackend, P: PointField> Stepper<B, P> {
     /// Creates a stepper with the undeformed body at `t = 0`.
     ///
     /// # Errors

@@ -22,12 +22,7 @@ pub struct SavedState {
 /// The reason why a saved state cannot be restored. `R` is the error of the callback that restores the point field, `E`
 /// the error of the point field, `F` the error of the backend.
 #[derive(Clone, Debug, Error, PartialEq)]
-pub enum RestoreError<R, E, F>
-where
-    R: std::fmt::Display,
-    E: std::fmt::Display,
-    F: std::fmt::Display,
-{
+pub enum RestoreError<R: std::fmt::Display, E: std::fmt::Display, F: std::fmt::Display> {
     /// The saved state lies beyond the end of the run or at its beginning.
     #[error("the state was saved after step {completed_steps}; this run has the steps 1 to {count}")]
     Steps {
@@ -59,11 +54,7 @@ where
 /// The [`RestoreError`] of a run on backend `B` with point field `P`, whose restoration has error `R`.
 pub type StepperRestoreError<B, P, R> = RestoreError<R, <P as PointField>::Error, <B as Backend>::Error>;
 
-impl<B, P> Stepper<B, P>
-where
-    B: RealBackend,
-    P: PointField,
-{
+impl<B: RealBackend, P: PointField> Stepper<B, P> {
     /// Returns the state after the last full step; `None` before the first one, and if the committed state lies
     /// within a step that failed later.
     #[must_use]
