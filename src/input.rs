@@ -30,14 +30,7 @@ pub fn excerpt(text: &str) -> String {
 /// program, and escapes control characters, which could move the cursor or hide text.
 #[must_use]
 pub fn printable(text: &str) -> String {
-    let mut lines = String::with_capacity(text.len());
-    for (k, line) in text.split('\n').enumerate() {
-        if k > 0 {
-            lines.push('\n');
-        }
-        lines.push_str(&clipped(line, MOST_IN_LINE));
-    }
-    lines
+    text.split('\n').map(|line| clipped(line, MOST_IN_LINE)).collect::<Vec<_>>().join("\n")
 }
 
 fn clipped(text: &str, most: usize) -> String {
@@ -126,12 +119,8 @@ pub struct InputErrors(pub Vec<InputError>);
 
 impl fmt::Display for InputErrors {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (k, error) in self.0.iter().take(MOST_SHOWN).enumerate() {
-            if k > 0 {
-                writeln!(f)?;
-            }
-            write!(f, "{error}")?;
-        }
+        let shown: Vec<String> = self.0.iter().take(MOST_SHOWN).map(ToString::to_string).collect();
+        f.write_str(&shown.join("\n"))?;
         match self.0.len().saturating_sub(MOST_SHOWN) {
             0 => Ok(()),
             more => write!(f, "\nand {more} more"),

@@ -14,15 +14,6 @@ use tempfile::Builder;
 /// The number of symbolic links that Linux follows.
 const MAX_LINKS: usize = 40;
 
-/// The kind of file that a path named by a user resolves to.
-#[derive(Debug, PartialEq, Eq)]
-enum OutputKind {
-    /// A regular file, replaced as a whole or created; the path is the end of all symbolic links.
-    Regular(PathBuf),
-    /// A device, a pipe, or an open file of this process such as `/dev/stdout`.
-    Stream,
-}
-
 /// Writes `bytes` to the file named by the user; see [`write_by`].
 ///
 /// # Errors
@@ -38,9 +29,9 @@ pub fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
 /// # Errors
 /// Returns the error of the operating system or of `write`.
 pub fn write_by(path: &Path, write: impl FnOnce(&mut File) -> io::Result<()>) -> io::Result<()> {
-    match kind_of(path)? {
-        OutputKind::Regular(file) => replace_by(&file, write),
-        OutputKind::Stream => {
+    match regular_file(path)? {
+        Some(file) => replace_by(&file, write),
+        None => {
             // Appends: standard output may be redirected to a regular file that other processes also write to.
             let mut file = OpenOptions::new().append(true).open(path)?;
             write(&mut file)
@@ -51,18 +42,20 @@ pub fn write_by(path: &Path, write: impl FnOnce(&mut File) -> io::Result<()>) ->
 /// Returns true if `path` is a device or a pipe; no file can be written beside it.
 #[must_use]
 pub fn is_stream(path: &Path) -> bool {
-    matches!(kind_of(path), Ok(OutputKind::Stream))
+    matches!(regular_file(path), Ok(None))
 }
 
-fn kind_of(path: &Path) -> io::Result<OutputKind> {
+/// Returns the regular file, which is replaced as a whole or created, at the end of all symbolic links; `None` for a
+/// device, a pipe, or an open file of this process such as `/dev/stdout`.
+fn regular_file(path: &Path) -> io::Result<Option<PathBuf>> {
     match fs::metadata(path) {
         Ok(there) if there.is_dir() => return Err(io::ErrorKind::IsADirectory.into()),
-        Ok(there) if !there.is_file() => return Ok(OutputKind::Stream),
+        Ok(there) if !there.is_file() => return Ok(None),
         _ => {}
     }
     let end = resolve_links(path)?;
     // The open files of a process have no name other than these links.
-    if end.is_symlink() { Ok(OutputKind::Stream) } else { Ok(OutputKind::Regular(end)) }
+    Ok((!end.is_symlink()).then_some(end))
 }
 
 /// Follows the symbolic links at the end of `path`, except those of open files in `/proc` and `/dev`.
