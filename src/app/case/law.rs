@@ -153,11 +153,8 @@ fn curve(table: &mut Table<'_>, base: &Path) -> Option<Curve> {
             Curve::new(read)
                 .map_err(|error| {
                     let place = error.point().and_then(|point| points.get(point)).unwrap_or(&list);
-                    place.report_error(
-                        &format!("does not define a valid law: {error}"),
-                        error.expected(),
-                        error.cure(),
-                    );
+                    let [expected, cure] = error.advice();
+                    place.report_error(&format!("does not define a valid law: {error}"), expected, cure);
                 })
                 .ok()
         }

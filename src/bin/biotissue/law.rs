@@ -119,7 +119,7 @@ fn law_failure(error: NamedLawError, spelled: &dyn Fn(&str) -> String, name: &st
         }
         NamedLawError::Name(_) => ("a law that is known".into(), "choose one of them".into()),
         NamedLawError::TwoTables => ("a file or points".into(), "leave out one of the two".into()),
-        NamedLawError::Points(error) => (error.expected().into(), error.cure().into()),
+        NamedLawError::Points(error) => error.advice().map(String::from).into(),
         NamedLawError::File(errors) => return Failure::Input(errors.clone()),
     };
     Failure::arguments(error.to_string(), expected, cure)

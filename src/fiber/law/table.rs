@@ -102,35 +102,34 @@ impl TableError {
         }
     }
 
-    /// The requirement that the table violates.
+    /// The requirement that the table violates, and advice on how to correct the table.
     #[must_use]
-    pub fn expected(&self) -> &'static str {
+    pub fn advice(&self) -> [&'static str; 2] {
         match self {
-            Self::TooFew(_) => "at least two points: stretch, nominal stress in Pa",
-            Self::NotFinite { .. } => "two finite numbers",
-            Self::Stretch { .. } => "a stretch above 0 (1 is undeformed)",
-            Self::Order { .. } => "stretches that rise from point to point",
-            Self::Falls { .. } => "stresses that never fall as the stretch rises",
-            Self::NoRest => "a point at stretch 1 with stress 0",
-            Self::RestStress { .. } => "stress 0 at stretch 1: an undeformed fiber carries nothing",
-            Self::NoStiffness(_) => "a positive slope at stretch 1: Young's modulus",
-        }
-    }
-
-    /// Advice on how to correct the table.
-    #[must_use]
-    pub fn cure(&self) -> &'static str {
-        match self {
-            Self::TooFew(_) => "add points",
-            Self::NotFinite { .. } => "correct or remove the point",
-            Self::Stretch { .. } => "give lengths over the reference length, not strains",
-            Self::Order { .. } => "sort the points and keep one for each stretch",
-            Self::Falls { .. } => "smooth the measurement, or end the table before the fiber fails",
-            Self::NoRest => "add the point (1, 0); stretches are lengths over the reference length",
-            Self::RestStress { .. } => "shift the curve so that it passes through (1, 0)",
-            Self::NoStiffness(_) => {
-                "give the points next to it stresses other than 0; where the table starts or ends at 1, add one beyond"
+            Self::TooFew(_) => ["at least two points: stretch, nominal stress in Pa", "add points"],
+            Self::NotFinite { .. } => ["two finite numbers", "correct or remove the point"],
+            Self::Stretch { .. } => {
+                ["a stretch above 0 (1 is undeformed)", "give lengths over the reference length, not strains"]
             }
+            Self::Order { .. } => {
+                ["stretches that rise from point to point", "sort the points and keep one for each stretch"]
+            }
+            Self::Falls { .. } => [
+                "stresses that never fall as the stretch rises",
+                "smooth the measurement, or end the table before the fiber fails",
+            ],
+            Self::NoRest => [
+                "a point at stretch 1 with stress 0",
+                "add the point (1, 0); stretches are lengths over the reference length",
+            ],
+            Self::RestStress { .. } => [
+                "stress 0 at stretch 1: an undeformed fiber carries nothing",
+                "shift the curve so that it passes through (1, 0)",
+            ],
+            Self::NoStiffness(_) => [
+                "a positive slope at stretch 1: Young's modulus",
+                "give the points next to it stresses other than 0; where the table starts or ends at 1, add one beyond",
+            ],
         }
     }
 }

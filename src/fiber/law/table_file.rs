@@ -52,10 +52,8 @@ impl Table {
         }
         Self::new(points).map_err(|error| {
             let line = error.point().and_then(|point| lines.get(point).copied());
-            InputErrors(vec![InputError {
-                line,
-                ..InputError::in_file(file, error.to_string(), error.expected(), error.cure())
-            }])
+            let [expected, cure] = error.advice();
+            InputErrors(vec![InputError { line, ..InputError::in_file(file, error.to_string(), expected, cure) }])
         })
     }
 }

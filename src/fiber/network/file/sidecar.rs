@@ -233,7 +233,7 @@ pub(super) fn parse(file: &Path, bytes: &[u8], fibers: usize) -> Result<Sidecar,
             error => {
                 let line = line_of_key(text, law.span(), error.key());
                 let expected = match &error {
-                    NamedLawError::Points(error) => error.expected(),
+                    NamedLawError::Points(error) => error.advice()[0],
                     _ => "a law with the parameters it has",
                 };
                 InputError::at_line(file, line, error.to_string(), expected, CURE).into()
