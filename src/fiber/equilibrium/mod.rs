@@ -49,7 +49,6 @@ pub use state::EquilibriumState;
 
 use super::deformation_path::DeformationPath;
 use super::dynamic_relaxation::{Relaxation, RelaxationError, RelaxationReport};
-use super::law::Law;
 use super::rve::{Rve, RveModel};
 use super::workspace::Workspace;
 use crate::las::{Backend, Curvature, NewtonError, NewtonFailure, NewtonReport, RealBackend, SaddleExit, SolveError};
@@ -121,17 +120,6 @@ fn find<B: RealBackend>(
     Err(RveError::NotConverged { failures, report: Box::new(report) })
 }
 
-/// Formats the name of a law with its parameters.
-fn format_law(law: &Law) -> String {
-    let mut text = String::new();
-    law.dispatch(&mut |law| {
-        let parameters: Vec<String> =
-            law.parameters().iter().map(|(name, value)| format!("{name} = {value:?}")).collect();
-        text = format!("{} ({})", law.name(), parameters.join(", "));
-    });
-    text
-}
-
 /// The outcome of Newton, plain or regularized.
 type NewtonOutcome<B> = Result<NewtonReport, NewtonFailure<<B as Backend>::Error, <B as Backend>::Error>>;
 
@@ -169,13 +157,9 @@ impl<B: RealBackend> EquilibriumSolver<'_, B> {
         let truss = self.model.truss();
         let Workspace { positions, states, forces, .. } = &mut *self.workspace;
         truss.evaluate_with_forces(positions, states, forces);
-        let (law, stretch, force_ratio) = truss.max_relative_force(states)?;
+        let fiber = truss.max_relative_force(states)?;
         let is_finite = truss.energy(states).is_finite() && forces.iter().flatten().all(|f| f.is_finite());
-        (force_ratio >= ExcessiveForce::THRESHOLD || !is_finite).then(|| ExcessiveForce {
-            law: format_law(law),
-            stretch,
-            force_ratio,
-        })
+        (fiber.2 >= ExcessiveForce::THRESHOLD || !is_finite).then(|| ExcessiveForce::of(fiber))
     }
 
     /// Tries the stages after the first.

@@ -6,6 +6,7 @@ use thiserror::Error;
 
 use super::params::Stage;
 use crate::fiber::dynamic_relaxation::{RelaxationError, RelaxationReport};
+use crate::fiber::law::{FiberLaw, Law};
 use crate::fiber::rve::RveStateError;
 use crate::las::{NewtonError, NewtonReport, SolveError};
 
@@ -57,9 +58,7 @@ impl EquilibriumReport {
     #[must_use]
     pub fn accumulate(self, next: Self) -> Self {
         Self {
-            stage: next.stage,
             iterations: self.iterations + next.iterations,
-            newton: next.newton,
             predicted: self.predicted + next.predicted,
             cuts: self.cuts + next.cuts,
             backtracks: self.backtracks + next.backtracks,
@@ -72,8 +71,7 @@ impl EquilibriumReport {
                 ..next.relaxation
             },
             saddles: self.saddles + next.saddles,
-            neutral: next.neutral,
-            negative_pivots: next.negative_pivots,
+            ..next
         }
     }
 }
@@ -172,6 +170,13 @@ impl ExcessiveForce {
     /// Smallest `force_ratio` that is excessive: the forces of fibers near rest then vanish within the tolerance of
     /// the residual, which is relative to the norm of all forces.
     pub const THRESHOLD: f64 = 1e12;
+
+    /// The force of the fiber with this law, stretch and `force_ratio`.
+    pub(super) fn of((law, stretch, force_ratio): (&Law, f64, f64)) -> Self {
+        let parameters = FiberLaw::parameters(law).into_iter().map(|(name, value)| format!("{name} = {value:?}"));
+        let parameters = parameters.collect::<Vec<_>>().join(", ");
+        Self { law: format!("{} ({parameters})", law.name()), stretch, force_ratio }
+    }
 }
 
 fn format_failures<F: std::error::Error + 'static>(failures: &[StageFailure<F>]) -> String {

@@ -4,7 +4,6 @@ use std::fmt;
 
 use nalgebra::Matrix3;
 
-use super::format_law;
 use super::report::{EquilibriumReport, ExcessiveForce, RveError};
 use crate::fiber::homogenize::{self, Tangent};
 use crate::fiber::rve::{Rve, RveModel};
@@ -75,12 +74,8 @@ impl<'a, B: RealBackend> EquilibriumState<'a, B> {
     /// force; it indicates a deformation or a modulus in a wrong unit.
     #[must_use]
     pub fn excessive_force(&self) -> Option<ExcessiveForce> {
-        let (law, stretch, force_ratio) = self.model.truss().max_relative_force(self.workspace.states())?;
-        (force_ratio >= ExcessiveForce::THRESHOLD).then(|| ExcessiveForce {
-            law: format_law(law),
-            stretch,
-            force_ratio,
-        })
+        let fiber = self.model.truss().max_relative_force(self.workspace.states())?;
+        (fiber.2 >= ExcessiveForce::THRESHOLD).then(|| ExcessiveForce::of(fiber))
     }
 
     /// First Piola-Kirchhoff stress `P_iJ = kappa sum_b T_b,i X_b,J` over boundary nodes, in Pa (N over unit-cube area
