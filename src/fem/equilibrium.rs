@@ -264,8 +264,8 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
         }
         let start = Instant::now();
         let tangent = &self.committed.responses.tangent;
-        let increments: Vec<[f64; 3]> =
-            zip_map(&self.trial.displacements, &self.committed.displacements, |new, old| new - old);
+        let moved = self.trial.displacements.iter().zip(&self.committed.displacements);
+        let increments: Vec<[f64; 3]> = moved.map(|(new, old)| std::array::from_fn(|i| new[i] - old[i])).collect();
         self.assembler.linearized_forces(tangent, &increments, &mut self.nodal);
         for ((force, external), internal) in
             self.nodal.iter_mut().zip(&self.trial.external).zip(&self.committed.internal)
@@ -375,8 +375,4 @@ impl<B: RealBackend, P: PointField> NonlinearProblem<B> for Equilibrium<B, P> {
 
 fn norm(forces: &[[f64; 3]]) -> f64 {
     forces.as_flattened().iter().map(|f| f * f).sum::<f64>().sqrt()
-}
-
-fn zip_map(a: &[[f64; 3]], b: &[[f64; 3]], f: impl Fn(f64, f64) -> f64) -> Vec<[f64; 3]> {
-    a.iter().zip(b).map(|(a, b)| std::array::from_fn(|i| f(a[i], b[i]))).collect()
 }

@@ -35,7 +35,7 @@
 //! The public interface is [`EquilibriumState`](super::equilibrium::EquilibriumState), which
 //! [`super::equilibrium::equilibrate`] returns; the functions here read the workspace that it borrows.
 
-use nalgebra::{Matrix3, SMatrix};
+use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use super::equilibrium::RveError;
 use super::rve::{RveModel, transform};
@@ -50,12 +50,8 @@ pub(super) fn pk1<B: RealBackend>(model: &RveModel<B>, workspace: &Workspace<B>)
     let network = model.network();
     let mut sum = Matrix3::zeros();
     for &node in network.boundary() {
-        let (t, x) = (&workspace.forces[node as usize], &network.nodes()[node as usize]);
-        for i in 0..3 {
-            for j in 0..3 {
-                sum[(i, j)] += t[i] * x[j];
-            }
-        }
+        let (t, x) = (workspace.forces[node as usize], network.nodes()[node as usize]);
+        sum += Vector3::from(t) * Vector3::from(x).transpose();
     }
     sum * model.scale()
 }

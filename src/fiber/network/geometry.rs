@@ -5,6 +5,7 @@ use std::collections::HashSet;
 use super::proximity::{Proximity, distance};
 use super::{Network, NetworkError};
 use crate::fiber::law::FiberMaterial;
+use crate::input::MOST_SHOWN;
 
 /// Largest distance of a coordinate from +-1/2 for a node on the boundary.
 pub const BOUNDARY_TOLERANCE: f64 = 1e-8;
@@ -15,8 +16,6 @@ pub const CUBE_TOLERANCE: f64 = 1e-6;
 pub const SAME_PLACE: f64 = 1e-12;
 /// A box within this distance of `[-1/2, 1/2]^3` is the unit cube, and its nodes are not moved.
 const IDENTITY_TOLERANCE: f64 = 1e-12;
-/// Maximum number of problems reported for a network.
-const MAX_PROBLEMS: usize = 20;
 /// Maximum number of nodes whose unknowns can be numbered in signed 32-bit integers.
 const MAX_NODES: usize = (i32::MAX / 3) as usize;
 
@@ -176,7 +175,7 @@ pub(super) fn doubled(fibers: &[[u32; 2]]) -> Vec<u32> {
     (0u32..).zip(fibers).filter(|(_, [a, b])| !seen.insert([a.min(b), a.max(b)])).map(|(fiber, _)| fiber).collect()
 }
 
-/// Returns up to [`MAX_PROBLEMS`] problems of nodes (finite) and fibers in their cube, fibers first.
+/// Returns up to [`MOST_SHOWN`] problems of nodes (finite) and fibers in their cube, fibers first.
 pub(super) fn problems(cube: Cube, nodes: &[[f64; 3]], fibers: &[[u32; 2]]) -> Vec<NetworkError> {
     if fibers.is_empty() {
         return vec![NetworkError::NoFibers];
@@ -185,9 +184,9 @@ pub(super) fn problems(cube: Cube, nodes: &[[f64; 3]], fibers: &[[u32; 2]]) -> V
         return vec![NetworkError::TooMany { what: "fibers", count: fibers.len(), most: u32::MAX as usize }];
     }
     let unit: Vec<[f64; 3]> = nodes.iter().map(|&x| cube.to_unit(x)).collect();
-    let mut found: Vec<NetworkError> = bad_fibers(&unit, fibers).take(MAX_PROBLEMS).collect();
-    found.extend(bad_nodes(&unit, nodes, &found).into_iter().take(MAX_PROBLEMS));
-    found.truncate(MAX_PROBLEMS);
+    let mut found: Vec<NetworkError> = bad_fibers(&unit, fibers).take(MOST_SHOWN).collect();
+    found.extend(bad_nodes(&unit, nodes, &found).into_iter().take(MOST_SHOWN));
+    found.truncate(MOST_SHOWN);
     found
 }
 
@@ -223,7 +222,7 @@ fn bad_nodes(unit: &[[f64; 3]], nodes: &[[f64; 3]], known: &[NetworkError]) -> V
             }
         }
         places.insert(node, position);
-        if found.len() >= MAX_PROBLEMS {
+        if found.len() >= MOST_SHOWN {
             break;
         }
     }

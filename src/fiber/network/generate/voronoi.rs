@@ -6,6 +6,7 @@
 
 use glam::DVec3;
 use meshless_voronoi::{Dimensionality, VoronoiIntegrator};
+use nalgebra::Vector3;
 
 use super::clip::Graph;
 use super::cloud::{Cloud, MARGIN};
@@ -77,15 +78,10 @@ fn ends(cloud: &Cloud) -> Vec<End> {
 
 /// The center of the sphere through four points, by Cramer's rule.
 pub(super) fn circumcenter(p: [[f64; 3]; 4]) -> [f64; 3] {
-    let d = [1, 2, 3].map(|i| [0, 1, 2].map(|k| p[i][k] - p[0][k]));
-    let cross =
-        |u: [f64; 3], v: [f64; 3]| [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
-    let dot = |u: [f64; 3], v: [f64; 3]| u[0] * v[0] + u[1] * v[1] + u[2] * v[2];
-    let normals = [cross(d[1], d[2]), cross(d[2], d[0]), cross(d[0], d[1])];
-    let twice = 2.0 * dot(d[0], normals[0]);
-    let squares = d.map(|d| dot(d, d));
-    [0, 1, 2].map(|k| {
-        let sum = squares[0] * normals[0][k] + squares[1] * normals[1][k] + squares[2] * normals[2][k];
-        p[0][k] + sum / twice
-    })
+    let p = p.map(Vector3::<f64>::from);
+    let d = [p[1] - p[0], p[2] - p[0], p[3] - p[0]];
+    let normals = [d[1].cross(&d[2]), d[2].cross(&d[0]), d[0].cross(&d[1])];
+    let twice = 2.0 * d[0].dot(&normals[0]);
+    let sum = normals[0] * d[0].dot(&d[0]) + normals[1] * d[1].dot(&d[1]) + normals[2] * d[2].dot(&d[2]);
+    (p[0] + sum / twice).into()
 }

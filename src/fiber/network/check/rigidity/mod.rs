@@ -117,7 +117,7 @@ pub fn rigidity<B: RealBackend>(context: &B::Context, network: &Network) -> Resu
             (mobility, estimated) = mobilities::<B>(context, &mut stiffness.solver, unknowns, zero_modes, shift)?;
         }
     }
-    let single = single_node_modes(network);
+    let [single_node_modes, few_fibers, coplanar_fibers] = single_node_modes(network);
     let free_end = |ends: &&[u32; 2]| ends.iter().any(|&node| network.interior_number()[node as usize] >= 0);
     let fibers = network.fibers().iter().filter(free_end).count();
     let mut nodes: Vec<MobileNode> = (network.interior().iter().zip(mobility))
@@ -131,24 +131,17 @@ pub fn rigidity<B: RealBackend>(context: &B::Context, network: &Network) -> Resu
         unknowns,
         zero_modes,
         self_stresses: (zero_modes + fibers).saturating_sub(unknowns),
-        single_node_modes: single.modes,
-        few_fibers: single.few_fibers,
-        coplanar_fibers: single.coplanar_fibers,
+        single_node_modes,
+        few_fibers,
+        coplanar_fibers,
         mobile_nodes,
         estimated,
         most_mobile: nodes,
     })
 }
 
-/// Numbers of single-node modes and of the nodes that have them.
-#[derive(Clone, Copy, Debug, Default)]
-struct SingleNodes {
-    modes: usize,
-    few_fibers: usize,
-    coplanar_fibers: usize,
-}
-
-fn single_node_modes(network: &Network) -> SingleNodes {
+/// Returns the number of single-node modes, and of nodes that have them because of few or of coplanar fibers.
+fn single_node_modes(network: &Network) -> [usize; 3] {
     let mut blocks = vec![(Matrix3::zeros(), 0); network.interior().len()];
     for (fiber, ends) in network.fibers().iter().enumerate() {
         let n = Vector3::from(network.direction(fiber));
@@ -160,18 +153,18 @@ fn single_node_modes(network: &Network) -> SingleNodes {
             }
         }
     }
-    let mut found = SingleNodes::default();
+    let [mut modes, mut few_fibers, mut coplanar_fibers] = [0; 3];
     for (block, fibers) in blocks {
         let limit = SHIFT * block.diagonal().max().max(1.0);
         let free = SymmetricEigen::new(block).eigenvalues.iter().filter(|&&value| value < limit).count();
-        found.modes += free;
+        modes += free;
         if fibers < 3 {
-            found.few_fibers += 1;
+            few_fibers += 1;
         } else if free > 0 {
-            found.coplanar_fibers += 1;
+            coplanar_fibers += 1;
         }
     }
-    found
+    [modes, few_fibers, coplanar_fibers]
 }
 
 /// The stiffness of a network of unstressed springs, with its solver.
