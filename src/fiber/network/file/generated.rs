@@ -15,20 +15,15 @@ pub struct Generated {
     /// The seed of the random numbers.
     pub seed: u64,
     /// The preferred direction of the fibers, as given.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub align: Option<[f64; 3]>,
     /// The requested second-order parameter.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub strength: Option<f64>,
     /// Nodes joined by a fiber shorter than this fraction of the mean spacing were merged.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub merge: Option<f64>,
     /// The minimum distance between two points over the mean spacing, if it is not the default of
     /// [`GeneratorParams::new`].
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub min_distance: Option<f64>,
     /// Fibers shorter than this fraction of the cube's edge were removed.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shorter_than: Option<f64>,
     /// The program and its version.
     pub program: String,

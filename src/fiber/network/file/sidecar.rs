@@ -96,11 +96,8 @@ struct Units {
 /// The contents to write, with tables in the order of the fields.
 #[derive(Serialize)]
 struct Written<'a> {
-    #[serde(skip_serializing_if = "Option::is_none")]
     generated: Option<&'a Generated>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     units: Option<Units>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     law: Option<NamedLaw>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     fiber_type: Vec<NamedLaw>,
