@@ -5,35 +5,25 @@ use super::shapes::cuboid;
 use super::{Mesh, MeshError, Surface};
 
 /// Two tetrahedra, one above and one below a common face, in two regions.
-#[derive(Clone)]
-struct Parts {
-    nodes: Vec<[f64; 3]>,
-    elements: Vec<[u32; 4]>,
-    region_of: Vec<u32>,
-    regions: Vec<String>,
-    surfaces: Vec<Surface>,
-}
-
-impl Parts {
-    fn good() -> Self {
-        Self {
-            nodes: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -2.0]],
-            elements: vec![[0, 1, 2, 3], [0, 2, 1, 4]],
-            region_of: vec![1, 0],
-            regions: vec!["low".into(), "high".into()],
-            surfaces: vec![Surface { name: "side".into(), triangles: vec![[0, 1, 3], [0, 1, 4]] }],
-        }
-    }
-
-    fn mesh(self) -> Result<Mesh, MeshError> {
-        Mesh::new(self.nodes, self.elements, self.region_of, self.regions, self.surfaces)
+fn good() -> Mesh {
+    Mesh {
+        nodes: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -2.0]],
+        elements: vec![[0, 1, 2, 3], [0, 2, 1, 4]],
+        region_of: vec![1, 0],
+        regions: vec!["low".into(), "high".into()],
+        surfaces: vec![Surface { name: "side".into(), triangles: vec![[0, 1, 3], [0, 1, 4]] }],
     }
 }
 
-fn refused(spoil: impl FnOnce(&mut Parts)) -> MeshError {
-    let mut parts = Parts::good();
-    spoil(&mut parts);
-    parts.mesh().unwrap_err()
+/// Checks the parts of a mesh again.
+fn rebuilt(mesh: Mesh) -> Result<Mesh, MeshError> {
+    Mesh::new(mesh.nodes, mesh.elements, mesh.region_of, mesh.regions, mesh.surfaces)
+}
+
+fn refused(spoil: impl FnOnce(&mut Mesh)) -> MeshError {
+    let mut mesh = good();
+    spoil(&mut mesh);
+    rebuilt(mesh).unwrap_err()
 }
 
 fn surface(name: &str, triangles: &[[u32; 3]]) -> Surface {
@@ -93,12 +83,12 @@ fn elements_that_overlap_are_found() {
 
 #[test]
 fn triangles_are_turned_outward_but_not_between_elements() {
-    let mut parts = Parts::good();
+    let mut parts = good();
     let faces = [[0, 1, 3], [1, 3, 0], [3, 1, 0]];
     parts.surfaces = faces.iter().map(|&face| surface(&format!("{face:?}"), &[face])).collect();
     parts.surfaces.push(surface("up", &[[0, 1, 2]]));
     parts.surfaces.push(surface("down", &[[0, 2, 1]]));
-    let mesh = parts.mesh().unwrap();
+    let mesh = rebuilt(parts).unwrap();
     let side: Vec<_> = mesh.surfaces()[..3].iter().map(|surface| mesh.area_vector(surface.triangles[0])).collect();
     assert_eq!(side, [[0.0, -0.5, 0.0]; 3]);
     assert_eq!(mesh.surface("up").unwrap().triangles, [[0, 1, 2]]);
@@ -121,7 +111,7 @@ fn permutations_of_a_triangle() {
 
 #[test]
 fn questions_to_a_mesh() {
-    let mesh = Parts::good().mesh().unwrap();
+    let mesh = rebuilt(good()).unwrap();
     assert_eq!((mesh.region("low"), mesh.region("high"), mesh.region("body")), (Some(0), Some(1), None));
     assert_eq!(mesh.elements_in(1).collect::<Vec<_>>(), [0]);
     assert_eq!(mesh.elements_in(9).count(), 0);
@@ -140,7 +130,7 @@ fn questions_to_a_mesh() {
 
 #[test]
 fn scaling() {
-    let mesh = Parts::good().mesh().unwrap();
+    let mesh = rebuilt(good()).unwrap();
     let scaled = mesh.clone().scaled(1e-3).unwrap();
     assert!((scaled.volume() / 0.5e-9 - 1.0).abs() < 1e-14);
     assert_eq!((scaled.elements(), scaled.surfaces()), (mesh.elements(), mesh.surfaces()));
