@@ -76,6 +76,17 @@ impl Parameter {
         };
         Err(FiberMaterialError { parameter: self.label, value, expected })
     }
+
+    /// Returns a valid value for tests.
+    #[cfg(test)]
+    pub(crate) fn example(&self) -> f64 {
+        match self.range {
+            ParameterRange::Above(low) if self.unit == "Pa" => low + 1.0e8,
+            ParameterRange::Above(low) => low + 1.2,
+            ParameterRange::AtLeast(low) => low + 0.1,
+            ParameterRange::FromTo(low, high) => 0.5 * (low + high),
+        }
+    }
 }
 
 /// `E`, the slope of the nominal stress at rest.

@@ -28,26 +28,16 @@ fn curve() -> Table {
     Table::new(points.to_vec()).unwrap()
 }
 
-/// A valid value of a parameter.
-fn example(parameter: &Parameter) -> f64 {
-    match parameter.range {
-        ParameterRange::Above(low) if parameter.unit == "Pa" => low + E,
-        ParameterRange::Above(low) => low + 1.2,
-        ParameterRange::AtLeast(low) => low + 0.1,
-        ParameterRange::FromTo(low, high) => 0.5 * (low + high),
-    }
-}
-
 #[test]
 fn laws_have_the_names_and_parameters_of_the_table() {
     for formula in FormulaLaw::ALL {
-        let law = formula.law(|parameter| Ok::<_, ()>(example(parameter))).unwrap();
+        let law = formula.law(|parameter| Ok::<_, ()>(parameter.example())).unwrap();
         let parameters = formula.parameters();
-        let expected: Vec<_> = parameters.iter().map(|parameter| (parameter.name, example(parameter))).collect();
+        let expected: Vec<_> = parameters.iter().map(|parameter| (parameter.name, parameter.example())).collect();
         law.dispatch(&mut |law| assert_eq!((law.name(), law.parameters()), (formula.name(), expected.clone())));
         assert_eq!(law.formula(), Some((*formula, expected.iter().map(|&(_, value)| value).collect())));
         for parameter in parameters {
-            let law = formula.law(|p| Ok::<_, ()>(if p == parameter { f64::NAN } else { example(p) })).unwrap();
+            let law = formula.law(|p| Ok::<_, ()>(if p == parameter { f64::NAN } else { p.example() })).unwrap();
             assert_eq!(law.check().unwrap_err().parameter, parameter.label);
         }
     }
@@ -65,7 +55,7 @@ fn laws() -> Vec<Law> {
         Law::table(curve()),
         Law::custom(Hencky(E)),
     ];
-    let in_table = FormulaLaw::ALL.iter().map(|law| law.law(|parameter| Ok::<_, ()>(example(parameter))).unwrap());
+    let in_table = FormulaLaw::ALL.iter().map(|law| law.law(|parameter| Ok::<_, ()>(parameter.example())).unwrap());
     let plain: Vec<Law> = plain.into_iter().chain(in_table).collect();
     let yielding = plain
         .clone()

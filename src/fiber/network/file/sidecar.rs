@@ -268,7 +268,7 @@ pub(super) fn parse(file: &Path, bytes: &[u8], fibers: usize) -> Result<Sidecar,
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fiber::law::{BUCKLING_STRAIN, COMPRESSION, FormulaLaw, Parameter, ParameterRange};
+    use crate::fiber::law::{BUCKLING_STRAIN, COMPRESSION, FormulaLaw};
 
     fn table() -> NamedLaw {
         let points = vec![[0.9, -1e6 / 3.0], [1.0, 0.0], [1.0 + 1.0 / 3.0, 2e6]];
@@ -277,21 +277,13 @@ mod tests {
         law
     }
 
-    /// A valid value of a parameter.
-    fn example(parameter: &Parameter) -> f64 {
-        match parameter.range {
-            ParameterRange::Above(low) | ParameterRange::AtLeast(low) => low + 1.2,
-            ParameterRange::FromTo(low, high) => 0.5 * (low + high),
-        }
-    }
-
     #[test]
     fn what_is_written_reads_back_the_same() {
         let folder = tempfile::tempdir().unwrap();
         let network = folder.path().join("net.txt");
         let formulas = FormulaLaw::ALL.iter().map(|formula| {
             let law = NamedLaw::new(formula.name(), 5e-8);
-            formula.parameters().iter().fold(law, |law, parameter| law.with(parameter, example(parameter)))
+            formula.parameters().iter().fold(law, |law, parameter| law.with(parameter, parameter.example()))
         });
         for law in formulas.chain([table()]).flat_map(|law| {
             let buckling = [
