@@ -42,6 +42,9 @@ use super::rve::{RveModel, transform};
 use super::workspace::{MODES, Workspace};
 use crate::las::{Backend, MatrixOps, RealBackend, SolveError, Solver, VectorOps};
 
+/// The result of work with the linear system.
+type Solved<B, T = ()> = Result<T, SolveError<<B as Backend>::Error>>;
+
 /// `dP/dF`, with row or column index `3 i + J` for `P_iJ` or `F_iJ`.
 pub type Tangent = SMatrix<f64, 9, 9>;
 
@@ -124,10 +127,7 @@ fn rate_coefficients(f: &Matrix3<f64>) -> Option<Tangent> {
 }
 
 /// Computes the velocities of all nodes in every mode for which the force rates at interior nodes vanish.
-pub(super) fn solve_modes<B: RealBackend>(
-    model: &RveModel<B>,
-    workspace: &mut Workspace<B>,
-) -> Result<(), SolveError<B::Error>> {
+pub(super) fn solve_modes<B: RealBackend>(model: &RveModel<B>, workspace: &mut Workspace<B>) -> Solved<B> {
     /// Tolerance of the interior force rates, relative to those at all nodes: they enter the tangent squared.
     const TOLERANCE: f64 = 1e-8;
     /// Interior force rates that are accepted if the matrix is singular to working precision.
@@ -194,10 +194,7 @@ impl Factor {
 }
 
 /// Factors the stiffness at the state in the workspace, with a small shift of the diagonal if it is singular.
-fn factor_or_shift<B: RealBackend>(
-    model: &RveModel<B>,
-    workspace: &mut Workspace<B>,
-) -> Result<Factor, SolveError<B::Error>> {
+fn factor_or_shift<B: RealBackend>(model: &RveModel<B>, workspace: &mut Workspace<B>) -> Solved<B, Factor> {
     match factor_here(model, workspace, 0.0) {
         Err(SolveError::Singular { .. }) => factor_shifted(model, workspace),
         outcome => outcome.map(|()| Factor::Exact),
@@ -209,10 +206,7 @@ fn factor_or_shift<B: RealBackend>(
 /// A floppy network at rest has motions that no fiber resists, and no force acts on them: `K v = q` has solutions. With
 /// `K + s I` in place of `K` every correction removes the fraction `lambda / (lambda + s)` of the error, and leaves the
 /// motions with `lambda = 0` unchanged.
-fn factor_shifted<B: RealBackend>(
-    model: &RveModel<B>,
-    workspace: &mut Workspace<B>,
-) -> Result<Factor, SolveError<B::Error>> {
+fn factor_shifted<B: RealBackend>(model: &RveModel<B>, workspace: &mut Workspace<B>) -> Solved<B, Factor> {
     /// Relative shift: far above rounding, far below the stiffness of a fiber.
     const SHIFT: f64 = 1e-9;
     let stiffest = workspace.diagonal.iter().map(|block| block[0].max(block[4]).max(block[8])).fold(0.0, f64::max);
@@ -220,11 +214,7 @@ fn factor_shifted<B: RealBackend>(
 }
 
 /// Factors the stiffness at the state in the workspace, with `shift` added to its diagonal.
-fn factor_here<B: RealBackend>(
-    model: &RveModel<B>,
-    workspace: &mut Workspace<B>,
-    shift: f64,
-) -> Result<(), SolveError<B::Error>> {
+fn factor_here<B: RealBackend>(model: &RveModel<B>, workspace: &mut Workspace<B>, shift: f64) -> Solved<B> {
     let Workspace { system, states, diagonal, factor_is_exact, .. } = workspace;
     system.matrix.assemble(|k| model.slots.assemble(&model.truss, states, diagonal, k))?;
     if shift > 0.0 {
@@ -265,10 +255,7 @@ fn relative_imbalance<B: RealBackend>(model: &RveModel<B>, workspace: &Workspace
 }
 
 /// Applies `v_i -= K_ii^-1 q_i`, all modes in one solve.
-fn correct_modes<B: RealBackend>(
-    model: &RveModel<B>,
-    workspace: &mut Workspace<B>,
-) -> Result<(), SolveError<B::Error>> {
+fn correct_modes<B: RealBackend>(model: &RveModel<B>, workspace: &mut Workspace<B>) -> Solved<B> {
     let interior = model.network().interior();
     let Workspace { system, mode_loads, mode_solutions, sensitivities, force_rates, .. } = workspace;
     for (mode, load) in mode_loads.iter_mut().enumerate() {
