@@ -109,13 +109,9 @@ impl ParsedFile<'_> {
                 0 => "the mesh has no tetrahedra".to_owned(),
                 triangles => format!("the mesh has no tetrahedra, only {triangles} triangles"),
             };
-            return Err(self.fault(
-                0,
-                problem,
-                "a body of tetrahedra",
-                "mesh the volume (in Gmsh: Mesh, 3D), put it in a physical group (Gmsh saves nothing else if there are \
-                 any groups), and export again",
-            ));
+            let hint = "mesh the volume (in Gmsh: Mesh, 3D), put it in a physical group (Gmsh saves nothing else if \
+                        there are any groups), and export again";
+            return Err(self.fault(0, problem, "a body of tetrahedra", hint));
         }
         Ok(())
     }
@@ -129,12 +125,8 @@ impl ParsedFile<'_> {
         }
         Numbering::new(nodes.iter().map(|node| node.tag)).map_err(|index| {
             let node = &nodes[index];
-            self.fault(
-                node.line,
-                format!("node {} is defined a second time", node.tag),
-                "each node once",
-                "renumber the mesh in Gmsh (Mesh, Renumber) or export it again",
-            )
+            let hint = "renumber the mesh in Gmsh (Mesh, Renumber) or export it again";
+            self.fault(node.line, format!("node {} is defined a second time", node.tag), "each node once", hint)
         })
     }
 
@@ -153,12 +145,8 @@ impl ParsedFile<'_> {
             })?;
             if cell.nodes[..k].contains(&tag) {
                 let problem = format!("{noun} {} has node {tag} twice", cell.tag);
-                return Err(self.fault(
-                    cell.line,
-                    problem,
-                    "different nodes",
-                    "remove the collapsed element or mesh again",
-                ));
+                let hint = "remove the collapsed element or mesh again";
+                return Err(self.fault(cell.line, problem, "different nodes", hint));
             }
         }
         Ok(nodes)
@@ -203,12 +191,10 @@ impl ParsedFile<'_> {
             return Ok((vec!["body".into()], vec![0; total]));
         }
         if without > 0 {
-            return Err(self.fault(
-                0,
-                format!("{without} of {total} tetrahedra are in no physical volume group"),
-                "every tetrahedron in one physical volume group (or no such group at all)",
-                "add the volumes left out to a physical group (and export with Mesh.SaveAll = 0: version 2.2 loses the groups otherwise), or remove all physical volume groups and their names",
-            ));
+            let problem = format!("{without} of {total} tetrahedra are in no physical volume group");
+            let expected = "every tetrahedron in one physical volume group (or no such group at all)";
+            let hint = "add the volumes left out to a physical group (and export with Mesh.SaveAll = 0: version 2.2 loses the groups otherwise), or remove all physical volume groups and their names";
+            return Err(self.fault(0, problem, expected, hint));
         }
         let (order, names) = names.in_order();
         Ok((names, of.into_iter().map(|name: u32| order[name as usize]).collect()))

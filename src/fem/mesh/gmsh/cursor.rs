@@ -105,11 +105,8 @@ impl<'a> Cursor<'a> {
             let problem = format!("the file ends within ${section}{after}");
             return self.fault(problem, expected, "the file was cut off: export or copy it again");
         }
-        self.fault(
-            format!("${section} ends{}", if after.is_empty() { " too early" } else { &after }),
-            expected,
-            DAMAGED,
-        )
+        let problem = format!("${section} ends{}", if after.is_empty() { " too early" } else { &after });
+        self.fault(problem, expected, DAMAGED)
     }
 
     // Sections
@@ -194,11 +191,8 @@ impl<'a> Cursor<'a> {
         });
         let Some((at, _)) = found else {
             let problem = format!("the section `${0}` is not closed: no line `$End{0}` follows", self.section);
-            return Err(self.fault(
-                problem,
-                format!("`$End{}`", self.section),
-                "the file was cut off: export or copy it again",
-            ));
+            let hint = "the file was cut off: export or copy it again";
+            return Err(self.fault(problem, format!("`$End{}`", self.section), hint));
         };
         let stop = start + at + end.len();
         self.line += self.bytes[self.at..stop].iter().filter(|&&byte| byte == b'\n').count();

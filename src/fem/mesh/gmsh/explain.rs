@@ -26,12 +26,9 @@ impl ParsedFile<'_> {
 
     /// Creates the error for an element in two regions.
     pub fn in_two_groups(&self, cell: &Cell<4>, first: &str, second: &str) -> InputError {
-        self.fault(
-            cell.line,
-            format!("tetrahedron {} is in two physical volume groups, `{first}` and `{second}`", cell.tag),
-            "every tetrahedron in one physical volume group",
-            "take its volume out of one of the groups",
-        )
+        let problem = format!("tetrahedron {} is in two physical volume groups, `{first}` and `{second}`", cell.tag);
+        let hint = "take its volume out of one of the groups";
+        self.fault(cell.line, problem, "every tetrahedron in one physical volume group", hint)
     }
 
     /// Translates a mesh error into an error with the tags and lines of the file.
@@ -47,32 +44,23 @@ impl ParsedFile<'_> {
                     "tetrahedron {} is flat: its volume is {volume:e}, its longest edge {longest_edge:e}",
                     cell.tag
                 );
-                self.fault(
-                    cell.line,
-                    problem,
-                    "tetrahedra with a volume",
-                    "improve the mesh (in Gmsh: Optimize 3D) or mesh again",
-                )
+                let hint = "improve the mesh (in Gmsh: Optimize 3D) or mesh again";
+                self.fault(cell.line, problem, "tetrahedra with a volume", hint)
             }),
             MeshError::Overlap { first, second, .. } => {
                 tetrahedron(*first).zip(tetrahedron(*second)).map(|(first, second)| self.overlap(first, second))
             }
             MeshError::NotAFace { surface, triangle: index, .. } => triangle(surface, *index).map(|cell| {
-                self.fault(
-                    cell.line,
-                    format!("triangle {} of surface `{surface}` is no face of any tetrahedron", cell.tag),
-                    "surfaces that bound the body or lie in it",
-                    "take the surface out of the physical group, or export the volume that belongs to it too",
-                )
+                let problem = format!("triangle {} of surface `{surface}` is no face of any tetrahedron", cell.tag);
+                let hint = "take the surface out of the physical group, or export the volume that belongs to it too";
+                self.fault(cell.line, problem, "surfaces that bound the body or lie in it", hint)
             }),
             MeshError::DuplicateTriangle { surface, first, second } => {
                 triangle(surface, *first).zip(triangle(surface, *second)).map(|(first, second)| {
-                    self.fault(
-                        second.line,
-                        format!("triangles {} and {} of surface `{surface}` are the same", first.tag, second.tag),
-                        "each triangle of a surface once",
-                        "remove duplicate elements (in Gmsh: Coherence Mesh) and export again",
-                    )
+                    let problem =
+                        format!("triangles {} and {} of surface `{surface}` are the same", first.tag, second.tag);
+                    let hint = "remove duplicate elements (in Gmsh: Coherence Mesh) and export again";
+                    self.fault(second.line, problem, "each triangle of a surface once", hint)
                 })
             }
             _ => None,
@@ -95,14 +83,11 @@ impl ParsedFile<'_> {
             let hint = "remove duplicate elements (in Gmsh: Coherence Mesh) and export again";
             return self.fault(second.line, problem, "each tetrahedron once", hint);
         }
-        self.fault(
-            second.line,
-            format!(
-                "tetrahedra {} and {} overlap: they lie on the same side of a face they share",
-                first.tag, second.tag
-            ),
-            "a body that does not overlap itself",
-            "check the mesh for inverted and overlapping elements and mesh again",
-        )
+        let problem = format!(
+            "tetrahedra {} and {} overlap: they lie on the same side of a face they share",
+            first.tag, second.tag
+        );
+        let hint = "check the mesh for inverted and overlapping elements and mesh again";
+        self.fault(second.line, problem, "a body that does not overlap itself", hint)
     }
 }

@@ -61,11 +61,8 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<MeshFile, InputError> {
             ("Nodes", Version::V4_1) => version4::nodes(&mut cursor, &mut raw)?,
             ("Elements", Version::V4_1) => version4::elements(&mut cursor, &mut raw)?,
             ("PartitionedEntities", Version::V4_1) => {
-                return Err(cursor.fault(
-                    "the mesh is partitioned",
-                    "a mesh in one piece",
-                    "undo the partition in Gmsh (Unpartition) and export it again; ranks are given elements when a run starts",
-                ));
+                let hint = "undo the partition in Gmsh (Unpartition) and export it again; ranks are given elements when a run starts";
+                return Err(cursor.fault("the mesh is partitioned", "a mesh in one piece", hint));
             }
             _ => {
                 cursor.skip_section()?;
@@ -98,32 +95,24 @@ fn header(cursor: &mut Cursor<'_>) -> Result<Version, InputError> {
         2.2 => Version::V2_2,
         4.1 => Version::V4_1,
         _ => {
-            return Err(cursor.fault(
-                format!("Gmsh format {number:?} is not supported"),
-                "version 4.1 or 2.2",
-                "open the file in Gmsh and export it as version 4.1 (`gmsh old.msh -save -format msh41 -o new.msh`)",
-            ));
+            let hint =
+                "open the file in Gmsh and export it as version 4.1 (`gmsh old.msh -save -format msh41 -o new.msh`)";
+            return Err(cursor.fault(format!("Gmsh format {number:?} is not supported"), "version 4.1 or 2.2", hint));
         }
     };
     let binary = match cursor.size("0 for text or 1 for binary")? {
         0 => false,
         1 => true,
         other => {
-            return Err(cursor.fault(
-                format!("the file type is {other}"),
-                "0 for text or 1 for binary",
-                "the file is damaged: export it again",
-            ));
+            let hint = "the file is damaged: export it again";
+            return Err(cursor.fault(format!("the file type is {other}"), "0 for text or 1 for binary", hint));
         }
     };
     let width = cursor.size("the size of the file's numbers in bytes, 8")?;
     if !(width == 8 || width == 4 && version == Version::V4_1) {
         let expected = if version == Version::V4_1 { "8 or 4" } else { "8" };
-        return Err(cursor.fault(
-            format!("the data size is {width}"),
-            format!("{expected} bytes"),
-            "export the mesh again from Gmsh",
-        ));
+        let hint = "export the mesh again from Gmsh";
+        return Err(cursor.fault(format!("the data size is {width}"), format!("{expected} bytes"), hint));
     }
     cursor.end_row()?;
     if binary {

@@ -49,11 +49,8 @@ impl Raw {
     /// Returns an error if the section was found before.
     pub fn once(&mut self, cursor: &Cursor<'_>, section: &'static str) -> Result<(), InputError> {
         if self.seen.contains(&section) {
-            return Err(cursor.fault(
-                format!("a second ${section}"),
-                format!("one ${section} in a file"),
-                "the file holds several meshes or is damaged: export one mesh a file",
-            ));
+            let hint = "the file holds several meshes or is damaged: export one mesh a file";
+            return Err(cursor.fault(format!("a second ${section}"), format!("one ${section} in a file"), hint));
         }
         self.seen.push(section);
         Ok(())
@@ -95,18 +92,13 @@ impl Raw {
             };
             if !is_name(name) || name.contains(char::REPLACEMENT_CHARACTER) {
                 let problem = format!("physical group {number} is called `{}`", excerpt(name));
-                return Err(cursor.fault(
-                    problem,
-                    "a name of printable characters without quotes",
-                    "rename the physical group and export the mesh again",
-                ));
+                let hint = "rename the physical group and export the mesh again";
+                return Err(cursor.fault(problem, "a name of printable characters without quotes", hint));
             }
             if let Some(first) = self.names.insert((dimension, number.saturating_abs()), name.to_owned()) {
-                return Err(cursor.fault(
-                    format!("physical group {number} of dimension {dimension} is called both `{first}` and `{name}`"),
-                    "one name a group",
-                    "remove one of the two lines",
-                ));
+                let problem =
+                    format!("physical group {number} of dimension {dimension} is called both `{first}` and `{name}`");
+                return Err(cursor.fault(problem, "one name a group", "remove one of the two lines"));
             }
             cursor.count_one();
         }
@@ -153,10 +145,7 @@ impl Raw {
 /// Returns the treatment of the element type just read.
 pub(super) fn element_treatment(cursor: &Cursor<'_>, number: i32) -> Result<ElementTreatment, InputError> {
     treatment(number).map_err(|(name, hint)| {
-        cursor.fault(
-            format!("the mesh has {name}"),
-            "4-node tetrahedra and 3-node triangles (points and lines are ignored)",
-            hint,
-        )
+        let problem = format!("the mesh has {name}");
+        cursor.fault(problem, "4-node tetrahedra and 3-node triangles (points and lines are ignored)", hint)
     })
 }

@@ -51,11 +51,9 @@ pub(super) fn elements(cursor: &mut Cursor<'_>, raw: &mut Raw) -> Result<(), Inp
         let here = cursor.small_size("the number of elements in a block")?;
         let tags = cursor.small_size("the number of tags an element has")?;
         if here > left {
-            return Err(cursor.fault(
-                format!("a block of {here} elements, but only {left} of the {count} announced are left"),
-                "blocks that add up to the number of elements",
-                "the file is damaged: export it again",
-            ));
+            let problem = format!("a block of {here} elements, but only {left} of the {count} announced are left");
+            let hint = "the file is damaged: export it again";
+            return Err(cursor.fault(problem, "blocks that add up to the number of elements", hint));
         }
         for _ in 0..here {
             let tag = cursor.small_size(ELEMENT)?;

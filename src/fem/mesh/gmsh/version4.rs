@@ -49,11 +49,8 @@ fn entity(cursor: &mut Cursor<'_>, raw: &mut Raw, dimension: i32) -> Result<(), 
     }
     cursor.end_row()?;
     if raw.entities.insert((dimension, tag), physical).is_some() {
-        return Err(cursor.fault(
-            format!("a second entity {tag} of dimension {dimension}"),
-            "each entity once",
-            DAMAGED,
-        ));
+        let problem = format!("a second entity {tag} of dimension {dimension}");
+        return Err(cursor.fault(problem, "each entity once", DAMAGED));
     }
     Ok(())
 }

@@ -102,12 +102,8 @@ impl<'a> Parser<'a> {
         for (k, place) in counted.iter_mut().enumerate() {
             *place = words.next().ok_or_else(|| {
                 let are = if k == 1 { "is 1 word" } else { &format!("are {k} words") };
-                self.error(
-                    line.number,
-                    format!("there {are} on this line, `{}`", excerpt(line.text)),
-                    expected,
-                    COMPARE,
-                )
+                let what = format!("there {are} on this line, `{}`", excerpt(line.text));
+                self.error(line.number, what, expected, COMPARE)
             })?;
         }
         let mut more = words.peekable();
