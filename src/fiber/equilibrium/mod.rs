@@ -122,6 +122,8 @@ fn find<B: RealBackend>(
 
 /// The outcome of Newton, plain or regularized.
 type NewtonOutcome<B> = Result<NewtonReport, NewtonFailure<<B as Backend>::Error, <B as Backend>::Error>>;
+/// The outcome of a stage.
+type Staged<B> = Result<NewtonReport, StageError<<B as Backend>::Error>>;
 
 /// An equilibrium solve in progress. The method of a stage returns true if the stage reached the target, and otherwise
 /// records its failure and returns false.
@@ -199,7 +201,7 @@ impl<B: RealBackend> EquilibriumSolver<'_, B> {
     }
 
     /// Solves one increment by Newton and, if that fails, by energy minimization.
-    fn solve_substep(&mut self, rve: &mut Rve, target: &Matrix3<f64>) -> Result<NewtonReport, StageError<B::Error>> {
+    fn solve_substep(&mut self, rve: &mut Rve, target: &Matrix3<f64>) -> Staged<B> {
         match self.increment(rve, target) {
             Err(_) if self.params.stages.has(Stage::Regularized) => {
                 self.workspace.set_initial_guess(self.model, rve, target);
@@ -210,13 +212,13 @@ impl<B: RealBackend> EquilibriumSolver<'_, B> {
     }
 
     /// Solves one increment by Newton; `rve` is updated only on convergence.
-    fn increment(&mut self, rve: &mut Rve, target: &Matrix3<f64>) -> Result<NewtonReport, StageError<B::Error>> {
+    fn increment(&mut self, rve: &mut Rve, target: &Matrix3<f64>) -> Staged<B> {
         self.workspace.set_initial_guess(self.model, rve, target);
         self.newton(rve, target)
     }
 
     /// Runs Newton from the positions in the workspace.
-    fn newton(&mut self, rve: &mut Rve, target: &Matrix3<f64>) -> Result<NewtonReport, StageError<B::Error>> {
+    fn newton(&mut self, rve: &mut Rve, target: &Matrix3<f64>) -> Staged<B> {
         let (mut problem, system) = Interior::of(self.model, self.workspace);
         let outcome = system.solve(&mut problem, &self.params.newton);
         self.accept_if_stable(rve, target, outcome)
@@ -230,7 +232,7 @@ impl<B: RealBackend> EquilibriumSolver<'_, B> {
     }
 
     /// Minimizes the energy from the positions in the workspace.
-    fn descend(&mut self, rve: &mut Rve, target: &Matrix3<f64>) -> Result<NewtonReport, StageError<B::Error>> {
+    fn descend(&mut self, rve: &mut Rve, target: &Matrix3<f64>) -> Staged<B> {
         let outcome = self.minimize();
         self.accept_if_stable(rve, target, outcome)
     }
@@ -247,19 +249,14 @@ impl<B: RealBackend> EquilibriumSolver<'_, B> {
     }
 
     /// Stores the converged state in `rve` if it is stable, and otherwise the minimum that follows the saddle point.
-    fn accept_if_stable(
-        &mut self,
-        rve: &mut Rve,
-        target: &Matrix3<f64>,
-        outcome: NewtonOutcome<B>,
-    ) -> Result<NewtonReport, StageError<B::Error>> {
+    fn accept_if_stable(&mut self, rve: &mut Rve, target: &Matrix3<f64>, outcome: NewtonOutcome<B>) -> Staged<B> {
         let newton = self.count(outcome)?;
         let newton = self.stabilize(newton)?;
         self.store_state(rve, target);
         Ok(newton)
     }
 
-    fn count(&mut self, outcome: NewtonOutcome<B>) -> Result<NewtonReport, StageError<B::Error>> {
+    fn count(&mut self, outcome: NewtonOutcome<B>) -> Staged<B> {
         match outcome {
             Ok(newton) => {
                 self.report.add(&newton);
@@ -277,7 +274,7 @@ impl<B: RealBackend> EquilibriumSolver<'_, B> {
 
     /// Ensures that the converged state in the workspace is stable: leaves saddle points and minimizes the energy from
     /// there. On return the solver holds the factor of the stiffness if that is positive definite.
-    fn stabilize(&mut self, mut newton: NewtonReport) -> Result<NewtonReport, StageError<B::Error>> {
+    fn stabilize(&mut self, mut newton: NewtonReport) -> Staged<B> {
         /// A single minimization usually ends in a minimum.
         const MAX_SADDLES: usize = 10;
         for round in 0.. {
@@ -367,7 +364,7 @@ impl<B: RealBackend> EquilibriumSolver<'_, B> {
     }
 
     /// Records the outcome of a stage that solves the whole increment.
-    fn record(&mut self, stage: Stage, outcome: Result<NewtonReport, StageError<B::Error>>) -> bool {
+    fn record(&mut self, stage: Stage, outcome: Staged<B>) -> bool {
         match outcome {
             Ok(newton) => {
                 self.report.newton = newton;
