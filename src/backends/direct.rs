@@ -6,7 +6,7 @@ use faer::linalg::cholesky::llt::factor::LltError;
 use faer::traits::RealField;
 use faer::{Auto, Spec};
 
-use crate::las::{Scalar, SolveError};
+use crate::las::{FactorReport, Factorization, Scalar, SolveError};
 
 /// Returns the pivoting parameters of LDL^T: unblocked, because faer's blocked variant keeps stale entries where a
 /// column cancels exactly.
@@ -97,6 +97,12 @@ impl Pivots {
     /// Returns the number of negative pivots.
     pub(super) fn negative(&self) -> usize {
         self.negative
+    }
+
+    /// Returns the report of a factorization of this kind.
+    pub(super) fn report(&self, kind: Factorization, indefinite_at: Option<usize>) -> FactorReport {
+        let negative_pivots = (kind != Factorization::Lu).then_some(self.negative);
+        FactorReport { kind, indefinite_at, pivot_ratio: self.ratio(), negative_pivots }
     }
 
     /// Returns [`SolveError::Singular`] if the ratio of the pivots is below `limit`; `unknown` maps a position to the

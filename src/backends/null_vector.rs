@@ -10,8 +10,6 @@
 
 use num_traits::Float;
 
-#[cfg(any(feature = "sparse", feature = "dense"))]
-use crate::backends::direct::Pivots;
 use crate::las::{Backend, Factorization, MatVec, Scalar, SolveError, SolverParams, VectorOps};
 #[cfg(any(feature = "sparse", feature = "dense"))]
 use crate::las::{Entries, FactorReport, MatrixOps};
@@ -159,8 +157,7 @@ pub(super) fn check_null_vector<B: Backend<Scalar: Scalar>>(
 #[cfg(any(feature = "sparse", feature = "dense"))]
 pub(super) fn check_near_singular<B>(
     a: &B::Matrix,
-    kind: Factorization,
-    pivots: &Pivots,
+    report: &FactorReport,
     params: &SolverParams,
     solve: impl FnMut(&B::Vector, &mut B::Vector) -> Result<(), SolveError<B::Error>>,
 ) -> Result<Option<usize>, SolveError<B::Error>>
@@ -168,9 +165,9 @@ where
     B: Backend<Scalar: Scalar, Context = (), Matrix: Entries<B>>,
 {
     let (n, _) = a.shape();
-    let Some(limit) = null_vector_limit::<B::Scalar>(params, n, pivots.ratio()) else { return Ok(None) };
-    let scales = Scales::of_matrix::<B>(a, kind, n)?;
-    check_null_vector::<B>(&(), a, kind, &scales, limit, solve)
+    let Some(limit) = null_vector_limit::<B::Scalar>(params, n, report.pivot_ratio) else { return Ok(None) };
+    let scales = Scales::of_matrix::<B>(a, report.kind, n)?;
+    check_null_vector::<B>(&(), a, report.kind, &scales, limit, solve)
 }
 
 /// Returns the report of a factorization without zero pivots, or [`SolveError::Singular`] if the matrix has a null
@@ -178,37 +175,19 @@ where
 #[cfg(any(feature = "sparse", feature = "dense"))]
 pub(super) fn checked_report<B>(
     a: &B::Matrix,
-    report: Unchecked<'_>,
+    report: FactorReport,
     params: &SolverParams,
     solve: impl FnMut(&B::Vector, &mut B::Vector) -> Result<(), SolveError<B::Error>>,
 ) -> Result<FactorReport, SolveError<B::Error>>
 where
     B: Backend<Scalar: Scalar, Context = (), Matrix: Entries<B>>,
 {
-    match check_near_singular::<B>(a, report.kind, report.pivots, params, solve)? {
+    match check_near_singular::<B>(a, &report, params, solve)? {
         Some(unknown) => {
-            let (ratio, limit) = (report.pivots.ratio(), B::Scalar::epsilon().as_f64());
+            let (ratio, limit) = (report.pivot_ratio, B::Scalar::epsilon().as_f64());
             Err(SolveError::Singular { unknown, ratio, limit })
         }
-        None => Ok(report.accept()),
-    }
-}
-
-/// The factorization of a matrix that has not been checked for singularity.
-#[cfg(any(feature = "sparse", feature = "dense"))]
-pub(super) struct Unchecked<'a> {
-    pub(super) kind: Factorization,
-    pub(super) indefinite_at: Option<usize>,
-    pub(super) pivots: &'a Pivots,
-}
-
-#[cfg(any(feature = "sparse", feature = "dense"))]
-impl Unchecked<'_> {
-    /// Returns the report without a check.
-    pub(super) fn accept(&self) -> FactorReport {
-        let Self { kind, indefinite_at, pivots } = *self;
-        let negative_pivots = (kind != Factorization::Lu).then(|| pivots.negative());
-        FactorReport { kind, indefinite_at, pivot_ratio: pivots.ratio(), negative_pivots }
+        None => Ok(report),
     }
 }
 

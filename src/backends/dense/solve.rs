@@ -17,7 +17,7 @@ use crate::backends::checks::{check_columns, check_size, definite, immediate_sin
 use crate::backends::direct::{NotPositiveDefinite, Pivots, Scratch, ldlt_params};
 use crate::backends::iterative::{IterativeSolver, SimplePreconditioner};
 use crate::backends::local;
-use crate::backends::null_vector::{Unchecked, checked_report};
+use crate::backends::null_vector::checked_report;
 use crate::las::{
     Backend, FactorReport, Factorization, Method, Preconditioner, Scalar, SolveError, SolveReport, SolverParams,
     Symmetry,
@@ -192,8 +192,7 @@ impl<T: Scalar + RealField> Solver<T> {
         let params = self.symbolic.params;
         pivots.check_singular(immediate_singular_limit(&params), unknown)?;
         self.active = Some(kind);
-        let report = Unchecked { kind, indefinite_at, pivots };
-        checked_report::<Dense<T>>(a, report, &params, |b, x| {
+        checked_report::<Dense<T>>(a, pivots.report(kind, indefinite_at), &params, |b, x| {
             self.solve_columns(std::slice::from_ref(b), std::slice::from_mut(x)).map(drop)
         })
         .inspect_err(|_| self.active = None)

@@ -16,7 +16,7 @@ use crate::backends::checks::{check_columns, check_pattern, definite, immediate_
 use crate::backends::direct::{NotPositiveDefinite, Pivots, Scratch};
 use crate::backends::iterative::IterativeSolver;
 use crate::backends::local;
-use crate::backends::null_vector::{Unchecked, check_near_singular, checked_report};
+use crate::backends::null_vector::{check_near_singular, checked_report};
 use crate::las::{Backend, FactorReport, Factorization, Method, SolveError, SolveReport, Symmetry};
 
 /// The solver for matrices with one sparsity pattern.
@@ -177,13 +177,13 @@ impl<T: BlockScalar> Solver<T> {
             // A null vector of the matrix itself proves it singular; small pivots and lost digits do not, so LU
             // decides.
             self.active = Some(Factorization::Ldlt);
-            let kind = Factorization::Ldlt;
-            let lost = check_near_singular::<Sparse<T>>(a, kind, &pivots, &symbolic.params, |b, x| {
+            let report = pivots.report(Factorization::Ldlt, indefinite_at);
+            let lost = check_near_singular::<Sparse<T>>(a, &report, &symbolic.params, |b, x| {
                 self.solve_columns(std::slice::from_ref(b), std::slice::from_mut(x)).map(drop)
             })
             .inspect_err(|_| self.active = None)?;
             if pivots.ratio() >= self.limit && lost.is_none() {
-                return Ok(Unchecked { kind, indefinite_at, pivots: &pivots }.accept());
+                return Ok(report);
             }
             self.active = None;
         }
@@ -216,8 +216,7 @@ impl<T: BlockScalar> Solver<T> {
         let params = self.symbolic.params;
         pivots.check_singular(immediate_singular_limit(&params), unknown)?;
         self.active = Some(kind);
-        let report = Unchecked { kind, indefinite_at, pivots };
-        checked_report::<Sparse<T>>(a, report, &params, |b, x| {
+        checked_report::<Sparse<T>>(a, pivots.report(kind, indefinite_at), &params, |b, x| {
             self.solve_columns(std::slice::from_ref(b), std::slice::from_mut(x)).map(drop)
         })
         .inspect_err(|_| self.active = None)
