@@ -193,12 +193,42 @@ impl<T: Scalar + RealField> Solver<T> {
         pivots.check_singular(immediate_singular_limit(&params), unknown)?;
         self.active = Some(kind);
         checked_report::<Dense<T>>(a, pivots.report(kind, indefinite_at), &params, |b, x| {
-            self.solve_columns(std::slice::from_ref(b), std::slice::from_mut(x)).map(drop)
+            crate::las::Solver::<Dense<T>>::solve(self, b, x).map(drop)
         })
         .inspect_err(|_| self.active = None)
     }
+}
 
-    fn solve_columns(&mut self, b: &[Vector<T>], x: &mut [Vector<T>]) -> Result<SolveReport, SolveError<Infallible>> {
+/// Returns the working memory for solves with `columns` right-hand sides, for all three factorizations.
+fn solve_scratch<T: RealField>(unknowns: usize, columns: usize) -> StackReq {
+    StackReq::any_of(&[
+        llt::solve::solve_in_place_scratch::<T>(unknowns, columns, Par::Seq),
+        lblt::solve::solve_in_place_scratch::<u32, T>(unknowns, columns, Par::Seq),
+        lu::solve::solve_in_place_scratch::<u32, T>(unknowns, columns, Par::Seq),
+    ])
+}
+
+impl<T: Scalar + RealField> crate::las::Solver<Dense<T>> for Solver<T> {
+    fn factor(&mut self, a: &Matrix<T>) -> Result<FactorReport, SolveError<Infallible>> {
+        self.active = None;
+        self.check(a)?;
+        if let Some(iterative) = &mut self.iterative {
+            return iterative.factor(a);
+        }
+        self.factor_checked(a)
+    }
+
+    fn factor_definite(&mut self, a: &Matrix<T>) -> Result<FactorReport, SolveError<Infallible>> {
+        self.active = None;
+        self.check(a)?;
+        if let Some(iterative) = &mut self.iterative {
+            return iterative.factor_definite(a);
+        }
+        let report = self.factor_checked(a)?;
+        definite(Dense::<T>::NAME, report).inspect_err(|_| self.active = None)
+    }
+
+    fn solve_many(&mut self, b: &[Vector<T>], x: &mut [Vector<T>]) -> Result<SolveReport, SolveError<Infallible>> {
         if let Some(iterative) = &mut self.iterative {
             return iterative.solve_columns(b, x);
         }
@@ -237,40 +267,5 @@ impl<T: Scalar + RealField> Solver<T> {
             x.values.copy_from_slice(column);
         }
         Ok(SolveReport::DIRECT)
-    }
-}
-
-/// Returns the working memory for solves with `columns` right-hand sides, for all three factorizations.
-fn solve_scratch<T: RealField>(unknowns: usize, columns: usize) -> StackReq {
-    StackReq::any_of(&[
-        llt::solve::solve_in_place_scratch::<T>(unknowns, columns, Par::Seq),
-        lblt::solve::solve_in_place_scratch::<u32, T>(unknowns, columns, Par::Seq),
-        lu::solve::solve_in_place_scratch::<u32, T>(unknowns, columns, Par::Seq),
-    ])
-}
-
-impl<T: Scalar + RealField> crate::las::Solver<Dense<T>> for Solver<T> {
-    fn factor(&mut self, a: &Matrix<T>) -> Result<FactorReport, SolveError<Infallible>> {
-        self.active = None;
-        self.check(a)?;
-        if let Some(iterative) = &mut self.iterative {
-            return iterative.factor(a);
-        }
-        self.factor_checked(a)
-    }
-
-    fn factor_definite(&mut self, a: &Matrix<T>) -> Result<FactorReport, SolveError<Infallible>> {
-        if self.iterative.is_some() {
-            self.check(a)?;
-        }
-        if let Some(iterative) = &mut self.iterative {
-            return iterative.factor_definite(a);
-        }
-        let report = crate::las::Solver::<Dense<T>>::factor(self, a)?;
-        definite(Dense::<T>::NAME, report).inspect_err(|_| self.active = None)
-    }
-
-    fn solve_many(&mut self, b: &[Vector<T>], x: &mut [Vector<T>]) -> Result<SolveReport, SolveError<Infallible>> {
-        self.solve_columns(b, x)
     }
 }

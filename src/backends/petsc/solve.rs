@@ -248,33 +248,6 @@ impl Solver {
         self.active = Some(kind);
         Ok(FactorReport { kind, indefinite_at: None, pivot_ratio: 1.0, negative_pivots: None })
     }
-
-    fn solve_columns(&mut self, b: &[Vector], x: &mut [Vector]) -> Result<SolveReport, PetscSolveError> {
-        let n = self.symbolic.pattern.rows();
-        check_columns(n, b.iter().map(VectorOps::len), x.iter().map(VectorOps::len))?;
-        let active = self.active.ok_or(SolveError::NotFactored)?;
-        let mut sum = SolveReport::DIRECT;
-        if n == 0 {
-            return Ok(sum);
-        }
-        let Self { a, factors, iterative, .. } = self;
-        if let Some(iterative) = iterative {
-            for (b, x) in b.iter().zip(x) {
-                sum = sum.merge(iterative.solve(a, b, x)?);
-            }
-            return Ok(sum);
-        }
-        let factor = factors.iter().flatten().find(|factor| factor.kind == active);
-        let factor = factor.ok_or(SolveError::NotFactored)?;
-        if b.len() > 1 && !factor.iterates && active != Factorization::Approximate {
-            factor.solve_many(a, b, x)?;
-            return Ok(sum);
-        }
-        for (b, x) in b.iter().zip(x) {
-            sum = sum.merge(solve_one(factor, a, b, x)?);
-        }
-        Ok(sum)
-    }
 }
 
 /// Returns the index of the factor of this kind in [`Solver::factors`].
@@ -335,6 +308,29 @@ impl crate::las::Solver<Petsc> for Solver {
     }
 
     fn solve_many(&mut self, b: &[Vector], x: &mut [Vector]) -> Result<SolveReport, PetscSolveError> {
-        self.solve_columns(b, x)
+        let n = self.symbolic.pattern.rows();
+        check_columns(n, b.iter().map(VectorOps::len), x.iter().map(VectorOps::len))?;
+        let active = self.active.ok_or(SolveError::NotFactored)?;
+        let mut sum = SolveReport::DIRECT;
+        if n == 0 {
+            return Ok(sum);
+        }
+        let Self { a, factors, iterative, .. } = self;
+        if let Some(iterative) = iterative {
+            for (b, x) in b.iter().zip(x) {
+                sum = sum.merge(iterative.solve(a, b, x)?);
+            }
+            return Ok(sum);
+        }
+        let factor = factors.iter().flatten().find(|factor| factor.kind == active);
+        let factor = factor.ok_or(SolveError::NotFactored)?;
+        if b.len() > 1 && !factor.iterates && active != Factorization::Approximate {
+            factor.solve_many(a, b, x)?;
+            return Ok(sum);
+        }
+        for (b, x) in b.iter().zip(x) {
+            sum = sum.merge(solve_one(factor, a, b, x)?);
+        }
+        Ok(sum)
     }
 }

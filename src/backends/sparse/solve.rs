@@ -179,7 +179,7 @@ impl<T: BlockScalar> Solver<T> {
             self.active = Some(Factorization::Ldlt);
             let report = pivots.report(Factorization::Ldlt, indefinite_at);
             let lost = check_near_singular::<Sparse<T>>(a, &report, &symbolic.params, |b, x| {
-                self.solve_columns(std::slice::from_ref(b), std::slice::from_mut(x)).map(drop)
+                crate::las::Solver::<Sparse<T>>::solve(self, b, x).map(drop)
             })
             .inspect_err(|_| self.active = None)?;
             if pivots.ratio() >= self.limit && lost.is_none() {
@@ -217,7 +217,7 @@ impl<T: BlockScalar> Solver<T> {
         pivots.check_singular(immediate_singular_limit(&params), unknown)?;
         self.active = Some(kind);
         checked_report::<Sparse<T>>(a, pivots.report(kind, indefinite_at), &params, |b, x| {
-            self.solve_columns(std::slice::from_ref(b), std::slice::from_mut(x)).map(drop)
+            crate::las::Solver::<Sparse<T>>::solve(self, b, x).map(drop)
         })
         .inspect_err(|_| self.active = None)
     }
@@ -232,27 +232,6 @@ impl<T: BlockScalar> Solver<T> {
         if let Some(analysis) = self.symbolic.cholesky_made() {
             self.scratch.reserve(solve_scratch::<T>(analysis, count));
         }
-    }
-
-    fn solve_columns(&mut self, b: &[Vector<T>], x: &mut [Vector<T>]) -> Result<SolveReport, SolveError<Infallible>> {
-        if let Some(iterative) = &mut self.iterative {
-            return iterative.solve_columns(b, x);
-        }
-        let n = self.symbolic.unknowns();
-        check_columns(n, b.iter().map(|b| b.values.len()), x.iter().map(|x| x.values.len()))?;
-        let active = self.active.ok_or(SolveError::NotFactored)?;
-        if n == 0 || b.is_empty() {
-            return Ok(SolveReport::DIRECT);
-        }
-        if let (Factorization::Cholesky, Some(analysis), Some(blocks)) =
-            (active, &self.symbolic.blocks, &mut self.blocks)
-        {
-            blocks.reserve(analysis, b.len());
-            blocks.solve(analysis, b, x);
-            return Ok(SolveReport::DIRECT);
-        }
-        self.reserve_columns(b.len());
-        self.solve_by_library(active, b, x)
     }
 
     /// Solves for all columns with a factorization of faer, in its elimination order.
@@ -340,7 +319,24 @@ impl<T: BlockScalar> crate::las::Solver<Sparse<T>> for Solver<T> {
     }
 
     fn solve_many(&mut self, b: &[Vector<T>], x: &mut [Vector<T>]) -> Result<SolveReport, SolveError<Infallible>> {
-        self.solve_columns(b, x)
+        if let Some(iterative) = &mut self.iterative {
+            return iterative.solve_columns(b, x);
+        }
+        let n = self.symbolic.unknowns();
+        check_columns(n, b.iter().map(|b| b.values.len()), x.iter().map(|x| x.values.len()))?;
+        let active = self.active.ok_or(SolveError::NotFactored)?;
+        if n == 0 || b.is_empty() {
+            return Ok(SolveReport::DIRECT);
+        }
+        if let (Factorization::Cholesky, Some(analysis), Some(blocks)) =
+            (active, &self.symbolic.blocks, &mut self.blocks)
+        {
+            blocks.reserve(analysis, b.len());
+            blocks.solve(analysis, b, x);
+            return Ok(SolveReport::DIRECT);
+        }
+        self.reserve_columns(b.len());
+        self.solve_by_library(active, b, x)
     }
 }
 
