@@ -4,8 +4,6 @@
 //! Indices are `i32`. A negative index denotes a constrained unknown; as a `usize` it is larger than any length, so
 //! that a single comparison with the length detects both negative and out-of-range indices.
 
-#[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
-use crate::las::SolveError;
 use crate::las::{Scalar, Value};
 
 /// The number of partial sums: independent chains that the compiler can keep in one or two vector registers.
@@ -127,16 +125,6 @@ pub(super) fn axpy<T: Value>(a: T, x: &[T], y: &mut [T]) {
     for (y, &x) in y.iter_mut().zip(x) {
         *y += a * x;
     }
-}
-
-/// Inverts every entry of `d`; returns [`SolveError::ZeroDiagonal`] with the row of the first zero.
-#[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
-pub(super) fn invert<T: Scalar, F>(d: &mut [T]) -> Result<(), SolveError<F>> {
-    if let Some(row) = d.iter().position(T::is_zero) {
-        return Err(SolveError::ZeroDiagonal { row });
-    }
-    d.iter_mut().for_each(|d| *d = d.recip());
-    Ok(())
 }
 
 /// Returns true if every value is finite; it has no branch per value and so runs at memory bandwidth.

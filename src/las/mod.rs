@@ -26,7 +26,7 @@
 //! | [`Backend`] | a marker type: ten associated types, its name, and four constructors |
 //! | [`VectorOps`] for `Backend::Vector` | eleven methods, with rules for negative indices and for `finish` |
 //! | [`MatrixOps`] for `Backend::Matrix` | nine methods, with rules for writes outside the pattern |
-//! | [`MatVec`] for `Backend::Matrix` | two products and two diagonals |
+//! | [`MatVec`] for `Backend::Matrix` | two products and the diagonal |
 //! | [`Solver`] for `Backend::Solver` | two kinds of factorization, and solves; any of them may be unsupported |
 //!
 //! Two extensions are optional, because no simulation needs them: [`Entries`] (for [`transfer::matrix`], Matrix Market

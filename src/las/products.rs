@@ -3,7 +3,9 @@
 
 use std::sync::Arc;
 
-use super::{Backend, SolveError, Sparsity};
+use num_traits::{One, Zero};
+
+use super::{Backend, SolveError, Sparsity, Value, VectorOps};
 
 /// Matrix-vector products and diagonals.
 pub trait MatVec<B: Backend> {
@@ -30,7 +32,17 @@ pub trait MatVec<B: Backend> {
     /// # Errors
     /// Returns [`SolveError::ZeroDiagonal`] if a diagonal entry (of any lane) is zero, [`SolveError::Size`] if `d` has
     /// another length.
-    fn inverse_diagonal(&self, d: &mut B::Vector) -> Result<(), SolveError<B::Error>>;
+    fn inverse_diagonal(&self, d: &mut B::Vector) -> Result<(), SolveError<B::Error>> {
+        self.diagonal(d)?;
+        let zero = d.with_local_mut(|d: &mut [B::Scalar]| {
+            let zero = d.iter().position(|d| (0..B::Scalar::LANES).any(|lane| d.lane(lane).is_zero()));
+            if zero.is_none() {
+                d.iter_mut().for_each(|d| *d = B::Scalar::one() / *d);
+            }
+            zero
+        })?;
+        zero.map_or(Ok(()), |row| Err(SolveError::ZeroDiagonal { row }))
+    }
 }
 
 /// Matrix-matrix operations: an extension that a backend may implement. Generic code that needs it states

@@ -260,15 +260,6 @@ impl MatVec<Own> for Matrix {
         d.0.iter_mut().enumerate().for_each(|(k, d)| *d = self.row(k)[k]);
         Ok(())
     }
-
-    fn inverse_diagonal(&self, d: &mut Vector) -> Result<(), Error> {
-        self.diagonal(d)?;
-        if let Some(row) = d.0.iter().position(|&d| d == 0.0) {
-            return Err(SolveError::ZeroDiagonal { row });
-        }
-        d.0.iter_mut().for_each(|d| *d = 1.0 / *d);
-        Ok(())
-    }
 }
 
 impl OwnSolver {

@@ -71,9 +71,9 @@ macro_rules! impl_assembly_ops {
     };
 }
 
-/// Implements products, sums, diagonals and the traversal of all entries; `invert` inverts the entries of a slice.
+/// Implements products, sums, diagonals and the traversal of all entries.
 macro_rules! impl_matrix_ops {
-    ([$($generics:tt)*] $backend:ty, $value:ty, invert: $invert:path) => {
+    ([$($generics:tt)*] $backend:ty, $value:ty) => {
         const _: () = {
             use std::convert::Infallible;
             use std::sync::Arc;
@@ -94,11 +94,6 @@ macro_rules! impl_matrix_ops {
 
                 fn diagonal(&self, d: &mut Vector<$value>) -> Result<(), Failure> {
                     self.diagonal_into(&mut d.values)
-                }
-
-                fn inverse_diagonal(&self, d: &mut Vector<$value>) -> Result<(), Failure> {
-                    self.diagonal_into(&mut d.values)?;
-                    $invert(&mut d.values)
                 }
             }
 

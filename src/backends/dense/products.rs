@@ -39,11 +39,6 @@ impl<T: Scalar + RealField> MatVec<Dense<T>> for Matrix<T> {
         }
         Ok(())
     }
-
-    fn inverse_diagonal(&self, d: &mut Vector<T>) -> Result<(), SolveError<Infallible>> {
-        self.diagonal(d)?;
-        local::invert(&mut d.values)
-    }
 }
 
 impl<T: Scalar + RealField> MatMat<Dense<T>> for Matrix<T> {

@@ -9,7 +9,6 @@ use super::matrix::DistributedVector;
 use super::session::call;
 use super::{Matrix, Petsc, Vector, ffi};
 use crate::backends::checks::check_size;
-use crate::backends::local;
 use crate::las::{Entries, MatMat, MatVec, MatrixOps, SolveError, Sparsity, VectorOps};
 
 type Failure = SolveError<PetscError>;
@@ -113,11 +112,6 @@ impl MatVec<Petsc> for Matrix {
         }
         self.context.sum(d);
         Ok(())
-    }
-
-    fn inverse_diagonal(&self, d: &mut Vector) -> Result<(), Failure> {
-        self.diagonal(d)?;
-        local::invert(d.as_mut_slice())
     }
 }
 

@@ -3,6 +3,5 @@
 use super::Sparse;
 use super::block::BlockScalar;
 use crate::backends::csr::impl_matrix_ops;
-use crate::backends::local;
 
-impl_matrix_ops!([T: BlockScalar] Sparse<T>, T, invert: local::invert);
+impl_matrix_ops!([T: BlockScalar] Sparse<T>, T);
