@@ -23,7 +23,6 @@
 
 mod lanes;
 mod ops;
-mod products;
 mod solve;
 
 use std::convert::Infallible;

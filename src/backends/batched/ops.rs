@@ -1,13 +1,13 @@
-//! The vector and matrix operations of assembly: those of compressed rows, on all lanes at once.
+//! The vector and matrix operations: those of compressed rows, on all lanes at once.
 
 use num_traits::Zero;
 
 use super::{Batched, Lanes};
-use crate::backends::csr::impl_assembly_ops;
+use crate::backends::csr::impl_backend_ops;
 use crate::backends::local;
 use crate::las::Scalar;
 
-impl_assembly_ops!([T: Scalar, const N: usize] Batched<T, N>, Lanes<T, N>, Lanes<T, N>, norm: norm, dot: dot);
+impl_backend_ops!([T: Scalar, const N: usize] Batched<T, N>, Lanes<T, N>, Lanes<T, N>, norm: norm, dot: dot);
 
 /// Returns `sum_i x[i] y[i]` for every lane.
 #[inline(always)]

@@ -1,7 +1,8 @@
-//! Macros that implement the traits of a backend with compressed rows by the functions that all such backends share.
+//! The macro that implements the traits of a backend with compressed rows by the functions that all such backends share.
 
-/// Implements the vector and matrix operations of assembly; `norm` and `dot` are functions of slices.
-macro_rules! impl_assembly_ops {
+/// Implements the vector and matrix operations of assembly, products, sums, diagonals and the traversal of all entries;
+/// `norm` and `dot` are functions of slices.
+macro_rules! impl_backend_ops {
     ([$($generics:tt)*] $backend:ty, $value:ty, $reduced:ty, norm: $norm:path, dot: $dot:path) => {
         $crate::backends::local::impl_vector_ops!(
             [$($generics)*] $backend, $crate::backends::csr::Vector<$value>, $value, $reduced, norm: $norm, dot: $dot
@@ -9,10 +10,13 @@ macro_rules! impl_assembly_ops {
 
         const _: () = {
             use std::convert::Infallible;
+            use std::sync::Arc;
 
-            use $crate::backends::csr::Matrix;
+            use $crate::backends::csr::{Matrix, Vector};
             use $crate::backends::local as slices;
-            use $crate::las::MatrixOps;
+            use $crate::las::{Entries, MatMat, MatVec, MatrixOps, SolveError, Sparsity};
+
+            type Failure = SolveError<Infallible>;
 
             impl<$($generics)*> MatrixOps<$backend> for Matrix<$value> {
                 #[inline(always)]
@@ -67,21 +71,6 @@ macro_rules! impl_assembly_ops {
                     Ok(())
                 }
             }
-        };
-    };
-}
-
-/// Implements products, sums, diagonals and the traversal of all entries.
-macro_rules! impl_matrix_ops {
-    ([$($generics:tt)*] $backend:ty, $value:ty) => {
-        const _: () = {
-            use std::convert::Infallible;
-            use std::sync::Arc;
-
-            use $crate::backends::csr::{Matrix, Vector};
-            use $crate::las::{Entries, MatMat, MatVec, SolveError, Sparsity};
-
-            type Failure = SolveError<Infallible>;
 
             impl<$($generics)*> MatVec<$backend> for Matrix<$value> {
                 fn mul(&self, x: &Vector<$value>, y: &mut Vector<$value>) -> Result<(), Failure> {
@@ -134,4 +123,4 @@ macro_rules! impl_matrix_ops {
     };
 }
 
-pub(in crate::backends) use {impl_assembly_ops, impl_matrix_ops};
+pub(in crate::backends) use impl_backend_ops;

@@ -1,8 +1,7 @@
 //! Compressed rows in memory, shared by the backends `sparse` and `batched`.
 //!
 //! Matrix and vector are generic over the type of an entry. A backend implements the traits of [`las`](crate::las) for
-//! its entry type with the macros [`impl_assembly_ops`] and [`impl_matrix_ops`], which forward every method to a
-//! function of this module.
+//! its entry type with the macro [`impl_backend_ops`], which forwards every method to a function of this module.
 
 mod forward;
 mod matrix;
@@ -10,6 +9,6 @@ mod ops;
 mod products;
 mod vector;
 
-pub(in crate::backends) use forward::{impl_assembly_ops, impl_matrix_ops};
+pub(in crate::backends) use forward::impl_backend_ops;
 pub use matrix::Matrix;
 pub use vector::Vector;

@@ -34,9 +34,7 @@ mod cholesky;
 mod ilut;
 mod inverse;
 mod lu;
-mod ops;
 mod order;
-mod products;
 mod solve;
 
 use std::convert::Infallible;
@@ -47,12 +45,16 @@ pub use analysis::Symbolic;
 use block::BlockScalar;
 pub use solve::Solver;
 
+use crate::backends::csr::impl_backend_ops;
 pub use crate::backends::csr::{Matrix, Vector};
+use crate::backends::local;
 use crate::las::{Backend, SolveError, SolverParams, Sparsity};
 
 /// The backend of compressed rows; `T` is `f64` or `f32`.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Sparse<T = f64>(PhantomData<fn() -> T>);
+
+impl_backend_ops!([T: BlockScalar] Sparse<T>, T, T, norm: local::norm, dot: local::dot);
 
 impl<T: BlockScalar> Backend for Sparse<T> {
     const NAME: &'static str = "sparse";
