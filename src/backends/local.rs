@@ -3,6 +3,7 @@
 //!
 //! Indices are `i32`. A negative index denotes a constrained unknown; as a `usize` it is larger than any length, so
 //! that a single comparison with the length detects both negative and out-of-range indices.
+#![cfg_attr(not(feature = "sparse"), allow(dead_code, unused_imports, reason = "some backends need only a part"))]
 
 use crate::las::{Scalar, Value};
 
@@ -72,7 +73,6 @@ pub(super) fn dot<T: Scalar>(x: &[T], y: &[T]) -> T {
 }
 
 /// The position that denotes a column not contained in the row; it is beyond the end of every row.
-#[cfg(any(feature = "sparse", feature = "batched", feature = "petsc"))]
 pub(super) const NOT_FOUND: usize = usize::MAX;
 
 /// Returns the position of a column in a row. A negative column is larger than any column as a `u32` and therefore not
@@ -81,7 +81,6 @@ pub(super) const NOT_FOUND: usize = usize::MAX;
 /// The unknowns of a node are consecutive both in the block and in the row; therefore the position after the last one
 /// found is tried before the row is searched.
 #[inline(always)]
-#[cfg(any(feature = "sparse", feature = "batched", feature = "petsc"))]
 pub(super) fn find(columns: &[u32], next: &mut usize, column: i32) -> usize {
     let column = column as u32;
     let mut position = *next;
@@ -129,7 +128,6 @@ pub(super) fn axpy<T: Value>(a: T, x: &[T], y: &mut [T]) {
 
 /// Returns true if every value is finite; it has no branch per value and so runs at memory bandwidth.
 #[inline]
-#[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
 pub(super) fn all_finite<T: Scalar>(values: &[T]) -> bool {
     // Zero times a value that is not finite is NaN, and remains NaN in a sum.
     let mut sums = [T::zero(); PARTIAL_SUMS];
@@ -143,6 +141,46 @@ pub(super) fn all_finite<T: Scalar>(values: &[T]) -> bool {
         *sum += T::zero() * value;
     }
     sums.into_iter().sum::<T>().is_zero()
+}
+
+/// Defines a vector in one contiguous array. Each backend with such vectors needs a type of its own, because the type of
+/// a vector determines the backend of its methods.
+macro_rules! contiguous_vector {
+    () => {
+        /// A vector in one contiguous array.
+        #[derive(Clone, Debug, Default, PartialEq)]
+        pub struct Vector<T = f64> {
+            pub(in crate::backends) values: Vec<T>,
+        }
+
+        impl<T> Vector<T> {
+            /// Returns the entries.
+            #[inline(always)]
+            #[must_use]
+            pub fn as_slice(&self) -> &[T] {
+                &self.values
+            }
+
+            /// Returns the entries, mutably.
+            #[inline(always)]
+            #[must_use]
+            pub fn as_mut_slice(&mut self) -> &mut [T] {
+                &mut self.values
+            }
+        }
+
+        impl<T> From<Vec<T>> for Vector<T> {
+            fn from(values: Vec<T>) -> Self {
+                Self { values }
+            }
+        }
+
+        impl<T> From<Vector<T>> for Vec<T> {
+            fn from(vector: Vector<T>) -> Self {
+                vector.values
+            }
+        }
+    };
 }
 
 /// Implements the operations of a vector by its methods `as_slice` and `as_mut_slice`. The short form is for backends
@@ -232,7 +270,7 @@ macro_rules! impl_vector_ops {
     };
 }
 
-pub(super) use impl_vector_ops;
+pub(super) use {contiguous_vector, impl_vector_ops};
 
 #[cfg(test)]
 mod tests {
@@ -249,7 +287,6 @@ mod tests {
     }
 
     #[test]
-    #[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
     fn one_value_that_is_not_finite_is_noticed() {
         let mut values = [1.0_f32; 37];
         assert!(all_finite(&values));

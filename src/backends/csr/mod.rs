@@ -7,8 +7,8 @@ mod forward;
 mod matrix;
 mod ops;
 mod products;
-mod vector;
 
 pub(in crate::backends) use forward::impl_backend_ops;
 pub use matrix::Matrix;
-pub use vector::Vector;
+
+crate::backends::local::contiguous_vector!();

@@ -8,7 +8,6 @@ mod matrix;
 mod ops;
 mod products;
 mod solve;
-mod vector;
 
 use std::convert::Infallible;
 use std::marker::PhantomData;
@@ -18,14 +17,16 @@ use faer::traits::RealField;
 
 pub use matrix::Matrix;
 pub use solve::{Solver, Symbolic};
-pub use vector::Vector;
 
 use crate::backends::checks::check_analyzable;
+use crate::backends::local::contiguous_vector;
 use crate::las::{Backend, Scalar, SolveError, SolverParams, Sparsity};
 
 /// The backend of dense matrices; `T` is `f64` or `f32`.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Dense<T = f64>(PhantomData<fn() -> T>);
+
+contiguous_vector!();
 
 impl<T: Scalar + RealField> Backend for Dense<T> {
     const NAME: &'static str = "dense";
