@@ -1,29 +1,22 @@
 //! Checks shared by all solvers: sizes, definiteness, and the limit below which a pivot counts as zero.
+#![cfg_attr(not(feature = "sparse"), allow(dead_code, unused_imports, reason = "some backends need only a part"))]
 
-#[cfg(any(feature = "sparse", feature = "petsc"))]
 use std::sync::Arc;
 
-#[cfg(any(feature = "sparse", feature = "petsc"))]
-use crate::las::Scalar;
-use crate::las::SolveError;
-#[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
-use crate::las::{FactorReport, SolverParams, Sparsity};
+use crate::las::{FactorReport, Scalar, SolveError, SolverParams, Sparsity};
 
 /// Returns the fraction of the largest pivot below which the smallest counts as zero if only pivots are examined.
-#[cfg(any(feature = "sparse", feature = "petsc"))]
 pub(super) fn singular_limit<T: Scalar>(params: &SolverParams) -> f64 {
     params.singular_below.unwrap_or(4.0 * T::epsilon().as_f64())
 }
 
 /// Returns the fraction of the largest pivot below which the smallest makes the matrix singular without a search for a
 /// null vector.
-#[cfg(any(feature = "sparse", feature = "dense"))]
 pub(super) fn immediate_singular_limit(params: &SolverParams) -> f64 {
     params.singular_below.unwrap_or(f64::MIN_POSITIVE)
 }
 
 /// Returns an error if the factorization shows that its matrix is not positive definite, or cannot decide it.
-#[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
 pub(super) fn definite<F>(backend: &'static str, report: FactorReport) -> Result<FactorReport, SolveError<F>> {
     match report.negative_pivots {
         Some(0) => Ok(report),
@@ -42,7 +35,6 @@ pub(super) fn check_size<F>(what: &'static str, found: usize, expected: usize) -
 }
 
 /// Returns an error if no solver can be made for these matrices.
-#[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
 pub(super) fn check_analyzable<F>(pattern: &Sparsity, params: &SolverParams) -> Result<(), SolveError<F>> {
     let (rows, cols) = (pattern.rows(), pattern.cols());
     if rows != cols {
@@ -52,7 +44,6 @@ pub(super) fn check_analyzable<F>(pattern: &Sparsity, params: &SolverParams) -> 
 }
 
 /// Returns an error if the pattern of a matrix to factor differs from the analyzed one.
-#[cfg(any(feature = "sparse", feature = "petsc"))]
 pub(super) fn check_pattern<F>(found: &Arc<Sparsity>, expected: &Arc<Sparsity>) -> Result<(), SolveError<F>> {
     if Arc::ptr_eq(found, expected) {
         return Ok(());
@@ -63,7 +54,6 @@ pub(super) fn check_pattern<F>(found: &Arc<Sparsity>, expected: &Arc<Sparsity>) 
 }
 
 /// Returns [`SolveError::Size`] if the right-hand sides or solutions do not fit the system.
-#[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
 pub(super) fn check_columns<F>(
     unknowns: usize,
     b: impl ExactSizeIterator<Item = usize>,

@@ -1,4 +1,5 @@
 //! Shared code of the in-memory direct solvers: the assessment of pivots, and their working memory.
+#![cfg_attr(not(feature = "sparse"), allow(dead_code, unused_imports, reason = "some backends need only a part"))]
 
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::linalg::cholesky::lblt::factor::LbltParams;
@@ -59,7 +60,6 @@ impl Pivots {
     }
 
     /// Creates the pivots of a factorization that provides only an estimate of their ratio.
-    #[cfg(feature = "sparse")]
     pub(super) fn from_ratio(ratio: f64) -> Self {
         Self { smallest: ratio, position: 0, largest: 1.0, negative: 0 }
     }

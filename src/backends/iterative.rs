@@ -1,4 +1,5 @@
 //! The iterative solver: a Krylov method with a preconditioner that a backend provides.
+#![cfg_attr(not(feature = "sparse"), allow(dead_code, unused_imports, reason = "some backends need only a part"))]
 
 use crate::backends::checks::check_columns;
 use crate::backends::direct::Pivots;
@@ -78,7 +79,6 @@ where
     }
 
     /// Returns the preconditioner.
-    #[cfg(feature = "sparse")]
     pub(super) fn inverse(&self) -> &M {
         &self.inverse
     }

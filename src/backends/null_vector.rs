@@ -7,12 +7,13 @@
 //! units of very different size. Small pivots therefore only raise doubt ([`null_vector_limit`]), and
 //! [`check_null_vector`] decides: inverse iteration finds the vector `w` with the smallest `|H w| / |w|`, and a product
 //! with the matrix `H` itself, scaled to entries of about one ([`Scales`]), gives that ratio.
+#![cfg_attr(not(feature = "sparse"), allow(dead_code, unused_imports, reason = "some backends need only a part"))]
 
 use num_traits::Float;
 
-use crate::las::{Backend, Factorization, MatVec, Scalar, SolveError, SolverParams, VectorOps};
-#[cfg(any(feature = "sparse", feature = "dense"))]
-use crate::las::{Entries, FactorReport, MatrixOps};
+use crate::las::{
+    Backend, Entries, FactorReport, Factorization, MatVec, MatrixOps, Scalar, SolveError, SolverParams, VectorOps,
+};
 
 /// Decides whether a matrix of `n` unknowns may be singular although no pivot is zero, given the ratio of the smallest
 /// to the largest pivot. If so, returns the limit of `|H w| / |w|` above which the scaled matrix `H` counts as regular.
@@ -43,7 +44,6 @@ impl Scales {
 
     /// Returns the scales of a matrix with `n` rows, all on this rank, for factors of this kind: by its diagonal for
     /// Cholesky, by equilibration for others.
-    #[cfg(any(feature = "sparse", feature = "dense"))]
     pub(super) fn of_matrix<B>(a: &B::Matrix, kind: Factorization, n: usize) -> Result<Self, SolveError<B::Error>>
     where
         B: Backend<Scalar: Scalar, Context = (), Matrix: Entries<B>>,
@@ -60,7 +60,6 @@ impl Scales {
     /// Equilibrates any matrix whose entries are all on this rank, by repeated division by the square roots of the
     /// largest entries (Ruiz, A scaling algorithm to equilibrate both rows and columns norms in matrices,
     /// RAL-TR-2001-034). The row and column scales of a symmetric matrix are equal.
-    #[cfg(any(feature = "sparse", feature = "dense"))]
     fn equilibrating<B: Backend<Scalar: Scalar, Matrix: Entries<B>>>(
         a: &B::Matrix,
         n: usize,
@@ -154,7 +153,6 @@ pub(super) fn check_null_vector<B: Backend<Scalar: Scalar>>(
 /// Searches for a null vector of a matrix in memory if a pivot is small, unless the caller set a limit for pivots;
 /// `solve` solves with the factors. Returns an unknown whose equation the factors do not solve accurately, if there is
 /// one.
-#[cfg(any(feature = "sparse", feature = "dense"))]
 pub(super) fn check_near_singular<B>(
     a: &B::Matrix,
     report: &FactorReport,
@@ -172,7 +170,6 @@ where
 
 /// Returns the report of a factorization without zero pivots, or [`SolveError::Singular`] if the matrix has a null
 /// vector; `solve` solves with the factors.
-#[cfg(any(feature = "sparse", feature = "dense"))]
 pub(super) fn checked_report<B>(
     a: &B::Matrix,
     report: FactorReport,
