@@ -7,12 +7,17 @@ use crate::las::krylov::KrylovSpace;
 use crate::las::{Backend, FactorReport, Factorization, Iterative, MatVec, Scalar, SolveError, SolveReport, VectorOps};
 
 /// A preconditioner that a backend provides for a Krylov method.
-pub(super) trait ApproximateInverse<B: Backend>: Send {
+pub(super) trait ApproximateInverse<B: Backend>: Send + Sync {
     /// Computes the preconditioner of `a`; returns its pivots if it has any.
     fn compute(&mut self, a: &B::Matrix) -> Result<Option<Pivots>, SolveError<B::Error>>;
 
     /// Computes `y`, an approximation of `A^-1 x`.
     fn apply(&self, x: &B::Vector, y: &mut B::Vector) -> Result<(), SolveError<B::Error>>;
+
+    /// Returns the number of values in the incomplete factorization, if it is one.
+    fn entries(&self) -> Option<usize> {
+        None
+    }
 }
 
 /// No preconditioner, or the inverse diagonal.
@@ -21,10 +26,7 @@ pub(super) enum SimplePreconditioner<B: Backend> {
     Diagonal(B::Vector),
 }
 
-impl<B: Backend> ApproximateInverse<B> for SimplePreconditioner<B>
-where
-    B::Scalar: Scalar,
-{
+impl<B: Backend<Scalar: Scalar, Vector: Sync>> ApproximateInverse<B> for SimplePreconditioner<B> {
     fn compute(&mut self, a: &B::Matrix) -> Result<Option<Pivots>, SolveError<B::Error>> {
         let Self::Diagonal(d) = self else { return Ok(None) };
         a.inverse_diagonal(d)?;
@@ -53,34 +55,33 @@ where
 }
 
 /// A Krylov solver with its matrix and preconditioner.
-pub(super) struct IterativeSolver<B: Backend, M> {
+pub(super) struct IterativeSolver<B: Backend> {
     unknowns: usize,
     /// A copy of the matrix, because its owner may change it between two solves.
     a: Option<B::Matrix>,
     ready: bool,
-    inverse: M,
+    inverse: Box<dyn ApproximateInverse<B>>,
     space: KrylovSpace<B>,
 }
 
-impl<B, M> IterativeSolver<B, M>
+impl<B> IterativeSolver<B>
 where
     B: Backend<Matrix: Clone, Reduced = <B as Backend>::Scalar>,
     B::Scalar: Scalar,
-    M: ApproximateInverse<B>,
 {
     pub(super) fn new(
         context: &B::Context,
         unknowns: usize,
         method: Iterative,
-        inverse: M,
+        inverse: Box<dyn ApproximateInverse<B>>,
     ) -> Result<Self, SolveError<B::Error>> {
         let space = KrylovSpace::new(context, unknowns, method)?;
         Ok(Self { unknowns, a: None, ready: false, inverse, space })
     }
 
-    /// Returns the preconditioner.
-    pub(super) fn inverse(&self) -> &M {
-        &self.inverse
+    /// Returns the number of values in the incomplete factorization, if there is one.
+    pub(super) fn entries(&self) -> Option<usize> {
+        self.inverse.entries()
     }
 
     /// Copies the matrix and computes its preconditioner; the caller has checked its size.

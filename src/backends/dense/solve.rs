@@ -30,8 +30,6 @@ pub struct Symbolic {
     pub(super) params: SolverParams,
 }
 
-type ByIterations<T> = IterativeSolver<Dense<T>, SimplePreconditioner<Dense<T>>>;
-
 /// The solver for matrices of one size: direct, or a Krylov method without preconditioner or with the diagonal.
 ///
 /// A matrix declared [`Symmetry::Definite`] is factored by Cholesky, which reads the upper triangle of the matrix, or
@@ -52,7 +50,7 @@ pub struct Solver<T: Scalar + RealField = f64> {
     columns: Vec<T>,
     scratch: Scratch,
     /// The iterative solver, if one was requested; the fields above are then unused.
-    iterative: Option<Box<ByIterations<T>>>,
+    iterative: Option<Box<IterativeSolver<Dense<T>>>>,
 }
 
 impl<T: Scalar + RealField> Solver<T> {
@@ -61,7 +59,7 @@ impl<T: Scalar + RealField> Solver<T> {
             return Ok(Self::direct(symbolic, symbolic.unknowns));
         };
         let unknowns = symbolic.unknowns;
-        let inverse = match method.preconditioner {
+        let inverse: SimplePreconditioner<Dense<T>> = match method.preconditioner {
             Preconditioner::None => SimplePreconditioner::None,
             Preconditioner::Diagonal => SimplePreconditioner::Diagonal(Vector::from(vec![T::zero(); unknowns])),
             Preconditioner::Ilut { .. } | Preconditioner::Multigrid => {
@@ -72,7 +70,7 @@ impl<T: Scalar + RealField> Solver<T> {
                 });
             }
         };
-        let iterative = IterativeSolver::new(&(), unknowns, method, inverse)?;
+        let iterative = IterativeSolver::<Dense<T>>::new(&(), unknowns, method, Box::new(inverse))?;
         Ok(Self { iterative: Some(Box::new(iterative)), ..Self::direct(symbolic, 0) })
     }
 

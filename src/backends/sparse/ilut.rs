@@ -8,10 +8,13 @@
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
+use std::convert::Infallible;
 
-use super::{Matrix, Vector};
+use super::block::BlockScalar;
+use super::{Matrix, Sparse, Vector};
 use crate::backends::direct::Pivots;
-use crate::las::{Scalar, SolveError};
+use crate::backends::iterative::{ApproximateInverse, SimplePreconditioner};
+use crate::las::{Backend, Preconditioner, Scalar, SolveError};
 
 /// Compressed rows that are built row by row.
 struct Rows<T> {
@@ -73,37 +76,6 @@ impl<T: Scalar> Ilut<T> {
             right: Vec::new(),
             kept: Vec::new(),
         }
-    }
-
-    /// Returns the number of entries of both factors, including the diagonal of `U`.
-    pub(super) fn entries(&self) -> usize {
-        self.lower.columns.len() + self.upper.columns.len() + self.inverse_diagonal.len()
-    }
-
-    /// Factors a square matrix. A zero pivot is replaced by a small one, as SPARSKIT does; a zero row is an error.
-    pub(super) fn factor<F>(&mut self, a: &Matrix<T>) -> Result<Pivots, SolveError<F>> {
-        let n = a.pattern().rows();
-        self.lower.clear();
-        self.upper.clear();
-        self.inverse_diagonal.clear();
-        // A factorization that failed may have left these buffers filled.
-        self.row.clear();
-        self.row.resize(n, T::zero());
-        self.present.clear();
-        self.present.resize(n, false);
-        self.left.clear();
-        self.right.clear();
-        let mut pivots = Pivots::empty();
-        for i in 0..n {
-            let threshold = self.scatter_row(a, i);
-            if threshold.is_zero() {
-                return Err(SolveError::Singular { unknown: i, ratio: 0.0, limit: 0.0 });
-            }
-            self.eliminate(i);
-            let pivot = self.store_row(i, threshold);
-            pivots.record(pivot.as_f64(), i);
-        }
-        Ok(pivots)
     }
 
     /// Scatters row `i` into the work arrays; returns its mean absolute value.
@@ -178,9 +150,37 @@ impl<T: Scalar> Ilut<T> {
         self.inverse_diagonal.push(pivot.recip());
         pivot
     }
+}
+
+impl<T: BlockScalar> ApproximateInverse<Sparse<T>> for Ilut<T> {
+    /// Factors a square matrix. A zero pivot is replaced by a small one, as SPARSKIT does; a zero row is an error.
+    fn compute(&mut self, a: &Matrix<T>) -> Result<Option<Pivots>, SolveError<Infallible>> {
+        let n = a.pattern().rows();
+        self.lower.clear();
+        self.upper.clear();
+        self.inverse_diagonal.clear();
+        // A factorization that failed may have left these buffers filled.
+        self.row.clear();
+        self.row.resize(n, T::zero());
+        self.present.clear();
+        self.present.resize(n, false);
+        self.left.clear();
+        self.right.clear();
+        let mut pivots = Pivots::empty();
+        for i in 0..n {
+            let threshold = self.scatter_row(a, i);
+            if threshold.is_zero() {
+                return Err(SolveError::Singular { unknown: i, ratio: 0.0, limit: 0.0 });
+            }
+            self.eliminate(i);
+            let pivot = self.store_row(i, threshold);
+            pivots.record(pivot.as_f64(), i);
+        }
+        Ok(Some(pivots))
+    }
 
     /// Computes `y = (L U)^-1 x`.
-    pub(super) fn apply(&self, x: &Vector<T>, y: &mut Vector<T>) {
+    fn apply(&self, x: &Vector<T>, y: &mut Vector<T>) -> Result<(), SolveError<Infallible>> {
         let y = y.as_mut_slice();
         y.copy_from_slice(x.as_slice());
         for i in 0..y.len() {
@@ -191,7 +191,34 @@ impl<T: Scalar> Ilut<T> {
             let sum: T = self.upper.row(i).map(|(column, value)| value * y[column]).sum();
             y[i] = (y[i] - sum) * self.inverse_diagonal[i];
         }
+        Ok(())
     }
+
+    /// Returns the number of entries of both factors, including the diagonal of `U`.
+    fn entries(&self) -> Option<usize> {
+        Some(self.lower.columns.len() + self.upper.columns.len() + self.inverse_diagonal.len())
+    }
+}
+
+/// Creates a preconditioner: none, the diagonal, or an incomplete factorization.
+pub(super) fn preconditioner<T: BlockScalar>(
+    unknowns: usize,
+    kind: Preconditioner,
+) -> Result<Box<dyn ApproximateInverse<Sparse<T>>>, SolveError<Infallible>> {
+    let zeros = || Vector::from(vec![T::zero(); unknowns]);
+    let inverse: Box<dyn ApproximateInverse<Sparse<T>>> = match kind {
+        Preconditioner::None => Box::new(SimplePreconditioner::<Sparse<T>>::None),
+        Preconditioner::Diagonal => Box::new(SimplePreconditioner::<Sparse<T>>::Diagonal(zeros())),
+        Preconditioner::Ilut { drop_tolerance, fill } => Box::new(Ilut::<T>::new(drop_tolerance, fill)),
+        Preconditioner::Multigrid => {
+            return Err(SolveError::Unsupported {
+                backend: Sparse::<T>::NAME,
+                what: "multigrid",
+                cure: "take an incomplete factorization, or the backend `petsc`",
+            });
+        }
+    };
+    Ok(inverse)
 }
 
 /// Keeps the `count` entries with the largest absolute values, columns ascending; of equal values the leftmost.
@@ -250,8 +277,8 @@ mod tests {
     fn without_dropping_it_is_lu() {
         for (seed, n) in [(1, 1), (2, 7), (3, 40), (4, 120)] {
             let a = matrix(n, seed);
-            let mut ilut = Ilut::new(0.0, n);
-            let pivots = ilut.factor::<()>(&a).unwrap();
+            let mut ilut = Ilut::<f64>::new(0.0, n);
+            let pivots = ilut.compute(&a).unwrap().unwrap();
             assert!(pivots.negative() == 0 && pivots.ratio() > 0.0);
             let product = product(&ilut, n);
             for row in 0..n {
@@ -268,12 +295,12 @@ mod tests {
     fn no_row_keeps_more_than_its_share() {
         let (n, fill) = (120, 4);
         let a = matrix(n, 5);
-        let mut ilut = Ilut::new(1e-3, fill);
-        ilut.factor::<()>(&a).unwrap();
+        let mut ilut = Ilut::<f64>::new(1e-3, fill);
+        ilut.compute(&a).unwrap();
         assert!((0..n).all(|row| ilut.lower.row(row).count() <= fill && ilut.upper.row(row).count() <= fill));
         assert!((0..n).any(|row| ilut.upper.row(row).count() == fill), "the limit does limit");
         let first = ilut.entries();
-        ilut.factor::<()>(&a).unwrap();
+        ilut.compute(&a).unwrap();
         assert_eq!(ilut.entries(), first, "nothing of the factorization before is left");
         assert!(ilut.present.iter().all(|present| !present) && ilut.row.iter().all(|&value| value == 0.0));
     }
@@ -284,12 +311,12 @@ mod tests {
         let mut a = Matrix::<f64>::zeros(&pattern);
         MatrixOps::<Sparse>::set(&mut a, &[0], &[0], &[1.0]).unwrap();
         MatrixOps::<Sparse>::set(&mut a, &[2], &[2], &[1.0]).unwrap();
-        let mut ilut = Ilut::new(0.0, 3);
-        let outcome = ilut.factor::<()>(&a).err();
+        let mut ilut = Ilut::<f64>::new(0.0, 3);
+        let outcome = ilut.compute(&a).err();
         assert!(matches!(outcome, Some(SolveError::Singular { unknown: 1, .. })), "{outcome:?}");
         // The failed factorization does not affect the next one.
         MatrixOps::<Sparse>::set(&mut a, &[1], &[1], &[2.0]).unwrap();
-        ilut.factor::<()>(&a).unwrap();
+        ilut.compute(&a).unwrap();
         assert_eq!(product(&ilut, 3), [1.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 1.0]);
     }
 }

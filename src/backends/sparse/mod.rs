@@ -32,7 +32,6 @@ mod analysis;
 mod block;
 mod cholesky;
 mod ilut;
-mod inverse;
 mod lu;
 mod order;
 mod solve;

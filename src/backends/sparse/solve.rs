@@ -9,7 +9,7 @@ use faer::dyn_stack::StackReq;
 use super::analysis::{CholeskyAnalysis, failed};
 use super::block::{BlockCholesky, BlockScalar};
 use super::cholesky::{Cholesky, Ldlt, solve_scratch};
-use super::inverse::Inverse;
+use super::ilut::preconditioner;
 use super::lu::Lu;
 use super::{Matrix, Sparse, Symbolic, Vector};
 use crate::backends::checks::{check_columns, check_pattern, definite, immediate_singular_limit, singular_limit};
@@ -43,7 +43,7 @@ pub struct Solver<T: BlockScalar = f64> {
     /// Right-hand sides in elimination order.
     columns: Vec<T>,
     /// The iterative solver, if one was requested; the fields above are then unused.
-    iterative: Option<Box<IterativeSolver<Sparse<T>, Inverse<T>>>>,
+    iterative: Option<Box<IterativeSolver<Sparse<T>>>>,
 }
 
 impl<T: BlockScalar> Solver<T> {
@@ -62,8 +62,8 @@ impl<T: BlockScalar> Solver<T> {
             symbolic: Arc::clone(symbolic),
         };
         if let Method::Iterative(method) = symbolic.params.method {
-            let inverse = Inverse::new(symbolic.unknowns(), method.preconditioner)?;
-            let iterative = IterativeSolver::new(&(), symbolic.unknowns(), method, inverse)?;
+            let inverse = preconditioner::<T>(symbolic.unknowns(), method.preconditioner)?;
+            let iterative = IterativeSolver::<Sparse<T>>::new(&(), symbolic.unknowns(), method, inverse)?;
             solver.iterative = Some(Box::new(iterative));
         } else if symbolic.params.symmetry != Symmetry::None && solver.blocks.is_none() {
             let analysis = symbolic.cholesky()?;
@@ -96,7 +96,7 @@ impl<T: BlockScalar> Solver<T> {
     /// Returns the number of values in the incomplete factorization, if there is one.
     #[must_use]
     pub fn incomplete_entries(&self) -> Option<usize> {
-        self.iterative.as_ref().and_then(|iterative| iterative.inverse().entries())
+        self.iterative.as_ref().and_then(|iterative| iterative.entries())
     }
 
     fn check(&self, a: &Matrix<T>) -> Result<(), SolveError<Infallible>> {
