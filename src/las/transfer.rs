@@ -14,8 +14,6 @@
 //! # }
 //! ```
 
-use std::sync::Arc;
-
 use thiserror::Error;
 
 use super::{Backend, Entries, Index, MatrixOps, Scalar, Value, VectorOps};
@@ -43,13 +41,10 @@ pub enum TransferError<F, G> {
 ///
 /// # Errors
 /// Returns the error of the backend that failed.
-pub fn vector<A: Backend, B: Backend>(
+pub fn vector<A: Backend<Scalar: Scalar>, B: Backend>(
     from: &A::Vector,
     context: &B::Context,
-) -> Result<B::Vector, TransferError<A::Error, B::Error>>
-where
-    A::Scalar: Scalar,
-{
+) -> Result<B::Vector, TransferError<A::Error, B::Error>> {
     let mut to = B::vector(context, from.len()).map_err(TransferError::To)?;
     vector_into::<A, B>(from, &mut to)?;
     Ok(to)
@@ -59,13 +54,10 @@ where
 ///
 /// # Errors
 /// Returns [`TransferError::Size`] if the lengths differ, or the error of the backend that failed.
-pub fn vector_into<A: Backend, B: Backend>(
+pub fn vector_into<A: Backend<Scalar: Scalar>, B: Backend>(
     from: &A::Vector,
     to: &mut B::Vector,
-) -> Result<(), TransferError<A::Error, B::Error>>
-where
-    A::Scalar: Scalar,
-{
+) -> Result<(), TransferError<A::Error, B::Error>> {
     if from.len() != to.len() {
         return Err(TransferError::Size { from: from.len(), to: to.len() });
     }
@@ -84,57 +76,25 @@ where
 ///
 /// # Errors
 /// Returns the error of the backend that failed.
-pub fn matrix<A: Backend<Matrix: Entries<A>>, B: Backend>(
+pub fn matrix<A: Backend<Scalar: Scalar, Matrix: Entries<A>>, B: Backend>(
     from: &A::Matrix,
     context: &B::Context,
-) -> Result<B::Matrix, TransferError<A::Error, B::Error>>
-where
-    A::Scalar: Scalar,
-{
-    let pattern = Arc::new((*from.pattern().map_err(TransferError::From)?).clone());
+) -> Result<B::Matrix, TransferError<A::Error, B::Error>> {
+    let pattern = from.pattern().map_err(TransferError::From)?;
+    let mut values = Vec::with_capacity(pattern.nnz());
+    from.for_each(|_, _, value| values.push(converted::<A, B>(value))).map_err(TransferError::From)?;
     let mut to = B::matrix(context, &pattern).map_err(TransferError::To)?;
-    let mut row = Row::<B>::default();
-    let mut failed = None;
-    let visit = |at: usize, column: usize, value: A::Scalar| {
-        if failed.is_none() && at != row.number {
-            failed = row.set(&mut to).err();
-            row.number = at;
-        }
-        row.columns.push(B::Index::of(column));
-        row.values.push(converted::<A, B>(value));
-    };
-    from.for_each(visit).map_err(TransferError::From)?;
-    failed.map_or_else(|| row.set(&mut to), Err).map_err(TransferError::To)?;
+    let mut rest = &values[..];
+    for row in 0..pattern.rows() {
+        let columns: Vec<_> = pattern.row(row).iter().map(|&column| B::Index::of(column as usize)).collect();
+        let (these, behind) = rest.split_at(columns.len());
+        to.set(&[B::Index::of(row)], &columns, these).map_err(TransferError::To)?;
+        rest = behind;
+    }
     to.finish().map_err(TransferError::To)?;
     Ok(to)
 }
 
-fn converted<A: Backend, B: Backend>(value: A::Scalar) -> B::Scalar
-where
-    A::Scalar: Scalar,
-{
+fn converted<A: Backend<Scalar: Scalar>, B: Backend>(value: A::Scalar) -> B::Scalar {
     B::Scalar::every(value.as_f64())
-}
-
-/// A buffer for the entries of one row.
-struct Row<B: Backend> {
-    number: usize,
-    columns: Vec<B::Index>,
-    values: Vec<B::Scalar>,
-}
-
-impl<B: Backend> Default for Row<B> {
-    fn default() -> Self {
-        Self { number: 0, columns: Vec::new(), values: Vec::new() }
-    }
-}
-
-impl<B: Backend> Row<B> {
-    /// Writes the buffered entries to the matrix and clears the buffer.
-    fn set(&mut self, to: &mut B::Matrix) -> Result<(), B::Error> {
-        to.set(&[B::Index::of(self.number)], &self.columns, &self.values)?;
-        self.columns.clear();
-        self.values.clear();
-        Ok(())
-    }
 }
