@@ -201,15 +201,8 @@ fn position_of_largest(w: &[f64]) -> usize {
     w.iter().enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())).map_or(0, |(position, _)| position)
 }
 
-/// Returns numbers between -1 and 1 by SplitMix64, a fixed sequence (Steele, Lea and Flood, OOPSLA 2014).
+/// Returns numbers between -1 and 1 in a fixed sequence.
 fn random(count: usize) -> Vec<f64> {
     let mut state = 0x5eed_u64;
-    let mut next = || {
-        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = state;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        (z ^ (z >> 31)) as i64 as f64 / i64::MAX as f64
-    };
-    (0..count).map(|_| next()).collect()
+    (0..count).map(|_| crate::las::splitmix64(&mut state) as i64 as f64 / i64::MAX as f64).collect()
 }

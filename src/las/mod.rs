@@ -64,3 +64,14 @@ pub use solve::{
 #[cfg(feature = "sparse")]
 pub(crate) use sparsity::offsets;
 pub use sparsity::{Sparsity, SparsityError};
+
+/// Returns the next 64 random bits of SplitMix64, whose sequence is fixed.
+///
+/// Reference: G. L. Steele, D. Lea, C. H. Flood, *Fast splittable pseudorandom number generators*, OOPSLA 2014.
+pub(crate) fn splitmix64(state: &mut u64) -> u64 {
+    *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let mut z = *state;
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}

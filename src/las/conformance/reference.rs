@@ -3,11 +3,9 @@
 use std::sync::Arc;
 
 use super::done;
-use crate::las::Sparsity;
+use crate::las::{Sparsity, splitmix64};
 
 /// SplitMix64: a short random number generator with a fixed sequence for each seed.
-///
-/// Reference: G. L. Steele, D. Lea, C. H. Flood, *Fast splittable pseudorandom number generators*, OOPSLA 2014.
 #[derive(Clone, Debug)]
 pub struct Random(u64);
 
@@ -20,11 +18,7 @@ impl Random {
 
     /// Returns 64 random bits.
     pub fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ (z >> 31)
+        splitmix64(&mut self.0)
     }
 
     /// Returns an integer from 0 to `end - 1`.

@@ -206,10 +206,7 @@ fn assigned(rve: &FiberRve, element: usize, count: usize) -> usize {
     }
 }
 
-/// The output function of SplitMix64 (Steele, Lea and Flood, OOPSLA 2014).
-fn scramble(value: u64) -> u64 {
-    let mut z = value.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
+/// The output function of SplitMix64.
+fn scramble(mut value: u64) -> u64 {
+    crate::las::splitmix64(&mut value)
 }

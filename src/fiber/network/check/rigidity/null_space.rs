@@ -102,14 +102,8 @@ fn orthonormalize(columns: &mut DMatrix<f64>) {
     }
 }
 
-/// Columns of random signs by SplitMix64, whose sequence is fixed (Steele, Lea and Flood, OOPSLA 2014).
+/// Columns of random signs in a fixed sequence.
 fn random_signs(rows: usize, columns: usize) -> DMatrix<f64> {
     let mut state = 0x5eed_u64;
-    DMatrix::from_fn(rows, columns, |_, _| {
-        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = state;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        if (z ^ (z >> 31)) & 1 == 0 { 1.0 } else { -1.0 }
-    })
+    DMatrix::from_fn(rows, columns, |_, _| if crate::las::splitmix64(&mut state) & 1 == 0 { 1.0 } else { -1.0 })
 }
