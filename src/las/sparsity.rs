@@ -61,7 +61,7 @@ impl Sparsity {
         I: AsRef<[i32]>,
     {
         check_size(unknowns)?;
-        let (mut starts, mut members) = (vec![0], Vec::new());
+        let (mut starts, mut members) = (vec![0_u32], Vec::new());
         for (number, element) in elements.into_iter().enumerate() {
             for &unknown in element.as_ref().iter().filter(|&&unknown| unknown >= 0) {
                 if unknown as usize >= unknowns {
@@ -69,14 +69,15 @@ impl Sparsity {
                 }
                 members.push(unknown as u32);
             }
-            starts.push(members.len());
+            check_size(members.len())?;
+            starts.push(members.len() as u32);
         }
-        let element = |number: usize| &members[starts[number]..starts[number + 1]];
-        let (first, meeting) = elements_of_rows(unknowns, starts.len() - 1, element);
+        let (first, meeting) = transposed(unknowns, &starts, &members);
         Self::by_rows(unknowns, unknowns, |row, columns| {
             columns.push(row as u32);
-            for &number in &meeting[first[row]..first[row + 1]] {
-                columns.extend_from_slice(element(number as usize));
+            for &number in &meeting[first[row] as usize..first[row + 1] as usize] {
+                let ends = [starts[number as usize], starts[number as usize + 1]];
+                columns.extend_from_slice(&members[ends[0] as usize..ends[1] as usize]);
             }
         })
     }
@@ -146,16 +147,7 @@ impl Sparsity {
     /// The pattern of the transpose.
     #[must_use]
     pub fn transpose(&self) -> Self {
-        let row_offsets = offsets(self.cols, self.columns.iter().map(|&column| column as usize));
-        let mut next = row_offsets.clone();
-        let mut columns = vec![0; self.nnz()];
-        for row in 0..self.rows() {
-            for &column in self.row(row) {
-                let at = &mut next[column as usize];
-                columns[*at as usize] = row as u32;
-                *at += 1;
-            }
-        }
+        let (row_offsets, columns) = transposed(self.cols, &self.row_offsets, &self.columns);
         Self { cols: self.rows(), row_offsets: row_offsets.into(), columns: columns.into() }
     }
 
@@ -262,25 +254,20 @@ pub(crate) fn offsets(count: usize, groups: impl Iterator<Item = usize>) -> Vec<
     offsets
 }
 
-/// For each row, lists the numbers of the elements that contain it; returns the offset of each row's list and the
-/// concatenated lists.
-fn elements_of_rows<'a>(rows: usize, elements: usize, element: impl Fn(usize) -> &'a [u32]) -> (Vec<usize>, Vec<u32>) {
-    let mut first = vec![0; rows + 1];
-    for &row in (0..elements).flat_map(&element) {
-        first[row as usize + 1] += 1;
-    }
-    for row in 0..rows {
-        first[row + 1] += first[row];
-    }
+/// For each column of compressed rows, lists the rows that contain it, in ascending order; returns the offset of each
+/// column's list and the concatenated lists.
+fn transposed(cols: usize, starts: &[u32], columns: &[u32]) -> (Vec<u32>, Vec<u32>) {
+    let first = offsets(cols, columns.iter().map(|&column| column as usize));
     let mut next = first.clone();
-    let mut numbers = vec![0; first[rows]];
-    for number in 0..elements {
-        for &row in element(number) {
-            numbers[next[row as usize]] = number as u32;
-            next[row as usize] += 1;
+    let mut rows = vec![0; columns.len()];
+    for (row, ends) in starts.windows(2).enumerate() {
+        for &column in &columns[ends[0] as usize..ends[1] as usize] {
+            let at = &mut next[column as usize];
+            rows[*at as usize] = row as u32;
+            *at += 1;
         }
     }
-    (first, numbers)
+    (first, rows)
 }
 
 fn check_size(count: usize) -> Result<(), SparsityError> {

@@ -187,6 +187,11 @@ fn permuted_lower_triangle(pattern: &Sparsity, position: &[u32]) -> (SymbolicSpa
             entries.push((i.min(j), i.max(j), k));
         }
     }
+    by_columns(n, entries)
+}
+
+/// Sorts entries `(column, row, index of its value)` by columns; returns their pattern and the indices.
+pub(super) fn by_columns(n: usize, mut entries: Vec<(u32, u32, u32)>) -> (SymbolicSparseColMat<u32>, Vec<u32>) {
     entries.sort_unstable();
     let col_offsets = offsets(n, entries.iter().map(|&(column, ..)| column as usize));
     let rows = entries.iter().map(|&(_, row, _)| row).collect();

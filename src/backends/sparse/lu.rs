@@ -13,6 +13,7 @@ use faer::sparse::{FaerError, SparseColMatRef, SymbolicSparseColMat};
 use faer::traits::RealField;
 use faer::{Conj, MatMut, Par, Spec};
 
+use super::analysis::by_columns;
 use crate::backends::direct::Pivots;
 use crate::las::{Scalar, Sparsity};
 
@@ -38,17 +39,7 @@ impl LuAnalysis {
             let start = pattern.row_offsets()[row];
             entries.extend((start..).zip(pattern.row(row)).map(|(k, &column)| (column, row as u32, k)));
         }
-        entries.sort_unstable();
-        let mut col_offsets = vec![0_u32; n + 1];
-        for &(column, ..) in &entries {
-            col_offsets[column as usize + 1] += 1;
-        }
-        for column in 0..n {
-            col_offsets[column + 1] += col_offsets[column];
-        }
-        let rows = entries.iter().map(|&(_, row, _)| row).collect();
-        let source = entries.iter().map(|&(.., k)| k).collect();
-        let columns = SymbolicSparseColMat::new_checked(n, n, col_offsets, None, rows);
+        let (columns, source) = by_columns(n, entries);
         let analyze = |threshold| {
             let params = LuSymbolicParams { supernodal_flop_ratio_threshold: threshold, ..LuSymbolicParams::default() };
             factorize_symbolic_lu(columns.as_ref(), params)
