@@ -30,6 +30,13 @@ impl Pivots {
         Self { smallest: f64::INFINITY, position: 0, largest: 0.0, negative: 0 }
     }
 
+    /// Collects pivots given in elimination order.
+    pub(super) fn of(pivots: impl Iterator<Item = f64>) -> Self {
+        let mut collected = Self::empty();
+        pivots.enumerate().for_each(|(position, pivot)| collected.record(pivot, position));
+        collected
+    }
+
     /// Records the next pivot.
     ///
     /// A pivot that is not finite counts as zero. It can only follow a pivot of exactly zero or result from overflow;
@@ -174,10 +181,7 @@ mod tests {
 
     #[test]
     fn the_first_pivot_that_vanishes_is_to_blame() {
-        let mut pivots = Pivots::empty();
-        for (position, pivot) in [3.0, 0.0, f64::NAN, 0.0, 5.0].into_iter().enumerate() {
-            pivots.record(pivot, position);
-        }
+        let pivots = Pivots::of([3.0, 0.0, f64::NAN, 0.0, 5.0].into_iter());
         let error = pivots.check_singular::<()>(1e-15, |position| 10 * position).unwrap_err();
         assert_eq!(error, SolveError::Singular { unknown: 10, ratio: 0.0, limit: 1e-15 });
         assert_eq!(Pivots::empty().check_singular::<()>(1e-15, |p| p), Ok(()));

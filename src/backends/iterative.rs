@@ -30,10 +30,8 @@ impl<B: Backend<Scalar: Scalar, Vector: Sync>> ApproximateInverse<B> for SimpleP
     fn compute(&mut self, a: &B::Matrix) -> Result<Option<Pivots>, SolveError<B::Error>> {
         let Self::Diagonal(d) = self else { return Ok(None) };
         a.inverse_diagonal(d)?;
-        let mut pivots = Pivots::empty();
-        let record = |d: &[B::Scalar]| d.iter().enumerate().for_each(|(k, d)| pivots.record(1.0 / d.as_f64(), k));
-        d.with_local(record)?;
-        Ok(Some(pivots))
+        let pivots = |d: &[B::Scalar]| Pivots::of(d.iter().map(|d| 1.0 / d.as_f64()));
+        Ok(Some(d.with_local(pivots)?))
     }
 
     fn apply(&self, x: &B::Vector, y: &mut B::Vector) -> Result<(), SolveError<B::Error>> {

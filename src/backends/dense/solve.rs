@@ -117,11 +117,7 @@ impl<T: Scalar + RealField> Solver<T> {
             self.scratch.memory(),
             Spec::default(),
         )?;
-        let mut pivots = Pivots::empty();
-        for (position, root) in self.factor.iter().step_by(n + 1).enumerate() {
-            pivots.record(root.as_f64() * root.as_f64(), position);
-        }
-        Ok(pivots)
+        Ok(Pivots::of(self.factor.iter().step_by(n + 1).map(|root| root.as_f64() * root.as_f64())))
     }
 
     fn factor_ldlt(&mut self, a: &Matrix<T>) -> Pivots {
@@ -153,11 +149,7 @@ impl<T: Scalar + RealField> Solver<T> {
             self.scratch.memory(),
             Spec::default(),
         );
-        let mut pivots = Pivots::empty();
-        for (position, pivot) in self.factor.iter().step_by(n + 1).enumerate() {
-            pivots.record(pivot.as_f64(), position);
-        }
-        pivots
+        Pivots::of(self.factor.iter().step_by(n + 1).map(|pivot| pivot.as_f64()))
     }
 
     fn factor_checked(&mut self, a: &Matrix<T>) -> Result<FactorReport, SolveError<Infallible>> {

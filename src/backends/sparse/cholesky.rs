@@ -47,12 +47,8 @@ impl<T: Scalar + RealField> Cholesky<T> {
             stack,
             Spec::default(),
         )?;
-        let mut pivots = Pivots::empty();
-        for (position, &at) in analysis.diagonal.iter().enumerate() {
-            let root = self.values[at as usize].as_f64();
-            pivots.record(root * root, position);
-        }
-        Ok(pivots)
+        let roots = analysis.diagonal.iter().map(|&at| self.values[at as usize].as_f64());
+        Ok(Pivots::of(roots.map(|root| root * root)))
     }
 
     /// Solves in place for right-hand sides whose rows are in elimination order.

@@ -127,23 +127,22 @@ impl<T: Scalar + RealField> Lu<T> {
             analysis.columnwise.col_perm(),
             stack,
         );
-        let mut pivots = Pivots::empty();
         match factored {
-            Ok(()) => self.record_pivots(&mut pivots),
-            // A structurally singular column counts as a zero pivot.
-            Err(LuError::SymbolicSingular { index }) => pivots.record(0.0, index),
+            Ok(()) => {}
+            Err(LuError::SymbolicSingular { index }) => {
+                // A structurally singular column counts as a zero pivot.
+                let mut pivots = Pivots::empty();
+                pivots.record(0.0, index);
+                return Ok(pivots);
+            }
             Err(error) => return Err(error),
         }
-        Ok(pivots)
-    }
-
-    /// Records the diagonal of `U`, which is the last entry of each of its columns.
-    fn record_pivots(&self, pivots: &mut Pivots) {
+        // The diagonal of `U` is the last entry of each of its columns.
         let upper = self.columnwise.u_factor_unsorted();
-        for (position, &end) in upper.col_ptr()[1..].iter().enumerate() {
+        Ok(Pivots::of(upper.col_ptr()[1..].iter().map(|&end| {
             let pivot = end.checked_sub(1).and_then(|last| upper.val().get(last as usize));
-            pivots.record(pivot.map_or(0.0, |pivot| pivot.as_f64()), position);
-        }
+            pivot.map_or(0.0, |pivot| pivot.as_f64())
+        })))
     }
 
     /// Returns an estimate of the reciprocal condition number; 0 if the matrix is structurally singular.
