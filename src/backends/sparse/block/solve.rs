@@ -257,9 +257,9 @@ fn store<T: Scalar, S: Simd<T>, const Q: usize>(simd: S, sums: Sums<S, T, Q>, ro
     }
 }
 
-/// Computes `sums_i -= sum_k l_ik x_k`.
+/// Computes `sums_n -= sum_k l_nk x_k`, or with `l_kn` if `TRANSPOSED`.
 #[inline(always)]
-fn subtract_block<T: Scalar, S: Simd<T>, const Q: usize>(
+fn subtract_block<T: Scalar, S: Simd<T>, const Q: usize, const TRANSPOSED: bool>(
     simd: S,
     mut sums: Sums<S, T, Q>,
     block: &Block<T>,
@@ -267,30 +267,10 @@ fn subtract_block<T: Scalar, S: Simd<T>, const Q: usize>(
 ) -> Sums<S, T, Q> {
     for k in 0..BLOCK {
         let known = load_row(simd, &x[k]);
-        for i in 0..BLOCK {
-            let l = simd.splat(block[k][i]);
+        for n in 0..BLOCK {
+            let l = simd.splat(if TRANSPOSED { block[n][k] } else { block[k][n] });
             for q in 0..Q {
-                sums[i][q] = simd.sub_mul(sums[i][q], l, known[q]);
-            }
-        }
-    }
-    sums
-}
-
-/// Computes `sums_k -= sum_i l_ik x_i`.
-#[inline(always)]
-fn subtract_transposed<T: Scalar, S: Simd<T>, const Q: usize>(
-    simd: S,
-    mut sums: Sums<S, T, Q>,
-    block: &Block<T>,
-    x: &Rows<T, Q>,
-) -> Sums<S, T, Q> {
-    for i in 0..BLOCK {
-        let known = load_row(simd, &x[i]);
-        for k in 0..BLOCK {
-            let l = simd.splat(block[k][i]);
-            for q in 0..Q {
-                sums[k][q] = simd.sub_mul(sums[k][q], l, known[q]);
+                sums[n][q] = simd.sub_mul(sums[n][q], l, known[q]);
             }
         }
     }
@@ -305,7 +285,7 @@ fn forward_several<T: Scalar, S: Simd<T>, const Q: usize>(simd: S, panel: &Panel
         let (known, rest) = x[panel.first..].split_at_mut(node);
         let mut sums = load(simd, &rest[0]);
         for (block, known) in row.iter().zip(&*known) {
-            sums = subtract_block(simd, sums, block, known);
+            sums = subtract_block::<_, _, Q, false>(simd, sums, block, known);
         }
         // x = inverse * sums, where the inverse is lower triangular.
         let mut scaled = sums;
@@ -324,7 +304,7 @@ fn forward_several<T: Scalar, S: Simd<T>, const Q: usize>(simd: S, panel: &Panel
         let at = &mut rest[position as usize - panel.first - width];
         let mut sums = load(simd, at);
         for (block, known) in row.iter().zip(&*known) {
-            sums = subtract_block(simd, sums, block, known);
+            sums = subtract_block::<_, _, Q, false>(simd, sums, block, known);
         }
         store(simd, sums, at);
     }
@@ -337,10 +317,10 @@ fn backward_several<T: Scalar, S: Simd<T>, const Q: usize>(simd: S, panel: &Pane
     for node in (0..width).rev() {
         let mut sums = load(simd, &x[panel.first + node]);
         for (row, &position) in below.chunks_exact(width).zip(panel.below) {
-            sums = subtract_transposed(simd, sums, &row[node], &x[position as usize]);
+            sums = subtract_block::<_, _, Q, true>(simd, sums, &row[node], &x[position as usize]);
         }
         for (row, known) in own.chunks_exact(width).zip(&x[panel.first..]).skip(node + 1) {
-            sums = subtract_transposed(simd, sums, &row[node], known);
+            sums = subtract_block::<_, _, Q, true>(simd, sums, &row[node], known);
         }
         let inverse = &own[width * node + node];
         let mut scaled = sums;
