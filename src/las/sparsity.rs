@@ -214,7 +214,13 @@ impl Sparsity {
     #[inline(always)]
     #[must_use]
     pub fn row(&self, row: usize) -> &[u32] {
-        &self.columns[self.row_offsets[row] as usize..self.row_offsets[row + 1] as usize]
+        &self.columns[self.range(row)]
+    }
+
+    /// The index range of the entries of one row.
+    #[inline(always)]
+    pub(crate) fn range(&self, row: usize) -> std::ops::Range<usize> {
+        self.row_offsets[row] as usize..self.row_offsets[row + 1] as usize
     }
 
     /// The position of `(row, column)` among the entries, or `None` if it is not in the pattern.

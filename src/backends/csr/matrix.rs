@@ -56,12 +56,7 @@ impl<T: Value> Matrix<T> {
     /// Returns the index range of the values of a row; empty for a constrained row and for a row out of range.
     #[inline(always)]
     pub(in crate::backends) fn row_range(pattern: &Sparsity, row: i32) -> std::ops::Range<usize> {
-        match pattern.row_offsets().get(row as usize..).and_then(|starts| starts.first_chunk()) {
-            Some(&[start, end]) => start as usize..end as usize,
-            None => {
-                debug_assert!(row < 0, "row {row} of a matrix of {}", pattern.rows());
-                0..0
-            }
-        }
+        let ends = pattern.row_offsets().get(row as usize..).and_then(|starts| starts.first_chunk::<2>());
+        ends.map_or(0..0, |&[start, end]| start as usize..end as usize)
     }
 }

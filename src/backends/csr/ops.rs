@@ -32,6 +32,7 @@ impl<T: Value> Matrix<T> {
     #[inline(always)]
     pub(in crate::backends) fn zero_whole_rows(&mut self, rows: &[i32]) {
         for &row in rows {
+            debug_assert!(row < self.pattern.rows() as i32, "row {row} of a matrix of {}", self.pattern.rows());
             let range = Self::row_range(&self.pattern, row);
             local::zero(&mut self.values[range]);
         }
@@ -45,11 +46,7 @@ impl<T: Value> Matrix<T> {
             if row < 0 {
                 continue;
             }
-            let starts = self.pattern.row_offsets();
-            let range = match starts.get(row as usize..).and_then(|starts| starts.first_chunk()) {
-                Some(&[start, end]) => start as usize..end as usize,
-                None => 0..0,
-            };
+            let range = Self::row_range(&self.pattern, row);
             let (columns, mut next) = (&self.pattern.col_indices()[range.clone()], 0);
             let entries = &self.values[range];
             for (&column, value) in cols.iter().zip(values) {

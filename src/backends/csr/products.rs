@@ -81,8 +81,7 @@ impl<T: Value> Matrix<T> {
                     row_sums[column] += left * right;
                 }
             }
-            let range = pattern.row_offsets()[row] as usize..pattern.row_offsets()[row + 1] as usize;
-            for at in range {
+            for at in pattern.range(row) {
                 product.values[at] = std::mem::take(&mut row_sums[pattern.col_indices()[at] as usize]);
             }
         }
@@ -105,7 +104,7 @@ impl<T: Value> Matrix<T> {
 
     /// Returns the columns and values of a row.
     pub(in crate::backends) fn row(&self, row: usize) -> impl Iterator<Item = (usize, T)> {
-        let range = self.pattern.row_offsets()[row] as usize..self.pattern.row_offsets()[row + 1] as usize;
+        let range = self.pattern.range(row);
         let columns = self.pattern.col_indices()[range.clone()].iter().map(|&column| column as usize);
         columns.zip(self.values[range].iter().copied())
     }

@@ -80,7 +80,7 @@ impl<T: Scalar> Ilut<T> {
 
     /// Scatters row `i` into the work arrays; returns its mean absolute value.
     fn scatter_row(&mut self, a: &Matrix<T>, i: usize) -> T {
-        let range = a.pattern().row_offsets()[i] as usize..a.pattern().row_offsets()[i + 1] as usize;
+        let range = a.pattern().range(i);
         let (columns, values) = (&a.pattern().col_indices()[range.clone()], &a.values()[range]);
         self.present[i] = true;
         for (&column, &value) in columns.iter().zip(values) {
