@@ -25,6 +25,11 @@ pub type Mat = *mut _p_Mat;
 pub type Ksp = *mut _p_KSP;
 pub type Pc = *mut _p_PC;
 
+/// `PetscInt`.
+pub type Int = c_int;
+pub type Ints = *const c_int;
+pub type Reals = *const f64;
+
 /// `PetscErrorCode`; also the C enums, all of which are `int`.
 pub type Code = c_int;
 pub type Bool = c_int;
@@ -92,32 +97,10 @@ unsafe extern "C" {
     pub fn MatSetType(mat: Mat, kind: *const c_char) -> Code;
     pub fn MatSetBlockSize(mat: Mat, size: c_int) -> Code;
     pub fn MatSetOption(mat: Mat, option: c_int, on: Bool) -> Code;
-    pub fn MatSeqAIJSetPreallocationCSR(
-        mat: Mat,
-        row_offsets: *const c_int,
-        columns: *const c_int,
-        values: *const f64,
-    ) -> Code;
-    pub fn MatMPIAIJSetPreallocationCSR(
-        mat: Mat,
-        row_offsets: *const c_int,
-        columns: *const c_int,
-        values: *const f64,
-    ) -> Code;
-    pub fn MatSeqBAIJSetPreallocationCSR(
-        mat: Mat,
-        size: c_int,
-        row_offsets: *const c_int,
-        columns: *const c_int,
-        values: *const f64,
-    ) -> Code;
-    pub fn MatMPIBAIJSetPreallocationCSR(
-        mat: Mat,
-        size: c_int,
-        row_offsets: *const c_int,
-        columns: *const c_int,
-        values: *const f64,
-    ) -> Code;
+    pub fn MatSeqAIJSetPreallocationCSR(mat: Mat, starts: Ints, columns: Ints, values: Reals) -> Code;
+    pub fn MatMPIAIJSetPreallocationCSR(mat: Mat, starts: Ints, columns: Ints, values: Reals) -> Code;
+    pub fn MatSeqBAIJSetPreallocationCSR(mat: Mat, size: Int, starts: Ints, columns: Ints, values: Reals) -> Code;
+    pub fn MatMPIBAIJSetPreallocationCSR(mat: Mat, size: Int, starts: Ints, columns: Ints, values: Reals) -> Code;
     pub fn MatMPIBAIJGetSeqBAIJ(mat: Mat, diagonal: *mut Mat, off: *mut Mat, columns: *mut *const c_int) -> Code;
     pub fn MatSeqBAIJGetArray(mat: Mat, values: *mut *mut f64) -> Code;
     pub fn MatSeqBAIJRestoreArray(mat: Mat, values: *mut *mut f64) -> Code;
@@ -133,15 +116,7 @@ unsafe extern "C" {
     pub fn MatAXPY(y: Mat, a: f64, x: Mat, structure: c_int) -> Code;
     pub fn MatMatMult(a: Mat, b: Mat, reuse: c_int, fill: f64, out: *mut Mat) -> Code;
     pub fn MatTranspose(a: Mat, reuse: c_int, out: *mut Mat) -> Code;
-    pub fn MatCreateDense(
-        comm: MPI_Comm,
-        own_rows: c_int,
-        own_cols: c_int,
-        rows: c_int,
-        cols: c_int,
-        values: *mut f64,
-        out: *mut Mat,
-    ) -> Code;
+    pub fn MatCreateDense(comm: MPI_Comm, m: Int, n: Int, rows: Int, cols: Int, a: *mut f64, out: *mut Mat) -> Code;
     pub fn MatFactorGetError(factor: Mat, error: *mut c_int) -> Code;
     pub fn MatFactorGetErrorZeroPivot(factor: Mat, pivot: *mut f64, row: *mut c_int) -> Code;
     pub fn MatFactorGetSolverType(factor: Mat, package: *mut *const c_char) -> Code;
