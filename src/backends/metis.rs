@@ -1,17 +1,18 @@
-//! METIS: graph partitioning, and the lock shared by all its callers.
+//! METIS: graph partitioning, and nested-dissection orders for the backend `sparse`.
 //!
 //! Reference: G. Karypis, V. Kumar, *A fast and high quality multilevel scheme for partitioning irregular graphs*, SIAM
 //! Journal on Scientific Computing 20 (1998), 359-392.
 #![allow(unsafe_code, reason = "the interface to a C library")]
 
+use std::ffi::c_int;
 use std::ptr::null_mut;
 use std::sync::{Mutex, PoisonError};
 
-use metis_sys::{METIS_PartGraphRecursive, idx_t, rstatus_et_METIS_OK};
+use metis_sys::{METIS_NodeND, METIS_PartGraphRecursive, idx_t, rstatus_et_METIS_OK};
 
 /// METIS uses the random numbers of the C library, which are one sequence per process. The lock admits one caller at a
 /// time, so that results do not depend on other threads.
-pub(super) static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
+static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 
 /// Partitions a graph into `parts` parts with about equal numbers of nodes and few edges between them; returns the part
 /// of every node. `near[node]` lists the neighbors of a node, each of which must also list that node.
@@ -34,10 +35,9 @@ pub fn partition(near: &[Vec<u32>], parts: usize) -> Result<Vec<u32>, String> {
     }
     let (mut nodes, mut constraints, mut count, mut cut) = (near.len() as idx_t, 1, parts as idx_t, 0);
     let mut part_of: Vec<idx_t> = vec![0; near.len()];
-    let guard = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
     // SAFETY: `start` and `neighbors` are the compressed rows of a graph of `nodes` nodes, checked above; the result
     // has one entry per node. Null selects unit weights, equal parts and the default options.
-    let status = unsafe {
+    let call = || unsafe {
         METIS_PartGraphRecursive(
             &raw mut nodes,
             &raw mut constraints,
@@ -54,12 +54,46 @@ pub fn partition(near: &[Vec<u32>], parts: usize) -> Result<Vec<u32>, String> {
             part_of.as_mut_ptr(),
         )
     };
-    drop(guard);
-    if status == rstatus_et_METIS_OK {
-        Ok(part_of.into_iter().map(|part| part as u32).collect())
-    } else {
-        Err(format!("METIS: status {status} instead of a partition"))
+    locked(call).map_err(|status| format!("METIS: status {status} instead of a partition"))?;
+    Ok(part_of.into_iter().map(|part| part as u32).collect())
+}
+
+/// Returns a nested-dissection order of the nodes of a symmetric graph without loops, given by compressed rows.
+///
+/// # Errors
+/// Returns a message if METIS fails.
+pub(super) fn nested_dissection(start: &[u32], neighbors: &[u32]) -> Result<Vec<u32>, String> {
+    let n = start.len() - 1;
+    // METIS rejects a graph without edges; any order of such a graph is equally good.
+    if neighbors.is_empty() {
+        return Ok((0..n as u32).collect());
     }
+    let mut nodes = n as idx_t;
+    let mut start: Vec<idx_t> = start.iter().map(|&k| k as idx_t).collect();
+    let mut neighbors: Vec<idx_t> = neighbors.iter().map(|&k| k as idx_t).collect();
+    let (mut order, mut position): (Vec<idx_t>, Vec<idx_t>) = (vec![0; n], vec![0; n]);
+    // SAFETY: `start` and `neighbors` are the compressed rows of a symmetric graph of `nodes` nodes without loops, as
+    // METIS requires; both results have one entry per node. Null selects unit weights and the default options.
+    let call = || unsafe {
+        METIS_NodeND(
+            &raw mut nodes,
+            start.as_mut_ptr(),
+            neighbors.as_mut_ptr(),
+            null_mut(),
+            null_mut(),
+            order.as_mut_ptr(),
+            position.as_mut_ptr(),
+        )
+    };
+    locked(call).map_err(|status| format!("status {status} instead of an order"))?;
+    Ok(order.into_iter().map(|node| node as u32).collect())
+}
+
+/// Makes a call of METIS under the lock; returns the status if it failed.
+fn locked(call: impl FnOnce() -> c_int) -> Result<(), c_int> {
+    let _alone = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
+    let status = call();
+    if status == rstatus_et_METIS_OK { Ok(()) } else { Err(status) }
 }
 
 #[cfg(test)]

@@ -6,8 +6,6 @@
 mod coarse;
 mod dissection;
 mod graph;
-#[cfg(feature = "metis")]
-mod metis;
 mod partition;
 mod separator;
 mod tree;
@@ -64,7 +62,8 @@ pub(super) fn eliminate(graph: &Graph, ordering: Ordering) -> Result<Tree, Solve
 
 #[cfg(feature = "metis")]
 fn metis(graph: &Graph) -> Result<Vec<u32>, SolveError<Infallible>> {
-    metis::nested_dissection(graph)
+    crate::backends::metis::nested_dissection(&graph.start, &graph.neighbors)
+        .map_err(|reason| SolveError::Library { library: "METIS", reason })
 }
 
 #[cfg(not(feature = "metis"))]
@@ -84,4 +83,22 @@ fn minimum_degree(graph: &Graph) -> Result<Vec<u32>, FaerError> {
     let mut memory = MemBuffer::new(amd::order_scratch::<u32>(n, graph.neighbors.len()));
     amd::order(&mut order, &mut position, matrix, amd::Control::default(), MemStack::new(&mut memory))?;
     Ok(order)
+}
+
+#[cfg(all(test, feature = "metis"))]
+mod tests {
+    use super::*;
+    use crate::las::conformance::Random;
+
+    #[test]
+    fn every_node_is_eliminated_once() {
+        for nodes in [1, 2, 50, 300] {
+            let graph = Graph::new(&Random::new(nodes as u64).elements(nodes));
+            let mut order = metis(&graph).unwrap();
+            assert_eq!(order, metis(&graph).unwrap(), "the same order again");
+            order.sort_unstable();
+            // Consecutive unknowns with the same couplings form one node.
+            assert_eq!(order, (0..graph.nodes() as u32).collect::<Vec<_>>());
+        }
+    }
 }
