@@ -4,7 +4,9 @@
 use crate::backends::checks::check_columns;
 use crate::backends::direct::Pivots;
 use crate::las::krylov::KrylovSpace;
-use crate::las::{Backend, FactorReport, Factorization, Iterative, MatVec, Scalar, SolveError, SolveReport, VectorOps};
+use crate::las::{
+    Backend, FactorReport, Factorization, Iterative, MatVec, Scalar, SingleLane, SolveError, SolveReport, VectorOps,
+};
 
 /// A preconditioner that a backend provides for a Krylov method.
 pub(super) trait ApproximateInverse<B: Backend>: Send + Sync {
@@ -62,11 +64,7 @@ pub(super) struct IterativeSolver<B: Backend> {
     space: KrylovSpace<B>,
 }
 
-impl<B> IterativeSolver<B>
-where
-    B: Backend<Matrix: Clone, Reduced = <B as Backend>::Scalar>,
-    B::Scalar: Scalar,
-{
+impl<B: SingleLane<Matrix: Clone>> IterativeSolver<B> {
     pub(super) fn new(
         context: &B::Context,
         unknowns: usize,

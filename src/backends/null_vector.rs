@@ -15,6 +15,11 @@ use crate::las::{
     Backend, Entries, FactorReport, Factorization, MatVec, MatrixOps, Scalar, SolveError, SolverParams, VectorOps,
 };
 
+/// A backend of single numbers whose matrices are in the memory of this process.
+pub(super) trait InMemory: Backend<Scalar: Scalar, Context = (), Matrix: Entries<Self>> {}
+
+impl<B: Backend<Scalar: Scalar, Context = (), Matrix: Entries<B>>> InMemory for B {}
+
 /// Decides whether a matrix of `n` unknowns may be singular although no pivot is zero, given the ratio of the smallest
 /// to the largest pivot. If so, returns the limit of `|H w| / |w|` above which the scaled matrix `H` counts as regular.
 /// Returns `None` if there is no doubt or if the caller set a limit for pivots.
@@ -44,10 +49,7 @@ impl Scales {
 
     /// Returns the scales of a matrix with `n` rows, all on this rank, for factors of this kind: by its diagonal for
     /// Cholesky, by equilibration for others.
-    pub(super) fn of_matrix<B>(a: &B::Matrix, kind: Factorization, n: usize) -> Result<Self, SolveError<B::Error>>
-    where
-        B: Backend<Scalar: Scalar, Context = (), Matrix: Entries<B>>,
-    {
+    fn of_matrix<B: InMemory>(a: &B::Matrix, kind: Factorization, n: usize) -> Result<Self, SolveError<B::Error>> {
         if kind != Factorization::Cholesky {
             return Ok(Self::equilibrating::<B>(a, n)?);
         }
@@ -60,10 +62,7 @@ impl Scales {
     /// Equilibrates any matrix whose entries are all on this rank, by repeated division by the square roots of the
     /// largest entries (Ruiz, A scaling algorithm to equilibrate both rows and columns norms in matrices,
     /// RAL-TR-2001-034). The row and column scales of a symmetric matrix are equal.
-    fn equilibrating<B: Backend<Scalar: Scalar, Matrix: Entries<B>>>(
-        a: &B::Matrix,
-        n: usize,
-    ) -> Result<Self, B::Error> {
+    fn equilibrating<B: InMemory>(a: &B::Matrix, n: usize) -> Result<Self, B::Error> {
         /// Each pass halves the number of digits by which the scales are off, which is at most 308.
         const PASSES: usize = 12;
         let mut scales = Self { rows: vec![1.0; n], columns: vec![1.0; n] };
@@ -153,15 +152,12 @@ pub(super) fn check_null_vector<B: Backend<Scalar: Scalar>>(
 /// Searches for a null vector of a matrix in memory if a pivot is small, unless the caller set a limit for pivots;
 /// `solve` solves with the factors. Returns an unknown whose equation the factors do not solve accurately, if there is
 /// one.
-pub(super) fn check_near_singular<B>(
+pub(super) fn check_near_singular<B: InMemory>(
     a: &B::Matrix,
     report: &FactorReport,
     params: &SolverParams,
     solve: impl FnMut(&B::Vector, &mut B::Vector) -> Result<(), SolveError<B::Error>>,
-) -> Result<Option<usize>, SolveError<B::Error>>
-where
-    B: Backend<Scalar: Scalar, Context = (), Matrix: Entries<B>>,
-{
+) -> Result<Option<usize>, SolveError<B::Error>> {
     let (n, _) = a.shape();
     let Some(limit) = null_vector_limit::<B::Scalar>(params, n, report.pivot_ratio) else { return Ok(None) };
     let scales = Scales::of_matrix::<B>(a, report.kind, n)?;
@@ -170,15 +166,12 @@ where
 
 /// Returns the report of a factorization without zero pivots, or [`SolveError::Singular`] if the matrix has a null
 /// vector; `solve` solves with the factors.
-pub(super) fn checked_report<B>(
+pub(super) fn checked_report<B: InMemory>(
     a: &B::Matrix,
     report: FactorReport,
     params: &SolverParams,
     solve: impl FnMut(&B::Vector, &mut B::Vector) -> Result<(), SolveError<B::Error>>,
-) -> Result<FactorReport, SolveError<B::Error>>
-where
-    B: Backend<Scalar: Scalar, Context = (), Matrix: Entries<B>>,
-{
+) -> Result<FactorReport, SolveError<B::Error>> {
     match check_near_singular::<B>(a, &report, params, solve)? {
         Some(unknown) => {
             let (ratio, limit) = (report.pivot_ratio, B::Scalar::epsilon().as_f64());

@@ -3,7 +3,7 @@
 use std::fmt::Debug;
 use std::sync::Arc;
 
-use super::{Index, MatVec, MatrixOps, SolveError, Solver, SolverParams, Sparsity, Value, VectorOps};
+use super::{Index, MatVec, MatrixOps, Scalar, SolveError, Solver, SolverParams, Sparsity, Value, VectorOps};
 
 /// A linear-algebra backend: a zero-sized marker type that names the backend's types and constructs them.
 ///
@@ -89,6 +89,12 @@ pub trait Backend: Copy + Default + Debug + Send + Sync + 'static {
     /// Returns the backend's error if it cannot create the solver.
     fn solver(symbolic: &Arc<Self::Symbolic>) -> Result<Self::Solver, SolveError<Self::Error>>;
 }
+
+/// A backend whose entries, norms and dot products are single numbers: the bound of the Krylov methods. Every such
+/// backend implements this trait.
+pub trait SingleLane: Backend<Scalar: Scalar, Reduced = <Self as Backend>::Scalar> {}
+
+impl<B: Backend<Scalar: Scalar, Reduced = <B as Backend>::Scalar>> SingleLane for B {}
 
 /// A backend of real numbers in double precision whose `norm` and `dot` return one number: the bound of all physics
 /// code. Every such backend implements this trait.

@@ -46,7 +46,7 @@ mod solve;
 mod sparsity;
 pub mod transfer;
 
-pub use backend::{Backend, RealBackend};
+pub use backend::{Backend, RealBackend, SingleLane};
 /// Casts between plain data and bytes, for [`payload!`](crate::payload).
 pub use bytemuck;
 pub use comm::{Comm, CommError, Disagreement, Layout, Message, Payload, ReceiveRequest, SendRequest, Tag};

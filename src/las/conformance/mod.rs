@@ -53,7 +53,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 pub use reference::{DenseReference, Random};
 pub use solvers::solvers;
 
-use super::{Backend, Entries, MatMat, Scalar, Symmetry, Value};
+use super::{Backend, Entries, MatMat, Scalar, SingleLane, Symmetry, Value};
 use cases::Case;
 
 /// The random cases of a test.
@@ -139,11 +139,7 @@ impl Capabilities {
 ///
 /// # Panics
 /// Panics if the backend violates the specification of the traits.
-pub fn all<B>(context: &B::Context, trials: Trials, capabilities: Capabilities)
-where
-    B: Backend<Reduced = <B as Backend>::Scalar>,
-    B::Scalar: Scalar,
-{
+pub fn all<B: SingleLane>(context: &B::Context, trials: Trials, capabilities: Capabilities) {
     vectors::<B>(context, trials);
     matrices::<B>(context, trials);
     products::<B>(context, trials);

@@ -3,21 +3,17 @@
 use num_traits::{Float, One, Zero};
 
 use super::{Ended, Run, combine};
-use crate::las::{Backend, Scalar, SolveError, VectorOps};
+use crate::las::{SingleLane, SolveError, VectorOps};
 
 /// Residual, product, shadow residual, direction, preconditioned vector, second product.
 pub(super) const VECTORS: usize = 6;
 
 /// Iterates from the residual in `vectors[0]`.
-pub(super) fn run<B>(
+pub(super) fn run<B: SingleLane>(
     run: &mut Run<'_, B>,
     x: &mut B::Vector,
     vectors: &mut [B::Vector],
-) -> Result<Ended, SolveError<B::Error>>
-where
-    B: Backend<Reduced = <B as Backend>::Scalar>,
-    B::Scalar: Scalar,
-{
+) -> Result<Ended, SolveError<B::Error>> {
     let one = B::Scalar::one();
     let [r, v, shadow, p, z, t] = vectors else { return Ok(Ended::Breakdown) };
     combine::<B>(shadow, B::Scalar::zero(), one, r)?;

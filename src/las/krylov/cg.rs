@@ -3,21 +3,17 @@
 use num_traits::{Float, Zero};
 
 use super::{Ended, Run, combine};
-use crate::las::{Backend, Scalar, SolveError, VectorOps};
+use crate::las::{SingleLane, SolveError, VectorOps};
 
 /// Residual, product, direction, preconditioned residual.
 pub(super) const VECTORS: usize = 4;
 
 /// Iterates from the residual in `vectors[0]`.
-pub(super) fn run<B>(
+pub(super) fn run<B: SingleLane>(
     run: &mut Run<'_, B>,
     x: &mut B::Vector,
     vectors: &mut [B::Vector],
-) -> Result<Ended, SolveError<B::Error>>
-where
-    B: Backend<Reduced = <B as Backend>::Scalar>,
-    B::Scalar: Scalar,
-{
+) -> Result<Ended, SolveError<B::Error>> {
     let [r, q, p, z] = vectors else { return Ok(Ended::Breakdown) };
     (run.m)(r, z)?;
     combine::<B>(p, B::Scalar::zero(), num_traits::One::one(), z)?;

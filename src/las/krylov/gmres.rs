@@ -4,7 +4,7 @@
 use num_traits::{Float, One, Zero};
 
 use super::{Ended, Run, combine};
-use crate::las::{Backend, Scalar, SolveError, VectorOps};
+use crate::las::{Scalar, SingleLane, SolveError, VectorOps};
 
 /// Number of vectors: the basis of `restart + 1` vectors, one for products and one for preconditioned vectors.
 pub(super) fn vectors(restart: usize) -> usize {
@@ -18,17 +18,13 @@ pub(super) fn coefficients(restart: usize) -> usize {
 }
 
 /// Performs up to `restart` steps from the residual in `vectors[0]`.
-pub(super) fn run<B>(
+pub(super) fn run<B: SingleLane>(
     run: &mut Run<'_, B>,
     x: &mut B::Vector,
     vectors: &mut [B::Vector],
     coefficients: &mut [B::Scalar],
     restart: usize,
-) -> Result<Ended, SolveError<B::Error>>
-where
-    B: Backend<Reduced = <B as Backend>::Scalar>,
-    B::Scalar: Scalar,
-{
+) -> Result<Ended, SolveError<B::Error>> {
     let m = restart.max(1);
     let (basis, [product, z]) = vectors.split_at_mut(m + 1) else { return Ok(Ended::Breakdown) };
     let (h, rest) = coefficients.split_at_mut((m + 1) * m);

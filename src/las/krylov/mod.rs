@@ -14,7 +14,7 @@ mod tests;
 
 use num_traits::{Float, One, Zero};
 
-use super::{Backend, Iterative, Krylov, Scalar, SolveError, SolveReport, StopReason, VectorOps};
+use super::{Backend, Iterative, Krylov, Scalar, SingleLane, SolveError, SolveReport, StopReason, VectorOps};
 
 /// `y = f(x)`: the product with the matrix or with the preconditioner.
 pub type Apply<'a, B> = &'a mut dyn FnMut(&Vector<B>, &mut Vector<B>) -> Result<(), SolveError<<B as Backend>::Error>>;
@@ -47,11 +47,7 @@ struct Run<'a, B: Backend> {
     max_iterations: usize,
 }
 
-impl<B> KrylovSpace<B>
-where
-    B: Backend<Reduced = <B as Backend>::Scalar>,
-    B::Scalar: Scalar,
-{
+impl<B: SingleLane> KrylovSpace<B> {
     /// Allocates the work vectors for systems of `len` unknowns (of this rank, on a distributed backend).
     ///
     /// # Errors
@@ -122,11 +118,7 @@ where
     }
 }
 
-impl<B> Run<'_, B>
-where
-    B: Backend<Reduced = <B as Backend>::Scalar>,
-    B::Scalar: Scalar,
-{
+impl<B: SingleLane> Run<'_, B> {
     /// `vectors[0] = b - A x`.
     fn residual(
         &mut self,
@@ -148,10 +140,12 @@ fn split_first_vector<V>(vectors: &mut [V]) -> (&mut V, &mut [V]) {
 }
 
 /// `y = a y + b x`; if `a` is zero, `y` is overwritten even if it is not finite.
-fn combine<B: Backend>(y: &mut B::Vector, a: B::Scalar, b: B::Scalar, x: &B::Vector) -> Result<(), B::Error>
-where
-    B::Scalar: Scalar,
-{
+fn combine<B: Backend<Scalar: Scalar>>(
+    y: &mut B::Vector,
+    a: B::Scalar,
+    b: B::Scalar,
+    x: &B::Vector,
+) -> Result<(), B::Error> {
     let write = |y: &mut [B::Scalar]| {
         x.with_local(|x| {
             for (y, &x) in y.iter_mut().zip(x) {

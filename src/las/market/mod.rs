@@ -45,10 +45,7 @@ pub enum MarketError<F: std::error::Error> {
 ///
 /// # Errors
 /// Returns [`MarketError`]; errors in the file state line, problem and remedy.
-pub fn read<B: Backend>(file: &Path, context: &B::Context) -> Result<B::Matrix, MarketError<B::Error>>
-where
-    B::Scalar: Scalar,
-{
+pub fn read<B: Backend<Scalar: Scalar>>(file: &Path, context: &B::Context) -> Result<B::Matrix, MarketError<B::Error>> {
     let bytes = std::fs::read(file).map_err(|error| InputError::unreadable(file, &error))?;
     let Triplets { rows, cols, entries } = read::triplets(file, &bytes)?;
     let pattern = Arc::new(pattern(rows, cols, &entries)?);
