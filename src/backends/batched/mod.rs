@@ -35,6 +35,8 @@ pub use solve::{Solver, Symbolic};
 use crate::backends::csr;
 use crate::las::{Backend, Scalar, SolveError, SolverParams, Sparsity, Value};
 
+type Failure = SolveError<Infallible>;
+
 /// A vector of `N` lanes.
 pub type Vector<T = f64, const N: usize = 4> = csr::Vector<Lanes<T, N>>;
 
@@ -67,11 +69,11 @@ impl<T: Scalar, const N: usize> Backend for Batched<T, N> {
         Ok(csr::Matrix::zeros(pattern))
     }
 
-    fn analyze(_: &(), _: &Arc<Sparsity>, _: &SolverParams) -> Result<Arc<Symbolic>, SolveError<Infallible>> {
+    fn analyze(_: &(), _: &Arc<Sparsity>, _: &SolverParams) -> Result<Arc<Symbolic>, Failure> {
         Err(solve::unsupported::<T, N>())
     }
 
-    fn solver(symbolic: &Arc<Symbolic>) -> Result<Solver, SolveError<Infallible>> {
+    fn solver(symbolic: &Arc<Symbolic>) -> Result<Solver, Failure> {
         match **symbolic {}
     }
 }

@@ -1,8 +1,6 @@
 //! The solver types: this version has no solver for lanes.
 
-use std::convert::Infallible;
-
-use super::{Batched, Matrix, Vector};
+use super::{Batched, Failure, Matrix, Vector};
 use crate::las::{Backend, FactorReport, Scalar, SolveError, SolveReport};
 
 /// The type of the symbolic analysis; it has no values.
@@ -14,7 +12,7 @@ pub enum Symbolic {}
 pub enum Solver {}
 
 /// Returns the error that this backend has no solver.
-pub(super) fn unsupported<T: Scalar, const N: usize>() -> SolveError<Infallible> {
+pub(super) fn unsupported<T: Scalar, const N: usize>() -> Failure {
     SolveError::Unsupported {
         backend: Batched::<T, N>::NAME,
         what: "solver in this version",
@@ -23,19 +21,15 @@ pub(super) fn unsupported<T: Scalar, const N: usize>() -> SolveError<Infallible>
 }
 
 impl<T: Scalar, const N: usize> crate::las::Solver<Batched<T, N>> for Solver {
-    fn factor(&mut self, _: &Matrix<T, N>) -> Result<FactorReport, SolveError<Infallible>> {
+    fn factor(&mut self, _: &Matrix<T, N>) -> Result<FactorReport, Failure> {
         match *self {}
     }
 
-    fn factor_definite(&mut self, _: &Matrix<T, N>) -> Result<FactorReport, SolveError<Infallible>> {
+    fn factor_definite(&mut self, _: &Matrix<T, N>) -> Result<FactorReport, Failure> {
         match *self {}
     }
 
-    fn solve_many(
-        &mut self,
-        _: &[Vector<T, N>],
-        _: &mut [Vector<T, N>],
-    ) -> Result<SolveReport, SolveError<Infallible>> {
+    fn solve_many(&mut self, _: &[Vector<T, N>], _: &mut [Vector<T, N>]) -> Result<SolveReport, Failure> {
         match *self {}
     }
 }

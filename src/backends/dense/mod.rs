@@ -22,6 +22,8 @@ use crate::backends::checks::check_analyzable;
 use crate::backends::local::contiguous_vector;
 use crate::las::{Backend, Scalar, SolveError, SolverParams, Sparsity};
 
+type Failure = SolveError<Infallible>;
+
 /// The backend of dense matrices; `T` is `f64` or `f32`.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Dense<T = f64>(PhantomData<fn() -> T>);
@@ -50,16 +52,12 @@ impl<T: Scalar + RealField> Backend for Dense<T> {
         Ok(Matrix::zeros(pattern))
     }
 
-    fn analyze(
-        _: &(),
-        pattern: &Arc<Sparsity>,
-        params: &SolverParams,
-    ) -> Result<Arc<Symbolic>, SolveError<Infallible>> {
+    fn analyze(_: &(), pattern: &Arc<Sparsity>, params: &SolverParams) -> Result<Arc<Symbolic>, Failure> {
         check_analyzable(pattern, params)?;
         Ok(Arc::new(Symbolic { unknowns: pattern.rows(), params: *params }))
     }
 
-    fn solver(symbolic: &Arc<Symbolic>) -> Result<Solver<T>, SolveError<Infallible>> {
+    fn solver(symbolic: &Arc<Symbolic>) -> Result<Solver<T>, Failure> {
         Solver::new(symbolic)
     }
 }

@@ -7,13 +7,13 @@ use faer::linalg::matmul::matmul;
 use faer::traits::RealField;
 use faer::{Accum, MatMut, MatRef, Par};
 
-use super::{Dense, Matrix, Vector};
+use super::{Dense, Failure, Matrix, Vector};
 use crate::backends::checks::check_size;
 use crate::backends::local;
-use crate::las::{Entries, MatMat, MatVec, Scalar, SolveError, Sparsity};
+use crate::las::{Entries, MatMat, MatVec, Scalar, Sparsity};
 
 impl<T: Scalar + RealField> MatVec<Dense<T>> for Matrix<T> {
-    fn mul(&self, x: &Vector<T>, y: &mut Vector<T>) -> Result<(), SolveError<Infallible>> {
+    fn mul(&self, x: &Vector<T>, y: &mut Vector<T>) -> Result<(), Failure> {
         check_size("the vector to multiply", x.values.len(), self.cols)?;
         check_size("the product", y.values.len(), self.rows)?;
         for (row, y) in y.values.iter_mut().enumerate() {
@@ -22,7 +22,7 @@ impl<T: Scalar + RealField> MatVec<Dense<T>> for Matrix<T> {
         Ok(())
     }
 
-    fn mul_transpose(&self, x: &Vector<T>, y: &mut Vector<T>) -> Result<(), SolveError<Infallible>> {
+    fn mul_transpose(&self, x: &Vector<T>, y: &mut Vector<T>) -> Result<(), Failure> {
         check_size("the vector to multiply", x.values.len(), self.rows)?;
         check_size("the product", y.values.len(), self.cols)?;
         y.values.fill(T::zero());
@@ -32,7 +32,7 @@ impl<T: Scalar + RealField> MatVec<Dense<T>> for Matrix<T> {
         Ok(())
     }
 
-    fn diagonal(&self, d: &mut Vector<T>) -> Result<(), SolveError<Infallible>> {
+    fn diagonal(&self, d: &mut Vector<T>) -> Result<(), Failure> {
         check_size("the diagonal", d.values.len(), self.rows.min(self.cols))?;
         for (d, &entry) in d.values.iter_mut().zip(self.values.iter().step_by(self.cols + 1)) {
             *d = entry;
@@ -47,14 +47,14 @@ impl<T: Scalar + RealField> MatMat<Dense<T>> for Matrix<T> {
         Ok(())
     }
 
-    fn sum(&self, a: T, other: &Self, b: T) -> Result<Self, SolveError<Infallible>> {
+    fn sum(&self, a: T, other: &Self, b: T) -> Result<Self, Failure> {
         check_size("the other matrix (rows)", other.rows, self.rows)?;
         check_size("the other matrix (columns)", other.cols, self.cols)?;
         let values = self.values.iter().zip(&other.values).map(|(&x, &y)| a * x + b * y).collect();
         Ok(Self { rows: self.rows, cols: self.cols, values })
     }
 
-    fn product(&self, other: &Self) -> Result<Self, SolveError<Infallible>> {
+    fn product(&self, other: &Self) -> Result<Self, Failure> {
         check_size("the other matrix (rows)", other.rows, self.cols)?;
         let (rows, cols) = (self.rows, other.cols);
         let mut product = Self { rows, cols, values: vec![T::zero(); rows * cols + 1] };
@@ -67,7 +67,7 @@ impl<T: Scalar + RealField> MatMat<Dense<T>> for Matrix<T> {
         Ok(product)
     }
 
-    fn transpose(&self) -> Result<Self, SolveError<Infallible>> {
+    fn transpose(&self) -> Result<Self, Failure> {
         let (rows, cols) = (self.cols, self.rows);
         let mut values = Vec::with_capacity(rows * cols + 1);
         for column in 0..rows {

@@ -1,6 +1,5 @@
 //! The solver: three factorizations that share one square of storage.
 
-use std::convert::Infallible;
 use std::sync::Arc;
 
 use faer::diag::{DiagMut, DiagRef};
@@ -12,7 +11,7 @@ use faer::perm::PermRef;
 use faer::traits::RealField;
 use faer::{Conj, MatMut, MatRef, Par, Spec};
 
-use super::{Dense, Matrix, Vector};
+use super::{Dense, Failure, Matrix, Vector};
 use crate::backends::checks::{check_columns, check_size, definite, immediate_singular_limit};
 use crate::backends::direct::{NotPositiveDefinite, Pivots, Scratch, ldlt_params};
 use crate::backends::iterative::{IterativeSolver, SimplePreconditioner};
@@ -54,7 +53,7 @@ pub struct Solver<T: Scalar + RealField = f64> {
 }
 
 impl<T: Scalar + RealField> Solver<T> {
-    pub(super) fn new(symbolic: &Arc<Symbolic>) -> Result<Self, SolveError<Infallible>> {
+    pub(super) fn new(symbolic: &Arc<Symbolic>) -> Result<Self, Failure> {
         let Method::Iterative(method) = symbolic.params.method else {
             return Ok(Self::direct(symbolic, symbolic.unknowns));
         };
@@ -95,7 +94,7 @@ impl<T: Scalar + RealField> Solver<T> {
         }
     }
 
-    fn check(&self, a: &Matrix<T>) -> Result<(), SolveError<Infallible>> {
+    fn check(&self, a: &Matrix<T>) -> Result<(), Failure> {
         check_size("the matrix to factor (rows)", a.rows, self.symbolic.unknowns)?;
         check_size("the matrix to factor (columns)", a.cols, self.symbolic.unknowns)?;
         if local::all_finite(a.values()) {
@@ -152,7 +151,7 @@ impl<T: Scalar + RealField> Solver<T> {
         Pivots::of(self.factor.iter().step_by(n + 1).map(|pivot| pivot.as_f64()))
     }
 
-    fn factor_checked(&mut self, a: &Matrix<T>) -> Result<FactorReport, SolveError<Infallible>> {
+    fn factor_checked(&mut self, a: &Matrix<T>) -> Result<FactorReport, Failure> {
         let mut indefinite_at = None;
         if self.symbolic.params.symmetry == Symmetry::Definite {
             match self.factor_cholesky(a) {
@@ -174,7 +173,7 @@ impl<T: Scalar + RealField> Solver<T> {
         kind: Factorization,
         indefinite_at: Option<usize>,
         pivots: &Pivots,
-    ) -> Result<FactorReport, SolveError<Infallible>> {
+    ) -> Result<FactorReport, Failure> {
         let unknown = |position: usize| match kind {
             Factorization::Ldlt => self.forward[position] as usize,
             Factorization::Cholesky | Factorization::Lu | Factorization::Approximate => position,
@@ -199,7 +198,7 @@ fn solve_scratch<T: RealField>(unknowns: usize, columns: usize) -> StackReq {
 }
 
 impl<T: Scalar + RealField> crate::las::Solver<Dense<T>> for Solver<T> {
-    fn factor(&mut self, a: &Matrix<T>) -> Result<FactorReport, SolveError<Infallible>> {
+    fn factor(&mut self, a: &Matrix<T>) -> Result<FactorReport, Failure> {
         self.active = None;
         self.check(a)?;
         if let Some(iterative) = &mut self.iterative {
@@ -208,7 +207,7 @@ impl<T: Scalar + RealField> crate::las::Solver<Dense<T>> for Solver<T> {
         self.factor_checked(a)
     }
 
-    fn factor_definite(&mut self, a: &Matrix<T>) -> Result<FactorReport, SolveError<Infallible>> {
+    fn factor_definite(&mut self, a: &Matrix<T>) -> Result<FactorReport, Failure> {
         self.active = None;
         self.check(a)?;
         if let Some(iterative) = &mut self.iterative {
@@ -218,7 +217,7 @@ impl<T: Scalar + RealField> crate::las::Solver<Dense<T>> for Solver<T> {
         definite(Dense::<T>::NAME, report).inspect_err(|_| self.active = None)
     }
 
-    fn solve_many(&mut self, b: &[Vector<T>], x: &mut [Vector<T>]) -> Result<SolveReport, SolveError<Infallible>> {
+    fn solve_many(&mut self, b: &[Vector<T>], x: &mut [Vector<T>]) -> Result<SolveReport, Failure> {
         if let Some(iterative) = &mut self.iterative {
             return iterative.solve_columns(b, x);
         }

@@ -61,6 +61,8 @@ pub use vector::Vector;
 
 use crate::las::{Backend, SolveError, SolverParams, Sparsity};
 
+type Fault = SolveError<PetscError>;
+
 /// The backend of PETSc.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Petsc;
@@ -87,15 +89,11 @@ impl Backend for Petsc {
         Matrix::zeros(context, pattern)
     }
 
-    fn analyze(
-        context: &Context,
-        pattern: &Arc<Sparsity>,
-        params: &SolverParams,
-    ) -> Result<Arc<Symbolic>, SolveError<PetscError>> {
+    fn analyze(context: &Context, pattern: &Arc<Sparsity>, params: &SolverParams) -> Result<Arc<Symbolic>, Fault> {
         Symbolic::new(context, pattern, params).map(Arc::new)
     }
 
-    fn solver(symbolic: &Arc<Symbolic>) -> Result<Solver, SolveError<PetscError>> {
+    fn solver(symbolic: &Arc<Symbolic>) -> Result<Solver, Fault> {
         Solver::new(symbolic)
     }
 }

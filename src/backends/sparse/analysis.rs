@@ -1,6 +1,5 @@
 //! The symbolic phase of the factorizations, which depends on the sparsity pattern alone.
 
-use std::convert::Infallible;
 use std::fmt::Display;
 use std::sync::{Arc, OnceLock};
 
@@ -8,6 +7,7 @@ use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::sparse::linalg::cholesky::{simplicial, supernodal};
 use faer::sparse::{FaerError, SymbolicSparseColMat, SymbolicSparseColMatRef};
 
+use super::Failure;
 use super::block::{SimdLevel, SymbolicBlockCholesky};
 use super::lu::LuAnalysis;
 use super::order::{self, Graph};
@@ -45,7 +45,7 @@ pub struct Symbolic {
 }
 
 impl Symbolic {
-    pub(super) fn new(pattern: &Arc<Sparsity>, params: &SolverParams) -> Result<Self, SolveError<Infallible>> {
+    pub(super) fn new(pattern: &Arc<Sparsity>, params: &SolverParams) -> Result<Self, Failure> {
         check_analyzable(pattern, params)?;
         let mut symbolic = Self {
             pattern: Arc::clone(pattern),
@@ -66,7 +66,7 @@ impl Symbolic {
         Ok(symbolic)
     }
 
-    fn analyze_symmetric(&mut self) -> Result<(), SolveError<Infallible>> {
+    fn analyze_symmetric(&mut self) -> Result<(), Failure> {
         let pattern = &*self.pattern;
         if let Some((row, column)) = pattern.first_unsymmetric_entry() {
             return Err(SolveError::UnsymmetricPattern { row, column });
@@ -117,7 +117,7 @@ impl Symbolic {
     }
 
     /// Returns the analysis for faer's Cholesky and LDL^T, made on first use. It requires matrices declared symmetric.
-    pub(super) fn cholesky(&self) -> Result<&CholeskyAnalysis, SolveError<Infallible>> {
+    pub(super) fn cholesky(&self) -> Result<&CholeskyAnalysis, Failure> {
         if let Some(analysis) = self.cholesky.get() {
             return Ok(analysis);
         }
@@ -131,7 +131,7 @@ impl Symbolic {
     }
 
     /// Returns the analysis for LU, made on first use.
-    pub(super) fn lu(&self) -> Result<&LuAnalysis, SolveError<Infallible>> {
+    pub(super) fn lu(&self) -> Result<&LuAnalysis, Failure> {
         if let Some(analysis) = self.lu.get() {
             return Ok(analysis);
         }
@@ -141,7 +141,7 @@ impl Symbolic {
 }
 
 /// Converts an error of faer into a [`SolveError`].
-pub(super) fn failed(reason: impl Display) -> SolveError<Infallible> {
+pub(super) fn failed(reason: impl Display) -> Failure {
     SolveError::Library { library: "faer", reason: reason.to_string() }
 }
 

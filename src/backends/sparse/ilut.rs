@@ -8,10 +8,9 @@
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
-use std::convert::Infallible;
 
 use super::block::BlockScalar;
-use super::{Matrix, Sparse, Vector};
+use super::{Failure, Matrix, Sparse, Vector};
 use crate::backends::direct::Pivots;
 use crate::backends::iterative::{ApproximateInverse, SimplePreconditioner};
 use crate::las::{Backend, Preconditioner, Scalar, SolveError};
@@ -154,7 +153,7 @@ impl<T: Scalar> Ilut<T> {
 
 impl<T: BlockScalar> ApproximateInverse<Sparse<T>> for Ilut<T> {
     /// Factors a square matrix. A zero pivot is replaced by a small one, as SPARSKIT does; a zero row is an error.
-    fn compute(&mut self, a: &Matrix<T>) -> Result<Option<Pivots>, SolveError<Infallible>> {
+    fn compute(&mut self, a: &Matrix<T>) -> Result<Option<Pivots>, Failure> {
         let n = a.pattern().rows();
         self.lower.clear();
         self.upper.clear();
@@ -180,7 +179,7 @@ impl<T: BlockScalar> ApproximateInverse<Sparse<T>> for Ilut<T> {
     }
 
     /// Computes `y = (L U)^-1 x`.
-    fn apply(&self, x: &Vector<T>, y: &mut Vector<T>) -> Result<(), SolveError<Infallible>> {
+    fn apply(&self, x: &Vector<T>, y: &mut Vector<T>) -> Result<(), Failure> {
         let y = y.as_mut_slice();
         y.copy_from_slice(x.as_slice());
         for i in 0..y.len() {
@@ -204,7 +203,7 @@ impl<T: BlockScalar> ApproximateInverse<Sparse<T>> for Ilut<T> {
 pub(super) fn preconditioner<T: BlockScalar>(
     unknowns: usize,
     kind: Preconditioner,
-) -> Result<Box<dyn ApproximateInverse<Sparse<T>>>, SolveError<Infallible>> {
+) -> Result<Box<dyn ApproximateInverse<Sparse<T>>>, Failure> {
     let zeros = || Vector::from(vec![T::zero(); unknowns]);
     let inverse: Box<dyn ApproximateInverse<Sparse<T>>> = match kind {
         Preconditioner::None => Box::new(SimplePreconditioner::<Sparse<T>>::None),

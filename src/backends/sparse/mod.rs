@@ -49,6 +49,8 @@ pub use crate::backends::csr::{Matrix, Vector};
 use crate::backends::local;
 use crate::las::{Backend, SolveError, SolverParams, Sparsity};
 
+type Failure = SolveError<Infallible>;
+
 /// The backend of compressed rows; `T` is `f64` or `f32`.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Sparse<T = f64>(PhantomData<fn() -> T>);
@@ -77,15 +79,11 @@ impl<T: BlockScalar> Backend for Sparse<T> {
         Ok(Matrix::zeros(pattern))
     }
 
-    fn analyze(
-        _: &(),
-        pattern: &Arc<Sparsity>,
-        params: &SolverParams,
-    ) -> Result<Arc<Symbolic>, SolveError<Infallible>> {
+    fn analyze(_: &(), pattern: &Arc<Sparsity>, params: &SolverParams) -> Result<Arc<Symbolic>, Failure> {
         Symbolic::new(pattern, params).map(Arc::new)
     }
 
-    fn solver(symbolic: &Arc<Symbolic>) -> Result<Solver<T>, SolveError<Infallible>> {
+    fn solver(symbolic: &Arc<Symbolic>) -> Result<Solver<T>, Failure> {
         Solver::new(symbolic)
     }
 }

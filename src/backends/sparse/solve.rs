@@ -1,6 +1,5 @@
 //! The solver: it selects the factorization and owns its storage.
 
-use std::convert::Infallible;
 use std::sync::Arc;
 
 use faer::MatMut;
@@ -11,7 +10,7 @@ use super::block::{BlockCholesky, BlockScalar};
 use super::cholesky::{Cholesky, Ldlt, solve_scratch};
 use super::ilut::preconditioner;
 use super::lu::Lu;
-use super::{Matrix, Sparse, Symbolic, Vector};
+use super::{Failure, Matrix, Sparse, Symbolic, Vector};
 use crate::backends::checks::{check_columns, check_pattern, definite, immediate_singular_limit, singular_limit};
 use crate::backends::direct::{NotPositiveDefinite, Pivots, Scratch};
 use crate::backends::iterative::IterativeSolver;
@@ -47,7 +46,7 @@ pub struct Solver<T: BlockScalar = f64> {
 }
 
 impl<T: BlockScalar> Solver<T> {
-    pub(super) fn new(symbolic: &Arc<Symbolic>) -> Result<Self, SolveError<Infallible>> {
+    pub(super) fn new(symbolic: &Arc<Symbolic>) -> Result<Self, Failure> {
         let mut solver = Self {
             limit: singular_limit::<T>(&symbolic.params),
             active: None,
@@ -99,7 +98,7 @@ impl<T: BlockScalar> Solver<T> {
         self.iterative.as_ref().and_then(|iterative| iterative.entries())
     }
 
-    fn check(&self, a: &Matrix<T>) -> Result<(), SolveError<Infallible>> {
+    fn check(&self, a: &Matrix<T>) -> Result<(), Failure> {
         let expected = &self.symbolic.pattern;
         check_pattern(a.pattern(), expected)?;
         if local::all_finite(a.values()) {
@@ -109,7 +108,7 @@ impl<T: BlockScalar> Solver<T> {
         Err(SolveError::NotFinite { row: expected.row_offsets()[1..].partition_point(|&end| end as usize <= bad) })
     }
 
-    fn factor_checked(&mut self, a: &Matrix<T>) -> Result<FactorReport, SolveError<Infallible>> {
+    fn factor_checked(&mut self, a: &Matrix<T>) -> Result<FactorReport, Failure> {
         let symbolic = Arc::clone(&self.symbolic);
         if symbolic.params.symmetry == Symmetry::None {
             return self.factor_lu(a, None);
@@ -124,7 +123,7 @@ impl<T: BlockScalar> Solver<T> {
 
     /// Factors by Cholesky. Returns `None` if the matrix was not declared positive definite, so that there is no
     /// Cholesky.
-    fn factor_by_cholesky(&mut self, a: &Matrix<T>) -> Result<Option<FactorReport>, SolveError<Infallible>> {
+    fn factor_by_cholesky(&mut self, a: &Matrix<T>) -> Result<Option<FactorReport>, Failure> {
         let symbolic = Arc::clone(&self.symbolic);
         if let (Some(blocks), Some(analysis)) = (&mut self.blocks, &symbolic.blocks) {
             match blocks.factor(analysis, &a.values) {
@@ -162,11 +161,7 @@ impl<T: BlockScalar> Solver<T> {
         }
     }
 
-    fn factor_ldlt(
-        &mut self,
-        a: &Matrix<T>,
-        indefinite_at: Option<usize>,
-    ) -> Result<FactorReport, SolveError<Infallible>> {
+    fn factor_ldlt(&mut self, a: &Matrix<T>, indefinite_at: Option<usize>) -> Result<FactorReport, Failure> {
         let symbolic = Arc::clone(&self.symbolic);
         let analysis = symbolic.cholesky()?;
         self.gather_lower(a, analysis);
@@ -190,11 +185,7 @@ impl<T: BlockScalar> Solver<T> {
         self.factor_lu(a, indefinite_at)
     }
 
-    fn factor_lu(
-        &mut self,
-        a: &Matrix<T>,
-        indefinite_at: Option<usize>,
-    ) -> Result<FactorReport, SolveError<Infallible>> {
+    fn factor_lu(&mut self, a: &Matrix<T>, indefinite_at: Option<usize>) -> Result<FactorReport, Failure> {
         let symbolic = Arc::clone(&self.symbolic);
         let analysis = symbolic.lu()?;
         if self.lu.is_none() {
@@ -212,7 +203,7 @@ impl<T: BlockScalar> Solver<T> {
         indefinite_at: Option<usize>,
         pivots: &Pivots,
         unknown: impl FnOnce(usize) -> usize,
-    ) -> Result<FactorReport, SolveError<Infallible>> {
+    ) -> Result<FactorReport, Failure> {
         let params = self.symbolic.params;
         pivots.check_singular(immediate_singular_limit(&params), unknown)?;
         self.active = Some(kind);
@@ -240,7 +231,7 @@ impl<T: BlockScalar> Solver<T> {
         active: Factorization,
         b: &[Vector<T>],
         x: &mut [Vector<T>],
-    ) -> Result<SolveReport, SolveError<Infallible>> {
+    ) -> Result<SolveReport, Failure> {
         let n = self.symbolic.unknowns();
         let columns = &mut self.columns[..n * b.len()];
         match (active, &self.cholesky, &self.ldlt, &self.lu) {
@@ -294,7 +285,7 @@ fn spread<T: Copy>(columns: &[T], x: &mut [Vector<T>], order: &[u32]) {
 }
 
 impl<T: BlockScalar> crate::las::Solver<Sparse<T>> for Solver<T> {
-    fn factor(&mut self, a: &Matrix<T>) -> Result<FactorReport, SolveError<Infallible>> {
+    fn factor(&mut self, a: &Matrix<T>) -> Result<FactorReport, Failure> {
         self.active = None;
         self.check(a)?;
         if let Some(iterative) = &mut self.iterative {
@@ -303,7 +294,7 @@ impl<T: BlockScalar> crate::las::Solver<Sparse<T>> for Solver<T> {
         self.factor_checked(a)
     }
 
-    fn factor_definite(&mut self, a: &Matrix<T>) -> Result<FactorReport, SolveError<Infallible>> {
+    fn factor_definite(&mut self, a: &Matrix<T>) -> Result<FactorReport, Failure> {
         self.active = None;
         self.check(a)?;
         if let Some(iterative) = &mut self.iterative {
@@ -318,7 +309,7 @@ impl<T: BlockScalar> crate::las::Solver<Sparse<T>> for Solver<T> {
         definite(Sparse::<T>::NAME, report).inspect_err(|_| self.active = None)
     }
 
-    fn solve_many(&mut self, b: &[Vector<T>], x: &mut [Vector<T>]) -> Result<SolveReport, SolveError<Infallible>> {
+    fn solve_many(&mut self, b: &[Vector<T>], x: &mut [Vector<T>]) -> Result<SolveReport, Failure> {
         if let Some(iterative) = &mut self.iterative {
             return iterative.solve_columns(b, x);
         }
