@@ -5,16 +5,17 @@ use crate::backends::checks::check_columns;
 use crate::backends::direct::Pivots;
 use crate::las::krylov::KrylovSpace;
 use crate::las::{
-    Backend, FactorReport, Factorization, Iterative, MatVec, Scalar, SingleLane, SolveError, SolveReport, VectorOps,
+    Backend, FactorReport, Factorization, Failure, Iterative, MatVec, Scalar, SingleLane, SolveError, SolveReport,
+    VectorOps,
 };
 
 /// A preconditioner that a backend provides for a Krylov method.
 pub(super) trait ApproximateInverse<B: Backend>: Send + Sync {
     /// Computes the preconditioner of `a`; returns its pivots if it has any.
-    fn compute(&mut self, a: &B::Matrix) -> Result<Option<Pivots>, SolveError<B::Error>>;
+    fn compute(&mut self, a: &B::Matrix) -> Result<Option<Pivots>, Failure<B>>;
 
     /// Computes `y`, an approximation of `A^-1 x`.
-    fn apply(&self, x: &B::Vector, y: &mut B::Vector) -> Result<(), SolveError<B::Error>>;
+    fn apply(&self, x: &B::Vector, y: &mut B::Vector) -> Result<(), Failure<B>>;
 
     /// Returns the number of values in the incomplete factorization, if it is one.
     fn entries(&self) -> Option<usize> {
@@ -29,14 +30,14 @@ pub(super) enum SimplePreconditioner<B: Backend> {
 }
 
 impl<B: Backend<Scalar: Scalar, Vector: Sync>> ApproximateInverse<B> for SimplePreconditioner<B> {
-    fn compute(&mut self, a: &B::Matrix) -> Result<Option<Pivots>, SolveError<B::Error>> {
+    fn compute(&mut self, a: &B::Matrix) -> Result<Option<Pivots>, Failure<B>> {
         let Self::Diagonal(d) = self else { return Ok(None) };
         a.inverse_diagonal(d)?;
         let pivots = |d: &[B::Scalar]| Pivots::of(d.iter().map(|d| 1.0 / d.as_f64()));
         Ok(Some(d.with_local(pivots)?))
     }
 
-    fn apply(&self, x: &B::Vector, y: &mut B::Vector) -> Result<(), SolveError<B::Error>> {
+    fn apply(&self, x: &B::Vector, y: &mut B::Vector) -> Result<(), Failure<B>> {
         let product = |y: &mut [B::Scalar]| {
             x.with_local(|x| match self {
                 Self::None => {
@@ -70,7 +71,7 @@ impl<B: SingleLane<Matrix: Clone>> IterativeSolver<B> {
         unknowns: usize,
         method: Iterative,
         inverse: Box<dyn ApproximateInverse<B>>,
-    ) -> Result<Self, SolveError<B::Error>> {
+    ) -> Result<Self, Failure<B>> {
         let space = KrylovSpace::new(context, unknowns, method)?;
         Ok(Self { unknowns, a: None, ready: false, inverse, space })
     }
@@ -81,11 +82,11 @@ impl<B: SingleLane<Matrix: Clone>> IterativeSolver<B> {
     }
 
     /// Copies the matrix and computes its preconditioner; the caller has checked its size.
-    pub(super) fn factor(&mut self, a: &B::Matrix) -> Result<FactorReport, SolveError<B::Error>> {
+    pub(super) fn factor(&mut self, a: &B::Matrix) -> Result<FactorReport, Failure<B>> {
         self.factor_with_pivots(a).map(|(report, _)| report)
     }
 
-    fn factor_with_pivots(&mut self, a: &B::Matrix) -> Result<(FactorReport, Option<Pivots>), SolveError<B::Error>> {
+    fn factor_with_pivots(&mut self, a: &B::Matrix) -> Result<(FactorReport, Option<Pivots>), Failure<B>> {
         self.ready = false;
         let pivots = self.inverse.compute(a)?;
         match &mut self.a {
@@ -101,7 +102,7 @@ impl<B: SingleLane<Matrix: Clone>> IterativeSolver<B> {
     /// Performs the same steps, but returns [`SolveError::Indefinite`] if a pivot of the preconditioner is negative.
     /// For a symmetric matrix, ILUT without dropping has as many negative pivots as the matrix has negative
     /// eigenvalues; with little dropping, this nearly always holds.
-    pub(super) fn factor_definite(&mut self, a: &B::Matrix) -> Result<FactorReport, SolveError<B::Error>> {
+    pub(super) fn factor_definite(&mut self, a: &B::Matrix) -> Result<FactorReport, Failure<B>> {
         let (report, pivots) = self.factor_with_pivots(a)?;
         if pivots.is_some_and(|pivots| pivots.negative() > 0) {
             self.ready = false;
@@ -110,11 +111,7 @@ impl<B: SingleLane<Matrix: Clone>> IterativeSolver<B> {
         Ok(report)
     }
 
-    pub(super) fn solve_columns(
-        &mut self,
-        b: &[B::Vector],
-        x: &mut [B::Vector],
-    ) -> Result<SolveReport, SolveError<B::Error>> {
+    pub(super) fn solve_columns(&mut self, b: &[B::Vector], x: &mut [B::Vector]) -> Result<SolveReport, Failure<B>> {
         check_columns(self.unknowns, b.iter().map(VectorOps::len), x.iter().map(VectorOps::len))?;
         let Self { a: Some(a), ready: true, inverse, space, .. } = self else { return Err(SolveError::NotFactored) };
         let mut sum = SolveReport::DIRECT;

@@ -12,7 +12,8 @@
 use num_traits::Float;
 
 use crate::las::{
-    Backend, Entries, FactorReport, Factorization, MatVec, MatrixOps, Scalar, SolveError, SolverParams, VectorOps,
+    Backend, Entries, FactorReport, Factorization, Failure, MatVec, MatrixOps, Scalar, SolveError, SolverParams,
+    VectorOps,
 };
 
 /// A backend of single numbers whose matrices are in the memory of this process.
@@ -49,7 +50,7 @@ impl Scales {
 
     /// Returns the scales of a matrix with `n` rows, all on this rank, for factors of this kind: by its diagonal for
     /// Cholesky, by equilibration for others.
-    fn of_matrix<B: InMemory>(a: &B::Matrix, kind: Factorization, n: usize) -> Result<Self, SolveError<B::Error>> {
+    fn of_matrix<B: InMemory>(a: &B::Matrix, kind: Factorization, n: usize) -> Result<Self, Failure<B>> {
         if kind != Factorization::Cholesky {
             return Ok(Self::equilibrating::<B>(a, n)?);
         }
@@ -104,8 +105,8 @@ pub(super) fn check_null_vector<B: Backend<Scalar: Scalar>>(
     kind: Factorization,
     scales: &Scales,
     limit: f64,
-    mut solve: impl FnMut(&B::Vector, &mut B::Vector) -> Result<(), SolveError<B::Error>>,
-) -> Result<Option<usize>, SolveError<B::Error>> {
+    mut solve: impl FnMut(&B::Vector, &mut B::Vector) -> Result<(), Failure<B>>,
+) -> Result<Option<usize>, Failure<B>> {
     /// Each iteration reduces the other components of the vector by the ratio of the two smallest eigenvalues.
     const ITERATIONS: usize = 3;
     /// The component of a random vector along another vector is at least this fraction of its length, divided by the
@@ -156,8 +157,8 @@ pub(super) fn check_near_singular<B: InMemory>(
     a: &B::Matrix,
     report: &FactorReport,
     params: &SolverParams,
-    solve: impl FnMut(&B::Vector, &mut B::Vector) -> Result<(), SolveError<B::Error>>,
-) -> Result<Option<usize>, SolveError<B::Error>> {
+    solve: impl FnMut(&B::Vector, &mut B::Vector) -> Result<(), Failure<B>>,
+) -> Result<Option<usize>, Failure<B>> {
     let (n, _) = a.shape();
     let Some(limit) = null_vector_limit::<B::Scalar>(params, n, report.pivot_ratio) else { return Ok(None) };
     let scales = Scales::of_matrix::<B>(a, report.kind, n)?;
@@ -170,8 +171,8 @@ pub(super) fn checked_report<B: InMemory>(
     a: &B::Matrix,
     report: FactorReport,
     params: &SolverParams,
-    solve: impl FnMut(&B::Vector, &mut B::Vector) -> Result<(), SolveError<B::Error>>,
-) -> Result<FactorReport, SolveError<B::Error>> {
+    solve: impl FnMut(&B::Vector, &mut B::Vector) -> Result<(), Failure<B>>,
+) -> Result<FactorReport, Failure<B>> {
     match check_near_singular::<B>(a, &report, params, solve)? {
         Some(unknown) => {
             let (ratio, limit) = (report.pivot_ratio, B::Scalar::epsilon().as_f64());
@@ -181,10 +182,7 @@ pub(super) fn checked_report<B: InMemory>(
     }
 }
 
-fn write<B: Backend<Scalar: Scalar>>(
-    x: &mut B::Vector,
-    values: impl Iterator<Item = f64>,
-) -> Result<(), SolveError<B::Error>> {
+fn write<B: Backend<Scalar: Scalar>>(x: &mut B::Vector, values: impl Iterator<Item = f64>) -> Result<(), Failure<B>> {
     let fill =
         |place: &mut [B::Scalar]| place.iter_mut().zip(values).for_each(|(place, value)| *place = B::Scalar::of(value));
     Ok(x.with_local_mut(fill)?)

@@ -57,6 +57,7 @@ pub use newton::{
 pub use ops::{MatrixOps, VectorOps};
 pub use products::{Entries, MatMat, MatVec};
 pub use scalar::{Index, Scalar, Value};
+pub(crate) use solve::Failure;
 pub use solve::{
     FactorReport, Factorization, InvalidParameter, Iterative, Krylov, Method, Ordering, Preconditioner, SolveError,
     SolveReport, Solver, SolverParams, StopReason, Symmetry,

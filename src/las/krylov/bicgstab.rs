@@ -3,7 +3,7 @@
 use num_traits::{Float, One, Zero};
 
 use super::{Ended, Run, combine};
-use crate::las::{SingleLane, SolveError, VectorOps};
+use crate::las::{Failure, SingleLane, VectorOps};
 
 /// Residual, product, shadow residual, direction, preconditioned vector, second product.
 pub(super) const VECTORS: usize = 6;
@@ -13,7 +13,7 @@ pub(super) fn run<B: SingleLane>(
     run: &mut Run<'_, B>,
     x: &mut B::Vector,
     vectors: &mut [B::Vector],
-) -> Result<Ended, SolveError<B::Error>> {
+) -> Result<Ended, Failure<B>> {
     let one = B::Scalar::one();
     let [r, v, shadow, p, z, t] = vectors else { return Ok(Ended::Breakdown) };
     combine::<B>(shadow, B::Scalar::zero(), one, r)?;

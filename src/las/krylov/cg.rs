@@ -3,7 +3,7 @@
 use num_traits::{Float, Zero};
 
 use super::{Ended, Run, combine};
-use crate::las::{SingleLane, SolveError, VectorOps};
+use crate::las::{Failure, SingleLane, VectorOps};
 
 /// Residual, product, direction, preconditioned residual.
 pub(super) const VECTORS: usize = 4;
@@ -13,7 +13,7 @@ pub(super) fn run<B: SingleLane>(
     run: &mut Run<'_, B>,
     x: &mut B::Vector,
     vectors: &mut [B::Vector],
-) -> Result<Ended, SolveError<B::Error>> {
+) -> Result<Ended, Failure<B>> {
     let [r, q, p, z] = vectors else { return Ok(Ended::Breakdown) };
     (run.m)(r, z)?;
     combine::<B>(p, B::Scalar::zero(), num_traits::One::one(), z)?;

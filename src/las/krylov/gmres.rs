@@ -4,7 +4,7 @@
 use num_traits::{Float, One, Zero};
 
 use super::{Ended, Run, combine};
-use crate::las::{Scalar, SingleLane, SolveError, VectorOps};
+use crate::las::{Failure, Scalar, SingleLane, VectorOps};
 
 /// Number of vectors: the basis of `restart + 1` vectors, one for products and one for preconditioned vectors.
 pub(super) fn vectors(restart: usize) -> usize {
@@ -24,7 +24,7 @@ pub(super) fn run<B: SingleLane>(
     vectors: &mut [B::Vector],
     coefficients: &mut [B::Scalar],
     restart: usize,
-) -> Result<Ended, SolveError<B::Error>> {
+) -> Result<Ended, Failure<B>> {
     let m = restart.max(1);
     let (basis, [product, z]) = vectors.split_at_mut(m + 1) else { return Ok(Ended::Breakdown) };
     let (h, rest) = coefficients.split_at_mut((m + 1) * m);

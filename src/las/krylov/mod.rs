@@ -14,7 +14,7 @@ mod tests;
 
 use num_traits::{Float, One, Zero};
 
-use super::{Backend, Iterative, Krylov, Scalar, SingleLane, SolveError, SolveReport, StopReason, VectorOps};
+use super::{Backend, Failure, Iterative, Krylov, Scalar, SingleLane, SolveError, SolveReport, StopReason, VectorOps};
 
 /// `y = f(x)`: the product with the matrix or with the preconditioner.
 pub type Apply<'a, B> = &'a mut dyn FnMut(&Vector<B>, &mut Vector<B>) -> Result<(), SolveError<<B as Backend>::Error>>;
@@ -120,12 +120,7 @@ impl<B: SingleLane> KrylovSpace<B> {
 
 impl<B: SingleLane> Run<'_, B> {
     /// `vectors[0] = b - A x`.
-    fn residual(
-        &mut self,
-        b: &B::Vector,
-        x: &B::Vector,
-        vectors: &mut [B::Vector],
-    ) -> Result<(), SolveError<B::Error>> {
+    fn residual(&mut self, b: &B::Vector, x: &B::Vector, vectors: &mut [B::Vector]) -> Result<(), Failure<B>> {
         let (r, rest) = split_first_vector(vectors);
         (self.a)(x, &mut rest[0])?;
         combine::<B>(r, B::Scalar::zero(), B::Scalar::one(), b)?;

@@ -7,8 +7,8 @@
 //! distinguishes the two cases.
 
 use super::{
-    Backend, MatrixOps, NewtonError, NewtonReport, NewtonSystem, NonlinearProblem, Potential, Scalar, SolveError,
-    Solver, VectorOps, is_recoverable,
+    Backend, Failure, MatrixOps, NewtonError, NewtonReport, NewtonSystem, NonlinearProblem, Potential, Scalar,
+    SolveError, Solver, VectorOps, is_recoverable,
 };
 use crate::las::{Factorization, Value};
 
@@ -145,7 +145,7 @@ impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
         side: f64,
         first: f64,
         report: &mut NewtonReport,
-    ) -> Result<Step, NewtonError<P::Error, B::Error>> {
+    ) -> Result<Step, Failure<B, P>> {
         /// Enough steps to cover the range from rounding errors to any length scale.
         const MAX_STEPS: u32 = 60;
         const GROWTH: f64 = 4.0;
@@ -182,7 +182,7 @@ impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
         &mut self,
         problem: &mut P,
         tolerance: f64,
-    ) -> Result<Option<f64>, NewtonError<P::Error, B::Error>> {
+    ) -> Result<Option<f64>, Failure<B, P>> {
         const MAX_ITERATIONS: u32 = 100;
         let Some(Bracket { lower, upper: shift }) = self.bracket(problem, tolerance)? else { return Ok(None) };
         // A start vector without any symmetry that the Hessian may have.
@@ -222,7 +222,7 @@ impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
         &mut self,
         problem: &mut P,
         tolerance: f64,
-    ) -> Result<Option<Bracket>, NewtonError<P::Error, B::Error>> {
+    ) -> Result<Option<Bracket>, Failure<B, P>> {
         let max_diagonal = self.assemble_shifted(problem, 0.0)?;
         let mut lower = neutral_limit(tolerance) * max_diagonal;
         let mut upper = 8.0 * lower;
@@ -240,11 +240,7 @@ impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
     }
 
     /// Returns true if the Hessian with its diagonal shifted is positive definite, or singular up to rounding.
-    fn is_definite<P: NonlinearProblem<B>>(
-        &mut self,
-        problem: &mut P,
-        shift: f64,
-    ) -> Result<bool, NewtonError<P::Error, B::Error>> {
+    fn is_definite<P: NonlinearProblem<B>>(&mut self, problem: &mut P, shift: f64) -> Result<bool, Failure<B, P>> {
         self.assemble_shifted(problem, shift)?;
         match self.solver.factor_definite(&self.matrix) {
             Ok(_) | Err(SolveError::Singular { .. }) => Ok(true),

@@ -15,8 +15,8 @@
 //! quadratic as in Newton's method.
 
 use super::{
-    Backend, Evaluation, MatrixOps, NewtonError, NewtonFailure, NewtonReport, NewtonSystem, NonlinearProblem, Scalar,
-    SolveError, Solver, VectorOps, is_recoverable,
+    Backend, Evaluation, Failure, MatrixOps, NewtonError, NewtonFailure, NewtonReport, NewtonSystem, NonlinearProblem,
+    Scalar, SolveError, Solver, VectorOps, is_recoverable,
 };
 use crate::las::{Index, MatVec, Value};
 
@@ -157,7 +157,7 @@ impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
         current_norm: f64,
         descent: &mut Descent<'_>,
         report: &mut NewtonReport,
-    ) -> Result<(), NewtonError<P::Error, B::Error>> {
+    ) -> Result<(), Failure<B, P>> {
         loop {
             descent.max_diagonal = self.assemble_shifted(problem, descent.shift)?;
             match self.solver.factor_definite(&self.matrix) {
@@ -180,7 +180,7 @@ impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
         &mut self,
         problem: &mut P,
         shift: f64,
-    ) -> Result<f64, NewtonError<P::Error, B::Error>> {
+    ) -> Result<f64, Failure<B, P>> {
         self.assemble(problem)?;
         Ok(self.shift_diagonal(shift)?)
     }

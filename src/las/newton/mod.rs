@@ -84,7 +84,7 @@ impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
     ) -> Result<NewtonReport, NewtonFailure<P::Error, B::Error>> {
         let mut report = NewtonReport::with_capacity(max_iterations);
         problem.save();
-        let outcome: Result<(), NewtonError<P::Error, B::Error>> = (|| {
+        let outcome: Result<(), Failure<B, P>> = (|| {
             let mut iterate = self.evaluate(problem, &mut report)?;
             loop {
                 report.record(&iterate);
@@ -114,7 +114,7 @@ impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
         &mut self,
         problem: &mut P,
         report: &mut NewtonReport,
-    ) -> Result<(), NewtonError<P::Error, B::Error>> {
+    ) -> Result<(), Failure<B, P>> {
         let start = Instant::now();
         self.assemble(problem)?;
         let assembled = Instant::now();
@@ -128,7 +128,7 @@ impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
     }
 
     /// Assembles the Jacobian at the current state.
-    fn assemble<P: NonlinearProblem<B>>(&mut self, problem: &mut P) -> Result<(), NewtonError<P::Error, B::Error>> {
+    fn assemble<P: NonlinearProblem<B>>(&mut self, problem: &mut P) -> Result<(), Failure<B, P>> {
         self.matrix.assemble(|k| problem.jacobian(k).map_err(NewtonError::Problem))
     }
 
@@ -147,7 +147,7 @@ impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
     }
 
     /// Moves the state by `a` times the direction.
-    fn advance<P: NonlinearProblem<B>>(&self, problem: &mut P, a: f64) -> Result<(), NewtonError<P::Error, B::Error>> {
+    fn advance<P: NonlinearProblem<B>>(&self, problem: &mut P, a: f64) -> Result<(), Failure<B, P>> {
         problem.advance(a, &self.direction).map_err(NewtonError::Problem)
     }
 
@@ -163,10 +163,13 @@ struct Iterate {
     residual_scale: ResidualScale,
 }
 
-type Evaluation<B, P> = Result<Iterate, NewtonError<<P as NonlinearProblem<B>>::Error, <B as Backend>::Error>>;
+type Evaluation<B, P> = Result<Iterate, Failure<B, P>>;
+
+/// The error of Newton's method, of the problem or of the backend.
+type Failure<B, P> = NewtonError<<P as NonlinearProblem<B>>::Error, <B as Backend>::Error>;
 
 /// Returns true if a state cannot be evaluated for a reason that a shorter step may avoid.
-fn is_recoverable<B: Backend, P: NonlinearProblem<B>>(error: &NewtonError<P::Error, B::Error>) -> bool {
+fn is_recoverable<B: Backend, P: NonlinearProblem<B>>(error: &Failure<B, P>) -> bool {
     match error {
         NewtonError::NotFinite => true,
         NewtonError::Problem(error) => !P::is_final(error),

@@ -13,6 +13,9 @@ pub use report::{FactorReport, Factorization, SolveReport};
 
 use super::Backend;
 
+/// The error of a solver of backend `B`.
+pub(crate) type Failure<B> = SolveError<<B as Backend>::Error>;
+
 /// Factors matrices of one sparsity pattern and solves linear systems with them.
 ///
 /// Cholesky and LDL^T factorizations and solves allocate memory only in their first call.
