@@ -82,11 +82,8 @@ impl<B: SingleLane<Matrix: Clone>> IterativeSolver<B> {
     }
 
     /// Copies the matrix and computes its preconditioner; the caller has checked its size.
-    pub(super) fn factor(&mut self, a: &B::Matrix) -> Result<FactorReport, Failure<B>> {
-        self.factor_with_pivots(a).map(|(report, _)| report)
-    }
-
-    fn factor_with_pivots(&mut self, a: &B::Matrix) -> Result<(FactorReport, Option<Pivots>), Failure<B>> {
+    /// Returns the pivots of the preconditioner too, if it has any.
+    pub(super) fn factor(&mut self, a: &B::Matrix) -> Result<(FactorReport, Option<Pivots>), Failure<B>> {
         self.ready = false;
         let pivots = self.inverse.compute(a)?;
         match &mut self.a {
@@ -103,7 +100,7 @@ impl<B: SingleLane<Matrix: Clone>> IterativeSolver<B> {
     /// For a symmetric matrix, ILUT without dropping has as many negative pivots as the matrix has negative
     /// eigenvalues; with little dropping, this nearly always holds.
     pub(super) fn factor_definite(&mut self, a: &B::Matrix) -> Result<FactorReport, Failure<B>> {
-        let (report, pivots) = self.factor_with_pivots(a)?;
+        let (report, pivots) = self.factor(a)?;
         if pivots.is_some_and(|pivots| pivots.negative() > 0) {
             self.ready = false;
             return Err(SolveError::Indefinite { unknown: None });

@@ -202,7 +202,7 @@ impl<T: Scalar + RealField> crate::las::Solver<Dense<T>> for Solver<T> {
         self.active = None;
         self.check(a)?;
         if let Some(iterative) = &mut self.iterative {
-            return iterative.factor(a);
+            return iterative.factor(a).map(|(report, _)| report);
         }
         self.factor_checked(a)
     }

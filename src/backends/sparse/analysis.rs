@@ -39,7 +39,7 @@ pub struct Symbolic {
     /// The analysis by blocks, for positive definite matrices of 3x3 blocks that are not too large.
     pub(super) blocks: Option<SymbolicBlockCholesky>,
     /// Made in advance for symmetric matrices without `blocks`, and on first use for the others.
-    cholesky: OnceLock<CholeskyAnalysis>,
+    pub(super) cholesky: OnceLock<CholeskyAnalysis>,
     /// Made in advance for unsymmetric matrices, and on first use for the others.
     lu: OnceLock<LuAnalysis>,
 }
@@ -123,11 +123,6 @@ impl Symbolic {
         }
         let analysis = CholeskyAnalysis::new(&self.pattern, self.order.clone()).map_err(failed)?;
         Ok(self.cholesky.get_or_init(|| analysis))
-    }
-
-    /// Returns the analysis for faer's Cholesky and LDL^T if it was already made.
-    pub(super) fn cholesky_made(&self) -> Option<&CholeskyAnalysis> {
-        self.cholesky.get()
     }
 
     /// Returns the analysis for LU, made on first use.

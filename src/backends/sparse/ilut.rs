@@ -33,7 +33,9 @@ impl<T: Copy> Rows<T> {
         self.values.clear();
     }
 
-    fn close_row(&mut self) {
+    fn push_row(&mut self, row: &[(u32, T)]) {
+        self.columns.extend(row.iter().map(|&(column, _)| column));
+        self.values.extend(row.iter().map(|&(_, value)| value));
         self.start.push(self.columns.len());
     }
 
@@ -121,11 +123,7 @@ impl<T: Scalar> Ilut<T> {
     fn store_row(&mut self, i: usize, mean: T) -> T {
         let threshold = self.drop_tolerance * mean;
         largest(&mut self.multipliers, self.fill);
-        for &(column, value) in &self.multipliers {
-            self.lower.columns.push(column);
-            self.lower.values.push(value);
-        }
-        self.lower.close_row();
+        self.lower.push_row(&self.multipliers);
         self.present[i] = false;
         let mut pivot = std::mem::take(&mut self.row[i]);
         if pivot.is_zero() {
@@ -141,11 +139,7 @@ impl<T: Scalar> Ilut<T> {
         }
         self.right.clear();
         largest(&mut self.kept, self.fill);
-        for &(column, value) in &self.kept {
-            self.upper.columns.push(column);
-            self.upper.values.push(value);
-        }
-        self.upper.close_row();
+        self.upper.push_row(&self.kept);
         self.inverse_diagonal.push(pivot.recip());
         pivot
     }

@@ -220,7 +220,7 @@ impl<T: BlockScalar> Solver<T> {
             return;
         }
         self.columns.resize(len, T::zero());
-        if let Some(analysis) = self.symbolic.cholesky_made() {
+        if let Some(analysis) = self.symbolic.cholesky.get() {
             self.scratch.reserve(solve_scratch::<T>(analysis, count));
         }
     }
@@ -289,7 +289,7 @@ impl<T: BlockScalar> crate::las::Solver<Sparse<T>> for Solver<T> {
         self.active = None;
         self.check(a)?;
         if let Some(iterative) = &mut self.iterative {
-            return iterative.factor(a);
+            return iterative.factor(a).map(|(report, _)| report);
         }
         self.factor_checked(a)
     }

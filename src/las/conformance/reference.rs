@@ -120,25 +120,23 @@ impl DenseReference {
     /// `A B`.
     #[must_use]
     pub fn product(&self, b: &Self) -> Self {
-        let mut product = Self::zeros(self.rows, b.cols);
-        for i in 0..self.rows {
-            for j in 0..b.cols {
-                *product.at(i, j) = (0..self.cols).map(|k| self.get(i, k) * b.get(k, j)).sum();
-            }
-        }
-        product
+        Self::from_fn(self.rows, b.cols, |i, j| (0..self.cols).map(|k| self.get(i, k) * b.get(k, j)).sum())
     }
 
     /// `A^T`.
     #[must_use]
     pub fn transposed(&self) -> Self {
-        let mut transposed = Self::zeros(self.cols, self.rows);
-        for i in 0..self.rows {
-            for j in 0..self.cols {
-                *transposed.at(j, i) = self.get(i, j);
+        Self::from_fn(self.cols, self.rows, |i, j| self.get(j, i))
+    }
+
+    fn from_fn(rows: usize, cols: usize, entry: impl Fn(usize, usize) -> f64) -> Self {
+        let mut matrix = Self::zeros(rows, cols);
+        for i in 0..rows {
+            for j in 0..cols {
+                *matrix.at(i, j) = entry(i, j);
             }
         }
-        transposed
+        matrix
     }
 
     /// The largest absolute row sum (infinity norm).

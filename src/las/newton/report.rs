@@ -159,11 +159,7 @@ impl<E, F> From<F> for NewtonError<E, F> {
 /// A failed Newton iteration.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[error("{reason}")]
-pub struct NewtonFailure<E, F>
-where
-    E: std::fmt::Display,
-    F: std::fmt::Display,
-{
+pub struct NewtonFailure<E: std::fmt::Display, F: std::fmt::Display> {
     /// The reason of the failure.
     pub reason: NewtonError<E, F>,
     /// The report up to the failure.
