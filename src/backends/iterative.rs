@@ -81,8 +81,8 @@ impl<B: SingleLane<Matrix: Clone>> IterativeSolver<B> {
         self.inverse.entries()
     }
 
-    /// Copies the matrix and computes its preconditioner; the caller has checked its size.
-    /// Returns the pivots of the preconditioner too, if it has any.
+    /// Copies the matrix and computes its preconditioner; the caller has checked its size. Also returns the pivots of
+    /// the preconditioner if it has any.
     pub(super) fn factor(&mut self, a: &B::Matrix) -> Result<(FactorReport, Option<Pivots>), Failure<B>> {
         self.ready = false;
         let pivots = self.inverse.compute(a)?;

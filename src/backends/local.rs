@@ -143,8 +143,8 @@ pub(super) fn all_finite<T: Scalar>(values: &[T]) -> bool {
     sums.into_iter().sum::<T>().is_zero()
 }
 
-/// Defines a vector in one contiguous array. Each backend with such vectors needs a type of its own, because the type of
-/// a vector determines the backend of its methods.
+/// Defines a vector in one contiguous array. Each backend with such vectors needs a type of its own, because the type
+/// of a vector determines the backend of its methods.
 macro_rules! contiguous_vector {
     () => {
         /// A vector in one contiguous array.
