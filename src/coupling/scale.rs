@@ -130,12 +130,6 @@ impl<C: Comm> Scales<C> {
         &self.names[scale]
     }
 
-    /// Returns the names of all scales.
-    #[must_use]
-    pub fn names(&self) -> &[String] {
-        &self.names
-    }
-
     /// Returns the world ranks of a scale, ordered by their rank in the scale.
     #[must_use]
     pub fn ranks(&self, scale: usize) -> &[usize] {

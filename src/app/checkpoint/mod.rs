@@ -88,17 +88,6 @@ pub enum CheckpointError {
 }
 
 impl CheckpointError {
-    /// Returns the path of the file or folder concerned.
-    #[must_use]
-    pub fn path(&self) -> &Path {
-        match self {
-            Self::Unreadable { path, .. }
-            | Self::Damaged { path, .. }
-            | Self::Version { path, .. }
-            | Self::OtherRun { path, .. } => path,
-        }
-    }
-
     /// Returns advice for the user.
     #[must_use]
     pub fn cure(&self) -> &'static str {

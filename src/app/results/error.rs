@@ -17,13 +17,8 @@ pub enum ResultsError {
         source: io::Error,
     },
     /// Another process of the run failed to write its results.
-    #[error("{reason}")]
-    OtherRank {
-        /// The result directory.
-        path: PathBuf,
-        /// The error message of that process.
-        reason: String,
-    },
+    #[error("{0}")]
+    OtherRank(String),
     /// A file that would be replaced or removed was not written by a run. Nothing was changed.
     #[error("{}: {what}", path.display())]
     UnknownOrigin {
@@ -96,22 +91,6 @@ pub enum ResultsError {
 }
 
 impl ResultsError {
-    /// Returns the file or directory that caused the error.
-    #[must_use]
-    pub fn path(&self) -> &Path {
-        match self {
-            Self::Write { path, .. }
-            | Self::OtherRank { path, .. }
-            | Self::UnknownOrigin { path, .. }
-            | Self::Locked { path, .. }
-            | Self::Read { path, .. }
-            | Self::Encode { path, .. }
-            | Self::Damaged { path, .. }
-            | Self::Length { path, .. }
-            | Self::ElementNode { path, .. } => path,
-        }
-    }
-
     /// Checks the number of values of a field.
     pub(super) fn check_length(path: &Path, name: &str, found: usize, expected: usize) -> Result<(), Self> {
         if found == expected {

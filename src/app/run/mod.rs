@@ -136,7 +136,7 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
         };
         let found = checkpoint::latest(dir, &self.identity());
         // A process that continues would wait for those that do not.
-        let agreed = writers.agree(found.as_ref().map(|_| ()).map_err(|error| other_rank(dir, error)));
+        let agreed = writers.agree(found.as_ref().map(|_| ()).map_err(other_rank));
         let (checkpoint, remarks) = found?;
         warnings.extend(remarks);
         let step = checkpoint.as_ref().map_or(0, |checkpoint| checkpoint.state.completed_steps);
@@ -164,8 +164,8 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
         };
         let agreed = writers.agree(match &found {
             Ok(None) => Ok(()),
-            Ok(Some((path, what))) => Err(other_rank(path, format!("{}: {what}, but no checkpoint", path.display()))),
-            Err(error) => Err(other_rank(dir, error)),
+            Ok(Some((path, what))) => Err(other_rank(format!("{}: {what}, but no checkpoint", path.display()))),
+            Err(error) => Err(other_rank(error)),
         });
         match found? {
             Some((path, what)) => Err(ResumeError::NoCheckpoint { path, what }),
@@ -285,6 +285,6 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
     }
 }
 
-fn other_rank(path: &Path, reason: impl ToString) -> ResultsError {
-    ResultsError::OtherRank { path: path.to_owned(), reason: reason.to_string() }
+fn other_rank(reason: impl ToString) -> ResultsError {
+    ResultsError::OtherRank(reason.to_string())
 }

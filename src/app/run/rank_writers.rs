@@ -1,8 +1,8 @@
 //! Several ranks that solve for a body in step: the root writes, and all continue only if it succeeded.
 
-use std::path::Path;
 use std::sync::OnceLock;
 
+use super::other_rank;
 use crate::app::results::ResultsError;
 use crate::app::run::WriterGroup;
 use crate::las::{Comm, Disagreement};
@@ -11,8 +11,6 @@ use crate::las::{Comm, Disagreement};
 pub struct RootWriter<'a, C: Comm> {
     /// The ranks of the body.
     pub comm: &'a C,
-    /// The result directory.
-    pub dir: &'a Path,
     /// The reason why ranks are out of step ([`ScaleField::broken`](crate::tissue::two_scale::ScaleField::broken)).
     /// Once it is set, this rank takes part in no agreement, because others may wait for a message that it does not
     /// send.
@@ -20,12 +18,8 @@ pub struct RootWriter<'a, C: Comm> {
 }
 
 impl<C: Comm> RootWriter<'_, C> {
-    fn other_rank(&self, reason: impl ToString) -> ResultsError {
-        ResultsError::OtherRank { path: self.dir.to_owned(), reason: reason.to_string() }
-    }
-
     fn check_connected(&self) -> Result<(), ResultsError> {
-        self.broken.get().map_or(Ok(()), |reason| Err(self.other_rank(reason)))
+        self.broken.get().map_or(Ok(()), |reason| Err(other_rank(reason)))
     }
 }
 
@@ -37,18 +31,18 @@ impl<C: Comm> WriterGroup for RootWriter<'_, C> {
     fn agree_on(&self, number: usize) -> Result<(), ResultsError> {
         self.check_connected()?;
         let mut span = [number as f64, -(number as f64)];
-        self.comm.max(&mut span).map_err(|error| self.other_rank(error))?;
+        self.comm.max(&mut span).map_err(other_rank)?;
         if span[0] == -span[1] {
             return Ok(());
         }
-        Err(self.other_rank(format!("ranks of the body find checkpoints of steps {} to {}", -span[1], span[0])))
+        Err(other_rank(format!("ranks of the body find checkpoints of steps {} to {}", -span[1], span[0])))
     }
 
     fn agree(&self, outcome: Result<(), ResultsError>) -> Result<(), ResultsError> {
         self.check_connected()?;
         self.comm.agree(outcome).map_err(|disagreement| match disagreement {
             Disagreement::Own(error) => error,
-            other => self.other_rank(other),
+            other => other_rank(other),
         })
     }
 }
@@ -61,11 +55,11 @@ mod tests {
     #[test]
     fn all_go_on_if_the_first_could_write_and_found_the_same_step() {
         let outcome = thread::run(3, |comm| {
-            let (dir, broken) = (Path::new("out"), OnceLock::new());
-            let ranks = RootWriter { comm: &comm, dir, broken: &broken };
+            let broken = OnceLock::new();
+            let ranks = RootWriter { comm: &comm, broken: &broken };
             assert_eq!(ranks.is_writer(), comm.rank() == 0);
             assert!(ranks.agree(Ok(())).is_ok() && ranks.agree_on(7).is_ok());
-            let own = if comm.rank() == 0 { Err(ranks.other_rank("the disk is full")) } else { Ok(()) };
+            let own = if comm.rank() == 0 { Err(other_rank("the disk is full")) } else { Ok(()) };
             assert!(ranks.agree(own).is_err_and(|error| error.to_string().contains("the disk is full")));
             let other = ranks.agree_on(comm.rank());
             assert!(other.is_err_and(|error| error.to_string().contains("checkpoints of steps 0 to 2")));
@@ -79,10 +73,10 @@ mod tests {
     fn a_rank_that_has_lost_others_does_not_wait_for_them() {
         let outcome = thread::run(2, |comm| {
             let broken = OnceLock::from("scale micro did not answer".to_owned());
-            let ranks = RootWriter { comm: &comm, dir: Path::new("out"), broken: &broken };
+            let ranks = RootWriter { comm: &comm, broken: &broken };
             match comm.rank() {
                 0 => ranks.agree(Ok(())).and(ranks.agree_on(1)),
-                _ => comm.receive(0, crate::las::Tag::of(1)).map(drop).map_err(|error| ranks.other_rank(error)),
+                _ => comm.receive(0, crate::las::Tag::of(1)).map(drop).map_err(other_rank),
             }
         });
         assert!(outcome.is_err_and(|failed| failed.rank == 0 && failed.reason.contains("micro did not answer")));

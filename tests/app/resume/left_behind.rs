@@ -147,7 +147,7 @@ fn ranks_of_a_body_learn_alike_that_a_directory_is_in_use() {
     let (lock, _) = DirectoryLock::acquire(&dir).unwrap();
     let outcome = thread::run(2, |comm| {
         let broken = OnceLock::new();
-        let ranks = RootWriter { comm: &comm, dir: &dir, broken: &broken };
+        let ranks = RootWriter { comm: &comm, broken: &broken };
         let mut simulation = simulation(CASE);
         let said = [
             simulation.take_directory(&ranks, &dir).unwrap_err().to_string(),

@@ -130,7 +130,7 @@ impl<C: Ranks> MacroRank<'_, C> {
             Ok(simulation) => simulation,
             Err(error) => return or_broken(&broken, Err(not_set_up(&file, &micro, error))),
         };
-        let root = RootWriter { comm: scales.comm(), dir: run.dir, broken: &broken };
+        let root = RootWriter { comm: scales.comm(), broken: &broken };
         let writers: &dyn WriterGroup = if body_solve == BodySolve::Distributed { &root } else { &() };
         let outcome = or_broken(&broken, take_steps(&mut simulation, writers, run.dir, run.resume));
         if outcome.is_err() {
