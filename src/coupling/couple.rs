@@ -37,14 +37,9 @@ pub enum CouplingError {
         /// The communication error.
         error: CommError,
     },
-    /// A rank called a function of the other side.
-    #[error("scale {scale} is not the {role} of this coupling")]
-    Role {
-        /// The scale of the calling rank.
-        scale: String,
-        /// The role that this scale does not have.
-        role: &'static str,
-    },
+    /// A rank called a function of the other side: its scale and the role that this scale does not have.
+    #[error("scale {0} is not the {1} of this coupling")]
+    Role(String, &'static str),
     /// No scale has this name.
     #[error("there is no scale {0}")]
     Scale(String),
@@ -52,13 +47,8 @@ pub enum CouplingError {
     #[error("scale {0} is to be coupled with itself; a coupling is of two scales")]
     Itself(String),
     /// A unit was added that already exists, or removed that does not exist.
-    #[error("unit {unit} {what}")]
-    Unit {
-        /// Number of the unit.
-        unit: UnitId,
-        /// Description of the error.
-        what: &'static str,
-    },
+    #[error("unit {0} {1}")]
+    Unit(UnitId, &'static str),
     /// The distribution algorithm returned a wrong number of ranks, or a rank that does not exist.
     #[error("the partition of {units} units has {found} ranks, the largest of them {last} among {ranks}")]
     Partition {
@@ -166,7 +156,7 @@ impl<C: Comm> Coupling<C> {
             own if own == first => (Role::Producer, second),
             own if own == second => (Role::Consumer, first),
             own => {
-                return Err(CouplingError::Role { scale: scales.name(own).to_owned(), role: "producer or consumer" });
+                return Err(CouplingError::Role(scales.name(own).to_owned(), "producer or consumer"));
             }
         };
         let (comm, number) = (scales.world().clone(), scales.next_coupling(first, second));
@@ -226,7 +216,7 @@ impl<C: Comm> Coupling<C> {
         self.must_be(Role::Producer)?;
         let mut known: HashSet<UnitId> = self.map.units.iter().copied().collect();
         if let Some(&unit) = units.iter().find(|&&unit| !known.insert(unit)) {
-            return Err(CouplingError::Unit { unit, what: "is in this coupling already" });
+            return Err(CouplingError::Unit(unit, "is in this coupling already"));
         }
         let ones = vec![1.0; units.len()];
         let weights = if weights.is_empty() { &ones } else { weights };
@@ -283,7 +273,7 @@ impl<C: Comm> Coupling<C> {
         let (units, ranks) = self.receive_new_units().map_err(|error| self.failed(error))?;
         let mut known: HashSet<UnitId> = self.map.units.iter().copied().collect();
         if let Some(&unit) = units.iter().find(|&&unit| !known.insert(unit)) {
-            return Err(CouplingError::Unit { unit, what: "came twice" });
+            return Err(CouplingError::Unit(unit, "came twice"));
         }
         self.map.append(&units, &ranks);
         Ok(Self { map: UnitMap::new(&units, &ranks), ..self.clone() })
@@ -322,7 +312,7 @@ impl<C: Comm> Coupling<C> {
         let gone: HashSet<UnitId> = units.iter().copied().collect();
         let known: HashSet<UnitId> = self.map.units.iter().copied().collect();
         if let Some(&unit) = units.iter().find(|unit| !known.contains(unit)) {
-            return Err(CouplingError::Unit { unit, what: "is not in this coupling" });
+            return Err(CouplingError::Unit(unit, "is not in this coupling"));
         }
         for neighbor in &self.map.neighbors {
             let list: Vec<UnitId> = self.map.units_of(neighbor).filter(|unit| gone.contains(unit)).collect();
@@ -377,12 +367,12 @@ impl<C: Comm> Coupling<C> {
         Tag(FIRST + 4 * self.number + kind as u32)
     }
 
-    fn must_be(&self, role: Role) -> Result<(), CouplingError> {
+    pub(super) fn must_be(&self, role: Role) -> Result<(), CouplingError> {
         let (own, name) = match self.role {
             Role::Producer => (&self.names[0], "consumer"),
             Role::Consumer => (&self.names[1], "producer"),
         };
-        if self.role == role { Ok(()) } else { Err(CouplingError::Role { scale: own.clone(), role: name }) }
+        if self.role == role { Ok(()) } else { Err(CouplingError::Role(own.clone(), name)) }
     }
 
     /// Adds the names of the scales to a communication error.

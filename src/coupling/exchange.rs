@@ -239,14 +239,8 @@ impl<T: Payload> Channel<T> {
 
 impl<C: Comm> Coupling<C> {
     fn must_have(&self, role: Role, values: usize) -> Result<(), CouplingError> {
+        self.must_be(role)?;
         let units = self.units().len();
-        if self.role != role {
-            let [producer, consumer] = self.names.clone();
-            return Err(match role {
-                Role::Producer => CouplingError::Role { scale: consumer, role: "producer" },
-                Role::Consumer => CouplingError::Role { scale: producer, role: "consumer" },
-            });
-        }
         if values == units { Ok(()) } else { Err(CouplingError::Values { found: values, units }) }
     }
 

@@ -59,13 +59,8 @@ pub enum PlanError {
     #[error("scale {0} gets no rank")]
     Empty(String),
     /// A ratio is not a positive finite number.
-    #[error("scale {scale}: {ratio} is no ratio; it must be positive")]
-    Ratio {
-        /// The scale.
-        scale: String,
-        /// The invalid ratio.
-        ratio: f64,
-    },
+    #[error("scale {0}: {1} is no ratio; it must be positive")]
+    Ratio(String, f64),
     /// The plan contains no scale.
     #[error("there is no scale")]
     NoScales,
@@ -142,7 +137,7 @@ impl Plan {
             if let &Share::Ratio(ratio) = share
                 && !(ratio > 0.0 && ratio.is_finite())
             {
-                return Err(PlanError::Ratio { scale: name.clone(), ratio });
+                return Err(PlanError::Ratio(name.clone(), ratio));
             }
         }
         Ok(())

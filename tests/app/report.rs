@@ -66,7 +66,7 @@ fn a_step_and_a_field_can_be_chosen() {
     assert!(svg.contains("step 4") && svg.contains("extension 10.0\u{a0}%") && svg.contains(">network<"));
     let lacking = PictureOptions { step: Some(11), ..PictureOptions::default() };
     let error = draw(dir.path(), &lacking).unwrap_err();
-    assert!(matches!(&error, ReportError::NoStep { step: 11, available } if available.len() == 10), "{error}");
+    assert!(matches!(&error, ReportError::NoStep(11, available) if available.len() == 10), "{error}");
     let lacking = PictureOptions { field: Some("stress".into()), ..PictureOptions::default() };
     let error = draw(dir.path(), &lacking).unwrap_err().to_string();
     assert!(error.contains("`stress`") && error.contains("von_mises_stress, fiber_alignment, network"), "{error}");

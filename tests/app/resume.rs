@@ -185,7 +185,7 @@ fn a_checkpoint_of_another_run_is_refused() {
     run(CASE, &dir);
     let before = contents(&dir);
     let refused = |text: &str| match simulation(text).resume(&dir).unwrap_err() {
-        ResumeError::Checkpoint(CheckpointError::OtherRun { path, reason }) => {
+        ResumeError::Checkpoint(CheckpointError::OtherRun(path, reason)) => {
             assert!(path.ends_with("checkpoint/step-00004.bin"));
             reason
         }
@@ -233,10 +233,7 @@ fn networks_with_other_contents_are_refused() {
     let counts: Vec<usize> = lines[0].split_whitespace().map(|count| count.parse().unwrap()).collect();
     lines[0] = format!("{} {} {}", counts[0], counts[1] - 1, counts[2]);
     let error = simulation(&network("b", &lines.join("\n"))).resume(&dir).unwrap_err();
-    assert!(
-        matches!(error, ResumeError::Checkpoint(CheckpointError::OtherRun { reason: Mismatch::Networks, .. })),
-        "{error}"
-    );
+    assert!(matches!(error, ResumeError::Checkpoint(CheckpointError::OtherRun(_, Mismatch::Networks))), "{error}");
 }
 
 #[test]

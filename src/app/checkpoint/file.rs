@@ -44,8 +44,8 @@ pub(super) fn write(path: &Path, content: &impl Serialize) -> Result<(), Results
 
 /// Reads a checkpoint. The memory allocated is limited by the length of the file, whatever counts it contains.
 pub(super) fn read<T: DeserializeOwned>(path: &Path) -> Result<T, CheckpointError> {
-    let bytes = fs::read(path).map_err(|source| CheckpointError::Unreadable { path: path.into(), source })?;
-    let damaged = |what: String| CheckpointError::Damaged { path: path.into(), what };
+    let bytes = fs::read(path).map_err(|source| CheckpointError::Unreadable(path.into(), source))?;
+    let damaged = |what: String| CheckpointError::Damaged(path.into(), what);
     if !bytes.starts_with(MAGIC) {
         return Err(damaged("does not begin like a checkpoint".into()));
     }

@@ -52,21 +52,11 @@ pub struct Checkpoint {
 #[derive(Debug, Error)]
 pub enum CheckpointError {
     /// The file or folder cannot be read.
-    #[error("{}: cannot be read: {source}", path.display())]
-    Unreadable {
-        /// The file or folder.
-        path: PathBuf,
-        /// The error of the operating system.
-        source: io::Error,
-    },
-    /// The content is not as it was written.
-    #[error("{}: damaged: {what}", path.display())]
-    Damaged {
-        /// The file.
-        path: PathBuf,
-        /// The defect.
-        what: String,
-    },
+    #[error("{0}: cannot be read: {1}")]
+    Unreadable(PathBuf, #[source] io::Error),
+    /// The content of the file is not as it was written: the defect.
+    #[error("{0}: damaged: {1}")]
+    Damaged(PathBuf, String),
     /// The file has another version of the format.
     #[error("{}: has version {found} of the format; this program reads version {expected}", path.display())]
     Version {
@@ -77,14 +67,9 @@ pub enum CheckpointError {
         /// The version that this program reads.
         expected: u32,
     },
-    /// The checkpoint belongs to another run.
-    #[error("{}: belongs to another run: {reason}", path.display())]
-    OtherRun {
-        /// The file.
-        path: PathBuf,
-        /// The difference.
-        reason: Mismatch,
-    },
+    /// The checkpoint belongs to another run: the difference.
+    #[error("{0}: belongs to another run: {1}")]
+    OtherRun(PathBuf, Mismatch),
 }
 
 impl CheckpointError {
@@ -151,7 +136,7 @@ pub fn clear(dir: &Path) -> Result<(), ResultsError> {
 /// another run or version.
 pub fn latest(dir: &Path, now: &Identity) -> Result<(Option<Checkpoint>, Vec<String>), CheckpointError> {
     let folder = dir.join(CHECKPOINT_FOLDER);
-    let steps = steps_in(&folder).map_err(|source| CheckpointError::Unreadable { path: folder.clone(), source })?;
+    let steps = steps_in(&folder).map_err(|source| CheckpointError::Unreadable(folder.clone(), source))?;
     let mut warnings = Vec::new();
     let mut last = None;
     for step in steps {
@@ -175,12 +160,11 @@ pub fn latest(dir: &Path, now: &Identity) -> Result<(Option<Checkpoint>, Vec<Str
 fn read(path: &Path, now: &Identity) -> Result<(Checkpoint, Vec<String>), CheckpointError> {
     let record: Record = file::read(path)?;
     let remarks = record.identity.check(now);
-    let remarks = remarks.map_err(|reason| CheckpointError::OtherRun { path: path.into(), reason })?;
+    let remarks = remarks.map_err(|reason| CheckpointError::OtherRun(path.into(), reason))?;
     let written = record.written.clone();
-    let (state, statuses, units) = record.into_states().ok_or_else(|| CheckpointError::Damaged {
-        path: path.into(),
-        what: "it counts more steps than this machine can".into(),
-    })?;
+    let (state, statuses, units) = record
+        .into_states()
+        .ok_or_else(|| CheckpointError::Damaged(path.into(), "it counts more steps than this machine can".into()))?;
     Ok((Checkpoint { path: path.into(), state, statuses, units, written }, remarks))
 }
 

@@ -51,7 +51,7 @@ impl Directory {
         let file = |name: &str| Some(path.join(name)).filter(|file| file.is_file());
         let (log, loads, fields) = (file(LOG_FILE), file(LOADS_FILE), file(FIELDS_FILE));
         if log.is_none() && loads.is_none() && fields.is_none() {
-            return Err(ReportError::NoResults { dir: path.into() });
+            return Err(ReportError::NoResults(path.into()));
         }
         let fields = match fields {
             Some(_) => Collection::read(path)?.entries().to_vec(),
@@ -115,13 +115,13 @@ impl Directory {
     /// # Errors
     /// Returns [`ReportError::NoFields`] if there are no fields, or [`ReportError::NoStep`] if the step has none.
     pub fn field_file(&self, step: Option<usize>) -> Result<&Entry, ReportError> {
-        let last = self.fields.last().ok_or_else(|| ReportError::NoFields { dir: self.path.clone() })?;
+        let last = self.fields.last().ok_or_else(|| ReportError::NoFields(self.path.clone()))?;
         let Some(step) = step else { return Ok(last) };
         let wanted = self.fields.iter().rev().find(|entry| entry.step() == Some(step));
         wanted.ok_or_else(|| {
             let mut available: Vec<usize> = self.fields.iter().filter_map(Entry::step).collect();
             available.dedup();
-            ReportError::NoStep { step, available }
+            ReportError::NoStep(step, available)
         })
     }
 
@@ -133,7 +133,7 @@ impl Directory {
     pub fn read_fields(&self, entry: &Entry) -> Result<Fields, ReportError> {
         let file = self.path.join(&entry.file);
         let fields = read_fields(&file)?;
-        if fields.elements.is_empty() { Err(ReportError::EmptyMesh { file }) } else { Ok(fields) }
+        if fields.elements.is_empty() { Err(ReportError::EmptyMesh(file)) } else { Ok(fields) }
     }
 
     /// Returns the extension of the body in these fields, as a fraction: from the loads at that time, or else from the

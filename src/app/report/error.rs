@@ -13,39 +13,20 @@ pub enum ReportError {
     #[error(transparent)]
     Results(#[from] ResultsError),
     /// The directory has none of the files of a run.
-    #[error("{}: is not a result directory: it contains neither `log.jsonl` nor `loads.csv` nor `fields.pvd`", dir.display())]
-    NoResults {
-        /// The directory.
-        dir: PathBuf,
-    },
+    #[error("{0}: is not a result directory: it contains neither `log.jsonl` nor `loads.csv` nor `fields.pvd`")]
+    NoResults(PathBuf),
     /// No fields were written yet.
-    #[error("{}: holds no fields (`fields.pvd` is missing or empty)", dir.display())]
-    NoFields {
-        /// The directory.
-        dir: PathBuf,
-    },
-    /// The mesh has no element.
-    #[error("{}: the mesh is empty", file.display())]
-    EmptyMesh {
-        /// The field file.
-        file: PathBuf,
-    },
-    /// There are no fields of the requested step.
-    #[error("no fields of step {step}; there are those of {}", list(available))]
-    NoStep {
-        /// The requested step.
-        step: usize,
-        /// The steps that have fields.
-        available: Vec<usize>,
-    },
-    /// There is no field with the requested name and one value per element.
-    #[error("no field `{field}` to color by; there are {}", list(available))]
-    NoField {
-        /// The requested field.
-        field: String,
-        /// The available fields.
-        available: Vec<String>,
-    },
+    #[error("{0}: holds no fields (`fields.pvd` is missing or empty)")]
+    NoFields(PathBuf),
+    /// The mesh of a field file has no element.
+    #[error("{0}: the mesh is empty")]
+    EmptyMesh(PathBuf),
+    /// There are no fields of the requested step; the steps that have fields.
+    #[error("no fields of step {0}; there are those of {steps}", steps = list(.1))]
+    NoStep(usize, Vec<usize>),
+    /// There is no field with the requested name and one value per element; the available fields.
+    #[error("no field `{0}` to color by; there are {fields}", fields = list(.1))]
+    NoField(String, Vec<String>),
 }
 
 fn list<T: ToString>(items: &[T]) -> String {

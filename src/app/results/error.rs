@@ -9,48 +9,25 @@ use thiserror::Error;
 #[derive(Debug, Error)]
 pub enum ResultsError {
     /// A file or directory cannot be written.
-    #[error("{}: cannot be written: {source}", path.display())]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// The error of the operating system.
-        source: io::Error,
-    },
+    #[error("{0}: cannot be written: {1}")]
+    Write(PathBuf, #[source] io::Error),
     /// Another process of the run failed to write its results.
     #[error("{0}")]
     OtherRank(String),
-    /// A file that would be replaced or removed was not written by a run. Nothing was changed.
-    #[error("{}: {what}", path.display())]
-    UnknownOrigin {
-        /// The file.
-        path: PathBuf,
-        /// The property that shows this.
-        what: &'static str,
-    },
-    /// Another run writes its results to the same directory.
-    #[error("{}: in use by another run: {holder}", path.display())]
-    Locked {
-        /// The result directory.
-        path: PathBuf,
-        /// The process that holds the lock, and its machine, as far as known.
-        holder: String,
-    },
+    /// A file that would be replaced or removed was not written by a run: the file and the property that shows this.
+    /// Nothing was changed.
+    #[error("{0}: {1}")]
+    UnknownOrigin(PathBuf, &'static str),
+    /// Another run writes its results to the same directory: the directory and, as far as known, the process that holds
+    /// its lock, with its machine.
+    #[error("{0}: in use by another run: {1}")]
+    Locked(PathBuf, String),
     /// A file or directory cannot be read.
-    #[error("{}: cannot be read: {source}", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// The error of the operating system.
-        source: io::Error,
-    },
+    #[error("{0}: cannot be read: {1}")]
+    Read(PathBuf, #[source] io::Error),
     /// The data cannot be encoded as a VTK file.
-    #[error("{}: cannot be put into VTK form: {source}", path.display())]
-    Encode {
-        /// The file.
-        path: PathBuf,
-        /// The error of the VTK library.
-        source: vtkio::Error,
-    },
+    #[error("{0}: cannot be put into VTK form: {1}")]
+    Encode(PathBuf, #[source] vtkio::Error),
     /// A file is missing or does not have the content that a run writes.
     #[error("{}{}: {what}; expected {expected}", path.display(), line.map(|l| format!(":{l}")).unwrap_or_default())]
     Damaged {
@@ -102,15 +79,15 @@ impl ResultsError {
 
     /// Returns true if the file to be read does not exist.
     pub(super) fn is_not_found(&self) -> bool {
-        matches!(self, Self::Read { source, .. } if source.kind() == io::ErrorKind::NotFound)
+        matches!(self, Self::Read(_, source) if source.kind() == io::ErrorKind::NotFound)
     }
 
     pub(crate) fn write(path: &Path) -> impl FnOnce(io::Error) -> Self {
-        move |source| Self::Write { path: path.into(), source }
+        move |source| Self::Write(path.into(), source)
     }
 
     pub(in crate::app) fn read(path: &Path) -> impl FnOnce(io::Error) -> Self {
-        move |source| Self::Read { path: path.into(), source }
+        move |source| Self::Read(path.into(), source)
     }
 
     pub(super) fn damaged(path: &Path, line: Option<usize>, what: impl Into<String>, expected: &'static str) -> Self {

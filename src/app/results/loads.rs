@@ -184,10 +184,10 @@ fn fields(step: usize, t: f64, surfaces: &[SurfaceRow], points: &[[f64; 3]], vol
 }
 
 fn line(path: &Path, fields: Vec<String>) -> Result<Vec<u8>, ResultsError> {
-    let unwritten = |error: csv::Error| ResultsError::Write { path: path.into(), source: error.into() };
+    let unwritten = |error: csv::Error| ResultsError::Write(path.into(), error.into());
     let mut writer = csv::Writer::from_writer(Vec::new());
     writer.write_record(fields).map_err(unwritten)?;
-    writer.into_inner().map_err(|error| ResultsError::Write { path: path.into(), source: error.into_error() })
+    writer.into_inner().map_err(|error| ResultsError::Write(path.into(), error.into_error()))
 }
 
 impl Loads {

@@ -32,10 +32,7 @@ impl DirectoryLock {
         loop {
             match fs::symlink_metadata(&path) {
                 Ok(there) if !there.is_file() => {
-                    return Err(ResultsError::UnknownOrigin {
-                        path,
-                        what: "is no regular file, where a run keeps its lock",
-                    });
+                    return Err(ResultsError::UnknownOrigin(path, "is no regular file, where a run keeps its lock"));
                 }
                 _ => {}
             }
@@ -50,7 +47,7 @@ impl DirectoryLock {
                     let holder = holder.trim().to_owned();
                     let is_known = holder.starts_with(BEGIN);
                     let holder = if is_known { holder } else { "a process that is starting or ending".into() };
-                    return Err(ResultsError::Locked { path: dir.into(), holder });
+                    return Err(ResultsError::Locked(dir.into(), holder));
                 }
                 Err(TryLockError::Error(error)) => {
                     let warning = format!(
@@ -65,7 +62,7 @@ impl DirectoryLock {
                 let mut old = String::new();
                 let _ = (&mut file).take(1000).read_to_string(&mut old);
                 if !old.is_empty() && !old.starts_with(BEGIN) {
-                    return Err(ResultsError::UnknownOrigin { path, what: "is not the lock of a run" });
+                    return Err(ResultsError::UnknownOrigin(path, "is not the lock of a run"));
                 }
                 name_holder(&mut file).map_err(ResultsError::write(&path))?;
                 return Ok((Self { path, file: Some(file) }, None));

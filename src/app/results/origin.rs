@@ -80,9 +80,9 @@ pub fn check_origin(dir: &Path) -> Result<(), ResultsError> {
 fn folder(dir: &Path, name: &str) -> Result<PathBuf, ResultsError> {
     let path = dir.join(name);
     match fs::symlink_metadata(&path) {
-        Ok(there) if there.is_symlink() => Err(ResultsError::UnknownOrigin { path, what: LINK }),
+        Ok(there) if there.is_symlink() => Err(ResultsError::UnknownOrigin(path, LINK)),
         Ok(there) if !there.is_dir() => {
-            Err(ResultsError::UnknownOrigin { path, what: "is no folder, where a run would make one" })
+            Err(ResultsError::UnknownOrigin(path, "is no folder, where a run would make one"))
         }
         _ => Ok(path),
     }
@@ -117,10 +117,10 @@ fn check_folder<K: Fn(Bytes, &Path) -> bool>(
             Err(error) => return Err(ResultsError::read(&path)(error)),
         };
         if there.is_symlink() {
-            return Err(ResultsError::UnknownOrigin { path, what: LINK });
+            return Err(ResultsError::UnknownOrigin(path, LINK));
         }
         if !there.is_file() {
-            return Err(ResultsError::UnknownOrigin { path, what: "is no regular file" });
+            return Err(ResultsError::UnknownOrigin(path, "is no regular file"));
         }
         // A file that a killed run was writing may end anywhere, and an empty file has nothing to lose.
         if is_unfinished || there.len() == 0 {
@@ -128,7 +128,7 @@ fn check_folder<K: Fn(Bytes, &Path) -> bool>(
         }
         let Some(bytes) = begin_of(&path, name)? else { continue };
         if !is_ours(&bytes, &path) {
-            return Err(ResultsError::UnknownOrigin { path, what: FOREIGN });
+            return Err(ResultsError::UnknownOrigin(path, FOREIGN));
         }
     }
     Ok(())

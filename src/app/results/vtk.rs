@@ -19,7 +19,7 @@ pub(super) fn encode(path: &Path, data: DataSet) -> Result<Vec<u8>, ResultsError
         data,
     };
     let mut bytes = Vec::new();
-    vtk.write_xml(&mut bytes).map_err(|source| ResultsError::Encode { path: path.into(), source })?;
+    vtk.write_xml(&mut bytes).map_err(|source| ResultsError::Encode(path.into(), source))?;
     for array in ["connectivity", "offsets"] {
         declare_signed(&mut bytes, array);
     }

@@ -149,7 +149,7 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
         let done = Done { steps: state.completed_steps, of: self.stepper.count() };
         warnings.extend(writers.on_writer(|| written.check(dir, done))?);
         let restored = self.stepper.restore(&state, |field| field.restore_units(&statuses, units));
-        restored.map_err(|reason| ResumeError::State { path, reason: Box::new(reason) })?;
+        restored.map_err(|reason| ResumeError::State(path, Box::new(reason)))?;
         self.written = written;
         // The cost of restoring is not part of the next step.
         let _ = (self.stepper.field().take_stats(), self.stepper.field().take_times());
@@ -168,7 +168,7 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
             Err(error) => Err(other_rank(error)),
         });
         match found? {
-            Some((path, what)) => Err(ResumeError::NoCheckpoint { path, what }),
+            Some((path, what)) => Err(ResumeError::NoCheckpoint(path, what)),
             None => Ok(agreed?),
         }
     }

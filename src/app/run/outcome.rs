@@ -39,14 +39,9 @@ pub enum ResumeError<F: std::error::Error + 'static> {
     /// No checkpoint can be used.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
-    /// There are results but no checkpoint.
-    #[error("{}: holds {what}, but there is no checkpoint to resume from", path.display())]
-    NoCheckpoint {
-        /// A result file.
-        path: PathBuf,
-        /// Its content.
-        what: String,
-    },
+    /// There are results but no checkpoint: a result file and its content.
+    #[error("{0}: holds {1}, but there is no checkpoint to resume from")]
+    NoCheckpoint(PathBuf, String),
     /// The results differ from those written before the checkpoint, or the directory cannot be used.
     #[error(transparent)]
     Results(#[from] ResultsError),
@@ -54,13 +49,8 @@ pub enum ResumeError<F: std::error::Error + 'static> {
     #[error(transparent)]
     OtherRank(ResultsError),
     /// A checkpoint of this run does not match it. The simulation has to be set up again.
-    #[error("{}: {reason}", path.display())]
-    State {
-        /// The checkpoint.
-        path: PathBuf,
-        /// The mismatch.
-        reason: Box<RestoreError<FieldRestoreError, TissueFieldError, F>>,
-    },
+    #[error("{0}: {1}")]
+    State(PathBuf, Box<RestoreError<FieldRestoreError, TissueFieldError, F>>),
 }
 
 /// The result of [`Simulation::resume`](super::Simulation::resume).

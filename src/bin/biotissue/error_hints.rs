@@ -15,7 +15,7 @@ use crate::failure::Failure;
 
 pub fn not_written(error: ResultsError) -> Failure {
     match error {
-        ResultsError::Write { path, source } => Failure::unwritable(&path, &source),
+        ResultsError::Write(path, source) => Failure::unwritable(&path, &source),
         ResultsError::Locked { .. } => Failure::environment(
             error.to_string(),
             "a result directory that no other run writes to",

@@ -63,8 +63,8 @@ pub fn run(command: &ReportCommand) -> Result<(), Failure> {
 fn failure(dir: &Path, error: ReportError) -> Failure {
     let arguments = |expected: &str, cure: &str| Failure::arguments(error.to_string(), expected, cure);
     match &error {
-        ReportError::Results(ResultsError::Write { path, source }) => Failure::unwritable(path, source),
-        ReportError::Results(ResultsError::Read { path, source }) => InputError::unreadable(path, source).into(),
+        ReportError::Results(ResultsError::Write(path, source)) => Failure::unwritable(path, source),
+        ReportError::Results(ResultsError::Read(path, source)) => InputError::unreadable(path, source).into(),
         ReportError::Results(ResultsError::UnknownOrigin { .. }) => arguments(
             "no file of that name, or a page of an earlier report",
             "name another file with -o, or move that one",

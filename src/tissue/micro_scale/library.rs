@@ -26,14 +26,9 @@ pub enum LibraryError {
     /// A network file has errors.
     #[error(transparent)]
     Network(#[from] InputErrors),
-    /// A network cannot be used as an RVE.
-    #[error("{}: {reason}", file.display())]
-    Model {
-        /// The network file.
-        file: PathBuf,
-        /// The reason as text.
-        reason: String,
-    },
+    /// The network in a file cannot be used as an RVE: the reason.
+    #[error("{0}: {1}")]
+    Model(PathBuf, String),
     /// A region of the mesh has no material.
     #[error("no material for the region {0}")]
     NoMaterial(String),
@@ -110,10 +105,8 @@ impl<B: RealBackend> Library<B> {
     /// Returns [`LibraryError::Model`] if there is none, as for a neutral network.
     pub fn at_rest(&self, model: usize) -> Result<SaintVenantKirchhoff, LibraryError> {
         let of = &self.models[model];
-        let none = |reason: String| LibraryError::Model {
-            file: of.network().name().into(),
-            reason: format!("no response at rest: {reason}"),
-        };
+        let none =
+            |reason: String| LibraryError::Model(of.network().name().into(), format!("no response at rest: {reason}"));
         let mut workspace = Workspace::new(&self.context, of).map_err(|error| none(error.to_string()))?;
         let mut rve = Rve::at_rest(of.network());
         let tangent = equilibrate(of, &mut rve, &Matrix3::identity(), &self.params, &mut workspace)
@@ -179,7 +172,7 @@ impl<B: RealBackend> Reader<'_, B> {
         }
         let network = self.network(path)?;
         let model = RveModel::with_solver(self.context, network, rve.law.clone(), rve.scale, &self.solver)
-            .map_err(|reason| LibraryError::Model { file: path.clone(), reason: reason.to_string() })?;
+            .map_err(|reason| LibraryError::Model(path.clone(), reason.to_string()))?;
         self.models.push(model);
         self.sources.push(source);
         Ok(self.models.len() - 1)

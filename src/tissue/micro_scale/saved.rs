@@ -26,9 +26,7 @@ impl UnitState {
     /// Checks that the state matches the RVE of an element, which has this network or none.
     pub(super) fn check(&self, element: usize, network: Option<&Network>) -> Result<(), FieldRestoreError> {
         match (&self.rve, network) {
-            (Some(rve), Some(network)) => {
-                rve.check(network).map_err(|reason| FieldRestoreError::Rve { element, reason })
-            }
+            (Some(rve), Some(network)) => rve.check(network).map_err(|reason| FieldRestoreError::Rve(element, reason)),
             (None, None) => Ok(()),
             (saved, _) => Err(FieldRestoreError::Fibers { element, saved: saved.is_some() }),
         }
@@ -123,12 +121,7 @@ pub enum FieldRestoreError {
     /// Communication between the ranks that share the RVEs failed.
     #[error("{0}")]
     Ranks(String),
-    /// The saved state does not match the network.
-    #[error("element {element}: {reason}")]
-    Rve {
-        /// The element, from 0.
-        element: usize,
-        /// The mismatch.
-        reason: RveStateError,
-    },
+    /// The saved state does not match the network of an element, counted from 0.
+    #[error("element {0}: {1}")]
+    Rve(usize, RveStateError),
 }

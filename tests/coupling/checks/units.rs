@@ -83,14 +83,14 @@ pub fn wrong_calls_say_what_is_wrong<C: Comm>(comm: &C) -> Outcome {
     match coupling.role() {
         Role::Producer => {
             assert!(matches!(channel.send(&coupling, &[1.0]), Err(CouplingError::Values { found: 1, units: 2 })));
-            assert!(matches!(coupling.reconcile_removed(), Err(CouplingError::Role { .. })));
-            assert!(matches!(coupling.remove(&[5]), Err(CouplingError::Unit { unit: 5, .. })));
-            assert!(matches!(coupling.add(&[2], &[], &EvenPartition), Err(CouplingError::Unit { unit: 2, .. })));
-            assert!(matches!(coupling.add(&[5, 5], &[], &EvenPartition), Err(CouplingError::Unit { unit: 5, .. })));
+            assert!(matches!(coupling.reconcile_removed(), Err(CouplingError::Role(..))));
+            assert!(matches!(coupling.remove(&[5]), Err(CouplingError::Unit(5, _))));
+            assert!(matches!(coupling.add(&[2], &[], &EvenPartition), Err(CouplingError::Unit(2, _))));
+            assert!(matches!(coupling.add(&[5, 5], &[], &EvenPartition), Err(CouplingError::Unit(5, _))));
         }
         Role::Consumer => {
-            assert!(matches!(channel.send(&coupling, &[1.0, 2.0]), Err(CouplingError::Role { .. })));
-            assert!(matches!(coupling.add(&[9], &[], &EvenPartition), Err(CouplingError::Role { .. })));
+            assert!(matches!(channel.send(&coupling, &[1.0, 2.0]), Err(CouplingError::Role(..))));
+            assert!(matches!(coupling.add(&[9], &[], &EvenPartition), Err(CouplingError::Role(..))));
         }
     }
     Ok(())
@@ -158,7 +158,7 @@ pub fn values_come_in_while_a_rank_works<C: Comm>(comm: &C) -> Outcome {
         Role::Producer => {
             let underway = [channel.start(&coupling, &values(0))?, channel.start(&coupling, &values(1))?];
             underway.into_iter().try_for_each(|underway| channel.finish(&coupling, underway))?;
-            assert!(matches!(channel.start_receive(&coupling), Err(CouplingError::Role { .. })));
+            assert!(matches!(channel.start_receive(&coupling), Err(CouplingError::Role(..))));
         }
         Role::Consumer => {
             let arriving = [channel.start_receive(&coupling)?, channel.start_receive(&coupling)?];

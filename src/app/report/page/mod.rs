@@ -27,15 +27,13 @@ pub fn write(dir: &Path, file: Option<&Path>, options: &PictureOptions) -> Resul
         None => {
             let path = dir.join(REPORT_FILE);
             if path.symlink_metadata().is_ok() && !is_report(&path)? {
-                return Err(
-                    ResultsError::UnknownOrigin { path, what: "is no page that this command has written" }.into()
-                );
+                return Err(ResultsError::UnknownOrigin(path, "is no page that this command has written").into());
             }
             path
         }
     };
     let page = page(dir, options)?;
-    output::write(&file, page.as_bytes()).map_err(|source| ResultsError::Write { path: file.clone(), source })?;
+    output::write(&file, page.as_bytes()).map_err(|source| ResultsError::Write(file.clone(), source))?;
     Ok(file)
 }
 

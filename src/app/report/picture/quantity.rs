@@ -24,7 +24,7 @@ impl Quantity {
         if let Some(name) = name {
             return Self::named(fields, name)
                 .map(Some)
-                .ok_or_else(|| ReportError::NoField { field: name.into(), available: available(fields) });
+                .ok_or_else(|| ReportError::NoField(name.into(), available(fields)));
         }
         let preferred = PREFERRED.into_iter().chain(["displacement"]);
         Ok(preferred.filter_map(|name| Self::named(fields, name)).next())

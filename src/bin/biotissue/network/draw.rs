@@ -234,7 +234,7 @@ fn vtp(path: &Path, network: &Network, state: &State) -> Result<(), Failure> {
         kind: &kind,
     };
     write_vtp(path, &set).map_err(|error| match &error {
-        ResultsError::Write { path, source } => Failure::unwritable(path, source),
+        ResultsError::Write(path, source) => Failure::unwritable(path, source),
         _ => Failure::library(error),
     })
 }
