@@ -10,8 +10,8 @@ use super::results::log::{
     Balance, Cut, Event, Factorizations, LogWriter, NewtonLog, NewtonSeconds, RankTimes, Ranks, RveLog, Step,
 };
 use super::results::{
-    self, CASE_FILE, Collection, Done, FIELDS_FILE, FieldFile, FieldSet, LOADS_FILE, LOG_FILE, LoadsWriter, Pieces,
-    ResultsError, ResultsRecord, SurfaceRow, failed_rve_file, write_vtu,
+    self, CASE_FILE, Collection, Done, FIELDS_FILE, FieldFile, FieldSet, LOADS_FILE, LOG_FILE, LoadsWriter,
+    ResultsError, ResultsRecord, SurfaceRow, failed_rve_file, write_pieces, write_vtu,
 };
 use super::rve_files::NetworkFiles;
 use crate::app::stress::CauchyStress;
@@ -291,13 +291,6 @@ impl Recorder<'_> {
         self.progress.failed(&cut);
         self.log.write(&Event::Cut(cut))
     }
-}
-
-/// Writes one file per shard of the body, and the index file that lists them.
-fn write_pieces(path: &Path, fields: &FieldSet<'_>, shard_of: &[u32], shards: usize) -> Result<(), ResultsError> {
-    let pieces = Pieces::new(fields.elements, shard_of, shards);
-    (0..shards).try_for_each(|shard| pieces.write_part(shard, path, fields))?;
-    pieces.write_index(path, fields)
 }
 
 /// The sum of all surface and point forces, and its norm divided by the largest of their norms.

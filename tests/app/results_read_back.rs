@@ -7,8 +7,8 @@ use biotissue::app::results::collection::{field_file, index_file};
 use biotissue::app::results::log::{self, Cut, End, NewtonLog, RveLog, Start, Step};
 use biotissue::app::results::networks::network_file;
 use biotissue::app::results::{
-    Collection, Event, FIELDS_FILE, FieldSet, Fields, Loads, LoadsWriter, LogWriter, NetworkSet, Networks, Pieces,
-    ResultsError, SurfaceRow, read_vtp, read_vtu, write_vtp, write_vtu,
+    Collection, Event, FIELDS_FILE, FieldSet, Fields, Loads, LoadsWriter, LogWriter, NetworkSet, Networks,
+    ResultsError, SurfaceRow, read_vtp, read_vtu, write_pieces, write_vtp, write_vtu,
 };
 
 use crate::skip::skip;
@@ -237,11 +237,7 @@ fn python_reads_a_body_in_parts_as_one_grid() {
     let path = dir.path().join(index_file(3));
     let sample = Sample::new();
     // The second element is in the first part; the part between the two has none.
-    let pieces = Pieces::new(&sample.elements, &[2, 0], 3);
-    for part in 0..pieces.len() {
-        pieces.write_part(part, &path, &sample.fields()).unwrap();
-    }
-    pieces.write_index(&path, &sample.fields()).unwrap();
+    write_pieces(&path, &sample.fields(), &[2, 0], 3).unwrap();
     let entries = std::fs::read_dir(dir.path()).unwrap();
     let mut names: Vec<String> = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
     names.sort();

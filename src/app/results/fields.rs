@@ -98,7 +98,7 @@ pub fn write_vtu(path: &Path, fields: &FieldSet) -> Result<(), ResultsError> {
 }
 
 /// Checks that every field has one value per point or element, and that every element refers to existing points.
-fn check(path: &Path, fields: &FieldSet) -> Result<(), ResultsError> {
+pub(super) fn check(path: &Path, fields: &FieldSet) -> Result<(), ResultsError> {
     let (points, elements) = (fields.points.len(), fields.elements.len());
     let lengths = (fields.point_vectors.iter().map(|(name, values)| (*name, values.len(), points)))
         .chain(fields.cell_scalars.iter().map(|(name, values)| (*name, values.len(), elements)))

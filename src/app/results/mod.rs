@@ -47,7 +47,7 @@ pub use log::{Event, LogWriter};
 pub use networks::{NetworkSet, Networks, read_vtp, write_vtp};
 pub use origin::check_origin;
 pub(in crate::app) use origin::{case_copy, is_report, results_without_checkpoint};
-pub use pieces::Pieces;
+pub use pieces::write_pieces;
 pub use record::{Done, FieldFile, NetworkSeries, ResultsRecord, network_series};
 pub(in crate::app) use replace::replace;
 
