@@ -27,8 +27,8 @@ pub use identity::{Identity, Mismatch};
 use super::results::{CHECKPOINT_FOLDER, ResultsError, ResultsRecord};
 use crate::fem::stepping::SavedState;
 use crate::output::{self, final_name};
-use crate::tissue::micro_scale::{RveStatus, TissueMaterial, UnitState};
-use record::{Record, record};
+use crate::tissue::micro_scale::{RveStatus, SerializeIter, TissueMaterial, UnitState};
+use record::Record;
 
 /// Number of checkpoints kept: the last one, and the one before in case the last is damaged.
 const CHECKPOINTS_KEPT: usize = 2;
@@ -98,15 +98,18 @@ impl CheckpointError {
 pub fn write(
     dir: &Path,
     identity: &Identity,
-    state: &SavedState,
-    written: &ResultsRecord,
+    state: SavedState,
+    written: ResultsRecord,
     field: &impl TissueMaterial,
 ) -> Result<(), ResultsError> {
     let folder = dir.join(CHECKPOINT_FOLDER);
     fs::create_dir_all(&folder).map_err(ResultsError::write(&folder))?;
-    file::write(&folder.join(file_name(state.completed_steps)), &record(identity, state, written, field))?;
+    let done = state.completed_steps;
+    let (statuses, units) = (field.sites().statuses(), SerializeIter(|| field.unit_states()));
+    let record = Record { identity: identity.clone(), state, written, statuses, units };
+    file::write(&folder.join(file_name(done)), &record)?;
     output::sync_folder(&folder).map_err(ResultsError::write(&folder))?;
-    keep_last(dir, state.completed_steps)
+    keep_last(dir, done)
 }
 
 /// Removes all checkpoints of a result directory except the last ones up to step `done`, and all unfinished files.
@@ -158,13 +161,8 @@ pub fn latest(dir: &Path, now: &Identity) -> Result<(Option<Checkpoint>, Vec<Str
 }
 
 fn read(path: &Path, now: &Identity) -> Result<(Checkpoint, Vec<String>), CheckpointError> {
-    let record: Record = file::read(path)?;
-    let remarks = record.identity.check(now);
-    let remarks = remarks.map_err(|reason| CheckpointError::OtherRun(path.into(), reason))?;
-    let written = record.written.clone();
-    let (state, statuses, units) = record
-        .into_states()
-        .ok_or_else(|| CheckpointError::Damaged(path.into(), "it counts more steps than this machine can".into()))?;
+    let Record { identity, state, written, statuses, units }: Record = file::read(path)?;
+    let remarks = identity.check(now).map_err(|reason| CheckpointError::OtherRun(path.into(), reason))?;
     Ok((Checkpoint { path: path.into(), state, statuses, units, written }, remarks))
 }
 

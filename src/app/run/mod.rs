@@ -277,7 +277,7 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
             if let Some(state) = self.stepper.saved() {
                 recorder.write(|recorder| {
                     let written = recorder.flush()?;
-                    checkpoint::write(dir, &identity, &state, &written, self.stepper.field())
+                    checkpoint::write(dir, &identity, state, written, self.stepper.field())
                 })?;
             }
         }

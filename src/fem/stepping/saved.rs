@@ -10,6 +10,7 @@ use crate::las::{Backend, RealBackend};
 /// The state of a run after a full step, except the memory of its point field. Loads, deformation gradients and nodal
 /// forces follow from it.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "app", derive(serde::Serialize, serde::Deserialize))]
 pub struct SavedState {
     /// Number of converged full steps, at least 1.
     pub completed_steps: usize,
