@@ -24,9 +24,9 @@ use thiserror::Error;
 
 pub use identity::{Identity, Mismatch};
 
-use super::results::{CHECKPOINT_FOLDER, ResultsError, ResultsRecord};
+use super::results::{CHECKPOINT_FOLDER, ResultsError, ResultsRecord, names_in, remove_as};
 use crate::fem::stepping::SavedState;
-use crate::output::{self, final_name};
+use crate::output;
 use crate::tissue::micro_scale::{RveStatus, SerializeIter, TissueMaterial, UnitState};
 use record::Record;
 
@@ -192,24 +192,7 @@ fn steps_in(folder: &Path) -> io::Result<Vec<usize>> {
     Ok(steps)
 }
 
-fn names_in(folder: &Path) -> io::Result<Vec<String>> {
-    match fs::read_dir(folder) {
-        Ok(entries) => {
-            entries.map(|entry| Ok(entry?.file_name().into_string().ok())).filter_map(Result::transpose).collect()
-        }
-        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(Vec::new()),
-        Err(error) => Err(error),
-    }
-}
-
 /// Removes the checkpoints of the steps for which `unwanted` returns true, and all unfinished files.
 fn remove(folder: &Path, unwanted: impl Fn(usize) -> bool) -> Result<(), ResultsError> {
-    for name in names_in(folder).map_err(ResultsError::write(folder))? {
-        let unfinished = final_name(&name) != name;
-        if step_of(final_name(&name)).is_some_and(|step| unfinished || unwanted(step)) {
-            let path = folder.join(&name);
-            fs::remove_file(&path).map_err(ResultsError::write(&path))?;
-        }
-    }
-    Ok(())
+    remove_as(folder, |name, unfinished| step_of(name).is_some_and(|step| unfinished || unwanted(step)))
 }

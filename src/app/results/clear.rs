@@ -1,11 +1,11 @@
 //! Removing the files of an earlier run.
 
 use std::fs;
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use super::names::{FileName, numbers};
 use super::origin::is_report;
+use super::replace::names_in;
 use super::{
     CASE_FILE, FAILED_RVE_FOLDER, FIELDS_FILE, LOADS_FILE, LOG_FILE, NETWORKS_FOLDER, REPORT_FILE, ResultsError,
 };
@@ -75,16 +75,10 @@ fn remove(folder: &Path, ours: impl Fn(&str) -> bool) -> Result<(), ResultsError
 
 /// Removes the files for which `unwanted` returns true. Its arguments are the final name of the file, and whether the
 /// file is still a temporary one.
-fn remove_as(folder: &Path, unwanted: impl Fn(&str, bool) -> bool) -> Result<(), ResultsError> {
-    let entries = match fs::read_dir(folder) {
-        Ok(entries) => entries,
-        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
-        Err(error) => return Err(ResultsError::write(folder)(error)),
-    };
-    for entry in entries {
-        let path = entry.map_err(ResultsError::write(folder))?.path();
-        let name = path.file_name().and_then(|name| name.to_str());
-        if name.is_some_and(|name| unwanted(final_name(name), final_name(name) != name)) {
+pub(in crate::app) fn remove_as(folder: &Path, unwanted: impl Fn(&str, bool) -> bool) -> Result<(), ResultsError> {
+    for name in names_in(folder).map_err(ResultsError::write(folder))? {
+        if unwanted(final_name(&name), final_name(&name) != name) {
+            let path = folder.join(&name);
             fs::remove_file(&path).map_err(ResultsError::write(&path))?;
         }
     }
@@ -96,8 +90,7 @@ mod tests {
     use super::*;
 
     fn names(dir: &Path) -> Vec<String> {
-        let entries = fs::read_dir(dir).unwrap();
-        let mut names: Vec<String> = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+        let mut names = names_in(dir).unwrap();
         names.sort();
         names
     }

@@ -36,8 +36,8 @@ mod record;
 mod replace;
 mod vtk;
 
-pub(in crate::app) use clear::failed_rve_file;
 pub use clear::{clear, clear_unfinished};
+pub(in crate::app) use clear::{failed_rve_file, remove_as};
 pub use collection::Collection;
 pub use error::ResultsError;
 pub use fields::{FieldSet, Fields, read_fields, read_vtu, write_vtu};
@@ -49,7 +49,7 @@ pub use origin::check_origin;
 pub(in crate::app) use origin::{case_copy, is_report, results_without_checkpoint};
 pub use pieces::write_pieces;
 pub use record::{Done, FieldFile, NetworkSeries, ResultsRecord, network_series};
-pub(in crate::app) use replace::replace;
+pub(in crate::app) use replace::{names_in, replace};
 
 /// Name of the collection of field files in a result directory.
 pub const FIELDS_FILE: &str = "fields.pvd";

@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 use super::clear::is_lost;
 use super::log::{self, Event};
 use super::names::FileName;
+use super::replace::names_in;
 use super::{
     CASE_FILE, CHECKPOINT_FOLDER, Collection, FAILED_RVE_FOLDER, FIELDS_FILE, LOADS_FILE, LOG_FILE, Loads,
     NETWORKS_FOLDER, ResultsError,
@@ -97,17 +98,14 @@ fn check_folder<K: Fn(Bytes, &Path) -> bool>(
     folder: &Path,
     kind_of: impl Fn(&str) -> Option<K>,
 ) -> Result<(), ResultsError> {
-    let entries = match fs::read_dir(folder) {
-        Ok(entries) => entries,
+    let mut names = match names_in(folder) {
         // If this is not a folder, writing to it will report that.
-        Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => return Ok(()),
-        Err(error) => return Err(ResultsError::read(folder)(error)),
+        Err(error) if error.kind() == ErrorKind::NotADirectory => return Ok(()),
+        names => names.map_err(ResultsError::read(folder))?,
     };
-    let entries: Result<Vec<PathBuf>, _> = entries.map(|entry| entry.map(|entry| entry.path())).collect();
-    let mut paths = entries.map_err(ResultsError::read(folder))?;
-    paths.sort_unstable();
-    for path in paths {
-        let Some(name) = path.file_name().and_then(|name| name.to_str()) else { continue };
+    names.sort_unstable();
+    for name in names.iter().map(String::as_str) {
+        let path = folder.join(name);
         let (is_unfinished, name) = (final_name(name) != name, final_name(name));
         let Some(is_ours) = kind_of(name) else { continue };
         let there = match fs::symlink_metadata(&path) {
@@ -234,15 +232,10 @@ pub(in crate::app) fn results_without_checkpoint(
         return Ok(Some((log, format!("{steps} load step{}", if steps == 1 { "" } else { "s" }))));
     }
     for folder in [dir.to_owned(), dir.join(NETWORKS_FOLDER)] {
-        let entries = match fs::read_dir(&folder) {
-            Err(error) if error.kind() == ErrorKind::NotFound => continue,
-            entries => entries.map_err(ResultsError::read(&folder))?,
-        };
-        for entry in entries {
-            let path = entry.map_err(ResultsError::read(&folder))?.path();
-            let name = path.file_name().and_then(|name| name.to_str()).and_then(FileName::parse);
-            if let Some(step) = name.and_then(FileName::step).filter(|&step| step > rows) {
-                return Ok(Some((path, format!("the state of load step {step}"))));
+        for name in names_in(&folder).map_err(ResultsError::read(&folder))? {
+            let step = FileName::parse(&name).and_then(FileName::step);
+            if let Some(step) = step.filter(|&step| step > rows) {
+                return Ok(Some((folder.join(name), format!("the state of load step {step}"))));
             }
         }
     }

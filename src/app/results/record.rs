@@ -3,7 +3,6 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::io;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
@@ -13,6 +12,7 @@ use super::fields_read::sources;
 use super::loads::LineChecksum;
 use super::names::FileName;
 use super::networks::network_collection;
+use super::replace::names_in;
 use super::{Collection, FIELDS_FILE, LOADS_FILE, Loads, NETWORKS_FOLDER, ResultsError};
 
 /// The progress of a run.
@@ -152,13 +152,8 @@ fn file_length(path: &Path) -> Result<u64, ResultsError> {
 /// # Errors
 /// Returns [`ResultsError::Read`] if the folder cannot be read.
 pub fn network_series(folder: &Path, done: Done) -> Result<Vec<NetworkSeries>, ResultsError> {
-    let entries = match fs::read_dir(folder) {
-        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
-        entries => entries.map_err(ResultsError::read(folder))?,
-    };
     let mut steps = BTreeMap::<usize, BTreeMap<usize, String>>::new();
-    for entry in entries {
-        let Ok(name) = entry.map_err(ResultsError::read(folder))?.file_name().into_string() else { continue };
+    for name in names_in(folder).map_err(ResultsError::read(folder))? {
         match FileName::parse(&name) {
             Some(FileName::Collection { element }) => {
                 steps.entry(element).or_default();

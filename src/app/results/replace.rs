@@ -1,7 +1,7 @@
-//! Writing the files of a result directory, and reading files that grow during a run.
+//! Writing and listing the files of a result directory, and reading files that grow during a run.
 
 use std::fs;
-use std::io::Write;
+use std::io::{self, Write};
 use std::path::Path;
 
 use super::ResultsError;
@@ -10,6 +10,17 @@ use crate::output;
 /// Replaces the file at `path` by `bytes`; see [`output::replace_by`].
 pub(in crate::app) fn replace(path: &Path, bytes: &[u8]) -> Result<(), ResultsError> {
     output::replace_by(path, |file| file.write_all(bytes)).map_err(ResultsError::write(path))
+}
+
+/// Returns the names of the files in a folder that are text in UTF-8; none if the folder does not exist.
+pub(in crate::app) fn names_in(folder: &Path) -> io::Result<Vec<String>> {
+    match fs::read_dir(folder) {
+        Ok(entries) => {
+            entries.map(|entry| Ok(entry?.file_name().into_string().ok())).filter_map(Result::transpose).collect()
+        }
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(Vec::new()),
+        Err(error) => Err(error),
+    }
 }
 
 /// Returns the text of a file up to its last newline; an interrupted run may leave an unfinished line after it.
