@@ -98,7 +98,7 @@ impl<'a> Recorder<'a> {
             None => (
                 LoadsWriter::create(&loads_file, &surfaces, &points, &regions)?,
                 LogWriter::create(&log_file)?,
-                Collection::new(dir),
+                Collection::new(dir.join(FIELDS_FILE)),
             ),
             Some(ResumePoint { done, written }) => {
                 let known: Vec<Entry> = written.fields.iter().map(FieldFile::entry).collect();

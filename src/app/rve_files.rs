@@ -57,7 +57,7 @@ impl NetworkFiles {
         if !elements.is_empty() {
             std::fs::create_dir_all(&folder).map_err(ResultsError::write(&folder))?;
         }
-        let collection = |element: usize| Collection::at(folder.join(network_collection(element)));
+        let collection = |element: usize| Collection::new(folder.join(network_collection(element)));
         let mut series: BTreeMap<usize, Collection> =
             elements.iter().map(|&element| (element, collection(element))).collect();
         if let Some(done) = resumed {

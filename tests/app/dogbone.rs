@@ -54,7 +54,7 @@ fn regression_the_dogbone_extends_as_before_with_forces_in_balance() {
 }
 
 fn the_fibers_turn_toward_the_pull(dir: &Path) {
-    let collection = Collection::read(dir).unwrap();
+    let collection = Collection::read(dir.join("fields.pvd")).unwrap();
     let along_x = |entry: usize| {
         let fields = read_vtu(&dir.join(&collection.entries()[entry].file)).unwrap();
         let orientation = fields.cell_tensor("fiber_orientation").unwrap();

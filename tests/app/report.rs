@@ -78,7 +78,7 @@ fn a_mesh_without_fields_is_drawn_plain() {
     let bar = fabricated::Bar::new([2, 2, 2]);
     let bare = FieldSet { points: &bar.points, elements: &bar.elements, ..FieldSet::default() };
     write_vtu(&dir.path().join("mesh.vtu"), &bare).unwrap();
-    Collection::new(dir.path()).add(0.0, "mesh.vtu").unwrap();
+    Collection::new(dir.path().join("fields.pvd")).add(0.0, "mesh.vtu").unwrap();
     let svg = draw(dir.path(), &PictureOptions::default()).unwrap();
     assert_well_formed(&svg);
     assert!(!svg.contains("fiber") && !svg.contains("step "));

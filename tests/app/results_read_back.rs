@@ -308,26 +308,26 @@ fn a_damaged_field_file_is_an_error_wherever_it_is_cut() {
 #[test]
 fn the_collection_is_whole_after_every_step() {
     let dir = tempfile::tempdir().unwrap();
-    let mut collection = Collection::new(dir.path());
+    let pvd = dir.path().join(FIELDS_FILE);
+    let mut collection = Collection::new(pvd.clone());
     for step in 1..=3 {
         collection.add(step as f64 / 3.0, &field_file(step)).unwrap();
-        let read = Collection::read(dir.path()).unwrap();
+        let read = Collection::read(pvd.clone()).unwrap();
         assert_eq!(read, collection);
         assert_eq!(read.entries().last().unwrap().step(), Some(step));
         assert_eq!(read.entries().last().unwrap().time, step as f64 / 3.0);
     }
     collection.add(2.0, "a & \"b\" <c>.vtu").unwrap();
-    assert_eq!(Collection::read(dir.path()).unwrap(), collection);
-    let resumed = Collection::resume(dir.path().join(FIELDS_FILE), 2.0 / 3.0, &[]).unwrap();
+    assert_eq!(Collection::read(pvd.clone()).unwrap(), collection);
+    let resumed = Collection::resume(pvd.clone(), 2.0 / 3.0, &[]).unwrap();
     assert_eq!(resumed.entries().len(), 2);
 
-    let pvd = dir.path().join("fields.pvd");
     let text = std::fs::read_to_string(&pvd).unwrap();
     std::fs::write(&pvd, &text[..text.len() / 2]).unwrap();
-    assert!(matches!(Collection::read(dir.path()), Err(ResultsError::Damaged { .. })));
+    assert!(matches!(Collection::read(pvd.clone()), Err(ResultsError::Damaged { .. })));
     // Entries that the run is known to have written are restored.
-    let restored = Collection::resume(dir.path().join(FIELDS_FILE), 2.0 / 3.0, resumed.entries()).unwrap();
-    assert_eq!((&restored, &Collection::read(dir.path()).unwrap()), (&resumed, &resumed));
+    let restored = Collection::resume(pvd.clone(), 2.0 / 3.0, resumed.entries()).unwrap();
+    assert_eq!((&restored, &Collection::read(pvd.clone()).unwrap()), (&resumed, &resumed));
 }
 
 fn loads_row(k: usize) -> ([SurfaceRow; 2], [[f64; 3]; 1], [f64; 1]) {

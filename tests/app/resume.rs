@@ -141,7 +141,7 @@ fn a_killed_run_goes_on_bit_for_bit() {
     assert_eq!(resumed, Resumed { step: 2, warnings: vec![] });
     assert_eq!(checkpoints(&killed), ["step-00003.bin", "step-00004.bin"]);
     assert_same(&whole, &killed);
-    assert_eq!(Collection::read(&killed).unwrap().entries().len(), 4);
+    assert_eq!(Collection::read(killed.join("fields.pvd")).unwrap().entries().len(), 4);
 
     let events = log::read(&killed.join("log.jsonl")).unwrap();
     let from: Vec<usize> =
@@ -274,7 +274,7 @@ fn networks_asked_for_are_written_and_belong_to_the_fields() {
     let of =
         |element: &str| ["-step-00003.vtp", "-step-00004.vtp", ".pvd"].map(|end| format!("element-{element}{end}"));
     assert_eq!(names, [of("00000"), of("00007")].concat());
-    let collection = Collection::read_at(dir.join("rve/element-00007.pvd")).unwrap();
+    let collection = Collection::read(dir.join("rve/element-00007.pvd")).unwrap();
     let entries: Vec<_> = collection.entries().iter().map(|e| (e.time, e.file.as_str(), e.step())).collect();
     let [three, four, _] = &of("00007");
     assert_eq!(entries, [(0.75, three.as_str(), Some(3)), (1.0, four.as_str(), Some(4))]);
@@ -397,7 +397,7 @@ fn what_a_failed_step_leaves_stands_beside_the_full_steps_and_goes_with_them() {
     fails(&pressed, &failed, false, &mut Killed { from: &failed, to: &third, step: steps });
 
     let partial = format!("fields-{steps:05}-partial.vtu");
-    let entries = Collection::read(&failed).unwrap().entries().to_vec();
+    let entries = Collection::read(failed.join("fields.pvd")).unwrap().entries().to_vec();
     let [.., full, last] = entries.as_slice() else { panic!("{entries:?}") };
     assert_eq!((full.step(), last.file.as_str()), (Some(steps), partial.as_str()));
     assert!(last.time > full.time);

@@ -6,7 +6,7 @@ use std::path::Path;
 use biotissue::app::results::collection::field_file;
 use biotissue::app::results::log::{Cut, End, Factorizations, NewtonLog, NewtonSeconds, RveLog, Start, Step};
 use biotissue::app::results::{
-    Collection, Event, FieldSet, LOADS_FILE, LOG_FILE, LoadsWriter, LogWriter, SurfaceRow, write_vtu,
+    Collection, Event, FIELDS_FILE, FieldSet, LOADS_FILE, LOG_FILE, LoadsWriter, LogWriter, SurfaceRow, write_vtu,
 };
 
 const LENGTH: f64 = 0.060;
@@ -92,7 +92,7 @@ pub fn write(dir: &Path, cells: [usize; 3]) {
     .unwrap();
     let mut loads =
         LoadsWriter::create(&dir.join(LOADS_FILE), &["left", "right", "sides"], &[], &["grip", "gauge"]).unwrap();
-    let mut collection = Collection::new(dir);
+    let mut collection = Collection::new(dir.join(FIELDS_FILE));
     for step in 1..=STEPS {
         let t = step as f64 / STEPS as f64;
         fields(dir, &bar, &mut collection, step, t);

@@ -54,7 +54,7 @@ impl Directory {
             return Err(ReportError::NoResults(path.into()));
         }
         let fields = match fields {
-            Some(_) => Collection::read(path)?.entries().to_vec(),
+            Some(file) => Collection::read(file)?.entries().to_vec(),
             None => Vec::new(),
         };
         let loads = loads.map(|file| Loads::read(&file)).transpose()?;

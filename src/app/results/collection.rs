@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 
 use quick_xml::events::BytesStart;
 
+use super::ResultsError;
 use super::replace::replace;
 use super::vtk::{attribute, visit_elements, write_text};
-use super::{FIELDS_FILE, ResultsError};
 
 /// One field file and its time.
 #[derive(Clone, Debug, PartialEq)]
@@ -57,15 +57,10 @@ pub struct Collection {
 }
 
 impl Collection {
-    /// Creates an empty collection for this directory. Nothing is written before the first [`add`](Self::add).
+    /// Creates an empty collection for a file, whose name should end in `.pvd`. Nothing is written before the first
+    /// [`add`](Self::add).
     #[must_use]
-    pub fn new(dir: &Path) -> Self {
-        Self::at(dir.join(FIELDS_FILE))
-    }
-
-    /// Creates an empty collection for a file with another name, which should end in `.pvd`.
-    #[must_use]
-    pub fn at(path: PathBuf) -> Self {
+    pub fn new(path: PathBuf) -> Self {
         Self { path, entries: Vec::new() }
     }
 
@@ -78,7 +73,7 @@ impl Collection {
     /// written.
     pub fn resume(path: PathBuf, time: f64, known: &[Entry]) -> Result<Self, ResultsError> {
         let listed = Self::listed(&path)?;
-        let mut collection = Self::at(path);
+        let mut collection = Self::new(path);
         if listed.is_none() && known.is_empty() {
             return Ok(collection);
         }
@@ -92,7 +87,7 @@ impl Collection {
 
     /// Returns the entries of a collection; empty if the file is damaged, `None` if it does not exist.
     pub(super) fn listed(path: &Path) -> Result<Option<Vec<Entry>>, ResultsError> {
-        match Self::read_at(path.to_owned()) {
+        match Self::read(path.to_owned()) {
             Ok(read) => Ok(Some(read.entries)),
             Err(error) if error.is_not_found() => Ok(None),
             Err(ResultsError::Damaged { .. }) => Ok(Some(Vec::new())),
@@ -100,19 +95,11 @@ impl Collection {
         }
     }
 
-    /// Reads `fields.pvd` from a directory.
+    /// Reads a collection.
     ///
     /// # Errors
     /// Returns [`ResultsError::Read`] if it cannot be read, or [`ResultsError::Damaged`] if it is not a collection.
-    pub fn read(dir: &Path) -> Result<Self, ResultsError> {
-        Self::read_at(dir.join(FIELDS_FILE))
-    }
-
-    /// Reads a collection with another name.
-    ///
-    /// # Errors
-    /// See [`read`](Self::read).
-    pub fn read_at(path: PathBuf) -> Result<Self, ResultsError> {
+    pub fn read(path: PathBuf) -> Result<Self, ResultsError> {
         let text = fs::read_to_string(&path).map_err(ResultsError::read(&path))?;
         Self::parse(path, &text)
     }
