@@ -1,7 +1,6 @@
 //! Reading boundaries, points and body forces.
 
 use std::collections::{BTreeMap, HashMap};
-use std::hash::Hash;
 
 use super::data::{BodyForceCase, BoundaryCase, PointCase, PointPlace, SurfaceLoad};
 use super::problems::Problems;
@@ -25,7 +24,8 @@ pub(super) fn boundaries(root: &mut Table<'_>) -> Vec<BoundaryCase> {
         if let (Some(surface), Some(load)) = (surface, load) {
             let new = BoundaryCase { surface: surface.to_string(), line: table.line, load, curve };
             let place = || format!("surface \"{}\"", excerpt(surface));
-            prescribed.add(table.problems, surface, place, new.line, prescribed_components(&new.load));
+            let holders = prescribed.entry(surface).or_default();
+            prescribe(table.problems, holders, place, new.line, prescribed_components(&new.load));
             boundaries.push(new);
         }
         table.report_unknown_keys();
@@ -71,34 +71,31 @@ fn prescribed_components(load: &SurfaceLoad) -> [bool; 3] {
 
 /// For every place read so far, the line that first prescribed each component. Later duplicates are compared only with
 /// that first line, so that 1000 duplicates give about 1000 errors, not half a million.
-struct PrescribedComponents<K>(HashMap<K, [Option<usize>; 3]>);
+type PrescribedComponents<K> = HashMap<K, [Option<usize>; 3]>;
 
-impl<K> Default for PrescribedComponents<K> {
-    fn default() -> Self {
-        Self(HashMap::new())
+/// Adds the components that the entry at `line` prescribes at a place to the `holders` there, and reports components
+/// that an earlier line already prescribes.
+fn prescribe(
+    problems: &Problems<'_>,
+    holders: &mut [Option<usize>; 3],
+    place: impl Fn() -> String,
+    line: usize,
+    held: [bool; 3],
+) {
+    let mut shared: BTreeMap<usize, Vec<&str>> = BTreeMap::new();
+    for (k, holder) in holders.iter_mut().enumerate().filter(|(k, _)| held[*k]) {
+        match holder {
+            Some(first) => shared.entry(*first).or_default().push(AXES[k]),
+            None => *holder = Some(line),
+        }
     }
-}
-
-impl<K: Eq + Hash> PrescribedComponents<K> {
-    /// Adds the components that the entry at `line` prescribes at a place, and reports components that an earlier line
-    /// already prescribes.
-    fn add(&mut self, problems: &Problems<'_>, key: K, place: impl Fn() -> String, line: usize, held: [bool; 3]) {
-        let holders = self.0.entry(key).or_default();
-        let mut shared: BTreeMap<usize, Vec<&str>> = BTreeMap::new();
-        for (k, holder) in holders.iter_mut().enumerate().filter(|(k, _)| held[*k]) {
-            match holder {
-                Some(first) => shared.entry(*first).or_default().push(AXES[k]),
-                None => *holder = Some(line),
-            }
-        }
-        for (first, axes) in shared {
-            problems.report(
-                line,
-                format!("{} has {} prescribed here and at line {first}", place(), axes.join(", ")),
-                "each component of a node or surface prescribed once, by displacement or by a traction other than 0",
-                "remove it from one of the two",
-            );
-        }
+    for (first, axes) in shared {
+        problems.report(
+            line,
+            format!("{} has {} prescribed here and at line {first}", place(), axes.join(", ")),
+            "each component of a node or surface prescribed once, by displacement or by a traction other than 0",
+            "remove it from one of the two",
+        );
     }
 }
 
@@ -126,7 +123,8 @@ pub(super) fn points(root: &mut Table<'_>) -> Vec<PointCase> {
         let curve = curve(&mut table);
         if let (Some(place), Some(displacement)) = (place, displacement) {
             let held = displacement.map(|component| component.is_some());
-            prescribed.add(table.problems, key_of(&place), || "this node".into(), table.line, held);
+            let holders = prescribed.entry(key_of(&place)).or_default();
+            prescribe(table.problems, holders, || "this node".into(), table.line, held);
             points.push(PointCase { place, line: table.line, displacement, curve });
         }
         table.report_unknown_keys();

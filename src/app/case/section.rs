@@ -93,40 +93,34 @@ fn cells_of(value: &Value<'_>) -> Option<[usize; 3]> {
 
 /// Reads the load steps.
 pub(super) fn steps(root: &mut Table<'_>) -> StepsCase {
-    let default = StepsCase::default();
-    let steps = root.section("steps", |table| StepsCase {
+    root.section("steps", StepsCase::default(), |table, default| StepsCase {
         count: table.integer("count", 1..=1_000_000).unwrap_or(default.count),
         max_cuts: table.integer("max_cuts", 0..=30).unwrap_or(default.max_cuts),
-    });
-    steps.unwrap_or(default)
+    })
 }
 
 /// Reads the settings of Newton's method at the macro scale.
 pub(super) fn newton(root: &mut Table<'_>) -> NewtonCase {
-    let default = NewtonCase::default();
     let starts = [("held", StepStart::Prescribed), ("tangent", StepStart::Tangent)];
-    let newton = root.section("newton", |table| NewtonCase {
+    root.section("newton", NewtonCase::default(), |table, default| NewtonCase {
         tolerance: table.number("tolerance", TOLERANCE).unwrap_or(default.tolerance),
         max_iterations: table.integer("max_iterations", 1..=10_000).unwrap_or(default.max_iterations),
         line_search: table.boolean("line_search").unwrap_or(default.line_search),
         start: table.choice("start", &starts).unwrap_or(default.start),
         solver: solver::method(table),
-    });
-    newton.unwrap_or(default)
+    })
 }
 
 /// Reads the solver settings of the RVEs.
 pub(super) fn micro(root: &mut Table<'_>) -> RveParams {
-    let default = RveParams::default();
-    let micro = root.section("micro", |table| RveParams {
+    root.section("micro", RveParams::default(), |table, default| RveParams {
         tolerance: table.number("tolerance", TOLERANCE).unwrap_or(default.tolerance),
         max_iterations: table.integer("max_iterations", 1..=10_000).unwrap_or(default.max_iterations),
         max_cuts: table.integer("max_cuts", 0..=30).unwrap_or(default.max_cuts),
         stages: table.get("stages").and_then(|value| stages(&value)).unwrap_or(default.stages),
         predictor: table.boolean("predictor").unwrap_or(default.predictor),
         solver: solver::method(table),
-    });
-    micro.unwrap_or(default)
+    })
 }
 
 /// Reads the list of solution stages, which must not be empty.
@@ -145,19 +139,17 @@ fn stages(value: &Value<'_>) -> Option<Stages> {
 
 /// Reads the numbers of ranks.
 pub(super) fn scales(root: &mut Table<'_>) -> ScalesCase {
-    let default = ScalesCase::default();
-    let scales = root.section("scales", |table| ScalesCase {
+    root.section("scales", ScalesCase::default(), |table, default| ScalesCase {
         macro_ranks: table.integer("macro", 1..=1_000_000).unwrap_or(default.macro_ranks),
         micro_ranks: table.integer("micro", 0..=1_000_000).unwrap_or(default.micro_ranks),
         near: table.boolean("near").unwrap_or(default.near),
-    });
-    scales.unwrap_or(default)
+    })
 }
 
 /// Reads the output settings. Warns if networks are requested but no region has any.
 pub(super) fn output(root: &mut Table<'_>, base: &Path, any_network: bool) -> OutputCase {
     let mut output = OutputCase { directory: base.join("results"), every: 1, rve: ElementSelection::None };
-    root.section("output", |table| {
+    root.section("output", (), |table, ()| {
         let directory = table.get("directory").and_then(|value| value.text("a folder, relative to the case file"));
         output.directory = directory.map_or_else(|| output.directory.clone(), |directory| base.join(directory));
         output.every = table.integer("every", 1..=1_000_000).unwrap_or(1);

@@ -141,12 +141,13 @@ impl<'d> Table<'d> {
         self.get(key)?.table()
     }
 
-    /// Reads an optional subtable by `read`, and reports the keys that `read` did not request.
-    pub(super) fn section<T>(&mut self, key: &'static str, read: impl FnOnce(&mut Self) -> T) -> Option<T> {
-        let mut table = self.table(key)?;
-        let section = read(&mut table);
+    /// Reads an optional subtable by `read`, which is given the default, and reports the keys that `read` did not
+    /// request. Returns the default if there is no such subtable.
+    pub(super) fn section<T>(&mut self, key: &'static str, default: T, read: impl FnOnce(&mut Self, &T) -> T) -> T {
+        let Some(mut table) = self.table(key) else { return default };
+        let section = read(&mut table, &default);
         table.report_unknown_keys();
-        Some(section)
+        section
     }
 
     /// Reads a required subtable.
