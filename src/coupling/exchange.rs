@@ -144,24 +144,15 @@ impl<T: Payload> Channel<T> {
             self.waited += start.elapsed();
             match neighbor.contiguous_range() {
                 Some(range) => coupling.comm.receive_bytes(from, tag, bytemuck::cast_slice_mut(&mut values[range])),
-                None => self.receive_scattered(coupling, neighbor, values),
+                None => {
+                    let memory = self.spare.pop().unwrap_or_default();
+                    let message = coupling.comm.receive_into(from, tag, memory);
+                    message.and_then(|message| self.scatter_message(message, from, &neighbor.indices, values))
+                }
             }
             .map_err(|error| coupling.failed(error))?;
         }
         Ok(())
-    }
-
-    /// Receives values whose indices are not contiguous.
-    fn receive_scattered<C: Comm>(
-        &mut self,
-        coupling: &Coupling<C>,
-        Neighbor { rank, indices }: &Neighbor,
-        values: &mut [T],
-    ) -> Result<(), CommError> {
-        let from = coupling.remote_ranks[*rank];
-        let memory = self.spare.pop().unwrap_or_default();
-        let message = coupling.comm.receive_into(from, coupling.tag(MessageKind::Values), memory)?;
-        self.scatter_message(message, from, indices, values)
     }
 
     /// Scatters the values of a message to their indices, and keeps its buffer.

@@ -91,15 +91,7 @@ fn words(line: &str) -> Vec<&str> {
     line.split_whitespace().take_while(|word| !word.starts_with('#') && !word.starts_with("//")).collect()
 }
 
-#[derive(Clone, Copy)]
-enum Section {
-    Scales,
-    Relations,
-    Util,
-    Analysis,
-    /// An unknown section: reported once by its name; its entries are skipped.
-    Unknown,
-}
+const SECTIONS: [&str; 4] = ["scales", "relations", "util", "analysis"];
 
 /// The state of the parser.
 struct Reader<'a> {
@@ -107,7 +99,8 @@ struct Reader<'a> {
     variable: &'a dyn Fn(&str) -> Option<String>,
     /// Current line, from 1.
     line: usize,
-    section: Option<Section>,
+    /// The current section; empty for an unknown one, which is reported once and whose entries are skipped.
+    section: Option<&'static str>,
     config: Config,
     /// Names and line numbers of the scales, including those with an invalid share.
     names: Vec<(String, usize)>,
@@ -139,15 +132,9 @@ impl<'a> Reader<'a> {
     }
 
     fn begin(&mut self, name: &str, rest: &[&str]) {
-        let section = match name {
-            "scales" => Section::Scales,
-            "relations" => Section::Relations,
-            "util" => Section::Util,
-            "analysis" => Section::Analysis,
-            _ => Section::Unknown,
-        };
-        self.section = Some(section);
-        if matches!(section, Section::Unknown) {
+        let section = SECTIONS.into_iter().find(|&known| known == name);
+        self.section = Some(section.unwrap_or_default());
+        if section.is_none() {
             let known = "`@scales`, `@relations`, `@util` or `@analysis`";
             self.report(format!("there is no section `@{name}`"), known, "correct its name, or remove the section");
         }
@@ -159,11 +146,11 @@ impl<'a> Reader<'a> {
 
     fn entry(&mut self, head: &str, rest: &[&str]) {
         match self.section {
-            Some(Section::Scales) => self.scale(head, rest),
-            Some(Section::Relations) => self.relation(head, rest),
-            Some(Section::Util) => self.util(head, rest),
-            Some(Section::Analysis) => self.analysis(head, rest),
-            Some(Section::Unknown) => {}
+            Some("scales") => self.scale(head, rest),
+            Some("relations") => self.relation(head, rest),
+            Some("util") => self.util(head, rest),
+            Some("analysis") => self.analysis(head, rest),
+            Some(_) => {}
             None => self.report(
                 format!("`{head}` is outside all sections"),
                 "a section, such as `@scales`, before the first entry",
