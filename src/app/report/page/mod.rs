@@ -47,23 +47,23 @@ pub fn page(dir: &Path, options: &PictureOptions) -> Result<String, ReportError>
     let run = Run::of(&directory)?;
     let mut html = String::from(HEAD);
     let title = escape(&directory.title());
-    push(&mut html, &format!("<title>{title}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<main>\n"));
-    push(&mut html, &format!("<h1>{title}</h1>\n"));
-    push(&mut html, &outcome(&directory, &run));
+    html.push_str(&format!("<title>{title}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<main>\n"));
+    html.push_str(&format!("<h1>{title}</h1>\n"));
+    html.push_str(&outcome(&directory, &run));
     match draw_from(&directory, options) {
-        Ok(picture) => push(&mut html, &format!("<figure class=\"wide\">{picture}</figure>\n")),
+        Ok(picture) => html.push_str(&format!("<figure class=\"wide\">{picture}</figure>\n")),
         // Without fields there is no picture, but a requested step or field must exist.
         Err(ReportError::NoFields { .. }) => {}
         Err(error) => return Err(error),
     }
-    push(&mut html, &facts(&directory, &run));
-    push(&mut html, "<section class=\"charts\">\n");
+    html.push_str(&facts(&directory, &run));
+    html.push_str("<section class=\"charts\">\n");
     for (caption, chart) in figures::all(&run) {
-        push(&mut html, &format!("<figure>{chart}<figcaption>{}</figcaption></figure>\n", escape(&caption)));
+        html.push_str(&format!("<figure>{chart}<figcaption>{}</figcaption></figure>\n", escape(&caption)));
     }
-    push(&mut html, "</section>\n");
-    push(&mut html, &table(&directory, &run));
-    push(&mut html, "</main>\n</body>\n</html>\n");
+    html.push_str("</section>\n");
+    html.push_str(&table(&directory, &run));
+    html.push_str("</main>\n</body>\n</html>\n");
     Ok(html)
 }
 
@@ -88,10 +88,6 @@ table{border-collapse:collapse;width:100%;font-size:14px;font-variant-numeric:ta
 th,td{padding:4px 12px;text-align:right;white-space:nowrap}\
 th{border-bottom:1px solid #dde3e8;color:#546e7a;font-weight:600}tbody tr:nth-child(even){background:#f7f9fa}\
 td.text{text-align:left;white-space:normal}";
-
-fn push(html: &mut String, part: &str) {
-    html.push_str(part);
-}
 
 /// The data shared by the charts, the facts and the table.
 struct Run<'a> {
