@@ -2,13 +2,14 @@
 
 use super::TwoScaleError;
 use super::protocol::{MACRO, MICRO, NewRve, RveResponse, RveTask};
-use crate::coupling::{Channel, Coupling, EvenPartition, Scales, UnitId};
+use crate::coupling::{Channel, Coupling, EvenPartition, Scales};
 use crate::las::Comm;
 
 /// The couplings and channels between a rank and its RVEs (micro scale) or those of its elements (macro scale).
 pub(super) struct Channels<C: Comm> {
+    /// Its units are the elements with an RVE, in the order of the exchanged values.
     pub to_micro: Coupling<C>,
-    /// The inverse of `to_micro`.
+    /// The inverse of `to_micro`; set again after RVEs were added or removed.
     pub to_macro: Coupling<C>,
     pub new_rves: Channel<NewRve>,
     pub tasks: Channel<RveTask>,
@@ -24,15 +25,5 @@ impl<C: Comm> Channels<C> {
         let tasks = Channel::new(&to_micro)?;
         let responses = Channel::new(&to_macro)?;
         Ok(Self { to_micro, to_macro, new_rves, tasks, responses })
-    }
-
-    /// The elements with an RVE, in the order of the exchanged values.
-    pub fn units(&self) -> &[UnitId] {
-        self.to_micro.units()
-    }
-
-    /// Updates `to_macro` after RVEs were added or removed.
-    pub fn update_inverse(&mut self) {
-        self.to_macro = self.to_micro.inverse();
     }
 }

@@ -107,7 +107,7 @@ impl<C: Comm, B: RealBackend> MicroSide<'_, C, B> {
     /// Deletes RVEs, then creates new ones at rest, as the macro scale commands.
     fn update_units(&mut self) -> Result<(), TwoScaleError> {
         let start = Instant::now();
-        let before = self.channels.units().to_vec();
+        let before = self.channels.to_micro.units().to_vec();
         let kept = self.channels.to_micro.reconcile_removed()?;
         let kept: HashSet<u64> = kept.into_iter().map(|place| before[place as usize]).collect();
         let deleted = before.into_iter().filter(|unit| !kept.contains(unit)).map(|unit| unit as usize).collect();
@@ -122,7 +122,7 @@ impl<C: Comm, B: RealBackend> MicroSide<'_, C, B> {
                 self.units.add(element, model, matrix);
             }
         }
-        self.channels.update_inverse();
+        self.channels.to_macro = self.channels.to_micro.inverse();
         self.between.add_communication(start);
         Ok(())
     }

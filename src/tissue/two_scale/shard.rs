@@ -35,12 +35,12 @@ impl<C: Comm> Shard<C> {
 
     /// The elements with an RVE, in the order of the exchange.
     pub fn elements(&self) -> &[UnitId] {
-        self.channels.units()
+        self.channels.to_micro.units()
     }
 
     /// Deletes and creates RVEs of this shard. Collective over both scales.
     pub fn update_rves(&mut self, update: &RveUpdate, is_own: impl Fn(usize) -> bool) -> Result<(), TwoScaleError> {
-        let existing: HashSet<UnitId> = self.channels.units().iter().copied().collect();
+        let existing: HashSet<UnitId> = self.channels.to_micro.units().iter().copied().collect();
         let deleted: Vec<UnitId> = update.deleted.iter().copied().filter(|unit| existing.contains(unit)).collect();
         self.channels.to_micro.remove(&deleted)?;
         let created = update.created.iter().filter(|[element, _]| is_own(*element as usize));
@@ -48,7 +48,7 @@ impl<C: Comm> Shard<C> {
             created.map(|&[element, region]| (element, NewRve { region })).unzip();
         let delta = self.channels.to_micro.add(&units, &[], &EvenPartition)?;
         self.channels.new_rves.send(&delta, &new_rves)?;
-        self.channels.update_inverse();
+        self.channels.to_macro = self.channels.to_micro.inverse();
         Ok(())
     }
 
@@ -60,7 +60,7 @@ impl<C: Comm> Shard<C> {
         times: &mut RankTimes,
     ) -> Result<&[RveResponse], TwoScaleError> {
         let start = Instant::now();
-        let units = self.channels.units();
+        let units = self.channels.to_micro.units();
         self.tasks.clear();
         self.tasks.extend(units.iter().enumerate().map(|(number, &element)| task(number, element)));
         self.responses.resize(units.len(), RveResponse::new(0, None, false));
