@@ -184,10 +184,7 @@ fn not_at_rest<F: std::error::Error + 'static>(
         SetupError::Undeformed(EquilibriumError::PointField(error)) => cure_of_point(error, micro),
         _ => "try another --backend".into(),
     };
-    Failure::NotConverged {
-        what: format!("{}: {error}", file.display()),
-        place: "t = 0, before the first load step; nothing is written".into(),
-        expected: "an undeformed body that resists every deformation".into(),
-        cure,
-    }
+    let (what, place) =
+        (format!("{}: {error}", file.display()), "t = 0, before the first load step; nothing is written");
+    Failure::not_converged(what, place.into(), "an undeformed body that resists every deformation", cure)
 }

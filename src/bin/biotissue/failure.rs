@@ -11,12 +11,8 @@ use biotissue::input::{InputError, InputErrors, printable};
 pub enum Failure {
     /// Errors in the input files: exit code 2.
     Input(InputErrors),
-    /// Errors in the arguments; `what` names the argument or the file: exit code 2.
-    Arguments { what: String, expected: String, cure: String },
-    /// The solution did not converge: exit code 3. The converged steps are on disk.
-    NotConverged { what: String, place: String, expected: String, cure: String },
-    /// An error of the environment: disk, a library, MPI; `what` names the file or the component: exit code 4.
-    Environment { what: String, expected: String, cure: String },
+    /// Another error with its exit code; `what` names the argument, the file or the component.
+    Told { code: u8, what: String, place: Option<String>, expected: String, cure: String },
     /// A rank that runs as a thread panicked and ended the others: exit code 101, as for any panic.
     Panicked(String),
 }
@@ -30,21 +26,25 @@ impl Failure {
     /// Returns the exit code as a number.
     pub fn code(&self) -> u8 {
         match self {
-            Self::Input(_) | Self::Arguments { .. } => 2,
-            Self::NotConverged { .. } => 3,
-            Self::Environment { .. } => 4,
+            Self::Input(_) => 2,
+            Self::Told { code, .. } => *code,
             Self::Panicked(_) => 101,
         }
     }
 
-    /// Creates an error in the arguments.
+    /// Creates an error in the arguments: exit code 2.
     pub fn arguments(what: impl Into<String>, expected: impl Into<String>, cure: impl Into<String>) -> Self {
-        Self::Arguments { what: what.into(), expected: expected.into(), cure: cure.into() }
+        Self::Told { code: 2, what: what.into(), place: None, expected: expected.into(), cure: cure.into() }
     }
 
-    /// Creates an error of the environment.
+    /// Creates the error for a solution that did not converge: exit code 3. The converged steps are on disk.
+    pub fn not_converged(what: String, place: String, expected: &str, cure: String) -> Self {
+        Self::Told { code: 3, what, place: Some(place), expected: expected.into(), cure }
+    }
+
+    /// Creates an error of the environment (disk, a library, MPI): exit code 4.
     pub fn environment(what: impl Into<String>, expected: impl Into<String>, cure: impl Into<String>) -> Self {
-        Self::Environment { what: what.into(), expected: expected.into(), cure: cure.into() }
+        Self::Told { code: 4, what: what.into(), place: None, expected: expected.into(), cure: cure.into() }
     }
 
     /// Creates the error for a file that cannot be written.
@@ -70,14 +70,12 @@ impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let text = match self {
             Self::Input(errors) => format!("error: {errors}"),
-            Self::Arguments { what, expected, cure } | Self::Environment { what, expected, cure } => {
-                format!("error: {what}\n  expected: {expected}\n  cure: {cure}")
+            Self::Told { what, place, expected, cure, .. } => {
+                let at = place.as_ref().map_or_else(String::new, |place| format!("  at: {place}\n"));
+                format!("error: {what}\n{at}  expected: {expected}\n  cure: {cure}")
             }
             Self::Panicked(what) => {
                 format!("error: {what}\n  expected: no panic\n  cure: report this as a bug, with the case")
-            }
-            Self::NotConverged { what, place, expected, cure } => {
-                format!("error: {what}\n  at: {place}\n  expected: {expected}\n  cure: {cure}")
             }
         };
         f.write_str(&printable(&text))

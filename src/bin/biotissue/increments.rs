@@ -158,6 +158,6 @@ impl Increments<'_> {
         } else {
             ("an equilibrium of the network with its boundary at x = F X", advice)
         };
-        Failure::NotConverged { what: error.to_string(), place: at, expected: expected.into(), cure }
+        Failure::not_converged(error.to_string(), at, expected, cure)
     }
 }

@@ -313,12 +313,10 @@ pub fn take_steps<B: ProgramBackend, M: TissueMaterial>(
             Ok(Summary { converged: true, steps, iterations, seconds, directory: dir.to_owned() })
         }
         Err(RunError::NotConverged { step, count, reached, halvings, reason, failed_rve }) => {
-            Err(Failure::NotConverged {
-                what: format!("load step {step} of {count} does not converge, halved {halvings} times: {reason}"),
-                place: format!("t = {reached}; {}{}", on_disk(step - 1, dir), replay_hint(failed_rve.as_deref())),
-                expected: "equilibrium with det F > 0 everywhere".into(),
-                cure: cure_of_step(&reason, &micro),
-            })
+            let what = format!("load step {step} of {count} does not converge, halved {halvings} times: {reason}");
+            let place = format!("t = {reached}; {}{}", on_disk(step - 1, dir), replay_hint(failed_rve.as_deref()));
+            let cure = cure_of_step(&reason, &micro);
+            Err(Failure::not_converged(what, place, "equilibrium with det F > 0 everywhere", cure))
         }
         Err(RunError::Results(error)) => Err(not_written(error)),
     }
