@@ -152,15 +152,8 @@ fn findings(report: &NetworkReport, removed: Option<Removed>, arguments: &CheckA
         None => text.push_str("  cleaning would leave nothing\n"),
         Some(removed) if removed.is_nothing() => text.push_str("  nothing to take out\n"),
         Some(removed) => {
-            let _ = writeln!(
-                text,
-                "  {}: {} short, {} dangling and {} untied fibers, {} nodes",
-                if arguments.clean { "taken out" } else { "to take out (--clean -o FILE)" },
-                removed.short_fibers,
-                removed.dangling_fibers,
-                removed.untied_fibers,
-                removed.nodes
-            );
+            let done = if arguments.clean { "taken out" } else { "to take out (--clean -o FILE)" };
+            let _ = writeln!(text, "  {done}: {}", text::removed(&removed));
         }
     }
     if let Some(output) = &arguments.output {

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use biotissue::fiber::network::Cube;
-use biotissue::fiber::network::check::{Removed, examine};
+use biotissue::fiber::network::check::examine;
 use biotissue::fiber::network::file::sidecar::{Generated, Sidecar};
 use biotissue::fiber::network::generate::{
     Alignment, GenerateError, GeneratedNetwork, GeneratorParams, Kind, MAX_STRENGTH,
@@ -124,12 +124,8 @@ fn tell(
         params.seed
     );
     text.push_str(&text::figures(&report, &made.network, &Cube::UNIT, axis));
-    let Removed { short_fibers, dangling_fibers, untied_fibers, nodes } = made.removed;
     if !made.removed.is_nothing() {
-        text.push_str(&format!(
-            "  taken out        {short_fibers} short, {dangling_fibers} dangling and {untied_fibers} untied fibers, \
-             {nodes} nodes\n"
-        ));
+        text.push_str(&format!("  taken out        {}\n", text::removed(&made.removed)));
     }
     output::print(&text)
 }

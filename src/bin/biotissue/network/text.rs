@@ -3,9 +3,14 @@
 use std::fmt::Write as _;
 
 use biotissue::fiber::law::{BUCKLING_STRAIN, COMPRESSION, YOUNGS_MODULUS, formula_parameters};
-use biotissue::fiber::network::check::{NetworkReport, Rigidity};
+use biotissue::fiber::network::check::{NetworkReport, Removed, Rigidity};
 use biotissue::fiber::network::file::sidecar::NamedLaw;
 use biotissue::fiber::network::{Cube, Network};
+
+/// Describes what cleaning removes.
+pub fn removed(Removed { short_fibers, dangling_fibers, untied_fibers, nodes }: &Removed) -> String {
+    format!("{short_fibers} short, {dangling_fibers} dangling and {untied_fibers} untied fibers, {nodes} nodes")
+}
 
 /// Describes the properties of a network. The order parameter refers to `axis`, or else to the principal direction.
 pub fn figures(report: &NetworkReport, network: &Network, cube: &Cube, axis: Option<[f64; 3]>) -> String {
