@@ -3,7 +3,10 @@
 //!
 //! Indices are `i32`. A negative index denotes a constrained unknown; as a `usize` it is larger than any length, so
 //! that a single comparison with the length detects both negative and out-of-range indices.
-#![cfg_attr(not(feature = "sparse"), allow(dead_code, unused_imports, reason = "some backends need only a part"))]
+#![cfg_attr(
+    not(feature = "sparse"),
+    allow(dead_code, unused_imports, unused_macros, reason = "some backends need only a part")
+)]
 
 use crate::las::{Scalar, Value};
 

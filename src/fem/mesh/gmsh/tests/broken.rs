@@ -44,7 +44,7 @@ macro_rules! check {
 fn said(bytes: Vec<u8>, problem: &str, expected: &str, hint: &str) {
     let error = read(&bytes).map(|_| ()).expect_err(problem);
     let said = format!("{problem}\n  expected: {expected}\n  cure: {hint}");
-    assert_eq!(error.to_string(), said, "of the file\n{}", String::from_utf8_lossy(bytes));
+    assert_eq!(error.to_string(), said, "of the file\n{}", String::from_utf8_lossy(&bytes));
 }
 
 fn two(old: &str, new: &str) -> Vec<u8> {
