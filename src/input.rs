@@ -14,21 +14,18 @@ const MOST_QUOTED: usize = 60;
 const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
 
 /// Returns the content of a text file without its leading byte-order mark, if there is one.
-#[must_use]
 pub fn without_byte_order_mark(bytes: &[u8]) -> &[u8] {
     bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes)
 }
 
 /// Returns the beginning of a text from a user's file for quotation in a message: one line without control characters,
 /// at most 60 characters long.
-#[must_use]
 pub fn excerpt(text: &str) -> String {
     clipped(text.trim(), MOST_QUOTED)
 }
 
 /// Prepares a text for the terminal: keeps its line breaks, clips lines that are longer than any message of this
 /// program, and escapes control characters, which could move the cursor or hide text.
-#[must_use]
 pub fn printable(text: &str) -> String {
     text.split('\n').map(|line| clipped(line, MOST_IN_LINE)).collect::<Vec<_>>().join("\n")
 }
@@ -88,7 +85,6 @@ impl InputError {
     }
 
     /// Creates the error for a file that cannot be read.
-    #[must_use]
     pub fn unreadable(file: &Path, error: &std::io::Error) -> Self {
         Self::in_file(
             file,

@@ -40,7 +40,6 @@ pub fn write_by(path: &Path, write: impl FnOnce(&mut File) -> io::Result<()>) ->
 }
 
 /// Returns true if `path` is a device or a pipe; no file can be written beside it.
-#[must_use]
 pub fn is_stream(path: &Path) -> bool {
     matches!(regular_file(path), Ok(None))
 }

@@ -12,27 +12,23 @@ use nalgebra::{Matrix3, SMatrix, SVector};
 /// assert_eq!(from_row_major(&row_major(&t)), t);
 /// ```
 #[inline(always)]
-#[must_use]
 pub fn row_major(tensor: &Matrix3<f64>) -> [f64; 9] {
     std::array::from_fn(|k| tensor[(k / 3, k % 3)])
 }
 
 /// Returns the rows of the tensor.
-#[must_use]
 pub fn rows(tensor: &Matrix3<f64>) -> [[f64; 3]; 3] {
     std::array::from_fn(|i| std::array::from_fn(|j| tensor[(i, j)]))
 }
 
 /// Returns the tensor with these components, row by row.
 #[inline(always)]
-#[must_use]
 pub fn from_row_major(components: &[f64; 9]) -> Matrix3<f64> {
     Matrix3::from_fn(|i, j| components[3 * i + j])
 }
 
 /// Computes `dP = A : dF`, Pa, for a tangent with row `3 * i + J` and column `3 * k + L`.
 #[inline(always)]
-#[must_use]
 pub fn contract(tangent: &SMatrix<f64, 9, 9>, df: &Matrix3<f64>) -> Matrix3<f64> {
     let dp = tangent * SVector::from(row_major(df));
     from_row_major(&dp.into())
@@ -49,7 +45,6 @@ pub fn contract(tangent: &SMatrix<f64, 9, 9>, df: &Matrix3<f64>) -> Matrix3<f64>
 /// let (pk1, f) = (Matrix3::from_diagonal(&[6.0, 0.0, 0.0].into()), Matrix3::from_diagonal(&[2.0, 0.5, 0.5].into()));
 /// assert_eq!(cauchy(&pk1, &f)[(0, 0)], 6.0 / 0.25);
 /// ```
-#[must_use]
 pub fn cauchy(pk1: &Matrix3<f64>, gradient: &Matrix3<f64>) -> Matrix3<f64> {
     pk1 * gradient.transpose() / gradient.determinant()
 }
@@ -63,7 +58,6 @@ pub fn cauchy(pk1: &Matrix3<f64>, gradient: &Matrix3<f64>) -> Matrix3<f64> {
 /// assert_eq!(von_mises(&Matrix3::from_diagonal(&[7.5, 0.0, 0.0].into())), 7.5);
 /// assert_eq!(von_mises(&Matrix3::from_diagonal_element(-3.0)), 0.0);
 /// ```
-#[must_use]
 pub fn von_mises(cauchy: &Matrix3<f64>) -> f64 {
     let deviator = cauchy - Matrix3::identity() * (cauchy.trace() / 3.0);
     (1.5 * deviator.norm_squared()).sqrt()

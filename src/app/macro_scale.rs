@@ -111,7 +111,6 @@ fn line_of(case: &Case, place: &str) -> Option<usize> {
 }
 
 /// Returns the boundary conditions of a case, in meters and newtons.
-#[must_use]
 pub fn conditions(case: &Case) -> Conditions {
     let (mut surfaces, mut loads) = (Vec::new(), Vec::<Arc<dyn LoadCondition>>::new());
     for BoundaryCase { surface, load, curve, .. } in &case.boundaries {
@@ -136,7 +135,6 @@ pub fn conditions(case: &Case) -> Conditions {
 }
 
 /// Returns the parameters of load stepping of a case.
-#[must_use]
 pub fn step_params(case: &Case) -> StepParams {
     let mut params = StepParams {
         count: case.steps.count,

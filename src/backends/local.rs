@@ -159,14 +159,12 @@ macro_rules! contiguous_vector {
         impl<T> Vector<T> {
             /// Returns the entries.
             #[inline(always)]
-            #[must_use]
             pub fn as_slice(&self) -> &[T] {
                 &self.values
             }
 
             /// Returns the entries, mutably.
             #[inline(always)]
-            #[must_use]
             pub fn as_mut_slice(&mut self) -> &mut [T] {
                 &mut self.values
             }

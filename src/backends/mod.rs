@@ -55,7 +55,6 @@ impl BackendName {
     pub const ALL: [Self; 4] = [Self::Sparse, Self::Dense, Self::Petsc, Self::Cuda];
 
     /// The name of the backend in the program's `--backend` and in [`Backend::NAME`](crate::las::Backend::NAME).
-    #[must_use]
     pub const fn as_str(self) -> &'static str {
         match self {
             Self::Sparse => "sparse",
@@ -66,13 +65,11 @@ impl BackendName {
     }
 
     /// The cargo feature that enables the backend.
-    #[must_use]
     pub const fn feature(self) -> &'static str {
         self.as_str()
     }
 
     /// Returns true if this build contains the backend.
-    #[must_use]
     pub const fn is_compiled(self) -> bool {
         match self {
             Self::Sparse => cfg!(feature = "sparse"),
@@ -103,7 +100,6 @@ impl FromStr for BackendName {
 }
 
 /// Returns the names of the compiled-in backends.
-#[must_use]
 pub fn compiled() -> &'static [&'static str] {
     &[
         #[cfg(feature = "sparse")]

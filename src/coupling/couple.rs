@@ -165,13 +165,11 @@ impl<C: Comm> Coupling<C> {
     }
 
     /// Returns the side of this rank.
-    #[must_use]
     pub fn role(&self) -> Role {
         self.role
     }
 
     /// Returns the units of this rank, in the order of its data.
-    #[must_use]
     pub fn units(&self) -> &[UnitId] {
         &self.map.units
     }
@@ -184,7 +182,6 @@ impl<C: Comm> Coupling<C> {
     /// Returns the coupling in the opposite direction: producer and consumer are exchanged, and every unit goes back to
     /// its origin. The result is a copy, made without communication; it does not change with later additions and
     /// removals.
-    #[must_use]
     pub fn inverse(&self) -> Self {
         let role = match self.role {
             Role::Producer => Role::Consumer,

@@ -29,19 +29,16 @@ impl Distribution {
     }
 
     /// Returns the total number of units.
-    #[must_use]
     pub fn units(&self) -> usize {
         self.counts.iter().sum()
     }
 
     /// Returns the total weight of all units.
-    #[must_use]
     pub fn weight(&self) -> f64 {
         self.weights.iter().flatten().sum()
     }
 
     /// Returns the number of units on all ranks below `rank`.
-    #[must_use]
     pub fn offset(&self, rank: usize) -> usize {
         self.counts[..rank].iter().sum()
     }

@@ -51,13 +51,11 @@ impl<T: Payload> Channel<T> {
     }
 
     /// Returns the number of bytes of values sent so far.
-    #[must_use]
     pub fn sent(&self) -> u64 {
         self.sent
     }
 
     /// Returns the total time that receives have waited for messages to arrive; the rest of their time is copying.
-    #[must_use]
     pub fn waited(&self) -> Duration {
         self.waited
     }

@@ -83,7 +83,6 @@ impl Plan {
     }
 
     /// Returns the smallest possible number of ranks: the explicit ranks, the counts, and one for each ratio.
-    #[must_use]
     pub fn min_ranks(&self) -> usize {
         let of = |share: &Share| match share {
             Share::Ranks(ranks) => ranks.len(),

@@ -113,31 +113,26 @@ impl<C: Comm> Scales<C> {
     }
 
     /// Returns the number of this rank's scale.
-    #[must_use]
     pub fn own(&self) -> usize {
         self.own
     }
 
     /// Returns the number of the scale with this name.
-    #[must_use]
     pub fn find(&self, name: &str) -> Option<usize> {
         self.names.iter().position(|other| other == name)
     }
 
     /// Returns the name of a scale.
-    #[must_use]
     pub fn name(&self, scale: usize) -> &str {
         &self.names[scale]
     }
 
     /// Returns the world ranks of a scale, ordered by their rank in the scale.
-    #[must_use]
     pub fn ranks(&self, scale: usize) -> &[usize] {
         &self.ranks[scale]
     }
 
     /// Returns the rank in a scale of a world rank, or `None` if it belongs to another scale.
-    #[must_use]
     pub fn rank_in(&self, scale: usize, rank: usize) -> Option<usize> {
         self.ranks[scale].iter().position(|&other| other == rank)
     }

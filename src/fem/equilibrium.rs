@@ -128,19 +128,16 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
     }
 
     /// Returns the mesh.
-    #[must_use]
     pub fn mesh(&self) -> &Arc<Mesh> {
         &self.mesh
     }
 
     /// Returns the boundary conditions.
-    #[must_use]
     pub fn boundary(&self) -> &Boundary {
         &self.boundary
     }
 
     /// Returns the point field.
-    #[must_use]
     pub fn field(&self) -> &P {
         &self.field
     }
@@ -151,13 +148,11 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
     }
 
     /// Returns the committed state.
-    #[must_use]
     pub fn committed(&self) -> &BodyState {
         &self.committed
     }
 
     /// Returns the surface and point forces on the body in the committed state.
-    #[must_use]
     pub fn forces(&self) -> BoundaryForces {
         let state = &self.committed;
         BoundaryForces::new(&self.mesh, &self.boundary, state.t, &state.displacements, &state.internal, &state.external)

@@ -21,7 +21,6 @@ pub struct PointResponses {
 
 impl PointResponses {
     /// Creates zero responses of `points` points.
-    #[must_use]
     pub fn zeros(points: usize) -> Self {
         let mut responses = Self::default();
         responses.resize(points);
@@ -36,13 +35,11 @@ impl PointResponses {
     }
 
     /// Returns the number of points.
-    #[must_use]
     pub fn len(&self) -> usize {
         self.pk1.len()
     }
 
     /// Returns true if there are no points.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.pk1.is_empty()
     }
@@ -157,7 +154,6 @@ impl FormulaField {
     }
 
     /// Creates a field of `elements` elements with one material.
-    #[must_use]
     pub fn uniform(material: impl Material + 'static, elements: usize) -> Self {
         Self { materials: vec![Box::new(material)], region_of: vec![0; elements] }
     }

@@ -48,7 +48,6 @@ impl BoundaryForces {
     ///
     /// # Panics
     /// Panics if an array has fewer nodes than the mesh.
-    #[must_use]
     pub fn new(
         mesh: &Mesh,
         boundary: &Boundary,
@@ -78,7 +77,6 @@ impl BoundaryForces {
     }
 
     /// Returns the sum over all surfaces and points, N: minus the total body force.
-    #[must_use]
     pub fn sum(&self) -> [f64; 3] {
         let parts = self.surfaces.iter().map(|s| s.force).chain(self.points.iter().map(|p| p.force));
         parts.fold([0.0; 3], |sum, part| std::array::from_fn(|i| sum[i] + part[i]))

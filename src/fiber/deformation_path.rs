@@ -26,7 +26,6 @@ pub struct DeformationPath {
 
 impl DeformationPath {
     /// Makes the path from `start` to `target`.
-    #[must_use]
     pub fn new(start: &Matrix3<f64>, target: &Matrix3<f64>) -> Self {
         Self {
             start: *start,
@@ -36,7 +35,6 @@ impl DeformationPath {
     }
 
     /// Returns the deformation gradient at the fraction `part` (0 to 1) of the path.
-    #[must_use]
     pub fn at(&self, part: f64) -> Matrix3<f64> {
         let Some((stretch, rotation)) = &self.increment else {
             return self.start + (self.target - self.start) * part;
@@ -57,7 +55,6 @@ pub(super) fn polar_decomposition(f: Matrix3<f64>) -> Option<(Matrix3<f64>, Unit
 
 /// Returns the deformation gradient at the fraction `part` (0 to 1) of the path from `start` to `target`; see
 /// [`DeformationPath`].
-#[must_use]
 pub fn between(start: &Matrix3<f64>, target: &Matrix3<f64>, part: f64) -> Matrix3<f64> {
     DeformationPath::new(start, target).at(part)
 }

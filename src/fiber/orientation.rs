@@ -23,7 +23,6 @@ pub enum Weighting {
 ///
 /// `lengths` has one entry per fiber; the values are used with [`Weighting::Length`] only. The tensor of no fibers is
 /// zero.
-#[must_use]
 pub fn tensor(directions: &[[f64; 3]], lengths: &[f64], weighting: Weighting) -> Matrix3<f64> {
     let mut sum = Matrix3::zeros();
     let mut total = 0.0;
@@ -41,7 +40,6 @@ pub fn tensor(directions: &[[f64; 3]], lengths: &[f64], weighting: Weighting) ->
 ///
 /// # Panics
 /// Panics if `axis` is not 0, 1 or 2.
-#[must_use]
 pub fn planar_tensor(directions: &[[f64; 3]], lengths: &[f64], weighting: Weighting, axis: usize) -> Matrix3<f64> {
     assert!(axis < 3, "an axis is 0, 1 or 2");
     let mut projected = Vec::with_capacity(directions.len());
@@ -60,7 +58,6 @@ pub fn planar_tensor(directions: &[[f64; 3]], lengths: &[f64], weighting: Weight
 
 /// Returns the principal direction of an orientation tensor, with the largest component positive, and its eigenvalue:
 /// the axis along which most fibers lie.
-#[must_use]
 pub fn principal(tensor: &Matrix3<f64>) -> (Vector3<f64>, f64) {
     let eigen = SymmetricEigen::new((tensor + tensor.transpose()) * 0.5);
     let largest = eigen.eigenvalues.imax();
@@ -71,7 +68,6 @@ pub fn principal(tensor: &Matrix3<f64>) -> (Vector3<f64>, f64) {
 
 /// The second-order parameter `P2 = (3 a . Omega a - 1)/2` of an orientation tensor about a unit vector `a`: 1 if all
 /// fibers are parallel to it, 0 if they are isotropic, -1/2 if all are normal to it.
-#[must_use]
 pub fn second_order_parameter(tensor: &Matrix3<f64>, axis: &Vector3<f64>) -> f64 {
     1.5 * axis.dot(&(tensor * axis)) - 0.5
 }

@@ -123,50 +123,42 @@ impl<B: RealBackend> RveModel<B> {
     }
 
     /// The geometry of the network.
-    #[must_use]
     pub fn network(&self) -> &Arc<Network> {
         self.truss.network()
     }
 
     /// The truss: the fibers with their laws.
-    #[must_use]
     pub fn truss(&self) -> &Truss {
         &self.truss
     }
 
     /// The material of all fibers, if it replaces the materials of the network's own files.
-    #[must_use]
     pub fn material(&self) -> Option<&FiberMaterial> {
         self.material.as_ref()
     }
 
     /// The conversion of forces to stresses.
-    #[must_use]
     pub fn stress_scale(&self) -> StressScale {
         self.stress_scale
     }
 
     /// `kappa`: the factor from forces in the unit cube to stresses.
-    #[must_use]
     pub fn scale(&self) -> f64 {
         self.scale
     }
 
     /// Number of unknowns: three per interior node.
-    #[must_use]
     pub fn unknowns(&self) -> usize {
         self.pattern.rows()
     }
 
     /// Lumped nodal masses, in kg with `L` in unit-cube units: half of `rho A L` of every fiber at each of its ends.
     /// Fibers without a density get that of water.
-    #[must_use]
     pub fn masses(&self) -> &[f64] {
         &self.masses
     }
 
     /// The rounding error of a residual, in N.
-    #[must_use]
     pub fn rounding_floor(&self) -> f64 {
         self.rounding_floor
     }
@@ -247,7 +239,6 @@ pub enum RveStateError {
 impl Rve {
     /// Restores a state from saved values of [`Rve::gradient`], [`Rve::interior`] and [`Rve::sensitivities`]. The state
     /// is assumed to be in equilibrium; [`Rve::check`] tests whether it can belong to a network.
-    #[must_use]
     pub fn restored(
         gradient: Matrix3<f64>,
         interior: Vec<[f64; 3]>,
@@ -303,7 +294,6 @@ impl Rve {
     }
 
     /// The undeformed state.
-    #[must_use]
     pub fn at_rest(network: &Network) -> Self {
         let interior = network.interior().iter().map(|&node| network.nodes()[node as usize]).collect();
         Self { gradient: Matrix3::identity(), interior, sensitivities: None, network: fingerprint(network) }
@@ -329,7 +319,6 @@ impl Rve {
 
     /// Returns true if both states are the same equilibrium within the accuracy of a converged Newton solve: no
     /// coordinate of an interior node differs by more than `1e-6` of the cube's edge.
-    #[must_use]
     pub fn is_same_equilibrium(&self, other: &Self) -> bool {
         const NEAR: f64 = 1e-6;
         let pairs = self.interior.as_flattened().iter().zip(other.interior.as_flattened());
@@ -345,7 +334,6 @@ impl Rve {
     }
 
     /// Bytes of its heap allocations.
-    #[must_use]
     pub fn heap_bytes(&self) -> usize {
         self.interior.capacity() * size_of::<[f64; 3]>()
             + self
@@ -355,7 +343,6 @@ impl Rve {
     }
 
     /// Returns true if the next equilibrium can start from a first-order prediction.
-    #[must_use]
     pub fn has_sensitivities(&self) -> bool {
         self.sensitivities.is_some()
     }
@@ -366,13 +353,11 @@ impl Rve {
     }
 
     /// The deformation gradient of the last equilibrium.
-    #[must_use]
     pub fn gradient(&self) -> &Matrix3<f64> {
         &self.gradient
     }
 
     /// Positions of all nodes at the last equilibrium, unit-cube units.
-    #[must_use]
     pub fn positions(&self, network: &Network) -> Vec<[f64; 3]> {
         let mut positions: Vec<[f64; 3]> = network.nodes().iter().map(|x| transform(&self.gradient, x)).collect();
         for (&node, x) in network.interior().iter().zip(&self.interior) {
@@ -382,14 +367,12 @@ impl Rve {
     }
 
     /// Interior node positions of the last equilibrium, unit-cube units.
-    #[must_use]
     pub fn interior(&self) -> &[[f64; 3]] {
         &self.interior
     }
 
     /// Sensitivities of the interior nodes to a further strain, if
     /// [`EquilibriumState::keep_sensitivities`](super::equilibrium::EquilibriumState::keep_sensitivities) stored them.
-    #[must_use]
     pub fn sensitivities(&self) -> Option<&[Sensitivities]> {
         self.sensitivities.as_deref()
     }

@@ -105,38 +105,32 @@ impl Truss {
     }
 
     /// The geometry of the network.
-    #[must_use]
     pub fn network(&self) -> &Arc<Network> {
         &self.network
     }
 
     /// The two nodes of every fiber, in the order of this truss (by law).
-    #[must_use]
     pub fn ends(&self) -> &[[u32; 2]] {
         &self.ends
     }
 
     /// The number in the network of every fiber of this truss.
-    #[must_use]
     pub fn fiber_numbers(&self) -> &[u32] {
         &self.fiber_numbers
     }
 
     /// Reference lengths in the order of this truss, unit-cube units.
-    #[must_use]
     pub fn lengths(&self) -> &[f64] {
         &self.lengths
     }
 
     /// `sum_f A_f L_f`: fiber volume in the unit cube, with areas in the squared units of the radii.
-    #[must_use]
     pub fn volume(&self) -> f64 {
         self.volumes.iter().sum()
     }
 
     /// `sum_f E_f A_f L_f` with the moduli at rest: times the stress scale, the stiffness of the unit cube in Pa if all
     /// fibers were aligned with the load and deformed affinely.
-    #[must_use]
     pub fn volume_of_moduli(&self) -> f64 {
         let of_law =
             |(law, range): &(Law, Range<usize>)| law.youngs_modulus() * self.volumes[range.clone()].iter().sum::<f64>();
@@ -146,7 +140,6 @@ impl Truss {
     /// The rounding error of a residual: `8 eps sqrt(sum_f (E A / (2 L))^2)`, in N.
     ///
     /// Coordinates of size 1/2 have an error of `eps / 2`, and a fiber multiplies it by `E A / L`.
-    #[must_use]
     pub fn rounding_floor(&self) -> f64 {
         let squares: f64 = self
             .laws
@@ -229,7 +222,6 @@ impl Truss {
 
     /// Returns the law and the stretch of the fiber with the largest force relative to its stiffness at rest,
     /// `|f| / (E A)`, and that ratio, which is infinite if the force is not a number.
-    #[must_use]
     pub fn max_relative_force(&self, states: &FiberStates) -> Option<(&Law, f64, f64)> {
         let of_law = |(law, range): &'_ (Law, Range<usize>)| {
             let stress = |fiber: usize| {
@@ -262,7 +254,6 @@ impl Truss {
 
     /// The energy of all fibers, `sum_f A L integral_1^lambda s`, in J for a cube with an edge of 1 m (areas are in
     /// m^2, lengths in unit-cube units).
-    #[must_use]
     pub fn energy(&self, states: &FiberStates) -> f64 {
         self.laws
             .iter()
@@ -330,7 +321,6 @@ impl FiberStates {
 
     /// The 3x3 stiffness block `k n (x) n + (f / l) I` of a fiber, row-major.
     #[inline(always)]
-    #[must_use]
     pub fn block(&self, fiber: usize) -> [f64; 9] {
         let n = &self.directions[fiber];
         let k = self.material_stiffness[fiber];

@@ -140,13 +140,11 @@ impl<B: RealBackend> Workspace<B> {
     }
 
     /// Positions of all nodes of the last RVE solved or loaded, unit-cube units.
-    #[must_use]
     pub fn positions(&self) -> &[[f64; 3]] {
         &self.positions
     }
 
     /// Fiber states of the last RVE solved or loaded.
-    #[must_use]
     pub fn states(&self) -> &FiberStates {
         &self.states
     }

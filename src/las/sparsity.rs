@@ -106,7 +106,6 @@ impl Sparsity {
     ///
     /// # Panics
     /// Panics if the pattern exceeds the range of 32-bit indices.
-    #[must_use]
     pub fn full(rows: usize, cols: usize) -> Self {
         let fits = rows.checked_mul(cols).is_some_and(|entries| check_size(entries).is_ok());
         assert!(fits && check_size(rows).is_ok(), "{rows} by {cols} entries are more than 32-bit indices can address");
@@ -145,7 +144,6 @@ impl Sparsity {
     }
 
     /// The pattern of the transpose.
-    #[must_use]
     pub fn transpose(&self) -> Self {
         let (row_offsets, columns) = transposed(self.cols, &self.row_offsets, &self.columns);
         Self { cols: self.rows(), row_offsets: row_offsets.into(), columns: columns.into() }
@@ -174,35 +172,30 @@ impl Sparsity {
 
     /// Number of rows.
     #[inline(always)]
-    #[must_use]
     pub fn rows(&self) -> usize {
         self.row_offsets.len() - 1
     }
 
     /// Number of columns.
     #[inline(always)]
-    #[must_use]
     pub fn cols(&self) -> usize {
         self.cols
     }
 
     /// Number of entries (structural nonzeros).
     #[inline(always)]
-    #[must_use]
     pub fn nnz(&self) -> usize {
         self.columns.len()
     }
 
     /// The offset of the first entry of each row, followed by the number of entries.
     #[inline(always)]
-    #[must_use]
     pub fn row_offsets(&self) -> &[u32] {
         &self.row_offsets
     }
 
     /// The column of every entry, row by row.
     #[inline(always)]
-    #[must_use]
     pub fn col_indices(&self) -> &[u32] {
         &self.columns
     }
@@ -212,7 +205,6 @@ impl Sparsity {
     /// # Panics
     /// Panics if the pattern has no such row.
     #[inline(always)]
-    #[must_use]
     pub fn row(&self, row: usize) -> &[u32] {
         &self.columns[self.range(row)]
     }
@@ -225,7 +217,6 @@ impl Sparsity {
 
     /// The position of `(row, column)` among the entries, or `None` if it is not in the pattern.
     #[inline(always)]
-    #[must_use]
     pub fn find(&self, row: usize, column: usize) -> Option<usize> {
         let start = *self.row_offsets.get(row)? as usize;
         let end = *self.row_offsets.get(row + 1)? as usize;
@@ -233,13 +224,11 @@ impl Sparsity {
     }
 
     /// Returns true if the pattern is square and contains `(j, i)` for every entry `(i, j)`.
-    #[must_use]
     pub fn is_symmetric(&self) -> bool {
         self.rows() == self.cols && self.first_unsymmetric_entry().is_none()
     }
 
     /// The first entry `(row, column)` whose transpose `(column, row)` is not in the pattern.
-    #[must_use]
     pub fn first_unsymmetric_entry(&self) -> Option<(usize, usize)> {
         let columns = |row: usize| self.row(row).iter().map(|&column| column as usize);
         let alone = |row: usize| columns(row).find(|&column| self.find(column, row).is_none());

@@ -162,7 +162,6 @@ impl Formula {
     }
 
     /// Returns the shear modulus `mu` and Lame's first constant `lambda`, Pa.
-    #[must_use]
     pub fn lame_constants(&self) -> [f64; 2] {
         match *self {
             Self::NeoHookean(NeoHookean { mu, lambda }) | Self::LinearElastic(LinearElastic { mu, lambda }) => {
@@ -174,7 +173,6 @@ impl Formula {
 
 impl ElementSelection {
     /// Returns true if an element is chosen.
-    #[must_use]
     pub fn contains(&self, element: usize) -> bool {
         match self {
             Self::None => false,

@@ -82,7 +82,6 @@ struct SolverDocument {
 
 impl RveDump {
     /// Creates the problem of a model from its start state and the requested deformation gradient.
-    #[must_use]
     pub fn new(
         origin: String,
         model: &RveModel<impl RealBackend>,

@@ -75,7 +75,6 @@ const RARE: [&str; 4] = ["scaled_norm", "sum_scaled", "dot_by_petsc", "axpy_by_p
 
 impl Row {
     /// Returns the exception that allows more instructions, if there is one.
-    #[must_use]
     pub fn exception(&self) -> Option<&'static Exception> {
         EXCEPTIONS.iter().find(|one| one.backend == self.backend && one.verbs.contains(&self.verb))
     }
@@ -83,7 +82,6 @@ impl Row {
 
 /// Returns the faults: verbs with more instructions through LAS than by hand, and lanes without packed arithmetic.
 /// Verbs that are calls of PETSc by hand are compared by executed instructions, in [`crate::executed`].
-#[must_use]
 pub fn faults(rows: &[Row]) -> Vec<String> {
     let mut faults = Vec::new();
     for row in rows {

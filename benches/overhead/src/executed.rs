@@ -28,7 +28,6 @@ const VERBS: &[(&str, usize, &str)] = &[
 const CALLS: usize = 1080;
 
 /// Returns whether a verb is a call of PETSc by hand.
-#[must_use]
 pub fn is_call(backend: &str, verb: &str) -> bool {
     backend == "petsc" && VERBS.iter().any(|&(name, ..)| name == verb)
 }
@@ -71,13 +70,11 @@ pub fn collected(words: &[&str], pattern: &str) -> Result<u64, Box<dyn Error>> {
 }
 
 /// Returns whether valgrind is installed.
-#[must_use]
 pub fn is_possible() -> bool {
     cfg!(feature = "petsc") && Command::new("valgrind").arg("--version").output().is_ok()
 }
 
 /// Returns the faults: verbs that execute more instructions through LAS than by hand.
-#[must_use]
 pub fn faults(all: &[Executed]) -> Vec<String> {
     let is_more = |one: &&Executed| one.las > one.raw;
     let say = |Executed { verb, raw, las }: &Executed| {
@@ -87,7 +84,6 @@ pub fn faults(all: &[Executed]) -> Vec<String> {
 }
 
 /// Formats all verbs as a table.
-#[must_use]
 pub fn table(all: &[Executed]) -> String {
     let mut text = String::from("| verb | argument | by hand | LAS | ratio |\n|---|---|---:|---:|---:|\n");
     for Executed { verb, raw, las } in all {

@@ -113,25 +113,21 @@ impl Image {
 
 impl Listing {
     /// Returns the number of instructions.
-    #[must_use]
     pub fn len(&self) -> usize {
         self.instructions.len()
     }
 
     /// Returns whether there are no instructions.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.instructions.is_empty()
     }
 
     /// Returns the instructions without registers, labels and addresses.
-    #[must_use]
     pub fn codes(&self) -> Vec<Code> {
         self.instructions.iter().map(Instruction::code).collect()
     }
 
     /// Returns the numbers of instructions that compute with several numbers at once, and with one.
-    #[must_use]
     pub fn arithmetic(&self) -> (usize, usize) {
         use Mnemonic::{
             Addpd, Addsd, Divpd, Divsd, Mulpd, Mulsd, Sqrtpd, Sqrtsd, Subpd, Subsd, Vaddpd, Vaddsd, Vfmadd132pd,

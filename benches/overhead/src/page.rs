@@ -41,7 +41,6 @@ fn executed_by(backend: &str, way: &str) -> Result<u64, Box<dyn Error>> {
 }
 
 /// Formats the instructions of every verb as a table.
-#[must_use]
 pub fn table(rows: &[Row]) -> String {
     let mut text = String::from(
         "| backend | verb | by hand | LAS | same | function | pointer | `dyn` | packed, single |\n\
@@ -67,7 +66,6 @@ pub fn table(rows: &[Row]) -> String {
 }
 
 /// Formats the whole page.
-#[must_use]
 pub fn page(rows: &[Row], calls: &[Executed], loops: &[Loop]) -> String {
     let (same, compared) = (rows.iter().filter(|row| row.is_same).count(), rows.len());
     let called = rows.iter().filter(|row| is_call(row.backend, row.verb)).count();

@@ -137,7 +137,6 @@ macro_rules! backend {
             }
 
             /// Returns the addresses of the calling functions of all verbs, and of the functions that they call.
-            #[must_use]
             pub fn places() -> Vec<super::Place> {
                 use overhead_unit::$module::{functions, methods};
 
@@ -197,7 +196,6 @@ fn places(backend: &'static str, addresses: [Vec<*const ()>; 7]) -> Vec<Place> {
 }
 
 /// Returns the calls of all backends.
-#[must_use]
 pub fn all() -> Vec<Place> {
     let mut all: Vec<Place> = [sparse::places(), dense::places(), batched::places()].into_iter().flatten().collect();
     #[cfg(feature = "petsc")]

@@ -42,7 +42,6 @@ pub struct Case {
 
 impl Case {
     /// Returns the materials of the regions and the solver of the RVEs.
-    #[must_use]
     pub fn materials(&self) -> Materials {
         let region = |region: &RegionCase| Region { name: region.name.clone(), material: region.material.clone() };
         Materials { regions: self.regions.iter().map(region).collect(), rve: self.micro }
@@ -193,7 +192,6 @@ pub struct ScalesCase {
 
 impl ScalesCase {
     /// Returns the smallest number of ranks with which this case can run.
-    #[must_use]
     pub fn least(&self) -> usize {
         match (self.macro_ranks, self.micro_ranks) {
             (1, 0) => 1,

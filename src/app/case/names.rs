@@ -8,13 +8,11 @@ use crate::tissue::materials::{OTHER_REGIONS, RegionMaterial, find_region};
 
 impl Case {
     /// Returns the index of the `[[region]]` for a region of the mesh: the one with its name, or else `*`.
-    #[must_use]
     pub fn region_of(&self, region: &str) -> Option<usize> {
         find_region(self.regions.iter().map(|each| each.name.as_str()), region)
     }
 
     /// Returns the material of a region of the mesh.
-    #[must_use]
     pub fn material_of(&self, region: &str) -> Option<&RegionMaterial> {
         self.region_of(region).map(|number| &self.regions[number].material)
     }

@@ -26,7 +26,6 @@ impl Case {
     /// Returns the case as run: defaults filled in, elastic constants converted, networks listed, paths absolute, so
     /// that it can be read from any folder. Reading it gives an equal case except for the file and the line numbers (a
     /// path that is not Unicode, which no case file can contain, is written with replacement characters).
-    #[must_use]
     pub fn to_toml(&self) -> String {
         let Self { steps, newton, micro, scales, output, .. } = self;
         let mut out = format!("# The case as run by biotissue {}, defaults filled in.\n", env!("CARGO_PKG_VERSION"));

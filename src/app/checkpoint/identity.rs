@@ -54,7 +54,6 @@ fn entry(line: &str) -> String {
 
 impl Identity {
     /// Returns the identity of a run.
-    #[must_use]
     pub fn new(backend: &str, case: &Case, mesh: &Mesh, field: &impl TissueMaterial) -> Self {
         let mut networks = Fnv::new();
         for model in field.library().models() {

@@ -74,7 +74,6 @@ pub enum CheckpointError {
 
 impl CheckpointError {
     /// Returns advice for the user.
-    #[must_use]
     pub fn cure(&self) -> &'static str {
         match self {
             Self::Unreadable { .. } => "check the permissions, or start again without resuming",

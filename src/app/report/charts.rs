@@ -190,7 +190,6 @@ fn range(values: impl Iterator<Item = f64>) -> Range<f64> {
 }
 
 /// Draws lines over linear axes.
-#[must_use]
 pub fn lines(labels: Labels, lines: &[Line]) -> String {
     let points = || lines.iter().flat_map(|line| line.points.iter().copied());
     let x = Axis::new(range(points().map(|(x, _)| x)), [LEFT, RIGHT], 8, 0.0);
@@ -221,7 +220,6 @@ fn emptiest_corner(lines: &[Line], x: &Range<f64>, y: &Range<f64>) -> [bool; 2] 
 }
 
 /// Draws lines with a logarithmic vertical axis; values that are not positive are omitted.
-#[must_use]
 pub fn logarithmic(labels: Labels, lines: &[Line]) -> String {
     // The logarithm of a number that is not positive is not finite.
     let points = |line: &Line| line.points.iter().map(|&(x, y)| (x, y.log10())).collect::<Vec<_>>();
@@ -242,7 +240,6 @@ pub fn logarithmic(labels: Labels, lines: &[Line]) -> String {
 
 /// Draws the extension of every increment as a line (left axis) and its Newton iterations as bars (right axis), over
 /// the number of the increment, from 1.
-#[must_use]
 pub fn extension_and_iterations(labels: Labels, extension: &[(f64, f64)], iterations: &[(f64, f64)]) -> String {
     let last = extension.iter().chain(iterations).map(|&(x, _)| x).fold(1.0, f64::max);
     let left = range(extension.iter().map(|&(_, y)| y).chain([0.0]));
@@ -259,7 +256,6 @@ pub fn extension_and_iterations(labels: Labels, extension: &[(f64, f64)], iterat
 }
 
 /// Draws stacked bars over the number of the increment, from 1: one layer per line, in order from the bottom.
-#[must_use]
 pub fn stacked_bars(labels: Labels, layers: &[Line]) -> String {
     let increments = layers.iter().map(|layer| layer.points.len()).max().unwrap_or(0);
     let height = |k: usize| layers.iter().filter_map(|layer| layer.points.get(k)).map(|&(_, y)| y).sum::<f64>();

@@ -78,7 +78,6 @@ impl Directory {
     }
 
     /// Returns the title of the run from the log, or else the name of the directory.
-    #[must_use]
     pub fn title(&self) -> String {
         let named = self.start.as_ref().map(|start| start.title.trim()).filter(|title| !title.is_empty());
         named.map(str::to_owned).unwrap_or_else(|| {
@@ -89,7 +88,6 @@ impl Directory {
 
     /// Returns the converged increments in the order of time. If a resumed run computed an increment again, the last
     /// result is used.
-    #[must_use]
     pub fn increments(&self) -> Vec<Increment<'_>> {
         let mut increments: Vec<Increment> = Vec::new();
         let place = |increments: &mut Vec<Increment>, step: usize, t: f64| {
@@ -138,7 +136,6 @@ impl Directory {
 
     /// Returns the extension of the body in these fields, as a fraction: from the loads at that time, or else from the
     /// bounding box of the body.
-    #[must_use]
     pub fn extension_at(&self, entry: &Entry, fields: &Fields) -> Option<f64> {
         let row = self
             .loads

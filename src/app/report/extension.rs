@@ -25,7 +25,6 @@ pub struct Extension {
 impl Extension {
     /// Determines the direction of the pull. The fields, with their time, give the length of the body and distinguish
     /// pulling from pushing.
-    #[must_use]
     pub fn find(loads: &Loads, fields: Option<(&Fields, f64)>) -> Option<Self> {
         let last = loads.rows.last()?;
         let mut largest = (0.0, 0, [0, 0]);
@@ -57,7 +56,6 @@ impl Extension {
     }
 
     /// Returns the elongation in a row, m.
-    #[must_use]
     pub fn elongation(&self, row: &LoadRow) -> f64 {
         let [from, to] =
             self.surfaces.map(|surface| row.surfaces.get(surface).map_or(0.0, |s| s.displacement[self.axis]));
@@ -65,7 +63,6 @@ impl Extension {
     }
 
     /// Returns the extension in a row, if the length of the body is known.
-    #[must_use]
     pub fn fraction(&self, row: &LoadRow) -> Option<f64> {
         self.length.map(|length| self.elongation(row) / length)
     }
@@ -78,7 +75,6 @@ pub(super) fn row_at(loads: &Loads, time: f64) -> Option<&LoadRow> {
 
 /// Returns the relative change of the bounding box along its longest reference edge. Among edges that are less than a
 /// tenth shorter (a cube), the one with the largest change is used.
-#[must_use]
 pub fn box_extension(fields: &Fields) -> Option<f64> {
     let (reference, current) = (edges(fields.points.iter().copied()), edges(deformed(fields)));
     let longest = reference.into_iter().fold(0.0, f64::max);

@@ -21,7 +21,6 @@ pub struct Entry {
 
 impl Entry {
     /// Returns the step of a file named by [`field_file`] or [`index_file`]: the digits at the end of its name.
-    #[must_use]
     pub fn step(&self) -> Option<usize> {
         let stem = Path::new(&self.file).file_stem()?.to_str()?;
         stem[stem.trim_end_matches(|letter: char| letter.is_ascii_digit()).len()..].parse().ok()
@@ -29,19 +28,16 @@ impl Entry {
 }
 
 /// Returns the name of the field file of a step.
-#[must_use]
 pub fn field_file(step: usize) -> String {
     format!("fields-{step:05}.vtu")
 }
 
 /// Returns the name of the index file of a step, which names the pieces of a divided body.
-#[must_use]
 pub fn index_file(step: usize) -> String {
     format!("fields-{step:05}.pvtu")
 }
 
 /// Returns the file name of a state within the step after the step of `file`, as left by a failed run.
-#[must_use]
 pub fn partial(file: &str) -> String {
     match file.rsplit_once('.') {
         Some((stem, extension)) => format!("{stem}-partial.{extension}"),
@@ -59,7 +55,6 @@ pub struct Collection {
 impl Collection {
     /// Creates an empty collection for a file, whose name should end in `.pvd`. Nothing is written before the first
     /// [`add`](Self::add).
-    #[must_use]
     pub fn new(path: PathBuf) -> Self {
         Self { path, entries: Vec::new() }
     }
@@ -118,7 +113,6 @@ impl Collection {
     }
 
     /// Returns the files with their times.
-    #[must_use]
     pub fn entries(&self) -> &[Entry] {
         &self.entries
     }

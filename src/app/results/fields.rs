@@ -52,31 +52,26 @@ pub struct Fields {
 
 impl Fields {
     /// Returns the point vectors with this name.
-    #[must_use]
     pub fn point_vector(&self, name: &str) -> Option<&[[f64; 3]]> {
         named(&self.point_vectors, name)
     }
 
     /// Returns the element scalars with this name.
-    #[must_use]
     pub fn cell_scalar(&self, name: &str) -> Option<&[f64]> {
         named(&self.cell_scalars, name)
     }
 
     /// Returns the element integers with this name.
-    #[must_use]
     pub fn cell_integer(&self, name: &str) -> Option<&[i64]> {
         named(&self.cell_integers, name)
     }
 
     /// Returns the element vectors with this name.
-    #[must_use]
     pub fn cell_vector(&self, name: &str) -> Option<&[[f64; 3]]> {
         named(&self.cell_vectors, name)
     }
 
     /// Returns the element tensors with this name, row-major.
-    #[must_use]
     pub fn cell_tensor(&self, name: &str) -> Option<&[[f64; 9]]> {
         named(&self.cell_tensors, name)
     }

@@ -121,7 +121,6 @@ impl LoadsWriter {
     }
 
     /// Returns the checksums of the header and of all rows.
-    #[must_use]
     pub fn marks(&self) -> &[LineChecksum] {
         &self.marks
     }

@@ -40,13 +40,11 @@ pub struct Networks {
 }
 
 /// Returns the name of the file of an element and a step, in the folder of networks.
-#[must_use]
 pub fn network_file(element: usize, step: usize) -> String {
     format!("element-{element:05}-step-{step:05}.vtp")
 }
 
 /// Returns the name of the collection of an element, in the folder of networks.
-#[must_use]
 pub fn network_collection(element: usize) -> String {
     format!("element-{element:05}.pvd")
 }

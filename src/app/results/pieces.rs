@@ -17,7 +17,6 @@ use super::{FieldSet, ResultsError, write_vtu};
 
 /// Returns the name of the piece of a part, beside the index file that names all pieces: `fields-00003.pvtu` has
 /// `fields-00003-part-0002.vtu`.
-#[must_use]
 pub fn part_file(index_name: &str, part: usize) -> String {
     let stem = index_name.strip_suffix(".pvtu").unwrap_or(index_name);
     format!("{stem}-part-{part:04}.vtu")

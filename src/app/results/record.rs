@@ -26,7 +26,6 @@ pub struct Done {
 
 impl Done {
     /// Returns the pseudo-time after the last converged step.
-    #[must_use]
     pub fn t(self) -> f64 {
         self.t_of(self.steps)
     }
@@ -68,7 +67,6 @@ impl FieldFile {
     }
 
     /// Returns the entry of this file in the collection.
-    #[must_use]
     pub fn entry(&self) -> Entry {
         Entry { time: self.time, file: self.file.clone() }
     }

@@ -65,25 +65,21 @@ impl<B: RealBackend> Simulation<B> {
 
 impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
     /// Returns the warnings of the readers.
-    #[must_use]
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }
 
     /// Returns the case.
-    #[must_use]
     pub fn case(&self) -> &Case {
         &self.case
     }
 
     /// Returns the mesh, in meters.
-    #[must_use]
     pub fn mesh(&self) -> &Mesh {
         self.stepper.mesh()
     }
 
     /// Returns the size of the problem.
-    #[must_use]
     pub fn problem_size(&self) -> ProblemSize {
         ProblemSize::new(&self.case, self.mesh(), self.stepper.field(), self.stepper.unknowns())
     }

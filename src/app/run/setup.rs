@@ -86,25 +86,21 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
     }
 
     /// Returns the size of the problem.
-    #[must_use]
     pub fn problem_size(&self) -> ProblemSize {
         ProblemSize::new(&self.case, &self.mesh, &self.field, self.unknowns)
     }
 
     /// Returns the warnings of the readers.
-    #[must_use]
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }
 
     /// Returns the case.
-    #[must_use]
     pub fn case(&self) -> &Case {
         &self.case
     }
 
     /// Returns the mesh, in meters.
-    #[must_use]
     pub fn mesh(&self) -> &Mesh {
         &self.mesh
     }

@@ -147,7 +147,6 @@ impl World {
 
 impl ThreadComm {
     /// Creates a communicator with a single rank.
-    #[must_use]
     pub fn alone() -> Self {
         let mailboxes = vec![Mailbox::default()];
         let ended = vec![AtomicBool::new(false)];

@@ -27,28 +27,24 @@ impl<T: Clone> Clone for Matrix<T> {
 
 impl<T: Value> Matrix<T> {
     /// Creates a zero matrix.
-    #[must_use]
     pub fn zeros(pattern: &Arc<Sparsity>) -> Self {
         Self { pattern: Arc::clone(pattern), values: vec![T::zero(); pattern.nnz() + 1] }
     }
 
     /// Returns the sparsity pattern.
     #[inline(always)]
-    #[must_use]
     pub fn pattern(&self) -> &Arc<Sparsity> {
         &self.pattern
     }
 
     /// Returns the value of every entry of the pattern, by rows.
     #[inline(always)]
-    #[must_use]
     pub fn values(&self) -> &[T] {
         &self.values[..self.pattern.nnz()]
     }
 
     /// Returns the value of every entry of the pattern, by rows, mutably.
     #[inline(always)]
-    #[must_use]
     pub fn values_mut(&mut self) -> &mut [T] {
         &mut self.values[..self.pattern.nnz()]
     }

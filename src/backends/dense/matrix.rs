@@ -26,7 +26,6 @@ impl<T: Clone> Clone for Matrix<T> {
 
 impl<T: Scalar> Matrix<T> {
     /// Creates a zero matrix with the shape of a pattern; it contains every entry, whether the pattern does or not.
-    #[must_use]
     pub fn zeros(pattern: &Sparsity) -> Self {
         let (rows, cols) = (pattern.rows(), pattern.cols());
         Self { rows, cols, values: vec![T::zero(); rows * cols + 1] }
@@ -34,14 +33,12 @@ impl<T: Scalar> Matrix<T> {
 
     /// Returns the values by rows.
     #[inline(always)]
-    #[must_use]
     pub fn values(&self) -> &[T] {
         &self.values[..self.rows * self.cols]
     }
 
     /// Returns the values by rows, mutably.
     #[inline(always)]
-    #[must_use]
     pub fn values_mut(&mut self) -> &mut [T] {
         &mut self.values[..self.rows * self.cols]
     }

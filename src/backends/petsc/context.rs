@@ -78,7 +78,6 @@ impl Context {
     }
 
     /// Creates a context on the ranks of a communicator, which is duplicated.
-    #[must_use]
     pub fn new(session: &Session, comm: &impl Communicator) -> Self {
         let alone = lock();
         let comm = comm.duplicate();
@@ -139,37 +138,31 @@ impl Context {
     }
 
     /// Returns the number of this rank.
-    #[must_use]
     pub fn rank(&self) -> usize {
         self.comm.rank
     }
 
     /// Returns the number of ranks.
-    #[must_use]
     pub fn ranks(&self) -> usize {
         self.comm.ranks
     }
 
     /// Returns the prefix of options.
-    #[must_use]
     pub fn prefix(&self) -> &str {
         &self.prefix
     }
 
     /// Returns the distribution of data over the ranks.
-    #[must_use]
     pub fn distribution(&self) -> Distribution {
         self.distribution
     }
 
     /// Returns the session.
-    #[must_use]
     pub fn session(&self) -> &Session {
         &self.comm.session
     }
 
     /// Returns the storage format of matrices.
-    #[must_use]
     pub fn matrix_type(&self) -> MatrixType {
         self.kind
     }

@@ -23,19 +23,16 @@ struct Details {
 
 impl PetscError {
     /// Returns PETSc's error code (`petscerror.h`).
-    #[must_use]
     pub fn code(&self) -> i32 {
         self.0.code
     }
 
     /// Returns PETSc's error message.
-    #[must_use]
     pub fn text(&self) -> &str {
         &self.0.text
     }
 
     /// Returns the name of the function that detected the error.
-    #[must_use]
     pub fn function(&self) -> &str {
         &self.0.function
     }

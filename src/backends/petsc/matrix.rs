@@ -95,21 +95,18 @@ impl Matrix {
     }
 
     /// Returns the storage format.
-    #[must_use]
     pub fn matrix_type(&self) -> MatrixType {
         if self.layout.block > 1 { MatrixType::Baij } else { MatrixType::Aij }
     }
 
     /// Returns the sparsity pattern.
     #[inline(always)]
-    #[must_use]
     pub fn pattern(&self) -> &Arc<Sparsity> {
         &self.layout.pattern
     }
 
     /// Returns the `Mat`, for PETSc functions that this crate does not call; it lives as long as this matrix. The
     /// caller must not change its nonzero pattern or its type.
-    #[must_use]
     pub fn as_ptr(&self) -> *mut std::ffi::c_void {
         self.raw().cast()
     }

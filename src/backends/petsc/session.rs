@@ -109,19 +109,16 @@ impl Session {
     }
 
     /// Returns the session that runs in this process, if there is one, for code that did not start it.
-    #[must_use]
     pub fn current() -> Option<Self> {
         CURRENT.lock().unwrap_or_else(PoisonError::into_inner).upgrade().map(Self)
     }
 
     /// Returns the version of PETSc with which the crate was built.
-    #[must_use]
     pub fn version() -> &'static str {
         env!("BIOTISSUE_PETSC_VERSION")
     }
 
     /// Returns the solver packages with which PETSc was built.
-    #[must_use]
     pub fn packages() -> Vec<&'static str> {
         let known = [
             ("mumps", cfg!(petsc_has = "mumps")),

@@ -78,7 +78,6 @@ impl Vector {
 
     /// Returns the entries.
     #[inline(always)]
-    #[must_use]
     pub fn as_slice(&self) -> &[f64] {
         if self.len == 0 {
             return &[];
@@ -89,7 +88,6 @@ impl Vector {
 
     /// Returns the entries, mutably.
     #[inline(always)]
-    #[must_use]
     pub fn as_mut_slice(&mut self) -> &mut [f64] {
         if self.len == 0 {
             return &mut [];

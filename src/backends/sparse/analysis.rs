@@ -90,28 +90,24 @@ impl Symbolic {
     }
 
     /// Returns the number of unknowns.
-    #[must_use]
     pub fn unknowns(&self) -> usize {
         self.pattern.rows()
     }
 
     /// Returns the number of values in a Cholesky or LDL^T factor, including the explicit zeros of the supernodes;
     /// `None` if the matrices are declared unsymmetric.
-    #[must_use]
     pub fn factor_entries(&self) -> Option<usize> {
         let of_cholesky = || self.cholesky.get().map(|analysis| analysis.supernodes.len_val());
         self.blocks.as_ref().map(SymbolicBlockCholesky::entries).or_else(of_cholesky)
     }
 
     /// Returns the unknown that Cholesky eliminates at each position; empty if the matrices are declared unsymmetric.
-    #[must_use]
     pub fn order(&self) -> &[u32] {
         &self.order
     }
 
     /// Returns the number of floating-point operations of a Cholesky factorization in this order, without those on
     /// explicit zeros; `None` if the matrices are declared unsymmetric.
-    #[must_use]
     pub fn operations(&self) -> Option<f64> {
         self.operations
     }

@@ -87,13 +87,11 @@ impl<T: BlockScalar> Solver<T> {
     }
 
     /// Returns the symbolic analysis of this solver.
-    #[must_use]
     pub fn symbolic(&self) -> &Arc<Symbolic> {
         &self.symbolic
     }
 
     /// Returns the number of values in the incomplete factorization, if there is one.
-    #[must_use]
     pub fn incomplete_entries(&self) -> Option<usize> {
         self.iterative.as_ref().and_then(|iterative| iterative.entries())
     }

@@ -7,7 +7,6 @@ use crate::fem::element::{NODES, Tetrahedron, UNKNOWNS};
 
 /// Computes `f_a = V P grad N_a`, N, for every node.
 #[inline(always)]
-#[must_use]
 pub fn internal_force(element: &Tetrahedron, pk1: &Matrix3<f64>) -> [[f64; 3]; NODES] {
     let vp = pk1 * element.volume;
     element.gradients.map(|g| std::array::from_fn(|i| vp[(i, 0)] * g[0] + vp[(i, 1)] * g[1] + vp[(i, 2)] * g[2]))
@@ -19,7 +18,6 @@ pub fn internal_force(element: &Tetrahedron, pk1: &Matrix3<f64>) -> [[f64; 3]; N
 /// the six with `a <= b`; the others are transposes because `A` is symmetric. The gradients sum to zero, so the blocks
 /// of node 0 are minus the sum of the others; a rigid translation therefore causes no force.
 #[inline(always)]
-#[must_use]
 pub fn stiffness(element: &Tetrahedron, tangent: &SMatrix<f64, 9, 9>) -> [f64; UNKNOWNS * UNKNOWNS] {
     // Column (b, k) of K; w[iJ] = V A_iJkL g_b[L]; the row node a is `c` here.
     let mut block = [[0.0; UNKNOWNS]; UNKNOWNS];

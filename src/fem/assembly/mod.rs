@@ -132,14 +132,12 @@ impl<B: RealBackend> Assembler<B> {
     }
 
     /// Returns volume and shape-function gradients of each element.
-    #[must_use]
     pub fn geometry(&self) -> &[Tetrahedron] {
         &self.geometry
     }
 
     /// Returns the equation number (row) of each node and component, at `3 * node + component`; negative for prescribed
     /// components.
-    #[must_use]
     pub fn equation_numbers(&self) -> &[B::Index] {
         &self.equation_numbers
     }
@@ -240,7 +238,6 @@ impl<B: RealBackend> Assembler<B> {
     /// force on node `a` of element `e` is then wrong by about `V |A| |grad N_a| eps`; the stiffness of the node is of
     /// size `V |grad N_a|^2 |A|`. These errors are independent, so their squares add up. With a factor of 8, as at the
     /// micro scale, the estimate is `8 eps sqrt(sum_e sum_a (V |A| |grad N_a|)^2)` in Frobenius norms.
-    #[must_use]
     pub fn rounding_error(&self, tangent: &[SMatrix<f64, 9, 9>]) -> f64 {
         let squares = self.geometry.iter().zip(tangent).map(|(g, a)| {
             let gradients: f64 = g.gradients.as_flattened().iter().map(|g| g * g).sum();

@@ -51,13 +51,11 @@ impl Unknowns {
     }
 
     /// Returns the equation number of component `c` of node `a` at `3 * a + c`; -1 if the component is prescribed.
-    #[must_use]
     pub fn equation_numbers(&self) -> &[i32] {
         &self.equation_numbers
     }
 
     /// Returns the number of free components.
-    #[must_use]
     pub fn free(&self) -> usize {
         self.free
     }

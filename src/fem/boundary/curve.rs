@@ -75,7 +75,6 @@ impl LoadCurve {
     }
 
     /// Returns the factor at pseudo-time `t`.
-    #[must_use]
     pub fn factor(&self, t: f64) -> f64 {
         match self {
             Self::Ramp => t,
@@ -86,7 +85,6 @@ impl LoadCurve {
 
 impl LoadTable {
     /// Returns the `(t, factor)` points.
-    #[must_use]
     pub fn points(&self) -> &[[f64; 2]] {
         &self.points
     }

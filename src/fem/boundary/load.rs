@@ -84,7 +84,6 @@ impl<'a> CoupledNodes<'a> {
     }
 
     /// Returns true for a load that does not depend on the displacements.
-    #[must_use]
     pub fn is_none(self) -> bool {
         matches!(self, Self::None)
     }

@@ -67,7 +67,6 @@ impl Boundary {
     ///
     /// # Panics
     /// Panics if `nodes` is less than the number of nodes of the mesh.
-    #[must_use]
     pub fn prescribed_mask(&self, nodes: usize) -> Vec<[bool; 3]> {
         let mut mask = vec![[false; 3]; nodes];
         for prescribed in &self.prescribed_components {
@@ -77,25 +76,21 @@ impl Boundary {
     }
 
     /// Returns the prescribed components, ascending by node and component.
-    #[must_use]
     pub fn prescribed_components(&self) -> &[PrescribedComponent] {
         &self.prescribed_components
     }
 
     /// Returns the loads, in the order of the conditions.
-    #[must_use]
     pub fn loads(&self) -> &[Box<dyn Load>] {
         &self.loads
     }
 
     /// Returns true if the external forces depend on the displacements.
-    #[must_use]
     pub fn depends_on_displacements(&self) -> bool {
         self.loads.iter().any(|load| !load.coupled_nodes().is_none())
     }
 
     /// Returns the symmetry of the tangent: the weakest of `body` and of the loads that depend on the displacements.
-    #[must_use]
     pub fn symmetry(&self, body: Symmetry) -> Symmetry {
         let coupled = self.loads.iter().filter(|load| !load.coupled_nodes().is_none());
         coupled.fold(body, |weakest, load| match (weakest, load.symmetry()) {
@@ -106,7 +101,6 @@ impl Boundary {
     }
 
     /// Returns the node of each point condition.
-    #[must_use]
     pub fn point_nodes(&self) -> &[u32] {
         &self.point_nodes
     }

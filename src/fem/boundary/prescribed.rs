@@ -31,7 +31,6 @@ pub struct PrescribedComponent {
 
 impl PrescribedComponent {
     /// Returns the displacement at pseudo-time `t`, m.
-    #[must_use]
     pub fn displacement(&self, t: f64) -> f64 {
         self.value * self.curve.factor(t)
     }

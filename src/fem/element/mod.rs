@@ -63,7 +63,6 @@ impl Tetrahedron {
     ///
     /// Uses displacements relative to node 0, so that a rigid translation cancels exactly.
     #[inline(always)]
-    #[must_use]
     pub fn displacement_gradient(&self, u: &[[f64; 3]; NODES]) -> Matrix3<f64> {
         let [_, g1, g2, g3] = &self.gradients;
         let relative = |a: usize, i: usize| u[a][i] - u[0][i];
@@ -72,7 +71,6 @@ impl Tetrahedron {
 
     /// Computes `F = I + du/dX` from nodal displacements in meters.
     #[inline(always)]
-    #[must_use]
     pub fn deformation_gradient(&self, u: &[[f64; 3]; NODES]) -> Matrix3<f64> {
         self.displacement_gradient(u) + Matrix3::identity()
     }

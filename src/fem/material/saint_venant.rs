@@ -28,7 +28,6 @@ pub struct SaintVenantKirchhoff {
 
 impl SaintVenantKirchhoff {
     /// Creates the law from the tangent `A = dP/dF` of a body at rest; enforces the symmetries of `C` exactly.
-    #[must_use]
     pub fn at_rest(tangent: &SMatrix<f64, 9, 9>) -> Self {
         let transposed = |k: usize| 3 * (k % 3) + k / 3;
         let mut stiffness = SMatrix::zeros();

@@ -48,7 +48,6 @@ impl Mesh {
     ///
     /// # Panics
     /// Panics if the element does not exist.
-    #[must_use]
     pub fn corners(&self, element: usize) -> [[f64; 3]; 4] {
         self.elements[element].map(|node| self.nodes[node as usize])
     }
@@ -57,19 +56,16 @@ impl Mesh {
     ///
     /// # Panics
     /// Panics if the element does not exist.
-    #[must_use]
     pub fn element_volume(&self, element: usize) -> f64 {
         signed_volume(self.corners(element))
     }
 
     /// Returns the volume of the body, m^3.
-    #[must_use]
     pub fn volume(&self) -> f64 {
         (0..self.elements.len()).map(|element| self.element_volume(element)).sum()
     }
 
     /// Returns the volume of each region, m^3, in the order of [`Mesh::regions`].
-    #[must_use]
     pub fn region_volumes(&self) -> Vec<f64> {
         let mut volumes = vec![0.0; self.regions.len()];
         for (element, &region) in self.region_of.iter().enumerate() {
@@ -82,7 +78,6 @@ impl Mesh {
     ///
     /// # Panics
     /// Panics if a node of the triangle does not exist.
-    #[must_use]
     pub fn area_vector(&self, triangle: [u32; 3]) -> [f64; 3] {
         let [a, b, c] = triangle.map(|node| self.nodes[node as usize]);
         cross(difference(b, a), difference(c, a)).map(|component| 0.5 * component)
@@ -92,7 +87,6 @@ impl Mesh {
     ///
     /// # Panics
     /// Panics if a node of the surface does not exist.
-    #[must_use]
     pub fn surface_area(&self, surface: &Surface) -> f64 {
         let area = |&triangle: &[u32; 3]| {
             let normal = self.area_vector(triangle);
@@ -102,13 +96,11 @@ impl Mesh {
     }
 
     /// Returns the lowest and the highest coordinates, m.
-    #[must_use]
     pub fn bounding_box(&self) -> [[f64; 3]; 2] {
         bounding_box(self.nodes.iter().copied())
     }
 
     /// Returns the node nearest to a point and its distance, m; the lowest index if several are equally near.
-    #[must_use]
     pub fn nearest_node(&self, point: [f64; 3]) -> (usize, f64) {
         let distance = |&node: &[f64; 3]| {
             let [x, y, z] = difference(node, point);
@@ -125,7 +117,6 @@ impl Mesh {
 
     /// Returns the smallest and the largest angle between two faces of an element, in degrees: 70.5 and 70.5 for
     /// regular tetrahedra, 0 and 180 for flat ones.
-    #[must_use]
     pub fn dihedral_range(&self) -> [f64; 2] {
         let angles = (0..self.elements.len()).flat_map(|element| dihedral_angles(self.corners(element)));
         angles.fold([180.0, 0.0], |[low, high], angle| [angle.min(low), angle.max(high)])

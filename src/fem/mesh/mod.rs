@@ -55,7 +55,6 @@ pub struct Surface {
 
 impl Surface {
     /// Returns the nodes of the surface, without duplicates, ascending.
-    #[must_use]
     pub fn nodes(&self) -> Vec<u32> {
         let mut nodes: Vec<u32> = self.triangles.iter().flatten().copied().collect();
         nodes.sort_unstable();
@@ -107,37 +106,31 @@ impl Mesh {
     }
 
     /// Returns node positions in the reference state, in meters.
-    #[must_use]
     pub fn nodes(&self) -> &[[f64; 3]] {
         &self.nodes
     }
 
     /// Returns the four nodes of each element; volumes are positive.
-    #[must_use]
     pub fn elements(&self) -> &[[u32; 4]] {
         &self.elements
     }
 
     /// Returns the index into [`Mesh::regions`] of each element.
-    #[must_use]
     pub fn region_of(&self) -> &[u32] {
         &self.region_of
     }
 
     /// Returns the names of the regions.
-    #[must_use]
     pub fn regions(&self) -> &[String] {
         &self.regions
     }
 
     /// Returns the named surfaces.
-    #[must_use]
     pub fn surfaces(&self) -> &[Surface] {
         &self.surfaces
     }
 
     /// Returns the index of the region of this name, as used in [`Mesh::region_of`].
-    #[must_use]
     pub fn region(&self, name: &str) -> Option<u32> {
         self.regions.iter().position(|region| region == name).and_then(|k| u32::try_from(k).ok())
     }
@@ -148,13 +141,11 @@ impl Mesh {
     }
 
     /// Returns the surface of this name.
-    #[must_use]
     pub fn surface(&self, name: &str) -> Option<&Surface> {
         self.surfaces.iter().find(|surface| surface.name == name)
     }
 
     /// For each element, returns the elements that share a face with it, ascending.
-    #[must_use]
     pub fn neighbors(&self) -> Vec<Vec<u32>> {
         faces::neighbors(&self.elements)
     }

@@ -152,43 +152,36 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
     }
 
     /// Returns the last converged state.
-    #[must_use]
     pub fn state(&self) -> &BodyState {
         self.body.committed()
     }
 
     /// Returns the surface and point forces in the last converged state.
-    #[must_use]
     pub fn forces(&self) -> BoundaryForces {
         self.body.forces()
     }
 
     /// Returns the point field.
-    #[must_use]
     pub fn field(&self) -> &P {
         self.body.field()
     }
 
     /// Returns the mesh.
-    #[must_use]
     pub fn mesh(&self) -> &Arc<Mesh> {
         self.body.mesh()
     }
 
     /// Returns the number of converged full steps.
-    #[must_use]
     pub fn completed_steps(&self) -> usize {
         self.completed_steps
     }
 
     /// Returns the number of full steps of the whole run.
-    #[must_use]
     pub fn count(&self) -> usize {
         self.params.count
     }
 
     /// Returns the number of unknowns of the linear system.
-    #[must_use]
     pub fn unknowns(&self) -> usize {
         self.system.residual.len()
     }

@@ -79,25 +79,21 @@ pub struct StepReport {
 
 impl StepReport {
     /// Returns the number of Newton iterations of the converged substeps.
-    #[must_use]
     pub fn iterations(&self) -> usize {
         self.solves.iter().map(|report| report.iterations).sum()
     }
 
     /// Returns the number of Newton iterations of failed attempts.
-    #[must_use]
     pub fn wasted_iterations(&self) -> usize {
         self.failures.iter().map(|report| report.iterations).sum()
     }
 
     /// Returns the final residual relative to its scale; `None` before a substep has converged.
-    #[must_use]
     pub fn relative_residual(&self) -> Option<f64> {
         self.solves.last()?.relative.last().copied()
     }
 
     /// Returns the seconds by phase, for converged and failed attempts and linearized starts together.
-    #[must_use]
     pub fn seconds(&self) -> NewtonSeconds {
         let attempts = self.solves.iter().chain(&self.failures).map(|report| report.seconds);
         attempts.fold(self.linearized_seconds, add)

@@ -58,7 +58,6 @@ pub type StepperRestoreError<B, P, R> = RestoreError<R, <P as PointField>::Error
 impl<B: RealBackend, P: PointField> Stepper<B, P> {
     /// Returns the state after the last full step; `None` before the first one, and if the committed state lies
     /// within a step that failed later.
-    #[must_use]
     pub fn saved(&self) -> Option<SavedState> {
         let state = self.body.committed();
         let full = self.completed_steps > 0 && state.t == self.time_after(self.completed_steps);

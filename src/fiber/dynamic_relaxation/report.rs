@@ -32,7 +32,6 @@ pub struct Energies {
 
 impl Energies {
     /// The error of the energy balance over the largest of the energies.
-    #[must_use]
     pub fn error(&self) -> f64 {
         let largest = self.work.abs().max(self.strain.abs()).max(self.kinetic).max(self.damped);
         let missing = (self.strain + self.kinetic + self.damped - self.work).abs();

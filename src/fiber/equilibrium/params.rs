@@ -22,7 +22,6 @@ impl Stage {
     pub const ALL: [Self; 4] = [Self::Newton, Self::Regularized, Self::Cuts, Self::Relaxation];
 
     /// The name of the stage in cases, commands and logs.
-    #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Newton => "newton",
@@ -33,7 +32,6 @@ impl Stage {
     }
 
     /// Returns the stage with this [`Stage::name`].
-    #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|stage| stage.name() == name)
     }
@@ -62,13 +60,11 @@ impl Default for Stages {
 
 impl Stages {
     /// The set of exactly these stages.
-    #[must_use]
     pub fn of(stages: &[Stage]) -> Self {
         Self(Stage::ALL.map(|stage| stages.contains(&stage)))
     }
 
     /// Returns true if the set contains `stage`.
-    #[must_use]
     pub fn has(self, stage: Stage) -> bool {
         self.0[stage as usize]
     }

@@ -189,7 +189,6 @@ fn format_failures<F: std::error::Error + 'static>(failures: &[StageFailure<F>])
 impl<F: std::error::Error + 'static> RveError<F> {
     /// Returns true if the last stage failed because of a singular or unsolvable linear system, and not because the
     /// state is hard to reach.
-    #[must_use]
     pub fn is_linear(&self) -> bool {
         match self {
             Self::Inverted(_) | Self::Workspace | Self::State(_) | Self::ExcessiveForce(_) => false,
@@ -201,7 +200,6 @@ impl<F: std::error::Error + 'static> RveError<F> {
     }
 
     /// Returns true if the linear-algebra library itself failed.
-    #[must_use]
     pub fn is_fault(&self) -> bool {
         match self {
             Self::Inverted(_) | Self::Workspace | Self::State(_) | Self::ExcessiveForce(_) => false,

@@ -53,7 +53,6 @@ impl<'a, B: RealBackend> EquilibriumState<'a, B> {
     }
 
     /// The statistics of the solve.
-    #[must_use]
     pub fn report(&self) -> &EquilibriumReport {
         &self.report
     }
@@ -65,14 +64,12 @@ impl<'a, B: RealBackend> EquilibriumState<'a, B> {
     }
 
     /// The RVE.
-    #[must_use]
     pub fn rve(&self) -> &Rve {
         self.rve
     }
 
     /// Returns the fiber with the largest relative force if that is an [`ExcessiveForce`]. No fiber withstands such a
     /// force; it indicates a deformation or a modulus in a wrong unit.
-    #[must_use]
     pub fn excessive_force(&self) -> Option<ExcessiveForce> {
         let fiber = self.model.truss().max_relative_force(self.workspace.states())?;
         (fiber.2 >= ExcessiveForce::THRESHOLD).then(|| ExcessiveForce::of(fiber))
@@ -80,13 +77,11 @@ impl<'a, B: RealBackend> EquilibriumState<'a, B> {
 
     /// First Piola-Kirchhoff stress `P_iJ = kappa sum_b T_b,i X_b,J` over boundary nodes, in Pa (N over unit-cube area
     /// for `kappa = 1`).
-    #[must_use]
     pub fn pk1(&self) -> Matrix3<f64> {
         homogenize::pk1(self.model, self.workspace)
     }
 
     /// Strain energy `W = kappa sum_f A L integral_1^lambda s` per reference volume, in J/m^3.
-    #[must_use]
     pub fn energy(&self) -> f64 {
         self.model.scale() * self.model.truss().energy(self.workspace.states())
     }
@@ -129,13 +124,11 @@ impl<'a, B: RealBackend> EquilibriumState<'a, B> {
     }
 
     /// Positions of all nodes, unit-cube units.
-    #[must_use]
     pub fn positions(&self) -> &[[f64; 3]] {
         self.workspace.positions()
     }
 
     /// Stretches, directions and forces of all fibers.
-    #[must_use]
     pub fn states(&self) -> &FiberStates {
         self.workspace.states()
     }

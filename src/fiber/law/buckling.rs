@@ -40,7 +40,6 @@ struct CompressiveBranch {
 
 impl<'a> Buckling<'a> {
     /// Modifies `law` with residual stiffness `r`, from 0 to 1, and buckling strain `w > 0`.
-    #[must_use]
     pub fn new(law: &'a dyn FiberLaw, residual: f64, buckling_strain: f64) -> Self {
         let youngs_modulus = law.youngs_modulus();
         Self { law, buckling: CompressiveBranch { youngs_modulus, residual, strain: buckling_strain } }

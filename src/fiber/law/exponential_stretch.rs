@@ -21,7 +21,6 @@ pub struct ExponentialStretch {
 
 impl ExponentialStretch {
     /// Makes the law with modulus `E` in Pa, nonlinearity `B` and transition stretch `lambda_t >= 1`.
-    #[must_use]
     pub fn new(youngs_modulus: f64, nonlinearity: f64, transition: f64) -> Self {
         Self { youngs_modulus, nonlinearity, transition }
     }

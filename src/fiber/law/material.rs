@@ -29,7 +29,6 @@ pub struct FiberMaterialError {
 
 impl FiberMaterial {
     /// The cross-sectional area.
-    #[must_use]
     pub fn area(&self) -> f64 {
         std::f64::consts::PI * self.radius * self.radius
     }

@@ -40,7 +40,6 @@ macro_rules! laws {
 
         impl Law {
             /// The name in files and on the command line; [`Law::Buckling`] has the name of the law in tension.
-            #[must_use]
             pub fn name(&self) -> &str {
                 match self {
                     $(Self::$law { .. } => $name,)+
@@ -63,7 +62,6 @@ macro_rules! laws {
             }
 
             /// Returns the law of the table with the values of its parameters; `None` for the other variants.
-            #[must_use]
             pub fn formula(&self) -> Option<(FormulaLaw, Vec<f64>)> {
                 match self {
                     $(&Self::$law { $($field),+ } => Some((FormulaLaw::$law, vec![$($field),+])),)+
@@ -83,7 +81,6 @@ macro_rules! laws {
             pub const ALL: &'static [Self] = &[$(Self::$law),+];
 
             /// The name in files and on the command line.
-            #[must_use]
             pub const fn name(self) -> &'static str {
                 match self {
                     $(Self::$law => $name,)+
@@ -91,7 +88,6 @@ macro_rules! laws {
             }
 
             /// The parameters, in the order in which files list them.
-            #[must_use]
             pub const fn parameters(self) -> &'static [Parameter] {
                 match self {
                     $(Self::$law => &[$($parameter),+],)+
@@ -118,7 +114,6 @@ pub struct CustomLaw(Arc<dyn FiberLaw>);
 
 impl CustomLaw {
     /// The shared law.
-    #[must_use]
     pub fn law(&self) -> &dyn FiberLaw {
         &*self.0
     }
@@ -157,13 +152,11 @@ impl PartialEq for CustomLaw {
 
 impl Law {
     /// Wraps a custom law.
-    #[must_use]
     pub fn custom(law: impl FiberLaw + 'static) -> Self {
         Self::Custom(CustomLaw(Arc::new(law)))
     }
 
     /// Makes the law through measured points.
-    #[must_use]
     pub fn table(table: Table) -> Self {
         Self::Table(Arc::new(table))
     }
@@ -183,7 +176,6 @@ impl Law {
     }
 
     /// `E`, the slope of the nominal stress at rest, in Pa.
-    #[must_use]
     pub fn youngs_modulus(&self) -> f64 {
         self.with(|law| law.youngs_modulus())
     }
@@ -260,13 +252,11 @@ impl LawName {
     }
 
     /// Returns the law with this [`LawName::as_str`].
-    #[must_use]
     pub fn find(name: &str) -> Option<Self> {
         Self::all().find(|law| law.as_str() == name)
     }
 
     /// The name in files and on the command line.
-    #[must_use]
     pub const fn as_str(self) -> &'static str {
         match self {
             Self::Formula(law) => law.name(),
@@ -275,7 +265,6 @@ impl LawName {
     }
 
     /// The scalar parameters, in the order in which files list them.
-    #[must_use]
     pub const fn parameters(self) -> &'static [Parameter] {
         match self {
             Self::Formula(law) => law.parameters(),
@@ -285,7 +274,6 @@ impl LawName {
 }
 
 /// The parameters of all laws, each once.
-#[must_use]
 pub fn formula_parameters() -> Vec<&'static Parameter> {
     let mut parameters: Vec<&Parameter> = Vec::new();
     for parameter in FormulaLaw::ALL.iter().flat_map(|law| law.parameters()) {

@@ -41,7 +41,6 @@ pub enum ParameterRange {
 
 impl ParameterRange {
     /// Returns true if the value is in the range.
-    #[must_use]
     pub fn contains(self, value: f64) -> bool {
         value.is_finite()
             && match self {

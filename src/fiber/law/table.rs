@@ -89,7 +89,6 @@ pub enum TableError {
 
 impl TableError {
     /// The point that causes the error, from 0.
-    #[must_use]
     pub fn point(&self) -> Option<usize> {
         match *self {
             Self::TooFew(_) | Self::NoRest => None,
@@ -103,7 +102,6 @@ impl TableError {
     }
 
     /// The requirement that the table violates, and advice on how to correct the table.
-    #[must_use]
     pub fn advice(&self) -> [&'static str; 2] {
         match self {
             Self::TooFew(_) => ["at least two points: stretch, nominal stress in Pa", "add points"],
@@ -151,7 +149,6 @@ impl Table {
     }
 
     /// The points: stretch and nominal stress in Pa.
-    #[must_use]
     pub fn points(&self) -> &[[f64; 2]] {
         &self.points
     }

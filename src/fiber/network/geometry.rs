@@ -144,7 +144,6 @@ impl Network {
 
     /// Returns the fibers, ascending, that join the same two nodes as an earlier fiber, in either direction. They
     /// contribute like all other fibers: their forces and stiffness add up.
-    #[must_use]
     pub fn doubled(&self) -> Vec<u32> {
         doubled(&self.fibers)
     }

@@ -50,26 +50,22 @@ pub struct Network {
 
 impl Network {
     /// The name: the file name without the folder, or the name given by the generator.
-    #[must_use]
     pub fn name(&self) -> &str {
         &self.name
     }
 
     /// Node positions in the unit cube.
-    #[must_use]
     pub fn nodes(&self) -> &[[f64; 3]] {
         &self.nodes
     }
 
     /// The two nodes of every fiber.
-    #[must_use]
     pub fn fibers(&self) -> &[[u32; 2]] {
         &self.fibers
     }
 
     /// Reference length of every fiber, in unit-cube units, computed as `sqrt(dx*dx + dy*dy + dz*dz)` of
     /// `node[b] - node[a]`: bitwise equal to the length that the truss computes for an undeformed fiber.
-    #[must_use]
     pub fn lengths(&self) -> &[f64] {
         &self.lengths
     }
@@ -78,45 +74,38 @@ impl Network {
     ///
     /// # Panics
     /// Panics if there is no such fiber.
-    #[must_use]
     pub fn direction(&self, fiber: usize) -> [f64; 3] {
         let [a, b] = self.fibers[fiber].map(|node| self.nodes[node as usize]);
         [0, 1, 2].map(|k| (b[k] - a[k]) / self.lengths[fiber])
     }
 
     /// Index into [`Network::materials`] of every fiber; 0 for all if the network has no materials.
-    #[must_use]
     pub fn material_of(&self) -> &[u16] {
         &self.material_of
     }
 
     /// The materials from the network's own files; empty if there are none.
-    #[must_use]
     pub fn materials(&self) -> &[FiberMaterial] {
         &self.materials
     }
 
     /// Nodes with a coordinate within 1e-8 of +-1/2, ascending: their positions are prescribed affinely.
-    #[must_use]
     pub fn boundary(&self) -> &[u32] {
         &self.boundary
     }
 
     /// The interior nodes, ascending.
-    #[must_use]
     pub fn interior(&self) -> &[u32] {
         &self.interior
     }
 
     /// Position of every node in [`Network::interior`], or -1 for a boundary node. The unknowns of node `a` are
     /// `3 * interior_number[a] + 0..3`.
-    #[must_use]
     pub fn interior_number(&self) -> &[i32] {
         &self.interior_number
     }
 
     /// Sum of the reference lengths, in unit-cube units.
-    #[must_use]
     pub fn total_length(&self) -> f64 {
         self.lengths.iter().sum()
     }

@@ -15,19 +15,16 @@ const WORD: usize = size_of::<u64>();
 
 impl Message {
     /// Creates an empty message.
-    #[must_use]
     pub const fn new() -> Self {
         Self { words: Vec::new(), len: 0 }
     }
 
     /// Creates a message of `len` zero bytes.
-    #[must_use]
     pub fn zeros(len: usize) -> Self {
         Self { words: vec![0; len.div_ceil(WORD)], len }
     }
 
     /// Copies `values` into a message.
-    #[must_use]
     pub fn of<T: NoUninit>(values: &[T]) -> Self {
         let bytes: &[u8] = bytemuck::cast_slice(values);
         let mut message = Self::zeros(bytes.len());
@@ -36,14 +33,12 @@ impl Message {
     }
 
     /// Copies a text into a message.
-    #[must_use]
     pub fn text(text: &str) -> Self {
         Self::of(text.as_bytes())
     }
 
     /// Joins messages into one, which [`split`](Self::split) separates again. The first message keeps its buffer if the
     /// capacity suffices, so that a single long message is not copied.
-    #[must_use]
     pub fn join(parts: Vec<Self>) -> Self {
         // The lengths follow the messages, so that the first message need not move.
         let trailer = parts.iter().map(|part| part.len as u64).chain([parts.len() as u64]).collect::<Vec<_>>();
@@ -56,7 +51,6 @@ impl Message {
 
     /// Returns the parts of a message made by [`join`](Self::join), without copies; `None` if the message does not have
     /// that form.
-    #[must_use]
     pub fn split(&self) -> Option<Vec<&[u8]>> {
         let (&count, rest) = self.values::<u64>()?.split_last()?;
         let parts = rest.len().checked_sub(usize::try_from(count).ok()?)?;
@@ -72,13 +66,11 @@ impl Message {
     }
 
     /// Returns the length in bytes.
-    #[must_use]
     pub fn len(&self) -> usize {
         self.len
     }
 
     /// Returns true if the message is empty.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len == 0
     }
@@ -93,33 +85,28 @@ impl Message {
     }
 
     /// Returns the bytes.
-    #[must_use]
     pub fn bytes(&self) -> &[u8] {
         &bytemuck::cast_slice(&self.words)[..self.len]
     }
 
     /// Returns the bytes for modification.
-    #[must_use]
     pub fn bytes_mut(&mut self) -> &mut [u8] {
         &mut bytemuck::cast_slice_mut(&mut self.words)[..self.len]
     }
 
     /// Returns the content as values of type `T`; `None` if the length is not a multiple of the size of `T`, or if `T`
     /// needs an alignment of more than eight bytes.
-    #[must_use]
     pub fn values<T: AnyBitPattern>(&self) -> Option<&[T]> {
         bytemuck::try_cast_slice(self.bytes()).ok()
     }
 
     /// Returns the content as values of type `T` for modification; `None` in the same cases as
     /// [`values`](Self::values).
-    #[must_use]
     pub fn values_mut<T: AnyBitPattern + NoUninit>(&mut self) -> Option<&mut [T]> {
         bytemuck::try_cast_slice_mut(self.bytes_mut()).ok()
     }
 
     /// Returns the content as text; invalid UTF-8 is replaced.
-    #[must_use]
     pub fn to_text(&self) -> String {
         String::from_utf8_lossy(self.bytes()).into_owned()
     }

@@ -26,7 +26,6 @@ impl Tag {
     /// The tag of the collectives.
     pub(crate) const COLLECTIVE: Self = Self(0);
     /// A user tag, for use on a communicator of the user's own ([`Comm::duplicate`]).
-    #[must_use]
     pub const fn of(number: u16) -> Self {
         Self(1 + number as u32)
     }

@@ -11,7 +11,6 @@ pub struct Random(u64);
 
 impl Random {
     /// Starts the sequence of a seed.
-    #[must_use]
     pub fn new(seed: u64) -> Self {
         Self(seed)
     }
@@ -87,7 +86,6 @@ pub struct DenseReference {
 
 impl DenseReference {
     /// Creates a matrix of zeros.
-    #[must_use]
     pub fn zeros(rows: usize, cols: usize) -> Self {
         Self { rows, cols, values: vec![0.0; rows * cols] }
     }
@@ -96,7 +94,6 @@ impl DenseReference {
     ///
     /// # Panics
     /// Panics if the entry does not exist.
-    #[must_use]
     pub fn get(&self, row: usize, column: usize) -> f64 {
         assert!(column < self.cols, "column {column} of {}", self.cols);
         self.values[row * self.cols + column]
@@ -112,19 +109,16 @@ impl DenseReference {
     }
 
     /// `A x`.
-    #[must_use]
     pub fn times(&self, x: &[f64]) -> Vec<f64> {
         (0..self.rows).map(|i| (0..self.cols).map(|j| self.get(i, j) * x[j]).sum()).collect()
     }
 
     /// `A B`.
-    #[must_use]
     pub fn product(&self, b: &Self) -> Self {
         Self::from_fn(self.rows, b.cols, |i, j| (0..self.cols).map(|k| self.get(i, k) * b.get(k, j)).sum())
     }
 
     /// `A^T`.
-    #[must_use]
     pub fn transposed(&self) -> Self {
         Self::from_fn(self.cols, self.rows, |i, j| self.get(j, i))
     }
@@ -140,7 +134,6 @@ impl DenseReference {
     }
 
     /// The largest absolute row sum (infinity norm).
-    #[must_use]
     pub fn norm(&self) -> f64 {
         let sums = (0..self.rows).map(|i| self.values[i * self.cols..][..self.cols].iter().map(|v| v.abs()).sum());
         sums.fold(0.0, f64::max)
@@ -149,7 +142,6 @@ impl DenseReference {
     /// A symmetric matrix with random off-diagonal entries. Each diagonal entry exceeds the absolute sum of the rest of
     /// its row by one half and has the sign `sign(row)`. Such a matrix is well-conditioned, and for every elimination
     /// order, each pivot has the sign of its diagonal entry.
-    #[must_use]
     pub fn dominant(random: &mut Random, pattern: &Sparsity, sign: impl Fn(usize) -> f64) -> Self {
         let n = pattern.rows();
         let mut a = Self::zeros(n, n);

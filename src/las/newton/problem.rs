@@ -51,7 +51,6 @@ pub struct ResidualScale {
 
 impl ResidualScale {
     /// The residual norm at which the iteration has converged: `max(tolerance * scale, floor)`.
-    #[must_use]
     pub fn limit(self, tolerance: f64) -> f64 {
         (tolerance * self.scale).max(self.floor)
     }

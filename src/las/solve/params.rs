@@ -99,7 +99,6 @@ impl Iterative {
     /// gradients, which need a symmetric positive definite preconditioner; ILUT(1e-3, 20) for the others.
     ///
     /// The backend `petsc` does not support ILUT: choose another preconditioner there.
-    #[must_use]
     pub fn new(krylov: Krylov) -> Self {
         let preconditioner = match krylov {
             Krylov::Cg => Preconditioner::Diagonal,
@@ -195,7 +194,6 @@ impl Default for SolverParams {
 
 impl SolverParams {
     /// The default parameters for a matrix of the given symmetry.
-    #[must_use]
     pub fn new(symmetry: Symmetry) -> Self {
         Self { symmetry, singular_below: None, ordering: Ordering::Auto, method: Method::Direct }
     }

@@ -88,13 +88,11 @@ impl<B: RealBackend> Library<B> {
     }
 
     /// Returns the models in use: networks, each with its law and scale.
-    #[must_use]
     pub fn models(&self) -> &[RveModel<B>] {
         &self.models
     }
 
     /// Returns the models that the elements of a region choose from; empty for a formula or a matrix alone.
-    #[must_use]
     pub fn models_of_region(&self, region: usize) -> &[usize] {
         &self.regions[region].1
     }
@@ -116,13 +114,11 @@ impl<B: RealBackend> Library<B> {
     }
 
     /// Returns the parameters of the solver for equilibria.
-    #[must_use]
     pub fn params(&self) -> &EquilibriumParams {
         &self.params
     }
 
     /// Returns the material of an element of a region.
-    #[must_use]
     pub fn of_element(&self, region: usize, element: usize) -> ElementMaterial {
         let (Region { material, .. }, models) = &self.regions[region];
         match material {

@@ -22,7 +22,6 @@ pub enum RveStatus {
 
 impl RveStatus {
     /// Returns true if the RVE exists.
-    #[must_use]
     pub fn exists(self) -> bool {
         matches!(self, Self::Awake | Self::Asleep)
     }

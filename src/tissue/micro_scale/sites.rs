@@ -83,13 +83,11 @@ impl Sites {
     }
 
     /// Number of elements.
-    #[must_use]
     pub fn len(&self) -> usize {
         self.sites.len()
     }
 
     /// Returns true if there are no elements.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.sites.is_empty()
     }
@@ -99,7 +97,6 @@ impl Sites {
     }
 
     /// Number of elements that have an RVE at some time.
-    #[must_use]
     pub fn rves(&self) -> usize {
         self.points().count()
     }
@@ -116,7 +113,6 @@ impl Sites {
     }
 
     /// Returns true if the RVE of an element has fibers.
-    #[must_use]
     pub fn has_fibers(&self, element: usize) -> bool {
         self.material(element).is_some_and(|(model, _)| model.is_some())
     }
@@ -127,7 +123,6 @@ impl Sites {
     }
 
     /// Returns, for each of `models` models, the number of elements that use it.
-    #[must_use]
     pub fn rves_per_model(&self, models: usize) -> Vec<usize> {
         let mut rves = vec![0; models];
         self.points().filter_map(|(_, point)| point.model).for_each(|model| rves[model] += 1);
@@ -135,7 +130,6 @@ impl Sites {
     }
 
     /// Returns the status of the RVE of an element; `None` if the element never has one.
-    #[must_use]
     pub fn status(&self, element: usize) -> Option<RveStatus> {
         self.sites.get(element)?.point().map(Point::status)
     }
@@ -260,7 +254,6 @@ impl Sites {
     }
 
     /// Returns the statuses of all elements, [`RveStatus::Awake`] for one without an RVE.
-    #[must_use]
     pub fn statuses(&self) -> Vec<RveStatus> {
         (0..self.len()).map(|element| self.status(element).unwrap_or(RveStatus::Awake)).collect()
     }

@@ -71,7 +71,6 @@ impl<'a, C: Comm, B: RealBackend> ScaleField<'a, C, B> {
 
     /// The reason why other ranks do not respond or are out of step, which ends the run; for callers that do not hold
     /// the field.
-    #[must_use]
     pub fn broken(&self) -> Arc<OnceLock<String>> {
         Arc::clone(&self.broken)
     }

@@ -5,7 +5,6 @@ use crate::fem::mesh::Mesh;
 /// Returns the shard of every element: `shards` shards with about as many elements each and few faces between them, the
 /// same on every rank. METIS partitions if it is compiled in (cargo feature `metis`) and leaves no shard empty;
 /// otherwise recursive bisection does, at medians of the element centers.
-#[must_use]
 pub fn partition(mesh: &Mesh, shards: usize) -> Vec<u32> {
     let elements = mesh.elements().len();
     if shards <= 1 {

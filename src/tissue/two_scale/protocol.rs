@@ -73,7 +73,6 @@ pub enum Outcome {
 
 impl RveTask {
     /// Packs a deformation gradient and a task.
-    #[must_use]
     pub fn new(gradient: &Matrix3<f64>, task: Task) -> Self {
         let mut columns = [0.0; 9];
         columns.copy_from_slice(gradient.as_slice());
@@ -81,7 +80,6 @@ impl RveTask {
     }
 
     /// Returns the gradient if its task is `task`.
-    #[must_use]
     pub fn for_task(&self, task: Task) -> Option<Matrix3<f64>> {
         (self.task == task as u64).then(|| Matrix3::from_column_slice(&self.gradient))
     }
@@ -89,7 +87,6 @@ impl RveTask {
 
 impl RveResponse {
     /// Packs the response of the RVE of an element; `None` stands for a failure.
-    #[must_use]
     pub fn new(element: usize, response: Option<&Response>, is_replaced: bool) -> Self {
         let outcome = Outcome::Failed as u64;
         let mut packed = Self { element: element as u64, outcome, energy: 0.0, pk1: [0.0; 9], tangent: [0.0; 81] };
@@ -103,7 +100,6 @@ impl RveResponse {
     }
 
     /// Unpacks the response.
-    #[must_use]
     pub fn response(&self) -> Response {
         Response {
             energy: self.energy,

@@ -79,13 +79,11 @@ macro_rules! ways {
         }
 
         /// Returns the addresses of the functions of this unit.
-        #[must_use]
         pub fn functions() -> Vec<*const ()> {
             vec![$($name as *const ()),*]
         }
 
         /// Returns the addresses of the methods.
-        #[must_use]
         pub fn methods() -> Vec<*const ()> {
             vec![$(<Object as Operations>::$name as *const ()),*]
         }

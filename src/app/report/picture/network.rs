@@ -71,7 +71,6 @@ struct Piece {
 }
 
 /// Draws a network as SVG.
-#[must_use]
 pub fn draw_network(picture: &NetworkPicture) -> String {
     let width = f64::from(picture.width.max(480));
     let height = (0.92 * width + 100.0).round();

@@ -78,7 +78,6 @@ pub struct Mpi {
 
 impl Mpi {
     /// Initializes MPI; returns `None` if it is already initialized.
-    #[must_use]
     pub fn start() -> Option<Self> {
         initialize_with_threading(Threading::Multiple).map(|(universe, _)| Self { _universe: universe })
     }
@@ -152,7 +151,6 @@ impl MpiComm {
     }
 
     /// Returns the communicator, for libraries that use MPI themselves.
-    #[must_use]
     pub fn communicator(&self) -> &SimpleCommunicator {
         &self.group.comm
     }

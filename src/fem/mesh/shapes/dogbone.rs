@@ -78,26 +78,22 @@ impl DogboneShape {
     }
 
     /// Returns the length of each fillet along x: `sqrt(2 R d - d^2)` with the overhang `d` of the grip over the gauge.
-    #[must_use]
     pub fn fillet_length(&self) -> f64 {
         let overhang = self.overhang();
         (overhang * (2.0 * self.fillet_radius - overhang)).sqrt()
     }
 
     /// Returns the length of the straight gauge.
-    #[must_use]
     pub fn gauge_length(&self) -> f64 {
         self.length - 2.0 * (self.grip_length + self.fillet_length())
     }
 
     /// Returns the volume of the two grips, m^3.
-    #[must_use]
     pub fn grip_volume(&self) -> f64 {
         2.0 * self.grip_length * self.grip_width * self.thickness
     }
 
     /// Returns the volume between the grips, with the arcs of the fillets integrated exactly, m^3.
-    #[must_use]
     pub fn gauge_volume(&self) -> f64 {
         let (radius, run) = (self.fillet_radius, self.fillet_length());
         let under_arc = 0.5 * (run * (radius * radius - run * run).sqrt() + radius * radius * (run / radius).asin());

@@ -35,7 +35,6 @@ pub struct Removed {
 
 impl Removed {
     /// Returns true if nothing was removed.
-    #[must_use]
     pub fn is_nothing(&self) -> bool {
         *self == Self::default()
     }

@@ -87,7 +87,6 @@ pub struct NetworkReport {
 
 impl NetworkReport {
     /// The second-order parameter about a unit vector: with equal weights, and weighted by length.
-    #[must_use]
     pub fn order_about(&self, axis: [f64; 3]) -> [f64; 2] {
         [self.orientation, self.orientation_by_length]
             .map(|tensor| second_order_parameter(&Matrix3::from(tensor), &axis.into()))
@@ -100,7 +99,6 @@ impl NetworkReport {
 }
 
 /// Computes the statistics of a network.
-#[must_use]
 pub fn examine(network: &Network) -> NetworkReport {
     let fibers = network.fibers();
     let degrees = degrees(network);

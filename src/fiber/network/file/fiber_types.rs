@@ -22,7 +22,6 @@ pub struct FiberTypes {
 
 impl FiberTypes {
     /// Returns the fiber types of a network; `None` if it has at most one material.
-    #[must_use]
     pub fn of(network: &Network) -> Option<Self> {
         let (materials, material_of) = (network.materials(), network.material_of());
         (materials.len() > 1).then(|| Self { materials: materials.to_vec(), material_of: material_of.to_vec() })

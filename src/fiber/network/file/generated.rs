@@ -31,7 +31,6 @@ pub struct Generated {
 
 impl Generated {
     /// Parameters for this version of the program, without optional ones.
-    #[must_use]
     pub fn new(kind: &str, points: usize, seed: u64) -> Self {
         let program = concat!("biotissue ", env!("CARGO_PKG_VERSION")).into();
         Self {
@@ -48,7 +47,6 @@ impl Generated {
     }
 
     /// Parameters for this version of the program, from those of the generator.
-    #[must_use]
     pub fn by(params: &GeneratorParams, points: usize) -> Self {
         let plain = GeneratorParams::new(params.kind, params.seed);
         Self {

@@ -168,7 +168,6 @@ fn known_laws() -> String {
 
 impl NamedLaw {
     /// Makes a law without parameters.
-    #[must_use]
     pub fn new(name: &str, radius: f64) -> Self {
         Self { name: name.into(), radius, ..Self::default() }
     }
@@ -186,7 +185,6 @@ impl NamedLaw {
     }
 
     /// Returns the value of a parameter, if it is given.
-    #[must_use]
     pub fn get(&self, parameter: &Parameter) -> Option<f64> {
         self.values.get(parameter.name).copied()
     }

@@ -73,7 +73,6 @@ pub(super) fn params_text(network: &Network) -> io::Result<String> {
 
 /// Returns true if the `.params` format can hold the materials of a network: there is at least one, and all laws are
 /// `linear` or `exponential-stretch` without buckling.
-#[must_use]
 pub fn fits_params(network: &Network) -> bool {
     !network.materials().is_empty() && network.materials().iter().all(|material| reaction(material).is_some())
 }

@@ -43,13 +43,11 @@ impl Alignment {
     }
 
     /// The direction as given.
-    #[must_use]
     pub fn direction(&self) -> [f64; 3] {
         self.direction
     }
 
     /// The direction as a unit vector.
-    #[must_use]
     pub fn axis(&self) -> [f64; 3] {
         // The division by the largest component avoids overflow of the squares.
         let longest = self.direction.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
@@ -59,13 +57,11 @@ impl Alignment {
     }
 
     /// The requested second-order parameter.
-    #[must_use]
     pub fn strength(&self) -> f64 {
         self.strength
     }
 
     /// `mu`: the stretch of the isotropic network along the axis.
-    #[must_use]
     pub fn stretch(&self) -> f64 {
         cbrt(1.0 + excess(self.strength))
     }

@@ -26,7 +26,6 @@ impl Kind {
     pub const ALL: [Self; 2] = [Self::Delaunay, Self::Voronoi];
 
     /// The name in files and on the command line.
-    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Delaunay => "delaunay",
@@ -97,7 +96,6 @@ pub struct GeneratedNetwork {
 
 impl GeneratorParams {
     /// The default parameters of a kind of network: isotropic, with a minimum distance of a fifth of the mean spacing.
-    #[must_use]
     pub fn new(kind: Kind, seed: u64) -> Self {
         Self {
             kind,
