@@ -77,7 +77,7 @@ pub(crate) fn resolve_links(path: &Path) -> io::Result<PathBuf> {
 /// link, the link itself is replaced.
 pub(crate) fn replace_by(path: &Path, write: impl FnOnce(&mut File) -> io::Result<()>) -> io::Result<()> {
     let (Some(folder), Some(name)) = (path.parent(), path.file_name()) else {
-        return Err(io::Error::new(io::ErrorKind::InvalidInput, "this is no file name"));
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, "this is not a file name"));
     };
     let mut prefix = OsString::from(".");
     prefix.push(name);

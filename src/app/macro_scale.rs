@@ -55,7 +55,7 @@ fn generated(case: &Case, mesh: Result<Mesh, ShapeError>) -> Result<Mesh, InputE
         ShapeError::ElementTooLarge { what, .. } => {
             (format!("an `element_size` below the {what} of the sample"), "correct it: it is in mesh units")
         }
-        _ => ("lengths that make a body".into(), "correct the lengths of `generate`: they are in mesh units"),
+        _ => ("lengths of a valid body".into(), "correct the lengths of `generate`: they are in mesh units"),
     };
     Err(InputError::at_line(&case.file, case.mesh_line, error.to_string(), expected, cure))
 }

@@ -84,7 +84,7 @@ fn check_magnitudes(case: &Case, mesh: &Mesh, stiffnesses: &[Stiffness]) -> Vec<
     let greatest = loads.iter().map(|load| load.strain).fold(0.0, f64::max);
     if greatest > 0.0 && greatest < SMALLEST_STRAIN {
         warnings.push(format!(
-            "{}: the loads strain the body by no more than some {}: are displacements in m, forces and moduli in Pa, and \
+            "{}: the loads strain the body by at most about {}: are displacements in m, forces and moduli in Pa, and \
              is the `scale` of [mesh] right?",
             case.file.display(),
             short(greatest)
@@ -280,7 +280,7 @@ displacement = { x = 0.1 }
                              Pa: are both in Pa?";
         assert_eq!(warnings_of(&force, 0.5, None), [expected]);
         let small = CASE.replace(PULLED, "traction = [2.5e-9, 0, 0]");
-        let expected = " the loads strain the body by no more than some 1.0e-12: are displacements in m, forces and moduli \
+        let expected = " the loads strain the body by at most about 1.0e-12: are displacements in m, forces and moduli \
                              in Pa, and is the `scale` of [mesh] right?";
         assert_eq!(warnings_of(&small, 1.0, None), [expected]);
     }

@@ -24,7 +24,7 @@ pub(super) fn definite<F>(backend: &'static str, report: FactorReport) -> Result
         None => Err(SolveError::Unsupported {
             backend,
             what: "test of definiteness by LU",
-            cure: "state the matrix to be `Symmetry::Definite` or `Symmetry::Symmetric`",
+            cure: "declare the matrix as `Symmetry::Definite` or `Symmetry::Symmetric`",
         }),
     }
 }

@@ -23,7 +23,7 @@ pub(super) fn zero<T: Value>(y: &mut [T]) {
 /// Adds: `y[rows[i]] += values[i]`.
 #[inline(always)]
 pub(super) fn add<T: Value>(y: &mut [T], rows: &[i32], values: &[T]) {
-    debug_assert_eq!(rows.len(), values.len(), "one value a row");
+    debug_assert_eq!(rows.len(), values.len(), "one value per row");
     for (&row, &value) in rows.iter().zip(values) {
         match y.get_mut(row as usize) {
             Some(entry) => *entry += value,
@@ -35,7 +35,7 @@ pub(super) fn add<T: Value>(y: &mut [T], rows: &[i32], values: &[T]) {
 /// Sets `y[rows[i]] = values[i]`.
 #[inline(always)]
 pub(super) fn set<T: Value>(y: &mut [T], rows: &[i32], values: &[T]) {
-    debug_assert_eq!(rows.len(), values.len(), "one value a row");
+    debug_assert_eq!(rows.len(), values.len(), "one value per row");
     for (&row, &value) in rows.iter().zip(values) {
         match y.get_mut(row as usize) {
             Some(entry) => *entry = value,
@@ -47,7 +47,7 @@ pub(super) fn set<T: Value>(y: &mut [T], rows: &[i32], values: &[T]) {
 /// Reads `values[i] = y[rows[i]]`.
 #[inline(always)]
 pub(super) fn get<T: Value>(y: &[T], rows: &[i32], values: &mut [T]) {
-    debug_assert_eq!(rows.len(), values.len(), "one value a row");
+    debug_assert_eq!(rows.len(), values.len(), "one value per row");
     for (&row, value) in rows.iter().zip(values) {
         match y.get(row as usize) {
             Some(&entry) => *value = entry,

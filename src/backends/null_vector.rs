@@ -2,9 +2,9 @@
 //!
 //! The size of a pivot does not reveal whether it is a zero perturbed by rounding. For a floating body, elimination
 //! without exchanges gives the last pivot as `lambda / v_n^2`, where `lambda` is the perturbed zero eigenvalue and
-//! `v_n` the component of the last unknown in the rigid motion: at least `n` times rounding, and much more near an axis
-//! of rotation. A well-supported slender body has pivots of that size too, and so has any matrix whose unknowns have
-//! units of very different size. Small pivots therefore only raise doubt ([`null_vector_limit`]), and
+//! `v_n` the component of the last unknown in the rigid motion: at least `n` times the rounding error, and much more
+//! near an axis of rotation. A well-supported slender body has pivots of that size too, and so has any matrix whose
+//! unknowns have units of very different size. Small pivots therefore only raise doubt ([`null_vector_limit`]), and
 //! [`check_null_vector`] decides: inverse iteration finds the vector `w` with the smallest `|H w| / |w|`, and a product
 //! with the matrix `H` itself, scaled to entries of about one ([`Scales`]), gives that ratio.
 #![cfg_attr(not(feature = "sparse"), allow(dead_code, unused_imports, reason = "some backends need only a part"))]

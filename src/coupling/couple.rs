@@ -44,13 +44,13 @@ pub enum CouplingError {
     #[error("there is no scale {0}")]
     Scale(String),
     /// The producer and the consumer are the same scale.
-    #[error("scale {0} is to be coupled with itself; a coupling is of two scales")]
+    #[error("scale {0} cannot be coupled with itself")]
     Itself(String),
     /// A unit was added that already exists, or removed that does not exist.
     #[error("unit {0} {1}")]
     Unit(UnitId, &'static str),
     /// The distribution algorithm returned a wrong number of ranks, or a rank that does not exist.
-    #[error("the partition of {units} units has {found} ranks, the largest of them {last} among {ranks}")]
+    #[error("the partition of {units} units gives {found} ranks, the largest of them {last}; there are {ranks} ranks")]
     Partition {
         /// Units of this rank.
         units: usize,

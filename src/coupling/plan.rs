@@ -59,7 +59,7 @@ pub enum PlanError {
     #[error("scale {0} gets no rank")]
     Empty(String),
     /// A ratio is not a positive finite number.
-    #[error("scale {0}: {1} is no ratio; it must be positive")]
+    #[error("the ratio of scale {0} is {1}; it must be positive and finite")]
     Ratio(String, f64),
     /// The plan contains no scale.
     #[error("there is no scale")]

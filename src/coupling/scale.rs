@@ -49,7 +49,7 @@ pub enum ScaleError {
         waited: Duration,
     },
     /// A scale took no message before the time-out.
-    #[error("scale {scale} has taken nothing from scale {own} for {} s", .waited.as_secs_f64())]
+    #[error("scale {scale} received no message from scale {own} within {} s", .waited.as_secs_f64())]
     SendTimeout {
         /// The scale that did not receive.
         scale: String,

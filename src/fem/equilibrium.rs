@@ -29,12 +29,12 @@ pub enum EquilibriumError<E, F> {
     /// Equilibrium was restored repeatedly with responses that continue the committed state, but each time the new
     /// equilibrium has responses that do not continue it. Holds the number of times that responses were replaced.
     #[error(
-        "no state of balance continues the last accepted one: its RVEs still leave their branches of equilibria after they were taken back to them {0} times"
+        "no equilibrium of the body continues the last committed state: after {0} corrections, RVEs still leave their branches of equilibria"
     )]
     OffBranch(usize),
     /// Points kept changing their material after equilibrium was restored repeatedly at the same load. Holds the number
     /// of times that equilibrium was restored.
-    #[error("points still change their material after the body was brought to balance {0} times at this load")]
+    #[error("points still change their material after equilibrium was restored {0} times at this load")]
     StillChanging(usize),
     /// The trial state about to be committed is out of balance.
     #[error("the converged state is out of balance: |r| = {residual:.3e} N, but Newton stops at {limit:.3e} N")]

@@ -163,7 +163,7 @@ impl PointField for FormulaField {
     type Error = PointError;
 
     fn update(&mut self, gradients: &[Matrix3<f64>], out: &mut PointResponses) -> Result<(), PointError> {
-        assert_eq!(gradients.len(), self.region_of.len(), "one deformation gradient an element");
+        assert_eq!(gradients.len(), self.region_of.len(), "one deformation gradient per element");
         out.resize(gradients.len());
         let outputs = out.energy.iter_mut().zip(&mut out.pk1).zip(&mut out.tangent);
         let inputs = gradients.iter().zip(&self.region_of);

@@ -226,10 +226,10 @@ pub enum RveStateError {
         expected: usize,
     },
     /// A position or a sensitivity is not a finite number.
-    #[error("the position of interior node {0} is no finite number")]
+    #[error("the position of interior node {0} is not a finite number")]
     NotFinite(usize),
     /// The state belongs to another network with the same number of interior nodes.
-    #[error("the state is one of another network, with as many interior nodes")]
+    #[error("the state belongs to another network with the same number of interior nodes")]
     Network,
     /// The determinant of the deformation gradient is not positive and finite.
     #[error("the deformation gradient has determinant {0:.3e}; it must be positive")]

@@ -147,7 +147,7 @@ impl RveDump {
         let text = std::fs::read_to_string(path).map_err(|error| InputError::unreadable(path, &error))?;
         let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
         let document: Document = serde_json::from_str(text).map_err(|error| {
-            InputError::at_line(path, error.line(), format!("is no RVE to replay: {error}"), EXPECTED, CURE)
+            InputError::at_line(path, error.line(), format!("is not an RVE to replay: {error}"), EXPECTED, CURE)
         })?;
         let folder = path.parent().unwrap_or(Path::new(""));
         Self::of(document, folder).map_err(|what| InputError::in_file(path, what, EXPECTED, CURE))
@@ -165,7 +165,7 @@ impl RveDump {
         let start = Rve::restored(Matrix3::from(start.gradient).transpose(), start.interior, start.sensitivities);
         start.check(&network).map_err(|error| error.to_string())?;
         let stages: Option<Vec<Stage>> = solver.stages.iter().map(|name| Stage::named(name)).collect();
-        let stages = stages.ok_or_else(|| format!("knows other stages than this program: {:?}", solver.stages))?;
+        let stages = stages.ok_or_else(|| format!("names stages unknown to this program: {:?}", solver.stages))?;
         let mut params = EquilibriumParams::default();
         params.newton.tolerance = solver.tolerance;
         params.newton.max_iterations = solver.max_iterations;
@@ -182,5 +182,5 @@ impl RveDump {
     }
 }
 
-const EXPECTED: &str = "a file that `biotissue rve --dump` or a run that lost an RVE has written";
+const EXPECTED: &str = "a file written by `biotissue rve --dump`, or by a run in which an RVE failed";
 const CURE: &str = "write it again with this version of the program";

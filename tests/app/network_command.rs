@@ -80,12 +80,12 @@ fn what_cannot_be_done_is_told_with_its_exit_code() {
     std::fs::write(folder.path().join("broken.txt"), "2 1 0\n0 0 0\n1 1 1\n0 2\n").unwrap();
     for (arguments, code, message) in [
         ("generate --kind vornoi --points 9 -o x.txt", 2, "error: there is no kind of network called `vornoi`"),
-        ("generate -o x.txt", 2, "error: nothing says how large the network is to be"),
-        ("generate --points 9 --density 30 -o x.txt", 2, "error: more than one option says how large"),
-        ("generate --nodes 300 --points 9 -o x.txt", 2, "error: more than one option says how large"),
+        ("generate -o x.txt", 2, "error: no option gives the size of the network"),
+        ("generate --points 9 --density 30 -o x.txt", 2, "error: more than one option gives the size"),
+        ("generate --nodes 300 --points 9 -o x.txt", 2, "error: more than one option gives the size"),
         ("generate --nodes 3 -o x.txt", 2, "error: no network can be generated: 3 nodes requested"),
-        ("generate --density 0.5 -o x.txt", 2, "error: no network can be generated: a density of 0.5 asked for"),
-        ("generate --density 1e9 -o x.txt", 2, "error: no network can be generated: a density of 1000000000 asked for"),
+        ("generate --density 0.5 -o x.txt", 2, "error: no network can be generated: a density of 0.5 requested"),
+        ("generate --density 1e9 -o x.txt", 2, "error: no network can be generated: a density of 1000000000 requested"),
         ("generate --points 9 --align 1_0_0 -o x.txt", 2, "error: --align without --strength S"),
         ("generate --points 9 --strength 0.5 -o x.txt", 2, "error: --strength without --align"),
         (
@@ -125,7 +125,7 @@ fn what_cannot_be_done_is_told_with_its_exit_code() {
         ),
         ("draw broken.txt -o x.svg --F 1_0_0_0_1_0_0_0_-1", 2, "error: --F has determinant -1"),
         ("check broken.txt --backend none", 2, "error: broken.txt:4: there is no node 2"),
-        ("generate --points 0 -o x.txt", 2, "error: no network can be generated: 0 points asked for"),
+        ("generate --points 0 -o x.txt", 2, "error: no network can be generated: 0 points requested"),
         ("generate --points 9 -o broken.txt/x.txt", 4, "error: broken.txt/x.txt: cannot be written: "),
         (
             "generate --points 9 -o x.txt --law exponential --youngs-modulus 1 --radius 1",

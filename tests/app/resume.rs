@@ -205,7 +205,7 @@ fn a_checkpoint_of_another_run_is_refused() {
     // Only solver settings may change, and a warning reports them.
     let resumed =
         simulation(&CASE.replace("[output]", "[newton]\nmax_iterations = 40\n[output]")).resume(&dir).unwrap();
-    let said = "going on with other settings than the run has had so far: \
+    let said = "continuing with settings that differ from those of the run so far: \
                 [newton] `max_iterations = 25` before, `max_iterations = 40` now";
     assert_eq!(resumed, Resumed { step: 4, warnings: vec![said.into()] });
     // The title and the output settings may differ.
@@ -361,7 +361,7 @@ fn the_program_goes_on_where_it_stopped() {
     // The resumed run fails in the same step and does not repeat the converged steps.
     let (code, said) = command(root.path(), &unrecoverable, &["--resume"]);
     assert_eq!(code, Some(3), "{said}");
-    assert!(said.contains("going on after step 2 of 4") && !said.contains("step 2/4 t"), "{said}");
+    assert!(said.contains("continuing after step 2 of 4") && !said.contains("step 2/4 t"), "{said}");
     assert_eq!(fs::read(root.path().join("results/loads.csv")).unwrap(), loads);
 
     let (code, said) = command(root.path(), CASE, &["--resume"]);

@@ -88,7 +88,7 @@ fn a_rank_that_waited_in_vain_ends_all() {
         if comm.rank() == 0 { patient.receive(1, TAG).map(drop) } else { comm.receive(0, TAG).map(drop) }
     });
     let failed = failed.map(drop).expect_err("no rank sends");
-    assert_eq!((failed.rank, failed.reason.as_str()), (0, "no message from rank 1 in 0.05 s"));
+    assert_eq!((failed.rank, failed.reason.as_str()), (0, "no message from rank 1 within 0.05 s"));
 }
 
 #[test]
@@ -103,7 +103,7 @@ fn a_rank_that_others_wait_for_may_not_leave() {
     });
     let failed = failed.map(drop).expect_err("no rank sends");
     assert_eq!(failed.rank, 2);
-    assert!(failed.reason.contains("rank 0 failed: it came to its end without sending"), "{}", failed.reason);
+    assert!(failed.reason.contains("rank 0 failed: it ended without sending"), "{}", failed.reason);
 }
 
 #[test]

@@ -125,7 +125,7 @@ fn messages_name_the_mistake_and_its_line() {
         "generate = { shape = \"dogbone\", element_size = 0.5 }",
     );
     let bone = bone.replace("\"x0\"", "\"left\"").replace("\"x1\"", "\"right\"");
-    assert!(told(&bone).starts_with("error: case.toml:4: elements of 0.5 do not fit into a sample"), "{}", told(&bone));
+    assert!(told(&bone).starts_with("error: case.toml:4: the element size 0.5 exceeds the "), "{}", told(&bone));
     let scaled = PRESSED.replace("size = [1.0, 1.0, 1.0] }", "size = [1.0, 1.0, 1.0] }\nscale = 1e-200");
     let what = "error: case.toml:4: the mesh cannot be scaled by 1e-200: element 0 ";
     assert!(told(&scaled).starts_with(what), "{}", told(&scaled));
@@ -199,7 +199,7 @@ fn doubled_fibers_draw_one_warning_a_file() {
     }
     let done = run(folder.path(), &fibers("nets/00.txt"), "--ranks 1");
     done.done();
-    let (network, told) = ("nets/00.txt", "2 fibers join two nodes that another fiber joins already");
+    let (network, told) = ("nets/00.txt", "2 fibers join two nodes that another fiber already joins");
     assert_eq!(done.stderr.matches(told).count(), 1, "{}", done.stderr);
     assert!(done.stderr.lines().any(|line| line.starts_with("warning: ") && line.contains(&format!("{network}:"))));
     write_case(folder.path(), "case.toml", &fibers("nets/*.txt"));
@@ -211,7 +211,7 @@ fn doubled_fibers_draw_one_warning_a_file() {
     assert_eq!((&report["doubled_fibers"], &report["fibers"]), (&2.into(), &(count + 2).into()));
     let text = line(folder.path(), "network check nets/00.txt");
     assert!(
-        text.done().contains("\n  doubled fibers   2 join two nodes that another joins already\n"),
+        text.done().contains("\n  doubled fibers   2 join the same two nodes as another fiber\n"),
         "{}",
         text.stdout
     );

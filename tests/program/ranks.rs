@@ -135,7 +135,7 @@ fn an_interrupted_run_goes_on_on_other_ranks() {
     for options in ["--ranks 5", "--ranks 1"] {
         let done = run(folder.path(), &text, &format!("{options} --out out --resume"));
         done.done();
-        assert!(done.stderr.contains("going on after step 1 of 2"), "{}", done.stderr);
+        assert!(done.stderr.contains("continuing after step 1 of 2"), "{}", done.stderr);
         assert_eq!(read(folder.path(), "out/loads.csv"), whole, "{options}");
         std::fs::remove_file(folder.path().join("out/checkpoint/step-00002.bin")).unwrap();
     }
@@ -187,7 +187,7 @@ fn rves_come_sleep_and_go_alike_on_any_ranks() {
             std::fs::remove_file(folder.path().join(format!("whole/checkpoint/step-{last:05}.bin"))).unwrap();
             let resumed = run(folder.path(), text, &format!("{options} --out whole --resume"));
             resumed.done();
-            assert!(resumed.stderr.contains(&format!("going on after step {}", last - 1)), "{}", resumed.stderr);
+            assert!(resumed.stderr.contains(&format!("continuing after step {}", last - 1)), "{}", resumed.stderr);
             assert_eq!(read(folder.path(), "whole/loads.csv"), whole, "{last} {options}");
         }
     }

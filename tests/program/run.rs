@@ -221,7 +221,7 @@ fn an_rve_that_is_lost_can_be_repeated() {
     line(folder.path(), &format!("rve --replay {file} --stages regularised")).done();
 
     // A new run removes the file and reports it; a run that does not start removes nothing.
-    let replacing = "results; --resume would go on with them\n";
+    let replacing = "results; --resume would continue from them\n";
     assert!(!run(folder.path(), &fibers(&frozen()), "--backend cuda").stderr.contains("replacing"));
     assert!(!run(folder.path(), &fibers("absent.txt"), "").stderr.contains("replacing"));
     let again = run(folder.path(), &fibers(&frozen()), "");

@@ -341,7 +341,7 @@ fn a_dump_repeats_the_last_increment_bit_for_bit() {
     }
     std::fs::write(folder.path().join("dump.json"), "{\n  \"origin\": 3\n}").unwrap();
     let failed = line(folder.path(), "rve --replay dump.json");
-    assert!(failed.failed(2).contains("dump.json:2: is no RVE to replay: "), "{}", failed.stderr);
+    assert!(failed.failed(2).contains("dump.json:2: is not an RVE to replay: "), "{}", failed.stderr);
 }
 
 #[test]

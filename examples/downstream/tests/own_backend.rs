@@ -70,7 +70,7 @@ impl Backend for Own {
             return Err(SolveError::NotSquare { rows: unknowns, cols });
         }
         if params.symmetry == Symmetry::Symmetric || params.method != Method::Direct {
-            let (what, cure) = ("LDL^T and no iterative method", "state the matrix to be `Symmetry::None`");
+            let (what, cure) = ("LDL^T and no iterative method", "declare the matrix as `Symmetry::None`");
             return Err(SolveError::Unsupported { backend: Self::NAME, what, cure });
         }
         let limit = params.singular_below.unwrap_or(1e-14);
@@ -337,7 +337,7 @@ impl Solver<Own> for OwnSolver {
     fn factor_definite(&mut self, a: &Matrix) -> Result<FactorReport, Error> {
         self.check(a)?;
         if self.symbolic.symmetry != Symmetry::Definite {
-            let (what, cure) = ("test of definiteness by LU", "state the matrix to be `Symmetry::Definite`");
+            let (what, cure) = ("test of definiteness by LU", "declare the matrix as `Symmetry::Definite`");
             return Err(SolveError::Unsupported { backend: Own::NAME, what, cure });
         }
         self.eliminate(a, Factorization::Cholesky)

@@ -157,7 +157,7 @@ fn lifecycle(mut table: Table<'_>, has_matrix: bool) -> RveLifecycle {
     ];
     for (key, _) in needs.iter().filter(|(_, is_given)| *is_given && !has_matrix) {
         let complaint = format!("has `{key}`, but its region has no `matrix` for the stress without the network");
-        table.report(&complaint, "a matrix in parallel", "give the material a `matrix`, or leave that out");
+        table.report(&complaint, "a matrix in parallel", format!("give the material a `matrix`, or remove `{key}`"));
     }
     if lifecycle.deleted_at <= lifecycle.created_at {
         table.report("deletes RVEs before it creates them", "`deleted_at` above `created_at`", "correct one of them");

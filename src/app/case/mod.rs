@@ -47,13 +47,13 @@
 //!
 //! [steps]
 //! count = 20                               # default 10
-//! max_cuts = 6                             # how often a step that fails is halved; the default
+//! max_cuts = 6                             # default; how many times a failing step may be halved
 //!
 //! [newton]                                 # the macro scale, with its defaults
 //! tolerance = 1e-8                         # of the residual, relative to the forces
 //! max_iterations = 25
 //! line_search = true
-//! start = "held"                           # a step starts from the last state; "tangent": from a linear guess
+//! start = "held"                           # a step starts from the last state; "tangent": from a linear prediction
 //! solver = { method = "direct" }           # or an iterative one (below)
 //!
 //! [micro]                                  # every RVE, with its defaults
@@ -62,11 +62,11 @@
 //! max_cuts = 6
 //! stages = ["newton", "regularised", "cuts", "relaxation"]   # tried in this order, whatever the order here
 //! solver = { method = "direct" }           # or an iterative one (below)
-//! predictor = true                         # start from the last tangent's prediction; 72 bytes an interior node
+//! predictor = true                         # start from the prediction of the last tangent; 72 bytes per interior node
 //!
 //! [scales]                                 # ranks of each scale; default: one process does both
 //! macro = 1
-//! micro = 0                                # default: all others; or more: those that RVEs have for themselves
+//! micro = 0                                # default: all ranks that `macro` leaves; or the number for the RVEs
 //! near = false                             # or true: by the machines' topology, in a build with the feature `hwloc`
 //!
 //! [output]

@@ -55,7 +55,7 @@ pub(super) fn read<T: DeserializeOwned>(path: &Path) -> Result<T, CheckpointErro
     let mut hash = Fnv::new();
     hash.add_bytes(body);
     if hash.finish() != u64::from_le_bytes(*tail) {
-        return Err(damaged(format!("its {} bytes do not add up: cut short, or changed", bytes.len())));
+        return Err(damaged(format!("its {} bytes do not match their hash: truncated or changed", bytes.len())));
     }
     let (version, content) = body[MAGIC.len()..].split_first_chunk().unwrap_or((&[0; 4], &[]));
     let found = u32::from_le_bytes(*version);

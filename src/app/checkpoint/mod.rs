@@ -79,7 +79,7 @@ impl CheckpointError {
             Self::Unreadable { .. } => "check the permissions, or start again without resuming",
             Self::Damaged { .. } => "start again without resuming: that replaces the results",
             Self::Version { .. } => {
-                "go on with the version of biotissue that wrote it, or start again without resuming"
+                "continue with the version of biotissue that wrote it, or start again without resuming"
             }
             Self::OtherRun { .. } => {
                 "take the case, mesh and networks of the interrupted run, or another result directory, or start again \
@@ -145,7 +145,7 @@ pub fn latest(dir: &Path, now: &Identity) -> Result<(Option<Checkpoint>, Vec<Str
         let path = folder.join(file_name(step));
         match read(&path, now) {
             Ok((checkpoint, remarks)) => {
-                let changed = "going on with other settings than the run has had so far";
+                let changed = "continuing with settings that differ from those of the run so far";
                 warnings.extend(remarks.into_iter().map(|remark| format!("{changed}: {remark}")));
                 return Ok((Some(checkpoint), warnings));
             }

@@ -152,7 +152,7 @@ fn a_state_that_does_not_fit_changes_nothing() {
         (fewer, "the state has 5 RVEs; this body has 6"),
         (bare, "element 4 has no fibers in the saved state, but has some here"),
         (short, "element 5: the state has positions of"),
-        (lost, "element 1: the position of interior node 3 is no finite number"),
+        (lost, "element 1: the position of interior node 3 is not a finite number"),
         (inverted, "element 2: the deformation gradient has determinant -"),
     ];
     for (units, expected) in cases {

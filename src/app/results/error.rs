@@ -26,7 +26,7 @@ pub enum ResultsError {
     #[error("{0}: cannot be read: {1}")]
     Read(PathBuf, #[source] io::Error),
     /// The data cannot be encoded as a VTK file.
-    #[error("{0}: cannot be put into VTK form: {1}")]
+    #[error("{0}: cannot be encoded as VTK: {1}")]
     Encode(PathBuf, #[source] vtkio::Error),
     /// A file is missing or does not have the content that a run writes.
     #[error("{}{}: {what}; expected {expected}", path.display(), line.map(|l| format!(":{l}")).unwrap_or_default())]
@@ -42,7 +42,7 @@ pub enum ResultsError {
     },
     /// A field does not have one value per point or element of the mesh, or a row does not have the columns of its
     /// file.
-    #[error("{}: `{name}` has {found} values where {expected} belong", path.display())]
+    #[error("{}: `{name}` has {found} values; expected {expected}", path.display())]
     Length {
         /// The file that was to be written.
         path: PathBuf,

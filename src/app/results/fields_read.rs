@@ -121,7 +121,7 @@ fn mesh_and_fields(path: &Path, piece: UnstructuredGridPiece) -> Result<Fields, 
     }
     let points: Vec<[f64; 3]> = match piece.points {
         IOBuffer::F64(values) => groups(&values),
-        _ => return Err(damaged("positions are no 64-bit numbers")),
+        _ => return Err(damaged("positions are not 64-bit numbers")),
     };
     let VertexNumbers::XML { connectivity, .. } = piece.cells.cell_verts else {
         return Err(damaged("cells are in another form"));

@@ -260,7 +260,7 @@ impl Loads {
         while steps.is_none_or(|steps| loads.rows.len() < steps) && reader.read_record(&mut record).map_err(damaged)? {
             let line = record.position().map(|position| position.line() as usize);
             let row = loads.parse(&record).map_err(|field| {
-                ResultsError::damaged(path, line, format!("`{field}` is no number"), "a number in every column")
+                ResultsError::damaged(path, line, format!("`{field}` is not a number"), "a number in every column")
             })?;
             let (step, next) = (row.step, loads.rows.len() + 1);
             if steps.is_some() && step != next {

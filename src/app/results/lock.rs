@@ -32,7 +32,7 @@ impl DirectoryLock {
         loop {
             match fs::symlink_metadata(&path) {
                 Ok(there) if !there.is_file() => {
-                    return Err(ResultsError::UnknownOrigin(path, "is no regular file, where a run keeps its lock"));
+                    return Err(ResultsError::UnknownOrigin(path, "is not a regular file, as the lock of a run is"));
                 }
                 _ => {}
             }

@@ -303,7 +303,7 @@ pub fn read(path: &Path) -> Result<Vec<Event>, ResultsError> {
     let mut events = Vec::new();
     for (k, line) in text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
         events.push(serde_json::from_str(line).map_err(|error| {
-            ResultsError::damaged(path, Some(k + 1), error.to_string(), "one JSON object a line with a known `event`")
+            ResultsError::damaged(path, Some(k + 1), error.to_string(), "one JSON object per line with a known `event`")
         })?);
     }
     Ok(events)

@@ -99,7 +99,7 @@ pub fn read_vtp(path: &Path) -> Result<Networks, ResultsError> {
         return Err(damaged("holds no piece of a network"));
     };
     let IOBuffer::F64(points) = piece.points else {
-        return Err(damaged("positions are no 64-bit numbers"));
+        return Err(damaged("positions are not 64-bit numbers"));
     };
     let Some(VertexNumbers::XML { connectivity, offsets }) = piece.lines else {
         return Err(damaged("holds no lines"));

@@ -83,7 +83,7 @@ fn folder(dir: &Path, name: &str) -> Result<PathBuf, ResultsError> {
     match fs::symlink_metadata(&path) {
         Ok(there) if there.is_symlink() => Err(ResultsError::UnknownOrigin(path, LINK)),
         Ok(there) if !there.is_dir() => {
-            Err(ResultsError::UnknownOrigin(path, "is no folder, where a run would make one"))
+            Err(ResultsError::UnknownOrigin(path, "is not a folder; a run creates a folder of this name"))
         }
         _ => Ok(path),
     }
@@ -118,7 +118,7 @@ fn check_folder<K: Fn(Bytes, &Path) -> bool>(
             return Err(ResultsError::UnknownOrigin(path, LINK));
         }
         if !there.is_file() {
-            return Err(ResultsError::UnknownOrigin(path, "is no regular file"));
+            return Err(ResultsError::UnknownOrigin(path, "is not a regular file"));
         }
         // A file that a killed run was writing may end anywhere, and an empty file has nothing to lose.
         if is_unfinished || there.len() == 0 {

@@ -106,7 +106,7 @@ fn borrow<'a, T>(fields: &'a [(&'a str, Vec<T>)]) -> Vec<(&'a str, &'a [T])> {
 
 fn file_name(path: &Path) -> Result<&str, ResultsError> {
     path.file_name().and_then(OsStr::to_str).ok_or_else(|| {
-        ResultsError::write(path)(io::Error::new(io::ErrorKind::InvalidInput, "its name is no text in UTF-8"))
+        ResultsError::write(path)(io::Error::new(io::ErrorKind::InvalidInput, "its name is not UTF-8 text"))
     })
 }
 
@@ -241,7 +241,7 @@ mod tests {
         write(&index, &values.fields()).unwrap();
         let read = read_fields(&index).unwrap();
         let met: BTreeSet<u32> = ELEMENTS.into_iter().flatten().collect();
-        assert_eq!(read.points.len(), met.len(), "points between the pieces are there once");
+        assert_eq!(read.points.len(), met.len(), "points shared by pieces occur once");
         assert_eq!(read.point_vector("displacement").unwrap().len(), met.len());
         // The elements are in the order of the pieces: those of part 0, then those of part 2.
         for (nodes, element) in read.elements.iter().zip([1, 3, 0, 2]) {

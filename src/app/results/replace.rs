@@ -29,6 +29,6 @@ pub(super) fn whole_lines(path: &Path) -> Result<String, ResultsError> {
     bytes.truncate(bytes.iter().rposition(|&byte| byte == b'\n').map_or(0, |last| last + 1));
     String::from_utf8(bytes).map_err(|error| {
         let at = error.utf8_error().valid_up_to();
-        ResultsError::damaged(path, None, format!("no UTF-8 text from byte {at} on"), "text in UTF-8")
+        ResultsError::damaged(path, None, format!("not UTF-8 text from byte {at} on"), "text in UTF-8")
     })
 }

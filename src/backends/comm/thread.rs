@@ -110,7 +110,7 @@ pub fn run<R: Send, E: Display>(
             };
             let started = thread::Builder::new().spawn_scoped(scope, run);
             // The ranks that already run wait for this one.
-            let without = |error| format!("the system gives it no thread: {error}");
+            let without = |error| format!("no thread could be started for it: {error}");
             let failed = |error| world.fail::<R>(Failed { rank, reason: without(error), has_panicked: false });
             started.map_err(failed).ok()
         };
@@ -185,7 +185,7 @@ impl ThreadComm {
             }
             self.world.check()?;
             if has_ended {
-                let reason = "it came to its end without sending what others wait for".into();
+                let reason = "it ended without sending a message that another rank waits for".into();
                 return Err(CommError::Ended { rank: sender, reason });
             }
             messages = match end {

@@ -14,7 +14,7 @@ impl<T: Value> Matrix<T> {
         block: &[T],
         mut visit: impl FnMut(&mut T, T),
     ) {
-        debug_assert_eq!(rows.len() * cols.len(), block.len(), "one value a pair of row and column");
+        debug_assert_eq!(rows.len() * cols.len(), block.len(), "one value per pair of row and column");
         for (&row, values) in rows.iter().zip(block.chunks_exact(cols.len().max(1))) {
             let range = Self::row_range(&self.pattern, row);
             let (columns, mut next) = (&self.pattern.col_indices()[range.clone()], 0);
@@ -41,7 +41,7 @@ impl<T: Value> Matrix<T> {
     /// Reads a block.
     #[inline(always)]
     pub(in crate::backends) fn get_block(&self, rows: &[i32], cols: &[i32], block: &mut [T]) {
-        debug_assert_eq!(rows.len() * cols.len(), block.len(), "one value a pair of row and column");
+        debug_assert_eq!(rows.len() * cols.len(), block.len(), "one value per pair of row and column");
         for (&row, values) in rows.iter().zip(block.chunks_exact_mut(cols.len().max(1))) {
             if row < 0 {
                 continue;
@@ -78,7 +78,7 @@ impl<T: Value> Matrix<T> {
     /// Adds the values of a block at these positions.
     #[inline(always)]
     pub(in crate::backends) fn add_at_positions(&mut self, slots: &[u32], block: &[T]) {
-        debug_assert_eq!(slots.len(), block.len(), "one value a slot");
+        debug_assert_eq!(slots.len(), block.len(), "one value per slot");
         for (&slot, &value) in slots.iter().zip(block) {
             match self.values.get_mut(slot as usize) {
                 Some(entry) => *entry += value,

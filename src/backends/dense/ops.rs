@@ -14,7 +14,7 @@ impl<T: Scalar + RealField> Matrix<T> {
     /// Calls `visit(entry, value of the block)` for every pair of indices of a block that is inside the matrix.
     #[inline(always)]
     fn scatter(&mut self, rows: &[i32], cols: &[i32], block: &[T], mut visit: impl FnMut(&mut T, T)) {
-        debug_assert_eq!(rows.len() * cols.len(), block.len(), "one value a pair of row and column");
+        debug_assert_eq!(rows.len() * cols.len(), block.len(), "one value per pair of row and column");
         let shape = (self.rows, self.cols);
         for (&row, values) in rows.iter().zip(block.chunks_exact(cols.len().max(1))) {
             let range = self.row_range(row);
@@ -65,7 +65,7 @@ impl<T: Scalar + RealField> MatrixOps<Dense<T>> for Matrix<T> {
 
     #[inline(always)]
     fn get(&self, rows: &[i32], cols: &[i32], block: &mut [T]) -> Result<(), Infallible> {
-        debug_assert_eq!(rows.len() * cols.len(), block.len(), "one value a pair of row and column");
+        debug_assert_eq!(rows.len() * cols.len(), block.len(), "one value per pair of row and column");
         for (&row, values) in rows.iter().zip(block.chunks_exact_mut(cols.len().max(1))) {
             if row >= 0 {
                 local::get(&self.values[self.row_range(row)], cols, values);
@@ -94,7 +94,7 @@ impl<T: Scalar + RealField> MatrixOps<Dense<T>> for Matrix<T> {
 
     #[inline(always)]
     fn add_at(&mut self, slots: &[usize], block: &[T]) -> Result<(), Infallible> {
-        debug_assert_eq!(slots.len(), block.len(), "one value a slot");
+        debug_assert_eq!(slots.len(), block.len(), "one value per slot");
         for (&slot, &value) in slots.iter().zip(block) {
             match self.values.get_mut(slot) {
                 Some(entry) => *entry += value,

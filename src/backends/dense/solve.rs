@@ -65,7 +65,7 @@ impl<T: Scalar + RealField> Solver<T> {
                 return Err(SolveError::Unsupported {
                     backend: Dense::<T>::NAME,
                     what: "incomplete factorization or multigrid",
-                    cure: "take the diagonal, a direct method, or the backend `sparse`",
+                    cure: "use the diagonal, a direct method, or the backend `sparse`",
                 });
             }
         };

@@ -80,7 +80,7 @@ fn package(kind: Factorization, ranks: usize) -> Result<(&'static CStr, Factoriz
         Err(SolveError::Unsupported {
             backend: Petsc::NAME,
             what: "factorization on several ranks",
-            cure: "take a PETSc with MUMPS or SuperLU_DIST, an iterative method, or one rank",
+            cure: "use a PETSc with MUMPS or SuperLU_DIST, an iterative method, or one rank",
         })
     }
 }

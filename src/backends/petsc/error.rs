@@ -76,7 +76,7 @@ pub(super) fn check(code: ffi::Code) -> Result<(), PetscError> {
 /// Converts a text into a C string. Returns an error if it contains a NUL character.
 pub(super) fn c_string(text: &str) -> Result<CString, PetscError> {
     CString::new(text).map_err(|_| {
-        PetscError::found(ffi::ERR_ARG_WRONG, "CString::new", format!("{text:?} holds a zero, which no C string can"))
+        PetscError::found(ffi::ERR_ARG_WRONG, "CString::new", format!("{text:?} contains a NUL character"))
     })
 }
 

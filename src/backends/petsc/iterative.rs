@@ -31,7 +31,7 @@ impl ByIterations {
                 return Err(SolveError::Unsupported {
                     backend: Petsc::NAME,
                     what: "incomplete factorization with a threshold",
-                    cure: "take the diagonal or multigrid, or one of PETSc's by the options database: `pc_type` `ilu` with \
+                    cure: "use the diagonal, multigrid, or one of PETSc's by the options database: `pc_type` `ilu` with \
                            `pc_factor_levels` (one rank), or `hypre` with `pc_hypre_type` `euclid` or `pilut`",
                 });
             }

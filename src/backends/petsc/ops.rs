@@ -156,7 +156,7 @@ impl MatrixOps<Petsc> for Matrix {
 
     #[inline(always)]
     fn get(&self, rows: &[i32], cols: &[i32], block: &mut [f64]) -> Result<(), PetscError> {
-        debug_assert_eq!(rows.len() * cols.len(), block.len(), "one value a pair of row and column");
+        debug_assert_eq!(rows.len() * cols.len(), block.len(), "one value per pair of row and column");
         if self.context.is_single_rank() {
             self.read(rows, cols, block);
         } else {
@@ -183,7 +183,7 @@ impl MatrixOps<Petsc> for Matrix {
 
     #[inline(always)]
     fn add_at(&mut self, slots: &[u32], block: &[f64]) -> Result<(), PetscError> {
-        debug_assert_eq!(slots.len(), block.len(), "one value a slot");
+        debug_assert_eq!(slots.len(), block.len(), "one value per slot");
         for (&slot, &value) in slots.iter().zip(block) {
             match self.values.get_mut(slot as usize) {
                 Some(entry) => *entry += value,

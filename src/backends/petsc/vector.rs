@@ -100,5 +100,5 @@ impl Vector {
 /// Converts a size for PETSc. Returns an error if it exceeds 32-bit indices.
 pub(super) fn count(len: usize) -> Result<i32, PetscError> {
     i32::try_from(len)
-        .map_err(|_| PetscError::found(ffi::ERR_ARG_OUTOFRANGE, "", format!("{len} is more than 32-bit indices reach")))
+        .map_err(|_| PetscError::found(ffi::ERR_ARG_OUTOFRANGE, "", format!("{len} exceeds 32-bit indices")))
 }

@@ -207,7 +207,7 @@ pub(super) fn preconditioner<T: BlockScalar>(
             return Err(SolveError::Unsupported {
                 backend: Sparse::<T>::NAME,
                 what: "multigrid",
-                cure: "take an incomplete factorization, or the backend `petsc`",
+                cure: "use an incomplete factorization, or the backend `petsc`",
             });
         }
     };
@@ -291,10 +291,10 @@ mod tests {
         let mut ilut = Ilut::<f64>::new(1e-3, fill);
         ilut.compute(&a).unwrap();
         assert!((0..n).all(|row| ilut.lower.row(row).count() <= fill && ilut.upper.row(row).count() <= fill));
-        assert!((0..n).any(|row| ilut.upper.row(row).count() == fill), "the limit does limit");
+        assert!((0..n).any(|row| ilut.upper.row(row).count() == fill), "some rows are filled up to the limit");
         let first = ilut.entries();
         ilut.compute(&a).unwrap();
-        assert_eq!(ilut.entries(), first, "nothing of the factorization before is left");
+        assert_eq!(ilut.entries(), first, "no entry of the previous factorization remains");
         assert!(ilut.present.iter().all(|present| !present) && ilut.row.iter().all(|&value| value == 0.0));
     }
 

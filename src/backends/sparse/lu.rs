@@ -3,7 +3,7 @@
 //! faer has two variants. The simplicial (column-by-column) variant gives access to its pivots; the supernodal variant
 //! is many times faster on large systems but does not. After a supernodal factorization, an estimate of the reciprocal
 //! condition number replaces the ratio of the pivots. If that estimate is too small, the matrix is factored again
-//! column by column, so that the verdict "singular" always refers to a pivot.
+//! column by column, so that the error for a singular matrix always refers to a pivot.
 
 use faer::dyn_stack::{MemStack, StackReq};
 use faer::perm::PermRef;

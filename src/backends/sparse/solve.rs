@@ -349,7 +349,7 @@ mod tests {
         for i in 0..3 {
             MatrixOps::<Sparse>::set(&mut equal, &[i], &[i], &[1.0]).unwrap();
         }
-        assert!(solver.factor(&equal).is_ok(), "the same pattern in another place is the same pattern");
+        assert!(solver.factor(&equal).is_ok(), "an equal pattern at another address is accepted");
     }
 
     /// A matrix `[[0, G], [G^T, 0]]`: exchanges within a supernode cannot avoid all zeros on the diagonal.

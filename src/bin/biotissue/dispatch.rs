@@ -51,7 +51,7 @@ fn one_process() -> Result<backends::petsc::Context, Failure> {
     match context.ranks() {
         1 => Ok(context),
         ranks => Err(Failure::arguments(
-            format!("--backend petsc: started as {ranks} ranks, each of which would do all of it"),
+            format!("--backend petsc: started as {ranks} ranks, each of which would do the same work"),
             "one process",
             "start the program without mpirun",
         )),

@@ -38,7 +38,7 @@ pub fn not_written(error: ResultsError) -> Failure {
         ),
         error => Failure::environment(
             error.to_string(),
-            "results that can be put into files",
+            "results that can be written to files",
             "report this as a bug, with the case",
         ),
     }
@@ -58,8 +58,8 @@ pub fn replay_hint(failed_rve: Option<&Path>) -> String {
 }
 
 /// The cure if the only known fact is that a step was too large.
-const TOO_FAR: &str = "from the start: check that the body is held, and the size and units of its loads; later: look at the \
-                       last fields for elements near collapse, or raise `max_cuts` and go on with --resume";
+const TOO_FAR: &str = "from the start: check the supports of the body, and the size and units of its loads; later: look for \
+                       elements near collapse in the last fields, or raise `max_cuts` and continue with --resume";
 
 /// Returns the suggested cure for a failed load step.
 pub fn cure_of_step<F: std::error::Error + 'static>(
@@ -68,7 +68,8 @@ pub fn cure_of_step<F: std::error::Error + 'static>(
 ) -> String {
     match reason {
         NewtonError::Solve(SolveError::Singular { .. }) => {
-            "hold the body so that it can neither move nor turn as a whole; if it buckles, take more load steps".into()
+            "prescribe displacements that prevent every rigid-body motion; if the body buckles, use more load steps"
+                .into()
         }
         NewtonError::Problem(EquilibriumError::PointField(error)) => cure_of_point(error, micro),
         _ => TOO_FAR.into(),
@@ -76,7 +77,7 @@ pub fn cure_of_step<F: std::error::Error + 'static>(
 }
 
 fn cure_of_point(error: &TissueFieldError, micro: &RveParams) -> String {
-    let TissueFieldError::Point(point) = error else { return "see what that rank says".into() };
+    let TissueFieldError::Point(point) = error else { return "see the error of that rank".into() };
     let default = RveParams::default();
     let restricted = [
         ("`stages`", micro.stages != default.stages),
@@ -91,7 +92,7 @@ fn cure_of_point(error: &TissueFieldError, micro: &RveParams) -> String {
     };
     let cure = match point.kind {
         PointFailureKind::LinearSystem => {
-            "`biotissue network check` tells whether that network is floppy or not connected to the boundary: clean it, or use another"
+            "`biotissue network check` shows whether that network is floppy or not connected to the boundary: clean it, or use another"
         }
         _ => TOO_FAR,
     };
@@ -162,13 +163,15 @@ fn cure_of_setup<F: std::error::Error + 'static>(
     match error {
         SetupError::Boundary(_) => ("loads that fit the mesh", "correct the boundary or point that is named"),
         SetupError::Underconstrained(_) => (
-            "conditions that hold every connected part of the body against moving and turning as a whole",
-            "prescribe displacements on more surfaces or components; [[point]] holds single nodes",
+            "prescribed displacements that prevent rigid-body motions of every connected part of the body",
+            "prescribe displacements on more surfaces or components; [[point]] prescribes those of single nodes",
         ),
-        SetupError::Geometry(_) => ("elements with a volume", "improve the mesh, or correct the `scale` of [mesh]"),
+        SetupError::Geometry(_) => {
+            ("elements of positive volume", "improve the mesh, or correct the `scale` of [mesh]")
+        }
         SetupError::Sparsity(_) => ("a stiffness that 32-bit indices can address", "choose a coarser mesh"),
         SetupError::System(_) => {
-            ("a linear solver that can be made for this body", "try another `solver` of [newton], or --backend")
+            ("a linear solver that can be set up for this body", "try another `solver` of [newton], or --backend")
         }
         SetupError::Undeformed(_) => ("an undeformed body that resists every deformation", "try another --backend"),
     }

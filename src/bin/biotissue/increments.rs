@@ -137,22 +137,22 @@ impl Increments<'_> {
             true if restricted => {
                 "leave --stages out, or try all of them: --stages newton,regularised,cuts,relaxation".to_owned()
             }
-            true => "no stage reaches it: take smaller increments where it comes from".to_owned(),
+            true => "no stage reaches it: use smaller increments in the run that wrote it".to_owned(),
             false if restricted => {
-                format!("leave --stages out, or take more --steps (now {})", self.steps)
+                format!("leave --stages out, or use more --steps (now {})", self.steps)
             }
-            false => format!("take more --steps (now {}), or an F nearer to the undeformed state", self.steps),
+            false => format!("use more --steps (now {}), or an F nearer to the undeformed state", self.steps),
         };
         let (expected, cure) = if let RveError::ExcessiveForce(_) = error {
             let units = "moduli and stresses are in Pa, radii in m, F has no unit";
-            ("forces that numbers can hold", format!("check the law and F ({units}); else {advice}"))
+            ("forces within the floating-point range", format!("check the law and F ({units}); else {advice}"))
         } else if error.is_linear() {
             let cure = match self.file {
                 Some(file) => {
                     let file = file.display();
-                    format!("`biotissue network check {file}` tells where it is floppy; if it is not, {advice}")
+                    format!("`biotissue network check {file}` shows where it is floppy; if it is not, {advice}")
                 }
-                None => format!("{advice}; or take another network, or a cleaned one"),
+                None => format!("{advice}; or use another network, or a cleaned one"),
             };
             ("a network that resists every motion of its interior nodes", cure)
         } else {

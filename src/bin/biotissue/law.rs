@@ -117,7 +117,7 @@ fn law_failure(error: NamedLawError, spelled: &dyn Fn(&str) -> String, name: &st
         NamedLawError::Range { parameter, range, .. } => {
             (format!("a finite number {range}"), format!("correct {}", spelled(parameter)))
         }
-        NamedLawError::Name(_) => ("a law that is known".into(), "choose one of them".into()),
+        NamedLawError::Name(_) => ("a known law".into(), "choose one of them".into()),
         NamedLawError::TwoTables => ("a file or points".into(), "leave out one of the two".into()),
         NamedLawError::Points(error) => error.advice().map(String::from).into(),
         NamedLawError::File(errors) => return Failure::Input(errors.clone()),

@@ -1,7 +1,7 @@
 //! The program `biotissue`: parses the arguments, runs the command and reports failures.
 #![cfg_attr(
     not(any(feature = "sparse", feature = "dense")),
-    allow(dead_code, unused_variables, reason = "without a backend, whatever solves is an error that says so")
+    allow(dead_code, unused_variables, reason = "without a backend, every command that solves returns an error")
 )]
 // Every error that a user, a file or a library can cause gives a message and an exit code.
 #![cfg_attr(

@@ -127,13 +127,13 @@ pub fn run(command: MeshCommand) -> Result<(), Failure> {
 /// Returns the failure for arguments that do not define a valid shape.
 fn shape_failure(error: &ShapeError) -> Failure {
     let (expected, cure) = match error {
-        ShapeError::NoCells(_) => ("one cell at least along each axis".to_owned(), "raise --cells"),
+        ShapeError::NoCells(_) => ("at least one cell along each axis".to_owned(), "raise --cells"),
         ShapeError::NotPositive { .. } => ("a positive, finite length in meters".to_owned(), "correct it"),
         ShapeError::TooManyElements(_) => {
-            (format!("at most {} elements", shapes::MAX_ELEMENTS), "take fewer cells or larger elements")
+            (format!("at most {} elements", shapes::MAX_ELEMENTS), "use fewer cells or larger elements")
         }
         ShapeError::ElementTooLarge { limit, .. } => (format!("at most {limit}"), "lower --element-size"),
-        ShapeError::Mesh(_) => ("cells with a volume".to_owned(), "take lengths closer to one another"),
+        ShapeError::Mesh(_) => ("cells of positive volume".to_owned(), "use lengths closer to one another"),
         ShapeError::GaugeTooWide { .. } => {
             ("a gauge narrower than the grips".to_owned(), "lower --gauge-width or raise --grip-width")
         }

@@ -25,7 +25,7 @@ pub fn print_json(value: &impl Serialize) -> Result<(), Failure> {
     let text = serde_json::to_string(value).map_err(|error| {
         Failure::environment(
             format!("the result cannot be written as JSON: {error}"),
-            "an answer of text and numbers",
+            "a result that JSON can represent",
             "leave out --json, and report this as a bug with the command",
         )
     })?;

@@ -74,7 +74,7 @@ impl Progress for Reporter {
         });
         let life = step.rve.as_ref().filter(|_| step.rounds > 0).map_or(String::new(), |rve| {
             let (waiting, deleted) = (rve.waiting, rve.deleted);
-            format!(", balanced {} times more as RVEs came and went ({waiting} wait, {deleted} deleted)", step.rounds)
+            format!(", equilibrium restored {} times ({waiting} RVEs wait, {deleted} deleted)", step.rounds)
         });
         let line = format!(
             "step {}/{} t = {:.4}: {} iterations, residual {residual:.1e}{rves}{life}, {:.1} s",

@@ -118,7 +118,7 @@ impl RunCommand {
             _ => Err(Failure::arguments(
                 format!("--time-out {seconds}"),
                 "seconds above 0",
-                "leave --time-out out to wait for ever",
+                "leave --time-out out to wait indefinitely",
             )),
         }
     }
@@ -144,7 +144,7 @@ impl Configuration {
     fn warnings_for(&self, case: &Case) -> Vec<String> {
         let overridden = self.plan.iter().filter(|_| case.scales != ScalesCase::default()).map(|(_, file)| {
             format!(
-                "{}: [scales] has no effect: {} says which ranks each scale gets",
+                "{}: [scales] has no effect: {} assigns the ranks to the scales",
                 case.file.display(),
                 file.display()
             )
@@ -247,7 +247,7 @@ fn run_on_processes(processes: usize, command: RunCommand) -> Result<(), Failure
 #[cfg(not(feature = "mpi"))]
 fn run_on_processes(processes: usize, _: RunCommand) -> Result<(), Failure> {
     Err(Failure::arguments(
-        format!("started as {processes} processes, each of which would do all of it: this build has no MPI"),
+        format!("started as {processes} processes, each of which would run the whole case: this build has no MPI"),
         "one process, or a build with MPI",
         "build with --features mpi, or leave mpirun out and give --ranks",
     ))
@@ -293,11 +293,11 @@ pub fn take_steps<B: ProgramBackend, M: TissueMaterial>(
         output::warn(if writers.is_writer() { &resumed.warnings } else { &[] });
         done = resumed.step;
         if resumed.step > 0 && writers.is_writer() {
-            output::message(&format!("going on after step {} of {}", resumed.step, simulation.case().steps.count));
+            output::message(&format!("continuing after step {} of {}", resumed.step, simulation.case().steps.count));
         }
     }
     if !resume && writers.is_writer() && dir.join(LOADS_FILE).exists() {
-        output::message(&format!("replacing the results in {}; --resume would go on with them", dir.display()));
+        output::message(&format!("replacing the results in {}; --resume would continue from them", dir.display()));
     }
     // Only the rank that writes reports progress.
     let mut progress = writers.is_writer().then(|| Reporter::new(&simulation.problem_size(), dir, done));

@@ -182,7 +182,7 @@ impl<'a> Reader<'a> {
             self.relation_lines.push(self.line);
         } else {
             self.report(
-                format!("`{}` is no relation", sentence(producer, rest)),
+                format!("`{}` is not a relation", sentence(producer, rest)),
                 "two scales: `PRODUCER CONSUMER`",
                 "name the scale that has the data, then the one that gets them",
             );
@@ -228,7 +228,7 @@ impl<'a> Reader<'a> {
             match value {
                 Some(value) => expanded.push_str(&value),
                 None if name.is_empty() => self.report(
-                    format!("a `$` in `{path}` has no name behind it"),
+                    format!("a `$` in `{path}` has no name after it"),
                     "`$NAME` or `${NAME}`",
                     "name the environment variable, or remove the `$`",
                 ),

@@ -18,19 +18,19 @@ pub(super) fn share(name: &str, rest: &[&str]) -> Result<Share, Problem> {
         }
         ["ratio", ratio] => {
             let positive = ratio.parse().ok().filter(|ratio: &f64| *ratio > 0.0 && ratio.is_finite());
-            let invalid = || (format!("`{ratio}` is no ratio"), "a positive number", "write one, such as `1.5`");
+            let invalid = || (format!("`{ratio}` is not a ratio"), "a positive number", "write one, such as `1.5`");
             positive.map(Share::Ratio).ok_or_else(invalid)
         }
         [count] if !["ranks", "ratio"].contains(count) => {
             let positive = count.parse().ok().filter(|count: &usize| (1..=MAX_RANKS).contains(count));
             let invalid = || {
-                let what = format!("`{count}` is no number of ranks");
+                let what = format!("`{count}` is not a number of ranks");
                 (what, "a whole number from 1 to 16777216", "write how many ranks the scale gets")
             };
             positive.map(Share::Count).ok_or_else(invalid)
         }
         _ => Err((
-            format!("`{}` does not say what ranks the scale gets", sentence(name, rest)),
+            format!("`{}` does not give the ranks of the scale", sentence(name, rest)),
             "`NAME COUNT`, `NAME ranks 0 1 5-7` or `NAME ratio 1.5`",
             "write one of these",
         )),

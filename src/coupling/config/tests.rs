@@ -113,18 +113,18 @@ fn wrong_scales_are_shown() {
     let ratio = hint("a positive number", "write one, such as `1.5`");
     let twice = hint("a name of its own for each scale", "rename one of them, or remove it");
     let table = [
-        ("a 0", format!("2: `0` is no number of ranks{count}")),
-        ("a -3", format!("2: `-3` is no number of ranks{count}")),
-        ("a 1.5", format!("2: `1.5` is no number of ranks{count}")),
-        ("a 99999999999", format!("2: `99999999999` is no number of ranks{count}")),
-        ("a", format!("2: `a` does not say what ranks the scale gets{form}")),
-        ("a 1 2", format!("2: `a 1 2` does not say what ranks the scale gets{form}")),
-        ("a ranks", format!("2: `a ranks` does not say what ranks the scale gets{form}")),
-        ("a ratio", format!("2: `a ratio` does not say what ranks the scale gets{form}")),
+        ("a 0", format!("2: `0` is not a number of ranks{count}")),
+        ("a -3", format!("2: `-3` is not a number of ranks{count}")),
+        ("a 1.5", format!("2: `1.5` is not a number of ranks{count}")),
+        ("a 99999999999", format!("2: `99999999999` is not a number of ranks{count}")),
+        ("a", format!("2: `a` does not give the ranks of the scale{form}")),
+        ("a 1 2", format!("2: `a 1 2` does not give the ranks of the scale{form}")),
+        ("a ranks", format!("2: `a ranks` does not give the ranks of the scale{form}")),
+        ("a ratio", format!("2: `a ratio` does not give the ranks of the scale{form}")),
         ("a ranks 0 7-5", format!("2: `7-5` names no ranks{ranks}")),
         ("a ranks 0-99999999999", format!("2: `0-99999999999` names no ranks{ranks}")),
-        ("a ratio -1", format!("2: `-1` is no ratio{ratio}")),
-        ("a ratio inf", format!("2: `inf` is no ratio{ratio}")),
+        ("a ratio -1", format!("2: `-1` is not a ratio{ratio}")),
+        ("a ratio inf", format!("2: `inf` is not a ratio{ratio}")),
         ("a 1\na 2", format!("3: there are two scales `a`; the first is on line 2{twice}")),
     ];
     for (entry, expected) in table {
@@ -139,8 +139,8 @@ fn wrong_relations_are_shown() {
     let once = hint("each relation once", "remove one of the two");
     let other = hint("two scales", "name another scale, or remove the line");
     let table = [
-        ("a", format!("5: `a` is no relation{pair}")),
-        ("a b a", format!("5: `a b a` is no relation{pair}")),
+        ("a", format!("5: `a` is not a relation{pair}")),
+        ("a b a", format!("5: `a b a` is not a relation{pair}")),
         ("a c", format!("5: there is no scale `c`{scale}")),
         ("a a", format!("5: the relation `a a` couples a scale with itself{other}")),
         ("a b\nb a\na b", format!("7: the relation `a b` was already given on line 5{once}")),
@@ -167,7 +167,7 @@ fn wrong_folders_are_shown() {
         ("results my out", format!("2: `results my out` does not name one folder{folder}")),
         ("results $HERE/x", unset("HERE", "$HERE/x")),
         ("results ${EMPTY}", unset("EMPTY", "${EMPTY}")),
-        ("results x$/y", format!("2: a `$` in `x$/y` has no name behind it{name}")),
+        ("results x$/y", format!("2: a `$` in `x$/y` has no name after it{name}")),
         ("results x\nresults y", format!("3: the folder of the results was already given on line 2{line}")),
     ];
     for (entry, expected) in table {
@@ -183,7 +183,7 @@ fn all_errors_of_a_file_are_shown_in_the_order_of_lines() {
     let expected: [(usize, &str); 6] = [
         (1, "`macro` is outside all sections"),
         (3, "there is no scale `micro`"),
-        (5, "`none` is no number of ranks"),
+        (5, "`none` is not a number of ranks"),
         (7, "the environment variable ONE in `$ONE/$TWO` is not set, or is empty"),
         (7, "the environment variable TWO in `$ONE/$TWO` is not set, or is empty"),
         (8, "there is no section `@rest`"),

@@ -41,7 +41,7 @@ pub enum RestoreError<R: std::fmt::Display, E: std::fmt::Display, F: std::fmt::D
         expected: usize,
     },
     /// A displacement is not finite. Holds the node, from 0.
-    #[error("the displacement of node {0} in the saved state is no finite number")]
+    #[error("the displacement of node {0} in the saved state is not a finite number")]
     NotFinite(usize),
     /// The point field cannot be restored.
     #[error("{0}")]

@@ -141,7 +141,7 @@ pub enum RveError<F: std::error::Error + 'static> {
     #[error("the workspace was made for another model: make one with `Workspace::new` for each model")]
     Workspace,
     /// The state does not belong to the network of the model.
-    #[error("the RVE is not one of this model: {0}")]
+    #[error("the RVE does not belong to this model: {0}")]
     State(#[from] RveStateError),
     /// The affine motion gives fiber forces so large that an equilibrium cannot be distinguished from rounding.
     #[error(transparent)]
@@ -181,7 +181,7 @@ impl ExcessiveForce {
 
 fn format_failures<F: std::error::Error + 'static>(failures: &[StageFailure<F>]) -> String {
     if failures.is_empty() {
-        return "no stage was to be tried".into();
+        return "no stage was selected".into();
     }
     failures.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
 }

@@ -11,10 +11,10 @@ use super::quadrature::gauss;
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum LawError {
     /// The stress at rest is not 0. Holds the stress.
-    #[error("the stress at stretch 1 is {0:e}; an undeformed fiber carries nothing")]
+    #[error("the stress at stretch 1 is {0:e}; an undeformed fiber carries no force")]
     Rest(f64),
     /// The modulus differs from the slope at rest, or the slope is not positive.
-    #[error("youngs_modulus() is {modulus:e} and the slope at stretch 1 {slope:e}; both must be one number above 0")]
+    #[error("youngs_modulus() is {modulus:e} and the slope at stretch 1 {slope:e}; both must be equal and above 0")]
     Modulus {
         /// [`FiberLaw::youngs_modulus`].
         modulus: f64,
@@ -71,7 +71,7 @@ pub enum LawError {
 /// stress that of the energy; batches give the same values as single fibers.
 ///
 /// On a thousand intervals, differences of a function are compared with integrals of its derivative. An interval that
-/// disagrees is halved until it agrees or is as short as 1e-8: at a mere bend the two converge, at a jump or with a
+/// disagrees is halved until it agrees or is as short as 1e-8: at a kink the two converge, at a jump or with a
 /// wrong formula they do not. The tolerance is about 1e-6. A slope that changes within 1e-10 by more than 1e-6 of the
 /// modulus (or of the slope, if that is larger) counts as a jump.
 ///
@@ -127,7 +127,7 @@ fn batches(law: &dyn FiberLaw, samples: &[f64]) -> Result<(), LawError> {
 }
 
 /// Tests that the increase of a function equals the integral of its derivative. Otherwise bisects toward the half with
-/// the larger difference: at a bend the two values converge. If they do not, the error holds the stretch, the
+/// the larger difference: at a kink the two values converge. If they do not, the error holds the stretch, the
 /// difference quotient and the mean derivative.
 fn differences(
     a: f64,

@@ -18,7 +18,7 @@ use crate::fiber::simd::{Kernel, fma, vectorized};
 /// assert!((growth[2] - 1.0_f64.exp_m1()).abs() < 1e-15);
 /// ```
 pub fn exp_m1(x: &[f64], growth: &mut [f64]) {
-    assert_eq!(x.len(), growth.len(), "one result a number");
+    assert_eq!(x.len(), growth.len(), "one result per number");
     vectorized(Growth { x, growth });
 }
 

@@ -121,7 +121,7 @@ pub const TRANSITION: Parameter = Parameter {
     unit: "",
     range: ParameterRange::AtLeast(1.0),
     default: None,
-    help: "Stretch above which exponential-stretch goes on along its tangent line",
+    help: "Stretch above which exponential-stretch continues along its tangent line",
 };
 
 /// `r`, the residual stiffness in compression over `E`, of [`Buckling`](super::Buckling).
@@ -133,7 +133,7 @@ pub const COMPRESSION: Parameter = Parameter {
     unit: "",
     range: ParameterRange::FromTo(0.0, 1.0),
     default: Some(1e-3),
-    help: "Fibers give way in compression: the part of the stiffness that is left, 0.001 where only --buckling-strain is given",
+    help: "Fibers buckle in compression: the fraction of stiffness that remains, 0.001 if only --buckling-strain is given",
 };
 
 /// `w`, the compressive strain over which the stiffness of [`Buckling`](super::Buckling) falls to its residual.
@@ -145,7 +145,7 @@ pub const BUCKLING_STRAIN: Parameter = Parameter {
     unit: "",
     range: ParameterRange::Above(0.0),
     default: Some(0.01),
-    help: "Compressive strain within which the stiffness falls, 0.01 where only --compression is given",
+    help: "Compressive strain over which the stiffness falls, 0.01 if only --compression is given",
 };
 
 /// The parameters of [`Buckling`](super::Buckling), which modify any law; one of them suffices.

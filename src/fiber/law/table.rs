@@ -121,7 +121,7 @@ impl TableError {
                 "add the point (1, 0); stretches are lengths over the reference length",
             ],
             Self::RestStress { .. } => [
-                "stress 0 at stretch 1: an undeformed fiber carries nothing",
+                "stress 0 at stretch 1: an undeformed fiber carries no force",
                 "shift the curve so that it passes through (1, 0)",
             ],
             Self::NoStiffness(_) => [

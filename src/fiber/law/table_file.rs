@@ -71,7 +71,7 @@ fn point(record: &csv::ByteRecord) -> Result<[f64; 2], String> {
     }
     for (value, cell) in point.iter_mut().zip(record) {
         *value =
-            number_of(cell).ok_or_else(|| format!("`{}` is no number", excerpt(&String::from_utf8_lossy(cell))))?;
+            number_of(cell).ok_or_else(|| format!("`{}` is not a number", excerpt(&String::from_utf8_lossy(cell))))?;
     }
     Ok(point)
 }
@@ -95,10 +95,10 @@ mod tests {
     #[test]
     fn every_mistake_is_told_with_its_line() {
         let cases = [
-            ("1,0\n1.1,x\n1.2\n1.3,1,2\n", "curve.csv:2: `x` is no number"),
+            ("1,0\n1.1,x\n1.2\n1.3,1,2\n", "curve.csv:2: `x` is not a number"),
             ("1,0\n1.2\n", "curve.csv:2: the line has 1 column"),
             ("stretch,stress\n1;0\n", "curve.csv:2: the line has 1 column"),
-            ("a,b\nc,d\n1,0\n", "curve.csv:2: `c` is no number"),
+            ("a,b\nc,d\n1,0\n", "curve.csv:2: `c` is not a number"),
             ("", "curve.csv: the table has 0 points"),
             ("1,0\n", "curve.csv: the table has 1 points"),
             ("0.9,-1\n1.1,1\n", "curve.csv: no point has the stretch 1"),

@@ -43,7 +43,7 @@ pub enum CommError {
         reason: String,
     },
     /// No message arrived before the time-out.
-    #[error("no message from rank {from} in {} s", .waited.as_secs_f64())]
+    #[error("no message from rank {from} within {} s", .waited.as_secs_f64())]
     TimeOut {
         /// The rank whose message is missing.
         from: usize,
@@ -51,7 +51,7 @@ pub enum CommError {
         waited: Duration,
     },
     /// The receiver took no message before the time-out.
-    #[error("rank {to} has taken no message for {} s", .waited.as_secs_f64())]
+    #[error("rank {to} received no message within {} s", .waited.as_secs_f64())]
     SendTimeOut {
         /// The rank that should have received it.
         to: usize,
@@ -59,7 +59,7 @@ pub enum CommError {
         waited: Duration,
     },
     /// The message has another size than expected.
-    #[error("a message of {found} bytes from rank {from}, where {expected} were expected")]
+    #[error("a message of {found} bytes from rank {from}; expected {expected}")]
     Size {
         /// The sender.
         from: usize,

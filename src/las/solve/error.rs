@@ -28,12 +28,12 @@ pub enum SolveError<F> {
         expected: usize,
     },
     /// The matrix has the right size, but its sparsity pattern differs from the analyzed one.
-    #[error("the entries of the matrix are not where the analyzed pattern has them")]
+    #[error("the sparsity pattern of the matrix differs from the analyzed one")]
     Pattern,
     /// A matrix declared symmetric has an entry without its transpose; perhaps only one triangle was stored.
     #[error(
-        "the matrix was stated to be symmetric, but ({row}, {column}) is in its pattern and ({column}, {row}) is not: store \
-         both triangles, or state no symmetry"
+        "the matrix was declared symmetric, but ({row}, {column}) is in its pattern and ({column}, {row}) is not: \
+         store both triangles, or declare no symmetry"
     )]
     UnsymmetricPattern {
         /// Row of the entry.
@@ -139,7 +139,7 @@ pub enum StopReason {
     /// The next iterate is undefined; in conjugate gradients because the matrix or the preconditioner is not positive
     /// definite.
     #[error(
-        "it broke down: conjugate gradients need a positive definite matrix and preconditioner; take another method or preconditioner"
+        "it broke down: conjugate gradients need a positive definite matrix and preconditioner; use another method or preconditioner"
     )]
     Breakdown,
 }

@@ -84,7 +84,7 @@ pub fn a_scale_that_does_not_answer_is_named<C: Comm>(comm: &C) -> Outcome {
     let mut channel = Channel::<f64>::new(&back)?;
     if scales.own() == 0 {
         let error = channel.receive(&back, &mut [0.0]).expect_err("no rank sends");
-        assert_eq!(error.to_string(), "coupling sleeps to asks: no message from rank 1 in 0.2 s");
+        assert_eq!(error.to_string(), "coupling sleeps to asks: no message from rank 1 within 0.2 s");
         let error = scales.receive(1).expect_err("no rank sends");
         assert_eq!(error.to_string(), "scale sleeps sent no message to scale asks within 0.2 s");
         assert_eq!(scales.broadcast(2, Message::new()), Err(ScaleError::Number { number: 2, scales: 2 }));

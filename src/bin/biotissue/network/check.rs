@@ -135,8 +135,8 @@ fn no_network_left(path: &Path, error: &NetworkError) -> Failure {
         InputError::in_file(
             path,
             format!("nothing is left after cleaning: {error}"),
-            "fibers that tie the faces of the cube together",
-            "is --shorter-than too long, or the network not connected to its boundary?",
+            "fibers that connect the faces of the cube",
+            "is --shorter-than too large, or the network not connected to its boundary?",
         )
         .into(),
     )
@@ -150,9 +150,9 @@ fn findings(report: &NetworkReport, removed: Option<Removed>, arguments: &CheckA
     }
     match removed {
         None => text.push_str("  cleaning would leave nothing\n"),
-        Some(removed) if removed.is_nothing() => text.push_str("  nothing to take out\n"),
+        Some(removed) if removed.is_nothing() => text.push_str("  nothing to remove\n"),
         Some(removed) => {
-            let done = if arguments.clean { "taken out" } else { "to take out (--clean -o FILE)" };
+            let done = if arguments.clean { "removed" } else { "to remove (--clean -o FILE)" };
             let _ = writeln!(text, "  {done}: {}", text::removed(&removed));
         }
     }

@@ -96,11 +96,11 @@ pub fn run(arguments: &GenerateArguments) -> Result<(), Failure> {
     let length_unit = Some("edge of the cube".into());
     let sidecar = Sidecar { generated: Some(generated.clone()), length_unit, ..laws_of(&made.network) };
     write(&arguments.output, &made.network, &sidecar)?;
-    tell(arguments, &params, &made, &generated)
+    print_summary(arguments, &params, &made, &generated)
 }
 
 /// Prints a summary of the generated network.
-fn tell(
+fn print_summary(
     arguments: &GenerateArguments,
     params: &GeneratorParams,
     made: &GeneratedNetwork,
@@ -125,7 +125,7 @@ fn tell(
     );
     text.push_str(&text::figures(&report, &made.network, &Cube::UNIT, axis));
     if !made.removed.is_nothing() {
-        text.push_str(&format!("  taken out        {}\n", text::removed(&made.removed)));
+        text.push_str(&format!("  removed          {}\n", text::removed(&made.removed)));
     }
     output::print(&text)
 }
@@ -155,13 +155,13 @@ fn size(arguments: &GenerateArguments) -> Result<Size, Failure> {
     let given: Vec<Size> = sizes.into_iter().flatten().collect();
     let what = match given[..] {
         [size] => return Ok(size),
-        [] => "nothing says how large the network is to be",
-        _ => "more than one option says how large the network is to be",
+        [] => "no option gives the size of the network",
+        _ => "more than one option gives the size of the network",
     };
     Err(Failure::arguments(
         what,
         "one of --points N, --nodes N and --density L",
-        "--points 60 makes a network that suits an RVE",
+        "--points 60 gives a network of a suitable size for an RVE",
     ))
 }
 

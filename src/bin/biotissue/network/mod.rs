@@ -55,14 +55,14 @@ fn laws_of(network: &Network) -> Sidecar {
 fn write(path: &Path, network: &Network, sidecar: &Sidecar) -> Result<(), Failure> {
     output::make_folder_of(path)?;
     if biotissue::output::is_stream(path) {
-        let what = format!("{}: no regular file: the network goes there without its materials", path.display());
+        let what = format!("{}: not a regular file: the network is written without its materials", path.display());
         output::warn(&[what]);
     }
     write_file_set(path, network, sidecar).map_err(|error| match &error {
         FileSetError::Write { path, source } => Failure::unwritable(path, source),
         FileSetError::Foreign { .. } => Failure::arguments(
             format!("{error}; nothing is written"),
-            "no such file, or one that `biotissue network` has written with a network and that is as it was",
+            "no such file, or one that `biotissue network` wrote with a network and that is unchanged since",
             "move or rename that file, or give the network another name",
         ),
     })

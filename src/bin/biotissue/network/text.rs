@@ -26,8 +26,7 @@ pub fn figures(report: &NetworkReport, network: &Network, cube: &Cube, axis: Opt
         report.fibers, report.boundary_fibers, report.maxwell_count
     );
     if report.doubled_fibers > 0 {
-        let _ =
-            writeln!(text, "  doubled fibers   {} join two nodes that another joins already", report.doubled_fibers);
+        let _ = writeln!(text, "  doubled fibers   {} join the same two nodes as another fiber", report.doubled_fibers);
     }
     let _ = writeln!(text, "  cube             edge {} in the file; lengths below are relative to it", cube.edges[0]);
     let length = report.length;

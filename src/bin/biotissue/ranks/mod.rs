@@ -94,8 +94,8 @@ pub fn check_scales(config: &Config, file: &Path) -> Result<(), Failure> {
     match config.relations.is_empty() || given(MACRO) && given(MICRO) {
         true => Ok(()),
         false => Err(Failure::arguments(
-            format!("{}: the relations are of one of the scales of a body alone", file.display()),
-            format!("both, `{MACRO} {MICRO}` for strains and `{MICRO} {MACRO}` for stresses"),
+            format!("{}: the relations go in one direction only", file.display()),
+            format!("both directions: `{MACRO} {MICRO}` for strains and `{MICRO} {MACRO}` for stresses"),
             "give both in @relations, or none",
         )),
     }
@@ -141,7 +141,7 @@ pub fn check_near(scales: ScalesCase) -> Result<(), Failure> {
         return Ok(());
     }
     Err(Failure::arguments(
-        "`near` in [scales], in a build that does not know the topology of machines",
+        "`near` in [scales], in a build that cannot determine the topology of machines",
         "a build with the cargo feature `hwloc`",
         "build it with --features mpi,hwloc, or leave `near` out",
     ))
@@ -177,14 +177,14 @@ pub fn on_processes(
 }
 
 fn no_outcome() -> Failure {
-    ranks_failed(&"no rank says how the run ended")
+    ranks_failed(&"no rank reported how the run ended")
 }
 
 fn ranks_failed(error: &impl std::fmt::Display) -> Failure {
     Failure::environment(
         error.to_string(),
-        "ranks that all go on to the end",
-        "see what that rank says; what converged before is on disk",
+        "ranks that all complete the run",
+        "see the error of that rank; the converged steps are on disk",
     )
 }
 

@@ -150,7 +150,7 @@ fn parse_scale(text: &str) -> Result<StressScale, Failure> {
         _ => Err(Failure::arguments(
             format!("--scale {}", excerpt(text)),
             "\"raw\", or a fiber volume fraction between 0 and 1",
-            "a collagen gel has some 0.003; leave --scale out for raw",
+            "a collagen gel has about 0.003; leave --scale out for raw",
         )),
     }
 }

@@ -178,11 +178,11 @@ impl RveResult {
             if at_rounding { ", at rounding" } else { "" }
         );
         if let Some(stability) = self.stability {
-            let neutral = if stability.neutral { ", but for motions that nothing resists" } else { "" };
+            let neutral = if stability.neutral { ", except for motions without stiffness" } else { "" };
             let saddles = match self.stages.saddles {
                 0 => String::new(),
-                1 => "; 1 saddle point was left".into(),
-                count => format!("; {count} saddle points were left"),
+                1 => "; reached after leaving 1 saddle point".into(),
+                count => format!("; reached after leaving {count} saddle points"),
             };
             let _ = writeln!(out, "stability    a minimum of the energy{neutral}{saddles}");
         }

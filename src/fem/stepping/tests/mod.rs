@@ -268,7 +268,7 @@ fn a_restored_run_goes_on_bit_for_bit() {
     assert_eq!(refused(short), said);
     let mut lost = saved.clone();
     lost.displacements[7][1] = f64::NAN;
-    assert_eq!(refused(lost), "the displacement of node 7 in the saved state is no finite number");
+    assert_eq!(refused(lost), "the displacement of node 7 in the saved state is not a finite number");
     let error = new().restore(&saved, |_| Err(DiskFull)).unwrap_err();
     assert!(matches!(error, RestoreError::Field(DiskFull)), "{error}");
 }

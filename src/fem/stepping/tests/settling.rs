@@ -149,7 +149,7 @@ fn a_material_that_never_settles_is_an_error() {
     let params = StepParams { count: 1, max_cuts: 1, max_evolutions: 7, ..StepParams::default() };
     let mut stepper = stepper(&mesh, &pushed(0.4), field, params);
     let error = stepper.run(&mut ()).unwrap_err().to_string();
-    assert!(error.contains("after the body was brought to balance 7 times"), "{error}");
+    assert!(error.contains("after equilibrium was restored 7 times"), "{error}");
 }
 
 /// Models two micro-scale equilibria: a trial state beyond `limit` enters the stiffer one, and no trial state leaves
