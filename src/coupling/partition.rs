@@ -88,7 +88,7 @@ mod tests {
         row
     }
 
-    /// Table 4.2 of the thesis.
+    /// Tobin 2018, table 4.2.
     #[test]
     fn partitions_507_units_as_published() {
         let distribution = distribution(&[125, 122, 128, 132]);
@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn new_units_go_where_there_are_few() {
+    fn new_units_go_to_the_ranks_with_the_fewest() {
         let with = |held: &[usize], counts: &[usize]| {
             let distribution = Distribution { held: held.to_vec(), ..distribution(counts) };
             (0..counts.len()).map(|rank| row(&EvenPartition, &distribution, rank, held.len())).collect::<Vec<_>>()
@@ -119,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn weights_are_halved_where_half_of_them_is() {
+    fn the_sequence_is_cut_at_half_of_the_total_weight() {
         let weights = vec![vec![1.0, 1.0, 1.0], vec![3.0]];
         let distribution = Distribution { counts: vec![3, 1], weights, held: Vec::new() };
         assert_eq!(WeightedPartition.partition(&distribution, 0, 2), [0, 0, 0]);

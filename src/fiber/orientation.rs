@@ -13,7 +13,7 @@ use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 /// The weight of each fiber in an orientation tensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Weighting {
-    /// Equal weights: `(1/N) sum n (x) n`, as in the thesis.
+    /// Equal weights: `(1/N) sum n (x) n`, as in Tobin 2018.
     Number,
     /// Weights proportional to the given lengths.
     Length,
@@ -87,7 +87,7 @@ mod tests {
     }
 
     #[test]
-    fn the_order_parameter_knows_parallel_isotropic_and_normal_fibers() {
+    fn the_order_parameter_is_right_for_parallel_isotropic_and_normal_fibers() {
         let axis = Vector3::new(0.0, 0.6, 0.8);
         let along = axis * axis.transpose();
         let normal = (Matrix3::identity() - along) * 0.5;
@@ -97,14 +97,14 @@ mod tests {
     }
 
     #[test]
-    fn weights_are_lengths_only_when_asked() {
+    fn lengths_are_weights_only_on_request() {
         let fibers = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
         assert_eq!(tensor(&fibers, &[1.0, 3.0], Weighting::Number)[(0, 0)], 0.5);
         assert_eq!(tensor(&fibers, &[1.0, 3.0], Weighting::Length)[(0, 0)], 0.25);
     }
 
     #[test]
-    fn the_planar_tensor_sees_projections() {
+    fn the_planar_tensor_is_that_of_the_projections() {
         let s = 0.5_f64.sqrt();
         let omega = planar_tensor(&[[s, 0.0, s], [0.0, 0.0, 1.0]], &[1.0, 1.0], Weighting::Number, 2);
         assert!((omega[(0, 0)] - 1.0).abs() < 1e-15, "the fiber along the axis does not count");

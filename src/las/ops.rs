@@ -1,4 +1,4 @@
-//! Vector and matrix operations for hot loops (table 5.1 of the thesis).
+//! Vector and matrix operations for hot loops (Tobin 2018, table 5.1).
 
 use super::Backend;
 

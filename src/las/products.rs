@@ -1,4 +1,4 @@
-//! Amortized matrix operations (table 5.2 of the thesis, with additions): products, sums, diagonals, and iteration over
+//! Amortized matrix operations (Tobin 2018, table 5.2, with additions): products, sums, diagonals, and iteration over
 //! all entries. Like the solvers, they are deliberately not zero-overhead.
 
 use std::sync::Arc;

@@ -1,8 +1,8 @@
 //! Checks which files of a result directory were written by a run; no other file is replaced or removed.
 //!
 //! A file is recognized by its name and its first bytes; the copy of the case also by its checksum, so that a file
-//! edited by the user is not recognized. Copies by versions without a checksum are recognized if they have the form
-//! that a run writes.
+//! edited by the user is not recognized. A copy without a checksum, as older versions wrote it, is recognized if it has
+//! the form that a run writes.
 
 use std::fs::{self, File};
 use std::io::{ErrorKind, Read};

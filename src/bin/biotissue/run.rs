@@ -99,7 +99,7 @@ impl RunCommand {
             None => Configuration::default(),
             Some(file) => {
                 let config = Config::read(file)?;
-                // The file may contain only the result directory.
+                // A file without scales may set the result directory alone.
                 let has_scales = !config.plan.scales.is_empty();
                 if has_scales {
                     ranks::check_scales(&config, file)?;

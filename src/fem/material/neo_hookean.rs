@@ -33,8 +33,9 @@ use crate::tensor::row_major;
 /// in which every term is of the order of the result.
 ///
 /// # References
-/// J. Bonet and R. D. Wood, *Nonlinear Continuum Mechanics for Finite Element Analysis*, 2nd ed., section 6.4.3;
-/// W. R. Tobin's thesis, equations A.17 to A.19.
+/// J. Bonet and R. D. Wood, *Nonlinear Continuum Mechanics for Finite Element Analysis*, 2nd ed., 2008,
+/// section 6.4.3; W. R. Tobin, *The Adaptive Multiscale Simulation Infrastructure* (PhD thesis, Rensselaer Polytechnic
+/// Institute, 2018), equations A.17 to A.19.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NeoHookean {
     /// Shear modulus, Pa.

@@ -19,7 +19,8 @@ use super::{Material, MaterialError, Response, checked_determinant};
 /// At `F = I`, `A = C`. The law softens in strong compression without limit; use it only for small strains.
 ///
 /// # References
-/// J. Bonet and R. D. Wood, *Nonlinear Continuum Mechanics for Finite Element Analysis*, 2nd ed., section 6.3.1.
+/// J. Bonet and R. D. Wood, *Nonlinear Continuum Mechanics for Finite Element Analysis*, 2nd ed., 2008,
+/// chapter 6.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SaintVenantKirchhoff {
     /// `C_IJKL`, Pa: row `3 * I + J`, column `3 * K + L`; with both minor symmetries and the major one.

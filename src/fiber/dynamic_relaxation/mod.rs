@@ -3,7 +3,7 @@
 //! The interior nodes get masses `m` and viscous damping `c m v`. The boundary moves from one deformation gradient to
 //! the other along a smooth step, and central differences integrate `m a + c m v + r = 0` until the residual `r`
 //! satisfies the tolerance of Newton. No matrix is assembled or factored: an indefinite or singular stiffness or a
-//! snap-through, where Newton fails, does not stop the integration. It takes thousands of steps.
+//! snap-through, where Newton fails, does not stop the integration. The integration takes thousands of steps.
 //!
 //! * *Mass.* Lumped: half of `rho A L` of every fiber at each of its ends ([`Masses::Density`]), or proportional to the
 //!   stiffness of the fibers at a node ([`Masses::Stiffness`]). The latter gives all nodes a similar stable
@@ -14,7 +14,7 @@
 //!   step (Underwood, *Dynamic relaxation*, in Computational Methods for Transient Analysis, 1983).
 //! * *Energy.* The work at the boundary must equal the sum of strain energy, kinetic energy and dissipation, to within
 //!   a fraction of the largest of them (Belytschko, Liu, Moran and Elkhodary, *Nonlinear Finite Elements for Continua
-//!   and Structures*, 2nd ed., 2014, eq. 6.2.42). Otherwise the integration is repeated with half the step.
+//!   and Structures*, 2nd ed., 2014, chapter 6). Otherwise the integration is repeated with half the step.
 
 mod motion;
 mod params;

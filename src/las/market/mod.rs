@@ -2,8 +2,8 @@
 //!
 //! The reader supports `coordinate` and `array`; `real`, `integer` and `pattern` (entries of one); `general`,
 //! `symmetric` and `skew-symmetric`, as defined by R. F. Boisvert, R. Pozo and K. A. Remington (*The Matrix Market
-//! exchange formats*, NISTIR 5935, 1996). Repeated entries are added. The writer produces `coordinate real general`
-//! with enough digits to recover the values exactly.
+//! exchange formats: initial design*, NISTIR 5935, 1996). Repeated entries are added. The writer produces
+//! `coordinate real general` with enough digits to recover the values exactly.
 
 mod read;
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Linear solvers (table 5.2 of the thesis), deliberately not zero-overhead.
+//! Linear solvers (Tobin 2018, table 5.2), deliberately not zero-overhead.
 //!
 //! A call takes microseconds to seconds, so the cost of a virtual call is negligible: [`Solver`] and
 //! [`MatVec`](super::MatVec) are object-safe.

@@ -50,7 +50,7 @@ pub(super) struct MicroProxy<'a, C: Comm> {
 }
 
 impl<'a, C: Comm> MicroProxy<'a, C> {
-    /// Does not communicate.
+    /// Creates a proxy without couplings; [`MicroProxy::couple`] adds them. Does not communicate.
     pub fn new(scales: &'a Scales<C>, body_solve: BodySolve, shard_of: Vec<u32>) -> Self {
         Self {
             scales,

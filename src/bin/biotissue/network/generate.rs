@@ -54,10 +54,10 @@ pub struct GenerateArguments {
     output: PathBuf,
     #[command(flatten)]
     law: LawArguments,
-    /// Instead of --law, a part of the fibers and its law, drawn by the seed; repeat until the fractions sum to 1:
-    /// "fraction=0.7,law=exponential,youngs-modulus=1e8,radius=5e-8,nonlinearity=1.2". Keys: fraction (of the fibers,
-    /// by number); law, its parameters, radius, table, compression and buckling-strain as the options of these names;
-    /// density (of the fiber material, kg/m^3)
+    /// Instead of --law: the law of a fraction of the fibers, drawn at random by the seed; repeat until the fractions
+    /// sum to 1: "fraction=0.7,law=exponential,youngs-modulus=1e8,radius=5e-8,nonlinearity=1.2". Keys: fraction (of
+    /// the fibers, by number); law, its parameters, radius, table, compression and buckling-strain as the options of
+    /// these names; density (of the fiber material, kg/m^3)
     #[arg(long = "fiber", value_name = "KEY=VALUE,...", conflicts_with = "law")]
     fibers: Vec<FiberTypeArgument>,
     /// Print one JSON object
