@@ -88,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn known_sums_come_out() {
+    fn known_hashes_are_reproduced() {
         // Test vectors of the authors.
         for (text, sum) in
             [("", 0xcbf2_9ce4_8422_2325), ("a", 0xaf63_dc4c_8601_ec8c), ("foobar", 0x8594_4171_f739_67e8)]

@@ -136,7 +136,7 @@ mod tests {
 
     #[test]
     #[cfg(unix)]
-    fn links_are_followed_wherever_they_lead() {
+    fn links_are_followed_to_their_end() {
         use std::os::unix::fs::symlink;
 
         let folder = tempfile::tempdir().unwrap();
@@ -186,7 +186,7 @@ mod tests {
 
     #[test]
     #[cfg(unix)]
-    fn what_the_owner_allowed_stays() {
+    fn permissions_are_kept() {
         use std::os::unix::fs::PermissionsExt;
 
         let folder = tempfile::tempdir().unwrap();

@@ -245,7 +245,7 @@ displacement = { x = 0.1 }
     }
 
     #[test]
-    fn what_goes_together_draws_no_warning() {
+    fn consistent_units_give_no_warning() {
         assert_eq!(warnings_of(CASE, 1.0, None), [""; 0]);
         for load in ["traction = [4e2, 0, 0]", "traction = [0, -1e-3, 0]", "displacement = { x = 0.0 }"] {
             assert_eq!(warnings_of(&CASE.replace(PULLED, load), 1.0, None), [""; 0], "{load}");
@@ -286,7 +286,7 @@ displacement = { x = 0.1 }
     }
 
     #[test]
-    fn fibers_and_matrix_far_apart_are_found() {
+    fn very_different_stiffnesses_of_fibers_and_matrix_are_found() {
         let apart = "3: region \"*\": the fibers give about 1.0e10 Pa and the matrix 2500 Pa, 4.0e6 times as much or as little: \
                      are both moduli in Pa and the radius in m?";
         assert_eq!(warnings_of(CASE, 1.0, Some([5e9, 1e10])), [apart]);
@@ -294,7 +294,7 @@ displacement = { x = 0.1 }
     }
 
     #[test]
-    fn regions_far_apart_are_found() {
+    fn very_different_stiffnesses_of_regions_are_found() {
         let grip = "[[region]]\nname = \"grip\"\nmaterial = { model = \"neo-hookean\", shear_modulus = 1e12, poisson_ratio = 0.25 }\n";
         let text = CASE.replace("[[boundary]]\nsurface = \"x0\"", &format!("{grip}[[boundary]]\nsurface = \"x0\""));
         let case = Case::parse(&text, Path::new("case.toml")).unwrap().case;

@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_pivot_that_vanishes_is_to_blame() {
+    fn the_first_zero_pivot_is_reported() {
         let pivots = Pivots::of([3.0, 0.0, f64::NAN, 0.0, 5.0].into_iter());
         let error = pivots.check_singular::<()>(1e-15, |position| 10 * position).unwrap_err();
         assert_eq!(error, SolveError::Singular { unknown: 10, ratio: 0.0, limit: 1e-15 });

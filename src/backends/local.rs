@@ -278,7 +278,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn norm_survives_squares_out_of_range() {
+    fn norm_is_finite_if_squares_leave_the_range() {
         assert!((norm(&[3e200_f64, 4e200]) - 5e200).abs() < 1e186);
         assert!((norm(&[3e-200_f64, 4e-200]) - 5e-200).abs() < 1e-214);
         assert_eq!(norm::<f64>(&[]), 0.0);
@@ -288,7 +288,7 @@ mod tests {
     }
 
     #[test]
-    fn one_value_that_is_not_finite_is_noticed() {
+    fn a_single_nonfinite_value_is_detected() {
         let mut values = [1.0_f32; 37];
         assert!(all_finite(&values));
         for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {

@@ -101,7 +101,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_ring_falls_into_arcs() {
+    fn a_ring_is_partitioned_into_arcs() {
         let near: Vec<Vec<u32>> = (0..60_u32).map(|k| vec![(k + 59) % 60, (k + 1) % 60]).collect();
         let part_of = partition(&near, 3).unwrap();
         assert_eq!(part_of, partition(&near, 3).unwrap(), "the same again");
@@ -111,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn graphs_without_edges_and_wrong_ones_are_no_trouble() {
+    fn graphs_without_edges_are_accepted_and_invalid_ones_rejected() {
         assert_eq!(partition(&[vec![], vec![], vec![], vec![]], 2), Ok(vec![0, 0, 1, 1]));
         assert!(partition(&[vec![1]], 2).is_err());
     }

@@ -143,7 +143,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_understood_or_refused_with_a_cure() {
+    fn names_are_parsed_or_rejected_with_a_cure() {
         for backend in BackendName::ALL {
             let parsed = backend.as_str().parse::<BackendName>();
             assert_eq!(compiled().contains(&backend.as_str()), backend.is_compiled());

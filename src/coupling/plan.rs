@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn ratios_share_what_is_left() {
+    fn ratios_share_the_remaining_ranks() {
         let plan = Plan::default()
             .with("macro", Share::Ranks(vec![3]))
             .with("meso", Share::Ratio(1.0))
@@ -199,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn each_rank_is_of_one_scale() {
+    fn each_rank_belongs_to_one_scale() {
         let twice = Plan::default().with("a", Share::Ranks(vec![0, 1])).with("b", Share::Ranks(vec![1]));
         assert_eq!(twice.assign(2), Err(PlanError::Rank { scale: "b".into(), rank: 1, what: "is given twice" }));
         let absent = Plan::default().with("a", Share::Ranks(vec![2]));

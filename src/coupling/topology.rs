@@ -184,13 +184,13 @@ mod tests {
     }
 
     #[test]
-    fn one_rank_has_all_others_below() {
+    fn a_single_first_rank_has_all_others_in_its_group() {
         let [first, second] = place_nearby(&locations(), 1).unwrap();
         assert_eq!((first, second.len()), (vec![0], 15));
     }
 
     #[test]
-    fn groups_need_not_be_of_one_size() {
+    fn groups_may_differ_in_size_by_one() {
         for first_ranks in 1..16 {
             let groups = groups(&locations(), first_ranks).unwrap();
             assert_eq!(groups.len(), first_ranks);
@@ -216,14 +216,14 @@ mod tests {
     }
 
     #[test]
-    fn a_plan_has_the_ranks_by_number() {
+    fn a_plan_lists_the_ranks_of_each_scale() {
         let plan = plan(["macro", "micro"], &locations(), 4).unwrap();
         assert_eq!(plan.scales[0], ("macro".to_owned(), Share::Ranks(vec![0, 12, 8, 4])));
         assert_eq!(plan.assign(16).map(|ranks| ranks[1].len()), Ok(12));
     }
 
     #[test]
-    fn all_ranks_find_all_places() {
+    fn all_ranks_gather_all_locations() {
         let locations = locations();
         let found = run(16, |world| gather(&world, &locations[world.rank()])).unwrap();
         assert!(found.iter().all(|found| *found == locations), "{found:?}");

@@ -90,7 +90,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn units_keep_their_order_when_some_come_and_go() {
+    fn units_keep_their_order_when_others_are_added_and_removed() {
         let mut map = UnitMap::new(&[10, 11, 12, 13], &[2, 0, 2, 0]);
         map.append(&[14], &[1]);
         assert_eq!(

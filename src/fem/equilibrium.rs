@@ -197,7 +197,7 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
     /// # Errors
     /// Returns [`EquilibriumError::OutOfBalance`] if the residual is too large.
     pub(super) fn check_balance(&mut self, tolerance: f64) -> Result<(), EquilibriumError<P::Error, B::Error>> {
-        const ROOM: f64 = 10.0;
+        const FACTOR: f64 = 10.0;
         self.assembler.internal_forces(&self.trial.responses.pk1, &mut self.trial.internal);
         let forces = self.trial.internal.as_flattened().iter().zip(self.trial.external.as_flattened());
         let equations = self.assembler.equation_numbers().iter();
@@ -205,7 +205,7 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
         let residual = free.map(|(_, (internal, external))| (internal - external).powi(2)).sum::<f64>().sqrt();
         let limit = (tolerance * self.scale()).max(self.floor);
         // A NaN residual also fails.
-        if residual <= ROOM * limit { Ok(()) } else { Err(EquilibriumError::OutOfBalance { residual, limit }) }
+        if residual <= FACTOR * limit { Ok(()) } else { Err(EquilibriumError::OutOfBalance { residual, limit }) }
     }
 
     /// Returns the scale of the residual of the trial state, N.

@@ -190,7 +190,7 @@ mod tests {
     use crate::fem::material::{LinearElastic, NeoHookean};
 
     #[test]
-    fn every_element_asks_the_material_of_its_region() {
+    fn every_element_has_the_material_of_its_region() {
         let (soft, stiff) = (NeoHookean { mu: 1.0, lambda: 2.0 }, LinearElastic { mu: 10.0, lambda: 20.0 });
         let mut field = FormulaField::new(vec![Box::new(soft), Box::new(stiff)], &[1, 0, 1]).unwrap();
         let f = Matrix3::new(1.1, 0.1, 0.0, 0.0, 0.9, 0.0, 0.2, 0.0, 1.0);

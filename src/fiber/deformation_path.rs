@@ -66,7 +66,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_ends_are_the_ends() {
+    fn a_path_starts_and_ends_at_the_given_gradients() {
         let start = Matrix3::new(1.1, 0.2, 0.0, 0.0, 0.9, 0.1, 0.0, 0.0, 1.0);
         let target =
             Rotation3::from_euler_angles(0.3, 1.0, -0.5) * Matrix3::new(1.5, 0.0, 0.0, 0.3, 0.8, 0.0, 0.0, 0.1, 0.9);

@@ -26,7 +26,7 @@ pub(super) fn read(mut table: Table<'_>, base: &Path) -> Option<FiberMaterial> {
             curve(&mut table, base).map(Law::table)
         }
         None => {
-            judge_values(&mut table);
+            check_ranges(&mut table);
             None
         }
     };
@@ -47,7 +47,7 @@ fn range(parameter: &Parameter) -> Range {
 }
 
 /// Checks only the ranges of the parameters, because an unknown law name leaves open which parameters belong to it.
-fn judge_values(table: &mut Table<'_>) {
+fn check_ranges(table: &mut Table<'_>) {
     for parameter in formula_parameters() {
         table.number(parameter.name, range(parameter));
     }

@@ -235,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn every_parameter_of_every_law_counts() {
+    fn every_parameter_of_every_law_changes_the_hash() {
         let table = |stress: f64| Law::table(Table::new(vec![[0.9, -1.0], [1.0, 0.0], [1.1, stress]]).unwrap());
         let linear = |youngs_modulus: f64| Law::Linear { youngs_modulus };
         let exponential = |nonlinearity: f64| Law::Exponential { youngs_modulus: 1.0, nonlinearity };

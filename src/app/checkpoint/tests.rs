@@ -84,7 +84,7 @@ fn a_changed_byte_anywhere_is_damage() {
 }
 
 #[test]
-fn damage_with_a_fitting_hash_is_an_error_at_worst() {
+fn damage_with_a_matching_hash_never_panics() {
     let (dir, path, bytes) = directory();
     let body = &bytes[..bytes.len() - 8];
     let (mut simulation, mut refused) = (simulation(), 0);

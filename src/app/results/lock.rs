@@ -113,7 +113,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_directory_has_one_owner_at_a_time() {
+    fn only_one_run_at_a_time_locks_a_directory() {
         let root = tempfile::tempdir().unwrap();
         let dir = root.path().join("results");
         let (own, warning) = DirectoryLock::acquire(&dir).unwrap();
@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_of_that_name_from_elsewhere_stays() {
+    fn another_file_with_the_name_of_the_lock_stays() {
         let dir = tempfile::tempdir().unwrap();
         fs::write(dir.path().join(LOCK_FILE), "mine").unwrap();
         assert!(matches!(DirectoryLock::acquire(dir.path()), Err(ResultsError::UnknownOrigin { .. })));

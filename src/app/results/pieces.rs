@@ -251,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn the_index_declares_what_is_in_the_pieces_and_names_those_that_are() {
+    fn the_index_declares_the_arrays_and_names_the_existing_pieces() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join(INDEX);
         write(&path, &Values::new().fields()).unwrap();

@@ -53,7 +53,7 @@ mod tests {
     use crate::backends::comm::thread;
 
     #[test]
-    fn all_go_on_if_the_first_could_write_and_found_the_same_step() {
+    fn all_ranks_continue_if_the_root_wrote_and_their_steps_agree() {
         let outcome = thread::run(3, |comm| {
             let broken = OnceLock::new();
             let ranks = RootWriter { comm: &comm, broken: &broken };
@@ -70,7 +70,7 @@ mod tests {
 
     /// Other ranks may wait for another message: a rank that knows that communication is broken ends without waiting.
     #[test]
-    fn a_rank_that_has_lost_others_does_not_wait_for_them() {
+    fn a_rank_whose_communication_is_broken_does_not_wait() {
         let outcome = thread::run(2, |comm| {
             let broken = OnceLock::from("scale micro did not answer".to_owned());
             let ranks = RootWriter { comm: &comm, broken: &broken };

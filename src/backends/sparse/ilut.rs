@@ -285,7 +285,7 @@ mod tests {
     }
 
     #[test]
-    fn no_row_keeps_more_than_its_share() {
+    fn no_row_keeps_more_than_the_fill_limit() {
         let (n, fill) = (120, 4);
         let a = matrix(n, 5);
         let mut ilut = Ilut::<f64>::new(1e-3, fill);
@@ -299,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn a_row_of_zeros_is_named() {
+    fn a_zero_row_is_reported() {
         let pattern = Arc::new(Sparsity::from_elements(3, [[0, 1], [1, 2]]).unwrap());
         let mut a = Matrix::<f64>::zeros(&pattern);
         MatrixOps::<Sparse>::set(&mut a, &[0], &[0], &[1.0]).unwrap();

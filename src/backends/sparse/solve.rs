@@ -354,7 +354,7 @@ mod tests {
 
     /// A matrix `[[0, G], [G^T, 0]]`: exchanges within a supernode cannot avoid all zeros on the diagonal.
     #[test]
-    fn lu_serves_where_the_pivots_of_ldlt_vanish() {
+    fn lu_replaces_ldlt_if_its_pivots_vanish() {
         let n = 40;
         let entries =
             (0..n).flat_map(|i| [(0, 4.0), (7, 1.0), (11, 1.0), (13, 1.0)].map(|(k, g)| (i, n + (i + k) % n, g)));

@@ -12,7 +12,7 @@ pub enum Failure {
     /// Errors in the input files: exit code 2.
     Input(InputErrors),
     /// Another error with its exit code; `what` names the argument, the file or the component.
-    Told { code: u8, what: String, place: Option<String>, expected: String, cure: String },
+    General { code: u8, what: String, place: Option<String>, expected: String, cure: String },
     /// A rank that runs as a thread panicked and ended the others: exit code 101, as for any panic.
     Panicked(String),
 }
@@ -27,24 +27,24 @@ impl Failure {
     pub fn code(&self) -> u8 {
         match self {
             Self::Input(_) => 2,
-            Self::Told { code, .. } => *code,
+            Self::General { code, .. } => *code,
             Self::Panicked(_) => 101,
         }
     }
 
     /// Creates an error in the arguments: exit code 2.
     pub fn arguments(what: impl Into<String>, expected: impl Into<String>, cure: impl Into<String>) -> Self {
-        Self::Told { code: 2, what: what.into(), place: None, expected: expected.into(), cure: cure.into() }
+        Self::General { code: 2, what: what.into(), place: None, expected: expected.into(), cure: cure.into() }
     }
 
     /// Creates the error for a solution that did not converge: exit code 3. The converged steps are on disk.
     pub fn not_converged(what: String, place: String, expected: &str, cure: String) -> Self {
-        Self::Told { code: 3, what, place: Some(place), expected: expected.into(), cure }
+        Self::General { code: 3, what, place: Some(place), expected: expected.into(), cure }
     }
 
     /// Creates an error of the environment (disk, a library, MPI): exit code 4.
     pub fn environment(what: impl Into<String>, expected: impl Into<String>, cure: impl Into<String>) -> Self {
-        Self::Told { code: 4, what: what.into(), place: None, expected: expected.into(), cure: cure.into() }
+        Self::General { code: 4, what: what.into(), place: None, expected: expected.into(), cure: cure.into() }
     }
 
     /// Creates the error for a file that cannot be written.
@@ -70,7 +70,7 @@ impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let text = match self {
             Self::Input(errors) => format!("error: {errors}"),
-            Self::Told { what, place, expected, cure, .. } => {
+            Self::General { what, place, expected, cure, .. } => {
                 let at = place.as_ref().map_or_else(String::new, |place| format!("  at: {place}\n"));
                 format!("error: {what}\n{at}  expected: {expected}\n  cure: {cure}")
             }

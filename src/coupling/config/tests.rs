@@ -87,7 +87,7 @@ fn hint(expected: &str, cure: &str) -> String {
 }
 
 #[test]
-fn wrong_sections_are_shown() {
+fn invalid_sections_are_reported() {
     let unknown = hint("`@scales`, `@relations`, `@util` or `@analysis`", "correct its name, or remove the section");
     let outside =
         hint("a section, such as `@scales`, before the first entry", "put the name of its section on a line above it");
@@ -103,7 +103,7 @@ fn wrong_sections_are_shown() {
 }
 
 #[test]
-fn wrong_scales_are_shown() {
+fn invalid_scales_are_reported() {
     let count = hint("a whole number from 1 to 16777216", "write how many ranks the scale gets");
     let form = hint("`NAME COUNT`, `NAME ranks 0 1 5-7` or `NAME ratio 1.5`", "write one of these");
     let ranks = hint(
@@ -133,7 +133,7 @@ fn wrong_scales_are_shown() {
 }
 
 #[test]
-fn wrong_relations_are_shown() {
+fn invalid_relations_are_reported() {
     let pair = hint("two scales: `PRODUCER CONSUMER`", "name the scale that has the data, then the one that gets them");
     let scale = hint("a scale: `a`, `b`", "correct the name, or add the scale to `@scales`");
     let once = hint("each relation once", "remove one of the two");
@@ -151,7 +151,7 @@ fn wrong_relations_are_shown() {
 }
 
 #[test]
-fn wrong_folders_are_shown() {
+fn invalid_folders_are_reported() {
     let key = hint("`results`", "correct the name, or remove the line");
     let folder = hint("`results PATH`, with a path without blanks", "name one folder");
     let unset = |name: &str, path: &str| {
@@ -176,7 +176,7 @@ fn wrong_folders_are_shown() {
 }
 
 #[test]
-fn all_errors_of_a_file_are_shown_in_the_order_of_lines() {
+fn all_errors_of_a_file_are_reported_in_the_order_of_lines() {
     let text = "macro 1\n@relations\nmacro micro\n@scales\nmacro none\n@util\nresults $ONE/$TWO\n@rest\n";
     let found: Vec<(Option<usize>, String)> =
         parse(text).unwrap_err().0.into_iter().map(|error| (error.line, error.problem)).collect();

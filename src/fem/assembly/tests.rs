@@ -106,7 +106,7 @@ fn internal_forces_balance_and_ignore_translations() {
 }
 
 #[test]
-fn rounding_leaves_less_than_the_floor() {
+fn rounding_errors_stay_below_the_floor() {
     // The forces of a small rigid rotation are zero in exact arithmetic.
     let mut bent = Bent::new();
     let at_rest = vec![[0.0; 3]; bent.displacements.len()];

@@ -101,7 +101,7 @@ fn points_are_found_and_follow_their_curve() {
 }
 
 #[test]
-fn what_the_mesh_has_not_is_named() {
+fn names_that_the_mesh_lacks_are_reported() {
     let mesh = box_2x1x1();
     let refused = |conditions| Boundary::new(&mesh, &conditions).unwrap_err();
     let surface = refused(Conditions { loads: vec![pulled_at("top", [0.0; 3])], ..Conditions::default() });

@@ -99,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn flat_left_handed_and_unreal_elements_are_refused() {
+    fn flat_left_handed_and_nonfinite_elements_are_rejected() {
         let swapped = [CORNERS[1], CORNERS[0], CORNERS[2], CORNERS[3]];
         assert!(matches!(Tetrahedron::new(&swapped), Err(ElementError::Degenerate { volume, .. }) if volume < -0.1));
         let flat = CORNERS.map(|[x, y, _]| [x, y, 1.0]);

@@ -184,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn inverted_and_unreal_states_are_errors() {
+    fn inverted_and_nonfinite_states_are_errors() {
         let material = NeoHookean { mu: MU, lambda: LAMBDA };
         let mirrored = Matrix3::from_diagonal(&[1.0, -0.5, 1.0].into());
         assert_eq!(material.evaluate(&mirrored).unwrap_err(), MaterialError::Inverted(-0.5));

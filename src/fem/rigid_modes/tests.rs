@@ -16,7 +16,7 @@ const ALL: [bool; 3] = [true; 3];
 const NONE: [bool; 3] = [false; 3];
 
 #[test]
-fn a_held_body_is_held() {
+fn a_fully_constrained_body_passes() {
     assert_eq!(said(|x| if x[0] == 0.0 { ALL } else { NONE }), "");
     // Three planes of symmetry.
     assert_eq!(said(|x| x.map(|x| x == 0.0)), "");
@@ -54,7 +54,7 @@ fn free_rotations_are_named_with_their_axis() {
 }
 
 #[test]
-fn every_part_must_be_held() {
+fn every_part_must_be_constrained() {
     let one = shapes::cuboid([1, 1, 1], [1.0; 3]).unwrap();
     let count = one.nodes().len() as u32;
     let mut nodes = one.nodes().to_vec();
@@ -71,7 +71,7 @@ fn every_part_must_be_held() {
 
 /// The listed modes leave all prescribed components in place, and their number agrees with the rank of the equations.
 #[test]
-fn named_modes_leave_what_is_held_in_place() {
+fn free_modes_leave_prescribed_components_in_place() {
     let mesh = shapes::cuboid([1, 1, 1], [1.0, 2.0, 3.0]).unwrap();
     let (mut state, mut screws) = (7_u64, 0);
     for _ in 0..500 {
@@ -112,7 +112,7 @@ fn named_modes_leave_what_is_held_in_place() {
 
 /// The rank does not depend on the position or size of the body or on the number of prescribed nodes.
 #[test]
-fn size_and_place_do_not_matter() {
+fn the_result_does_not_depend_on_size_and_position() {
     for (scale, shift) in [(1e-6, 0.0), (1e6, 0.0), (1e-3, 10.0), (1.0, 1e4)] {
         let one = shapes::cuboid([3, 3, 3], [1.0, 1.0, 1.0]).unwrap();
         let nodes = one.nodes().iter().map(|x| x.map(|x| scale * x + shift)).collect();

@@ -76,7 +76,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_balance_counts_what_is_missing() {
+    fn the_error_of_the_balance_is_relative_to_the_largest_energy() {
         let balanced = Energies { work: 3.0, strain: 1.0, kinetic: 0.5, damped: 1.5 };
         assert_eq!(balanced.error(), 0.0);
         assert_eq!(Energies { damped: 0.0, ..balanced }.error(), 0.5);

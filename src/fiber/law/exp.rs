@@ -115,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn it_is_within_two_ulps_over_the_whole_range() {
+    fn exp_m1_is_within_two_ulps_over_the_whole_range() {
         for n in 0..400_000 {
             near(-40.0 + 749.7 * f64::from(n) / 4e5);
             near(-1.0 + f64::from(n) / 2e5);
@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn the_ends_come_out_exactly() {
+    fn the_ends_of_the_range_are_exact() {
         assert_eq!(of(0.0).to_bits(), 0.0_f64.to_bits());
         assert_eq!(of(-0.0).to_bits(), (-0.0_f64).to_bits());
         for x in [-37.5, -50.0, -51.0, -800.0, -1e300, f64::NEG_INFINITY] {
@@ -150,14 +150,14 @@ mod tests {
 
     proptest! {
         #[test]
-        fn any_bits_give_what_the_standard_library_gives(bits: u64) {
+        fn any_bits_agree_with_the_standard_library(bits: u64) {
             let x = f64::from_bits(bits);
             let (found, expected) = (of(x), x.exp_m1());
             prop_assert!(found.is_nan() && expected.is_nan() || ulps(found, expected) <= 2, "{x:e}: {found:e}");
         }
 
         #[test]
-        fn a_number_gets_the_same_at_every_place(x in prop::collection::vec(-3.0..3.0, 1..70)) {
+        fn a_result_does_not_depend_on_its_position(x in prop::collection::vec(-3.0..3.0, 1..70)) {
             let mut growth = vec![0.0; x.len()];
             exp_m1(&x, &mut growth);
             for (&x, growth) in x.iter().zip(growth) {

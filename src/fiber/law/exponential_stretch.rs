@@ -90,7 +90,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_rest_of_the_series_does_not_count() {
+    fn the_truncated_series_is_exact_to_rounding() {
         for k in 1..=1000 {
             let x = 1e-3 * f64::from(k);
             // The leading terms of the series, which do not cancel.

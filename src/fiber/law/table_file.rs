@@ -85,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn header_comments_and_blanks_are_read_over() {
+    fn header_comments_and_blanks_are_skipped() {
         let text = "stretch, stress (Pa)\n# measured at 37 degrees\n0.9, -1e6\n\n 1.0 , 0\n1.1,2e6\n";
         let table = parse(text).unwrap();
         assert_eq!(table.points(), [[0.9, -1e6], [1.0, 0.0], [1.1, 2e6]]);
@@ -93,7 +93,7 @@ mod tests {
     }
 
     #[test]
-    fn every_mistake_is_told_with_its_line() {
+    fn every_error_is_reported_with_its_line() {
         let cases = [
             ("1,0\n1.1,x\n1.2\n1.3,1,2\n", "curve.csv:2: `x` is not a number"),
             ("1,0\n1.2\n", "curve.csv:2: the line has 1 column"),

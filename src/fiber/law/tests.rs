@@ -148,7 +148,7 @@ fn small_strains_lose_no_digits() {
 }
 
 #[test]
-fn batches_give_what_single_fibers_give_at_every_place() {
+fn batches_agree_with_single_fibers_at_every_position() {
     let stretches: Vec<f64> = (0..131).map(|k| 0.4 + 0.01 * f64::from(k)).chain([1.0, f64::NAN]).collect();
     let n = stretches.len();
     for law in laws() {
@@ -176,7 +176,7 @@ fn batches_give_what_single_fibers_give_at_every_place() {
 }
 
 #[test]
-fn compression_leaves_what_was_asked_for() {
+fn compression_leaves_the_requested_stiffness() {
     for law in laws().into_iter().filter(|law| matches!(law, Law::Buckling { .. })) {
         let Law::Buckling { law: inner, compression: r, buckling_strain: w } = &law else { unreachable!() };
         let e = law.youngs_modulus();
@@ -216,7 +216,7 @@ fn tables_pass_through_their_points_without_overshoot() {
 
 /// Values of `scipy.interpolate.PchipInterpolator` (SciPy 1.17) through the same points.
 #[test]
-fn tables_agree_with_another_program() {
+fn tables_agree_with_scipy() {
     let table = curve();
     for [stretch, stress, slope, energy] in PCHIP {
         let (found, found_slope) = table.stress(stretch);
@@ -242,7 +242,7 @@ const PCHIP: [[f64; 4]; 11] = [
 ];
 
 #[test]
-fn parameters_without_sense_are_named() {
+fn invalid_parameters_are_reported() {
     let good = FiberMaterial { law: laws()[3].clone(), radius: 1e-7, density: None };
     assert_eq!(good.check(), Ok(()));
     let bad = FiberMaterial { radius: -1.0, ..good.clone() };
@@ -257,7 +257,7 @@ fn parameters_without_sense_are_named() {
 }
 
 #[test]
-fn custom_laws_are_told_apart_by_name_and_parameters() {
+fn custom_laws_are_distinguished_by_name_and_parameters() {
     assert_eq!(Law::custom(Hencky(E)), Law::custom(Hencky(E)));
     assert_ne!(Law::custom(Hencky(E)), Law::custom(Hencky(2.0 * E)));
     assert_ne!(Law::custom(Hencky(E)), Law::Linear { youngs_modulus: E });

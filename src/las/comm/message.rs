@@ -117,7 +117,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn values_come_back_as_they_went() {
+    fn values_are_recovered_from_a_message() {
         let message = Message::of(&[1.5_f64, -2.0]);
         assert_eq!(message.values::<f64>(), Some(&[1.5, -2.0][..]));
         assert_eq!(message.len(), 16);
@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn joined_messages_come_apart() {
+    fn joined_messages_can_be_split() {
         let parts = [Message::text("three"), Message::new(), Message::of(&[1.5_f64])];
         let joined = Message::join(parts.to_vec());
         assert_eq!(joined.split(), Some(parts.iter().map(Message::bytes).collect()));

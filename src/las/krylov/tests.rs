@@ -95,7 +95,7 @@ mod sparse {
     }
 
     #[test]
-    fn the_more_is_kept_the_fewer_iterations_it_takes() {
+    fn more_fill_takes_fewer_iterations() {
         let system = laplacian::<Sparse>(40, 0.2);
         for krylov in [Krylov::BiCgStab, Krylov::Gmres { restart: 40 }] {
             let iterations = [(1e-1, 2), (1e-2, 5), (1e-3, 10), (1e-4, 40)].map(|(drop_tolerance, fill)| {
@@ -107,7 +107,7 @@ mod sparse {
     }
 
     #[test]
-    fn what_does_not_converge_says_how_far_it_came() {
+    fn a_solve_that_does_not_converge_reports_its_residual() {
         let method = Iterative {
             krylov: Krylov::Cg,
             preconditioner: Preconditioner::None,
@@ -143,7 +143,7 @@ mod sparse {
     }
 
     #[test]
-    fn what_rounding_does_not_allow_is_told() {
+    fn stagnation_at_the_rounding_limit_is_reported() {
         let (krylov, preconditioner) = (Krylov::Cg, Preconditioner::Diagonal);
         let method = Iterative { krylov, preconditioner, tolerance: 1e-30, max_iterations: 100_000 };
         let error = solve::<Sparse>(&laplacian::<Sparse>(12, 0.0), method).unwrap_err();
@@ -154,7 +154,7 @@ mod sparse {
     }
 
     #[test]
-    fn a_side_that_is_not_finite_is_refused() {
+    fn a_nonfinite_right_hand_side_is_rejected() {
         let (pattern, a) = laplacian::<Sparse>(3, 0.0);
         let params = SolverParams::default().iterative(Iterative::new(Krylov::Cg));
         let mut solver = Sparse::<f64>::solver(&Sparse::<f64>::analyze(&(), &pattern, &params).unwrap()).unwrap();

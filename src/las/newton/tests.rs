@@ -131,7 +131,7 @@ fn converges_quadratically_near_the_root() {
 }
 
 #[test]
-fn out_of_iterations_says_how_far_it_came() {
+fn the_iteration_limit_reports_the_residual() {
     let params = NewtonParams { max_iterations: 1, ..NewtonParams::default() };
     let mut problem = equation(1.5, |x| x * x - 2.0, |x| 2.0 * x);
     let failure = system().solve(&mut problem, &params).unwrap_err();
@@ -145,7 +145,7 @@ fn out_of_iterations_says_how_far_it_came() {
 }
 
 #[test]
-fn a_descent_goes_down_where_newton_climbs() {
+fn minimization_descends_where_newton_ascends() {
     let mut climbing = wells(0.1);
     system().solve(&mut climbing, &NewtonParams::default()).unwrap();
     assert!(climbing.x.abs() < 1e-9, "plain Newton goes to the nearest stationary point, a hilltop");
@@ -164,7 +164,7 @@ fn a_descent_goes_down_where_newton_climbs() {
 }
 
 #[test]
-fn a_descent_that_runs_out_restores_the_state() {
+fn a_minimization_that_fails_restores_the_state() {
     let params = RegularizedParams { max_iterations: 1, ..RegularizedParams::default() };
     let mut problem = wells(0.1);
     let failure = system().minimize(&mut problem, 1e-12, &params).unwrap_err();
@@ -231,7 +231,7 @@ impl Potential<Dense> for Remote {
 }
 
 #[test]
-fn a_descent_shortens_a_step_that_goes_too_far_and_ends_where_no_step_can_help() {
+fn a_minimization_shortens_a_step_that_fails_and_ends_if_no_step_can_succeed() {
     // The first full step from just outside the inflection point goes beyond 2.
     let remote = |last| Remote { wells: wells(0.6), evaluations: 0, last };
     let mut near = remote(usize::MAX);
@@ -248,7 +248,7 @@ fn a_descent_shortens_a_step_that_goes_too_far_and_ends_where_no_step_can_help()
 }
 
 #[test]
-fn the_curvature_tells_a_minimum_from_a_hilltop_and_from_a_plain() {
+fn the_curvature_distinguishes_minima_maxima_and_neutral_points() {
     let at = |x: f64| system().curvature(&mut wells(x), 1e-12).unwrap();
     assert_eq!(at(1.0), Curvature::Definite);
     assert_eq!(at(0.0), Curvature::Indefinite { negative_pivots: Some(1) });
@@ -261,7 +261,7 @@ fn the_curvature_tells_a_minimum_from_a_hilltop_and_from_a_plain() {
 }
 
 #[test]
-fn a_hilltop_is_left_to_the_same_side_every_time() {
+fn a_maximum_is_left_to_the_same_side_every_time() {
     let mut sides = Vec::new();
     for _ in 0..2 {
         let mut hilltop = wells(0.0);

@@ -229,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_out_of_range_are_refused() {
+    fn numbers_out_of_range_are_rejected() {
         let good = Iterative::new(Krylov::Gmres { restart: 30 });
         let ilut = |drop_tolerance| Preconditioner::Ilut { drop_tolerance, fill: 5 };
         let cases = [

@@ -60,7 +60,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rows_come_back_and_broken_ones_do_not() {
+    fn rows_are_recovered_and_incomplete_ones_rejected() {
         let rows = Raw::<[f64; 3], 8>(vec![[1.0, -2.5, 0.0], [f64::MAX, 1e-300, 3.0]]);
         let bytes = postcard::to_stdvec(&rows).unwrap();
         assert_eq!(bytes.len(), 1 + 48);

@@ -40,7 +40,7 @@ fn differences(start: usize, expected: &str, found: &str) -> String {
 }
 
 #[test]
-fn every_broken_file_is_explained_word_by_word() {
+fn every_invalid_file_gives_the_recorded_errors() {
     let folder = Folder::new();
     let (mut all, mut different, mut line) = (String::new(), String::new(), 1);
     for entry in ENTRIES.split("=== ").skip(1) {

@@ -4,7 +4,7 @@ use super::{FULL, Folder};
 
 /// Reads the damaged text. If it is rejected, there is at least one error, and the errors are in the order of existing
 /// lines.
-fn endure(folder: &Folder, bytes: &[u8]) {
+fn check_damaged(folder: &Folder, bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     if let Err(errors) = folder.parse(text) {
         assert!(!errors.0.is_empty(), "refused without a reason:\n{text}");
@@ -18,7 +18,7 @@ fn endure(folder: &Folder, bytes: &[u8]) {
 fn truncated_file_never_panics() {
     let folder = Folder::new();
     for end in 0..FULL.len() {
-        endure(&folder, &FULL.as_bytes()[..end]);
+        check_damaged(&folder, &FULL.as_bytes()[..end]);
     }
 }
 
@@ -30,7 +30,7 @@ fn file_with_a_changed_byte_never_panics() {
         let good = bytes[at];
         for bad in [good ^ 1, good ^ 2, good ^ 16, b'"', b'\n', b'[', b'-', b'9', 0] {
             bytes[at] = bad;
-            endure(&folder, &bytes);
+            check_damaged(&folder, &bytes);
         }
         bytes[at] = good;
     }
@@ -43,9 +43,9 @@ fn file_without_a_line_never_panics() {
     for left_out in 0..lines.len() {
         let mut rest = lines.clone();
         rest.remove(left_out);
-        endure(&folder, rest.join("\n").as_bytes());
+        check_damaged(&folder, rest.join("\n").as_bytes());
         let mut twice = lines.clone();
         twice.insert(left_out, lines[left_out]);
-        endure(&folder, twice.join("\r\n").as_bytes());
+        check_damaged(&folder, twice.join("\r\n").as_bytes());
     }
 }

@@ -8,7 +8,7 @@ use crate::fiber::law::{FiberMaterial, Law};
 use crate::las::{Iterative, Krylov, Method, Preconditioner};
 
 #[test]
-fn every_entry_arrives() {
+fn every_entry_is_read() {
     let folder = Folder::new();
     let CaseFile { case, warnings } = folder.parse(FULL).unwrap();
     assert_eq!(case.title, "Dogbone in tension");
@@ -109,7 +109,7 @@ fn defaults_fill_in() {
 }
 
 #[test]
-fn output_of_networks_without_any_is_remarked() {
+fn output_of_networks_warns_if_there_are_none() {
     let folder = Folder::new();
     let warnings = folder.parse(&format!("{SMALL}[output]\nrve = \"all\"\n")).unwrap().warnings;
     let said = "`output.rve` has no effect: no region has the model \"fiber-rve\"";
@@ -144,7 +144,7 @@ fn networks_are_found_sorted_and_each_once() {
 }
 
 #[test]
-fn folder_with_pattern_characters_in_its_name_is_taken_as_it_is() {
+fn pattern_characters_in_a_folder_name_are_literal() {
     let folder = Folder::new();
     let odd = folder.path().join("odd [x] folder");
     std::fs::create_dir(&odd).unwrap();

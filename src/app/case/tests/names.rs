@@ -8,7 +8,7 @@ fn names(list: &[&str]) -> Vec<String> {
 }
 
 #[test]
-fn known_names_pass_and_the_star_serves_the_rest() {
+fn known_names_pass_and_the_star_covers_the_rest() {
     let case = Folder::new().parse(FULL).unwrap().case;
     case.check_names(&names(&["grip", "gauge"]), &names(&["left", "right", "sides"])).unwrap();
     assert!(matches!(case.material_of("gauge"), Some(RegionMaterial::FiberRve(_))));

@@ -251,7 +251,7 @@ fn factors_do_not_depend_on_the_registers() {
 
 /// Matrices use the block factorization if all but a few nodes have three unknowns, and only then.
 #[test]
-fn bodies_on_rollers_go_by_blocks_and_scalar_matrices_do_not() {
+fn bodies_on_rollers_are_factored_by_blocks_and_scalar_matrices_are_not() {
     let mut random = Random::new(9);
     let by_blocks = |pattern: &Arc<Sparsity>| {
         Sparse::<f64>::analyze(&(), pattern, &SolverParams::new(Symmetry::Definite)).unwrap().blocks.is_some()
@@ -312,7 +312,7 @@ fn all_right_hand_sides_are_solved_for() {
 
 /// The failing pivot is reported, LDL^T replaces Cholesky, and the next definite matrix is factored by blocks again.
 #[test]
-fn an_indefinite_matrix_goes_to_ldlt_and_back() {
+fn ldlt_factors_an_indefinite_matrix_and_cholesky_the_next_definite_one() {
     let mut random = Random::new(3);
     for pattern in patterns(&mut random).into_iter().filter(|pattern| pattern.rows() > 0) {
         let at = random.below(pattern.rows());
@@ -356,7 +356,7 @@ fn chain(nodes: usize, held: f64) -> (Arc<Sparsity>, Matrix<f64>) {
 }
 
 #[test]
-fn singular_and_nearly_singular_matrices_are_told_apart() {
+fn singular_and_nearly_singular_matrices_are_distinguished() {
     for ordering in ORDERINGS {
         let (pattern, free) = chain(60, 0.0);
         let (_, mut solver) = solver::<f64>(&pattern, ordering);

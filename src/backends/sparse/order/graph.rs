@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn nodes_are_cut_where_couplings_differ() {
+    fn nodes_are_split_where_couplings_differ() {
         assert_eq!(sizes(&pattern(4, &[[0, 2]], &[vec![0, 3]])), [1, 2, 1, 2, 3, 3], "one entry of a block");
         assert_eq!(sizes(&pattern(4, &[[0, 2]], &[vec![0, 3, 4, 5]])), [1, 2, 3, 3, 3], "one row of a block");
         assert_eq!(sizes(&pattern(2, &[], &[vec![1, 2, 3], vec![2, 3, 4]])), [1; 6], "blocks beside the grid");

@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_separated_is_not() {
+    fn a_graph_without_a_separator_gives_none() {
         let all = Sparsity::from_elements(30, [(0..30).collect::<Vec<i32>>()]).unwrap();
         assert_eq!(separate(&Graph::new(&all)), None);
     }

@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn the_tree_knows_what_elimination_fills() {
+    fn the_tree_predicts_the_fill_in() {
         for seed in 0..30 {
             let mut random = Random::new(seed);
             let graph = Graph::new(&random.elements(1 + seed as usize));

@@ -123,7 +123,7 @@ impl PointField for Slow {
 }
 
 #[test]
-fn steps_that_fail_are_cut_and_regrown_and_end_where_uncut_ones_do() {
+fn failed_steps_are_cut_and_end_in_the_state_of_uncut_ones() {
     let mesh = bar(4);
     let mut params = StepParams { count: 2, start: StepStart::Tangent, ..StepParams::default() };
     params.newton.max_backtracks = 0;
@@ -203,7 +203,7 @@ fn an_inverted_trial_names_its_element() {
 }
 
 #[test]
-fn a_held_start_that_crushes_elements_is_linearized_before_it_is_cut() {
+fn a_prescribed_start_that_inverts_elements_is_linearized_before_it_is_cut() {
     let mesh = bar(8);
     let run = |start| {
         let params = StepParams { count: 2, start, ..StepParams::default() };
@@ -228,7 +228,7 @@ fn the_observer_can_stop_a_run() {
 }
 
 #[test]
-fn a_restored_run_goes_on_bit_for_bit() {
+fn a_restored_run_continues_bit_for_bit() {
     let mesh = bar(4);
     let conditions = pushed(0.6);
     let params = StepParams { count: 4, ..StepParams::default() };
@@ -274,7 +274,7 @@ fn a_restored_run_goes_on_bit_for_bit() {
 }
 
 #[test]
-fn a_body_that_nothing_holds_is_not_set_up() {
+fn an_unconstrained_body_is_rejected() {
     let mesh = bar(2);
     let mut conditions = pushed(0.1);
     conditions.surfaces.remove(0);
@@ -288,7 +288,7 @@ fn a_body_that_nothing_holds_is_not_set_up() {
 
 /// A liquid does not resist changes of shape.
 #[test]
-fn a_body_without_stiffness_is_not_cut_in_vain() {
+fn a_body_without_stiffness_is_not_cut() {
     let mesh = bar(2);
     let liquid = FormulaField::uniform(NeoHookean { mu: 0.0, lambda: 5.0e3 }, mesh.elements().len());
     let mut log = Log::default();
@@ -309,7 +309,7 @@ fn a_body_without_stiffness_is_not_cut_in_vain() {
 }
 
 #[test]
-fn a_body_without_unknowns_only_answers() {
+fn a_body_without_unknowns_needs_no_iteration() {
     let mesh = Arc::new(shapes::cuboid([1, 1, 1], [1.0; 3]).unwrap());
     let mut stepper = stepper(&mesh, &pushed(0.2), formula(&mesh), StepParams { count: 2, ..StepParams::default() });
     assert_eq!(stepper.unknowns(), 0);
@@ -321,7 +321,7 @@ fn a_body_without_unknowns_only_answers() {
 }
 
 #[test]
-fn what_is_loaded_and_unloaded_comes_back() {
+fn loading_and_unloading_returns_to_the_initial_state() {
     let mesh = bar(4);
     let mut conditions = pushed(0.0);
     conditions.surfaces.truncate(1);

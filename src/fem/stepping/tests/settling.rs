@@ -91,7 +91,7 @@ fn imbalance<P: PointField>(stepper: &Stepper<Sparse, P>) -> f64 {
 }
 
 #[test]
-fn a_body_whose_material_changes_is_brought_to_balance_before_a_step_ends() {
+fn equilibrium_is_restored_after_material_changes_before_a_step_ends() {
     let mesh = bar(6);
     let params = StepParams { count: 4, ..StepParams::default() };
     let mut stepper = stepper(&mesh, &pushed(0.4), Brittle::new(&mesh, 0.25, 3), params);
@@ -132,7 +132,7 @@ fn a_failed_attempt_changes_no_material() {
 
 /// Models an RVE created at a strain that it cannot reach in one increment.
 #[test]
-fn an_error_of_what_has_just_changed_cuts_the_step() {
+fn an_error_right_after_a_material_change_cuts_the_step() {
     let mesh = bar(6);
     let field = Brittle { fails_beyond: 1.4, ..Brittle::new(&mesh, 0.25, 100) };
     let mut stepper = stepper(&mesh, &pushed(0.5), field, StepParams { count: 1, ..StepParams::default() });

@@ -35,7 +35,7 @@ fn converge(sites: &mut Sites, by: f64) -> (Response, RveChanges) {
 }
 
 #[test]
-fn an_rve_comes_when_strain_passes_a_threshold_and_goes_when_it_passes_another() {
+fn an_rve_is_created_and_deleted_when_strain_exceeds_its_thresholds() {
     let rules =
         RveLifecycle { created_at: 0.05, before: BeforeCreation::Matrix, deleted_at: 0.2, ..RveLifecycle::default() };
     let mut sites = sites(rules);
@@ -54,7 +54,7 @@ fn an_rve_comes_when_strain_passes_a_threshold_and_goes_when_it_passes_another()
 }
 
 #[test]
-fn an_rve_sleeps_while_little_changes_and_wakes_when_that_adds_up() {
+fn an_rve_sleeps_while_changes_are_small_and_wakes_when_they_accumulate() {
     let mut sites = sites(RveLifecycle { asleep_below: 0.01, ..RveLifecycle::default() });
     converge(&mut sites, 0.1);
     assert_eq!(sites.status(0), Some(RveStatus::Awake), "one state is no change");
@@ -70,7 +70,7 @@ fn an_rve_sleeps_while_little_changes_and_wakes_when_that_adds_up() {
 
 /// The stress of a sleeping RVE is the derivative of its energy.
 #[test]
-fn what_a_sleeping_rve_answers_has_an_energy() {
+fn the_response_of_a_sleeping_rve_derives_from_an_energy() {
     let from = Matrix3::new(1.1, 0.1, 0.0, 0.0, 0.9, 0.0, 0.2, 0.0, 1.0);
     let response = NeoHookean { mu: 3.0, lambda: 5.0 }.evaluate(&from).unwrap();
     let f = from + Matrix3::new(0.01, -0.02, 0.03, 0.0, 0.01, 0.0, 0.02, 0.0, -0.01);
