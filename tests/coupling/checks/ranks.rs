@@ -63,7 +63,7 @@ pub fn what_all_do_together_is_the_same_for_all<C: Comm>(comm: &C) -> Outcome {
     assert_eq!(values, [(size * (size - 1) / 2) as f64, size as f64, 0.0]);
     let mut residual = [if rank + 1 == size / 2 { f64::NAN } else { rank as f64 }];
     comm.max(&mut residual)?;
-    assert_eq!(residual[0].is_nan(), size >= 2, "what is no number is not passed over");
+    assert_eq!(residual[0].is_nan(), size >= 2, "NaN on one rank is NaN in the maximum");
     comm.barrier()?;
     Ok(())
 }
