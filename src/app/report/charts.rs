@@ -1,8 +1,8 @@
 //! Charts as SVG text: lines, extension with iteration counts, stacked bars.
 //!
-//! Charts and pictures share one SVG writer. A chart library would be a second one, and cannot draw the pictures: the
-//! backends of plotters round coordinates to whole pixels, write one element per segment (a picture of a network has
-//! 10 000), and have no groups, gradients, dashes or round ends of lines.
+//! Charts and pictures share one SVG writer (`svg.rs`), because the crate `plotters` cannot draw the pictures:
+//! its backends round coordinates to whole pixels, write one element per segment (a picture of a network has 10 000
+//! segments), and support no groups, gradients, dashes or round line ends.
 
 use std::ops::Range;
 
@@ -12,6 +12,7 @@ use super::units::{multiples, round_step, significant, tick_label};
 
 /// Okabe and Ito's colors, distinguishable for color-blind readers.
 const COLORS: [&str; 7] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#3c3c3c"];
+/// Attributes of the bars of iteration counts.
 const PALE: &str = "fill=\"#bed0dc\"";
 const INK: &str = "fill=\"#1b2733\"";
 const AXIS: &str = "fill=\"none\" stroke=\"#1b2733\"";
@@ -70,11 +71,12 @@ impl Axis {
         Self { range, pixels, ticks: labeled }
     }
 
-    /// Creates the axis of the numbers of increments up to `last`, with space for bars on both sides.
+    /// Creates an axis for the increment numbers 1 to `last`, with space for half a bar at both ends.
     fn of_increments(last: f64, right: f64) -> Self {
         Self::new(0.4..last + 0.6, [LEFT, right], 10, 1.0)
     }
 
+    /// Returns the pixel coordinate of a value.
     fn place(&self, value: f64) -> f64 {
         let [from, to] = self.pixels;
         from + (value - self.range.start) / (self.range.end - self.range.start) * (to - from)
@@ -104,7 +106,7 @@ struct Chart {
 }
 
 impl Chart {
-    /// Draws the axes and the grid.
+    /// Draws the axes and the horizontal grid lines; also the vertical ones if `with_columns`.
     fn new(labels: Labels, x: Axis, y: Axis, with_columns: bool) -> Self {
         let mut svg = Svg::new(SIZE[0], SIZE[1], labels.chart);
         let ([left, right], [bottom, top]) = (x.pixels, y.pixels);
@@ -125,7 +127,7 @@ impl Chart {
         Self { svg, x, y }
     }
 
-    /// Draws a line and its points; points with a number that is not finite are omitted.
+    /// Draws a line and its points; points with a coordinate that is not finite are omitted.
     fn line(&mut self, points: impl IntoIterator<Item = (f64, f64)>, color: &str, width: f64) {
         let finite = points.into_iter().filter(|(x, y)| x.is_finite() && y.is_finite());
         let places: Vec<[f64; 2]> = finite.map(|(x, y)| [self.x.place(x), self.y.place(y)]).collect();
@@ -135,7 +137,8 @@ impl Chart {
         self.svg.circles(&places, width + 1.0, &format!("fill=\"{color}\""));
     }
 
-    /// Draws bars of the half width `half` around `x`, from `bottom` to `top` along the vertical axis `y`.
+    /// Draws bars given as `(x, [bottom, top])`, with half width `half`, on the vertical axis `y` (`None`: the left
+    /// axis).
     fn bars(&mut self, bars: impl Iterator<Item = (f64, [f64; 2])>, y: Option<&Axis>, half: f64, fill: &str) {
         let y = y.unwrap_or(&self.y);
         for (x, ends) in bars.filter(|(_, ends)| ends[1] > ends[0]) {
@@ -145,7 +148,7 @@ impl Chart {
         }
     }
 
-    /// Draws the legend into a corner, unless there is only one line.
+    /// Draws the legend into the corner `[right, upper]`, unless there is only one line.
     fn legend(&mut self, lines: &[Line], [right, upper]: [bool; 2], with_bars: bool) {
         const ROW: f64 = 17.6;
         if lines.len() < 2 {
@@ -238,8 +241,8 @@ pub fn logarithmic(labels: Labels, lines: &[Line]) -> String {
     chart.svg.finish()
 }
 
-/// Draws the extension of every increment as a line (left axis) and its Newton iterations as bars (right axis), over
-/// the number of the increment, from 1.
+/// Draws the extension of every increment as a line (left axis) and its Newton iterations as bars (right axis) against
+/// the increment number, which starts at 1.
 pub fn extension_and_iterations(labels: Labels, extension: &[(f64, f64)], iterations: &[(f64, f64)]) -> String {
     let last = extension.iter().chain(iterations).map(|&(x, _)| x).fold(1.0, f64::max);
     let left = range(extension.iter().map(|&(_, y)| y).chain([0.0]));
@@ -255,7 +258,7 @@ pub fn extension_and_iterations(labels: Labels, extension: &[(f64, f64)], iterat
     chart.svg.finish()
 }
 
-/// Draws stacked bars over the number of the increment, from 1: one layer per line, in order from the bottom.
+/// Draws stacked bars against the increment number, which starts at 1: one layer per line, in order from the bottom.
 pub fn stacked_bars(labels: Labels, layers: &[Line]) -> String {
     let increments = layers.iter().map(|layer| layer.points.len()).max().unwrap_or(0);
     let height = |k: usize| layers.iter().filter_map(|layer| layer.points.get(k)).map(|&(_, y)| y).sum::<f64>();
@@ -283,7 +286,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_axis_holds_its_values() {
+    fn the_range_of_an_axis_contains_all_values() {
         for values in [&[0.0, 0.3][..], &[5.0], &[-3.0, -0.1], &[1e-9, 2e-9], &[0.0], &[], &[f64::NAN, 1.0]] {
             let range = range(values.iter().copied());
             assert!(range.start < range.end, "{values:?}");
@@ -295,7 +298,7 @@ mod tests {
     }
 
     #[test]
-    fn ticks_are_few_and_lie_at_their_numbers() {
+    fn an_axis_has_the_expected_number_of_ticks_and_maps_its_ends_to_its_pixels() {
         for (range, count) in [(0.0..6.05, 7), (-6.0..6.05, 3), (0.0..25.2, 6), (0.0..30.1, 4), (1e-9..2e-9, 6)] {
             let axis = Axis::new(range.clone(), HEIGHT, if count == 7 { 8 } else { 6 }, 0.0);
             assert_eq!(axis.ticks.len(), count, "{range:?}: {:?}", axis.ticks);
@@ -309,7 +312,7 @@ mod tests {
     }
 
     #[test]
-    fn layers_lie_on_each_other() {
+    fn layers_of_bars_are_stacked() {
         let layer = |name: &str, y: f64| Line { name: name.into(), points: vec![(1.0, y), (2.0, 0.0)] };
         let labels = Labels { chart: "layers", x: "x", y: "y" };
         let svg = stacked_bars(labels, &[layer("a", 1.0), layer("b", 3.0)]);
@@ -327,7 +330,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_to_draw_is_an_empty_chart() {
+    fn a_chart_without_data_is_empty() {
         let labels = Labels { chart: "nothing", x: "x", y: "y" };
         let one = [Line { name: "a".into(), points: vec![(1.0, f64::NAN)] }];
         for chart in [

@@ -18,7 +18,7 @@ pub struct Directory {
     pub start: Option<Start>,
     /// The converged increments of the log, in the order of the file.
     pub steps: Vec<Step>,
-    /// The failed attempts.
+    /// The attempts that failed and were cut.
     pub cuts: Vec<Cut>,
     /// The end event of the log; `None` during the run.
     pub end: Option<End>,
@@ -33,7 +33,7 @@ pub struct Directory {
 pub struct Increment<'a> {
     /// The load step.
     pub step: usize,
-    /// Pseudo-time at its end.
+    /// Pseudo-time at the end of the increment.
     pub t: f64,
     /// The event in the log.
     pub log: Option<&'a Step>,
@@ -61,14 +61,14 @@ impl Directory {
         let mut directory =
             Self { path: path.into(), start: None, steps: Vec::new(), cuts: Vec::new(), end: None, loads, fields };
         for event in log.map(|file| log::read(&file)).transpose()?.unwrap_or_default() {
-            directory.take(event);
+            directory.add_event(event);
         }
         Ok(directory)
     }
 
-    fn take(&mut self, event: Event) {
+    fn add_event(&mut self, event: Event) {
         match event {
-            // A resumed run starts again; its end is still to come.
+            // A resumed run writes another start event; an earlier end event does not apply to it.
             Event::Start(start) => (self.start, self.end) = (Some(start), None),
             Event::Step(step) => self.steps.push(step),
             Event::Cut(cut) => self.cuts.push(cut),
@@ -86,8 +86,8 @@ impl Directory {
         })
     }
 
-    /// Returns the converged increments in the order of time. If a resumed run computed an increment again, the last
-    /// result is used.
+    /// Returns the converged increments in the order of pseudo-time. If a resumed run computed an increment again, the
+    /// last result is used.
     pub fn increments(&self) -> Vec<Increment<'_>> {
         let mut increments: Vec<Increment> = Vec::new();
         let place = |increments: &mut Vec<Increment>, step: usize, t: f64| {
@@ -108,7 +108,7 @@ impl Directory {
         increments
     }
 
-    /// Returns the field file of a step, or the last one if `step` is `None`.
+    /// Returns the last field file of a step, or the last one of all if `step` is `None`.
     ///
     /// # Errors
     /// Returns [`ReportError::NoFields`] if there are no fields, or [`ReportError::NoStep`] if the step has none.
@@ -134,8 +134,8 @@ impl Directory {
         if fields.elements.is_empty() { Err(ReportError::EmptyMesh(file)) } else { Ok(fields) }
     }
 
-    /// Returns the extension of the body in these fields, as a fraction: from the loads at that time, or else from the
-    /// bounding box of the body.
+    /// Returns the extension of the body in these fields, as a fraction of its reference length: from the table of
+    /// loads at the time of the fields, or else from the bounding box of the body.
     pub fn extension_at(&self, entry: &Entry, fields: &Fields) -> Option<f64> {
         let row = self
             .loads

@@ -6,7 +6,7 @@ use thiserror::Error;
 
 use crate::app::results::ResultsError;
 
-/// The reason why a report or a picture cannot be made.
+/// The error of a report or picture that cannot be made.
 #[derive(Debug, Error)]
 pub enum ReportError {
     /// A file of the directory cannot be read, or the page cannot be written.
@@ -16,16 +16,16 @@ pub enum ReportError {
     #[error("{0}: is not a result directory: it contains neither `log.jsonl` nor `loads.csv` nor `fields.pvd`")]
     NoResults(PathBuf),
     /// No fields were written yet.
-    #[error("{0}: holds no fields (`fields.pvd` is missing or empty)")]
+    #[error("{0}: contains no fields (`fields.pvd` is missing or empty)")]
     NoFields(PathBuf),
     /// The mesh of a field file has no element.
     #[error("{0}: the mesh is empty")]
     EmptyMesh(PathBuf),
-    /// There are no fields of the requested step; the steps that have fields.
-    #[error("no fields of step {0}; there are those of {steps}", steps = list(.1))]
+    /// There are no fields of the requested step: the step, and the steps that have fields.
+    #[error("there are no fields of step {0}; steps with fields: {steps}", steps = list(.1))]
     NoStep(usize, Vec<usize>),
-    /// There is no field with the requested name and one value per element; the available fields.
-    #[error("no field `{0}` to color by; there are {fields}", fields = list(.1))]
+    /// There is no field with the requested name that gives the elements a color: the name, and the available fields.
+    #[error("there is no field `{0}`; available fields: {fields}", fields = list(.1))]
     NoField(String, Vec<String>),
 }
 

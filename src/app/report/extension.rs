@@ -12,7 +12,7 @@ use crate::app::results::{Fields, Loads};
 /// The direction of the pull, and the reference length.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Extension {
-    /// 0, 1, 2 for x, y, z.
+    /// The axis along which the body is pulled: 0, 1, 2 for x, y, z.
     pub axis: usize,
     /// The two surfaces, as indices into the surfaces of the table of loads.
     pub surfaces: [usize; 2],
@@ -23,8 +23,8 @@ pub struct Extension {
 }
 
 impl Extension {
-    /// Determines the direction of the pull. The fields, with their time, give the length of the body and distinguish
-    /// pulling from pushing.
+    /// Determines the direction of the pull; `None` if the table has no rows or no surface moves relative to another.
+    /// The fields, with their pseudo-time, give the length of the body and distinguish pulling from pushing.
     pub fn find(loads: &Loads, fields: Option<(&Fields, f64)>) -> Option<Self> {
         let last = loads.rows.last()?;
         let mut largest = (0.0, 0, [0, 0]);
@@ -62,19 +62,20 @@ impl Extension {
         self.sign * (to - from)
     }
 
-    /// Returns the extension in a row, if the length of the body is known.
+    /// Returns the extension in a row (1 for 100 %), or `None` if the reference length of the body is not known.
     pub fn fraction(&self, row: &LoadRow) -> Option<f64> {
         self.length.map(|length| self.elongation(row) / length)
     }
 }
 
-/// Returns the row at a time; the last one if there are several.
+/// Returns the row at a pseudo-time; the last one if there are several.
 pub(super) fn row_at(loads: &Loads, time: f64) -> Option<&LoadRow> {
     loads.rows.iter().rev().find(|row| (row.t - time).abs() < 1e-12)
 }
 
-/// Returns the relative change of the bounding box along its longest reference edge. Among edges that are less than a
-/// tenth shorter (a cube), the one with the largest change is used.
+/// Returns the relative change of the bounding box along its longest reference edge. If other edges are less than a
+/// tenth shorter (as in a cube), the one of these edges with the largest change is used. Returns `None` if the bounding
+/// box is a point.
 pub fn box_extension(fields: &Fields) -> Option<f64> {
     let (reference, current) = (edges(fields.points.iter().copied()), edges(deformed(fields)));
     let longest = reference.into_iter().fold(0.0, f64::max);
@@ -123,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn the_pull_is_where_surfaces_part_most() {
+    fn the_pull_is_along_the_largest_relative_displacement_of_two_surfaces() {
         for by in [0.3, -0.3] {
             let (loads, fields) = pulled_in_z(by);
             let extension = Extension::find(&loads, Some((&fields, 1.0))).unwrap();
@@ -133,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_moves_or_nothing_is_known() {
+    fn without_displacements_or_data_there_is_no_extension() {
         let (loads, mut fields) = pulled_in_z(0.0);
         assert_eq!(Extension::find(&loads, Some((&fields, 1.0))), None);
         assert_eq!(Extension::find(&Loads::default(), None), None);

@@ -37,6 +37,7 @@ impl Svg {
         let _ = writeln!(self.document, "<g {attributes}>");
     }
 
+    /// Ends the group that was opened last.
     pub(super) fn close(&mut self) {
         self.document.push_str("</g>\n");
     }
@@ -71,6 +72,7 @@ impl Svg {
         self.close();
     }
 
+    /// Draws a rectangle (left, top, width, height).
     pub(super) fn rectangle(&mut self, [x, y, width, height]: [f64; 4], attributes: &str) {
         let (x, y, width, height) = (number(x), number(y), number(width), number(height));
         let _ =
@@ -102,7 +104,7 @@ impl Svg {
         );
     }
 
-    /// Writes a line of text from the left margin, shortened if it would reach the right one.
+    /// Writes a line of text that starts at `x`, shortened so that it ends at least `x` before the right edge.
     pub(super) fn title(&mut self, [x, y]: [f64; 2], size: f64, attributes: &str, text: &str) {
         let most = ((self.width - 2.0 * x) / text_width("n", size)).max(1.0) as usize;
         if text.chars().count() <= most {
@@ -112,6 +114,7 @@ impl Svg {
         self.text([x, y], size, Anchor::Start, attributes, &format!("{}\u{2026}", kept.trim_end()));
     }
 
+    /// Ends the document and returns its text.
     pub(super) fn finish(mut self) -> String {
         self.document.push_str("</svg>\n");
         self.document
@@ -160,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn text_cannot_break_out() {
+    fn labels_and_text_are_escaped() {
         let mut svg = Svg::new(10.0, 10.0, "\"><script>");
         svg.text([0.0, 0.0], 9.0, Anchor::End, "", "a<b");
         let text = svg.finish();

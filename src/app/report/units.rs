@@ -48,7 +48,7 @@ pub(super) fn multiples(step: f64, low: f64, high: f64) -> Vec<f64> {
     if step == 0.0 || !step.is_finite() {
         return vec![low];
     }
-    // A last tick that rounding errors put slightly outside is kept.
+    // First and last ticks that lie slightly outside because of rounding errors are kept.
     let (first, last) = ((low / step - 1e-9).ceil() as i64, (high / step + 1e-9).floor() as i64);
     (first..=last).map(|k| k as f64 * step).collect()
 }
@@ -68,7 +68,7 @@ pub(super) fn tick_label(tick: f64, ticks: &[f64]) -> String {
     }
 }
 
-/// Returns the smallest of 1, 2, 5 times a power of ten that is not below `wanted`.
+/// Returns the smallest of 1, 2, 5 times a power of ten that is not below `wanted`; 0 if `wanted` is not positive.
 pub(super) fn round_step(wanted: f64) -> f64 {
     if wanted.is_nan() || wanted <= 0.0 {
         return 0.0;
@@ -99,7 +99,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_are_short_and_right() {
+    fn numbers_have_three_significant_digits() {
         assert_eq!(quantity(25_342.0, "Pa"), "25.3\u{a0}kPa");
         assert_eq!(quantity(999.7, "Pa"), "1.00\u{a0}kPa");
         assert_eq!(quantity(-0.004, "m"), "-4.00\u{a0}mm");
@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn text_cannot_break_out() {
+    fn control_and_markup_characters_are_escaped() {
         assert_eq!(escape("<a & \"b\">\n"), "&lt;a &amp; &quot;b&quot;&gt; ");
     }
 }

@@ -12,7 +12,7 @@ pub(super) fn all(run: &Run) -> impl Iterator<Item = Figure> {
     [force(run), extension(run), seconds(run), rves(run), convergence(run)].into_iter().flatten()
 }
 
-/// Pairs the numbers of the increments, from 1, with `value`, and omits increments without it.
+/// Returns the pairs of increment number, which starts at 1, and `value`, without the increments that have no value.
 fn over_increments(run: &Run, value: impl Fn(&super::Increment) -> Option<f64>) -> Vec<(f64, f64)> {
     let numbered = run.increments.iter().enumerate();
     numbered.filter_map(|(k, increment)| Some(((k + 1) as f64, value(increment)?))).collect()
@@ -25,7 +25,7 @@ fn force(run: &Run) -> Option<Figure> {
     }
     let of_surface = |surface: usize| Line {
         name: run.surface_name(surface).to_owned(),
-        // Every curve starts at the undeformed body.
+        // Every curve starts at the origin, which is the undeformed body.
         points: std::iter::once((0.0, 0.0))
             .chain(
                 run.increments
@@ -80,7 +80,7 @@ fn seconds(run: &Run) -> Option<Figure> {
         layer("assembly", |s| s.assembly),
         layer("factorization", |s| s.factor),
         layer("solution", |s| s.solve),
-        layer("the rest", |s| (s.total - s.point_field - s.assembly - s.factor - s.solve).max(0.0)),
+        layer("other", |s| (s.total - s.point_field - s.assembly - s.factor - s.solve).max(0.0)),
     ];
     if phases.iter().flat_map(|phase| &phase.points).all(|&(_, seconds)| seconds == 0.0) {
         return None;
@@ -94,7 +94,7 @@ fn rves(run: &Run) -> Option<Figure> {
         name: name.into(),
         points: over_increments(run, |increment| Some(of(increment.log?.rve.as_ref()?))),
     };
-    let all = [line("mean", |rve| rve.iterations_mean), line("most", |rve| rve.iterations_max as f64)];
+    let all = [line("mean", |rve| rve.iterations_mean), line("maximum", |rve| rve.iterations_max as f64)];
     if all[0].points.is_empty() {
         return None;
     }
@@ -117,6 +117,6 @@ fn convergence(run: &Run) -> Option<Figure> {
         return None;
     }
     let labels = Labels { chart: "convergence", x: "Newton iteration", y: "relative residual" };
-    let caption = "Convergence of Newton's method, a line a load increment (dark: first, light: last)";
+    let caption = "Convergence of Newton's method, one line per load increment (dark: first, light: last)";
     Some((caption.into(), logarithmic(labels, &all)))
 }

@@ -27,7 +27,7 @@ pub fn write(dir: &Path, file: Option<&Path>, options: &PictureOptions) -> Resul
         None => {
             let path = dir.join(REPORT_FILE);
             if path.symlink_metadata().is_ok() && !is_report(&path)? {
-                return Err(ResultsError::UnknownOrigin(path, "is no page that this command has written").into());
+                return Err(ResultsError::UnknownOrigin(path, "is not a page that this command has written").into());
             }
             path
         }
@@ -37,7 +37,7 @@ pub fn write(dir: &Path, file: Option<&Path>, options: &PictureOptions) -> Resul
     Ok(file)
 }
 
-/// Returns the text of the page. Missing files are omitted.
+/// Returns the HTML text of the page. Parts whose files are missing are omitted.
 ///
 /// # Errors
 /// Returns [`ReportError`] if the directory is not a result directory, a file in it is damaged, or a requested step or
@@ -130,7 +130,7 @@ impl<'a> Run<'a> {
         Some(increment.row?.surfaces.get(surface)?.force[self.axis()])
     }
 
-    /// Returns the surfaces whose force along the pull exceeds one thousandth of the largest force.
+    /// Returns the surfaces whose largest force along the pull exceeds one thousandth of that of all surfaces.
     fn loaded_surfaces(&self) -> Vec<usize> {
         let surfaces = self.directory.loads.as_ref().map_or(0, |loads| loads.surfaces.len());
         let most = |surface: usize| {
@@ -146,6 +146,7 @@ impl<'a> Run<'a> {
     }
 }
 
+/// Returns the paragraph that says whether the run converged, failed or has not ended yet.
 fn outcome(directory: &Directory, run: &Run) -> String {
     let increments = run.increments.len();
     let plural = if increments == 1 { "" } else { "s" };
@@ -158,7 +159,7 @@ fn outcome(directory: &Directory, run: &Run) -> String {
             let reason = end.reason.as_deref().unwrap_or("no reason was written");
             ("state failed", format!("Did not converge after {increments} load increment{plural}: {reason}."))
         }
-        None => ("state", format!("{increments} load increment{plural} so far; the log has no end yet.")),
+        None => ("state", format!("{increments} load increment{plural} so far; the run has not ended yet.")),
     };
     format!("<p class=\"{class}\">{}</p>\n", escape(&words))
 }
@@ -176,6 +177,7 @@ fn duration(seconds: f64) -> String {
     }
 }
 
+/// Returns the list of sizes, settings and largest values of the run.
 fn facts(directory: &Directory, run: &Run) -> String {
     let mut facts: Vec<(&str, String)> = Vec::new();
     if let Some(start) = &directory.start {
@@ -210,12 +212,13 @@ fn facts(directory: &Directory, run: &Run) -> String {
         facts.push(("Newton iterations", iterations.to_string()));
     }
     if !directory.cuts.is_empty() {
-        facts.push(("steps cut", directory.cuts.len().to_string()));
+        facts.push(("failed attempts", directory.cuts.len().to_string()));
     }
     let cell = |(name, value): &(&str, String)| format!("<div><dt>{name}</dt><dd>{}</dd></div>", escape(value));
     format!("<dl>{}</dl>\n", facts.iter().map(cell).collect::<Vec<_>>().join(""))
 }
 
+/// Returns the table of load increments and, below it, that of failed attempts.
 fn table(directory: &Directory, run: &Run) -> String {
     if run.increments.is_empty() {
         return String::new();
@@ -233,7 +236,7 @@ fn table(directory: &Directory, run: &Run) -> String {
         head.extend(["Newton iterations", "relative residual", "cuts", "seconds"].map(str::to_owned));
     }
     if with_rves {
-        head.extend(["RVE solves", "iterations, mean", "most"].map(str::to_owned));
+        head.extend(["RVE solves", "mean RVE iterations", "largest"].map(str::to_owned));
     }
     let mut html = String::from("<h2>Load increments</h2>\n<div class=\"scroll\"><table><thead><tr>");
     for column in head {
@@ -273,7 +276,7 @@ fn cuts(directory: &Directory) -> String {
         return String::new();
     }
     let mut html = String::from(
-        "<h2>Attempts that failed</h2>\n<div class=\"scroll\"><table><thead><tr><th>step</th><th>aimed at t</th>\
+        "<h2>Failed attempts</h2>\n<div class=\"scroll\"><table><thead><tr><th>step</th><th>target t</th>\
          <th>Newton iterations</th><th>reason</th></tr></thead>\n<tbody>\n",
     );
     for cut in &directory.cuts {
@@ -290,7 +293,7 @@ mod tests {
     use super::duration;
 
     #[test]
-    fn durations_read_well() {
+    fn durations_have_suitable_units() {
         assert_eq!(duration(4.2), "4.20\u{a0}s");
         assert_eq!(duration(200.2), "3\u{a0}min 20\u{a0}s");
         assert_eq!(duration(3725.0), "1\u{a0}h 02\u{a0}min");

@@ -15,7 +15,7 @@ use crate::app::report::svg::{Svg, hex};
 const CREASE: f64 = 0.82;
 /// Height, in pixels, below which faces are drawn without light edges.
 const SMALL: f64 = 5.0;
-/// Size, in pixels, of the squares that contain at most one fiber line each.
+/// Edge length, in pixels, of the squares in each of which at most one fiber line is centered.
 const FIBER_SPACING: f64 = 9.0;
 
 /// Returns the elements behind the visible faces, without repetition.
@@ -31,6 +31,7 @@ pub(super) fn visible_elements(scene: &Scene) -> Vec<usize> {
     elements
 }
 
+/// Returns, for every face, whether it faces the viewer.
 fn visible(skin: &BoundaryMesh, points: &[Vector3<f64>], view: &View) -> Vec<bool> {
     skin.faces.iter().map(|face| normal(face, points).dot(&view.toward) > 0.0).collect()
 }
@@ -76,7 +77,7 @@ fn height([a, b, c]: [[f64; 2]; 3]) -> f64 {
     (ab[0] * ac[1] - ab[1] * ac[0]).abs() / longest
 }
 
-/// Returns the edges to be drawn with each face: silhouette edges and creases.
+/// Returns the edges to be drawn with each visible face, by the number of the face: silhouette edges and creases.
 fn creases(skin: &BoundaryMesh, points: &[Vector3<f64>], visible: &[bool]) -> HashMap<usize, Vec<[u32; 2]>> {
     let mut creases: HashMap<usize, Vec<[u32; 2]>> = HashMap::new();
     for edge in &skin.edges {
@@ -113,11 +114,12 @@ pub(super) fn outline(svg: &mut Svg, scene: &Scene) {
     svg.close();
 }
 
-/// Attributes of the undeformed outline, also in the legend.
+/// Attributes of the undeformed outline, in the picture and in its legend.
 pub(super) const OUTLINE: &str = "fill=\"none\" stroke=\"#37474f\" stroke-width=\".9\" stroke-opacity=\".8\" \
                                   stroke-dasharray=\"5 3\" stroke-linejoin=\"round\"";
 
-/// Returns the fiber directions of `elements` as lines on the page, centered at each element.
+/// Returns the fiber directions of `elements` as lines on the page, each centered at its element. `mesh` contains the
+/// nodes of all elements; `directions` and `alignment` have one entry per element of the mesh.
 pub(super) fn fiber_lines(
     scene: &Scene,
     elements: &[usize],
@@ -154,7 +156,8 @@ pub(super) fn fiber_lines(
     drawn
 }
 
-/// Returns the length of the longest fiber line: about the distance between the centers of neighboring faces.
+/// Returns the length, in pixels, of the longest fiber line: about the distance between the centers of neighboring
+/// faces.
 fn fiber_length(scene: &Scene) -> f64 {
     let mut edges: Vec<f64> = scene
         .skin

@@ -1,7 +1,7 @@
 //! Color maps that stay ordered in grayscale and for color-blind readers.
 
-/// Control points of the color map viridis (Smith and van der Walt, matplotlib; public domain), equally spaced in `[0,
-/// 1]`.
+/// Control points of the color map viridis (Smith and van der Walt, matplotlib; public domain), equally spaced from 0
+/// to 1.
 const VIRIDIS: [[u8; 3]; 11] = [
     [68, 1, 84],
     [72, 36, 117],
@@ -27,9 +27,10 @@ pub(crate) fn viridis(place: f64) -> [u8; 3] {
 /// The colors of the axes x, y and z, distinguishable for color-blind readers (Okabe and Ito, Color universal design).
 pub(crate) const AXES: [[u8; 3]; 3] = [[213, 94, 0], [0, 158, 115], [0, 114, 178]];
 
-/// Maps -1 to blue, 0 to gray and 1 to red; the ends are those of the map RdBu (Harrower and Brewer, ColorBrewer), and
-/// the gray is dark enough for thin lines on white.
-pub(crate) fn about_rest(place: f64) -> [u8; 3] {
+/// Returns the color of a number in `[-1, 1]` in a diverging map from blue (-1) through gray (0) to red (1). Numbers
+/// outside are clamped; NaN gives gray. The ends are those of the map RdBu (Harrower and Brewer, ColorBrewer); the gray
+/// is dark enough for thin lines on white.
+pub(crate) fn diverging(place: f64) -> [u8; 3] {
     const BELOW: [[u8; 3]; 4] = [[176, 182, 188], [103, 169, 207], [33, 102, 172], [5, 48, 97]];
     const ABOVE: [[u8; 3]; 4] = [[176, 182, 188], [239, 138, 98], [190, 30, 45], [103, 0, 31]];
     let side = if place < 0.0 { BELOW } else { ABOVE };
@@ -70,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lighter_is_more() {
+    fn viridis_becomes_lighter_with_increasing_numbers() {
         let gray = |[r, g, b]: [u8; 3]| 0.299 * f64::from(r) + 0.587 * f64::from(g) + 0.114 * f64::from(b);
         let grays: Vec<f64> = (0..=50).map(|k| gray(viridis(f64::from(k) / 50.0))).collect();
         assert!(grays.windows(2).all(|pair| pair[0] < pair[1]), "{grays:?}");
@@ -79,19 +80,19 @@ mod tests {
     }
 
     #[test]
-    fn rest_is_gray_and_both_sides_grow_darker() {
+    fn the_diverging_map_becomes_darker_on_both_sides_of_zero() {
         let gray = |[r, g, b]: [u8; 3]| 0.299 * f64::from(r) + 0.587 * f64::from(g) + 0.114 * f64::from(b);
         for side in [-1.0, 1.0] {
-            let grays: Vec<f64> = (0..=30).map(|k| gray(about_rest(side * f64::from(k) / 30.0))).collect();
+            let grays: Vec<f64> = (0..=30).map(|k| gray(diverging(side * f64::from(k) / 30.0))).collect();
             assert!(grays.windows(2).all(|pair| pair[0] > pair[1]), "{grays:?}");
         }
-        let ([r, _, b], [cold, _, warm]) = (about_rest(0.7), about_rest(-0.7));
+        let ([r, _, b], [cold, _, warm]) = (diverging(0.7), diverging(-0.7));
         assert!(r > b && warm > cold);
-        assert_eq!((about_rest(5.0), about_rest(f64::NAN)), (about_rest(1.0), about_rest(0.0)));
+        assert_eq!((diverging(5.0), diverging(f64::NAN)), (diverging(1.0), diverging(0.0)));
     }
 
     #[test]
-    fn outliers_do_not_take_the_colors() {
+    fn the_range_of_colors_excludes_outliers() {
         let mut values: Vec<f64> = (0..1000).map(f64::from).collect();
         assert_eq!(range(&values), (0.0, 999.0));
         values[500] = 1e9;

@@ -51,7 +51,7 @@ impl Default for PictureOptions {
     }
 }
 
-/// The body in space and its projection to the page.
+/// The body in space and its projection onto the page.
 #[derive(Clone, Debug)]
 struct Scene {
     skin: BoundaryMesh,
@@ -79,11 +79,12 @@ enum Map {
     Faces,
     /// For lines on white: viridis without its light end.
     Lines,
-    /// For lines of a quantity with a rest value: gray at that value, red above, blue below, symmetric about it.
+    /// For lines of a quantity with this rest value: gray at the rest value, red above, blue below, symmetric about it.
     About(f64),
 }
 
 impl Colors {
+    /// Takes the range of colors from the values of the elements that are drawn.
     fn new(quantity: Quantity, drawn: &[usize]) -> Self {
         let values: Vec<f64> = drawn.iter().filter_map(|&element| quantity.values.get(element).copied()).collect();
         let finite = values.iter().copied().filter(|value| value.is_finite());
@@ -101,7 +102,7 @@ impl Colors {
         match self.map {
             Map::Faces => color::viridis((value - low) / (high - low)),
             Map::Lines => color::viridis(0.87 * (value - low) / (high - low)),
-            Map::About(rest) => color::about_rest((value - rest) / (high - rest).max(rest - low)),
+            Map::About(rest) => color::diverging((value - rest) / (high - rest).max(rest - low)),
         }
     }
 }
@@ -114,7 +115,7 @@ pub fn draw(dir: &Path, options: &PictureOptions) -> Result<String, ReportError>
     draw_from(&Directory::open(dir)?, options)
 }
 
-/// Draws the body of a directory that was already read; see [`draw`].
+/// Draws the body of a result directory that was already read; see [`draw`].
 ///
 /// # Errors
 /// See [`draw`].
@@ -197,7 +198,7 @@ impl Scene {
 mod tests {
     use super::*;
 
-    /// A unit cube made of eight small ones, sheared by a quarter.
+    /// Returns a unit cube made of eight smaller cubes, with shear strain 0.25.
     fn cube() -> Fields {
         let node = |i: usize, j: usize, k: usize| (i + 3 * (j + 3 * k)) as u32;
         let half = |k: usize| k as f64 / 2.0;
@@ -221,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn three_sides_of_a_cube_are_seen_and_they_are_the_near_ones() {
+    fn the_three_sides_of_a_cube_that_face_the_viewer_are_drawn() {
         let fields = cube();
         let mut scene = scene(&fields, None);
         scene.fit([0.0, 0.0, 100.0, 100.0]);
@@ -249,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fiber_line_has_the_direction_of_its_fibers_and_the_length_of_their_order() {
+    fn a_fiber_line_shows_direction_and_alignment() {
         let fields = cube();
         let mut scene = scene(&fields, Some(2));
         scene.fit([0.0, 0.0, 300.0, 300.0]);

@@ -1,8 +1,8 @@
 //! The picture of a fiber network: its fibers in the reference or deformed cube, as one SVG.
 //!
-//! The viewpoint is the one used for bodies and always the same, so that pictures of one network can be compared. Depth
-//! is shown in three ways: near fibers are drawn over far ones, with a light rim; they are wider; and far fibers fade
-//! toward the paper. A long fiber is drawn in pieces, each at its own depth.
+//! The viewpoint is chosen as for a cubic body and depends on the viewing axis only, so that pictures of one network
+//! can be compared. Depth is shown in three ways: near fibers are drawn over far ones, with a light rim; they are
+//! wider; and far fibers fade toward the white background. A long fiber is drawn in pieces, each at its own depth.
 
 use std::collections::BTreeMap;
 
@@ -20,7 +20,8 @@ use crate::app::report::svg::{Anchor, Svg, hex};
 const LAYERS: usize = 24;
 /// Fraction by which the farthest fibers fade.
 const FADE: f64 = 0.55;
-const PAPER: [u8; 3] = [255; 3];
+/// The color toward which far fibers fade.
+const BACKGROUND: [u8; 3] = [255; 3];
 
 /// The property of a fiber that its color shows.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,7 +64,7 @@ pub struct NetworkPicture<'a> {
     pub width: u32,
 }
 
-/// A piece of a fiber on the page.
+/// A piece of a fiber on the page; layer 0 is the farthest.
 struct Piece {
     layer: usize,
     ends: [[f64; 2]; 2],
@@ -124,7 +125,7 @@ pub fn draw_network(picture: &NetworkPicture) -> String {
     svg.finish()
 }
 
-/// Assigns colors to the values of the fibers.
+/// Assigns colors to the values of the fibers; `None` if the color does not show values.
 fn colors(color: FiberColor) -> Option<Colors> {
     let FiberColor::Values { label, unit, values, rest } = color else { return None };
     let all: Vec<usize> = (0..values.len()).collect();
@@ -185,7 +186,7 @@ fn fibers(
         let mut by_color: BTreeMap<[u8; 3], Vec<[[f64; 2]; 2]>> = BTreeMap::new();
         for piece in pieces {
             // Rounding to multiples of four is invisible and keeps the file small.
-            let color = mix(piece.color, PAPER, FADE * (1.0 - near)).map(|part| part & !3);
+            let color = mix(piece.color, BACKGROUND, FADE * (1.0 - near)).map(|part| part & !3);
             by_color.entry(color).or_default().push(piece.ends);
         }
         for (color, segments) in by_color {
@@ -235,7 +236,8 @@ fn direction_color(direction: Vector3<f64>) -> [u8; 3] {
     std::array::from_fn(|c| (0..3).map(|k| squares[k] * f64::from(AXES[k][c])).sum::<f64>().round() as u8)
 }
 
-/// Returns the line width at mean depth: proportional to the mean fiber length, so that dense networks have thin lines.
+/// Returns the line width at mean depth, pixels: proportional to the mean fiber length, so that dense networks have
+/// thin lines.
 fn line_width(picture: &NetworkPicture, nodes: &[Vector3<f64>], scale: f64) -> f64 {
     let length = |ends: &[u32; 2]| {
         let [a, b] = ends.map(|node| nodes.get(node as usize).copied().unwrap_or_default());
@@ -259,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn every_fiber_is_drawn_and_what_is_near_comes_last() {
+    fn fibers_are_drawn_from_back_to_front() {
         let (positions, fibers) = cross();
         let values = [2.0, 1.0];
         let color = FiberColor::Values { label: "stretch", unit: "", values: &values, rest: Some(1.0) };
@@ -295,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn directions_along_the_axes_have_their_colors() {
+    fn directions_along_the_axes_have_the_colors_of_the_axes() {
         for (axis, color) in AXES.into_iter().enumerate() {
             let direction = Vector3::from_fn(|k, _| if k == axis { -3.0 } else { 0.0 });
             assert_eq!(direction_color(direction), color);
@@ -303,7 +305,7 @@ mod tests {
     }
 
     #[test]
-    fn a_deformed_cube_shows_what_it_was() {
+    fn a_deformed_cube_is_drawn_with_its_undeformed_outline() {
         let (positions, fibers) = cross();
         let gradient = Matrix3::from_diagonal(&Vector3::new(1.5, 0.8, 0.8));
         let svg = draw_network(&NetworkPicture { gradient, ..picture(&positions, &fibers, FiberColor::Direction) });

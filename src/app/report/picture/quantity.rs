@@ -18,8 +18,12 @@ pub(super) struct Quantity {
 }
 
 impl Quantity {
-    /// Returns the requested field, or the first preferred one, or the magnitude of the displacement; vectors give
-    /// their length. Returns `None` if no field is requested and none of these exists.
+    /// Returns the requested field, or else the first preferred one that exists, or else the magnitude of the
+    /// displacement. A vector field gives the lengths of its vectors, a field of points their mean over the nodes of
+    /// each element. Returns `None` if no field is requested and none of these exists.
+    ///
+    /// # Errors
+    /// Returns [`ReportError::NoField`] if the requested field does not exist.
     pub(super) fn find(fields: &Fields, name: Option<&str>) -> Result<Option<Self>, ReportError> {
         if let Some(name) = name {
             return Self::named(fields, name)
@@ -58,6 +62,7 @@ fn available(fields: &Fields) -> Vec<String> {
     scalars.chain(integers).chain(vectors).cloned().collect()
 }
 
+/// Returns the label and the unit of a field.
 fn describe(name: &str) -> (String, &'static str) {
     let (label, unit) = match name {
         "von_mises_stress" => ("von Mises stress", "Pa"),

@@ -7,18 +7,18 @@ use nalgebra::Vector3;
 /// A boundary face.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Face {
-    /// Its points, counterclockwise when seen from outside.
+    /// The points of the face, counterclockwise when seen from outside.
     pub(super) points: [u32; 3],
-    /// The element behind it.
+    /// The element behind the face.
     pub(super) element: usize,
 }
 
 /// An edge of the boundary and the faces on its two sides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Edge {
-    /// Its end points.
+    /// The end points of the edge.
     pub(super) points: [u32; 2],
-    /// The faces that share it.
+    /// The faces that share the edge.
     pub(super) faces: [usize; 2],
 }
 
@@ -49,6 +49,7 @@ impl BoundaryMesh {
     }
 }
 
+/// Returns the edges that two faces share.
 fn edges(faces: &[Face]) -> Vec<Edge> {
     let mut first: HashMap<[u32; 2], usize> = HashMap::new();
     let mut edges = Vec::new();
@@ -82,7 +83,7 @@ pub(super) fn lines(edges: &[[u32; 2]]) -> Vec<Vec<u32>> {
     }
     let mut used = vec![false; edges.len()];
     let mut lines = Vec::new();
-    // First lines from open ends and branches, then the remaining closed loops.
+    // The lines that start at open ends and branches come first, then the remaining closed loops.
     let ends = (0..edges.len()).filter(|&k| edges[k].iter().any(|point| at[point].len() != 2));
     for start in ends.chain(0..edges.len()).collect::<Vec<_>>() {
         if used[start] {
@@ -128,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn edges_become_few_lines() {
+    fn edges_are_joined_to_polylines() {
         let mut closed = lines(&[[2, 3], [0, 1], [3, 0], [1, 2]]);
         assert_eq!((closed.len(), closed[0].len()), (1, 5));
         closed[0].dedup();

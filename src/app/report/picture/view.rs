@@ -5,8 +5,8 @@ use nalgebra::Vector3;
 /// Elevation angle of the viewpoint, radians.
 const ELEVATION: f64 = 0.46;
 
-/// Returns the azimuth of the viewpoint (the rotation of the body about the vertical axis of the page), radians. It
-/// decreases with the slenderness; otherwise a long body would run down the page.
+/// Returns the azimuth of the viewpoint (the rotation of the body about the vertical axis of the page), radians. The
+/// azimuth decreases with the slenderness; otherwise a long body would appear steeply inclined on the page.
 fn azimuth(longest: f64, second: f64) -> f64 {
     let slenderness = if second > 0.0 { (longest / second).max(1.0) } else { 1.0 };
     0.06 + 0.45 / slenderness
@@ -66,7 +66,7 @@ impl View {
 pub(super) struct Frame {
     /// Pixels per meter.
     pub(super) scale: f64,
-    /// Height of the rectangle that the points leave free, pixels.
+    /// Part of the height of the rectangle that the points do not use, pixels.
     pub(super) unused_height: f64,
     offset: [f64; 2],
 }
@@ -113,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_drawn_fits() {
+    fn a_frame_contains_all_points() {
         let points = [[-2.0, 0.0, 9.0], [3.0, 1.0, -9.0], [0.0, 7.0, 0.0]];
         let frame = Frame::fit(points.into_iter(), [10.0, 20.0, 100.0, 50.0]);
         assert!(frame.unused_height < 1e-9);
