@@ -1,4 +1,4 @@
-//! Checks of the caller's pointers: a null pointer is an error; all other properties are conditions for the caller.
+//! Checks of the caller's pointers. A null pointer is reported as an error; the caller must ensure everything else.
 
 use std::any::Any;
 use std::cell::RefCell;
@@ -56,6 +56,8 @@ fn null(name: &str) -> Failure {
     Failure::new(LAS_NULL, format!("`{name}` is a null pointer"))
 }
 
+/// Returns a shared reference to an object of the caller, which messages call `name`.
+///
 /// # Safety
 /// The pointer is null, or points to a `T` that no other code writes during the call.
 pub(super) unsafe fn shared<'a, T>(pointer: *const T, name: &str) -> Result<&'a T, Failure> {
@@ -63,6 +65,8 @@ pub(super) unsafe fn shared<'a, T>(pointer: *const T, name: &str) -> Result<&'a 
     unsafe { pointer.as_ref() }.ok_or_else(|| null(name))
 }
 
+/// Returns an exclusive reference to an object of the caller, which messages call `name`.
+///
 /// # Safety
 /// The pointer is null, or points to a `T` that no other code uses during the call.
 pub(super) unsafe fn exclusive<'a, T>(pointer: *mut T, name: &str) -> Result<&'a mut T, Failure> {
@@ -84,8 +88,10 @@ pub(super) unsafe fn create<T>(place: *mut *mut T, name: &str, make: impl FnOnce
     })
 }
 
+/// Frees an object that [`create`] stored; null is allowed.
+///
 /// # Safety
-/// The pointer is null, or was stored by [`create`] and not freed before.
+/// The pointer is null, or was stored by [`create`] and has not been freed.
 pub(super) unsafe fn free<T>(pointer: *mut T) -> Result<(), Failure> {
     if !pointer.is_null() {
         // SAFETY: the pointer came from Box::into_raw.
@@ -94,8 +100,10 @@ pub(super) unsafe fn free<T>(pointer: *mut T) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Returns an array of the caller for reading; null is allowed if `len` is zero.
+///
 /// # Safety
-/// The pointer is null, or points to `len` values.
+/// The pointer is null, or points to `len` values that no other code writes during the call.
 pub(super) unsafe fn array<'a, T>(pointer: *const T, len: usize, name: &str) -> Result<&'a [T], Failure> {
     match (pointer.is_null(), len) {
         (_, 0) => Ok(&[]),
@@ -105,6 +113,8 @@ pub(super) unsafe fn array<'a, T>(pointer: *const T, len: usize, name: &str) -> 
     }
 }
 
+/// Returns an array of the caller for writing; null is allowed if `len` is zero.
+///
 /// # Safety
 /// The pointer is null, or points to `len` values that no other code uses during the call.
 unsafe fn array_mut<'a, T>(pointer: *mut T, len: usize, name: &str) -> Result<&'a mut [T], Failure> {
@@ -116,10 +126,10 @@ unsafe fn array_mut<'a, T>(pointer: *mut T, len: usize, name: &str) -> Result<&'
     }
 }
 
-/// Returns entries of a vector or matrix; each consists of as many numbers as the backend has lanes.
+/// Returns `len` entries of a vector or matrix for reading; each consists of as many numbers as the backend has lanes.
 ///
 /// # Safety
-/// As for [`array`], of `len` times the lanes.
+/// As for [`array`], with `len` times the number of lanes.
 pub(super) unsafe fn scalars<'a, S: Value<Real = f64>>(
     pointer: *const f64,
     len: usize,
@@ -129,8 +139,10 @@ pub(super) unsafe fn scalars<'a, S: Value<Real = f64>>(
     unsafe { array(pointer.cast(), len, name) }
 }
 
+/// Returns `len` entries of a vector or matrix for writing; see [`scalars`].
+///
 /// # Safety
-/// As for [`scalars`]; no other code uses them during the call.
+/// As for [`scalars`]; no other code uses the entries during the call.
 pub(super) unsafe fn scalars_mut<'a, S: Value<Real = f64>>(
     pointer: *mut f64,
     len: usize,
@@ -143,7 +155,7 @@ pub(super) unsafe fn scalars_mut<'a, S: Value<Real = f64>>(
 /// Writes a norm or dot product, one number per lane.
 ///
 /// # Safety
-/// As for [`scalars_mut`] of one entry.
+/// As for [`scalars_mut`] with one entry.
 pub(super) unsafe fn store_lanes<R: Value<Real: Scalar>>(
     pointer: *mut f64,
     value: R,
@@ -176,7 +188,7 @@ pub(super) fn count(count: i32, name: &str) -> Result<usize, Failure> {
 /// Returns indices after checking that each is negative or below `end`.
 ///
 /// # Safety
-/// As for [`array`] of `len` indices.
+/// As for [`array`] with `len` indices.
 pub(super) unsafe fn indices<'a>(pointer: *const i32, len: i32, end: usize, name: &str) -> Result<&'a [i32], Failure> {
     // SAFETY: the conditions are those of the caller.
     let indices: &[i32] = unsafe { array(pointer, count(len, &format!("number of {name}"))?, name) }?;
@@ -186,7 +198,7 @@ pub(super) unsafe fn indices<'a>(pointer: *const i32, len: i32, end: usize, name
     }
 }
 
-/// Returns the positions `first..first + len` of a list.
+/// Returns `slots[first..first + len]`.
 pub(super) fn slot_range<S>(slots: &[S], first: i32, len: i32) -> Result<&[S], Failure> {
     let (first, len) = (count(first, "first")?, count(len, "count")?);
     let range = first.checked_add(len).and_then(|end| slots.get(first..end));
@@ -200,7 +212,7 @@ pub(super) fn check_equal_sizes(what: &str, a: usize, b: usize) -> Result<(), Fa
     if a == b { Ok(()) } else { Err(Failure::new(LAS_SIZE, format!("{what} have {a} and {b} entries"))) }
 }
 
-/// Returns an error if two handles are the same.
+/// Returns an error if two handles are equal and not null.
 pub(super) fn check_distinct<T>(a: *const T, b: *const T, what: &str) -> Result<(), Failure> {
     if a.is_null() || !std::ptr::eq(a, b) {
         Ok(())
@@ -221,14 +233,14 @@ pub(super) fn check_all_distinct<T>(read: &[*const T], written: &[*mut T]) -> Re
     Ok(())
 }
 
-/// Objects of the caller in one slice for reading: bitwise copies that are never dropped.
+/// Objects of the caller, collected into one slice for reading: bitwise copies that are never dropped.
 pub(super) struct Borrowed<T>(Vec<ManuallyDrop<T>>);
 
 impl<T> Borrowed<T> {
     /// # Safety
     /// The objects are live and unchanged as long as this value exists.
     pub(super) unsafe fn new(objects: impl Iterator<Item = Result<*const T, Failure>>) -> Result<Self, Failure> {
-        // SAFETY: only read, through shared references, and not dropped.
+        // SAFETY: the copy is only read, through shared references, and never dropped.
         let copy = |object: *const T| ManuallyDrop::new(unsafe { object.read() });
         Ok(Self(objects.map(|object| object.map(copy)).collect::<Result<_, _>>()?))
     }
@@ -239,8 +251,8 @@ impl<T> Borrowed<T> {
     }
 }
 
-/// Objects of the caller in one slice for writing: they are moved here, and moved back when this value is dropped, also
-/// during unwinding.
+/// Objects of the caller, collected into one slice for writing: they are moved here, and moved back when this value is
+/// dropped, also during unwinding.
 pub(super) struct BorrowedMut<T> {
     copies: Vec<ManuallyDrop<T>>,
     originals: Vec<*mut T>,
@@ -265,7 +277,7 @@ impl<T> BorrowedMut<T> {
 impl<T> Drop for BorrowedMut<T> {
     fn drop(&mut self) {
         for (copy, original) in self.copies.drain(..).zip(&self.originals) {
-            // SAFETY: the place from which the object was read.
+            // SAFETY: `original` is the place from which the object was read.
             unsafe { original.write(ManuallyDrop::into_inner(copy)) };
         }
     }

@@ -1,4 +1,5 @@
-//! The PETSc session of a C program, shared by all its contexts: it starts with the first and ends with the last.
+//! The PETSc session of a C program, which all its contexts share: it starts with the first context and ends with the
+//! last.
 
 use mpi::environment::is_initialized;
 use mpi::ffi::RSMPI_Comm_f2c;
@@ -24,12 +25,13 @@ pub(super) unsafe fn context_on(comm: i32) -> Result<Context, Failure> {
         return Err(Failure::new(LAS_UNSUPPORTED, "there is no communicator before MPI_Init"));
     }
     let session = session()?;
-    // SAFETY: MPI is initialized; the caller promises the handle. Dropping the copy does not free the caller's
-    // communicator.
+    // SAFETY: MPI is initialized; the caller ensures that the handle is valid. `ManuallyDrop` prevents that the
+    // caller's communicator is freed.
     let comm = std::mem::ManuallyDrop::new(unsafe { SimpleCommunicator::from_raw(RSMPI_Comm_f2c(comm)) });
     Ok(Context::new(&session, &*comm))
 }
 
+/// Returns the current session, or starts one.
 fn session() -> Result<Session, Failure> {
     match Session::current() {
         Some(session) => Ok(session),

@@ -6,28 +6,28 @@ use std::sync::Arc;
 use super::{Random, done};
 use crate::las::Sparsity;
 
-/// The largest length of a vector: two registers of 16 single-precision numbers (AVX-512) and a remainder.
-const LENGTH: usize = 33;
+/// The largest length of a vector: two registers of 16 single-precision numbers (AVX-512) and a remainder of one.
+const MAX_LENGTH: usize = 33;
 /// The largest number of rows or columns of a matrix.
-const SIDE: usize = 12;
-/// The largest number of operations in a case.
-const STEPS: usize = 14;
+const MAX_SIDE: usize = 12;
+/// The exclusive upper bound of the number of operations in a case.
+const STEPS_END: usize = 14;
 
 /// A random test case.
 pub(super) trait Case: Clone + Debug {
     /// Draws a case; patterns consist of full blocks of `block_size` rows and columns.
     fn draw(random: &mut Random, block_size: usize) -> Self;
 
-    /// Returns cases with one step or block less.
+    /// Returns the cases that lack one of the steps or blocks of this case.
     fn smaller(&self) -> Vec<Self>;
 }
 
-/// Calls `keep` with every list that lacks one element of `list`.
-fn without_one<T: Clone, C>(list: &[T], keep: impl Fn(Vec<T>) -> C) -> Vec<C> {
-    (0..list.len()).map(|skipped| keep([&list[..skipped], &list[skipped + 1..]].concat())).collect()
+/// Returns `make(shorter)` for every list `shorter` that lacks one element of `list`.
+fn without_one<T: Clone, C>(list: &[T], make: impl Fn(Vec<T>) -> C) -> Vec<C> {
+    (0..list.len()).map(|skipped| make([&list[..skipped], &list[skipped + 1..]].concat())).collect()
 }
 
-/// Rows and columns that are addressed together, some of them repeated or constrained.
+/// Rows and columns of a block that is written or read at once, some of them repeated or constrained (negative).
 #[derive(Clone, Debug)]
 pub(super) struct Block {
     pub rows: Vec<i32>,
@@ -43,11 +43,12 @@ impl Block {
         self.rows.len() * self.cols.len()
     }
 
+    /// Returns all pairs of a row and a column, row by row.
     pub fn pairs(&self) -> impl Iterator<Item = (i32, i32)> {
         self.rows.iter().flat_map(|&row| self.cols.iter().map(move |&column| (row, column)))
     }
 
-    /// Returns `(row, column, value)` for the pairs without a constrained index.
+    /// Returns `(row, column, value)` for the pairs without a constrained index; `values` has one number for each pair.
     pub fn entries(&self, values: &[f64]) -> impl Iterator<Item = (usize, usize, f64)> {
         let pairs = self.pairs().zip(values).filter(|((row, column), _)| *row >= 0 && *column >= 0);
         pairs.map(|((row, column), &value)| (row as usize, column as usize, value))
@@ -78,8 +79,8 @@ pub(super) struct VectorCase {
 
 impl Case for VectorCase {
     fn draw(random: &mut Random, _: usize) -> Self {
-        let len = random.below(LENGTH + 1);
-        let count = random.below(STEPS);
+        let len = random.below(MAX_LENGTH + 1);
+        let count = random.below(STEPS_END);
         let mut step = || {
             let rows = random.indices(len);
             let values = random.integers(rows.len());
@@ -102,7 +103,7 @@ impl Case for VectorCase {
     }
 }
 
-/// One operation on a matrix; a number stands for one of the blocks of the case.
+/// One operation on a matrix; a `usize` is the number of a block of the case.
 #[derive(Clone, Debug)]
 pub(super) enum MatrixStep {
     Zero,
@@ -110,7 +111,7 @@ pub(super) enum MatrixStep {
     Add(usize, Vec<f64>),
     Set(usize, Vec<f64>),
     AddAt(usize, Vec<f64>),
-    /// Reads any positions, in the pattern or not.
+    /// Reads entries inside and outside the pattern.
     Get(Block),
     Finish,
 }
@@ -128,7 +129,7 @@ impl Case for MatrixCase {
     fn draw(random: &mut Random, block_size: usize) -> Self {
         let [rows, cols] = [(); 2].map(|()| random.side(block_size));
         let blocks: Vec<_> = (0..4).map(|_| Block::draw(random, rows, cols)).collect();
-        let count = random.below(STEPS);
+        let count = random.below(STEPS_END);
         let mut step = || {
             let number = random.below(blocks.len());
             let values = random.integers(blocks[number].len());
@@ -174,7 +175,8 @@ impl Sum {
     }
 }
 
-/// Two matrices of one shape, a third that the first can be multiplied by, and vectors for both sides of the first.
+/// Matrices `a` and `b` of one shape, a matrix `c` for the product `a c`, vectors `right` for `a x` and `left` for
+/// `a^T x`, and the factors of sums of `a` and `b`.
 #[derive(Clone, Debug)]
 pub(super) struct AlgebraCase {
     pub a: Sum,
@@ -209,10 +211,10 @@ impl Case for AlgebraCase {
 impl Random {
     /// Returns a number of rows or columns.
     fn side(&mut self, block_size: usize) -> usize {
-        self.below(SIDE / block_size + 1) * block_size
+        self.below(MAX_SIDE / block_size + 1) * block_size
     }
 
-    /// Returns the pattern of some blocks and of random entries: some rows are full, some empty.
+    /// Returns a pattern that contains the given blocks and random entries: some rows are full, some may be empty.
     fn pattern(&mut self, [rows, cols, block_size]: [usize; 3], blocks: &[Block]) -> Arc<Sparsity> {
         let columns = cols / block_size;
         let mut lists = vec![Vec::new(); rows / block_size];

@@ -15,10 +15,11 @@ struct Subject<'a, B: Backend> {
     /// The positions of all blocks, located in another matrix with this pattern, and the range of each block.
     slots: Vec<B::Slot>,
     ranges: Vec<Range<usize>>,
-    /// Whether `set` was the last operation that wrote; `None` after `finish`.
+    /// Whether the last write was a `set`; `None` if there was no write since `finish`.
     pending: Option<bool>,
 }
 
+/// Performs the operations of the case on a matrix and compares every entry that it reads with the reference.
 pub(super) fn check<B: Backend>(context: &B::Context, case: &MatrixCase) -> Outcome {
     let (rows, cols) = (case.pattern.rows(), case.pattern.cols());
     let twin = tried(B::matrix(context, &case.pattern))?;
@@ -86,6 +87,7 @@ impl<B: Backend> Subject<'_, B> {
         Ok(())
     }
 
+    /// Applies `write(entry, value)` to the expected entries of a block.
     fn write(&mut self, number: usize, values: &[f64], write: impl Fn(&mut f64, f64)) {
         for (lane, a) in self.expected.iter_mut().enumerate() {
             for (row, column, value) in self.blocks[number].entries(values) {
@@ -94,7 +96,7 @@ impl<B: Backend> Subject<'_, B> {
         }
     }
 
-    /// Calls `finish` between adding and `set`.
+    /// Calls `finish` if the next write is a `set` and the last one was not, or the reverse.
     fn separate(&mut self, set: bool) -> Outcome {
         if self.pending.is_some_and(|pending| pending != set) {
             self.finish()?;
@@ -108,6 +110,7 @@ impl<B: Backend> Subject<'_, B> {
         tried(self.found.finish())
     }
 
+    /// Reads a block and compares it with the expected entries.
     fn read(&mut self, block: &Block) -> Outcome {
         self.finish()?;
         let mut values = untouched::<B>(block.len());
@@ -123,7 +126,8 @@ impl<B: Backend> Subject<'_, B> {
     }
 }
 
-/// Runs only without debug assertions, which such writes violate.
+/// Checks that writes out of range are dropped. Debug assertions forbid such writes, so that builds with them skip the
+/// check.
 fn out_of_range_is_dropped<B: Backend>(context: &B::Context) -> Outcome {
     if cfg!(debug_assertions) {
         return Ok(());

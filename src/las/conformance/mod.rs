@@ -65,8 +65,8 @@ pub struct Trials {
     pub seed: u64,
     /// Number of rows and columns of the full blocks that sparsity patterns consist of.
     pub block_size: usize,
-    /// Whether a failing case is reduced before it is printed. On several ranks it must not be: a rank that alone
-    /// detects a failure would repeat collective operations alone.
+    /// Whether a failing case is reduced before it is printed. This must be `false` on several ranks, where a failure
+    /// on one rank only would make that rank repeat collective operations alone.
     pub reduce: bool,
 }
 
@@ -77,8 +77,8 @@ impl Default for Trials {
 }
 
 impl Trials {
-    /// Replaces count and seed by the environment variables `CONFORMANCE_COUNT` and `CONFORMANCE_SEED`, where they are
-    /// set, for a longer search without recompilation.
+    /// Replaces `count` and `seed` by the environment variables `CONFORMANCE_COUNT` and `CONFORMANCE_SEED` if they are
+    /// set, which allows a longer search without recompilation.
     #[must_use]
     pub fn or_from_environment(self) -> Self {
         let number = |name: &str| std::env::var(name).ok()?.parse::<u64>().ok();
@@ -109,7 +109,8 @@ impl Trials {
     }
 }
 
-/// What the solvers of a backend can do beyond Cholesky and LU. The suite does not require what is `false`.
+/// The capabilities of the solvers of a backend beyond Cholesky and LU. The suite does not require those that are
+/// `false`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Capabilities {
     /// The backend factors symmetric indefinite matrices by LDL^T and counts their negative pivots.
@@ -118,7 +119,7 @@ pub struct Capabilities {
     /// that `factor_definite` returns `SolveError::Indefinite` for an indefinite matrix. A matrix that is singular up
     /// to rounding may be reported as indefinite.
     pub ldlt: bool,
-    /// Reports and errors name the unknown at which a factorization failed.
+    /// The reports and errors of the backend name the unknown at which a factorization failed.
     ///
     /// Without it, `indefinite_at` of [`FactorReport`](super::FactorReport) and `unknown` of
     /// [`SolveError`](super::SolveError) may have any value.
@@ -126,7 +127,7 @@ pub struct Capabilities {
 }
 
 impl Capabilities {
-    /// All of them, as the in-memory backends of this crate have.
+    /// All capabilities; the in-memory backends of this crate have them.
     pub const ALL: Self = Self { ldlt: true, names_unknown: true };
 
     fn symmetries(self) -> &'static [Symmetry] {
@@ -135,7 +136,8 @@ impl Capabilities {
     }
 }
 
-/// Runs [`vectors`], [`matrices`], [`products`] and [`solvers`]: all that is required of a backend with one lane.
+/// Runs [`vectors`], [`matrices`], [`products`] and [`solvers`]: all tests that are required of a backend with one
+/// lane.
 ///
 /// # Panics
 /// Panics if the backend violates the specification of the traits.
@@ -186,10 +188,10 @@ pub fn algebra<B: Backend<Matrix: MatMat<B>>>(context: &B::Context, trials: Tria
     trials.run("sums and products of matrices", |case| products::check_algebra::<B>(context, case));
 }
 
-/// The result of a check: the violation, if there is one.
+/// The result of a check; the error describes the violation.
 type Outcome = Result<(), String>;
 
-/// The value of a buffer before a read that must leave a part of it unchanged.
+/// The initial value of the entries of a buffer, some of which a read must leave unchanged.
 const UNTOUCHED: f64 = 99.0;
 
 type Real<B> = <<B as Backend>::Scalar as Value>::Real;
@@ -203,13 +205,14 @@ fn epsilon<B: Backend>() -> f64 {
     <Real<B> as num_traits::Float>::epsilon().as_f64()
 }
 
-/// Returns the number in a lane for a number of the case; the offset ensures that lanes are not multiples of each
-/// other.
+/// Returns the number that a lane gets for a number of the case. The offset ensures that the lanes are not multiples of
+/// each other.
 fn number_in_lane(value: f64, lane: usize) -> f64 {
     value + lane as f64
 }
 
-/// Returns the sign of a factor in a lane. Factors differ only in their sign, so that single precision stays exact.
+/// Returns the sign of a factor in a lane. The factors of all lanes differ only in sign, so that single precision
+/// remains exact.
 fn sign_in_lane(lane: usize) -> f64 {
     if lane.is_multiple_of(2) { 1.0 } else { -1.0 }
 }
@@ -231,12 +234,12 @@ fn indices<B: Backend>(indices: &[i32]) -> Vec<B::Index> {
     indices.iter().map(|&index| B::Index::from(index)).collect()
 }
 
-/// Converts the error of an operation.
+/// Converts the error of an operation to the description of a violation.
 fn tried<R, E: Display>(result: Result<R, E>) -> Result<R, String> {
     result.map_err(|error| format!("an operation failed: {error}"))
 }
 
-/// Unwraps the result of an operation.
+/// Unwraps the result of an operation; panics with its error.
 #[track_caller]
 fn done<R, E: Display>(result: Result<R, E>) -> R {
     tried(result).unwrap_or_else(|error| panic!("{error}"))
@@ -246,12 +249,12 @@ fn equal<T: PartialEq + Debug>(what: &str, found: T, expected: T) -> Outcome {
     if found == expected { Ok(()) } else { Err(format!("{what} is {found:?} instead of {expected:?}")) }
 }
 
-/// Checks a value in every lane.
+/// Checks that a value equals the expected one in every lane.
 fn same<V: Value>(what: impl Display, found: &V, expected: impl Fn(usize) -> f64) -> Outcome {
     within(what, found, expected, |_| 0.0)
 }
 
-/// Checks a value in every lane to within an error bound.
+/// Checks that a value differs from the expected one by at most `error` in every lane.
 fn within<V: Value>(
     what: impl Display,
     found: &V,
@@ -260,7 +263,7 @@ fn within<V: Value>(
 ) -> Outcome {
     for lane in 0..V::LANES {
         let (found, expected) = (found.lane(lane).as_f64(), expected(lane));
-        // False for NaN.
+        // The comparison is false if a value is NaN.
         let is_near = (found - expected).abs() <= error(lane);
         if !is_near {
             return Err(format!("{what} is {found} instead of {expected} in lane {lane}"));

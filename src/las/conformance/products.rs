@@ -7,7 +7,7 @@ use super::{
 };
 use crate::las::{Backend, Entries, MatMat, MatVec, MatrixOps, SolveError, Sparsity, VectorOps};
 
-/// Tests [`MatVec`] on the first matrix.
+/// Tests [`MatVec`] on the matrix `a` of the case.
 pub(super) fn check_products<B: Backend>(context: &B::Context, case: &AlgebraCase) -> Outcome {
     let (a, expected) = assembled::<B>(context, &case.a)?;
     let (rows, cols) = a.shape();
@@ -21,13 +21,13 @@ pub(super) fn check_products<B: Backend>(context: &B::Context, case: &AlgebraCas
     diagonals::<B>(context, &a, &expected)
 }
 
-/// Tests [`Entries`] on the first matrix.
+/// Tests [`Entries`] on the matrix `a` of the case.
 pub(super) fn check_entries<B: Backend<Matrix: Entries<B>>>(context: &B::Context, case: &AlgebraCase) -> Outcome {
     let (a, expected) = assembled::<B>(context, &case.a)?;
     check_matrix::<B>("A", &a, &case.a.pattern, &expected)
 }
 
-/// Tests [`MatMat`].
+/// Tests [`MatMat`] on all matrices of the case.
 pub(super) fn check_algebra<B: Backend<Matrix: MatMat<B>>>(context: &B::Context, case: &AlgebraCase) -> Outcome {
     let (mut a, of_a) = assembled::<B>(context, &case.a)?;
     let (b, of_b) = assembled::<B>(context, &case.b)?;
@@ -78,8 +78,8 @@ fn assembled<B: Backend>(context: &B::Context, sum: &Sum) -> Result<(B::Matrix, 
     Ok((a, expected))
 }
 
-/// Checks all entries, each of them visited once and row by row. They include those of `pattern`; a backend may store
-/// others, which are zero.
+/// Checks that the iteration visits every stored entry once, row by row, with the expected values, and that all entries
+/// of `pattern` are stored. A backend may store other entries, which must be zero.
 fn check_matrix<B: Backend<Matrix: Entries<B>>>(
     what: &str,
     found: &B::Matrix,
@@ -104,6 +104,7 @@ fn check_matrix<B: Backend<Matrix: Entries<B>>>(
     Ok(())
 }
 
+/// Returns the numbers that a lane gets for numbers of the case.
 fn in_lane(values: &[f64], lane: usize) -> Vec<f64> {
     values.iter().map(|&value| number_in_lane(value, lane)).collect()
 }
@@ -133,6 +134,7 @@ fn check_vector<B: Backend>(what: &str, found: &B::Vector, expected: impl Fn(usi
     values.iter().enumerate().try_for_each(check)
 }
 
+/// Checks that an operation with operands of different sizes returns an error with the expected size.
 fn expect_size<F: std::error::Error>(what: &str, found: Result<(), SolveError<F>>, size: usize) -> Outcome {
     match found {
         Err(SolveError::Size { expected, .. }) if expected == size => Ok(()),
@@ -160,8 +162,8 @@ fn diagonals<B: Backend>(context: &B::Context, a: &B::Matrix, expected: &[DenseR
     match (a.inverse_diagonal(&mut d), first_zero) {
         (Ok(()), None) => read::<B>(&d)?.iter().enumerate().try_for_each(|(k, value)| {
             let inverse = |lane: usize| 1.0 / entry(lane, k);
-            let slack = |lane: usize| epsilon::<B>() * inverse(lane).abs();
-            within(format_args!("the inverse of diagonal entry {k}"), value, inverse, slack)
+            let tolerance = |lane: usize| epsilon::<B>() * inverse(lane).abs();
+            within(format_args!("the inverse of diagonal entry {k}"), value, inverse, tolerance)
         }),
         (Err(SolveError::ZeroDiagonal { row }), Some(first)) => equal("the row of the first zero", row, first),
         (outcome, first) => Err(format!("the inverse of a diagonal with its first zero at {first:?}: {outcome:?}")),

@@ -21,21 +21,24 @@ impl Random {
     }
 
     /// Returns an integer from 0 to `end - 1`.
+    ///
+    /// # Panics
+    /// Panics if `end` is zero.
     pub fn below(&mut self, end: usize) -> usize {
         (self.bits() % end as u64) as usize
     }
 
-    /// Returns a real number from -1 to 1 that every scalar type represents exactly.
+    /// Returns a multiple of 1/1024 from -1 to 1, which every scalar type represents exactly.
     pub fn signed(&mut self) -> f64 {
         (self.below(2049) as f64 - 1024.0) / 1024.0
     }
 
-    /// Returns a small integer, so that sums of many are exact in every scalar type.
+    /// Returns an integer from -8 to 8, so that sums of many of them are exact in every scalar type.
     pub fn integer(&mut self) -> f64 {
         self.below(17) as f64 - 8.0
     }
 
-    /// Returns `count` small integers.
+    /// Returns `count` integers from -8 to 8.
     pub fn integers(&mut self, count: usize) -> Vec<f64> {
         (0..count).map(|_| self.integer()).collect()
     }
@@ -52,7 +55,7 @@ impl Random {
         (0..self.below(6)).map(|_| index(self)).collect()
     }
 
-    /// Returns the pattern of elements of two to five unknowns, numerous enough to connect most unknowns.
+    /// Returns the square pattern of random elements of two to five unknowns, numerous enough to connect most unknowns.
     pub fn elements(&mut self, unknowns: usize) -> Arc<Sparsity> {
         let elements: Vec<Vec<i32>> =
             (0..2 * unknowns).map(|_| (0..2 + self.below(4)).map(|_| self.below(unknowns) as i32).collect()).collect();
@@ -108,17 +111,23 @@ impl DenseReference {
         &mut self.values[row * self.cols + column]
     }
 
-    /// `A x`.
+    /// Returns `A x`.
+    ///
+    /// # Panics
+    /// Panics if `x` has fewer than `cols` entries.
     pub fn times(&self, x: &[f64]) -> Vec<f64> {
         (0..self.rows).map(|i| (0..self.cols).map(|j| self.get(i, j) * x[j]).sum()).collect()
     }
 
-    /// `A B`.
+    /// Returns `A B`.
+    ///
+    /// # Panics
+    /// Panics if `B` has fewer rows than `A` has columns.
     pub fn product(&self, b: &Self) -> Self {
         Self::from_fn(self.rows, b.cols, |i, j| (0..self.cols).map(|k| self.get(i, k) * b.get(k, j)).sum())
     }
 
-    /// `A^T`.
+    /// Returns `A^T`.
     pub fn transposed(&self) -> Self {
         Self::from_fn(self.cols, self.rows, |i, j| self.get(j, i))
     }
@@ -133,15 +142,16 @@ impl DenseReference {
         matrix
     }
 
-    /// The largest absolute row sum (infinity norm).
+    /// Returns the infinity norm: the largest sum of the absolute entries of a row.
     pub fn norm(&self) -> f64 {
         let sums = (0..self.rows).map(|i| self.values[i * self.cols..][..self.cols].iter().map(|v| v.abs()).sum());
         sums.fold(0.0, f64::max)
     }
 
-    /// A symmetric matrix with random off-diagonal entries. Each diagonal entry exceeds the absolute sum of the rest of
-    /// its row by one half and has the sign `sign(row)`. Such a matrix is well-conditioned, and for every elimination
-    /// order, each pivot has the sign of its diagonal entry.
+    /// Returns a symmetric matrix with random off-diagonal entries at the positions of a square pattern. The absolute
+    /// value of each diagonal entry exceeds the absolute sum of the rest of its row by one half; its sign is
+    /// `sign(row)`. Such a matrix is well-conditioned, and in every elimination order, each pivot has the sign of its
+    /// diagonal entry.
     pub fn dominant(random: &mut Random, pattern: &Sparsity, sign: impl Fn(usize) -> f64) -> Self {
         let n = pattern.rows();
         let mut a = Self::zeros(n, n);

@@ -9,19 +9,19 @@ use crate::las::{Backend, Factorization, Scalar, SolveError, Solver, SolverParam
 /// Tests the factorizations and solves of a backend with one lane.
 ///
 /// # Panics
-/// Panics if the backend violates the specification of [`Solver`], as far as it has these capabilities.
+/// Panics if the backend violates the specification of [`Solver`]; violations that `capabilities` permits are ignored.
 pub fn solvers<B: Backend<Scalar: Scalar>>(context: &B::Context, capabilities: Capabilities) {
     let suite = Suite::<B> { context, capabilities };
     for (seed, unknowns) in (3000..).zip([1, 2, 3, 5, 8, 13, 21, 40, 70, 150, 450]) {
         let mut random = Random::new(seed);
         let pattern = random.elements(unknowns);
-        suite.one_pattern(&mut random, &pattern);
+        suite.matrices_of_one_pattern(&mut random, &pattern);
         suite.unsymmetric(&mut random, &pattern);
     }
     for (seed, nodes) in (3500..).zip([1, 2, 4, 9, 20, 45, 90]) {
         let mut random = Random::new(seed);
         let pattern = random.truss(nodes, 2);
-        suite.one_pattern(&mut random, &pattern);
+        suite.matrices_of_one_pattern(&mut random, &pattern);
     }
     for seed in 4000..4020 {
         suite.floating_part(&mut Random::new(seed));
@@ -31,10 +31,10 @@ pub fn solvers<B: Backend<Scalar: Scalar>>(context: &B::Context, capabilities: C
     }
     if capabilities.ldlt {
         suite.exact_cancellation();
-        suite.pairs_then_singles();
+        suite.two_by_two_then_single_pivots();
     }
     suite.row_exchanges();
-    suite.refusals();
+    suite.error_conditions();
     suite.empty_and_single();
 }
 
@@ -54,7 +54,7 @@ impl<B: Backend<Scalar: Scalar>> Suite<'_, B> {
         !self.capabilities.names_unknown || unknown.is_some_and(is_expected)
     }
 
-    fn one_pattern(&self, random: &mut Random, pattern: &Arc<Sparsity>) {
+    fn matrices_of_one_pattern(&self, random: &mut Random, pattern: &Arc<Sparsity>) {
         self.definite(random, pattern);
         self.indefinite(random, pattern);
         self.isolated_unknown(random, pattern);
@@ -76,21 +76,23 @@ impl<B: Backend<Scalar: Scalar>> Suite<'_, B> {
         }
     }
 
-    /// A matrix with one negative diagonal entry makes Cholesky fail at that unknown, one with several at one of them.
+    /// If one diagonal entry is negative, Cholesky fails at its unknown; if several are, it fails at one of them.
     fn indefinite(&self, random: &mut Random, pattern: &Arc<Sparsity>) {
         let n = pattern.rows();
         let at = random.below(n);
         let one = DenseReference::dominant(random, pattern, |i| if i == at { -1.0 } else { 1.0 });
         let mut case = self.system(pattern, Symmetry::Definite);
         let refused = case.factor_definite(&one);
-        let Err(SolveError::Indefinite { unknown }) = refused else { panic!("an indefinite matrix: {refused:?}") };
-        assert!(self.is_named(unknown, |unknown| unknown == at), "{unknown:?} instead of {at}, of {n}");
+        let Err(SolveError::Indefinite { unknown }) = refused else {
+            panic!("factor_definite returned {refused:?} for an indefinite matrix")
+        };
+        assert!(self.is_named(unknown, |unknown| unknown == at), "{unknown:?} instead of {at} of {n}");
         case.check_not_factored();
         if !self.capabilities.ldlt {
             return;
         }
         let report = case.check(random, &one, &[Factorization::Ldlt]);
-        assert!(self.is_named(report.indefinite_at, |unknown| unknown == at), "{report:?} instead of {at}, of {n}");
+        assert!(self.is_named(report.indefinite_at, |unknown| unknown == at), "{report:?} instead of {at} of {n}");
         assert_eq!(report.negative_pivots, Some(1));
         let many = DenseReference::dominant(random, pattern, |i| if i % 3 == at % 3 { -1.0 } else { 1.0 });
         let report = case.check(random, &many, &[Factorization::Ldlt]);
@@ -130,8 +132,8 @@ impl<B: Backend<Scalar: Scalar>> Suite<'_, B> {
         }
     }
 
-    /// A singular positive semidefinite matrix: it is not definite up to rounding, but becomes definite if its diagonal
-    /// is shifted.
+    /// A singular positive semidefinite matrix is not positive definite. It becomes so by a positive shift of its
+    /// diagonal, and indefinite by a negative one.
     fn semidefinite(&self, pattern: &Arc<Sparsity>, a: &DenseReference) {
         const SHIFT: f64 = 1e-2;
         let shifted = |by: f64| {
@@ -157,7 +159,8 @@ impl<B: Backend<Scalar: Scalar>> Suite<'_, B> {
         }
     }
 
-    /// A connected part without any support: its translation is a null vector, which rounding perturbs.
+    /// A connected part without supports: its translation is a null vector of the exact matrix, which rounding
+    /// perturbs.
     fn floating_part(&self, random: &mut Random) {
         let n = 30;
         let pattern = random.elements(n);
@@ -176,7 +179,8 @@ impl<B: Backend<Scalar: Scalar>> Suite<'_, B> {
                 *a.at(i, i) += 1.0;
             }
         }
-        // The even unknowns may form several such parts, each of them singular; the odd unknowns are regular.
+        // The even unknowns may form several such parts, each of which is singular; the submatrix of the odd unknowns
+        // is regular.
         let part: Vec<usize> = (0..n).filter(|&i| inside(i)).collect();
         for &symmetry in self.capabilities.symmetries() {
             self.system(&pattern, symmetry).check_singular(&a, &part, &regular);
@@ -232,7 +236,7 @@ impl<B: Backend<Scalar: Scalar>> Suite<'_, B> {
     }
 
     /// A factorization with 2x2 pivots must not affect the next one with 1x1 pivots.
-    fn pairs_then_singles(&self) {
+    fn two_by_two_then_single_pivots(&self) {
         let pattern = Arc::new(done(Sparsity::from_elements(2, [[0, 1]])));
         let square = |values: [f64; 4]| DenseReference { rows: 2, cols: 2, values: values.into() };
         for symmetry in [Symmetry::Definite, Symmetry::Symmetric] {
@@ -275,7 +279,7 @@ impl<B: Backend<Scalar: Scalar>> Suite<'_, B> {
         for &symmetry in self.capabilities.symmetries() {
             let mut first = self.system(pattern, symmetry);
             let mut second = first.twin();
-            // Positive and negative definite, if the backend solves with the latter.
+            // The second matrix is negative definite if the backend can factor it.
             let other = if self.capabilities.ldlt { -1.0 } else { 2.0 };
             let matrices = [1.0, other, 1.0].map(|sign| DenseReference::dominant(random, pattern, |_| sign));
             let b = random.integers(pattern.rows());
@@ -291,8 +295,8 @@ impl<B: Backend<Scalar: Scalar>> Suite<'_, B> {
         }
     }
 
-    /// Error conditions: rectangular systems, vectors and matrices of wrong size, and `solve` before `factor`.
-    fn refusals(&self) {
+    /// Rectangular systems, vectors and matrices of the wrong size, and `solve` before `factor` are errors.
+    fn error_conditions(&self) {
         let flat = Arc::new(done(Sparsity::from_rows(3, vec![0, 1, 2], vec![0, 1])));
         let params = SolverParams::default();
         let refused = B::analyze(self.context, &flat, &params);
@@ -327,7 +331,7 @@ impl<B: Backend<Scalar: Scalar>> Suite<'_, B> {
             let mut case = self.system(&empty, symmetry);
             case.check_not_factored();
             let report = done(case.factor(&DenseReference::zeros(0, 0)));
-            assert_eq!(report.pivot_ratio, 1.0, "of no pivots");
+            assert_eq!(report.pivot_ratio, 1.0, "an empty matrix");
             case.solve(&DenseReference::zeros(0, 0), &[]);
             let mut case = self.system(&single, symmetry);
             let one = |value: f64| DenseReference { rows: 1, cols: 1, values: vec![value] };
@@ -336,7 +340,7 @@ impl<B: Backend<Scalar: Scalar>> Suite<'_, B> {
                     continue;
                 }
                 let report = done(case.factor(&one(value)));
-                assert_eq!(report.pivot_ratio, 1.0, "of a single pivot");
+                assert_eq!(report.pivot_ratio, 1.0, "a single pivot");
                 let expected = (symmetry == Symmetry::Definite && value < 0.0).then_some(0);
                 assert!(report.indefinite_at == expected || !self.capabilities.names_unknown, "{report:?}");
                 case.solve(&one(value), &[2.0]);
@@ -344,7 +348,7 @@ impl<B: Backend<Scalar: Scalar>> Suite<'_, B> {
             case.check_singular(&one(0.0), &[0], &one(1.0));
             let mut case = self.system(&without_entries, symmetry);
             let zero = case.factor(&DenseReference::zeros(2, 2));
-            let Err(SolveError::Singular { unknown, .. }) = zero else { panic!("a zero matrix: {zero:?}") };
+            let Err(SolveError::Singular { unknown, .. }) = zero else { panic!("factor returned {zero:?}") };
             assert!(self.is_named(Some(unknown), |unknown| unknown < 2), "{unknown}");
         }
     }

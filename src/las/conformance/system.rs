@@ -24,7 +24,7 @@ impl<'a, B: Backend<Scalar: Scalar>> LinearSystem<'a, B> {
         pattern: &Arc<Sparsity>,
         symmetry: Symmetry,
     ) -> Self {
-        // A limit above the rounding errors in the pivots of a singular matrix.
+        // The limit is above the rounding errors in the pivots of a singular matrix.
         let mut params = SolverParams::new(symmetry);
         params.singular_below = Some(1e3 * epsilon::<B>());
         let symbolic = done(B::analyze(context, pattern, &params));
@@ -42,6 +42,7 @@ impl<'a, B: Backend<Scalar: Scalar>> LinearSystem<'a, B> {
         }
     }
 
+    /// Returns the matrix of the backend with the entries of `a` at the positions of the pattern.
     fn matrix(&self, a: &DenseReference) -> B::Matrix {
         let mut matrix = done(B::matrix(self.context, &self.pattern));
         for row in 0..a.rows {
@@ -72,7 +73,7 @@ impl<'a, B: Backend<Scalar: Scalar>> LinearSystem<'a, B> {
         self.solver.factor_definite(&matrix)
     }
 
-    /// Solves for `b` and checks that the residual is at the level of rounding errors.
+    /// Solves `a x = b`, checks that the residual is at the level of rounding errors, and returns `x`.
     pub(super) fn solve(&mut self, a: &DenseReference, b: &[f64]) -> Vec<f64> {
         let (b, mut x) = (self.vector(b), self.vector(&vec![UNSOLVED; b.len()]));
         let report = done(self.solver.solve(&b, &mut x));
@@ -92,12 +93,13 @@ impl<'a, B: Backend<Scalar: Scalar>> LinearSystem<'a, B> {
             let mut x: Vec<_> = right.iter().map(|_| self.vector(&vec![UNSOLVED; n])).collect();
             done(self.solver.solve_many(&b, &mut x));
             for (b, x) in right.iter().zip(&x) {
-                let together = assert_solved::<B>(a, b, &read::<B>(x));
-                let alone = self.solve(a, b);
-                let size = alone.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
-                let apart = alone.iter().zip(&together).fold(0.0, |m: f64, (s, t)| m.max((s - t).abs()));
+                let solved_at_once = assert_solved::<B>(a, b, &read::<B>(x));
+                let solved_alone = self.solve(a, b);
+                let size = solved_alone.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+                let pairs = solved_alone.iter().zip(&solved_at_once);
+                let difference = pairs.fold(0.0, |m: f64, (s, t)| m.max((s - t).abs()));
                 let bound = 1e3 * n as f64 * epsilon::<B>() * size / report.pivot_ratio;
-                assert!(apart <= bound, "solve and solve_many differ by {apart:e}, {n} unknowns");
+                assert!(difference <= bound, "solve and solve_many differ by {difference:e}, {n} unknowns");
             }
         }
         report
@@ -110,17 +112,18 @@ impl<'a, B: Backend<Scalar: Scalar>> LinearSystem<'a, B> {
             Err(SolveError::Singular { unknown, ratio, limit }) => {
                 let is_named = !self.capabilities.names_unknown || unknowns.contains(&unknown);
                 assert!(is_named, "unknown {unknown} named instead of one of {unknowns:?}");
-                assert!(ratio < limit, "{ratio} against {limit}");
+                assert!(ratio < limit, "pivot ratio {ratio} is not below the limit {limit}");
             }
-            // Without LDL^T, a pivot that rounding made negative cannot be told from a negative eigenvalue.
+            // Without LDL^T, a pivot that rounding made negative cannot be distinguished from a negative eigenvalue.
             Err(SolveError::Indefinite { .. }) if !self.capabilities.ldlt => {}
-            other => panic!("a singular matrix: {other:?}"),
+            other => panic!("factor returned {other:?} for a singular matrix"),
         }
         self.check_not_factored();
         done(self.factor(regular));
         self.solve(regular, &vec![1.0; a.rows]);
     }
 
+    /// Checks that the solver refuses to solve because it has no factorization.
     pub(super) fn check_not_factored(&mut self) {
         let n = self.pattern.rows();
         let (b, mut x) = (self.vector(&vec![1.0; n]), self.vector(&vec![1.0; n]));
@@ -136,6 +139,7 @@ fn read<B: Backend<Scalar: Scalar>>(x: &B::Vector) -> Vec<f64> {
     done(x.with_local(|values| values.iter().map(|v| v.as_f64()).collect()))
 }
 
+/// Checks that the residual of a solution is at the level of rounding errors, and returns the solution.
 fn assert_solved<B: Backend<Scalar: Scalar>>(a: &DenseReference, b: &[f64], x: &[f64]) -> Vec<f64> {
     let largest = |v: &[f64]| v.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
     let residual: Vec<f64> = a.times(x).iter().zip(b).map(|(ax, b)| ax - b).collect();

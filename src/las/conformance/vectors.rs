@@ -11,10 +11,11 @@ use crate::las::{Backend, Index, VectorOps};
 struct Pair<B: Backend> {
     found: [B::Vector; 2],
     expected: [Vec<Vec<f64>>; 2],
-    /// Whether `set` was the last operation that wrote; `None` after `finish`.
+    /// Whether the last write was a `set`; `None` if there was no write since `finish`.
     pending: [Option<bool>; 2],
 }
 
+/// Performs the operations of the case on two vectors and compares every entry that it reads with the reference.
 pub(super) fn check<B: Backend>(context: &B::Context, case: &VectorCase) -> Outcome {
     let zeros = || vec![vec![0.0; case.len]; lanes::<B>()];
     let mut pair = Pair::<B> {
@@ -74,6 +75,7 @@ impl<B: Backend> Pair<B> {
         Ok(())
     }
 
+    /// Applies `write(entry, value)` to the expected entries in `rows`.
     fn write(&mut self, which: usize, rows: &[i32], values: &[f64], write: impl Fn(&mut f64, f64)) {
         for (lane, entries) in self.expected[which].iter_mut().enumerate() {
             for (&row, &value) in rows.iter().zip(values).filter(|(row, _)| **row >= 0) {
@@ -82,7 +84,7 @@ impl<B: Backend> Pair<B> {
         }
     }
 
-    /// Calls `finish` between `add` and `set`.
+    /// Calls `finish` if the next write is a `set` and the last one was not, or the reverse.
     fn separate(&mut self, which: usize, set: bool) -> Outcome {
         if self.pending[which].is_some_and(|pending| pending != set) {
             self.finish(which)?;
@@ -96,6 +98,7 @@ impl<B: Backend> Pair<B> {
         tried(self.found[which].finish())
     }
 
+    /// Reads entries of a vector, and then all of them with `with_local`, and compares them with the expected ones.
     fn read(&mut self, which: usize, rows: &[i32]) -> Outcome {
         self.finish(which)?;
         let (found, expected) = (&self.found[which], &self.expected[which]);
@@ -117,19 +120,21 @@ impl<B: Backend> Pair<B> {
         Ok(())
     }
 
+    /// Compares the dot product and the norm with the reference, to within rounding.
     fn reductions(&self) -> Outcome {
         let [x, y] = &self.expected;
-        let slack = (x[0].len() + 4) as f64 * epsilon::<B>();
+        let tolerance = (x[0].len() + 4) as f64 * epsilon::<B>();
         let dot = |x: &[f64], y: &[f64]| x.iter().zip(y).map(|(x, y)| x * y).sum::<f64>();
         let sizes = |lane: usize| x[lane].iter().zip(&y[lane]).map(|(x, y)| (x * y).abs()).sum::<f64>();
         let found = tried(self.found[0].dot(&self.found[1]))?;
-        within("the dot product", &found, |lane| dot(&x[lane], &y[lane]), |lane| slack * sizes(lane))?;
+        within("the dot product", &found, |lane| dot(&x[lane], &y[lane]), |lane| tolerance * sizes(lane))?;
         let norm = |lane: usize| dot(&x[lane], &x[lane]).sqrt();
-        within("the norm", &tried(self.found[0].norm())?, norm, |lane| slack * norm(lane))
+        within("the norm", &tried(self.found[0].norm())?, norm, |lane| tolerance * norm(lane))
     }
 }
 
-/// Runs only without debug assertions, which such writes violate.
+/// Checks that writes out of range are dropped. Debug assertions forbid such writes, so that builds with them skip the
+/// check.
 fn out_of_range_is_dropped<B: Backend>(context: &B::Context) -> Outcome {
     if cfg!(debug_assertions) {
         return Ok(());
