@@ -63,11 +63,7 @@ fn what_cannot_be_done_is_said() {
         ),
         ("box --cells 9999,9999,9999 -o a.msh", 2, "error: 5998200179994 elements are more than the 50000000"),
         ("dogbone --element-size nan -o a.msh", 2, "error: the element size is NaN: it must be positive and finite"),
-        (
-            "dogbone --element-size 1 -o a.msh",
-            2,
-            "error: elements of 1 do not fit into a sample whose grip width is 0.01",
-        ),
+        ("dogbone --element-size 1 -o a.msh", 2, "error: the element size 1 exceeds the grip width, 0.01"),
         ("box --cells 1,1,1 -o file/a.msh", 4, "error: file/a.msh: cannot be written: "),
     ] {
         let output = mesh(folder.path(), arguments);

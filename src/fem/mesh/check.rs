@@ -7,21 +7,21 @@ use thiserror::Error;
 use super::Mesh;
 use super::measure::{longest_edge, signed_volume};
 
-/// A tetrahedron is flat if its volume is at most this factor times the cube of its longest edge: rounding of the
-/// coordinates alone can cause such a volume.
+/// A tetrahedron is flat if its volume is at most this factor times the cube of its longest edge: such a volume can be
+/// due to rounding of the coordinates alone.
 pub(super) const FLAT: f64 = 1e-12;
 
-/// The reason why nodes, elements and surfaces do not form a mesh. Indices count from 0.
+/// A violation of the invariants of [`Mesh`]. Indices count from 0.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum MeshError {
     /// The mesh has no elements.
     #[error("the mesh has no elements")]
     NoElements,
-    /// There are more nodes, elements or regions than 32-bit indices can address. Holds the number of items.
+    /// There are more nodes, elements or regions than 32-bit indices can address. The value is their number.
     #[error("{} nodes or elements are more than the {} that 32-bit indices can address", .0, u32::MAX)]
     TooLarge(usize),
     /// A coordinate is NaN or infinite.
-    #[error("node {node} lies at {position:?}: not finite")]
+    #[error("the position {position:?} of node {node} is not finite")]
     NotFinite {
         /// Index of the node.
         node: usize,
@@ -29,7 +29,7 @@ pub enum MeshError {
         position: [f64; 3],
     },
     /// An element refers to a node that does not exist.
-    #[error("element {element} names node {node}, but there are {nodes}")]
+    #[error("element {element} refers to node {node}, but there are only {nodes} nodes")]
     ElementNode {
         /// Index of the element.
         element: usize,
@@ -91,7 +91,7 @@ pub enum MeshError {
         elements: usize,
     },
     /// An element refers to a region that does not exist.
-    #[error("element {element} is in region {region}, but there are {regions}")]
+    #[error("element {element} is in region {region}, but there are only {regions} regions")]
     ElementRegion {
         /// Index of the element.
         element: usize,
@@ -107,13 +107,13 @@ pub enum MeshError {
     #[error("surface `{0}` has no triangles")]
     EmptySurface(String),
     /// This name cannot be written to mesh files.
-    #[error("the name `{}` is empty or holds a quote or a control character", .0.escape_debug())]
+    #[error("the name `{}` is empty or contains a quote or a control character", .0.escape_debug())]
     Name(String),
     /// Two regions or two surfaces have this name.
     #[error("the name `{0}` is given to two regions or to two surfaces")]
     DuplicateName(String),
     /// A triangle of a surface is not a face of any element.
-    #[error("triangle {triangle} of surface `{surface}`, nodes {nodes:?}, is no face of any element")]
+    #[error("triangle {triangle} of surface `{surface}`, nodes {nodes:?}, is not a face of any element")]
     NotAFace {
         /// Name of the surface.
         surface: String,
@@ -132,8 +132,8 @@ pub enum MeshError {
         /// Index of the second triangle.
         second: usize,
     },
-    /// The mesh cannot be scaled by this factor.
-    #[error("{0} is no factor to scale a mesh by: it must be positive and finite")]
+    /// The mesh cannot be scaled by this factor, which is not positive or not finite.
+    #[error("the scale factor is {0}: it must be positive and finite")]
     Scale(f64),
 }
 
@@ -216,6 +216,7 @@ pub(super) fn names(mesh: &Mesh) -> Result<(), MeshError> {
     }
 }
 
+/// Checks that names are valid and unique.
 fn distinct<'a>(names: impl Iterator<Item = &'a str>) -> Result<(), MeshError> {
     let mut seen = HashSet::new();
     for name in names {

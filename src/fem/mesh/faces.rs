@@ -31,7 +31,7 @@ pub(super) fn ascending([mut a, mut b, mut c]: [u32; 3]) -> ([u32; 3], bool) {
 }
 
 /// Returns the faces of these elements, sorted by their nodes.
-fn sorted(elements: &[[u32; 4]]) -> Vec<Face> {
+fn sorted_faces(elements: &[[u32; 4]]) -> Vec<Face> {
     let mut faces = Vec::with_capacity(4 * elements.len());
     for (element, &nodes) in (0_u32..).zip(elements) {
         for face in outward(nodes) {
@@ -53,7 +53,7 @@ impl Faces {
     /// Returns [`MeshError::Overlap`] if two elements lie on the same side of a face, which includes three elements at
     /// one face and duplicate elements.
     pub fn of(elements: &[[u32; 4]]) -> Result<Self, MeshError> {
-        let faces = sorted(elements);
+        let faces = sorted_faces(elements);
         for pair in faces.windows(2) {
             let [first, second] = pair else { continue };
             if first.nodes == second.nodes && first.even == second.even {
@@ -67,7 +67,8 @@ impl Faces {
     /// Orients the triangles on the boundary outward.
     ///
     /// # Errors
-    /// Returns [`MeshError::NotAFace`] or [`MeshError::DuplicateTriangle`].
+    /// Returns [`MeshError::NotAFace`] if a triangle is not a face of an element, or [`MeshError::DuplicateTriangle`]
+    /// if a surface contains a triangle twice.
     pub fn orient(&self, surfaces: &mut [Surface]) -> Result<(), MeshError> {
         for surface in surfaces {
             let Surface { name, triangles } = surface;
@@ -101,7 +102,7 @@ impl Faces {
 /// For each element, returns the elements that share a face with it, ascending.
 pub(super) fn neighbors(elements: &[[u32; 4]]) -> Vec<Vec<u32>> {
     let mut near = vec![Vec::new(); elements.len()];
-    for pair in sorted(elements).windows(2) {
+    for pair in sorted_faces(elements).windows(2) {
         if let [a, b] = pair
             && a.nodes == b.nodes
         {

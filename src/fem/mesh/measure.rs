@@ -52,7 +52,7 @@ impl Mesh {
         self.elements[element].map(|node| self.nodes[node as usize])
     }
 
-    /// Returns the volume of an element, m^3, positive.
+    /// Returns the volume of an element, m^3, which is positive.
     ///
     /// # Panics
     /// Panics if the element does not exist.
@@ -74,7 +74,7 @@ impl Mesh {
         volumes
     }
 
-    /// Returns the normal of a triangle, with the area of the triangle as its length, m^2.
+    /// Returns the normal of a triangle; its length is the area of the triangle, m^2.
     ///
     /// # Panics
     /// Panics if a node of the triangle does not exist.
@@ -100,7 +100,7 @@ impl Mesh {
         bounding_box(self.nodes.iter().copied())
     }
 
-    /// Returns the node nearest to a point and its distance, m; the lowest index if several are equally near.
+    /// Returns the node nearest to a point (m) and its distance, m; the lowest index if several are equally near.
     pub fn nearest_node(&self, point: [f64; 3]) -> (usize, f64) {
         let distance = |&node: &[f64; 3]| {
             let [x, y, z] = difference(node, point);
@@ -122,7 +122,7 @@ impl Mesh {
         angles.fold([180.0, 0.0], |[low, high], angle| [angle.min(low), angle.max(high)])
     }
 
-    /// Returns the mesh in other units: multiplies every coordinate by `factor`.
+    /// Returns the mesh with every coordinate multiplied by `factor`, for example to convert units.
     ///
     /// # Errors
     /// Returns [`MeshError::Scale`] if the factor is not positive and finite, [`MeshError::NotFinite`] if coordinates

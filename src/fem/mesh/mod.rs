@@ -1,6 +1,6 @@
 //! Meshes of linear tetrahedra with named regions and surfaces.
 //!
-//! | module | holds |
+//! | module | contains |
 //! |---|---|
 //! | this one | [`Mesh`] with its invariants and queries |
 //! | [`gmsh`] | reading and writing of Gmsh `.msh` files, versions 2.2 and 4.1 |
@@ -49,7 +49,7 @@ pub struct Mesh {
 pub struct Surface {
     /// Name of the surface (physical group).
     pub name: String,
-    /// Triangles, with nodes ordered so that the normal points out of the body.
+    /// The nodes of each triangle, on the boundary ordered so that the normal points out of the body.
     pub triangles: Vec<[u32; 3]>,
 }
 
@@ -64,8 +64,8 @@ impl Surface {
 }
 
 impl Mesh {
-    /// Creates a mesh from its parts and checks it; reverses triangles on the boundary of the body whose normals point
-    /// inward.
+    /// Creates a mesh from its parts and checks it; triangles on the boundary of the body whose normals point inward
+    /// are reversed.
     ///
     /// `nodes` are positions in meters, `elements` have four nodes each with `det[x1 - x0, x2 - x0, x3 - x0] > 0`, and
     /// `region_of` has one index into `regions` per element.
@@ -91,7 +91,7 @@ impl Mesh {
     }
 
     /// Creates a mesh of a built-in shape, whose topology is correct by construction (the tests of the shapes verify it
-    /// with [`Mesh::new`]). Checks only what depends on the dimensions.
+    /// with [`Mesh::new`]). Only the invariants that depend on the dimensions are checked.
     fn from_shape(
         nodes: Vec<[f64; 3]>,
         (elements, region_of): (Vec<[u32; 4]>, Vec<u32>),
@@ -105,7 +105,7 @@ impl Mesh {
         Ok(mesh)
     }
 
-    /// Returns node positions in the reference state, in meters.
+    /// Returns the positions of the nodes in the reference state, in meters.
     pub fn nodes(&self) -> &[[f64; 3]] {
         &self.nodes
     }
@@ -130,7 +130,7 @@ impl Mesh {
         &self.surfaces
     }
 
-    /// Returns the index of the region of this name, as used in [`Mesh::region_of`].
+    /// Returns the index of the region of this name, as used in [`Mesh::region_of`]; `None` if there is no such region.
     pub fn region(&self, name: &str) -> Option<u32> {
         self.regions.iter().position(|region| region == name).and_then(|k| u32::try_from(k).ok())
     }
@@ -140,7 +140,7 @@ impl Mesh {
         self.region_of.iter().enumerate().filter(move |&(_, &of)| of == region).map(|(element, _)| element)
     }
 
-    /// Returns the surface of this name.
+    /// Returns the surface of this name; `None` if there is no such surface.
     pub fn surface(&self, name: &str) -> Option<&Surface> {
         self.surfaces.iter().find(|surface| surface.name == name)
     }

@@ -5,7 +5,7 @@ use super::shapes::cuboid;
 use super::{Mesh, MeshError, Surface};
 
 /// Two tetrahedra, one above and one below a common face, in two regions.
-fn good() -> Mesh {
+fn valid() -> Mesh {
     Mesh {
         nodes: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -2.0]],
         elements: vec![[0, 1, 2, 3], [0, 2, 1, 4]],
@@ -20,9 +20,10 @@ fn rebuilt(mesh: Mesh) -> Result<Mesh, MeshError> {
     Mesh::new(mesh.nodes, mesh.elements, mesh.region_of, mesh.regions, mesh.surfaces)
 }
 
-fn refused(spoil: impl FnOnce(&mut Mesh)) -> MeshError {
-    let mut mesh = good();
-    spoil(&mut mesh);
+/// Returns the error of the valid mesh after a change.
+fn error_after(change: impl FnOnce(&mut Mesh)) -> MeshError {
+    let mut mesh = valid();
+    change(&mut mesh);
     rebuilt(mesh).unwrap_err()
 }
 
@@ -33,47 +34,47 @@ fn surface(name: &str, triangles: &[[u32; 3]]) -> Surface {
 #[test]
 fn every_invariant_is_checked() {
     let name = String::from;
-    assert_eq!(refused(|p| p.elements.clear()), MeshError::NoElements);
-    assert_eq!(refused(|p| p.region_of.truncate(1)), MeshError::RegionCount { given: 1, elements: 2 });
-    assert!(matches!(refused(|p| p.nodes[4][1] = f64::NAN), MeshError::NotFinite { node: 4, .. }));
-    assert!(matches!(refused(|p| p.nodes[4][1] = f64::INFINITY), MeshError::NotFinite { node: 4, .. }));
-    assert_eq!(refused(|p| p.elements[1][3] = 5), MeshError::ElementNode { element: 1, node: 5, nodes: 5 });
-    assert_eq!(refused(|p| p.elements[1][3] = 2), MeshError::RepeatedNode { element: 1, node: 2 });
+    assert_eq!(error_after(|p| p.elements.clear()), MeshError::NoElements);
+    assert_eq!(error_after(|p| p.region_of.truncate(1)), MeshError::RegionCount { given: 1, elements: 2 });
+    assert!(matches!(error_after(|p| p.nodes[4][1] = f64::NAN), MeshError::NotFinite { node: 4, .. }));
+    assert!(matches!(error_after(|p| p.nodes[4][1] = f64::INFINITY), MeshError::NotFinite { node: 4, .. }));
+    assert_eq!(error_after(|p| p.elements[1][3] = 5), MeshError::ElementNode { element: 1, node: 5, nodes: 5 });
+    assert_eq!(error_after(|p| p.elements[1][3] = 2), MeshError::RepeatedNode { element: 1, node: 2 });
     let flat = MeshError::Flat { element: 1, volume: 0.0, longest_edge: 2_f64.sqrt() };
-    assert_eq!(refused(|p| p.nodes[4] = [0.5, 0.5, 0.0]), flat);
-    assert!(matches!(refused(|p| p.nodes[4][2] = -1e-12), MeshError::Flat { element: 1, .. }));
-    assert!(matches!(refused(|p| p.elements[0].swap(0, 1)), MeshError::Inverted { element: 0, .. }));
-    assert_eq!(refused(|p| p.nodes.extend([[9.0; 3]; 2])), MeshError::UnusedNodes { count: 2, first: 5 });
-    assert_eq!(refused(|p| p.region_of[1] = 2), MeshError::ElementRegion { element: 1, region: 2, regions: 2 });
-    assert_eq!(refused(|p| p.region_of[1] = 1), MeshError::EmptyRegion(name("low")));
-    assert_eq!(refused(|p| p.regions[1] = name("low")), MeshError::DuplicateName(name("low")));
+    assert_eq!(error_after(|p| p.nodes[4] = [0.5, 0.5, 0.0]), flat);
+    assert!(matches!(error_after(|p| p.nodes[4][2] = -1e-12), MeshError::Flat { element: 1, .. }));
+    assert!(matches!(error_after(|p| p.elements[0].swap(0, 1)), MeshError::Inverted { element: 0, .. }));
+    assert_eq!(error_after(|p| p.nodes.extend([[9.0; 3]; 2])), MeshError::UnusedNodes { count: 2, first: 5 });
+    assert_eq!(error_after(|p| p.region_of[1] = 2), MeshError::ElementRegion { element: 1, region: 2, regions: 2 });
+    assert_eq!(error_after(|p| p.region_of[1] = 1), MeshError::EmptyRegion(name("low")));
+    assert_eq!(error_after(|p| p.regions[1] = name("low")), MeshError::DuplicateName(name("low")));
     for bad in ["", " ", "a\"b", "a\nb"] {
-        assert_eq!(refused(|p| p.regions[1] = name(bad)), MeshError::Name(name(bad)));
-        assert_eq!(refused(|p| p.surfaces[0].name = name(bad)), MeshError::Name(name(bad)));
+        assert_eq!(error_after(|p| p.regions[1] = name(bad)), MeshError::Name(name(bad)));
+        assert_eq!(error_after(|p| p.surfaces[0].name = name(bad)), MeshError::Name(name(bad)));
     }
-    assert_eq!(refused(|p| p.surfaces.push(surface("end", &[]))), MeshError::EmptySurface(name("end")));
-    assert_eq!(refused(|p| p.surfaces.push(surface("side", &[[0, 1, 3]]))), MeshError::DuplicateName(name("side")));
+    assert_eq!(error_after(|p| p.surfaces.push(surface("end", &[]))), MeshError::EmptySurface(name("end")));
+    assert_eq!(error_after(|p| p.surfaces.push(surface("side", &[[0, 1, 3]]))), MeshError::DuplicateName(name("side")));
     for nodes in [[1, 3, 4], [0, 1, 7], [0, 0, 1]] {
         assert_eq!(
-            refused(|p| p.surfaces[0].triangles.push(nodes)),
+            error_after(|p| p.surfaces[0].triangles.push(nodes)),
             MeshError::NotAFace { surface: name("side"), triangle: 2, nodes }
         );
     }
     assert_eq!(
-        refused(|p| p.surfaces[0].triangles.push([4, 1, 0])),
+        error_after(|p| p.surfaces[0].triangles.push([4, 1, 0])),
         MeshError::DuplicateTriangle { surface: name("side"), first: 1, second: 2 }
     );
 }
 
 #[test]
-fn elements_that_overlap_are_found() {
+fn overlapping_elements_are_errors() {
     let overlap = |first, second| MeshError::Overlap { first, second, face: [0, 1, 2] };
     // An element folded over, a duplicate element, and a third element at a face.
-    assert_eq!(refused(|p| (p.nodes[4], p.elements[1]) = ([0.1, 0.1, 0.5], [0, 1, 2, 4])), overlap(0, 1));
+    assert_eq!(error_after(|p| (p.nodes[4], p.elements[1]) = ([0.1, 0.1, 0.5], [0, 1, 2, 4])), overlap(0, 1));
     let twice =
-        refused(|p| (p.elements, p.region_of) = (vec![[0, 1, 2, 3], [0, 2, 1, 4], [1, 2, 0, 3]], vec![1, 0, 0]));
+        error_after(|p| (p.elements, p.region_of) = (vec![[0, 1, 2, 3], [0, 2, 1, 4], [1, 2, 0, 3]], vec![1, 0, 0]));
     assert_eq!(twice, overlap(0, 2));
-    let third = refused(|p| {
+    let third = error_after(|p| {
         p.nodes.push([0.3, 0.3, -1.0]);
         p.elements.push([0, 2, 1, 5]);
         p.region_of.push(0);
@@ -82,8 +83,8 @@ fn elements_that_overlap_are_found() {
 }
 
 #[test]
-fn triangles_are_turned_outward_but_not_between_elements() {
-    let mut parts = good();
+fn boundary_triangles_are_oriented_outward_and_inner_triangles_keep_their_orientation() {
+    let mut parts = valid();
     let faces = [[0, 1, 3], [1, 3, 0], [3, 1, 0]];
     parts.surfaces = faces.iter().map(|&face| surface(&format!("{face:?}"), &[face])).collect();
     parts.surfaces.push(surface("up", &[[0, 1, 2]]));
@@ -110,8 +111,8 @@ fn permutations_of_a_triangle() {
 }
 
 #[test]
-fn questions_to_a_mesh() {
-    let mesh = rebuilt(good()).unwrap();
+fn queries_of_a_mesh() {
+    let mesh = rebuilt(valid()).unwrap();
     assert_eq!((mesh.region("low"), mesh.region("high"), mesh.region("body")), (Some(0), Some(1), None));
     assert_eq!(mesh.elements_in(1).collect::<Vec<_>>(), [0]);
     assert_eq!(mesh.elements_in(9).count(), 0);
@@ -130,7 +131,7 @@ fn questions_to_a_mesh() {
 
 #[test]
 fn scaling() {
-    let mesh = rebuilt(good()).unwrap();
+    let mesh = rebuilt(valid()).unwrap();
     let scaled = mesh.clone().scaled(1e-3).unwrap();
     assert!((scaled.volume() / 0.5e-9 - 1.0).abs() < 1e-14);
     assert_eq!((scaled.elements(), scaled.surfaces()), (mesh.elements(), mesh.surfaces()));

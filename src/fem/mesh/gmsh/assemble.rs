@@ -18,9 +18,9 @@ pub(super) fn assemble(mut raw: Raw, path: &Path) -> Result<MeshFile, InputError
     let source = ParsedFile { raw: &raw, path };
     source.check_not_empty()?;
     let numbering = source.numbering()?;
-    let (elements, turned) = source.elements(&numbering)?;
-    if turned > 0 {
-        warnings.push(format!("{turned} tetrahedra were numbered inside out and have been turned"));
+    let (elements, reversed) = source.elements(&numbering)?;
+    if reversed > 0 {
+        warnings.push(format!("{reversed} tetrahedra had a negative volume and have been reversed"));
     }
     let (regions, region_of) = source.regions()?;
     let groups = source.surfaces(&numbering)?;
@@ -31,10 +31,10 @@ pub(super) fn assemble(mut raw: Raw, path: &Path) -> Result<MeshFile, InputError
     if dropped > 0 {
         warnings.push(format!("{dropped} nodes belong to no tetrahedron and are left out"));
     }
-    let double = coincident(&parts.nodes);
-    if double > 0 {
+    let coincident = coincident(&parts.nodes);
+    if coincident > 0 {
         warnings.push(format!(
-            "{double} nodes lie exactly where another one does: parts of the body that should be joined there are not"
+            "{coincident} nodes have exactly the position of another node: parts of the body may not be connected there"
         ));
     }
     let surfaces = parts.groups.iter().map(|(name, group)| {
@@ -46,7 +46,7 @@ pub(super) fn assemble(mut raw: Raw, path: &Path) -> Result<MeshFile, InputError
     Ok(MeshFile { mesh, warnings })
 }
 
-/// Triangles, each with the index of its cell in the file.
+/// The nodes of triangles, each with the index of its cell in [`Raw::triangles`].
 pub(super) type Triangles = Vec<([u32; 3], usize)>;
 
 /// The parts of a mesh before unused nodes are removed.
@@ -60,7 +60,7 @@ impl Parts {
     /// Removes the nodes without elements, renumbers the others, and returns the number of removed nodes.
     ///
     /// # Errors
-    /// Returns [`MeshError::NotAFace`] if a triangle contains such a node.
+    /// Returns [`MeshError::NotAFace`] if a triangle contains a node without elements.
     fn drop_unused_nodes(&mut self) -> Result<usize, MeshError> {
         const UNUSED: u32 = u32::MAX;
         let mut index = vec![UNUSED; self.nodes.len()];
@@ -90,9 +90,9 @@ impl Parts {
 /// Returns the number of nodes that coincide exactly with another node.
 fn coincident(nodes: &[[f64; 3]]) -> usize {
     // Adding zero turns -0 into +0.
-    let mut places: Vec<[u64; 3]> = nodes.iter().map(|node| node.map(|x| (x + 0.0).to_bits())).collect();
-    places.sort_unstable();
-    places.windows(2).filter(|pair| pair[0] == pair[1]).count()
+    let mut positions: Vec<[u64; 3]> = nodes.iter().map(|node| node.map(|x| (x + 0.0).to_bits())).collect();
+    positions.sort_unstable();
+    positions.windows(2).filter(|pair| pair[0] == pair[1]).count()
 }
 
 impl ParsedFile<'_> {
@@ -116,7 +116,7 @@ impl ParsedFile<'_> {
         Ok(())
     }
 
-    /// Maps node tags to indices.
+    /// Returns the mapping of node tags to indices.
     fn numbering(&self) -> Result<Numbering, InputError> {
         let nodes = &self.raw.nodes;
         if u32::try_from(nodes.len()).is_err() {
@@ -140,7 +140,7 @@ impl ParsedFile<'_> {
         let mut nodes = [0; N];
         for (k, (slot, &tag)) in nodes.iter_mut().zip(&cell.nodes).enumerate() {
             *slot = numbering.index(tag).ok_or_else(|| {
-                let problem = format!("{noun} {} names node {tag}, which is not in $Nodes", cell.tag);
+                let problem = format!("{noun} {} refers to node {tag}, which is not in $Nodes", cell.tag);
                 self.fault(cell.line, problem, "nodes of this file", DAMAGED)
             })?;
             if cell.nodes[..k].contains(&tag) {
@@ -154,17 +154,17 @@ impl ParsedFile<'_> {
 
     /// Returns the elements, all with nonnegative volume, and the number of elements that had to be reversed.
     fn elements(&self, numbering: &Numbering) -> Result<(Vec<[u32; 4]>, usize), InputError> {
-        let mut turned = 0;
+        let mut reversed = 0;
         let mut elements = Vec::with_capacity(self.raw.tetrahedra.len());
         for cell in &self.raw.tetrahedra {
             let mut nodes = self.resolve(numbering, cell, "tetrahedron")?;
             if signed_volume(nodes.map(|node| self.raw.nodes[node as usize].position)) < 0.0 {
                 nodes.swap(2, 3);
-                turned += 1;
+                reversed += 1;
             }
             elements.push(nodes);
         }
-        Ok((elements, turned))
+        Ok((elements, reversed))
     }
 
     /// Returns the regions, in the order of their physical numbers, and the region of each element.
@@ -200,6 +200,7 @@ impl ParsedFile<'_> {
         Ok((names, of.into_iter().map(|name: u32| order[name as usize]).collect()))
     }
 
+    /// Returns true if the file names a physical volume group or assigns a volume to one.
     fn has_volume_groups(&self) -> bool {
         self.raw.names.keys().any(|&(dimension, _)| dimension == 3)
             || self.raw.entities.iter().any(|(&(dimension, _), groups)| dimension == 3 && !groups.is_empty())
@@ -257,6 +258,7 @@ struct GroupNames {
 }
 
 impl GroupNames {
+    /// Returns the index of the name of a group; adds the name if it is new.
     fn index(&mut self, raw: &Raw, dimension: i32, group: i32) -> u32 {
         *self.groups.entry(group).or_insert_with(|| {
             let name = raw.group_name(dimension, group);

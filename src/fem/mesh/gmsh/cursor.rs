@@ -1,4 +1,4 @@
-//! A reading position in a mesh file, which tracks sections and lines for error messages.
+//! A reading position in a mesh file. It tracks sections and lines for error messages.
 
 use std::path::Path;
 
@@ -27,19 +27,24 @@ struct Progress {
     of: u64,
 }
 
+/// A reading position in a mesh file.
 pub(super) struct Cursor<'a> {
     pub(super) bytes: &'a [u8],
+    /// Index of the next byte.
     pub(super) at: usize,
+    /// Line of the next byte, from 1.
     line: usize,
-    /// Start of the last token.
+    /// Index of the first byte of the last token.
     token_at: usize,
+    /// Line of the last token, from 1.
     token_line: usize,
     pub(super) path: &'a Path,
     pub(super) encoding: Encoding,
     section: String,
     progress: Option<Progress>,
+    /// True if the next words must be on the current line.
     pub(super) in_row: bool,
-    /// First line outside all sections.
+    /// Number and text of the first line outside all sections.
     stray: Option<(usize, String)>,
 }
 
@@ -69,8 +74,8 @@ impl<'a> Cursor<'a> {
         if self.is_text() { u32::try_from(self.token_line).unwrap_or(u32::MAX) } else { 0 }
     }
 
-    /// Limits a count stated by the file to the number of items that the rest of the file can hold, at a minimum of
-    /// `bytes` bytes each; the result is a safe capacity for allocation.
+    /// Limits a count stated by the file to the number of items of at least `bytes` bytes that the rest of the file can
+    /// contain; the result is a safe capacity for allocation.
     pub fn at_most(&self, count: u64, bytes: usize) -> usize {
         let room = (self.bytes.len() - self.at) / bytes;
         usize::try_from(count).map_or(room, |count| count.min(room))
@@ -94,7 +99,7 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// Creates the error for a premature end of the file, or else of the section.
+    /// Creates the error for a premature end: of the file if `file`, otherwise of the section.
     pub(super) fn ended(&self, file: bool, expected: &str) -> InputError {
         let section = &self.section;
         let after = match self.progress {
@@ -118,12 +123,12 @@ impl<'a> Cursor<'a> {
         match std::str::from_utf8(&text[..end.min(40)]) {
             Ok("") => None,
             Ok(word) => Some(word),
-            Err(_) => Some("bytes that are no text"),
+            Err(_) => Some("bytes that are not text"),
         }
     }
 
-    /// Advances past the opening line of the next section and returns the section's name; records the first line before
-    /// it.
+    /// Advances past the opening line of the next section and returns the name of the section; `None` at the end of the
+    /// file. Records the first line that lies outside all sections.
     pub fn next_section(&mut self) -> Result<Option<String>, InputError> {
         self.progress = None;
         loop {
@@ -175,7 +180,7 @@ impl<'a> Cursor<'a> {
             (word, _) if word.is_empty() => format!("`{end}` is missing: the file ends"),
             (word, _) if word.starts_with('$') => format!("`{end}` is missing: `{word}` was found instead"),
             (word, Some(Progress { noun, of, .. })) => format!("`{word}` follows the {of} {noun} announced"),
-            (word, None) => format!("`{word}` is at the end of ${name}"),
+            (word, None) => format!("`{word}` was found at the end of ${name}"),
         };
         Err(self.fault(problem, format!("`{end}`"), DAMAGED))
     }
@@ -183,7 +188,7 @@ impl<'a> Cursor<'a> {
     /// Advances past the end of an ignored section.
     pub fn skip_section(&mut self) -> Result<(), InputError> {
         let end = format!("\n$End{}", self.section);
-        // In an empty section, the line break before `$End` is the one of the opening line.
+        // In an empty section, the line break before `$End` is that of the opening line.
         let start = self.at.saturating_sub(1);
         let found = self.bytes[start..].windows(end.len()).enumerate().find(|&(at, window)| {
             let next = self.bytes.get(start + at + end.len());
@@ -259,6 +264,7 @@ impl<'a> Cursor<'a> {
         }
     }
 
+    /// Sets the start of the last token to the current position.
     pub(super) fn mark(&mut self) {
         (self.token_at, self.token_line) = (self.at, self.line);
     }

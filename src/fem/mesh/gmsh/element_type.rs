@@ -19,15 +19,16 @@ pub(super) fn treatment(number: i32) -> Result<ElementTreatment, (String, &'stat
         1 => Ok(ElementTreatment::Ignored(2)),
         2 => Ok(ElementTreatment::Triangle),
         4 => Ok(ElementTreatment::Tetrahedron),
-        _ => Err(refusal(number)),
+        _ => Err(unsupported(number)),
     }
 }
 
-fn refusal(number: i32) -> (String, &'static str) {
+/// Returns the name of an unsupported element type and a hint.
+fn unsupported(number: i32) -> (String, &'static str) {
     const LINEAR: &str = "export the mesh with element order 1 (in Gmsh: Mesh.ElementOrder = 1)";
     const SIMPLICES: &str =
         "mesh the body with tetrahedra only (in Gmsh: no recombination, no transfinite or extruded hexahedra)";
-    const UNKNOWN: &str = "the file is damaged or of a newer kind: export it again from Gmsh";
+    const UNKNOWN: &str = "the file is damaged or of a newer version: export it again from Gmsh";
     let (name, order, hint) = match number {
         3 => ("4-node quadrangles", 1, SIMPLICES),
         5 => ("8-node hexahedra", 1, SIMPLICES),
@@ -68,7 +69,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_points_lines_triangles_and_tetrahedra_pass() {
+    fn only_points_lines_triangles_and_tetrahedra_are_accepted() {
         let accepted: Vec<i32> = (-5..200).filter(|&number| treatment(number).is_ok()).collect();
         assert_eq!(accepted, [1, 2, 4, 15]);
         assert_eq!(treatment(11).unwrap_err().0, "10-node tetrahedra (order 2, element type 11)");

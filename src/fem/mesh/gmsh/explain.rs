@@ -27,7 +27,7 @@ impl ParsedFile<'_> {
     /// Creates the error for an element in two regions.
     pub fn in_two_groups(&self, cell: &Cell<4>, first: &str, second: &str) -> InputError {
         let problem = format!("tetrahedron {} is in two physical volume groups, `{first}` and `{second}`", cell.tag);
-        let hint = "take its volume out of one of the groups";
+        let hint = "remove its volume from one of the groups";
         self.fault(cell.line, problem, "every tetrahedron in one physical volume group", hint)
     }
 
@@ -38,7 +38,7 @@ impl ParsedFile<'_> {
             group.get(index).and_then(|&(_, cell)| self.raw.triangles.get(cell))
         };
         let tetrahedron = |index: usize| self.raw.tetrahedra.get(index);
-        let told = match error {
+        let explained = match error {
             MeshError::Flat { element, volume, longest_edge } => tetrahedron(*element).map(|cell| {
                 let problem = format!(
                     "tetrahedron {} is flat: its volume is {volume:e}, its longest edge {longest_edge:e}",
@@ -51,8 +51,8 @@ impl ParsedFile<'_> {
                 tetrahedron(*first).zip(tetrahedron(*second)).map(|(first, second)| self.overlap(first, second))
             }
             MeshError::NotAFace { surface, triangle: index, .. } => triangle(surface, *index).map(|cell| {
-                let problem = format!("triangle {} of surface `{surface}` is no face of any tetrahedron", cell.tag);
-                let hint = "take the surface out of the physical group, or export the volume that belongs to it too";
+                let problem = format!("triangle {} of surface `{surface}` is not a face of any tetrahedron", cell.tag);
+                let hint = "remove the surface from the physical group, or export also the volume that it belongs to";
                 self.fault(cell.line, problem, "surfaces that bound the body or lie in it", hint)
             }),
             MeshError::DuplicateTriangle { surface, first, second } => {
@@ -65,7 +65,7 @@ impl ParsedFile<'_> {
             }
             _ => None,
         };
-        told.unwrap_or_else(|| self.fault(0, error.to_string(), "a mesh that can be computed on", DAMAGED))
+        explained.unwrap_or_else(|| self.fault(0, error.to_string(), "a valid mesh", DAMAGED))
     }
 
     /// Creates the error for two tetrahedra on the same side of a face: a duplicate, possibly in two groups, or an

@@ -61,7 +61,7 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<MeshFile, InputError> {
             ("Nodes", Version::V4_1) => version4::nodes(&mut cursor, &mut raw)?,
             ("Elements", Version::V4_1) => version4::elements(&mut cursor, &mut raw)?,
             ("PartitionedEntities", Version::V4_1) => {
-                let hint = "undo the partition in Gmsh (Unpartition) and export it again; ranks are given elements when a run starts";
+                let hint = "undo the partition in Gmsh (Unpartition) and export it again; elements are distributed when a run starts";
                 return Err(cursor.fault("the mesh is partitioned", "a mesh in one piece", hint));
             }
             _ => {
@@ -83,7 +83,7 @@ fn header(cursor: &mut Cursor<'_>) -> Result<Version, InputError> {
         None => Some("is empty".to_owned()),
         Some("$MeshFormat") => None,
         Some("$NOD") => Some("is a Gmsh file of version 1".to_owned()),
-        Some(other) => Some(format!("begins with `{other}`: it is no Gmsh mesh file")),
+        Some(other) => Some(format!("begins with `{other}`: it is not a Gmsh mesh file")),
     };
     if let Some(problem) = found {
         return Err(InputError::in_file(cursor.path, problem, EXPECTED, HINT));

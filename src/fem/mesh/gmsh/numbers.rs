@@ -1,4 +1,4 @@
-//! Numbers of a mesh file, text or binary.
+//! Reading of the numbers of a mesh file, text or binary.
 
 use std::borrow::Cow;
 
@@ -47,7 +47,7 @@ impl<'a> Cursor<'a> {
     }
 
     fn text_size(&mut self, expected: &str) -> Result<u64, InputError> {
-        self.word_as(expected, "a whole number from 0 up")
+        self.word_as(expected, "a nonnegative whole number")
     }
 
     /// Reads a floating-point number, finite or not; used for ignored data.
@@ -64,7 +64,7 @@ impl<'a> Cursor<'a> {
         if value.is_finite() {
             return Ok(value);
         }
-        Err(self.fault(format!("{value} is not finite"), expected, "look for what went wrong where the mesh was made"))
+        Err(self.fault(format!("{value} is not finite"), expected, "find the cause in the program that wrote the mesh"))
     }
 
     /// Reads the integer 1, which shows the byte order of a binary file; returns true if the file is big-endian.
@@ -75,7 +75,7 @@ impl<'a> Cursor<'a> {
             (_, 1) => Ok(true),
             (found, _) => Err(InputError::in_file(
                 self.path,
-                format!("the number that tells the byte order is {found}, not 1"),
+                format!("the number that indicates the byte order is {found}, not 1"),
                 "the number 1 in four bytes, in either byte order",
                 "the file is damaged, perhaps copied as text: export it again",
             )),
@@ -90,6 +90,7 @@ impl<'a> Cursor<'a> {
         String::from_utf8_lossy(rest.trim_ascii())
     }
 
+    /// Reads the next word and parses it; `kind` describes a valid word.
     fn word_as<T: std::str::FromStr>(&mut self, expected: &str, kind: &str) -> Result<T, InputError> {
         let word = self.word(expected)?;
         std::str::from_utf8(word)

@@ -49,7 +49,7 @@ impl Raw {
     /// Returns an error if the section was found before.
     pub fn once(&mut self, cursor: &Cursor<'_>, section: &'static str) -> Result<(), InputError> {
         if self.seen.contains(&section) {
-            let hint = "the file holds several meshes or is damaged: export one mesh a file";
+            let hint = "the file contains several meshes or is damaged: export one mesh per file";
             return Err(cursor.fault(format!("a second ${section}"), format!("one ${section} in a file"), hint));
         }
         self.seen.push(section);
@@ -98,7 +98,7 @@ impl Raw {
             if let Some(first) = self.names.insert((dimension, number.saturating_abs()), name.to_owned()) {
                 let problem =
                     format!("physical group {number} of dimension {dimension} is called both `{first}` and `{name}`");
-                return Err(cursor.fault(problem, "one name a group", "remove one of the two lines"));
+                return Err(cursor.fault(problem, "one name per group", "remove one of the two lines"));
             }
             cursor.count_one();
         }

@@ -5,7 +5,7 @@ use super::raw::{Raw, RawNode, element_treatment};
 use crate::input::InputError;
 
 const NODE: &str = "a node: its number and its x, y and z";
-const ELEMENT: &str = "an element: its number, its type, how many tags it has, the tags, its nodes";
+const ELEMENT: &str = "an element: its number, its type, its number of tags, its tags, its nodes";
 
 /// Reads `$Nodes`: a count, then number and position of each node.
 pub(super) fn nodes(cursor: &mut Cursor<'_>, raw: &mut Raw) -> Result<(), InputError> {

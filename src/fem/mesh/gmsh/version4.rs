@@ -27,7 +27,8 @@ pub(super) fn entities(cursor: &mut Cursor<'_>, raw: &mut Raw) -> Result<(), Inp
 
 /// Reads an entity: tag, position or bounding box, physical groups and, except for points, bounding entities.
 fn entity(cursor: &mut Cursor<'_>, raw: &mut Raw, dimension: i32) -> Result<(), InputError> {
-    const ROW: &str = "an entity: its tag, its position or box, its physical groups and what bounds it, with counts";
+    const ROW: &str =
+        "an entity: its tag, its position or box, its physical groups and its bounding entities, with counts";
     cursor.begin_row();
     let tag = cursor.integer(ROW)?;
     for _ in 0..if dimension == 0 { 3 } else { 6 } {
@@ -57,7 +58,7 @@ fn entity(cursor: &mut Cursor<'_>, raw: &mut Raw, dimension: i32) -> Result<(), 
 
 /// Reads `$Nodes`: blocks of nodes on one entity, the tags of a block before its positions.
 pub(super) fn nodes(cursor: &mut Cursor<'_>, raw: &mut Raw) -> Result<(), InputError> {
-    const BLOCK: &str = "a block of nodes: dimension and tag of its entity, parametric or not (0, 1), how many nodes";
+    const BLOCK: &str = "a block of nodes: dimension and tag of its entity, parametric flag (0 or 1), number of nodes";
     const POSITION: &str = "x, y and z of a node, and its parameters on the entity in a parametric block";
     raw.once(cursor, "Nodes")?;
     let Blocks { blocks, count } = Blocks::read(cursor, "nodes")?;
@@ -93,7 +94,7 @@ pub(super) fn nodes(cursor: &mut Cursor<'_>, raw: &mut Raw) -> Result<(), InputE
 
 /// Reads `$Elements`: blocks of elements of one type on one entity.
 pub(super) fn elements(cursor: &mut Cursor<'_>, raw: &mut Raw) -> Result<(), InputError> {
-    const BLOCK: &str = "a block of elements: dimension and tag of its entity, type of its elements, how many";
+    const BLOCK: &str = "a block of elements: dimension and tag of its entity, type and number of its elements";
     raw.once(cursor, "Elements")?;
     let Blocks { blocks, count } = Blocks::read(cursor, "elements")?;
     let mut found = 0_u64;
@@ -150,7 +151,7 @@ impl Blocks {
         if announced == found {
             return Ok(());
         }
-        let problem = format!("the blocks hold {found} {noun}, but {announced} are announced");
+        let problem = format!("the blocks contain {found} {noun}, but {announced} are announced");
         Err(cursor.fault(problem, "blocks that add up to the number announced", DAMAGED))
     }
 }

@@ -9,7 +9,7 @@ use crate::output;
 /// Version of the file format.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Version {
-    /// Version 2.2, readable by most programs.
+    /// Version 2.2, which most programs can read.
     V2_2,
     /// Version 4.1, the current version.
     #[default]
@@ -56,10 +56,10 @@ pub fn write_with(path: &Path, mesh: &Mesh, options: WriteOptions) -> io::Result
 /// format.
 pub fn to_writer(out: &mut impl Write, mesh: &Mesh, options: WriteOptions) -> io::Result<()> {
     let triangles: usize = mesh.surfaces().iter().map(|surface| surface.triangles.len()).sum();
-    // Numbers are signed 32-bit integers in version 2 and in binary entities.
+    // Tags are signed 32-bit integers in version 2 and in the entities of binary files.
     for count in [mesh.nodes().len(), mesh.elements().len() + triangles, mesh.regions().len(), mesh.surfaces().len()] {
         if i32::try_from(count).is_err() {
-            let problem = format!("{count} of a kind are more than Gmsh's 32-bit numbers can tell apart");
+            let problem = format!("{count} nodes, elements or groups are more than Gmsh's 32-bit numbers can address");
             return Err(io::Error::new(io::ErrorKind::InvalidInput, problem));
         }
     }
@@ -93,8 +93,8 @@ impl<W: Write> Sink<'_, W> {
         writeln!(self.out, "$EndMeshFormat")
     }
 
-    /// Writes the physical names. Regions and surfaces are both numbered from 1, since numbers are unique per dimension
-    /// only.
+    /// Writes the physical names. Regions and surfaces are both numbered from 1, since only the numbers of one
+    /// dimension must be unique.
     fn names(&mut self, mesh: &Mesh) -> io::Result<()> {
         writeln!(self.out, "$PhysicalNames\n{}", mesh.surfaces().len() + mesh.regions().len())?;
         for (number, name) in (1..).zip(mesh.surface_names()) {

@@ -2,12 +2,12 @@
 
 use super::DogboneShape;
 
-/// Returns the number of cells of at most this size; a relative excess of up to 1e-9 cells is rounded down.
+/// Returns the smallest number of cells of at most this size, at least 1; an excess of up to 1e-9 cells is ignored.
 pub(super) fn cells(length: f64, size: f64) -> usize {
     ((length / size - 1e-9).ceil() as usize).max(1)
 }
 
-/// The number of cells along x in one half of the sample.
+/// The numbers of cells along x in one half of the dogbone, and their grading in the fillets.
 pub(super) struct AxialGrading {
     pub grip: usize,
     fillet: usize,
@@ -16,7 +16,7 @@ pub(super) struct AxialGrading {
 }
 
 impl AxialGrading {
-    /// Chooses cells with the local element size, which is proportional to the local width.
+    /// Chooses cells whose size is proportional to the local width and equal to `element_size` (m) in the grips.
     pub fn new(shape: &DogboneShape, element_size: f64) -> Self {
         let grading = Grading::new(shape);
         Self {
@@ -27,18 +27,19 @@ impl AxialGrading {
         }
     }
 
+    /// Returns the number of cells along the whole length.
     pub fn cells(&self) -> usize {
         let half = self.grip.saturating_add(self.fillet).saturating_add(self.half_gauge);
         half.saturating_mul(2)
     }
 
-    /// Returns position and width of each column of nodes along x.
+    /// Returns the position along x and the width of each plane of nodes across the dogbone, m.
     pub fn columns(&self, shape: &DogboneShape) -> Vec<(f64, f64)> {
         let middle = 0.5 * shape.length;
         let gauge_end = 0.5 * shape.gauge_length();
         let fillet_end = middle - shape.grip_length;
         let fraction = |step: usize, count: usize| step as f64 / count as f64;
-        // Distances from the middle, ascending.
+        // The distances from the middle, ascending, each with the width there.
         let mut half = Vec::with_capacity(self.cells() / 2 + 1);
         half.extend((0..=self.half_gauge).map(|n| (gauge_end * fraction(n, self.half_gauge), shape.gauge_width)));
         half.extend((1..self.fillet).map(|n| {
@@ -54,8 +55,8 @@ impl AxialGrading {
     }
 }
 
-/// The tabulated integral of 1/width along a fillet. Equal increments of it define cells with length proportional to
-/// the width.
+/// The tabulated integral of 1/width along a fillet. Equal increments of the integral define cells whose length is
+/// proportional to the width.
 struct Grading {
     step: f64,
     /// The integral up to each multiple of `step`.
@@ -81,7 +82,7 @@ impl Grading {
         self.integral.last().copied().unwrap_or(0.0)
     }
 
-    /// Returns the distance from the gauge at which the integral reaches this fraction of its total.
+    /// Returns the distance from the end of the gauge, m, at which the integral reaches this fraction of its total.
     fn at(&self, fraction: f64) -> f64 {
         let target = fraction * self.total();
         let k = self.integral.partition_point(|&sum| sum <= target).clamp(1, Self::STEPS);

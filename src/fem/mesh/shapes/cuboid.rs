@@ -4,21 +4,22 @@ use super::grid::Grid;
 use super::{ShapeError, positive};
 use crate::fem::mesh::{Mesh, Surface};
 
-/// Creates a box with its lowest corner at the origin: `cells` along x, y and z over `size` (m), six tetrahedra per
-/// cell.
+/// Creates a box of the edge lengths `size` (m) with its lowest corner at the origin; `cells` are the numbers of cells
+/// along x, y and z, with six tetrahedra each.
 ///
 /// Nodes are numbered with x running fastest, then y, then z; the elements of a cell are consecutive, in the order of
 /// [`KUHN`](super::KUHN). The region is `body`, the surfaces are `x0 x1 y0 y1 z0 z1`.
 ///
 /// # Errors
-/// Returns [`ShapeError::NoCells`], [`ShapeError::NotPositive`], [`ShapeError::TooManyElements`], or
-/// [`ShapeError::Mesh`] if cells have no volume.
+/// Returns [`ShapeError::NoCells`] or [`ShapeError::NotPositive`] if a number of cells or a length is not positive,
+/// [`ShapeError::TooManyElements`] if there are too many cells, or [`ShapeError::Mesh`] if elements are flat in
+/// floating-point arithmetic.
 pub fn cuboid(cells: [usize; 3], size: [f64; 3]) -> Result<Mesh, ShapeError> {
     let grid = Grid::new(cells, None)?;
     for (what, length) in ["the size along x", "the size along y", "the size along z"].into_iter().zip(size) {
         positive(what, length)?;
     }
-    // The quotient is computed first because it is exactly 1 at the far side.
+    // The quotient is computed first, because it is exactly 1 at the upper side.
     let along = |axis: usize, step: usize| size[axis] * (step as f64 / cells[axis] as f64);
     let nodes = grid.nodes(|i, j, k| [along(0, i), along(1, j), along(2, k)]);
     let surfaces =
@@ -31,7 +32,7 @@ pub fn cuboid(cells: [usize; 3], size: [f64; 3]) -> Result<Mesh, ShapeError> {
 mod tests {
     use super::*;
     use crate::fem::mesh::MeshError;
-    use crate::fem::mesh::shapes::checked;
+    use crate::fem::mesh::shapes::assert_valid;
 
     #[test]
     fn one_cell_is_cut_as_documented() {
@@ -42,14 +43,14 @@ mod tests {
         let written: Vec<String> =
             mesh.elements().iter().map(|nodes| nodes.map(|node| node.to_string()).concat()).collect();
         assert_eq!(written, documented);
-        checked(&mesh);
+        assert_valid(&mesh);
     }
 
     #[test]
     fn volumes_areas_and_names() {
         let (cells, size) = ([3, 2, 5], [0.3, 0.7, 1.1]);
         let mesh = cuboid(cells, size).unwrap();
-        checked(&mesh);
+        assert_valid(&mesh);
         assert_eq!(mesh.elements().len(), 6 * 3 * 2 * 5);
         assert_eq!(mesh.regions(), ["body"]);
         assert_eq!(mesh.bounding_box(), [[0.0; 3], size]);
@@ -70,7 +71,7 @@ mod tests {
     }
 
     #[test]
-    fn boxes_that_cannot_be_made() {
+    fn invalid_boxes_are_errors() {
         let unit = [1.0; 3];
         assert_eq!(cuboid([1, 0, 1], unit), Err(ShapeError::NoCells([1, 0, 1])));
         assert_eq!(cuboid([1000; 3], unit), Err(ShapeError::TooManyElements(6_000_000_000)));

@@ -54,7 +54,7 @@ impl DogboneShape {
     /// Checks the dimensions.
     ///
     /// # Errors
-    /// Returns the first error as a [`ShapeError`].
+    /// Returns a [`ShapeError`] for the first invalid dimension.
     pub fn check(&self) -> Result<(), ShapeError> {
         positive("the length", self.length)?;
         positive("the grip length", self.grip_length)?;
@@ -77,13 +77,14 @@ impl DogboneShape {
         Ok(())
     }
 
-    /// Returns the length of each fillet along x: `sqrt(2 R d - d^2)` with the overhang `d` of the grip over the gauge.
+    /// Returns the length of each fillet along x, m: `sqrt(2 R d - d^2)` with the radius `R` and the overhang `d` of
+    /// the grip over the gauge.
     pub fn fillet_length(&self) -> f64 {
         let overhang = self.overhang();
         (overhang * (2.0 * self.fillet_radius - overhang)).sqrt()
     }
 
-    /// Returns the length of the straight gauge.
+    /// Returns the length of the straight gauge, m.
     pub fn gauge_length(&self) -> f64 {
         self.length - 2.0 * (self.grip_length + self.fillet_length())
     }
@@ -113,16 +114,16 @@ impl DogboneShape {
     }
 }
 
-/// Creates a dogbone mesh with approximately this element size (m). The left end is at x = 0; the center lines are at y
-/// = 0 and z = 0.
+/// Creates a dogbone mesh with approximately this element size (m). The left end is at `x = 0`; the sample is centered
+/// at `y = 0` and `z = 0`.
 ///
 /// `element_size` is the edge of the hexahedral cells in the grips; toward the gauge, the cells become smaller in
 /// proportion to the width of the sample. The numbers of cells along all axes are even and the mesh is symmetric about
 /// the three middle planes, so there are at least two layers through the thickness.
 ///
-/// Regions: `grip` (both ends, of constant width) and `gauge` (the straight part and the fillets). Surfaces: `left` (x
-/// = 0), `right` (x = length), `sides` (the rest). The default shape has 2 160 elements at an element size of 0.002, 13
-/// 920 at 0.001, and six cells across the gauge at 0.002.
+/// The regions are `grip` (both ends, of constant width) and `gauge` (the straight part and the fillets); the surfaces
+/// are `left` (`x = 0`), `right` (`x = length`) and `sides` (the rest). The default shape has 2160 elements at an
+/// element size of 0.002 m, with six cells across the gauge, and 13920 elements at 0.001 m.
 ///
 /// # Errors
 /// Returns a [`ShapeError`] if the dimensions are inconsistent, the elements are larger than the sample, or there are
@@ -138,7 +139,8 @@ pub fn dogbone(shape: &DogboneShape, element_size: f64) -> Result<Mesh, ShapeErr
     let grading = AxialGrading::new(shape, element_size);
     let [across, through] =
         [shape.grip_width, shape.thickness].map(|length| cells(0.5 * length, element_size).saturating_mul(2));
-    // With y mirrored in the opposite half, cells in the fillets are cut along their shorter diagonal.
+    // Because y is mirrored in the lower half instead of the upper one, cells in the fillets are cut along their
+    // shorter diagonal.
     let grid = Grid::new([grading.cells(), across, through], Some([true, false, true]))?;
     let columns = grading.columns(shape);
     let centered = |step: usize, count: usize| step as f64 / count as f64 - 0.5;
@@ -161,7 +163,7 @@ pub fn dogbone(shape: &DogboneShape, element_size: f64) -> Result<Mesh, ShapeErr
 
 #[cfg(test)]
 mod tests {
-    use super::super::checked;
+    use super::super::assert_valid;
     use super::*;
     use std::collections::HashSet;
 
@@ -175,7 +177,7 @@ mod tests {
     };
 
     #[test]
-    fn default_proportions_are_those_documented() {
+    fn the_default_dimensions_are_those_documented() {
         assert_eq!(DogboneShape::default(), SHAPE);
         assert!((SHAPE.fillet_length() - 0.0075).abs() < 1e-15);
         assert!((SHAPE.gauge_length() - 0.011).abs() < 1e-15);
@@ -187,7 +189,7 @@ mod tests {
             [(0.004, 768, 576), (0.003, 960, 768), (0.002, 2160, 1728), (0.001, 13_920, 11_040)]
         {
             let mesh = dogbone(&SHAPE, size).unwrap();
-            checked(&mesh);
+            assert_valid(&mesh);
             assert_eq!((mesh.elements().len(), mesh.elements_in(1).count()), (elements, gauge), "size {size}");
             let [sharpest, bluntest] = mesh.dihedral_range();
             assert!(sharpest > 20.0 && bluntest < 120.0, "angles of {sharpest} to {bluntest} degrees at size {size}");
@@ -210,7 +212,7 @@ mod tests {
                 let area = mesh.surface_area(mesh.surface(end).unwrap());
                 assert!((area / (SHAPE.grip_width * SHAPE.thickness) - 1.0).abs() < 1e-12);
             }
-            // The surface is closed.
+            // The area vectors of a closed surface sum to zero.
             let normals = mesh.surfaces().iter().flat_map(|surface| &surface.triangles).map(|&t| mesh.area_vector(t));
             let sum = normals.fold([0.0; 3], |sum, normal| std::array::from_fn(|k| sum[k] + normal[k]));
             assert!(sum.iter().all(|x: &f64| x.abs() < 1e-16), "{sum:?}");
@@ -231,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn regions_end_and_fillets_lie_where_they_should() {
+    fn regions_and_fillets_have_the_expected_positions() {
         let mesh = dogbone(&SHAPE, 0.002).unwrap();
         let [low, high] = mesh.bounding_box();
         assert_eq!((low, high), ([0.0, -0.005, -0.00125], [0.038, 0.005, 0.00125]));
@@ -249,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn the_mesh_is_its_own_mirror_image() {
+    fn the_mesh_is_symmetric() {
         let mesh = dogbone(&SHAPE, 0.002).unwrap();
         let place = |x: [f64; 3]| x.map(|x| (x * 1e9).round() as i64);
         let element = |corners: [[f64; 3]; 4]| {
@@ -270,24 +272,24 @@ mod tests {
     }
 
     #[test]
-    fn samples_that_cannot_be_made() {
-        let say = |shape: DogboneShape, size| dogbone(&shape, size).unwrap_err().to_string();
-        assert_eq!(say(SHAPE, 0.0), "the element size is 0: it must be positive and finite");
-        assert_eq!(say(SHAPE, f64::NAN), "the element size is NaN: it must be positive and finite");
-        assert_eq!(say(SHAPE, 0.02), "elements of 0.02 do not fit into a sample whose grip width is 0.01");
+    fn invalid_dimensions_are_errors() {
+        let message = |shape: DogboneShape, size| dogbone(&shape, size).unwrap_err().to_string();
+        assert_eq!(message(SHAPE, 0.0), "the element size is 0: it must be positive and finite");
+        assert_eq!(message(SHAPE, f64::NAN), "the element size is NaN: it must be positive and finite");
+        assert_eq!(message(SHAPE, 0.02), "the element size 0.02 exceeds the grip width, 0.01");
         assert!(matches!(dogbone(&SHAPE, 1e-5), Err(ShapeError::TooManyElements(50_000_001..))));
         assert!(matches!(dogbone(&SHAPE, 1e-300), Err(ShapeError::TooManyElements(u64::MAX))));
         assert_eq!(
-            say(DogboneShape { thickness: -1.0, ..SHAPE }, 0.002),
+            message(DogboneShape { thickness: -1.0, ..SHAPE }, 0.002),
             "the thickness is -1: it must be positive and finite"
         );
         assert_eq!(
-            say(DogboneShape { gauge_width: 0.01, ..SHAPE }, 0.002),
+            message(DogboneShape { gauge_width: 0.01, ..SHAPE }, 0.002),
             "the gauge, 0.01 wide, is not narrower than the grips, 0.01 wide"
         );
         assert_eq!(
-            say(DogboneShape { fillet_radius: 0.004, ..SHAPE }, 0.002),
-            "a fillet radius of 0.004 is too small to widen the sample well: it must be at least 0.005"
+            message(DogboneShape { fillet_radius: 0.004, ..SHAPE }, 0.002),
+            "a fillet radius of 0.004 is too small for well-shaped elements: it must be at least 0.005"
         );
         let error = dogbone(&DogboneShape { length: 0.02, ..SHAPE }, 0.002).unwrap_err();
         assert!(matches!(error, ShapeError::NoGauge { length: 0.02, .. }), "{error}");

@@ -3,16 +3,17 @@
 use super::{MAX_ELEMENTS, ShapeError};
 use crate::fem::mesh::faces::outward;
 
-/// The Kuhn subdivision of a cell with corners numbered `a + 2 b + 4 c`: six tetrahedra of positive volume around the
-/// diagonal from corner 0 to corner 7, one for each path along the edges.
+/// The Kuhn subdivision of a cell with corners numbered `a + 2 b + 4 c` (`a`, `b`, `c` are 0 or 1 along x, y, z): six
+/// tetrahedra of positive volume around the diagonal from corner 0 to corner 7, one for each path along the edges.
 pub const KUHN: [[usize; 4]; 6] = [[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 6, 4, 7], [0, 4, 5, 7], [0, 5, 1, 7]];
 
 /// A block of cells. Nodes and cells are numbered with x running fastest, then y, then z.
 #[derive(Clone, Copy)]
 pub(super) struct Grid {
     cells: [usize; 3],
-    /// For a block whose subdivision is symmetric about its three middle planes: the half of each axis (true: the upper
-    /// one) in which the cells are mirror images of the Kuhn subdivision. `None`: the same subdivision of every cell.
+    /// The half along each axis (true: the upper one) in which the subdivision of the cells is mirrored, so that the
+    /// subdivision of the block is symmetric about its three middle planes. `None`: all cells have the same
+    /// subdivision.
     mirrored: Option<[bool; 3]>,
 }
 

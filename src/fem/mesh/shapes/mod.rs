@@ -18,10 +18,10 @@ use thiserror::Error;
 /// The maximum number of elements of a built-in shape.
 pub const MAX_ELEMENTS: u64 = 50_000_000;
 
-/// The reason why a shape cannot be meshed.
+/// The error of a shape that cannot be meshed. All lengths are in m.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum ShapeError {
-    /// There are no cells along an axis. Holds the number of cells along each axis.
+    /// There are no cells along an axis. The value is the number of cells along each axis.
     #[error("{0:?} cells along x, y and z: there must be at least one along each")]
     NoCells([usize; 3]),
     /// A length is zero, negative, infinite or NaN.
@@ -32,17 +32,18 @@ pub enum ShapeError {
         /// The given value.
         value: f64,
     },
-    /// The mesh would have more than [`MAX_ELEMENTS`] elements. Holds the number of elements, at most `u64::MAX`.
+    /// The mesh would have more than [`MAX_ELEMENTS`] elements. The value is the number of elements, or `u64::MAX` if
+    /// it is larger.
     #[error("{0} elements are more than the {MAX_ELEMENTS} that are allowed")]
     TooManyElements(u64),
-    /// An element is larger than the sample.
-    #[error("elements of {element_size} do not fit into a sample whose {what} is {limit}")]
+    /// The element size exceeds a dimension of the dogbone.
+    #[error("the element size {element_size} exceeds the {what}, {limit}")]
     ElementTooLarge {
         /// The given element size.
         element_size: f64,
-        /// Name of the length that it exceeds.
+        /// Name of the dimension.
         what: &'static str,
-        /// The value of that length.
+        /// The value of the dimension.
         limit: f64,
     },
     /// The gauge is not narrower than the grips.
@@ -54,7 +55,7 @@ pub enum ShapeError {
         grip_width: f64,
     },
     /// The fillet would meet the grip at more than 60 degrees (a quarter circle meets it at 90).
-    #[error("a fillet radius of {fillet_radius} is too small to widen the sample well: it must be at least {least}")]
+    #[error("a fillet radius of {fillet_radius} is too small for well-shaped elements: it must be at least {least}")]
     FilletTooSmall {
         /// The given radius.
         fillet_radius: f64,
@@ -81,7 +82,7 @@ fn positive(what: &'static str, value: f64) -> Result<(), ShapeError> {
 
 /// Checks that [`Mesh::new`](super::Mesh::new) accepts the parts of a shape without changes.
 #[cfg(test)]
-fn checked(mesh: &super::Mesh) {
+fn assert_valid(mesh: &super::Mesh) {
     let super::Mesh { nodes, elements, region_of, regions, surfaces } = mesh.clone();
     assert_eq!(super::Mesh::new(nodes, elements, region_of, regions, surfaces).as_ref(), Ok(mesh));
 }

@@ -18,10 +18,10 @@ const SECTIONS: &str = "a file with $Nodes and $Elements";
 const OPENING: &str = "a line that opens a section, such as `$Nodes`";
 const NAME: &str = "a dimension, a number and a name between double quotes, as in `3 1 \"gauge\"`";
 const QUOTE: &str = "put the name between double quotes";
-const NOT_FINITE: &str = "look for what went wrong where the mesh was made";
+const NOT_FINITE: &str = "find the cause in the program that wrote the mesh";
 const ONCE: &str = "each node once";
 const RENUMBER: &str = "renumber the mesh in Gmsh (Mesh, Renumber) or export it again";
-const NODE_BLOCK: &str = "a block of nodes: dimension and tag of its entity, parametric or not (0, 1), how many nodes";
+const NODE_BLOCK: &str = "a block of nodes: dimension and tag of its entity, parametric flag (0 or 1), number of nodes";
 const ADD_UP: &str = "blocks that add up to the number announced";
 const KNOWN_NODES: &str = "nodes of this file";
 const TYPES: &str = "4-node tetrahedra and 3-node triangles (points and lines are ignored)";
@@ -31,26 +31,29 @@ const MESH_VOLUME: &str = "mesh the volume (in Gmsh: Mesh, 3D), put it in a phys
 const ONE_GROUP_OR_NONE: &str = "every tetrahedron in one physical volume group (or no such group at all)";
 const ADD_TO_GROUP: &str = "add the volumes left out to a physical group (and export with Mesh.SaveAll = 0: version 2.2 loses the groups otherwise), or remove all physical volume groups and their names";
 const ONE_GROUP: &str = "every tetrahedron in one physical volume group";
-const TAKE_OUT: &str = "take its volume out of one of the groups";
+const TAKE_OUT: &str = "remove its volume from one of the groups";
 const COHERENCE: &str = "remove duplicate elements (in Gmsh: Coherence Mesh) and export again";
 
-/// Cases: a file => the position and description of its error, the expected content, the hint.
+/// Checks the errors of files. Cases: a file => the position and description of its error, the expected content, the
+/// hint.
 macro_rules! check {
     ($($file:expr => $problem:literal, $expected:expr, $hint:expr;)*) => {
-        $(said($file, $problem, $expected, $hint);)*
+        $(assert_error($file, $problem, $expected, $hint);)*
     };
 }
 
-fn said(bytes: Vec<u8>, problem: &str, expected: &str, hint: &str) {
+fn assert_error(bytes: Vec<u8>, problem: &str, expected: &str, hint: &str) {
     let error = read(&bytes).map(|_| ()).expect_err(problem);
-    let said = format!("{problem}\n  expected: {expected}\n  cure: {hint}");
-    assert_eq!(error.to_string(), said, "of the file\n{}", String::from_utf8_lossy(&bytes));
+    let message = format!("{problem}\n  expected: {expected}\n  cure: {hint}");
+    assert_eq!(error.to_string(), message, "for the file\n{}", String::from_utf8_lossy(&bytes));
 }
 
+/// Returns the file of version 2.2 with a replaced piece.
 fn two(old: &str, new: &str) -> Vec<u8> {
     with(TEXT_2, old, new).into()
 }
 
+/// Returns the file of version 4.1 with a replaced piece.
 fn four(old: &str, new: &str) -> Vec<u8> {
     with(TEXT_4, old, new).into()
 }
@@ -72,12 +75,12 @@ fn find(bytes: &[u8], piece: &[u8]) -> usize {
 }
 
 #[test]
-fn files_that_do_not_begin_as_they_should() {
+fn invalid_headers_are_errors() {
     check! {
         Vec::new() => "a.msh: is empty", BEGIN, EXPORT;
         b" \n ".into() => "a.msh: is empty", BEGIN, EXPORT;
-        b"solid cube\n".into() => "a.msh: begins with `solid`: it is no Gmsh mesh file", BEGIN, EXPORT;
-        vec![0x7f, 0xff, 0xfe, 0] => "a.msh: begins with `bytes that are no text`: it is no Gmsh mesh file",
+        b"solid cube\n".into() => "a.msh: begins with `solid`: it is not a Gmsh mesh file", BEGIN, EXPORT;
+        vec![0x7f, 0xff, 0xfe, 0] => "a.msh: begins with `bytes that are not text`: it is not a Gmsh mesh file",
             BEGIN, EXPORT;
         b"$NOD\n1\n".into() => "a.msh: is a Gmsh file of version 1", BEGIN, EXPORT;
         two("2.2 0 8", "3.0 0 8") => "a.msh:2: Gmsh format 3.0 is not supported", VERSIONS, CONVERT;
@@ -94,7 +97,7 @@ fn files_that_do_not_begin_as_they_should() {
 }
 
 #[test]
-fn sections_that_are_missing_or_do_not_end() {
+fn missing_and_unclosed_sections_are_errors() {
     check! {
         without(TEXT_2, "Nodes") => "a.msh: $Nodes is missing", SECTIONS, DAMAGED;
         without(TEXT_4, "Elements") => "a.msh: $Elements is missing", SECTIONS, DAMAGED;
@@ -102,7 +105,7 @@ fn sections_that_are_missing_or_do_not_end() {
             "`$EndNodes`", DAMAGED;
         two("$EndElements\n", "") => "a.msh:20: `$EndElements` is missing: the file ends", "`$EndElements`", DAMAGED;
         two("$EndElements\n", "$EndElements\n$Nodes\n0\n$EndNodes\n") => "a.msh:21: a second $Nodes",
-            "one $Nodes in a file", "the file holds several meshes or is damaged: export one mesh a file";
+            "one $Nodes in a file", "the file contains several meshes or is damaged: export one mesh per file";
         two("$EndElements\n", "$EndElements\n$Periodic\n0\n") =>
             "a.msh:21: the section `$Periodic` is not closed: no line `$EndPeriodic` follows",
             "`$EndPeriodic`", CUT_OFF;
@@ -111,12 +114,12 @@ fn sections_that_are_missing_or_do_not_end() {
             "a.msh:21: `$EndElements` closes a section that is not open", OPENING, DAMAGED;
         four("$Entities\n", "$PartitionedEntities\n2\n") => "a.msh:9: the mesh is partitioned",
             "a mesh in one piece",
-            "undo the partition in Gmsh (Unpartition) and export it again; ranks are given elements when a run starts";
+            "undo the partition in Gmsh (Unpartition) and export it again; elements are distributed when a run starts";
     }
 }
 
 #[test]
-fn physical_names_that_are_wrong() {
+fn invalid_physical_names_are_errors() {
     check! {
         two("\"tissue\"", "tissue") => "a.msh:7: the name of physical group 1 is `tissue`: not between double quotes",
             NAME, QUOTE;
@@ -126,13 +129,13 @@ fn physical_names_that_are_wrong() {
             "a name of printable characters without quotes", "rename the physical group and export the mesh again";
         two("3 1 \"tissue\"", "2 1 \"tissue\"") =>
             "a.msh:7: physical group 1 of dimension 2 is called both `base` and `tissue`",
-            "one name a group", "remove one of the two lines";
+            "one name per group", "remove one of the two lines";
         two("Names\n2\n", "Names\n3\n") => "a.msh:8: $PhysicalNames ends after 2 of 3 physical names", NAME, DAMAGED;
     }
 }
 
 #[test]
-fn binary_files_that_are_damaged() {
+fn damaged_binary_files_are_errors() {
     let cut = |version: Version, section: &[u8], behind: usize| {
         let bytes = binary(version);
         let end = find(&bytes, section) + behind;
@@ -152,7 +155,7 @@ fn binary_files_that_are_damaged() {
         cut(Version::V4_1, b"$Elements", 200) =>
             "a.msh: at byte 1220: the file ends within $Elements after 3 of 18 elements",
             "the three nodes of a triangle", CUT_OFF;
-        order => "a.msh: the number that tells the byte order is 1793, not 1",
+        order => "a.msh: the number that indicates the byte order is 1793, not 1",
             "the number 1 in four bytes, in either byte order",
             "the file is damaged, perhaps copied as text: export it again";
         huge => "a.msh: at byte 1839: the file ends within $Nodes after 0 of 8 nodes", "the tag of a node", CUT_OFF;
@@ -160,13 +163,13 @@ fn binary_files_that_are_damaged() {
 }
 
 #[test]
-fn nodes_that_are_wrong() {
+fn invalid_nodes_are_errors() {
     check! {
         two("$Nodes\n4\n", "$Nodes\n5\n") => "a.msh:15: $Nodes ends after 4 of 5 nodes", NODE, DAMAGED;
         two("$Nodes\n4\n", "$Nodes\n3\n") => "a.msh:14: `4` follows the 3 nodes announced", "`$EndNodes`", DAMAGED;
         two("$Nodes\n4\n", "$Nodes\n1000000000000000000\n") =>
             "a.msh:15: $Nodes ends after 4 of 1000000000000000000 nodes", NODE, DAMAGED;
-        two("$Nodes\n4\n", "$Nodes\n-4\n") => "a.msh:10: `-4` is not a whole number from 0 up",
+        two("$Nodes\n4\n", "$Nodes\n-4\n") => "a.msh:10: `-4` is not a nonnegative whole number",
             "the number of nodes", DAMAGED;
         two("2 1 0 0\n", "2 1 O 0\n") => "a.msh:12: `O` is not a number", NODE, DAMAGED;
         two("2 1 0 0\n", "2 1 NaN 0\n") => "a.msh:12: NaN is not finite", NODE, NOT_FINITE;
@@ -176,7 +179,7 @@ fn nodes_that_are_wrong() {
         two("2 1 0 0\n", "-2 1 0 0\n") => "a.msh:12: -2 is negative", NODE, DAMAGED;
         two("2 1 0 0\n", "1 1 0 0\n") => "a.msh:12: node 1 is defined a second time", ONCE, RENUMBER;
         four("10\n20\n", "10\n10\n") => "a.msh:18: node 10 is defined a second time", ONCE, RENUMBER;
-        four("2 4 10 90000", "2 5 10 90000") => "a.msh:25: the blocks hold 4 nodes, but 5 are announced",
+        four("2 4 10 90000", "2 5 10 90000") => "a.msh:25: the blocks contain 4 nodes, but 5 are announced",
             ADD_UP, DAMAGED;
         four("2 4 10 90000", "3 4 10 90000") => "a.msh:26: $Nodes ends after 4 of 4 nodes", NODE_BLOCK, DAMAGED;
         four("3 6 0 1\n", "3 6 2 1\n") => "a.msh:23: a block of dimension 3 whose parametric flag is 2",
@@ -187,12 +190,12 @@ fn nodes_that_are_wrong() {
 }
 
 #[test]
-fn elements_that_are_wrong() {
+fn invalid_elements_are_errors() {
     check! {
-        two("1 2 3 4\n", "1 2 3 9\n") => "a.msh:19: tetrahedron 2 names node 9, which is not in $Nodes",
+        two("1 2 3 4\n", "1 2 3 9\n") => "a.msh:19: tetrahedron 2 refers to node 9, which is not in $Nodes",
             KNOWN_NODES, DAMAGED;
         four("10 20 30 90000\n", "10 20 30 90001\n") =>
-            "a.msh:32: tetrahedron 2 names node 90001, which is not in $Nodes", KNOWN_NODES, DAMAGED;
+            "a.msh:32: tetrahedron 2 refers to node 90001, which is not in $Nodes", KNOWN_NODES, DAMAGED;
         two("1 2 3 4\n", "1 2 3 3\n") => "a.msh:19: tetrahedron 2 has node 3 twice",
             "different nodes", "remove the collapsed element or mesh again";
         two("4 0 0 1\n", "4 0.3 0.3 0\n") =>
@@ -207,19 +210,20 @@ fn elements_that_are_wrong() {
             TYPES,
             "mesh the body with tetrahedra only (in Gmsh: no recombination, no transfinite or extruded hexahedra)";
         two("2 4 2 1 1 1 2 3 4\n", "2 99 2 1 1 1 2 3 4\n") => "a.msh:19: the mesh has elements of type 99",
-            TYPES, "the file is damaged or of a newer kind: export it again from Gmsh";
+            TYPES, "the file is damaged or of a newer version: export it again from Gmsh";
         four("3 6 4 1\n", "3 6 11 1\n") => "a.msh:31: the mesh has 10-node tetrahedra (order 2, element type 11)",
             TYPES, LINEAR;
         four("3 6 4 1\n", "2 6 4 1\n") => "a.msh:31: a block of tetrahedra lies on an entity of dimension 2",
             "dimension 3", DAMAGED;
-        four("2 2 1 2\n", "2 3 1 2\n") => "a.msh:32: the blocks hold 2 elements, but 3 are announced", ADD_UP, DAMAGED;
+        four("2 2 1 2\n", "2 3 1 2\n") => "a.msh:32: the blocks contain 2 elements, but 3 are announced",
+            ADD_UP, DAMAGED;
         two("$Elements\n2\n", "$Elements\n3\n") => "a.msh:20: $Elements ends after 2 of 3 elements",
-            "an element: its number, its type, how many tags it has, the tags, its nodes", DAMAGED;
+            "an element: its number, its type, its number of tags, its tags, its nodes", DAMAGED;
     }
 }
 
 #[test]
-fn bodies_and_groups_that_are_wrong() {
+fn invalid_bodies_and_groups_are_errors() {
     check! {
         two("\n2 4 2 1 1 1 2 3 4\n", "\n2 2 2 1 1 1 2 4\n") => "a.msh: the mesh has no tetrahedra, only 2 triangles",
             BODY, MESH_VOLUME;
@@ -245,9 +249,9 @@ fn bodies_and_groups_that_are_wrong() {
             "check the mesh for inverted and overlapping elements and mesh again";
         with(&with(TEXT_2, "$Nodes\n4\n", "$Nodes\n5\n5 1 1 1\n"), "$Elements\n2\n", "$Elements\n3\n3 2 2 1 1 1 2 5\n")
             .into() =>
-            "a.msh:19: triangle 3 of surface `base` is no face of any tetrahedron",
+            "a.msh:19: triangle 3 of surface `base` is not a face of any tetrahedron",
             "surfaces that bound the body or lie in it",
-            "take the surface out of the physical group, or export the volume that belongs to it too";
+            "remove the surface from the physical group, or export also the volume that it belongs to";
         four("$Entities\n0 0 1 1\n", "$Entities\n0 0 2 1\n5 0 0 0 1 1 0 1 1 0\n") =>
             "a.msh:12: a second entity 5 of dimension 2", "each entity once", DAMAGED;
     }

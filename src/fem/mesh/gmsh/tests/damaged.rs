@@ -1,4 +1,4 @@
-//! Damaged files cause errors, never panics or allocations of a size stated by a damaged header.
+//! Damaged files cause errors, never panics, and a damaged count never determines the size of an allocation.
 
 use super::super::{Version, WriteOptions, to_writer};
 use super::{TEXT_2, TEXT_4, read};
@@ -16,7 +16,7 @@ fn files() -> Vec<Vec<u8>> {
 }
 
 #[test]
-fn cut_off_anywhere() {
+fn a_file_cut_off_at_any_byte_is_an_error() {
     for bytes in files() {
         let whole = read(&bytes).unwrap();
         let whole_without_break = bytes.len() - 1;
@@ -34,7 +34,7 @@ fn cut_off_anywhere() {
 }
 
 #[test]
-fn any_byte_changed() {
+fn a_change_of_any_byte_causes_no_panic() {
     for bytes in files() {
         for at in 0..bytes.len() {
             for change in [0x01, 0x10, 0x80, 0xff] {
@@ -53,7 +53,7 @@ fn any_byte_changed() {
 }
 
 #[test]
-fn counts_out_of_this_world() {
+fn huge_counts_are_errors() {
     let huge = "1000000000000000000";
     for (text, counts) in [
         (TEXT_2, &["Names\n2\n", "$Nodes\n4\n", "$Elements\n2\n", "\n2 4 2 "][..]),

@@ -7,12 +7,12 @@ fn warnings(text: &str) -> Vec<String> {
 }
 
 #[test]
-fn both_versions_of_one_mesh_are_the_same() {
+fn both_versions_of_a_file_give_the_same_mesh() {
     let (two, four) = (read(TEXT_2).unwrap(), read(TEXT_4).unwrap());
     assert_eq!(two, four);
     assert_eq!(two.warnings, [""; 0]);
     assert_eq!(two.mesh.regions(), ["tissue"]);
-    // Reversed: the normal of 1 2 3 in the file points into the body.
+    // The triangle is reversed, because the normal of 1 2 3 in the file points into the body.
     assert_eq!(two.mesh.surface("base").unwrap().triangles, [[0, 2, 1]]);
     assert_eq!(two.mesh.volume(), 1.0 / 6.0);
 }
@@ -32,14 +32,14 @@ fn a_file_without_volume_groups_is_one_body() {
 }
 
 #[test]
-fn inverted_elements_are_turned_and_counted() {
+fn inverted_elements_are_reversed_with_a_warning() {
     let file = read(with(TEXT_2, "1 2 3 4\n", "1 2 4 3\n")).unwrap();
-    assert_eq!(file.warnings, ["1 tetrahedra were numbered inside out and have been turned"]);
+    assert_eq!(file.warnings, ["1 tetrahedra had a negative volume and have been reversed"]);
     assert_eq!(file.mesh.elements(), [[0, 1, 2, 3]]);
 }
 
 #[test]
-fn nodes_without_elements_are_left_out_and_counted() {
+fn nodes_without_elements_are_left_out_with_a_warning() {
     let text = with(TEXT_2, "$Nodes\n4\n1 0 0 0\n", "$Nodes\n6\n11 7 7 7\n1 0 0 0\n12 8 8 8\n");
     let file = read(text).unwrap();
     assert_eq!(file.warnings, ["2 nodes belong to no tetrahedron and are left out"]);
@@ -47,18 +47,18 @@ fn nodes_without_elements_are_left_out_and_counted() {
 }
 
 #[test]
-fn unjoined_parts_are_noticed() {
+fn coincident_nodes_cause_a_warning() {
     let text = with(TEXT_2, "$Nodes\n4\n", "$Nodes\n8\n5 0 0 0\n6 1 0 0\n7 -0.0 1 0\n8 0 0 -1\n");
     let text = with(&text, "$Elements\n2\n", "$Elements\n3\n3 4 2 1 1 5 6 7 8\n");
     let found = warnings(&text);
     assert_eq!(
         found[1..],
-        ["3 nodes lie exactly where another one does: parts of the body that should be joined there are not"]
+        ["3 nodes have exactly the position of another node: parts of the body may not be connected there"]
     );
 }
 
 #[test]
-fn groups_in_which_nothing_is_are_left_out() {
+fn empty_groups_are_left_out_with_a_warning() {
     let text = with(TEXT_2, "Names\n2\n", "Names\n5\n0 1 \"point\"\n2 9 \"skin\"\n3 9 \"bone\"\n");
     assert_eq!(
         warnings(&text),
@@ -70,7 +70,7 @@ fn groups_in_which_nothing_is_are_left_out() {
 }
 
 #[test]
-fn several_groups_an_entity_negative_ones_and_groups_of_one_name() {
+fn an_entity_may_be_in_several_groups_with_negative_numbers_and_equal_names() {
     let text = with(TEXT_4, "1 1 0 1 1 0\n", "1 1 0 4 -1 8 1 9 0\n");
     let text = with(&text, "Names\n2\n", "Names\n3\n2 9 \"base\"\n");
     let mesh = read(text).unwrap().mesh;
@@ -79,7 +79,7 @@ fn several_groups_an_entity_negative_ones_and_groups_of_one_name() {
 }
 
 #[test]
-fn regions_and_surfaces_come_in_the_order_of_their_numbers() {
+fn regions_and_surfaces_are_ordered_by_their_numbers() {
     let text = with(TEXT_2, "$Nodes\n4\n", "$Nodes\n5\n5 0 0 -1\n");
     let text = with(&text, "$Elements\n2\n", "$Elements\n4\n7 4 2 5 1 1 3 2 5\n8 2 2 3 9 1 2 4\n");
     let mesh = read(text).unwrap().mesh;
@@ -91,7 +91,7 @@ fn regions_and_surfaces_come_in_the_order_of_their_numbers() {
 }
 
 #[test]
-fn other_sections_points_lines_and_blank_lines_are_read_over() {
+fn other_sections_points_lines_and_blank_lines_are_ignored() {
     let text = with(TEXT_2, "$Nodes\n", "$Comments\nanything $Nodes\n$EndComments\n\n$Empty\n$EndEmpty\n$Nodes\n\n");
     let text = with(&text, "$Elements\n2\n", "$Elements\n4\n91 15 2 0 1 1\n92 1 3 4 1 7 1 2\n\n");
     assert_eq!(read(&text).unwrap(), read(TEXT_2).unwrap());
@@ -101,7 +101,7 @@ fn other_sections_points_lines_and_blank_lines_are_read_over() {
 }
 
 #[test]
-fn parametric_blocks() {
+fn parameters_of_nodes_are_ignored() {
     let text = with(TEXT_4, "2 5 0 3\n", "2 5 1 3\n");
     let text = with(&text, "30\n0 0 0\n1 0 0\n0 1 0\n", "30\n0 0 0 9 9\n1 0 0 -1 nan\n0 1 0 2 2\n");
     assert_eq!(read(text).unwrap(), read(TEXT_4).unwrap());
@@ -110,7 +110,9 @@ fn parametric_blocks() {
 /// Builds a binary file in either byte order.
 struct Bytes {
     bytes: Vec<u8>,
+    /// True if the file is big-endian.
     big: bool,
+    /// True if counts and tags have eight bytes, false if four.
     wide: bool,
 }
 

@@ -75,8 +75,8 @@ fn read(bytes: impl AsRef<[u8]>) -> Result<MeshFile, InputError> {
     parse(bytes.as_ref(), Path::new("a.msh"))
 }
 
-/// Replaces a piece of a text that must occur exactly once.
+/// Replaces a piece of a text; the piece must occur exactly once.
 fn with(text: &str, old: &str, new: &str) -> String {
-    assert_eq!(text.matches(old).count(), 1, "{old:?} is not once in the text");
+    assert_eq!(text.matches(old).count(), 1, "{old:?} does not occur exactly once");
     text.replace(old, new)
 }

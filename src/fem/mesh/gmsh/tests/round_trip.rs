@@ -12,7 +12,7 @@ const ALL: [WriteOptions; 4] = [
     WriteOptions { version: Version::V4_1, binary: true },
 ];
 
-fn same_again(mesh: &Mesh) {
+fn assert_round_trip(mesh: &Mesh) {
     for options in ALL {
         let mut bytes = Vec::new();
         to_writer(&mut bytes, mesh, options).unwrap();
@@ -23,14 +23,14 @@ fn same_again(mesh: &Mesh) {
 }
 
 #[test]
-fn shapes_come_back_in_every_format() {
-    same_again(&cuboid([2, 1, 3], [0.1, 1.0 / 3.0, 1e-9]).unwrap());
-    // The regions alternate along the elements.
-    same_again(&dogbone(&DogboneShape::default(), 0.004).unwrap());
+fn shapes_are_read_back_unchanged_in_every_format() {
+    assert_round_trip(&cuboid([2, 1, 3], [0.1, 1.0 / 3.0, 1e-9]).unwrap());
+    // The regions of this mesh alternate in the order of the elements.
+    assert_round_trip(&dogbone(&DogboneShape::default(), 0.004).unwrap());
 }
 
 #[test]
-fn odd_names_shared_triangles_and_inner_surfaces_come_back() {
+fn unusual_names_shared_triangles_and_inner_surfaces_are_read_back_unchanged() {
     let plain = cuboid([2, 1, 1], [1e-7, 1.0 / 3.0, 0.1]).unwrap();
     let region_of = (0..12).map(|element| u32::from(element % 3 == 0)).collect();
     let mut surfaces = plain.surfaces().to_vec();
@@ -40,14 +40,14 @@ fn odd_names_shared_triangles_and_inner_surfaces_come_back() {
     surfaces.push(Surface { name: "inner".into(), triangles: vec![[1, 4, 10]] });
     let regions = vec!["12".into(), "a b".into()];
     let mesh = Mesh::new(plain.nodes().to_vec(), plain.elements().to_vec(), region_of, regions, surfaces);
-    same_again(&mesh.unwrap());
+    assert_round_trip(&mesh.unwrap());
 }
 
 #[test]
-fn files_replace_others_and_leave_nothing_beside_them() {
+fn a_written_file_replaces_the_old_one_without_temporary_files() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("box.msh");
-    std::fs::write(&path, "what was there before").unwrap();
+    std::fs::write(&path, "the old content").unwrap();
     let mesh = cuboid([1, 1, 1], [1.0; 3]).unwrap();
     write(&path, &mesh).unwrap();
     assert_eq!(read(&path).unwrap().mesh, mesh);
@@ -64,7 +64,7 @@ fn files_replace_others_and_leave_nothing_beside_them() {
 
 #[cfg(unix)]
 #[test]
-fn a_link_keeps_leading_to_the_file() {
+fn writing_to_a_link_or_a_device_does_not_replace_it() {
     let folder = tempfile::tempdir().unwrap();
     let (path, link) = (folder.path().join("box.msh"), folder.path().join("link.msh"));
     std::fs::write(&path, "").unwrap();
