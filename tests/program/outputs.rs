@@ -155,7 +155,7 @@ fn a_link_to_a_network_with_laws_of_its_own_is_refused() {
     let before = read(folder.path(), "net");
     let failed = line(folder.path(), &format!("{GENERATE} link --seed 3"));
     assert!(
-        failed.failed(2).contains("net.toml: belongs to the network that the symbolic link leads to"),
+        failed.failed(2).contains("net.toml: belongs to the network that is the target of the symbolic link"),
         "{}",
         failed.stderr
     );

@@ -75,7 +75,7 @@ fn a_published_network_with_doubled_fibers_is_solved() {
     let read = file::read(&path).unwrap_or_else(|errors| panic!("{errors}"));
     assert_eq!((read.network.fibers().len(), read.network.doubled().len()), (3049, 14));
     let [warning] = read.warnings.as_slice() else { panic!("{:?}", read.warnings) };
-    assert!(warning.contains(": 14 fibers join two nodes that another fiber joins already"), "{warning}");
+    assert!(warning.contains(": 14 fibers join two nodes that another fiber already joins"), "{warning}");
     let mut bench = Bench::<Sparse>::new(&Arc::new(read.network), None);
     let mut rve = bench.at_rest();
     bench.solve(&mut rve, &Matrix3::from_diagonal(&[1.02, 0.99, 0.99].into())).unwrap();

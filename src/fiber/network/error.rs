@@ -1,14 +1,14 @@
-//! Errors in the geometry of a network.
+//! Errors in the geometry and the materials of a network.
 
-/// A network that cannot be used as an RVE. Nodes and fibers are numbered from 0, in the order in which they were
-/// given.
+/// The error of a network that cannot be used as an RVE. Nodes and fibers are numbered from 0, in the order in which
+/// they were given.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum NetworkError {
     /// The network has no fibers.
     #[error("the network has no fibers")]
     NoFibers,
-    /// No node lies on a face of the cube, so that the deformation gradient cannot be imposed. Holds the number of
-    /// nodes.
+    /// No node lies on a face of the cube, so that the deformation gradient cannot be imposed. The value is the number
+    /// of nodes.
     #[error("none of the {0} nodes lies on a face of the cube")]
     NoBoundary(usize),
     /// There are more nodes or fibers than 32-bit unknowns can number.
@@ -34,7 +34,7 @@ pub enum NetworkError {
     Outside {
         /// The node.
         node: usize,
-        /// Its position, in unit-cube units.
+        /// Position of the node, in unit-cube units.
         position: [f64; 3],
     },
     /// A fiber refers to a node that does not exist.
@@ -56,28 +56,28 @@ pub enum NetworkError {
         node: u32,
     },
     /// A fiber joins two nodes at the same position.
-    #[error("fiber {fiber} between nodes {} and {} has the length {length:e} of the cube's edge", ends[0], ends[1])]
+    #[error("fiber {fiber} between nodes {} and {} has the length {length:e}, in cube edges", ends[0], ends[1])]
     ZeroLength {
         /// The fiber.
         fiber: usize,
-        /// Its ends.
+        /// The two nodes of the fiber.
         ends: [u32; 2],
-        /// Its length, in unit-cube units.
+        /// Length of the fiber, in unit-cube units.
         length: f64,
     },
     /// Two nodes that no fiber joins have the same position.
     #[error("nodes {first} and {second} have the same position, {position:?}")]
     SamePlace {
-        /// The lower node.
+        /// The node with the lower number.
         first: usize,
-        /// The higher node.
+        /// The node with the higher number.
         second: usize,
-        /// Their position, in the units given.
+        /// Their position, in the units of the given nodes.
         position: [f64; 3],
     },
-    /// The bounding box is flat, or its edges differ by more than 1e-6 of the longest. Holds the edges along x, y, z,
-    /// in the units given.
-    #[error("the box of the nodes has the edges {} x {} x {}, not a cube", .0[0], .0[1], .0[2])]
+    /// The bounding box is flat, or its edges differ by more than 1e-6 of the longest. The values are the edges along
+    /// x, y, z, in the units of the given nodes.
+    #[error("the bounding box of the nodes has the edges {} x {} x {}, not a cube", .0[0], .0[1], .0[2])]
     NotACube([f64; 3]),
     /// The list of materials does not have one entry per fiber.
     #[error("{given} material numbers for {fibers} fibers")]
@@ -88,7 +88,7 @@ pub enum NetworkError {
         fibers: usize,
     },
     /// A fiber refers to a material that does not exist.
-    #[error("fiber {fiber} is of material {material}, but there are {materials}")]
+    #[error("fiber {fiber} has material {material}, but there are only {materials} materials")]
     NoSuchMaterial {
         /// The fiber.
         fiber: usize,

@@ -11,10 +11,11 @@ use crate::input::MOST_SHOWN;
 pub const BOUNDARY_TOLERANCE: f64 = 1e-8;
 /// Largest relative difference of the edges of a box that counts as a cube.
 pub const CUBE_TOLERANCE: f64 = 1e-6;
-/// Nodes within this distance, in unit-cube units, have the same position: it is about a thousand times the rounding
-/// error of a coordinate, and far below the shortest fibers of published networks (4e-5).
+/// Nodes within this distance, in unit-cube units, count as having the same position. The distance is about a thousand
+/// times the rounding error of a coordinate, and far below the length of the shortest fibers of published networks
+/// (4e-5).
 pub const SAME_PLACE: f64 = 1e-12;
-/// A box within this distance of `[-1/2, 1/2]^3` is the unit cube, and its nodes are not moved.
+/// A box within this distance of `[-1/2, 1/2]^3` counts as the unit cube, and its nodes are not moved.
 const IDENTITY_TOLERANCE: f64 = 1e-12;
 /// Maximum number of nodes whose unknowns can be numbered in signed 32-bit integers.
 const MAX_NODES: usize = (i32::MAX / 3) as usize;
@@ -24,12 +25,12 @@ const MAX_NODES: usize = (i32::MAX / 3) as usize;
 pub struct Cube {
     /// The corner with the lowest coordinates.
     pub lower: [f64; 3],
-    /// Edges along x, y, z; equal within 1e-6.
+    /// Edge lengths along x, y, z; equal within 1e-6 of the longest.
     pub edges: [f64; 3],
 }
 
 impl Cube {
-    /// `[-1/2, 1/2]^3`.
+    /// The unit cube `[-1/2, 1/2]^3`.
     pub const UNIT: Self = Self { lower: [-0.5; 3], edges: [1.0; 3] };
 
     /// Returns the bounding box of the nodes.
@@ -48,7 +49,7 @@ impl Cube {
         let edges = if nodes.is_empty() { [0.0; 3] } else { [0, 1, 2].map(|k| upper[k] - lower[k]) };
         let longest = edges[0].max(edges[1]).max(edges[2]);
         let shortest = edges[0].min(edges[1]).min(edges[2]);
-        // Negated, so that an edge of infinity or NaN is rejected too.
+        // The condition is negated, so that an infinite edge or NaN is rejected too.
         if !(shortest > 0.0 && longest.is_finite() && longest - shortest <= CUBE_TOLERANCE * longest) {
             return Err(NetworkError::NotACube(edges));
         }
@@ -63,15 +64,16 @@ impl Cube {
         })
     }
 
-    /// Maps a position to unit-cube units: `(x - c)/w`, computed such that both faces are mapped exactly to +-1/2.
+    /// Maps a position to unit-cube units: `(x - c)/w` with the center `c` and the edges `w`, computed such that the
+    /// faces are mapped exactly to +-1/2.
     fn to_unit(self, x: [f64; 3]) -> [f64; 3] {
         [0, 1, 2].map(|k| (x[k] - self.lower[k]) / self.edges[k] - 0.5)
     }
 }
 
 impl Network {
-    /// Makes a network whose cube is the bounding box of its nodes; the nodes are centered and scaled to the unit cube
-    /// unless the box is the unit cube already (within 1e-12).
+    /// Creates a network whose cube is the bounding box of its nodes; the nodes are centered and scaled to the unit
+    /// cube unless the box is already the unit cube (within 1e-12).
     ///
     /// # Errors
     /// Returns the first [`NetworkError`] found in the geometry.
@@ -81,7 +83,7 @@ impl Network {
         Self::in_cube(name, cube, nodes, fibers)
     }
 
-    /// Makes a network in a given cube, which need not be its bounding box.
+    /// Creates a network in a given cube, which need not be its bounding box.
     ///
     /// # Errors
     /// Returns the first [`NetworkError`] found in the geometry, including a node outside the cube by more than 1e-8 of
@@ -142,8 +144,8 @@ impl Network {
         Ok(Self { materials, material_of, ..self })
     }
 
-    /// Returns the fibers, ascending, that join the same two nodes as an earlier fiber, in either direction. They
-    /// contribute like all other fibers: their forces and stiffness add up.
+    /// Returns the fibers, ascending, that join the same two nodes as an earlier fiber, in either direction. These
+    /// fibers contribute like all others: forces and stiffness add up.
     pub fn doubled(&self) -> Vec<u32> {
         doubled(&self.fibers)
     }
@@ -174,7 +176,7 @@ pub(super) fn doubled(fibers: &[[u32; 2]]) -> Vec<u32> {
     (0u32..).zip(fibers).filter(|(_, [a, b])| !seen.insert([a.min(b), a.max(b)])).map(|(fiber, _)| fiber).collect()
 }
 
-/// Returns up to [`MOST_SHOWN`] problems of nodes (finite) and fibers in their cube, fibers first.
+/// Returns up to [`MOST_SHOWN`] problems of fibers and then of nodes in their cube; the coordinates are finite.
 pub(super) fn problems(cube: Cube, nodes: &[[f64; 3]], fibers: &[[u32; 2]]) -> Vec<NetworkError> {
     if fibers.is_empty() {
         return vec![NetworkError::NoFibers];
@@ -189,6 +191,7 @@ pub(super) fn problems(cube: Cube, nodes: &[[f64; 3]], fibers: &[[u32; 2]]) -> V
     found
 }
 
+/// Finds fibers with nodes that do not exist, with two equal ends, or of zero length.
 fn bad_fibers(unit: &[[f64; 3]], fibers: &[[u32; 2]]) -> impl Iterator<Item = NetworkError> {
     fibers.iter().enumerate().filter_map(move |(fiber, &[a, b])| {
         if let Some(index) = [a, b].into_iter().find(|&index| index as usize >= unit.len()) {
@@ -233,7 +236,7 @@ mod tests {
     use super::*;
     use crate::fiber::law::Law;
 
-    /// The corners of a cube, a point inside, and fibers from that point to the corners.
+    /// Returns the corners of a cube, a point inside, and fibers from that point to the corners.
     fn star(lower: [f64; 3], edges: [f64; 3]) -> (Vec<[f64; 3]>, Vec<[u32; 2]>) {
         let corner = |c: u32| [0, 1, 2].map(|k| lower[k] + f64::from(c >> k & 1) * edges[k]);
         let mut nodes: Vec<[f64; 3]> = (0..8).map(corner).collect();
@@ -242,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cube_anywhere_lands_exactly_on_the_unit_cube() {
+    fn any_cube_is_mapped_exactly_to_the_unit_cube() {
         for (lower, edge) in [(0.1, 0.3), (-2.5, 5.0), (1e3, 1.0 / 3.0), (-1e-7, 7e-8), (1e-320, 1e9)] {
             let (nodes, fibers) = star([lower, 2.0 * lower, -lower], [edge; 3]);
             let network = Network::new("star", nodes, fibers).unwrap();
@@ -256,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn nodes_of_a_unit_cube_stay_where_they_are() {
+    fn nodes_of_a_unit_cube_are_not_moved() {
         let (mut nodes, fibers) = star([-0.5; 3], [1.0; 3]);
         nodes[0][0] -= 5e-13;
         nodes[8] = [0.1, -0.2, 0.3];
@@ -266,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn boxes_count_as_cubes_up_to_a_millionth() {
+    fn a_box_is_a_cube_if_its_edges_differ_by_at_most_one_millionth() {
         let (nodes, fibers) = star([0.0; 3], [1.0, 1.0, 1.0 + 0.9e-6]);
         let network = Network::new("star", nodes, fibers).unwrap();
         assert_eq!(network.boundary().len(), 8, "every face keeps its nodes");
@@ -276,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn every_fault_has_its_error() {
+    fn every_kind_of_invalid_geometry_has_its_error() {
         type Change<'a> = &'a dyn Fn(&mut Vec<[f64; 3]>, &mut Vec<[u32; 2]>);
         let broken = |change: Change<'_>| {
             let (mut nodes, mut fibers) = star([-0.5; 3], [1.0; 3]);
@@ -315,7 +318,7 @@ mod tests {
     }
 
     #[test]
-    fn materials_must_fit_the_fibers() {
+    fn materials_must_match_the_fibers() {
         let (nodes, fibers) = star([-0.5; 3], [1.0; 3]);
         let network = Network::new("star", nodes, fibers).unwrap();
         let material = FiberMaterial { law: Law::Linear { youngs_modulus: 1.0 }, radius: 1.0, density: None };

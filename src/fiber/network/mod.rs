@@ -49,28 +49,28 @@ pub struct Network {
 }
 
 impl Network {
-    /// The name: the file name without the folder, or the name given by the generator.
+    /// Returns the name: the file name without the folder, or the name given by the generator or the caller.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Node positions in the unit cube.
+    /// Returns the node positions in the unit cube.
     pub fn nodes(&self) -> &[[f64; 3]] {
         &self.nodes
     }
 
-    /// The two nodes of every fiber.
+    /// Returns the two nodes of every fiber.
     pub fn fibers(&self) -> &[[u32; 2]] {
         &self.fibers
     }
 
-    /// Reference length of every fiber, in unit-cube units, computed as `sqrt(dx*dx + dy*dy + dz*dz)` of
+    /// Returns the reference length of every fiber, in unit-cube units, computed as `sqrt(dx*dx + dy*dy + dz*dz)` of
     /// `node[b] - node[a]`: bitwise equal to the length that the truss computes for an undeformed fiber.
     pub fn lengths(&self) -> &[f64] {
         &self.lengths
     }
 
-    /// The unit vector from the first to the second node of a fiber.
+    /// Returns the unit vector from the first to the second node of a fiber.
     ///
     /// # Panics
     /// Panics if there is no such fiber.
@@ -79,33 +79,33 @@ impl Network {
         [0, 1, 2].map(|k| (b[k] - a[k]) / self.lengths[fiber])
     }
 
-    /// Index into [`Network::materials`] of every fiber; 0 for all if the network has no materials.
+    /// Returns the index of every fiber into [`Network::materials`]; 0 for all if the network has no materials.
     pub fn material_of(&self) -> &[u16] {
         &self.material_of
     }
 
-    /// The materials from the network's own files; empty if there are none.
+    /// Returns the materials that were read or assigned with the network; empty if there are none.
     pub fn materials(&self) -> &[FiberMaterial] {
         &self.materials
     }
 
-    /// Nodes with a coordinate within 1e-8 of +-1/2, ascending: their positions are prescribed affinely.
+    /// Returns the nodes with a coordinate within 1e-8 of +-1/2, ascending: their positions are prescribed affinely.
     pub fn boundary(&self) -> &[u32] {
         &self.boundary
     }
 
-    /// The interior nodes, ascending.
+    /// Returns the interior nodes, ascending.
     pub fn interior(&self) -> &[u32] {
         &self.interior
     }
 
-    /// Position of every node in [`Network::interior`], or -1 for a boundary node. The unknowns of node `a` are
-    /// `3 * interior_number[a] + 0..3`.
+    /// Returns the index of every node in [`Network::interior`], or -1 for a boundary node. The unknowns of node `a`
+    /// are `3 * interior_number[a] + k` for `k` = 0, 1, 2.
     pub fn interior_number(&self) -> &[i32] {
         &self.interior_number
     }
 
-    /// Sum of the reference lengths, in unit-cube units.
+    /// Returns the sum of the reference lengths, in unit-cube units.
     pub fn total_length(&self) -> f64 {
         self.lengths.iter().sum()
     }

@@ -10,7 +10,7 @@ pub(super) struct Proximity {
 }
 
 impl Proximity {
-    /// Makes an empty grid for searches within `radius` (positive).
+    /// Creates an empty grid for searches within `radius` (positive).
     pub(super) fn new(radius: f64) -> Self {
         Self { radius, cells: HashMap::new() }
     }
@@ -21,7 +21,7 @@ impl Proximity {
         self.cells.entry(cell).or_default().push((number, point));
     }
 
-    /// Returns the lowest number of a point within the radius, if there is one.
+    /// Returns the lowest number of the points within the radius of `point`; `None` if there is no such point.
     pub(super) fn near(&self, point: [f64; 3]) -> Option<usize> {
         let lower = point.map(|x| self.cell(x - self.radius));
         let upper = point.map(|x| self.cell(x + self.radius));
@@ -40,13 +40,14 @@ impl Proximity {
         found
     }
 
-    /// The index of a cell; cells are four radii wide, so that most searches visit one cell only.
+    /// Returns the index of the cell along an axis; cells are four radii wide, so that most searches visit only one
+    /// cell.
     fn cell(&self, x: f64) -> i64 {
         (x / (4.0 * self.radius)).floor() as i64
     }
 }
 
-/// Distance of two points: `sqrt(dx*dx + dy*dy + dz*dz)`, in this order of operations.
+/// Returns the distance of two points: `sqrt(dx*dx + dy*dy + dz*dz)`, in this order of operations.
 pub(super) fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
     let d = [b[0] - a[0], b[1] - a[1], b[2] - a[2]];
     (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt()
@@ -57,7 +58,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn finds_across_cell_borders_and_names_the_lowest() {
+    fn the_lowest_number_is_found_across_cell_borders() {
         let mut points = Proximity::new(0.1);
         points.insert(7, [0.401, 0.0, -0.001]);
         points.insert(3, [0.35, 0.0, 0.0]);

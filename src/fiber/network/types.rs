@@ -8,34 +8,34 @@ use crate::fiber::law::FiberMaterial;
 
 /// Tolerance of the sum of the fractions, since decimal fractions are not exact in binary.
 const TOLERANCE: f64 = 1e-9;
-/// The random number stream that draws types; a generator with the same seed draws its points from stream 0.
+/// The stream of random numbers for the types; a generator with the same seed draws its points from stream 0.
 const STREAM: u64 = 1;
 
-/// Error in the assignment of fiber types.
+/// The error of fiber types that cannot be assigned.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FiberTypesError {
-    /// There is no type, or there are more than 65535. Holds the number of types.
-    #[error("{0} types of fibers; there can be from 1 to 65535")]
+    /// There is no type, or there are more than 65535. The value is the number of types.
+    #[error("{0} fiber types; the number must be from 1 to 65535")]
     Count(usize),
     /// A fraction is not positive.
-    #[error("the fraction of type {number} is {fraction}")]
+    #[error("the fraction of fiber type {number} is {fraction}")]
     Fraction {
         /// The type, from 0.
         number: usize,
         /// Its fraction.
         fraction: f64,
     },
-    /// The fractions do not sum to 1. Holds their sum.
+    /// The fractions do not sum to 1. The value is their sum.
     #[error("the fractions of the fiber types sum to {}", (.0 * 1e12).round() / 1e12)]
     Sum(f64),
 }
 
 impl Network {
-    /// Assigns random types to the fibers; each type has a fraction, of the number of all fibers, and a material.
+    /// Assigns random types to the fibers; each type has a fraction of the number of all fibers, and a material.
     ///
-    /// The fibers are apportioned to the types by largest remainders, so that every number is off by less than one
-    /// fiber. ChaCha draws the fibers of each type from the seed, the same on every machine. The order of the fibers
-    /// does not change.
+    /// The fibers are apportioned to the types by the method of largest remainders, so that the number of fibers of
+    /// each type differs from its share by less than one. The fibers of each type are drawn with ChaCha from the seed,
+    /// the same on every machine. The order of the fibers does not change.
     ///
     /// # Errors
     /// Returns [`FiberTypesError`] unless there are 1 to 65535 types and all fractions are above 0 and sum to 1 within
@@ -62,7 +62,7 @@ impl Network {
     }
 }
 
-/// Apportions `total` to the fractions: rounds down, then up where the remainders are largest.
+/// Apportions `total` to the fractions: rounds all shares down, and then those with the largest remainders up.
 fn counts(fractions: &[f64], total: usize) -> Vec<usize> {
     let exact: Vec<f64> = fractions.iter().map(|fraction| fraction * total as f64).collect();
     let mut counts: Vec<usize> = exact.iter().map(|exact| exact.floor() as usize).collect();
@@ -76,7 +76,7 @@ fn counts(fractions: &[f64], total: usize) -> Vec<usize> {
         counts[number] += 1;
         missing -= 1;
     }
-    // Fractions that sum to slightly more than 1 may give a fiber too many.
+    // Fractions that sum to slightly more than 1 may give too many fibers.
     let mut excess = counts.iter().sum::<usize>().saturating_sub(total);
     for count in counts.iter_mut().rev() {
         let less = excess.min(*count);
@@ -86,8 +86,8 @@ fn counts(fractions: &[f64], total: usize) -> Vec<usize> {
     counts
 }
 
-/// Shuffles with equal probability of every order, except for a bias of `len / 2^64` (Fisher and Yates, in
-/// Durstenfeld's form).
+/// Shuffles such that every order has the same probability, up to a bias of `len / 2^64` (the method of Fisher and
+/// Yates, in Durstenfeld's form).
 fn shuffle(types: &mut [u16], seed: u64) {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     random.set_stream(STREAM);
@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_keep_the_proportion() {
+    fn counts_are_proportional_to_the_fractions() {
         assert_eq!(counts(&[0.7, 0.3], 10), [7, 3]);
         assert_eq!(counts(&[0.5, 0.5], 3), [2, 1]);
         assert_eq!(counts(&[0.1, 0.1, 0.8], 4), [1, 0, 3]);
@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn the_seed_draws_the_types() {
+    fn the_types_depend_on_the_seed() {
         let network = delaunay(20, 1).unwrap();
         let fibers = network.fibers().len();
         let types = || vec![(0.7, material(1.0)), (0.3, material(2.0))];
@@ -132,22 +132,22 @@ mod tests {
 
     /// Reference values of ChaCha, which no library release may change.
     #[test]
-    fn the_order_stays_what_it_is() {
+    fn the_shuffled_order_is_unchanged() {
         let mut types: Vec<u16> = (0..12).collect();
         shuffle(&mut types, 1);
         assert_eq!(types, [10, 2, 11, 9, 4, 6, 5, 3, 8, 0, 1, 7]);
     }
 
     #[test]
-    fn fractions_without_sense_are_told() {
+    fn invalid_fractions_are_errors() {
         let network = delaunay(20, 1).unwrap();
         let error = |fractions: &[f64]| {
             let types = fractions.iter().map(|&fraction| (fraction, material(1.0))).collect();
             network.clone().with_random_types(types, 1).unwrap_err().to_string()
         };
-        assert_eq!(error(&[]), "0 types of fibers; there can be from 1 to 65535");
+        assert_eq!(error(&[]), "0 fiber types; the number must be from 1 to 65535");
         assert_eq!(error(&[0.5, 0.4]), "the fractions of the fiber types sum to 0.9");
-        assert_eq!(error(&[1.5, -0.5]), "the fraction of type 1 is -0.5");
+        assert_eq!(error(&[1.5, -0.5]), "the fraction of fiber type 1 is -0.5");
         assert!(error(&[f64::NAN]).contains("is NaN"));
     }
 }

@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use super::components::roots;
 use crate::fiber::network::{BOUNDARY_TOLERANCE, Cube, Network, NetworkError};
 
-/// A cleaned network and the account of the removed parts.
+/// A cleaned network and the counts of the removed parts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cleaned {
     /// The remaining network, with its materials.
@@ -14,22 +14,22 @@ pub struct Cleaned {
     pub kept_nodes: Vec<u32>,
     /// The remaining fibers, by their former numbers.
     pub kept_fibers: Vec<u32>,
-    /// The numbers of removed fibers and nodes.
+    /// The counts of removed fibers and nodes.
     pub removed: Removed,
 }
 
-/// The numbers of removed fibers and nodes; each is counted once, under the first reason that applies.
+/// The counts of removed fibers and nodes; each fiber is counted once, under the first reason that applies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "app", derive(serde::Serialize))]
 pub struct Removed {
-    /// Fibers shorter than the given length.
+    /// Number of fibers shorter than the given length.
     pub short_fibers: usize,
-    /// Dangling fibers: those at an interior node with a single neighbor, including nodes that reach this state when
-    /// other fibers are removed.
+    /// Number of dangling fibers: those at an interior node with a single neighbor, including nodes that lose all but
+    /// one neighbor when other fibers are removed.
     pub dangling_fibers: usize,
-    /// Fibers of components that are not connected to the boundary.
+    /// Number of fibers of components that are not connected to the boundary.
     pub untied_fibers: usize,
-    /// Nodes without a remaining fiber.
+    /// Number of nodes without a remaining fiber.
     pub nodes: usize,
 }
 
@@ -41,8 +41,8 @@ impl Removed {
 }
 
 /// Removes, in this order, fibers shorter than `min_length` (in unit-cube units), dangling fibers until none is left,
-/// components not connected to the boundary, and nodes without fibers. If a face would lose its last node, its first
-/// one is kept, so that the bounding box does not change.
+/// components not connected to the boundary, and nodes without fibers. If a face would lose its last node, the first
+/// node of the face is kept, so that the bounding box does not change.
 ///
 /// # Errors
 /// Returns [`NetworkError::NoFibers`] if no fiber would be left.
@@ -64,7 +64,7 @@ pub fn clean(network: &Network, min_length: Option<f64>) -> Result<Cleaned, Netw
     Ok(Cleaned { network: restrict(network, &kept_nodes, &kept_fibers)?, kept_nodes, kept_fibers, removed })
 }
 
-/// Marks the nodes that have fibers, and one node on each face that would otherwise have none.
+/// Returns, for every node, whether it has one of the fibers, or is kept as the only node of a face.
 fn used_nodes(network: &Network, fibers: &[u32]) -> Vec<bool> {
     let mut used = vec![false; network.nodes().len()];
     for &fiber in fibers {
@@ -88,10 +88,10 @@ fn used_nodes(network: &Network, fibers: &[u32]) -> Vec<bool> {
     used
 }
 
-/// Removes fibers at interior nodes with a single neighbor until there are none; returns their number.
+/// Removes fibers at interior nodes with a single neighbor until there are none; returns the number of removed fibers.
 fn drop_dangling(network: &Network, keep: &mut [bool]) -> usize {
     let mut fibers_at: Vec<Vec<u32>> = vec![Vec::new(); network.nodes().len()];
-    // Counts neighbors, not fibers: several fibers to the same node support it no better than one.
+    // The degree counts neighbors, not fibers: several fibers to the same node support a node no better than one.
     let mut degree = vec![0usize; network.nodes().len()];
     let mut pairs = HashSet::new();
     for (fiber, ends) in (0u32..).zip(network.fibers()).filter(|(fiber, _)| keep[*fiber as usize]) {
@@ -127,7 +127,7 @@ fn drop_dangling(network: &Network, keep: &mut [bool]) -> usize {
     dropped
 }
 
-/// Removes the fibers of components without a boundary node; returns their number.
+/// Removes the fibers of components without a boundary node; returns the number of removed fibers.
 fn drop_untied(network: &Network, keep: &mut [bool]) -> usize {
     let left = network.fibers().iter().zip(keep.iter()).filter_map(|(&ends, &keep)| keep.then_some(ends));
     let roots = roots(network.nodes().len(), left);
@@ -145,7 +145,7 @@ fn drop_untied(network: &Network, keep: &mut [bool]) -> usize {
     dropped
 }
 
-/// Makes the network of some of the nodes and fibers, renumbered, in the same cube.
+/// Creates the network of the given nodes and fibers, with the nodes renumbered, in the same cube.
 fn restrict(network: &Network, nodes: &[u32], fibers: &[u32]) -> Result<Network, NetworkError> {
     let mut number = vec![0u32; network.nodes().len()];
     for (new, &old) in (0u32..).zip(nodes) {

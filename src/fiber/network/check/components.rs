@@ -6,13 +6,14 @@ use std::collections::BTreeMap;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "app", derive(serde::Serialize))]
 pub struct Component {
-    /// Its lowest node.
+    /// The lowest node of the component.
     pub first_node: u32,
     /// Number of nodes.
     pub nodes: usize,
     /// Number of fibers.
     pub fibers: usize,
-    /// Whether one of its nodes lies on the boundary: otherwise nothing supports it, and it carries no load.
+    /// True if a node of the component lies on the boundary; otherwise the component is unsupported and carries no
+    /// load.
     pub tied: bool,
 }
 
@@ -26,7 +27,7 @@ pub(super) fn roots(nodes: usize, fibers: impl Iterator<Item = [u32; 2]>) -> Vec
     (0..nodes as u32).map(|node| root(&mut parent, node)).collect()
 }
 
-/// Returns the root of a node's tree and halves the path to it.
+/// Returns the root of the tree of a node in a union-find structure, and halves the path to the root.
 fn root(parent: &mut [u32], mut node: u32) -> u32 {
     while parent[node as usize] != node {
         parent[node as usize] = parent[parent[node as usize] as usize];

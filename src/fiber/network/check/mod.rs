@@ -15,8 +15,8 @@ mod tests {
     use super::*;
     use crate::fiber::network::{Network, NetworkError};
 
-    /// Corners of the unit cube connected to node 8; a dangling chain 8-9-10 with a branch 9-11; an untied part
-    /// 12-13-14; an isolated node 15.
+    /// Returns a network of the corners of the unit cube connected to node 8, a dangling chain 8-9-10 with a branch
+    /// 9-11, a component 12-13-14 without a boundary node, and an isolated node 15.
     fn untidy() -> Network {
         let corner = |c: u32| [0, 1, 2].map(|k| f64::from(c >> k & 1) - 0.5);
         let mut nodes: Vec<[f64; 3]> = (0..8).map(corner).collect();
@@ -28,7 +28,7 @@ mod tests {
     }
 
     #[test]
-    fn the_report_counts_what_is_there() {
+    fn the_report_contains_the_statistics_of_the_network() {
         let report = examine(&untidy());
         assert_eq!((report.nodes, report.fibers, report.boundary_nodes, report.free_dofs), (16, 15, 8, 24));
         assert_eq!((report.boundary_fibers, report.maxwell_count), (1, 14 - 24));
@@ -62,7 +62,7 @@ mod tests {
     }
 
     #[test]
-    fn cleaning_takes_out_what_carries_nothing() {
+    fn cleaning_removes_the_parts_that_carry_no_load() {
         let cleaned = clean(&untidy(), None).unwrap();
         let removed = Removed { short_fibers: 0, dangling_fibers: 3, untied_fibers: 3, nodes: 7 };
         assert_eq!(cleaned.removed, removed);
@@ -73,7 +73,8 @@ mod tests {
         assert_eq!((report.untied().count(), report.dangling_nodes.len()), (0, 0));
     }
 
-    /// Doubled fibers support a node no better than one: the chain dangles; the diagonal stays, and stays doubled.
+    /// Two fibers between the same nodes support them no better than one: the chain still dangles. The diagonal and its
+    /// duplicate are kept.
     #[test]
     fn doubled_fibers_are_counted_and_dangle_like_single_ones() {
         let untidy = untidy();
@@ -90,12 +91,12 @@ mod tests {
     }
 
     #[test]
-    fn short_fibers_go_and_the_box_stays() {
+    fn short_fibers_are_removed_and_the_bounding_box_is_kept() {
         // All diagonals have length 0.87; only the fiber along the edge from corner 0 to corner 1 is kept.
         let cleaned = clean(&untidy(), Some(0.9)).unwrap();
         assert_eq!(cleaned.removed.short_fibers, 14);
         assert_eq!(cleaned.kept_fibers, [14]);
-        assert_eq!(cleaned.kept_nodes, [0, 1, 2, 4], "corners 2 and 4 hold the faces y = 1/2 and z = 1/2");
+        assert_eq!(cleaned.kept_nodes, [0, 1, 2, 4], "corners 2 and 4 are kept for the faces y = 1/2 and z = 1/2");
         assert_eq!(clean(&untidy(), Some(1.1)).unwrap_err(), NetworkError::NoFibers);
     }
 }

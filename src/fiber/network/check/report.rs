@@ -22,7 +22,7 @@ pub struct SummaryStatistics {
 }
 
 impl SummaryStatistics {
-    /// Returns `None` for an empty sample.
+    /// Computes the statistics of a sample; `None` for an empty sample.
     fn of(values: &[f64]) -> Option<Self> {
         let count = values.len() as f64;
         let (&first, _) = values.split_first()?;
@@ -43,9 +43,9 @@ pub struct NetworkReport {
     pub nodes: usize,
     /// Number of fibers.
     pub fibers: usize,
-    /// Nodes on the boundary, whose positions are prescribed.
+    /// Number of nodes on the boundary, whose positions are prescribed.
     pub boundary_nodes: usize,
-    /// All other nodes.
+    /// Number of all other nodes.
     pub interior_nodes: usize,
     /// Number of free unknowns: three per interior node.
     pub free_dofs: usize,
@@ -56,22 +56,22 @@ pub struct NetworkReport {
     pub components: Vec<Component>,
     /// Interior nodes with a single neighbor; their fibers cannot carry a load.
     pub dangling_nodes: Vec<u32>,
-    /// Fibers that join the same two nodes as an earlier fiber.
+    /// Number of fibers that join the same two nodes as an earlier fiber.
     pub doubled_fibers: usize,
-    /// Fibers with both ends on the boundary: they deform affinely and do not interact with the interior.
+    /// Number of fibers with both ends on the boundary: they deform affinely and do not interact with the interior.
     pub boundary_fibers: usize,
     /// Length of the fibers.
     pub length: SummaryStatistics,
-    /// Sum of the lengths. Since the volume of the cube is 1, this is also the density: fiber length per volume in
+    /// Sum of the lengths. Since the volume of the cube is 1, this is also the density: fiber length per volume, in
     /// 1/edge^2.
     pub total_length: f64,
     /// Number of fibers at an interior node; `None` if there is no interior node.
     pub coordination: Option<SummaryStatistics>,
     /// Number of interior nodes with 0, 1, 2, ... fibers.
     pub coordination_counts: Vec<usize>,
-    /// `1/N sum n (x) n` over the fibers' directions.
+    /// The orientation tensor `1/N sum n (x) n` over the directions `n` of the `N` fibers.
     pub orientation: [[f64; 3]; 3],
-    /// `sum L n (x) n / sum L`.
+    /// The orientation tensor weighted by the fiber lengths `L`: `sum L n (x) n / sum L`.
     pub orientation_by_length: [[f64; 3]; 3],
     /// The direction along which most fibers lie: the eigenvector of `orientation` with the largest eigenvalue, signed
     /// such that its largest component is positive.
@@ -86,13 +86,13 @@ pub struct NetworkReport {
 }
 
 impl NetworkReport {
-    /// The second-order parameter about a unit vector: with equal weights, and weighted by length.
+    /// Returns the second-order parameter about a unit vector: with equal weights, and weighted by length.
     pub fn order_about(&self, axis: [f64; 3]) -> [f64; 2] {
         [self.orientation, self.orientation_by_length]
             .map(|tensor| second_order_parameter(&Matrix3::from(tensor), &axis.into()))
     }
 
-    /// The components without a boundary node.
+    /// Returns the components without a boundary node.
     pub fn untied(&self) -> impl Iterator<Item = &Component> {
         self.components.iter().filter(|part| !part.tied)
     }
@@ -145,7 +145,7 @@ pub fn examine(network: &Network) -> NetworkReport {
     }
 }
 
-/// The number of fibers at every node.
+/// Returns the number of fibers at every node.
 fn degrees(network: &Network) -> Vec<usize> {
     let mut degrees = vec![0; network.nodes().len()];
     for &node in network.fibers().iter().flatten() {
@@ -154,7 +154,7 @@ fn degrees(network: &Network) -> Vec<usize> {
     degrees
 }
 
-/// The orientation tensors with equal weights and weighted by length.
+/// Returns the orientation tensors: with equal weights, and weighted by length.
 fn orientations(network: &Network) -> [Matrix3<f64>; 2] {
     let directions: Vec<[f64; 3]> = (0..network.fibers().len()).map(|fiber| network.direction(fiber)).collect();
     [Weighting::Number, Weighting::Length].map(|weighting| tensor(&directions, network.lengths(), weighting))

@@ -12,7 +12,7 @@ use crate::input::{InputError, InputErrors};
 pub(super) struct Body {
     pub(super) nodes: Vec<[f64; 3]>,
     pub(super) fibers: Vec<[u32; 2]>,
-    /// Pairs of nodes, from 0.
+    /// Periodic pairs of nodes; nodes count from 0.
     pub(super) periodic: Vec<[u32; 2]>,
     pub(super) cube: Cube,
     pub(super) warnings: Vec<String>,
@@ -25,6 +25,10 @@ struct Sections<'l, 't> {
     periodic: &'l [Line<'t>],
 }
 
+/// Parses and checks the contents of a network file.
+///
+/// # Errors
+/// Returns all errors found in the first stage that fails: the lines, the bounding box, or the geometry.
 pub(super) fn parse(file: &Path, bytes: &[u8]) -> Result<Body, InputErrors> {
     let mut parser = Parser::new(file);
     let lines = parser.lines(bytes)?;
@@ -54,13 +58,15 @@ pub(super) fn parse(file: &Path, bytes: &[u8]) -> Result<Body, InputErrors> {
         let (file, count) = (file.display(), more.len() + 1);
         let join = if count == 1 { "fiber joins" } else { "fibers join" };
         warnings.push(format!(
-            "{file}:{line}: {count} {join} two nodes that another fiber joins already (this is the first); each counts"
+            "{file}:{line}: {count} {join} two nodes that another fiber already joins (this is the first); \
+             all contribute"
         ));
     }
     Ok(Body { nodes, fibers, periodic, cube, warnings })
 }
 
-/// Reads the header and compares it with the number of lines, before memory is allocated from its counts.
+/// Reads the header and checks that its counts agree with the number of lines, before memory is allocated according to
+/// these counts.
 fn divide<'l, 't>(parser: &mut Parser<'_>, lines: &'l [Line<'t>]) -> Result<Sections<'l, 't>, InputError> {
     let expected = "three counts: NODES FIBERS PERIODIC";
     let Some((&header, rest)) = lines.split_first() else {
@@ -141,7 +147,7 @@ fn pairs(
 fn cube(parser: &Parser<'_>, nodes: &[[f64; 3]]) -> Result<Cube, InputError> {
     Cube::around(nodes).map_err(|error| {
         let cure = "give a network that fills a cube; stretched boxes cannot be centered and scaled to the unit cube";
-        InputError::in_file(parser.file, error.to_string(), "edges alike within 1e-6 of the longest", cure)
+        InputError::in_file(parser.file, error.to_string(), "edges that are equal within 1e-6 of the longest", cure)
     })
 }
 
@@ -159,11 +165,11 @@ fn explain(parser: &Parser<'_>, sections: &Sections<'_, '_>, problem: &NetworkEr
         NetworkError::ZeroLength { fiber, ends: [a, b], .. } => {
             let (first, second) = (node_line(a as usize), node_line(b as usize));
             let cure = format!("merge the two nodes, lines {first} and {second}, or move one");
-            parser.error(fiber_line(fiber), problem.to_string(), "a fiber of some length", cure)
+            parser.error(fiber_line(fiber), problem.to_string(), "a fiber of positive length", cure)
         }
         NetworkError::SamePlace { first, second, .. } => {
             let cure = format!("merge the two, or move one; the other is on line {}", node_line(first));
-            parser.error(node_line(second), problem.to_string(), "every node at a place of its own", cure)
+            parser.error(node_line(second), problem.to_string(), "a different position for every node", cure)
         }
         NetworkError::NoFibers => {
             parser.error(1, problem.to_string(), "at least one fiber", "generate the network again, with more points")

@@ -39,7 +39,7 @@ impl FiberTypes {
         let types = list.into_inner().types;
         if types.len() != fibers {
             let (what, expected) =
-                (format!("{} types of fibers", types.len()), format!("{fibers}, one for each fiber"));
+                (format!("{} fiber types in the list", types.len()), format!("{fibers}, one for each fiber"));
             return Err(InputError::at_line(file, line, what, expected, "give the .toml file of this network"));
         }
         let mut material_of = Vec::with_capacity(types.len());
@@ -58,7 +58,7 @@ impl FiberTypes {
         Ok(Self { materials, material_of })
     }
 
-    /// Appends the list to the text of the file, in rows.
+    /// Appends the table `[fibers]` with the list of types to the text of the file.
     pub(super) fn list(&self, text: &mut String) {
         text.push_str("\n[fibers]\ntypes = [\n");
         for row in self.material_of.chunks(40) {
@@ -99,6 +99,6 @@ mod tests {
         sidecar.write_beside(&network).unwrap();
         assert_eq!(read_beside(&network, 150).unwrap(), Some(sidecar.clone()));
         let error = read_beside(&network, 151).unwrap_err().to_string();
-        assert!(error.contains("150 types of fibers\n  expected: 151, one for each fiber"), "{error}");
+        assert!(error.contains("150 fiber types in the list\n  expected: 151, one for each fiber"), "{error}");
     }
 }

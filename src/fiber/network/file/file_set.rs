@@ -12,7 +12,7 @@ use crate::checksum::{below_checksum, sum_of, with_checksum};
 use crate::fiber::network::Network;
 use crate::output;
 
-/// Prefix of the line of a sidecar that holds the checksum of the `.params` file beside it.
+/// Prefix of the line of a sidecar that contains the checksum of the `.params` file beside it.
 const PARAMS_LINE: &str = "# Checksum of the .params file: ";
 
 /// Error in the writing of a network and its files.
@@ -26,19 +26,19 @@ pub enum FileSetError {
         /// The error of the operating system.
         source: io::Error,
     },
-    /// A file would be replaced that was not written with a network. Nothing was written.
+    /// A file that was not written with a network would be replaced. Nothing was written.
     #[error("{}: {what}", path.display())]
     Foreign {
         /// The file.
         path: PathBuf,
-        /// The reason for the refusal.
+        /// The property that shows its origin, as the predicate of a sentence.
         what: &'static str,
     },
 }
 
-/// Writes a network to `path`, its materials to `path.params` if the format can hold them, and `sidecar` to
-/// `path.toml`. Existing files with the latter two names are replaced only if an earlier call, even a killed one, has
-/// written them and they have not been changed since. A device or a pipe receives the network only.
+/// Writes a network to `path`, its materials to `path.params` if that format supports them, and `sidecar` to
+/// `path.toml`. Existing files with the latter two names are replaced only if an earlier call wrote them, even if its
+/// process was killed, and they have not been changed since. A device or a pipe receives the network only.
 ///
 /// # Errors
 /// Returns [`FileSetError::Write`] if a file cannot be written, and [`FileSetError::Foreign`] if a file from another
@@ -47,12 +47,12 @@ pub fn write_file_set(path: &Path, network: &Network, sidecar: &Sidecar) -> Resu
     write_one_by_one(path, network, sidecar, || Ok(()))
 }
 
-/// Implements [`write_file_set`]; calls `go_on` before each file.
+/// Implements [`write_file_set`]; calls `before_each` before each write or removal and stops if it fails.
 fn write_one_by_one(
     path: &Path,
     network: &Network,
     sidecar: &Sidecar,
-    mut go_on: impl FnMut() -> io::Result<()>,
+    mut before_each: impl FnMut() -> io::Result<()>,
 ) -> Result<(), FileSetError> {
     let failed = |path: &Path| {
         let path = path.to_owned();
@@ -71,19 +71,19 @@ fn write_one_by_one(
     if sum.is_some() {
         let either: Vec<u64> = found.params.into_iter().chain(sum).collect();
         let sidecar = with_sums(&found.sidecar, &either);
-        go_on().and_then(|()| output::write(&toml, sidecar.as_bytes())).map_err(failed(&toml))?;
+        before_each().and_then(|()| output::write(&toml, sidecar.as_bytes())).map_err(failed(&toml))?;
     }
-    go_on().and_then(|()| write(path, network)).map_err(failed(path))?;
-    let done = go_on().and_then(|()| match materials {
+    before_each().and_then(|()| write(path, network)).map_err(failed(path))?;
+    let done = before_each().and_then(|()| match materials {
         Some(text) => output::write(&params, text.as_bytes()),
         None => remove_params(path),
     });
     done.map_err(failed(&params))?;
     let sidecar = with_sums(&text, sum.as_slice());
-    go_on().and_then(|()| output::write(&toml, sidecar.as_bytes())).map_err(failed(&toml))
+    before_each().and_then(|()| output::write(&toml, sidecar.as_bytes())).map_err(failed(&toml))
 }
 
-/// Returns a signed sidecar with the checksums of acceptable `.params` files.
+/// Returns the text of a sidecar with the checksums `params` of `.params` files and its own checksum.
 fn with_sums(sidecar: &str, params: &[u64]) -> String {
     let lines: String = params.iter().map(|sum| format!("{PARAMS_LINE}{sum:016x}\n")).collect();
     with_checksum(&format!("{lines}{sidecar}"))
@@ -91,13 +91,17 @@ fn with_sums(sidecar: &str, params: &[u64]) -> String {
 
 /// The files beside a network that may be replaced with it.
 struct Found {
-    /// The sidecar without its signature and the checksums of `.params` files; empty if there is none.
+    /// The sidecar without its own checksum and those of `.params` files; empty if there is no sidecar.
     sidecar: String,
-    /// Checksum of the `.params` file.
+    /// Checksum of the `.params` file; `None` if there is no such file.
     params: Option<u64>,
 }
 
-/// Returns an error if a file beside the network was not written with a network.
+/// Returns the files beside a network at `path`.
+///
+/// # Errors
+/// Returns [`FileSetError::Foreign`] if one of them was not written with a network, and [`FileSetError::Write`] if one
+/// cannot be read.
 fn check(path: &Path) -> Result<Found, FileSetError> {
     let target = output::resolve_links(path).map_err(|source| FileSetError::Write { path: path.to_owned(), source })?;
     let [toml, params] = [".toml", ".params"].map(|suffix| beside(path, suffix));
@@ -105,14 +109,14 @@ fn check(path: &Path) -> Result<Found, FileSetError> {
         // The files beside the target of the link describe the network that would be overwritten.
         if let Some(path) = [".toml", ".params"].map(|suffix| beside(&target, suffix)).into_iter().find(|f| f.exists())
         {
-            let what = "belongs to the network that the symbolic link leads to, and would no longer fit it";
+            let what = "belongs to the network that is the target of the symbolic link, and would no longer match it";
             return Err(FileSetError::Foreign { path, what });
         }
     }
     let foreign = |path: &Path, what| Err(FileSetError::Foreign { path: path.to_owned(), what });
     let sidecar = text_of(&toml)?.map(|text| sidecar_of(&toml, &text).ok_or(())).transpose();
     let Ok(sidecar) = sidecar else {
-        return foreign(&toml, "was not written with a network, or was changed since");
+        return foreign(&toml, "was not written with a network, or has been changed since");
     };
     let sums = sidecar.as_ref().map(|known| known.params.clone());
     let sidecar = sidecar.map_or_else(String::new, |known| known.text);
@@ -120,20 +124,20 @@ fn check(path: &Path) -> Result<Found, FileSetError> {
     let sum = sum_of(text.as_bytes());
     match sums {
         Some(sums) if sums.as_ref().is_none_or(|sums| sums.contains(&sum)) => Ok(Found { sidecar, params: Some(sum) }),
-        _ => foreign(&params, "was not written with the network, or was changed since"),
+        _ => foreign(&params, "was not written with the network, or has been changed since"),
     }
 }
 
 /// A sidecar that was written by this module.
 struct Known {
-    /// The text without signature and checksums.
+    /// The text without checksums.
     text: String,
-    /// The checksums of `.params` files that may exist beside it; `None` if the sidecar is of a version without
-    /// signatures.
+    /// The checksums of `.params` files that may exist beside it; `None` if a version of this program without checksums
+    /// has written the sidecar.
     params: Option<Vec<u64>>,
 }
 
-/// Returns `None` if the text was not written by this module.
+/// Parses the text of a sidecar; `None` if this module did not write it.
 fn sidecar_of(file: &Path, text: &str) -> Option<Known> {
     let is_sidecar = |text: &str| {
         let fibers = text
@@ -167,15 +171,15 @@ fn without_sums(mut text: &str) -> Known {
     Known { text: text.to_owned(), params: Some(sums) }
 }
 
-/// Reads the text of a regular file, or of one that a link leads to; `None` if there is none.
+/// Reads the text of a regular file or of the target of a link; `None` if there is no such file.
 fn text_of(path: &Path) -> Result<Option<String>, FileSetError> {
     let what = match std::fs::metadata(path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
         Err(source) => return Err(FileSetError::Write { path: path.to_owned(), source }),
-        Ok(there) if !there.is_file() => "is no regular file",
+        Ok(there) if !there.is_file() => "is not a regular file",
         Ok(_) => match std::fs::read(path).map(String::from_utf8) {
             Ok(Ok(text)) => return Ok(Some(text)),
-            Ok(Err(_)) => "is no text, so it was not written with a network",
+            Ok(Err(_)) => "is not text, so it was not written with a network",
             Err(source) => return Err(FileSetError::Write { path: path.to_owned(), source }),
         },
     };
@@ -201,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn a_process_killed_between_the_files_does_not_lock_the_name() {
+    fn the_files_of_a_killed_process_can_be_replaced() {
         let folder = tempfile::tempdir().unwrap();
         let [soft, stiff] = [1e6, 1e8].map(|youngs_modulus| network(folder.path(), Law::Linear { youngs_modulus }));
         // The `.params` format cannot hold this law.
@@ -217,11 +221,11 @@ mod tests {
                     write_file_set(&path, network, sidecar).unwrap();
                 }
                 let mut left: usize = files;
-                let go_on = || {
+                let before_each = || {
                     left = left.checked_sub(1).ok_or_else(|| io::Error::other("killed"))?;
                     Ok(())
                 };
-                if write_one_by_one(&path, &after.0, &after.1, go_on).is_ok() {
+                if write_one_by_one(&path, &after.0, &after.1, before_each).is_ok() {
                     assert!(files >= 3);
                     break;
                 }
@@ -236,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn params_of_a_stranger_stay() {
+    fn a_params_file_from_another_source_is_not_replaced() {
         let folder = tempfile::tempdir().unwrap();
         let [soft, stiff] = [1e6, 1e8].map(|youngs_modulus| network(folder.path(), Law::Linear { youngs_modulus }));
         let path = folder.path().join("net.txt");

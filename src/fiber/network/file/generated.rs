@@ -1,16 +1,16 @@
-//! The part of a sidecar that holds the parameters of the generator.
+//! The table `[generated]` of a sidecar: the parameters of the generator.
 
 use serde::{Deserialize, Serialize};
 
 use crate::fiber::network::generate::{Alignment, GenerateError, GeneratorParams, Kind};
 
-/// The parameters of the generator. An absent parameter was not requested.
+/// The parameters of the generator; `None` stands for a parameter that was not requested.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Generated {
     /// `delaunay` or `voronoi`.
     pub kind: String,
-    /// Points in the cube: the interior nodes of a Delaunay network, the cells of a Voronoi network.
+    /// Number of points in the cube: the interior nodes of a Delaunay network, the cells of a Voronoi network.
     pub points: usize,
     /// The seed of the random numbers.
     pub seed: u64,
@@ -18,9 +18,9 @@ pub struct Generated {
     pub align: Option<[f64; 3]>,
     /// The requested second-order parameter.
     pub strength: Option<f64>,
-    /// Nodes joined by a fiber shorter than this fraction of the mean spacing were merged.
+    /// Nodes joined by a fiber shorter than this fraction of the mean spacing of the points were merged.
     pub merge: Option<f64>,
-    /// The minimum distance between two points over the mean spacing, if it is not the default of
+    /// The minimum distance between two points as a fraction of the mean spacing, if it is not the default of
     /// [`GeneratorParams::new`].
     pub min_distance: Option<f64>,
     /// Fibers shorter than this fraction of the cube's edge were removed.
@@ -30,7 +30,7 @@ pub struct Generated {
 }
 
 impl Generated {
-    /// Parameters for this version of the program, without optional ones.
+    /// Creates parameters for this version of the program, without optional ones.
     pub fn new(kind: &str, points: usize, seed: u64) -> Self {
         let program = concat!("biotissue ", env!("CARGO_PKG_VERSION")).into();
         Self {
@@ -46,7 +46,7 @@ impl Generated {
         }
     }
 
-    /// Parameters for this version of the program, from those of the generator.
+    /// Creates parameters for this version of the program from those of the generator and the number of points.
     pub fn by(params: &GeneratorParams, points: usize) -> Self {
         let plain = GeneratorParams::new(params.kind, params.seed);
         Self {
@@ -79,7 +79,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_written_makes_the_network_again() {
+    fn written_parameters_are_read_back_and_generate_the_same_network() {
         let alignment = Some(Alignment::new([1.0, 0.1, -0.2], 0.3).unwrap());
         let plain = GeneratorParams::new(Kind::Delaunay, 7);
         let special = GeneratorParams { alignment, min_length: Some(0.02), ..GeneratorParams::new(Kind::Voronoi, 3) };

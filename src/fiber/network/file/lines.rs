@@ -1,4 +1,4 @@
-//! Parser of text files of whitespace-separated numbers: nonblank lines, and errors with their lines.
+//! Parser of text files with lines of whitespace-separated numbers; it reports errors with their lines.
 
 use std::path::Path;
 
@@ -33,13 +33,13 @@ impl<'a> Parser<'a> {
             let before = &bytes[..error.valid_up_to()];
             let line = 1 + before.iter().filter(|&&byte| byte == b'\n').count();
             let byte = bytes.get(error.valid_up_to()).copied().unwrap_or_default();
-            self.error(line, format!("the byte 0x{byte:02x} is no text"), "numbers in plain text", NOT_TEXT)
+            self.error(line, format!("the byte 0x{byte:02x} is not text"), "numbers in plain text", NOT_TEXT)
         })?;
         let numbered = text.lines().enumerate().map(|(k, text)| Line { number: k + 1, text });
         Ok(numbered.filter(|line| !line.text.trim().is_empty()).collect())
     }
 
-    /// Makes an error at a line of this file.
+    /// Creates an error at a line of this file.
     pub(super) fn error(
         &self,
         line: usize,
@@ -50,7 +50,7 @@ impl<'a> Parser<'a> {
         InputError::at_line(self.file, line, what, expected, cure)
     }
 
-    /// Makes the error of a header that announces another number of lines than the `following` ones.
+    /// Creates the error of a header whose counts require `announced` lines although `following` lines follow.
     pub(super) fn wrong_line_count(
         &self,
         header: Line<'_>,
@@ -60,10 +60,10 @@ impl<'a> Parser<'a> {
     ) -> InputError {
         let missing = announced > following as u128;
         let cure = if missing { "was the file cut short?" } else { "does the file have too many lines?" };
-        self.error(header.number, what, "one line for each thing counted", format!("correct it; {cure}"))
+        self.error(header.number, what, "one line for each counted item", format!("correct it; {cure}"))
     }
 
-    /// Records an error; returns an `Err`, which ends the reading, when there are too many.
+    /// Records an error; returns an `Err` with all errors, which ends the reading, once there are [`MOST_SHOWN`].
     pub(super) fn record(&mut self, error: InputError) -> Result<(), InputErrors> {
         self.errors.push(error);
         if self.errors.len() < MOST_SHOWN { Ok(()) } else { self.outcome() }
@@ -82,11 +82,11 @@ impl<'a> Parser<'a> {
         if self.errors.is_empty() { Ok(()) } else { Err(InputErrors(std::mem::take(&mut self.errors))) }
     }
 
-    /// Returns the irregularities that did not prevent reading.
+    /// Returns warnings about the irregularities that did not prevent reading.
     pub(super) fn warnings(&self) -> Vec<String> {
         let text = self.trailing.map(|(lines, first)| {
-            let (file, those) = (self.file.display(), if lines == 1 { "line has" } else { "lines have" });
-            format!("{file}:{first}: {lines} {those} more numbers than count (this is the first); they are ignored")
+            let (file, have) = (self.file.display(), if lines == 1 { "line has" } else { "lines have" });
+            format!("{file}:{first}: {lines} {have} extra numbers (this is the first); they are ignored")
         });
         text.into_iter().collect()
     }
@@ -121,11 +121,11 @@ impl<'a> Parser<'a> {
     pub(super) fn real(&self, line: Line<'_>, word: &str) -> Result<f64, InputError> {
         let expected = "a finite number like 0.25 or -1e-3";
         let Ok(value) = word.parse::<f64>() else {
-            return Err(self.error(line.number, format!("`{}` is no number", excerpt(word)), expected, COMPARE));
+            return Err(self.error(line.number, format!("`{}` is not a number", excerpt(word)), expected, COMPARE));
         };
         if !value.is_finite() {
             let what = format!("`{}` is not finite", excerpt(word));
-            return Err(self.error(line.number, what, expected, "find out what the program that wrote it divided by"));
+            return Err(self.error(line.number, what, expected, "find the cause in the program that wrote the file"));
         }
         Ok(value)
     }
@@ -133,16 +133,16 @@ impl<'a> Parser<'a> {
     /// Parses an integer of either sign.
     pub(super) fn whole(&self, line: Line<'_>, word: &str) -> Result<i64, InputError> {
         word.parse::<i64>().map_err(|_| {
-            let what = format!("`{}` is no whole number", excerpt(word));
+            let what = format!("`{}` is not a whole number", excerpt(word));
             self.error(line.number, what, "a whole number like 12", COMPARE)
         })
     }
 
-    /// Parses a count: an integer from 0.
+    /// Parses a count: a nonnegative integer.
     pub(super) fn count(&self, line: Line<'_>, word: &str) -> Result<u64, InputError> {
         word.parse::<u64>().map_err(|_| {
-            let what = format!("`{}` is no count", excerpt(word));
-            self.error(line.number, what, "a whole number from 0", COMPARE)
+            let what = format!("`{}` is not a count", excerpt(word));
+            self.error(line.number, what, "a nonnegative whole number", COMPARE)
         })
     }
 
@@ -157,5 +157,5 @@ impl<'a> Parser<'a> {
     }
 }
 
-pub(super) const COMPARE: &str = "compare with the format of network files; was the file cut or edited by hand?";
+pub(super) const COMPARE: &str = "compare with the format of network files; was the file cut off or edited by hand?";
 const NOT_TEXT: &str = "give the network in the text format; was the file damaged or is it another kind of file?";

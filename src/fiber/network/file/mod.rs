@@ -54,8 +54,8 @@ pub struct NetworkFile {
 /// a b                          one line per periodic pair, counted from 1
 /// ```
 ///
-/// A file `NAME.params` beside `NAME` may list first reactions, that is, fiber materials, and then the reaction of
-/// every fiber,
+/// A file `NAME.params` beside `NAME` may first list reactions, that is, fiber materials, and then the reaction of
+/// every fiber:
 ///
 /// ```text
 /// REACTIONS FIBERS
@@ -64,9 +64,9 @@ pub struct NetworkFile {
 /// k                                     one line per fiber: its reaction, from 0
 /// ```
 ///
-/// and (with the feature `app`) a file `NAME.toml` may define laws, which are used if there is no `.params` file. Blank
-/// lines are allowed; extra numbers on a line are ignored with a warning. Fibers that join the same two nodes as an
-/// earlier fiber all contribute, with one warning per file. The network is centered and scaled to the unit cube.
+/// With the feature `app`, a file `NAME.toml` may define laws, which are used if there is no `.params` file. Blank
+/// lines are allowed; extra numbers on a line are ignored with a warning. If several fibers join the same two nodes,
+/// all of them contribute, with one warning per file. The network is centered and scaled to the unit cube.
 ///
 /// # Errors
 /// Returns all errors in the files, up to about twenty, each with its line: wrong counts, words that are not numbers,
@@ -103,7 +103,8 @@ pub fn read(path: &Path) -> Result<NetworkFile, InputErrors> {
     })
 }
 
-/// Takes the laws from the sidecar, unless the `.params` file gives materials.
+/// Returns the network with the materials of the sidecar, if it gives any and there is no `.params` file; adds a
+/// warning if both give materials that differ.
 #[cfg(feature = "app")]
 fn take_laws(
     network: Network,
@@ -128,11 +129,12 @@ fn take_laws(
         && network.material_of() == material_of;
     if !alike {
         let file = path.display();
-        warnings.push(format!("{file}.toml: its law differs from that of {file}.params, which counts"));
+        warnings.push(format!("{file}.toml: its law differs from that of {file}.params, which takes precedence"));
     }
     Ok(network)
 }
 
+/// Reads a file; `None` if it does not exist.
 fn read_if_present(path: &Path) -> Result<Option<Vec<u8>>, InputError> {
     match std::fs::read(path) {
         Ok(bytes) => Ok(Some(bytes)),

@@ -105,11 +105,11 @@ impl Serialize for NamedLaw {
     }
 }
 
-/// The reason why named parameters do not define a fiber law.
+/// The error of named parameters that do not define a fiber law.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum NamedLawError {
     /// There is no law with this name.
-    #[error("there is no law `{}`; known are {}", .0, known_laws())]
+    #[error("there is no law `{}`; the known laws are {}", .0, known_laws())]
     Name(String),
     /// A required parameter is missing.
     #[error("the law `{law}` needs a {parameter}")]
@@ -140,7 +140,7 @@ pub enum NamedLawError {
     /// A table has both a file and points.
     #[error("the law `table` has both a file and points")]
     TwoTables,
-    /// The points of a table do not define a law; they are counted from 1. Holds the reason.
+    /// The points of a table do not define a law. The message counts the points from 1.
     #[error("{}{}", .0.point().map(|point| format!("point {}: ", point + 1)).unwrap_or_default(), .0)]
     Points(TableError),
     /// The file of a table cannot be read or does not define a law.
@@ -167,7 +167,7 @@ fn known_laws() -> String {
 }
 
 impl NamedLaw {
-    /// Makes a law without parameters.
+    /// Creates a law without parameters; `radius` is in m.
     pub fn new(name: &str, radius: f64) -> Self {
         Self { name: name.into(), radius, ..Self::default() }
     }
@@ -177,7 +177,7 @@ impl NamedLaw {
         self.values.insert(parameter.name, value);
     }
 
-    /// Returns the law with this value of a parameter.
+    /// Returns this law with the given value of a parameter.
     #[must_use]
     pub fn with(mut self, parameter: &Parameter, value: f64) -> Self {
         self.set(parameter, value);
@@ -237,7 +237,7 @@ impl NamedLaw {
         in_range(parameter.name, self.get(parameter).or(parameter.default).ok_or_else(missing)?, parameter.range)
     }
 
-    /// Returns true if the law can be read back; a custom law can be displayed but not read.
+    /// Returns true if a sidecar can store the law; the name of a custom law can be displayed but not read.
     pub(super) fn is_known(law: &Law) -> bool {
         match law {
             Law::Buckling { law, .. } => !matches!(**law, Law::Buckling { .. }) && Self::is_known(law),
@@ -255,7 +255,7 @@ impl From<&FiberMaterial> for NamedLaw {
 }
 
 impl From<&Law> for NamedLaw {
-    /// Leaves the radius at 0, since it is not part of the law.
+    /// Converts a law. The radius is 0, since it is not part of the law.
     fn from(law: &Law) -> Self {
         let named = Self::new(law.name(), 0.0);
         if let Some((formula, values)) = law.formula() {
@@ -271,6 +271,7 @@ impl From<&Law> for NamedLaw {
     }
 }
 
+/// Returns the value if it is in the range of its parameter.
 fn in_range(parameter: &'static str, value: f64, range: ParameterRange) -> Result<f64, NamedLawError> {
     if range.contains(value) { Ok(value) } else { Err(NamedLawError::Range { parameter, value, range }) }
 }

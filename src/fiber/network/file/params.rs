@@ -87,21 +87,26 @@ fn reaction(parser: &mut Parser<'_>, line: Line<'_>) -> Result<FiberMaterial, In
             let transition = parser.real(line, transition)?;
             if transition < 1.0 {
                 let what = format!("the transition stretch is {transition}");
-                let cure = "give the stretch above which the law goes on along its tangent line";
-                return Err(parser.error(line.number, what, "a stretch from 1", cure));
+                let cure = "give the stretch above which the law continues along its tangent line";
+                return Err(parser.error(line.number, what, "a stretch of at least 1", cure));
             }
             (Law::ExponentialStretch { youngs_modulus, nonlinearity, transition }, radius, density)
         }
         _ => {
             let kind: String = kind.chars().take(20).flat_map(char::escape_debug).collect();
             let what = format!("there is no reaction of type `{kind}`");
-            return Err(parser.error(line.number, what, REACTIONS, "name other laws in the case or in the .toml file"));
+            return Err(parser.error(
+                line.number,
+                what,
+                REACTIONS,
+                "give other laws in the case file or in the .toml file",
+            ));
         }
     };
     let density = parser.real(line, density)?;
     if density < 0.0 {
         let what = format!("the density is {density}");
-        return Err(parser.error(line.number, what, "a density from 0", "give the value of a real fiber"));
+        return Err(parser.error(line.number, what, "a density of at least 0", "give the value of a real fiber"));
     }
     Ok(FiberMaterial { law, radius, density: Some(density) })
 }

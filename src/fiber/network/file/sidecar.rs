@@ -1,21 +1,21 @@
-//! The `.toml` file beside a network: data that the text format cannot hold.
+//! The sidecar: the `.toml` file beside a network, with data that the text format cannot store.
 //!
 //! ```toml
 //! [generated]                          # how the network was made
 //! kind = "voronoi"                     # or "delaunay"
-//! points = 60
+//! points = 60                          # number of points in the cube
 //! seed = 1
-//! merge = 0.05                         # nodes closer than this fraction of the mean spacing were merged
+//! merge = 0.05                         # nodes joined by a fiber shorter than 0.05 mean spacings were merged
 //! align = [1.0, 0.0, 0.0]              # only if the fibers have a preferred direction, with
 //! strength = 0.4                       # the requested order parameter P2
-//! min_distance = 0.1                   # only if it is not 0.2: of the points, as a fraction of the mean spacing
+//! min_distance = 0.1                   # only if it is not 0.2: minimum distance of two points, in mean spacings
 //! shorter_than = 0.01                  # only if fibers shorter than this fraction of the edge were removed
 //! program = "biotissue 0.1.0"
 //!
 //! [units]
-//! length = "edge of the cube"          # of the coordinates
+//! length = "edge of the cube"          # the unit of the coordinates
 //!
-//! [law]                                # of all fibers; a .params file takes precedence
+//! [law]                                # the law of all fibers; a .params file takes precedence
 //! name = "exponential"                 # or "linear", "exponential-stretch" with a `transition`
 //! youngs_modulus = 1.0e8               # Pa
 //! radius = 5.0e-8                      # m
@@ -104,24 +104,24 @@ struct Written<'a> {
 }
 
 impl Sidecar {
-    /// Writes `NAME.toml` beside the network file `NAME`, completely or not at all. Fiber types take precedence over a
-    /// `material`.
+    /// Writes `NAME.toml` beside the network file `NAME`, completely or not at all. If there are fiber types,
+    /// `material` is not written.
     ///
     /// # Errors
-    /// Returns [`io::ErrorKind::InvalidInput`] if the seed exceeds `2^63 - 1`, which TOML cannot hold, or a law could
-    /// not be read back; otherwise the error of the operating system.
+    /// Returns [`io::ErrorKind::InvalidInput`] if the seed exceeds `2^63 - 1`, the largest integer of TOML, or a law
+    /// could not be read back; otherwise the error of the operating system.
     pub fn write_beside(&self, network: &Path) -> io::Result<()> {
         output::write(&write::beside(network, ".toml"), checksum::with_checksum(&self.to_toml()?).as_bytes())
     }
 
-    /// Formats the contents of the file, without its signature.
+    /// Formats the contents of the file, without the checksum.
     pub(super) fn to_toml(&self) -> io::Result<String> {
         let invalid = |what: String| io::Error::new(io::ErrorKind::InvalidInput, what);
         let types = self.fiber_types.as_ref();
         let material = self.material.as_ref().filter(|_| types.is_none());
         let materials = || types.into_iter().flat_map(|types| &types.materials);
-        if let Some(stranger) = material.into_iter().chain(materials()).find(|m| !NamedLaw::is_known(&m.law)) {
-            return Err(invalid(format!("the law `{}` has no place in a file", stranger.law.name())));
+        if let Some(custom) = material.into_iter().chain(materials()).find(|m| !NamedLaw::is_known(&m.law)) {
+            return Err(invalid(format!("the law `{}` cannot be written to a file", custom.law.name())));
         }
         let written = Written {
             generated: self.generated.as_ref(),
@@ -140,17 +140,17 @@ impl Sidecar {
 /// Reads the sidecar of a network file with this number of fibers; `None` if there is no sidecar.
 ///
 /// # Errors
-/// Returns the first error with its line: an unknown key, a value of the wrong type or out of range, or a number of
-/// types that differs from that of the fibers; all errors in the file of a table.
+/// Returns the first error with its line: an unknown key, a value of the wrong type or out of range, or a list of types
+/// whose length is not the number of fibers. If the file of a table is invalid, returns all errors in that file.
 pub fn read_beside(network: &Path, fibers: usize) -> Result<Option<Sidecar>, InputErrors> {
     let file = write::beside(network, ".toml");
     read_if_present(&file)?.map(|bytes| parse(&file, &bytes, fibers)).transpose()
 }
 
-const EXPECTED: &str = "what the generator writes beside a network";
+const EXPECTED: &str = "the contents that the generator writes beside a network";
 const CURE: &str = "correct it; only [generated], [units], [law], [[fiber_type]] and [fibers] are allowed in this file";
 
-/// The line of a byte offset; lines are counted from 1, offsets from 0.
+/// Returns the line of a byte offset; lines are counted from 1, offsets from 0.
 pub(super) fn line_of(bytes: &[u8], offset: usize) -> usize {
     1 + bytes.iter().take(offset).filter(|&&byte| byte == b'\n').count()
 }
@@ -161,21 +161,21 @@ fn line_of_key(text: &str, law: std::ops::Range<usize>, key: Option<&str>) -> us
     // The lines of the law: its header, and all lines up to the next header.
     let mut own = text.lines().enumerate().skip(first - 1);
     let header = own.next();
-    let stands = |line: &str| {
+    let has_key = |line: &str| {
         let (name, value) = line.split_once('=').unwrap_or((line, ""));
         !value.is_empty() && key.is_some_and(|key| name.trim().trim_matches(['"', '\'']) == key)
     };
     match header {
         Some((_, header)) if header.trim_start().starts_with('[') => own
             .take_while(|(_, line)| !line.trim_start().starts_with('['))
-            .find(|(_, line)| stands(line))
+            .find(|(_, line)| has_key(line))
             .map_or(first, |(number, _)| number + 1),
         _ => first,
     }
 }
 
-/// Converts an error of the TOML reader to terms of TOML; the library uses names of Rust types.
-fn misfit(file: &Path, text: &str, error: &toml::de::Error) -> InputError {
+/// Converts an error of the TOML reader, which uses names of Rust types, to the terms of TOML.
+fn toml_error(file: &Path, text: &str, error: &toml::de::Error) -> InputError {
     let line = error.span().map(|span| line_of(text.as_bytes(), span.start));
     let message = error.message().replace('\n', ", ");
     let parts = ["invalid type: ", "invalid value: "].into_iter().find_map(|kind| message.strip_prefix(kind));
@@ -216,13 +216,14 @@ fn type_named(expected: &str) -> &str {
     }
 }
 
+/// Parses and checks the contents of a sidecar for a network with this number of fibers.
 pub(super) fn parse(file: &Path, bytes: &[u8], fibers: usize) -> Result<Sidecar, InputErrors> {
     let bytes = without_byte_order_mark(bytes);
     let text = std::str::from_utf8(bytes).map_err(|error| {
         let line = line_of(bytes, error.valid_up_to());
-        InputError::at_line(file, line, "bytes that are no text", "TOML in UTF-8", CURE)
+        InputError::at_line(file, line, "bytes that are not text", "TOML in UTF-8", CURE)
     })?;
-    let document: Document = toml::from_str(text).map_err(|error| misfit(file, text, &error))?;
+    let document: Document = toml::from_str(text).map_err(|error| toml_error(file, text, &error))?;
     let base = file.parent().unwrap_or(Path::new(""));
     let material = |law: Spanned<NamedLaw>| {
         law.get_ref().material(base).map_err(|error| match error {
@@ -231,7 +232,7 @@ pub(super) fn parse(file: &Path, bytes: &[u8], fibers: usize) -> Result<Sidecar,
                 let line = line_of_key(text, law.span(), error.key());
                 let expected = match &error {
                     NamedLawError::Points(error) => error.advice()[0],
-                    _ => "a law with the parameters it has",
+                    _ => "a law with its own parameters only",
                 };
                 InputError::at_line(file, line, error.to_string(), expected, CURE).into()
             }
@@ -254,7 +255,9 @@ pub(super) fn parse(file: &Path, bytes: &[u8], fibers: usize) -> Result<Sidecar,
         }
         (None, Some(list)) => {
             let (line, what) = (line_of(bytes, list.span().start), "[fibers] without a [[fiber_type]]");
-            return Err(InputError::at_line(file, line, what, "the types that are counted", CURE).into());
+            return Err(
+                InputError::at_line(file, line, what, "one [[fiber_type]] for each type in the list", CURE).into()
+            );
         }
     };
     Ok(Sidecar {
@@ -278,7 +281,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_reads_back_the_same() {
+    fn a_written_sidecar_is_read_back_unchanged() {
         let folder = tempfile::tempdir().unwrap();
         let network = folder.path().join("net.txt");
         let formulas = FormulaLaw::ALL.iter().map(|formula| {
@@ -306,7 +309,7 @@ mod tests {
     }
 
     #[test]
-    fn the_file_of_a_table_lies_beside_the_sidecar() {
+    fn the_file_of_a_table_is_relative_to_the_folder_of_the_sidecar() {
         let folder = tempfile::tempdir().unwrap();
         let network = folder.path().join("net.txt");
         let text = "[law]\nname = \"table\"\nfile = \"curve.csv\"\nradius = 1e-7\n";
@@ -325,7 +328,7 @@ mod tests {
         format!("[law]\nname = \"{name}\"\n{rest}\n")
     }
 
-    /// Cases: a file => line and description of its error.
+    /// Checks the errors of files. Cases: a file => the line and description of its error.
     macro_rules! check {
         ($($text:expr => $expected:literal;)*) => {$(
             let text = $text;
@@ -335,7 +338,7 @@ mod tests {
     }
 
     #[test]
-    fn every_mistake_is_told_with_its_line() {
+    fn errors_have_the_line_of_their_cause() {
         check! {
             "[generated]\nkind = \"delaunay\"\npoints = 3\nseed = 1\nprogram = \"p\"\nsede = 1\n" =>
                 ":6: unknown field `sede`, expected one of `kind`, `points`, `seed`, `align`, `strength`, `merge`, `min_distance`, `shorter_than`, `program`";
@@ -351,7 +354,7 @@ mod tests {
                 ":3: a value is the whole number 99999999999999999999999999";
             "[law]\nname = [1]\nradius = true\n" => ":2: `name` is a list";
             "\n[law]\nname = \"linnear\"\nradius = 1\nyoungs_modulus = 1\n" =>
-                ":3: there is no law `linnear`; known are linear, exponential, exponential-stretch and table";
+                ":3: there is no law `linnear`; the known laws are linear, exponential, exponential-stretch and table";
             law("exponential", "radius = 1\nyoungs_modulus = 1") => ":1: the law `exponential` needs a nonlinearity";
             law("linear", "radius = -1\nyoungs_modulus = 1") => ":3: the radius is -1, but must be finite and above 0";
             law("linear", "radius = 1\nyoungs_modulus = nan") =>
@@ -377,7 +380,7 @@ mod tests {
             "[[fiber_type]]\nname = \"linear\"\nradius = 1\nyoungs_modulus = 1\n[fibers]\ntypes = [0,\n 0, 1]\n" =>
                 ":7: there is no fiber type 1";
             "[[fiber_type]]\nname = \"linear\"\nradius = 1\nyoungs_modulus = 1\n[fibers]\ntypes = [0]\n" =>
-                ":5: 1 types of fibers";
+                ":5: 1 fiber types in the list";
             "[[fiber_type]]\nname = \"linear\"\nradius = 1\n[fibers]\ntypes = [0, 0, 0]\n" =>
                 ":1: the law `linear` needs a youngs_modulus";
             law("linear", "radius = 1\nyoungs_modulus = 1") + "[[fiber_type]]\nname = \"linear\"\nradius = 1\n" =>

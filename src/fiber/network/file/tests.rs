@@ -8,7 +8,8 @@ use super::*;
 use crate::fiber::law::{FiberMaterial, Law};
 use crate::skip;
 
-/// Eight corners and the center of a cube of edge 2, and eight fibers; each test breaks one line.
+/// A valid network, of which each test changes one line: the corners and the center of a cube of edge 2, and the eight
+/// fibers between them.
 const GOOD: &str = "9 8 0\n0 0 0\n2 0 0\n0 2 0\n2 2 0\n0 0 2\n2 0 2\n0 2 2\n2 2 2\n1 1 1\n\
                     0 8\n1 8\n2 8\n3 8\n4 8\n5 8\n6 8\n7 8\n";
 const GOOD_PARAMS: &str = "2 8\n0 5e-8 1e8 1000\n1 5e-8 1e8 1.2 1.4 1000\n0\n1\n0\n1\n0\n1\n0\n1\n";
@@ -32,24 +33,24 @@ fn params_error_of(text: &str) -> String {
 }
 
 // Expected contents and cures.
-const COUNTED: &str = "one line for each thing counted";
+const COUNTED: &str = "one line for each counted item";
 const CUT_SHORT: &str = "correct it; was the file cut short?";
 const TOO_LONG: &str = "correct it; does the file have too many lines?";
-const COMPARE: &str = "compare with the format of network files; was the file cut or edited by hand?";
+const COMPARE: &str = "compare with the format of network files; was the file cut off or edited by hand?";
 const FINITE: &str = "a finite number like 0.25 or -1e-3";
-const DIVIDED: &str = "find out what the program that wrote it divided by";
+const PROGRAM: &str = "find the cause in the program that wrote the file";
 const REAL: &str = "give the value of a real fiber";
 const COUNTS: &str = "three counts: NODES FIBERS PERIODIC";
 const NUMBERS: &str = "correct the number, or the counts in the first line";
-const ALIKE: &str = "edges alike within 1e-6 of the longest";
+const EQUAL_EDGES: &str = "edges that are equal within 1e-6 of the longest";
 const CUBE: &str = "give a network that fills a cube; stretched boxes cannot be centered and scaled to the unit cube";
 
-/// Cases: a text => position and description of its error, the expected content, the cure.
-macro_rules! refused {
+/// Checks the errors of texts. Cases: a text => position and description of its error, the expected content, the cure.
+macro_rules! check_errors {
     ($error_of:ident, $file:literal; $($text:expr => $problem:literal, $expected:expr, $cure:expr;)*) => {$(
         let (text, problem) = ($text, concat!($file, $problem));
-        let said = format!("{problem}\n  expected: {}\n  cure: {}", $expected, $cure);
-        assert_eq!($error_of(&text), said, "for\n{text}");
+        let message = format!("{problem}\n  expected: {}\n  cure: {}", $expected, $cure);
+        assert_eq!($error_of(&text), message, "for\n{text}");
     )*};
 }
 
@@ -62,11 +63,11 @@ fn params_with(old: &str, new: &str) -> String {
 }
 
 #[test]
-fn broken_networks_are_refused_in_these_words() {
-    refused! { error_of, "net.txt";
+fn error_messages_of_invalid_networks() {
+    check_errors! { error_of, "net.txt";
         String::new() => ": the file is empty", COUNTS, COMPARE;
         good_with("9 8 0", "9 8") => ":1: there are 2 words on this line, `9 8`", COUNTS, COMPARE;
-        good_with("9 8 0", "9 -8 0") => ":1: `-8` is no count", "a whole number from 0", COMPARE;
+        good_with("9 8 0", "9 -8 0") => ":1: `-8` is not a count", "a nonnegative whole number", COMPARE;
         good_with("7 8\n", "") =>
             ":1: the header announces 9 nodes, 8 fibers and 0 periodic pairs, which is 17 lines, but 16 lines follow: \
              9 of three words or more and 7 of fewer",
@@ -82,12 +83,12 @@ fn broken_networks_are_refused_in_these_words() {
             COUNTED, CUT_SHORT;
         good_with("9 8 0", "10 7 0") => ":11: there are 2 words on this line, `0 8`", "the position of a node: x y z",
             COMPARE;
-        good_with("1 1 1", "1 l 1") => ":10: `l` is no number", FINITE, COMPARE;
-        good_with("1 1 1", "1 NaN 1") => ":10: `NaN` is not finite", FINITE, DIVIDED;
-        good_with("1 1 1", "1 1 -inf") => ":10: `-inf` is not finite", FINITE, DIVIDED;
-        good_with("1 1 1", "1e999 1 1") => ":10: `1e999` is not finite", FINITE, DIVIDED;
-        good_with("1 1 1", "1 1 1 up") => ":10: `up` is no number", FINITE, COMPARE;
-        good_with("\n3 8", "\n3.5 8") => ":14: `3.5` is no whole number", "a whole number like 12", COMPARE;
+        good_with("1 1 1", "1 l 1") => ":10: `l` is not a number", FINITE, COMPARE;
+        good_with("1 1 1", "1 NaN 1") => ":10: `NaN` is not finite", FINITE, PROGRAM;
+        good_with("1 1 1", "1 1 -inf") => ":10: `-inf` is not finite", FINITE, PROGRAM;
+        good_with("1 1 1", "1e999 1 1") => ":10: `1e999` is not finite", FINITE, PROGRAM;
+        good_with("1 1 1", "1 1 1 up") => ":10: `up` is not a number", FINITE, COMPARE;
+        good_with("\n3 8", "\n3.5 8") => ":14: `3.5` is not a whole number", "a whole number like 12", COMPARE;
         good_with("\n3 8", "\n3 9") => ":14: there is no node 9", "nodes 0 to 8", NUMBERS;
         good_with("\n3 8", "\n-1 8") => ":14: there is no node -1", "nodes 0 to 8", NUMBERS;
         good_with("0 8\n1 8\n2 8\n3 8\n4 8\n5 8\n6 8\n7 8\n", "1 9\n2 9\n3 9\n4 9\n5 9\n6 9\n7 9\n8 9\n") =>
@@ -95,25 +96,26 @@ fn broken_networks_are_refused_in_these_words() {
             "subtract 1 from every node number of the fibers";
         good_with("\n3 8", "\n3 3") => ":14: fiber 3 runs from node 3 to itself", "two different nodes",
             "remove the fiber or correct it";
-        good_with("1 1 1", "0 0 0") => ":11: fiber 0 between nodes 0 and 8 has the length 0e0 of the cube's edge",
-            "a fiber of some length", "merge the two nodes, lines 2 and 10, or move one";
+        good_with("1 1 1", "0 0 0") => ":11: fiber 0 between nodes 0 and 8 has the length 0e0, in cube edges",
+            "a fiber of positive length", "merge the two nodes, lines 2 and 10, or move one";
         good_with("2 2 2", "2 2 0").replacen("1 1 1", "1 1 2", 1) =>
-            ":9: nodes 3 and 7 have the same position, [2.0, 2.0, 0.0]", "every node at a place of its own",
+            ":9: nodes 3 and 7 have the same position, [2.0, 2.0, 0.0]", "a different position for every node",
             "merge the two, or move one; the other is on line 5";
         GOOD.replace('2', "2.001").replacen("0 2.001 0", "0 2 0", 1).replace("2.001 0 0", "2 0 0")
             .replace("2.001 8", "2 8").replace("2.001 2.001 0", "2 2.001 0")
             .replace("2.001 0 2.001", "2 0 2.001").replace("2.001 2.001 2.001", "2 2.001 2.001") =>
-            ": the box of the nodes has the edges 2 x 2.001 x 2.001, not a cube", ALIKE, CUBE;
+            ": the bounding box of the nodes has the edges 2 x 2.001 x 2.001, not a cube", EQUAL_EDGES, CUBE;
         "2 0 0\n0 0 0\n1 1 1\n".to_owned() => ":1: the network has no fibers", "at least one fiber",
             "generate the network again, with more points";
-        "0 0 0\n".to_owned() => ": the box of the nodes has the edges 0 x 0 x 0, not a cube", ALIKE, CUBE;
+        "0 0 0\n".to_owned() => ": the bounding box of the nodes has the edges 0 x 0 x 0, not a cube",
+            EQUAL_EDGES, CUBE;
         good_with("9 8 0", "9 8 1") + "0 3\n" => ":19: there is no node 0", "nodes 1 to 9", NUMBERS;
     }
 }
 
 #[test]
-fn broken_params_are_refused_in_these_words() {
-    refused! { params_error_of, "net.txt.params";
+fn error_messages_of_invalid_params_files() {
+    check_errors! { params_error_of, "net.txt.params";
         String::new() => ": the file is empty", "two counts: REACTIONS FIBERS", COMPARE;
         params_with("2 8", "2 7") => ":1: the parameters are for 7 fibers", "8 fibers, as the network has",
             "give the .params file of this network";
@@ -128,22 +130,22 @@ fn broken_params_are_refused_in_these_words() {
             TOO_LONG;
         params_with("\n0 5e-8", "\n2 5e-8") => ":2: there is no reaction of type `2`",
             "`0 radius E density` (linear) or `1 radius E B lambda_t density` (exponential-stretch)",
-            "name other laws in the case or in the .toml file";
+            "give other laws in the case file or in the .toml file";
         params_with("0 5e-8 1e8 1000", "0 5e-8 1e8") => ":2: there are 3 words on this line, `0 5e-8 1e8`",
             "0 radius E density", COMPARE;
         params_with("0 5e-8", "0 0") => ":2: the radius is 0", "a radius above 0", REAL;
         params_with("1e8 1000", "-1 1000") => ":2: the modulus is -1", "a modulus above 0", REAL;
-        params_with("1e8 1000", "1e8 -1000") => ":2: the density is -1000", "a density from 0", REAL;
+        params_with("1e8 1000", "1e8 -1000") => ":2: the density is -1000", "a density of at least 0", REAL;
         params_with("1.2 1.4", "0 1.4") => ":3: the nonlinearity B is 0", "a nonlinearity B above 0", REAL;
-        params_with("1.2 1.4", "1.2 0.9") => ":3: the transition stretch is 0.9", "a stretch from 1",
-            "give the stretch above which the law goes on along its tangent line";
+        params_with("1.2 1.4", "1.2 0.9") => ":3: the transition stretch is 0.9", "a stretch of at least 1",
+            "give the stretch above which the law continues along its tangent line";
         params_with("\n0\n1\n", "\n0\n2\n") => ":5: there is no reaction 2", "reactions 0 to 1",
             "correct the number of this fiber's law";
     }
 }
 
 #[test]
-fn many_errors_come_at_once_but_not_without_end() {
+fn all_errors_are_reported_up_to_a_maximum() {
     let broken = GOOD.replacen("1 1 1", "1 x 1", 1).replacen("\n3 8", "\n3 99", 1);
     let errors = body::parse(Path::new("net.txt"), broken.as_bytes()).unwrap_err();
     assert_eq!(errors.0.iter().map(|error| error.line).collect::<Vec<_>>(), [Some(10), Some(14)]);
@@ -152,23 +154,23 @@ fn many_errors_come_at_once_but_not_without_end() {
 }
 
 #[test]
-fn no_text_is_an_error_with_its_line() {
+fn bytes_that_are_not_text_are_an_error_with_its_line() {
     let mut bytes = GOOD.as_bytes().to_vec();
     bytes[8] = 0xff;
     let errors = body::parse(Path::new("net.txt"), &bytes).unwrap_err();
-    assert_eq!(errors.0[0].to_string().lines().next(), Some("net.txt:2: the byte 0xff is no text"));
+    assert_eq!(errors.0[0].to_string().lines().next(), Some("net.txt:2: the byte 0xff is not text"));
 }
 
 #[test]
-fn fibers_that_join_the_same_nodes_count_each_with_one_warning() {
+fn fibers_that_join_the_same_nodes_all_contribute_with_one_warning() {
     let once = GOOD.replacen("\n3 8", "\n8 2", 1);
     let body = body::parse(Path::new("net.txt"), once.as_bytes()).unwrap();
     assert_eq!((body.fibers.len(), body.fibers[3]), (8, [8, 2]));
-    let warning = "1 fiber joins two nodes that another fiber joins already (this is the first); each counts";
+    let warning = "1 fiber joins two nodes that another fiber already joins (this is the first); all contribute";
     assert_eq!(body.warnings, [format!("net.txt:14: {warning}")]);
     let twice = once.replacen("\n7 8", "\n2 8", 1);
     let body = body::parse(Path::new("net.txt"), twice.as_bytes()).unwrap();
-    let warning = "2 fibers join two nodes that another fiber joins already (this is the first); each counts";
+    let warning = "2 fibers join two nodes that another fiber already joins (this is the first); all contribute";
     assert_eq!(body.warnings, [format!("net.txt:14: {warning}")]);
 }
 
@@ -181,15 +183,12 @@ fn a_byte_order_mark_is_skipped() {
 }
 
 #[test]
-fn blank_lines_and_trailing_numbers_are_read() {
+fn blank_lines_and_extra_numbers_are_ignored() {
     let text = GOOD.replacen("1 1 1", "\r\n\n  1 1 1 7 7\r", 1).replacen("\n3 8", "\n3 8 0", 1);
     let body = body::parse(Path::new("net.txt"), text.as_bytes()).unwrap();
     assert_eq!(body.nodes[8], [1.0; 3]);
     assert_eq!(body.fibers[3], [3, 8]);
-    assert_eq!(
-        body.warnings,
-        ["net.txt:12: 2 lines have more numbers than count (this is the first); they are ignored"]
-    );
+    assert_eq!(body.warnings, ["net.txt:12: 2 lines have extra numbers (this is the first); they are ignored"]);
     let paired = GOOD.replacen("9 8 0", "9 8 1", 1) + "1 9\n";
     let body = body::parse(Path::new("net.txt"), paired.as_bytes()).unwrap();
     assert_eq!(body.periodic, [[0, 8]]);
@@ -197,7 +196,7 @@ fn blank_lines_and_trailing_numbers_are_read() {
 }
 
 #[test]
-fn a_network_comes_with_the_materials_beside_it() {
+fn a_network_is_read_with_the_materials_beside_it() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("net.txt");
     std::fs::write(&path, GOOD).unwrap();
@@ -224,7 +223,7 @@ fn a_network_comes_with_the_materials_beside_it() {
 
 #[cfg(feature = "app")]
 #[test]
-fn the_law_of_the_sidecar_counts_where_there_is_no_params_file() {
+fn the_law_of_the_sidecar_is_used_only_without_a_params_file() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("net.txt");
     std::fs::write(&path, GOOD).unwrap();
@@ -240,7 +239,7 @@ fn the_law_of_the_sidecar_counts_where_there_is_no_params_file() {
 }
 
 #[test]
-fn a_round_trip_keeps_every_bit() {
+fn coordinates_are_read_back_bitwise() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("net.txt");
     let mut nodes: Vec<[f64; 3]> = vec![[-0.5; 3], [0.5; 3]];
@@ -259,7 +258,7 @@ fn a_round_trip_keeps_every_bit() {
 }
 
 #[test]
-fn the_frozen_network_stays_what_it_is() {
+fn the_frozen_network_is_unchanged() {
     let read = read(&frozen()).unwrap();
     let network = read.network;
     assert!(read.warnings.is_empty());
@@ -274,7 +273,7 @@ fn the_frozen_network_stays_what_it_is() {
 
 /// Published networks are read from the folder in the environment variable `BIOTISSUE_NETWORKS`.
 #[test]
-fn published_networks_are_read_unmoved() {
+fn nodes_of_published_networks_keep_their_positions() {
     let Some(path) = published_file("Network_2_7.txt") else { return };
     let network = read(&path).unwrap().network;
     assert_eq!((network.nodes().len(), network.fibers().len(), network.boundary().len()), (336, 635, 261));

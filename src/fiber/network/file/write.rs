@@ -9,12 +9,13 @@ use super::super::Network;
 use crate::fiber::law::{FiberMaterial, Law};
 use crate::output;
 
-/// Density written for a material without one: the format requires a value, which static analyses do not use.
+/// Density, in kg/m^3, written for a material without one: the format requires a value, but static analyses do not use
+/// it.
 const NO_DENSITY: f64 = 1.0;
 
 /// Writes the nodes (in unit-cube units) and fibers of a network in the text format, without the materials.
 ///
-/// Coordinates are written such that reading gives the same bits. The file is written completely or not at all;
+/// Coordinates are written such that they are read back bitwise. The file is written completely or not at all;
 /// symbolic links, devices and pipes are treated as in [`output::write`].
 ///
 /// # Errors
@@ -30,7 +31,7 @@ pub fn write(path: &Path, network: &Network) -> io::Result<()> {
 pub fn write_parts(path: &Path, nodes: &[[f64; 3]], fibers: &[[u32; 2]]) -> io::Result<()> {
     let mut text = format!("{} {} 0\n", nodes.len(), fibers.len());
     for [x, y, z] in nodes {
-        // The shortest digits that read back as the same number; writing to a string cannot fail.
+        // This format gives the shortest digits that are read back as the same number. Writing to a string cannot fail.
         let _ = writeln!(text, "{x} {y} {z}");
     }
     for [a, b] in fibers {
@@ -40,7 +41,7 @@ pub fn write_parts(path: &Path, nodes: &[[f64; 3]], fibers: &[[u32; 2]]) -> io::
 }
 
 /// Writes the materials of a network to the `.params` file beside `path`, the file of the network. A material without a
-/// density gets 1.
+/// density gets the density 1 kg/m^3.
 ///
 /// # Errors
 /// Returns [`io::ErrorKind::InvalidInput`] if [`fits_params`] is false, and otherwise the error of the operating
@@ -59,7 +60,7 @@ pub(super) fn params_text(network: &Network) -> io::Result<String> {
         let Some(line) = reaction(material) else {
             return Err(io::Error::new(
                 io::ErrorKind::InvalidInput,
-                "the .params format knows the laws linear and exponential-stretch only",
+                "the .params format supports only the laws linear and exponential-stretch",
             ));
         };
         text.push_str(&line);
@@ -71,7 +72,7 @@ pub(super) fn params_text(network: &Network) -> io::Result<String> {
     Ok(text)
 }
 
-/// Returns true if the `.params` format can hold the materials of a network: there is at least one, and all laws are
+/// Returns true if the `.params` format supports the materials of a network: there is at least one, and all laws are
 /// `linear` or `exponential-stretch` without buckling.
 pub fn fits_params(network: &Network) -> bool {
     !network.materials().is_empty() && network.materials().iter().all(|material| reaction(material).is_some())

@@ -25,8 +25,8 @@ pub struct Alignment {
 }
 
 impl Alignment {
-    /// Makes an alignment along a `direction` of any length. The `strength` is the second-order parameter `P2` of the
-    /// fibers counted by number, from 0 (isotropic) to 0.95.
+    /// Creates an alignment along a `direction` of any positive length. The `strength` is the second-order parameter
+    /// `P2` of the fibers, each counted with the same weight, from 0 (isotropic) to [`MAX_STRENGTH`].
     ///
     /// # Errors
     /// Returns [`GenerateError::Direction`] if the direction is zero or not finite, and [`GenerateError::Strength`] if
@@ -42,12 +42,12 @@ impl Alignment {
         Ok(Self { direction, strength })
     }
 
-    /// The direction as given.
+    /// Returns the direction as given.
     pub fn direction(&self) -> [f64; 3] {
         self.direction
     }
 
-    /// The direction as a unit vector.
+    /// Returns the direction as a unit vector.
     pub fn axis(&self) -> [f64; 3] {
         // The division by the largest component avoids overflow of the squares.
         let longest = self.direction.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
@@ -56,21 +56,21 @@ impl Alignment {
         [x / norm, y / norm, z / norm]
     }
 
-    /// The requested second-order parameter.
+    /// Returns the requested second-order parameter.
     pub fn strength(&self) -> f64 {
         self.strength
     }
 
-    /// `mu`: the stretch of the isotropic network along the axis.
+    /// Returns the stretch `mu` of the isotropic network along the axis.
     pub fn stretch(&self) -> f64 {
         cbrt(1.0 + excess(self.strength))
     }
 }
 
-/// `P2` of an isotropic distribution stretched by `mu`, as a function of `mu^3 - 1`.
+/// Returns `P2` of an isotropic distribution stretched by `mu`, as a function of `excess = mu^3 - 1`.
 fn order_parameter(excess: f64) -> f64 {
     let parts = if excess < 0.02 {
-        // The closed form would cancel; this is its series.
+        // The closed form suffers from cancellation here; this is its series.
         (0..10).rev().fold(0.0, |sum, k| 1.0 / f64::from(2 * k + 3) - excess * sum)
     } else {
         let root = excess.sqrt();
@@ -79,8 +79,8 @@ fn order_parameter(excess: f64) -> f64 {
     0.5 * (3.0 * (1.0 + excess) * parts - 1.0)
 }
 
-/// The inverse of [`order_parameter`], by bisection down to adjacent floating-point numbers; it uses only operations
-/// that are bitwise reproducible on every machine.
+/// Returns the inverse of [`order_parameter`], by bisection down to adjacent floating-point numbers; it uses only
+/// operations that are bitwise reproducible on every machine.
 fn excess(order: f64) -> f64 {
     if order <= 0.0 {
         return 0.0;
@@ -95,7 +95,7 @@ fn excess(order: f64) -> f64 {
     }
 }
 
-/// The stretch `U` of space for an alignment; the identity without one.
+/// The stretch `U` of space for an alignment; the identity without alignment.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stretch {
     axis: [f64; 3],
@@ -115,12 +115,12 @@ impl Stretch {
         }
     }
 
-    /// `U^-1 x`: maps to the space in which the network is isotropic.
+    /// Returns `U^-1 x`: maps to the space in which the network is isotropic.
     pub(super) fn to_isotropic(self, x: [f64; 3]) -> [f64; 3] {
         self.apply(1.0 / self.along, 1.0 / self.across, x)
     }
 
-    /// `U x`: maps back to the space of the cube.
+    /// Returns `U x`: maps back to the space of the cube.
     pub(super) fn to_cube(self, x: [f64; 3]) -> [f64; 3] {
         self.apply(self.along, self.across, x)
     }
@@ -130,12 +130,12 @@ impl Stretch {
         [0, 1, 2].map(|k| across * x[k] + (along - across) * part * self.axis[k])
     }
 
-    /// `|U e_k|`: half-width of the image of the unit ball along each axis of the cube.
+    /// Returns `|U e_k|`, the half-width of the image of the unit ball along each axis of the cube.
     pub(super) fn reach(self) -> [f64; 3] {
         self.axis.map(|a| (self.across * self.across * (1.0 - a * a) + self.along * self.along * a * a).sqrt())
     }
 
-    /// Distance of two points of the cube, measured in the isotropic space.
+    /// Returns the distance of two points of the cube, measured in the isotropic space.
     pub(super) fn distance(self, a: [f64; 3], b: [f64; 3]) -> f64 {
         let [x, y, z] = self.to_isotropic([b[0] - a[0], b[1] - a[1], b[2] - a[2]]);
         (x * x + y * y + z * z).sqrt()
@@ -146,7 +146,7 @@ impl Stretch {
 mod tests {
     use super::*;
 
-    /// The mean over isotropic directions by the midpoint rule, without the closed form.
+    /// Computes `P2` as a mean over isotropic directions by the midpoint rule, without the closed form.
     fn by_quadrature(mu: f64) -> f64 {
         let panels = 200_000;
         let cosine = |k: u32| (f64::from(k) + 0.5) / f64::from(panels);
@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn the_stretch_gives_the_order_asked_for() {
+    fn the_stretch_gives_the_requested_order() {
         for strength in [1e-6, 0.003, 0.1, 0.3, 0.6, 0.8, 0.95] {
             let alignment = Alignment::new([0.0, 0.0, 2.0], strength).unwrap();
             let order = by_quadrature(alignment.stretch());
@@ -169,13 +169,13 @@ mod tests {
     }
 
     #[test]
-    fn series_and_closed_form_meet() {
+    fn series_and_closed_form_agree() {
         let (below, above) = (order_parameter(0.02 - 1e-12), order_parameter(0.02 + 1e-12));
         assert!((below - above).abs() < 1e-11, "{below} {above}");
     }
 
     #[test]
-    fn the_stretch_keeps_volumes_and_is_undone() {
+    fn the_stretch_preserves_volume_and_has_an_inverse() {
         let alignment = Alignment::new([1.0, -2.0, 0.5], 0.7).unwrap();
         let stretch = Stretch::of(Some(&alignment));
         let columns = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|e| stretch.to_cube(e));
@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn directions_and_strengths_out_of_range_are_refused() {
+    fn invalid_directions_and_strengths_are_errors() {
         assert_eq!(Alignment::new([0.0; 3], 0.5).unwrap_err(), GenerateError::Direction([0.0; 3]));
         assert!(Alignment::new([f64::INFINITY, 0.0, 0.0], 0.5).is_err());
         for strength in [-0.1, 0.96, f64::NAN] {

@@ -3,27 +3,27 @@
 /// A network before it is clipped.
 #[derive(Clone, Debug)]
 pub(super) struct Graph {
-    /// The nodes, those in the cube first.
+    /// Positions of the nodes; the nodes in the cube come first.
     pub(super) places: Vec<[f64; 3]>,
     /// Number of nodes in the cube.
     pub(super) inner: usize,
-    /// The edges, each with its lower node first, ascending; the first node of each is in the cube.
+    /// The edges, ascending, each with its lower node first; the lower node is in the cube.
     pub(super) edges: Vec<[usize; 2]>,
 }
 
 /// A network that ends at the faces of the cube.
 #[derive(Clone, Debug)]
 pub(super) struct Clipped {
-    /// The nodes.
+    /// Positions of the nodes.
     pub(super) nodes: Vec<[f64; 3]>,
-    /// The fibers.
+    /// The two nodes of every fiber.
     pub(super) fibers: Vec<[u32; 2]>,
-    /// Whether a node is a boundary node: on a face.
+    /// True for every node that lies on a face (a boundary node).
     pub(super) on_face: Vec<bool>,
 }
 
 impl Graph {
-    /// Clips the edges at the faces of the unit cube; the inner nodes come first, then those on the faces.
+    /// Clips the edges at the faces of the unit cube. The nodes in the cube come first, then those on the faces.
     pub(super) fn clip(&self) -> Clipped {
         let mut nodes: Vec<[f64; 3]> = self.places[..self.inner].to_vec();
         let mut fibers = Vec::with_capacity(self.edges.len());
@@ -41,7 +41,7 @@ impl Graph {
     }
 }
 
-/// The point, exactly on a face, where the segment from a point inside to one outside leaves the unit cube.
+/// Returns the point, exactly on a face, where the segment from a point inside to one outside leaves the unit cube.
 pub(super) fn crossing(inside: [f64; 3], outside: [f64; 3]) -> [f64; 3] {
     let mut first = (f64::INFINITY, 0, 0.5);
     for k in 0..3 {

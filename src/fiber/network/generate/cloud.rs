@@ -9,10 +9,11 @@ use super::{GenerateError, GeneratorParams};
 use crate::fiber::network::proximity::Proximity;
 
 /// Thickness of the layer of points around the cube, in mean spacings. Points beyond the layer would change an edge of
-/// a Delaunay network only if an empty ball through its ends reached across the whole layer, which happens in about one
-/// of a thousand networks. For a Voronoi vertex in the cube the ball would have twice that radius, which never happens.
+/// a Delaunay network only if an empty ball through the ends of the edge reached across the whole layer, which happens
+/// in about one of a thousand networks. To change a Voronoi vertex in the cube, the ball would need twice that radius,
+/// which practically never happens.
 pub(super) const MARGIN: f64 = 2.5;
-/// Average number of attempts per point before the minimum distance is found to leave no room.
+/// Average number of attempts per point after which the minimum distance is reported as too large.
 const ATTEMPTS: usize = 1000;
 
 /// The points, those in the cube first, and the stretch to the space in which they are isotropic.
@@ -40,7 +41,7 @@ impl Cloud {
         let half = reach.map(|reach| 0.5 + MARGIN * spacing * reach); // half edges of cube and layer
         let around = points as f64 * ((2.0 * half[0]) * (2.0 * half[1]) * (2.0 * half[2]) - 1.0);
         let total = points + around.round() as usize;
-        // Distances across the axis shrink, so that fibers may end closer to a face.
+        // Distances across the axis of alignment shrink, so that nodes may be closer to a face.
         let gap = reach.map(|reach| min_distance * reach.min(1.0));
         let mut random = ChaCha8Rng::seed_from_u64(params.seed);
         let mut cloud = Self { points: Vec::new(), places: Vec::new(), inner: points, spacing, stretch };
@@ -74,20 +75,21 @@ impl Cloud {
         Ok(cloud)
     }
 
-    /// Largest distance of a point from the faces that it lies outside of, in spacings of the isotropic space; a lower
-    /// bound of its distance to the cube there.
+    /// Returns a lower bound of the distance of a point to the cube, measured in the isotropic space, in mean spacings:
+    /// the largest distance from the planes of the faces that the point lies outside of; 0 in the cube.
     pub(super) fn outside(&self, point: usize) -> f64 {
         let (place, reach) = (self.places[point], self.stretch.reach());
         (0..3).map(|k| (place[k].abs() - 0.5) / (reach[k] * self.spacing)).fold(0.0, f64::max)
     }
 }
 
-/// Uniform in `[0, 1)` from the upper 53 bits; implemented here so that no library release can change the networks.
+/// Returns a uniform random number in `[0, 1)` from the upper 53 bits; implemented here so that no library release can
+/// change the networks.
 pub(super) fn uniform(random: &mut ChaCha8Rng) -> f64 {
     (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64
 }
 
-/// Distance of an outer point to the unit cube, with each axis in units of its reach.
+/// Returns the distance of an outer point to the unit cube, with each axis in units of its reach.
 fn distance_to_cube(point: [f64; 3], reach: [f64; 3]) -> f64 {
     let [x, y, z] = [0, 1, 2].map(|k| (point[k].abs() - 0.5).max(0.0) / reach[k]);
     (x * x + y * y + z * z).sqrt()

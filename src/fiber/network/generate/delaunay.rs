@@ -6,7 +6,7 @@ use meshless_voronoi::{Dimensionality, Voronoi};
 use super::clip::Graph;
 use super::cloud::Cloud;
 
-/// Makes the graph whose nodes are the points of the cloud, those in the cube first.
+/// Creates the graph whose nodes are the points of the cloud, those in the cube first.
 pub(super) fn graph(cloud: &Cloud) -> Graph {
     Graph { places: cloud.places.clone(), inner: cloud.inner, edges: edges(&cloud.points, cloud.inner) }
 }
@@ -28,7 +28,7 @@ pub(super) fn edges(points: &[[f64; 3]], inner: usize) -> Vec<[usize; 2]> {
     edges
 }
 
-/// Returns lower corner and widths of a box so large that it cuts no cell of a point in the cube.
+/// Returns the lower corner and the widths of a box so large that it does not cut the cell of any point in the cube.
 pub(super) fn walls(points: &[[f64; 3]]) -> (DVec3, DVec3) {
     let reach = points.iter().flatten().fold(0.5, |m: f64, x| m.max(x.abs()));
     let wall = 10.0 * reach;

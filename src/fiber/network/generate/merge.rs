@@ -1,17 +1,18 @@
 //! Merging of nodes that short fibers join.
 //!
 //! The stiffness of a fiber is inversely proportional to its length: a fiber a hundred times shorter than the others
-//! only ties its ends together and spoils the conditioning. Its ends are therefore merged to one node with all their
-//! other fibers.
+//! acts as a rigid link and makes the stiffness matrix ill-conditioned. Its ends are therefore merged into one node
+//! with all their other fibers.
 
 use super::alignment::Stretch;
 use super::clip::Clipped;
 
 impl Clipped {
-    /// Merges the ends of all fibers shorter than `shortest`, measured in the isotropic space, shortest first, until
-    /// none is left. A cluster without a boundary node becomes a node at the mean position of its nodes; a cluster with
-    /// one becomes that node, which may then have several fibers. No cluster has two boundary nodes. Fibers between two
-    /// boundary nodes are dropped: they would deform affinely and not interact with the interior.
+    /// Merges the ends of all fibers shorter than `shortest`, measured in the isotropic space, shortest first, until no
+    /// such fiber is left. Nodes that are merged form a cluster. A cluster without a boundary node becomes a node at
+    /// the mean position of its nodes; a cluster with a boundary node becomes that node, which may then have several
+    /// fibers. No cluster has two boundary nodes. Fibers between two boundary nodes are dropped: they would deform
+    /// affinely and not interact with the interior.
     pub(super) fn merge_short_fibers(self, shortest: f64, stretch: Stretch) -> Self {
         let mut weights = vec![1.0; self.nodes.len()];
         let mut network = self;
@@ -60,7 +61,7 @@ impl Clipped {
         (0..self.nodes.len() as u32).map(|node| root(&parent, node)).collect()
     }
 
-    /// Contracts each cluster to one node; `weights` holds the number of original nodes of each node.
+    /// Contracts each cluster to one node; `weights` contains the number of original nodes merged into each node.
     fn contract(self, roots: &[u32], weights: &mut Vec<f64>) -> Self {
         let mut number = vec![u32::MAX; self.nodes.len()];
         let mut merged = Self { nodes: Vec::new(), fibers: Vec::new(), on_face: Vec::new() };
@@ -124,7 +125,8 @@ mod tests {
 
     const NONE: Option<&super::super::Alignment> = None;
 
-    /// Boundary nodes 0 and 1; a short fiber 2-3 with a common neighbor 4; a node 5 close to node 1.
+    /// Returns boundary nodes 0 and 1, a short fiber 2-3 whose ends have the common neighbor 4, and a node 5 close to
+    /// node 1.
     fn network() -> Clipped {
         Clipped {
             nodes: vec![
@@ -141,16 +143,16 @@ mod tests {
     }
 
     #[test]
-    fn short_fibers_become_nodes() {
+    fn the_ends_of_short_fibers_are_merged() {
         let merged = network().merge_short_fibers(0.05, Stretch::of(NONE));
-        // 2 and 3 merge halfway; 5 merges into node 1, and its fiber to node 0 is dropped.
+        // Nodes 2 and 3 merge halfway; node 5 merges into node 1, and its fiber to node 0 is dropped.
         assert_eq!(merged.nodes, [[-0.5, 0.0, 0.0], [0.5, 0.0, 0.0], [0.01, 0.0, 0.0], [0.0, 0.3, 0.0]]);
         assert_eq!(merged.on_face, [true, true, false, false]);
         assert_eq!(merged.fibers, [[0, 2], [2, 3], [2, 1], [3, 1]]);
     }
 
     #[test]
-    fn nothing_short_changes_nothing() {
+    fn a_network_without_short_fibers_is_unchanged() {
         let (before, after) = (network(), network().merge_short_fibers(0.005, Stretch::of(NONE)));
         assert_eq!((after.nodes, after.fibers, after.on_face), (before.nodes, before.fibers, before.on_face));
     }

@@ -29,15 +29,15 @@ pub use size::{delaunay, delaunay_of_nodes, voronoi};
 
 use super::NetworkError;
 
-/// Error in the generation of a network.
+/// The error of a network that cannot be generated.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum GenerateError {
     /// The requested number of points is out of range.
-    #[error("{points} points asked for; from 1 to {most} can be placed")]
+    #[error("{points} points requested; the number must be from 1 to {most}")]
     Points {
         /// The requested number.
         points: usize,
-        /// The limit.
+        /// The maximum.
         most: usize,
     },
     /// The requested number of nodes is out of range.
@@ -51,31 +51,33 @@ pub enum GenerateError {
         most: usize,
     },
     /// No number of points gives a density close to the requested one.
-    #[error("a density of {density} asked for; the nearest within reach is about {nearest:.3}, of {points} points")]
+    #[error(
+        "a density of {density} requested; the nearest possible density is about {nearest:.3}, with {points} points"
+    )]
     Density {
         /// The requested density: total length of the fibers in the unit cube.
         density: f64,
-        /// The closest density.
+        /// The closest density that is possible.
         nearest: f64,
-        /// The number of points that gives it.
+        /// The number of points that gives the closest density.
         points: usize,
     },
     /// The direction of alignment is zero or not finite.
-    #[error("the direction {0:?} asked for; it is zero or not finite")]
+    #[error("the direction {0:?} is zero or not finite")]
     Direction([f64; 3]),
     /// The strength of the alignment is out of range.
-    #[error("a strength of {strength} asked for; alignment has one from 0 (isotropic) to {most}")]
+    #[error("the strength of the alignment is {strength}; it must be from 0 (isotropic) to {most}")]
     Strength {
         /// The requested second-order parameter.
         strength: f64,
-        /// The limit.
+        /// The maximum.
         most: f64,
     },
-    /// The merge length is out of range. Holds the length, relative to the mean spacing.
-    #[error("nodes nearer than {0} of the mean spacing are to be merged; it must be at least 0 and below 1")]
+    /// The merge length is out of range. The value is the length, relative to the mean spacing.
+    #[error("the merge length is {0} mean spacings; it must be at least 0 and below 1")]
     Merge(f64),
     /// The minimum distance leaves no room for the points.
-    #[error("{placed} of {points} points could be placed with {min_distance} of the mean spacing between any two")]
+    #[error("only {placed} of {points} points could be placed with a minimum distance of {min_distance} mean spacings")]
     NoRoom {
         /// Number of points placed.
         placed: usize,

@@ -6,7 +6,7 @@ use super::{GenerateError, delaunay, voronoi};
 use crate::fiber::network::check::{Removed, clean};
 use crate::fiber::network::{Cube, Network};
 
-/// Maximum number of points inside the cube: the triangulation then takes some gigabytes.
+/// Maximum number of points inside the cube, for which the triangulation takes some gigabytes.
 pub(super) const MAX_POINTS: usize = 1_000_000;
 
 /// The construction of a network from points.
@@ -25,7 +25,7 @@ impl Kind {
     /// All kinds.
     pub const ALL: [Self; 2] = [Self::Delaunay, Self::Voronoi];
 
-    /// The name in files and on the command line.
+    /// Returns the name in files and on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Delaunay => "delaunay",
@@ -33,13 +33,13 @@ impl Kind {
         }
     }
 
-    /// The default of [`GeneratorParams::merge_length`]: 0 for Delaunay networks, whose minimum distance of the points
-    /// makes merging unnecessary, and 0.05 for Voronoi networks.
+    /// Returns the default of [`GeneratorParams::merge_length`]: 0 for Delaunay networks, whose minimum distance of the
+    /// points makes merging unnecessary, and 0.05 for Voronoi networks.
     ///
     /// Of the 42 623 fibers of a Voronoi network of 3000 points, the shortest is 53 000 times shorter than the mean,
-    /// and as a truss stiffer by that factor. Merging at 0.05 removes 11 % of the fibers; the factor is then 9 (6 in
-    /// Delaunay networks), and 4.2 fibers instead of 4 meet at a node. Three networks of 60 points stretched to 1.8
-    /// then carry 0.4 to 1.4 % less stress, and Newton to a stretch of 1.05 takes on average 28 instead of 42
+    /// and stiffer by that factor. Merging at 0.05 removes 11 % of the fibers; the factor is then 9 (6 in Delaunay
+    /// networks), and 4.2 fibers instead of 4 meet at a node. In three networks of 60 points, it reduces the stress at
+    /// a stretch of 1.8 by 0.4 to 1.4 %, and Newton's method to a stretch of 1.05 takes on average 28 instead of 42
     /// iterations. At 0.1, stresses would be up to 6 % lower, with 4.4 fibers per node.
     #[must_use]
     pub fn default_merge_length(self) -> f64 {
@@ -54,9 +54,9 @@ impl Kind {
 ///
 /// Points are placed at random, uniformly: the given number in the unit cube, and with the same density in a layer
 /// around it. They define a network that extends beyond the cube and is cut at its faces: an edge that leaves the cube
-/// ends at the face, in a boundary node. A boundary node therefore has one fiber, and all nodes that are not cuts are
-/// interior. An edge that passes through a corner of the cube with both ends outside is dropped: it would only deform
-/// affinely. Networks published for this family of models are made in the same way.
+/// ends at the face, in a boundary node. A boundary node therefore has one fiber (unless nodes are merged into it), and
+/// all other nodes are interior. An edge that passes through a corner of the cube with both ends outside is dropped: it
+/// would only deform affinely. The published networks of this family of models are generated in the same way.
 ///
 /// The same parameters give bitwise the same network on every machine and with any number of threads.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -66,20 +66,21 @@ pub struct GeneratorParams {
     /// The seed of the random numbers.
     pub seed: u64,
     /// The minimum distance between two points and between a point and a face of the cube, relative to the mean spacing
-    /// `points^(-1/3)`. It bounds the fiber lengths of a Delaunay network from below, and so the fiber stiffness from
-    /// above. From 0 to about 0.5. Of twelve Delaunay networks of 60 points stretched to 1.8 at constant volume, some
-    /// snapped through on the way at 0.05, none at 0.1 or more. In an aligned network, distances are those before the
-    /// stretch.
+    /// `points^(-1/3)`; from 0 to about 0.5. It bounds the fiber lengths of a Delaunay network from below, and so the
+    /// fiber stiffness from above. Of twelve Delaunay networks of 60 points stretched to 1.8 at constant volume, some
+    /// snapped through before the full stretch with a minimum distance of 0.05, none with 0.1 or more. In an aligned
+    /// network, distances are measured before the stretch.
     pub min_distance: f64,
-    /// Nodes joined by a fiber shorter than this fraction of the mean spacing of the points are merged; 0 merges
-    /// nothing. In an aligned network, lengths are those before the stretch. Above 0.5 little is left of a network.
+    /// Nodes joined by a fiber shorter than this fraction of the mean spacing of the points are merged; from 0 (no
+    /// merging) to below 1. In an aligned network, lengths are measured before the stretch. Values above 0.5 leave only
+    /// few fibers.
     pub merge_length: f64,
     /// The preferred direction of the fibers. The strength is that of the network that extends beyond the cube; fibers
-    /// along the axis are cut at the faces more often, so that by number the strength of a network of few points is
-    /// larger by some hundredths.
+    /// along the axis are cut at the faces more often, so that the second-order parameter of a network of few points,
+    /// with equal weights, exceeds the strength by some hundredths.
     pub alignment: Option<Alignment>,
-    /// Fibers shorter than this fraction of the cube's edge are removed, together with fibers that dangle or are untied
-    /// as a result.
+    /// Fibers shorter than this fraction of the cube's edge are removed, together with fibers that dangle or lose their
+    /// connection to the boundary as a result.
     pub min_length: Option<f64>,
 }
 
@@ -90,12 +91,14 @@ pub struct GeneratedNetwork {
     pub network: Network,
     /// Number of points in the cube.
     pub points: usize,
-    /// The numbers of fibers and nodes removed because they were short, dangling or untied.
+    /// The counts of fibers and nodes that were removed because they were short, dangling or not connected to the
+    /// boundary.
     pub removed: Removed,
 }
 
 impl GeneratorParams {
-    /// The default parameters of a kind of network: isotropic, with a minimum distance of a fifth of the mean spacing.
+    /// Creates the default parameters of a kind of network: isotropic, with a minimum distance of a fifth of the mean
+    /// spacing.
     pub fn new(kind: Kind, seed: u64) -> Self {
         Self {
             kind,
@@ -125,7 +128,7 @@ impl GeneratorParams {
             Kind::Voronoi => voronoi::graph(&cloud),
         };
         let clipped = graph.clip().merge_short_fibers(self.merge_length * cloud.spacing, cloud.stretch);
-        // Checked first, because with an open face the construction of the network itself may fail.
+        // The faces are checked first, because the construction of a network with an open face may fail.
         check_faces(&clipped.nodes, &clipped.fibers)?;
         let name = format!("{}-{points}-{}", self.kind.name(), self.seed);
         let network = Network::in_cube(name, Cube::UNIT, clipped.nodes, clipped.fibers)?;

@@ -3,8 +3,8 @@
 //! Addition, multiplication, division, square root and fused multiply-add are correctly rounded by IEEE 754; cube root
 //! and arc tangent are not, and a network must not depend on the library that computes them.
 
-/// The cube root of a positive number, correctly rounded: one Newton step with the residual in doubled precision, from
-/// an initial value that every library gives to within a few units in the last place.
+/// Returns the correctly rounded cube root of a positive number: one Newton step with the residual in doubled
+/// precision, from an initial value that every library gives to within a few units in the last place.
 pub(super) fn cbrt(x: f64) -> f64 {
     let y = x.cbrt();
     let square = y * y;
@@ -15,7 +15,7 @@ pub(super) fn cbrt(x: f64) -> f64 {
     y + residual / (3.0 * square)
 }
 
-/// The arc tangent of a number from 0 to about 1e6, to some units in the last place.
+/// Returns the arc tangent of a number from 0 to about 1e6, to within some units in the last place.
 ///
 /// `atan x = 2 atan(x / (1 + sqrt(1 + x^2)))` is applied ten times; then the argument is below 0.002 and four terms of
 /// the series suffice.
@@ -32,7 +32,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn cube_roots_are_the_nearest_numbers() {
+    fn cube_roots_are_correctly_rounded() {
         for n in 1..2000u32 {
             let root = cbrt(f64::from(n));
             // The cubes have at most 33 bits and are exact, so that their roots must be exact too.
@@ -42,7 +42,7 @@ mod tests {
     }
 
     #[test]
-    fn arc_tangents_are_those_of_the_library() {
+    fn arc_tangents_agree_with_the_library() {
         for k in 0..600 {
             let x = 1.03f64.powi(k - 300);
             assert!((atan(x) - x.atan()).abs() <= 8.0 * f64::EPSILON * x.atan(), "{x}: {} {}", atan(x), x.atan());

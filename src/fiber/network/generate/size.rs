@@ -9,16 +9,16 @@ const NODES: [usize; 2] = [40, 100_000];
 const MAX_POINTS: usize = 100_000;
 /// Number of points of the network from which a density is extrapolated.
 const SAMPLE: usize = 100;
-/// Relative error above which a density is unreachable.
-const MISSED: f64 = 0.1;
+/// Relative error of the closest density above which the requested one is reported as unreachable.
+const UNREACHABLE: f64 = 0.1;
 
 impl GeneratorParams {
     /// Generates the network whose number of nodes, including the boundary, is closest to `nodes` (with fewer points if
     /// two are equally close). The number of points is found by bisection and a search around the result, since the
-    /// number of nodes does not grow at every step.
+    /// number of nodes does not grow with every additional point.
     ///
     /// # Errors
-    /// Returns [`GenerateError::Nodes`] for less than 40 or more than 100 000 nodes; otherwise as for
+    /// Returns [`GenerateError::Nodes`] for fewer than 40 or more than 100 000 nodes; otherwise as for
     /// [`GeneratorParams::of_points`].
     pub fn of_nodes(&self, nodes: usize) -> Result<GeneratedNetwork, GenerateError> {
         let [fewest, most] = NODES;
@@ -27,14 +27,15 @@ impl GeneratorParams {
         }
         let (fewer, _) = self.bisect([1, nodes], |made| made.network.nodes().len() < nodes)?;
         let candidates = fewer.saturating_sub(2).max(1)..=fewer + 3;
-        let off = |made: &GeneratedNetwork| made.network.nodes().len().abs_diff(nodes) as f64;
-        let made = self.closest(candidates.clone(), off)?;
+        let deviation = |made: &GeneratedNetwork| made.network.nodes().len().abs_diff(nodes) as f64;
+        let made = self.closest(candidates.clone(), deviation)?;
         made.ok_or_else(|| self.open_face(candidates).unwrap_or(GenerateError::Nodes { nodes, fewest, most }))
     }
 
     /// Generates the network whose density, the total length of its fibers in the unit cube, is closest to `density`
-    /// (1/edge^2). The number of points is found by bisection. The density grows with it, but scatters between
-    /// consecutive numbers, so that a dozen neighbors are tried: the result is accurate to a few parts in a thousand.
+    /// (1/edge^2). The number of points is found by bisection. The density grows with this number, but scatters between
+    /// consecutive numbers, so that a dozen numbers around the result are tried: the density is accurate to a few parts
+    /// in a thousand.
     ///
     /// # Errors
     /// Returns [`GenerateError::Density`] if no number of points from 1 to 100 000 comes within 10 %; otherwise as for
@@ -56,14 +57,14 @@ impl GeneratorParams {
         let candidates = fewer.saturating_sub(5).max(1)..=fewer + 6;
         let made = self.closest(candidates.clone(), |made| (length(made) - density).abs())?;
         match made {
-            Some(made) if (length(&made) - density).abs() <= MISSED * density => Ok(made),
+            Some(made) if (length(&made) - density).abs() <= UNREACHABLE * density => Ok(made),
             Some(made) => Err(self.open_face(candidates).unwrap_or(unreachable(length(&made), made.points))),
             None => Err(self.open_face(candidates).unwrap_or(unreachable(sample, SAMPLE))),
         }
     }
 
-    /// Returns the open face that explains why an aligned network has no suitable size: few of its fibers cross the
-    /// faces along the axis.
+    /// Returns the error of an open face if an aligned network of one of these sizes has one: in such a network, few
+    /// fibers cross the faces along the axis, so that no size may be suitable.
     fn open_face(&self, mut candidates: impl Iterator<Item = usize>) -> Option<GenerateError> {
         self.alignment.filter(|alignment| alignment.strength() > 0.0)?;
         candidates.find_map(|points| match self.of_points(points) {
@@ -72,8 +73,8 @@ impl GeneratorParams {
         })
     }
 
-    /// Returns consecutive numbers of points between which `too_small` changes from true to false. A number that gives
-    /// no network counts as too small.
+    /// Returns consecutive numbers of points between which `too_small` changes from true to false. A number of points
+    /// that gives no valid network counts as too small.
     fn bisect(
         &self,
         [mut fewer, mut more]: [usize; 2],
@@ -89,16 +90,17 @@ impl GeneratorParams {
         Ok((fewer, more))
     }
 
-    /// Returns the first of the networks with the smallest `off`; `None` if no candidate gives a network.
+    /// Returns the network with the smallest `deviation`, the first one if there are several; `None` if no candidate
+    /// gives a valid network.
     fn closest(
         &self,
         candidates: impl Iterator<Item = usize>,
-        off: impl Fn(&GeneratedNetwork) -> f64,
+        deviation: impl Fn(&GeneratedNetwork) -> f64,
     ) -> Result<Option<GeneratedNetwork>, GenerateError> {
         let mut best: Option<GeneratedNetwork> = None;
         for points in candidates {
             if let Some(made) = self.attempt(points)?
-                && best.as_ref().is_none_or(|best| off(&made) < off(best))
+                && best.as_ref().is_none_or(|best| deviation(&made) < deviation(best))
             {
                 best = Some(made);
             }
@@ -106,7 +108,7 @@ impl GeneratorParams {
         Ok(best)
     }
 
-    /// Generates the network with this number of points; `None` if they are too few.
+    /// Generates the network with this number of points; `None` if the network is invalid because they are too few.
     fn attempt(&self, points: usize) -> Result<Option<GeneratedNetwork>, GenerateError> {
         match self.of_points(points) {
             Ok(made) => Ok(Some(made)),

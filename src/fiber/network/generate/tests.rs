@@ -14,7 +14,7 @@ use super::{Alignment, GenerateError, GeneratorParams, Kind, delaunay, delaunay_
 use crate::fiber::network::check::{clean, examine};
 use crate::fiber::network::{Network, file};
 
-/// The edges by definition: those of all tetrahedra with an empty circumsphere.
+/// Returns the Delaunay edges by their definition: those of all tetrahedra with an empty circumsphere.
 fn delaunay_edges_by_definition(cloud: &[[f64; 3]]) -> BTreeSet<[usize; 2]> {
     let p: Vec<Vector3<f64>> = cloud.iter().map(|&x| Vector3::from(x)).collect();
     let n = p.len();
@@ -49,7 +49,7 @@ fn edges_are_those_of_empty_circumspheres() {
 }
 
 #[test]
-fn the_same_seed_gives_the_committed_files() {
+fn the_seeds_of_the_committed_files_give_the_same_networks() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     for seed in [1, 8] {
         let committed = file::read(&root.join(format!("examples/dogbone/networks/delaunay_{seed}.txt"))).unwrap();
@@ -61,7 +61,7 @@ fn the_same_seed_gives_the_committed_files() {
 }
 
 #[test]
-fn networks_are_well_made() {
+fn delaunay_networks_are_valid_and_clean() {
     for (points, seed) in [(1, 2), (12, 3), (60, 4), (150, 5)] {
         let network = delaunay(points, seed).unwrap();
         let report = examine(&network);
@@ -78,7 +78,7 @@ fn networks_are_well_made() {
 }
 
 #[test]
-fn an_unstretched_network_has_no_floppy_modes() {
+fn an_undeformed_delaunay_network_has_no_zero_modes() {
     let network = delaunay(60, 1).unwrap();
     let unknowns = 3 * network.interior().len();
     let mut stiffness = DMatrix::<f64>::zeros(unknowns, unknowns);
@@ -98,7 +98,7 @@ fn an_unstretched_network_has_no_floppy_modes() {
 }
 
 #[test]
-fn a_number_of_nodes_can_be_asked_for() {
+fn networks_have_the_requested_number_of_nodes() {
     for nodes in [300, 450, 600] {
         let network = delaunay_of_nodes(nodes, 3).unwrap();
         assert!(network.nodes().len().abs_diff(nodes) <= 10, "{} for {nodes}", network.nodes().len());
@@ -106,7 +106,7 @@ fn a_number_of_nodes_can_be_asked_for() {
 }
 
 #[test]
-fn what_cannot_be_placed_is_an_error() {
+fn invalid_sizes_and_lengths_are_errors() {
     let most = MAX_POINTS;
     assert_eq!(delaunay(0, 1).unwrap_err(), GenerateError::Points { points: 0, most });
     assert_eq!(delaunay(most + 1, 1).unwrap_err(), GenerateError::Points { points: most + 1, most });
@@ -127,7 +127,7 @@ fn what_cannot_be_placed_is_an_error() {
 }
 
 #[test]
-fn edges_are_cut_exactly_on_the_first_face_they_meet() {
+fn edges_are_cut_exactly_at_the_first_face_that_they_cross() {
     assert_eq!(crossing([0.0, 0.1, 0.2], [1.0, 0.1, 0.2]), [0.5, 0.1, 0.2]);
     let cut = crossing([0.1, 0.2, 0.3], [-2.0, 3.0, 0.9]);
     let t = 0.3 / 2.8;
@@ -135,7 +135,7 @@ fn edges_are_cut_exactly_on_the_first_face_they_meet() {
     assert!((cut[0] - (0.1 - 2.1 * t)).abs() < 1e-15 && (cut[2] - (0.3 + 0.6 * t)).abs() < 1e-15, "{cut:?}");
 }
 
-/// By definition, the four points of a vertex are its nearest points, all at the same distance.
+/// The four points of a vertex are the points nearest to it, all at the same distance.
 #[test]
 fn voronoi_vertices_are_centers_of_empty_spheres() {
     let alignment = Some(Alignment::new([1.0, 1.0, 0.0], 0.3).unwrap());
@@ -160,10 +160,10 @@ fn voronoi_vertices_are_centers_of_empty_spheres() {
     }
 }
 
-/// Meijering 1953: the cells of a Poisson process have 13.54 edges per point, with a total length of 5.83 for one point
-/// in the unit cube. With a minimum distance of the points the cells are slightly rounder.
+/// Meijering 1953: the Voronoi cells of a Poisson process have 13.54 edges per point, and for one point per unit volume
+/// their total length per volume is 5.83. A minimum distance of the points would change these values slightly.
 #[test]
-fn voronoi_networks_are_as_dense_as_theory_says() {
+fn the_density_of_voronoi_networks_agrees_with_theory() {
     let params = GeneratorParams { min_distance: 0.0, merge_length: 0.0, ..GeneratorParams::new(Kind::Voronoi, 3) };
     let points = 3000;
     let network = params.of_points(points).unwrap().network;
@@ -174,7 +174,7 @@ fn voronoi_networks_are_as_dense_as_theory_says() {
 }
 
 #[test]
-fn voronoi_networks_are_well_made() {
+fn voronoi_networks_are_valid_and_clean() {
     for (points, seed) in [(12, 3), (60, 4), (300, 5)] {
         let plain = GeneratorParams { merge_length: 0.0, ..GeneratorParams::new(Kind::Voronoi, seed) }
             .of_points(points)
@@ -196,7 +196,7 @@ fn voronoi_networks_are_well_made() {
     }
 }
 
-/// A hash of the coordinates and fibers of a network: a change in the last bit of a coordinate changes it.
+/// Returns a hash of the coordinates and fibers of a network, which changes with the last bit of any coordinate.
 fn fingerprint(network: &Network) -> u64 {
     let numbers = network.nodes().iter().flatten().map(|x| x.to_bits());
     let ends = network.fibers().iter().flatten().map(|&node| u64::from(node));
@@ -204,7 +204,7 @@ fn fingerprint(network: &Network) -> u64 {
 }
 
 #[test]
-fn recipes_give_the_bits_they_always_gave() {
+fn generated_networks_are_bitwise_unchanged() {
     let aligned = |kind| GeneratorParams {
         alignment: Some(Alignment::new([1.0, 2.0, 3.0], 0.5).unwrap()),
         ..GeneratorParams::new(kind, 9)
@@ -215,7 +215,7 @@ fn recipes_give_the_bits_they_always_gave() {
 }
 
 #[test]
-fn no_strength_is_no_alignment() {
+fn an_alignment_of_zero_strength_has_no_effect() {
     for kind in Kind::ALL {
         let params = GeneratorParams::new(kind, 4);
         let alignment = Some(Alignment::new([0.3, -0.2, 0.9], 0.0).unwrap());
@@ -223,8 +223,8 @@ fn no_strength_is_no_alignment() {
     }
 }
 
-/// The order parameter of the network that extends beyond the cube: a cut fiber belongs to the cube by half. Fibers
-/// along the axis are longer and cut more often, so that with equal weights the order would be too high.
+/// Returns the order parameter of the network that extends beyond the cube: a cut fiber counts half. Fibers along the
+/// axis are longer and cut more often, so that with equal weights the order would be too high.
 fn order_without_surface(network: &Network, axis: [f64; 3]) -> f64 {
     let (mut sum, mut total) = (0.0, 0.0);
     for (&[a, b], &length) in network.fibers().iter().zip(network.lengths()) {
@@ -239,7 +239,7 @@ fn order_without_surface(network: &Network, axis: [f64; 3]) -> f64 {
 }
 
 #[test]
-fn aligned_networks_have_the_order_asked_for() {
+fn aligned_networks_have_the_requested_order() {
     for kind in Kind::ALL {
         for (direction, strength) in [([1.0, 0.0, 0.0], 0.3), ([1.0, 1.0, 1.0], 0.6), ([0.0, -1.0, 0.5], 0.8)] {
             let alignment = Alignment::new(direction, strength).unwrap();
@@ -253,7 +253,7 @@ fn aligned_networks_have_the_order_asked_for() {
 }
 
 #[test]
-fn a_density_can_be_asked_for() {
+fn networks_have_the_requested_density() {
     for (kind, density) in [(Kind::Delaunay, 200.0), (Kind::Voronoi, 150.0), (Kind::Voronoi, 60.0)] {
         let made = GeneratorParams::new(kind, 3).of_density(density).unwrap();
         let found = made.network.total_length();
@@ -264,7 +264,7 @@ fn a_density_can_be_asked_for() {
 }
 
 #[test]
-fn trimming_takes_out_short_fibers_and_what_then_hangs_loose() {
+fn short_fibers_are_removed_with_those_that_then_dangle() {
     let params = GeneratorParams { min_length: Some(0.08), ..GeneratorParams::new(Kind::Voronoi, 2) };
     let made = params.of_points(60).unwrap();
     assert!(made.removed.short_fibers > 0, "{:?}", made.removed);

@@ -15,10 +15,11 @@ use super::delaunay::walls;
 /// The three points of an edge and the four points of the vertex at one of its ends, both ascending.
 type End = ([u32; 3], [u32; 4]);
 
-/// Makes the graph whose nodes are the vertices of edges with an end in the cube, the vertices in the cube first.
+/// Creates the graph of all edges with an end in the cube; its nodes are the vertices of these edges, those in the cube
+/// first.
 pub(super) fn graph(cloud: &Cloud) -> Graph {
     let ends = ends(cloud);
-    // The two ends of an edge are adjacent. An edge with a single end leaves the cloud.
+    // The two ends of an edge are adjacent in the list. An edge with a single end leaves the cloud.
     let pairs = ends.windows(2).filter(|pair| pair[0].0 == pair[1].0).map(|pair| [pair[0].1, pair[1].1]);
     let mut vertices: Vec<([u32; 4], [f64; 3], bool)> = Vec::new();
     let mut edges: Vec<[[u32; 4]; 2]> = Vec::new();
@@ -76,7 +77,7 @@ fn ends(cloud: &Cloud) -> Vec<End> {
     ends
 }
 
-/// The center of the sphere through four points, by Cramer's rule.
+/// Returns the center of the sphere through four points, by Cramer's rule.
 pub(super) fn circumcenter(p: [[f64; 3]; 4]) -> [f64; 3] {
     let p = p.map(Vector3::<f64>::from);
     let d = [p[1] - p[0], p[2] - p[0], p[3] - p[0]];

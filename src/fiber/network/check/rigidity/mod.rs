@@ -56,8 +56,8 @@ pub struct Rigidity {
     pub coplanar_fibers: usize,
     /// Number of nodes that take part in zero modes: those with a mobility above 1e-6.
     pub mobile_nodes: usize,
-    /// Whether mobilities were estimated by random probing (to about 15 %) because there are too many zero modes for a
-    /// basis.
+    /// True if the mobilities were estimated by random probing (to about 15 %), because there are too many zero modes
+    /// for a basis.
     pub estimated: bool,
     /// The nodes with the largest mobilities, at most ten.
     pub most_mobile: Vec<MobileNode>,
@@ -69,10 +69,10 @@ pub struct Rigidity {
 pub struct MobileNode {
     /// The node.
     pub node: u32,
-    /// Its position in the unit cube.
+    /// Position of the node in the unit cube.
     pub position: [f64; 3],
-    /// The trace of its block of the projector onto the zero modes: 3 for a node that moves freely, 0 for one that does
-    /// not move. The mobilities of all nodes sum to the number of zero modes.
+    /// The trace of the node's block of the projector onto the zero modes: 3 for a node that moves freely, 0 for one
+    /// that does not move. The mobilities of all nodes sum to the number of zero modes.
     pub mobility: f64,
 }
 
@@ -86,7 +86,7 @@ pub enum RigidityError<F: std::error::Error> {
     #[error("the stiffness cannot be factored: {0}")]
     Solve(#[from] SolveError<F>),
     /// No shift gave a factorization with nonzero pivots.
-    #[error("the stiffness could not be factored such that its pivots have signs")]
+    #[error("every tried shift of the stiffness has a zero pivot")]
     Undecided,
 }
 
@@ -206,7 +206,7 @@ impl<'a, B: RealBackend> Stiffness<'a, B> {
         solver.factor(matrix)
     }
 
-    /// Counts the negative pivots of `K - s I`.
+    /// Counts the zero modes: the negative pivots of `K - s I`.
     fn zero_modes(&mut self) -> Result<usize, RigidityError<B::Error>> {
         for attempt in 0..ATTEMPTS {
             // With an irrational ratio, no pivot vanishes at two of these shifts by coincidence.

@@ -1,10 +1,10 @@
 //! The mobility of every node in the null space of a positive semidefinite stiffness `K`.
 //!
-//! Inverse iteration: `P = s (K + s I)^-1` with a tiny `s` preserves the null space and scales other eigenvectors by
-//! about `s / lambda`. Applied to as many random vectors as there are zero modes, followed by orthonormalization, it
-//! gives a basis of the null space; the mobility of a node is the sum of squares of its components. If the basis would
-//! be too large, mobilities are estimated: for random signs `z` the expectation of `|(P z)_a|^2` is the trace of the
-//! node's block of the projector.
+//! The method is inverse iteration: `P = s (K + s I)^-1` with a tiny `s` preserves the null space and scales other
+//! eigenvectors by about `s / lambda`, with their eigenvalue `lambda`. Applied to as many random vectors as there are
+//! zero modes, followed by orthonormalization, it gives a basis of the null space; the mobility of a node is the sum of
+//! squares of its components. If the basis would be too large, the mobilities are estimated: for a vector `z` of random
+//! signs, the expectation of `|(P z)_a|^2` is the trace of the projector's block of node `a`.
 //!
 //! Reference for the estimate: C. Bekas, E. Kokiopoulou, Y. Saad, *An estimator for the diagonal of a matrix*, Applied
 //! Numerical Mathematics 57 (2007), 1214-1229.
@@ -14,8 +14,8 @@ use nalgebra::{Cholesky, DMatrix};
 use crate::las::{Backend, RealBackend, SolveError, Solver, VectorOps};
 
 /// Maximum number of zero modes for which a basis is computed.
-const LARGEST_BASIS: usize = 400;
-/// Number of random vectors of the estimate: its standard deviation is about `sqrt(2 / (3 PROBES))`.
+const MAX_BASIS: usize = 400;
+/// Number of random vectors of the estimate, whose relative standard deviation is about `sqrt(2 / (3 PROBES))`.
 const PROBES: usize = 64;
 /// Number of right-hand sides per solve.
 const BATCH: usize = 16;
@@ -23,7 +23,8 @@ const BATCH: usize = 16;
 /// smallest nonzero eigenvalue of the stiffness is a thousand times the shift.
 const ITERATIONS: usize = 4;
 
-/// Returns the mobility of every node, and whether it is an estimate; `solver` holds the factor of `K + shift I`.
+/// Returns the mobility of every interior node, and whether it is an estimate; `solver` contains the factorization of
+/// `K + shift I`, and `modes` is the number of zero modes.
 pub(super) fn mobilities<B: RealBackend>(
     context: &B::Context,
     solver: &mut B::Solver,
@@ -31,23 +32,23 @@ pub(super) fn mobilities<B: RealBackend>(
     modes: usize,
     shift: f64,
 ) -> Result<(Vec<f64>, bool), SolveError<B::Error>> {
-    let estimated = modes > LARGEST_BASIS;
+    let estimated = modes > MAX_BASIS;
     let mut columns = random_signs(unknowns, if estimated { PROBES } else { modes });
-    let mut room = Room::<B>::new(context, unknowns)?;
+    let mut vectors = BatchVectors::<B>::new(context, unknowns)?;
     if estimated {
         for _ in 0..2 {
-            room.project(solver, &mut columns, shift)?;
+            vectors.project(solver, &mut columns, shift)?;
         }
     } else {
         for _ in 0..ITERATIONS {
-            room.project(solver, &mut columns, shift)?;
+            vectors.project(solver, &mut columns, shift)?;
             orthonormalize(&mut columns);
         }
     }
     let mut mobility: Vec<f64> =
         (0..unknowns / 3).map(|node| columns.rows(3 * node, 3).iter().map(|x| x * x).sum()).collect();
     if estimated {
-        // The sum is known: scaling to it removes the part of the error common to all nodes.
+        // The sum of the mobilities is known: scaling to it removes the part of the error that all nodes share.
         let sum: f64 = mobility.iter().sum();
         mobility.iter_mut().for_each(|mobility| *mobility *= modes as f64 / sum);
     }
@@ -55,12 +56,12 @@ pub(super) fn mobilities<B: RealBackend>(
 }
 
 /// Right-hand sides and solutions for the solver.
-struct Room<B: Backend> {
+struct BatchVectors<B: Backend> {
     right: Vec<B::Vector>,
     left: Vec<B::Vector>,
 }
 
-impl<B: RealBackend> Room<B> {
+impl<B: RealBackend> BatchVectors<B> {
     fn new(context: &B::Context, unknowns: usize) -> Result<Self, SolveError<B::Error>> {
         let vectors = || (0..BATCH).map(|_| B::vector(context, unknowns)).collect::<Result<_, _>>();
         Ok(Self { right: vectors()?, left: vectors()? })
@@ -90,7 +91,8 @@ impl<B: RealBackend> Room<B> {
     }
 }
 
-/// Orthonormalizes the columns by Cholesky of their Gram matrix, twice, since one pass loses half of the digits.
+/// Orthonormalizes the columns by a Cholesky factorization of their Gram matrix, twice, since one pass loses half of
+/// the digits.
 fn orthonormalize(columns: &mut DMatrix<f64>) {
     for _ in 0..2 {
         let gram = columns.tr_mul(columns);
@@ -102,7 +104,7 @@ fn orthonormalize(columns: &mut DMatrix<f64>) {
     }
 }
 
-/// Columns of random signs in a fixed sequence.
+/// Returns columns of random signs, always the same ones.
 fn random_signs(rows: usize, columns: usize) -> DMatrix<f64> {
     let mut state = 0x5eed_u64;
     DMatrix::from_fn(rows, columns, |_, _| if crate::las::splitmix64(&mut state) & 1 == 0 { 1.0 } else { -1.0 })
