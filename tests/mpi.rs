@@ -1,5 +1,5 @@
-//! Scales and couplings on ranks that are MPI processes: the same checks as on threads, and the end of all processes if
-//! one fails. This program runs itself under `mpirun`, because MPI can be initialized only once per process; the
+//! Scales and couplings on ranks that are MPI processes: the checks that threads pass too, and the end of all processes
+//! if one fails. This program runs itself under `mpirun`, because MPI can be initialized only once per process; the
 //! environment variable `MPIRUN` names another launcher, such as `mpirun.mpich`.
 //!
 //! `cargo test --features mpi --test mpi -- WORD` runs the checks whose names contain the word. The check of messages
@@ -18,58 +18,58 @@ use biotissue::backends::comm::mpi::{MpiComm, run};
 use biotissue::las::{Comm, Message, ReceiveRequest, Tag};
 use bytemuck::{cast_slice, cast_slice_mut};
 
-use checks::{Outcome, lives, ranks, scales, units};
+use checks::{Outcome, random_changes, ranks, scales, units};
 use launcher::Launcher;
 
-/// The environment variable that tells a process what to run.
+/// The environment variable with the name of what a launched process runs.
 const LAUNCHED: &str = "BIOTISSUE_MPI_TEST";
 
-/// Its value in a process that runs checks.
+/// The value of [`LAUNCHED`] in a process that runs checks.
 const CHECK: &str = "check";
 
 type Check = (&'static str, fn(&MpiComm) -> Outcome);
 
 const CHECKS: &[Check] = &[
-    ("messages_in_order", ranks::messages_of_one_tag_arrive_in_order_and_tags_stay_apart),
-    ("messages_of_any_length", ranks::messages_of_any_length_arrive_whole),
-    ("together", ranks::what_all_do_together_is_the_same_for_all),
-    ("groups", ranks::groups_do_not_hear_each_other),
-    ("agree", ranks::a_failure_of_one_is_agreed_on_by_all),
+    ("messages_in_order", ranks::messages_of_a_tag_arrive_in_order_independently_of_other_tags),
+    ("messages_of_any_length", ranks::messages_of_any_length_arrive_complete),
+    ("collectives", ranks::collective_operations_give_the_same_result_on_all_ranks),
+    ("groups", ranks::groups_do_not_receive_messages_of_each_other),
+    ("agree", ranks::all_ranks_agree_on_the_failure_of_one),
     ("sums", ranks::sums_are_in_the_order_of_the_ranks),
-    ("time_out", ranks::who_does_not_answer_in_time_is_named),
-    ("time_out_together", ranks::who_does_not_take_part_in_time_is_named),
-    ("no_such_rank", ranks::there_is_no_rank_beyond_the_last),
-    ("scales", scales::each_rank_is_of_one_scale_and_finds_the_others),
+    ("time_out_of_receive", ranks::a_time_out_of_receive_names_the_sender),
+    ("time_out_of_gather", ranks::a_time_out_of_gather_names_the_missing_rank),
+    ("no_such_rank", ranks::ranks_that_do_not_exist_are_errors),
+    ("scales", scales::each_rank_belongs_to_one_scale_and_finds_the_others),
     ("mains", scales::each_scale_runs_its_own_main),
-    ("news", scales::what_a_scale_tells_all_ranks_of_another_hear),
-    ("plan_for_others", scales::a_plan_for_other_ranks_is_refused_by_all),
-    ("time_out", scales::a_scale_that_does_not_answer_is_named),
-    ("published", units::tables_are_those_published),
-    ("layouts", units::another_layout_on_the_other_side_is_refused_by_both),
-    ("while_a_rank_works", units::values_come_in_while_a_rank_works),
-    ("units_of_before", units::receiving_for_units_of_before_is_refused),
+    ("broadcast_to_a_scale", scales::a_broadcast_reaches_all_ranks_of_another_scale),
+    ("plan_for_other_ranks", scales::a_plan_for_another_number_of_ranks_is_rejected_on_all_ranks),
+    ("time_out_of_a_scale", scales::a_time_out_names_the_scale_that_does_not_send),
+    ("published", units::distributions_are_those_published),
+    ("layouts", units::different_layouts_are_rejected_on_both_sides),
+    ("pending_exchanges", units::several_exchanges_are_pending_at_once),
+    ("receive_before_a_change", units::receives_started_before_a_change_are_rejected),
     #[cfg(feature = "sparse")]
     ("local_values_sparse", |comm| {
-        units::local_values_go_from_vector_to_vector::<biotissue::backends::sparse::Sparse, _>(comm, &())
+        units::local_values_are_sent_from_vector_to_vector::<biotissue::backends::sparse::Sparse, _>(comm, &())
     }),
     #[cfg(feature = "batched")]
     ("local_values_batched", |comm| {
-        units::local_values_go_from_vector_to_vector::<biotissue::backends::batched::Batched, _>(comm, &())
+        units::local_values_are_sent_from_vector_to_vector::<biotissue::backends::batched::Batched, _>(comm, &())
     }),
     #[cfg(feature = "petsc")]
     ("local_values_petsc", |comm| {
         use biotissue::backends::petsc::{Context, Petsc, Session};
         let alone = Context::new(&Session::new()?, &mpi::topology::SimpleCommunicator::self_comm());
-        units::local_values_go_from_vector_to_vector::<Petsc, _>(comm, &alone)
+        units::local_values_are_sent_from_vector_to_vector::<Petsc, _>(comm, &alone)
     }),
-    ("one_by_one", units::units_that_come_one_by_one_are_spread_evenly),
-    ("wrong_calls", units::wrong_calls_say_what_is_wrong),
+    ("one_by_one", units::units_that_are_added_one_by_one_are_distributed_evenly),
+    ("invalid_calls", units::invalid_calls_are_errors),
     ("ring", units::three_scales_are_coupled_in_a_ring),
-    ("lives", random_lives),
-    ("lives_of_three", random_lives_of_three),
+    ("random_changes", random_changes_of_two_scales),
+    ("random_changes_of_three", random_changes_of_three_scales),
 ];
 
-/// Checks that take 9 GiB of memory and run only if they are named.
+/// Checks that need 9 GiB of memory and run only if they are named.
 const ON_REQUEST: &[Check] = &[("longer_than_2_31_bytes", messages_of_more_than_2_31_bytes)];
 
 /// A failure of a process: its name, the function that fails, and a text that must be printed.
@@ -78,47 +78,47 @@ type Failure = (&'static str, fn(&MpiComm) -> Outcome, &'static str);
 const FAILURES: &[Failure] = &[
     ("a_rank_that_fails", fail, "the law is broken"),
     ("a_rank_that_fails_with_a_message_underway", fail_with_a_message_underway, "the law is broken"),
-    ("a_rank_that_fails_where_others_wait_together", fail_in_a_collective, "the law is broken"),
-    ("a_rank_that_panics", panic_alone, "one too many"),
-    ("a_rank_that_is_killed", be_killed, "signal 9"),
+    ("a_rank_that_fails_while_others_wait_in_a_collective", fail_in_a_collective, "the law is broken"),
+    ("a_rank_that_panics", panic_on_one_rank, "one too many"),
+    ("a_rank_that_is_killed", kill_one_rank, "signal 9"),
 ];
 
 fn main() -> ExitCode {
     let words: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with('-')).collect();
     if let Ok(what) = std::env::var(LAUNCHED) {
-        run(|comm| take_part(&comm, &what, &words), |_| 1);
+        run(|comm| run_in_process(&comm, &what, &words), |_| 1);
         return ExitCode::SUCCESS;
     }
     let launcher = match Launcher::find() {
         Ok(launcher) => launcher,
         Err(error) => {
-            println!("there is no mpirun: {error}");
+            println!("cannot run mpirun: {error}");
             return ExitCode::FAILURE;
         }
     };
-    let mut all_well = true;
+    let mut all_passed = true;
     for ranks in 1..=8 {
-        all_well &= report(&format!("checks on {ranks} ranks"), || check(&launcher, ranks, &words));
+        all_passed &= report(&format!("checks on {ranks} ranks"), || check(&launcher, ranks, &words));
     }
-    if is_meant("published", &words) {
-        all_well &= report("checks on 12 ranks", || check(&launcher, 12, &["published".to_owned()]));
+    if is_selected("published", &words) {
+        all_passed &= report("checks on 12 ranks", || check(&launcher, 12, &["published".to_owned()]));
     }
-    for failure in FAILURES.iter().filter(|(name, ..)| is_meant(name, &words)) {
-        all_well &= report(&format!("{} ends all", failure.0), || ends_all(&launcher, failure));
+    for failure in FAILURES.iter().filter(|(name, ..)| is_selected(name, &words)) {
+        all_passed &= report(&format!("{} ends all", failure.0), || check_that_all_end(&launcher, failure));
     }
-    if all_well { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+    if all_passed { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
-fn is_meant(name: &str, words: &[String]) -> bool {
+fn is_selected(name: &str, words: &[String]) -> bool {
     words.is_empty() || words.iter().any(|word| name.contains(word.as_str()))
 }
 
-/// Prints the outcome of `what` and its duration, and returns true if it succeeded.
-fn report(name: &str, what: impl FnOnce() -> Outcome) -> bool {
+/// Runs a test, prints its outcome and its duration, and returns true if it succeeded.
+fn report(name: &str, test: impl FnOnce() -> Outcome) -> bool {
     let start = Instant::now();
-    let outcome = what();
-    let well = if outcome.is_ok() { "ok" } else { "FAILED" };
-    println!("{name} ... {well} ({:.1} s)", start.elapsed().as_secs_f64());
+    let outcome = test();
+    let word = if outcome.is_ok() { "ok" } else { "FAILED" };
+    println!("{name} ... {word} ({:.1} s)", start.elapsed().as_secs_f64());
     if let Err(error) = &outcome {
         println!("{error}");
     }
@@ -131,22 +131,22 @@ fn check(launcher: &Launcher, ranks: usize, words: &[String]) -> Outcome {
     if status.success() { Ok(()) } else { Err(format!("{status}").into()) }
 }
 
-/// Lets one of three processes fail; all must end within seconds.
-fn ends_all(launcher: &Launcher, &(name, _, says): &Failure) -> Outcome {
+/// Makes one of three processes fail and checks that all end within seconds and print the text of the failure.
+fn check_that_all_end(launcher: &Launcher, &(name, _, text): &Failure) -> Outcome {
     const LIMIT: Duration = Duration::from_secs(20);
     let start = Instant::now();
     let output = launcher.command(3, 60)?.env(LAUNCHED, name).output()?;
     let taken = start.elapsed();
     // The launcher may print its own messages to either stream.
-    let said = [output.stderr, output.stdout].map(|text| String::from_utf8_lossy(&text).into_owned()).concat();
-    if output.status.success() || taken > LIMIT || !said.contains(says) {
-        return Err(format!("{} after {:.1} s, saying: {said}", output.status, taken.as_secs_f64()).into());
+    let printed = [output.stderr, output.stdout].map(|text| String::from_utf8_lossy(&text).into_owned()).concat();
+    if output.status.success() || taken > LIMIT || !printed.contains(text) {
+        return Err(format!("{} after {:.1} s, output: {printed}", output.status, taken.as_secs_f64()).into());
     }
     Ok(())
 }
 
-/// For two ranks: a message of 2^31 bytes and a longer one. MPI counts in 32 bits, so messages are sent in parts of
-/// 2^30 bytes: the first consists of whole parts, the second does not.
+/// Sends a message of 2^31 bytes and a longer one between two ranks. MPI counts in 32 bits, so messages are sent in
+/// parts of 2^30 bytes: the first consists of whole parts, the second does not.
 fn messages_of_more_than_2_31_bytes(comm: &MpiComm) -> Outcome {
     let value = |k: usize| (k as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     let is_whole = |found: &[u64]| found.iter().enumerate().all(|(k, &found)| found == value(k));
@@ -176,14 +176,14 @@ fn messages_of_more_than_2_31_bytes(comm: &MpiComm) -> Outcome {
 }
 
 /// Runs the checks or the failure that this process was launched for.
-fn take_part(comm: &MpiComm, what: &str, words: &[String]) -> Outcome {
+fn run_in_process(comm: &MpiComm, what: &str, words: &[String]) -> Outcome {
     comm.barrier()?;
     if what != CHECK {
         let (_, fail, _) = FAILURES.iter().find(|(name, ..)| *name == what).ok_or("there is no such failure")?;
         return fail(comm);
     }
     let on_request = ON_REQUEST.iter().filter(|(name, _)| words.iter().any(|word| word == name));
-    for (name, check) in CHECKS.iter().filter(|(name, _)| is_meant(name, words)).chain(on_request) {
+    for (name, check) in CHECKS.iter().filter(|(name, _)| is_selected(name, words)).chain(on_request) {
         let start = Instant::now();
         check(comm).map_err(|error| format!("{name}: {error}"))?;
         comm.barrier()?;
@@ -194,15 +194,15 @@ fn take_part(comm: &MpiComm, what: &str, words: &[String]) -> Outcome {
     Ok(())
 }
 
-fn random_lives(comm: &MpiComm) -> Outcome {
-    lives::nothing_is_lost(comm, seeds(comm, 400), 2)
+fn random_changes_of_two_scales(comm: &MpiComm) -> Outcome {
+    random_changes::every_unit_arrives_once(comm, seeds(comm, 400), 2)
 }
 
-fn random_lives_of_three(comm: &MpiComm) -> Outcome {
-    lives::nothing_is_lost(comm, seeds(comm, 200), 3)
+fn random_changes_of_three_scales(comm: &MpiComm) -> Outcome {
+    random_changes::every_unit_arrives_once(comm, seeds(comm, 200), 3)
 }
 
-/// Returns other seeds for each number of ranks, and fewer for more ranks, which are slower.
+/// Returns different seeds for each number of ranks, and fewer for more ranks, which are slower.
 fn seeds(comm: &MpiComm, count: u64) -> Range<u64> {
     let ranks = comm.size() as u64;
     1_000_000 * ranks..1_000_000 * ranks + count / ranks
@@ -211,19 +211,19 @@ fn seeds(comm: &MpiComm, count: u64) -> Range<u64> {
 /// The tag of a message that is never sent; the ranks that do not fail wait for it.
 const NEVER: Tag = Tag::of(7);
 
-fn wait_for_ever(comm: &MpiComm) -> Outcome {
+fn wait_forever(comm: &MpiComm) -> Outcome {
     comm.receive(1, NEVER)?;
     Ok(())
 }
 
 fn fail(comm: &MpiComm) -> Outcome {
-    if comm.rank() == 1 { Err("the law is broken".into()) } else { wait_for_ever(comm) }
+    if comm.rank() == 1 { Err("the law is broken".into()) } else { wait_forever(comm) }
 }
 
-/// The message is so long that it is sent only when received, and it is never received.
+/// Fails while a message is pending, which is so long that it is sent only when it is received, and never received.
 fn fail_with_a_message_underway(comm: &MpiComm) -> Outcome {
     if comm.rank() != 1 {
-        return wait_for_ever(comm);
+        return wait_forever(comm);
     }
     let _underway = comm.start_send(0, Tag::of(8), Message::zeros(1 << 26))?;
     Err("the law is broken".into())
@@ -235,17 +235,17 @@ fn fail_in_a_collective(comm: &MpiComm) -> Outcome {
         return Err("the law is broken".into());
     }
     comm.gather_all(Message::new())?;
-    wait_for_ever(comm)
+    wait_forever(comm)
 }
 
-fn panic_alone(comm: &MpiComm) -> Outcome {
+fn panic_on_one_rank(comm: &MpiComm) -> Outcome {
     assert!(comm.rank() != 1, "one too many");
-    wait_for_ever(comm)
+    wait_forever(comm)
 }
 
-fn be_killed(comm: &MpiComm) -> Outcome {
+fn kill_one_rank(comm: &MpiComm) -> Outcome {
     if comm.rank() == 1 {
         Command::new("sh").args(["-c", &format!("kill -9 {}", std::process::id())]).status()?;
     }
-    wait_for_ever(comm)
+    wait_forever(comm)
 }

@@ -2,9 +2,9 @@
 //! initialized only once per process.
 //!
 //! `cargo test --test petsc -- WORD` runs the checks whose names contain the word.
-#![allow(unsafe_code, reason = "counts what MPI is asked for")]
+#![allow(unsafe_code, reason = "replaces a function of MPI to count its calls")]
 
-#[allow(dead_code, reason = "recorded numbers are held against another backend")]
+#[allow(dead_code, reason = "tests of other backends use the recorded numbers")]
 mod bar_of_24;
 mod support;
 
@@ -43,13 +43,13 @@ const CHECKS: &[Check] = &[
     ("solvers", |context| conformance::solvers::<Petsc>(context, Capabilities::ALL)),
     ("conformance_in_blocks", conformance_in_blocks),
     ("blocks", blocks),
-    ("verbs_that_mix", verbs_that_mix),
+    ("mixed_writes", mixed_writes),
     ("verbs_on_threads", verbs_on_threads),
     ("shifted_diagonal", shifted_diagonal),
     ("iterative_methods", iterative_methods),
     ("options", options),
     ("errors", errors),
-    ("kept_rows", kept_rows),
+    ("owned_rows", owned_rows),
     ("floating_bodies", floating_bodies),
     ("split_communicators", split_communicators),
     ("frozen_rve", frozen_rve),
@@ -63,20 +63,20 @@ fn main() -> ExitCode {
     if std::env::var_os(LAUNCHED).is_some() {
         return checks(&words);
     }
-    let mut all_well = true;
+    let mut all_passed = true;
     for ranks in [0, 1, 2, 4] {
         let start = Instant::now();
-        let well = launch(ranks, &words);
-        all_well &= well;
-        let how = if ranks == 0 { "alone".to_owned() } else { format!("mpirun -n {ranks}") };
-        println!("{how} ... {} ({:.1} s)", if well { "ok" } else { "FAILED" }, start.elapsed().as_secs_f64());
+        let passed = launch(ranks, &words);
+        all_passed &= passed;
+        let launcher = if ranks == 0 { "without mpirun".to_owned() } else { format!("mpirun -n {ranks}") };
+        println!("{launcher} ... {} ({:.1} s)", if passed { "ok" } else { "FAILED" }, start.elapsed().as_secs_f64());
     }
-    all_well &= words.iter().any(|word| !"logging".contains(word.as_str())) || hot_verbs_stay_out_of_the_log();
-    if all_well { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+    all_passed &= words.iter().any(|word| !"logging".contains(word.as_str())) || hot_verbs_do_not_write_to_the_log();
+    if all_passed { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
-/// The log of PETSc is shared by all threads of a process: verbs that take no lock must not write to it.
-fn hot_verbs_stay_out_of_the_log() -> bool {
+/// All threads of a process share the log of PETSc, so that verbs that take no lock must not write to it.
+fn hot_verbs_do_not_write_to_the_log() -> bool {
     let file = std::env::temp_dir().join(format!("biotissue-petsc-log-{}", std::process::id()));
     let options = format!("-log_view :{}", file.display());
     let program = std::env::current_exe().expect("this program has a path");
@@ -85,9 +85,9 @@ fn hot_verbs_stay_out_of_the_log() -> bool {
     let log = std::fs::read_to_string(&file).unwrap_or_default();
     let _ = std::fs::remove_file(&file);
     let is_log = log.contains("MatAssemblyEnd");
-    let well = run.is_ok_and(|status| status.success()) && is_log && !log.contains("MatSetValues");
-    println!("hot_verbs_stay_out_of_the_log ... {}", if well { "ok" } else { "FAILED" });
-    well
+    let passed = run.is_ok_and(|status| status.success()) && is_log && !log.contains("MatSetValues");
+    println!("hot_verbs_do_not_write_to_the_log ... {}", if passed { "ok" } else { "FAILED" });
+    passed
 }
 
 /// Runs the checks in new processes; 0 ranks stands for one process without `mpirun`.
@@ -101,8 +101,8 @@ fn launch(ranks: usize, words: &[String]) -> bool {
         command
     };
     command.args(words).env(LAUNCHED, "1");
-    // Allows the user root, as in containers; one thread per rank; no kernels for instructions that this processor
-    // lacks.
+    // The variables allow the user root, as in containers, set one thread per rank, and prevent kernels with
+    // instructions that this processor lacks.
     command.envs([("OMPI_ALLOW_RUN_AS_ROOT", "1"), ("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")]);
     command.envs([("OMP_NUM_THREADS", "1"), ("OPENBLAS_NUM_THREADS", "1")]);
     #[cfg(target_arch = "x86_64")]
@@ -121,10 +121,10 @@ fn launch(ranks: usize, words: &[String]) -> bool {
 
 /// Runs all checks in this process, which may be one of several ranks.
 fn checks(words: &[String]) -> ExitCode {
-    // A panic ends the process, and thereby all ranks; otherwise the others would wait for it.
-    let say = std::panic::take_hook();
+    // A panic ends the process, and thereby all ranks; otherwise the other ranks would wait for it.
+    let print_panic = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {
-        say(panic);
+        print_panic(panic);
         std::process::exit(101);
     }));
     let context = Context::world().expect("PETSc starts");
@@ -143,7 +143,8 @@ fn checks(words: &[String]) -> ExitCode {
     ExitCode::SUCCESS
 }
 
-/// There is one session at a time; every object made in it keeps it alive, and the objects may be dropped in any order.
+/// There is one session at a time; every object created in it keeps it alive, and the objects may be dropped in any
+/// order.
 fn sessions(context: Context) {
     assert_eq!(Session::new().err(), Some(SessionError::Running));
     let pattern = laplacian_pattern(4);
@@ -156,7 +157,7 @@ fn sessions(context: Context) {
     solver.factor(&a).unwrap();
     drop(a);
     solver.solve(&b, &mut x).unwrap();
-    assert_eq!(Session::new().err(), Some(SessionError::Running), "a solver and two vectors hold it");
+    assert_eq!(Session::new().err(), Some(SessionError::Running), "a solver and two vectors keep the session alive");
     drop(solver);
     drop(b);
     assert!(x.norm().unwrap() > 0.0);
@@ -165,7 +166,7 @@ fn sessions(context: Context) {
     assert_eq!(Session::new().err(), Some(SessionError::Ended));
 }
 
-/// All ranks draw the same cases; failing cases are not reduced.
+/// Returns trials with the same cases on all ranks; failing cases are not reduced.
 fn trials(count: u32, block_size: usize) -> Trials {
     Trials { count, block_size, reduce: false, ..Trials::default() }
 }
@@ -184,7 +185,7 @@ fn conformance_in_blocks(context: &Context) {
     check_matrices(&context.clone().with_matrix_type(MatrixType::Baij), trials(60, 3));
 }
 
-/// The pattern of a truss consists of 3x3 blocks: BAIJ stores the same entries as AIJ, and the results are equal.
+/// The pattern of a truss consists of 3x3 blocks, so that BAIJ stores the same entries as AIJ; the results are equal.
 fn blocks(context: &Context) {
     let baij = context.clone().with_matrix_type(MatrixType::Baij);
     conformance::matrices::<Petsc>(&baij, trials(60, 1));
@@ -210,10 +211,10 @@ fn blocks(context: &Context) {
                 matrix.finish().unwrap();
             }
         }
-        same(&a, &b);
-        same(&a.product(&a).unwrap(), &b.product(&b).unwrap());
-        same(&a.transpose().unwrap(), &b.transpose().unwrap());
-        same(&a.sum(2.0, &a, 1.0).unwrap(), &b.sum(2.0, &b, 1.0).unwrap());
+        assert_equal_entries(&a, &b);
+        assert_equal_entries(&a.product(&a).unwrap(), &b.product(&b).unwrap());
+        assert_equal_entries(&a.transpose().unwrap(), &b.transpose().unwrap());
+        assert_equal_entries(&a.sum(2.0, &a, 1.0).unwrap(), &b.sum(2.0, &b, 1.0).unwrap());
         assert_eq!(b.product(&b).unwrap().matrix_type(), MatrixType::Baij);
         a.scale(0.5).unwrap();
         b.scale(0.5).unwrap();
@@ -229,7 +230,7 @@ fn blocks(context: &Context) {
     }
 }
 
-fn same(a: &<Petsc as Backend>::Matrix, b: &<Petsc as Backend>::Matrix) {
+fn assert_equal_entries(a: &<Petsc as Backend>::Matrix, b: &<Petsc as Backend>::Matrix) {
     let mut entries = [Vec::new(), Vec::new()];
     for (matrix, entries) in [a, b].into_iter().zip(&mut entries) {
         matrix.for_each(|row, column, value| entries.push((row, column, value))).unwrap();
@@ -237,8 +238,8 @@ fn same(a: &<Petsc as Backend>::Matrix, b: &<Petsc as Backend>::Matrix) {
     assert_eq!(entries[0], entries[1]);
 }
 
-/// Entries are added, set and read in turn, with and without `finish` in between.
-fn verbs_that_mix(context: &Context) {
+/// Entries are added, set and read alternately, with and without `finish` in between.
+fn mixed_writes(context: &Context) {
     let pattern = laplacian_pattern(3);
     let mut a = Petsc::matrix(context, &pattern).unwrap();
     let (row, mut slots, mut entry) = ([4, -1], Vec::new(), [0.0]);
@@ -264,10 +265,10 @@ fn verbs_that_mix(context: &Context) {
     assert_eq!(y.as_slice()[4], 10.0);
     let mut sum = 0.0;
     a.for_each(|_, _, value| sum += value).unwrap();
-    assert_eq!(sum, 10.0, "all entries on every rank");
+    assert_eq!(sum, 10.0, "every rank must visit all entries");
 }
 
-/// Threads that each own a matrix write to these matrices at the same time.
+/// Several threads, each with its own matrix, write to their matrices at the same time.
 fn verbs_on_threads(context: &Context) {
     // On several ranks, all ranks must make their collective calls in the same order.
     let threads = if context.ranks() == 1 { 4 } else { 1 };
@@ -286,8 +287,8 @@ fn verbs_on_threads(context: &Context) {
                 a.get(&[0], &[0], &mut entry).unwrap();
                 assert_eq!(entry, [8.0]);
                 a.for_each(|_, _, value| sum += value).unwrap();
-                // 4 per row and 8 in the first, and -1 twice for every pair of neighbors along x and y; the convection
-                // cancels in the sum.
+                // The diagonal entries are 4, except for the first one, which is 8; every pair of neighbors along x or
+                // y contributes -1 twice; the convection cancels in the sum.
                 let side = f64::from(side);
                 assert_eq!(sum, 4.0 * side * side + 4.0 - 4.0 * side * (side - 1.0));
             });
@@ -295,7 +296,8 @@ fn verbs_on_threads(context: &Context) {
     });
 }
 
-/// Counts the reductions: by the profiling interface of MPI, the function below replaces that of the library.
+/// Number of calls of `MPI_Allreduce`. By the profiling interface of MPI, the function below replaces that of the
+/// library.
 static REDUCTIONS: AtomicUsize = AtomicUsize::new(0);
 
 /// Counts the call and passes it to the library.
@@ -316,7 +318,7 @@ pub unsafe extern "C" fn MPI_Allreduce(
     unsafe { PMPI_Allreduce(send, receive, count, kind, operation, comm) }
 }
 
-/// The diagonal is read by one collective call, however many unknowns there are.
+/// The diagonal is read by one collective call for any number of unknowns.
 fn shifted_diagonal(context: &Context) {
     let side = 9;
     let pattern = laplacian_pattern(side);
@@ -330,7 +332,7 @@ fn shifted_diagonal(context: &Context) {
     system.matrix.finish().unwrap();
     let assembly = REDUCTIONS.load(Ordering::Relaxed) - before;
     let before = REDUCTIONS.load(Ordering::Relaxed);
-    assert_eq!(system.shift_diagonal(0.5).unwrap(), 5.0, "the largest by absolute value");
+    assert_eq!(system.shift_diagonal(0.5).unwrap(), 5.0, "the largest absolute diagonal entry");
     let reductions = REDUCTIONS.load(Ordering::Relaxed) - before;
     assert_eq!(reductions, assembly + usize::from(context.ranks() > 1), "{} ranks", context.ranks());
     system.matrix.finish().unwrap();
@@ -340,7 +342,7 @@ fn shifted_diagonal(context: &Context) {
     assert!(diagonal.as_slice().iter().enumerate().all(|(unknown, &entry)| entry == expected(unknown)));
 }
 
-/// The pattern of the negative Laplacian with convection on a grid of `side` by `side` points.
+/// Returns the pattern of the negative Laplacian with convection on a grid of `side` by `side` points.
 fn laplacian_pattern(side: i32) -> Arc<Sparsity> {
     let at = |i: i32, j: i32| if (0..side).contains(&i) && (0..side).contains(&j) { i * side + j } else { -1 };
     let pairs = (0..side).flat_map(|i| (0..side).flat_map(move |j| [[(i, j), (i + 1, j)], [(i, j), (i, j + 1)]]));
@@ -372,7 +374,7 @@ fn residual(a: &<Petsc as Backend>::Matrix, b: &<Petsc as Backend>::Vector, x: &
     values.iter().zip(b.as_slice()).map(|(ax, b)| (ax - b).powi(2)).sum::<f64>().sqrt() / b.norm().unwrap()
 }
 
-/// Every method and preconditioner solves to its tolerance, also after the matrix has changed.
+/// Every method with every preconditioner reaches its tolerance, also after the matrix has changed.
 fn iterative_methods(context: &Context) {
     let side = 24;
     let pattern = laplacian_pattern(side);
@@ -455,7 +457,7 @@ fn options(context: &Context) {
     }
     context.set_option("pc_factor_mat_solver_type", "nonsense").unwrap();
     let Err(SolveError::Backend(error)) = factor(Symmetry::None) else { panic!("there is no such package") };
-    assert!(error.text().contains("nonsense"), "PETSc's own text: {error}");
+    assert!(error.text().contains("nonsense"), "not the message of PETSc: {error}");
     assert!(error.function() == "MatGetFactor" && error.code() != 0, "{error}");
     context.clear_option("pc_factor_mat_solver_type").unwrap();
     context.set_option("pc_type", "jacobi").unwrap();
@@ -468,7 +470,7 @@ fn options(context: &Context) {
 fn errors(context: &Context) {
     let (mut three, four) = (ones(context, 3), ones(context, 4));
     for error in [three.dot(&four).unwrap_err(), three.axpy(1.0, &four).unwrap_err()] {
-        assert!(error.text().to_lowercase().contains("incompatible"), "PETSc's own text: {error}");
+        assert!(error.text().to_lowercase().contains("incompatible"), "not the message of PETSc: {error}");
         assert!(error.to_string().starts_with("PETSc error"), "{error}");
     }
     let mut a = Petsc::matrix(context, &laplacian_pattern(3)).unwrap();
@@ -489,7 +491,7 @@ fn errors(context: &Context) {
     assert!(bad.text().contains("zero"), "{bad}");
 }
 
-/// Each half of the ranks solves a system of its own.
+/// Each half of the ranks solves its own system.
 fn split_communicators(context: &Context) {
     let world = SimpleCommunicator::world();
     let half = world.split_by_color(Color::with_value(world.rank() % 2)).expect("of one color");
@@ -506,14 +508,14 @@ fn split_communicators(context: &Context) {
     assert!(residual(&a, &b, &x) < 1e-13);
 }
 
-/// The frozen network of the tests: first Piola-Kirchhoff stress and energy, computed by a dense Newton method in
-/// NumPy.
+/// The first Piola-Kirchhoff stress of the frozen network, computed by a dense Newton method in NumPy.
 #[rustfmt::skip]
 const PK1: [f64; 9] = [
     6.149991150121224e-07, 1.0954968381666093e-07, 8.768152088715524e-09,
     1.0425200347948875e-07, -1.2054212637095344e-10, -2.3714575089806494e-08,
     7.001871553380709e-09, -2.9906044812725463e-08, 2.4947673773164943e-07,
 ];
+/// The energy of the frozen network, computed likewise.
 const ENERGY: f64 = 2.684522924677931e-08;
 
 fn frozen_rve(context: &Context) {
@@ -527,14 +529,14 @@ fn frozen_rve(context: &Context) {
     assert!((bench.energy() - ENERGY).abs() < 1e-9 * ENERGY, "{}", bench.energy());
     let tangent = bench.tangent(&rve);
     #[cfg(feature = "sparse")]
-    same_tangent::<biotissue::backends::sparse::Sparse>(&tangent, &f);
+    assert_same_tangent::<biotissue::backends::sparse::Sparse>(&tangent, &f);
     #[cfg(feature = "dense")]
-    same_tangent::<biotissue::backends::dense::Dense>(&tangent, &f);
+    assert_same_tangent::<biotissue::backends::dense::Dense>(&tangent, &f);
     assert!((tangent - tangent.transpose()).amax() < 1e-9 * tangent.amax());
 }
 
 #[cfg(any(feature = "sparse", feature = "dense"))]
-fn same_tangent<B>(tangent: &biotissue::fiber::homogenize::Tangent, f: &Matrix3<f64>)
+fn assert_same_tangent<B>(tangent: &biotissue::fiber::homogenize::Tangent, f: &Matrix3<f64>)
 where
     B: biotissue::las::RealBackend<Context = ()>,
 {
@@ -545,8 +547,8 @@ where
     assert!((tangent - other).amax() < 1e-9 * other.amax(), "{tangent} {other}");
 }
 
-/// A network of several thousand fibers: on any number of ranks, the stress agrees with that of the sparse backend in
-/// one process. `examples/large_network.rs` does the same for a hundred thousand fibers.
+/// For a network of several thousand fibers on any number of ranks, the stress agrees with that of the sparse backend
+/// in one process. `examples/large_network.rs` does the same for a hundred thousand fibers.
 #[cfg(all(feature = "sparse", feature = "generate"))]
 fn generated_network(context: &Context) {
     let network = Arc::new(biotissue::fiber::network::generate::delaunay(500, 1).unwrap());
@@ -563,8 +565,8 @@ fn generated_network(context: &Context) {
     assert!((pk1 - expected).amax() < 4e-10 * expected.amax(), "{pk1} {expected}");
 }
 
-/// A block of 24 tetrahedra pulled to a stretch of 1.25: homogeneous, with `mu (s^2 - 1) + lambda ln(1.25 s^2) = 0`
-/// across.
+/// A block of 24 tetrahedra is pulled to a stretch of 1.25. The exact solution is homogeneous, with the lateral stretch
+/// `s` from `mu (s^2 - 1) + lambda ln(1.25 s^2) = 0`.
 fn stretched_body(context: &Context) {
     let (mu, lambda) = (3846.0, 5769.0);
     let side = |name: &str, x| SurfaceCondition {
@@ -595,31 +597,31 @@ fn stretched_body(context: &Context) {
             let exact = [0.25 * (x[0] + 1.0), (s - 1.0) * (x[1] + 1.0), (s - 1.0) * x[2]];
             assert!((0..3).all(|i| (u[i] - exact[i]).abs() < 1e-9), "{x:?}: {u:?}, exact {exact:?}");
         }
-        // Solved again with the unknowns in reverse order.
+        // The second run has the unknowns in reverse order.
         order.reverse();
     }
 }
 
 /// Each row is owned by exactly one rank, and no rank owns a constrained row.
-fn kept_rows(context: &Context) {
+fn owned_rows(context: &Context) {
     let a = Petsc::matrix(context, &laplacian_pattern(5)).unwrap();
-    let kept: Vec<i32> = (0..25).map(|row| i32::from(a.owns_any_row(&[row]))).collect();
+    let owned: Vec<i32> = (0..25).map(|row| i32::from(a.owns_any_row(&[row]))).collect();
     let mut all = vec![0; 25];
-    SimpleCommunicator::world().all_reduce_into(&kept[..], &mut all[..], SystemOperation::sum());
+    SimpleCommunicator::world().all_reduce_into(&owned[..], &mut all[..], SystemOperation::sum());
     assert_eq!(all, [1; 25]);
     assert!(!a.owns_any_row(&[-1]) && !a.owns_any_row(&[]));
     assert!(a.owns_any_row(&(-1..25).collect::<Vec<_>>()));
 }
 
-/// Factors the stiffness at rest of a box of cells with unit edges; `held` selects the nodes that are fixed.
+/// Factors the stiffness at rest of a box of cells with unit edges; `fixed` selects the fixed nodes by their position.
 fn factored(
     context: &Context,
     cells: [usize; 3],
     symmetry: Symmetry,
-    held: impl Fn([f64; 3]) -> bool,
+    fixed: impl Fn([f64; 3]) -> bool,
 ) -> Result<FactorReport, SolveError<<Petsc as Backend>::Error>> {
     let mesh = shapes::cuboid(cells, cells.map(|count| count as f64)).unwrap();
-    let unknowns = Unknowns::new(mesh.nodes().len(), |node, _| held(mesh.nodes()[node])).unwrap();
+    let unknowns = Unknowns::new(mesh.nodes().len(), |node, _| fixed(mesh.nodes()[node])).unwrap();
     let pattern = Arc::new(unknowns.pattern(&mesh).unwrap());
     let mut matrix = Petsc::matrix(context, &pattern).unwrap();
     let assembler = Assembler::<Petsc>::new(geometry(&mesh).unwrap(), &mesh, &unknowns, &matrix).unwrap();
@@ -630,8 +632,8 @@ fn factored(
     Petsc::solver(&symbolic).unwrap().factor(&matrix)
 }
 
-/// For a body on a hinge, rounding errors hide the zero mode from the pivots; a slender beam is supported although its
-/// pivots are small.
+/// A body on a hinge is reported as singular although rounding errors make all pivots nonzero; a slender beam with
+/// sufficient supports is not, although its pivots are small.
 fn floating_bodies(context: &Context) {
     for symmetry in [Symmetry::Definite, Symmetry::Symmetric] {
         let hinged = factored(context, [6; 3], symmetry, |x| x[0] == 0.0 && x[1] == 0.0);

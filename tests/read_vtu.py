@@ -1,10 +1,10 @@
-"""Reads a .vtu or .vtp file as other programs do and prints every number, bit for bit.
+"""Reads a .vtu or .vtp file with independent libraries and prints the bits of every number.
 
 usage: read_vtu.py FILE
 
-One line an array: READER ASSOCIATION NAME COMPONENTS VALUES, where READER is meshio or vtk and VALUES are hexadecimal,
-the 64 bits of a floating-point number or of an integer. Exit code 3 where no reader is installed; meshio does not read
-.vtp files.
+There is one line per array: READER ASSOCIATION NAME COMPONENTS VALUES, where READER is meshio or vtk, and VALUES are
+hexadecimal: the 64 bits of each floating-point number or integer. The exit code is 3 if no reader is installed; meshio
+does not read .vtp files.
 """
 
 import struct

@@ -1,7 +1,7 @@
 //! Runs the example of the README in full: 20 load steps to more than 40 % extension, with balanced forces in each.
 //!
-//! The extensions are no evidence that the model is right: the traction of the example was chosen to give those of
-//! figure 3.3 of the thesis, which does not state its load. The test only detects a change of the extensions.
+//! The extensions do not validate the model: the traction of the example was chosen to give those of figure 3.3 of the
+//! thesis, which does not state its load. The test only detects a change of the extensions.
 use std::path::Path;
 
 use biotissue::app::case::Case;
@@ -11,7 +11,7 @@ use biotissue::app::run::Simulation;
 use biotissue::backends::sparse::Sparse;
 
 #[test]
-fn regression_the_dogbone_extends_as_before_with_forces_in_balance() {
+fn regression_the_dogbone_has_the_recorded_extensions_and_balanced_forces() {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/dogbone/dogbone.toml");
     let case = Case::read(&file).unwrap_or_else(|errors| panic!("{errors}")).case;
     let dir = tempfile::tempdir().unwrap();
@@ -50,10 +50,11 @@ fn regression_the_dogbone_extends_as_before_with_forces_in_balance() {
     assert!(iterations.iter().all(|&n| (1..=8).contains(&n)), "{iterations:?}");
     assert!(matches!(events.last(), Some(Event::End(end)) if end.converged));
 
-    the_fibers_turn_toward_the_pull(dir.path());
+    assert_fibers_rotate_toward_the_load(dir.path());
 }
 
-fn the_fibers_turn_toward_the_pull(dir: &Path) {
+/// Checks that the mean of `n_x^2` over the fiber directions `n` increases.
+fn assert_fibers_rotate_toward_the_load(dir: &Path) {
     let collection = Collection::read(dir.join("fields.pvd")).unwrap();
     let along_x = |entry: usize| {
         let fields = read_vtu(&dir.join(&collection.entries()[entry].file)).unwrap();

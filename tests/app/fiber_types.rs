@@ -12,6 +12,7 @@ fn text(bytes: &[u8]) -> &str {
     std::str::from_utf8(bytes).unwrap()
 }
 
+/// Runs a command with a deformation gradient and returns the JSON that it prints.
 fn answer(folder: &Path, arguments: &str) -> Value {
     let mut words: Vec<&str> = arguments.split_whitespace().collect();
     words.extend(["--F", "1.1 0 0 0 0.97 0 0 0 0.97", "--json"]);
@@ -30,7 +31,7 @@ fn several_types_are_written_read_and_solved() {
         let generate = ["network", "generate", "--points", "40", "--seed", seed, "-o", name];
         let made = biotissue(folder.path(), &[&generate[..], &["--fiber", SOFT, "--fiber", STIFF]].concat());
         assert!(made.status.success(), "{}", text(&made.stderr));
-        assert!(!folder.path().join(name).with_extension("txt.params").exists(), "no law of that format");
+        assert!(!folder.path().join(name).with_extension("txt.params").exists(), "unsupported laws");
         std::fs::read_to_string(folder.path().join(name).with_extension("txt.toml")).unwrap()
     };
     let sidecar = make("net.txt", "3");
@@ -59,11 +60,11 @@ fn several_types_are_written_read_and_solved() {
 }
 
 #[test]
-fn a_table_is_taken_from_its_file() {
+fn a_table_is_read_from_its_file() {
     let folder = tempfile::tempdir().unwrap();
     let generate = "network generate --points 30 --seed 1 -o net.txt";
     assert!(biotissue(folder.path(), &generate.split(' ').collect::<Vec<_>>()).status.success());
-    // Hooke's law, once as a table: the table reproduces a straight line exactly.
+    // Hooke's law as a table and as a formula: the table reproduces a straight line exactly.
     std::fs::write(folder.path().join("hooke.csv"), "stretch,stress\n0.5,-5e7\n1.0,0\n1.5,5e7\n").unwrap();
     let table = answer(folder.path(), "rve net.txt --law table --table hooke.csv --radius 5e-8");
     let straight = "--law exponential-stretch --youngs-modulus 1e8 --radius 5e-8 --nonlinearity 1 --transition 1";
@@ -76,12 +77,12 @@ fn a_table_is_taken_from_its_file() {
     let generate = format!("{generate} {law}");
     assert!(biotissue(folder.path(), &generate.split(' ').collect::<Vec<_>>()).status.success());
     std::fs::remove_file(folder.path().join("hooke.csv")).unwrap();
-    let yielding = answer(folder.path(), "rve net.txt")["energy"].as_f64().unwrap();
-    assert!(yielding < 0.98 * found, "{yielding} {found}");
+    let buckling = answer(folder.path(), "rve net.txt")["energy"].as_f64().unwrap();
+    assert!(buckling < 0.98 * found, "{buckling} {found}");
 }
 
 #[test]
-fn what_makes_no_law_is_told_with_its_cure() {
+fn invalid_laws_are_reported_with_a_cure() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("bad.csv"), "1,0\n1.1,5\n1.2,4\n").unwrap();
     let generate = ["network", "generate", "--points", "9", "-o", "x.txt"];

@@ -1,8 +1,8 @@
-//! The application: cases, both scales together, results, and commands of the program.
+//! The application: cases, coupled scales, results, and commands of the program.
 #![cfg(feature = "app")]
 
 #[cfg(all(feature = "sparse", feature = "dense"))]
-#[allow(dead_code, reason = "what was recorded of it is held against one backend elsewhere")]
+#[allow(dead_code, reason = "only tests/body uses all items")]
 #[path = "../bar_of_24/mod.rs"]
 mod bar_of_24;
 #[cfg(feature = "sparse")]

@@ -32,7 +32,7 @@ fn box_in_every_format() {
 }
 
 #[test]
-fn dogbone_as_asked() {
+fn a_dogbone_has_the_given_dimensions() {
     let folder = tempfile::tempdir().unwrap();
     let output = mesh(folder.path(), "dogbone --element-size 0.002 --length 0.05 --thickness 0.003 -o bone.msh");
     let text = String::from_utf8(output.stdout).unwrap();
@@ -46,10 +46,10 @@ fn dogbone_as_asked() {
 }
 
 #[test]
-fn what_cannot_be_done_is_said() {
+fn invalid_arguments_are_reported() {
     let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("file"), "no folder").unwrap();
-    for (arguments, code, said) in [
+    std::fs::write(folder.path().join("file"), "not a folder").unwrap();
+    for (arguments, code, message) in [
         ("box --cells 4,4 -o a.msh", 2, "expected three numbers separated by commas"),
         (
             "box --cells 4,4,0 -o a.msh",
@@ -69,8 +69,8 @@ fn what_cannot_be_done_is_said() {
         let output = mesh(folder.path(), arguments);
         let stderr = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(code), "{arguments}: {stderr}");
-        assert!(stderr.contains(said), "{arguments}: {stderr}");
+        assert!(stderr.contains(message), "{arguments}: {stderr}");
         assert!(output.stdout.is_empty());
     }
-    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "nothing but that file");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "a file was created");
 }

@@ -17,7 +17,7 @@ fn text(bytes: &[u8]) -> &str {
 }
 
 #[test]
-fn generate_check_and_info_go_together() {
+fn generate_check_and_info_agree() {
     let folder = tempfile::tempdir().unwrap();
     let law = "--law exponential-stretch --youngs-modulus 1e8 --radius 5e-8 --nonlinearity 1.2 --transition 1.4";
     let made = biotissue(folder.path(), &format!("generate --kind delaunay --points 30 --seed 7 -o net.txt {law}"));
@@ -51,7 +51,7 @@ fn generate_check_and_info_go_together() {
 
 /// Both commands apply the increments in the same way; this network has more than one equilibrium.
 #[test]
-fn a_drawing_is_of_the_equilibrium_that_rve_finds() {
+fn draw_shows_the_equilibrium_that_rve_finds() {
     let folder = tempfile::tempdir().unwrap();
     assert!(biotissue(folder.path(), "generate --kind voronoi --points 40 -o v.txt").status.success());
     let pressed = "--F 0.7_0_0_0_1_0_0_0_1 --steps 5 --law linear --youngs-modulus 1e8 --radius 5e-8";
@@ -75,7 +75,7 @@ fn a_drawing_is_of_the_equilibrium_that_rve_finds() {
 }
 
 #[test]
-fn what_cannot_be_done_is_told_with_its_exit_code() {
+fn failures_have_a_message_and_an_exit_code() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("broken.txt"), "2 1 0\n0 0 0\n1 1 1\n0 2\n").unwrap();
     for (arguments, code, message) in [
@@ -91,20 +91,20 @@ fn what_cannot_be_done_is_told_with_its_exit_code() {
         (
             "generate --points 9 --align 0_0_0 --strength 0.5 -o x.txt",
             2,
-            "error: no network can be generated: the direc",
+            "error: no network can be generated: the direction",
         ),
         ("generate --points 9 --align 1_0 --strength 0.5 -o x.txt", 2, "error: --align \"1 0\""),
         (
             "generate --points 9 --align 1_0_0 --strength 1 -o x.txt",
             2,
-            "error: no network can be generated: a strength of 1",
+            "error: no network can be generated: the strength of the alignment is 1;",
         ),
         (
             "generate --points 9 --align 1_0_0 --strength -1 -o x.txt",
             2,
-            "error: no network can be generated: a strength of",
+            "error: no network can be generated: the strength of the alignment is -1;",
         ),
-        ("generate --points 9 --merge 1 -o x.txt", 2, "error: no network can be generated: nodes nearer than 1 "),
+        ("generate --points 9 --merge 1 -o x.txt", 2, "error: no network can be generated: the merge length is 1 "),
         ("generate --points 9 --shorter-than 0 -o x.txt", 2, "error: --shorter-than is 0"),
         ("check broken.txt broken.txt --clean -o x.txt", 2, "error: --clean with 2 network files"),
         ("draw broken.txt -o x.txt", 2, "error: --output x.txt"),
@@ -149,7 +149,7 @@ fn what_cannot_be_done_is_told_with_its_exit_code() {
 }
 
 #[test]
-fn what_generate_prints_is_what_info_finds() {
+fn generate_and_info_print_the_same_statistics() {
     let folder = tempfile::tempdir().unwrap();
     let size = "--kind voronoi --density 45 --align 1_-1_0 --strength 0.5 --seed 3 -o gel.txt";
     let json = |arguments: &str| -> serde_json::Value {
@@ -160,12 +160,12 @@ fn what_generate_prints_is_what_info_finds() {
     let made = json(&format!("generate {size} --json"));
     assert!((made["density"].as_f64().unwrap() / 45.0 - 1.0).abs() < 0.05, "{}", made["density"]);
     assert!((made["order_of_alignment"].as_f64().unwrap() - 0.5).abs() < 0.1, "{}", made["order_of_alignment"]);
-    let recipe = &made["generated"];
+    let params = &made["generated"];
     assert_eq!(
-        (&recipe["kind"], &recipe["strength"], &recipe["merge"]),
+        (&params["kind"], &params["strength"], &params["merge"]),
         (&"voronoi".into(), &0.5.into(), &0.05.into())
     );
-    assert_eq!(recipe["align"], serde_json::json!([1.0, -1.0, 0.0]));
+    assert_eq!(params["align"], serde_json::json!([1.0, -1.0, 0.0]));
     let info = json("info gel.txt --json");
     for key in ["nodes", "fibers", "length", "total_length", "orientation", "order", "coordination", "components"] {
         assert_eq!(made[key], info[key], "{key}");

@@ -1,4 +1,4 @@
-//! A result directory as a picture and as a page, through the library and through the program.
+//! Pictures and report pages of a result directory, through the library and through the program.
 
 use crate::fabricated;
 use std::fs;
@@ -41,7 +41,7 @@ fn assert_well_formed(svg: &str) {
 }
 
 #[test]
-fn the_picture_shows_the_body_its_fibers_and_what_they_mean() {
+fn the_picture_shows_the_body_its_fibers_and_a_legend() {
     let dir = results();
     let svg = draw(dir.path(), &PictureOptions::default()).unwrap();
     assert_well_formed(&svg);
@@ -64,16 +64,16 @@ fn a_step_and_a_field_can_be_chosen() {
     let options = PictureOptions { step: Some(4), field: Some("network".into()), ..PictureOptions::default() };
     let svg = draw(dir.path(), &options).unwrap();
     assert!(svg.contains("step 4") && svg.contains("extension 10.0\u{a0}%") && svg.contains(">network<"));
-    let lacking = PictureOptions { step: Some(11), ..PictureOptions::default() };
-    let error = draw(dir.path(), &lacking).unwrap_err();
+    let missing = PictureOptions { step: Some(11), ..PictureOptions::default() };
+    let error = draw(dir.path(), &missing).unwrap_err();
     assert!(matches!(&error, ReportError::NoStep(11, available) if available.len() == 10), "{error}");
-    let lacking = PictureOptions { field: Some("stress".into()), ..PictureOptions::default() };
-    let error = draw(dir.path(), &lacking).unwrap_err().to_string();
+    let missing = PictureOptions { field: Some("stress".into()), ..PictureOptions::default() };
+    let error = draw(dir.path(), &missing).unwrap_err().to_string();
     assert!(error.contains("`stress`") && error.contains("von_mises_stress, fiber_alignment, network"), "{error}");
 }
 
 #[test]
-fn a_mesh_without_fields_is_drawn_plain() {
+fn a_mesh_without_fields_is_drawn_in_one_color() {
     let dir = tempfile::tempdir().unwrap();
     let bar = fabricated::Bar::new([2, 2, 2]);
     let bare = FieldSet { points: &bar.points, elements: &bar.elements, ..FieldSet::default() };
@@ -142,7 +142,7 @@ fn the_program_writes_page_and_picture() {
 }
 
 #[test]
-fn what_cannot_be_reported_is_said_clearly() {
+fn missing_and_damaged_results_are_reported() {
     let dir = tempfile::tempdir().unwrap();
     for (arguments, words) in
         [(&["report", "."][..], "is not a result directory"), (&["report", "nowhere"], "there is no such directory")]
@@ -162,7 +162,7 @@ fn what_cannot_be_reported_is_said_clearly() {
 }
 
 #[test]
-fn names_cannot_break_out_of_page_or_picture() {
+fn names_are_escaped_in_page_and_picture() {
     let dir = results();
     let log = dir.path().join("log.jsonl");
     let text = fs::read_to_string(&log).unwrap().replace("Dogbone in tension", "<script>alert(1)</script> & \\\"x\\\"");

@@ -13,8 +13,8 @@ use biotissue::app::results::{
 
 use crate::skip::skip;
 
-/// Two tetrahedra with numbers that survive only a bitwise exact round trip: no short decimals, the extremes, both
-/// zeros.
+/// Fields on two tetrahedra with numbers that only a bitwise exact round trip preserves: numbers without a short
+/// decimal form, extreme numbers, both zeros.
 struct Sample {
     points: Vec<[f64; 3]>,
     elements: Vec<[u32; 4]>,
@@ -135,7 +135,7 @@ fn printed(script: &mut Command) -> Option<String> {
     Some(String::from_utf8(output.stdout).unwrap())
 }
 
-/// Three fibers with numbers that survive only a bitwise exact round trip.
+/// Three fibers with numbers that only a bitwise exact round trip preserves.
 const NETWORK: NetworkSet = NetworkSet {
     points: &[[-0.0, 1e-300, 0.5], [1.0 / 3.0, 0.1, -0.5], [0.7, f64::MIN_POSITIVE, 0.0], [0.25, 0.5, 2.0 / 7.0]],
     fibers: &[[0, 1], [3, 1], [2, 0]],
@@ -175,7 +175,7 @@ fn networks_are_read_back_bit_for_bit() {
 }
 
 #[test]
-fn networks_that_do_not_fit_together_are_refused() {
+fn networks_with_inconsistent_arrays_are_rejected() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("network.vtp");
     let error = write_vtp(&path, &NetworkSet { force: &[1.0], ..NETWORK }).unwrap_err();
@@ -232,11 +232,11 @@ fn python_reads_every_number_of_a_field_file() {
 }
 
 #[test]
-fn python_reads_a_body_in_parts_as_one_grid() {
+fn python_reads_the_parts_of_a_body_as_one_grid() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join(index_file(3));
     let sample = Sample::new();
-    // The second element is in the first part; the part between the two has none.
+    // The second element is in part 0, the first element in part 2; part 1 has no element.
     write_pieces(&path, &sample.fields(), &[2, 0], 3).unwrap();
     let entries = std::fs::read_dir(dir.path()).unwrap();
     let mut names: Vec<String> = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
@@ -267,11 +267,11 @@ fn fields_are_read_back_bit_for_bit() {
     };
     assert_eq!(read, expected);
     assert!(read.points[0][1].is_sign_negative());
-    assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1, "no temporary file stays");
+    assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1, "a temporary file is left");
 }
 
 #[test]
-fn fields_that_do_not_fit_the_mesh_are_refused_before_anything_is_written() {
+fn fields_that_do_not_match_the_mesh_are_rejected_and_nothing_is_written() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("fields.vtu");
     let sample = Sample::new();
@@ -306,7 +306,7 @@ fn a_damaged_field_file_is_an_error_wherever_it_is_cut() {
 }
 
 #[test]
-fn the_collection_is_whole_after_every_step() {
+fn the_collection_is_complete_after_every_step() {
     let dir = tempfile::tempdir().unwrap();
     let pvd = dir.path().join(FIELDS_FILE);
     let mut collection = Collection::new(pvd.clone());
@@ -337,7 +337,7 @@ fn loads_row(k: usize) -> ([SurfaceRow; 2], [[f64; 3]; 1], [f64; 1]) {
 }
 
 #[test]
-fn loads_are_read_back_exactly_whatever_the_names() {
+fn loads_with_unusual_names_are_read_back_exactly() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("loads.csv");
     let surfaces = ["left, \"lower\"", "top.area"];
@@ -360,7 +360,7 @@ fn loads_are_read_back_exactly_whatever_the_names() {
 }
 
 #[test]
-fn the_header_of_the_loads_is_the_contract() {
+fn the_header_of_the_loads_is_unchanged() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("loads.csv");
     LoadsWriter::create(&path, &["x0"], &["point0"], &["body"]).unwrap();
@@ -382,7 +382,7 @@ fn interrupted_loads_are_read_and_resumed() {
     }
     let whole = std::fs::read_to_string(&path).unwrap();
     std::fs::write(&path, &whole[..whole.len() - 3]).unwrap();
-    assert_eq!(Loads::read(&path).unwrap().rows.len(), 2, "the last number lacks digits: it must not be believed");
+    assert_eq!(Loads::read(&path).unwrap().rows.len(), 2, "the last number lacks digits: its row must be ignored");
 
     let mut writer = LoadsWriter::resume(&path, &names.0, &names.1, &names.2, 1).unwrap();
     let (surfaces, points, volumes) = loads_row(7);
@@ -415,7 +415,7 @@ fn loads_of_other_steps_are_not_resumed() {
     assert_eq!(std::fs::read_to_string(&path).unwrap(), whole);
     assert_eq!(resume(&[header, one, two, "nonsense", three], 2).unwrap(), 3);
     assert_eq!(std::fs::read_to_string(&path).unwrap(), [header, one, two, ""].join("\n"));
-    for (lines, said) in [
+    for (lines, message) in [
         (&[header, one, three][..], "loads.csv:3: has load step 3 where step 2 belongs"),
         (&[header, one, one, two], "loads.csv:3: has load step 1 where step 2 belongs"),
         (&[header, two, one], "loads.csv:2: has load step 2 where step 1 belongs"),
@@ -423,7 +423,7 @@ fn loads_of_other_steps_are_not_resumed() {
         (&[header], "loads.csv:1: ends after load step 0"),
     ] {
         let error = resume(lines, 2).unwrap_err().to_string();
-        assert!(error.contains(said), "{error}");
+        assert!(error.contains(message), "{error}");
     }
     std::fs::remove_file(&path).unwrap();
     let error = LoadsWriter::resume(&path, &names.0, &names.1, &names.2, 2).unwrap_err().to_string();
@@ -468,7 +468,7 @@ fn the_log_is_read_back_and_survives_an_interruption() {
 }
 
 #[test]
-fn a_residual_that_is_no_number_stays_readable() {
+fn residuals_that_are_not_finite_are_read_as_nan() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("log.jsonl");
     let newton =

@@ -1,4 +1,4 @@
-//! A run that was interrupted and resumed gives the results of an uninterrupted one.
+//! A run that was interrupted and resumed gives the results of an uninterrupted run.
 
 mod left_behind;
 
@@ -15,7 +15,7 @@ use biotissue::app::results::{Collection, Event, read_vtp, read_vtu};
 use biotissue::app::run::{ResumeError, Resumed, Simulation, SimulationError};
 use biotissue::backends::sparse::Sparse;
 
-/// A block of 12 elements pulled along x: fibers in a soft matrix.
+/// A block of 12 elements pulled along x, whose material is fibers in a soft matrix.
 const CASE: &str = r#"
 title = "pull"
 [mesh]
@@ -131,11 +131,11 @@ fn checkpoints(dir: &Path) -> Vec<String> {
 }
 
 #[test]
-fn a_killed_run_goes_on_bit_for_bit() {
+fn a_killed_run_is_resumed_bitwise() {
     let root = tempfile::tempdir().unwrap();
     let (whole, killed) = whole_and_killed(root.path());
-    assert_eq!(checkpoints(&killed), ["step-00001.bin", "step-00002.bin"], "the third is not there yet");
-    assert_eq!(fs::read_to_string(killed.join("loads.csv")).unwrap().lines().count(), 4, "but its row is");
+    assert_eq!(checkpoints(&killed), ["step-00001.bin", "step-00002.bin"], "the third checkpoint is not yet written");
+    assert_eq!(fs::read_to_string(killed.join("loads.csv")).unwrap().lines().count(), 4, "row 3 is written");
 
     let resumed = resume(CASE, &killed);
     assert_eq!(resumed, Resumed { step: 2, warnings: vec![] });
@@ -158,7 +158,7 @@ fn a_killed_run_goes_on_bit_for_bit() {
 }
 
 #[test]
-fn a_damaged_checkpoint_gives_way_to_the_one_before() {
+fn a_run_is_resumed_from_the_checkpoint_before_a_damaged_one() {
     let root = tempfile::tempdir().unwrap();
     let (whole, killed) = whole_and_killed(root.path());
     let newest = killed.join("checkpoint/step-00002.bin");
@@ -179,7 +179,7 @@ fn a_damaged_checkpoint_gives_way_to_the_one_before() {
 }
 
 #[test]
-fn a_checkpoint_of_another_run_is_refused() {
+fn a_checkpoint_of_another_run_is_rejected() {
     let root = tempfile::tempdir().unwrap();
     let dir = root.path().join("results");
     run(CASE, &dir);
@@ -200,21 +200,21 @@ fn a_checkpoint_of_another_run_is_refused() {
     let fewer = CASE.replace("[[point]]\nat = [2.0, 0.0, 0.0]\ndisplacement = { y = 0.0, z = 0.0 }\n", "");
     assert!(fewer.len() < CASE.len());
     assert!(matches!(refused(&fewer), Mismatch::Case { .. }));
-    assert!(contents(&dir) == before, "nothing is touched");
+    assert!(contents(&dir) == before, "files were changed");
 
     // Only solver settings may change, and a warning reports them.
     let resumed =
         simulation(&CASE.replace("[output]", "[newton]\nmax_iterations = 40\n[output]")).resume(&dir).unwrap();
-    let said = "continuing with settings that differ from those of the run so far: \
+    let message = "continuing with settings that differ from those of the run so far: \
                 [newton] `max_iterations = 25` before, `max_iterations = 40` now";
-    assert_eq!(resumed, Resumed { step: 4, warnings: vec![said.into()] });
+    assert_eq!(resumed, Resumed { step: 4, warnings: vec![message.into()] });
     // The title and the output settings may differ.
     let resumed = simulation(&CASE.replace("rve = [0, 7]", "every = 2").replace("\"pull\"", "\"push\"")).resume(&dir);
     assert_eq!(resumed.unwrap(), Resumed { step: 4, warnings: vec![] });
 }
 
 #[test]
-fn networks_with_other_contents_are_refused() {
+fn networks_with_other_contents_are_rejected() {
     let root = tempfile::tempdir().unwrap();
     let frozen = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/networks/frozen.txt");
     let text = fs::read_to_string(frozen).unwrap();
@@ -237,7 +237,7 @@ fn networks_with_other_contents_are_refused() {
 }
 
 #[test]
-fn a_run_from_the_beginning_replaces_what_is_there() {
+fn a_new_run_replaces_old_results_and_keeps_other_files() {
     let root = tempfile::tempdir().unwrap();
     let (short, used) = (root.path().join("short"), root.path().join("used"));
     let two_steps = CASE.replace("count = 4", "count = 2").replace("[0, 7]", "[3]");
@@ -264,7 +264,7 @@ fn a_run_from_the_beginning_replaces_what_is_there() {
 }
 
 #[test]
-fn networks_asked_for_are_written_and_belong_to_the_fields() {
+fn requested_networks_are_written_and_match_the_fields() {
     let root = tempfile::tempdir().unwrap();
     let dir = root.path().join("results");
     run(&CASE.replace("[output]", "[output]\nevery = 3"), &dir);
@@ -318,12 +318,12 @@ fn networks_asked_for_are_written_and_belong_to_the_fields() {
 }
 
 #[test]
-fn elements_without_a_network_to_write_are_named() {
+fn elements_without_a_network_are_reported() {
     let text = CASE.replace("[0, 7]", "[3, 12, 99]");
     let Err(SimulationError::Input(errors)) = Simulation::<Sparse>::new((), case(&text)) else { panic!("accepted") };
     let what: Vec<&str> = errors.0.iter().map(|error| error.problem.as_str()).collect();
-    let said = |element| format!("`output.rve` names element {element}; the mesh has 12 elements");
-    assert_eq!(what, [said(12), said(99)]);
+    let message = |element| format!("`output.rve` names element {element}; the mesh has 12 elements");
+    assert_eq!(what, [message(12), message(99)]);
     assert_eq!(errors.0[0].file, Path::new("/nowhere/pull.toml"));
 
     let (start, end) = (CASE.find("[region.material]").unwrap(), CASE.find("[[boundary]]").unwrap());
@@ -349,35 +349,38 @@ fn command(dir: &Path, text: &str, arguments: &[&str]) -> (Option<i32>, String) 
 }
 
 #[test]
-fn the_program_goes_on_where_it_stopped() {
+fn the_program_resumes_a_failed_run() {
     let root = tempfile::tempdir().unwrap();
     // The prescribed displacement of the third step turns the body inside out.
     let unrecoverable = CASE.replace("x = 0.4 }", "x = 0.4 }\ncurve = [[0.0, 0.0], [0.5, 0.1], [0.75, -9.0]]");
-    let (code, said) = command(root.path(), &unrecoverable, &["--resume"]);
-    assert_eq!(code, Some(3), "{said}");
-    assert!(said.contains("warning: ") && said.contains("no checkpoint: starting from the beginning"), "{said}");
+    let (code, message) = command(root.path(), &unrecoverable, &["--resume"]);
+    assert_eq!(code, Some(3), "{message}");
+    assert!(
+        message.contains("warning: ") && message.contains("no checkpoint: starting from the beginning"),
+        "{message}"
+    );
     let loads = fs::read(root.path().join("results/loads.csv")).unwrap();
 
     // The resumed run fails in the same step and does not repeat the converged steps.
-    let (code, said) = command(root.path(), &unrecoverable, &["--resume"]);
-    assert_eq!(code, Some(3), "{said}");
-    assert!(said.contains("continuing after step 2 of 4") && !said.contains("step 2/4 t"), "{said}");
+    let (code, message) = command(root.path(), &unrecoverable, &["--resume"]);
+    assert_eq!(code, Some(3), "{message}");
+    assert!(message.contains("continuing after step 2 of 4") && !message.contains("step 2/4 t"), "{message}");
     assert_eq!(fs::read(root.path().join("results/loads.csv")).unwrap(), loads);
 
-    let (code, said) = command(root.path(), CASE, &["--resume"]);
-    assert_eq!(code, Some(2), "{said}");
+    let (code, message) = command(root.path(), CASE, &["--resume"]);
+    assert_eq!(code, Some(2), "{message}");
     for part in ["belongs to another run: the case differs in [[boundary]]", "expected: ", "cure: ", "--resume"] {
-        assert!(said.contains(part), "{said}");
+        assert!(message.contains(part), "{message}");
     }
-    assert_eq!(fs::read(root.path().join("results/loads.csv")).unwrap(), loads, "nothing is touched");
+    assert_eq!(fs::read(root.path().join("results/loads.csv")).unwrap(), loads, "files were changed");
 
-    let (code, said) = command(root.path(), CASE, &[]);
-    assert_eq!(code, Some(0), "{said}");
+    let (code, message) = command(root.path(), CASE, &[]);
+    assert_eq!(code, Some(0), "{message}");
     assert_eq!(checkpoints(&root.path().join("results")), ["step-00003.bin", "step-00004.bin"]);
 }
 
 #[test]
-fn what_a_failed_step_leaves_stands_beside_the_full_steps_and_goes_with_them() {
+fn results_of_a_partial_step_are_kept_with_those_of_full_steps_and_removed_with_them() {
     let root = tempfile::tempdir().unwrap();
     let (failed, third) = (root.path().join("failed"), root.path().join("third"));
     // The last displacement turns the body inside out: three steps of ten converge in full, and a part of the fourth
@@ -402,7 +405,7 @@ fn what_a_failed_step_leaves_stands_beside_the_full_steps_and_goes_with_them() {
     assert_eq!((full.step(), last.file.as_str()), (Some(steps), partial.as_str()));
     assert!(last.time > full.time);
     let field = format!("fields-{steps:05}.vtu");
-    assert_eq!(fs::read(failed.join(&field)).unwrap(), fs::read(third.join(&field)).unwrap(), "the full step stays");
+    assert_eq!(fs::read(failed.join(&field)).unwrap(), fs::read(third.join(&field)).unwrap(), "same full step");
 
     let before = contents(&failed);
     fails(&pressed, &failed, true, &mut ());

@@ -34,8 +34,8 @@ fn case(network: &Path, cells: usize) -> String {
     )
 }
 
-/// Returns the number of RVEs in a row of cells, and the bytes of their field in the middle of a load step: those
-/// counted by the allocator, and those that the field reports.
+/// Returns the number of RVEs of a box with this number of cells along x, and the bytes of their field in the middle of
+/// a load step: those counted by the allocator, and those that the field reports.
 fn field(network: &Path, cells: usize) -> (f64, f64, f64) {
     let dir = tempfile::tempdir().unwrap();
     let file = dir.path().join("case.toml");
@@ -50,7 +50,7 @@ fn field(network: &Path, cells: usize) -> (f64, f64, f64) {
     for k in 0..2 {
         let gradient = Matrix3::new(1.05, 0.01, 0.0, 0.0, 0.98, 0.0, 0.02, 0.0, 1.01) * (1.0 + 0.01 * f64::from(k));
         field.update(&vec![gradient; mesh.elements().len()], &mut out).unwrap_or_else(|error| panic!("{error}"));
-        assert_eq!(field.rve_bytes(), planned, "the plan tells what a run takes");
+        assert_eq!(field.rve_bytes(), planned, "the memory does not change during a run");
         if k == 0 {
             field.commit().unwrap();
         }
@@ -66,8 +66,8 @@ fn an_rve_of_336_nodes_takes_less_than_12_kb() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     let [few, many] = [4, 40].map(|cells| pool.install(|| field(&network, cells)));
     let rves = many.0 - few.0;
-    let (counted, said) = ((many.1 - few.1) / rves, (many.2 - few.2) / rves);
-    println!("{counted:.0} bytes an RVE counted at the allocator, {said:.0} by its own account");
+    let (counted, reported) = ((many.1 - few.1) / rves, (many.2 - few.2) / rves);
+    println!("{counted:.0} bytes per RVE counted by the allocator, {reported:.0} reported by the field");
     assert!(counted <= 12_000.0, "{counted:.0} bytes");
-    assert!((counted - said).abs() < 0.02 * counted, "{counted:.0} counted, {said:.0} by its own account");
+    assert!((counted - reported).abs() < 0.02 * counted, "{counted:.0} counted, {reported:.0} reported");
 }

@@ -1,4 +1,4 @@
-//! A sweep over RVEs of which some find no equilibrium.
+//! A sweep over RVEs, some of which have no equilibrium.
 
 use biotissue::app::case::Case;
 use biotissue::app::macro_scale;
@@ -46,14 +46,14 @@ fn after_a_failure(threads: usize) -> (PointResponses, String) {
             gradients[element] = stretched(60.0);
         }
         let error = field.update(&gradients, &mut out).unwrap_err().to_string();
-        assert_eq!(field.take_stats().solves, 3, "elements above the first that fails do not count");
+        assert_eq!(field.take_stats().solves, 3, "only elements before the first failing one count");
         field.update(&vec![stretched(1.1); gradients.len()], &mut out).unwrap();
         (out, error)
     })
 }
 
 #[test]
-fn a_sweep_ends_at_the_first_rve_that_fails_the_same_on_any_number_of_threads() {
+fn a_sweep_ends_at_the_first_failing_rve_on_any_number_of_threads() {
     let (alone, error) = after_a_failure(1);
     assert!(error.starts_with("element 3 (network frozen"), "{error}");
     assert!(error.contains("the forces of the fibers overflow: at stretch ") && error.contains("units"), "{error}");

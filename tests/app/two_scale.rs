@@ -43,7 +43,7 @@ where
     Results { steps: steps.collect(), loads: Loads::read(&out.join(LOADS_FILE)).unwrap(), dir }
 }
 
-/// 48 tetrahedra pulled to 20 % in two steps, with a network in each.
+/// Returns the case of a box of 48 tetrahedra, with a network in each, which is extended by 20 % in two steps.
 fn box_of_networks() -> String {
     format!(
         r#"
@@ -93,7 +93,8 @@ fn backends_agree_on_a_box_of_networks() {
     assert_loads_agree(&sparse.loads, &dense.loads, 1e-10);
 }
 
-/// Both scales by Krylov methods: the macro scale with the diagonal, the RVEs with an incomplete factorization.
+/// Both scales use Krylov methods: the macro scale with diagonal preconditioning, the RVEs with an incomplete
+/// factorization.
 #[test]
 fn iterative_solvers_agree_with_direct_ones() {
     let direct = run::<Sparse>(&box_of_networks(), |_| ());
@@ -170,7 +171,7 @@ fn bar(material: &str) -> String {
 }
 
 #[test]
-fn a_neo_hookean_rve_at_every_element_gives_the_recorded_history_of_the_formula() {
+fn neo_hookean_rves_give_the_recorded_residuals_of_the_material_model() {
     let constants = r#"{ model = "neo-hookean", youngs_modulus = 10000.0, poisson_ratio = 0.3 }"#;
     let formula = run::<Sparse>(&bar(constants), write_bar);
     let rves =
@@ -180,10 +181,10 @@ fn a_neo_hookean_rve_at_every_element_gives_the_recorded_history_of_the_formula(
         assert_eq!(results.steps.len(), 10);
         for (step, (recorded, _)) in results.steps.iter().zip(bar_of_24::RECORDED) {
             let found = &step.newton.residuals;
-            assert_eq!(found.len(), recorded.len() + 1, "quadratic: one more is below the tolerance");
+            assert_eq!(found.len(), recorded.len() + 1, "one further residual is below the tolerance");
             for (found, recorded) in found.iter().zip(recorded) {
-                // The terms that cancel in a residual are of the order of 1e3: a residual of 1e-3 has six significant
-                // digits less.
+                // The terms that cancel in a residual are of the order of 1e3, so that a residual of 1e-3 has six
+                // significant digits fewer.
                 let digits = if *recorded > 1e-2 { 1e-10 } else { 1e-8 };
                 assert!((found - recorded).abs() < digits * recorded, "step {}: {found} {recorded}", step.step);
             }

@@ -1,4 +1,5 @@
-//! The conformance suite of all in-memory backends; their allocations; files, and transfers to other backends.
+//! Tests of the in-memory backends: the conformance suite, memory allocations, Matrix Market files, transfers to other
+//! backends, and singular matrices.
 
 #[cfg(any(feature = "sparse", feature = "dense"))]
 #[path = "../support/counting.rs"]
@@ -24,7 +25,7 @@ static ALLOCATOR: counting::Counting = counting::Counting;
 
 /// Runs the suite for backends with one number per entry.
 ///
-/// `CONFORMANCE_SEED=5 CONFORMANCE_COUNT=100000 cargo test --test backends` draws other cases, and more of them.
+/// `CONFORMANCE_SEED=5 CONFORMANCE_COUNT=100000 cargo test --test backends` runs more cases, and different ones.
 #[cfg(any(feature = "sparse", feature = "dense"))]
 fn check_all<B>()
 where

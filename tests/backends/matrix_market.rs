@@ -1,4 +1,5 @@
-//! Matrix Market files of every backend, also read by another library; matrices transferred between backends.
+//! Matrix Market files written and read by all backends and by another library; transfer of matrices and vectors
+//! between backends.
 
 use std::path::Path;
 
@@ -27,7 +28,7 @@ fn matrix(unknowns: usize) -> biotissue::backends::sparse::Matrix {
 }
 
 #[test]
-fn what_is_written_comes_back_bit_for_bit() {
+fn a_written_matrix_is_read_back_bitwise() {
     let dir = tempfile::tempdir().unwrap();
     for unknowns in [1, 5, 60] {
         let (file, a) = (dir.path().join("a.mtx"), matrix(unknowns));
@@ -45,20 +46,20 @@ fn what_is_written_comes_back_bit_for_bit() {
 }
 
 #[test]
-fn another_library_reads_and_writes_the_same() {
+fn another_library_reads_and_writes_the_same_matrix() {
     let dir = tempfile::tempdir().unwrap();
     let (file, a) = (dir.path().join("a.mtx"), matrix(30));
     market::write::<Sparse>(&file, &a).unwrap();
     let other: sprs::CsMat<f64> = sprs::io::read_matrix_market::<f64, usize, _>(&file).unwrap().to_csr();
     let all = other.iter().map(|(&value, (row, column))| (row, column, value));
     let theirs: Vec<_> = all.filter(|&(.., value)| value != 0.0).collect();
-    assert!(theirs == entries::<Sparse>(&a), "they read something else");
+    assert!(theirs == entries::<Sparse>(&a), "sprs reads other entries");
     sprs::io::write_matrix_market(&file, &other).unwrap();
-    assert!(entries::<Sparse>(&market::read::<Sparse>(&file, &()).unwrap()) == theirs, "we read something else");
+    assert!(entries::<Sparse>(&market::read::<Sparse>(&file, &()).unwrap()) == theirs, "we read other entries");
 }
 
 #[test]
-fn a_file_that_is_not_there_is_named() {
+fn errors_name_the_missing_file() {
     let error = market::read::<Sparse>(Path::new("no/such.mtx"), &()).unwrap_err();
     assert!(matches!(error, MarketError::Input(_)) && error.to_string().starts_with("no/such.mtx: "), "{error}");
     let error = market::write::<Sparse>(Path::new("no/such.mtx"), &matrix(2)).unwrap_err();
@@ -66,7 +67,7 @@ fn a_file_that_is_not_there_is_named() {
 }
 
 #[test]
-fn matrices_and_vectors_move_between_backends() {
+fn matrices_and_vectors_are_transferred_between_backends() {
     let a = matrix(40);
     let dense = transfer::matrix::<Sparse, Dense>(&a, &()).unwrap();
     assert_eq!(entries::<Dense>(&dense), entries::<Sparse>(&a));

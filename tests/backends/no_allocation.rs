@@ -7,7 +7,7 @@ use biotissue::las::{Backend, Factorization, MatrixOps, RealBackend, Solver, Sol
 
 use crate::counting;
 
-const RIGHT_SIDES: usize = 9;
+const RIGHT_HAND_SIDES: usize = 9;
 
 /// The objects that are assembled and solved repeatedly.
 struct Work<B: Backend> {
@@ -37,13 +37,14 @@ impl<B: RealBackend<Index = i32, Context = ()>> Work<B> {
             matrix.locate(&[row as i32], columns, &mut slots).unwrap();
         }
         let values = elements.iter().flat_map(|(_, values)| values.iter().copied()).collect();
-        let vectors = || (0..RIGHT_SIDES).map(|_| B::vector(&(), unknowns).unwrap()).collect::<Vec<_>>();
+        let vectors = || (0..RIGHT_HAND_SIDES).map(|_| B::vector(&(), unknowns).unwrap()).collect::<Vec<_>>();
         let symbolic = B::analyze(&(), pattern, &SolverParams::default()).unwrap();
         let solver = B::solver(&symbolic).unwrap();
         Self { elements, slots, values, matrix, solver, right: vectors(), solutions: vectors() }
     }
 
-    /// One definite and one indefinite system, assembled both ways and solved for one and for many right-hand sides.
+    /// Assembles one definite and one indefinite system, with `add` and with `add_at`, and solves each for one and for
+    /// several right-hand sides.
     fn round(&mut self) {
         for kind in [Factorization::Cholesky, Factorization::Ldlt] {
             self.matrix.zero().unwrap();
@@ -69,7 +70,7 @@ impl<B: RealBackend<Index = i32, Context = ()>> Work<B> {
     }
 }
 
-fn allocates_only_at_first<B: RealBackend<Index = i32, Context = ()>>() {
+fn assert_allocates_only_in_the_first_pass<B: RealBackend<Index = i32, Context = ()>>() {
     for size in [10, 40, 120, 300] {
         for blocks in [false, true] {
             let mut random = Random::new(size);
@@ -78,7 +79,7 @@ fn allocates_only_at_first<B: RealBackend<Index = i32, Context = ()>>() {
             let mut work = Work::<B>::new(random, &pattern);
             let before = counting::calls();
             work.round();
-            assert!(counting::calls() > before, "the counter counts: the first right-hand sides need room");
+            assert!(counting::calls() > before, "the first pass allocates, and the counter counts it");
             let before = counting::calls();
             for _ in 0..100 {
                 work.round();
@@ -91,11 +92,11 @@ fn allocates_only_at_first<B: RealBackend<Index = i32, Context = ()>>() {
 #[test]
 #[cfg(feature = "sparse")]
 fn sparse() {
-    allocates_only_at_first::<biotissue::backends::sparse::Sparse>();
+    assert_allocates_only_in_the_first_pass::<biotissue::backends::sparse::Sparse>();
 }
 
 #[test]
 #[cfg(feature = "dense")]
 fn dense() {
-    allocates_only_at_first::<biotissue::backends::dense::Dense>();
+    assert_allocates_only_in_the_first_pass::<biotissue::backends::dense::Dense>();
 }

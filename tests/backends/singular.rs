@@ -1,4 +1,4 @@
-//! Singular stiffness: floating bodies must be reported as singular, supported but ill-conditioned bodies must not.
+//! The stiffness of floating bodies is reported as singular; that of supported but ill-conditioned bodies is not.
 
 use std::sync::Arc;
 
@@ -11,14 +11,15 @@ use biotissue::las::{FactorReport, MatrixOps, RealBackend, SolveError, Solver, S
 use nalgebra::Matrix3;
 
 /// Factors the stiffness at rest of a body. `stiffness` scales the stiffness of each element as a function of its
-/// center; `held` selects the prescribed components of each node.
+/// center; `prescribed` selects the prescribed components of each node by its position.
 fn factored<B: RealBackend<Context = ()>>(
     mesh: &Mesh,
     stiffness: impl Fn([f64; 3]) -> f64,
-    held: impl Fn([f64; 3]) -> [bool; 3],
+    prescribed: impl Fn([f64; 3]) -> [bool; 3],
     symmetry: Symmetry,
 ) -> Result<FactorReport, SolveError<B::Error>> {
-    let unknowns = Unknowns::new(mesh.nodes().len(), |node, component| held(mesh.nodes()[node])[component]).unwrap();
+    let unknowns =
+        Unknowns::new(mesh.nodes().len(), |node, component| prescribed(mesh.nodes()[node])[component]).unwrap();
     let pattern = Arc::new(unknowns.pattern(mesh).unwrap());
     let mut matrix = B::matrix(&(), &pattern).unwrap();
     let assembler = Assembler::<B>::new(geometry(mesh).unwrap(), mesh, &unknowns, &matrix).unwrap();
@@ -40,10 +41,10 @@ fn assert_singular<B: RealBackend<Context = ()>>(
     what: &str,
     mesh: &Mesh,
     stiffness: impl Fn([f64; 3]) -> f64,
-    held: impl Fn([f64; 3]) -> [bool; 3],
+    prescribed: impl Fn([f64; 3]) -> [bool; 3],
 ) {
     for symmetry in BOTH {
-        let found = factored::<B>(mesh, &stiffness, &held, symmetry);
+        let found = factored::<B>(mesh, &stiffness, &prescribed, symmetry);
         let n = mesh.nodes().len();
         assert!(matches!(found, Err(SolveError::Singular { .. })), "{what}, {n} nodes, {symmetry:?}: {found:?}");
     }
@@ -53,10 +54,10 @@ fn assert_regular<B: RealBackend<Context = ()>>(
     what: &str,
     mesh: &Mesh,
     stiffness: impl Fn([f64; 3]) -> f64,
-    held: impl Fn([f64; 3]) -> [bool; 3],
+    prescribed: impl Fn([f64; 3]) -> [bool; 3],
 ) {
     for symmetry in BOTH {
-        let found = factored::<B>(mesh, &stiffness, &held, symmetry);
+        let found = factored::<B>(mesh, &stiffness, &prescribed, symmetry);
         assert!(found.is_ok(), "{what}, {symmetry:?}: {found:?}");
     }
 }
@@ -65,9 +66,9 @@ fn free_bodies<B: RealBackend<Context = ()>>(sizes: &[usize]) {
     for &side in sizes {
         let mesh = shapes::cuboid([side; 3], [1.0, 0.7, 1.3]).unwrap();
         let one = |_| 1.0;
-        assert_singular::<B>("nothing held", &mesh, one, |_| [false; 3]);
+        assert_singular::<B>("no supports", &mesh, one, |_| [false; 3]);
         assert_singular::<B>("a hinge", &mesh, one, |x| [x[0] == 0.0 && x[1] == 0.0; 3]);
-        assert_singular::<B>("a hinge within", &mesh, one, |x| {
+        assert_singular::<B>("an interior hinge", &mesh, one, |x| {
             [(x[0] - 0.5).abs() < 0.5 / side as f64 && x[1] == 0.0; 3]
         });
         assert_singular::<B>("a ball joint", &mesh, one, |x| [x == [1.0, 0.7, 1.3]; 3]);
@@ -78,7 +79,7 @@ fn free_bodies<B: RealBackend<Context = ()>>(sizes: &[usize]) {
 }
 
 #[test]
-fn bodies_that_float_are_singular() {
+fn floating_bodies_are_singular() {
     free_bodies::<Sparse>(&[1, 3, 8, 12]);
     free_bodies::<Dense>(&[1, 3]);
 }
@@ -88,9 +89,9 @@ fn well_posed_bodies<B: RealBackend<Context = ()>>(lengths: &[usize]) {
     for &length in lengths {
         let mesh = shapes::cuboid([length, 1, 1], [length as f64, 1.0, 1.0]).unwrap();
         assert_regular::<B>("a slender beam", &mesh, |_| 1.0, clamped);
-        // A stiff body on a soft foot.
-        let foot = |x: [f64; 3]| if x[0] < 2.0 { 1e-3 } else { 1.0 };
-        assert_regular::<B>("a soft foot", &mesh, foot, clamped);
+        // A stiff body on a soft base.
+        let base = |x: [f64; 3]| if x[0] < 2.0 { 1e-3 } else { 1.0 };
+        assert_regular::<B>("a soft base", &mesh, base, clamped);
         let outer = |x: [f64; 3]| if x[0] > length as f64 - 2.0 { 1e-12 } else { 1.0 };
         assert_regular::<B>("a soft end", &mesh, outer, clamped);
     }
@@ -101,17 +102,17 @@ fn well_posed_bodies<B: RealBackend<Context = ()>>(lengths: &[usize]) {
         [0.0, 1.0, 0.0] => [false, false, true],
         _ => [false; 3],
     };
-    assert_regular::<B>("six components", &mesh, |_| 1.0, minimal);
+    assert_regular::<B>("six prescribed components", &mesh, |_| 1.0, minimal);
 }
 
 #[test]
-fn bodies_that_are_held_are_regular_however_slender_or_soft() {
+fn supported_bodies_are_regular_even_if_slender_or_soft() {
     well_posed_bodies::<Sparse>(&[10, 100, 400]);
     well_posed_bodies::<Dense>(&[10, 30]);
 }
 
-/// Factors the stiffness of a chain of springs whose rows and columns are scaled, as by a choice of units. `last` is
-/// the last diagonal entry: 1 for a free chain, more for a supported one.
+/// Factors the stiffness of a chain of springs with scaled rows and columns, as after a change of units. `last` is the
+/// last diagonal entry: 1 for a free chain, more for a supported one.
 fn scaled_chain<B: RealBackend<Context = (), Index = i32>>(
     rows: [f64; 4],
     columns: [f64; 4],
@@ -131,11 +132,11 @@ fn scaled_chain<B: RealBackend<Context = (), Index = i32>>(
     B::solver(&symbolic).unwrap().factor(&a)
 }
 
-/// Powers of two, so that the scaling is exact and a free chain stays exactly singular.
+/// Scale factors: powers of two, so that the scaling is exact and a free chain remains exactly singular.
 const UNITS: [f64; 4] = [1.0 / (1_u64 << 60) as f64, 1.0, (1_u64 << 60) as f64, 1.0 / (1_u64 << 20) as f64];
 
 #[test]
-fn scales_do_not_make_a_matrix_singular() {
+fn scaling_does_not_make_a_matrix_singular() {
     fn check<B: RealBackend<Context = (), Index = i32>>() {
         for symmetry in [Symmetry::Definite, Symmetry::Symmetric, Symmetry::None] {
             let found = scaled_chain::<B>(UNITS, UNITS, 2.0, symmetry);
@@ -152,7 +153,7 @@ fn scales_do_not_make_a_matrix_singular() {
 }
 
 #[test]
-fn scales_do_not_hide_a_singular_matrix() {
+fn scaling_does_not_hide_a_singular_matrix() {
     fn check<B: RealBackend<Context = (), Index = i32>>() {
         let one = [1.0; 4];
         for symmetry in [Symmetry::Definite, Symmetry::Symmetric, Symmetry::None] {
@@ -169,10 +170,10 @@ fn scales_do_not_hide_a_singular_matrix() {
     check::<Dense>();
 }
 
-/// Elimination with the pivot 10, the largest entry of the first column, loses the second row to rounding: the matrix
-/// is regular, but the computed factors are those of another matrix.
+/// In elimination with the pivot 10, the largest entry of the first column, rounding changes the second row completely:
+/// the matrix is regular, but the computed factors are those of another matrix.
 #[test]
-fn factors_that_lost_a_row_are_not_used() {
+fn factors_that_rounding_made_wrong_are_rejected() {
     fn check<B: RealBackend<Context = (), Index = i32>>() {
         let pattern = Arc::new(Sparsity::from_elements(2, [[0, 1]]).unwrap());
         let mut a = B::matrix(&(), &pattern).unwrap();

@@ -1,5 +1,5 @@
-//! A cube of 24 tetrahedra stretched by a quarter, and the numbers that MuMFiM recorded for it (its single-scale
-//! program, uniaxial extension). Surfaces `left` (x = -1) and `right` (x = 1), region `body`.
+//! A cube of 24 tetrahedra extended by 25 %, and the numbers that the single-scale program of MuMFiM printed for this
+//! uniaxial extension. The surfaces are `left` (x = -1) and `right` (x = 1), the region is `body`.
 
 use biotissue::fem::mesh::{Mesh, Surface};
 
@@ -28,7 +28,7 @@ pub const TETS: [[u32; 4]; 24] = [
     [4, 7, 12, 13], [5, 10, 11, 12], [2, 8, 11, 13], [4, 11, 12, 13], [4, 5, 11, 12], [10, 11, 12, 13],
 ];
 
-/// Norms of the residual before every Newton update and the displacement of the lateral side, step by step.
+/// For every step, the norm of the residual before every Newton update, and the displacement of the lateral side.
 #[rustfmt::skip]
 pub const RECORDED: [(&[f64], f64); 10] = [
     (&[6.811962213373, 0.0007404433841], -0.01480445),

@@ -1,5 +1,5 @@
-//! A cube of 24 tetrahedra stretched by a quarter: numbers recorded by MuMFiM (its single-scale program, uniaxial
-//! extension), reproduced to their printed digits.
+//! A cube of 24 tetrahedra extended by 25 %: the numbers that the single-scale program of MuMFiM printed for this
+//! uniaxial extension are reproduced to all printed digits.
 use std::fmt::Debug;
 use std::sync::Arc;
 
@@ -46,10 +46,11 @@ fn assert_digits(found: f64, recorded: f64, relative: f64, what: &str) {
     assert!(error <= relative, "{what}: {found:.13e}, recorded {recorded:.13e}, off by {error:.1e}");
 }
 
+/// Records the displacement [`LATERAL`] at the end of every step.
 #[derive(Default)]
-struct Lateral(Vec<f64>);
+struct LateralDisplacements(Vec<f64>);
 
-impl<P: PointField, F: std::error::Error> StepObserver<P, F> for Lateral {
+impl<P: PointField, F: std::error::Error> StepObserver<P, F> for LateralDisplacements {
     type Error = std::convert::Infallible;
 
     fn converged(&mut self, step: &ConvergedStep<'_, P>) -> Result<(), Self::Error> {
@@ -58,7 +59,7 @@ impl<P: PointField, F: std::error::Error> StepObserver<P, F> for Lateral {
     }
 }
 
-fn stretches_as_recorded<B>()
+fn residuals_and_displacements_are_as_recorded<B>()
 where
     B: RealBackend<Context = ()>,
     B::Error: Debug,
@@ -70,29 +71,29 @@ where
     let field = FormulaField::uniform(material(), 24);
     let mut stepper = Stepper::<B, _>::new(&(), Arc::new(mesh()), &conditions(), field, params).unwrap();
     assert_eq!(stepper.unknowns(), 29);
-    let mut lateral = Lateral::default();
+    let mut lateral = LateralDisplacements::default();
     let reports = stepper.run(&mut lateral).unwrap();
 
     assert_eq!(reports.len(), 10);
     for ((report, (recorded, displacement)), found) in reports.iter().zip(RECORDED).zip(lateral.0) {
         let residuals = &report.solves[0].residuals;
         assert_eq!(report.solves.len(), 1);
-        assert_eq!(residuals.len(), recorded.len() + 1, "quadratic: one more is below the tolerance");
+        assert_eq!(residuals.len(), recorded.len() + 1, "one further residual is below the tolerance");
         for (k, (&norm, &recorded)) in residuals.iter().zip(recorded).enumerate() {
-            // The terms that cancel in a residual are of the order of 1e3: a residual of 1e-3 has six significant
-            // digits less.
+            // The terms that cancel in a residual are of the order of 1e3, so that a residual of 1e-3 has six
+            // significant digits fewer.
             let relative = if recorded > 1e-2 { 1e-10 } else { 1e-8 };
             assert_digits(norm, recorded, relative, &format!("step {}, residual {k}", report.step));
         }
         assert!((found - displacement).abs() < 0.51e-8, "step {}: {found}, recorded {displacement}", report.step);
     }
-    the_end_is_homogeneous(&stepper.state().displacements, 1e-12);
+    assert_homogeneous(&stepper.state().displacements, 1e-12);
 }
 
-/// Solves by BiCGSTAB with an incomplete factorization.
+/// Solves the linear systems by BiCGSTAB with an incomplete factorization.
 #[test]
 #[cfg(feature = "sparse")]
-fn stretches_by_an_iterative_solver() {
+fn an_iterative_solver_gives_the_exact_solution() {
     let method = Iterative { tolerance: 1e-12, ..Iterative::default() };
     let params = StepParams { count: 4, solver: SolverParams::default().iterative(method), ..StepParams::default() };
     let field = FormulaField::uniform(material(), 24);
@@ -102,11 +103,12 @@ fn stretches_by_an_iterative_solver() {
         let newton = &report.solves[0];
         assert!(newton.linear_iterations > 0 && newton.cholesky == 0, "{newton:?}");
     }
-    the_end_is_homogeneous(&stepper.state().displacements, 1e-9);
+    assert_homogeneous(&stepper.state().displacements, 1e-9);
 }
 
-/// Stretch 1.25 along x and `s` across, with `mu (s^2 - 1) + lambda ln J = 0` and `J = 1.25 s^2`.
-fn the_end_is_homogeneous(displacements: &[[f64; 3]], tolerance: f64) {
+/// Checks the exact solution: the stretches are 1.25 along x and `s` across, with `mu (s^2 - 1) + lambda ln J = 0` and
+/// `J = 1.25 s^2`.
+fn assert_homogeneous(displacements: &[[f64; 3]], tolerance: f64) {
     let NeoHookean { mu, lambda } = material();
     let mut s: f64 = 1.0;
     for _ in 0..50 {
@@ -170,8 +172,8 @@ macro_rules! on {
         #[cfg(feature = $feature)]
         mod $name {
             #[test]
-            fn stretches_as_recorded() {
-                super::stretches_as_recorded::<$backend>();
+            fn residuals_and_displacements_are_as_recorded() {
+                super::residuals_and_displacements_are_as_recorded::<$backend>();
             }
 
             #[test]

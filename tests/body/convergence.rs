@@ -1,4 +1,5 @@
-//! Exact solutions: homogeneous ones are reproduced exactly, smooth ones at the convergence rates of linear elements.
+//! Homogeneous exact solutions are reproduced exactly; smooth ones are approximated with the convergence rates of
+//! linear elements.
 use std::f64::consts::PI;
 use std::sync::Arc;
 
@@ -14,8 +15,8 @@ use biotissue::fem::stepping::{StepParams, Stepper};
 use biotissue::las::NewtonParams;
 use nalgebra::{Matrix3, Vector3};
 
-/// The unit cube in `n^3` cells, with one region per element and interior nodes moved off the grid by up to
-/// `distortion` cells.
+/// Returns the unit cube divided into `n^3` cells, with one region per element and interior nodes moved off the grid by
+/// up to `distortion` cells.
 fn cube(n: usize, distortion: f64) -> Mesh {
     let regular = shapes::cuboid([n; 3], [1.0; 3]).unwrap();
     let inside = |x: &[f64; 3]| x.iter().all(|&c| c > 1e-9 && c < 1.0 - 1e-9);
@@ -42,12 +43,12 @@ fn the_patch_test_is_exact() {
     let exact: Vec<[f64; 3]> =
         mesh.nodes().iter().map(|&x| ((f - Matrix3::identity()) * Vector3::from(x)).into()).collect();
     let on_boundary = |x: &[f64; 3]| x.iter().any(|&c| c == 0.0 || c == 1.0);
-    let held = (0..exact.len()).filter(|&a| on_boundary(&mesh.nodes()[a])).map(|a| PointCondition {
+    let prescribed = (0..exact.len()).filter(|&a| on_boundary(&mesh.nodes()[a])).map(|a| PointCondition {
         place: PointLocation::Node(a),
         displacement: exact[a].map(Some),
         curve: LoadCurve::Ramp,
     });
-    let conditions = Conditions { points: held.collect(), ..Conditions::default() };
+    let conditions = Conditions { points: prescribed.collect(), ..Conditions::default() };
     let mut newton = NewtonParams::default();
     newton.tolerance = 1e-13;
     let params = StepParams { count: 2, newton, ..StepParams::default() };
@@ -66,7 +67,8 @@ fn the_patch_test_is_exact() {
 }
 
 const MATERIAL: LinearElastic = LinearElastic { mu: 1.0, lambda: 1.5 };
-/// `u_i = AMPLITUDE_i sin(pi x) sin(pi y) sin(pi z)`: zero on all faces of the unit cube.
+/// Amplitudes of the exact displacement `u_i = AMPLITUDE_i sin(pi x) sin(pi y) sin(pi z)`, which is zero on all faces
+/// of the unit cube.
 const AMPLITUDE: [f64; 3] = [1.0, -0.5, 0.7];
 
 fn exact(x: &[f64; 3]) -> Vector3<f64> {
@@ -79,7 +81,7 @@ fn exact_gradient(x: &[f64; 3]) -> Matrix3<f64> {
     Vector3::from(AMPLITUDE) * slope.transpose()
 }
 
-/// `-div sigma = -mu lap(u) - (lambda + mu) grad(div u)`.
+/// Returns the body force `-div sigma = -mu lap(u) - (lambda + mu) grad(div u)` of the exact displacement.
 fn body_force(x: &[f64; 3]) -> [f64; 3] {
     let (s, c) = (x.map(|x| (PI * x).sin()), x.map(|x| (PI * x).cos()));
     let product = s[0] * s[1] * s[2];
@@ -112,6 +114,8 @@ fn errors(n: usize) -> [f64; 2] {
     let reports = stepper.run(&mut ()).unwrap();
     assert_eq!(reports[0].iterations(), 0, "a linear problem is solved by the linear first guess");
 
+    // The quadrature rule with four points, exact for quadratic functions: barycentric coordinates (5 - sqrt 5)/20 and
+    // (5 + 3 sqrt 5)/20.
     let (near, far) = (0.138_196_601_125_010_5, 0.585_410_196_624_968_5);
     let (mut values, mut slopes) = (0.0, 0.0);
     for (e, nodes) in mesh.elements().iter().enumerate() {

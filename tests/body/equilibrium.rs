@@ -1,5 +1,5 @@
-//! Properties of every run: forces balance, the order of the conditions does not matter, Newton converges
-//! quadratically.
+//! Properties of every run: forces are in balance, results do not depend on the order of the regions, and Newton's
+//! method converges quadratically.
 use std::sync::Arc;
 
 use biotissue::backends::sparse::Sparse;
@@ -15,7 +15,7 @@ use biotissue::las::NewtonParams;
 
 const SOFT: NeoHookean = NeoHookean { mu: 3.0e3, lambda: 5.0e3 };
 
-fn held(surface: &str, displacement: [Option<f64>; 3]) -> SurfaceCondition {
+fn prescribed(surface: &str, displacement: [Option<f64>; 3]) -> SurfaceCondition {
     SurfaceCondition { surface: surface.into(), displacement, curve: LoadCurve::Ramp }
 }
 
@@ -46,14 +46,14 @@ fn assert_near(found: [f64; 3], expected: [f64; 3], within: f64, what: &str) {
 }
 
 #[test]
-fn forces_over_held_surfaces_with_shared_edges_sum_to_zero() {
+fn forces_on_surfaces_with_shared_edges_sum_to_zero() {
     let mesh = Arc::new(shapes::cuboid([4, 3, 3], [1.0, 0.6, 0.5]).unwrap());
     // x0 and y0 both prescribe y on their common edge; x1 is loaded also where y0 and y1 prescribe components.
     let conditions = Conditions {
         surfaces: vec![
-            held("x0", [Some(0.0), Some(0.0), None]),
-            held("y0", [None, Some(0.0), Some(0.0)]),
-            held("y1", [None, None, Some(0.05)]),
+            prescribed("x0", [Some(0.0), Some(0.0), None]),
+            prescribed("y0", [None, Some(0.0), Some(0.0)]),
+            prescribed("y1", [None, None, Some(0.05)]),
         ],
         loads: pulled("x1", [800.0, 300.0, -200.0]),
         points: vec![PointCondition {
@@ -65,17 +65,17 @@ fn forces_over_held_surfaces_with_shared_edges_sum_to_zero() {
     let forces = run(&mesh, &conditions).forces();
     let size = named(&forces, "x0").force[0].abs();
     assert!(size > 100.0 && forces.points[0].force[0].abs() > 1.0, "{forces:?}");
-    assert_eq!((forces.points[0].force[1], forces.points[0].force[2]), (0.0, 0.0), "only what the point holds");
+    assert_eq!((forces.points[0].force[1], forces.points[0].force[2]), (0.0, 0.0), "the point prescribes x only");
     assert_near(forces.sum(), [0.0; 3], 1e-9 * size, "sum");
     assert_eq!(named(&forces, "z1").force, [0.0; 3]);
 }
 
 #[test]
-fn body_forces_are_carried_by_the_supports() {
+fn reactions_balance_body_forces() {
     let mesh = Arc::new(shapes::cuboid([3, 3, 3], [1.0, 0.5, 0.5]).unwrap());
     let body_force = BodyForce { region: "body".into(), value: [100.0, -400.0, 50.0], curve: LoadCurve::Ramp };
     let conditions = Conditions {
-        surfaces: vec![held("x0", [Some(0.0); 3])],
+        surfaces: vec![prescribed("x0", [Some(0.0); 3])],
         loads: vec![Arc::new(body_force)],
         ..Conditions::default()
     };
@@ -85,11 +85,11 @@ fn body_forces_are_carried_by_the_supports() {
 }
 
 #[test]
-fn a_bar_in_tension_is_known_in_closed_form() {
+fn a_bar_in_tension_agrees_with_the_closed_form() {
     let mesh = Arc::new(shapes::cuboid([3, 2, 2], [2.0, 0.5, 0.4]).unwrap());
     let zero = |component: usize| -> [Option<f64>; 3] { std::array::from_fn(|i| (i == component).then_some(0.0)) };
     let conditions = Conditions {
-        surfaces: vec![held("x0", zero(0)), held("y0", zero(1)), held("z0", zero(2))],
+        surfaces: vec![prescribed("x0", zero(0)), prescribed("y0", zero(1)), prescribed("z0", zero(2))],
         loads: pulled("x1", [2.0e3, 0.0, 0.0]),
         ..Conditions::default()
     };
@@ -139,7 +139,7 @@ fn the_order_of_regions_does_not_matter() {
         );
         let force = BodyForce { region: "soft".into(), value: [0.0, 0.0, 90.0], curve: LoadCurve::Ramp };
         let conditions = Conditions {
-            surfaces: vec![held("x0", [Some(0.0); 3]), held("x1", [Some(0.2), Some(0.1), None])],
+            surfaces: vec![prescribed("x0", [Some(0.0); 3]), prescribed("x1", [Some(0.2), Some(0.1), None])],
             loads: vec![Arc::new(force)],
             ..Conditions::default()
         };
@@ -148,14 +148,14 @@ fn the_order_of_regions_does_not_matter() {
         stepper.run(&mut ()).unwrap();
         stepper.state().displacements.clone()
     };
-    assert_eq!(run(["soft", "stiff"]), run(["stiff", "soft"]), "to the last bit");
+    assert_eq!(run(["soft", "stiff"]), run(["stiff", "soft"]), "bitwise");
 }
 
 #[test]
 fn newton_converges_quadratically() {
     let mesh = Arc::new(shapes::cuboid([4, 4, 4], [1.0; 3]).unwrap());
     let conditions = Conditions {
-        surfaces: vec![held("x0", [Some(0.0); 3]), held("x1", [Some(0.3), Some(0.2), Some(0.0)])],
+        surfaces: vec![prescribed("x0", [Some(0.0); 3]), prescribed("x1", [Some(0.3), Some(0.2), Some(0.0)])],
         ..Conditions::default()
     };
     let field = FormulaField::uniform(SOFT, mesh.elements().len());
@@ -171,11 +171,11 @@ fn newton_converges_quadratically() {
 
 #[test]
 fn a_nearly_undeformed_body_converges() {
-    // Strains of 1e-12: the residual cannot fall to 1e-12 of the forces, because F is 1 to within these strains and
-    // holds only a few of their digits.
+    // At strains of 1e-12, the residual cannot fall to 1e-12 of the forces: F is 1 to within these strains and contains
+    // only a few of their digits.
     let mesh = Arc::new(shapes::cuboid([3, 3, 3], [1.0; 3]).unwrap());
     let conditions = Conditions {
-        surfaces: vec![held("x0", [Some(0.0); 3]), held("x1", [Some(1e-12), Some(0.0), None])],
+        surfaces: vec![prescribed("x0", [Some(0.0); 3]), prescribed("x1", [Some(1e-12), Some(0.0), None])],
         ..Conditions::default()
     };
     let forces = run(&mesh, &conditions).forces();

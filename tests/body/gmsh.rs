@@ -1,8 +1,8 @@
-//! Files that Gmsh 4.15 wrote: two unit cubes side by side along x, joined at x = 1.
+//! Reading of files that Gmsh 4.15 wrote: two unit cubes side by side along x, joined at x = 1.
 //!
-//! Physical volumes: 7 `left half`, 3 `right half`. Physical surfaces: 1 `end` (x = 0), 2 `interface` (x = 1), 5 `far`
-//! (x = 2), 4 without a name (the left cube's x = 0, y = 0 and y = 1). One geometric point away from the body, in a
-//! physical group of its own.
+//! The physical volumes are 7 `left half` and 3 `right half`; the physical surfaces are 1 `end` (x = 0), 2 `interface`
+//! (x = 1), 5 `far` (x = 2) and 4 without a name (x = 0, y = 0 and y = 1 of the left cube). A geometric point away from
+//! the body is in a physical group of its own.
 
 use std::path::PathBuf;
 
@@ -47,7 +47,7 @@ fn check(mesh: &Mesh) {
 }
 
 #[test]
-fn files_of_gmsh_in_every_format() {
+fn files_written_by_gmsh_are_read_in_every_format() {
     let mut meshes = Vec::new();
     for name in ["2.2_text", "2.2_binary", "4.1_text", "4.1_binary", "4.1_parametric_text", "4.1_parametric_binary"] {
         let read = gmsh::read(&file(&format!("two_cubes_{name}.msh"))).unwrap_or_else(|error| panic!("{error}"));

@@ -19,7 +19,7 @@ use nalgebra::{Matrix3, Vector3};
 
 const SOFT: NeoHookean = NeoHookean { mu: 3.0e3, lambda: 5.0e3 };
 
-/// Springs on a surface: the force per reference area is `-modulus * factor(t) * u`, Pa for a modulus in Pa/m.
+/// Springs on a surface: the force per reference area, Pa, is `-modulus * factor(t) * u` with a modulus in Pa/m.
 #[derive(Clone, Debug)]
 struct Foundation {
     surface: &'static str,
@@ -27,7 +27,7 @@ struct Foundation {
     curve: LoadCurve,
 }
 
-/// A pressure on the current area of a surface, Pa.
+/// A pressure, Pa, on the current area of a surface.
 #[derive(Clone, Debug)]
 struct Pressure {
     surface: &'static str,
@@ -37,14 +37,14 @@ struct Pressure {
 
 /// A load `L` on the facets of a surface.
 #[derive(Debug)]
-struct OnFacets<L> {
+struct FacetsWithLoad<L> {
     load: L,
     surface: usize,
     facets: Vec<[u32; 3]>,
     positions: Vec<[[f64; 3]; 3]>,
 }
 
-impl<L> OnFacets<L> {
+impl<L> FacetsWithLoad<L> {
     fn new(load: L, mesh: &Mesh, name: &str) -> Result<Box<Self>, BoundaryError> {
         let (surface, Surface { triangles, .. }) = find_surface(mesh, name)?;
         let positions = triangles.iter().map(|nodes| nodes.map(|node| mesh.nodes()[node as usize])).collect();
@@ -58,14 +58,18 @@ impl<L> OnFacets<L> {
     }
 }
 
-/// Forces on the nodes of a facet, and minus their derivatives, `blocks[a][b] = -df_a/du_b`.
+/// A load whose forces on the nodes of a facet depend only on the displacements of these nodes.
 trait FacetLoad: std::fmt::Debug + Send + Sync + Sized {
     const SYMMETRY: Symmetry;
-    fn forces(on: &OnFacets<Self>, t: f64, facet: usize, u: &[[f64; 3]]) -> [Vector3<f64>; 3];
-    fn blocks(on: &OnFacets<Self>, t: f64, facet: usize, u: &[[f64; 3]]) -> [[Matrix3<f64>; 3]; 3];
+
+    /// Returns the forces `f_a` on the three nodes, N.
+    fn forces(on: &FacetsWithLoad<Self>, t: f64, facet: usize, u: &[[f64; 3]]) -> [Vector3<f64>; 3];
+
+    /// Returns the stiffness `blocks[a][b] = -df_a/du_b`, N/m.
+    fn blocks(on: &FacetsWithLoad<Self>, t: f64, facet: usize, u: &[[f64; 3]]) -> [[Matrix3<f64>; 3]; 3];
 }
 
-impl<L: FacetLoad> Load for OnFacets<L> {
+impl<L: FacetLoad> Load for FacetsWithLoad<L> {
     fn add_forces(&self, t: f64, displacements: &[[f64; 3]], forces: &mut [[f64; 3]]) {
         for (facet, nodes) in self.facets.iter().enumerate() {
             for (&node, force) in nodes.iter().zip(L::forces(self, t, facet, displacements)) {
@@ -101,8 +105,9 @@ impl<L: FacetLoad> Load for OnFacets<L> {
 }
 
 impl Foundation {
-    /// The consistent matrix of a linear triangle: `modulus * area / 12 (1 + d_ab)`.
-    fn spring(on: &OnFacets<Self>, t: f64, facet: usize, a: usize, b: usize) -> f64 {
+    /// Returns the entry of the consistent matrix of a linear triangle: `modulus * area / 12 (1 + d_ab)`, where `d_ab`
+    /// is 1 for `a = b` and 0 otherwise.
+    fn spring(on: &FacetsWithLoad<Self>, t: f64, facet: usize, a: usize, b: usize) -> f64 {
         let [x, y, z] = on.positions[facet].map(Vector3::from);
         let area = 0.5 * (y - x).cross(&(z - x)).norm();
         let modulus = on.load.modulus * on.load.curve.factor(t);
@@ -113,12 +118,12 @@ impl Foundation {
 impl FacetLoad for Foundation {
     const SYMMETRY: Symmetry = Symmetry::Definite;
 
-    fn forces(on: &OnFacets<Self>, t: f64, facet: usize, u: &[[f64; 3]]) -> [Vector3<f64>; 3] {
+    fn forces(on: &FacetsWithLoad<Self>, t: f64, facet: usize, u: &[[f64; 3]]) -> [Vector3<f64>; 3] {
         let u = on.facets[facet].map(|node| Vector3::from(u[node as usize]));
         std::array::from_fn(|a| -(0..3).map(|b| u[b] * Self::spring(on, t, facet, a, b)).sum::<Vector3<f64>>())
     }
 
-    fn blocks(on: &OnFacets<Self>, t: f64, facet: usize, _: &[[f64; 3]]) -> [[Matrix3<f64>; 3]; 3] {
+    fn blocks(on: &FacetsWithLoad<Self>, t: f64, facet: usize, _: &[[f64; 3]]) -> [[Matrix3<f64>; 3]; 3] {
         let spring = |a, b| Matrix3::from_diagonal_element(Self::spring(on, t, facet, a, b));
         std::array::from_fn(|a| std::array::from_fn(|b| spring(a, b)))
     }
@@ -127,13 +132,13 @@ impl FacetLoad for Foundation {
 impl FacetLoad for Pressure {
     const SYMMETRY: Symmetry = Symmetry::None;
 
-    /// A third of `-p a` per node, with the current area vector `a = (x1 - x0) x (x2 - x0) / 2`.
-    fn forces(on: &OnFacets<Self>, t: f64, facet: usize, u: &[[f64; 3]]) -> [Vector3<f64>; 3] {
+    /// Returns a third of `-p a` for every node, with the current area vector `a = (x1 - x0) x (x2 - x0) / 2`.
+    fn forces(on: &FacetsWithLoad<Self>, t: f64, facet: usize, u: &[[f64; 3]]) -> [Vector3<f64>; 3] {
         let [x, y, z] = on.corners(facet, u);
         [(y - x).cross(&(z - x)) * (-on.load.value * on.load.curve.factor(t) / 6.0); 3]
     }
 
-    fn blocks(on: &OnFacets<Self>, t: f64, facet: usize, u: &[[f64; 3]]) -> [[Matrix3<f64>; 3]; 3] {
+    fn blocks(on: &FacetsWithLoad<Self>, t: f64, facet: usize, u: &[[f64; 3]]) -> [[Matrix3<f64>; 3]; 3] {
         let [x, y, z] = on.corners(facet, u);
         let factor = on.load.value * on.load.curve.factor(t) / 6.0;
         let (by_y, by_z) = ((x - z).cross_matrix() * factor, (y - x).cross_matrix() * factor);
@@ -143,13 +148,13 @@ impl FacetLoad for Pressure {
 
 impl LoadCondition for Foundation {
     fn resolve(&self, mesh: &Mesh) -> Result<Box<dyn Load>, BoundaryError> {
-        Ok(OnFacets::new(self.clone(), mesh, self.surface)?)
+        Ok(FacetsWithLoad::new(self.clone(), mesh, self.surface)?)
     }
 }
 
 impl LoadCondition for Pressure {
     fn resolve(&self, mesh: &Mesh) -> Result<Box<dyn Load>, BoundaryError> {
-        Ok(OnFacets::new(self.clone(), mesh, self.surface)?)
+        Ok(FacetsWithLoad::new(self.clone(), mesh, self.surface)?)
     }
 }
 
@@ -209,20 +214,20 @@ fn newton_converges_quadratically_with_state_dependent_loads() {
     for (force, u) in springs.force.iter().zip(springs.displacement) {
         assert!(
             (force + 4.0e3 * 0.4 * u).abs() < 1e-9 * size,
-            "the mean displacement times the stiffness: {springs:?}"
+            "the force is not the mean displacement times the stiffness: {springs:?}"
         );
     }
 
     let stepper = run(&under_pressure());
     let forces = stepper.forces();
     let pressed = forces.surfaces.iter().find(|s| s.name == "z1").unwrap();
-    // The beam bends, so the resultant turns with its upper side.
+    // The beam bends, so that the resultant rotates with its upper side.
     assert!(pressed.force[2] < -30.0 && pressed.force[0].abs() > 1.0, "{pressed:?}");
     assert!(forces.sum().iter().all(|f| f.abs() < 1e-9 * pressed.force[2].abs()), "{:?}", forces.sum());
 }
 
 #[test]
-fn the_tangent_is_the_slope_of_the_residual() {
+fn the_stiffness_is_the_derivative_of_the_residual() {
     for conditions in [on_springs(), under_pressure()] {
         let mesh = beam();
         let nodes = mesh.nodes().len();

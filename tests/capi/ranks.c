@@ -1,5 +1,5 @@
-/* Solves a chain of springs on PETSc, on all MPI ranks, and on the sparse backend. With an argument, the library initializes
- * MPI; without, the program does. The exit code is 0 if all checks pass. */
+/* Solves a chain of springs with PETSc on all MPI ranks and with the sparse backend. If there is an argument, the
+ * library initializes MPI, otherwise the program does. The exit code is 0 if all checks pass. */
 #include <math.h>
 #include <mpi.h>
 #include <stdio.h>
@@ -21,7 +21,7 @@ static void check(int passed, const char *what, int line) {
 #define CHECK(condition) check((condition), #condition, __LINE__)
 #define OK(call) CHECK((call) == LAS_OK)
 
-/* Springs of stiffness 1 between N unknowns in a row, fixed at the left, pulled at the right: u[i] = i + 1. */
+/* A chain of N unknowns and springs of stiffness 1, fixed at the left and pulled at the right: u[i] = i + 1. */
 #define SOLVE(BACKEND)                                                                                                 \
     static int solve_##BACKEND(const struct las_##BACKEND *las, int method, double u[N]) {                              \
         int start[N + 1], unknowns[2 * N], all[N], last[1] = {N - 1}, iterations = -1;                                  \
@@ -79,7 +79,7 @@ static void compare(const struct las_petsc *petsc, int iterates) {
 }
 
 /* The library initializes and finalizes MPI and PETSc. */
-static void library_starts_mpi(void) {
+static void library_initializes_mpi(void) {
     struct las_petsc *petsc = NULL, *again = NULL;
     CHECK(las_create_on_petsc(0, &petsc) == LAS_UNSUPPORTED && petsc == NULL);
     CHECK(strcmp(las_message(), "there is no communicator before MPI_Init") == 0);
@@ -91,7 +91,7 @@ static void library_starts_mpi(void) {
 }
 
 /* The program initializes MPI and gives the library a communicator. */
-static void program_starts_mpi(void) {
+static void program_initializes_mpi(void) {
     int rank = 0;
     MPI_Comm half = MPI_COMM_NULL;
     struct las_petsc *world = NULL, *part = NULL;
@@ -119,9 +119,9 @@ static void program_starts_mpi(void) {
 int main(int argc, char **argv) {
     (void)argv;
     if (argc > 1) {
-        library_starts_mpi();
+        library_initializes_mpi();
     } else {
-        program_starts_mpi();
+        program_initializes_mpi();
     }
     printf("%d checks failed\n", failures);
     return failures != 0;

@@ -1,6 +1,6 @@
-/* Assembles and solves a chain of springs on two backends in one program, then calls all other functions and provokes all
- * kinds of errors. The exit code is 0 if all checks pass. LIBRARY_HAS_CHECKS is defined for a library built with
- * PROFILE=checked. examples/c/first.c is a program to start from. */
+/* Assembles and solves a chain of springs with two backends in one program, then calls the other functions and provokes
+ * errors. The exit code is 0 if all checks pass. LIBRARY_HAS_CHECKS must be defined for a library built with
+ * PROFILE=checked. examples/c/first.c is a simpler program. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -21,7 +21,7 @@ static void check(int passed, const char *what, int line) {
 #define CHECK(condition) check((condition), #condition, __LINE__)
 #define OK(call) CHECK((call) == LAS_OK)
 
-/* Springs of stiffness 1 between N unknowns in a row, fixed at the left, pulled at the right: u[i] = i + 1. */
+/* A chain of N unknowns and springs of stiffness 1, fixed at the left and pulled at the right: u[i] = i + 1. */
 static struct las_pattern *chain(void) {
     int start[N + 1], unknowns[2 * N];
     for (int k = 0; k < N; ++k) {
@@ -139,7 +139,7 @@ static void products(void) {
     OK(las_create_pattern(2, 3, start, columns, &pattern));
     OK(las_create_sparse(&las));
     OK(las_create_mat_sparse(las, pattern, &a));
-    OK(las_destroy_pattern(pattern)); /* the matrix does not need it any more */
+    OK(las_destroy_pattern(pattern)); /* the matrix does not need it anymore */
     int both[2] = {0, 1}, three[3] = {0, 1, 2}, second[1] = {1}, third[1] = {2};
     double first_row[2] = {1, 2}, last[1] = {3};
     OK(las_set_mat_sparse(a, 1, both, 2, both, first_row));

@@ -1,5 +1,5 @@
-! Assembles and solves a chain of springs on two backends in one program. The exit code is 0 if all checks pass.
-! examples/fortran/first.f90 is a program to start from.
+! Assembles and solves a chain of springs with two backends in one program. The exit code is 0 if all checks pass.
+! examples/fortran/first.f90 is a simpler program.
 program springs
   use biotissue_las
   implicit none
@@ -31,7 +31,7 @@ contains
     call expect(code == LAS_OK, "a call succeeds")
   end subroutine
 
-  !> Springs between n unknowns in a row, fixed at the left.
+  !> Returns the pattern of a chain of n unknowns and springs, fixed at the left.
   function chain() result(pattern)
     type(c_ptr) :: pattern
     integer(c_int) :: start(n + 1), unknowns(2 * n)

@@ -1,7 +1,7 @@
-//! Scales and couplings on ranks that are threads.
+//! Tests of scales and couplings on ranks that are threads.
 
 mod checks;
-mod lives;
+mod random_changes;
 mod ranks;
 mod scales;
 mod units;

@@ -12,33 +12,33 @@ use crate::on_all;
 const TAG: Tag = Tag::of(3);
 
 #[test]
-fn messages_of_one_tag_arrive_in_order_and_tags_stay_apart() {
-    on_all(ranks::messages_of_one_tag_arrive_in_order_and_tags_stay_apart);
+fn messages_of_a_tag_arrive_in_order_independently_of_other_tags() {
+    on_all(ranks::messages_of_a_tag_arrive_in_order_independently_of_other_tags);
 }
 
 #[test]
-fn messages_of_any_length_arrive_whole() {
-    on_all(ranks::messages_of_any_length_arrive_whole);
+fn messages_of_any_length_arrive_complete() {
+    on_all(ranks::messages_of_any_length_arrive_complete);
 }
 
 #[test]
-fn what_all_do_together_is_the_same_for_all() {
-    on_all(ranks::what_all_do_together_is_the_same_for_all);
+fn collective_operations_give_the_same_result_on_all_ranks() {
+    on_all(ranks::collective_operations_give_the_same_result_on_all_ranks);
 }
 
 #[test]
-fn groups_do_not_hear_each_other() {
-    on_all(ranks::groups_do_not_hear_each_other);
+fn groups_do_not_receive_messages_of_each_other() {
+    on_all(ranks::groups_do_not_receive_messages_of_each_other);
 }
 
 #[test]
-fn a_failure_of_one_is_agreed_on_by_all() {
-    on_all(ranks::a_failure_of_one_is_agreed_on_by_all);
+fn all_ranks_agree_on_the_failure_of_one() {
+    on_all(ranks::all_ranks_agree_on_the_failure_of_one);
 }
 
 #[test]
-fn who_does_not_answer_in_time_is_named() {
-    on_all(ranks::who_does_not_answer_in_time_is_named);
+fn a_time_out_of_receive_names_the_sender() {
+    on_all(ranks::a_time_out_of_receive_names_the_sender);
 }
 
 #[test]
@@ -47,17 +47,17 @@ fn sums_are_in_the_order_of_the_ranks() {
 }
 
 #[test]
-fn who_does_not_take_part_in_time_is_named() {
-    on_all(ranks::who_does_not_take_part_in_time_is_named);
+fn a_time_out_of_gather_names_the_missing_rank() {
+    on_all(ranks::a_time_out_of_gather_names_the_missing_rank);
 }
 
 #[test]
-fn there_is_no_rank_beyond_the_last() {
-    on_all(ranks::there_is_no_rank_beyond_the_last);
+fn ranks_that_do_not_exist_are_errors() {
+    on_all(ranks::ranks_that_do_not_exist_are_errors);
 }
 
 #[test]
-fn a_rank_that_fails_ends_all() {
+fn a_failing_rank_ends_all_ranks() {
     let start = Instant::now();
     let failed = run(4, |comm| -> Result<(), String> {
         if comm.rank() == 2 {
@@ -72,7 +72,7 @@ fn a_rank_that_fails_ends_all() {
 }
 
 #[test]
-fn a_rank_that_panics_ends_all() {
+fn a_panicking_rank_ends_all_ranks() {
     let failed = run(3, |comm| -> Result<(), CommError> {
         assert!(comm.rank() != 1, "one too many");
         comm.barrier()
@@ -82,17 +82,17 @@ fn a_rank_that_panics_ends_all() {
 }
 
 #[test]
-fn a_rank_that_waited_in_vain_ends_all() {
+fn a_rank_with_a_time_out_ends_all_ranks() {
     let failed = run(2, |comm| {
-        let patient = comm.duplicate(Some(Duration::from_millis(50)))?;
-        if comm.rank() == 0 { patient.receive(1, TAG).map(drop) } else { comm.receive(0, TAG).map(drop) }
+        let timed = comm.duplicate(Some(Duration::from_millis(50)))?;
+        if comm.rank() == 0 { timed.receive(1, TAG).map(drop) } else { comm.receive(0, TAG).map(drop) }
     });
     let failed = failed.map(drop).expect_err("no rank sends");
     assert_eq!((failed.rank, failed.reason.as_str()), (0, "no message from rank 1 within 0.05 s"));
 }
 
 #[test]
-fn a_rank_that_others_wait_for_may_not_leave() {
+fn a_rank_that_ends_without_sending_is_an_error() {
     let failed = run(3, |comm| -> Result<(), CommError> {
         match comm.rank() {
             0 => comm.send(2, TAG, Message::text("the last word")),
@@ -107,7 +107,7 @@ fn a_rank_that_others_wait_for_may_not_leave() {
 }
 
 #[test]
-fn ranks_with_different_plans_do_not_begin() {
+fn different_plans_on_the_ranks_are_an_error() {
     let failed = run(3, |comm| {
         let plan = Plan::default().with("macro", Share::Count(1 + comm.rank() / 2)).with("micro", Share::Ratio(1.0));
         Scales::new(&comm, &plan).map(drop)

@@ -4,8 +4,8 @@ use crate::checks::scales;
 use crate::on_all;
 
 #[test]
-fn each_rank_is_of_one_scale_and_finds_the_others() {
-    on_all(scales::each_rank_is_of_one_scale_and_finds_the_others);
+fn each_rank_belongs_to_one_scale_and_finds_the_others() {
+    on_all(scales::each_rank_belongs_to_one_scale_and_finds_the_others);
 }
 
 #[test]
@@ -14,16 +14,16 @@ fn each_scale_runs_its_own_main() {
 }
 
 #[test]
-fn what_a_scale_tells_all_ranks_of_another_hear() {
-    on_all(scales::what_a_scale_tells_all_ranks_of_another_hear);
+fn a_broadcast_reaches_all_ranks_of_another_scale() {
+    on_all(scales::a_broadcast_reaches_all_ranks_of_another_scale);
 }
 
 #[test]
-fn a_plan_for_other_ranks_is_refused_by_all() {
-    on_all(scales::a_plan_for_other_ranks_is_refused_by_all);
+fn a_plan_for_another_number_of_ranks_is_rejected_on_all_ranks() {
+    on_all(scales::a_plan_for_another_number_of_ranks_is_rejected_on_all_ranks);
 }
 
 #[test]
-fn a_scale_that_does_not_answer_is_named() {
-    on_all(scales::a_scale_that_does_not_answer_is_named);
+fn a_time_out_names_the_scale_that_does_not_send() {
+    on_all(scales::a_time_out_names_the_scale_that_does_not_send);
 }

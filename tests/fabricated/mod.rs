@@ -1,5 +1,5 @@
-//! A result directory with artificial but plausible values: a flat bar with a narrow middle part, pulled along x, whose
-//! fibers rotate toward x; the grips at both ends have no fibers.
+//! Writes a result directory with artificial but plausible values: a flat bar with a narrow middle part is pulled along
+//! x, and its fibers rotate toward x; the grips at both ends have no fibers.
 
 use std::path::Path;
 
@@ -9,10 +9,11 @@ use biotissue::app::results::{
     Collection, Event, FIELDS_FILE, FieldSet, LOADS_FILE, LOG_FILE, LoadsWriter, LogWriter, SurfaceRow, write_vtu,
 };
 
+/// Length of the bar, m.
 const LENGTH: f64 = 0.060;
 const STEPS: usize = 10;
 
-/// The mesh: cells, each divided into six tetrahedra.
+/// The mesh of the bar: cells divided into six tetrahedra each.
 pub struct Bar {
     pub points: Vec<[f64; 3]>,
     pub elements: Vec<[u32; 4]>,
@@ -48,6 +49,7 @@ impl Bar {
     }
 }
 
+/// Returns the smooth step function, which rises from 0 to 1 between `x = 0` and `x = 1`.
 fn smooth(x: f64) -> f64 {
     let x = x.clamp(0.0, 1.0);
     x * x * (3.0 - 2.0 * x)
@@ -69,7 +71,7 @@ fn is_in_gauge(x: f64) -> bool {
     (x / LENGTH - 0.5).abs() < 0.3
 }
 
-/// Writes everything that a run of ten steps writes.
+/// Writes the files of a run of ten steps, except for the checkpoints.
 pub fn write(dir: &Path, cells: [usize; 3]) {
     let bar = Bar::new(cells);
     let count = bar.elements.len();

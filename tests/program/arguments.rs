@@ -1,4 +1,4 @@
-//! Arguments of every kind, good and malformed.
+//! Valid and malformed arguments of every kind.
 
 use std::ffi::OsString;
 
@@ -6,7 +6,7 @@ use crate::run::{PRESSED, write_case};
 use crate::{biotissue, frozen, keys, line};
 
 #[test]
-fn every_command_has_a_good_call() {
+fn every_command_succeeds_with_valid_arguments() {
     let folder = tempfile::tempdir().unwrap();
     let info = line(folder.path(), "info --json").object();
     assert_eq!(keys(&info), ["backends", "features", "threads", "version"]);
@@ -35,7 +35,7 @@ fn every_command_has_a_good_call() {
 }
 
 #[test]
-fn help_is_a_result() {
+fn help_is_printed_on_stdout() {
     let folder = tempfile::tempdir().unwrap();
     let help = line(folder.path(), "--help");
     for command in ["run", "check", "rve", "network", "mesh", "report", "info"] {
@@ -50,9 +50,9 @@ fn help_is_a_result() {
     }
 }
 
-/// A leading minus sign begins a number, never an unknown option.
+/// A value with a leading minus sign is a number, never an unknown option.
 #[test]
-fn every_numeric_option_takes_a_minus() {
+fn a_minus_sign_after_a_numeric_option_begins_a_number() {
     let folder = tempfile::tempdir().unwrap();
     write_case(folder.path(), "case.toml", PRESSED);
     let network = frozen();
@@ -87,7 +87,7 @@ fn every_numeric_option_takes_a_minus() {
 
 /// The program ends with one of its own exit codes, whatever its arguments.
 #[test]
-fn nothing_makes_it_panic() {
+fn no_argument_causes_a_panic() {
     let folder = tempfile::tempdir().unwrap();
     write_case(folder.path(), "case.toml", PRESSED);
     let network = frozen();
@@ -125,7 +125,7 @@ fn nothing_makes_it_panic() {
 
 #[test]
 #[cfg(unix)]
-fn names_need_not_be_text() {
+fn file_names_need_not_be_utf8() {
     use std::os::unix::ffi::OsStringExt;
     let folder = tempfile::tempdir().unwrap();
     let name = OsString::from_vec(b"a\xff.toml".to_vec());

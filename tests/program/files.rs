@@ -1,4 +1,4 @@
-//! What a run may replace in its result directory, and what it must leave alone.
+//! The files in a result directory that a run may replace, and those that it must not change.
 
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
@@ -8,7 +8,7 @@ use std::process::{Child, Command, Stdio};
 use crate::run::{PRESSED, fibers, run, write_case};
 use crate::{frozen, line, program};
 
-/// A case of two steps that takes almost no time.
+/// Returns a case of two steps that takes almost no time.
 fn short() -> String {
     PRESSED.replace("x = -1.5", "x = -0.5").replace("count = 5", "count = 2")
 }
@@ -34,7 +34,7 @@ fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
 
 /// Checks that the command is rejected with a message that names the file, and that no file changes.
 #[track_caller]
-fn refused(folder: &Path, arguments: &str, file: &str) {
+fn assert_refused(folder: &Path, arguments: &str, file: &str) {
     let before = contents(folder);
     let failed = line(folder, arguments);
     let block = failed.failed(2);
@@ -44,7 +44,7 @@ fn refused(folder: &Path, arguments: &str, file: &str) {
 }
 
 #[test]
-fn a_case_is_not_replaced_by_its_copy() {
+fn a_case_file_is_not_replaced_by_the_copy_of_a_case() {
     let folder = tempfile::tempdir().unwrap();
     let deep = folder.path().join("deep");
     std::fs::create_dir(&deep).unwrap();
@@ -54,9 +54,9 @@ fn a_case_is_not_replaced_by_its_copy() {
         "run deep/case.toml --out deep --resume",
         "run deep/case.toml --out deep --ranks 2",
     ] {
-        refused(folder.path(), arguments, "deep/case.toml");
+        assert_refused(folder.path(), arguments, "deep/case.toml");
     }
-    refused(&deep, "run case.toml --out .", "./case.toml");
+    assert_refused(&deep, "run case.toml --out .", "./case.toml");
     // A case file with another name does not prevent a run, nor do meshes and networks.
     std::fs::rename(deep.join("case.toml"), deep.join("pull.toml")).unwrap();
     for name in ["body.msh", "frozen.txt", "fields.vtu", "fields-1.vtu", "step-00001.bin"] {
@@ -73,14 +73,14 @@ fn a_case_is_not_replaced_by_its_copy() {
     line(&deep, "run case.toml --out .").done();
     let copy = std::fs::read_to_string(deep.join("case.toml")).unwrap();
     std::fs::write(deep.join("case.toml"), copy.replace("count = 2", "count = 3")).unwrap();
-    refused(&deep, "run case.toml --out .", "./case.toml");
+    assert_refused(&deep, "run case.toml --out .", "./case.toml");
     // Earlier versions wrote the copy without a checksum.
     std::fs::write(deep.join("case.toml"), copy.split_once('\n').unwrap().1).unwrap();
     line(&deep, "run pull.toml --out .").done();
 }
 
 #[test]
-fn files_that_no_run_has_written_stay() {
+fn files_that_no_run_has_written_are_not_replaced() {
     let folder = tempfile::tempdir().unwrap();
     write_case(folder.path(), "pull.toml", &short());
     line(folder.path(), "run pull.toml --out out").done();
@@ -102,8 +102,8 @@ fn files_that_no_run_has_written_stay() {
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
         for foreign in ["step,t,force\n1,2,3\n", "title = \"mine\"\n"] {
             std::fs::write(&path, foreign).unwrap();
-            refused(folder.path(), "run pull.toml --out out", &format!("out/{file}"));
-            refused(folder.path(), "run pull.toml --out out --resume", &format!("out/{file}"));
+            assert_refused(folder.path(), "run pull.toml --out out", &format!("out/{file}"));
+            assert_refused(folder.path(), "run pull.toml --out out --resume", &format!("out/{file}"));
         }
         match before {
             Some(before) => std::fs::write(&path, before).unwrap(),
@@ -130,8 +130,8 @@ fn links_in_a_result_directory_are_not_followed() {
         ["case.toml", "loads.csv", "log.jsonl", "fields.pvd", "fields-00001.vtu", "checkpoint", "rve", "lost-rve"]
     {
         symlink(Path::new("../elsewhere").join(name), out.join(name)).unwrap();
-        refused(folder.path(), "run pull.toml --out out", &format!("out/{name}"));
-        refused(folder.path(), "run pull.toml --out out --resume", &format!("out/{name}"));
+        assert_refused(folder.path(), "run pull.toml --out out", &format!("out/{name}"));
+        assert_refused(folder.path(), "run pull.toml --out out --resume", &format!("out/{name}"));
         std::fs::remove_file(out.join(name)).unwrap();
     }
     // The result directory itself may be a symbolic link.
@@ -142,7 +142,7 @@ fn links_in_a_result_directory_are_not_followed() {
 }
 
 #[test]
-fn a_page_of_figures_goes_with_its_results() {
+fn a_report_is_removed_with_its_results() {
     let folder = tempfile::tempdir().unwrap();
     write_case(folder.path(), "pull.toml", &short());
     let page = folder.path().join("out/report.html");
@@ -150,10 +150,10 @@ fn a_page_of_figures_goes_with_its_results() {
     line(folder.path(), "report out").done();
     let text = std::fs::read_to_string(&page).unwrap();
     line(folder.path(), "run pull.toml --out out --resume").done();
-    assert!(page.exists(), "its results are still there");
+    assert!(page.exists(), "a resumed run keeps the report");
     line(folder.path(), "run pull.toml --out out").done();
     assert!(!page.exists());
-    // A page from a version that did not write the generator tag.
+    // Earlier versions wrote the page without the generator tag.
     std::fs::write(&page, text.replace("<meta name=\"generator\" content=\"biotissue\">\n", "")).unwrap();
     line(folder.path(), "run pull.toml --out out").done();
     assert!(!page.exists());
@@ -165,23 +165,23 @@ fn a_page_of_figures_goes_with_its_results() {
     line(folder.path(), "report out -o page.html").done();
 }
 
-/// A case with more steps than any test waits for.
+/// Returns a case with more steps than any test waits for.
 pub fn endless() -> String {
     PRESSED.replace("x = -1.5", "x = -0.5").replace("count = 5", "count = 1000000")
 }
 
-/// Starts a run and returns it once it has reported that its first step converged.
+/// Starts a run, waits until its first step has converged, and returns the process and its stderr.
 pub fn started(folder: &Path, arguments: &str) -> (Child, BufReader<std::process::ChildStderr>) {
-    begun(program(folder).args(arguments.split_whitespace()))
+    started_by(program(folder).args(arguments.split_whitespace()))
 }
 
-/// The same for a run started by any command.
-fn begun(command: &mut Command) -> (Child, BufReader<std::process::ChildStderr>) {
+/// As [`started`], for a run that is started by any command.
+fn started_by(command: &mut Command) -> (Child, BufReader<std::process::ChildStderr>) {
     let mut child = command.stderr(Stdio::piped()).spawn().unwrap();
     let mut stderr = BufReader::new(child.stderr.take().unwrap());
-    let mut said = String::new();
-    while !said.contains("step 2/") {
-        assert!(stderr.read_line(&mut said).unwrap() > 0, "{said}");
+    let mut message = String::new();
+    while !message.contains("step 2/") {
+        assert!(stderr.read_line(&mut message).unwrap() > 0, "{message}");
     }
     (child, stderr)
 }
@@ -195,14 +195,14 @@ fn two_runs_do_not_share_a_directory() {
         let (mut child, _stderr) = started(folder.path(), &format!("run endless.toml --out out{first}"));
         for other in others {
             let failed = line(folder.path(), &format!("run short.toml --out out{other}"));
-            let said = format!("error: out: in use by another run: process {}", child.id());
-            assert!(failed.failed(4).starts_with(&said), "{}", failed.stderr);
+            let message = format!("error: out: in use by another run: process {}", child.id());
+            assert!(failed.failed(4).starts_with(&message), "{}", failed.stderr);
         }
         // Reading the directory needs no lock.
         line(folder.path(), "report out").done();
         child.kill().unwrap();
         child.wait().unwrap();
-        // The file that a killed run leaves does not stop another run.
+        // The lock file that a killed run leaves does not prevent another run.
         assert!(folder.path().join("out/.biotissue.lock").exists());
         line(folder.path(), "run short.toml --out out").done();
         let names = std::fs::read_dir(folder.path().join("out")).unwrap();
@@ -211,7 +211,7 @@ fn two_runs_do_not_share_a_directory() {
 }
 
 #[test]
-fn a_run_that_was_interrupted_says_how_to_go_on() {
+fn an_interrupted_run_prints_how_to_continue() {
     let folder = tempfile::tempdir().unwrap();
     let text = fibers(&frozen()).replace("count = 2", "count = 12");
     run(folder.path(), &text, "--out whole").done();
@@ -225,21 +225,22 @@ fn a_run_that_was_interrupted_says_how_to_go_on() {
         }
         let sent = Command::new("kill").args([format!("-{signal}"), child.id().to_string()]).status();
         assert!(sent.unwrap().success());
-        let said: Vec<String> = stderr.lines().map(Result::unwrap).collect();
-        assert_eq!(child.wait().unwrap().code(), Some(130), "{said:?}");
+        let message: Vec<String> = stderr.lines().map(Result::unwrap).collect();
+        assert_eq!(child.wait().unwrap().code(), Some(130), "{message:?}");
         let expected =
             "interrupted: the converged load steps are in out; the same command with --resume continues after them";
-        assert_eq!(said.last().map(String::as_str), Some(expected));
+        assert_eq!(message.last().map(String::as_str), Some(expected));
         line(folder.path(), "run case.toml --out out --resume").done();
         assert!(std::fs::read(folder.path().join("out/loads.csv")).unwrap() == whole);
         std::fs::remove_dir_all(folder.path().join("out")).unwrap();
     }
 }
 
-/// As under `nohup` or in the background of a script: the other signals still end the run with a message.
+/// A signal may be ignored at the start, as under `nohup` or in the background of a script; the other signals still end
+/// the run with a message.
 #[test]
 #[cfg(target_os = "linux")]
-fn a_signal_that_a_run_was_started_to_ignore_stays_ignored() {
+fn a_signal_that_is_ignored_at_the_start_remains_ignored() {
     let folder = tempfile::tempdir().unwrap();
     write_case(folder.path(), "endless.toml", &endless());
     for (ignored, ends, number) in [("HUP", "INT", 2), ("INT", "TERM", 15), ("TERM", "HUP", 1)] {
@@ -247,7 +248,7 @@ fn a_signal_that_a_run_was_started_to_ignore_stays_ignored() {
         // A shell cannot reset a signal that was ignored when the shell started.
         let script = format!("trap '' {ignored}; exec \"$0\" run endless.toml --out out");
         command.args(["-c", &script, env!("CARGO_BIN_EXE_biotissue")]).current_dir(folder.path());
-        let (mut child, stderr) = begun(&mut command);
+        let (mut child, stderr) = started_by(&mut command);
         if is_ignored(child.id(), number) {
             crate::skip::skip(&format!("the tests were started with SIG{ends} ignored"));
             child.kill().unwrap();
@@ -257,10 +258,10 @@ fn a_signal_that_a_run_was_started_to_ignore_stays_ignored() {
         let send = |signal: &str| Command::new("kill").args([format!("-{signal}"), child.id().to_string()]).status();
         assert!(send(ignored).unwrap().success());
         assert!(send(ends).unwrap().success());
-        let said: Vec<String> = stderr.lines().map(Result::unwrap).collect();
-        let last = &said[said.len().saturating_sub(3)..];
+        let message: Vec<String> = stderr.lines().map(Result::unwrap).collect();
+        let last = &message[message.len().saturating_sub(3)..];
         assert_eq!(child.wait().unwrap().code(), Some(130), "{last:?}");
-        assert_eq!(said.iter().filter(|line| line.starts_with("interrupted")).count(), 1, "{last:?}");
+        assert_eq!(message.iter().filter(|line| line.starts_with("interrupted")).count(), 1, "{last:?}");
         std::fs::remove_dir_all(folder.path().join("out")).unwrap();
     }
 }

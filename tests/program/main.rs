@@ -31,7 +31,7 @@ fn program(folder: &Path) -> Command {
     command
 }
 
-/// Runs the program to its end. It must not panic, whatever its arguments.
+/// Runs the program and checks that it does not panic.
 fn biotissue<S: AsRef<OsStr>>(folder: &Path, arguments: &[S]) -> Outcome {
     let shown = || arguments.iter().map(|a| a.as_ref().to_string_lossy()).collect::<Vec<_>>().join(" ");
     let output = program(folder).args(arguments).output().unwrap();
@@ -45,7 +45,7 @@ fn biotissue<S: AsRef<OsStr>>(folder: &Path, arguments: &[S]) -> Outcome {
     outcome
 }
 
-/// The same with the arguments in one line, split at blanks.
+/// As [`biotissue`], with the arguments in one line, separated by blanks.
 fn line(folder: &Path, arguments: &str) -> Outcome {
     biotissue(folder, &arguments.split_whitespace().collect::<Vec<_>>())
 }
@@ -71,6 +71,7 @@ impl Outcome {
         self.block()
     }
 
+    /// Returns the only error block on stderr.
     fn block(&self) -> &str {
         let starts: Vec<usize> = self.stderr.match_indices("error: ").map(|(at, _)| at).collect();
         assert_eq!(starts.len(), 1, "one block: {}", self.stderr);
@@ -81,7 +82,7 @@ impl Outcome {
     }
 }
 
-/// The keys of a JSON object, in alphabetical order.
+/// Returns the keys of a JSON object, in alphabetical order.
 fn keys(object: &serde_json::Value) -> Vec<&str> {
     let mut keys: Vec<&str> = object.as_object().unwrap().keys().map(String::as_str).collect();
     keys.sort_unstable();
@@ -98,8 +99,8 @@ fn frozen() -> String {
     beside("networks/frozen.txt").to_str().unwrap().to_owned()
 }
 
-/// Writes `chain.txt`: a straight chain of three fibers along every diagonal of the cube; no fiber resists lateral
-/// motion.
+/// Writes the network `chain.txt`: a straight chain of three fibers along every diagonal of the cube, whose interior
+/// nodes no fiber supports against lateral motion.
 fn write_floppy_network(folder: &Path) {
     let corner = |k: usize| [k & 1, k >> 1 & 1, k >> 2].map(|x| x as f64);
     let mut nodes: Vec<[f64; 3]> = (0..8).map(corner).collect();

@@ -1,5 +1,4 @@
-//! Errors and warnings as a terminal shows them: their number, their length and characters, and whether they name the
-//! mistake.
+//! Errors and warnings on a terminal: their number, length and characters, and the mistakes that they name.
 
 use std::path::Path;
 
@@ -8,14 +7,14 @@ use biotissue::app::results::read_vtu;
 use crate::run::{PRESSED, fibers, run, write_case};
 use crate::{biotissue, frozen, line};
 
-/// Checks that a text has no character that moves a cursor, and no line that fills a screen.
-fn assert_calm(text: &str) {
+/// Checks that a text contains no control characters and no very long lines.
+fn assert_printable(text: &str) {
     assert!(!text.chars().any(|c| c.is_control() && c != '\n'), "{text:?}");
     assert!(text.lines().all(|line| line.chars().count() < 1000), "{text}");
 }
 
 #[test]
-fn a_thousand_contradictions_are_twenty_and_a_number() {
+fn at_most_twenty_errors_are_shown() {
     let folder = tempfile::tempdir().unwrap();
     let boundary = "[[boundary]]\nsurface = \"x0\"\ndisplacement = { x = 1.0 }\n";
     let done = run(folder.path(), &format!("{PRESSED}{}", boundary.repeat(1000)), "");
@@ -28,9 +27,9 @@ fn a_thousand_contradictions_are_twenty_and_a_number() {
     assert!(done.failed(2).ends_with("\nand 979 more\n"), "{}", done.stderr);
 }
 
-/// Text from files and arguments is escaped: an escape sequence could clear the screen or fake a success.
+/// Text from files and arguments is escaped, because an escape sequence could clear the screen or fake a success.
 #[test]
-fn what_is_quoted_is_short_and_printable() {
+fn quoted_text_is_short_and_printable() {
     let folder = tempfile::tempdir().unwrap();
     let network = frozen();
     let wild = format!("\u{1b}[2J\u{7}\u{9b}1m\u{202e}{}", "x".repeat(100_000));
@@ -46,7 +45,7 @@ fn what_is_quoted_is_short_and_printable() {
     ] {
         let outcome = biotissue(folder.path(), &arguments);
         assert_eq!(outcome.code, 2);
-        assert_calm(&outcome.stderr);
+        assert_printable(&outcome.stderr);
     }
     for text in [
         format!("{wild}\n"),
@@ -54,11 +53,11 @@ fn what_is_quoted_is_short_and_printable() {
         PRESSED.replace("\"x0\"", &format!("\"{}\"", wild.replace(|c: char| c.is_control(), "\\u001b"))),
         PRESSED.replace("count = 5", &format!("count = {}", "9".repeat(100_000))),
     ] {
-        assert_calm(run(folder.path(), &text, "").failed(2));
+        assert_printable(run(folder.path(), &text, "").failed(2));
     }
     for text in [format!("9 8 {wild}\n"), wild.clone(), format!("1 0 0\n0 0 {wild}\n")] {
         std::fs::write(folder.path().join("net.txt"), text).unwrap();
-        assert_calm(line(folder.path(), "network check net.txt").failed(2));
+        assert_printable(line(folder.path(), "network check net.txt").failed(2));
     }
     for text in [
         wild.clone(),
@@ -67,14 +66,14 @@ fn what_is_quoted_is_short_and_printable() {
         format!("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n{wild}\n"),
     ] {
         std::fs::write(folder.path().join("a.msh"), text).unwrap();
-        assert_calm(&run(folder.path(), &with_mesh("a.msh"), "").stderr);
+        assert_printable(&run(folder.path(), &with_mesh("a.msh"), "").stderr);
     }
     std::fs::write(folder.path().join("curve.csv"), format!("1,0\n{wild},1\n")).unwrap();
     let table =
         fibers(&network).replace("name = \"linear\", youngs_modulus = 1.0e8", "name = \"table\", file = \"curve.csv\"");
     let refused = run(folder.path(), &table, "");
     assert_eq!(refused.code, 2);
-    assert_calm(&refused.stderr);
+    assert_printable(&refused.stderr);
 }
 
 fn with_mesh(file: &str) -> String {
@@ -82,7 +81,7 @@ fn with_mesh(file: &str) -> String {
     PRESSED.replace(generated, &format!("file = \"{file}\"")).replace("x = -1.5", "x = -0.1")
 }
 
-/// Some editors write a byte-order mark at the beginning of a text.
+/// Some editors write a byte-order mark at the beginning of a text file.
 #[test]
 fn a_byte_order_mark_is_skipped_in_every_file() {
     let folder = tempfile::tempdir().unwrap();
@@ -104,7 +103,7 @@ fn a_byte_order_mark_is_skipped_in_every_file() {
     let table = "name = \"table\", file = \"curve.csv\"";
     marked("case.toml", &fibers("net.txt").replace("name = \"linear\", youngs_modulus = 1.0e8", table));
     line(folder.path(), "check case.toml").done();
-    // The table is valid only with its first point, so the mark was not taken for a header.
+    // The table is valid only with its first point, so that the mark was not read as a header.
     marked("curve.csv", "1,0\n1.1,1e6\n");
     line(folder.path(), "check case.toml").done();
 }
@@ -118,49 +117,49 @@ fn first_line(folder: &Path, text: &str) -> String {
 #[test]
 fn messages_name_the_mistake_and_its_line() {
     let folder = tempfile::tempdir().unwrap();
-    let told = |text: &str| first_line(folder.path(), text);
+    let message = |text: &str| first_line(folder.path(), text);
 
     let bone = PRESSED.replace(
         "generate = { shape = \"box\", cells = [1, 1, 1], size = [1.0, 1.0, 1.0] }",
         "generate = { shape = \"dogbone\", element_size = 0.5 }",
     );
     let bone = bone.replace("\"x0\"", "\"left\"").replace("\"x1\"", "\"right\"");
-    assert!(told(&bone).starts_with("error: case.toml:4: the element size 0.5 exceeds the "), "{}", told(&bone));
+    assert!(message(&bone).starts_with("error: case.toml:4: the element size 0.5 exceeds the "), "{}", message(&bone));
     let scaled = PRESSED.replace("size = [1.0, 1.0, 1.0] }", "size = [1.0, 1.0, 1.0] }\nscale = 1e-200");
     let what = "error: case.toml:4: the mesh cannot be scaled by 1e-200: element 0 ";
-    assert!(told(&scaled).starts_with(what), "{}", told(&scaled));
+    assert!(message(&scaled).starts_with(what), "{}", message(&scaled));
     let cells = PRESSED.replace("[1, 1, 1]", "[1000, 1000, 100]");
     let what = "error: case.toml:4: 600000000 elements are more than the 50000000 that are allowed";
-    assert_eq!(told(&cells), what);
+    assert_eq!(message(&cells), what);
     let point = format!("{PRESSED}[[point]]\nnode = 8\ndisplacement = {{ x = 0.0 }}\n");
-    assert_eq!(told(&point), "error: case.toml:16: there is no node 8: the mesh has nodes 0 to 7");
+    assert_eq!(message(&point), "error: case.toml:16: there is no node 8: the mesh has nodes 0 to 7");
     let conflict = PRESSED.replace("[steps]", "[[boundary]]\nsurface = \"y0\"\ndisplacement = { x = 0.5 }\n[steps]");
     let what =
         "error: case.toml:14: node 0 is given two x-displacements: 0e0 m by surface `x0` and 5e-1 m by surface `y0`";
-    assert!(told(&conflict).starts_with(what), "{}", told(&conflict));
+    assert!(message(&conflict).starts_with(what), "{}", message(&conflict));
 
     line(folder.path(), "mesh box --cells 1,1,1 -o box.msh").done();
     let surface = with_mesh("box.msh").replace("\"x1\"", "\"top\"");
-    let told_of_surface = told(&surface);
-    assert!(told_of_surface.starts_with("error: case.toml:11: the mesh /"), "{told_of_surface}");
-    assert!(told_of_surface.ends_with("/box.msh has no surface \"top\""), "{told_of_surface}");
+    let surface_message = message(&surface);
+    assert!(surface_message.starts_with("error: case.toml:11: the mesh /"), "{surface_message}");
+    assert!(surface_message.ends_with("/box.msh has no surface \"top\""), "{surface_message}");
     let mesh = std::fs::read_to_string(folder.path().join("box.msh")).unwrap();
     std::fs::write(folder.path().join("bad.msh"), mesh.replacen("$Nodes", "$\n$Nodes", 1)).unwrap();
     let line_of_nodes = mesh.lines().position(|line| line == "$Nodes").unwrap() + 1;
-    let told_of_section = told(&with_mesh("bad.msh"));
+    let section_message = message(&with_mesh("bad.msh"));
     let what = format!("/bad.msh:{line_of_nodes}: a `$` without the name of a section");
-    assert!(told_of_section.ends_with(&what), "{told_of_section}");
+    assert!(section_message.ends_with(&what), "{section_message}");
 
     std::fs::copy(frozen(), folder.path().join("net.txt")).unwrap();
     let sidecar = "[generated]\nkind = \"delaunay\"\npoints = 12\nseed = 99999999999999999999\nprogram = \"p\"\n";
     std::fs::write(folder.path().join("net.txt.toml"), sidecar).unwrap();
-    let told_of_seed = told(&fibers("net.txt"));
+    let seed_message = message(&fibers("net.txt"));
     let what = "/net.txt.toml:4: `seed` is the whole number 99999999999999999999";
-    assert!(told_of_seed.ends_with(what), "{told_of_seed}");
+    assert!(seed_message.ends_with(what), "{seed_message}");
 }
 
 #[test]
-fn check_and_run_warn_of_units_that_do_not_go_together() {
+fn check_and_run_warn_of_inconsistent_units() {
     let folder = tempfile::tempdir().unwrap();
     let long = PRESSED.replace("size = [1.0, 1.0, 1.0]", "size = [80.0, 12.0, 3.0]");
     write_case(folder.path(), "case.toml", &long);
@@ -170,7 +169,7 @@ fn check_and_run_warn_of_units_that_do_not_go_together() {
         assert!(outcome.stderr.starts_with(edge), "{}", outcome.stderr);
         assert_eq!(outcome.stderr.matches("warning: ").count(), 1, "{}", outcome.stderr);
     }
-    // 100 MPa, although the fibers of the network bear about 300 kPa at most.
+    // The traction is 100 MPa, although the fibers of the network bear about 300 kPa at most.
     let pulled = fibers(&frozen()).replace("displacement = { x = 0.05 }", "traction = [1.0e8, 0.0, 0.0]");
     write_case(folder.path(), "case.toml", &pulled);
     let checked = line(folder.path(), "check case.toml");
@@ -182,9 +181,9 @@ fn check_and_run_warn_of_units_that_do_not_go_together() {
     assert_eq!(line(folder.path(), "check case.toml").stderr, "");
 }
 
-/// There is one warning per file, whatever its fibers, and at most a screenful of warnings for a library.
+/// There is one warning per file for all its doubled fibers, and at most 20 warnings for a library of networks.
 #[test]
-fn doubled_fibers_draw_one_warning_a_file() {
+fn doubled_fibers_cause_one_warning_per_file() {
     let folder = tempfile::tempdir().unwrap();
     let whole = std::fs::read_to_string(frozen()).unwrap();
     let fibers_of_it = whole.lines().next().unwrap().split_whitespace().nth(1).unwrap();
@@ -199,8 +198,8 @@ fn doubled_fibers_draw_one_warning_a_file() {
     }
     let done = run(folder.path(), &fibers("nets/00.txt"), "--ranks 1");
     done.done();
-    let (network, told) = ("nets/00.txt", "2 fibers join two nodes that another fiber already joins");
-    assert_eq!(done.stderr.matches(told).count(), 1, "{}", done.stderr);
+    let (network, warning) = ("nets/00.txt", "2 fibers join two nodes that another fiber already joins");
+    assert_eq!(done.stderr.matches(warning).count(), 1, "{}", done.stderr);
     assert!(done.stderr.lines().any(|line| line.starts_with("warning: ") && line.contains(&format!("{network}:"))));
     write_case(folder.path(), "case.toml", &fibers("nets/*.txt"));
     let checked = line(folder.path(), "check case.toml");
@@ -217,9 +216,10 @@ fn doubled_fibers_draw_one_warning_a_file() {
     );
 }
 
-/// `P F^T / J` of a linear-elastic body is not symmetric; what is written is its stress, which is.
+/// The Cauchy stress `P F^T / J` of a linear-elastic body would not be symmetric; the written stress is that of small
+/// strains.
 #[test]
-fn linear_elasticity_writes_the_stress_of_small_strains() {
+fn the_stress_of_linear_elasticity_is_that_of_small_strains() {
     let folder = tempfile::tempdir().unwrap();
     let sheared = PRESSED.replace("neo-hookean", "linear-elastic").replace("x = -1.5, y = 0.0", "x = 0.0, y = 0.4");
     run(folder.path(), &sheared, "--out out").done();

@@ -1,5 +1,5 @@
 //! The files that `-o`, `--dump` and `--picture` name: links are followed, pipes are written to, and files beside a
-//! network are not lost.
+//! network are not overwritten.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ fn read(folder: &Path, name: &str) -> String {
     std::fs::read_to_string(folder.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
 }
 
-/// Returns every command that writes a file named by the user, up to that name.
+/// Returns the commands that write a file named by the user, without the name of the file.
 #[cfg(unix)]
 fn commands(folder: &Path) -> Vec<Vec<String>> {
     use crate::run::{PRESSED, run};
@@ -42,7 +42,7 @@ fn written(folder: &Path, command: &[String], name: &str) -> crate::Outcome {
 
 #[test]
 #[cfg(unix)]
-fn a_pipe_is_written_to() {
+fn pipes_and_devices_are_written_to() {
     use std::io::{Read as _, Write as _};
     use std::os::unix::fs::FileTypeExt as _;
 
@@ -71,7 +71,7 @@ fn a_pipe_is_written_to() {
             assert!(!folder.path().join(beside).exists(), "{command:?} {beside}");
         }
     }
-    // The null device; the commands above have shown that they replace only regular files.
+    // The null device is tested last, after the commands have been shown to replace only regular files.
     for command in commands(folder.path()).iter().filter(|command| !command.contains(&"draw".to_owned())) {
         written(folder.path(), command, "/dev/null").done();
         assert!(std::fs::symlink_metadata("/dev/null").unwrap().file_type().is_char_device());
@@ -80,7 +80,7 @@ fn a_pipe_is_written_to() {
 
 #[test]
 #[cfg(unix)]
-fn a_link_stays_and_its_file_is_written() {
+fn the_target_of_a_link_is_written() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::create_dir(folder.path().join("deep")).unwrap();
     for (k, command) in commands(folder.path()).iter().enumerate() {
@@ -99,7 +99,7 @@ fn a_link_stays_and_its_file_is_written() {
 }
 
 #[test]
-fn what_stands_beside_a_network_is_not_lost() {
+fn files_beside_a_network_are_not_overwritten() {
     let folder = tempfile::tempdir().unwrap();
     let case = "title = \"mine\"\n";
     std::fs::write(folder.path().join("case.toml"), case).unwrap();
@@ -109,9 +109,9 @@ fn what_stands_beside_a_network_is_not_lost() {
         let block = failed.failed(2);
         assert!(block.starts_with("error: case.toml: was not written with a network"), "{block}");
         assert_eq!(read(folder.path(), "case.toml"), case);
-        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "nothing is written");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "a file was written");
     }
-    // Laws that the user has given to a network.
+    // The same holds for laws that the user has given to a network.
     for (name, text) in [
         ("net.toml", "[law]\nname = \"linear\"\nyoungs_modulus = 1e6\nradius = 1e-7\n"),
         ("net.params", "1 2\n0 1e-7 1e6 1\n0\n0\n"),
@@ -137,7 +137,7 @@ fn what_stands_beside_a_network_is_not_lost() {
     }
     let soft = GENERATE.replace("linear", "exponential --nonlinearity 1.2");
     line(folder.path(), &format!("{soft} net")).done();
-    assert!(!folder.path().join("net.params").exists(), "the law has no place there");
+    assert!(!folder.path().join("net.params").exists(), "the .params format does not support the law");
     // Earlier versions wrote the sidecar without a checksum.
     line(folder.path(), &format!("{GENERATE} net")).done();
     let unsigned: String =
@@ -148,7 +148,7 @@ fn what_stands_beside_a_network_is_not_lost() {
 
 #[test]
 #[cfg(unix)]
-fn a_link_to_a_network_with_laws_of_its_own_is_refused() {
+fn a_link_to_a_network_with_its_own_laws_is_rejected() {
     let folder = tempfile::tempdir().unwrap();
     line(folder.path(), &format!("{GENERATE} net")).done();
     std::os::unix::fs::symlink("net", folder.path().join("link")).unwrap();

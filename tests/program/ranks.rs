@@ -1,4 +1,4 @@
-//! Runs on several ranks: threads of one process, and MPI processes in builds with MPI.
+//! Runs on several ranks, which are threads of one process, or MPI processes in builds with MPI.
 
 use std::path::Path;
 use std::process::Command;
@@ -9,7 +9,7 @@ use crate::{frozen, line};
 /// The numbers of ranks of the macro and the micro scale in these tests.
 const SHARES: [(usize, usize); 5] = [(1, 1), (1, 3), (2, 2), (3, 1), (4, 4)];
 
-/// The dogbone of the examples with a coarser mesh and three steps, solved to the rounding limit.
+/// Returns the dogbone of the examples with a coarser mesh, three steps and a smaller tolerance.
 fn coarse_dogbone() -> String {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/dogbone");
     let text = std::fs::read_to_string(folder.join("dogbone.toml")).unwrap();
@@ -35,7 +35,7 @@ fn read(folder: &Path, name: &str) -> String {
 }
 
 #[test]
-fn the_dogbone_is_the_same_on_any_ranks() {
+fn the_dogbone_is_the_same_on_any_number_of_ranks() {
     let folder = tempfile::tempdir().unwrap();
     let text = coarse_dogbone();
     run(folder.path(), &text, "--out alone").done();
@@ -44,7 +44,7 @@ fn the_dogbone_is_the_same_on_any_ranks() {
     for (above, below) in SHARES {
         let out = format!("on-{above}-{below}");
         run(folder.path(), &with_scales(&text, (above, below)), &format!("--out {out}")).done();
-        // Equal bit for bit, because the order of all sums is the same wherever the RVEs are.
+        // The results are bitwise equal, because the order of all sums is the same for every distribution of the RVEs.
         assert_eq!(read(folder.path(), &format!("{out}/loads.csv")), alone, "{above} + {below}");
     }
     let done = run(folder.path(), &text, "--ranks 3 --out three");
@@ -53,13 +53,13 @@ fn the_dogbone_is_the_same_on_any_ranks() {
     assert_eq!(read(folder.path(), "three/loads.csv"), alone);
 }
 
-/// A case that requests ranks near each other.
+/// Returns a case that requests ranks near each other.
 fn near_each_other() -> String {
     with_scales(&fibers(&frozen()), (1, 2)) + "near = true\n"
 }
 
 #[test]
-fn ranks_are_near_each_other_where_hwloc_knows() {
+fn ranks_near_each_other_require_hwloc() {
     let folder = tempfile::tempdir().unwrap();
     let run = run(folder.path(), &near_each_other(), "--out out");
     let check = line(folder.path(), "check case.toml --json");
@@ -75,7 +75,7 @@ fn ranks_are_near_each_other_where_hwloc_knows() {
 
 /// If neither the case nor the command gives the number of ranks of the micro scale, there is one.
 #[test]
-fn ranks_of_the_body_alone_leave_one_for_rves() {
+fn the_micro_scale_has_one_rank_by_default() {
     let folder = tempfile::tempdir().unwrap();
     let text = with_scales(&fibers(&frozen()), (2, 0));
     let done = run(folder.path(), &text, "--out out");
@@ -84,9 +84,9 @@ fn ranks_of_the_body_alone_leave_one_for_rves() {
     assert_eq!(line(folder.path(), "check case.toml --json").object()["ranks"], 3);
 }
 
-/// The solver of the RVEs fails even at rest: the message is the same as in one process.
+/// The solver of the RVEs fails at rest; the message is the same as in one process.
 #[test]
-fn a_failure_at_rest_is_told_alike() {
+fn a_failure_at_rest_gives_the_same_message_on_any_number_of_ranks() {
     let folder = tempfile::tempdir().unwrap();
     let solver = "\n[micro]\nsolver = { method = \"cg\", max_iterations = 1 }\n";
     let text = fibers(&frozen()) + solver;
@@ -96,7 +96,7 @@ fn a_failure_at_rest_is_told_alike() {
 }
 
 #[test]
-fn the_log_says_where_the_time_of_every_rank_went() {
+fn the_log_contains_the_times_of_every_rank() {
     let folder = tempfile::tempdir().unwrap();
     run(folder.path(), &with_scales(&fibers(&frozen()), (2, 2)), "--out out").done();
     let events = events(&folder.path().join("out"));
@@ -115,7 +115,7 @@ fn the_log_says_where_the_time_of_every_rank_went() {
 }
 
 #[test]
-fn what_is_written_does_not_depend_on_ranks() {
+fn written_networks_do_not_depend_on_the_number_of_ranks() {
     let folder = tempfile::tempdir().unwrap();
     let text = format!("{}\n[output]\nrve = [1, 4]\n", fibers(&frozen()));
     run(folder.path(), &text, "--out alone").done();
@@ -126,7 +126,7 @@ fn what_is_written_does_not_depend_on_ranks() {
 }
 
 #[test]
-fn an_interrupted_run_goes_on_on_other_ranks() {
+fn an_interrupted_run_is_resumed_on_another_number_of_ranks() {
     let folder = tempfile::tempdir().unwrap();
     let text = fibers(&frozen());
     run(folder.path(), &text, "--ranks 3 --out out").done();
@@ -141,8 +141,9 @@ fn an_interrupted_run_goes_on_on_other_ranks() {
     }
 }
 
-/// RVEs that are created as the body is strained, sleep where it is at rest, and are deleted where it is torn.
-fn with_lives() -> String {
+/// Returns a case whose RVEs are created where the body is strained, sleep where the strain does not change, and are
+/// deleted where the strain is large.
+fn with_life_cycles() -> String {
     let matrix = "matrix = { model = \"neo-hookean\", shear_modulus = 1000.0, poisson_ratio = 0.3 }";
     let life = "life = { created_at = 0.025, asleep_below = 2e-3, deleted_at = 0.17 }";
     let text = fibers(&frozen()).replace("law = {", &format!("{matrix}\n{life}\nlaw = {{"));
@@ -153,27 +154,27 @@ fn with_lives() -> String {
 }
 
 #[test]
-fn rves_come_sleep_and_go_alike_on_any_ranks() {
+fn life_cycles_of_rves_are_the_same_on_any_number_of_ranks() {
     let folder = tempfile::tempdir().unwrap();
-    let text = with_lives();
+    let text = with_life_cycles();
     run(folder.path(), &text, "--out alone").done();
     let loads = read(folder.path(), "alone/loads.csv");
-    let lives = |out: &str| -> Vec<[u64; 4]> {
+    let counts = |out: &str| -> Vec<[u64; 4]> {
         let events = events(&folder.path().join(out));
         let rves = events.iter().filter(|event| event["event"] == "step").map(|event| &event["rve"]);
         rves.map(|rve| ["waiting", "asleep", "deleted", "solves"].map(|key| rve[key].as_u64().unwrap())).collect()
     };
-    let alone = lives("alone");
-    let most = |k: usize| alone.iter().map(|lives| lives[k]).max().unwrap();
-    assert_eq!(alone[0][0], 24, "all wait at first: {alone:?}");
-    assert_eq!(alone[0][3], 0, "and nothing is solved");
-    assert_eq!(alone[4][0], 0, "all are there in the middle: {alone:?}");
-    assert!(most(1) > 0, "some sleep where the load rests: {alone:?}");
-    assert!(alone[9][2] > 0, "some are gone at the end: {alone:?}");
+    let alone = counts("alone");
+    let most = |k: usize| alone.iter().map(|counts| counts[k]).max().unwrap();
+    assert_eq!(alone[0][0], 24, "no RVE exists at first: {alone:?}");
+    assert_eq!(alone[0][3], 0, "no RVE is solved at first");
+    assert_eq!(alone[4][0], 0, "all RVEs exist in step 5: {alone:?}");
+    assert!(most(1) > 0, "some RVEs sleep while the load is constant: {alone:?}");
+    assert!(alone[9][2] > 0, "some RVEs are deleted at the end: {alone:?}");
     for options in ["--ranks 2", "--ranks 4"] {
         run(folder.path(), &text, &format!("{options} --out shared")).done();
         assert_eq!(read(folder.path(), "shared/loads.csv"), loads, "{options}");
-        assert_eq!(lives("shared"), alone, "{options}");
+        assert_eq!(counts("shared"), alone, "{options}");
     }
     run(folder.path(), &with_scales(&text, (3, 2)), "--out shared").done();
     assert_eq!(read(folder.path(), "shared/loads.csv"), loads);
@@ -194,7 +195,7 @@ fn rves_come_sleep_and_go_alike_on_any_ranks() {
 }
 
 #[test]
-fn a_configuration_file_of_the_original_is_understood() {
+fn a_configuration_file_of_amsi_is_read() {
     let folder = tempfile::tempdir().unwrap();
     let text = "@scales\nmacro 1\nmicro 2\n@relations\nmacro micro\nmicro macro\n@util\nresults $RESULTS_DIR\n@analysis\n\
                 simmetrix true\n";
@@ -206,9 +207,12 @@ fn a_configuration_file_of_the_original_is_understood() {
         .env("RESULTS_DIR", "from-the-file")
         .output()
         .unwrap();
-    let said = String::from_utf8(output.stderr).unwrap();
-    assert!(output.status.success(), "{said}");
-    assert!(said.contains("warning: ") && said.contains("simmetrix") && said.contains(", 1 + 2 ranks\n"), "{said}");
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{message}");
+    assert!(
+        message.contains("warning: ") && message.contains("simmetrix") && message.contains(", 1 + 2 ranks\n"),
+        "{message}"
+    );
     assert!(folder.path().join("from-the-file/loads.csv").is_file());
     let failed = line(folder.path(), "run case.toml -a amsi.cfg --ranks 5 --out out");
     assert!(failed.failed(2).contains("RESULTS_DIR"), "{}", failed.stderr);
@@ -244,21 +248,21 @@ fn a_body_of_several_ranks_is_written_in_parts() {
     line(folder.path(), "report parts").done();
 }
 
-/// The failure and its message are the same, whichever rank the RVE is on.
+/// The failure and its message are the same, whichever rank owns the RVE.
 #[test]
-fn a_step_that_fails_fails_alike() {
+fn a_failing_step_gives_the_same_message_on_any_number_of_ranks() {
     let folder = tempfile::tempdir().unwrap();
     let text = fibers(&frozen()).replace("x = 0.05", "x = -1.5").replace("count = 2", "count = 5\nmax_cuts = 1");
     let alone = run(folder.path(), &text, "--out out");
-    let said = alone.failed(3).to_owned();
+    let message = alone.failed(3).to_owned();
     for options in ["--ranks 2", "--ranks 5"] {
         let shared = run(folder.path(), &text, &format!("{options} --out out"));
-        assert_eq!(shared.failed(3), said, "{options}");
+        assert_eq!(shared.failed(3), message, "{options}");
     }
 }
 
 #[test]
-fn mistakes_are_told_once() {
+fn errors_are_reported_once() {
     let folder = tempfile::tempdir().unwrap();
     let failed = run(folder.path(), &with_scales(PRESSED, (2, 3)), "--ranks 4 --out out");
     assert!(
@@ -283,7 +287,7 @@ fn mistakes_are_told_once() {
 
 /// Without RVEs, the ranks of the micro scale have no work, and the run succeeds.
 #[test]
-fn a_body_of_a_formula_runs_on_ranks_too() {
+fn a_body_without_rves_runs_on_several_ranks() {
     let folder = tempfile::tempdir().unwrap();
     let text = PRESSED.replace("-1.5", "-0.4");
     run(folder.path(), &text, "--out alone").done();
@@ -303,9 +307,9 @@ fn processes_need_a_build_with_mpi() {
         .env("OMPI_COMM_WORLD_SIZE", "2")
         .output()
         .unwrap();
-    let said = String::from_utf8(output.stderr).unwrap();
+    let message = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(2));
-    assert!(said.starts_with("error: started as 2 processes") && said.contains("--features mpi"), "{said}");
+    assert!(message.starts_with("error: started as 2 processes") && message.contains("--features mpi"), "{message}");
 }
 
 #[cfg(feature = "mpi")]
@@ -317,12 +321,14 @@ mod processes {
 
     use super::*;
 
-    /// Lets the runs of this module follow each other, because more processes than cores only slow each other down.
-    fn in_turn() -> MutexGuard<'static, ()> {
-        static TURN: Mutex<()> = Mutex::new(());
-        TURN.lock().unwrap_or_else(PoisonError::into_inner)
+    /// Returns a lock that serializes the runs of this module, because more processes than cores only slow each other
+    /// down.
+    fn one_at_a_time() -> MutexGuard<'static, ()> {
+        static LOCK: Mutex<()> = Mutex::new(());
+        LOCK.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Returns a command that starts the program under `mpirun`.
     fn launched(folder: &Path, ranks: usize, arguments: &str) -> Command {
         let launcher = std::env::var("MPIRUN").unwrap_or_else(|_| "mpirun".into());
         let mut command = Command::new(launcher);
@@ -343,7 +349,7 @@ mod processes {
         assert!(out.status.success(), "{ranks} ranks, {arguments}: {}", String::from_utf8_lossy(&out.stderr));
     }
 
-    /// Returns the process that runs this rank in this folder.
+    /// Returns the number of the process that runs this rank in this folder; `None` if there is none.
     #[cfg(target_os = "linux")]
     fn process_of(folder: &Path, rank: usize) -> Option<String> {
         let variable = format!("OMPI_COMM_WORLD_RANK={rank}");
@@ -383,35 +389,35 @@ mod processes {
         (String::from_utf8_lossy(&ended.stderr).into_owned(), taken)
     }
 
-    /// Stops the process of one rank of a run on the ranks of two scales; the run must end in time. Returns its stderr.
+    /// Stops the process of one rank of a run on two scales; checks that the run ends in time, and returns its stderr.
     #[cfg(target_os = "linux")]
     fn ended_in_time((above, below): (usize, usize), options: &str, hanging: usize) -> String {
-        let _turn = in_turn();
+        let _turn = one_at_a_time();
         let folder = tempfile::tempdir().unwrap();
         let text = with_scales(&coarse_dogbone().replace("count = 3", "count = 2000"), (above, below));
         write_case(folder.path(), "case.toml", &text);
         let options = format!("--time-out 10 {options}");
-        let (said, taken) = ended_by("-STOP", hanging, folder.path(), above + below, &options);
+        let (message, taken) = ended_by("-STOP", hanging, folder.path(), above + below, &options);
         assert!(taken < Duration::from_secs(60), "{taken:?}");
-        said
+        message
     }
 
-    /// Whichever rank is killed, the run ends within seconds, and a resumed run gives the results of an uninterrupted
+    /// The run ends within seconds, whichever rank is killed, and a resumed run gives the results of an uninterrupted
     /// one.
     #[cfg(target_os = "linux")]
     #[test]
-    fn nothing_on_disk_is_lost_with_a_rank_that_is_killed() {
-        let _turn = in_turn();
+    fn a_run_with_a_killed_rank_can_be_resumed() {
+        let _turn = one_at_a_time();
         let folder = tempfile::tempdir().unwrap();
         let text = fibers(&frozen()).replace("count = 2", "count = 300");
         run(folder.path(), &text, "--out alone").done();
         write_case(folder.path(), "case.toml", &with_scales(&text, (1, 2)));
         for (rank, options) in [(2, ""), (0, "--resume")] {
-            let (said, taken) = ended_by("-KILL", rank, folder.path(), 3, &format!("--backend sparse {options}"));
-            assert!(taken < Duration::from_secs(20), "{taken:?}: {said}");
+            let (message, taken) = ended_by("-KILL", rank, folder.path(), 3, &format!("--backend sparse {options}"));
+            assert!(taken < Duration::from_secs(20), "{taken:?}: {message}");
         }
         let steps = read(folder.path(), "out/loads.csv").lines().count() - 1;
-        assert!(steps < 300, "it was killed underway");
+        assert!(steps < 300, "the run was not killed");
         mpirun_done(folder.path(), 3, "run case.toml --backend sparse --out out --resume");
         assert_eq!(read(folder.path(), "out/loads.csv"), read(folder.path(), "alone/loads.csv"));
     }
@@ -419,24 +425,25 @@ mod processes {
     /// The message names the scale of the rank that hangs.
     #[cfg(target_os = "linux")]
     #[test]
-    fn a_scale_that_hangs_is_named_in_time() {
-        let said = ended_in_time((1, 2), "", 2);
-        assert!(said.contains(" 10 s") && said.contains("micro"), "{said}");
+    fn a_time_out_names_the_scale_that_hangs() {
+        let message = ended_in_time((1, 2), "", 2);
+        assert!(message.contains(" 10 s") && message.contains("micro"), "{message}");
     }
 
-    /// With the body on PETSc, the run ends in time, whether the rank that hangs solves RVEs or belongs to the body.
+    /// With the body on PETSc, the run ends in time, whether the rank that hangs belongs to the micro or the macro
+    /// scale.
     #[cfg(all(feature = "petsc", target_os = "linux"))]
     #[test]
-    fn ranks_on_petsc_that_hang_are_missed_in_time() {
+    fn a_time_out_ends_a_run_on_petsc() {
         for (hanging, scale) in [(2, "micro"), (1, "macro")] {
-            let said = ended_in_time((2, 1), "--backend petsc", hanging);
-            assert!(said.contains(" 10 s") && said.contains(scale), "{said}");
+            let message = ended_in_time((2, 1), "--backend petsc", hanging);
+            assert!(message.contains(" 10 s") && message.contains(scale), "{message}");
         }
     }
 
     #[test]
     fn the_dogbone_is_the_same_on_processes() {
-        let _turn = in_turn();
+        let _turn = one_at_a_time();
         let folder = tempfile::tempdir().unwrap();
         let text = coarse_dogbone();
         run(folder.path(), &text, "--out alone").done();
@@ -450,8 +457,8 @@ mod processes {
 
     #[cfg(feature = "hwloc")]
     #[test]
-    fn processes_near_each_other_give_the_same() {
-        let _turn = in_turn();
+    fn processes_near_each_other_give_the_same_results() {
+        let _turn = one_at_a_time();
         let folder = tempfile::tempdir().unwrap();
         run(folder.path(), &fibers(&frozen()), "--out alone").done();
         write_case(folder.path(), "case.toml", &near_each_other());
@@ -459,12 +466,12 @@ mod processes {
         assert_eq!(read(folder.path(), "shared/loads.csv"), read(folder.path(), "alone/loads.csv"));
     }
 
-    /// Also if the run is resumed on other numbers of ranks.
+    /// The results are the same even if the run is resumed on other numbers of ranks.
     #[test]
-    fn rves_come_sleep_and_go_alike_on_processes() {
-        let _turn = in_turn();
+    fn life_cycles_of_rves_are_the_same_on_processes() {
+        let _turn = one_at_a_time();
         let folder = tempfile::tempdir().unwrap();
-        let text = with_lives();
+        let text = with_life_cycles();
         run(folder.path(), &text, "--out alone").done();
         let alone = read(folder.path(), "alone/loads.csv");
         let mut last = None;
@@ -481,28 +488,28 @@ mod processes {
         }
     }
 
-    /// As above, with the body on PETSc.
+    /// As [`life_cycles_of_rves_are_the_same_on_processes`], with the body on PETSc.
     #[cfg(feature = "petsc")]
     #[test]
-    fn rves_come_sleep_and_go_alike_on_petsc() {
-        let _turn = in_turn();
+    fn life_cycles_of_rves_are_the_same_on_petsc() {
+        let _turn = one_at_a_time();
         let folder = tempfile::tempdir().unwrap();
-        let text = with_lives();
+        let text = with_life_cycles();
         run(folder.path(), &text, "--out alone --backend sparse").done();
         let alone = read(folder.path(), "alone/loads.csv");
         write_case(folder.path(), "case.toml", &with_scales(&text, (2, 2)));
         mpirun_done(folder.path(), 4, "run case.toml --backend petsc --out shared");
-        same_to_rounding(&read(folder.path(), "shared/loads.csv"), &alone);
+        assert_same_to_rounding(&read(folder.path(), "shared/loads.csv"), &alone);
         std::fs::remove_file(folder.path().join("shared/checkpoint/step-00010.bin")).unwrap();
         write_case(folder.path(), "case.toml", &with_scales(&text, (3, 1)));
         mpirun_done(folder.path(), 4, "run case.toml --backend petsc --out shared --resume");
-        same_to_rounding(&read(folder.path(), "shared/loads.csv"), &alone);
+        assert_same_to_rounding(&read(folder.path(), "shared/loads.csv"), &alone);
     }
 
     /// Checks that forces agree to 1e-10 of the largest force of their step, and likewise areas, displacements and
     /// volumes.
     #[cfg(feature = "petsc")]
-    fn same_to_rounding(found: &str, expected: &str) {
+    fn assert_same_to_rounding(found: &str, expected: &str) {
         let numbers = |line: &str| -> Vec<f64> { line.split(',').map(|value| value.parse().unwrap()).collect() };
         let header = expected.lines().next().unwrap();
         assert_eq!((found.lines().next(), found.lines().count()), (Some(header), expected.lines().count()));
@@ -524,7 +531,7 @@ mod processes {
     #[cfg(feature = "petsc")]
     #[test]
     fn petsc_solves_for_the_body_on_its_ranks() {
-        let _turn = in_turn();
+        let _turn = one_at_a_time();
         let folder = tempfile::tempdir().unwrap();
         let text = coarse_dogbone();
         run(folder.path(), &text, "--out alone --backend sparse").done();
@@ -535,23 +542,23 @@ mod processes {
         for (text, (above, below)) in directly.into_iter().chain([(&by_multigrid, (2, 2))]) {
             write_case(folder.path(), "case.toml", &with_scales(text, (above, below)));
             mpirun_done(folder.path(), above + below, "run case.toml --backend petsc --out shared");
-            same_to_rounding(&read(folder.path(), "shared/loads.csv"), &alone);
+            assert_same_to_rounding(&read(folder.path(), "shared/loads.csv"), &alone);
         }
     }
 
     #[test]
-    fn mistakes_end_all_processes_within_seconds() {
-        let _turn = in_turn();
+    fn errors_end_all_processes_within_seconds() {
+        let _turn = one_at_a_time();
         let folder = tempfile::tempdir().unwrap();
         let start = Instant::now();
         write_case(folder.path(), "case.toml", &with_scales(PRESSED, (2, 3)));
         let out = mpirun(folder.path(), 4, "run case.toml --backend sparse");
-        let said = String::from_utf8_lossy(&out.stderr);
-        assert_eq!(said.matches("macro 2 + micro 3 = 5 ranks, but 4 were started").count(), 1, "{said}");
+        let message = String::from_utf8_lossy(&out.stderr);
+        assert_eq!(message.matches("macro 2 + micro 3 = 5 ranks, but 4 were started").count(), 1, "{message}");
         assert!(!out.status.success());
         let out = mpirun(folder.path(), 3, "run case.toml --ranks 2");
-        let said = String::from_utf8_lossy(&out.stderr);
-        assert_eq!(said.matches("--ranks 2 under mpirun, which has started 3").count(), 1, "{said}");
+        let message = String::from_utf8_lossy(&out.stderr);
+        assert_eq!(message.matches("--ranks 2 under mpirun, which has started 3").count(), 1, "{message}");
         write_case(folder.path(), "case.toml", "title = 3");
         let out = mpirun(folder.path(), 3, "run case.toml --backend sparse");
         assert_eq!(out.status.code(), Some(2), "{}", String::from_utf8_lossy(&out.stderr));

@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use crate::{Outcome, biotissue, frozen, keys, line, write_floppy_network};
 
-/// A box compressed beyond zero length: it is flat at `t = 2/3`, so three of the five load steps converge.
+/// A box that is compressed beyond zero length: it is flat at `t = 2/3`, so that three of the five load steps converge.
 pub const PRESSED: &str = r#"
 title = "Pressed through itself"
 [mesh]
@@ -24,7 +24,7 @@ displacement = { x = -1.5, y = 0.0, z = 0.0 }
 count = 5
 "#;
 
-/// A box of one cell pulled by 5 %, with a fiber network in every element.
+/// A box of one cell, extended by 5 %, with a fiber network in every element.
 const FIBERS: &str = r#"
 title = "Fibers"
 [mesh]
@@ -129,14 +129,14 @@ fn check_prints_the_plan_and_writes_nothing() {
 }
 
 #[test]
-fn what_converged_before_a_failure_is_on_disk() {
+fn steps_that_converged_before_a_failure_are_written() {
     let folder = tempfile::tempdir().unwrap();
     let failed = run(folder.path(), PRESSED, "--out pressed");
     let block = failed.failed(3);
     assert!(block.starts_with("error: load step 4 of 5 does not converge, halved 6 times: element "), "{block}");
     assert!(block.contains("det F = -") && block.contains("the 3 load steps before it are in pressed\n"), "{block}");
     let results = folder.path().join("pressed");
-    // The fourth field file is that of the last converged substep of the fourth step.
+    // The fourth field file is the state of the last converged substep of the fourth step.
     assert_eq!((steps_in_loads(&results), field_files(&results)), (3, 4));
     let events = events(&results);
     let count = |kind: &str| events.iter().filter(|event| event["event"] == kind).count();
@@ -151,7 +151,7 @@ fn what_converged_before_a_failure_is_on_disk() {
 }
 
 #[test]
-fn a_body_that_nothing_holds_is_bad_input() {
+fn a_body_without_supports_is_an_input_error() {
     let folder = tempfile::tempdir().unwrap();
     let (body, rest) = PRESSED.split_once("[[boundary]]").unwrap();
     let steps = &rest[rest.find("[steps]").unwrap()..];
@@ -163,7 +163,7 @@ fn a_body_that_nothing_holds_is_bad_input() {
 }
 
 #[test]
-fn a_floppy_network_runs_and_is_told() {
+fn a_floppy_network_runs_and_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     write_floppy_network(folder.path());
     run(folder.path(), &fibers("chain.txt"), "").done();
@@ -171,7 +171,7 @@ fn a_floppy_network_runs_and_is_told() {
 }
 
 #[test]
-fn relaxation_is_told_on_the_way() {
+fn relaxation_is_shown_as_progress() {
     let folder = tempfile::tempdir().unwrap();
     let relaxing = run(folder.path(), &(fibers(&frozen()) + "[micro]\nstages = [\"relaxation\"]\n"), "");
     relaxing.done();
@@ -180,7 +180,7 @@ fn relaxation_is_told_on_the_way() {
 }
 
 #[test]
-fn a_region_without_networks_is_told() {
+fn a_region_without_networks_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     let matrix = "matrix = { model = \"neo-hookean\", shear_modulus = 100.0, poisson_ratio = 0.3 }\n[[boundary]]";
     let bare: String =
@@ -190,13 +190,13 @@ fn a_region_without_networks_is_told() {
     for command in ["check", "run"] {
         let outcome = line(folder.path(), &format!("{command} case.toml"));
         outcome.done();
-        let said = "case.toml: the region \"*\" has no networks: its RVEs are the matrix alone\n";
-        assert!(outcome.stderr.contains(said), "{}", outcome.stderr);
+        let message = "case.toml: the region \"*\" has no networks: its RVEs are the matrix alone\n";
+        assert!(outcome.stderr.contains(message), "{}", outcome.stderr);
     }
 }
 
 #[test]
-fn an_rve_that_is_lost_can_be_repeated() {
+fn a_failed_rve_can_be_replayed() {
     let folder = tempfile::tempdir().unwrap();
     let case = fibers(&frozen()) + "[micro]\nmax_iterations = 1\nstages = [\"newton\"]\n";
     let failed = run(folder.path(), &case.replace("[steps]", "[steps]\nmax_cuts = 0"), "");
@@ -211,13 +211,13 @@ fn an_rve_that_is_lost_can_be_repeated() {
     assert!(log.contains(r#""lost_rve":"lost-rve/step-00001-cut-00-element-0.json""#), "{log}");
 
     let again = line(folder.path(), &format!("rve --replay {file}"));
-    let said = again.failed(3);
+    let message = again.failed(3);
     assert!(
-        said.contains("Newton: no convergence in 1 iterations") && said.contains("element 0 in load step 1"),
-        "{said}"
+        message.contains("Newton: no convergence in 1 iterations") && message.contains("element 0 in load step 1"),
+        "{message}"
     );
     let residual = |text: &str| text.split("|r| = ").nth(1).unwrap().split(',').next().unwrap().to_owned();
-    assert_eq!(residual(said), residual(block), "the same failure");
+    assert_eq!(residual(message), residual(block), "the same failure");
     line(folder.path(), &format!("rve --replay {file} --stages regularised")).done();
 
     // A new run removes the file and reports it; a run that does not start removes nothing.
@@ -231,14 +231,14 @@ fn an_rve_that_is_lost_can_be_repeated() {
 }
 
 #[test]
-fn a_body_that_is_not_held_is_bad_input() {
+fn insufficient_supports_are_an_input_error() {
     let folder = tempfile::tempdir().unwrap();
     let hinge = PRESSED.replace(
         "surface = \"x0\"\ndisplacement = { x = 0.0, y = 0.0, z = 0.0 }",
         "surface = \"x0\"\ntraction = [1.0, 0.0, 0.0]",
     );
     let slide = hinge.replace("x = -1.5, y = 0.0, z = 0.0", "x = -1.5, z = 0.0");
-    // Two nodes are prescribed and nothing else.
+    // The displacements of two nodes are prescribed and no others.
     let two = hinge.replace("displacement = { x = -1.5, y = 0.0, z = 0.0 }", "traction = [-1.0, 0.0, 0.0]")
         + "[[point]]\nat = [0.0, 0.0, 0.0]\ndisplacement = { x = 0.0, y = 0.0, z = 0.0 }\n\
            [[point]]\nat = [0.0, 0.0, 1.0]\ndisplacement = { x = 0.0, y = 0.0, z = 0.0 }\n";
@@ -256,24 +256,24 @@ fn a_body_that_is_not_held_is_bad_input() {
     }
     assert!(!folder.path().join("results").exists());
     // A third node removes the rigid-body mode.
-    let held = two + "[[point]]\nat = [1.0, 0.0, 0.0]\ndisplacement = { y = 0.0 }\n";
-    write_case(folder.path(), "case.toml", &held);
+    let supported = two + "[[point]]\nat = [1.0, 0.0, 0.0]\ndisplacement = { y = 0.0 }\n";
+    write_case(folder.path(), "case.toml", &supported);
     line(folder.path(), "check case.toml").done();
 }
 
 #[test]
-fn a_directory_that_cannot_be_written_is_the_environment() {
+fn a_directory_that_cannot_be_written_gives_exit_code_4() {
     let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("FILE"), "in the way").unwrap();
+    std::fs::write(folder.path().join("FILE"), "a file").unwrap();
     for out in ["FILE", "FILE/sub"] {
         let failed = run(folder.path(), PRESSED, &format!("--out {out}"));
         assert!(failed.failed(4).starts_with(&format!("error: {out}: cannot be written: ")), "{}", failed.stderr);
     }
-    assert_eq!(std::fs::read_to_string(folder.path().join("FILE")).unwrap(), "in the way");
+    assert_eq!(std::fs::read_to_string(folder.path().join("FILE")).unwrap(), "a file");
 }
 
 #[test]
-fn all_mistakes_of_a_case_are_shown_at_once() {
+fn all_errors_of_a_case_are_shown_at_once() {
     let folder = tempfile::tempdir().unwrap();
     let bad = PRESSED
         .replace("youngs_modulus", "yungs_modulus")
@@ -284,17 +284,17 @@ fn all_mistakes_of_a_case_are_shown_at_once() {
         write_case(folder.path(), "case.toml", &bad);
         let failed = line(folder.path(), &format!("{command} case.toml"));
         let block = failed.failed(2);
-        for said in [
+        for message in [
             "case.toml:4: `mesh.generate.shape` is the string \"bux\"",
             "case.toml:7: unknown key `region.material.yungs_modulus`",
             "cure: did you mean `youngs_modulus`?",
             "case.toml:13: ",
             "case.toml:15: `steps.count` is -5",
         ] {
-            assert!(block.contains(said), "{said}: {block}");
+            assert!(block.contains(message), "{message}: {block}");
         }
     }
-    // Names that only the mesh can confirm are also reported together.
+    // Errors of names that only the mesh can confirm are also shown at once.
     let unknown = PRESSED.replace("\"x0\"", "\"left\"").replace("\"x1\"", "\"right\"");
     let failed = run(folder.path(), &unknown, "");
     let block = failed.failed(2);
@@ -303,7 +303,7 @@ fn all_mistakes_of_a_case_are_shown_at_once() {
 }
 
 #[test]
-fn what_a_case_names_must_be_there() {
+fn files_and_counts_of_a_case_must_be_valid() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("letters.txt"), "2 1 0\n0 0 zero\n1 1 1\n0 1\n").unwrap();
     let no_law: String =
@@ -311,7 +311,7 @@ fn what_a_case_names_must_be_there() {
     write_floppy_network(folder.path());
     let mesh = PRESSED
         .replace("generate = { shape = \"box\", cells = [1, 1, 1], size = [1.0, 1.0, 1.0] }", "file = \"a.msh\"");
-    for (text, said) in [
+    for (text, message) in [
         (fibers("absent/*.txt"), "absent/*.txt"),
         (fibers("letters.txt"), "letters.txt:2: "),
         (no_law, "chain.txt"),
@@ -320,7 +320,7 @@ fn what_a_case_names_must_be_there() {
         (String::new(), "case.toml"),
     ] {
         let failed = run(folder.path(), &text, "");
-        assert!(failed.failed(2).contains(said), "{said}: {}", failed.stderr);
+        assert!(failed.failed(2).contains(message), "{message}: {}", failed.stderr);
     }
     for case in ["absent.toml", "."] {
         let failed = biotissue(folder.path(), &["run", case]);
@@ -329,9 +329,9 @@ fn what_a_case_names_must_be_there() {
 }
 
 #[test]
-fn wrong_options_are_refused_before_anything_is_read() {
+fn invalid_options_are_rejected_before_files_are_read() {
     let folder = tempfile::tempdir().unwrap();
-    for (options, said) in [
+    for (options, message) in [
         ("--threads 0", "error: --threads 0\n"),
         ("--threads 100000", "error: --threads 100000\n"),
         ("--ranks 0", "error: --ranks 0\n"),
@@ -339,7 +339,7 @@ fn wrong_options_are_refused_before_anything_is_read() {
         ("--backend petsk", "error: --backend petsk: there is no backend `petsk`"),
     ] {
         let failed = run(folder.path(), PRESSED, options);
-        assert!(failed.failed(2).starts_with(said), "{}", failed.stderr);
+        assert!(failed.failed(2).starts_with(message), "{}", failed.stderr);
     }
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "only the case");
 }

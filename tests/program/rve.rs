@@ -1,4 +1,4 @@
-//! `biotissue rve`.
+//! The command `biotissue rve`.
 
 use std::path::Path;
 
@@ -15,6 +15,7 @@ fn rve(gradient: &str, options: &str) -> Outcome {
     of(Path::new("."), &frozen(), gradient, options)
 }
 
+/// The same for a network in a folder.
 fn of(folder: &Path, network: &str, gradient: &str, options: &str) -> Outcome {
     let mut arguments = vec!["rve", network, "--F", gradient];
     arguments.extend(options.split_whitespace());
@@ -47,9 +48,9 @@ fn assert_close<const N: usize>(a: &[[f64; N]; N], b: &[[f64; N]; N], tolerance:
 }
 
 #[test]
-fn the_object_has_the_keys_of_the_contract() {
+fn the_json_object_has_the_documented_keys() {
     let answer = json(STRETCH, "");
-    let contract = [
+    let documented = [
         "J",
         "cauchy",
         "converged",
@@ -68,7 +69,7 @@ fn the_object_has_the_keys_of_the_contract() {
         "stretch",
         "tangent",
     ];
-    assert_eq!(keys(&answer), contract);
+    assert_eq!(keys(&answer), documented);
     assert_eq!(keys(&answer["network"]), ["boundary_nodes", "fibers", "free_dofs", "nodes", "total_length"]);
     assert_eq!(keys(&answer["stretch"]), ["max", "min"]);
     assert_eq!(keys(&answer["orientation"]), ["current", "reference"]);
@@ -103,7 +104,7 @@ fn the_object_has_the_keys_of_the_contract() {
 }
 
 #[test]
-fn at_rest_nothing_acts() {
+fn the_stress_at_rest_is_zero() {
     let answer = json(REST, "");
     assert_eq!(largest::<3>(&matrix(&answer["pk1"])), 0.0);
     assert_eq!(answer["residuals"].as_array().unwrap().last().unwrap(), &serde_json::json!([0.0, 0.0]));
@@ -113,7 +114,7 @@ fn at_rest_nothing_acts() {
 }
 
 #[test]
-fn people_read_the_same_numbers() {
+fn the_text_contains_the_same_numbers_as_the_json() {
     let text = rve(STRETCH, "").done().to_owned();
     let pk1: [[f64; 3]; 3] = matrix(&json(STRETCH, "")["pk1"]);
     assert!(text.starts_with("network      127 nodes, 151 fibers, "), "{text}");
@@ -133,14 +134,14 @@ fn every_law_has_its_parameters() {
     for k in 0..3 {
         assert_close(&at_rest[k], &at_rest[0], 1e-10);
         let other = &stretched[(k + 1) % 3];
-        assert!((stretched[k][0][0] - other[0][0]).abs() > 1e-4 * largest(other), "all the same");
+        assert!((stretched[k][0][0] - other[0][0]).abs() > 1e-4 * largest(other), "the laws give the same stress");
     }
-    // The law in the network's own file is the same linear law.
+    // The law in the file of the network is the same linear law.
     assert_close(&stretched[0], &matrix(&json(STRETCH, "")["pk1"]), 1e-10);
 }
 
 #[test]
-fn options_do_what_they_say() {
+fn options_have_their_documented_effect() {
     let plain = json(STRETCH, "");
     let pk1: [[f64; 3]; 3] = matrix(&plain["pk1"]);
 
@@ -163,8 +164,8 @@ fn options_do_what_they_say() {
 }
 
 #[test]
-fn wrong_arguments_are_told_one_by_one() {
-    for (gradient, options, said) in [
+fn invalid_arguments_are_reported() {
+    for (gradient, options, message) in [
         ("-1 0 0 0 1 0 0 0 1", "", "error: --F has determinant -1\n"),
         ("0 0 0 0 1 0 0 0 1", "", "error: --F has determinant 0\n"),
         ("1e200 0 0 0 1e200 0 0 0 1", "", "error: --F has determinant inf\n"),
@@ -201,34 +202,34 @@ fn wrong_arguments_are_told_one_by_one() {
     ] {
         let failed = rve(gradient, options);
         let block = failed.failed(2);
-        assert!(block.starts_with(said), "{gradient} {options}: {block}");
+        assert!(block.starts_with(message), "{gradient} {options}: {block}");
     }
 }
 
 #[test]
-fn a_network_that_cannot_be_used_is_told_with_its_place() {
+fn invalid_networks_are_reported_with_file_and_line() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("letters.txt"), "2 1 0\n0 0 zero\n1 1 1\n0 1\n").unwrap();
     write_floppy_network(folder.path());
-    for (network, said) in [
+    for (network, message) in [
         ("letters.txt", "error: letters.txt:2: "),
         ("absent.txt", "error: absent.txt: cannot be read: "),
         (".", "error: .: cannot be read: "),
         ("chain.txt", "error: chain.txt: the network chain.txt has no fiber materials"),
     ] {
         let failed = of(folder.path(), network, REST, "");
-        assert!(failed.failed(2).starts_with(said), "{network}: {}", failed.stderr);
+        assert!(failed.failed(2).starts_with(message), "{network}: {}", failed.stderr);
     }
 }
 
 #[test]
-fn a_floppy_network_has_an_answer() {
+fn a_floppy_network_is_solved() {
     let folder = tempfile::tempdir().unwrap();
     write_floppy_network(folder.path());
     let answer = of(folder.path(), "chain.txt", REST, &format!("{FLOPPY_LAW} --json")).done().to_owned();
     let answer: Value = serde_json::from_str(&answer).unwrap();
     assert!(answer["tangent"][0][0].as_f64().unwrap() > 0.0);
-    assert_eq!(stability(&answer), (true, true, 0), "floppy at rest");
+    assert_eq!(stability(&answer), (true, true, 0), "the network is floppy at rest");
 }
 
 fn stability(answer: &Value) -> (bool, bool, u64) {
@@ -236,10 +237,10 @@ fn stability(answer: &Value) -> (bool, bool, u64) {
     (is("stable"), is("neutral"), answer["negative_pivots"].as_u64().unwrap())
 }
 
-/// A straight column of two fibers, compressed along them: the straight state is in equilibrium, but is no minimum of
-/// the energy.
+/// A straight column of two fibers is compressed along its axis: the straight state is in equilibrium, but is not a
+/// minimum of the energy.
 #[test]
-fn a_saddle_point_is_left_or_refused() {
+fn a_saddle_point_is_left_or_reported() {
     let folder = tempfile::tempdir().unwrap();
     let nodes = "0 0.5 0.5\n0.5 0.5 0.5\n1 0.5 0.5\n0.6 0 0.6\n0.8 1 0.6\n0.6 0.6 0\n0.8 0.6 1\n";
     std::fs::write(folder.path().join("column.txt"), format!("7 4 0\n{nodes}0 1\n1 2\n3 4\n5 6\n")).unwrap();
@@ -247,7 +248,7 @@ fn a_saddle_point_is_left_or_refused() {
         of(folder.path(), "column.txt", "0.8 0 0 0 1 0 0 0 1", &format!("{FLOPPY_LAW} --json {options}"))
     };
     let answer: Value = serde_json::from_str(press("").done()).unwrap();
-    assert_eq!(stability(&answer), (true, true, 0), "buckled, and slack");
+    assert_eq!(stability(&answer), (true, true, 0), "the column has buckled and is slack");
     assert!(answer["ladder"]["saddles"].as_u64().unwrap() > 0);
 
     let refused = press("--stages newton");
@@ -260,7 +261,7 @@ fn a_saddle_point_is_left_or_refused() {
 }
 
 #[test]
-fn a_stage_alone_may_not_do() {
+fn single_stages_may_fail() {
     let law = "--law exponential --youngs-modulus 1e8 --radius 5e-8 --nonlinearity 1.2";
     let far = "0.93 -0.3 0.05 0 0.81 0.09 0.02 0 0.69";
     let failed = rve(far, &format!("{law} --stages newton,cuts"));
@@ -281,7 +282,7 @@ fn a_stage_alone_may_not_do() {
 }
 
 #[test]
-fn a_residual_is_told_whatever_reached_it() {
+fn the_residual_of_dynamic_relaxation_is_reported() {
     let alone = json(STRETCH, "--stages relaxation");
     let residuals: Vec<[f64; 2]> = serde_json::from_value(alone["residuals"].clone()).unwrap();
     let [norm, relative] = *residuals.last().unwrap();
@@ -294,7 +295,7 @@ fn a_residual_is_told_whatever_reached_it() {
 }
 
 #[test]
-fn a_residual_above_the_tolerance_is_at_rounding() {
+fn a_residual_at_the_rounding_limit_is_accepted() {
     assert_eq!(json(STRETCH, "--tolerance 1e-20")["ladder"]["at_rounding"], true);
     let text = rve(STRETCH, "--tolerance 1e-20").done().to_owned();
     assert!(text.contains(" of all forces, at rounding), by Newton\n"), "{text}");
@@ -302,7 +303,7 @@ fn a_residual_above_the_tolerance_is_at_rounding() {
 }
 
 #[test]
-fn increments_that_fail_are_told_or_made_up_for() {
+fn failing_increments_are_reported_or_replaced_by_one_increment() {
     let law = "--law exponential --youngs-modulus 1e8 --radius 5e-8 --nonlinearity 1.2";
     let failed = rve("100 0 0 0 100 0 0 0 1", &format!("{law} --stages newton --steps 2"));
     let block = failed.failed(3);
@@ -328,7 +329,7 @@ fn increments_that_fail_are_told_or_made_up_for() {
 }
 
 #[test]
-fn a_dump_repeats_the_last_increment_bit_for_bit() {
+fn a_dump_repeats_the_last_increment_bitwise() {
     let folder = tempfile::tempdir().unwrap();
     let law = "--law exponential --youngs-modulus 1e8 --radius 5e-8 --nonlinearity 1.2 --scale 0.003";
     let gradient = "1.3 0.1 0 0 0.9 0 0.05 0 1";
@@ -345,7 +346,7 @@ fn a_dump_repeats_the_last_increment_bit_for_bit() {
 }
 
 #[test]
-fn a_deformation_out_of_reach_does_not_converge() {
+fn an_excessive_deformation_is_reported() {
     let law = "--law exponential --youngs-modulus 1e8 --radius 5e-8 --nonlinearity 1.2";
     for gradient in ["100 0 0 0 100 0 0 0 1", "1e55 0 0 0 1e55 0 0 0 1e55", "1e60 0 0 0 1e60 0 0 0 1e60"] {
         let failed = rve(gradient, law);

@@ -1,4 +1,5 @@
-//! The states that a run accepts: in equilibrium whatever happens to the RVEs, and independent of earlier trial states.
+//! The states that a run accepts are in equilibrium, even if RVEs are deleted, and do not depend on earlier trial
+//! states.
 
 use std::path::Path;
 
@@ -45,7 +46,7 @@ fn pulled(folder: &Path) -> Vec<[f64; 2]> {
     rows.map(|row| [t, force].map(|place| row[place].parse().unwrap())).collect()
 }
 
-/// Checks that every step in the log is in balance.
+/// Checks that every step in the log is in equilibrium.
 fn assert_balance(folder: &Path) {
     for step in events(folder).iter().filter(|event| event["event"] == "step") {
         let (balance, newton) = (&step["balance"], &step["newton"]["relative"]);
@@ -54,10 +55,10 @@ fn assert_balance(folder: &Path) {
     }
 }
 
-/// Where the most strained RVEs are deleted, the others take over their load: the body must be in equilibrium again
-/// before the step ends, and the remaining RVEs must not depend on the length of the steps.
+/// When the most strained RVEs are deleted, the others take over their load: the body must be in equilibrium again
+/// before the step ends, and the set of remaining RVEs must not depend on the number of steps.
 #[test]
-fn a_body_that_tears_is_in_balance_and_tears_alike_in_long_steps_and_in_short_ones() {
+fn a_tearing_body_is_in_equilibrium_and_independent_of_the_number_of_steps() {
     let folder = tempfile::tempdir().unwrap();
     networks(folder.path(), 30, &[1, 2]);
     let text = BOX
@@ -84,15 +85,14 @@ fn a_body_that_tears_is_in_balance_and_tears_alike_in_long_steps_and_in_short_on
         let [_, other] = more.iter().find(|[other, _]| (t - other).abs() < 1e-12).unwrap();
         assert!((force - other).abs() < 1e-6 * force.abs(), "t = {t}: {force} {other}");
     }
-    assert!(few[4][1] < 0.7 * few[1][1], "it has torn: {few:?}");
+    assert!(few[4][1] < 0.7 * few[1][1], "the force does not fall: {few:?}");
     let (on_ranks, _, _) = tear(5, "--ranks 4");
     assert_eq!(on_ranks, few);
 }
 
-/// Networks under compression have several equilibria. The one that is accepted depends on the last committed state
-/// alone.
+/// Networks under compression have several equilibria. The accepted one depends on the last committed state only.
 #[test]
-fn what_newton_tried_has_no_part_in_what_is_accepted() {
+fn accepted_states_do_not_depend_on_trial_states() {
     let folder = tempfile::tempdir().unwrap();
     networks(folder.path(), 60, &[3]);
     let text =
@@ -105,12 +105,12 @@ fn what_newton_tried_has_no_part_in_what_is_accepted() {
         let out = folder.path().join("out");
         assert_balance(&out);
         let replaced: u64 = events(&out).iter().filter_map(|event| event["rve"]["replaced"].as_u64()).sum();
-        assert!(events(&out).iter().all(|event| event["event"] != "cut"), "the same accepted steps");
+        assert!(events(&out).iter().all(|event| event["event"] != "cut"), "a step was cut");
         (pulled(&out), replaced)
     };
     let (expected, _) = press("tangent", true, true, "");
     let (_, replaced) = press("held", true, true, "");
-    assert!(replaced > 0, "a held start leads astray");
+    assert!(replaced > 0, "the start `held` leads to other equilibria");
     for start in ["held", "tangent"] {
         for (line_search, predictor, options) in
             [(true, true, ""), (false, true, ""), (true, false, ""), (false, false, ""), (true, true, "--ranks 4")]
@@ -124,9 +124,9 @@ fn what_newton_tried_has_no_part_in_what_is_accepted() {
     }
 }
 
-/// Meters were given instead of millimeters: the run ends soon, because the forces of the fibers are excessive.
+/// If meters are given instead of millimeters, the run ends soon, because the forces of the fibers are excessive.
 #[test]
-fn a_body_that_is_pulled_out_of_all_proportion_ends_with_a_word_on_units() {
+fn an_excessive_displacement_gives_a_hint_on_units() {
     let folder = tempfile::tempdir().unwrap();
     networks(folder.path(), 30, &[1]);
     let replacements = [("CELLS", "[2, 1, 1]"), ("MATRIX", "1000.0"), ("MOVED", "200.0"), ("LIFE", "")];

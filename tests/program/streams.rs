@@ -1,4 +1,4 @@
-//! The standard streams of the program: closed pipes, a full disk, and the files of a killed run.
+//! The standard streams of the program: closed pipes and a full disk; the files of a killed run.
 
 use std::io::{BufRead, BufReader};
 use std::process::Stdio;
@@ -16,8 +16,8 @@ fn closed_pipes_are_not_errors() {
             program(folder.path()).args(arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         drop(child.stdout.take());
         let output = child.wait_with_output().unwrap();
-        let said = String::from_utf8_lossy(&output.stderr);
-        assert_eq!((output.status.code(), said.as_ref()), (Some(0), ""), "{arguments:?}");
+        let message = String::from_utf8_lossy(&output.stderr);
+        assert_eq!((output.status.code(), message.as_ref()), (Some(0), ""), "{arguments:?}");
     }
     // A closed stderr does not stop a run.
     let case = write_case(folder.path(), "steps.toml", &PRESSED.replace("x = -1.5", "x = -0.5"));
@@ -29,7 +29,7 @@ fn closed_pipes_are_not_errors() {
 
 #[test]
 #[cfg(target_os = "linux")]
-fn a_full_disk_is_the_environment() {
+fn a_full_disk_gives_exit_code_4() {
     let folder = tempfile::tempdir().unwrap();
     let full = std::fs::File::options().write(true).open("/dev/full").unwrap();
     let output = program(folder.path()).arg("info").stdout(full).output().unwrap();
@@ -37,7 +37,7 @@ fn a_full_disk_is_the_environment() {
     assert!(String::from_utf8(output.stderr).unwrap().starts_with("error: standard output: cannot be written: "));
 }
 
-/// Whenever a run is killed, the results of its converged steps can be read.
+/// The results of the converged steps can be read, whenever a run is killed.
 #[test]
 fn a_killed_run_leaves_files_that_can_be_read() {
     let folder = tempfile::tempdir().unwrap();
@@ -62,7 +62,7 @@ fn a_killed_run_leaves_files_that_can_be_read() {
 }
 
 #[test]
-fn warnings_do_not_mix_with_results() {
+fn warnings_are_not_printed_on_stdout() {
     let folder = tempfile::tempdir().unwrap();
     let text = std::fs::read_to_string(frozen()).unwrap();
     let (header, rest) = text.split_once('\n').unwrap();

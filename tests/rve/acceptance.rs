@@ -1,8 +1,9 @@
-//! A published RVE: stress, residual history, energy, orientation and modulus of a real collagen network.
+//! Stress, residual history, energy, orientation and modulus of a published RVE, a real collagen network.
 //!
-//! The numbers were recorded by MuMFiM's implicit single-RVE program on its network `Network_2_7` (336 nodes, 635
-//! fibers) with the linear law, radius 5e-5 m, E = 1e8 Pa and no scaling. Its stress is the sum over boundary nodes of
-//! `sym(x (x) T)`, that is `J sigma`; its tangent a forward difference of that over Almansi strain.
+//! MuMFiM's implicit single-RVE program printed the numbers for its network `Network_2_7` (336 nodes, 635 fibers) with
+//! the linear law, radius 5e-5 m, E = 1e8 Pa and no scaling. The stress of that program is the sum of `sym(x (x) T)`
+//! over the boundary nodes, that is, `J sigma`; its tangent is a forward difference of this stress over the Almansi
+//! strain.
 use crate::support;
 use crate::support::Bench;
 use biotissue::backends::{dense::Dense, sparse::Sparse};
@@ -25,7 +26,7 @@ fn gradient() -> Matrix3<f64> {
     )
 }
 
-/// `J c_ijkl = F_jJ F_lL A_iJkL - delta_ik tau_jl`.
+/// Returns the spatial modulus of the Truesdell rate, `J c_ijkl = F_jJ F_lL A_iJkL - delta_ik tau_jl`, in Voigt form.
 fn truesdell(a: &Tangent, f: &Matrix3<f64>, tau: &Matrix3<f64>) -> Voigt {
     Voigt::from_fn(|m, n| {
         let ((i, j), (k, l)) = (PAIRS[m], PAIRS[n]);
@@ -39,7 +40,7 @@ fn truesdell(a: &Tangent, f: &Matrix3<f64>, tau: &Matrix3<f64>) -> Voigt {
     })
 }
 
-/// The co-rotational modulus over engineering shear strains.
+/// Returns the co-rotational modulus for engineering shear strains.
 fn corotational(c: &Voigt, tau: &Matrix3<f64>) -> Voigt {
     let delta = |a: usize, b: usize| if a == b { 1.0 } else { 0.0 };
     Voigt::from_fn(|m, n| {
@@ -52,7 +53,7 @@ fn corotational(c: &Voigt, tau: &Matrix3<f64>) -> Voigt {
     })
 }
 
-fn reproduces_the_published_rve<B: RealBackend<Context = ()>>() -> Option<(Matrix3<f64>, Tangent)> {
+fn assert_published_rve<B: RealBackend<Context = ()>>() -> Option<(Matrix3<f64>, Tangent)> {
     let network = support::published("Network_2_7.txt")?;
     assert_eq!((network.nodes().len(), network.fibers().len(), network.boundary().len()), (336, 635, 261));
     assert!((network.total_length() - 170.214_164).abs() < 1e-6);
@@ -124,8 +125,8 @@ fn reproduces_the_published_rve<B: RealBackend<Context = ()>>() -> Option<(Matri
 
 #[test]
 fn a_published_rve_is_reproduced_and_backends_agree() {
-    let Some((p_sparse, a_sparse)) = reproduces_the_published_rve::<Sparse>() else { return };
-    let (p_dense, a_dense) = reproduces_the_published_rve::<Dense>().unwrap();
+    let Some((p_sparse, a_sparse)) = assert_published_rve::<Sparse>() else { return };
+    let (p_dense, a_dense) = assert_published_rve::<Dense>().unwrap();
     assert!((p_sparse - p_dense).norm() < 1e-10 * p_dense.norm());
     assert!((a_sparse - a_dense).norm() < 1e-10 * a_dense.norm());
 }

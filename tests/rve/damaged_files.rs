@@ -1,4 +1,4 @@
-//! Network files damaged at every byte.
+//! Reading of network files that are damaged at any byte.
 
 use std::fs::File;
 use std::io::{Seek, Write};
@@ -6,7 +6,7 @@ use std::path::Path;
 
 use biotissue::fiber::network::file;
 
-/// A file that is overwritten in place, because creating a new file each time is slow on some disks.
+/// A file that is overwritten in place, because creating a new file every time is slow on some disks.
 struct Rewritten(File);
 
 impl Rewritten {
@@ -14,8 +14,8 @@ impl Rewritten {
         Self(File::options().write(true).open(path).unwrap())
     }
 
-    /// Overwrites this file, the network's own or one beside it, with `bytes`; returns the fibers that the reader then
-    /// finds.
+    /// Overwrites this file, which is `network` or a file beside it, with `bytes`; returns the fibers that are then
+    /// read, or `None` if reading fails.
     fn fibers(&mut self, bytes: &[u8], network: &Path) -> Option<Vec<[u32; 2]>> {
         self.0.rewind().unwrap();
         self.0.write_all(bytes).unwrap();
@@ -24,16 +24,16 @@ impl Rewritten {
     }
 }
 
-/// Any outcome but a panic is accepted, unless the damage must be detected.
+/// No damage may cause a panic, and files that are cut off must be detected.
 #[test]
-fn no_damage_makes_the_reader_panic() {
+fn damaged_files_cause_no_panic() {
     let frozen = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/networks");
     let folder = tempfile::tempdir().unwrap();
     let [network, params] = ["frozen.txt", "frozen.txt.params"].map(|name| {
         std::fs::copy(frozen.join(name), folder.path().join(name)).unwrap();
         folder.path().join(name)
     });
-    let (text, said) = (std::fs::read(&network).unwrap(), std::fs::read(&params).unwrap());
+    let (text, materials) = (std::fs::read(&network).unwrap(), std::fs::read(&params).unwrap());
     let mut rewritten = Rewritten::new(&network);
     let whole = rewritten.fibers(&text, &network);
     assert!(whole.is_some());
@@ -48,11 +48,11 @@ fn no_damage_makes_the_reader_panic() {
     }
     assert_eq!(rewritten.fibers(&text, &network), whole);
     let mut rewritten = Rewritten::new(&params);
-    for end in 0..said.len() - 2 {
-        assert_eq!(rewritten.fibers(&said[..end], &network), None, "cut at {end}");
+    for end in 0..materials.len() - 2 {
+        assert_eq!(rewritten.fibers(&materials[..end], &network), None, "cut at {end}");
     }
-    for (at, bit) in (0..said.len()).flat_map(|at| (0..8).map(move |bit| (at, bit))) {
-        let mut damaged = said.clone();
+    for (at, bit) in (0..materials.len()).flat_map(|at| (0..8).map(move |bit| (at, bit))) {
+        let mut damaged = materials.clone();
         damaged[at] ^= 1 << bit;
         rewritten.fibers(&damaged, &network);
     }

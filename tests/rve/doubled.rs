@@ -1,5 +1,5 @@
-//! Fibers that join the same two nodes, as in some published networks. All contribute, like one fiber of their summed
-//! area.
+//! Fibers that join the same two nodes, as in some published networks, contribute like one fiber with the sum of their
+//! areas.
 
 use std::sync::Arc;
 
@@ -12,8 +12,8 @@ use nalgebra::Matrix3;
 
 use crate::support::{self, Bench, frozen, laws};
 
-/// Returns the frozen network with every seventh fiber doubled, in the opposite direction, and the network with twice
-/// the area of these fibers instead.
+/// Returns the frozen network with every seventh fiber doubled (the second one in the opposite direction), and the
+/// network in which these fibers have twice the area instead.
 fn doubled_and_thick(material: &FiberMaterial) -> (Arc<Network>, Arc<Network>) {
     let frozen = frozen();
     let (nodes, mut fibers) = (frozen.nodes().to_vec(), frozen.fibers().to_vec());
@@ -29,7 +29,7 @@ fn doubled_and_thick(material: &FiberMaterial) -> (Arc<Network>, Arc<Network>) {
     (Arc::new(doubled), Arc::new(of_twice_the_area.unwrap()))
 }
 
-fn is_as_stiff_as_one_of_twice_the_area<B: RealBackend<Context = ()>>() {
+fn assert_as_stiff_as_fibers_of_twice_the_area<B: RealBackend<Context = ()>>() {
     let f = Matrix3::new(1.1, 0.05, 0.0, -0.02, 0.97, 0.03, 0.0, 0.01, 1.02);
     for material in laws() {
         let (doubled, thick) = doubled_and_thick(&material);
@@ -47,28 +47,28 @@ fn is_as_stiff_as_one_of_twice_the_area<B: RealBackend<Context = ()>>() {
 }
 
 #[test]
-fn a_fiber_laid_twice_is_as_stiff_as_one_of_twice_the_area() {
-    is_as_stiff_as_one_of_twice_the_area::<Sparse>();
-    is_as_stiff_as_one_of_twice_the_area::<Dense>();
+fn a_doubled_fiber_is_as_stiff_as_one_of_twice_the_area() {
+    assert_as_stiff_as_fibers_of_twice_the_area::<Sparse>();
+    assert_as_stiff_as_fibers_of_twice_the_area::<Dense>();
 }
 
-/// A doubled fiber resists no additional motion: the number of zero modes is unchanged, and every doubled fiber with a
-/// free end adds one state of self stress.
+/// A doubled fiber resists no additional motion: it does not change the number of zero modes, and if it has a free end,
+/// it adds one state of self stress.
 #[test]
-fn a_fiber_laid_twice_adds_a_self_stress_and_no_rigidity() {
+fn a_doubled_fiber_adds_a_self_stress_and_no_rigidity() {
     let (doubled, thick) = doubled_and_thick(&laws()[0]);
     let more = examine(&doubled).doubled_fibers;
     assert_eq!((more, examine(&thick).doubled_fibers), (doubled.fibers().len() - thick.fibers().len(), 0));
-    let held =
+    let on_boundary =
         |fiber: u32| doubled.fibers()[fiber as usize].iter().all(|&node| doubled.interior_number()[node as usize] < 0);
-    let free = doubled.doubled().into_iter().filter(|&fiber| !held(fiber)).count();
+    let free = doubled.doubled().into_iter().filter(|&fiber| !on_boundary(fiber)).count();
     assert!(free > 5, "{free} of {more}");
     let [of_doubled, of_thick] = [&doubled, &thick].map(|network| rigidity::<Sparse>(&(), network).unwrap());
     assert_eq!(of_doubled.zero_modes, of_thick.zero_modes);
     assert_eq!(of_doubled.self_stresses, of_thick.self_stresses + free);
 }
 
-/// A published network with doubled fibers, from its file to its stress.
+/// A published network with doubled fibers is read with a warning and solved.
 #[test]
 fn a_published_network_with_doubled_fibers_is_solved() {
     let Some(path) = support::published_file("ligament/theta_0_align_0_realization_1.txt") else { return };

@@ -1,5 +1,5 @@
-//! The checks of the published RVE on the frozen network, which is part of the repository. Its reference results come
-//! from a dense Newton method in NumPy that shares no code with this crate.
+//! The checks of the published RVE, applied to the frozen network, which is part of the repository. The reference
+//! results come from a dense Newton method in NumPy that shares no code with this crate.
 use crate::support;
 use crate::support::Bench;
 use biotissue::backends::{dense::Dense, sparse::Sparse};
@@ -21,7 +21,8 @@ const PK1: [f64; 9] = [
 
 const ENERGY: f64 = 2.684522924677931e-08;
 
-const TANGENT_DIAGONAL: [(usize, [f64; 9]); 3] = [
+/// Rows 0, 4 and 8 of the tangent `dP/dF`, those of `P_11`, `P_22` and `P_33`.
+const TANGENT_ROWS: [(usize, [f64; 9]); 3] = [
     (
         0,
         [
@@ -66,7 +67,7 @@ const TANGENT_DIAGONAL: [(usize, [f64; 9]); 3] = [
     ),
 ];
 
-fn keeps_its_numbers<B: RealBackend<Context = ()>>() -> (Matrix3<f64>, Tangent) {
+fn assert_reference_results<B: RealBackend<Context = ()>>() -> (Matrix3<f64>, Tangent) {
     let network = support::frozen();
     assert_eq!((network.nodes().len(), network.fibers().len(), network.boundary().len()), (127, 151, 115));
     assert!((network.total_length() - 54.194_076_548_916_55).abs() < 1e-12);
@@ -77,14 +78,14 @@ fn keeps_its_numbers<B: RealBackend<Context = ()>>() -> (Matrix3<f64>, Tangent) 
     for (found, expected) in report.newton.residuals.iter().zip(RESIDUALS) {
         assert!((found - expected).abs() < 1e-9 * expected + 1e-21, "residual {found:e}, expected {expected:e}");
     }
-    end_has_its_numbers(&mut bench, &rve)
+    assert_reference_state(&mut bench, &rve)
 }
 
 fn gradient() -> Matrix3<f64> {
     Matrix3::new(1.08, 0.03, 0.0, 0.01, 0.97, 0.02, 0.0, -0.02, 1.01)
 }
 
-fn end_has_its_numbers<B: RealBackend<Context = ()>>(bench: &mut Bench<B>, rve: &Rve) -> (Matrix3<f64>, Tangent) {
+fn assert_reference_state<B: RealBackend<Context = ()>>(bench: &mut Bench<B>, rve: &Rve) -> (Matrix3<f64>, Tangent) {
     let pk1 = bench.pk1();
     assert!((pk1 - Matrix3::from_row_slice(&PK1)).amax() < 1e-9 * pk1.amax(), "{pk1}");
     assert!((bench.energy() - ENERGY).abs() < 1e-9 * ENERGY, "{}", bench.energy());
@@ -92,7 +93,7 @@ fn end_has_its_numbers<B: RealBackend<Context = ()>>(bench: &mut Bench<B>, rve: 
     assert!((omega[(0, 0)] - 0.359_202_722_9).abs() < 1e-9, "{omega}");
 
     let tangent = bench.tangent(rve);
-    for (row, expected) in TANGENT_DIAGONAL {
+    for (row, expected) in TANGENT_ROWS {
         for (column, expected) in expected.into_iter().enumerate() {
             let found = tangent[(row, column)];
             assert!(
@@ -105,21 +106,21 @@ fn end_has_its_numbers<B: RealBackend<Context = ()>>(bench: &mut Bench<B>, rve: 
 }
 
 #[test]
-fn the_frozen_rve_keeps_its_numbers_on_every_backend() {
-    let (p_sparse, a_sparse) = keeps_its_numbers::<Sparse>();
-    let (p_dense, a_dense) = keeps_its_numbers::<Dense>();
+fn every_backend_gives_the_reference_results_of_the_frozen_rve() {
+    let (p_sparse, a_sparse) = assert_reference_results::<Sparse>();
+    let (p_dense, a_dense) = assert_reference_results::<Dense>();
     assert!((p_sparse - p_dense).amax() < 1e-10 * p_dense.amax());
     assert!((a_sparse - a_dense).amax() < 1e-10 * a_dense.amax());
 }
 
-/// Solves by BiCGSTAB with an incomplete factorization.
+/// Solves the linear systems by BiCGSTAB with an incomplete factorization.
 #[test]
-fn the_frozen_rve_keeps_its_numbers_by_an_iterative_solver() {
+fn an_iterative_solver_gives_the_reference_results_of_the_frozen_rve() {
     let method = Iterative { tolerance: 1e-13, ..Iterative::default() };
     let solver = SolverParams::default().iterative(method);
     let mut bench = Bench::<Sparse>::solved_by(&(), &support::frozen(), None, &solver);
     let mut rve = bench.at_rest();
     let report = bench.solve(&mut rve, &gradient()).unwrap();
     assert!(report.newton.linear_iterations > 0 && report.newton.cholesky == 0, "{report:?}");
-    end_has_its_numbers(&mut bench, &rve);
+    assert_reference_state(&mut bench, &rve);
 }

@@ -1,4 +1,4 @@
-//! The stages that solve an RVE where full Newton does not converge, and the error if all of them fail.
+//! The stages that solve an RVE if full Newton does not converge, and the error if all of them fail.
 use crate::support;
 use std::sync::Arc;
 
@@ -12,7 +12,7 @@ use biotissue::fiber::network::generate::voronoi;
 use biotissue::fiber::rve::Rve;
 use nalgebra::{Matrix3, Vector3};
 
-/// The frozen network with the exponential law.
+/// Returns the frozen network with the exponential law.
 fn bench() -> Bench<Sparse> {
     Bench::new(&support::frozen(), Some(support::laws()[1].clone()))
 }
@@ -24,8 +24,8 @@ fn stages_of<F: std::error::Error>(error: &RveError<F>) -> Vec<Stage> {
 }
 
 #[test]
-fn the_line_search_saves_an_rve_in_which_full_newton_diverges() {
-    // Compressed along x and y, so that fibers slacken and the first full steps overshoot.
+fn the_line_search_converges_where_full_newton_diverges() {
+    // The network is compressed along x and y, so that fibers slacken and the first full steps overshoot.
     let f = Matrix3::new(0.84, 0.07, 0.13, -0.03, 0.84, 0.19, 0.04, 0.0, 1.08);
     let mut full = bench();
     full.params.newton.max_backtracks = 0;
@@ -34,13 +34,13 @@ fn the_line_search_saves_an_rve_in_which_full_newton_diverges() {
     let before = rve.clone();
     let error = full.solve(&mut rve, &f).unwrap_err();
     assert_eq!(stages_of(&error), [Stage::Newton], "{error}");
-    assert_eq!(rve, before, "a failure leaves the state alone");
+    assert_eq!(rve, before, "a failure does not change the state");
 
     let mut searching = bench();
     searching.params.stages = Stages::of(&[Stage::Newton]);
     let report = searching.solve(&mut rve, &f).unwrap();
     assert!(report.backtracks > 0 && report.cuts == 0, "{report:?}");
-    balanced(&searching, &report);
+    assert_balanced(&searching, &report);
 }
 
 #[test]
@@ -50,11 +50,11 @@ fn an_indefinite_stiffness_is_factored_and_counted() {
     let mut rve = bench.at_rest();
     let report = bench.solve(&mut rve, &f).unwrap();
     assert!(report.indefinite > 0, "{report:?}");
-    balanced(&bench, &report);
+    assert_balanced(&bench, &report);
 }
 
-/// Checks equilibrium by the stress alone: `P F^T` is symmetric only if the moments balance.
-fn balanced(bench: &Bench<Sparse>, report: &EquilibriumReport) {
+/// Checks equilibrium by the stress: `sum x (x) T` over the boundary is symmetric only if the moments balance.
+fn assert_balanced(bench: &Bench<Sparse>, report: &EquilibriumReport) {
     assert!(report.newton.relative.last().unwrap() <= &1e-10);
     let positions = bench.workspace.positions();
     let mut sum = Matrix3::zeros();
@@ -68,7 +68,7 @@ fn balanced(bench: &Bench<Sparse>, report: &EquilibriumReport) {
 }
 
 #[test]
-fn cutting_the_increment_saves_an_rve_that_runs_out_of_iterations() {
+fn cut_increments_converge_where_newton_needs_too_many_iterations() {
     let f = Matrix3::new(2.0, 0.3, 0.0, 0.0, 0.9, 0.1, 0.0, 0.0, 0.8);
     let mut whole = bench();
     let mut expected = whole.at_rest();
@@ -85,7 +85,7 @@ fn cutting_the_increment_saves_an_rve_that_runs_out_of_iterations() {
 }
 
 #[test]
-fn when_nothing_helps_the_error_says_how_far_it_came() {
+fn the_error_lists_the_progress_of_all_stages() {
     let f = Matrix3::new(2.0, 0.3, 0.0, 0.0, 0.9, 0.1, 0.0, 0.0, 0.8);
     let mut bench = bench();
     bench.params.newton.max_iterations = 1;
@@ -111,7 +111,8 @@ fn when_nothing_helps_the_error_says_how_far_it_came() {
     }
 }
 
-/// A straight chain across the cube; its two middle nodes can move sideways, so the stiffness is singular at rest.
+/// Returns a straight chain across the cube; its two interior nodes can move sideways, so that the stiffness is
+/// singular at rest.
 fn chain() -> Arc<Network> {
     let mut nodes = vec![[-0.5, 0.0, 0.0], [-0.1, 0.0, 0.0], [0.2, 0.0, 0.0], [0.5, 0.0, 0.0]];
     let mut fibers = vec![[0, 1], [1, 2], [2, 3]];
@@ -123,8 +124,7 @@ fn chain() -> Arc<Network> {
     Arc::new(Network::new("chain", nodes, fibers).unwrap())
 }
 
-/// Only the axial stiffness of the fibers contributes to the tangent; the lateral motions of the chain do not.
-/// free.
+/// Only the axial stiffness of the fibers contributes to the tangent; the free lateral motions of the chain do not.
 #[test]
 fn a_floppy_network_has_a_tangent_at_rest() {
     let mut bench = Bench::<Sparse>::new(&chain(), Some(support::laws()[0].clone()));
@@ -138,10 +138,10 @@ fn a_floppy_network_has_a_tangent_at_rest() {
     assert!((tangent[(0, 0)] / expected - 1.0).abs() < 1e-9, "{} {expected}", tangent[(0, 0)]);
 }
 
-/// Compressed in ten steps. In one of them the pivots show a regular stiffness, but its factor is too inaccurate to
-/// solve with.
+/// A Voronoi network is compressed in ten steps. In one of them, the pivots indicate a regular stiffness, although its
+/// factorization is too inaccurate for a solution.
 #[test]
-fn a_floppy_network_that_is_pressed_has_tangents_all_the_way() {
+fn a_compressed_floppy_network_has_a_tangent_in_every_step() {
     let network = Arc::new(voronoi(40, 1).unwrap());
     let material = FiberMaterial { radius: 5e-8, ..support::laws()[0].clone() };
     let mut bench = Bench::<Sparse>::new(&network, Some(material));
@@ -149,7 +149,7 @@ fn a_floppy_network_that_is_pressed_has_tangents_all_the_way() {
     for step in 1..=10 {
         let f = if step == 10 { pressed } else { between(&Matrix3::identity(), &pressed, f64::from(step) / 10.0) };
         bench.solve(&mut rve, &f).unwrap();
-        // Panics if there is no tangent.
+        // The call panics if there is no tangent.
         let tangent = bench.tangent(&rve);
         let asymmetry = (tangent - tangent.transpose()).amax() / tangent.amax();
         assert!(asymmetry < 1e-9, "step {step}: {asymmetry:.1e}");
@@ -158,7 +158,7 @@ fn a_floppy_network_that_is_pressed_has_tangents_all_the_way() {
 }
 
 #[test]
-fn a_prediction_that_leads_astray_is_only_a_start() {
+fn a_bad_prediction_does_not_change_the_result() {
     let mut bench = bench();
     bench.params.stages = Stages::of(&[Stage::Newton]);
     let (mut rve, f) = (bench.at_rest(), Matrix3::from_diagonal(&[1.1, 1.0, 0.95].into()));
@@ -171,7 +171,7 @@ fn a_prediction_that_leads_astray_is_only_a_start() {
     bench.params.newton.max_iterations = 1;
     let error = bench.solve(&mut astray, &f).unwrap_err();
     assert!(matches!(&error, RveError::NotConverged { failures, .. } if failures.len() == 1), "{error}");
-    assert!(astray == before, "a failure leaves the state as it was, its prediction included");
+    assert!(astray == before, "a failure changes neither the state nor its sensitivities");
     bench.params = params;
     let plain = bench.solve(&mut rve, &f).unwrap();
     let report = bench.solve(&mut astray, &f).unwrap();
@@ -180,8 +180,9 @@ fn a_prediction_that_leads_astray_is_only_a_start() {
 }
 
 #[test]
-fn regularized_newton_saves_a_floppy_network() {
-    // Nothing is deformed along x, so the chain there stays floppy; a second chain with a bend is pulled along y.
+fn regularized_newton_solves_a_floppy_network() {
+    // Nothing is deformed along x, so that the chain along x remains floppy; a second chain with a bend is pulled along
+    // y.
     let straight = chain();
     let (mut nodes, mut fibers) = (straight.nodes().to_vec(), straight.fibers().to_vec());
     let first = nodes.len() as u32;
@@ -193,27 +194,28 @@ fn regularized_newton_saves_a_floppy_network() {
     let report = bench.solve(&mut rve, &Matrix3::from_diagonal(&[1.0, 1.2, 1.0].into())).unwrap();
     assert_eq!((report.stage, report.cuts), (Some(Stage::Regularized), 0), "{report:?}");
     assert!(report.singular > 0, "{report:?}");
-    balanced(&bench, &report);
+    assert_balanced(&bench, &report);
 }
 
 #[test]
-fn regularized_newton_saves_a_network_in_which_fibers_turn_over() {
+fn regularized_newton_solves_a_network_whose_fibers_reverse() {
     let f = Matrix3::new(0.93, -0.3, 0.05, 0.0, 0.81, 0.09, 0.02, 0.0, 0.69);
     let mut bench = bench();
     let mut rve = bench.at_rest();
     let report = bench.solve(&mut rve, &f).unwrap();
     assert_eq!(report.stage, Some(Stage::Regularized), "{report:?}");
-    balanced(&bench, &report);
+    assert_balanced(&bench, &report);
     let network = bench.model.network();
-    let turned = bench.model.truss().ends().iter().zip(&bench.workspace.states().directions).filter(|&(&[a, b], n)| {
-        let [a, b] = [a, b].map(|node| Vector3::from(network.nodes()[node as usize]));
-        (f * (b - a)).dot(&Vector3::from(*n)) < 0.0
-    });
-    assert!(turned.count() > 0, "some fibers point the other way than the body around them carries them");
+    let reversed =
+        bench.model.truss().ends().iter().zip(&bench.workspace.states().directions).filter(|&(&[a, b], n)| {
+            let [a, b] = [a, b].map(|node| Vector3::from(network.nodes()[node as usize]));
+            (f * (b - a)).dot(&Vector3::from(*n)) < 0.0
+        });
+    assert!(reversed.count() > 0, "no fiber has reversed relative to the affine deformation");
 }
 
 #[test]
-fn dynamic_relaxation_saves_what_nothing_else_may_touch() {
+fn dynamic_relaxation_converges_without_regularized_newton() {
     let f = Matrix3::new(0.93, -0.3, 0.05, 0.0, 0.81, 0.09, 0.02, 0.0, 0.69);
     let mut bench = bench();
     bench.params = bench.params.with_stages(Stages::of(&[Stage::Newton, Stage::Cuts, Stage::Relaxation]));
@@ -221,12 +223,12 @@ fn dynamic_relaxation_saves_what_nothing_else_may_touch() {
     let report = bench.solve(&mut rve, &f).unwrap();
     assert_eq!(report.stage, Some(Stage::Relaxation), "{report:?}");
     assert!(report.cuts == 6 && report.relaxation.steps > 0, "{report:?}");
-    assert_eq!(report.regularized, 0, "a stage that is not allowed does not finish another either");
-    balanced(&bench, &report);
+    assert_eq!(report.regularized, 0, "a stage that is not allowed was used");
+    assert_balanced(&bench, &report);
 }
 
 #[test]
-fn an_inverted_deformation_is_refused() {
+fn an_inverted_deformation_is_an_error() {
     let mut bench = bench();
     let mut rve = bench.at_rest();
     let error = bench.solve(&mut rve, &Matrix3::from_diagonal(&[1.0, 1.0, -0.5].into())).unwrap_err();

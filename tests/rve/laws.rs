@@ -1,4 +1,5 @@
-//! Every law in an RVE: the stress is the derivative of the energy, and rotates with the deformation.
+//! For every law, the stress of an RVE is the derivative of the energy, the tangent that of the stress, and the stress
+//! rotates with the deformation.
 use crate::support;
 use crate::support::Bench;
 use biotissue::backends::sparse::Sparse;
@@ -7,7 +8,7 @@ use nalgebra::{Matrix3, Rotation3};
 
 const E: f64 = 1.0e8;
 
-/// A linear toe followed by a quadratic rise.
+/// A custom law: linear up to a strain of 2 %, then with a quadratic term.
 #[derive(Debug)]
 struct Toe;
 
@@ -32,8 +33,8 @@ fn laws() -> Vec<Law> {
     let plain = support::laws().map(|material| material.law).into_iter();
     let mut laws: Vec<Law> =
         plain.chain([Law::table(Table::new(points.to_vec()).unwrap()), Law::custom(Toe)]).collect();
-    let yielding: Vec<Law> = laws.iter().map(|law| law.clone().with_buckling(0.05, 0.04)).collect();
-    laws.extend(yielding);
+    let buckling: Vec<Law> = laws.iter().map(|law| law.clone().with_buckling(0.05, 0.04)).collect();
+    laws.extend(buckling);
     laws
 }
 
@@ -116,7 +117,7 @@ fn rotating_the_deformation_rotates_the_stress_for_every_law() {
 }
 
 #[test]
-fn fibers_that_give_way_weaken_what_is_pressed() {
+fn buckling_reduces_the_stress_in_compression() {
     let pressed = Matrix3::from_diagonal(&[0.93, 0.97, 0.97].into());
     let plain = laws().swap_remove(1);
     let [stiff, weak] = [plain.clone(), plain.with_buckling(0.05, 0.02)].map(|law| {

@@ -1,4 +1,4 @@
-//! Networks and single RVEs: files, zero modes, laws, equilibrium, tangent, published results.
+//! Tests of networks and single RVEs: files, zero modes, laws, equilibrium, tangent, published results.
 
 #[cfg(feature = "sparse")]
 #[path = "../support/counting.rs"]

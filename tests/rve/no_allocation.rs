@@ -1,4 +1,4 @@
-//! The iterations of an RVE allocate nothing.
+//! The iterations of an RVE allocate no memory.
 
 use biotissue::backends::sparse::Sparse;
 use nalgebra::Matrix3;
@@ -7,7 +7,7 @@ use crate::{counting, support};
 
 /// The number of allocations of an equilibrium solve does not depend on its number of iterations.
 #[test]
-fn iterations_of_an_rve() {
+fn iterations_of_an_rve_do_not_allocate() {
     let mut bench = support::Bench::<Sparse>::new(&support::frozen(), Some(support::laws()[1].clone()));
     let mut equilibrium = |stretch: f64| {
         let mut rve = bench.at_rest();

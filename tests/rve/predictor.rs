@@ -15,13 +15,13 @@ fn first_residual(h: f64, predict: bool) -> (f64, usize) {
     if predict {
         bench.keep_sensitivities(&mut rve);
     }
-    // All six strains, and a finite rotation, which does not reduce the accuracy of the prediction.
+    // The increment has all six strains and a finite rotation, which does not reduce the accuracy of the prediction.
     let strain = Matrix3::new(0.5, -0.3, 0.2, -0.3, 0.1, 0.4, 0.2, 0.4, -0.6);
     let rotation = Rotation3::from_euler_angles(0.4, -0.2, 1.0);
     let target = rotation * (Matrix3::identity() + strain * h) * here;
     let report = bench.solve(&mut rve, &target).unwrap();
     assert_eq!(report.predicted, usize::from(predict));
-    assert!(!rve.has_sensitivities(), "what was kept belongs to the state before");
+    assert!(!rve.has_sensitivities(), "the sensitivities of the previous state were kept");
     (report.newton.relative[0], report.iterations)
 }
 

@@ -21,9 +21,9 @@ fn stretched() -> Matrix3<f64> {
     Matrix3::new(1.2, 0.05, 0.0, 0.0, 0.95, 0.02, 0.0, 0.0, 1.0)
 }
 
-/// Prints the cost of both methods with `--nocapture`.
+/// With `--nocapture`, the test prints the cost of both methods.
 #[test]
-fn ten_networks_come_to_rest_where_newton_puts_them() {
+fn relaxation_finds_the_equilibria_of_newton() {
     let mut networks = support::dogbone_library();
     networks.push(support::frozen());
     networks.extend(support::published("Network_2_7.txt"));
@@ -59,13 +59,13 @@ fn ten_networks_come_to_rest_where_newton_puts_them() {
 }
 
 #[test]
-fn too_few_steps_are_told_with_the_residual() {
+fn too_few_steps_are_an_error_with_the_residual() {
     let mut bench = relaxing(&support::frozen(), Masses::Stiffness);
     bench.params.relaxation.max_steps = 100;
     let mut rve = bench.at_rest();
     let before = rve.clone();
     let error = bench.solve(&mut rve, &stretched()).unwrap_err();
-    assert_eq!(rve, before, "a failure leaves the state alone");
+    assert_eq!(rve, before, "a failure does not change the state");
     let RveError::NotConverged { failures, .. } = &error else { panic!("{error}") };
     let StageError::Relaxation(RelaxationError::TooManySteps { steps: 100, residual, limit }) = failures[0].reason
     else {
@@ -75,7 +75,7 @@ fn too_few_steps_are_told_with_the_residual() {
 }
 
 #[test]
-fn a_step_that_is_not_stable_shows_in_the_energies_and_is_halved() {
+fn an_unstable_time_step_violates_the_energy_balance_and_is_halved() {
     let mut bench = relaxing(&support::frozen(), Masses::Stiffness);
     bench.params.relaxation.safety = 4.0;
     let mut rve = bench.at_rest();

@@ -8,7 +8,8 @@ use nalgebra::{DMatrix, SymmetricEigen, Vector3};
 
 use crate::support;
 
-/// The corners of the cube, with straight chains of three fibers along `diagonals` of the four diagonals.
+/// Returns the corners of the cube with straight chains of three fibers along the first `diagonals` of its four
+/// diagonals.
 fn chains(diagonals: usize) -> Network {
     let corner = |k: usize| [k & 1, k >> 1 & 1, k >> 2].map(|x| x as f64 - 0.5);
     let mut nodes: Vec<[f64; 3]> = (0..8).map(corner).collect();
@@ -45,7 +46,7 @@ fn by_eigenvectors(network: &Network) -> (usize, Vec<f64>) {
     (zero.len(), mobility)
 }
 
-fn assert_as_by_eigenvectors(network: &Network, tolerance: f64) -> Rigidity {
+fn assert_agrees_with_eigenvectors(network: &Network, tolerance: f64) -> Rigidity {
     let found = rigidity::<Sparse>(&(), network).unwrap();
     let (count, mobility) = by_eigenvectors(network);
     assert_eq!((found.zero_modes, zero_modes::<Dense>(&(), network).unwrap()), (count, count));
@@ -59,9 +60,9 @@ fn assert_as_by_eigenvectors(network: &Network, tolerance: f64) -> Rigidity {
 }
 
 #[test]
-fn a_straight_chain_moves_sideways_everywhere() {
+fn a_straight_chain_has_lateral_zero_modes() {
     let network = chains(4);
-    let found = assert_as_by_eigenvectors(&network, 1e-6);
+    let found = assert_agrees_with_eigenvectors(&network, 1e-6);
     // Each of the eight nodes has two lateral motions; each chain has one state of self stress.
     assert_eq!((found.unknowns, found.zero_modes, found.self_stresses), (24, 16, 4));
     assert_eq!((found.single_node_modes, found.few_fibers, found.coplanar_fibers), (16, 8, 0));
@@ -72,20 +73,20 @@ fn a_straight_chain_moves_sideways_everywhere() {
 }
 
 #[test]
-fn a_node_in_the_plane_of_its_fibers_moves_out_of_it() {
+fn a_node_with_coplanar_fibers_moves_out_of_their_plane() {
     let mut nodes: Vec<[f64; 3]> = (0..8).map(|k| [k & 1, k >> 1 & 1, k >> 2].map(f64::from)).collect();
     // A node with four fibers to corners of the cube, all in the plane z = x.
     nodes.push([0.5, 0.3, 0.5]);
     let network = Network::new("plane", nodes, vec![[8, 0], [8, 2], [8, 5], [8, 7], [0, 1]]).unwrap();
-    let found = assert_as_by_eigenvectors(&network, 1e-9);
+    let found = assert_agrees_with_eigenvectors(&network, 1e-9);
     assert_eq!((found.zero_modes, found.self_stresses), (1, 2));
     assert_eq!((found.single_node_modes, found.few_fibers, found.coplanar_fibers), (1, 0, 1));
     assert_eq!((found.most_mobile[0].node, found.most_mobile[0].position), (8, [0.0, -0.2, 0.0]));
 }
 
 #[test]
-fn the_frozen_network_is_as_rigid_as_its_eigenvalues_say() {
-    let found = assert_as_by_eigenvectors(&support::frozen(), 1e-6);
+fn the_rigidity_of_the_frozen_network_agrees_with_its_eigenvalues() {
+    let found = assert_agrees_with_eigenvectors(&support::frozen(), 1e-6);
     assert_eq!((found.zero_modes, found.self_stresses), (0, 151 - 36));
 }
 
@@ -93,14 +94,14 @@ fn the_frozen_network_is_as_rigid_as_its_eigenvalues_say() {
 #[test]
 fn voronoi_networks_are_floppy_and_delaunay_networks_rigid() {
     use biotissue::fiber::network::generate::{Alignment, GeneratorParams, Kind, delaunay, voronoi};
-    let found = assert_as_by_eigenvectors(&voronoi(25, 1).unwrap(), 1e-6);
+    let found = assert_agrees_with_eigenvectors(&voronoi(25, 1).unwrap(), 1e-6);
     assert!(found.zero_modes > 20 && !found.estimated && found.single_node_modes == 0, "{found:?}");
     let alignment = Some(Alignment::new([1.0, 0.5, 0.0], 0.6).unwrap());
     for merge_length in [0.0, 0.2] {
         let aligned = GeneratorParams { alignment, merge_length, ..GeneratorParams::new(Kind::Voronoi, 2) }
             .of_points(25)
             .unwrap();
-        assert_as_by_eigenvectors(&aligned.network, 1e-6);
+        assert_agrees_with_eigenvectors(&aligned.network, 1e-6);
     }
     let network = delaunay(60, 1).unwrap();
     let found = rigidity::<Sparse>(&(), &network).unwrap();
@@ -111,7 +112,7 @@ fn voronoi_networks_are_floppy_and_delaunay_networks_rigid() {
 
 #[cfg(feature = "generate")]
 #[test]
-fn many_modes_are_located_by_probing() {
+fn mobilities_of_many_modes_are_estimated() {
     use biotissue::fiber::network::generate::voronoi;
     let network = voronoi(140, 1).unwrap();
     let found = rigidity::<Sparse>(&(), &network).unwrap();

@@ -1,4 +1,4 @@
-//! Equilibria are minima of the energy, whichever stage reaches them, and belong to the RVE that was solved.
+//! Equilibria are minima of the energy, whichever stage finds them, and results belong to the RVE that was solved.
 use crate::support;
 use std::sync::Arc;
 
@@ -13,7 +13,8 @@ use nalgebra::{DMatrix, Matrix3};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{RngCore, SeedableRng};
 
-/// Two fibers in a straight line along x with a free common node, and boundary fibers that reach the other faces.
+/// Returns two fibers in a straight line along x with a free common node, and boundary fibers that reach the other
+/// faces.
 fn column() -> Arc<Network> {
     let nodes = vec![
         [-0.5, 0.0, 0.0],
@@ -58,11 +59,11 @@ fn a_straight_column_in_compression_buckles() {
         let mut bench = Bench::<Sparse>::new(&column(), Some(linear()));
         bench.params = bench.params.with_stages(stages);
         let straight = Rve::restored(pressed(), vec![[0.0; 3]], None);
-        // From rest, and from the unstable equilibrium itself, which needs no iteration.
+        // The solve starts from rest, and from the unstable equilibrium itself, which needs no iteration.
         for mut rve in [bench.at_rest(), straight] {
             let report = bench.solve(&mut rve, &pressed()).unwrap();
             assert_eq!((report.stage, report.saddles), (Some(Stage::Regularized), 1), "{report:?}");
-            assert_eq!((report.neutral, report.negative_pivots), (true, Some(0)), "free to turn about x: {report:?}");
+            assert_eq!((report.neutral, report.negative_pivots), (true, Some(0)), "free to rotate about x: {report:?}");
             let [x, y, z] = rve.interior()[0];
             assert!(x.abs() < 1e-6 && (y.hypot(z) - 0.3).abs() < 1e-6, "{:?}", rve.interior());
             let stretches = &bench.workspace.states().stretches[..2];
@@ -73,7 +74,7 @@ fn a_straight_column_in_compression_buckles() {
 }
 
 #[test]
-fn without_the_stage_that_leaves_it_a_saddle_point_is_an_error() {
+fn a_saddle_point_is_an_error_without_regularized_newton() {
     use Stage::{Cuts, Newton, Relaxation};
     for stages in [&[Newton][..], &[Newton, Relaxation], &[Cuts], &[Relaxation]] {
         let mut bench = Bench::<Sparse>::new(&column(), Some(linear()));
@@ -84,7 +85,7 @@ fn without_the_stage_that_leaves_it_a_saddle_point_is_an_error() {
         let expected: Vec<_> = stages.iter().map(|&stage| (stage, Some(2))).collect();
         assert_eq!(unstable(&error), expected, "{error}");
         assert!(error.to_string().contains("unstable: its stiffness has 2 negative pivots"), "{error}");
-        assert_eq!(rve, before, "a failure leaves the state alone");
+        assert_eq!(rve, before, "a failure does not change the state");
     }
 }
 
@@ -103,10 +104,10 @@ fn uniform(random: &mut ChaCha8Rng) -> f64 {
     (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64
 }
 
-/// One of the random networks of `examples/robustness.rs`, at a random deformation at which Newton finds a saddle
-/// point.
+/// The network is one of the random networks of `examples/robustness.rs`; at this random deformation, Newton's method
+/// finds a saddle point.
 #[test]
-fn newton_finds_a_saddle_point_of_a_random_network_and_the_ladder_a_minimum() {
+fn the_stages_leave_a_saddle_point_that_newton_finds() {
     let seed = 5;
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut params = GeneratorParams::new(Kind::Delaunay, seed);
@@ -135,7 +136,7 @@ fn newton_finds_a_saddle_point_of_a_random_network_and_the_ladder_a_minimum() {
     let report = bench.solve(&mut rve, &f).unwrap();
     assert_eq!((report.stage, report.saddles), (Some(Stage::Regularized), 1), "{report:?}");
     assert_eq!((report.neutral, report.negative_pivots), (false, Some(0)), "{report:?}");
-    assert!(stiffness(&bench).cholesky().is_some(), "its stiffness is positive definite");
+    assert!(stiffness(&bench).cholesky().is_some(), "the stiffness is not positive definite");
 }
 
 /// Assembles the whole stiffness of the interior nodes from the fiber states in the workspace.
@@ -161,7 +162,7 @@ fn stiffness(bench: &Bench<Sparse>) -> DMatrix<f64> {
 
 /// The other model has the same network with another law, or another network of the same or another size.
 #[test]
-fn a_workspace_or_an_rve_of_another_network_is_refused() {
+fn a_workspace_or_an_rve_of_another_network_is_rejected() {
     let (f, params) = (Matrix3::identity(), EquilibriumParams::default());
     let mut own = Bench::<Sparse>::new(&column(), Some(linear()));
     let mut stiffer = Bench::<Sparse>::new(&column(), Some(support::laws()[1].clone()));
@@ -187,9 +188,9 @@ fn a_workspace_or_an_rve_of_another_network_is_refused() {
     assert_eq!(moved.solve(&mut kept, &f).unwrap_err(), RveError::State(RveStateError::Network));
 }
 
-/// Two RVEs solved in turn in one workspace have the tangents that they have in separate workspaces.
+/// Two RVEs that are solved alternately in one workspace have the same tangents as in separate workspaces.
 #[test]
-fn a_tangent_is_of_the_rve_that_was_solved() {
+fn a_tangent_belongs_to_the_rve_that_was_solved() {
     let network = support::frozen();
     let [mut both, mut alone] = [(); 2].map(|()| Bench::<Sparse>::new(&network, Some(support::laws()[1].clone())));
     let targets = [[1.1, 1.0, 0.95], [0.95, 1.2, 1.0]].map(|stretches| Matrix3::from_diagonal(&stretches.into()));
@@ -204,21 +205,21 @@ fn a_tangent_is_of_the_rve_that_was_solved() {
     }
 }
 
-/// The modulus does not matter, but the unit of lengths does: 1 mm taken for 1 m is a stretch of 1000.
+/// The forces are excessive because of the unit of lengths, not of the modulus: 1 mm read as 1 m is a stretch of 1000.
 #[test]
-fn forces_out_of_all_proportion_end_the_ladder_at_once() {
+fn excessive_forces_end_all_stages() {
     let mut bench = Bench::<Sparse>::new(&support::frozen(), Some(support::laws()[1].clone()));
     for stretch in [20.0, 40.0, 1e3, 1e60] {
         let mut rve = bench.at_rest();
         let before = rve.clone();
-        // Newton fails after its single iteration, and no later stage may be tried.
+        // Newton's method fails after its single iteration, and no later stage may be tried.
         bench.params.newton.max_iterations = 1;
         let error = bench.solve(&mut rve, &Matrix3::from_diagonal(&[stretch, 1.0, 1.0].into())).unwrap_err();
         let RveError::ExcessiveForce(force) = &error else { panic!("{error}") };
         assert!(force.force_ratio >= 1e12 && force.stretch > 0.5 * stretch, "{error}");
-        let said = "the law exponential (youngs_modulus = 100000000.0, nonlinearity = 1.2) pulls with ";
+        let message = "the law exponential (youngs_modulus = 100000000.0, nonlinearity = 1.2) pulls with ";
         assert!(
-            error.to_string().contains(said) && error.to_string().contains("check the units of lengths"),
+            error.to_string().contains(message) && error.to_string().contains("check the units of lengths"),
             "{error}"
         );
         assert_eq!(rve, before);

@@ -1,4 +1,4 @@
-//! The condensed tangent of an RVE, against central differences of the stress and against the corner form.
+//! The condensed tangent of an RVE is compared with central differences of the stress and with the corner form.
 use crate::support;
 use std::sync::Arc;
 
@@ -16,7 +16,7 @@ fn states() -> [(&'static str, Matrix3<f64>); 3] {
     let strain = Matrix3::new(1.0, 0.4, 0.0, 0.2, -0.5, 0.3, 0.1, 0.0, 0.4);
     let large = Matrix3::identity() + strain * 0.15;
     let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), std::f64::consts::FRAC_PI_2);
-    [("1 %", Matrix3::identity() + strain * 0.01), ("15 %", large), ("15 % turned", turn * large)]
+    [("1 %", Matrix3::identity() + strain * 0.01), ("15 %", large), ("15 % rotated", turn * large)]
 }
 
 /// Creates a model whose solver has a tolerance tight enough for difference quotients.
@@ -112,14 +112,15 @@ fn rotating_the_deformation_rotates_the_stress() {
             bench.solve(&mut rve, &f).unwrap();
             let pk1 = bench.pk1();
             let report = bench.solve(&mut rve, &(turn * f)).unwrap();
-            assert_eq!(report.iterations, 0, "a turned equilibrium is an equilibrium");
+            assert_eq!(report.iterations, 0, "a rotated equilibrium needs no iteration");
             assert!((turn * pk1 - bench.pk1()).amax() < 1e-10 * pk1.amax());
         }
     }
 }
 
-/// The corner form of the thesis (C.4 to C.18): the boundary follows the eight corners trilinearly, the stiffness is
-/// condensed onto the corners, and the corners move by `F`. Written densely and without any of the crate's assembly.
+/// Returns the tangent in the corner form of the thesis (C.4 to C.18): the boundary follows the eight corners
+/// trilinearly, the stiffness is condensed onto the corners, and the corners move by `F`. All matrices are dense, and
+/// nothing of the crate's assembly is used.
 fn corner_form(bench: &Bench<Sparse>) -> Tangent {
     let network = bench.model.network();
     let (truss, states) = (bench.model.truss(), bench.workspace.states());
@@ -172,7 +173,7 @@ fn the_tangent_equals_the_corner_form() {
 }
 
 #[test]
-fn the_tangent_does_not_depend_on_what_was_solved_before() {
+fn the_tangent_does_not_depend_on_earlier_solves() {
     let network = support::frozen();
     let [_, material, ..] = support::laws();
     let [(_, small), (_, large), _] = states();
@@ -187,5 +188,5 @@ fn the_tangent_does_not_depend_on_what_was_solved_before() {
     used.tangent(&other);
     let mut rve = used.at_rest();
     used.solve(&mut rve, &large).unwrap();
-    assert_eq!(used.tangent(&rve), expected, "bit for bit");
+    assert_eq!(used.tangent(&rve), expected, "bitwise");
 }

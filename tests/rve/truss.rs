@@ -1,4 +1,4 @@
-//! The passes over the fibers of a truss, against formulas written out fiber by fiber.
+//! The passes over the fibers of a truss are compared with formulas that are evaluated fiber by fiber.
 use std::sync::Arc;
 
 use biotissue::fiber::law::{FiberLaw, FiberMaterial, Law};
@@ -17,7 +17,7 @@ fn materials() -> [FiberMaterial; 3] {
     .map(|(law, radius)| FiberMaterial { law, radius, density: None })
 }
 
-/// Fibers of three types, more of each than fit one batch.
+/// Returns a network with three types of fibers, with more fibers of each type than one batch contains.
 fn network() -> Arc<Network> {
     let types = materials().into_iter().zip([0.5, 0.3, 0.2]).map(|(material, part)| (part, material)).collect();
     Arc::new(delaunay(120, 3).unwrap().with_random_types(types, 5).unwrap())
@@ -28,7 +28,7 @@ fn moved(network: &Network) -> Vec<[f64; 3]> {
 }
 
 #[test]
-fn every_fiber_gets_what_its_own_law_says() {
+fn every_fiber_is_evaluated_with_its_own_law() {
     let network = network();
     let truss = Truss::new(Arc::clone(&network), None).unwrap();
     let (positions, mut states) = (moved(&network), FiberStates::default());
@@ -54,7 +54,7 @@ fn every_fiber_gets_what_its_own_law_says() {
 }
 
 #[test]
-fn one_pass_gives_what_two_give() {
+fn one_pass_gives_the_results_of_two() {
     let network = network();
     let truss = Truss::new(Arc::clone(&network), None).unwrap();
     let positions = moved(&network);
@@ -63,9 +63,9 @@ fn one_pass_gives_what_two_give() {
     truss.evaluate(&positions, &mut two);
     truss.nodal_forces(&two, &mut forces[0]);
     truss.evaluate_with_forces(&positions, &mut one, &mut forces[1]);
-    assert_eq!(forces[0], forces[1], "bit for bit");
+    assert_eq!(forces[0], forces[1], "bitwise");
     assert_eq!((&one.forces, &one.material_stiffness), (&two.forces, &two.material_stiffness));
-    // Internal forces of a network balance.
+    // The internal forces of a network sum to zero.
     let sum = (0..3).map(|i| forces[0].iter().map(|f| f[i]).sum::<f64>());
     let largest = forces[0].iter().flatten().fold(0.0_f64, |m, f| m.max(f.abs()));
     assert!(sum.into_iter().all(|sum| sum.abs() < 1e-12 * largest));

@@ -1,5 +1,5 @@
 //! An allocator that counts the allocations of each thread. Other tests, on other threads, do not affect the counts.
-#![allow(dead_code, reason = "every test file uses a part of it")]
+#![allow(dead_code, reason = "every test file uses only a part of this module")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -8,7 +8,9 @@ use std::cell::Cell;
 pub struct Counting;
 
 thread_local! {
+    /// Number of allocations.
     static CALLS: Cell<usize> = const { Cell::new(0) };
+    /// Number of bytes allocated and not freed.
     static IN_USE: Cell<isize> = const { Cell::new(0) };
 }
 

@@ -1,4 +1,4 @@
-//! Starts the running program again, as MPI processes.
+//! Starts the running program again as several MPI processes.
 
 use std::ffi::{OsStr, OsString};
 use std::io;
@@ -7,11 +7,12 @@ use std::process::Command;
 /// The command that starts MPI processes: `mpirun`, or the value of the environment variable `MPIRUN`.
 pub struct Launcher {
     program: OsString,
-    /// Open MPI starts more processes than cores only with an option.
+    /// True for Open MPI, which starts more processes than cores only with an option.
     is_open_mpi: bool,
 }
 
 impl Launcher {
+    /// Finds the command and determines its implementation of MPI.
     pub fn find() -> io::Result<Self> {
         let program = std::env::var_os("MPIRUN").unwrap_or_else(|| "mpirun".into());
         let version = command(&program).arg("--version").output()?;
@@ -31,7 +32,7 @@ impl Launcher {
     }
 }
 
-/// Allows the user root, as in containers.
+/// Returns a command whose environment allows the user root, as in containers.
 fn command(program: &OsStr) -> Command {
     let mut command = Command::new(program);
     command.envs([("OMPI_ALLOW_RUN_AS_ROOT", "1"), ("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")]);

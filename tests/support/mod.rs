@@ -1,5 +1,5 @@
 //! Networks and a solver of one RVE, shared by several test files.
-#![allow(dead_code, reason = "every test file uses a part of it")]
+#![allow(dead_code, reason = "every test file uses only a part of this module")]
 
 #[path = "networks.rs"]
 mod networks;
@@ -54,7 +54,7 @@ pub fn laws() -> [FiberMaterial; 3] {
     .map(|law| FiberMaterial { law, radius: 5.0e-5, density: None })
 }
 
-/// A model with its workspace.
+/// A model of an RVE with its workspace and parameters.
 pub struct Bench<B: Backend> {
     pub model: RveModel<B>,
     pub workspace: Workspace<B>,
@@ -64,14 +64,14 @@ pub struct Bench<B: Backend> {
 }
 
 impl<B: RealBackend<Context = ()>> Bench<B> {
-    /// Uses `material`, or else the materials of the network's files, and does not scale the stress.
+    /// Creates a model with `material`, or else with the materials of the network, that does not scale the stress.
     pub fn new(network: &Arc<Network>, material: Option<FiberMaterial>) -> Self {
         Self::within(&(), network, material)
     }
 }
 
 impl<B: RealBackend> Bench<B> {
-    /// Like [`Bench::new`], in a context.
+    /// Like [`Bench::new`], in a context of the backend.
     pub fn within(context: &B::Context, network: &Arc<Network>, material: Option<FiberMaterial>) -> Self {
         Self::solved_by(context, network, material, &SolverParams::default())
     }

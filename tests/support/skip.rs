@@ -1,5 +1,5 @@
-//! Tests that cannot run on this machine. The harness of Rust counts them as passed and hides their output; this module
-//! lists them below its summary.
+//! A list of the tests that cannot run on this machine. The test harness of Rust counts them as passed and hides their
+//! output; this module lists them below its summary.
 
 use std::ffi::c_int;
 use std::io::Write;
@@ -14,18 +14,18 @@ unsafe extern "C" {
     safe fn atexit(function: extern "C" fn()) -> c_int;
 }
 
-/// Records that the running test skips, or skips a part of, its checks. The test must then return.
+/// Records that the running test skips all or a part of its checks.
 pub fn skip(reason: &str) {
     let mut skipped = SKIPPED.lock().unwrap_or_else(PoisonError::into_inner);
     if skipped.is_empty() {
         atexit(print_skipped);
     }
-    // The harness names the thread of a test after the test; with `--test-threads=1` there is only the main thread.
+    // The harness names the thread of a test after the test; with `--test-threads=1`, there is only the main thread.
     let test = std::thread::current().name().unwrap_or("main").to_owned();
     skipped.push((test, reason.to_owned()));
 }
 
-/// Prints the list to stderr, which the harness captures only from `eprint`.
+/// Prints the list to stderr; the harness captures only the output of `eprint`.
 extern "C" fn print_skipped() {
     let mut skipped = SKIPPED.lock().unwrap_or_else(PoisonError::into_inner);
     skipped.sort();

@@ -1,4 +1,4 @@
-//! The files that an interrupted run leaves, and whether a run may resume from them.
+//! The files that an interrupted run leaves behind, and the conditions under which a run resumes from them.
 
 use std::fs;
 use std::path::Path;
@@ -11,25 +11,25 @@ use biotissue::backends::comm::thread;
 
 use super::{CASE, Killed, assert_same, contents, copy, resume, simulation, whole_and_killed};
 
-/// A resumed run needs all results up to its checkpoint, unchanged.
+/// A run is resumed only if all results up to its checkpoint exist and are unchanged.
 #[test]
-fn results_that_were_changed_are_not_gone_on_with() {
+fn a_run_with_changed_results_is_not_resumed() {
     let root = tempfile::tempdir().unwrap();
     let (whole, killed) = whole_and_killed(root.path());
     let text = fs::read_to_string(killed.join("loads.csv")).unwrap();
     let [header, one, two, three] = text.lines().collect::<Vec<_>>()[..] else { panic!("{text}") };
     let last_digit = two.replacen("e0,", "1e0,", 1);
-    let refused = |change: &dyn Fn(&Path), said: &str| {
+    let refused = |change: &dyn Fn(&Path), message: &str| {
         let changed = root.path().join("changed");
         copy(&killed, &changed);
         change(&changed);
         let before = contents(&changed);
         let error = simulation(CASE).resume(&changed).unwrap_err();
-        assert!(matches!(error, ResumeError::Results(_)) && error.to_string().contains(said), "{said}: {error}");
-        assert!(contents(&changed) == before, "nothing is touched");
+        assert!(matches!(error, ResumeError::Results(_)) && error.to_string().contains(message), "{message}: {error}");
+        assert!(contents(&changed) == before, "files were changed");
         fs::remove_dir_all(&changed).unwrap();
     };
-    for (lines, said) in [
+    for (lines, message) in [
         (vec![header, one, three], "loads.csv:3: has load step 3 where step 2 belongs"),
         (vec![header, one, one, two, three], "loads.csv:3: has load step 1 where step 2 belongs"),
         (vec![header, two, one, three], "loads.csv:2: has load step 2 where step 1 belongs"),
@@ -37,7 +37,7 @@ fn results_that_were_changed_are_not_gone_on_with() {
         (vec![header, one, &last_digit, three], "loads.csv:3: was changed since the run"),
     ] {
         let lines: String = lines.iter().map(|line| format!("{line}\n")).collect();
-        refused(&|dir| fs::write(dir.join("loads.csv"), &lines).unwrap(), said);
+        refused(&|dir| fs::write(dir.join("loads.csv"), &lines).unwrap(), message);
     }
     for file in ["loads.csv", "fields-00001.vtu", "fields-00002.vtu", "rve/element-00007-step-00001.vtp"] {
         refused(&|dir| fs::remove_file(dir.join(file)).unwrap(), &format!("{file}: is missing"));
@@ -53,13 +53,16 @@ fn results_that_were_changed_are_not_gone_on_with() {
     fs::remove_file(killed.join("fields.pvd")).unwrap();
     fs::remove_file(killed.join("fields-00003.vtu")).unwrap();
     let resumed = resume(CASE, &killed);
-    let [said] = &resumed.warnings[..] else { panic!("{resumed:?}") };
-    assert!(said.contains("fields.pvd: does not list 2 field files of the run, which will be listed again"), "{said}");
+    let [message] = &resumed.warnings[..] else { panic!("{resumed:?}") };
+    assert!(
+        message.contains("fields.pvd: does not list 2 field files of the run, which will be listed again"),
+        "{message}"
+    );
     assert_same(&whole, &killed);
 }
 
 #[test]
-fn collections_of_networks_that_are_lost_are_restored() {
+fn lost_collections_of_networks_are_restored() {
     let root = tempfile::tempdir().unwrap();
     let (whole, killed) = whole_and_killed(root.path());
     fs::remove_file(killed.join("rve/element-00007.pvd")).unwrap();
@@ -68,11 +71,11 @@ fn collections_of_networks_that_are_lost_are_restored() {
     let lines: Vec<&str> = text.lines().filter(|line| !line.contains("step-00001")).collect();
     fs::write(&cut, lines.join("\n")).unwrap();
     let resumed = resume(CASE, &killed);
-    let said = |file: &str, what: &str| {
+    let message = |file: &str, what: &str| {
         let collection = killed.join(file);
         format!("{}: does not list {what} of the run, which will be listed again", collection.display())
     };
-    let expected = [said("rve/element-00000.pvd", "a network"), said("rve/element-00007.pvd", "2 networks")];
+    let expected = [message("rve/element-00000.pvd", "a network"), message("rve/element-00007.pvd", "2 networks")];
     assert_eq!(resumed.warnings, expected);
     assert_same(&whole, &killed);
 }
@@ -81,21 +84,21 @@ fn collections_of_networks_that_are_lost_are_restored() {
 fn results_without_a_checkpoint_are_not_removed() {
     let root = tempfile::tempdir().unwrap();
     let (whole, _) = whole_and_killed(root.path());
-    let refused = |text: &str, dir: &Path, said: &str| {
+    let refused = |text: &str, dir: &Path, message: &str| {
         let before = contents(dir);
         let error = simulation(text).resume(dir).unwrap_err();
-        assert!(matches!(error, ResumeError::NoCheckpoint { .. }) && error.to_string().contains(said), "{error}");
-        assert!(contents(dir) == before, "nothing is touched");
+        assert!(matches!(error, ResumeError::NoCheckpoint { .. }) && error.to_string().contains(message), "{error}");
+        assert!(contents(dir) == before, "files were changed");
     };
     // The loads or the log alone show that there are results.
-    for (missing, said) in
+    for (missing, message) in
         [("log.jsonl", "loads.csv: holds 4 load steps"), ("loads.csv", "log.jsonl: holds 4 load steps")]
     {
         let bare = root.path().join("bare");
         copy(&whole, &bare);
         fs::remove_dir_all(bare.join("checkpoint")).unwrap();
         fs::remove_file(bare.join(missing)).unwrap();
-        refused(CASE, &bare, said);
+        refused(CASE, &bare, message);
         fs::remove_dir_all(&bare).unwrap();
     }
     let fields = root.path().join("fields");
@@ -115,7 +118,7 @@ fn results_without_a_checkpoint_are_not_removed() {
 }
 
 #[test]
-fn what_was_being_written_is_removed() {
+fn temporary_files_of_a_killed_run_are_removed() {
     let root = tempfile::tempdir().unwrap();
     let (whole, killed) = whole_and_killed(root.path());
     for name in ["case.toml", "loads.csv", "log.jsonl", "fields.pvd", "fields-00003.vtu", "report.html"] {
@@ -128,7 +131,7 @@ fn what_was_being_written_is_removed() {
     assert_eq!(fs::read_to_string(killed.join(".notes.txt.77.part")).unwrap(), "mine");
     fs::remove_file(killed.join(".notes.txt.77.part")).unwrap();
     assert_same(&whole, &killed);
-    // A run that was killed while it removed an old checkpoint, or while it wrote its first file.
+    // The same holds for a run that was killed while it removed an old checkpoint, or while it wrote its first file.
     fs::copy(whole.join("checkpoint/step-00003.bin"), killed.join("checkpoint/step-00001.bin")).unwrap();
     resume(CASE, &killed);
     assert_same(&whole, &killed);
@@ -139,9 +142,9 @@ fn what_was_being_written_is_removed() {
     assert_same(&whole, &killed);
 }
 
-/// Only the root accesses the directory, and no rank waits for a message that is never sent.
+/// Only the root accesses the directory, but all ranks return the error and none waits for a message.
 #[test]
-fn ranks_of_a_body_learn_alike_that_a_directory_is_in_use() {
+fn all_ranks_report_that_a_directory_is_in_use() {
     let root = tempfile::tempdir().unwrap();
     let dir = root.path().join("results");
     let (lock, _) = DirectoryLock::acquire(&dir).unwrap();
@@ -149,12 +152,12 @@ fn ranks_of_a_body_learn_alike_that_a_directory_is_in_use() {
         let broken = OnceLock::new();
         let ranks = RootWriter { comm: &comm, broken: &broken };
         let mut simulation = simulation(CASE);
-        let said = [
+        let message = [
             simulation.take_directory(&ranks, &dir).unwrap_err().to_string(),
             simulation.resume_among(&ranks, &dir).unwrap_err().to_string(),
             simulation.run_among(&ranks, &dir, &mut ()).unwrap_err().to_string(),
         ];
-        assert!(said.iter().all(|said| said.contains("in use by another run: process ")), "{said:?}");
+        assert!(message.iter().all(|message| message.contains("in use by another run: process ")), "{message:?}");
         Ok::<_, ResultsError>(())
     });
     assert!(outcome.is_ok(), "{outcome:?}");
@@ -162,9 +165,9 @@ fn ranks_of_a_body_learn_alike_that_a_directory_is_in_use() {
     assert_eq!(fs::read_dir(&dir).unwrap().count(), 0);
 }
 
-/// Fields are not written at every step, so the run may be killed after a step without fields.
+/// If fields are not written at every step, the run may be killed after a step without fields.
 #[test]
-fn a_run_with_fewer_fields_goes_on_too() {
+fn a_run_with_fewer_fields_is_resumed() {
     let root = tempfile::tempdir().unwrap();
     let text = CASE.replace("[output]", "[output]\nevery = 3");
     let (whole, killed) = (root.path().join("whole"), root.path().join("killed"));

@@ -8,12 +8,12 @@ use super::{Outcome, first};
 
 const TAG: Tag = Tag::of(3);
 
-/// The ranks after and before this one, in a ring.
+/// Returns the ranks after and before this one in a ring.
 fn neighbors<C: Comm>(comm: &C) -> (usize, usize) {
     ((comm.rank() + 1) % comm.size(), (comm.rank() + comm.size() - 1) % comm.size())
 }
 
-pub fn messages_of_one_tag_arrive_in_order_and_tags_stay_apart<C: Comm>(comm: &C) -> Outcome {
+pub fn messages_of_a_tag_arrive_in_order_independently_of_other_tags<C: Comm>(comm: &C) -> Outcome {
     let (next, last) = neighbors(comm);
     let mut sendings = Vec::new();
     for k in 0..10_u64 {
@@ -33,7 +33,7 @@ pub fn messages_of_one_tag_arrive_in_order_and_tags_stay_apart<C: Comm>(comm: &C
     Ok(())
 }
 
-pub fn messages_of_any_length_arrive_whole<C: Comm>(comm: &C) -> Outcome {
+pub fn messages_of_any_length_arrive_complete<C: Comm>(comm: &C) -> Outcome {
     let (next, last) = neighbors(comm);
     let bytes = |rank: usize, len: usize| (0..len).map(|k| (rank + 3 * k) as u8).collect::<Vec<u8>>();
     for len in [0, 1, 7, 8, 9, 65_537, 3_000_001] {
@@ -45,9 +45,9 @@ pub fn messages_of_any_length_arrive_whole<C: Comm>(comm: &C) -> Outcome {
     Ok(())
 }
 
-pub fn what_all_do_together_is_the_same_for_all<C: Comm>(comm: &C) -> Outcome {
+pub fn collective_operations_give_the_same_result_on_all_ranks<C: Comm>(comm: &C) -> Outcome {
     let (rank, size) = (comm.rank(), comm.size());
-    // Rank 0 has an empty message, and the lengths are no multiples of eight bytes.
+    // Rank 0 has an empty message, and the lengths are not multiples of eight bytes.
     for unit in [1, 10_001] {
         let of_rank = |rank: usize| Message::of(&vec![rank as u8; unit * rank]);
         let of_all: Vec<Message> = (0..size).map(of_rank).collect();
@@ -68,7 +68,7 @@ pub fn what_all_do_together_is_the_same_for_all<C: Comm>(comm: &C) -> Outcome {
     Ok(())
 }
 
-pub fn groups_do_not_hear_each_other<C: Comm>(comm: &C) -> Outcome {
+pub fn groups_do_not_receive_messages_of_each_other<C: Comm>(comm: &C) -> Outcome {
     let color = if comm.rank() == 2 { None } else { Some(comm.rank() % 2) };
     let group = comm.split(color, 0)?;
     assert_eq!(group.is_some(), color.is_some());
@@ -88,7 +88,7 @@ pub fn groups_do_not_hear_each_other<C: Comm>(comm: &C) -> Outcome {
     Ok(())
 }
 
-pub fn a_failure_of_one_is_agreed_on_by_all<C: Comm>(comm: &C) -> Outcome {
+pub fn all_ranks_agree_on_the_failure_of_one<C: Comm>(comm: &C) -> Outcome {
     let own = if comm.rank() == comm.size() / 2 { Err("no convergence") } else { Ok(comm.rank()) };
     match comm.agree(own) {
         Err(Disagreement::Own(reason)) => assert_eq!((comm.rank(), reason), (comm.size() / 2, "no convergence")),
@@ -113,7 +113,7 @@ pub fn sums_are_in_the_order_of_the_ranks<C: Comm>(comm: &C) -> Outcome {
     Ok(())
 }
 
-pub fn who_does_not_answer_in_time_is_named<C: Comm>(comm: &C) -> Outcome {
+pub fn a_time_out_of_receive_names_the_sender<C: Comm>(comm: &C) -> Outcome {
     let waited = Duration::from_millis(50);
     let (from, _) = neighbors(comm);
     let error = comm.duplicate(Some(waited))?.receive(from, TAG).map(drop);
@@ -122,8 +122,8 @@ pub fn who_does_not_answer_in_time_is_named<C: Comm>(comm: &C) -> Outcome {
     Ok(())
 }
 
-/// All ranks but one take part, one of them without a time-out.
-pub fn who_does_not_take_part_in_time_is_named<C: Comm>(comm: &C) -> Outcome {
+/// All ranks but one call `gather`, one of them without a time-out.
+pub fn a_time_out_of_gather_names_the_missing_rank<C: Comm>(comm: &C) -> Outcome {
     let waited = Duration::from_millis(50);
     let Some(comm) = first(comm, 3)? else { return Ok(()) };
     let timed = comm.duplicate((comm.rank() != 2).then_some(waited))?;
@@ -136,7 +136,7 @@ pub fn who_does_not_take_part_in_time_is_named<C: Comm>(comm: &C) -> Outcome {
     Ok(())
 }
 
-pub fn there_is_no_rank_beyond_the_last<C: Comm>(comm: &C) -> Outcome {
+pub fn ranks_that_do_not_exist_are_errors<C: Comm>(comm: &C) -> Outcome {
     let (rank, size) = (comm.size(), comm.size());
     assert_eq!(comm.send(rank, TAG, Message::new()), Err(CommError::Rank { rank, size }));
     assert_eq!(comm.broadcast(rank, Message::new()), Err(CommError::Rank { rank, size }));

@@ -1,4 +1,4 @@
-//! Scales, each on its own ranks.
+//! Checks of scales, each of which has its own ranks.
 
 use std::time::Duration;
 
@@ -7,7 +7,7 @@ use biotissue::las::{Comm, Message};
 
 use super::{Outcome, first};
 
-/// A plan for six ranks.
+/// Returns a plan for six ranks.
 fn plan() -> Plan {
     Plan::default()
         .with("organ", Share::Count(2))
@@ -15,7 +15,7 @@ fn plan() -> Plan {
         .with("cells", Share::Ratio(1.0))
 }
 
-pub fn each_rank_is_of_one_scale_and_finds_the_others<C: Comm>(comm: &C) -> Outcome {
+pub fn each_rank_belongs_to_one_scale_and_finds_the_others<C: Comm>(comm: &C) -> Outcome {
     let Some(comm) = first(comm, 6)? else { return Ok(()) };
     let scales = Scales::new(&comm, &plan())?;
     let own = scales.own();
@@ -49,7 +49,7 @@ pub fn each_scale_runs_its_own_main<C: Comm>(comm: &C) -> Outcome {
     Ok(())
 }
 
-pub fn what_a_scale_tells_all_ranks_of_another_hear<C: Comm>(comm: &C) -> Outcome {
+pub fn a_broadcast_reaches_all_ranks_of_another_scale<C: Comm>(comm: &C) -> Outcome {
     let Some(comm) = first(comm, 6)? else { return Ok(()) };
     let scales = Scales::new(&comm, &plan())?;
     for step in 0..3_u64 {
@@ -64,7 +64,7 @@ pub fn what_a_scale_tells_all_ranks_of_another_hear<C: Comm>(comm: &C) -> Outcom
     Ok(())
 }
 
-pub fn a_plan_for_other_ranks_is_refused_by_all<C: Comm>(comm: &C) -> Outcome {
+pub fn a_plan_for_another_number_of_ranks_is_rejected_on_all_ranks<C: Comm>(comm: &C) -> Outcome {
     let size = comm.size();
     let plan = Plan::default().with("macro", Share::Count(1)).with("micro", Share::Count(size));
     let refused = Scales::new(comm, &plan).map(drop).map_err(|error| error.to_string());
@@ -74,7 +74,7 @@ pub fn a_plan_for_other_ranks_is_refused_by_all<C: Comm>(comm: &C) -> Outcome {
 }
 
 /// A scale that never sends is named in the error, if there is a time-out.
-pub fn a_scale_that_does_not_answer_is_named<C: Comm>(comm: &C) -> Outcome {
+pub fn a_time_out_names_the_scale_that_does_not_send<C: Comm>(comm: &C) -> Outcome {
     let Some(comm) = first(comm, 2)? else { return Ok(()) };
     let plan = Plan::default().with("asks", Share::Count(1)).with("sleeps", Share::Count(1));
     let scales = Scales::with_time_out(&comm, &plan, Some(Duration::from_millis(200)))?;

@@ -30,7 +30,7 @@ fn scales<C: Comm>(comm: &C, producers: usize, consumers: usize) -> Result<Scale
 }
 
 /// Compares with table 4.2 of W. R. Tobin, *The Adaptive Multiscale Simulation Infrastructure* (RPI 2018).
-pub fn tables_are_those_published<C: Comm>(comm: &C) -> Outcome {
+pub fn distributions_are_those_published<C: Comm>(comm: &C) -> Outcome {
     let Some(comm) = first(comm, 12)? else { return Ok(()) };
     let scales = scales(&comm, 4, 8)?;
     let counts = [125, 122, 128, 132];
@@ -49,7 +49,7 @@ pub fn tables_are_those_published<C: Comm>(comm: &C) -> Outcome {
     Ok(())
 }
 
-pub fn another_layout_on_the_other_side_is_refused_by_both<C: Comm>(comm: &C) -> Outcome {
+pub fn different_layouts_are_rejected_on_both_sides<C: Comm>(comm: &C) -> Outcome {
     if comm.size() < 2 {
         return Ok(());
     }
@@ -60,17 +60,17 @@ pub fn another_layout_on_the_other_side_is_refused_by_both<C: Comm>(comm: &C) ->
         Role::Producer => Channel::<Load>::new(&coupling).map(drop),
         Role::Consumer => Channel::<Other>::new(&coupling).map(drop),
     };
-    let said = layouts.expect_err("they differ").to_string();
+    let message = layouts.expect_err("the layouts differ").to_string();
     let (load, other) = ("{ unit: u64, value: f64 } (16 bytes)", "{ value: f64, unit: u64 } (16 bytes)");
     let expected = match coupling.role() {
         Role::Producer => format!("a and b exchange different data: here {load}, there {other}"),
         Role::Consumer => format!("a and b exchange different data: here {other}, there {load}"),
     };
-    assert_eq!(said, expected);
+    assert_eq!(message, expected);
     Ok(())
 }
 
-pub fn wrong_calls_say_what_is_wrong<C: Comm>(comm: &C) -> Outcome {
+pub fn invalid_calls_are_errors<C: Comm>(comm: &C) -> Outcome {
     let Some(comm) = first(comm, 2)? else { return Ok(()) };
     let scales = scales(&comm, 1, 1)?;
     let units: &[UnitId] = if comm.rank() == 0 { &[1, 2] } else { &[] };
@@ -96,7 +96,7 @@ pub fn wrong_calls_say_what_is_wrong<C: Comm>(comm: &C) -> Outcome {
     Ok(())
 }
 
-pub fn units_that_come_one_by_one_are_spread_evenly<C: Comm>(comm: &C) -> Outcome {
+pub fn units_that_are_added_one_by_one_are_distributed_evenly<C: Comm>(comm: &C) -> Outcome {
     let Some(comm) = first(comm, 5)? else { return Ok(()) };
     let scales = scales(&comm, 2, 3)?;
     let mut coupling = Coupling::new(&scales, "a", "b", &[], &[], &EvenPartition)?;
@@ -143,7 +143,7 @@ pub fn three_scales_are_coupled_in_a_ring<C: Comm>(comm: &C) -> Outcome {
 }
 
 /// Two exchanges are pending at once, with some messages too long to be sent before they are received.
-pub fn values_come_in_while_a_rank_works<C: Comm>(comm: &C) -> Outcome {
+pub fn several_exchanges_are_pending_at_once<C: Comm>(comm: &C) -> Outcome {
     if comm.size() < 2 {
         return Ok(());
     }
@@ -174,7 +174,7 @@ pub fn values_come_in_while_a_rank_works<C: Comm>(comm: &C) -> Outcome {
 
 /// A receive that was started for the former units is rejected, because it would not fill an array for all current
 /// units.
-pub fn receiving_for_units_of_before_is_refused<C: Comm>(comm: &C) -> Outcome {
+pub fn receives_started_before_a_change_are_rejected<C: Comm>(comm: &C) -> Outcome {
     if comm.size() < 2 {
         return Ok(());
     }
@@ -184,7 +184,7 @@ pub fn receiving_for_units_of_before_is_refused<C: Comm>(comm: &C) -> Outcome {
         let first = 1000 * comm.rank() as u64 + 100 * round;
         if scales.own() == 0 { (first..first + 10).collect() } else { Vec::new() }
     };
-    // New units go to other ranks than the former ones.
+    // New units are assigned to other ranks than the former ones.
     let first_and_last = |distribution: &Distribution, rank: usize, consumers: usize| {
         let to = if distribution.held.iter().all(|&held| held == 0) { 0 } else { consumers - 1 };
         vec![to; distribution.counts[rank]]
@@ -202,7 +202,7 @@ pub fn receiving_for_units_of_before_is_refused<C: Comm>(comm: &C) -> Outcome {
     let mut found = vec![u64::MAX; coupling.units().len()];
     let refused = channel.finish_receive(&coupling, arriving, &mut found);
     if found.len() == had {
-        assert!(refused.is_ok() && found == coupling.units(), "nothing came to this rank: {refused:?}");
+        assert!(refused.is_ok() && found == coupling.units(), "no unit was added to this rank: {refused:?}");
     } else {
         assert!(matches!(refused, Err(CouplingError::Changed { .. })), "{refused:?}");
     }
@@ -210,8 +210,8 @@ pub fn receiving_for_units_of_before_is_refused<C: Comm>(comm: &C) -> Outcome {
 }
 
 /// Sends the local values of a backend's vector to a vector on the other scale and back, in all lanes.
-#[allow(dead_code, reason = "it is of backends, and some builds have none")]
-pub fn local_values_go_from_vector_to_vector<B: Backend<Scalar: Payload>, C: Comm>(
+#[allow(dead_code, reason = "builds without a backend do not call it")]
+pub fn local_values_are_sent_from_vector_to_vector<B: Backend<Scalar: Payload>, C: Comm>(
     comm: &C,
     context: &B::Context,
 ) -> Outcome {

@@ -1,5 +1,5 @@
 //! Random sequences of changes to couplings: every unit arrives exactly once and in order, whichever units are added
-//! and removed.
+//! or removed.
 
 use std::collections::{BTreeMap, HashSet};
 use std::ops::Range;
@@ -16,49 +16,50 @@ use super::units::Load;
 type Error = Box<dyn std::error::Error>;
 
 /// Runs one random sequence for each seed, between two or three scales.
-pub fn nothing_is_lost<C: Comm>(comm: &C, seeds: Range<u64>, scales: usize) -> Outcome {
+pub fn every_unit_arrives_once<C: Comm>(comm: &C, seeds: Range<u64>, scales: usize) -> Outcome {
     if comm.size() < scales {
         return Ok(());
     }
     for seed in seeds {
-        live(comm, seed, scales).map_err(|error| format!("seed {seed}: {error}"))?;
+        run_sequence(comm, seed, scales).map_err(|error| format!("seed {seed}: {error}"))?;
     }
     Ok(())
 }
 
-fn live<C: Comm>(comm: &C, seed: u64, count: usize) -> Outcome {
-    let mut draw = Draw { random: Random::new(seed), last: 0 };
+/// Creates the couplings of `count` scales and changes them at random, with an exchange after every change.
+fn run_sequence<C: Comm>(comm: &C, seed: u64, count: usize) -> Outcome {
+    let mut draw = RandomChoices { random: Random::new(seed), next: 0 };
     let scales = Scales::new(comm, &draw.plan(comm.size(), count))?;
     let couplings: &[[&str; 2]] = match count {
         2 => &[["a", "b"]],
         _ => &[["a", "b"], ["b", "c"], ["c", "a"], ["b", "a"]],
     };
-    let mut lives = Vec::new();
+    let mut tested = Vec::new();
     for &names in couplings {
-        lives.push(Life::begin(&scales, names, &mut draw)?);
+        tested.push(TestedCoupling::new(&scales, names, &mut draw)?);
     }
     for step in 0..=draw.random.below(6) {
-        let which = draw.random.below(lives.len());
+        let which = draw.random.below(tested.len());
         match draw.random.below(3) {
-            0 if step > 0 => lives[which].grow(&mut draw)?,
-            1 if step > 0 => lives[which].shrink(&mut draw)?,
+            0 if step > 0 => tested[which].add_units(&mut draw)?,
+            1 if step > 0 => tested[which].remove_units(&mut draw)?,
             _ => {}
         }
-        for life in &mut lives {
-            life.exchange()?;
+        for coupling in &mut tested {
+            coupling.exchange()?;
         }
     }
-    lives.iter().try_for_each(|life| life.end(comm))
+    tested.iter().try_for_each(|coupling| coupling.check_distribution(comm))
 }
 
-/// The random choices, which all ranks draw alike; each rank then takes its own units by its number.
-struct Draw {
+/// The random choices, which are the same on all ranks.
+struct RandomChoices {
     random: Random,
     /// The number of the next unit.
-    last: UnitId,
+    next: UnitId,
 }
 
-impl Draw {
+impl RandomChoices {
     /// Draws the numbers of ranks, at least one, of the scales `a`, `b` and so on.
     fn plan(&mut self, ranks: usize, scales: usize) -> Plan {
         let (mut plan, mut left) = (Plan::default(), ranks);
@@ -74,65 +75,65 @@ impl Draw {
     fn units(&mut self, producers: usize, most: usize) -> Vec<Vec<UnitId>> {
         (0..producers)
             .map(|_| {
-                let first = self.last;
-                self.last += 7 * self.random.below(most + 1) as u64;
-                (first..self.last).step_by(7).collect()
+                let first = self.next;
+                self.next += 7 * self.random.below(most + 1) as u64;
+                (first..self.next).step_by(7).collect()
             })
             .collect()
     }
 }
 
-/// A coupling, and the units that it must have.
-struct Life<C: Comm> {
+/// A coupling, and the units that it is expected to have.
+struct TestedCoupling<C: Comm> {
     /// The side of this rank; `None` on the ranks of a third scale, which only draw the same random numbers.
     side: Option<Side<C>>,
-    /// The current units, by rank of the producer.
-    alive: Vec<Vec<UnitId>>,
+    /// The expected units, by rank of the producer.
+    expected: Vec<Vec<UnitId>>,
 }
 
-impl<C: Comm> Life<C> {
-    fn begin(scales: &Scales<C>, names: [&str; 2], draw: &mut Draw) -> Result<Self, Error> {
+impl<C: Comm> TestedCoupling<C> {
+    fn new(scales: &Scales<C>, names: [&str; 2], draw: &mut RandomChoices) -> Result<Self, Error> {
         let producer = scales.find(names[0]).ok_or("there is no such scale")?;
-        let alive = draw.units(scales.ranks(producer).len(), 9);
-        let how = draw.random.below(3);
+        let expected = draw.units(scales.ranks(producer).len(), 9);
+        let partition = draw.random.below(3);
         let own = scales.name(scales.own());
         let rank = scales.comm().rank();
-        let units: &[UnitId] = if own == names[0] { &alive[rank] } else { &[] };
-        let side = if names.contains(&own) { Some(Side::begin(scales, names, units, how)?) } else { None };
-        Ok(Self { side, alive })
+        let units: &[UnitId] = if own == names[0] { &expected[rank] } else { &[] };
+        let side = if names.contains(&own) { Some(Side::new(scales, names, units, partition)?) } else { None };
+        Ok(Self { side, expected })
     }
 
-    /// Adds units and exchanges the values of these units alone.
-    fn grow(&mut self, draw: &mut Draw) -> Result<(), CouplingError> {
-        let new = draw.units(self.alive.len(), 4);
+    /// Adds units and exchanges the values of these units only.
+    fn add_units(&mut self, draw: &mut RandomChoices) -> Result<(), CouplingError> {
+        let new = draw.units(self.expected.len(), 4);
         if let Some(side) = &mut self.side {
-            side.grow(&new)?;
+            side.add_units(&new)?;
         }
-        self.alive.iter_mut().zip(new).for_each(|(alive, new)| alive.extend(new));
+        self.expected.iter_mut().zip(new).for_each(|(expected, new)| expected.extend(new));
         Ok(())
     }
 
     /// Removes about a third of the units.
-    fn shrink(&mut self, draw: &mut Draw) -> Result<(), CouplingError> {
-        let all = self.alive.iter().flatten().copied();
-        let gone: HashSet<UnitId> = all.filter(|_| draw.random.below(3) == 0).collect();
+    fn remove_units(&mut self, draw: &mut RandomChoices) -> Result<(), CouplingError> {
+        let all = self.expected.iter().flatten().copied();
+        let removed: HashSet<UnitId> = all.filter(|_| draw.random.below(3) == 0).collect();
         if let Some(side) = &mut self.side {
-            side.shrink(&gone)?;
+            side.remove_units(&removed)?;
         }
-        self.alive.iter_mut().for_each(|alive| alive.retain(|unit| !gone.contains(unit)));
+        self.expected.iter_mut().for_each(|expected| expected.retain(|unit| !removed.contains(unit)));
         Ok(())
     }
 
     fn exchange(&mut self) -> Result<(), CouplingError> {
         let Some(side) = &mut self.side else { return Ok(()) };
         if side.coupling.role() == Role::Producer {
-            assert_eq!(side.coupling.units(), self.alive[side.rank], "in order");
+            assert_eq!(side.coupling.units(), self.expected[side.rank], "the order of the units");
         }
         exchange(&side.coupling, &mut side.there, &mut side.back)
     }
 
-    /// Checks that each unit is once on each side, and that both sides compute the same table from their own data.
-    fn end(&self, comm: &C) -> Outcome {
+    /// Checks that each unit is on one rank of each side, and that both sides compute the same table.
+    fn check_distribution(&self, comm: &C) -> Outcome {
         let units = self.side.as_ref().map_or_else(Vec::new, |side| side.coupling.units().to_vec());
         let mut count = BTreeMap::new();
         for message in comm.gather_all(Message::of(&units))? {
@@ -140,8 +141,8 @@ impl<C: Comm> Life<C> {
                 *count.entry(unit).or_insert(0) += 1;
             }
         }
-        let alive = self.alive.iter().map(Vec::len).sum::<usize>();
-        assert!(count.len() == alive && count.values().all(|&count| count == 2), "{count:?}");
+        let expected = self.expected.iter().map(Vec::len).sum::<usize>();
+        assert!(count.len() == expected && count.values().all(|&count| count == 2), "{count:?}");
         let table = self.side.as_ref().map_or_else(|| Ok(Vec::new()), |side| side.coupling.table())?;
         let table: Vec<u64> = table.into_iter().flatten().map(|count| count as u64).collect();
         let mut tables = comm.gather_all(Message::of(&table))?;
@@ -149,7 +150,7 @@ impl<C: Comm> Life<C> {
         tables.retain(|table| !table.is_empty());
         assert!(tables.windows(2).all(|pair| pair[0] == pair[1]), "{tables:?}");
         let sum = tables[0].values::<u64>().unwrap_or_default().iter().sum::<u64>();
-        assert_eq!(sum, alive as u64);
+        assert_eq!(sum, expected as u64);
         Ok(())
     }
 }
@@ -164,20 +165,20 @@ struct Side<C: Comm> {
 }
 
 impl<C: Comm> Side<C> {
-    fn begin(scales: &Scales<C>, names: [&str; 2], units: &[UnitId], how: usize) -> Result<Self, CouplingError> {
+    fn new(scales: &Scales<C>, names: [&str; 2], units: &[UnitId], partition: usize) -> Result<Self, CouplingError> {
         let [from, to] = names;
         let weights: Vec<f64> = units.iter().map(|unit| (1 + unit % 5) as f64).collect();
-        let by_hand = |_: &Distribution, rank: usize, consumers: usize| vec![rank % consumers; units.len()];
-        let coupling = match how {
+        let one_consumer = |_: &Distribution, rank: usize, consumers: usize| vec![rank % consumers; units.len()];
+        let coupling = match partition {
             0 => Coupling::new(scales, from, to, units, &[], &EvenPartition)?,
             1 => Coupling::new(scales, from, to, units, &weights, &WeightedPartition)?,
-            _ => Coupling::new(scales, from, to, units, &[], &by_hand)?,
+            _ => Coupling::new(scales, from, to, units, &[], &one_consumer)?,
         };
         let (there, back) = (Channel::new(&coupling)?, Channel::new(&coupling.inverse())?);
         Ok(Self { coupling, rank: scales.comm().rank(), there, back })
     }
 
-    fn grow(&mut self, new: &[Vec<UnitId>]) -> Result<(), CouplingError> {
+    fn add_units(&mut self, new: &[Vec<UnitId>]) -> Result<(), CouplingError> {
         let before = self.there.sent();
         let delta = match self.coupling.role() {
             Role::Producer => self.coupling.add(&new[self.rank], &[], &EvenPartition)?,
@@ -191,11 +192,11 @@ impl<C: Comm> Side<C> {
         Ok(())
     }
 
-    fn shrink(&mut self, gone: &HashSet<UnitId>) -> Result<(), CouplingError> {
+    fn remove_units(&mut self, removed: &HashSet<UnitId>) -> Result<(), CouplingError> {
         let before = self.coupling.units().to_vec();
         let kept = match self.coupling.role() {
             Role::Producer => {
-                let own: Vec<UnitId> = before.iter().copied().filter(|unit| gone.contains(unit)).collect();
+                let own: Vec<UnitId> = before.iter().copied().filter(|unit| removed.contains(unit)).collect();
                 self.coupling.remove(&own)?
             }
             Role::Consumer => self.coupling.reconcile_removed()?,
