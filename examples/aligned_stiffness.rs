@@ -1,4 +1,4 @@
-//! Stiffness of aligned networks along and across their axis, compared with the affine bound.
+//! Compares the stiffness of aligned networks, along and across their axis, with the affine bound.
 //!
 //! ```text
 //! cargo run --release --example aligned_stiffness [-- --points 400 --seeds 5 --svg docs/aligned_stiffness.svg]
@@ -23,14 +23,18 @@ use rayon::prelude::*;
 
 type Error = Box<dyn std::error::Error>;
 
+/// Young's modulus of the fibers, Pa.
 const MODULUS: f64 = 1.0e8;
+/// Fiber volume fraction.
 const FRACTION: f64 = 0.003;
 /// Index of the axis of alignment (z).
 const ALONG: usize = 2;
+/// Strengths of alignment; 0 is an isotropic network.
 const STRENGTHS: [f64; 10] = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9];
 
 /// Stiffness of one network and its affine bound, each along and across the axis, Pa.
 struct Stiffness {
+    /// Order parameter `P2` about the axis, weighted by fiber length.
     order: f64,
     network: [f64; 2],
     bound: [f64; 2],
@@ -39,7 +43,7 @@ struct Stiffness {
 fn main() -> Result<(), Error> {
     let points = argument("--points").map_or(Ok(400), |text| text.parse())?;
     let seeds: u64 = argument("--seeds").map_or(Ok(5), |text| text.parse())?;
-    println!("{points} points, {seeds} networks for each line; ratios are means with the least and the greatest.\n");
+    println!("{points} points, {seeds} networks per row; each ratio is a mean, with minimum and maximum.\n");
     println!(
         "| strength | P2 by length | along (Pa) | affine bound (Pa) | ratio along | across (Pa) | affine bound (Pa) | ratio across |"
     );
@@ -81,19 +85,21 @@ fn main() -> Result<(), Error> {
     Ok(())
 }
 
+/// Returns the argument that follows the option `name`.
 fn argument(name: &str) -> Option<String> {
     let mut arguments = std::env::args().skip_while(|argument| argument != name);
     arguments.nth(1)
 }
 
+/// Generates a network and returns its stiffness at rest.
 fn measure(points: usize, strength: f64, seed: u64) -> Result<Stiffness, Error> {
-    let mut recipe = GeneratorParams::new(Kind::Delaunay, seed);
+    let mut generator = GeneratorParams::new(Kind::Delaunay, seed);
     if strength > 0.0 {
         let mut direction = [0.0; 3];
         direction[ALONG] = 1.0;
-        recipe.alignment = Some(Alignment::new(direction, strength)?);
+        generator.alignment = Some(Alignment::new(direction, strength)?);
     }
-    let network = Arc::new(recipe.of_points(points)?.network);
+    let network = Arc::new(generator.of_points(points)?.network);
     let material = FiberMaterial { law: Law::Linear { youngs_modulus: MODULUS }, radius: 5.0e-8, density: None };
     let scale = StressScale::FiberVolumeFraction(FRACTION);
     let model = RveModel::<Sparse>::new(&(), Arc::clone(&network), Some(material), scale)?;

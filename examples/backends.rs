@@ -1,4 +1,4 @@
-//! Time of a Newton iteration by backend, solver and size, and the differences between the results.
+//! Measures the time of a Newton iteration by backend, solver and size, and the differences between the results.
 //!
 //! ```text
 //! cargo run --release --features petsc --example backends
@@ -7,9 +7,9 @@
 //! prints the tables of `docs/backends.md`; without the feature, the rows of PETSc are omitted. Under `mpirun` it
 //! prints only the rows of PETSc, on that number of ranks.
 //!
-//! Every problem is solved from rest several times, by Newton's method in one increment. A time is that of one such
-//! solution (assembly, factorization, solution and residuals) divided by its number of iterations; setup that is done
-//! once per sparsity pattern is not included. The tables list the minimum and the median.
+//! Every problem is solved from rest several times, by Newton's method in one increment. The time of a solution
+//! (residuals, assembly, factorizations and linear solves) is divided by its number of Newton iterations; setup that is
+//! done once per sparsity pattern is not included. The tables list the minimum and the median.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -31,16 +31,18 @@ use nalgebra::Matrix3;
 
 type Error = Box<dyn std::error::Error>;
 
-/// Sizes of about a hundred, a thousand and ten thousand unknowns, and the number of timed solutions for each.
+/// Interior nodes of the networks, for about a hundred, a thousand and ten thousand unknowns.
 const POINTS: [usize; 3] = [34, 334, 3334];
+/// Cells per side of the bodies, for about the same numbers of unknowns.
 const CELLS: [usize; 3] = [3, 7, 15];
+/// Number of timed solutions for each size.
 const TIMES: [usize; 3] = [21, 11, 5];
 
 /// The problem to solve.
 enum Subject {
-    /// The equilibrium of a network, stretched by a tenth and sheared.
+    /// The equilibrium of a network, stretched by 10 % and sheared.
     Network(Arc<Network>),
-    /// A neo-Hookean cube, stretched by a tenth.
+    /// The equilibrium of a neo-Hookean cube, stretched by 10 %.
     Body(Arc<Mesh>),
 }
 
@@ -49,10 +51,11 @@ struct Solution {
     seconds: f64,
     iterations: usize,
     linear_iterations: usize,
-    /// Stresses of a network, or displacements of a body.
+    /// Stress components of a network (Pa), or nodal displacements of a body.
     answer: Vec<f64>,
 }
 
+/// Solves a problem once, from rest.
 type Solve<'a> = Box<dyn FnMut() -> Result<Solution, Error> + 'a>;
 
 fn main() -> Result<(), Error> {
@@ -67,21 +70,26 @@ fn main() -> Result<(), Error> {
     let networks = networks.into_iter().collect::<Result<Vec<_>, _>>()?;
     let bodies = bodies.into_iter().collect::<Result<Vec<_>, _>>()?;
     for (title, subjects) in [("fiber network", networks), ("body", bodies)] {
-        let mut table = Table { subjects, answers: Vec::new(), speaks: ranks.0 == 0 };
+        let mut table = Table { subjects, answers: Vec::new(), prints: ranks.0 == 0 };
         table.head(title, ranks.1);
         if ranks.1 == 1 {
             table.line::<Sparse>("sparse, direct", &(), SolverParams::default(), 3)?;
             let ilut = Preconditioner::Ilut { drop_tolerance: 1e-3, fill: 20 };
-            table.line::<Sparse>("sparse, CG with ILUT(1e-3, 20)", &(), by(Krylov::Cg, ilut), 3)?;
-            table.line::<Sparse>("sparse, BiCGSTAB with ILUT(1e-3, 20)", &(), by(Krylov::BiCgStab, ilut), 3)?;
-            table.line::<Sparse>("sparse, CG with the diagonal", &(), by(Krylov::Cg, Preconditioner::Diagonal), 3)?;
+            table.line::<Sparse>("sparse, CG with ILUT(1e-3, 20)", &(), iterative(Krylov::Cg, ilut), 3)?;
+            table.line::<Sparse>("sparse, BiCGSTAB with ILUT(1e-3, 20)", &(), iterative(Krylov::BiCgStab, ilut), 3)?;
+            table.line::<Sparse>(
+                "sparse, CG with the diagonal",
+                &(),
+                iterative(Krylov::Cg, Preconditioner::Diagonal),
+                3,
+            )?;
             table.line::<Dense>("dense, direct", &(), SolverParams::default(), 2)?;
         }
         #[cfg(feature = "petsc")]
         for (name, params) in [
             ("petsc, direct", SolverParams::default()),
-            ("petsc, CG with the diagonal", by(Krylov::Cg, Preconditioner::Diagonal)),
-            ("petsc, CG with multigrid", by(Krylov::Cg, Preconditioner::Multigrid)),
+            ("petsc, CG with the diagonal", iterative(Krylov::Cg, Preconditioner::Diagonal)),
+            ("petsc, CG with multigrid", iterative(Krylov::Cg, Preconditioner::Multigrid)),
         ] {
             table.line::<biotissue::backends::petsc::Petsc>(name, &petsc, params, 3)?;
         }
@@ -89,22 +97,26 @@ fn main() -> Result<(), Error> {
     Ok(())
 }
 
-fn by(krylov: Krylov, preconditioner: Preconditioner) -> SolverParams {
+/// Returns the parameters of an iterative solver with a relative tolerance of 1e-10.
+fn iterative(krylov: Krylov, preconditioner: Preconditioner) -> SolverParams {
     let method = Iterative { krylov, preconditioner, tolerance: 1e-10, max_iterations: 10_000 };
     SolverParams::default().iterative(method)
 }
 
+/// A table with one column per size and one row per backend and solver.
 struct Table {
+    /// The problems, by size.
     subjects: Vec<Subject>,
     /// The results of the first row, by size.
     answers: Vec<Vec<f64>>,
-    /// True on the one rank that prints.
-    speaks: bool,
+    /// Whether this rank prints; one rank does.
+    prints: bool,
 }
 
 impl Table {
+    /// Prints the header of the table.
     fn head(&self, title: &str, ranks: usize) {
-        if self.speaks {
+        if self.prints {
             let sizes: Vec<_> =
                 self.subjects.iter().map(|subject| format!("{} unknowns", subject.unknowns())).collect();
             println!("\n| {title}, {ranks} ranks | {} | difference |\n|---|---|---|---|---|", sizes.join(" | "));
@@ -116,7 +128,7 @@ impl Table {
     where
         B: RealBackend,
     {
-        let (mut cells, mut apart) = (Vec::new(), 0.0_f64);
+        let (mut cells, mut difference) = (Vec::new(), 0.0_f64);
         for (size, subject) in self.subjects.iter().enumerate() {
             if size >= most {
                 cells.push("too large".to_owned());
@@ -128,7 +140,7 @@ impl Table {
                     if self.answers.len() == size {
                         self.answers.push(answer.clone());
                     }
-                    apart = apart.max(distance(answer, &self.answers[size]));
+                    difference = difference.max(distance(answer, &self.answers[size]));
                     cells.push(cell(&solutions));
                 }
                 Err(error) => {
@@ -137,15 +149,15 @@ impl Table {
                 }
             }
         }
-        if self.speaks {
-            println!("| {name} | {} | {apart:.0e} |", cells.join(" | "));
+        if self.prints {
+            println!("| {name} | {} | {difference:.0e} |", cells.join(" | "));
         }
         Ok(())
     }
 }
 
-/// Formats the milliseconds per iteration, minimum and median; in parentheses, the Krylov iterations per Newton
-/// iteration.
+/// Formats the minimum and the median of the milliseconds per Newton iteration, followed by the Krylov iterations per
+/// Newton iteration in parentheses.
 fn cell(solutions: &[Solution]) -> String {
     let of = |solution: &Solution| 1e3 * solution.seconds / solution.iterations as f64;
     let mut times: Vec<f64> = solutions.iter().map(of).collect();
@@ -157,19 +169,19 @@ fn cell(solutions: &[Solution]) -> String {
     }
 }
 
-/// Formats a number with three digits.
+/// Formats a number with three significant digits.
 fn digits(x: f64) -> String {
     let after_point = (2.0 - x.log10().floor()).clamp(0.0, 6.0) as usize;
     format!("{x:.after_point$}")
 }
 
-/// Returns the largest difference relative to the largest entry.
+/// Returns the largest difference, relative to the largest entry of `others`.
 fn distance(some: &[f64], others: &[f64]) -> f64 {
     let largest = others.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
     some.iter().zip(others).fold(0.0_f64, |most, (x, y)| most.max((x - y).abs())) / largest
 }
 
-/// Runs one solution that is not timed, then `times` timed ones.
+/// Solves the problem once without using the time, then `times` times; returns the latter solutions.
 fn solutions<B>(
     subject: &Subject,
     context: &B::Context,
@@ -188,6 +200,7 @@ where
 }
 
 impl Subject {
+    /// Returns the number of unknowns of the linear systems.
     fn unknowns(&self) -> usize {
         match self {
             Self::Network(network) => 3 * network.interior().len(),
@@ -196,6 +209,7 @@ impl Subject {
     }
 }
 
+/// Sets up the equilibrium of a network.
 fn equilibrium<'a, B>(
     network: &Arc<Network>,
     context: &'a B::Context,
@@ -223,6 +237,7 @@ where
     }))
 }
 
+/// Sets up the stretching of a neo-Hookean body.
 fn stretching<'a, B>(mesh: &Arc<Mesh>, context: &'a B::Context, params: &SolverParams) -> Solve<'a>
 where
     B: RealBackend,

@@ -1,4 +1,5 @@
-//! Particles and a grid: deposition and gathering as products with a matrix and its transpose, on any backend.
+//! Deposits particles on a grid and gathers a field from it, by products with a matrix and its transpose on any
+//! backend.
 //!
 //! ```text
 //! cargo run --release --example deposition
@@ -19,8 +20,9 @@ use biotissue::las::{Backend, Index, MatVec, MatrixOps, Scalar, Sparsity, Value,
 
 type Error = Box<dyn std::error::Error>;
 
-/// Number of nodes along a side, and number of particles.
+/// Number of nodes along a side.
 const SIDE: usize = 17;
+/// Number of particles.
 const PARTICLES: usize = 400;
 
 /// Returns random positions of the particles, in units of the cell size.
@@ -30,7 +32,8 @@ fn positions() -> Vec<[f64; 2]> {
     (0..PARTICLES).map(|_| [coordinate(), coordinate()]).collect()
 }
 
-/// Returns the four nodes of a particle's cell, and the shape functions at its position; they sum to one.
+/// Returns the four nodes of a particle's cell, and the values of their shape functions at its position; the values sum
+/// to one.
 fn shape([x, y]: [f64; 2]) -> ([usize; 4], [f64; 4]) {
     let (i, j) = (x as usize, y as usize);
     let (u, v) = (x - i as f64, y - j as f64);
@@ -39,7 +42,7 @@ fn shape([x, y]: [f64; 2]) -> ([usize; 4], [f64; 4]) {
     (nodes, [(1.0 - u) * (1.0 - v), (1.0 - u) * v, u * (1.0 - v), u * v])
 }
 
-/// Assembles `D`: the pattern from the cells, the values by the verb `add`.
+/// Assembles `D`: the cells of the particles give the pattern, and the verb `add` writes the values.
 fn deposition<B: Backend>(context: &B::Context, positions: &[[f64; 2]]) -> Result<B::Matrix, Error> {
     let mut rows = vec![Vec::new(); SIDE * SIDE];
     for (particle, &position) in positions.iter().enumerate() {
@@ -81,14 +84,14 @@ fn round_trip<B: Backend>(context: &B::Context) -> Result<(), Error> {
         let (charge, at_nodes) = (charge.lane(lane).as_f64(), work_at_nodes.lane(lane).as_f64());
         let at_particles = work_at_particles.lane(lane).as_f64();
         println!("{:8} lane {lane}: charge {charge:.10}, q . D^T E = {at_particles:.10}", B::NAME);
-        assert!((charge - total).abs() < 1e-9 * total, "deposition keeps the charge {total}, not {charge}");
-        assert!((at_nodes - at_particles).abs() < 1e-9 * at_nodes.abs(), "the transpose is adjoint");
+        assert!((charge - total).abs() < 1e-9 * total, "the deposited charge is {charge}, not {total}");
+        assert!((at_nodes - at_particles).abs() < 1e-9 * at_nodes.abs(), "{at_nodes} and {at_particles} differ");
     }
     let exact = positions.iter().map(|[x, y]| 0.5 * x - 0.25 * y);
-    let apart = gathered.with_local(|e| {
+    let error = gathered.with_local(|e| {
         e.iter().zip(exact).fold(0.0_f64, |most, (e, exact)| most.max((e.lane(0).as_f64() - exact).abs()))
     })?;
-    assert!(apart < 1e-12, "a linear field is gathered exactly, not within {apart:e}");
+    assert!(error < 1e-12, "the gathered linear field has the error {error:e}");
     Ok(())
 }
 

@@ -1,5 +1,5 @@
-"""The table of `ilut.rs` with SciPy's incomplete factorization (SuperLU's ILUTP): by default, that is with column
-reordering and pivoting, and without both.
+"""Prints the table of `ilut.rs` for SciPy's incomplete factorization (SuperLU's ILUTP): first with the default column
+reordering and pivoting, then without either. FOLDER contains the matrices that `ilut.rs` wrote.
 
     python3 examples/ilut.py FOLDER
 """
@@ -10,6 +10,7 @@ import numpy as np
 import scipy.io
 import scipy.sparse.linalg as linalg
 
+# Drop tolerances and fill factors.
 KEPT = [(1e-1, 2), (1e-2, 5), (1e-3, 10), (1e-4, 20)]
 ORDERS = [("COLAMD", {}), ("natural", {"permc_spec": "NATURAL", "diag_pivot_thresh": 0.0})]
 
@@ -18,9 +19,9 @@ print("|---|---|---|---|---|---|---|")
 for name, definite in [("network", True), ("convection", False)]:
     a = scipy.io.mmread(f"{sys.argv[1]}/{name}.mtx").tocsc()
     b = np.ones(a.shape[0])
-    for order, how in ORDERS:
+    for order, options in ORDERS:
         for drop, fill in KEPT:
-            lu = linalg.spilu(a, drop_tol=drop, fill_factor=fill, **how)
+            lu = linalg.spilu(a, drop_tol=drop, fill_factor=fill, **options)
             m = linalg.LinearOperator(a.shape, lu.solve)
             counts = []
             methods = [

@@ -1,4 +1,5 @@
-//! Iterations of Krylov methods against the number of entries that an incomplete factorization keeps, for two matrices.
+//! Counts the iterations of Krylov methods for two matrices and several numbers of entries kept by an incomplete
+//! factorization.
 //!
 //! ```text
 //! cargo run --release --example ilut [-- FOLDER]
@@ -25,7 +26,9 @@ use biotissue::las::{
 
 type Error = Box<dyn std::error::Error>;
 
+/// Tolerance of the residual, relative to the right-hand side.
 const TOLERANCE: f64 = 1e-10;
+/// Drop tolerances, and the maximum numbers of entries kept per row of each factor.
 const KEPT: [(f64, usize); 5] = [(1e-1, 10), (1e-2, 20), (1e-3, 40), (1e-4, 80), (0.0, usize::MAX)];
 
 fn main() -> Result<(), Error> {
@@ -57,13 +60,16 @@ fn main() -> Result<(), Error> {
     Ok(())
 }
 
+/// A row of the table.
 #[derive(Default)]
 struct Row {
+    /// Number of entries of the factors.
     entries: usize,
 }
 
 impl Row {
-    /// Returns the number of iterations for a right-hand side of ones, or that the method did not converge.
+    /// Returns the number of iterations for a right-hand side of ones, or "none in 1000" if the method did not
+    /// converge.
     fn iterations(&mut self, a: &Matrix, krylov: Krylov, preconditioner: Preconditioner) -> Result<String, Error> {
         let method = Iterative { krylov, preconditioner, tolerance: TOLERANCE, max_iterations: 1000 };
         let params = SolverParams::new(Symmetry::None).iterative(method);
@@ -89,7 +95,7 @@ fn network() -> Result<Matrix, Error> {
     Ok(a)
 }
 
-/// Assembles `-laplace u + c . grad u` by central differences.
+/// Assembles `-laplace u + c . grad u` by central differences on a grid of `side` by `side` unknowns.
 fn convection(side: i32) -> Result<Matrix, Error> {
     let at = |i: i32, j: i32| i * side + j;
     let mut neighbors = Vec::new();

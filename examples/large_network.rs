@@ -1,4 +1,4 @@
-//! Equilibrium of a network of a hundred thousand fibers on PETSc, on any number of ranks.
+//! Solves the equilibrium of a network of a hundred thousand fibers on PETSc, on any number of ranks.
 //!
 //! ```text
 //! cargo build --release --no-default-features --features petsc,generate --example large_network
@@ -31,15 +31,15 @@ fn main() -> Result<(), Error> {
     let (points, parts) = (number("--points", 15_000)?, number("--parts", 2)?.max(1));
     let budget = number("--seconds", 900)? as f64;
     let context = Context::world()?;
-    let say = |text: String| {
+    let print = |text: String| {
         if context.rank() == 0 {
             println!("{text}");
         }
     };
     let network = Arc::new(generate::delaunay(points, 1)?);
-    say(format!("{} ranks", context.ranks()));
-    say(format!(
-        "{} nodes, {} fibers, {} unknowns: made in {:.1} s",
+    print(format!("{} ranks", context.ranks()));
+    print(format!(
+        "{} nodes, {} fibers, {} unknowns: generated in {:.1} s",
         network.nodes().len(),
         network.fibers().len(),
         3 * network.interior().len(),
@@ -56,7 +56,7 @@ fn main() -> Result<(), Error> {
     for part in 1..=parts {
         let spent = seconds_of_all(&start);
         if spent > budget {
-            return Err(format!("{} of {parts} increments took {spent:.0} s: the time is up", part - 1).into());
+            return Err(format!("{} of {parts} increments took {spent:.0} s, more than the limit", part - 1).into());
         }
         let gradient = Matrix3::identity() + (f - Matrix3::identity()) * (part as f64 / parts as f64);
         let before = Instant::now();
@@ -64,7 +64,7 @@ fn main() -> Result<(), Error> {
         pk1 = solved.pk1();
         let report = solved.report();
         let seconds = report.newton.seconds;
-        say(format!(
+        print(format!(
             "increment {part}: {} iterations in {:.1} s (factorizations {:.1} s, solutions {:.2} s, assembly {:.2} s)",
             report.iterations,
             before.elapsed().as_secs_f64(),
@@ -74,19 +74,19 @@ fn main() -> Result<(), Error> {
         ));
     }
     for row in pk1.row_iter() {
-        say(format!("P = {:22.14e} {:22.14e} {:22.14e} Pa", row[0], row[1], row[2]));
+        print(format!("P = {:22.14e} {:22.14e} {:22.14e} Pa", row[0], row[1], row[2]));
     }
-    say(format!("{:.1} s in all", start.elapsed().as_secs_f64()));
+    print(format!("total: {:.1} s", start.elapsed().as_secs_f64()));
     if let (Some(file), 0) = (argument("--keep"), context.rank()) {
         let lines: Vec<String> = pk1.iter().map(|p| format!("{p:e}\n")).collect();
         std::fs::write(&file, lines.concat()).map_err(|error| format!("{file}: {error}"))?;
     }
     if let Some(file) = argument("--against") {
-        let apart = (pk1 - read(&file)?).amax() / pk1.amax();
-        say(format!("apart from {file}: {apart:.1e}"));
-        // A difference that is not a number is an error, too.
-        if apart.is_nan() || apart >= 1e-9 {
-            return Err("the stresses are not the same".into());
+        let difference = (pk1 - read(&file)?).amax() / pk1.amax();
+        print(format!("difference from {file}: {difference:.1e}"));
+        // NaN is an error, too.
+        if difference.is_nan() || difference >= 1e-9 {
+            return Err(format!("the stress differs from that of {file}").into());
         }
     }
     Ok(())
@@ -104,15 +104,17 @@ fn argument(flag: &str) -> Option<String> {
     std::env::args().skip_while(|argument| argument != flag).nth(1)
 }
 
+/// Returns the number that follows a flag, or `default` without the flag.
 fn number(flag: &str, default: usize) -> Result<usize, Error> {
     argument(flag).map_or(Ok(default), |text| text.parse().map_err(|_| format!("{flag} {text}: not a number").into()))
 }
 
+/// Reads a stress from a file of nine lines, column by column.
 fn read(file: &str) -> Result<Matrix3<f64>, Error> {
     let text = std::fs::read_to_string(file).map_err(|error| format!("{file}: {error}"))?;
     let values = text.lines().map(str::parse).collect::<Result<Vec<f64>, _>>();
     match values {
         Ok(values) if values.len() == 9 => Ok(Matrix3::from_column_slice(&values)),
-        _ => Err(format!("{file}: nine numbers, one a line, are expected").into()),
+        _ => Err(format!("{file}: nine numbers, one per line, are expected").into()),
     }
 }

@@ -1,5 +1,5 @@
-//! How many random networks reach equilibrium under random deformations, by which stage of the solver, and at what
-//! cost.
+//! Determines how many random networks reach equilibrium under random deformations, by which stage of the solver, and
+//! at what cost.
 //!
 //! ```text
 //! cargo run --release --example robustness [-- --networks 100 --gradients 20 --seconds 3000]
@@ -34,6 +34,7 @@ use rayon::prelude::*;
 
 type Error = Box<dyn std::error::Error>;
 
+/// Strengths of alignment; 0 is an isotropic network.
 const STRENGTHS: [f64; 3] = [0.0, 0.4, 0.7];
 
 /// A network with the parameters of its generation.
@@ -54,11 +55,11 @@ struct Outcome {
     report: EquilibriumReport,
     seconds: f64,
     /// Whether a stage found an unstable equilibrium and could not continue from there.
-    refused: bool,
+    rejected: bool,
     /// The reason for the failure, if the case is not solved.
     cause: Option<String>,
-    /// The result of all stages, if only some of them were tried before and failed.
-    ladder: Option<String>,
+    /// The result of a second attempt with all stages, if the first attempt had only some of them and failed.
+    all_stages: Option<String>,
 }
 
 fn main() -> Result<(), Error> {
@@ -87,7 +88,7 @@ fn main() -> Result<(), Error> {
     Ok(())
 }
 
-/// Concatenates lists.
+/// Concatenation of lists.
 trait ConcatAll<T> {
     fn concat_all(self) -> Vec<T>;
 }
@@ -98,6 +99,7 @@ impl<T> ConcatAll<T> for Vec<Vec<T>> {
     }
 }
 
+/// Returns the number that follows the option `name`, or `default` without the option.
 fn argument(name: &str, default: usize) -> Result<usize, Error> {
     let arguments: Vec<String> = std::env::args().collect();
     match arguments.iter().position(|argument| argument == name) {
@@ -106,28 +108,30 @@ fn argument(name: &str, default: usize) -> Result<usize, Error> {
     }
 }
 
+/// Returns a random number in `[0, 1)`.
 fn uniform(random: &mut ChaCha8Rng) -> f64 {
     (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64
 }
 
-/// Generates a network. Kind, strength of alignment and size (evenly spaced on a logarithmic scale) vary with the
-/// number.
+/// Generates a network. The number determines its kind, strength of alignment and size (evenly spaced on a logarithmic
+/// scale).
 fn subject(number: usize) -> Result<Subject, String> {
     let kind = Kind::ALL[number % 2];
     let strength = STRENGTHS[number / 2 % 3];
     let seed = number as u64 + 1;
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let mut recipe = GeneratorParams::new(kind, seed);
+    let mut generator = GeneratorParams::new(kind, seed);
     if strength > 0.0 {
         let direction = [(); 3].map(|()| uniform(&mut random) - 0.5);
-        recipe.alignment = Some(Alignment::new(direction, strength).map_err(|error| error.to_string())?);
+        generator.alignment = Some(Alignment::new(direction, strength).map_err(|error| error.to_string())?);
     }
     let nodes = 200.0 * 15.0_f64.powf((number / 6 % 16) as f64 / 15.0);
-    let made = recipe.of_nodes(nodes.round() as usize).map_err(|error| error.to_string())?;
+    let made = generator.of_nodes(nodes.round() as usize).map_err(|error| error.to_string())?;
     Ok(Subject { kind, strength, seed, network: Arc::new(made.network) })
 }
 
-/// Returns a random gradient: principal stretches between 0.7 and 1.6 along random axes, and a random rotation.
+/// Returns a random deformation gradient: principal stretches between 0.7 and 1.6 along random axes, and a random
+/// rotation.
 fn random_gradient(random: &mut ChaCha8Rng) -> Matrix3<f64> {
     let mut rotation = || {
         let [a, b, c] = [(); 3].map(|()| uniform(random) * std::f64::consts::TAU);
@@ -138,6 +142,7 @@ fn random_gradient(random: &mut ChaCha8Rng) -> Matrix3<f64> {
     turn * axes * Matrix3::from_diagonal(&stretches.into()) * axes.transpose()
 }
 
+/// Solves a network for `gradients` random deformation gradients, as long as `in_time` returns true.
 fn deform(subject: &Subject, gradients: usize, in_time: impl Fn() -> bool) -> Result<Vec<Outcome>, String> {
     let law = Law::Exponential { youngs_modulus: 1.0e8, nonlinearity: 1.2 };
     let material = FiberMaterial { law, radius: 5.0e-8, density: None };
@@ -150,6 +155,7 @@ fn deform(subject: &Subject, gradients: usize, in_time: impl Fn() -> bool) -> Re
     Ok(tried.map(|gradient| solve(subject, &model, &gradient, &mut workspace)).collect())
 }
 
+/// Solves one case; measures the time of the first attempt.
 fn solve(
     subject: &Subject,
     model: &RveModel<Sparse>,
@@ -161,10 +167,10 @@ fn solve(
         params.stages = Stages::of(&[Stage::Relaxation]);
     }
     let start = Instant::now();
-    let (report, cause, refused) = reached(subject, model, gradient, &params, workspace);
+    let (report, cause, rejected) = attempt(subject, model, gradient, &params, workspace);
     let seconds = start.elapsed().as_secs_f64();
-    let ladder = (cause.is_some() && subject.kind == Kind::Voronoi).then(|| {
-        let (report, cause, _) = reached(subject, model, gradient, &EquilibriumParams::default(), workspace);
+    let all_stages = (cause.is_some() && subject.kind == Kind::Voronoi).then(|| {
+        let (report, cause, _) = attempt(subject, model, gradient, &EquilibriumParams::default(), workspace);
         match (report.stage, cause) {
             (Some(stage), None) => format!("reached by {stage} after {} iterations", report.iterations),
             (_, cause) => cause.unwrap_or_default(),
@@ -172,12 +178,12 @@ fn solve(
     });
     let nodes = subject.network.nodes().len();
     let Subject { kind, strength, seed, .. } = *subject;
-    Outcome { kind, strength, seed, nodes, gradient: *gradient, report, seconds, refused, cause, ladder }
+    Outcome { kind, strength, seed, nodes, gradient: *gradient, report, seconds, rejected, cause, all_stages }
 }
 
 /// Solves from rest at the gradient, with the tangent. Returns the report, the reason for a failure, and whether an
 /// unstable equilibrium was rejected.
-fn reached(
+fn attempt(
     subject: &Subject,
     model: &RveModel<Sparse>,
     gradient: &Matrix3<f64>,
@@ -192,13 +198,14 @@ fn reached(
         }
         Err(RveError::NotConverged { failures, report }) => {
             let causes: Vec<String> = failures.iter().map(ToString::to_string).collect();
-            let refused = failures.iter().any(|failure| matches!(failure.reason, StageError::Unstable(_)));
-            (*report, Some(causes.join("; ")), refused)
+            let rejected = failures.iter().any(|failure| matches!(failure.reason, StageError::Unstable(_)));
+            (*report, Some(causes.join("; ")), rejected)
         }
         Err(error) => (EquilibriumReport::default(), Some(error.to_string()), false),
     }
 }
 
+/// Prints the numbers of cases and of solved cases by kind and strength of alignment.
 fn by_network(outcomes: &[Outcome]) {
     println!("| network | strength of alignment | nodes | cases | solved | |\n|---|---|---|---|---|---|");
     for kind in Kind::ALL {
@@ -219,6 +226,7 @@ fn by_network(outcomes: &[Outcome]) {
     println!();
 }
 
+/// Prints the numbers of stable, neutral and rejected equilibria by kind.
 fn by_stability(outcomes: &[Outcome]) {
     println!("| network | solved | stable | neutral | solved after leaving a saddle point | unstable, rejected |");
     println!("|---|---|---|---|---|---|");
@@ -232,19 +240,20 @@ fn by_stability(outcomes: &[Outcome]) {
             count(&|o| done(o) && !o.report.neutral && o.report.negative_pivots == Some(0)),
             count(&|o| done(o) && o.report.neutral),
             count(&|o| done(o) && o.report.saddles > 0),
-            count(&|o| o.refused)
+            count(&|o| o.rejected)
         );
     }
     println!();
 }
 
-/// Lists the cases in which a stage found a saddle point first.
+/// Prints the cases in which a stage found a saddle point first.
 fn saddles(outcomes: &[Outcome]) {
-    let left: Vec<&Outcome> = outcomes.iter().filter(|o| o.report.saddles > 0).collect();
-    println!("{} cases with saddle points:\n", left.len());
-    for o in left {
+    let cases: Vec<&Outcome> = outcomes.iter().filter(|o| o.report.saddles > 0).collect();
+    println!("{} cases with saddle points:\n", cases.len());
+    for o in cases {
         println!(
-            "- {} {} (strength {}, {} nodes), F = {:?}: {} left, now with {:?} negative pivots, {} iterations",
+            "- {} {} (strength {}, {} nodes), F = {:?}: {} saddle points left, \
+             {:?} negative pivots at the end, {} iterations",
             o.kind.name(),
             o.seed,
             o.strength,
@@ -258,6 +267,7 @@ fn saddles(outcomes: &[Outcome]) {
     println!();
 }
 
+/// Prints iterations, relaxation steps and times of the solved cases by kind and stage.
 fn by_stage(outcomes: &[Outcome]) {
     println!(
         "| network | solved by | cases | iterations: median, 90 %, maximum | steps of relaxation: median, maximum | seconds: median, maximum |"
@@ -280,17 +290,17 @@ fn by_stage(outcomes: &[Outcome]) {
             let iterations = sorted(&|o| o.report.iterations as f64);
             let steps = sorted(&|o| o.report.relaxation.steps as f64);
             let seconds = sorted(&|o| o.seconds);
-            let (middle, tenth, last) = (of.len() / 2, of.len() * 9 / 10, of.len() - 1);
+            let (median, percentile_90, last) = (of.len() / 2, of.len() * 9 / 10, of.len() - 1);
             println!(
                 "| {} | {stage} | {} | {}, {}, {} | {}, {} | {:.3}, {:.2} |",
                 kind.name(),
                 of.len(),
-                iterations[middle],
-                iterations[tenth],
+                iterations[median],
+                iterations[percentile_90],
                 iterations[last],
-                steps[middle],
+                steps[median],
                 steps[last],
-                seconds[middle],
+                seconds[median],
                 seconds[last]
             );
         }
@@ -298,10 +308,11 @@ fn by_stage(outcomes: &[Outcome]) {
     println!();
 }
 
+/// Prints the unsolved cases with their causes.
 fn causes(outcomes: &[Outcome]) {
     let failed: BTreeMap<(u64, usize), &Outcome> =
         outcomes.iter().enumerate().filter(|(_, o)| o.cause.is_some()).map(|(k, o)| ((o.seed, k), o)).collect();
-    println!("{} cases without an answer, each with its cause:\n", failed.len());
+    println!("{} unsolved cases, each with its cause:\n", failed.len());
     for outcome in failed.values() {
         let Some(cause) = &outcome.cause else { continue };
         println!(
@@ -313,8 +324,8 @@ fn causes(outcomes: &[Outcome]) {
             outcome.gradient.determinant(),
             outcome.seconds
         );
-        if let Some(ladder) = &outcome.ladder {
-            println!("  The whole ladder: {ladder}.");
+        if let Some(all_stages) = &outcome.all_stages {
+            println!("  With all stages: {all_stages}.");
         }
     }
 }

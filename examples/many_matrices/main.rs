@@ -1,4 +1,4 @@
-//! About two dozen matrices, each on the backend that suits it: waves in a magnetized plasma.
+//! Simulates waves in a magnetized plasma with about two dozen matrices, each on the backend that suits it.
 //!
 //! ```text
 //! cargo build --release --features petsc --example many_matrices
@@ -12,7 +12,7 @@
 //!
 //! The model describes small motions `v` of a plasma around rest in a uniform magnetic field `B`, on a periodic square,
 //! with `d/dz = 0`. The perturbation of the field is given by its flux `psi` and its component `b_z`; `p` and `n` are
-//! the perturbations of pressure and density:
+//! the perturbations of pressure and density. All quantities are dimensionless:
 //!
 //! ```text
 //! rho dv/dt = -grad p + j x B                     j = (dy b_z, -dx b_z, -laplace psi)
@@ -47,10 +47,11 @@ type Error = Box<dyn std::error::Error>;
 /// The backend of the matrices that are used only in products.
 type Local = Sparse<f64>;
 
-/// Wave numbers of the wave along `x` and `y`; `seen_wave_numbers` returns those of central differences.
+/// Wave numbers of the wave along `x` and `y`.
 const WAVE_NUMBERS: [f64; 2] = [TAU, 2.0 * TAU];
 
-fn seen_wave_numbers() -> [f64; 2] {
+/// Returns the wave numbers that central differences give for the wave.
+fn numerical_wave_numbers() -> [f64; 2] {
     WAVE_NUMBERS.map(|k| (k * H).sin() / H)
 }
 
@@ -62,7 +63,7 @@ const WAVE: Case = Case {
     conduction: 0.0,
     diffusion: 0.0,
     start: |fields| {
-        let [kx, ky] = seen_wave_numbers();
+        let [kx, ky] = numerical_wave_numbers();
         for (v, along) in V.into_iter().zip([ky * B[2], -kx * B[2], kx * B[1] - ky * B[0]]) {
             fields[v] = on_nodes(|x, y| along * (WAVE_NUMBERS[0] * x + WAVE_NUMBERS[1] * y).cos());
         }
@@ -109,15 +110,16 @@ fn run(context: &Context) -> Result<Vec<Check>, Error> {
     let alone = simulate::<Local>(&(), &PUFF)?;
     let mut checks = checks::wave(&wave)?;
     checks.extend(checks::puff(&puff)?);
-    checks.push(checks::same(&puff, &alone));
+    checks.push(checks::difference(&puff, &alone));
     if context.rank() == 0 {
         print(&puff, context.ranks(), &checks)?;
     }
     Ok(checks)
 }
 
+/// Prints the table of the matrices, the energy balance of the puff, and the checks.
 fn print(end: &Outcome<Petsc>, ranks: usize, checks: &[Check]) -> Result<(), Error> {
-    println!("{FIELDS} fields on {NODES} nodes, {STEPS} steps; ranks that solve together: {ranks}\n");
+    println!("{FIELDS} fields on {NODES} nodes, {STEPS} steps; {ranks} ranks for the linear solves\n");
     println!("matrices                     backend   count   entries   use");
     let line = |what: &str, backend: &str, count: usize, entries: usize, used: String| {
         println!("{what:28} {backend:8} {count:6} {entries:9}   {used}");
@@ -128,19 +130,19 @@ fn print(end: &Outcome<Petsc>, ranks: usize, checks: &[Check]) -> Result<(), Err
     }
     for solved in &end.solved {
         let iterations = match solved.iterations {
-            0 => "directly".into(),
+            0 => "direct".into(),
             all => format!("{:.1} iterations each", all as f64 / solved.solves as f64),
         };
         line(solved.name, Petsc::NAME, 1, solved.entries, format!("solved {} times, {iterations}", solved.solves));
     }
     let count = multiplied.iter().map(|group| group.1).sum::<usize>() + end.solved.len();
-    println!("together                     {:8} {count:6}\n", "");
+    println!("total                        {:8} {count:6}\n", "");
 
     let (start, now) = (end.operators.energy(&end.start)?, end.operators.energy(&end.fields)?);
-    println!("energy of the puff: {start:.6} at first, {now:.6} at last, {:.6} dissipated\n", end.dissipated);
+    println!("energy of the puff: {start:.6} at the start, {now:.6} at the end, {:.6} dissipated\n", end.dissipated);
     for check in checks {
         let verdict = if check.is_met() { "ok" } else { "FAILED" };
-        println!("{:46} {:8.1e}   below {:5.0e}   {verdict}", check.what, check.found, check.limit);
+        println!("{:48} {:8.1e}   below {:5.0e}   {verdict}", check.what, check.found, check.limit);
     }
     Ok(())
 }

@@ -8,20 +8,27 @@ use crate::{Error, Local};
 
 /// Nodes along a side. The number is odd, so that central differences vanish only for constant fields.
 const SIDE: usize = 25;
+/// Number of nodes.
 pub const NODES: usize = SIDE * SIDE;
+/// Distance between neighboring nodes.
 pub const H: f64 = 1.0 / SIDE as f64;
-/// The magnetic field, and `gamma p0`.
+/// The magnetic field `B`.
 pub const B: [f64; 3] = [0.6, 0.3, 0.9];
+/// `gamma p0`.
 pub const GAMMA_P: f64 = 0.8;
 
-/// Indices of the fields: the velocity, then flux, magnetic field, pressure and density.
+/// Indices of the components of the velocity `v`.
 pub const V: [usize; 3] = [0, 1, 2];
+/// Index of the flux `psi`.
 pub const PSI: usize = 3;
+/// Index of the magnetic field `b_z`.
 pub const BZ: usize = 4;
+/// Index of the pressure `p`.
 pub const P: usize = 5;
+/// Index of the density `n`.
 pub const N: usize = 6;
 
-/// A matrix from one field to another: `to += A from`.
+/// A matrix that gives the effect of one field on another: `to += A from`.
 pub struct Coupling {
     pub to: usize,
     pub from: usize,
@@ -30,21 +37,22 @@ pub struct Coupling {
 
 /// All matrices of the model.
 pub struct Operators {
-    /// `R`, the rates of the other fields by the velocity.
+    /// `R`, the rates of the other fields from the velocity.
     pub rates: Vec<Coupling>,
-    /// `F`, the forces of the other fields: `-R^T`, weighted by the energies of the fields.
+    /// `F`, the forces from the other fields: `-R^T`, weighted by the energies of the fields.
     pub forces: Vec<Coupling>,
+    /// The diagonal matrix of the density `rho` at rest.
     pub density: Matrix,
     /// `-laplace` by applying central differences twice, as in the current.
     pub current: Matrix,
-    /// `-laplace` with nearest neighbors, for isotropic diffusion; `along` is `-(B . grad)^2`, for conduction along the
-    /// field.
-    pub spreading: Matrix,
+    /// `-laplace` with nearest neighbors, for isotropic diffusion.
+    pub isotropic: Matrix,
+    /// `-(B . grad)^2`, for conduction along the field.
     pub along: Matrix,
 }
 
-/// Assembles a matrix on the periodic grid with the same stencil at each node: steps in `x` and `y` to a neighbor, and
-/// the entry.
+/// Assembles a matrix on the periodic grid with the same stencil at each node. `neighbors` lists the steps in `x` and
+/// `y` to each neighbor, and the entry.
 pub fn stencil(neighbors: &[(usize, usize, f64)]) -> Result<Matrix, Error> {
     let at = |node: usize, (i, j): (usize, usize)| (node / SIDE + i) % SIDE * SIDE + (node % SIDE + j) % SIDE;
     let to_neighbors = |node| neighbors.iter().map(move |&(i, j, _)| [node as i32, at(node, (i, j)) as i32]);
@@ -63,6 +71,7 @@ pub fn on_nodes(of: impl Fn(f64, f64) -> f64) -> Vector {
     (0..NODES).map(|node| of((node / SIDE) as f64 * H, (node % SIDE) as f64 * H)).collect::<Vec<_>>().into()
 }
 
+/// Returns `factor A`.
 fn scaled(a: &Matrix, factor: f64) -> Result<Matrix, Error> {
     let mut scaled = a.clone();
     scaled.scale(factor)?;
@@ -70,13 +79,14 @@ fn scaled(a: &Matrix, factor: f64) -> Result<Matrix, Error> {
 }
 
 impl Operators {
+    /// Assembles all matrices of a case.
     pub fn new(case: &Case) -> Result<Self, Error> {
         const BACK: usize = SIDE - 1;
         let (slope, c) = (0.5 / H, 1.0 / (H * H));
         let one = stencil(&[(0, 0, 1.0)])?;
         let dx = stencil(&[(1, 0, slope), (BACK, 0, -slope)])?;
         let dy = stencil(&[(0, 1, slope), (0, BACK, -slope)])?;
-        let spreading = stencil(&[(0, 0, 4.0 * c), (1, 0, -c), (BACK, 0, -c), (0, 1, -c), (0, BACK, -c)])?;
+        let isotropic = stencil(&[(0, 0, 4.0 * c), (1, 0, -c), (BACK, 0, -c), (0, 1, -c), (0, BACK, -c)])?;
         let mut density = one.clone();
         for (node, &rho) in (0..).zip(on_nodes(case.density).as_slice()) {
             density.set(&[node], &[node], &[rho])?;
@@ -106,7 +116,7 @@ impl Operators {
             };
             forces.push(Coupling { to: *from, from: *to, a: weighted });
         }
-        Ok(Self { rates, forces, density, current, spreading, along })
+        Ok(Self { rates, forces, density, current, isotropic, along })
     }
 
     /// Assembles `rho - dt^2/4 F R`, with the three unknowns of a node consecutive.
@@ -145,15 +155,15 @@ impl Operators {
         Ok(0.5 * energy)
     }
 
-    /// Returns the rows of a table: name, number of matrices, number of entries.
+    /// Returns the rows of a table: name, number of matrices, total number of entries.
     pub fn groups(&self) -> [(&'static str, usize, usize); 4] {
         let entries = |all: &[&Matrix]| all.iter().map(|a| a.pattern().nnz()).sum();
         let of = |couplings: &[Coupling]| entries(&couplings.iter().map(|coupling| &coupling.a).collect::<Vec<_>>());
         [
-            ("what motion does to fields", self.rates.len(), of(&self.rates)),
-            ("what fields do to motion", self.forces.len(), of(&self.forces)),
+            ("rates from the velocity", self.rates.len(), of(&self.rates)),
+            ("forces from the fields", self.forces.len(), of(&self.forces)),
             ("density, current", 2, entries(&[&self.density, &self.current])),
-            ("spreading, along the field", 2, entries(&[&self.spreading, &self.along])),
+            ("diffusion, conduction", 2, entries(&[&self.isotropic, &self.along])),
         ]
     }
 }

@@ -1,4 +1,4 @@
-//! Semi-implicit time steps: products on one backend, solutions on another.
+//! Semi-implicit time steps, with products on one backend and linear solves on another.
 
 use std::sync::Arc;
 
@@ -11,13 +11,16 @@ use biotissue::las::{
 use crate::operators::{BZ, Coupling, GAMMA_P, N, NODES, Operators, P, PSI, V, stencil};
 use crate::{Error, Local};
 
+/// Number of fields.
 pub const FIELDS: usize = 7;
+/// Number of time steps.
 pub const STEPS: usize = 60;
+/// Length of a time step.
 pub const DT: f64 = 0.05;
 
 /// The parameters of a simulation.
 pub struct Case {
-    /// Density by position.
+    /// Returns the density at rest at a position `x`, `y`.
     pub density: fn(f64, f64) -> f64,
     pub viscosity: f64,
     pub resistivity: f64,
@@ -30,18 +33,22 @@ pub struct Case {
 /// The result of a simulation.
 pub struct Outcome<S: Backend> {
     pub operators: Operators,
+    /// The matrices of the linear solves.
     pub solved: Vec<Solved<S>>,
+    /// The initial fields.
     pub start: Vec<Vector>,
+    /// The final fields.
     pub fields: Vec<Vector>,
-    /// Energy dissipated by the dissipative processes.
+    /// The energy dissipated by all dissipative processes.
     pub dissipated: f64,
 }
 
-/// A matrix of linear solves, on backend `S`.
+/// A matrix for linear solves on backend `S`, with its solver.
 pub struct Solved<S: Backend> {
     pub name: &'static str,
     pub entries: usize,
     pub solves: usize,
+    /// The number of Krylov iterations of all solves.
     pub iterations: usize,
     solver: S::Solver,
     b: S::Vector,
@@ -61,7 +68,7 @@ impl<S: RealBackend> Solved<S> {
         Ok(Self { name, entries: pattern.nnz(), solves: 0, iterations: 0, solver, b, x })
     }
 
-    /// Computes `x = A^-1 b` for vectors of the other backend.
+    /// Computes `x = A^-1 b` for vectors of the backend `Local`.
     fn solve(&mut self, b: &Vector, x: &mut Vector) -> Result<(), Error> {
         transfer::vector_into::<Local, S>(b, &mut self.b)?;
         let report = self.solver.solve(&self.b, &mut self.x)?;
@@ -73,7 +80,7 @@ impl<S: RealBackend> Solved<S> {
 
 /// A diffusive process of some fields `u`: `capacity du/dt = -speed operator u`.
 #[derive(Clone, Copy)]
-struct Spread<'a> {
+struct Diffusion<'a> {
     name: &'static str,
     capacity: &'a Matrix,
     operator: &'a Matrix,
@@ -81,21 +88,21 @@ struct Spread<'a> {
     fields: &'a [usize],
 }
 
-/// Computes `old = 2 halfway - old`: the end of a step from its start and midpoint.
-fn go_on<'a>(old: &mut Vector, halfway: impl Iterator<Item = &'a f64>) {
+/// Computes `old = 2 halfway - old`: extrapolates from the start and the midpoint of a step to its end.
+fn extrapolate<'a>(old: &mut Vector, halfway: impl Iterator<Item = &'a f64>) {
     old.as_mut_slice().iter_mut().zip(halfway).for_each(|(old, halfway)| *old = 2.0 * halfway - *old);
 }
 
-/// Runs all steps of a case; solves on backend `S`.
+/// Runs all steps of a case, with the linear solves on backend `S`.
 pub fn simulate<S: RealBackend>(context: &S::Context, case: &Case) -> Result<Outcome<S>, Error> {
     let operators = Operators::new(case)?;
-    let (Operators { density, spreading, along, .. }, one) = (&operators, stencil(&[(0, 0, 1.0)])?);
-    let spread = |name, capacity, operator, speed, fields| Spread { name, capacity, operator, speed, fields };
-    let spreads = [
-        spread("viscosity", density, spreading, case.viscosity, &V),
-        spread("resistivity", &one, spreading, case.resistivity, &[PSI, BZ]),
-        spread("conduction along the field", &one, along, case.conduction, &[P]),
-        spread("diffusion of particles", &one, spreading, case.diffusion, &[N]),
+    let (Operators { density, isotropic, along, .. }, one) = (&operators, stencil(&[(0, 0, 1.0)])?);
+    let diffusion = |name, capacity, operator, speed, fields| Diffusion { name, capacity, operator, speed, fields };
+    let diffusions = [
+        diffusion("viscosity", density, isotropic, case.viscosity, &V),
+        diffusion("resistivity", &one, isotropic, case.resistivity, &[PSI, BZ]),
+        diffusion("conduction along the field", &one, along, case.conduction, &[P]),
+        diffusion("diffusion of particles", &one, isotropic, case.diffusion, &[N]),
     ];
     let cg = Iterative {
         krylov: Krylov::Cg,
@@ -105,10 +112,10 @@ pub fn simulate<S: RealBackend>(context: &S::Context, case: &Case) -> Result<Out
     };
     let implicit = operators.implicit_velocity(DT)?;
     let mut velocity = Solved::<S>::new(context, "velocity", &implicit, Method::Direct)?;
-    let mut spreading = Vec::new();
-    for Spread { name, capacity, operator, speed, .. } in spreads {
+    let mut diffusion_solves = Vec::new();
+    for Diffusion { name, capacity, operator, speed, .. } in diffusions {
         let implicit = capacity.sum(1.0, operator, 0.5 * DT * speed)?;
-        spreading.push(Solved::new(context, name, &implicit, Method::Iterative(cg))?);
+        diffusion_solves.push(Solved::new(context, name, &implicit, Method::Iterative(cg))?);
     }
 
     let mut fields = vec![zeros(NODES); FIELDS];
@@ -117,10 +124,10 @@ pub fn simulate<S: RealBackend>(context: &S::Context, case: &Case) -> Result<Out
     let mut dissipated = 0.0;
     for _ in 0..STEPS {
         waves(&operators, &mut velocity, &mut fields)?;
-        for (spread, solved) in spreads.iter().zip(&mut spreading) {
-            for &field in spread.fields {
+        for (diffusion, solved) in diffusions.iter().zip(&mut diffusion_solves) {
+            for &field in diffusion.fields {
                 let weight = if field == PSI { Some(&operators.current) } else { None };
-                let of_field = dissipate(spread, solved, &mut fields[field], weight)?;
+                let of_field = dissipate(diffusion, solved, &mut fields[field], weight)?;
                 dissipated += match field {
                     P => of_field / GAMMA_P,
                     N => 0.0,
@@ -129,7 +136,7 @@ pub fn simulate<S: RealBackend>(context: &S::Context, case: &Case) -> Result<Out
             }
         }
     }
-    let solved = std::iter::once(velocity).chain(spreading).collect();
+    let solved = std::iter::once(velocity).chain(diffusion_solves).collect();
     Ok(Outcome { operators, solved, start, fields, dissipated })
 }
 
@@ -139,37 +146,37 @@ fn zeros(len: usize) -> Vector {
 
 /// Advances the wave equations by one step.
 fn waves<S: RealBackend>(a: &Operators, velocity: &mut Solved<S>, fields: &mut [Vector]) -> Result<(), Error> {
-    let (mut product, mut push, mut halfway) = (zeros(NODES), zeros(3 * NODES), zeros(3 * NODES));
+    let (mut product, mut right, mut halfway) = (zeros(NODES), zeros(3 * NODES), zeros(3 * NODES));
     let inertia = V.map(|v| (v, v, &a.density, 1.0));
     let forces = a.forces.iter().map(|Coupling { to, from, a }| (*to, *from, a, 0.5 * DT));
     for (to, from, a, factor) in inertia.into_iter().chain(forces) {
         a.mul(&fields[from], &mut product)?;
-        let of_nodes = push.as_mut_slice().chunks_exact_mut(3).zip(product.as_slice());
+        let of_nodes = right.as_mut_slice().chunks_exact_mut(3).zip(product.as_slice());
         of_nodes.for_each(|(node, value)| node[to] += factor * value);
     }
-    velocity.solve(&push, &mut halfway)?;
+    velocity.solve(&right, &mut halfway)?;
     let component = |v: usize| halfway.as_slice().iter().skip(v).step_by(3);
     for Coupling { to, from, a } in &a.rates {
-        let moved = component(*from).copied().collect::<Vec<_>>().into();
-        a.mul(&moved, &mut product)?;
+        let velocity = component(*from).copied().collect::<Vec<_>>().into();
+        a.mul(&velocity, &mut product)?;
         fields[*to].axpy(DT, &product)?;
     }
-    V.into_iter().for_each(|v| go_on(&mut fields[v], component(v)));
+    V.into_iter().for_each(|v| extrapolate(&mut fields[v], component(v)));
     Ok(())
 }
 
 /// Advances one field by one step of a diffusive process; returns the decrease of `1/2 field . weight capacity field`.
 fn dissipate<S: RealBackend>(
-    spread: &Spread,
+    diffusion: &Diffusion,
     solved: &mut Solved<S>,
     field: &mut Vector,
     weight: Option<&Matrix>,
 ) -> Result<f64, Error> {
     let (mut product, mut halfway, mut weighted) = (zeros(NODES), zeros(NODES), zeros(NODES));
-    spread.capacity.mul(field, &mut product)?;
+    diffusion.capacity.mul(field, &mut product)?;
     solved.solve(&product, &mut halfway)?;
-    go_on(field, halfway.as_slice().iter());
-    spread.operator.mul(&halfway, &mut product)?;
+    extrapolate(field, halfway.as_slice().iter());
+    diffusion.operator.mul(&halfway, &mut product)?;
     let taken = match weight {
         Some(weight) => {
             weight.mul(&halfway, &mut weighted)?;
@@ -177,5 +184,5 @@ fn dissipate<S: RealBackend>(
         }
         None => halfway.dot(&product)?,
     };
-    Ok(DT * spread.speed * taken)
+    Ok(DT * diffusion.speed * taken)
 }

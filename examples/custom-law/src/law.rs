@@ -16,13 +16,13 @@ use biotissue::fiber::law::FiberLaw;
 /// Stress and slope are continuous at both ends of the toe region.
 #[derive(Clone, Debug)]
 pub struct Toe {
-    /// `E`, Pa.
+    /// Modulus at rest `E`, Pa.
     pub youngs_modulus: f64,
-    /// `H`, Pa, greater than `E`.
+    /// Modulus of the straightened fiber `H`, Pa; greater than `E`.
     pub straight_modulus: f64,
-    /// `e_t`.
+    /// Strain at the end of the toe region `e_t`.
     pub toe_strain: f64,
-    /// `n`, at least 2; for a smaller exponent, the derivative of the slope is infinite at rest.
+    /// Exponent `n`, at least 2; for a smaller exponent, the derivative of the slope is infinite at rest.
     pub exponent: f64,
 }
 
@@ -50,8 +50,8 @@ impl FiberLaw for Toe {
         (self.youngs_modulus * strain + curved + rise * beyond, slope)
     }
 
-    /// The energy in closed form. Without this method the library integrates the stress by quadrature, which is as
-    /// accurate but slower.
+    /// Returns the energy in closed form. Without this method the library integrates the stress by quadrature, which is
+    /// as accurate but slower.
     fn energy(&self, stretch: f64) -> f64 {
         let (strain, rise) = (stretch - 1.0, self.straight_modulus - self.youngs_modulus);
         let along = (strain / self.toe_strain).clamp(0.0, 1.0);
@@ -81,10 +81,10 @@ mod tests {
         })
     }
 
-    /// Stress, slope, energy and batched evaluation are consistent, and nothing is discontinuous: the library's own
-    /// check for laws.
+    /// The library's check for laws tests that stress, slope, energy and batched evaluation are consistent and
+    /// continuous.
     #[test]
-    fn the_law_keeps_what_every_law_must() -> Result<(), biotissue::fiber::law::LawError> {
+    fn the_law_passes_the_check_of_the_library() -> Result<(), biotissue::fiber::law::LawError> {
         laws().try_for_each(|law| check(&law, 0.7..=1.4))
     }
 
@@ -102,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn the_fiber_straightens_to_its_modulus() {
+    fn the_slope_of_a_straightened_fiber_is_its_modulus() {
         for law in laws() {
             assert_eq!(law.stress(1.0), (0.0, 1.0e7));
             assert!((law.stress(1.2).1 - 4.0e8).abs() < 1.0);

@@ -19,7 +19,7 @@ use nalgebra::Matrix3;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let toe = Toe { youngs_modulus: 1.0e7, straight_modulus: 4.0e8, toe_strain: 0.06, exponent: 2.0 };
-    // Fibers that buckle in compression: the modifiers of the library apply to every law.
+    // The fibers buckle in compression: the modifiers of the library apply to every law.
     let law = Law::custom(toe).with_buckling(0.05, 0.01);
     let collagen = FiberMaterial { law, radius: 5.0e-8, density: None };
 

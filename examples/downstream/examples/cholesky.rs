@@ -7,8 +7,8 @@
 //!
 //! The matrix is the stiffness of a box of CELLS cells per side with six tetrahedra each, clamped at one face or on
 //! rollers at three faces. Both solvers factor the same values in the same order into the same memory, alternately;
-//! times are the minimum of many, in ms. To build with cargo's default release profile instead of the profile of this
-//! workspace:
+//! each time is the minimum of many, in ms. The following command builds with cargo's default release profile instead
+//! of the profile of this workspace:
 //!
 //! ```text
 //! CARGO_PROFILE_RELEASE_LTO=false CARGO_PROFILE_RELEASE_CODEGEN_UNITS=16 cargo run ...
@@ -35,13 +35,14 @@ type Error = Box<dyn std::error::Error>;
 /// The supports of a body.
 #[derive(Clone, Copy, Debug)]
 enum Supports {
-    /// All components prescribed on one face.
+    /// All components are prescribed on one face.
     Clamped,
-    /// The normal component prescribed on three faces: the planes of symmetry of a larger body.
+    /// The normal component is prescribed on three faces: the planes of symmetry of a larger body.
     Rollers,
 }
 
 impl Supports {
+    /// Returns whether the displacement in this direction is prescribed at `x`.
     fn fix(self, x: [f64; 3], direction: usize) -> bool {
         match self {
             Self::Clamped => x[0] == 0.0,
@@ -66,7 +67,7 @@ fn stiffness(cells: usize, supports: Supports) -> Result<(Arc<Sparsity>, Matrix)
     Ok((pattern, matrix))
 }
 
-/// faer's supernodal factorization in a given order.
+/// faer's supernodal Cholesky factorization in a given order.
 struct Faer {
     lower: SymbolicSparseColMat<u32>,
     values: Vec<f64>,
@@ -76,6 +77,7 @@ struct Faer {
 }
 
 impl Faer {
+    /// Copies the lower triangle of the matrix and analyzes it; `order` lists the unknowns by pivot.
     fn new(pattern: &Sparsity, matrix: &Matrix, order: &[u32]) -> Result<Self, Error> {
         let n = pattern.rows();
         let (mut starts, mut rows, mut values) = (vec![0], Vec::new(), Vec::new());
@@ -123,10 +125,11 @@ impl Faer {
     }
 }
 
-/// Returns the minimum of several times, in ms.
+/// The minimum of several times, ms.
 struct Smallest(f64);
 
 impl Smallest {
+    /// Measures the time of `work` and returns its result.
     fn of<R>(&mut self, work: impl FnOnce() -> R) -> R {
         let start = Instant::now();
         let result = work();
@@ -135,6 +138,7 @@ impl Smallest {
     }
 }
 
+/// Prints the row of the table for one matrix.
 fn compare(cells: usize, supports: Supports) -> Result<(), Error> {
     let (pattern, matrix) = stiffness(cells, supports)?;
     let params = SolverParams::new(Symmetry::Definite);

@@ -32,18 +32,18 @@ pub fn front(kappa: f64, time: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// The differential equation holds inside the front, by central differences.
+    /// Tests the differential equation inside the front by central differences.
     #[test]
-    fn it_solves_the_equation() {
+    fn the_solution_satisfies_the_equation() {
         let (kappa, time, h) = (3.0, 0.05, 1e-4);
         for [x, y] in [[0.1, 0.0], [0.2, 0.3], [0.0, 0.5]] {
             // kappa u grad u is kappa / 2 times the gradient of u^2.
             let square = |x: f64, y: f64| temperature(kappa, time, [x, y]).powi(2);
             let neighbors = square(x + h, y) + square(x - h, y) + square(x, y + h) + square(x, y - h);
-            let flows_in = 0.5 * kappa * (neighbors - 4.0 * square(x, y)) / (h * h);
+            let inflow = 0.5 * kappa * (neighbors - 4.0 * square(x, y)) / (h * h);
             let at = |time: f64| temperature(kappa, time, [x, y]);
-            let rises = (at(time + h) - at(time - h)) / (2.0 * h);
-            assert!((flows_in - rises).abs() < 1e-4 * rises.abs().max(1.0), "{flows_in} {rises}");
+            let rate = (at(time + h) - at(time - h)) / (2.0 * h);
+            assert!((inflow - rate).abs() < 1e-4 * rate.abs().max(1.0), "{inflow} {rate}");
         }
         assert_eq!(temperature(kappa, time, [front(kappa, time) + 1e-9, 0.0]), 0.0);
     }

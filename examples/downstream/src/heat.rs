@@ -1,8 +1,8 @@
 //! Heat conduction with a conductivity proportional to temperature, `du/dt = div(kappa u grad u)`, on any backend.
 //!
-//! Linear triangles, heat capacities lumped at the nodes, explicit time steps. The conductivity depends on the
-//! temperature, so the matrix is assembled again in every step. On a backend with several lanes per entry, each lane is
-//! a separate body with the same mesh and its own `kappa`.
+//! The discretization uses linear triangles, heat capacities lumped at the nodes, and explicit time steps. The
+//! conductivity depends on the temperature, so the matrix is assembled again in every step. On a backend with several
+//! lanes per entry, each lane is a separate body with the same mesh and its own `kappa`.
 
 use std::sync::Arc;
 
@@ -18,9 +18,10 @@ pub struct Body<B: Backend> {
     elements: Vec<Element<B>>,
     /// Positions of the nine entries of each element in the matrix.
     slots: Vec<B::Slot>,
-    /// This matrix times the temperatures gives their rates of change.
+    /// The matrix whose product with the temperatures is their rates of change.
     rates: B::Matrix,
     temperature: B::Vector,
+    /// The rates of change of the temperatures in the last step.
     change: B::Vector,
     /// The area associated with each node.
     capacity: B::Vector,
@@ -28,7 +29,7 @@ pub struct Body<B: Backend> {
 
 struct Element<B: Backend> {
     nodes: [B::Index; 3],
-    /// Matrix from the nodal temperatures to their rates, for a conductivity of one.
+    /// The matrix from the nodal temperatures to their rates, for a conductivity of one; row by row.
     exchange: [B::Scalar; 9],
 }
 
@@ -79,7 +80,8 @@ impl<B: Backend> Body<B> {
         self.rates.finish()
     }
 
-    /// Takes one explicit time step. It is stable for steps up to a quarter of the squared cell size over `kappa u`.
+    /// Takes one explicit time step of `seconds`. It is stable for steps up to a quarter of the squared cell size over
+    /// the maximum of `kappa u`.
     pub fn step(&mut self, kappa: B::Scalar, seconds: f64) -> Result<(), Error> {
         self.assemble(kappa)?;
         self.rates.mul(&self.temperature, &mut self.change)?;
@@ -92,8 +94,8 @@ impl<B: Backend> Body<B> {
         self.temperature.dot(&self.capacity)
     }
 
-    /// Returns the rate of change of each body in the last step, as root mean square over its nodes.
-    pub fn unrest(&self) -> Result<B::Reduced, B::Error> {
+    /// Returns the root mean square of the nodal rates of change in the last step, for each body.
+    pub fn rms_rate(&self) -> Result<B::Reduced, B::Error> {
         Ok(self.change.norm()? / B::Reduced::every((self.places.len() as f64).sqrt()))
     }
 
@@ -102,7 +104,8 @@ impl<B: Backend> Body<B> {
         self.temperature.with_local(|values| values.iter().map(|value| value.lane(lane).as_f64()).collect())
     }
 
-    /// Returns the difference from an exact temperature field: misplaced heat relative to total heat.
+    /// Returns the difference from an exact temperature field: the sum of its nodal absolute values, weighted by
+    /// capacity, relative to the total heat.
     pub fn error(&self, lane: usize, exact: impl Fn([f64; 2]) -> f64) -> Result<f64, B::Error> {
         let capacity =
             self.capacity.with_local(|values| values.iter().map(|c| c.lane(lane).as_f64()).collect::<Vec<_>>())?;

@@ -20,19 +20,20 @@ use biotissue::las::{Backend, Scalar, Value};
 use heat::{Body, Error};
 use mesh::Mesh;
 
-/// The materials: conductivity divided by temperature.
+/// Conductivity divided by temperature, by material.
 const KAPPA: [f64; 4] = [0.5, 1.0, 2.0, 4.0];
 /// Simulated time, s.
 const SECONDS: f64 = 0.1;
 
 type Lanes = Batched<f64, 4>;
 
-/// Simulates the spread of heat from a hot corner; `kappa` by lane.
+/// Simulates the spread of heat from a hot corner on a mesh of `cells` by `cells` squares; `kappa` returns the material
+/// by lane.
 fn spread<B: Backend>(context: &B::Context, cells: usize, kappa: impl Fn(usize) -> f64) -> Result<Body<B>, Error> {
     let mut body =
         Body::<B>::new(context, Mesh::square(cells), |place, lane| exact::temperature(kappa(lane), 0.0, place))?;
     let kappa = B::Scalar::from_lanes(|lane| Scalar::of(kappa(lane)));
-    // Nine tenths of the stable step for the fastest material, so that all of them take the same steps.
+    // All materials take the same steps: nine tenths of the stable step of the fastest material.
     let steps = (SECONDS * 4.0 * KAPPA[3] * (cells * cells) as f64 / 0.9).ceil() as usize;
     for _ in 0..steps {
         body.step(kappa, SECONDS / steps as f64)?;
@@ -50,7 +51,7 @@ fn one_by_one<B: Backend>(context: &B::Context, cells: usize) -> Result<(Vec<Vec
     Ok((ends, start.elapsed().as_secs_f64()))
 }
 
-/// Does the same for all materials at once, in four lanes.
+/// Returns the same as `one_by_one`, but simulates all materials at once, in four lanes.
 fn all_at_once(cells: usize) -> Result<(Vec<Vec<f64>>, f64), Error> {
     let start = Instant::now();
     let body = spread::<Lanes>(&(), cells, |lane| KAPPA[lane])?;
@@ -58,18 +59,18 @@ fn all_at_once(cells: usize) -> Result<(Vec<Vec<f64>>, f64), Error> {
     Ok((ends, start.elapsed().as_secs_f64()))
 }
 
-/// Returns the largest difference of two results.
-fn apart(a: &[Vec<f64>], b: &[Vec<f64>]) -> f64 {
+/// Returns the largest difference between two results.
+fn difference(a: &[Vec<f64>], b: &[Vec<f64>]) -> f64 {
     a.iter().flatten().zip(b.iter().flatten()).fold(0.0, |most, (a, b)| most.max((a - b).abs()))
 }
 
 fn main() -> Result<(), Error> {
     println!(
-        "A hot corner of a square cools down. Heat is conducted the better the hotter it is, and spreads as a front.\n"
+        "A hot corner of a square cools down. The conductivity increases with temperature; heat spreads as a front.\n"
     );
     let body = spread::<Lanes>(&(), 32, |lane| KAPPA[lane])?;
-    let (heat, unrest) = (body.heat()?, body.unrest()?);
-    println!("conductivity | hottest  exact | front at  exact | heat     change per s | heat in the wrong place");
+    let (heat, rms_rate) = (body.heat()?, body.rms_rate()?);
+    println!("conductivity | hottest  exact | front at  exact | heat     change per s | misplaced heat");
     for (lane, kappa) in KAPPA.into_iter().enumerate() {
         let exact = |place: [f64; 2]| exact::temperature(kappa, SECONDS, place);
         let hottest = body.temperatures(lane)?.into_iter().fold(0.0, f64::max);
@@ -79,12 +80,12 @@ fn main() -> Result<(), Error> {
             body.reach(lane)?,
             exact::front(kappa, SECONDS),
             heat.lane(lane),
-            unrest.lane(lane),
+            rms_rate.lane(lane),
             100.0 * body.error(lane, exact)?
         );
     }
 
-    println!("\nFiner meshes, and the heat in the wrong place (conductivity 4 u):");
+    println!("\nMisplaced heat by mesh (conductivity 4 u):");
     let mut coarser: Option<f64> = None;
     for cells in [8, 16, 32, 64] {
         let body = spread::<Sparse>(&(), cells, |_| KAPPA[3])?;
@@ -98,7 +99,8 @@ fn main() -> Result<(), Error> {
     let (reference, seconds) = one_by_one::<Sparse>(&(), 16)?;
     println!("{:8} one by one  {seconds:7.4} s", Sparse::<f64>::NAME);
     let line = |name: &str, how: &str, (ends, seconds): (Vec<Vec<f64>>, f64)| {
-        println!("{name:8} {how:10}  {seconds:7.4} s   {:.0e} from sparse at most", apart(&ends, &reference));
+        let difference = difference(&ends, &reference);
+        println!("{name:8} {how:10}  {seconds:7.4} s   largest difference from sparse: {difference:.0e}");
     };
     line(Dense::<f64>::NAME, "one by one", one_by_one::<Dense>(&(), 16)?);
     line(Lanes::NAME, "all at once", all_at_once(16)?);
@@ -118,10 +120,12 @@ mod tests {
     fn backends_agree_to_rounding() -> Result<(), Error> {
         let (sparse, _) = one_by_one::<Sparse>(&(), 8)?;
         for (name, (ends, _)) in [("dense", one_by_one::<Dense>(&(), 8)?), ("batched", all_at_once(8)?)] {
-            assert!(apart(&sparse, &ends) < 1e-13, "{name}: {:e}", apart(&sparse, &ends));
+            let difference = difference(&sparse, &ends);
+            assert!(difference < 1e-13, "{name}: {difference:e}");
         }
         let (single, _) = one_by_one::<Sparse<f32>>(&(), 8)?;
-        assert!((1e-9..1e-4).contains(&apart(&sparse, &single)), "single precision: {:e}", apart(&sparse, &single));
+        let difference = difference(&sparse, &single);
+        assert!((1e-9..1e-4).contains(&difference), "single precision: {difference:e}");
         Ok(())
     }
 
@@ -131,8 +135,8 @@ mod tests {
     fn petsc_agrees_to_rounding() -> Result<(), Error> {
         use biotissue::backends::petsc::{Context, Petsc};
         let (petsc, _) = one_by_one::<Petsc>(&Context::world()?, 8)?;
-        let apart = apart(&one_by_one::<Sparse>(&(), 8)?.0, &petsc);
-        assert!(apart < 1e-13, "{apart:e}");
+        let difference = difference(&one_by_one::<Sparse>(&(), 8)?.0, &petsc);
+        assert!(difference < 1e-13, "{difference:e}");
         Ok(())
     }
 
@@ -152,12 +156,12 @@ mod tests {
     }
 
     #[test]
-    fn heat_is_kept_and_nothing_gets_colder_than_the_cold() -> Result<(), Error> {
+    fn heat_is_conserved_and_temperatures_are_not_negative() -> Result<(), Error> {
         let start = Body::<Sparse>::new(&(), Mesh::square(12), |place, _| exact::temperature(4.0, 0.0, place))?;
         let end = spread::<Sparse>(&(), 12, |_| 4.0)?;
         assert!((end.heat()? / start.heat()? - 1.0).abs() < 1e-12, "{} {}", end.heat()?, start.heat()?);
         assert!(end.temperatures(0)?.into_iter().all(|u| u >= 0.0));
-        assert!(end.reach(0)? > 1.5 * start.reach(0)?, "and it has moved");
+        assert!(end.reach(0)? > 1.5 * start.reach(0)?, "the front has not moved");
         Ok(())
     }
 }

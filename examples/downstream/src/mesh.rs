@@ -24,6 +24,7 @@ impl Mesh {
         Self { nodes, triangles: corners.flat_map(halves).collect() }
     }
 
+    /// Returns the area and the stiffness of a triangle.
     pub fn shape(&self, triangle: &[usize; 3]) -> Shape {
         let [a, b, c] = triangle.map(|node| self.nodes[node]);
         // The edge opposite to each corner; the gradient of the shape function is perpendicular to it.
@@ -42,7 +43,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn triangles_fill_the_square_and_a_constant_has_no_gradient() {
+    fn triangles_fill_the_square_and_rows_of_the_stiffness_sum_to_zero() {
         let mesh = Mesh::square(3);
         let shapes: Vec<_> = mesh.triangles.iter().map(|triangle| mesh.shape(triangle)).collect();
         assert!((shapes.iter().map(|shape| shape.area).sum::<f64>() - 1.0).abs() < 1e-15);
@@ -51,9 +52,9 @@ mod tests {
         }
     }
 
-    /// The energy of `2 x - y` is the square of its gradient.
+    /// The energy of `2 x - y` is the square of its gradient, 5.
     #[test]
-    fn a_linear_field_has_its_gradient() {
+    fn the_energy_of_a_linear_field_is_exact() {
         let mesh = Mesh::square(4);
         let mut energy = 0.0;
         for triangle in &mesh.triangles {

@@ -1,8 +1,8 @@
-//! A backend of another crate: the least that one implements, and how it runs the conformance suite.
+//! Implements a minimal backend outside `biotissue` and tests it with the conformance suite.
 //!
-//! It stores every entry, has Cholesky and LU but no LDL^T, and does not know at which unknown a factorization failed.
-//! Without the optional extensions `Entries` and `MatMat`, it runs every simulation of `biotissue`, but has no Matrix
-//! Market files and no matrix sums.
+//! The backend stores every entry, has Cholesky and LU but no LDL^T, and does not determine the unknown at which a
+//! factorization failed. It runs every simulation of `biotissue`; because it lacks the optional extensions `Entries`
+//! and `MatMat`, it does not support Matrix Market files, sums of matrices and products of matrices.
 
 use std::convert::Infallible;
 use std::sync::Arc;
@@ -48,7 +48,7 @@ impl Backend for Own {
     type Reduced = f64;
     type Context = ();
     type Error = Infallible;
-    /// A position, or `None` for a dropped value.
+    /// The position of an entry, or `None` for a value that is discarded.
     type Slot = Option<usize>;
     type Vector = Vector;
     type Matrix = Matrix;
@@ -231,6 +231,7 @@ impl MatrixOps<Own> for Matrix {
     }
 }
 
+/// Returns an error if two lengths differ.
 fn check_size(what: &'static str, found: usize, expected: usize) -> Result<(), Error> {
     if found == expected { Ok(()) } else { Err(SolveError::Size { what, found, expected }) }
 }
@@ -263,6 +264,7 @@ impl MatVec<Own> for Matrix {
 }
 
 impl OwnSolver {
+    /// Discards the factors and checks the size of the matrix and that its values are finite.
     fn check(&mut self, a: &Matrix) -> Result<(), Error> {
         self.factors = None;
         check_size("the matrix", a.rows, self.symbolic.unknowns)?;
@@ -272,7 +274,8 @@ impl OwnSolver {
         }
     }
 
-    /// Cholesky without square roots and LU with partial pivoting are both elimination, with other pivots.
+    /// Factors by Gaussian elimination: without pivoting for Cholesky (in the form without square roots), with partial
+    /// pivoting for LU.
     fn eliminate(&mut self, a: &Matrix, kind: Factorization) -> Result<FactorReport, Error> {
         let n = a.rows;
         let (mut factors, mut order) = (a.clone(), (0..n).collect::<Vec<_>>());
@@ -292,7 +295,7 @@ impl OwnSolver {
             (smallest, largest) = (smallest.min(pivot.abs()), largest.max(pivot.abs()));
             let ratio = if largest > 0.0 { smallest / largest } else { 0.0 };
             if ratio < self.symbolic.limit {
-                // The unknown is required, but this backend does not know it.
+                // The error requires an unknown, which this backend does not determine.
                 return Err(SolveError::Singular { unknown: usize::MAX, ratio, limit: self.symbolic.limit });
             }
             for row in k + 1..n {
@@ -353,7 +356,7 @@ impl Solver<Own> for OwnSolver {
     }
 }
 
-/// This backend lacks LDL^T and does not name unknowns; the suite requires neither.
+/// The suite does not require LDL^T or the unknown of a failure from this backend.
 #[test]
 fn own_backend_conforms() {
     conformance::all::<Own>(&(), Trials::default(), Capabilities { ldlt: false, names_unknown: false });

@@ -11,7 +11,7 @@ const ACTIVATION: f64 = 6000.0;
 /// Heat of reaction, J/mol.
 const HEAT: f64 = 2.0e5;
 /// The longest substep, in units of `1 / k`.
-const LONGEST: f64 = 0.05;
+const MAX_SUBSTEP: f64 = 0.05;
 
 /// Returns `k`, 1/s, at a temperature in K; it is zero at absolute zero.
 pub fn rate(temperature: f64) -> f64 {
@@ -31,14 +31,14 @@ impl Cell {
         Self { reactant: 800.0 + 200.0 * (number % 4) as f64 }
     }
 
-    /// Advances the reaction by `dt` (s, positive) at a temperature (K). Returns the mean heat per volume over `dt`,
-    /// W/m^3.
+    /// Advances the reaction by `dt` (s, positive) at a temperature (K). Returns the heat per volume and time, averaged
+    /// over `dt`, W/m^3.
     pub fn step(&mut self, temperature: f64, dt: f64) -> f64 {
         let (extent, before) = (rate(temperature) * dt, self.reactant);
-        let steps = (extent / LONGEST).ceil().max(1.0);
+        let steps = (extent / MAX_SUBSTEP).ceil().max(1.0);
         let part = extent / steps;
         for _ in 0..steps as usize {
-            // Explicit midpoint rule, second order.
+            // The explicit midpoint rule is of second order.
             let middle = self.reactant - 0.5 * part * self.reactant;
             self.reactant -= part * middle;
         }
@@ -54,12 +54,13 @@ pub struct Cloud {
 }
 
 impl Cloud {
-    /// Creates the cells with these numbers.
+    /// Creates the cells with the given numbers.
     pub fn of(numbers: &[u64]) -> Self {
         Self { cells: numbers.iter().map(|&number| Cell::new(number)).collect() }
     }
 
-    /// Advances all cells by `dt` (s), each at its own temperature (K). Returns the heat of each, W/m^3.
+    /// Advances all cells by `dt` (s), each at its own temperature (K). Returns the heat of each cell per volume and
+    /// time, W/m^3.
     pub fn step(&mut self, temperatures: &[f64], dt: f64) -> Vec<f64> {
         self.cells.iter_mut().zip(temperatures).map(|(cell, &temperature)| cell.step(temperature, dt)).collect()
     }
@@ -70,7 +71,8 @@ impl Cloud {
     }
 }
 
-/// Runs the cells for `steps` steps of `dt` (s) at one temperature (K). Returns the heat released by each, J/m^3.
+/// Runs the cells for `steps` steps of `dt` (s) at one temperature (K). Returns the heat released by each cell per
+/// volume, J/m^3.
 pub fn run(cloud: &mut Cloud, temperature: f64, steps: usize, dt: f64) -> Vec<f64> {
     let temperatures = vec![temperature; cloud.cells.len()];
     let mut released = vec![0.0; cloud.cells.len()];
@@ -85,7 +87,7 @@ pub fn run(cloud: &mut Cloud, temperature: f64, steps: usize, dt: f64) -> Vec<f6
 mod tests {
     use super::*;
 
-    /// Returns the relative error of the remaining reactant against the exponential.
+    /// Returns the error of the remaining reactant relative to the exact exponential.
     fn error(temperature: f64, steps: usize, dt: f64) -> f64 {
         let mut cloud = Cloud::of(&[3]);
         let start = cloud.left()[0];
@@ -94,27 +96,27 @@ mod tests {
         cloud.left()[0] / exact - 1.0
     }
 
-    /// A substep `z` of the midpoint rule differs from `exp(-z)` by `z^3 / 6`; the limit adds a fifth for the terms
-    /// that follow.
+    /// A substep `z` of the midpoint rule differs from `exp(-z)` by `z^3 / 6`; the bound adds 20 % for the terms of
+    /// higher order.
     #[test]
     fn the_reactant_decays_exponentially() {
         for temperature in [350.0, 400.0, 450.0, 500.0] {
             let (steps, dt) = (4, 0.5);
-            let bound = 1.2 * rate(temperature) * dt * steps as f64 * LONGEST.powi(2) / 6.0;
+            let bound = 1.2 * rate(temperature) * dt * steps as f64 * MAX_SUBSTEP.powi(2) / 6.0;
             let error = error(temperature, steps, dt);
             assert!(error.abs() < bound, "{temperature} K: {error} above {bound}");
         }
     }
 
     #[test]
-    fn the_error_is_of_second_order_in_the_sub_step() {
-        let dt = 0.8 * LONGEST / rate(400.0);
+    fn the_error_is_of_second_order_in_the_substep() {
+        let dt = 0.8 * MAX_SUBSTEP / rate(400.0);
         let ratio = error(400.0, 1, dt) / error(400.0, 2, 0.5 * dt);
         assert!((3.8..4.2).contains(&ratio), "{ratio}");
     }
 
     #[test]
-    fn heat_is_the_reactant_used_up_times_the_heat_of_reaction() {
+    fn heat_is_the_consumed_reactant_times_the_heat_of_reaction() {
         for temperature in [0.0, 350.0, 450.0, 550.0] {
             let mut cloud = Cloud::of(&[0, 1, 2, 3, 4]);
             let start = cloud.left();

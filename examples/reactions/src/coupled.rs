@@ -1,6 +1,6 @@
-//! The coupled rod and cells. The rod has one rank, the cells any number of ranks. Each inner node of the rod is a
-//! unit, and its cell is on the rank that gets the unit. In every step, temperatures are sent to the cells and heat is
-//! sent back.
+//! The coupling of the rod and the cells. The rod has one rank, the cells have any number of ranks. Each inner node of
+//! the rod is a unit, and its cell is on the rank that the unit is assigned to. In every step, the temperatures are
+//! sent to the cells, and the heat is sent back.
 
 use biotissue::coupling::thread::{self, Failed, ThreadComm};
 use biotissue::coupling::{Channel, Coupling, EvenPartition, Message, Plan, Scales, Share};
@@ -28,14 +28,14 @@ pub fn run(rod: &Rod, steps: usize, ranks: usize) -> Result<Vec<Vec<f64>>, Faile
 
 /// Runs the rod, with the cells as its heat source.
 fn rod_main(scales: &Scales<ThreadComm>, rod: Rod, steps: usize) -> Outcome {
-    let there = Coupling::new(scales, "rod", "cells", &rod.nodes(), &[], &EvenPartition)?;
-    let (back, mut channel) = (there.inverse(), Channel::<f64>::new(&there)?);
+    let to_cells = Coupling::new(scales, "rod", "cells", &rod.nodes(), &[], &EvenPartition)?;
+    let (to_rod, mut channel) = (to_cells.inverse(), Channel::<f64>::new(&to_cells)?);
     let dt = Message::of(&[rod.dt]);
     let rod = heat::run(rod, steps, |temperatures| -> Outcome {
         scales.broadcast(1, dt.clone())?;
-        channel.send(&there, temperatures)?;
+        channel.send(&to_cells, temperatures)?;
         let mut released = vec![0.0; temperatures.len()];
-        channel.receive(&back, &mut released)?;
+        channel.receive(&to_rod, &mut released)?;
         Ok(released)
     })?;
     // A message without a time step ends the cells.
@@ -45,13 +45,13 @@ fn rod_main(scales: &Scales<ThreadComm>, rod: Rod, steps: usize) -> Outcome {
 
 /// Runs the cells of this rank until no further time step arrives.
 fn cells_main(scales: &Scales<ThreadComm>) -> Outcome {
-    let there = Coupling::new(scales, "rod", "cells", &[], &[], &EvenPartition)?;
-    let (back, mut channel) = (there.inverse(), Channel::<f64>::new(&there)?);
-    let mut cloud = Cloud::of(there.units());
-    let mut temperatures = vec![0.0; there.units().len()];
+    let to_cells = Coupling::new(scales, "rod", "cells", &[], &[], &EvenPartition)?;
+    let (to_rod, mut channel) = (to_cells.inverse(), Channel::<f64>::new(&to_cells)?);
+    let mut cloud = Cloud::of(to_cells.units());
+    let mut temperatures = vec![0.0; to_cells.units().len()];
     while let Some(&[dt]) = scales.receive(0)?.values::<f64>() {
-        channel.receive(&there, &mut temperatures)?;
-        channel.send(&back, &cloud.step(&temperatures, dt))?;
+        channel.receive(&to_cells, &mut temperatures)?;
+        channel.send(&to_rod, &cloud.step(&temperatures, dt))?;
     }
     Ok(cloud.left())
 }

@@ -1,7 +1,7 @@
 //! Heat conduction in a rod: one dimension, prescribed temperatures at both ends.
 //!
-//! Finite differences in space and implicit Euler in time, with the heat capacity `c` per volume, the conductivity `k`,
-//! the node distance `h` and the heat `q` of a source per volume:
+//! The discretization uses finite differences in space and implicit Euler in time, with the heat capacity `c` per
+//! volume, the conductivity `k`, the node distance `h` and the heat `q` of a source per volume and time:
 //!
 //! ```text
 //! c (T_i' - T_i) / dt = k (T_{i-1}' - 2 T_i' + T_{i+1}') / h^2 + q_i
@@ -12,9 +12,9 @@ use std::convert::Infallible;
 /// A rod with its current temperatures.
 #[derive(Clone, Debug)]
 pub struct Rod {
-    /// `k`, W/(m K).
+    /// Conductivity `k`, W/(m K).
     pub conductivity: f64,
-    /// `c`, J/(m^3 K).
+    /// Heat capacity `c`, J/(m^3 K).
     pub capacity: f64,
     /// Length, m.
     pub length: f64,
@@ -38,6 +38,7 @@ impl Rod {
         (1..=self.inner.len()).map(move |node| node as f64 * spacing)
     }
 
+    /// Returns the distance between neighboring nodes, m.
     fn spacing(&self) -> f64 {
         self.length / (self.inner.len() + 1) as f64
     }
@@ -61,7 +62,7 @@ impl Rod {
 
 /// Solves in place the tridiagonal system with rows `-r, 1 + 2 r, -r` by the Thomas algorithm.
 fn solve(r: f64, values: &mut [f64]) {
-    // Forward elimination: each value becomes `value + gain * (the next one)`.
+    // After the forward elimination, each unknown is its value plus `gain` times the next unknown.
     let mut gains = Vec::with_capacity(values.len());
     let (mut gain, mut before) = (0.0, 0.0);
     for value in values.iter_mut() {
@@ -90,7 +91,7 @@ pub fn run<E>(mut rod: Rod, steps: usize, mut source: impl FnMut(&[f64]) -> Resu
     Ok(rod)
 }
 
-/// The source of an uncoupled rod: no heat.
+/// Returns the source of an uncoupled rod: no heat at any node.
 pub fn no_source(temperatures: &[f64]) -> Result<Vec<f64>, Infallible> {
     Ok(vec![0.0; temperatures.len()])
 }
@@ -112,9 +113,9 @@ mod tests {
         rod.conductivity / rod.capacity * (PI / rod.length).powi(2)
     }
 
-    /// Returns the remaining amplitude of that wave after the time in which it decays to 1/e; the number of intervals
-    /// is even, so that the maximum is at a node.
-    fn wave_left(intervals: usize, steps: usize) -> f64 {
+    /// Returns the amplitude of that wave after the time in which it decays to 1/e, relative to the initial amplitude.
+    /// The number of intervals must be even, so that the maximum is at a node.
+    fn remaining_amplitude(intervals: usize, steps: usize) -> f64 {
         let mut rod = rod(intervals, 1.0);
         rod.dt = 1.0 / (decay(&rod) * steps as f64);
         let wave: Vec<f64> = rod.places().map(|place| 300.0 + AMPLITUDE * (PI * place / rod.length).sin()).collect();
@@ -140,7 +141,7 @@ mod tests {
 
     #[test]
     fn a_wave_decays_at_its_rate_to_first_order_in_time() {
-        let errors = [20, 40, 80].map(|steps| wave_left(200, steps) - (-1.0_f64).exp());
+        let errors = [20, 40, 80].map(|steps| remaining_amplitude(200, steps) - (-1.0_f64).exp());
         assert!(errors[2].abs() < 3e-3, "{errors:?}");
         for pair in errors.windows(2) {
             assert!((1.9..2.1).contains(&(pair[0] / pair[1])), "{errors:?}");
@@ -151,7 +152,7 @@ mod tests {
     fn a_wave_decays_at_its_rate_to_second_order_in_space() {
         // The result of implicit Euler with this number of steps and without spatial error.
         let exact = (1.0 + 1.0 / 50.0_f64).powi(-50);
-        let errors = [10, 20, 40].map(|intervals| wave_left(intervals, 50) - exact);
+        let errors = [10, 20, 40].map(|intervals| remaining_amplitude(intervals, 50) - exact);
         assert!(errors[2].abs() < 3e-4, "{errors:?}");
         for pair in errors.windows(2) {
             assert!((3.8..4.2).contains(&(pair[0] / pair[1])), "{errors:?}");

@@ -1,4 +1,4 @@
-//! Two user codes, each of which runs alone, and their coupling.
+//! Couples two user codes, each of which also runs alone.
 //!
 //! ```text
 //! cargo run --package reactions -- heat
@@ -31,14 +31,15 @@ const LINES: usize = 4;
 
 /// The simulation to run.
 #[derive(Debug, PartialEq)]
-enum Way {
+enum Mode {
     Heat,
     Cloud,
     /// Both codes, with this number of ranks for the cells.
     Coupled(usize),
 }
 
-impl Way {
+impl Mode {
+    /// Reads the command-line arguments; the error is the message for the user.
     fn parse(arguments: &[&str]) -> Result<Self, String> {
         match *arguments {
             ["heat"] => Ok(Self::Heat),
@@ -49,8 +50,8 @@ impl Way {
                 let wrong = || format!("{ranks} ranks cannot share {CELLS} cells; give 1 to {CELLS}");
                 count.map(Self::Coupled).ok_or_else(wrong)
             }
-            [] => Err("nothing to run".to_owned()),
-            _ => Err(format!("nothing to run is called {}", arguments.join(" "))),
+            [] => Err("the simulation is missing".to_owned()),
+            _ => Err(format!("there is no simulation `{}`", arguments.join(" "))),
         }
     }
 
@@ -66,13 +67,13 @@ impl Way {
     }
 }
 
-/// Returns a cold rod, one end of which is hot from the start of the simulation.
+/// Returns a cold rod with one hot end.
 fn cold_rod() -> Rod {
     let inner = vec![350.0; CELLS];
     Rod { conductivity: 20.0, capacity: 2.0e6, length: 0.05, ends: [450.0, 350.0], inner, dt: 0.5 }
 }
 
-/// Prints a row of a table, with every third value.
+/// Prints a row of a table, with every third of the values.
 fn show(name: &str, values: impl Iterator<Item = f64>) {
     let values: Vec<String> = values.step_by(3).map(|value| format!("{value:8.1}")).collect();
     println!("{name:>10} |{}", values.concat());
@@ -85,7 +86,7 @@ fn time(rod: &Rod, steps: usize) -> String {
 
 fn show_heat() -> Result<(), Box<dyn Error>> {
     let mut rod = cold_rod();
-    println!("The rod alone: temperature (K) by place and time.\n");
+    println!("The rod alone: temperature (K) by position and time.\n");
     show("mm", rod.places().map(|place| 1e3 * place));
     for line in 1..=LINES {
         rod = heat::run(rod, STEPS, heat::no_source)?;
@@ -115,7 +116,7 @@ fn show_cloud() {
 
 fn show_coupled(ranks: usize) -> Result<(), Box<dyn Error>> {
     let rod = cold_rod();
-    println!("The rod on one rank, {CELLS} cells on {ranks}: temperature (K) by place and time.\n");
+    println!("The rod on one rank, {CELLS} cells on {ranks}: temperature (K) by position and time.\n");
     show("mm", rod.places().map(|place| 1e3 * place));
     let mut left = Vec::new();
     for line in 1..=LINES {
@@ -123,7 +124,7 @@ fn show_coupled(ranks: usize) -> Result<(), Box<dyn Error>> {
         show(&time(&rod, line * STEPS), ends[0].iter().copied());
         left = ends[1..].concat();
     }
-    println!("\nWhat is left of the reactant in the end (mol/m^3):\n");
+    println!("\nRemaining reactant at the end (mol/m^3):\n");
     show("", left.into_iter());
     Ok(())
 }
@@ -131,14 +132,14 @@ fn show_coupled(ranks: usize) -> Result<(), Box<dyn Error>> {
 fn main() -> ExitCode {
     let arguments: Vec<String> = env::args().skip(1).collect();
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
-    let way = match Way::parse(&arguments) {
-        Ok(way) => way,
+    let mode = match Mode::parse(&arguments) {
+        Ok(mode) => mode,
         Err(reason) => {
             eprintln!("reactions: {reason}\nuse: reactions heat | cloud | coupled [RANKS]");
             return ExitCode::from(2);
         }
     };
-    match way.run() {
+    match mode.run() {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("reactions: {error}");
@@ -167,17 +168,17 @@ mod tests {
     }
 
     #[test]
-    fn coupling_takes_under_forty_lines_and_leaves_the_codes_alone() {
+    fn the_coupling_has_fewer_than_forty_lines_and_the_codes_do_not_use_the_library() {
         let lines = include_str!("coupled.rs").lines().map(str::trim);
         let count = lines.filter(|line| !line.is_empty() && !line.starts_with("//")).count();
         assert!(count < 40, "{count} lines");
         for (name, code) in [("heat.rs", include_str!("heat.rs")), ("cloud.rs", include_str!("cloud.rs"))] {
-            assert!(!code.contains("biotissue"), "{name} knows of the library");
+            assert!(!code.contains("biotissue"), "{name} uses the library");
         }
     }
 
     #[test]
-    fn results_are_those_of_a_plain_loop_on_any_number_of_ranks() -> Result<(), Box<dyn Error>> {
+    fn results_on_any_number_of_ranks_are_those_of_a_loop_on_one_thread() -> Result<(), Box<dyn Error>> {
         let steps = LINES * STEPS;
         let [temperatures, left] = plain(steps);
         for ranks in [1, 2, 3, 5] {
@@ -189,7 +190,7 @@ mod tests {
         Ok(())
     }
 
-    /// With heat released, every node is hotter than without.
+    /// With the reaction, every node of the rod is hotter than without it.
     #[test]
     fn the_reaction_heats_the_rod() -> Result<(), Box<dyn Error>> {
         let alone = heat::run(cold_rod(), STEPS, heat::no_source)?;
@@ -199,13 +200,13 @@ mod tests {
     }
 
     #[test]
-    fn wrong_use_is_refused() {
-        assert_eq!(Way::parse(&["heat"]), Ok(Way::Heat));
-        assert_eq!(Way::parse(&["coupled", "5"]), Ok(Way::Coupled(5)));
+    fn invalid_arguments_are_errors() {
+        assert_eq!(Mode::parse(&["heat"]), Ok(Mode::Heat));
+        assert_eq!(Mode::parse(&["coupled", "5"]), Ok(Mode::Coupled(5)));
         let all: [&[&str]; 5] = [&[], &["cold"], &["heat", "2"], &["coupled", "0"], &["coupled", "many"]];
         for wrong in all {
-            assert!(Way::parse(wrong).is_err(), "{wrong:?}");
+            assert!(Mode::parse(wrong).is_err(), "{wrong:?}");
         }
-        assert!(Way::parse(&["coupled", &(CELLS + 1).to_string()]).is_err());
+        assert!(Mode::parse(&["coupled", &(CELLS + 1).to_string()]).is_err());
     }
 }
