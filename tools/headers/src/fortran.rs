@@ -1,4 +1,4 @@
-//! The Fortran module: an interface of every function, the constants, and the structure of the solver parameters.
+//! Generates the Fortran module: an interface for every function, the constants, and the type of the solver parameters.
 
 use std::error::Error;
 use std::fmt::Write;
@@ -46,9 +46,14 @@ contains
 end module
 ";
 
-/// The longest line that Fortran allows.
+/// Maximum number of characters of a line in Fortran.
 const MAX_LINE: usize = 132;
 
+/// Returns the text of the module. `common` is the source of the functions and constants that do not depend on the
+/// backend; `parts` lists the name of each backend with the source of its functions.
+///
+/// # Errors
+/// Returns an error if a source cannot be parsed, a type has no Fortran counterpart or a line is too long.
 pub fn module(common: &str, parts: &[(&str, String)]) -> Result<String, Box<dyn Error>> {
     let mut text = String::from(HEAD);
     let items = syn::parse_file(common)?.items;
@@ -59,15 +64,15 @@ pub fn module(common: &str, parts: &[(&str, String)]) -> Result<String, Box<dyn 
                     writeln!(text, "  integer(c_int), parameter :: {} = {value}", constant.ident)?;
                 }
             }
-            Item::Struct(structure) if structure.ident == "las_params" => fields(&mut text, structure)?,
+            Item::Struct(structure) if structure.ident == "las_params" => write_params(&mut text, structure)?,
             _ => {}
         }
     }
     text += "\n  interface\n";
-    functions(&mut text, &items, "")?;
+    write_functions(&mut text, &items, "")?;
     for (name, part) in parts {
         writeln!(text, "\n    ! {name}")?;
-        functions(&mut text, &syn::parse_file(part)?.items, name)?;
+        write_functions(&mut text, &syn::parse_file(part)?.items, name)?;
     }
     Ok(text + "  end interface\n" + TAIL)
 }
@@ -81,7 +86,8 @@ fn integer(value: &Expr) -> Option<String> {
     }
 }
 
-fn fields(text: &mut String, structure: &ItemStruct) -> Result<(), Box<dyn Error>> {
+/// Writes the type of the solver parameters.
+fn write_params(text: &mut String, structure: &ItemStruct) -> Result<(), Box<dyn Error>> {
     writeln!(
         text,
         "\n  !> The solver parameters; las_default_params sets the defaults.\n  type, bind(c) :: {}",
@@ -94,18 +100,20 @@ fn fields(text: &mut String, structure: &ItemStruct) -> Result<(), Box<dyn Error
     Ok(writeln!(text, "  end type")?)
 }
 
-fn functions(text: &mut String, items: &[Item], backend: &str) -> Result<(), Box<dyn Error>> {
+/// Writes the interfaces of all functions with a C interface; `backend` is empty for functions common to all backends.
+fn write_functions(text: &mut String, items: &[Item], backend: &str) -> Result<(), Box<dyn Error>> {
     for item in items {
         if let Item::Fn(function) = item
             && function.sig.abi.is_some()
         {
-            self::function(text, function, backend)?;
+            write_function(text, function, backend)?;
         }
     }
     Ok(())
 }
 
-fn function(text: &mut String, function: &ItemFn, backend: &str) -> Result<(), Box<dyn Error>> {
+/// Writes the interface of one function.
+fn write_function(text: &mut String, function: &ItemFn, backend: &str) -> Result<(), Box<dyn Error>> {
     let name = function.sig.ident.to_string();
     let mut arguments = Vec::new();
     for argument in &function.sig.inputs {
@@ -143,11 +151,13 @@ fn plain(of: &Type) -> Result<&'static str, Box<dyn Error>> {
     }
 }
 
+/// Returns the last segment of the path of a type.
 fn name_of(of: &Type) -> Option<String> {
     let Type::Path(path) = of else { return None };
     path.path.segments.last().map(|segment| segment.ident.to_string())
 }
 
+/// Returns the Fortran declaration of an argument.
 fn declaration(name: &str, of: &Type, backend: &str) -> Result<String, Box<dyn Error>> {
     let Type::Ptr(pointer) = of else { return Ok(format!("{}, value :: {name}", plain(of)?)) };
     let writes = pointer.mutability.is_some();

@@ -1,5 +1,6 @@
-//! Generates `include/las.h` and `include/las.f90` from the source of the C interface: `cargo run --package headers`, in
-//! the root of the repository. With `--check`, the program writes nothing and fails if a file differs.
+//! Generates `include/las.h` and `include/las.f90` from the source of the C interface. The command is
+//! `cargo run --package headers`, in the root of the repository. With `--check`, the program writes nothing and fails
+//! if a file differs.
 
 mod fortran;
 
@@ -7,10 +8,13 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::{env, fs};
 
+/// The backends of the C interface.
 const BACKENDS: [&str; 4] = ["sparse", "dense", "batched", "petsc"];
+/// The source of the functions that do not depend on the backend.
 const COMMON: &str = "src/capi/mod.rs";
+/// The templates of the functions that every backend has, without `.rs`.
 const TEMPLATE: [&str; 4] = ["vector", "matrix", "products", "solver"];
-/// The functions that only PETSc has.
+/// The template of the functions that only PETSc has, without `.rs`.
 const RANKS: &str = "ranks";
 
 const HEADER_COMMENT: &str = "\
@@ -44,10 +48,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     write_or_check(Path::new("include/las.f90"), &fortran::module(&common, &parts)?, check)
 }
 
+/// Reads a file of `src/capi/template`.
 fn read_template(name: &str) -> Result<String, std::io::Error> {
     fs::read_to_string(format!("src/capi/template/{name}.rs"))
 }
 
+/// Writes a file, or with `check` returns an error if the file has another text.
 fn write_or_check(file: &Path, text: &str, check: bool) -> Result<(), Box<dyn Error>> {
     if !check {
         return Ok(fs::write(file, text)?);
@@ -58,6 +64,7 @@ fn write_or_check(file: &Path, text: &str, check: bool) -> Result<(), Box<dyn Er
     Err(format!("{} is out of date: run `cargo run --package headers`", file.display()).into())
 }
 
+/// Returns the text of the C header. `parts` lists the name of each backend with the source of its functions.
 fn header(parts: &[(&str, String)]) -> Result<String, Box<dyn Error>> {
     let folder = env::temp_dir().join(format!("las-headers-{}", std::process::id()));
     fs::create_dir_all(&folder)?;
