@@ -251,7 +251,7 @@ fn insufficient_supports_are_an_input_error() {
             let failed = line(folder.path(), &format!("{command} case.toml"));
             let block = failed.failed(2);
             assert!(block.starts_with(&format!("error: case.toml: {mode}")), "{block}");
-            assert!(block.contains("hold every connected part") && block.contains("[[point]]"), "{block}");
+            assert!(block.contains("of every connected part") && block.contains("[[point]]"), "{block}");
         }
     }
     assert!(!folder.path().join("results").exists());

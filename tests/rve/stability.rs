@@ -104,7 +104,7 @@ fn uniform(random: &mut ChaCha8Rng) -> f64 {
     (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64
 }
 
-/// The network is one of the random networks of `examples/robustness.rs`; at this random deformation, Newton's method
+/// The network is one of the random networks of `studies/robustness.rs`; at this random deformation, Newton's method
 /// finds a saddle point.
 #[test]
 fn the_stages_leave_a_saddle_point_that_newton_finds() {

@@ -93,7 +93,7 @@ fn series<const FUSED: bool>(r: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
+    use crate::las::conformance::Random;
 
     fn of(x: f64) -> f64 {
         let mut growth = [0.0];
@@ -148,20 +148,26 @@ mod tests {
         assert!(of(f64::NAN).is_nan() && exp_m1_of::<false>(f64::NAN).is_nan());
     }
 
-    proptest! {
-        #[test]
-        fn any_bits_agree_with_the_standard_library(bits: u64) {
-            let x = f64::from_bits(bits);
+    #[test]
+    fn random_bits_agree_with_the_standard_library() {
+        let mut random = Random::new(1);
+        for _ in 0..100_000 {
+            let x = f64::from_bits(random.bits());
             let (found, expected) = (of(x), x.exp_m1());
-            prop_assert!(found.is_nan() && expected.is_nan() || ulps(found, expected) <= 2, "{x:e}: {found:e}");
+            assert!(found.is_nan() && expected.is_nan() || ulps(found, expected) <= 2, "{x:e}: {found:e}");
         }
+    }
 
-        #[test]
-        fn a_result_does_not_depend_on_its_position(x in prop::collection::vec(-3.0..3.0, 1..70)) {
-            let mut growth = vec![0.0; x.len()];
+    #[test]
+    fn a_result_does_not_depend_on_its_position() {
+        let mut random = Random::new(2);
+        for count in 1..70 {
+            // The factor makes all bits of the arguments vary.
+            let x: Vec<f64> = (0..count).map(|_| std::f64::consts::E * random.signed()).collect();
+            let mut growth = vec![0.0; count];
             exp_m1(&x, &mut growth);
             for (&x, growth) in x.iter().zip(growth) {
-                prop_assert_eq!(of(x).to_bits(), growth.to_bits());
+                assert_eq!(of(x).to_bits(), growth.to_bits());
             }
         }
     }

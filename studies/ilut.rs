@@ -2,11 +2,11 @@
 //! factorization.
 //!
 //! ```text
-//! cargo run --release --example ilut [-- FOLDER]
+//! cargo run --release --package studies --bin ilut [-- FOLDER]
 //! ```
 //!
 //! prints the first table of `docs/ilut.md`. If a folder is given, the matrices are also written there as Matrix
-//! Market files for `python3 examples/ilut.py FOLDER`, which repeats the test with the incomplete factorization
+//! Market files for `python3 studies/ilut.py FOLDER`, which repeats the test with the incomplete factorization
 //! of SciPy.
 //!
 //! The matrices are the stiffness of a Delaunay network of 1 000 points at rest (3 000 unknowns, symmetric positive

@@ -1,7 +1,7 @@
 //! Compares the stiffness of aligned networks, along and across their axis, with the affine bound.
 //!
 //! ```text
-//! cargo run --release --example aligned_stiffness [-- --points 400 --seeds 5 --svg docs/aligned_stiffness.svg]
+//! cargo run --release --package studies --bin aligned_stiffness [-- --points 400 --seeds 5 --svg docs/aligned_stiffness.svg]
 //! ```
 //!
 //! prints the table of `docs/aligned_stiffness.md` and draws its figure. If all fibers deformed affinely with the body,

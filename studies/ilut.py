@@ -1,7 +1,7 @@
 """Prints the table of `ilut.rs` for SciPy's incomplete factorization (SuperLU's ILUTP): first with the default column
 reordering and pivoting, then without either. FOLDER contains the matrices that `ilut.rs` wrote.
 
-    python3 examples/ilut.py FOLDER
+    python3 studies/ilut.py FOLDER
 """
 
 import sys

@@ -2,7 +2,7 @@
 //! at what cost.
 //!
 //! ```text
-//! cargo run --release --example robustness [-- --networks 100 --gradients 20 --seconds 3000]
+//! cargo run --release --package studies --bin robustness [-- --networks 100 --gradients 20 --seconds 3000]
 //! ```
 //!
 //! prints the tables of `docs/robustness.md`: how many cases are solved, how many of the equilibria are stable or
