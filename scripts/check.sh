@@ -25,7 +25,7 @@ for features in "${sets[@]}"; do
     RUSTDOCFLAGS="-D warnings" cargo doc --quiet --no-deps --no-default-features --features "$features"
 done
 say "lints: packages that use the library"
-cargo clippy --quiet --workspace --exclude biotissue --all-targets --features downstream/petsc,overhead/petsc -- -D warnings
+cargo clippy --quiet --workspace --exclude biotissue --all-targets --features downstream/petsc,overhead/petsc,studies/petsc -- -D warnings
 for features in "${pairs[@]}"; do
     say "lints: $features"
     cargo clippy --quiet --lib --bins --no-default-features --features "$features" -- -D warnings

@@ -1,7 +1,7 @@
 //! Measures the time of a Newton iteration by backend, solver and size, and the differences between the results.
 //!
 //! ```text
-//! cargo run --release --features petsc --example backends
+//! cargo run --release --package studies --features petsc --bin backends
 //! ```
 //!
 //! prints the tables of `docs/backends.md`; without the feature, the rows of PETSc are omitted. Under `mpirun` it
