@@ -48,7 +48,7 @@ impl FromStr for FiberTypeArgument {
                 "density" => law.density = Some(number()?),
                 _ => match parameters.iter().find(|parameter| parameter.option == key) {
                     Some(parameter) => law.set(parameter, number()?),
-                    None => return Err(format!("there is no key `{key}`; known are {}", keys().join(", "))),
+                    None => return Err(format!("there is no key `{key}`; the known keys are {}", keys().join(", "))),
                 },
             }
         }

@@ -111,7 +111,7 @@ fn law_failure(error: NamedLawError, spelled: &dyn Fn(&str) -> String, name: &st
         NamedLawError::Missing { parameter, .. } => {
             (format!("{} with its value", spelled(parameter)), format!("add it, or choose another {name}"))
         }
-        NamedLawError::Needless { parameter, .. } => {
+        NamedLawError::UnexpectedParameter { parameter, .. } => {
             ("only parameters that the law has".into(), format!("leave out {}", spelled(parameter)))
         }
         NamedLawError::Range { parameter, range, .. } => {

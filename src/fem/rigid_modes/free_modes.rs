@@ -131,7 +131,7 @@ impl fmt::Display for FreeModes {
             (Some(translations), Some(rotations)) => write!(f, "free to move {translations} and to {rotations}"),
             (Some(translations), None) => write!(f, "free to move {translations}"),
             (None, Some(rotations)) => write!(f, "free to {rotations}"),
-            (None, None) => f.write_str("held"),
+            (None, None) => f.write_str("fully constrained"),
         }
     }
 }

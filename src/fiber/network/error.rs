@@ -67,7 +67,7 @@ pub enum NetworkError {
     },
     /// Two nodes that no fiber joins have the same position.
     #[error("nodes {first} and {second} have the same position, {position:?}")]
-    SamePlace {
+    CoincidentNodes {
         /// The node with the lower number.
         first: usize,
         /// The node with the higher number.

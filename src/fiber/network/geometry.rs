@@ -220,7 +220,7 @@ fn bad_nodes(unit: &[[f64; 3]], nodes: &[[f64; 3]], known: &[NetworkError]) -> V
                     if [*a as usize, *b as usize] == [first, node] || [*b as usize, *a as usize] == [first, node])
             });
             if !named {
-                found.push(NetworkError::SamePlace { first, second: node, position: nodes[node] });
+                found.push(NetworkError::CoincidentNodes { first, second: node, position: nodes[node] });
             }
         }
         places.insert(node, position);
@@ -296,7 +296,7 @@ mod tests {
         );
         assert_eq!(
             broken(&|nodes, _| nodes.push([0.5 - 1e-13; 3])),
-            NetworkError::SamePlace { first: 7, second: 9, position: [0.5 - 1e-13; 3] }
+            NetworkError::CoincidentNodes { first: 7, second: 9, position: [0.5 - 1e-13; 3] }
         );
         let (nodes, fibers) = star([-0.4; 3], [0.8; 3]);
         let inside = Network::in_cube("star", Cube::UNIT, nodes.clone(), fibers.clone());

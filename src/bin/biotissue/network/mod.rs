@@ -60,7 +60,7 @@ fn write(path: &Path, network: &Network, sidecar: &Sidecar) -> Result<(), Failur
     }
     write_file_set(path, network, sidecar).map_err(|error| match &error {
         FileSetError::Write { path, source } => Failure::unwritable(path, source),
-        FileSetError::Foreign { .. } => Failure::arguments(
+        FileSetError::UnknownOrigin { .. } => Failure::arguments(
             format!("{error}; nothing is written"),
             "no such file, or one that `biotissue network` wrote with a network and that is unchanged since",
             "move or rename that file, or give the network another name",
@@ -90,7 +90,7 @@ fn check_length(shorter_than: Option<f64>) -> Result<(), Failure> {
 fn json_of_network(report: &NetworkReport, network: &Network) -> serde_json::Value {
     let mut object = json!(report);
     object["density"] = json!(report.total_length);
-    object["untied_components"] = json!(report.untied().count());
+    object["unsupported_components"] = json!(report.unsupported().count());
     object["laws"] = network.materials().iter().map(|material| json!(NamedLaw::from(material))).collect();
     object
 }

@@ -8,8 +8,10 @@ use biotissue::fiber::network::file::sidecar::NamedLaw;
 use biotissue::fiber::network::{Cube, Network};
 
 /// Describes what cleaning removes.
-pub fn removed(Removed { short_fibers, dangling_fibers, untied_fibers, nodes }: &Removed) -> String {
-    format!("{short_fibers} short, {dangling_fibers} dangling and {untied_fibers} untied fibers, {nodes} nodes")
+pub fn removed(Removed { short_fibers, dangling_fibers, unsupported_fibers, nodes }: &Removed) -> String {
+    format!(
+        "{short_fibers} short, {dangling_fibers} dangling and {unsupported_fibers} unsupported fibers, {nodes} nodes"
+    )
 }
 
 /// Describes the properties of a network. The order parameter refers to `axis`, or else to the principal direction.
@@ -39,8 +41,8 @@ pub fn figures(report: &NetworkReport, network: &Network, cube: &Cube, axis: Opt
     coordination(&mut text, report);
     orientation(&mut text, report, axis);
     laws(&mut text, network);
-    let (parts, untied) = (report.components.len(), report.untied().count());
-    let _ = writeln!(text, "  parts            {parts}, {untied} not connected to the boundary");
+    let (parts, unsupported) = (report.components.len(), report.unsupported().count());
+    let _ = writeln!(text, "  parts            {parts}, {unsupported} not connected to the boundary");
     text
 }
 

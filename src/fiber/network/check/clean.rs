@@ -28,7 +28,7 @@ pub struct Removed {
     /// one neighbor when other fibers are removed.
     pub dangling_fibers: usize,
     /// Number of fibers of components that are not connected to the boundary.
-    pub untied_fibers: usize,
+    pub unsupported_fibers: usize,
     /// Number of nodes without a remaining fiber.
     pub nodes: usize,
 }
@@ -56,7 +56,7 @@ pub fn clean(network: &Network, min_length: Option<f64>) -> Result<Cleaned, Netw
         removed.short_fibers = keep.iter().filter(|&&keep| !keep).count();
     }
     removed.dangling_fibers = drop_dangling(network, &mut keep);
-    removed.untied_fibers = drop_untied(network, &mut keep);
+    removed.unsupported_fibers = drop_unsupported(network, &mut keep);
     let kept_fibers: Vec<u32> = (0u32..).zip(&keep).filter_map(|(fiber, &keep)| keep.then_some(fiber)).collect();
     let used = used_nodes(network, &kept_fibers);
     let kept_nodes: Vec<u32> = (0u32..).zip(&used).filter_map(|(node, &used)| used.then_some(node)).collect();
@@ -128,16 +128,16 @@ fn drop_dangling(network: &Network, keep: &mut [bool]) -> usize {
 }
 
 /// Removes the fibers of components without a boundary node; returns the number of removed fibers.
-fn drop_untied(network: &Network, keep: &mut [bool]) -> usize {
+fn drop_unsupported(network: &Network, keep: &mut [bool]) -> usize {
     let left = network.fibers().iter().zip(keep.iter()).filter_map(|(&ends, &keep)| keep.then_some(ends));
     let roots = roots(network.nodes().len(), left);
-    let mut tied = vec![false; network.nodes().len()];
+    let mut supported = vec![false; network.nodes().len()];
     for &node in network.boundary() {
-        tied[roots[node as usize] as usize] = true;
+        supported[roots[node as usize] as usize] = true;
     }
     let mut dropped = 0;
     for (keep, [a, _]) in keep.iter_mut().zip(network.fibers()) {
-        if *keep && !tied[roots[*a as usize] as usize] {
+        if *keep && !supported[roots[*a as usize] as usize] {
             *keep = false;
             dropped += 1;
         }

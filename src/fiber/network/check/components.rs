@@ -14,7 +14,7 @@ pub struct Component {
     pub fibers: usize,
     /// True if a node of the component lies on the boundary; otherwise the component is unsupported and carries no
     /// load.
-    pub tied: bool,
+    pub supported: bool,
 }
 
 /// Returns for every node the lowest node of its component.
@@ -44,7 +44,7 @@ pub(super) fn components(roots: &[u32], boundary: &[u32], fibers: impl Iterator<
         part.nodes += 1;
     }
     for &node in boundary {
-        parts.entry(roots[node as usize]).or_default().tied = true;
+        parts.entry(roots[node as usize]).or_default().supported = true;
     }
     for [a, _] in fibers {
         parts.entry(roots[a as usize]).or_default().fibers += 1;

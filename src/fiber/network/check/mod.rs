@@ -35,12 +35,12 @@ mod tests {
         assert_eq!(
             report.components,
             [
-                Component { first_node: 0, nodes: 12, fibers: 12, tied: true },
-                Component { first_node: 12, nodes: 3, fibers: 3, tied: false },
-                Component { first_node: 15, nodes: 1, fibers: 0, tied: false },
+                Component { first_node: 0, nodes: 12, fibers: 12, supported: true },
+                Component { first_node: 12, nodes: 3, fibers: 3, supported: false },
+                Component { first_node: 15, nodes: 1, fibers: 0, supported: false },
             ]
         );
-        assert_eq!(report.untied().count(), 2);
+        assert_eq!(report.unsupported().count(), 2);
         assert_eq!(report.dangling_nodes, [10, 11]);
         let coordination = report.coordination.unwrap();
         // The interior nodes have 0, 1, 1, 2, 2, 2, 3 and 9 fibers.
@@ -64,13 +64,13 @@ mod tests {
     #[test]
     fn cleaning_removes_the_parts_that_carry_no_load() {
         let cleaned = clean(&untidy(), None).unwrap();
-        let removed = Removed { short_fibers: 0, dangling_fibers: 3, untied_fibers: 3, nodes: 7 };
+        let removed = Removed { short_fibers: 0, dangling_fibers: 3, unsupported_fibers: 3, nodes: 7 };
         assert_eq!(cleaned.removed, removed);
         assert_eq!(cleaned.kept_nodes, (0..9).collect::<Vec<_>>());
         assert_eq!(cleaned.kept_fibers, [0, 1, 2, 3, 4, 5, 6, 7, 14]);
         assert!(clean(&cleaned.network, None).unwrap().removed.is_nothing());
         let report = examine(&cleaned.network);
-        assert_eq!((report.untied().count(), report.dangling_nodes.len()), (0, 0));
+        assert_eq!((report.unsupported().count(), report.dangling_nodes.len()), (0, 0));
     }
 
     /// Two fibers between the same nodes support them no better than one: the chain still dangles. The diagonal and its
@@ -85,7 +85,7 @@ mod tests {
         assert_eq!((report.fibers, report.doubled_fibers, report.maxwell_count), (18, 3, 17 - 24));
         assert_eq!(report.dangling_nodes, [10, 11]);
         let cleaned = clean(&network, None).unwrap();
-        assert_eq!((cleaned.removed.dangling_fibers, cleaned.removed.untied_fibers), (5, 3));
+        assert_eq!((cleaned.removed.dangling_fibers, cleaned.removed.unsupported_fibers), (5, 3));
         assert_eq!(cleaned.kept_fibers, [0, 1, 2, 3, 4, 5, 6, 7, 14, 17]);
         assert_eq!(examine(&cleaned.network).doubled_fibers, 1);
     }

@@ -93,8 +93,8 @@ impl NetworkReport {
     }
 
     /// Returns the components without a boundary node.
-    pub fn untied(&self) -> impl Iterator<Item = &Component> {
-        self.components.iter().filter(|part| !part.tied)
+    pub fn unsupported(&self) -> impl Iterator<Item = &Component> {
+        self.components.iter().filter(|part| !part.supported)
     }
 }
 

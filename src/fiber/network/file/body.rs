@@ -167,7 +167,7 @@ fn explain(parser: &Parser<'_>, sections: &Sections<'_, '_>, problem: &NetworkEr
             let cure = format!("merge the two nodes, lines {first} and {second}, or move one");
             parser.error(fiber_line(fiber), problem.to_string(), "a fiber of positive length", cure)
         }
-        NetworkError::SamePlace { first, second, .. } => {
+        NetworkError::CoincidentNodes { first, second, .. } => {
             let cure = format!("merge the two, or move one; the other is on line {}", node_line(first));
             parser.error(node_line(second), problem.to_string(), "a different position for every node", cure)
         }

@@ -28,7 +28,7 @@ pub enum FileSetError {
     },
     /// A file that was not written with a network would be replaced. Nothing was written.
     #[error("{}: {what}", path.display())]
-    Foreign {
+    UnknownOrigin {
         /// The file.
         path: PathBuf,
         /// The property that shows its origin, as the predicate of a sentence.
@@ -41,7 +41,7 @@ pub enum FileSetError {
 /// process was killed, and they have not been changed since. A device or a pipe receives the network only.
 ///
 /// # Errors
-/// Returns [`FileSetError::Write`] if a file cannot be written, and [`FileSetError::Foreign`] if a file from another
+/// Returns [`FileSetError::Write`] if a file cannot be written, and [`FileSetError::UnknownOrigin`] if a file from another
 /// source would be replaced.
 pub fn write_file_set(path: &Path, network: &Network, sidecar: &Sidecar) -> Result<(), FileSetError> {
     write_one_by_one(path, network, sidecar, || Ok(()))
@@ -100,7 +100,7 @@ struct Found {
 /// Returns the files beside a network at `path`.
 ///
 /// # Errors
-/// Returns [`FileSetError::Foreign`] if one of them was not written with a network, and [`FileSetError::Write`] if one
+/// Returns [`FileSetError::UnknownOrigin`] if one of them was not written with a network, and [`FileSetError::Write`] if one
 /// cannot be read.
 fn check(path: &Path) -> Result<Found, FileSetError> {
     let target = output::resolve_links(path).map_err(|source| FileSetError::Write { path: path.to_owned(), source })?;
@@ -110,13 +110,13 @@ fn check(path: &Path) -> Result<Found, FileSetError> {
         if let Some(path) = [".toml", ".params"].map(|suffix| beside(&target, suffix)).into_iter().find(|f| f.exists())
         {
             let what = "belongs to the network that is the target of the symbolic link, and would no longer match it";
-            return Err(FileSetError::Foreign { path, what });
+            return Err(FileSetError::UnknownOrigin { path, what });
         }
     }
-    let foreign = |path: &Path, what| Err(FileSetError::Foreign { path: path.to_owned(), what });
+    let unknown = |path: &Path, what| Err(FileSetError::UnknownOrigin { path: path.to_owned(), what });
     let sidecar = text_of(&toml)?.map(|text| sidecar_of(&toml, &text).ok_or(())).transpose();
     let Ok(sidecar) = sidecar else {
-        return foreign(&toml, "was not written with a network, or has been changed since");
+        return unknown(&toml, "was not written with a network, or has been changed since");
     };
     let sums = sidecar.as_ref().map(|known| known.params.clone());
     let sidecar = sidecar.map_or_else(String::new, |known| known.text);
@@ -124,7 +124,7 @@ fn check(path: &Path) -> Result<Found, FileSetError> {
     let sum = sum_of(text.as_bytes());
     match sums {
         Some(sums) if sums.as_ref().is_none_or(|sums| sums.contains(&sum)) => Ok(Found { sidecar, params: Some(sum) }),
-        _ => foreign(&params, "was not written with the network, or has been changed since"),
+        _ => unknown(&params, "was not written with the network, or has been changed since"),
     }
 }
 
@@ -183,7 +183,7 @@ fn text_of(path: &Path) -> Result<Option<String>, FileSetError> {
             Err(source) => return Err(FileSetError::Write { path: path.to_owned(), source }),
         },
     };
-    Err(FileSetError::Foreign { path: path.to_owned(), what })
+    Err(FileSetError::UnknownOrigin { path: path.to_owned(), what })
 }
 
 #[cfg(test)]

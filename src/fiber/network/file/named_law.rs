@@ -121,7 +121,7 @@ pub enum NamedLawError {
     },
     /// A parameter does not belong to the law.
     #[error("the law `{law}` has no {parameter}")]
-    Needless {
+    UnexpectedParameter {
         /// The law.
         law: &'static str,
         /// The parameter.
@@ -153,7 +153,7 @@ impl NamedLawError {
     pub(super) fn key(&self) -> Option<&'static str> {
         match self {
             Self::Name(_) => Some("name"),
-            Self::Needless { parameter, .. } | Self::Range { parameter, .. } => Some(parameter),
+            Self::UnexpectedParameter { parameter, .. } | Self::Range { parameter, .. } => Some(parameter),
             Self::TwoTables | Self::Points(_) => Some("points"),
             Self::Missing { .. } | Self::File(_) => None,
         }
@@ -192,7 +192,7 @@ impl NamedLaw {
     /// Returns the material with checked parameters; the file of a table is relative to the folder `base`.
     ///
     /// # Errors
-    /// Returns [`NamedLawError`] if the name is unknown, a parameter is missing, needless or out of range, or the table
+    /// Returns [`NamedLawError`] if the name is unknown, a parameter is missing, unexpected or out of range, or the table
     /// is invalid.
     pub fn material(&self, base: &Path) -> Result<FiberMaterial, NamedLawError> {
         let name = LawName::find(&self.name).ok_or_else(|| NamedLawError::Name(self.name.clone()))?;
@@ -208,15 +208,15 @@ impl NamedLaw {
     }
 
     fn law(&self, name: LawName, base: &Path) -> Result<Law, NamedLawError> {
-        let needless = |parameter| Err(NamedLawError::Needless { law: name.as_str(), parameter });
+        let unexpected = |parameter| Err(NamedLawError::UnexpectedParameter { law: name.as_str(), parameter });
         for parameter in formula_parameters() {
             if self.get(parameter).is_some() && !name.parameters().contains(parameter) {
-                return needless(parameter.name);
+                return unexpected(parameter.name);
             }
         }
         match name {
-            LawName::Formula(_) if self.file.is_some() => needless("file"),
-            LawName::Formula(_) if self.points.is_some() => needless("points"),
+            LawName::Formula(_) if self.file.is_some() => unexpected("file"),
+            LawName::Formula(_) if self.points.is_some() => unexpected("points"),
             LawName::Formula(formula) => formula.law(|parameter| self.value(name, parameter)),
             LawName::Table => self.table(base).map(Law::table),
         }

@@ -67,7 +67,7 @@ fn delaunay_networks_are_valid_and_clean() {
         let report = examine(&network);
         assert_eq!(network.interior().len(), points);
         assert!(report.coordination.unwrap().min >= 4.0, "{report:?}");
-        assert_eq!((report.untied().count(), report.boundary_fibers), (0, 0));
+        assert_eq!((report.unsupported().count(), report.boundary_fibers), (0, 0));
         let spacing = (points as f64).cbrt().recip();
         assert!(report.length.min >= 0.2 * spacing, "{} of {spacing}", report.length.min);
         assert!(clean(&network, None).unwrap().removed.is_nothing());
@@ -182,13 +182,13 @@ fn voronoi_networks_are_valid_and_clean() {
         let report = examine(&plain.network);
         let coordination = report.coordination.unwrap();
         assert_eq!((coordination.min, coordination.max), (4.0, 4.0));
-        assert_eq!((report.untied().count(), report.boundary_fibers), (0, 0));
+        assert_eq!((report.unsupported().count(), report.boundary_fibers), (0, 0));
         assert!(plain.removed.is_nothing());
         let merged = voronoi(points, seed).unwrap();
         let report = examine(&merged);
         assert!(report.length.min >= 0.05 * (points as f64).cbrt().recip(), "{report:?}");
         assert!(report.coordination.unwrap().mean > 4.1 && report.coordination.unwrap().mean < 4.7, "{report:?}");
-        assert_eq!((report.untied().count(), report.boundary_fibers, report.dangling_nodes.len()), (0, 0, 0));
+        assert_eq!((report.unsupported().count(), report.boundary_fibers, report.dangling_nodes.len()), (0, 0, 0));
         assert!(clean(&merged, None).unwrap().removed.is_nothing());
         let again = Network::new(merged.name(), merged.nodes().to_vec(), merged.fibers().to_vec()).unwrap();
         assert_eq!(again, merged);
@@ -247,7 +247,7 @@ fn aligned_networks_have_the_requested_order() {
             let network = params.of_points(1500).unwrap().network;
             let order = order_without_surface(&network, alignment.axis());
             assert!((order - strength).abs() < 0.015, "{kind:?} {direction:?}: {order} for {strength}");
-            assert_eq!(examine(&network).untied().count(), 0);
+            assert_eq!(examine(&network).unsupported().count(), 0);
         }
     }
 }
@@ -269,5 +269,5 @@ fn short_fibers_are_removed_with_those_that_then_dangle() {
     let made = params.of_points(60).unwrap();
     assert!(made.removed.short_fibers > 0, "{:?}", made.removed);
     let report = examine(&made.network);
-    assert!(report.length.min >= 0.08 && report.dangling_nodes.is_empty() && report.untied().count() == 0);
+    assert!(report.length.min >= 0.08 && report.dangling_nodes.is_empty() && report.unsupported().count() == 0);
 }
