@@ -51,16 +51,16 @@ fn body<B: RealBackend<Index = i32>>(c: &mut Criterion, context: &B::Context, ce
     });
     group.bench_function("add_at", |b| {
         b.iter(|| {
-            assembler.stiffness(black_box(&responses.tangent), &mut matrix).expect("no fault");
-            matrix.finish().expect("no fault");
+            assembler.stiffness(black_box(&responses.tangent), &mut matrix).expect("no error");
+            matrix.finish().expect("no error");
         });
     });
     group.bench_function("add", |b| {
         b.iter(|| {
             for ((element, tangent), rows) in assembler.geometry().iter().zip(&responses.tangent).zip(&rows) {
-                matrix.add(rows, rows, &local::stiffness(element, black_box(tangent))).expect("no fault");
+                matrix.add(rows, rows, &local::stiffness(element, black_box(tangent))).expect("no error");
             }
-            matrix.finish().expect("no fault");
+            matrix.finish().expect("no error");
         });
     });
     group.finish();
@@ -88,8 +88,8 @@ fn network<B: RealBackend<Index = i32>>(c: &mut Criterion, context: &B::Context,
     let mut diagonal = Vec::new();
     group.bench_function("add_at", |b| {
         b.iter(|| {
-            slots.assemble(&truss, black_box(&states), &mut diagonal, &mut matrix).expect("no fault");
-            matrix.finish().expect("no fault");
+            slots.assemble(&truss, black_box(&states), &mut diagonal, &mut matrix).expect("no error");
+            matrix.finish().expect("no error");
         });
     });
     group.bench_function("add, the same blocks", |b| {
@@ -105,15 +105,15 @@ fn network<B: RealBackend<Index = i32>>(c: &mut Criterion, context: &B::Context,
                 }
                 if a[0] >= 0 && b[0] >= 0 {
                     let block = block.map(|k| -k);
-                    matrix.add(a, b, &block).expect("no fault");
-                    matrix.add(b, a, &block).expect("no fault");
+                    matrix.add(a, b, &block).expect("no error");
+                    matrix.add(b, a, &block).expect("no error");
                 }
             }
             for (node, block) in diagonal[..last].iter().enumerate() {
                 let rows = unknowns_of(node as i32);
-                matrix.add(&rows, &rows, block).expect("no fault");
+                matrix.add(&rows, &rows, block).expect("no error");
             }
-            matrix.finish().expect("no fault");
+            matrix.finish().expect("no error");
         });
     });
     group.bench_function("add, a block of 6x6 a fiber", |b| {
@@ -126,9 +126,9 @@ fn network<B: RealBackend<Index = i32>>(c: &mut Criterion, context: &B::Context,
                     sign(i, j) * block[3 * (i % 3) + j % 3]
                 });
                 let rows = ends.as_flattened();
-                matrix.add(rows, rows, &both).expect("no fault");
+                matrix.add(rows, rows, &both).expect("no error");
             }
-            matrix.finish().expect("no fault");
+            matrix.finish().expect("no error");
         });
     });
     group.finish();

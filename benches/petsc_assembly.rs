@@ -73,20 +73,20 @@ fn assembly(c: &mut Criterion) {
     });
     group.bench_function("add", |b| {
         b.iter(|| {
-            matrix.zero().expect("no fault");
+            matrix.zero().expect("no error");
             for rows in &blocks {
-                matrix.add(rows, rows, black_box(&values)).expect("no fault");
+                matrix.add(rows, rows, black_box(&values)).expect("no error");
             }
-            matrix.finish().expect("no fault");
+            matrix.finish().expect("no error");
         });
     });
     group.bench_function("add_at", |b| {
         b.iter(|| {
-            matrix.zero().expect("no fault");
+            matrix.zero().expect("no error");
             for slots in slots.chunks_exact(36) {
-                matrix.add_at(slots, black_box(&values)).expect("no fault");
+                matrix.add_at(slots, black_box(&values)).expect("no error");
             }
-            matrix.finish().expect("no fault");
+            matrix.finish().expect("no error");
         });
     });
     // Runs last, because PETSc changes the storage of the matrix.

@@ -18,7 +18,7 @@ module biotissue_las
   integer(c_int), parameter :: LAS_NOT_FACTORED = 6
   integer(c_int), parameter :: LAS_UNSUPPORTED = 7
   integer(c_int), parameter :: LAS_FILE = 8
-  integer(c_int), parameter :: LAS_FAULT = 9
+  integer(c_int), parameter :: LAS_BACKEND_ERROR = 9
   integer(c_int), parameter :: LAS_PANIC = 10
   integer(c_int), parameter :: LAS_ARGUMENT = 11
   integer(c_int), parameter :: LAS_DEFINITE = 0

@@ -72,7 +72,7 @@
 /**
  * The backend or its library failed.
  */
-#define LAS_FAULT 9
+#define LAS_BACKEND_ERROR 9
 
 /**
  * An internal error of this library.

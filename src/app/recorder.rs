@@ -10,8 +10,8 @@ use super::results::log::{
     Balance, Cut, Event, Factorizations, LogWriter, NewtonLog, NewtonSeconds, RankTimes, Ranks, RveLog, Step,
 };
 use super::results::{
-    self, CASE_FILE, Collection, Done, FIELDS_FILE, FieldFile, FieldSet, LOADS_FILE, LOG_FILE, LoadsWriter,
-    ResultsError, ResultsRecord, SurfaceRow, failed_rve_file, write_pieces, write_vtu,
+    self, CASE_FILE, Collection, FIELDS_FILE, FieldFile, FieldSet, LOADS_FILE, LOG_FILE, LoadsWriter, ResultsError,
+    ResultsRecord, RunProgress, SurfaceRow, failed_rve_file, write_pieces, write_vtu,
 };
 use super::rve_files::NetworkFiles;
 use crate::app::stress::CauchyStress;
@@ -42,7 +42,7 @@ impl Progress for () {
 /// The state from which a resumed run continues.
 pub(super) struct ResumePoint {
     /// The completed steps.
-    pub done: Done,
+    pub progress: RunProgress,
     /// The results that the run had written until then.
     pub written: ResultsRecord,
 }
@@ -80,7 +80,7 @@ impl<'a> Recorder<'a> {
         std::fs::create_dir_all(dir).map_err(ResultsError::write(dir))?;
         match resumed {
             // The run may have been killed before it removed the oldest checkpoints.
-            Some(on) => checkpoint::keep_last(dir, on.done.steps)?,
+            Some(on) => checkpoint::keep_last(dir, on.progress.steps)?,
             None => {
                 // Checkpoints first: no checkpoint may exist without its results.
                 checkpoint::clear(dir)?;
@@ -100,12 +100,12 @@ impl<'a> Recorder<'a> {
                 LogWriter::create(&log_file)?,
                 Collection::new(dir.join(FIELDS_FILE)),
             ),
-            Some(ResumePoint { done, written }) => {
+            Some(ResumePoint { progress, written }) => {
                 let known: Vec<Entry> = written.fields.iter().map(FieldFile::entry).collect();
                 (
-                    LoadsWriter::resume(&loads_file, &surfaces, &points, &regions, done.steps)?,
+                    LoadsWriter::resume(&loads_file, &surfaces, &points, &regions, progress.steps)?,
                     LogWriter::resume(&log_file)?,
-                    Collection::resume(dir.join(FIELDS_FILE), done.t(), &known)?,
+                    Collection::resume(dir.join(FIELDS_FILE), progress.t(), &known)?,
                 )
             }
         };
@@ -117,7 +117,7 @@ impl<'a> Recorder<'a> {
             loads,
             log,
             fields,
-            networks: NetworkFiles::open(dir, elements, resumed.map(|on| on.done))?,
+            networks: NetworkFiles::open(dir, elements, resumed.map(|on| on.progress))?,
             volumes: (0..mesh.elements().len()).map(|element| mesh.element_volume(element)).collect(),
             stress: CauchyStress::new(case, mesh),
             progress,

@@ -9,7 +9,7 @@ use super::case::{Case, ElementSelection};
 use super::results::collection::partial;
 use super::results::networks::{network_collection, network_file};
 use super::results::{
-    Collection, Done, NETWORKS_FOLDER, NetworkSeries, NetworkSet, ResultsError, network_series, write_vtp,
+    Collection, NETWORKS_FOLDER, NetworkSeries, NetworkSet, ResultsError, RunProgress, network_series, write_vtp,
 };
 use crate::input::{InputError, InputErrors};
 use crate::tissue::micro_scale::{DeformedNetwork, TissueMaterial};
@@ -52,7 +52,7 @@ pub(super) struct NetworkFiles {
 impl NetworkFiles {
     /// Opens the files of a run. For a resumed run, the collections of all elements in the folder, also those that are
     /// not requested, are restored to the completed steps.
-    pub fn open(dir: &Path, elements: &[usize], resumed: Option<Done>) -> Result<Self, ResultsError> {
+    pub fn open(dir: &Path, elements: &[usize], resumed: Option<RunProgress>) -> Result<Self, ResultsError> {
         let folder = dir.join(NETWORKS_FOLDER);
         if !elements.is_empty() {
             std::fs::create_dir_all(&folder).map_err(ResultsError::write(&folder))?;
@@ -60,9 +60,9 @@ impl NetworkFiles {
         let collection = |element: usize| Collection::new(folder.join(network_collection(element)));
         let mut series: BTreeMap<usize, Collection> =
             elements.iter().map(|&element| (element, collection(element))).collect();
-        if let Some(done) = resumed {
-            for NetworkSeries { element, files } in network_series(&folder, done)? {
-                let resumed = Collection::resume(folder.join(network_collection(element)), done.t(), &files)?;
+        if let Some(progress) = resumed {
+            for NetworkSeries { element, files } in network_series(&folder, progress)? {
+                let resumed = Collection::resume(folder.join(network_collection(element)), progress.t(), &files)?;
                 series.entry(element).and_modify(|collection| *collection = resumed);
             }
         }

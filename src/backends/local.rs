@@ -200,7 +200,7 @@ macro_rules! impl_vector_ops {
         );
     };
     (
-        [$($generics:tt)*] $backend:ty, $vector:ty, $value:ty, $reduced:ty, $fault:ty,
+        [$($generics:tt)*] $backend:ty, $vector:ty, $value:ty, $reduced:ty, $error:ty,
         norm($norm_x:ident): $norm:expr,
         dot($dot_x:ident, $dot_y:ident): $dot:expr,
         axpy($axpy_a:ident, $axpy_x:ident, $axpy_y:ident): $axpy:expr
@@ -212,59 +212,59 @@ macro_rules! impl_vector_ops {
             }
 
             #[inline(always)]
-            fn zero(&mut self) -> Result<(), $fault> {
+            fn zero(&mut self) -> Result<(), $error> {
                 $crate::backends::local::zero(self.as_mut_slice());
                 Ok(())
             }
 
             #[inline(always)]
-            fn add(&mut self, rows: &[i32], values: &[$value]) -> Result<(), $fault> {
+            fn add(&mut self, rows: &[i32], values: &[$value]) -> Result<(), $error> {
                 $crate::backends::local::add(self.as_mut_slice(), rows, values);
                 Ok(())
             }
 
             #[inline(always)]
-            fn set(&mut self, rows: &[i32], values: &[$value]) -> Result<(), $fault> {
+            fn set(&mut self, rows: &[i32], values: &[$value]) -> Result<(), $error> {
                 $crate::backends::local::set(self.as_mut_slice(), rows, values);
                 Ok(())
             }
 
             #[inline(always)]
-            fn get(&self, rows: &[i32], values: &mut [$value]) -> Result<(), $fault> {
+            fn get(&self, rows: &[i32], values: &mut [$value]) -> Result<(), $error> {
                 $crate::backends::local::get(self.as_slice(), rows, values);
                 Ok(())
             }
 
             #[inline(always)]
-            fn norm(&self) -> Result<$reduced, $fault> {
+            fn norm(&self) -> Result<$reduced, $error> {
                 let $norm_x = self;
                 $norm
             }
 
             #[inline(always)]
-            fn dot(&self, $dot_y: &Self) -> Result<$reduced, $fault> {
+            fn dot(&self, $dot_y: &Self) -> Result<$reduced, $error> {
                 let $dot_x = self;
                 $dot
             }
 
             #[inline(always)]
-            fn axpy(&mut self, $axpy_a: $value, $axpy_x: &Self) -> Result<(), $fault> {
+            fn axpy(&mut self, $axpy_a: $value, $axpy_x: &Self) -> Result<(), $error> {
                 let $axpy_y = self;
                 $axpy
             }
 
             #[inline(always)]
-            fn with_local<R>(&self, read: impl FnOnce(&[$value]) -> R) -> Result<R, $fault> {
+            fn with_local<R>(&self, read: impl FnOnce(&[$value]) -> R) -> Result<R, $error> {
                 Ok(read(self.as_slice()))
             }
 
             #[inline(always)]
-            fn with_local_mut<R>(&mut self, write: impl FnOnce(&mut [$value]) -> R) -> Result<R, $fault> {
+            fn with_local_mut<R>(&mut self, write: impl FnOnce(&mut [$value]) -> R) -> Result<R, $error> {
                 Ok(write(self.as_mut_slice()))
             }
 
             #[inline(always)]
-            fn finish(&mut self) -> Result<(), $fault> {
+            fn finish(&mut self) -> Result<(), $error> {
                 Ok(())
             }
         }

@@ -130,7 +130,7 @@ impl fmt::Display for NotCompiledIn {
             }
             None => {
                 let known: Vec<_> = BackendName::ALL.iter().map(|backend| format!("`{backend}`")).collect();
-                write!(f, "there is no backend `{name}`; those known are {}", known.join(", "))
+                write!(f, "there is no backend `{name}`; the known backends are {}", known.join(", "))
             }
         }
     }
@@ -162,7 +162,7 @@ mod tests {
         let error = "petsk".parse::<BackendName>().unwrap_err();
         assert_eq!(
             error.to_string(),
-            "there is no backend `petsk`; those known are `sparse`, `dense`, `petsc`, `cuda`"
+            "there is no backend `petsk`; the known backends are `sparse`, `dense`, `petsc`, `cuda`"
         );
     }
 

@@ -7,8 +7,8 @@ use std::mem::ManuallyDrop;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use super::{
-    LAS_ARGUMENT, LAS_FAULT, LAS_INDEX, LAS_NOT_CONVERGED, LAS_NOT_FACTORED, LAS_NULL, LAS_OK, LAS_PANIC, LAS_SINGULAR,
-    LAS_SIZE, LAS_UNSUPPORTED,
+    LAS_ARGUMENT, LAS_BACKEND_ERROR, LAS_INDEX, LAS_NOT_CONVERGED, LAS_NOT_FACTORED, LAS_NULL, LAS_OK, LAS_PANIC,
+    LAS_SINGULAR, LAS_SIZE, LAS_UNSUPPORTED,
 };
 use crate::las::{Scalar, SolveError, Value};
 
@@ -285,7 +285,7 @@ impl<T> Drop for BorrowedMut<T> {
 
 /// Converts an error of the backend.
 pub(super) fn backend_error<F: std::error::Error>(error: F) -> Failure {
-    Failure::new(LAS_FAULT, error.to_string())
+    Failure::new(LAS_BACKEND_ERROR, error.to_string())
 }
 
 /// Converts the error of a solve or product.
@@ -304,7 +304,7 @@ pub(super) fn solve_error<F: std::error::Error>(error: SolveError<F>) -> Failure
         | SolveError::NotFinite { .. }
         | SolveError::RhsNotFinite => LAS_NOT_CONVERGED,
         SolveError::Unsupported { .. } => LAS_UNSUPPORTED,
-        SolveError::Library { .. } | SolveError::Backend(_) => LAS_FAULT,
+        SolveError::Library { .. } | SolveError::Backend(_) => LAS_BACKEND_ERROR,
     };
     Failure::new(code, error.to_string())
 }

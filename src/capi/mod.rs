@@ -53,7 +53,7 @@ pub const LAS_UNSUPPORTED: i32 = 7;
 /// A file is invalid, or cannot be read or written.
 pub const LAS_FILE: i32 = 8;
 /// The backend or its library failed.
-pub const LAS_FAULT: i32 = 9;
+pub const LAS_BACKEND_ERROR: i32 = 9;
 /// An internal error of this library.
 pub const LAS_PANIC: i32 = 10;
 /// A parameter has a value that is not allowed.

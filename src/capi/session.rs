@@ -7,7 +7,7 @@ use mpi::raw::FromRaw;
 use mpi::topology::SimpleCommunicator;
 
 use super::handles::Failure;
-use super::{LAS_FAULT, LAS_UNSUPPORTED};
+use super::{LAS_BACKEND_ERROR, LAS_UNSUPPORTED};
 use crate::backends::petsc::{Context, Session};
 
 /// Creates a context on all MPI ranks; initializes MPI if it is not yet initialized.
@@ -35,6 +35,6 @@ pub(super) unsafe fn context_on(comm: i32) -> Result<Context, Failure> {
 fn session() -> Result<Session, Failure> {
     match Session::current() {
         Some(session) => Ok(session),
-        None => Session::new().map_err(|error| Failure::new(LAS_FAULT, error.to_string())),
+        None => Session::new().map_err(|error| Failure::new(LAS_BACKEND_ERROR, error.to_string())),
     }
 }

@@ -80,25 +80,25 @@ impl Row {
     }
 }
 
-/// Returns the faults: verbs with more instructions through LAS than by hand, and lanes without packed arithmetic.
+/// Returns the violations: verbs with more instructions through LAS than by hand, and lanes without packed arithmetic.
 /// Verbs that are calls of PETSc by hand are compared by executed instructions, in [`crate::executed`].
-pub fn faults(rows: &[Row]) -> Vec<String> {
-    let mut faults = Vec::new();
+pub fn violations(rows: &[Row]) -> Vec<String> {
+    let mut violations = Vec::new();
     for row in rows {
         let Row { backend, verb, raw, las, calls, .. } = row;
         let is_compared = row.exception().is_none() && !is_call(backend, verb);
         if is_compared && las > raw {
-            faults.push(format!("{verb} on {backend}: {las} instructions through LAS, {raw} by hand"));
+            violations.push(format!("{verb} on {backend}: {las} instructions through LAS, {raw} by hand"));
         }
         let (ours, more) = calls;
         if is_compared && (!ours.is_empty() || *more > 0) {
-            faults.push(format!("{verb} on {backend}: {more} calls more than by hand; not inlined: {ours:?}"));
+            violations.push(format!("{verb} on {backend}: {more} calls more than by hand; not inlined: {ours:?}"));
         }
         let computes = ["vector_add", "vector_dot", "vector_axpy", "matrix_add", "matrix_add_at"].contains(verb);
         let (packed, single) = row.arithmetic;
         if *backend == "batched" && computes && (packed == 0 || single > 0) {
-            faults.push(format!("{verb} on batched: {packed} packed instructions, {single} of single numbers"));
+            violations.push(format!("{verb} on batched: {packed} packed instructions, {single} of single numbers"));
         }
     }
-    faults
+    violations
 }

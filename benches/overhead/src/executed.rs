@@ -74,8 +74,8 @@ pub fn is_possible() -> bool {
     cfg!(feature = "petsc") && Command::new("valgrind").arg("--version").output().is_ok()
 }
 
-/// Returns the faults: verbs that execute more instructions through LAS than by hand.
-pub fn faults(all: &[Executed]) -> Vec<String> {
+/// Returns the violations: verbs that execute more instructions through LAS than by hand.
+pub fn violations(all: &[Executed]) -> Vec<String> {
     let is_more = |one: &&Executed| one.las > one.raw;
     let say = |Executed { verb, raw, las }: &Executed| {
         format!("{verb} on petsc: {las:.0} instructions executed through LAS, {raw:.0} by hand")

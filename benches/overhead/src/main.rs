@@ -30,14 +30,14 @@ fn run(words: &[&str]) -> Result<ExitCode, Box<dyn Error>> {
         [] => {
             let rows = compare::rows(&Image::of_this_program()?)?;
             print!("{}", page::table(&rows));
-            let mut faults = compare::faults(&rows);
+            let mut violations = compare::violations(&rows);
             if executed::is_possible() {
                 let calls = executed::all()?;
                 print!("\n{}", executed::table(&calls));
-                faults.extend(executed::faults(&calls));
+                violations.extend(executed::violations(&calls));
             }
-            faults.iter().for_each(|fault| eprintln!("{fault}"));
-            Ok(if faults.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+            violations.iter().for_each(|violation| eprintln!("{violation}"));
+            Ok(if violations.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
         }
         ["page", file] => {
             let rows = compare::rows(&Image::of_this_program()?)?;

@@ -103,23 +103,25 @@ pub fn write(
 ) -> Result<(), ResultsError> {
     let folder = dir.join(CHECKPOINT_FOLDER);
     fs::create_dir_all(&folder).map_err(ResultsError::write(&folder))?;
-    let done = state.completed_steps;
+    let completed_steps = state.completed_steps;
     let (statuses, units) = (field.sites().statuses(), SerializeIter(|| field.unit_states()));
     let record = Record { identity: identity.clone(), state, written, statuses, units };
-    file::write(&folder.join(file_name(done)), &record)?;
+    file::write(&folder.join(file_name(completed_steps)), &record)?;
     output::sync_folder(&folder).map_err(ResultsError::write(&folder))?;
-    keep_last(dir, done)
+    keep_last(dir, completed_steps)
 }
 
-/// Removes all checkpoints of a result directory except the last ones up to step `done`, and all unfinished files.
+/// Removes all checkpoints of a result directory except the last ones up to step `completed_steps`, and all unfinished
+/// files.
 ///
 /// # Errors
 /// Returns [`ResultsError::Write`] if the folder cannot be read or a file cannot be removed.
-pub fn keep_last(dir: &Path, done: usize) -> Result<(), ResultsError> {
+pub fn keep_last(dir: &Path, completed_steps: usize) -> Result<(), ResultsError> {
     let folder = dir.join(CHECKPOINT_FOLDER);
     let steps = steps_in(&folder).map_err(ResultsError::write(&folder))?;
-    let oldest_kept = steps.iter().copied().filter(|&step| step <= done).nth(CHECKPOINTS_KEPT - 1).unwrap_or(0);
-    remove(&folder, |step| step < oldest_kept || step > done)
+    let oldest_kept =
+        steps.iter().copied().filter(|&step| step <= completed_steps).nth(CHECKPOINTS_KEPT - 1).unwrap_or(0);
+    remove(&folder, |step| step < oldest_kept || step > completed_steps)
 }
 
 /// Removes all checkpoints of a result directory.

@@ -92,8 +92,8 @@ impl LoadsWriter {
         Self::open(path, [surfaces.len(), points.len(), regions.len()], vec![LineChecksum::of(&header)])
     }
 
-    /// Continues the table of an interrupted run after step `done`: the steps from 1 to `done` must be there, each once
-    /// and in order. Later rows are removed, because the run computes them again.
+    /// Continues the table of an interrupted run after step `completed_steps`. All steps up to this one must be there,
+    /// each once and in order. Later rows are removed, because the run computes them again.
     ///
     /// # Errors
     /// Returns [`ResultsError::Damaged`] if the table is missing, has other columns, or lacks a step;
@@ -103,9 +103,9 @@ impl LoadsWriter {
         surfaces: &[&str],
         points: &[&str],
         regions: &[&str],
-        done: usize,
+        completed_steps: usize,
     ) -> Result<Self, ResultsError> {
-        let (loads, lines) = Loads::up_to(path, done)?;
+        let (loads, lines) = Loads::up_to(path, completed_steps)?;
         if loads.surfaces != surfaces || loads.points != points || loads.regions != regions {
             let what = "has the columns of another case";
             return Err(ResultsError::damaged(path, Some(1), what, "the surfaces, points and regions of this case"));
@@ -199,19 +199,19 @@ impl Loads {
         Self::parse_rows(path, &whole_lines(path)?, None).map(|(loads, _)| loads)
     }
 
-    /// Reads the steps from 1 to `done`, which must be there, each once and in order, with the text of the header and
-    /// of each row. Later rows are not read.
+    /// Reads the steps from 1 to `completed_steps`, which must be there, each once and in order, with the text of the
+    /// header and of each row. Later rows are not read.
     ///
     /// # Errors
     /// Returns [`ResultsError::Damaged`] with the first invalid line, or [`ResultsError::Read`] if the file cannot be
     /// read.
-    pub fn up_to(path: &Path, done: usize) -> Result<(Self, Vec<Vec<u8>>), ResultsError> {
+    pub fn up_to(path: &Path, completed_steps: usize) -> Result<(Self, Vec<Vec<u8>>), ResultsError> {
         if !path.exists() {
             return Err(ResultsError::damaged(path, None, "is missing", "the rows of all load steps that converged"));
         }
         let text = whole_lines(path)?;
-        let (loads, ends) = Self::parse_rows(path, &text, Some(done))?;
-        if loads.rows.len() < done {
+        let (loads, ends) = Self::parse_rows(path, &text, Some(completed_steps))?;
+        if loads.rows.len() < completed_steps {
             let (rows, line) = (loads.rows.len(), text.lines().count());
             let what = format!("ends after load step {rows}");
             return Err(ResultsError::damaged(path, Some(line), what, "a row for every load step that converged"));

@@ -48,7 +48,7 @@ pub use networks::{NetworkSet, Networks, read_vtp, write_vtp};
 pub use origin::check_origin;
 pub(in crate::app) use origin::{case_copy, is_report, results_without_checkpoint};
 pub use pieces::write_pieces;
-pub use record::{Done, FieldFile, NetworkSeries, ResultsRecord, network_series};
+pub use record::{FieldFile, NetworkSeries, ResultsRecord, RunProgress, network_series};
 pub(in crate::app) use replace::{names_in, replace};
 
 /// Name of the collection of field files in a result directory.

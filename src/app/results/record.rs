@@ -17,14 +17,14 @@ use super::{Collection, FIELDS_FILE, LOADS_FILE, Loads, NETWORKS_FOLDER, Results
 
 /// The progress of a run.
 #[derive(Clone, Copy, Debug)]
-pub struct Done {
+pub struct RunProgress {
     /// Number of converged load steps.
     pub steps: usize,
     /// Number of all load steps.
     pub of: usize,
 }
 
-impl Done {
+impl RunProgress {
     /// Returns the pseudo-time after the last converged step.
     pub fn t(self) -> f64 {
         self.t_of(self.steps)
@@ -79,9 +79,9 @@ impl ResultsRecord {
     /// # Errors
     /// Returns [`ResultsError::Damaged`] for the first file that is missing or changed; [`ResultsError::Read`] if a
     /// file cannot be read.
-    pub fn check(&self, dir: &Path, done: Done) -> Result<Vec<String>, ResultsError> {
+    pub fn check(&self, dir: &Path, progress: RunProgress) -> Result<Vec<String>, ResultsError> {
         Loads::check(&dir.join(LOADS_FILE), &self.loads)?;
-        let t = done.t();
+        let t = progress.t();
         let collection = dir.join(FIELDS_FILE);
         let listed = Collection::listed(&collection)?.unwrap_or_default();
         let lost = self.fields.iter().filter(|field| !listed.contains(&field.entry())).count();
@@ -107,7 +107,7 @@ impl ResultsRecord {
             }
         }
         let folder = dir.join(NETWORKS_FOLDER);
-        for networks in &network_series(&folder, done)? {
+        for networks in &network_series(&folder, progress)? {
             let collection = folder.join(network_collection(networks.element));
             let listed = Collection::listed(&collection)?.unwrap_or_default();
             for entry in listed.iter().filter(|entry| entry.time <= t) {
@@ -149,21 +149,21 @@ fn file_length(path: &Path) -> Result<u64, ResultsError> {
 ///
 /// # Errors
 /// Returns [`ResultsError::Read`] if the folder cannot be read.
-pub fn network_series(folder: &Path, done: Done) -> Result<Vec<NetworkSeries>, ResultsError> {
+pub fn network_series(folder: &Path, progress: RunProgress) -> Result<Vec<NetworkSeries>, ResultsError> {
     let mut steps = BTreeMap::<usize, BTreeMap<usize, String>>::new();
     for name in names_in(folder).map_err(ResultsError::read(folder))? {
         match FileName::parse(&name) {
             Some(FileName::Collection { element }) => {
                 steps.entry(element).or_default();
             }
-            Some(FileName::Network { element, step }) if step <= done.steps => {
+            Some(FileName::Network { element, step }) if step <= progress.steps => {
                 steps.entry(element).or_default().insert(step, name);
             }
             _ => {}
         }
     }
     let series = steps.into_iter().map(|(element, files)| {
-        let files = files.into_iter().map(|(step, file)| Entry { time: done.t_of(step), file }).collect();
+        let files = files.into_iter().map(|(step, file)| Entry { time: progress.t_of(step), file }).collect();
         NetworkSeries { element, files }
     });
     Ok(series.collect())

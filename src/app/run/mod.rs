@@ -28,7 +28,7 @@ use super::case::Case;
 use super::checkpoint::{self, Checkpoint, Identity};
 use super::recorder::{Progress, Recorder, ResumePoint};
 use super::results::log::{End, Event, Start};
-use super::results::{self, DirectoryLock, Done, ResultsError, ResultsRecord};
+use super::results::{self, DirectoryLock, ResultsError, ResultsRecord, RunProgress};
 use crate::fem::mesh::Mesh;
 use crate::fem::stepping::{Stepper, SteppingError};
 use crate::las::RealBackend;
@@ -142,8 +142,8 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
             warnings.push(format!("{}: no checkpoint: starting from the beginning", dir.display()));
             return Ok(Resumed { step: 0, warnings });
         };
-        let done = Done { steps: state.completed_steps, of: self.stepper.count() };
-        warnings.extend(writers.on_writer(|| written.check(dir, done))?);
+        let progress = RunProgress { steps: state.completed_steps, of: self.stepper.count() };
+        warnings.extend(writers.on_writer(|| written.check(dir, progress))?);
         let restored = self.stepper.restore(&state, |field| field.restore_units(&statuses, units));
         restored.map_err(|reason| ResumeError::State(path, Box::new(reason)))?;
         self.written = written;
@@ -207,16 +207,16 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
         progress: &mut dyn Progress,
         start: Instant,
     ) -> Result<RunSummary, RunError<B::Error>> {
-        let done = self.stepper.completed_steps();
-        let resumed = (done > 0).then(|| ResumePoint {
-            done: Done { steps: done, of: self.stepper.count() },
+        let completed_steps = self.stepper.completed_steps();
+        let resumed = (completed_steps > 0).then(|| ResumePoint {
+            progress: RunProgress { steps: completed_steps, of: self.stepper.count() },
             written: std::mem::take(&mut self.written),
         });
         let (case, mesh) = (&self.case, self.stepper.mesh());
         let opened = writers
             .on_writer(|| Recorder::open(dir, case, mesh, &self.networks, resumed.as_ref(), progress).map(Some))?;
         let mut recorder = AgreedRecorder { recorder: opened, writers };
-        let start_of_run = Event::Start(self.start_event(done));
+        let start_of_run = Event::Start(self.start_event(completed_steps));
         recorder.write(|recorder| recorder.log(&start_of_run))?;
         let outcome = self.take_steps(dir, &mut recorder);
         let seconds = start.elapsed().as_secs_f64();
@@ -238,7 +238,7 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
         outcome.map(|iterations| RunSummary { steps, iterations, seconds })
     }
 
-    fn start_event(&self, done: usize) -> Start {
+    fn start_event(&self, completed_steps: usize) -> Start {
         let size = self.problem_size();
         Start {
             title: self.case.title.clone(),
@@ -251,7 +251,7 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
             threads: size.threads,
             ranks: size.ranks,
             version: env!("CARGO_PKG_VERSION").to_owned(),
-            resumed_from: done,
+            resumed_from: completed_steps,
         }
     }
 

@@ -5,7 +5,7 @@ use std::ffi::CStr;
 use super::error::{PetscError, copy_c_string};
 use super::ksp::{Ksp, SolveOutcome};
 use super::session::call;
-use super::{Fault, Matrix, Petsc, Vector, ffi};
+use super::{Matrix, Petsc, SolverError, Vector, ffi};
 use crate::las::{Backend, Factorization, SolveError};
 
 /// A factorization that is recomputed for each new matrix of a pattern.
@@ -52,7 +52,7 @@ pub(super) enum Failure {
 
 impl Failure {
     /// Converts a failure of the package into an error for the user.
-    pub(super) fn error(self, package: &str) -> Fault {
+    pub(super) fn error(self, package: &str) -> SolverError {
         let library = match package {
             "mumps" => "MUMPS",
             "superlu_dist" => "SuperLU_DIST",
@@ -69,7 +69,7 @@ impl Failure {
 
 /// Selects the package for a kind of factorization and returns the kind that it computes: MUMPS if it is installed,
 /// else PETSc's own package on one rank, else LU by SuperLU_DIST.
-fn package(kind: Factorization, ranks: usize) -> Result<(&'static CStr, Factorization), Fault> {
+fn package(kind: Factorization, ranks: usize) -> Result<(&'static CStr, Factorization), SolverError> {
     if cfg!(petsc_has = "mumps") {
         Ok((c"mumps", kind))
     } else if ranks == 1 {
@@ -88,7 +88,7 @@ fn package(kind: Factorization, ranks: usize) -> Result<(&'static CStr, Factoriz
 impl Factor {
     /// Creates a factorization. Pivots below `limit`, relative to the (scaled) matrix, count as zero; `extra_memory` is
     /// the percentage that MUMPS adds to its memory estimate.
-    pub(super) fn new(a: &Matrix, kind: Factorization, limit: f64, extra_memory: i32) -> Result<Self, Fault> {
+    pub(super) fn new(a: &Matrix, kind: Factorization, limit: f64, extra_memory: i32) -> Result<Self, SolverError> {
         let (package, kind) = package(kind, a.context.ranks())?;
         Ok(Self::by_package(a, kind, package, limit, extra_memory)?)
     }

@@ -3,7 +3,7 @@
 use super::error::PetscError;
 use super::ksp::Ksp;
 use super::session::call;
-use super::{Fault, Matrix, Petsc, Vector, ffi};
+use super::{Matrix, Petsc, SolverError, Vector, ffi};
 use crate::las::{Backend, Iterative, Krylov, MatVec, Preconditioner, SolveError, SolveReport, StopReason, VectorOps};
 
 /// A Krylov method with its preconditioner, on one matrix.
@@ -22,7 +22,7 @@ const ROUNDS: usize = 4;
 const KSP_DIVERGED_ITS: i32 = -3;
 
 impl ByIterations {
-    pub(super) fn new(a: &Matrix, method: Iterative) -> Result<Self, Fault> {
+    pub(super) fn new(a: &Matrix, method: Iterative) -> Result<Self, SolverError> {
         let preconditioner = match method.preconditioner {
             Preconditioner::None => c"none",
             Preconditioner::Diagonal => c"jacobi",
@@ -48,7 +48,7 @@ impl ByIterations {
     }
 
     /// Computes the preconditioner.
-    pub(super) fn set_up(&self, a: &Matrix) -> Result<(), Fault> {
+    pub(super) fn set_up(&self, a: &Matrix) -> Result<(), SolverError> {
         self.ksp.set_up(a)?;
         let (pc, mut reason) = (self.ksp.pc(), 0);
         // SAFETY: a live object.
@@ -61,7 +61,7 @@ impl ByIterations {
 
     /// Solves until the true residual is small enough, because the residual that a method computes recursively drifts
     /// away from it.
-    pub(super) fn solve(&mut self, a: &Matrix, b: &Vector, x: &mut Vector) -> Result<SolveReport, Fault> {
+    pub(super) fn solve(&mut self, a: &Matrix, b: &Vector, x: &mut Vector) -> Result<SolveReport, SolverError> {
         let size = b.norm()?;
         if size == 0.0 {
             x.as_mut_slice().fill(0.0);

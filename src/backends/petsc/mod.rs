@@ -61,7 +61,7 @@ pub use vector::Vector;
 
 use crate::las::{Backend, SolveError, SolverParams, Sparsity};
 
-type Fault = SolveError<PetscError>;
+type SolverError = SolveError<PetscError>;
 
 /// The backend of PETSc.
 #[derive(Clone, Copy, Debug, Default)]
@@ -89,11 +89,15 @@ impl Backend for Petsc {
         Matrix::zeros(context, pattern)
     }
 
-    fn analyze(context: &Context, pattern: &Arc<Sparsity>, params: &SolverParams) -> Result<Arc<Symbolic>, Fault> {
+    fn analyze(
+        context: &Context,
+        pattern: &Arc<Sparsity>,
+        params: &SolverParams,
+    ) -> Result<Arc<Symbolic>, SolverError> {
         Symbolic::new(context, pattern, params).map(Arc::new)
     }
 
-    fn solver(symbolic: &Arc<Symbolic>) -> Result<Solver, Fault> {
+    fn solver(symbolic: &Arc<Symbolic>) -> Result<Solver, SolverError> {
         Solver::new(symbolic)
     }
 }

@@ -7,7 +7,7 @@ use super::error::PetscError;
 use super::handle::Handle;
 use super::matrix::DistributedVector;
 use super::session::call;
-use super::{Fault, Matrix, Petsc, Vector, ffi};
+use super::{Matrix, Petsc, SolverError, Vector, ffi};
 use crate::backends::checks::check_size;
 use crate::las::{Entries, MatMat, MatVec, MatrixOps, SolveError, Sparsity, VectorOps};
 
@@ -86,21 +86,21 @@ impl Matrix {
 }
 
 impl MatVec<Petsc> for Matrix {
-    fn mul(&self, x: &Vector, y: &mut Vector) -> Result<(), Fault> {
+    fn mul(&self, x: &Vector, y: &mut Vector) -> Result<(), SolverError> {
         let (rows, cols) = self.shape();
         check_size("the vector to multiply", x.len(), cols)?;
         check_size("the product", y.len(), rows)?;
         Ok(self.multiply(x, y, false)?)
     }
 
-    fn mul_transpose(&self, x: &Vector, y: &mut Vector) -> Result<(), Fault> {
+    fn mul_transpose(&self, x: &Vector, y: &mut Vector) -> Result<(), SolverError> {
         let (rows, cols) = self.shape();
         check_size("the vector to multiply", x.len(), rows)?;
         check_size("the product", y.len(), cols)?;
         Ok(self.multiply(x, y, true)?)
     }
 
-    fn diagonal(&self, d: &mut Vector) -> Result<(), Fault> {
+    fn diagonal(&self, d: &mut Vector) -> Result<(), SolverError> {
         let (rows, cols) = self.shape();
         check_size("the diagonal", d.len(), rows.min(cols))?;
         let d = d.as_mut_slice();
@@ -121,7 +121,7 @@ impl MatMat<Petsc> for Matrix {
         self.assemble()
     }
 
-    fn sum(&self, a: f64, other: &Self, b: f64) -> Result<Self, Fault> {
+    fn sum(&self, a: f64, other: &Self, b: f64) -> Result<Self, SolverError> {
         check_size("the other matrix (rows)", other.shape().0, self.shape().0)?;
         check_size("the other matrix (columns)", other.shape().1, self.shape().1)?;
         let union = self.pattern().union(other.pattern()).map_err(SolveError::TooLarge)?;
@@ -135,7 +135,7 @@ impl MatMat<Petsc> for Matrix {
         Ok(sum.into_context_type()?)
     }
 
-    fn product(&self, other: &Self) -> Result<Self, Fault> {
+    fn product(&self, other: &Self) -> Result<Self, SolverError> {
         check_size("the other matrix (rows)", other.shape().0, self.shape().1)?;
         let pattern = self.pattern().product(other.pattern()).map_err(SolveError::TooLarge)?;
         let copies = (self.to_aij()?, other.to_aij()?);
@@ -145,7 +145,7 @@ impl MatMat<Petsc> for Matrix {
         Ok(self.in_pattern(pattern, make)?)
     }
 
-    fn transpose(&self) -> Result<Self, Fault> {
+    fn transpose(&self) -> Result<Self, SolverError> {
         let copy = self.to_aij()?;
         let a = copy.as_ref().unwrap_or(self).raw();
         // SAFETY: a live matrix.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::context::Context;
 use super::direct::{Factor, Failure, Outcome};
 use super::iterative::ByIterations;
-use super::{Fault, Matrix, Petsc, Vector};
+use super::{Matrix, Petsc, SolverError, Vector};
 use crate::backends::checks::{check_analyzable, check_columns, check_pattern, definite, singular_limit};
 use crate::backends::local;
 use crate::backends::null_vector::{Scales, check_null_vector, null_vector_limit};
@@ -24,7 +24,7 @@ pub struct Symbolic {
 }
 
 impl Symbolic {
-    pub(super) fn new(context: &Context, pattern: &Arc<Sparsity>, params: &SolverParams) -> Result<Self, Fault> {
+    pub(super) fn new(context: &Context, pattern: &Arc<Sparsity>, params: &SolverParams) -> Result<Self, SolverError> {
         check_analyzable(pattern, params)?;
         Ok(Self { context: context.clone(), pattern: Arc::clone(pattern), params: *params })
     }
@@ -53,7 +53,7 @@ pub struct Solver {
 }
 
 impl Solver {
-    pub(super) fn new(symbolic: &Arc<Symbolic>) -> Result<Self, Fault> {
+    pub(super) fn new(symbolic: &Arc<Symbolic>) -> Result<Self, SolverError> {
         let context = &symbolic.context;
         let a = Matrix::zeros_aij(context, &symbolic.pattern)?;
         let iterative = match symbolic.params.method {
@@ -72,7 +72,7 @@ impl Solver {
     }
 
     /// Checks a matrix and copies its values.
-    fn copy_matrix(&mut self, a: &Matrix) -> Result<(), Fault> {
+    fn copy_matrix(&mut self, a: &Matrix) -> Result<(), SolverError> {
         self.active = None;
         let (found, expected) = (a.pattern(), &self.symbolic.pattern);
         check_pattern(found, expected)?;
@@ -98,14 +98,14 @@ impl Solver {
     }
 
     /// Returns the unknown with the smallest diagonal entry.
-    fn smallest_diagonal(&mut self) -> Result<usize, Fault> {
+    fn smallest_diagonal(&mut self) -> Result<usize, SolverError> {
         self.a.diagonal(&mut self.diagonal)?;
         let entries = self.diagonal.as_slice().iter().enumerate();
         Ok(entries.min_by(|a, b| a.1.total_cmp(b.1)).map_or(0, |(unknown, _)| unknown))
     }
 
     /// Factors the copied matrix, with more memory if the package requests it.
-    fn attempt(&mut self, kind: Factorization) -> Result<(Factorization, Outcome), Fault> {
+    fn attempt(&mut self, kind: Factorization) -> Result<(Factorization, Outcome), SolverError> {
         let Self { a, limit, factors, .. } = self;
         let stored = &mut factors[index(kind)];
         let mut found = None;
@@ -136,7 +136,7 @@ impl Solver {
         }
     }
 
-    fn factor_by(&mut self, kind: Factorization, indefinite_at: Option<usize>) -> Result<FactorReport, Fault> {
+    fn factor_by(&mut self, kind: Factorization, indefinite_at: Option<usize>) -> Result<FactorReport, SolverError> {
         let (kind, found) = self.attempt(kind)?;
         if found.failure.is_some() {
             return Err(self.singular(kind, &found));
@@ -149,7 +149,7 @@ impl Solver {
 
     /// Searches for a null vector if a pivot is small or the package does not report pivots, unless the caller set a
     /// limit for pivots. If a diagonal entry is not positive, the judgment of the package stands.
-    fn check_near_singular(&mut self, kind: Factorization, ratio: f64) -> Result<(), Fault> {
+    fn check_near_singular(&mut self, kind: Factorization, ratio: f64) -> Result<(), SolverError> {
         let n = self.symbolic.pattern.rows();
         let reported = if ratio < 1.0 { ratio } else { 0.0 };
         let Some(limit) = null_vector_limit::<f64>(&self.symbolic.params, n, reported) else { return Ok(()) };
@@ -170,11 +170,11 @@ impl Solver {
         }
     }
 
-    fn singular(&mut self, kind: Factorization, found: &Outcome) -> Fault {
+    fn singular(&mut self, kind: Factorization, found: &Outcome) -> SolverError {
         let Self { a, factors, diagonal, limit, .. } = self;
         let limit = *limit;
         let unknown = match factors[index(kind)].take().map(|factor| factor.null_space_unknown(a, found, diagonal)) {
-            Some(Err(fault)) => return SolveError::Backend(fault),
+            Some(Err(error)) => return SolveError::Backend(error),
             Some(Ok(Some(unknown))) => unknown,
             _ => 0,
         };
@@ -182,7 +182,7 @@ impl Solver {
     }
 
     /// Factors by Cholesky; returns `None` if the matrix is not positive definite.
-    fn factor_by_cholesky(&mut self) -> Result<Option<FactorReport>, Fault> {
+    fn factor_by_cholesky(&mut self) -> Result<Option<FactorReport>, SolverError> {
         let (kind, found) = self.attempt(Factorization::Cholesky)?;
         let is_definite = found.failure.is_none() && found.negative.is_none_or(|negative| negative == 0);
         if !is_definite {
@@ -197,7 +197,7 @@ impl Solver {
         Ok(Some(FactorReport { kind, indefinite_at: None, pivot_ratio: found.ratio, negative_pivots }))
     }
 
-    fn factor_taken(&mut self) -> Result<FactorReport, Fault> {
+    fn factor_taken(&mut self) -> Result<FactorReport, SolverError> {
         if self.symbolic.pattern.rows() == 0 {
             return Ok(self.report_nothing());
         }
@@ -226,7 +226,7 @@ impl Solver {
         FactorReport { kind, indefinite_at: None, pivot_ratio: 1.0, negative_pivots }
     }
 
-    fn prepare_iterations(&mut self, method: Preconditioner) -> Result<FactorReport, Fault> {
+    fn prepare_iterations(&mut self, method: Preconditioner) -> Result<FactorReport, SolverError> {
         if method == Preconditioner::Diagonal {
             self.a.inverse_diagonal(&mut self.diagonal)?;
         }
@@ -248,7 +248,7 @@ fn index(kind: Factorization) -> usize {
     }
 }
 
-fn solve_one(factor: &Factor, a: &Matrix, b: &Vector, x: &mut Vector) -> Result<SolveReport, Fault> {
+fn solve_one(factor: &Factor, a: &Matrix, b: &Vector, x: &mut Vector) -> Result<SolveReport, SolverError> {
     let ended = factor.solve(a, b, x)?;
     if ended.reason < 0 {
         return Err(SolveError::Library { library: "PETSc", reason: format!("KSPConvergedReason {}", ended.reason) });
@@ -258,7 +258,7 @@ fn solve_one(factor: &Factor, a: &Matrix, b: &Vector, x: &mut Vector) -> Result<
 }
 
 impl crate::las::Solver<Petsc> for Solver {
-    fn factor(&mut self, a: &Matrix) -> Result<FactorReport, Fault> {
+    fn factor(&mut self, a: &Matrix) -> Result<FactorReport, SolverError> {
         self.copy_matrix(a)?;
         match self.symbolic.params.method {
             Method::Iterative(method) => self.prepare_iterations(method.preconditioner),
@@ -268,7 +268,7 @@ impl crate::las::Solver<Petsc> for Solver {
 
     /// With an iterative method, returns [`SolveError::Indefinite`] if a diagonal entry is not positive; no more is
     /// known.
-    fn factor_definite(&mut self, a: &Matrix) -> Result<FactorReport, Fault> {
+    fn factor_definite(&mut self, a: &Matrix) -> Result<FactorReport, SolverError> {
         self.copy_matrix(a)?;
         if let Method::Iterative(method) = self.symbolic.params.method {
             let unknown = self.smallest_diagonal()?;
@@ -296,7 +296,7 @@ impl crate::las::Solver<Petsc> for Solver {
         definite(Petsc::NAME, report).inspect_err(|_| self.active = None)
     }
 
-    fn solve_many(&mut self, b: &[Vector], x: &mut [Vector]) -> Result<SolveReport, Fault> {
+    fn solve_many(&mut self, b: &[Vector], x: &mut [Vector]) -> Result<SolveReport, SolverError> {
         let n = self.symbolic.pattern.rows();
         check_columns(n, b.iter().map(VectorOps::len), x.iter().map(VectorOps::len))?;
         let active = self.active.ok_or(SolveError::NotFactored)?;

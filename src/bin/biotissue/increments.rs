@@ -129,7 +129,7 @@ impl Increments<'_> {
     }
 
     fn failure<F: std::error::Error + 'static>(&self, error: &RveError<F>, at: String) -> Failure {
-        if error.is_fault() {
+        if error.is_backend_error() {
             return Failure::library(error);
         }
         let restricted = self.params.stages != EquilibriumParams::default().stages;

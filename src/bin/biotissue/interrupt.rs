@@ -22,7 +22,7 @@ pub struct Interrupted {
     /// The result directory.
     pub dir: PathBuf,
     /// Number of converged load steps.
-    pub done: Arc<AtomicUsize>,
+    pub completed_steps: Arc<AtomicUsize>,
     /// The progress bar on a terminal.
     pub bar: Option<ProgressBar>,
 }
@@ -70,7 +70,7 @@ impl Interrupted {
             let _ = stderr.write_all(b"\x1b[?25h");
         }
         let dir = self.dir.display();
-        let _ = match self.done.load(Ordering::Relaxed) {
+        let _ = match self.completed_steps.load(Ordering::Relaxed) {
             0 => writeln!(stderr, "interrupted: no load step has converged yet"),
             _ => writeln!(
                 stderr,

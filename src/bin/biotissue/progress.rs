@@ -17,12 +17,13 @@ use crate::output;
 pub struct Reporter {
     bar: Option<ProgressBar>,
     count: usize,
-    done: Arc<AtomicUsize>,
+    completed_steps: Arc<AtomicUsize>,
 }
 
 impl Reporter {
-    /// Starts the report of a run of this size with the result directory `dir`, after `done` converged steps.
-    pub fn new(size: &ProblemSize, dir: &Path, done: usize) -> Self {
+    /// Starts the report of a run of this size with the result directory `dir`, after `completed_steps` converged
+    /// steps.
+    pub fn new(size: &ProblemSize, dir: &Path, completed_steps: usize) -> Self {
         let ProblemSize { elements, unknowns, rves, threads, ranks: [macro_ranks, micro_ranks], .. } = size;
         let workers = match micro_ranks {
             0 => format!("{threads} threads"),
@@ -40,9 +41,13 @@ impl Reporter {
             bar.enable_steady_tick(std::time::Duration::from_millis(200));
             bar
         });
-        let done = Arc::new(AtomicUsize::new(done));
-        interrupt::watch(Interrupted { dir: dir.to_owned(), done: Arc::clone(&done), bar: bar.clone() });
-        Self { bar, count: size.steps, done }
+        let completed_steps = Arc::new(AtomicUsize::new(completed_steps));
+        interrupt::watch(Interrupted {
+            dir: dir.to_owned(),
+            completed_steps: Arc::clone(&completed_steps),
+            bar: bar.clone(),
+        });
+        Self { bar, count: size.steps, completed_steps }
     }
 
     fn message(&self, line: &str) {
@@ -61,7 +66,7 @@ impl Reporter {
 
 impl Progress for Reporter {
     fn converged(&mut self, step: &Step) {
-        self.done.store(step.step, Ordering::Relaxed);
+        self.completed_steps.store(step.step, Ordering::Relaxed);
         let newton = &step.newton;
         let residual = newton.relative.last().copied().unwrap_or(0.0);
         let rves = step.rve.as_ref().map_or(String::new(), |rve| {

@@ -284,14 +284,14 @@ pub fn take_steps<B: ProgramBackend, M: TissueMaterial>(
     resume: bool,
 ) -> Result<Summary, Failure> {
     let micro = simulation.case().micro;
-    let mut done = 0;
+    let mut completed_steps = 0;
     if !resume {
         let warnings = simulation.take_directory(writers, dir).map_err(not_written)?;
         output::warn(if writers.is_writer() { &warnings } else { &[] });
     } else {
         let resumed = simulation.resume_among(writers, dir).map_err(not_resumed)?;
         output::warn(if writers.is_writer() { &resumed.warnings } else { &[] });
-        done = resumed.step;
+        completed_steps = resumed.step;
         if resumed.step > 0 && writers.is_writer() {
             output::message(&format!("continuing after step {} of {}", resumed.step, simulation.case().steps.count));
         }
@@ -300,7 +300,7 @@ pub fn take_steps<B: ProgramBackend, M: TissueMaterial>(
         output::message(&format!("replacing the results in {}; --resume would continue from them", dir.display()));
     }
     // Only the rank that writes reports progress.
-    let mut progress = writers.is_writer().then(|| Reporter::new(&simulation.problem_size(), dir, done));
+    let mut progress = writers.is_writer().then(|| Reporter::new(&simulation.problem_size(), dir, completed_steps));
     let outcome = match &mut progress {
         Some(reporter) => simulation.run_among(writers, dir, reporter),
         None => simulation.run_among(writers, dir, &mut ()),

@@ -200,7 +200,7 @@ impl<F: std::error::Error + 'static> RveError<F> {
     }
 
     /// Returns true if the linear-algebra library itself failed.
-    pub fn is_fault(&self) -> bool {
+    pub fn is_backend_error(&self) -> bool {
         match self {
             Self::Inverted(_) | Self::Workspace | Self::State(_) | Self::ExcessiveForce(_) => false,
             Self::Tangent(error) => matches!(error, SolveError::Backend(_) | SolveError::Library { .. }),

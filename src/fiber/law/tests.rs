@@ -71,7 +71,7 @@ const STRETCHES: [f64; 15] =
 #[test]
 fn every_law_passes_the_check_for_authors() {
     for law in laws() {
-        check(&law, 0.3..=1.8).unwrap_or_else(|fault| panic!("{fault}: {law:?}"));
+        check(&law, 0.3..=1.8).unwrap_or_else(|error| panic!("{error}: {law:?}"));
     }
 }
 
@@ -263,13 +263,13 @@ fn custom_laws_are_distinguished_by_name_and_parameters() {
     assert_ne!(Law::custom(Hencky(E)), Law::Linear { youngs_modulus: E });
 }
 
-/// Laws with one fault each.
+/// Laws with one error each.
 #[derive(Debug)]
-struct Faulty(fn(f64) -> (f64, f64), fn(f64) -> f64);
+struct InvalidLaw(fn(f64) -> (f64, f64), fn(f64) -> f64);
 
-impl FiberLaw for Faulty {
+impl FiberLaw for InvalidLaw {
     fn name(&self) -> &str {
-        "faulty"
+        "invalid"
     }
 
     fn parameters(&self) -> Vec<(&'static str, f64)> {
@@ -288,18 +288,18 @@ impl FiberLaw for Faulty {
 #[test]
 fn the_check_for_authors_finds_every_fault() {
     let square = |l: f64| 0.5 * (l - 1.0) * (l - 1.0);
-    let fault = |stress: fn(f64) -> (f64, f64), energy: fn(f64) -> f64| check(&Faulty(stress, energy), 0.5..=1.5);
-    assert_eq!(fault(|l| (l - 1.0, 1.0), square), Ok(()));
-    assert!(matches!(fault(|l| (l, 1.0), square), Err(LawError::Rest(_))));
-    assert!(matches!(fault(|l| (1.0 - l, -1.0), square), Err(LawError::Modulus { .. })));
-    assert!(matches!(fault(|l| (l - 1.0, 1.0 + 1e-5 * (l - 1.0)), square), Err(LawError::Slope { .. })));
-    assert!(matches!(fault(|l| (l - 1.0, 1.0), |l| 1.0001 * 0.5 * (l - 1.0).powi(2)), Err(LawError::Energy { .. })));
-    assert!(matches!(fault(|l| (if l > 1.4 { f64::NAN } else { l - 1.0 }, 1.0), square), Err(LawError::NotFinite(_))));
+    let error = |stress: fn(f64) -> (f64, f64), energy: fn(f64) -> f64| check(&InvalidLaw(stress, energy), 0.5..=1.5);
+    assert_eq!(error(|l| (l - 1.0, 1.0), square), Ok(()));
+    assert!(matches!(error(|l| (l, 1.0), square), Err(LawError::Rest(_))));
+    assert!(matches!(error(|l| (1.0 - l, -1.0), square), Err(LawError::Modulus { .. })));
+    assert!(matches!(error(|l| (l - 1.0, 1.0 + 1e-5 * (l - 1.0)), square), Err(LawError::Slope { .. })));
+    assert!(matches!(error(|l| (l - 1.0, 1.0), |l| 1.0001 * 0.5 * (l - 1.0).powi(2)), Err(LawError::Energy { .. })));
+    assert!(matches!(error(|l| (if l > 1.4 { f64::NAN } else { l - 1.0 }, 1.0), square), Err(LawError::NotFinite(_))));
     // A jump of the stress by 1e-6 of the modulus, and of the slope by a hundredth, between samples.
-    let jump = fault(|l| (l - 1.0 + if l > 1.234_567_8 { 1e-6 } else { 0.0 }, 1.0), square);
+    let jump = error(|l| (l - 1.0 + if l > 1.234_567_8 { 1e-6 } else { 0.0 }, 1.0), square);
     assert!(matches!(jump, Err(LawError::Slope { stretch, .. }) if (stretch - 1.234_567_8).abs() < 1e-8), "{jump:?}");
     let at = 1.234_567_8;
     let kink =
-        fault(|l| if l > 1.234_567_8 { (l - 1.0 + 0.01 * (l - 1.234_567_8), 1.01) } else { (l - 1.0, 1.0) }, square);
+        error(|l| if l > 1.234_567_8 { (l - 1.0 + 0.01 * (l - 1.234_567_8), 1.01) } else { (l - 1.0, 1.0) }, square);
     assert!(matches!(kink, Err(LawError::SlopeJump { stretch, .. }) if (stretch - at).abs() < 1e-8), "{kink:?}");
 }

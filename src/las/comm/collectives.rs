@@ -46,7 +46,7 @@ pub(crate) fn gather<C: Comm>(comm: &C, root: usize, message: Message) -> Result
 pub(crate) fn gather_all<C: Comm>(comm: &C, message: Message) -> Result<Vec<Message>, CommError> {
     let all = gather(comm, 0, message)?;
     let joined = broadcast(comm, 0, all.map_or_else(Message::new, Message::join))?;
-    let parts = joined.split().ok_or(CommError::Size { from: 0, found: joined.len(), expected: 0 })?;
+    let parts = joined.split().ok_or(CommError::Malformed { from: 0, found: joined.len() })?;
     Ok(parts.into_iter().map(Message::of).collect())
 }
 
@@ -105,7 +105,7 @@ fn pack(labeled: Vec<(u64, Message)>) -> Message {
 }
 
 fn unpack(packed: &Message, from: usize) -> Result<Vec<(u64, Message)>, CommError> {
-    let invalid = || CommError::Size { from, found: packed.len(), expected: 0 };
+    let invalid = || CommError::Malformed { from, found: packed.len() };
     let mut messages = packed.split().ok_or_else(invalid)?;
     let labels =
         messages.pop().and_then(|labels| bytemuck::try_cast_slice::<_, u64>(labels).ok()).ok_or_else(invalid)?;

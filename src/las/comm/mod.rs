@@ -68,6 +68,14 @@ pub enum CommError {
         /// Expected size in bytes.
         expected: usize,
     },
+    /// A collective message of several parts does not have the lengths of its parts.
+    #[error("a message of {found} bytes from rank {from} is not a sequence of messages")]
+    Malformed {
+        /// The sender.
+        from: usize,
+        /// Size of the message in bytes.
+        found: usize,
+    },
     /// The rank does not exist.
     #[error("there is no rank {rank} among {size}")]
     Rank {
@@ -225,7 +233,8 @@ pub trait Comm: Clone + Send + 'static {
         collectives::broadcast(self, root, message)
     }
 
-    /// Returns the messages of all ranks on `root`, ordered by rank, and `None` on the other ranks. Collective.
+    /// Returns the messages of all ranks on `root`, ordered by rank, and `None` on the other ranks. Collective: the
+    /// other ranks may also wait until all ranks have called it, as they do on MPI.
     ///
     /// # Errors
     /// Returns [`CommError`] if the communication fails.

@@ -3,7 +3,7 @@
 use std::fmt::Debug;
 use std::sync::Arc;
 
-use super::{Random, done};
+use super::{Random, unwrap};
 use crate::las::Sparsity;
 
 /// The largest length of a vector: two registers of 16 single-precision numbers (AVX-512) and a remainder of one.
@@ -232,6 +232,6 @@ impl Random {
             let positions = lists[row / block_size].iter().flat_map(|&k| block_size * k..block_size * (k + 1));
             found.extend(positions.map(|column| column as u32));
         };
-        Arc::new(done(Sparsity::by_rows(cols, rows, fill)))
+        Arc::new(unwrap(Sparsity::by_rows(cols, rows, fill)))
     }
 }

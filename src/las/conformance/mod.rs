@@ -241,7 +241,7 @@ fn tried<R, E: Display>(result: Result<R, E>) -> Result<R, String> {
 
 /// Unwraps the result of an operation; panics with its error.
 #[track_caller]
-fn done<R, E: Display>(result: Result<R, E>) -> R {
+fn unwrap<R, E: Display>(result: Result<R, E>) -> R {
     tried(result).unwrap_or_else(|error| panic!("{error}"))
 }
 

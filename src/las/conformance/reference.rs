@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::done;
+use super::unwrap;
 use crate::las::{Sparsity, splitmix64};
 
 /// SplitMix64: a short random number generator with a fixed sequence for each seed.
@@ -59,7 +59,7 @@ impl Random {
     pub fn elements(&mut self, unknowns: usize) -> Arc<Sparsity> {
         let elements: Vec<Vec<i32>> =
             (0..2 * unknowns).map(|_| (0..2 + self.below(4)).map(|_| self.below(unknowns) as i32).collect()).collect();
-        Arc::new(done(Sparsity::from_elements(unknowns, elements)))
+        Arc::new(unwrap(Sparsity::from_elements(unknowns, elements)))
     }
 
     /// Returns the pattern of a truss: a full block of three unknowns for each node, and about `bars` bars per node,
@@ -72,7 +72,7 @@ impl Random {
             let second = if self.below(4) == 0 { self.below(nodes) } else { (first + self.below(5)) % nodes };
             elements.push([three(first), three(second)].concat());
         }
-        Arc::new(done(Sparsity::from_elements(3 * nodes, elements)))
+        Arc::new(unwrap(Sparsity::from_elements(3 * nodes, elements)))
     }
 }
 

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::system::LinearSystem;
-use super::{Capabilities, DenseReference, Random, done};
+use super::{Capabilities, DenseReference, Random, unwrap};
 use crate::las::{Backend, Factorization, Scalar, SolveError, Solver, SolverParams, Sparsity, Symmetry};
 
 /// Tests the factorizations and solves of a backend with one lane.
@@ -146,14 +146,14 @@ impl<B: Backend<Scalar: Scalar>> Suite<'_, B> {
             let refused = case.factor_definite(a);
             assert!(matches!(refused, Err(SolveError::Singular { .. } | SolveError::Indefinite { .. })), "{refused:?}");
             case.check_not_factored();
-            let report = done(case.factor_definite(&shifted(SHIFT)));
+            let report = unwrap(case.factor_definite(&shifted(SHIFT)));
             assert_eq!(report.negative_pivots, Some(0), "{symmetry:?}");
             case.solve(&shifted(SHIFT), &vec![1.0; a.rows]);
             let refused = case.factor_definite(&shifted(-SHIFT));
             assert!(matches!(refused, Err(SolveError::Indefinite { .. })), "{refused:?}");
             case.check_not_factored();
             if self.capabilities.ldlt {
-                let report = done(case.factor(&shifted(-SHIFT)));
+                let report = unwrap(case.factor(&shifted(-SHIFT)));
                 assert!(report.negative_pivots.is_some_and(|negative| negative > 0), "{report:?}");
             }
         }
@@ -211,7 +211,7 @@ impl<B: Backend<Scalar: Scalar>> Suite<'_, B> {
                 elements.push(vec![i as i32, (free + c) as i32]);
             }
         }
-        let pattern = Arc::new(done(Sparsity::from_elements(n, elements)));
+        let pattern = Arc::new(unwrap(Sparsity::from_elements(n, elements)));
         for symmetry in [Symmetry::Definite, Symmetry::Symmetric] {
             let mut case = self.system(&pattern, symmetry);
             let report = case.check(random, &a, &[Factorization::Ldlt, Factorization::Lu]);
@@ -225,7 +225,7 @@ impl<B: Backend<Scalar: Scalar>> Suite<'_, B> {
     /// `1 1^T` with smaller diagonal entries: after the first pivot all off-diagonal entries vanish exactly.
     fn exact_cancellation(&self) {
         let n = 100;
-        let pattern = Arc::new(done(Sparsity::from_elements(n, [(0..n as i32).collect::<Vec<_>>()])));
+        let pattern = Arc::new(unwrap(Sparsity::from_elements(n, [(0..n as i32).collect::<Vec<_>>()])));
         let mut a = DenseReference { rows: n, cols: n, values: vec![1.0; n * n] };
         for i in 1..n {
             *a.at(i, i) = if i % 2 == 0 { -0.5 } else { 0.25 };
@@ -237,7 +237,7 @@ impl<B: Backend<Scalar: Scalar>> Suite<'_, B> {
 
     /// A factorization with 2x2 pivots must not affect the next one with 1x1 pivots.
     fn two_by_two_then_single_pivots(&self) {
-        let pattern = Arc::new(done(Sparsity::from_elements(2, [[0, 1]])));
+        let pattern = Arc::new(unwrap(Sparsity::from_elements(2, [[0, 1]])));
         let square = |values: [f64; 4]| DenseReference { rows: 2, cols: 2, values: values.into() };
         for symmetry in [Symmetry::Definite, Symmetry::Symmetric] {
             let mut case = self.system(&pattern, symmetry);
@@ -251,7 +251,7 @@ impl<B: Backend<Scalar: Scalar>> Suite<'_, B> {
     fn row_exchanges(&self) {
         let n = 9;
         let elements = (0..n as i32).map(|i| [i, (i + 1) % n as i32]);
-        let pattern = Arc::new(done(Sparsity::from_elements(n, elements)));
+        let pattern = Arc::new(unwrap(Sparsity::from_elements(n, elements)));
         let mut a = DenseReference::zeros(n, n);
         for i in 0..n {
             *a.at(i, (i + 1) % n) = 1.0 + i as f64;
@@ -268,7 +268,7 @@ impl<B: Backend<Scalar: Scalar>> Suite<'_, B> {
             let column = pattern.row(row)[random.below(pattern.row(row).len())];
             *a.at(row, column as usize) = bad;
             let mut case = self.system(pattern, symmetry);
-            done(case.factor(&regular));
+            unwrap(case.factor(&regular));
             assert!(matches!(case.factor(&a), Err(SolveError::NotFinite { row: found }) if found == row));
             case.check_not_factored();
         }
@@ -283,13 +283,13 @@ impl<B: Backend<Scalar: Scalar>> Suite<'_, B> {
             let other = if self.capabilities.ldlt { -1.0 } else { 2.0 };
             let matrices = [1.0, other, 1.0].map(|sign| DenseReference::dominant(random, pattern, |_| sign));
             let b = random.integers(pattern.rows());
-            done(first.factor(&matrices[0]));
-            done(second.factor(&matrices[1]));
+            unwrap(first.factor(&matrices[0]));
+            unwrap(second.factor(&matrices[1]));
             first.solve(&matrices[0], &b);
             second.solve(&matrices[1], &b);
-            done(first.factor(&matrices[1]));
+            unwrap(first.factor(&matrices[1]));
             first.solve(&matrices[1], &b);
-            done(first.factor(&matrices[2]));
+            unwrap(first.factor(&matrices[2]));
             first.solve(&matrices[2], &b);
             second.solve(&matrices[1], &b);
         }
@@ -297,7 +297,7 @@ impl<B: Backend<Scalar: Scalar>> Suite<'_, B> {
 
     /// Rectangular systems, vectors and matrices of the wrong size, and `solve` before `factor` are errors.
     fn error_conditions(&self) {
-        let flat = Arc::new(done(Sparsity::from_rows(3, vec![0, 1, 2], vec![0, 1])));
+        let flat = Arc::new(unwrap(Sparsity::from_rows(3, vec![0, 1, 2], vec![0, 1])));
         let params = SolverParams::default();
         let refused = B::analyze(self.context, &flat, &params);
         assert!(matches!(refused, Err(SolveError::NotSquare { rows: 2, cols: 3 })));
@@ -307,9 +307,9 @@ impl<B: Backend<Scalar: Scalar>> Suite<'_, B> {
         for &symmetry in self.capabilities.symmetries() {
             let mut case = self.system(&pattern, symmetry);
             case.check_not_factored();
-            let other = done(B::matrix(self.context, &larger));
+            let other = unwrap(B::matrix(self.context, &larger));
             assert!(matches!(case.solver.factor(&other), Err(SolveError::Size { found: 7, expected: 6, .. })));
-            done(case.factor(&a));
+            unwrap(case.factor(&a));
             let (mut six, mut seven) = (case.vector(&[1.0; 6]), case.vector(&[1.0; 7]));
             let size = |result: Result<_, SolveError<B::Error>>| {
                 matches!(result, Err(SolveError::Size { found: 7, expected: 6, .. }))
@@ -324,13 +324,13 @@ impl<B: Backend<Scalar: Scalar>> Suite<'_, B> {
     }
 
     fn empty_and_single(&self) {
-        let empty = Arc::new(done(Sparsity::from_rows(0, vec![0], vec![])));
-        let single = Arc::new(done(Sparsity::from_elements(1, [[0]])));
-        let without_entries = Arc::new(done(Sparsity::from_rows(2, vec![0, 0, 0], vec![])));
+        let empty = Arc::new(unwrap(Sparsity::from_rows(0, vec![0], vec![])));
+        let single = Arc::new(unwrap(Sparsity::from_elements(1, [[0]])));
+        let without_entries = Arc::new(unwrap(Sparsity::from_rows(2, vec![0, 0, 0], vec![])));
         for &symmetry in self.capabilities.symmetries() {
             let mut case = self.system(&empty, symmetry);
             case.check_not_factored();
-            let report = done(case.factor(&DenseReference::zeros(0, 0)));
+            let report = unwrap(case.factor(&DenseReference::zeros(0, 0)));
             assert_eq!(report.pivot_ratio, 1.0, "an empty matrix");
             case.solve(&DenseReference::zeros(0, 0), &[]);
             let mut case = self.system(&single, symmetry);
@@ -339,7 +339,7 @@ impl<B: Backend<Scalar: Scalar>> Suite<'_, B> {
                 if value < 0.0 && symmetry != Symmetry::None && !self.capabilities.ldlt {
                     continue;
                 }
-                let report = done(case.factor(&one(value)));
+                let report = unwrap(case.factor(&one(value)));
                 assert_eq!(report.pivot_ratio, 1.0, "a single pivot");
                 let expected = (symmetry == Symmetry::Definite && value < 0.0).then_some(0);
                 assert!(report.indefinite_at == expected || !self.capabilities.names_unknown, "{report:?}");

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{Capabilities, DenseReference, Random, done, epsilon, indices, scalars};
+use super::{Capabilities, DenseReference, Random, epsilon, indices, scalars, unwrap};
 use crate::las::{
     Backend, FactorReport, Factorization, Index, MatrixOps, Scalar, SolveError, Solver, SolverParams, Sparsity,
     Symmetry, VectorOps,
@@ -27,8 +27,8 @@ impl<'a, B: Backend<Scalar: Scalar>> LinearSystem<'a, B> {
         // The limit is above the rounding errors in the pivots of a singular matrix.
         let mut params = SolverParams::new(symmetry);
         params.singular_below = Some(1e3 * epsilon::<B>());
-        let symbolic = done(B::analyze(context, pattern, &params));
-        let solver = done(B::solver(&symbolic));
+        let symbolic = unwrap(B::analyze(context, pattern, &params));
+        let solver = unwrap(B::solver(&symbolic));
         Self { context, capabilities, pattern: Arc::clone(pattern), symbolic, solver }
     }
 
@@ -37,29 +37,29 @@ impl<'a, B: Backend<Scalar: Scalar>> LinearSystem<'a, B> {
         Self {
             pattern: Arc::clone(&self.pattern),
             symbolic: Arc::clone(&self.symbolic),
-            solver: done(B::solver(&self.symbolic)),
+            solver: unwrap(B::solver(&self.symbolic)),
             ..*self
         }
     }
 
     /// Returns the matrix of the backend with the entries of `a` at the positions of the pattern.
     fn matrix(&self, a: &DenseReference) -> B::Matrix {
-        let mut matrix = done(B::matrix(self.context, &self.pattern));
+        let mut matrix = unwrap(B::matrix(self.context, &self.pattern));
         for row in 0..a.rows {
             for &column in self.pattern.row(row) {
                 let value = B::Scalar::of(a.get(row, column as usize));
-                done(matrix.set(&[B::Index::of(row)], &[B::Index::of(column as usize)], &[value]));
+                unwrap(matrix.set(&[B::Index::of(row)], &[B::Index::of(column as usize)], &[value]));
             }
         }
-        done(matrix.finish());
+        unwrap(matrix.finish());
         matrix
     }
 
     pub(super) fn vector(&self, values: &[f64]) -> B::Vector {
-        let mut vector = done(B::vector(self.context, values.len()));
+        let mut vector = unwrap(B::vector(self.context, values.len()));
         let rows: Vec<i32> = (0..values.len() as i32).collect();
-        done(vector.set(&indices::<B>(&rows), &scalars::<B>(values)));
-        done(vector.finish());
+        unwrap(vector.set(&indices::<B>(&rows), &scalars::<B>(values)));
+        unwrap(vector.finish());
         vector
     }
 
@@ -76,14 +76,14 @@ impl<'a, B: Backend<Scalar: Scalar>> LinearSystem<'a, B> {
     /// Solves `a x = b`, checks that the residual is at the level of rounding errors, and returns `x`.
     pub(super) fn solve(&mut self, a: &DenseReference, b: &[f64]) -> Vec<f64> {
         let (b, mut x) = (self.vector(b), self.vector(&vec![UNSOLVED; b.len()]));
-        let report = done(self.solver.solve(&b, &mut x));
+        let report = unwrap(self.solver.solve(&b, &mut x));
         assert_eq!(report.iterations, 0, "a direct solver does not iterate");
         assert_solved::<B>(a, &read::<B>(&b), &read::<B>(&x))
     }
 
     /// Factors, checks the report, and solves for one and for several right-hand sides.
     pub(super) fn check(&mut self, random: &mut Random, a: &DenseReference, kinds: &[Factorization]) -> FactorReport {
-        let report = done(self.factor(a));
+        let report = unwrap(self.factor(a));
         let n = a.rows;
         assert!(kinds.contains(&report.kind), "{:?} instead of {kinds:?}, {n} unknowns", report.kind);
         assert!(report.pivot_ratio > 0.0 && report.pivot_ratio <= 1.0, "pivot ratio {}", report.pivot_ratio);
@@ -91,7 +91,7 @@ impl<'a, B: Backend<Scalar: Scalar>> LinearSystem<'a, B> {
             let right: Vec<Vec<f64>> = (0..count).map(|_| random.integers(n)).collect();
             let b: Vec<_> = right.iter().map(|b| self.vector(b)).collect();
             let mut x: Vec<_> = right.iter().map(|_| self.vector(&vec![UNSOLVED; n])).collect();
-            done(self.solver.solve_many(&b, &mut x));
+            unwrap(self.solver.solve_many(&b, &mut x));
             for (b, x) in right.iter().zip(&x) {
                 let solved_at_once = assert_solved::<B>(a, b, &read::<B>(x));
                 let solved_alone = self.solve(a, b);
@@ -119,7 +119,7 @@ impl<'a, B: Backend<Scalar: Scalar>> LinearSystem<'a, B> {
             other => panic!("factor returned {other:?} for a singular matrix"),
         }
         self.check_not_factored();
-        done(self.factor(regular));
+        unwrap(self.factor(regular));
         self.solve(regular, &vec![1.0; a.rows]);
     }
 
@@ -136,7 +136,7 @@ impl<'a, B: Backend<Scalar: Scalar>> LinearSystem<'a, B> {
 const UNSOLVED: f64 = -55.0;
 
 fn read<B: Backend<Scalar: Scalar>>(x: &B::Vector) -> Vec<f64> {
-    done(x.with_local(|values| values.iter().map(|v| v.as_f64()).collect()))
+    unwrap(x.with_local(|values| values.iter().map(|v| v.as_f64()).collect()))
 }
 
 /// Checks that the residual of a solution is at the level of rounding errors, and returns the solution.

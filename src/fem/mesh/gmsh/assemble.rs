@@ -101,7 +101,7 @@ impl ParsedFile<'_> {
         for section in ["Nodes", "Elements"] {
             if !self.raw.has(section) {
                 let problem = format!("${section} is missing");
-                return Err(self.fault(0, problem, "a file with $Nodes and $Elements", DAMAGED));
+                return Err(self.error(0, problem, "a file with $Nodes and $Elements", DAMAGED));
             }
         }
         if self.raw.tetrahedra.is_empty() {
@@ -111,7 +111,7 @@ impl ParsedFile<'_> {
             };
             let hint = "mesh the volume (in Gmsh: Mesh, 3D), put it in a physical group (Gmsh saves nothing else if \
                         there are any groups), and export again";
-            return Err(self.fault(0, problem, "a body of tetrahedra", hint));
+            return Err(self.error(0, problem, "a body of tetrahedra", hint));
         }
         Ok(())
     }
@@ -121,12 +121,12 @@ impl ParsedFile<'_> {
         let nodes = &self.raw.nodes;
         if u32::try_from(nodes.len()).is_err() {
             let problem = MeshError::TooLarge(nodes.len()).to_string();
-            return Err(self.fault(0, problem, "a smaller mesh", "coarsen the mesh"));
+            return Err(self.error(0, problem, "a smaller mesh", "coarsen the mesh"));
         }
         Numbering::new(nodes.iter().map(|node| node.tag)).map_err(|index| {
             let node = &nodes[index];
             let hint = "renumber the mesh in Gmsh (Mesh, Renumber) or export it again";
-            self.fault(node.line, format!("node {} is defined a second time", node.tag), "each node once", hint)
+            self.error(node.line, format!("node {} is defined a second time", node.tag), "each node once", hint)
         })
     }
 
@@ -141,12 +141,12 @@ impl ParsedFile<'_> {
         for (k, (slot, &tag)) in nodes.iter_mut().zip(&cell.nodes).enumerate() {
             *slot = numbering.index(tag).ok_or_else(|| {
                 let problem = format!("{noun} {} refers to node {tag}, which is not in $Nodes", cell.tag);
-                self.fault(cell.line, problem, "nodes of this file", DAMAGED)
+                self.error(cell.line, problem, "nodes of this file", DAMAGED)
             })?;
             if cell.nodes[..k].contains(&tag) {
                 let problem = format!("{noun} {} has node {tag} twice", cell.tag);
                 let hint = "remove the collapsed element or mesh again";
-                return Err(self.fault(cell.line, problem, "different nodes", hint));
+                return Err(self.error(cell.line, problem, "different nodes", hint));
             }
         }
         Ok(nodes)
@@ -193,8 +193,9 @@ impl ParsedFile<'_> {
         if without > 0 {
             let problem = format!("{without} of {total} tetrahedra are in no physical volume group");
             let expected = "every tetrahedron in one physical volume group (or no such group at all)";
-            let hint = "add the volumes left out to a physical group (and export with Mesh.SaveAll = 0: version 2.2 loses the groups otherwise), or remove all physical volume groups and their names";
-            return Err(self.fault(0, problem, expected, hint));
+            let hint = "add the volumes left out to a physical group (and export with Mesh.SaveAll = 0: \
+                 version 2.2 loses the groups otherwise), or remove all physical volume groups and their names";
+            return Err(self.error(0, problem, expected, hint));
         }
         let (order, names) = names.in_order();
         Ok((names, of.into_iter().map(|name: u32| order[name as usize]).collect()))

@@ -84,7 +84,7 @@ impl<'a> Cursor<'a> {
     // Errors
 
     /// Creates an error at the last token.
-    pub fn fault(
+    pub fn error(
         &self,
         problem: impl Into<String>,
         expected: impl Into<String>,
@@ -108,10 +108,10 @@ impl<'a> Cursor<'a> {
         };
         if file {
             let problem = format!("the file ends within ${section}{after}");
-            return self.fault(problem, expected, "the file was cut off: export or copy it again");
+            return self.error(problem, expected, "the file was cut off: export or copy it again");
         }
         let problem = format!("${section} ends{}", if after.is_empty() { " too early" } else { &after });
-        self.fault(problem, expected, DAMAGED)
+        self.error(problem, expected, DAMAGED)
     }
 
     // Sections
@@ -156,10 +156,10 @@ impl<'a> Cursor<'a> {
     fn section_name(&self, name: &str) -> Result<String, InputError> {
         const EXPECTED: &str = "a line that opens a section, such as `$Nodes`";
         if name.is_empty() {
-            return Err(self.fault("a `$` without the name of a section", EXPECTED, DAMAGED));
+            return Err(self.error("a `$` without the name of a section", EXPECTED, DAMAGED));
         }
         if name.strip_prefix("End").is_some_and(|of| of.starts_with(char::is_uppercase)) {
-            return Err(self.fault(format!("`${name}` closes a section that is not open"), EXPECTED, DAMAGED));
+            return Err(self.error(format!("`${name}` closes a section that is not open"), EXPECTED, DAMAGED));
         }
         Ok(name.to_owned())
     }
@@ -182,7 +182,7 @@ impl<'a> Cursor<'a> {
             (word, Some(Progress { noun, of, .. })) => format!("`{word}` follows the {of} {noun} announced"),
             (word, None) => format!("`{word}` was found at the end of ${name}"),
         };
-        Err(self.fault(problem, format!("`{end}`"), DAMAGED))
+        Err(self.error(problem, format!("`{end}`"), DAMAGED))
     }
 
     /// Advances past the end of an ignored section.
@@ -197,7 +197,7 @@ impl<'a> Cursor<'a> {
         let Some((at, _)) = found else {
             let problem = format!("the section `${0}` is not closed: no line `$End{0}` follows", self.section);
             let hint = "the file was cut off: export or copy it again";
-            return Err(self.fault(problem, format!("`$End{}`", self.section), hint));
+            return Err(self.error(problem, format!("`$End{}`", self.section), hint));
         };
         let stop = start + at + end.len();
         self.line += self.bytes[self.at..stop].iter().filter(|&&byte| byte == b'\n').count();
@@ -255,7 +255,7 @@ impl<'a> Cursor<'a> {
             Some(_) => {
                 self.mark();
                 let word = self.bytes[self.at..].split(|byte| byte.is_ascii_whitespace()).next().unwrap_or_default();
-                Err(self.fault(
+                Err(self.error(
                     format!("`{}` was found where the line should end", clipped(word)),
                     "a new line",
                     DAMAGED,

@@ -17,7 +17,7 @@ pub(super) struct ParsedFile<'a> {
 
 impl ParsedFile<'_> {
     /// Creates an error at a line; line 0 means the whole file.
-    pub fn fault(&self, line: u32, problem: String, expected: &str, hint: &str) -> InputError {
+    pub fn error(&self, line: u32, problem: String, expected: &str, hint: &str) -> InputError {
         match line {
             0 => InputError::in_file(self.path, problem, expected, hint),
             line => InputError::at_line(self.path, line as usize, problem, expected, hint),
@@ -28,7 +28,7 @@ impl ParsedFile<'_> {
     pub fn in_two_groups(&self, cell: &Cell<4>, first: &str, second: &str) -> InputError {
         let problem = format!("tetrahedron {} is in two physical volume groups, `{first}` and `{second}`", cell.tag);
         let hint = "remove its volume from one of the groups";
-        self.fault(cell.line, problem, "every tetrahedron in one physical volume group", hint)
+        self.error(cell.line, problem, "every tetrahedron in one physical volume group", hint)
     }
 
     /// Translates a mesh error into an error with the tags and lines of the file.
@@ -45,7 +45,7 @@ impl ParsedFile<'_> {
                     cell.tag
                 );
                 let hint = "improve the mesh (in Gmsh: Optimize 3D) or mesh again";
-                self.fault(cell.line, problem, "tetrahedra with a volume", hint)
+                self.error(cell.line, problem, "tetrahedra with a volume", hint)
             }),
             MeshError::Overlap { first, second, .. } => {
                 tetrahedron(*first).zip(tetrahedron(*second)).map(|(first, second)| self.overlap(first, second))
@@ -53,19 +53,19 @@ impl ParsedFile<'_> {
             MeshError::NotAFace { surface, triangle: index, .. } => triangle(surface, *index).map(|cell| {
                 let problem = format!("triangle {} of surface `{surface}` is not a face of any tetrahedron", cell.tag);
                 let hint = "remove the surface from the physical group, or export also the volume that it belongs to";
-                self.fault(cell.line, problem, "surfaces that bound the body or lie in it", hint)
+                self.error(cell.line, problem, "surfaces that bound the body or lie in it", hint)
             }),
             MeshError::DuplicateTriangle { surface, first, second } => {
                 triangle(surface, *first).zip(triangle(surface, *second)).map(|(first, second)| {
                     let problem =
                         format!("triangles {} and {} of surface `{surface}` are the same", first.tag, second.tag);
                     let hint = "remove duplicate elements (in Gmsh: Coherence Mesh) and export again";
-                    self.fault(second.line, problem, "each triangle of a surface once", hint)
+                    self.error(second.line, problem, "each triangle of a surface once", hint)
                 })
             }
             _ => None,
         };
-        explained.unwrap_or_else(|| self.fault(0, error.to_string(), "a valid mesh", DAMAGED))
+        explained.unwrap_or_else(|| self.error(0, error.to_string(), "a valid mesh", DAMAGED))
     }
 
     /// Creates the error for two tetrahedra on the same side of a face: a duplicate, possibly in two groups, or an
@@ -81,13 +81,13 @@ impl ParsedFile<'_> {
             }
             let problem = format!("tetrahedra {} and {} are the same", first.tag, second.tag);
             let hint = "remove duplicate elements (in Gmsh: Coherence Mesh) and export again";
-            return self.fault(second.line, problem, "each tetrahedron once", hint);
+            return self.error(second.line, problem, "each tetrahedron once", hint);
         }
         let problem = format!(
             "tetrahedra {} and {} overlap: they lie on the same side of a face they share",
             first.tag, second.tag
         );
         let hint = "check the mesh for inverted and overlapping elements and mesh again";
-        self.fault(second.line, problem, "a body that does not overlap itself", hint)
+        self.error(second.line, problem, "a body that does not overlap itself", hint)
     }
 }

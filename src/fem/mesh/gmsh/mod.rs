@@ -61,8 +61,9 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<MeshFile, InputError> {
             ("Nodes", Version::V4_1) => version4::nodes(&mut cursor, &mut raw)?,
             ("Elements", Version::V4_1) => version4::elements(&mut cursor, &mut raw)?,
             ("PartitionedEntities", Version::V4_1) => {
-                let hint = "undo the partition in Gmsh (Unpartition) and export it again; elements are distributed when a run starts";
-                return Err(cursor.fault("the mesh is partitioned", "a mesh in one piece", hint));
+                let hint = "undo the partition in Gmsh (Unpartition) and export it again; \
+                 elements are distributed when a run starts";
+                return Err(cursor.error("the mesh is partitioned", "a mesh in one piece", hint));
             }
             _ => {
                 cursor.skip_section()?;
@@ -97,7 +98,7 @@ fn header(cursor: &mut Cursor<'_>) -> Result<Version, InputError> {
         _ => {
             let hint =
                 "open the file in Gmsh and export it as version 4.1 (`gmsh old.msh -save -format msh41 -o new.msh`)";
-            return Err(cursor.fault(format!("Gmsh format {number:?} is not supported"), "version 4.1 or 2.2", hint));
+            return Err(cursor.error(format!("Gmsh format {number:?} is not supported"), "version 4.1 or 2.2", hint));
         }
     };
     let binary = match cursor.size("0 for text or 1 for binary")? {
@@ -105,14 +106,14 @@ fn header(cursor: &mut Cursor<'_>) -> Result<Version, InputError> {
         1 => true,
         other => {
             let hint = "the file is damaged: export it again";
-            return Err(cursor.fault(format!("the file type is {other}"), "0 for text or 1 for binary", hint));
+            return Err(cursor.error(format!("the file type is {other}"), "0 for text or 1 for binary", hint));
         }
     };
     let width = cursor.size("the size of the file's numbers in bytes, 8")?;
     if !(width == 8 || width == 4 && version == Version::V4_1) {
         let expected = if version == Version::V4_1 { "8 or 4" } else { "8" };
         let hint = "export the mesh again from Gmsh";
-        return Err(cursor.fault(format!("the data size is {width}"), format!("{expected} bytes"), hint));
+        return Err(cursor.error(format!("the data size is {width}"), format!("{expected} bytes"), hint));
     }
     cursor.end_row()?;
     if binary {

@@ -28,7 +28,7 @@ impl<'a> Cursor<'a> {
     /// Reads a nonnegative count or tag stored in 32 bits (version 2).
     pub fn small_size(&mut self, expected: &str) -> Result<u64, InputError> {
         let value = self.integer(expected)?;
-        u64::try_from(value).map_err(|_| self.fault(format!("{value} is negative"), expected, DAMAGED))
+        u64::try_from(value).map_err(|_| self.error(format!("{value} is negative"), expected, DAMAGED))
     }
 
     /// Reads a count on its own line, which is text in binary files too.
@@ -64,7 +64,7 @@ impl<'a> Cursor<'a> {
         if value.is_finite() {
             return Ok(value);
         }
-        Err(self.fault(format!("{value} is not finite"), expected, "find the cause in the program that wrote the mesh"))
+        Err(self.error(format!("{value} is not finite"), expected, "find the cause in the program that wrote the mesh"))
     }
 
     /// Reads the integer 1, which shows the byte order of a binary file; returns true if the file is big-endian.
@@ -96,7 +96,7 @@ impl<'a> Cursor<'a> {
         std::str::from_utf8(word)
             .ok()
             .and_then(|word| word.parse().ok())
-            .ok_or_else(|| self.fault(format!("`{}` is not {kind}", clipped(word)), expected, DAMAGED))
+            .ok_or_else(|| self.error(format!("`{}` is not {kind}", clipped(word)), expected, DAMAGED))
     }
 
     /// Reads the next word; a word that begins with `$` opens or closes a section and is an error here.
@@ -111,7 +111,7 @@ impl<'a> Cursor<'a> {
         let word = rest.split(|byte| byte.is_ascii_whitespace()).next().unwrap_or_default();
         match word.first() {
             None if rest.is_empty() => Err(self.ended(true, expected)),
-            None => Err(self.fault("the line ends too early", expected, DAMAGED)),
+            None => Err(self.error("the line ends too early", expected, DAMAGED)),
             Some(b'$') => Err(self.ended(false, expected)),
             Some(_) => {
                 self.at += word.len();

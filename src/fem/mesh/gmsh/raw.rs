@@ -50,7 +50,7 @@ impl Raw {
     pub fn once(&mut self, cursor: &Cursor<'_>, section: &'static str) -> Result<(), InputError> {
         if self.seen.contains(&section) {
             let hint = "the file contains several meshes or is damaged: export one mesh per file";
-            return Err(cursor.fault(format!("a second ${section}"), format!("one ${section} in a file"), hint));
+            return Err(cursor.error(format!("a second ${section}"), format!("one ${section} in a file"), hint));
         }
         self.seen.push(section);
         Ok(())
@@ -88,17 +88,17 @@ impl Raw {
             let Some(name) = name else {
                 let quoted = excerpt(&quoted);
                 let problem = format!("the name of physical group {number} is `{quoted}`: not between double quotes");
-                return Err(cursor.fault(problem, ROW, "put the name between double quotes"));
+                return Err(cursor.error(problem, ROW, "put the name between double quotes"));
             };
             if !is_name(name) || name.contains(char::REPLACEMENT_CHARACTER) {
                 let problem = format!("physical group {number} is called `{}`", excerpt(name));
                 let hint = "rename the physical group and export the mesh again";
-                return Err(cursor.fault(problem, "a name of printable characters without quotes", hint));
+                return Err(cursor.error(problem, "a name of printable characters without quotes", hint));
             }
             if let Some(first) = self.names.insert((dimension, number.saturating_abs()), name.to_owned()) {
                 let problem =
                     format!("physical group {number} of dimension {dimension} is called both `{first}` and `{name}`");
-                return Err(cursor.fault(problem, "one name per group", "remove one of the two lines"));
+                return Err(cursor.error(problem, "one name per group", "remove one of the two lines"));
             }
             cursor.count_one();
         }
@@ -146,6 +146,6 @@ impl Raw {
 pub(super) fn element_treatment(cursor: &Cursor<'_>, number: i32) -> Result<ElementTreatment, InputError> {
     treatment(number).map_err(|(name, hint)| {
         let problem = format!("the mesh has {name}");
-        cursor.fault(problem, "4-node tetrahedra and 3-node triangles (points and lines are ignored)", hint)
+        cursor.error(problem, "4-node tetrahedra and 3-node triangles (points and lines are ignored)", hint)
     })
 }

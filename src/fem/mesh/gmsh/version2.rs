@@ -53,7 +53,7 @@ pub(super) fn elements(cursor: &mut Cursor<'_>, raw: &mut Raw) -> Result<(), Inp
         if here > left {
             let problem = format!("a block of {here} elements, but only {left} of the {count} announced are left");
             let hint = "the file is damaged: export it again";
-            return Err(cursor.fault(problem, "blocks that add up to the number of elements", hint));
+            return Err(cursor.error(problem, "blocks that add up to the number of elements", hint));
         }
         for _ in 0..here {
             let tag = cursor.small_size(ELEMENT)?;

@@ -51,7 +51,7 @@ fn entity(cursor: &mut Cursor<'_>, raw: &mut Raw, dimension: i32) -> Result<(), 
     cursor.end_row()?;
     if raw.entities.insert((dimension, tag), physical).is_some() {
         let problem = format!("a second entity {tag} of dimension {dimension}");
-        return Err(cursor.fault(problem, "each entity once", DAMAGED));
+        return Err(cursor.error(problem, "each entity once", DAMAGED));
     }
     Ok(())
 }
@@ -72,7 +72,7 @@ pub(super) fn nodes(cursor: &mut Cursor<'_>, raw: &mut Raw) -> Result<(), InputE
         cursor.end_row()?;
         if !(0..=3).contains(&dimension) || !(0..=1).contains(&parametric) {
             let problem = format!("a block of dimension {dimension} whose parametric flag is {parametric}");
-            return Err(cursor.fault(problem, BLOCK, DAMAGED));
+            return Err(cursor.error(problem, BLOCK, DAMAGED));
         }
         let start = raw.nodes.len();
         for _ in 0..here {
@@ -113,7 +113,7 @@ pub(super) fn elements(cursor: &mut Cursor<'_>, raw: &mut Raw) -> Result<(), Inp
         };
         if dimension != own {
             let problem = format!("a block of {noun} lies on an entity of dimension {dimension}");
-            return Err(cursor.fault(problem, format!("dimension {own}"), DAMAGED));
+            return Err(cursor.error(problem, format!("dimension {own}"), DAMAGED));
         }
         for _ in 0..here {
             cursor.begin_row();
@@ -152,6 +152,6 @@ impl Blocks {
             return Ok(());
         }
         let problem = format!("the blocks contain {found} {noun}, but {announced} are announced");
-        Err(cursor.fault(problem, "blocks that add up to the number announced", DAMAGED))
+        Err(cursor.error(problem, "blocks that add up to the number announced", DAMAGED))
     }
 }

@@ -41,8 +41,8 @@ pub enum FileSetError {
 /// process was killed, and they have not been changed since. A device or a pipe receives the network only.
 ///
 /// # Errors
-/// Returns [`FileSetError::Write`] if a file cannot be written, and [`FileSetError::UnknownOrigin`] if a file from another
-/// source would be replaced.
+/// Returns [`FileSetError::Write`] if a file cannot be written, and [`FileSetError::UnknownOrigin`] if a file from
+/// another source would be replaced.
 pub fn write_file_set(path: &Path, network: &Network, sidecar: &Sidecar) -> Result<(), FileSetError> {
     write_one_by_one(path, network, sidecar, || Ok(()))
 }
@@ -100,8 +100,8 @@ struct Found {
 /// Returns the files beside a network at `path`.
 ///
 /// # Errors
-/// Returns [`FileSetError::UnknownOrigin`] if one of them was not written with a network, and [`FileSetError::Write`] if one
-/// cannot be read.
+/// Returns [`FileSetError::UnknownOrigin`] if one of them was not written with a network, and [`FileSetError::Write`]
+/// if one cannot be read.
 fn check(path: &Path) -> Result<Found, FileSetError> {
     let target = output::resolve_links(path).map_err(|source| FileSetError::Write { path: path.to_owned(), source })?;
     let [toml, params] = [".toml", ".params"].map(|suffix| beside(path, suffix));
